@@ -1,0 +1,3 @@
+//! The `splatweaver` binary.
+
+fn main() {}

@@ -1,0 +1,1 @@
+//! Scenes, captures, view sampling, and the procedural scene generator.

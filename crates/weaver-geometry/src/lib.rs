@@ -1,0 +1,11 @@
+//! Poses, cameras, intrinsics, pose encodings, spherical harmonics and alignment; no tensors.
+//!
+//! Conventions: world-to-camera poses, OpenCV axes (x right, y down, z forward), pixel centres at +0.5,
+//! quaternions in wxyz order.
+
+mod camera;
+mod pose;
+
+pub use camera::{Camera, Intrinsics};
+pub use pose::Pose;
+pub use glam;

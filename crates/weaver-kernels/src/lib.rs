@@ -1,0 +1,11 @@
+//! Plain numeric kernels on slices for `f32` and `f64`: GEMM, convolution, attention, norms, resizing.
+//!
+//! A kernel is a function: the caller owns all memory, shapes are arguments, nothing knows of a tape.
+//! Every parallel kernel writes disjoint parts whose borders do not depend on the number of threads.
+
+pub mod erf;
+pub mod parallel;
+pub mod random;
+mod real;
+
+pub use real::Real;

@@ -1,0 +1,1 @@
+//! Losses of the method, and image metrics without a tape.

@@ -1,0 +1,1 @@
+//! SplatWeaver put together: configuration, presets and the forward pass from photos to Gaussians.

@@ -1,0 +1,1 @@
+//! Layers, optimiser, schedules and weight averaging on the weaver-autograd tape.

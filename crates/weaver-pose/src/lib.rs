@@ -1,0 +1,1 @@
+//! Camera head with iterative refinement, pose codes to cameras, and pose metrics.

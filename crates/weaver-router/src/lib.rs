@@ -1,0 +1,1 @@
+//! Pixel router, straight-through Gumbel sampling, cardinality experts, allocation and neighbour attention.

@@ -1,0 +1,1 @@
+//! DINOv2-style patch encoder, alternating-attention aggregator and DPT heads.

@@ -1,0 +1,1 @@
+//! Integration tests across crates; the tests themselves are in `tests/`.

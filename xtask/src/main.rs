@@ -1,0 +1,3 @@
+//! Automation for the workspace: `cargo xtask check`.
+
+fn main() {}
