@@ -4,8 +4,10 @@
 //! Every parallel kernel writes disjoint parts whose borders do not depend on the number of threads.
 
 pub mod erf;
+pub mod exp;
 pub mod parallel;
 pub mod random;
 mod real;
+pub mod simd;
 
 pub use real::Real;

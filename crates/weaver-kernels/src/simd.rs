@@ -1,0 +1,97 @@
+//! Run-time CPU dispatch: ordinary safe code, compiled three times, for the widest registers present.
+//!
+//! [`dispatch`] runs a closure inside a function that was compiled for AVX-512, for AVX2 with FMA, or
+//! for the baseline of the target, whichever the processor offers. What is inlined into the closure is
+//! then vectorised by the compiler with those registers: plain loops over slices, no intrinsics. The
+//! arithmetic is the same in all three (the compiler never fuses or reorders floating-point operations
+//! on its own), so the results are too.
+//!
+//! Mark the closure, closures inside it and every function it calls in its inner loops
+//! `#[inline(always)]`; what is not inlined keeps the baseline instructions. Keep parallel loops
+//! outside: dispatch inside each chunk.
+
+use std::sync::OnceLock;
+
+/// An instruction set that [`dispatch`] compiles for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    /// The baseline of the compilation target.
+    Portable,
+    /// AVX2 and FMA: 8 lanes of `f32`.
+    Avx2,
+    /// AVX-512 F, VL, BW and DQ: 16 lanes of `f32`.
+    Avx512,
+}
+
+/// The instruction set in use: the best one of this processor, or a lesser one named by the environment
+/// variable `WEAVER_SIMD` (`portable`, `avx2`, `avx512`), which is read once.
+#[inline]
+pub fn level() -> Level {
+    static LEVEL: OnceLock<Level> = OnceLock::new();
+    *LEVEL.get_or_init(|| {
+        let wanted = match std::env::var("WEAVER_SIMD").as_deref() {
+            Ok("portable") => Level::Portable,
+            Ok("avx2") => Level::Avx2,
+            _ => Level::Avx512,
+        };
+        wanted.min(supported())
+    })
+}
+
+#[cfg(target_arch = "x86_64")]
+fn supported() -> Level {
+    let avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+    let avx512 = avx2
+        && is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512vl")
+        && is_x86_feature_detected!("avx512bw")
+        && is_x86_feature_detected!("avx512dq");
+    match (avx512, avx2) {
+        (true, _) => Level::Avx512,
+        (_, true) => Level::Avx2,
+        _ => Level::Portable,
+    }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn supported() -> Level {
+    Level::Portable
+}
+
+/// Runs `body`, compiled for the processor's widest vector registers.
+///
+/// ```
+/// use weaver_kernels::{Real, simd};
+/// let mut x = [0.0_f32, 1.0, -1.0, 0.5];
+/// simd::dispatch(
+///     #[inline(always)]
+///     || x.iter_mut().for_each(|x| *x = Real::exp(*x)),
+/// );
+/// assert_eq!(x[0], 1.0);
+/// ```
+#[inline(always)]
+pub fn dispatch<R>(body: impl FnOnce() -> R) -> R {
+    #[cfg(target_arch = "x86_64")]
+    #[allow(unsafe_code)]
+    match level() {
+        // SAFETY: `level` is never above what the processor was found to support.
+        Level::Avx512 => return unsafe { x86::avx512(body) },
+        // SAFETY: as above.
+        Level::Avx2 => return unsafe { x86::avx2(body) },
+        Level::Portable => {}
+    }
+    body()
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma")]
+    pub fn avx512<R>(body: impl FnOnce() -> R) -> R {
+        body()
+    }
+
+    #[target_feature(enable = "avx2,fma")]
+    pub fn avx2<R>(body: impl FnOnce() -> R) -> R {
+        body()
+    }
+}
