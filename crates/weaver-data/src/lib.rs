@@ -1,1 +1,14 @@
 //! Scenes, captures, view sampling, and the procedural scene generator.
+//!
+//! A [`Scene`] is photos of one place with their cameras and, where known, depth and surface points.
+//! [`procedural`] makes scenes from a seed. [`training_tuple`] and [`evaluation_tuples`] say which views are
+//! shown to the network and which it must render.
+
+mod error;
+pub mod procedural;
+mod sampler;
+mod scene;
+
+pub use error::Error;
+pub use sampler::{Tuple, bounded_gap, evaluation_tuples, every, training_tuple, uniform};
+pub use scene::{Posed, Scene, View};

@@ -1,0 +1,45 @@
+//! What can be wrong with data that comes from outside.
+
+use std::path::PathBuf;
+
+/// Why a scene could not be loaded or used.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A file does not say what a scene needs.
+    #[error("{}: {key}: expected {expected}, found {found}", file.display())]
+    Unexpected {
+        /// The file or folder at fault.
+        file: PathBuf,
+        /// The entry at fault.
+        key: String,
+        /// What should have been there.
+        expected: String,
+        /// What was there.
+        found: String,
+    },
+    /// A scene has too few views for what is asked of it.
+    #[error("scene {scene}: {key}: expected {expected}, found {found}")]
+    Views {
+        /// Name of the scene.
+        scene: String,
+        /// Which views.
+        key: &'static str,
+        /// What should have been there.
+        expected: String,
+        /// What was there.
+        found: usize,
+    },
+    /// Nothing tells how large the scene is.
+    #[error(
+        "scene {scene}: scene_scale: expected a positive length, because the context views {context:?} see no \
+         sparse points to measure the scene by; found {found:?}"
+    )]
+    Scale {
+        /// Name of the scene.
+        scene: String,
+        /// Indices of the context views.
+        context: Vec<usize>,
+        /// The `scene_scale` option.
+        found: Option<f64>,
+    },
+}

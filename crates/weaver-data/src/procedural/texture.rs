@@ -1,0 +1,125 @@
+//! Surface colours: flat areas and fine detail, as functions of surface coordinates.
+
+use super::draws::Draws;
+use weaver_geometry::glam::{DVec2, DVec3};
+use weaver_kernels::random::Stream;
+
+/// Letters as rows of five dots, the leftmost in bit 4.
+const GLYPHS: [[u8; 7]; 8] = [
+    [0b01110, 0b10001, 0b10001, 0b11111, 0b10001, 0b10001, 0b10001],
+    [0b11111, 0b10000, 0b10000, 0b11110, 0b10000, 0b10000, 0b11111],
+    [0b10001, 0b10001, 0b10001, 0b11111, 0b10001, 0b10001, 0b10001],
+    [0b10001, 0b10010, 0b10100, 0b11000, 0b10100, 0b10010, 0b10001],
+    [0b10001, 0b11001, 0b10101, 0b10011, 0b10001, 0b10001, 0b10001],
+    [0b11110, 0b10001, 0b10001, 0b11110, 0b10100, 0b10010, 0b10001],
+    [0b01111, 0b10000, 0b10000, 0b01110, 0b00001, 0b00001, 0b11110],
+    [0b11111, 0b00001, 0b00010, 0b00100, 0b01000, 0b10000, 0b11111],
+];
+
+#[derive(Clone, Copy, Debug)]
+enum Pattern {
+    Flat,
+    Checks,
+    Stripes(DVec2),
+    Noise,
+    Glyphs,
+}
+
+/// A pattern in two colours.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Texture {
+    pattern: Pattern,
+    /// Scene units in which the pattern repeats, or over which noise changes.
+    period: f64,
+    /// Linear light.
+    colours: [DVec3; 2],
+    stream: Stream,
+}
+
+impl Texture {
+    /// A texture for a large surface: always patterned, so that its pose and depth can be seen.
+    pub fn wide(draws: &mut Draws) -> Self {
+        let kind = 1 + draws.below(4);
+        Self::of_kind(kind, 1.5, draws)
+    }
+
+    /// A texture for an object: one in five is flat.
+    pub fn small(draws: &mut Draws) -> Self {
+        let kind = draws.below(5);
+        Self::of_kind(kind, 1.0, draws)
+    }
+
+    fn of_kind(kind: usize, size: f64, draws: &mut Draws) -> Self {
+        let (pattern, low, high) = match kind {
+            0 => (Pattern::Flat, 1.0, 1.0),
+            1 => (Pattern::Checks, 0.4, 0.8),
+            2 => {
+                let angle = draws.within(0.0, std::f64::consts::PI);
+                (Pattern::Stripes(DVec2::from_angle(angle)), 0.3, 0.6)
+            }
+            3 => (Pattern::Noise, 0.2, 0.5),
+            _ => (Pattern::Glyphs, 0.4, 0.7),
+        };
+        let period = size * draws.within(low, high);
+        let hue = draws.within(0.0, 1.0);
+        // The second colour is far in brightness or far in hue, so that every pattern shows.
+        let other = hue + draws.within(0.2, 0.8);
+        let dark = colour(hue, draws.within(0.2, 0.8), draws.within(0.08, 0.3));
+        let light = colour(other, draws.within(0.1, 0.7), draws.within(0.5, 0.95));
+        let colours = if draws.chance(0.5) { [dark, light] } else { [light, dark] };
+        Self { pattern, period, colours, stream: draws.stream() }
+    }
+
+    /// The colour at surface coordinates `uv`, linear light.
+    pub fn colour(&self, uv: DVec2) -> DVec3 {
+        let p = uv / self.period;
+        let mix = match self.pattern {
+            Pattern::Flat => 0.0,
+            Pattern::Checks => f64::from(((p.x * 2.0).floor() + (p.y * 2.0).floor()).rem_euclid(2.0) >= 1.0),
+            Pattern::Stripes(direction) => f64::from(p.dot(direction).rem_euclid(1.0) < 0.5),
+            Pattern::Noise => (self.noise(p) + 0.5 * self.noise(p * 2.0 + DVec2::splat(37.0))) / 1.5,
+            Pattern::Glyphs => f64::from(self.glyph(p)),
+        };
+        self.colours[0].lerp(self.colours[1], mix)
+    }
+
+    /// A random value in (0, 1) for a cell of the integer lattice.
+    fn cell(&self, x: f64, y: f64) -> f64 {
+        self.stream.uniform(cell_index(x, y))
+    }
+
+    /// Value noise: random values at integer points, smoothly blended between them.
+    fn noise(&self, p: DVec2) -> f64 {
+        let base = p.floor();
+        let f = p - base;
+        let f = f * f * (DVec2::splat(3.0) - 2.0 * f);
+        let row = |y: f64| {
+            let (a, b) = (self.cell(base.x, y), self.cell(base.x + 1.0, y));
+            a + (b - a) * f.x
+        };
+        let (a, b) = (row(base.y), row(base.y + 1.0));
+        a + (b - a) * f.y
+    }
+
+    /// Whether a dot of a letter covers `p`: one letter of 5 x 7 dots per cell of 6 x 8.
+    fn glyph(&self, p: DVec2) -> bool {
+        let cell = p.floor();
+        let dot = (p - cell) * DVec2::new(6.0, 8.0);
+        let (column, row) = (dot.x as usize, dot.y as usize);
+        let letter = GLYPHS[self.stream.below(cell_index(cell.x, cell.y), GLYPHS.len())];
+        column < 5 && row < 7 && letter[6 - row] >> (4 - column) & 1 == 1
+    }
+}
+
+fn cell_index(x: f64, y: f64) -> u64 {
+    (u64::from(x as i32 as u32) << 32) | u64::from(y as i32 as u32)
+}
+
+/// Hue (turns), saturation and value to RGB.
+pub(super) fn colour(hue: f64, saturation: f64, value: f64) -> DVec3 {
+    let channel = |shift: f64| {
+        let h = ((hue + shift).rem_euclid(1.0) * 6.0 - 3.0).abs() - 1.0;
+        value * (1.0 + saturation * (h.clamp(0.0, 1.0) - 1.0))
+    };
+    DVec3::new(channel(0.0), channel(2.0 / 3.0), channel(1.0 / 3.0))
+}

@@ -1,0 +1,111 @@
+//! Which views go together: training tuples, evaluation tuples, and samplers over ordered frames.
+
+use crate::Scene;
+use weaver_kernels::random::Stream;
+
+/// Views of one scene that are shown (`context`) and views to be rendered (`targets`).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Tuple {
+    /// Index of the scene.
+    pub scene: usize,
+    /// View indices; the first is camera 0, whose frame everything is expressed in.
+    pub context: Vec<usize>,
+    /// View indices.
+    pub targets: Vec<usize>,
+}
+
+/// Number `index` of an endless, random-access sequence of training tuples.
+///
+/// The scene is uniform and so is a training view `t` in it. Its `pool` nearest other training views are put
+/// in random order: the first `context` are the context, the targets are `t` and the ones that follow
+/// (`t` again when there are no more).
+///
+/// # Panics
+/// If a scene has fewer than `context + 1` training views; see [`Scene::check_training`].
+pub fn training_tuple(
+    scenes: &[Scene],
+    rng: Stream,
+    index: u64,
+    pool: usize,
+    context: usize,
+    targets: usize,
+) -> Tuple {
+    let rng = rng.fork(index);
+    let scene = rng.below(0, scenes.len());
+    let training = scenes[scene].training_views();
+    let target = training[rng.below(1, training.len())];
+    let near = scenes[scene].nearest(target, &training, pool);
+    assert!(
+        near.len() >= context,
+        "scene {}: {} training views within the pool of {pool} cannot give {context} of context",
+        scenes[scene].name,
+        near.len()
+    );
+    let shuffled: Vec<usize> = rng.fork(2).permutation(near.len()).into_iter().map(|i| near[i]).collect();
+    let targets = std::iter::once(target)
+        .chain(shuffled[context..].iter().copied())
+        .chain(std::iter::repeat(target))
+        .take(targets)
+        .collect();
+    Tuple { scene, context: shuffled[..context].to_vec(), targets }
+}
+
+/// One tuple per held-out view of `scene`, which is number `index` of its set: the view is the target and
+/// its `context` nearest training views, nearest first, are the context.
+pub fn evaluation_tuples(scene: &Scene, index: usize, context: usize) -> Vec<Tuple> {
+    let training = scene.training_views();
+    scene
+        .held_out_views()
+        .into_iter()
+        .map(|view| Tuple {
+            scene: index,
+            context: scene.nearest(view, &training, context),
+            targets: vec![view],
+        })
+        .collect()
+}
+
+/// `views` of `frames` ordered frames, spread evenly from the first to the last: `floor(i (n - 1) / (k - 1))`.
+///
+/// A single view is the first frame; asking for more views than frames repeats some.
+///
+/// ```
+/// assert_eq!(weaver_data::uniform(10, 4), [0, 3, 6, 9]);
+/// ```
+pub fn uniform(frames: usize, views: usize) -> Vec<usize> {
+    if frames == 0 {
+        return Vec::new();
+    }
+    (0..views).map(|i| i * (frames - 1) / (views - 1).max(1)).collect()
+}
+
+/// Every `step`-th of `frames` ordered frames, starting with number `first`.
+///
+/// ```
+/// assert_eq!(weaver_data::every(20, 8, 0), [0, 8, 16]);
+/// ```
+pub fn every(frames: usize, step: usize, first: usize) -> Vec<usize> {
+    (first..frames).step_by(step.max(1)).collect()
+}
+
+/// `views` distinct frames of a video of `frames`: two ends a bounded number of frames apart, in order, and
+/// random ones between them, in random order between the ends.
+///
+/// The distance of the ends is uniform in `[min(3n, 32), min(max(10n, n^2), 256)]` for `n` views, cut to what
+/// the video and the number of views allow. `None` if the video is shorter than `views`.
+pub fn bounded_gap(frames: usize, views: usize, rng: Stream) -> Option<Vec<usize>> {
+    if views > frames {
+        return None;
+    }
+    if views < 2 {
+        return Some((0..views).map(|_| rng.below(0, frames)).collect());
+    }
+    let most = (10 * views).max(views * views).min(256).clamp(views - 1, frames - 1);
+    let least = (3 * views).min(32).clamp(views - 1, most);
+    let gap = least + rng.below(0, most - least + 1);
+    let first = rng.below(1, frames - gap);
+    let mut chosen = vec![first];
+    chosen.extend(rng.fork(2).permutation(gap - 1).into_iter().take(views - 2).map(|i| first + 1 + i));
+    chosen.push(first + gap);
+    Some(chosen)
+}

@@ -1,0 +1,173 @@
+//! Scenes: photos of one place with their cameras, and how near two of the cameras are.
+
+use crate::{Error, Tuple};
+use std::collections::BTreeSet;
+use weaver_geometry::glam::DVec3;
+use weaver_geometry::{Camera, Pose};
+use weaver_io::Image;
+
+/// One photo of a scene.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// The photo's name inside its scene.
+    pub name: String,
+    /// The photo, at the size the network sees.
+    pub image: Image,
+    /// Where it was taken from, with intrinsics for `image`.
+    pub camera: Camera,
+    /// Depth along the optical axis, `[height * width]`, scene units; 0 where unknown.
+    pub depth: Option<Vec<f32>>,
+    /// Kept from training, for evaluation.
+    pub held_out: bool,
+}
+
+/// Photos of one place, their cameras, and a sparse cloud of points on its surfaces.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// What the scene is called in reports.
+    pub name: String,
+    /// The photos, in a fixed order.
+    pub views: Vec<View>,
+    /// Points on surfaces, scene units; may be empty.
+    pub points: Vec<DVec3>,
+    /// For each view, which of `points` it sees: inside the image, in front of the camera, unoccluded.
+    pub visible: Vec<Vec<u32>>,
+    /// The `scene_scale` option: the length that becomes 1 where no points tell.
+    pub scale: Option<f64>,
+}
+
+/// The cameras of a [`Tuple`] in the frame and scale that training works in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Posed {
+    /// Context then targets; the first is the identity.
+    pub poses: Vec<Pose>,
+    /// Factor from scene units to training units, for depths.
+    pub scale: f64,
+}
+
+impl Scene {
+    /// Indices of the views to train on.
+    pub fn training_views(&self) -> Vec<usize> {
+        self.indices(false)
+    }
+
+    /// Indices of the views kept for evaluation.
+    pub fn held_out_views(&self) -> Vec<usize> {
+        self.indices(true)
+    }
+
+    fn indices(&self, held_out: bool) -> Vec<usize> {
+        (0..self.views.len()).filter(|&i| self.views[i].held_out == held_out).collect()
+    }
+
+    /// How far apart two views are: camera distance over the scene's median pairwise distance, plus the
+    /// angle between them in radians.
+    pub fn nearness(&self, a: usize, b: usize) -> f64 {
+        self.nearness_over(self.median_distance(), a, b)
+    }
+
+    fn nearness_over(&self, median: f64, a: usize, b: usize) -> f64 {
+        let (a, b) = (&self.views[a].camera.pose, &self.views[b].camera.pose);
+        // Views that only turn on the spot differ by their angle alone.
+        let distance = if median > 0.0 { a.centre().distance(b.centre()) / median } else { 0.0 };
+        distance + a.angle_to(b)
+    }
+
+    /// Median over all pairs of views of the distance between their cameras; 0 for fewer than two views.
+    fn median_distance(&self) -> f64 {
+        let centres: Vec<DVec3> = self.views.iter().map(|view| view.camera.pose.centre()).collect();
+        let mut distances: Vec<f64> = Vec::with_capacity(centres.len() * centres.len() / 2);
+        for (i, a) in centres.iter().enumerate() {
+            distances.extend(centres[..i].iter().map(|b| a.distance(*b)));
+        }
+        distances.sort_by(f64::total_cmp);
+        match distances.len() {
+            0 => 0.0,
+            n if n % 2 == 1 => distances[n / 2],
+            n => (distances[n / 2 - 1] + distances[n / 2]) / 2.0,
+        }
+    }
+
+    /// The `n` views of `among` nearest to view `to`, nearest first, ties by index; never `to` itself.
+    pub fn nearest(&self, to: usize, among: &[usize], n: usize) -> Vec<usize> {
+        let median = self.median_distance();
+        let mut ranked: Vec<(f64, usize)> =
+            among.iter().filter(|&&v| v != to).map(|&v| (self.nearness_over(median, to, v), v)).collect();
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        ranked.into_iter().take(n).map(|(_, v)| v).collect()
+    }
+
+    /// The training view with the smallest mean nearness to the other training views: the scene's own frame.
+    ///
+    /// `None` for a scene without training views.
+    pub fn central_view(&self) -> Option<usize> {
+        let median = self.median_distance();
+        let training = self.training_views();
+        let total = |v: usize| training.iter().map(|&w| self.nearness_over(median, v, w)).sum::<f64>();
+        let mut best: Option<(f64, usize)> = None;
+        for &v in &training {
+            let sum = total(v);
+            if best.is_none_or(|(least, _)| sum < least) {
+                best = Some((sum, v));
+            }
+        }
+        best.map(|(_, v)| v)
+    }
+
+    /// The cameras of `tuple` with the first context camera as the identity and lengths divided by the mean
+    /// distance from its centre to the points that the context views see (their union).
+    ///
+    /// Where the context sees no points, the length that becomes 1 is [`Scene::scale`].
+    ///
+    /// # Errors
+    /// [`Error::Scale`] if neither points nor a positive `scale` tell how large the scene is.
+    pub fn normalised(&self, tuple: &Tuple) -> Result<Posed, Error> {
+        let reference = self.views[tuple.context[0]].camera.pose;
+        let unit = self.mean_distance(reference.centre(), &tuple.context).or(self.scale);
+        let unit = unit.filter(|unit| unit.is_finite() && *unit > 0.0).ok_or_else(|| Error::Scale {
+            scene: self.name.clone(),
+            context: tuple.context.clone(),
+            found: self.scale,
+        })?;
+        let scale = 1.0 / unit;
+        let poses = std::iter::once(Pose::IDENTITY)
+            .chain(
+                tuple.context[1..]
+                    .iter()
+                    .chain(&tuple.targets)
+                    .map(|&v| self.views[v].camera.pose.relative_to(&reference).scaled(scale)),
+            )
+            .collect();
+        Ok(Posed { poses, scale })
+    }
+
+    fn mean_distance(&self, from: DVec3, context: &[usize]) -> Option<f64> {
+        let seen: BTreeSet<u32> = context.iter().flat_map(|&v| self.visible[v].iter().copied()).collect();
+        let sum: f64 = seen.iter().map(|&p| self.points[p as usize].distance(from)).sum();
+        (!seen.is_empty()).then(|| sum / seen.len() as f64)
+    }
+
+    /// Checks that there is at least one training view beside `context` others.
+    ///
+    /// # Errors
+    /// [`Error::Views`] with how many there are.
+    pub fn check_training(&self, context: usize) -> Result<(), Error> {
+        self.check(self.training_views().len(), "training views", context + 1)
+    }
+
+    /// Checks that there is a view to evaluate on and that `context` training views can be given with it.
+    ///
+    /// # Errors
+    /// [`Error::Views`] with how many there are.
+    pub fn check_evaluation(&self, context: usize) -> Result<(), Error> {
+        self.check(self.held_out_views().len(), "held-out views", 1)?;
+        self.check(self.training_views().len(), "training views", context)
+    }
+
+    fn check(&self, found: usize, key: &'static str, least: usize) -> Result<(), Error> {
+        if found >= least {
+            return Ok(());
+        }
+        Err(Error::Views { scene: self.name.clone(), key, expected: format!("at least {least}"), found })
+    }
+}

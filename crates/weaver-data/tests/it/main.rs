@@ -1,0 +1,3 @@
+//! Integration tests of weaver-data.
+
+mod procedural;
