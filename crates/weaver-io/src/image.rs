@@ -1,4 +1,11 @@
-//! Images as the rest of the workspace sees them.
+//! Images as the rest of the workspace sees them: reading, writing, cropping, mosaics.
+
+use crate::error::read_bytes;
+use crate::{Error, Result, atomic_write};
+use image::codecs::png::PngEncoder;
+use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageReader};
+use std::io::Cursor;
+use std::path::Path;
 
 /// An RGB image, `[height, width, 3]` row-major, sRGB values / 255 in [0, 1], never linearised.
 #[derive(Clone, Debug, PartialEq)]
@@ -9,4 +16,149 @@ pub struct Image {
     pub height: usize,
     /// `height * width * 3` values.
     pub pixels: Vec<f32>,
+}
+
+/// What lies behind transparent pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Background {
+    /// (1, 1, 1), usual for NeRF-synthetic scenes.
+    #[default]
+    White,
+    /// (0, 0, 0).
+    Black,
+}
+
+impl Image {
+    /// An image of one colour.
+    pub fn filled(width: usize, height: usize, rgb: [f32; 3]) -> Self {
+        Self {
+            width,
+            height,
+            pixels: rgb.repeat(width * height),
+        }
+    }
+
+    /// Reads a PNG or JPEG file (8 or 16 bits, grey or RGB, with or without alpha).
+    ///
+    /// Straight alpha is composited over `background` in sRGB values. The EXIF orientation is *not* applied: cameras
+    /// from structure from motion refer to the pixels as stored.
+    pub fn read(path: impl AsRef<Path>, background: Background) -> Result<Self> {
+        let path = path.as_ref();
+        let bytes = read_bytes(path)?;
+        let decoded = ImageReader::new(Cursor::new(&bytes))
+            .with_guessed_format()
+            .map_err(Error::io(path))?
+            .decode()
+            .map_err(|e| Error::invalid(path, "image", "a PNG or JPEG image", e))?;
+        Ok(Self::from_decoded(decoded, background))
+    }
+
+    fn from_decoded(decoded: DynamicImage, background: Background) -> Self {
+        let (width, height) = (decoded.width() as usize, decoded.height() as usize);
+        let behind = match background {
+            Background::White => 1.0,
+            Background::Black => 0.0,
+        };
+        let pixels = if decoded.color().has_alpha() {
+            let rgba = decoded.into_rgba32f();
+            rgba.pixels()
+                .flat_map(|p| [0, 1, 2].map(|c| p.0[c] * p.0[3] + behind * (1.0 - p.0[3])))
+                .collect()
+        } else {
+            decoded.into_rgb32f().into_raw()
+        };
+        Self {
+            width,
+            height,
+            pixels,
+        }
+    }
+
+    /// Width and height of a PNG or JPEG file, from its header alone.
+    pub fn dimensions(path: impl AsRef<Path>) -> Result<(usize, usize)> {
+        let path = path.as_ref();
+        let (width, height) = ImageReader::open(path)
+            .and_then(ImageReader::with_guessed_format)
+            .map_err(Error::io(path))?
+            .into_dimensions()
+            .map_err(|e| Error::invalid(path, "header", "a PNG or JPEG image", e))?;
+        Ok((width as usize, height as usize))
+    }
+
+    /// Writes an 8-bit RGB PNG file, atomically.
+    pub fn write_png(&self, path: impl AsRef<Path>) -> Result<()> {
+        let bytes = self.to_bytes();
+        atomic_write(path, |w| {
+            PngEncoder::new(w)
+                .write_image(
+                    &bytes,
+                    self.width as u32,
+                    self.height as u32,
+                    ExtendedColorType::Rgb8,
+                )
+                .map_err(std::io::Error::other)
+        })
+    }
+
+    /// The values as 8-bit numbers, clamped and rounded to nearest.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        self.pixels
+            .iter()
+            .map(|&x| (x * 255.0).round() as u8)
+            .collect()
+    }
+
+    /// From 8-bit values `[height, width, 3]`. Panics when the length is not `height * width * 3`.
+    pub fn from_bytes(width: usize, height: usize, bytes: &[u8]) -> Self {
+        assert_eq!(
+            bytes.len(),
+            width * height * 3,
+            "an RGB image of {width}x{height}"
+        );
+        Self {
+            width,
+            height,
+            pixels: bytes.iter().map(|&b| f32::from(b) / 255.0).collect(),
+        }
+    }
+
+    /// The part of `width` x `height` pixels whose top-left corner is (`left`, `top`). Panics when it sticks out.
+    pub fn crop(&self, left: usize, top: usize, width: usize, height: usize) -> Self {
+        assert!(
+            left + width <= self.width && top + height <= self.height,
+            "crop {width}x{height} at ({left}, {top}) sticks out of {}x{}",
+            self.width,
+            self.height
+        );
+        let mut pixels = Vec::with_capacity(width * height * 3);
+        for y in top..top + height {
+            let start = (y * self.width + left) * 3;
+            pixels.extend_from_slice(&self.pixels[start..start + width * 3]);
+        }
+        Self {
+            width,
+            height,
+            pixels,
+        }
+    }
+
+    /// The images side by side from left to right, aligned at the top, black below the shorter ones.
+    pub fn mosaic(images: &[&Self]) -> Self {
+        let width = images.iter().map(|i| i.width).sum();
+        let height = images.iter().map(|i| i.height).max().unwrap_or(0);
+        let mut out = Self::filled(width, height, [0.0; 3]);
+        let mut left = 0;
+        for image in images {
+            for (y, row) in image
+                .pixels
+                .chunks_exact(image.width.max(1) * 3)
+                .enumerate()
+            {
+                let start = (y * width + left) * 3;
+                out.pixels[start..start + row.len()].copy_from_slice(row);
+            }
+            left += image.width;
+        }
+        out
+    }
 }

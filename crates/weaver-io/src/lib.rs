@@ -1,5 +1,21 @@
 //! File formats: images, PLY, COLMAP, transforms.json, RealEstate10K, safetensors.
+//!
+//! Poses leave this crate as OpenCV world-to-camera, intrinsics in pixels with pixel centres at half-integers.
+//! Every failure is an [`Error`] that names the file and the place in it; nothing panics on hostile bytes.
+//! Every file is written atomically ([`atomic_write`]).
 
+mod atomic;
+mod bytes;
+pub mod colmap;
+mod colour;
+mod error;
 mod image;
+pub mod realestate;
+mod resize;
+mod transforms;
 
-pub use image::Image;
+pub use atomic::atomic_write;
+pub use colour::{false_colour, label_colour};
+pub use error::{Error, Result};
+pub use image::{Background, Image};
+pub use transforms::{Frame, Transforms};

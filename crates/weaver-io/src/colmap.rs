@@ -1,0 +1,210 @@
+//! Sparse models of COLMAP: cameras, images with their poses, and points.
+
+mod binary;
+mod text;
+
+use crate::{Error, Result};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use weaver_geometry::{Intrinsics, Pose};
+
+/// A sparse model.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Model {
+    /// The cameras by id.
+    pub cameras: BTreeMap<u32, CameraModel>,
+    /// The registered images, in the order of the file.
+    pub images: Vec<ImageRecord>,
+    /// The triangulated points, in the order of the file.
+    pub points: Vec<Point>,
+}
+
+/// A pinhole camera that took one or more images.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraModel {
+    /// Image width, pixels.
+    pub width: usize,
+    /// Image height, pixels.
+    pub height: usize,
+    /// Intrinsics; COLMAP puts pixel centres at half-integers, as we do.
+    pub intrinsics: Intrinsics,
+}
+
+/// A registered image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImageRecord {
+    /// The image's id.
+    pub id: u32,
+    /// File name relative to the image folder.
+    pub name: String,
+    /// Key into [`Model::cameras`].
+    pub camera_id: u32,
+    /// OpenCV world-to-camera.
+    pub pose: Pose,
+    /// Keypoints x, y in pixels and the id of the point that each observes.
+    pub points: Vec<(f64, f64, Option<u64>)>,
+}
+
+/// A triangulated point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Point {
+    /// The point's id.
+    pub id: u64,
+    /// World position.
+    pub xyz: [f64; 3],
+    /// Mean colour.
+    pub rgb: [u8; 3],
+    /// Mean reprojection error, pixels.
+    pub error: f64,
+    /// Image ids and keypoint indices that observe it.
+    pub track: Vec<(u32, u32)>,
+}
+
+impl Model {
+    /// Reads `cameras`, `images` and `points3D` from a folder, `.bin` if there, else `.txt`.
+    ///
+    /// Camera models with lens distortion are accepted when every distortion coefficient is exactly zero.
+    pub fn read(folder: impl AsRef<Path>) -> Result<Self> {
+        let folder = folder.as_ref();
+        let model = if folder.join("cameras.bin").is_file() {
+            binary::read(folder)?
+        } else {
+            text::read(folder)?
+        };
+        if let Some(image) = model
+            .images
+            .iter()
+            .find(|i| !model.cameras.contains_key(&i.camera_id))
+        {
+            let place = format!("image {} ({})", image.id, image.name);
+            let found = format!("camera {}, which is not there", image.camera_id);
+            return Err(Error::invalid(
+                folder,
+                place,
+                "a camera of the model",
+                found,
+            ));
+        }
+        Ok(model)
+    }
+
+    /// Writes `cameras.bin`, `images.bin` and `points3D.bin` into an existing folder; cameras become PINHOLE.
+    pub fn write_binary(&self, folder: impl AsRef<Path>) -> Result<()> {
+        binary::write(self, folder.as_ref())
+    }
+
+    /// Writes `cameras.txt`, `images.txt` and `points3D.txt` into an existing folder; cameras become PINHOLE.
+    pub fn write_text(&self, folder: impl AsRef<Path>) -> Result<()> {
+        text::write(self, folder.as_ref())
+    }
+}
+
+/// How the parameters of a camera model begin.
+#[derive(Clone, Copy)]
+enum Focal {
+    /// f, cx, cy.
+    One,
+    /// fx, fy, cx, cy.
+    Two,
+}
+
+/// COLMAP's camera models: number, name, count of parameters, and how they begin; `None` when the model is no
+/// pinhole even without distortion.
+const MODELS: [(u32, &str, usize, Option<Focal>); 11] = [
+    (0, "SIMPLE_PINHOLE", 3, Some(Focal::One)),
+    (1, "PINHOLE", 4, Some(Focal::Two)),
+    (2, "SIMPLE_RADIAL", 4, Some(Focal::One)),
+    (3, "RADIAL", 5, Some(Focal::One)),
+    (4, "OPENCV", 8, Some(Focal::Two)),
+    (5, "OPENCV_FISHEYE", 8, None),
+    (6, "FULL_OPENCV", 12, Some(Focal::Two)),
+    (7, "FOV", 5, None),
+    (8, "SIMPLE_RADIAL_FISHEYE", 4, None),
+    (9, "RADIAL_FISHEYE", 5, None),
+    (10, "THIN_PRISM_FISHEYE", 12, None),
+];
+
+/// The number of PINHOLE, which is what gets written.
+const PINHOLE: u32 = 1;
+
+/// A camera of a file, before anyone looked at what its model means.
+struct RawCamera<'a> {
+    path: &'a Path,
+    id: u32,
+    model: &'a str,
+    focal: Option<Focal>,
+    size: [u64; 2],
+    parameters: &'a [f64],
+}
+
+impl RawCamera<'_> {
+    fn check(&self) -> Result<CameraModel> {
+        let invalid = |expected: &str, found: String| {
+            Error::invalid(
+                self.path,
+                format!("camera {} ({})", self.id, self.model),
+                expected,
+                found,
+            )
+        };
+        let [width, height] = self.size;
+        if !(1..=1 << 20).contains(&width) || !(1..=1 << 20).contains(&height) {
+            return Err(invalid(
+                "an image size in pixels",
+                format!("{width}x{height}"),
+            ));
+        }
+        let (intrinsics, distortion) = match (self.focal, self.parameters) {
+            (Some(Focal::One), &[f, cx, cy, ref rest @ ..]) => (
+                Intrinsics {
+                    fx: f,
+                    fy: f,
+                    cx,
+                    cy,
+                },
+                rest,
+            ),
+            (Some(Focal::Two), &[fx, fy, cx, cy, ref rest @ ..]) => {
+                (Intrinsics { fx, fy, cx, cy }, rest)
+            }
+            _ => return Err(invalid("a pinhole camera", "another model".into())),
+        };
+        let Intrinsics { fx, fy, cx, cy } = intrinsics;
+        if ![fx, fy, cx, cy].iter().all(|x| x.is_finite()) || fx <= 0.0 || fy <= 0.0 {
+            return Err(invalid(
+                "finite intrinsics, focal lengths positive",
+                format!("{:?}", self.parameters),
+            ));
+        }
+        if distortion.iter().any(|&k| k != 0.0) {
+            return Err(invalid(
+                "distortion 0 (undistort the images first)",
+                format!("{distortion:?}"),
+            ));
+        }
+        Ok(CameraModel {
+            width: width as usize,
+            height: height as usize,
+            intrinsics,
+        })
+    }
+}
+
+/// The pose of an image record, or what is wrong with it.
+fn pose(wxyz: [f64; 4], t: [f64; 3]) -> std::result::Result<Pose, String> {
+    let norm = wxyz.iter().map(|x| x * x).sum::<f64>().sqrt();
+    // Also false for NaN and for infinities.
+    let unit = (norm - 1.0).abs() < 1e-2;
+    if unit && t.iter().all(|x| x.is_finite()) {
+        Ok(Pose::from_wxyz(wxyz, t.into()))
+    } else {
+        Err(format!("quaternion {wxyz:?}, translation {t:?}"))
+    }
+}
+
+/// What a pose must be, for messages.
+const POSE: &str = "a unit quaternion and a finite translation";
+
+fn file(folder: &Path, stem: &str, extension: &str) -> PathBuf {
+    folder.join(stem).with_extension(extension)
+}

@@ -1,0 +1,73 @@
+//! The one error of this crate.
+
+use std::fmt::Display;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Result with [`Error`].
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// A file that could not be read or written; the message names the file and the place in it.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The operating system said no.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The content is not what the format, or the caller, asks for.
+    #[error("{}: {place}: expected {expected}, found {found}", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// The key, byte offset, line or record.
+        place: String,
+        /// What should have been there.
+        expected: String,
+        /// What was there.
+        found: String,
+    },
+}
+
+impl Error {
+    /// For `map_err` on operations on `path`.
+    pub(crate) fn io(path: &Path) -> impl FnOnce(io::Error) -> Self + use<> {
+        let path = path.to_path_buf();
+        |source| Self::Io { path, source }
+    }
+
+    /// Content that is not as it should be.
+    pub(crate) fn invalid(
+        path: &Path,
+        place: impl Display,
+        expected: impl Display,
+        found: impl Display,
+    ) -> Self {
+        Self::Invalid {
+            path: path.to_path_buf(),
+            place: place.to_string(),
+            expected: expected.to_string(),
+            found: found.to_string(),
+        }
+    }
+}
+
+/// The whole file as bytes.
+pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path).map_err(Error::io(path))
+}
+
+/// The whole file as text.
+pub(crate) fn read_text(path: &Path) -> Result<String> {
+    String::from_utf8(read_bytes(path)?).map_err(|e| {
+        Error::invalid(
+            path,
+            format!("byte {}", e.utf8_error().valid_up_to()),
+            "UTF-8 text",
+            "other bytes",
+        )
+    })
+}

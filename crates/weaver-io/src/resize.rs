@@ -1,0 +1,138 @@
+//! Resizing with the filters of Pillow, on 8-bit values.
+//!
+//! Separable, horizontal pass first; each pass rounds to 8 bits, with filter weights in fixed point, so that
+//! training data prepared by Pillow (`Image.resize(size, LANCZOS, box=...)`) comes out alike.
+
+use crate::Image;
+use std::f64::consts::PI;
+
+/// Bits after the point: 8 bits of value, 2 of head-room for the filter's negative lobes, in 32.
+const FRACTION: u32 = 32 - 8 - 2;
+
+impl Image {
+    /// Resizes the part `[x0, y0, x1, y1]` (pixels, may be fractional) to `width` x `height` with a
+    /// Lanczos filter of three lobes, widened when shrinking so that nothing aliases.
+    ///
+    /// The filter reads past the box, but not past the image, where the remaining weights are normalised.
+    /// Panics when the box is empty or sticks out of the image.
+    pub fn resize(&self, width: usize, height: usize, part: [f64; 4]) -> Self {
+        self.resample(width, height, part, lanczos3, 3.0)
+    }
+
+    /// Resizes the whole image by averaging the area that each new pixel covers.
+    pub fn resize_area(&self, width: usize, height: usize) -> Self {
+        self.resample(
+            width,
+            height,
+            [0.0, 0.0, self.width as f64, self.height as f64],
+            box_filter,
+            0.5,
+        )
+    }
+
+    fn resample(
+        &self,
+        width: usize,
+        height: usize,
+        [x0, y0, x1, y1]: [f64; 4],
+        filter: fn(f64) -> f64,
+        support: f64,
+    ) -> Self {
+        assert!(
+            0.0 <= x0
+                && x0 < x1
+                && x1 <= self.width as f64
+                && 0.0 <= y0
+                && y0 < y1
+                && y1 <= self.height as f64,
+            "box [{x0}, {y0}, {x1}, {y1}] sticks out of {}x{} or is empty",
+            self.width,
+            self.height
+        );
+        let columns = taps(self.width, x0, x1, width, filter, support);
+        let rows = taps(self.height, y0, y1, height, filter, support);
+        let source = self.to_bytes();
+
+        let mut wide = vec![0; width * self.height * 3];
+        for (from, to) in source
+            .chunks_exact(self.width * 3)
+            .zip(wide.chunks_exact_mut(width.max(1) * 3))
+        {
+            for (tap, pixel) in columns.iter().zip(to.chunks_exact_mut(3)) {
+                for (c, value) in pixel.iter_mut().enumerate() {
+                    *value = tap.apply(|i| from[i * 3 + c]);
+                }
+            }
+        }
+        let mut out = vec![0; width * height * 3];
+        for (tap, to) in rows.iter().zip(out.chunks_exact_mut(width.max(1) * 3)) {
+            for (x, value) in to.iter_mut().enumerate() {
+                *value = tap.apply(|i| wide[i * width * 3 + x]);
+            }
+        }
+        Self::from_bytes(width, height, &out)
+    }
+}
+
+/// The source samples of one output sample: from `first` on, with fixed-point weights.
+struct Tap {
+    first: usize,
+    weights: Vec<i32>,
+}
+
+impl Tap {
+    fn apply(&self, sample: impl Fn(usize) -> u8) -> u8 {
+        let mut sum = 1 << (FRACTION - 1);
+        for (i, &w) in self.weights.iter().enumerate() {
+            sum += i32::from(sample(self.first + i)) * w;
+        }
+        (sum >> FRACTION).clamp(0, 255) as u8
+    }
+}
+
+fn taps(
+    size: usize,
+    from: f64,
+    to: f64,
+    out: usize,
+    filter: fn(f64) -> f64,
+    support: f64,
+) -> Vec<Tap> {
+    let scale = (to - from) / out as f64;
+    let stretch = scale.max(1.0);
+    let reach = support * stretch;
+    let tap = |o: usize| {
+        let centre = from + (o as f64 + 0.5) * scale;
+        let first = (centre - reach + 0.5).max(0.0) as usize;
+        let end = ((centre + reach + 0.5) as usize).min(size);
+        let weight = |i: usize| filter((i as f64 + 0.5 - centre) / stretch);
+        let total: f64 = (first..end).map(weight).sum();
+        let one = f64::from(1 << FRACTION);
+        let weights = (first..end)
+            .map(|i| (weight(i) / total * one).round() as i32)
+            .collect();
+        Tap { first, weights }
+    };
+    (0..out).map(tap).collect()
+}
+
+fn box_filter(x: f64) -> f64 {
+    // Half open, so that a source pixel on the border of two outputs counts once.
+    if x > -0.5 && x <= 0.5 { 1.0 } else { 0.0 }
+}
+
+fn lanczos3(x: f64) -> f64 {
+    if (-3.0..3.0).contains(&x) {
+        sinc(x) * sinc(x / 3.0)
+    } else {
+        0.0
+    }
+}
+
+fn sinc(x: f64) -> f64 {
+    if x == 0.0 {
+        1.0
+    } else {
+        (PI * x).sin() / (PI * x)
+    }
+}

@@ -1,0 +1,296 @@
+//! transforms.json of nerfstudio, instant-ngp and NeRF-synthetic scenes.
+
+use crate::error::read_bytes;
+use crate::{Error, Image, Result, atomic_write};
+use serde_json::{Map, Value, json};
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
+use weaver_geometry::{Intrinsics, Pose, axes};
+
+/// The photographs and cameras of a scene.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Transforms {
+    /// The photographs, in the order of the file.
+    pub frames: Vec<Frame>,
+    /// Names of the frames to train on; empty when the file does not split.
+    pub train_filenames: Vec<String>,
+    /// Names of the frames to validate on.
+    pub val_filenames: Vec<String>,
+    /// Names of the frames to test on.
+    pub test_filenames: Vec<String>,
+}
+
+/// One photograph.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// `file_path` as the JSON has it, which is what the split lists refer to.
+    pub name: String,
+    /// The image file: next to the JSON, with its extension.
+    pub file_path: PathBuf,
+    /// OpenCV world-to-camera (the JSON holds OpenGL camera-to-world).
+    pub pose: Pose,
+    /// Intrinsics for an image of `width` x `height`.
+    pub intrinsics: Intrinsics,
+    /// Image width, pixels.
+    pub width: usize,
+    /// Image height, pixels.
+    pub height: usize,
+}
+
+const DISTORTION: [&str; 6] = ["k1", "k2", "k3", "k4", "p1", "p2"];
+
+impl Transforms {
+    /// Reads the file and looks for its images.
+    ///
+    /// Intrinsics may stand in the frame or, for all frames, at the top: `fl_x` `fl_y` `cx` `cy` `w` `h`, or
+    /// `camera_angle_x` (and `_y`). Missing `fl_y` is `fl_x`, a missing principal point is the image's centre, a
+    /// missing size is read from the image's header. A `file_path` without extension gets `.png`, `.jpg` or `.jpeg`,
+    /// whichever exists. Errors on lens distortion, on matrices that are not rigid and on missing images.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let root: Value = serde_json::from_slice(&read_bytes(path)?).map_err(|e| {
+            Error::invalid(
+                path,
+                format!("line {} column {}", e.line(), e.column()),
+                "JSON",
+                e,
+            )
+        })?;
+        let Some(top) = root.as_object() else {
+            return Err(Error::invalid(path, "top level", "an object", kind(&root)));
+        };
+        let Some(list) = top.get("frames").and_then(Value::as_array) else {
+            return Err(Error::invalid(
+                path,
+                "frames",
+                "a list",
+                top.get("frames").map_or("nothing", kind),
+            ));
+        };
+        let frame = |(i, value): (usize, &Value)| {
+            let place = format!("frames[{i}]");
+            match value.as_object() {
+                Some(own) => FrameReader {
+                    path,
+                    place,
+                    own,
+                    top,
+                }
+                .read(),
+                None => Err(Error::invalid(path, place, "an object", kind(value))),
+            }
+        };
+        Ok(Self {
+            frames: list.iter().enumerate().map(frame).collect::<Result<_>>()?,
+            train_filenames: names(path, top, "train_filenames")?,
+            val_filenames: names(path, top, "val_filenames")?,
+            test_filenames: names(path, top, "test_filenames")?,
+        })
+    }
+
+    /// Writes the nerfstudio form, intrinsics in every frame, `file_path` from [`Frame::name`].
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
+        let frames: Vec<Value> = self.frames.iter().map(Frame::to_json).collect();
+        let mut root = json!({ "camera_model": "PINHOLE", "frames": frames });
+        let splits = [
+            ("train_filenames", &self.train_filenames),
+            ("val_filenames", &self.val_filenames),
+            ("test_filenames", &self.test_filenames),
+        ];
+        for (key, names) in splits.into_iter().filter(|(_, names)| !names.is_empty()) {
+            root[key] = json!(names);
+        }
+        atomic_write(path, |w| {
+            serde_json::to_writer_pretty(&mut *w, &root)?;
+            writeln!(w)
+        })
+    }
+}
+
+impl Frame {
+    fn to_json(&self) -> Value {
+        let [a, b, c] = axes::to_opengl(&self.pose).rows();
+        json!({
+            "file_path": self.name,
+            "fl_x": self.intrinsics.fx,
+            "fl_y": self.intrinsics.fy,
+            "cx": self.intrinsics.cx,
+            "cy": self.intrinsics.cy,
+            "w": self.width,
+            "h": self.height,
+            "transform_matrix": [a, b, c, [0.0, 0.0, 0.0, 1.0]],
+        })
+    }
+}
+
+/// One entry of `frames`, with the file's top level to fall back on.
+struct FrameReader<'a> {
+    path: &'a Path,
+    place: String,
+    own: &'a Map<String, Value>,
+    top: &'a Map<String, Value>,
+}
+
+impl FrameReader<'_> {
+    fn read(&self) -> Result<Frame> {
+        let name = match self.own.get("file_path") {
+            Some(Value::String(name)) => name.clone(),
+            other => {
+                return Err(self.invalid("file_path", "a string", other.map_or("nothing", kind)));
+            }
+        };
+        let file_path = self.image_file(&name)?;
+        let (width, height) = match (self.size("w")?, self.size("h")?) {
+            (Some(width), Some(height)) => (width, height),
+            _ => Image::dimensions(&file_path)?,
+        };
+        let intrinsics = self.intrinsics(width, height)?;
+        Ok(Frame {
+            name,
+            file_path,
+            pose: self.pose()?,
+            intrinsics,
+            width,
+            height,
+        })
+    }
+
+    fn image_file(&self, name: &str) -> Result<PathBuf> {
+        let file = self.path.parent().unwrap_or(Path::new("")).join(name);
+        let with_extension = |extension: &str| {
+            let mut full = file.clone().into_os_string();
+            full.push(extension);
+            PathBuf::from(full)
+        };
+        let candidates = ["", ".png", ".jpg", ".jpeg"].map(with_extension);
+        candidates.into_iter().find(|f| f.is_file()).ok_or_else(|| {
+            self.invalid(
+                "file_path",
+                "an image file",
+                format!("no file {}", file.display()),
+            )
+        })
+    }
+
+    fn pose(&self) -> Result<Pose> {
+        const KEY: &str = "transform_matrix";
+        let expected = "4 rows of 4 numbers";
+        let Some(matrix) = self.own.get(KEY).and_then(Value::as_array) else {
+            return Err(self.invalid(KEY, expected, self.own.get(KEY).map_or("nothing", kind)));
+        };
+        // The fourth row says nothing; some writers leave it out.
+        if !(3..=4).contains(&matrix.len()) {
+            return Err(self.invalid(KEY, expected, format!("{} rows", matrix.len())));
+        }
+        let mut rows = [[0.0; 4]; 3];
+        for (r, (row, from)) in rows.iter_mut().zip(matrix).enumerate() {
+            let place = format!("{KEY}[{r}]");
+            match from.as_array() {
+                Some(values) if values.len() == 4 => {
+                    for (c, (to, value)) in row.iter_mut().zip(values).enumerate() {
+                        let bad =
+                            || self.invalid(format!("{place}[{c}]"), "a finite number", value);
+                        *to = value.as_f64().filter(|x| x.is_finite()).ok_or_else(bad)?;
+                    }
+                }
+                Some(values) => return Err(self.invalid(place, "4 numbers", values.len())),
+                None => return Err(self.invalid(place, "4 numbers", kind(from))),
+            }
+        }
+        let camera_to_world = Pose::from_rows(&rows)
+            .map_err(|e| self.invalid(KEY, "a rigid camera-to-world transform", e))?;
+        Ok(axes::from_opengl(&camera_to_world))
+    }
+
+    fn intrinsics(&self, width: usize, height: usize) -> Result<Intrinsics> {
+        for key in DISTORTION {
+            if let Some(value) = self.number(key)?.filter(|&x| x != 0.0) {
+                return Err(self.invalid(key, "0 (an undistorted pinhole camera)", value));
+            }
+        }
+        if let Some(model) = self.get("camera_model").and_then(Value::as_str)
+            && ![
+                "OPENCV",
+                "PINHOLE",
+                "SIMPLE_PINHOLE",
+                "SIMPLE_RADIAL",
+                "RADIAL",
+            ]
+            .contains(&model)
+        {
+            return Err(self.invalid("camera_model", "a pinhole camera", model));
+        }
+        let from_angle = |key, size: usize| -> Result<Option<f64>> {
+            Ok(self
+                .number(key)?
+                .map(|angle| size as f64 / 2.0 / (angle / 2.0).tan()))
+        };
+        let fx = match self.number("fl_x")? {
+            Some(fx) => fx,
+            None => from_angle("camera_angle_x", width)?
+                .ok_or_else(|| self.invalid("fl_x", "fl_x or camera_angle_x", "neither"))?,
+        };
+        let fy = match self.number("fl_y")? {
+            Some(fy) => fy,
+            None => from_angle("camera_angle_y", height)?.unwrap_or(fx),
+        };
+        for (key, focal) in [("fl_x", fx), ("fl_y", fy)] {
+            if !(focal.is_finite() && focal > 0.0) {
+                return Err(self.invalid(key, "a positive focal length", focal));
+            }
+        }
+        let cx = self.number("cx")?.unwrap_or(width as f64 / 2.0);
+        let cy = self.number("cy")?.unwrap_or(height as f64 / 2.0);
+        Ok(Intrinsics { fx, fy, cx, cy })
+    }
+
+    fn get(&self, key: &str) -> Option<&Value> {
+        self.own.get(key).or_else(|| self.top.get(key))
+    }
+
+    fn number(&self, key: &str) -> Result<Option<f64>> {
+        match self.get(key) {
+            None => Ok(None),
+            Some(value) => match value.as_f64() {
+                Some(x) => Ok(Some(x)),
+                None => Err(self.invalid(key, "a number", value)),
+            },
+        }
+    }
+
+    fn size(&self, key: &str) -> Result<Option<usize>> {
+        match self.number(key)? {
+            None => Ok(None),
+            // Some writers say 384.0.
+            Some(x) if x >= 1.0 && x <= f64::from(1 << 20) && x.fract() == 0.0 => {
+                Ok(Some(x as usize))
+            }
+            Some(x) => Err(self.invalid(key, "a size in pixels", x)),
+        }
+    }
+
+    fn invalid(&self, key: impl Display, expected: impl Display, found: impl Display) -> Error {
+        Error::invalid(self.path, format!("{}.{key}", self.place), expected, found)
+    }
+}
+
+fn names(path: &Path, top: &Map<String, Value>, key: &str) -> Result<Vec<String>> {
+    let Some(value) = top.get(key) else {
+        return Ok(Vec::new());
+    };
+    let list = value
+        .as_array()
+        .and_then(|l| l.iter().map(|n| n.as_str().map(String::from)).collect());
+    list.ok_or_else(|| Error::invalid(path, key, "a list of strings", kind(value)))
+}
+
+fn kind(value: &Value) -> &'static str {
+    match value {
+        Value::Null => "null",
+        Value::Bool(_) => "a boolean",
+        Value::Number(_) => "a number",
+        Value::String(_) => "a string",
+        Value::Array(_) => "a list",
+        Value::Object(_) => "an object",
+    }
+}

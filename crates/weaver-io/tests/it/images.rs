@@ -1,0 +1,201 @@
+use crate::shared;
+use proptest::prelude::*;
+use weaver_io::{Background, Image, false_colour, label_colour};
+
+fn ramp(width: usize, height: usize) -> Image {
+    let bytes: Vec<u8> = (0..width * height * 3)
+        .map(|i| (i * 37 % 256) as u8)
+        .collect();
+    Image::from_bytes(width, height, &bytes)
+}
+
+#[test]
+fn png_round_trip_is_exact() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let image = ramp(7, 5);
+    image.write_png(&path).unwrap();
+    assert_eq!(Image::read(&path, Background::White).unwrap(), image);
+    assert_eq!(Image::dimensions(&path).unwrap(), (7, 5));
+}
+
+#[test]
+fn alpha_and_sixteen_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let rgba = image::RgbaImage::from_raw(2, 1, vec![255, 0, 0, 255, 200, 100, 0, 0]).unwrap();
+    rgba.save(&path).unwrap();
+    let white = Image::read(&path, Background::White).unwrap();
+    assert_eq!(white.pixels, [1.0, 0.0, 0.0, 1.0, 1.0, 1.0]);
+    let black = Image::read(&path, Background::Black).unwrap();
+    assert_eq!(black.pixels, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+
+    let grey = image::ImageBuffer::<image::Luma<u16>, _>::from_raw(1, 1, vec![13107u16]).unwrap();
+    grey.save(&path).unwrap();
+    for value in Image::read(&path, Background::White).unwrap().pixels {
+        assert!((value - 0.2).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn messages_name_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("broken.png");
+    std::fs::write(&path, b"\x89PNG\r\n\x1a\nnot really").unwrap();
+    let message = Image::read(&path, Background::White)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        message.contains("broken.png") && message.contains("expected a PNG or JPEG"),
+        "{message}"
+    );
+    let message = Image::read(folder.path().join("none.png"), Background::White)
+        .unwrap_err()
+        .to_string();
+    assert!(message.contains("none.png"), "{message}");
+}
+
+#[test]
+fn crop_and_mosaic() {
+    let image = ramp(6, 4);
+    let part = image.crop(2, 1, 3, 2);
+    assert_eq!(part.pixels[..9], image.pixels[(6 + 2) * 3..(6 + 5) * 3]);
+    let both = Image::mosaic(&[&part, &image]);
+    assert_eq!((both.width, both.height), (9, 4));
+    assert_eq!(both.crop(0, 0, 3, 2), part);
+    assert_eq!(both.crop(3, 0, 6, 4), image);
+    assert_eq!(both.crop(0, 2, 3, 2), Image::filled(3, 2, [0.0; 3]));
+}
+
+/// The filter by its definition in f64, without intermediate rounding.
+fn lanczos_reference(
+    image: &Image,
+    width: usize,
+    height: usize,
+    [x0, y0, x1, y1]: [f64; 4],
+) -> Vec<f64> {
+    let weights = |from: f64, to: f64, out: usize, o: usize, size: usize| {
+        let scale = (to - from) / out as f64;
+        let centre = from + (o as f64 + 0.5) * scale;
+        let kernel = |x: f64| {
+            let sinc = |x: f64| {
+                if x == 0.0 {
+                    1.0
+                } else {
+                    (std::f64::consts::PI * x).sin() / (std::f64::consts::PI * x)
+                }
+            };
+            if x.abs() < 3.0 {
+                sinc(x) * sinc(x / 3.0)
+            } else {
+                0.0
+            }
+        };
+        let all: Vec<f64> = (0..size)
+            .map(|i| kernel((i as f64 + 0.5 - centre) / scale.max(1.0)))
+            .collect();
+        let total: f64 = all.iter().sum();
+        all.into_iter().map(|w| w / total).collect::<Vec<f64>>()
+    };
+    let mut out = Vec::new();
+    for y in 0..height {
+        let wy = weights(y0, y1, height, y, image.height);
+        for x in 0..width {
+            let wx = weights(x0, x1, width, x, image.width);
+            for c in 0..3 {
+                let mut sum = 0.0;
+                for (j, wy) in wy.iter().enumerate() {
+                    // The first pass clamps, as any pass over 8-bit values does.
+                    let row: f64 = (0..image.width)
+                        .map(|i| wx[i] * f64::from(image.pixels[(j * image.width + i) * 3 + c]))
+                        .sum();
+                    sum += wy * row.clamp(0.0, 1.0);
+                }
+                out.push(sum.clamp(0.0, 1.0));
+            }
+        }
+    }
+    out
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+
+    #[test]
+    fn lanczos_is_the_filter_by_definition(
+        (w, h) in (4usize..24, 4usize..24), (ow, oh) in (1usize..20, 1usize..20), seed in 0u32..1000,
+        (l, t) in (0.0..0.4f64, 0.0..0.4f64), (r, b) in (0.6..1.0f64, 0.6..1.0f64),
+    ) {
+        let bytes: Vec<u8> = (0..(w * h * 3) as u32).map(|i| (i.wrapping_mul(2654435761).wrapping_add(seed * 77) >> 13) as u8).collect();
+        let image = Image::from_bytes(w, h, &bytes);
+        let part = [l * w as f64, t * h as f64, r * w as f64, b * h as f64];
+        let resized = image.resize(ow, oh, part);
+        let reference = lanczos_reference(&image, ow, oh, part);
+        // Rounding to 8 bits: half a step in the second pass, and half a step times sum |w| < 1.5 from the first.
+        for (a, b) in resized.pixels.iter().zip(reference) {
+            prop_assert!((f64::from(*a) - b).abs() < 1.3 / 255.0, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn constant_images_stay_constant(v in 0u8..=255, w in 1usize..40, h in 1usize..40, ow in 1usize..40, oh in 1usize..40) {
+        let image = Image::from_bytes(w, h, &vec![v; w * h * 3]);
+        prop_assert_eq!(image.resize(ow, oh, [0.0, 0.0, w as f64, h as f64]).to_bytes(), vec![v; ow * oh * 3]);
+        prop_assert_eq!(image.resize_area(ow, oh).to_bytes(), vec![v; ow * oh * 3]);
+    }
+
+    #[test]
+    fn hostile_images_never_panic(cut in 0usize..200, at in 0usize..200, bit in 0u8..8) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        ramp(5, 4).write_png(&path).unwrap();
+        let mut bytes = std::fs::read(&path).unwrap();
+        bytes.truncate(bytes.len().saturating_sub(cut / 2));
+        if let Some(b) = bytes.get_mut(at) { *b ^= 1 << bit; }
+        std::fs::write(&path, &bytes).unwrap();
+        let _ = Image::read(&path, Background::White);
+        let _ = Image::dimensions(&path);
+    }
+}
+
+#[test]
+fn same_size_is_the_identity() {
+    let image = ramp(9, 8);
+    assert_eq!(image.resize(9, 8, [0.0, 0.0, 9.0, 8.0]), image);
+    assert_eq!(image.resize_area(9, 8), image);
+}
+
+#[test]
+fn area_averages_blocks() {
+    let image = Image::from_bytes(2, 2, &[0, 0, 0, 100, 0, 0, 20, 0, 0, 40, 0, 255]);
+    assert_eq!(image.resize_area(1, 1).to_bytes(), [40, 0, 64]);
+}
+
+#[test]
+fn colours() {
+    let depth = false_colour(&[0.0, 1.0, 9.0, f32::NAN], 4, 1, 0.0, 1.0);
+    assert_eq!(depth.to_bytes()[..3], [68, 1, 84]);
+    assert_eq!(depth.crop(1, 0, 1, 1), depth.crop(2, 0, 1, 1));
+    assert_eq!(depth.crop(3, 0, 1, 1).to_bytes(), [0, 0, 0]);
+    let labels = label_colour(&[0, 1, 10], 3, 1);
+    assert_eq!(labels.crop(0, 0, 1, 1), labels.crop(2, 0, 1, 1));
+    assert_ne!(labels.crop(0, 0, 1, 1), labels.crop(1, 0, 1, 1));
+}
+
+#[test]
+fn real_photographs() {
+    let Some(folder) = shared::data("fox") else {
+        return;
+    };
+    let path = folder.join("images/0001.jpg");
+    let image = Image::read(&path, Background::White).unwrap();
+    assert_eq!((image.width, image.height), (216, 384));
+    assert_eq!(Image::dimensions(&path).unwrap(), (216, 384));
+    let mean = image.pixels.iter().sum::<f32>() / image.pixels.len() as f32;
+    let small = image.resize(64, 48, [0.0, 111.0, 216.0, 273.0]);
+    let small_mean = small.pixels.iter().sum::<f32>() / small.pixels.len() as f32;
+    assert!(
+        (0.1..0.9).contains(&mean) && (mean - small_mean).abs() < 0.2,
+        "{mean} {small_mean}"
+    );
+}

@@ -1,0 +1,189 @@
+use crate::shared;
+use proptest::prelude::*;
+use std::path::Path;
+use weaver_geometry::glam::DVec3;
+use weaver_geometry::{Intrinsics, Pose};
+use weaver_io::{Frame, Image, Transforms};
+
+fn scene(folder: &Path) -> Transforms {
+    std::fs::create_dir_all(folder.join("images")).unwrap();
+    let frames = (0..3)
+        .map(|i| {
+            let name = format!("images/{i}.png");
+            let file_path = folder.join(&name);
+            Image::filled(8, 6, [0.5; 3]).write_png(&file_path).unwrap();
+            let t = f64::from(i);
+            let pose = Pose::from_wxyz([1.0, 0.1 * t, 0.2, -0.3], DVec3::new(t, 0.5, 2.0));
+            let intrinsics = Intrinsics {
+                fx: 9.0 + t,
+                fy: 8.5,
+                cx: 4.25,
+                cy: 3.0,
+            };
+            Frame {
+                name,
+                file_path,
+                pose,
+                intrinsics,
+                width: 8,
+                height: 6,
+            }
+        })
+        .collect();
+    let test_filenames = vec!["images/1.png".to_string()];
+    Transforms {
+        frames,
+        test_filenames,
+        ..Transforms::default()
+    }
+}
+
+#[test]
+fn round_trip() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("transforms.json");
+    let scene = scene(folder.path());
+    scene.write(&path).unwrap();
+    let back = Transforms::read(&path).unwrap();
+    for (a, b) in scene.frames.iter().zip(&back.frames) {
+        assert!(
+            (a.pose.rotation - b.pose.rotation)
+                .to_cols_array()
+                .iter()
+                .all(|d| d.abs() < 1e-12)
+        );
+        assert!((a.pose.translation - b.pose.translation).length() < 1e-12);
+        assert_eq!(
+            (a.intrinsics, a.width, a.height),
+            (b.intrinsics, b.width, b.height)
+        );
+        assert_eq!((&a.name, &a.file_path), (&b.name, &b.file_path));
+    }
+    assert_eq!(back.frames.len(), 3);
+    assert_eq!(back.test_filenames, scene.test_filenames);
+}
+
+/// The error message for a scene whose JSON was changed.
+fn message(change: impl FnOnce(&mut serde_json::Value)) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("transforms.json");
+    scene(folder.path()).write(&path).unwrap();
+    let mut root = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    change(&mut root);
+    std::fs::write(&path, root.to_string()).unwrap();
+    Transforms::read(&path).unwrap_err().to_string()
+}
+
+#[test]
+fn messages_name_file_and_key() {
+    let cases = [
+        (
+            message(|r| r["frames"] = 3.into()),
+            "frames: expected a list, found a number",
+        ),
+        (
+            message(|r| r["frames"][1]["transform_matrix"][2][0] = "NaN".into()),
+            "frames[1].transform_matrix[2][0]: expected a finite number",
+        ),
+        (
+            message(|r| r["frames"][1]["transform_matrix"][2][0] = 7.into()),
+            "frames[1].transform_matrix: expected a rigid",
+        ),
+        (
+            message(|r| r["frames"][0]["file_path"] = "images/9.png".into()),
+            "frames[0].file_path: expected an image file",
+        ),
+        (
+            message(|r| r["frames"][2]["fl_x"] = serde_json::Value::Null),
+            "frames[2].fl_x: expected a number, found null",
+        ),
+        (
+            message(|r| drop(r["frames"][2].as_object_mut().unwrap().remove("fl_x"))),
+            "frames[2].fl_x: expected fl_x or camera_angle_x, found neither",
+        ),
+        (
+            message(|r| r["k1"] = 0.1.into()),
+            "frames[0].k1: expected 0",
+        ),
+        (
+            message(|r| r["frames"][0]["w"] = 0.5.into()),
+            "frames[0].w: expected a size",
+        ),
+    ];
+    for (message, expected) in cases {
+        assert!(
+            message.contains("transforms.json: ") && message.contains(expected),
+            "{message}\n{expected}"
+        );
+    }
+}
+
+#[test]
+fn nerf_synthetic_form() {
+    let folder = tempfile::tempdir().unwrap();
+    Image::filled(20, 10, [0.0; 3])
+        .write_png(folder.path().join("r_0.png"))
+        .unwrap();
+    let path = folder.path().join("transforms_train.json");
+    let angle = 2.0 * (0.5f64).atan();
+    std::fs::write(
+        &path,
+        format!(
+            r#"{{"camera_angle_x": {angle}, "frames": [{{"file_path": "./r_0",
+            "transform_matrix": [[1,0,0,1],[0,1,0,2],[0,0,1,3],[0,0,0,1]]}}]}}"#
+        ),
+    )
+    .unwrap();
+    let scene = Transforms::read(&path).unwrap();
+    let frame = &scene.frames[0];
+    assert_eq!((frame.width, frame.height), (20, 10));
+    assert!(
+        (frame.intrinsics.fx - 20.0).abs() < 1e-12 && frame.intrinsics.fx == frame.intrinsics.fy
+    );
+    assert_eq!((frame.intrinsics.cx, frame.intrinsics.cy), (10.0, 5.0));
+    // A camera at (1, 2, 3) that looks along -z of the world, y up.
+    assert_eq!(frame.pose.centre(), DVec3::new(1.0, 2.0, 3.0));
+    assert_eq!(
+        frame.pose.apply(DVec3::new(1.0, 3.0, 1.0)),
+        DVec3::new(0.0, -1.0, 2.0)
+    );
+}
+
+#[test]
+fn real_scenes() {
+    if let Some(folder) = shared::data("lego-synthetic") {
+        let scene = Transforms::read(folder.join("transforms_train.json")).unwrap();
+        assert_eq!(scene.frames.len(), 100);
+        for frame in &scene.frames {
+            // Every camera is 4.031 from the origin and looks at it.
+            assert!((frame.pose.centre().length() - 4.031).abs() < 1e-3);
+            let origin = frame.pose.apply(DVec3::ZERO);
+            assert!(
+                (origin - DVec3::new(0.0, 0.0, 4.031)).length() < 2e-3,
+                "{origin}"
+            );
+            assert!((frame.intrinsics.fx - 355.5555).abs() < 1e-3);
+        }
+    }
+    if let Some(folder) = shared::data("fox") {
+        let scene = Transforms::read(folder.join("transforms.json")).unwrap();
+        assert_eq!((scene.frames.len(), scene.test_filenames.len()), (50, 7));
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn hostile_files_never_panic(cut in 0.0..1.0f64, at in 0.0..1.0f64, byte in any::<u8>(), truncate in any::<bool>()) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("transforms.json");
+        scene(folder.path()).write(&path).unwrap();
+        let mut bytes = std::fs::read(&path).unwrap();
+        let index = (at * bytes.len() as f64) as usize;
+        bytes[index] = byte;
+        if truncate { bytes.truncate((cut * bytes.len() as f64) as usize); }
+        std::fs::write(&path, &bytes).unwrap();
+        let _ = Transforms::read(&path);
+    }
+}
