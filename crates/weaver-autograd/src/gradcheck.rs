@@ -1,0 +1,302 @@
+//! Checks the gradient of anything that runs on a tape, against central differences in `f64`.
+//!
+//! One call tries what goes wrong in practice: single coordinates and random directions under random cotangents,
+//! gradients that are added to what is there already, the same tensor given twice, and inputs whose gradient nobody
+//! asks for.
+//!
+//! ```
+//! use weaver_autograd::gradcheck::{Input, gradcheck};
+//! gradcheck(&[Input::new(&[0.3, -1.2], [2])], |x| vec![(x[0] * x[0]).sum()]);
+//! ```
+
+use crate::{Shape, Tape, Var};
+use weaver_kernels::random::Stream;
+
+/// An input of the function under test.
+#[derive(Clone, Debug)]
+pub struct Input {
+    /// Its numbers.
+    pub data: Vec<f64>,
+    /// Its dimensions.
+    pub shape: Shape,
+    /// Whether it has a gradient; constants (targets, masks) have none.
+    pub differentiable: bool,
+}
+
+impl Input {
+    /// A differentiable input.
+    pub fn new(data: &[f64], shape: impl Into<Shape>) -> Self {
+        Self { data: data.to_vec(), shape: shape.into(), differentiable: true }
+    }
+
+    /// Standard normal numbers, a function of `seed` alone.
+    pub fn normal(seed: u64, shape: impl Into<Shape>) -> Self {
+        let shape = shape.into();
+        let stream = Stream::new(seed, 0, "gradcheck.input");
+        Self::new(&(0..shape.len() as u64).map(|i| stream.normal(i)).collect::<Vec<_>>(), shape)
+    }
+
+    /// Uniform numbers between `low` and `high`, a function of `seed` alone.
+    pub fn uniform(seed: u64, low: f64, high: f64, shape: impl Into<Shape>) -> Self {
+        let shape = shape.into();
+        let stream = Stream::new(seed, 0, "gradcheck.input");
+        let draw = |i| low + (high - low) * stream.uniform::<f64>(i);
+        Self::new(&(0..shape.len() as u64).map(draw).collect::<Vec<_>>(), shape)
+    }
+
+    /// The same numbers as a constant.
+    pub fn constant(self) -> Self {
+        Self { differentiable: false, ..self }
+    }
+}
+
+/// How hard to look, and how close is close enough.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// Step of the central differences.
+    pub step: f64,
+    /// Largest error allowed, relative to max(1, the derivative, the output's scale).
+    pub tolerance: f64,
+    /// Coordinates tried per input.
+    pub coordinates: usize,
+    /// Random directions tried over all inputs together.
+    pub directions: usize,
+    /// Seed of cotangents, coordinates and directions.
+    pub seed: u64,
+    /// Whether inputs of equal shape are also given as one and the same tensor.
+    pub duplicates: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { step: 1e-5, tolerance: 1e-6, coordinates: 6, directions: 3, seed: 0, duplicates: true }
+    }
+}
+
+/// Checks the gradient of `f` with the default [`Options`]; panics with the place and both numbers if it is wrong.
+#[track_caller]
+pub fn gradcheck<F>(inputs: &[Input], f: F)
+where
+    F: for<'t> Fn(&[Var<'t, f64>]) -> Vec<Var<'t, f64>>,
+{
+    gradcheck_with(Options::default(), inputs, f);
+}
+
+/// Checks the gradient of `f`: a function from tensors to tensors, pure, and smooth where it is evaluated.
+#[track_caller]
+pub fn gradcheck_with<F>(options: Options, inputs: &[Input], f: F)
+where
+    F: for<'t> Fn(&[Var<'t, f64>]) -> Vec<Var<'t, f64>>,
+{
+    let check = Check { options, f: &f };
+    let gradient = check.gradient(inputs, &Mode::default());
+    check.differences(inputs, &gradient);
+    check.seeded(inputs, &gradient);
+    check.absent(inputs, &gradient);
+    if options.duplicates {
+        check.duplicates(inputs);
+    }
+}
+
+/// Checks that `adjoint` is the adjoint of the linear map `forward`: <forward(x), y> = <x, adjoint(y)>, on random vectors.
+#[track_caller]
+pub fn adjoint_check<F>(shape: impl Into<Shape>, seed: u64, forward: F)
+where
+    F: for<'t> Fn(Var<'t, f64>) -> Var<'t, f64>,
+{
+    let x = Input::normal(seed, shape);
+    let tape = Tape::<f64>::new();
+    let var = tape.leaf(&x.data, x.shape);
+    let out = forward(var);
+    if out.shape().is_empty() || x.shape.is_empty() {
+        return;
+    }
+    let y = Input::normal(seed.wrapping_add(1), out.shape());
+    out.backward_with(&y.data);
+    let left = dot(&out.value(), &y.data);
+    let right = dot(&x.data, &var.grad().expect("a linear map passes a gradient to its input"));
+    let scale = dot(&x.data, &x.data).sqrt() * dot(&y.data, &y.data).sqrt();
+    assert!((left - right).abs() <= 1e-11 * scale.max(1.0), "adjoint: <Ax, y> = {left}, <x, A'y> = {right}");
+    // Linearity: A(2x) = 2 A(x), and A(0) = 0.
+    let doubled = forward(tape.constant(&x.data.iter().map(|v| 2.0 * v).collect::<Vec<_>>(), x.shape)).to_vec();
+    for (twice, once) in doubled.iter().zip(out.to_vec()) {
+        assert!((twice - 2.0 * once).abs() <= 1e-10 * (1.0 + once.abs()), "not linear: {twice} against 2 * {once}");
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// How the gradient is computed: the plain way, or with complications that must not change it.
+#[derive(Default)]
+struct Mode {
+    /// Also add <this, x_i> to the loss, recorded after `f`, so that f's backward pass finds a gradient in the slot.
+    seeds: Option<Vec<Vec<f64>>>,
+    /// Inputs that are passed as constants.
+    absent: Vec<usize>,
+    /// Pass input `.1` in place of input `.0`.
+    alias: Option<(usize, usize)>,
+}
+
+struct Check<'a, F> {
+    options: Options,
+    f: &'a F,
+}
+
+impl<F> Check<'_, F>
+where
+    F: for<'t> Fn(&[Var<'t, f64>]) -> Vec<Var<'t, f64>>,
+{
+    fn cotangent(&self, output: usize, shape: Shape) -> Vec<f64> {
+        let stream = Stream::new(self.options.seed, output as u64, "gradcheck.cotangent");
+        (0..shape.len() as u64).map(|i| stream.normal(i)).collect()
+    }
+
+    /// The loss is the sum of cotangent * output over the tracked outputs; returns its value.
+    fn loss(&self, inputs: &[Input]) -> f64 {
+        let tape = Tape::<f64>::new();
+        let vars: Vec<_> = inputs.iter().map(|x| tape.constant(&x.data, x.shape)).collect();
+        let outputs = (self.f)(&vars);
+        outputs.iter().enumerate().map(|(o, y)| dot(&y.value(), &self.cotangent(o, y.shape()))).sum()
+    }
+
+    fn gradient(&self, inputs: &[Input], mode: &Mode) -> Vec<Option<Vec<f64>>> {
+        let tape = Tape::<f64>::new();
+        let sources: Vec<_> = inputs
+            .iter()
+            .enumerate()
+            .map(|(i, x)| {
+                if x.differentiable && !mode.absent.contains(&i) {
+                    tape.leaf(&x.data, x.shape)
+                } else {
+                    tape.constant(&x.data, x.shape)
+                }
+            })
+            .collect();
+        let mut vars = sources.clone();
+        if let Some((replaced, by)) = mode.alias {
+            vars[replaced] = sources[by];
+        }
+        let mut loss = tape.scalar(0.0);
+        for (o, y) in (self.f)(&vars).into_iter().enumerate() {
+            let cotangent = tape.constant(&self.cotangent(o, y.shape()), y.shape());
+            assert!(y.value().iter().all(|v| v.is_finite()), "output {o} is not finite: {y:?}");
+            loss = loss + (y * cotangent).sum();
+        }
+        if let Some(seeds) = &mode.seeds {
+            for (x, seed) in vars.iter().zip(seeds) {
+                loss = loss + (*x * tape.constant(seed, x.shape())).sum();
+            }
+        }
+        if loss.is_tracked() {
+            loss.backward();
+        }
+        sources.iter().map(|x| x.grad()).collect()
+    }
+
+    fn differences(&self, inputs: &[Input], gradient: &[Option<Vec<f64>>]) {
+        let Options { step, tolerance, .. } = self.options;
+        let zero: Vec<Vec<f64>> = inputs.iter().map(|x| vec![0.0; x.data.len()]).collect();
+        let mut directions: Vec<(String, Vec<Vec<f64>>)> = Vec::new();
+        for (i, x) in inputs.iter().enumerate().filter(|(_, x)| x.differentiable && !x.data.is_empty()) {
+            assert!(gradient[i].is_some(), "no gradient reached input {i} of shape {}", x.shape);
+            let order = Stream::new(self.options.seed, i as u64, "gradcheck.coordinate").permutation(x.data.len());
+            for &at in order.iter().take(self.options.coordinates) {
+                let mut direction = zero.clone();
+                direction[i][at] = 1.0;
+                directions.push((format!("input {i} {}, element {at}", x.shape), direction));
+            }
+        }
+        for d in 0..self.options.directions as u64 {
+            let stream = Stream::new(self.options.seed, d, "gradcheck.direction");
+            let mut direction = zero.clone();
+            let mut count = 0;
+            for (values, _) in direction.iter_mut().zip(inputs).filter(|(_, x)| x.differentiable) {
+                for v in values {
+                    *v = stream.normal(count);
+                    count += 1;
+                }
+            }
+            let norm = direction.iter().map(|v| dot(v, v)).sum::<f64>().sqrt();
+            if norm > 0.0 {
+                direction.iter_mut().flatten().for_each(|v| *v /= norm);
+                directions.push((format!("random direction {d}"), direction));
+            }
+        }
+        let moved = |direction: &[Vec<f64>], by: f64| {
+            let mut inputs = inputs.to_vec();
+            for (x, d) in inputs.iter_mut().zip(direction) {
+                x.data.iter_mut().zip(d).for_each(|(x, d)| *x += by * d);
+            }
+            self.loss(&inputs)
+        };
+        for (place, direction) in directions {
+            let numeric = (moved(&direction, step) - moved(&direction, -step)) / (2.0 * step);
+            let analytic: f64 =
+                direction.iter().zip(gradient).map(|(d, g)| g.as_ref().map_or(0.0, |g| dot(d, g))).sum();
+            let error = (numeric - analytic).abs() / analytic.abs().max(1.0);
+            assert!(
+                error <= tolerance,
+                "gradient at {place}: {analytic} by the op, {numeric} by differences (error {error:.2e})"
+            );
+        }
+    }
+
+    fn seeded(&self, inputs: &[Input], gradient: &[Option<Vec<f64>>]) {
+        let seeds: Vec<Vec<f64>> = inputs.iter().enumerate().map(|(i, x)| self.cotangent(100 + i, x.shape)).collect();
+        let sum = self.gradient(inputs, &Mode { seeds: Some(seeds.clone()), ..Mode::default() });
+        for (i, ((sum, plain), seed)) in sum.iter().zip(gradient).zip(&seeds).enumerate() {
+            let (Some(sum), Some(plain)) = (sum, plain) else { continue };
+            for k in 0..sum.len() {
+                let expected = plain[k] + seed[k];
+                assert!(
+                    (sum[k] - expected).abs() <= 1e-9 * (1.0 + expected.abs() + plain[k].abs()),
+                    "input {i}, element {k}: a gradient added to {} gives {}, not {expected}",
+                    seed[k],
+                    sum[k]
+                );
+            }
+        }
+    }
+
+    fn absent(&self, inputs: &[Input], gradient: &[Option<Vec<f64>>]) {
+        let differentiable: Vec<usize> = (0..inputs.len()).filter(|&i| inputs[i].differentiable).collect();
+        if differentiable.len() < 2 {
+            return;
+        }
+        for &missing in &differentiable {
+            let partial = self.gradient(inputs, &Mode { absent: vec![missing], ..Mode::default() });
+            for (i, (partial, full)) in partial.iter().zip(gradient).enumerate().filter(|(i, _)| *i != missing) {
+                assert_eq!(
+                    partial, full,
+                    "the gradient of input {i} changes when that of input {missing} is not asked for"
+                );
+            }
+        }
+    }
+
+    fn duplicates(&self, inputs: &[Input]) {
+        for i in 0..inputs.len() {
+            for j in 0..i {
+                let same = inputs[i].shape == inputs[j].shape && inputs[i].differentiable && inputs[j].differentiable;
+                if !same || inputs[i].data.is_empty() {
+                    continue;
+                }
+                let mut equal = inputs.to_vec();
+                equal[i].data = inputs[j].data.clone();
+                let apart = self.gradient(&equal, &Mode::default());
+                let once = self.gradient(&equal, &Mode { alias: Some((i, j)), ..Mode::default() });
+                let (Some(a), Some(b), Some(sum)) = (&apart[i], &apart[j], &once[j]) else { continue };
+                for k in 0..sum.len() {
+                    let expected = a[k] + b[k];
+                    assert!(
+                        (sum[k] - expected).abs() <= 1e-9 * (1.0 + a[k].abs() + b[k].abs()),
+                        "one tensor as inputs {j} and {i}: element {k} has gradient {}, not {expected}",
+                        sum[k]
+                    );
+                }
+            }
+        }
+    }
+}

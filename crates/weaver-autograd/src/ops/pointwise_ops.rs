@@ -1,0 +1,72 @@
+//! Elementwise functions, and the arithmetic operators of [`Var`].
+
+use crate::{Pointwise, PointwiseOp, Var, pointwise};
+use std::ops::{Add, Div, Mul, Neg, Sub};
+use weaver_kernels::Real;
+
+/// Applies an elementwise function of `N` inputs: all of one shape, or single elements used for all.
+#[track_caller]
+pub fn apply_pointwise<'t, T: Real, F: Pointwise<N>, const N: usize>(f: F, inputs: [Var<'t, T>; N]) -> Var<'t, T> {
+    let [y] = inputs[0].tape().apply(PointwiseOp(f), &inputs);
+    y
+}
+
+macro_rules! binary {
+    ($op:ident $method:ident $f:ident, $scalar:ident, |$a:ident, $b:ident| $body:expr) => {
+        pointwise!(
+            #[doc = concat!("Elementwise `", stringify!($body), "`.")]
+            pub $f, 2, |$a, $b| $body
+        );
+        pointwise!(
+            #[doc = concat!("Elementwise `", stringify!($body), "` with a constant.")]
+            pub $scalar { $b: f64 }, 1, |$a| $body
+        );
+        impl<'t, T: Real> $op for Var<'t, T> {
+            type Output = Var<'t, T>;
+            #[track_caller]
+            fn $method(self, other: Var<'t, T>) -> Var<'t, T> {
+                apply_pointwise($f, [self, other])
+            }
+        }
+        impl<'t, T: Real> $op<f64> for Var<'t, T> {
+            type Output = Var<'t, T>;
+            #[track_caller]
+            fn $method(self, $b: f64) -> Var<'t, T> {
+                self.map($scalar { $b })
+            }
+        }
+    };
+}
+binary!(Add add AddOp, AddScalar, |a, b| a + b);
+binary!(Sub sub SubOp, SubScalar, |a, b| a - b);
+binary!(Mul mul MulOp, MulScalar, |a, b| a * b);
+binary!(Div div DivOp, DivScalar, |a, b| a / b);
+
+pointwise!(
+    /// -x.
+    pub NegOp, 1, |x| -x
+);
+pointwise!(
+    /// x if positive, else 0; derivative 0 at 0.
+    pub Relu, 1, |x| if x.value > T::ZERO { x } else { x * 0 }
+);
+
+impl<'t, T: Real> Neg for Var<'t, T> {
+    type Output = Self;
+    fn neg(self) -> Self {
+        self.map(NegOp)
+    }
+}
+
+impl<'t, T: Real> Var<'t, T> {
+    /// Applies an elementwise function of one input.
+    #[track_caller]
+    pub fn map<F: Pointwise<1>>(self, f: F) -> Self {
+        apply_pointwise(f, [self])
+    }
+
+    /// max(x, 0), elementwise.
+    pub fn relu(self) -> Self {
+        self.map(Relu)
+    }
+}

@@ -1,0 +1,47 @@
+//! The sum of all elements.
+
+use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_kernels::Real;
+
+#[derive(Debug)]
+struct Sum;
+
+impl<T: Real> Op<T> for Sum {
+    fn name(&self) -> &'static str {
+        "sum"
+    }
+    fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
+        ensure_shape!(ins.len() == 1, "one input");
+        Ok(Shapes::one(Shape::SCALAR))
+    }
+    fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
+        // In f64 and in order: losses are compared across runs to the last bit.
+        outs[0][0] = T::from_f64(ins[0].iter().map(|x| x.to_f64()).sum());
+    }
+    fn backward(
+        &self,
+        _ins: &[View<'_, T>],
+        _outs: &[View<'_, T>],
+        douts: &[View<'_, T>],
+        dins: &mut [Option<Grad<'_, T>>],
+        _pool: &Pool,
+    ) {
+        if let Some(dx) = &mut dins[0] {
+            dx.add_each(|_| douts[0][0]);
+        }
+    }
+}
+
+impl<'t, T: Real> Var<'t, T> {
+    /// The sum of all elements, a scalar (0 for an empty tensor).
+    pub fn sum(self) -> Self {
+        let [y] = self.tape().apply(Sum, &[self]);
+        y
+    }
+
+    /// The mean of all elements, a scalar.
+    pub fn mean(self) -> Self {
+        let count = self.shape().len();
+        self.sum() * (1.0 / count as f64)
+    }
+}

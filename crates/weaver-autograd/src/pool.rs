@@ -1,0 +1,161 @@
+//! Memory that outlives a step: buffers go back to the pool when they are dropped, and come out again
+//! for the next request of their size class, so that a step which has run once allocates nothing.
+
+use std::any::{Any, TypeId};
+use std::fmt;
+use std::ops::{Deref, DerefMut};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Capacities come in four classes an octave: at most a quarter is wasted, and requests that differ a
+/// little from step to step (a varying number of Gaussians) find their buffer again.
+fn class_of(len: usize) -> usize {
+    let len = len.max(16);
+    let octave = len.ilog2() as usize;
+    let quarter = 1usize << (octave - 2);
+    let step = (len - (1 << octave)).div_ceil(quarter);
+    octave * 4 + step
+}
+
+fn class_capacity(class: usize) -> usize {
+    let (octave, step) = (class / 4, class % 4);
+    (1 << octave) + step * (1 << (octave - 2))
+}
+
+/// The free vectors of one element type, by size class.
+struct Shelf<U> {
+    classes: Vec<Vec<Vec<U>>>,
+}
+
+#[derive(Default)]
+struct Shelves {
+    of_type: Vec<(TypeId, Box<dyn Any + Send>)>,
+    allocated_bytes: usize,
+}
+
+impl Shelves {
+    fn shelf<U: Send + 'static>(&mut self) -> &mut Shelf<U> {
+        let id = TypeId::of::<U>();
+        let at = self.of_type.iter().position(|(t, _)| *t == id).unwrap_or_else(|| {
+            self.of_type.push((id, Box::new(Shelf::<U> { classes: Vec::new() })));
+            self.of_type.len() - 1
+        });
+        self.of_type[at].1.downcast_mut().expect("shelves are keyed by their element type")
+    }
+}
+
+/// A shared pool of buffers of any element type. Cloning shares it.
+#[derive(Clone, Default)]
+pub struct Pool {
+    shelves: Arc<Mutex<Shelves>>,
+}
+
+impl fmt::Debug for Pool {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Pool").field("allocated_bytes", &self.allocated_bytes()).finish()
+    }
+}
+
+impl Pool {
+    /// An empty pool.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// A buffer of `len` elements whose contents are unspecified (default or left from an earlier use).
+    pub fn buffer<U: Copy + Default + Send + 'static>(&self, len: usize) -> Buffer<U> {
+        let class = class_of(len);
+        let mut shelves = self.shelves.lock().unwrap_or_else(PoisonError::into_inner);
+        let shelf = shelves.shelf::<U>();
+        let free = shelf.classes.get_mut(class).and_then(Vec::pop);
+        let data = free.unwrap_or_else(|| {
+            let capacity = class_capacity(class);
+            shelves.allocated_bytes += capacity * size_of::<U>();
+            vec![U::default(); capacity]
+        });
+        Buffer { data, len, pool: self.clone() }
+    }
+
+    /// A buffer of `len` elements, all set to `value`.
+    pub fn filled<U: Copy + Default + Send + 'static>(&self, len: usize, value: U) -> Buffer<U> {
+        let mut buffer = self.buffer(len);
+        buffer.fill(value);
+        buffer
+    }
+
+    /// A pooled copy of `source`.
+    pub fn copy_of<U: Copy + Default + Send + 'static>(&self, source: &[U]) -> Buffer<U> {
+        let mut buffer = self.buffer(source.len());
+        buffer.copy_from_slice(source);
+        buffer
+    }
+
+    /// Bytes ever allocated by this pool: its high-water mark, since it gives nothing back.
+    pub fn allocated_bytes(&self) -> usize {
+        self.shelves.lock().unwrap_or_else(PoisonError::into_inner).allocated_bytes
+    }
+}
+
+/// A slice of pooled memory; dropping it returns the memory to its pool.
+pub struct Buffer<U: Copy + Send + 'static> {
+    data: Vec<U>,
+    len: usize,
+    pool: Pool,
+}
+
+impl<U: Copy + Send + 'static> Drop for Buffer<U> {
+    fn drop(&mut self) {
+        let data = std::mem::take(&mut self.data);
+        let class = class_of(data.len());
+        let mut shelves = self.pool.shelves.lock().unwrap_or_else(PoisonError::into_inner);
+        let classes = &mut shelves.shelf::<U>().classes;
+        if classes.len() <= class {
+            classes.resize_with(class + 1, Vec::new);
+        }
+        classes[class].push(data);
+    }
+}
+
+impl<U: Copy + Send + 'static> Deref for Buffer<U> {
+    type Target = [U];
+    fn deref(&self) -> &[U] {
+        &self.data[..self.len]
+    }
+}
+
+impl<U: Copy + Send + 'static> DerefMut for Buffer<U> {
+    fn deref_mut(&mut self) -> &mut [U] {
+        &mut self.data[..self.len]
+    }
+}
+
+impl<U: Copy + Send + fmt::Debug + 'static> fmt::Debug for Buffer<U> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_list().entries(self.iter().take(8)).finish()?;
+        write!(f, " ({} elements)", self.len)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn classes_hold_their_lengths() {
+        for len in 0..5000 {
+            let capacity = class_capacity(class_of(len));
+            assert!(capacity >= len.max(16) && (len < 16 || capacity * 4 <= len * 5 + 4), "{len} -> {capacity}");
+            assert_eq!(class_of(capacity), class_of(len));
+        }
+    }
+
+    #[test]
+    fn memory_comes_back() {
+        let pool = Pool::new();
+        drop(pool.buffer::<f32>(100));
+        let before = pool.allocated_bytes();
+        let again = pool.filled::<f32>(97, 2.0);
+        assert_eq!((pool.allocated_bytes(), again.len(), again[96]), (before, 97, 2.0));
+        let _other = pool.buffer::<u32>(100);
+        assert!(pool.allocated_bytes() > before);
+    }
+}

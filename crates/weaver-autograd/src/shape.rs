@@ -1,0 +1,167 @@
+//! Shapes: small, `Copy`, without heap memory.
+
+use std::fmt;
+use std::ops::{Deref, Index};
+
+/// Most dimensions a tensor can have.
+pub const MAX_RANK: usize = 6;
+/// Most outputs an op can have.
+pub const MAX_OUTPUTS: usize = 12;
+
+/// The dimensions of a contiguous row-major tensor, at most [`MAX_RANK`]. Rank 0 is a scalar.
+///
+/// ```
+/// use weaver_autograd::Shape;
+/// let s = Shape::from([2, 3, 4]);
+/// assert_eq!((s.len(), s.last(), s.rows()), (24, 4, 6));
+/// ```
+#[derive(Clone, Copy, PartialEq, Eq, Default)]
+pub struct Shape {
+    dims: [usize; MAX_RANK],
+    rank: u8,
+}
+
+impl Shape {
+    /// The shape of a single number.
+    pub const SCALAR: Self = Self { dims: [0; MAX_RANK], rank: 0 };
+
+    /// From a slice of dimensions; panics beyond [`MAX_RANK`].
+    pub fn new(dims: &[usize]) -> Self {
+        assert!(dims.len() <= MAX_RANK, "a tensor has at most {MAX_RANK} dimensions, got {dims:?}");
+        let mut shape = Self { rank: dims.len() as u8, ..Self::SCALAR };
+        shape.dims[..dims.len()].copy_from_slice(dims);
+        shape
+    }
+
+    /// The dimensions.
+    pub fn dims(&self) -> &[usize] {
+        &self.dims[..self.rank as usize]
+    }
+
+    /// Number of elements; 1 for a scalar.
+    pub fn len(&self) -> usize {
+        self.dims().iter().product()
+    }
+
+    /// Whether there are no elements.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Number of dimensions.
+    pub fn rank(&self) -> usize {
+        self.rank as usize
+    }
+
+    /// The last dimension; 1 for a scalar.
+    pub fn last(&self) -> usize {
+        self.dims().last().copied().unwrap_or(1)
+    }
+
+    /// The product of all dimensions but the last: the tensor seen as a matrix of rows.
+    pub fn rows(&self) -> usize {
+        self.dims()[..self.rank().saturating_sub(1)].iter().product()
+    }
+
+    /// The same shape with another last dimension.
+    pub fn with_last(mut self, last: usize) -> Self {
+        assert!(self.rank > 0, "a scalar has no last dimension");
+        self.dims[self.rank as usize - 1] = last;
+        self
+    }
+}
+
+impl Index<usize> for Shape {
+    type Output = usize;
+    fn index(&self, axis: usize) -> &usize {
+        &self.dims()[axis]
+    }
+}
+
+impl<const N: usize> From<[usize; N]> for Shape {
+    fn from(dims: [usize; N]) -> Self {
+        Self::new(&dims)
+    }
+}
+
+impl From<&[usize]> for Shape {
+    fn from(dims: &[usize]) -> Self {
+        Self::new(dims)
+    }
+}
+
+impl fmt::Debug for Shape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:?}", self.dims())
+    }
+}
+
+impl fmt::Display for Shape {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:?}", self.dims())
+    }
+}
+
+/// The shapes of an op's outputs, in order.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Shapes {
+    shapes: [Shape; MAX_OUTPUTS],
+    count: usize,
+}
+
+impl Shapes {
+    /// A single output.
+    pub fn one(shape: impl Into<Shape>) -> Self {
+        Self::default().and(shape)
+    }
+
+    /// The same, with one more output.
+    pub fn and(mut self, shape: impl Into<Shape>) -> Self {
+        assert!(self.count < MAX_OUTPUTS, "an op has at most {MAX_OUTPUTS} outputs");
+        self.shapes[self.count] = shape.into();
+        self.count += 1;
+        self
+    }
+}
+
+impl Deref for Shapes {
+    type Target = [Shape];
+    fn deref(&self) -> &[Shape] {
+        &self.shapes[..self.count]
+    }
+}
+
+/// What is wrong with the shapes given to an op.
+///
+/// The message names the op, the model path at which it was called, what it expected and what it got.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}{op}: expected {expected}, found {found}", if path.is_empty() { String::new() } else { format!("{path}: ") })]
+pub struct ShapeError {
+    /// The op's name; filled in by the tape.
+    pub op: &'static str,
+    /// The model path, such as `encoder.block.3.attn`; filled in by the tape.
+    pub path: String,
+    /// What the op asks for.
+    pub expected: String,
+    /// The shapes of its inputs; filled in by the tape where left empty.
+    pub found: String,
+}
+
+impl ShapeError {
+    /// An error that says what was expected; the tape adds the op, the path and the shapes found.
+    pub fn expected(what: impl Into<String>) -> Self {
+        Self { op: "", path: String::new(), expected: what.into(), found: String::new() }
+    }
+}
+
+/// Fails with [`ShapeError::expected`] unless a condition on shapes holds.
+///
+/// `ensure_shape!(x.rank() == 2, "x [N, D]")?` style, without the question mark: it returns.
+#[macro_export]
+macro_rules! ensure_shape {
+    ($condition:expr, $($message:tt)+) => {
+        if !$condition {
+            return Err($crate::ShapeError::expected(format!($($message)+)));
+        }
+    };
+}

@@ -1,0 +1,409 @@
+//! The tape: records ops as they run, owns every value and gradient, and walks back.
+
+use crate::op::{Grad, Op, View, ViewMut};
+use crate::params::{ParamId, Params};
+use crate::recycle::{OpBoxes, Slot};
+use crate::{Buffer, Pool, Shape, ShapeError, Var};
+use smallvec::SmallVec;
+use std::cell::{Cell, Ref, RefCell};
+use std::sync::Arc;
+use weaver_kernels::Real;
+
+/// Index of a value on the tape.
+pub(crate) type ValueId = u32;
+
+/// Inline room for the usual number of inputs and outputs; longer lists go to the heap.
+pub(crate) type List<X> = SmallVec<[X; 8]>;
+
+enum Storage<T: Real> {
+    Pooled(Buffer<T>),
+    Shared(Arc<Vec<T>>),
+}
+
+impl<T: Real> Storage<T> {
+    fn as_slice(&self) -> &[T] {
+        match self {
+            Self::Pooled(buffer) => buffer,
+            Self::Shared(data) => data,
+        }
+    }
+}
+
+struct Value<T: Real> {
+    storage: Storage<T>,
+    /// Whether a gradient may flow to or through this value.
+    tracked: bool,
+    /// Leaves keep their gradient after the backward pass.
+    leaf: bool,
+    /// Set for outputs that carry no gradient, to name the op when one arrives.
+    auxiliary: bool,
+    grad: Option<Buffer<T>>,
+}
+
+#[derive(Clone, Copy)]
+struct Input {
+    id: ValueId,
+    shape: Shape,
+    tracked: bool,
+}
+
+struct Node<T: Real> {
+    op: Box<dyn Slot<T>>,
+    inputs: std::ops::Range<u32>,
+    outputs: std::ops::Range<u32>,
+    path: std::ops::Range<u32>,
+}
+
+struct Record<T: Real> {
+    values: Vec<Value<T>>,
+    output_shapes: Vec<Shape>,
+    nodes: Vec<Node<T>>,
+    inputs: Vec<Input>,
+    /// Text of the paths at which nodes were recorded, end to end.
+    paths: String,
+    /// The path in force.
+    path: String,
+    params: Vec<Option<ValueId>>,
+    boxes: OpBoxes<T>,
+}
+
+/// A define-by-run tape over pooled memory.
+///
+/// Ops run as they are applied and are remembered; [`Var::backward`] fills the gradients of every leaf it reaches.
+/// [`reset`](Tape::reset) forgets the record and keeps the memory: the next step finds its buffers in the pool. A
+/// [`Var`] borrows the tape, so one that outlives its step does not compile.
+///
+/// ```
+/// use weaver_autograd::Tape;
+/// let mut tape = Tape::<f64>::new();
+/// let x = tape.leaf(&[1.0, 2.0, 3.0], [3]);
+/// let loss = (x * x).sum();
+/// loss.backward();
+/// assert_eq!(x.grad().unwrap(), [2.0, 4.0, 6.0]);
+/// tape.reset();
+/// ```
+pub struct Tape<T: Real = f32> {
+    record: RefCell<Record<T>>,
+    pool: Pool,
+    /// Whether applied ops are kept for a backward pass.
+    recording: Cell<bool>,
+}
+
+impl<T: Real> Default for Tape<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<T: Real> std::fmt::Debug for Tape<T> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let record = self.record.borrow();
+        f.debug_list().entries(record.nodes.iter().map(|n| n.op.op())).finish()
+    }
+}
+
+impl<T: Real> Tape<T> {
+    /// An empty tape with a pool of its own.
+    pub fn new() -> Self {
+        Self::with_pool(Pool::new())
+    }
+
+    /// An empty tape that shares a pool.
+    pub fn with_pool(pool: Pool) -> Self {
+        let record = Record {
+            values: Vec::new(),
+            output_shapes: Vec::new(),
+            nodes: Vec::new(),
+            inputs: Vec::new(),
+            paths: String::new(),
+            path: String::new(),
+            params: Vec::new(),
+            boxes: OpBoxes::default(),
+        };
+        Self { record: RefCell::new(record), pool, recording: Cell::new(true) }
+    }
+
+    /// The pool that the tape's memory comes from.
+    pub fn pool(&self) -> &Pool {
+        &self.pool
+    }
+
+    /// Forgets every value and op; their memory goes back to the pool. Needs the tape for itself, so no [`Var`]
+    /// survives.
+    pub fn reset(&mut self) {
+        let record = self.record.get_mut();
+        for node in record.nodes.drain(..) {
+            record.boxes.put(node.op);
+        }
+        record.values.clear();
+        record.output_shapes.clear();
+        record.inputs.clear();
+        record.paths.clear();
+        record.params.clear();
+    }
+
+    /// A constant: no gradient flows to it.
+    pub fn constant(&self, data: &[T], shape: impl Into<Shape>) -> Var<'_, T> {
+        let shape = self.checked(data.len(), shape);
+        let value = Storage::Pooled(self.pool.copy_of(data));
+        self.push_source(value, shape, false)
+    }
+
+    /// A constant filled by `f(i)`, without a copy in between.
+    pub fn constant_with(&self, shape: impl Into<Shape>, f: impl FnOnce(&mut [T])) -> Var<'_, T> {
+        let shape = shape.into();
+        let mut buffer = self.pool.filled(shape.len(), T::ZERO);
+        f(&mut buffer);
+        self.push_source(Storage::Pooled(buffer), shape, false)
+    }
+
+    /// A single constant number.
+    pub fn scalar(&self, x: T) -> Var<'_, T> {
+        self.constant(&[x], Shape::SCALAR)
+    }
+
+    /// A leaf: a value whose gradient is wanted.
+    pub fn leaf(&self, data: &[T], shape: impl Into<Shape>) -> Var<'_, T> {
+        let shape = self.checked(data.len(), shape);
+        let value = Storage::Pooled(self.pool.copy_of(data));
+        self.push_source(value, shape, true)
+    }
+
+    /// A parameter as a leaf, shared without a copy; the same parameter is always the same value. Frozen
+    /// parameters come as constants.
+    pub fn param(&self, params: &Params<T>, id: ParamId) -> Var<'_, T> {
+        let param = params.get(id);
+        let at = id.index();
+        {
+            let mut record = self.record.borrow_mut();
+            if record.params.len() <= at {
+                record.params.resize(at + 1, None);
+            }
+            if let Some(value) = record.params[at] {
+                let tracked = record.values[value as usize].tracked;
+                return Var::new(self, value, param.shape(), tracked);
+            }
+        }
+        let var = self.push_source(Storage::Shared(param.shared()), param.shape(), !param.is_frozen());
+        self.record.borrow_mut().params[at] = Some(var.id());
+        var
+    }
+
+    /// The gradient of a parameter after the backward pass; `None` if none reached it.
+    pub fn param_grad(&self, id: ParamId) -> Option<Ref<'_, [T]>> {
+        let value = self.record.borrow().params.get(id.index()).copied().flatten()?;
+        self.grad(value)
+    }
+
+    /// Appends `name` to the model path until the guard is dropped: `encoder`, then `encoder.block`, ...
+    pub fn scope(&self, name: impl std::fmt::Display) -> Scope<'_, T> {
+        use std::fmt::Write;
+        let path = &mut self.record.borrow_mut().path;
+        let before = path.len();
+        let dot = if before == 0 { "" } else { "." };
+        write!(path, "{dot}{name}").expect("writing to a string cannot fail");
+        Scope { tape: self, before }
+    }
+
+    /// Applies an op; panics with the op's name, the model path and the shapes when they do not fit.
+    #[track_caller]
+    pub fn apply<'t, O: Op<T>, const N: usize>(&'t self, op: O, inputs: &[Var<'t, T>]) -> [Var<'t, T>; N] {
+        let outputs = self.try_apply(op, inputs).unwrap_or_else(|error| panic!("{error}"));
+        let count = outputs.len();
+        outputs
+            .into_iter()
+            .collect::<List<_>>()
+            .as_slice()
+            .try_into()
+            .unwrap_or_else(|_| panic!("the op has {count} outputs, not {N}"))
+    }
+
+    /// Applies an op, or says which shapes do not fit.
+    pub fn try_apply<'t, O: Op<T>>(&'t self, mut op: O, inputs: &[Var<'t, T>]) -> Result<List<Var<'t, T>>, ShapeError> {
+        let name = op.name();
+        for var in inputs {
+            assert!(std::ptr::eq(var.tape(), self), "{name}: an input belongs to another tape");
+        }
+        let in_shapes: List<Shape> = inputs.iter().map(Var::shape).collect();
+        let shapes = op.shapes(&in_shapes).map_err(|error| self.located(error, name, &in_shapes))?;
+        let mut outputs: List<Buffer<T>> = shapes.iter().map(|s| self.pool.buffer(s.len())).collect();
+        {
+            let record = self.record.borrow();
+            let ins: List<View<'_, T>> = inputs
+                .iter()
+                .map(|v| View::new(record.values[v.id() as usize].storage.as_slice(), v.shape()))
+                .collect();
+            let mut outs: List<ViewMut<'_, T>> =
+                outputs.iter_mut().zip(shapes.iter()).map(|(b, s)| ViewMut::new(b, *s)).collect();
+            op.forward(&ins, &mut outs, &self.pool);
+        }
+        let tracked = self.recording.get() && inputs.iter().any(Var::is_tracked);
+        let differentiable = shapes.len() - op.auxiliary_outputs();
+        let record = &mut *self.record.borrow_mut();
+        let first = record.values.len() as u32;
+        for (i, buffer) in outputs.into_iter().enumerate() {
+            record.values.push(Value {
+                storage: Storage::Pooled(buffer),
+                tracked,
+                leaf: false,
+                auxiliary: i >= differentiable,
+                grad: None,
+            });
+            record.output_shapes.push(shapes[i]);
+        }
+        if tracked {
+            let inputs_start = record.inputs.len() as u32;
+            record.inputs.extend(inputs.iter().map(|v| Input {
+                id: v.id(),
+                shape: v.shape(),
+                tracked: v.is_tracked(),
+            }));
+            let path_start = record.paths.len() as u32;
+            record.paths.push_str(&record.path);
+            let op = record.boxes.store(op);
+            record.nodes.push(Node {
+                op,
+                inputs: inputs_start..record.inputs.len() as u32,
+                outputs: first..record.values.len() as u32,
+                path: path_start..record.paths.len() as u32,
+            });
+        }
+        Ok(shapes.iter().enumerate().map(|(i, s)| Var::new(self, first + i as u32, *s, tracked)).collect())
+    }
+
+    /// Runs `f` without recording: nothing it computes can be differentiated, and no op is kept.
+    pub fn without_gradient<R>(&self, f: impl FnOnce() -> R) -> R {
+        let before = self.recording.replace(false);
+        let result = f();
+        self.recording.set(before);
+        result
+    }
+
+    fn checked(&self, len: usize, shape: impl Into<Shape>) -> Shape {
+        let shape = shape.into();
+        assert_eq!(len, shape.len(), "{}: {len} numbers cannot have shape {shape}", self.record.borrow().path);
+        shape
+    }
+
+    fn located(&self, mut error: ShapeError, op: &'static str, found: &[Shape]) -> ShapeError {
+        error.op = op;
+        error.path.clone_from(&self.record.borrow().path);
+        if error.found.is_empty() {
+            error.found = found.iter().map(|s| format!("{s}")).collect::<Vec<_>>().join(", ");
+        }
+        error
+    }
+
+    fn push_source(&self, storage: Storage<T>, shape: Shape, tracked: bool) -> Var<'_, T> {
+        let record = &mut *self.record.borrow_mut();
+        let id = record.values.len() as ValueId;
+        record.values.push(Value { storage, tracked, leaf: tracked, auxiliary: false, grad: None });
+        record.output_shapes.push(shape);
+        Var::new(self, id, shape, tracked)
+    }
+
+    pub(crate) fn value(&self, id: ValueId) -> Ref<'_, [T]> {
+        Ref::map(self.record.borrow(), |r| r.values[id as usize].storage.as_slice())
+    }
+
+    pub(crate) fn grad(&self, id: ValueId) -> Option<Ref<'_, [T]>> {
+        Ref::filter_map(self.record.borrow(), |r| r.values[id as usize].grad.as_deref()).ok()
+    }
+
+    /// Keeps the gradient of an intermediate value after the backward pass.
+    pub(crate) fn retain(&self, id: ValueId) {
+        self.record.borrow_mut().values[id as usize].leaf = true;
+    }
+
+    /// Walks back from `root`, whose own gradient is `seed`.
+    pub(crate) fn backward_from(&self, root: ValueId, seed: &[T]) {
+        let Record { values, output_shapes, nodes, inputs, paths, .. } = &mut *self.record.borrow_mut();
+        values[root as usize].grad = Some(self.pool.copy_of(seed));
+        for node in nodes.iter().rev() {
+            if node.outputs.clone().all(|o| values[o as usize].grad.is_none()) {
+                continue;
+            }
+            let op = node.op.op();
+            let name = op.name();
+            let path = &paths[node.path.start as usize..node.path.end as usize];
+            let node_inputs = &inputs[node.inputs.start as usize..node.inputs.end as usize];
+
+            let out_range = node.outputs.start as usize..node.outputs.end as usize;
+            let cotangents: List<Option<Buffer<T>>> = out_range
+                .clone()
+                .map(|o| {
+                    let value = &mut values[o];
+                    if value.auxiliary {
+                        assert!(
+                            value.grad.is_none(),
+                            "{path}: a gradient reached an auxiliary output of `{name}`, which has none; detach() it"
+                        );
+                        return None;
+                    }
+                    Some(value.grad.take().unwrap_or_else(|| self.pool.filled(value.storage.as_slice().len(), T::ZERO)))
+                })
+                .collect();
+
+            // Slots of the inputs' gradients, taken out of the values so that these can be read meanwhile. An input
+            // that occurs twice gets a slot of its own each time; they are added below.
+            let mut slots: List<Option<(Buffer<T>, bool)>> = List::new();
+            for (i, input) in node_inputs.iter().enumerate() {
+                let slot = input.tracked.then(|| {
+                    assert!(
+                        op.differentiable(i),
+                        "{path}: `{name}` has no gradient with respect to input {i}; detach() it if none is meant"
+                    );
+                    match values[input.id as usize].grad.take() {
+                        Some(grad) => (grad, false),
+                        None => (self.pool.buffer(input.shape.len()), true),
+                    }
+                });
+                slots.push(slot);
+            }
+            {
+                let view = |id: u32, shape: Shape| View::new(values[id as usize].storage.as_slice(), shape);
+                let ins: List<View<'_, T>> = node_inputs.iter().map(|i| view(i.id, i.shape)).collect();
+                let outs: List<View<'_, T>> = out_range.clone().map(|o| view(o as u32, output_shapes[o])).collect();
+                let douts: List<View<'_, T>> = out_range
+                    .clone()
+                    .zip(&cotangents)
+                    .map(|(o, c)| c.as_ref().map_or(View::nothing(), |c| View::new(c, output_shapes[o])))
+                    .collect();
+                let mut dins: List<Option<Grad<'_, T>>> =
+                    slots.iter_mut().map(|s| s.as_mut().map(|(grad, first)| Grad::new(grad, *first))).collect();
+                op.backward(&ins, &outs, &douts, &mut dins, &self.pool);
+                for (i, grad) in dins.iter().enumerate() {
+                    assert!(
+                        grad.as_ref().is_none_or(Grad::is_written),
+                        "{path}: `{name}` did not write the gradient of input {i}"
+                    );
+                }
+            }
+            for (input, slot) in node_inputs.iter().zip(slots) {
+                let Some((grad, _)) = slot else { continue };
+                match &mut values[input.id as usize].grad {
+                    Some(sum) => sum.iter_mut().zip(grad.iter()).for_each(|(s, g)| *s += *g),
+                    empty => *empty = Some(grad),
+                }
+            }
+            for (o, cotangent) in out_range.zip(cotangents) {
+                if values[o].leaf {
+                    values[o].grad = cotangent;
+                }
+            }
+        }
+    }
+}
+
+/// Keeps a name on the model path; see [`Tape::scope`].
+#[derive(Debug)]
+pub struct Scope<'t, T: Real> {
+    tape: &'t Tape<T>,
+    before: usize,
+}
+
+impl<T: Real> Drop for Scope<'_, T> {
+    fn drop(&mut self) {
+        self.tape.record.borrow_mut().path.truncate(self.before);
+    }
+}

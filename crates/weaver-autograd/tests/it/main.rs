@@ -1,0 +1,3 @@
+//! Tests of the tape and of every built-in op.
+
+mod tape;

@@ -1,0 +1,75 @@
+//! Builds a model's parameters: names them by their place and draws their initial values.
+
+use weaver_autograd::{ParamId, Params, Real, Shape};
+use weaver_kernels::random::Stream;
+
+/// How the initial values of a parameter are drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Init {
+    /// All equal.
+    Constant(f64),
+    /// Normal with this standard deviation.
+    Normal(f64),
+    /// Normal with this standard deviation, cut at two of them (redrawn).
+    TruncatedNormal(f64),
+    /// Uniform between minus and plus this bound.
+    Uniform(f64),
+}
+
+impl Init {
+    /// PyTorch's default for linear and convolution layers: uniform within 1/sqrt(fan in), weights and biases alike.
+    pub fn fan_in(fan_in: usize) -> Self {
+        Self::Uniform(1.0 / (fan_in as f64).sqrt())
+    }
+
+    fn draw(self, stream: Stream, i: u64) -> f64 {
+        match self {
+            Self::Constant(value) => value,
+            Self::Normal(std) => std * stream.normal::<f64>(i),
+            Self::TruncatedNormal(std) => {
+                let stream = stream.fork(i);
+                let mut tries = (0..).map(|k| stream.normal::<f64>(k));
+                std * tries.find(|z| z.abs() <= 2.0).expect("a normal number within two deviations turns up")
+            }
+            Self::Uniform(bound) => bound * (2.0 * stream.uniform::<f64>(i) - 1.0),
+        }
+    }
+}
+
+/// Adds parameters under a path. Every parameter's values depend on the seed and its own name alone, so adding a layer
+/// does not change the others.
+#[derive(Debug)]
+pub struct Builder<'p, T: Real = f32> {
+    params: &'p mut Params<T>,
+    path: String,
+    seed: u64,
+}
+
+impl<'p, T: Real> Builder<'p, T> {
+    /// A builder at the root.
+    pub fn new(params: &'p mut Params<T>, seed: u64) -> Self {
+        Self { params, path: String::new(), seed }
+    }
+
+    /// A builder for the part called `name`.
+    pub fn scope(&mut self, name: impl std::fmt::Display) -> Builder<'_, T> {
+        Builder { path: self.full(name), params: self.params, seed: self.seed }
+    }
+
+    /// Adds a parameter called `name` here.
+    pub fn add(&mut self, name: impl std::fmt::Display, shape: impl Into<Shape>, init: Init) -> ParamId {
+        let (name, shape) = (self.full(name), shape.into());
+        let stream = Stream::new(self.seed, 0, &name);
+        let value = (0..shape.len() as u64).map(|i| T::from_f64(init.draw(stream, i))).collect();
+        self.params.add(name, shape, value)
+    }
+
+    /// The parameters, to overwrite what was drawn (the bias of an output, say).
+    pub fn value_mut(&mut self, id: ParamId) -> &mut [T] {
+        self.params.value_mut(id)
+    }
+
+    fn full(&self, name: impl std::fmt::Display) -> String {
+        if self.path.is_empty() { name.to_string() } else { format!("{}.{name}", self.path) }
+    }
+}

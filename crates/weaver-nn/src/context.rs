@@ -1,0 +1,29 @@
+//! What a layer needs at run time: the tape to run on and the parameters to read.
+
+use weaver_autograd::{ParamId, Params, Real, Scope, Tape, Var};
+
+/// A tape and the parameters used on it; `Copy`, passed to every layer's `forward`.
+#[derive(Clone, Copy, Debug)]
+pub struct Context<'t, T: Real = f32> {
+    /// The tape that records.
+    pub tape: &'t Tape<T>,
+    /// The model's parameters.
+    pub params: &'t Params<T>,
+}
+
+impl<'t, T: Real> Context<'t, T> {
+    /// Pairs a tape with parameters.
+    pub fn new(tape: &'t Tape<T>, params: &'t Params<T>) -> Self {
+        Self { tape, params }
+    }
+
+    /// A parameter as a leaf of the tape.
+    pub fn param(&self, id: ParamId) -> Var<'t, T> {
+        self.tape.param(self.params, id)
+    }
+
+    /// Appends a name to the model path of messages while the guard lives.
+    pub fn scope(&self, name: impl std::fmt::Display) -> Scope<'t, T> {
+        self.tape.scope(name)
+    }
+}
