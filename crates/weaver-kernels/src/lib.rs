@@ -5,6 +5,7 @@
 
 pub mod erf;
 pub mod exp;
+pub mod gemm;
 pub mod parallel;
 pub mod random;
 mod real;

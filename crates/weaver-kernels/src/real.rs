@@ -25,6 +25,7 @@ pub trait Real:
     + MulAssign
     + DivAssign
     + Sum
+    + crate::gemm::tile::Tile
     + 'static
 {
     /// 0.

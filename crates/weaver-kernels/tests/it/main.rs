@@ -1,3 +1,27 @@
 //! Every kernel against a slow twin, in both precisions, and at more than one thread count.
 
+mod gemm;
 mod special;
+
+use weaver_kernels::Real;
+use weaver_kernels::random::Stream;
+
+/// `n` numbers, normally distributed.
+fn noise<T: Real>(n: usize, seed: u64) -> Vec<T> {
+    let stream = Stream::new(seed, 0, "kernels.test");
+    (0..n as u64).map(|i| stream.normal(i)).collect()
+}
+
+/// Runs `body` with 1, 2 and 3 threads and asserts that the results are equal to the bit.
+fn threads<T: Real>(body: impl Fn() -> Vec<T> + Sync) -> Vec<T> {
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool");
+        pool.install(&body)
+    };
+    let first = run(1);
+    assert!(first.iter().any(|x| *x != T::ZERO), "a result of zeros proves nothing");
+    for n in [2, 3] {
+        assert!(run(n).iter().zip(&first).all(|(a, b)| a.to_f64().to_bits() == b.to_f64().to_bits()), "{n} threads differ");
+    }
+    first
+}

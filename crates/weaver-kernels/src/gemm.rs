@@ -1,0 +1,296 @@
+//! Matrix multiplication, C = alpha A B + beta C, on row-major slices.
+//!
+//! C is cut into blocks whose borders depend on the sizes alone; a block is one parallel task. Within
+//! it a panel of B is packed so that a register tile ([`tile`](self::tile)) can stream through it, and
+//! every element of C is summed in one fixed order: the same bits at any number of threads. Nothing is
+//! allocated but one packing buffer per thread, once.
+
+use crate::parallel::for_ranges;
+use crate::{Real, simd};
+
+pub(crate) mod tile;
+
+/// Rows of a B panel that stay in the first-level cache.
+const K_BLOCK: usize = 256;
+/// Rows of A that stay in the second-level cache with `K_BLOCK` columns.
+const M_BLOCK: usize = 192;
+/// Fewer multiply-adds than this are not worth a parallel task.
+const TASK: usize = 1 << 17;
+/// As many tasks as this are enough for any machine we know.
+const TASKS: usize = 32;
+
+/// A matrix operand: element (i, j) is `data[i * row_stride + j * col_stride]`.
+#[derive(Clone, Copy, Debug)]
+pub struct Mat<'a, T> {
+    /// The elements, starting with (0, 0).
+    pub data: &'a [T],
+    /// Distance between neighbouring rows.
+    pub row_stride: usize,
+    /// Distance between neighbouring columns.
+    pub col_stride: usize,
+}
+
+impl<'a, T: Real> Mat<'a, T> {
+    /// A row-major matrix whose rows begin `stride` elements apart.
+    #[inline]
+    pub fn new(data: &'a [T], stride: usize) -> Self {
+        Self { data, row_stride: stride, col_stride: 1 }
+    }
+
+    /// The transpose; nothing moves.
+    #[inline]
+    pub fn transposed(self) -> Self {
+        Self { row_stride: self.col_stride, col_stride: self.row_stride, ..self }
+    }
+
+    fn check(&self, rows: usize, cols: usize, name: &str) {
+        if rows > 0 && cols > 0 {
+            let last = (rows - 1) * self.row_stride + (cols - 1) * self.col_stride;
+            assert!(last < self.data.len(), "gemm: {name} is {rows} x {cols} but its slice has {} elements", self.data.len());
+        }
+    }
+}
+
+/// C = alpha op(A) op(B) + beta C for contiguous row-major matrices.
+///
+/// op(A) is `m x k`: `a` holds `[m, k]`, or `[k, m]` if `trans_a`. op(B) is `k x n`: `b` holds
+/// `[k, n]`, or `[n, k]` if `trans_b`. `c` is `[m, n]`; with `beta` 0 it is not read. Panics if a slice
+/// is too short.
+///
+/// ```
+/// use weaver_kernels::gemm::gemm;
+/// let (a, b) = ([1.0, 2.0, 3.0, 4.0], [5.0, 6.0]); // A 2 x 2, B 2 x 1
+/// let mut c = [f64::NAN; 2];
+/// gemm(false, false, 2, 1, 2, 1.0, &a, &b, 0.0, &mut c);
+/// assert_eq!(c, [17.0, 39.0]);
+/// ```
+pub fn gemm<T: Real>(
+    trans_a: bool,
+    trans_b: bool,
+    m: usize,
+    n: usize,
+    k: usize,
+    alpha: T,
+    a: &[T],
+    b: &[T],
+    beta: T,
+    c: &mut [T],
+) {
+    gemm_batched(1, trans_a, trans_b, m, n, k, alpha, a, 0, b, 0, beta, c, m * n);
+}
+
+/// [`gemm`] for `batch` triples of contiguous matrices that begin `a_stride`, `b_stride` and `c_stride`
+/// elements apart. A stride of 0 shares A or B; `c_stride` is at least `m * n`.
+pub fn gemm_batched<T: Real>(
+    batch: usize,
+    trans_a: bool,
+    trans_b: bool,
+    m: usize,
+    n: usize,
+    k: usize,
+    alpha: T,
+    a: &[T],
+    a_stride: usize,
+    b: &[T],
+    b_stride: usize,
+    beta: T,
+    c: &mut [T],
+    c_stride: usize,
+) {
+    let a = if trans_a { Mat::new(a, m).transposed() } else { Mat::new(a, k) };
+    let b = if trans_b { Mat::new(b, k).transposed() } else { Mat::new(b, n) };
+    let strides = [a_stride, b_stride, c_stride];
+    Product { batch, strides, m, n, k, alpha, a, b, beta }.run(c, n, true);
+}
+
+/// C = alpha A B + beta C for operands with any strides; `c` has rows `c_stride` >= `n` apart.
+pub fn gemm_strided<T: Real>(
+    m: usize,
+    n: usize,
+    k: usize,
+    alpha: T,
+    a: Mat<T>,
+    b: Mat<T>,
+    beta: T,
+    c: &mut [T],
+    c_stride: usize,
+) {
+    Product { batch: 1, strides: [0; 3], m, n, k, alpha, a, b, beta }.run(c, c_stride, true);
+}
+
+/// [`gemm_strided`] on the calling thread alone, for use inside a parallel task.
+pub fn gemm_serial<T: Real>(
+    m: usize,
+    n: usize,
+    k: usize,
+    alpha: T,
+    a: Mat<T>,
+    b: Mat<T>,
+    beta: T,
+    c: &mut [T],
+    c_stride: usize,
+) {
+    Product { batch: 1, strides: [0; 3], m, n, k, alpha, a, b, beta }.run(c, c_stride, false);
+}
+
+struct Product<'a, T> {
+    batch: usize,
+    /// Between batch entries of A, B, C.
+    strides: [usize; 3],
+    m: usize,
+    n: usize,
+    k: usize,
+    alpha: T,
+    a: Mat<'a, T>,
+    b: Mat<'a, T>,
+    beta: T,
+}
+
+/// The start of C, shared by tasks that write disjoint blocks of it.
+#[derive(Clone, Copy)]
+struct Output<T>(*mut T);
+
+#[allow(unsafe_code)]
+// SAFETY: every task derives pointers to its own block only; `Product::run` makes the blocks disjoint.
+unsafe impl<T: Send> Sync for Output<T> {}
+
+impl<T: Real> Product<'_, T> {
+    fn run(&self, c: &mut [T], c_stride: usize, parallel: bool) {
+        let Self { batch, m, n, k, .. } = *self;
+        if batch == 0 || m == 0 || n == 0 {
+            return;
+        }
+        let last = batch - 1;
+        let [a_step, b_step, c_step] = self.strides;
+        let past = |data: &[T], step: usize| data.len().saturating_sub(last * step);
+        self.a.check(m, k, "A");
+        self.b.check(k, n, "B");
+        assert!(c_stride >= n, "gemm: rows of C overlap");
+        assert!(batch == 1 || c_step >= (m - 1) * c_stride + n, "gemm: matrices of C overlap");
+        if batch > 1 && k > 0 {
+            let a_len = (m - 1) * self.a.row_stride + (k - 1) * self.a.col_stride;
+            let b_len = (k - 1) * self.b.row_stride + (n - 1) * self.b.col_stride;
+            assert!(a_len < past(self.a.data, a_step), "gemm: A is too short for a batch of {batch}");
+            assert!(b_len < past(self.b.data, b_step), "gemm: B is too short for a batch of {batch}");
+        }
+        assert!((m - 1) * c_stride + n <= past(c, c_step), "gemm: C is too short");
+
+        let (rows, cols) = if parallel { self.block_size() } else { (M_BLOCK, n) };
+        let (down, across) = (m.div_ceil(rows), n.div_ceil(cols));
+        let c = Output(c.as_mut_ptr());
+        let block = |task: usize| {
+            let (entry, block) = (task / (down * across), task % (down * across));
+            let (i, j) = (block / across * rows, block % across * cols);
+            // SAFETY: block (i, j) of matrix `entry` lies inside the slices, as asserted above, and no
+            // other task has the same one.
+            #[allow(unsafe_code)]
+            unsafe {
+                self.block(entry, i..m.min(i + rows), j..n.min(j + cols), c, c_stride);
+            }
+        };
+        let tasks = batch * down * across;
+        if parallel {
+            for_ranges(tasks, 1, |range| range.for_each(block));
+        } else {
+            (0..tasks).for_each(block);
+        }
+    }
+
+    /// Rows and columns of a task's block of C: halved until there are enough tasks or they are small.
+    /// Splitting columns is free, splitting rows packs B again.
+    fn block_size(&self) -> (usize, usize) {
+        let (tile_rows, tile_cols) = T::tile(simd::level());
+        let (mut rows, mut cols) = (self.m.min(M_BLOCK), self.n);
+        loop {
+            let tasks = self.batch * self.m.div_ceil(rows) * self.n.div_ceil(cols);
+            if tasks >= TASKS || rows * cols * self.k < 2 * TASK {
+                return (rows, cols);
+            }
+            if cols > tile_cols {
+                cols = (cols / 2).next_multiple_of(tile_cols);
+            } else if rows > tile_rows {
+                rows = (rows / 2).next_multiple_of(tile_rows);
+            } else {
+                return (rows, cols);
+            }
+        }
+    }
+
+    /// One block of C.
+    ///
+    /// # Safety
+    /// The block must lie inside C and belong to the caller alone.
+    #[allow(unsafe_code)]
+    unsafe fn block(
+        &self,
+        entry: usize,
+        rows: std::ops::Range<usize>,
+        cols: std::ops::Range<usize>,
+        c: Output<T>,
+        c_stride: usize,
+    ) {
+        let level = simd::level();
+        let (tile_rows, tile_cols) = T::tile(level);
+        let [a_step, b_step, c_step] = self.strides;
+        let a = &self.a.data[entry * a_step..];
+        let b = Mat { data: &self.b.data[entry * b_step..], ..self.b };
+        let offset = entry * c_step;
+        // Tiles of nearly equal height keep the pipeline fuller than full tiles and a sliver.
+        let tiles = rows.len().div_ceil(tile_rows);
+        T::with_panel(K_BLOCK * tile_cols, |panel| {
+            for k in (0..self.k.max(1)).step_by(K_BLOCK) {
+                let depth = K_BLOCK.min(self.k - k);
+                let beta = if k == 0 { self.beta } else { T::ONE };
+                for j in cols.clone().step_by(tile_cols) {
+                    let width = tile_cols.min(cols.end - j);
+                    let padded = T::panel_width(level, width);
+                    pack(b, k, depth, j, width, padded, panel);
+                    for t in 0..tiles {
+                        let i = rows.start + rows.len() * t / tiles;
+                        let height = rows.start + rows.len() * (t + 1) / tiles - i;
+                        // SAFETY: rows i..i+height of A and of C and columns j..j+width of C are inside
+                        // their slices; the panel holds depth * padded elements.
+                        unsafe {
+                            T::multiply(
+                                level,
+                                [height, width, depth],
+                                self.alpha,
+                                a.as_ptr().wrapping_add(i * self.a.row_stride + k * self.a.col_stride),
+                                [self.a.row_stride, self.a.col_stride],
+                                panel.as_ptr(),
+                                beta,
+                                c.0.add(offset + i * c_stride + j),
+                                c_stride,
+                            );
+                        }
+                    }
+                }
+            }
+        });
+    }
+}
+
+/// Copies rows `k..k + depth`, columns `j..j + width` of B to `panel`, `[depth, padded]`, zeros behind.
+fn pack<T: Real>(b: Mat<T>, k: usize, depth: usize, j: usize, width: usize, padded: usize, panel: &mut [T]) {
+    if depth == 0 {
+        return;
+    }
+    let panel = &mut panel[..depth * padded];
+    if b.col_stride == 1 {
+        for (p, out) in panel.chunks_exact_mut(padded).enumerate() {
+            let from = (k + p) * b.row_stride + j;
+            out[..width].copy_from_slice(&b.data[from..from + width]);
+            out[width..].fill(T::ZERO);
+        }
+        return;
+    }
+    if width < padded {
+        panel.fill(T::ZERO);
+    }
+    for q in 0..width {
+        let column = &b.data[k * b.row_stride + (j + q) * b.col_stride..];
+        for p in 0..depth {
+            panel[p * padded + q] = column[p * b.row_stride];
+        }
+    }
+}

@@ -1,0 +1,318 @@
+//! The register tile of [`gemm`](super): a few rows of A times a packed panel of B, kept in vector
+//! registers over the whole depth, for each instruction set.
+
+use crate::simd::Level;
+use std::cell::RefCell;
+
+/// What [`gemm`](super::gemm) needs of a scalar. Only `f32` and `f64` have it.
+pub trait Tile: Sized {
+    /// Rows and columns of the largest tile.
+    fn tile(level: Level) -> (usize, usize);
+
+    /// Row length of the packed panel for `width` <= tile columns.
+    fn panel_width(level: Level, width: usize) -> usize;
+
+    /// Lends this thread's packing buffer, at least `len` long, aligned to a cache line.
+    fn with_panel<R>(len: usize, body: impl FnOnce(&mut [Self]) -> R) -> R;
+
+    /// C = alpha A B + beta C for one tile of `[rows, cols, depth]`; C is not read if `beta` is 0.
+    ///
+    /// # Safety
+    /// `level` is supported; rows and cols are at least 1 and at most the tile's; element (i, p) of A at
+    /// `a[i * strides[0] + p * strides[1]]` is readable; the panel has `depth` rows of
+    /// `panel_width(level, cols)`; rows of C, `c_stride` apart, are writable for `cols` elements.
+    #[allow(unsafe_code)]
+    unsafe fn multiply(
+        level: Level,
+        size: [usize; 3],
+        alpha: Self,
+        a: *const Self,
+        strides: [usize; 2],
+        panel: *const Self,
+        beta: Self,
+        c: *mut Self,
+        c_stride: usize,
+    );
+}
+
+/// Defines `multiply` for one vector type in terms of the functions in scope: `zero`, `splat`, `load`,
+/// `store`, `load_part`, `store_part`, `mul`, `mul_add`; a tile is `$rows` high, two vectors wide.
+macro_rules! tile {
+    ($t:ty, $rows:literal: $($row:literal)*, $(#[$feature:meta])*) => {
+        pub const ROWS: usize = $rows;
+
+        $(#[$feature])*
+        pub unsafe fn multiply(
+            size: [usize; 3], alpha: $t, a: *const $t, strides: [usize; 2], panel: *const $t, beta: $t, c: *mut $t, c_stride: usize,
+        ) {
+            let [rows, cols, depth] = size;
+            // SAFETY: passed on from the caller.
+            unsafe {
+                match (rows, cols <= LANES) {
+                    $(
+                        ($row, true) => tile::<$row, 1>(cols, depth, alpha, a, strides, panel, beta, c, c_stride),
+                        ($row, false) => tile::<$row, 2>(cols, depth, alpha, a, strides, panel, beta, c, c_stride),
+                    )*
+                    _ => unreachable!("a tile has 1 to {ROWS} rows"),
+                }
+            }
+        }
+
+        $(#[$feature])*
+        unsafe fn tile<const M: usize, const V: usize>(
+            cols: usize, depth: usize, alpha: $t, a: *const $t, strides: [usize; 2], panel: *const $t, beta: $t, c: *mut $t, c_stride: usize,
+        ) {
+            let mut sums = [[zero(); V]; M];
+            // SAFETY: all offsets are inside what the caller vouches for.
+            unsafe {
+                for p in 0..depth {
+                    let mut b = [zero(); V];
+                    for v in 0..V {
+                        b[v] = load(panel.add((p * V + v) * LANES));
+                    }
+                    for i in 0..M {
+                        let x = splat(*a.add(i * strides[0] + p * strides[1]));
+                        for v in 0..V {
+                            sums[i][v] = mul_add(x, b[v], sums[i][v]);
+                        }
+                    }
+                }
+                let (alpha, scale) = (splat(alpha), splat(beta));
+                for i in 0..M {
+                    for v in 0..V {
+                        let c = c.add(i * c_stride + v * LANES);
+                        let mut sum = mul(alpha, sums[i][v]);
+                        if cols >= (v + 1) * LANES {
+                            if beta != 0.0 {
+                                sum = mul_add(scale, load(c), sum);
+                            }
+                            store(c, sum);
+                        } else {
+                            let count = cols - v * LANES;
+                            if beta != 0.0 {
+                                sum = mul_add(scale, load_part(c, count), sum);
+                            }
+                            store_part(c, count, sum);
+                        }
+                    }
+                }
+            }
+        }
+    };
+}
+
+/// The vector functions of one instruction set, and the tile made of them.
+#[cfg(target_arch = "x86_64")]
+macro_rules! vector_tile {
+    (
+        $name:ident, $features:literal, $t:ty, $v:ty, $lanes:literal, $rows:literal: $($row:literal)*,
+        $zero:ident, $splat:ident, $load:ident, $store:ident, $mul:ident, $mul_add:ident,
+        $mask:expr, $load_part:ident($($load_arg:ident)*), $store_part:ident
+    ) => {
+        #[allow(unsafe_code)]
+        pub mod $name {
+            use std::arch::x86_64::*;
+
+            pub const LANES: usize = $lanes;
+
+            #[inline]
+            #[target_feature(enable = $features)]
+            fn zero() -> $v {
+                $zero()
+            }
+            #[inline]
+            #[target_feature(enable = $features)]
+            fn splat(x: $t) -> $v {
+                $splat(x)
+            }
+            #[inline]
+            #[target_feature(enable = $features)]
+            fn mul(a: $v, b: $v) -> $v {
+                $mul(a, b)
+            }
+            #[inline]
+            #[target_feature(enable = $features)]
+            fn mul_add(a: $v, b: $v, c: $v) -> $v {
+                $mul_add(a, b, c)
+            }
+            #[inline]
+            #[target_feature(enable = $features)]
+            unsafe fn load(p: *const $t) -> $v {
+                // SAFETY: the caller vouches for LANES elements.
+                unsafe { $load(p) }
+            }
+            #[inline]
+            #[target_feature(enable = $features)]
+            unsafe fn store(p: *mut $t, x: $v) {
+                // SAFETY: the caller vouches for LANES elements.
+                unsafe { $store(p, x) }
+            }
+            #[inline]
+            #[target_feature(enable = $features)]
+            unsafe fn load_part(p: *const $t, count: usize) -> $v {
+                // SAFETY: masked lanes are not touched; the caller vouches for `count` elements.
+                unsafe {
+                    let mask = $mask(count);
+                    vector_tile!(@load $load_part, mask, p, $($load_arg)*)
+                }
+            }
+            #[inline]
+            #[target_feature(enable = $features)]
+            unsafe fn store_part(p: *mut $t, count: usize, x: $v) {
+                // SAFETY: masked lanes are not touched; the caller vouches for `count` elements.
+                unsafe { $store_part(p, $mask(count), x) }
+            }
+
+            tile!($t, $rows: $($row)*, #[target_feature(enable = $features)]);
+        }
+    };
+    (@load $load:ident, $mask:ident, $p:ident, mask_first) => { $load($mask, $p) };
+    (@load $load:ident, $mask:ident, $p:ident, mask_last) => { $load($p, $mask) };
+}
+
+/// Eight set lanes and eight clear ones: a window of it is a mask for the first `count` lanes.
+#[cfg(target_arch = "x86_64")]
+static WINDOW: [i32; 16] = [-1, -1, -1, -1, -1, -1, -1, -1, 0, 0, 0, 0, 0, 0, 0, 0];
+
+#[cfg(target_arch = "x86_64")]
+vector_tile!(
+    avx512_f32, "avx512f", f32, __m512, 16, 12: 1 2 3 4 5 6 7 8 9 10 11 12,
+    _mm512_setzero_ps, _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, _mm512_mul_ps, _mm512_fmadd_ps,
+    (|count: usize| ((1_u32 << count) - 1) as __mmask16), _mm512_maskz_loadu_ps(mask_first), _mm512_mask_storeu_ps
+);
+#[cfg(target_arch = "x86_64")]
+vector_tile!(
+    avx512_f64, "avx512f", f64, __m512d, 8, 12: 1 2 3 4 5 6 7 8 9 10 11 12,
+    _mm512_setzero_pd, _mm512_set1_pd, _mm512_loadu_pd, _mm512_storeu_pd, _mm512_mul_pd, _mm512_fmadd_pd,
+    (|count: usize| ((1_u32 << count) - 1) as __mmask8), _mm512_maskz_loadu_pd(mask_first), _mm512_mask_storeu_pd
+);
+#[cfg(target_arch = "x86_64")]
+vector_tile!(
+    avx2_f32, "avx2,fma", f32, __m256, 8, 6: 1 2 3 4 5 6,
+    _mm256_setzero_ps, _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_mul_ps, _mm256_fmadd_ps,
+    (|count: usize| _mm256_loadu_si256(super::WINDOW[8 - count..].as_ptr().cast())), _mm256_maskload_ps(mask_last), _mm256_maskstore_ps
+);
+#[cfg(target_arch = "x86_64")]
+vector_tile!(
+    avx2_f64, "avx2,fma", f64, __m256d, 4, 6: 1 2 3 4 5 6,
+    _mm256_setzero_pd, _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd, _mm256_mul_pd, _mm256_fmadd_pd,
+    (|count: usize| _mm256_loadu_si256(super::WINDOW[8 - 2 * count..].as_ptr().cast())), _mm256_maskload_pd(mask_last), _mm256_maskstore_pd
+);
+
+/// The same for any target: arrays that the compiler vectorises as far as the baseline goes.
+macro_rules! portable_tile {
+    ($name:ident, $t:ty, $lanes:literal) => {
+        #[allow(unsafe_code)]
+        pub mod $name {
+            pub const LANES: usize = $lanes;
+            type V = [$t; LANES];
+
+            #[inline(always)]
+            fn zero() -> V {
+                [0.0; LANES]
+            }
+            #[inline(always)]
+            fn splat(x: $t) -> V {
+                [x; LANES]
+            }
+            #[inline(always)]
+            fn mul(a: V, b: V) -> V {
+                std::array::from_fn(|i| a[i] * b[i])
+            }
+            // A fused operation would be a library call here.
+            #[inline(always)]
+            fn mul_add(a: V, b: V, c: V) -> V {
+                std::array::from_fn(|i| a[i] * b[i] + c[i])
+            }
+            #[inline(always)]
+            unsafe fn load(p: *const $t) -> V {
+                // SAFETY: the caller vouches for LANES elements; V has no more alignment than they.
+                unsafe { p.cast::<V>().read() }
+            }
+            #[inline(always)]
+            unsafe fn store(p: *mut $t, x: V) {
+                // SAFETY: as for `load`.
+                unsafe { p.cast::<V>().write(x) }
+            }
+            #[inline(always)]
+            unsafe fn load_part(p: *const $t, count: usize) -> V {
+                // SAFETY: the caller vouches for `count` elements.
+                std::array::from_fn(|i| if i < count { unsafe { *p.add(i) } } else { 0.0 })
+            }
+            #[inline(always)]
+            unsafe fn store_part(p: *mut $t, count: usize, x: V) {
+                for i in 0..count {
+                    // SAFETY: the caller vouches for `count` elements.
+                    unsafe { *p.add(i) = x[i] }
+                }
+            }
+
+            tile!($t, 4: 1 2 3 4,);
+        }
+    };
+}
+
+portable_tile!(portable_f32, f32, 4);
+portable_tile!(portable_f64, f64, 2);
+
+macro_rules! scalar {
+    ($t:ty, $avx512:ident, $avx2:ident, $portable:ident) => {
+        impl Tile for $t {
+            #[inline]
+            fn tile(level: Level) -> (usize, usize) {
+                match level {
+                    #[cfg(target_arch = "x86_64")]
+                    Level::Avx512 => ($avx512::ROWS, 2 * $avx512::LANES),
+                    #[cfg(target_arch = "x86_64")]
+                    Level::Avx2 => ($avx2::ROWS, 2 * $avx2::LANES),
+                    _ => ($portable::ROWS, 2 * $portable::LANES),
+                }
+            }
+
+            #[inline]
+            fn panel_width(level: Level, width: usize) -> usize {
+                let (_, cols) = Self::tile(level);
+                if width <= cols / 2 { cols / 2 } else { cols }
+            }
+
+            fn with_panel<R>(len: usize, body: impl FnOnce(&mut [Self]) -> R) -> R {
+                thread_local!(static PANEL: RefCell<Vec<$t>> = const { RefCell::new(Vec::new()) });
+                const LINE: usize = 64 / size_of::<$t>();
+                PANEL.with_borrow_mut(|panel| {
+                    if panel.len() < len + LINE {
+                        panel.resize(len + LINE, 0.0);
+                    }
+                    let skip = panel.as_ptr().align_offset(64).min(LINE);
+                    body(&mut panel[skip..skip + len])
+                })
+            }
+
+            #[allow(unsafe_code)]
+            unsafe fn multiply(
+                level: Level,
+                size: [usize; 3],
+                alpha: Self,
+                a: *const Self,
+                strides: [usize; 2],
+                panel: *const Self,
+                beta: Self,
+                c: *mut Self,
+                c_stride: usize,
+            ) {
+                // SAFETY: the caller vouches for the level and the memory.
+                unsafe {
+                    match level {
+                        #[cfg(target_arch = "x86_64")]
+                        Level::Avx512 => $avx512::multiply(size, alpha, a, strides, panel, beta, c, c_stride),
+                        #[cfg(target_arch = "x86_64")]
+                        Level::Avx2 => $avx2::multiply(size, alpha, a, strides, panel, beta, c, c_stride),
+                        _ => $portable::multiply(size, alpha, a, strides, panel, beta, c, c_stride),
+                    }
+                }
+            }
+        }
+    };
+}
+
+scalar!(f32, avx512_f32, avx2_f32, portable_f32);
+scalar!(f64, avx512_f64, avx2_f64, portable_f64);

@@ -1,0 +1,114 @@
+//! `gemm` against the triple loop.
+
+use crate::{noise, threads};
+use weaver_kernels::Real;
+use weaver_kernels::gemm::{Mat, gemm, gemm_batched, gemm_serial, gemm_strided};
+
+fn naive<T: Real>(ta: bool, tb: bool, [m, n, k]: [usize; 3], alpha: T, a: &[T], b: &[T], beta: T, c: &mut [T]) {
+    for i in 0..m {
+        for j in 0..n {
+            let mut sum = T::ZERO;
+            for p in 0..k {
+                let x = if ta { a[p * m + i] } else { a[i * k + p] };
+                let y = if tb { b[j * k + p] } else { b[p * n + j] };
+                sum += x * y;
+            }
+            let old = if beta == T::ZERO { T::ZERO } else { beta * c[i * n + j] };
+            c[i * n + j] = alpha * sum + old;
+        }
+    }
+}
+
+fn agrees<T: Real>(ta: bool, tb: bool, [m, n, k]: [usize; 3], alpha: f64, beta: f64) {
+    let (a, b, old) = (noise::<T>(m * k, 1), noise::<T>(k * n, 2), noise::<T>(m * n, 3));
+    // C must not be read when beta is 0.
+    let start = if beta == 0.0 { vec![T::from_f64(f64::NAN); m * n] } else { old };
+    let (alpha, beta) = (T::from_f64(alpha), T::from_f64(beta));
+    let (mut c, mut expected) = (start.clone(), start);
+    gemm(ta, tb, m, n, k, alpha, &a, &b, beta, &mut c);
+    naive(ta, tb, [m, n, k], alpha, &a, &b, beta, &mut expected);
+    let tolerance = T::from_f64(8.0) * T::EPSILON * T::from_usize(k + 1).sqrt();
+    for (i, (c, e)) in c.iter().zip(&expected).enumerate() {
+        assert!((*c - *e).abs() <= tolerance * (T::ONE + e.abs()), "{m}x{n}x{k} {ta} {tb} at {i}: {c} {e}");
+    }
+}
+
+fn all_small<T: Real>() {
+    for m in 0..=20 {
+        for n in 0..=20 {
+            for k in 0..=20 {
+                let (ta, tb) = ((m + k) % 2 == 0, (n + k / 2) % 2 == 0);
+                agrees::<T>(ta, tb, [m, n, k], 1.0, 0.0);
+                agrees::<T>(!ta, tb, [m, n, k], 0.5, 1.0);
+                agrees::<T>(ta, !tb, [m, n, k], -1.5, 0.25);
+                agrees::<T>(!ta, !tb, [m, n, k], 1.0, 1.0);
+            }
+        }
+    }
+}
+
+#[test]
+fn small_f32() {
+    all_small::<f32>();
+}
+
+#[test]
+fn small_f64() {
+    all_small::<f64>();
+}
+
+#[test]
+fn larger() {
+    for size in [[51, 288, 96], [220, 384, 96], [51, 51, 32], [517, 23, 32], [100, 16, 16], [33, 130, 700], [12, 32, 256], [13, 33, 257], [1, 300, 40], [300, 1, 40]] {
+        for (ta, tb) in [(false, false), (false, true), (true, false), (true, true)] {
+            agrees::<f32>(ta, tb, size, 1.0, 0.0);
+            agrees::<f64>(ta, tb, size, 0.7, 1.0);
+        }
+    }
+}
+
+#[test]
+fn batched_and_strided() {
+    let (batch, m, n, k) = (5, 7, 9, 11);
+    let (a, b) = (noise::<f64>(batch * m * k + 3, 1), noise::<f64>(k * n, 2));
+    let mut c = vec![0.0; batch * (m * n + 2)];
+    gemm_batched(batch, false, true, m, n, k, 1.0, &a, m * k, &b, 0, 0.0, &mut c, m * n + 2);
+    for e in 0..batch {
+        let mut expected = vec![0.0; m * n];
+        naive(false, true, [m, n, k], 1.0, &a[e * m * k..], &b, 0.0, &mut expected);
+        for (c, e) in c[e * (m * n + 2)..].iter().zip(&expected) {
+            assert!((c - e).abs() < 1e-13);
+        }
+        assert_eq!(c[e * (m * n + 2) + m * n..][..2], [0.0; 2]);
+    }
+    // A window of a wider matrix, every other column of A, C with gaps.
+    let (wide, b) = (noise::<f64>(m * 3 * k, 4), noise::<f64>(k * n, 5));
+    let (mut c, mut serial) = (vec![1.0; m * (n + 4)], vec![1.0; m * (n + 4)]);
+    let window = Mat { data: &wide, row_stride: 3 * k, col_stride: 2 };
+    gemm_strided(m, n, k, 2.0, window, Mat::new(&b, n), 1.0, &mut c, n + 4);
+    gemm_serial(m, n, k, 2.0, window, Mat::new(&b, n), 1.0, &mut serial, n + 4);
+    assert_eq!(c, serial);
+    for i in 0..m {
+        for j in 0..n + 4 {
+            let sum: f64 = if j < n { (0..k).map(|p| wide[i * 3 * k + 2 * p] * b[p * n + j]).sum() } else { 0.0 };
+            assert!((c[i * (n + 4) + j] - 1.0 - 2.0 * sum).abs() < 1e-13);
+        }
+    }
+}
+
+#[test]
+fn same_bits_at_any_thread_count() {
+    let (m, n, k) = (301, 275, 300);
+    let (a, b) = (noise::<f32>(m * k, 1), noise::<f32>(k * n, 2));
+    threads(|| {
+        let mut c = vec![0.0; m * n];
+        gemm(false, true, m, n, k, 1.0, &a, &b, 0.0, &mut c);
+        c
+    });
+}
+
+#[test]
+#[should_panic(expected = "gemm: C is too short")]
+fn short_output_panics() {
+    gemm(false, false, 4, 4, 4, 1.0, &[0.0_f32; 16], &[0.0; 16], 0.0, &mut [0.0; 15]);
+}
