@@ -20,10 +20,7 @@ fn reduce(x: f32) -> (i32, f32) {
     let p = p * r + 0.041_666_556;
     let p = p * r + 0.166_665_77;
     let p = p * r + 0.5;
-    (
-        shifted.to_bits() as i32 - ROUND.to_bits() as i32,
-        r * r * p + r,
-    )
+    (shifted.to_bits() as i32 - ROUND.to_bits() as i32, r * r * p + r)
 }
 
 /// 2^n for -126 <= n <= 127.

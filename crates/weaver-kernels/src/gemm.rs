@@ -14,10 +14,12 @@ pub(crate) mod tile;
 const K_BLOCK: usize = 256;
 /// Rows of A that stay in the second-level cache with `K_BLOCK` columns.
 const M_BLOCK: usize = 192;
+/// Fewer rows are not worth packing B once more.
+const M_TASK: usize = 48;
 /// Fewer multiply-adds than this are not worth a parallel task.
-const TASK: usize = 1 << 17;
+const TASK: usize = 1 << 18;
 /// As many tasks as this are enough for any machine we know.
-const TASKS: usize = 32;
+const TASKS: usize = 16;
 
 /// A matrix operand: element (i, j) is `data[i * row_stride + j * col_stride]`.
 #[derive(Clone, Copy, Debug)]
@@ -46,7 +48,11 @@ impl<'a, T: Real> Mat<'a, T> {
     fn check(&self, rows: usize, cols: usize, name: &str) {
         if rows > 0 && cols > 0 {
             let last = (rows - 1) * self.row_stride + (cols - 1) * self.col_stride;
-            assert!(last < self.data.len(), "gemm: {name} is {rows} x {cols} but its slice has {} elements", self.data.len());
+            assert!(
+                last < self.data.len(),
+                "gemm: {name} is {rows} x {cols} but its slice has {} elements",
+                self.data.len()
+            );
         }
     }
 }
@@ -200,7 +206,7 @@ impl<T: Real> Product<'_, T> {
     /// Splitting columns is free, splitting rows packs B again.
     fn block_size(&self) -> (usize, usize) {
         let (tile_rows, tile_cols) = T::tile(simd::level());
-        let (mut rows, mut cols) = (self.m.min(M_BLOCK), self.n);
+        let (mut rows, mut cols) = (self.m.div_ceil(self.m.div_ceil(M_BLOCK)), self.n);
         loop {
             let tasks = self.batch * self.m.div_ceil(rows) * self.n.div_ceil(cols);
             if tasks >= TASKS || rows * cols * self.k < 2 * TASK {
@@ -208,7 +214,7 @@ impl<T: Real> Product<'_, T> {
             }
             if cols > tile_cols {
                 cols = (cols / 2).next_multiple_of(tile_cols);
-            } else if rows > tile_rows {
+            } else if rows > M_TASK {
                 rows = (rows / 2).next_multiple_of(tile_rows);
             } else {
                 return (rows, cols);
@@ -287,10 +293,49 @@ fn pack<T: Real>(b: Mat<T>, k: usize, depth: usize, j: usize, width: usize, padd
     if width < padded {
         panel.fill(T::ZERO);
     }
+    let data = &b.data[k * b.row_stride + j * b.col_stride..];
+    simd::dispatch(
+        #[inline(always)]
+        || transpose(data, b.row_stride, b.col_stride, depth, width, padded, panel),
+    );
+}
+
+/// `out[p * padded + q] = data[p * row_stride + q * col_stride]`, in square blocks where columns are
+/// contiguous.
+#[inline(always)]
+fn transpose<T: Real>(
+    data: &[T],
+    row_stride: usize,
+    col_stride: usize,
+    depth: usize,
+    width: usize,
+    padded: usize,
+    out: &mut [T],
+) {
+    const S: usize = 8;
+    let blocks = if row_stride == 1 { (depth / S * S, width / S * S) } else { (0, 0) };
+    for q in (0..blocks.1).step_by(S) {
+        let columns: [&[T]; S] = std::array::from_fn(
+            #[inline(always)]
+            |i| &data[(q + i) * col_stride..][..depth],
+        );
+        for p in (0..blocks.0).step_by(S) {
+            let mut block = [[T::ZERO; S]; S];
+            for i in 0..S {
+                block[i].copy_from_slice(&columns[i][p..p + S]);
+            }
+            for r in 0..S {
+                let row = &mut out[(p + r) * padded + q..][..S];
+                for i in 0..S {
+                    row[i] = block[i][r];
+                }
+            }
+        }
+    }
     for q in 0..width {
-        let column = &b.data[k * b.row_stride + (j + q) * b.col_stride..];
-        for p in 0..depth {
-            panel[p * padded + q] = column[p * b.row_stride];
+        let from = if q < blocks.1 { blocks.0 } else { 0 };
+        for p in from..depth {
+            out[p * padded + q] = data[p * row_stride + q * col_stride];
         }
     }
 }

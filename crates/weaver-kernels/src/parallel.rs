@@ -14,10 +14,7 @@ pub fn for_ranges(n: usize, grain: usize, body: impl Fn(Range<usize>) + Sync) {
             1 => run(chunks.start),
             n => {
                 let middle = chunks.start + n / 2;
-                rayon::join(
-                    || split(chunks.start..middle, run),
-                    || split(middle..chunks.end, run),
-                );
+                rayon::join(|| split(chunks.start..middle, run), || split(middle..chunks.end, run));
             }
         }
     }
@@ -30,22 +27,14 @@ pub fn for_ranges(n: usize, grain: usize, body: impl Fn(Range<usize>) + Sync) {
 /// Cuts `out` into chunks of `size` elements (the last may be shorter) and runs `body(index, chunk)`
 /// on each, in parallel. Allocates nothing.
 pub fn for_chunks<T: Send>(out: &mut [T], size: usize, body: impl Fn(usize, &mut [T]) + Sync) {
-    fn split<T: Send>(
-        out: &mut [T],
-        first: usize,
-        size: usize,
-        body: &(impl Fn(usize, &mut [T]) + Sync),
-    ) {
+    fn split<T: Send>(out: &mut [T], first: usize, size: usize, body: &(impl Fn(usize, &mut [T]) + Sync)) {
         let chunks = out.len().div_ceil(size);
         match chunks {
             0 => {}
             1 => body(first, out),
             n => {
                 let (a, b) = out.split_at_mut(n / 2 * size);
-                rayon::join(
-                    || split(a, first, size, body),
-                    || split(b, first + n / 2, size, body),
-                );
+                rayon::join(|| split(a, first, size, body), || split(b, first + n / 2, size, body));
             }
         }
     }

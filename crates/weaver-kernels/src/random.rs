@@ -28,28 +28,22 @@ fn mix(mut z: u64) -> u64 {
 impl Stream {
     /// The stream of `purpose` at `step` of the run with `seed`.
     pub fn new(seed: u64, step: u64, purpose: &str) -> Self {
-        let name = purpose.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| {
-            (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01b3)
-        });
-        let key = mix(mix(seed.wrapping_add(0x9e37_79b9_7f4a_7c15))
-            ^ mix(step.wrapping_add(0x7f4a_7c15))
-            ^ name);
+        let name = purpose
+            .bytes()
+            .fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01b3));
+        let key = mix(mix(seed.wrapping_add(0x9e37_79b9_7f4a_7c15)) ^ mix(step.wrapping_add(0x7f4a_7c15)) ^ name);
         Self { key }
     }
 
     /// A stream derived from this one by a number, for example one per view.
     pub fn fork(self, index: u64) -> Self {
-        Self {
-            key: mix(self.key ^ mix(index.wrapping_add(0x632b_e59b_d9b4_e019))),
-        }
+        Self { key: mix(self.key ^ mix(index.wrapping_add(0x632b_e59b_d9b4_e019))) }
     }
 
     /// 64 random bits.
     #[inline(always)]
     pub fn bits(self, index: u64) -> u64 {
-        mix(self
-            .key
-            .wrapping_add(index.wrapping_mul(0x9e37_79b9_7f4a_7c15)))
+        mix(self.key.wrapping_add(index.wrapping_mul(0x9e37_79b9_7f4a_7c15)))
     }
 
     /// Uniform in the open interval (0, 1): never exactly 0 or 1, so logarithms are safe.

@@ -182,10 +182,5 @@ macro_rules! real {
     };
 }
 
-real!(
-    f32,
-    crate::exp::exp_f32,
-    crate::exp::tanh_f32,
-    crate::erf::erf_f32
-);
+real!(f32, crate::exp::exp_f32, crate::exp::tanh_f32, crate::erf::erf_f32);
 real!(f64, f64::exp, f64::tanh, crate::erf::erf_f64);

@@ -21,7 +21,10 @@ fn threads<T: Real>(body: impl Fn() -> Vec<T> + Sync) -> Vec<T> {
     let first = run(1);
     assert!(first.iter().any(|x| *x != T::ZERO), "a result of zeros proves nothing");
     for n in [2, 3] {
-        assert!(run(n).iter().zip(&first).all(|(a, b)| a.to_f64().to_bits() == b.to_f64().to_bits()), "{n} threads differ");
+        assert!(
+            run(n).iter().zip(&first).all(|(a, b)| a.to_f64().to_bits() == b.to_f64().to_bits()),
+            "{n} threads differ"
+        );
     }
     first
 }

@@ -14,14 +14,11 @@ fn ulps(got: f32, exact: f64) -> f64 {
 
 /// Every `stride`-th positive float from `from` to `to`, and its negative.
 fn floats(from: f32, to: f32, stride: usize) -> impl Iterator<Item = f32> {
-    (from.to_bits()..=to.to_bits())
-        .step_by(stride)
-        .flat_map(|b| [f32::from_bits(b), -f32::from_bits(b)])
+    (from.to_bits()..=to.to_bits()).step_by(stride).flat_map(|b| [f32::from_bits(b), -f32::from_bits(b)])
 }
 
 fn worst(f: impl Fn(f32) -> f32, exact: impl Fn(f64) -> f64, xs: impl Iterator<Item = f32>) -> f64 {
-    xs.map(|x| ulps(f(x), exact(f64::from(x))))
-        .fold(0.0, f64::max)
+    xs.map(|x| ulps(f(x), exact(f64::from(x)))).fold(0.0, f64::max)
 }
 
 #[test]
@@ -41,10 +38,7 @@ fn exp_is_accurate() {
     assert!(exp_f32(f32::NAN).is_nan());
     // Subnormal results: half a spacing of the smallest number, and a little.
     for x in [-88.0_f32, -95.0, -100.0, -103.0] {
-        assert!(
-            (f64::from(exp_f32(x)) - f64::from(x).exp()).abs() < 1.5e-45,
-            "exp({x})"
-        );
+        assert!((f64::from(exp_f32(x)) - f64::from(x).exp()).abs() < 1.5e-45, "exp({x})");
     }
 }
 
@@ -53,10 +47,7 @@ fn tanh_is_accurate() {
     let error = worst(tanh_f32, f64::tanh, floats(1e-10, 20.0, 997));
     assert!(error < 2.5, "{error} ulp");
     assert_eq!(tanh_f32(0.0), 0.0);
-    assert_eq!(
-        (tanh_f32(f32::INFINITY), tanh_f32(f32::NEG_INFINITY)),
-        (1.0, -1.0)
-    );
+    assert_eq!((tanh_f32(f32::INFINITY), tanh_f32(f32::NEG_INFINITY)), (1.0, -1.0));
     assert!(tanh_f32(f32::NAN).is_nan());
 }
 
@@ -64,10 +55,7 @@ fn tanh_is_accurate() {
 fn erf_f32_is_accurate() {
     let error = worst(erf_f32, erf_f64, floats(1e-10, 6.0, 997));
     assert!(error < 1.5, "{error} ulp");
-    assert_eq!(
-        (erf_f32(f32::INFINITY), erf_f32(f32::NEG_INFINITY)),
-        (1.0, -1.0)
-    );
+    assert_eq!((erf_f32(f32::INFINITY), erf_f32(f32::NEG_INFINITY)), (1.0, -1.0));
     assert!(erf_f32(f32::NAN).is_nan());
 }
 
@@ -84,9 +72,7 @@ fn erf_series(x: f64) -> f64 {
 
 /// erfc by its continued fraction, for large arguments.
 fn erfc_fraction(x: f64) -> f64 {
-    let f = (1..=120)
-        .rev()
-        .fold(0.0, |f, k| f64::from(k) / 2.0 / (x + f));
+    let f = (1..=120).rev().fold(0.0, |f, k| f64::from(k) / 2.0 / (x + f));
     (-x * x).exp() / ((x + f) * std::f64::consts::PI.sqrt())
 }
 
@@ -140,23 +126,12 @@ fn erf_f64_is_accurate() {
     for i in 1..6500 {
         let x = f64::from(i) * 1e-3;
         // The series itself is only good to some units in the last place.
-        let (exact, tolerance) = if x < 1.5 {
-            (erf_series(x), 1e-15)
-        } else {
-            (1.0 - erfc_fraction(x), 3e-16)
-        };
+        let (exact, tolerance) = if x < 1.5 { (erf_series(x), 1e-15) } else { (1.0 - erfc_fraction(x), 3e-16) };
         let error = (erf_f64(x) - exact).abs() / exact;
         assert!(error < tolerance, "erf({x}): {error:e}");
         assert_eq!(erf_f64(-x), -erf_f64(x));
     }
-    assert_eq!(
-        (
-            erf_f64(0.0),
-            erf_f64(f64::INFINITY),
-            erf_f64(f64::NEG_INFINITY)
-        ),
-        (0.0, 1.0, -1.0)
-    );
+    assert_eq!((erf_f64(0.0), erf_f64(f64::INFINITY), erf_f64(f64::NEG_INFINITY)), (0.0, 1.0, -1.0));
     assert!(erf_f64(f64::NAN).is_nan());
 }
 
