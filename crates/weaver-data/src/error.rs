@@ -1,10 +1,13 @@
 //! What can be wrong with data that comes from outside.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Why a scene could not be loaded or used.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
+    /// A file could not be read.
+    #[error(transparent)]
+    Format(#[from] weaver_io::Error),
     /// A file does not say what a scene needs.
     #[error("{}: {key}: expected {expected}, found {found}", file.display())]
     Unexpected {
@@ -42,4 +45,15 @@ pub enum Error {
         /// The `scene_scale` option.
         found: Option<f64>,
     },
+}
+
+impl Error {
+    pub(crate) fn unexpected(
+        file: &Path,
+        key: impl Into<String>,
+        expected: impl Into<String>,
+        found: impl Into<String>,
+    ) -> Self {
+        Self::Unexpected { file: file.to_path_buf(), key: key.into(), expected: expected.into(), found: found.into() }
+    }
 }

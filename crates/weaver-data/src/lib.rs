@@ -1,9 +1,10 @@
 //! Scenes, captures, view sampling, and the procedural scene generator.
 //!
 //! A [`Scene`] is photos of one place with their cameras and, where known, depth and surface points.
-//! [`procedural`] makes scenes from a seed. [`training_tuple`] and [`evaluation_tuples`] say which views are
+//! [`capture`] loads scenes from photos on disk, [`procedural`] makes them from a seed. [`training_tuple`] and [`evaluation_tuples`] say which views are
 //! shown to the network and which it must render.
 
+pub mod capture;
 mod error;
 pub mod procedural;
 mod sampler;

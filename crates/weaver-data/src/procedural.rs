@@ -69,9 +69,7 @@ pub fn scene(seed: u64, options: &ProceduralOptions) -> Scene {
         views.iter().enumerate().flat_map(|(i, view)| marks(view, stream.fork(2 + i as u64))).collect();
     let visible = cameras
         .par_iter()
-        .map(|camera| {
-            (0..points.len() as u32).filter(|&p| sees(&world, camera, points[p as usize])).collect()
-        })
+        .map(|camera| (0..points.len() as u32).filter(|&p| sees(&world, camera, points[p as usize])).collect())
         .collect();
     Scene { name: format!("procedural-seed-{seed}"), views, points, visible, scale: None }
 }
@@ -88,9 +86,7 @@ pub fn default_unseen_set(width: usize, height: usize) -> Vec<Scene> {
 
 fn set(name: &str, first_seed: u64, scenes: u64, width: usize, height: usize) -> Vec<Scene> {
     let options = ProceduralOptions { width, height, views: 24 };
-    (0..scenes)
-        .map(|i| Scene { name: format!("{name}-{i:02}"), ..scene(first_seed + i, &options) })
-        .collect()
+    (0..scenes).map(|i| Scene { name: format!("{name}-{i:02}"), ..scene(first_seed + i, &options) }).collect()
 }
 
 /// Surface points under random pixels of a view.
@@ -101,8 +97,7 @@ fn marks(view: &View, stream: Stream) -> Vec<DVec3> {
     (0..POINTS_PER_VIEW as u64)
         .filter_map(|i| {
             let pixel = stream.below(i, depth.len());
-            let centre =
-                DVec2::new((pixel % camera.width) as f64 + 0.5, (pixel / camera.width) as f64 + 0.5);
+            let centre = DVec2::new((pixel % camera.width) as f64 + 0.5, (pixel / camera.width) as f64 + 0.5);
             let z = f64::from(depth[pixel]);
             (z > 0.0).then(|| to_world.apply(camera.intrinsics.unproject(centre, z)))
         })
@@ -113,8 +108,7 @@ fn marks(view: &View, stream: Stream) -> Vec<DVec3> {
 fn sees(world: &World, camera: &Camera, point: DVec3) -> bool {
     let local = camera.pose.apply(point);
     let pixel = camera.intrinsics.project(local);
-    let inside =
-        pixel.x >= 0.0 && pixel.x < camera.width as f64 && pixel.y >= 0.0 && pixel.y < camera.height as f64;
+    let inside = pixel.x >= 0.0 && pixel.x < camera.width as f64 && pixel.y >= 0.0 && pixel.y < camera.height as f64;
     let eye = camera.pose.centre();
     // The point itself, known to the precision of f32 depth, is no obstacle.
     local.z > 0.0 && inside && !world.blocked(eye, point - eye, 1.0 - 1e-4)

@@ -22,14 +22,7 @@ pub struct Tuple {
 ///
 /// # Panics
 /// If a scene has fewer than `context + 1` training views; see [`Scene::check_training`].
-pub fn training_tuple(
-    scenes: &[Scene],
-    rng: Stream,
-    index: u64,
-    pool: usize,
-    context: usize,
-    targets: usize,
-) -> Tuple {
+pub fn training_tuple(scenes: &[Scene], rng: Stream, index: u64, pool: usize, context: usize, targets: usize) -> Tuple {
     let rng = rng.fork(index);
     let scene = rng.below(0, scenes.len());
     let training = scenes[scene].training_views();
@@ -57,11 +50,7 @@ pub fn evaluation_tuples(scene: &Scene, index: usize, context: usize) -> Vec<Tup
     scene
         .held_out_views()
         .into_iter()
-        .map(|view| Tuple {
-            scene: index,
-            context: scene.nearest(view, &training, context),
-            targets: vec![view],
-        })
+        .map(|view| Tuple { scene: index, context: scene.nearest(view, &training, context), targets: vec![view] })
         .collect()
 }
 

@@ -95,8 +95,8 @@ fn objects(draws: &mut Draws) -> Vec<Solid> {
             break;
         }
         let footprint = draws.within(0.3, 0.65);
-        let place = DVec2::from_angle(draws.within(0.0, std::f64::consts::TAU))
-            * (STAGE * draws.within(0.0, 1.0).sqrt());
+        let place =
+            DVec2::from_angle(draws.within(0.0, std::f64::consts::TAU)) * (STAGE * draws.within(0.0, 1.0).sqrt());
         if taken.iter().any(|(other, size)| other.distance(place) < size + footprint + 0.05) {
             continue;
         }

@@ -1,0 +1,186 @@
+//! Captures: folders of photos with cameras, brought to the size the network sees.
+//!
+//! | the folder holds | cameras | points | held out |
+//! |---|---|---|---|
+//! | `transforms.json` | nerfstudio, instant-ngp | COLMAP's in `sparse/0`, if there | `test_filenames`, else every 8th |
+//! | `transforms_train.json`, `transforms_test.json` | NeRF-synthetic | none | the test file's frames |
+//! | `sparse/0`, `images/` | COLMAP | COLMAP | every 8th |
+//! | `cameras.txt` or `<16 hex digits>.txt`, `images/` | RealEstate10K | none | every 8th |
+//!
+//! Photos are sorted by path. The largest centred crop of the network's aspect ratio is shrunk with a Lanczos
+//! filter; intrinsics follow exactly.
+
+mod crop;
+mod footage;
+mod nerf;
+mod realestate;
+mod sparse;
+
+use crate::{Error, Scene, View};
+use crop::Crop;
+use footage::{Footage, Shot};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+use weaver_geometry::glam::DVec3;
+use weaver_geometry::{Camera, Intrinsics};
+use weaver_io::{Background, Image};
+
+/// Which views are kept from training.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum HoldOut {
+    /// Those the capture names, else every eighth.
+    #[default]
+    Listed,
+    /// Every n-th in order of path, starting with the first; none if n is 0.
+    Every(usize),
+    /// None.
+    Nothing,
+}
+
+/// How to load a capture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CaptureOptions {
+    /// Image width for the network, pixels.
+    pub width: usize,
+    /// Image height for the network, pixels.
+    pub height: usize,
+    /// For captures without points: the length, in the capture's units, that becomes 1 in training. The mean
+    /// distance from a camera to what it sees is a good choice.
+    pub scene_scale: Option<f64>,
+    /// Which views are kept from training.
+    pub hold_out: HoldOut,
+}
+
+impl Default for CaptureOptions {
+    fn default() -> Self {
+        Self { width: 64, height: 48, scene_scale: None, hold_out: HoldOut::Listed }
+    }
+}
+
+/// Loads the capture in `folder`; photos in parallel, views in order of their paths.
+///
+/// # Errors
+/// If the folder is missing or of no known kind, a file is missing, truncated or malformed, a pose or intrinsics
+/// are missing or not finite, or a photo's size is not its camera's. The message names the file, the entry, what
+/// was expected and what was found. How many views a task needs is checked by [`Scene::check_training`] and
+/// [`Scene::check_evaluation`].
+pub fn load(folder: impl AsRef<Path>, options: &CaptureOptions) -> Result<Scene, Error> {
+    let folder = folder.as_ref();
+    let Footage { mut shots, points, split } = read_footage(folder)?;
+    if shots.is_empty() {
+        return Err(Error::unexpected(folder, "photos", "at least one", "none"));
+    }
+    shots.sort_by(|a, b| a.file.cmp(&b.file));
+    if !(split && options.hold_out == HoldOut::Listed) {
+        let step = match options.hold_out {
+            HoldOut::Listed => 8,
+            HoldOut::Every(step) => step,
+            HoldOut::Nothing => 0,
+        };
+        for (i, shot) in shots.iter_mut().enumerate() {
+            shot.held_out = step > 0 && i % step == 0;
+        }
+    }
+    let developed: Vec<Result<(View, Vec<u32>), Error>> =
+        shots.par_iter().map(|shot| develop(shot, &points, options)).collect();
+    let (views, visible) = developed.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+    let name = folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy().into_owned();
+    Ok(Scene { name, views, points, visible, scale: options.scene_scale })
+}
+
+/// Loads photos without cameras, each cropped and shrunk as [`load`] does, in the order given.
+///
+/// # Errors
+/// If there is no path or a file is missing or not an image.
+pub fn load_images(paths: &[PathBuf], width: usize, height: usize) -> Result<Vec<Image>, Error> {
+    if paths.is_empty() {
+        return Err(Error::unexpected(Path::new("photos"), "paths", "at least one", "none"));
+    }
+    let read = |path: &PathBuf| -> Result<Image, Error> {
+        let image = Image::read(path, Background::White)?;
+        Ok(Crop::centred(image.width, image.height, width, height).apply(&image))
+    };
+    let images: Vec<Result<Image, Error>> = paths.par_iter().map(read).collect();
+    images.into_iter().collect()
+}
+
+fn read_footage(folder: &Path) -> Result<Footage, Error> {
+    if !folder.is_dir() {
+        let found = if folder.exists() { "a file" } else { "nothing" };
+        return Err(Error::unexpected(folder, "capture", "a folder", found));
+    }
+    if folder.join("transforms.json").exists() {
+        nerf::read(folder)
+    } else if folder.join("transforms_train.json").exists() {
+        nerf::read_split(folder)
+    } else if folder.join("sparse").exists() {
+        sparse::read(folder)
+    } else if let Some(cameras) = realestate::camera_file(folder)? {
+        realestate::read(folder, &cameras)
+    } else {
+        Err(Error::unexpected(
+            folder,
+            "cameras",
+            "transforms.json, transforms_train.json, sparse/0 or a RealEstate10K camera file",
+            "none of them",
+        ))
+    }
+}
+
+/// Reads a photo, brings it to the network's size, and finds the points it sees.
+fn develop(shot: &Shot, points: &[DVec3], options: &CaptureOptions) -> Result<(View, Vec<u32>), Error> {
+    let (width, height) = (options.width, options.height);
+    check_camera(shot)?;
+    let image = Image::read(&shot.file, Background::White)?;
+    if (image.width, image.height) != (shot.camera.width, shot.camera.height) {
+        let expected = format!("{}x{}, its camera's", shot.camera.width, shot.camera.height);
+        let found = format!("{}x{}", image.width, image.height);
+        return Err(Error::unexpected(&shot.file, "image size", expected, found));
+    }
+    let crop = Crop::centred(image.width, image.height, width, height);
+    let camera = Camera { pose: shot.camera.pose, intrinsics: crop.intrinsics(&shot.camera.intrinsics), width, height };
+    let (visible, depth) = sight(&camera, points, &shot.track);
+    let view = View {
+        name: shot.name.clone(),
+        image: crop.apply(&image),
+        camera,
+        depth: (!points.is_empty()).then_some(depth),
+        held_out: shot.held_out,
+    };
+    Ok((view, visible))
+}
+
+fn check_camera(shot: &Shot) -> Result<(), Error> {
+    let Camera { pose, intrinsics: Intrinsics { fx, fy, cx, cy }, .. } = shot.camera;
+    if !(pose.rotation.is_finite() && pose.translation.is_finite()) {
+        return Err(Error::unexpected(&shot.file, "pose", "finite numbers", format!("{pose:?}")));
+    }
+    let valid = fx > 0.0 && fy > 0.0 && [fx, fy, cx, cy].iter().all(|x| x.is_finite());
+    if !valid {
+        let found = format!("fx {fx} fy {fy} cx {cx} cy {cy}");
+        return Err(Error::unexpected(&shot.file, "intrinsics", "finite numbers, focal lengths above 0", found));
+    }
+    Ok(())
+}
+
+/// Which tracked points lie inside the image and before the camera, and their depth at the pixels they fall
+/// into, the nearest where they share one.
+fn sight(camera: &Camera, points: &[DVec3], track: &[u32]) -> (Vec<u32>, Vec<f32>) {
+    let mut visible = Vec::with_capacity(track.len());
+    let mut depth = vec![0.0_f32; camera.width * camera.height];
+    for &index in track {
+        let local = camera.pose.apply(points[index as usize]);
+        let pixel = camera.intrinsics.project(local).floor();
+        let inside =
+            pixel.x >= 0.0 && pixel.x < camera.width as f64 && pixel.y >= 0.0 && pixel.y < camera.height as f64;
+        if local.z > 0.0 && inside {
+            visible.push(index);
+            let cell = &mut depth[pixel.y as usize * camera.width + pixel.x as usize];
+            let z = local.z as f32;
+            if *cell == 0.0 || z < *cell {
+                *cell = z;
+            }
+        }
+    }
+    (visible, depth)
+}

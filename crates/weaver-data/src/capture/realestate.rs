@@ -1,0 +1,40 @@
+//! Captures described by a RealEstate10K camera file.
+
+use super::footage::{Footage, Shot};
+use crate::Error;
+use std::path::{Path, PathBuf};
+use weaver_geometry::Camera;
+use weaver_io::Image;
+use weaver_io::realestate::Clip;
+
+/// The camera file of a folder: `cameras.txt`, or a clip's own name, 16 hexadecimal digits and `.txt`.
+pub(super) fn camera_file(folder: &Path) -> Result<Option<PathBuf>, Error> {
+    let is_clip = |path: &PathBuf| {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        stem == "cameras" || (stem.len() == 16 && stem.bytes().all(|b| b.is_ascii_hexdigit()))
+    };
+    Ok(weaver_io::list_files(folder, &["txt"])?.into_iter().find(is_clip))
+}
+
+/// Frames in `images/`, or beside the camera file, named by their timestamps.
+pub(super) fn read(folder: &Path, cameras: &Path) -> Result<Footage, Error> {
+    let clip = Clip::read(cameras)?;
+    let images = folder.join("images");
+    let images = if images.is_dir() { images } else { folder.to_path_buf() };
+    let shots = clip.frames.iter().map(|frame| {
+        let name = frame.timestamp.to_string();
+        let file = ["png", "jpg", "jpeg"]
+            .map(|extension| images.join(format!("{name}.{extension}")))
+            .into_iter()
+            .find(|file| file.is_file())
+            .ok_or_else(|| {
+                let expected = format!("{name}.png, .jpg or .jpeg in {}", images.display());
+                Error::unexpected(cameras, format!("frame {name}"), expected, "no such file")
+            })?;
+        // The file gives intrinsics as fractions of the image's size, so that they fit any.
+        let (width, height) = Image::dimensions(&file)?;
+        let camera = Camera { pose: frame.pose, intrinsics: frame.intrinsics(width, height), width, height };
+        Ok(Shot { name, file, camera, held_out: false, track: Vec::new() })
+    });
+    Ok(Footage { shots: shots.collect::<Result<_, Error>>()?, points: Vec::new(), split: false })
+}
