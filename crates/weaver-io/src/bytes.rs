@@ -59,6 +59,14 @@ impl Bytes {
         Ok(values)
     }
 
+    pub(crate) fn f32s<const N: usize>(&mut self, what: &str) -> Result<[f32; N]> {
+        let mut values = [0.0; N];
+        for value in &mut values {
+            *value = f32::from_le_bytes(self.take(what)?);
+        }
+        Ok(values)
+    }
+
     /// A number of records of at least `record` bytes each, which must fit in what is left of the file:
     /// whoever reserves memory for them reserves no more than a constant times the file's length.
     pub(crate) fn count(&mut self, record: usize, what: &str) -> Result<usize> {

@@ -6,13 +6,16 @@
 
 mod atomic;
 mod bytes;
+pub mod checkpoint;
 pub mod colmap;
 mod colour;
 mod error;
 mod folder;
 mod image;
+pub mod ply;
 pub mod realestate;
 mod resize;
+mod splat;
 mod transforms;
 
 pub use atomic::atomic_write;
@@ -20,4 +23,6 @@ pub use colour::{false_colour, label_colour};
 pub use error::{Error, Result};
 pub use folder::list_files;
 pub use image::{Background, Image};
+pub use ply::SplatPly;
+pub use splat::read_splat;
 pub use transforms::{Frame, Transforms};

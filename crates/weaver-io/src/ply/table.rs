@@ -1,0 +1,202 @@
+//! The `vertex` element of a PLY file as a table of numbers.
+
+use crate::error::read_bytes;
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// The vertices, whatever their properties.
+pub(crate) struct Table {
+    path: PathBuf,
+    /// Property names.
+    pub(crate) names: Vec<String>,
+    /// Number of vertices.
+    pub(crate) rows: usize,
+    /// `[rows, names.len()]`.
+    values: Vec<f32>,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Format {
+    Ascii,
+    LittleEndian,
+}
+
+/// A scalar type: how many bytes, and how to read them.
+#[derive(Clone, Copy)]
+struct Scalar {
+    size: usize,
+    read: fn(&[u8]) -> f32,
+}
+
+macro_rules! scalar {
+    ($t:ty) => {
+        Scalar {
+            size: size_of::<$t>(),
+            read: |bytes| {
+                let chunk = bytes.first_chunk().expect("rows are cut to the sum of their sizes");
+                <$t>::from_le_bytes(*chunk) as f32
+            },
+        }
+    };
+}
+
+fn scalar(name: &str) -> Option<Scalar> {
+    Some(match name {
+        "char" | "int8" => scalar!(i8),
+        "uchar" | "uint8" => scalar!(u8),
+        "short" | "int16" => scalar!(i16),
+        "ushort" | "uint16" => scalar!(u16),
+        "int" | "int32" => scalar!(i32),
+        "uint" | "uint32" => scalar!(u32),
+        "float" | "float32" => scalar!(f32),
+        "double" | "float64" => scalar!(f64),
+        _ => return None,
+    })
+}
+
+struct Element {
+    name: String,
+    count: usize,
+    names: Vec<String>,
+    types: Vec<Scalar>,
+    /// Has a property whose length varies from row to row.
+    lists: bool,
+}
+
+struct Header {
+    format: Format,
+    elements: Vec<Element>,
+    /// Where the body begins.
+    end: usize,
+}
+
+impl Table {
+    /// Reads the vertices of an ASCII or binary little-endian file. Elements before them are skipped (those of
+    /// fixed size only), elements after them are ignored.
+    pub(crate) fn read(path: &Path) -> Result<Self> {
+        let data = read_bytes(path)?;
+        let header = header(path, &data)?;
+        let body = &data[header.end..];
+        let index = header.elements.iter().position(|e| e.name == "vertex");
+        let Some(index) = index else {
+            return Err(Error::invalid(path, "header", "an element named vertex", "none"));
+        };
+        let (before, vertex) = (&header.elements[..index], &header.elements[index]);
+        if let Some(e) = header.elements[..=index].iter().find(|e| e.lists || e.types.is_empty()) {
+            let expected = "scalar properties up to and in the element vertex";
+            let found = if e.lists { "a list" } else { "no properties" };
+            return Err(Error::invalid(path, format!("element {}", e.name), expected, found));
+        }
+        let values = match header.format {
+            Format::Ascii => ascii(path, body, before, vertex)?,
+            Format::LittleEndian => binary(path, body, before, vertex)?,
+        };
+        Ok(Self { path: path.to_path_buf(), names: vertex.names.clone(), rows: vertex.count, values })
+    }
+
+    /// The position of a property.
+    pub(crate) fn column(&self, name: &str) -> Result<usize> {
+        self.names.iter().position(|n| n == name).ok_or_else(|| {
+            let found = format!("only {}", self.names.join(" "));
+            Error::invalid(&self.path, "element vertex", format!("a property {name}"), found)
+        })
+    }
+
+    /// One vertex.
+    pub(crate) fn row(&self, row: usize) -> &[f32] {
+        &self.values[row * self.names.len()..][..self.names.len()]
+    }
+}
+
+fn header(path: &Path, data: &[u8]) -> Result<Header> {
+    let mut format = None;
+    let mut elements: Vec<Element> = Vec::new();
+    let mut end = 0;
+    for number in 1.. {
+        let invalid = |expected: &str, found: &str| {
+            Error::invalid(path, format!("header line {number}"), expected, format!("{found:?}"))
+        };
+        let Some(length) = data[end..].iter().position(|&b| b == b'\n') else {
+            return Err(invalid("end_header before the end of the file", ""));
+        };
+        let line = String::from_utf8_lossy(&data[end..end + length]);
+        let line = line.trim();
+        end += length + 1;
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match (number, words.as_slice()) {
+            (1, ["ply"]) => {}
+            (1, _) => return Err(invalid("ply", line.get(..20).unwrap_or(line))),
+            (_, ["format", "ascii", "1.0"]) => format = Some(Format::Ascii),
+            (_, ["format", "binary_little_endian", "1.0"]) => format = Some(Format::LittleEndian),
+            (_, ["comment" | "obj_info", ..] | []) => {}
+            (_, ["element", name, count]) => {
+                let count = count.parse().map_err(|_| invalid("a number of elements", line))?;
+                let name = name.to_string();
+                elements.push(Element { name, count, names: Vec::new(), types: Vec::new(), lists: false });
+            }
+            (_, ["property", "list", _, _, _]) => {
+                elements.last_mut().ok_or_else(|| invalid("an element first", line))?.lists = true;
+            }
+            (_, ["property", kind, name]) => {
+                let element = elements.last_mut().ok_or_else(|| invalid("an element first", line))?;
+                element.types.push(scalar(kind).ok_or_else(|| invalid("a scalar type", line))?);
+                element.names.push(name.to_string());
+            }
+            (_, ["end_header"]) => break,
+            _ => return Err(invalid("format ascii or binary_little_endian 1.0, element, property or comment", line)),
+        }
+    }
+    let format = format.ok_or_else(|| Error::invalid(path, "header", "a line beginning with format", "none"))?;
+    Ok(Header { format, elements, end })
+}
+
+/// `count` rows of at least `row` bytes each, when the body has room for them.
+fn room(path: &Path, body: usize, element: &Element, row: usize) -> Result<usize> {
+    match element.count.checked_mul(row) {
+        Some(size) if size <= body => Ok(size),
+        _ => {
+            let found = format!("{body} bytes");
+            let expected = format!("{} rows of {row} bytes or more", element.count);
+            Err(Error::invalid(path, format!("element {}", element.name), expected, found))
+        }
+    }
+}
+
+fn binary(path: &Path, mut body: &[u8], before: &[Element], vertex: &Element) -> Result<Vec<f32>> {
+    let stride = |e: &Element| e.types.iter().map(|t| t.size).sum();
+    for element in before {
+        body = &body[room(path, body.len(), element, stride(element))?..];
+    }
+    let size = room(path, body.len(), vertex, stride(vertex))?;
+    let mut values = Vec::with_capacity(vertex.count * vertex.types.len());
+    for mut row in body[..size].chunks_exact(stride(vertex)) {
+        for scalar in &vertex.types {
+            values.push((scalar.read)(row));
+            row = &row[scalar.size..];
+        }
+    }
+    Ok(values)
+}
+
+fn ascii(path: &Path, body: &[u8], before: &[Element], vertex: &Element) -> Result<Vec<f32>> {
+    // A digit and a separator for each value; the last one may lack the separator.
+    let smallest = |e: &Element| 2 * e.types.len();
+    for element in before.iter().chain([vertex]) {
+        room(path, body.len() + 1, element, smallest(element))?;
+    }
+    let text = std::str::from_utf8(body).map_err(|_| Error::invalid(path, "body", "ASCII text", "other bytes"))?;
+    let mut words = text.split_ascii_whitespace();
+    let skip: usize = before.iter().map(|e| e.count * e.types.len()).sum();
+    let mut values = Vec::with_capacity(vertex.count * vertex.types.len());
+    for _ in 0..skip {
+        words.next();
+    }
+    for row in 0..vertex.count {
+        for name in &vertex.names {
+            let word = words.next().unwrap_or("the end of the file");
+            let place = || format!("vertex {row}, property {name}");
+            values.push(word.parse().map_err(|_| Error::invalid(path, place(), "a number", word))?);
+        }
+    }
+    Ok(values)
+}
