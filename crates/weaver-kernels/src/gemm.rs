@@ -1,12 +1,13 @@
 //! Matrix multiplication, C = alpha A B + beta C, on row-major slices.
 //!
 //! C is cut into blocks whose borders depend on the sizes alone; a block is one parallel task. Within
-//! it a panel of B is packed so that a register tile ([`tile`](self::tile)) can stream through it, and
+//! it a panel of B is packed so that a tile of C held in vector registers can stream through it, and
 //! every element of C is summed in one fixed order: the same bits at any number of threads. Nothing is
 //! allocated but one packing buffer per thread, once.
 
 use crate::parallel::for_ranges;
 use crate::{Real, simd};
+use std::ops::Range;
 
 pub(crate) mod tile;
 
@@ -45,16 +46,26 @@ impl<'a, T: Real> Mat<'a, T> {
         Self { row_stride: self.col_stride, col_stride: self.row_stride, ..self }
     }
 
-    fn check(&self, rows: usize, cols: usize, name: &str) {
-        if rows > 0 && cols > 0 {
-            let last = (rows - 1) * self.row_stride + (cols - 1) * self.col_stride;
-            assert!(
-                last < self.data.len(),
-                "gemm: {name} is {rows} x {cols} but its slice has {} elements",
-                self.data.len()
-            );
+    fn check(&self, batch: usize, step: usize, rows: usize, cols: usize, name: &str) {
+        if batch > 0 && rows > 0 && cols > 0 {
+            let last = (batch - 1) * step + (rows - 1) * self.row_stride + (cols - 1) * self.col_stride;
+            let len = self.data.len();
+            assert!(last < len, "gemm: {name} is {batch} x {rows} x {cols} but its slice has {len} elements");
         }
     }
+}
+
+/// Where [`Product`] gets B from: a matrix in memory, or one that is made as it is packed.
+pub(crate) trait Panels<T>: Sync {
+    /// Writes rows `k`, columns `cols` of matrix `entry` to `panel`, rows of `padded` elements, zeros
+    /// behind the columns. `spare` is as long as the largest panel and free to use.
+    fn pack(&self, entry: usize, k: Range<usize>, cols: Range<usize>, padded: usize, panel: &mut [T], spare: &mut [T]);
+}
+
+/// Matrices that begin `stride` apart.
+struct Stack<'a, T> {
+    mat: Mat<'a, T>,
+    stride: usize,
 }
 
 /// C = alpha op(A) op(B) + beta C for contiguous row-major matrices.
@@ -105,8 +116,9 @@ pub fn gemm_batched<T: Real>(
 ) {
     let a = if trans_a { Mat::new(a, m).transposed() } else { Mat::new(a, k) };
     let b = if trans_b { Mat::new(b, k).transposed() } else { Mat::new(b, n) };
-    let strides = [a_stride, b_stride, c_stride];
-    Product { batch, strides, m, n, k, alpha, a, b, beta }.run(c, n, true);
+    b.check(batch, b_stride, k, n, "B");
+    let b = Stack { mat: b, stride: b_stride };
+    Product { batch, a_step: a_stride, c_step: c_stride, m, n, k, alpha, a, b: &b, beta }.run(c, n, true);
 }
 
 /// C = alpha A B + beta C for operands with any strides; `c` has rows `c_stride` >= `n` apart.
@@ -121,7 +133,9 @@ pub fn gemm_strided<T: Real>(
     c: &mut [T],
     c_stride: usize,
 ) {
-    Product { batch: 1, strides: [0; 3], m, n, k, alpha, a, b, beta }.run(c, c_stride, true);
+    b.check(1, 0, k, n, "B");
+    let b = Stack { mat: b, stride: 0 };
+    Product { batch: 1, a_step: 0, c_step: 0, m, n, k, alpha, a, b: &b, beta }.run(c, c_stride, true);
 }
 
 /// [`gemm_strided`] on the calling thread alone, for use inside a parallel task.
@@ -136,20 +150,24 @@ pub fn gemm_serial<T: Real>(
     c: &mut [T],
     c_stride: usize,
 ) {
-    Product { batch: 1, strides: [0; 3], m, n, k, alpha, a, b, beta }.run(c, c_stride, false);
+    b.check(1, 0, k, n, "B");
+    let b = Stack { mat: b, stride: 0 };
+    Product { batch: 1, a_step: 0, c_step: 0, m, n, k, alpha, a, b: &b, beta }.run(c, c_stride, false);
 }
 
-struct Product<'a, T> {
-    batch: usize,
-    /// Between batch entries of A, B, C.
-    strides: [usize; 3],
-    m: usize,
-    n: usize,
-    k: usize,
-    alpha: T,
-    a: Mat<'a, T>,
-    b: Mat<'a, T>,
-    beta: T,
+/// C = alpha A B + beta C, `batch` times.
+pub(crate) struct Product<'a, T, B> {
+    pub batch: usize,
+    /// Distance between the A of batch entries; likewise C.
+    pub a_step: usize,
+    pub c_step: usize,
+    pub m: usize,
+    pub n: usize,
+    pub k: usize,
+    pub alpha: T,
+    pub a: Mat<'a, T>,
+    pub b: &'a B,
+    pub beta: T,
 }
 
 /// The start of C, shared by tasks that write disjoint blocks of it.
@@ -160,26 +178,18 @@ struct Output<T>(*mut T);
 // SAFETY: every task derives pointers to its own block only; `Product::run` makes the blocks disjoint.
 unsafe impl<T: Send> Sync for Output<T> {}
 
-impl<T: Real> Product<'_, T> {
-    fn run(&self, c: &mut [T], c_stride: usize, parallel: bool) {
-        let Self { batch, m, n, k, .. } = *self;
+impl<T: Real, B: Panels<T>> Product<'_, T, B> {
+    /// Computes C, whose rows are `c_stride` apart.
+    pub fn run(&self, c: &mut [T], c_stride: usize, parallel: bool) {
+        let Self { batch, m, n, k, c_step, .. } = *self;
         if batch == 0 || m == 0 || n == 0 {
             return;
         }
-        let last = batch - 1;
-        let [a_step, b_step, c_step] = self.strides;
-        let past = |data: &[T], step: usize| data.len().saturating_sub(last * step);
-        self.a.check(m, k, "A");
-        self.b.check(k, n, "B");
+        self.a.check(batch, self.a_step, m, k, "A");
         assert!(c_stride >= n, "gemm: rows of C overlap");
-        assert!(batch == 1 || c_step >= (m - 1) * c_stride + n, "gemm: matrices of C overlap");
-        if batch > 1 && k > 0 {
-            let a_len = (m - 1) * self.a.row_stride + (k - 1) * self.a.col_stride;
-            let b_len = (k - 1) * self.b.row_stride + (n - 1) * self.b.col_stride;
-            assert!(a_len < past(self.a.data, a_step), "gemm: A is too short for a batch of {batch}");
-            assert!(b_len < past(self.b.data, b_step), "gemm: B is too short for a batch of {batch}");
-        }
-        assert!((m - 1) * c_stride + n <= past(c, c_step), "gemm: C is too short");
+        let c_len = (m - 1) * c_stride + n;
+        assert!(batch == 1 || c_step >= c_len, "gemm: matrices of C overlap");
+        assert!((batch - 1) * c_step + c_len <= c.len(), "gemm: C is too short");
 
         let (rows, cols) = if parallel { self.block_size() } else { (M_BLOCK, n) };
         let (down, across) = (m.div_ceil(rows), n.div_ceil(cols));
@@ -227,30 +237,23 @@ impl<T: Real> Product<'_, T> {
     /// # Safety
     /// The block must lie inside C and belong to the caller alone.
     #[allow(unsafe_code)]
-    unsafe fn block(
-        &self,
-        entry: usize,
-        rows: std::ops::Range<usize>,
-        cols: std::ops::Range<usize>,
-        c: Output<T>,
-        c_stride: usize,
-    ) {
+    unsafe fn block(&self, entry: usize, rows: Range<usize>, cols: Range<usize>, c: Output<T>, c_stride: usize) {
         let level = simd::level();
         let (tile_rows, tile_cols) = T::tile(level);
-        let [a_step, b_step, c_step] = self.strides;
-        let a = &self.a.data[entry * a_step..];
-        let b = Mat { data: &self.b.data[entry * b_step..], ..self.b };
-        let offset = entry * c_step;
+        let a = &self.a.data[entry * self.a_step..];
+        let offset = entry * self.c_step;
         // Tiles of nearly equal height keep the pipeline fuller than full tiles and a sliver.
         let tiles = rows.len().div_ceil(tile_rows);
-        T::with_panel(K_BLOCK * tile_cols, |panel| {
+        T::with_panel(2 * K_BLOCK * tile_cols, |panel| {
+            let (panel, spare) = panel.split_at_mut(K_BLOCK * tile_cols);
             for k in (0..self.k.max(1)).step_by(K_BLOCK) {
                 let depth = K_BLOCK.min(self.k - k);
                 let beta = if k == 0 { self.beta } else { T::ONE };
                 for j in cols.clone().step_by(tile_cols) {
                     let width = tile_cols.min(cols.end - j);
                     let padded = T::panel_width(level, width);
-                    pack(b, k, depth, j, width, padded, panel);
+                    let into = &mut panel[..depth * padded];
+                    self.b.pack(entry, k..k + depth, j..j + width, padded, into, spare);
                     for t in 0..tiles {
                         let i = rows.start + rows.len() * t / tiles;
                         let height = rows.start + rows.len() * (t + 1) / tiles - i;
@@ -276,34 +279,55 @@ impl<T: Real> Product<'_, T> {
     }
 }
 
-/// Copies rows `k..k + depth`, columns `j..j + width` of B to `panel`, `[depth, padded]`, zeros behind.
-fn pack<T: Real>(b: Mat<T>, k: usize, depth: usize, j: usize, width: usize, padded: usize, panel: &mut [T]) {
-    if depth == 0 {
-        return;
-    }
-    let panel = &mut panel[..depth * padded];
-    if b.col_stride == 1 {
-        for (p, out) in panel.chunks_exact_mut(padded).enumerate() {
-            let from = (k + p) * b.row_stride + j;
-            out[..width].copy_from_slice(&b.data[from..from + width]);
-            out[width..].fill(T::ZERO);
+impl<T: Real> Panels<T> for Stack<'_, T> {
+    fn pack(
+        &self,
+        entry: usize,
+        k: Range<usize>,
+        cols: Range<usize>,
+        padded: usize,
+        panel: &mut [T],
+        _spare: &mut [T],
+    ) {
+        if k.is_empty() {
+            return;
         }
-        return;
+        let (width, depth) = (cols.len(), k.len());
+        let Mat { data, row_stride, col_stride } = self.mat;
+        let data = &data[entry * self.stride + k.start * row_stride + cols.start * col_stride..];
+        if col_stride == 1 {
+            for (p, out) in panel.chunks_exact_mut(padded).enumerate() {
+                out[..width].copy_from_slice(&data[p * row_stride..][..width]);
+                out[width..].fill(T::ZERO);
+            }
+        } else {
+            transpose(data, row_stride, col_stride, depth, width, padded, panel);
+        }
     }
+}
+
+/// `out[p * padded + q] = data[p * row_stride + q * col_stride]`, zeros from `q = width` on.
+pub(crate) fn transpose<T: Real>(
+    data: &[T],
+    row_stride: usize,
+    col_stride: usize,
+    depth: usize,
+    width: usize,
+    padded: usize,
+    out: &mut [T],
+) {
     if width < padded {
-        panel.fill(T::ZERO);
+        out.fill(T::ZERO);
     }
-    let data = &b.data[k * b.row_stride + j * b.col_stride..];
     simd::dispatch(
         #[inline(always)]
-        || transpose(data, b.row_stride, b.col_stride, depth, width, padded, panel),
+        || transpose_blocks(data, row_stride, col_stride, depth, width, padded, out),
     );
 }
 
-/// `out[p * padded + q] = data[p * row_stride + q * col_stride]`, in square blocks where columns are
-/// contiguous.
+/// In square blocks, as far as columns are contiguous.
 #[inline(always)]
-fn transpose<T: Real>(
+fn transpose_blocks<T: Real>(
     data: &[T],
     row_stride: usize,
     col_stride: usize,
