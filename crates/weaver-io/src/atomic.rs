@@ -15,10 +15,7 @@ use std::path::Path;
 /// weaver_io::atomic_write(&path, |w| w.write_all(b"whole")).unwrap();
 /// assert_eq!(std::fs::read(&path).unwrap(), b"whole");
 /// ```
-pub fn atomic_write(
-    path: impl AsRef<Path>,
-    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
-) -> Result<()> {
+pub fn atomic_write(path: impl AsRef<Path>, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     let path = path.as_ref();
     replace(path, write).map_err(Error::io(path))
 }

@@ -13,11 +13,7 @@ pub(crate) struct Bytes {
 
 impl Bytes {
     pub(crate) fn open(path: &Path) -> Result<Self> {
-        Ok(Self {
-            path: path.to_path_buf(),
-            data: read_bytes(path)?,
-            at: 0,
-        })
+        Ok(Self { path: path.to_path_buf(), data: read_bytes(path)?, at: 0 })
     }
 
     /// What is left to read.
@@ -32,10 +28,7 @@ impl Bytes {
                 self.at += N;
                 Ok(chunk)
             }
-            None => Err(self.invalid(
-                format!("{N} bytes of {what}"),
-                format!("{} until the end", self.rest().len()),
-            )),
+            None => Err(self.invalid(format!("{N} bytes of {what}"), format!("{} until the end", self.rest().len()))),
         }
     }
 
@@ -74,10 +67,7 @@ impl Bytes {
         let room = self.rest().len() / record;
         if count > room as u64 {
             self.at -= 8;
-            return Err(self.invalid(
-                format!("at most {room} {what} in what is left of the file"),
-                count,
-            ));
+            return Err(self.invalid(format!("at most {room} {what} in what is left of the file"), count));
         }
         Ok(count as usize)
     }
@@ -85,10 +75,7 @@ impl Bytes {
     /// Text up to a zero byte.
     pub(crate) fn text(&mut self, what: &str) -> Result<String> {
         let Some(length) = self.rest().iter().position(|&b| b == 0) else {
-            return Err(self.invalid(
-                format!("{what} ended by a zero byte"),
-                "the end of the file",
-            ));
+            return Err(self.invalid(format!("{what} ended by a zero byte"), "the end of the file"));
         };
         let text = match std::str::from_utf8(&self.rest()[..length]) {
             Ok(text) => text.to_string(),
@@ -107,11 +94,7 @@ impl Bytes {
     }
 
     /// Content at the present position that is not as it should be.
-    pub(crate) fn invalid(
-        &self,
-        expected: impl std::fmt::Display,
-        found: impl std::fmt::Display,
-    ) -> Error {
+    pub(crate) fn invalid(&self, expected: impl std::fmt::Display, found: impl std::fmt::Display) -> Error {
         Error::invalid(&self.path, format!("byte {}", self.at), expected, found)
     }
 }

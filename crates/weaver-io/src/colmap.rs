@@ -66,24 +66,16 @@ impl Model {
     /// Camera models with lens distortion are accepted when every distortion coefficient is exactly zero.
     pub fn read(folder: impl AsRef<Path>) -> Result<Self> {
         let folder = folder.as_ref();
-        let model = if folder.join("cameras.bin").is_file() {
-            binary::read(folder)?
-        } else {
-            text::read(folder)?
+        let extension = if folder.join("cameras.bin").is_file() { "bin" } else { "txt" };
+        let model = Self {
+            cameras: read_cameras(&file(folder, "cameras", extension))?,
+            images: read_images(&file(folder, "images", extension))?,
+            points: read_points(&file(folder, "points3D", extension))?,
         };
-        if let Some(image) = model
-            .images
-            .iter()
-            .find(|i| !model.cameras.contains_key(&i.camera_id))
-        {
+        if let Some(image) = model.images.iter().find(|i| !model.cameras.contains_key(&i.camera_id)) {
             let place = format!("image {} ({})", image.id, image.name);
             let found = format!("camera {}, which is not there", image.camera_id);
-            return Err(Error::invalid(
-                folder,
-                place,
-                "a camera of the model",
-                found,
-            ));
+            return Err(Error::invalid(folder, place, "a camera of the model", found));
         }
         Ok(model)
     }
@@ -140,53 +132,25 @@ struct RawCamera<'a> {
 impl RawCamera<'_> {
     fn check(&self) -> Result<CameraModel> {
         let invalid = |expected: &str, found: String| {
-            Error::invalid(
-                self.path,
-                format!("camera {} ({})", self.id, self.model),
-                expected,
-                found,
-            )
+            Error::invalid(self.path, format!("camera {} ({})", self.id, self.model), expected, found)
         };
         let [width, height] = self.size;
         if !(1..=1 << 20).contains(&width) || !(1..=1 << 20).contains(&height) {
-            return Err(invalid(
-                "an image size in pixels",
-                format!("{width}x{height}"),
-            ));
+            return Err(invalid("an image size in pixels", format!("{width}x{height}")));
         }
         let (intrinsics, distortion) = match (self.focal, self.parameters) {
-            (Some(Focal::One), &[f, cx, cy, ref rest @ ..]) => (
-                Intrinsics {
-                    fx: f,
-                    fy: f,
-                    cx,
-                    cy,
-                },
-                rest,
-            ),
-            (Some(Focal::Two), &[fx, fy, cx, cy, ref rest @ ..]) => {
-                (Intrinsics { fx, fy, cx, cy }, rest)
-            }
+            (Some(Focal::One), &[f, cx, cy, ref rest @ ..]) => (Intrinsics { fx: f, fy: f, cx, cy }, rest),
+            (Some(Focal::Two), &[fx, fy, cx, cy, ref rest @ ..]) => (Intrinsics { fx, fy, cx, cy }, rest),
             _ => return Err(invalid("a pinhole camera", "another model".into())),
         };
         let Intrinsics { fx, fy, cx, cy } = intrinsics;
         if ![fx, fy, cx, cy].iter().all(|x| x.is_finite()) || fx <= 0.0 || fy <= 0.0 {
-            return Err(invalid(
-                "finite intrinsics, focal lengths positive",
-                format!("{:?}", self.parameters),
-            ));
+            return Err(invalid("finite intrinsics, focal lengths positive", format!("{:?}", self.parameters)));
         }
         if distortion.iter().any(|&k| k != 0.0) {
-            return Err(invalid(
-                "distortion 0 (undistort the images first)",
-                format!("{distortion:?}"),
-            ));
+            return Err(invalid("distortion 0 (undistort the images first)", format!("{distortion:?}")));
         }
-        Ok(CameraModel {
-            width: width as usize,
-            height: height as usize,
-            intrinsics,
-        })
+        Ok(CameraModel { width: width as usize, height: height as usize, intrinsics })
     }
 }
 
@@ -204,6 +168,25 @@ fn pose(wxyz: [f64; 4], t: [f64; 3]) -> std::result::Result<Pose, String> {
 
 /// What a pose must be, for messages.
 const POSE: &str = "a unit quaternion and a finite translation";
+
+/// One file of a model, binary or text by its extension.
+pub(crate) fn read_cameras(path: &Path) -> Result<BTreeMap<u32, CameraModel>> {
+    if is_binary(path) { binary::cameras(path) } else { text::cameras(path) }
+}
+
+/// One file of a model, binary or text by its extension.
+pub(crate) fn read_images(path: &Path) -> Result<Vec<ImageRecord>> {
+    if is_binary(path) { binary::images(path) } else { text::images(path) }
+}
+
+/// One file of a model, binary or text by its extension.
+pub(crate) fn read_points(path: &Path) -> Result<Vec<Point>> {
+    if is_binary(path) { binary::points(path) } else { text::points(path) }
+}
+
+fn is_binary(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e == "bin")
+}
 
 fn file(folder: &Path, stem: &str, extension: &str) -> PathBuf {
     folder.join(stem).with_extension(extension)

@@ -11,9 +11,7 @@ pub fn false_colour(values: &[f32], width: usize, height: usize, low: f32, high:
         if !value.is_finite() {
             return [0; 3];
         }
-        colorous::VIRIDIS
-            .eval_continuous(f64::from(((value - low) / span).clamp(0.0, 1.0)))
-            .as_array()
+        colorous::VIRIDIS.eval_continuous(f64::from(((value - low) / span).clamp(0.0, 1.0))).as_array()
     };
     let bytes: Vec<u8> = values.iter().flat_map(colour).collect();
     Image::from_bytes(width, height, &bytes)
@@ -23,9 +21,6 @@ pub fn false_colour(values: &[f32], width: usize, height: usize, low: f32, high:
 /// Panics when `labels` is not `height * width` long.
 pub fn label_colour(labels: &[u32], width: usize, height: usize) -> Image {
     assert_eq!(labels.len(), width * height, "a map of {width}x{height}");
-    let bytes: Vec<u8> = labels
-        .iter()
-        .flat_map(|&l| colorous::TABLEAU10[l as usize % 10].as_array())
-        .collect();
+    let bytes: Vec<u8> = labels.iter().flat_map(|&l| colorous::TABLEAU10[l as usize % 10].as_array()).collect();
     Image::from_bytes(width, height, &bytes)
 }

@@ -40,12 +40,7 @@ impl Error {
     }
 
     /// Content that is not as it should be.
-    pub(crate) fn invalid(
-        path: &Path,
-        place: impl Display,
-        expected: impl Display,
-        found: impl Display,
-    ) -> Self {
+    pub(crate) fn invalid(path: &Path, place: impl Display, expected: impl Display, found: impl Display) -> Self {
         Self::Invalid {
             path: path.to_path_buf(),
             place: place.to_string(),
@@ -63,11 +58,6 @@ pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
 /// The whole file as text.
 pub(crate) fn read_text(path: &Path) -> Result<String> {
     String::from_utf8(read_bytes(path)?).map_err(|e| {
-        Error::invalid(
-            path,
-            format!("byte {}", e.utf8_error().valid_up_to()),
-            "UTF-8 text",
-            "other bytes",
-        )
+        Error::invalid(path, format!("byte {}", e.utf8_error().valid_up_to()), "UTF-8 text", "other bytes")
     })
 }

@@ -31,11 +31,7 @@ pub enum Background {
 impl Image {
     /// An image of one colour.
     pub fn filled(width: usize, height: usize, rgb: [f32; 3]) -> Self {
-        Self {
-            width,
-            height,
-            pixels: rgb.repeat(width * height),
-        }
+        Self { width, height, pixels: rgb.repeat(width * height) }
     }
 
     /// Reads a PNG or JPEG file (8 or 16 bits, grey or RGB, with or without alpha).
@@ -61,17 +57,11 @@ impl Image {
         };
         let pixels = if decoded.color().has_alpha() {
             let rgba = decoded.into_rgba32f();
-            rgba.pixels()
-                .flat_map(|p| [0, 1, 2].map(|c| p.0[c] * p.0[3] + behind * (1.0 - p.0[3])))
-                .collect()
+            rgba.pixels().flat_map(|p| [0, 1, 2].map(|c| p.0[c] * p.0[3] + behind * (1.0 - p.0[3]))).collect()
         } else {
             decoded.into_rgb32f().into_raw()
         };
-        Self {
-            width,
-            height,
-            pixels,
-        }
+        Self { width, height, pixels }
     }
 
     /// Width and height of a PNG or JPEG file, from its header alone.
@@ -90,36 +80,20 @@ impl Image {
         let bytes = self.to_bytes();
         atomic_write(path, |w| {
             PngEncoder::new(w)
-                .write_image(
-                    &bytes,
-                    self.width as u32,
-                    self.height as u32,
-                    ExtendedColorType::Rgb8,
-                )
+                .write_image(&bytes, self.width as u32, self.height as u32, ExtendedColorType::Rgb8)
                 .map_err(std::io::Error::other)
         })
     }
 
     /// The values as 8-bit numbers, clamped and rounded to nearest.
     pub fn to_bytes(&self) -> Vec<u8> {
-        self.pixels
-            .iter()
-            .map(|&x| (x * 255.0).round() as u8)
-            .collect()
+        self.pixels.iter().map(|&x| (x * 255.0).round() as u8).collect()
     }
 
     /// From 8-bit values `[height, width, 3]`. Panics when the length is not `height * width * 3`.
     pub fn from_bytes(width: usize, height: usize, bytes: &[u8]) -> Self {
-        assert_eq!(
-            bytes.len(),
-            width * height * 3,
-            "an RGB image of {width}x{height}"
-        );
-        Self {
-            width,
-            height,
-            pixels: bytes.iter().map(|&b| f32::from(b) / 255.0).collect(),
-        }
+        assert_eq!(bytes.len(), width * height * 3, "an RGB image of {width}x{height}");
+        Self { width, height, pixels: bytes.iter().map(|&b| f32::from(b) / 255.0).collect() }
     }
 
     /// The part of `width` x `height` pixels whose top-left corner is (`left`, `top`). Panics when it sticks out.
@@ -135,11 +109,7 @@ impl Image {
             let start = (y * self.width + left) * 3;
             pixels.extend_from_slice(&self.pixels[start..start + width * 3]);
         }
-        Self {
-            width,
-            height,
-            pixels,
-        }
+        Self { width, height, pixels }
     }
 
     /// The images side by side from left to right, aligned at the top, black below the shorter ones.
@@ -149,11 +119,7 @@ impl Image {
         let mut out = Self::filled(width, height, [0.0; 3]);
         let mut left = 0;
         for image in images {
-            for (y, row) in image
-                .pixels
-                .chunks_exact(image.width.max(1) * 3)
-                .enumerate()
-            {
+            for (y, row) in image.pixels.chunks_exact(image.width.max(1) * 3).enumerate() {
                 let start = (y * width + left) * 3;
                 out.pixels[start..start + row.len()].copy_from_slice(row);
             }

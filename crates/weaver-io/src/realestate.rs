@@ -30,12 +30,7 @@ impl ClipFrame {
     pub fn intrinsics(&self, width: usize, height: usize) -> Intrinsics {
         let [fx, fy, cx, cy] = self.normalised;
         let (w, h) = (width as f64, height as f64);
-        Intrinsics {
-            fx: fx * w,
-            fy: fy * h,
-            cx: cx * w,
-            cy: cy * h,
-        }
+        Intrinsics { fx: fx * w, fy: fy * h, cx: cx * w, cy: cy * h }
     }
 }
 
@@ -64,12 +59,7 @@ impl Clip {
             for frame in &self.frames {
                 write!(w, "{}", frame.timestamp)?;
                 let rows = frame.pose.rows();
-                for value in frame
-                    .normalised
-                    .iter()
-                    .chain(&[0.0, 0.0])
-                    .chain(rows.as_flattened())
-                {
+                for value in frame.normalised.iter().chain(&[0.0, 0.0]).chain(rows.as_flattened()) {
                     write!(w, " {value}")?;
                 }
                 writeln!(w)?;
@@ -83,60 +73,27 @@ fn frame(path: &Path, line: &str, number: usize) -> Result<ClipFrame> {
     let place = |what: &str| format!("line {number}, {what}");
     let fields: Vec<&str> = line.split_whitespace().collect();
     if fields.len() != 19 {
-        return Err(Error::invalid(
-            path,
-            format!("line {number}"),
-            "19 numbers",
-            fields.len(),
-        ));
+        return Err(Error::invalid(path, format!("line {number}"), "19 numbers", fields.len()));
     }
-    let timestamp = fields[0]
-        .parse()
-        .map_err(|_| Error::invalid(path, place("timestamp"), "a whole number", fields[0]))?;
+    let timestamp =
+        fields[0].parse().map_err(|_| Error::invalid(path, place("timestamp"), "a whole number", fields[0]))?;
     let mut values = [0.0; 18];
     for (i, (to, field)) in values.iter_mut().zip(&fields[1..]).enumerate() {
         *to = (field.parse().ok())
             .filter(|x: &f64| x.is_finite())
-            .ok_or_else(|| {
-                Error::invalid(
-                    path,
-                    place(&format!("column {}", i + 2)),
-                    "a finite number",
-                    field,
-                )
-            })?;
+            .ok_or_else(|| Error::invalid(path, place(&format!("column {}", i + 2)), "a finite number", field))?;
     }
     let [fx, fy, cx, cy, k1, k2, ref matrix @ ..] = values;
     if fx <= 0.0 || fy <= 0.0 {
-        return Err(Error::invalid(
-            path,
-            place("focal length"),
-            "positive numbers",
-            format!("{fx} {fy}"),
-        ));
+        return Err(Error::invalid(path, place("focal length"), "positive numbers", format!("{fx} {fy}")));
     }
     if k1 != 0.0 || k2 != 0.0 {
         let expected = "0 0 (an undistorted camera)";
-        return Err(Error::invalid(
-            path,
-            place("distortion"),
-            expected,
-            format!("{k1} {k2}"),
-        ));
+        return Err(Error::invalid(path, place("distortion"), expected, format!("{k1} {k2}")));
     }
     let mut rows = [[0.0; 4]; 3];
     rows.as_flattened_mut().copy_from_slice(matrix);
-    let pose = Pose::from_rows(&rows).map_err(|e| {
-        Error::invalid(
-            path,
-            place("matrix"),
-            "a rigid world-to-camera transform",
-            e,
-        )
-    })?;
-    Ok(ClipFrame {
-        timestamp,
-        normalised: [fx, fy, cx, cy],
-        pose,
-    })
+    let pose = Pose::from_rows(&rows)
+        .map_err(|e| Error::invalid(path, place("matrix"), "a rigid world-to-camera transform", e))?;
+    Ok(ClipFrame { timestamp, normalised: [fx, fy, cx, cy], pose })
 }

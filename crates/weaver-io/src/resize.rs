@@ -21,13 +21,7 @@ impl Image {
 
     /// Resizes the whole image by averaging the area that each new pixel covers.
     pub fn resize_area(&self, width: usize, height: usize) -> Self {
-        self.resample(
-            width,
-            height,
-            [0.0, 0.0, self.width as f64, self.height as f64],
-            box_filter,
-            0.5,
-        )
+        self.resample(width, height, [0.0, 0.0, self.width as f64, self.height as f64], box_filter, 0.5)
     }
 
     fn resample(
@@ -39,12 +33,7 @@ impl Image {
         support: f64,
     ) -> Self {
         assert!(
-            0.0 <= x0
-                && x0 < x1
-                && x1 <= self.width as f64
-                && 0.0 <= y0
-                && y0 < y1
-                && y1 <= self.height as f64,
+            0.0 <= x0 && x0 < x1 && x1 <= self.width as f64 && 0.0 <= y0 && y0 < y1 && y1 <= self.height as f64,
             "box [{x0}, {y0}, {x1}, {y1}] sticks out of {}x{} or is empty",
             self.width,
             self.height
@@ -54,10 +43,7 @@ impl Image {
         let source = self.to_bytes();
 
         let mut wide = vec![0; width * self.height * 3];
-        for (from, to) in source
-            .chunks_exact(self.width * 3)
-            .zip(wide.chunks_exact_mut(width.max(1) * 3))
-        {
+        for (from, to) in source.chunks_exact(self.width * 3).zip(wide.chunks_exact_mut(width.max(1) * 3)) {
             for (tap, pixel) in columns.iter().zip(to.chunks_exact_mut(3)) {
                 for (c, value) in pixel.iter_mut().enumerate() {
                     *value = tap.apply(|i| from[i * 3 + c]);
@@ -90,14 +76,7 @@ impl Tap {
     }
 }
 
-fn taps(
-    size: usize,
-    from: f64,
-    to: f64,
-    out: usize,
-    filter: fn(f64) -> f64,
-    support: f64,
-) -> Vec<Tap> {
+fn taps(size: usize, from: f64, to: f64, out: usize, filter: fn(f64) -> f64, support: f64) -> Vec<Tap> {
     let scale = (to - from) / out as f64;
     let stretch = scale.max(1.0);
     let reach = support * stretch;
@@ -108,9 +87,7 @@ fn taps(
         let weight = |i: usize| filter((i as f64 + 0.5 - centre) / stretch);
         let total: f64 = (first..end).map(weight).sum();
         let one = f64::from(1 << FRACTION);
-        let weights = (first..end)
-            .map(|i| (weight(i) / total * one).round() as i32)
-            .collect();
+        let weights = (first..end).map(|i| (weight(i) / total * one).round() as i32).collect();
         Tap { first, weights }
     };
     (0..out).map(tap).collect()
@@ -122,17 +99,9 @@ fn box_filter(x: f64) -> f64 {
 }
 
 fn lanczos3(x: f64) -> f64 {
-    if (-3.0..3.0).contains(&x) {
-        sinc(x) * sinc(x / 3.0)
-    } else {
-        0.0
-    }
+    if (-3.0..3.0).contains(&x) { sinc(x) * sinc(x / 3.0) } else { 0.0 }
 }
 
 fn sinc(x: f64) -> f64 {
-    if x == 0.0 {
-        1.0
-    } else {
-        (PI * x).sin() / (PI * x)
-    }
+    if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) }
 }

@@ -48,35 +48,18 @@ impl Transforms {
     /// whichever exists. Errors on lens distortion, on matrices that are not rigid and on missing images.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let root: Value = serde_json::from_slice(&read_bytes(path)?).map_err(|e| {
-            Error::invalid(
-                path,
-                format!("line {} column {}", e.line(), e.column()),
-                "JSON",
-                e,
-            )
-        })?;
+        let root: Value = serde_json::from_slice(&read_bytes(path)?)
+            .map_err(|e| Error::invalid(path, format!("line {} column {}", e.line(), e.column()), "JSON", e))?;
         let Some(top) = root.as_object() else {
             return Err(Error::invalid(path, "top level", "an object", kind(&root)));
         };
         let Some(list) = top.get("frames").and_then(Value::as_array) else {
-            return Err(Error::invalid(
-                path,
-                "frames",
-                "a list",
-                top.get("frames").map_or("nothing", kind),
-            ));
+            return Err(Error::invalid(path, "frames", "a list", top.get("frames").map_or("nothing", kind)));
         };
         let frame = |(i, value): (usize, &Value)| {
             let place = format!("frames[{i}]");
             match value.as_object() {
-                Some(own) => FrameReader {
-                    path,
-                    place,
-                    own,
-                    top,
-                }
-                .read(),
+                Some(own) => FrameReader { path, place, own, top }.read(),
                 None => Err(Error::invalid(path, place, "an object", kind(value))),
             }
         };
@@ -145,14 +128,7 @@ impl FrameReader<'_> {
             _ => Image::dimensions(&file_path)?,
         };
         let intrinsics = self.intrinsics(width, height)?;
-        Ok(Frame {
-            name,
-            file_path,
-            pose: self.pose()?,
-            intrinsics,
-            width,
-            height,
-        })
+        Ok(Frame { name, file_path, pose: self.pose()?, intrinsics, width, height })
     }
 
     fn image_file(&self, name: &str) -> Result<PathBuf> {
@@ -163,13 +139,10 @@ impl FrameReader<'_> {
             PathBuf::from(full)
         };
         let candidates = ["", ".png", ".jpg", ".jpeg"].map(with_extension);
-        candidates.into_iter().find(|f| f.is_file()).ok_or_else(|| {
-            self.invalid(
-                "file_path",
-                "an image file",
-                format!("no file {}", file.display()),
-            )
-        })
+        candidates
+            .into_iter()
+            .find(|f| f.is_file())
+            .ok_or_else(|| self.invalid("file_path", "an image file", format!("no file {}", file.display())))
     }
 
     fn pose(&self) -> Result<Pose> {
@@ -188,8 +161,7 @@ impl FrameReader<'_> {
             match from.as_array() {
                 Some(values) if values.len() == 4 => {
                     for (c, (to, value)) in row.iter_mut().zip(values).enumerate() {
-                        let bad =
-                            || self.invalid(format!("{place}[{c}]"), "a finite number", value);
+                        let bad = || self.invalid(format!("{place}[{c}]"), "a finite number", value);
                         *to = value.as_f64().filter(|x| x.is_finite()).ok_or_else(bad)?;
                     }
                 }
@@ -197,8 +169,8 @@ impl FrameReader<'_> {
                 None => return Err(self.invalid(place, "4 numbers", kind(from))),
             }
         }
-        let camera_to_world = Pose::from_rows(&rows)
-            .map_err(|e| self.invalid(KEY, "a rigid camera-to-world transform", e))?;
+        let camera_to_world =
+            Pose::from_rows(&rows).map_err(|e| self.invalid(KEY, "a rigid camera-to-world transform", e))?;
         Ok(axes::from_opengl(&camera_to_world))
     }
 
@@ -209,21 +181,12 @@ impl FrameReader<'_> {
             }
         }
         if let Some(model) = self.get("camera_model").and_then(Value::as_str)
-            && ![
-                "OPENCV",
-                "PINHOLE",
-                "SIMPLE_PINHOLE",
-                "SIMPLE_RADIAL",
-                "RADIAL",
-            ]
-            .contains(&model)
+            && !["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"].contains(&model)
         {
             return Err(self.invalid("camera_model", "a pinhole camera", model));
         }
         let from_angle = |key, size: usize| -> Result<Option<f64>> {
-            Ok(self
-                .number(key)?
-                .map(|angle| size as f64 / 2.0 / (angle / 2.0).tan()))
+            Ok(self.number(key)?.map(|angle| size as f64 / 2.0 / (angle / 2.0).tan()))
         };
         let fx = match self.number("fl_x")? {
             Some(fx) => fx,
@@ -262,9 +225,7 @@ impl FrameReader<'_> {
         match self.number(key)? {
             None => Ok(None),
             // Some writers say 384.0.
-            Some(x) if x >= 1.0 && x <= f64::from(1 << 20) && x.fract() == 0.0 => {
-                Ok(Some(x as usize))
-            }
+            Some(x) if x >= 1.0 && x <= f64::from(1 << 20) && x.fract() == 0.0 => Ok(Some(x as usize)),
             Some(x) => Err(self.invalid(key, "a size in pixels", x)),
         }
     }
@@ -278,9 +239,7 @@ fn names(path: &Path, top: &Map<String, Value>, key: &str) -> Result<Vec<String>
     let Some(value) = top.get(key) else {
         return Ok(Vec::new());
     };
-    let list = value
-        .as_array()
-        .and_then(|l| l.iter().map(|n| n.as_str().map(String::from)).collect());
+    let list = value.as_array().and_then(|l| l.iter().map(|n| n.as_str().map(String::from)).collect());
     list.ok_or_else(|| Error::invalid(path, key, "a list of strings", kind(value)))
 }
 

@@ -9,15 +9,7 @@ use std::path::Path;
 /// In place of the id of a point: the keypoint observes none.
 const NO_POINT: u64 = u64::MAX;
 
-pub(super) fn read(folder: &Path) -> Result<Model> {
-    Ok(Model {
-        cameras: cameras(&file(folder, "cameras", "bin"))?,
-        images: images(&file(folder, "images", "bin"))?,
-        points: points(&file(folder, "points3D", "bin"))?,
-    })
-}
-
-fn cameras(path: &Path) -> Result<BTreeMap<u32, CameraModel>> {
+pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, CameraModel>> {
     let mut bytes = Bytes::open(path)?;
     let mut cameras = BTreeMap::new();
     for _ in 0..bytes.count(24, "cameras")? {
@@ -27,18 +19,8 @@ fn cameras(path: &Path) -> Result<BTreeMap<u32, CameraModel>> {
             return Err(bytes.invalid("a camera model from 0 to 10", number));
         };
         let size = [bytes.u64("a width")?, bytes.u64("a height")?];
-        let parameters: Vec<f64> = (0..count)
-            .map(|_| bytes.f64("camera parameters"))
-            .collect::<Result<_>>()?;
-        let camera = RawCamera {
-            path,
-            id,
-            model,
-            focal,
-            size,
-            parameters: &parameters,
-        }
-        .check()?;
+        let parameters: Vec<f64> = (0..count).map(|_| bytes.f64("camera parameters")).collect::<Result<_>>()?;
+        let camera = RawCamera { path, id, model, focal, size, parameters: &parameters }.check()?;
         if cameras.insert(id, camera).is_some() {
             return Err(bytes.invalid("each camera once", format!("camera {id} again")));
         }
@@ -47,7 +29,7 @@ fn cameras(path: &Path) -> Result<BTreeMap<u32, CameraModel>> {
     Ok(cameras)
 }
 
-fn images(path: &Path) -> Result<Vec<ImageRecord>> {
+pub(super) fn images(path: &Path) -> Result<Vec<ImageRecord>> {
     let mut bytes = Bytes::open(path)?;
     let mut images = Vec::new();
     for _ in 0..bytes.count(73, "images")? {
@@ -64,19 +46,13 @@ fn images(path: &Path) -> Result<Vec<ImageRecord>> {
             let point = bytes.u64("a point id")?;
             points.push((x, y, (point != NO_POINT).then_some(point)));
         }
-        images.push(ImageRecord {
-            id,
-            name,
-            camera_id,
-            pose,
-            points,
-        });
+        images.push(ImageRecord { id, name, camera_id, pose, points });
     }
     bytes.finish()?;
     Ok(images)
 }
 
-fn points(path: &Path) -> Result<Vec<Point>> {
+pub(super) fn points(path: &Path) -> Result<Vec<Point>> {
     let mut bytes = Bytes::open(path)?;
     let mut points = Vec::new();
     for _ in 0..bytes.count(51, "points")? {
@@ -92,13 +68,7 @@ fn points(path: &Path) -> Result<Vec<Point>> {
         for _ in 0..length {
             track.push((bytes.u32("an image id")?, bytes.u32("a keypoint index")?));
         }
-        points.push(Point {
-            id,
-            xyz,
-            rgb,
-            error,
-            track,
-        });
+        points.push(Point { id, xyz, rgb, error, track });
     }
     bytes.finish()?;
     Ok(points)
@@ -123,12 +93,7 @@ pub(super) fn write(model: &Model, folder: &Path) -> Result<()> {
         w.write_all(&(model.images.len() as u64).to_le_bytes())?;
         for image in &model.images {
             w.write_all(&image.id.to_le_bytes())?;
-            for x in image
-                .pose
-                .wxyz()
-                .iter()
-                .chain(&image.pose.translation.to_array())
-            {
+            for x in image.pose.wxyz().iter().chain(&image.pose.translation.to_array()) {
                 w.write_all(&x.to_le_bytes())?;
             }
             w.write_all(&image.camera_id.to_le_bytes())?;

@@ -7,14 +7,6 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::str::{FromStr, SplitWhitespace};
 
-pub(super) fn read(folder: &Path) -> Result<Model> {
-    Ok(Model {
-        cameras: cameras(&file(folder, "cameras", "txt"))?,
-        images: images(&file(folder, "images", "txt"))?,
-        points: points(&file(folder, "points3D", "txt"))?,
-    })
-}
-
 /// A line being read, field by field.
 struct Fields<'a> {
     path: &'a Path,
@@ -24,10 +16,7 @@ struct Fields<'a> {
 
 impl<'a> Fields<'a> {
     fn next<F: FromStr>(&mut self, what: &str) -> Result<F> {
-        let field = self
-            .fields
-            .next()
-            .ok_or_else(|| self.invalid(what, "the end of the line"))?;
+        let field = self.fields.next().ok_or_else(|| self.invalid(what, "the end of the line"))?;
         field.parse().map_err(|_| self.invalid(what, field))
     }
 
@@ -55,22 +44,15 @@ impl<'a> Fields<'a> {
 
 /// The lines that are no comments, empty ones included: an image without keypoints has an empty second line.
 fn lines<'a>(path: &'a Path, text: &'a str) -> impl Iterator<Item = Fields<'a>> {
-    let lines = text
-        .lines()
-        .zip(1..)
-        .filter(|(line, _)| !line.trim_start().starts_with('#'));
-    lines.map(move |(text, line)| Fields {
-        path,
-        line,
-        fields: text.split_whitespace(),
-    })
+    let lines = text.lines().zip(1..).filter(|(line, _)| !line.trim_start().starts_with('#'));
+    lines.map(move |(text, line)| Fields { path, line, fields: text.split_whitespace() })
 }
 
 fn is_blank(fields: &Fields) -> bool {
     fields.fields.clone().next().is_none()
 }
 
-fn cameras(path: &Path) -> Result<BTreeMap<u32, CameraModel>> {
+pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, CameraModel>> {
     let text = read_text(path)?;
     let mut cameras = BTreeMap::new();
     for mut fields in lines(path, &text).filter(|f| !is_blank(f)) {
@@ -84,15 +66,7 @@ fn cameras(path: &Path) -> Result<BTreeMap<u32, CameraModel>> {
         if parameters.len() != count {
             return Err(fields.invalid(format!("{count} parameters of {model}"), parameters.len()));
         }
-        let camera = RawCamera {
-            path,
-            id,
-            model,
-            focal,
-            size,
-            parameters: &parameters,
-        }
-        .check()?;
+        let camera = RawCamera { path, id, model, focal, size, parameters: &parameters }.check()?;
         if cameras.insert(id, camera).is_some() {
             return Err(fields.invalid("each camera once", format!("camera {id} again")));
         }
@@ -100,7 +74,7 @@ fn cameras(path: &Path) -> Result<BTreeMap<u32, CameraModel>> {
     Ok(cameras)
 }
 
-fn images(path: &Path) -> Result<Vec<ImageRecord>> {
+pub(super) fn images(path: &Path) -> Result<Vec<ImageRecord>> {
     let text = read_text(path)?;
     let mut lines = lines(path, &text);
     let mut images = Vec::new();
@@ -129,18 +103,12 @@ fn images(path: &Path) -> Result<Vec<ImageRecord>> {
                 Ok((x, y, u64::try_from(point).ok()))
             })?,
         };
-        images.push(ImageRecord {
-            id,
-            name,
-            camera_id,
-            pose,
-            points,
-        });
+        images.push(ImageRecord { id, name, camera_id, pose, points });
     }
     Ok(images)
 }
 
-fn points(path: &Path) -> Result<Vec<Point>> {
+pub(super) fn points(path: &Path) -> Result<Vec<Point>> {
     let text = read_text(path)?;
     let point = |mut fields: Fields| {
         let id = fields.next("a point id")?;
@@ -148,26 +116,12 @@ fn points(path: &Path) -> Result<Vec<Point>> {
         if xyz.iter().any(|x: &f64| !x.is_finite()) {
             return Err(fields.invalid("a finite position", format!("{xyz:?}")));
         }
-        let rgb = [
-            fields.next("red")?,
-            fields.next("green")?,
-            fields.next("blue")?,
-        ];
+        let rgb = [fields.next("red")?, fields.next("green")?, fields.next("blue")?];
         let error = fields.next("a reprojection error")?;
-        let track =
-            fields.until_end(|f| Ok((f.next("an image id")?, f.next("a keypoint index")?)))?;
-        Ok(Point {
-            id,
-            xyz,
-            rgb,
-            error,
-            track,
-        })
+        let track = fields.until_end(|f| Ok((f.next("an image id")?, f.next("a keypoint index")?)))?;
+        Ok(Point { id, xyz, rgb, error, track })
     };
-    lines(path, &text)
-        .filter(|f| !is_blank(f))
-        .map(point)
-        .collect()
+    lines(path, &text).filter(|f| !is_blank(f)).map(point).collect()
 }
 
 pub(super) fn write(model: &Model, folder: &Path) -> Result<()> {
@@ -175,11 +129,7 @@ pub(super) fn write(model: &Model, folder: &Path) -> Result<()> {
         writeln!(w, "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]")?;
         for (id, camera) in &model.cameras {
             let k = camera.intrinsics;
-            writeln!(
-                w,
-                "{id} PINHOLE {} {} {} {} {} {}",
-                camera.width, camera.height, k.fx, k.fy, k.cx, k.cy
-            )?;
+            writeln!(w, "{id} PINHOLE {} {} {} {} {} {}", camera.width, camera.height, k.fx, k.fy, k.cx, k.cy)?;
         }
         Ok(())
     })?;
@@ -188,12 +138,7 @@ pub(super) fn write(model: &Model, folder: &Path) -> Result<()> {
         writeln!(w, "# POINTS2D[] as (X, Y, POINT3D_ID)")?;
         for image in &model.images {
             write!(w, "{}", image.id)?;
-            for x in image
-                .pose
-                .wxyz()
-                .iter()
-                .chain(&image.pose.translation.to_array())
-            {
+            for x in image.pose.wxyz().iter().chain(&image.pose.translation.to_array()) {
                 write!(w, " {x}")?;
             }
             writeln!(w, " {} {}", image.camera_id, image.name)?;
@@ -211,10 +156,7 @@ pub(super) fn write(model: &Model, folder: &Path) -> Result<()> {
         Ok(())
     })?;
     atomic_write(file(folder, "points3D", "txt"), |w| {
-        writeln!(
-            w,
-            "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)"
-        )?;
+        writeln!(w, "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)")?;
         for point in &model.points {
             let ([x, y, z], [r, g, b]) = (point.xyz, point.rgb);
             write!(w, "{} {x} {y} {z} {r} {g} {b} {}", point.id, point.error)?;

@@ -7,63 +7,27 @@ use weaver_geometry::{Intrinsics, Pose};
 use weaver_io::colmap::{CameraModel, ImageRecord, Model, Point};
 
 fn model() -> Model {
-    let intrinsics = Intrinsics {
-        fx: 100.0,
-        fy: 101.5,
-        cx: 32.0,
-        cy: 24.25,
-    };
-    let cameras = BTreeMap::from([(
-        3,
-        CameraModel {
-            width: 64,
-            height: 48,
-            intrinsics,
-        },
-    )]);
+    let intrinsics = Intrinsics { fx: 100.0, fy: 101.5, cx: 32.0, cy: 24.25 };
+    let cameras = BTreeMap::from([(3, CameraModel { width: 64, height: 48, intrinsics })]);
     let image = |id: u32, points| ImageRecord {
         id,
         name: format!("photo {id}.jpg"),
         camera_id: 3,
-        pose: Pose::from_wxyz(
-            [0.9, 0.1, -0.2, f64::from(id) / 10.0],
-            DVec3::new(0.1, 0.2, 0.3),
-        ),
+        pose: Pose::from_wxyz([0.9, 0.1, -0.2, f64::from(id) / 10.0], DVec3::new(0.1, 0.2, 0.3)),
         points,
     };
-    let images = vec![
-        image(1, vec![(1.5, 2.5, Some(7)), (3.0, 4.0, None)]),
-        image(2, vec![]),
-    ];
-    let point = Point {
-        id: 7,
-        xyz: [0.1, -2.0, 3.0],
-        rgb: [1, 2, 255],
-        error: 0.5,
-        track: vec![(1, 0)],
-    };
-    Model {
-        cameras,
-        images,
-        points: vec![point],
-    }
+    let images = vec![image(1, vec![(1.5, 2.5, Some(7)), (3.0, 4.0, None)]), image(2, vec![])];
+    let point = Point { id: 7, xyz: [0.1, -2.0, 3.0], rgb: [1, 2, 255], error: 0.5, track: vec![(1, 0)] };
+    Model { cameras, images, points: vec![point] }
 }
 
 fn assert_close(a: &Model, b: &Model) {
     assert_eq!((&a.cameras, &a.points), (&b.cameras, &b.points));
     assert_eq!(a.images.len(), b.images.len());
     for (a, b) in a.images.iter().zip(&b.images) {
-        assert_eq!(
-            (a.id, &a.name, a.camera_id, &a.points),
-            (b.id, &b.name, b.camera_id, &b.points)
-        );
+        assert_eq!((a.id, &a.name, a.camera_id, &a.points), (b.id, &b.name, b.camera_id, &b.points));
         assert_eq!(a.pose.translation, b.pose.translation);
-        assert!(
-            (a.pose.rotation - b.pose.rotation)
-                .to_cols_array()
-                .iter()
-                .all(|d| d.abs() < 1e-14)
-        );
+        assert!((a.pose.rotation - b.pose.rotation).to_cols_array().iter().all(|d| d.abs() < 1e-14));
     }
 }
 
@@ -79,60 +43,25 @@ fn both_forms_round_trip() {
 
 fn camera_line(line: &str) -> Result<Model, String> {
     let folder = tempfile::tempdir().unwrap();
-    Model {
-        cameras: BTreeMap::new(),
-        ..model()
-    }
-    .write_text(folder.path())
-    .unwrap();
+    Model { cameras: BTreeMap::new(), ..model() }.write_text(folder.path()).unwrap();
     std::fs::write(folder.path().join("cameras.txt"), line).unwrap();
     Model::read(folder.path()).map_err(|e| e.to_string())
 }
 
 #[test]
 fn camera_models() {
-    let radial = camera_line("3 SIMPLE_RADIAL 64 48 90 32 24 0")
-        .unwrap()
-        .cameras[&3];
-    assert_eq!(
-        radial.intrinsics,
-        Intrinsics {
-            fx: 90.0,
-            fy: 90.0,
-            cx: 32.0,
-            cy: 24.0
-        }
-    );
-    let opencv = camera_line("3 OPENCV 64 48 90 91 32 24 0 0 0 0")
-        .unwrap()
-        .cameras[&3];
+    let radial = camera_line("3 SIMPLE_RADIAL 64 48 90 32 24 0").unwrap().cameras[&3];
+    assert_eq!(radial.intrinsics, Intrinsics { fx: 90.0, fy: 90.0, cx: 32.0, cy: 24.0 });
+    let opencv = camera_line("3 OPENCV 64 48 90 91 32 24 0 0 0 0").unwrap().cameras[&3];
     assert_eq!(opencv.intrinsics.fy, 91.0);
     let cases = [
-        (
-            "3 SIMPLE_RADIAL 64 48 90 32 24 0.01",
-            "camera 3 (SIMPLE_RADIAL): expected distortion 0",
-        ),
-        (
-            "3 OPENCV_FISHEYE 64 48 90 91 32 24 0 0 0 0",
-            "camera 3 (OPENCV_FISHEYE): expected a pinhole camera",
-        ),
-        (
-            "3 PINHOLE 64 48 90 91 32",
-            "line 1: expected 4 parameters of PINHOLE, found 3",
-        ),
+        ("3 SIMPLE_RADIAL 64 48 90 32 24 0.01", "camera 3 (SIMPLE_RADIAL): expected distortion 0"),
+        ("3 OPENCV_FISHEYE 64 48 90 91 32 24 0 0 0 0", "camera 3 (OPENCV_FISHEYE): expected a pinhole camera"),
+        ("3 PINHOLE 64 48 90 91 32", "line 1: expected 4 parameters of PINHOLE, found 3"),
         ("3 PINHOLE 64 48 90 NaN 32 24", "expected finite intrinsics"),
-        (
-            "3 MAGIC 64 48 90 91 32",
-            "line 1: expected a camera model of COLMAP, found MAGIC",
-        ),
-        (
-            "3 PINHOLE 0 48 90 90 32 24",
-            "expected an image size in pixels, found 0x48",
-        ),
-        (
-            "4 PINHOLE 64 48 90 90 32 24",
-            "image 1 (photo 1.jpg): expected a camera of the model",
-        ),
+        ("3 MAGIC 64 48 90 91 32", "line 1: expected a camera model of COLMAP, found MAGIC"),
+        ("3 PINHOLE 0 48 90 90 32 24", "expected an image size in pixels, found 0x48"),
+        ("4 PINHOLE 64 48 90 90 32 24", "image 1 (photo 1.jpg): expected a camera of the model"),
     ];
     for (line, expected) in cases {
         let message = camera_line(line).unwrap_err();
@@ -149,10 +78,7 @@ fn a_count_too_large_is_an_error_before_any_allocation() {
     bytes[..8].copy_from_slice(&u64::MAX.to_le_bytes());
     std::fs::write(&path, bytes).unwrap();
     let message = Model::read(folder.path()).unwrap_err().to_string();
-    assert!(
-        message.contains("points3D.bin: byte 0: expected at most 1 points"),
-        "{message}"
-    );
+    assert!(message.contains("points3D.bin: byte 0: expected at most 1 points"), "{message}");
 }
 
 #[test]
@@ -170,9 +96,7 @@ fn real_models_reproject() {
                 let Some(point) = id.map(|id| by_id[&id]) else {
                     continue;
                 };
-                let pixel = camera
-                    .intrinsics
-                    .project(image.pose.apply(point.xyz.into()));
+                let pixel = camera.intrinsics.project(image.pose.apply(point.xyz.into()));
                 sum += (pixel.x - x).hypot(pixel.y - y);
                 count += 1;
             }
@@ -182,18 +106,13 @@ fn real_models_reproject() {
         assert_eq!(model.images.len() as u64, facts["views"]);
         assert_eq!(model.points.len() as u64, facts["points"]);
         let mean = sum / f64::from(count);
-        assert!(
-            (mean - facts["mean_reproj_px"].as_f64().unwrap()).abs() < 1e-3,
-            "{name}: {mean}"
-        );
+        assert!((mean - facts["mean_reproj_px"].as_f64().unwrap()).abs() < 1e-3, "{name}: {mean}");
     }
 }
 
 /// Changes one byte of one file and cuts it; reading must not panic.
 fn damage(folder: &Path, extension: &str, file: usize, at: f64, byte: u8, keep: f64) {
-    let path = folder
-        .join(["cameras", "images", "points3D"][file])
-        .with_extension(extension);
+    let path = folder.join(["cameras", "images", "points3D"][file]).with_extension(extension);
     let mut bytes = std::fs::read(&path).unwrap();
     let index = (at * bytes.len() as f64) as usize;
     bytes[index] = byte;

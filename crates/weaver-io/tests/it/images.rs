@@ -3,9 +3,7 @@ use proptest::prelude::*;
 use weaver_io::{Background, Image, false_colour, label_colour};
 
 fn ramp(width: usize, height: usize) -> Image {
-    let bytes: Vec<u8> = (0..width * height * 3)
-        .map(|i| (i * 37 % 256) as u8)
-        .collect();
+    let bytes: Vec<u8> = (0..width * height * 3).map(|i| (i * 37 % 256) as u8).collect();
     Image::from_bytes(width, height, &bytes)
 }
 
@@ -42,16 +40,9 @@ fn messages_name_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("broken.png");
     std::fs::write(&path, b"\x89PNG\r\n\x1a\nnot really").unwrap();
-    let message = Image::read(&path, Background::White)
-        .unwrap_err()
-        .to_string();
-    assert!(
-        message.contains("broken.png") && message.contains("expected a PNG or JPEG"),
-        "{message}"
-    );
-    let message = Image::read(folder.path().join("none.png"), Background::White)
-        .unwrap_err()
-        .to_string();
+    let message = Image::read(&path, Background::White).unwrap_err().to_string();
+    assert!(message.contains("broken.png") && message.contains("expected a PNG or JPEG"), "{message}");
+    let message = Image::read(folder.path().join("none.png"), Background::White).unwrap_err().to_string();
     assert!(message.contains("none.png"), "{message}");
 }
 
@@ -68,32 +59,17 @@ fn crop_and_mosaic() {
 }
 
 /// The filter by its definition in f64, without intermediate rounding.
-fn lanczos_reference(
-    image: &Image,
-    width: usize,
-    height: usize,
-    [x0, y0, x1, y1]: [f64; 4],
-) -> Vec<f64> {
+fn lanczos_reference(image: &Image, width: usize, height: usize, [x0, y0, x1, y1]: [f64; 4]) -> Vec<f64> {
     let weights = |from: f64, to: f64, out: usize, o: usize, size: usize| {
         let scale = (to - from) / out as f64;
         let centre = from + (o as f64 + 0.5) * scale;
         let kernel = |x: f64| {
             let sinc = |x: f64| {
-                if x == 0.0 {
-                    1.0
-                } else {
-                    (std::f64::consts::PI * x).sin() / (std::f64::consts::PI * x)
-                }
+                if x == 0.0 { 1.0 } else { (std::f64::consts::PI * x).sin() / (std::f64::consts::PI * x) }
             };
-            if x.abs() < 3.0 {
-                sinc(x) * sinc(x / 3.0)
-            } else {
-                0.0
-            }
+            if x.abs() < 3.0 { sinc(x) * sinc(x / 3.0) } else { 0.0 }
         };
-        let all: Vec<f64> = (0..size)
-            .map(|i| kernel((i as f64 + 0.5 - centre) / scale.max(1.0)))
-            .collect();
+        let all: Vec<f64> = (0..size).map(|i| kernel((i as f64 + 0.5 - centre) / scale.max(1.0))).collect();
         let total: f64 = all.iter().sum();
         all.into_iter().map(|w| w / total).collect::<Vec<f64>>()
     };
@@ -106,9 +82,8 @@ fn lanczos_reference(
                 let mut sum = 0.0;
                 for (j, wy) in wy.iter().enumerate() {
                     // The first pass clamps, as any pass over 8-bit values does.
-                    let row: f64 = (0..image.width)
-                        .map(|i| wx[i] * f64::from(image.pixels[(j * image.width + i) * 3 + c]))
-                        .sum();
+                    let row: f64 =
+                        (0..image.width).map(|i| wx[i] * f64::from(image.pixels[(j * image.width + i) * 3 + c])).sum();
                     sum += wy * row.clamp(0.0, 1.0);
                 }
                 out.push(sum.clamp(0.0, 1.0));
@@ -194,8 +169,5 @@ fn real_photographs() {
     let mean = image.pixels.iter().sum::<f32>() / image.pixels.len() as f32;
     let small = image.resize(64, 48, [0.0, 111.0, 216.0, 273.0]);
     let small_mean = small.pixels.iter().sum::<f32>() / small.pixels.len() as f32;
-    assert!(
-        (0.1..0.9).contains(&mean) && (mean - small_mean).abs() < 0.2,
-        "{mean} {small_mean}"
-    );
+    assert!((0.1..0.9).contains(&mean) && (mean - small_mean).abs() < 0.2, "{mean} {small_mean}");
 }

@@ -1,7 +1,11 @@
 //! Integration tests: round trips, real files, hostile bytes.
 
+mod atomic;
+mod checkpoint;
 mod colmap;
 mod images;
+mod info;
+mod ply;
 mod realestate;
 mod shared;
 mod transforms;

@@ -9,26 +9,16 @@ fn clip() -> Clip {
     let frame = |i: u64| ClipFrame {
         timestamp: 33_000 * i,
         normalised: [0.5, 0.9, 0.5, 0.5],
-        pose: Pose::from_wxyz(
-            [1.0, 0.3 * i as f64, -0.1, 0.2],
-            DVec3::new(0.1, 0.2, i as f64),
-        ),
+        pose: Pose::from_wxyz([1.0, 0.3 * i as f64, -0.1, 0.2], DVec3::new(0.1, 0.2, i as f64)),
     };
-    Clip {
-        url: "https://www.youtube.com/watch?v=x".into(),
-        frames: (0..4).map(frame).collect(),
-    }
+    Clip { url: "https://www.youtube.com/watch?v=x".into(), frames: (0..4).map(frame).collect() }
 }
 
 #[test]
 fn reads_a_line() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.txt");
-    std::fs::write(
-        &path,
-        format!("https://www.youtube.com/watch?v=x\n{LINE}\n"),
-    )
-    .unwrap();
+    std::fs::write(&path, format!("https://www.youtube.com/watch?v=x\n{LINE}\n")).unwrap();
     let clip = Clip::read(&path).unwrap();
     let frame = clip.frames[0];
     assert_eq!(frame.timestamp, 52_553_000);
@@ -60,29 +50,17 @@ fn messages_name_file_line_and_column() {
     };
     let cases = [
         (String::new(), "line 1: expected a URL"),
-        (
-            format!("http://x\n{LINE} 7"),
-            "line 2: expected 19 numbers, found 20",
-        ),
+        (format!("http://x\n{LINE} 7"), "line 2: expected 19 numbers, found 20"),
         (
             format!("http://x\n{}", LINE.replace("0.843", "nan")),
             "line 2, column 3: expected a finite number, found nan",
         ),
-        (
-            format!("http://x\n{}", LINE.replace("0.5 0.5 0 0", "0.5 0.5 0 0.1")),
-            "line 2, distortion",
-        ),
-        (
-            format!("http://x\n{}", LINE.replace("-1 0.5", "-2 0.5")),
-            "line 2, matrix: expected a rigid",
-        ),
+        (format!("http://x\n{}", LINE.replace("0.5 0.5 0 0", "0.5 0.5 0 0.1")), "line 2, distortion"),
+        (format!("http://x\n{}", LINE.replace("-1 0.5", "-2 0.5")), "line 2, matrix: expected a rigid"),
     ];
     for (text, expected) in cases {
         let message = message(&text);
-        assert!(
-            message.contains("a.txt: ") && message.contains(expected),
-            "{message}"
-        );
+        assert!(message.contains("a.txt: ") && message.contains(expected), "{message}");
     }
 }
 

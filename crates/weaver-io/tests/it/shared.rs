@@ -6,15 +6,9 @@ use std::path::{Path, PathBuf};
 pub fn data(name: &str) -> Option<PathBuf> {
     let roots = match std::env::var_os("WEAVER_SHARED") {
         Some(root) => vec![PathBuf::from(root)],
-        None => Path::new(env!("CARGO_MANIFEST_DIR"))
-            .ancestors()
-            .map(|a| a.join("shared"))
-            .collect(),
+        None => Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().map(|a| a.join("shared")).collect(),
     };
-    let found = roots
-        .into_iter()
-        .map(|r| r.join("data").join(name))
-        .find(|p| p.exists());
+    let found = roots.into_iter().map(|r| r.join("data").join(name)).find(|p| p.exists());
     if found.is_none() {
         println!("skipped: no data ({name})");
     }

@@ -14,28 +14,12 @@ fn scene(folder: &Path) -> Transforms {
             Image::filled(8, 6, [0.5; 3]).write_png(&file_path).unwrap();
             let t = f64::from(i);
             let pose = Pose::from_wxyz([1.0, 0.1 * t, 0.2, -0.3], DVec3::new(t, 0.5, 2.0));
-            let intrinsics = Intrinsics {
-                fx: 9.0 + t,
-                fy: 8.5,
-                cx: 4.25,
-                cy: 3.0,
-            };
-            Frame {
-                name,
-                file_path,
-                pose,
-                intrinsics,
-                width: 8,
-                height: 6,
-            }
+            let intrinsics = Intrinsics { fx: 9.0 + t, fy: 8.5, cx: 4.25, cy: 3.0 };
+            Frame { name, file_path, pose, intrinsics, width: 8, height: 6 }
         })
         .collect();
     let test_filenames = vec!["images/1.png".to_string()];
-    Transforms {
-        frames,
-        test_filenames,
-        ..Transforms::default()
-    }
+    Transforms { frames, test_filenames, ..Transforms::default() }
 }
 
 #[test]
@@ -46,17 +30,9 @@ fn round_trip() {
     scene.write(&path).unwrap();
     let back = Transforms::read(&path).unwrap();
     for (a, b) in scene.frames.iter().zip(&back.frames) {
-        assert!(
-            (a.pose.rotation - b.pose.rotation)
-                .to_cols_array()
-                .iter()
-                .all(|d| d.abs() < 1e-12)
-        );
+        assert!((a.pose.rotation - b.pose.rotation).to_cols_array().iter().all(|d| d.abs() < 1e-12));
         assert!((a.pose.translation - b.pose.translation).length() < 1e-12);
-        assert_eq!(
-            (a.intrinsics, a.width, a.height),
-            (b.intrinsics, b.width, b.height)
-        );
+        assert_eq!((a.intrinsics, a.width, a.height), (b.intrinsics, b.width, b.height));
         assert_eq!((&a.name, &a.file_path), (&b.name, &b.file_path));
     }
     assert_eq!(back.frames.len(), 3);
@@ -77,10 +53,7 @@ fn message(change: impl FnOnce(&mut serde_json::Value)) -> String {
 #[test]
 fn messages_name_file_and_key() {
     let cases = [
-        (
-            message(|r| r["frames"] = 3.into()),
-            "frames: expected a list, found a number",
-        ),
+        (message(|r| r["frames"] = 3.into()), "frames: expected a list, found a number"),
         (
             message(|r| r["frames"][1]["transform_matrix"][2][0] = "NaN".into()),
             "frames[1].transform_matrix[2][0]: expected a finite number",
@@ -101,29 +74,18 @@ fn messages_name_file_and_key() {
             message(|r| drop(r["frames"][2].as_object_mut().unwrap().remove("fl_x"))),
             "frames[2].fl_x: expected fl_x or camera_angle_x, found neither",
         ),
-        (
-            message(|r| r["k1"] = 0.1.into()),
-            "frames[0].k1: expected 0",
-        ),
-        (
-            message(|r| r["frames"][0]["w"] = 0.5.into()),
-            "frames[0].w: expected a size",
-        ),
+        (message(|r| r["k1"] = 0.1.into()), "frames[0].k1: expected 0"),
+        (message(|r| r["frames"][0]["w"] = 0.5.into()), "frames[0].w: expected a size"),
     ];
     for (message, expected) in cases {
-        assert!(
-            message.contains("transforms.json: ") && message.contains(expected),
-            "{message}\n{expected}"
-        );
+        assert!(message.contains("transforms.json: ") && message.contains(expected), "{message}\n{expected}");
     }
 }
 
 #[test]
 fn nerf_synthetic_form() {
     let folder = tempfile::tempdir().unwrap();
-    Image::filled(20, 10, [0.0; 3])
-        .write_png(folder.path().join("r_0.png"))
-        .unwrap();
+    Image::filled(20, 10, [0.0; 3]).write_png(folder.path().join("r_0.png")).unwrap();
     let path = folder.path().join("transforms_train.json");
     let angle = 2.0 * (0.5f64).atan();
     std::fs::write(
@@ -137,16 +99,11 @@ fn nerf_synthetic_form() {
     let scene = Transforms::read(&path).unwrap();
     let frame = &scene.frames[0];
     assert_eq!((frame.width, frame.height), (20, 10));
-    assert!(
-        (frame.intrinsics.fx - 20.0).abs() < 1e-12 && frame.intrinsics.fx == frame.intrinsics.fy
-    );
+    assert!((frame.intrinsics.fx - 20.0).abs() < 1e-12 && frame.intrinsics.fx == frame.intrinsics.fy);
     assert_eq!((frame.intrinsics.cx, frame.intrinsics.cy), (10.0, 5.0));
     // A camera at (1, 2, 3) that looks along -z of the world, y up.
     assert_eq!(frame.pose.centre(), DVec3::new(1.0, 2.0, 3.0));
-    assert_eq!(
-        frame.pose.apply(DVec3::new(1.0, 3.0, 1.0)),
-        DVec3::new(0.0, -1.0, 2.0)
-    );
+    assert_eq!(frame.pose.apply(DVec3::new(1.0, 3.0, 1.0)), DVec3::new(0.0, -1.0, 2.0));
 }
 
 #[test]
@@ -158,10 +115,7 @@ fn real_scenes() {
             // Every camera is 4.031 from the origin and looks at it.
             assert!((frame.pose.centre().length() - 4.031).abs() < 1e-3);
             let origin = frame.pose.apply(DVec3::ZERO);
-            assert!(
-                (origin - DVec3::new(0.0, 0.0, 4.031)).length() < 2e-3,
-                "{origin}"
-            );
+            assert!((origin - DVec3::new(0.0, 0.0, 4.031)).length() < 2e-3, "{origin}");
             assert!((frame.intrinsics.fx - 355.5555).abs() < 1e-3);
         }
     }

@@ -1,0 +1,175 @@
+//! What is in a file, in a screenful.
+
+use crate::checkpoint::{Tensor, Tensors};
+use crate::colmap::{self, CameraModel, Model, Point};
+use crate::ply::Table;
+use crate::realestate::Clip;
+use crate::{Background, Error, Image, Result, SplatPly, Transforms, read_splat};
+use std::fmt::Display;
+use std::path::Path;
+use weaver_geometry::Pose;
+use weaver_geometry::glam::DVec3;
+
+/// Describes a file, or a folder with a COLMAP model: its form, how much is in it, and ranges.
+///
+/// Knows PNG and JPEG images, PLY and `.splat` Gaussians and point clouds, safetensors, transforms.json, COLMAP
+/// models (a folder, a scene with `sparse/0`, or one of the files) and RealEstate10K camera files.
+pub fn info(path: impl AsRef<Path>) -> Result<String> {
+    let path = path.as_ref();
+    if std::fs::metadata(path).map_err(Error::io(path))?.is_dir() {
+        let nested = path.join("sparse/0");
+        return Ok(model(&Model::read(if nested.is_dir() { &nested } else { path })?));
+    }
+    let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("").to_lowercase();
+    let (stem, extension) = name.rsplit_once('.').unwrap_or((&name, ""));
+    match (stem, extension) {
+        (_, "png" | "jpg" | "jpeg") => image(path),
+        (_, "ply") => ply(path),
+        (_, "splat") => Ok(splats(&read_splat(path)?)),
+        (_, "safetensors") => Ok(tensors(&Tensors::read(path)?)),
+        (_, "json") => Ok(transforms(&Transforms::read(path)?)),
+        ("cameras", "bin" | "txt") => Ok(cameras(colmap::read_cameras(path)?.values())),
+        ("images", "bin" | "txt") => Ok(images(&colmap::read_images(path)?)),
+        ("points3d", "bin" | "txt") => Ok(points(&colmap::read_points(path)?)),
+        (_, "txt") => Ok(clip(&Clip::read(path)?)),
+        _ => Err(Error::invalid(path, "file name", "a known extension", format!("{extension:?}"))),
+    }
+}
+
+fn image(path: &Path) -> Result<String> {
+    let image = Image::read(path, Background::Black)?;
+    let mut lines = format!("image, {}x{} pixels", image.width, image.height);
+    for (channel, name) in ["red", "green", "blue"].iter().enumerate() {
+        let values = image.pixels.iter().skip(channel).step_by(3);
+        lines += &format!("\n{name:<6} {}", Range::of(values.map(|&x| f64::from(x))));
+    }
+    Ok(lines)
+}
+
+fn ply(path: &Path) -> Result<String> {
+    let table = Table::read(path)?;
+    if table.names.iter().any(|n| n == "opacity") {
+        return Ok(splats(&SplatPly::read(path)?));
+    }
+    let mut lines = format!("PLY, {} vertices", table.rows);
+    for (column, name) in table.names.iter().enumerate().take(20) {
+        let values = (0..table.rows).map(|row| f64::from(table.row(row)[column]));
+        lines += &format!("\n{name:<12} {}", Range::of(values));
+    }
+    Ok(lines)
+}
+
+fn splats(splats: &SplatPly) -> String {
+    let mut lines = format!("Gaussians, {} of SH degree {}", splats.len(), splats.degree);
+    for (axis, name) in ["x", "y", "z"].iter().enumerate() {
+        lines += &format!("\n{name:<8} {}", Range::of(splats.means.iter().map(|m| f64::from(m[axis]))));
+    }
+    let scales = splats.log_scales.as_flattened().iter().map(|&s| f64::from(s).exp());
+    let opacities = splats.opacity_logits.iter().map(|&o| 1.0 / (1.0 + f64::from(-o).exp()));
+    lines + &format!("\nscale    {}\nopacity  {}", Range::of(scales), Range::of(opacities))
+}
+
+fn tensors(file: &Tensors) -> String {
+    const SHOWN: usize = 30;
+    let values: usize = file.tensors.values().map(|t| t.data.len()).sum();
+    let mut lines = format!("safetensors, {} tensors, {values} values", file.tensors.len());
+    for (key, value) in &file.metadata {
+        let short: String = value.chars().take(100).collect();
+        lines += &format!("\n{key}: {short}{}", if short.len() < value.len() { "..." } else { "" });
+    }
+    for (key, Tensor { shape, data }) in file.tensors.iter().take(SHOWN) {
+        lines += &format!("\n{key} {} {shape:?}", data.dtype());
+    }
+    if file.tensors.len() > SHOWN {
+        lines += &format!("\n... and {} more", file.tensors.len() - SHOWN);
+    }
+    lines
+}
+
+fn transforms(scene: &Transforms) -> String {
+    let splits = [("train", &scene.train_filenames), ("val", &scene.val_filenames), ("test", &scene.test_filenames)];
+    let splits = splits.map(|(name, names)| format!("{} {name}", names.len())).join(", ");
+    let mut lines = format!("transforms.json, {} frames (split: {splits})", scene.frames.len());
+    if let Some(frame) = scene.frames.first() {
+        let k = frame.intrinsics;
+        lines += &format!("\nfirst: {}, {}", frame.name, camera(frame.width, frame.height, [k.fx, k.fy, k.cx, k.cy]));
+    }
+    lines + &centres(scene.frames.iter().map(|f| f.pose))
+}
+
+fn clip(clip: &Clip) -> String {
+    let mut lines = format!("RealEstate10K, {} cameras of {}", clip.frames.len(), clip.url);
+    if let (Some(first), Some(last)) = (clip.frames.first(), clip.frames.last()) {
+        let [fx, fy, cx, cy] = first.normalised;
+        lines += &format!("\ntime {} to {} microseconds", first.timestamp, last.timestamp);
+        lines += &format!("\nfirst: fx {fx} fy {fy} cx {cx} cy {cy} of the image's size");
+    }
+    lines + &centres(clip.frames.iter().map(|f| f.pose))
+}
+
+fn model(model: &Model) -> String {
+    let parts = [cameras(model.cameras.values()), images(&model.images), points(&model.points)];
+    format!("COLMAP model\n{}", parts.join("\n"))
+}
+
+fn cameras<'a>(cameras: impl ExactSizeIterator<Item = &'a CameraModel>) -> String {
+    let mut lines = format!("COLMAP cameras, {}", cameras.len());
+    for CameraModel { width, height, intrinsics: k } in cameras.take(5) {
+        lines += &format!("\n{}", camera(*width, *height, [k.fx, k.fy, k.cx, k.cy]));
+    }
+    lines
+}
+
+fn images(images: &[colmap::ImageRecord]) -> String {
+    let observed = images.iter().flat_map(|i| &i.points).filter(|p| p.2.is_some()).count();
+    let head = format!("COLMAP images, {} with {observed} observations of points", images.len());
+    head + &centres(images.iter().map(|i| i.pose))
+}
+
+fn points(points: &[Point]) -> String {
+    let mut lines = format!("COLMAP points, {}", points.len());
+    for (axis, name) in ["x", "y", "z"].iter().enumerate() {
+        lines += &format!("\n{name:<8} {}", Range::of(points.iter().map(|p| p.xyz[axis])));
+    }
+    lines + &format!("\nerror    {} pixels", Range::of(points.iter().map(|p| p.error)))
+}
+
+fn camera(width: usize, height: usize, [fx, fy, cx, cy]: [f64; 4]) -> String {
+    format!("{width}x{height} pixels, fx {fx:.3} fy {fy:.3} cx {cx:.3} cy {cy:.3}")
+}
+
+fn centres(poses: impl Iterator<Item = Pose>) -> String {
+    let centres: Vec<DVec3> = poses.map(|p| p.centre()).collect();
+    let Some(&first) = centres.first() else { return String::new() };
+    let (low, high) = centres.iter().fold((first, first), |(l, h), c| (l.min(*c), h.max(*c)));
+    format!("\ncamera centres from {low:.3} to {high:.3}")
+}
+
+/// Smallest, mean and largest of some numbers.
+struct Range {
+    low: f64,
+    mean: f64,
+    high: f64,
+}
+
+impl Range {
+    fn of(values: impl Iterator<Item = f64>) -> Self {
+        let (mut low, mut high, mut sum, mut count) = (f64::INFINITY, f64::NEG_INFINITY, 0.0, 0.0);
+        for x in values {
+            low = low.min(x);
+            high = high.max(x);
+            sum += x;
+            count += 1.0;
+        }
+        Self { low, mean: sum / count, high }
+    }
+}
+
+impl Display for Range {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.low > self.high {
+            return write!(f, "no values");
+        }
+        write!(f, "{:.4} to {:.4}, mean {:.4}", self.low, self.high, self.mean)
+    }
+}

@@ -1,0 +1,71 @@
+use proptest::prelude::*;
+use std::io::{Error, Write};
+use weaver_io::atomic_write;
+
+/// Passes on `room` bytes, then fails as a full disk does.
+struct FailsAfter<'a> {
+    inner: &'a mut dyn Write,
+    room: usize,
+}
+
+impl Write for FailsAfter<'_> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        if bytes.len() > self.room {
+            return Err(Error::other("disk full"));
+        }
+        self.room -= bytes.len();
+        self.inner.write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.inner.flush()
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+
+    #[test]
+    fn a_failing_writer_leaves_the_old_file(room in 0usize..40_000) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("precious");
+        std::fs::write(&path, b"old").unwrap();
+        let result = atomic_write(&path, |inner| {
+            let mut w = FailsAfter { inner, room };
+            (0..500).try_for_each(|_| w.write_all(&[7; 100]))
+        });
+        let message = result.unwrap_err().to_string();
+        prop_assert!(message.contains("precious") && message.contains("disk full"), "{}", message);
+        prop_assert_eq!(std::fs::read(&path).unwrap(), b"old");
+        prop_assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "a temporary file was left");
+    }
+}
+
+#[test]
+fn replaces_the_old_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("file");
+    for content in ["first", "second, longer", "3"] {
+        atomic_write(&path, |w| w.write_all(content.as_bytes())).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), content);
+    }
+}
+
+#[test]
+fn a_missing_folder_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let error = atomic_write(folder.path().join("no/such/file"), |_| Ok(())).unwrap_err();
+    assert!(error.to_string().contains("no/such/file"), "{error}");
+}
+
+#[cfg(unix)]
+#[test]
+fn has_the_permissions_of_any_new_file() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let (a, b) = (folder.path().join("a"), folder.path().join("b"));
+    std::fs::write(&a, "").unwrap();
+    atomic_write(&b, |_| Ok(())).unwrap();
+    let mode = |path| std::fs::metadata(path).unwrap().permissions().mode();
+    assert_eq!(mode(a), mode(b));
+}

@@ -1,0 +1,42 @@
+use crate::shared;
+use weaver_io::checkpoint::Tensors;
+use weaver_io::{Image, info};
+
+#[test]
+fn describes_what_it_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    Image::filled(3, 2, [1.0, 0.5, 0.0]).write_png(path("a.png")).unwrap();
+    assert!(info(path("a.png")).unwrap().starts_with("image, 3x2 pixels\nred    1.0000 to 1.0000"));
+
+    let mut tensors = Tensors::default();
+    tensors.metadata.insert("step".into(), "7".into());
+    tensors.insert("w", &[2, 2], vec![0.0f32; 4]);
+    tensors.write(path("a.safetensors")).unwrap();
+    let text = info(path("a.safetensors")).unwrap();
+    assert_eq!(text, "safetensors, 1 tensors, 4 values\nstep: 7\nw F32 [2, 2]");
+
+    std::fs::write(path("a.xyz"), "").unwrap();
+    for name in ["a.xyz", "missing.ply"] {
+        assert!(info(path(name)).unwrap_err().to_string().contains(name));
+    }
+}
+
+#[test]
+fn describes_real_files() {
+    let expectations = [
+        ("fox", "COLMAP cameras, 1\n216x384 pixels, fx 286.213"),
+        ("fox/sparse/0", "COLMAP points, 12741"),
+        ("fox/sparse/0/images.bin", "COLMAP images, 50 with 85926 observations"),
+        ("fox/sparse/0/points3D.bin", "COLMAP points, 12741"),
+        ("fox/transforms.json", "transforms.json, 50 frames (split: 43 train, 7 val, 7 test)"),
+        ("fox/images/0001.jpg", "image, 216x384 pixels"),
+        ("splat-files/playbot-sh2.ply", "Gaussians, 8406 of SH degree 2"),
+        ("splat-files/minimal.splat", "Gaussians, 4 of SH degree 0"),
+    ];
+    for (name, expected) in expectations {
+        let Some(path) = shared::data(name) else { return };
+        let text = info(path).unwrap();
+        assert!(text.contains(expected) && text.lines().count() < 40, "{text}");
+    }
+}

@@ -1,0 +1,189 @@
+use crate::shared;
+use proptest::prelude::*;
+use std::path::Path;
+use weaver_io::ply::{SplatPly, write_points};
+use weaver_io::read_splat;
+
+fn sample(n: usize, degree: usize) -> SplatPly {
+    let k = (degree + 1) * (degree + 1);
+    let value = |i: usize| (i as f32 * 0.37).sin();
+    SplatPly {
+        means: (0..n).map(|i| [value(i), value(i + 1), i as f32]).collect(),
+        log_scales: (0..n).map(|i| [value(i), -3.0, -4.5]).collect(),
+        quats: (0..n).map(|i| [1.0, value(i), 0.1, 0.2]).collect(),
+        opacity_logits: (0..n).map(value).collect(),
+        sh: (0..n * k * 3).map(|i| i as f32).collect(),
+        degree,
+    }
+}
+
+#[test]
+fn round_trip_at_every_degree() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ply");
+    for degree in 0..=4 {
+        for n in [0, 5] {
+            sample(n, degree).write(&path).unwrap();
+            assert_eq!(SplatPly::read(&path).unwrap(), sample(n, degree));
+        }
+    }
+}
+
+#[test]
+fn the_rest_is_channel_major() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ply");
+    sample(1, 1).write(&path).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    let head = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    let row: Vec<f32> = bytes[head..].chunks_exact(4).map(|c| f32::from_le_bytes(c.try_into().unwrap())).collect();
+    // x y z nx ny nz, then coefficient 0 of red green blue, then coefficients 1 2 3 of red, of green, of blue.
+    assert_eq!(row[6..18], [0.0, 1.0, 2.0, 3.0, 6.0, 9.0, 4.0, 7.0, 10.0, 5.0, 8.0, 11.0]);
+}
+
+const ASCII: &str = "ply\r\nformat ascii 1.0\ncomment by hand\nelement camera 1\nproperty uchar id\nelement vertex 1
+property double x\nproperty float y\nproperty float z\nproperty float f_dc_0\nproperty float f_dc_1
+property float f_dc_2\nproperty float opacity\nproperty float scale_0\nproperty float scale_1\nproperty float scale_2
+property float rot_0\nproperty float rot_1\nproperty float rot_2\nproperty float rot_3\nelement face 1
+property list uchar int vertex_indices\nend_header\n200\n1 2 3 0.1 0.2 0.3 -1 -2 -3 -4 1 0 0 0.5\n3 0 0 0\n";
+
+#[test]
+fn reads_text() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ply");
+    std::fs::write(&path, ASCII).unwrap();
+    let splats = SplatPly::read(&path).unwrap();
+    assert_eq!((splats.means[0], splats.quats[0]), ([1.0, 2.0, 3.0], [1.0, 0.0, 0.0, 0.5]));
+    assert_eq!((splats.sh.as_slice(), splats.opacity_logits[0]), ([0.1, 0.2, 0.3].as_slice(), -1.0));
+}
+
+#[test]
+fn messages_say_where() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ply");
+    let cases = [
+        (ASCII.replace("ply\r", "plx\r"), "header line 1: expected ply"),
+        (ASCII.replace("format ascii", "format binary_big_endian"), "header line 2: expected format"),
+        (
+            ASCII.replace("float opacity", "float alpha"),
+            "element vertex: expected a property opacity, found only x y z",
+        ),
+        (ASCII.replace("float opacity", "half opacity"), "header line 13: expected a scalar type"),
+        (ASCII.replace("element vertex 1", "element vertex 99999999999"), "element vertex: expected 99999999999 rows"),
+        (ASCII.replace("0.5\n3 0", "nan\n3 0"), "vertex 0, rotation: expected finite numbers"),
+        (ASCII.replace("0.3 -1", "0.3 x"), "vertex 0, property opacity: expected a number, found x"),
+        (ASCII.replace("float f_dc_0", "float f_rest_0"), "expected 0, 9, 24, 45 or 72 properties f_rest_*, found 1"),
+        (ASCII.replace("uchar id", "list uchar int id"), "element camera: expected scalar properties"),
+        (ASCII.replace("float f_dc_0", "uint packed_position"), "found a chunk-compressed file"),
+        (ASCII.replace("element vertex", "element point"), "header: expected an element named vertex"),
+    ];
+    for (text, expected) in cases {
+        std::fs::write(&path, text).unwrap();
+        let message = SplatPly::read(&path).unwrap_err().to_string();
+        assert!(message.contains("a.ply: ") && message.contains(expected), "{message}\n{expected}");
+    }
+    let broken = SplatPly { sh: vec![], ..sample(2, 1) };
+    let message = broken.write(&path).unwrap_err().to_string();
+    assert!(message.contains("expected 2 Gaussians"), "{message}");
+}
+
+#[test]
+fn point_clouds() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ply");
+    write_points(&path, &[[0.0, 1.0, 2.0]; 3], &[[1, 2, 3]; 3]).unwrap();
+    let text = weaver_io::info(&path).unwrap();
+    assert!(text.contains("PLY, 3 vertices") && text.contains("green        2.0000 to 2.0000"), "{text}");
+    assert!(write_points(&path, &[[0.0; 3]], &[]).is_err());
+}
+
+/// Rows of numbers from a CSV file with a header.
+fn csv(path: &Path) -> Vec<Vec<f32>> {
+    let text = std::fs::read_to_string(path).unwrap();
+    text.lines().skip(1).map(|l| l.split(',').map(|x| x.parse().unwrap()).collect()).collect()
+}
+
+fn assert_row(splats: &SplatPly, i: usize, row: &[f32], tolerance: f32) {
+    let k = splats.coefficients();
+    let sh = &splats.sh[i * k * 3..][..k * 3];
+    let norm = splats.quats[i].iter().map(|x| x * x).sum::<f32>().sqrt();
+    let unit = splats.quats[i].map(|x| x / norm);
+    let rest = (0..3).flat_map(|channel| (1..k).map(move |c| sh[c * 3 + channel]));
+    let ours = (splats.means[i].into_iter())
+        .chain(splats.log_scales[i])
+        .chain(sh[..3].iter().copied())
+        .chain([splats.opacity_logits[i]])
+        .chain(unit)
+        .chain(rest);
+    let ours: Vec<f32> = ours.collect();
+    assert_eq!(ours.len(), row.len());
+    for (a, b) in ours.iter().zip(row) {
+        assert!((a - b).abs() < tolerance, "Gaussian {i}: {a} {b}");
+    }
+}
+
+#[test]
+fn files_of_other_tools() {
+    let Some(folder) = shared::data("splat-files") else { return };
+    let splats = SplatPly::read(folder.join("playbot-sh2.ply")).unwrap();
+    assert_eq!((splats.len(), splats.degree), (8406, 2));
+    for (i, row) in csv(&folder.join("playbot-sh2.first64.csv")).iter().enumerate() {
+        assert_row(&splats, i, row, 1e-5);
+    }
+    let splats = read_splat(folder.join("minimal.splat")).unwrap();
+    assert_eq!(splats.len(), 4);
+    for (i, row) in csv(&folder.join("minimal.splat.decoded.csv")).iter().enumerate() {
+        // The other tool takes 127.5 for the zero of rotations, half a step from ours.
+        assert_row(&splats, i, row, 4e-3);
+    }
+    let message = SplatPly::read(folder.join("guitar.compressed.ply")).unwrap_err().to_string();
+    assert!(message.contains("chunk-compressed"), "{message}");
+}
+
+#[test]
+fn splat_records() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.splat");
+    let mut bytes = Vec::new();
+    for x in [1.0f32, 2.0, 3.0, 1.0, 0.5, 0.0] {
+        bytes.extend(x.to_le_bytes());
+    }
+    bytes.extend([255, 0, 0, 255, 255, 128, 128, 0]);
+    std::fs::write(&path, &bytes).unwrap();
+    let splats = read_splat(&path).unwrap();
+    assert_eq!((splats.means[0], splats.opacity_logits[0]), ([1.0, 2.0, 3.0], f32::INFINITY));
+    assert_eq!(splats.quats[0], [127.0 / 128.0, 0.0, 0.0, -1.0]);
+    assert!((splats.sh[0] * 0.2820948 - 0.5).abs() < 1e-6 && splats.log_scales[0][0] == 0.0);
+    bytes.pop();
+    std::fs::write(&path, &bytes).unwrap();
+    let message = read_splat(&path).unwrap_err().to_string();
+    assert!(message.contains("length: expected a multiple of 32 bytes, found 31"), "{message}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn hostile_files_never_panic(at in 0.0..1.0f64, byte in any::<u8>(), keep in 0.0..1.0f64) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.ply");
+        sample(3, 1).write(&path).unwrap();
+        for mut bytes in [std::fs::read(&path).unwrap(), ASCII.as_bytes().to_vec()] {
+            let index = (at * bytes.len() as f64) as usize;
+            bytes[index] = byte;
+            bytes.truncate((keep * 2.0 * bytes.len() as f64) as usize);
+            std::fs::write(&path, &bytes).unwrap();
+            let _ = SplatPly::read(&path);
+            let _ = read_splat(&path);
+        }
+    }
+
+    #[test]
+    fn hostile_headers_never_panic(words in proptest::collection::vec("(ply|element|vertex|property|float|list|uchar|end_header|format|ascii|1.0|x|[0-9]{1,20}|\n| )", 0..40)) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.ply");
+        let text = format!("ply\nformat ascii 1.0\n{}\nend_header\n", words.join(" "));
+        std::fs::write(&path, text).unwrap();
+        prop_assert!(SplatPly::read(&path).is_err());
+    }
+}
