@@ -1,3 +1,48 @@
-//! Automation for the workspace: `cargo xtask check`.
+//! Automation for the workspace.
+//!
+//! `cargo xtask check` is the definition of green: formatting, lints, documentation, and the invariants of
+//! docs/architecture.md (`cargo xtask tidy`).
 
-fn main() {}
+mod tidy;
+
+use std::process::{Command, ExitCode};
+
+const USAGE: &str = "usage: cargo xtask <command>
+
+  check   fmt, clippy, rustdoc and tidy: what must hold before a change lands
+  tidy    the crates' edges and the invariants of docs/architecture.md";
+
+fn main() -> ExitCode {
+    let command = std::env::args().nth(1).unwrap_or_default();
+    let done = match command.as_str() {
+        "check" => check(),
+        "tidy" => tidy::run(),
+        _ => Err(USAGE.into()),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn check() -> Result<(), String> {
+    cargo(&["fmt", "--all", "--check"], "")?;
+    cargo(&["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"], "")?;
+    cargo(&["doc", "--workspace", "--no-deps", "--locked"], "-D warnings")?;
+    tidy::run()?;
+    println!("check: fine");
+    Ok(())
+}
+
+fn cargo(arguments: &[&str], rustdoc_flags: &str) -> Result<(), String> {
+    println!("cargo {}", arguments.join(" "));
+    let status = Command::new(env!("CARGO"))
+        .args(arguments)
+        .env("RUSTDOCFLAGS", rustdoc_flags)
+        .status()
+        .map_err(|e| format!("cargo could not be started: {e}"))?;
+    if status.success() { Ok(()) } else { Err(format!("`cargo {}` failed", arguments.join(" "))) }
+}

@@ -1,1 +1,8 @@
 //! SplatWeaver put together: configuration, presets and the forward pass from photos to Gaussians.
+
+mod config;
+
+pub use config::{
+    BackboneConfig, CameraConfig, DenseConfig, Gauge, GaussianConfig, ModelConfig, PRESETS, ParametrisationKind,
+    RasterConfig, WaveletKind,
+};

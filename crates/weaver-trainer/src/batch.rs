@@ -1,0 +1,106 @@
+//! From a tuple of views to the numbers that a step works on.
+
+use crate::Error;
+use weaver_data::{Scene, Tuple};
+use weaver_geometry::{Camera, Pose};
+use weaver_io::Image;
+
+/// The views of one tuple: context first, then targets.
+#[derive(Clone, Debug)]
+pub struct Batch {
+    /// The tuple that this was made of.
+    pub tuple: Tuple,
+    /// Photos `[V, 3, H, W]`, values in [0, 1].
+    pub images: Vec<f32>,
+    /// Cameras in the tuple's frame: camera 0 is the identity, lengths in training units.
+    pub cameras: Vec<Camera>,
+    /// Training units per scene unit.
+    pub scale: f64,
+    /// Depth of the context views `[C, H, W]` in training units, 0 where unknown.
+    pub depth: Vec<f32>,
+    /// Poses of the context views in the scene's own frame, translations in training units.
+    pub absolute: Vec<Pose>,
+}
+
+impl Batch {
+    /// Gathers the views of a tuple.
+    pub fn new(scene: &Scene, tuple: Tuple) -> Result<Self, Error> {
+        let posed = scene.normalised(&tuple)?;
+        let views: Vec<usize> = tuple.context.iter().chain(&tuple.targets).copied().collect();
+        let mut images = Vec::new();
+        let mut depth = Vec::new();
+        for (i, &v) in views.iter().enumerate() {
+            let view = &scene.views[v];
+            push_planar(&mut images, &view.image);
+            if i < tuple.context.len() {
+                match &view.depth {
+                    Some(d) => depth.extend(d.iter().map(|z| (f64::from(*z) * posed.scale) as f32)),
+                    None => depth.resize(depth.len() + view.image.width * view.image.height, 0.0),
+                }
+            }
+        }
+        let cameras =
+            views.iter().zip(&posed.poses).map(|(&v, pose)| Camera { pose: *pose, ..scene.views[v].camera }).collect();
+        let centre = scene.central_view().map_or(Pose::IDENTITY, |v| scene.views[v].camera.pose);
+        let absolute = tuple
+            .context
+            .iter()
+            .map(|&v| scene.views[v].camera.pose.relative_to(&centre).scaled(posed.scale))
+            .collect();
+        Ok(Self { tuple, images, cameras, scale: posed.scale, depth, absolute })
+    }
+
+    /// Cameras of the context views.
+    pub fn context(&self) -> &[Camera] {
+        &self.cameras[..self.tuple.context.len()]
+    }
+
+    /// Cameras of the target views.
+    pub fn targets(&self) -> &[Camera] {
+        &self.cameras[self.tuple.context.len()..]
+    }
+
+    /// Photos of the context views `[C, 3, H, W]`.
+    pub fn context_images(&self) -> &[f32] {
+        let view = self.images.len() / self.cameras.len();
+        &self.images[..view * self.tuple.context.len()]
+    }
+}
+
+/// Appends an image as planes `[3, H, W]`.
+pub fn push_planar(planes: &mut Vec<f32>, image: &Image) {
+    for channel in 0..3 {
+        planes.extend(image.pixels.iter().skip(channel).step_by(3));
+    }
+}
+
+/// World-to-camera matrices `[V, 3, 4]`.
+pub fn w2c_rows(cameras: impl IntoIterator<Item = Pose>) -> Vec<f32> {
+    let mut rows = Vec::new();
+    for pose in cameras {
+        let r = pose.rotation.to_cols_array_2d();
+        let t = pose.translation.to_array();
+        for i in 0..3 {
+            rows.extend([r[0][i], r[1][i], r[2][i], t[i]].map(|x| x as f32));
+        }
+    }
+    rows
+}
+
+/// Intrinsics `[V, 4]`: fx, fy, cx, cy in pixels.
+pub fn intrinsics_rows<'a>(cameras: impl IntoIterator<Item = &'a Camera>) -> Vec<f32> {
+    cameras.into_iter().flat_map(|c| [c.intrinsics.fx, c.intrinsics.fy, c.intrinsics.cx, c.intrinsics.cy].map(|x| x as f32)).collect()
+}
+
+/// Pose codes `[V, 9]` of cameras: translation, quaternion xyzw with w >= 0, field of view (vertical, horizontal).
+pub fn pose_codes<'a>(cameras: impl IntoIterator<Item = &'a Camera>) -> Vec<f32> {
+    cameras
+        .into_iter()
+        .flat_map(|c| {
+            let [w, x, y, z] = c.pose.wxyz();
+            let t = c.pose.translation;
+            let [v, h] = c.intrinsics.fov(c.width, c.height);
+            [t.x, t.y, t.z, x, y, z, w, v, h].map(|x| x as f32)
+        })
+        .collect()
+}
