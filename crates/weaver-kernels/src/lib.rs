@@ -3,12 +3,16 @@
 //! A kernel is a function: the caller owns all memory, shapes are arguments, nothing knows of a tape.
 //! Every parallel kernel writes disjoint parts whose borders do not depend on the number of threads.
 
+pub mod conv;
 pub mod erf;
 pub mod exp;
 pub mod gemm;
 pub mod parallel;
 pub mod random;
 mod real;
+pub mod reduce;
 pub mod simd;
+mod target;
 
 pub use real::Real;
+pub use target::Target;

@@ -1,6 +1,8 @@
 //! Every kernel against a slow twin, in both precisions, and at more than one thread count.
 
+mod conv;
 mod gemm;
+mod reduce;
 mod special;
 
 use weaver_kernels::Real;
@@ -27,4 +29,13 @@ fn threads<T: Real>(body: impl Fn() -> Vec<T> + Sync) -> Vec<T> {
         );
     }
     first
+}
+
+/// Asserts that `got` is `expected` up to `tolerance` times (1 + |expected|).
+fn assert_close<T: Real>(got: &[T], expected: &[f64], tolerance: f64, what: &str) {
+    assert_eq!(got.len(), expected.len(), "{what}");
+    for (i, (got, expected)) in got.iter().zip(expected).enumerate() {
+        let error = (got.to_f64() - expected).abs();
+        assert!(error <= tolerance * (1.0 + expected.abs()), "{what} at {i}: {got}, expected {expected}");
+    }
 }

@@ -1,0 +1,123 @@
+//! The matrix of windows of a map, `[c kh kw, out_h out_w]`, made panel by panel.
+
+use crate::Real;
+use crate::gemm::{Panels, transpose};
+use crate::simd;
+use std::ops::Range;
+
+/// Windows of the images `x`, `[n, c, h, w]`; `pads` are the zeros above and to the left of them
+/// (negative: that many rows or columns are skipped). Matrix `entry` is that of image `entry`.
+pub(super) struct Windows<'a, T> {
+    pub x: &'a [T],
+    pub c: usize,
+    pub h: usize,
+    pub w: usize,
+    pub kh: usize,
+    pub kw: usize,
+    pub stride: usize,
+    pub pads: [isize; 2],
+    pub out_w: usize,
+}
+
+impl<T: Real> Windows<'_, T> {
+    /// Rows `k` of the window matrix at output pixels `pixels`, each into `out` at multiples of `row`.
+    #[inline(always)]
+    fn write(&self, entry: usize, k: Range<usize>, pixels: Range<usize>, out: &mut [T], row: usize) {
+        let taps = self.kh * self.kw;
+        let image = &self.x[entry * self.c * self.h * self.w..][..self.c * self.h * self.w];
+        // Output rows outside, window elements inside: what depends on the row is computed once.
+        let mut from = pixels.start;
+        while from < pixels.end {
+            let (i, j) = (from / self.out_w, from % self.out_w);
+            let run = (self.out_w - j).min(pixels.end - from);
+            let at = from - pixels.start;
+            let (mut c, mut p, mut q) = (k.start / taps, k.start % taps / self.kw, k.start % self.kw);
+            for out in out.chunks_exact_mut(row).take(k.len()) {
+                let y = (i * self.stride + p) as isize - self.pads[0];
+                let out = &mut out[at..at + run];
+                if y < 0 || y as usize >= self.h {
+                    out.fill(T::ZERO);
+                } else {
+                    let line = &image[(c * self.h + y as usize) * self.w..][..self.w];
+                    let x = (j * self.stride + q) as isize - self.pads[1];
+                    slide(line, x, self.stride, out);
+                }
+                q += 1;
+                if q == self.kw {
+                    (p, q) = (p + 1, 0);
+                }
+                if p == self.kh {
+                    (c, p) = (c + 1, 0);
+                }
+            }
+            from += run;
+        }
+    }
+}
+
+/// `out[i] = line[x + i stride]`, zero outside the line.
+#[inline(always)]
+fn slide<T: Real>(line: &[T], x: isize, stride: usize, out: &mut [T]) {
+    let (n, end) = (out.len(), line.len() as isize);
+    // Elements before the line, and elements not behind it.
+    let before = if x < 0 { x.unsigned_abs().div_ceil(stride).min(n) } else { 0 };
+    let inside = if x >= end { 0 } else { ((end - x) as usize).div_ceil(stride).min(n) };
+    if stride == 1 && before == 0 && inside == n {
+        let line = &line[x as usize..][..n];
+        // Whole vectors without the call that a copy of unknown length is.
+        let (blocks, rest) = line.as_chunks::<16>();
+        let (out_blocks, out_rest) = out.as_chunks_mut::<16>();
+        for (o, b) in out_blocks.iter_mut().zip(blocks) {
+            *o = *b;
+        }
+        for (o, b) in out_rest.iter_mut().zip(rest) {
+            *o = *b;
+        }
+        return;
+    }
+    let inside = inside.max(before);
+    out[..before].fill(T::ZERO);
+    for (i, o) in out.iter_mut().enumerate().take(inside).skip(before) {
+        *o = line[(x + (i * stride) as isize) as usize];
+    }
+    out[inside..].fill(T::ZERO);
+}
+
+/// As a factor on the right: the depth runs over window elements, the columns over pixels.
+impl<T: Real> Panels<T> for Windows<'_, T> {
+    fn pack(
+        &self,
+        entry: usize,
+        k: Range<usize>,
+        cols: Range<usize>,
+        padded: usize,
+        panel: &mut [T],
+        _spare: &mut [T],
+    ) {
+        if cols.len() < padded {
+            panel.fill(T::ZERO);
+        }
+        simd::dispatch(
+            #[inline(always)]
+            || self.write(entry, k, cols, panel, padded),
+        );
+    }
+}
+
+/// The transposed matrix: the depth runs over pixels, the columns over window elements.
+pub(super) struct WindowRows<'a, T>(pub Windows<'a, T>);
+
+impl<T: Real> Panels<T> for WindowRows<'_, T> {
+    fn pack(&self, entry: usize, k: Range<usize>, cols: Range<usize>, padded: usize, panel: &mut [T], spare: &mut [T]) {
+        let (depth, width) = (k.len(), cols.len());
+        if depth == 0 {
+            return;
+        }
+        let spare = &mut spare[..width * depth];
+        simd::dispatch(
+            #[inline(always)]
+            || self.0.write(entry, cols, k, spare, depth),
+        );
+        transpose(spare, 1, depth, depth, width, padded, panel);
+    }
+}

@@ -1,0 +1,161 @@
+//! Sums whose order of addition depends on the length alone.
+
+use crate::parallel::for_chunks;
+use crate::target::{Target, put};
+use crate::{Real, simd};
+
+/// Partial sums per pass; also the lanes the compiler may fill.
+const LANES: usize = 16;
+/// Elements summed by one task.
+const CHUNK: usize = 1 << 14;
+/// Chunks whose sums are kept at once, on the stack.
+const CHUNKS: usize = 64;
+
+/// The sum of `term(i)` over `0..n`: chunks of 16 interleaved partial sums, then the chunks in order.
+#[inline(always)]
+fn total<T: Real>(n: usize, chunk: impl Fn(std::ops::Range<usize>) -> T + Sync) -> T {
+    let mut sum = T::ZERO;
+    for group in (0..n).step_by(CHUNK * CHUNKS) {
+        let end = n.min(group + CHUNK * CHUNKS);
+        let mut partial = [T::ZERO; CHUNKS];
+        let partial = &mut partial[..(end - group).div_ceil(CHUNK)];
+        for_chunks(partial, 1, |i, partial| {
+            let from = group + i * CHUNK;
+            partial[0] = chunk(from..end.min(from + CHUNK));
+        });
+        sum += pairwise(partial);
+    }
+    sum
+}
+
+/// Adds neighbours, then neighbours of those, and so on: the rounding error grows with log n.
+fn pairwise<T: Real>(x: &[T]) -> T {
+    match x {
+        [] => T::ZERO,
+        [x] => *x,
+        _ => {
+            let (a, b) = x.split_at(x.len() / 2);
+            pairwise(a) + pairwise(b)
+        }
+    }
+}
+
+#[inline(always)]
+fn lanes<T: Real, const K: usize>(x: [&[T]; K], term: impl Fn([T; K]) -> T) -> T {
+    let n = x[0].len();
+    let mut sums = [T::ZERO; LANES];
+    let whole = n / LANES * LANES;
+    for at in (0..whole).step_by(LANES) {
+        let blocks = x.map(
+            #[inline(always)]
+            |x| &x[at..at + LANES],
+        );
+        for l in 0..LANES {
+            sums[l] += term(blocks.map(
+                #[inline(always)]
+                |b| b[l],
+            ));
+        }
+    }
+    for i in whole..n {
+        sums[i - whole] += term(x.map(|x| x[i]));
+    }
+    let mut width = LANES / 2;
+    while width > 0 {
+        for l in 0..width {
+            let other = sums[l + width];
+            sums[l] += other;
+        }
+        width /= 2;
+    }
+    sums[0]
+}
+
+/// The sum of `x` on the calling thread, in 16 interleaved partial sums.
+pub fn sum_serial<T: Real>(x: &[T]) -> T {
+    simd::dispatch(
+        #[inline(always)]
+        || lanes([x], |[x]| x),
+    )
+}
+
+/// The sum of `x`.
+pub fn sum<T: Real>(x: &[T]) -> T {
+    total(x.len(), |r| sum_serial(&x[r]))
+}
+
+/// The mean of `x`; NaN if there is nothing to average.
+pub fn mean<T: Real>(x: &[T]) -> T {
+    sum(x) / T::from_usize(x.len())
+}
+
+/// The dot product of `x` and `y`, of equal length, on the calling thread.
+pub fn dot_serial<T: Real>(x: &[T], y: &[T]) -> T {
+    assert_eq!(x.len(), y.len(), "dot: lengths");
+    simd::dispatch(
+        #[inline(always)]
+        || lanes([x, y], |[x, y]| x * y),
+    )
+}
+
+/// The dot product of `x` and `y`, of equal length.
+pub fn dot<T: Real>(x: &[T], y: &[T]) -> T {
+    assert_eq!(x.len(), y.len(), "dot: lengths");
+    total(x.len(), |r| dot_serial(&x[r.clone()], &y[r]))
+}
+
+/// The sum of squares of `x`.
+pub fn squared_norm<T: Real>(x: &[T]) -> T {
+    dot(x, x)
+}
+
+/// The sum of every row of `x` `[rows, cols]` into `out` `[rows]`.
+pub fn row_sums<T: Real>(rows: usize, cols: usize, x: &[T], out: Target<T>) {
+    let (out, beta) = out;
+    assert_eq!((x.len(), out.len()), (rows * cols, rows), "row_sums: lengths");
+    let grain = (CHUNK / cols.max(1)).max(1);
+    for_chunks(out, grain, |chunk, out| {
+        for (i, out) in out.iter_mut().enumerate() {
+            put(out, beta, sum_serial(&x[(chunk * grain + i) * cols..][..cols]));
+        }
+    });
+}
+
+/// The sum of every column of `x` `[rows, cols]` into `out` `[cols]`, rows in their order.
+///
+/// In `f32` long columns are summed in blocks of 64 rows, which keeps the rounding error small.
+pub fn column_sums<T: Real>(rows: usize, cols: usize, x: &[T], out: Target<T>) {
+    const BLOCK: usize = 64;
+    const WIDTH: usize = 2 * LANES;
+    let (out, beta) = out;
+    assert_eq!((x.len(), out.len()), (rows * cols, cols), "column_sums: lengths");
+    for_chunks(out, WIDTH, |chunk, out| {
+        simd::dispatch(
+            #[inline(always)]
+            || {
+                let mut sums = [T::ZERO; WIDTH];
+                for block in x.chunks(BLOCK * cols) {
+                    let mut partial = [T::ZERO; WIDTH];
+                    for row in block.chunks_exact(cols) {
+                        let row = &row[chunk * WIDTH..][..out.len()];
+                        if let Ok(row) = <&[T; WIDTH]>::try_from(row) {
+                            for l in 0..WIDTH {
+                                partial[l] += row[l];
+                            }
+                        } else {
+                            for (p, x) in partial.iter_mut().zip(row) {
+                                *p += *x;
+                            }
+                        }
+                    }
+                    for l in 0..WIDTH {
+                        sums[l] += partial[l];
+                    }
+                }
+                for (out, sum) in out.iter_mut().zip(sums) {
+                    put(out, beta, sum);
+                }
+            },
+        );
+    });
+}
