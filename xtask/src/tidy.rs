@@ -98,7 +98,7 @@ struct Rule {
 }
 
 const RULES: &[Rule] = &[
-    Rule { patterns: &["unsafe ", "unsafe{"], free: &["weaver-kernels"], what: "unsafe code" },
+    Rule { patterns: &["unsafe ", "unsafe{"], free: &["weaver-kernels", "xtask"], what: "unsafe code" },
     Rule {
         patterns: &["println!", "eprintln!", "print!(", "eprint!(", "dbg!("],
         free: &["weaver-cli", "xtask"],

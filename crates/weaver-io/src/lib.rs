@@ -4,6 +4,7 @@
 //! Every failure is an [`Error`] that names the file and the place in it; nothing panics on hostile bytes.
 //! Every file is written atomically ([`atomic_write`]).
 
+mod append;
 mod atomic;
 mod bytes;
 pub mod checkpoint;
@@ -19,6 +20,7 @@ mod resize;
 mod splat;
 mod transforms;
 
+pub use append::{Appender, create_folder, read_text, write_text};
 pub use atomic::atomic_write;
 pub use colour::{false_colour, label_colour};
 pub use error::{Error, Result};
