@@ -32,6 +32,14 @@ impl Appender {
     }
 }
 
+/// The whole of a file.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn read_bytes(path: impl AsRef<Path>) -> Result<Vec<u8>> {
+    crate::error::read_bytes(path.as_ref())
+}
+
 /// The text of a file.
 ///
 /// # Errors

@@ -20,7 +20,7 @@ mod resize;
 mod splat;
 mod transforms;
 
-pub use append::{Appender, create_folder, read_text, write_text};
+pub use append::{Appender, create_folder, read_bytes, read_text, write_text};
 pub use atomic::atomic_write;
 pub use colour::{false_colour, label_colour};
 pub use error::{Error, Result};
