@@ -19,29 +19,17 @@ pub struct Intrinsics {
 impl Intrinsics {
     /// The intrinsics after the image lost `left` and `top` pixels at those borders.
     pub fn cropped(&self, left: f64, top: f64) -> Self {
-        Self {
-            cx: self.cx - left,
-            cy: self.cy - top,
-            ..*self
-        }
+        Self { cx: self.cx - left, cy: self.cy - top, ..*self }
     }
 
     /// The intrinsics after the image was resized by `sx` and `sy` (new size over old).
     pub fn resized(&self, sx: f64, sy: f64) -> Self {
-        Self {
-            fx: self.fx * sx,
-            fy: self.fy * sy,
-            cx: self.cx * sx,
-            cy: self.cy * sy,
-        }
+        Self { fx: self.fx * sx, fy: self.fy * sy, cx: self.cx * sx, cy: self.cy * sy }
     }
 
     /// Full fields of view (vertical, horizontal) in radians, `2 atan(size / 2f)`.
     pub fn fov(&self, width: usize, height: usize) -> [f64; 2] {
-        [
-            2.0 * (height as f64 / 2.0 / self.fy).atan(),
-            2.0 * (width as f64 / 2.0 / self.fx).atan(),
-        ]
+        [2.0 * (height as f64 / 2.0 / self.fy).atan(), 2.0 * (width as f64 / 2.0 / self.fx).atan()]
     }
 
     /// Projects a point in camera coordinates to pixels (no check of z).
@@ -51,11 +39,7 @@ impl Intrinsics {
 
     /// The camera-space point at `pixel` with depth `z` along the optical axis.
     pub fn unproject(&self, pixel: DVec2, z: f64) -> DVec3 {
-        DVec3::new(
-            (pixel.x - self.cx) / self.fx * z,
-            (pixel.y - self.cy) / self.fy * z,
-            z,
-        )
+        DVec3::new((pixel.x - self.cx) / self.fx * z, (pixel.y - self.cy) / self.fy * z, z)
     }
 }
 

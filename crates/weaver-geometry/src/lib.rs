@@ -3,10 +3,17 @@
 //! Conventions: world-to-camera poses, OpenCV axes (x right, y down, z forward), pixel centres at +0.5,
 //! quaternions in wxyz order.
 
+mod align;
 pub mod axes;
 mod camera;
 mod pose;
+pub mod pose_code;
+pub mod se3;
+pub mod sh;
+pub mod so3;
+pub mod trajectory;
 
+pub use align::Similarity;
 pub use camera::{Camera, Intrinsics};
 pub use glam;
 pub use pose::{NotRigid, Pose};

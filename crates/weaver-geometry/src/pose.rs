@@ -22,26 +22,17 @@ impl Default for Pose {
 
 impl Pose {
     /// The camera at the origin of the world.
-    pub const IDENTITY: Self = Self {
-        rotation: DMat3::IDENTITY,
-        translation: DVec3::ZERO,
-    };
+    pub const IDENTITY: Self = Self { rotation: DMat3::IDENTITY, translation: DVec3::ZERO };
 
     /// From a rotation matrix and a translation.
     pub fn new(rotation: DMat3, translation: DVec3) -> Self {
-        Self {
-            rotation,
-            translation,
-        }
+        Self { rotation, translation }
     }
 
     /// From a quaternion in wxyz order (normalised here) and a translation.
     pub fn from_wxyz(q: [f64; 4], translation: DVec3) -> Self {
         let q = DQuat::from_xyzw(q[1], q[2], q[3], q[0]).normalize();
-        Self {
-            rotation: DMat3::from_quat(q),
-            translation,
-        }
+        Self { rotation: DMat3::from_quat(q), translation }
     }
 
     /// From the upper three rows of a 4x4 rigid transform, as files hold them.
@@ -55,13 +46,9 @@ impl Pose {
         let [a, b, c] = rows.map(|r| DVec3::new(r[0], r[1], r[2]));
         let rotation = DMat3::from_cols(a, b, c).transpose();
         let gram = rotation.transpose() * rotation - DMat3::IDENTITY;
-        let deviation = gram
-            .to_cols_array()
-            .iter()
-            .fold(0.0, |m: f64, x| m.max(x.abs()));
+        let deviation = gram.to_cols_array().iter().fold(0.0, |m: f64, x| m.max(x.abs()));
         // Not `deviation > 1e-3`: products of huge finite entries may be NaN, which must not pass.
-        if !matches!(deviation.partial_cmp(&1e-3), Some(std::cmp::Ordering::Less)) || gram.is_nan()
-        {
+        if !matches!(deviation.partial_cmp(&1e-3), Some(std::cmp::Ordering::Less)) || gram.is_nan() {
             return Err(NotRigid::Deviation(deviation));
         }
         if rotation.determinant() < 0.0 {
@@ -69,10 +56,7 @@ impl Pose {
         }
         let q = DQuat::from_mat3(&rotation).normalize();
         let translation = DVec3::new(rows[0][3], rows[1][3], rows[2][3]);
-        Ok(Self {
-            rotation: DMat3::from_quat(q),
-            translation,
-        })
+        Ok(Self { rotation: DMat3::from_quat(q), translation })
     }
 
     /// The upper three rows of the 4x4 matrix `[R | t]`.
@@ -93,10 +77,7 @@ impl Pose {
     /// The inverse, camera-to-world.
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.transpose();
-        Self {
-            rotation,
-            translation: -(rotation * self.translation),
-        }
+        Self { rotation, translation: -(rotation * self.translation) }
     }
 
     /// `self` after `first`: `x -> self(first(x))`.
@@ -124,18 +105,13 @@ impl Pose {
 
     /// The same camera in a world whose lengths are multiplied by `factor`.
     pub fn scaled(&self, factor: f64) -> Self {
-        Self {
-            translation: self.translation * factor,
-            ..*self
-        }
+        Self { translation: self.translation * factor, ..*self }
     }
 
     /// Angle of the rotation between two cameras, in radians.
     pub fn angle_to(&self, other: &Self) -> f64 {
         let trace = (self.rotation * other.rotation.transpose()).to_cols_array_2d();
-        ((trace[0][0] + trace[1][1] + trace[2][2] - 1.0) / 2.0)
-            .clamp(-1.0, 1.0)
-            .acos()
+        ((trace[0][0] + trace[1][1] + trace[2][2] - 1.0) / 2.0).clamp(-1.0, 1.0).acos()
     }
 }
 
@@ -154,10 +130,7 @@ impl fmt::Display for NotRigid {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::NotFinite => write!(f, "a value that is not finite"),
-            Self::Deviation(d) => write!(
-                f,
-                "a matrix that is not a rotation (R^T R differs from 1 by {d:.3e})"
-            ),
+            Self::Deviation(d) => write!(f, "a matrix that is not a rotation (R^T R differs from 1 by {d:.3e})"),
             Self::Mirror => write!(f, "a matrix that mirrors (determinant -1)"),
         }
     }

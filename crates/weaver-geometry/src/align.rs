@@ -1,0 +1,118 @@
+//! The similarity transform that best lays one set of points over another.
+
+use crate::Pose;
+use glam::{DMat3, DQuat, DVec3};
+
+/// `x -> scale * rotation * x + translation`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Similarity {
+    /// Factor on lengths, positive.
+    pub scale: f64,
+    /// A proper rotation.
+    pub rotation: DMat3,
+    /// Where the origin goes.
+    pub translation: DVec3,
+}
+
+impl Similarity {
+    /// The transform that minimises `sum |to_i - transform(from_i)|^2`.
+    ///
+    /// `None` when it is not determined: fewer than three points, or all points (nearly) on one line.
+    /// Panics when the numbers of points differ.
+    ///
+    /// Sources: Umeyama, "Least-squares estimation of transformation parameters between two point patterns"
+    /// (1991) for the problem and the scale; Horn, "Closed-form solution of absolute orientation using unit
+    /// quaternions" (1987) for the rotation, which cannot come out as a reflection.
+    pub fn fit(from: &[DVec3], to: &[DVec3]) -> Option<Self> {
+        assert_eq!(from.len(), to.len(), "as many points from as to");
+        if from.len() < 3 {
+            return None;
+        }
+        let mean = |points: &[DVec3]| points.iter().sum::<DVec3>() / points.len() as f64;
+        let (from_mean, to_mean) = (mean(from), mean(to));
+        let mut covariance = DMat3::ZERO;
+        let (mut from_spread, mut to_spread) = (0.0, 0.0);
+        for (&f, &t) in from.iter().zip(to) {
+            let (f, t) = (f - from_mean, t - to_mean);
+            covariance += DMat3::from_cols(f * t.x, f * t.y, f * t.z);
+            from_spread += f.length_squared();
+            to_spread += t.length_squared();
+        }
+        let (values, vectors) = symmetric_eigen(horn(&covariance));
+        let mut order = [0, 1, 2, 3];
+        order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
+        let (best, next) = (order[0], order[1]);
+        // On a line, turning about it changes nothing: two eigenvalues coincide. (Also not passed by NaN.)
+        let determined = values[best] - values[next] > 1e-9 * (from_spread * to_spread).sqrt();
+        if !determined {
+            return None;
+        }
+        let [w, x, y, z] = std::array::from_fn(|i| vectors[i][best]);
+        let rotation = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
+        // The largest eigenvalue is sum t . R f.
+        let scale = values[best] / from_spread;
+        Some(Self { scale, rotation, translation: to_mean - rotation * from_mean * scale })
+    }
+
+    /// The transform between the worlds of two reconstructions, from the centres of their cameras.
+    /// See [`Self::fit`].
+    pub fn fit_centres(from: &[Pose], to: &[Pose]) -> Option<Self> {
+        let centres = |poses: &[Pose]| poses.iter().map(Pose::centre).collect::<Vec<_>>();
+        Self::fit(&centres(from), &centres(to))
+    }
+
+    /// A point in the other world.
+    pub fn apply(&self, point: DVec3) -> DVec3 {
+        self.rotation * point * self.scale + self.translation
+    }
+
+    /// A camera in the other world: its centre and its axes are carried over.
+    pub fn apply_to_pose(&self, pose: &Pose) -> Pose {
+        let rotation = pose.rotation * self.rotation.transpose();
+        Pose::new(rotation, -(rotation * self.apply(pose.centre())))
+    }
+}
+
+/// Horn's symmetric matrix, whose quadratic form over unit quaternions wxyz is `sum t . R(q) f`,
+/// from `covariance[i][j] = sum f_i t_j`.
+fn horn(covariance: &DMat3) -> [[f64; 4]; 4] {
+    let s = |i: usize, j: usize| covariance.col(j)[i];
+    let off = [s(1, 2) - s(2, 1), s(2, 0) - s(0, 2), s(0, 1) - s(1, 0)];
+    let trace = s(0, 0) + s(1, 1) + s(2, 2);
+    std::array::from_fn(|r| {
+        std::array::from_fn(|c| match (r, c) {
+            (0, 0) => trace,
+            (0, i) | (i, 0) => off[i - 1],
+            (i, j) => s(i - 1, j - 1) + s(j - 1, i - 1) - if i == j { trace } else { 0.0 },
+        })
+    })
+}
+
+/// Eigenvalues and eigenvectors (in columns) of a symmetric matrix, by Jacobi's rotations.
+fn symmetric_eigen(mut a: [[f64; 4]; 4]) -> ([f64; 4], [[f64; 4]; 4]) {
+    let mut vectors: [[f64; 4]; 4] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(i == j)));
+    // Convergence is quadratic; a 4x4 matrix is at the last bit after four or five sweeps.
+    for _ in 0..12 {
+        for p in 0..3 {
+            for q in p + 1..4 {
+                if a[p][q] == 0.0 {
+                    continue;
+                }
+                let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
+                let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
+                let cos = 1.0 / t.hypot(1.0);
+                let sin = t * cos;
+                for k in 0..4 {
+                    (a[k][p], a[k][q]) = (cos * a[k][p] - sin * a[k][q], sin * a[k][p] + cos * a[k][q]);
+                }
+                for k in 0..4 {
+                    (a[p][k], a[q][k]) = (cos * a[p][k] - sin * a[q][k], sin * a[p][k] + cos * a[q][k]);
+                }
+                for row in &mut vectors {
+                    (row[p], row[q]) = (cos * row[p] - sin * row[q], sin * row[p] + cos * row[q]);
+                }
+            }
+        }
+    }
+    (std::array::from_fn(|i| a[i][i]), vectors)
+}

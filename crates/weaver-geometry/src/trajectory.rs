@@ -1,0 +1,52 @@
+//! Camera paths to render along.
+
+use crate::Pose;
+use glam::{DMat3, DQuat, DVec3};
+use std::f64::consts::TAU;
+
+/// The camera at `eye` that sees `target` in the middle of its image and `up` as upwards as it can.
+///
+/// When `up` lies along the view, any roll will do. `eye` and `target` must differ.
+///
+/// ```
+/// use weaver_geometry::{glam::DVec3, trajectory::look_at};
+/// let pose = look_at(DVec3::new(0.0, 0.0, -3.0), DVec3::ZERO, DVec3::Y);
+/// assert!((pose.apply(DVec3::ZERO) - DVec3::new(0.0, 0.0, 3.0)).length() < 1e-12);
+/// assert!(pose.apply(DVec3::Y).y < 0.0); // y of the camera points down
+/// ```
+pub fn look_at(eye: DVec3, target: DVec3, up: DVec3) -> Pose {
+    let forward = (target - eye).normalize();
+    let right = forward.cross(up).try_normalize().unwrap_or_else(|| forward.any_orthonormal_vector());
+    let down = forward.cross(right);
+    let rotation = DMat3::from_cols(right, down, forward).transpose();
+    Pose::new(rotation, -(rotation * eye))
+}
+
+/// `count` cameras on the circle through `eye` about the axis `up` through `target`, all looking at `target`,
+/// evenly over one turn and starting at `eye`.
+pub fn orbit(eye: DVec3, target: DVec3, up: DVec3, count: usize) -> Vec<Pose> {
+    let camera = |i: usize| {
+        let turn = DQuat::from_axis_angle(up.normalize(), TAU * i as f64 / count as f64);
+        look_at(target + turn * (eye - target), target, up)
+    };
+    (0..count).map(camera).collect()
+}
+
+/// The camera a part `t` of the way from `a` (0) to `b` (1): the centre on the straight line, the rotation by
+/// the shortest turn at constant speed.
+pub fn between(a: &Pose, b: &Pose, t: f64) -> Pose {
+    let quat = |p: &Pose| DQuat::from_mat3(&p.rotation);
+    let rotation = DMat3::from_quat(quat(a).slerp(quat(b), t).normalize());
+    Pose::new(rotation, -(rotation * a.centre().lerp(b.centre(), t)))
+}
+
+/// A path through all `keys` in their order, with `steps` cameras from each key up to the next, and the last key.
+/// Panics when `steps` is 0.
+pub fn through(keys: &[Pose], steps: usize) -> Vec<Pose> {
+    assert!(steps > 0, "at least one step between keys");
+    let segment = |pair: &[Pose]| {
+        let (a, b) = (pair[0], pair[1]);
+        (0..steps).map(move |i| between(&a, &b, i as f64 / steps as f64))
+    };
+    keys.windows(2).flat_map(segment).chain(keys.last().copied()).collect()
+}

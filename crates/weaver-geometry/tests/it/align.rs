@@ -1,0 +1,61 @@
+use crate::strategies::{distance, pose, rotation, vector};
+use proptest::prelude::*;
+use weaver_geometry::glam::DVec3;
+use weaver_geometry::{Similarity, so3};
+
+fn similarity() -> impl Strategy<Value = Similarity> {
+    (0.1..10.0f64, rotation(), vector(5.0)).prop_map(|(scale, rotation, translation)| Similarity {
+        scale,
+        rotation,
+        translation,
+    })
+}
+
+fn cost(s: &Similarity, from: &[DVec3], to: &[DVec3]) -> f64 {
+    from.iter().zip(to).map(|(f, t)| (s.apply(*f) - *t).length_squared()).sum()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn recovers_the_transform(truth in similarity(), poses in proptest::collection::vec(pose(), 4..9)) {
+        let moved: Vec<_> = poses.iter().map(|p| truth.apply_to_pose(p)).collect();
+        let found = Similarity::fit_centres(&poses, &moved).unwrap();
+        prop_assert!((found.scale / truth.scale - 1.0).abs() < 1e-9);
+        prop_assert!(distance(&found.rotation, &truth.rotation) < 1e-8);
+        prop_assert!((found.translation - truth.translation).length() < 1e-7);
+        for (p, q) in poses.iter().zip(&moved) {
+            // A camera sees a carried-over point where it saw the point, scaled.
+            let x = DVec3::new(0.3, -2.0, 1.0);
+            prop_assert!((p.apply(x) * truth.scale - q.apply(truth.apply(x))).length() < 1e-10);
+        }
+    }
+
+    #[test]
+    fn no_neighbour_fits_better(
+        from in proptest::collection::vec(vector(2.0), 5..8), noise in proptest::collection::vec(vector(2.0), 8),
+        turn in vector(0.01), shift in vector(0.01), factor in 0.99..1.01f64,
+    ) {
+        // Noise as large as the data, so that a reflection would often fit better than any rotation.
+        let to: Vec<DVec3> = from.iter().zip(&noise).map(|(f, n)| *f * 0.5 + *n).collect();
+        let best = Similarity::fit(&from, &to).unwrap();
+        prop_assert!((best.rotation.determinant() - 1.0).abs() < 1e-12);
+        let near = Similarity {
+            scale: best.scale * factor,
+            rotation: so3::exp(turn) * best.rotation,
+            translation: best.translation + shift,
+        };
+        prop_assert!(cost(&best, &from, &to) <= cost(&near, &from, &to) + 1e-12);
+    }
+}
+
+#[test]
+fn undetermined_fits_are_none() {
+    let line: Vec<DVec3> = (0..5).map(|i| DVec3::new(1.0, 2.0, -1.0) * f64::from(i)).collect();
+    assert_eq!(Similarity::fit(&line, &line), None);
+    assert_eq!(Similarity::fit(&[DVec3::ONE; 4], &[DVec3::ONE; 4]), None);
+    assert_eq!(Similarity::fit(&line[..2], &line[..2]), None);
+    let nan = [DVec3::X, DVec3::Y, DVec3::NAN];
+    assert_eq!(Similarity::fit(&nan, &nan), None);
+}

@@ -1,0 +1,8 @@
+//! Integration tests.
+
+mod align;
+mod lie;
+mod poses;
+mod sh;
+mod strategies;
+mod trajectory;

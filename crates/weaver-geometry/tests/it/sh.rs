@@ -1,0 +1,71 @@
+use crate::strategies::unit;
+use proptest::prelude::*;
+use std::f64::consts::TAU;
+use weaver_geometry::glam::DVec3;
+use weaver_geometry::sh::{MAX_COEFFICIENTS, basis, coefficients, gradient};
+
+/// Nodes and weights of the 5-point Gauss-Legendre rule, exact up to degree 9 (products here reach 8).
+const LEGENDRE: [(f64, f64); 5] = [
+    (0.0, 0.5688888888888889),
+    (0.5384693101056831, 0.47862867049936647),
+    (-0.5384693101056831, 0.47862867049936647),
+    (0.906179845938664, 0.23692688505618908),
+    (-0.906179845938664, 0.23692688505618908),
+];
+
+#[test]
+fn orthonormal_over_the_sphere() {
+    let mut gram = [[0.0; MAX_COEFFICIENTS]; MAX_COEFFICIENTS];
+    for (z, weight) in LEGENDRE {
+        for i in 0..16 {
+            let phi = TAU * f64::from(i) / 16.0;
+            let r = (1.0 - z * z).sqrt();
+            let values = basis([r * phi.cos(), r * phi.sin(), z]);
+            for a in 0..MAX_COEFFICIENTS {
+                for b in 0..MAX_COEFFICIENTS {
+                    gram[a][b] += values[a] * values[b] * weight * TAU / 16.0;
+                }
+            }
+        }
+    }
+    for (a, row) in gram.iter().enumerate() {
+        for (b, value) in row.iter().enumerate() {
+            assert!((value - f64::from(a == b)).abs() < 1e-12, "{a} {b}: {value}");
+        }
+    }
+}
+
+#[test]
+fn signs_of_the_reference() {
+    // Where no factor vanishes; worked out by hand from the polynomials of the reference's shader.
+    let values = basis(DVec3::new(1.0, 0.5, 0.9).normalize().to_array());
+    let signs: String = values.iter().map(|v| if *v < 0.0 { '-' } else { '+' }).collect();
+    assert_eq!(signs, "+-+-+-+-+-+---+-+-++-++--");
+    assert_eq!([0, 1, 2, 3, 4].map(coefficients), [1, 4, 9, 16, 25]);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(16))]
+
+    #[test]
+    fn gradient_is_the_slope_along_the_sphere(direction in unit(), towards in unit()) {
+        let tangent = towards - direction * towards.dot(direction);
+        let h = 1e-6;
+        let at = |s: f64| basis((direction + tangent * s).normalize().to_array());
+        let (before, after) = (at(-h), at(h));
+        for (i, row) in gradient(direction.to_array()).into_iter().enumerate() {
+            let slope = DVec3::from_array(row).dot(tangent);
+            let numeric = (after[i] - before[i]) / (2.0 * h);
+            prop_assert!((slope - numeric).abs() < 1e-7, "{i}: {slope} {numeric}");
+            prop_assert!(DVec3::from_array(row).dot(direction).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn single_precision_agrees(direction in unit()) {
+        let single = basis(direction.to_array().map(|x| x as f32));
+        for (a, b) in basis(direction.to_array()).iter().zip(single) {
+            prop_assert!((a - f64::from(b)).abs() < 3e-6);
+        }
+    }
+}
