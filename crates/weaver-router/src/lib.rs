@@ -1,1 +1,32 @@
-//! Pixel router, straight-through Gumbel sampling, cardinality experts, allocation and neighbour attention.
+//! From pixel features to a compact set of Gaussians: the router, its allocation strategies, the cardinality experts,
+//! the neighbour search and attention, and the decoding of raw parameters.
+//!
+//! Everything works on one scene: V views of H x W pixels, P = V H W pixels in (view, row, column) order.
+
+mod allocation;
+mod decode;
+mod gate;
+mod gumbel;
+mod kd_tree;
+mod local_count;
+mod neighbor_average;
+mod neighbor_offset;
+mod neighbor_relation;
+mod neighbors;
+mod parametrisation;
+mod place;
+
+pub use allocation::{
+    Allocation, AllocationError, AllocationKind, AllocationRequest, Argmax, Assignment, Dithered, Fixed, Grid,
+    GumbelGate, Random, Sampled, TrainingMix,
+};
+pub use decode::{Decoded, PixelOf, decode};
+pub use gate::gate;
+pub use gumbel::gumbel_softmax_straight_through;
+pub use local_count::local_count;
+pub use neighbor_average::neighbor_average;
+pub use neighbor_offset::neighbor_offset;
+pub use neighbor_relation::neighbor_relation;
+pub use neighbors::{MOST_NEIGHBORS, Neighbors};
+pub use parametrisation::{Parametrisation, slot_width};
+pub use place::place;

@@ -1,0 +1,100 @@
+//! Which pixels get how many Gaussians: one trait, and the strategies that are worth comparing.
+
+mod bayer;
+mod choice;
+mod kind;
+mod thinning;
+
+pub use choice::{Argmax, Fixed, Sampled};
+pub use kind::{AllocationError, AllocationKind};
+pub use thinning::{Dithered, Grid, Random, TrainingMix};
+
+use crate::gumbel::gumbel_softmax_straight_through;
+use std::fmt::Debug;
+use thinning::Place;
+use weaver_autograd::{Real, Var};
+use weaver_kernels::random::Stream;
+
+/// What an allocation may look at: one scene of V views with H x W pixels, P = V H W, in (view, row, column) order.
+#[derive(Clone, Copy, Debug)]
+pub struct AllocationRequest<'a, T: Real = f32> {
+    /// The router's logits [P, E]; E = 1 + the largest number of Gaussians per pixel.
+    pub logits: &'a [T],
+    /// High-frequency energy [P] of the images.
+    pub energy: &'a [T],
+    /// Number of views V.
+    pub views: usize,
+    /// Rows H of a view.
+    pub height: usize,
+    /// Columns W of a view.
+    pub width: usize,
+    /// Source of the noise.
+    pub stream: Stream,
+    /// Gumbel noise [P, E] to use in place of the stream's, to repeat a known sample.
+    pub gumbel: Option<&'a [T]>,
+}
+
+impl<T: Real> AllocationRequest<'_, T> {
+    /// Number of pixels P.
+    pub fn pixels(&self) -> usize {
+        self.views * self.height * self.width
+    }
+
+    /// Number of experts E, expert 0 included.
+    pub fn experts(&self) -> usize {
+        self.logits.len() / self.pixels().max(1)
+    }
+
+    fn places(&self) -> impl Iterator<Item = Place> {
+        let (height, width) = (self.height, self.width);
+        (0..self.pixels()).map(move |pixel| Place {
+            pixel,
+            view: pixel / (height * width),
+            row: pixel / width % height,
+            column: pixel % width,
+        })
+    }
+}
+
+/// A way to decide how many Gaussians each pixel gets.
+pub trait Allocation<T: Real = f32>: Debug + Send + Sync {
+    /// Gives every pixel its expert.
+    fn allocate(&self, request: &AllocationRequest<'_, T>) -> Assignment<T>;
+}
+
+/// How many Gaussians each pixel gets, and how a gradient reaches that choice.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Assignment<T: Real = f32> {
+    /// The expert of each pixel [P]: expert e makes e Gaussians.
+    pub expert: Vec<u8>,
+    /// The differentiable side of a choice that the router made itself.
+    pub gate: Option<GumbelGate<T>>,
+}
+
+/// What the straight-through gradient of a choice needs to know.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GumbelGate<T: Real = f32> {
+    /// Temperature of the softmax.
+    pub temperature: f64,
+    /// Gumbel noise [P, E]; empty for none.
+    pub noise: Vec<T>,
+}
+
+impl<T: Real> Assignment<T> {
+    /// An assignment through which no gradient reaches the router.
+    pub fn plain(expert: Vec<u8>) -> Self {
+        Self { expert, gate: None }
+    }
+
+    /// Number of Gaussians.
+    pub fn count(&self) -> usize {
+        self.expert.iter().map(|&e| usize::from(e)).sum()
+    }
+
+    /// The one-hot choice [P, E] with the straight-through gradient to `logits`; `None` where the router had no say.
+    pub fn choice<'t>(&self, logits: Var<'t, T>) -> Option<Var<'t, T>> {
+        let gate = self.gate.as_ref()?;
+        let noise = (!gate.noise.is_empty()).then(|| logits.tape().constant(&gate.noise, logits.shape()));
+        Some(gumbel_softmax_straight_through(logits, noise, gate.temperature))
+    }
+}

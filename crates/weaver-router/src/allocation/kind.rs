@@ -1,0 +1,113 @@
+//! The names of the allocations, as configurations and command lines give them.
+
+use super::{Allocation, Argmax, Dithered, Fixed, Grid, Random, Sampled};
+use std::fmt;
+use std::str::FromStr;
+use weaver_autograd::Real;
+
+/// The gamma at which the learned density was measured to be best.
+const GAMMA: f64 = 0.7;
+
+/// An allocation by name: `sampled`, `argmax`, `dithered`, `grid`, `random` or `fixed:<Gaussians per pixel>`.
+///
+/// ```
+/// use weaver_router::AllocationKind;
+/// let kind: AllocationKind = "fixed:2".parse().unwrap();
+/// assert_eq!((kind, kind.to_string().as_str(), kind.has_budget()), (AllocationKind::Fixed(2), "fixed:2", false));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum AllocationKind {
+    /// [`Sampled`].
+    Sampled,
+    /// [`Argmax`].
+    Argmax,
+    /// [`Dithered`].
+    Dithered,
+    /// [`Grid`].
+    Grid,
+    /// [`Random`].
+    Random,
+    /// [`Fixed`], with its expert.
+    Fixed(u8),
+}
+
+/// Why an allocation cannot be had.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum AllocationError {
+    /// No allocation has this name.
+    #[error("allocation `{0}`: expected sampled, argmax, dithered, grid, random or fixed:<number>")]
+    Unknown(String),
+    /// A budget outside 0 to 1.
+    #[error("allocation {kind}: expected a budget of 0 to 1 Gaussians per pixel, found {found}")]
+    Budget {
+        /// The allocation.
+        kind: AllocationKind,
+        /// The budget given.
+        found: f64,
+    },
+    /// An expert that the model does not have.
+    #[error("allocation {kind}: expected at most {most} Gaussians per pixel, which is what the model has experts for")]
+    Expert {
+        /// The allocation.
+        kind: AllocationKind,
+        /// The model's largest expert.
+        most: usize,
+    },
+}
+
+impl AllocationKind {
+    /// Whether the number of Gaussians is set by a budget, not by the router or the kind itself.
+    pub fn has_budget(self) -> bool {
+        matches!(self, Self::Dithered | Self::Grid | Self::Random)
+    }
+
+    /// The allocation of this name, for a model of `experts` experts (expert 0 included); `budget` is the number of
+    /// Gaussians per pixel where there is one to set. Fails on a budget outside 0 to 1 and on an expert that the model
+    /// does not have.
+    pub fn allocation<T: Real>(self, budget: f64, experts: usize) -> Result<Box<dyn Allocation<T>>, AllocationError> {
+        if self.has_budget() && !(0.0..=1.0).contains(&budget) {
+            return Err(AllocationError::Budget { kind: self, found: budget });
+        }
+        Ok(match self {
+            Self::Sampled => Box::new(Sampled),
+            Self::Argmax => Box::new(Argmax),
+            Self::Dithered => Box::new(Dithered { budget, gamma: GAMMA }),
+            Self::Grid => Box::new(Grid { budget }),
+            Self::Random => Box::new(Random { budget }),
+            Self::Fixed(expert) if usize::from(expert) < experts => Box::new(Fixed { expert }),
+            Self::Fixed(_) => return Err(AllocationError::Expert { kind: self, most: experts.saturating_sub(1) }),
+        })
+    }
+}
+
+impl FromStr for AllocationKind {
+    type Err = AllocationError;
+
+    fn from_str(name: &str) -> Result<Self, AllocationError> {
+        let unknown = || AllocationError::Unknown(name.to_owned());
+        Ok(match name {
+            "sampled" => Self::Sampled,
+            "argmax" => Self::Argmax,
+            "dithered" => Self::Dithered,
+            "grid" => Self::Grid,
+            "random" => Self::Random,
+            _ => {
+                let expert = name.strip_prefix("fixed:").ok_or_else(unknown)?;
+                Self::Fixed(expert.parse().map_err(|_| unknown())?)
+            }
+        })
+    }
+}
+
+impl fmt::Display for AllocationKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Sampled => f.write_str("sampled"),
+            Self::Argmax => f.write_str("argmax"),
+            Self::Dithered => f.write_str("dithered"),
+            Self::Grid => f.write_str("grid"),
+            Self::Random => f.write_str("random"),
+            Self::Fixed(expert) => write!(f, "fixed:{expert}"),
+        }
+    }
+}

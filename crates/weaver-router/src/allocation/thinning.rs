@@ -1,0 +1,139 @@
+//! Allocation by score: the highest-scoring pixels of a scene get one Gaussian each, exactly as many as wanted.
+
+use super::{Allocation, AllocationRequest, Assignment, bayer};
+use weaver_autograd::Real;
+
+/// floor(budget P), the number of pixels that a budget of Gaussians per pixel keeps.
+fn kept(budget: f64, pixels: usize) -> usize {
+    ((budget * pixels as f64).floor() as usize).min(pixels)
+}
+
+/// Gives expert 1 to the `count` pixels of highest score over all views, the lower index first among equal scores.
+fn keep_highest<T: Real>(
+    request: &AllocationRequest<'_, T>,
+    count: usize,
+    score: impl Fn(Place) -> f64,
+) -> Assignment<T> {
+    let pixels = request.pixels();
+    let mut expert = vec![0; pixels];
+    let scores: Vec<f64> = request.places().map(score).collect();
+    let mut order: Vec<u32> = (0..pixels as u32).collect();
+    if count > 0 && count < pixels {
+        order.select_nth_unstable_by(count - 1, |&a, &b| {
+            scores[b as usize].total_cmp(&scores[a as usize]).then(a.cmp(&b))
+        });
+    }
+    for &pixel in &order[..count] {
+        expert[pixel as usize] = 1;
+    }
+    Assignment::plain(expert)
+}
+
+/// A pixel and where it is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    /// Index in (view, row, column) order.
+    pub pixel: usize,
+    /// Its view.
+    pub view: usize,
+    /// Its row.
+    pub row: usize,
+    /// Its column.
+    pub column: usize,
+}
+
+/// Ordered dithering by the router: the score is gamma (l_1 - l_0) - ln b, with b the 8 x 8 Bayer threshold shifted per
+/// view; the top floor(budget P) pixels over all views get expert 1.
+///
+/// Deterministic, with an exact count. Where the router is indifferent the kept pixels form a regular grid; where it is
+/// not, their density follows exp(gamma (l_1 - l_0)) without holes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dithered {
+    /// Gaussians per pixel, 0 to 1.
+    pub budget: f64,
+    /// How far the density follows the router.
+    pub gamma: f64,
+}
+
+impl<T: Real> Allocation<T> for Dithered {
+    fn allocate(&self, request: &AllocationRequest<'_, T>) -> Assignment<T> {
+        let experts = request.experts();
+        keep_highest(request, kept(self.budget, request.pixels()), |at| {
+            let threshold = bayer::threshold(at.row, at.column, bayer::view_shift(at.view));
+            let preference = if self.gamma == 0.0 {
+                0.0
+            } else {
+                let logits = &request.logits[at.pixel * experts..];
+                self.gamma * (logits[1].to_f64() - logits[0].to_f64())
+            };
+            preference - threshold.ln()
+        })
+    }
+}
+
+/// A regular grid: [`Dithered`] that ignores the router (gamma 0).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grid {
+    /// Gaussians per pixel, 0 to 1.
+    pub budget: f64,
+}
+
+impl<T: Real> Allocation<T> for Grid {
+    fn allocate(&self, request: &AllocationRequest<'_, T>) -> Assignment<T> {
+        Dithered { budget: self.budget, gamma: 0.0 }.allocate(request)
+    }
+}
+
+/// A uniformly random subset of exactly floor(budget P) pixels, drawn from the request's stream.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Random {
+    /// Gaussians per pixel, 0 to 1.
+    pub budget: f64,
+}
+
+impl<T: Real> Allocation<T> for Random {
+    fn allocate(&self, request: &AllocationRequest<'_, T>) -> Assignment<T> {
+        let count = kept(self.budget, request.pixels());
+        keep_highest(request, count, |at| request.stream.uniform(at.pixel as u64))
+    }
+}
+
+/// The allocation while training: at every step another budget, another strength of the energy, another pattern.
+///
+/// One of the `budgets` at random; score gamma ln(energy + 0.02) - ln(threshold), with gamma 0 in `uniform` of the steps
+/// and otherwise uniform between 0 and `strongest`; thresholds that are noise in half of the steps and the Bayer pattern
+/// at one random shift for all views in the other half, ties broken by a millionth of noise. The top pixels get expert 1.
+/// A model trained so takes any budget and any density at test time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrainingMix {
+    /// Gaussians per pixel, one of which is drawn at each step.
+    pub budgets: Vec<f64>,
+    /// Share of the steps that ignore the energy.
+    pub uniform: f64,
+    /// Largest exponent of the energy.
+    pub strongest: f64,
+}
+
+impl Default for TrainingMix {
+    /// 25, 40, 40 or 70 %; gamma 0 in 30 % of the steps, else up to 1.3.
+    fn default() -> Self {
+        Self { budgets: vec![0.25, 0.4, 0.4, 0.7], uniform: 0.3, strongest: 1.3 }
+    }
+}
+
+impl<T: Real> Allocation<T> for TrainingMix {
+    fn allocate(&self, request: &AllocationRequest<'_, T>) -> Assignment<T> {
+        let [step, noise, ties] = [0, 1, 2].map(|purpose| request.stream.fork(purpose));
+        let budget = self.budgets[step.below(0, self.budgets.len())];
+        let gamma = if step.uniform::<f64>(1) < self.uniform { 0.0 } else { self.strongest * step.uniform::<f64>(2) };
+        let noisy = step.uniform::<f64>(3) < 0.5;
+        let shift = (step.below(4, bayer::SIDE), step.below(5, bayer::SIDE));
+        keep_highest(request, kept(budget, request.pixels()), |at| {
+            let index = at.pixel as u64;
+            let threshold =
+                if noisy { noise.uniform::<f64>(index) } else { bayer::threshold(at.row, at.column, shift) };
+            let preference = if gamma == 0.0 { 0.0 } else { gamma * (request.energy[at.pixel].to_f64() + 0.02).ln() };
+            preference - (threshold + 1e-6 * ties.uniform::<f64>(index)).ln()
+        })
+    }
+}

@@ -1,0 +1,243 @@
+//! Turns raw parameters into Gaussians.
+
+use crate::parametrisation::{BEFORE_HARMONICS, Parametrisation, harmonics};
+use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_kernels::parallel;
+
+/// Gaussians per parallel chunk.
+const GRAIN: usize = 512;
+/// The degree-0 spherical harmonic, 1 / (2 sqrt(pi)).
+const DC: f64 = 0.282_094_791_773_878_14;
+/// Keeps the quotient by a quaternion's norm finite.
+const NORM_EPSILON: f64 = 1e-8;
+/// Bounds of the raw scale under the footprint parametrisation.
+const RAW_SCALE: (f64, f64) = (-3.0, 3.0);
+
+/// Decoded Gaussians, as the rasteriser takes them.
+#[derive(Clone, Copy, Debug)]
+pub struct Decoded<'t, T: Real = f32> {
+    /// Standard deviations along the axes [N, 3], in world units.
+    pub scales: Var<'t, T>,
+    /// Rotations as unit quaternions wxyz [N, 4].
+    pub quats: Var<'t, T>,
+    /// Opacities [N], 0 to 1.
+    pub opacities: Var<'t, T>,
+    /// Spherical harmonics [N, K, 3].
+    pub sh: Var<'t, T>,
+}
+
+/// The factor of the coefficients of a degree: 1, 0.025, 0.00625, ...
+pub(crate) fn degree_factor(degree: usize) -> f64 {
+    if degree == 0 { 1.0 } else { 0.1 * 0.25_f64.powi(degree as i32) }
+}
+
+fn softplus<T: Real>(x: T) -> T {
+    x.max(T::ZERO) + (-x.abs()).exp().ln_1p()
+}
+
+fn sigmoid<T: Real>(x: T) -> T {
+    let small = (-x.abs()).exp();
+    (if x >= T::ZERO { T::ONE } else { small }) / (T::ONE + small)
+}
+
+#[derive(Debug)]
+struct Decode {
+    parametrisation: Parametrisation,
+    sh_degree: usize,
+}
+
+/// A scale and its slope.
+struct Scale<T> {
+    value: T,
+    by_raw: T,
+    by_footprint: T,
+}
+
+impl Decode {
+    fn scale<T: Real>(&self, raw: T, ins: &[View<'_, T>], i: usize) -> Scale<T> {
+        match self.parametrisation {
+            Parametrisation::Published { scale_multiplier, scale_max, .. } => {
+                let (multiplier, most) = (T::from_f64(scale_multiplier), T::from_f64(scale_max));
+                let value = multiplier * softplus(raw);
+                let by_raw = if value <= most { multiplier * sigmoid(raw) } else { T::ZERO };
+                Scale { value: value.min(most), by_raw, by_footprint: T::ZERO }
+            }
+            Parametrisation::Footprint { scale, .. } => {
+                let (low, high) = (T::from_f64(RAW_SCALE.0), T::from_f64(RAW_SCALE.1));
+                let unit = T::from_f64(scale) * raw.max(low).min(high).exp() / ins[2][i].sqrt();
+                let value = unit * ins[1][i];
+                let inside = raw >= low && raw <= high;
+                Scale { value, by_raw: if inside { value } else { T::ZERO }, by_footprint: unit }
+            }
+        }
+    }
+
+    /// The raw quaternion xyzw, which starts at the identity where the parametrisation says so.
+    fn quaternion<T: Real>(&self, row: &[T]) -> [T; 4] {
+        let w = if self.parametrisation.has_footprint() { T::ONE } else { T::ZERO };
+        [row[4], row[5], row[6], row[7] + w]
+    }
+
+    fn coefficient(&self, k: usize) -> f64 {
+        degree_factor(k.isqrt())
+    }
+}
+
+fn norm<T: Real>(q: [T; 4]) -> T {
+    (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt()
+}
+
+impl<T: Real> Op<T> for Decode {
+    fn name(&self) -> &'static str {
+        "decode_gaussians"
+    }
+
+    fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
+        let (n, k) = (ins[0].rows(), harmonics(self.sh_degree));
+        let width = BEFORE_HARMONICS + 3 * k;
+        ensure_shape!(ins[0] == Shape::from([n, width]), "raw parameters [N, {width}]");
+        if self.parametrisation.has_footprint() {
+            ensure_shape!(ins[1] == Shape::from([n]) && ins[2] == ins[1], "footprints and local counts [{n}]");
+            ensure_shape!(ins[3] == Shape::from([n, 3]), "colours [{n}, 3]");
+        }
+        Ok(Shapes::one([n, 3]).and([n, 4]).and([n]).and([n, k, 3]))
+    }
+
+    fn differentiable(&self, index: usize) -> bool {
+        index < 2
+    }
+
+    fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
+        let theta = ins[0];
+        let width = theta.shape().last();
+        let row = |i: usize| &theta[i * width..(i + 1) * width];
+        let [scales, quats, opacities, sh] = outs else { unreachable!("four outputs") };
+        parallel::for_chunks(scales, GRAIN * 3, |chunk, out| {
+            for (at, s) in out.iter_mut().enumerate() {
+                let i = chunk * GRAIN + at / 3;
+                *s = self.scale(row(i)[1 + at % 3], ins, i).value;
+            }
+        });
+        parallel::for_chunks(quats, GRAIN * 4, |chunk, out| {
+            for (at, quat) in out.chunks_exact_mut(4).enumerate() {
+                let q = self.quaternion(row(chunk * GRAIN + at));
+                let length = norm(q) + T::from_f64(NORM_EPSILON);
+                quat.iter_mut().zip([q[3], q[0], q[1], q[2]]).for_each(|(out, q)| *out = q / length);
+            }
+        });
+        opacities.iter_mut().enumerate().for_each(|(i, o)| *o = sigmoid(row(i)[0]));
+        let k = harmonics(self.sh_degree);
+        parallel::for_chunks(sh, GRAIN * 3 * k, |chunk, out| {
+            for (at, out) in out.chunks_exact_mut(3 * k).enumerate() {
+                let i = chunk * GRAIN + at;
+                let raw = &row(i)[BEFORE_HARMONICS..];
+                for (basis, rgb) in out.chunks_exact_mut(3).enumerate() {
+                    let factor = T::from_f64(self.coefficient(basis));
+                    for c in 0..3 {
+                        rgb[c] = raw[c * k + basis] * factor;
+                    }
+                }
+                if let Some(colors) = ins.get(3) {
+                    for c in 0..3 {
+                        out[c] += (colors[3 * i + c] - T::from_f64(0.5)) / T::from_f64(DC);
+                    }
+                }
+            }
+        });
+    }
+
+    fn backward(
+        &self,
+        ins: &[View<'_, T>],
+        outs: &[View<'_, T>],
+        douts: &[View<'_, T>],
+        dins: &mut [Option<Grad<'_, T>>],
+        _pool: &Pool,
+    ) {
+        let theta = ins[0];
+        let (width, k) = (theta.shape().last(), harmonics(self.sh_degree));
+        let (dscale, dquat, dopacity, dsh) = (douts[0], douts[1], douts[2], douts[3]);
+        if let Some(dtheta) = &mut dins[0] {
+            parallel::for_chunks(dtheta.accumulator(), GRAIN * width, |chunk, out| {
+                for (at, dtheta) in out.chunks_exact_mut(width).enumerate() {
+                    let i = chunk * GRAIN + at;
+                    let raw = &theta[i * width..(i + 1) * width];
+                    let opacity = outs[2][i];
+                    dtheta[0] += dopacity[i] * opacity * (T::ONE - opacity);
+                    for a in 0..3 {
+                        dtheta[1 + a] += dscale[3 * i + a] * self.scale(raw[1 + a], ins, i).by_raw;
+                    }
+                    // u = q / (|q| + e): dq = (du - q (q . du) / (|q| (|q| + e))) / (|q| + e)
+                    let q = self.quaternion(raw);
+                    let du = [1, 2, 3, 0].map(|a| dquat[4 * i + a]);
+                    let length = norm(q);
+                    let longer = length + T::from_f64(NORM_EPSILON);
+                    let along: T = q.iter().zip(du).map(|(q, du)| *q * du).sum();
+                    let along = if length > T::ZERO { along / (length * longer) } else { T::ZERO };
+                    for a in 0..4 {
+                        dtheta[4 + a] += (du[a] - q[a] * along) / longer;
+                    }
+                    let dharmonics = &mut dtheta[BEFORE_HARMONICS..];
+                    for basis in 0..k {
+                        let factor = T::from_f64(self.coefficient(basis));
+                        for c in 0..3 {
+                            dharmonics[c * k + basis] += factor * dsh[3 * (k * i + basis) + c];
+                        }
+                    }
+                }
+            });
+        }
+        if let Some(Some(dfootprint)) = dins.get_mut(1) {
+            dfootprint.add_each(|i| {
+                let raw = &theta[i * width + 1..i * width + 4];
+                raw.iter().enumerate().map(|(a, &s)| dscale[3 * i + a] * self.scale(s, ins, i).by_footprint).sum()
+            });
+        }
+    }
+}
+
+/// What the footprint parametrisation knows about each Gaussian's pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct PixelOf<'t, T: Real = f32> {
+    /// depth / fx [N], in world units; differentiable.
+    pub footprint: Var<'t, T>,
+    /// Gaussians per pixel around it [N]; constant.
+    pub local_count: Var<'t, T>,
+    /// Its colour [N, 3], 0 to 1; constant.
+    pub color: Var<'t, T>,
+}
+
+/// Decodes raw parameters to scales, rotations, opacities and spherical harmonics; see [`Parametrisation`] for the
+/// formulas.
+///
+/// `theta` [N, 8 + 3 K] holds, per Gaussian, opacity 1, scale 3, quaternion xyzw 4 and harmonics 3 K (colour-major),
+/// with K = (`sh_degree` + 1)^2. It and the footprints are differentiable. Where a scale is clamped its gradient is 0; at
+/// the bound itself it passes. Panics on other shapes, and if the parametrisation needs `pixel` and there is none.
+/// Source: official SplatWeaver code, `UnifiedGaussianAdapter`.
+///
+/// ```
+/// use weaver_autograd::Tape;
+/// use weaver_router::{Parametrisation, decode};
+/// let tape = Tape::<f64>::new();
+/// let theta = tape.leaf(&[0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 2.0, 0.1, 0.2, 0.3], [1, 11]);
+/// let gaussian = decode(theta, 0, None, Parametrisation::published());
+/// assert_eq!(gaussian.opacities.to_vec(), [0.5]);
+/// assert!((gaussian.quats.to_vec()[0] - 1.0).abs() < 1e-7);
+/// assert_eq!(gaussian.sh.to_vec(), [0.1, 0.2, 0.3]);
+/// ```
+#[track_caller]
+pub fn decode<'t, T: Real>(
+    theta: Var<'t, T>,
+    sh_degree: usize,
+    pixel: Option<PixelOf<'t, T>>,
+    parametrisation: Parametrisation,
+) -> Decoded<'t, T> {
+    let op = Decode { parametrisation, sh_degree };
+    let [scales, quats, opacities, sh] = if parametrisation.has_footprint() {
+        let pixel = pixel.expect("the footprint parametrisation is given pixels");
+        theta.tape().apply(op, &[theta, pixel.footprint, pixel.local_count, pixel.color])
+    } else {
+        theta.tape().apply(op, &[theta])
+    };
+    Decoded { scales, quats, opacities, sh }
+}

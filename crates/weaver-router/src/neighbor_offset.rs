@@ -1,0 +1,75 @@
+//! Where a Gaussian's neighbours lie, seen from it.
+
+use crate::neighbors::{GRAIN, Neighbors};
+use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_kernels::parallel;
+
+#[derive(Debug)]
+struct NeighborOffset {
+    neighbors: Neighbors,
+}
+
+impl<T: Real> Op<T> for NeighborOffset {
+    fn name(&self) -> &'static str {
+        "neighbor_offset"
+    }
+
+    fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
+        let n = self.neighbors.len();
+        ensure_shape!(ins.len() == 1 && ins[0] == Shape::from([n, 3]), "means [{n}, 3]");
+        Ok(Shapes::one([n * self.neighbors.per_gaussian(), 3]))
+    }
+
+    fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
+        let means = ins[0];
+        let m = self.neighbors.per_gaussian();
+        parallel::for_chunks(&mut outs[0], GRAIN * m * 3, |chunk, out| {
+            for (row, offsets) in out.chunks_exact_mut(m * 3).enumerate() {
+                let i = chunk * GRAIN + row;
+                for (offset, &j) in offsets.chunks_exact_mut(3).zip(self.neighbors.of(i)) {
+                    for a in 0..3 {
+                        offset[a] = means[3 * j as usize + a] - means[3 * i + a];
+                    }
+                }
+            }
+        });
+    }
+
+    fn backward(
+        &self,
+        _ins: &[View<'_, T>],
+        _outs: &[View<'_, T>],
+        douts: &[View<'_, T>],
+        dins: &mut [Option<Grad<'_, T>>],
+        _pool: &Pool,
+    ) {
+        let Some(dmeans) = &mut dins[0] else { return };
+        let doffset = douts[0];
+        let m = self.neighbors.per_gaussian();
+        parallel::for_chunks(dmeans.accumulator(), GRAIN * 3, |chunk, out| {
+            for (row, dmean) in out.chunks_exact_mut(3).enumerate() {
+                let j = chunk * GRAIN + row;
+                for &at in self.neighbors.naming(j) {
+                    for a in 0..3 {
+                        dmean[a] += doffset[3 * at as usize + a];
+                    }
+                }
+                for own in doffset[3 * j * m..3 * (j + 1) * m].chunks_exact(3) {
+                    for a in 0..3 {
+                        dmean[a] -= own[a];
+                    }
+                }
+            }
+        });
+    }
+}
+
+/// The offsets r_ij = mu_j - mu_i from every Gaussian i to its neighbours j.
+///
+/// `means` [N, 3] are differentiable; the neighbours are constant; the result is [N m, 3], m rows per Gaussian. Linear.
+/// Panics if the neighbours are not those of N Gaussians. Source: Zhao et al., Point Transformer, ICCV 2021, eq. 4.
+#[track_caller]
+pub fn neighbor_offset<'t, T: Real>(means: Var<'t, T>, neighbors: &Neighbors) -> Var<'t, T> {
+    let [offset] = means.tape().apply(NeighborOffset { neighbors: neighbors.clone() }, &[means]);
+    offset
+}

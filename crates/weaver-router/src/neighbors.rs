@@ -1,0 +1,105 @@
+//! The nearest neighbours of every Gaussian, and the reverse lists that gradients follow.
+
+use crate::kd_tree::KdTree;
+use std::sync::Arc;
+use weaver_autograd::{Buffer, Pool, Real};
+use weaver_kernels::parallel;
+
+/// Gaussians per parallel chunk.
+pub(crate) const GRAIN: usize = 256;
+/// Most neighbours of a Gaussian that can be asked for.
+pub const MOST_NEIGHBORS: usize = 63;
+
+/// For each of N Gaussians, itself and its k nearest neighbours in space: `m` = k + 1 indices. Cheap to clone.
+#[derive(Clone, Debug)]
+pub struct Neighbors(Arc<Lists>);
+
+#[derive(Debug)]
+struct Lists {
+    per_gaussian: usize,
+    /// [N, m]
+    index: Buffer<u32>,
+    /// Where the reverse list of each Gaussian starts [N + 1].
+    start: Buffer<u32>,
+    /// Reverse lists end to end: positions in `index` at which a Gaussian is named, ascending [N m].
+    named_at: Buffer<u32>,
+}
+
+impl Neighbors {
+    /// Finds, for every one of `means` [N, 3], itself (first) and the k nearest others by Euclidean distance, nearest
+    /// first; with fewer than k others, the list is padded with the point itself. Exact up to the rounding of squared
+    /// coordinate differences; not differentiable. Panics for k above [`MOST_NEIGHBORS`].
+    ///
+    /// Among points at the same distance it picks by the order of the tree, a function of the points alone.
+    pub fn search<T: Real>(means: &[T], k: usize, pool: &Pool) -> Self {
+        assert!(k <= MOST_NEIGHBORS, "at most {MOST_NEIGHBORS} neighbours can be searched, not {k}");
+        let m = k + 1;
+        let tree = KdTree::new(means, pool);
+        let mut index = pool.buffer::<u32>(means.len() / 3 * m);
+        parallel::for_chunks(&mut index, GRAIN * m, |chunk, rows| {
+            let mut distance = [T::ZERO; MOST_NEIGHBORS];
+            for (row, nearest) in rows.chunks_exact_mut(m).enumerate() {
+                let i = chunk * GRAIN + row;
+                let query = [means[3 * i], means[3 * i + 1], means[3 * i + 2]];
+                nearest[0] = i as u32;
+                let found = tree.nearest(query, i as u32, &mut nearest[1..], &mut distance[..k]);
+                nearest[1 + found..].fill(i as u32);
+            }
+        });
+        Self::from_index(index, m, pool)
+    }
+
+    /// Given lists [N, m] of indices below N.
+    pub fn from_lists(index: &[u32], per_gaussian: usize, pool: &Pool) -> Self {
+        assert_eq!(index.len() % per_gaussian, 0, "every Gaussian has {per_gaussian} neighbours");
+        Self::from_index(pool.copy_of(index), per_gaussian, pool)
+    }
+
+    fn from_index(index: Buffer<u32>, per_gaussian: usize, pool: &Pool) -> Self {
+        let n = index.len() / per_gaussian;
+        let mut start = pool.filled::<u32>(n + 1, 0);
+        for &j in index.iter() {
+            start[j as usize + 1] += 1;
+        }
+        for j in 0..n {
+            start[j + 1] += start[j];
+        }
+        let mut next = pool.copy_of(&start[..n]);
+        let mut named_at = pool.buffer::<u32>(index.len());
+        for (position, &j) in index.iter().enumerate() {
+            named_at[next[j as usize] as usize] = position as u32;
+            next[j as usize] += 1;
+        }
+        Self(Arc::new(Lists { per_gaussian, index, start, named_at }))
+    }
+
+    /// Number of Gaussians N.
+    pub fn len(&self) -> usize {
+        self.0.start.len() - 1
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Length m of every list, the Gaussian itself included.
+    pub fn per_gaussian(&self) -> usize {
+        self.0.per_gaussian
+    }
+
+    /// All lists [N, m].
+    pub fn index(&self) -> &[u32] {
+        &self.0.index
+    }
+
+    /// The list of one Gaussian.
+    pub(crate) fn of(&self, i: usize) -> &[u32] {
+        &self.0.index[i * self.0.per_gaussian..(i + 1) * self.0.per_gaussian]
+    }
+
+    /// The positions in all lists at which Gaussian j is named.
+    pub(crate) fn naming(&self, j: usize) -> &[u32] {
+        &self.0.named_at[self.0.start[j] as usize..self.0.start[j + 1] as usize]
+    }
+}

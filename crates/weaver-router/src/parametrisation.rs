@@ -1,0 +1,61 @@
+//! What the raw numbers of a Gaussian mean: where it sits about its pixel's point, how large it is, what colour.
+
+/// How raw parameters become a Gaussian.
+///
+/// In both, opacity = sigmoid(raw), rotation = raw quaternion / (its norm + 1e-8), and spherical harmonics of degree
+/// l > 0 are raw times 0.1 / 4^l, in world axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Parametrisation {
+    /// As published: lengths in world units, colour from nothing.
+    ///
+    /// mean = point + `xyz_bias` tanh(raw); scale = min(`scale_multiplier` softplus(raw), `scale_max`).
+    Published {
+        /// Longest offset along each axis, in world units.
+        xyz_bias: f64,
+        /// Scale per unit of softplus, in world units.
+        scale_multiplier: f64,
+        /// Largest scale, in world units.
+        scale_max: f64,
+    },
+    /// Lengths in footprints: a pixel's footprint is depth / fx, its width at its depth, in world units.
+    ///
+    /// mean = point + `offset` footprint tanh(raw); scale = `scale` footprint exp(clamp(raw, -3, 3)) / sqrt(local count),
+    /// so that a Gaussian starts as large as its share of the image; 1 is added to the raw quaternion's w and the pixel's
+    /// own colour to the degree-0 harmonic, so that it starts unrotated and in the right colour.
+    Footprint {
+        /// Longest offset along each axis, in footprints.
+        offset: f64,
+        /// Scale of a raw 0 at one Gaussian per pixel, in footprints.
+        scale: f64,
+    },
+}
+
+impl Parametrisation {
+    /// The constants of the published model: 0.005, 0.001 and 0.4 world units.
+    pub fn published() -> Self {
+        Self::Published { xyz_bias: 0.005, scale_multiplier: 0.001, scale_max: 0.4 }
+    }
+
+    /// The footprint constants that were measured to be best: offset 2, scale 0.7.
+    pub fn footprint() -> Self {
+        Self::Footprint { offset: 2.0, scale: 0.7 }
+    }
+
+    /// Whether it needs the pixels' footprints.
+    pub fn has_footprint(self) -> bool {
+        matches!(self, Self::Footprint { .. })
+    }
+}
+
+/// Numbers in a network row before the spherical harmonics: opacity 1, scale 3, quaternion 4.
+pub(crate) const BEFORE_HARMONICS: usize = 1 + 3 + 4;
+
+/// Coefficients K = (degree + 1)^2 per colour channel.
+pub(crate) fn harmonics(degree: usize) -> usize {
+    (degree + 1) * (degree + 1)
+}
+
+/// Raw numbers of one Gaussian: offset 3, opacity 1, scale 3, quaternion 4 (xyzw), harmonics 3 K (colour-major).
+pub fn slot_width(sh_degree: usize) -> usize {
+    3 + BEFORE_HARMONICS + 3 * harmonics(sh_degree)
+}
