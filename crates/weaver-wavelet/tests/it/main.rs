@@ -1,0 +1,6 @@
+//! Tests of the wavelet ops.
+
+mod adjoint;
+mod fixture;
+mod mechanism;
+mod parity;
