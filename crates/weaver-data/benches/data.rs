@@ -1,18 +1,25 @@
-//! One procedural scene of 24 views at the smallest training size.
+//! One procedural scene of 24 views at the smallest training size, and a tuple drawn from it.
 
-use criterion::{Criterion, criterion_group, criterion_main};
+use criterion::Criterion;
 use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_data::training_tuple;
+use weaver_kernels::random::Stream;
 
-fn procedural(c: &mut Criterion) {
+fn main() {
+    let mut criterion = Criterion::default().configure_from_args();
+    let mut group = criterion.benchmark_group("data");
     let options = ProceduralOptions { width: 64, height: 48, views: 24 };
-    let mut group = c.benchmark_group("procedural");
     group.sample_size(10);
-    group.bench_function("scene 24 x 64x48", |b| b.iter(|| scene(1, &options)));
-    group.finish();
-}
+    group.bench_function("procedural scene 24 x 64x48", |b| b.iter(|| scene(1, &options)));
 
-criterion_group! {
-    /// Data benches.
-    benches, procedural
+    let scenes = [scene(1, &options)];
+    let rng = Stream::new(1, 0, "bench");
+    group.bench_function("training tuple of 24 views", |b| {
+        b.iter(|| {
+            let tuple = training_tuple(&scenes, rng, 3, 6, 4, 2);
+            scenes[0].normalised(&tuple).expect("a scene with points")
+        });
+    });
+    group.finish();
+    criterion.final_summary();
 }
-criterion_main!(benches);

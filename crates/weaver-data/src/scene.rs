@@ -80,7 +80,7 @@ impl Scene {
         for (i, a) in centres.iter().enumerate() {
             distances.extend(centres[..i].iter().map(|b| a.distance(*b)));
         }
-        distances.sort_by(f64::total_cmp);
+        distances.sort_unstable_by(f64::total_cmp);
         match distances.len() {
             0 => 0.0,
             n if n % 2 == 1 => distances[n / 2],
@@ -99,19 +99,15 @@ impl Scene {
 
     /// The training view with the smallest mean nearness to the other training views: the scene's own frame.
     ///
-    /// `None` for a scene without training views.
-    pub fn central_view(&self) -> Option<usize> {
+    /// # Panics
+    /// If the scene has no training views; see [`Scene::check_training`].
+    pub fn central_view(&self) -> usize {
         let median = self.median_distance();
         let training = self.training_views();
         let total = |v: usize| training.iter().map(|&w| self.nearness_over(median, v, w)).sum::<f64>();
-        let mut best: Option<(f64, usize)> = None;
-        for &v in &training {
-            let sum = total(v);
-            if best.is_none_or(|(least, _)| sum < least) {
-                best = Some((sum, v));
-            }
-        }
-        best.map(|(_, v)| v)
+        let ranked = training.iter().map(|&v| (total(v), v));
+        let central = ranked.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        central.expect("a scene with training views").1
     }
 
     /// The cameras of `tuple` with the first context camera as the identity and lengths divided by the mean

@@ -7,7 +7,7 @@ use weaver_geometry::{Camera, Intrinsics, Pose};
 /// Angle along the arc between neighbouring cameras, degrees.
 const STEP: f64 = 4.0;
 /// The longest arc, degrees: beyond it cameras stand closer together instead.
-const LONGEST: f64 = 150.0;
+const LONGEST: f64 = 120.0;
 
 /// `views` cameras of one lens, in order along the arc.
 pub(super) fn cameras(width: usize, height: usize, views: usize, draws: &mut Draws) -> Vec<Camera> {

@@ -84,3 +84,66 @@ impl Shape {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn inside(shape: &Shape, p: DVec3) -> bool {
+        match *shape {
+            Shape::Ball { centre, radius } => p.distance(centre) < radius,
+            Shape::Block { centre, half, turn } => {
+                let along = |axis: DVec2| (p - centre).truncate().dot(axis).abs();
+                along(turn) < half.x && along(turn.perp()) < half.y && (p.z - centre.z).abs() < half.z
+            }
+        }
+    }
+
+    fn vector(size: f64) -> impl Strategy<Value = DVec3> {
+        [-size..size, -size..size, -size..size].prop_map(DVec3::from)
+    }
+
+    fn shape() -> impl Strategy<Value = Shape> {
+        let half = [0.2..0.9, 0.2..0.9, 0.2..0.9].prop_map(DVec3::from);
+        prop_oneof![
+            (vector(0.5), 0.3..1.0).prop_map(|(centre, radius)| Shape::Ball { centre, radius }),
+            (vector(0.5), half, 0.0..6.3).prop_map(|(centre, half, turn)| Shape::Block {
+                centre,
+                half,
+                turn: DVec2::from_angle(turn)
+            }),
+        ]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// Walking along the ray in small steps finds the same entry, and the normal there faces the viewer.
+        #[test]
+        fn a_hit_is_where_a_walk_enters(shape in shape(), origin in vector(1.0), aim in vector(1.2)) {
+            let origin = origin.normalize_or(DVec3::X) * 3.0;
+            let direction = aim - origin;
+            let step = 1e-3;
+            let walked = (0..2000).map(|i| f64::from(i) * step).find(|&t| inside(&shape, origin + t * direction));
+            let hit = shape.hit(origin, direction);
+            match (walked, hit) {
+                (Some(walked), Some(t)) => {
+                    prop_assert!(t <= walked && walked - t <= step, "walked {walked}, hit {t}");
+                    let (normal, _) = shape.surface(origin + t * direction);
+                    prop_assert!((normal.length() - 1.0).abs() < 1e-9);
+                    prop_assert!(normal.dot(direction) <= 1e-9);
+                    prop_assert!(!inside(&shape, origin + t * direction + 1e-6 * normal));
+                    prop_assert!(inside(&shape, origin + t * direction - 1e-6 * normal));
+                }
+                (None, None) => {}
+                // A grazed edge can lie between two steps.
+                (None, Some(t)) => {
+                    let out = |s: f64| !inside(&shape, origin + s * direction);
+                    prop_assert!(out(t + step), "missed an entry at {t}");
+                }
+                (Some(walked), None) => prop_assert!(false, "no hit, but inside at {walked}"),
+            }
+        }
+    }
+}

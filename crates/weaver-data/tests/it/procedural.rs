@@ -1,1 +1,112 @@
+//! Procedural scenes: exact geometry, the same bits everywhere, and views spaced so that there is something to learn.
 
+use crate::quality::{mean_colour, nearest_copied, psnr};
+use weaver_data::Scene;
+use weaver_data::procedural::{ProceduralOptions, default_training_set, default_unseen_set, scene};
+use weaver_geometry::glam::DVec2;
+
+const SMALL: ProceduralOptions = ProceduralOptions { width: 40, height: 30, views: 6 };
+
+#[test]
+fn the_default_sets_are_neither_trivial_nor_hopeless() {
+    let training = default_training_set(64, 48);
+    assert_eq!(training.len(), 16);
+    for scene in &training {
+        assert_eq!((scene.training_views().len(), scene.held_out_views().len()), (18, 6));
+        assert!((200..400).contains(&scene.points.len()), "{}: {} points", scene.name, scene.points.len());
+    }
+    assert_eq!((training[0].name.as_str(), training[15].name.as_str()), ("procedural-00", "procedural-15"));
+    let (copied, colour) = (nearest_copied(&training), mean_colour(&training));
+    println!("training set: nearest view {copied:.2} dB, mean colour {colour:.2} dB");
+    assert!((15.0..18.0).contains(&copied) && colour < copied - 1.0);
+
+    let unseen = default_unseen_set(64, 48);
+    assert_eq!(unseen.len(), 4);
+    let copied = nearest_copied(&unseen);
+    println!("unseen set: nearest view {copied:.2} dB");
+    assert!((15.0..18.0).contains(&copied));
+    assert!(training.iter().all(|a| unseen.iter().all(|b| a.views[0].image != b.views[0].image)));
+}
+
+#[test]
+fn a_scene_has_the_same_bits_at_any_thread_count() {
+    let with_threads = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| format!("{:?}", scene(5, &SMALL)))
+    };
+    let one = with_threads(1);
+    assert_eq!(one, with_threads(2));
+    assert_eq!(one, with_threads(5));
+    assert_ne!(one, format!("{:?}", scene(6, &SMALL)));
+}
+
+/// Fetching each pixel of one view from another through depth and poses must explain the photo far better than
+/// copying the other view; a wrong sign, half a pixel or a scale anywhere would show.
+#[test]
+fn depth_and_poses_explain_the_photos() {
+    for seed in 0..4 {
+        let scene = scene(seed, &ProceduralOptions { width: 128, height: 96, views: 4 });
+        let (mut truth, mut warped, mut copied) = (Vec::new(), Vec::new(), Vec::new());
+        let (to, from) = (&scene.views[1], &scene.views[2]);
+        let width = to.camera.width;
+        for (i, &z) in to.depth.as_ref().unwrap().iter().enumerate() {
+            let centre = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+            let world = to.camera.pose.inverse().apply(to.camera.intrinsics.unproject(centre, f64::from(z)));
+            let there = from.camera.pose.apply(world);
+            let pixel = from.camera.intrinsics.project(there);
+            let Some(j) = index(&scene, 2, pixel) else { continue };
+            let seen = from.depth.as_ref().unwrap()[j];
+            if z > 0.0 && (f64::from(seen) / there.z - 1.0).abs() < 0.03 {
+                truth.extend_from_slice(&to.image.pixels[3 * i..3 * i + 3]);
+                warped.extend_from_slice(&from.image.pixels[3 * j..3 * j + 3]);
+                copied.extend_from_slice(&from.image.pixels[3 * i..3 * i + 3]);
+            }
+        }
+        let (warped, copied) = (psnr(&truth, &warped), psnr(&truth, &copied));
+        println!("seed {seed}: warped {warped:.2} dB over {} values, copied {copied:.2} dB", truth.len());
+        assert!(truth.len() > 3 * 128 * 96 / 3);
+        assert!(warped > copied + 3.0);
+    }
+}
+
+/// A point that a view sees is not behind the depth around its pixel; one that it does not see is not before it.
+#[test]
+fn visibility_agrees_with_depth() {
+    let scene = scene(3, &ProceduralOptions { width: 64, height: 48, views: 24 });
+    let (mut seen, mut hidden) = (0, 0);
+    for (v, view) in scene.views.iter().enumerate() {
+        let depth = view.depth.as_ref().unwrap();
+        assert!(scene.visible[v].is_sorted());
+        for (p, &point) in scene.points.iter().enumerate() {
+            let local = view.camera.pose.apply(point);
+            let pixel = view.camera.intrinsics.project(local);
+            let visible = scene.visible[v].contains(&(p as u32));
+            if local.z <= 0.0 || index(&scene, v, pixel).is_none() {
+                assert!(!visible);
+                continue;
+            }
+            let offsets = (-1..=1).flat_map(|y| (-1..=1).map(move |x| DVec2::new(f64::from(x), f64::from(y))));
+            let around = offsets.filter_map(|o| index(&scene, v, pixel + o)).map(|i| match depth[i] {
+                0.0 => f64::INFINITY,
+                z => f64::from(z),
+            });
+            let (near, far) = around.fold((f64::INFINITY, 0.0), |(a, b): (f64, f64), z| (a.min(z), b.max(z)));
+            if visible {
+                seen += 1;
+                assert!(local.z < far * 1.02, "view {v} sees point {p} at {} through {far}", local.z);
+            } else {
+                hidden += 1;
+                assert!(local.z > near * 0.98, "view {v} does not see point {p} at {} before {near}", local.z);
+            }
+        }
+    }
+    println!("{seen} seen, {hidden} hidden");
+    assert!(seen > 1000 && hidden > 100);
+}
+
+fn index(scene: &Scene, view: usize, pixel: DVec2) -> Option<usize> {
+    let camera = &scene.views[view].camera;
+    let (x, y) = (pixel.x.floor(), pixel.y.floor());
+    let inside = x >= 0.0 && x < camera.width as f64 && y >= 0.0 && y < camera.height as f64;
+    inside.then(|| y as usize * camera.width + x as usize)
+}
