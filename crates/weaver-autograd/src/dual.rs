@@ -100,6 +100,20 @@ impl<T: Real, const N: usize> Dual<T, N> {
         self.chain(y, T::ONE - y * y)
     }
 
+    /// The logistic function 1 / (1 + e^-x), with a finite derivative however large x is.
+    #[inline(always)]
+    pub fn sigmoid(self) -> Self {
+        let y = T::ONE / (T::ONE + (-self.value).exp());
+        self.chain(y, y * (T::ONE - y))
+    }
+
+    /// ln(1 + e^x), without overflow.
+    #[inline(always)]
+    pub fn softplus(self) -> Self {
+        let y = self.value.max(T::ZERO) + (-self.value.abs()).exp().ln_1p();
+        self.chain(y, self.sigmoid().value)
+    }
+
     /// The Gauss error function.
     #[inline(always)]
     pub fn erf(self) -> Self {
@@ -113,18 +127,18 @@ impl<T: Real, const N: usize> Dual<T, N> {
         self.chain(self.value.abs(), sign(self.value))
     }
 
-    /// The larger of two; at a tie the derivative of `self`.
+    /// The larger of two; at a tie, or beside NaN, `self`.
     #[inline(always)]
     pub fn max(self, other: impl Into<Self>) -> Self {
         let other = other.into();
-        if self.value >= other.value || other.value != other.value { self } else { other }
+        if self.value < other.value { other } else { self }
     }
 
-    /// The smaller of two; at a tie the derivative of `self`.
+    /// The smaller of two; at a tie, or beside NaN, `self`.
     #[inline(always)]
     pub fn min(self, other: impl Into<Self>) -> Self {
         let other = other.into();
-        if self.value <= other.value || other.value != other.value { self } else { other }
+        if self.value > other.value { other } else { self }
     }
 }
 
@@ -178,6 +192,7 @@ impl<T: Real, const N: usize> Sub for Dual<T, N> {
     }
 }
 
+#[allow(clippy::suspicious_arithmetic_impl, reason = "the product rule adds")]
 impl<T: Real, const N: usize> Mul for Dual<T, N> {
     type Output = Self;
     #[inline(always)]
@@ -189,6 +204,7 @@ impl<T: Real, const N: usize> Mul for Dual<T, N> {
     }
 }
 
+#[allow(clippy::suspicious_arithmetic_impl, reason = "the quotient rule subtracts and multiplies")]
 impl<T: Real, const N: usize> Div for Dual<T, N> {
     type Output = Self;
     #[inline(always)]

@@ -24,6 +24,6 @@ pub use params::{Param, ParamId, Params};
 pub use pointwise::{Pointwise, PointwiseOp};
 pub use pool::{Buffer, Pool};
 pub use shape::{MAX_OUTPUTS, MAX_RANK, Shape, ShapeError, Shapes};
-pub use tape::{Scope, Tape};
+pub use tape::{List, Scope, Tape};
 pub use var::Var;
 pub use weaver_kernels::Real;

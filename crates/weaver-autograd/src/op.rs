@@ -3,7 +3,7 @@
 use crate::{Pool, Shape, ShapeError, Shapes};
 use std::fmt::Debug;
 use std::ops::{Deref, DerefMut};
-use weaver_kernels::{Real, parallel};
+use weaver_kernels::{Real, parallel, simd};
 
 /// A differentiable operation: a value that owns its parameters and saved state.
 ///
@@ -178,11 +178,16 @@ impl<'a, T: Real> Grad<'a, T> {
         let first = beta == T::ZERO;
         parallel::for_chunks(data, GRAIN, |chunk, out| {
             let start = chunk * GRAIN;
-            if first {
-                out.iter_mut().enumerate().for_each(|(i, g)| *g = f(start + i));
-            } else {
-                out.iter_mut().enumerate().for_each(|(i, g)| *g += f(start + i));
-            }
+            simd::dispatch(
+                #[inline(always)]
+                || {
+                    if first {
+                        out.iter_mut().enumerate().for_each(|(i, g)| *g = f(start + i));
+                    } else {
+                        out.iter_mut().enumerate().for_each(|(i, g)| *g += f(start + i));
+                    }
+                },
+            );
         });
     }
 

@@ -3,7 +3,7 @@
 use crate::op::GRAIN;
 use crate::{Dual, Grad, Op, Pool, Shape, ShapeError, Shapes, View, ViewMut, ensure_shape};
 use std::fmt::Debug;
-use weaver_kernels::{Real, parallel};
+use weaver_kernels::{Real, parallel, simd};
 
 /// An elementwise function of `N` inputs; [`pointwise!`](crate::pointwise) writes the implementation.
 pub trait Pointwise<const N: usize>: Debug + Send + Sync + 'static {
@@ -18,9 +18,38 @@ pub trait Pointwise<const N: usize>: Debug + Send + Sync + 'static {
 #[derive(Debug)]
 pub struct PointwiseOp<F, const N: usize>(pub F);
 
+/// Elements evaluated at a time: the function runs over arrays of this length, which vectorises.
+const BLOCK: usize = 32;
+
+/// Elements `start..start + length` of every input, padded with 1; a single element is repeated.
 #[inline(always)]
-fn gather<T: Real, const N: usize>(ins: &[View<'_, T>], single: [bool; N], i: usize) -> [T; N] {
-    std::array::from_fn(|k| if single[k] { ins[k][0] } else { ins[k][i] })
+fn load<T: Real, const N: usize>(ins: &[View<'_, T>], start: usize, length: usize) -> [[T; BLOCK]; N] {
+    let mut block = [[T::ONE; BLOCK]; N];
+    for k in 0..N {
+        match ins[k].len() {
+            1 => block[k].fill(ins[k][0]),
+            _ => block[k][..length].copy_from_slice(&ins[k][start..start + length]),
+        }
+    }
+    block
+}
+
+impl<F: Pointwise<N>, const N: usize> PointwiseOp<F, N> {
+    /// `dy` times the derivative with respect to input k, at elements `start..start + length`.
+    #[inline(always)]
+    fn slopes<T: Real>(&self, k: usize, ins: &[View<'_, T>], dy: &[T], start: usize, length: usize) -> [T; BLOCK] {
+        let xs: [_; N] = load(ins, start, length);
+        let mut slopes = [T::ZERO; BLOCK];
+        slopes[..length].copy_from_slice(&dy[start..start + length]);
+        for i in 0..BLOCK {
+            let x: [T; N] = std::array::from_fn(
+                #[inline(always)]
+                |k| xs[k][i],
+            );
+            slopes[i] *= self.0.eval(Dual::inputs(x)).partial[k];
+        }
+        slopes
+    }
 }
 
 impl<T: Real, F: Pointwise<N>, const N: usize> Op<T> for PointwiseOp<F, N> {
@@ -39,12 +68,24 @@ impl<T: Real, F: Pointwise<N>, const N: usize> Op<T> for PointwiseOp<F, N> {
     }
 
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
-        let single: [bool; N] = std::array::from_fn(|k| ins[k].len() == 1);
         parallel::for_chunks(&mut outs[0], GRAIN, |chunk, out| {
-            let start = chunk * GRAIN;
-            for (i, y) in out.iter_mut().enumerate() {
-                *y = self.0.eval(gather(ins, single, start + i).map(Dual::constant)).value;
-            }
+            simd::dispatch(
+                #[inline(always)]
+                || {
+                    for (b, out) in out.chunks_mut(BLOCK).enumerate() {
+                        let xs: [_; N] = load(ins, chunk * GRAIN + b * BLOCK, out.len());
+                        let mut ys = [T::ZERO; BLOCK];
+                        for i in 0..BLOCK {
+                            let x: [T; N] = std::array::from_fn(
+                                #[inline(always)]
+                                |k| xs[k][i],
+                            );
+                            ys[i] = self.0.eval(x.map(Dual::constant)).value;
+                        }
+                        out.copy_from_slice(&ys[..out.len()]);
+                    }
+                },
+            );
         });
     }
 
@@ -56,18 +97,37 @@ impl<T: Real, F: Pointwise<N>, const N: usize> Op<T> for PointwiseOp<F, N> {
         dins: &mut [Option<Grad<'_, T>>],
         _pool: &Pool,
     ) {
-        let single: [bool; N] = std::array::from_fn(|k| ins[k].len() == 1);
         let total = outs[0].len();
         for (k, din) in dins.iter_mut().enumerate() {
             let Some(din) = din else { continue };
-            let slope = |i: usize| douts[0][i] * self.0.eval(Dual::inputs(gather(ins, single, i))).partial[k];
-            if single[k] && total != 1 {
-                // One chunk after the other: a fixed order of summation.
-                let sum: T = (0..total).map(slope).sum();
-                din.add(&[sum]);
-            } else {
-                din.add_each(slope);
+            if ins[k].len() == 1 && total != 1 {
+                // One block after the other: a fixed order of summation.
+                let mut sums = [T::ZERO; BLOCK];
+                for start in (0..total).step_by(BLOCK) {
+                    let length = BLOCK.min(total - start);
+                    let slopes = self.slopes(k, ins, &douts[0], start, length);
+                    sums[..length].iter_mut().zip(slopes).for_each(|(sum, slope)| *sum += slope);
+                }
+                din.add(&[sums.into_iter().sum()]);
+                continue;
             }
+            let (data, beta) = din.target();
+            parallel::for_chunks(data, GRAIN, |chunk, out| {
+                simd::dispatch(
+                    #[inline(always)]
+                    || {
+                        for (b, out) in out.chunks_mut(BLOCK).enumerate() {
+                            let slopes = self.slopes(k, ins, &douts[0], chunk * GRAIN + b * BLOCK, out.len());
+                            let slopes = &slopes[..out.len()];
+                            if beta == T::ZERO {
+                                out.copy_from_slice(slopes);
+                            } else {
+                                out.iter_mut().zip(slopes).for_each(|(g, s)| *g += *s);
+                            }
+                        }
+                    },
+                );
+            });
         }
     }
 }

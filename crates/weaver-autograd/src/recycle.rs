@@ -25,9 +25,12 @@ impl<T: Real, O: Op<T>> Slot<T> for Typed<O> {
     }
 }
 
+/// Empty boxes for one type of op.
+type Shelf<T> = (TypeId, Vec<Box<dyn Slot<T>>>);
+
 /// Empty boxes, by the type that they are for.
 pub(crate) struct OpBoxes<T: Real> {
-    empty: Vec<(TypeId, Vec<Box<dyn Slot<T>>>)>,
+    empty: Vec<Shelf<T>>,
 }
 
 impl<T: Real> Default for OpBoxes<T> {

@@ -69,6 +69,22 @@ impl Shape {
         self.dims[self.rank as usize - 1] = last;
         self
     }
+
+    /// The same shape with another length of one axis.
+    pub fn with_axis(mut self, axis: usize, len: usize) -> Self {
+        assert!(axis < self.rank(), "{self} has no axis {axis}");
+        self.dims[axis] = len;
+        self
+    }
+
+    /// The shape without one of its axes.
+    pub fn without_axis(mut self, axis: usize) -> Self {
+        assert!(axis < self.rank(), "{self} has no axis {axis}");
+        self.dims.copy_within(axis + 1.., axis);
+        self.dims[MAX_RANK - 1] = 0;
+        self.rank -= 1;
+        self
+    }
 }
 
 impl Index<usize> for Shape {

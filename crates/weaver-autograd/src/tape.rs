@@ -13,7 +13,7 @@ use weaver_kernels::Real;
 pub(crate) type ValueId = u32;
 
 /// Inline room for the usual number of inputs and outputs; longer lists go to the heap.
-pub(crate) type List<X> = SmallVec<[X; 8]>;
+pub type List<X> = SmallVec<[X; 8]>;
 
 enum Storage<T: Real> {
     Pooled(Buffer<T>),

@@ -1,4 +1,4 @@
-//! Elementwise functions, and the arithmetic operators of [`Var`].
+//! The arithmetic operators of [`Var`], elementwise, with numbers and between tensors.
 
 use crate::{Pointwise, PointwiseOp, Var, pointwise};
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -46,10 +46,6 @@ pointwise!(
     /// -x.
     pub NegOp, 1, |x| -x
 );
-pointwise!(
-    /// x if positive, else 0; derivative 0 at 0.
-    pub Relu, 1, |x| if x.value > T::ZERO { x } else { x * 0 }
-);
 
 impl<'t, T: Real> Neg for Var<'t, T> {
     type Output = Self;
@@ -63,10 +59,5 @@ impl<'t, T: Real> Var<'t, T> {
     #[track_caller]
     pub fn map<F: Pointwise<1>>(self, f: F) -> Self {
         apply_pointwise(f, [self])
-    }
-
-    /// max(x, 0), elementwise.
-    pub fn relu(self) -> Self {
-        self.map(Relu)
     }
 }

@@ -1,3 +1,8 @@
 //! Tests of the tape and of every built-in op.
 
+mod activations;
+mod matmul;
+mod normalisation;
+mod rearrange;
+mod strategies;
 mod tape;

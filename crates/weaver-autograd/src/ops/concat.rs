@@ -1,0 +1,75 @@
+//! Concatenation along an axis.
+
+use super::blocks::{Columns, around, copy_columns};
+use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_kernels::Real;
+
+#[derive(Debug)]
+struct Concat {
+    axis: usize,
+}
+
+impl Concat {
+    /// The columns that each input occupies in the output, seen as a matrix.
+    fn columns<T>(&self, ins: &[View<'_, T>], pitch: usize, mut each: impl FnMut(usize, Columns, usize)) {
+        let mut start = 0;
+        for (i, x) in ins.iter().enumerate() {
+            let [_, len, inner] = around(x.shape(), self.axis);
+            each(i, Columns { pitch, start }, len * inner);
+            start += len * inner;
+        }
+    }
+}
+
+impl<T: Real> Op<T> for Concat {
+    fn name(&self) -> &'static str {
+        "concat"
+    }
+    fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
+        let axis = self.axis;
+        ensure_shape!(!ins.is_empty() && axis < ins[0].rank(), "at least one tensor, with an axis {axis}");
+        let rest = |s: &Shape| s.with_axis(axis, 0);
+        ensure_shape!(
+            ins.iter().all(|s| s.rank() == ins[0].rank() && rest(s) == rest(&ins[0])),
+            "shapes that differ along axis {axis} alone"
+        );
+        Ok(Shapes::one(ins[0].with_axis(axis, ins.iter().map(|s| s[axis]).sum())))
+    }
+    fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
+        let [_, len, inner] = around(outs[0].shape(), self.axis);
+        self.columns(ins, len * inner, |i, to, width| {
+            copy_columns(&ins[i], Columns { pitch: width, start: 0 }, &mut outs[0], to, width, T::ZERO);
+        });
+    }
+    fn backward(
+        &self,
+        ins: &[View<'_, T>],
+        outs: &[View<'_, T>],
+        douts: &[View<'_, T>],
+        dins: &mut [Option<Grad<'_, T>>],
+        _pool: &Pool,
+    ) {
+        let [_, len, inner] = around(outs[0].shape(), self.axis);
+        self.columns(ins, len * inner, |i, from, width| {
+            if let Some(dx) = &mut dins[i] {
+                let (dx, beta) = dx.target();
+                copy_columns(&douts[0], from, dx, Columns { pitch: width, start: 0 }, width, beta);
+            }
+        });
+    }
+}
+
+/// Tensors one after the other along an axis: `[.., a_i, ..]` give `[.., sum of a_i, ..]`. All other dimensions agree.
+///
+/// ```
+/// use weaver_autograd::{Tape, ops};
+/// let tape = Tape::<f32>::new();
+/// let (a, b) = (tape.constant(&[1.0, 2.0], [2, 1]), tape.constant(&[3.0, 4.0, 5.0, 6.0], [2, 2]));
+/// assert_eq!(ops::concat(&[a, b], 1).to_vec(), [1.0, 3.0, 4.0, 2.0, 5.0, 6.0]);
+/// ```
+#[track_caller]
+pub fn concat<'t, T: Real>(inputs: &[Var<'t, T>], axis: usize) -> Var<'t, T> {
+    let first = inputs.first().expect("concat needs at least one tensor");
+    let [y] = first.tape().apply(Concat { axis }, inputs);
+    y
+}

@@ -1,0 +1,55 @@
+//! Rows picked by index.
+
+use crate::{Buffer, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_kernels::Real;
+
+#[derive(Debug)]
+struct GatherRows {
+    indices: Buffer<u32>,
+}
+
+impl<T: Real> Op<T> for GatherRows {
+    fn name(&self) -> &'static str {
+        "gather_rows"
+    }
+    fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
+        ensure_shape!(ins.len() == 1 && ins[0].rank() > 0, "x [N, ..]");
+        if let Some(last) = self.indices.iter().max() {
+            ensure_shape!((*last as usize) < ins[0][0], "x [N, ..] with row {last}");
+        }
+        Ok(Shapes::one(ins[0].with_axis(0, self.indices.len())))
+    }
+    fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
+        super::rows::gather(&ins[0], &self.indices, &mut outs[0], T::ZERO);
+    }
+    fn backward(
+        &self,
+        _ins: &[View<'_, T>],
+        _outs: &[View<'_, T>],
+        douts: &[View<'_, T>],
+        dins: &mut [Option<Grad<'_, T>>],
+        _pool: &Pool,
+    ) {
+        if let Some(dx) = &mut dins[0] {
+            super::rows::scatter_add(&douts[0], &self.indices, dx.accumulator());
+        }
+    }
+}
+
+impl<'t, T: Real> Var<'t, T> {
+    /// Row i of the result is row `indices[i]`: x `[N, ..]` gives `[indices.len(), ..]`. Rows may repeat; their
+    /// gradients are then added, in order. Panics if an index is not below N.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f32>::new();
+    /// let x = tape.constant(&[1.0, 2.0, 3.0, 4.0], [2, 2]);
+    /// assert_eq!(x.gather_rows(&[1, 1, 0]).to_vec(), [3.0, 4.0, 3.0, 4.0, 1.0, 2.0]);
+    /// ```
+    #[track_caller]
+    pub fn gather_rows(self, indices: &[u32]) -> Self {
+        let indices = self.tape().pool().copy_of(indices);
+        let [y] = self.tape().apply(GatherRows { indices }, &[self]);
+        y
+    }
+}

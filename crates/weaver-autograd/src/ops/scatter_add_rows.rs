@@ -1,0 +1,55 @@
+//! Rows added up by index.
+
+use crate::{Buffer, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_kernels::Real;
+
+#[derive(Debug)]
+struct ScatterAddRows {
+    indices: Buffer<u32>,
+    rows: usize,
+}
+
+impl<T: Real> Op<T> for ScatterAddRows {
+    fn name(&self) -> &'static str {
+        "scatter_add_rows"
+    }
+    fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
+        let count = self.indices.len();
+        ensure_shape!(
+            ins.len() == 1 && ins[0].rank() > 0 && ins[0][0] == count,
+            "x [{count}, ..], a row for every index"
+        );
+        if let Some(last) = self.indices.iter().max() {
+            ensure_shape!((*last as usize) < self.rows, "indices below {}, not {last}", self.rows);
+        }
+        Ok(Shapes::one(ins[0].with_axis(0, self.rows)))
+    }
+    fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
+        outs[0].fill(T::ZERO);
+        super::rows::scatter_add(&ins[0], &self.indices, &mut outs[0]);
+    }
+    fn backward(
+        &self,
+        _ins: &[View<'_, T>],
+        _outs: &[View<'_, T>],
+        douts: &[View<'_, T>],
+        dins: &mut [Option<Grad<'_, T>>],
+        _pool: &Pool,
+    ) {
+        if let Some(dx) = &mut dins[0] {
+            let (dx, beta) = dx.target();
+            super::rows::gather(&douts[0], &self.indices, dx, beta);
+        }
+    }
+}
+
+impl<'t, T: Real> Var<'t, T> {
+    /// Row n of the result is the sum of all rows i with `indices[i] == n`: x `[indices.len(), ..]` gives `[n, ..]`.
+    /// The adjoint of [`gather_rows`](Var::gather_rows). Panics if an index is not below `n`.
+    #[track_caller]
+    pub fn scatter_add_rows(self, indices: &[u32], n: usize) -> Self {
+        let indices = self.tape().pool().copy_of(indices);
+        let [y] = self.tape().apply(ScatterAddRows { indices, rows: n }, &[self]);
+        y
+    }
+}
