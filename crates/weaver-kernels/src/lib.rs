@@ -3,15 +3,18 @@
 //! A kernel is a function: the caller owns all memory, shapes are arguments, nothing knows of a tape.
 //! Every parallel kernel writes disjoint parts whose borders do not depend on the number of threads.
 
+pub mod attention;
 pub mod conv;
 pub mod erf;
 pub mod exp;
 pub mod gemm;
+pub mod layer_norm;
 pub mod parallel;
 pub mod random;
 mod real;
 pub mod reduce;
 pub mod simd;
+pub mod softmax;
 mod target;
 
 pub use real::Real;

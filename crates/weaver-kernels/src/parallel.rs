@@ -1,6 +1,7 @@
 //! Deterministic parallel loops: work is cut into chunks whose borders depend on the problem alone,
 //! never on the number of threads, and every chunk owns its part of the output.
 
+use std::marker::PhantomData;
 use std::ops::Range;
 
 /// Runs `body` on the ranges `[0, grain)`, `[grain, 2 grain)`, ... of `0..n`, in parallel.
@@ -39,4 +40,68 @@ pub fn for_chunks<T: Send>(out: &mut [T], size: usize, body: impl Fn(usize, &mut
         }
     }
     split(out, 0, size.max(1), &body);
+}
+
+/// [`for_chunks`] on two outputs at once: `a` in chunks of `a_size`, `b` in as many of `b_size`.
+pub fn for_chunks2<T: Send, U: Send>(
+    a: &mut [T],
+    a_size: usize,
+    b: &mut [U],
+    b_size: usize,
+    body: impl Fn(usize, &mut [T], &mut [U]) + Sync,
+) {
+    fn split<T: Send, U: Send>(
+        a: &mut [T],
+        b: &mut [U],
+        first: usize,
+        sizes: (usize, usize),
+        body: &(impl Fn(usize, &mut [T], &mut [U]) + Sync),
+    ) {
+        match a.len().div_ceil(sizes.0) {
+            0 => {}
+            1 => body(first, a, b),
+            n => {
+                let (a, a_rest) = a.split_at_mut(n / 2 * sizes.0);
+                let (b, b_rest) = b.split_at_mut(n / 2 * sizes.1);
+                rayon::join(|| split(a, b, first, sizes, body), || split(a_rest, b_rest, first + n / 2, sizes, body));
+            }
+        }
+    }
+    let (a_size, b_size) = (a_size.max(1), b_size.max(1));
+    assert_eq!(a.len().div_ceil(a_size), b.len().div_ceil(b_size), "two outputs of unequal chunk counts");
+    split(a, b, 0, (a_size, b_size), &body);
+}
+
+/// An output whose parts are interleaved, so that no split of the slice separates the tasks.
+pub(crate) struct Interleaved<'a, T> {
+    start: *mut T,
+    len: usize,
+    lent: PhantomData<&'a mut [T]>,
+}
+
+#[allow(unsafe_code)]
+// SAFETY: the only access is through `slice`, whose callers keep tasks apart.
+unsafe impl<T: Send> Sync for Interleaved<'_, T> {}
+
+impl<'a, T> Interleaved<'a, T> {
+    pub(crate) fn new(data: &'a mut [T]) -> Self {
+        Self { start: data.as_mut_ptr(), len: data.len(), lent: PhantomData }
+    }
+
+    /// Three handles to the same output, for parts that do not overlap.
+    pub(crate) fn split3(data: &'a mut [T]) -> [Self; 3] {
+        let (start, len) = (data.as_mut_ptr(), data.len());
+        [(); 3].map(|()| Self { start, len, lent: PhantomData })
+    }
+
+    /// The elements `at..at + len`.
+    ///
+    /// # Safety
+    /// No other slice of them may be in use at the same time.
+    #[allow(unsafe_code, clippy::mut_from_ref)]
+    pub(crate) unsafe fn slice(&self, at: usize, len: usize) -> &mut [T] {
+        assert!(at <= self.len && len <= self.len - at, "a part beyond the output's end");
+        // SAFETY: inside the slice this was made of, which stays borrowed; apart, says the caller.
+        unsafe { std::slice::from_raw_parts_mut(self.start.add(at), len) }
+    }
 }

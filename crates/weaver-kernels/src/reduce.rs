@@ -40,8 +40,9 @@ fn pairwise<T: Real>(x: &[T]) -> T {
     }
 }
 
+/// The sum of `term` over the elements of `x`, all of one length, in 16 interleaved partial sums.
 #[inline(always)]
-fn lanes<T: Real, const K: usize>(x: [&[T]; K], term: impl Fn([T; K]) -> T) -> T {
+pub(crate) fn lanes<T: Real, const K: usize>(x: [&[T]; K], term: impl Fn([T; K]) -> T) -> T {
     let n = x[0].len();
     let mut sums = [T::ZERO; LANES];
     let whole = n / LANES * LANES;
@@ -123,29 +124,40 @@ pub fn row_sums<T: Real>(rows: usize, cols: usize, x: &[T], out: Target<T>) {
 
 /// The sum of every column of `x` `[rows, cols]` into `out` `[cols]`, rows in their order.
 ///
-/// In `f32` long columns are summed in blocks of 64 rows, which keeps the rounding error small.
+/// Long columns are summed in blocks of 64 rows, which keeps the rounding error small.
 pub fn column_sums<T: Real>(rows: usize, cols: usize, x: &[T], out: Target<T>) {
+    assert_eq!((x.len(), out.0.len()), (rows * cols, cols), "column_sums: lengths");
+    column_totals(
+        rows,
+        out,
+        #[inline(always)]
+        |row, from, sums| {
+            for (sum, x) in sums.iter_mut().zip(&x[row * cols + from..]) {
+                *sum += *x;
+            }
+        },
+    );
+}
+
+/// Column sums of a matrix given by `add(row, from, sums)`, which adds its elements `from..` of `row`,
+/// as many as there are sums, to them.
+#[inline(always)]
+pub(crate) fn column_totals<T: Real>(rows: usize, out: Target<T>, add: impl Fn(usize, usize, &mut [T]) + Sync) {
     const BLOCK: usize = 64;
     const WIDTH: usize = 2 * LANES;
     let (out, beta) = out;
-    assert_eq!((x.len(), out.len()), (rows * cols, cols), "column_sums: lengths");
     for_chunks(out, WIDTH, |chunk, out| {
         simd::dispatch(
             #[inline(always)]
             || {
                 let mut sums = [T::ZERO; WIDTH];
-                for block in x.chunks(BLOCK * cols) {
+                for block in (0..rows).step_by(BLOCK) {
                     let mut partial = [T::ZERO; WIDTH];
-                    for row in block.chunks_exact(cols) {
-                        let row = &row[chunk * WIDTH..][..out.len()];
-                        if let Ok(row) = <&[T; WIDTH]>::try_from(row) {
-                            for l in 0..WIDTH {
-                                partial[l] += row[l];
-                            }
+                    for row in block..rows.min(block + BLOCK) {
+                        if out.len() == WIDTH {
+                            add(row, chunk * WIDTH, &mut partial);
                         } else {
-                            for (p, x) in partial.iter_mut().zip(row) {
-                                *p += *x;
-                            }
+                            add(row, chunk * WIDTH, &mut partial[..out.len()]);
                         }
                     }
                     for l in 0..WIDTH {

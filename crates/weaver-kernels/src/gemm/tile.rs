@@ -15,6 +15,11 @@ pub trait Tile: Sized {
     /// Lends this thread's packing buffer, at least `len` long, aligned to a cache line.
     fn with_panel<R>(len: usize, body: impl FnOnce(&mut [Self]) -> R) -> R;
 
+    /// Lends this thread's other buffer, `len` long with any content, to a kernel that calls
+    /// [`gemm_serial`](super::gemm_serial) on parts of it. `body` must not wait for other tasks: another
+    /// one that wants the buffer could run meanwhile.
+    fn with_scratch<R>(len: usize, body: impl FnOnce(&mut [Self]) -> R) -> R;
+
     /// C = alpha A B + beta C for one tile of `[rows, cols, depth]`; C is not read if `beta` is 0.
     ///
     /// # Safety
@@ -255,6 +260,16 @@ macro_rules! portable_tile {
 portable_tile!(portable_f32, f32, 4);
 portable_tile!(portable_f64, f64, 2);
 
+/// `len` elements of a buffer that only grows, from a cache line's start.
+fn aligned<T: Copy>(buffer: &mut Vec<T>, len: usize, zero: T) -> &mut [T] {
+    let line = 64 / size_of::<T>();
+    if buffer.len() < len + line {
+        buffer.resize((len + line).next_power_of_two(), zero);
+    }
+    let skip = buffer.as_ptr().align_offset(64).min(line);
+    &mut buffer[skip..skip + len]
+}
+
 macro_rules! scalar {
     ($t:ty, $avx512:ident, $avx2:ident, $portable:ident) => {
         impl Tile for $t {
@@ -277,14 +292,12 @@ macro_rules! scalar {
 
             fn with_panel<R>(len: usize, body: impl FnOnce(&mut [Self]) -> R) -> R {
                 thread_local!(static PANEL: RefCell<Vec<$t>> = const { RefCell::new(Vec::new()) });
-                const LINE: usize = 64 / size_of::<$t>();
-                PANEL.with_borrow_mut(|panel| {
-                    if panel.len() < len + LINE {
-                        panel.resize(len + LINE, 0.0);
-                    }
-                    let skip = panel.as_ptr().align_offset(64).min(LINE);
-                    body(&mut panel[skip..skip + len])
-                })
+                PANEL.with_borrow_mut(|panel| body(aligned(panel, len, 0.0)))
+            }
+
+            fn with_scratch<R>(len: usize, body: impl FnOnce(&mut [Self]) -> R) -> R {
+                thread_local!(static SCRATCH: RefCell<Vec<$t>> = const { RefCell::new(Vec::new()) });
+                SCRATCH.with_borrow_mut(|scratch| body(aligned(scratch, len, 0.0)))
             }
 
             #[allow(unsafe_code)]

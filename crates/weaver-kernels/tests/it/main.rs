@@ -1,8 +1,11 @@
 //! Every kernel against a slow twin, in both precisions, and at more than one thread count.
 
+mod attention;
 mod conv;
 mod gemm;
+mod layer_norm;
 mod reduce;
+mod softmax;
 mod special;
 
 use weaver_kernels::Real;
@@ -37,5 +40,24 @@ fn assert_close<T: Real>(got: &[T], expected: &[f64], tolerance: f64, what: &str
     for (i, (got, expected)) in got.iter().zip(expected).enumerate() {
         let error = (got.to_f64() - expected).abs();
         assert!(error <= tolerance * (1.0 + expected.abs()), "{what} at {i}: {got}, expected {expected}");
+    }
+}
+
+/// The same numbers in `f64`.
+fn widen<T: Real>(x: &[T]) -> Vec<f64> {
+    x.iter().map(|x| x.to_f64()).collect()
+}
+
+/// Asserts that `gradient` is that of `value` at `x`, by central differences.
+fn assert_gradient(gradient: &[f64], x: &[f64], value: impl Fn(&[f64]) -> f64, tolerance: f64) {
+    let mut at = x.to_vec();
+    for i in (0..x.len()).step_by(x.len() / 40 + 1) {
+        let step = 1e-5;
+        at[i] = x[i] + step;
+        let above = value(&at);
+        at[i] = x[i] - step;
+        let slope = (above - value(&at)) / (2.0 * step);
+        at[i] = x[i];
+        assert_close(&gradient[i..=i], &[slope], tolerance, &format!("gradient {i}"));
     }
 }

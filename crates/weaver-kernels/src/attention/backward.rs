@@ -1,0 +1,192 @@
+//! Gradients of attention: scores are computed again, tile by tile.
+
+use super::{Attention, KEYS, QUERIES, Strides};
+use crate::gemm::{Mat, gemm_serial};
+use crate::parallel::{Interleaved, for_ranges};
+use crate::reduce::lanes;
+use crate::target::{Target, put};
+use crate::{Real, simd};
+
+/// Where one of the three gradients goes.
+struct Gradient<'a, T> {
+    out: Interleaved<'a, T>,
+    at: Strides,
+    /// Where the part begins.
+    offset: usize,
+    beta: T,
+}
+
+impl<'a, T: Real> Gradient<'a, T> {
+    fn new(size: &Attention, tokens: usize, target: (Target<'a, T>, Strides), name: &str) -> Self {
+        let ((out, beta), at) = target;
+        at.check(size, tokens, out.len(), name);
+        at.check_apart(size, tokens, name);
+        Self { out: Interleaved::new(out), at, offset: 0, beta }
+    }
+
+    /// Stores tokens `first..` of one entry and head, rows of `dim`.
+    ///
+    /// # Safety
+    /// No other task may store the same tokens.
+    #[allow(unsafe_code)]
+    unsafe fn store(&self, b: usize, h: usize, first: usize, dim: usize, rows: &[T]) {
+        for (i, row) in rows.chunks_exact(dim).enumerate() {
+            let at = self.offset + self.at.at(b, h, first + i);
+            // SAFETY: vectors do not overlap, and this one is the caller's alone.
+            let out = unsafe { self.out.slice(at, dim) };
+            out.iter_mut().zip(row).for_each(|(out, x)| put(out, self.beta, *x));
+        }
+    }
+}
+
+/// Gradients of [`attention_forward`] with respect to q, k and v, each if asked for.
+///
+/// `out` and `lse` are what the forward pass wrote; `dout` is laid out like `out`.
+pub fn attention_backward<T: Real>(
+    size: &Attention,
+    scale: T,
+    q: (&[T], Strides),
+    k: (&[T], Strides),
+    v: (&[T], Strides),
+    out: (&[T], Strides),
+    lse: &[T],
+    dout: &[T],
+    dq: Option<(Target<T>, Strides)>,
+    dk: Option<(Target<T>, Strides)>,
+    dv: Option<(Target<T>, Strides)>,
+) {
+    let dq = dq.map(|d| Gradient::new(size, size.queries, d, "dq"));
+    let dk = dk.map(|d| Gradient::new(size, size.keys, d, "dk"));
+    let dv = dv.map(|d| Gradient::new(size, size.keys, d, "dv"));
+    Backward { size, scale, q, k, v, out, lse, dout }.run([dq, dk, dv]);
+}
+
+/// Gradient of [`attention_forward`] with respect to one buffer `[batch, tokens, 3, heads, dim]` that
+/// holds q, k and v; as many keys as queries.
+pub fn attention_backward_packed<T: Real>(
+    size: &Attention,
+    scale: T,
+    qkv: &[T],
+    out: (&[T], Strides),
+    lse: &[T],
+    dout: &[T],
+    dqkv: Target<T>,
+) {
+    let Attention { batch, heads, queries, keys, dim } = *size;
+    let (dqkv, beta) = dqkv;
+    let width = heads * dim;
+    assert_eq!(queries, keys, "attention: a packed buffer has as many keys as queries");
+    assert_eq!(
+        (qkv.len(), dqkv.len()),
+        (3 * batch * queries * width, qkv.len()),
+        "attention: packed length of {size:?}"
+    );
+    if dqkv.is_empty() {
+        return;
+    }
+    let at = Strides::packed(queries, heads, dim);
+    let [q, k, v] = [0, width, 2 * width].map(|offset| (&qkv[offset..], at));
+    // The three parts share the buffer but no element of it.
+    let [dq, dk, dv] = Interleaved::split3(dqkv);
+    let part = |out, offset| Some(Gradient { out, at, offset, beta });
+    Backward { size, scale, q, k, v, out, lse, dout }.run([part(dq, 0), part(dk, width), part(dv, 2 * width)]);
+}
+
+struct Backward<'a, T> {
+    size: &'a Attention,
+    scale: T,
+    q: (&'a [T], Strides),
+    k: (&'a [T], Strides),
+    v: (&'a [T], Strides),
+    out: (&'a [T], Strides),
+    lse: &'a [T],
+    dout: &'a [T],
+}
+
+impl<T: Real> Backward<'_, T> {
+    fn run(&self, gradients: [Option<Gradient<T>>; 3]) {
+        let Attention { batch, heads, queries, keys, .. } = *self.size;
+        self.q.1.check(self.size, queries, self.q.0.len(), "q");
+        self.k.1.check(self.size, keys, self.k.0.len(), "k");
+        self.v.1.check(self.size, keys, self.v.0.len(), "v");
+        self.out.1.check(self.size, queries, self.out.0.len().min(self.dout.len()), "the output");
+        assert_eq!(self.lse.len(), batch * heads * queries, "attention: length of lse of {:?}", self.size);
+        for_ranges(batch * heads, 1, |range| range.for_each(|plane| self.head(plane, &gradients)));
+    }
+
+    /// One entry and head: tiles of queries outside, of keys inside.
+    fn head(&self, plane: usize, [dq, dk, dv]: &[Option<Gradient<T>>; 3]) {
+        let Self { scale, q, k, v, out, lse, dout, .. } = *self;
+        let Attention { heads, queries, keys, dim, .. } = *self.size;
+        let (b, h) = (plane / heads, plane % heads);
+        T::with_scratch(2 * QUERIES * KEYS + QUERIES * (dim + 1) + 2 * keys * dim, |scratch| {
+            let (weights, rest) = scratch.split_at_mut(QUERIES * KEYS);
+            let (dscores, rest) = rest.split_at_mut(QUERIES * KEYS);
+            let (q_sums, rest) = rest.split_at_mut(QUERIES * dim);
+            let (along, rest) = rest.split_at_mut(QUERIES);
+            let (k_sums, v_sums) = rest.split_at_mut(keys * dim);
+            k_sums.fill(T::ZERO);
+            v_sums.fill(T::ZERO);
+            for first in (0..queries).step_by(QUERIES) {
+                let rows = QUERIES.min(queries - first);
+                let (out_at, lse) = (out.1.at(b, h, first), &lse[plane * queries + first..][..rows]);
+                for i in 0..rows {
+                    let at = out_at + i * out.1.token;
+                    along[i] = lanes([&out.0[at..at + dim], &dout[at..at + dim]], |[x, y]| x * y);
+                }
+                q_sums.fill(T::ZERO);
+                let q = Mat::new(&q.0[q.1.at(b, h, first)..], q.1.token);
+                let dout = Mat::new(&dout[out_at..], out.1.token);
+                for from in (0..keys).step_by(KEYS) {
+                    let n = KEYS.min(keys - from);
+                    let k = Mat::new(&k.0[k.1.at(b, h, from)..], k.1.token);
+                    let v = Mat::new(&v.0[v.1.at(b, h, from)..], v.1.token);
+                    let (weights, dscores) = (&mut weights[..rows * n], &mut dscores[..rows * n]);
+                    gemm_serial(rows, n, dim, scale, q, k.transposed(), T::ZERO, weights, n);
+                    gemm_serial(rows, n, dim, T::ONE, dout, v.transposed(), T::ZERO, dscores, n);
+                    simd::dispatch(
+                        #[inline(always)]
+                        || {
+                            let tile = weights.chunks_exact_mut(n).zip(dscores.chunks_exact_mut(n));
+                            for (((weights, dscores), lse), along) in tile.zip(lse).zip(&*along) {
+                                for (w, d) in weights.iter_mut().zip(dscores) {
+                                    *w = (*w - *lse).exp();
+                                    *d = *w * (*d - *along) * scale;
+                                }
+                            }
+                        },
+                    );
+                    let (weights, dscores) = (Mat::new(weights, n), Mat::new(dscores, n));
+                    let keys = from * dim..(from + n) * dim;
+                    if dv.is_some() {
+                        let sums = &mut v_sums[keys.clone()];
+                        gemm_serial(n, dim, rows, T::ONE, weights.transposed(), dout, T::ONE, sums, dim);
+                    }
+                    if dk.is_some() {
+                        let sums = &mut k_sums[keys];
+                        gemm_serial(n, dim, rows, T::ONE, dscores.transposed(), q, T::ONE, sums, dim);
+                    }
+                    if dq.is_some() {
+                        gemm_serial(rows, dim, n, T::ONE, dscores, k, T::ONE, q_sums, dim);
+                    }
+                }
+                if let Some(dq) = dq {
+                    // SAFETY: this task alone has this entry and head.
+                    #[allow(unsafe_code)]
+                    unsafe {
+                        dq.store(b, h, first, dim, &q_sums[..rows * dim]);
+                    }
+                }
+            }
+            for (gradient, sums) in [(dk, k_sums), (dv, v_sums)] {
+                if let Some(gradient) = gradient {
+                    // SAFETY: this task alone has this entry and head.
+                    #[allow(unsafe_code)]
+                    unsafe {
+                        gradient.store(b, h, 0, dim, sums);
+                    }
+                }
+            }
+        });
+    }
+}

@@ -1,0 +1,211 @@
+//! Attention against the softmax written out.
+
+use crate::{assert_close, noise, threads, widen};
+use weaver_kernels::Real;
+use weaver_kernels::attention::*;
+
+/// Output, lse, dq, dk, dv for `[batch, heads, tokens, dim]` tensors.
+fn naive(s: &Attention, scale: f64, q: &[f64], k: &[f64], v: &[f64], dout: &[f64]) -> [Vec<f64>; 5] {
+    let d = s.dim;
+    let [mut out, mut dq] = [(); 2].map(|()| vec![0.0; q.len()]);
+    let [mut dk, mut dv] = [(); 2].map(|()| vec![0.0; k.len()]);
+    let mut lse = vec![];
+    for i in 0..s.batch * s.heads * s.queries {
+        let plane = i / s.queries * s.keys;
+        let dot = |a: &[f64], i: usize, b: &[f64], j: usize| (0..d).map(|c| a[i * d + c] * b[j * d + c]).sum::<f64>();
+        let e: Vec<f64> = (0..s.keys).map(|j| (scale * dot(q, i, k, plane + j)).exp()).collect();
+        let sum: f64 = e.iter().sum();
+        lse.push(sum.ln());
+        for j in 0..s.keys {
+            (0..d).for_each(|c| out[i * d + c] += e[j] / sum * v[(plane + j) * d + c]);
+        }
+        let along = dot(&out, i, dout, i);
+        for j in 0..s.keys {
+            let p = e[j] / sum;
+            let ds = p * (dot(dout, i, v, plane + j) - along) * scale;
+            for c in 0..d {
+                dv[(plane + j) * d + c] += p * dout[i * d + c];
+                dq[i * d + c] += ds * k[(plane + j) * d + c];
+                dk[(plane + j) * d + c] += ds * q[i * d + c];
+            }
+        }
+    }
+    [out, lse, dq, dk, dv]
+}
+
+/// `[batch, heads, tokens, dim]` of a tensor with any strides.
+fn gather<T: Real>(s: &Attention, tokens: usize, x: &[T], at: Strides) -> Vec<T> {
+    let mut y = vec![];
+    for b in 0..s.batch {
+        for h in 0..s.heads {
+            for t in 0..tokens {
+                y.extend_from_slice(&x[b * at.batch + h * at.head + t * at.token..][..s.dim]);
+            }
+        }
+    }
+    y
+}
+
+fn agrees<T: Real>(s: &Attention, tolerance: f64) {
+    let scale = 1.3 / (s.dim as f64).sqrt();
+    let planes = s.batch * s.heads * s.dim;
+    let (first_q, first_k) =
+        (Strides::tokens_first(s.queries, s.heads, s.dim), Strides::tokens_first(s.keys, s.heads, s.dim));
+    let heads_k = Strides::heads_first(s.keys, s.heads, s.dim);
+    let (q, k, v) = (noise::<T>(planes * s.queries, 1), noise::<T>(planes * s.keys, 2), noise::<T>(planes * s.keys, 3));
+    let dout = noise::<T>(q.len(), 4);
+    let nan = |n: usize| vec![T::from_f64(f64::NAN); n];
+    let (mut out, mut lse) = (nan(q.len()), nan(s.batch * s.heads * s.queries));
+    let scale_t = T::from_f64(scale);
+    attention_forward(s, scale_t, (&q, first_q), (&k, heads_k), (&v, first_k), (&mut out, first_q), &mut lse);
+    let wide = |x: &[T], n: usize, at: Strides| widen(&gather(s, n, x, at));
+    let expected = naive(
+        s,
+        scale_t.to_f64(),
+        &wide(&q, s.queries, first_q),
+        &wide(&k, s.keys, heads_k),
+        &wide(&v, s.keys, first_k),
+        &wide(&dout, s.queries, first_q),
+    );
+    let name = format!("{s:?}");
+    assert_close(&gather(s, s.queries, &out, first_q), &expected[0], tolerance, &name);
+    assert_close(&lse, &expected[1], tolerance, &name);
+    let (mut dq, mut dk, mut dv) = (nan(q.len()), vec![T::ONE; k.len()], nan(v.len()));
+    attention_backward(
+        s,
+        scale_t,
+        (&q, first_q),
+        (&k, heads_k),
+        (&v, first_k),
+        (&out, first_q),
+        &lse,
+        &dout,
+        Some(((&mut dq, T::ZERO), first_q)),
+        Some(((&mut dk, T::ONE), heads_k)),
+        Some(((&mut dv, T::ZERO), first_k)),
+    );
+    assert_close(&gather(s, s.queries, &dq, first_q), &expected[2], tolerance, &name);
+    dk.iter_mut().for_each(|x| *x -= T::ONE);
+    assert_close(&gather(s, s.keys, &dk, heads_k), &expected[3], tolerance, &name);
+    assert_close(&gather(s, s.keys, &dv, first_k), &expected[4], tolerance, &name);
+    // One gradient alone is the same to the bit.
+    let mut alone = nan(v.len());
+    attention_backward(
+        s,
+        scale_t,
+        (&q, first_q),
+        (&k, heads_k),
+        (&v, first_k),
+        (&out, first_q),
+        &lse,
+        &dout,
+        None,
+        None,
+        Some(((&mut alone, T::ZERO), first_k)),
+    );
+    assert_eq!(alone, dv);
+}
+
+const CASES: [[usize; 5]; 9] = [
+    [1, 1, 1, 1, 1],
+    [2, 3, 5, 7, 4],
+    [1, 2, 51, 51, 32],
+    [1, 2, 4, 4, 16],
+    [1, 1, 70, 130, 8],
+    [2, 1, 65, 257, 3],
+    [1, 3, 130, 20, 5],
+    [1, 1, 0, 5, 4],
+    [0, 2, 3, 3, 4],
+];
+
+fn size([batch, heads, queries, keys, dim]: [usize; 5]) -> Attention {
+    Attention { batch, heads, queries, keys, dim }
+}
+
+#[test]
+fn matches_the_formula_f64() {
+    CASES.map(size).iter().for_each(|s| agrees::<f64>(s, 1e-12));
+}
+
+#[test]
+fn matches_the_formula_f32() {
+    CASES.map(size).iter().for_each(|s| agrees::<f32>(s, 2e-5));
+}
+
+#[test]
+fn packed_equals_separate() {
+    let s = size([2, 3, 9, 9, 4]);
+    let width = s.heads * s.dim;
+    let qkv = noise::<f64>(s.batch * s.queries * 3 * width, 1);
+    let (at, out_at) = (Strides::packed(9, 3, 4), Strides::tokens_first(9, 3, 4));
+    let [q, k, v] = [0, width, 2 * width].map(|offset| (&qkv[offset..], at));
+    let dout = noise::<f64>(s.batch * s.queries * width, 2);
+    let (mut out, mut lse) = (vec![0.0; dout.len()], vec![0.0; s.batch * s.heads * s.queries]);
+    attention_forward(&s, 0.5, q, k, v, (&mut out, out_at), &mut lse);
+    let mut packed = vec![f64::NAN; qkv.len()];
+    attention_backward_packed(&s, 0.5, &qkv, (&out, out_at), &lse, &dout, (&mut packed, 0.0));
+    let mut separate = [(); 3].map(|()| vec![0.0; qkv.len()]);
+    let [dq, dk, dv] = &mut separate;
+    let target = |d| Some(((d, 0.0), at));
+    attention_backward(
+        &s,
+        0.5,
+        q,
+        k,
+        v,
+        (&out, out_at),
+        &lse,
+        &dout,
+        target(&mut dq[..]),
+        target(&mut dk[..]),
+        target(&mut dv[..]),
+    );
+    for (part, separate) in separate.iter().enumerate() {
+        assert_eq!(gather(&s, 9, &packed[part * width..], at), gather(&s, 9, separate, at));
+    }
+}
+
+#[test]
+fn later_larger_scores_do_not_overflow() {
+    let s = size([1, 1, 1, 300, 1]);
+    let (k, v): (Vec<f32>, Vec<f32>) = (0..300).map(|i| (i as f32, i as f32)).unzip();
+    let (mut out, mut lse, at) = ([0.0], [0.0], Strides::heads_first(300, 1, 1));
+    attention_forward(&s, 10.0, (&[1.0], at), (&k, at), (&v, at), (&mut out, at), &mut lse);
+    assert!((out[0] - 299.0).abs() < 1e-3 && (lse[0] - 2990.0).abs() < 1e-3);
+}
+
+#[test]
+#[should_panic(expected = "overlap")]
+fn overlapping_output_panics() {
+    let s = size([1, 2, 3, 3, 4]);
+    let at = Strides::heads_first(3, 2, 4);
+    let wrong = Strides { batch: 24, head: 4, token: 4 };
+    let x = [0.0_f32; 24];
+    attention_forward(&s, 1.0, (&x, at), (&x, at), (&x, at), (&mut [0.0; 24], wrong), &mut [0.0; 6]);
+}
+
+#[test]
+fn same_bits_at_any_thread_count() {
+    let s = size([2, 3, 100, 150, 16]);
+    let (q_at, k_at) = (Strides::tokens_first(100, 3, 16), Strides::tokens_first(150, 3, 16));
+    let (q, k, v) = (noise::<f32>(9600, 1), noise::<f32>(14400, 2), noise::<f32>(14400, 3));
+    threads(|| {
+        let (mut out, mut lse) = (vec![0.0; q.len()], vec![0.0; 600]);
+        attention_forward(&s, 0.25, (&q, q_at), (&k, k_at), (&v, k_at), (&mut out, q_at), &mut lse);
+        let (mut dq, mut dk, mut dv) = (vec![0.0; q.len()], vec![0.0; k.len()], vec![0.0; v.len()]);
+        attention_backward(
+            &s,
+            0.25,
+            (&q, q_at),
+            (&k, k_at),
+            (&v, k_at),
+            (&out, q_at),
+            &lse,
+            &out,
+            Some(((&mut dq, 0.0), q_at)),
+            Some(((&mut dk, 0.0), k_at)),
+            Some(((&mut dv, 0.0), k_at)),
+        );
+        [out, lse, dq, dk, dv].concat()
+    });
+}
