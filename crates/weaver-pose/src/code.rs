@@ -1,0 +1,79 @@
+//! From pose codes to cameras.
+
+use crate::rotation::matrix;
+use crate::row_map::{RowMap, RowMapOp};
+use weaver_autograd::{Dual, Real, Var};
+
+/// Numbers in a pose code: translation 3, quaternion xyzw 4, field of view 2.
+pub const LENGTH: usize = 9;
+
+/// What the decoding adds to tan(fov / 2): it keeps the focal length finite at a field of view of 0, and the published
+/// weights expect it.
+pub const TANGENT_MARGIN: f64 = 1e-3;
+
+/// Cameras on the tape.
+#[derive(Clone, Copy, Debug)]
+pub struct Cameras<'t, T: Real = f32> {
+    /// World-to-camera `[R | T]`, OpenCV axes, [.., 3, 4].
+    pub w2c: Var<'t, T>,
+    /// fx, fy, cx, cy in pixels, [.., 4].
+    pub intrinsics: Var<'t, T>,
+}
+
+fn rectified<T: Real, const N: usize>(x: Dual<T, N>) -> Dual<T, N> {
+    if x.value > T::ZERO { x } else { x * 0 }
+}
+
+#[derive(Debug)]
+struct Activate;
+
+impl RowMap<9, 9> for Activate {
+    const NAME: &'static str = "activate_pose_code";
+    const INPUTS: &'static [&'static [usize]] = &[&[LENGTH]];
+    const OUTPUTS: &'static [&'static [usize]] = &[&[LENGTH]];
+    fn eval<T: Real>(&self, mut code: [Dual<T, 9>; 9]) -> [Dual<T, 9>; 9] {
+        code[7] = rectified(code[7]);
+        code[8] = rectified(code[8]);
+        code
+    }
+}
+
+/// The emitted form of a running pose code: its field of view rectified, the rest as it is. [.., 9] gives [.., 9].
+#[track_caller]
+pub fn activate<T: Real>(code: Var<'_, T>) -> Var<'_, T> {
+    let [activated] = code.tape().apply(RowMapOp(Activate), &[code]);
+    activated
+}
+
+#[derive(Debug)]
+struct Decode {
+    height: f64,
+    width: f64,
+}
+
+impl RowMap<9, 16> for Decode {
+    const NAME: &'static str = "pose_code_to_cameras";
+    const INPUTS: &'static [&'static [usize]] = &[&[LENGTH]];
+    const OUTPUTS: &'static [&'static [usize]] = &[&[3, 4], &[4]];
+    fn eval<T: Real>(&self, code: [Dual<T, 9>; 9]) -> [Dual<T, 9>; 16] {
+        let r = matrix([code[3], code[4], code[5], code[6]]);
+        let focal = |size: f64, fov: Dual<T, 9>| 0.5 * size / ((0.5 * fov).tan() + TANGENT_MARGIN);
+        let (fx, fy) = (focal(self.width, code[8]), focal(self.height, code[7]));
+        let (cx, cy) = (Dual::from(0.5 * self.width), Dual::from(0.5 * self.height));
+        let [t, u, v] = [code[0], code[1], code[2]];
+        [r[0], r[1], r[2], t, r[3], r[4], r[5], u, r[6], r[7], r[8], v, fx, fy, cx, cy]
+    }
+}
+
+/// The cameras that activated pose codes stand for.
+///
+/// w2c = [R(q) | T]; fy = (H / 2) / (tan(fov_y / 2) + 1e-3), fx likewise from W; the principal point is the image's
+/// middle. `code` [.., 9] gives w2c [.., 3, 4] and intrinsics [.., 4] for an image of `height` x `width` pixels.
+/// Differentiable in all nine numbers. The encoding is "absT_quaR_FoV" of VGGT (Wang et al. 2025, arXiv
+/// 2503.11651) with AnySplat's margin on the tangent.
+#[track_caller]
+pub fn cameras<T: Real>(code: Var<'_, T>, height: usize, width: usize) -> Cameras<'_, T> {
+    let decode = Decode { height: height as f64, width: width as f64 };
+    let [w2c, intrinsics] = code.tape().apply(RowMapOp(decode), &[code]);
+    Cameras { w2c, intrinsics }
+}

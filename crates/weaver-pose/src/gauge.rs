@@ -1,0 +1,47 @@
+//! The frame of the first camera.
+
+use crate::code::LENGTH;
+use crate::rotation::{matrix, product, unit, with_positive_w};
+use crate::row_map::{RowMap, RowMapOp};
+use weaver_autograd::{Dual, Real, Var};
+
+#[derive(Debug)]
+struct RelativeCode;
+
+impl RowMap<18, 9> for RelativeCode {
+    const NAME: &'static str = "relative_pose_code";
+    const INPUTS: &'static [&'static [usize]] = &[&[LENGTH], &[LENGTH]];
+    const OUTPUTS: &'static [&'static [usize]] = &[&[LENGTH]];
+    fn eval<T: Real>(&self, codes: [Dual<T, 18>; 18]) -> [Dual<T, 18>; 9] {
+        let code = &codes[..LENGTH];
+        let first = &codes[LENGTH..];
+        let conjugate = [-first[3], -first[4], -first[5], first[6]];
+        // Normalised after the product, not before: the first camera's own quotient is then (0, 0, 0, 1) to the bit.
+        let q = unit(product([code[3], code[4], code[5], code[6]], conjugate));
+        let r = matrix(q);
+        let turned = |i: usize| r[3 * i] * first[0] + r[3 * i + 1] * first[1] + r[3 * i + 2] * first[2];
+        let q = with_positive_w(q);
+        [code[0] - turned(0), code[1] - turned(1), code[2] - turned(2), q[0], q[1], q[2], q[3], code[7], code[8]]
+    }
+}
+
+/// Pose codes in the frame of each scene's first camera: E_i E_0^-1.
+///
+/// q = q_i q_0* (unit, w not negative), T = T_i - R(q) T_0, field of view unchanged; camera 0 becomes the identity to
+/// the bit. `code` [B, V, 9] with quaternions of any length but 0 gives [B, V, 9]. Differentiable; poses are thus free to
+/// live in a frame of the network's own choice, which is what lets a network learn them from nothing.
+///
+/// ```
+/// use weaver_autograd::Tape;
+/// let tape = Tape::<f32>::new();
+/// let first = [0.3, -1.0, 2.0, 0.1, 0.2, -0.3, 0.8, 1.0, 1.2];
+/// let code = weaver_pose::first_camera_gauge(tape.leaf(&first, [1, 1, 9]));
+/// assert_eq!(code.to_vec(), [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.2]);
+/// ```
+#[track_caller]
+pub fn first_camera_gauge<T: Real>(code: Var<'_, T>) -> Var<'_, T> {
+    assert!(code.shape().rank() == 3, "pose codes of scenes are [B, V, 9], not {}", code.shape());
+    let first = code.slice(1, 0, 1).expand(code.shape());
+    let [relative] = code.tape().apply(RowMapOp(RelativeCode), &[code, first]);
+    relative
+}

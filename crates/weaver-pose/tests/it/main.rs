@@ -1,0 +1,7 @@
+//! Pose codes, cameras, unprojection and the camera head, against references and finite differences.
+
+mod fixture;
+mod gauge;
+mod metrics;
+mod rotation;
+mod unproject;

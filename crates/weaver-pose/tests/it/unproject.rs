@@ -1,0 +1,77 @@
+use crate::fixture::Fixture;
+use proptest::prelude::*;
+use weaver_autograd::Tape;
+use weaver_autograd::gradcheck::{Input, gradcheck};
+use weaver_geometry::glam::{DVec2, DVec3};
+use weaver_geometry::{Intrinsics, Pose};
+use weaver_pose::{cameras, unproject};
+
+/// fx, fy, cx, cy of 3x3 matrices.
+fn intrinsics_of(matrices: &[f32]) -> Vec<f32> {
+    matrices.chunks(9).flat_map(|k| [k[0], k[4], k[2], k[5]]).collect()
+}
+
+#[test]
+fn parity() {
+    let Some(file) = Fixture::shared("ops.safetensors") else { return };
+    let tape = Tape::new();
+    let depth = file.leaf(&tape, "unproject.in.d");
+    let w2c = file.leaf(&tape, "unproject.in.e");
+    let intrinsics = tape.leaf(&intrinsics_of(&file.array("unproject.in.k").data), [1, 2, 4]);
+    let points = unproject(depth.reshape([1, 2, 4, 5]), w2c, intrinsics, 0.0);
+    file.check("unproject.out", &points.value());
+    points.backward_with(&file.array("unproject.cot").data);
+    file.check("unproject.grad.d", &depth.grad().unwrap());
+    file.check("unproject.grad.e", &w2c.grad().unwrap());
+    let dk: Vec<f32> =
+        intrinsics.grad().unwrap().chunks(4).flat_map(|k| [k[0], 0.0, k[2], 0.0, k[1], k[3], 0.0, 0.0, 0.0]).collect();
+    file.check("unproject.grad.k", &dk);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+
+    #[test]
+    fn gradients(seed in 0u64..1_000_000, views in 0usize..3, h in 0usize..11, w in 0usize..4, centred: bool) {
+        let offset = if centred { 0.5 } else { 0.0 };
+        let inputs = [
+            Input::uniform(seed, 0.5, 2.0, [views, h, w]),
+            Input::normal(seed + 1, [views, 3, 4]),
+            Input::uniform(seed + 2, 1.0, 3.0, [views, 4]),
+        ];
+        gradcheck(&inputs, |x| vec![unproject(x[0], x[1], x[2], offset)]);
+    }
+
+    #[test]
+    fn decoding_gradients(seed in 0u64..1_000_000, scenes in 0usize..3, views in 1usize..4) {
+        let mut code = Input::uniform(seed, 0.3, 1.5, [scenes, views, 9]);
+        code.data.iter_mut().step_by(2).for_each(|c| *c = 0.2 - *c);
+        code.data.chunks_mut(9).for_each(|c| c[7..].iter_mut().for_each(|fov| *fov = 0.4 + fov.abs()));
+        gradcheck(&[code], |x| {
+            let c = cameras(x[0], 48, 64);
+            vec![c.w2c, c.intrinsics]
+        });
+    }
+
+    /// The same as the plain camera of weaver-geometry, pixel by pixel.
+    #[test]
+    fn agrees_with_geometry(seed in 0u64..1_000_000) {
+        let (h, w) = (3, 4);
+        let code = Input::uniform(seed, 0.4, 1.3, [2, 9]);
+        let depth = Input::uniform(seed + 1, 0.5, 3.0, [2, h, w]);
+        let tape = Tape::<f64>::new();
+        let c = cameras(tape.constant(&code.data, [2, 9]), h, w);
+        let points = unproject(tape.constant(&depth.data, [2, h, w]), c.w2c, c.intrinsics, 0.5);
+        for view in 0..2 {
+            let g = &code.data[9 * view..][..9];
+            let pose = Pose::from_wxyz([g[6], g[3], g[4], g[5]], DVec3::new(g[0], g[1], g[2]));
+            let f = |size: usize, fov: f64| size as f64 / 2.0 / ((fov / 2.0).tan() + 1e-3);
+            let k = Intrinsics { fx: f(w, g[8]), fy: f(h, g[7]), cx: w as f64 / 2.0, cy: h as f64 / 2.0 };
+            for (i, point) in points.value().chunks(3).skip(view * h * w).take(h * w).enumerate() {
+                let pixel = DVec2::new((i % w) as f64 + 0.5, (i / w) as f64 + 0.5);
+                let expected = pose.inverse().apply(k.unproject(pixel, depth.data[view * h * w + i]));
+                assert!((DVec3::from_slice(point) - expected).length() < 1e-12);
+            }
+        }
+    }
+}
