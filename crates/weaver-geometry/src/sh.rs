@@ -130,7 +130,7 @@ impl Mul for Dual {
     type Output = Self;
 
     fn mul(self, b: Self) -> Self {
-        let slope = std::array::from_fn(|i| self.slope[i] * b.value + self.value * b.slope[i]);
+        let slope = std::array::from_fn(|i| self.slope[i].mul_add(b.value, self.value * b.slope[i]));
         Self { value: self.value * b.value, slope }
     }
 }
