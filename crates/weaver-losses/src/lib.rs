@@ -1,1 +1,25 @@
 //! Losses of the method, and image metrics without a tape.
+//!
+//! A loss is a function from tensors on a tape to a scalar on the same tape (or to one number per image, to be weighted);
+//! what weights it has and when it is on is the trainer's business. A [metric](metrics) is a plain function of slices.
+
+mod budget;
+mod depth;
+mod error_regression;
+pub mod metrics;
+mod mse;
+mod pose;
+mod quantile;
+mod ranking;
+mod ssim;
+mod ssim_window;
+
+pub use budget::{global_budget, share_budget};
+pub use depth::{masked_depth_mse, sparse_log_depth_l1};
+pub use error_regression::{error_regression, error_target};
+pub use mse::{mse, mse_per_image, weighted_mean};
+pub use pose::{absolute_pose, huber_pose, iteration_weights, l1_pose};
+pub use quantile::quantile;
+pub use ranking::frequency_targets;
+pub use ssim::{ssim, ssim_with};
+pub use ssim_window::Covariance;

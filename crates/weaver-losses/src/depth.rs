@@ -1,0 +1,62 @@
+//! Losses on depth maps.
+
+use crate::quantile;
+use weaver_autograd::{Real, Var, apply_pointwise, pointwise};
+
+pointwise!(
+    /// (depth - target)^2 where the mask is positive, else 0.
+    MaskedSquaredError, 3, |depth, target, mask| {
+        if mask.value > T::ZERO { (depth - target) * (depth - target) } else { 0.0.into() }
+    }
+);
+
+pointwise!(
+    /// |l - ln(scale t)| where the depth t is known (positive), else 0.
+    LogDepthError { scale: f64 }, 2, |l, t| if t.value > T::ZERO { (l - (t * scale).ln()).abs() } else { 0.0.into() }
+);
+
+/// Mean squared difference of depths where the teacher is confident, a scalar.
+///
+/// The mask of view v holds the pixels whose confidence is above (strictly) the `q`-quantile of the confidences of that
+/// view; the mean runs over the masked pixels of all views together, and is 0 when there are none. All arguments are
+/// [V, H, W] in the units of the scene; differentiable in `depth` and `target`, the mask is constant. Source:
+/// distillation loss of the official SplatWeaver code, with q = 0.3 and weight 0.1.
+#[track_caller]
+pub fn masked_depth_mse<'t, T: Real>(
+    depth: Var<'t, T>,
+    target: Var<'t, T>,
+    confidence: Var<'t, T>,
+    q: f64,
+) -> Var<'t, T> {
+    let tape = depth.tape();
+    let shape = confidence.shape();
+    assert_eq!(shape.rank(), 3, "masked_depth_mse: expected confidence [V, H, W], found {shape}");
+    let pixels = shape[1] * shape[2];
+    let mut count = 0;
+    let mask = tape.constant_with(shape, |mask| {
+        let confidence = confidence.value();
+        let mut scratch = tape.pool().buffer::<T>(pixels);
+        for (mask, confidence) in mask.chunks_mut(pixels).zip(confidence.chunks(pixels)) {
+            scratch.copy_from_slice(confidence);
+            let threshold = quantile(&mut scratch, q);
+            for (m, c) in mask.iter_mut().zip(confidence) {
+                *m = if *c > threshold { T::ONE } else { T::ZERO };
+                count += usize::from(*c > threshold);
+            }
+        }
+    });
+    apply_pointwise(MaskedSquaredError, [depth, target, mask]).sum() * (1.0 / count.max(1) as f64)
+}
+
+/// L1 distance of log depth at the pixels whose depth is known from triangulated points, a scalar:
+/// sum over known pixels of |log_depth - ln(scale * target)| / (number of known pixels + 1).
+///
+/// `log_depth` and `target` are [V, H, W]; a target of 0 means unknown; `scale` turns the target's units into those of
+/// the prediction. The 1 in the denominator keeps a view with few points from shouting. Differentiable in `log_depth`;
+/// with derivative 0 where the two are equal.
+#[track_caller]
+pub fn sparse_log_depth_l1<'t, T: Real>(log_depth: Var<'t, T>, target: Var<'t, T>, scale: f64) -> Var<'t, T> {
+    assert!(scale > 0.0, "sparse_log_depth_l1: expected a positive scale, found {scale}");
+    let known = target.value().iter().filter(|t| **t > T::ZERO).count();
+    apply_pointwise(LogDepthError { scale }, [log_depth, target.detach()]).sum() * (1.0 / (known + 1) as f64)
+}

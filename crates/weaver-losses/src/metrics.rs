@@ -1,0 +1,73 @@
+//! Image metrics without a tape: plain functions of slices, computed in `f64`.
+
+use crate::quantile;
+use crate::ssim_window::{Covariance, WINDOW, Windows};
+use weaver_autograd::Real;
+
+/// Peak signal-to-noise ratio in dB: -10 log10 of the mean squared difference of two images, each clamped to [0, 1] and
+/// not rounded. Infinite for equal images. Panics unless the images are of one size and not empty.
+///
+/// ```
+/// assert_eq!(weaver_losses::metrics::psnr(&[0.5_f32, 1.5], &[0.4, 1.0]).round(), 23.0);
+/// ```
+pub fn psnr<T: Real>(a: &[T], b: &[T]) -> f64 {
+    assert!(a.len() == b.len() && !a.is_empty(), "psnr: images of {} and {} numbers", a.len(), b.len());
+    let sum: f64 = a.iter().zip(b).map(|(a, b)| squared_difference(*a, *b)).sum();
+    decibels(sum / a.len() as f64)
+}
+
+/// [`psnr`] over the pixels of a mask: images [C, H, W], mask [H, W]. `None` when the mask is empty.
+pub fn psnr_masked<T: Real>(a: &[T], b: &[T], mask: &[bool]) -> Option<f64> {
+    assert!(
+        a.len() == b.len() && !mask.is_empty() && a.len().is_multiple_of(mask.len()),
+        "psnr_masked: images of {} and {} numbers, a mask of {}",
+        a.len(),
+        b.len(),
+        mask.len()
+    );
+    let (mut sum, mut count) = (0.0, 0);
+    for (i, (a, b)) in a.iter().zip(b).enumerate() {
+        if mask[i % mask.len()] {
+            sum += squared_difference(*a, *b);
+            count += 1;
+        }
+    }
+    (count > 0).then(|| decibels(sum / f64::from(count)))
+}
+
+/// Structural similarity of two images [C, H, W] in [0, 1], as scikit-image computes it: 11x11 Gaussian window (sigma
+/// 1.5), sample covariance (121/120), windows inside the image only, mean over windows and channels.
+///
+/// `size` is (C, H, W). Panics unless both images have that size and are at least 11 x 11.
+pub fn ssim<T: Real>(a: &[T], b: &[T], size: [usize; 3]) -> f64 {
+    let [channels, height, width] = size;
+    let pixels = height * width;
+    assert!(
+        a.len() == channels * pixels && b.len() == a.len() && channels > 0 && height >= WINDOW && width >= WINDOW,
+        "ssim: expected two images of {size:?} of at least {WINDOW} x {WINDOW}, found {} and {} numbers",
+        a.len(),
+        b.len()
+    );
+    let windows = Windows::<f64>::new([height, width], Covariance::Sample);
+    let mut workspace = vec![0.0; windows.workspace_len()];
+    let widen = |plane: &[T]| plane.iter().map(|x| x.to_f64()).collect::<Vec<_>>();
+    let planes = a.chunks(pixels).zip(b.chunks(pixels));
+    planes.map(|(a, b)| windows.similarity(&widen(a), &widen(b), &mut workspace)).sum::<f64>() / channels as f64
+}
+
+/// The quarter of a view's pixels with most high-frequency energy, where detail shows: energy at or above its 0.75
+/// quantile. A view without contrast is energetic everywhere.
+pub fn energetic_mask<T: Real>(energy: &[T]) -> Vec<bool> {
+    let threshold = quantile(&mut energy.to_vec(), 0.75);
+    energy.iter().map(|e| *e >= threshold).collect()
+}
+
+fn squared_difference<T: Real>(a: T, b: T) -> f64 {
+    // NaN stays NaN: a broken render must not pass for a black one.
+    let difference = a.to_f64().clamp(0.0, 1.0) - b.to_f64().clamp(0.0, 1.0);
+    difference * difference
+}
+
+fn decibels(mse: f64) -> f64 {
+    -10.0 * mse.log10()
+}

@@ -1,0 +1,75 @@
+//! Losses on the pose codes of an iterative camera head.
+
+use weaver_autograd::{Real, Var, apply_pointwise, pointwise};
+
+/// Weight of an iteration relative to the next one.
+const DECAY: f64 = 0.6;
+
+pointwise!(
+    /// (a - b)^2 / 2 up to a distance of delta, delta (|a - b| - delta / 2) beyond.
+    Huber { delta: f64 }, 2, |a, b| {
+        let d = (a - b).abs();
+        if d.value <= T::from_f64(delta) { d * d * 0.5 } else { (d - 0.5 * delta) * delta }
+    }
+);
+
+pointwise!(
+    /// |a - b|.
+    AbsoluteError, 2, |a, b| (a - b).abs()
+);
+
+/// The weights of `n` iterations: 0.6^(n-1-i) / n, so that the last counts most.
+pub fn iteration_weights(n: usize) -> impl Iterator<Item = f64> {
+    (0..n).map(move |i| DECAY.powi((n - 1 - i) as i32) / n as f64)
+}
+
+/// The weighted sum of one term per iteration.
+fn over_iterations<'t, T: Real>(terms: impl ExactSizeIterator<Item = Var<'t, T>>) -> Var<'t, T> {
+    let weights = iteration_weights(terms.len());
+    let weighted = weights.zip(terms).map(|(weight, term)| term * weight);
+    weighted.reduce(|sum, term| sum + term).expect("a camera head has at least one iteration")
+}
+
+/// Huber distance of pose codes, summed over the iterations of the camera head, a scalar:
+/// (1/n) sum_i 0.6^(n-1-i) mean Huber(student_i - teacher_i; delta).
+///
+/// Each code is [.., 9]: translation, quaternion and field of view alike. Differentiable in both; the quaternions'
+/// signs are not aligned. Panics without iterations, or when there are not as many of both. Source: distillation loss of
+/// the official SplatWeaver code, with delta = 1 and weight 10.
+#[track_caller]
+pub fn huber_pose<'t, T: Real>(student: &[Var<'t, T>], teacher: &[Var<'t, T>], delta: f64) -> Var<'t, T> {
+    assert_eq!(student.len(), teacher.len(), "huber_pose: as many iterations of the student as of the teacher");
+    over_iterations(student.iter().zip(teacher).map(|(s, t)| apply_pointwise(Huber { delta }, [*s, *t]).mean()))
+}
+
+/// L1 distance of emitted pose codes to one target, over the iterations, a scalar:
+/// (1/n) sum_i 0.6^(n-1-i) mean |code_i - target|.
+///
+/// Codes and target are [.., 9] (translation, quaternion with w >= 0, field of view in radians). Differentiable in
+/// both. Panics without iterations.
+#[track_caller]
+pub fn l1_pose<'t, T: Real>(codes: &[Var<'t, T>], target: Var<'t, T>) -> Var<'t, T> {
+    over_iterations(codes.iter().map(|code| l1(*code, target)))
+}
+
+/// L1 distance to poses in a frame of the scene's own, over the iterations, a scalar:
+/// (1/n) sum_i 0.6^(n-1-i) (mean |R_i - R| + mean |T_i - T|).
+///
+/// Rotations are [.., 3, 3], translations [.., 3] in the units of the tuple. It ties the frame that the network chooses
+/// to one per scene, which needs scenes that come back. Differentiable in all. Panics without iterations, or when there
+/// are not as many rotations as translations.
+#[track_caller]
+pub fn absolute_pose<'t, T: Real>(
+    rotations: &[Var<'t, T>],
+    translations: &[Var<'t, T>],
+    target_rotation: Var<'t, T>,
+    target_translation: Var<'t, T>,
+) -> Var<'t, T> {
+    assert_eq!(rotations.len(), translations.len(), "absolute_pose: as many rotations as translations");
+    let poses = rotations.iter().zip(translations);
+    over_iterations(poses.map(|(r, t)| l1(*r, target_rotation) + l1(*t, target_translation)))
+}
+
+fn l1<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>) -> Var<'t, T> {
+    apply_pointwise(AbsoluteError, [a, b]).mean()
+}

@@ -1,0 +1,130 @@
+//! Structural similarity as a differentiable op.
+
+use crate::ssim_window::{Covariance, WINDOW, Windows};
+use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_kernels::parallel;
+
+/// Planes worked on together: bounds the scratch, whatever the batch and the number of threads.
+const PLANES_AT_ONCE: usize = 8;
+
+#[derive(Debug)]
+struct Ssim {
+    covariance: Covariance,
+}
+
+impl Ssim {
+    fn windows<T: Real>(&self, shape: Shape) -> Windows<T> {
+        Windows::new([shape[2], shape[3]], self.covariance)
+    }
+
+    /// Runs `body(plane, result, workspace)` on every plane; `done(first plane, results)` takes a group's results.
+    fn for_planes<T: Real>(
+        &self,
+        shape: Shape,
+        result_len: usize,
+        pool: &Pool,
+        body: impl Fn(usize, &mut [T], &mut [T]) + Sync,
+        mut done: impl FnMut(usize, &[T]),
+    ) {
+        let (planes, workspace_len) = (shape[0] * shape[1], self.windows::<T>(shape).workspace_len());
+        let each = result_len + workspace_len;
+        let mut scratch = pool.buffer::<T>(planes.min(PLANES_AT_ONCE) * each);
+        for first in (0..planes).step_by(PLANES_AT_ONCE) {
+            let count = (planes - first).min(PLANES_AT_ONCE);
+            parallel::for_chunks(&mut scratch[..count * each], each, |i, scratch| {
+                let (result, workspace) = scratch.split_at_mut(result_len);
+                body(first + i, result, workspace);
+            });
+            for (i, scratch) in scratch[..count * each].chunks(each).enumerate() {
+                done(first + i, &scratch[..result_len]);
+            }
+        }
+    }
+}
+
+impl<T: Real> Op<T> for Ssim {
+    fn name(&self) -> &'static str {
+        "ssim"
+    }
+    fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
+        let images = |s: &Shape| s.rank() == 4 && s[1] > 0 && s[2] >= WINDOW && s[3] >= WINDOW;
+        ensure_shape!(
+            ins.len() == 2 && ins[0] == ins[1] && images(&ins[0]),
+            "two batches of images [N, C, H, W] of one shape, at least {WINDOW} x {WINDOW}"
+        );
+        Ok(Shapes::one([ins[0][0]]))
+    }
+    fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], pool: &Pool) {
+        let shape = ins[0].shape();
+        let (windows, pixels, channels) = (self.windows(shape), shape[2] * shape[3], shape[1]);
+        let plane = |of: usize, i: usize| &ins[of][i * pixels..(i + 1) * pixels];
+        outs[0].fill(T::ZERO);
+        self.for_planes(
+            shape,
+            1,
+            pool,
+            |i, result, workspace| {
+                result[0] = T::from_f64(windows.similarity(plane(0, i), plane(1, i), workspace) / channels as f64);
+            },
+            |i, result| outs[0][i / channels] += result[0],
+        );
+    }
+    fn backward(
+        &self,
+        ins: &[View<'_, T>],
+        _outs: &[View<'_, T>],
+        douts: &[View<'_, T>],
+        dins: &mut [Option<Grad<'_, T>>],
+        pool: &Pool,
+    ) {
+        let shape = ins[0].shape();
+        let (windows, pixels, channels) = (self.windows(shape), shape[2] * shape[3], shape[1]);
+        let plane = |of: usize, i: usize| &ins[of][i * pixels..(i + 1) * pixels];
+        for (of, dx) in dins.iter_mut().enumerate() {
+            let Some(dx) = dx else { continue };
+            let (dx, beta) = dx.target();
+            self.for_planes(
+                shape,
+                pixels,
+                pool,
+                |i, result, workspace| {
+                    let scale = douts[0][i / channels] / T::from_usize(channels);
+                    windows.gradient(plane(of, i), plane(1 - of, i), scale, result, workspace);
+                },
+                |i, result| {
+                    let dx = &mut dx[i * pixels..(i + 1) * pixels];
+                    if beta == T::ZERO {
+                        dx.copy_from_slice(result);
+                    } else {
+                        dx.iter_mut().zip(result).for_each(|(dx, r)| *dx += *r);
+                    }
+                },
+            );
+        }
+    }
+}
+
+/// The structural similarity of each pair of images, [N]: 1 for equal ones.
+///
+/// Mean over channels and over all 11x11 Gaussian windows (sigma 1.5) that lie inside the image of
+/// (2 ma mb + C1)(2 cab + C2) / ((ma^2 + mb^2 + C1)(va + vb + C2)), C1 = 1e-4, C2 = 9e-4, with population variances.
+/// `a` and `b` are [N, C, H, W] in [0, 1]; differentiable in both. Panics unless the shapes are equal and at least 11 x
+/// 11. The usual loss is (1 - ssim) / 2. Source: Wang et al., Image quality assessment, 2004.
+///
+/// ```
+/// use weaver_autograd::Tape;
+/// let tape = Tape::<f64>::new();
+/// let image = tape.constant_with([1, 3, 12, 12], |x| x.iter_mut().enumerate().for_each(|(i, x)| *x = i as f64 / 432.0));
+/// assert!((weaver_losses::ssim(image, image).item() - 1.0).abs() < 1e-12);
+/// ```
+#[track_caller]
+pub fn ssim<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>) -> Var<'t, T> {
+    ssim_with(a, b, Covariance::Population)
+}
+
+/// [`ssim`] with a choice of how variances are normalised.
+#[track_caller]
+pub fn ssim_with<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>, covariance: Covariance) -> Var<'t, T> {
+    let [similarity] = a.tape().apply(Ssim { covariance }, &[a, b]);
+    similarity
+}

@@ -1,0 +1,220 @@
+//! Structural similarity of one image plane, and its gradient: the kernel behind the loss and the metric.
+
+use weaver_autograd::Real;
+use weaver_kernels::simd;
+
+/// Width of the Gaussian window.
+pub(crate) const WINDOW: usize = 11;
+/// What the window loses of an image's height and width.
+pub(crate) const BORDER: usize = WINDOW - 1;
+const SIGMA: f64 = 1.5;
+/// (0.01 L)^2 and (0.03 L)^2 for images in [0, 1].
+const C1: f64 = 1e-4;
+const C2: f64 = 9e-4;
+/// Subtracted from the images before squaring: variances do not depend on it, but lose less to rounding.
+const CENTRE: f64 = 0.5;
+
+/// How variances and covariances in a window are normalised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Covariance {
+    /// By the number of pixels: E[ab] - E[a] E[b].
+    Population,
+    /// By the number of pixels less one, here 121/120 times as much, as scikit-image does.
+    Sample,
+}
+
+/// The windows of planes of one size.
+pub(crate) struct Windows<T> {
+    taps: [T; WINDOW],
+    correction: T,
+    height: usize,
+    width: usize,
+}
+
+/// The parts of a workspace.
+struct Parts<'a, T> {
+    /// E over x of a, b, aa, bb, ab, each [H, w]; later the three maps spread over the rows.
+    moments: &'a mut [T],
+    /// Derivatives by E[a], E[aa] and E[ab], each [h, w].
+    maps: &'a mut [T],
+    /// Five window means of one row of windows, each [w].
+    row: &'a mut [T],
+    /// One row of pixels.
+    line: &'a mut [T],
+}
+
+/// sum += weight * x.
+#[inline(always)]
+fn add_scaled<T: Real>(sum: &mut [T], weight: T, x: &[T]) {
+    for (s, x) in sum.iter_mut().zip(x) {
+        *s += weight * *x;
+    }
+}
+
+impl<T: Real> Windows<T> {
+    pub fn new([height, width]: [usize; 2], covariance: Covariance) -> Self {
+        let weight = |k: usize| (-0.5 * ((k as f64 - (WINDOW / 2) as f64) / SIGMA).powi(2)).exp();
+        let total: f64 = (0..WINDOW).map(weight).sum();
+        let pixels = (WINDOW * WINDOW) as f64;
+        let correction = match covariance {
+            Covariance::Population => 1.0,
+            Covariance::Sample => pixels / (pixels - 1.0),
+        };
+        let taps = std::array::from_fn(|k| T::from_f64(weight(k) / total));
+        Self { taps, correction: T::from_f64(correction), height, width }
+    }
+
+    /// Rows and columns of windows that lie inside the image.
+    fn inside(&self) -> [usize; 2] {
+        [self.height - BORDER, self.width - BORDER]
+    }
+
+    /// Numbers of scratch that a plane needs.
+    pub fn workspace_len(&self) -> usize {
+        let [h, w] = self.inside();
+        5 * self.height * w + 3 * h * w + 5 * w + self.width
+    }
+
+    fn parts<'a>(&self, workspace: &'a mut [T]) -> Parts<'a, T> {
+        let [h, w] = self.inside();
+        let (moments, rest) = workspace.split_at_mut(5 * self.height * w);
+        let (maps, rest) = rest.split_at_mut(3 * h * w);
+        let (row, rest) = rest.split_at_mut(5 * w);
+        Parts { moments, maps, row, line: &mut rest[..self.width] }
+    }
+
+    /// The mean similarity over all windows inside the planes `a` and `b`, each [H, W].
+    pub fn similarity(&self, a: &[T], b: &[T], workspace: &mut [T]) -> f64 {
+        simd::dispatch(
+            #[inline(always)]
+            || {
+                let parts = self.parts(workspace);
+                self.moments(a, b, parts.moments, parts.line);
+                self.windows(parts.moments, parts.row, None)
+            },
+        )
+    }
+
+    /// Writes the derivative of [`similarity`](Self::similarity) with respect to `a`, times `scale`, to `da` [H, W].
+    pub fn gradient(&self, a: &[T], b: &[T], scale: T, da: &mut [T], workspace: &mut [T]) {
+        simd::dispatch(
+            #[inline(always)]
+            || {
+                let Parts { moments, maps, row, line } = self.parts(workspace);
+                self.moments(a, b, moments, line);
+                self.windows(moments, row, Some(maps));
+                self.spread(maps, moments);
+                let [h, w] = self.inside();
+                let scale = scale / T::from_usize(h * w);
+                self.collect(a, b, scale, moments, line, da);
+            },
+        );
+    }
+
+    /// The window means along x.
+    #[inline(always)]
+    fn moments(&self, a: &[T], b: &[T], moments: &mut [T], line: &mut [T]) {
+        let w = self.width - BORDER;
+        let centre = T::from_f64(CENTRE);
+        for (m, moments) in moments.chunks_exact_mut(self.height * w).enumerate() {
+            for (y, out) in moments.chunks_exact_mut(w).enumerate() {
+                let a = &a[y * self.width..][..self.width];
+                let b = &b[y * self.width..][..self.width];
+                for (p, (a, b)) in line.iter_mut().zip(a.iter().zip(b)) {
+                    let (a, b) = (*a - centre, *b - centre);
+                    *p = match m {
+                        0 => a,
+                        1 => b,
+                        2 => a * a,
+                        3 => b * b,
+                        _ => a * b,
+                    };
+                }
+                out.fill(T::ZERO);
+                for (k, tap) in self.taps.iter().enumerate() {
+                    add_scaled(out, *tap, &line[k..k + w]);
+                }
+            }
+        }
+    }
+
+    /// The mean similarity; and, on request, the derivatives of every window's similarity by E[a], E[aa], E[ab].
+    #[inline(always)]
+    fn windows(&self, moments: &[T], row: &mut [T], mut maps: Option<&mut [T]>) -> f64 {
+        let [h, w] = self.inside();
+        let (c1, c2, centre) = (T::from_f64(C1), T::from_f64(C2), T::from_f64(CENTRE));
+        let (two, correction) = (T::from_f64(2.0), self.correction);
+        let mut total = 0.0;
+        for y in 0..h {
+            row.fill(T::ZERO);
+            for (moments, row) in moments.chunks_exact(self.height * w).zip(row.chunks_exact_mut(w)) {
+                for (k, tap) in self.taps.iter().enumerate() {
+                    add_scaled(row, *tap, &moments[(y + k) * w..][..w]);
+                }
+            }
+            let mut sum = T::ZERO;
+            for x in 0..w {
+                let [ma, mb, aa, bb, ab] = std::array::from_fn(|m| row[m * w + x]);
+                let (mean_a, mean_b) = (ma + centre, mb + centre);
+                let variances = correction * ((aa - ma * ma) + (bb - mb * mb));
+                let covariance = correction * (ab - ma * mb);
+                let brightness_scale = T::ONE / (mean_a * mean_a + mean_b * mean_b + c1);
+                let brightness = (two * mean_a * mean_b + c1) * brightness_scale;
+                let structure_scale = T::ONE / (variances + c2);
+                let structure = (two * covariance + c2) * structure_scale;
+                sum += brightness * structure;
+                if let Some(maps) = &mut maps {
+                    let by_aa = -correction * brightness * structure * structure_scale;
+                    let by_ab = two * correction * brightness * structure_scale;
+                    let by_mean = two * structure * (mean_b - mean_a * brightness) * brightness_scale;
+                    maps[y * w + x] = by_mean - two * ma * by_aa - mb * by_ab;
+                    maps[(h + y) * w + x] = by_aa;
+                    maps[(2 * h + y) * w + x] = by_ab;
+                }
+            }
+            total += sum.to_f64();
+        }
+        total / (h * w) as f64
+    }
+
+    /// Spreads the maps [3, h, w] over the rows that each window covers: [3, H, w].
+    #[inline(always)]
+    fn spread(&self, maps: &[T], rows: &mut [T]) {
+        let [h, w] = self.inside();
+        for (map, rows) in maps.chunks_exact(h * w).zip(rows.chunks_exact_mut(self.height * w)) {
+            for (y, out) in rows.chunks_exact_mut(w).enumerate() {
+                out.fill(T::ZERO);
+                for (k, tap) in self.taps.iter().enumerate() {
+                    if (k..h + k).contains(&y) {
+                        add_scaled(out, *tap, &map[(y - k) * w..][..w]);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Spreads the rows along x and puts the three together: da = scale (A + 2 (a - centre) B + (b - centre) C).
+    #[inline(always)]
+    fn collect(&self, a: &[T], b: &[T], scale: T, rows: &[T], line: &mut [T], da: &mut [T]) {
+        let w = self.width - BORDER;
+        let (two, centre) = (T::from_f64(2.0), T::from_f64(CENTRE));
+        for (y, da) in da.chunks_exact_mut(self.width).enumerate() {
+            let a = &a[y * self.width..][..self.width];
+            let b = &b[y * self.width..][..self.width];
+            for m in 0..3 {
+                let row = &rows[(m * self.height + y) * w..][..w];
+                line.fill(T::ZERO);
+                for (k, tap) in self.taps.iter().enumerate() {
+                    add_scaled(&mut line[k..k + w], *tap, row);
+                }
+                for (x, (da, map)) in da.iter_mut().zip(line.iter()).enumerate() {
+                    match m {
+                        0 => *da = scale * *map,
+                        1 => *da += scale * two * (a[x] - centre) * *map,
+                        _ => *da += scale * (b[x] - centre) * *map,
+                    }
+                }
+            }
+        }
+    }
+}
