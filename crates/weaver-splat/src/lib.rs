@@ -1,1 +1,28 @@
-//! A differentiable CPU rasteriser of 3-D Gaussians with gradients for every parameter and the camera.
+//! A differentiable rasteriser of 3-D Gaussians on the CPU, with gradients for every parameter and for the camera.
+//!
+//! [`rasterize`] draws, [`rasterize_backward`] differentiates; both are plain functions on slices, and [`Workspace`] is all
+//! their memory. [`reference`] does it again, slowly and in another way,
+//! to test against.
+//!
+//! Conventions: world-to-camera matrices, OpenCV axes (x right, y down, z forward), pixel centres at +0.5, quaternions
+//! wxyz, spherical harmonics as in the reference 3DGS implementation.
+
+mod backward;
+mod composite;
+mod dual;
+mod matrix;
+mod project;
+mod project_backward;
+mod rasterize;
+mod rasterize_backward;
+pub mod reference;
+mod scene;
+mod sh;
+mod tiles;
+mod workspace;
+
+pub use rasterize::{Images, RasterStats, rasterize};
+pub use rasterize_backward::{Cotangents, Gradients, Target, rasterize_backward};
+pub use scene::{Cameras, Colour, Gaussians, RasterError, RasterSettings, TileSide};
+pub use sh::MAX_DEGREE;
+pub use workspace::Workspace;

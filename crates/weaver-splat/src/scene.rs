@@ -1,0 +1,267 @@
+//! What is drawn, from where, and by which settings.
+
+use crate::matrix::{self, Mat33, Vec3};
+use crate::sh;
+use std::fmt;
+use weaver_kernels::Real;
+
+/// The Gaussians of a scene, as structure of arrays. `N` is the number of Gaussians.
+#[derive(Clone, Copy, Debug)]
+pub struct Gaussians<'a, T> {
+    /// Centres in world units, [N, 3].
+    pub means: &'a [T],
+    /// Rotations from the Gaussian's axes to the world's, quaternions in wxyz order, of any length but zero, [N, 4].
+    pub quats: &'a [T],
+    /// Standard deviations along the Gaussian's axes in world units (not their logarithms), [N, 3].
+    pub scales: &'a [T],
+    /// Opacities in [0, 1] (not their logits), [N].
+    pub opacities: &'a [T],
+    /// Colours.
+    pub colour: Colour<'a, T>,
+}
+
+/// The colours of the Gaussians.
+#[derive(Clone, Copy, Debug)]
+pub enum Colour<'a, T> {
+    /// The same from all sides, [N, 3], not clamped.
+    Plain(&'a [T]),
+    /// Spherical harmonics in world axes, [N, K, 3] with K = (degree + 1)^2; the colour seen along the direction
+    /// from the camera centre to the mean is `max(sum of basis times coefficient + 0.5, 0)`.
+    Sh {
+        /// [N, K, 3].
+        coefficients: &'a [T],
+        /// 0 to 4.
+        degree: usize,
+    },
+}
+
+impl<'a, T> Colour<'a, T> {
+    /// All numbers, and how many belong to one Gaussian.
+    pub(crate) fn values(&self) -> (&'a [T], usize) {
+        match *self {
+            Colour::Plain(values) => (values, 3),
+            Colour::Sh { coefficients, degree } => (coefficients, 3 * (degree + 1) * (degree + 1)),
+        }
+    }
+}
+
+/// `V` pinhole cameras with images of one size.
+#[derive(Clone, Copy, Debug)]
+pub struct Cameras<'a, T> {
+    /// World to camera, OpenCV axes, [V, 3, 4] or [V, 4, 4] (the last row is not read): p = A m + t. A and t are twelve
+    /// free numbers; nothing assumes that A is a rotation.
+    pub viewmats: &'a [T],
+    /// fx, fy, cx, cy in pixels, pixel centres at +0.5, [V, 4].
+    pub intrinsics: &'a [T],
+    /// What is seen where nothing is, [V, 3], or [3] for all views.
+    pub background: &'a [T],
+    /// Image width in pixels.
+    pub width: usize,
+    /// Image height in pixels.
+    pub height: usize,
+}
+
+impl<T: Real> Cameras<'_, T> {
+    /// Number of views.
+    pub fn views(&self) -> usize {
+        self.intrinsics.len() / 4
+    }
+
+    /// Numbers of one view's matrix, 12 or 16.
+    pub(crate) fn matrix_len(&self) -> usize {
+        self.viewmats.len() / self.views().max(1)
+    }
+
+    /// The background of view `v`.
+    pub(crate) fn background_of(&self, v: usize) -> Vec3<T> {
+        let at = if self.background.len() == 3 { 0 } else { 3 * v };
+        [self.background[at], self.background[at + 1], self.background[at + 2]]
+    }
+
+    /// View `v`, ready to project with.
+    pub(crate) fn view(&self, v: usize) -> Viewpoint<T> {
+        let m = &self.viewmats[v * self.matrix_len()..];
+        let k = &self.intrinsics[4 * v..];
+        let axes: Mat33<T> = std::array::from_fn(|i| std::array::from_fn(|j| m[4 * i + j]));
+        let shift: Vec3<T> = std::array::from_fn(|i| m[4 * i + 3]);
+        let inverse = matrix::inverse(&axes);
+        let centre = matrix::apply(&inverse, shift.map(|x| -x.to_f64())).map(T::from_f64);
+        let (focal, principal) = ([k[0], k[1]], [k[2], k[3]]);
+        let size = [T::from_usize(self.width), T::from_usize(self.height)];
+        // The frustum, widened by 30 % of half its size, bounds x/z and y/z in the Jacobian.
+        let margin = T::from_f64(0.15);
+        let low = std::array::from_fn(|i| -(principal[i] + margin * size[i]) / focal[i]);
+        let high = std::array::from_fn(|i| (size[i] - principal[i] + margin * size[i]) / focal[i]);
+        Viewpoint { axes, shift, inverse, centre, focal, principal, low, high }
+    }
+}
+
+/// One camera.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Viewpoint<T> {
+    /// A.
+    pub axes: Mat33<T>,
+    /// t.
+    pub shift: Vec3<T>,
+    /// A^-1.
+    pub inverse: Mat33<f64>,
+    /// -A^-1 t.
+    pub centre: Vec3<T>,
+    /// fx, fy.
+    pub focal: [T; 2],
+    /// cx, cy.
+    pub principal: [T; 2],
+    /// Lower limits of x/z and y/z in the Jacobian.
+    pub low: [T; 2],
+    /// Upper limits.
+    pub high: [T; 2],
+}
+
+/// The rules of drawing that can be chosen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RasterSettings {
+    /// Gaussians whose mean is nearer than this along the optical axis are not drawn, world units.
+    pub near: f64,
+    /// Nor those farther than this.
+    pub far: f64,
+    /// Variance added to both image axes, pixels squared: a low-pass filter.
+    pub eps2d: f64,
+    /// Largest alpha of one Gaussian at one pixel.
+    pub alpha_max: f64,
+    /// Whether the opacity is lowered by `sqrt(det S / det(S + eps2d I))`, which undoes the gain in size by the blur.
+    pub antialiased: bool,
+    /// Gaussians with three standard deviations of their longest image axis below this many pixels are not drawn; 0
+    /// draws all.
+    pub radius_clip: f64,
+    /// Side of the square tiles. A choice of speed: images do not depend on it.
+    pub tile: TileSide,
+}
+
+/// Side of a tile, pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TileSide {
+    /// 8 pixels.
+    Eight,
+    /// 16 pixels.
+    Sixteen,
+    /// 32 pixels.
+    ThirtyTwo,
+}
+
+impl TileSide {
+    /// In pixels.
+    pub fn pixels(self) -> usize {
+        match self {
+            TileSide::Eight => 8,
+            TileSide::Sixteen => 16,
+            TileSide::ThirtyTwo => 32,
+        }
+    }
+}
+
+impl Default for RasterSettings {
+    fn default() -> Self {
+        Self {
+            near: 0.01,
+            far: 1e10,
+            eps2d: 0.3,
+            alpha_max: 0.99,
+            antialiased: false,
+            radius_clip: 0.0,
+            tile: TileSide::Sixteen,
+        }
+    }
+}
+
+impl RasterSettings {
+    /// The settings of the published SplatWeaver: gsplat 1.4.0 with near plane 1e-10 and alpha up to 0.999.
+    pub fn published() -> Self {
+        Self { near: 1e-10, alpha_max: 0.999, ..Self::default() }
+    }
+}
+
+/// Alpha below which a Gaussian leaves a pixel alone.
+pub(crate) const ALPHA_MIN: f64 = 1.0 / 255.0;
+/// A pixel ends before the Gaussian that would bring its transmittance to this or less.
+pub(crate) const TRANSMITTANCE_END: f64 = 1e-4;
+/// Smallest antialiasing ratio of determinants; no gradient flows through it where it holds.
+pub(crate) const RATIO_FLOOR: f64 = 0.005 * 0.005;
+
+/// Arguments that do not fit together.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RasterError {
+    message: String,
+}
+
+impl RasterError {
+    pub(crate) fn new(message: impl Into<String>) -> Self {
+        Self { message: message.into() }
+    }
+}
+
+impl fmt::Display for RasterError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "rasterize: {}", self.message)
+    }
+}
+
+impl std::error::Error for RasterError {}
+
+/// The sizes of a call.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Extent {
+    /// N.
+    pub gaussians: usize,
+    /// V.
+    pub views: usize,
+    /// Numbers per Gaussian's colour.
+    pub colour_len: usize,
+    /// W.
+    pub width: usize,
+    /// H.
+    pub height: usize,
+    /// Pixels per tile side.
+    pub side: usize,
+}
+
+/// `length == expected`, or an error that names the argument.
+pub(crate) fn expect_len(name: &str, length: usize, expected: usize) -> Result<(), RasterError> {
+    if length == expected {
+        return Ok(());
+    }
+    Err(RasterError::new(format!("{name} has {length} numbers, expected {expected}")))
+}
+
+/// Checks that everything fits together.
+pub(crate) fn extent<T: Real>(
+    gaussians: &Gaussians<'_, T>,
+    cameras: &Cameras<'_, T>,
+    settings: &RasterSettings,
+) -> Result<Extent, RasterError> {
+    let (n, v) = (gaussians.opacities.len(), cameras.views());
+    if let Colour::Sh { degree, .. } = gaussians.colour
+        && degree > sh::MAX_DEGREE
+    {
+        return Err(RasterError::new(format!("spherical harmonics of degree {degree}, the largest is {}", sh::MAX_DEGREE)));
+    }
+    let (colours, colour_len) = gaussians.colour.values();
+    expect_len("means", gaussians.means.len(), 3 * n)?;
+    expect_len("quats", gaussians.quats.len(), 4 * n)?;
+    expect_len("scales", gaussians.scales.len(), 3 * n)?;
+    expect_len("colours", colours.len(), colour_len * n)?;
+    expect_len("intrinsics", cameras.intrinsics.len(), 4 * v)?;
+    if cameras.viewmats.len() != 16 * v {
+        expect_len("viewmats", cameras.viewmats.len(), 12 * v)?;
+    }
+    if cameras.background.len() != 3 {
+        expect_len("background", cameras.background.len(), 3 * v)?;
+    }
+    let (width, height) = (cameras.width, cameras.height);
+    if width == 0 || height == 0 || width > 1 << 20 || height > 1 << 20 {
+        return Err(RasterError::new(format!("an image of {width} x {height} pixels")));
+    }
+    if v.checked_mul(n).is_none_or(|all| all >= u32::MAX as usize) {
+        return Err(RasterError::new(format!("{v} views of {n} Gaussians are too many for one call")));
+    }
+    Ok(Extent { gaussians: n, views: v, colour_len, width, height, side: settings.tile.pixels() })
+}

@@ -1,0 +1,109 @@
+//! Real spherical harmonics, degree 0 to 4, with the signs and the order of the reference 3DGS implementation.
+
+use crate::dual::{Dual, Scalar};
+use crate::matrix::{Vec3, dot};
+use weaver_kernels::Real;
+
+/// Number of coefficients per channel at the largest degree, 4.
+pub(crate) const MAX_TERMS: usize = 25;
+
+/// The largest degree supported.
+pub const MAX_DEGREE: usize = 4;
+
+/// The basis functions of degree 0 to `degree` in the direction of the unit vector (x, y, z); the rest of the
+/// array is zero.
+#[inline(always)]
+pub(crate) fn basis<S: Scalar>(degree: usize, [x, y, z]: [S; 3]) -> [S; MAX_TERMS] {
+    let c = S::constant;
+    let mut b = [c(0.0); MAX_TERMS];
+    b[0] = c(0.282_094_791_773_878_14);
+    if degree < 1 {
+        return b;
+    }
+    let first = c(0.488_602_511_902_919_9);
+    b[1] = -(first * y);
+    b[2] = first * z;
+    b[3] = -(first * x);
+    if degree < 2 {
+        return b;
+    }
+    let (xx, yy, zz, xy, yz, xz) = (x * x, y * y, z * z, x * y, y * z, x * z);
+    b[4] = c(1.092_548_430_592_079_2) * xy;
+    b[5] = c(-1.092_548_430_592_079_2) * yz;
+    b[6] = c(0.315_391_565_252_520_05) * (zz + zz - xx - yy);
+    b[7] = c(-1.092_548_430_592_079_2) * xz;
+    b[8] = c(0.546_274_215_296_039_6) * (xx - yy);
+    if degree < 3 {
+        return b;
+    }
+    let four = c(4.0) * zz - xx - yy;
+    b[9] = c(-0.590_043_589_926_643_5) * y * (c(3.0) * xx - yy);
+    b[10] = c(2.890_611_442_640_554) * xy * z;
+    b[11] = c(-0.457_045_799_464_465_8) * y * four;
+    b[12] = c(0.373_176_332_590_115_4) * z * (c(2.0) * zz - c(3.0) * (xx + yy));
+    b[13] = c(-0.457_045_799_464_465_8) * x * four;
+    b[14] = c(1.445_305_721_320_277) * z * (xx - yy);
+    b[15] = c(-0.590_043_589_926_643_5) * x * (xx - c(3.0) * yy);
+    if degree < 4 {
+        return b;
+    }
+    let seven = c(7.0) * zz;
+    b[16] = c(2.503_342_941_796_704_6) * xy * (xx - yy);
+    b[17] = c(-1.770_130_769_779_930_4) * yz * (c(3.0) * xx - yy);
+    b[18] = c(0.946_174_695_757_560_1) * xy * (seven - c(1.0));
+    b[19] = c(-0.669_046_543_557_289_2) * yz * (seven - c(3.0));
+    b[20] = c(0.105_785_546_915_204_31) * (zz * (c(35.0) * zz - c(30.0)) + c(3.0));
+    b[21] = c(-0.669_046_543_557_289_2) * xz * (seven - c(3.0));
+    b[22] = c(0.473_087_347_878_780_04) * (xx - yy) * (seven - c(1.0));
+    b[23] = c(-1.770_130_769_779_930_4) * xz * (xx - c(3.0) * yy);
+    b[24] = c(0.625_835_735_449_176_1) * (xx * (xx - c(3.0) * yy) - yy * (c(3.0) * xx - yy));
+    b
+}
+
+/// The unit vector along `v` and the length of `v`.
+#[inline(always)]
+fn direction<T: Real>(v: Vec3<T>) -> (Vec3<T>, T) {
+    let length = dot(v, v).sqrt();
+    (v.map(|x| x / length), length)
+}
+
+/// sum over k of b_k(v / |v|) coefficients_k + 0.5, before the clamp at zero. `coefficients` are [K, 3].
+#[inline(always)]
+pub(crate) fn colour<T: Real>(degree: usize, v: Vec3<T>, coefficients: &[T]) -> Vec3<T> {
+    let b = if degree == 0 { basis(0, [T::ZERO; 3]) } else { basis(degree, direction(v).0) };
+    let mut colour = [T::from_f64(0.5); 3];
+    for (k, term) in coefficients.chunks_exact(3).enumerate() {
+        for channel in 0..3 {
+            colour[channel] += b[k] * term[channel];
+        }
+    }
+    colour
+}
+
+/// Backward of [`colour`]: calls `each(k, d colour sum / d coefficient_k)` for every k, the same number for the
+/// three channels, and returns the gradient with respect to v.
+#[inline(always)]
+pub(crate) fn colour_backward<T: Real>(
+    degree: usize,
+    v: Vec3<T>,
+    coefficients: &[T],
+    dcolour: Vec3<T>,
+    mut each: impl FnMut(usize, T),
+) -> Vec3<T> {
+    if degree == 0 {
+        each(0, basis(0, [T::ZERO; 3])[0]);
+        return [T::ZERO; 3];
+    }
+    let (unit, length) = direction(v);
+    let b = basis(degree, std::array::from_fn(|i| Dual::<T, 3>::variable(unit[i], i)));
+    let mut dunit = [T::ZERO; 3];
+    for (k, term) in coefficients.chunks_exact(3).enumerate() {
+        each(k, b[k].value);
+        let weight = dot(dcolour, [term[0], term[1], term[2]]);
+        for i in 0..3 {
+            dunit[i] += weight * b[k].partials[i];
+        }
+    }
+    let along = dot(unit, dunit);
+    std::array::from_fn(|i| (dunit[i] - unit[i] * along) / length)
+}

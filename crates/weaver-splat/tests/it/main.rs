@@ -1,0 +1,9 @@
+//! Tests of the rasteriser.
+
+mod differences;
+mod hostile;
+mod invariance;
+mod parity;
+mod rules;
+mod scene;
+mod twin;

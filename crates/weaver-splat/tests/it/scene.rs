@@ -1,0 +1,229 @@
+//! Random scenes, and one call that renders and differentiates them.
+
+use weaver_kernels::{Real, random::Stream};
+use weaver_splat::{
+    Cameras, Colour, Cotangents, Gaussians, Gradients, Images, RasterSettings, RasterStats, Target, Workspace, rasterize,
+    rasterize_backward,
+};
+
+/// Everything that is drawn.
+#[derive(Clone, Debug)]
+pub struct Scene<T> {
+    pub means: Vec<T>,
+    pub quats: Vec<T>,
+    pub scales: Vec<T>,
+    pub opacities: Vec<T>,
+    pub colours: Vec<T>,
+    pub degree: Option<usize>,
+    pub viewmats: Vec<T>,
+    pub intrinsics: Vec<T>,
+    pub background: Vec<T>,
+    pub width: usize,
+    pub height: usize,
+    pub settings: RasterSettings,
+}
+
+/// Images of a scene, or cotangents for them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Planes<T> {
+    pub image: Vec<T>,
+    pub alpha: Vec<T>,
+    pub depth: Vec<T>,
+}
+
+/// Names of the gradients, in the order of [`gradients`].
+pub const NAMES: [&str; 9] = [
+    "means",
+    "quats",
+    "scales",
+    "opacities",
+    "colours",
+    "viewmats",
+    "intrinsics",
+    "background",
+    "centre_pull",
+];
+
+impl Scene<f64> {
+    /// `n` Gaussians around the view of `views` cameras: some behind, some out of sight, some opaque; cameras are not quite
+    /// rigid, principal points are off centre, quaternions not normalised.
+    pub fn random(seed: u64, n: usize, views: usize, (width, height): (usize, usize), degree: Option<usize>) -> Self {
+        let stream = Stream::new(seed, 0, "splat.test");
+        let normal = |purpose: u64, i: usize| stream.fork(purpose).normal::<f64>(i as u64);
+        let uniform = |purpose: u64, i: usize| stream.fork(purpose).uniform::<f64>(i as u64);
+        let focal = 0.9 * width.max(height) as f64;
+        let colour_len = degree.map_or(3, |d| 3 * (d + 1) * (d + 1));
+        let mut scene = Self {
+            means: Vec::new(),
+            quats: (0..4 * n).map(|i| normal(0, i)).collect(),
+            scales: (0..3 * n).map(|i| 0.25 * (0.7 * normal(1, i)).exp()).collect(),
+            opacities: (0..n).map(|i| 1.0 / (1.0 + (-1.5 * normal(2, i)).exp())).collect(),
+            colours: (0..colour_len * n).map(|i| 0.5 * normal(3, i)).collect(),
+            degree,
+            viewmats: Vec::new(),
+            intrinsics: Vec::new(),
+            background: (0..3 * views).map(|i| uniform(4, i)).collect(),
+            width,
+            height,
+            settings: RasterSettings::default(),
+        };
+        for i in 0..n {
+            let z = if uniform(5, i) < 0.05 { -1.0 } else { 1.0 + 4.0 * uniform(6, i) };
+            scene.means.extend([0.7 * normal(7, i) * z, 0.7 * normal(8, i) * z, z]);
+        }
+        for v in 0..views {
+            for i in 0..3 {
+                for j in 0..4 {
+                    let identity = if i == j { 1.0 } else { 0.0 };
+                    scene.viewmats.push(identity + 0.08 * normal(9, 12 * v + 4 * i + j));
+                }
+            }
+            let jitter = |i: usize| 1.0 + 0.1 * normal(10, 4 * v + i);
+            scene.intrinsics.extend([focal * jitter(0), focal * jitter(1)]);
+            scene.intrinsics.extend([width as f64 / 2.0 * jitter(2), height as f64 / 2.0 * jitter(3)]);
+        }
+        scene
+    }
+
+    /// Random cotangents.
+    pub fn cotangents(&self, seed: u64) -> Planes<f64> {
+        let stream = Stream::new(seed, 1, "splat.test");
+        let pixels = self.pixels();
+        let draw = |purpose: u64, n: usize| (0..n as u64).map(|i| stream.fork(purpose).normal(i)).collect();
+        Planes { image: draw(0, 3 * pixels), alpha: draw(1, pixels), depth: draw(2, pixels) }
+    }
+
+    /// The arrays that have gradients, in the order of [`NAMES`].
+    pub fn parts(&mut self) -> [&mut Vec<f64>; 8] {
+        [
+            &mut self.means,
+            &mut self.quats,
+            &mut self.scales,
+            &mut self.opacities,
+            &mut self.colours,
+            &mut self.viewmats,
+            &mut self.intrinsics,
+            &mut self.background,
+        ]
+    }
+
+    /// The same in `f32`.
+    pub fn to_f32(&self) -> Scene<f32> {
+        let round = |values: &[f64]| values.iter().map(|&x| x as f32).collect();
+        Scene {
+            means: round(&self.means),
+            quats: round(&self.quats),
+            scales: round(&self.scales),
+            opacities: round(&self.opacities),
+            colours: round(&self.colours),
+            degree: self.degree,
+            viewmats: round(&self.viewmats),
+            intrinsics: round(&self.intrinsics),
+            background: round(&self.background),
+            width: self.width,
+            height: self.height,
+            settings: self.settings,
+        }
+    }
+}
+
+impl<T: Real> Scene<T> {
+    pub fn views(&self) -> usize {
+        self.intrinsics.len() / 4
+    }
+
+    pub fn pixels(&self) -> usize {
+        self.views() * self.width * self.height
+    }
+
+    pub fn gaussians(&self) -> Gaussians<'_, T> {
+        Gaussians {
+            means: &self.means,
+            quats: &self.quats,
+            scales: &self.scales,
+            opacities: &self.opacities,
+            colour: match self.degree {
+                None => Colour::Plain(&self.colours),
+                Some(degree) => Colour::Sh { coefficients: &self.colours, degree },
+            },
+        }
+    }
+
+    pub fn cameras(&self) -> Cameras<'_, T> {
+        Cameras {
+            viewmats: &self.viewmats,
+            intrinsics: &self.intrinsics,
+            background: &self.background,
+            width: self.width,
+            height: self.height,
+        }
+    }
+
+    /// Renders with a given workspace.
+    pub fn render_in(&self, workspace: &mut Workspace<T>) -> (Planes<T>, RasterStats) {
+        let pixels = self.pixels();
+        let nan = T::from_f64(f64::NAN);
+        let mut out = Planes { image: vec![nan; 3 * pixels], alpha: vec![nan; pixels], depth: vec![nan; pixels] };
+        let images = Images { image: &mut out.image, alpha: &mut out.alpha, depth: &mut out.depth };
+        let stats = rasterize(&self.gaussians(), &self.cameras(), &self.settings, workspace, images).unwrap();
+        (out, stats)
+    }
+
+    pub fn render(&self) -> Planes<T> {
+        self.render_in(&mut Workspace::new()).0
+    }
+
+    /// All gradients, in the order of [`NAMES`].
+    pub fn gradients(&self, cotangents: &Planes<T>) -> [Vec<T>; 9] {
+        let mut workspace = Workspace::new();
+        self.render_in(&mut workspace);
+        let n = self.opacities.len();
+        let lengths = [
+            3 * n,
+            4 * n,
+            3 * n,
+            n,
+            self.colours.len(),
+            self.viewmats.len(),
+            self.intrinsics.len(),
+            self.background.len(),
+            2 * n * self.views(),
+        ];
+        let mut out = lengths.map(|len| vec![T::from_f64(f64::NAN); len]);
+        let [means, quats, scales, opacities, colours, viewmats, intrinsics, background, centre_pull] =
+            out.each_mut().map(|values| Some(Target::write(&mut values[..])));
+        rasterize_backward(
+            &self.gaussians(),
+            &self.cameras(),
+            &self.settings,
+            &mut workspace,
+            &Cotangents {
+                image: Some(&cotangents.image),
+                alpha: Some(&cotangents.alpha),
+                depth: Some(&cotangents.depth),
+            },
+            Gradients { means, quats, scales, opacities, colours, viewmats, intrinsics, background, centre_pull },
+        )
+        .unwrap();
+        out
+    }
+}
+
+impl<T: Real> Planes<T> {
+    /// Everything in a row.
+    pub fn flat(&self) -> Vec<f64> {
+        [&self.image, &self.alpha, &self.depth].into_iter().flatten().map(|x| x.to_f64()).collect()
+    }
+}
+
+/// |a - b| / max(|b|, floor), Euclidean norms; an infinite number where something is not finite.
+pub fn relative<T: Real>(a: &[T], b: &[f64], floor: f64) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let mut difference = 0.0;
+    let mut norm = 0.0;
+    for (a, b) in a.iter().zip(b) {
+        difference += (a.to_f64() - b).powi(2);
+        norm += b * b;
+    }
+    if difference.is_finite() { difference.sqrt() / norm.sqrt().max(floor) } else { f64::INFINITY }
+}

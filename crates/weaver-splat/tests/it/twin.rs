@@ -1,0 +1,51 @@
+//! The fast rasteriser against the slow reference.
+
+use crate::scene::{NAMES, Planes, Scene, relative};
+use proptest::prelude::*;
+use weaver_splat::{Cotangents, RasterSettings, TileSide, reference};
+
+pub fn reference_gradients(scene: &Scene<f64>, cotangents: &Planes<f64>) -> [Vec<f64>; 9] {
+    let cotangents = Cotangents {
+        image: Some(&cotangents.image),
+        alpha: Some(&cotangents.alpha),
+        depth: Some(&cotangents.depth),
+    };
+    let d = reference::rasterize_backward(&scene.gaussians(), &scene.cameras(), &scene.settings, &cotangents).unwrap();
+    [d.means, d.quats, d.scales, d.opacities, d.colours, d.viewmats, d.intrinsics, d.background, d.centre_pull]
+}
+
+pub fn reference_planes(scene: &Scene<f64>) -> Planes<f64> {
+    let r = reference::rasterize(&scene.gaussians(), &scene.cameras(), &scene.settings).unwrap();
+    Planes { image: r.image, alpha: r.alpha, depth: r.depth }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn agrees_with_the_reference(
+        seed: u64,
+        n in 0_usize..60,
+        views in 1_usize..4,
+        size in (1_usize..40, 1_usize..40),
+        degree in prop::option::of(0_usize..=4),
+        antialiased: bool,
+        tile in prop::sample::select(vec![TileSide::Eight, TileSide::Sixteen, TileSide::ThirtyTwo]),
+        published: bool,
+        thin: bool,
+    ) {
+        let mut scene = Scene::random(seed, n, views, size, degree);
+        let base = if published { RasterSettings::published() } else { RasterSettings::default() };
+        scene.settings = RasterSettings { antialiased, tile, ..base };
+        if thin {
+            scene.scales.iter_mut().step_by(3).for_each(|s| *s *= 1e-3);
+        }
+        prop_assert!(relative(&scene.render().flat(), &reference_planes(&scene).flat(), 1e-3) < 1e-11);
+        let cotangents = scene.cotangents(seed);
+        let expected = reference_gradients(&scene, &cotangents);
+        for ((name, fast), slow) in NAMES.iter().zip(&scene.gradients(&cotangents)).zip(&expected) {
+            let error = relative(fast, slow, 1e-3);
+            prop_assert!(error < 1e-9, "{name}: {error}");
+        }
+    }
+}
