@@ -1,7 +1,7 @@
 //! Layer normalisation over the last axis.
 
 use crate::{Buffer, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
-use weaver_kernels::{Real, parallel, reduce::column_sums};
+use weaver_kernels::{Real, layer_norm};
 
 #[derive(Debug)]
 struct LayerNorm<T: Real> {
@@ -20,25 +20,11 @@ impl<T: Real> Op<T> for LayerNorm<T> {
         Ok(Shapes::one(ins[0]))
     }
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], pool: &Pool) {
-        let (x, width) = (&ins[0], ins[0].shape().last());
-        let mut statistics = pool.buffer(2 * x.shape().rows());
-        let scale = T::ONE / T::from_usize(width);
-        parallel::for_chunks(&mut statistics, 2, |row, s| {
-            let x = &x[row * width..][..width];
-            let mean = x.iter().copied().sum::<T>() * scale;
-            let variance = x.iter().map(|x| (*x - mean) * (*x - mean)).sum::<T>() * scale;
-            s[0] = mean;
-            s[1] = T::ONE / (variance + T::from_f64(self.eps)).sqrt();
-        });
-        let affine = ins.get(1).zip(ins.get(2));
-        parallel::for_chunks(&mut outs[0], width, |row, y| {
-            let (mean, rstd) = (statistics[2 * row], statistics[2 * row + 1]);
-            let x = &x[row * width..][..width];
-            y.iter_mut().zip(x).for_each(|(y, x)| *y = (*x - mean) * rstd);
-            if let Some((w, b)) = affine {
-                y.iter_mut().zip(w.iter().zip(b.iter())).for_each(|(y, (w, b))| *y = *y * *w + *b);
-            }
-        });
+        let width = ins[0].shape().last();
+        let mut statistics = pool.buffer(2 * ins[0].shape().rows());
+        let affine = ins.get(1).zip(ins.get(2)).map(|(w, b)| (w.data(), b.data()));
+        let eps = T::from_f64(self.eps);
+        layer_norm::layer_norm_forward(width, eps, &ins[0], affine, &mut outs[0], &mut statistics);
         self.statistics = Some(statistics);
     }
     fn backward(
@@ -50,31 +36,15 @@ impl<T: Real> Op<T> for LayerNorm<T> {
         _pool: &Pool,
     ) {
         let (x, dy, width) = (&ins[0], &douts[0], ins[0].shape().last());
-        let statistics = self.statistics.as_ref().expect("forward came first");
-        let normal = |row: usize, i: usize| (x[row * width + i] - statistics[2 * row]) * statistics[2 * row + 1];
-        let rows = x.shape().rows();
+        let statistics = self.statistics.as_ref().expect("the forward pass came first");
         if let Some(dx) = &mut dins[0] {
-            let w = ins.get(1);
-            let scale = T::ONE / T::from_usize(width);
-            let (dx, beta) = dx.target();
-            parallel::for_chunks(dx, width, |row, dx| {
-                let g = |i: usize| dy[row * width + i] * w.map_or(T::ONE, |w| w[i]);
-                let mean = (0..width).map(g).sum::<T>() * scale;
-                let along = (0..width).map(|i| g(i) * normal(row, i)).sum::<T>() * scale;
-                for (i, dx) in dx.iter_mut().enumerate() {
-                    let d = statistics[2 * row + 1] * (g(i) - mean - normal(row, i) * along);
-                    *dx = if beta == T::ZERO { d } else { *dx + d };
-                }
-            });
+            layer_norm::layer_norm_dx(width, x, ins.get(1).map(View::data), statistics, dy, dx.target());
         }
         if let Some(Some(dw)) = dins.get_mut(1) {
-            let dw = dw.accumulator();
-            for row in 0..rows {
-                dw.iter_mut().enumerate().for_each(|(i, dw)| *dw += dy[row * width + i] * normal(row, i));
-            }
+            layer_norm::layer_norm_dw(width, x, statistics, dy, dw.target());
         }
         if let Some(Some(db)) = dins.get_mut(2) {
-            column_sums(rows, width, dy, db.target());
+            layer_norm::layer_norm_db(width, dy, db.target());
         }
     }
 }

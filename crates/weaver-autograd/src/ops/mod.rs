@@ -1,23 +1,39 @@
 //! The built-in ops, one per file; most are methods of [`Var`](crate::Var).
 
 pub mod activations;
+mod attention;
 mod blocks;
 mod concat;
+mod conv2d;
+mod conv_transpose2d;
+mod cross_entropy;
 mod expand;
 mod gather_rows;
+mod huber;
 mod layer_norm;
 mod linear;
+mod log_softmax;
 mod matmul;
+mod normalize_rows;
 mod permute;
 pub mod pointwise_ops;
 mod rows;
+mod scale_residual;
 mod scatter_add_rows;
 mod slice;
 mod softmax;
+mod straight_through;
 mod strided;
 mod sum;
 mod sum_axis;
 
+pub use attention::attention;
 pub use concat::concat;
+pub use conv_transpose2d::conv_transpose2d;
+pub use conv2d::conv2d;
+pub use cross_entropy::cross_entropy;
+pub use huber::{Huber, huber};
 pub use linear::{Activation, linear};
+pub use scale_residual::scale_residual;
 pub use slice::split;
+pub use straight_through::straight_through;

@@ -1,0 +1,20 @@
+//! The Huber loss, elementwise.
+
+use crate::{Var, apply_pointwise, pointwise};
+use weaver_kernels::Real;
+
+pointwise!(
+    /// Half the squared difference up to `delta`, beyond it linear with the same slope.
+    pub Huber { delta: f64 }, 2, |x, y| {
+        let d = (x - y).abs();
+        if d.value.to_f64() <= delta { d * d * 0.5 } else { (d - 0.5 * delta) * delta }
+    }
+);
+
+/// (x - y)^2 / 2 where |x - y| <= delta, else delta (|x - y| - delta / 2), elementwise (Huber 1964).
+///
+/// x and y have one shape, or one is a single element. Differentiable in both.
+#[track_caller]
+pub fn huber<'t, T: Real>(x: Var<'t, T>, y: Var<'t, T>, delta: f64) -> Var<'t, T> {
+    apply_pointwise(Huber { delta }, [x, y])
+}

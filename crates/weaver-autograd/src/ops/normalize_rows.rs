@@ -1,0 +1,75 @@
+//! Rows brought to unit length.
+
+use crate::op::GRAIN;
+use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_kernels::{Real, parallel};
+
+#[derive(Debug)]
+struct NormalizeRows {
+    eps: f64,
+}
+
+fn length<T: Real>(x: &[T]) -> T {
+    x.iter().map(|x| *x * *x).sum::<T>().sqrt()
+}
+
+impl<T: Real> Op<T> for NormalizeRows {
+    fn name(&self) -> &'static str {
+        "normalize_rows"
+    }
+    fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
+        ensure_shape!(ins.len() == 1 && ins[0].rank() > 0, "x [.., D]");
+        Ok(Shapes::one(ins[0]))
+    }
+    fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
+        let (x, width) = (&ins[0], ins[0].shape().last().max(1));
+        let rows = GRAIN.div_ceil(width);
+        parallel::for_chunks(&mut outs[0], rows * width, |chunk, y| {
+            let x = &x[chunk * rows * width..];
+            for (y, x) in y.chunks_exact_mut(width).zip(x.chunks_exact(width)) {
+                let scale = T::ONE / (length(x) + T::from_f64(self.eps));
+                y.iter_mut().zip(x).for_each(|(y, x)| *y = *x * scale);
+            }
+        });
+    }
+    fn backward(
+        &self,
+        ins: &[View<'_, T>],
+        outs: &[View<'_, T>],
+        douts: &[View<'_, T>],
+        dins: &mut [Option<Grad<'_, T>>],
+        _pool: &Pool,
+    ) {
+        let Some(dx) = &mut dins[0] else { return };
+        let (x, y, dy, width) = (&ins[0], &outs[0], &douts[0], ins[0].shape().last().max(1));
+        let rows = GRAIN.div_ceil(width);
+        let (dx, beta) = dx.target();
+        parallel::for_chunks(dx, rows * width, |chunk, dx| {
+            for (r, dx) in dx.chunks_exact_mut(width).enumerate() {
+                let row = (chunk * rows + r) * width..(chunk * rows + r + 1) * width;
+                let (x, y, dy) = (&x[row.clone()], &y[row.clone()], &dy[row]);
+                let norm = length(x);
+                // dx = (dy - x (y . dy) / |x|) / (|x| + eps), and 0 where there is no direction.
+                let (scale, along) = if norm > T::ZERO {
+                    let along = y.iter().zip(dy).map(|(y, dy)| *y * *dy).sum::<T>() / norm;
+                    (T::ONE / (norm + T::from_f64(self.eps)), along)
+                } else {
+                    (T::ZERO, T::ZERO)
+                };
+                for ((dx, x), dy) in dx.iter_mut().zip(x).zip(dy) {
+                    let d = (*dy - *x * along) * scale;
+                    *dx = if beta == T::ZERO { d } else { *dx + d };
+                }
+            }
+        });
+    }
+}
+
+impl<'t, T: Real> Var<'t, T> {
+    /// Every row of the last axis divided by its length: x / (|x| + eps). A row of zeros stays zero and has gradient 0.
+    #[track_caller]
+    pub fn normalize_rows(self, eps: f64) -> Self {
+        let [y] = self.tape().apply(NormalizeRows { eps }, &[self]);
+        y
+    }
+}

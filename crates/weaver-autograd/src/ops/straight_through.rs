@@ -1,0 +1,44 @@
+//! The value of one tensor with the gradient of another.
+
+use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_kernels::Real;
+
+#[derive(Debug)]
+struct StraightThrough;
+
+impl<T: Real> Op<T> for StraightThrough {
+    fn name(&self) -> &'static str {
+        "straight_through"
+    }
+    fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
+        ensure_shape!(ins.len() == 2 && ins[0] == ins[1], "two tensors of one shape");
+        Ok(Shapes::one(ins[0]))
+    }
+    fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
+        outs[0].copy_from_slice(&ins[1]);
+    }
+    fn backward(
+        &self,
+        _ins: &[View<'_, T>],
+        _outs: &[View<'_, T>],
+        douts: &[View<'_, T>],
+        dins: &mut [Option<Grad<'_, T>>],
+        _pool: &Pool,
+    ) {
+        if let Some(dsoft) = &mut dins[0] {
+            dsoft.add(&douts[0]);
+        }
+    }
+    fn differentiable(&self, index: usize) -> bool {
+        index == 0
+    }
+}
+
+/// `hard` going forward, `soft` going back: the straight-through estimator (Bengio et al., arXiv 1308.3432).
+///
+/// Both of one shape. The gradient of the result goes to `soft` unchanged; `hard` is held constant.
+#[track_caller]
+pub fn straight_through<'t, T: Real>(soft: Var<'t, T>, hard: Var<'t, T>) -> Var<'t, T> {
+    let [y] = soft.tape().apply(StraightThrough, &[soft, hard.detach()]);
+    y
+}
