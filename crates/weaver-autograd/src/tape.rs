@@ -149,6 +149,12 @@ impl<T: Real> Tape<T> {
         self.push_source(value, shape, false)
     }
 
+    /// A constant that is shared without a copy: the weights of a network that is never trained, say.
+    pub fn shared_constant(&self, data: &Arc<Vec<T>>, shape: impl Into<Shape>) -> Var<'_, T> {
+        let shape = self.checked(data.len(), shape);
+        self.push_source(Storage::Shared(data.clone()), shape, false)
+    }
+
     /// A constant filled by `f(i)`, without a copy in between.
     pub fn constant_with(&self, shape: impl Into<Shape>, f: impl FnOnce(&mut [T])) -> Var<'_, T> {
         let shape = shape.into();
