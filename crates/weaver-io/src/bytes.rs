@@ -1,6 +1,6 @@
 //! Little-endian binary records, read with bounds checks.
 
-use crate::error::read_bytes;
+use crate::file::read_bytes;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,12 @@ pub(crate) struct Bytes {
 
 impl Bytes {
     pub(crate) fn open(path: &Path) -> Result<Self> {
-        Ok(Self { path: path.to_path_buf(), data: read_bytes(path)?, at: 0 })
+        Ok(Self::new(path, read_bytes(path)?))
+    }
+
+    /// `data` that was in the file, perhaps compressed.
+    pub(crate) fn new(path: &Path, data: Vec<u8>) -> Self {
+        Self { path: path.to_path_buf(), data, at: 0 }
     }
 
     /// What is left to read.

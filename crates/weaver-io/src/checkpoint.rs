@@ -1,6 +1,6 @@
 //! Named tensors in safetensors files.
 
-use crate::error::read_bytes;
+use crate::file::read_bytes;
 use crate::{Error, Result, atomic_write};
 use half::{bf16, f16};
 use safetensors::{Dtype, SafeTensors};

@@ -49,15 +49,3 @@ impl Error {
         }
     }
 }
-
-/// The whole file as bytes.
-pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(Error::io(path))
-}
-
-/// The whole file as text.
-pub(crate) fn read_text(path: &Path) -> Result<String> {
-    String::from_utf8(read_bytes(path)?).map_err(|e| {
-        Error::invalid(path, format!("byte {}", e.utf8_error().valid_up_to()), "UTF-8 text", "other bytes")
-    })
-}

@@ -1,4 +1,4 @@
-//! Finding files.
+//! Folders.
 
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -16,4 +16,13 @@ pub fn list_files(folder: impl AsRef<Path>, extensions: &[&str]) -> Result<Vec<P
     }
     files.sort();
     Ok(files)
+}
+
+/// Creates a folder and its parents.
+///
+/// # Errors
+/// When it cannot be created.
+pub fn create_folder(path: impl AsRef<Path>) -> Result<()> {
+    let path = path.as_ref();
+    std::fs::create_dir_all(path).map_err(Error::io(path))
 }

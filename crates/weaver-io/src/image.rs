@@ -1,6 +1,6 @@
 //! Images as the rest of the workspace sees them: reading, writing, cropping, mosaics.
 
-use crate::error::read_bytes;
+use crate::file::read_bytes;
 use crate::{Error, Result, atomic_write};
 use image::codecs::png::PngEncoder;
 use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageReader};

@@ -4,7 +4,7 @@ use crate::checkpoint::{Tensor, Tensors};
 use crate::colmap::{self, CameraModel, Model, Point};
 use crate::ply::Table;
 use crate::realestate::Clip;
-use crate::{Background, Error, Image, Result, SplatPly, Transforms, read_splat};
+use crate::{Background, Error, Image, Result, SplatPly, Transforms, read_splat, read_spz};
 use std::fmt::Display;
 use std::path::Path;
 use weaver_geometry::Pose;
@@ -12,7 +12,7 @@ use weaver_geometry::glam::DVec3;
 
 /// Describes a file, or a folder with a COLMAP model: its form, how much is in it, and ranges.
 ///
-/// Knows PNG and JPEG images, PLY and `.splat` Gaussians and point clouds, safetensors, transforms.json, COLMAP
+/// Knows PNG and JPEG images, PLY, `.splat` and `.spz` Gaussians and point clouds, safetensors, transforms.json, COLMAP
 /// models (a folder, a scene with `sparse/0`, or one of the files) and RealEstate10K camera files.
 pub fn info(path: impl AsRef<Path>) -> Result<String> {
     let path = path.as_ref();
@@ -25,6 +25,7 @@ pub fn info(path: impl AsRef<Path>) -> Result<String> {
     match (stem, extension) {
         (_, "png" | "jpg" | "jpeg") => image(path),
         (_, "ply") => ply(path),
+        (_, "spz") => Ok(splats(&read_spz(path)?)),
         (_, "splat") => Ok(splats(&read_splat(path)?)),
         (_, "safetensors") => Ok(tensors(&Tensors::read(path)?)),
         (_, "json") => Ok(transforms(&Transforms::read(path)?)),

@@ -1,4 +1,4 @@
-//! File formats: images, PLY, COLMAP, transforms.json, RealEstate10K, safetensors.
+//! File formats: images, PLY, splat, SPZ, COLMAP, transforms.json, RealEstate10K, safetensors.
 //!
 //! Poses leave this crate as OpenCV world-to-camera, intrinsics in pixels with pixel centres at half-integers.
 //! Every failure is an [`Error`] that names the file and the place in it; nothing panics on hostile bytes.
@@ -11,6 +11,7 @@ pub mod checkpoint;
 pub mod colmap;
 mod colour;
 mod error;
+mod file;
 mod folder;
 mod image;
 mod info;
@@ -18,15 +19,18 @@ pub mod ply;
 pub mod realestate;
 mod resize;
 mod splat;
+mod spz;
 mod transforms;
 
-pub use append::{Appender, create_folder, read_bytes, read_text, write_text};
+pub use append::Appender;
 pub use atomic::atomic_write;
 pub use colour::{false_colour, label_colour};
 pub use error::{Error, Result};
-pub use folder::list_files;
+pub use file::{read_bytes, read_text, write_text};
+pub use folder::{create_folder, list_files};
 pub use image::{Background, Image};
 pub use info::info;
 pub use ply::SplatPly;
 pub use splat::read_splat;
+pub use spz::read_spz;
 pub use transforms::{Frame, Transforms};

@@ -1,6 +1,6 @@
 //! RealEstate10K camera files: a URL, then one camera per line.
 
-use crate::error::read_text;
+use crate::file::read_text;
 use crate::{Error, Result, atomic_write};
 use std::path::Path;
 use weaver_geometry::{Intrinsics, Pose};

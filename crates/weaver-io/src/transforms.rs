@@ -1,6 +1,6 @@
 //! transforms.json of nerfstudio, instant-ngp and NeRF-synthetic scenes.
 
-use crate::error::read_bytes;
+use crate::file::read_bytes;
 use crate::{Error, Image, Result, atomic_write};
 use serde_json::{Map, Value, json};
 use std::fmt::Display;

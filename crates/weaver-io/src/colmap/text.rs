@@ -1,7 +1,7 @@
 //! The text form: one record per line (two for images), `#` begins a comment line.
 
 use super::{CameraModel, ImageRecord, MODELS, Model, POSE, Point, RawCamera, file, pose};
-use crate::error::read_text;
+use crate::file::read_text;
 use crate::{Error, Result, atomic_write};
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! The `vertex` element of a PLY file as a table of numbers.
 
-use crate::error::read_bytes;
+use crate::file::read_bytes;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 

@@ -32,6 +32,7 @@ fn describes_real_files() {
         ("fox/transforms.json", "transforms.json, 50 frames (split: 43 train, 7 val, 7 test)"),
         ("fox/images/0001.jpg", "image, 216x384 pixels"),
         ("splat-files/playbot-sh2.ply", "Gaussians, 8406 of SH degree 2"),
+        ("splat-files/playbot-sh2.v3.spz", "Gaussians, 8406 of SH degree 2"),
         ("splat-files/minimal.splat", "Gaussians, 4 of SH degree 0"),
     ];
     for (name, expected) in expectations {

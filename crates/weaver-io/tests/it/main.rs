@@ -8,4 +8,5 @@ mod info;
 mod ply;
 mod realestate;
 mod shared;
+mod spz;
 mod transforms;

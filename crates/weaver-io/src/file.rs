@@ -1,0 +1,32 @@
+//! Whole files.
+
+use crate::{Error, Result, atomic_write};
+use std::path::Path;
+
+/// The whole of a file.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn read_bytes(path: impl AsRef<Path>) -> Result<Vec<u8>> {
+    let path = path.as_ref();
+    std::fs::read(path).map_err(Error::io(path))
+}
+
+/// The text of a file.
+///
+/// # Errors
+/// When it cannot be read or is not UTF-8.
+pub fn read_text(path: impl AsRef<Path>) -> Result<String> {
+    let path = path.as_ref();
+    String::from_utf8(read_bytes(path)?).map_err(|e| {
+        Error::invalid(path, format!("byte {}", e.utf8_error().valid_up_to()), "UTF-8 text", "other bytes")
+    })
+}
+
+/// Writes a text file atomically.
+///
+/// # Errors
+/// When it cannot be written; an old file is then left as it was.
+pub fn write_text(path: impl AsRef<Path>, text: &str) -> Result<()> {
+    atomic_write(path, |w| w.write_all(text.as_bytes()))
+}
