@@ -160,8 +160,8 @@ fn absorb<T: Real>(n: usize, scores: &mut [T], dim: usize, sums: &mut [T], tops:
         let top = if here > tops[i] { here } else { tops[i] };
         if top > tops[i] && totals[i] > T::ZERO {
             let shrink = (tops[i] - top).exp();
-            totals[i] = totals[i] * shrink;
-            sums[i * dim..][..dim].iter_mut().for_each(|s| *s = *s * shrink);
+            totals[i] *= shrink;
+            sums[i * dim..][..dim].iter_mut().for_each(|s| *s *= shrink);
         }
         tops[i] = top;
         scores.iter_mut().for_each(|s| *s = (*s - top).exp());

@@ -1,6 +1,7 @@
 //! Deterministic parallel loops: work is cut into chunks whose borders depend on the problem alone,
 //! never on the number of threads, and every chunk owns its part of the output.
 
+use rayon::prelude::*;
 use std::marker::PhantomData;
 use std::ops::Range;
 
@@ -48,28 +49,12 @@ pub fn for_chunks2<T: Send, U: Send>(
     a_size: usize,
     b: &mut [U],
     b_size: usize,
-    body: impl Fn(usize, &mut [T], &mut [U]) + Sync,
+    body: impl Fn(usize, &mut [T], &mut [U]) + Sync + Send,
 ) {
-    fn split<T: Send, U: Send>(
-        a: &mut [T],
-        b: &mut [U],
-        first: usize,
-        sizes: (usize, usize),
-        body: &(impl Fn(usize, &mut [T], &mut [U]) + Sync),
-    ) {
-        match a.len().div_ceil(sizes.0) {
-            0 => {}
-            1 => body(first, a, b),
-            n => {
-                let (a, a_rest) = a.split_at_mut(n / 2 * sizes.0);
-                let (b, b_rest) = b.split_at_mut(n / 2 * sizes.1);
-                rayon::join(|| split(a, b, first, sizes, body), || split(a_rest, b_rest, first + n / 2, sizes, body));
-            }
-        }
-    }
     let (a_size, b_size) = (a_size.max(1), b_size.max(1));
     assert_eq!(a.len().div_ceil(a_size), b.len().div_ceil(b_size), "two outputs of unequal chunk counts");
-    split(a, b, 0, (a_size, b_size), &body);
+    let chunks = a.par_chunks_mut(a_size).zip(b.par_chunks_mut(b_size));
+    chunks.enumerate().for_each(|(i, (a, b))| body(i, a, b));
 }
 
 /// An output whose parts are interleaved, so that no split of the slice separates the tasks.

@@ -51,7 +51,7 @@ fn row<T: Real>(x: &[T], y: &mut [T]) {
         *y = (*x - top).exp();
     }
     let scale = T::ONE / lanes([&*y], |[y]| y);
-    y.iter_mut().for_each(|y| *y = *y * scale);
+    y.iter_mut().for_each(|y| *y *= scale);
 }
 
 /// The largest element; minus infinity if there is none.

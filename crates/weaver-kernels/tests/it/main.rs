@@ -5,6 +5,9 @@ mod conv;
 mod gemm;
 mod layer_norm;
 mod reduce;
+mod resample;
+mod rope;
+mod rows;
 mod softmax;
 mod special;
 

@@ -1,0 +1,66 @@
+//! The optimiser's inner loops.
+
+use crate::{Real, simd};
+use rayon::prelude::*;
+
+/// Elements of one task.
+const CHUNK: usize = 1 << 14;
+
+/// The settings of one AdamW step (Loshchilov and Hutter 2019).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AdamW<T> {
+    /// Learning rate.
+    pub rate: T,
+    /// Decay of the mean of gradients.
+    pub beta1: T,
+    /// Decay of the mean of squared gradients.
+    pub beta2: T,
+    /// Added to the root of the mean square.
+    pub eps: T,
+    /// Decoupled weight decay, times the rate per step.
+    pub weight_decay: T,
+    /// Factor for the gradients, as from clipping.
+    pub gradient_scale: T,
+}
+
+impl<T: Real> AdamW<T> {
+    /// Updates parameters `p` and the moments `m` and `v` by the gradients `g`, all of one length; `step`
+    /// counts from 1:
+    ///
+    /// p = p (1 - rate decay) - rate m^ / (sqrt(v^) + eps), with m^ = m / (1 - beta1^step), v^ likewise.
+    pub fn step(&self, step: u64, p: &mut [T], g: &[T], m: &mut [T], v: &mut [T]) {
+        assert!(p.len() == g.len() && p.len() == m.len() && p.len() == v.len(), "AdamW: lengths");
+        let Self { beta1, beta2, eps, gradient_scale, .. } = *self;
+        // In f64, since 1 - 0.999 has few digits left in f32.
+        let correction = |beta: T| 1.0 - beta.to_f64().powf(step as f64);
+        let rate = T::from_f64(self.rate.to_f64() / correction(beta1));
+        let root = T::from_f64(1.0 / correction(beta2).sqrt());
+        let keep = T::ONE - self.rate * self.weight_decay;
+        let chunks =
+            p.par_chunks_mut(CHUNK).zip(g.par_chunks(CHUNK)).zip(m.par_chunks_mut(CHUNK)).zip(v.par_chunks_mut(CHUNK));
+        chunks.for_each(|(((p, g), m), v)| {
+            simd::dispatch(
+                #[inline(always)]
+                || {
+                    for (((p, g), m), v) in p.iter_mut().zip(g).zip(m).zip(v) {
+                        let g = *g * gradient_scale;
+                        *m = beta1 * *m + (T::ONE - beta1) * g;
+                        *v = beta2 * *v + (T::ONE - beta2) * g * g;
+                        *p = *p * keep - rate * *m / (v.sqrt() * root + eps);
+                    }
+                },
+            );
+        });
+    }
+}
+
+/// average = decay average + (1 - decay) x, for slices of one length.
+pub fn lerp<T: Real>(average: &mut [T], x: &[T], decay: T) {
+    assert_eq!(average.len(), x.len(), "lerp: lengths");
+    average.par_chunks_mut(CHUNK).zip(x.par_chunks(CHUNK)).for_each(|(average, x)| {
+        simd::dispatch(
+            #[inline(always)]
+            || average.iter_mut().zip(x).for_each(|(a, x)| *a = decay * *a + (T::ONE - decay) * *x),
+        );
+    });
+}
