@@ -3,6 +3,7 @@
 mod atomic;
 mod checkpoint;
 mod colmap;
+mod files;
 mod images;
 mod info;
 mod ply;
