@@ -5,9 +5,12 @@
 
 mod allocation;
 mod decode;
+mod experts;
 mod gate;
 mod gumbel;
+mod head;
 mod kd_tree;
+mod layer;
 mod local_count;
 mod neighbor_average;
 mod neighbor_offset;
@@ -15,14 +18,19 @@ mod neighbor_relation;
 mod neighbors;
 mod parametrisation;
 mod place;
+mod predictor;
+mod router;
+mod routes;
 
 pub use allocation::{
     Allocation, AllocationError, AllocationKind, AllocationRequest, Argmax, Assignment, Dithered, Fixed, Grid,
     GumbelGate, Random, Sampled, TrainingMix,
 };
 pub use decode::{Decoded, PixelOf, decode};
+pub use experts::CardinalityExperts;
 pub use gate::gate;
 pub use gumbel::gumbel_softmax_straight_through;
+pub use head::{CardinalityHead, Gaussians, HeadConfig, NeighborConfig, PixelInputs};
 pub use local_count::local_count;
 pub use neighbor_average::neighbor_average;
 pub use neighbor_offset::neighbor_offset;
@@ -30,3 +38,6 @@ pub use neighbor_relation::neighbor_relation;
 pub use neighbors::{MOST_NEIGHBORS, Neighbors};
 pub use parametrisation::{Parametrisation, slot_width};
 pub use place::place;
+pub use predictor::{NeighborFusion, NeighborPredictor};
+pub use router::Router;
+pub use routes::Routes;

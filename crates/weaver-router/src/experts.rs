@@ -1,0 +1,67 @@
+//! Cardinality experts: expert e turns a pixel's features into e Gaussians.
+
+use crate::gate::gate;
+use crate::layer::TwoLayers;
+use crate::routes::Routes;
+use weaver_autograd::{Real, Var, ops};
+use weaver_nn::{Builder, Context};
+
+/// Experts 1 to M; each is a layer F -> F, a rectifier, and a layer F -> e S for the S raw numbers of e Gaussians.
+///
+/// Parameters (below the builder's path), for e = 1 to M: `<e>.0.weight` [F, F], `<e>.0.bias`, `<e>.2.weight` [e S, F],
+/// `<e>.2.bias`.
+#[derive(Clone, Debug)]
+pub struct CardinalityExperts {
+    experts: Vec<TwoLayers>,
+    slot: usize,
+}
+
+impl CardinalityExperts {
+    /// Experts 1 to `most` for F = `features` channels and S = `slot` raw numbers per Gaussian. The initial output layers
+    /// are multiplied by `output_gain`: 1 as published, less for Gaussians that start alike.
+    pub fn new<T: Real>(
+        builder: &mut Builder<'_, T>,
+        features: usize,
+        most: usize,
+        slot: usize,
+        output_gain: f64,
+    ) -> Self {
+        let expert = |e: usize| {
+            let mut builder = builder.scope(e);
+            let layers = TwoLayers::new(&mut builder, features, features, e * slot);
+            layers.output.scale(&mut builder, output_gain);
+            layers
+        };
+        Self { experts: (1..=most).map(expert).collect(), slot }
+    }
+
+    /// The largest number of Gaussians M of a pixel.
+    pub fn most(&self) -> usize {
+        self.experts.len()
+    }
+
+    /// Raw parameters [N, S] of all Gaussians in the order of the routes.
+    ///
+    /// `features` [R, F] are those of the routed pixels, in order. Where a `choice` [P, E] is given, an expert's output
+    /// is multiplied by its entry, which carries the gradient to the router. An expert without pixels runs on no rows,
+    /// so that its parameters have a gradient: zero.
+    pub fn forward<'t, T: Real>(
+        &self,
+        cx: Context<'t, T>,
+        features: Var<'t, T>,
+        routes: &Routes,
+        choice: Option<Var<'t, T>>,
+    ) -> Var<'t, T> {
+        let parts = ops::split(features, 0, &routes.counts);
+        let mut raw = Vec::with_capacity(self.experts.len());
+        for (((expert, rows), pixels), e) in self.experts.iter().zip(parts).zip(routes.by_expert()).zip(1..) {
+            let _scope = cx.scope(format_args!("experts.{e}"));
+            let mut output = expert.forward(cx, rows);
+            if let Some(choice) = choice {
+                output = gate(output, choice, pixels, e);
+            }
+            raw.push(output.reshape([pixels.len() * e, self.slot]));
+        }
+        ops::concat(&raw, 0)
+    }
+}

@@ -1,0 +1,203 @@
+//! From pixel features to Gaussians, all parts put together.
+
+use crate::layer::TwoLayers;
+use crate::{
+    CardinalityExperts, NeighborPredictor, Neighbors, Parametrisation, PixelOf, Router, Routes, decode, local_count,
+    place, slot_width,
+};
+use weaver_autograd::{Real, Var};
+use weaver_nn::{Builder, Context};
+
+/// Sizes and options of a [`CardinalityHead`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HeadConfig {
+    /// Channels F of the pixel features.
+    pub features: usize,
+    /// Hidden channels of the router.
+    pub router_hidden: usize,
+    /// Most Gaussians M of a pixel; there are E = M + 1 experts.
+    pub cardinality: usize,
+    /// Degree of the spherical harmonics.
+    pub sh_degree: usize,
+    /// Attention over neighbours; `None` leaves the experts' parameters as they are.
+    pub neighbors: Option<NeighborConfig>,
+    /// Factor of the initial output layers of the experts.
+    pub expert_output_gain: f64,
+    /// What the raw parameters mean.
+    pub parametrisation: Parametrisation,
+}
+
+/// Sizes and options of the attention over neighbours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NeighborConfig {
+    /// Neighbours k of each Gaussian, itself not counted.
+    pub count: usize,
+    /// Channels of the projected pixel features.
+    pub projector: usize,
+    /// Channels C of the attention.
+    pub width: usize,
+    /// Whether the refinement starts at exactly nothing.
+    pub zero_head: bool,
+}
+
+impl HeadConfig {
+    /// The published sizes.
+    pub fn published() -> Self {
+        Self {
+            features: 128,
+            router_hidden: 32,
+            cardinality: 3,
+            sh_degree: 2,
+            neighbors: Some(NeighborConfig { count: 8, projector: 32, width: 32, zero_head: false }),
+            expert_output_gain: 1.0,
+            parametrisation: Parametrisation::published(),
+        }
+    }
+
+    /// Small, for training from scratch: footprint parametrisation, quiet start.
+    pub fn tiny() -> Self {
+        Self {
+            features: 32,
+            router_hidden: 16,
+            cardinality: 3,
+            sh_degree: 1,
+            neighbors: Some(NeighborConfig { count: 8, projector: 16, width: 16, zero_head: true }),
+            expert_output_gain: 0.3,
+            parametrisation: Parametrisation::footprint(),
+        }
+    }
+}
+
+/// What a scene's P = V H W pixels bring, in (view, row, column) order.
+#[derive(Clone, Copy, Debug)]
+pub struct PixelInputs<'t, 'a, T: Real = f32> {
+    /// Expert features [P, F]; differentiable.
+    pub features: Var<'t, T>,
+    /// Unprojected points [P, 3], in world units; differentiable.
+    pub points: Var<'t, T>,
+    /// depth / fx [P], in world units; differentiable. Only for the footprint parametrisation.
+    pub footprints: Option<Var<'t, T>>,
+    /// Colours [P, 3], 0 to 1. Only for the footprint parametrisation.
+    pub colors: &'a [T],
+    /// Rows H of a view.
+    pub height: usize,
+    /// Columns W of a view.
+    pub width: usize,
+}
+
+/// The Gaussians of a scene, as the rasteriser takes them.
+#[derive(Clone, Debug)]
+pub struct Gaussians<'t, T: Real = f32> {
+    /// Means [N, 3], in world units.
+    pub means: Var<'t, T>,
+    /// Standard deviations along the axes [N, 3], in world units.
+    pub scales: Var<'t, T>,
+    /// Rotations as unit quaternions wxyz [N, 4].
+    pub quats: Var<'t, T>,
+    /// Opacities [N], 0 to 1.
+    pub opacities: Var<'t, T>,
+    /// Spherical harmonics [N, K, 3].
+    pub sh: Var<'t, T>,
+    /// The pixel that each Gaussian comes from [N].
+    pub pixel: Vec<u32>,
+}
+
+/// Router, cardinality experts, neighbour attention and decoding.
+///
+/// Parameters (below the builder's path, `gs_moe` in checkpoints): `gating.*` ([`Router`]), `experts.*`
+/// ([`CardinalityExperts`]), `pixel_projector.0`, `pixel_projector.2`, `gs_predictor.*` ([`NeighborPredictor`]).
+#[derive(Clone, Debug)]
+pub struct CardinalityHead {
+    config: HeadConfig,
+    /// Scores the experts for every pixel.
+    pub router: Router,
+    /// Turn pixels into raw Gaussians.
+    pub experts: CardinalityExperts,
+    attention: Option<(TwoLayers, NeighborPredictor)>,
+}
+
+impl CardinalityHead {
+    /// Adds the head's parameters.
+    pub fn new<T: Real>(builder: &mut Builder<'_, T>, config: HeadConfig) -> Self {
+        let HeadConfig { features, cardinality, .. } = config;
+        let slot = slot_width(config.sh_degree);
+        let router = Router::new(&mut builder.scope("gating"), features, config.router_hidden, cardinality + 1);
+        let gain = config.expert_output_gain;
+        let experts = CardinalityExperts::new(&mut builder.scope("experts"), features, cardinality, slot, gain);
+        let attention = config.neighbors.map(|neighbors| {
+            let NeighborConfig { projector, width, zero_head, .. } = neighbors;
+            let projection = TwoLayers::new(&mut builder.scope("pixel_projector"), features, projector, projector);
+            let mut builder = builder.scope("gs_predictor");
+            (projection, NeighborPredictor::new(&mut builder, slot - 3, projector, width, zero_head))
+        });
+        Self { config, router, experts, attention }
+    }
+
+    /// The sizes and options it was built with.
+    pub fn config(&self) -> &HeadConfig {
+        &self.config
+    }
+
+    /// The Gaussians of a scene whose pixels are assigned to `expert` [P]; there may be none at all.
+    ///
+    /// With a `choice` [P, E] (see [`Assignment::choice`](crate::Assignment::choice)) a gradient reaches the router.
+    /// Every parameter but the router's gets one, zero where no pixel needed it. Panics on inputs of other shapes.
+    pub fn gaussians<'t, T: Real>(
+        &self,
+        cx: Context<'t, T>,
+        pixels: &PixelInputs<'t, '_, T>,
+        expert: &[u8],
+        choice: Option<Var<'t, T>>,
+    ) -> Gaussians<'t, T> {
+        let _scope = cx.scope("gs_moe");
+        let routes = Routes::new(expert, self.experts.most());
+        let parametrisation = self.config.parametrisation;
+        let features = pixels.features.gather_rows(&routes.routed);
+        let raw = self.experts.forward(cx, features, &routes, choice);
+        let points = pixels.points.gather_rows(&routes.pixel);
+        let pixel = parametrisation.has_footprint().then(|| self.pixel_of(cx, pixels, expert, &routes));
+        let means = place(points, raw, pixel.map(|p| p.footprint), parametrisation);
+
+        let mut theta = raw.slice(1, 3, raw.shape()[1] - 3);
+        if let (Some((projection, predictor)), Some(config)) = (&self.attention, self.config.neighbors) {
+            let projected = {
+                let _scope = cx.scope("pixel_projector");
+                projection.forward(cx, features)
+            };
+            let feature = if routes.is_single() { projected } else { projected.gather_rows(&routes.source) };
+            let neighbors = Neighbors::search(&means.value(), config.count, cx.tape.pool());
+            theta = predictor.forward(cx, means, theta, feature, &neighbors);
+        }
+        let decoded = decode(theta, self.config.sh_degree, pixel, parametrisation);
+        Gaussians {
+            means,
+            scales: decoded.scales,
+            quats: decoded.quats,
+            opacities: decoded.opacities,
+            sh: decoded.sh,
+            pixel: routes.pixel,
+        }
+    }
+
+    /// What decoding in footprints needs to know of each Gaussian's pixel.
+    fn pixel_of<'t, T: Real>(
+        &self,
+        cx: Context<'t, T>,
+        pixels: &PixelInputs<'t, '_, T>,
+        expert: &[u8],
+        routes: &Routes,
+    ) -> PixelOf<'t, T> {
+        let footprints = pixels.footprints.expect("the footprint parametrisation is given footprints");
+        let count = local_count::<T>(expert, pixels.height, pixels.width, cx.tape.pool());
+        let n = routes.gaussians();
+        let local_count = cx.tape.constant_with([n], |out| {
+            out.iter_mut().zip(&routes.pixel).for_each(|(out, &p)| *out = count[p as usize]);
+        });
+        let color = cx.tape.constant_with([n, 3], |out| {
+            for (out, &p) in out.chunks_exact_mut(3).zip(&routes.pixel) {
+                out.copy_from_slice(&pixels.colors[3 * p as usize..3 * p as usize + 3]);
+            }
+        });
+        PixelOf { footprint: footprints.gather_rows(&routes.pixel), local_count, color }
+    }
+}

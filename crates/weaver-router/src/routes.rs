@@ -1,0 +1,80 @@
+//! The lists that an assignment of experts to pixels implies.
+
+/// Which pixels go to which expert, and which pixel each Gaussian comes from.
+///
+/// Gaussians are ordered by expert, then pixel; the Gaussians of a pixel are adjacent.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Routes {
+    /// The pixels with Gaussians: those of expert 1 in pixel order, then those of expert 2, ...
+    pub routed: Vec<u32>,
+    /// How many of `routed` each of the experts 1 to M has.
+    pub counts: Vec<usize>,
+    /// For each Gaussian, the entry of `routed` that it comes from [N].
+    pub source: Vec<u32>,
+    /// For each Gaussian, its pixel [N].
+    pub pixel: Vec<u32>,
+}
+
+impl Routes {
+    /// The routes of an assignment (`expert` [P]) to experts 0 to `most`. Panics if a pixel has a higher expert.
+    pub fn new(expert: &[u8], most: usize) -> Self {
+        let mut counts = vec![0; most + 1];
+        for &e in expert {
+            assert!(usize::from(e) <= most, "a pixel is assigned to expert {e}, the largest is {most}");
+            counts[usize::from(e)] += 1;
+        }
+        counts.remove(0);
+        let gaussians = counts.iter().zip(1..).map(|(count, e)| count * e).sum();
+        let mut routes = Self {
+            routed: Vec::with_capacity(counts.iter().sum()),
+            source: Vec::with_capacity(gaussians),
+            pixel: Vec::with_capacity(gaussians),
+            counts,
+        };
+        for e in 1..=most {
+            for (pixel, _) in expert.iter().enumerate().filter(|(_, chosen)| usize::from(**chosen) == e) {
+                routes.source.extend(std::iter::repeat_n(routes.routed.len() as u32, e));
+                routes.pixel.extend(std::iter::repeat_n(pixel as u32, e));
+                routes.routed.push(pixel as u32);
+            }
+        }
+        routes
+    }
+
+    /// Number of Gaussians N.
+    pub fn gaussians(&self) -> usize {
+        self.pixel.len()
+    }
+
+    /// The pixels of each expert 1 to M.
+    pub fn by_expert(&self) -> impl Iterator<Item = &[u32]> {
+        let mut rest = self.routed.as_slice();
+        self.counts.iter().map(move |&count| {
+            let (own, others) = rest.split_at(count);
+            rest = others;
+            own
+        })
+    }
+
+    /// Whether no pixel has more than one Gaussian, so that Gaussians and routed pixels are the same list.
+    pub fn is_single(&self) -> bool {
+        self.routed.len() == self.pixel.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gaussians_are_ordered_by_expert_then_pixel() {
+        let routes = Routes::new(&[2, 0, 1, 3, 1, 2], 3);
+        assert_eq!(routes.routed, [2, 4, 0, 5, 3]);
+        assert_eq!(routes.counts, [2, 2, 1]);
+        assert_eq!(routes.source, [0, 1, 2, 2, 3, 3, 4, 4, 4]);
+        assert_eq!(routes.pixel, [2, 4, 0, 0, 5, 5, 3, 3, 3]);
+        let lists: Vec<_> = routes.by_expert().collect();
+        assert_eq!(lists, [&[2, 4][..], &[0, 5], &[3]]);
+        assert_eq!(Routes::new(&[0, 0], 3).gaussians(), 0);
+    }
+}

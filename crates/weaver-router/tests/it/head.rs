@@ -1,0 +1,222 @@
+//! The head put together: mechanisms that must hold whatever the numbers.
+
+use weaver_autograd::{Params, Pool, Tape, Var};
+use weaver_kernels::random::Stream;
+use weaver_nn::{Builder, Context};
+use weaver_router::{
+    Allocation, AllocationRequest, CardinalityHead, Fixed, Gaussians, HeadConfig, NeighborConfig, NeighborFusion,
+    Neighbors, Parametrisation, PixelInputs, Sampled, TrainingMix,
+};
+
+const SIZE: [usize; 3] = [2, 6, 5];
+const PIXELS: usize = 60;
+
+fn config(parametrisation: Parametrisation) -> HeadConfig {
+    let neighbors = NeighborConfig { count: 8, projector: 4, width: 6, zero_head: false };
+    HeadConfig {
+        features: 7,
+        router_hidden: 5,
+        cardinality: 3,
+        sh_degree: 1,
+        neighbors: Some(neighbors),
+        expert_output_gain: 1.0,
+        parametrisation,
+    }
+}
+
+fn normal(seed: u64, n: usize) -> Vec<f64> {
+    let stream = Stream::new(seed, 0, "inputs");
+    (0..n as u64).map(|i| stream.normal(i)).collect()
+}
+
+struct Model {
+    params: Params<f64>,
+    head: CardinalityHead,
+}
+
+impl Model {
+    fn new(config: HeadConfig) -> Self {
+        let mut params = Params::new();
+        let head = CardinalityHead::new(&mut Builder::new(&mut params, 5).scope("gs_moe"), config);
+        Self { params, head }
+    }
+
+    /// Logits and Gaussians under an allocation.
+    fn run<'t>(&'t self, tape: &'t Tape<f64>, allocation: &dyn Allocation<f64>) -> (Var<'t, f64>, Gaussians<'t, f64>) {
+        let cx = Context::new(tape, &self.params);
+        let [views, height, width] = SIZE;
+        let features = tape.leaf(&normal(1, PIXELS * 7), [PIXELS, 7]);
+        let logits = self.head.router.forward(cx, features);
+        let (energy, colors) = (vec![0.1; PIXELS], vec![0.3; PIXELS * 3]);
+        let assignment = {
+            let logits = logits.value();
+            let stream = Stream::new(9, 0, "router.gumbel");
+            allocation.allocate(&AllocationRequest {
+                logits: &logits,
+                energy: &energy,
+                views,
+                height,
+                width,
+                stream,
+                gumbel: None,
+            })
+        };
+        let pixels = PixelInputs {
+            features,
+            points: tape.leaf(&normal(2, PIXELS * 3), [PIXELS, 3]),
+            footprints: Some(tape.leaf(&[0.05; PIXELS], [PIXELS])),
+            colors: &colors,
+            height,
+            width,
+        };
+        let gaussians = self.head.gaussians(cx, &pixels, &assignment.expert, assignment.choice(logits));
+        (logits, gaussians)
+    }
+
+    /// The gradients of all parameters by name, of the sum of squares of all outputs.
+    fn gradients(&self, allocation: &dyn Allocation<f64>) -> Vec<(String, Option<Vec<f64>>)> {
+        let tape = Tape::new();
+        let (_, g) = self.run(&tape, allocation);
+        let squares = [g.means, g.scales, g.quats, g.opacities, g.sh].map(|x| (x * x).sum());
+        squares.into_iter().reduce(|a, b| a + b).unwrap().backward();
+        let grad = |id| tape.param_grad(id).map(|g| g.to_vec());
+        self.params.iter().map(|(id, p)| (p.name().to_owned(), grad(id))).collect()
+    }
+}
+
+#[test]
+fn shapes_and_ranges() {
+    for parametrisation in [Parametrisation::published(), Parametrisation::footprint()] {
+        let model = Model::new(config(parametrisation));
+        let tape = Tape::new();
+        let (_, g) = model.run(&tape, &Fixed { expert: 3 });
+        let n = 3 * PIXELS;
+        assert_eq!(g.pixel.len(), n);
+        let shapes = [g.means, g.scales, g.quats, g.opacities, g.sh].map(|v| v.shape());
+        assert_eq!(shapes, [[n, 3].into(), [n, 3].into(), [n, 4].into(), [n].into(), [n, 4, 3].into()]);
+        assert!(g.opacities.to_vec().iter().all(|o| (0.0..=1.0).contains(o)));
+        assert!(g.scales.to_vec().iter().all(|&s| s > 0.0 && s <= 0.4));
+        for q in g.quats.to_vec().chunks(4) {
+            assert!((q.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-6);
+        }
+        let points = normal(2, PIXELS * 3);
+        let reach = if parametrisation.has_footprint() { 0.1 } else { 0.005 };
+        for (mean, &pixel) in g.means.to_vec().chunks(3).zip(&g.pixel) {
+            let point = &points[3 * pixel as usize..];
+            assert!((0..3).all(|a| (mean[a] - point[a]).abs() <= reach));
+        }
+    }
+}
+
+#[test]
+fn the_harmonics_are_damped_by_degree() {
+    let tape = Tape::<f64>::new();
+    let theta = tape.constant(&[1.0; 8 + 27], [1, 35]);
+    let sh = weaver_router::decode(theta, 2, None, Parametrisation::published()).sh.to_vec();
+    let degree = [1.0, 0.025, 0.025, 0.025, 0.00625, 0.00625, 0.00625, 0.00625, 0.00625];
+    for (rgb, factor) in sh.chunks(3).zip(degree) {
+        assert!(rgb.iter().all(|x| (x - factor).abs() < 1e-15));
+    }
+}
+
+#[test]
+fn no_gaussians_at_all() {
+    for parametrisation in [Parametrisation::published(), Parametrisation::footprint()] {
+        let model = Model::new(config(parametrisation));
+        let tape = Tape::new();
+        let (_, g) = model.run(&tape, &Fixed { expert: 0 });
+        assert!(g.pixel.is_empty() && g.means.to_vec().is_empty() && g.sh.to_vec().is_empty());
+        for (name, grad) in model.gradients(&Fixed { expert: 0 }) {
+            if !name.contains("gating") {
+                assert!(grad.expect(&name).iter().all(|&g| g == 0.0), "{name}");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_parameter_is_reached_and_the_router_only_by_its_own_choices() {
+    let model = Model::new(config(Parametrisation::footprint()));
+    let router = |name: &str| name.starts_with("gs_moe.gating.");
+    let unused = |name: &str| name.starts_with("gs_moe.experts.2") || name.starts_with("gs_moe.experts.3");
+    // A softmax over neighbours does not see this bias.
+    let blind = |name: &str| name.ends_with("attn_mlp.2.bias");
+    for (name, grad) in model.gradients(&Sampled) {
+        let grad = grad.expect(&name);
+        assert!(blind(&name) || grad.iter().any(|&g| g != 0.0), "{name} is not trained by sampling");
+    }
+    for (name, grad) in model.gradients(&TrainingMix::default()) {
+        if router(&name) {
+            assert!(grad.is_none(), "{name}");
+        } else {
+            let zero = grad.expect(&name).iter().all(|&g| g == 0.0);
+            assert!(blind(&name) || zero == unused(&name), "{name}: zero gradient {zero}");
+        }
+    }
+}
+
+#[test]
+fn without_neighbors_and_with_a_zero_head_the_parameters_are_the_experts() {
+    let loud = config(Parametrisation::footprint());
+    let quiet = NeighborConfig { zero_head: true, ..loud.neighbors.unwrap() };
+    let models =
+        [HeadConfig { neighbors: Some(quiet), ..loud }, HeadConfig { neighbors: None, ..loud }].map(Model::new);
+    assert!(models[1].params.iter().all(|(_, p)| !p.name().contains("gs_predictor")));
+    let tapes = [Tape::new(), Tape::new()];
+    let [a, b] = [0, 1].map(|i| models[i].run(&tapes[i], &Fixed { expert: 2 }).1);
+    assert_eq!(a.sh.to_vec(), b.sh.to_vec());
+    assert_eq!(a.scales.to_vec(), b.scales.to_vec());
+}
+
+#[test]
+fn a_footprint_start_is_upright_and_in_the_colour_of_its_pixel() {
+    let config = HeadConfig { expert_output_gain: 0.0, neighbors: None, ..config(Parametrisation::footprint()) };
+    let model = Model::new(config);
+    let tape = Tape::new();
+    let (_, g) = model.run(&tape, &Fixed { expert: 1 });
+    for (quat, sh) in g.quats.to_vec().chunks(4).zip(g.sh.to_vec().chunks(12)) {
+        assert!((quat[0] - 1.0).abs() < 1e-7 && quat[1..].iter().all(|&x| x == 0.0));
+        let dc = (0.3 - 0.5) / 0.282_094_79;
+        assert!(sh[..3].iter().all(|x| (x - dc).abs() < 1e-7) && sh[3..].iter().all(|&x| x == 0.0));
+    }
+    // One Gaussian per pixel everywhere: the local count is 1.
+    assert!(g.scales.to_vec().iter().all(|s| (s - 0.7 * 0.05).abs() < 1e-15));
+    assert_eq!(g.opacities.to_vec(), [0.5; PIXELS]);
+}
+
+#[test]
+fn fusion_does_not_depend_on_the_order_of_gaussians() {
+    let mut params = Params::<f64>::new();
+    let fusion = NeighborFusion::new(&mut Builder::new(&mut params, 1), 5);
+    for n in [1, 2, 5, 8, 9, 40] {
+        let (x, means) = (normal(3, n * 5), normal(4, n * 3));
+        let tape = Tape::new();
+        let run = |x: &[f64], means: &[f64]| {
+            let neighbors = Neighbors::search(means, 8, &Pool::new());
+            let (x, means) = (tape.constant(x, [n, 5]), tape.constant(means, [n, 3]));
+            fusion.forward(Context::new(&tape, &params), x, means, &neighbors).to_vec()
+        };
+        let order = Stream::new(7, 0, "order").permutation(n);
+        let reordered = |v: &[f64], width: usize| -> Vec<f64> {
+            order.iter().flat_map(|&i| v[i * width..(i + 1) * width].to_vec()).collect()
+        };
+        let plain = reordered(&run(&x, &means), 5);
+        let moved = run(&reordered(&x, 5), &reordered(&means, 3));
+        assert!(plain.iter().zip(&moved).all(|(a, b)| (a - b).abs() < 1e-12), "{n} Gaussians");
+    }
+}
+
+#[test]
+fn the_bits_do_not_depend_on_the_number_of_threads() {
+    let model = Model::new(config(Parametrisation::footprint()));
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| model.gradients(&Sampled))
+    };
+    let bits = |gradients: Vec<(String, Option<Vec<f64>>)>| -> Vec<u64> {
+        gradients.into_iter().flat_map(|(_, g)| g.unwrap()).map(f64::to_bits).collect()
+    };
+    let one = bits(on(1));
+    assert_eq!(one, bits(on(2)));
+    assert_eq!(one, bits(on(5)));
+}
