@@ -39,7 +39,7 @@ impl<'a, T: Real> Gradient<'a, T> {
     }
 }
 
-/// Gradients of [`attention_forward`] with respect to q, k and v, each if asked for.
+/// Gradients of [`attention_forward`](super::attention_forward) with respect to q, k and v, each if asked for.
 ///
 /// `out` and `lse` are what the forward pass wrote; `dout` is laid out like `out`.
 pub fn attention_backward<T: Real>(
@@ -61,7 +61,7 @@ pub fn attention_backward<T: Real>(
     Backward { size, scale, q, k, v, out, lse, dout }.run([dq, dk, dv]);
 }
 
-/// Gradient of [`attention_forward`] with respect to one buffer `[batch, tokens, 3, heads, dim]` that
+/// Gradient of [`attention_forward`](super::attention_forward) with respect to one buffer `[batch, tokens, 3, heads, dim]` that
 /// holds q, k and v; as many keys as queries.
 pub fn attention_backward_packed<T: Real>(
     size: &Attention,

@@ -1,5 +1,6 @@
 //! Every kernel against a slow twin, in both precisions, and at more than one thread count.
 
+mod allocation;
 mod attention;
 mod conv;
 mod gemm;

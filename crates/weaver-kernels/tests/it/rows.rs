@@ -60,7 +60,7 @@ proptest! {
     fn blocks(rows in 0..30usize, cols in 0..9usize, gap in 0..4usize, shift in 0..4usize) {
         let x = noise::<f64>(rows * cols, 1);
         let stride = cols + gap + shift;
-        let mut y = vec![5.0; rows * stride + cols];
+        let mut y = vec![5.0; rows * stride + cols + shift];
         copy_blocks(rows, cols, &x, cols, (&mut y[shift..], 1.0), stride.max(1));
         let mut back = vec![f64::NAN; rows * cols];
         copy_blocks(rows, cols, &y[shift..], stride, (&mut back, 0.0), cols.max(1));

@@ -1,0 +1,132 @@
+//! The kernels at the sizes of a small model on 64 x 48 images.
+
+use criterion::{Criterion, Throughput};
+use std::hint::black_box;
+use std::time::Duration;
+use weaver_kernels::attention::{Attention, Strides, attention_backward_packed, attention_forward};
+use weaver_kernels::conv::{Conv2d, conv2d_dw, conv2d_dx, conv2d_dx_scratch_len, conv2d_forward};
+use weaver_kernels::gemm::gemm;
+use weaver_kernels::layer_norm::{layer_norm_dx, layer_norm_forward};
+use weaver_kernels::resample::Resample;
+use weaver_kernels::softmax::softmax_forward;
+use weaver_kernels::{Real, simd};
+
+fn numbers(n: usize) -> Vec<f32> {
+    (0..n).map(|i| (i % 17) as f32 * 0.1 - 0.8).collect()
+}
+
+/// Elementwise loops; throughput in elements.
+fn pointwise(c: &mut Criterion) {
+    let mut group = c.benchmark_group("pointwise");
+    let (x, mut y) = (numbers(1 << 14), numbers(1 << 14));
+    group.throughput(Throughput::Elements(x.len() as u64));
+    group.bench_function("exp called", |b| {
+        b.iter(|| y.iter_mut().zip(black_box(&x)).for_each(|(y, x)| *y = Real::exp(*x)));
+    });
+    macro_rules! dispatched {
+        ($name:literal, $f:expr) => {
+            group.bench_function($name, |b| {
+                b.iter(|| {
+                    let x = black_box(&x);
+                    simd::dispatch(
+                        #[inline(always)]
+                        || y.iter_mut().zip(x).for_each(|(y, x)| *y = $f(*x)),
+                    );
+                });
+            });
+        };
+    }
+    dispatched!("exp", Real::exp);
+    dispatched!("tanh", Real::tanh);
+    dispatched!("erf", Real::erf);
+    group.finish();
+}
+
+/// Products; throughput in floating-point operations.
+fn products(c: &mut Criterion) {
+    let mut group = c.benchmark_group("gemm");
+    let sizes =
+        [(512, 512, 512, false), (220, 384, 96, true), (51, 288, 96, true), (12288, 23, 32, true), (51, 51, 32, true)];
+    for (m, n, k, trans_b) in sizes {
+        let (a, b, mut y) = (numbers(m * k), numbers(k * n), numbers(m * n));
+        group.throughput(Throughput::Elements((2 * m * n * k) as u64));
+        group.bench_function(format!("{m}x{n}x{k}{}", if trans_b { "t" } else { "" }), |bench| {
+            bench.iter(|| gemm(false, trans_b, m, n, k, 1.0, black_box(&a), &b, 0.0, &mut y));
+        });
+    }
+    group.finish();
+}
+
+/// Convolutions; throughput in floating-point operations.
+fn convolutions(c: &mut Criterion) {
+    let mut group = c.benchmark_group("conv2d");
+    let (h, w, stride) = (48, 64, 1);
+    for size in [
+        Conv2d { n: 4, c: 32, h, w, o: 32, kh: 3, kw: 3, stride, pad: 1 },
+        Conv2d { n: 4, c: 8, h, w, o: 32, kh: 5, kw: 5, stride, pad: 2 },
+        Conv2d { n: 4, c: 96, h: 6, w: 8, o: 32, kh: 3, kw: 3, stride, pad: 1 },
+    ] {
+        let pixels = size.out_h() * size.out_w();
+        let mut x = numbers(size.n * size.c * size.h * size.w);
+        let mut weights = numbers(size.o * size.c * size.kh * size.kw);
+        let mut y = numbers(size.n * size.o * pixels);
+        let mut scratch = vec![0.0; conv2d_dx_scratch_len(&size)];
+        group.throughput(Throughput::Elements((2 * y.len() * weights.len() / size.o) as u64));
+        let name = format!("{}x{} {}x{} at {}x{}", size.c, size.o, size.kh, size.kw, size.h, size.w);
+        group.bench_function(format!("{name} forward"), |b| {
+            b.iter(|| conv2d_forward(&size, black_box(&x), &weights, None, &mut y));
+        });
+        group.bench_function(format!("{name} dw"), |b| {
+            b.iter(|| conv2d_dw(&size, black_box(&x), &y, (&mut weights, 0.0)));
+        });
+        weights.fill(0.1);
+        group.bench_function(format!("{name} dx"), |b| {
+            b.iter(|| conv2d_dx(&size, black_box(&weights), &y, (&mut x, 0.0), &mut scratch));
+        });
+    }
+    group.finish();
+}
+
+fn tokens(c: &mut Criterion) {
+    let mut group = c.benchmark_group("tokens");
+    for (batch, n) in [(4, 53), (1, 212)] {
+        let size = Attention { batch, heads: 3, queries: n, keys: n, dim: 32 };
+        let (at, out_at) = (Strides::packed(n, 3, 32), Strides::tokens_first(n, 3, 32));
+        let qkv = numbers(batch * n * 3 * 96);
+        let (mut out, mut lse, mut dqkv) = (numbers(batch * n * 96), vec![0.0; batch * 3 * n], qkv.clone());
+        let [q, k, v] = [0, 96, 192].map(|offset| (&qkv[offset..], at));
+        group.bench_function(format!("attention {batch}x{n} forward"), |b| {
+            b.iter(|| attention_forward(&size, 0.2, black_box(q), k, v, (&mut out, out_at), &mut lse));
+        });
+        let dout = numbers(out.len());
+        group.bench_function(format!("attention {batch}x{n} backward"), |b| {
+            b.iter(|| attention_backward_packed(&size, 0.2, &qkv, (&out, out_at), &lse, &dout, (&mut dqkv, 0.0)));
+        });
+    }
+    let (x, w) = (numbers(220 * 96), numbers(96));
+    let (mut y, mut stats, mut dx) = (x.clone(), vec![0.0; 440], x.clone());
+    group.bench_function("layer_norm 220x96 forward", |b| {
+        b.iter(|| layer_norm_forward(96, 1e-5, black_box(&x), Some((&w, &w)), &mut y, &mut stats));
+    });
+    group.bench_function("layer_norm 220x96 dx", |b| {
+        b.iter(|| layer_norm_dx(96, black_box(&x), Some(&w), &stats, &y, (&mut dx, 0.0)));
+    });
+    group.bench_function("softmax 220x96", |b| b.iter(|| softmax_forward(96, 1, black_box(&x), &mut y)));
+    let plan = Resample::bilinear([24, 32], [48, 64], true);
+    let (x, mut y) = (numbers(128 * 24 * 32), vec![0.0; 128 * 48 * 64]);
+    group.bench_function("bilinear 128 maps 24x32 to 48x64", |b| b.iter(|| plan.forward(black_box(&x), &mut y)));
+    group.finish();
+}
+
+fn main() {
+    let mut criterion = Criterion::default()
+        .sample_size(10)
+        .warm_up_time(Duration::from_millis(50))
+        .measurement_time(Duration::from_millis(200))
+        .configure_from_args();
+    pointwise(&mut criterion);
+    products(&mut criterion);
+    convolutions(&mut criterion);
+    tokens(&mut criterion);
+    criterion.final_summary();
+}
