@@ -1,8 +1,8 @@
-//! Image metrics without a tape: plain functions of slices, computed in `f64`.
+//! Image metrics without a tape: plain functions of slices, computed in `f64` where not said otherwise.
 
-use crate::quantile;
 use crate::ssim_window::{Covariance, WINDOW, Windows};
-use weaver_autograd::Real;
+use crate::{Lpips, quantile};
+use weaver_autograd::{Real, Tape};
 
 /// Peak signal-to-noise ratio in dB: -10 log10 of the mean squared difference of two images, each clamped to [0, 1] and
 /// not rounded. Infinite for equal images. Panics unless the images are of one size and not empty.
@@ -53,6 +53,15 @@ pub fn ssim<T: Real>(a: &[T], b: &[T], size: [usize; 3]) -> f64 {
     let widen = |plane: &[T]| plane.iter().map(|x| x.to_f64()).collect::<Vec<_>>();
     let planes = a.chunks(pixels).zip(b.chunks(pixels));
     planes.map(|(a, b)| windows.similarity(&widen(a), &widen(b), &mut workspace)).sum::<f64>() / channels as f64
+}
+
+/// Perceptual distance of two images [3, H, W] in [0, 1]; see [`Lpips::distance`]. In the network's own precision.
+///
+/// `size` is (H, W). Panics unless both images have three planes of that size.
+pub fn lpips<T: Real>(network: &Lpips<T>, a: &[T], b: &[T], size: [usize; 2]) -> f64 {
+    let tape = Tape::new();
+    let [a, b] = [a, b].map(|image| tape.constant(image, [1, 3, size[0], size[1]]));
+    network.distance(a, b).item().to_f64()
 }
 
 /// The quarter of a view's pixels with most high-frequency energy, where detail shows: energy at or above its 0.75

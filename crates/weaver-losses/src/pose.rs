@@ -1,17 +1,10 @@
 //! Losses on the pose codes of an iterative camera head.
 
+use weaver_autograd::ops::huber;
 use weaver_autograd::{Real, Var, apply_pointwise, pointwise};
 
 /// Weight of an iteration relative to the next one.
 const DECAY: f64 = 0.6;
-
-pointwise!(
-    /// (a - b)^2 / 2 up to a distance of delta, delta (|a - b| - delta / 2) beyond.
-    Huber { delta: f64 }, 2, |a, b| {
-        let d = (a - b).abs();
-        if d.value <= T::from_f64(delta) { d * d * 0.5 } else { (d - 0.5 * delta) * delta }
-    }
-);
 
 pointwise!(
     /// |a - b|.
@@ -39,7 +32,7 @@ fn over_iterations<'t, T: Real>(terms: impl ExactSizeIterator<Item = Var<'t, T>>
 #[track_caller]
 pub fn huber_pose<'t, T: Real>(student: &[Var<'t, T>], teacher: &[Var<'t, T>], delta: f64) -> Var<'t, T> {
     assert_eq!(student.len(), teacher.len(), "huber_pose: as many iterations of the student as of the teacher");
-    over_iterations(student.iter().zip(teacher).map(|(s, t)| apply_pointwise(Huber { delta }, [*s, *t]).mean()))
+    over_iterations(student.iter().zip(teacher).map(|(s, t)| huber(*s, *t, delta).mean()))
 }
 
 /// L1 distance of emitted pose codes to one target, over the iterations, a scalar:

@@ -1,0 +1,38 @@
+//! Time of the image losses on the renders of one training step.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use weaver_autograd::Tape;
+use weaver_autograd::gradcheck::Input;
+use weaver_losses::{error_regression, mse, ssim};
+
+fn losses(criterion: &mut Criterion) {
+    let image =
+        |seed| Input::uniform(seed, 0.0, 1.0, [6, 3, 48, 64]).data.iter().map(|x| *x as f32).collect::<Vec<_>>();
+    let (render, target) = (image(1), image(2));
+    let mut tape = Tape::<f32>::new();
+    criterion.bench_function("mse of 6 x 64 x 48, forward and backward", |bencher| {
+        bencher.iter(|| {
+            let (a, b) = (tape.leaf(&render, [6, 3, 48, 64]), tape.constant(&target, [6, 3, 48, 64]));
+            mse(a, b).backward();
+            tape.reset();
+        });
+    });
+    criterion.bench_function("ssim of 6 x 64 x 48, forward and backward", |bencher| {
+        bencher.iter(|| {
+            let (a, b) = (tape.leaf(&render, [6, 3, 48, 64]), tape.constant(&target, [6, 3, 48, 64]));
+            ssim(a, b).mean().backward();
+            tape.reset();
+        });
+    });
+    criterion.bench_function("error regression of 4 x 64 x 48, forward and backward", |bencher| {
+        bencher.iter(|| {
+            let pixels = 4 * 48 * 64;
+            let score = tape.leaf(&render[..pixels], [4, 48, 64]);
+            error_regression(score, tape.constant(&target[..pixels], [4, 48, 64])).backward();
+            tape.reset();
+        });
+    });
+}
+
+criterion_group!(benches, losses);
+criterion_main!(benches);

@@ -1,0 +1,202 @@
+//! Learned perceptual image patch similarity: how different two images look to a classification network.
+
+use crate::feature_distance::feature_distance;
+use crate::max_pool2d;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use weaver_autograd::ops::conv2d;
+use weaver_autograd::{Real, Tape, Var};
+
+/// Tensors by name: shape and numbers.
+pub type Tensors = BTreeMap<String, (Vec<usize>, Vec<f32>)>;
+
+/// What the published weights subtract from each channel of an image in [-1, 1], and what they divide it by.
+const SHIFT: [f32; 3] = [-0.030, -0.088, -0.188];
+const SCALE: [f32; 3] = [0.458, 0.448, 0.450];
+
+/// The network whose features are compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Network {
+    /// AlexNet: fast, closest to human judgement.
+    Alex,
+    /// VGG16: the usual choice as a loss.
+    Vgg,
+}
+
+/// A convolution followed by a ReLU. Its name is its index in torchvision's `features`.
+struct Convolution {
+    index: usize,
+    /// Output channels, input channels, and the kernel's width.
+    shape: [usize; 3],
+    stride: usize,
+    padding: usize,
+}
+
+/// The layers between one compared feature map and the next.
+struct Stage {
+    /// Window and stride of the max-pooling in front.
+    pool: Option<[usize; 2]>,
+    convolutions: &'static [Convolution],
+}
+
+const fn conv(index: usize, shape: [usize; 3]) -> Convolution {
+    Convolution { index, shape, stride: 1, padding: shape[2] / 2 }
+}
+
+const ALEX: [Stage; 5] = [
+    Stage { pool: None, convolutions: &[Convolution { index: 0, shape: [64, 3, 11], stride: 4, padding: 2 }] },
+    Stage { pool: Some([3, 2]), convolutions: &[conv(3, [192, 64, 5])] },
+    Stage { pool: Some([3, 2]), convolutions: &[conv(6, [384, 192, 3])] },
+    Stage { pool: None, convolutions: &[conv(8, [256, 384, 3])] },
+    Stage { pool: None, convolutions: &[conv(10, [256, 256, 3])] },
+];
+
+const VGG: [Stage; 5] = [
+    Stage { pool: None, convolutions: &[conv(0, [64, 3, 3]), conv(2, [64, 64, 3])] },
+    Stage { pool: Some([2, 2]), convolutions: &[conv(5, [128, 64, 3]), conv(7, [128, 128, 3])] },
+    Stage {
+        pool: Some([2, 2]),
+        convolutions: &[conv(10, [256, 128, 3]), conv(12, [256, 256, 3]), conv(14, [256, 256, 3])],
+    },
+    Stage {
+        pool: Some([2, 2]),
+        convolutions: &[conv(17, [512, 256, 3]), conv(19, [512, 512, 3]), conv(21, [512, 512, 3])],
+    },
+    Stage {
+        pool: Some([2, 2]),
+        convolutions: &[conv(24, [512, 512, 3]), conv(26, [512, 512, 3]), conv(28, [512, 512, 3])],
+    },
+];
+
+impl Network {
+    fn stages(self) -> &'static [Stage; 5] {
+        match self {
+            Self::Alex => &ALEX,
+            Self::Vgg => &VGG,
+        }
+    }
+}
+
+/// A weight file that does not hold the network.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{file}: `{key}`: expected a tensor of shape {expected:?}, found {}", match found {
+    Some(shape) => format!("one of shape {shape:?}"),
+    None => "none".to_owned(),
+})]
+pub struct LpipsError {
+    /// Where the tensors came from.
+    pub file: String,
+    /// The tensor's name.
+    pub key: String,
+    /// The shape that the network has.
+    pub expected: Vec<usize>,
+    /// The shape that the file has, if any.
+    pub found: Option<Vec<usize>>,
+}
+
+/// A constant tensor, put on any tape without a copy.
+#[derive(Debug)]
+struct Weight<T> {
+    shape: Vec<usize>,
+    data: Arc<Vec<T>>,
+}
+
+impl<T: Real> Weight<T> {
+    fn new(shape: &[usize], data: Vec<T>) -> Self {
+        Self { shape: shape.to_vec(), data: Arc::new(data) }
+    }
+
+    fn on<'t>(&self, tape: &'t Tape<T>) -> Var<'t, T> {
+        tape.shared_constant(&self.data, &self.shape[..])
+    }
+}
+
+/// The perceptual distance of Zhang et al., version 0.1, with fixed weights.
+#[derive(Debug)]
+pub struct Lpips<T: Real = f32> {
+    network: Network,
+    /// The 1x1 convolution that brings [0, 1] to what the network was trained on: weight and bias.
+    scaling: [Weight<T>; 2],
+    /// Weight and bias of every convolution, in order.
+    convolutions: Vec<[Weight<T>; 2]>,
+    /// What each channel of the five feature maps counts.
+    channels: Vec<Weight<T>>,
+}
+
+impl<T: Real> Lpips<T> {
+    /// Takes the network's weights out of named tensors: `net.slice{1..5}.{index}.weight` and `.bias`,
+    /// `lin{0..4}.model.1.weight`, as the lpips package names them. `file` is for messages.
+    pub fn from_tensors(network: Network, tensors: &Tensors, file: &str) -> Result<Self, LpipsError> {
+        let take = |key: String, expected: &[usize]| {
+            let found = tensors.get(&key);
+            match found {
+                Some((shape, data)) if shape == expected && data.len() == expected.iter().product() => {
+                    Ok(Weight::new(expected, data.iter().map(|x| T::from_f32(*x)).collect()))
+                }
+                _ => Err(LpipsError {
+                    file: file.to_owned(),
+                    key,
+                    expected: expected.to_vec(),
+                    found: found.map(|(shape, _)| shape.clone()),
+                }),
+            }
+        };
+        let (mut convolutions, mut channels) = (Vec::new(), Vec::new());
+        for (i, stage) in network.stages().iter().enumerate() {
+            let mut features = 0;
+            for Convolution { index, shape: [outputs, inputs, width], .. } in stage.convolutions {
+                let name = format!("net.slice{}.{index}", i + 1);
+                let weight = take(format!("{name}.weight"), &[*outputs, *inputs, *width, *width])?;
+                convolutions.push([weight, take(format!("{name}.bias"), &[*outputs])?]);
+                features = *outputs;
+            }
+            channels.push(take(format!("lin{i}.model.1.weight"), &[1, features, 1, 1])?);
+        }
+        // ((2 x - 1) - shift) / scale as one affine map of each channel.
+        let [shift, scale] = [SHIFT, SCALE].map(|c| c.map(f64::from));
+        let diagonal = |i: usize| if i % 4 == 0 { 2.0 / scale[i / 4] } else { 0.0 };
+        let scaling = [
+            Weight::new(&[3, 3, 1, 1], (0..9).map(|i| T::from_f64(diagonal(i))).collect()),
+            Weight::new(&[3], (0..3).map(|c| T::from_f64((-1.0 - shift[c]) / scale[c])).collect()),
+        ];
+        Ok(Self { network, scaling, convolutions, channels })
+    }
+
+    /// The perceptual distance of each pair of images, [N]; 0 for equal ones.
+    ///
+    /// sum over five layers l of mean over pixels of sum_c w_lc (f_lc(a)/|f_l(a)| - f_lc(b)/|f_l(b)|)^2. Images are
+    /// [N, 3, H, W] with values in [0, 1]. Differentiable in both images, with gradient 0 where all features of a pixel
+    /// vanish; the weights are constants. Panics when the images are too small for the network's pooling (16 pixels for
+    /// VGG16, 31 for AlexNet). Source: Zhang et al., The unreasonable effectiveness of deep features as a perceptual
+    /// metric, 2018.
+    #[track_caller]
+    pub fn distance<'t>(&self, a: Var<'t, T>, b: Var<'t, T>) -> Var<'t, T> {
+        let [first, rest @ ..] = self.layers(a, b);
+        rest.into_iter().fold(first, |sum, term| sum + term)
+    }
+
+    /// The five layers' terms of [`distance`](Self::distance), each [N].
+    #[track_caller]
+    pub fn layers<'t>(&self, a: Var<'t, T>, b: Var<'t, T>) -> [Var<'t, T>; 5] {
+        let tape = a.tape();
+        let _scope = tape.scope("lpips");
+        let [a, b] = [a, b].map(|image| self.features(image));
+        std::array::from_fn(|i| feature_distance(a[i], b[i], self.channels[i].on(tape)))
+    }
+
+    fn features<'t>(&self, image: Var<'t, T>) -> [Var<'t, T>; 5] {
+        let tape = image.tape();
+        let [weight, bias] = &self.scaling;
+        let mut x = conv2d(image, weight.on(tape), Some(bias.on(tape)), 1, 0);
+        let mut weights = self.convolutions.iter();
+        self.network.stages().each_ref().map(|stage| {
+            if let Some([size, stride]) = stage.pool {
+                x = max_pool2d(x, size, stride);
+            }
+            for (layer, [weight, bias]) in stage.convolutions.iter().zip(&mut weights) {
+                x = conv2d(x, weight.on(tape), Some(bias.on(tape)), layer.stride, layer.padding).relu();
+            }
+            x
+        })
+    }
+}

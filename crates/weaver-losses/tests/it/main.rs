@@ -1,0 +1,9 @@
+//! Tests of the losses and metrics.
+
+mod fixture;
+mod gradients;
+mod lpips;
+mod mechanism;
+mod metrics;
+mod parity;
+mod ssim;
