@@ -45,7 +45,8 @@ impl<T: Real, const S: usize> TileState<T, S> {
             for column in 0..window.columns {
                 let pixel = (window.corner.1 + row) * width + window.corner.0 + column;
                 let left = transmittance[row * S + column];
-                let dimage = cotangents.image.map_or([T::ZERO; 3], |d| [d[3 * pixel], d[3 * pixel + 1], d[3 * pixel + 2]]);
+                let dimage =
+                    cotangents.image.map_or([T::ZERO; 3], |d| [d[3 * pixel], d[3 * pixel + 1], d[3 * pixel + 2]]);
                 let dalpha = cotangents.alpha.map_or(T::ZERO, |d| d[pixel]);
                 let through = dimage[0] * background[0] + dimage[1] * background[1] + dimage[2] * background[2];
                 state.transmittance[row][column] = left;

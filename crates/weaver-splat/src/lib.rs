@@ -1,7 +1,7 @@
 //! A differentiable rasteriser of 3-D Gaussians on the CPU, with gradients for every parameter and for the camera.
 //!
 //! [`rasterize`] draws, [`rasterize_backward`] differentiates; both are plain functions on slices, and [`Workspace`] is all
-//! their memory. [`reference`] does it again, slowly and in another way,
+//! their memory. [`Rasterize`] is the same as an operation on the tape. [`reference`] does it again, slowly and in another way,
 //! to test against.
 //!
 //! Conventions: world-to-camera matrices, OpenCV axes (x right, y down, z forward), pixel centres at +0.5, quaternions
@@ -9,8 +9,8 @@
 
 mod backward;
 mod composite;
-mod dual;
 mod matrix;
+mod op;
 mod project;
 mod project_backward;
 mod rasterize;
@@ -21,6 +21,7 @@ mod sh;
 mod tiles;
 mod workspace;
 
+pub use op::{CameraVars, GaussianVars, Rasterize, RenderedVars, WorkspacePool};
 pub use rasterize::{Images, RasterStats, rasterize};
 pub use rasterize_backward::{Cotangents, Gradients, Target, rasterize_backward};
 pub use scene::{Cameras, Colour, Gaussians, RasterError, RasterSettings, TileSide};

@@ -68,9 +68,10 @@ impl<'a, T: Real> Gaussians<'a, T> {
 }
 
 impl<T: Real> Gaussian<'_, T> {
-    fn is_finite(&self) -> bool {
+    /// Whether all numbers are finite and the quaternion is not zero.
+    fn is_sound(&self) -> bool {
         let numbers = [&self.mean[..], &self.quat, &self.scale, &[self.opacity], self.colour];
-        numbers.iter().all(|part| part.iter().all(|x| x.is_finite()))
+        numbers.iter().all(|part| part.iter().all(|x| x.is_finite())) && self.quat.iter().any(|&x| x != T::ZERO)
     }
 }
 
@@ -203,7 +204,7 @@ pub(crate) fn splat<T: Real>(
     gaussian: &Gaussian<'_, T>,
     colour: &Colour<'_, T>,
 ) -> Result<Splat<T>, Unseen> {
-    if !gaussian.is_finite() {
+    if !gaussian.is_sound() {
         return Err(Unseen::Rejected);
     }
     let shape = footprint(view, settings, gaussian)?;

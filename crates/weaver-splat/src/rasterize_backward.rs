@@ -333,7 +333,8 @@ impl<T: Real> GaussianPass<'_, T> {
             for (i, n) in range.clone().enumerate() {
                 let Some(moments) = moments_of(self.workspace, v * gaussians + n) else { continue };
                 let gaussian = self.gaussians.get(n);
-                let shape = footprint(&view, self.settings, &gaussian).expect("a Gaussian that was drawn has a footprint");
+                let shape =
+                    footprint(&view, self.settings, &gaussian).expect("a Gaussian that was drawn has a footprint");
                 let splat = &self.workspace.splats[v * gaussians + n];
                 splat_backward(
                     &view,
@@ -369,9 +370,8 @@ fn put_all<T: Real, const L: usize>(target: &mut Option<Target<'_, T>>, row: usi
 impl<'a, T: Real> Share<'a, T> {
     /// The parts of the first `gaussians` and of the rest.
     fn split(self, gaussians: usize, colour_len: usize, camera_len: usize) -> (Self, Self) {
-        let cut = |target: Option<Target<'a, T>>, len: usize| {
-            target.map(|target| target.split(gaussians * len)).unzip()
-        };
+        let cut =
+            |target: Option<Target<'a, T>>, len: usize| target.map(|target| target.split(gaussians * len)).unzip();
         let (camera_a, camera_b) = self.camera_sums.split_at_mut(camera_len);
         let (means_a, means_b) = cut(self.means, 3);
         let (quats_a, quats_b) = cut(self.quats, 4);
@@ -400,12 +400,7 @@ impl<'a, T: Real> Share<'a, T> {
 }
 
 /// Sums the chunks' parts, in order, and turns them into gradients of matrices and intrinsics.
-fn camera_gradients<T: Real>(
-    cameras: &Cameras<'_, T>,
-    extent: &Extent,
-    sums: &[T],
-    gradients: &mut Gradients<'_, T>,
-) {
+fn camera_gradients<T: Real>(cameras: &Cameras<'_, T>, extent: &Extent, sums: &[T], gradients: &mut Gradients<'_, T>) {
     let matrix_len = cameras.matrix_len();
     for v in 0..extent.views {
         let mut total = [T::ZERO; CAMERA_SUMS];

@@ -1,13 +1,13 @@
 //! The rasteriser again, slowly and in another way, to test against: every Gaussian at every pixel, in `f64`,
 //! from the textbook's formulas, with the derivatives of projection by forward-mode dual numbers. No tiles, no bounds, no threads.
 
-use crate::dual::{Dual, Scalar};
 use crate::project::Gaussian;
 use crate::rasterize_backward::Cotangents;
 use crate::scene::{
     ALPHA_MIN, Cameras, Colour, Gaussians, RATIO_FLOOR, RasterError, RasterSettings, TRANSMITTANCE_END, extent,
 };
 use crate::sh;
+use weaver_autograd::Dual;
 
 /// Variables of a projection: mean 3, quaternion 4, scale 3, opacity 1, view matrix 12, intrinsics 4.
 const VARIABLES: usize = 27;
@@ -96,14 +96,21 @@ fn see(
 ) -> Option<Seen> {
     let c = Number::constant;
     let (one, two) = (c(1.0), c(2.0));
-    let mean: [Number; 3] = std::array::from_fn(|i| Number::variable(gaussian.mean[i], i));
-    let quat: [Number; 4] = std::array::from_fn(|i| Number::variable(gaussian.quat[i], 3 + i));
-    let scale: [Number; 3] = std::array::from_fn(|i| Number::variable(gaussian.scale[i], 7 + i));
-    let opacity = Number::variable(gaussian.opacity, 10);
-    let entry = |i: usize, j: usize| Number::variable(matrix[4 * i + j], 11 + 4 * i + j);
-    let axes: [[Number; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)));
-    let shift: [Number; 3] = std::array::from_fn(|i| entry(i, 3));
-    let [fx, fy, cx, cy]: [Number; 4] = std::array::from_fn(|i| Number::variable(k[i], 23 + i));
+    let mut values = [0.0; VARIABLES];
+    values[..3].copy_from_slice(&gaussian.mean);
+    values[3..7].copy_from_slice(&gaussian.quat);
+    values[7..10].copy_from_slice(&gaussian.scale);
+    values[10] = gaussian.opacity;
+    values[11..23].copy_from_slice(&matrix[..12]);
+    values[23..].copy_from_slice(&k[..4]);
+    let inputs = Number::inputs(values);
+    let mean: [Number; 3] = std::array::from_fn(|i| inputs[i]);
+    let quat: [Number; 4] = std::array::from_fn(|i| inputs[3 + i]);
+    let scale: [Number; 3] = std::array::from_fn(|i| inputs[7 + i]);
+    let opacity = inputs[10];
+    let axes: [[Number; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| inputs[11 + 4 * i + j]));
+    let shift: [Number; 3] = std::array::from_fn(|i| inputs[11 + 4 * i + 3]);
+    let [fx, fy, cx, cy]: [Number; 4] = std::array::from_fn(|i| inputs[23 + i]);
 
     let point = matmul(&axes, &mean.map(|m| [m]));
     let [x, y, z]: [Number; 3] = std::array::from_fn(|i| point[i][0] + shift[i]);
@@ -367,7 +374,7 @@ impl RenderedBackward {
         for (number, weight) in splat.numbers().iter().zip(gradient) {
             // A splat that no pixel sees has no gradient, whatever its derivatives are.
             if *weight != 0.0 {
-                (0..VARIABLES).for_each(|i| total[i] += weight * number.partials[i]);
+                (0..VARIABLES).for_each(|i| total[i] += weight * number.partial[i]);
             }
         }
         let n = splat.index;

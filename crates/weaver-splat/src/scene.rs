@@ -242,7 +242,10 @@ pub(crate) fn extent<T: Real>(
     if let Colour::Sh { degree, .. } = gaussians.colour
         && degree > sh::MAX_DEGREE
     {
-        return Err(RasterError::new(format!("spherical harmonics of degree {degree}, the largest is {}", sh::MAX_DEGREE)));
+        return Err(RasterError::new(format!(
+            "spherical harmonics of degree {degree}, the largest is {}",
+            sh::MAX_DEGREE
+        )));
     }
     let (colours, colour_len) = gaussians.colour.values();
     expect_len("means", gaussians.means.len(), 3 * n)?;

@@ -1,7 +1,7 @@
 //! Real spherical harmonics, degree 0 to 4, with the signs and the order of the reference 3DGS implementation.
 
-use crate::dual::{Dual, Scalar};
 use crate::matrix::{Vec3, dot};
+use weaver_autograd::Dual;
 use weaver_kernels::Real;
 
 /// Number of coefficients per channel at the largest degree, 4.
@@ -13,8 +13,8 @@ pub const MAX_DEGREE: usize = 4;
 /// The basis functions of degree 0 to `degree` in the direction of the unit vector (x, y, z); the rest of the
 /// array is zero.
 #[inline(always)]
-pub(crate) fn basis<S: Scalar>(degree: usize, [x, y, z]: [S; 3]) -> [S; MAX_TERMS] {
-    let c = S::constant;
+pub(crate) fn basis<T: Real, const P: usize>(degree: usize, [x, y, z]: [Dual<T, P>; 3]) -> [Dual<T, P>; MAX_TERMS] {
+    let c = |x: f64| Dual::constant(T::from_f64(x));
     let mut b = [c(0.0); MAX_TERMS];
     b[0] = c(0.282_094_791_773_878_14);
     if degree < 1 {
@@ -70,11 +70,12 @@ fn direction<T: Real>(v: Vec3<T>) -> (Vec3<T>, T) {
 /// sum over k of b_k(v / |v|) coefficients_k + 0.5, before the clamp at zero. `coefficients` are [K, 3].
 #[inline(always)]
 pub(crate) fn colour<T: Real>(degree: usize, v: Vec3<T>, coefficients: &[T]) -> Vec3<T> {
-    let b = if degree == 0 { basis(0, [T::ZERO; 3]) } else { basis(degree, direction(v).0) };
+    let unit = if degree == 0 { [T::ZERO; 3] } else { direction(v).0 };
+    let b = basis(degree, unit.map(Dual::<T, 0>::constant));
     let mut colour = [T::from_f64(0.5); 3];
     for (k, term) in coefficients.chunks_exact(3).enumerate() {
         for channel in 0..3 {
-            colour[channel] += b[k] * term[channel];
+            colour[channel] += b[k].value * term[channel];
         }
     }
     colour
@@ -91,17 +92,17 @@ pub(crate) fn colour_backward<T: Real>(
     mut each: impl FnMut(usize, T),
 ) -> Vec3<T> {
     if degree == 0 {
-        each(0, basis(0, [T::ZERO; 3])[0]);
+        each(0, basis(0, [Dual::<T, 0>::constant(T::ZERO); 3])[0].value);
         return [T::ZERO; 3];
     }
     let (unit, length) = direction(v);
-    let b = basis(degree, std::array::from_fn(|i| Dual::<T, 3>::variable(unit[i], i)));
+    let b = basis(degree, Dual::inputs(unit));
     let mut dunit = [T::ZERO; 3];
     for (k, term) in coefficients.chunks_exact(3).enumerate() {
         each(k, b[k].value);
         let weight = dot(dcolour, [term[0], term[1], term[2]]);
         for i in 0..3 {
-            dunit[i] += weight * b[k].partials[i];
+            dunit[i] += weight * b[k].partial[i];
         }
     }
     let along = dot(unit, dunit);

@@ -6,9 +6,9 @@
 
 use crate::project::{Splat, Unseen};
 use crate::scene::Extent;
+use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
-use rayon::prelude::*;
 use weaver_kernels::{Real, parallel};
 
 /// The tiles of one view.

@@ -50,18 +50,8 @@ proptest! {
         degree in prop::option::of(0_usize..=4),
         antialiased: bool,
     ) {
-        let mut scene = Scene::random(seed, n, views, size, degree);
+        let mut scene = Scene::smooth(seed, n, views, size, degree);
         scene.settings.antialiased = antialiased;
-        for i in 0..n {
-            // All in front and near the axis, but not at equal depths.
-            let z = 2.0 + i as f64;
-            for axis in 0..2 {
-                scene.means[3 * i + axis] = scene.means[3 * i + axis].clamp(-3.0, 3.0) * 0.1 * z;
-            }
-            scene.means[3 * i + 2] = z;
-            scene.opacities[i] = 0.2 + 0.6 * scene.opacities[i];
-        }
-        scene.scales.iter_mut().for_each(|s| *s = s.clamp(0.1, 2.0) + 2.0);
         let cotangents = scene.cotangents(seed);
         check(&scene, &cotangents, &scene.gradients(&cotangents));
     }

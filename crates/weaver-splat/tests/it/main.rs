@@ -3,6 +3,7 @@
 mod differences;
 mod hostile;
 mod invariance;
+mod op;
 mod parity;
 mod rules;
 mod scene;

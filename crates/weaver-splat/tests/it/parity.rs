@@ -69,11 +69,8 @@ fn check(name: &str, antialiased: bool, degree: Option<usize>) {
     compare(&scene.render(), &scene.gradients(&cotangents), (&expected, &gradients), &masked, 1e-6);
     let single = scene.to_f32();
     let to_f32 = |values: &[f64]| values.iter().map(|&x| x as f32).collect();
-    let cotangents = Planes {
-        image: to_f32(&cotangents.image),
-        alpha: to_f32(&cotangents.alpha),
-        depth: to_f32(&cotangents.depth),
-    };
+    let cotangents =
+        Planes { image: to_f32(&cotangents.image), alpha: to_f32(&cotangents.alpha), depth: to_f32(&cotangents.depth) };
     compare(&single.render(), &single.gradients(&cotangents), (&expected, &gradients), &masked, 3e-5);
 }
 

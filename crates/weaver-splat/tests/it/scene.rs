@@ -2,8 +2,8 @@
 
 use weaver_kernels::{Real, random::Stream};
 use weaver_splat::{
-    Cameras, Colour, Cotangents, Gaussians, Gradients, Images, RasterSettings, RasterStats, Target, Workspace, rasterize,
-    rasterize_backward,
+    Cameras, Colour, Cotangents, Gaussians, Gradients, Images, RasterSettings, RasterStats, Target, Workspace,
+    rasterize, rasterize_backward,
 };
 
 /// Everything that is drawn.
@@ -32,17 +32,8 @@ pub struct Planes<T> {
 }
 
 /// Names of the gradients, in the order of [`gradients`].
-pub const NAMES: [&str; 9] = [
-    "means",
-    "quats",
-    "scales",
-    "opacities",
-    "colours",
-    "viewmats",
-    "intrinsics",
-    "background",
-    "centre_pull",
-];
+pub const NAMES: [&str; 9] =
+    ["means", "quats", "scales", "opacities", "colours", "viewmats", "intrinsics", "background", "centre_pull"];
 
 impl Scene<f64> {
     /// `n` Gaussians around the view of `views` cameras: some behind, some out of sight, some opaque; cameras are not quite
@@ -82,6 +73,22 @@ impl Scene<f64> {
             scene.intrinsics.extend([focal * jitter(0), focal * jitter(1)]);
             scene.intrinsics.extend([width as f64 / 2.0 * jitter(2), height as f64 / 2.0 * jitter(3)]);
         }
+        scene
+    }
+
+    /// A few splats, each over the whole of a small image with alphas between the thresholds: smooth everywhere.
+    pub fn smooth(seed: u64, n: usize, views: usize, size: (usize, usize), degree: Option<usize>) -> Self {
+        let mut scene = Self::random(seed, n, views, size, degree);
+        for i in 0..n {
+            // All in front and near the axis, but not at equal depths.
+            let z = 2.0 + i as f64;
+            for axis in 0..2 {
+                scene.means[3 * i + axis] = scene.means[3 * i + axis].clamp(-3.0, 3.0) * 0.1 * z;
+            }
+            scene.means[3 * i + 2] = z;
+            scene.opacities[i] = 0.2 + 0.6 * scene.opacities[i];
+        }
+        scene.scales.iter_mut().for_each(|s| *s = s.clamp(0.1, 2.0) + 2.0);
         scene
     }
 

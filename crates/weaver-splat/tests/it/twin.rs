@@ -5,11 +5,8 @@ use proptest::prelude::*;
 use weaver_splat::{Cotangents, RasterSettings, TileSide, reference};
 
 pub fn reference_gradients(scene: &Scene<f64>, cotangents: &Planes<f64>) -> [Vec<f64>; 9] {
-    let cotangents = Cotangents {
-        image: Some(&cotangents.image),
-        alpha: Some(&cotangents.alpha),
-        depth: Some(&cotangents.depth),
-    };
+    let cotangents =
+        Cotangents { image: Some(&cotangents.image), alpha: Some(&cotangents.alpha), depth: Some(&cotangents.depth) };
     let d = reference::rasterize_backward(&scene.gaussians(), &scene.cameras(), &scene.settings, &cotangents).unwrap();
     [d.means, d.quats, d.scales, d.opacities, d.colours, d.viewmats, d.intrinsics, d.background, d.centre_pull]
 }

@@ -1,0 +1,124 @@
+//! Forward, and forward with backward, of synthetic scenes.
+
+#![allow(missing_docs)] // criterion_group! makes an undocumented function
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use std::hint::black_box;
+use weaver_kernels::random::Stream;
+use weaver_splat::{
+    Cameras, Colour, Cotangents, Gaussians, Gradients, Images, RasterSettings, Target, Workspace, rasterize,
+    rasterize_backward,
+};
+
+/// Gaussians of about a pixel and a half in a frustum; plain arrays, reused by every iteration.
+struct Load {
+    means: Vec<f32>,
+    quats: Vec<f32>,
+    scales: Vec<f32>,
+    opacities: Vec<f32>,
+    colours: Vec<f32>,
+    degree: usize,
+    viewmats: Vec<f32>,
+    intrinsics: Vec<f32>,
+    size: (usize, usize),
+    planes: [Vec<f32>; 3],
+    cotangents: [Vec<f32>; 3],
+    gradients: [Vec<f32>; 8],
+    workspace: Workspace<f32>,
+}
+
+impl Load {
+    fn new(n: usize, views: usize, size: (usize, usize), degree: usize) -> Self {
+        let stream = Stream::new(1, 0, "splat.bench");
+        let normal = |purpose: u64, i: usize| stream.fork(purpose).normal::<f32>(i as u64);
+        let uniform = |purpose: u64, i: usize| stream.fork(purpose).uniform::<f32>(i as u64);
+        let focal = size.0 as f32 * 0.8;
+        let terms = 3 * (degree + 1) * (degree + 1);
+        let (mut means, mut scales) = (Vec::new(), Vec::new());
+        for i in 0..n {
+            let z = 1.5 + 6.5 * uniform(0, i);
+            means.extend([1.2 * (uniform(1, i) - 0.5) * z, 0.9 * (uniform(2, i) - 0.5) * z, z]);
+            (0..3).for_each(|axis| scales.push(1.5 * z / focal * (0.6 * normal(3, 3 * i + axis)).exp()));
+        }
+        let mut viewmats = Vec::new();
+        for v in 0..views {
+            viewmats.extend([1.0, 0.0, 0.0, 0.05 * v as f32, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+        }
+        let pixels = views * size.0 * size.1;
+        let draw = |purpose: u64, len: usize| (0..len).map(|i| normal(purpose, i)).collect::<Vec<f32>>();
+        let opacities = draw(5, n).iter().map(|x| 1.0 / (1.0 + (-1.5 * x).exp())).collect();
+        Self {
+            means,
+            quats: draw(4, 4 * n),
+            scales,
+            opacities,
+            colours: draw(6, terms * n),
+            degree,
+            intrinsics: [focal, focal, size.0 as f32 / 2.0, size.1 as f32 / 2.0].repeat(views),
+            size,
+            planes: [3, 1, 1].map(|channels| vec![0.0; channels * pixels]),
+            cotangents: [(7, 3), (8, 1), (9, 1)].map(|(purpose, channels)| draw(purpose, channels * pixels)),
+            gradients: [3 * n, 4 * n, 3 * n, n, terms * n, viewmats.len(), 4 * views, 3].map(|len| vec![0.0; len]),
+            viewmats,
+            workspace: Workspace::new(),
+        }
+    }
+
+    fn run(&mut self, backward: bool) {
+        let gaussians = Gaussians {
+            means: &self.means,
+            quats: &self.quats,
+            scales: &self.scales,
+            opacities: &self.opacities,
+            colour: Colour::Sh { coefficients: &self.colours, degree: self.degree },
+        };
+        let cameras = Cameras {
+            viewmats: &self.viewmats,
+            intrinsics: &self.intrinsics,
+            background: &[0.0; 3],
+            width: self.size.0,
+            height: self.size.1,
+        };
+        let settings = RasterSettings::default();
+        let [image, alpha, depth] = &mut self.planes;
+        let stats = rasterize(&gaussians, &cameras, &settings, &mut self.workspace, Images { image, alpha, depth })
+            .expect("the scene fits together");
+        black_box(stats);
+        if backward {
+            let [image, alpha, depth] = &self.cotangents;
+            let cotangents = Cotangents { image: Some(image), alpha: Some(alpha), depth: Some(depth) };
+            let [means, quats, scales, opacities, colours, viewmats, intrinsics, background] =
+                self.gradients.each_mut().map(|values| Some(Target::write(&mut values[..])));
+            let gradients = Gradients {
+                means,
+                quats,
+                scales,
+                opacities,
+                colours,
+                viewmats,
+                intrinsics,
+                background,
+                centre_pull: None,
+            };
+            rasterize_backward(&gaussians, &cameras, &settings, &mut self.workspace, &cotangents, gradients)
+                .expect("forward came first");
+        }
+    }
+}
+
+fn benches(c: &mut Criterion) {
+    let cases = [
+        ("10k Gaussians, 320x240, degree 3", Load::new(10_000, 1, (320, 240), 3)),
+        ("4915 Gaussians, 6 views of 64x48, degree 1", Load::new(4915, 6, (64, 48), 1)),
+    ];
+    for (name, mut load) in cases {
+        let mut group = c.benchmark_group(name);
+        group.sample_size(10).measurement_time(std::time::Duration::from_secs(1));
+        group.bench_function("forward", |b| b.iter(|| load.run(false)));
+        group.bench_function("forward and backward", |b| b.iter(|| load.run(true)));
+        group.finish();
+    }
+}
+
+criterion_group!(all, benches);
+criterion_main!(all);

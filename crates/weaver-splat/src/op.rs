@@ -1,0 +1,241 @@
+//! The rasteriser as an operation on the tape.
+
+use crate::rasterize::{Images, rasterize};
+use crate::rasterize_backward::{Cotangents, Gradients, Target, rasterize_backward};
+use crate::scene::{Cameras, Colour, Gaussians, RasterSettings};
+use crate::sh::MAX_DEGREE;
+use crate::workspace::Workspace;
+use std::sync::{Arc, Mutex, PoisonError};
+use weaver_autograd::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_kernels::Real;
+
+/// Workspaces that are kept from step to step. Cloning shares the pool.
+///
+/// A [`Rasterize`] on the tape holds one until the tape is reset.
+#[derive(Clone, Debug)]
+pub struct WorkspacePool<T> {
+    free: Arc<Mutex<Vec<Workspace<T>>>>,
+}
+
+impl<T: Real> WorkspacePool<T> {
+    /// An empty pool.
+    pub fn new() -> Self {
+        Self { free: Arc::default() }
+    }
+
+    fn take(&self) -> Workspace<T> {
+        self.free.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
+    }
+}
+
+impl<T: Real> Default for WorkspacePool<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Draws Gaussians in several views, differentiably: [`rasterize`](crate::rasterize()) on the tape.
+///
+/// Inputs, in this order: means [N, 3], quats [N, 4] (wxyz), scales [N, 3], opacities [N], colours [N, 3] or spherical harmonics [N, K, 3]
+/// with K of 1, 4, 9, 16, 25, view matrices [V, 3, 4] or [V, 4, 4], intrinsics [V, 4] (fx, fy, cx, cy), background [3] or [V, 3].
+/// Outputs: image [V, H, W, 3], alpha [V, H, W], depth [V, H, W], and auxiliary, without gradient, the counts
+/// [3] of splats, list entries and rejected Gaussians. Every input has a gradient; see
+/// [`rasterize_backward`](crate::rasterize_backward()) for what is held constant.
+///
+/// ```
+/// use weaver_autograd::Tape;
+/// use weaver_splat::{CameraVars, GaussianVars, RasterSettings, Rasterize, WorkspacePool};
+/// let workspaces = WorkspacePool::new();
+/// let tape = Tape::<f32>::new();
+/// let gaussians = GaussianVars {
+///     means: tape.leaf(&[0.0, 0.0, 2.0], [1, 3]),
+///     quats: tape.leaf(&[1.0, 0.0, 0.0, 0.0], [1, 4]),
+///     scales: tape.leaf(&[0.5, 0.5, 0.5], [1, 3]),
+///     opacities: tape.leaf(&[0.8], [1]),
+///     colours: tape.leaf(&[1.0, 0.5, 0.0], [1, 3]),
+/// };
+/// let cameras = CameraVars {
+///     viewmats: tape.constant(&[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0], [1, 3, 4]),
+///     intrinsics: tape.constant(&[10.0, 10.0, 1.5, 1.5], [1, 4]),
+///     background: tape.constant(&[0.0; 3], [3]),
+/// };
+/// let drawn = Rasterize::new(3, 3, RasterSettings::default(), &workspaces).apply(&gaussians, &cameras);
+/// drawn.image.sum().backward();
+/// assert!(gaussians.opacities.grad().unwrap()[0] > 0.0);
+/// ```
+#[derive(Debug)]
+pub struct Rasterize<T: Real> {
+    width: usize,
+    height: usize,
+    settings: RasterSettings,
+    pool: WorkspacePool<T>,
+    /// Set by forward; backward works in it too.
+    workspace: Mutex<Option<Workspace<T>>>,
+}
+
+/// The Gaussians as tensors; shapes are with [`Rasterize`].
+#[derive(Clone, Copy, Debug)]
+pub struct GaussianVars<'t, T: Real> {
+    /// [N, 3]
+    pub means: Var<'t, T>,
+    /// [N, 4]
+    pub quats: Var<'t, T>,
+    /// [N, 3]
+    pub scales: Var<'t, T>,
+    /// [N]
+    pub opacities: Var<'t, T>,
+    /// [N, 3], or [N, K, 3] for spherical harmonics.
+    pub colours: Var<'t, T>,
+}
+
+/// The cameras as tensors; shapes are with [`Rasterize`].
+#[derive(Clone, Copy, Debug)]
+pub struct CameraVars<'t, T: Real> {
+    /// [V, 3, 4] or [V, 4, 4]
+    pub viewmats: Var<'t, T>,
+    /// [V, 4]
+    pub intrinsics: Var<'t, T>,
+    /// [3] or [V, 3]
+    pub background: Var<'t, T>,
+}
+
+/// What was drawn.
+#[derive(Clone, Copy, Debug)]
+pub struct RenderedVars<'t, T: Real> {
+    /// [V, H, W, 3]
+    pub image: Var<'t, T>,
+    /// [V, H, W]
+    pub alpha: Var<'t, T>,
+    /// sum of w z, not divided by alpha, [V, H, W].
+    pub depth: Var<'t, T>,
+    /// Splats, list entries, rejected Gaussians; no gradient, [3].
+    pub counts: Var<'t, T>,
+}
+
+impl<T: Real> Rasterize<T> {
+    /// For images of `width` x `height` pixels. Memory comes from, and returns to, `workspaces`.
+    pub fn new(width: usize, height: usize, settings: RasterSettings, workspaces: &WorkspacePool<T>) -> Self {
+        Self { width, height, settings, pool: workspaces.clone(), workspace: Mutex::new(None) }
+    }
+
+    /// Draws. Panics where shapes do not fit.
+    #[track_caller]
+    pub fn apply<'t>(self, gaussians: &GaussianVars<'t, T>, cameras: &CameraVars<'t, T>) -> RenderedVars<'t, T> {
+        let GaussianVars { means, quats, scales, opacities, colours } = *gaussians;
+        let CameraVars { viewmats, intrinsics, background } = *cameras;
+        let inputs = [means, quats, scales, opacities, colours, viewmats, intrinsics, background];
+        let [image, alpha, depth, counts] = means.tape().apply(self, &inputs);
+        RenderedVars { image, alpha, depth, counts }
+    }
+
+    fn scene<'a>(&self, ins: &[View<'a, T>]) -> (Gaussians<'a, T>, Cameras<'a, T>) {
+        let colours = ins[4];
+        let colour = match colours.shape().rank() {
+            2 => Colour::Plain(colours.data()),
+            _ => Colour::Sh { coefficients: colours.data(), degree: degree_of(colours.shape()[1]).unwrap_or(0) },
+        };
+        let gaussians = Gaussians {
+            means: ins[0].data(),
+            quats: ins[1].data(),
+            scales: ins[2].data(),
+            opacities: ins[3].data(),
+            colour,
+        };
+        let cameras = Cameras {
+            viewmats: ins[5].data(),
+            intrinsics: ins[6].data(),
+            background: ins[7].data(),
+            width: self.width,
+            height: self.height,
+        };
+        (gaussians, cameras)
+    }
+}
+
+/// The degree with `terms` coefficients.
+fn degree_of(terms: usize) -> Option<usize> {
+    (0..=MAX_DEGREE).find(|degree| (degree + 1) * (degree + 1) == terms)
+}
+
+impl<T: Real> Drop for Rasterize<T> {
+    fn drop(&mut self) {
+        let held = self.workspace.get_mut().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(workspace) = held {
+            self.pool.free.lock().unwrap_or_else(PoisonError::into_inner).push(workspace);
+        }
+    }
+}
+
+impl<T: Real> Op<T> for Rasterize<T> {
+    fn name(&self) -> &'static str {
+        "rasterize"
+    }
+
+    fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
+        ensure_shape!(ins.len() == 8, "8 inputs");
+        ensure_shape!(ins[0].rank() == 2 && ins[6].rank() == 2, "means [N, 3], .., intrinsics [V, 4], ..");
+        let (n, v) = (ins[0][0], ins[6][0]);
+        let is = |index: usize, dims: &[usize]| ins[index] == Shape::new(dims);
+        let gaussians = is(0, &[n, 3]) && is(1, &[n, 4]) && is(2, &[n, 3]) && is(3, &[n]);
+        ensure_shape!(gaussians, "means [N, 3], quats [N, 4], scales [N, 3], opacities [N], ..");
+        let harmonics = ins[4].rank() == 3 && degree_of(ins[4][1]).is_some() && is(4, &[n, ins[4][1], 3]);
+        ensure_shape!(is(4, &[n, 3]) || harmonics, "colours [N, 3], or [N, K, 3] with K of 1, 4, 9, 16, 25");
+        ensure_shape!(is(5, &[v, 3, 4]) || is(5, &[v, 4, 4]), "view matrices [V, 3, 4] or [V, 4, 4]");
+        ensure_shape!(is(6, &[v, 4]), "intrinsics [V, 4]");
+        ensure_shape!(is(7, &[3]) || is(7, &[v, 3]), "background [3] or [V, 3]");
+        let (h, w) = (self.height, self.width);
+        ensure_shape!(h > 0 && w > 0, "an image of at least one pixel");
+        Ok(Shapes::one([v, h, w, 3]).and([v, h, w]).and([v, h, w]).and([3]))
+    }
+
+    fn auxiliary_outputs(&self) -> usize {
+        1
+    }
+
+    fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
+        let (gaussians, cameras) = self.scene(ins);
+        let [image, alpha, depth, counts] = outs else { unreachable!("four outputs, by shapes()") };
+        let mut workspace = self.pool.take();
+        let images = Images { image, alpha, depth };
+        let stats = rasterize(&gaussians, &cameras, &self.settings, &mut workspace, images)
+            .unwrap_or_else(|error| panic!("{error}"));
+        for (out, count) in counts.iter_mut().zip([stats.splats, stats.entries, stats.rejected]) {
+            *out = T::from_usize(count);
+        }
+        self.workspace = Mutex::new(Some(workspace));
+    }
+
+    fn backward(
+        &self,
+        ins: &[View<'_, T>],
+        _outs: &[View<'_, T>],
+        douts: &[View<'_, T>],
+        dins: &mut [Option<Grad<'_, T>>],
+        _pool: &Pool,
+    ) {
+        let (gaussians, cameras) = self.scene(ins);
+        let mut held = self.workspace.lock().unwrap_or_else(PoisonError::into_inner);
+        let workspace = held.as_mut().expect("forward runs before backward");
+        let cotangents = Cotangents { image: Some(&douts[0]), alpha: Some(&douts[1]), depth: Some(&douts[2]) };
+        let mut targets = dins.iter_mut().map(|grad| {
+            grad.as_mut().map(|grad| match grad.target() {
+                (values, beta) if beta == T::ZERO => Target::write(values),
+                (values, _) => Target::add(values),
+            })
+        });
+        let mut next = || targets.next().flatten();
+        let gradients = Gradients {
+            means: next(),
+            quats: next(),
+            scales: next(),
+            opacities: next(),
+            colours: next(),
+            viewmats: next(),
+            intrinsics: next(),
+            background: next(),
+            centre_pull: None,
+        };
+        rasterize_backward(&gaussians, &cameras, &self.settings, workspace, &cotangents, gradients)
+            .unwrap_or_else(|error| panic!("{error}"));
+    }
+}
