@@ -123,3 +123,36 @@ pub(crate) fn feature_distance<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>, weight
     let [distance] = a.tape().apply(FeatureDistance, &[a, b, weights]);
     distance
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use weaver_autograd::Tape;
+    use weaver_autograd::gradcheck::{Input, gradcheck};
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(12))]
+
+        #[test]
+        fn gradient(n in 1..3usize, c in 1..5usize, h in 1..4usize, w in 1..4usize, seed in any::<u64>()) {
+            let features = |seed| Input::uniform(seed, 0.1, 1.0, [n, c, h, w]);
+            let weights = Input::uniform(seed, 0.0, 1.0, [c]).constant();
+            gradcheck(&[features(seed), features(!seed), weights], |x| vec![feature_distance(x[0], x[1], x[2])]);
+        }
+    }
+
+    #[test]
+    fn pixels_without_features_have_no_gradient() {
+        let tape = Tape::<f64>::new();
+        let a = tape.leaf(&[0.0, 3.0, 0.0, 4.0], [1, 2, 1, 2]);
+        let b = tape.leaf(&[1.0, 0.0, 0.0, 0.0], [1, 2, 1, 2]);
+        let distance = feature_distance(a, b, tape.constant(&[1.0, 1.0], [2]));
+        // (1 + 0) for the first pixel, 0.36 + 0.64 for the second.
+        assert!((distance.item() - 1.0).abs() < 1e-9);
+        distance.backward();
+        let (da, db) = (a.grad().unwrap(), b.grad().unwrap());
+        assert_eq!([da[0], da[2], db[1], db[3]], [0.0; 4]);
+        assert!(da.iter().chain(&db).all(|g| g.is_finite()));
+    }
+}

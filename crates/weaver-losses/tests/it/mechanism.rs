@@ -1,1 +1,143 @@
+//! What pins the losses to the method.
 
+use weaver_autograd::gradcheck::Input;
+use weaver_autograd::{Pool, Tape};
+use weaver_losses::*;
+
+const QUANTILES: [f64; 3] = [0.76, 0.96, 0.98];
+
+fn classes(energy: &[f64]) -> Vec<u32> {
+    let mut classes = vec![9; energy.len()];
+    frequency_targets(energy, &QUANTILES, &Pool::new(), &mut classes);
+    classes
+}
+
+#[test]
+fn ranking_targets_of_a_random_map_are_76_20_2_2_percent() {
+    let energy = Input::uniform(3, 0.0, 1.0, [10_000]).data;
+    let classes = classes(&energy);
+    let share = |class| classes.iter().filter(|c| **c == class).count();
+    assert_eq!([share(0), share(1), share(2), share(3)], [7600, 2000, 200, 200]);
+    let least = |class| energy.iter().zip(&classes).filter(|(_, c)| **c == class).fold(1.0, |m: f64, (e, _)| m.min(*e));
+    assert!(least(0) < least(1) && least(1) < least(2) && least(2) < least(3), "more energy, higher class");
+}
+
+#[test]
+fn an_energy_at_a_threshold_belongs_to_the_upper_class() {
+    // Of 26 numbers, the 0.76 and 0.96 quantiles are the numbers 19 and 24 themselves, the 0.98 quantile is 24.5.
+    let energy: Vec<f64> = (0..26).map(f64::from).collect();
+    let found = classes(&energy);
+    assert_eq!((found[18], found[19], found[23], found[24], found[25]), (0, 1, 1, 2, 3));
+    assert_eq!(classes(&[1.0; 5]), [3; 5], "all alike: all at every threshold");
+    assert!(classes(&[]).is_empty());
+}
+
+#[test]
+fn quantiles_interpolate() {
+    assert_eq!(quantile(&mut [3.0, 1.0, 2.0], 0.25), 1.5);
+    assert_eq!(
+        (quantile(&mut [3.0, 1.0], 0.0), quantile(&mut [3.0, 1.0], 1.0), quantile(&mut [7.0], 0.3)),
+        (1.0, 3.0, 7.0)
+    );
+}
+
+#[test]
+fn label_smoothing_aims_at_0_925_and_0_025() {
+    let tape = Tape::<f64>::new();
+    let logits = tape.leaf(&[0.0; 100 * 4], [100, 4]);
+    let energy: Vec<f64> = (0..100).map(f64::from).collect();
+    ranking_cross_entropy(logits, tape.constant(&energy, [100]), &QUANTILES, 0.1).backward();
+    let gradient = logits.grad().unwrap();
+    for (row, class) in gradient.chunks(4).zip(classes(&energy)) {
+        for (e, g) in row.iter().enumerate() {
+            // The gradient of the mean is (softmax - target) / rows, and the softmax of zeros is 1/4.
+            let target = 0.25 - 100.0 * g;
+            let expected = if e == class as usize { 0.925 } else { 0.025 };
+            assert!((target - expected).abs() < 1e-12, "{target}");
+        }
+    }
+}
+
+#[test]
+fn the_budget_pushes_shares_towards_their_targets() {
+    let tape = Tape::<f64>::new();
+    // Shares 0.25, 0.5, 0.25, 0 of the experts 0 to 3.
+    let choice = tape.leaf(&[1., 0., 0., 0., 0., 1., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0.], [4, 4]);
+    let loss = share_budget(choice, &[0.2, 0.02, 0.02]);
+    assert!((loss.item() - 5.0 * (0.3f64.powi(2) + 0.23f64.powi(2) + 0.02f64.powi(2))).abs() < 1e-12);
+    loss.backward();
+    for row in choice.grad().unwrap().chunks(4) {
+        assert!(row[0] == 0.0 && row[1] > 0.0 && row[2] > 0.0 && row[3] < 0.0, "{row:?}");
+    }
+}
+
+#[test]
+fn the_global_budget_acts_above_tau_alone_and_by_the_count() {
+    let gradient = |tau| {
+        let tape = Tape::<f64>::new();
+        let choice = tape.leaf(&[1., 0., 0., 0., 0., 0., 1., 0.], [2, 4]);
+        let loss = global_budget(choice, tau);
+        loss.backward();
+        (loss.item(), choice.grad().unwrap())
+    };
+    assert_eq!(gradient(1.5), (0.0, vec![0.0; 8]));
+    let (loss, slope) = gradient(0.5);
+    assert_eq!(loss, 0.25);
+    assert_eq!(slope, [0.0, 0.5, 1.0, 1.5, 0.0, 0.5, 1.0, 1.5]);
+}
+
+#[test]
+fn iterations_weigh_more_the_later_they_come() {
+    let weights: Vec<f64> = iteration_weights(4).collect();
+    for (weight, expected) in weights.iter().zip([0.054, 0.09, 0.15, 0.25]) {
+        assert!((weight - expected).abs() < 1e-15);
+    }
+}
+
+#[test]
+fn confidence_is_compared_view_by_view_and_strictly() {
+    let tape = Tape::<f64>::new();
+    // In the second view nothing is above its quantile.
+    let confidence = tape.constant(&[1.0, 2.0, 3.0, 4.0, 5.0, 5.0, 5.0, 5.0], [2, 2, 2]);
+    let depth = tape.leaf(&[9.0, 2.0, 2.0, 2.0, f64::NAN, 1.0, 1.0, 1.0], [2, 2, 2]);
+    let target = tape.constant(&[1.0; 8], [2, 2, 2]);
+    let loss = masked_depth_mse(depth, target, confidence, 0.3);
+    loss.backward();
+    assert_eq!(loss.item(), 1.0);
+    let two_thirds = 2.0 / 3.0;
+    for (g, expected) in depth.grad().unwrap().iter().zip([0.0, two_thirds, two_thirds, two_thirds, 0.0, 0.0, 0.0, 0.0])
+    {
+        assert!((g - expected).abs() < 1e-12);
+    }
+    let nothing = masked_depth_mse(depth, target, tape.constant(&[1.0; 8], [2, 2, 2]), 0.3);
+    assert_eq!(nothing.item(), 0.0);
+}
+
+#[test]
+fn sparse_depth_divides_by_one_more_than_it_knows() {
+    let tape = Tape::<f64>::new();
+    let log_depth = tape.leaf(&[1.0, 2.0, f64::NAN, 0.5], [1, 2, 2]);
+    let target = tape.constant(&[1.0, 0.5 * std::f64::consts::E, 0.0, 0.0], [1, 2, 2]);
+    let loss = sparse_log_depth_l1(log_depth, target, 2.0);
+    let expected = ((1.0 - 2.0f64.ln()).abs() + 1.0) / 3.0;
+    assert!((loss.item() - expected).abs() < 1e-12);
+    loss.backward();
+    assert_eq!(log_depth.grad().unwrap(), [1.0 / 3.0, 1.0 / 3.0, 0.0, 0.0]);
+}
+
+#[test]
+fn error_targets_are_centred_logarithms_of_smoothed_errors() {
+    let mut target = [0.0; 6];
+    // A 2 x 3 view: the mean of the corner's neighbourhood runs over the four pixels inside the image.
+    error_target(&[0.4, 0.0, 0.0, 0.0, 0.0, 0.0], [2, 3], &mut target);
+    let log = |e: f64| 0.5 * (e + 1e-4).ln();
+    let raw = [log(0.1), log(0.4 / 6.0), log(0.0), log(0.1), log(0.4 / 6.0), log(0.0)];
+    let mean = raw.iter().sum::<f64>() / 6.0;
+    for (t, r) in target.iter().zip(raw) {
+        assert!((t - (r - mean)).abs() < 1e-12);
+    }
+    // Centred over the views of a scene together, not one by one.
+    let mut both = [0.0_f64; 4];
+    error_target(&[1.0, 1.0, 0.0, 0.0], [1, 2], &mut both);
+    assert!(both[0] > 2.0 && (both[0] + both[2]).abs() < 1e-12);
+}
