@@ -10,6 +10,8 @@ use weaver_kernels::{Real, parallel, simd};
 /// The tape calls [`shapes`](Op::shapes), allocates the outputs, and calls [`forward`](Op::forward) once;
 /// [`backward`](Op::backward) follows if a gradient reaches one of its outputs. Large saved state comes from
 /// [`Pool::buffer`] or goes into auxiliary outputs, so that a repeated step allocates nothing.
+///
+/// If every output is empty, neither is called: there is nothing to compute, and the gradients are zero.
 pub trait Op<T: Real>: Debug + Send + 'static {
     /// The op's name in messages and profiles.
     fn name(&self) -> &'static str;

@@ -26,20 +26,27 @@ struct Shelf<U> {
     classes: Vec<Vec<Vec<U>>>,
 }
 
+impl<U> Default for Shelf<U> {
+    fn default() -> Self {
+        Self { classes: Vec::new() }
+    }
+}
+
 #[derive(Default)]
 struct Shelves {
-    of_type: Vec<(TypeId, Box<dyn Any + Send>)>,
+    by_type: Vec<(TypeId, Box<dyn Any + Send>)>,
     allocated_bytes: usize,
 }
 
 impl Shelves {
-    fn shelf<U: Send + 'static>(&mut self) -> &mut Shelf<U> {
-        let id = TypeId::of::<U>();
-        let at = self.of_type.iter().position(|(t, _)| *t == id).unwrap_or_else(|| {
-            self.of_type.push((id, Box::new(Shelf::<U> { classes: Vec::new() })));
-            self.of_type.len() - 1
+    /// The one value of a type; the default at first.
+    fn of_type<S: Default + Send + 'static>(&mut self) -> &mut S {
+        let id = TypeId::of::<S>();
+        let at = self.by_type.iter().position(|(t, _)| *t == id).unwrap_or_else(|| {
+            self.by_type.push((id, Box::new(S::default())));
+            self.by_type.len() - 1
         });
-        self.of_type[at].1.downcast_mut().expect("shelves are keyed by their element type")
+        self.by_type[at].1.downcast_mut().expect("shelves are kept by type")
     }
 }
 
@@ -65,7 +72,7 @@ impl Pool {
     pub fn buffer<U: Copy + Default + Send + 'static>(&self, len: usize) -> Buffer<U> {
         let class = class_of(len);
         let mut shelves = self.shelves.lock().unwrap_or_else(PoisonError::into_inner);
-        let shelf = shelves.shelf::<U>();
+        let shelf: &mut Shelf<U> = shelves.of_type();
         let free = shelf.classes.get_mut(class).and_then(Vec::pop);
         let data = free.unwrap_or_else(|| {
             let capacity = class_capacity(class);
@@ -89,6 +96,28 @@ impl Pool {
         buffer
     }
 
+    /// The value that `build` makes for `key`, made once and kept: tables that ops of the same sizes share.
+    ///
+    /// ```
+    /// let pool = weaver_autograd::Pool::new();
+    /// let squares = |n: usize| pool.table(n, || (0..n).map(|i| i * i).collect::<Vec<_>>());
+    /// assert!(std::sync::Arc::ptr_eq(&squares(3), &squares(3)));
+    /// ```
+    pub fn table<K, V>(&self, key: K, build: impl FnOnce() -> V) -> Arc<V>
+    where
+        K: PartialEq + Send + 'static,
+        V: Send + Sync + 'static,
+    {
+        let mut shelves = self.shelves.lock().unwrap_or_else(PoisonError::into_inner);
+        let tables: &mut Vec<(K, Arc<V>)> = shelves.of_type();
+        let found = tables.iter().find(|(k, _)| *k == key).map(|(_, table)| table.clone());
+        found.unwrap_or_else(|| {
+            let table = Arc::new(build());
+            tables.push((key, table.clone()));
+            table
+        })
+    }
+
     /// Bytes ever allocated by this pool: its high-water mark, since it gives nothing back.
     pub fn allocated_bytes(&self) -> usize {
         self.shelves.lock().unwrap_or_else(PoisonError::into_inner).allocated_bytes
@@ -107,7 +136,7 @@ impl<U: Copy + Send + 'static> Drop for Buffer<U> {
         let data = std::mem::take(&mut self.data);
         let class = class_of(data.len());
         let mut shelves = self.pool.shelves.lock().unwrap_or_else(PoisonError::into_inner);
-        let classes = &mut shelves.shelf::<U>().classes;
+        let classes = &mut shelves.of_type::<Shelf<U>>().classes;
         if classes.len() <= class {
             classes.resize_with(class + 1, Vec::new);
         }

@@ -77,6 +77,12 @@ impl Shape {
         self
     }
 
+    /// The tensor seen around one axis: the product of the dimensions before it, its own, and the product of those after.
+    pub fn around(&self, axis: usize) -> [usize; 3] {
+        let dims = self.dims();
+        [dims[..axis].iter().product(), dims[axis], dims[axis + 1..].iter().product()]
+    }
+
     /// The shape without one of its axes.
     pub fn without_axis(mut self, axis: usize) -> Self {
         assert!(axis < self.rank(), "{self} has no axis {axis}");

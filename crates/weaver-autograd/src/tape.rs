@@ -241,7 +241,9 @@ impl<T: Real> Tape<T> {
                 .collect();
             let mut outs: List<ViewMut<'_, T>> =
                 outputs.iter_mut().zip(shapes.iter()).map(|(b, s)| ViewMut::new(b, *s)).collect();
-            op.forward(&ins, &mut outs, &self.pool);
+            if outs.iter().any(|out| !out.is_empty()) {
+                op.forward(&ins, &mut outs, &self.pool);
+            }
         }
         let tracked = self.recording.get() && inputs.iter().any(Var::is_tracked);
         let differentiable = shapes.len() - op.auxiliary_outputs();
@@ -377,7 +379,11 @@ impl<T: Real> Tape<T> {
                     .collect();
                 let mut dins: List<Option<Grad<'_, T>>> =
                     slots.iter_mut().map(|s| s.as_mut().map(|(grad, first)| Grad::new(grad, *first))).collect();
-                op.backward(&ins, &outs, &douts, &mut dins, &self.pool);
+                if outs.iter().any(|out| !out.is_empty()) {
+                    op.backward(&ins, &outs, &douts, &mut dins, &self.pool);
+                } else {
+                    dins.iter_mut().flatten().for_each(Grad::add_zero);
+                }
                 for (i, grad) in dins.iter().enumerate() {
                     assert!(
                         grad.as_ref().is_none_or(Grad::is_written),

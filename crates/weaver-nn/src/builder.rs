@@ -36,6 +36,28 @@ impl Init {
     }
 }
 
+/// How a layer's weights and biases begin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum WeightInit {
+    /// Weights normal with this standard deviation, cut at two of them; biases 0. The way of transformers.
+    TruncatedNormal(f64),
+    /// Weights and biases uniform within 1/sqrt(fan in): PyTorch's default.
+    FanIn,
+    /// Weights and biases 0: a layer that begins by doing nothing.
+    Zero,
+}
+
+impl WeightInit {
+    /// The initial weights and biases of a layer in which every output has `fan_in` inputs.
+    pub fn of(self, fan_in: usize) -> (Init, Init) {
+        match self {
+            Self::TruncatedNormal(std) => (Init::TruncatedNormal(std), Init::Constant(0.0)),
+            Self::FanIn => (Init::fan_in(fan_in), Init::fan_in(fan_in)),
+            Self::Zero => (Init::Constant(0.0), Init::Constant(0.0)),
+        }
+    }
+}
+
 /// Adds parameters under a path. Every parameter's values depend on the seed and its own name alone, so adding a layer
 /// does not change the others.
 #[derive(Debug)]

@@ -1,8 +1,7 @@
 //! Concatenation along an axis.
 
-use super::blocks::{Columns, around, copy_columns};
 use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
-use weaver_kernels::Real;
+use weaver_kernels::{Real, rows::copy_blocks};
 
 #[derive(Debug)]
 struct Concat {
@@ -10,12 +9,14 @@ struct Concat {
 }
 
 impl Concat {
-    /// The columns that each input occupies in the output, seen as a matrix.
-    fn columns<T>(&self, ins: &[View<'_, T>], pitch: usize, mut each: impl FnMut(usize, Columns, usize)) {
+    /// Calls `each` with the index of every input that is not empty, and where in a row of the output it starts and how long it is there.
+    fn parts<T>(&self, ins: &[View<'_, T>], mut each: impl FnMut(usize, usize, usize)) {
         let mut start = 0;
         for (i, x) in ins.iter().enumerate() {
-            let [_, len, inner] = around(x.shape(), self.axis);
-            each(i, Columns { pitch, start }, len * inner);
+            let [_, len, inner] = x.shape().around(self.axis);
+            if !x.is_empty() {
+                each(i, start, len * inner);
+            }
             start += len * inner;
         }
     }
@@ -36,9 +37,9 @@ impl<T: Real> Op<T> for Concat {
         Ok(Shapes::one(ins[0].with_axis(axis, ins.iter().map(|s| s[axis]).sum())))
     }
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
-        let [_, len, inner] = around(outs[0].shape(), self.axis);
-        self.columns(ins, len * inner, |i, to, width| {
-            copy_columns(&ins[i], Columns { pitch: width, start: 0 }, &mut outs[0], to, width, T::ZERO);
+        let [outer, len, inner] = outs[0].shape().around(self.axis);
+        self.parts(ins, |i, start, width| {
+            copy_blocks(outer, width, &ins[i], width, (&mut outs[0][start..], T::ZERO), len * inner);
         });
     }
     fn backward(
@@ -49,11 +50,10 @@ impl<T: Real> Op<T> for Concat {
         dins: &mut [Option<Grad<'_, T>>],
         _pool: &Pool,
     ) {
-        let [_, len, inner] = around(outs[0].shape(), self.axis);
-        self.columns(ins, len * inner, |i, from, width| {
+        let [outer, len, inner] = outs[0].shape().around(self.axis);
+        self.parts(ins, |i, start, width| {
             if let Some(dx) = &mut dins[i] {
-                let (dx, beta) = dx.target();
-                copy_columns(&douts[0], from, dx, Columns { pitch: width, start: 0 }, width, beta);
+                copy_blocks(outer, width, &douts[0][start..], len * inner, dx.target(), width);
             }
         });
     }

@@ -1,7 +1,7 @@
 //! Rows picked by index.
 
 use crate::{Buffer, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
-use weaver_kernels::Real;
+use weaver_kernels::{Real, rows};
 
 #[derive(Debug)]
 struct GatherRows {
@@ -20,7 +20,8 @@ impl<T: Real> Op<T> for GatherRows {
         Ok(Shapes::one(ins[0].with_axis(0, self.indices.len())))
     }
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
-        super::rows::gather(&ins[0], &self.indices, &mut outs[0], T::ZERO);
+        let width = outs[0].shape().without_axis(0).len();
+        rows::gather_rows(width, &ins[0], &self.indices, (&mut outs[0], T::ZERO));
     }
     fn backward(
         &self,
@@ -31,7 +32,8 @@ impl<T: Real> Op<T> for GatherRows {
         _pool: &Pool,
     ) {
         if let Some(dx) = &mut dins[0] {
-            super::rows::scatter_add(&douts[0], &self.indices, dx.accumulator());
+            let width = douts[0].shape().without_axis(0).len();
+            rows::scatter_add_rows(width, &douts[0], &self.indices, dx.target());
         }
     }
 }

@@ -1,6 +1,5 @@
 //! The logarithm of softmax along an axis.
 
-use super::blocks::around;
 use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, parallel};
 
@@ -18,7 +17,7 @@ impl<T: Real> Op<T> for LogSoftmax {
         Ok(Shapes::one(ins[0]))
     }
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
-        let [_, len, inner] = around(ins[0].shape(), self.axis);
+        let [_, len, inner] = ins[0].shape().around(self.axis);
         let x = &ins[0];
         parallel::for_chunks(&mut outs[0], len * inner, |block, y| {
             let x = &x[block * len * inner..][..len * inner];
@@ -39,7 +38,7 @@ impl<T: Real> Op<T> for LogSoftmax {
         _pool: &Pool,
     ) {
         let Some(dx) = &mut dins[0] else { return };
-        let [_, len, inner] = around(outs[0].shape(), self.axis);
+        let [_, len, inner] = outs[0].shape().around(self.axis);
         let (dx, beta) = dx.target();
         parallel::for_chunks(dx, len * inner, |block, dx| {
             let part = block * len * inner..(block + 1) * len * inner;

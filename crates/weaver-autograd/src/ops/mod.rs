@@ -2,7 +2,6 @@
 
 pub mod activations;
 mod attention;
-mod blocks;
 mod concat;
 mod conv2d;
 mod conv_transpose2d;
@@ -17,7 +16,8 @@ mod matmul;
 mod normalize_rows;
 mod permute;
 pub mod pointwise_ops;
-mod rows;
+mod resample;
+mod rope2d;
 mod scale_residual;
 mod scatter_add_rows;
 mod slice;
@@ -34,6 +34,7 @@ pub use conv2d::conv2d;
 pub use cross_entropy::cross_entropy;
 pub use huber::{Huber, huber};
 pub use linear::{Activation, linear};
+pub use rope2d::RopeTable;
 pub use scale_residual::scale_residual;
 pub use slice::split;
 pub use straight_through::straight_through;

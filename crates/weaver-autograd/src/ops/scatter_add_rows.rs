@@ -1,7 +1,7 @@
 //! Rows added up by index.
 
 use crate::{Buffer, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
-use weaver_kernels::Real;
+use weaver_kernels::{Real, rows};
 
 #[derive(Debug)]
 struct ScatterAddRows {
@@ -25,8 +25,8 @@ impl<T: Real> Op<T> for ScatterAddRows {
         Ok(Shapes::one(ins[0].with_axis(0, self.rows)))
     }
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
-        outs[0].fill(T::ZERO);
-        super::rows::scatter_add(&ins[0], &self.indices, &mut outs[0]);
+        let width = outs[0].shape().without_axis(0).len();
+        rows::scatter_add_rows(width, &ins[0], &self.indices, (&mut outs[0], T::ZERO));
     }
     fn backward(
         &self,
@@ -37,8 +37,8 @@ impl<T: Real> Op<T> for ScatterAddRows {
         _pool: &Pool,
     ) {
         if let Some(dx) = &mut dins[0] {
-            let (dx, beta) = dx.target();
-            super::rows::gather(&douts[0], &self.indices, dx, beta);
+            let width = douts[0].shape().without_axis(0).len();
+            rows::gather_rows(width, &douts[0], &self.indices, dx.target());
         }
     }
 }

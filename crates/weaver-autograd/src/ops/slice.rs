@@ -1,22 +1,13 @@
 //! A range of indices along an axis.
 
-use super::blocks::{Columns, around, copy_columns};
 use crate::{Grad, List, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
-use weaver_kernels::Real;
+use weaver_kernels::{Real, rows::copy_blocks};
 
 #[derive(Debug)]
 struct Slice {
     axis: usize,
     start: usize,
     len: usize,
-}
-
-impl Slice {
-    /// The slice as a block of columns of the input.
-    fn columns(&self, input: Shape) -> (Columns, usize) {
-        let [_, len, inner] = around(input, self.axis);
-        (Columns { pitch: len * inner, start: self.start * inner }, self.len * inner)
-    }
 }
 
 impl<T: Real> Op<T> for Slice {
@@ -33,8 +24,16 @@ impl<T: Real> Op<T> for Slice {
         Ok(Shapes::one(ins[0].with_axis(axis, len)))
     }
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
-        let (from, width) = self.columns(ins[0].shape());
-        copy_columns(&ins[0], from, &mut outs[0], Columns { pitch: width, start: 0 }, width, T::ZERO);
+        let [outer, len, inner] = ins[0].shape().around(self.axis);
+        let width = self.len * inner;
+        copy_blocks(
+            outer,
+            width,
+            &ins[0][(self.start * inner).min(ins[0].len())..],
+            len * inner,
+            (&mut outs[0], T::ZERO),
+            width,
+        );
     }
     fn backward(
         &self,
@@ -45,8 +44,10 @@ impl<T: Real> Op<T> for Slice {
         _pool: &Pool,
     ) {
         if let Some(dx) = &mut dins[0] {
-            let (to, width) = self.columns(ins[0].shape());
-            copy_columns(&douts[0], Columns { pitch: width, start: 0 }, dx.accumulator(), to, width, T::ONE);
+            let [outer, len, inner] = ins[0].shape().around(self.axis);
+            let (width, start) = (self.len * inner, self.start * inner);
+            let dx = &mut dx.accumulator()[start.min(ins[0].len())..];
+            copy_blocks(outer, width, &douts[0], width, (dx, T::ONE), len * inner);
         }
     }
 }

@@ -1,6 +1,5 @@
 //! Softmax along an axis.
 
-use super::blocks::around;
 use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, softmax};
 
@@ -18,7 +17,7 @@ impl<T: Real> Op<T> for Softmax {
         Ok(Shapes::one(ins[0]))
     }
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
-        let [_, len, inner] = around(ins[0].shape(), self.axis);
+        let [_, len, inner] = ins[0].shape().around(self.axis);
         softmax::softmax_forward(len, inner, &ins[0], &mut outs[0]);
     }
     fn backward(
@@ -30,7 +29,7 @@ impl<T: Real> Op<T> for Softmax {
         _pool: &Pool,
     ) {
         if let Some(dx) = &mut dins[0] {
-            let [_, len, inner] = around(outs[0].shape(), self.axis);
+            let [_, len, inner] = outs[0].shape().around(self.axis);
             softmax::softmax_backward(len, inner, &outs[0], &douts[0], dx.target());
         }
     }

@@ -1,6 +1,5 @@
 //! Sums and means along an axis.
 
-use super::blocks::around;
 use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, parallel, reduce::row_sums};
 
@@ -18,7 +17,7 @@ impl<T: Real> Op<T> for SumAxis {
         Ok(Shapes::one(ins[0].without_axis(self.axis)))
     }
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
-        let [_, len, inner] = around(ins[0].shape(), self.axis);
+        let [_, len, inner] = ins[0].shape().around(self.axis);
         let x = &ins[0];
         if inner == 1 {
             return row_sums(outs[0].len(), len, x, (&mut outs[0], T::ZERO));
@@ -39,7 +38,7 @@ impl<T: Real> Op<T> for SumAxis {
         _pool: &Pool,
     ) {
         let Some(dx) = &mut dins[0] else { return };
-        let [_, len, inner] = around(ins[0].shape(), self.axis);
+        let [_, len, inner] = ins[0].shape().around(self.axis);
         let (dx, beta) = dx.target();
         parallel::for_chunks(dx, len * inner, |o, dx| {
             let dy = &douts[0][o * inner..][..inner];

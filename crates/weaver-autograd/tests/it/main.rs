@@ -1,6 +1,9 @@
 //! Tests of the tape and of every built-in op.
 
 mod activations;
+mod attention;
+mod convolution;
+mod losses;
 mod matmul;
 mod normalisation;
 mod rearrange;

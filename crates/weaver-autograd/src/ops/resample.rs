@@ -1,0 +1,93 @@
+//! Resizing and box filtering of maps.
+
+use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_kernels::{Real, resample};
+
+/// What is done, apart from the sizes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Method {
+    Bilinear { align_corners: bool },
+    BicubicAntialias,
+    AveragePool { width: usize },
+}
+
+#[derive(Debug)]
+struct Resample {
+    method: Method,
+    /// Height and width of the result; those of the input if none are given.
+    size: Option<[usize; 2]>,
+}
+
+impl Resample {
+    /// The taps for maps of these sizes, made once per pool.
+    fn plan<T: Real>(&self, pool: &Pool, from: Shape, to: Shape) -> std::sync::Arc<resample::Resample<T>> {
+        let (from, to) = ([from[2], from[3]], [to[2], to[3]]);
+        pool.table((self.method, from, to), || match self.method {
+            Method::Bilinear { align_corners } => resample::Resample::bilinear(from, to, align_corners),
+            Method::BicubicAntialias => resample::Resample::bicubic_antialiased(from, to),
+            Method::AveragePool { width } => resample::Resample::box_filter(from, width),
+        })
+    }
+}
+
+impl<T: Real> Op<T> for Resample {
+    fn name(&self) -> &'static str {
+        match self.method {
+            Method::Bilinear { .. } => "bilinear",
+            Method::BicubicAntialias => "bicubic_antialias",
+            Method::AveragePool { .. } => "avg_pool_same",
+        }
+    }
+    fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
+        ensure_shape!(
+            ins.len() == 1 && ins[0].rank() == 4 && ins[0][2] * ins[0][3] > 0,
+            "x [N, C, H, W] with H, W > 0"
+        );
+        let [h, w] = self.size.unwrap_or([ins[0][2], ins[0][3]]);
+        Ok(Shapes::one([ins[0][0], ins[0][1], h, w]))
+    }
+    fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], pool: &Pool) {
+        self.plan(pool, ins[0].shape(), outs[0].shape()).forward(&ins[0], &mut outs[0]);
+    }
+    fn backward(
+        &self,
+        ins: &[View<'_, T>],
+        outs: &[View<'_, T>],
+        douts: &[View<'_, T>],
+        dins: &mut [Option<Grad<'_, T>>],
+        pool: &Pool,
+    ) {
+        if let Some(dx) = &mut dins[0] {
+            self.plan(pool, ins[0].shape(), outs[0].shape()).backward(&douts[0], dx.target());
+        }
+    }
+}
+
+impl<'t, T: Real> Var<'t, T> {
+    /// Bilinear resize: `[N, C, H, W]` to `[N, C, h, w]`. With `align_corners` the centres of the corner pixels keep their
+    /// places; without, the borders of the image do, and the source coordinate (i + 1/2) H / h - 1/2 is clamped to the image.
+    #[track_caller]
+    pub fn bilinear(self, h: usize, w: usize, align_corners: bool) -> Self {
+        self.resample(Method::Bilinear { align_corners }, Some([h, w]))
+    }
+
+    /// Antialiased bicubic resize: `[N, C, H, W]` to `[N, C, h, w]`, borders of the image aligned. Keys' kernel with a = -1/2
+    /// (1981), stretched by the scale when shrinking; taps outside the image are dropped and the rest scaled to sum 1.
+    #[track_caller]
+    pub fn bicubic_antialias(self, h: usize, w: usize) -> Self {
+        self.resample(Method::BicubicAntialias, Some([h, w]))
+    }
+
+    /// The average over the k x k window around every pixel, of what is inside the image: `[N, C, H, W]` to the same; k is odd.
+    #[track_caller]
+    pub fn avg_pool_same(self, k: usize) -> Self {
+        assert!(k % 2 == 1, "avg_pool_same: a window of {k} has no centre");
+        self.resample(Method::AveragePool { width: k }, None)
+    }
+
+    #[track_caller]
+    fn resample(self, method: Method, size: Option<[usize; 2]>) -> Self {
+        let [y] = self.tape().apply(Resample { method, size }, &[self]);
+        y
+    }
+}

@@ -1,0 +1,71 @@
+//! Rotary position embedding in two dimensions.
+
+use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use std::sync::Arc;
+use weaver_kernels::{Real, rope::Rope2d};
+
+/// Cosines and sines for tokens at given positions; cloning shares them.
+#[derive(Clone, Debug)]
+pub struct RopeTable<T: Real = f32> {
+    rope: Arc<Rope2d<T>>,
+    dim: usize,
+}
+
+impl<T: Real> RopeTable<T> {
+    /// The table for tokens at `positions` (row, column) and heads of `dim` numbers, which 4 divides; `base` is usually 100.
+    pub fn new(positions: &[[usize; 2]], dim: usize, base: f64) -> Self {
+        Self { rope: Arc::new(Rope2d::new(positions, dim, base)), dim }
+    }
+
+    /// Number of tokens.
+    pub fn tokens(&self) -> usize {
+        self.rope.tokens()
+    }
+}
+
+#[derive(Debug)]
+struct Rope<T: Real> {
+    table: RopeTable<T>,
+}
+
+impl<T: Real> Op<T> for Rope<T> {
+    fn name(&self) -> &'static str {
+        "rope2d"
+    }
+    fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
+        let (tokens, dim) = (self.table.tokens(), self.table.dim);
+        ensure_shape!(
+            ins.len() == 1 && ins[0].rank() == 4 && ins[0][1] == tokens && ins[0][3] == dim,
+            "x [B, {tokens}, H, {dim}]"
+        );
+        Ok(Shapes::one(ins[0]))
+    }
+    fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
+        self.table.rope.forward(ins[0].shape()[2], &ins[0], &mut outs[0]);
+    }
+    fn backward(
+        &self,
+        ins: &[View<'_, T>],
+        _outs: &[View<'_, T>],
+        douts: &[View<'_, T>],
+        dins: &mut [Option<Grad<'_, T>>],
+        _pool: &Pool,
+    ) {
+        if let Some(dx) = &mut dins[0] {
+            self.table.rope.backward(ins[0].shape()[2], &douts[0], dx.target());
+        }
+    }
+}
+
+impl<'t, T: Real> Var<'t, T> {
+    /// Rotary position embedding in two dimensions (Su et al., arXiv 2104.09864; Heo et al., arXiv 2403.13298).
+    ///
+    /// x `[B, N, H, D]`, the same positions for every B. The first half of a head is turned by the token's row, the second by
+    /// its column: in a half of length n, elements k and k + n/2 by the angle position * base^(-2 k / n). A token at (0, 0)
+    /// stays as it is.
+    #[track_caller]
+    pub fn rope2d(self, table: &RopeTable<T>) -> Self {
+        let [y] = self.tape().apply(Rope { table: table.clone() }, &[self]);
+        y
+    }
+}

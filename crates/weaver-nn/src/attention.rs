@@ -1,0 +1,58 @@
+//! Multi-head self-attention.
+
+use crate::{Builder, Context, LayerNorm, Linear, WeightInit};
+use weaver_autograd::ops::{self, RopeTable};
+use weaver_autograd::{Real, Var};
+
+/// Multi-head self-attention with one matrix for queries, keys and values; parameters `qkv` (rows q, then k, then v, each
+/// heads x head width), `proj`, and with normalised queries and keys `q_norm`, `k_norm`.
+#[derive(Clone, Copy, Debug)]
+pub struct Attention {
+    /// From the width to three times the width.
+    pub qkv: Linear,
+    /// From the concatenated heads to the width.
+    pub proj: Linear,
+    /// Layer normalisation of every head's queries and keys.
+    pub norms: Option<(LayerNorm, LayerNorm)>,
+    /// Number of heads.
+    pub heads: usize,
+}
+
+impl Attention {
+    /// A layer for tokens of `width` numbers, which `heads` divides; `qk_norm` normalises queries and keys per head
+    /// (eps 1e-5).
+    pub fn new<T: Real>(
+        mut builder: Builder<'_, T>,
+        width: usize,
+        heads: usize,
+        qk_norm: bool,
+        init: WeightInit,
+    ) -> Self {
+        assert!(heads > 0 && width.is_multiple_of(heads), "a width of {width} cannot be divided among {heads} heads");
+        let qkv = Linear::new(builder.scope("qkv"), width, 3 * width, init);
+        let norms = qk_norm.then(|| {
+            let q = LayerNorm::new(builder.scope("q_norm"), width / heads, 1e-5);
+            (q, LayerNorm::new(builder.scope("k_norm"), width / heads, 1e-5))
+        });
+        Self { qkv, norms, proj: Linear::new(builder.scope("proj"), width, width, init), heads }
+    }
+
+    /// Applies it to x `[B, N, D]`. With a table, queries and keys are turned by their tokens' positions.
+    pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, x: Var<'t, T>, rope: Option<&RopeTable<T>>) -> Var<'t, T> {
+        let shape = x.shape();
+        let &[batch, tokens, width] = shape.dims() else { panic!("attention: expected x [B, N, D], found {shape}") };
+        let head = width / self.heads;
+        let qkv = ops::split(self.qkv.forward(cx, x), 2, &[width; 3]);
+        let [q, k, v] = [0, 1, 2].map(|i| qkv[i].reshape([batch, tokens, self.heads, head]));
+        let (q, k) = match &self.norms {
+            Some((q_norm, k_norm)) => (q_norm.forward(cx, q), k_norm.forward(cx, k)),
+            None => (q, k),
+        };
+        let (q, k) = match rope {
+            Some(table) => (q.rope2d(table), k.rope2d(table)),
+            None => (q, k),
+        };
+        let y = ops::attention(q, k, v, 1.0 / (head as f64).sqrt());
+        self.proj.forward(cx, y.reshape(shape))
+    }
+}

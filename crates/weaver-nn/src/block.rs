@@ -1,0 +1,74 @@
+//! The transformer block.
+
+use crate::{Attention, Builder, Context, Init, LayerNorm, Mlp, WeightInit};
+use weaver_autograd::ops::{self, RopeTable};
+use weaver_autograd::{ParamId, Real, Var};
+
+/// The sizes and options of a [`Block`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BlockConfig {
+    /// Numbers per token.
+    pub width: usize,
+    /// Attention heads, which divide the width.
+    pub heads: usize,
+    /// Hidden numbers of the second half; usually four times the width.
+    pub hidden: usize,
+    /// Added to variances in both layer normalisations.
+    pub eps: f64,
+    /// Initial factor of both residual branches; without one the branches are added as they are.
+    pub layer_scale: Option<f64>,
+    /// Whether queries and keys are normalised per head.
+    pub qk_norm: bool,
+    /// How weights begin.
+    pub init: WeightInit,
+}
+
+/// A pre-norm transformer block: x += ls1 * attn(norm1(x)), then x += ls2 * mlp(norm2(x)).
+///
+/// Parameters `norm1`, `attn`, `ls1.gamma`, `norm2`, `mlp`, `ls2.gamma`.
+#[derive(Clone, Copy, Debug)]
+pub struct Block {
+    norm1: LayerNorm,
+    attn: Attention,
+    ls1: Option<ParamId>,
+    norm2: LayerNorm,
+    mlp: Mlp,
+    ls2: Option<ParamId>,
+}
+
+/// x + gamma * y, or x + y.
+fn add<'t, T: Real>(cx: Context<'t, T>, x: Var<'t, T>, gamma: Option<ParamId>, y: Var<'t, T>) -> Var<'t, T> {
+    match gamma {
+        Some(gamma) => ops::scale_residual(x, cx.param(gamma), y),
+        None => x + y,
+    }
+}
+
+impl Block {
+    /// Builds the block.
+    pub fn new<T: Real>(mut builder: Builder<'_, T>, config: &BlockConfig) -> Self {
+        let &BlockConfig { width, heads, hidden, eps, layer_scale, qk_norm, init } = config;
+        let gamma = |builder: &mut Builder<'_, T>, name| {
+            layer_scale.map(|scale| builder.scope(name).add("gamma", [width], Init::Constant(scale)))
+        };
+        Self {
+            norm1: LayerNorm::new(builder.scope("norm1"), width, eps),
+            attn: Attention::new(builder.scope("attn"), width, heads, qk_norm, init),
+            ls1: gamma(&mut builder, "ls1"),
+            norm2: LayerNorm::new(builder.scope("norm2"), width, eps),
+            mlp: Mlp::new(builder.scope("mlp"), width, hidden, width, init),
+            ls2: gamma(&mut builder, "ls2"),
+        }
+    }
+
+    /// Applies it to x `[B, N, D]`; `rope` turns queries and keys by their tokens' positions.
+    pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, x: Var<'t, T>, rope: Option<&RopeTable<T>>) -> Var<'t, T> {
+        let attended = {
+            let _scope = cx.scope("attn");
+            self.attn.forward(cx, self.norm1.forward(cx, x), rope)
+        };
+        let x = add(cx, x, self.ls1, attended);
+        let _scope = cx.scope("mlp");
+        add(cx, x, self.ls2, self.mlp.forward(cx, self.norm2.forward(cx, x)))
+    }
+}

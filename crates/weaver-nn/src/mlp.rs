@@ -1,0 +1,35 @@
+//! Two fully connected layers with a GELU between them.
+
+use crate::{Builder, Context, Linear, WeightInit};
+use weaver_autograd::ops::Activation;
+use weaver_autograd::{Real, Var};
+
+/// fc2(GELU(fc1(x))); parameters under `fc1` and `fc2`.
+#[derive(Clone, Copy, Debug)]
+pub struct Mlp {
+    /// The first layer.
+    pub fc1: Linear,
+    /// The second layer.
+    pub fc2: Linear,
+}
+
+impl Mlp {
+    /// Layers `inputs` -> `hidden` -> `outputs`.
+    pub fn new<T: Real>(
+        mut builder: Builder<'_, T>,
+        inputs: usize,
+        hidden: usize,
+        outputs: usize,
+        init: WeightInit,
+    ) -> Self {
+        Self {
+            fc1: Linear::new(builder.scope("fc1"), inputs, hidden, init),
+            fc2: Linear::new(builder.scope("fc2"), hidden, outputs, init),
+        }
+    }
+
+    /// Applies it to x `[.., in]`, which gives `[.., out]`.
+    pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, x: Var<'t, T>) -> Var<'t, T> {
+        self.fc2.forward(cx, self.fc1.forward_with(cx, x, Activation::Gelu))
+    }
+}
