@@ -82,7 +82,7 @@ impl<T: Real> Params<T> {
     }
 
     /// The numbers of a parameter, to change them. A tape that still shares them keeps the old ones (and the change
-    /// then costs a copy): reset it first.
+    /// then costs a copy): reset it first, or let it [release](crate::Tape::release_params) them.
     pub fn value_mut(&mut self, id: ParamId) -> &mut [T] {
         let value: &mut Vec<T> = Arc::make_mut(&mut self.list[id.index()].value);
         value
@@ -96,6 +96,11 @@ impl<T: Real> Params<T> {
     /// All parameters in order.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = (ParamId, &Param<T>)> {
         self.list.iter().enumerate().map(|(i, p)| (ParamId(i as u32), p))
+    }
+
+    /// The ids of all parameters in order; they do not borrow, so values can be changed on the way.
+    pub fn ids(&self) -> impl ExactSizeIterator<Item = ParamId> + use<T> {
+        (0..self.list.len()).map(|i| ParamId(i as u32))
     }
 
     /// How many tensors there are.

@@ -185,9 +185,12 @@ impl<T: Real> Tape<T> {
             if record.params.len() <= at {
                 record.params.resize(at + 1, None);
             }
-            if let Some(value) = record.params[at] {
-                let tracked = record.values[value as usize].tracked;
-                return Var::new(self, value, param.shape(), tracked);
+            if let Some(id) = record.params[at] {
+                let value = &mut record.values[id as usize];
+                if let Storage::Pooled(_) = value.storage {
+                    value.storage = Storage::Shared(param.shared());
+                }
+                return Var::new(self, id, param.shape(), value.tracked);
             }
         }
         let var = self.push_source(Storage::Shared(param.shared()), param.shape(), !param.is_frozen());
@@ -199,6 +202,24 @@ impl<T: Real> Tape<T> {
     pub fn param_grad(&self, id: ParamId) -> Option<Ref<'_, [T]>> {
         let value = self.record.borrow().params.get(id.index()).copied().flatten()?;
         self.grad(value)
+    }
+
+    /// Lets go of the parameters' values, so that [`Params::value_mut`] changes them in place. Their gradients stay until
+    /// [`reset`](Tape::reset). Needs the tape for itself: no [`Var`] is left that could ask for the values.
+    pub fn release_params(&mut self) {
+        let record = self.record.get_mut();
+        for value in record.params.iter().flatten() {
+            record.values[*value as usize].storage = Storage::Pooled(self.pool.buffer(0));
+        }
+    }
+
+    /// Multiplies the gradient of a parameter by a factor, as clipping does.
+    pub fn scale_param_grad(&mut self, id: ParamId, factor: T) {
+        let record = self.record.get_mut();
+        let value = record.params.get(id.index()).copied().flatten();
+        if let Some(gradient) = value.and_then(|value| record.values[value as usize].grad.as_mut()) {
+            gradient.iter_mut().for_each(|g| *g *= factor);
+        }
     }
 
     /// Appends `name` to the model path until the guard is dropped: `encoder`, then `encoder.block`, ...

@@ -2,20 +2,28 @@
 //!
 //! A layer is a struct of [`ParamId`](weaver_autograd::ParamId)s: it is built with a [`Builder`] and run with a [`Context`].
 
+mod adamw;
 mod attention;
 mod block;
 mod builder;
 mod context;
 mod conv;
+mod ema;
+mod gradients;
 mod layer_norm;
 mod linear;
 mod mlp;
+mod schedule;
 
+pub use adamw::{AdamW, Group, Moments, StateError};
 pub use attention::Attention;
 pub use block::{Block, BlockConfig};
 pub use builder::{Builder, Init, WeightInit};
 pub use context::Context;
 pub use conv::{Conv2d, ConvTranspose2d};
+pub use ema::Ema;
+pub use gradients::{clip_factor, clip_global_norm, global_norm, missing_gradients};
 pub use layer_norm::LayerNorm;
 pub use linear::Linear;
 pub use mlp::Mlp;
+pub use schedule::{PublishedSchedule, WarmupCosine};

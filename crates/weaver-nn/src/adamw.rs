@@ -1,0 +1,143 @@
+//! AdamW.
+
+use std::collections::BTreeMap;
+use weaver_autograd::{ParamId, Params, Real, Tape};
+use weaver_kernels::optim;
+
+/// Parameters that are trained alike.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Group {
+    /// The parameters.
+    pub params: Vec<ParamId>,
+    /// Factor for the learning rate.
+    pub lr_scale: f64,
+    /// Decoupled weight decay, times the learning rate per step.
+    pub weight_decay: f64,
+}
+
+/// Running means of a parameter's gradient and of its square.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Moments<T> {
+    /// Of the gradient.
+    pub first: Vec<T>,
+    /// Of the squared gradient.
+    pub second: Vec<T>,
+}
+
+/// Adam with decoupled weight decay (Loshchilov and Hutter, arXiv 1711.05101):
+/// p = p (1 - lr decay) - lr m^ / (sqrt(v^) + eps), bias-corrected.
+///
+/// The moments of a parameter are allocated at its first gradient; from then on a step allocates nothing. A parameter that
+/// received no gradient in a step is left as it is, weight decay included.
+///
+/// ```
+/// use weaver_autograd::{Params, Tape};
+/// use weaver_nn::{AdamW, Group};
+/// let mut params = Params::<f64>::new();
+/// let w = params.add("w", [1], vec![1.0]);
+/// let mut optimiser = AdamW::new(vec![Group { params: vec![w], lr_scale: 1.0, weight_decay: 0.0 }], 0.9, 0.95, 1e-8);
+/// let mut tape = Tape::new();
+/// tape.param(&params, w).sum().backward();
+/// optimiser.step(&mut params, &mut tape, 0.1);
+/// assert!((params.get(w).value()[0] - 0.9).abs() < 1e-8);
+/// tape.reset();
+/// ```
+#[derive(Clone, Debug)]
+pub struct AdamW<T: Real = f32> {
+    /// What is trained, and how.
+    pub groups: Vec<Group>,
+    /// Decay of the mean of gradients.
+    pub beta1: f64,
+    /// Decay of the mean of squared gradients.
+    pub beta2: f64,
+    /// Added to the root of the mean square.
+    pub eps: f64,
+    /// By parameter index; the number of steps a parameter has taken beside its moments.
+    state: Vec<(u64, Moments<T>)>,
+}
+
+impl<T: Real> AdamW<T> {
+    /// An optimiser that has not taken a step.
+    pub fn new(groups: Vec<Group>, beta1: f64, beta2: f64, eps: f64) -> Self {
+        Self { groups, beta1, beta2, eps, state: Vec::new() }
+    }
+
+    /// One step along the gradients that the tape holds. The tape lets go of the parameters' values, so that they change in
+    /// place; reset it next.
+    pub fn step(&mut self, params: &mut Params<T>, tape: &mut Tape<T>, lr: f64) {
+        self.step_scaled(params, tape, lr, 1.0);
+    }
+
+    /// The same with all gradients multiplied by a factor, as from [`clip_factor`](crate::clip_factor).
+    pub fn step_scaled(&mut self, params: &mut Params<T>, tape: &mut Tape<T>, lr: f64, gradient_scale: f64) {
+        tape.release_params();
+        for group in &self.groups {
+            let update = optim::AdamW {
+                rate: T::from_f64(lr * group.lr_scale),
+                beta1: T::from_f64(self.beta1),
+                beta2: T::from_f64(self.beta2),
+                eps: T::from_f64(self.eps),
+                weight_decay: T::from_f64(group.weight_decay),
+                gradient_scale: T::from_f64(gradient_scale),
+            };
+            for &id in &group.params {
+                let Some(gradient) = tape.param_grad(id) else { continue };
+                if self.state.len() <= id.index() {
+                    self.state.resize_with(params.len(), Default::default);
+                }
+                let (steps, Moments { first, second }) = &mut self.state[id.index()];
+                first.resize(gradient.len(), T::ZERO);
+                second.resize(gradient.len(), T::ZERO);
+                *steps += 1;
+                update.step(*steps, params.value_mut(id), &gradient, first, second);
+            }
+        }
+    }
+
+    /// The state of every parameter that has taken a step, by name: the number of its steps and its moments.
+    pub fn state<'a>(&'a self, params: &'a Params<T>) -> impl Iterator<Item = (&'a str, u64, &'a Moments<T>)> {
+        let with_state = params.iter().zip(&self.state).filter(|(_, (steps, _))| *steps > 0);
+        with_state.map(|((_, param), (steps, moments))| (param.name(), *steps, moments))
+    }
+
+    /// Replaces the state by one read back; parameters that are not in it begin anew. Fails with the name of a parameter that is
+    /// unknown or of another size.
+    pub fn set_state(
+        &mut self,
+        params: &Params<T>,
+        state: BTreeMap<String, (u64, Moments<T>)>,
+    ) -> Result<(), StateError> {
+        let mut list = vec![Default::default(); params.len()];
+        for (name, (steps, moments)) in state {
+            let Some(id) = params.find(&name) else { return Err(StateError::Unknown { name }) };
+            let (expected, found) = (params.get(id).value().len(), moments.first.len());
+            if [found, moments.second.len()] != [expected; 2] {
+                return Err(StateError::Size { name, expected, found });
+            }
+            list[id.index()] = (steps, moments);
+        }
+        self.state = list;
+        Ok(())
+    }
+}
+
+/// Why a stored state does not fit a model.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StateError {
+    /// No parameter has this name.
+    #[error("stored state of `{name}`, which is no parameter of this model")]
+    Unknown {
+        /// The name.
+        name: String,
+    },
+    /// The parameter has another size.
+    #[error("stored state of `{name}`: expected {expected} numbers, found {found}")]
+    Size {
+        /// The parameter's name.
+        name: String,
+        /// Its size.
+        expected: usize,
+        /// The size of what was stored.
+        found: usize,
+    },
+}

@@ -1,0 +1,37 @@
+//! What the gradients of all parameters say together.
+
+use weaver_autograd::{Params, Real, Tape};
+use weaver_kernels::reduce;
+
+/// The Euclidean norm of all parameters' gradients together, summed in the order of the parameters; NaN or infinite if a
+/// gradient is.
+pub fn global_norm<T: Real>(params: &Params<T>, tape: &Tape<T>) -> f64 {
+    let squared = |(id, _)| tape.param_grad(id).map_or(0.0, |g| reduce::squared_norm(&g).to_f64());
+    params.iter().map(squared).sum::<f64>().sqrt()
+}
+
+/// The factor that brings gradients of this norm to at most `max_norm`: min(1, max_norm / (norm + 1e-6)), as PyTorch clips.
+pub fn clip_factor(norm: f64, max_norm: f64) -> f64 {
+    (max_norm / (norm + 1e-6)).min(1.0)
+}
+
+/// Scales the gradients on the tape so that their global norm is at most `max_norm`, and returns the norm that they had. If it
+/// is not finite the gradients are left as they are: stop.
+pub fn clip_global_norm<T: Real>(params: &Params<T>, tape: &mut Tape<T>, max_norm: f64) -> f64 {
+    let norm = global_norm(params, tape);
+    let factor = clip_factor(norm, max_norm);
+    if norm.is_finite() && factor < 1.0 {
+        for id in params.ids() {
+            tape.scale_param_grad(id, T::from_f64(factor));
+        }
+    }
+    norm
+}
+
+/// The names of all parameters that are to be trained but received no gradient.
+///
+/// "None" is structural, not reached on the tape: a gradient of zeros counts as received.
+pub fn missing_gradients<T: Real>(params: &Params<T>, tape: &Tape<T>) -> Vec<String> {
+    let missing = params.iter().filter(|(id, param)| !param.is_frozen() && tape.param_grad(*id).is_none());
+    missing.map(|(_, param)| param.name().to_string()).collect()
+}

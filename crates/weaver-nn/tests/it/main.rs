@@ -1,0 +1,4 @@
+//! Tests of layers, optimiser, schedules and averages.
+
+mod layers;
+mod training;
