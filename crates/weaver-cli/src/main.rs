@@ -1,3 +1,39 @@
-//! The `splatweaver` binary.
+//! The `splatweaver` binary: the process around [`weaver_cli::run`].
 
-fn main() {}
+use std::io::{self, IsTerminal, Write};
+use std::panic::{self, AssertUnwindSafe};
+use std::process::{self, ExitCode};
+use std::sync::atomic::{AtomicBool, Ordering};
+use weaver_cli::Console;
+
+/// Set by the first Ctrl-C.
+static STOP: AtomicBool = AtomicBool::new(false);
+/// What shells report for a process that Ctrl-C ended.
+const INTERRUPTED: i32 = 130;
+
+fn main() -> ExitCode {
+    panic::set_hook(Box::new(|panic| {
+        let place = panic.location().map_or(String::new(), |l| format!(" at {}:{}", l.file(), l.line()));
+        let message = panic.payload_as_str().unwrap_or("no message").replace('\n', " ");
+        say(&format!("error: internal error{place}: {message}; please report it"));
+    }));
+    let handler = || {
+        if STOP.swap(true, Ordering::Relaxed) {
+            process::exit(INTERRUPTED);
+        }
+        say("stopping after this step; again to stop at once");
+    };
+    if let Err(error) = ctrlc::set_handler(handler) {
+        say(&format!("note: Ctrl-C will not save anything: {error}"));
+    }
+    let (mut stdout, mut stderr) = (io::stdout(), io::stderr());
+    let terminal = stderr.is_terminal();
+    let mut console = Console { stdout: &mut stdout, stderr: &mut stderr, terminal };
+    let run = AssertUnwindSafe(|| weaver_cli::run(std::env::args_os(), &mut console, &STOP));
+    ExitCode::from(panic::catch_unwind(run).unwrap_or(1))
+}
+
+/// A line on standard error; not `eprintln!`, which panics when standard error is closed.
+fn say(line: &str) {
+    let _ = writeln!(io::stderr(), "{line}");
+}

@@ -47,7 +47,16 @@ impl Transforms {
     /// missing size is read from the image's header. A `file_path` without extension gets `.png`, `.jpg` or `.jpeg`,
     /// whichever exists. Errors on lens distortion, on matrices that are not rigid and on missing images.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
-        let path = path.as_ref();
+        Self::parse(path.as_ref(), true)
+    }
+
+    /// Reads the file as [`Transforms::read`] does, but its images need not be there, as when the cameras are
+    /// rendered from. The size must then stand in the file.
+    pub fn read_cameras(path: impl AsRef<Path>) -> Result<Self> {
+        Self::parse(path.as_ref(), false)
+    }
+
+    fn parse(path: &Path, with_images: bool) -> Result<Self> {
         let root: Value = serde_json::from_slice(&read_bytes(path)?)
             .map_err(|e| Error::invalid(path, format!("line {} column {}", e.line(), e.column()), "JSON", e))?;
         let Some(top) = root.as_object() else {
@@ -59,7 +68,7 @@ impl Transforms {
         let frame = |(i, value): (usize, &Value)| {
             let place = format!("frames[{i}]");
             match value.as_object() {
-                Some(own) => FrameReader { path, place, own, top }.read(),
+                Some(own) => FrameReader { path, place, own, top, with_images }.read(),
                 None => Err(Error::invalid(path, place, "an object", kind(value))),
             }
         };
@@ -112,6 +121,8 @@ struct FrameReader<'a> {
     place: String,
     own: &'a Map<String, Value>,
     top: &'a Map<String, Value>,
+    /// Whether images that are not there are an error.
+    with_images: bool,
 }
 
 impl FrameReader<'_> {
@@ -139,9 +150,9 @@ impl FrameReader<'_> {
             PathBuf::from(full)
         };
         let candidates = ["", ".png", ".jpg", ".jpeg"].map(with_extension);
-        candidates
-            .into_iter()
-            .find(|f| f.is_file())
+        let there = candidates.into_iter().find(|f| f.is_file());
+        there
+            .or_else(|| (!self.with_images).then(|| file.clone()))
             .ok_or_else(|| self.invalid("file_path", "an image file", format!("no file {}", file.display())))
     }
 

@@ -141,3 +141,15 @@ proptest! {
         let _ = Transforms::read(&path);
     }
 }
+
+#[test]
+fn cameras_alone_need_no_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("transforms.json");
+    let scene = scene(folder.path());
+    scene.write(&path).unwrap();
+    std::fs::remove_file(&scene.frames[1].file_path).unwrap();
+    assert!(Transforms::read(&path).unwrap_err().to_string().contains("images/1.png"));
+    let cameras = Transforms::read_cameras(&path).unwrap();
+    assert_eq!((cameras.frames.len(), cameras.frames[1].intrinsics), (3, scene.frames[1].intrinsics));
+}

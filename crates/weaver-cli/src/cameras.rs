@@ -1,0 +1,131 @@
+//! Cameras from whatever file holds some.
+
+use crate::failure::Failure;
+use std::collections::BTreeSet;
+use std::path::Path;
+use weaver_geometry::Camera;
+use weaver_io::Transforms;
+use weaver_io::colmap::Model;
+use weaver_io::realestate::Clip;
+
+/// A camera and the name of its photo.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedCamera {
+    pub name: String,
+    pub camera: Camera,
+}
+
+/// The size that was asked for; what is missing follows from the file.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Size {
+    pub width: Option<usize>,
+    pub height: Option<usize>,
+}
+
+impl Size {
+    /// The camera with an image of this size; a missing side follows from the aspect ratio.
+    fn apply(self, camera: Camera) -> Camera {
+        let (w, h) = (camera.width as f64, camera.height as f64);
+        let scaled = |side: usize, by: f64| ((side as f64 * by).round() as usize).max(1);
+        let (width, height) = match (self.width, self.height) {
+            (None, None) => return camera,
+            (Some(width), Some(height)) => (width, height),
+            (Some(width), None) => (width, scaled(width, h / w)),
+            (None, Some(height)) => (scaled(height, w / h), height),
+        };
+        let intrinsics = camera.intrinsics.resized(width as f64 / w, height as f64 / h);
+        Camera { intrinsics, width, height, ..camera }
+    }
+}
+
+/// Reads the cameras of a transforms.json, of a folder with a COLMAP model, or of a RealEstate10K file, in the file's
+/// order.
+pub fn read(path: &Path, size: Size) -> Result<Vec<NamedCamera>, Failure> {
+    let cameras = if path.is_dir() {
+        colmap(path)?
+    } else if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("txt")) {
+        clip(path, size)?
+    } else {
+        let frames = Transforms::read_cameras(path)?.frames;
+        let camera =
+            |f: &weaver_io::Frame| Camera { pose: f.pose, intrinsics: f.intrinsics, width: f.width, height: f.height };
+        frames.iter().map(|f| NamedCamera { name: f.name.clone(), camera: camera(f) }).collect()
+    };
+    if cameras.is_empty() {
+        return Err(Failure::message(format!("{}: expected at least one camera, found none", path.display())));
+    }
+    Ok(cameras.into_iter().map(|c| NamedCamera { camera: size.apply(c.camera), ..c }).collect())
+}
+
+fn colmap(path: &Path) -> Result<Vec<NamedCamera>, Failure> {
+    let nested = [path.join("sparse/0"), path.join("sparse")];
+    let folder = nested.iter().find(|f| f.is_dir()).map_or(path, |f| f);
+    let model = Model::read(folder)?;
+    let mut cameras: Vec<NamedCamera> = model
+        .images
+        .iter()
+        .map(|image| {
+            // Reading the model made sure that every image has its camera.
+            let c = model.cameras[&image.camera_id];
+            let camera = Camera { pose: image.pose, intrinsics: c.intrinsics, width: c.width, height: c.height };
+            NamedCamera { name: image.name.clone(), camera }
+        })
+        .collect();
+    // COLMAP registers images in no useful order.
+    cameras.sort_by(|a, b| a.name.cmp(&b.name));
+    Ok(cameras)
+}
+
+fn clip(path: &Path, size: Size) -> Result<Vec<NamedCamera>, Failure> {
+    let clip = Clip::read(path)?;
+    let (Some(width), Some(height)) = (size.width, size.height) else {
+        let found = "a RealEstate10K file, which does not tell the size of its images";
+        return Err(Failure::Usage(format!("{}: expected --width and --height with {found}", path.display())));
+    };
+    let camera = |f: &weaver_io::realestate::ClipFrame| NamedCamera {
+        name: f.timestamp.to_string(),
+        camera: Camera { pose: f.pose, intrinsics: f.intrinsics(width, height), width, height },
+    };
+    Ok(clip.frames.iter().map(camera).collect())
+}
+
+/// File names for pictures of these cameras: the stems of their photos where those are distinct, else numbers.
+pub fn stems(cameras: &[NamedCamera]) -> Vec<String> {
+    let stem =
+        |c: &NamedCamera| Path::new(&c.name).file_stem().map_or(String::new(), |s| s.to_string_lossy().into_owned());
+    let stems: Vec<String> = cameras.iter().map(stem).collect();
+    // Without regard to case, as some file systems see it.
+    let distinct: BTreeSet<String> = stems.iter().map(|s| s.to_lowercase()).filter(|s| !s.is_empty()).collect();
+    if distinct.len() == stems.len() { stems } else { (0..cameras.len()).map(|i| format!("{i:04}")).collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use weaver_geometry::{Intrinsics, Pose};
+
+    fn camera() -> Camera {
+        let intrinsics = Intrinsics { fx: 100.0, fy: 110.0, cx: 40.0, cy: 30.0 };
+        Camera { pose: Pose::IDENTITY, intrinsics, width: 80, height: 60 }
+    }
+
+    #[test]
+    fn a_missing_side_follows_from_the_other() {
+        let wide = Size { width: Some(160), height: None }.apply(camera());
+        assert_eq!((wide.width, wide.height, wide.intrinsics.fy, wide.intrinsics.cx), (160, 120, 220.0, 80.0));
+        let low = Size { width: None, height: Some(30) }.apply(camera());
+        assert_eq!((low.width, low.height, low.intrinsics.fx), (40, 30, 50.0));
+        assert_eq!(Size::default().apply(camera()), camera());
+    }
+
+    #[test]
+    fn pictures_are_named_after_photos_when_that_is_clear() {
+        let named = |names: &[&str]| {
+            let cameras: Vec<_> = names.iter().map(|n| NamedCamera { name: (*n).into(), camera: camera() }).collect();
+            stems(&cameras)
+        };
+        assert_eq!(named(&["images/a.png", "images/b.jpg"]), ["a", "b"]);
+        assert_eq!(named(&["left/a.png", "right/A.png"]), ["0000", "0001"]);
+        assert_eq!(named(&["", "a"]), ["0000", "0001"]);
+    }
+}

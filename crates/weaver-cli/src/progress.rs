@@ -1,0 +1,92 @@
+//! How far a command is: a bar on a terminal, a line every few seconds elsewhere.
+
+use crate::Console;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::time::{Duration, Instant};
+
+/// Seconds between lines where there is no terminal.
+const PAUSE: Duration = Duration::from_secs(5);
+const BAR: &str = "{prefix} {wide_bar} {pos}/{len}  {per_sec}  {eta} left  {msg}";
+
+/// Counts the parts of a job that are done.
+#[derive(Debug)]
+pub struct Progress {
+    label: &'static str,
+    bar: Option<ProgressBar>,
+    /// When the last line was written, and what was done by then.
+    mark: (Instant, usize),
+}
+
+impl Progress {
+    /// At part `done` of `total`. `label` says of what.
+    pub fn new(label: &'static str, done: usize, total: usize, console: &Console) -> Self {
+        let bar = console.terminal.then(|| {
+            let bar = ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr_with_hz(8));
+            let style = ProgressStyle::with_template(BAR).expect("a template that indicatif knows");
+            let bar = bar.with_style(style.progress_chars("=> ")).with_prefix(label);
+            bar.set_position(done as u64);
+            bar.reset_eta();
+            bar
+        });
+        Self { label, bar, mark: (Instant::now(), done) }
+    }
+
+    /// Now `done` of `total` parts are done; `note` is called only when there is something to show.
+    pub fn at(&mut self, done: usize, total: usize, note: impl FnOnce() -> String, console: &mut Console) {
+        if let Some(bar) = &self.bar {
+            bar.set_length(total as u64);
+            bar.set_message(note());
+            bar.set_position(done as u64);
+            return;
+        }
+        let elapsed = self.mark.0.elapsed();
+        if elapsed >= PAUSE && done > self.mark.1 {
+            // Over the last line's interval: stages of one run may differ a lot in cost.
+            let rate = (done - self.mark.1) as f64 / elapsed.as_secs_f64();
+            let left = duration(total.saturating_sub(done) as f64 / rate);
+            console.note(&format!("{} {done}/{total}, {rate:.2}/s, {left} left  {}", self.label, note()));
+            self.mark = (Instant::now(), done);
+        }
+    }
+
+    /// Takes the bar away.
+    pub fn finish(self) {
+        if let Some(bar) = self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// Seconds as people say them.
+pub fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 90.0 => format!("{s:.0} s"),
+        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_come_only_after_a_while() {
+        let (mut out, mut err) = (Vec::new(), Vec::new());
+        let mut console = Console { stdout: &mut out, stderr: &mut err, terminal: false };
+        let mut progress = Progress::new("render", 10, 30, &console);
+        progress.at(11, 30, String::new, &mut console);
+        progress.mark.0 -= 2 * PAUSE;
+        progress.at(20, 30, || "loss 1".into(), &mut console);
+        progress.finish();
+        let text = String::from_utf8(err).unwrap();
+        assert_eq!(text.lines().count(), 1, "{text}");
+        assert!(text.starts_with("render 20/30, 1.00/s, 10 s left"), "{text}");
+        assert!(text.contains("loss 1") && out.is_empty());
+    }
+
+    #[test]
+    fn durations_are_short() {
+        assert_eq!([5.0, 600.0, 36000.0].map(duration), ["5 s", "10 min", "10.0 h"]);
+    }
+}

@@ -1,0 +1,139 @@
+//! `splatweaver render`.
+
+use crate::Console;
+use crate::arguments::Render;
+use crate::cameras::{self, NamedCamera, Size};
+use crate::failure::Failure;
+use crate::progress::Progress;
+use std::f64::consts::FRAC_PI_3;
+use std::sync::atomic::{AtomicBool, Ordering};
+use weaver_geometry::glam::DVec3;
+use weaver_geometry::{Camera, Intrinsics, trajectory};
+use weaver_io::{Image, SplatPly};
+use weaver_splat::{Cameras, Colour, Gaussians, Images, RasterSettings, Workspace, rasterize};
+
+/// Width of an orbit's pictures.
+const WIDTH: usize = 640;
+
+pub fn run(arguments: &Render, console: &mut Console, stop: &AtomicBool) -> Result<(), Failure> {
+    let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
+    let splats = SplatPly::read(&arguments.scene)?;
+    let cameras = match (&arguments.cameras, arguments.orbit) {
+        (Some(file), _) => cameras::read(file, size)?,
+        (None, count) => orbit(&splats, count.unwrap_or(1) as usize, size).ok_or_else(|| {
+            Failure::message(format!("{}: expected Gaussians to turn around, found none", arguments.scene.display()))
+        })?,
+    };
+    weaver_io::create_folder(&arguments.out)?;
+    let scene = Scene::new(&splats);
+    let mut workspace = Workspace::new();
+    let mut progress = Progress::new("render", 0, cameras.len(), console);
+    for (i, (view, stem)) in cameras.iter().zip(cameras::stems(&cameras)).enumerate() {
+        if stop.load(Ordering::Relaxed) {
+            progress.finish();
+            return Err(Failure::message(format!("interrupted after {i} of {} pictures", cameras.len())));
+        }
+        let image = scene.draw(&view.camera, arguments.background, &mut workspace)?;
+        image.write_png(arguments.out.join(format!("{stem}.png")))?;
+        progress.at(i + 1, cameras.len(), String::new, console);
+    }
+    progress.finish();
+    let (count, folder) = (cameras.len(), arguments.out.display());
+    console.print(&format!("{count} pictures of {} Gaussians in {folder}", splats.len()))
+}
+
+/// Gaussians as they are drawn, made of what a file stores.
+struct Scene<'a> {
+    splats: &'a SplatPly,
+    scales: Vec<f32>,
+    opacities: Vec<f32>,
+}
+
+impl<'a> Scene<'a> {
+    fn new(splats: &'a SplatPly) -> Self {
+        let scales = splats.log_scales.as_flattened().iter().map(|s| s.exp()).collect();
+        let opacities = splats.opacity_logits.iter().map(|o| 1.0 / (1.0 + (-o).exp())).collect();
+        Self { splats, scales, opacities }
+    }
+
+    fn draw(&self, camera: &Camera, background: [f32; 3], workspace: &mut Workspace<f32>) -> Result<Image, Failure> {
+        let Camera { pose, intrinsics: k, width, height } = *camera;
+        let gaussians = Gaussians {
+            means: self.splats.means.as_flattened(),
+            quats: self.splats.quats.as_flattened(),
+            scales: &self.scales,
+            opacities: &self.opacities,
+            colour: Colour::Sh { coefficients: &self.splats.sh, degree: self.splats.degree },
+        };
+        let viewmats = pose.rows().map(|row| row.map(|x| x as f32));
+        let cameras = Cameras {
+            viewmats: viewmats.as_flattened(),
+            intrinsics: &[k.fx, k.fy, k.cx, k.cy].map(|x| x as f32),
+            background: &background,
+            width,
+            height,
+        };
+        let mut image = Image::filled(width, height, [0.0; 3]);
+        let (mut alpha, mut depth) = (vec![0.0; width * height], vec![0.0; width * height]);
+        let images = Images { image: &mut image.pixels, alpha: &mut alpha, depth: &mut depth };
+        rasterize(&gaussians, &cameras, &RasterSettings::default(), workspace, images)?;
+        Ok(image)
+    }
+}
+
+/// `count` cameras on a circle around the middle of the scene, starting before it (towards -z of the world, where the
+/// first camera of our own scenes stands), -y up, with a field of view of 60 degrees. `None` when there is no scene.
+fn orbit(splats: &SplatPly, count: usize, size: Size) -> Option<Vec<NamedCamera>> {
+    let means: Vec<DVec3> = splats.means.iter().map(|m| DVec3::from(m.map(f64::from))).collect();
+    let axis = |of: fn(&DVec3) -> f64| median(means.iter().map(of).collect());
+    let middle = DVec3::new(axis(|m| m.x)?, axis(|m| m.y)?, axis(|m| m.z)?);
+    let spread = median(means.iter().map(|m| m.distance(middle)).collect())?;
+    let scale = median(splats.log_scales.as_flattened().iter().map(|s| f64::from(*s).exp()).collect())?;
+    // Far enough to have half of the Gaussians well inside the image, and never inside a single one.
+    let eye = middle - DVec3::Z * (2.5 * spread + 4.0 * scale);
+    let width = size.width.or(size.height.map(|h| (h * 4).div_ceil(3))).unwrap_or(WIDTH);
+    let height = size.height.unwrap_or((width * 3).div_ceil(4));
+    let focal = width as f64 / 2.0 / (FRAC_PI_3 / 2.0).tan();
+    let intrinsics = Intrinsics { fx: focal, fy: focal, cx: width as f64 / 2.0, cy: height as f64 / 2.0 };
+    let named = |(i, pose)| NamedCamera { name: format!("{i:04}"), camera: Camera { pose, intrinsics, width, height } };
+    Some(trajectory::orbit(eye, middle, -DVec3::Y, count).into_iter().enumerate().map(named).collect())
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    let middle = values.len() / 2;
+    if values.is_empty() {
+        return None;
+    }
+    Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_orbit_looks_at_the_middle_from_all_sides() {
+        let splats = SplatPly {
+            means: vec![[0.0, 0.0, 1.0], [1.0, 0.0, 2.0], [-1.0, 0.5, 3.0]],
+            log_scales: vec![[-2.0; 3]; 3],
+            ..SplatPly::default()
+        };
+        let cameras = orbit(&splats, 4, Size::default()).unwrap();
+        let middle = DVec3::new(0.0, 0.0, 2.0);
+        for view in &cameras {
+            let seen = view.camera.pose.apply(middle);
+            assert!(seen.x.abs() < 1e-9 && seen.y.abs() < 1e-9 && seen.z > 1.0, "{seen}");
+        }
+        assert!(cameras[0].camera.pose.centre().z < 0.0);
+        assert_eq!((cameras[0].camera.width, cameras[0].camera.height), (640, 480));
+        assert!(orbit(&SplatPly::default(), 4, Size::default()).is_none());
+    }
+
+    #[test]
+    fn a_single_gaussian_has_an_orbit_too() {
+        let splats = SplatPly { means: vec![[0.0; 3]], log_scales: vec![[-1.0; 3]], ..SplatPly::default() };
+        let cameras = orbit(&splats, 2, Size { width: None, height: Some(30) }).unwrap();
+        assert!(cameras.iter().all(|c| c.camera.pose.translation.is_finite()));
+        assert_eq!((cameras[0].camera.width, cameras[0].camera.height), (40, 30));
+    }
+}
