@@ -30,7 +30,11 @@ fn pointwise(c: &mut Criterion) {
                     let x = black_box(&x);
                     simd::dispatch(
                         #[inline(always)]
-                        || y.iter_mut().zip(x).for_each(|(y, x)| *y = $f(*x)),
+                        || {
+                            for (y, x) in y.iter_mut().zip(x) {
+                                *y = $f(*x);
+                            }
+                        },
                     );
                 });
             });

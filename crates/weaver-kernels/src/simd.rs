@@ -7,8 +7,9 @@
 //! on its own), so the results are too.
 //!
 //! Mark the closure, closures inside it and every function it calls in its inner loops
-//! `#[inline(always)]`; what is not inlined keeps the baseline instructions. Keep parallel loops
-//! outside: dispatch inside each chunk.
+//! `#[inline(always)]`; what is not inlined keeps the baseline instructions. Plain `for` loops are
+//! inlined more surely than `for_each` with a long closure. Keep parallel loops outside: dispatch inside
+//! each chunk. On `f32` write `Real::exp(x)`, not `x.exp()`, which is the standard library's.
 
 use std::sync::OnceLock;
 
@@ -65,7 +66,11 @@ fn supported() -> Level {
 /// let mut x = [0.0_f32, 1.0, -1.0, 0.5];
 /// simd::dispatch(
 ///     #[inline(always)]
-///     || x.iter_mut().for_each(|x| *x = Real::exp(*x)),
+///     || {
+///         for x in &mut x {
+///             *x = Real::exp(*x);
+///         }
+///     },
 /// );
 /// assert_eq!(x[0], 1.0);
 /// ```
