@@ -8,11 +8,11 @@ use weaver_kernels::Real;
 /// Gradients that arrive at one view's outputs; `None` is zero.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ViewCotangents<'a, T> {
-    /// [H, W, 3]
+    /// `[H, W, 3]`
     pub image: Option<&'a [T]>,
-    /// [H, W]
+    /// `[H, W]`
     pub alpha: Option<&'a [T]>,
-    /// [H, W]
+    /// `[H, W]`
     pub depth: Option<&'a [T]>,
 }
 

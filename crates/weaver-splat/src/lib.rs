@@ -1,8 +1,8 @@
 //! A differentiable rasteriser of 3-D Gaussians on the CPU, with gradients for every parameter and for the camera.
 //!
-//! [`rasterize`] draws, [`rasterize_backward`] differentiates; both are plain functions on slices, and [`Workspace`] is all
-//! their memory. [`Rasterize`] is the same as an operation on the tape. [`reference`] does it again, slowly and in another way,
-//! to test against.
+//! [`rasterize`] draws, [`rasterize_backward`] differentiates; both are plain functions on slices, and [`Workspace`]
+//! is all their memory. [`Rasterize`] is the same as an operation on the tape. [`mod@reference`] does it again,
+//! slowly and in another way, to test against.
 //!
 //! Conventions: world-to-camera matrices, OpenCV axes (x right, y down, z forward), pixel centres at +0.5, quaternions
 //! wxyz, spherical harmonics as in the reference 3DGS implementation.

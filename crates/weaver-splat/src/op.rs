@@ -36,10 +36,11 @@ impl<T: Real> Default for WorkspacePool<T> {
 
 /// Draws Gaussians in several views, differentiably: [`rasterize`](crate::rasterize()) on the tape.
 ///
-/// Inputs, in this order: means [N, 3], quats [N, 4] (wxyz), scales [N, 3], opacities [N], colours [N, 3] or spherical harmonics [N, K, 3]
-/// with K of 1, 4, 9, 16, 25, view matrices [V, 3, 4] or [V, 4, 4], intrinsics [V, 4] (fx, fy, cx, cy), background [3] or [V, 3].
-/// Outputs: image [V, H, W, 3], alpha [V, H, W], depth [V, H, W], and auxiliary, without gradient, the counts
-/// [3] of splats, list entries and rejected Gaussians. Every input has a gradient; see
+/// Inputs, in this order: means `[N, 3]`, quats `[N, 4]` (wxyz), scales `[N, 3]`, opacities `[N]`, colours `[N, 3]` or
+/// spherical harmonics `[N, K, 3]` with K of 1, 4, 9, 16, 25, view matrices `[V, 3, 4]` or `[V, 4, 4]`, intrinsics
+/// `[V, 4]` (fx, fy, cx, cy), background `[3]` or `[V, 3]`. Outputs: image `[V, H, W, 3]`, alpha `[V, H, W]`, depth
+/// `[V, H, W]`, and auxiliary, without gradient, the counts `[3]` of splats, list entries and rejected Gaussians.
+/// Every input has a gradient; see
 /// [`rasterize_backward`](crate::rasterize_backward()) for what is held constant.
 ///
 /// ```
@@ -76,39 +77,39 @@ pub struct Rasterize<T: Real> {
 /// The Gaussians as tensors; shapes are with [`Rasterize`].
 #[derive(Clone, Copy, Debug)]
 pub struct GaussianVars<'t, T: Real> {
-    /// [N, 3]
+    /// `[N, 3]`
     pub means: Var<'t, T>,
-    /// [N, 4]
+    /// `[N, 4]`
     pub quats: Var<'t, T>,
-    /// [N, 3]
+    /// `[N, 3]`
     pub scales: Var<'t, T>,
-    /// [N]
+    /// `[N]`
     pub opacities: Var<'t, T>,
-    /// [N, 3], or [N, K, 3] for spherical harmonics.
+    /// `[N, 3]`, or `[N, K, 3]` for spherical harmonics.
     pub colours: Var<'t, T>,
 }
 
 /// The cameras as tensors; shapes are with [`Rasterize`].
 #[derive(Clone, Copy, Debug)]
 pub struct CameraVars<'t, T: Real> {
-    /// [V, 3, 4] or [V, 4, 4]
+    /// `[V, 3, 4]` or `[V, 4, 4]`
     pub viewmats: Var<'t, T>,
-    /// [V, 4]
+    /// `[V, 4]`
     pub intrinsics: Var<'t, T>,
-    /// [3] or [V, 3]
+    /// `[3]` or `[V, 3]`
     pub background: Var<'t, T>,
 }
 
 /// What was drawn.
 #[derive(Clone, Copy, Debug)]
 pub struct RenderedVars<'t, T: Real> {
-    /// [V, H, W, 3]
+    /// `[V, H, W, 3]`
     pub image: Var<'t, T>,
-    /// [V, H, W]
+    /// `[V, H, W]`
     pub alpha: Var<'t, T>,
-    /// sum of w z, not divided by alpha, [V, H, W].
+    /// sum of w z, not divided by alpha, `[V, H, W]`.
     pub depth: Var<'t, T>,
-    /// Splats, list entries, rejected Gaussians; no gradient, [3].
+    /// Splats, list entries, rejected Gaussians; no gradient, `[3]`.
     pub counts: Var<'t, T>,
 }
 

@@ -11,11 +11,11 @@ use weaver_kernels::{Real, simd};
 /// Where the images go.
 #[derive(Debug)]
 pub struct Images<'a, T> {
-    /// sum of w c + T background, [V, H, W, 3].
+    /// sum of w c + T background, `[V, H, W, 3]`.
     pub image: &'a mut [T],
-    /// 1 - T, [V, H, W].
+    /// 1 - T, `[V, H, W]`.
     pub alpha: &'a mut [T],
-    /// sum of w z, camera z in world units, not divided by alpha, [V, H, W].
+    /// sum of w z, camera z in world units, not divided by alpha, `[V, H, W]`.
     pub depth: &'a mut [T],
 }
 
@@ -35,11 +35,11 @@ const GRAIN: usize = 256;
 
 /// Draws Gaussians in several views: image, alpha and depth.
 ///
-/// At a pixel, splats in ascending camera z (as `f32`, ties by index) have `alpha_i = min(alpha_max, o_i exp(-sigma_i))`,
-/// `sigma = d^T S^-1 d / 2` with d from the projected mean to the pixel centre and `S = J A C A^T J^T + eps2d I`,
-/// `C = R diag(scale^2) R^T`, and J the Jacobian of the projection with x/z, y/z limited to the frustum widened by 30 % of half
-/// its size. Alphas below 1/255 are skipped. `w_i = alpha_i T_i`, `T_i` the product of `1 - alpha_j` over the splats in
-/// front; a pixel ends before the splat that would bring T to 1e-4 or less.
+/// At a pixel, splats in ascending camera z (as `f32`, ties by index) have `alpha_i = min(alpha_max, o_i
+/// exp(-sigma_i))`, `sigma = d^T S^-1 d / 2` with d from the projected mean to the pixel centre and `S = J A C A^T
+/// J^T + eps2d I`, `C = R diag(scale^2) R^T`, and J the Jacobian of the projection with x/z, y/z limited to the
+/// frustum widened by 30 % of half its size. Alphas below 1/255 are skipped. `w_i = alpha_i T_i`, `T_i` the product
+/// of `1 - alpha_j` over the splats in front; a pixel ends before the splat that would bring T to 1e-4 or less.
 ///
 /// Shapes are with the fields of [`Gaussians`], [`Cameras`] and [`Images`]. `workspace` keeps what
 /// [`rasterize_backward`](crate::rasterize_backward) needs. Images have the same bits at any number of threads and
@@ -53,8 +53,8 @@ const GRAIN: usize = 256;
 ///
 /// # Source
 ///
-/// Kerbl et al., 3D Gaussian Splatting, 2023, equations 2 to 6; Zwicker et al., EWA splatting, 2002; the rules of gsplat 1.4.0
-/// but for its bounding boxes: a splat is seen wherever its alpha reaches 1/255.
+/// Kerbl et al., 3D Gaussian Splatting, 2023, equations 2 to 6; Zwicker et al., EWA splatting, 2002; the rules of
+/// gsplat 1.4.0 but for its bounding boxes: a splat is seen wherever its alpha reaches 1/255.
 ///
 /// ```
 /// use weaver_splat::{Cameras, Colour, Gaussians, Images, RasterSettings, Workspace, rasterize};

@@ -14,11 +14,11 @@ use weaver_kernels::{Real, simd};
 /// Gradients that arrive at the images; `None` is zero.
 #[derive(Clone, Copy, Debug)]
 pub struct Cotangents<'a, T> {
-    /// [V, H, W, 3]
+    /// `[V, H, W, 3]`
     pub image: Option<&'a [T]>,
-    /// [V, H, W]
+    /// `[V, H, W]`
     pub alpha: Option<&'a [T]>,
-    /// [V, H, W]
+    /// `[V, H, W]`
     pub depth: Option<&'a [T]>,
 }
 
@@ -62,23 +62,23 @@ impl<'a, T: Real> Target<'a, T> {
 /// Where gradients go; `None` where nobody asks.
 #[derive(Debug)]
 pub struct Gradients<'a, T> {
-    /// [N, 3]
+    /// `[N, 3]`
     pub means: Option<Target<'a, T>>,
-    /// [N, 4]
+    /// `[N, 4]`
     pub quats: Option<Target<'a, T>>,
-    /// [N, 3]
+    /// `[N, 3]`
     pub scales: Option<Target<'a, T>>,
-    /// [N]
+    /// `[N]`
     pub opacities: Option<Target<'a, T>>,
-    /// [N, 3] or [N, K, 3]
+    /// `[N, 3]` or `[N, K, 3]`
     pub colours: Option<Target<'a, T>>,
-    /// [V, 3, 4] or [V, 4, 4], as given; the last row of the latter is zero.
+    /// `[V, 3, 4]` or `[V, 4, 4]`, as given; the last row of the latter is zero.
     pub viewmats: Option<Target<'a, T>>,
-    /// [V, 4]
+    /// `[V, 4]`
     pub intrinsics: Option<Target<'a, T>>,
-    /// [V, 3] or [3], as given.
+    /// `[V, 3]` or `[3]`, as given.
     pub background: Option<Target<'a, T>>,
-    /// Sums over pixels of the absolute gradient of the projected mean, per pixel, [V, N, 2]: large where a Gaussian is
+    /// Sums over pixels of the absolute gradient of the projected mean, per pixel, `[V, N, 2]`: large where a Gaussian is
     /// pulled apart (Ye et al., AbsGS, 2024). Not a gradient, but a by-product for density control.
     pub centre_pull: Option<Target<'a, T>>,
 }
@@ -102,9 +102,10 @@ impl<T> Default for Gradients<'_, T> {
 /// Gradients of everything that [`rasterize`](crate::rasterize) was given, from those of image, alpha and depth.
 ///
 /// `gaussians`, `cameras` and `settings` are those of the last forward with this workspace. Everything is
-/// differentiated but the choices: the order, who is skipped, where a pixel ends, alpha where `alpha_max` holds, colour
-/// where it is clamped at zero, the compensation where its floor holds. The limits of x/z and y/z are functions of
-/// the intrinsics; the camera centre, for the line of sight, is -A^-1 t. Same bits at any number of threads.
+/// differentiated but the choices: the order, who is skipped, where a pixel ends, alpha where `alpha_max` holds,
+/// colour where it is clamped at zero, the compensation where its floor holds. The limits of x/z and y/z are
+/// functions of the intrinsics; the camera centre, for the line of sight, is -A^-1 t. Same bits at any number of
+/// threads.
 ///
 /// # Errors
 ///

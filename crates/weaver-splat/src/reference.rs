@@ -16,34 +16,34 @@ type Number = Dual<f64, VARIABLES>;
 /// Images by the reference, shaped as by [`crate::rasterize`].
 #[derive(Clone, Debug, Default)]
 pub struct Rendered {
-    /// [V, H, W, 3]
+    /// `[V, H, W, 3]`
     pub image: Vec<f64>,
-    /// [V, H, W]
+    /// `[V, H, W]`
     pub alpha: Vec<f64>,
-    /// [V, H, W]
+    /// `[V, H, W]`
     pub depth: Vec<f64>,
 }
 
 /// Gradients by the reference, shaped as by [`crate::rasterize_backward`].
 #[derive(Clone, Debug, Default)]
 pub struct RenderedBackward {
-    /// [N, 3]
+    /// `[N, 3]`
     pub means: Vec<f64>,
-    /// [N, 4]
+    /// `[N, 4]`
     pub quats: Vec<f64>,
-    /// [N, 3]
+    /// `[N, 3]`
     pub scales: Vec<f64>,
-    /// [N]
+    /// `[N]`
     pub opacities: Vec<f64>,
-    /// [N, 3] or [N, K, 3]
+    /// `[N, 3]` or `[N, K, 3]`
     pub colours: Vec<f64>,
     /// As the view matrices.
     pub viewmats: Vec<f64>,
-    /// [V, 4]
+    /// `[V, 4]`
     pub intrinsics: Vec<f64>,
     /// As the background.
     pub background: Vec<f64>,
-    /// [V, N, 2]
+    /// `[V, N, 2]`
     pub centre_pull: Vec<f64>,
 }
 

@@ -8,13 +8,13 @@ use weaver_kernels::Real;
 /// The Gaussians of a scene, as structure of arrays. `N` is the number of Gaussians.
 #[derive(Clone, Copy, Debug)]
 pub struct Gaussians<'a, T> {
-    /// Centres in world units, [N, 3].
+    /// Centres in world units, `[N, 3]`.
     pub means: &'a [T],
-    /// Rotations from the Gaussian's axes to the world's, quaternions in wxyz order, of any length but zero, [N, 4].
+    /// Rotations from the Gaussian's axes to the world's, quaternions in wxyz order, of any length but zero, `[N, 4]`.
     pub quats: &'a [T],
-    /// Standard deviations along the Gaussian's axes in world units (not their logarithms), [N, 3].
+    /// Standard deviations along the Gaussian's axes in world units (not their logarithms), `[N, 3]`.
     pub scales: &'a [T],
-    /// Opacities in [0, 1] (not their logits), [N].
+    /// Opacities in `[0, 1]` (not their logits), `[N]`.
     pub opacities: &'a [T],
     /// Colours.
     pub colour: Colour<'a, T>,
@@ -23,12 +23,12 @@ pub struct Gaussians<'a, T> {
 /// The colours of the Gaussians.
 #[derive(Clone, Copy, Debug)]
 pub enum Colour<'a, T> {
-    /// The same from all sides, [N, 3], not clamped.
+    /// The same from all sides, `[N, 3]`, not clamped.
     Plain(&'a [T]),
-    /// Spherical harmonics in world axes, [N, K, 3] with K = (degree + 1)^2; the colour seen along the direction
+    /// Spherical harmonics in world axes, `[N, K, 3]` with K = (degree + 1)^2; the colour seen along the direction
     /// from the camera centre to the mean is `max(sum of basis times coefficient + 0.5, 0)`.
     Sh {
-        /// [N, K, 3].
+        /// `[N, K, 3]`.
         coefficients: &'a [T],
         /// 0 to 4.
         degree: usize,
@@ -48,12 +48,12 @@ impl<'a, T> Colour<'a, T> {
 /// `V` pinhole cameras with images of one size.
 #[derive(Clone, Copy, Debug)]
 pub struct Cameras<'a, T> {
-    /// World to camera, OpenCV axes, [V, 3, 4] or [V, 4, 4] (the last row is not read): p = A m + t. A and t are twelve
+    /// World to camera, OpenCV axes, `[V, 3, 4]` or `[V, 4, 4]` (the last row is not read): p = A m + t. A and t are twelve
     /// free numbers; nothing assumes that A is a rotation.
     pub viewmats: &'a [T],
-    /// fx, fy, cx, cy in pixels, pixel centres at +0.5, [V, 4].
+    /// fx, fy, cx, cy in pixels, pixel centres at +0.5, `[V, 4]`.
     pub intrinsics: &'a [T],
-    /// What is seen where nothing is, [V, 3], or [3] for all views.
+    /// What is seen where nothing is, `[V, 3]`, or `[3]` for all views.
     pub background: &'a [T],
     /// Image width in pixels.
     pub width: usize,

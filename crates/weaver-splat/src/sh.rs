@@ -67,7 +67,7 @@ fn direction<T: Real>(v: Vec3<T>) -> (Vec3<T>, T) {
     (v.map(|x| x / length), length)
 }
 
-/// sum over k of b_k(v / |v|) coefficients_k + 0.5, before the clamp at zero. `coefficients` are [K, 3].
+/// sum over k of b_k(v / |v|) coefficients_k + 0.5, before the clamp at zero. `coefficients` are `[K, 3]`.
 #[inline(always)]
 pub(crate) fn colour<T: Real>(degree: usize, v: Vec3<T>, coefficients: &[T]) -> Vec3<T> {
     let unit = if degree == 0 { [T::ZERO; 3] } else { direction(v).0 };

@@ -156,9 +156,9 @@ pub(crate) fn sort_by_depth(keys: &mut [u64], gaussians: usize) -> usize {
 /// The lists of all tiles of all views, one after the other.
 #[derive(Debug, Default)]
 pub(crate) struct TileLists {
-    /// Splats of each chunk of sorted splats in each tile, then where the next of them goes: [V, chunks, tiles].
+    /// Splats of each chunk of sorted splats in each tile, then where the next of them goes: `[V, chunks, tiles]`.
     cursors: Vec<u32>,
-    /// Where each tile's list starts in `splats`, [V * tiles + 1].
+    /// Where each tile's list starts in `splats`, `[V * tiles + 1]`.
     starts: Vec<u32>,
     /// Splats (v N + n), tile by tile, front to back.
     splats: Vec<AtomicU32>,
