@@ -6,6 +6,7 @@
 
 pub mod code;
 mod gauge;
+mod head;
 mod metrics;
 mod rotation;
 mod row_map;
@@ -13,6 +14,7 @@ mod unproject;
 
 pub use code::{Cameras, activate, cameras};
 pub use gauge::first_camera_gauge;
+pub use head::{CameraHead, CameraHeadConfig, Gauge, PoseEstimate};
 pub use metrics::{PoseErrors, auc};
 pub use rotation::{quaternion_product, rotation_from_xyzw, xyzw_from_rotation};
 pub use unproject::unproject;

@@ -1,1 +1,24 @@
-//! DINOv2-style patch encoder, alternating-attention aggregator and DPT heads.
+//! The backbone: a DINOv2-style patch encoder, VGGT's aggregator of alternating attention, and dense heads on top.
+//!
+//! Parameter names are those of the published checkpoints (`aggregator.*`, `depth_head.*`, `gaussian_param_head.*`).
+//! The encoder's `mask_token`, which nothing uses, has no counterpart here.
+
+mod aggregator;
+mod depth_head;
+mod dpt;
+mod feature_head;
+mod fusion;
+mod init;
+mod normalize;
+mod position;
+mod vision_transformer;
+
+pub use aggregator::{Aggregated, Aggregator, AggregatorConfig};
+pub use depth_head::{DepthHead, DepthHeadConfig, DepthMaps};
+pub use dpt::{DenseTokens, DptConfig, DptHead};
+pub use feature_head::{FeatureHead, FeatureHeadConfig, PixelFeatures};
+pub use fusion::{FusionBlock, ResidualConvUnit};
+pub use init::BackboneInit;
+pub use normalize::{IMAGENET_MEAN, IMAGENET_STD, normalize_image};
+pub use position::{POSITION_WEIGHT, add_position};
+pub use vision_transformer::{PatchEmbed, VisionTransformer, VisionTransformerConfig};

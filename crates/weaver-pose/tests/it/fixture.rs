@@ -24,16 +24,21 @@ pub struct Fixture {
     exact_zeros: Vec<String>,
 }
 
-fn folder() -> Option<PathBuf> {
-    let from_environment = std::env::var_os("WEAVER_SHARED").map(PathBuf::from);
-    let mut above = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().map(|p| p.join("shared"));
-    from_environment.or_else(|| above.find(|p| p.join("fixtures").is_dir())).map(|p| p.join("fixtures"))
+/// Where a file lies: in the repository, if it is small, or in the folder of shared data.
+fn locate(name: &str) -> Option<PathBuf> {
+    let above = || Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
+    let folders = std::env::var_os("WEAVER_SHARED")
+        .map(|folder| PathBuf::from(folder).join("fixtures"))
+        .into_iter()
+        .chain(above().map(|p| p.join("tests/fixtures")))
+        .chain(above().map(|p| p.join("shared/fixtures")));
+    folders.map(|folder| folder.join(name)).find(|path| path.is_file())
 }
 
 impl Fixture {
-    /// The named file of the shared folder; `None`, after saying so, where there is no such folder.
-    pub fn shared(name: &str) -> Option<Self> {
-        let path = folder().map(|folder| folder.join(name)).filter(|path| path.is_file());
+    /// The named file; `None`, after saying so, where there is no such file.
+    pub fn named(name: &str) -> Option<Self> {
+        let path = locate(name);
         if path.is_none() {
             println!("skipped: no data ({name})");
         }

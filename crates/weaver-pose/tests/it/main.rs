@@ -2,6 +2,7 @@
 
 mod fixture;
 mod gauge;
+mod head;
 mod metrics;
 mod rotation;
 mod unproject;

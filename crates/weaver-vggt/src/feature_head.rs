@@ -1,0 +1,68 @@
+//! Features of every pixel, from which Gaussians are made.
+
+use crate::dpt::{DenseTokens, DptConfig, DptHead};
+use crate::position::add_position;
+use weaver_autograd::{Real, Var};
+use weaver_nn::{Builder, Context, Conv2d, WeightInit};
+
+/// Sizes of a [`FeatureHead`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FeatureHeadConfig {
+    /// The trunk; its `width` is that of both outputs.
+    pub dpt: DptConfig,
+    /// Channels between the two convolutions that look at the image itself.
+    pub merger: usize,
+}
+
+/// What a [`FeatureHead`] gives, both [N, width, H, W].
+#[derive(Clone, Copy, Debug)]
+pub struct PixelFeatures<'t, T: Real = f32> {
+    /// E: the trunk's maps plus the image's own features plus positions.
+    pub embedding: Var<'t, T>,
+    /// F = relu(conv(E)).
+    pub features: Var<'t, T>,
+}
+
+/// A dense head whose maps also see the image at full resolution, past the patches (SplatWeaver, arXiv 2605.07287).
+#[derive(Clone, Debug)]
+pub struct FeatureHead {
+    trunk: DptHead,
+    merger: [Conv2d; 2],
+    last: Conv2d,
+}
+
+impl FeatureHead {
+    /// Builds the trunk, `input_merger.0`, `input_merger.2` and `scratch.output_conv2.0`.
+    pub fn new<T: Real>(mut b: Builder<'_, T>, config: FeatureHeadConfig) -> Self {
+        let width = config.dpt.width;
+        let init = WeightInit::FanIn;
+        Self {
+            trunk: DptHead::new(&mut b, config.dpt),
+            merger: [
+                Conv2d::new(b.scope("input_merger.0"), 3, config.merger, 7, init),
+                Conv2d::new(b.scope("input_merger.2"), config.merger, width, 5, init),
+            ],
+            last: Conv2d::new(b.scope("scratch.output_conv2.0"), width, width, 3, init),
+        }
+    }
+
+    /// Runs on tokens and their images [.., 3, H, W] in [0, 1] (not normalised).
+    pub fn forward<'t, T: Real>(
+        &self,
+        cx: Context<'t, T>,
+        tokens: DenseTokens<'_, 't, T>,
+        images: Var<'t, T>,
+    ) -> PixelFeatures<'t, T> {
+        let [height, width] = tokens.image;
+        let maps = self.trunk.forward(cx, tokens);
+        let images = images.reshape([maps.shape()[0], 3, height, width]);
+        let seen = {
+            let _scope = cx.scope("input_merger");
+            let x = self.merger[0].forward(cx, images).relu();
+            self.merger[1].forward(cx, x).relu()
+        };
+        let embedding = add_position(maps + seen, height, width);
+        let _scope = cx.scope("scratch.output_conv2");
+        PixelFeatures { embedding, features: self.last.forward(cx, embedding).relu() }
+    }
+}

@@ -1,0 +1,35 @@
+//! How a backbone starts.
+
+use weaver_nn::{Init, WeightInit};
+
+/// Initial values of a backbone's parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BackboneInit {
+    /// Linear layers; the convolution that embeds patches starts as PyTorch's do.
+    pub weight: WeightInit,
+    /// Learned position tables.
+    pub position: Init,
+    /// Class, camera and register tokens.
+    pub token: Init,
+    /// LayerScale of the alternating blocks; that of the patch encoder is 1.
+    pub layer_scale: f64,
+}
+
+impl BackboneInit {
+    /// The published start, meant to be overwritten by pretrained weights.
+    pub const PUBLISHED: Self = Self {
+        weight: WeightInit::TruncatedNormal(0.02),
+        position: Init::TruncatedNormal(0.02),
+        token: Init::Normal(1e-6),
+        layer_scale: 0.01,
+    };
+
+    /// A start from which a small backbone learns without pretraining: tokens that differ, positions that are seen,
+    /// branches that count from the first step.
+    pub const FROM_SCRATCH: Self = Self {
+        weight: WeightInit::TruncatedNormal(0.02),
+        position: Init::Normal(0.3),
+        token: Init::Normal(0.02),
+        layer_scale: 0.2,
+    };
+}
