@@ -17,7 +17,7 @@ mod realestate;
 mod sparse;
 
 use crate::{Error, Scene, View};
-use crop::Crop;
+pub use crop::Crop;
 use footage::{Footage, Shot};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};

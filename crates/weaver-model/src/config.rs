@@ -40,8 +40,6 @@ pub struct BackboneConfig {
     pub rounds: usize,
     /// Register tokens, of the encoder and of the aggregator alike.
     pub registers: usize,
-    /// Initial LayerScale of the encoder.
-    pub encoder_layer_scale: f64,
     /// Initial LayerScale of the aggregator.
     pub layer_scale: f64,
     /// Standard deviation of the initial weights.
@@ -134,8 +132,6 @@ pub struct GaussianConfig {
     pub sh_degree: usize,
     /// Hidden width of the router.
     pub router_hidden: usize,
-    /// Initial bias of the router's logits, E_0 first.
-    pub router_bias: Vec<f64>,
     /// Temperature of the straight-through softmax.
     pub temperature: f64,
     /// Width of the projected pixel feature.
@@ -204,7 +200,6 @@ impl ModelConfig {
                 heads: 3,
                 rounds: 4,
                 registers: 2,
-                encoder_layer_scale: 1.0,
                 layer_scale: 0.2,
                 weight_std: 0.02,
                 position_std: 0.3,
@@ -233,7 +228,6 @@ impl ModelConfig {
                 experts: 3,
                 sh_degree: 1,
                 router_hidden: 16,
-                router_bias: vec![2.5, 2.0, 0.0, 0.0],
                 temperature: 0.5,
                 projector: 16,
                 neighbours: 8,
@@ -354,13 +348,6 @@ impl ModelConfig {
         }
         if let Some(layer) = self.dense.layers.iter().find(|&&l| l >= self.backbone.rounds) {
             return Err(format!("model.dense.layers: expected rounds below {}, found {layer}", self.backbone.rounds));
-        }
-        if self.gaussians.router_bias.len() != self.gaussians.experts + 1 {
-            return Err(format!(
-                "model.gaussians.router_bias: expected {} numbers (one per expert, E_0 first), found {}",
-                self.gaussians.experts + 1,
-                self.gaussians.router_bias.len()
-            ));
         }
         if self.gaussians.sh_degree > 4 {
             return Err(format!("model.gaussians.sh_degree: expected 0 to 4, found {}", self.gaussians.sh_degree));

@@ -1,8 +1,11 @@
 //! SplatWeaver put together: configuration, presets and the forward pass from photos to Gaussians.
 
 mod config;
+mod parts;
+mod splatweaver;
 
 pub use config::{
     BackboneConfig, CameraConfig, DenseConfig, Gauge, GaussianConfig, ModelConfig, PRESETS, ParametrisationKind,
     RasterConfig, WaveletKind,
 };
+pub use splatweaver::{Dense, Encoded, SplatWeaver, Woven};

@@ -1,7 +1,7 @@
 //! From a tuple of views to the numbers that a step works on.
 
 use crate::Error;
-use weaver_data::{Scene, Tuple};
+use weaver_data::{Posed, Scene, Tuple};
 use weaver_geometry::{Camera, Pose};
 use weaver_io::Image;
 
@@ -24,8 +24,33 @@ pub struct Batch {
 
 impl Batch {
     /// Gathers the views of a tuple.
+    ///
+    /// # Errors
+    /// When nothing tells the scene's scale.
     pub fn new(scene: &Scene, tuple: Tuple) -> Result<Self, Error> {
         let posed = scene.normalised(&tuple)?;
+        Ok(Self::with(scene, tuple, &posed))
+    }
+
+    /// The same without an error where nothing tells the scale: lengths are then the scene's own, and the second value
+    /// is false.
+    ///
+    /// # Errors
+    /// On any other fault of the scene.
+    pub fn for_evaluation(scene: &Scene, tuple: Tuple) -> Result<(Self, bool), Error> {
+        match scene.normalised(&tuple) {
+            Ok(posed) => Ok((Self::with(scene, tuple, &posed), true)),
+            Err(weaver_data::Error::Scale { .. }) => {
+                let reference = scene.views[tuple.context[0]].camera.pose;
+                let views = tuple.context.iter().chain(&tuple.targets);
+                let poses = views.map(|&v| scene.views[v].camera.pose.relative_to(&reference)).collect();
+                Ok((Self::with(scene, tuple, &Posed { poses, scale: 1.0 }), false))
+            }
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn with(scene: &Scene, tuple: Tuple, posed: &Posed) -> Self {
         let views: Vec<usize> = tuple.context.iter().chain(&tuple.targets).copied().collect();
         let mut images = Vec::new();
         let mut depth = Vec::new();
@@ -41,13 +66,13 @@ impl Batch {
         }
         let cameras =
             views.iter().zip(&posed.poses).map(|(&v, pose)| Camera { pose: *pose, ..scene.views[v].camera }).collect();
-        let centre = scene.central_view().map_or(Pose::IDENTITY, |v| scene.views[v].camera.pose);
+        let centre = scene.views[scene.central_view()].camera.pose;
         let absolute = tuple
             .context
             .iter()
             .map(|&v| scene.views[v].camera.pose.relative_to(&centre).scaled(posed.scale))
             .collect();
-        Ok(Self { tuple, images, cameras, scale: posed.scale, depth, absolute })
+        Self { tuple, images, cameras, scale: posed.scale, depth, absolute }
     }
 
     /// Cameras of the context views.
@@ -103,4 +128,10 @@ pub fn pose_codes<'a>(cameras: impl IntoIterator<Item = &'a Camera>) -> Vec<f32>
             [t.x, t.y, t.z, x, y, z, w, v, h].map(|x| x as f32)
         })
         .collect()
+}
+
+/// Appends a rotation `[3, 3]`, row by row.
+pub fn push_rotation(rows: &mut Vec<f32>, pose: &Pose) {
+    let r = pose.rotation.to_cols_array_2d();
+    rows.extend((0..3).flat_map(|i| (0..3).map(move |j| r[j][i] as f32)));
 }

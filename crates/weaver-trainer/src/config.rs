@@ -253,7 +253,7 @@ impl Config {
 
     /// Reads the resolved configuration of a run.
     pub fn read(path: &Path) -> Result<Self, Error> {
-        Self::from_toml(&overlay::read_text(path)?, &path.display().to_string())
+        Self::from_toml(&weaver_io::read_text(path)?, &path.display().to_string())
     }
 
     /// Parses a resolved configuration; `source` names it in errors.
@@ -321,7 +321,8 @@ impl Config {
                 return at("budget", "0 to 3 Gaussians per pixel", stage.budget.to_string());
             }
             if stage.allocation != "mix" {
-                stage.allocation.parse::<weaver_router::AllocationKind>().or_else(|e| at("allocation", &e.to_string(), stage.allocation.clone()))?;
+                let kind = stage.allocation.parse::<weaver_router::AllocationKind>();
+                kind.map_err(|e| format!("stages.{i}.allocation: {e}, or mix"))?;
             }
             if self.data.endless > 0 && stage.losses.pose_absolute > 0.0 {
                 return at("losses.pose_absolute", "0 with endless scenes, which do not come back", stage.losses.pose_absolute.to_string());

@@ -1,1 +1,28 @@
 //! Training loop, checkpoints, evaluation and observers for SplatWeaver.
+
+pub mod batch;
+mod checkpoint;
+mod config;
+mod error;
+pub mod evaluate;
+mod evaluation;
+pub mod infer;
+mod objective;
+pub mod observe;
+mod predictor;
+mod run_folder;
+pub mod samples;
+pub mod scenes;
+mod session;
+
+pub use checkpoint::Checkpoint;
+pub use config::{
+    Cameras, Config, DataConfig, EvaluationConfig, LossWeights, OptimiserConfig, OutputConfig, StageConfig,
+};
+pub use error::Error;
+pub use evaluation::{Evaluation, SceneFigures, Summary};
+pub use objective::{Objective, Terms};
+pub use observe::{Observer, StepReport};
+pub use predictor::{CameraSource, Prediction, Predictor, Splats, render};
+pub use run_folder::RunFolder;
+pub use session::Session;

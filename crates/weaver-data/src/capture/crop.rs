@@ -5,7 +5,7 @@ use weaver_io::Image;
 
 /// A part of a photo, in pixels with fractions, and the size it is brought to.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Crop {
+pub struct Crop {
     left: f64,
     top: f64,
     right: f64,

@@ -5,14 +5,8 @@ use serde::de::DeserializeOwned;
 use std::path::Path;
 use toml::{Table, Value};
 
-pub(super) fn read_text(path: &Path) -> Result<String, Error> {
-    let bytes = weaver_io::read_file(path)?;
-    String::from_utf8(bytes)
-        .map_err(|e| error(&path.display().to_string(), format!("expected UTF-8 text, found byte {}", e.utf8_error().valid_up_to())))
-}
-
 pub(super) fn read_file(path: &Path) -> Result<Table, Error> {
-    read_text(path)?.parse().map_err(|e: toml::de::Error| error(&path.display().to_string(), e.to_string()))
+    weaver_io::read_text(path)?.parse().map_err(|e: toml::de::Error| error(&path.display().to_string(), e.to_string()))
 }
 
 fn error(place: &str, message: impl Into<String>) -> Error {

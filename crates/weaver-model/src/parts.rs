@@ -1,0 +1,123 @@
+//! From the one configuration to those of the parts.
+
+use crate::{Gauge, ModelConfig, ParametrisationKind, WaveletKind};
+use weaver_nn::{Init, WeightInit};
+use weaver_pose::CameraHeadConfig;
+use weaver_router::{HeadConfig, NeighborConfig, Parametrisation};
+use weaver_vggt::{
+    AggregatorConfig, BackboneInit, DepthHeadConfig, DptConfig, FeatureHeadConfig, VisionTransformerConfig,
+};
+use weaver_wavelet::Wavelet;
+
+/// Hidden width of a transformer block's perceptron over its width.
+const MLP_RATIO: usize = 4;
+/// Standard deviation of the depth head's last weights: depth then starts near 1.
+const LAST_DEPTH_STD: f64 = 0.02;
+
+impl ModelConfig {
+    pub(crate) fn aggregator(&self) -> AggregatorConfig {
+        let b = &self.backbone;
+        AggregatorConfig {
+            encoder: VisionTransformerConfig {
+                patch: self.patch,
+                dim: b.dim,
+                depth: b.encoder_depth,
+                heads: b.encoder_heads,
+                mlp_ratio: MLP_RATIO,
+                registers: b.registers,
+                table: [self.height / self.patch, self.width / self.patch],
+            },
+            rounds: b.rounds,
+            heads: b.heads,
+            mlp_ratio: MLP_RATIO,
+            registers: b.registers,
+            layers: self.dense.layers.to_vec(),
+        }
+    }
+
+    pub(crate) fn backbone_init(&self) -> BackboneInit {
+        let b = &self.backbone;
+        BackboneInit {
+            weight: WeightInit::TruncatedNormal(b.weight_std),
+            position: Init::Normal(b.position_std),
+            token: Init::Normal(b.token_std),
+            layer_scale: b.layer_scale,
+        }
+    }
+
+    pub(crate) fn camera_head(&self) -> CameraHeadConfig {
+        let c = &self.camera;
+        CameraHeadConfig {
+            dim: 2 * self.backbone.dim,
+            depth: c.depth,
+            heads: c.heads,
+            mlp_ratio: MLP_RATIO,
+            iterations: c.iterations,
+            layer_scale: c.layer_scale,
+            weight: WeightInit::TruncatedNormal(self.backbone.weight_std),
+            token: Init::Normal(self.backbone.token_std),
+            base_fov: (c.base_fov > 0.0).then_some(c.base_fov),
+            gauge: match c.gauge {
+                Gauge::Published => weaver_pose::Gauge::Free,
+                Gauge::Relative => weaver_pose::Gauge::FirstCamera,
+            },
+        }
+    }
+
+    pub(crate) fn wavelet(&self) -> Wavelet {
+        match self.gaussians.wavelet {
+            WaveletKind::Haar => Wavelet::Haar,
+            WaveletKind::Db2 => Wavelet::Db2,
+        }
+    }
+
+    fn dpt(&self) -> DptConfig {
+        DptConfig {
+            dim: 2 * self.backbone.dim,
+            out_channels: self.dense.out_channels,
+            features: self.dense.features,
+            width: self.dense.channels,
+        }
+    }
+
+    pub(crate) fn depth_head(&self) -> DepthHeadConfig {
+        let limit = self.dense.log_depth_limit;
+        DepthHeadConfig {
+            dpt: self.dpt(),
+            hidden: self.dense.depth_hidden,
+            log_depth_bounds: (limit > 0.0).then_some((-limit, limit)),
+            last: WeightInit::TruncatedNormal(LAST_DEPTH_STD),
+        }
+    }
+
+    pub(crate) fn feature_head(&self) -> FeatureHeadConfig {
+        FeatureHeadConfig { dpt: self.dpt(), merger: self.dense.merger }
+    }
+
+    pub(crate) fn head(&self) -> HeadConfig {
+        let g = &self.gaussians;
+        HeadConfig {
+            features: self.dense.channels,
+            router_hidden: g.router_hidden,
+            cardinality: g.experts,
+            sh_degree: g.sh_degree,
+            neighbors: g.neighbour_attention.then_some(NeighborConfig {
+                count: g.neighbours,
+                projector: g.projector,
+                width: g.predictor,
+                zero_head: g.zero_predictor,
+            }),
+            expert_output_gain: g.expert_gain,
+            parametrisation: match g.parametrisation {
+                ParametrisationKind::Published => Parametrisation::Published {
+                    xyz_bias: g.offset_reach,
+                    scale_multiplier: g.scale_multiplier,
+                    scale_max: g.scale_max,
+                },
+                ParametrisationKind::Footprint => {
+                    Parametrisation::Footprint { offset: g.offset_reach, scale: g.scale_multiplier }
+                }
+            },
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! What an evaluation says: the numbers, as JSON and as a table.
+
+use serde::{Deserialize, Serialize};
+use std::fmt::Write;
+
+/// The figures of one scene, or their mean over scenes. `None` where a figure does not apply.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SceneFigures {
+    /// The scene's name.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub name: Option<String>,
+    /// Held-out views.
+    pub views: usize,
+    /// PSNR, dB.
+    pub psnr: f64,
+    /// PSNR over the quarter of each view's pixels with most wavelet energy, dB.
+    pub psnr_energetic: f64,
+    /// Structural similarity.
+    pub ssim: f64,
+    /// LPIPS, when its weights are given.
+    pub lpips: Option<f64>,
+    /// PSNR of the nearest context view, copied.
+    pub psnr_nearest: f64,
+    /// PSNR of the mean colour of the scene's training views.
+    pub psnr_mean_colour: f64,
+    /// Gaussians over context pixels.
+    pub gaussians_per_pixel: f64,
+    /// Fraction of context pixels that went to each expert, E_0 first.
+    pub expert_share: Vec<f64>,
+    /// Mean angle of the context cameras' rotations relative to camera 0, degrees.
+    pub pose_rotation_deg: Option<f64>,
+    /// Mean angle between predicted and true direction of the centres from camera 0, degrees.
+    pub pose_translation_deg: Option<f64>,
+}
+
+/// An evaluation on the held-out views of some scenes.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Evaluation {
+    /// Whose cameras: predicted or given.
+    pub cameras: String,
+    /// Which pixels got Gaussians.
+    pub allocation: String,
+    /// Gaussians per context pixel that were asked for, if the allocation has a budget.
+    pub budget: Option<f64>,
+    /// Context views for each held-out view.
+    pub context_views: usize,
+    /// Seed of the run, and of sampled allocations.
+    pub seed: u64,
+    /// Steps that the weights were trained for.
+    pub step: usize,
+    /// The scenes.
+    pub scenes: Vec<SceneFigures>,
+    /// Unweighted mean over scenes; views are summed.
+    pub mean: SceneFigures,
+    /// What the reader should know beside the numbers.
+    #[serde(skip)]
+    pub remarks: Vec<String>,
+}
+
+/// The mean of what is there; `None` when nothing is.
+pub(crate) fn mean(values: impl IntoIterator<Item = Option<f64>>) -> Option<f64> {
+    let (mut sum, mut count) = (0.0, 0usize);
+    for value in values.into_iter().flatten() {
+        sum += value;
+        count += 1;
+    }
+    (count > 0).then(|| sum / count as f64)
+}
+
+impl SceneFigures {
+    /// The unweighted mean of some figures; views are summed, or, when these are single views, counted.
+    pub fn mean_of(all: &[Self], name: Option<String>) -> Self {
+        let of = |f: fn(&Self) -> f64| mean(all.iter().map(|s| Some(f(s)))).unwrap_or(f64::NAN);
+        let experts = all.first().map_or(0, |s| s.expert_share.len());
+        Self {
+            name,
+            views: all.iter().map(|s| s.views).sum(),
+            psnr: of(|s| s.psnr),
+            psnr_energetic: of(|s| s.psnr_energetic),
+            ssim: of(|s| s.ssim),
+            lpips: mean(all.iter().map(|s| s.lpips)),
+            psnr_nearest: of(|s| s.psnr_nearest),
+            psnr_mean_colour: of(|s| s.psnr_mean_colour),
+            gaussians_per_pixel: of(|s| s.gaussians_per_pixel),
+            expert_share: (0..experts)
+                .map(|e| all.iter().map(|s| s.expert_share[e]).sum::<f64>() / all.len() as f64)
+                .collect(),
+            pose_rotation_deg: mean(all.iter().map(|s| s.pose_rotation_deg)),
+            pose_translation_deg: mean(all.iter().map(|s| s.pose_translation_deg)),
+        }
+    }
+}
+
+impl Evaluation {
+    /// A table for people.
+    pub fn table(&self) -> String {
+        let mut out = String::new();
+        let budget = self.budget.map_or(String::new(), |b| format!(", budget {b:.2}"));
+        let _ = writeln!(
+            out,
+            "cameras {}, allocation {}{budget}, {} context views, step {}",
+            self.cameras, self.allocation, self.context_views, self.step
+        );
+        let _ = writeln!(
+            out,
+            "{:<16} {:>5} {:>7} {:>7} {:>6} {:>6} {:>8} {:>7} {:>6} {:>7} {:>7}  expert share",
+            "scene", "views", "PSNR", "energ.", "SSIM", "LPIPS", "nearest", "mean c.", "G/px", "rot deg", "tr deg"
+        );
+        for scene in self.scenes.iter().chain([&self.mean]) {
+            let optional = |v: Option<f64>, digits: usize| v.map_or("-".into(), |v| format!("{v:.digits$}"));
+            let shares: Vec<String> = scene.expert_share.iter().map(|s| format!("{s:.2}")).collect();
+            let _ = writeln!(
+                out,
+                "{:<16} {:>5} {:>7.2} {:>7.2} {:>6.3} {:>6} {:>8.2} {:>7.2} {:>6.3} {:>7} {:>7}  {}",
+                scene.name.as_deref().unwrap_or("mean"),
+                scene.views,
+                scene.psnr,
+                scene.psnr_energetic,
+                scene.ssim,
+                optional(scene.lpips, 3),
+                scene.psnr_nearest,
+                scene.psnr_mean_colour,
+                scene.gaussians_per_pixel,
+                optional(scene.pose_rotation_deg, 2),
+                optional(scene.pose_translation_deg, 2),
+                shares.join(" ")
+            );
+        }
+        for remark in &self.remarks {
+            let _ = writeln!(out, "note: {remark}");
+        }
+        out
+    }
+}
+
+/// What came out of a training run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// The preset.
+    pub preset: String,
+    /// The seed.
+    pub seed: u64,
+    /// Steps done.
+    pub steps: usize,
+    /// Steps planned.
+    pub planned: usize,
+    /// Trainable numbers.
+    pub parameters: usize,
+    /// Seconds of training in the last session.
+    pub seconds: f64,
+    /// A checksum of the parameters: equal runs have equal ones.
+    pub checksum: String,
+    /// The evaluation at the end, when the run was finished.
+    pub evaluation: Option<Evaluation>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn means_are_unweighted_and_views_summed() {
+        let a = SceneFigures { views: 2, psnr: 20.0, expert_share: vec![0.5, 0.5], ..SceneFigures::default() };
+        let b = SceneFigures {
+            views: 4,
+            psnr: 10.0,
+            lpips: Some(0.3),
+            expert_share: vec![1.0, 0.0],
+            ..SceneFigures::default()
+        };
+        let m = SceneFigures::mean_of(&[a, b], None);
+        assert_eq!((m.views, m.psnr, m.lpips, m.expert_share), (6, 15.0, Some(0.3), vec![0.75, 0.25]));
+        assert_eq!(m.pose_rotation_deg, None);
+    }
+
+    #[test]
+    fn json_has_the_documented_keys() {
+        let text = serde_json::to_value(Evaluation {
+            scenes: vec![SceneFigures { name: Some("fox".into()), ..SceneFigures::default() }],
+            ..Evaluation::default()
+        })
+        .unwrap();
+        for key in ["cameras", "allocation", "budget", "context_views", "seed", "step", "scenes", "mean"] {
+            assert!(text.get(key).is_some(), "{key}");
+        }
+        let scene = &text["scenes"][0];
+        assert_eq!(scene["name"], "fox");
+        assert!(scene["pose_rotation_deg"].is_null() && scene.get("lpips").is_some());
+    }
+}

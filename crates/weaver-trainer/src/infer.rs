@@ -1,0 +1,224 @@
+//! From photos to a scene on disk: Gaussians, cameras, renders, depth and expert maps.
+
+use crate::batch::push_planar;
+use crate::predictor::{CameraSource, Prediction, Predictor, Splats};
+use crate::samples::{depth_picture, expert_picture, row, stack};
+use crate::{Cameras, Checkpoint, Error, RunFolder, evaluate};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use weaver_data::capture::{self, Crop};
+use weaver_geometry::{Camera, Intrinsics, Pose};
+use weaver_io::colmap::{CameraModel, ImageRecord, Model};
+use weaver_io::{Frame, Image, SplatPly, Transforms};
+use weaver_kernels::random::Stream;
+use weaver_router::AllocationKind;
+
+/// How to infer; what is `None` is taken from the run's configuration.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Cameras of the photos: a transforms.json, or a folder with a COLMAP model. Photos are matched by file name.
+    pub cameras: Option<PathBuf>,
+    /// Which pixels get Gaussians.
+    pub allocation: Option<AllocationKind>,
+    /// Gaussians per pixel.
+    pub budget: Option<f64>,
+}
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Report {
+    /// Gaussians of the scene.
+    pub gaussians: usize,
+    /// The same per pixel.
+    pub gaussians_per_pixel: f64,
+    /// Mean PSNR of the renders of the input views against the photos, dB.
+    pub psnr: f64,
+    /// What the reader should know.
+    pub remarks: Vec<String>,
+    /// The overview picture: a row of input, render, depth and expert map for each photo.
+    pub overview: PathBuf,
+}
+
+/// Runs the weights of a run on photos and writes the scene into `out`.
+///
+/// # Errors
+/// When the run, the photos or the cameras cannot be read, or the output cannot be written.
+pub fn run(run: &Path, images: &[PathBuf], options: &Options, out: &Path) -> Result<Report, Error> {
+    let (folder, config) = RunFolder::open(run)?;
+    let checkpoint = Checkpoint::read(&folder.checkpoint_path(), &config)?;
+    let (width, height) = (config.model.width, config.model.height);
+    let photos = capture::load_images(images, width, height)?;
+    let mut remarks = Vec::new();
+    if photos.len() == 1 {
+        remarks.push("warning: one photo only: the scene has no second view to agree with".to_string());
+    }
+    let given = options.cameras.as_deref().map(|file| read_cameras(file, images, width, height)).transpose()?;
+
+    let kind = match options.allocation {
+        Some(kind) => kind,
+        None => evaluate::parse_allocation(&config.evaluation.allocation)?,
+    };
+    let budget = evaluate::check_budget(kind, options.budget)?.unwrap_or(config.evaluation.budget);
+    let allocation = kind
+        .allocation::<f32>(budget, config.model.gaussians.experts + 1)
+        .map_err(|e| Error::Usage(e.to_string()))?;
+
+    let (model, params) = checkpoint.evaluated_model(&config);
+    let mut predictor = Predictor::new(&model, &params);
+    let mut planes = Vec::new();
+    photos.iter().for_each(|photo| push_planar(&mut planes, photo));
+    let source = match &given {
+        Some(cameras) => CameraSource::GivenUnscaled(cameras),
+        None => CameraSource::Predicted,
+    };
+    let prediction = predictor.predict(&planes, source, &*allocation, Stream::new(config.seed, 0, "inference"));
+    if let Some(factor) = prediction.scaled_by {
+        remarks.push(format!(
+            "the given cameras' centres were scaled by {factor:.4}, so that their mean distance to camera 0 equals that of the predicted ones"
+        ));
+    }
+    remarks.push(format!("cameras {}, allocation {kind}", if given.is_some() { Cameras::Given } else { Cameras::Predicted }));
+    let renders =
+        predictor.render(&prediction.splats, &prediction.cameras).map_err(|e| Error::Usage(e.to_string()))?;
+    write(out, images, &photos, &renders, &prediction)?;
+
+    let psnr: f64 = photos
+        .iter()
+        .zip(&renders)
+        .map(|(photo, render)| weaver_losses::metrics::psnr(&render.pixels, &photo.pixels))
+        .sum();
+    let gaussians = prediction.splats.opacities.len();
+    Ok(Report {
+        gaussians,
+        gaussians_per_pixel: gaussians as f64 / prediction.experts.len() as f64,
+        psnr: psnr / photos.len() as f64,
+        remarks,
+        overview: out.join("overview.png"),
+    })
+}
+
+fn write(
+    out: &Path,
+    paths: &[PathBuf],
+    photos: &[Image],
+    renders: &[Image],
+    prediction: &Prediction,
+) -> Result<(), Error> {
+    for part in ["input", "render", "depth", "experts", "sparse/0"] {
+        weaver_io::create_folder(out.join(part))?;
+    }
+    let names = unique_names(paths);
+    let mut rows = Vec::new();
+    for (v, (photo, render)) in photos.iter().zip(renders).enumerate() {
+        let name = &names[v];
+        photo.write_png(out.join("input").join(name))?;
+        render.write_png(out.join("render").join(name))?;
+        depth_picture(prediction, v, photo).write_png(out.join("depth").join(name))?;
+        expert_picture(prediction, v, photo).write_png(out.join("experts").join(name))?;
+        rows.push(row(photo, render, prediction, v));
+    }
+    stack(&rows.iter().collect::<Vec<_>>()).write_png(out.join("overview.png"))?;
+    splat_ply(&prediction.splats).write(out.join("scene.ply"))?;
+    let inputs: Vec<String> = names.iter().map(|n| format!("input/{n}")).collect();
+    transforms(&inputs, &prediction.cameras, out).write(out.join("transforms.json"))?;
+    colmap(&names, &prediction.cameras).write_binary(out.join("sparse/0"))?;
+    Ok(())
+}
+
+/// File names for the photos' pictures, numbered where two photos have the same name.
+fn unique_names(paths: &[PathBuf]) -> Vec<String> {
+    let stems: Vec<String> =
+        paths.iter().map(|p| p.file_stem().map_or("photo".into(), |s| s.to_string_lossy().into_owned())).collect();
+    let repeated = |s: &String| stems.iter().filter(|t| *t == s).count() > 1;
+    stems
+        .iter()
+        .enumerate()
+        .map(|(i, s)| if repeated(s) { format!("{i:03}-{s}.png") } else { format!("{s}.png") })
+        .collect()
+}
+
+/// Gaussians in the stored form of a 3DGS PLY: logarithms of scales, logits of opacities.
+pub fn splat_ply(splats: &Splats) -> SplatPly {
+    let three = |x: &[f32]| -> Vec<[f32; 3]> { x.as_chunks().0.to_vec() };
+    let scales: Vec<f32> = splats.scales.iter().map(|s| s.max(1e-12).ln()).collect();
+    let logit = |p: &f32| {
+        let p = f64::from(*p).clamp(1e-6, 1.0 - 1e-6);
+        (p / (1.0 - p)).ln() as f32
+    };
+    SplatPly {
+        means: three(&splats.means),
+        log_scales: three(&scales),
+        quats: splats.quats.as_chunks().0.to_vec(),
+        opacity_logits: splats.opacities.iter().map(logit).collect(),
+        sh: splats.sh.clone(),
+        degree: splats.degree,
+    }
+}
+
+fn transforms(names: &[String], cameras: &[Camera], out: &Path) -> Transforms {
+    let frames = names
+        .iter()
+        .zip(cameras)
+        .map(|(name, camera)| Frame {
+            name: name.clone(),
+            file_path: out.join(name),
+            pose: camera.pose,
+            intrinsics: camera.intrinsics,
+            width: camera.width,
+            height: camera.height,
+        })
+        .collect();
+    Transforms { frames, ..Transforms::default() }
+}
+
+fn colmap(names: &[String], cameras: &[Camera]) -> Model {
+    let mut model = Model::default();
+    for (id, (name, camera)) in (1..).zip(names.iter().zip(cameras)) {
+        let Camera { width, height, intrinsics, pose } = *camera;
+        model.cameras.insert(id, CameraModel { width, height, intrinsics });
+        model.images.push(ImageRecord { id, name: name.clone(), camera_id: id, pose, points: Vec::new() });
+    }
+    model
+}
+
+/// The cameras of the photos, cropped as the photos are, in the frame of the first.
+fn read_cameras(file: &Path, photos: &[PathBuf], width: usize, height: usize) -> Result<Vec<Camera>, Error> {
+    let mut known: BTreeMap<String, (Pose, Intrinsics, usize, usize)> = BTreeMap::new();
+    let base = |name: &str| Path::new(name).file_name().map_or(name.to_string(), |n| n.to_string_lossy().into_owned());
+    if file.is_dir() {
+        let folder = [file.to_path_buf(), file.join("sparse/0")].into_iter().find(|f| {
+            f.join("cameras.bin").is_file() || f.join("cameras.txt").is_file()
+        });
+        let model = Model::read(folder.unwrap_or_else(|| file.to_path_buf()))?;
+        for image in &model.images {
+            let camera = model.cameras[&image.camera_id];
+            known.insert(base(&image.name), (image.pose, camera.intrinsics, camera.width, camera.height));
+        }
+    } else {
+        for frame in Transforms::read_cameras(file)?.frames {
+            known.insert(base(&frame.name), (frame.pose, frame.intrinsics, frame.width, frame.height));
+        }
+    }
+    let cameras = photos
+        .iter()
+        .map(|photo| {
+            let name = base(&photo.to_string_lossy());
+            let (pose, intrinsics, w, h) = known.get(&name).ok_or_else(|| {
+                Error::Usage(format!("{}: {name}: expected a camera for this photo, found none", file.display()))
+            })?;
+            let found = Image::dimensions(photo)?;
+            if found != (*w, *h) {
+                return Err(Error::Usage(format!(
+                    "{}: expected an image of its camera's size {w}x{h}, found {}x{}",
+                    photo.display(),
+                    found.0,
+                    found.1
+                )));
+            }
+            let crop = Crop::centred(*w, *h, width, height);
+            Ok(Camera { pose: *pose, intrinsics: crop.intrinsics(intrinsics), width, height })
+        })
+        .collect::<Result<Vec<_>, Error>>()?;
+    let first = cameras[0].pose;
+    Ok(cameras.into_iter().map(|c| Camera { pose: c.pose.relative_to(&first), ..c }).collect())
+}

@@ -1,0 +1,42 @@
+//! What looks on while a model trains: logs, TensorBoard, sample pictures, the report. None of it changes the result.
+
+mod metrics_log;
+mod report;
+mod tensorboard;
+
+pub use metrics_log::{MetricsLog, read_metrics};
+pub use report::write_report;
+pub use tensorboard::TensorBoard;
+
+use crate::Error;
+use serde::{Deserialize, Serialize};
+
+/// What happened in one optimiser step.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StepReport {
+    /// Steps done, this one included, over all stages.
+    pub step: usize,
+    /// Name of the stage.
+    pub stage: String,
+    /// The weighted sum of the terms.
+    pub loss: f32,
+    /// Each loss before its weight, by name.
+    pub terms: Vec<(String, f32)>,
+    /// Learning rate of the dense heads.
+    pub rate: f32,
+    /// Global norm of the gradient before clipping.
+    pub gradient_norm: f32,
+    /// Gaussians per context pixel; 0 in a stage that renders nothing.
+    pub gaussians_per_pixel: f32,
+    /// Seconds since the session began.
+    pub seconds: f64,
+}
+
+/// Looks on while a model trains.
+pub trait Observer {
+    /// After every step.
+    ///
+    /// # Errors
+    /// When its output cannot be written; training then stops, after a checkpoint.
+    fn step(&mut self, report: &StepReport) -> Result<(), Error>;
+}

@@ -1,0 +1,227 @@
+//! A trained model at work: photos to cameras and Gaussians, and Gaussians to pictures.
+
+use crate::batch::{intrinsics_rows, w2c_rows};
+use weaver_autograd::{Params, Tape};
+use weaver_geometry::glam::{DMat3, DVec3};
+use weaver_geometry::{Camera, Intrinsics, Pose};
+use weaver_io::Image;
+use weaver_kernels::random::Stream;
+use weaver_model::SplatWeaver;
+use weaver_nn::Context;
+use weaver_pose::Cameras as CameraVars;
+use weaver_router::Allocation;
+use weaver_splat::{Cameras, Colour, Gaussians, Images, RasterError, RasterSettings, Workspace};
+
+/// Gaussians off the tape.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Splats {
+    /// Means `[N, 3]`.
+    pub means: Vec<f32>,
+    /// Standard deviations `[N, 3]`.
+    pub scales: Vec<f32>,
+    /// Rotations `[N, 4]`, wxyz.
+    pub quats: Vec<f32>,
+    /// Opacities `[N]`.
+    pub opacities: Vec<f32>,
+    /// Spherical harmonics `[N, K, 3]`.
+    pub sh: Vec<f32>,
+    /// Their degree.
+    pub degree: usize,
+}
+
+/// What the model makes of some photos.
+#[derive(Clone, Debug)]
+pub struct Prediction {
+    /// The Gaussians, in the frame of camera 0.
+    pub splats: Splats,
+    /// The cameras that the Gaussians were built with: the network's, or the given ones.
+    pub cameras: Vec<Camera>,
+    /// The network's own cameras.
+    pub predicted: Vec<Camera>,
+    /// Depth `[V, H, W]`.
+    pub depth: Vec<f32>,
+    /// Gaussians of each pixel `[V, H, W]`.
+    pub experts: Vec<u8>,
+    /// What given cameras were scaled by, if their scale was unknown.
+    pub scaled_by: Option<f64>,
+}
+
+impl Prediction {
+    /// The factor that gives cameras in units of their own the predicted cameras' mean distance to camera 0.
+    pub fn scale_to_predicted(&self, cameras: &[Camera]) -> f64 {
+        self.scaled_by.unwrap_or_else(|| spread_ratio(&self.predicted, cameras))
+    }
+}
+
+/// Whose cameras the Gaussians are built with.
+#[derive(Clone, Copy, Debug)]
+pub enum CameraSource<'a> {
+    /// The network's own.
+    Predicted,
+    /// These, in the frame of camera 0 and in training units.
+    Given(&'a [Camera]),
+    /// These, in the frame of camera 0, in units of their own: they are scaled so that the mean distance of the centres
+    /// to camera 0 equals that of the predicted ones.
+    GivenUnscaled(&'a [Camera]),
+}
+
+/// A model with its weights, ready to run without gradients.
+#[derive(Debug)]
+pub struct Predictor<'m> {
+    model: &'m SplatWeaver,
+    params: &'m Params<f32>,
+    tape: Tape<f32>,
+    workspace: Workspace<f32>,
+}
+
+impl<'m> Predictor<'m> {
+    /// Pairs a model with weights.
+    pub fn new(model: &'m SplatWeaver, params: &'m Params<f32>) -> Self {
+        Self { model, params, tape: Tape::new(), workspace: Workspace::new() }
+    }
+
+    /// Runs the model on photos `[V, 3, H, W]`.
+    pub fn predict(
+        &mut self,
+        images: &[f32],
+        source: CameraSource<'_>,
+        allocation: &dyn Allocation<f32>,
+        stream: Stream,
+    ) -> Prediction {
+        self.tape.reset();
+        let config = self.model.config();
+        let (width, height) = (config.width, config.height);
+        let views = images.len() / (3 * width * height);
+        let cx = Context::new(&self.tape, self.params);
+        self.tape.without_gradient(|| {
+            let photos = self.tape.constant(images, [views, 3, height, width]);
+            let encoded = self.model.encode(cx, photos.reshape([1, views, 3, height, width]));
+            let read = |cameras: &CameraVars<'_, f32>| {
+                cameras_from_rows(&cameras.w2c.value(), &cameras.intrinsics.value(), width, height)
+            };
+            let predicted = read(&encoded.cameras);
+            let (given, scaled_by) = match source {
+                CameraSource::Predicted => (None, None),
+                CameraSource::Given(cameras) => (Some(cameras.to_vec()), None),
+                CameraSource::GivenUnscaled(cameras) => {
+                    let factor = spread_ratio(&predicted, cameras);
+                    (Some(cameras.iter().map(|c| Camera { pose: c.pose.scaled(factor), ..*c }).collect()), Some(factor))
+                }
+            };
+            let vars = match &given {
+                Some(cameras) => CameraVars {
+                    w2c: self.tape.constant(&w2c_rows(cameras.iter().map(|c| c.pose)), [views, 3, 4]),
+                    intrinsics: self.tape.constant(&intrinsics_rows(cameras), [views, 4]),
+                },
+                None => encoded.scene_cameras(0),
+            };
+            let dense = self.model.dense(cx, &encoded, 0, photos);
+            let woven = self.model.weave(cx, &dense, photos, &vars, allocation, stream);
+            let g = &woven.gaussians;
+            Prediction {
+                splats: Splats {
+                    means: g.means.to_vec(),
+                    scales: g.scales.to_vec(),
+                    quats: g.quats.to_vec(),
+                    opacities: g.opacities.to_vec(),
+                    sh: g.sh.to_vec(),
+                    degree: config.gaussians.sh_degree,
+                },
+                cameras: given.unwrap_or_else(|| predicted.clone()),
+                predicted,
+                depth: dense.depth.to_vec(),
+                experts: woven.assignment.expert,
+                scaled_by,
+            }
+        })
+    }
+
+    /// Renders Gaussians with the model's settings; one image per camera, all of one size.
+    ///
+    /// # Errors
+    /// When sizes do not fit or there are too many Gaussians for one call.
+    pub fn render(&mut self, splats: &Splats, cameras: &[Camera]) -> Result<Vec<Image>, RasterError> {
+        let raster = &self.model.config().raster;
+        let settings = RasterSettings { near: raster.near, alpha_max: raster.alpha_max, ..RasterSettings::default() };
+        render(splats, cameras, raster.background.map(|c| c as f32), &settings, &mut self.workspace)
+    }
+}
+
+/// Renders Gaussians; one image per camera, all of one size.
+///
+/// # Errors
+/// When sizes do not fit or there are too many Gaussians for one call.
+pub fn render(
+    splats: &Splats,
+    cameras: &[Camera],
+    background: [f32; 3],
+    settings: &RasterSettings,
+    workspace: &mut Workspace<f32>,
+) -> Result<Vec<Image>, RasterError> {
+    let Some(first) = cameras.first() else { return Ok(Vec::new()) };
+    let (width, height, pixels) = (first.width, first.height, first.width * first.height);
+    let gaussians = Gaussians {
+        means: &splats.means,
+        quats: &splats.quats,
+        scales: &splats.scales,
+        opacities: &splats.opacities,
+        colour: Colour::Sh { coefficients: &splats.sh, degree: splats.degree },
+    };
+    let views = Cameras {
+        viewmats: &w2c_rows(cameras.iter().map(|c| c.pose)),
+        intrinsics: &intrinsics_rows(cameras),
+        background: &background,
+        width,
+        height,
+    };
+    let mut image = vec![0.0; 3 * pixels * cameras.len()];
+    let (mut alpha, mut depth) = (vec![0.0; pixels * cameras.len()], vec![0.0; pixels * cameras.len()]);
+    let images = Images { image: &mut image, alpha: &mut alpha, depth: &mut depth };
+    weaver_splat::rasterize(&gaussians, &views, settings, workspace, images)?;
+    Ok(image
+        .chunks(3 * pixels)
+        .map(|view| Image { width, height, pixels: view.iter().map(|x| x.clamp(0.0, 1.0)).collect() })
+        .collect())
+}
+
+/// Mean distance of the centres to camera 0: predicted over given. 1 where either stands still.
+fn spread_ratio(predicted: &[Camera], given: &[Camera]) -> f64 {
+    let spread = |cameras: &[Camera]| -> f64 {
+        let origin = cameras.first().map_or(DVec3::ZERO, |c| c.pose.centre());
+        cameras.iter().map(|c| c.pose.centre().distance(origin)).sum()
+    };
+    let ratio = spread(predicted) / spread(given);
+    if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 }
+}
+
+fn cameras_from_rows(w2c: &[f32], intrinsics: &[f32], width: usize, height: usize) -> Vec<Camera> {
+    w2c.chunks_exact(12)
+        .zip(intrinsics.chunks_exact(4))
+        .map(|(m, k)| {
+            let m: Vec<f64> = m.iter().map(|x| f64::from(*x)).collect();
+            let rotation = DMat3::from_cols_array(&[m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10]]);
+            let [fx, fy, cx, cy] = [k[0], k[1], k[2], k[3]].map(f64::from);
+            Camera {
+                pose: Pose::new(rotation, DVec3::new(m[3], m[7], m[11])),
+                intrinsics: Intrinsics { fx, fy, cx, cy },
+                width,
+                height,
+            }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cameras_survive_their_rows() {
+        let pose = Pose::from_wxyz([0.5, 0.1, -0.7, 0.3], DVec3::new(0.1, -2.0, 3.0));
+        let intrinsics = Intrinsics { fx: 50.0, fy: 60.0, cx: 31.0, cy: 25.0 };
+        let camera = Camera { pose, intrinsics, width: 64, height: 48 };
+        let back = cameras_from_rows(&w2c_rows([pose]), &intrinsics_rows([&camera]), 64, 48)[0];
+        assert!(back.pose.angle_to(&pose) < 1e-3 && back.pose.translation.distance(pose.translation) < 1e-6);
+        assert_eq!(back.intrinsics, intrinsics);
+    }
+}
