@@ -1,6 +1,6 @@
 //! Time of the image losses on the renders of one training step.
 
-use criterion::{Criterion, criterion_group, criterion_main};
+use criterion::Criterion;
 use weaver_autograd::Tape;
 use weaver_autograd::gradcheck::Input;
 use weaver_losses::{error_regression, mse, ssim};
@@ -34,5 +34,8 @@ fn losses(criterion: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, losses);
-criterion_main!(benches);
+fn main() {
+    let mut criterion = Criterion::default().configure_from_args();
+    losses(&mut criterion);
+    criterion.final_summary();
+}

@@ -5,9 +5,9 @@ use weaver_autograd::{Real, Var};
 /// Five times the squared distance of the experts' shares from their targets, a scalar:
 /// 5 sum_{e >= 1} (mean_p c_pe - t_e)^2.
 ///
-/// `choice` c is [P, E], the (straight-through) one-hot choice of every pixel; `targets` are t_1 .. t_{E-1}, the shares
-/// of the experts that make Gaussians. Differentiable in the choice. Panics unless E is one more than the targets.
-/// Source: the official SplatWeaver code, with targets 0.2, 0.02, 0.02.
+/// `choice` c is `[P, E]`, the (straight-through) one-hot choice of every pixel; `targets` are t_1 .. t_{E-1}, the
+/// shares of the experts that make Gaussians. Differentiable in the choice. Panics unless E is one more than the
+/// targets. Source: the official SplatWeaver code, with targets 0.2, 0.02, 0.02.
 #[track_caller]
 pub fn share_budget<'t, T: Real>(choice: Var<'t, T>, targets: &[f64]) -> Var<'t, T> {
     let shares = shares(choice, targets.len() + 1).slice(0, 1, targets.len());
@@ -19,7 +19,7 @@ pub fn share_budget<'t, T: Real>(choice: Var<'t, T>, targets: &[f64]) -> Var<'t,
 
 /// The squared excess of the number of Gaussians per pixel over `tau`, a scalar: max(0, mean_p sum_e e c_pe - tau)^2.
 ///
-/// `choice` c is [P, E]; expert e makes e Gaussians. Differentiable in the choice; no gradient below the budget, so a
+/// `choice` c is `[P, E]`; expert e makes e Gaussians. Differentiable in the choice; no gradient below the budget, so a
 /// simple scene may stay below it. Source: the paper's global budget.
 ///
 /// ```
@@ -37,7 +37,7 @@ pub fn global_budget<T: Real>(choice: Var<'_, T>, tau: f64) -> Var<'_, T> {
     ((shares(choice, experts) * counts).sum() - tau).relu().square()
 }
 
-/// The share of each expert, [E].
+/// The share of each expert, `[E]`.
 #[track_caller]
 fn shares<T: Real>(choice: Var<'_, T>, experts: usize) -> Var<'_, T> {
     let shape = choice.shape();

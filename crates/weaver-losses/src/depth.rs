@@ -19,7 +19,7 @@ pointwise!(
 ///
 /// The mask of view v holds the pixels whose confidence is above (strictly) the `q`-quantile of the confidences of that
 /// view; the mean runs over the masked pixels of all views together, and is 0 when there are none. All arguments are
-/// [V, H, W] in the units of the scene; differentiable in `depth` and `target`, the mask is constant. Source:
+/// `[V, H, W]` in the units of the scene; differentiable in `depth` and `target`, the mask is constant. Source:
 /// distillation loss of the official SplatWeaver code, with q = 0.3 and weight 0.1.
 #[track_caller]
 pub fn masked_depth_mse<'t, T: Real>(
@@ -51,9 +51,9 @@ pub fn masked_depth_mse<'t, T: Real>(
 /// L1 distance of log depth at the pixels whose depth is known from triangulated points, a scalar:
 /// sum over known pixels of |log_depth - ln(scale * target)| / (number of known pixels + 1).
 ///
-/// `log_depth` and `target` are [V, H, W]; a target of 0 means unknown; `scale` turns the target's units into those of
-/// the prediction. The 1 in the denominator keeps a view with few points from shouting. Differentiable in `log_depth`;
-/// with derivative 0 where the two are equal.
+/// `log_depth` and `target` are `[V, H, W]`; a target of 0 means unknown; `scale` turns the target's units into those
+/// of the prediction. The 1 in the denominator keeps a view with few points from shouting. Differentiable in
+/// `log_depth`; with derivative 0 where the two are equal.
 #[track_caller]
 pub fn sparse_log_depth_l1<'t, T: Real>(log_depth: Var<'t, T>, target: Var<'t, T>, scale: f64) -> Var<'t, T> {
     assert!(scale > 0.0, "sparse_log_depth_l1: expected a positive scale, found {scale}");

@@ -8,7 +8,7 @@ const FLOOR: f64 = 1e-4;
 
 /// Where a uniform allocation would do worst: 0.5 ln(smoothed squared error + 1e-4), centred over the scene.
 ///
-/// `squared_error` [V, H, W] is the mean over the channels of (render - image)^2 in the views of one scene; it is
+/// `squared_error` `[V, H, W]` is the mean over the channels of (render - image)^2 in the views of one scene; it is
 /// smoothed by a 3x3 mean of the pixels inside the image. `target` gets the same shape and mean 0.
 pub fn error_target<T: Real>(squared_error: &[T], size: [usize; 2], target: &mut [T]) {
     let [height, width] = size;
@@ -29,9 +29,9 @@ pub fn error_target<T: Real>(squared_error: &[T], size: [usize; 2], target: &mut
 
 /// Mean squared distance of a score from the [`error_target`] of its pixel, a scalar.
 ///
-/// `score` [V, H, W] (or [P] with as many pixels) is the router's logit of expert 1 minus that of expert 0;
-/// `squared_error` [V, H, W] belongs to the context views of the same scene. Differentiable in the score; the error is a
-/// constant, whatever it was computed from. One scene at a time: the target is centred over what is given.
+/// `score` `[V, H, W]` (or `[P]` with as many pixels) is the router's logit of expert 1 minus that of expert 0;
+/// `squared_error` `[V, H, W]` belongs to the context views of the same scene. Differentiable in the score; the error
+/// is a constant, whatever it was computed from. One scene at a time: the target is centred over what is given.
 #[track_caller]
 pub fn error_regression<'t, T: Real>(score: Var<'t, T>, squared_error: Var<'t, T>) -> Var<'t, T> {
     let shape = squared_error.shape();

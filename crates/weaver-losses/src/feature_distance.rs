@@ -9,7 +9,7 @@ const EPSILON: f64 = 1e-10;
 #[derive(Debug)]
 struct FeatureDistance;
 
-/// sum += the squared length of each pixel's vector; features [C, P].
+/// sum += the squared length of each pixel's vector; features `[C, P]`.
 fn add_squares<T: Real>(features: &[T], sum: &mut [T]) {
     for channel in features.chunks_exact(sum.len()) {
         sum.iter_mut().zip(channel).for_each(|(s, f)| *s += *f * *f);
@@ -113,11 +113,11 @@ impl<T: Real> Op<T> for FeatureDistance {
     }
 }
 
-/// The weighted squared distance of unit feature vectors, meant over the pixels, [N]:
+/// The weighted squared distance of unit feature vectors, meant over the pixels, `[N]`:
 /// mean_p sum_c w_c (a_pc / (|a_p| + 1e-10) - b_pc / (|b_p| + 1e-10))^2.
 ///
-/// Features a, b are [N, C, H, W], weights w [C]. Differentiable in both features, constant in the weights; the gradient is
-/// 0 at pixels whose own features are all 0.
+/// Features a, b are `[N, C, H, W]`, weights w `[C]`. Differentiable in both features, constant in the weights; the
+/// gradient is 0 at pixels whose own features are all 0.
 #[track_caller]
 pub(crate) fn feature_distance<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>, weights: Var<'t, T>) -> Var<'t, T> {
     let [distance] = a.tape().apply(FeatureDistance, &[a, b, weights]);

@@ -10,7 +10,7 @@ use weaver_autograd::{Real, Tape, Var};
 /// Tensors by name: shape and numbers.
 pub type Tensors = BTreeMap<String, (Vec<usize>, Vec<f32>)>;
 
-/// What the published weights subtract from each channel of an image in [-1, 1], and what they divide it by.
+/// What the published weights subtract from each channel of an image in `[-1, 1]`, and what they divide it by.
 const SHIFT: [f32; 3] = [-0.030, -0.088, -0.188];
 const SCALE: [f32; 3] = [0.458, 0.448, 0.450];
 
@@ -154,7 +154,7 @@ impl<T: Real> Lpips<T> {
         }
         // ((2 x - 1) - shift) / scale as one affine map of each channel.
         let [shift, scale] = [SHIFT, SCALE].map(|c| c.map(f64::from));
-        let diagonal = |i: usize| if i % 4 == 0 { 2.0 / scale[i / 4] } else { 0.0 };
+        let diagonal = |i: usize| if i.is_multiple_of(4) { 2.0 / scale[i / 4] } else { 0.0 };
         let scaling = [
             Weight::new(&[3, 3, 1, 1], (0..9).map(|i| T::from_f64(diagonal(i))).collect()),
             Weight::new(&[3], (0..3).map(|c| T::from_f64((-1.0 - shift[c]) / scale[c])).collect()),
@@ -162,20 +162,20 @@ impl<T: Real> Lpips<T> {
         Ok(Self { network, scaling, convolutions, channels })
     }
 
-    /// The perceptual distance of each pair of images, [N]; 0 for equal ones.
+    /// The perceptual distance of each pair of images, `[N]`; 0 for equal ones.
     ///
     /// sum over five layers l of mean over pixels of sum_c w_lc (f_lc(a)/|f_l(a)| - f_lc(b)/|f_l(b)|)^2. Images are
-    /// [N, 3, H, W] with values in [0, 1]. Differentiable in both images, with gradient 0 where all features of a pixel
-    /// vanish; the weights are constants. Panics when the images are too small for the network's pooling (16 pixels for
-    /// VGG16, 31 for AlexNet). Source: Zhang et al., The unreasonable effectiveness of deep features as a perceptual
-    /// metric, 2018.
+    /// `[N, 3, H, W]` with values in [0, 1]. Differentiable in both images, with gradient 0 where all features of a
+    /// pixel vanish; the weights are constants. Panics when the images are too small for the network's pooling (16
+    /// pixels for VGG16, 31 for AlexNet). Source: Zhang et al., The unreasonable effectiveness of deep features as a
+    /// perceptual metric, 2018.
     #[track_caller]
     pub fn distance<'t>(&self, a: Var<'t, T>, b: Var<'t, T>) -> Var<'t, T> {
         let [first, rest @ ..] = self.layers(a, b);
         rest.into_iter().fold(first, |sum, term| sum + term)
     }
 
-    /// The five layers' terms of [`distance`](Self::distance), each [N].
+    /// The five layers' terms of [`distance`](Self::distance), each `[N]`.
     #[track_caller]
     pub fn layers<'t>(&self, a: Var<'t, T>, b: Var<'t, T>) -> [Var<'t, T>; 5] {
         let tape = a.tape();

@@ -41,7 +41,8 @@ impl<T: Real> Op<T> for MaxPool2d {
                 let mut best = corner;
                 for at in (0..size).flat_map(|y| (0..size).map(move |x| corner + y * width + x)) {
                     // The first of equals wins; NaN wins over numbers, so that it is seen.
-                    if x[at] > x[best] || (x[at] != x[at] && x[best] == x[best]) {
+                    let is_nan = x[at].partial_cmp(&x[at]).is_none();
+                    if x[at] > x[best] || is_nan {
                         best = at;
                     }
                 }
@@ -73,7 +74,7 @@ impl<T: Real> Op<T> for MaxPool2d {
     }
 }
 
-/// The largest number of each `size` x `size` window of x [N, C, H, W], windows `stride` apart, without padding:
+/// The largest number of each `size` x `size` window of x `[N, C, H, W]`, windows `stride` apart, without padding:
 /// [N, C, floor((H - size) / stride) + 1, floor((W - size) / stride) + 1].
 ///
 /// The gradient goes to the largest number, the first one of equals in reading order. Panics when the image is smaller
@@ -83,4 +84,23 @@ pub fn max_pool2d<T: Real>(x: Var<'_, T>, size: usize, stride: usize) -> Var<'_,
     assert!(size > 0 && stride > 0, "max_pool2d: size and stride are at least 1");
     let [y] = x.tape().apply(MaxPool2d { size, stride, winners: None }, &[x]);
     y
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use weaver_autograd::Tape;
+
+    #[test]
+    fn the_first_of_equals_gets_the_gradient_and_nan_wins() {
+        let tape = Tape::<f64>::new();
+        let x = tape.leaf(&[1.0, 2.0, 2.0, 0.0, f64::NAN, 5.0], [1, 1, 2, 3]);
+        let y = max_pool2d(x, 2, 1);
+        assert!(y.value().iter().all(|y| y.is_nan()));
+        let x = tape.leaf(&[1.0, 2.0, 2.0, 0.0, 2.0, 1.0], [1, 1, 2, 3]);
+        let y = max_pool2d(x, 2, 1);
+        assert_eq!(y.to_vec(), [2.0, 2.0]);
+        y.sum().backward();
+        assert_eq!(x.grad().unwrap(), [0.0, 2.0, 0.0, 0.0, 0.0, 0.0]);
+    }
 }

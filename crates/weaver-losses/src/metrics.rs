@@ -16,7 +16,7 @@ pub fn psnr<T: Real>(a: &[T], b: &[T]) -> f64 {
     decibels(sum / a.len() as f64)
 }
 
-/// [`psnr`] over the pixels of a mask: images [C, H, W], mask [H, W]. `None` when the mask is empty.
+/// [`psnr`] over the pixels of a mask: images `[C, H, W]`, mask `[H, W]`. `None` when the mask is empty.
 pub fn psnr_masked<T: Real>(a: &[T], b: &[T], mask: &[bool]) -> Option<f64> {
     assert!(
         a.len() == b.len() && !mask.is_empty() && a.len().is_multiple_of(mask.len()),
@@ -35,7 +35,7 @@ pub fn psnr_masked<T: Real>(a: &[T], b: &[T], mask: &[bool]) -> Option<f64> {
     (count > 0).then(|| decibels(sum / f64::from(count)))
 }
 
-/// Structural similarity of two images [C, H, W] in [0, 1], as scikit-image computes it: 11x11 Gaussian window (sigma
+/// Structural similarity of two images `[C, H, W]` in [0, 1], as scikit-image computes it: 11x11 Gaussian window (sigma
 /// 1.5), sample covariance (121/120), windows inside the image only, mean over windows and channels.
 ///
 /// `size` is (C, H, W). Panics unless both images have that size and are at least 11 x 11.
@@ -55,7 +55,7 @@ pub fn ssim<T: Real>(a: &[T], b: &[T], size: [usize; 3]) -> f64 {
     planes.map(|(a, b)| windows.similarity(&widen(a), &widen(b), &mut workspace)).sum::<f64>() / channels as f64
 }
 
-/// Perceptual distance of two images [3, H, W] in [0, 1]; see [`Lpips::distance`]. In the network's own precision.
+/// Perceptual distance of two images `[3, H, W]` in [0, 1]; see [`Lpips::distance`]. In the network's own precision.
 ///
 /// `size` is (H, W). Panics unless both images have three planes of that size.
 pub fn lpips<T: Real>(network: &Lpips<T>, a: &[T], b: &[T], size: [usize; 2]) -> f64 {

@@ -24,7 +24,7 @@ pub fn mse<'t, T: Real>(render: Var<'t, T>, target: Var<'t, T>) -> Var<'t, T> {
     apply_pointwise(SquaredError, [render, target]).mean()
 }
 
-/// [`mse`] of each image of a batch: two tensors [N, ..] to [N], to be combined by [`weighted_mean`].
+/// [`mse`] of each image of a batch: two tensors `[N, ..]` to `[N]`, to be combined by [`weighted_mean`].
 #[track_caller]
 pub fn mse_per_image<'t, T: Real>(render: Var<'t, T>, target: Var<'t, T>) -> Var<'t, T> {
     let error = apply_pointwise(SquaredError, [render, target]);
@@ -32,7 +32,7 @@ pub fn mse_per_image<'t, T: Real>(render: Var<'t, T>, target: Var<'t, T>) -> Var
     error.reshape([images, error.shape().len() / images.max(1)]).mean_axis(1)
 }
 
-/// (1/N) sum_i weights_i x_i of x [N]: the sum is divided by N, not by the sum of the weights.
+/// (1/N) sum_i weights_i x_i of x `[N]`: the sum is divided by N, not by the sum of the weights.
 ///
 /// Differentiable in x; the weights are constants. Panics unless there are N weights.
 #[track_caller]

@@ -26,9 +26,9 @@ fn over_iterations<'t, T: Real>(terms: impl ExactSizeIterator<Item = Var<'t, T>>
 /// Huber distance of pose codes, summed over the iterations of the camera head, a scalar:
 /// (1/n) sum_i 0.6^(n-1-i) mean Huber(student_i - teacher_i; delta).
 ///
-/// Each code is [.., 9]: translation, quaternion and field of view alike. Differentiable in both; the quaternions'
-/// signs are not aligned. Panics without iterations, or when there are not as many of both. Source: distillation loss of
-/// the official SplatWeaver code, with delta = 1 and weight 10.
+/// Each code is `[.., 9]`: translation, quaternion and field of view alike. Differentiable in both; the quaternions'
+/// signs are not aligned. Panics without iterations, or when there are not as many of both. Source: distillation loss
+/// of the official SplatWeaver code, with delta = 1 and weight 10.
 #[track_caller]
 pub fn huber_pose<'t, T: Real>(student: &[Var<'t, T>], teacher: &[Var<'t, T>], delta: f64) -> Var<'t, T> {
     assert_eq!(student.len(), teacher.len(), "huber_pose: as many iterations of the student as of the teacher");
@@ -38,7 +38,7 @@ pub fn huber_pose<'t, T: Real>(student: &[Var<'t, T>], teacher: &[Var<'t, T>], d
 /// L1 distance of emitted pose codes to one target, over the iterations, a scalar:
 /// (1/n) sum_i 0.6^(n-1-i) mean |code_i - target|.
 ///
-/// Codes and target are [.., 9] (translation, quaternion with w >= 0, field of view in radians). Differentiable in
+/// Codes and target are `[.., 9]` (translation, quaternion with w >= 0, field of view in radians). Differentiable in
 /// both. Panics without iterations.
 #[track_caller]
 pub fn l1_pose<'t, T: Real>(codes: &[Var<'t, T>], target: Var<'t, T>) -> Var<'t, T> {
@@ -48,9 +48,9 @@ pub fn l1_pose<'t, T: Real>(codes: &[Var<'t, T>], target: Var<'t, T>) -> Var<'t,
 /// L1 distance to poses in a frame of the scene's own, over the iterations, a scalar:
 /// (1/n) sum_i 0.6^(n-1-i) (mean |R_i - R| + mean |T_i - T|).
 ///
-/// Rotations are [.., 3, 3], translations [.., 3] in the units of the tuple. It ties the frame that the network chooses
-/// to one per scene, which needs scenes that come back. Differentiable in all. Panics without iterations, or when there
-/// are not as many rotations as translations.
+/// Rotations are `[.., 3, 3]`, translations `[.., 3]` in the units of the tuple. It ties the frame that the network
+/// chooses to one per scene, which needs scenes that come back. Differentiable in all. Panics without iterations, or
+/// when there are not as many rotations as translations.
 #[track_caller]
 pub fn absolute_pose<'t, T: Real>(
     rotations: &[Var<'t, T>],

@@ -104,17 +104,17 @@ impl<T: Real> Op<T> for Ssim {
     }
 }
 
-/// The structural similarity of each pair of images, [N]: 1 for equal ones.
+/// The structural similarity of each pair of images, `[N]`: 1 for equal ones.
 ///
 /// Mean over channels and over all 11x11 Gaussian windows (sigma 1.5) that lie inside the image of
-/// (2 ma mb + C1)(2 cab + C2) / ((ma^2 + mb^2 + C1)(va + vb + C2)), C1 = 1e-4, C2 = 9e-4, with population variances.
-/// `a` and `b` are [N, C, H, W] in [0, 1]; differentiable in both. Panics unless the shapes are equal and at least 11 x
-/// 11. The usual loss is (1 - ssim) / 2. Source: Wang et al., Image quality assessment, 2004.
+/// `(2 ma mb + C1) (2 cab + C2) / ((ma^2 + mb^2 + C1) (va + vb + C2))`, C1 = 1e-4, C2 = 9e-4, with population
+/// variances. `a` and `b` are `[N, C, H, W]` in [0, 1]; differentiable in both. Panics unless the shapes are equal and
+/// at least 11 x 11. The usual loss is `(1 - ssim) / 2`. Source: Wang et al., Image quality assessment, 2004.
 ///
 /// ```
 /// use weaver_autograd::Tape;
 /// let tape = Tape::<f64>::new();
-/// let image = tape.constant_with([1, 3, 12, 12], |x| x.iter_mut().enumerate().for_each(|(i, x)| *x = i as f64 / 432.0));
+/// let image = tape.constant_with([1, 3, 12, 12], |x| (0..432).for_each(|i| x[i] = i as f64 / 432.0));
 /// assert!((weaver_losses::ssim(image, image).item() - 1.0).abs() < 1e-12);
 /// ```
 #[track_caller]

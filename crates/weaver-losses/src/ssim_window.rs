@@ -17,7 +17,7 @@ const CENTRE: f64 = 0.5;
 /// How variances and covariances in a window are normalised.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Covariance {
-    /// By the number of pixels: E[ab] - E[a] E[b].
+    /// By the number of pixels: `E[ab] - E[a] E[b]`.
     Population,
     /// By the number of pixels less one, here 121/120 times as much, as scikit-image does.
     Sample,
@@ -33,11 +33,11 @@ pub(crate) struct Windows<T> {
 
 /// The parts of a workspace.
 struct Parts<'a, T> {
-    /// E over x of a, b, aa, bb, ab, each [H, w]; later the three maps spread over the rows.
+    /// E over x of a, b, aa, bb, ab, each `[H, w]`; later the three maps spread over the rows.
     moments: &'a mut [T],
-    /// Derivatives by E[a], E[aa] and E[ab], each [h, w].
+    /// Derivatives by `E[a]`, `E[aa]` and `E[ab]`, each `[h, w]`.
     maps: &'a mut [T],
-    /// Five window means of one row of windows, each [w].
+    /// Five window means of one row of windows, each `[w]`.
     row: &'a mut [T],
     /// One row of pixels.
     line: &'a mut [T],
@@ -83,7 +83,7 @@ impl<T: Real> Windows<T> {
         Parts { moments, maps, row, line: &mut rest[..self.width] }
     }
 
-    /// The mean similarity over all windows inside the planes `a` and `b`, each [H, W].
+    /// The mean similarity over all windows inside the planes `a` and `b`, each `[H, W]`.
     pub fn similarity(&self, a: &[T], b: &[T], workspace: &mut [T]) -> f64 {
         simd::dispatch(
             #[inline(always)]
@@ -95,7 +95,7 @@ impl<T: Real> Windows<T> {
         )
     }
 
-    /// Writes the derivative of [`similarity`](Self::similarity) with respect to `a`, times `scale`, to `da` [H, W].
+    /// Writes the derivative of [`similarity`](Self::similarity) with respect to `a`, times `scale`, to `da` `[H, W]`.
     pub fn gradient(&self, a: &[T], b: &[T], scale: T, da: &mut [T], workspace: &mut [T]) {
         simd::dispatch(
             #[inline(always)]
@@ -138,7 +138,7 @@ impl<T: Real> Windows<T> {
         }
     }
 
-    /// The mean similarity; and, on request, the derivatives of every window's similarity by E[a], E[aa], E[ab].
+    /// The mean similarity; and, on request, the derivatives of every window's similarity by `E[a]`, `E[aa]`, `E[ab]`.
     #[inline(always)]
     fn windows(&self, moments: &[T], row: &mut [T], mut maps: Option<&mut [T]>) -> f64 {
         let [h, w] = self.inside();
@@ -177,7 +177,7 @@ impl<T: Real> Windows<T> {
         total / (h * w) as f64
     }
 
-    /// Spreads the maps [3, h, w] over the rows that each window covers: [3, H, w].
+    /// Spreads the maps `[3, h, w]` over the rows that each window covers: `[3, H, w]`.
     #[inline(always)]
     fn spread(&self, maps: &[T], rows: &mut [T]) {
         let [h, w] = self.inside();

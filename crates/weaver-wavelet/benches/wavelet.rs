@@ -1,6 +1,6 @@
 //! Time of the wavelet ops on the photos of one training step.
 
-use criterion::{Criterion, criterion_group, criterion_main};
+use criterion::Criterion;
 use weaver_autograd::Tape;
 use weaver_autograd::gradcheck::Input;
 use weaver_wavelet::{Wavelet, analysis, detail_energy, luma};
@@ -17,5 +17,8 @@ fn wavelet(criterion: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, wavelet);
-criterion_main!(benches);
+fn main() {
+    let mut criterion = Criterion::default().configure_from_args();
+    wavelet(&mut criterion);
+    criterion.final_summary();
+}

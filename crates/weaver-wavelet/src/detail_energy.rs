@@ -6,7 +6,7 @@ use weaver_kernels::parallel;
 /// Added under the square root, so that flat regions have a derivative.
 pub const ENERGY_EPSILON: f64 = 1e-8;
 
-/// sqrt(sum of the three detail bands squared + 1e-8): bands [N, 4, h, w] with `band` = h w, into `out` [N, h, w].
+/// sqrt(sum of the three detail bands squared + 1e-8): bands `[N, 4, h, w]` with `band` = h w, into `out` `[N, h, w]`.
 pub fn detail_energy_into<T: Real>(bands: &[T], band: usize, out: &mut [T]) {
     let epsilon = T::from_f64(ENERGY_EPSILON);
     parallel::for_chunks(out, band, |n, out| {
@@ -52,9 +52,10 @@ impl<T: Real> Op<T> for DetailEnergy {
     }
 }
 
-/// The local high-frequency energy of sub-bands [N, 4, h, w], as [N, h, w]: sqrt(b1^2 + b2^2 + b3^2 + 1e-8).
+/// The local high-frequency energy of sub-bands `[N, 4, h, w]`, as `[N, h, w]`: sqrt(b1^2 + b2^2 + b3^2 + 1e-8).
 ///
-/// Differentiable in the three detail bands; the low band has no part in it. Panics unless the bands are [N, 4, h, w].
+/// Differentiable in the three detail bands; the low band has no part in it. Panics unless the bands are
+/// `[N, 4, h, w]`.
 #[track_caller]
 pub fn detail_energy<T: Real>(bands: Var<'_, T>) -> Var<'_, T> {
     let [y] = bands.tape().apply(DetailEnergy, &[bands]);

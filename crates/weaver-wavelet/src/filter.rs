@@ -44,7 +44,7 @@ impl Wavelet {
     /// Tap `j` of the high-pass analysis filter: the quadrature mirror of the low-pass one.
     pub fn high(self, j: usize) -> f64 {
         let mirrored = self.low()[self.taps() - 1 - j];
-        if j % 2 == 0 { mirrored } else { -mirrored }
+        if j.is_multiple_of(2) { mirrored } else { -mirrored }
     }
 
     /// Coefficients of a signal of `n` samples: floor((n + L - 1) / 2).

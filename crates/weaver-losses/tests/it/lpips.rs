@@ -51,6 +51,7 @@ fn weights_that_do_not_fit_are_named() {
     tensors.insert("net.slice1.0.weight".to_owned(), (vec![64, 3, 3, 3], vec![0.0; 64 * 27]));
     assert_eq!(
         load(&tensors),
-        "alex.safetensors: `net.slice1.0.weight`: expected a tensor of shape [64, 3, 11, 11], found one of shape [64, 3, 3, 3]"
+        "alex.safetensors: `net.slice1.0.weight`: expected a tensor of shape [64, 3, 11, 11], \
+         found one of shape [64, 3, 3, 3]"
     );
 }

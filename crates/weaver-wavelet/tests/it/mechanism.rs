@@ -36,7 +36,7 @@ fn db2_is_blind_to_ramps_inside_and_gives_half_the_size_plus_one() {
 
 #[test]
 fn bands_come_in_order() {
-    let sign = |k: usize| if k % 2 == 0 { 1.0 } else { -1.0 };
+    let sign = |k: usize| if k.is_multiple_of(2) { 1.0 } else { -1.0 };
     for wavelet in [Wavelet::Haar, Wavelet::Db2] {
         let loudest = |f: &dyn Fn(usize, usize) -> f64| {
             let (bands, size) = bands(wavelet, [16, 16], f);

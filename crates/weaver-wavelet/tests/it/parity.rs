@@ -1,8 +1,9 @@
 //! Equality with PyWavelets and pytorch_wavelets, values and exact gradients.
 
 use crate::fixture::Fixture;
-use weaver_autograd::Tape;
-use weaver_wavelet::{Wavelet, analysis};
+use weaver_autograd::{Params, Pool, Tape};
+use weaver_nn::{Builder, Context};
+use weaver_wavelet::{EnergyMap, Guidance, Wavelet, analysis, detail_energy, energy, luma};
 
 const SIZES: [&str; 4] = ["16x20", "17x20", "16x23", "15x21"];
 
@@ -25,4 +26,56 @@ fn sub_bands_and_their_gradient() {
             fixture.assert_close(&format!("grad.bands.{name}"), &x.grad().unwrap());
         }
     }
+}
+
+#[test]
+fn energy_of_coefficients_and_of_pixels() {
+    let fixture = Fixture::open("wavelet.safetensors");
+    for wavelet in [Wavelet::Haar, Wavelet::Db2] {
+        for size in SIZES {
+            let (image, shape) = fixture.tensor(&format!("in.{size}"));
+            let tape = Tape::<f32>::new();
+            let bands = analysis(tape.constant(&image, &shape[1..]), wavelet);
+            fixture.assert_close(&format!("out.{wavelet}.{size}.energy"), &detail_energy(bands).value());
+            // A grey image has that grey as its luma.
+            let grey = image.repeat(3);
+            let mut map = vec![0.0; image.len()];
+            EnergyMap::new(wavelet, [shape[2], shape[3]]).compute(&grey, &Pool::new(), &mut map);
+            fixture.assert_close(&format!("out.{wavelet}.{size}.energy_up"), &map);
+            let x = tape.leaf(&grey, [1, 3, shape[2], shape[3]]);
+            let on_tape = energy(x, wavelet);
+            fixture.assert_close(&format!("out.{wavelet}.{size}.energy_up"), &on_tape.value());
+            on_tape.backward_with(&fixture.tensor(&format!("cot.{wavelet}.{size}.energy_up")).0);
+            // The luma's weights sum to 1, so the gradient of the grey is the sum over its channels.
+            let gradient = x.grad().unwrap();
+            let grey = (0..image.len()).map(|i| gradient.iter().skip(i).step_by(image.len()).sum());
+            fixture.assert_close(&format!("grad.energy_up.{wavelet}.{size}"), &grey.collect::<Vec<f32>>());
+        }
+    }
+}
+
+#[test]
+fn energy_of_photos() {
+    let fixture = Fixture::open("losses_tiny.safetensors");
+    let (images, shape) = fixture.tensor("in.images");
+    let mut energy = vec![0.0; images.len() / 3];
+    EnergyMap::new(Wavelet::Db2, [shape[3], shape[4]]).compute(&images, &Pool::new(), &mut energy);
+    fixture.assert_close("out.energy", &energy);
+}
+
+#[test]
+fn guidance_mask() {
+    let Some(fixture) = Fixture::shared("splatweaver_head_tiny.safetensors") else { return };
+    let (images, shape) = fixture.tensor("in.images");
+    let mut params = Params::<f32>::new();
+    let guidance = Guidance::new(&mut Builder::new(&mut params, 0), Wavelet::Db2, 8, 8);
+    for (id, name) in params.iter().map(|(id, p)| (id, p.name().to_owned())).collect::<Vec<_>>() {
+        let (values, shape) = fixture.tensor(&format!("w.gaussian_param_head.{name}"));
+        assert_eq!(params.get(id).shape().dims(), shape);
+        params.value_mut(id).copy_from_slice(&values);
+    }
+    let tape = Tape::new();
+    let images = tape.constant(&images, &shape[1..]);
+    fixture.assert_close("out.bands", &analysis(luma(images), Wavelet::Db2).slice(1, 1, 3).value());
+    fixture.assert_close("out.mask_A", &guidance.forward(Context::new(&tape, &params), images).value());
 }

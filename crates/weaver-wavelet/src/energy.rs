@@ -1,0 +1,17 @@
+//! High-frequency energy of every pixel, on the tape.
+
+use crate::{Wavelet, analysis, detail_energy, luma};
+use weaver_autograd::{Real, Var};
+
+/// The high-frequency energy `[N, H, W]` of images `[N, 3, H, W]` with values in [0, 1]:
+/// `sqrt(b1^2 + b2^2 + b3^2 + 1e-8)` of the detail bands of the luma, resized to the image (bilinear, corners not
+/// aligned).
+///
+/// Differentiable; for targets, which are constants, [`EnergyMap`](crate::EnergyMap) computes the same without a tape.
+#[track_caller]
+pub fn energy<T: Real>(images: Var<'_, T>, wavelet: Wavelet) -> Var<'_, T> {
+    let coefficients = detail_energy(analysis(luma(images), wavelet));
+    let [count, h, w] = [0, 1, 2].map(|axis| coefficients.shape()[axis]);
+    let [height, width] = [images.shape()[2], images.shape()[3]];
+    coefficients.reshape([count, 1, h, w]).bilinear(height, width, false).reshape([count, height, width])
+}
