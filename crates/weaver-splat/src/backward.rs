@@ -64,8 +64,8 @@ impl<T: Real, const S: usize> TileState<T, S> {
     }
 }
 
-/// Writes the [`Moments`](crate::project_backward::Moments) of each of the tile's splats (flat rows in `moments`) and the tile's part of the background's
-/// gradient.
+/// Writes the [`Moments`](crate::project_backward::Moments) of each of the tile's splats (flat rows in `moments`) and
+/// the tile's part of the background's gradient.
 ///
 /// `transmittance` and `last` are what [`composite`](crate::composite::composite) left. `ABSOLUTE` asks for the sums of
 /// absolute gradients of the centres.

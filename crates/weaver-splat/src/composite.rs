@@ -2,6 +2,7 @@
 
 use crate::project::Splat;
 use crate::scene::{ALPHA_MIN, TRANSMITTANCE_END};
+use crate::tiles::centres;
 use weaver_kernels::Real;
 
 /// Planes of a tile: transmittance, red, green, blue, depth.
@@ -48,10 +49,8 @@ pub(crate) fn pixel_centres<T: Real, const S: usize>(first: usize) -> [T; S] {
 pub(crate) fn rows_of<T: Real>(splat: &Splat<T>, window: &Window) -> std::ops::Range<usize> {
     let half_height = splat.reach / splat.r;
     let slack = T::from_f64(1e-3) + T::from_f64(4.0) * T::EPSILON * splat.y.abs();
-    let top = T::from_usize(window.corner.1) + T::from_f64(0.5);
-    let low = (splat.y - half_height - slack - top).ceil().max(T::ZERO);
-    let high = (splat.y + half_height + slack - top).floor() + T::ONE;
-    low.to_f64() as usize..(high.to_f64() as usize).min(window.rows)
+    let centre = splat.y - T::from_usize(window.corner.1);
+    centres((centre - half_height - slack).to_f64(), (centre + half_height + slack).to_f64(), window.rows)
 }
 
 /// Blends splats over a tile of `S` x `S` pixels, front to back.

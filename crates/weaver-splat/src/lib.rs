@@ -9,6 +9,7 @@
 
 mod backward;
 mod composite;
+mod gradients;
 mod matrix;
 mod op;
 mod project;
@@ -21,9 +22,10 @@ mod sh;
 mod tiles;
 mod workspace;
 
+pub use gradients::{Cotangents, Gradients, Target};
 pub use op::{CameraVars, GaussianVars, Rasterize, RenderedVars, WorkspacePool};
 pub use rasterize::{Images, RasterStats, rasterize};
-pub use rasterize_backward::{Cotangents, Gradients, Target, rasterize_backward};
+pub use rasterize_backward::rasterize_backward;
 pub use scene::{Cameras, Colour, Gaussians, RasterError, RasterSettings, TileSide};
 pub use sh::MAX_DEGREE;
 pub use workspace::Workspace;

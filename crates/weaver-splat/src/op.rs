@@ -1,7 +1,8 @@
 //! The rasteriser as an operation on the tape.
 
+use crate::gradients::{Cotangents, Gradients, Target};
 use crate::rasterize::{Images, rasterize};
-use crate::rasterize_backward::{Cotangents, Gradients, Target, rasterize_backward};
+use crate::rasterize_backward::rasterize_backward;
 use crate::scene::{Cameras, Colour, Gaussians, RasterSettings};
 use crate::sh::MAX_DEGREE;
 use crate::workspace::Workspace;

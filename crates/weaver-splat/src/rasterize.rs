@@ -143,18 +143,27 @@ fn project<T: Real>(
         let view = cameras.view(v);
         let chunks = (splats.par_chunks_mut(GRAIN), keys.par_chunks_mut(GRAIN), counts.par_chunks_mut(GRAIN));
         chunks.into_par_iter().enumerate().for_each(|(chunk, (splats, keys, counts))| {
-            for i in 0..splats.len() {
-                let n = chunk * GRAIN + i;
-                counts[i] = 0;
-                keys[i] = match splat(&view, settings, &gaussians.get(n), &gaussians.colour) {
-                    Err(why) => unseen_key(why),
-                    Ok(splat) => {
-                        grid.for_each_tile(&splat, |_| counts[i] += 1);
-                        splats[i] = splat;
-                        if counts[i] > 0 { depth_key(splat.z, n) } else { unseen_key(crate::project::Unseen::Culled) }
+            simd::dispatch(
+                #[inline(always)]
+                || {
+                    for i in 0..splats.len() {
+                        let n = chunk * GRAIN + i;
+                        counts[i] = 0;
+                        keys[i] = match splat(&view, settings, &gaussians.get(n), &gaussians.colour) {
+                            Err(why) => unseen_key(why),
+                            Ok(splat) => {
+                                grid.for_each_tile(&splat, |_| counts[i] += 1);
+                                splats[i] = splat;
+                                if counts[i] > 0 {
+                                    depth_key(splat.z, n)
+                                } else {
+                                    unseen_key(crate::project::Unseen::Culled)
+                                }
+                            }
+                        };
                     }
-                };
-            }
+                },
+            );
         });
     });
 }

@@ -2,6 +2,7 @@
 
 use crate::backward::{ViewCotangents, composite_backward};
 use crate::composite::{Blend, PLANES};
+use crate::gradients::{Cotangents, Gradients, Target};
 use crate::project::footprint;
 use crate::project_backward::{CAMERA_SUMS, GaussianGradient, MOMENTS, Moments, camera_gradient, splat_backward};
 use crate::rasterize::window_of;
@@ -10,94 +11,6 @@ use crate::tiles::{Grid, TileLists, grown};
 use crate::workspace::Workspace;
 use std::ops::Range;
 use weaver_kernels::{Real, simd};
-
-/// Gradients that arrive at the images; `None` is zero.
-#[derive(Clone, Copy, Debug)]
-pub struct Cotangents<'a, T> {
-    /// `[V, H, W, 3]`
-    pub image: Option<&'a [T]>,
-    /// `[V, H, W]`
-    pub alpha: Option<&'a [T]>,
-    /// `[V, H, W]`
-    pub depth: Option<&'a [T]>,
-}
-
-/// Memory for a gradient, and whether to add to what is in it.
-#[derive(Debug)]
-pub struct Target<'a, T> {
-    values: &'a mut [T],
-    add: bool,
-}
-
-impl<'a, T: Real> Target<'a, T> {
-    /// The gradient replaces what is there.
-    pub fn write(values: &'a mut [T]) -> Self {
-        Self { values, add: false }
-    }
-
-    /// The gradient is added to what is there.
-    pub fn add(values: &'a mut [T]) -> Self {
-        Self { values, add: true }
-    }
-
-    fn put(&mut self, at: usize, value: T) {
-        let old = if self.add { self.values[at] } else { T::ZERO };
-        self.values[at] = old + value;
-    }
-
-    /// Ready to be added to.
-    fn begin(&mut self) {
-        if !self.add {
-            self.values.fill(T::ZERO);
-        }
-        self.add = true;
-    }
-
-    fn split(self, at: usize) -> (Self, Self) {
-        let (a, b) = self.values.split_at_mut(at);
-        (Self { values: a, add: self.add }, Self { values: b, add: self.add })
-    }
-}
-
-/// Where gradients go; `None` where nobody asks.
-#[derive(Debug)]
-pub struct Gradients<'a, T> {
-    /// `[N, 3]`
-    pub means: Option<Target<'a, T>>,
-    /// `[N, 4]`
-    pub quats: Option<Target<'a, T>>,
-    /// `[N, 3]`
-    pub scales: Option<Target<'a, T>>,
-    /// `[N]`
-    pub opacities: Option<Target<'a, T>>,
-    /// `[N, 3]` or `[N, K, 3]`
-    pub colours: Option<Target<'a, T>>,
-    /// `[V, 3, 4]` or `[V, 4, 4]`, as given; the last row of the latter is zero.
-    pub viewmats: Option<Target<'a, T>>,
-    /// `[V, 4]`
-    pub intrinsics: Option<Target<'a, T>>,
-    /// `[V, 3]` or `[3]`, as given.
-    pub background: Option<Target<'a, T>>,
-    /// Sums over pixels of the absolute gradient of the projected mean, per pixel, `[V, N, 2]`: large where a Gaussian is
-    /// pulled apart (Ye et al., AbsGS, 2024). Not a gradient, but a by-product for density control.
-    pub centre_pull: Option<Target<'a, T>>,
-}
-
-impl<T> Default for Gradients<'_, T> {
-    fn default() -> Self {
-        Self {
-            means: None,
-            quats: None,
-            scales: None,
-            opacities: None,
-            colours: None,
-            viewmats: None,
-            intrinsics: None,
-            background: None,
-            centre_pull: None,
-        }
-    }
-}
 
 /// Gradients of everything that [`rasterize`](crate::rasterize) was given, from those of image, alpha and depth.
 ///

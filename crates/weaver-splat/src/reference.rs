@@ -1,8 +1,9 @@
-//! The rasteriser again, slowly and in another way, to test against: every Gaussian at every pixel, in `f64`,
-//! from the textbook's formulas, with the derivatives of projection by forward-mode dual numbers. No tiles, no bounds, no threads.
+//! The rasteriser again, slowly and in another way, to test against: every Gaussian at every pixel, in `f64`, from
+//! the textbook's formulas, with the derivatives of projection by forward-mode dual numbers. No tiles, no bounds, no
+//! threads.
 
+use crate::gradients::Cotangents;
 use crate::project::Gaussian;
-use crate::rasterize_backward::Cotangents;
 use crate::scene::{
     ALPHA_MIN, Cameras, Colour, Gaussians, RATIO_FLOOR, RasterError, RasterSettings, TRANSMITTANCE_END, extent,
 };

@@ -48,8 +48,8 @@ impl<'a, T> Colour<'a, T> {
 /// `V` pinhole cameras with images of one size.
 #[derive(Clone, Copy, Debug)]
 pub struct Cameras<'a, T> {
-    /// World to camera, OpenCV axes, `[V, 3, 4]` or `[V, 4, 4]` (the last row is not read): p = A m + t. A and t are twelve
-    /// free numbers; nothing assumes that A is a rotation.
+    /// World to camera, OpenCV axes, `[V, 3, 4]` or `[V, 4, 4]` (the last row is not read): p = A m + t. A and t are
+    /// twelve free numbers; nothing assumes that A is a rotation.
     pub viewmats: &'a [T],
     /// fx, fy, cx, cy in pixels, pixel centres at +0.5, `[V, 4]`.
     pub intrinsics: &'a [T],

@@ -1,15 +1,16 @@
 //! Which splats each tile has to look at, in drawing order.
 //!
-//! Splats are sorted by depth once per view, then dealt to the tiles in that order: a stable counting sort, parallel over
-//! chunks of the sorted list. A tile gets a splat if the ellipse within the splat's reach touches one of its pixel
-//! centres' rows; the ellipse is rounded outwards, and each pixel decides for itself, so tiles leave no trace in an image.
+//! Splats are sorted by depth once per view, then dealt to the tiles in that order: a stable counting sort, parallel
+//! over chunks of the sorted list. A tile gets a splat if the ellipse within the splat's reach touches one of its
+//! pixel centres' rows; the ellipse is rounded outwards, and each pixel decides for itself, so tiles leave no trace
+//! in an image.
 
 use crate::project::{Splat, Unseen};
 use crate::scene::Extent;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
-use weaver_kernels::{Real, parallel};
+use weaver_kernels::{Real, parallel, simd};
 
 /// The tiles of one view.
 #[derive(Clone, Copy, Debug)]
@@ -61,12 +62,12 @@ impl Grid {
     }
 }
 
-/// The pixels in `0..size` with centres in [low, high].
+/// The pixels in `0..size` with centres in (low, high].
 #[inline(always)]
 pub(crate) fn centres(low: f64, high: f64, size: usize) -> Range<usize> {
-    // Casts saturate, and what is not a number becomes 0.
-    let start = (low - 0.5).ceil().max(0.0) as usize;
-    let end = ((high - 0.5).floor() + 1.0).max(0.0) as usize;
+    // Casts round towards zero and saturate, and what is not a number becomes 0.
+    let start = (low + 0.5).max(0.0) as usize;
+    let end = (high + 0.5).max(0.0) as usize;
     start..end.min(size)
 }
 
@@ -194,7 +195,10 @@ impl TileLists {
         let cursors = grown(&mut self.cursors, views * chunks * tiles);
         parallel::for_chunks(cursors, tiles, |row, count| {
             count.fill(0);
-            seen(row).for_each(|id| grid.for_each_tile(&splats[id], |t| count[t] += 1));
+            simd::dispatch(
+                #[inline(always)]
+                || seen(row).for_each(|id| grid.for_each_tile(&splats[id], |t| count[t] += 1)),
+            );
         });
         let starts = grown(&mut self.starts, views * tiles + 1);
         let mut next = 0;
@@ -213,15 +217,20 @@ impl TileLists {
         let list = &*grown(&mut self.splats, self.len);
         let places = &*grown(&mut self.places, self.len);
         parallel::for_chunks(cursors, tiles, |row, cursor| {
-            seen(row).for_each(|id| {
-                let mut place = offsets[id] as usize;
-                grid.for_each_tile(&splats[id], |t| {
-                    list[cursor[t] as usize].store(id as u32, Relaxed);
-                    places[place].store(cursor[t], Relaxed);
-                    place += 1;
-                    cursor[t] += 1;
-                });
-            });
+            simd::dispatch(
+                #[inline(always)]
+                || {
+                    seen(row).for_each(|id| {
+                        let mut place = offsets[id] as usize;
+                        grid.for_each_tile(&splats[id], |t| {
+                            list[cursor[t] as usize].store(id as u32, Relaxed);
+                            places[place].store(cursor[t], Relaxed);
+                            place += 1;
+                            cursor[t] += 1;
+                        });
+                    });
+                },
+            );
         });
     }
 
