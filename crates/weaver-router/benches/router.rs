@@ -33,7 +33,7 @@ fn neighbor_search(c: &mut Criterion) {
 
 fn head(c: &mut Criterion) {
     let mut params = Params::<f32>::new();
-    let head = CardinalityHead::new(&mut Builder::new(&mut params, 1).scope("gs_moe"), HeadConfig::tiny());
+    let head = CardinalityHead::new(Builder::new(&mut params, 1).scope("gs_moe"), HeadConfig::tiny());
     let features = numbers(PIXELS * 32, "features");
     let (points, colors) = (surface(PIXELS), numbers(PIXELS * 3, "colors"));
     let logits = numbers(PIXELS * 4, "logits");

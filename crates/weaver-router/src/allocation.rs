@@ -18,9 +18,9 @@ use weaver_kernels::random::Stream;
 /// What an allocation may look at: one scene of V views with H x W pixels, P = V H W, in (view, row, column) order.
 #[derive(Clone, Copy, Debug)]
 pub struct AllocationRequest<'a, T: Real = f32> {
-    /// The router's logits [P, E]; E = 1 + the largest number of Gaussians per pixel.
+    /// The router's logits `[P, E]`; E = 1 + the largest number of Gaussians per pixel.
     pub logits: &'a [T],
-    /// High-frequency energy [P] of the images.
+    /// High-frequency energy `[P]` of the images.
     pub energy: &'a [T],
     /// Number of views V.
     pub views: usize,
@@ -30,7 +30,7 @@ pub struct AllocationRequest<'a, T: Real = f32> {
     pub width: usize,
     /// Source of the noise.
     pub stream: Stream,
-    /// Gumbel noise [P, E] to use in place of the stream's, to repeat a known sample.
+    /// Gumbel noise `[P, E]` to use in place of the stream's, to repeat a known sample.
     pub gumbel: Option<&'a [T]>,
 }
 
@@ -65,7 +65,7 @@ pub trait Allocation<T: Real = f32>: Debug + Send + Sync {
 /// How many Gaussians each pixel gets, and how a gradient reaches that choice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Assignment<T: Real = f32> {
-    /// The expert of each pixel [P]: expert e makes e Gaussians.
+    /// The expert of each pixel `[P]`: expert e makes e Gaussians.
     pub expert: Vec<u8>,
     /// The differentiable side of a choice that the router made itself.
     pub gate: Option<GumbelGate<T>>,
@@ -76,7 +76,7 @@ pub struct Assignment<T: Real = f32> {
 pub struct GumbelGate<T: Real = f32> {
     /// Temperature of the softmax.
     pub temperature: f64,
-    /// Gumbel noise [P, E]; empty for none.
+    /// Gumbel noise `[P, E]`; empty for none.
     pub noise: Vec<T>,
 }
 
@@ -91,7 +91,7 @@ impl<T: Real> Assignment<T> {
         self.expert.iter().map(|&e| usize::from(e)).sum()
     }
 
-    /// The one-hot choice [P, E] with the straight-through gradient to `logits`; `None` where the router had no say.
+    /// The one-hot choice `[P, E]` with the straight-through gradient to `logits`; `None` where the router had no say.
     pub fn choice<'t>(&self, logits: Var<'t, T>) -> Option<Var<'t, T>> {
         let gate = self.gate.as_ref()?;
         let noise = (!gate.noise.is_empty()).then(|| logits.tape().constant(&gate.noise, logits.shape()));

@@ -16,13 +16,13 @@ const RAW_SCALE: (f64, f64) = (-3.0, 3.0);
 /// Decoded Gaussians, as the rasteriser takes them.
 #[derive(Clone, Copy, Debug)]
 pub struct Decoded<'t, T: Real = f32> {
-    /// Standard deviations along the axes [N, 3], in world units.
+    /// Standard deviations along the axes `[N, 3]`, in world units.
     pub scales: Var<'t, T>,
-    /// Rotations as unit quaternions wxyz [N, 4].
+    /// Rotations as unit quaternions wxyz `[N, 4]`.
     pub quats: Var<'t, T>,
-    /// Opacities [N], 0 to 1.
+    /// Opacities `[N]`, 0 to 1.
     pub opacities: Var<'t, T>,
-    /// Spherical harmonics [N, K, 3].
+    /// Spherical harmonics `[N, K, 3]`.
     pub sh: Var<'t, T>,
 }
 
@@ -199,20 +199,20 @@ impl<T: Real> Op<T> for Decode {
 /// What the footprint parametrisation knows about each Gaussian's pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelOf<'t, T: Real = f32> {
-    /// depth / fx [N], in world units; differentiable.
+    /// depth / fx `[N]`, in world units; differentiable.
     pub footprint: Var<'t, T>,
-    /// Gaussians per pixel around it [N]; constant.
+    /// Gaussians per pixel around it `[N]`; constant.
     pub local_count: Var<'t, T>,
-    /// Its colour [N, 3], 0 to 1; constant.
+    /// Its colour `[N, 3]`, 0 to 1; constant.
     pub color: Var<'t, T>,
 }
 
 /// Decodes raw parameters to scales, rotations, opacities and spherical harmonics; see [`Parametrisation`] for the
 /// formulas.
 ///
-/// `theta` [N, 8 + 3 K] holds, per Gaussian, opacity 1, scale 3, quaternion xyzw 4 and harmonics 3 K (colour-major),
-/// with K = (`sh_degree` + 1)^2. It and the footprints are differentiable. Where a scale is clamped its gradient is 0; at
-/// the bound itself it passes. Panics on other shapes, and if the parametrisation needs `pixel` and there is none.
+/// `theta` `[N, 8 + 3 K]` holds, per Gaussian, opacity 1, scale 3, quaternion xyzw 4 and harmonics 3 K (colour-major),
+/// with K = (`sh_degree` + 1)^2. It and the footprints are differentiable. Where a scale is clamped its gradient is 0;
+/// at the bound itself it passes. Panics on other shapes, and if the parametrisation needs `pixel` and there is none.
 /// Source: official SplatWeaver code, `UnifiedGaussianAdapter`.
 ///
 /// ```

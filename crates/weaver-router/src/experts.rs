@@ -1,15 +1,15 @@
 //! Cardinality experts: expert e turns a pixel's features into e Gaussians.
 
 use crate::gate::gate;
-use crate::layer::TwoLayers;
 use crate::routes::Routes;
+use crate::two_layers::TwoLayers;
 use weaver_autograd::{Real, Var, ops};
 use weaver_nn::{Builder, Context};
 
 /// Experts 1 to M; each is a layer F -> F, a rectifier, and a layer F -> e S for the S raw numbers of e Gaussians.
 ///
-/// Parameters (below the builder's path), for e = 1 to M: `<e>.0.weight` [F, F], `<e>.0.bias`, `<e>.2.weight` [e S, F],
-/// `<e>.2.bias`.
+/// Parameters (below the builder's path), for e = 1 to M: `<e>.0.weight` `[F, F]`, `<e>.0.bias`, `<e>.2.weight`
+/// `[e S, F]`, `<e>.2.bias`.
 #[derive(Clone, Debug)]
 pub struct CardinalityExperts {
     experts: Vec<TwoLayers>,
@@ -17,19 +17,18 @@ pub struct CardinalityExperts {
 }
 
 impl CardinalityExperts {
-    /// Experts 1 to `most` for F = `features` channels and S = `slot` raw numbers per Gaussian. The initial output layers
-    /// are multiplied by `output_gain`: 1 as published, less for Gaussians that start alike.
+    /// Experts 1 to `most` for F = `features` channels and S = `slot` raw numbers per Gaussian. The initial output
+    /// layers are multiplied by `output_gain`: 1 as published, less for Gaussians that start alike.
     pub fn new<T: Real>(
-        builder: &mut Builder<'_, T>,
+        mut builder: Builder<'_, T>,
         features: usize,
         most: usize,
         slot: usize,
         output_gain: f64,
     ) -> Self {
         let expert = |e: usize| {
-            let mut builder = builder.scope(e);
-            let layers = TwoLayers::new(&mut builder, features, features, e * slot);
-            layers.output.scale(&mut builder, output_gain);
+            let layers = TwoLayers::new(builder.scope(e), features, features, e * slot);
+            layers.scale_output(&mut builder, output_gain);
             layers
         };
         Self { experts: (1..=most).map(expert).collect(), slot }
@@ -40,11 +39,11 @@ impl CardinalityExperts {
         self.experts.len()
     }
 
-    /// Raw parameters [N, S] of all Gaussians in the order of the routes.
+    /// Raw parameters `[N, S]` of all Gaussians in the order of the routes.
     ///
-    /// `features` [R, F] are those of the routed pixels, in order. Where a `choice` [P, E] is given, an expert's output
-    /// is multiplied by its entry, which carries the gradient to the router. An expert without pixels runs on no rows,
-    /// so that its parameters have a gradient: zero.
+    /// `features` `[R, F]` are those of the routed pixels, in order. Where a `choice` `[P, E]` is given, an expert's
+    /// output is multiplied by its entry, which carries the gradient to the router. An expert without pixels runs on no
+    /// rows, so that its parameters have a gradient: zero.
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, T>,

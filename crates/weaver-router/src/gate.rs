@@ -60,12 +60,12 @@ impl<T: Real> Op<T> for Gate {
     }
 }
 
-/// Multiplies row i of an expert's output by c[pixel i, expert], which is 1 where the router chose the expert: the value
-/// stays, and the choice gets a gradient.
+/// Multiplies row i of an expert's output by c[pixel i, expert], which is 1 where the router chose the expert: the
+/// value stays, and the choice gets a gradient.
 ///
-/// `raw` [n, D] and `choice` [P, E] are differentiable, `pixel` [n] is constant; the result is [n, D]. dL/dc is the sum
-/// over the row of raw times the gradient of the result. Panics on other shapes.
-/// Source: official SplatWeaver code, `CardinalityGaussian`.
+/// `raw` `[n, D]` and `choice` `[P, E]` are differentiable, `pixel` `[n]` is constant; the result is `[n, D]`. dL/dc is
+/// the sum over the row of raw times the gradient of the result. Panics on other shapes. Source: official SplatWeaver
+/// code, `CardinalityGaussian`.
 #[track_caller]
 pub fn gate<'t, T: Real>(raw: Var<'t, T>, choice: Var<'t, T>, pixel: &[u32], expert: usize) -> Var<'t, T> {
     let op = Gate { pixel: raw.tape().pool().copy_of(pixel), expert };

@@ -83,7 +83,7 @@ impl<T: Real> Op<T> for GumbelSoftmax {
 /// dL/dl_e = y_e (dL/dc_e - sum_f y_f dL/dc_f) / t. With standard Gumbel noise g the choice is an exact sample of
 /// softmax(l), whatever the temperature t; without noise it is the argmax (the first of equal ones).
 ///
-/// `logits` [P, E] are differentiable, `noise` [P, E] is constant; the result is [P, E]. Panics on other shapes.
+/// `logits` `[P, E]` are differentiable, `noise` `[P, E]` is constant; the result is `[P, E]`. Panics on other shapes.
 /// Source: Jang, Gu, Poole, Categorical Reparameterization with Gumbel-Softmax, ICLR 2017, section 2.2.
 ///
 /// ```

@@ -1,6 +1,6 @@
 //! From pixel features to Gaussians, all parts put together.
 
-use crate::layer::TwoLayers;
+use crate::two_layers::TwoLayers;
 use crate::{
     CardinalityExperts, NeighborPredictor, Neighbors, Parametrisation, PixelOf, Router, Routes, decode, local_count,
     place, slot_width,
@@ -71,13 +71,13 @@ impl HeadConfig {
 /// What a scene's P = V H W pixels bring, in (view, row, column) order.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelInputs<'t, 'a, T: Real = f32> {
-    /// Expert features [P, F]; differentiable.
+    /// Expert features `[P, F]`; differentiable.
     pub features: Var<'t, T>,
-    /// Unprojected points [P, 3], in world units; differentiable.
+    /// Unprojected points `[P, 3]`, in world units; differentiable.
     pub points: Var<'t, T>,
-    /// depth / fx [P], in world units; differentiable. Only for the footprint parametrisation.
+    /// depth / fx `[P]`, in world units; differentiable. Only for the footprint parametrisation.
     pub footprints: Option<Var<'t, T>>,
-    /// Colours [P, 3], 0 to 1. Only for the footprint parametrisation.
+    /// Colours `[P, 3]`, 0 to 1. Only for the footprint parametrisation.
     pub colors: &'a [T],
     /// Rows H of a view.
     pub height: usize,
@@ -88,17 +88,17 @@ pub struct PixelInputs<'t, 'a, T: Real = f32> {
 /// The Gaussians of a scene, as the rasteriser takes them.
 #[derive(Clone, Debug)]
 pub struct Gaussians<'t, T: Real = f32> {
-    /// Means [N, 3], in world units.
+    /// Means `[N, 3]`, in world units.
     pub means: Var<'t, T>,
-    /// Standard deviations along the axes [N, 3], in world units.
+    /// Standard deviations along the axes `[N, 3]`, in world units.
     pub scales: Var<'t, T>,
-    /// Rotations as unit quaternions wxyz [N, 4].
+    /// Rotations as unit quaternions wxyz `[N, 4]`.
     pub quats: Var<'t, T>,
-    /// Opacities [N], 0 to 1.
+    /// Opacities `[N]`, 0 to 1.
     pub opacities: Var<'t, T>,
-    /// Spherical harmonics [N, K, 3].
+    /// Spherical harmonics `[N, K, 3]`.
     pub sh: Var<'t, T>,
-    /// The pixel that each Gaussian comes from [N].
+    /// The pixel that each Gaussian comes from `[N]`.
     pub pixel: Vec<u32>,
 }
 
@@ -118,17 +118,17 @@ pub struct CardinalityHead {
 
 impl CardinalityHead {
     /// Adds the head's parameters.
-    pub fn new<T: Real>(builder: &mut Builder<'_, T>, config: HeadConfig) -> Self {
+    pub fn new<T: Real>(mut builder: Builder<'_, T>, config: HeadConfig) -> Self {
         let HeadConfig { features, cardinality, .. } = config;
         let slot = slot_width(config.sh_degree);
-        let router = Router::new(&mut builder.scope("gating"), features, config.router_hidden, cardinality + 1);
+        let router = Router::new(builder.scope("gating"), features, config.router_hidden, cardinality + 1);
         let gain = config.expert_output_gain;
-        let experts = CardinalityExperts::new(&mut builder.scope("experts"), features, cardinality, slot, gain);
+        let experts = CardinalityExperts::new(builder.scope("experts"), features, cardinality, slot, gain);
         let attention = config.neighbors.map(|neighbors| {
             let NeighborConfig { projector, width, zero_head, .. } = neighbors;
-            let projection = TwoLayers::new(&mut builder.scope("pixel_projector"), features, projector, projector);
-            let mut builder = builder.scope("gs_predictor");
-            (projection, NeighborPredictor::new(&mut builder, slot - 3, projector, width, zero_head))
+            let projection = TwoLayers::new(builder.scope("pixel_projector"), features, projector, projector);
+            let builder = builder.scope("gs_predictor");
+            (projection, NeighborPredictor::new(builder, slot - 3, projector, width, zero_head))
         });
         Self { config, router, experts, attention }
     }
@@ -138,9 +138,9 @@ impl CardinalityHead {
         &self.config
     }
 
-    /// The Gaussians of a scene whose pixels are assigned to `expert` [P]; there may be none at all.
+    /// The Gaussians of a scene whose pixels are assigned to `expert` `[P]`; there may be none at all.
     ///
-    /// With a `choice` [P, E] (see [`Assignment::choice`](crate::Assignment::choice)) a gradient reaches the router.
+    /// With a `choice` `[P, E]` (see [`Assignment::choice`](crate::Assignment::choice)) a gradient reaches the router.
     /// Every parameter but the router's gets one, zero where no pixel needed it. Panics on inputs of other shapes.
     pub fn gaussians<'t, T: Real>(
         &self,

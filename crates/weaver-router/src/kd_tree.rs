@@ -61,7 +61,7 @@ impl<T: Real> Nearest<'_, T> {
 }
 
 impl<T: Real> KdTree<T> {
-    /// Builds the tree of `points` [N, 3].
+    /// Builds the tree of `points` `[N, 3]`.
     pub fn new(points: &[T], pool: &Pool) -> Self {
         let point = |i: usize| [points[3 * i], points[3 * i + 1], points[3 * i + 2]];
         let n = points.len() / 3;
@@ -78,8 +78,8 @@ impl<T: Real> KdTree<T> {
         Self { points: sorted, index, cuts }
     }
 
-    /// Fills `index` with the points nearest to `query`, nearest first, leaving out the point numbered `but`; `distance`
-    /// is room for as many squared distances. Returns how many there are.
+    /// Fills `index` with the points nearest to `query`, nearest first, leaving out the point numbered `but`;
+    /// `distance` is room for as many squared distances. Returns how many there are.
     pub fn nearest(&self, query: Point<T>, but: u32, index: &mut [u32], distance: &mut [T]) -> usize {
         if index.is_empty() {
             return 0;

@@ -10,7 +10,6 @@ mod gate;
 mod gumbel;
 mod head;
 mod kd_tree;
-mod layer;
 mod local_count;
 mod neighbor_average;
 mod neighbor_offset;
@@ -21,6 +20,7 @@ mod place;
 mod predictor;
 mod router;
 mod routes;
+mod two_layers;
 
 pub use allocation::{
     Allocation, AllocationError, AllocationKind, AllocationRequest, Argmax, Assignment, Dithered, Fixed, Grid,

@@ -17,8 +17,8 @@ fn box_filter(from: &[f64], to: &mut [f64], length: usize, stride: usize, radius
     }
 }
 
-/// The local number of Gaussians per pixel [P], at least 0.04: the count of each pixel (`expert` [P]) averaged over 5 x 5
-/// and then 3 x 3 pixels of its own view, each average over the pixels inside the image.
+/// The local number of Gaussians per pixel `[P]`, at least 0.04: the count of each pixel (`expert` `[P]`) averaged over
+/// 5 x 5 and then 3 x 3 pixels of its own view, each average over the pixels inside the image.
 pub fn local_count<T: Real>(expert: &[u8], height: usize, width: usize, pool: &Pool) -> Buffer<T> {
     let mut count = pool.buffer::<f64>(expert.len());
     let mut row_means = pool.buffer::<f64>(expert.len());

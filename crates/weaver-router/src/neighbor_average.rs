@@ -9,7 +9,7 @@ struct NeighborAverage {
     neighbors: Neighbors,
 }
 
-/// Softmax over the `m` rows of `scores` [m, C], for each of the C columns.
+/// Softmax over the `m` rows of `scores` `[m, C]`, for each of the C columns.
 #[inline(always)]
 fn softmax_columns<T: Real>(scores: &[T], weights: &mut [T], largest: &mut [T], sum: &mut [T]) {
     let c = largest.len();
@@ -134,8 +134,9 @@ impl<T: Real> Op<T> for NeighborAverage {
 /// The attention over neighbours: z_i = sum_j w_ij (v_j + d_ij), with w_ij the softmax of the scores a_ij over the
 /// neighbours j of i, separately per channel.
 ///
-/// `score` a and `displacement` d [N m, C], m rows per Gaussian, and `value` v [N, C] are differentiable, the neighbours
-/// constant; the result is [N, C]. Panics on other shapes. Source: Zhao et al., Point Transformer, ICCV 2021, eq. 3.
+/// `score` a and `displacement` d `[N m, C]`, m rows per Gaussian, and `value` v `[N, C]` are differentiable, the
+/// neighbours constant; the result is `[N, C]`. Panics on other shapes. Source: Zhao et al., Point Transformer, ICCV
+/// 2021, eq. 3.
 #[track_caller]
 pub fn neighbor_average<'t, T: Real>(
     score: Var<'t, T>,

@@ -82,9 +82,9 @@ impl<T: Real> Op<T> for NeighborRelation {
 
 /// The relation q_i - k_j + d_ij of every Gaussian i to its neighbours j, per channel.
 ///
-/// `query` and `key` [N, C] and `displacement` d [N m, C] are differentiable, the neighbours constant; the result is
-/// [N m, C], m rows per Gaussian. Linear. Panics on other shapes. Source: Zhao et al., Point Transformer, ICCV 2021,
-/// eq. 3.
+/// `query` and `key` `[N, C]` and `displacement` d `[N m, C]` are differentiable, the neighbours constant; the result
+/// is `[N m, C]`, m rows per Gaussian. Linear. Panics on other shapes. Source: Zhao et al., Point Transformer, ICCV
+/// 2021, eq. 3.
 #[track_caller]
 pub fn neighbor_relation<'t, T: Real>(
     query: Var<'t, T>,

@@ -17,16 +17,16 @@ pub struct Neighbors(Arc<Lists>);
 #[derive(Debug)]
 struct Lists {
     per_gaussian: usize,
-    /// [N, m]
+    /// `[N, m]`
     index: Buffer<u32>,
-    /// Where the reverse list of each Gaussian starts [N + 1].
+    /// Where the reverse list of each Gaussian starts `[N + 1]`.
     start: Buffer<u32>,
-    /// Reverse lists end to end: positions in `index` at which a Gaussian is named, ascending [N m].
+    /// Reverse lists end to end: positions in `index` at which a Gaussian is named, ascending `[N m]`.
     named_at: Buffer<u32>,
 }
 
 impl Neighbors {
-    /// Finds, for every one of `means` [N, 3], itself (first) and the k nearest others by Euclidean distance, nearest
+    /// Finds, for every one of `means` `[N, 3]`, itself (first) and the k nearest others by Euclidean distance, nearest
     /// first; with fewer than k others, the list is padded with the point itself. Exact up to the rounding of squared
     /// coordinate differences; not differentiable. Panics for k above [`MOST_NEIGHBORS`].
     ///
@@ -49,7 +49,7 @@ impl Neighbors {
         Self::from_index(index, m, pool)
     }
 
-    /// Given lists [N, m] of indices below N.
+    /// Given lists `[N, m]` of indices below N.
     pub fn from_lists(index: &[u32], per_gaussian: usize, pool: &Pool) -> Self {
         assert_eq!(index.len() % per_gaussian, 0, "every Gaussian has {per_gaussian} neighbours");
         Self::from_index(pool.copy_of(index), per_gaussian, pool)
@@ -88,7 +88,7 @@ impl Neighbors {
         self.0.per_gaussian
     }
 
-    /// All lists [N, m].
+    /// All lists `[N, m]`.
     pub fn index(&self) -> &[u32] {
         &self.0.index
     }

@@ -19,9 +19,9 @@ pub enum Parametrisation {
     },
     /// Lengths in footprints: a pixel's footprint is depth / fx, its width at its depth, in world units.
     ///
-    /// mean = point + `offset` footprint tanh(raw); scale = `scale` footprint exp(clamp(raw, -3, 3)) / sqrt(local count),
-    /// so that a Gaussian starts as large as its share of the image; 1 is added to the raw quaternion's w and the pixel's
-    /// own colour to the degree-0 harmonic, so that it starts unrotated and in the right colour.
+    /// mean = point + `offset` footprint tanh(raw); scale = `scale` footprint exp(clamp(raw, -3, 3)) / sqrt(local
+    /// count), so that a Gaussian starts as large as its share of the image; 1 is added to the raw quaternion's w and
+    /// the pixel's own colour to the degree-0 harmonic, so that it starts unrotated and in the right colour.
     Footprint {
         /// Longest offset along each axis, in footprints.
         offset: f64,

@@ -71,10 +71,10 @@ impl<T: Real> Op<T> for Place {
 
 /// The means of Gaussians: mu = Q + r tanh(o), componentwise in world axes.
 ///
-/// Q is `point` [N, 3], o the first three of `raw` [N, S]; r is the published constant in world units, or the constant
-/// of the footprint parametrisation times `footprint` [N] = depth / fx. All three are differentiable; the result is
-/// [N, 3], in world units. Panics on other shapes, and if the parametrisation needs footprints and there are none.
-/// Source: official SplatWeaver code, `CardinalityGaussian`.
+/// Q is `point` `[N, 3]`, o the first three of `raw` `[N, S]`; r is the published constant in world units, or the
+/// constant of the footprint parametrisation times `footprint` `[N]` = depth / fx. All three are differentiable; the
+/// result is `[N, 3]`, in world units. Panics on other shapes, and if the parametrisation needs footprints and there
+/// are none. Source: official SplatWeaver code, `CardinalityGaussian`.
 #[track_caller]
 pub fn place<'t, T: Real>(
     point: Var<'t, T>,

@@ -1,10 +1,9 @@
 //! Refines every Gaussian's raw parameters by attention over its neighbours in space.
 
-use crate::layer::{Layer, TwoLayers};
+use crate::two_layers::TwoLayers;
 use crate::{Neighbors, neighbor_average, neighbor_offset, neighbor_relation};
-use weaver_autograd::ops::{self, Activation};
-use weaver_autograd::{Real, Var};
-use weaver_nn::{Builder, Context};
+use weaver_autograd::{Real, Var, ops};
+use weaver_nn::{Builder, Context, Linear, WeightInit};
 
 /// A point-transformer layer: vector attention of width C over each Gaussian and its nearest neighbours.
 ///
@@ -15,26 +14,28 @@ use weaver_nn::{Builder, Context};
 /// Source: Zhao et al., Point Transformer, ICCV 2021, eq. 2-4; official SplatWeaver code, `NeighborFusionLayer`.
 #[derive(Clone, Copy, Debug)]
 pub struct NeighborFusion {
-    query: Layer,
-    key: Layer,
-    value: Layer,
+    query: Linear,
+    key: Linear,
+    value: Linear,
     displacement: TwoLayers,
     attention: TwoLayers,
 }
 
 impl NeighborFusion {
     /// A layer of C = `width` channels.
-    pub fn new<T: Real>(builder: &mut Builder<'_, T>, width: usize) -> Self {
+    pub fn new<T: Real>(mut builder: Builder<'_, T>, width: usize) -> Self {
+        let mut linear = |name| Linear::new(builder.scope(name), width, width, WeightInit::FanIn);
+        let [query, key, value] = ["to_q", "to_k", "to_v"].map(&mut linear);
         Self {
-            query: Layer::new(builder, "to_q", width, width),
-            key: Layer::new(builder, "to_k", width, width),
-            value: Layer::new(builder, "to_v", width, width),
-            displacement: TwoLayers::new(&mut builder.scope("pos_mlp"), 3, width, width),
-            attention: TwoLayers::new(&mut builder.scope("attn_mlp"), width, width, width),
+            query,
+            key,
+            value,
+            displacement: TwoLayers::new(builder.scope("pos_mlp"), 3, width, width),
+            attention: TwoLayers::new(builder.scope("attn_mlp"), width, width, width),
         }
     }
 
-    /// z [N, C] from features x [N, C] and means [N, 3]. Differentiable in both and in all parameters.
+    /// z `[N, C]` from features x `[N, C]` and means `[N, 3]`. Differentiable in both and in all parameters.
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, T>,
@@ -43,43 +44,42 @@ impl NeighborFusion {
         neighbors: &Neighbors,
     ) -> Var<'t, T> {
         let _scope = cx.scope("pt_block");
-        let [query, key, value] = [self.query, self.key, self.value].map(|l| l.forward(cx, x, Activation::None));
+        let [query, key, value] = [self.query, self.key, self.value].map(|l| l.forward(cx, x));
         let displacement = self.displacement.forward(cx, neighbor_offset(means, neighbors));
         let score = self.attention.forward(cx, neighbor_relation(query, key, displacement, neighbors));
         neighbor_average(score, value, displacement, neighbors)
     }
 }
 
-/// The parameter predictor: theta = W_o z + raw, z from [`NeighborFusion`] on x = W_in [mean | raw | pixel feature].
+/// The parameter predictor: theta = W_o z + raw, z from [`NeighborFusion`] on x = W_in `[mean | raw | pixel feature]`.
 ///
 /// Parameters (below the builder's path): `input`, `pt_block.*`, `head.0`.
 #[derive(Clone, Copy, Debug)]
 pub struct NeighborPredictor {
-    input: Layer,
+    input: Linear,
     fusion: NeighborFusion,
-    head: Layer,
+    head: Linear,
 }
 
 impl NeighborPredictor {
-    /// A predictor for `parameters` raw numbers per Gaussian beside its mean, with pixel features of `projector` channels
-    /// and attention of `width` channels. With `zero_head` the refinement starts at exactly nothing.
+    /// A predictor for `parameters` raw numbers per Gaussian beside its mean, with pixel features of `projector`
+    /// channels and attention of `width` channels. With `zero_head` the refinement starts at exactly nothing.
     pub fn new<T: Real>(
-        builder: &mut Builder<'_, T>,
+        mut builder: Builder<'_, T>,
         parameters: usize,
         projector: usize,
         width: usize,
         zero_head: bool,
     ) -> Self {
-        let input = Layer::new(builder, "input", 3 + parameters + projector, width);
-        let fusion = NeighborFusion::new(&mut builder.scope("pt_block"), width);
-        let head = Layer::new(&mut builder.scope("head"), 0, width, parameters);
-        if zero_head {
-            head.scale(builder, 0.0);
-        }
+        let inputs = 3 + parameters + projector;
+        let input = Linear::new(builder.scope("input"), inputs, width, WeightInit::FanIn);
+        let fusion = NeighborFusion::new(builder.scope("pt_block"), width);
+        let init = if zero_head { WeightInit::Zero } else { WeightInit::FanIn };
+        let head = Linear::new(builder.scope("head").scope(0), width, parameters, init);
         Self { input, fusion, head }
     }
 
-    /// The attended features z [N, C]: `means` [N, 3], `raw` [N, S - 3], `feature` [N, c].
+    /// The attended features z `[N, C]`: `means` `[N, 3]`, `raw` `[N, S - 3]`, `feature` `[N, c]`.
     pub fn attend<'t, T: Real>(
         &self,
         cx: Context<'t, T>,
@@ -88,12 +88,12 @@ impl NeighborPredictor {
         feature: Var<'t, T>,
         neighbors: &Neighbors,
     ) -> Var<'t, T> {
-        let x = self.input.forward(cx, ops::concat(&[means, raw, feature], 1), Activation::None);
+        let x = self.input.forward(cx, ops::concat(&[means, raw, feature], 1));
         self.fusion.forward(cx, x, means, neighbors)
     }
 
-    /// The refined parameters [N, S - 3]. Differentiable in all inputs (through the means, but not through the choice of
-    /// neighbours) and all parameters; the bias of `attn_mlp.2` has gradient zero, since a softmax does not see it.
+    /// The refined parameters `[N, S - 3]`. Differentiable in all inputs (through the means, but not through the choice
+    /// of neighbours) and all parameters; the bias of `attn_mlp.2` has gradient zero, since a softmax does not see it.
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, T>,
@@ -104,6 +104,6 @@ impl NeighborPredictor {
     ) -> Var<'t, T> {
         let _scope = cx.scope("gs_predictor");
         let attended = self.attend(cx, means, raw, feature, neighbors);
-        self.head.forward(cx, attended, Activation::None) + raw
+        self.head.forward(cx, attended) + raw
     }
 }

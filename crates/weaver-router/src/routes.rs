@@ -9,14 +9,14 @@ pub struct Routes {
     pub routed: Vec<u32>,
     /// How many of `routed` each of the experts 1 to M has.
     pub counts: Vec<usize>,
-    /// For each Gaussian, the entry of `routed` that it comes from [N].
+    /// For each Gaussian, the entry of `routed` that it comes from `[N]`.
     pub source: Vec<u32>,
-    /// For each Gaussian, its pixel [N].
+    /// For each Gaussian, its pixel `[N]`.
     pub pixel: Vec<u32>,
 }
 
 impl Routes {
-    /// The routes of an assignment (`expert` [P]) to experts 0 to `most`. Panics if a pixel has a higher expert.
+    /// The routes of an assignment (`expert` `[P]`) to experts 0 to `most`. Panics if a pixel has a higher expert.
     pub fn new(expert: &[u8], most: usize) -> Self {
         let mut counts = vec![0; most + 1];
         for &e in expert {

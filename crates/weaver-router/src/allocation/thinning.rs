@@ -100,10 +100,10 @@ impl<T: Real> Allocation<T> for Random {
 
 /// The allocation while training: at every step another budget, another strength of the energy, another pattern.
 ///
-/// One of the `budgets` at random; score gamma ln(energy + 0.02) - ln(threshold), with gamma 0 in `uniform` of the steps
-/// and otherwise uniform between 0 and `strongest`; thresholds that are noise in half of the steps and the Bayer pattern
-/// at one random shift for all views in the other half, ties broken by a millionth of noise. The top pixels get expert 1.
-/// A model trained so takes any budget and any density at test time.
+/// One of the `budgets` at random; score gamma ln(energy + 0.02) - ln(threshold), with gamma 0 in `uniform` of the
+/// steps and otherwise uniform between 0 and `strongest`; thresholds that are noise in half of the steps and the Bayer
+/// pattern at one random shift for all views in the other half, ties broken by a millionth of noise. The top pixels get
+/// expert 1. A model trained so takes any budget and any density at test time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainingMix {
     /// Gaussians per pixel, one of which is drawn at each step.

@@ -37,7 +37,7 @@ struct Model {
 impl Model {
     fn new(config: HeadConfig) -> Self {
         let mut params = Params::new();
-        let head = CardinalityHead::new(&mut Builder::new(&mut params, 5).scope("gs_moe"), config);
+        let head = CardinalityHead::new(Builder::new(&mut params, 5).scope("gs_moe"), config);
         Self { params, head }
     }
 
@@ -187,7 +187,7 @@ fn a_footprint_start_is_upright_and_in_the_colour_of_its_pixel() {
 #[test]
 fn fusion_does_not_depend_on_the_order_of_gaussians() {
     let mut params = Params::<f64>::new();
-    let fusion = NeighborFusion::new(&mut Builder::new(&mut params, 1), 5);
+    let fusion = NeighborFusion::new(Builder::new(&mut params, 1), 5);
     for n in [1, 2, 5, 8, 9, 40] {
         let (x, means) = (normal(3, n * 5), normal(4, n * 3));
         let tape = Tape::new();
