@@ -108,3 +108,32 @@ pub(crate) fn colour_backward<T: Real>(
     let along = dot(unit, dunit);
     std::array::from_fn(|i| (dunit[i] - unit[i] * along) / length)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use weaver_kernels::random::Stream;
+
+    #[test]
+    fn basis_is_that_of_the_reference() {
+        let stream = Stream::new(0, 0, "splat.sh");
+        for i in 0..50 {
+            let (unit, _) = direction(std::array::from_fn(|axis| stream.normal::<f64>(3 * i + axis as u64)));
+            let expected = weaver_geometry::sh::basis(unit);
+            let slopes = weaver_geometry::sh::gradient(unit);
+            for degree in 0..=MAX_DEGREE {
+                let ours = basis(degree, Dual::inputs(unit));
+                for k in 0..(degree + 1) * (degree + 1) {
+                    assert!((ours[k].value - expected[k]).abs() < 1e-14, "{k}");
+                    // Only the part along the sphere counts: on it, x^2 + y^2 + z^2 may be written as 1.
+                    let along = |g: [f64; 3]| -> [f64; 3] {
+                        let radial = dot(g, unit);
+                        std::array::from_fn(|axis| g[axis] - radial * unit[axis])
+                    };
+                    let (a, b) = (along(ours[k].partial), along(slopes[k]));
+                    assert!((0..3).all(|axis| (a[axis] - b[axis]).abs() < 1e-13), "{k}: {a:?} {b:?}");
+                }
+            }
+        }
+    }
+}
