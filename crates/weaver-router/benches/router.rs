@@ -1,6 +1,6 @@
 //! Times of the neighbour search and of the head, forward and backward, at the size of a training step.
 
-use criterion::{Criterion, criterion_group, criterion_main};
+use criterion::Criterion;
 use std::time::Duration;
 use weaver_autograd::{Params, Pool, Tape};
 use weaver_kernels::random::Stream;
@@ -75,9 +75,13 @@ fn head(c: &mut Criterion) {
     }
 }
 
-criterion_group! {
-    name = benches;
-    config = Criterion::default().sample_size(10).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
-    targets = neighbor_search, head
+fn main() {
+    let mut criterion = Criterion::default()
+        .sample_size(10)
+        .warm_up_time(Duration::from_millis(300))
+        .measurement_time(Duration::from_secs(1))
+        .configure_from_args();
+    neighbor_search(&mut criterion);
+    head(&mut criterion);
+    criterion.final_summary();
 }
-criterion_main!(benches);
