@@ -1,4 +1,6 @@
 //! Unprojection and pose decoding, forward and backward on the tape.
+// The macros of criterion define functions without documentation.
+#![allow(missing_docs)]
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;

@@ -14,14 +14,14 @@ pub const TANGENT_MARGIN: f64 = 1e-3;
 /// Cameras on the tape.
 #[derive(Clone, Copy, Debug)]
 pub struct Cameras<'t, T: Real = f32> {
-    /// World-to-camera `[R | T]`, OpenCV axes, [.., 3, 4].
+    /// World-to-camera `[R | T]`, OpenCV axes, `[.., 3, 4]`.
     pub w2c: Var<'t, T>,
-    /// fx, fy, cx, cy in pixels, [.., 4].
+    /// fx, fy, cx, cy in pixels, `[.., 4]`.
     pub intrinsics: Var<'t, T>,
 }
 
 fn rectified<T: Real, const N: usize>(x: Dual<T, N>) -> Dual<T, N> {
-    if x.value > T::ZERO { x } else { x * 0 }
+    if x.value > T::ZERO { x } else { x * 0.0 }
 }
 
 #[derive(Debug)]
@@ -38,7 +38,7 @@ impl RowMap<9, 9> for Activate {
     }
 }
 
-/// The emitted form of a running pose code: its field of view rectified, the rest as it is. [.., 9] gives [.., 9].
+/// The emitted form of a running pose code: its field of view rectified, the rest as it is. `[.., 9]` gives `[.., 9]`.
 #[track_caller]
 pub fn activate<T: Real>(code: Var<'_, T>) -> Var<'_, T> {
     let [activated] = code.tape().apply(RowMapOp(Activate), &[code]);
@@ -68,7 +68,7 @@ impl RowMap<9, 16> for Decode {
 /// The cameras that activated pose codes stand for.
 ///
 /// w2c = [R(q) | T]; fy = (H / 2) / (tan(fov_y / 2) + 1e-3), fx likewise from W; the principal point is the image's
-/// middle. `code` [.., 9] gives w2c [.., 3, 4] and intrinsics [.., 4] for an image of `height` x `width` pixels.
+/// middle. `code` `[.., 9]` gives w2c `[.., 3, 4]` and intrinsics `[.., 4]` for an image of `height` x `width` pixels.
 /// Differentiable in all nine numbers. The encoding is "absT_quaR_FoV" of VGGT (Wang et al. 2025, arXiv
 /// 2503.11651) with AnySplat's margin on the tangent.
 #[track_caller]

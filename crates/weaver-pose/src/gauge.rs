@@ -28,8 +28,8 @@ impl RowMap<18, 9> for RelativeCode {
 /// Pose codes in the frame of each scene's first camera: E_i E_0^-1.
 ///
 /// q = q_i q_0* (unit, w not negative), T = T_i - R(q) T_0, field of view unchanged; camera 0 becomes the identity to
-/// the bit. `code` [B, V, 9] with quaternions of any length but 0 gives [B, V, 9]. Differentiable; poses are thus free to
-/// live in a frame of the network's own choice, which is what lets a network learn them from nothing.
+/// the bit. `code` `[B, V, 9]` with quaternions of any length but 0 gives `[B, V, 9]`. Differentiable; poses are thus
+/// free to live in a frame of the network's own choice, which is what lets a network learn them from nothing.
 ///
 /// ```
 /// use weaver_autograd::Tape;

@@ -45,10 +45,10 @@ pub enum Gauge {
 /// One refinement's result.
 #[derive(Clone, Copy, Debug)]
 pub struct PoseEstimate<'t, T: Real = f32> {
-    /// The running code [B, V, 9] in the frame of the network's own choice: quaternion of any length, field of view
+    /// The running code `[B, V, 9]` in the frame of the network's own choice: quaternion of any length, field of view
     /// not rectified.
     pub raw: Var<'t, T>,
-    /// The emitted code [B, V, 9] in the configured frame, field of view rectified.
+    /// The emitted code `[B, V, 9]` in the configured frame, field of view rectified.
     pub code: Var<'t, T>,
 }
 
@@ -97,7 +97,7 @@ impl CameraHead {
         }
     }
 
-    /// Pose codes of camera tokens [B, V, dim], one estimate per refinement; the last is the best.
+    /// Pose codes of camera tokens `[B, V, dim]`, one estimate per refinement; the last is the best.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, tokens: Var<'t, T>) -> SmallVec<[PoseEstimate<'t, T>; 4]> {
         let [scenes, views] = [tokens.shape()[0], tokens.shape()[1]];
         let tokens = self.token_norm.forward(cx, tokens);

@@ -61,7 +61,7 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| sum / count as f64)
 }
 
-/// The area under the recall curve up to `threshold`, in [0, 1]: the mean of max(0, 1 - error / threshold), which is
+/// The area under the recall curve up to `threshold`, in `[0, 1]`: the mean of max(0, 1 - error / threshold), which is
 /// the exact integral of the share of errors below x over x from 0 to the threshold. `None` without errors.
 ///
 /// ```

@@ -59,8 +59,8 @@ impl RowMap<4, 9> for RotationFromXyzw {
 
 /// The rotation matrix of a quaternion.
 ///
-/// R = I + s (w [v]x + [v]x^2) with q = (v, w) and s = 2 / |q|^2, so the length of q does not matter; it must not
-/// be 0. `q` [.., 4] in xyzw order gives R [.., 3, 3]. Differentiable in `q`.
+/// R = I + s (w K + K^2) with K the cross product by (x, y, z) and s = 2 / |q|^2, so the length of q does not matter;
+/// it must not be 0. `q` `[.., 4]` in xyzw order gives R `[.., 3, 3]`. Differentiable in `q`.
 ///
 /// ```
 /// use weaver_autograd::Tape;
@@ -109,7 +109,7 @@ impl RowMap<9, 4> for XyzwFromRotation {
 /// The unit quaternion of a rotation matrix, w not negative.
 ///
 /// The largest component is half the root of 1 plus or minus the diagonal's entries; the others follow from sums and
-/// differences of the off-diagonal entries divided by it. `rotation` [.., 3, 3] gives [.., 4] in xyzw order.
+/// differences of the off-diagonal entries divided by it. `rotation` `[.., 3, 3]` gives `[.., 4]` in xyzw order.
 /// Differentiable in the nine entries, each on its own; the gradient is that of the branch taken.
 #[track_caller]
 pub fn xyzw_from_rotation<T: Real>(rotation: Var<'_, T>) -> Var<'_, T> {
@@ -131,7 +131,7 @@ impl RowMap<8, 4> for QuaternionProduct {
 
 /// The Hamilton product of quaternions in xyzw order: the rotation `b` followed by `a`.
 ///
-/// `a` and `b` [.., 4] give [.., 4]; differentiable in both.
+/// `a` and `b` `[.., 4]` give `[.., 4]`; differentiable in both.
 #[track_caller]
 pub fn quaternion_product<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>) -> Var<'t, T> {
     let [q] = a.tape().apply(RowMapOp(QuaternionProduct), &[a, b]);

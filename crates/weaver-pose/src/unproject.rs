@@ -33,7 +33,7 @@ impl<'a, T: Real> Rays<'a, T> {
     }
 
     /// The camera-space point minus the translation.
-    fn from_origin(&self, slope: [T; 2], z: T) -> [T; 3] {
+    fn minus_translation(&self, slope: [T; 2], z: T) -> [T; 3] {
         [slope[0] * z - self.pose[3], slope[1] * z - self.pose[7], z - self.pose[11]]
     }
 
@@ -51,7 +51,7 @@ impl Unproject {
         T::from_f64(index as f64 + self.pixel_offset)
     }
 
-    /// The gradient of each image row with respect to its camera, in f64: [rows of all views, 16].
+    /// The gradient of each image row with respect to its camera, in f64: `[rows of all views, 16]`.
     fn row_sums<T: Real>(&self, ins: &[View<'_, T>], dpoints: &[T], pool: &Pool) -> Buffer<f64> {
         let shape = ins[0].shape();
         let (height, width) = (shape[shape.rank() - 2], shape.last());
@@ -64,7 +64,7 @@ impl Unproject {
                     let at = row * width + column;
                     let z = ins[0][at];
                     let slope = rays.slope(self.coordinate(column), self.coordinate(row % height));
-                    let p = rays.from_origin(slope, z);
+                    let p = rays.minus_translation(slope, z);
                     let d = &dpoints[3 * at..3 * at + 3];
                     let c = rays.to_camera(d);
                     for i in 0..3 {
@@ -125,7 +125,7 @@ impl<T: Real> Op<T> for Unproject {
                 let depth = &ins[0][row * width..(row + 1) * width];
                 for (column, (point, z)) in points.chunks_mut(3).zip(depth).enumerate() {
                     let slope = rays.slope(self.coordinate(column), self.coordinate(row % height));
-                    point.copy_from_slice(&rays.to_world(rays.from_origin(slope, *z)));
+                    point.copy_from_slice(&rays.to_world(rays.minus_translation(slope, *z)));
                 }
             }
         });
@@ -167,9 +167,9 @@ impl<T: Real> Op<T> for Unproject {
 /// The world point of every pixel of a depth map.
 ///
 /// X = R^T (((u - cx) z / fx, (v - cy) z / fy, z) - T) with u = column + `pixel_offset`, v = row + `pixel_offset`.
-/// `depth` z [.., H, W] along the optical axis, `w2c` [R | T] [.., 3, 4], `intrinsics` fx, fy, cx, cy in pixels [.., 4]
-/// give points [.., H, W, 3]. Differentiable in all three (R's entries each on its own). `pixel_offset` is 0.5 where pixel
-/// centres lie at half-integers, as the rasteriser has it, and 0 for the published weights.
+/// `depth` z `[.., H, W]` along the optical axis, `w2c` [R | T] `[.., 3, 4]`, `intrinsics` fx, fy, cx, cy in pixels
+/// `[.., 4]` give points `[.., H, W, 3]`. Differentiable in all three (R's entries each on its own). `pixel_offset` is 0.5
+/// where pixel centres lie at half-integers, as the rasteriser has it, and 0 for the published weights.
 ///
 /// ```
 /// use weaver_autograd::Tape;

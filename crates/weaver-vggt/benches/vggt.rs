@@ -1,4 +1,6 @@
 //! The backbone and a dense head at the size of the tiny preset, four views of 64 x 48: forward, and backward too.
+// The macros of criterion define functions without documentation.
+#![allow(missing_docs)]
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;

@@ -33,10 +33,10 @@ pub struct AggregatorConfig {
 /// What the backbone says about a batch of scenes.
 #[derive(Clone, Debug)]
 pub struct Aggregated<'t, T: Real = f32> {
-    /// Tokens of the requested rounds [B, V, P, 2 D]: the frame block's output beside the global block's. A view's P
+    /// Tokens of the requested rounds `[B, V, P, 2 D]`: the frame block's output beside the global block's. A view's P
     /// tokens are the camera token, the registers, and the patches row by row.
     pub layers: SmallVec<[Var<'t, T>; 4]>,
-    /// The camera tokens of the last round [B, V, 2 D].
+    /// The camera tokens of the last round `[B, V, 2 D]`.
     pub camera: Var<'t, T>,
     /// Tokens before the first patch.
     pub special: usize,
@@ -91,7 +91,7 @@ impl Aggregator {
         }
     }
 
-    /// Runs on images [B, V, 3, H, W] in [0, 1], whose sides are multiples of the patch.
+    /// Runs on images `[B, V, 3, H, W]` in `[0, 1]`, whose sides are multiples of the patch.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, images: Var<'t, T>) -> Aggregated<'t, T> {
         let shape = images.shape();
         assert!(shape.rank() == 5 && shape[1] > 0, "images [B, V, 3, H, W] with at least one view, not {shape}");
@@ -143,7 +143,7 @@ impl Aggregator {
         }
     }
 
-    /// Camera and register tokens of every view [B V, 1 + R, D].
+    /// Camera and register tokens of every view `[B V, 1 + R, D]`.
     fn special_tokens<'t, T: Real>(&self, cx: Context<'t, T>, scenes: usize, views: usize) -> Var<'t, T> {
         let dim = self.config.encoder.dim;
         let special = 1 + self.config.registers;

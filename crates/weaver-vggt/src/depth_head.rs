@@ -21,9 +21,9 @@ pub struct DepthHeadConfig {
 /// What a [`DepthHead`] predicts.
 #[derive(Clone, Copy, Debug)]
 pub struct DepthMaps<'t, T: Real = f32> {
-    /// Depth along the optical axis [N, H, W].
+    /// Depth along the optical axis `[N, H, W]`.
     pub depth: Var<'t, T>,
-    /// Confidence, at least 1 [N, H, W].
+    /// Confidence, at least 1 `[N, H, W]`.
     pub confidence: Var<'t, T>,
 }
 

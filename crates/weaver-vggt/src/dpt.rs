@@ -22,7 +22,7 @@ pub struct DptConfig {
 /// Tokens of a backbone, as a dense head reads them.
 #[derive(Clone, Copy, Debug)]
 pub struct DenseTokens<'a, 't, T: Real = f32> {
-    /// Four layers of tokens, fine to coarse, each [.., P, C] with equal leading dimensions.
+    /// Four layers of tokens, fine to coarse, each `[.., P, C]` with equal leading dimensions.
     pub layers: &'a [Var<'t, T>],
     /// Tokens before the first patch; they are not read.
     pub special: usize,
@@ -87,7 +87,7 @@ impl DptHead {
         }
     }
 
-    /// Maps [N, width, H, W], one for each of the N views that the leading dimensions hold.
+    /// Maps `[N, width, H, W]`, one for each of the N views that the leading dimensions hold.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, tokens: DenseTokens<'_, 't, T>) -> Var<'t, T> {
         assert!(tokens.layers.len() == 4, "a dense head reads four layers of tokens, not {}", tokens.layers.len());
         let maps: [Var<'t, T>; 4] = std::array::from_fn(|i| self.level(cx, tokens, i));
@@ -102,7 +102,7 @@ impl DptHead {
         resized(x, tokens.image)
     }
 
-    /// One layer's tokens as maps [N, features, h, w] of that level's size.
+    /// One layer's tokens as maps `[N, features, h, w]` of that level's size.
     fn level<'t, T: Real>(&self, cx: Context<'t, T>, tokens: DenseTokens<'_, 't, T>, i: usize) -> Var<'t, T> {
         let _scope = cx.scope(format_args!("projects.{i}"));
         let all = tokens.layers[i];

@@ -14,7 +14,7 @@ pub struct FeatureHeadConfig {
     pub merger: usize,
 }
 
-/// What a [`FeatureHead`] gives, both [N, width, H, W].
+/// What a [`FeatureHead`] gives, both `[N, width, H, W]`.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelFeatures<'t, T: Real = f32> {
     /// E: the trunk's maps plus the image's own features plus positions.
@@ -46,7 +46,7 @@ impl FeatureHead {
         }
     }
 
-    /// Runs on tokens and their images [.., 3, H, W] in [0, 1] (not normalised).
+    /// Runs on tokens and their images `[.., 3, H, W]` in `[0, 1]` (not normalised).
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, T>,

@@ -22,7 +22,7 @@ impl ResidualConvUnit {
         }
     }
 
-    /// Maps [N, C, h, w] to the same shape.
+    /// Maps `[N, C, h, w]` to the same shape.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, x: Var<'t, T>) -> Var<'t, T> {
         let x = x.relu();
         let hidden = self.conv1.forward(cx, x).relu();
@@ -64,7 +64,7 @@ impl FusionBlock {
     }
 }
 
-/// Bilinear resize of maps [N, C, h, w] with aligned corners; nothing happens at equal size.
+/// Bilinear resize of maps `[N, C, h, w]` with aligned corners; nothing happens at equal size.
 pub(crate) fn resized<T: Real>(maps: Var<'_, T>, size: [usize; 2]) -> Var<'_, T> {
     if [maps.shape()[2], maps.shape()[3]] == size { maps } else { maps.bilinear(size[0], size[1], true) }
 }

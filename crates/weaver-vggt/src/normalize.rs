@@ -3,7 +3,7 @@
 use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 
-/// Mean of ImageNet's red, green and blue in [0, 1]; single precision, as the published code has it.
+/// Mean of ImageNet's red, green and blue in `[0, 1]`; single precision, as the published code has it.
 pub const IMAGENET_MEAN: [f32; 3] = [0.485, 0.456, 0.406];
 /// Standard deviation of the same.
 pub const IMAGENET_STD: [f32; 3] = [0.229, 0.224, 0.225];
@@ -53,7 +53,7 @@ impl<T: Real> Op<T> for NormalizeImage {
 
 /// (x - mean) / std per colour channel, with ImageNet's statistics.
 ///
-/// `images` [.., 3, H, W] in [0, 1] gives the same shape. Differentiable.
+/// `images` `[.., 3, H, W]` in `[0, 1]` gives the same shape. Differentiable.
 #[track_caller]
 pub fn normalize_image<T: Real>(images: Var<'_, T>) -> Var<'_, T> {
     let [y] = images.tape().apply(NormalizeImage, &[images]);

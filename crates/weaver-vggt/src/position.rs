@@ -14,7 +14,7 @@ struct AddPosition {
     width: usize,
 }
 
-/// Fills `[sin | cos]` of every frequency at every coordinate: [2 * frequencies, n].
+/// Fills `[sin | cos]` of every frequency at every coordinate: `[2 * frequencies, n]`.
 ///
 /// Coordinates run evenly from -reach (n - 1) / n to +reach (n - 1) / n: the middles of n cells.
 fn waves<T: Real>(out: &mut [T], frequencies: usize, n: usize, reach: f64) {
@@ -35,7 +35,7 @@ impl<T: Real> Op<T> for AddPosition {
 
     fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
         ensure_shape!(
-            ins.len() == 1 && ins[0].rank() == 4 && ins[0][1] % 4 == 0,
+            ins.len() == 1 && ins[0].rank() == 4 && ins[0][1].is_multiple_of(4),
             "maps [N, C, h, w] with C divisible by 4"
         );
         Ok(Shapes::one(ins[0]))
@@ -84,8 +84,8 @@ impl<T: Real> Op<T> for AddPosition {
 ///
 /// The channels are four equal parts: sin(x omega_k), cos(x omega_k), sin(y omega_k), cos(y omega_k), with omega_k =
 /// 100^(-k / (C / 4)); (x, y) are the middles of the map's cells where the image spans +-(W, H) / |(W, H)|. `maps`
-/// [N, C, h, w] of any size, C divisible by 4, give the same shape. Differentiable. From the DPT heads of VGGT (Wang et
-/// al. 2025, arXiv 2503.11651).
+/// `[N, C, h, w]` of any size, C divisible by 4, give the same shape. Differentiable. From the DPT heads of VGGT (Wang
+/// et al. 2025, arXiv 2503.11651).
 #[track_caller]
 pub fn add_position<T: Real>(maps: Var<'_, T>, height: usize, width: usize) -> Var<'_, T> {
     let [y] = maps.tape().apply(AddPosition { height, width }, &[maps]);

@@ -40,13 +40,13 @@ impl PatchEmbed {
         Self { proj, patch }
     }
 
-    /// Tokens [N, h w, D], row by row, of images [N, 3, H, W] whose sides are multiples of the patch.
+    /// Tokens `[N, h w, D]`, row by row, of images `[N, 3, H, W]` whose sides are multiples of the patch.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, images: Var<'t, T>) -> Var<'t, T> {
         let _scope = cx.scope("patch_embed");
         let shape = images.shape();
         let p = self.patch;
         assert!(
-            shape.rank() == 4 && shape[2] % p == 0 && shape[3] % p == 0,
+            shape.rank() == 4 && shape[2].is_multiple_of(p) && shape[3].is_multiple_of(p),
             "images [N, 3, H, W] with sides that are multiples of {p}, not {shape}"
         );
         let maps = self.proj.forward(cx, images);
@@ -96,7 +96,7 @@ impl VisionTransformer {
         }
     }
 
-    /// Patch tokens [N, h w, D], row by row, of normalised images [N, 3, H, W].
+    /// Patch tokens `[N, h w, D]`, row by row, of normalised images `[N, 3, H, W]`.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, images: Var<'t, T>) -> Var<'t, T> {
         let shape = images.shape();
         let patches = self.patch_embed.forward(cx, images);
@@ -112,7 +112,7 @@ impl VisionTransformer {
         self.norm.forward(cx, x.slice(1, 1 + self.config.registers, count))
     }
 
-    /// The class token's position [1, 1, D] and those of a grid of patches [1, rows columns, D].
+    /// The class token's position `[1, 1, D]` and those of a grid of patches `[1, rows columns, D]`.
     fn positions<'t, T: Real>(&self, cx: Context<'t, T>, rows: usize, columns: usize) -> (Var<'t, T>, Var<'t, T>) {
         let [table_rows, table_columns] = self.config.table;
         let dim = self.config.dim;

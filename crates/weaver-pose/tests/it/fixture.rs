@@ -103,21 +103,17 @@ impl Fixture {
     pub fn check(&self, key: &str, found: &[f32]) {
         let expected = &self.array(key).data;
         assert_eq!(found.len(), expected.len(), "{key}");
-        let difference = |f: fn(f64, f64) -> f64| {
-            found.iter().zip(expected).fold(0.0, |sum, (a, b)| f(sum, f64::from(*a) - f64::from(*b)))
-        };
-        let magnitude = |f: fn(f64, f64) -> f64| expected.iter().fold(0.0, |sum, b| f(sum, f64::from(*b)));
-        let (square, largest): (fn(f64, f64) -> f64, fn(f64, f64) -> f64) =
-            (|sum, x| sum + x * x, |max, x| if x.is_nan() { x } else { max.max(x.abs()) });
+        let difference = || found.iter().zip(expected).map(|(a, b)| f64::from(*a) - f64::from(*b));
+        let magnitude = || expected.iter().map(|b| f64::from(*b));
         if self.exact_zeros.iter().any(|zero| zero == key) {
-            let worst = difference(largest);
+            let worst = largest(difference());
             assert!(worst <= 1e-4, "{key}: {worst:.2e}, where exact arithmetic gives 0");
             return;
         }
         let relative = |found: f64, of: f64| if of == 0.0 { found } else { found / of };
         let errors = [
-            relative(difference(square).sqrt(), magnitude(square).sqrt()),
-            relative(difference(largest), magnitude(largest)),
+            relative(length(difference()), length(magnitude())),
+            relative(largest(difference()), largest(magnitude())),
         ];
         let budget = self.errors.get(key).unwrap_or_else(|| panic!("the file does not say what f32 costs {key}"));
         for (error, f32_error) in errors.iter().zip(budget) {
@@ -155,4 +151,13 @@ impl Fixture {
         let stats = self.arrays.keys().filter(|key| key.starts_with("gradstat.")).count();
         assert_eq!(compared, stats, "gradients compared, of those in the file");
     }
+}
+
+fn length(values: impl Iterator<Item = f64>) -> f64 {
+    values.map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// The largest absolute value; NaN if there is one.
+fn largest(values: impl Iterator<Item = f64>) -> f64 {
+    values.fold(0.0, |max, x| if x.abs() > max || x.is_nan() { x.abs() } else { max })
 }
