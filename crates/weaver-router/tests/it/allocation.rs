@@ -42,7 +42,9 @@ proptest! {
     }
 
     #[test]
-    fn dithering_is_the_recipe(views in 1..6usize, tiles in (1..4usize, 1..4usize), budget in 0.0..=1.0f64, seed in 0..1000u64) {
+    fn dithering_is_the_recipe(
+        views in 1..6usize, tiles in (1..4usize, 1..4usize), budget in 0.0..=1.0f64, seed in 0..1000u64
+    ) {
         let (height, width) = (8 * tiles.0, 8 * tiles.1);
         let pixels = views * height * width;
         let (logits, energy) = (normals(seed, 4 * pixels), vec![1.0; pixels]);

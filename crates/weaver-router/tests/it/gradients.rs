@@ -37,7 +37,8 @@ proptest! {
 
     #[test]
     fn gated_rows(rows in 0..5usize, width in 1..6usize, expert in 0..3usize, seed in 0..1000u64) {
-        let pixels: Vec<u32> = Stream::new(seed, 0, "pixels").permutation(6)[..rows].iter().map(|&p| p as u32).collect();
+        let order = Stream::new(seed, 0, "pixels").permutation(6);
+        let pixels: Vec<u32> = order[..rows].iter().map(|&p| p as u32).collect();
         let inputs = [Input::normal(seed, [rows, width]), Input::normal(seed + 1, [6, 3])];
         gradcheck(&inputs, |x| vec![gate(x[0], x[1], &pixels, expert)]);
     }

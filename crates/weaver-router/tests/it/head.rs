@@ -220,3 +220,19 @@ fn the_bits_do_not_depend_on_the_number_of_threads() {
     assert_eq!(one, bits(on(2)));
     assert_eq!(one, bits(on(5)));
 }
+
+#[test]
+fn a_repeated_step_takes_no_new_memory_from_the_pool() {
+    let model = Model::new(config(Parametrisation::footprint()));
+    let mut tape = Tape::new();
+    let mut step = || {
+        let (_, g) = model.run(&tape, &Sampled);
+        (g.means.sum() + g.scales.sum() + g.quats.sum() + g.opacities.sum() + g.sh.sum()).backward();
+        drop(g);
+        tape.reset();
+        tape.pool().allocated_bytes()
+    };
+    step();
+    let second = step();
+    assert_eq!(step(), second);
+}

@@ -6,3 +6,4 @@ mod gradients;
 mod head;
 mod neighbors;
 mod parity;
+mod reference;
