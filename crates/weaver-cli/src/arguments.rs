@@ -1,7 +1,10 @@
 //! What can be asked on the command line, and the help texts.
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
+use weaver_router::AllocationKind;
+use weaver_trainer::Cameras;
 
 /// The whole command line.
 #[derive(Debug, Parser)]
@@ -27,9 +30,125 @@ pub struct CommandLine {
 /// One command.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    Train(Train),
+    Eval(Eval),
+    Infer(Infer),
     Render(Render),
     Info(Info),
     Completions(Completions),
+}
+
+/// Trains a model and writes a run folder: checkpoint, logs, sample pictures, report.html.
+///
+/// Without --data it trains on built-in procedural scenes. Ctrl-C saves a checkpoint and ends; --resume goes on to the
+/// same bits as an uninterrupted run.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver train
+  splatweaver train --preset micro --steps 20 --out /tmp/try
+  splatweaver train --data fox --data fern --set stages.1.rate=5e-4 --set data.pool=8
+  splatweaver train --resume runs/tiny-1")]
+pub struct Train {
+    /// Where the configuration starts from: micro, tiny, tiny-published or small [default: the file's, or tiny]
+    #[arg(long)]
+    pub preset: Option<String>,
+    /// Folder of a capture (COLMAP, transforms.json, NeRF-synthetic, RealEstate10K); may be repeated
+    #[arg(long, value_name = "DIR")]
+    pub data: Vec<PathBuf>,
+    /// Folder of the run [default: the first free runs/PRESET-N]
+    #[arg(long, value_name = "RUN")]
+    pub out: Option<PathBuf>,
+    /// Steps in all; the stages are rescaled in proportion
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub steps: Option<u32>,
+    /// Seed of weights, data order and noise
+    #[arg(long, value_name = "S")]
+    pub seed: Option<u64>,
+    /// Goes on with this run, with its own configuration
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["preset", "data", "out", "steps", "seed", "settings", "config"])]
+    pub resume: Option<PathBuf>,
+    /// Sets a configuration value by its path, list entries by number; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub settings: Vec<String>,
+    /// Configuration file (TOML) between the preset and the flags
+    #[arg(long, value_name = "F")]
+    pub config: Option<PathBuf>,
+    /// Threads; 0 takes one per core. Does not change results [default: the configuration's, which is 0]
+    #[arg(long, value_name = "T")]
+    pub threads: Option<usize>,
+}
+
+/// Renders held-out views from the Gaussians of their nearest training views and compares them with the photos.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver eval --run runs/mine
+  splatweaver eval --run runs/mine --data ramen --cameras given --allocation grid --budget 0.25
+  splatweaver eval --run runs/mine --unseen --json > unseen.json")]
+pub struct Eval {
+    /// The run folder
+    #[arg(long)]
+    pub run: PathBuf,
+    /// Folder of a capture; may be repeated [default: the data of the run]
+    #[arg(long, value_name = "DIR")]
+    pub data: Vec<PathBuf>,
+    /// The four built-in procedural scenes that are never trained on
+    #[arg(long, conflicts_with = "data")]
+    pub unseen: bool,
+    /// Context views for each held-out view [default: the run's]
+    #[arg(long, value_name = "V")]
+    pub views: Option<usize>,
+    /// Whose cameras the context has [default: the run's]
+    #[arg(long, value_parser = cameras())]
+    pub cameras: Option<Cameras>,
+    #[command(flatten)]
+    pub dial: Dial,
+    /// Also LPIPS, with the weights in this safetensors file
+    #[arg(long, value_name = "WEIGHTS")]
+    pub lpips: Option<PathBuf>,
+    /// Prints the figures as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+/// Turns photos into Gaussians, cameras, renders, depth and expert maps.
+///
+/// Writes scene.ply, transforms.json, a COLMAP model in sparse/0, the folders input, render, depth and experts, and
+/// overview.png.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver infer --run runs/mine a.jpg b.jpg c.jpg d.jpg -o result
+  splatweaver infer --run runs/mine photos --budget 0.2 -o compact
+  splatweaver infer --run runs/mine photos/*.jpg --cameras transforms.json -o posed")]
+pub struct Infer {
+    /// The run folder
+    #[arg(long)]
+    pub run: PathBuf,
+    /// Photos (PNG, JPEG), or folders of photos; the first one's camera becomes the origin
+    #[arg(required = true)]
+    pub images: Vec<PathBuf>,
+    /// Cameras of the photos, matched by file name: transforms.json or a folder with a COLMAP model
+    #[arg(long, value_name = "FILE")]
+    pub cameras: Option<PathBuf>,
+    #[command(flatten)]
+    pub dial: Dial,
+    /// Folder for the results
+    #[arg(short, long, value_name = "DIR")]
+    pub out: PathBuf,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+/// Which pixels get Gaussians, and how many.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct Dial {
+    /// Gaussians per pixel, 0 to 1, for dithered, grid and random [default: the run's]
+    #[arg(long, value_name = "G")]
+    pub budget: Option<f64>,
+    /// sampled, argmax, dithered, grid, random or fixed:K [default: the run's]
+    #[arg(long, value_name = "A")]
+    pub allocation: Option<AllocationKind>,
 }
 
 /// Draws a PLY file of Gaussians from given cameras or along an orbit.
@@ -93,6 +212,10 @@ pub struct Threads {
     /// Threads; 0 takes one per core. Does not change results
     #[arg(long, value_name = "T", default_value_t = 0)]
     pub threads: usize,
+}
+
+fn cameras() -> impl TypedValueParser<Value = Cameras> {
+    PossibleValuesParser::new(["predicted", "given"]).try_map(|name| name.parse::<Cameras>())
 }
 
 fn colour(text: &str) -> Result<[f32; 3], String> {

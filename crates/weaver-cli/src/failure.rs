@@ -8,7 +8,7 @@ use std::io;
 pub enum Failure {
     /// The arguments make no sense together: exit code 2.
     Usage(String),
-    /// Something went wrong: exit code 1.
+    /// Something went wrong: exit code 1, or 2 where the trainer finds the arguments at odds.
     Error(Box<dyn Error + Send + Sync>),
     /// Nobody reads the output any more, which is their good right: exit code 0.
     NobodyListens,
@@ -38,7 +38,10 @@ impl Failure {
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::NobodyListens => 0,
-            Self::Error(_) => 1,
+            Self::Error(error) => match error.downcast_ref() {
+                Some(weaver_trainer::Error::Usage(_)) => 2,
+                _ => 1,
+            },
             Self::Usage(_) => 2,
         }
     }

@@ -6,25 +6,27 @@ mod arguments;
 mod cameras;
 mod completions;
 mod console;
+mod eval;
 mod failure;
+mod infer;
 mod info;
+mod interrupt;
 mod progress;
 mod render;
+mod train;
 
 pub use console::Console;
+pub use interrupt::Interrupt;
 
 use arguments::{Command, CommandLine};
 use clap::Parser;
 use failure::Failure;
 use std::ffi::OsString;
-use std::sync::atomic::AtomicBool;
 
 /// Runs one command line, the program's name first, and returns the exit code: 0 fine, 1 error, 2 usage.
-///
-/// `stop` asks a long job to save what it has and come back.
-pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console, stop: &AtomicBool) -> u8 {
+pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console, interrupt: &Interrupt) -> u8 {
     let result = match CommandLine::try_parse_from(arguments) {
-        Ok(line) => dispatch(line.command, console, stop),
+        Ok(line) => dispatch(line.command, console, interrupt),
         Err(error) if error.use_stderr() => {
             console.note(error.render().to_string().trim_end());
             return 2;
@@ -39,9 +41,12 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
     failure.exit_code()
 }
 
-fn dispatch(command: Command, console: &mut Console, stop: &AtomicBool) -> Result<(), Failure> {
+fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     match command {
-        Command::Render(arguments) => in_pool(arguments.threads.threads, || render::run(&arguments, console, stop)),
+        Command::Train(arguments) => train::run(&arguments, console, interrupt),
+        Command::Eval(arguments) => in_pool(arguments.threads.threads, || eval::run(&arguments, console)),
+        Command::Infer(arguments) => in_pool(arguments.threads.threads, || infer::run(&arguments, console)),
+        Command::Render(arguments) => in_pool(arguments.threads.threads, || render::run(&arguments, console)),
         Command::Info(arguments) => info::run(&arguments, console),
         Command::Completions(arguments) => completions::run(&arguments, console),
     }

@@ -3,11 +3,9 @@
 use std::io::{self, IsTerminal, Write};
 use std::panic::{self, AssertUnwindSafe};
 use std::process::{self, ExitCode};
-use std::sync::atomic::{AtomicBool, Ordering};
-use weaver_cli::Console;
+use weaver_cli::{Console, Interrupt};
 
-/// Set by the first Ctrl-C.
-static STOP: AtomicBool = AtomicBool::new(false);
+static INTERRUPT: Interrupt = Interrupt::new();
 /// What shells report for a process that Ctrl-C ended.
 const INTERRUPTED: i32 = 130;
 
@@ -18,7 +16,7 @@ fn main() -> ExitCode {
         say(&format!("error: internal error{place}: {message}; please report it"));
     }));
     let handler = || {
-        if STOP.swap(true, Ordering::Relaxed) {
+        if !INTERRUPT.request() {
             process::exit(INTERRUPTED);
         }
         say("stopping after this step; again to stop at once");
@@ -29,7 +27,7 @@ fn main() -> ExitCode {
     let (mut stdout, mut stderr) = (io::stdout(), io::stderr());
     let terminal = stderr.is_terminal();
     let mut console = Console { stdout: &mut stdout, stderr: &mut stderr, terminal };
-    let run = AssertUnwindSafe(|| weaver_cli::run(std::env::args_os(), &mut console, &STOP));
+    let run = AssertUnwindSafe(|| weaver_cli::run(std::env::args_os(), &mut console, &INTERRUPT));
     ExitCode::from(panic::catch_unwind(run).unwrap_or(1))
 }
 

@@ -6,7 +6,6 @@ use crate::cameras::{self, NamedCamera, Size};
 use crate::failure::Failure;
 use crate::progress::Progress;
 use std::f64::consts::FRAC_PI_3;
-use std::sync::atomic::{AtomicBool, Ordering};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
 use weaver_io::{Image, SplatPly};
@@ -15,7 +14,7 @@ use weaver_splat::{Cameras, Colour, Gaussians, Images, RasterSettings, Workspace
 /// Width of an orbit's pictures.
 const WIDTH: usize = 640;
 
-pub fn run(arguments: &Render, console: &mut Console, stop: &AtomicBool) -> Result<(), Failure> {
+pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
     let splats = SplatPly::read(&arguments.scene)?;
     let cameras = match (&arguments.cameras, arguments.orbit) {
@@ -29,10 +28,6 @@ pub fn run(arguments: &Render, console: &mut Console, stop: &AtomicBool) -> Resu
     let mut workspace = Workspace::new();
     let mut progress = Progress::new("render", 0, cameras.len(), console);
     for (i, (view, stem)) in cameras.iter().zip(cameras::stems(&cameras)).enumerate() {
-        if stop.load(Ordering::Relaxed) {
-            progress.finish();
-            return Err(Failure::message(format!("interrupted after {i} of {} pictures", cameras.len())));
-        }
         let image = scene.draw(&view.camera, arguments.background, &mut workspace)?;
         image.write_png(arguments.out.join(format!("{stem}.png")))?;
         progress.at(i + 1, cameras.len(), String::new, console);

@@ -1,0 +1,116 @@
+//! The binary as a process: exit codes, closed pipes, signals, a full disk.
+
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+const BINARY: &str = env!("CARGO_BIN_EXE_splatweaver");
+
+fn splatweaver(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(BINARY).current_dir(folder).args(arguments).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn exit_codes_tell_what_happened() {
+    let folder = tempfile::tempdir().unwrap();
+    let cases: [(&[&str], i32); 3] = [(&["--version"], 0), (&["info", "nothing.ply"], 1), (&["info"], 2)];
+    for (arguments, code) in cases {
+        let done = splatweaver(folder.path(), arguments);
+        assert_eq!(done.status.code(), Some(code), "{arguments:?}: {}", text(&done.stderr));
+    }
+    let done = splatweaver(folder.path(), &["info", "nothing.ply"]);
+    assert_eq!(text(&done.stderr).lines().count(), 1);
+    assert!(text(&done.stderr).starts_with("error: nothing.ply: "), "{}", text(&done.stderr));
+}
+
+#[cfg(unix)]
+mod unix {
+    use super::*;
+    use std::io::{BufRead, BufReader};
+
+    #[test]
+    fn a_reader_that_leaves_is_no_panic() {
+        let child = Command::new(BINARY)
+            .args(["completions", "bash"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut child = child;
+        drop(child.stdout.take());
+        let done = child.wait_with_output().unwrap();
+        assert_eq!((done.status.code(), text(&done.stderr)), (Some(0), String::new()));
+    }
+
+    #[test]
+    fn a_full_disk_leaves_the_old_checkpoint() {
+        let folder = tempfile::tempdir().unwrap();
+        let checkpoint = folder.path().join("run/checkpoint.safetensors");
+        let out = ["train", "--preset", "micro", "--out", "run", "--set", "output.checkpoint_every=1"];
+        let done = interrupted(folder.path(), &out);
+        assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+        let before = std::fs::read(&checkpoint).unwrap();
+        // Files of at most 8 blocks; without the signal, so that writing fails as on a full disk.
+        let script = "trap '' XFSZ; ulimit -f 8; exec \"$0\" train --resume run";
+        let done = Command::new("sh").args(["-c", script, BINARY]).current_dir(folder.path()).output().unwrap();
+        let stderr = text(&done.stderr);
+        assert_eq!(done.status.code(), Some(1), "{stderr}");
+        let error = stderr.lines().last().unwrap();
+        assert!(error.starts_with("error: run/") && error.contains("File too large"), "{stderr}");
+        assert_eq!(std::fs::read(&checkpoint).unwrap(), before);
+        let left: Vec<_> =
+            std::fs::read_dir(folder.path().join("run")).unwrap().map(|e| e.unwrap().file_name()).collect();
+        assert!(left.iter().all(|name| !name.to_string_lossy().starts_with('.')), "{left:?}");
+    }
+
+    #[test]
+    fn an_interrupted_run_goes_on_to_the_same_weights() {
+        let folder = tempfile::tempdir().unwrap();
+        let steps = ["--preset", "micro", "--steps", "40", "--set", "output.sample_every=1000"];
+        let whole = [&["train", "--out", "whole"][..], &steps].concat();
+        let parts = [&["train", "--out", "parts"][..], &steps].concat();
+        assert!(splatweaver(folder.path(), &whole).status.success());
+        let done = interrupted(folder.path(), &parts);
+        let stderr = text(&done.stderr);
+        assert_eq!(done.status.code(), Some(0), "{stderr}");
+        assert!(stderr.contains("splatweaver train --resume parts"), "{stderr}");
+        assert!(splatweaver(folder.path(), &["train", "--resume", "parts"]).status.success());
+        let checksum = |run: &str| {
+            let summary = std::fs::read_to_string(folder.path().join(run).join("summary.json")).unwrap();
+            let line = summary.lines().find(|l| l.contains("\"checksum\"")).unwrap().to_string();
+            (line, summary.contains("\"steps\": 40"))
+        };
+        assert_eq!(checksum("parts"), checksum("whole"));
+        assert!(checksum("parts").1);
+    }
+
+    /// Starts a training run and presses Ctrl-C as soon as the first step is logged.
+    fn interrupted(folder: &Path, arguments: &[&str]) -> Output {
+        let mut child = Command::new(BINARY)
+            .current_dir(folder)
+            .args(arguments)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut stderr = BufReader::new(child.stderr.take().unwrap());
+        let mut said = String::new();
+        while !said.contains("run folder") {
+            assert!(stderr.read_line(&mut said).unwrap() > 0, "ended early: {said}");
+        }
+        let run = said.split("run folder ").nth(1).unwrap().trim().to_string();
+        let log = folder.join(run).join("metrics.jsonl");
+        while std::fs::read_to_string(&log).map_or(true, |t| t.is_empty()) {
+            assert!(child.try_wait().unwrap().is_none(), "ended before the first step");
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        let id = child.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+        std::io::Read::read_to_string(&mut stderr, &mut said).unwrap();
+        let done = child.wait_with_output().unwrap();
+        Output { stderr: said.into_bytes(), ..done }
+    }
+}

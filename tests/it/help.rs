@@ -1,0 +1,48 @@
+//! Help texts and shell completions.
+
+use crate::command::splatweaver;
+
+#[test]
+fn every_command_explains_itself_with_an_example() {
+    for command in ["train", "eval", "infer", "render", "info", "completions"] {
+        let done = splatweaver(&[&command, &"--help"]).fine();
+        assert!(done.stdout.contains(&format!("Usage: splatweaver {command}")), "{}", done.stdout);
+        assert!(done.stdout.contains(&format!("  splatweaver {command} ")) || command == "train", "{}", done.stdout);
+        assert!(done.stdout.contains("Example") && done.stderr.is_empty(), "{}", done.stdout);
+        let all = splatweaver(&[&"--help"]).fine();
+        assert!(all.stdout.contains(&format!("  {command} ")), "{}", all.stdout);
+    }
+}
+
+#[test]
+fn the_version_is_the_package_s() {
+    let done = splatweaver(&[&"--version"]).fine();
+    assert_eq!(done.stdout.trim(), format!("splatweaver {}", env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn wrong_usage_is_code_2() {
+    let wrong: [&[&dyn AsRef<std::ffi::OsStr>]; 8] = [
+        &[],
+        &[&"trian"],
+        &[&"eval"],
+        &[&"eval", &"--run", &"x", &"--cameras", &"stolen"],
+        &[&"eval", &"--run", &"x", &"--unseen", &"--data", &"y"],
+        &[&"train", &"--resume", &"x", &"--steps", &"5"],
+        &[&"render", &"x.ply", &"-o", &"y"],
+        &[&"render", &"x.ply", &"-o", &"y", &"--orbit", &"3", &"--background", &"red"],
+    ];
+    for line in wrong {
+        let done = splatweaver(line);
+        assert_eq!(done.code, 2);
+        assert!(done.stdout.is_empty() && !done.stderr.is_empty());
+    }
+}
+
+#[test]
+fn shells_get_their_completions() {
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let done = splatweaver(&[&"completions", &shell]).fine();
+        assert!(done.stdout.contains("splatweaver") && done.stdout.contains("--budget"), "{shell}");
+    }
+}

@@ -1,0 +1,13 @@
+//! The command line from end to end: what it makes, and what it says to bad input.
+
+mod capture;
+mod checkpoints;
+mod command;
+mod configuration;
+mod divergence;
+mod help;
+mod info;
+mod inputs;
+mod photos;
+mod render;
+mod run;

@@ -1,0 +1,113 @@
+//! `render` from every source of cameras.
+
+use crate::capture;
+use crate::command::splatweaver;
+use std::path::{Path, PathBuf};
+use weaver_geometry::Pose;
+use weaver_geometry::glam::DVec3;
+use weaver_io::realestate::{Clip, ClipFrame};
+use weaver_io::{Background, Image, SplatPly};
+
+/// A red Gaussian before a large blue one, on the z axis.
+pub fn splats() -> SplatPly {
+    SplatPly {
+        means: vec![[0.0, 0.0, 2.0], [0.0, 0.0, 3.0]],
+        log_scales: vec![[-2.0; 3], [0.0; 3]],
+        quats: vec![[1.0, 0.0, 0.0, 0.0]; 2],
+        opacity_logits: vec![8.0, 8.0],
+        sh: vec![1.7, -1.7, -1.7, -1.7, -1.7, 1.7],
+        degree: 0,
+    }
+}
+
+fn scene(folder: &Path) -> PathBuf {
+    let path = folder.join("scene.ply");
+    splats().write(&path).unwrap();
+    path
+}
+
+fn clip(folder: &Path) -> PathBuf {
+    let path = folder.join("clip.txt");
+    let frame = |i: u64| ClipFrame {
+        timestamp: 1000 * i,
+        normalised: [0.8, 1.0, 0.5, 0.5],
+        pose: Pose::new(Default::default(), DVec3::new(0.1 * i as f64, 0.0, 0.0)),
+    };
+    Clip { url: "http://example.org".into(), frames: (0..3).map(frame).collect() }.write(&path).unwrap();
+    path
+}
+
+#[test]
+fn a_clip_needs_a_size_and_gets_a_picture_per_camera() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, clip, out) = (scene(folder.path()), clip(folder.path()), folder.path().join("out"));
+    splatweaver(&[&"render", &scene, &"--cameras", &clip, &"-o", &out]).refused(2, &["--width", "clip.txt"]);
+    let size: [&str; 6] = ["--width", "20", "--height", "16", "--background", "0,1,0"];
+    let mut line: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"render", &scene, &"--cameras", &clip, &"-o", &out];
+    line.extend(size.iter().map(|s| s as &dyn AsRef<std::ffi::OsStr>));
+    let done = splatweaver(&line).fine();
+    assert!(done.stdout.contains("3 pictures of 2 Gaussians"), "{}", done.stdout);
+    for name in ["0.png", "1000.png", "2000.png"] {
+        assert_eq!(Image::dimensions(out.join(name)).unwrap(), (20, 16));
+    }
+    let image = Image::read(out.join("0.png"), Background::Black).unwrap();
+    let pixel = |x: usize, y: usize| &image.pixels[(y * 20 + x) * 3..][..3];
+    let middle = pixel(10, 8);
+    assert!(middle[0] > 0.8 && middle[1] < 0.1, "red in the middle: {middle:?}");
+    let corner = pixel(0, 0);
+    assert!(corner[0] < 0.1 && corner[1] + corner[2] > 0.9, "blue and background in the corner: {corner:?}");
+}
+
+#[test]
+fn transforms_and_colmap_give_the_same_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = scene(folder.path());
+    let transforms = capture::transforms(folder.path(), 2);
+    capture::colmap(folder.path(), 2);
+    // Nobody needs the photos here.
+    std::fs::remove_dir_all(folder.path().join("images")).unwrap();
+    let (a, b) = (folder.path().join("a"), folder.path().join("b"));
+    splatweaver(&[&"render", &scene, &"--cameras", &transforms, &"--width", &"60", &"-o", &a]).fine();
+    splatweaver(&[&"render", &scene, &"--cameras", &folder.path(), &"--width", &"60", &"-o", &b]).fine();
+    for name in ["00.png", "01.png"] {
+        assert_eq!(Image::dimensions(a.join(name)).unwrap(), (60, 48));
+        let read = |folder: &Path| Image::read(folder.join(name), Background::Black).unwrap().to_bytes();
+        let differ = read(&a).iter().zip(read(&b)).any(|(x, y)| x.abs_diff(y) > 1);
+        assert!(!differ, "{name}");
+    }
+}
+
+#[test]
+fn an_orbit_goes_around() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, out) = (scene(folder.path()), folder.path().join("out"));
+    splatweaver(&[&"render", &scene, &"--orbit", &"4", &"--width", &"32", &"-o", &out]).fine();
+    let middle = |name: &str| {
+        let image = Image::read(out.join(name), Background::Black).unwrap();
+        assert_eq!((image.width, image.height), (32, 24));
+        let at = (12 * 32 + 16) * 3;
+        [image.pixels[at], image.pixels[at + 2]]
+    };
+    let (front, back) = (middle("0000.png"), middle("0002.png"));
+    assert!(front[0] > front[1], "the red one is in front: {front:?}");
+    assert!(back[1] > back[0], "the blue one is, from behind: {back:?}");
+}
+
+#[test]
+fn files_that_cannot_be_rendered_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, cameras, out) = (folder.path().join("scene.ply"), clip(folder.path()), folder.path().join("out"));
+    let render =
+        || splatweaver(&[&"render", &path, &"--cameras", &cameras, &"-o", &out, &"--width", &"8", &"--height", &"8"]);
+    render().refused(1, &["scene.ply"]);
+    scene(folder.path());
+    render().fine();
+    let whole = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &whole[..whole.len() - 9]).unwrap();
+    render().refused(1, &["scene.ply", "vertex"]);
+    SplatPly::default().write(&path).unwrap();
+    splatweaver(&[&"render", &path, &"--orbit", &"3", &"-o", &out]).refused(1, &["scene.ply", "found none"]);
+    std::fs::write(&path, whole).unwrap();
+    std::fs::write(&cameras, "http://example.org\n").unwrap();
+    render().refused(1, &["clip.txt", "at least one camera"]);
+}
