@@ -1,7 +1,7 @@
 //! Small functions of a few numbers, applied to every row of a tensor.
 
 use std::fmt::Debug;
-use weaver_autograd::{Dual, Grad, Op, Pool, Real, Shape, ShapeError, Shapes, View, ViewMut, ensure_shape};
+use weaver_autograd::{Dual, Grad, MAX_RANK, Op, Pool, Real, Shape, ShapeError, Shapes, View, ViewMut, ensure_shape};
 
 /// A function from `N` numbers to `M`, written once on dual numbers: forward and derivative cannot disagree.
 ///
@@ -24,6 +24,16 @@ pub(crate) struct RowMapOp<F, const N: usize, const M: usize>(pub F);
 
 fn size(dims: &[usize]) -> usize {
     dims.iter().product()
+}
+
+/// The shape with dimensions `leading`, then `last`.
+pub(crate) fn joined(leading: &[usize], last: &[usize]) -> Shape {
+    let rank = leading.len() + last.len();
+    assert!(rank <= MAX_RANK, "{leading:?} and {last:?} together are too many dimensions");
+    let mut dims = [0; MAX_RANK];
+    dims[..leading.len()].copy_from_slice(leading);
+    dims[leading.len()..rank].copy_from_slice(last);
+    Shape::new(&dims[..rank])
 }
 
 impl<F: RowMap<N, M>, const N: usize, const M: usize> RowMapOp<F, N, M> {
@@ -58,9 +68,7 @@ impl<T: Real, F: RowMap<N, M>, const N: usize, const M: usize> Op<T> for RowMapO
         );
         let mut shapes = Shapes::default();
         for dims in F::OUTPUTS {
-            let mut all = first.expect("checked above").dims().to_vec();
-            all.extend_from_slice(dims);
-            shapes = shapes.and(all.as_slice());
+            shapes = shapes.and(joined(first.expect("checked above").dims(), dims));
         }
         Ok(shapes)
     }

@@ -1,5 +1,6 @@
 //! Depth maps to points.
 
+use crate::row_map::joined;
 use weaver_autograd::{Buffer, Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 
@@ -110,9 +111,7 @@ impl<T: Real> Op<T> for Unproject {
             ends(&ins[1], &[3, 4]) && ends(&ins[2], &[4]),
             "w2c {leading:?} x [3, 4] and intrinsics {leading:?} x [4]"
         );
-        let mut points = depth.to_vec();
-        points.push(3);
-        Ok(Shapes::one(points.as_slice()))
+        Ok(Shapes::one(joined(depth, &[3])))
     }
 
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {

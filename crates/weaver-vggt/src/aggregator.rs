@@ -4,6 +4,7 @@ use crate::init::BackboneInit;
 use crate::normalize::normalize_image;
 use crate::vision_transformer::{VisionTransformer, VisionTransformerConfig};
 use smallvec::SmallVec;
+use std::sync::Arc;
 use weaver_autograd::ops::RopeTable;
 use weaver_autograd::{ParamId, Real, Var, ops};
 use weaver_nn::{Block, BlockConfig, Builder, Context};
@@ -108,7 +109,7 @@ impl Aggregator {
         };
         let count = special + patches.shape()[1];
         let mut x = ops::concat(&[self.special_tokens(cx, scenes, views), patches], 1);
-        let (of_view, of_scene) = (self.rope(grid, 1), self.rope(grid, views));
+        let (of_view, of_scene) = (self.rope(cx, grid, 1), self.rope(cx, grid, views));
         let mut layers: SmallVec<[Option<Var<'t, T>>; 4]> = SmallVec::from_elem(None, self.config.layers.len());
         let mut camera = None;
         for (round, (frame, global)) in self.frame_blocks.iter().zip(&self.global_blocks).enumerate() {
@@ -153,12 +154,39 @@ impl Aggregator {
         ops::concat(&[first, others], 1).reshape([scenes * views, special, dim])
     }
 
-    /// Angles of the tokens of `views` views: in each, patches at (row + 1, column + 1) after special tokens at (0, 0),
-    /// where nothing turns.
-    fn rope<T: Real>(&self, [rows, columns]: [usize; 2], views: usize) -> RopeTable<T> {
-        let special = std::iter::repeat_n([0, 0], 1 + self.config.registers);
+    /// Angles of the tokens of `views` views, made once per tape.
+    fn rope<T: Real>(&self, cx: Context<'_, T>, grid: [usize; 2], views: usize) -> Arc<RopeTable<T>> {
+        let head = self.config.encoder.dim / self.config.heads;
+        let positions = Positions { special: 1 + self.config.registers, grid, views };
+        cx.tape.pool().table((positions, head), || RopeTable::new(&positions.list(), head, ROPE_BASE))
+    }
+}
+
+/// Where the tokens of some views are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Positions {
+    special: usize,
+    grid: [usize; 2],
+    views: usize,
+}
+
+impl Positions {
+    /// In each view, patches at (row + 1, column + 1) after special tokens at (0, 0), where nothing turns.
+    fn list(&self) -> Vec<[usize; 2]> {
+        let [rows, columns] = self.grid;
         let patches = (0..rows * columns).map(|i| [i / columns + 1, i % columns + 1]);
-        let positions = special.chain(patches).collect::<Vec<_>>().repeat(views);
-        RopeTable::new(&positions, self.config.encoder.dim / self.config.heads, ROPE_BASE)
+        std::iter::repeat_n([0, 0], self.special).chain(patches).collect::<Vec<_>>().repeat(self.views)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn special_tokens_are_at_the_origin() {
+        let positions = Positions { special: 2, grid: [1, 2], views: 2 };
+        let view = [[0, 0], [0, 0], [1, 1], [1, 2]];
+        assert_eq!(positions.list(), [view, view].concat());
     }
 }

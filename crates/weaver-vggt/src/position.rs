@@ -86,6 +86,14 @@ impl<T: Real> Op<T> for AddPosition {
 /// 100^(-k / (C / 4)); (x, y) are the middles of the map's cells where the image spans +-(W, H) / |(W, H)|. `maps`
 /// `[N, C, h, w]` of any size, C divisible by 4, give the same shape. Differentiable. From the DPT heads of VGGT (Wang
 /// et al. 2025, arXiv 2503.11651).
+///
+/// ```
+/// use weaver_autograd::Tape;
+/// let tape = Tape::<f64>::new();
+/// // A map of one cell lies in the middle of the image: sin 0, cos 0, sin 0, cos 0.
+/// let map = weaver_vggt::add_position(tape.constant(&[0.0; 4], [1, 4, 1, 1]), 48, 64);
+/// assert_eq!(map.to_vec(), [0.0, 0.1, 0.0, 0.1]);
+/// ```
 #[track_caller]
 pub fn add_position<T: Real>(maps: Var<'_, T>, height: usize, width: usize) -> Var<'_, T> {
     let [y] = maps.tape().apply(AddPosition { height, width }, &[maps]);

@@ -75,3 +75,25 @@ proptest! {
         }
     }
 }
+
+/// The same bits on one thread and on four.
+#[test]
+fn any_number_of_threads() {
+    let (views, h, w) = (3, 37, 21);
+    let single = |input: Input| -> Vec<f32> { input.data.iter().map(|x| *x as f32).collect() };
+    let depth = single(Input::uniform(1, 0.5, 2.0, [views, h, w]));
+    let pose = single(Input::normal(2, [views, 3, 4]));
+    let intrinsics = single(Input::uniform(3, 1.0, 3.0, [views, 4]));
+    let cotangent = single(Input::normal(4, [views, h, w, 3]));
+    let run = |threads: usize| {
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
+            let tape = Tape::<f32>::new();
+            let x =
+                [tape.leaf(&depth, [views, h, w]), tape.leaf(&pose, [views, 3, 4]), tape.leaf(&intrinsics, [views, 4])];
+            let points = unproject(x[0], x[1], x[2], 0.5);
+            points.backward_with(&cotangent);
+            [points.to_vec(), x[0].grad().unwrap(), x[1].grad().unwrap(), x[2].grad().unwrap()]
+        })
+    };
+    assert_eq!(run(1), run(4));
+}

@@ -37,6 +37,22 @@ fn parity() {
     file.check_gradients(&params, &tape);
 }
 
+#[test]
+fn feature_parity() {
+    let Some(file) = Fixture::named("splatweaver_head_tiny.safetensors") else { return };
+    let dpt = DptConfig { dim: 64, out_channels: [8, 12, 16, 16], features: 16, width: 8 };
+    let mut params = Params::<f32>::new();
+    let config = FeatureHeadConfig { dpt, merger: 8 };
+    let head = FeatureHead::new(Builder::new(&mut params, 0).scope("gaussian_param_head"), config);
+    file.load(&mut params);
+    let tape = Tape::new();
+    let layers = [0, 1, 2, 3].map(|i| file.constant(&tape, &format!("in.tokens{i}")));
+    let tokens = DenseTokens { layers: &layers, special: 5, grid: [3, 2], image: [42, 28] };
+    let maps = head.forward(Context::new(&tape, &params), tokens, file.constant(&tape, "in.images"));
+    file.check("out.E", &maps.embedding.value());
+    file.check("out.F", &maps.features.value());
+}
+
 const MICRO: DptConfig = DptConfig { dim: 4, out_channels: [4, 4, 8, 4], features: 4, width: 8 };
 
 /// Four layers of tokens of two views with one special token each.
