@@ -29,11 +29,14 @@ proptest! {
     }
 }
 
+/// An attention of q, k and v with a scale.
+type Function = for<'t> fn(Var<'t, f64>, Var<'t, f64>, Var<'t, f64>, f64) -> Var<'t, f64>;
+
 /// Long enough for several tiles of queries and keys.
 #[test]
 fn several_tiles() {
     let inputs: Vec<Input> = (0..3).map(|i| Input::normal(i, [1, 150, 2, 8])).collect();
-    let gradients = |f: for<'t> fn(Var<'t, f64>, Var<'t, f64>, Var<'t, f64>, f64) -> Var<'t, f64>| {
+    let gradients = |f: Function| {
         let tape = Tape::<f64>::new();
         let x: Vec<_> = inputs.iter().map(|x| tape.leaf(&x.data, x.shape)).collect();
         let y = f(x[0], x[1], x[2], 0.35);

@@ -6,6 +6,8 @@ mod convolution;
 mod losses;
 mod matmul;
 mod normalisation;
+mod parity;
 mod rearrange;
+mod spatial;
 mod strategies;
 mod tape;
