@@ -4,6 +4,7 @@
 //! What makes it different: gradients know whether they are written for the first time, a missing gradient is an
 //! error and never a silent zero, a repeated step allocates nothing, and the bits do not depend on the number of
 //! threads.
+#![doc = include_str!("../../../docs/add-an-op.md")]
 
 mod dual;
 pub mod gradcheck;

@@ -156,6 +156,11 @@ impl<'a, T: Real> Grad<'a, T> {
         self.written || self.data.is_empty()
     }
 
+    /// The sum so far, if there is one.
+    pub(crate) fn so_far(&self) -> Option<&[T]> {
+        (!self.first).then_some(&*self.data)
+    }
+
     /// The memory and the factor for what is in it: 0 at the first write (do not read it), then 1. For GEMM.
     pub fn target(&mut self) -> (&mut [T], T) {
         let beta = if self.first { T::ZERO } else { T::ONE };

@@ -50,16 +50,16 @@ impl<T: Real> Param<T> {
     }
 }
 
-/// The parameters of a model: an ordered list of named tensors.
+/// The parameters of a model: an ordered list of named tensors. A clone shares them until either is changed.
 #[derive(Clone, Debug, Default)]
 pub struct Params<T: Real = f32> {
-    list: Vec<Param<T>>,
+    list: Arc<Vec<Param<T>>>,
 }
 
 impl<T: Real> Params<T> {
     /// No parameters.
     pub fn new() -> Self {
-        Self { list: Vec::new() }
+        Self { list: Arc::default() }
     }
 
     /// Adds a parameter; panics if the name is taken or the sizes disagree (both are programming errors).
@@ -67,7 +67,7 @@ impl<T: Real> Params<T> {
         let (name, shape) = (name.into(), shape.into());
         assert_eq!(value.len(), shape.len(), "parameter {name} of shape {shape}");
         assert!(self.find(&name).is_none(), "two parameters are named {name}");
-        self.list.push(Param { name, shape, value: Arc::new(value), frozen: false });
+        Arc::make_mut(&mut self.list).push(Param { name, shape, value: Arc::new(value), frozen: false });
         ParamId(self.list.len() as u32 - 1)
     }
 
@@ -84,13 +84,13 @@ impl<T: Real> Params<T> {
     /// The numbers of a parameter, to change them. A tape that still shares them keeps the old ones (and the change
     /// then costs a copy): reset it first, or let it [release](crate::Tape::release_params) them.
     pub fn value_mut(&mut self, id: ParamId) -> &mut [T] {
-        let value: &mut Vec<T> = Arc::make_mut(&mut self.list[id.index()].value);
+        let value: &mut Vec<T> = Arc::make_mut(&mut Arc::make_mut(&mut self.list)[id.index()].value);
         value
     }
 
     /// Leaves a parameter out of training, or takes it in again.
     pub fn set_frozen(&mut self, id: ParamId, frozen: bool) {
-        self.list[id.index()].frozen = frozen;
+        Arc::make_mut(&mut self.list)[id.index()].frozen = frozen;
     }
 
     /// All parameters in order.

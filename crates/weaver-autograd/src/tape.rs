@@ -204,10 +204,13 @@ impl<T: Real> Tape<T> {
         self.grad(value)
     }
 
-    /// Lets go of the parameters' values, so that [`Params::value_mut`] changes them in place. Their gradients stay until
-    /// [`reset`](Tape::reset). Needs the tape for itself: no [`Var`] is left that could ask for the values.
+    /// Forgets the ops and lets go of the parameters' values, so that [`Params::value_mut`] changes them in place. Their
+    /// gradients stay until [`reset`](Tape::reset). Needs the tape for itself: no [`Var`] is left that could ask for the rest.
     pub fn release_params(&mut self) {
         let record = self.record.get_mut();
+        for node in record.nodes.drain(..) {
+            record.boxes.put(node.op);
+        }
         for value in record.params.iter().flatten() {
             record.values[*value as usize].storage = Storage::Pooled(self.pool.buffer(0));
         }
@@ -339,6 +342,16 @@ impl<T: Real> Tape<T> {
         Ref::filter_map(self.record.borrow(), |r| r.values[id as usize].grad.as_deref()).ok()
     }
 
+    /// Gives a leaf a gradient to begin with.
+    pub(crate) fn set_grad(&self, id: ValueId, gradient: &[T]) {
+        self.record.borrow_mut().values[id as usize].grad = Some(self.pool.copy_of(gradient));
+    }
+
+    /// Whether the parameter occurs on this tape.
+    pub(crate) fn uses(&self, id: ParamId) -> bool {
+        self.record.borrow().params.get(id.index()).is_some_and(Option::is_some)
+    }
+
     /// Keeps the gradient of an intermediate value after the backward pass.
     pub(crate) fn retain(&self, id: ValueId) {
         self.record.borrow_mut().values[id as usize].leaf = true;
@@ -347,7 +360,10 @@ impl<T: Real> Tape<T> {
     /// Walks back from `root`, whose own gradient is `seed`.
     pub(crate) fn backward_from(&self, root: ValueId, seed: &[T]) {
         let Record { values, output_shapes, nodes, inputs, paths, .. } = &mut *self.record.borrow_mut();
-        values[root as usize].grad = Some(self.pool.copy_of(seed));
+        match &mut values[root as usize].grad {
+            Some(sum) => sum.iter_mut().zip(seed).for_each(|(s, g)| *s += *g),
+            empty => *empty = Some(self.pool.copy_of(seed)),
+        }
         for node in nodes.iter().rev() {
             if node.outputs.clone().all(|o| values[o as usize].grad.is_none()) {
                 continue;

@@ -2,6 +2,7 @@
 
 pub mod activations;
 mod attention;
+mod checkpoint;
 mod concat;
 mod conv2d;
 mod conv_transpose2d;
@@ -28,6 +29,7 @@ mod sum;
 mod sum_axis;
 
 pub use attention::attention;
+pub use checkpoint::checkpoint;
 pub use concat::concat;
 pub use conv_transpose2d::conv_transpose2d;
 pub use conv2d::conv2d;

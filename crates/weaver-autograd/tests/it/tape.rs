@@ -1,7 +1,7 @@
 //! The engine's own promises.
 
 use weaver_autograd::gradcheck::{Input, gradcheck};
-use weaver_autograd::{Grad, Op, Params, Pool, Shape, ShapeError, Shapes, Tape, View, ViewMut, pointwise};
+use weaver_autograd::{Grad, Op, Params, Pool, Shape, ShapeError, Shapes, Tape, Var, View, ViewMut, ops, pointwise};
 
 pointwise!(Silu, 1, |x| x / (1 + (-x).exp()));
 pointwise!(Blend { weight: f64 }, 2, |a, b| a * weight + b * (1.0 - weight) + a * b);
@@ -117,4 +117,47 @@ fn a_repeated_step_takes_no_new_memory() {
     };
     let first = step();
     assert_eq!((step(), step()), (first, first));
+}
+
+/// Two products with one weight, a non-linearity, and the input used outside as well.
+#[test]
+fn recomputed_gradients_are_the_same_to_the_bit() {
+    let mut params = Params::<f32>::new();
+    let single = |seed, n| Input::normal(seed, [n]).data.iter().map(|x| *x as f32).collect::<Vec<_>>();
+    let w = params.add("w", [5, 5], single(1, 25));
+    let b = params.add("b", [5], single(2, 5));
+    let unused = params.add("unused", [1], vec![0.0]);
+    params.set_frozen(b, true);
+    fn layer<'a>(
+        tape: &'a Tape<f32>,
+        params: &'a Params<f32>,
+        x: Var<'a, f32>,
+        [w, b]: [weaver_autograd::ParamId; 2],
+    ) -> Var<'a, f32> {
+        let (w, b) = (tape.param(params, w), tape.param(params, b));
+        let hidden = ops::linear(x, w, Some(b), ops::Activation::Gelu);
+        ops::linear(hidden, w, Some(b), ops::Activation::None) * x.tanh() + x
+    }
+    let run = |recompute: bool| {
+        let tape = Tape::<f32>::new();
+        let x = tape.leaf(&single(3, 20), [4, 5]);
+        let inner = |x| match recompute {
+            true => ops::checkpoint(&params, &[x], move |tape, params, x| layer(tape, params, x[0], [w, b])),
+            false => layer(&tape, &params, x, [w, b]),
+        };
+        let y = inner(inner(x * 0.5) + x) * x + tape.param(&params, w).sum();
+        y.square().sum().backward();
+        assert!(tape.param_grad(b).is_none() && tape.param_grad(unused).is_none());
+        let dw = tape.param_grad(w).expect("a gradient").to_vec();
+        (y.to_vec(), x.grad().expect("a gradient"), dw)
+    };
+    assert_eq!(run(true), run(false));
+}
+
+#[test]
+fn a_function_without_elements_has_gradients_of_zero() {
+    let tape = Tape::<f64>::new();
+    let (x, w) = (tape.leaf(&[], [0, 3]), tape.leaf(&[1.0; 6], [2, 3]));
+    ops::linear(x, w, None, ops::Activation::Gelu).sum().backward();
+    assert_eq!(w.grad().unwrap(), [0.0; 6]);
 }

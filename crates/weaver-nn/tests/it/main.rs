@@ -1,4 +1,5 @@
 //! Tests of layers, optimiser, schedules and averages.
 
+mod allocation;
 mod layers;
 mod training;
