@@ -101,7 +101,7 @@ impl SplatWeaver {
         let guidance = config.gaussians.frequency_prior.then(|| {
             Guidance::new(&mut gaussians, config.wavelet(), config.dense.wave, config.dense.channels)
         });
-        let head = CardinalityHead::new(&mut gaussians.scope("gs_moe"), config.head());
+        let head = CardinalityHead::new(gaussians.scope("gs_moe"), config.head());
         Self { config, aggregator, camera_head, depth_head, features, guidance, head }
     }
 

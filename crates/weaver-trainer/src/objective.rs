@@ -141,7 +141,7 @@ impl Objective<'_> {
         let image = rendered.image.permute(&[0, 3, 1, 2]).clamp(0.0, 1.0);
         let truth = cx.tape.constant(&batch.images[..shown * 3 * height * width], image.shape());
         terms.add("mse", weights.mse * share, || losses::mse(image, truth));
-        terms.add("ssim", weights.ssim * share, || (losses::ssim(image, truth) * -1.0 + 1.0) * 0.5);
+        terms.add("ssim", weights.ssim * share, || (losses::ssim(image, truth).mean() * -1.0 + 1.0) * 0.5);
         if let Some(lpips) = self.lpips {
             terms.add("lpips", weights.lpips * share, || lpips.distance(image, truth).mean());
         }

@@ -1,0 +1,3 @@
+//! Tests of the trainer on the micro preset, which takes seconds.
+
+mod determinism;
