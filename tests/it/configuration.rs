@@ -14,7 +14,7 @@ fn refused(arguments: &[&str], parts: &[&str]) {
 
 #[test]
 fn unknown_preset() {
-    refused(&["--preset", "tyni"], &["preset", "tyni", "did you mean `tiny`"]);
+    refused(&["--preset", "tinny"], &["preset", "tinny", "did you mean `tiny`"]);
 }
 
 #[test]

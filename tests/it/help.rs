@@ -43,6 +43,6 @@ fn wrong_usage_is_code_2() {
 fn shells_get_their_completions() {
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
         let done = splatweaver(&[&"completions", &shell]).fine();
-        assert!(done.stdout.contains("splatweaver") && done.stdout.contains("--budget"), "{shell}");
+        assert!(done.stdout.contains("splatweaver") && done.stdout.contains("budget"), "{shell}");
     }
 }
