@@ -11,3 +11,4 @@ mod rearrange;
 mod spatial;
 mod strategies;
 mod tape;
+mod threads;
