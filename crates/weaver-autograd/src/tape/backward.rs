@@ -1,0 +1,94 @@
+//! The walk back over the tape.
+
+use super::{List, Record, Tape, ValueId};
+use crate::op::{Grad, View};
+use crate::{Buffer, Shape};
+use weaver_kernels::Real;
+
+impl<T: Real> Tape<T> {
+    /// Walks back from `root`, whose own gradient is `seed`.
+    pub(crate) fn backward_from(&self, root: ValueId, seed: &[T]) {
+        let Record { values, output_shapes, nodes, inputs, paths, .. } = &mut *self.record.borrow_mut();
+        match &mut values[root as usize].grad {
+            Some(sum) => sum.iter_mut().zip(seed).for_each(|(s, g)| *s += *g),
+            empty => *empty = Some(self.pool.copy_of(seed)),
+        }
+        for node in nodes.iter().rev() {
+            if node.outputs.clone().all(|o| values[o as usize].grad.is_none()) {
+                continue;
+            }
+            let op = node.op.op();
+            let name = op.name();
+            let path = &paths[node.path.start as usize..node.path.end as usize];
+            let node_inputs = &inputs[node.inputs.start as usize..node.inputs.end as usize];
+
+            let out_range = node.outputs.start as usize..node.outputs.end as usize;
+            let cotangents: List<Option<Buffer<T>>> = out_range
+                .clone()
+                .map(|o| {
+                    let value = &mut values[o];
+                    if value.auxiliary {
+                        assert!(
+                            value.grad.is_none(),
+                            "{path}: a gradient reached an auxiliary output of `{name}`, which has none; detach() it"
+                        );
+                        return None;
+                    }
+                    Some(value.grad.take().unwrap_or_else(|| self.pool.filled(value.storage.as_slice().len(), T::ZERO)))
+                })
+                .collect();
+
+            // Slots of the inputs' gradients, taken out of the values so that these can be read meanwhile. An input
+            // that occurs twice gets a slot of its own each time; they are added below.
+            let mut slots: List<Option<(Buffer<T>, bool)>> = List::new();
+            for (i, input) in node_inputs.iter().enumerate() {
+                let slot = input.tracked.then(|| {
+                    assert!(
+                        op.differentiable(i),
+                        "{path}: `{name}` has no gradient with respect to input {i}; detach() it if none is meant"
+                    );
+                    match values[input.id as usize].grad.take() {
+                        Some(grad) => (grad, false),
+                        None => (self.pool.buffer(input.shape.len()), true),
+                    }
+                });
+                slots.push(slot);
+            }
+            {
+                let view = |id: u32, shape: Shape| View::new(values[id as usize].storage.as_slice(), shape);
+                let ins: List<View<'_, T>> = node_inputs.iter().map(|i| view(i.id, i.shape)).collect();
+                let outs: List<View<'_, T>> = out_range.clone().map(|o| view(o as u32, output_shapes[o])).collect();
+                let douts: List<View<'_, T>> = out_range
+                    .clone()
+                    .zip(&cotangents)
+                    .map(|(o, c)| c.as_ref().map_or(View::nothing(), |c| View::new(c, output_shapes[o])))
+                    .collect();
+                let mut dins: List<Option<Grad<'_, T>>> =
+                    slots.iter_mut().map(|s| s.as_mut().map(|(grad, first)| Grad::new(grad, *first))).collect();
+                if outs.iter().any(|out| !out.is_empty()) {
+                    op.backward(&ins, &outs, &douts, &mut dins, &self.pool);
+                } else {
+                    dins.iter_mut().flatten().for_each(Grad::add_zero);
+                }
+                for (i, grad) in dins.iter().enumerate() {
+                    assert!(
+                        grad.as_ref().is_none_or(Grad::is_written),
+                        "{path}: `{name}` did not write the gradient of input {i}"
+                    );
+                }
+            }
+            for (input, slot) in node_inputs.iter().zip(slots) {
+                let Some((grad, _)) = slot else { continue };
+                match &mut values[input.id as usize].grad {
+                    Some(sum) => sum.iter_mut().zip(grad.iter()).for_each(|(s, g)| *s += *g),
+                    empty => *empty = Some(grad),
+                }
+            }
+            for (o, cotangent) in out_range.zip(cotangents) {
+                if values[o].leaf {
+                    values[o].grad = cotangent;
+                }
+            }
+        }
+    }
+}
