@@ -23,7 +23,7 @@ fn a_run_that_explodes_stops_and_keeps_its_checkpoint() {
         &"--out",
         &out,
     ])
-    .refused(1, &["step ", "training stopped", "last good checkpoint", "checkpoint.safetensors"]);
+    .refused(1, &["step 2: pose is NaN", "training stopped", "last good checkpoint", "checkpoint.safetensors"]);
     let checkpoint = out.join("checkpoint.safetensors");
     let told = splatweaver(&[&"info", &checkpoint]).fine();
     assert!(told.stdout.contains("step: 0"), "{}", told.stdout);
@@ -49,6 +49,6 @@ fn an_absurd_weight_is_named_with_its_step() {
         &"--out",
         &out,
     ])
-    .refused(1, &["step 1:", "training stopped"]);
+    .refused(1, &["step 1: loss is inf", "training stopped"]);
     assert!(out.join("checkpoint.safetensors").is_file());
 }

@@ -22,14 +22,16 @@ fn the_version_is_the_package_s() {
 
 #[test]
 fn wrong_usage_is_code_2() {
-    let wrong: [&[&dyn AsRef<std::ffi::OsStr>]; 8] = [
+    let wrong: [&[&dyn AsRef<std::ffi::OsStr>]; 10] = [
         &[],
         &[&"trian"],
         &[&"eval"],
         &[&"eval", &"--run", &"x", &"--cameras", &"stolen"],
         &[&"eval", &"--run", &"x", &"--unseen", &"--data", &"y"],
         &[&"train", &"--resume", &"x", &"--steps", &"5"],
+        &[&"eval", &"--run", &"x", &"--threads", &"100000"],
         &[&"render", &"x.ply", &"-o", &"y"],
+        &[&"render", &"x.ply", &"-o", &"y", &"--orbit", &"3", &"--cameras", &"c.json"],
         &[&"render", &"x.ply", &"-o", &"y", &"--orbit", &"3", &"--background", &"red"],
     ];
     for line in wrong {

@@ -5,6 +5,7 @@ use crate::command::{Outcome, splatweaver};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use tempfile::TempDir;
+use weaver_io::{Background, Image};
 
 /// A run of a few steps on a small capture.
 pub struct Run {
@@ -139,8 +140,8 @@ fn photos_become_a_scene_that_renders() {
     let renders = folder.path().join("renders");
     let (scene, cameras) = (out.join("scene.ply"), out.join("transforms.json"));
     splatweaver(&[&"render", &scene, &"--cameras", &cameras, &"-o", &renders]).fine();
-    let ours = weaver_io::Image::read(renders.join("02.png"), weaver_io::Background::White).unwrap();
-    let theirs = weaver_io::Image::read(out.join("render/02.png"), weaver_io::Background::White).unwrap();
+    let ours = Image::read(renders.join("02.png"), Background::White).unwrap();
+    let theirs = Image::read(out.join("render/02.png"), Background::White).unwrap();
     // Up to the rounding of logarithms in the PLY, and of 8 bits.
     let largest = ours.pixels.iter().zip(&theirs.pixels).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(largest <= 1.5 / 255.0, "{largest}");
@@ -158,6 +159,10 @@ fn given_cameras_are_matched_by_name() {
     let out = folder.path().join("none");
     splatweaver(&[&"infer", &"--run", &run.path(), &other, &"--cameras", &run.data(), &"-o", &out])
         .refused(2, &["other.png", "camera"]);
+    let smaller = folder.path().join("01.png");
+    Image::filled(20, 16, [0.5; 3]).write_png(&smaller).unwrap();
+    splatweaver(&[&"infer", &"--run", &run.path(), &smaller, &"--cameras", &run.data(), &"-o", &out])
+        .refused(2, &["01.png", "40x32", "20x16"]);
     assert!(!out.exists());
 }
 

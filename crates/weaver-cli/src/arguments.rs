@@ -1,10 +1,13 @@
 //! What can be asked on the command line, and the help texts.
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{Args, Parser, Subcommand};
+use clap::{ArgGroup, Args, Parser, Subcommand};
 use std::path::PathBuf;
 use weaver_router::AllocationKind;
 use weaver_trainer::Cameras;
+
+/// More than any machine has; each costs memory.
+const MOST_THREADS: i64 = 1024;
 
 /// The whole command line.
 #[derive(Debug, Parser)]
@@ -74,8 +77,8 @@ pub struct Train {
     #[arg(long, value_name = "F")]
     pub config: Option<PathBuf>,
     /// Threads; 0 takes one per core. Does not change results [default: the configuration's, which is 0]
-    #[arg(long, value_name = "T")]
-    pub threads: Option<usize>,
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(..=MOST_THREADS))]
+    pub threads: Option<u16>,
 }
 
 /// Renders held-out views from the Gaussians of their nearest training views and compares them with the photos.
@@ -155,6 +158,7 @@ pub struct Dial {
 ///
 /// One PNG per camera, named after its photo where the names are distinct, else numbered.
 #[derive(Args, Debug)]
+#[command(group(ArgGroup::new("viewpoints").required(true).args(["cameras", "orbit"])))]
 #[command(after_help = "Examples:
   splatweaver render scene.ply --cameras transforms.json -o renders
   splatweaver render scene.ply --cameras capture/sparse/0 --width 640 -o renders
@@ -165,7 +169,7 @@ pub struct Render {
     #[arg(value_name = "SCENE.ply")]
     pub scene: PathBuf,
     /// transforms.json, a folder with a COLMAP model, or a RealEstate10K camera file
-    #[arg(long, value_name = "FILE", required_unless_present = "orbit", conflicts_with = "orbit")]
+    #[arg(long, value_name = "FILE")]
     pub cameras: Option<PathBuf>,
     /// Cameras on a circle around the scene instead, this many
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
@@ -210,8 +214,8 @@ pub struct Completions {
 #[derive(Args, Clone, Copy, Debug)]
 pub struct Threads {
     /// Threads; 0 takes one per core. Does not change results
-    #[arg(long, value_name = "T", default_value_t = 0)]
-    pub threads: usize,
+    #[arg(long, value_name = "T", default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=MOST_THREADS))]
+    pub threads: u16,
 }
 
 fn cameras() -> impl TypedValueParser<Value = Cameras> {

@@ -44,9 +44,9 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
 fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     match command {
         Command::Train(arguments) => train::run(&arguments, console, interrupt),
-        Command::Eval(arguments) => in_pool(arguments.threads.threads, || eval::run(&arguments, console)),
-        Command::Infer(arguments) => in_pool(arguments.threads.threads, || infer::run(&arguments, console)),
-        Command::Render(arguments) => in_pool(arguments.threads.threads, || render::run(&arguments, console)),
+        Command::Eval(arguments) => in_pool(arguments.threads.threads.into(), || eval::run(&arguments, console)),
+        Command::Infer(arguments) => in_pool(arguments.threads.threads.into(), || infer::run(&arguments, console)),
+        Command::Render(arguments) => in_pool(arguments.threads.threads.into(), || render::run(&arguments, console)),
         Command::Info(arguments) => info::run(&arguments, console),
         Command::Completions(arguments) => completions::run(&arguments, console),
     }

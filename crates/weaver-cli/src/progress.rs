@@ -1,12 +1,13 @@
 //! How far a command is: a bar on a terminal, a line every few seconds elsewhere.
 
 use crate::Console;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use std::fmt::Write;
 use std::time::{Duration, Instant};
 
 /// Seconds between lines where there is no terminal.
 const PAUSE: Duration = Duration::from_secs(5);
-const BAR: &str = "{prefix} {wide_bar} {pos}/{len}  {per_sec}  {eta} left  {msg}";
+const BAR: &str = "{prefix} {wide_bar} {pos}/{len}  {rate}  {eta} left  {msg}";
 
 /// Counts the parts of a job that are done.
 #[derive(Debug)]
@@ -23,7 +24,8 @@ impl Progress {
         let bar = console.terminal.then(|| {
             let bar = ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr_with_hz(8));
             let style = ProgressStyle::with_template(BAR).expect("a template that indicatif knows");
-            let bar = bar.with_style(style.progress_chars("=> ")).with_prefix(label);
+            let style = style.progress_chars("=> ").with_key("rate", rate);
+            let bar = bar.with_style(style).with_prefix(label);
             bar.set_position(done as u64);
             bar.reset_eta();
             bar
@@ -55,6 +57,11 @@ impl Progress {
             bar.finish_and_clear();
         }
     }
+}
+
+fn rate(state: &ProgressState, out: &mut dyn Write) {
+    // Into indicatif's own string, which takes everything.
+    let _ = write!(out, "{:.2}/s", state.per_sec());
 }
 
 /// Seconds as people say them.

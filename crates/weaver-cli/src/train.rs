@@ -11,7 +11,7 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
     match &arguments.resume {
         Some(path) => {
             let (folder, config) = RunFolder::open(path)?;
-            crate::in_pool(arguments.threads.unwrap_or(config.threads), || {
+            crate::in_pool(arguments.threads.map_or(config.threads, usize::from), || {
                 let session = Session::resume(config, &folder.checkpoint_path())?;
                 train(session, &folder, console, interrupt)
             })
@@ -39,7 +39,7 @@ fn configure(arguments: &Train) -> Result<Config, Failure> {
         *folder = std::path::absolute(&folder)?;
     }
     config.seed = arguments.seed.unwrap_or(config.seed);
-    config.threads = arguments.threads.unwrap_or(config.threads);
+    config.threads = arguments.threads.map_or(config.threads, usize::from);
     if let Some(steps) = arguments.steps {
         config.rescale(steps as usize);
     }
