@@ -2,11 +2,13 @@
 
 use crate::op::{Op, View, ViewMut};
 use crate::params::{ParamId, Params};
+use crate::profile::{OpTime, Profile};
 use crate::recycle::{OpBoxes, Slot};
 use crate::{Buffer, Pool, Shape, ShapeError, Var};
 use smallvec::SmallVec;
 use std::cell::{Cell, Ref, RefCell};
 use std::sync::Arc;
+use std::time::Instant;
 use weaver_kernels::Real;
 
 mod backward;
@@ -89,6 +91,7 @@ pub struct Tape<T: Real = f32> {
     pool: Pool,
     /// Whether applied ops are kept for a backward pass.
     recording: Cell<bool>,
+    profile: RefCell<Option<Profile>>,
 }
 
 impl<T: Real> Default for Tape<T> {
@@ -122,7 +125,7 @@ impl<T: Real> Tape<T> {
             params: Vec::new(),
             boxes: OpBoxes::default(),
         };
-        Self { record: RefCell::new(record), pool, recording: Cell::new(true) }
+        Self { record: RefCell::new(record), pool, recording: Cell::new(true), profile: RefCell::new(None) }
     }
 
     /// The pool that the tape's memory comes from.
@@ -268,7 +271,7 @@ impl<T: Real> Tape<T> {
             let mut outs: List<ViewMut<'_, T>> =
                 outputs.iter_mut().zip(shapes.iter()).map(|(b, s)| ViewMut::new(b, *s)).collect();
             if outs.iter().any(|out| !out.is_empty()) {
-                op.forward(&ins, &mut outs, &self.pool);
+                self.timed(name, || op.forward(&ins, &mut outs, &self.pool));
             }
         }
         let tracked = self.recording.get() && inputs.iter().any(Var::is_tracked);
@@ -303,6 +306,27 @@ impl<T: Real> Tape<T> {
             });
         }
         Ok(shapes.iter().enumerate().map(|(i, s)| Var::new(self, first + i as u32, *s, tracked)).collect())
+    }
+
+    /// Starts or stops measuring where time goes; see [`Tape::op_times`]. Starting forgets earlier times.
+    pub fn set_profiling(&self, on: bool) {
+        *self.profile.borrow_mut() = on.then(Profile::default);
+    }
+
+    /// The time spent in each kind of op since profiling was started; empty when it is off. Survives
+    /// [`reset`](Tape::reset).
+    pub fn op_times(&self) -> Vec<OpTime> {
+        self.profile.borrow().clone().map_or_else(Vec::new, Profile::into_times)
+    }
+
+    /// Runs `f`, which is no op, and counts its time under `name` when profiling is on.
+    pub fn timed<R>(&self, name: &'static str, f: impl FnOnce() -> R) -> R {
+        let started = self.profile.borrow().is_some().then(Instant::now);
+        let result = f();
+        if let (Some(started), Some(profile)) = (started, &mut *self.profile.borrow_mut()) {
+            profile.forward(name, started.elapsed());
+        }
+        result
     }
 
     /// Runs `f` without recording: nothing it computes can be differentiated, and no op is kept.

@@ -161,3 +161,16 @@ fn a_function_without_elements_has_gradients_of_zero() {
     ops::linear(x, w, None, ops::Activation::Gelu).sum().backward();
     assert_eq!(w.grad().unwrap(), [0.0; 6]);
 }
+
+#[test]
+fn profiling_counts_ops_and_parts() {
+    let mut tape = Tape::<f64>::new();
+    assert!(tape.op_times().is_empty());
+    tape.set_profiling(true);
+    let x = tape.leaf(&[1.0, 2.0], [2]);
+    tape.timed("part", || (x.map(Silu) * x).sum()).backward();
+    tape.reset();
+    let names: Vec<_> = tape.op_times().iter().map(|t| (t.name, t.calls)).collect();
+    assert_eq!(names, [("Silu", 1), ("MulOp", 1), ("sum", 1), ("part", 1)]);
+    assert!(tape.op_times().iter().all(|t| t.name == "part" || t.backward.as_nanos() > 0));
+}
