@@ -46,7 +46,7 @@ fn a_clip_needs_a_size_and_gets_a_picture_per_camera() {
     let mut line: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"render", &scene, &"--cameras", &clip, &"-o", &out];
     line.extend(size.iter().map(|s| s as &dyn AsRef<std::ffi::OsStr>));
     let done = splatweaver(&line).fine();
-    assert!(done.stdout.contains("3 pictures of 2 Gaussians"), "{}", done.stdout);
+    assert!(done.stdout.contains("pictures: 3 of 2 Gaussians"), "{}", done.stdout);
     for name in ["0.png", "1000.png", "2000.png"] {
         assert_eq!(Image::dimensions(out.join(name)).unwrap(), (20, 16));
     }
@@ -91,6 +91,21 @@ fn an_orbit_goes_around() {
     let (front, back) = (middle("0000.png"), middle("0002.png"));
     assert!(front[0] > front[1], "the red one is in front: {front:?}");
     assert!(back[1] > back[0], "the blue one is, from behind: {back:?}");
+}
+
+#[test]
+fn other_forms_of_gaussians_render_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, out) = (folder.path().join("scene.splat"), folder.path().join("out"));
+    // One Gaussian: position, scale, RGBA, rotation with 128 for zero and 255 for one.
+    let floats = [0.0f32, 0.0, 0.0, 0.5, 0.5, 0.5];
+    let mut bytes: Vec<u8> = floats.iter().flat_map(|x| x.to_le_bytes()).collect();
+    bytes.extend([255, 0, 0, 255, 255, 128, 128, 128]);
+    std::fs::write(&path, bytes).unwrap();
+    splatweaver(&[&"render", &path, &"--orbit", &"1", &"--width", &"16", &"-o", &out]).fine();
+    let image = Image::read(out.join("0000.png"), Background::Black).unwrap();
+    let middle = &image.pixels[(6 * 16 + 8) * 3..][..3];
+    assert!(middle[0] > 0.9 && middle[1] < 0.3, "{middle:?}");
 }
 
 #[test]

@@ -154,7 +154,7 @@ pub struct Dial {
     pub allocation: Option<AllocationKind>,
 }
 
-/// Draws a PLY file of Gaussians from given cameras or along an orbit.
+/// Draws a file of Gaussians from given cameras or along an orbit.
 ///
 /// One PNG per camera, named after its photo where the names are distinct, else numbered.
 #[derive(Args, Debug)]
@@ -165,7 +165,7 @@ pub struct Dial {
   splatweaver render scene.ply --cameras clip.txt --width 640 --height 360 -o renders
   splatweaver render scene.ply --orbit 90 --background 0,0,0 -o turn")]
 pub struct Render {
-    /// The Gaussians, as 3DGS stores them
+    /// The Gaussians: PLY as 3DGS stores them, .splat or .spz
     #[arg(value_name = "SCENE.ply")]
     pub scene: PathBuf,
     /// transforms.json, a folder with a COLMAP model, or a RealEstate10K camera file

@@ -6,9 +6,10 @@ use crate::cameras::{self, NamedCamera, Size};
 use crate::failure::Failure;
 use crate::progress::Progress;
 use std::f64::consts::FRAC_PI_3;
+use std::path::Path;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
-use weaver_io::{Image, SplatPly};
+use weaver_io::{Image, SplatPly, read_splat, read_spz};
 use weaver_splat::{Cameras, Colour, Gaussians, Images, RasterSettings, Workspace, rasterize};
 
 /// Width of an orbit's pictures.
@@ -16,7 +17,7 @@ const WIDTH: usize = 640;
 
 pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
-    let splats = SplatPly::read(&arguments.scene)?;
+    let splats = read(&arguments.scene)?;
     let cameras = match (&arguments.cameras, arguments.orbit) {
         (Some(file), _) => cameras::read(file, size)?,
         (None, count) => orbit(&splats, count.unwrap_or(1) as usize, size).ok_or_else(|| {
@@ -34,7 +35,16 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
     }
     progress.finish();
     let (count, folder) = (cameras.len(), arguments.out.display());
-    console.print(&format!("{count} pictures of {} Gaussians in {folder}", splats.len()))
+    console.print(&format!("pictures: {count} of {} Gaussians, in {folder}", splats.len()))
+}
+
+fn read(path: &Path) -> Result<SplatPly, Failure> {
+    let extension = path.extension().map(|e| e.to_ascii_lowercase());
+    Ok(match extension.as_ref().and_then(|e| e.to_str()) {
+        Some("splat") => read_splat(path)?,
+        Some("spz") => read_spz(path)?,
+        _ => SplatPly::read(path)?,
+    })
 }
 
 /// Gaussians as they are drawn, made of what a file stores.
@@ -80,12 +90,16 @@ impl<'a> Scene<'a> {
 /// first camera of our own scenes stands), -y up, with a field of view of 60 degrees. `None` when there is no scene.
 fn orbit(splats: &SplatPly, count: usize, size: Size) -> Option<Vec<NamedCamera>> {
     let means: Vec<DVec3> = splats.means.iter().map(|m| DVec3::from(m.map(f64::from))).collect();
-    let axis = |of: fn(&DVec3) -> f64| median(means.iter().map(of).collect());
+    // Between the tenths, so that neither a dense floor nor a few far Gaussians pull the middle away.
+    let axis = |of: fn(&DVec3) -> f64| {
+        let tenth = |q| quantile(q, means.iter().map(of).collect());
+        Some((tenth(0.1)? + tenth(0.9)?) / 2.0)
+    };
     let middle = DVec3::new(axis(|m| m.x)?, axis(|m| m.y)?, axis(|m| m.z)?);
-    let spread = median(means.iter().map(|m| m.distance(middle)).collect())?;
-    let scale = median(splats.log_scales.as_flattened().iter().map(|s| f64::from(*s).exp()).collect())?;
-    // Far enough to have half of the Gaussians well inside the image, and never inside a single one.
-    let eye = middle - DVec3::Z * (2.5 * spread + 4.0 * scale);
+    let spread = quantile(0.8, means.iter().map(|m| m.distance(middle)).collect())?;
+    let scale = quantile(0.5, splats.log_scales.as_flattened().iter().map(|s| f64::from(*s).exp()).collect())?;
+    // Far enough to have most of the Gaussians inside the image, and never inside a single one.
+    let eye = middle - DVec3::Z * (2.0 * spread + 4.0 * scale);
     let width = size.width.or(size.height.map(|h| (h * 4).div_ceil(3))).unwrap_or(WIDTH);
     let height = size.height.unwrap_or((width * 3).div_ceil(4));
     let focal = width as f64 / 2.0 / (FRAC_PI_3 / 2.0).tan();
@@ -94,12 +108,13 @@ fn orbit(splats: &SplatPly, count: usize, size: Size) -> Option<Vec<NamedCamera>
     Some(trajectory::orbit(eye, middle, -DVec3::Y, count).into_iter().enumerate().map(named).collect())
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len() / 2;
+/// The value below which a part `q` of the values lie.
+fn quantile(q: f64, mut values: Vec<f64>) -> Option<f64> {
+    let rank = (q * values.len() as f64) as usize;
     if values.is_empty() {
         return None;
     }
-    Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
+    Some(*values.select_nth_unstable_by(rank, f64::total_cmp).1)
 }
 
 #[cfg(test)]
@@ -109,7 +124,7 @@ mod tests {
     #[test]
     fn an_orbit_looks_at_the_middle_from_all_sides() {
         let splats = SplatPly {
-            means: vec![[0.0, 0.0, 1.0], [1.0, 0.0, 2.0], [-1.0, 0.5, 3.0]],
+            means: vec![[0.0, -0.5, 1.0], [1.0, 0.0, 2.0], [-1.0, 0.5, 3.0]],
             log_scales: vec![[-2.0; 3]; 3],
             ..SplatPly::default()
         };
