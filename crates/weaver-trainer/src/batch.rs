@@ -101,37 +101,42 @@ pub fn push_planar(planes: &mut Vec<f32>, image: &Image) {
 
 /// World-to-camera matrices `[V, 3, 4]`.
 pub fn w2c_rows(cameras: impl IntoIterator<Item = Pose>) -> Vec<f32> {
-    let mut rows = Vec::new();
-    for pose in cameras {
-        let r = pose.rotation.to_cols_array_2d();
-        let t = pose.translation.to_array();
-        for i in 0..3 {
-            rows.extend([r[0][i], r[1][i], r[2][i], t[i]].map(|x| x as f32));
-        }
-    }
-    rows
+    cameras.into_iter().flat_map(|pose| w2c_row(&pose)).collect()
+}
+
+/// The world-to-camera matrix `[3, 4]` of a pose.
+pub fn w2c_row(pose: &Pose) -> [f32; 12] {
+    let r = pose.rotation.to_cols_array_2d();
+    let t = pose.translation.to_array();
+    std::array::from_fn(|at| if at % 4 == 3 { t[at / 4] } else { r[at % 4][at / 4] } as f32)
 }
 
 /// Intrinsics `[V, 4]`: fx, fy, cx, cy in pixels.
 pub fn intrinsics_rows<'a>(cameras: impl IntoIterator<Item = &'a Camera>) -> Vec<f32> {
-    cameras.into_iter().flat_map(|c| [c.intrinsics.fx, c.intrinsics.fy, c.intrinsics.cx, c.intrinsics.cy].map(|x| x as f32)).collect()
+    cameras.into_iter().flat_map(intrinsics_row).collect()
 }
 
-/// Pose codes `[V, 9]` of cameras: translation, quaternion xyzw with w >= 0, field of view (vertical, horizontal).
-pub fn pose_codes<'a>(cameras: impl IntoIterator<Item = &'a Camera>) -> Vec<f32> {
-    cameras
-        .into_iter()
-        .flat_map(|c| {
-            let [w, x, y, z] = c.pose.wxyz();
-            let t = c.pose.translation;
-            let [v, h] = c.intrinsics.fov(c.width, c.height);
-            [t.x, t.y, t.z, x, y, z, w, v, h].map(|x| x as f32)
-        })
-        .collect()
+/// The intrinsics `[4]` of a camera: fx, fy, cx, cy in pixels.
+pub fn intrinsics_row(camera: &Camera) -> [f32; 4] {
+    let k = camera.intrinsics;
+    [k.fx, k.fy, k.cx, k.cy].map(|x| x as f32)
 }
 
-/// Appends a rotation `[3, 3]`, row by row.
-pub fn push_rotation(rows: &mut Vec<f32>, pose: &Pose) {
+/// The pose code `[9]` of a camera: translation, quaternion xyzw with w >= 0, field of view (vertical, horizontal).
+pub fn pose_code(camera: &Camera) -> [f32; 9] {
+    let [w, x, y, z] = camera.pose.wxyz();
+    let t = camera.pose.translation;
+    let [v, h] = camera.intrinsics.fov(camera.width, camera.height);
+    [t.x, t.y, t.z, x, y, z, w, v, h].map(|x| x as f32)
+}
+
+/// The rotation `[3, 3]` of a pose, row by row.
+pub fn rotation_row(pose: &Pose) -> [f32; 9] {
     let r = pose.rotation.to_cols_array_2d();
-    rows.extend((0..3).flat_map(|i| (0..3).map(move |j| r[j][i] as f32)));
+    std::array::from_fn(|at| r[at % 3][at / 3] as f32)
+}
+
+/// The translation `[3]` of a pose.
+pub fn translation_row(pose: &Pose) -> [f32; 3] {
+    pose.translation.to_array().map(|x| x as f32)
 }

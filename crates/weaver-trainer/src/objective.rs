@@ -1,8 +1,9 @@
 //! The loss of one step: what is computed for a stage's tuples, and its terms by name.
 
-use crate::batch::{Batch, intrinsics_rows, pose_codes, push_rotation, w2c_rows};
+use crate::batch::{Batch, intrinsics_row, pose_code, rotation_row, translation_row, w2c_row};
 use crate::{Cameras, StageConfig};
-use weaver_autograd::Var;
+use smallvec::SmallVec;
+use weaver_autograd::{List, Shape, Var};
 use weaver_kernels::random::Stream;
 use weaver_losses as losses;
 use weaver_losses::Lpips;
@@ -12,10 +13,13 @@ use weaver_pose::Cameras as CameraVars;
 use weaver_router::Allocation;
 use weaver_splat::{CameraVars as RasterCameras, GaussianVars, RasterSettings, Rasterize, WorkspacePool};
 
+/// How many terms there are at most.
+const MOST_TERMS: usize = 12;
+
 /// The terms of a loss: name, weight, value.
 #[derive(Debug, Default)]
 pub struct Terms<'t> {
-    terms: Vec<(&'static str, f64, Var<'t, f32>)>,
+    terms: SmallVec<[(&'static str, f64, Var<'t, f32>); MOST_TERMS]>,
     /// Gaussians per context pixel.
     pub gaussians_per_pixel: f32,
 }
@@ -85,26 +89,20 @@ impl Objective<'_> {
         let weights = &self.stage.losses;
         let shape = encoded.codes[0].shape();
         let [scenes, views] = [shape[0], shape[1]];
-        let truth = || {
-            let codes: Vec<f32> = batches.iter().flat_map(|b| pose_codes(b.context())).collect();
-            cx.tape.constant(&codes, shape)
-        };
+        let truth = || rows(cx, batches.iter().flat_map(|b| b.context()).map(pose_code), shape);
         terms.add("pose", weights.pose, || losses::l1_pose(&encoded.codes, truth()));
         terms.add("pose_huber", weights.pose_huber, || {
-            let teacher = vec![truth(); encoded.codes.len()];
+            let truth = truth();
+            let teacher: List<_> = encoded.codes.iter().map(|_| truth).collect();
             losses::huber_pose(&encoded.codes, &teacher, 1.0)
         });
         terms.add("pose_absolute", weights.pose_absolute, || {
-            let (mut rotations, mut translations) = (Vec::new(), Vec::new());
-            for pose in batches.iter().flat_map(|b| &b.absolute) {
-                push_rotation(&mut rotations, pose);
-                translations.extend(pose.translation.to_array().map(|x| x as f32));
-            }
-            let rotations = cx.tape.constant(&rotations, [scenes, views, 3, 3]);
-            let translations = cx.tape.constant(&translations, [scenes, views, 3]);
-            let own_rotations: Vec<_> =
+            let poses = || batches.iter().flat_map(|b| &b.absolute);
+            let rotations = rows(cx, poses().map(rotation_row), [scenes, views, 3, 3]);
+            let translations = rows(cx, poses().map(translation_row), [scenes, views, 3]);
+            let own_rotations: List<_> =
                 encoded.raw.iter().map(|c| weaver_pose::rotation_from_xyzw(c.slice(2, 3, 4))).collect();
-            let own_translations: Vec<_> = encoded.raw.iter().map(|c| c.slice(2, 0, 3)).collect();
+            let own_translations: List<_> = encoded.raw.iter().map(|c| c.slice(2, 0, 3)).collect();
             losses::absolute_pose(&own_rotations, &own_translations, rotations, translations)
         });
     }
@@ -148,8 +146,8 @@ impl Objective<'_> {
         terms.add("rendered_depth", weights.rendered_depth * share, || {
             let own = rendered.depth.slice(0, 0, views);
             // There is no teacher that doubts: what is near is trusted most, what is unknown not at all.
-            let confidence: Vec<f32> = batch.depth.iter().map(|d| if *d > 0.0 { 1.0 / d } else { 0.0 }).collect();
-            losses::masked_depth_mse(own, known, cx.tape.constant(&confidence, known.shape()), 0.3)
+            let confidence = batch.depth.iter().map(|d| [if *d > 0.0 { 1.0 / d } else { 0.0 }]);
+            losses::masked_depth_mse(own, known, rows(cx, confidence, known.shape()), 0.3)
         });
         self.routing_terms(terms, cx, share, &dense, &woven, image.slice(0, 0, views), photos);
     }
@@ -203,8 +201,7 @@ impl Objective<'_> {
         let weights = &self.stage.losses;
         if self.ranking {
             terms.add("rank", weights.rank * share, || {
-                let energy = cx.tape.constant(&dense.energy, [dense.energy.len()]);
-                losses::ranking_cross_entropy(dense.logits, energy, &weights.rank_quantiles, weights.label_smoothing)
+                losses::ranking_cross_entropy(dense.logits, dense.energy, &weights.rank_quantiles, weights.label_smoothing)
             });
         }
         if let Some(choice) = woven.choice {
@@ -227,7 +224,16 @@ impl Objective<'_> {
 /// The data's cameras as constants.
 fn given<'t>(cx: Context<'t, f32>, cameras: &[weaver_geometry::Camera]) -> CameraVars<'t> {
     CameraVars {
-        w2c: cx.tape.constant(&w2c_rows(cameras.iter().map(|c| c.pose)), [cameras.len(), 3, 4]),
-        intrinsics: cx.tape.constant(&intrinsics_rows(cameras), [cameras.len(), 4]),
+        w2c: rows(cx, cameras.iter().map(|c| w2c_row(&c.pose)), [cameras.len(), 3, 4]),
+        intrinsics: rows(cx, cameras.iter().map(intrinsics_row), [cameras.len(), 4]),
     }
+}
+
+/// A constant made row by row.
+fn rows<'t, const N: usize>(
+    cx: Context<'t, f32>,
+    rows: impl Iterator<Item = [f32; N]>,
+    shape: impl Into<Shape>,
+) -> Var<'t, f32> {
+    cx.tape.constant_with(shape, |all| all.chunks_exact_mut(N).zip(rows).for_each(|(to, row)| to.copy_from_slice(&row)))
 }

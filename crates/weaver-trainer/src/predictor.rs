@@ -130,7 +130,7 @@ impl<'m> Predictor<'m> {
                 cameras: given.unwrap_or_else(|| predicted.clone()),
                 predicted,
                 depth: dense.depth.to_vec(),
-                experts: woven.assignment.expert,
+                experts: woven.assignment.expert.to_vec(),
                 scaled_by,
             }
         })

@@ -10,6 +10,8 @@ use weaver_io::{Image, false_colour};
 use weaver_kernels::random::Stream;
 use weaver_model::SplatWeaver;
 
+/// Least width of one image in a picture, pixels.
+const SEEN: usize = 256;
 /// Scenes that a picture shows.
 const SHOWN: usize = 3;
 
@@ -53,10 +55,20 @@ pub fn write(
     Ok(())
 }
 
-/// Input, render, depth and expert map of view `v`, side by side.
+/// Input, render, depth and expert map of view `v`, side by side, enlarged until they can be seen.
 pub fn row(input: &Image, render: &Image, prediction: &Prediction, v: usize) -> Image {
     let (depth, experts) = (depth_picture(prediction, v, input), expert_picture(prediction, v, input));
-    Image::mosaic(&[input, render, &depth, &experts])
+    let times = SEEN.div_ceil(input.width.max(1));
+    let large = [input, render, &depth, &experts].map(|image| enlarged(image, times));
+    Image::mosaic(&large.each_ref())
+}
+
+/// Each pixel as a square of `times` x `times`.
+fn enlarged(image: &Image, times: usize) -> Image {
+    let (width, height) = (image.width * times, image.height * times);
+    let at = |i: usize| ((i / width / times) * image.width + i % width / times) * 3;
+    let pixels = (0..width * height).flat_map(|i| image.pixels[at(i)..at(i) + 3].iter().copied()).collect();
+    Image { width, height, pixels }
 }
 
 /// The depth of view `v` on a logarithmic scale, bright is near.

@@ -9,7 +9,7 @@ use crate::{Checkpoint, Config, Error, RunFolder, StageConfig, samples, scenes};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
-use weaver_autograd::{Params, Tape};
+use weaver_autograd::{OpTime, Params, Tape};
 use weaver_data::{Scene, training_tuple};
 use weaver_kernels::random::Stream;
 use weaver_losses::Lpips;
@@ -88,6 +88,21 @@ impl Session {
     /// The parameters as they are (not averaged).
     pub fn params(&self) -> &Params<f32> {
         &self.params
+    }
+
+    /// Starts or stops measuring where the time of steps goes.
+    pub fn set_profiling(&mut self, on: bool) {
+        self.tape.set_profiling(on);
+    }
+
+    /// The time spent in each kind of op since profiling was started.
+    pub fn op_times(&self) -> Vec<OpTime> {
+        self.tape.op_times()
+    }
+
+    /// Bytes that the tape's values, gradients and scratch took at most.
+    pub fn tape_bytes(&self) -> usize {
+        self.tape.pool().allocated_bytes()
     }
 
     /// What is about to happen, for people.

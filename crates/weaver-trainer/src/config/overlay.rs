@@ -112,9 +112,8 @@ pub(super) fn set(tree: &mut Value, setting: &str) -> Result<(), Error> {
 }
 
 pub(super) fn deserialise<D: DeserializeOwned>(tree: Value, source: &str) -> Result<D, Error> {
-    // Through text, so that the error shows the line.
-    let text = toml::to_string(&tree).map_err(|e| error(source, e.to_string()))?;
-    toml::from_str(&text).map_err(|e| error(source, e.to_string()))
+    // The error names the key on a line of its own; a message is one line.
+    tree.try_into().map_err(|e: toml::de::Error| error(source, e.to_string().trim().replace('\n', " ")))
 }
 
 #[cfg(test)]
@@ -138,7 +137,7 @@ mod tests {
     fn wrong_settings_are_explained() {
         assert!(message(&["model.widht=64"]).contains("unknown key `model.widht`; did you mean `width`?"));
         assert!(message(&["model.width=wide"]).contains("model.width: expected integer, found string"));
-        assert!(message(&["model.width=-8"]).contains("-8"), "{}", message(&["model.width=-8"]));
+        assert!(message(&["model.width=-8"]).contains("`-8`, expected usize in `model.width`"), "{}", message(&["model.width=-8"]));
         assert!(message(&["stages.7.rate=1"]).contains("expected an index below 2, found `7`"));
         assert!(message(&["seed"]).contains("expected key=value"));
     }
