@@ -248,8 +248,13 @@ impl ModelConfig {
 
     fn tiny_published() -> Self {
         let mut config = Self::tiny();
-        config.backbone =
-            BackboneConfig { encoder_depth: 4, layer_scale: 0.01, position_std: 0.02, token_std: 1e-6, ..config.backbone };
+        config.backbone = BackboneConfig {
+            encoder_depth: 4,
+            layer_scale: 0.01,
+            position_std: 0.02,
+            token_std: 1e-6,
+            ..config.backbone
+        };
         config.camera = CameraConfig { heads: 4, layer_scale: 0.01, gauge: Gauge::Published, ..config.camera };
         config.dense = DenseConfig { features: 64, log_depth_limit: 0.0, ..config.dense };
         config.gaussians = GaussianConfig {
@@ -294,7 +299,8 @@ impl ModelConfig {
     fn small() -> Self {
         let mut config = Self::tiny();
         (config.width, config.height) = (128, 96);
-        config.backbone = BackboneConfig { dim: 192, encoder_depth: 4, encoder_heads: 6, heads: 6, registers: 4, ..config.backbone };
+        config.backbone =
+            BackboneConfig { dim: 192, encoder_depth: 4, encoder_heads: 6, heads: 6, registers: 4, ..config.backbone };
         config.camera = CameraConfig { heads: 12, ..config.camera };
         config.dense = DenseConfig {
             out_channels: [48, 96, 192, 192],
@@ -304,7 +310,8 @@ impl ModelConfig {
             wave: 16,
             ..config.dense
         };
-        config.gaussians = GaussianConfig { sh_degree: 2, router_hidden: 32, projector: 32, predictor: 32, ..config.gaussians };
+        config.gaussians =
+            GaussianConfig { sh_degree: 2, router_hidden: 32, projector: 32, predictor: 32, ..config.gaussians };
         config
     }
 
@@ -353,7 +360,10 @@ impl ModelConfig {
             return Err(format!("model.gaussians.sh_degree: expected 0 to 4, found {}", self.gaussians.sh_degree));
         }
         if !(self.gaussians.temperature > 0.0) {
-            return Err(format!("model.gaussians.temperature: expected a positive number, found {}", self.gaussians.temperature));
+            return Err(format!(
+                "model.gaussians.temperature: expected a positive number, found {}",
+                self.gaussians.temperature
+            ));
         }
         if !(self.raster.near > 0.0) {
             return Err(format!("model.raster.near: expected a positive number, found {}", self.raster.near));

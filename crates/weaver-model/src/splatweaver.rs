@@ -1,7 +1,7 @@
 //! The network: photos in, cameras and Gaussians out.
 
 use crate::{ModelConfig, ParametrisationKind};
-use weaver_autograd::{Params, Real, Var};
+use weaver_autograd::{List, Params, Real, Var};
 use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
 use weaver_pose::{CameraHead, Cameras};
@@ -28,21 +28,21 @@ pub struct SplatWeaver {
 #[derive(Clone, Debug)]
 pub struct Encoded<'t, T: Real = f32> {
     /// Tokens [B, V, T, 2 D] of the four levels that feed the dense heads.
-    tokens: Vec<Var<'t, T>>,
+    tokens: List<Var<'t, T>>,
     /// Tokens of a view before its first patch.
     special: usize,
     /// Rows and columns of patches.
     grid: [usize; 2],
     /// Pose codes [B, V, 9] of every refinement, in the frame of the camera head's own choice; quaternions of any length.
-    pub raw: Vec<Var<'t, T>>,
+    pub raw: List<Var<'t, T>>,
     /// Pose codes [B, V, 9] of every refinement as emitted, in the frame that the configuration's gauge says.
-    pub codes: Vec<Var<'t, T>>,
+    pub codes: List<Var<'t, T>>,
     /// The cameras of the last refinement: w2c [B, V, 3, 4], intrinsics [B, V, 4].
     pub cameras: Cameras<'t, T>,
 }
 
 /// What the dense heads say about one scene: everything before pixels are given their Gaussians.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct Dense<'t, T: Real = f32> {
     /// Depth [V, H, W].
     pub depth: Var<'t, T>,
@@ -50,12 +50,12 @@ pub struct Dense<'t, T: Real = f32> {
     features: Var<'t, T>,
     /// The router's logits [P, E].
     pub logits: Var<'t, T>,
-    /// Wavelet energy [P].
-    pub energy: Vec<T>,
+    /// Wavelet energy [P]; a constant.
+    pub energy: Var<'t, T>,
 }
 
 /// A scene of Gaussians, and how pixels were given theirs.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Woven<'t, T: Real = f32> {
     /// The Gaussians, in the frame of the cameras that they were made with.
     pub gaussians: Gaussians<'t, T>,
@@ -98,9 +98,10 @@ impl SplatWeaver {
         let depth_head = DepthHead::new(root.scope("depth_head"), config.depth_head());
         let features = FeatureHead::new(root.scope("gaussian_param_head"), config.feature_head());
         let mut gaussians = root.scope("gaussian_param_head");
-        let guidance = config.gaussians.frequency_prior.then(|| {
-            Guidance::new(&mut gaussians, config.wavelet(), config.dense.wave, config.dense.channels)
-        });
+        let guidance = config
+            .gaussians
+            .frequency_prior
+            .then(|| Guidance::new(&mut gaussians, config.wavelet(), config.dense.wave, config.dense.channels));
         let head = CardinalityHead::new(gaussians.scope("gs_moe"), config.head());
         Self { config, aggregator, camera_head, depth_head, features, guidance, head }
     }
@@ -123,11 +124,11 @@ impl SplatWeaver {
             self.camera_head.forward(cx, aggregated.camera)
         };
         let raw = estimates.iter().map(|e| e.raw).collect();
-        let codes: Vec<_> = estimates.iter().map(|e| e.code).collect();
+        let codes: List<_> = estimates.iter().map(|e| e.code).collect();
         let last = *codes.last().expect("a camera head has at least one iteration");
         let cameras = weaver_pose::cameras(last, height, width);
         let (special, grid) = (aggregated.special, aggregated.grid);
-        Encoded { tokens: aggregated.layers.to_vec(), special, grid, raw, codes, cameras }
+        Encoded { tokens: aggregated.layers.into_iter().collect(), special, grid, raw, codes, cameras }
     }
 
     /// Dense heads and router on scene `b` of what was encoded; `photos` [V, 3, H, W] are that scene's.
@@ -139,7 +140,7 @@ impl SplatWeaver {
         photos: Var<'t, T>,
     ) -> Dense<'t, T> {
         let [height, width] = [photos.shape()[2], photos.shape()[3]];
-        let layers: Vec<_> = encoded.tokens.iter().map(|t| entry(*t, b)).collect();
+        let layers: List<_> = encoded.tokens.iter().map(|t| entry(*t, b)).collect();
         let tokens =
             DenseTokens { layers: &layers, special: encoded.special, grid: encoded.grid, image: [height, width] };
         let depth = {
@@ -153,8 +154,9 @@ impl SplatWeaver {
             None => pixels.features,
         };
         let logits = self.head.router.forward(cx, pixel_rows(routed));
-        let mut energy = vec![T::ZERO; logits.shape()[0]];
-        EnergyMap::new(self.config.wavelet(), [height, width]).compute(&photos.value(), cx.tape.pool(), &mut energy);
+        let (wavelet, pool) = (self.config.wavelet(), cx.tape.pool());
+        let map = pool.table((wavelet, [height, width]), || EnergyMap::<T>::new(wavelet, [height, width]));
+        let energy = cx.tape.constant_with([logits.shape()[0]], |e| map.compute(&photos.value(), pool, e));
         Dense { depth, features: pixel_rows(pixels.features), logits, energy }
     }
 
@@ -172,23 +174,25 @@ impl SplatWeaver {
         let pixels = views * height * width;
         let centre = self.config.dense.pixel_centre;
         let points = weaver_pose::unproject(dense.depth, cameras.w2c, cameras.intrinsics, centre);
-        let footprints = (self.config.gaussians.parametrisation == ParametrisationKind::Footprint).then(|| {
+        let in_footprints = self.config.gaussians.parametrisation == ParametrisationKind::Footprint;
+        let footprints = in_footprints.then(|| {
             let focal = cameras.intrinsics.slice(1, 0, 1).reshape([views, 1, 1]).expand(dense.depth.shape());
             (dense.depth / focal).reshape([pixels])
         });
         let assignment = allocation.allocate(&AllocationRequest {
             logits: &dense.logits.value(),
-            energy: &dense.energy,
+            energy: &dense.energy.value(),
             views,
             height,
             width,
             stream,
             gumbel: None,
+            pool: cx.tape.pool(),
         });
         let choice = assignment.choice(dense.logits);
-        let colors = pixel_rows(photos).to_vec();
-        let inputs =
-            PixelInputs { features: dense.features, points: points.reshape([pixels, 3]), footprints, colors: &colors, height, width };
+        let colors = in_footprints.then(|| pixel_rows(photos));
+        let points = points.reshape([pixels, 3]);
+        let inputs = PixelInputs { features: dense.features, points, footprints, colors, height, width };
         let _scope = cx.scope("gaussian_param_head");
         let gaussians = self.head.gaussians(cx, &inputs, &assignment.expert, choice);
         Woven { gaussians, assignment, choice }

@@ -37,6 +37,7 @@ fn head(c: &mut Criterion) {
     let features = numbers(PIXELS * 32, "features");
     let (points, colors) = (surface(PIXELS), numbers(PIXELS * 3, "colors"));
     let logits = numbers(PIXELS * 4, "logits");
+    let pool = Pool::new();
     let request = AllocationRequest {
         logits: &logits,
         energy: &logits[..PIXELS],
@@ -45,6 +46,7 @@ fn head(c: &mut Criterion) {
         width: WIDTH,
         stream: Stream::new(1, 0, "allocation"),
         gumbel: None,
+        pool: &pool,
     };
     let dithered = Dithered { budget: 0.4, gamma: 0.7 };
     c.bench_function("allocate/dithered", |b| b.iter(|| dithered.allocate(&request)));
@@ -58,7 +60,7 @@ fn head(c: &mut Criterion) {
                         features: tape.leaf(&features, [PIXELS, 32]),
                         points: tape.leaf(&points, [PIXELS, 3]),
                         footprints: Some(tape.leaf(&features[..PIXELS], [PIXELS])),
-                        colors: &colors,
+                        colors: Some(tape.constant(&colors, [PIXELS, 3])),
                         height: HEIGHT,
                         width: WIDTH,
                     };

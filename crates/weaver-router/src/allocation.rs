@@ -12,7 +12,7 @@ pub use thinning::{Dithered, Grid, Random, TrainingMix};
 use crate::gumbel::gumbel_softmax_straight_through;
 use std::fmt::Debug;
 use thinning::Place;
-use weaver_autograd::{Real, Var};
+use weaver_autograd::{Buffer, Pool, Real, Var};
 use weaver_kernels::random::Stream;
 
 /// What an allocation may look at: one scene of V views with H x W pixels, P = V H W, in (view, row, column) order.
@@ -32,6 +32,8 @@ pub struct AllocationRequest<'a, T: Real = f32> {
     pub stream: Stream,
     /// Gumbel noise `[P, E]` to use in place of the stream's, to repeat a known sample.
     pub gumbel: Option<&'a [T]>,
+    /// Where the memory of the assignment comes from.
+    pub pool: &'a Pool,
 }
 
 impl<T: Real> AllocationRequest<'_, T> {
@@ -63,26 +65,26 @@ pub trait Allocation<T: Real = f32>: Debug + Send + Sync {
 }
 
 /// How many Gaussians each pixel gets, and how a gradient reaches that choice.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug)]
 pub struct Assignment<T: Real = f32> {
     /// The expert of each pixel `[P]`: expert e makes e Gaussians.
-    pub expert: Vec<u8>,
+    pub expert: Buffer<u8>,
     /// The differentiable side of a choice that the router made itself.
     pub gate: Option<GumbelGate<T>>,
 }
 
 /// What the straight-through gradient of a choice needs to know.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug)]
 pub struct GumbelGate<T: Real = f32> {
     /// Temperature of the softmax.
     pub temperature: f64,
-    /// Gumbel noise `[P, E]`; empty for none.
-    pub noise: Vec<T>,
+    /// Gumbel noise `[P, E]`, where there is any.
+    pub noise: Option<Buffer<T>>,
 }
 
 impl<T: Real> Assignment<T> {
     /// An assignment through which no gradient reaches the router.
-    pub fn plain(expert: Vec<u8>) -> Self {
+    pub fn plain(expert: Buffer<u8>) -> Self {
         Self { expert, gate: None }
     }
 
@@ -94,7 +96,7 @@ impl<T: Real> Assignment<T> {
     /// The one-hot choice `[P, E]` with the straight-through gradient to `logits`; `None` where the router had no say.
     pub fn choice<'t>(&self, logits: Var<'t, T>) -> Option<Var<'t, T>> {
         let gate = self.gate.as_ref()?;
-        let noise = (!gate.noise.is_empty()).then(|| logits.tape().constant(&gate.noise, logits.shape()));
+        let noise = gate.noise.as_ref().map(|noise| logits.tape().constant(noise, logits.shape()));
         Some(gumbel_softmax_straight_through(logits, noise, gate.temperature))
     }
 }

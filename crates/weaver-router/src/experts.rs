@@ -3,7 +3,7 @@
 use crate::gate::gate;
 use crate::routes::Routes;
 use crate::two_layers::TwoLayers;
-use weaver_autograd::{Real, Var, ops};
+use weaver_autograd::{List, Real, Var, ops};
 use weaver_nn::{Builder, Context};
 
 /// Experts 1 to M; each is a layer F -> F, a rectifier, and a layer F -> e S for the S raw numbers of e Gaussians.
@@ -52,7 +52,7 @@ impl CardinalityExperts {
         choice: Option<Var<'t, T>>,
     ) -> Var<'t, T> {
         let parts = ops::split(features, 0, &routes.counts);
-        let mut raw = Vec::with_capacity(self.experts.len());
+        let mut raw = List::with_capacity(self.experts.len());
         for (((expert, rows), pixels), e) in self.experts.iter().zip(parts).zip(routes.by_expert()).zip(1..) {
             let _scope = cx.scope(format_args!("experts.{e}"));
             let mut output = expert.forward(cx, rows);

@@ -5,7 +5,7 @@ use crate::{
     CardinalityExperts, NeighborPredictor, Neighbors, Parametrisation, PixelOf, Router, Routes, decode, local_count,
     place, slot_width,
 };
-use weaver_autograd::{Real, Var};
+use weaver_autograd::{Buffer, Real, Var};
 use weaver_nn::{Builder, Context};
 
 /// Sizes and options of a [`CardinalityHead`].
@@ -70,15 +70,15 @@ impl HeadConfig {
 
 /// What a scene's P = V H W pixels bring, in (view, row, column) order.
 #[derive(Clone, Copy, Debug)]
-pub struct PixelInputs<'t, 'a, T: Real = f32> {
+pub struct PixelInputs<'t, T: Real = f32> {
     /// Expert features `[P, F]`; differentiable.
     pub features: Var<'t, T>,
     /// Unprojected points `[P, 3]`, in world units; differentiable.
     pub points: Var<'t, T>,
     /// depth / fx `[P]`, in world units; differentiable. Only for the footprint parametrisation.
     pub footprints: Option<Var<'t, T>>,
-    /// Colours `[P, 3]`, 0 to 1. Only for the footprint parametrisation.
-    pub colors: &'a [T],
+    /// Colours `[P, 3]`, 0 to 1; held constant. Only for the footprint parametrisation.
+    pub colors: Option<Var<'t, T>>,
     /// Rows H of a view.
     pub height: usize,
     /// Columns W of a view.
@@ -86,7 +86,7 @@ pub struct PixelInputs<'t, 'a, T: Real = f32> {
 }
 
 /// The Gaussians of a scene, as the rasteriser takes them.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Gaussians<'t, T: Real = f32> {
     /// Means `[N, 3]`, in world units.
     pub means: Var<'t, T>,
@@ -99,7 +99,7 @@ pub struct Gaussians<'t, T: Real = f32> {
     /// Spherical harmonics `[N, K, 3]`.
     pub sh: Var<'t, T>,
     /// The pixel that each Gaussian comes from `[N]`.
-    pub pixel: Vec<u32>,
+    pub pixel: Buffer<u32>,
 }
 
 /// Router, cardinality experts, neighbour attention and decoding.
@@ -145,12 +145,12 @@ impl CardinalityHead {
     pub fn gaussians<'t, T: Real>(
         &self,
         cx: Context<'t, T>,
-        pixels: &PixelInputs<'t, '_, T>,
+        pixels: &PixelInputs<'t, T>,
         expert: &[u8],
         choice: Option<Var<'t, T>>,
     ) -> Gaussians<'t, T> {
         let _scope = cx.scope("gs_moe");
-        let routes = Routes::new(expert, self.experts.most());
+        let routes = Routes::new(expert, self.experts.most(), cx.tape.pool());
         let parametrisation = self.config.parametrisation;
         let features = pixels.features.gather_rows(&routes.routed);
         let raw = self.experts.forward(cx, features, &routes, choice);
@@ -183,21 +183,18 @@ impl CardinalityHead {
     fn pixel_of<'t, T: Real>(
         &self,
         cx: Context<'t, T>,
-        pixels: &PixelInputs<'t, '_, T>,
+        pixels: &PixelInputs<'t, T>,
         expert: &[u8],
         routes: &Routes,
     ) -> PixelOf<'t, T> {
         let footprints = pixels.footprints.expect("the footprint parametrisation is given footprints");
+        let colors = pixels.colors.expect("the footprint parametrisation is given colours");
         let count = local_count::<T>(expert, pixels.height, pixels.width, cx.tape.pool());
         let n = routes.gaussians();
         let local_count = cx.tape.constant_with([n], |out| {
-            out.iter_mut().zip(&routes.pixel).for_each(|(out, &p)| *out = count[p as usize]);
+            out.iter_mut().zip(routes.pixel.iter()).for_each(|(out, &p)| *out = count[p as usize]);
         });
-        let color = cx.tape.constant_with([n, 3], |out| {
-            for (out, &p) in out.chunks_exact_mut(3).zip(&routes.pixel) {
-                out.copy_from_slice(&pixels.colors[3 * p as usize..3 * p as usize + 3]);
-            }
-        });
+        let color = colors.detach().gather_rows(&routes.pixel);
         PixelOf { footprint: footprints.gather_rows(&routes.pixel), local_count, color }
     }
 }

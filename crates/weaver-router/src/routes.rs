@@ -1,44 +1,45 @@
 //! The lists that an assignment of experts to pixels implies.
 
+use weaver_autograd::{Buffer, List, Pool};
+
 /// Which pixels go to which expert, and which pixel each Gaussian comes from.
 ///
 /// Gaussians are ordered by expert, then pixel; the Gaussians of a pixel are adjacent.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Debug)]
 pub struct Routes {
     /// The pixels with Gaussians: those of expert 1 in pixel order, then those of expert 2, ...
-    pub routed: Vec<u32>,
+    pub routed: Buffer<u32>,
     /// How many of `routed` each of the experts 1 to M has.
-    pub counts: Vec<usize>,
+    pub counts: List<usize>,
     /// For each Gaussian, the entry of `routed` that it comes from `[N]`.
-    pub source: Vec<u32>,
+    pub source: Buffer<u32>,
     /// For each Gaussian, its pixel `[N]`.
-    pub pixel: Vec<u32>,
+    pub pixel: Buffer<u32>,
 }
 
 impl Routes {
     /// The routes of an assignment (`expert` `[P]`) to experts 0 to `most`. Panics if a pixel has a higher expert.
-    pub fn new(expert: &[u8], most: usize) -> Self {
-        let mut counts = vec![0; most + 1];
+    pub fn new(expert: &[u8], most: usize, pool: &Pool) -> Self {
+        let mut counts: List<usize> = std::iter::repeat_n(0, most + 1).collect();
         for &e in expert {
             assert!(usize::from(e) <= most, "a pixel is assigned to expert {e}, the largest is {most}");
             counts[usize::from(e)] += 1;
         }
         counts.remove(0);
         let gaussians = counts.iter().zip(1..).map(|(count, e)| count * e).sum();
-        let mut routes = Self {
-            routed: Vec::with_capacity(counts.iter().sum()),
-            source: Vec::with_capacity(gaussians),
-            pixel: Vec::with_capacity(gaussians),
-            counts,
-        };
+        let mut routed = pool.buffer::<u32>(counts.iter().sum());
+        let (mut source, mut pixel) = (pool.buffer::<u32>(gaussians), pool.buffer::<u32>(gaussians));
+        let (mut route, mut gaussian) = (0, 0);
         for e in 1..=most {
-            for (pixel, _) in expert.iter().enumerate().filter(|(_, chosen)| usize::from(**chosen) == e) {
-                routes.source.extend(std::iter::repeat_n(routes.routed.len() as u32, e));
-                routes.pixel.extend(std::iter::repeat_n(pixel as u32, e));
-                routes.routed.push(pixel as u32);
+            for (p, _) in expert.iter().enumerate().filter(|(_, chosen)| usize::from(**chosen) == e) {
+                source[gaussian..gaussian + e].fill(route as u32);
+                pixel[gaussian..gaussian + e].fill(p as u32);
+                routed[route] = p as u32;
+                route += 1;
+                gaussian += e;
             }
         }
-        routes
+        Self { routed, counts, source, pixel }
     }
 
     /// Number of Gaussians N.
@@ -48,7 +49,7 @@ impl Routes {
 
     /// The pixels of each expert 1 to M.
     pub fn by_expert(&self) -> impl Iterator<Item = &[u32]> {
-        let mut rest = self.routed.as_slice();
+        let mut rest = &*self.routed;
         self.counts.iter().map(move |&count| {
             let (own, others) = rest.split_at(count);
             rest = others;
@@ -68,13 +69,14 @@ mod tests {
 
     #[test]
     fn gaussians_are_ordered_by_expert_then_pixel() {
-        let routes = Routes::new(&[2, 0, 1, 3, 1, 2], 3);
-        assert_eq!(routes.routed, [2, 4, 0, 5, 3]);
-        assert_eq!(routes.counts, [2, 2, 1]);
-        assert_eq!(routes.source, [0, 1, 2, 2, 3, 3, 4, 4, 4]);
-        assert_eq!(routes.pixel, [2, 4, 0, 0, 5, 5, 3, 3, 3]);
+        let pool = Pool::new();
+        let routes = Routes::new(&[2, 0, 1, 3, 1, 2], 3, &pool);
+        assert_eq!(*routes.routed, [2, 4, 0, 5, 3]);
+        assert_eq!(*routes.counts, [2, 2, 1]);
+        assert_eq!(*routes.source, [0, 1, 2, 2, 3, 3, 4, 4, 4]);
+        assert_eq!(*routes.pixel, [2, 4, 0, 0, 5, 5, 3, 3, 3]);
         let lists: Vec<_> = routes.by_expert().collect();
         assert_eq!(lists, [&[2, 4][..], &[0, 5], &[3]]);
-        assert_eq!(Routes::new(&[0, 0], 3).gaussians(), 0);
+        assert_eq!(Routes::new(&[0, 0], 3, &pool).gaussians(), 0);
     }
 }

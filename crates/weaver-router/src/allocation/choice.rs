@@ -2,20 +2,18 @@
 
 use super::{Allocation, AllocationRequest, Assignment, GumbelGate};
 use crate::gumbel::argmax;
-use weaver_autograd::Real;
+use weaver_autograd::{Buffer, Real};
 
 /// The published temperature.
 const TEMPERATURE: f64 = 0.5;
 
-fn choose<T: Real>(request: &AllocationRequest<'_, T>, noise: Vec<T>) -> Assignment<T> {
+fn choose<T: Real>(request: &AllocationRequest<'_, T>, noise: Option<Buffer<T>>) -> Assignment<T> {
     let experts = request.experts();
-    let row = |values: &'_ [T], p: usize| p * experts..((p + 1) * experts).min(values.len());
-    let expert = (0..request.pixels())
-        .map(|p| {
-            let noise = (!noise.is_empty()).then(|| &noise[row(&noise, p)]);
-            argmax(&request.logits[row(request.logits, p)], noise) as u8
-        })
-        .collect();
+    let mut expert = request.pool.buffer::<u8>(request.pixels());
+    for (p, chosen) in expert.iter_mut().enumerate() {
+        let row = p * experts..(p + 1) * experts;
+        *chosen = argmax(&request.logits[row.clone()], noise.as_ref().map(|noise| &noise[row])) as u8;
+    }
     Assignment { expert, gate: Some(GumbelGate { temperature: TEMPERATURE, noise }) }
 }
 
@@ -27,10 +25,14 @@ pub struct Sampled;
 impl<T: Real> Allocation<T> for Sampled {
     fn allocate(&self, request: &AllocationRequest<'_, T>) -> Assignment<T> {
         let noise = match request.gumbel {
-            Some(noise) => noise.to_vec(),
-            None => (0..request.logits.len() as u64).map(|i| request.stream.gumbel(i)).collect(),
+            Some(noise) => request.pool.copy_of(noise),
+            None => {
+                let mut noise = request.pool.buffer(request.logits.len());
+                noise.iter_mut().enumerate().for_each(|(i, n)| *n = request.stream.gumbel(i as u64));
+                noise
+            }
         };
-        choose(request, noise)
+        choose(request, Some(noise))
     }
 }
 
@@ -40,7 +42,7 @@ pub struct Argmax;
 
 impl<T: Real> Allocation<T> for Argmax {
     fn allocate(&self, request: &AllocationRequest<'_, T>) -> Assignment<T> {
-        choose(request, Vec::new())
+        choose(request, None)
     }
 }
 
@@ -53,6 +55,6 @@ pub struct Fixed {
 
 impl<T: Real> Allocation<T> for Fixed {
     fn allocate(&self, request: &AllocationRequest<'_, T>) -> Assignment<T> {
-        Assignment::plain(vec![self.expert; request.pixels()])
+        Assignment::plain(request.pool.filled(request.pixels(), self.expert))
     }
 }

@@ -15,9 +15,11 @@ fn keep_highest<T: Real>(
     score: impl Fn(Place) -> f64,
 ) -> Assignment<T> {
     let pixels = request.pixels();
-    let mut expert = vec![0; pixels];
-    let scores: Vec<f64> = request.places().map(score).collect();
-    let mut order: Vec<u32> = (0..pixels as u32).collect();
+    let mut expert = request.pool.filled(pixels, 0);
+    let mut scores = request.pool.buffer::<f64>(pixels);
+    scores.iter_mut().zip(request.places()).for_each(|(s, at)| *s = score(at));
+    let mut order = request.pool.buffer::<u32>(pixels);
+    order.iter_mut().zip(0..).for_each(|(o, pixel)| *o = pixel);
     if count > 0 && count < pixels {
         order.select_nth_unstable_by(count - 1, |&a, &b| {
             scores[b as usize].total_cmp(&scores[a as usize]).then(a.cmp(&b))

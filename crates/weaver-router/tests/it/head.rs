@@ -47,7 +47,7 @@ impl Model {
         let [views, height, width] = SIZE;
         let features = tape.leaf(&normal(1, PIXELS * 7), [PIXELS, 7]);
         let logits = self.head.router.forward(cx, features);
-        let (energy, colors) = (vec![0.1; PIXELS], vec![0.3; PIXELS * 3]);
+        let energy = [0.1; PIXELS];
         let assignment = {
             let logits = logits.value();
             let stream = Stream::new(9, 0, "router.gumbel");
@@ -59,13 +59,14 @@ impl Model {
                 width,
                 stream,
                 gumbel: None,
+                pool: tape.pool(),
             })
         };
         let pixels = PixelInputs {
             features,
             points: tape.leaf(&normal(2, PIXELS * 3), [PIXELS, 3]),
             footprints: Some(tape.leaf(&[0.05; PIXELS], [PIXELS])),
-            colors: &colors,
+            colors: Some(tape.constant(&[0.3; PIXELS * 3], [PIXELS, 3])),
             height,
             width,
         };
@@ -101,7 +102,7 @@ fn shapes_and_ranges() {
         }
         let points = normal(2, PIXELS * 3);
         let reach = if parametrisation.has_footprint() { 0.1 } else { 0.005 };
-        for (mean, &pixel) in g.means.to_vec().chunks(3).zip(&g.pixel) {
+        for (mean, &pixel) in g.means.to_vec().chunks(3).zip(g.pixel.iter()) {
             let point = &points[3 * pixel as usize..];
             assert!((0..3).all(|a| (mean[a] - point[a]).abs() <= reach));
         }

@@ -86,14 +86,15 @@ fn the_whole_head_and_all_its_gradients() {
         width: WIDTH,
         stream: Stream::new(0, 0, "unused"),
         gumbel: Some(&gumbel),
+        pool: tape.pool(),
     });
     let assigned: Vec<u32> = assignment.expert.iter().map(|&e| u32::from(e)).collect();
     assert_eq!(assigned, file.indices("out.assigned"));
 
     let points = tape.leaf(&file.f32("in.points"), [PIXELS, 3]);
-    let pixels = PixelInputs { features, points, footprints: None, colors: &[], height: HEIGHT, width: WIDTH };
+    let pixels = PixelInputs { features, points, footprints: None, colors: None, height: HEIGHT, width: WIDTH };
     let g = head.gaussians(cx, &pixels, &assignment.expert, assignment.choice(logits));
-    assert_eq!(g.pixel, file.indices("out.gaussian_pixel"));
+    assert_eq!(*g.pixel, file.indices("out.gaussian_pixel"));
     file.assert_close("out.means", &g.means.to_vec());
     assert_decoded(&file, "out", [g.scales, g.quats, g.opacities, g.sh]);
 
