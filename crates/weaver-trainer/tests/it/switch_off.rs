@@ -1,0 +1,130 @@
+//! The ranking loss that ends at half time, and the ablation switches.
+
+use weaver_autograd::{Params, Tape};
+use weaver_data::training_tuple;
+use weaver_kernels::random::Stream;
+use weaver_losses::{global_budget, ranking_cross_entropy, share_budget};
+use weaver_model::SplatWeaver;
+use weaver_nn::Context;
+use weaver_router::Sampled;
+use weaver_splat::WorkspacePool;
+use weaver_trainer::batch::Batch;
+use weaver_trainer::{Config, Objective, Session, StepReport, scenes};
+
+/// The stage `everything` alone, a number of steps long.
+fn everything(steps: usize, settings: &[&str]) -> Config {
+    let settings: Vec<String> = settings.iter().map(|s| s.to_string()).collect();
+    let mut config = Config::resolve(Some("micro"), None, &settings).unwrap();
+    config.stages.remove(0);
+    config.stages[0].steps = steps;
+    config
+}
+
+fn with_ranking(steps: usize, budget_limit: f64) -> Config {
+    let mut config = everything(steps, &["stages.1.allocation=sampled"]);
+    let losses = &mut config.stages[0].losses;
+    (losses.rank, losses.budget, losses.rank_until, losses.budget_limit) = (0.01, 0.01, 0.5, budget_limit);
+    config
+}
+
+fn reports(config: Config) -> Vec<StepReport> {
+    let mut session = Session::new(config).unwrap();
+    std::iter::from_fn(|| session.advance().unwrap()).collect()
+}
+
+fn term(report: &StepReport, name: &str) -> Option<f32> {
+    report.terms.iter().find(|(n, _)| n == name).map(|(_, value)| *value)
+}
+
+#[test]
+fn the_ranking_ends_at_half_time() {
+    // No pixel can have more than 3 Gaussians, so that the global hinge is 0 under this limit.
+    let found = reports(with_ranking(5, 3.0));
+    let ranked: Vec<bool> = found.iter().map(|r| term(r, "rank").is_some()).collect();
+    assert_eq!(ranked, [true, true, true, false, false]);
+    for report in &found {
+        let budget = term(report, "budget").unwrap();
+        assert_eq!(budget > 0.0, report.step <= 3, "step {}: budget {budget}", report.step);
+    }
+    // Without any allowance the hinge is the square of the number of Gaussians per pixel.
+    for report in &reports(with_ranking(4, 0.0))[2..] {
+        let (budget, count) = (term(report, "budget").unwrap(), report.gaussians_per_pixel);
+        assert!(count > 0.1 && (budget - count * count).abs() < 1e-5, "budget {budget}, {count} Gaussians per pixel");
+    }
+}
+
+#[test]
+fn ranking_and_budget_are_those_of_the_losses() {
+    let mut config = with_ranking(2, 0.3);
+    config.stages[0].pose_tuples = 0;
+    let (stage, d, m) = (&config.stages[0], &config.data, &config.model);
+    let scenes = scenes::load(&config).unwrap();
+    let tuple = training_tuple(&scenes, Stream::new(0, 0, "tuples"), 0, d.pool, d.context_views, d.target_views);
+    let batches = [Batch::new(&scenes[tuple.scene], tuple).unwrap()];
+    let mut params = Params::new();
+    let model = SplatWeaver::new(m.clone(), &mut params, 0);
+    let (workspaces, stream) = (WorkspacePool::new(), Stream::new(0, 0, "allocation"));
+    let tape = Tape::new();
+    let cx = Context::new(&tape, &params);
+
+    let views = d.context_views;
+    let photos = tape.constant(batches[0].context_images(), [views, 3, m.height, m.width]);
+    let encoded = model.encode(cx, photos.reshape([1, views, 3, m.height, m.width]));
+    let dense = model.dense(cx, &encoded, 0, photos);
+    let woven = model.weave(cx, &dense, photos, &encoded.scene_cameras(0), &Sampled, stream.fork(0));
+    let (choice, losses) = (woven.choice.unwrap(), &stage.losses);
+    let rank = ranking_cross_entropy(dense.logits, dense.energy, &losses.rank_quantiles, losses.label_smoothing).item();
+    let of_experts = share_budget(choice, &losses.budget_shares).item();
+    let of_all = global_budget(choice, losses.budget_limit).item();
+    assert!(rank > 0.0 && of_experts > 0.0 && of_all > 0.0 && of_experts != of_all);
+
+    for (ranking, expected) in [(true, [Some(rank), Some(of_experts)]), (false, [None, Some(of_all)])] {
+        let objective =
+            Objective { stage, ranking, allocation: &Sampled, lpips: None, workspaces: &workspaces, stream };
+        let terms = objective.terms(cx, &model, &batches);
+        let found = ["rank", "budget"].map(|name| terms.values().find(|(n, _)| *n == name).map(|(_, value)| value));
+        assert_eq!(found, expected, "ranking: {ranking}");
+    }
+}
+
+/// Settings that each take one choice of the recipe back, or make it.
+const SWITCHES: [&[&str]; 19] = [
+    &["model.gaussians.frequency_prior=false"],
+    &["model.gaussians.frequency_prior=true"],
+    &["stages.1.allocation=sampled", "stages.1.losses.budget=0.01", "stages.1.losses.rank=0"],
+    &["stages.1.allocation=sampled", "stages.1.losses.budget=0.01", "stages.1.losses.rank=0.01"],
+    &["stages.1.allocation=fixed:1"],
+    &["stages.1.allocation=fixed:2"],
+    &["model.gaussians.neighbour_attention=false"],
+    &["model.gaussians.neighbour_attention=true"],
+    &["model.gaussians.wavelet=haar"],
+    &["model.gaussians.wavelet=db2"],
+    &["stages.1.allocation=sampled"],
+    &["stages.1.allocation=argmax"],
+    &["stages.1.allocation=dithered"],
+    &["stages.1.allocation=grid"],
+    &["stages.1.allocation=random"],
+    PUBLISHED,
+    &["model.gaussians.parametrisation=footprint"],
+    &["model.camera.gauge=published"],
+    &["model.camera.gauge=relative"],
+];
+
+/// The published parametrisation, with sizes in world units.
+const PUBLISHED: &[&str] = &[
+    "model.gaussians.parametrisation=published",
+    "model.gaussians.offset_reach=0.035",
+    "model.gaussians.scale_multiplier=0.007",
+];
+
+#[test]
+fn every_switch_trains() {
+    for settings in SWITCHES {
+        let found = reports(everything(3, settings));
+        assert_eq!(found.len(), 3);
+        for report in found {
+            let finite = report.terms.iter().all(|(_, value)| value.is_finite());
+            assert!(finite && report.loss.is_finite() && report.gradient_norm > 0.0, "{settings:?}: {report:?}");
+        }
+    }
+}
