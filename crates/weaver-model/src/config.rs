@@ -359,14 +359,11 @@ impl ModelConfig {
         if self.gaussians.sh_degree > 4 {
             return Err(format!("model.gaussians.sh_degree: expected 0 to 4, found {}", self.gaussians.sh_degree));
         }
-        if !(self.gaussians.temperature > 0.0) {
-            return Err(format!(
-                "model.gaussians.temperature: expected a positive number, found {}",
-                self.gaussians.temperature
-            ));
-        }
-        if !(self.raster.near > 0.0) {
-            return Err(format!("model.raster.near: expected a positive number, found {}", self.raster.near));
+        let above_zero = [("gaussians.temperature", self.gaussians.temperature), ("raster.near", self.raster.near)];
+        for (key, value) in above_zero {
+            if value.is_nan() || value <= 0.0 {
+                return Err(format!("model.{key}: expected a positive number, found {value}"));
+            }
         }
         Ok(())
     }

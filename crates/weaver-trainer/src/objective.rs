@@ -171,13 +171,8 @@ impl Objective<'_> {
             intrinsics = weaver_autograd::ops::concat(&[intrinsics, targets.intrinsics], 0);
         }
         let g = &woven.gaussians;
-        let gaussians = GaussianVars {
-            means: g.means,
-            quats: g.quats,
-            scales: g.scales,
-            opacities: g.opacities,
-            colours: g.sh,
-        };
+        let gaussians =
+            GaussianVars { means: g.means, quats: g.quats, scales: g.scales, opacities: g.opacities, colours: g.sh };
         let background = cx.tape.constant(&config.raster.background.map(|c| c as f32), [3]);
         let settings = RasterSettings {
             near: config.raster.near,
@@ -201,7 +196,12 @@ impl Objective<'_> {
         let weights = &self.stage.losses;
         if self.ranking {
             terms.add("rank", weights.rank * share, || {
-                losses::ranking_cross_entropy(dense.logits, dense.energy, &weights.rank_quantiles, weights.label_smoothing)
+                losses::ranking_cross_entropy(
+                    dense.logits,
+                    dense.energy,
+                    &weights.rank_quantiles,
+                    weights.label_smoothing,
+                )
             });
         }
         if let Some(choice) = woven.choice {
