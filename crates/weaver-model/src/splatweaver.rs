@@ -27,30 +27,30 @@ pub struct SplatWeaver {
 /// What the backbone and the camera head say about B scenes of V views.
 #[derive(Clone, Debug)]
 pub struct Encoded<'t, T: Real = f32> {
-    /// Tokens [B, V, T, 2 D] of the four levels that feed the dense heads.
+    /// Tokens `[B, V, T, 2 D]` of the four levels that feed the dense heads.
     tokens: List<Var<'t, T>>,
     /// Tokens of a view before its first patch.
     special: usize,
     /// Rows and columns of patches.
     grid: [usize; 2],
-    /// Pose codes [B, V, 9] of every refinement, in the frame of the camera head's own choice; quaternions of any length.
+    /// Pose codes `[B, V, 9]` of every refinement, in the frame of the camera head's own choice; quaternions of any length.
     pub raw: List<Var<'t, T>>,
-    /// Pose codes [B, V, 9] of every refinement as emitted, in the frame that the configuration's gauge says.
+    /// Pose codes `[B, V, 9]` of every refinement as emitted, in the frame that the configuration's gauge says.
     pub codes: List<Var<'t, T>>,
-    /// The cameras of the last refinement: w2c [B, V, 3, 4], intrinsics [B, V, 4].
+    /// The cameras of the last refinement: w2c `[B, V, 3, 4]`, intrinsics `[B, V, 4]`.
     pub cameras: Cameras<'t, T>,
 }
 
 /// What the dense heads say about one scene: everything before pixels are given their Gaussians.
 #[derive(Clone, Copy, Debug)]
 pub struct Dense<'t, T: Real = f32> {
-    /// Depth [V, H, W].
+    /// Depth `[V, H, W]`.
     pub depth: Var<'t, T>,
-    /// Expert features F as rows [P, C].
+    /// Expert features F as rows `[P, C]`.
     features: Var<'t, T>,
-    /// The router's logits [P, E].
+    /// The router's logits `[P, E]`.
     pub logits: Var<'t, T>,
-    /// Wavelet energy [P]; a constant.
+    /// Wavelet energy `[P]`; a constant.
     pub energy: Var<'t, T>,
 }
 
@@ -61,12 +61,12 @@ pub struct Woven<'t, T: Real = f32> {
     pub gaussians: Gaussians<'t, T>,
     /// How many Gaussians each pixel got.
     pub assignment: Assignment<T>,
-    /// The straight-through choice [P, E] where the router made it.
+    /// The straight-through choice `[P, E]` where the router made it.
     pub choice: Option<Var<'t, T>>,
 }
 
 impl<'t, T: Real> Encoded<'t, T> {
-    /// The cameras of scene `b`: w2c [V, 3, 4], intrinsics [V, 4].
+    /// The cameras of scene `b`: w2c `[V, 3, 4]`, intrinsics `[V, 4]`.
     pub fn scene_cameras(&self, b: usize) -> Cameras<'t, T> {
         Cameras { w2c: entry(self.cameras.w2c, b), intrinsics: entry(self.cameras.intrinsics, b) }
     }
@@ -79,7 +79,7 @@ fn entry<T: Real>(x: Var<'_, T>, b: usize) -> Var<'_, T> {
     one.reshape(&rest.dims()[1..])
 }
 
-/// Maps [V, C, H, W] as rows of pixels [V H W, C].
+/// Maps `[V, C, H, W]` as rows of pixels `[V H W, C]`.
 fn pixel_rows<T: Real>(maps: Var<'_, T>) -> Var<'_, T> {
     let s = maps.shape();
     maps.permute(&[0, 2, 3, 1]).reshape([s[0] * s[2] * s[3], s[1]])
@@ -111,7 +111,7 @@ impl SplatWeaver {
         &self.config
     }
 
-    /// Backbone and camera head: photos [B, V, 3, H, W] in [0, 1] to tokens and cameras.
+    /// Backbone and camera head: photos `[B, V, 3, H, W]` in `[0, 1]` to tokens and cameras.
     pub fn encode<'t, T: Real>(&self, cx: Context<'t, T>, photos: Var<'t, T>) -> Encoded<'t, T> {
         let shape = photos.shape();
         let [height, width] = [shape[3], shape[4]];
@@ -131,7 +131,7 @@ impl SplatWeaver {
         Encoded { tokens: aggregated.layers.into_iter().collect(), special, grid, raw, codes, cameras }
     }
 
-    /// Dense heads and router on scene `b` of what was encoded; `photos` [V, 3, H, W] are that scene's.
+    /// Dense heads and router on scene `b` of what was encoded; `photos` `[V, 3, H, W]` are that scene's.
     pub fn dense<'t, T: Real>(
         &self,
         cx: Context<'t, T>,
@@ -160,7 +160,7 @@ impl SplatWeaver {
         Dense { depth, features: pixel_rows(pixels.features), logits, energy }
     }
 
-    /// Gives pixels their Gaussians: unprojects with `cameras` (w2c [V, 3, 4], intrinsics [V, 4]), allocates, and decodes.
+    /// Gives pixels their Gaussians: unprojects with `cameras` (w2c `[V, 3, 4]`, intrinsics `[V, 4]`), allocates, and decodes.
     pub fn weave<'t, T: Real>(
         &self,
         cx: Context<'t, T>,
