@@ -33,7 +33,8 @@ pub struct Encoded<'t, T: Real = f32> {
     special: usize,
     /// Rows and columns of patches.
     grid: [usize; 2],
-    /// Pose codes `[B, V, 9]` of every refinement, in the frame of the camera head's own choice; quaternions of any length.
+    /// Pose codes `[B, V, 9]` of every refinement, in the frame of the camera head's own choice; quaternions of any
+    /// length.
     pub raw: List<Var<'t, T>>,
     /// Pose codes `[B, V, 9]` of every refinement as emitted, in the frame that the configuration's gauge says.
     pub codes: List<Var<'t, T>>,
@@ -160,7 +161,8 @@ impl SplatWeaver {
         Dense { depth, features: pixel_rows(pixels.features), logits, energy }
     }
 
-    /// Gives pixels their Gaussians: unprojects with `cameras` (w2c `[V, 3, 4]`, intrinsics `[V, 4]`), allocates, and decodes.
+    /// Gives pixels their Gaussians: unprojects with `cameras` (w2c `[V, 3, 4]`, intrinsics `[V, 4]`), allocates, and
+    /// decodes.
     pub fn weave<'t, T: Real>(
         &self,
         cx: Context<'t, T>,
