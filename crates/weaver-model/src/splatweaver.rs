@@ -191,7 +191,7 @@ impl SplatWeaver {
             gumbel: None,
             pool: cx.tape.pool(),
         });
-        let choice = assignment.choice(dense.logits);
+        let choice = assignment.choice(dense.logits, self.config.gaussians.temperature);
         let colors = in_footprints.then(|| pixel_rows(photos));
         let points = points.reshape([pixels, 3]);
         let inputs = PixelInputs { features: dense.features, points, footprints, colors, height, width };

@@ -76,8 +76,6 @@ pub struct Assignment<T: Real = f32> {
 /// What the straight-through gradient of a choice needs to know.
 #[derive(Debug)]
 pub struct GumbelGate<T: Real = f32> {
-    /// Temperature of the softmax.
-    pub temperature: f64,
     /// Gumbel noise `[P, E]`, where there is any.
     pub noise: Option<Buffer<T>>,
 }
@@ -93,10 +91,11 @@ impl<T: Real> Assignment<T> {
         self.expert.iter().map(|&e| usize::from(e)).sum()
     }
 
-    /// The one-hot choice `[P, E]` with the straight-through gradient to `logits`; `None` where the router had no say.
-    pub fn choice<'t>(&self, logits: Var<'t, T>) -> Option<Var<'t, T>> {
+    /// The one-hot choice `[P, E]` with the straight-through gradient to `logits`, that of a softmax at this temperature
+    /// (0.5 as published); `None` where the router had no say.
+    pub fn choice<'t>(&self, logits: Var<'t, T>, temperature: f64) -> Option<Var<'t, T>> {
         let gate = self.gate.as_ref()?;
         let noise = gate.noise.as_ref().map(|noise| logits.tape().constant(noise, logits.shape()));
-        Some(gumbel_softmax_straight_through(logits, noise, gate.temperature))
+        Some(gumbel_softmax_straight_through(logits, noise, temperature))
     }
 }

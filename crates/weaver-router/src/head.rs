@@ -165,7 +165,8 @@ impl CardinalityHead {
                 projection.forward(cx, features)
             };
             let feature = if routes.is_single() { projected } else { projected.gather_rows(&routes.source) };
-            let neighbors = Neighbors::search(&means.value(), config.count, cx.tape.pool());
+            let neighbors =
+                cx.tape.timed("nearest neighbours", || Neighbors::search(&means.value(), config.count, cx.tape.pool()));
             theta = predictor.forward(cx, means, theta, feature, &neighbors);
         }
         let decoded = decode(theta, self.config.sh_degree, pixel, parametrisation);

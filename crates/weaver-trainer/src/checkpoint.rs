@@ -91,11 +91,15 @@ impl Checkpoint {
                 self.tensors.values::<f32>(&format!("{prefix}.{}", param.name()), param.shape().dims())?;
             }
         }
-        let extra = self.tensors.tensors.keys().filter_map(|k| k.strip_prefix("param.")).find(|n| params.find(n).is_none());
+        let extra =
+            self.tensors.tensors.keys().filter_map(|k| k.strip_prefix("param.")).find(|n| params.find(n).is_none());
         match extra {
             Some(name) => Err(Error::Checkpoint {
                 path: self.path.clone(),
-                message: format!("tensor param.{name}: expected no such tensor in a model of preset `{}`", config.preset),
+                message: format!(
+                    "tensor param.{name}: expected no such tensor in a model of preset `{}`",
+                    config.preset
+                ),
             }),
             None => Ok(()),
         }
@@ -127,7 +131,12 @@ impl Checkpoint {
     ///
     /// # Errors
     /// When the optimiser's state is damaged.
-    pub fn restore(&self, params: &mut Params<f32>, optimiser: &mut AdamW<f32>, ema: &mut Ema<f32>) -> Result<(), Error> {
+    pub fn restore(
+        &self,
+        params: &mut Params<f32>,
+        optimiser: &mut AdamW<f32>,
+        ema: &mut Ema<f32>,
+    ) -> Result<(), Error> {
         self.fill(params, "param");
         let wrong = |message: String| Error::Checkpoint { path: self.path.clone(), message };
         let text = self.tensors.metadata.get("ema_step").map_or("", String::as_str);

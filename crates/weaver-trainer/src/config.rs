@@ -148,7 +148,7 @@ pub struct LossWeights {
     pub pose_huber: f64,
     /// L1 on translation, quaternion and field of view of the emitted cameras.
     pub pose: f64,
-    /// L1 on the codes before the gauge against the scene's own frame; needs scenes that come back.
+    /// L1 on the codes before the gauge against the scene's own frame; off with endless scenes, which do not come back.
     pub pose_absolute: f64,
     /// L1 of log depth where the data knows it.
     pub depth: f64,
@@ -156,14 +156,14 @@ pub struct LossWeights {
     pub rendered_depth: f64,
     /// Cross entropy of the router against the frequency ranking.
     pub rank: f64,
-    /// Ranking classes: quantiles of wavelet energy at which E_1, E_2, E_3 begin.
-    pub rank_quantiles: [f64; 3],
+    /// Ranking classes: quantiles of wavelet energy at which E_1, E_2, ... E_M begin.
+    pub rank_quantiles: Vec<f64>,
     /// Label smoothing of the ranking.
     pub label_smoothing: f64,
     /// Budget: squared distance of the experts' shares from `budget_shares`, or the global hinge once the ranking is off.
     pub budget: f64,
-    /// Shares of pixels of E_1, E_2, E_3.
-    pub budget_shares: [f64; 3],
+    /// Shares of pixels of E_1, E_2, ... E_M.
+    pub budget_shares: Vec<f64>,
     /// Gaussians per pixel above which the global hinge acts.
     pub budget_limit: f64,
     /// Fraction of the stage after which the ranking loss is off and the budget becomes global.
@@ -185,10 +185,10 @@ impl Default for LossWeights {
             depth: 0.0,
             rendered_depth: 0.0,
             rank: 0.0,
-            rank_quantiles: [0.76, 0.96, 0.98],
+            rank_quantiles: vec![0.76, 0.96, 0.98],
             label_smoothing: 0.1,
             budget: 0.0,
-            budget_shares: [0.2, 0.02, 0.02],
+            budget_shares: vec![0.2, 0.02, 0.02],
             budget_limit: 0.3,
             rank_until: 0.5,
             error_regression: 0.0,
@@ -224,7 +224,8 @@ impl Config {
     /// The configuration of a preset.
     pub fn preset(name: &str) -> Result<Self, Error> {
         presets::preset(name).ok_or_else(|| {
-            let hint = overlay::nearest(name, weaver_model::PRESETS).map_or(String::new(), |n| format!("; did you mean `{n}`?"));
+            let hint = overlay::nearest(name, weaver_model::PRESETS)
+                .map_or(String::new(), |n| format!("; did you mean `{n}`?"));
             let known = weaver_model::PRESETS.join(", ");
             Error::Config { place: "preset".into(), message: format!("expected one of {known}, found `{name}`{hint}") }
         })
@@ -273,7 +274,11 @@ impl Config {
     }
 
     fn from_tree(tree: toml::Value, source: &str) -> Result<Self, Error> {
-        let config: Self = overlay::deserialise(tree, source)?;
+        let mut config: Self = overlay::deserialise(tree, source)?;
+        if config.data.endless > 0 {
+            // A frame of its own is of no use to a scene that does not come back.
+            config.stages.iter_mut().for_each(|stage| stage.losses.pose_absolute = 0.0);
+        }
         config.check().map_err(|message| Error::Config { place: source.into(), message })?;
         Ok(config)
     }
@@ -310,7 +315,9 @@ impl Config {
             ));
         }
         for (i, stage) in self.stages.iter().enumerate() {
-            let at = |key: &str, expected: &str, found: String| Err(format!("stages.{i}.{key}: expected {expected}, found {found}"));
+            let at = |key: &str, expected: &str, found: String| {
+                Err(format!("stages.{i}.{key}: expected {expected}, found {found}"))
+            };
             if stage.tuples + stage.pose_tuples == 0 {
                 return at("tuples", "tuples or pose_tuples above 0", "0 and 0".into());
             }
@@ -324,8 +331,14 @@ impl Config {
                 let kind = stage.allocation.parse::<weaver_router::AllocationKind>();
                 kind.map_err(|e| format!("stages.{i}.allocation: {e}, or mix"))?;
             }
-            if self.data.endless > 0 && stage.losses.pose_absolute > 0.0 {
-                return at("losses.pose_absolute", "0 with endless scenes, which do not come back", stage.losses.pose_absolute.to_string());
+            let experts = self.model.gaussians.experts;
+            let lists =
+                [("rank_quantiles", &stage.losses.rank_quantiles), ("budget_shares", &stage.losses.budget_shares)];
+            for (key, list) in lists {
+                if list.len() != experts || list.iter().any(|x| !(0.0..=1.0).contains(x)) {
+                    let expected = format!("{experts} numbers between 0 and 1, one for each expert from E_1 on");
+                    return at(&format!("losses.{key}"), &expected, format!("{list:?}"));
+                }
             }
             if stage.losses.lpips > 0.0 && stage.losses.lpips_weights.as_os_str().is_empty() {
                 return at("losses.lpips_weights", "a file, since lpips is not 0", "nothing".into());

@@ -6,6 +6,7 @@ use crate::predictor::{CameraSource, Predictor};
 use crate::{Cameras, Checkpoint, Config, Error, RunFolder};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use weaver_autograd::Pool;
 use weaver_data::{Scene, evaluation_tuples};
 use weaver_geometry::{Camera, Pose};
 use weaver_io::Image;
@@ -14,7 +15,6 @@ use weaver_losses::lpips::Network;
 use weaver_losses::{Lpips, metrics};
 use weaver_pose::PoseErrors;
 use weaver_router::AllocationKind;
-use weaver_autograd::Pool;
 use weaver_wavelet::{EnergyMap, Wavelet};
 
 /// Which scenes to evaluate on.
@@ -79,10 +79,9 @@ pub fn load_lpips(path: &Path) -> Result<Lpips<f32>, Error> {
         .tensors
         .iter()
         .map(|(name, tensor)| {
-            let values = tensor
-                .data
-                .widened()
-                .ok_or_else(|| wrong(format!("tensor {name}: expected F16, BF16 or F32, found {}", tensor.data.dtype())))?;
+            let values = tensor.data.widened().ok_or_else(|| {
+                wrong(format!("tensor {name}: expected F16, BF16 or F32, found {}", tensor.data.dtype()))
+            })?;
             Ok((name.clone(), (tensor.shape.clone(), values.into_owned())))
         })
         .collect::<Result<BTreeMap<_, _>, Error>>()?;

@@ -59,9 +59,8 @@ pub fn run(run: &Path, images: &[PathBuf], options: &Options, out: &Path) -> Res
         None => evaluate::parse_allocation(&config.evaluation.allocation)?,
     };
     let budget = evaluate::check_budget(kind, options.budget)?.unwrap_or(config.evaluation.budget);
-    let allocation = kind
-        .allocation::<f32>(budget, config.model.gaussians.experts + 1)
-        .map_err(|e| Error::Usage(e.to_string()))?;
+    let allocation =
+        kind.allocation::<f32>(budget, config.model.gaussians.experts + 1).map_err(|e| Error::Usage(e.to_string()))?;
 
     let (model, params) = checkpoint.evaluated_model(&config);
     let mut predictor = Predictor::new(&model, &params);
@@ -77,9 +76,11 @@ pub fn run(run: &Path, images: &[PathBuf], options: &Options, out: &Path) -> Res
             "the given cameras' centres were scaled by {factor:.4}, so that their mean distance to camera 0 equals that of the predicted ones"
         ));
     }
-    remarks.push(format!("cameras {}, allocation {kind}", if given.is_some() { Cameras::Given } else { Cameras::Predicted }));
-    let renders =
-        predictor.render(&prediction.splats, &prediction.cameras).map_err(|e| Error::Usage(e.to_string()))?;
+    remarks.push(format!(
+        "cameras {}, allocation {kind}",
+        if given.is_some() { Cameras::Given } else { Cameras::Predicted }
+    ));
+    let renders = predictor.render(&prediction.splats, &prediction.cameras).map_err(|e| Error::Usage(e.to_string()))?;
     write(out, images, &photos, &renders, &prediction)?;
 
     let psnr: f64 = photos
@@ -186,9 +187,9 @@ fn read_cameras(file: &Path, photos: &[PathBuf], width: usize, height: usize) ->
     let mut known: BTreeMap<String, (Pose, Intrinsics, usize, usize)> = BTreeMap::new();
     let base = |name: &str| Path::new(name).file_name().map_or(name.to_string(), |n| n.to_string_lossy().into_owned());
     if file.is_dir() {
-        let folder = [file.to_path_buf(), file.join("sparse/0")].into_iter().find(|f| {
-            f.join("cameras.bin").is_file() || f.join("cameras.txt").is_file()
-        });
+        let folder = [file.to_path_buf(), file.join("sparse/0")]
+            .into_iter()
+            .find(|f| f.join("cameras.bin").is_file() || f.join("cameras.txt").is_file());
         let model = Model::read(folder.unwrap_or_else(|| file.to_path_buf()))?;
         for image in &model.images {
             let camera = model.cameras[&image.camera_id];

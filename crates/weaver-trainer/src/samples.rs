@@ -33,7 +33,9 @@ pub fn write(
         .map_err(|e| Error::Usage(e.to_string()))?;
     let mut rows = Vec::new();
     for (index, scene) in scenes.iter().enumerate().take(SHOWN) {
-        let Some(tuple) = evaluation_tuples(scene, index, config.data.context_views).into_iter().next() else { continue };
+        let Some(tuple) = evaluation_tuples(scene, index, config.data.context_views).into_iter().next() else {
+            continue;
+        };
         let (batch, measured) = Batch::for_evaluation(scene, tuple)?;
         let source = match (config.evaluation.cameras, measured) {
             (Cameras::Predicted, _) => CameraSource::Predicted,
@@ -42,9 +44,8 @@ pub fn write(
         };
         let stream = Stream::new(config.seed, index as u64, "samples");
         let prediction = predictor.predict(batch.context_images(), source, &*allocation, stream);
-        let renders = predictor
-            .render(&prediction.splats, &prediction.cameras)
-            .map_err(|e| Error::Usage(e.to_string()))?;
+        let renders =
+            predictor.render(&prediction.splats, &prediction.cameras).map_err(|e| Error::Usage(e.to_string()))?;
         let inputs = batch.tuple.context.iter().map(|&v| &scene.views[v].image);
         for (v, (input, render)) in inputs.zip(renders).enumerate().take(1) {
             rows.push(row(input, &render, &prediction, v));

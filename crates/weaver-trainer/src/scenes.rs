@@ -4,8 +4,8 @@ use crate::{Config, Error};
 use std::path::PathBuf;
 use weaver_data::capture::{self, CaptureOptions};
 use weaver_data::procedural::ProceduralOptions;
-use weaver_kernels::random::Stream;
 use weaver_data::{Scene, procedural};
+use weaver_kernels::random::Stream;
 
 /// The scenes of a run: its captures, or the built-in procedural set.
 ///

@@ -119,7 +119,8 @@ impl Session {
         );
         for stage in &self.config.stages {
             let untrained = untrained_modules(stage);
-            let note = if untrained.is_empty() { String::new() } else { format!("; untrained: {}", untrained.join(", ")) };
+            let note =
+                if untrained.is_empty() { String::new() } else { format!("; untrained: {}", untrained.join(", ")) };
             text.push_str(&format!(
                 "stage {}: {} steps of {} rendered and {} posed tuples{note}\n",
                 stage.name, stage.steps, stage.tuples, stage.pose_tuples
@@ -168,12 +169,8 @@ impl Session {
         self.tape.reset();
         let cx = Context::new(&self.tape, &self.params);
         let terms = objective.terms(cx, &self.model, &batches);
-        let diverged = |term: &str, value: f32| Error::Diverged {
-            step: self.step + 1,
-            term: term.into(),
-            value,
-            last_good: None,
-        };
+        let diverged =
+            |term: &str, value: f32| Error::Diverged { step: self.step + 1, term: term.into(), value, last_good: None };
         let values: Vec<(String, f32)> = terms.values().map(|(name, value)| (name.to_string(), value)).collect();
         if let Some((name, value)) = values.iter().find(|(_, v)| !v.is_finite()) {
             return Err(diverged(name, *value));
@@ -373,10 +370,15 @@ fn untrained_modules(stage: &StageConfig) -> Vec<&'static str> {
         return vec!["depth_head", "gaussian_param_head"];
     }
     let l = &stage.losses;
-    let routed = stage.allocation == "sampled" || stage.allocation == "argmax" || l.rank > 0.0 || l.error_regression > 0.0;
+    let routed =
+        stage.allocation == "sampled" || stage.allocation == "argmax" || l.rank > 0.0 || l.error_regression > 0.0;
     if routed {
         Vec::new()
     } else {
-        vec!["gaussian_param_head.gs_moe.gating", "gaussian_param_head.wave_merger1", "gaussian_param_head.wave_merger2"]
+        vec![
+            "gaussian_param_head.gs_moe.gating",
+            "gaussian_param_head.wave_merger1",
+            "gaussian_param_head.wave_merger2",
+        ]
     }
 }

@@ -4,9 +4,6 @@ use super::{Allocation, AllocationRequest, Assignment, GumbelGate};
 use crate::gumbel::argmax;
 use weaver_autograd::{Buffer, Real};
 
-/// The published temperature.
-const TEMPERATURE: f64 = 0.5;
-
 fn choose<T: Real>(request: &AllocationRequest<'_, T>, noise: Option<Buffer<T>>) -> Assignment<T> {
     let experts = request.experts();
     let mut expert = request.pool.buffer::<u8>(request.pixels());
@@ -14,7 +11,7 @@ fn choose<T: Real>(request: &AllocationRequest<'_, T>, noise: Option<Buffer<T>>)
         let row = p * experts..(p + 1) * experts;
         *chosen = argmax(&request.logits[row.clone()], noise.as_ref().map(|noise| &noise[row])) as u8;
     }
-    Assignment { expert, gate: Some(GumbelGate { temperature: TEMPERATURE, noise }) }
+    Assignment { expert, gate: Some(GumbelGate { noise }) }
 }
 
 /// The published allocation: every pixel's expert is a sample of softmax(logits), by Gumbel noise of the request's

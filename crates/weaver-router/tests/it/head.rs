@@ -70,7 +70,7 @@ impl Model {
             height,
             width,
         };
-        let gaussians = self.head.gaussians(cx, &pixels, &assignment.expert, assignment.choice(logits));
+        let gaussians = self.head.gaussians(cx, &pixels, &assignment.expert, assignment.choice(logits, 0.5));
         (logits, gaussians)
     }
 

@@ -93,7 +93,7 @@ fn the_whole_head_and_all_its_gradients() {
 
     let points = tape.leaf(&file.f32("in.points"), [PIXELS, 3]);
     let pixels = PixelInputs { features, points, footprints: None, colors: None, height: HEIGHT, width: WIDTH };
-    let g = head.gaussians(cx, &pixels, &assignment.expert, assignment.choice(logits));
+    let g = head.gaussians(cx, &pixels, &assignment.expert, assignment.choice(logits, 0.5));
     assert_eq!(*g.pixel, file.indices("out.gaussian_pixel"));
     file.assert_close("out.means", &g.means.to_vec());
     assert_decoded(&file, "out", [g.scales, g.quats, g.opacities, g.sh]);

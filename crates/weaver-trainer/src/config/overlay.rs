@@ -73,7 +73,8 @@ fn merge_at(base: &mut Value, over: Value, source: &str, path: &str) -> Result<(
 }
 
 fn unknown(table: &Table, key: &str, source: &str, path: &str) -> Error {
-    let hint = nearest(key, table.keys().map(String::as_str)).map_or(String::new(), |n| format!("; did you mean `{n}`?"));
+    let hint =
+        nearest(key, table.keys().map(String::as_str)).map_or(String::new(), |n| format!("; did you mean `{n}`?"));
     error(source, format!("unknown key `{}`{hint}", join(path, key)))
 }
 
@@ -127,9 +128,13 @@ mod tests {
 
     #[test]
     fn settings_reach_their_place() {
-        let settings = ["stages.1.rate=1", "model.width=64", "stages.1.allocation=sampled", "data.folders=[\"a\", \"b\"]"];
+        let settings =
+            ["stages.1.rate=1", "model.width=64", "stages.1.allocation=sampled", "data.folders=[\"a\", \"b\"]"];
         let config = Config::resolve(Some("micro"), None, &settings.map(String::from)).unwrap();
-        assert_eq!((config.stages[1].rate, config.model.width, config.stages[1].allocation.as_str()), (1.0, 64, "sampled"));
+        assert_eq!(
+            (config.stages[1].rate, config.model.width, config.stages[1].allocation.as_str()),
+            (1.0, 64, "sampled")
+        );
         assert_eq!(config.data.folders.len(), 2);
     }
 
@@ -137,7 +142,11 @@ mod tests {
     fn wrong_settings_are_explained() {
         assert!(message(&["model.widht=64"]).contains("unknown key `model.widht`; did you mean `width`?"));
         assert!(message(&["model.width=wide"]).contains("model.width: expected integer, found string"));
-        assert!(message(&["model.width=-8"]).contains("`-8`, expected usize in `model.width`"), "{}", message(&["model.width=-8"]));
+        assert!(
+            message(&["model.width=-8"]).contains("`-8`, expected usize in `model.width`"),
+            "{}",
+            message(&["model.width=-8"])
+        );
         assert!(message(&["stages.7.rate=1"]).contains("expected an index below 2, found `7`"));
         assert!(message(&["seed"]).contains("expected key=value"));
     }
@@ -155,6 +164,12 @@ mod tests {
         let text = Config::resolve(None, Some(&path), &[]).unwrap_err().to_string();
         assert!(text.contains("c.toml") && text.contains("model.backbone: expected table"), "{text}");
         std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    #[test]
+    fn endless_scenes_have_no_frame_of_their_own() {
+        let config = Config::resolve(Some("micro"), None, &["data.endless=5".into()]).unwrap();
+        assert!(config.stages.iter().all(|s| s.losses.pose_absolute == 0.0 && s.losses.pose > 0.0));
     }
 
     #[test]

@@ -1,8 +1,6 @@
 //! The presets: what is trained, for how long, with which losses.
 
-use super::{
-    Cameras, Config, DataConfig, EvaluationConfig, LossWeights, OptimiserConfig, OutputConfig, StageConfig,
-};
+use super::{Cameras, Config, DataConfig, EvaluationConfig, LossWeights, OptimiserConfig, OutputConfig, StageConfig};
 use weaver_model::ModelConfig;
 
 pub(super) fn preset(name: &str) -> Option<Config> {
@@ -12,8 +10,22 @@ pub(super) fn preset(name: &str) -> Option<Config> {
         seed: 0,
         threads: 0,
         model,
-        data: DataConfig { folders: Vec::new(), endless: 0, scene_scale: 0.0, context_views: 4, target_views: 2, pool: 6 },
-        optimiser: OptimiserConfig { beta1: 0.9, beta2: 0.99, epsilon: 1e-8, weight_decay: 0.02, clip: 1.0, ema: 0.998 },
+        data: DataConfig {
+            folders: Vec::new(),
+            endless: 0,
+            scene_scale: 0.0,
+            context_views: 4,
+            target_views: 2,
+            pool: 6,
+        },
+        optimiser: OptimiserConfig {
+            beta1: 0.9,
+            beta2: 0.99,
+            epsilon: 1e-8,
+            weight_decay: 0.02,
+            clip: 1.0,
+            ema: 0.998,
+        },
         stages: vec![poses(1300), everything(4000)],
         output: OutputConfig { log_every: 10, checkpoint_every: 500, sample_every: 500 },
         evaluation: EvaluationConfig { cameras: Cameras::Predicted, allocation: "dithered".into(), budget: 0.4 },
@@ -26,7 +38,8 @@ pub(super) fn preset(name: &str) -> Option<Config> {
             config.output = OutputConfig { log_every: 5, checkpoint_every: 25, sample_every: 25 };
         }
         "tiny-published" => {
-            config.optimiser = OptimiserConfig { beta2: 0.95, weight_decay: 0.05, clip: 0.5, ema: 0.0, ..config.optimiser };
+            config.optimiser =
+                OptimiserConfig { beta2: 0.95, weight_decay: 0.05, clip: 0.5, ema: 0.0, ..config.optimiser };
             config.stages = vec![published(1500)];
             config.evaluation.allocation = "sampled".into();
         }

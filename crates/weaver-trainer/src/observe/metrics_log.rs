@@ -35,7 +35,7 @@ fn line(report: &StepReport) -> String {
 
 impl Observer for MetricsLog {
     fn step(&mut self, report: &StepReport) -> Result<(), Error> {
-        if report.step == 1 || report.step % self.every == 0 {
+        if report.step == 1 || report.step.is_multiple_of(self.every) {
             self.file.append(line(report).as_bytes())?;
         }
         Ok(())

@@ -49,7 +49,8 @@ pub fn write_report(folder: &RunFolder, summary: &Summary) -> Result<(), Error> 
     Ok(weaver_io::write_text(folder.report_path(), &html)?)
 }
 
-const HEAD: &str = "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>SplatWeaver run</title><style>
+const HEAD: &str =
+    "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>SplatWeaver run</title><style>
 body{font:15px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222}
 pre{background:#f5f5f5;padding:1rem;overflow-x:auto;font-size:13px}
 figure{display:inline-block;margin:.5rem 1rem .5rem 0;vertical-align:top}
@@ -74,7 +75,10 @@ fn pick<T>(list: &[T], n: usize) -> impl Iterator<Item = &T> {
 fn picture(path: &Path) -> Result<String, Error> {
     let name = path.file_stem().map_or(String::new(), |n| n.to_string_lossy().into_owned());
     let data = STANDARD.encode(weaver_io::read_bytes(path)?);
-    Ok(format!("<figure><img alt=\"{0}\" src=\"data:image/png;base64,{data}\"><figcaption>{0}</figcaption></figure>", escape(&name)))
+    Ok(format!(
+        "<figure><img alt=\"{0}\" src=\"data:image/png;base64,{data}\"><figcaption>{0}</figcaption></figure>",
+        escape(&name)
+    ))
 }
 
 /// A small line chart with a logarithmic axis where the values allow it.

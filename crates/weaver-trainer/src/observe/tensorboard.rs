@@ -32,7 +32,7 @@ impl TensorBoard {
 
 impl Observer for TensorBoard {
     fn step(&mut self, report: &StepReport) -> Result<(), Error> {
-        if report.step != 1 && report.step % self.every != 0 {
+        if report.step != 1 && !report.step.is_multiple_of(self.every) {
             return Ok(());
         }
         let mut summary = Vec::new();
