@@ -132,6 +132,19 @@ pub struct StageConfig {
     pub losses: LossWeights,
 }
 
+/// What the budget loss asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BudgetForm {
+    /// Every expert its share of the pixels, as the published code does.
+    Shares,
+    /// At most so many Gaussians per pixel in all, as the paper reads.
+    Limit,
+    /// Shares while the ranking loss is on, the limit afterwards. With nothing else to hold the count up, it may fall to
+    /// none at all.
+    SharesThenLimit,
+}
+
 /// Weights of the losses; 0 leaves a loss out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -160,13 +173,15 @@ pub struct LossWeights {
     pub rank_quantiles: Vec<f64>,
     /// Label smoothing of the ranking.
     pub label_smoothing: f64,
-    /// Budget: squared distance of the experts' shares from `budget_shares`, or the global hinge once the ranking is off.
+    /// Budget of the router's own allocations, in the form of `budget_form`.
     pub budget: f64,
+    /// What the budget asks for.
+    pub budget_form: BudgetForm,
     /// Shares of pixels of E_1, E_2, ... E_M.
     pub budget_shares: Vec<f64>,
-    /// Gaussians per pixel above which the global hinge acts.
+    /// Gaussians per pixel above which the budget's limit acts.
     pub budget_limit: f64,
-    /// Fraction of the stage after which the ranking loss is off and the budget becomes global.
+    /// Fraction of the stage after which the ranking loss is off.
     pub rank_until: f64,
     /// Regression of the router onto the log error of the context renders.
     pub error_regression: f64,
@@ -188,6 +203,7 @@ impl Default for LossWeights {
             rank_quantiles: vec![0.76, 0.96, 0.98],
             label_smoothing: 0.1,
             budget: 0.0,
+            budget_form: BudgetForm::Shares,
             budget_shares: vec![0.2, 0.02, 0.02],
             budget_limit: 0.3,
             rank_until: 0.5,

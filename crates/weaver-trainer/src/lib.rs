@@ -17,7 +17,7 @@ mod session;
 
 pub use checkpoint::Checkpoint;
 pub use config::{
-    Cameras, Config, DataConfig, EvaluationConfig, LossWeights, OptimiserConfig, OutputConfig, StageConfig,
+    BudgetForm, Cameras, Config, DataConfig, EvaluationConfig, LossWeights, OptimiserConfig, OutputConfig, StageConfig,
 };
 pub use error::Error;
 pub use evaluation::{Evaluation, SceneFigures, Summary};

@@ -1,7 +1,7 @@
 //! The loss of one step: what is computed for a stage's tuples, and its terms by name.
 
 use crate::batch::{Batch, intrinsics_row, pose_code, rotation_row, translation_row, w2c_row};
-use crate::{Cameras, StageConfig};
+use crate::{BudgetForm, Cameras, StageConfig};
 use smallvec::SmallVec;
 use weaver_autograd::{List, Shape, Var};
 use weaver_kernels::random::Stream;
@@ -206,7 +206,12 @@ impl Objective<'_> {
         }
         if let Some(choice) = woven.choice {
             terms.add("budget", weights.budget * share, || {
-                if self.ranking {
+                let shares = match weights.budget_form {
+                    BudgetForm::Shares => true,
+                    BudgetForm::Limit => false,
+                    BudgetForm::SharesThenLimit => self.ranking,
+                };
+                if shares {
                     losses::share_budget(choice, &weights.budget_shares)
                 } else {
                     losses::global_budget(choice, weights.budget_limit)

@@ -9,7 +9,7 @@ use weaver_nn::Context;
 use weaver_router::Sampled;
 use weaver_splat::WorkspacePool;
 use weaver_trainer::batch::Batch;
-use weaver_trainer::{Config, Objective, Session, StepReport, scenes};
+use weaver_trainer::{BudgetForm, Config, Objective, Session, StepReport, scenes};
 
 /// The stage `everything` alone, a number of steps long.
 fn everything(steps: usize, settings: &[&str]) -> Config {
@@ -24,6 +24,7 @@ fn with_ranking(steps: usize, budget_limit: f64) -> Config {
     let mut config = everything(steps, &["stages.1.allocation=sampled"]);
     let losses = &mut config.stages[0].losses;
     (losses.rank, losses.budget, losses.rank_until, losses.budget_limit) = (0.01, 0.01, 0.5, budget_limit);
+    losses.budget_form = BudgetForm::SharesThenLimit;
     config
 }
 
