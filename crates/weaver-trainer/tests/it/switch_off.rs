@@ -89,11 +89,12 @@ fn ranking_and_budget_are_those_of_the_losses() {
 }
 
 /// Settings that each take one choice of the recipe back, or make it.
-const SWITCHES: [&[&str]; 19] = [
+const SWITCHES: [&[&str]; 20] = [
     &["model.gaussians.frequency_prior=false"],
     &["model.gaussians.frequency_prior=true"],
     &["stages.1.allocation=sampled", "stages.1.losses.budget=0.01", "stages.1.losses.rank=0"],
     &["stages.1.allocation=sampled", "stages.1.losses.budget=0.01", "stages.1.losses.rank=0.01"],
+    &["stages.1.allocation=fixed:0"],
     &["stages.1.allocation=fixed:1"],
     &["stages.1.allocation=fixed:2"],
     &["model.gaussians.neighbour_attention=false"],
