@@ -24,11 +24,23 @@ fn main() -> ExitCode {
     if let Err(error) = ctrlc::set_handler(handler) {
         say(&format!("note: Ctrl-C will not save anything: {error}"));
     }
+    #[cfg(unix)]
+    outlive_file_limits();
     let (mut stdout, mut stderr) = (io::stdout(), io::stderr());
     let terminal = stderr.is_terminal();
     let mut console = Console { stdout: &mut stdout, stderr: &mut stderr, terminal };
     let run = AssertUnwindSafe(|| weaver_cli::run(std::env::args_os(), &mut console, &INTERRUPT));
     ExitCode::from(panic::catch_unwind(run).unwrap_or(1))
+}
+
+/// A file that grows beyond the limit of the shell (`ulimit -f`) shall be an error of writing, with its name, as on a full
+/// disk; unheard, the signal would end the process without a word.
+#[cfg(unix)]
+fn outlive_file_limits() {
+    let heard = std::sync::Arc::default();
+    if let Err(error) = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, heard) {
+        say(&format!("note: a file beyond the shell's limit will end this process: {error}"));
+    }
 }
 
 /// A line on standard error; not `eprintln!`, which panics when standard error is closed.
