@@ -61,21 +61,25 @@ impl<T: Real> Axis<T> {
         })
     }
 
+    /// Keys' cubic kernel with a = -3/4 over the four nearest inputs; what lies outside goes to the border.
+    fn bicubic(inputs: usize, outputs: usize) -> Self {
+        Self::new(inputs, outputs, |i| {
+            let at = (i as f64 + 0.5) * inputs as f64 / outputs as f64 - 0.5;
+            let nearest = at.floor() as isize - 1..at.floor() as isize + 3;
+            nearest.map(move |j| (j.clamp(0, inputs as isize - 1) as usize, keys(at - j as f64, -0.75)))
+        })
+    }
+
     /// Keys' cubic kernel with a = -1/2, stretched when shrinking; taps outside are dropped and the rest
     /// scaled to sum 1.
     fn bicubic_antialiased(inputs: usize, outputs: usize) -> Self {
-        let keys = |x: f64| match x.abs() {
-            x if x < 1.0 => (1.5 * x - 2.5) * x * x + 1.0,
-            x if x < 2.0 => ((-0.5 * x + 2.5) * x - 4.0) * x + 2.0,
-            _ => 0.0,
-        };
         Self::new(inputs, outputs, |i| {
             let scale = inputs as f64 / outputs as f64;
             let stretch = scale.max(1.0);
             let centre = (i as f64 + 0.5) * scale;
             let from = (centre - 2.0 * stretch + 0.5).max(0.0) as usize;
             let to = ((centre + 2.0 * stretch + 0.5) as usize).min(inputs);
-            let weight = move |j: usize| keys((j as f64 + 0.5 - centre) / stretch);
+            let weight = move |j: usize| keys((j as f64 + 0.5 - centre) / stretch, -0.5);
             let total: f64 = (from..to).map(weight).sum();
             (from..to).map(move |j| (j, weight(j) / total))
         })
@@ -88,6 +92,15 @@ impl<T: Real> Axis<T> {
             let share = 1.0 / inside.len() as f64;
             inside.map(move |j| (j, share))
         })
+    }
+}
+
+/// Keys' cubic convolution kernel (1981), whose slope at 1 is `a`.
+fn keys(x: f64, a: f64) -> f64 {
+    match x.abs() {
+        x if x < 1.0 => ((a + 2.0) * x - (a + 3.0)) * x * x + 1.0,
+        x if x < 2.0 => ((a * x - 5.0 * a) * x + 8.0 * a) * x - 4.0 * a,
+        _ => 0.0,
     }
 }
 
@@ -117,6 +130,13 @@ impl<T: Real> Resample<T> {
     /// their places, otherwise the corners of the image do, and borders are repeated.
     pub fn bilinear(from: [usize; 2], to: [usize; 2], align_corners: bool) -> Self {
         let axis = |i: usize| Axis::bilinear(from[i], to[i], align_corners);
+        Self::new(axis(0), axis(1))
+    }
+
+    /// Bicubic resize from `[h, w]` to `[h, w]`, corners not aligned: Keys' kernel with a = -3/4 over the four
+    /// nearest pixels however much it shrinks, and borders are repeated.
+    pub fn bicubic(from: [usize; 2], to: [usize; 2]) -> Self {
+        let axis = |i: usize| Axis::bicubic(from[i], to[i]);
         Self::new(axis(0), axis(1))
     }
 

@@ -7,6 +7,7 @@ use weaver_kernels::{Real, resample};
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Method {
     Bilinear { align_corners: bool },
+    Bicubic,
     BicubicAntialias,
     AveragePool { width: usize },
 }
@@ -24,6 +25,7 @@ impl Resample {
         let (from, to) = ([from[2], from[3]], [to[2], to[3]]);
         pool.table((self.method, from, to), || match self.method {
             Method::Bilinear { align_corners } => resample::Resample::bilinear(from, to, align_corners),
+            Method::Bicubic => resample::Resample::bicubic(from, to),
             Method::BicubicAntialias => resample::Resample::bicubic_antialiased(from, to),
             Method::AveragePool { width } => resample::Resample::box_filter(from, width),
         })
@@ -34,6 +36,7 @@ impl<T: Real> Op<T> for Resample {
     fn name(&self) -> &'static str {
         match self.method {
             Method::Bilinear { .. } => "bilinear",
+            Method::Bicubic => "bicubic",
             Method::BicubicAntialias => "bicubic_antialias",
             Method::AveragePool { .. } => "avg_pool_same",
         }
@@ -69,6 +72,13 @@ impl<'t, T: Real> Var<'t, T> {
     #[track_caller]
     pub fn bilinear(self, h: usize, w: usize, align_corners: bool) -> Self {
         self.resample(Method::Bilinear { align_corners }, Some([h, w]))
+    }
+
+    /// Bicubic resize: `[N, C, H, W]` to `[N, C, h, w]`, borders of the image aligned. Keys' kernel with a = -3/4 (1981) at the
+    /// source coordinate (i + 1/2) H / h - 1/2, over the four nearest pixels also when shrinking; borders are repeated.
+    #[track_caller]
+    pub fn bicubic(self, h: usize, w: usize) -> Self {
+        self.resample(Method::Bicubic, Some([h, w]))
     }
 
     /// Antialiased bicubic resize: `[N, C, H, W]` to `[N, C, h, w]`, borders of the image aligned. Keys' kernel with a = -1/2

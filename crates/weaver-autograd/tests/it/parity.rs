@@ -151,6 +151,7 @@ fn resizes() {
         let to = fixture.floats(&format!("{op}.out")).1;
         fixture.check(op, &["x"], |x| x[0].bicubic_antialias(to[2], to[3]));
     }
+    fixture.check("bicubic_plain", &["x"], |x| x[0].bicubic(4, 5));
     for (align, name) in [(true, "true"), (false, "false")] {
         for case in ["up", "down", "x14_8", "one"] {
             let op = format!("bilinear_ac_{name}_{case}");

@@ -12,12 +12,15 @@ proptest! {
     fn resizing(n in 0usize..3, h in 1usize..7, w in 1usize..7, hh in 1usize..9, ww in 1usize..9, align: bool, seed: u64) {
         let shape = [n, 2, h, w];
         adjoint_check(shape, seed, |x| x.bilinear(hh, ww, align));
+        adjoint_check(shape, seed, |x| x.bicubic(hh, ww));
         adjoint_check(shape, seed, |x| x.bicubic_antialias(hh, ww));
-        gradcheck(&[Input::normal(seed, shape)], |x| vec![x[0].bilinear(hh, ww, align), x[0].bicubic_antialias(hh, ww)]);
+        gradcheck(&[Input::normal(seed, shape)], |x| {
+            vec![x[0].bilinear(hh, ww, align), x[0].bicubic(hh, ww), x[0].bicubic_antialias(hh, ww)]
+        });
         // Constants stay.
         let tape = Tape::<f64>::new();
         let ones = tape.constant(&vec![1.0; n * 2 * h * w], shape);
-        let resized = [ones.bilinear(hh, ww, align), ones.bicubic_antialias(hh, ww)];
+        let resized = [ones.bilinear(hh, ww, align), ones.bicubic(hh, ww), ones.bicubic_antialias(hh, ww)];
         prop_assert!(resized.iter().all(|y| y.to_vec().iter().all(|y| (y - 1.0).abs() < 1e-13)));
     }
 

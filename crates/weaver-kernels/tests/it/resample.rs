@@ -33,22 +33,30 @@ fn triangle(align: bool) -> impl Fn(usize, usize, usize, usize) -> f64 {
     }
 }
 
-/// Keys' kernel from its interpolation conditions: cubic pieces with slope -1/2 and 1/2 at the ends.
-fn keys(x: f64) -> f64 {
-    let x = x.abs();
-    if x < 1.0 {
-        1.5 * x.powi(3) - 2.5 * x.powi(2) + 1.0
-    } else if x < 2.0 {
-        -0.5 * x.powi(3) + 2.5 * x.powi(2) - 4.0 * x + 2.0
-    } else {
-        0.0
+/// Keys' kernel in powers of x, for its two usual parameters.
+fn keys(x: f64, powers: [[f64; 4]; 2]) -> f64 {
+    let polynomial = |[a, b, c, d]: [f64; 4]| a * x.abs().powi(3) + b * x.abs().powi(2) + c * x.abs() + d;
+    match x.abs() {
+        x if x < 1.0 => polynomial(powers[0]),
+        x if x < 2.0 => polynomial(powers[1]),
+        _ => 0.0,
     }
 }
 
-fn cubic(n: usize, m: usize, i: usize, x: usize) -> f64 {
+/// The slope at the ends of the middle piece is -1/2.
+fn antialiased_cubic(n: usize, m: usize, i: usize, x: usize) -> f64 {
     let scale = n as f64 / m as f64;
-    let raw = |x: usize| keys(((i as f64 + 0.5) * scale - 0.5 - x as f64) / scale.max(1.0));
+    let powers = [[1.5, -2.5, 0.0, 1.0], [-0.5, 2.5, -4.0, 2.0]];
+    let raw = |x: usize| keys(((i as f64 + 0.5) * scale - 0.5 - x as f64) / scale.max(1.0), powers);
     raw(x) / (0..n).map(raw).sum::<f64>()
+}
+
+/// The slope is -3/4; a border pixel has the weights of the two positions that may lie beyond it, too.
+fn cubic(n: usize, m: usize, i: usize, x: usize) -> f64 {
+    let at = (i as f64 + 0.5) * n as f64 / m as f64 - 0.5;
+    let raw = |x: f64| keys(at - x, [[1.25, -2.25, 0.0, 1.0], [-0.75, 3.75, -6.0, 3.0]]);
+    let beyond = |first: bool, sign: f64| if first { raw(x as f64 + sign) + raw(x as f64 + 2.0 * sign) } else { 0.0 };
+    raw(x as f64) + beyond(x == 0, -1.0) + beyond(x + 1 == n, 1.0)
 }
 
 fn average(width: usize) -> impl Fn(usize, usize, usize, usize) -> f64 {
@@ -81,7 +89,8 @@ fn all<T: Real>(tolerance: f64) {
         for to in sizes {
             agrees(&Resample::<T>::bilinear(from, to, true), triangle(true), tolerance);
             agrees(&Resample::<T>::bilinear(from, to, false), triangle(false), tolerance);
-            agrees(&Resample::<T>::bicubic_antialiased(from, to), cubic, tolerance);
+            agrees(&Resample::<T>::bicubic(from, to), cubic, tolerance);
+            agrees(&Resample::<T>::bicubic_antialiased(from, to), antialiased_cubic, tolerance);
         }
         for width in [1, 3, 5] {
             agrees(&Resample::<T>::box_filter(from, width), average(width), tolerance);
