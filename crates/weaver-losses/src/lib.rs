@@ -25,7 +25,7 @@ pub use lpips::Lpips;
 pub use max_pool::max_pool2d;
 pub use mse::{mse, mse_per_image, weighted_mean};
 pub use pose::{absolute_pose, huber_pose, iteration_weights, l1_pose};
-pub use quantile::quantile;
+pub use quantile::{quantile, quantiles};
 pub use ranking::{frequency_targets, ranking_cross_entropy};
 pub use ssim::{ssim, ssim_with};
 pub use ssim_window::Covariance;

@@ -1,6 +1,27 @@
 //! Quantiles with linear interpolation.
 
-use weaver_autograd::Real;
+use std::cmp::Ordering;
+use weaver_autograd::{Buffer, Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+
+fn order<T: Real>(a: T, b: T) -> Ordering {
+    a.to_f64().total_cmp(&b.to_f64())
+}
+
+/// The items just below and above the position q (n - 1) of the sorted sequence, and how far it is from the first to
+/// the second.
+fn neighbours<U: Copy>(items: &mut [U], q: f64, compare: impl Fn(&U, &U) -> Ordering) -> (U, U, f64) {
+    assert!(!items.is_empty() && (0.0..=1.0).contains(&q), "the {q}-quantile of {} numbers", items.len());
+    let position = q * (items.len() - 1) as f64;
+    let below = position.floor();
+    let (_, lower, above) = items.select_nth_unstable_by(below as usize, &compare);
+    let lower = *lower;
+    (lower, above.iter().copied().min_by(compare).unwrap_or(lower), position - below)
+}
+
+fn between<T: Real>(lower: T, upper: T, fraction: f64) -> T {
+    // An infinite neighbour that has no weight stays out of it.
+    if fraction == 0.0 { lower } else { lower + (upper - lower) * T::from_f64(fraction) }
+}
 
 /// The `q`-quantile of some numbers, 0 <= q <= 1: at position q (n - 1) of the sorted sequence, interpolated linearly
 /// between the two neighbours. Reorders the numbers; takes linear time. Panics when there are none.
@@ -9,11 +30,82 @@ use weaver_autograd::Real;
 /// assert_eq!(weaver_losses::quantile(&mut [4.0, 1.0, 3.0, 2.0], 0.5), 2.5);
 /// ```
 pub fn quantile<T: Real>(values: &mut [T], q: f64) -> T {
-    assert!(!values.is_empty() && (0.0..=1.0).contains(&q), "the {q}-quantile of {} numbers", values.len());
-    let position = q * (values.len() - 1) as f64;
-    let below = position.floor();
-    let (_, lower, above) = values.select_nth_unstable_by(below as usize, |a, b| a.to_f64().total_cmp(&b.to_f64()));
-    let lower = *lower;
-    let Some(upper) = above.iter().copied().reduce(Real::min) else { return lower };
-    lower + (upper - lower) * T::from_f64(position - below)
+    let (lower, upper, fraction) = neighbours(values, q, |a, b| order(*a, *b));
+    between(lower, upper, fraction)
+}
+
+/// Where a quantile was found.
+#[derive(Clone, Copy, Debug, Default)]
+struct Found {
+    lower: u32,
+    upper: u32,
+    fraction: f64,
+}
+
+#[derive(Debug)]
+struct Quantiles {
+    q: Buffer<f64>,
+    found: Option<Buffer<Found>>,
+}
+
+impl<T: Real> Op<T> for Quantiles {
+    fn name(&self) -> &'static str {
+        "quantiles"
+    }
+    fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
+        ensure_shape!(ins.len() == 1 && !ins[0].is_empty(), "x of at least one number");
+        Ok(Shapes::one([self.q.len()]))
+    }
+    fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], pool: &Pool) {
+        let x = ins[0].data();
+        let mut ranked = pool.buffer::<u32>(x.len());
+        ranked.iter_mut().zip(0..).for_each(|(index, i)| *index = i);
+        let mut found = pool.buffer::<Found>(self.q.len());
+        for ((y, found), q) in outs[0].iter_mut().zip(found.iter_mut()).zip(self.q.iter()) {
+            // Equal numbers in reading order, so that the choice among them is fixed.
+            let compare = |a: &u32, b: &u32| order(x[*a as usize], x[*b as usize]).then(a.cmp(b));
+            let (lower, upper, fraction) = neighbours(&mut ranked, *q, compare);
+            *found = Found { lower, upper, fraction };
+            *y = between(x[lower as usize], x[upper as usize], fraction);
+        }
+        self.found = Some(found);
+    }
+    fn backward(
+        &self,
+        _ins: &[View<'_, T>],
+        _outs: &[View<'_, T>],
+        douts: &[View<'_, T>],
+        dins: &mut [Option<Grad<'_, T>>],
+        _pool: &Pool,
+    ) {
+        let Some(dx) = &mut dins[0] else { return };
+        let dx = dx.accumulator();
+        let found = self.found.as_ref().expect("the forward pass came first");
+        for (dy, found) in douts[0].iter().zip(found.iter()) {
+            dx[found.lower as usize] += *dy * T::from_f64(1.0 - found.fraction);
+            dx[found.upper as usize] += *dy * T::from_f64(found.fraction);
+        }
+    }
+}
+
+/// Quantiles of all numbers of a tensor, on the tape: y_i = x_(k) + (x_(k + 1) - x_(k)) f, where k + f = `q[i]` (n - 1)
+/// with integer k, and x_(k) is the sorted sequence's number k, from 0.
+///
+/// `x` of any shape with n > 0 numbers gives `[Q]` for Q numbers `q` from 0 to 1. Differentiable in `x`, of which the two
+/// neighbours of each position get the gradient; the ranking is constant. Of equal numbers the earlier is the smaller.
+/// The same as [`quantile`], which needs no tape.
+///
+/// ```
+/// use weaver_autograd::Tape;
+/// let tape = Tape::<f64>::new();
+/// let x = tape.leaf(&[4.0, 1.0, 2.0], [3]);
+/// let y = weaver_losses::quantiles(x, &[0.75]);
+/// y.sum().backward();
+/// assert_eq!((y.item(), x.grad().unwrap()), (3.0, vec![0.5, 0.0, 0.5]));
+/// ```
+#[track_caller]
+pub fn quantiles<'t, T: Real>(x: Var<'t, T>, q: &[f64]) -> Var<'t, T> {
+    let q = x.tape().pool().copy_of(q);
+    let [y] = x.tape().apply(Quantiles { q, found: None }, &[x]);
+    y
 }

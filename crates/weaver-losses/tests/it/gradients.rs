@@ -58,6 +58,18 @@ proptest! {
     }
 
     #[test]
+    fn of_quantiles(n in 1..12usize, q in prop::collection::vec(0.0..=1.0, 1..4), seed in any::<u64>()) {
+        let mut x = image(seed, [n]);
+        // Distinct: each number plus its rank.
+        let ranks: Vec<_> = x.data.iter().map(|a| x.data.iter().filter(|b| *b < a).count()).collect();
+        x.data.iter_mut().zip(ranks).for_each(|(x, rank)| *x += rank as f64);
+        gradcheck(std::slice::from_ref(&x), |x| vec![quantiles(x[0], &q)]);
+        let tape = Tape::<f64>::new();
+        let found = quantiles(tape.constant(&x.data, [n]), &q).to_vec();
+        prop_assert_eq!(found, q.iter().map(|q| quantile(&mut x.data.clone(), *q)).collect::<Vec<_>>());
+    }
+
+    #[test]
     fn of_max_pooling(n in 0..3usize, h in 3..8usize, w in 3..8usize, window in 1..4usize, seed in any::<u64>()) {
         let (size, stride) = (window, 1 + seed as usize % 3);
         gradcheck(&[Input::normal(seed, [n, 2, h, w])], |x| vec![max_pool2d(x[0], size, stride)]);
@@ -86,6 +98,7 @@ fn everything<'t, T: Real>(tape: &'t Tape<T>) -> (Var<'t, T>, Vec<Var<'t, T>>) {
         share_budget(logits, &[0.2, 0.02, 0.02]) + global_budget(logits, 0.3),
         ranking_cross_entropy(logits, known.reshape([1920]), &[0.76, 0.96, 0.98], 0.1),
         error_regression(score, known),
+        quantiles(depth, &[0.3, 0.9]).sum(),
     ];
     let sum = terms.into_iter().reduce(|sum, term| sum + term).unwrap();
     (sum, vec![render, depth, logits, code, score])

@@ -39,6 +39,15 @@ fn quantiles_interpolate() {
         (quantile(&mut [3.0, 1.0], 0.0), quantile(&mut [3.0, 1.0], 1.0), quantile(&mut [7.0], 0.3)),
         (1.0, 3.0, 7.0)
     );
+    assert_eq!(quantile(&mut [f64::INFINITY, 1.0, 2.0], 0.5), 2.0, "a neighbour without weight");
+}
+
+#[test]
+fn quantiles_of_equal_numbers_lead_back_to_the_earlier() {
+    let tape = Tape::<f64>::new();
+    let x = tape.leaf(&[2.0, 1.0, 2.0, 2.0, 1.0], [5]);
+    quantiles(x, &[0.0, 0.5, 0.875]).backward_with(&[1.0, 10.0, 100.0]);
+    assert_eq!(x.grad().unwrap(), [10.0, 1.0, 50.0, 50.0, 0.0]);
 }
 
 #[test]

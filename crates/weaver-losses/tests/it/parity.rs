@@ -64,6 +64,17 @@ fn ranking_targets() {
 }
 
 #[test]
+fn quantiles_on_the_tape() {
+    let fixture = Fixture::open("ops.safetensors");
+    let tape = Tape::new();
+    let x = leaf(&tape, &fixture, "quantile.in.x");
+    let y = quantiles(x, &[0.3, 0.76, 0.96, 0.98]);
+    fixture.assert_close("quantile.out", &y.value());
+    y.backward_with(&fixture.data("quantile.cot"));
+    fixture.assert_close("quantile.grad.x", &x.grad().unwrap());
+}
+
+#[test]
 fn ranking_and_budget() {
     let fixture = file();
     let on_logits = |name: &str, loss: &dyn for<'t> Fn(Var<'t>) -> Var<'t>| {
