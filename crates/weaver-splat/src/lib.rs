@@ -9,6 +9,7 @@
 
 mod backward;
 mod composite;
+mod covariance;
 mod gradients;
 mod matrix;
 mod op;
@@ -22,6 +23,7 @@ mod sh;
 mod tiles;
 mod workspace;
 
+pub use covariance::covariance;
 pub use gradients::{Cotangents, Gradients, Target};
 pub use op::{CameraVars, GaussianVars, Rasterize, RenderedVars, WorkspacePool};
 pub use rasterize::{Images, RasterStats, rasterize};

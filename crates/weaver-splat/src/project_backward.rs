@@ -177,7 +177,7 @@ pub(crate) fn splat_backward<T: Real>(
 
 /// Backward of the rotation matrix of a quaternion, through its normalisation.
 #[inline(always)]
-fn rotation_backward<T: Real>((unit, length): ([T; 4], T), d: &Mat33<T>) -> [T; 4] {
+pub(crate) fn rotation_backward<T: Real>((unit, length): ([T; 4], T), d: &Mat33<T>) -> [T; 4] {
     let two = T::from_f64(2.0);
     let [w, x, y, z] = unit;
     let dunit = [

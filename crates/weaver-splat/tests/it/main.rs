@@ -1,5 +1,6 @@
 //! Tests of the rasteriser.
 
+mod covariance;
 mod differences;
 mod hostile;
 mod invariance;
