@@ -1,6 +1,6 @@
-//! From pose codes to cameras.
+//! Between pose codes and cameras.
 
-use crate::rotation::matrix;
+use crate::rotation::{matrix, quaternion};
 use crate::row_map::{RowMap, RowMapOp};
 use weaver_autograd::{Dual, Real, Var};
 
@@ -76,4 +76,34 @@ pub fn cameras<T: Real>(code: Var<'_, T>, height: usize, width: usize) -> Camera
     let decode = Decode { height: height as f64, width: width as f64 };
     let [w2c, intrinsics] = code.tape().apply(RowMapOp(decode), &[code]);
     Cameras { w2c, intrinsics }
+}
+
+#[derive(Debug)]
+struct Encode {
+    height: f64,
+    width: f64,
+}
+
+impl RowMap<16, 9> for Encode {
+    const NAME: &'static str = "cameras_to_pose_code";
+    const INPUTS: &'static [&'static [usize]] = &[&[3, 4], &[4]];
+    const OUTPUTS: &'static [&'static [usize]] = &[&[LENGTH]];
+    fn eval<T: Real>(&self, c: [Dual<T, 16>; 16]) -> [Dual<T, 16>; 9] {
+        let [x, y, z, w] = quaternion([c[0], c[1], c[2], c[4], c[5], c[6], c[8], c[9], c[10]]);
+        let fov = |size: f64, focal: Dual<T, 16>| 2 * (0.5 * size / focal).atan();
+        [c[3], c[7], c[11], x, y, z, w, fov(self.height, c[13]), fov(self.width, c[12])]
+    }
+}
+
+/// The pose codes of cameras.
+///
+/// T and the unit quaternion with w not negative of w2c = [R | T]; fov_y = 2 atan(H / 2 / fy), fov_x likewise from W.
+/// `w2c` `[.., 3, 4]` and `intrinsics` fx, fy, cx, cy in pixels `[.., 4]` give `[.., 9]` for images of `height` x `width`
+/// pixels. Differentiable in both (R's entries each on its own); the principal point is lost and its gradient 0. Not
+/// quite the inverse of [`cameras`], which adds [`TANGENT_MARGIN`]. Source: as there.
+#[track_caller]
+pub fn encode<'t, T: Real>(w2c: Var<'t, T>, intrinsics: Var<'t, T>, height: usize, width: usize) -> Var<'t, T> {
+    let encode = Encode { height: height as f64, width: width as f64 };
+    let [code] = w2c.tape().apply(RowMapOp(encode), &[w2c, intrinsics]);
+    code
 }

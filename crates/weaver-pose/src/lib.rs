@@ -12,7 +12,7 @@ mod rotation;
 mod row_map;
 mod unproject;
 
-pub use code::{Cameras, activate, cameras};
+pub use code::{Cameras, activate, cameras, encode};
 pub use gauge::first_camera_gauge;
 pub use head::{CameraHead, CameraHeadConfig, Gauge, PoseEstimate};
 pub use metrics::{PoseErrors, auc};

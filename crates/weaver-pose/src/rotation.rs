@@ -22,6 +22,30 @@ pub(crate) fn matrix<T: Real, const N: usize>([x, y, z, w]: Quaternion<T, N>) ->
     ]
 }
 
+/// The unit quaternion, w not negative, of a rotation matrix (row-major), by its largest component.
+pub(crate) fn quaternion<T: Real, const N: usize>(m: [Dual<T, N>; 9]) -> Quaternion<T, N> {
+    let (trace, [a, b, c]) = (m[0] + m[4] + m[8], [m[0], m[4], m[8]]);
+    // Four times the square of each component, in the order w, x, y, z.
+    let squares = [1 + trace, 1 + a - b - c, 1 - a + b - c, 1 - a - b + c];
+    let mut largest = 0;
+    for i in 1..4 {
+        if squares[i].value > squares[largest].value {
+            largest = i;
+        }
+    }
+    let twice = squares[largest].sqrt();
+    let over = 0.5 / twice;
+    let half = 0.5 * twice;
+    let (wx, wy, wz) = ((m[7] - m[5]) * over, (m[2] - m[6]) * over, (m[3] - m[1]) * over);
+    let (xy, xz, yz) = ((m[3] + m[1]) * over, (m[2] + m[6]) * over, (m[5] + m[7]) * over);
+    with_positive_w(match largest {
+        0 => [wx, wy, wz, half],
+        1 => [half, xy, xz, wx],
+        2 => [xy, half, yz, wy],
+        _ => [xz, yz, half, wz],
+    })
+}
+
 /// The Hamilton product a b: the rotation b, then a.
 pub(crate) fn product<T: Real, const N: usize>(a: Quaternion<T, N>, b: Quaternion<T, N>) -> Quaternion<T, N> {
     let ([ax, ay, az, aw], [bx, by, bz, bw]) = (a, b);
@@ -83,26 +107,7 @@ impl RowMap<9, 4> for XyzwFromRotation {
     const INPUTS: &'static [&'static [usize]] = &[&[3, 3]];
     const OUTPUTS: &'static [&'static [usize]] = &[&[4]];
     fn eval<T: Real>(&self, m: [Dual<T, 9>; 9]) -> [Dual<T, 9>; 4] {
-        let (trace, [a, b, c]) = (m[0] + m[4] + m[8], [m[0], m[4], m[8]]);
-        // Four times the square of each component, in the order w, x, y, z.
-        let squares = [1 + trace, 1 + a - b - c, 1 - a + b - c, 1 - a - b + c];
-        let mut largest = 0;
-        for i in 1..4 {
-            if squares[i].value > squares[largest].value {
-                largest = i;
-            }
-        }
-        let twice = squares[largest].sqrt();
-        let over = 0.5 / twice;
-        let half = 0.5 * twice;
-        let (wx, wy, wz) = ((m[7] - m[5]) * over, (m[2] - m[6]) * over, (m[3] - m[1]) * over);
-        let (xy, xz, yz) = ((m[3] + m[1]) * over, (m[2] + m[6]) * over, (m[5] + m[7]) * over);
-        with_positive_w(match largest {
-            0 => [wx, wy, wz, half],
-            1 => [half, xy, xz, wx],
-            2 => [xy, half, yz, wy],
-            _ => [xz, yz, half, wz],
-        })
+        quaternion(m)
     }
 }
 
