@@ -113,7 +113,7 @@ impl SplatWeaver {
     }
 
     /// Backbone and camera head: photos `[B, V, 3, H, W]` in `[0, 1]` to tokens and cameras.
-    pub fn encode<'t, T: Real>(&self, cx: Context<'t, T>, photos: Var<'t, T>) -> Encoded<'t, T> {
+    pub fn encode<'t, T: Real>(&self, cx: Context<'t, '_, T>, photos: Var<'t, T>) -> Encoded<'t, T> {
         let shape = photos.shape();
         let [height, width] = [shape[3], shape[4]];
         let aggregated = {
@@ -135,7 +135,7 @@ impl SplatWeaver {
     /// Dense heads and router on scene `b` of what was encoded; `photos` `[V, 3, H, W]` are that scene's.
     pub fn dense<'t, T: Real>(
         &self,
-        cx: Context<'t, T>,
+        cx: Context<'t, '_, T>,
         encoded: &Encoded<'t, T>,
         b: usize,
         photos: Var<'t, T>,
@@ -165,7 +165,7 @@ impl SplatWeaver {
     /// decodes.
     pub fn weave<'t, T: Real>(
         &self,
-        cx: Context<'t, T>,
+        cx: Context<'t, '_, T>,
         dense: &Dense<'t, T>,
         photos: Var<'t, T>,
         cameras: &Cameras<'t, T>,

@@ -38,7 +38,12 @@ impl Attention {
     }
 
     /// Applies it to x `[B, N, D]`. With a table, queries and keys are turned by their tokens' positions.
-    pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, x: Var<'t, T>, rope: Option<&RopeTable<T>>) -> Var<'t, T> {
+    pub fn forward<'t, T: Real>(
+        &self,
+        cx: Context<'t, '_, T>,
+        x: Var<'t, T>,
+        rope: Option<&RopeTable<T>>,
+    ) -> Var<'t, T> {
         let shape = x.shape();
         let &[batch, tokens, width] = shape.dims() else { panic!("attention: expected x [B, N, D], found {shape}") };
         let head = width / self.heads;

@@ -37,7 +37,7 @@ pub struct Block {
 }
 
 /// x + gamma * y, or x + y.
-fn add<'t, T: Real>(cx: Context<'t, T>, x: Var<'t, T>, gamma: Option<ParamId>, y: Var<'t, T>) -> Var<'t, T> {
+fn add<'t, T: Real>(cx: Context<'t, '_, T>, x: Var<'t, T>, gamma: Option<ParamId>, y: Var<'t, T>) -> Var<'t, T> {
     match gamma {
         Some(gamma) => ops::scale_residual(x, cx.param(gamma), y),
         None => x + y,
@@ -62,7 +62,12 @@ impl Block {
     }
 
     /// Applies it to x `[B, N, D]`; `rope` turns queries and keys by their tokens' positions.
-    pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, x: Var<'t, T>, rope: Option<&RopeTable<T>>) -> Var<'t, T> {
+    pub fn forward<'t, T: Real>(
+        &self,
+        cx: Context<'t, '_, T>,
+        x: Var<'t, T>,
+        rope: Option<&RopeTable<T>>,
+    ) -> Var<'t, T> {
         let attended = {
             let _scope = cx.scope("attn");
             self.attn.forward(cx, self.norm1.forward(cx, x), rope)

@@ -4,16 +4,16 @@ use weaver_autograd::{ParamId, Params, Real, Scope, Tape, Var};
 
 /// A tape and the parameters used on it; `Copy`, passed to every layer's `forward`.
 #[derive(Clone, Copy, Debug)]
-pub struct Context<'t, T: Real = f32> {
+pub struct Context<'t, 'p, T: Real = f32> {
     /// The tape that records.
     pub tape: &'t Tape<T>,
     /// The model's parameters.
-    pub params: &'t Params<T>,
+    pub params: &'p Params<T>,
 }
 
-impl<'t, T: Real> Context<'t, T> {
+impl<'t, 'p, T: Real> Context<'t, 'p, T> {
     /// Pairs a tape with parameters.
-    pub fn new(tape: &'t Tape<T>, params: &'t Params<T>) -> Self {
+    pub fn new(tape: &'t Tape<T>, params: &'p Params<T>) -> Self {
         Self { tape, params }
     }
 

@@ -22,7 +22,7 @@ impl LayerNorm {
     }
 
     /// Applies it to x `[.., D]`.
-    pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, x: Var<'t, T>) -> Var<'t, T> {
+    pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
         x.layer_norm(Some((cx.param(self.weight), cx.param(self.bias))), self.eps)
     }
 }

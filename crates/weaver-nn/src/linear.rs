@@ -37,12 +37,17 @@ impl Linear {
     }
 
     /// Applies it to x `[.., in]`, which gives `[.., out]`.
-    pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, x: Var<'t, T>) -> Var<'t, T> {
+    pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
         self.forward_with(cx, x, Activation::None)
     }
 
     /// The same with an activation, fused.
-    pub fn forward_with<'t, T: Real>(&self, cx: Context<'t, T>, x: Var<'t, T>, activation: Activation) -> Var<'t, T> {
+    pub fn forward_with<'t, T: Real>(
+        &self,
+        cx: Context<'t, '_, T>,
+        x: Var<'t, T>,
+        activation: Activation,
+    ) -> Var<'t, T> {
         ops::linear(x, cx.param(self.weight), self.bias.map(|b| cx.param(b)), activation)
     }
 }

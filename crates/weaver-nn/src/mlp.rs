@@ -29,7 +29,7 @@ impl Mlp {
     }
 
     /// Applies it to x `[.., in]`, which gives `[.., out]`.
-    pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, x: Var<'t, T>) -> Var<'t, T> {
+    pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
         self.fc2.forward(cx, self.fc1.forward_with(cx, x, Activation::Gelu))
     }
 }

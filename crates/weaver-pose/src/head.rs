@@ -98,7 +98,11 @@ impl CameraHead {
     }
 
     /// Pose codes of camera tokens `[B, V, dim]`, one estimate per refinement; the last is the best.
-    pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, tokens: Var<'t, T>) -> SmallVec<[PoseEstimate<'t, T>; 4]> {
+    pub fn forward<'t, T: Real>(
+        &self,
+        cx: Context<'t, '_, T>,
+        tokens: Var<'t, T>,
+    ) -> SmallVec<[PoseEstimate<'t, T>; 4]> {
         let [scenes, views] = [tokens.shape()[0], tokens.shape()[1]];
         let tokens = self.token_norm.forward(cx, tokens);
         let normalized = tokens.layer_norm(None, 1e-6);
@@ -127,7 +131,7 @@ impl CameraHead {
 
     fn increment<'t, T: Real>(
         &self,
-        cx: Context<'t, T>,
+        cx: Context<'t, '_, T>,
         tokens: Var<'t, T>,
         normalized: Var<'t, T>,
         code: Var<'t, T>,
@@ -146,7 +150,7 @@ impl CameraHead {
     }
 
     /// The code of cameras at the origin with this field of view.
-    fn base<'t, T: Real>(&self, cx: Context<'t, T>, scenes: usize, views: usize, fov: f64) -> Var<'t, T> {
+    fn base<'t, T: Real>(&self, cx: Context<'t, '_, T>, scenes: usize, views: usize, fov: f64) -> Var<'t, T> {
         cx.tape.constant_with([scenes, views, LENGTH], |codes| {
             for code in codes.chunks_mut(LENGTH) {
                 code[6] = T::ONE;

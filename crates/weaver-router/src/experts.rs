@@ -46,7 +46,7 @@ impl CardinalityExperts {
     /// rows, so that its parameters have a gradient: zero.
     pub fn forward<'t, T: Real>(
         &self,
-        cx: Context<'t, T>,
+        cx: Context<'t, '_, T>,
         features: Var<'t, T>,
         routes: &Routes,
         choice: Option<Var<'t, T>>,

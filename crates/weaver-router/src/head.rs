@@ -144,7 +144,7 @@ impl CardinalityHead {
     /// Every parameter but the router's gets one, zero where no pixel needed it. Panics on inputs of other shapes.
     pub fn gaussians<'t, T: Real>(
         &self,
-        cx: Context<'t, T>,
+        cx: Context<'t, '_, T>,
         pixels: &PixelInputs<'t, T>,
         expert: &[u8],
         choice: Option<Var<'t, T>>,
@@ -183,7 +183,7 @@ impl CardinalityHead {
     /// What decoding in footprints needs to know of each Gaussian's pixel.
     fn pixel_of<'t, T: Real>(
         &self,
-        cx: Context<'t, T>,
+        cx: Context<'t, '_, T>,
         pixels: &PixelInputs<'t, T>,
         expert: &[u8],
         routes: &Routes,

@@ -38,7 +38,7 @@ impl NeighborFusion {
     /// z `[N, C]` from features x `[N, C]` and means `[N, 3]`. Differentiable in both and in all parameters.
     pub fn forward<'t, T: Real>(
         &self,
-        cx: Context<'t, T>,
+        cx: Context<'t, '_, T>,
         x: Var<'t, T>,
         means: Var<'t, T>,
         neighbors: &Neighbors,
@@ -82,7 +82,7 @@ impl NeighborPredictor {
     /// The attended features z `[N, C]`: `means` `[N, 3]`, `raw` `[N, S - 3]`, `feature` `[N, c]`.
     pub fn attend<'t, T: Real>(
         &self,
-        cx: Context<'t, T>,
+        cx: Context<'t, '_, T>,
         means: Var<'t, T>,
         raw: Var<'t, T>,
         feature: Var<'t, T>,
@@ -96,7 +96,7 @@ impl NeighborPredictor {
     /// of neighbours) and all parameters; the bias of `attn_mlp.2` has gradient zero, since a softmax does not see it.
     pub fn forward<'t, T: Real>(
         &self,
-        cx: Context<'t, T>,
+        cx: Context<'t, '_, T>,
         means: Var<'t, T>,
         raw: Var<'t, T>,
         feature: Var<'t, T>,

@@ -31,7 +31,7 @@ impl Router {
     }
 
     /// Logits `[P, E]` from router features `[P, F]`. Differentiable in the features and all parameters.
-    pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, features: Var<'t, T>) -> Var<'t, T> {
+    pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, features: Var<'t, T>) -> Var<'t, T> {
         let _scope = cx.scope("gating");
         let hidden = on_rows(&self.hidden, cx, features, Activation::Relu);
         on_rows(&self.output, cx, hidden, Activation::None)
@@ -39,7 +39,7 @@ impl Router {
 }
 
 /// A 1 x 1 convolution of pixels that are rows is a fully connected layer.
-fn on_rows<'t, T: Real>(conv: &Conv2d, cx: Context<'t, T>, x: Var<'t, T>, activation: Activation) -> Var<'t, T> {
+fn on_rows<'t, T: Real>(conv: &Conv2d, cx: Context<'t, '_, T>, x: Var<'t, T>, activation: Activation) -> Var<'t, T> {
     let weight = cx.param(conv.weight);
     let matrix = weight.reshape([weight.shape()[0], weight.shape()[1]]);
     ops::linear(x, matrix, conv.bias.map(|b| cx.param(b)), activation)

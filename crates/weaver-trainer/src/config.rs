@@ -145,9 +145,9 @@ pub enum BudgetForm {
     SharesThenLimit,
 }
 
-/// Weights of the losses; 0 leaves a loss out.
+/// Weights of the losses; 0 leaves a loss out, and so does a run of before it existed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct LossWeights {
     /// Mean squared error of the renders.
     pub mse: f64,

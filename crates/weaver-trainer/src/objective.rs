@@ -66,7 +66,7 @@ pub struct Objective<'a> {
 
 impl Objective<'_> {
     /// Runs the model on the step's tuples (those to be rendered first) and collects the loss.
-    pub fn terms<'t>(&self, cx: Context<'t, f32>, model: &SplatWeaver, batches: &[Batch]) -> Terms<'t> {
+    pub fn terms<'t>(&self, cx: Context<'t, '_, f32>, model: &SplatWeaver, batches: &[Batch]) -> Terms<'t> {
         let config = model.config();
         let (width, height) = (config.width, config.height);
         let views = batches[0].context().len();
@@ -85,7 +85,13 @@ impl Objective<'_> {
     }
 
     /// Losses on the cameras of all tuples.
-    fn pose_terms<'t>(&self, terms: &mut Terms<'t>, cx: Context<'t, f32>, encoded: &Encoded<'t>, batches: &[Batch]) {
+    fn pose_terms<'t>(
+        &self,
+        terms: &mut Terms<'t>,
+        cx: Context<'t, '_, f32>,
+        encoded: &Encoded<'t>,
+        batches: &[Batch],
+    ) {
         let weights = &self.stage.losses;
         let shape = encoded.codes[0].shape();
         let [scenes, views] = [shape[0], shape[1]];
@@ -111,7 +117,7 @@ impl Objective<'_> {
     fn scene_terms<'t>(
         &self,
         terms: &mut Terms<'t>,
-        cx: Context<'t, f32>,
+        cx: Context<'t, '_, f32>,
         model: &SplatWeaver,
         encoded: &Encoded<'t>,
         b: usize,
@@ -154,7 +160,7 @@ impl Objective<'_> {
 
     fn render<'t>(
         &self,
-        cx: Context<'t, f32>,
+        cx: Context<'t, '_, f32>,
         model: &SplatWeaver,
         woven: &Woven<'t>,
         cameras: &CameraVars<'t>,
@@ -186,7 +192,7 @@ impl Objective<'_> {
     fn routing_terms<'t>(
         &self,
         terms: &mut Terms<'t>,
-        cx: Context<'t, f32>,
+        cx: Context<'t, '_, f32>,
         share: f64,
         dense: &Dense<'t>,
         woven: &Woven<'t>,
@@ -227,7 +233,7 @@ impl Objective<'_> {
 }
 
 /// The data's cameras as constants.
-fn given<'t>(cx: Context<'t, f32>, cameras: &[weaver_geometry::Camera]) -> CameraVars<'t> {
+fn given<'t>(cx: Context<'t, '_, f32>, cameras: &[weaver_geometry::Camera]) -> CameraVars<'t> {
     CameraVars {
         w2c: rows(cx, cameras.iter().map(|c| w2c_row(&c.pose)), [cameras.len(), 3, 4]),
         intrinsics: rows(cx, cameras.iter().map(intrinsics_row), [cameras.len(), 4]),
@@ -236,7 +242,7 @@ fn given<'t>(cx: Context<'t, f32>, cameras: &[weaver_geometry::Camera]) -> Camer
 
 /// A constant made row by row.
 fn rows<'t, const N: usize>(
-    cx: Context<'t, f32>,
+    cx: Context<'t, '_, f32>,
     rows: impl Iterator<Item = [f32; N]>,
     shape: impl Into<Shape>,
 ) -> Var<'t, f32> {

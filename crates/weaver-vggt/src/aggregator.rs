@@ -93,7 +93,7 @@ impl Aggregator {
     }
 
     /// Runs on images `[B, V, 3, H, W]` in `[0, 1]`, whose sides are multiples of the patch.
-    pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, images: Var<'t, T>) -> Aggregated<'t, T> {
+    pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, images: Var<'t, T>) -> Aggregated<'t, T> {
         let shape = images.shape();
         assert!(shape.rank() == 5 && shape[1] > 0, "images [B, V, 3, H, W] with at least one view, not {shape}");
         let [scenes, views, channels, height, width] = [0, 1, 2, 3, 4].map(|axis| shape[axis]);
@@ -145,7 +145,7 @@ impl Aggregator {
     }
 
     /// Camera and register tokens of every view `[B V, 1 + R, D]`.
-    fn special_tokens<'t, T: Real>(&self, cx: Context<'t, T>, scenes: usize, views: usize) -> Var<'t, T> {
+    fn special_tokens<'t, T: Real>(&self, cx: Context<'t, '_, T>, scenes: usize, views: usize) -> Var<'t, T> {
         let dim = self.config.encoder.dim;
         let special = 1 + self.config.registers;
         let both = ops::concat(&[cx.param(self.camera_token), cx.param(self.register_token)], 2);
@@ -155,7 +155,7 @@ impl Aggregator {
     }
 
     /// Angles of the tokens of `views` views, made once per tape.
-    fn rope<T: Real>(&self, cx: Context<'_, T>, grid: [usize; 2], views: usize) -> Arc<RopeTable<T>> {
+    fn rope<T: Real>(&self, cx: Context<'_, '_, T>, grid: [usize; 2], views: usize) -> Arc<RopeTable<T>> {
         let head = self.config.encoder.dim / self.config.heads;
         let positions = Positions { special: 1 + self.config.registers, grid, views };
         cx.tape.pool().table((positions, head), || RopeTable::new(&positions.list(), head, ROPE_BASE))

@@ -47,7 +47,7 @@ impl DepthHead {
     }
 
     /// Predicts for the N views that the leading dimensions of the tokens hold.
-    pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, tokens: DenseTokens<'_, 't, T>) -> DepthMaps<'t, T> {
+    pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> DepthMaps<'t, T> {
         let [height, width] = tokens.image;
         let x = add_position(self.trunk.forward(cx, tokens), height, width);
         let _scope = cx.scope("scratch.output_conv2");

@@ -88,7 +88,7 @@ impl DptHead {
     }
 
     /// Maps `[N, width, H, W]`, one for each of the N views that the leading dimensions hold.
-    pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, tokens: DenseTokens<'_, 't, T>) -> Var<'t, T> {
+    pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> Var<'t, T> {
         assert!(tokens.layers.len() == 4, "a dense head reads four layers of tokens, not {}", tokens.layers.len());
         let maps: [Var<'t, T>; 4] = std::array::from_fn(|i| self.level(cx, tokens, i));
         let size = |map: &Var<'t, T>| [map.shape()[2], map.shape()[3]];
@@ -103,7 +103,7 @@ impl DptHead {
     }
 
     /// One layer's tokens as maps `[N, features, h, w]` of that level's size.
-    fn level<'t, T: Real>(&self, cx: Context<'t, T>, tokens: DenseTokens<'_, 't, T>, i: usize) -> Var<'t, T> {
+    fn level<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>, i: usize) -> Var<'t, T> {
         let _scope = cx.scope(format_args!("projects.{i}"));
         let all = tokens.layers[i];
         let [rows, columns] = tokens.grid;

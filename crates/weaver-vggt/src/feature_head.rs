@@ -49,7 +49,7 @@ impl FeatureHead {
     /// Runs on tokens and their images `[.., 3, H, W]` in `[0, 1]` (not normalised).
     pub fn forward<'t, T: Real>(
         &self,
-        cx: Context<'t, T>,
+        cx: Context<'t, '_, T>,
         tokens: DenseTokens<'_, 't, T>,
         images: Var<'t, T>,
     ) -> PixelFeatures<'t, T> {

@@ -23,7 +23,7 @@ impl ResidualConvUnit {
     }
 
     /// Maps `[N, C, h, w]` to the same shape.
-    pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, x: Var<'t, T>) -> Var<'t, T> {
+    pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
         let x = x.relu();
         let hidden = self.conv1.forward(cx, x).relu();
         self.conv2.forward(cx, hidden) + x
@@ -51,7 +51,7 @@ impl FusionBlock {
     /// Fuses `map` with what came from the `coarser` block, at `size` (rows, columns).
     pub fn forward<'t, T: Real>(
         &self,
-        cx: Context<'t, T>,
+        cx: Context<'t, '_, T>,
         map: Var<'t, T>,
         coarser: Option<Var<'t, T>>,
         size: [usize; 2],

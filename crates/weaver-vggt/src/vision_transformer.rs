@@ -41,7 +41,7 @@ impl PatchEmbed {
     }
 
     /// Tokens `[N, h w, D]`, row by row, of images `[N, 3, H, W]` whose sides are multiples of the patch.
-    pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, images: Var<'t, T>) -> Var<'t, T> {
+    pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, images: Var<'t, T>) -> Var<'t, T> {
         let _scope = cx.scope("patch_embed");
         let shape = images.shape();
         let p = self.patch;
@@ -97,7 +97,7 @@ impl VisionTransformer {
     }
 
     /// Patch tokens `[N, h w, D]`, row by row, of normalised images `[N, 3, H, W]`.
-    pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, images: Var<'t, T>) -> Var<'t, T> {
+    pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, images: Var<'t, T>) -> Var<'t, T> {
         let shape = images.shape();
         let patches = self.patch_embed.forward(cx, images);
         let [n, count, dim] = [0, 1, 2].map(|axis| patches.shape()[axis]);
@@ -113,7 +113,7 @@ impl VisionTransformer {
     }
 
     /// The class token's position `[1, 1, D]` and those of a grid of patches `[1, rows columns, D]`.
-    fn positions<'t, T: Real>(&self, cx: Context<'t, T>, rows: usize, columns: usize) -> (Var<'t, T>, Var<'t, T>) {
+    fn positions<'t, T: Real>(&self, cx: Context<'t, '_, T>, rows: usize, columns: usize) -> (Var<'t, T>, Var<'t, T>) {
         let [table_rows, table_columns] = self.config.table;
         let dim = self.config.dim;
         let table = cx.param(self.pos_embed);

@@ -36,7 +36,7 @@ impl Guidance {
     ///
     /// Differentiable in the parameters and in the images. Source: `SplatWeaver_Head` of the official code.
     #[track_caller]
-    pub fn forward<'t, T: Real>(&self, cx: Context<'t, T>, images: Var<'t, T>) -> Var<'t, T> {
+    pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, images: Var<'t, T>) -> Var<'t, T> {
         let bands = analysis(luma(images), self.wavelet);
         let details = bands.slice(1, 1, 3);
         let hidden = self.mix.forward(cx, self.gather.forward(cx, details));

@@ -122,7 +122,7 @@ fn attention_agrees_with_its_definition() {
 /// Checks the gradient of `f` with respect to x and to every parameter: x becomes a parameter, too.
 fn check<F>(mut params: Params<f64>, x: Input, f: F)
 where
-    F: for<'t> Fn(Context<'t, f64>, Var<'t, f64>) -> Var<'t, f64>,
+    F: for<'t> Fn(Context<'t, '_, f64>, Var<'t, f64>) -> Var<'t, f64>,
 {
     let x = params.add("x", x.shape, x.data);
     let loss = |params: &Params<f64>| {

@@ -68,7 +68,7 @@ fn micro<T: Real>(base_fov: Option<f64>, gauge: Gauge) -> (CameraHead, Params<T>
 fn gradients_of_the_first_refinement() {
     for (base, gauge) in [(None, Gauge::Free), (Some(1.0), Gauge::FirstCamera)] {
         let (head, params) = micro::<f64>(base, gauge);
-        let params: &'static _ = Box::leak(Box::new(params));
+        let params = &params;
         gradcheck(&[Input::normal(1, [2, 3, 6])], |x| {
             let estimates = head.forward(Context::new(x[0].tape(), params), x[0]);
             vec![estimates[0].raw, estimates[0].code]

@@ -39,7 +39,7 @@ fn micro<T: Real>(layers: &[usize]) -> (Aggregator, Params<T>) {
     (aggregator, params)
 }
 
-fn all<'t>(aggregator: &Aggregator, cx: Context<'t, f64>, images: Var<'t, f64>) -> Vec<Var<'t, f64>> {
+fn all<'t>(aggregator: &Aggregator, cx: Context<'t, '_, f64>, images: Var<'t, f64>) -> Vec<Var<'t, f64>> {
     let out = aggregator.forward(cx, images);
     out.layers.into_iter().chain([out.camera]).collect()
 }
@@ -47,7 +47,7 @@ fn all<'t>(aggregator: &Aggregator, cx: Context<'t, f64>, images: Var<'t, f64>) 
 #[test]
 fn gradients_of_images_and_every_weight() {
     let (aggregator, params) = micro::<f64>(&[0, 1, 1]);
-    let params: &'static _ = Box::leak(Box::new(params));
+    let params = &params;
     let images = Input::uniform(1, 0.0, 1.0, [2, 2, 3, 4, 4]);
     gradcheck(std::slice::from_ref(&images), |x| all(&aggregator, Context::new(x[0].tape(), params), x[0]));
     let ids: Vec<_> = params.iter().map(|(id, _)| id).collect();

@@ -69,7 +69,7 @@ fn gradients_of_tokens_images_and_every_weight() {
     let depth = DepthHeadConfig { dpt: MICRO, hidden: 4, log_depth_bounds: bounds, last: WeightInit::FanIn };
     let depth = DepthHead::new(b.scope("depth_head"), depth);
     let features = FeatureHead::new(b.scope("gaussian_param_head"), FeatureHeadConfig { dpt: MICRO, merger: 4 });
-    let params: &'static Params<f64> = Box::leak(Box::new(params));
+    let params = &params;
     let mut inputs = layers(grid);
     inputs.push(Input::uniform(20, 0.0, 1.0, [2, 3, image[0], image[1]]));
     gradcheck(&inputs, |x| {

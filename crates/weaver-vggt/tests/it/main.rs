@@ -12,7 +12,7 @@ use weaver_kernels::random::Stream;
 use weaver_nn::Context;
 
 /// Checks a network's gradient with respect to weights: one direction at a time, each moving one tensor.
-fn check_weights(params: &Params<f64>, ids: &[ParamId], f: impl for<'t> Fn(Context<'t, f64>) -> Var<'t, f64>) {
+fn check_weights(params: &Params<f64>, ids: &[ParamId], f: impl for<'t> Fn(Context<'t, '_, f64>) -> Var<'t, f64>) {
     let loss = |params: &Params<f64>, backward: bool| {
         let tape = Tape::new();
         let y = f(Context::new(&tape, params));

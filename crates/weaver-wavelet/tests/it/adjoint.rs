@@ -35,11 +35,9 @@ proptest! {
     fn gradients_by_the_images(wavelet in wavelet(), height in 2..6usize, width in 2..6usize, seed in any::<u64>()) {
         let images = [Input::uniform(seed, 0.0, 1.0, [2, 3, height, width])];
         gradcheck(&images, |x| vec![energy(x[0], wavelet)]);
-        // A context holds the parameters for as long as any tape may live.
-        let params = Box::leak(Box::new(Params::<f64>::new()));
-        let guidance = Guidance::new(&mut Builder::new(params, seed), wavelet, 2, 3);
-        let params = &*params;
-        gradcheck(&images, |x| vec![guidance.forward(Context::new(x[0].tape(), params), x[0])]);
+        let mut params = Params::<f64>::new();
+        let guidance = Guidance::new(&mut Builder::new(&mut params, seed), wavelet, 2, 3);
+        gradcheck(&images, |x| vec![guidance.forward(Context::new(x[0].tape(), &params), x[0])]);
     }
 
     #[test]
