@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use weaver_autograd::{OpTime, Params, Tape};
-use weaver_data::{Scene, training_tuple};
+use weaver_data::{Scene, Tuple, training_tuple};
 use weaver_kernels::random::Stream;
 use weaver_losses::Lpips;
 use weaver_model::SplatWeaver;
@@ -49,8 +49,13 @@ impl Session {
     /// When the data cannot be read or has too few views.
     pub fn new(config: Config) -> Result<Self, Error> {
         let scenes = scenes::load(&config)?;
-        for scene in &scenes {
+        for (index, scene) in scenes.iter().enumerate() {
             scene.check_training(config.data.context_views)?;
+            if scene.points.is_empty() {
+                // Its scale must be given; better said before anything is written.
+                let context = scene.training_views()[..config.data.context_views].to_vec();
+                scene.normalised(&Tuple { scene: index, context, targets: Vec::new() })?;
+            }
         }
         let mut params = Params::new();
         let model = SplatWeaver::new(config.model.clone(), &mut params, config.seed);
