@@ -1,6 +1,7 @@
 //! Tests of the tape and of every built-in op.
 
 mod activations;
+mod adjoints;
 mod attention;
 mod convolution;
 mod losses;

@@ -40,18 +40,12 @@ impl Fixture {
     /// Relative L2 distance at most the larger of 1e-5 and twenty times what 32-bit arithmetic alone costs.
     #[track_caller]
     pub fn assert_close(&self, key: &str, found: &[f32]) {
-        self.assert_within(1e-5, key, found);
-    }
-
-    /// The same with another least tolerance.
-    #[track_caller]
-    pub fn assert_within(&self, least: f64, key: &str, found: &[f32]) {
         let expected = self.data(key);
         assert_eq!(found.len(), expected.len(), "{key}");
         let norm = |x: &mut dyn Iterator<Item = f64>| x.map(|v| v * v).sum::<f64>().sqrt();
         let difference = norm(&mut found.iter().zip(&expected).map(|(f, e)| f64::from(*f) - f64::from(*e)));
         let error = difference / norm(&mut expected.iter().map(|e| f64::from(*e))).max(f64::MIN_POSITIVE);
-        let allowed = (20.0 * self.f32_error[key][0].as_f64().unwrap()).max(least);
+        let allowed = (20.0 * self.f32_error[key][0].as_f64().unwrap()).max(1e-5);
         assert!(error <= allowed, "{key}: relative error {error:.2e}, allowed {allowed:.2e}");
     }
 }
