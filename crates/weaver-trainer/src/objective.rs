@@ -16,34 +16,43 @@ use weaver_splat::{CameraVars as RasterCameras, GaussianVars, RasterSettings, Ra
 /// How many terms there are at most.
 const MOST_TERMS: usize = 12;
 
-/// The terms of a loss: name, weight, value.
+/// One loss: a sum over tuples, of which each counts `share`.
+#[derive(Debug)]
+struct Term<'t> {
+    name: &'static str,
+    weight: f64,
+    share: f64,
+    sum: Var<'t, f32>,
+}
+
+/// The terms of a loss.
 #[derive(Debug, Default)]
 pub struct Terms<'t> {
-    terms: SmallVec<[(&'static str, f64, Var<'t, f32>); MOST_TERMS]>,
+    terms: SmallVec<[Term<'t>; MOST_TERMS]>,
     /// Gaussians per context pixel.
     pub gaussians_per_pixel: f32,
 }
 
 impl<'t> Terms<'t> {
-    /// Adds a term unless its weight is 0; `value` is not computed then.
-    fn add(&mut self, name: &'static str, weight: f64, value: impl FnOnce() -> Var<'t, f32>) {
+    /// Adds one tuple's loss, which counts `share` in the mean, unless its weight is 0; `value` is not computed then.
+    fn add(&mut self, name: &'static str, weight: f64, share: f64, value: impl FnOnce() -> Var<'t, f32>) {
         if weight != 0.0 {
             let value = value();
-            match self.terms.iter_mut().find(|(n, ..)| *n == name) {
-                Some((_, _, sum)) => *sum = *sum + value,
-                None => self.terms.push((name, weight, value)),
+            match self.terms.iter_mut().find(|term| term.name == name) {
+                Some(term) => term.sum = term.sum + value,
+                None => self.terms.push(Term { name, weight, share, sum: value }),
             }
         }
     }
 
     /// The weighted sum; `None` without terms.
     pub fn total(&self) -> Option<Var<'t, f32>> {
-        self.terms.iter().map(|(_, weight, value)| *value * *weight).reduce(|a, b| a + b)
+        self.terms.iter().map(|term| term.sum * (term.weight * term.share)).reduce(|a, b| a + b)
     }
 
-    /// Names and values before weights.
+    /// Names and means over the tuples, before weights.
     pub fn values(&self) -> impl Iterator<Item = (&'static str, f32)> {
-        self.terms.iter().map(|(name, _, value)| (*name, value.item()))
+        self.terms.iter().map(|term| (term.name, term.sum.item() * term.share as f32))
     }
 }
 
@@ -96,13 +105,13 @@ impl Objective<'_> {
         let shape = encoded.codes[0].shape();
         let [scenes, views] = [shape[0], shape[1]];
         let truth = || rows(cx, batches.iter().flat_map(|b| b.context()).map(pose_code), shape);
-        terms.add("pose", weights.pose, || losses::l1_pose(&encoded.codes, truth()));
-        terms.add("pose_huber", weights.pose_huber, || {
+        terms.add("pose", weights.pose, 1.0, || losses::l1_pose(&encoded.codes, truth()));
+        terms.add("pose_huber", weights.pose_huber, 1.0, || {
             let truth = truth();
             let teacher: List<_> = encoded.codes.iter().map(|_| truth).collect();
             losses::huber_pose(&encoded.codes, &teacher, 1.0)
         });
-        terms.add("pose_absolute", weights.pose_absolute, || {
+        terms.add("pose_absolute", weights.pose_absolute, 1.0, || {
             let poses = || batches.iter().flat_map(|b| &b.absolute);
             let rotations = rows(cx, poses().map(rotation_row), [scenes, views, 3, 3]);
             let translations = rows(cx, poses().map(translation_row), [scenes, views, 3]);
@@ -130,7 +139,7 @@ impl Objective<'_> {
         let photos = cx.tape.constant(batch.context_images(), [views, 3, height, width]);
         let dense = model.dense(cx, encoded, b, photos);
         let known = cx.tape.constant(&batch.depth, dense.depth.shape());
-        terms.add("depth", weights.depth * share, || losses::sparse_log_depth_l1(dense.depth.ln(), known, 1.0));
+        terms.add("depth", weights.depth, share, || losses::sparse_log_depth_l1(dense.depth.ln(), known, 1.0));
 
         let cameras = match self.stage.cameras {
             Cameras::Predicted => encoded.scene_cameras(b),
@@ -144,12 +153,12 @@ impl Objective<'_> {
         let rendered = self.render(cx, model, &woven, &cameras, batch);
         let image = rendered.image.permute(&[0, 3, 1, 2]).clamp(0.0, 1.0);
         let truth = cx.tape.constant(&batch.images[..shown * 3 * height * width], image.shape());
-        terms.add("mse", weights.mse * share, || losses::mse(image, truth));
-        terms.add("ssim", weights.ssim * share, || (losses::ssim(image, truth).mean() * -1.0 + 1.0) * 0.5);
+        terms.add("mse", weights.mse, share, || losses::mse(image, truth));
+        terms.add("ssim", weights.ssim, share, || (losses::ssim(image, truth).mean() * -1.0 + 1.0) * 0.5);
         if let Some(lpips) = self.lpips {
-            terms.add("lpips", weights.lpips * share, || lpips.distance(image, truth).mean());
+            terms.add("lpips", weights.lpips, share, || lpips.distance(image, truth).mean());
         }
-        terms.add("rendered_depth", weights.rendered_depth * share, || {
+        terms.add("rendered_depth", weights.rendered_depth, share, || {
             let own = rendered.depth.slice(0, 0, views);
             // There is no teacher that doubts: what is near is trusted most, what is unknown not at all.
             let confidence = batch.depth.iter().map(|d| [if *d > 0.0 { 1.0 / d } else { 0.0 }]);
@@ -201,7 +210,7 @@ impl Objective<'_> {
     ) {
         let weights = &self.stage.losses;
         if self.ranking {
-            terms.add("rank", weights.rank * share, || {
+            terms.add("rank", weights.rank, share, || {
                 losses::ranking_cross_entropy(
                     dense.logits,
                     dense.energy,
@@ -211,7 +220,7 @@ impl Objective<'_> {
             });
         }
         if let Some(choice) = woven.choice {
-            terms.add("budget", weights.budget * share, || {
+            terms.add("budget", weights.budget, share, || {
                 let shares = match weights.budget_form {
                     BudgetForm::Shares => true,
                     BudgetForm::Limit => false,
@@ -224,7 +233,7 @@ impl Objective<'_> {
                 }
             });
         }
-        terms.add("error_regression", weights.error_regression * share, || {
+        terms.add("error_regression", weights.error_regression, share, || {
             let score = dense.logits.slice(1, 1, 1) - dense.logits.slice(1, 0, 1);
             let error = cx.tape.without_gradient(|| (own.detach() - photos).square().mean_axis(1));
             losses::error_regression(score.reshape(error.shape()), error.detach())
