@@ -92,6 +92,11 @@ impl Aggregator {
         }
     }
 
+    /// The patch encoder.
+    pub fn patch_embed(&self) -> &VisionTransformer {
+        &self.patch_embed
+    }
+
     /// Runs on images `[B, V, 3, H, W]` in `[0, 1]`, whose sides are multiples of the patch.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, images: Var<'t, T>) -> Aggregated<'t, T> {
         let shape = images.shape();

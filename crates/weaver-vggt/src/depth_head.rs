@@ -46,6 +46,11 @@ impl DepthHead {
         Self { config, trunk, hidden, last }
     }
 
+    /// The part that turns tokens into maps.
+    pub fn trunk(&self) -> &DptHead {
+        &self.trunk
+    }
+
     /// Predicts for the N views that the leading dimensions of the tokens hold.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> DepthMaps<'t, T> {
         let [height, width] = tokens.image;

@@ -89,17 +89,27 @@ impl DptHead {
 
     /// Maps `[N, width, H, W]`, one for each of the N views that the leading dimensions hold.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> Var<'t, T> {
+        resized(self.trunk(cx, tokens), tokens.image)
+    }
+
+    /// The same before the last resize: maps `[N, width, 8 h, 8 w]` of a grid of h x w patches.
+    pub fn trunk<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> Var<'t, T> {
+        self.output_conv1.forward(cx, self.fuse(cx, tokens)[0])
+    }
+
+    /// The fused maps `[N, features, ..]` from the finest to the coarsest, each at the size of the next finer level.
+    pub fn fuse<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> [Var<'t, T>; 4] {
         assert!(tokens.layers.len() == 4, "a dense head reads four layers of tokens, not {}", tokens.layers.len());
-        let maps: [Var<'t, T>; 4] = std::array::from_fn(|i| self.level(cx, tokens, i));
+        let mut maps: [Var<'t, T>; 4] = std::array::from_fn(|i| self.level(cx, tokens, i));
         let size = |map: &Var<'t, T>| [map.shape()[2], map.shape()[3]];
-        let mut x = None;
+        let mut coarser = None;
         for i in (0..4).rev() {
             let _scope = cx.scope(format_args!("scratch.refinenet{}", i + 1));
             let next = if i > 0 { size(&maps[i - 1]) } else { size(&maps[0]).map(|n| 2 * n) };
-            x = Some(self.refine[i].forward(cx, maps[i], x, next));
+            maps[i] = self.refine[i].forward(cx, maps[i], coarser, next);
+            coarser = Some(maps[i]);
         }
-        let x = self.output_conv1.forward(cx, x.expect("there are four levels"));
-        resized(x, tokens.image)
+        maps
     }
 
     /// One layer's tokens as maps `[N, features, h, w]` of that level's size.

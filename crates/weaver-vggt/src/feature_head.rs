@@ -46,6 +46,11 @@ impl FeatureHead {
         }
     }
 
+    /// The part that turns tokens into maps.
+    pub fn trunk(&self) -> &DptHead {
+        &self.trunk
+    }
+
     /// Runs on tokens and their images `[.., 3, H, W]` in `[0, 1]` (not normalised).
     pub fn forward<'t, T: Real>(
         &self,

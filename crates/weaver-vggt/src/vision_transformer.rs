@@ -98,22 +98,49 @@ impl VisionTransformer {
 
     /// Patch tokens `[N, h w, D]`, row by row, of normalised images `[N, 3, H, W]`.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, images: Var<'t, T>) -> Var<'t, T> {
+        let mut x = self.embed(cx, images);
+        for (i, block) in self.blocks.iter().enumerate() {
+            let _scope = cx.scope(format_args!("blocks.{i}"));
+            x = block.forward(cx, x, None);
+        }
+        self.read_out(cx, x)
+    }
+
+    /// What the first block sees: class token, registers and patches `[N, 1 + R + h w, D]`, with positions on all but the
+    /// registers.
+    pub fn embed<'t, T: Real>(&self, cx: Context<'t, '_, T>, images: Var<'t, T>) -> Var<'t, T> {
         let shape = images.shape();
         let patches = self.patch_embed.forward(cx, images);
         let [n, count, dim] = [0, 1, 2].map(|axis| patches.shape()[axis]);
         let (cls_position, grid) = self.positions(cx, shape[2] / self.config.patch, shape[3] / self.config.patch);
         let cls = (cx.param(self.cls_token) + cls_position).expand([n, 1, dim]);
         let registers = cx.param(self.register_tokens).expand([n, self.config.registers, dim]);
-        let mut x = ops::concat(&[cls, registers, patches + grid.expand([n, count, dim])], 1);
-        for (i, block) in self.blocks.iter().enumerate() {
-            let _scope = cx.scope(format_args!("blocks.{i}"));
-            x = block.forward(cx, x, None);
-        }
-        self.norm.forward(cx, x.slice(1, 1 + self.config.registers, count))
+        ops::concat(&[cls, registers, patches + grid.expand([n, count, dim])], 1)
+    }
+
+    /// Patch tokens from what the last block gives: normalised, without class token and registers.
+    pub fn read_out<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
+        let special = 1 + self.config.registers;
+        self.norm.forward(cx, x.slice(1, special, x.shape()[1] - special))
+    }
+
+    /// The linear map of patches.
+    pub fn patch_embed(&self) -> &PatchEmbed {
+        &self.patch_embed
+    }
+
+    /// The blocks in order.
+    pub fn blocks(&self) -> &[Block] {
+        &self.blocks
     }
 
     /// The class token's position `[1, 1, D]` and those of a grid of patches `[1, rows columns, D]`.
-    fn positions<'t, T: Real>(&self, cx: Context<'t, '_, T>, rows: usize, columns: usize) -> (Var<'t, T>, Var<'t, T>) {
+    pub fn positions<'t, T: Real>(
+        &self,
+        cx: Context<'t, '_, T>,
+        rows: usize,
+        columns: usize,
+    ) -> (Var<'t, T>, Var<'t, T>) {
         let [table_rows, table_columns] = self.config.table;
         let dim = self.config.dim;
         let table = cx.param(self.pos_embed);
