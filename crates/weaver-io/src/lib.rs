@@ -20,6 +20,7 @@ pub mod realestate;
 mod resize;
 mod splat;
 mod spz;
+mod tensor_file;
 mod transforms;
 
 pub use append::Appender;
@@ -33,4 +34,5 @@ pub use info::info;
 pub use ply::SplatPly;
 pub use splat::read_splat;
 pub use spz::read_spz;
+pub use tensor_file::TensorFile;
 pub use transforms::{Frame, Transforms};

@@ -10,4 +10,5 @@ mod ply;
 mod realestate;
 mod shared;
 mod spz;
+mod tensor_file;
 mod transforms;

@@ -1,0 +1,188 @@
+//! What this machine can do at most, measured: the bars that timings are held against.
+//!
+//! Both functions start threads of their own, outside any pool, and time the stretch from the first thread's start to
+//! the last one's end, each by its own clock, so that a late start of a thread counts for nothing. The best of a few
+//! short runs is taken: whatever else the machine does can only slow it down. A figure from another day or machine
+//! says little; measure in the same run as what is to be compared.
+
+use std::hint::black_box;
+use std::sync::Barrier;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Runs of each measurement.
+const RUNS: usize = 5;
+/// How long one run of arithmetic should take.
+const RUN: Duration = Duration::from_millis(30);
+/// Values in each of the two arrays that are copied: 128 MiB, far beyond the caches.
+const COPIED: usize = 32 << 20;
+
+/// Billions of `f32` operations per second of fused multiply-adds (two operations each) in registers, on `threads`
+/// threads together.
+///
+/// Independent chains, enough to hide the latency, in the widest registers of the processor: AVX-512, AVX2 with FMA,
+/// else what the compilation target has, where a multiplication and an addition stand in for an FMA if it has none.
+/// No memory is touched; no program that computes with `f32` vectors is faster. Takes about 0.2 s.
+pub fn fma_gflops_f32(threads: usize) -> f64 {
+    let threads = threads.max(1);
+    let (lanes, chains) = chains();
+    // Also warms the processor up.
+    let trial = 1_u32 << 18;
+    let rate = f64::from(trial) / together(1, |_| chains(u64::from(trial))).as_secs_f64();
+    let steps = (rate * RUN.as_secs_f64()).ceil() as u64;
+    let best = (0..RUNS).map(|_| together(threads, |_| chains(steps))).min().unwrap_or(RUN);
+    2.0 * (threads as u64 * steps) as f64 * lanes as f64 / best.as_secs_f64() / 1e9
+}
+
+/// Billions of bytes per second, read and written together, that `threads` threads copy from one large array to
+/// another with ordinary stores, each thread its own part.
+///
+/// What a cache line's first write fetches from memory is not counted, as is usual. Takes 256 MiB and about 0.2 s.
+pub fn copy_gbs(threads: usize) -> f64 {
+    let threads = threads.max(1);
+    let from = vec![1.0_f32; COPIED];
+    let mut to = vec![0.0_f32; COPIED];
+    // Times one, which the compiler cannot know: a plain loop would become a library call with stores of other kinds.
+    let factor = black_box(1.0_f32);
+    let share = COPIED.div_ceil(threads);
+    let mut copy = || {
+        let mut parts = from.chunks(share).zip(to.chunks_mut(share)).collect::<Vec<_>>().into_iter();
+        let mut part = || parts.next().unwrap_or((&[], &mut []));
+        together_each((0..threads).map(|_| part()).collect(), |(from, to)| {
+            crate::simd::dispatch(
+                #[inline(always)]
+                || {
+                    for (to, from) in to.iter_mut().zip(from) {
+                        *to = factor * *from;
+                    }
+                },
+            );
+        })
+    };
+    // The first touch of the pages does not count.
+    copy();
+    let best = (0..RUNS).map(|_| copy()).min().unwrap_or(RUN);
+    (2 * COPIED * size_of::<f32>()) as f64 / best.as_secs_f64() / 1e9
+}
+
+/// From the first start to the last end of `job` on this many threads.
+fn together(threads: usize, job: impl Fn(usize) + Sync) -> Duration {
+    together_each((0..threads).collect(), job)
+}
+
+/// The same with an input for each thread.
+fn together_each<I: Send>(inputs: Vec<I>, job: impl Fn(I) + Sync) -> Duration {
+    let barrier = Barrier::new(inputs.len());
+    let timed = |input| {
+        barrier.wait();
+        let start = Instant::now();
+        job(input);
+        (start, Instant::now())
+    };
+    let spans: Vec<(Instant, Instant)> = thread::scope(|scope| {
+        let threads: Vec<_> = inputs.into_iter().map(|input| scope.spawn(|| timed(input))).collect();
+        threads.into_iter().map(|t| t.join().expect("a measurement does not panic")).collect()
+    });
+    let start = spans.iter().map(|s| s.0).min();
+    let end = spans.iter().map(|s| s.1).max();
+    start.zip(end).map_or(Duration::ZERO, |(start, end)| end - start)
+}
+
+/// FMA lanes in one step of the chains, and the chains, which run this many steps.
+fn chains() -> (usize, fn(u64)) {
+    #[cfg(target_arch = "x86_64")]
+    #[allow(unsafe_code)]
+    {
+        if is_x86_feature_detected!("avx512f") {
+            // SAFETY: the processor has AVX-512 F.
+            return (16 * 16, |steps| unsafe { x86::avx512(steps) });
+        }
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            // SAFETY: the processor has AVX2 and FMA.
+            return (12 * 8, |steps| unsafe { x86::avx2(steps) });
+        }
+    }
+    (12 * 4, portable)
+}
+
+/// Factor and summand of every FMA: x -> x * FACTOR + SUMMAND tends to 1, far from overflow and denormals.
+const FACTOR: f32 = 0.999_999;
+const SUMMAND: f32 = 1e-6;
+
+fn portable(steps: u64) {
+    let fma = |x: f32| {
+        // Without the instruction the method is a library call.
+        if cfg!(any(target_feature = "fma", target_arch = "aarch64")) {
+            x.mul_add(FACTOR, SUMMAND)
+        } else {
+            x * FACTOR + SUMMAND
+        }
+    };
+    let mut chains: [[f32; 4]; 12] = std::array::from_fn(|i| [0.5 + i as f32; 4]);
+    for _ in 0..steps {
+        chains = chains.map(|chain| chain.map(fma));
+    }
+    black_box(chains);
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::{FACTOR, SUMMAND};
+    use std::arch::x86_64::{_mm256_fmadd_ps, _mm256_set1_ps, _mm512_fmadd_ps, _mm512_set1_ps};
+    use std::hint::black_box;
+
+    /// 16 chains of 16 lanes, of 32 registers.
+    #[target_feature(enable = "avx512f")]
+    pub fn avx512(steps: u64) {
+        let (factor, summand) = (_mm512_set1_ps(FACTOR), _mm512_set1_ps(SUMMAND));
+        let mut chains: [_; 16] = std::array::from_fn(|i| _mm512_set1_ps(0.5 + i as f32));
+        for _ in 0..steps {
+            for chain in &mut chains {
+                *chain = _mm512_fmadd_ps(*chain, factor, summand);
+            }
+        }
+        black_box(chains);
+    }
+
+    /// 12 chains of 8 lanes: with the two constants 14 of 16 registers.
+    #[target_feature(enable = "avx2,fma")]
+    pub fn avx2(steps: u64) {
+        let (factor, summand) = (_mm256_set1_ps(FACTOR), _mm256_set1_ps(SUMMAND));
+        let mut chains: [_; 12] = std::array::from_fn(|i| _mm256_set1_ps(0.5 + i as f32));
+        for _ in 0..steps {
+            for chain in &mut chains {
+                *chain = _mm256_fmadd_ps(*chain, factor, summand);
+            }
+        }
+        black_box(chains);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_chains_take_as_long_as_they_are() {
+        // Were they computed away, ten times the steps would take no longer.
+        let (_, widest) = chains();
+        for chains in [widest, portable] {
+            let time = |steps| (0..5).map(|_| together(1, |_| chains(steps))).min().unwrap().as_secs_f64();
+            let ratio = time(2_000_000) / time(200_000);
+            assert!(ratio > 3.0, "{ratio}");
+        }
+    }
+
+    #[test]
+    fn figures_are_those_of_a_machine() {
+        assert!((0.1..1e6).contains(&fma_gflops_f32(1)));
+        assert!((0.1..1e5).contains(&copy_gbs(2)));
+    }
+
+    #[test]
+    fn a_span_covers_all_threads() {
+        let pause = Duration::from_millis(5);
+        let span = together_each(vec![1_u32, 3], |n| thread::sleep(n * pause));
+        assert!(span >= 3 * pause, "{span:?}");
+    }
+}
