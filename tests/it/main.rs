@@ -11,3 +11,4 @@ mod inputs;
 mod photos;
 mod render;
 mod run;
+mod walkthrough;

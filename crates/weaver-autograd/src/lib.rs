@@ -1,10 +1,4 @@
-//! A reverse-mode tape of [`Op`] values over pooled buffers, generic over `f32` and `f64`.
-//!
-//! An op is a value that owns its saved state; the tape owns all memory; kernels are plain functions on slices.
-//! What makes it different: gradients know whether they are written for the first time, a missing gradient is an
-//! error and never a silent zero, a repeated step allocates nothing, and the bits do not depend on the number of
-//! threads.
-#![doc = include_str!("../../../docs/add-an-op.md")]
+#![doc = include_str!("../README.md")]
 
 mod dual;
 pub mod gradcheck;

@@ -12,6 +12,9 @@ use std::time::Instant;
 use weaver_kernels::Real;
 
 mod backward;
+mod path;
+
+pub use path::Scope;
 
 /// Index of a value on the tape.
 pub(crate) type ValueId = u32;
@@ -65,8 +68,9 @@ struct Record<T: Real> {
     inputs: Vec<Input>,
     /// Text of the paths at which nodes were recorded, end to end.
     paths: String,
-    /// The path in force.
+    /// The paths in force, end to end: the last one counts, from `path_start` on.
     path: String,
+    path_start: usize,
     params: Vec<Option<ValueId>>,
     boxes: OpBoxes<T>,
 }
@@ -122,6 +126,7 @@ impl<T: Real> Tape<T> {
             inputs: Vec::new(),
             paths: String::new(),
             path: String::new(),
+            path_start: 0,
             params: Vec::new(),
             boxes: OpBoxes::default(),
         };
@@ -230,16 +235,6 @@ impl<T: Real> Tape<T> {
         }
     }
 
-    /// Appends `name` to the model path until the guard is dropped: `encoder`, then `encoder.block`, ...
-    pub fn scope(&self, name: impl std::fmt::Display) -> Scope<'_, T> {
-        use std::fmt::Write;
-        let path = &mut self.record.borrow_mut().path;
-        let before = path.len();
-        let dot = if before == 0 { "" } else { "." };
-        write!(path, "{dot}{name}").expect("writing to a string cannot fail");
-        Scope { tape: self, before }
-    }
-
     /// Applies an op; panics with the op's name, the model path and the shapes when they do not fit.
     #[track_caller]
     pub fn apply<'t, O: Op<T>, const N: usize>(&'t self, op: O, inputs: &[Var<'t, T>]) -> [Var<'t, T>; N] {
@@ -296,7 +291,7 @@ impl<T: Real> Tape<T> {
                 tracked: v.is_tracked(),
             }));
             let path_start = record.paths.len() as u32;
-            record.paths.push_str(&record.path);
+            record.paths.push_str(&record.path[record.path_start..]);
             let op = record.boxes.store(op);
             record.nodes.push(Node {
                 op,
@@ -339,17 +334,13 @@ impl<T: Real> Tape<T> {
 
     fn checked(&self, len: usize, shape: impl Into<Shape>) -> Shape {
         let shape = shape.into();
-        assert_eq!(len, shape.len(), "{}: {len} numbers cannot have shape {shape}", self.record.borrow().path);
+        self.ensure_shapes(
+            len == shape.len(),
+            "source",
+            format_args!("{} numbers for {shape}", shape.len()),
+            &[[len].into()],
+        );
         shape
-    }
-
-    fn located(&self, mut error: ShapeError, op: &'static str, found: &[Shape]) -> ShapeError {
-        error.op = op;
-        error.path.clone_from(&self.record.borrow().path);
-        if error.found.is_empty() {
-            error.found = found.iter().map(|s| format!("{s}")).collect::<Vec<_>>().join(", ");
-        }
-        error
     }
 
     fn push_source(&self, storage: Storage<T>, shape: Shape, tracked: bool) -> Var<'_, T> {
@@ -381,18 +372,5 @@ impl<T: Real> Tape<T> {
     /// Keeps the gradient of an intermediate value after the backward pass.
     pub(crate) fn retain(&self, id: ValueId) {
         self.record.borrow_mut().values[id as usize].leaf = true;
-    }
-}
-
-/// Keeps a name on the model path; see [`Tape::scope`].
-#[derive(Debug)]
-pub struct Scope<'t, T: Real> {
-    tape: &'t Tape<T>,
-    before: usize,
-}
-
-impl<T: Real> Drop for Scope<'_, T> {
-    fn drop(&mut self) {
-        self.tape.record.borrow_mut().path.truncate(self.before);
     }
 }

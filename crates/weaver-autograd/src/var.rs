@@ -59,7 +59,7 @@ impl<'t, T: Real> Var<'t, T> {
     /// The one number of a one-element tensor.
     #[track_caller]
     pub fn item(&self) -> T {
-        assert_eq!(self.shape.len(), 1, "item() of a tensor of shape {}", self.shape);
+        self.tape.ensure_shapes(self.shape.len() == 1, "item", "a single element", &[self.shape]);
         self.value()[0]
     }
 
@@ -67,7 +67,8 @@ impl<'t, T: Real> Var<'t, T> {
     #[track_caller]
     pub fn reshape(self, shape: impl Into<Shape>) -> Self {
         let shape = shape.into();
-        assert_eq!(shape.len(), self.shape.len(), "{} cannot be reshaped to {shape}", self.shape);
+        let fits = shape.len() == self.shape.len();
+        self.tape.ensure_shapes(fits, "reshape", format_args!("a tensor of the size of {shape}"), &[self.shape]);
         Self { shape, ..self }
     }
 
@@ -90,14 +91,21 @@ impl<'t, T: Real> Var<'t, T> {
     /// Fills the gradients of all leaves that this scalar depends on. Called again, it adds to them.
     #[track_caller]
     pub fn backward(&self) {
-        assert_eq!(self.shape.len(), 1, "backward() of a tensor of shape {}; use backward_with", self.shape);
+        self.tape.ensure_shapes(
+            self.shape.len() == 1,
+            "backward",
+            "a single element (or backward_with)",
+            &[self.shape],
+        );
         self.backward_with(&[T::ONE]);
     }
 
     /// The same from a tensor, given the gradient of the loss with respect to it.
     #[track_caller]
     pub fn backward_with(&self, cotangent: &[T]) {
-        assert_eq!(self.shape.len(), cotangent.len(), "the cotangent of a tensor has its size");
+        let fits = self.shape.len() == cotangent.len();
+        let expected = format_args!("a cotangent of the size of {}", self.shape);
+        self.tape.ensure_shapes(fits, "backward_with", expected, &[[cotangent.len()].into()]);
         assert!(self.tracked, "backward() of a value that depends on no leaf");
         self.tape.backward_from(self.id, cotangent);
     }

@@ -44,8 +44,11 @@ impl Attention {
         x: Var<'t, T>,
         rope: Option<&RopeTable<T>>,
     ) -> Var<'t, T> {
-        let shape = x.shape();
-        let &[batch, tokens, width] = shape.dims() else { panic!("attention: expected x [B, N, D], found {shape}") };
+        let _layer = cx.layer(self.qkv.weight, "qkv.weight");
+        let (shape, width) = (x.shape(), cx.params.get(self.proj.weight).shape()[0]);
+        let fits = shape.rank() == 3 && shape[2] == width;
+        cx.tape.ensure_shapes(fits, "attention", format_args!("x [B, N, {width}]"), &[shape]);
+        let (batch, tokens) = (shape[0], shape[1]);
         let head = width / self.heads;
         let qkv = ops::split(self.qkv.forward(cx, x), 2, &[width; 3]);
         let [q, k, v] = [0, 1, 2].map(|i| qkv[i].reshape([batch, tokens, self.heads, head]));

@@ -68,12 +68,8 @@ impl Block {
         x: Var<'t, T>,
         rope: Option<&RopeTable<T>>,
     ) -> Var<'t, T> {
-        let attended = {
-            let _scope = cx.scope("attn");
-            self.attn.forward(cx, self.norm1.forward(cx, x), rope)
-        };
-        let x = add(cx, x, self.ls1, attended);
-        let _scope = cx.scope("mlp");
+        let _layer = cx.layer(self.norm1.weight, "norm1.weight");
+        let x = add(cx, x, self.ls1, self.attn.forward(cx, self.norm1.forward(cx, x), rope));
         add(cx, x, self.ls2, self.mlp.forward(cx, self.norm2.forward(cx, x)))
     }
 }

@@ -26,4 +26,11 @@ impl<'t, 'p, T: Real> Context<'t, 'p, T> {
     pub fn scope(&self, name: impl std::fmt::Display) -> Scope<'t, T> {
         self.tape.scope(name)
     }
+
+    /// Makes the path of a layer the model path while the guard lives. It comes from the name of the layer's parameter `id`, which
+    /// the layer itself knows as `name`: `encoder.block.3.attn.qkv` from `weight` of `encoder.block.3.attn.qkv.weight`.
+    pub fn layer(&self, id: ParamId, name: &str) -> Scope<'t, T> {
+        let path = self.params.get(id).name().strip_suffix(name).unwrap_or_default();
+        self.tape.scope_at(path.trim_end_matches('.'))
+    }
 }

@@ -55,6 +55,7 @@ impl Conv2d {
 
     /// Applies it to x `[N, in, H, W]`, which gives `[N, out, H', W']`.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
+        let _layer = cx.layer(self.weight, "weight");
         ops::conv2d(x, cx.param(self.weight), self.bias.map(|b| cx.param(b)), self.stride, self.padding)
     }
 }
@@ -88,6 +89,7 @@ impl ConvTranspose2d {
 
     /// Applies it to x `[N, in, H, W]`, which gives `[N, out, factor H, factor W]`.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
+        let _layer = cx.layer(self.weight, "weight");
         ops::conv_transpose2d(x, cx.param(self.weight), Some(cx.param(self.bias)), self.stride)
     }
 }

@@ -23,6 +23,7 @@ impl LayerNorm {
 
     /// Applies it to x `[.., D]`.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
+        let _layer = cx.layer(self.weight, "weight");
         x.layer_norm(Some((cx.param(self.weight), cx.param(self.bias))), self.eps)
     }
 }

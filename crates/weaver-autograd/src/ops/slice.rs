@@ -64,11 +64,9 @@ impl<'t, T: Real> Var<'t, T> {
 /// Cuts a tensor along an axis into consecutive parts of the given sizes, which add up to its length.
 #[track_caller]
 pub fn split<'t, T: Real>(x: Var<'t, T>, axis: usize, sizes: &[usize]) -> List<Var<'t, T>> {
-    assert!(
-        axis < x.shape().rank() && sizes.iter().sum::<usize>() == x.shape()[axis],
-        "split: {} cannot be cut along axis {axis} into {sizes:?}",
-        x.shape()
-    );
+    let fits = axis < x.shape().rank() && sizes.iter().sum::<usize>() == x.shape()[axis];
+    let expected = format_args!("a tensor that parts of {sizes:?} fill along axis {axis}");
+    x.tape().ensure_shapes(fits, "split", expected, &[x.shape()]);
     let mut start = 0;
     let cut = |&len: &usize| {
         start += len;

@@ -2,4 +2,5 @@
 
 mod allocation;
 mod layers;
+mod messages;
 mod training;
