@@ -26,6 +26,7 @@ pub trait Real:
     + DivAssign
     + Sum
     + crate::gemm::tile::Tile
+    + crate::lanes::Laned
     + 'static
 {
     /// 0.
@@ -52,6 +53,10 @@ pub trait Real:
 
     /// e^x.
     fn exp(self) -> Self;
+    /// 2^x; in `f32` for -126 <= x <= 127, to which x is limited.
+    fn exp2(self) -> Self;
+    /// Binary logarithm of a positive number; in `f32` of a normal one.
+    fn log2(self) -> Self;
     /// Natural logarithm.
     fn ln(self) -> Self;
     /// ln(1 + x), accurate near 0.
@@ -87,7 +92,7 @@ pub trait Real:
 }
 
 macro_rules! real {
-    ($t:ident, $exp:path, $tanh:path, $erf:path) => {
+    ($t:ident, $exp:path, $exp2:path, $log2:path, $tanh:path, $erf:path) => {
         impl Real for $t {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
@@ -113,6 +118,14 @@ macro_rules! real {
             #[inline(always)]
             fn exp(self) -> Self {
                 $exp(self)
+            }
+            #[inline(always)]
+            fn exp2(self) -> Self {
+                $exp2(self)
+            }
+            #[inline(always)]
+            fn log2(self) -> Self {
+                $log2(self)
             }
             #[inline(always)]
             fn ln(self) -> Self {
@@ -182,5 +195,5 @@ macro_rules! real {
     };
 }
 
-real!(f32, crate::exp::exp_f32, crate::exp::tanh_f32, crate::erf::erf_f32);
-real!(f64, f64::exp, f64::tanh, crate::erf::erf_f64);
+real!(f32, crate::exp::exp_f32, crate::exp::exp2_f32, crate::exp::log2_f32, crate::exp::tanh_f32, crate::erf::erf_f32);
+real!(f64, f64::exp, f64::exp2, f64::log2, f64::tanh, crate::erf::erf_f64);

@@ -40,7 +40,7 @@ pub fn level() -> Level {
 }
 
 #[cfg(target_arch = "x86_64")]
-fn supported() -> Level {
+pub(crate) fn supported() -> Level {
     let avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
     let avx512 = avx2
         && is_x86_feature_detected!("avx512f")
@@ -55,7 +55,7 @@ fn supported() -> Level {
 }
 
 #[cfg(not(target_arch = "x86_64"))]
-fn supported() -> Level {
+pub(crate) fn supported() -> Level {
     Level::Portable
 }
 
@@ -76,10 +76,16 @@ fn supported() -> Level {
 /// ```
 #[inline(always)]
 pub fn dispatch<R>(body: impl FnOnce() -> R) -> R {
+    dispatch_at(level(), body)
+}
+
+/// Runs `body`, compiled for `level`, which the processor must support.
+#[inline(always)]
+pub(crate) fn dispatch_at<R>(level: Level, body: impl FnOnce() -> R) -> R {
     #[cfg(target_arch = "x86_64")]
     #[allow(unsafe_code)]
-    match level() {
-        // SAFETY: `level` is never above what the processor was found to support.
+    match level {
+        // SAFETY: the callers in this crate never go above what the processor was found to support.
         Level::Avx512 => return unsafe { x86::avx512(body) },
         // SAFETY: as above.
         Level::Avx2 => return unsafe { x86::avx2(body) },

@@ -4,6 +4,7 @@ mod allocation;
 mod attention;
 mod conv;
 mod gemm;
+mod lanes;
 mod layer_norm;
 mod reduce;
 mod resample;

@@ -1,0 +1,166 @@
+//! Lanes in two AVX2 registers.
+//!
+//! Every method is inlined into [`run`], the only way to these types, which is compiled for AVX2 with FMA and called
+//! only where the processor has them: that is why each `unsafe` block below is sound.
+#![allow(unsafe_code)]
+
+use super::{LANES, LaneKernel, LaneMask, Lanes, portable, sealed::Sealed};
+use crate::Real;
+use std::arch::x86_64::*;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+#[derive(Clone, Copy)]
+pub struct Ymm2(__m256, __m256);
+
+/// All bits of a lane, or none.
+#[derive(Clone, Copy)]
+pub struct Mask2(__m256, __m256);
+
+#[target_feature(enable = "avx2,fma")]
+pub fn run<K: LaneKernel<f32>>(kernel: K) -> K::Output {
+    kernel.run::<Ymm2>()
+}
+
+impl Sealed for Ymm2 {}
+
+macro_rules! operator {
+    ($trait:ident $method:ident $intrinsic:ident) => {
+        impl $trait for Ymm2 {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                // SAFETY: AVX2 is there (module).
+                unsafe { Self($intrinsic(self.0, other.0), $intrinsic(self.1, other.1)) }
+            }
+        }
+    };
+}
+operator!(Add add _mm256_add_ps);
+operator!(Sub sub _mm256_sub_ps);
+operator!(Mul mul _mm256_mul_ps);
+operator!(Div div _mm256_div_ps);
+
+impl Neg for Ymm2 {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        // SAFETY: AVX2 is there (module).
+        unsafe {
+            let sign = _mm256_set1_ps(-0.0);
+            Self(_mm256_xor_ps(self.0, sign), _mm256_xor_ps(self.1, sign))
+        }
+    }
+}
+
+/// Defines methods whose bodies are single expressions of intrinsics.
+macro_rules! methods {
+    ($(fn $name:ident($($arg:tt)*) -> $out:ty = $body:expr;)*) => {$(
+        #[inline(always)]
+        fn $name($($arg)*) -> $out {
+            // SAFETY: AVX2 is there (module); references are to sixteen numbers.
+            unsafe { $body }
+        }
+    )*};
+}
+
+impl LaneMask for Mask2 {
+    #[inline(always)]
+    fn from_bits(bits: u16) -> Self {
+        // SAFETY: AVX2 is there (module).
+        unsafe {
+            let lane = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+            let half = |bits: i32| {
+                let chosen = _mm256_and_si256(_mm256_set1_epi32(bits), lane);
+                _mm256_castsi256_ps(_mm256_cmpeq_epi32(chosen, lane))
+            };
+            Self(half(i32::from(bits & 255)), half(i32::from(bits >> 8)))
+        }
+    }
+    methods! {
+        fn bits(self) -> u16 = (_mm256_movemask_ps(self.0) | _mm256_movemask_ps(self.1) << 8) as u16;
+        fn and(self, other: Self) -> Self = Self(_mm256_and_ps(self.0, other.0), _mm256_and_ps(self.1, other.1));
+        fn and_not(self, other: Self) -> Self =
+            Self(_mm256_andnot_ps(other.0, self.0), _mm256_andnot_ps(other.1, self.1));
+        fn or(self, other: Self) -> Self = Self(_mm256_or_ps(self.0, other.0), _mm256_or_ps(self.1, other.1));
+    }
+}
+
+impl Lanes for Ymm2 {
+    type Scalar = f32;
+    type Mask = Mask2;
+
+    methods! {
+        fn splat(x: f32) -> Self = Self(_mm256_set1_ps(x), _mm256_set1_ps(x));
+        fn load(x: &[f32; LANES]) -> Self = Self(_mm256_loadu_ps(x.as_ptr()), _mm256_loadu_ps(x[8..].as_ptr()));
+        fn store(self, to: &mut [f32; LANES]) -> () = {
+            _mm256_storeu_ps(to.as_mut_ptr(), self.0);
+            _mm256_storeu_ps(to[8..].as_mut_ptr(), self.1)
+        };
+        fn mul_add(self, b: Self, c: Self) -> Self =
+            Self(_mm256_fmadd_ps(self.0, b.0, c.0), _mm256_fmadd_ps(self.1, b.1, c.1));
+        fn neg_mul_add(self, b: Self, c: Self) -> Self =
+            Self(_mm256_fnmadd_ps(self.0, b.0, c.0), _mm256_fnmadd_ps(self.1, b.1, c.1));
+        fn min(self, other: Self) -> Self = Self(_mm256_min_ps(self.0, other.0), _mm256_min_ps(self.1, other.1));
+        fn max(self, other: Self) -> Self = Self(_mm256_max_ps(self.0, other.0), _mm256_max_ps(self.1, other.1));
+        fn abs(self) -> Self = {
+            let sign = _mm256_set1_ps(-0.0);
+            Self(_mm256_andnot_ps(sign, self.0), _mm256_andnot_ps(sign, self.1))
+        };
+        fn sqrt(self) -> Self = Self(_mm256_sqrt_ps(self.0), _mm256_sqrt_ps(self.1));
+        fn ge(self, other: Self) -> Mask2 =
+            Mask2(_mm256_cmp_ps::<_CMP_GE_OQ>(self.0, other.0), _mm256_cmp_ps::<_CMP_GE_OQ>(self.1, other.1));
+        fn gt(self, other: Self) -> Mask2 =
+            Mask2(_mm256_cmp_ps::<_CMP_GT_OQ>(self.0, other.0), _mm256_cmp_ps::<_CMP_GT_OQ>(self.1, other.1));
+        fn only(self, mask: Mask2) -> Self = Self(_mm256_and_ps(self.0, mask.0), _mm256_and_ps(self.1, mask.1));
+        fn or(self, mask: Mask2, other: Self) -> Self = Self(
+            _mm256_blendv_ps(other.0, self.0, mask.0),
+            _mm256_blendv_ps(other.1, self.1, mask.1),
+        );
+    }
+
+    #[inline(always)]
+    fn recip(self) -> Self {
+        Self::splat(1.0) / self
+    }
+
+    #[inline(always)]
+    fn exp2(self) -> Self {
+        let x = self.max(Self::splat(-126.0));
+        // SAFETY: AVX2 is there (module).
+        let (n0, n1) = unsafe {
+            const NEAREST: i32 = _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC;
+            (_mm256_round_ps::<NEAREST>(x.0), _mm256_round_ps::<NEAREST>(x.1))
+        };
+        let r = x - Self(n0, n1);
+        let [c0, c1, c2, c3, c4, c5] = crate::exp::EXP2_NEAREST.map(Self::splat);
+        let p = c5.mul_add(r, c4);
+        let p = p.mul_add(r, c3);
+        let p = p.mul_add(r, c2);
+        let p = p.mul_add(r, c1);
+        let p = p.mul_add(r, c0);
+        // SAFETY: AVX2 is there (module).
+        unsafe {
+            let power = |n| {
+                let biased = _mm256_add_epi32(_mm256_cvtps_epi32(n), _mm256_set1_epi32(127));
+                _mm256_castsi256_ps(_mm256_slli_epi32::<23>(biased))
+            };
+            p * Self(power(n0), power(n1))
+        }
+    }
+
+    #[inline(always)]
+    fn log2(self) -> Self {
+        Self::load(&self.to_array().map(Real::log2))
+    }
+
+    #[inline(always)]
+    fn sums(of: &[Self; LANES]) -> Self {
+        Self::load(&portable::sums(&of.map(Self::to_array)))
+    }
+
+    #[inline(always)]
+    fn transpose(rows: &mut [Self; LANES]) {
+        let old = rows.map(Self::to_array);
+        *rows = std::array::from_fn(|i| Self::from_fn(|j| old[j][i]));
+    }
+}

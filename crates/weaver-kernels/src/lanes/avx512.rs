@@ -1,0 +1,198 @@
+//! Lanes in one AVX-512 register.
+//!
+//! Every method is inlined into [`run`], the only way to these types, which is compiled for AVX-512 and called only
+//! where the processor has it: that is why each `unsafe` block below is sound.
+#![allow(unsafe_code)]
+
+use super::{LANES, LaneKernel, LaneMask, Lanes, sealed::Sealed};
+use std::arch::x86_64::*;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+#[derive(Clone, Copy)]
+pub struct Zmm(__m512);
+
+#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,avx2,fma,bmi1,bmi2,popcnt,lzcnt")]
+pub fn run<K: LaneKernel<f32>>(kernel: K) -> K::Output {
+    kernel.run::<Zmm>()
+}
+
+impl Sealed for Zmm {}
+
+macro_rules! operator {
+    ($trait:ident $method:ident $intrinsic:ident) => {
+        impl $trait for Zmm {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                // SAFETY: AVX-512 is there (module).
+                Self(unsafe { $intrinsic(self.0, other.0) })
+            }
+        }
+    };
+}
+operator!(Add add _mm512_add_ps);
+operator!(Sub sub _mm512_sub_ps);
+operator!(Mul mul _mm512_mul_ps);
+operator!(Div div _mm512_div_ps);
+
+impl Neg for Zmm {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        // SAFETY: AVX-512 is there (module).
+        Self(unsafe { _mm512_xor_ps(self.0, _mm512_set1_ps(-0.0)) })
+    }
+}
+
+impl LaneMask for __mmask16 {
+    #[inline(always)]
+    fn from_bits(bits: u16) -> Self {
+        bits
+    }
+    #[inline(always)]
+    fn bits(self) -> u16 {
+        self
+    }
+    #[inline(always)]
+    fn and(self, other: Self) -> Self {
+        self & other
+    }
+    #[inline(always)]
+    fn and_not(self, other: Self) -> Self {
+        self & !other
+    }
+    #[inline(always)]
+    fn or(self, other: Self) -> Self {
+        self | other
+    }
+}
+
+/// Defines methods whose bodies are single expressions of intrinsics.
+macro_rules! methods {
+    ($($(#[$doc:meta])* fn $name:ident($($arg:tt)*) -> $out:ty = $body:expr;)*) => {$(
+        #[inline(always)]
+        fn $name($($arg)*) -> $out {
+            // SAFETY: AVX-512 is there (module); references are to sixteen numbers.
+            unsafe { $body }
+        }
+    )*};
+}
+
+impl Lanes for Zmm {
+    type Scalar = f32;
+    type Mask = __mmask16;
+
+    methods! {
+        fn splat(x: f32) -> Self = Self(_mm512_set1_ps(x));
+        fn load(x: &[f32; LANES]) -> Self = Self(_mm512_loadu_ps(x.as_ptr()));
+        fn store(self, to: &mut [f32; LANES]) -> () = _mm512_storeu_ps(to.as_mut_ptr(), self.0);
+        fn mul_add(self, b: Self, c: Self) -> Self = Self(_mm512_fmadd_ps(self.0, b.0, c.0));
+        fn neg_mul_add(self, b: Self, c: Self) -> Self = Self(_mm512_fnmadd_ps(self.0, b.0, c.0));
+        fn min(self, other: Self) -> Self = Self(_mm512_min_ps(self.0, other.0));
+        fn max(self, other: Self) -> Self = Self(_mm512_max_ps(self.0, other.0));
+        fn abs(self) -> Self = Self(_mm512_abs_ps(self.0));
+        fn sqrt(self) -> Self = Self(_mm512_sqrt_ps(self.0));
+        fn ge(self, other: Self) -> __mmask16 = _mm512_cmp_ps_mask::<_CMP_GE_OQ>(self.0, other.0);
+        fn gt(self, other: Self) -> __mmask16 = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(self.0, other.0);
+        fn ge_among(self, other: Self, mask: __mmask16) -> __mmask16 =
+            _mm512_mask_cmp_ps_mask::<_CMP_GE_OQ>(mask, self.0, other.0);
+        fn gt_among(self, other: Self, mask: __mmask16) -> __mmask16 =
+            _mm512_mask_cmp_ps_mask::<_CMP_GT_OQ>(mask, self.0, other.0);
+        fn only(self, mask: __mmask16) -> Self = Self(_mm512_maskz_mov_ps(mask, self.0));
+        fn or(self, mask: __mmask16, other: Self) -> Self = Self(_mm512_mask_mov_ps(other.0, mask, self.0));
+    }
+
+    #[inline(always)]
+    fn recip(self) -> Self {
+        // 14 bits from the processor, and one step of Newton's.
+        // SAFETY: AVX-512 is there (module).
+        let rough = Self(unsafe { _mm512_rcp14_ps(self.0) });
+        rough.mul_add(self.neg_mul_add(rough, Self::splat(1.0)), rough)
+    }
+
+    #[inline(always)]
+    fn exp2(self) -> Self {
+        // SAFETY: AVX-512 is there (module).
+        let fraction = Self(unsafe { _mm512_reduce_ps::<{ _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC }>(self.0) });
+        let [c0, c1, c2, c3, c4, c5] = crate::exp::EXP2_FLOOR.map(Self::splat);
+        let p = c5.mul_add(fraction, c4);
+        let p = p.mul_add(fraction, c3);
+        let p = p.mul_add(fraction, c2);
+        let p = p.mul_add(fraction, c1);
+        let p = p.mul_add(fraction, c0);
+        // p 2^floor(x)
+        // SAFETY: AVX-512 is there (module).
+        Self(unsafe { _mm512_scalef_ps(p.0, self.0) })
+    }
+
+    #[inline(always)]
+    fn log2(self) -> Self {
+        // SAFETY: AVX-512 is there (module).
+        let (exponent, mantissa) = unsafe {
+            // Mantissa in [0.75, 1.5), and the exponent that goes with it.
+            let mantissa = _mm512_getmant_ps::<_MM_MANT_NORM_P75_1P5, _MM_MANT_SIGN_SRC>(self.0);
+            (Self(_mm512_getexp_ps(_mm512_div_ps(self.0, mantissa))), Self(mantissa))
+        };
+        let one = Self::splat(1.0);
+        let t = (mantissa - one) / (mantissa + one);
+        let square = t * t;
+        let [c0, c1, c2, c3, c4] = crate::exp::LOG2_ODD.map(Self::splat);
+        let p = c4.mul_add(square, c3);
+        let p = p.mul_add(square, c2);
+        let p = p.mul_add(square, c1);
+        let p = p.mul_add(square, c0);
+        p.mul_add(t, exponent)
+    }
+
+    #[inline(always)]
+    fn sums(of: &[Self; LANES]) -> Self {
+        /// Adds the halves, quarters, pairs or neighbours of two vectors: one vector of both.
+        macro_rules! fold {
+            ($rows:expr, $apart:literal, |$a:ident, $b:ident| $low:expr, $high:expr) => {
+                std::array::from_fn::<Self, $apart, _>(|i| {
+                    let ($a, $b) = ($rows[i].0, $rows[i + $apart].0);
+                    // SAFETY: AVX-512 is there (module).
+                    Self(unsafe { _mm512_add_ps($low, $high) })
+                })
+            };
+        }
+        // After each fold a vector holds sums of twice as many rows, half as many of each.
+        let rows = fold!(of, 8, |a, b| _mm512_shuffle_f32x4::<0x44>(a, b), _mm512_shuffle_f32x4::<0xee>(a, b));
+        let rows = fold!(rows, 4, |a, b| _mm512_shuffle_f32x4::<0x88>(a, b), _mm512_shuffle_f32x4::<0xdd>(a, b));
+        let rows = fold!(rows, 2, |a, b| _mm512_shuffle_ps::<0x44>(a, b), _mm512_shuffle_ps::<0xee>(a, b));
+        let [sum] = fold!(rows, 1, |a, b| _mm512_shuffle_ps::<0x88>(a, b), _mm512_shuffle_ps::<0xdd>(a, b));
+        // The folds left the rows in this order, which is its own inverse.
+        // SAFETY: AVX-512 is there (module).
+        Self(unsafe {
+            let order = _mm512_setr_epi32(0, 2, 1, 3, 8, 10, 9, 11, 4, 6, 5, 7, 12, 14, 13, 15);
+            _mm512_permutexvar_ps(order, sum.0)
+        })
+    }
+
+    #[inline(always)]
+    fn transpose(rows: &mut [Self; LANES]) {
+        // SAFETY: AVX-512 is there (module).
+        unsafe {
+            // 4x4 blocks are transposed inside the 128-bit groups, then the groups.
+            let mut t = [_mm512_setzero_ps(); LANES];
+            for i in 0..4 {
+                let [a, b, c, d] = [rows[4 * i].0, rows[4 * i + 1].0, rows[4 * i + 2].0, rows[4 * i + 3].0];
+                let (ab_low, ab_high) = (_mm512_unpacklo_ps(a, b), _mm512_unpackhi_ps(a, b));
+                let (cd_low, cd_high) = (_mm512_unpacklo_ps(c, d), _mm512_unpackhi_ps(c, d));
+                t[4 * i] = _mm512_shuffle_ps::<0x44>(ab_low, cd_low);
+                t[4 * i + 1] = _mm512_shuffle_ps::<0xee>(ab_low, cd_low);
+                t[4 * i + 2] = _mm512_shuffle_ps::<0x44>(ab_high, cd_high);
+                t[4 * i + 3] = _mm512_shuffle_ps::<0xee>(ab_high, cd_high);
+            }
+            for i in 0..4 {
+                let [a, b, c, d] = [t[i], t[4 + i], t[8 + i], t[12 + i]];
+                let (ab_even, ab_odd) = (_mm512_shuffle_f32x4::<0x88>(a, b), _mm512_shuffle_f32x4::<0xdd>(a, b));
+                let (cd_even, cd_odd) = (_mm512_shuffle_f32x4::<0x88>(c, d), _mm512_shuffle_f32x4::<0xdd>(c, d));
+                rows[i] = Self(_mm512_shuffle_f32x4::<0x88>(ab_even, cd_even));
+                rows[4 + i] = Self(_mm512_shuffle_f32x4::<0x88>(ab_odd, cd_odd));
+                rows[8 + i] = Self(_mm512_shuffle_f32x4::<0xdd>(ab_even, cd_even));
+                rows[12 + i] = Self(_mm512_shuffle_f32x4::<0xdd>(ab_odd, cd_odd));
+            }
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! Lanes as an array, which the compiler vectorises as far as it may.
+
+use super::{LANES, LaneMask, Lanes, sealed::Sealed};
+use crate::Real;
+use std::array::from_fn;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+#[derive(Clone, Copy)]
+pub struct Array<T>([T; LANES]);
+
+impl<T> Sealed for Array<T> {}
+
+macro_rules! operator {
+    ($trait:ident $method:ident $op:tt) => {
+        impl<T: Real> $trait for Array<T> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Self(from_fn(|i| self.0[i] $op other.0[i]))
+            }
+        }
+    };
+}
+operator!(Add add +);
+operator!(Sub sub -);
+operator!(Mul mul *);
+operator!(Div div /);
+
+impl<T: Real> Neg for Array<T> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self(self.0.map(|x| -x))
+    }
+}
+
+impl LaneMask for [bool; LANES] {
+    #[inline(always)]
+    fn from_bits(bits: u16) -> Self {
+        from_fn(|i| bits >> i & 1 == 1)
+    }
+    #[inline(always)]
+    fn bits(self) -> u16 {
+        (0..LANES).fold(0, |bits, i| bits | u16::from(self[i]) << i)
+    }
+    #[inline(always)]
+    fn and(self, other: Self) -> Self {
+        from_fn(|i| self[i] & other[i])
+    }
+    #[inline(always)]
+    fn and_not(self, other: Self) -> Self {
+        from_fn(|i| self[i] & !other[i])
+    }
+    #[inline(always)]
+    fn or(self, other: Self) -> Self {
+        from_fn(|i| self[i] | other[i])
+    }
+}
+
+/// In each half, adds the upper part of a vector to its lower part until one number is left: lane i of the result is
+/// the sum of row i. The order of additions is that of the vector versions: (l, l + 8), then 4, 2, 1 apart.
+pub fn sums<T: Real>(rows: &[[T; LANES]; LANES]) -> [T; LANES] {
+    from_fn(|row| {
+        let mut x = rows[row];
+        let mut half = LANES / 2;
+        while half > 0 {
+            for i in 0..half {
+                let upper = x[i + half];
+                x[i] += upper;
+            }
+            half /= 2;
+        }
+        x[0]
+    })
+}
+
+impl<T: Real> Lanes for Array<T> {
+    type Scalar = T;
+    type Mask = [bool; LANES];
+
+    #[inline(always)]
+    fn splat(x: T) -> Self {
+        Self([x; LANES])
+    }
+    #[inline(always)]
+    fn load(x: &[T; LANES]) -> Self {
+        Self(*x)
+    }
+    #[inline(always)]
+    fn store(self, to: &mut [T; LANES]) {
+        *to = self.0;
+    }
+    // A fused operation would be a library call here.
+    #[inline(always)]
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        self * b + c
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, b: Self, c: Self) -> Self {
+        c - self * b
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self(from_fn(|i| if self.0[i] < other.0[i] { self.0[i] } else { other.0[i] }))
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self(from_fn(|i| if self.0[i] > other.0[i] { self.0[i] } else { other.0[i] }))
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self(self.0.map(T::abs))
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(self.0.map(T::sqrt))
+    }
+    #[inline(always)]
+    fn recip(self) -> Self {
+        Self(self.0.map(|x| T::ONE / x))
+    }
+    #[inline(always)]
+    fn exp2(self) -> Self {
+        Self(self.0.map(T::exp2))
+    }
+    #[inline(always)]
+    fn log2(self) -> Self {
+        Self(self.0.map(T::log2))
+    }
+    #[inline(always)]
+    fn ge(self, other: Self) -> Self::Mask {
+        from_fn(|i| self.0[i] >= other.0[i])
+    }
+    #[inline(always)]
+    fn gt(self, other: Self) -> Self::Mask {
+        from_fn(|i| self.0[i] > other.0[i])
+    }
+    #[inline(always)]
+    fn only(self, mask: Self::Mask) -> Self {
+        Self(from_fn(|i| if mask[i] { self.0[i] } else { T::ZERO }))
+    }
+    #[inline(always)]
+    fn or(self, mask: Self::Mask, other: Self) -> Self {
+        Self(from_fn(|i| if mask[i] { self.0[i] } else { other.0[i] }))
+    }
+    #[inline(always)]
+    fn sums(of: &[Self; LANES]) -> Self {
+        Self(sums(&of.map(|row| row.0)))
+    }
+    #[inline(always)]
+    fn transpose(rows: &mut [Self; LANES]) {
+        let old = *rows;
+        for (i, row) in rows.iter_mut().enumerate() {
+            *row = Self(from_fn(|j| old[j].0[i]));
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! Lanes of every instruction set against scalars.
+
+use proptest::prelude::*;
+use weaver_kernels::lanes::{LANES, LaneKernel, LaneMask, Lanes, run_at};
+use weaver_kernels::random::Stream;
+use weaver_kernels::simd::Level;
+use weaver_kernels::{Real, simd};
+
+/// The instruction sets that can be tried here.
+fn levels() -> Vec<Level> {
+    [Level::Portable, Level::Avx2, Level::Avx512].into_iter().filter(|&level| level <= simd::level()).collect()
+}
+
+/// The results of all operations on x, y, z, in a row.
+struct Operations<'a, T>([&'a [T; LANES]; 3], u16);
+
+impl<T: Real> LaneKernel<T> for Operations<'_, T> {
+    type Output = Vec<[T; LANES]>;
+    #[inline(always)]
+    fn run<V: Lanes<Scalar = T>>(self) -> Self::Output {
+        let [x, y, z] = self.0.map(V::load);
+        let mask = V::Mask::from_bits(self.1);
+        let bits = |mask: V::Mask| V::splat(T::from_usize(usize::from(mask.bits())));
+        [
+            x + y,
+            x - y,
+            x * y,
+            x / y,
+            -x,
+            x.mul_add(y, z),
+            x.neg_mul_add(y, z),
+            x.min(y),
+            x.max(y),
+            x.abs(),
+            x.abs().sqrt(),
+            x.only(mask),
+            x.or(mask, y),
+            bits(x.ge(y)),
+            bits(x.gt(y)),
+            bits(x.ge_among(y, mask)),
+            bits(x.gt_among(y, mask)),
+            bits(mask.and(x.gt(z))),
+            bits(mask.and_not(x.gt(z))),
+            bits(mask.or(x.gt(z))),
+        ]
+        .map(V::to_array)
+        .to_vec()
+    }
+}
+
+fn expected([x, y, z]: [f64; 3], lane: usize, mask: u16, compare: &dyn Fn(bool, bool) -> f64) -> Vec<f64> {
+    let (set, beyond) = (mask >> lane & 1 == 1, x > z);
+    let flag = |b: bool| compare(b, true);
+    vec![
+        x + y,
+        x - y,
+        x * y,
+        x / y,
+        -x,
+        x * y + z,
+        z - x * y,
+        if x < y { x } else { y },
+        if x > y { x } else { y },
+        x.abs(),
+        x.abs().sqrt(),
+        if set { x } else { 0.0 },
+        if set { x } else { y },
+        flag(x >= y),
+        flag(x > y),
+        flag(x >= y && set),
+        flag(x > y && set),
+        flag(set && beyond),
+        flag(set && !beyond),
+        flag(set || beyond),
+    ]
+}
+
+fn check<T: Real>(seed: u64, mask: u16, level: Level) {
+    let stream = Stream::new(seed, 0, "lanes");
+    let mut inputs = [[T::ZERO; LANES]; 3];
+    for (row, values) in inputs.iter_mut().enumerate() {
+        for (lane, x) in values.iter_mut().enumerate() {
+            // Small integers now and then, so that comparisons meet equal numbers.
+            let at = (row * LANES + lane) as u64;
+            let normal: f64 = stream.normal(at);
+            *x = T::from_f64(if at % 3 == 0 { normal.round() + 0.0 } else { normal });
+        }
+    }
+    let rows = run_at(level, Operations([&inputs[0], &inputs[1], &inputs[2]], mask));
+    for lane in 0..LANES {
+        let scalars = [0, 1, 2].map(|row| inputs[row][lane].to_f64());
+        let bit = |b: bool, _| f64::from(u8::from(b));
+        for (row, want) in expected(scalars, lane, mask, &bit).into_iter().enumerate() {
+            let got = rows[row][lane].to_f64();
+            let got = if row >= 13 { f64::from(got as u16 >> lane & 1) } else { got };
+            let scale = scalars.iter().map(|x| x.abs()).fold(1.0, f64::max);
+            let close = (got - want).abs() <= 4.0 * T::EPSILON.to_f64() * (want.abs() + scale * scale);
+            assert!(close || got == want || (got.is_nan() && want.is_nan()), "row {row}: {got} {want}");
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn operations_are_those_of_scalars(seed: u64, mask: u16) {
+        for level in levels() {
+            check::<f32>(seed, mask, level);
+            check::<f64>(seed, mask, level);
+        }
+    }
+}
+
+struct Unary<'a, T>(&'a [T; LANES]);
+
+impl<T: Real> LaneKernel<T> for Unary<'_, T> {
+    type Output = [[T; LANES]; 3];
+    #[inline(always)]
+    fn run<V: Lanes<Scalar = T>>(self) -> Self::Output {
+        let x = V::load(self.0);
+        [x.exp2(), x.log2(), x.recip()].map(V::to_array)
+    }
+}
+
+/// Largest error of exp2, log2 and recip in units in the last place, over `x`, where `f` is of interest.
+fn worst(level: Level, which: usize, x: impl Iterator<Item = f32>, f: impl Fn(f64) -> f64) -> f64 {
+    let x: Vec<f32> = x.collect();
+    let mut worst = 0.0_f64;
+    for chunk in x.as_chunks::<LANES>().0 {
+        let got = run_at(level, Unary(chunk))[which];
+        for (x, got) in chunk.iter().zip(got) {
+            let want = f(f64::from(*x));
+            let unit = f64::from(f32::EPSILON) * 2_f64.powi(want.abs().log2().floor() as i32);
+            let unit = if which == 1 { unit.max(2_f64.powi(-25)) } else { unit };
+            worst = worst.max((f64::from(got) - want).abs() / unit);
+        }
+    }
+    worst
+}
+
+#[test]
+fn functions_are_accurate() {
+    let steps = 1 << 17;
+    for level in levels() {
+        let exponents = (0..steps).map(|i| -126.0 + 252.0 * i as f32 / steps as f32);
+        let error = worst(level, 0, exponents, f64::exp2);
+        assert!(error < 2.5, "exp2 {level:?}: {error}");
+        // All normal numbers, by their bits.
+        let normal = || (0..steps).map(|i| f32::from_bits(0x0080_0000 + i * ((0x7f00_0000 - 0x0080_0000) / steps)));
+        let error = worst(level, 1, normal(), f64::log2);
+        assert!(error < 4.0, "log2 {level:?}: {error}");
+        let error = worst(level, 2, normal().filter(|x| *x < 1e37), |x| 1.0 / x);
+        assert!(error < 2.0, "recip {level:?}: {error}");
+    }
+}
+
+#[test]
+fn exp2_of_nothing_is_one_and_of_little_is_nothing() {
+    for level in levels() {
+        let x = std::array::from_fn(|i| [0.0, -200.0, f32::NEG_INFINITY, f32::NAN][i % 4]);
+        let [exp2, ..] = run_at(level, Unary(&x));
+        assert_eq!(exp2[0], 1.0);
+        assert!(exp2[1] >= 0.0 && exp2[1] < 1e-37 && exp2[2] >= 0.0 && exp2[2] < 1e-37);
+        assert!(exp2[3].is_nan() || exp2[3] < 1e-37);
+    }
+}
+
+struct Rearrange<'a, T>(&'a [[T; LANES]; LANES]);
+
+impl<T: Real> LaneKernel<T> for Rearrange<'_, T> {
+    type Output = ([T; LANES], [[T; LANES]; LANES]);
+    #[inline(always)]
+    fn run<V: Lanes<Scalar = T>>(self) -> Self::Output {
+        let mut rows: [V; LANES] = std::array::from_fn(|i| V::load(&self.0[i]));
+        let sums = V::sums(&rows).to_array();
+        V::transpose(&mut rows);
+        (sums, rows.map(V::to_array))
+    }
+}
+
+#[test]
+fn sums_and_transposes_agree_to_the_bit() {
+    let stream = Stream::new(1, 0, "lanes");
+    let rows: [[f32; LANES]; LANES] =
+        std::array::from_fn(|i| std::array::from_fn(|j| stream.normal((i * LANES + j) as u64)));
+    let (first, _) = run_at(Level::Portable, Rearrange(&rows));
+    for level in levels() {
+        let (sums, columns) = run_at(level, Rearrange(&rows));
+        assert_eq!(sums, first, "{level:?}");
+        for i in 0..LANES {
+            let sum: f64 = rows[i].iter().map(|x| f64::from(*x)).sum();
+            assert!((f64::from(sums[i]) - sum).abs() < 1e-5);
+            for j in 0..LANES {
+                assert_eq!(columns[j][i], rows[i][j]);
+            }
+        }
+    }
+}
