@@ -1,5 +1,6 @@
 //! The command line from end to end: what it makes, and what it says to bad input.
 
+mod bench;
 mod capture;
 mod checkpoints;
 mod command;

@@ -22,6 +22,7 @@ const MOST_THREADS: i64 = 1024;
   splatweaver infer --run runs/mine a.jpg b.jpg c.jpg d.jpg -o result
   splatweaver render result/scene.ply --orbit 60 -o turn
   splatweaver info result/scene.ply
+  splatweaver bench engine
 
 `splatweaver <command> --help` tells more."
 )]
@@ -38,6 +39,7 @@ pub enum Command {
     Infer(Infer),
     Render(Render),
     Info(Info),
+    Bench(Bench),
     Completions(Completions),
 }
 
@@ -199,6 +201,37 @@ pub struct Render {
 pub struct Info {
     /// The file, or a folder with a COLMAP model
     pub file: PathBuf,
+}
+
+/// Measures how fast parts of this program are on this machine, beside the machine's own peak.
+#[derive(Args, Debug)]
+#[command(after_help = "Example:
+  splatweaver bench engine")]
+pub struct Bench {
+    #[command(subcommand)]
+    pub subject: Subject,
+}
+
+/// What is measured.
+#[derive(Debug, Subcommand)]
+pub enum Subject {
+    Engine(BenchEngine),
+}
+
+/// Times the engine's work: matrix products, attention, a transformer block, a training step, convolution, and more.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver bench engine
+  splatweaver bench engine --threads 2 --json")]
+pub struct BenchEngine {
+    /// How often each piece of work is timed; medians are over these
+    #[arg(long, value_name = "R", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub runs: u32,
+    /// Prints the figures as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub threads: Threads,
 }
 
 /// Prints a completion script for a shell.

@@ -3,6 +3,7 @@
 //! [`run`] is the whole program but for the process around it (signals, panics), so that tests can call it.
 
 mod arguments;
+mod bench;
 mod cameras;
 mod completions;
 mod console;
@@ -48,6 +49,7 @@ fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> R
         Command::Infer(arguments) => in_pool(arguments.threads.threads.into(), || infer::run(&arguments, console)),
         Command::Render(arguments) => in_pool(arguments.threads.threads.into(), || render::run(&arguments, console)),
         Command::Info(arguments) => info::run(&arguments, console),
+        Command::Bench(arguments) => bench::run(&arguments, console),
         Command::Completions(arguments) => completions::run(&arguments, console),
     }
 }

@@ -1,0 +1,3 @@
+//! `splatweaver bench`.
+
+mod engine;
