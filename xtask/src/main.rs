@@ -3,6 +3,7 @@
 //! `cargo xtask check` is the definition of green: formatting, lints, documentation, and the invariants of
 //! docs/architecture.md (`cargo xtask tidy`).
 
+mod parity;
 mod tidy;
 
 use std::process::{Command, ExitCode};
@@ -10,13 +11,16 @@ use std::process::{Command, ExitCode};
 const USAGE: &str = "usage: cargo xtask <command>
 
   check   fmt, clippy, rustdoc and tidy: what must hold before a change lands
-  tidy    the crates' edges and the invariants of docs/architecture.md";
+  tidy    the crates' edges and the invariants of docs/architecture.md
+  parity  DIR [--json]: every module against the files of reference numbers in DIR";
 
 fn main() -> ExitCode {
-    let command = std::env::args().nth(1).unwrap_or_default();
-    let done = match command.as_str() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let (command, rest) = arguments.split_first().map_or(("", &[][..]), |(first, rest)| (first.as_str(), rest));
+    let done = match command {
         "check" => check(),
         "tidy" => tidy::run(),
+        "parity" => parity::command(rest),
         _ => Err(USAGE.into()),
     };
     match done {

@@ -40,6 +40,10 @@ pub struct BackboneConfig {
     pub rounds: usize,
     /// Register tokens, of the encoder and of the aggregator alike.
     pub registers: usize,
+    /// Rows and columns of the encoder's position table, which is resized to other grids; 0 makes it the grid of the
+    /// configured image.
+    #[serde(default)]
+    pub position_table: [usize; 2],
     /// Initial LayerScale of the aggregator.
     pub layer_scale: f64,
     /// Standard deviation of the initial weights.
@@ -88,6 +92,10 @@ pub struct DenseConfig {
     pub out_channels: [usize; 4],
     /// Channels of the fusion stages.
     pub features: usize,
+    /// Channels of the depth head's fusion stages, where they differ: half of them are then its full-resolution
+    /// channels. 0 makes both heads alike.
+    #[serde(default)]
+    pub depth_features: usize,
     /// Channels of the full-resolution maps E and F, divisible by 4.
     pub channels: usize,
     /// Hidden channels of the depth head's tail.
@@ -177,13 +185,15 @@ pub const PRESETS: [&str; 4] = ["micro", "tiny", "tiny-published", "small"];
 
 impl ModelConfig {
     /// The network of a preset: `micro` (seconds, for tests), `tiny` (64x48, what learns on a CPU), `tiny-published`
-    /// (the same size with the published parametrisation) and `small` (128x96 and wider).
+    /// (the same size with the published parametrisation), `small` (128x96 and wider), and `splatweaver-1b`, the
+    /// published network, which is loaded rather than trained.
     pub fn preset(name: &str) -> Option<Self> {
         match name {
             "tiny" => Some(Self::tiny()),
             "tiny-published" => Some(Self::tiny_published()),
             "micro" => Some(Self::micro()),
             "small" => Some(Self::small()),
+            "splatweaver-1b" => Some(Self::splatweaver_1b()),
             _ => None,
         }
     }
@@ -200,6 +210,7 @@ impl ModelConfig {
                 heads: 3,
                 rounds: 4,
                 registers: 2,
+                position_table: [0; 2],
                 layer_scale: 0.2,
                 weight_std: 0.02,
                 position_std: 0.3,
@@ -217,6 +228,7 @@ impl ModelConfig {
                 layers: [0, 1, 2, 3],
                 out_channels: [24, 48, 96, 96],
                 features: 32,
+                depth_features: 0,
                 channels: 32,
                 depth_hidden: 32,
                 log_depth_limit: 4.0,
@@ -315,6 +327,47 @@ impl ModelConfig {
         config
     }
 
+    /// The published network: VGGT-1B and the Gaussian head.
+    pub fn splatweaver_1b() -> Self {
+        let published = Self::tiny_published();
+        Self {
+            width: 448,
+            height: 448,
+            patch: 14,
+            backbone: BackboneConfig {
+                dim: 1024,
+                encoder_heads: 16,
+                encoder_depth: 24,
+                heads: 16,
+                rounds: 24,
+                registers: 4,
+                position_table: [37; 2],
+                ..published.backbone
+            },
+            camera: CameraConfig { heads: 16, depth: 4, base_fov: 0.0, ..published.camera },
+            dense: DenseConfig {
+                layers: [4, 11, 17, 23],
+                out_channels: [256, 512, 1024, 1024],
+                features: 256,
+                channels: 128,
+                pixel_centre: 0.0,
+                merger: 32,
+                wave: 32,
+                ..published.dense
+            },
+            gaussians: GaussianConfig {
+                sh_degree: 2,
+                router_hidden: 32,
+                projector: 32,
+                predictor: 32,
+                offset_reach: 0.005,
+                scale_multiplier: 0.001,
+                ..published.gaussians
+            },
+            raster: published.raster,
+        }
+    }
+
     /// Checks that the sizes fit together; the message names the key, what was expected and what was found.
     pub fn check(&self) -> Result<(), String> {
         let positive = [
@@ -375,7 +428,7 @@ mod tests {
 
     #[test]
     fn presets_are_consistent() {
-        for name in PRESETS {
+        for name in PRESETS.into_iter().chain(["splatweaver-1b"]) {
             let config = ModelConfig::preset(name).expect("listed presets exist");
             assert_eq!(config.check(), Ok(()), "{name}");
         }

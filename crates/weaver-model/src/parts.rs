@@ -25,7 +25,10 @@ impl ModelConfig {
                 heads: b.encoder_heads,
                 mlp_ratio: MLP_RATIO,
                 registers: b.registers,
-                table: [self.height / self.patch, self.width / self.patch],
+                table: match b.position_table {
+                    [0, _] | [_, 0] => [self.height / self.patch, self.width / self.patch],
+                    table => table,
+                },
             },
             rounds: b.rounds,
             heads: b.heads,
@@ -82,8 +85,12 @@ impl ModelConfig {
 
     pub(crate) fn depth_head(&self) -> DepthHeadConfig {
         let limit = self.dense.log_depth_limit;
+        let mut dpt = self.dpt();
+        if self.dense.depth_features > 0 {
+            (dpt.features, dpt.width) = (self.dense.depth_features, self.dense.depth_features / 2);
+        }
         DepthHeadConfig {
-            dpt: self.dpt(),
+            dpt,
             hidden: self.dense.depth_hidden,
             log_depth_bounds: (limit > 0.0).then_some((-limit, limit)),
             last: WeightInit::TruncatedNormal(LAST_DEPTH_STD),

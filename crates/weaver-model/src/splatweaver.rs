@@ -28,7 +28,7 @@ pub struct SplatWeaver {
 #[derive(Clone, Debug)]
 pub struct Encoded<'t, T: Real = f32> {
     /// Tokens `[B, V, T, 2 D]` of the four levels that feed the dense heads.
-    tokens: List<Var<'t, T>>,
+    pub tokens: List<Var<'t, T>>,
     /// Tokens of a view before its first patch.
     special: usize,
     /// Rows and columns of patches.
@@ -47,6 +47,8 @@ pub struct Encoded<'t, T: Real = f32> {
 pub struct Dense<'t, T: Real = f32> {
     /// Depth `[V, H, W]`.
     pub depth: Var<'t, T>,
+    /// Confidence in it, at least 1 `[V, H, W]`.
+    pub confidence: Var<'t, T>,
     /// Expert features F as rows `[P, C]`.
     features: Var<'t, T>,
     /// The router's logits `[P, E]`.
@@ -144,9 +146,9 @@ impl SplatWeaver {
         let layers: List<_> = encoded.tokens.iter().map(|t| entry(*t, b)).collect();
         let tokens =
             DenseTokens { layers: &layers, special: encoded.special, grid: encoded.grid, image: [height, width] };
-        let depth = {
+        let maps = {
             let _scope = cx.scope("depth_head");
-            self.depth_head.forward(cx, tokens).depth
+            self.depth_head.forward(cx, tokens)
         };
         let _scope = cx.scope("gaussian_param_head");
         let pixels = self.features.forward(cx, tokens, photos);
@@ -158,7 +160,8 @@ impl SplatWeaver {
         let (wavelet, pool) = (self.config.wavelet(), cx.tape.pool());
         let map = pool.table((wavelet, [height, width]), || EnergyMap::<T>::new(wavelet, [height, width]));
         let energy = cx.tape.constant_with([logits.shape()[0]], |e| map.compute(&photos.value(), pool, e));
-        Dense { depth, features: pixel_rows(pixels.features), logits, energy }
+        let features = pixel_rows(pixels.features);
+        Dense { depth: maps.depth, confidence: maps.confidence, features, logits, energy }
     }
 
     /// Gives pixels their Gaussians: unprojects with `cameras` (w2c `[V, 3, 4]`, intrinsics `[V, 4]`), allocates, and

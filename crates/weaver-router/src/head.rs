@@ -102,6 +102,21 @@ pub struct Gaussians<'t, T: Real = f32> {
     pub pixel: Buffer<u32>,
 }
 
+/// Gaussians as the experts propose them.
+#[derive(Debug)]
+pub struct Proposed<'t, T: Real = f32> {
+    /// Means `[N, 3]`, in world units.
+    pub means: Var<'t, T>,
+    /// Raw parameters `[N, S - 3]`, to be refined and decoded.
+    pub theta: Var<'t, T>,
+    /// Projected features of the Gaussians' pixels `[N, c]`, where there is attention over neighbours.
+    pub feature: Option<Var<'t, T>>,
+    /// What decoding in footprints needs.
+    pub pixel_of: Option<PixelOf<'t, T>>,
+    /// The pixel that each Gaussian comes from `[N]`.
+    pub pixel: Buffer<u32>,
+}
+
 /// Router, cardinality experts, neighbour attention and decoding.
 ///
 /// Parameters (below the builder's path, `gs_moe` in checkpoints): `gating.*` ([`Router`]), `experts.*`
@@ -150,34 +165,51 @@ impl CardinalityHead {
         choice: Option<Var<'t, T>>,
     ) -> Gaussians<'t, T> {
         let _scope = cx.scope("gs_moe");
-        let routes = Routes::new(expert, self.experts.most(), cx.tape.pool());
-        let parametrisation = self.config.parametrisation;
-        let features = pixels.features.gather_rows(&routes.routed);
-        let raw = self.experts.forward(cx, features, &routes, choice);
-        let points = pixels.points.gather_rows(&routes.pixel);
-        let pixel = parametrisation.has_footprint().then(|| self.pixel_of(cx, pixels, expert, &routes));
-        let means = place(points, raw, pixel.map(|p| p.footprint), parametrisation);
-
-        let mut theta = raw.slice(1, 3, raw.shape()[1] - 3);
-        if let (Some((projection, predictor)), Some(config)) = (&self.attention, self.config.neighbors) {
-            let projected = {
-                let _scope = cx.scope("pixel_projector");
-                projection.forward(cx, features)
-            };
-            let feature = if routes.is_single() { projected } else { projected.gather_rows(&routes.source) };
+        let proposed = self.propose(cx, pixels, expert, choice);
+        let Proposed { means, mut theta, feature, pixel_of, pixel } = proposed;
+        if let (Some((_, predictor)), Some(feature), Some(config)) = (&self.attention, feature, self.config.neighbors) {
             let neighbors =
                 cx.tape.timed("nearest neighbours", || Neighbors::search(&means.value(), config.count, cx.tape.pool()));
             theta = predictor.forward(cx, means, theta, feature, &neighbors);
         }
-        let decoded = decode(theta, self.config.sh_degree, pixel, parametrisation);
+        let decoded = decode(theta, self.config.sh_degree, pixel_of, self.config.parametrisation);
         Gaussians {
             means,
             scales: decoded.scales,
             quats: decoded.quats,
             opacities: decoded.opacities,
             sh: decoded.sh,
-            pixel: routes.pixel,
+            pixel,
         }
+    }
+
+    /// What the experts say, before any Gaussian has looked at its neighbours.
+    pub fn propose<'t, T: Real>(
+        &self,
+        cx: Context<'t, '_, T>,
+        pixels: &PixelInputs<'t, T>,
+        expert: &[u8],
+        choice: Option<Var<'t, T>>,
+    ) -> Proposed<'t, T> {
+        let routes = Routes::new(expert, self.experts.most(), cx.tape.pool());
+        let parametrisation = self.config.parametrisation;
+        let features = pixels.features.gather_rows(&routes.routed);
+        let raw = self.experts.forward(cx, features, &routes, choice);
+        let points = pixels.points.gather_rows(&routes.pixel);
+        let pixel_of = parametrisation.has_footprint().then(|| self.pixel_of(cx, pixels, expert, &routes));
+        let means = place(points, raw, pixel_of.map(|p| p.footprint), parametrisation);
+        let feature = self.attention.as_ref().map(|(projection, _)| {
+            let _scope = cx.scope("pixel_projector");
+            let projected = projection.forward(cx, features);
+            if routes.is_single() { projected } else { projected.gather_rows(&routes.source) }
+        });
+        let theta = raw.slice(1, 3, raw.shape()[1] - 3);
+        Proposed { means, theta, feature, pixel_of, pixel: routes.pixel }
+    }
+
+    /// The attention over neighbours, where there is one.
+    pub fn predictor(&self) -> Option<&NeighborPredictor> {
+        self.attention.as_ref().map(|(_, predictor)| predictor)
     }
 
     /// What decoding in footprints needs to know of each Gaussian's pixel.

@@ -30,7 +30,7 @@ pub use decode::{Decoded, PixelOf, decode};
 pub use experts::CardinalityExperts;
 pub use gate::gate;
 pub use gumbel::gumbel_softmax_straight_through;
-pub use head::{CardinalityHead, Gaussians, HeadConfig, NeighborConfig, PixelInputs};
+pub use head::{CardinalityHead, Gaussians, HeadConfig, NeighborConfig, PixelInputs, Proposed};
 pub use local_count::local_count;
 pub use neighbor_average::neighbor_average;
 pub use neighbor_offset::neighbor_offset;

@@ -1,0 +1,182 @@
+//! The Gaussian head, stage by stage.
+
+use super::dense::dpt;
+use super::reference::Reference;
+use weaver_autograd::{Params, Tape, Var, ops};
+use weaver_kernels::random::Stream;
+use weaver_nn::{Builder, Context};
+use weaver_router::{
+    Allocation, AllocationRequest, Assignment, CardinalityHead, Decoded, HeadConfig, NeighborConfig, Neighbors,
+    Parametrisation, PixelInputs, Sampled, decode,
+};
+use weaver_vggt::{DenseTokens, FeatureHead, FeatureHeadConfig};
+use weaver_wavelet::{Guidance, Wavelet, analysis, luma};
+
+/// A choice that was made before: that of a file's noise.
+#[derive(Debug)]
+pub struct Recorded {
+    pub noise: Vec<f32>,
+}
+
+impl Allocation<f32> for Recorded {
+    fn allocate(&self, request: &AllocationRequest<'_, f32>) -> Assignment<f32> {
+        Sampled.allocate(&AllocationRequest { gumbel: Some(&self.noise), ..*request })
+    }
+}
+
+/// Quaternions wxyz as the files have them, xyzw.
+pub fn xyzw(quats: Var<'_>) -> Var<'_> {
+    ops::concat(&[quats.slice(1, 1, 3), quats.slice(1, 0, 1)], 1)
+}
+
+/// Harmonics [N, K, 3] as the files have them, [N, 3, K].
+pub fn colour_major(sh: Var<'_>) -> Var<'_> {
+    sh.permute(&[0, 2, 1])
+}
+
+/// Maps [V, C, H, W] as rows [V H W, C].
+fn rows(maps: Var<'_>) -> Var<'_> {
+    let s = maps.shape();
+    maps.permute(&[0, 2, 3, 1]).reshape([s[0] * s[2] * s[3], s[1]])
+}
+
+/// Rows [V H W, C] as maps [V, C, H, W].
+pub fn maps<'t>(rows: Var<'t>, [views, height, width]: [usize; 3]) -> Var<'t> {
+    let channels = rows.shape()[1];
+    rows.reshape([views, height, width, channels]).permute(&[0, 3, 1, 2])
+}
+
+fn named<'t>(d: &Decoded<'t>) -> [(&'static str, Var<'t>); 4] {
+    [("scales", d.scales), ("quats", xyzw(d.quats)), ("opacities", d.opacities), ("sh", colour_major(d.sh))]
+}
+
+pub fn run(file: Reference) -> Reference {
+    let (views, height, width) = (file.size("views"), file.size("image_h"), file.size("image_w"));
+    let (degree, pixels) = (file.size("sh_degree"), views * height * width);
+    let dpt = dpt(&file, file.size("dim_in"), "");
+    assert_eq!(dpt.width, file.size("feature_channels"), "channels of the maps are half of those of the trunk");
+    let parametrisation =
+        Parametrisation::Published { xyz_bias: file.number("xyz_bias"), scale_multiplier: 0.001, scale_max: 0.4 };
+    let neighbors = NeighborConfig {
+        count: file.size("k"),
+        projector: file.size("pixel_projector"),
+        width: file.size("predictor_width"),
+        zero_head: false,
+    };
+    let config = HeadConfig {
+        features: dpt.width,
+        router_hidden: file.size("gate_hidden"),
+        cardinality: 3,
+        sh_degree: degree,
+        neighbors: Some(neighbors),
+        expert_output_gain: 1.0,
+        parametrisation,
+    };
+    let mut params = Params::<f32>::new();
+    let mut root = Builder::new(&mut params, 0);
+    let feature_config = FeatureHeadConfig { dpt, merger: file.size("merger_hidden") };
+    let features = FeatureHead::new(root.scope("gaussian_param_head"), feature_config);
+    let mut scope = root.scope("gaussian_param_head");
+    let guidance = Guidance::new(&mut scope, Wavelet::Db2, file.size("wave_hidden"), dpt.width);
+    let head = CardinalityHead::new(scope.scope("gs_moe"), config);
+    file.load(&mut params);
+
+    let tape = Tape::new();
+    let cx = Context::new(&tape, &params);
+    let layers = [0, 1, 2, 3].map(|i| file.leaf(&tape, &format!("in.tokens{i}")));
+    let grid = [file.size("grid_h"), file.size("grid_w")];
+    let tokens = DenseTokens { layers: &layers, special: file.size("special_tokens"), grid, image: [height, width] };
+    let images = file.leaf(&tape, "in.images");
+    let photos = images.reshape([views, 3, height, width]);
+    tape.without_gradient(|| {
+        file.check("out.trunk", &features.trunk().trunk(cx, tokens).value());
+        file.check("out.bands", &analysis(luma(photos), Wavelet::Db2).slice(1, 1, 3).value());
+    });
+    let seen = features.forward(cx, tokens, photos);
+    let mask = guidance.forward(cx, photos);
+    let expert_features = seen.features.retain_grad();
+    let routed = expert_features + seen.embedding * mask;
+    for (name, y) in [("mask_A", mask), ("E", seen.embedding), ("F", expert_features), ("F_router", routed)] {
+        file.check(&format!("out.{name}"), &y.value());
+    }
+    let logits = head.router.forward(cx, rows(routed));
+    let size = [views, height, width];
+    let planes = maps(logits, size).retain_grad();
+    file.check("out.logits", &planes.value());
+    // The planes are what the file's gradient belongs to, so the rest goes on from them.
+    let logits = rows(planes);
+
+    let request = AllocationRequest {
+        logits: &logits.to_vec(),
+        energy: &[],
+        views,
+        height,
+        width,
+        stream: Stream::new(0, 0, "unused"),
+        gumbel: None,
+        pool: tape.pool(),
+    };
+    let mut assignment = Recorded { noise: file.data("in.gumbel") }.allocate(&request);
+    let assigned: Vec<u32> = assignment.expert.iter().map(|e| u32::from(*e)).collect();
+    if file.check_indices("out.assigned", &assigned) {
+        // Those few that may differ would change the number of rows of all that follows.
+        let expected = file.indices("out.assigned");
+        assignment.expert.iter_mut().zip(expected).for_each(|(e, expected)| *e = expected as u8);
+    }
+    let choice = assignment.choice(logits, file.number("temperature"));
+    let points = file.leaf(&tape, "in.points");
+    let inputs = PixelInputs {
+        features: rows(expert_features),
+        points: points.reshape([pixels, 3]),
+        footprints: None,
+        colors: None,
+        height,
+        width,
+    };
+    let proposed = head.propose(cx, &inputs, &assignment.expert, choice);
+    file.check_indices("out.gaussian_pixel", &proposed.pixel);
+    let feature = proposed.feature.expect("the head has attention over neighbours");
+    file.check("out.slots", &ops::concat(&[proposed.means, proposed.theta, feature], 1).value());
+    let neighbors = Neighbors::search(&proposed.means.value(), neighbors.count, tape.pool());
+    file.check_rows("out.knn", neighbors.index(), neighbors.index().len() / proposed.pixel.len().max(1));
+    let predictor = head.predictor().expect("the head has attention over neighbours");
+    tape.without_gradient(|| {
+        let attended = predictor.attend(cx, proposed.means, proposed.theta, feature, &neighbors);
+        file.check("out.pt", &attended.value());
+    });
+    let theta = predictor.forward(cx, proposed.means, proposed.theta, feature, &neighbors).retain_grad();
+    file.check("out.theta", &theta.value());
+
+    let decoded = decode(theta, degree, None, parametrisation);
+    let mut loss = tape.scalar(0.0);
+    for (name, y) in named(&decoded).into_iter().chain([("means", proposed.means)]) {
+        file.check(&format!("out.{name}"), &y.value());
+        loss = loss + file.weighted(y, &format!("cot.{name}"));
+    }
+    file.check("out.loss", &[loss.item()]);
+    loss.backward();
+    file.check_grad("grad.stage.theta", theta);
+    file.check_grad("grad.stage.logits", planes);
+    file.check_grad("grad.stage.F", expert_features);
+    file.check_grad("grad.in.points", points);
+    file.check_grad("grad.in.images", images);
+    for (i, layer) in layers.iter().enumerate().filter(|(i, _)| file.has(&format!("grad.in.tokens{i}"))) {
+        file.check_grad(&format!("grad.in.tokens{i}"), *layer);
+    }
+    file.check_params(&params, &tape);
+    edges(&file, degree, parametrisation);
+    file
+}
+
+/// Decoding alone, of parameters at the edges of their ranges.
+fn edges(file: &Reference, degree: usize, parametrisation: Parametrisation) {
+    if !file.has("edge.theta") {
+        return;
+    }
+    let tape = Tape::<f32>::new();
+    let decoded = decode(file.constant(&tape, "edge.theta"), degree, None, parametrisation);
+    for (name, y) in named(&decoded) {
+        file.check(&format!("edge.{name}"), &y.value());
+    }
+    file.check("edge.covariances", &weaver_splat::covariance(decoded.scales, decoded.quats).value());
+}

@@ -1,0 +1,69 @@
+//! The rasteriser. Its files say by their contents what they are: plain colours or harmonics, classic or antialiased.
+
+use super::camera_head::intrinsics;
+use super::reference::Reference;
+use weaver_autograd::Tape;
+use weaver_splat::{CameraVars, GaussianVars, RasterSettings, Rasterize, WorkspacePool};
+
+/// The bar of these files, whose fragile pixels are marked.
+const BAR: f64 = 1e-4;
+
+pub fn run(file: Reference) -> Reference {
+    let file = file.with_bar(BAR);
+    let shape = file.shape("out.image");
+    let (height, width) = (shape[shape.len() - 3], shape[shape.len() - 2]);
+    let settings = RasterSettings {
+        antialiased: file.metadata("mode") == Some("antialiased"),
+        near: file.metadata("near").and_then(|n| n.parse().ok()).unwrap_or(RasterSettings::default().near),
+        eps2d: file.metadata("eps2d").and_then(|n| n.parse().ok()).unwrap_or(RasterSettings::default().eps2d),
+        ..RasterSettings::default()
+    };
+    let colours = if file.has("in.sh") { "sh" } else { "colors" };
+    let workspaces = WorkspacePool::new();
+    let tape = Tape::<f32>::new();
+    let leaf = |name: &str| file.leaf(&tape, &format!("in.{name}"));
+    let gaussians = GaussianVars {
+        means: leaf("means"),
+        quats: leaf("quats"),
+        scales: leaf("scales"),
+        opacities: leaf("opacities"),
+        colours: leaf(colours),
+    };
+    let cameras = CameraVars {
+        viewmats: tape.leaf(&file.data("in.viewmat"), [1, 4, 4]),
+        intrinsics: tape.leaf(&intrinsics(&file.data("in.K")), [1, 4]),
+        background: leaf("background"),
+    };
+    let drawn = Rasterize::new(width, height, settings, &workspaces).apply(&gaussians, &cameras);
+    let safe = file.mask("safe");
+    file.check_where("out.image", &drawn.image.value(), |i| safe[i / 3]);
+    file.check_where("out.alpha", &drawn.alpha.value(), |i| safe[i]);
+    file.check_where("out.depth", &drawn.depth.value(), |i| safe[i]);
+    let outputs = [(drawn.image, "cot.image"), (drawn.alpha, "cot.alpha"), (drawn.depth, "cot.depth")];
+    let loss = outputs.map(|(y, cot)| file.weighted(y, cot)).into_iter().reduce(|a, b| a + b);
+    loss.expect("three outputs").backward();
+
+    let colour = format!("grad.{colours}");
+    let pairs = [
+        ("grad.means", gaussians.means),
+        ("grad.quats", gaussians.quats),
+        ("grad.scales", gaussians.scales),
+        ("grad.opacities", gaussians.opacities),
+        (colour.as_str(), gaussians.colours),
+        ("grad.background", cameras.background),
+    ];
+    for (key, x) in pairs {
+        if file.has(key) {
+            file.check_grad(key, x);
+        }
+    }
+    // Only the first three rows of a matrix are inputs, only four entries of K.
+    if file.has("grad.viewmat") {
+        file.check_where("grad.viewmat", &cameras.viewmats.grad().unwrap_or_default(), |i| i < 12);
+    }
+    if file.has("grad.K") {
+        let gradient = super::camera_head::matrices(&cameras.intrinsics.grad().unwrap_or_default(), 0.0);
+        file.check_where("grad.K", &gradient, |i| [0, 2, 4, 5].contains(&i));
+    }
+    file
+}
