@@ -54,8 +54,12 @@ pub fn command(arguments: &[String]) -> Result<(), String> {
     }
     let files = files_below(&options.folder)?;
     let wanted = |file: &&PathBuf| options.only.as_ref().is_none_or(|only| name_of(file).contains(only.as_str()));
+    // What panics becomes a line of the report.
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(|_| {}));
     let results: Vec<(&PathBuf, Vec<Line>)> =
         files.iter().filter(wanted).map(|file| (file, compare(file, options.weights.as_deref()))).collect();
+    std::panic::set_hook(hook);
     if results.is_empty() {
         return Err(format!("{}: no reference files (.safetensors)", options.folder.display()));
     }
