@@ -13,3 +13,8 @@ mod scene;
 pub use error::Error;
 pub use sampler::{Tuple, bounded_gap, evaluation_tuples, every, training_tuple, uniform};
 pub use scene::{Posed, Scene, View};
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

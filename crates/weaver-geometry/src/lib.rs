@@ -17,3 +17,8 @@ pub use align::Similarity;
 pub use camera::{Camera, Intrinsics};
 pub use glam;
 pub use pose::{NotRigid, Pose};
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

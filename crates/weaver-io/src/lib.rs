@@ -36,3 +36,8 @@ pub use splat::read_splat;
 pub use spz::read_spz;
 pub use tensor_file::TensorFile;
 pub use transforms::{Frame, Transforms};
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -26,3 +26,8 @@ mod target;
 
 pub use real::Real;
 pub use target::Target;
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

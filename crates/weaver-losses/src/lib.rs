@@ -29,3 +29,8 @@ pub use quantile::{quantile, quantiles};
 pub use ranking::{frequency_targets, ranking_cross_entropy};
 pub use ssim::{ssim, ssim_with};
 pub use ssim_window::Covariance;
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -9,3 +9,8 @@ pub use config::{
     RasterConfig, WaveletKind,
 };
 pub use splatweaver::{Dense, Encoded, SplatWeaver, Woven};
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

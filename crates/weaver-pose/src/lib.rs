@@ -18,3 +18,8 @@ pub use head::{CameraHead, CameraHeadConfig, Gauge, PoseEstimate};
 pub use metrics::{PoseErrors, auc};
 pub use rotation::{quaternion_product, rotation_from_xyzw, xyzw_from_rotation};
 pub use unproject::unproject;
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -41,3 +41,8 @@ pub use place::place;
 pub use predictor::{NeighborFusion, NeighborPredictor};
 pub use router::Router;
 pub use routes::Routes;
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

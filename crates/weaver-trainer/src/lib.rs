@@ -26,3 +26,8 @@ pub use observe::{Observer, StepReport};
 pub use predictor::{CameraSource, Prediction, Predictor, Splats, render};
 pub use run_folder::RunFolder;
 pub use session::Session;
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -22,3 +22,8 @@ pub use init::BackboneInit;
 pub use normalize::{IMAGENET_MEAN, IMAGENET_STD, normalize_image};
 pub use position::{POSITION_WEIGHT, add_position};
 pub use vision_transformer::{PatchEmbed, VisionTransformer, VisionTransformerConfig};
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -21,3 +21,8 @@ pub use filter::{UnknownWavelet, Wavelet};
 pub use guidance::Guidance;
 pub use luma::{LUMA_WEIGHTS, luma, luma_into};
 pub use synthesis::synthesis;
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
