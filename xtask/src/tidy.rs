@@ -39,6 +39,12 @@ const EDGES: &[(&str, &[&str])] = &[
 /// Packages that are no part of the product: they may use anything.
 const EXEMPT: &[&str] = &["xtask", "weaver-tests"];
 
+/// What the crates below the formats may use from outside: embedding one of them brings in nothing else.
+const OUTSIDE: &[&str] = &["rayon", "smallvec", "thiserror", "glam"];
+
+/// The crates above that line: formats, configuration and what is made of them.
+const ABOVE: &[&str] = &["weaver-io", "weaver-data", "weaver-model", "weaver-trainer", "weaver-cli"];
+
 /// Longest source file.
 const LONGEST: usize = 500;
 
@@ -55,6 +61,7 @@ pub fn run() -> Result<(), String> {
     let packages = metadata["packages"].as_array().ok_or("cargo metadata lists no packages")?;
     for package in packages {
         check_edges(package, text(package, "name"), &mut faults);
+        check_package(package, text(package, "name"), &mut faults);
     }
     let root = PathBuf::from(text(&metadata, "workspace_root"));
     let lock = std::fs::read_to_string(root.join("Cargo.lock")).map_err(|e| format!("Cargo.lock: {e}"))?;
@@ -87,6 +94,31 @@ fn check_edges(package: &Value, name: &str, faults: &mut Vec<String>) {
         if normal && to.starts_with("weaver-") && !allowed.contains(&to) && !allowed.contains(&"*") {
             faults.push(format!("{name} may not depend on {to}"));
         }
+        if normal && !to.starts_with("weaver-") && !ABOVE.contains(&name) && !OUTSIDE.contains(&to) {
+            faults.push(format!("{name} may not depend on {to}: below the formats there are only {OUTSIDE:?}"));
+        }
+    }
+}
+
+/// A crate can be published: it says what it is, has a README, and a library has an example.
+fn check_package(package: &Value, name: &str, faults: &mut Vec<String>) {
+    if EXEMPT.contains(&name) {
+        return;
+    }
+    for key in ["description", "documentation", "license", "readme"] {
+        if text(package, key).is_empty() {
+            faults.push(format!("{name}: no {key} in Cargo.toml"));
+        }
+    }
+    for key in ["keywords", "categories"] {
+        if package[key].as_array().is_none_or(Vec::is_empty) {
+            faults.push(format!("{name}: no {key} in Cargo.toml"));
+        }
+    }
+    let targets = || package["targets"].as_array().into_iter().flatten();
+    let any = |kind: &str| targets().any(|t| t["kind"].as_array().is_some_and(|k| k.iter().any(|k| k == kind)));
+    if any("lib") && !any("bin") && !any("example") {
+        faults.push(format!("{name}: a library without an example"));
     }
 }
 
@@ -169,5 +201,14 @@ mod tests {
         let package = serde_json::json!({"dependencies": [{"name": "weaver-nn", "kind": null}]});
         check_edges(&package, "weaver-kernels", &mut faults);
         assert_eq!(faults.len(), 3, "{faults:?}");
+        let package = serde_json::json!({"dependencies": [{"name": "image", "kind": null}]});
+        check_edges(&package, "weaver-splat", &mut faults);
+        assert_eq!(faults.len(), 4, "{faults:?}");
+        let package = serde_json::json!({
+            "description": "x", "documentation": "x", "license": "x", "readme": "x", "keywords": ["x"], "categories": [],
+            "targets": [{"kind": ["lib"]}],
+        });
+        check_package(&package, "weaver-splat", &mut faults);
+        assert_eq!(faults.len(), 6, "{faults:?}");
     }
 }
