@@ -69,6 +69,7 @@ impl<'a> Scene<'a> {
             scales: &self.scales,
             opacities: &self.opacities,
             colour: Colour::Sh { coefficients: &self.splats.sh, degree: self.splats.degree },
+            features: None,
         };
         let viewmats = pose.rows().map(|row| row.map(|x| x as f32));
         let cameras = Cameras {
@@ -79,8 +80,8 @@ impl<'a> Scene<'a> {
             height,
         };
         let mut image = Image::filled(width, height, [0.0; 3]);
-        let (mut alpha, mut depth) = (vec![0.0; width * height], vec![0.0; width * height]);
-        let images = Images { image: &mut image.pixels, alpha: &mut alpha, depth: &mut depth };
+        let mut alpha = vec![0.0; width * height];
+        let images = Images { image: &mut image.pixels, alpha: &mut alpha, depth: None, features: None };
         rasterize(&gaussians, &cameras, &RasterSettings::default(), workspace, images)?;
         Ok(image)
     }

@@ -35,6 +35,11 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 /// Numbers in a [`Lanes`].
 pub const LANES: usize = 16;
 
+/// Sixteen numbers in memory that start a cache line, so that no vector of them straddles two.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C, align(64))]
+pub struct Row<T>(pub [T; LANES]);
+
 /// One choice per lane; lane i is bit i.
 pub trait LaneMask: Copy + Send + Sync {
     /// The mask with these bits.

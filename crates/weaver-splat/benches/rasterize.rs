@@ -71,6 +71,7 @@ impl Load {
             scales: &self.scales,
             opacities: &self.opacities,
             colour: Colour::Sh { coefficients: &self.colours, degree: self.degree },
+            features: None,
         };
         let cameras = Cameras {
             viewmats: &self.viewmats,
@@ -81,12 +82,13 @@ impl Load {
         };
         let settings = RasterSettings::default();
         let [image, alpha, depth] = &mut self.planes;
-        let stats = rasterize(&gaussians, &cameras, &settings, &mut self.workspace, Images { image, alpha, depth })
-            .expect("the scene fits together");
+        let images = Images { image, alpha, depth: Some(depth), features: None };
+        let stats =
+            rasterize(&gaussians, &cameras, &settings, &mut self.workspace, images).expect("the scene fits together");
         black_box(stats);
         if backward {
             let [image, alpha, depth] = &self.cotangents;
-            let cotangents = Cotangents { image: Some(image), alpha: Some(alpha), depth: Some(depth) };
+            let cotangents = Cotangents { image: Some(image), alpha: Some(alpha), depth: Some(depth), features: None };
             let [means, quats, scales, opacities, colours, viewmats, intrinsics, background] =
                 self.gradients.each_mut().map(|values| Some(Target::write(&mut values[..])));
             let gradients = Gradients {
@@ -98,7 +100,7 @@ impl Load {
                 viewmats,
                 intrinsics,
                 background,
-                centre_pull: None,
+                ..Gradients::default()
             };
             rasterize_backward(&gaussians, &cameras, &settings, &mut self.workspace, &cotangents, gradients)
                 .expect("forward came first");

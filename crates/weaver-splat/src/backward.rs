@@ -1,9 +1,32 @@
-//! Backward of blending: a tile's splats from back to front.
+//! Differentiating a window: sums over pixels of what blending passes back to each splat.
+//!
+//! The walk is front to back again, with the very arithmetic of drawing. What lies behind a splat at a pixel is what the
+//! whole list gave there, known from drawing, less what came up to it.
 
-use crate::composite::{Blend, Window, pixel_centres, rows_of};
-use crate::project::Splat;
-use crate::project_backward::MOMENTS;
+use crate::draw::planes;
+use crate::gradients::Cotangents;
+use crate::scene::Features;
+use crate::splat::slot;
+use crate::window::{Hit, Plane, Visitor, Window};
 use weaver_kernels::Real;
+use weaver_kernels::lanes::{LANES, Lanes, Row};
+
+/// Where the sums of a splat over pixels are, in a row of [`LANES`]; g = alpha dL/dalpha where alpha is not capped, w =
+/// alpha T.
+pub(crate) mod moment {
+    /// sum g
+    pub const G: usize = 0;
+    /// sum g u, sum g v
+    pub const FIRST: usize = 1;
+    /// sum g u^2, sum g u v, sum g v^2
+    pub const SECOND: usize = 3;
+    /// sum w dimage
+    pub const COLOUR: usize = 6;
+    /// sum w ddepth
+    pub const Z: usize = 9;
+    /// sum |p g u|, sum |q g u + r g v|
+    pub const ABSOLUTE: usize = 10;
+}
 
 /// Gradients that arrive at one view's outputs; `None` is zero.
 #[derive(Clone, Copy, Debug, Default)]
@@ -14,160 +37,192 @@ pub(crate) struct ViewCotangents<'a, T> {
     pub alpha: Option<&'a [T]>,
     /// `[H, W]`
     pub depth: Option<&'a [T]>,
+    /// `[H, W, C]`
+    pub features: Option<&'a [T]>,
 }
 
-/// What one tile starts from: the cotangents, and the state that blending ended with.
-struct TileState<T, const S: usize> {
-    /// Transmittance in front of what was not undone yet.
-    transmittance: [[T; S]; S],
-    /// dL/dT times T of everything behind.
-    behind: [[T; S]; S],
-    red: [[T; S]; S],
-    green: [[T; S]; S],
-    blue: [[T; S]; S],
-    depth: [[T; S]; S],
-}
-
-impl<T: Real, const S: usize> TileState<T, S> {
-    #[inline(always)]
-    fn new(
-        window: &Window,
-        width: usize,
-        background: [T; 3],
-        cotangents: &ViewCotangents<'_, T>,
-        transmittance: &[T],
-        dbackground: &mut [T],
-    ) -> Self {
-        let zero = [[T::ZERO; S]; S];
-        let mut state = Self { transmittance: zero, behind: zero, red: zero, green: zero, blue: zero, depth: zero };
-        dbackground.fill(T::ZERO);
-        for row in 0..window.rows {
-            for column in 0..window.columns {
-                let pixel = (window.corner.1 + row) * width + window.corner.0 + column;
-                let left = transmittance[row * S + column];
-                let dimage =
-                    cotangents.image.map_or([T::ZERO; 3], |d| [d[3 * pixel], d[3 * pixel + 1], d[3 * pixel + 2]]);
-                let dalpha = cotangents.alpha.map_or(T::ZERO, |d| d[pixel]);
-                let through = dimage[0] * background[0] + dimage[1] * background[1] + dimage[2] * background[2];
-                state.transmittance[row][column] = left;
-                state.behind[row][column] = left * (through - dalpha);
-                state.red[row][column] = dimage[0];
-                state.green[row][column] = dimage[1];
-                state.blue[row][column] = dimage[2];
-                state.depth[row][column] = cotangents.depth.map_or(T::ZERO, |d| d[pixel]);
-                for channel in 0..3 {
-                    dbackground[channel] += left * dimage[channel];
-                }
-            }
+impl<T> Cotangents<'_, T> {
+    /// Those of view `v`, of images of so many pixels.
+    pub(crate) fn of_view(&self, v: usize, pixels: usize, channels: usize) -> ViewCotangents<'_, T> {
+        ViewCotangents {
+            image: part(self.image, 3 * v * pixels),
+            alpha: part(self.alpha, v * pixels),
+            depth: part(self.depth, v * pixels),
+            features: part(self.features, channels * v * pixels),
         }
-        state
     }
 }
 
-/// Writes the [`Moments`](crate::project_backward::Moments) of each of the tile's splats (flat rows in `moments`) and
-/// the tile's part of the background's gradient.
-///
-/// `transmittance` and `last` are what [`composite`](crate::composite::composite) left. `ABSOLUTE` asks for the sums of
-/// absolute gradients of the centres.
-#[inline(always)]
-pub(crate) fn composite_backward<'a, T: Real, const S: usize, const ABSOLUTE: bool>(
-    blend: &Blend<T>,
-    (window, width): (&Window, usize),
+/// What begins at `start`; nothing where there are no numbers.
+fn part<T>(values: Option<&[T]>, start: usize) -> Option<&[T]> {
+    values.filter(|values| !values.is_empty()).map(|values| &values[start..])
+}
+
+/// The planes that differentiating a window needs: dL by what is left behind, then the cotangents of red, green, blue,
+/// depth if asked for, features.
+pub(crate) fn backward_planes(depth: bool, channels: usize) -> usize {
+    planes(depth, channels)
+}
+
+/// Fills `planes` from the cotangents and from `drawn`, what drawing left; returns the gradient of the background.
+pub(crate) fn prepare<T: Real>(
+    window: &Window,
+    depth: bool,
     background: [T; 3],
     cotangents: &ViewCotangents<'_, T>,
-    splat_at: impl Fn(usize) -> &'a Splat<T>,
-    (transmittance, last): (&[T], &[u32]),
-    moments: &mut [T],
-    dbackground: &mut [T],
-) {
-    let mut state = TileState::<T, S>::new(window, width, background, cotangents, transmittance, dbackground);
-    let last = last.as_chunks::<S>().0;
-    let mut row_last = [0; S];
-    for (row, last) in row_last.iter_mut().zip(last) {
-        *row = last.iter().fold(0, |m, &l| m.max(l));
-    }
-    let seen = row_last.iter().fold(0, |m, &l| m.max(l)) as usize;
-    let x = pixel_centres::<T, S>(window.corner.0);
-    let y = pixel_centres::<T, S>(window.corner.1);
-    let (rows, unseen) = moments.split_at_mut(seen * MOMENTS);
-    unseen.fill(T::ZERO);
-    for (index, out) in rows.chunks_exact_mut(MOMENTS).enumerate().rev() {
-        let splat = splat_at(index);
-        let index = index as u32;
-        let mut sums = [[T::ZERO; S]; MOMENTS];
-        for row in rows_of(splat, window) {
-            if index < row_last[row] {
-                let dy = y[row] - splat.y;
-                undo_row::<T, S, ABSOLUTE>(blend, splat, (&x, dy), (index, &last[row]), &mut state, row, &mut sums);
+    drawn: &[Plane<T>],
+    planes: &mut [Plane<T>],
+) -> [T; 3] {
+    planes.as_flattened_mut().fill(Row::default());
+    let channels = planes.len() - 4 - usize::from(depth);
+    let [rest, red, green, blue, more @ ..] = planes else { unreachable!("at least four planes") };
+    let mut dbackground = [T::ZERO; 3];
+    window.for_each_run(|block, first, count, pixel| {
+        for i in 0..count {
+            let (lane, pixel) = (first + i, pixel + i);
+            let left = drawn[0][block].0[lane];
+            let dimage = cotangents.image.map_or([T::ZERO; 3], |d| [d[3 * pixel], d[3 * pixel + 1], d[3 * pixel + 2]]);
+            let dalpha = cotangents.alpha.map_or(T::ZERO, |d| d[pixel]);
+            let through = dimage[0] * background[0] + dimage[1] * background[1] + dimage[2] * background[2];
+            (red[block].0[lane], green[block].0[lane], blue[block].0[lane]) = (dimage[0], dimage[1], dimage[2]);
+            let seen = (0..3).map(|c| dimage[c] * drawn[1 + c][block].0[lane]).sum::<T>();
+            rest[block].0[lane] = seen + left * (through - dalpha);
+            (0..3).for_each(|c| dbackground[c] += left * dimage[c]);
+        }
+        let further = [(cotangents.depth, usize::from(depth)), (cotangents.features, channels)];
+        let mut plane = 0;
+        for (values, channels) in further {
+            for channel in 0..channels {
+                for i in 0..count {
+                    let (lane, pixel) = (first + i, pixel + i);
+                    let d = values.map_or(T::ZERO, |d| d[channels * pixel + channel]);
+                    more[plane][block].0[lane] = d;
+                    rest[block].0[lane] += d * drawn[4 + plane][block].0[lane];
+                }
+                plane += 1;
             }
         }
-        for (out, lanes) in out.iter_mut().zip(&sums) {
-            *out = lane_sum(lanes);
-        }
-    }
+    });
+    dbackground
 }
 
-/// Takes one splat back out of one row of pixels.
-#[inline(always)]
-fn undo_row<T: Real, const S: usize, const ABSOLUTE: bool>(
-    blend: &Blend<T>,
-    splat: &Splat<T>,
-    (x, dy): (&[T; S], T),
-    (index, last): (u32, &[u32; S]),
-    state: &mut TileState<T, S>,
-    row: usize,
-    sums: &mut [[T; S]; MOMENTS],
-) {
-    let Splat { p, q, r, opacity, z, colour, .. } = *splat;
-    let (qdy, v) = (q * dy, r * dy);
-    let vv = v * v;
-    let (transmittance, behind) = (&mut state.transmittance[row], &mut state.behind[row]);
-    let (red, green, blue, depth) = (&state.red[row], &state.green[row], &state.blue[row], &state.depth[row]);
-    for i in 0..S {
-        let u = p * (x[i] - splat.x) + qdy;
-        let raw = opacity * (-(blend.half * (u * u + vv))).exp();
-        let capped = raw > blend.alpha_max;
-        let alpha = if capped { blend.alpha_max } else { raw };
-        let hit = (alpha >= blend.alpha_min) & (index < last[i]);
-        let alpha = if hit { alpha } else { T::ZERO };
-        let u = if hit { u } else { T::ZERO };
-        let rest = T::ONE / (T::ONE - alpha);
-        let before = transmittance[i] * rest;
-        let weight = alpha * before;
-        let value = red[i] * colour[0] + green[i] * colour[1] + blue[i] * colour[2] + depth[i] * z;
-        let dalpha = before * value - behind[i] * rest;
-        let g = if capped { T::ZERO } else { alpha * dalpha };
-        transmittance[i] = before;
-        behind[i] += weight * value;
-        let gu = g * u;
-        sums[0][i] += g;
-        sums[1][i] += gu;
-        sums[2][i] += g * v;
-        sums[3][i] += gu * u;
-        sums[4][i] += gu * v;
-        sums[5][i] += g * vv;
-        sums[6][i] += weight * red[i];
-        sums[7][i] += weight * green[i];
-        sums[8][i] += weight * blue[i];
-        sums[9][i] += weight * depth[i];
+/// Sums what splats get from the pixels of a window.
+pub(crate) struct Undo<'a, V: Lanes, const DEPTH: bool, const ABSOLUTE: bool> {
+    alpha_max: V,
+    features: Option<Features<'a, V::Scalar>>,
+    gaussians: usize,
+    /// dL by what is behind the splats that came.
+    rest: &'a mut Plane<V::Scalar>,
+    /// Cotangents.
+    planes: &'a [Plane<V::Scalar>],
+    /// Sums of the tile's list, [`moment`]s.
+    moments: &'a mut [Row<V::Scalar>],
+    /// Sums of features of the tile's list, `[entries, C]`.
+    more: &'a mut [V::Scalar],
+    /// The splat's numbers for the planes.
+    values: [V; 4],
+    /// p, q, r.
+    factor: [V; 3],
+    sums: [V; 12],
+    /// Its features, and their sums.
+    row: &'a [V::Scalar],
+    row_sums: &'a mut [Row<V::Scalar>],
+}
+
+impl<'a, V: Lanes, const DEPTH: bool, const ABSOLUTE: bool> Undo<'a, V, DEPTH, ABSOLUTE> {
+    /// Adds to `moments` and `more`; `planes` are those of [`prepare`], `row_sums` is room for C sums.
+    #[inline(always)]
+    pub fn new(
+        alpha_max: f64,
+        features: Option<Features<'a, V::Scalar>>,
+        gaussians: usize,
+        planes: &'a mut [Plane<V::Scalar>],
+        (moments, more): (&'a mut [Row<V::Scalar>], &'a mut [V::Scalar]),
+        row_sums: &'a mut [Row<V::Scalar>],
+    ) -> Self {
+        let zero = V::zero();
+        let [rest, planes @ ..] = planes else { unreachable!("at least four planes") };
+        Self {
+            alpha_max: V::constant(alpha_max),
+            features,
+            gaussians,
+            rest,
+            planes,
+            moments,
+            more,
+            values: [zero; 4],
+            factor: [zero; 3],
+            sums: [zero; 12],
+            row: &[],
+            row_sums,
+        }
+    }
+
+    const CHANNELS: usize = 3 + DEPTH as usize;
+}
+
+impl<V: Lanes, const DEPTH: bool, const ABSOLUTE: bool> Visitor<V> for Undo<'_, V, DEPTH, ABSOLUTE> {
+    #[inline(always)]
+    fn begin(&mut self, splat: usize, record: &[V::Scalar; LANES]) {
+        let [r, g, b] = [0, 1, 2].map(|i| V::splat(record[slot::COLOUR + i]));
+        self.values = [r, g, b, V::splat(record[slot::Z])];
+        self.factor = [slot::P, slot::Q, slot::R].map(|slot| V::splat(record[slot]));
+        self.sums = [V::zero(); 12];
+        if let Some(Features { values, channels }) = self.features {
+            let n = splat % self.gaussians;
+            self.row = &values[n * channels..][..channels];
+            self.row_sums.fill(Row::default());
+        }
+    }
+
+    #[inline(always)]
+    fn hit(&mut self, hit: &Hit<V>) {
+        let Hit { block, seen, u, v, raw, alpha, weight, .. } = *hit;
+        let sums = &mut self.sums;
+        let mut value = V::zero();
+        for i in 0..Self::CHANNELS {
+            let d = V::load(&self.planes[i][block].0);
+            value = d.mul_add(self.values[i], value);
+            sums[moment::COLOUR + i] = weight.mul_add(d, sums[moment::COLOUR + i]);
+        }
+        let features = self.planes[Self::CHANNELS..].iter().zip(self.row).zip(self.row_sums.iter_mut());
+        for ((d, &feature), sum) in features {
+            let d = V::load(&d[block].0);
+            value = d.mul_add(V::splat(feature), value);
+            weight.mul_add(d, V::load(&sum.0)).store(&mut sum.0);
+        }
+        let value = weight * value;
+        let rest = V::load(&self.rest[block].0) - value;
+        rest.store(&mut self.rest[block].0);
+        // alpha dL/dalpha = w value - alpha / (1 - alpha) rest
+        let odds = alpha * (V::constant(1.0) - alpha).recip();
+        let g = odds.neg_mul_add(rest, value).only(self.alpha_max.ge_among(raw, seen));
+        let (gu, gv) = (g * u, g * v);
+        sums[moment::G] = sums[moment::G] + g;
+        sums[moment::FIRST] = sums[moment::FIRST] + gu;
+        sums[moment::FIRST + 1] = sums[moment::FIRST + 1] + gv;
+        sums[moment::SECOND] = gu.mul_add(u, sums[moment::SECOND]);
+        sums[moment::SECOND + 1] = gu.mul_add(v, sums[moment::SECOND + 1]);
+        sums[moment::SECOND + 2] = gv.mul_add(v, sums[moment::SECOND + 2]);
         if ABSOLUTE {
-            sums[10][i] += (p * gu).abs();
-            sums[11][i] += (q * gu + r * v * g).abs();
+            let [p, q, r] = self.factor;
+            sums[moment::ABSOLUTE] = sums[moment::ABSOLUTE] + (p * gu).abs();
+            sums[moment::ABSOLUTE + 1] = sums[moment::ABSOLUTE + 1] + q.mul_add(gu, r * gv).abs();
         }
     }
-}
 
-/// The sum of the lanes, by halves: the same order on any processor.
-#[inline(always)]
-fn lane_sum<T: Real, const S: usize>(lanes: &[T; S]) -> T {
-    let mut lanes = *lanes;
-    let mut half = S / 2;
-    while half > 0 {
-        for i in 0..half {
-            let upper = lanes[i + half];
-            lanes[i] += upper;
+    #[inline(always)]
+    fn end(&mut self, place: usize) {
+        let zero = V::zero();
+        let [a, b, c, d, e, f, g, h, i, j, k, l] = self.sums;
+        let sums = V::sums(&[a, b, c, d, e, f, g, h, i, j, k, l, zero, zero, zero, zero]);
+        let row = &mut self.moments[place].0;
+        (V::load(row) + sums).store(row);
+        let channels = self.row.len();
+        let totals = self.more[place * channels..][..channels].iter_mut();
+        for (total, sums) in totals.zip(self.row_sums.iter()) {
+            let sums = V::sums(&[V::load(&sums.0); LANES]).to_array();
+            *total += sums[0];
         }
-        half /= 2;
     }
-    lanes[0]
 }

@@ -1,8 +1,7 @@
 //! The covariance of a Gaussian from its scales and its quaternion.
 
 use crate::matrix::{Mat33, Vec3, dot};
-use crate::project::{rotation, unit_quaternion};
-use crate::project_backward::rotation_backward;
+use crate::rotation::{rotation, rotation_backward};
 use weaver_autograd::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, parallel};
 
@@ -15,7 +14,7 @@ struct Covariance;
 /// A Gaussian's axes.
 struct Axes<T> {
     scale: Vec3<T>,
-    /// Unit quaternion and length of the one given; `None` for zero.
+    /// Unit quaternion, and 1 over the length of the one given; `None` for zero.
     unit: Option<([T; 4], T)>,
     /// R.
     rotation: Mat33<T>,
@@ -28,7 +27,7 @@ impl<T: Real> Axes<T> {
         let scale: Vec3<T> = std::array::from_fn(|i| ins[0][3 * n + i]);
         let unit = unit_quaternion(std::array::from_fn(|i| ins[1][4 * n + i]));
         let (one, zero) = (T::ONE, T::ZERO);
-        let rotation = rotation(unit.map_or([one, zero, zero, zero], |(q, _)| q));
+        let rotation = rotation(one, unit.map_or([one, zero, zero, zero], |(q, _)| q));
         let m = rotation.map(|row| std::array::from_fn(|j| row[j] * scale[j]));
         Self { scale, unit, rotation, m }
     }
@@ -40,6 +39,17 @@ impl<T: Real> Axes<T> {
             std::array::from_fn(|k| row[0] * self.m[0][k] + row[1] * self.m[1][k] + row[2] * self.m[2][k])
         })
     }
+}
+
+/// The unit quaternion along `q` and 1 / |q|; `None` for zero. Scaled first, so that nothing overflows.
+fn unit_quaternion<T: Real>(q: [T; 4]) -> Option<([T; 4], T)> {
+    let largest = q.iter().fold(T::ZERO, |m, x| m.max(x.abs()));
+    if largest == T::ZERO {
+        return None;
+    }
+    let q = q.map(|x| x / largest);
+    let length = (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt();
+    Some((q.map(|x| x / length), T::ONE / (length * largest)))
 }
 
 /// Runs `body(n, part)` on the `size` numbers of every Gaussian n, in parallel.
@@ -88,7 +98,7 @@ impl<T: Real> Op<T> for Covariance {
                 let axes = Axes::of(ins, n);
                 let Some(unit) = axes.unit else { return };
                 let drotation = axes.dm(d(n)).map(|row| std::array::from_fn(|k| row[k] * axes.scale[k]));
-                dquat.iter_mut().zip(rotation_backward(unit, &drotation)).for_each(|(sum, g)| *sum += g);
+                dquat.iter_mut().zip(rotation_backward(unit.0, unit.1, &drotation)).for_each(|(sum, g)| *sum += g);
             });
         }
     }

@@ -9,15 +9,23 @@ pub struct Cotangents<'a, T> {
     pub image: Option<&'a [T]>,
     /// `[V, H, W]`
     pub alpha: Option<&'a [T]>,
-    /// `[V, H, W]`
+    /// `[V, H, W]`; only where depth was drawn.
     pub depth: Option<&'a [T]>,
+    /// `[V, H, W, C]`
+    pub features: Option<&'a [T]>,
+}
+
+impl<T> Default for Cotangents<'_, T> {
+    fn default() -> Self {
+        Self { image: None, alpha: None, depth: None, features: None }
+    }
 }
 
 /// Memory for a gradient, and whether to add to what is in it.
 #[derive(Debug)]
 pub struct Target<'a, T> {
     pub(crate) values: &'a mut [T],
-    add: bool,
+    pub(crate) add: bool,
 }
 
 impl<'a, T: Real> Target<'a, T> {
@@ -35,14 +43,6 @@ impl<'a, T: Real> Target<'a, T> {
     pub(crate) fn put(&mut self, at: usize, value: T) {
         let old = if self.add { self.values[at] } else { T::ZERO };
         self.values[at] = old + value;
-    }
-
-    /// Ready to be added to.
-    pub(crate) fn begin(&mut self) {
-        if !self.add {
-            self.values.fill(T::ZERO);
-        }
-        self.add = true;
     }
 
     /// The first `at` numbers, and the rest.
@@ -65,6 +65,8 @@ pub struct Gradients<'a, T> {
     pub opacities: Option<Target<'a, T>>,
     /// `[N, 3]` or `[N, K, 3]`
     pub colours: Option<Target<'a, T>>,
+    /// `[N, C]`
+    pub features: Option<Target<'a, T>>,
     /// `[V, 3, 4]` or `[V, 4, 4]`, as given; the last row of the latter is zero.
     pub viewmats: Option<Target<'a, T>>,
     /// `[V, 4]`
@@ -84,6 +86,7 @@ impl<T> Default for Gradients<'_, T> {
             scales: None,
             opacities: None,
             colours: None,
+            features: None,
             viewmats: None,
             intrinsics: None,
             background: None,

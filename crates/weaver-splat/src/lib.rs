@@ -8,9 +8,13 @@
 //! wxyz, spherical harmonics as in the reference 3DGS implementation.
 
 mod backward;
-mod composite;
 mod covariance;
+mod cover;
+mod depth;
+mod draw;
 mod gradients;
+mod group_pass;
+mod lists;
 mod matrix;
 mod op;
 mod project;
@@ -18,16 +22,26 @@ mod project_backward;
 mod rasterize;
 mod rasterize_backward;
 pub mod reference;
+mod rotation;
 mod scene;
 mod sh;
-mod tiles;
+mod sort;
+mod splat;
+mod visit;
+mod window;
 mod workspace;
 
 pub use covariance::covariance;
+pub use depth::{expected_depth, expected_depth_backward};
 pub use gradients::{Cotangents, Gradients, Target};
 pub use op::{CameraVars, GaussianVars, Rasterize, RenderedVars, WorkspacePool};
 pub use rasterize::{Images, RasterStats, rasterize};
 pub use rasterize_backward::rasterize_backward;
-pub use scene::{Cameras, Colour, Gaussians, RasterError, RasterSettings, TileSide};
+pub use scene::{Cameras, Colour, Features, Gaussians, RasterError, RasterSettings, TileSide};
 pub use sh::MAX_DEGREE;
-pub use workspace::Workspace;
+pub use workspace::{Stages, Workspace};
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

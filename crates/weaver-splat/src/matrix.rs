@@ -1,6 +1,11 @@
-//! Products of the 2x3 and 3x3 matrices that projection is made of.
+//! Products of the 2x3 and 3x3 matrices that projection is made of, for numbers and for lanes of them.
 
+use std::ops::{Add, Mul, Sub};
 use weaver_kernels::Real;
+
+/// What can be added, subtracted and multiplied.
+pub(crate) trait Ring: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {}
+impl<X: Copy + Add<Output = X> + Sub<Output = X> + Mul<Output = X>> Ring for X {}
 
 /// A row vector or a point.
 pub(crate) type Vec3<T> = [T; 3];
@@ -11,44 +16,44 @@ pub(crate) type Mat33<T> = [[T; 3]; 3];
 
 /// a . b
 #[inline(always)]
-pub(crate) fn dot<T: Real>(a: Vec3<T>, b: Vec3<T>) -> T {
+pub(crate) fn dot<X: Ring>(a: Vec3<X>, b: Vec3<X>) -> X {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// a x b
 #[inline(always)]
-pub(crate) fn cross<T: Real>(a: Vec3<T>, b: Vec3<T>) -> Vec3<T> {
+pub(crate) fn cross<X: Ring>(a: Vec3<X>, b: Vec3<X>) -> Vec3<X> {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// A v
 #[inline(always)]
-pub(crate) fn apply<T: Real>(a: &Mat33<T>, v: Vec3<T>) -> Vec3<T> {
+pub(crate) fn apply<X: Ring>(a: &Mat33<X>, v: Vec3<X>) -> Vec3<X> {
     [dot(a[0], v), dot(a[1], v), dot(a[2], v)]
 }
 
 /// A^T v
 #[inline(always)]
-pub(crate) fn apply_transposed<T: Real>(a: &Mat33<T>, v: Vec3<T>) -> Vec3<T> {
-    std::array::from_fn(|j| a[0][j] * v[0] + a[1][j] * v[1] + a[2][j] * v[2])
+pub(crate) fn apply_transposed<X: Ring>(a: &Mat33<X>, v: Vec3<X>) -> Vec3<X> {
+    [0, 1, 2].map(|j| a[0][j] * v[0] + a[1][j] * v[1] + a[2][j] * v[2])
 }
 
 /// A B for a 2x3 and a 3x3 matrix.
 #[inline(always)]
-pub(crate) fn product<T: Real>(a: &Mat23<T>, b: &Mat33<T>) -> Mat23<T> {
-    a.map(|row| apply_transposed(b, row))
+pub(crate) fn product<X: Ring>(a: &Mat23<X>, b: &Mat33<X>) -> Mat23<X> {
+    [apply_transposed(b, a[0]), apply_transposed(b, a[1])]
 }
 
 /// A B^T for a 2x3 and a 3x3 matrix.
 #[inline(always)]
-pub(crate) fn product_transposed<T: Real>(a: &Mat23<T>, b: &Mat33<T>) -> Mat23<T> {
-    a.map(|row| apply(b, row))
+pub(crate) fn product_transposed<X: Ring>(a: &Mat23<X>, b: &Mat33<X>) -> Mat23<X> {
+    [apply(b, a[0]), apply(b, a[1])]
 }
 
 /// A^T B for two 2x3 matrices.
 #[inline(always)]
-pub(crate) fn transposed_product<T: Real>(a: &Mat23<T>, b: &Mat23<T>) -> Mat33<T> {
-    std::array::from_fn(|i| std::array::from_fn(|j| a[0][i] * b[0][j] + a[1][i] * b[1][j]))
+pub(crate) fn transposed_product<X: Ring>(a: &Mat23<X>, b: &Mat23<X>) -> Mat33<X> {
+    [0, 1, 2].map(|i| [0, 1, 2].map(|j| a[0][i] * b[0][j] + a[1][i] * b[1][j]))
 }
 
 /// The inverse of a 3x3 matrix, in `f64`; not finite where it is singular.

@@ -142,6 +142,7 @@ impl<T: Real> Rasterize<T> {
             scales: ins[2].data(),
             opacities: ins[3].data(),
             colour,
+            features: None,
         };
         let cameras = Cameras {
             viewmats: ins[5].data(),
@@ -198,7 +199,7 @@ impl<T: Real> Op<T> for Rasterize<T> {
         let (gaussians, cameras) = self.scene(ins);
         let [image, alpha, depth, counts] = outs else { unreachable!("four outputs, by shapes()") };
         let mut workspace = self.pool.take();
-        let images = Images { image, alpha, depth };
+        let images = Images { image, alpha, depth: Some(depth), features: None };
         let stats = rasterize(&gaussians, &cameras, &self.settings, &mut workspace, images)
             .unwrap_or_else(|error| panic!("{error}"));
         for (out, count) in counts.iter_mut().zip([stats.splats, stats.entries, stats.rejected]) {
@@ -218,7 +219,8 @@ impl<T: Real> Op<T> for Rasterize<T> {
         let (gaussians, cameras) = self.scene(ins);
         let mut held = self.workspace.lock().unwrap_or_else(PoisonError::into_inner);
         let workspace = held.as_mut().expect("forward runs before backward");
-        let cotangents = Cotangents { image: Some(&douts[0]), alpha: Some(&douts[1]), depth: Some(&douts[2]) };
+        let cotangents =
+            Cotangents { image: Some(&douts[0]), alpha: Some(&douts[1]), depth: Some(&douts[2]), features: None };
         let mut targets = dins.iter_mut().map(|grad| {
             grad.as_mut().map(|grad| match grad.target() {
                 (values, beta) if beta == T::ZERO => Target::write(values),
@@ -232,6 +234,7 @@ impl<T: Real> Op<T> for Rasterize<T> {
             scales: next(),
             opacities: next(),
             colours: next(),
+            features: None,
             viewmats: next(),
             intrinsics: next(),
             background: next(),

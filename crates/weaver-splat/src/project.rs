@@ -1,249 +1,251 @@
-//! From a Gaussian in the world to a splat on the image plane.
+//! From Gaussians in the world to splats on the image plane, sixteen at a time.
 //!
 //! The image covariance is S = M M^T + eps I with M = J A R diag(s), a 2x3 matrix. Working from M instead of S,
 //! nothing cancels: det S = |m1 x m2|^2 + eps (|m1|^2 + |m2|^2) + eps^2 is a sum of positive terms, so that long thin
-//! splats are exact in `f32` too. The splat itself stores the Cholesky factor of S^-1: in the coordinates
-//! u = p dx + q dy, v = r dy it is a unit circle, sigma = (u^2 + v^2) / 2, never negative.
+//! splats are exact in `f32` too.
 
 use crate::matrix::{Mat23, Mat33, Vec3, apply, cross, dot, product};
+use crate::rotation::rotation;
 use crate::scene::{ALPHA_MIN, Colour, Gaussians, RATIO_FLOOR, RasterSettings, Viewpoint};
 use crate::sh;
+use crate::splat::{BITS, columns, slot, wide_columns};
 use weaver_kernels::Real;
+use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
 
-/// A Gaussian as one view sees it: all that compositing needs.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Splat<T> {
-    /// Centre, pixels.
-    pub x: T,
-    /// Centre, pixels.
-    pub y: T,
-    /// u = p dx + q dy
-    pub p: T,
-    /// u = p dx + q dy
-    pub q: T,
-    /// v = r dy
-    pub r: T,
-    /// Opacity, compensated when antialiased.
-    pub opacity: T,
-    /// Alpha is below the visible minimum wherever sqrt(u^2 + v^2) exceeds this (rounded up).
-    pub reach: T,
-    /// Camera z.
-    pub z: T,
-    /// Colour towards the camera.
-    pub colour: Vec3<T>,
+/// Room for the coefficients of the largest degree in columns.
+pub(crate) type Coefficients<V> = [V; (3 * sh::MAX_TERMS).next_multiple_of(LANES)];
+
+/// The shapes of sixteen Gaussians.
+#[derive(Clone, Copy)]
+pub(crate) struct Group<V> {
+    pub mean: Vec3<V>,
+    pub quat: [V; 4],
+    pub scale: Vec3<V>,
+    pub opacity: V,
 }
 
-/// Why a Gaussian has no splat.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Unseen {
-    /// Out of the depth range or too faint.
-    Culled,
-    /// It holds, or leads to, numbers that are not finite, or its quaternion is zero.
-    Rejected,
-}
-
-/// One Gaussian's numbers.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Gaussian<'a, T> {
-    pub mean: Vec3<T>,
-    pub quat: [T; 4],
-    pub scale: Vec3<T>,
-    pub opacity: T,
-    pub colour: &'a [T],
-}
-
-impl<'a, T: Real> Gaussians<'a, T> {
-    /// Gaussian `n`.
-    pub(crate) fn get(&self, n: usize) -> Gaussian<'a, T> {
-        let three = |values: &[T]| std::array::from_fn(|i| values[3 * n + i]);
-        let (values, len) = self.colour.values();
-        Gaussian {
-            mean: three(self.means),
-            quat: std::array::from_fn(|i| self.quats[4 * n + i]),
-            scale: three(self.scales),
-            opacity: self.opacities[n],
-            colour: &values[n * len..(n + 1) * len],
+impl<V: Lanes> Group<V> {
+    /// Gaussians `first..first + count`; lanes beyond repeat the last.
+    #[inline(always)]
+    pub fn load(gaussians: &Gaussians<'_, V::Scalar>, first: usize, count: usize) -> Self {
+        let [opacity] = columns(gaussians.opacities, first, count);
+        Self {
+            mean: columns(gaussians.means, first, count),
+            quat: columns(gaussians.quats, first, count),
+            scale: columns(gaussians.scales, first, count),
+            opacity,
         }
     }
-}
 
-impl<T: Real> Gaussian<'_, T> {
-    /// Whether all numbers are finite and the quaternion is not zero.
-    fn is_sound(&self) -> bool {
-        let numbers = [&self.mean[..], &self.quat, &self.scale, &[self.opacity], self.colour];
-        numbers.iter().all(|part| part.iter().all(|x| x.is_finite())) && self.quat.iter().any(|&x| x != T::ZERO)
+    /// 0 where all numbers are finite, else not a number.
+    #[inline(always)]
+    fn unsound(&self) -> V {
+        let zero = V::zero();
+        let all = self.mean.iter().chain(&self.quat).chain(&self.scale);
+        all.fold(self.opacity * zero, |sum, x| x.mul_add(zero, sum))
     }
 }
 
-/// The unit quaternion along `q` and the length of `q`; `None` for zero. Scaled first, so that nothing overflows.
+/// Where a number is neither infinite nor NaN.
 #[inline(always)]
-pub(crate) fn unit_quaternion<T: Real>(q: [T; 4]) -> Option<([T; 4], T)> {
-    let largest = q.iter().fold(T::ZERO, |m, x| m.max(x.abs()));
-    if largest == T::ZERO {
-        return None;
-    }
-    let q = q.map(|x| x / largest);
-    let length = (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt();
-    Some((q.map(|x| x / length), length * largest))
-}
-
-/// The rotation matrix of a unit quaternion wxyz.
-#[inline(always)]
-pub(crate) fn rotation<T: Real>([w, x, y, z]: [T; 4]) -> Mat33<T> {
-    let (one, two) = (T::ONE, T::from_f64(2.0));
-    [
-        [one - two * (y * y + z * z), two * (x * y - w * z), two * (x * z + w * y)],
-        [two * (x * y + w * z), one - two * (x * x + z * z), two * (y * z - w * x)],
-        [two * (x * z - w * y), two * (y * z + w * x), one - two * (x * x + y * y)],
-    ]
+pub(crate) fn finite<V: Lanes>(x: V) -> V::Mask {
+    (x * V::zero()).ge(V::zero())
 }
 
 /// Everything between a Gaussian's parameters and its splat's shape; backward computes it anew.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Footprint<T> {
+#[derive(Clone, Copy)]
+pub(crate) struct Footprint<V: Lanes> {
     /// Mean in camera coordinates.
-    pub point: Vec3<T>,
-    /// x/z and y/z, limited.
-    pub slope: [T; 2],
-    /// Whether x/z, y/z were beyond their limits.
-    pub limited: [bool; 2],
-    /// J.
-    pub jacobian: Mat23<T>,
+    pub point: Vec3<V>,
+    /// x/z and y/z.
+    pub free: [V; 2],
+    /// The same, limited.
+    pub slope: [V; 2],
+    /// Where they are within their limits.
+    pub within: [V::Mask; 2],
+    /// fx/z, fy/z.
+    pub zoom: [V; 2],
+    /// 1/z
+    pub inverse_z: V,
     /// J A.
-    pub map: Mat23<T>,
-    /// Unit quaternion and length of the one given.
-    pub unit: ([T; 4], T),
+    pub map: Mat23<V>,
+    /// Unit quaternion.
+    pub unit: [V; 4],
+    /// 1 over the length of the quaternion given.
+    pub inverse_length: V,
     /// R.
-    pub rotation: Mat33<T>,
+    pub rotation: Mat33<V>,
     /// M = J A R diag(s).
-    pub m: Mat23<T>,
+    pub m: Mat23<V>,
     /// m1 x m2.
-    pub normal: Vec3<T>,
-    /// S yy.
-    pub yy: T,
-    /// S xx.
-    pub xx: T,
-    /// det S, S blurred.
-    pub det: T,
+    pub normal: Vec3<V>,
+    /// S xx, S yy.
+    pub variance: [V; 2],
+    /// det S before the blur.
+    pub sharp: V,
+    /// det S.
+    pub det: V,
     /// Factor of the opacity.
-    pub compensation: T,
-    /// Whether the factor depends on the shape (antialiased and above the floor).
-    pub compensated: bool,
-    /// p, q, r of the splat.
-    pub factor: [T; 3],
+    pub compensation: V,
+    /// Where the factor depends on the shape: antialiased and above the floor.
+    pub compensated: V::Mask,
+    /// p, q, r of the splat, of sigma = (u^2 + v^2) / 2.
+    pub factor: Vec3<V>,
 }
 
-/// Projects the shape of a Gaussian.
+/// Projects the shapes of Gaussians.
 #[inline(always)]
-pub(crate) fn footprint<T: Real>(
-    view: &Viewpoint<T>,
-    settings: &RasterSettings,
-    gaussian: &Gaussian<'_, T>,
-) -> Result<Footprint<T>, Unseen> {
-    let mut point = apply(&view.axes, gaussian.mean);
-    (0..3).for_each(|i| point[i] += view.shift[i]);
-    let z = point[2];
-    if !z.is_finite() {
-        return Err(Unseen::Rejected);
-    }
-    if z < T::from_f64(settings.near) || z > T::from_f64(settings.far) {
-        return Err(Unseen::Culled);
-    }
-    let free: [T; 2] = std::array::from_fn(|i| point[i] / z);
-    let limited = std::array::from_fn(|i| free[i] < view.low[i] || free[i] > view.high[i]);
-    let slope: [T; 2] = std::array::from_fn(|i| free[i].max(view.low[i]).min(view.high[i]));
-    let zoom = view.focal.map(|f| f / z);
-    let jacobian = [[zoom[0], T::ZERO, -zoom[0] * slope[0]], [T::ZERO, zoom[1], -zoom[1] * slope[1]]];
-    let map = product(&jacobian, &view.axes);
-    let unit = unit_quaternion(gaussian.quat).ok_or(Unseen::Rejected)?;
-    let rotation = rotation(unit.0);
-    let m = product(&map, &rotation).map(|row| std::array::from_fn(|j| row[j] * gaussian.scale[j]));
-    let eps = T::from_f64(settings.eps2d);
+pub(crate) fn footprint<V: Lanes>(view: &Viewpoint<V>, settings: &RasterSettings, group: &Group<V>) -> Footprint<V> {
+    let one = V::constant(1.0);
+    let mut point = apply(&view.axes, group.mean);
+    (0..3).for_each(|i| point[i] = point[i] + view.shift[i]);
+    let inverse_z = one / point[2];
+    let free = [point[0] * inverse_z, point[1] * inverse_z];
+    let within = [0, 1].map(|i| free[i].ge(view.low[i]).and(view.high[i].ge(free[i])));
+    let slope = [0, 1].map(|i| free[i].max(view.low[i]).min(view.high[i]));
+    let zoom = view.focal.map(|f| f * inverse_z);
+    let map = [0, 1].map(|i| [0, 1, 2].map(|j| zoom[i] * slope[i].neg_mul_add(view.axes[2][j], view.axes[i][j])));
+
+    // Scaled first, so that no length overflows.
+    let largest = group.quat.iter().fold(V::zero(), |m, x| m.max(x.abs()));
+    let scaled = group.quat.map(|x| x / largest);
+    let [w, x, y, z] = scaled;
+    let length = x.mul_add(x, y.mul_add(y, z.mul_add(z, w * w))).sqrt();
+    let inverse = one / length;
+    let unit = scaled.map(|x| x * inverse);
+    let rotation = rotation(one, unit);
+
+    let m = product(&map, &rotation).map(|row| [0, 1, 2].map(|j| row[j] * group.scale[j]));
+    let eps = V::constant(settings.eps2d);
     let normal = cross(m[0], m[1]);
-    let (mxx, myy) = (dot(m[0], m[0]), dot(m[1], m[1]));
-    let (xx, yy, xy) = (mxx + eps, myy + eps, dot(m[0], m[1]));
+    let squares = [dot(m[0], m[0]), dot(m[1], m[1])];
+    let variance = squares.map(|x| x + eps);
     let sharp = dot(normal, normal);
-    let det = sharp + eps * (mxx + myy) + eps * eps;
-    let root = det.sqrt();
-    let deviation = yy.sqrt();
-    let factor = [deviation / root, -xy / (deviation * root), T::ONE / deviation];
-    if det <= T::ZERO {
-        return Err(Unseen::Culled);
-    }
-    if !factor.iter().all(|x| x.is_finite()) {
-        return Err(Unseen::Rejected);
-    }
-    let floor = T::from_f64(RATIO_FLOOR);
+    let det = sharp + eps * (squares[0] + squares[1]) + eps * eps;
+    let deviation = variance[1].sqrt();
+    let (inverse_root, inverse_deviation) = (one / det.sqrt(), one / deviation);
+    let factor = [deviation * inverse_root, -dot(m[0], m[1]) * inverse_deviation * inverse_root, inverse_deviation];
+    let floor = V::constant(RATIO_FLOOR);
     let ratio = sharp / det;
-    let compensation = if settings.antialiased { ratio.max(floor).sqrt() } else { T::ONE };
-    let compensated = settings.antialiased && ratio > floor;
-    Ok(Footprint {
+    let none = V::Mask::from_bits(0);
+    let (compensation, compensated) =
+        if settings.antialiased { (ratio.max(floor).sqrt(), ratio.gt(floor)) } else { (one, none) };
+    Footprint {
         point,
+        free,
         slope,
-        limited,
-        jacobian,
+        within,
+        zoom,
+        inverse_z,
         map,
         unit,
+        inverse_length: inverse / largest,
         rotation,
         m,
         normal,
-        yy,
-        xx,
+        variance,
+        sharp,
         det,
         compensation,
         compensated,
         factor,
-    })
+    }
 }
 
-/// The splat of a Gaussian in a view.
+/// The splats of sixteen Gaussians in a view.
+pub(crate) struct Splats<V: Lanes> {
+    /// By [`slot`].
+    pub columns: [V; LANES],
+    /// Those that may be seen.
+    pub seen: V::Mask,
+    /// Those that hold, or lead to, numbers that are not finite.
+    pub rejected: V::Mask,
+}
+
+/// Projects Gaussians `first..first + count`. Colours are looked at only where one of the sixteen may be seen.
 #[inline(always)]
-pub(crate) fn splat<T: Real>(
-    view: &Viewpoint<T>,
+pub(crate) fn splats<V: Lanes>(
+    view: &Viewpoint<V>,
     settings: &RasterSettings,
-    gaussian: &Gaussian<'_, T>,
-    colour: &Colour<'_, T>,
-) -> Result<Splat<T>, Unseen> {
-    if !gaussian.is_sound() {
-        return Err(Unseen::Rejected);
+    gaussians: &Gaussians<'_, V::Scalar>,
+    (first, count): (usize, usize),
+    coefficients: &mut Coefficients<V>,
+) -> Splats<V> {
+    let group = Group::load(gaussians, first, count);
+    let shape = footprint(view, settings, &group);
+    let present = V::Mask::from_bits((u32::MAX >> (32 - count)) as u16);
+    let sound = finite(group.unsound() + shape.point[2] + shape.unit[0]).and(present);
+    let z = shape.point[2];
+    let in_range = z.ge(V::constant(settings.near)).and(V::constant(settings.far).ge(z));
+    let opacity = group.opacity * shape.compensation;
+    let mut seen = sound.and(in_range).and(shape.det.gt(V::zero())).and(opacity.ge(V::constant(ALPHA_MIN)));
+    if settings.radius_clip > 0.0 {
+        seen = seen.and(three_deviations(&shape).ge(V::constant(settings.radius_clip)));
     }
-    let shape = footprint(view, settings, gaussian)?;
-    let opacity = gaussian.opacity * shape.compensation;
-    let eps = T::EPSILON.to_f64();
+
+    let eps = <V::Scalar as Real>::EPSILON.to_f64();
+    let [p, q, r] = shape.factor.map(|x| x * V::constant(BITS));
     // Rounded up by more than what the pixels' own arithmetic may be off by: a few units in the last place of
     // p dx and q dy, of which the latter is at most |q| / r times v.
-    let limit = 2.0 * (opacity.to_f64() / ALPHA_MIN).ln() + 128.0 * eps;
-    if limit.is_nan() || limit < 0.0 {
-        return Err(Unseen::Culled);
-    }
-    let [p, q, r] = shape.factor;
-    let reach = T::from_f64(limit.sqrt() * (1.0 + 16.0 * eps * (1.0 + (q / r).abs().to_f64())));
-    if settings.radius_clip > 0.0 && three_deviations(&shape) < T::from_f64(settings.radius_clip) {
-        return Err(Unseen::Culled);
-    }
-    let colour = match colour {
-        Colour::Plain(_) => [gaussian.colour[0], gaussian.colour[1], gaussian.colour[2]],
-        Colour::Sh { degree, .. } => {
-            let sight = std::array::from_fn(|i| gaussian.mean[i] - view.centre[i]);
-            let sum = sh::colour(*degree, sight, gaussian.colour);
-            if !sum.iter().all(|x| x.is_finite()) {
-                return Err(Unseen::Rejected);
-            }
-            sum.map(|c| c.max(T::ZERO))
+    let limit = (opacity * V::constant(1.0 / ALPHA_MIN)).log2() + V::constant(1e-3);
+    let rounding = (q / r).abs().mul_add(V::constant(16.0 * eps), V::constant(1.0 + 16.0 * eps));
+    let radius = limit.sqrt() * rounding;
+    let (width, tall) = (V::constant(1.0) / p, radius / r);
+    let tilt = q * width;
+    let x = view.focal[0].mul_add(shape.free[0], view.principal[0]);
+    let y = view.focal[1].mul_add(shape.free[1], view.principal[1]);
+    let extent = x.abs() + y.abs() + tilt.abs().mul_add(tall, radius * width);
+    let slack = extent.mul_add(V::constant(8.0 * eps), V::constant(1e-3));
+    let half_height = tall + slack;
+    let dy_of_right = -q * radius / (r * q.mul_add(q, r * r).sqrt());
+    let good = finite(slack + dy_of_right + half_height + p + r);
+    let mut rejected = present.and_not(sound).or(seen.and_not(good));
+    seen = seen.and(good);
+
+    let mut colour = [V::zero(); 3];
+    match gaussians.colour {
+        Colour::None => {}
+        Colour::Plain(values) => {
+            colour = columns(values, first, count);
+            let good = finite(colour[0] * V::zero() + colour[1] * V::zero() + colour[2] * V::zero());
+            rejected = rejected.or(seen.and_not(good));
+            seen = seen.and(good);
         }
-    };
-    let z = shape.point[2];
-    let x = view.focal[0] * (shape.point[0] / z) + view.principal[0];
-    let y = view.focal[1] * (shape.point[1] / z) + view.principal[1];
-    if !(x.is_finite() && y.is_finite() && reach.is_finite()) {
-        return Err(Unseen::Rejected);
+        Colour::Sh { coefficients: values, degree } if seen.bits() != 0 => {
+            let len = 3 * (degree + 1) * (degree + 1);
+            wide_columns(&values[first * len..(first + count) * len], len, coefficients);
+            let sight = [0, 1, 2].map(|i| group.mean[i] - view.centre[i]);
+            let (sum, unsound) = sh::colour(degree, sight, coefficients);
+            let good = finite(unsound + sum[0] + sum[1] + sum[2]);
+            rejected = rejected.or(seen.and_not(good));
+            seen = seen.and(good);
+            colour = sum.map(|c| c.max(V::zero()));
+        }
+        Colour::Sh { .. } => {}
     }
-    Ok(Splat { x, y, p, q, r, opacity, reach, z, colour })
+
+    let mut columns = [V::zero(); LANES];
+    columns[slot::X] = x;
+    columns[slot::Y] = y;
+    columns[slot::P] = p;
+    columns[slot::Q] = q;
+    columns[slot::R] = r;
+    columns[slot::OPACITY] = opacity;
+    columns[slot::SLACK] = slack;
+    columns[slot::Z] = z;
+    (0..3).for_each(|i| columns[slot::COLOUR + i] = colour[i]);
+    columns[slot::HALF_HEIGHT] = half_height;
+    columns[slot::DY_OF_RIGHT] = dy_of_right;
+    columns[slot::REACH] = radius * radius * V::constant(1.0 + 8.0 * eps);
+    columns[slot::WIDTH] = width;
+    columns[slot::TILT] = tilt;
+    Splats { columns, seen, rejected }
 }
 
 /// Three standard deviations along the longest image axis, pixels.
-fn three_deviations<T: Real>(shape: &Footprint<T>) -> T {
-    let mean = T::from_f64(0.5) * (shape.xx + shape.yy);
-    let spread = (mean * mean - shape.det).max(T::ZERO).sqrt();
-    T::from_f64(3.0) * (mean + spread).sqrt()
+#[inline(always)]
+fn three_deviations<V: Lanes>(shape: &Footprint<V>) -> V {
+    let mean = V::constant(0.5) * (shape.variance[0] + shape.variance[1]);
+    let spread = mean.mul_add(mean, -shape.det).max(V::zero()).sqrt();
+    V::constant(3.0) * (mean + spread).sqrt()
 }

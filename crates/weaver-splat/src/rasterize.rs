@@ -1,22 +1,30 @@
 //! Forward: project, sort, deal to tiles, blend.
 
-use crate::composite::{Blend, PLANES, Window, composite};
-use crate::project::{Splat, splat};
-use crate::scene::{Cameras, Extent, Gaussians, RasterError, RasterSettings, expect_len, extent};
-use crate::tiles::{Grid, TileLists, depth_key, grown, sort_by_depth, unseen_key};
-use crate::workspace::Workspace;
+use crate::cover::{Chunk, Cover, GRAIN, Grid};
+use crate::draw::{Draw, planes};
+use crate::scene::{Cameras, Colour, Extent, Features, Gaussians, RasterError, RasterSettings, expect_len, extent};
+use crate::sort::sort;
+use crate::splat::Splat;
+use crate::window::{BLOCK, Plane, SIDE, Window, Work, traverse};
+use crate::workspace::{Workspace, grown};
 use rayon::prelude::*;
-use weaver_kernels::{Real, simd};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
+use std::time::Instant;
+use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes, Row};
+use weaver_kernels::{Real, parallel};
 
 /// Where the images go.
 #[derive(Debug)]
 pub struct Images<'a, T> {
-    /// sum of w c + T background, `[V, H, W, 3]`.
+    /// sum of w c + T background, `[V, H, W, 3]`; empty for Gaussians without colours.
     pub image: &'a mut [T],
     /// 1 - T, `[V, H, W]`.
     pub alpha: &'a mut [T],
-    /// sum of w z, camera z in world units, not divided by alpha, `[V, H, W]`.
-    pub depth: &'a mut [T],
+    /// sum of w z, camera z in world units, not divided by alpha, `[V, H, W]`; [`expected_depth`](crate::expected_depth)
+    /// divides.
+    pub depth: Option<&'a mut [T]>,
+    /// sum of w f, `[V, H, W, C]`.
+    pub features: Option<&'a mut [T]>,
 }
 
 /// What was drawn, summed over the views.
@@ -28,10 +36,11 @@ pub struct RasterStats {
     pub entries: usize,
     /// Gaussians left out because they hold, or lead to, numbers that are not finite, or have a zero quaternion.
     pub rejected: usize,
+    /// Splats over pixels that they add to.
+    pub pairs: u64,
+    /// Pixels at which splats were evaluated, those that they leave alone included.
+    pub evaluated: u64,
 }
-
-/// Gaussians per parallel chunk of projection.
-const GRAIN: usize = 256;
 
 /// Draws Gaussians in several views: image, alpha and depth.
 ///
@@ -64,6 +73,7 @@ const GRAIN: usize = 256;
 ///     scales: &[0.5, 0.5, 0.5],
 ///     opacities: &[0.8],
 ///     colour: Colour::Plain(&[1.0, 0.5, 0.0]),
+///     features: None,
 /// };
 /// let cameras = Cameras {
 ///     viewmats: &[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0],
@@ -73,7 +83,7 @@ const GRAIN: usize = 256;
 ///     height: 3,
 /// };
 /// let (mut image, mut alpha, mut depth) = ([0.0; 27], [0.0; 9], [0.0; 9]);
-/// let images = Images { image: &mut image, alpha: &mut alpha, depth: &mut depth };
+/// let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None };
 /// rasterize(&gaussians, &cameras, &RasterSettings::default(), &mut Workspace::new(), images)?;
 /// assert_eq!(&image[12..15], &[0.8, 0.4, 0.0]);
 /// assert_eq!((alpha[4], depth[4]), (0.8, 1.6));
@@ -86,40 +96,48 @@ pub fn rasterize<T: Real>(
     workspace: &mut Workspace<T>,
     images: Images<'_, T>,
 ) -> Result<RasterStats, RasterError> {
-    let extent = extent(gaussians, cameras, settings)?;
-    let pixels = extent.views * extent.width * extent.height;
-    expect_len("image", images.image.len(), 3 * pixels)?;
-    expect_len("alpha", images.alpha.len(), pixels)?;
-    expect_len("depth", images.depth.len(), pixels)?;
+    let extent = extent(gaussians, cameras, settings, images.depth.is_some())?;
+    check(gaussians, &extent, &images)?;
     workspace.drawn = None;
-    let splats = extent.views * extent.gaussians;
+    let start = Instant::now();
     project(gaussians, cameras, settings, &extent, workspace);
-    let keys = &mut workspace.keys[..splats];
-    let rejected = sort_by_depth(keys, extent.gaussians);
-    let offsets = &mut workspace.offsets[..=splats];
-    let mut entries = 0_u64;
-    let mut seen = 0;
-    for offset in offsets.iter_mut() {
-        let count = *offset;
-        seen += usize::from(count > 0);
-        *offset = entries as u32;
-        entries += u64::from(count);
-    }
-    if entries > u64::from(u32::MAX) {
+    let projected = Instant::now();
+    let entries: usize = workspace.chunks.iter().map(Chunk::len).sum();
+    if entries > u32::MAX as usize {
         return Err(RasterError::new(format!("{entries} list entries are too many for one call")));
     }
-    workspace.lists.deal(&extent, &workspace.splats, keys, offsets);
-    match extent.side {
-        8 => blend_tiles::<T, 8>(&extent, settings, workspace),
-        16 => blend_tiles::<T, 16>(&extent, settings, workspace),
-        _ => blend_tiles::<T, 32>(&extent, settings, workspace),
-    }
+    bin(&extent, entries, workspace);
+    let binned = Instant::now();
+    let work = match images.depth {
+        Some(_) => blend::<T, true>(gaussians, settings, &extent, workspace),
+        None => blend::<T, false>(gaussians, settings, &extent, workspace),
+    };
     assemble(cameras, &extent, workspace, images);
+    workspace.stages.project = projected - start;
+    workspace.stages.bin = binned - projected;
+    workspace.stages.composite = binned.elapsed();
     workspace.drawn = Some((extent, *settings));
-    Ok(RasterStats { splats: seen, entries: entries as usize, rejected })
+    let count = |of: fn(&Chunk) -> usize| workspace.chunks.iter().map(of).sum();
+    Ok(RasterStats {
+        splats: count(|chunk| chunk.splats),
+        entries,
+        rejected: count(|chunk| chunk.rejected),
+        pairs: work.pairs,
+        evaluated: work.evaluated,
+    })
 }
 
-/// Fills `splats`, `keys`, and in `offsets` the number of tiles of each splat.
+fn check<T: Real>(gaussians: &Gaussians<'_, T>, extent: &Extent, images: &Images<'_, T>) -> Result<(), RasterError> {
+    let pixels = extent.views * extent.width * extent.height;
+    let colour = usize::from(!matches!(gaussians.colour, Colour::None));
+    expect_len("image", images.image.len(), 3 * pixels * colour)?;
+    expect_len("alpha", images.alpha.len(), pixels)?;
+    images.depth.as_ref().map_or(Ok(()), |depth| expect_len("depth", depth.len(), pixels))?;
+    let features = images.features.as_ref().map_or(0, |features| features.len());
+    expect_len("image of the features", features, pixels * extent.channels)
+}
+
+/// Fills `splats`, `keys` and `chunks`.
 fn project<T: Real>(
     gaussians: &Gaussians<'_, T>,
     cameras: &Cameras<'_, T>,
@@ -127,97 +145,175 @@ fn project<T: Real>(
     extent: &Extent,
     workspace: &mut Workspace<T>,
 ) {
-    let all = extent.views * extent.gaussians;
+    let (views, per_view) = (extent.views, extent.gaussians);
     let grid = Grid::new(extent);
-    let offsets = grown(&mut workspace.offsets, all + 1);
-    offsets[all] = 0;
-    if all == 0 {
-        return;
-    }
-    // Chunks do not cross views.
-    let per_view = extent.gaussians;
-    let splats = grown(&mut workspace.splats, all).par_chunks_mut(per_view);
-    let keys = grown(&mut workspace.keys, all).par_chunks_mut(per_view);
-    let counts = offsets[..all].par_chunks_mut(per_view);
-    (splats, keys, counts).into_par_iter().enumerate().for_each(|(v, (splats, keys, counts))| {
+    let chunks = per_view.div_ceil(GRAIN);
+    // Chunks of an earlier, larger call would be counted; their memory goes.
+    workspace.chunks.truncate(views * chunks);
+    let chunks_of_views = grown(&mut workspace.chunks, views * chunks).chunks_mut(chunks.max(1));
+    let splats = grown(&mut workspace.splats, views * per_view).chunks_mut(per_view.max(1));
+    let [keys, sorted] = &mut workspace.keys;
+    grown(sorted, views * per_view);
+    let keys = grown(keys, views * per_view).chunks_mut(per_view.max(1));
+    for (v, (chunks, (splats, keys))) in chunks_of_views.zip(splats.zip(keys)).enumerate() {
         let view = cameras.view(v);
-        let chunks = (splats.par_chunks_mut(GRAIN), keys.par_chunks_mut(GRAIN), counts.par_chunks_mut(GRAIN));
-        chunks.into_par_iter().enumerate().for_each(|(chunk, (splats, keys, counts))| {
-            simd::dispatch(
-                #[inline(always)]
-                || {
-                    for i in 0..splats.len() {
-                        let n = chunk * GRAIN + i;
-                        counts[i] = 0;
-                        keys[i] = match splat(&view, settings, &gaussians.get(n), &gaussians.colour) {
-                            Err(why) => unseen_key(why),
-                            Ok(splat) => {
-                                grid.for_each_tile(&splat, |_| counts[i] += 1);
-                                splats[i] = splat;
-                                if counts[i] > 0 {
-                                    depth_key(splat.z, n)
-                                } else {
-                                    unseen_key(crate::project::Unseen::Culled)
-                                }
-                            }
-                        };
-                    }
-                },
-            );
+        let parts = (chunks, splats.par_chunks_mut(GRAIN), keys.par_chunks_mut(GRAIN));
+        parts.into_par_iter().enumerate().for_each(|(i, (chunk, splats, keys))| {
+            let first = i * GRAIN;
+            lanes::run(Cover { view: &view, settings, gaussians, grid: &grid, first, splats, keys, chunk });
         });
-    });
+    }
 }
 
-/// The part of tile `t` (of all views) that is in the image.
-pub(crate) fn window_of(grid: &Grid, t: usize) -> Window {
-    let corner = grid.corner(t % grid.len());
-    Window { corner, columns: grid.side.min(grid.width - corner.0), rows: grid.side.min(grid.height - corner.1) }
+/// Sorts the splats of each view and deals them to the tiles.
+fn bin<T: Real>(extent: &Extent, entries: usize, workspace: &mut Workspace<T>) {
+    let per_view = extent.gaussians;
+    let chunks = per_view.div_ceil(GRAIN);
+    workspace.lists.prepare(extent, entries);
+    let [keys, sorted] = &mut workspace.keys;
+    for v in 0..extent.views {
+        let part = v * per_view..(v + 1) * per_view;
+        let seen = sort(&mut keys[part.clone()], &mut sorted[part.clone()], &mut workspace.counts);
+        let sorted: &[AtomicU64] = &sorted[part][..seen];
+        workspace.lists.deal(extent, v, sorted, &workspace.chunks[v * chunks..(v + 1) * chunks]);
+    }
 }
 
-fn blend_tiles<T: Real, const S: usize>(extent: &Extent, settings: &RasterSettings, workspace: &mut Workspace<T>) {
-    let grid = Grid::new(extent);
-    let tiles = extent.views * grid.len();
-    let planes = grown(&mut workspace.planes, tiles * PLANES * S * S);
-    let last = grown(&mut workspace.last, tiles * S * S);
-    let (splats, lists): (&[Splat<T>], &TileLists) = (&workspace.splats, &workspace.lists);
-    let blend = Blend::new(settings.alpha_max);
-    let tiles = (planes.par_chunks_mut(PLANES * S * S), last.par_chunks_mut(S * S));
-    tiles.into_par_iter().enumerate().for_each(|(t, (planes, last))| {
-        simd::dispatch(
-            #[inline(always)]
-            || {
-                let seen = lists.range(t).map(|entry| &splats[lists.splat(entry)]);
-                composite::<T, S>(&blend, &window_of(&grid, t), seen, planes, last);
-            },
-        );
-    });
+/// The windows of tile `t` (of all views): those in the image, with their place among the tile's.
+pub(crate) fn windows_of(grid: &Grid, t: usize) -> impl Iterator<Item = (usize, Window)> + use<> {
+    let Grid { width, height, side, .. } = *grid;
+    let (x, y) = grid.corner(t % grid.len());
+    let columns = side / SIDE;
+    (0..columns * columns).filter_map(move |i| {
+        let corner = (x + i % columns * SIDE, y + i / columns * SIDE);
+        (corner.0 < width && corner.1 < height).then_some((i, Window { corner, width, height }))
+    })
 }
 
-/// Puts the tiles together and adds the background.
-fn assemble<T: Real>(cameras: &Cameras<'_, T>, extent: &Extent, workspace: &Workspace<T>, images: Images<'_, T>) {
-    let grid = Grid::new(extent);
-    let (side, width, height) = (grid.side, grid.width, grid.height);
-    let pixels = side * side;
-    let rows = (
-        images.image.par_chunks_mut(3 * width),
-        images.alpha.par_chunks_mut(width),
-        images.depth.par_chunks_mut(width),
-    );
-    rows.into_par_iter().enumerate().with_min_len(16).for_each(|(row, (image, alpha, depth))| {
-        let (v, y) = (row / height, row % height);
-        let background = cameras.background_of(v);
-        for column in 0..grid.columns {
-            let tile = v * grid.len() + y / side * grid.columns + column;
-            let planes = &workspace.planes[tile * PLANES * pixels..];
-            for i in 0..side.min(width - column * side) {
-                let (at, x) = (y % side * side + i, column * side + i);
-                let transmittance = planes[at];
-                for channel in 0..3 {
-                    image[3 * x + channel] = planes[(1 + channel) * pixels + at] + transmittance * background[channel];
-                }
-                alpha[x] = T::ONE - transmittance;
-                depth[x] = planes[4 * pixels + at];
-            }
+/// Windows in a tile.
+pub(crate) fn windows_per_tile(grid: &Grid) -> usize {
+    (grid.side / SIDE).pow(2)
+}
+
+/// Draws the windows of a tile.
+struct DrawTile<'a, T, const DEPTH: bool> {
+    alpha_max: f64,
+    grid: &'a Grid,
+    tile: usize,
+    list: &'a [AtomicU32],
+    splats: &'a [Splat<T>],
+    features: Option<Features<'a, T>>,
+    gaussians: usize,
+    /// Of all windows.
+    planes: &'a mut [Plane<T>],
+}
+
+impl<T: Real, const DEPTH: bool> LaneKernel<T> for DrawTile<'_, T, DEPTH> {
+    type Output = Work;
+
+    #[inline(always)]
+    fn run<V: Lanes<Scalar = T>>(self) -> Work {
+        let per_window = self.planes.len() / windows_per_tile(self.grid);
+        let mut spare = [Row([T::ZERO; LANES]); LANES];
+        let mut total = Work::default();
+        for (i, window) in windows_of(self.grid, self.tile) {
+            let [transmittance, planes @ ..] = &mut self.planes[i * per_window..][..per_window] else { continue };
+            let mut draw = Draw::<V, DEPTH>::new(self.features, self.gaussians, planes, &mut spare);
+            let work = traverse(self.alpha_max, &window, self.list, self.splats, transmittance, &mut draw);
+            total.pairs += work.pairs;
+            total.evaluated += work.evaluated;
         }
+        total
+    }
+}
+
+fn blend<T: Real, const DEPTH: bool>(
+    gaussians: &Gaussians<'_, T>,
+    settings: &RasterSettings,
+    extent: &Extent,
+    workspace: &mut Workspace<T>,
+) -> Work {
+    let grid = Grid::new(extent);
+    let per_tile = windows_per_tile(&grid) * planes(extent.depth, extent.channels);
+    let planes = grown(&mut workspace.planes, extent.views * grid.len() * per_tile);
+    let (splats, lists) = (&workspace.splats[..], &workspace.lists);
+    let (pairs, evaluated) = (AtomicU64::new(0), AtomicU64::new(0));
+    parallel::for_chunks(planes, per_tile, |tile, planes| {
+        let work = lanes::run(DrawTile::<T, DEPTH> {
+            alpha_max: settings.alpha_max,
+            grid: &grid,
+            tile,
+            list: lists.of_tile(tile),
+            splats,
+            features: gaussians.features,
+            gaussians: extent.gaussians,
+            planes,
+        });
+        pairs.fetch_add(work.pairs, Relaxed);
+        evaluated.fetch_add(work.evaluated, Relaxed);
     });
+    Work { pairs: pairs.into_inner(), evaluated: evaluated.into_inner() }
+}
+
+/// Puts the windows together and adds the background.
+fn assemble<T: Real>(cameras: &Cameras<'_, T>, extent: &Extent, workspace: &Workspace<T>, images: Images<'_, T>) {
+    let channels = extent.channels;
+    let image = Assembly { extent, grid: Grid::new(extent), planes: &workspace.planes };
+    image.run(images.alpha, 1, |_, window, block, lane, out| {
+        out.iter_mut().zip(&window[0][block].0[lane..]).for_each(|(out, &left)| *out = T::ONE - left);
+    });
+    if !images.image.is_empty() {
+        image.run(images.image, 3, |v, window, block, lane, out| {
+            let [left, red, green, blue] = [0, 1, 2, 3].map(|plane| &window[plane][block].0[lane..]);
+            let background = cameras.background_of(v);
+            for (i, pixel) in out.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+                *pixel = [
+                    red[i] + left[i] * background[0],
+                    green[i] + left[i] * background[1],
+                    blue[i] + left[i] * background[2],
+                ];
+            }
+        });
+    }
+    if let Some(depth) = images.depth {
+        image.run(depth, 1, |_, window, block, lane, out| {
+            out.copy_from_slice(&window[4][block].0[lane..][..out.len()]);
+        });
+    }
+    if let Some(features) = images.features.filter(|features| !features.is_empty()) {
+        let first = 4 + usize::from(extent.depth);
+        image.run(features, channels, |_, window, block, lane, out| {
+            for (i, pixel) in out.chunks_exact_mut(channels).enumerate() {
+                pixel.iter_mut().enumerate().for_each(|(c, x)| *x = window[first + c][block].0[lane + i]);
+            }
+        });
+    }
+}
+
+/// From the planes of windows to the rows of images.
+struct Assembly<'a, T> {
+    extent: &'a Extent,
+    grid: Grid,
+    planes: &'a [Plane<T>],
+}
+
+impl<T: Real> Assembly<'_, T> {
+    /// Runs `body(view, planes of the window, block, first lane, pixels)` on each row of each block, in parallel; `out`
+    /// is `[V, H, W, channels]`.
+    fn run(&self, out: &mut [T], channels: usize, body: impl Fn(usize, &[Plane<T>], usize, usize, &mut [T]) + Sync) {
+        let Grid { width, height, side, columns, .. } = self.grid;
+        let per_window = planes(self.extent.depth, self.extent.channels);
+        let across = side / SIDE;
+        parallel::for_chunks(out, width * channels, |row, out| {
+            let (v, y) = (row / height, row % height);
+            for (i, out) in out.chunks_mut(SIDE * channels).enumerate() {
+                let tile = v * self.grid.len() + y / side * columns + i / across;
+                let window = tile * across * across + y % side / SIDE * across + i % across;
+                let planes = &self.planes[window * per_window..][..per_window];
+                for (j, out) in out.chunks_mut(BLOCK * channels).enumerate() {
+                    body(v, planes, y % SIDE / BLOCK * BLOCK + j, y % BLOCK * BLOCK, out);
+                }
+            }
+        });
+    }
 }

@@ -3,9 +3,9 @@
 //! threads.
 
 use crate::gradients::Cotangents;
-use crate::project::Gaussian;
 use crate::scene::{
-    ALPHA_MIN, Cameras, Colour, Gaussians, RATIO_FLOOR, RasterError, RasterSettings, TRANSMITTANCE_END, extent,
+    ALPHA_MIN, Cameras, Colour, Features, Gaussians, RATIO_FLOOR, RasterError, RasterSettings, TRANSMITTANCE_END,
+    extent,
 };
 use crate::sh;
 use weaver_autograd::Dual;
@@ -13,6 +13,28 @@ use weaver_autograd::Dual;
 /// Variables of a projection: mean 3, quaternion 4, scale 3, opacity 1, view matrix 12, intrinsics 4.
 const VARIABLES: usize = 27;
 type Number = Dual<f64, VARIABLES>;
+
+/// One Gaussian's numbers.
+struct Gaussian<'a> {
+    mean: [f64; 3],
+    quat: [f64; 4],
+    scale: [f64; 3],
+    opacity: f64,
+    colour: &'a [f64],
+}
+
+impl<'a> Gaussian<'a> {
+    fn of(gaussians: &Gaussians<'a, f64>, n: usize) -> Self {
+        let (values, len) = gaussians.colour.values();
+        Self {
+            mean: std::array::from_fn(|i| gaussians.means[3 * n + i]),
+            quat: std::array::from_fn(|i| gaussians.quats[4 * n + i]),
+            scale: std::array::from_fn(|i| gaussians.scales[3 * n + i]),
+            opacity: gaussians.opacities[n],
+            colour: &values[n * len..(n + 1) * len],
+        }
+    }
+}
 
 /// Images by the reference, shaped as by [`crate::rasterize`].
 #[derive(Clone, Debug, Default)]
@@ -23,6 +45,8 @@ pub struct Rendered {
     pub alpha: Vec<f64>,
     /// `[V, H, W]`
     pub depth: Vec<f64>,
+    /// `[V, H, W, C]`
+    pub features: Vec<f64>,
 }
 
 /// Gradients by the reference, shaped as by [`crate::rasterize_backward`].
@@ -38,6 +62,8 @@ pub struct RenderedBackward {
     pub opacities: Vec<f64>,
     /// `[N, 3]` or `[N, K, 3]`
     pub colours: Vec<f64>,
+    /// `[N, C]`
+    pub features: Vec<f64>,
     /// As the view matrices.
     pub viewmats: Vec<f64>,
     /// `[V, 4]`
@@ -88,7 +114,7 @@ fn transpose<const A: usize, const B: usize>(a: &[[Number; B]; A]) -> [[Number; 
 /// Projects one Gaussian by the book; `None` where it is not drawn.
 fn see(
     index: usize,
-    gaussian: &Gaussian<'_, f64>,
+    gaussian: &Gaussian<'_>,
     colour: &Colour<'_, f64>,
     matrix: &[f64],
     k: &[f64],
@@ -161,6 +187,7 @@ fn see(
     basis[0] = 1.0;
     let mut open = [true; 3];
     let colour = match *colour {
+        Colour::None => [c(0.0); 3],
         Colour::Plain(_) => std::array::from_fn(|i| c(gaussian.colour[i])),
         Colour::Sh { degree, .. } => {
             let adjugate: [[Number; 3]; 3] = std::array::from_fn(|i| {
@@ -173,7 +200,8 @@ fn see(
             let centre = matmul(&adjugate, &shift.map(|s| [-s / det]));
             let sight: [Number; 3] = std::array::from_fn(|i| mean[i] - centre[i][0]);
             let distance = sight.iter().fold(c(0.0), |sum, &s| sum + s * s).sqrt();
-            let values = if degree == 0 { sh::basis(0, sight) } else { sh::basis(degree, sight.map(|s| s / distance)) };
+            let values =
+                if degree == 0 { sh::basis(0, sight, c) } else { sh::basis(degree, sight.map(|s| s / distance), c) };
             basis = values.map(|b| b.value);
             let sums: [Number; 3] = std::array::from_fn(|channel| {
                 (0..gaussian.colour.len() / 3)
@@ -217,7 +245,7 @@ fn see_all(
     let k = &cameras.intrinsics[4 * v..];
     let size = (cameras.width as f64, cameras.height as f64);
     let mut seen: Vec<Seen> = (0..gaussians.opacities.len())
-        .filter_map(|n| see(n, &gaussians.get(n), &gaussians.colour, matrix, k, size, settings))
+        .filter_map(|n| see(n, &Gaussian::of(gaussians, n), &gaussians.colour, matrix, k, size, settings))
         .collect();
     seen.sort_by(|a, b| (a.z.value as f32).total_cmp(&(b.z.value as f32)));
     seen
@@ -258,6 +286,11 @@ fn blend(seen: &[Seen], settings: &RasterSettings, x: f64, y: f64) -> (Vec<Touch
     (touches, transmittance)
 }
 
+/// The features of what a pixel looks at.
+fn features_of<'a>(gaussians: &Gaussians<'a, f64>, seen: &Seen) -> &'a [f64] {
+    gaussians.features.map_or(&[], |Features { values, channels }| &values[seen.index * channels..][..channels])
+}
+
 /// Draws as [`crate::rasterize`] does.
 ///
 /// # Errors
@@ -268,8 +301,9 @@ pub fn rasterize(
     cameras: &Cameras<'_, f64>,
     settings: &RasterSettings,
 ) -> Result<Rendered, RasterError> {
-    let extent = extent(gaussians, cameras, settings)?;
+    let extent = extent(gaussians, cameras, settings, true)?;
     let mut out = Rendered::default();
+    let mut features = vec![0.0; extent.channels];
     for v in 0..extent.views {
         let seen = see_all(gaussians, cameras, settings, v);
         let background = cameras.background_of(v);
@@ -278,12 +312,17 @@ pub fn rasterize(
             let (touches, transmittance) = blend(&seen, settings, x, y);
             let mut colour = background.map(|b| transmittance * b);
             let mut depth = 0.0;
+            features.fill(0.0);
             for touch in &touches {
                 let (splat, weight) = (&seen[touch.at], touch.alpha * touch.before);
                 (0..3).for_each(|i| colour[i] += weight * splat.colour[i].value);
                 depth += weight * splat.z.value;
+                features.iter_mut().zip(features_of(gaussians, splat)).for_each(|(sum, x)| *sum += weight * x);
             }
-            out.image.extend(colour);
+            out.features.extend(&features);
+            if !matches!(gaussians.colour, Colour::None) {
+                out.image.extend(colour);
+            }
             out.alpha.push(1.0 - transmittance);
             out.depth.push(depth);
         }
@@ -302,7 +341,7 @@ pub fn rasterize_backward(
     settings: &RasterSettings,
     cotangents: &Cotangents<'_, f64>,
 ) -> Result<RenderedBackward, RasterError> {
-    let extent = extent(gaussians, cameras, settings)?;
+    let extent = extent(gaussians, cameras, settings, true)?;
     let (n, views, pixels) = (extent.gaussians, extent.views, extent.width * extent.height);
     let mut out = RenderedBackward {
         means: vec![0.0; 3 * n],
@@ -310,6 +349,7 @@ pub fn rasterize_backward(
         scales: vec![0.0; 3 * n],
         opacities: vec![0.0; n],
         colours: vec![0.0; extent.colour_len * n],
+        features: vec![0.0; extent.channels * n],
         viewmats: vec![0.0; cameras.viewmats.len()],
         intrinsics: vec![0.0; 4 * views],
         background: vec![0.0; cameras.background.len()],
@@ -325,6 +365,7 @@ pub fn rasterize_backward(
             let dimage: [f64; 3] = std::array::from_fn(|i| cotangents.image.map_or(0.0, |d| d[3 * at + i]));
             let dalpha = cotangents.alpha.map_or(0.0, |d| d[at]);
             let ddepth = cotangents.depth.map_or(0.0, |d| d[at]);
+            let dfeature = |channel: usize| cotangents.features.map_or(0.0, |d| d[extent.channels * at + channel]);
             let (x, y) = ((pixel % extent.width) as f64 + 0.5, (pixel / extent.width) as f64 + 0.5);
             let (touches, transmittance) = blend(&seen, settings, x, y);
             let mut behind = -transmittance * dalpha;
@@ -342,6 +383,10 @@ pub fn rasterize_backward(
                     gradient[7 + i] += weight * dimage[i];
                 }
                 gradient[6] += weight * ddepth;
+                for (channel, feature) in features_of(gaussians, splat).iter().enumerate() {
+                    value += dfeature(channel) * feature;
+                    out.features[splat.index * extent.channels + channel] += weight * dfeature(channel);
+                }
                 let dalpha = touch.before * value - behind / (1.0 - touch.alpha);
                 behind += weight * value;
                 if touch.capped {

@@ -4,6 +4,7 @@ use crate::matrix::{self, Mat33, Vec3};
 use crate::sh;
 use std::fmt;
 use weaver_kernels::Real;
+use weaver_kernels::lanes::Lanes;
 
 /// The Gaussians of a scene, as structure of arrays. `N` is the number of Gaussians.
 #[derive(Clone, Copy, Debug)]
@@ -18,11 +19,24 @@ pub struct Gaussians<'a, T> {
     pub opacities: &'a [T],
     /// Colours.
     pub colour: Colour<'a, T>,
+    /// Further numbers to blend, if any.
+    pub features: Option<Features<'a, T>>,
+}
+
+/// Numbers of any meaning that are blended as colours are, over a background of zeros.
+#[derive(Clone, Copy, Debug)]
+pub struct Features<'a, T> {
+    /// `[N, C]`
+    pub values: &'a [T],
+    /// C.
+    pub channels: usize,
 }
 
 /// The colours of the Gaussians.
 #[derive(Clone, Copy, Debug)]
 pub enum Colour<'a, T> {
+    /// None: there is no image, only alpha and what else is asked for.
+    None,
     /// The same from all sides, `[N, 3]`, not clamped.
     Plain(&'a [T]),
     /// Spherical harmonics in world axes, `[N, K, 3]` with K = (degree + 1)^2; the colour seen along the direction
@@ -39,6 +53,7 @@ impl<'a, T> Colour<'a, T> {
     /// All numbers, and how many belong to one Gaussian.
     pub(crate) fn values(&self) -> (&'a [T], usize) {
         match *self {
+            Colour::None => (&[], 0),
             Colour::Plain(values) => (values, 3),
             Colour::Sh { coefficients, degree } => (coefficients, 3 * (degree + 1) * (degree + 1)),
         }
@@ -84,37 +99,51 @@ impl<T: Real> Cameras<'_, T> {
         let k = &self.intrinsics[4 * v..];
         let axes: Mat33<T> = std::array::from_fn(|i| std::array::from_fn(|j| m[4 * i + j]));
         let shift: Vec3<T> = std::array::from_fn(|i| m[4 * i + 3]);
-        let inverse = matrix::inverse(&axes);
-        let centre = matrix::apply(&inverse, shift.map(|x| -x.to_f64())).map(T::from_f64);
+        let centre = matrix::apply(&matrix::inverse(&axes), shift.map(|x| -x.to_f64())).map(T::from_f64);
         let (focal, principal) = ([k[0], k[1]], [k[2], k[3]]);
         let size = [T::from_usize(self.width), T::from_usize(self.height)];
         // The frustum, widened by 30 % of half its size, bounds x/z and y/z in the Jacobian.
         let margin = T::from_f64(0.15);
         let low = std::array::from_fn(|i| -(principal[i] + margin * size[i]) / focal[i]);
         let high = std::array::from_fn(|i| (size[i] - principal[i] + margin * size[i]) / focal[i]);
-        Viewpoint { axes, shift, inverse, centre, focal, principal, low, high }
+        Viewpoint { axes, shift, centre, focal, principal, low, high }
     }
 }
 
-/// One camera.
+/// One camera, in numbers or in lanes that all hold the same.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Viewpoint<T> {
+pub(crate) struct Viewpoint<X> {
     /// A.
-    pub axes: Mat33<T>,
+    pub axes: Mat33<X>,
     /// t.
-    pub shift: Vec3<T>,
-    /// A^-1.
-    pub inverse: Mat33<f64>,
+    pub shift: Vec3<X>,
     /// -A^-1 t.
-    pub centre: Vec3<T>,
+    pub centre: Vec3<X>,
     /// fx, fy.
-    pub focal: [T; 2],
+    pub focal: [X; 2],
     /// cx, cy.
-    pub principal: [T; 2],
+    pub principal: [X; 2],
     /// Lower limits of x/z and y/z in the Jacobian.
-    pub low: [T; 2],
+    pub low: [X; 2],
     /// Upper limits.
-    pub high: [T; 2],
+    pub high: [X; 2],
+}
+
+impl<T: Real> Viewpoint<T> {
+    /// The same in all lanes.
+    #[inline(always)]
+    pub fn in_lanes<V: Lanes<Scalar = T>>(&self) -> Viewpoint<V> {
+        let Self { axes, shift, centre, focal, principal, low, high } = *self;
+        Viewpoint {
+            axes: axes.map(|row| row.map(V::splat)),
+            shift: shift.map(V::splat),
+            centre: centre.map(V::splat),
+            focal: focal.map(V::splat),
+            principal: principal.map(V::splat),
+            low: low.map(V::splat),
+            high: high.map(V::splat),
+        }
+    }
 }
 
 /// The rules of drawing that can be chosen.
@@ -137,24 +166,24 @@ pub struct RasterSettings {
     pub tile: TileSide,
 }
 
-/// Side of a tile, pixels.
+/// Side of a tile, which has one list of splats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TileSide {
-    /// 8 pixels.
-    Eight,
     /// 16 pixels.
     Sixteen,
     /// 32 pixels.
     ThirtyTwo,
+    /// 64 pixels.
+    SixtyFour,
 }
 
 impl TileSide {
     /// In pixels.
     pub fn pixels(self) -> usize {
         match self {
-            TileSide::Eight => 8,
             TileSide::Sixteen => 16,
             TileSide::ThirtyTwo => 32,
+            TileSide::SixtyFour => 64,
         }
     }
 }
@@ -216,6 +245,10 @@ pub(crate) struct Extent {
     pub views: usize,
     /// Numbers per Gaussian's colour.
     pub colour_len: usize,
+    /// C.
+    pub channels: usize,
+    /// Whether depth was asked for.
+    pub depth: bool,
     /// W.
     pub width: usize,
     /// H.
@@ -237,6 +270,7 @@ pub(crate) fn extent<T: Real>(
     gaussians: &Gaussians<'_, T>,
     cameras: &Cameras<'_, T>,
     settings: &RasterSettings,
+    depth: bool,
 ) -> Result<Extent, RasterError> {
     let (n, v) = (gaussians.opacities.len(), cameras.views());
     if let Colour::Sh { degree, .. } = gaussians.colour
@@ -252,6 +286,9 @@ pub(crate) fn extent<T: Real>(
     expect_len("quats", gaussians.quats.len(), 4 * n)?;
     expect_len("scales", gaussians.scales.len(), 3 * n)?;
     expect_len("colours", colours.len(), colour_len * n)?;
+    let channels = gaussians.features.map_or(0, |features| features.channels);
+    let features = gaussians.features.map_or(0, |features| features.values.len());
+    expect_len("features", features, channels.saturating_mul(n))?;
     expect_len("intrinsics", cameras.intrinsics.len(), 4 * v)?;
     if cameras.viewmats.len() != 16 * v {
         expect_len("viewmats", cameras.viewmats.len(), 12 * v)?;
@@ -266,5 +303,5 @@ pub(crate) fn extent<T: Real>(
     if v.checked_mul(n).is_none_or(|all| all >= u32::MAX as usize) {
         return Err(RasterError::new(format!("{v} views of {n} Gaussians are too many for one call")));
     }
-    Ok(Extent { gaussians: n, views: v, colour_len, width, height, side: settings.tile.pixels() })
+    Ok(Extent { gaussians: n, views: v, colour_len, channels, depth, width, height, side: settings.tile.pixels() })
 }

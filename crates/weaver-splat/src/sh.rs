@@ -1,8 +1,8 @@
 //! Real spherical harmonics, degree 0 to 4, with the signs and the order of the reference 3DGS implementation.
 
-use crate::matrix::{Vec3, dot};
-use weaver_autograd::Dual;
-use weaver_kernels::Real;
+use crate::matrix::{Ring, Vec3, dot};
+use std::ops::{Add, Mul, Neg, Sub};
+use weaver_kernels::lanes::Lanes;
 
 /// Number of coefficients per channel at the largest degree, 4.
 pub(crate) const MAX_TERMS: usize = 25;
@@ -11,10 +11,13 @@ pub(crate) const MAX_TERMS: usize = 25;
 pub const MAX_DEGREE: usize = 4;
 
 /// The basis functions of degree 0 to `degree` in the direction of the unit vector (x, y, z); the rest of the
-/// array is zero.
+/// array is zero. `c` makes constants.
 #[inline(always)]
-pub(crate) fn basis<T: Real, const P: usize>(degree: usize, [x, y, z]: [Dual<T, P>; 3]) -> [Dual<T, P>; MAX_TERMS] {
-    let c = |x: f64| Dual::constant(T::from_f64(x));
+pub(crate) fn basis<X: Ring + Neg<Output = X>>(
+    degree: usize,
+    [x, y, z]: [X; 3],
+    c: impl Fn(f64) -> X,
+) -> [X; MAX_TERMS] {
     let mut b = [c(0.0); MAX_TERMS];
     b[0] = c(0.282_094_791_773_878_14);
     if degree < 1 {
@@ -60,69 +63,124 @@ pub(crate) fn basis<T: Real, const P: usize>(degree: usize, [x, y, z]: [Dual<T, 
     b
 }
 
-/// The unit vector along `v` and the length of `v`.
-#[inline(always)]
-fn direction<T: Real>(v: Vec3<T>) -> (Vec3<T>, T) {
-    let length = dot(v, v).sqrt();
-    (v.map(|x| x / length), length)
+/// Lanes and their derivatives along x, y, z.
+#[derive(Clone, Copy)]
+struct Slope<V> {
+    value: V,
+    partial: Vec3<V>,
 }
 
-/// sum over k of b_k(v / |v|) coefficients_k + 0.5, before the clamp at zero. `coefficients` are `[K, 3]`.
+impl<V: Lanes> Slope<V> {
+    fn constant(x: f64) -> Self {
+        Self { value: V::constant(x), partial: [V::zero(); 3] }
+    }
+
+    fn inputs(x: Vec3<V>) -> [Self; 3] {
+        let (zero, one) = (V::zero(), V::constant(1.0));
+        [0, 1, 2].map(|i| Self { value: x[i], partial: [0, 1, 2].map(|j| if i == j { one } else { zero }) })
+    }
+}
+
+impl<V: Lanes> Add for Slope<V> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, b: Self) -> Self {
+        Self { value: self.value + b.value, partial: [0, 1, 2].map(|i| self.partial[i] + b.partial[i]) }
+    }
+}
+
+impl<V: Lanes> Sub for Slope<V> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, b: Self) -> Self {
+        Self { value: self.value - b.value, partial: [0, 1, 2].map(|i| self.partial[i] - b.partial[i]) }
+    }
+}
+
+impl<V: Lanes> Mul for Slope<V> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, b: Self) -> Self {
+        let partial = [0, 1, 2].map(|i| self.partial[i].mul_add(b.value, self.value * b.partial[i]));
+        Self { value: self.value * b.value, partial }
+    }
+}
+
+impl<V: Lanes> Neg for Slope<V> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self { value: -self.value, partial: self.partial.map(|x| -x) }
+    }
+}
+
+/// The unit vector along `v`, and 1 / |v|.
 #[inline(always)]
-pub(crate) fn colour<T: Real>(degree: usize, v: Vec3<T>, coefficients: &[T]) -> Vec3<T> {
-    let unit = if degree == 0 { [T::ZERO; 3] } else { direction(v).0 };
-    let b = basis(degree, unit.map(Dual::<T, 0>::constant));
-    let mut colour = [T::from_f64(0.5); 3];
-    for (k, term) in coefficients.chunks_exact(3).enumerate() {
+fn direction<V: Lanes>(v: Vec3<V>) -> (Vec3<V>, V) {
+    let inverse_length = V::constant(1.0) / dot(v, v).sqrt();
+    (v.map(|x| x * inverse_length), inverse_length)
+}
+
+/// sum over k of b_k(v / |v|) coefficients_k + 0.5, before the clamp at zero, and a number that is 0 if all coefficients
+/// are finite. Coefficient k of channel c is `coefficients[3 k + c]`.
+#[inline(always)]
+pub(crate) fn colour<V: Lanes>(degree: usize, v: Vec3<V>, coefficients: &[V]) -> (Vec3<V>, V) {
+    let unit = if degree == 0 { [V::zero(); 3] } else { direction(v).0 };
+    let b = basis(degree, unit, V::constant);
+    let zero = V::zero();
+    let mut colour = [V::constant(0.5); 3];
+    let mut unsound = zero;
+    for (b, term) in b.iter().zip(coefficients.as_chunks::<3>().0).take((degree + 1) * (degree + 1)) {
         for channel in 0..3 {
-            colour[channel] += b[k].value * term[channel];
+            colour[channel] = b.mul_add(term[channel], colour[channel]);
+            unsound = term[channel].mul_add(zero, unsound);
         }
     }
-    colour
+    (colour, unsound)
 }
 
-/// Backward of [`colour`]: calls `each(k, d colour sum / d coefficient_k)` for every k, the same number for the
-/// three channels, and returns the gradient with respect to v.
+/// Backward of [`colour`]: adds `dcolour` times the basis to `dcoefficients`, laid out as `coefficients`, and returns the
+/// gradient with respect to v.
 #[inline(always)]
-pub(crate) fn colour_backward<T: Real>(
+pub(crate) fn colour_backward<V: Lanes>(
     degree: usize,
-    v: Vec3<T>,
-    coefficients: &[T],
-    dcolour: Vec3<T>,
-    mut each: impl FnMut(usize, T),
-) -> Vec3<T> {
-    if degree == 0 {
-        each(0, basis(0, [Dual::<T, 0>::constant(T::ZERO); 3])[0].value);
-        return [T::ZERO; 3];
-    }
-    let (unit, length) = direction(v);
-    let b = basis(degree, Dual::inputs(unit));
-    let mut dunit = [T::ZERO; 3];
-    for (k, term) in coefficients.chunks_exact(3).enumerate() {
-        each(k, b[k].value);
-        let weight = dot(dcolour, [term[0], term[1], term[2]]);
+    v: Vec3<V>,
+    coefficients: &[V],
+    dcolour: Vec3<V>,
+    dcoefficients: &mut [V],
+) -> Vec3<V> {
+    let terms = (degree + 1) * (degree + 1);
+    let pairs = coefficients.as_chunks::<3>().0.iter().zip(dcoefficients.as_chunks_mut::<3>().0).take(terms);
+    let (unit, inverse_length) = if degree == 0 { ([V::zero(); 3], V::zero()) } else { direction(v) };
+    let b = basis(degree, Slope::inputs(unit), Slope::constant);
+    let mut dunit = [V::zero(); 3];
+    for (b, (term, dterm)) in b.iter().zip(pairs) {
+        let weight = dot(dcolour, *term);
         for i in 0..3 {
-            dunit[i] += weight * b[k].partial[i];
+            dterm[i] = dcolour[i].mul_add(b.value, dterm[i]);
+            dunit[i] = weight.mul_add(b.partial[i], dunit[i]);
         }
     }
     let along = dot(unit, dunit);
-    std::array::from_fn(|i| (dunit[i] - unit[i] * along) / length)
+    [0, 1, 2].map(|i| (dunit[i] - unit[i] * along) * inverse_length)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use weaver_autograd::Dual;
     use weaver_kernels::random::Stream;
 
     #[test]
     fn basis_is_that_of_the_reference() {
         let stream = Stream::new(0, 0, "splat.sh");
         for i in 0..50 {
-            let (unit, _) = direction(std::array::from_fn(|axis| stream.normal::<f64>(3 * i + axis as u64)));
+            let v: Vec3<f64> = std::array::from_fn(|axis| stream.normal(3 * i + axis as u64));
+            let unit = v.map(|x| x / dot(v, v).sqrt());
             let expected = weaver_geometry::sh::basis(unit);
             let slopes = weaver_geometry::sh::gradient(unit);
             for degree in 0..=MAX_DEGREE {
-                let ours = basis(degree, Dual::inputs(unit));
+                let ours = basis(degree, Dual::inputs(unit), Dual::constant);
                 for k in 0..(degree + 1) * (degree + 1) {
                     assert!((ours[k].value - expected[k]).abs() < 1e-14, "{k}");
                     // Only the part along the sphere counts: on it, x^2 + y^2 + z^2 may be written as 1.

@@ -1,9 +1,14 @@
 //! Memory of the rasteriser, kept between calls.
 
-use crate::project::Splat;
-use crate::scene::{Extent, RasterSettings};
-use crate::tiles::TileLists;
+use crate::cover::Chunk;
+use crate::lists::Lists;
+use crate::scene::{Extent, RasterError, RasterSettings};
+use crate::splat::Splat;
+use crate::window::Plane;
+use std::sync::atomic::AtomicU64;
+use std::time::Duration;
 use weaver_kernels::Real;
+use weaver_kernels::lanes::Row;
 
 /// What forward leaves for backward, and room to work in. It only grows: calls of sizes seen before allocate nothing.
 #[derive(Debug)]
@@ -12,22 +17,38 @@ pub struct Workspace<T> {
     pub(crate) drawn: Option<(Extent, RasterSettings)>,
     /// `[V, N]`; what is not drawn holds leftovers.
     pub(crate) splats: Vec<Splat<T>>,
-    /// Sort keys, `[V, N]`.
-    pub(crate) keys: Vec<u64>,
-    /// Running sums of how many tiles each splat touches, `[V * N + 1]`.
-    pub(crate) offsets: Vec<u32>,
+    /// The tiles of the splats, `[V, chunks]`.
+    pub(crate) chunks: Vec<Chunk>,
+    /// Keys of Gaussians by depth, and sorted, `[V, N]` each.
+    pub(crate) keys: [Vec<AtomicU64>; 2],
+    /// Counts of digits.
+    pub(crate) counts: Vec<u32>,
     /// Which splats each tile looks at.
-    pub(crate) lists: TileLists,
-    /// Transmittance, red, green, blue, depth of each tile, `[V * tiles, 5, S, S]`.
-    pub(crate) planes: Vec<T>,
-    /// 1 + the last list index seen at each pixel, `[V * tiles, S, S]`.
-    pub(crate) last: Vec<u32>,
-    /// Sums of each list entry, `[entries, 12]`.
-    pub(crate) moments: Vec<T>,
+    pub(crate) lists: Lists,
+    /// What drawing left in each window, `[V * tiles * windows, planes]`.
+    pub(crate) planes: Vec<Plane<T>>,
+    /// Sums of each list entry.
+    pub(crate) moments: Vec<Row<T>>,
+    /// Sums of features of each list entry, `[entries, C]`.
+    pub(crate) feature_sums: Vec<T>,
     /// Background gradients of the tiles, `[V * tiles, 3]`.
-    pub(crate) background_sums: Vec<T>,
-    /// Camera gradients of chunks of Gaussians, `[chunks, V, 19]`.
-    pub(crate) camera_sums: Vec<T>,
+    pub(crate) background_sums: Vec<[T; 3]>,
+    /// Camera gradients of chunks of Gaussians.
+    pub(crate) camera_sums: Vec<Row<T>>,
+    pub(crate) stages: Stages,
+}
+
+/// How long the stages of the last calls took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stages {
+    /// From Gaussians to splats, and which tiles they touch.
+    pub project: Duration,
+    /// Sorting by depth, and dealing to tiles.
+    pub bin: Duration,
+    /// Blending, and putting images together.
+    pub composite: Duration,
+    /// All of backward.
+    pub backward: Duration,
 }
 
 impl<T: Real> Workspace<T> {
@@ -36,15 +57,27 @@ impl<T: Real> Workspace<T> {
         Self {
             drawn: None,
             splats: Vec::new(),
-            keys: Vec::new(),
-            offsets: Vec::new(),
-            lists: TileLists::default(),
+            chunks: Vec::new(),
+            keys: [Vec::new(), Vec::new()],
+            counts: Vec::new(),
+            lists: Lists::default(),
             planes: Vec::new(),
-            last: Vec::new(),
             moments: Vec::new(),
+            feature_sums: Vec::new(),
             background_sums: Vec::new(),
             camera_sums: Vec::new(),
+            stages: Stages::default(),
         }
+    }
+
+    /// The sizes and settings of the last forward.
+    pub(crate) fn last(&self) -> Result<(Extent, RasterSettings), RasterError> {
+        self.drawn.ok_or_else(|| RasterError::new("nothing was drawn with this workspace"))
+    }
+
+    /// How long the last forward and the last backward took.
+    pub fn stages(&self) -> Stages {
+        self.stages
     }
 }
 
@@ -52,4 +85,13 @@ impl<T: Real> Default for Workspace<T> {
     fn default() -> Self {
         Self::new()
     }
+}
+
+/// A vector grown to at least `len` elements, and its first `len`.
+pub(crate) fn grown<U: Default>(values: &mut Vec<U>, len: usize) -> &mut [U] {
+    if values.len() < len {
+        values.reserve_exact(len - values.len());
+        values.resize_with(len, U::default);
+    }
+    &mut values[..len]
 }

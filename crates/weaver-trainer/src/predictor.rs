@@ -166,6 +166,7 @@ pub fn render(
         scales: &splats.scales,
         opacities: &splats.opacities,
         colour: Colour::Sh { coefficients: &splats.sh, degree: splats.degree },
+        features: None,
     };
     let views = Cameras {
         viewmats: &w2c_rows(cameras.iter().map(|c| c.pose)),
@@ -175,8 +176,8 @@ pub fn render(
         height,
     };
     let mut image = vec![0.0; 3 * pixels * cameras.len()];
-    let (mut alpha, mut depth) = (vec![0.0; pixels * cameras.len()], vec![0.0; pixels * cameras.len()]);
-    let images = Images { image: &mut image, alpha: &mut alpha, depth: &mut depth };
+    let mut alpha = vec![0.0; pixels * cameras.len()];
+    let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
     weaver_splat::rasterize(&gaussians, &views, settings, workspace, images)?;
     Ok(image
         .chunks(3 * pixels)

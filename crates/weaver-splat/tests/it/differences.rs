@@ -9,7 +9,7 @@ fn loss(scene: &Scene<f64>, cotangents: &Planes<f64>) -> f64 {
 }
 
 /// Checks every coordinate of every input.
-fn check(scene: &Scene<f64>, cotangents: &Planes<f64>, gradients: &[Vec<f64>; 9]) {
+fn check(scene: &Scene<f64>, cotangents: &Planes<f64>, gradients: &[Vec<f64>; 10]) {
     let scale: f64 = cotangents.flat().iter().map(|x| x.abs()).sum();
     for part in 0..8 {
         for at in 0..scene.clone().parts()[part].len() {

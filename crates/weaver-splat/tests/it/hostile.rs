@@ -23,7 +23,8 @@ const NASTY: [f32; 14] = [
 
 fn ones(scene: &Scene<f32>) -> Planes<f32> {
     let pixels = scene.pixels();
-    Planes { image: vec![1.0; 3 * pixels], alpha: vec![1.0; pixels], depth: vec![1.0; pixels] }
+    let [image, alpha, depth, features] = [3, 1, 1, scene.channels].map(|channels| vec![1.0; channels * pixels]);
+    Planes { image, alpha, depth, features }
 }
 
 proptest! {
@@ -62,6 +63,7 @@ proptest! {
     ) {
         let good = Scene::random(seed, 30, 2, (21, 18), Some(1));
         let mut scene = good.clone();
+        scene.features.extend_from_within(..2);
         // A copy of the first Gaussian, spoiled, at the end.
         let lengths = [3, 4, 3, 1, 12];
         for (part, len) in lengths.into_iter().enumerate() {
@@ -104,7 +106,9 @@ fn misfits_are_errors() {
     let mut workspace = Workspace::new();
     let mut render = |scene: &Scene<f64>, pixels: usize| {
         let (mut image, mut alpha, mut depth) = (vec![0.0; 3 * pixels], vec![0.0; pixels], vec![0.0; pixels]);
-        let images = Images { image: &mut image, alpha: &mut alpha, depth: &mut depth };
+        let mut features = vec![0.0; 2 * pixels];
+        let images =
+            Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: Some(&mut features) };
         rasterize(&scene.gaussians(), &scene.cameras(), &scene.settings, &mut workspace, images)
             .map_err(|error| error.to_string())
     };
@@ -119,7 +123,7 @@ fn misfits_are_errors() {
     flat.height = 0;
     assert!(render(&flat, 0).unwrap_err().contains("4 x 0"));
     // The last forward failed, so there is nothing to go back from.
-    let none = Cotangents { image: None, alpha: None, depth: None };
+    let none = Cotangents::default();
     let error = rasterize_backward(
         &scene.gaussians(),
         &scene.cameras(),

@@ -32,10 +32,11 @@ proptest! {
         shuffled.scales = permuted(&scene.scales, 3, &order);
         shuffled.opacities = permuted(&scene.opacities, 1, &order);
         shuffled.colours = permuted(&scene.colours, 12, &order);
+        shuffled.features = permuted(&scene.features, 2, &order);
         prop_assert_eq!(scene.render(), shuffled.render());
         let cotangents = scene.cotangents(seed);
         let (a, b) = (scene.gradients(&cotangents), shuffled.gradients(&cotangents));
-        for (part, len) in [(0, 3), (1, 4), (2, 3), (3, 1), (4, 12), (8, 2)] {
+        for (part, len) in [(0, 3), (1, 4), (2, 3), (3, 1), (4, 12), (8, 2), (9, 2)] {
             prop_assert_eq!(&permuted(&a[part], len, &order), &b[part], "{}", NAMES[part]);
         }
     }
@@ -45,12 +46,7 @@ proptest! {
         let scene = Scene::random(seed, n, views, (50, 37), degree);
         let single = scene.to_f32();
         let cotangents = scene.cotangents(seed);
-        let to_f32 = |values: &[f64]| values.iter().map(|&x| x as f32).collect::<Vec<_>>();
-        let cotangents = Planes {
-            image: to_f32(&cotangents.image),
-            alpha: to_f32(&cotangents.alpha),
-            depth: to_f32(&cotangents.depth),
-        };
+        let cotangents = cotangents.to_f32();
         let run = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| (single.render(), single.gradients(&cotangents)))
@@ -69,7 +65,7 @@ proptest! {
         }
         let mut single = scene.to_f32();
         let (double_planes, single_planes) = (scene.render(), single.render());
-        for tile in [TileSide::Eight, TileSide::ThirtyTwo] {
+        for tile in [TileSide::ThirtyTwo, TileSide::SixtyFour] {
             scene.settings.tile = tile;
             single.settings.tile = tile;
             prop_assert_eq!(&double_planes, &scene.render());
@@ -94,6 +90,7 @@ proptest! {
                 image: planes.image[3 * v * pixels..][..3 * pixels].to_vec(),
                 alpha: planes.alpha[v * pixels..][..pixels].to_vec(),
                 depth: planes.depth[v * pixels..][..pixels].to_vec(),
+                features: planes.features[2 * v * pixels..][..2 * pixels].to_vec(),
             };
             prop_assert_eq!(single.render(), part(&planes));
             let own = single.gradients(&part(&cotangents));
@@ -161,12 +158,16 @@ fn leftovers_and_layouts() {
 
     let mut means = vec![1.0; scene.means.len()];
     let gradients = Gradients { means: Some(Target::add(&mut means)), ..Gradients::default() };
-    let only_alpha = Cotangents { image: None, alpha: Some(&cotangents.alpha), depth: None };
+    let only_alpha = Cotangents { alpha: Some(&cotangents.alpha), ..Cotangents::default() };
     rasterize_backward(&scene.gaussians(), &scene.cameras(), &scene.settings, &mut workspace, &only_alpha, gradients)
         .unwrap();
     let zeros = |values: &[f64]| vec![0.0; values.len()];
-    let padded =
-        Planes { image: zeros(&cotangents.image), alpha: cotangents.alpha.clone(), depth: zeros(&cotangents.depth) };
+    let padded = Planes {
+        image: zeros(&cotangents.image),
+        alpha: cotangents.alpha.clone(),
+        depth: zeros(&cotangents.depth),
+        features: zeros(&cotangents.features),
+    };
     let expected: Vec<f64> = scene.gradients(&padded)[0].iter().map(|x| 1.0 + x).collect();
     assert!(relative(&means, &expected, 0.0) < 1e-14);
 }

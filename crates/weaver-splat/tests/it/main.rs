@@ -9,3 +9,4 @@ mod parity;
 mod rules;
 mod scene;
 mod twin;
+mod visit;

@@ -30,6 +30,8 @@ fn check(name: &str, antialiased: bool, degree: Option<usize>) {
         opacities: floats(&file, "in.opacities"),
         colours: floats(&file, if degree.is_some() { "in.sh" } else { "in.colors" }),
         degree,
+        features: Vec::new(),
+        channels: 0,
         viewmats: floats(&file, "in.viewmat"),
         intrinsics: intrinsics(&floats(&file, "in.K")),
         background: floats(&file, "in.background"),
@@ -45,6 +47,7 @@ fn check(name: &str, antialiased: bool, degree: Option<usize>) {
         image: floats(&file, &format!("{kind}.image")),
         alpha: floats(&file, &format!("{kind}.alpha")),
         depth: floats(&file, &format!("{kind}.depth")),
+        features: Vec::new(),
     };
     let (cotangents, expected) = (read("cot"), read("out"));
     let mut gradients: Vec<Option<Vec<f64>>> = Vec::new();
@@ -68,15 +71,13 @@ fn check(name: &str, antialiased: bool, degree: Option<usize>) {
     // Measured: 5e-8 in f64 (the references are stored in f32); in f32 2e-6 and, antialiased, 1.6e-5.
     compare(&scene.render(), &scene.gradients(&cotangents), (&expected, &gradients), &masked, 1e-6);
     let single = scene.to_f32();
-    let to_f32 = |values: &[f64]| values.iter().map(|&x| x as f32).collect();
-    let cotangents =
-        Planes { image: to_f32(&cotangents.image), alpha: to_f32(&cotangents.alpha), depth: to_f32(&cotangents.depth) };
+    let cotangents = cotangents.to_f32();
     compare(&single.render(), &single.gradients(&cotangents), (&expected, &gradients), &masked, 3e-5);
 }
 
 fn compare<T: weaver_kernels::Real>(
     planes: &Planes<T>,
-    gradients: &[Vec<T>; 9],
+    gradients: &[Vec<T>; 10],
     (expected, expected_gradients): (&Planes<f64>, &[Option<Vec<f64>>]),
     masked: &impl Fn(Vec<f64>, usize) -> Vec<f64>,
     bar: f64,

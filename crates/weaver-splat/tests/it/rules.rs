@@ -12,6 +12,8 @@ fn on_axis(splats: &[(f64, f64, f64)]) -> Scene<f64> {
         opacities: splats.iter().map(|s| s.1).collect(),
         colours: splats.iter().flat_map(|s| [s.2; 3]).collect(),
         degree: None,
+        features: Vec::new(),
+        channels: 0,
         viewmats: vec![1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0],
         intrinsics: vec![10.0, 10.0, 0.5, 0.5],
         background: vec![0.0; 3],
@@ -79,7 +81,7 @@ fn a_point_is_blurred_by_eps2d() {
     close(alpha[1], 0.8 * (-0.5_f64 / 0.3).exp());
     close(alpha[2], 0.0);
     scene.settings.antialiased = true;
-    scene.settings.tile = TileSide::Eight;
+    scene.settings.tile = TileSide::ThirtyTwo;
     close(scene.render().alpha[0], 0.8 * 0.005);
 }
 

@@ -2,8 +2,8 @@
 
 use weaver_kernels::{Real, random::Stream};
 use weaver_splat::{
-    Cameras, Colour, Cotangents, Gaussians, Gradients, Images, RasterSettings, RasterStats, Target, Workspace,
-    rasterize, rasterize_backward,
+    Cameras, Colour, Cotangents, Features, Gaussians, Gradients, Images, RasterSettings, RasterStats, Target,
+    Workspace, rasterize, rasterize_backward,
 };
 
 /// Everything that is drawn.
@@ -15,6 +15,9 @@ pub struct Scene<T> {
     pub opacities: Vec<T>,
     pub colours: Vec<T>,
     pub degree: Option<usize>,
+    /// `[N, channels]`
+    pub features: Vec<T>,
+    pub channels: usize,
     pub viewmats: Vec<T>,
     pub intrinsics: Vec<T>,
     pub background: Vec<T>,
@@ -29,11 +32,22 @@ pub struct Planes<T> {
     pub image: Vec<T>,
     pub alpha: Vec<T>,
     pub depth: Vec<T>,
+    pub features: Vec<T>,
 }
 
 /// Names of the gradients, in the order of [`gradients`].
-pub const NAMES: [&str; 9] =
-    ["means", "quats", "scales", "opacities", "colours", "viewmats", "intrinsics", "background", "centre_pull"];
+pub const NAMES: [&str; 10] = [
+    "means",
+    "quats",
+    "scales",
+    "opacities",
+    "colours",
+    "viewmats",
+    "intrinsics",
+    "background",
+    "centre_pull",
+    "features",
+];
 
 impl Scene<f64> {
     /// `n` Gaussians around the view of `views` cameras: some behind, some out of sight, some opaque; cameras are not quite
@@ -51,6 +65,8 @@ impl Scene<f64> {
             opacities: (0..n).map(|i| 1.0 / (1.0 + (-1.5 * normal(2, i)).exp())).collect(),
             colours: (0..colour_len * n).map(|i| 0.5 * normal(3, i)).collect(),
             degree,
+            features: (0..2 * n).map(|i| normal(11, i)).collect(),
+            channels: 2,
             viewmats: Vec::new(),
             intrinsics: Vec::new(),
             background: (0..3 * views).map(|i| uniform(4, i)).collect(),
@@ -97,7 +113,12 @@ impl Scene<f64> {
         let stream = Stream::new(seed, 1, "splat.test");
         let pixels = self.pixels();
         let draw = |purpose: u64, n: usize| (0..n as u64).map(|i| stream.fork(purpose).normal(i)).collect();
-        Planes { image: draw(0, 3 * pixels), alpha: draw(1, pixels), depth: draw(2, pixels) }
+        Planes {
+            image: draw(0, 3 * pixels),
+            alpha: draw(1, pixels),
+            depth: draw(2, pixels),
+            features: draw(3, self.channels * pixels),
+        }
     }
 
     /// The arrays that have gradients, in the order of [`NAMES`].
@@ -124,6 +145,8 @@ impl Scene<f64> {
             opacities: round(&self.opacities),
             colours: round(&self.colours),
             degree: self.degree,
+            features: round(&self.features),
+            channels: self.channels,
             viewmats: round(&self.viewmats),
             intrinsics: round(&self.intrinsics),
             background: round(&self.background),
@@ -153,6 +176,7 @@ impl<T: Real> Scene<T> {
                 None => Colour::Plain(&self.colours),
                 Some(degree) => Colour::Sh { coefficients: &self.colours, degree },
             },
+            features: (self.channels > 0).then_some(Features { values: &self.features, channels: self.channels }),
         }
     }
 
@@ -170,8 +194,14 @@ impl<T: Real> Scene<T> {
     pub fn render_in(&self, workspace: &mut Workspace<T>) -> (Planes<T>, RasterStats) {
         let pixels = self.pixels();
         let nan = T::from_f64(f64::NAN);
-        let mut out = Planes { image: vec![nan; 3 * pixels], alpha: vec![nan; pixels], depth: vec![nan; pixels] };
-        let images = Images { image: &mut out.image, alpha: &mut out.alpha, depth: &mut out.depth };
+        let [image, alpha, depth, features] = [3, 1, 1, self.channels].map(|channels| vec![nan; channels * pixels]);
+        let mut out = Planes { image, alpha, depth, features };
+        let images = Images {
+            image: &mut out.image,
+            alpha: &mut out.alpha,
+            depth: Some(&mut out.depth),
+            features: Some(&mut out.features),
+        };
         let stats = rasterize(&self.gaussians(), &self.cameras(), &self.settings, workspace, images).unwrap();
         (out, stats)
     }
@@ -181,9 +211,14 @@ impl<T: Real> Scene<T> {
     }
 
     /// All gradients, in the order of [`NAMES`].
-    pub fn gradients(&self, cotangents: &Planes<T>) -> [Vec<T>; 9] {
+    pub fn gradients(&self, cotangents: &Planes<T>) -> [Vec<T>; 10] {
         let mut workspace = Workspace::new();
         self.render_in(&mut workspace);
+        self.gradients_in(cotangents, &mut workspace)
+    }
+
+    /// The same after a rendering with this workspace.
+    pub fn gradients_in(&self, cotangents: &Planes<T>, workspace: &mut Workspace<T>) -> [Vec<T>; 10] {
         let n = self.opacities.len();
         let lengths = [
             3 * n,
@@ -195,21 +230,29 @@ impl<T: Real> Scene<T> {
             self.intrinsics.len(),
             self.background.len(),
             2 * n * self.views(),
+            self.features.len(),
         ];
         let mut out = lengths.map(|len| vec![T::from_f64(f64::NAN); len]);
-        let [means, quats, scales, opacities, colours, viewmats, intrinsics, background, centre_pull] =
+        let [means, quats, scales, opacities, colours, viewmats, intrinsics, background, centre_pull, features] =
             out.each_mut().map(|values| Some(Target::write(&mut values[..])));
         rasterize_backward(
             &self.gaussians(),
             &self.cameras(),
             &self.settings,
-            &mut workspace,
-            &Cotangents {
-                image: Some(&cotangents.image),
-                alpha: Some(&cotangents.alpha),
-                depth: Some(&cotangents.depth),
+            workspace,
+            &cotangents.as_cotangents(),
+            Gradients {
+                means,
+                quats,
+                scales,
+                opacities,
+                colours,
+                features,
+                viewmats,
+                intrinsics,
+                background,
+                centre_pull,
             },
-            Gradients { means, quats, scales, opacities, colours, viewmats, intrinsics, background, centre_pull },
         )
         .unwrap();
         out
@@ -217,9 +260,29 @@ impl<T: Real> Scene<T> {
 }
 
 impl<T: Real> Planes<T> {
+    pub fn as_cotangents(&self) -> Cotangents<'_, T> {
+        Cotangents {
+            image: Some(&self.image),
+            alpha: Some(&self.alpha),
+            depth: Some(&self.depth),
+            features: Some(&self.features),
+        }
+    }
+
+    /// The same in `f32`.
+    pub fn to_f32(&self) -> Planes<f32> {
+        let round = |values: &[T]| values.iter().map(|x| x.to_f32()).collect();
+        Planes {
+            image: round(&self.image),
+            alpha: round(&self.alpha),
+            depth: round(&self.depth),
+            features: round(&self.features),
+        }
+    }
+
     /// Everything in a row.
     pub fn flat(&self) -> Vec<f64> {
-        [&self.image, &self.alpha, &self.depth].into_iter().flatten().map(|x| x.to_f64()).collect()
+        [&self.image, &self.alpha, &self.depth, &self.features].into_iter().flatten().map(|x| x.to_f64()).collect()
     }
 }
 

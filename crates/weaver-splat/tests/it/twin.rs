@@ -2,18 +2,18 @@
 
 use crate::scene::{NAMES, Planes, Scene, relative};
 use proptest::prelude::*;
-use weaver_splat::{Cotangents, RasterSettings, TileSide, reference};
+use weaver_splat::{RasterSettings, TileSide, reference};
 
-pub fn reference_gradients(scene: &Scene<f64>, cotangents: &Planes<f64>) -> [Vec<f64>; 9] {
-    let cotangents =
-        Cotangents { image: Some(&cotangents.image), alpha: Some(&cotangents.alpha), depth: Some(&cotangents.depth) };
+pub fn reference_gradients(scene: &Scene<f64>, cotangents: &Planes<f64>) -> [Vec<f64>; 10] {
+    let cotangents = cotangents.as_cotangents();
     let d = reference::rasterize_backward(&scene.gaussians(), &scene.cameras(), &scene.settings, &cotangents).unwrap();
-    [d.means, d.quats, d.scales, d.opacities, d.colours, d.viewmats, d.intrinsics, d.background, d.centre_pull]
+    let (pull, features) = (d.centre_pull, d.features);
+    [d.means, d.quats, d.scales, d.opacities, d.colours, d.viewmats, d.intrinsics, d.background, pull, features]
 }
 
 pub fn reference_planes(scene: &Scene<f64>) -> Planes<f64> {
     let r = reference::rasterize(&scene.gaussians(), &scene.cameras(), &scene.settings).unwrap();
-    Planes { image: r.image, alpha: r.alpha, depth: r.depth }
+    Planes { image: r.image, alpha: r.alpha, depth: r.depth, features: r.features }
 }
 
 proptest! {
@@ -27,7 +27,7 @@ proptest! {
         size in (1_usize..40, 1_usize..40),
         degree in prop::option::of(0_usize..=4),
         antialiased: bool,
-        tile in prop::sample::select(vec![TileSide::Eight, TileSide::Sixteen, TileSide::ThirtyTwo]),
+        tile in prop::sample::select(vec![TileSide::Sixteen, TileSide::ThirtyTwo, TileSide::SixtyFour]),
         published: bool,
         thin: bool,
     ) {

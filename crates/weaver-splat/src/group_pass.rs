@@ -1,0 +1,250 @@
+//! The second half of backward: Gaussian by Gaussian, from sums over pixels to parameters.
+
+use crate::backward::moment;
+use crate::cover::{Chunk, GRAIN};
+use crate::gradients::{Gradients, Target};
+use crate::project::{Coefficients, Group, footprint};
+use crate::project_backward::{CAMERA_SUMS, GroupGradient, splat_backward};
+use crate::scene::{Cameras, Colour, Extent, Gaussians, RasterSettings};
+use crate::sh;
+use crate::splat::{BITS, put_columns, put_wide_columns, slot, wide_columns};
+use crate::workspace::Workspace;
+use std::ops::Range;
+use std::sync::atomic::Ordering::Relaxed;
+use weaver_kernels::lanes::{self, LANES, LaneKernel, LaneMask, Lanes, Row};
+use weaver_kernels::{Real, parallel};
+
+/// What the pass works on.
+#[derive(Clone, Copy)]
+pub(crate) struct GroupPass<'a, T> {
+    pub gaussians: &'a Gaussians<'a, T>,
+    pub cameras: &'a Cameras<'a, T>,
+    pub settings: &'a RasterSettings,
+    pub extent: &'a Extent,
+    pub workspace: &'a Workspace<T>,
+}
+
+/// Where the gradients of consecutive Gaussians go.
+struct Share<'a, T> {
+    means: Option<Target<'a, T>>,
+    quats: Option<Target<'a, T>>,
+    scales: Option<Target<'a, T>>,
+    opacities: Option<Target<'a, T>>,
+    colours: Option<Target<'a, T>>,
+    /// `[chunks, V, CAMERA_SUMS]`
+    camera_sums: &'a mut [Row<T>],
+}
+
+impl<'a, T: Real> Share<'a, T> {
+    /// The parts of the first `chunks` chunks and of the rest.
+    fn split(self, chunks: usize, extent: &Extent) -> (Self, Self) {
+        let count = chunks * GRAIN;
+        let cut = |target: Option<Target<'a, T>>, len: usize| target.map(|target| target.split(count * len)).unzip();
+        let (camera_a, camera_b) = self.camera_sums.split_at_mut(chunks * extent.views * CAMERA_SUMS);
+        let (means_a, means_b) = cut(self.means, 3);
+        let (quats_a, quats_b) = cut(self.quats, 4);
+        let (scales_a, scales_b) = cut(self.scales, 3);
+        let (opacities_a, opacities_b) = cut(self.opacities, 1);
+        let (colours_a, colours_b) = cut(self.colours, extent.colour_len);
+        let a = Self {
+            means: means_a,
+            quats: quats_a,
+            scales: scales_a,
+            opacities: opacities_a,
+            colours: colours_a,
+            camera_sums: camera_a,
+        };
+        let b = Self {
+            means: means_b,
+            quats: quats_b,
+            scales: scales_b,
+            opacities: opacities_b,
+            colours: colours_b,
+            camera_sums: camera_b,
+        };
+        (a, b)
+    }
+}
+
+impl<T: Real> GroupPass<'_, T> {
+    /// Writes the gradients of Gaussians, and those of the cameras in parts: `camera_sums` is `[chunks, V,
+    /// CAMERA_SUMS]`.
+    pub fn run(&self, gradients: &mut Gradients<'_, T>, camera_sums: &mut [Row<T>]) {
+        if let Some(target) = &mut gradients.centre_pull {
+            self.centre_pull(target);
+        }
+        if let Some(target) = &mut gradients.features {
+            self.features(target);
+        }
+        let share = Share {
+            means: gradients.means.take(),
+            quats: gradients.quats.take(),
+            scales: gradients.scales.take(),
+            opacities: gradients.opacities.take(),
+            colours: gradients.colours.take(),
+            camera_sums,
+        };
+        self.split(0..self.extent.gaussians.div_ceil(GRAIN), share);
+    }
+
+    /// Runs the chunks in parallel.
+    fn split(&self, chunks: Range<usize>, share: Share<'_, T>) {
+        match chunks.len() {
+            0 => {}
+            1 => lanes::run(ChunkPass { pass: *self, index: chunks.start, share }),
+            count => {
+                let middle = chunks.start + count / 2;
+                let (a, b) = share.split(count / 2, self.extent);
+                rayon::join(|| self.split(chunks.start..middle, a), || self.split(middle..chunks.end, b));
+            }
+        }
+    }
+
+    /// The chunk and the place in it of Gaussian `n` in view `v`.
+    fn chunk(&self, v: usize, n: usize) -> (&Chunk, usize) {
+        let chunks = self.extent.gaussians.div_ceil(GRAIN);
+        (&self.workspace.chunks[v * chunks + n / GRAIN], n % GRAIN)
+    }
+
+    /// The pixels' absolute pulls of all splats.
+    fn centre_pull(&self, target: &mut Target<'_, T>) {
+        let (add, scale) = (target.add, T::from_f64(1.0 / (BITS * BITS)));
+        parallel::for_chunks(target.values, 2 * GRAIN, |chunk, out| {
+            for (i, out) in out.as_chunks_mut::<2>().0.iter_mut().enumerate() {
+                let id = chunk * GRAIN + i;
+                let (chunk, i) = self.chunk(id / self.extent.gaussians, id % self.extent.gaussians);
+                let rows = chunk.places(i).iter().map(|place| &self.workspace.moments[place.load(Relaxed) as usize]);
+                let sums = rows.fold([T::ZERO; 2], |sums, row| [0, 1].map(|k| sums[k] + row.0[moment::ABSOLUTE + k]));
+                for k in 0..2 {
+                    let old = if add { out[k] } else { T::ZERO };
+                    out[k] = old + scale * sums[k];
+                }
+            }
+        });
+    }
+
+    /// The gradients of features, summed over views.
+    fn features(&self, target: &mut Target<'_, T>) {
+        let channels = self.extent.channels.max(1);
+        let add = target.add;
+        parallel::for_chunks(target.values, GRAIN * channels, |chunk, out| {
+            if !add {
+                out.fill(T::ZERO);
+            }
+            for (i, out) in out.chunks_exact_mut(channels).enumerate() {
+                for v in 0..self.extent.views {
+                    let (chunk, i) = self.chunk(v, chunk * GRAIN + i);
+                    for place in chunk.places(i) {
+                        let sums = &self.workspace.feature_sums[place.load(Relaxed) as usize * channels..];
+                        out.iter_mut().zip(sums).for_each(|(out, x)| *out += *x);
+                    }
+                }
+            }
+        });
+    }
+}
+
+/// One chunk of Gaussians.
+struct ChunkPass<'a, T> {
+    pass: GroupPass<'a, T>,
+    index: usize,
+    share: Share<'a, T>,
+}
+
+/// The columns of the sums of sixteen Gaussians over the tiles of a view, and which were drawn.
+#[inline(always)]
+fn moments_of<V: Lanes>(workspace: &Workspace<V::Scalar>, chunk: &Chunk, lanes: Range<usize>) -> ([V; LANES], V::Mask) {
+    let mut rows = [V::zero(); LANES];
+    let mut drawn = 0_u16;
+    for (lane, i) in lanes.enumerate() {
+        let places = chunk.places(i);
+        drawn |= u16::from(!places.is_empty()) << lane;
+        for place in places {
+            rows[lane] = rows[lane] + V::load(&workspace.moments[place.load(Relaxed) as usize].0);
+        }
+    }
+    V::transpose(&mut rows);
+    (rows, V::Mask::from_bits(drawn))
+}
+
+/// Writes the columns of a group of Gaussians that starts at `at`.
+#[inline(always)]
+fn put<V: Lanes, const K: usize>(
+    target: &mut Option<Target<'_, V::Scalar>>,
+    at: usize,
+    count: usize,
+    columns: &[V; K],
+) {
+    if let Some(target) = target {
+        put_columns(columns, target.add, &mut target.values[K * at..K * (at + count)]);
+    }
+}
+
+impl<T: Real> LaneKernel<T> for ChunkPass<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes<Scalar = T>>(self) {
+        let Self { pass, index, mut share } = self;
+        let GroupPass { gaussians, cameras, settings, extent, workspace } = pass;
+        let first = index * GRAIN;
+        let len = GRAIN.min(extent.gaussians - first);
+        let colour_len = extent.colour_len;
+        let mut coefficients: Coefficients<V> = [V::zero(); _];
+        let mut dcolours: Coefficients<V> = [V::zero(); _];
+        for at in (0..len).step_by(LANES) {
+            let count = LANES.min(len - at);
+            let group = Group::<V>::load(gaussians, first + at, count);
+            let mut out = GroupGradient::zero();
+            dcolours[..colour_len].fill(V::zero());
+            let mut loaded = false;
+            for v in 0..extent.views {
+                let (chunk, _) = pass.chunk(v, first);
+                let (moments, drawn) = moments_of::<V>(workspace, chunk, at..at + count);
+                if drawn.bits() == 0 {
+                    continue;
+                }
+                let view = cameras.view(v).in_lanes::<V>();
+                let shape = footprint(&view, settings, &group);
+                let mut dsight = [V::zero(); 3];
+                let dcolour = [0, 1, 2].map(|i| moments[moment::COLOUR + i]);
+                match gaussians.colour {
+                    Colour::None => {}
+                    Colour::Plain(_) => (0..3).for_each(|i| dcolours[i] = dcolours[i] + dcolour[i]),
+                    Colour::Sh { coefficients: values, degree } => {
+                        if !loaded {
+                            let range = (first + at) * colour_len..(first + at + count) * colour_len;
+                            wide_columns(&values[range], colour_len, &mut coefficients);
+                            loaded = true;
+                        }
+                        let splats = &workspace.splats[v * extent.gaussians + first + at..][..count];
+                        let visible = [0, 1, 2].map(|i| {
+                            let shown = V::from_fn(|lane| splats[lane.min(count - 1)].0[slot::COLOUR + i]);
+                            dcolour[i].only(shown.gt(V::zero()).and(drawn))
+                        });
+                        // Any direction where nothing was drawn, so that zeros stay zeros.
+                        let anywhere = V::constant(1.0);
+                        let sight = [0, 1, 2].map(|i| (group.mean[i] - view.centre[i]).or(drawn, anywhere));
+                        dsight = sh::colour_backward(degree, sight, &coefficients, visible, &mut dcolours);
+                    }
+                }
+                let camera = &mut share.camera_sums[v * CAMERA_SUMS..][..CAMERA_SUMS];
+                let mut sums: [V; CAMERA_SUMS] = std::array::from_fn(|i| V::load(&camera[i].0));
+                splat_backward((&view, settings), &group, &shape, &moments, drawn, dsight, &mut out, &mut sums);
+                camera.iter_mut().zip(sums).for_each(|(row, sum)| sum.store(&mut row.0));
+            }
+            put(&mut share.means, at, count, &out.mean);
+            put(&mut share.quats, at, count, &out.quat);
+            put(&mut share.scales, at, count, &out.scale);
+            put(&mut share.opacities, at, count, &[out.opacity]);
+            if let Some(target) = &mut share.colours {
+                let rows = &mut target.values[at * colour_len..(at + count) * colour_len];
+                match gaussians.colour {
+                    Colour::None => {}
+                    Colour::Plain(_) => put_columns(&[dcolours[0], dcolours[1], dcolours[2]], target.add, rows),
+                    Colour::Sh { .. } => put_wide_columns(&mut dcolours, colour_len, target.add, rows),
+                }
+            }
+        }
+    }
+}

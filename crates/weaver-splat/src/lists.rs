@@ -1,0 +1,95 @@
+//! Which splats each tile has to look at, in drawing order.
+//!
+//! Splats are sorted by depth once per view, then dealt to the tiles in that order: a stable counting sort, parallel
+//! over chunks of the sorted list.
+
+use crate::cover::{Chunk, GRAIN, Grid};
+use crate::scene::Extent;
+use crate::workspace::grown;
+use std::ops::Range;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
+use weaver_kernels::parallel;
+
+/// The lists of all tiles of all views, one after the other.
+#[derive(Debug, Default)]
+pub(crate) struct Lists {
+    /// Splats of each chunk of sorted splats in each tile, then where the next of them goes: `[chunks, tiles]`.
+    cursors: Vec<u32>,
+    /// Where each tile's list starts, `[V * tiles + 1]`.
+    starts: Vec<u32>,
+    /// Splats (v N + n), tile by tile, front to back.
+    splats: Vec<AtomicU32>,
+    len: usize,
+}
+
+impl Lists {
+    /// Room for `entries` splats in the tiles of all views.
+    pub fn prepare(&mut self, extent: &Extent, entries: usize) {
+        let tiles = extent.views * Grid::new(extent).len();
+        grown(&mut self.starts, tiles + 1);
+        grown(&mut self.splats, entries);
+        self.starts[0] = 0;
+        self.len = entries;
+    }
+
+    /// Deals out the splats of view `v`, after those of the views before; `sorted` are their keys by depth, `chunks`
+    /// their tiles.
+    pub fn deal(&mut self, extent: &Extent, v: usize, sorted: &[AtomicU64], chunks: &[Chunk]) {
+        let tiles = Grid::new(extent).len();
+        // Enough parts for many threads, few enough for the cursors to stay in the cache. The result does not depend
+        // on them.
+        let parts = (sorted.len() / 4096).clamp(1, 32);
+        let part_len = sorted.len().div_ceil(parts);
+        let places = |part: usize| {
+            let end = ((part + 1) * part_len).min(sorted.len());
+            sorted[(part * part_len).min(end)..end].iter().map(|key| {
+                let n = (key.load(Relaxed) as u32) as usize;
+                (n, chunks[n / GRAIN].places(n % GRAIN))
+            })
+        };
+        let cursors = grown(&mut self.cursors, parts * tiles);
+        parallel::for_chunks(cursors, tiles, |part, counts| {
+            counts.fill(0);
+            for (_, places) in places(part) {
+                places.iter().for_each(|tile| counts[tile.load(Relaxed) as usize] += 1);
+            }
+        });
+        let starts = &mut self.starts[v * tiles..];
+        let mut next = starts[0];
+        for tile in 0..tiles {
+            starts[tile] = next;
+            for part in 0..parts {
+                let cursor = &mut cursors[part * tiles + tile];
+                next += std::mem::replace(cursor, next);
+            }
+        }
+        starts[tiles] = next;
+        let list = &self.splats[..];
+        parallel::for_chunks(cursors, tiles, |part, cursors| {
+            for (n, places) in places(part) {
+                let id = (v * extent.gaussians + n) as u32;
+                for place in places {
+                    let cursor = &mut cursors[place.load(Relaxed) as usize];
+                    list[*cursor as usize].store(id, Relaxed);
+                    place.store(*cursor, Relaxed);
+                    *cursor += 1;
+                }
+            }
+        });
+    }
+
+    /// Entries of all lists together.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Where tile `t` (of all views) has its entries.
+    pub fn range(&self, t: usize) -> Range<usize> {
+        self.starts[t] as usize..self.starts[t + 1] as usize
+    }
+
+    /// The splats of tile `t`.
+    pub fn of_tile(&self, t: usize) -> &[AtomicU32] {
+        &self.splats[self.range(t)]
+    }
+}

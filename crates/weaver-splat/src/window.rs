@@ -1,0 +1,233 @@
+//! Blending in a window of 16 x 16 pixels: which splat meets which pixels, in drawing order, and what light is left.
+//!
+//! A window is 4 x 4 blocks of 4 x 4 pixels, and a block is what [`Lanes`] hold. [`traverse`] walks a tile's list front
+//! to back and shows every block that a splat meets to a [`Visitor`]; drawing, differentiating and counting are
+//! visitors. What happens at a pixel depends on the splat and the pixel alone.
+
+use crate::scene::{ALPHA_MIN, TRANSMITTANCE_END};
+use crate::splat::{Outline, Splat, slot};
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use weaver_kernels::Real;
+use weaver_kernels::lanes::{LANES, LaneMask, Lanes, Row};
+
+/// Pixels per side of a window.
+pub(crate) const SIDE: usize = 16;
+/// Pixels per side of a block, and blocks per side of a window.
+pub(crate) const BLOCK: usize = 4;
+/// One number for each pixel of a window, block by block.
+pub(crate) type Plane<T> = [Row<T>; LANES];
+
+/// Where a window lies in its image, and how large that is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Window {
+    /// Left and top pixel.
+    pub corner: (usize, usize),
+    pub width: usize,
+    pub height: usize,
+}
+
+impl Window {
+    /// The pixel (x, y) of a lane of a block; outside the image for windows at its edge.
+    #[inline(always)]
+    pub fn pixel(&self, block: usize, lane: usize) -> (usize, usize) {
+        let x = block % BLOCK * BLOCK + lane % BLOCK;
+        let y = block / BLOCK * BLOCK + lane / BLOCK;
+        (self.corner.0 + x, self.corner.1 + y)
+    }
+
+    /// Whether it is wholly inside the image.
+    fn inside(&self) -> bool {
+        self.corner.0 + SIDE <= self.width && self.corner.1 + SIDE <= self.height
+    }
+
+    /// The lanes of a block that are in the image.
+    fn lanes(&self, block: usize) -> u16 {
+        if self.inside() {
+            return u16::MAX;
+        }
+        (0..LANES).fold(0, |bits, lane| {
+            let (x, y) = self.pixel(block, lane);
+            bits | u16::from(x < self.width && y < self.height) << lane
+        })
+    }
+
+    /// Runs `body(block, lanes, pixel)` on each row of a block that is in the image, with its first lane, its number
+    /// of pixels, and the index of its first pixel in the image.
+    #[inline(always)]
+    pub fn for_each_run(&self, mut body: impl FnMut(usize, usize, usize, usize)) {
+        for block in 0..LANES {
+            for row in 0..BLOCK {
+                let (x, y) = self.pixel(block, row * BLOCK);
+                if x < self.width && y < self.height {
+                    body(block, row * BLOCK, BLOCK.min(self.width - x), y * self.width + x);
+                }
+            }
+        }
+    }
+}
+
+/// A splat at the pixels of a block.
+#[derive(Clone, Copy)]
+pub(crate) struct Hit<V: Lanes> {
+    /// Which block.
+    pub block: usize,
+    /// The pixels that it adds to.
+    pub seen: V::Mask,
+    pub u: V,
+    pub v: V,
+    /// opacity 2^-(u^2 + v^2), before the cap; of any value where not seen.
+    pub raw: V,
+    /// Alpha, 0 where not seen.
+    pub alpha: V,
+    /// Light that arrives.
+    pub transmittance: V,
+    /// Alpha times transmittance.
+    pub weight: V,
+}
+
+/// What wants to see the splats of a window.
+pub(crate) trait Visitor<V: Lanes> {
+    /// A splat that may meet blocks, at this place of the list.
+    fn begin(&mut self, splat: usize, record: &[V::Scalar; LANES]);
+    /// A block that it meets.
+    fn hit(&mut self, hit: &Hit<V>);
+    /// No more blocks.
+    fn end(&mut self, place: usize);
+}
+
+/// How much work a traversal was.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Work {
+    /// Splats over pixels that they add to.
+    pub pairs: u64,
+    /// Lanes processed, masked ones included.
+    pub evaluated: u64,
+}
+
+/// The blocks that each of up to sixteen splats may be seen in, one bit per block.
+#[inline(always)]
+fn blocks_of<V: Lanes>(ids: &[AtomicU32], splats: &[Splat<V::Scalar>], window: &Window) -> [u16; LANES] {
+    let mut rows: [V; LANES] = std::array::from_fn(|i| {
+        let id = ids[i.min(ids.len() - 1)].load(Relaxed);
+        V::load(&splats[id as usize].0)
+    });
+    V::transpose(&mut rows);
+    let outline = Outline::of_columns(&rows);
+    let centre = |pixel: usize| V::constant(pixel as f64 + 0.5);
+    let far = V::constant(BLOCK as f64 - 1.0);
+    let mut seen = [0; LANES];
+    for row in 0..BLOCK {
+        let top = centre(window.corner.1 + row * BLOCK);
+        let (left, right, touched) = outline.span(top, top + far);
+        for column in 0..BLOCK {
+            let x = centre(window.corner.0 + column * BLOCK);
+            seen[row * BLOCK + column] = (x + far).ge_among(left, right.ge_among(x, touched)).bits();
+        }
+    }
+    transpose_bits(seen)
+}
+
+/// Bit j of word i becomes bit i of word j.
+#[inline(always)]
+fn transpose_bits(mut words: [u16; LANES]) -> [u16; LANES] {
+    // Swaps the off-diagonal quarters of ever smaller squares.
+    let mut swap = |half: usize, low: u16| {
+        for i in (0..LANES).filter(|i| i & half == 0) {
+            let exchange = (words[i] >> half ^ words[i + half]) & low;
+            words[i] ^= exchange << half;
+            words[i + half] ^= exchange;
+        }
+    };
+    swap(8, 0x00ff);
+    swap(4, 0x0f0f);
+    swap(2, 0x3333);
+    swap(1, 0x5555);
+    words
+}
+
+/// Walks `list` front to back over a window until no pixel is open.
+///
+/// `transmittance` is overwritten: what is left behind the last splat.
+#[inline(always)]
+pub(crate) fn traverse<V: Lanes>(
+    alpha_max: f64,
+    window: &Window,
+    list: &[AtomicU32],
+    splats: &[Splat<V::Scalar>],
+    transmittance: &mut Plane<V::Scalar>,
+    visitor: &mut impl Visitor<V>,
+) -> Work {
+    let (alpha_max, alpha_min) = (V::constant(alpha_max), V::constant(ALPHA_MIN));
+    let end = V::constant(TRANSMITTANCE_END);
+    let real = |x: usize| <V::Scalar as Real>::from_usize(x);
+    let (lane_x, lane_y) = (V::from_fn(|lane| real(lane % BLOCK)), V::from_fn(|lane| real(lane / BLOCK)));
+    let half = V::constant(0.5);
+    let block_x = V::from_fn(|block| real(window.pixel(block, 0).0)) + half;
+    let block_y = V::from_fn(|block| real(window.pixel(block, 0).1)) + half;
+    transmittance.fill(Row([V::Scalar::ONE; LANES]));
+    let mut open: [V::Mask; LANES] = std::array::from_fn(|block| V::Mask::from_bits(window.lanes(block)));
+    let mut live = (0..LANES).fold(0_u16, |bits, block| bits | u16::from(open[block].bits() != 0) << block);
+    let mut work = Work::default();
+    for (batch, ids) in list.chunks(LANES).enumerate() {
+        if live == 0 {
+            break;
+        }
+        let blocks = blocks_of::<V>(ids, splats, window);
+        for (i, id) in ids.iter().enumerate() {
+            let mut todo = blocks[i] & live;
+            if todo == 0 {
+                continue;
+            }
+            let id = id.load(Relaxed) as usize;
+            let record = &splats[id].0;
+            let [x, y, p, q, r, opacity] =
+                [slot::X, slot::Y, slot::P, slot::Q, slot::R, slot::OPACITY].map(|slot| V::splat(record[slot]));
+            let (dx, dy) = (block_x - x, block_y - y);
+            let (block_u, block_v) = (p.mul_add(dx, q * dy).to_array(), (r * dy).to_array());
+            let (lane_u, lane_v) = (p.mul_add(lane_x, q * lane_y), r * lane_y);
+            visitor.begin(id, record);
+            while todo != 0 {
+                let block = todo.trailing_zeros() as usize % LANES;
+                todo &= todo - 1;
+                let (u, v) = (lane_u + V::splat(block_u[block]), lane_v + V::splat(block_v[block]));
+                let raw = opacity * u.neg_mul_add(u, -(v * v)).exp2();
+                let alpha = alpha_max.min(raw);
+                let before = V::load(&transmittance[block].0);
+                let after = alpha.neg_mul_add(before, before);
+                let visible = alpha.ge_among(alpha_min, open[block]);
+                let seen = after.gt_among(end, visible);
+                let alpha = alpha.only(seen);
+                after.or(seen, before).store(&mut transmittance[block].0);
+                let closing = visible.and_not(seen);
+                if closing.bits() != 0 {
+                    open[block] = open[block].and_not(closing);
+                    if open[block].bits() == 0 {
+                        live &= !(1 << block);
+                    }
+                }
+                work.pairs += u64::from(seen.bits().count_ones());
+                work.evaluated += LANES as u64;
+                let weight = alpha * before;
+                visitor.hit(&Hit { block, seen, u, v, raw, alpha, transmittance: before, weight });
+            }
+            visitor.end(batch * LANES + i);
+        }
+    }
+    work
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_are_transposed() {
+        let words: [u16; LANES] = std::array::from_fn(|i| (i as u16 + 1).wrapping_mul(40503));
+        let turned = transpose_bits(words);
+        for i in 0..LANES {
+            for j in 0..LANES {
+                assert_eq!(turned[j] >> i & 1, words[i] >> j & 1);
+            }
+        }
+    }
+}

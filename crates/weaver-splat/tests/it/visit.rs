@@ -1,0 +1,88 @@
+//! Hits, contributions, expected depth.
+
+use crate::scene::{Scene, relative};
+use proptest::prelude::*;
+use std::sync::Mutex;
+use weaver_splat::{TileSide, Workspace, expected_depth, expected_depth_backward};
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 16, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// The hits, summed by hand, are the images; their weights are the contributions.
+    #[test]
+    fn hits_make_the_image(
+        seed: u64,
+        n in 0_usize..80,
+        size in (1_usize..60, 1_usize..40),
+        tile in prop::sample::select(vec![TileSide::Sixteen, TileSide::ThirtyTwo]),
+    ) {
+        let mut scene = Scene::random(seed, n, 2, size, None);
+        scene.settings.tile = tile;
+        let mut workspace = Workspace::new();
+        let (planes, stats) = scene.render_in(&mut workspace);
+        let hits = Mutex::new(Vec::new());
+        workspace.for_each_hit(|pixel, n, weight, light| hits.lock().unwrap().push((pixel, n, weight, light))).unwrap();
+        let hits = hits.into_inner().unwrap();
+        prop_assert_eq!(hits.len() as u64, stats.pairs);
+        let mut alpha = vec![0.0; scene.pixels()];
+        let mut features = vec![0.0; 2 * scene.pixels()];
+        let (mut sums, mut largest) = (vec![0.0_f64; 2 * n], vec![0.0_f64; 2 * n]);
+        for &(pixel, n_, weight, light) in &hits {
+            // Front to back: what arrives is what the splats in front left.
+            prop_assert!((light - (1.0 - alpha[pixel])).abs() < 1e-12);
+            alpha[pixel] += weight;
+            (0..2).for_each(|c| features[2 * pixel + c] += weight * scene.features[2 * n_ + c]);
+            let id = pixel / (size.0 * size.1) * n + n_;
+            sums[id] += weight;
+            largest[id] = largest[id].max(weight);
+        }
+        prop_assert!(relative(&alpha, &planes.alpha, 1.0) < 1e-12);
+        prop_assert!(relative(&features, &planes.features, 1.0) < 1e-12);
+        let (mut own_sums, mut own_largest) = (vec![f64::NAN; 2 * n], vec![f64::NAN; 2 * n]);
+        workspace.contributions(&mut own_sums, &mut own_largest).unwrap();
+        prop_assert!(relative(&own_sums, &sums, 1.0) < 1e-12);
+        prop_assert_eq!(own_largest, largest);
+        // The gradients after it are those without it.
+        let cotangents = scene.cotangents(seed);
+        prop_assert_eq!(scene.gradients_in(&cotangents, &mut workspace), scene.gradients(&cotangents));
+    }
+
+    #[test]
+    fn expected_depth_is_differentiated(seed: u64) {
+        let scene = Scene::random(seed, 10, 1, (6, 5), None);
+        let planes = scene.render();
+        let dout = scene.cotangents(seed).depth;
+        let value = |depth: &[f64], alpha: &[f64]| -> f64 {
+            let mut out = vec![f64::NAN; depth.len()];
+            expected_depth(depth, alpha, &mut out);
+            out.iter().zip(&dout).map(|(x, d)| x * d).sum()
+        };
+        let (mut ddepth, mut dalpha) = (vec![0.0; 30], vec![0.0; 30]);
+        expected_depth_backward(&planes.depth, &planes.alpha, &dout, &mut ddepth, &mut dalpha);
+        for pixel in 0..30 {
+            if planes.alpha[pixel] == 0.0 {
+                prop_assert_eq!(dalpha[pixel], 0.0);
+                continue;
+            }
+            let slope = |part: usize| {
+                let moved = |by: f64| {
+                    let mut images = [planes.depth.clone(), planes.alpha.clone()];
+                    images[part][pixel] += by;
+                    value(&images[0], &images[1])
+                };
+                let step = 1e-6 * planes.alpha[pixel];
+                (moved(step) - moved(-step)) / (2.0 * step)
+            };
+            for (part, gradient) in [(0, ddepth[pixel]), (1, dalpha[pixel])] {
+                prop_assert!((slope(part) - gradient).abs() < 1e-4 * (1.0 + gradient.abs()), "{part} {gradient}");
+            }
+        }
+    }
+}
+
+#[test]
+fn nothing_drawn_is_nothing_to_visit() {
+    let mut workspace = Workspace::<f64>::new();
+    assert!(workspace.for_each_hit(|_, _, _, _| ()).unwrap_err().to_string().contains("nothing was drawn"));
+    assert!(workspace.contributions(&mut [], &mut []).is_err());
+}
