@@ -1,3 +1,5 @@
 //! `splatweaver bench`.
 
+mod bad_workloads;
 mod engine;
+mod raster;

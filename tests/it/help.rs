@@ -15,6 +15,15 @@ fn every_command_explains_itself_with_an_example() {
 }
 
 #[test]
+fn every_subject_of_bench_explains_itself() {
+    for subject in ["raster", "engine"] {
+        let done = splatweaver(&[&"bench", &subject, &"--help"]).fine();
+        assert!(done.stdout.contains(&format!("Usage: splatweaver bench {subject}")), "{}", done.stdout);
+        assert!(done.stdout.contains(&format!("  splatweaver bench {subject} --")), "{}", done.stdout);
+    }
+}
+
+#[test]
 fn the_version_is_the_package_s() {
     let done = splatweaver(&[&"--version"]).fine();
     assert_eq!(done.stdout.trim(), format!("splatweaver {}", env!("CARGO_PKG_VERSION")));
@@ -22,7 +31,7 @@ fn the_version_is_the_package_s() {
 
 #[test]
 fn wrong_usage_is_code_2() {
-    let wrong: [&[&dyn AsRef<std::ffi::OsStr>]; 10] = [
+    let wrong: [&[&dyn AsRef<std::ffi::OsStr>]; 15] = [
         &[],
         &[&"trian"],
         &[&"eval"],
@@ -33,6 +42,11 @@ fn wrong_usage_is_code_2() {
         &[&"render", &"x.ply", &"-o", &"y"],
         &[&"render", &"x.ply", &"-o", &"y", &"--orbit", &"3", &"--cameras", &"c.json"],
         &[&"render", &"x.ply", &"-o", &"y", &"--orbit", &"3", &"--background", &"red"],
+        &[&"bench"],
+        &[&"bench", &"raster"],
+        &[&"bench", &"raster", &"--synthetic", &"10,0,10"],
+        &[&"bench", &"raster", &"--synthetic", &"10,10,10", &"--workload", &"x"],
+        &[&"bench", &"engine", &"--runs", &"0"],
     ];
     for line in wrong {
         let done = splatweaver(line);

@@ -22,7 +22,7 @@ const MOST_THREADS: i64 = 1024;
   splatweaver infer --run runs/mine a.jpg b.jpg c.jpg d.jpg -o result
   splatweaver render result/scene.ply --orbit 60 -o turn
   splatweaver info result/scene.ply
-  splatweaver bench engine
+  splatweaver bench raster --synthetic 100000,640,480
 
 `splatweaver <command> --help` tells more."
 )]
@@ -205,7 +205,9 @@ pub struct Info {
 
 /// Measures how fast parts of this program are on this machine, beside the machine's own peak.
 #[derive(Args, Debug)]
-#[command(after_help = "Example:
+#[command(after_help = "Examples:
+  splatweaver bench raster --synthetic 100000,640,480
+  splatweaver bench raster --workload scene.safetensors --threads 2 --json
   splatweaver bench engine")]
 pub struct Bench {
     #[command(subcommand)]
@@ -215,7 +217,43 @@ pub struct Bench {
 /// What is measured.
 #[derive(Debug, Subcommand)]
 pub enum Subject {
+    Raster(BenchRaster),
     Engine(BenchEngine),
+}
+
+/// Draws a scene of Gaussians again and again, forward and backward: medians per stage.
+///
+/// The first time is not counted. Outputs and gradients go to memory that is used again. A workload file is safetensors,
+/// all F32: means [N,3], quats [N,4] (wxyz), scales [N,3], opacities [N], colors [N,3] or sh [N,K,3], viewmat [4,4]
+/// (world to camera), K [3,3], background [3]; the gradients that arrive: v_image [H,W,3], v_alpha [H,W] and, if wanted,
+/// v_depth [H,W]; metadata: width, height and, if wanted, mode (classic or antialiased).
+#[derive(Args, Debug)]
+#[command(group(ArgGroup::new("scene").required(true).args(["workload", "synthetic"])))]
+#[command(after_help = "Examples:
+  splatweaver bench raster --synthetic 1000000,1280,720 --threads 2
+  splatweaver bench raster --workload scene.safetensors --runs 20 --json
+  splatweaver bench raster --workload scene.safetensors --runs 1 --dump gradients.safetensors")]
+pub struct BenchRaster {
+    /// The scene, a safetensors file
+    #[arg(long, value_name = "F")]
+    pub workload: Option<PathBuf>,
+    /// A made-up scene instead: N Gaussians with SH of degree 3 in W x H pixels, the same every time
+    #[arg(long, value_name = "N,W,H", value_parser = synthetic)]
+    pub synthetic: Option<Synthetic>,
+    /// How often it is drawn; medians are over these
+    #[arg(long, value_name = "R", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub runs: u32,
+    /// Writes image, alpha, depth and the gradient of every input to this safetensors file
+    #[arg(long, value_name = "OUT")]
+    pub dump: Option<PathBuf>,
+    /// Leaves the backward pass out
+    #[arg(long)]
+    pub forward_only: bool,
+    /// Prints the figures as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub threads: Threads,
 }
 
 /// Times the engine's work: matrix products, attention, a transformer block, a training step, convolution, and more.
@@ -232,6 +270,14 @@ pub struct BenchEngine {
     pub json: bool,
     #[command(flatten)]
     pub threads: Threads,
+}
+
+/// The size of a made-up scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Synthetic {
+    pub gaussians: usize,
+    pub width: usize,
+    pub height: usize,
 }
 
 /// Prints a completion script for a shell.
@@ -263,6 +309,18 @@ fn colour(text: &str) -> Result<[f32; 3], String> {
         .ok_or_else(|| "expected three numbers from 0 to 1, as in 1,1,1".into())
 }
 
+fn synthetic(text: &str) -> Result<Synthetic, String> {
+    let numbers: Result<Vec<usize>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    match numbers.as_deref() {
+        Ok(&[gaussians @ 0..=100_000_000, width @ 1..=16_384, height @ 1..=16_384]) => {
+            Ok(Synthetic { gaussians, width, height })
+        }
+        _ => {
+            Err("expected up to 100000000 Gaussians, and width and height from 1 to 16384, as in 100000,640,480".into())
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -278,6 +336,16 @@ mod tests {
         assert_eq!(colour("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
         for wrong in ["1,1", "1,1,1,1", "a,b,c", "0,0,256", "NaN,0,0", ""] {
             assert!(colour(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn made_up_scenes_are_three_counts() {
+        assert_eq!(synthetic("10, 3,2"), Ok(Synthetic { gaussians: 10, width: 3, height: 2 }));
+        for wrong in
+            ["", "10", "10,3", "10,0,2", "10,3,0", "-1,3,2", "1e3,3,2", "10,3,2,1", "200000000,3,2", "1,99999,2"]
+        {
+            assert!(synthetic(wrong).is_err(), "{wrong}");
         }
     }
 }

@@ -1,6 +1,10 @@
 //! `splatweaver bench`: how fast the parts are on this machine, beside what it could do at most.
 
+mod dump;
 mod engine;
+mod memory;
+mod raster;
+mod workload;
 
 use crate::Console;
 use crate::arguments::{Bench, Subject};
@@ -10,6 +14,7 @@ use crate::in_pool;
 pub fn run(arguments: &Bench, console: &mut Console) -> Result<(), Failure> {
     match &arguments.subject {
         Subject::Engine(engine) => in_pool(engine.threads.threads.into(), || engine::run(engine, console)),
+        Subject::Raster(raster) => in_pool(raster.threads.threads.into(), || raster::run(raster, console)),
     }
 }
 

@@ -67,6 +67,18 @@ mod unix {
     }
 
     #[test]
+    fn a_full_disk_leaves_no_half_a_dump() {
+        let folder = tempfile::tempdir().unwrap();
+        let script =
+            "ulimit -f 8; exec \"$0\" bench raster --synthetic 2000,64,48 --runs 1 --json --dump out.safetensors";
+        let done = Command::new("sh").args(["-c", script, BINARY]).current_dir(folder.path()).output().unwrap();
+        let stderr = text(&done.stderr);
+        assert_eq!((done.status.code(), text(&done.stdout)), (Some(1), String::new()), "{stderr}");
+        assert!(stderr.starts_with("error: out.safetensors: ") && stderr.contains("File too large"), "{stderr}");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
     fn an_interrupted_run_goes_on_to_the_same_weights() {
         let folder = tempfile::tempdir().unwrap();
         let steps = ["--preset", "micro", "--steps", "40", "--set", "output.sample_every=1000"];
