@@ -1,6 +1,7 @@
 //! What an op is, and what it sees of the tape's memory.
 
 use crate::{Pool, Shape, ShapeError, Shapes};
+use half::bf16;
 use std::fmt::Debug;
 use std::ops::{Deref, DerefMut};
 use weaver_kernels::{Real, parallel, simd};
@@ -41,6 +42,13 @@ pub trait Op<T: Real>: Debug + Send + 'static {
         0
     }
 
+    /// Whether input `index` may be stored in half precision ([`View::half`]). Any other op that is given such an input
+    /// panics with its name.
+    fn reads_half(&self, index: usize) -> bool {
+        let _ = index;
+        false
+    }
+
     /// Whether input `index` has a gradient. A gradient that would be needed for one that has none panics
     /// with the op's name; `Var::detach` says that it is not needed.
     fn differentiable(&self, index: usize) -> bool {
@@ -53,6 +61,7 @@ pub trait Op<T: Real>: Debug + Send + 'static {
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a, T> {
     data: &'a [T],
+    half: Option<&'a [bf16]>,
     shape: Shape,
 }
 
@@ -61,12 +70,23 @@ impl<'a, T> View<'a, T> {
     pub fn new(data: &'a [T], shape: impl Into<Shape>) -> Self {
         let shape = shape.into();
         assert_eq!(data.len(), shape.len(), "a view of shape {shape} needs as many elements");
-        Self { data, shape }
+        Self { data, half: None, shape }
+    }
+
+    /// Wraps a slice in half precision.
+    pub(crate) fn of_half(half: &'a [bf16], shape: Shape) -> Self {
+        assert_eq!(half.len(), shape.len(), "a view of shape {shape} needs as many elements");
+        Self { data: &[], half: Some(half), shape }
     }
 
     /// A view of nothing, for outputs without gradient.
     pub(crate) fn nothing() -> Self {
-        Self { data: &[], shape: Shape::from([0]) }
+        Self { data: &[], half: None, shape: Shape::from([0]) }
+    }
+
+    /// The elements of a tensor in half precision, which has no others.
+    pub fn half(&self) -> Option<&'a [bf16]> {
+        self.half
     }
 
     /// Its dimensions.

@@ -1,8 +1,11 @@
 //! Named parameters, apart from any tape.
 
 use crate::Shape;
+use half::bf16;
+use std::fmt;
 use std::sync::Arc;
 use weaver_kernels::Real;
+use weaver_kernels::gemm::widen;
 
 /// The index of a parameter in its [`Params`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -15,12 +18,47 @@ impl ParamId {
     }
 }
 
+/// Where the numbers of a parameter are.
+#[derive(Clone)]
+pub enum ParamValues<T: Real> {
+    /// In memory of its own.
+    Owned(Arc<Vec<T>>),
+    /// In memory that somebody else holds, such as a mapped file.
+    Shared(Arc<dyn AsRef<[T]> + Send + Sync>),
+    /// The same in half precision. Layers that multiply by it widen it on the way; it is constant.
+    Half(Arc<dyn AsRef<[bf16]> + Send + Sync>),
+    /// Nowhere yet: the parameter is declared, and its numbers are to be set.
+    Absent,
+}
+
+impl<T: Real> fmt::Debug for ParamValues<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Owned(_) => "Owned",
+            Self::Shared(_) => "Shared",
+            Self::Half(_) => "Half",
+            Self::Absent => "Absent",
+        })
+    }
+}
+
+impl<T: Real> ParamValues<T> {
+    fn len(&self) -> usize {
+        match self {
+            Self::Owned(values) => values.len(),
+            Self::Shared(values) => (**values).as_ref().len(),
+            Self::Half(values) => (**values).as_ref().len(),
+            Self::Absent => 0,
+        }
+    }
+}
+
 /// One trainable tensor.
 #[derive(Clone, Debug)]
 pub struct Param<T: Real> {
     name: String,
     shape: Shape,
-    value: Arc<Vec<T>>,
+    values: ParamValues<T>,
     frozen: bool,
 }
 
@@ -35,18 +73,24 @@ impl<T: Real> Param<T> {
         self.shape
     }
 
-    /// Its numbers.
+    /// Its numbers; panics if it has none yet, or has them in half precision.
     pub fn value(&self) -> &[T] {
-        &self.value
+        match &self.values {
+            ParamValues::Owned(values) => values,
+            ParamValues::Shared(values) => (**values).as_ref(),
+            ParamValues::Half(_) => panic!("parameter {} is stored in half precision", self.name),
+            ParamValues::Absent => panic!("parameter {} has no values yet", self.name),
+        }
+    }
+
+    /// Where its numbers are.
+    pub fn values(&self) -> &ParamValues<T> {
+        &self.values
     }
 
     /// Whether it is left out of the tape's gradients.
     pub fn is_frozen(&self) -> bool {
         self.frozen
-    }
-
-    pub(crate) fn shared(&self) -> Arc<Vec<T>> {
-        self.value.clone()
     }
 }
 
@@ -67,8 +111,26 @@ impl<T: Real> Params<T> {
         let (name, shape) = (name.into(), shape.into());
         assert_eq!(value.len(), shape.len(), "parameter {name} of shape {shape}");
         assert!(self.find(&name).is_none(), "two parameters are named {name}");
-        Arc::make_mut(&mut self.list).push(Param { name, shape, value: Arc::new(value), frozen: false });
+        self.push(Param { name, shape, values: ParamValues::Owned(Arc::new(value)), frozen: false })
+    }
+
+    /// Adds a parameter whose numbers are to be [set](Params::set) before it is used.
+    pub fn declare(&mut self, name: impl Into<String>, shape: impl Into<Shape>) -> ParamId {
+        let (name, shape) = (name.into(), shape.into());
+        assert!(self.find(&name).is_none(), "two parameters are named {name}");
+        self.push(Param { name, shape, values: ParamValues::Absent, frozen: false })
+    }
+
+    fn push(&mut self, param: Param<T>) -> ParamId {
+        Arc::make_mut(&mut self.list).push(param);
         ParamId(self.list.len() as u32 - 1)
+    }
+
+    /// Gives a parameter other numbers, without a copy; panics if they are not as many as before.
+    pub fn set(&mut self, id: ParamId, values: ParamValues<T>) {
+        let param = &mut Arc::make_mut(&mut self.list)[id.index()];
+        assert_eq!(values.len(), param.shape.len(), "values of parameter {} of shape {}", param.name, param.shape);
+        param.values = values;
     }
 
     /// The parameter with this id.
@@ -83,9 +145,26 @@ impl<T: Real> Params<T> {
 
     /// The numbers of a parameter, to change them. A tape that still shares them keeps the old ones (and the change
     /// then costs a copy): reset it first, or let it [release](crate::Tape::release_params) them.
+    ///
+    /// What is in shared memory or in half precision is copied first; panics if there is nothing yet.
     pub fn value_mut(&mut self, id: ParamId) -> &mut [T] {
-        let value: &mut Vec<T> = Arc::make_mut(&mut Arc::make_mut(&mut self.list)[id.index()].value);
-        value
+        let param = &mut Arc::make_mut(&mut self.list)[id.index()];
+        match &param.values {
+            ParamValues::Owned(_) => {}
+            ParamValues::Half(values) => {
+                let mut wide = vec![T::ZERO; param.shape.len()];
+                widen((**values).as_ref(), &mut wide);
+                param.values = ParamValues::Owned(Arc::new(wide));
+            }
+            _ => param.values = ParamValues::Owned(Arc::new(param.value().to_vec())),
+        }
+        match &mut param.values {
+            ParamValues::Owned(values) => {
+                let values: &mut Vec<T> = Arc::make_mut(values);
+                values
+            }
+            _ => unreachable!("they are owned now"),
+        }
     }
 
     /// Leaves a parameter out of training, or takes it in again.
@@ -115,6 +194,6 @@ impl<T: Real> Params<T> {
 
     /// How many numbers there are in all.
     pub fn count(&self) -> usize {
-        self.list.iter().map(|p| p.value.len()).sum()
+        self.list.iter().map(|p| p.shape.len()).sum()
     }
 }

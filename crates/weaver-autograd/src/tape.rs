@@ -1,10 +1,11 @@
 //! The tape: records ops as they run, owns every value and gradient, and walks back.
 
 use crate::op::{Op, View, ViewMut};
-use crate::params::{ParamId, Params};
+use crate::params::{Param, ParamId, ParamValues, Params};
 use crate::profile::{OpTime, Profile};
 use crate::recycle::{OpBoxes, Slot};
 use crate::{Buffer, Pool, Shape, ShapeError, Var};
+use half::bf16;
 use smallvec::SmallVec;
 use std::cell::{Cell, Ref, RefCell};
 use std::sync::Arc;
@@ -12,6 +13,9 @@ use std::time::Instant;
 use weaver_kernels::Real;
 
 mod backward;
+mod release;
+
+pub use release::Mark;
 mod path;
 
 pub use path::Scope;
@@ -24,14 +28,36 @@ pub type List<X> = SmallVec<[X; 8]>;
 
 enum Storage<T: Real> {
     Pooled(Buffer<T>),
-    Shared(Arc<Vec<T>>),
+    Shared(Arc<dyn AsRef<[T]> + Send + Sync>),
+    Half(Arc<dyn AsRef<[bf16]> + Send + Sync>),
+    /// Given back; see [`Tape::keep_only`].
+    Released,
 }
 
 impl<T: Real> Storage<T> {
+    /// The numbers of a parameter.
+    fn of(param: &Param<T>) -> Self {
+        match param.values() {
+            ParamValues::Owned(values) => Self::Shared(values.clone()),
+            ParamValues::Shared(values) => Self::Shared(values.clone()),
+            ParamValues::Half(values) => Self::Half(values.clone()),
+            ParamValues::Absent => panic!("parameter {} has no values yet", param.name()),
+        }
+    }
+
     fn as_slice(&self) -> &[T] {
         match self {
             Self::Pooled(buffer) => buffer,
-            Self::Shared(data) => data,
+            Self::Shared(data) => (**data).as_ref(),
+            Self::Half(_) => panic!("a parameter in half precision is read by the layer that multiplies by it alone"),
+            Self::Released => panic!("this value was given back when nothing was recorded; it must be kept"),
+        }
+    }
+
+    fn view(&self, shape: Shape) -> View<'_, T> {
+        match self {
+            Self::Half(data) => View::of_half((**data).as_ref(), shape),
+            _ => View::new(self.as_slice(), shape),
         }
     }
 }
@@ -197,13 +223,15 @@ impl<T: Real> Tape<T> {
             }
             if let Some(id) = record.params[at] {
                 let value = &mut record.values[id as usize];
-                if let Storage::Pooled(_) = value.storage {
-                    value.storage = Storage::Shared(param.shared());
+                if let Storage::Released = value.storage {
+                    value.storage = Storage::of(param);
                 }
                 return Var::new(self, id, param.shape(), value.tracked);
             }
         }
-        let var = self.push_source(Storage::Shared(param.shared()), param.shape(), !param.is_frozen());
+        let storage = Storage::of(param);
+        let tracked = !param.is_frozen() && !matches!(storage, Storage::Half(_));
+        let var = self.push_source(storage, param.shape(), tracked);
         self.record.borrow_mut().params[at] = Some(var.id());
         var
     }
@@ -222,7 +250,7 @@ impl<T: Real> Tape<T> {
             record.boxes.put(node.op);
         }
         for value in record.params.iter().flatten() {
-            record.values[*value as usize].storage = Storage::Pooled(self.pool.buffer(0));
+            record.values[*value as usize].storage = Storage::Released;
         }
     }
 
@@ -259,10 +287,12 @@ impl<T: Real> Tape<T> {
         let mut outputs: List<Buffer<T>> = shapes.iter().map(|s| self.pool.buffer(s.len())).collect();
         {
             let record = self.record.borrow();
-            let ins: List<View<'_, T>> = inputs
-                .iter()
-                .map(|v| View::new(record.values[v.id() as usize].storage.as_slice(), v.shape()))
-                .collect();
+            let ins: List<View<'_, T>> =
+                inputs.iter().map(|v| record.values[v.id() as usize].storage.view(v.shape())).collect();
+            for (i, view) in ins.iter().enumerate().filter(|(_, view)| view.half().is_some()) {
+                let (path, shape) = (record.path(), view.shape());
+                assert!(op.reads_half(i), "{path}: `{name}` cannot read input {i}, {shape} in half precision");
+            }
             let mut outs: List<ViewMut<'_, T>> =
                 outputs.iter_mut().zip(shapes.iter()).map(|(b, s)| ViewMut::new(b, *s)).collect();
             if outs.iter().any(|out| !out.is_empty()) {

@@ -9,7 +9,10 @@ use crate::parallel::for_ranges;
 use crate::{Real, simd};
 use std::ops::Range;
 
+mod half_precision;
 pub(crate) mod tile;
+
+pub use half_precision::{gemm_bf16, widen};
 
 /// Rows of a B panel that stay in the first-level cache.
 const K_BLOCK: usize = 256;

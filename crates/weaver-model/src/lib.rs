@@ -3,12 +3,14 @@
 mod config;
 mod parts;
 mod splatweaver;
+mod vggt;
 
 pub use config::{
     BackboneConfig, CameraConfig, DenseConfig, Gauge, GaussianConfig, ModelConfig, PRESETS, ParametrisationKind,
     RasterConfig, WaveletKind,
 };
-pub use splatweaver::{Dense, Encoded, SplatWeaver, Woven};
+pub use splatweaver::{Dense, SplatWeaver, Woven};
+pub use vggt::{Encoded, Vggt};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

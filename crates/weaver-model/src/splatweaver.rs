@@ -1,12 +1,13 @@
 //! The network: photos in, cameras and Gaussians out.
 
+use crate::vggt::{Encoded, Vggt};
 use crate::{ModelConfig, ParametrisationKind};
-use weaver_autograd::{List, Params, Real, Var};
+use weaver_autograd::{Params, Real, Var};
 use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
-use weaver_pose::{CameraHead, Cameras};
+use weaver_pose::Cameras;
 use weaver_router::{Allocation, AllocationRequest, Assignment, CardinalityHead, Gaussians, PixelInputs};
-use weaver_vggt::{Aggregator, DenseTokens, DepthHead, FeatureHead};
+use weaver_vggt::FeatureHead;
 use weaver_wavelet::{EnergyMap, Guidance};
 
 /// SplatWeaver: a handful of unposed photos to cameras and a compact set of Gaussians.
@@ -16,30 +17,10 @@ use weaver_wavelet::{EnergyMap, Guidance};
 #[derive(Clone, Debug)]
 pub struct SplatWeaver {
     config: ModelConfig,
-    aggregator: Aggregator,
-    camera_head: CameraHead,
-    depth_head: DepthHead,
+    vggt: Vggt,
     features: FeatureHead,
     guidance: Option<Guidance>,
     head: CardinalityHead,
-}
-
-/// What the backbone and the camera head say about B scenes of V views.
-#[derive(Clone, Debug)]
-pub struct Encoded<'t, T: Real = f32> {
-    /// Tokens `[B, V, T, 2 D]` of the four levels that feed the dense heads.
-    pub tokens: List<Var<'t, T>>,
-    /// Tokens of a view before its first patch.
-    special: usize,
-    /// Rows and columns of patches.
-    grid: [usize; 2],
-    /// Pose codes `[B, V, 9]` of every refinement, in the frame of the camera head's own choice; quaternions of any
-    /// length.
-    pub raw: List<Var<'t, T>>,
-    /// Pose codes `[B, V, 9]` of every refinement as emitted, in the frame that the configuration's gauge says.
-    pub codes: List<Var<'t, T>>,
-    /// The cameras of the last refinement: w2c `[B, V, 3, 4]`, intrinsics `[B, V, 4]`.
-    pub cameras: Cameras<'t, T>,
 }
 
 /// What the dense heads say about one scene: everything before pixels are given their Gaussians.
@@ -68,20 +49,6 @@ pub struct Woven<'t, T: Real = f32> {
     pub choice: Option<Var<'t, T>>,
 }
 
-impl<'t, T: Real> Encoded<'t, T> {
-    /// The cameras of scene `b`: w2c `[V, 3, 4]`, intrinsics `[V, 4]`.
-    pub fn scene_cameras(&self, b: usize) -> Cameras<'t, T> {
-        Cameras { w2c: entry(self.cameras.w2c, b), intrinsics: entry(self.cameras.intrinsics, b) }
-    }
-}
-
-/// Entry `b` of the first dimension.
-fn entry<T: Real>(x: Var<'_, T>, b: usize) -> Var<'_, T> {
-    let rest = x.shape();
-    let one = if rest[0] == 1 { x } else { x.slice(0, b, 1) };
-    one.reshape(&rest.dims()[1..])
-}
-
 /// Maps `[V, C, H, W]` as rows of pixels `[V H W, C]`.
 fn pixel_rows<T: Real>(maps: Var<'_, T>) -> Var<'_, T> {
     let s = maps.shape();
@@ -94,11 +61,19 @@ impl SplatWeaver {
     /// # Panics
     /// If the configuration does not pass [`ModelConfig::check`].
     pub fn new<T: Real>(config: ModelConfig, params: &mut Params<T>, seed: u64) -> Self {
-        config.check().unwrap_or_else(|message| panic!("{message}"));
-        let mut root = Builder::new(params, seed);
-        let aggregator = Aggregator::new(root.scope("aggregator"), config.aggregator(), config.backbone_init());
-        let camera_head = CameraHead::new(root.scope("camera_head"), config.camera_head());
-        let depth_head = DepthHead::new(root.scope("depth_head"), config.depth_head());
+        Self::build(config, Builder::new(params, seed))
+    }
+
+    /// Declares the parameters of a model whose weights will be loaded.
+    ///
+    /// # Panics
+    /// If the configuration does not pass [`ModelConfig::check`].
+    pub fn declare<T: Real>(config: ModelConfig, params: &mut Params<T>) -> Self {
+        Self::build(config, Builder::declaring(params))
+    }
+
+    fn build<T: Real>(config: ModelConfig, mut root: Builder<'_, T>) -> Self {
+        let vggt = Vggt::new(root.scope_here(), &config);
         let features = FeatureHead::new(root.scope("gaussian_param_head"), config.feature_head());
         let mut gaussians = root.scope("gaussian_param_head");
         let guidance = config
@@ -106,7 +81,12 @@ impl SplatWeaver {
             .frequency_prior
             .then(|| Guidance::new(&mut gaussians, config.wavelet(), config.dense.wave, config.dense.channels));
         let head = CardinalityHead::new(gaussians.scope("gs_moe"), config.head());
-        Self { config, aggregator, camera_head, depth_head, features, guidance, head }
+        Self { config, vggt, features, guidance, head }
+    }
+
+    /// The part of it that knows no Gaussians.
+    pub fn vggt(&self) -> &Vggt {
+        &self.vggt
     }
 
     /// The configuration that it was built with.
@@ -116,25 +96,12 @@ impl SplatWeaver {
 
     /// Backbone and camera head: photos `[B, V, 3, H, W]` in `[0, 1]` to tokens and cameras.
     pub fn encode<'t, T: Real>(&self, cx: Context<'t, '_, T>, photos: Var<'t, T>) -> Encoded<'t, T> {
-        let shape = photos.shape();
-        let [height, width] = [shape[3], shape[4]];
-        let aggregated = {
-            let _scope = cx.scope("aggregator");
-            self.aggregator.forward(cx, photos)
-        };
-        let estimates = {
-            let _scope = cx.scope("camera_head");
-            self.camera_head.forward(cx, aggregated.camera)
-        };
-        let raw = estimates.iter().map(|e| e.raw).collect();
-        let codes: List<_> = estimates.iter().map(|e| e.code).collect();
-        let last = *codes.last().expect("a camera head has at least one iteration");
-        let cameras = weaver_pose::cameras(last, height, width);
-        let (special, grid) = (aggregated.special, aggregated.grid);
-        Encoded { tokens: aggregated.layers.into_iter().collect(), special, grid, raw, codes, cameras }
+        self.vggt.encode(cx, photos)
     }
 
     /// Dense heads and router on scene `b` of what was encoded; `photos` `[V, 3, H, W]` are that scene's.
+    ///
+    /// While nothing is recorded, one view after the other: full-resolution maps of one view at a time are in memory.
     pub fn dense<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,
@@ -142,26 +109,65 @@ impl SplatWeaver {
         b: usize,
         photos: Var<'t, T>,
     ) -> Dense<'t, T> {
-        let [height, width] = [photos.shape()[2], photos.shape()[3]];
-        let layers: List<_> = encoded.tokens.iter().map(|t| entry(*t, b)).collect();
-        let tokens =
-            DenseTokens { layers: &layers, special: encoded.special, grid: encoded.grid, image: [height, width] };
-        let maps = {
-            let _scope = cx.scope("depth_head");
-            self.depth_head.forward(cx, tokens)
+        let [views, height, width] = [photos.shape()[0], photos.shape()[2], photos.shape()[3]];
+        let pool = cx.tape.pool();
+        let parts = if cx.tape.is_recording() || views == 1 {
+            self.dense_views(cx, encoded, b, 0, photos)
+        } else {
+            let (pixels, plane) = (views * height * width, height * width);
+            let [channels, experts] = [self.config.dense.channels, self.config.gaussians.experts + 1];
+            let widths = [1, 1, channels, experts];
+            let mut all = widths.map(|width| pool.buffer(pixels * width));
+            for view in 0..views {
+                let mark = cx.tape.mark();
+                let parts = self.dense_views(cx, encoded, b, view, photos.slice(0, view, 1));
+                for ((all, part), width) in all.iter_mut().zip(parts).zip(widths) {
+                    all[view * plane * width..][..plane * width].copy_from_slice(&part.value());
+                }
+                cx.tape.keep_only(mark, &[]);
+            }
+            let [depth, confidence, features, logits] = all;
+            [
+                cx.tape.constant_of(depth, [views, height, width]),
+                cx.tape.constant_of(confidence, [views, height, width]),
+                cx.tape.constant_of(features, [pixels, channels]),
+                cx.tape.constant_of(logits, [pixels, experts]),
+            ]
         };
-        let _scope = cx.scope("gaussian_param_head");
-        let pixels = self.features.forward(cx, tokens, photos);
-        let routed = match &self.guidance {
-            Some(guidance) => pixels.features + pixels.embedding * guidance.forward(cx, photos),
-            None => pixels.features,
-        };
-        let logits = self.head.router.forward(cx, pixel_rows(routed));
-        let (wavelet, pool) = (self.config.wavelet(), cx.tape.pool());
+        let [depth, confidence, features, logits] = parts;
+        let wavelet = self.config.wavelet();
         let map = pool.table((wavelet, [height, width]), || EnergyMap::<T>::new(wavelet, [height, width]));
         let energy = cx.tape.constant_with([logits.shape()[0]], |e| map.compute(&photos.value(), pool, e));
+        Dense { depth, confidence, features, logits, energy }
+    }
+
+    /// Depth, confidence, expert features as rows and logits of the views `photos` `[V, 3, H, W]`, the first of which is
+    /// view `first` of scene `b`.
+    fn dense_views<'t, T: Real>(
+        &self,
+        cx: Context<'t, '_, T>,
+        encoded: &Encoded<'t, T>,
+        b: usize,
+        first: usize,
+        photos: Var<'t, T>,
+    ) -> [Var<'t, T>; 4] {
+        let [views, height, width] = [photos.shape()[0], photos.shape()[2], photos.shape()[3]];
+        let maps = self.vggt.depth(cx, encoded, b, [first, views], [height, width]);
+        let _scope = cx.scope("gaussian_param_head");
+        let mark = cx.tape.mark();
+        let layers = encoded.views(b, first, views);
+        let pixels = self.features.forward(cx, encoded.dense(&layers, [height, width]), photos);
+        cx.tape.keep_only(mark, &[pixels.features, pixels.embedding]);
+        let logits = cx.tape.result_of(|| {
+            let routed = match &self.guidance {
+                Some(guidance) => pixels.features + pixels.embedding * guidance.forward(cx, photos),
+                None => pixels.features,
+            };
+            self.head.router.forward(cx, pixel_rows(routed))
+        });
         let features = pixel_rows(pixels.features);
-        Dense { depth: maps.depth, confidence: maps.confidence, features, logits, energy }
+        cx.tape.keep_only(mark, &[features, logits]);
+        [maps.depth, maps.confidence, features, logits]
     }
 
     /// Gives pixels their Gaussians: unprojects with `cameras` (w2c `[V, 3, 4]`, intrinsics `[V, 4]`), allocates, and

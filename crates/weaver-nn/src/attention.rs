@@ -50,7 +50,9 @@ impl Attention {
         cx.tape.ensure_shapes(fits, "attention", format_args!("x [B, N, {width}]"), &[shape]);
         let (batch, tokens) = (shape[0], shape[1]);
         let head = width / self.heads;
+        let mark = cx.tape.mark();
         let qkv = ops::split(self.qkv.forward(cx, x), 2, &[width; 3]);
+        cx.tape.keep_only(mark, &qkv);
         let [q, k, v] = [0, 1, 2].map(|i| qkv[i].reshape([batch, tokens, self.heads, head]));
         let (q, k) = match &self.norms {
             Some((q_norm, k_norm)) => (q_norm.forward(cx, q), k_norm.forward(cx, k)),
@@ -60,7 +62,9 @@ impl Attention {
             Some(table) => (q.rope2d(table), k.rope2d(table)),
             None => (q, k),
         };
+        cx.tape.keep_only(mark, &[q, k, v]);
         let y = ops::attention(q, k, v, 1.0 / (head as f64).sqrt());
+        cx.tape.keep_only(mark, &[y]);
         self.proj.forward(cx, y.reshape(shape))
     }
 }

@@ -69,7 +69,9 @@ impl Block {
         rope: Option<&RopeTable<T>>,
     ) -> Var<'t, T> {
         let _layer = cx.layer(self.norm1.weight, "norm1.weight");
-        let x = add(cx, x, self.ls1, self.attn.forward(cx, self.norm1.forward(cx, x), rope));
-        add(cx, x, self.ls2, self.mlp.forward(cx, self.norm2.forward(cx, x)))
+        cx.tape.result_of(|| {
+            let x = cx.tape.result_of(|| add(cx, x, self.ls1, self.attn.forward(cx, self.norm1.forward(cx, x), rope)));
+            add(cx, x, self.ls2, self.mlp.forward(cx, self.norm2.forward(cx, x)))
+        })
     }
 }

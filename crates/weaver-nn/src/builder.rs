@@ -64,13 +64,19 @@ impl WeightInit {
 pub struct Builder<'p, T: Real = f32> {
     params: &'p mut Params<T>,
     path: String,
-    seed: u64,
+    /// Of the initial values; without one, parameters are declared and their values left to be set.
+    seed: Option<u64>,
 }
 
 impl<'p, T: Real> Builder<'p, T> {
     /// A builder at the root.
     pub fn new(params: &'p mut Params<T>, seed: u64) -> Self {
-        Self { params, path: String::new(), seed }
+        Self { params, path: String::new(), seed: Some(seed) }
+    }
+
+    /// A builder at the root that draws no values: for a model whose weights will be loaded.
+    pub fn declaring(params: &'p mut Params<T>) -> Self {
+        Self { params, path: String::new(), seed: None }
     }
 
     /// A builder for the part called `name`.
@@ -78,17 +84,23 @@ impl<'p, T: Real> Builder<'p, T> {
         Builder { path: self.full(name), params: self.params, seed: self.seed }
     }
 
+    /// A builder for more parts of this one.
+    pub fn scope_here(&mut self) -> Builder<'_, T> {
+        Builder { path: self.path.clone(), params: self.params, seed: self.seed }
+    }
+
     /// Adds a parameter called `name` here.
     pub fn add(&mut self, name: impl std::fmt::Display, shape: impl Into<Shape>, init: Init) -> ParamId {
         let (name, shape) = (self.full(name), shape.into());
-        let stream = Stream::new(self.seed, 0, &name);
+        let Some(seed) = self.seed else { return self.params.declare(name, shape) };
+        let stream = Stream::new(seed, 0, &name);
         let value = (0..shape.len() as u64).map(|i| T::from_f64(init.draw(stream, i))).collect();
         self.params.add(name, shape, value)
     }
 
-    /// The parameters, to overwrite what was drawn (the bias of an output, say).
+    /// The values of a parameter, to overwrite what was drawn (the bias of an output, say); none where none are drawn.
     pub fn value_mut(&mut self, id: ParamId) -> &mut [T] {
-        self.params.value_mut(id)
+        if self.seed.is_some() { self.params.value_mut(id) } else { &mut [] }
     }
 
     fn full(&self, name: impl std::fmt::Display) -> String {

@@ -113,7 +113,7 @@ impl CameraHead {
                 Some(estimate) => estimate.raw.detach(),
                 None => cx.param(self.empty_pose_tokens).expand([scenes, views, LENGTH]),
             };
-            let increment = self.increment(cx, tokens, normalized, seen);
+            let increment = cx.tape.result_of(|| self.increment(cx, tokens, normalized, seen));
             let raw = match code {
                 Some(code) => code + increment,
                 None => increment,

@@ -107,6 +107,7 @@ impl Aggregator {
         let special = 1 + self.config.registers;
         let dim = self.config.encoder.dim;
 
+        let mark = cx.tape.mark();
         let normalized = normalize_image(images.reshape([scenes * views, channels, height, width]));
         let patches = {
             let _scope = cx.scope("patch_embed");
@@ -117,6 +118,7 @@ impl Aggregator {
         let (of_view, of_scene) = (self.rope(cx, grid, 1), self.rope(cx, grid, views));
         let mut layers: SmallVec<[Option<Var<'t, T>>; 4]> = SmallVec::from_elem(None, self.config.layers.len());
         let mut camera = None;
+        cx.tape.keep_only(mark, &[x]);
         for (round, (frame, global)) in self.frame_blocks.iter().zip(&self.global_blocks).enumerate() {
             let within = {
                 let _scope = cx.scope(format_args!("frame_blocks.{round}"));
@@ -140,6 +142,8 @@ impl Aggregator {
                 let both = beside(within.slice(1, 0, 1), x.slice(1, 0, 1), 1);
                 camera = Some(both.reshape([scenes, views, 2 * dim]));
             }
+            let kept: SmallVec<[Var<'t, T>; 8]> = layers.iter().copied().flatten().chain(camera).chain([x]).collect();
+            cx.tape.keep_only(mark, &kept);
         }
         Aggregated {
             layers: layers.into_iter().map(|layer| layer.expect("layers are below the number of rounds")).collect(),

@@ -54,14 +54,18 @@ impl DepthHead {
     /// Predicts for the N views that the leading dimensions of the tokens hold.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> DepthMaps<'t, T> {
         let [height, width] = tokens.image;
-        let x = add_position(self.trunk.forward(cx, tokens), height, width);
+        let mark = cx.tape.mark();
+        let x = cx.tape.result_of(|| add_position(self.trunk.forward(cx, tokens), height, width));
         let _scope = cx.scope("scratch.output_conv2");
         let raw = self.last.forward(cx, self.hidden.forward(cx, x).relu());
+        cx.tape.keep_only(mark, &[raw]);
         let channel = |c: usize| raw.slice(1, c, 1).reshape([raw.shape()[0], height, width]);
         let log_depth = match self.config.log_depth_bounds {
             Some((lo, hi)) => channel(0).clamp(lo, hi),
             None => channel(0),
         };
-        DepthMaps { depth: log_depth.exp(), confidence: channel(1).exp() + 1.0 }
+        let maps = DepthMaps { depth: log_depth.exp(), confidence: channel(1).exp() + 1.0 };
+        cx.tape.keep_only(mark, &[maps.depth, maps.confidence]);
+        maps
     }
 }

@@ -89,18 +89,24 @@ impl DptHead {
 
     /// Maps `[N, width, H, W]`, one for each of the N views that the leading dimensions hold.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> Var<'t, T> {
-        resized(self.trunk(cx, tokens), tokens.image)
+        cx.tape.result_of(|| resized(self.trunk(cx, tokens), tokens.image))
     }
 
     /// The same before the last resize: maps `[N, width, 8 h, 8 w]` of a grid of h x w patches.
     pub fn trunk<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> Var<'t, T> {
-        self.output_conv1.forward(cx, self.fuse(cx, tokens)[0])
+        cx.tape.result_of(|| {
+            let mark = cx.tape.mark();
+            let finest = self.fuse(cx, tokens)[0];
+            cx.tape.keep_only(mark, &[finest]);
+            self.output_conv1.forward(cx, finest)
+        })
     }
 
     /// The fused maps `[N, features, ..]` from the finest to the coarsest, each at the size of the next finer level.
     pub fn fuse<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> [Var<'t, T>; 4] {
         assert!(tokens.layers.len() == 4, "a dense head reads four layers of tokens, not {}", tokens.layers.len());
-        let mut maps: [Var<'t, T>; 4] = std::array::from_fn(|i| self.level(cx, tokens, i));
+        let mark = cx.tape.mark();
+        let mut maps: [Var<'t, T>; 4] = std::array::from_fn(|i| cx.tape.result_of(|| self.level(cx, tokens, i)));
         let size = |map: &Var<'t, T>| [map.shape()[2], map.shape()[3]];
         let mut coarser = None;
         for i in (0..4).rev() {
@@ -108,6 +114,7 @@ impl DptHead {
             let next = if i > 0 { size(&maps[i - 1]) } else { size(&maps[0]).map(|n| 2 * n) };
             maps[i] = self.refine[i].forward(cx, maps[i], coarser, next);
             coarser = Some(maps[i]);
+            cx.tape.keep_only(mark, &maps);
         }
         maps
     }
@@ -120,6 +127,7 @@ impl DptHead {
         let (count, dim) = (all.shape()[all.shape().rank() - 2], self.config.dim);
         let views = all.shape().rows() / count;
         let patches = all.reshape([views, count, dim]).slice(1, tokens.special, rows * columns);
+        let mark = cx.tape.mark();
         let x = self.norm.forward(cx, patches);
         // A 1x1 convolution is a linear map of each token: run as one, it reads them without a transpose.
         let channels = self.config.out_channels[i];
@@ -132,6 +140,7 @@ impl DptHead {
             Resize::Keep => x,
             Resize::Down(conv) => conv.forward(cx, x),
         };
+        cx.tape.keep_only(mark, &[x]);
         self.layer_rn[i].forward(cx, x)
     }
 }

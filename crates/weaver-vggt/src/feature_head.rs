@@ -59,15 +59,18 @@ impl FeatureHead {
         images: Var<'t, T>,
     ) -> PixelFeatures<'t, T> {
         let [height, width] = tokens.image;
+        let mark = cx.tape.mark();
         let maps = self.trunk.forward(cx, tokens);
         let images = images.reshape([maps.shape()[0], 3, height, width]);
-        let seen = {
+        let seen = cx.tape.result_of(|| {
             let _scope = cx.scope("input_merger");
             let x = self.merger[0].forward(cx, images).relu();
             self.merger[1].forward(cx, x).relu()
-        };
+        });
         let embedding = add_position(maps + seen, height, width);
+        cx.tape.keep_only(mark, &[embedding]);
         let _scope = cx.scope("scratch.output_conv2");
-        PixelFeatures { embedding, features: self.last.forward(cx, embedding).relu() }
+        let features = cx.tape.result_of(|| self.last.forward(cx, embedding).relu());
+        PixelFeatures { embedding, features }
     }
 }

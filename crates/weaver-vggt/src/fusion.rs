@@ -24,9 +24,11 @@ impl ResidualConvUnit {
 
     /// Maps `[N, C, h, w]` to the same shape.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
-        let x = x.relu();
-        let hidden = self.conv1.forward(cx, x).relu();
-        self.conv2.forward(cx, hidden) + x
+        cx.tape.result_of(|| {
+            let x = x.relu();
+            let hidden = cx.tape.result_of(|| self.conv1.forward(cx, x).relu());
+            self.conv2.forward(cx, hidden) + x
+        })
     }
 }
 
@@ -56,11 +58,18 @@ impl FusionBlock {
         coarser: Option<Var<'t, T>>,
         size: [usize; 2],
     ) -> Var<'t, T> {
-        let sum = match (&self.of_finer, coarser) {
-            (Some(unit), Some(coarser)) => coarser + unit.forward(cx, map),
-            _ => map,
-        };
-        self.out_conv.forward(cx, resized(self.of_sum.forward(cx, sum), size))
+        cx.tape.result_of(|| {
+            let mark = cx.tape.mark();
+            let sum = match (&self.of_finer, coarser) {
+                (Some(unit), Some(coarser)) => coarser + unit.forward(cx, map),
+                _ => map,
+            };
+            let refined = self.of_sum.forward(cx, sum);
+            cx.tape.keep_only(mark, &[refined]);
+            let fused = resized(refined, size);
+            cx.tape.keep_only(mark, &[fused]);
+            self.out_conv.forward(cx, fused)
+        })
     }
 }
 

@@ -98,12 +98,16 @@ impl VisionTransformer {
 
     /// Patch tokens `[N, h w, D]`, row by row, of normalised images `[N, 3, H, W]`.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, images: Var<'t, T>) -> Var<'t, T> {
-        let mut x = self.embed(cx, images);
-        for (i, block) in self.blocks.iter().enumerate() {
-            let _scope = cx.scope(format_args!("blocks.{i}"));
-            x = block.forward(cx, x, None);
-        }
-        self.read_out(cx, x)
+        cx.tape.result_of(|| {
+            let mark = cx.tape.mark();
+            let mut x = self.embed(cx, images);
+            for (i, block) in self.blocks.iter().enumerate() {
+                let _scope = cx.scope(format_args!("blocks.{i}"));
+                x = block.forward(cx, x, None);
+                cx.tape.keep_only(mark, &[x]);
+            }
+            self.read_out(cx, x)
+        })
     }
 
     /// What the first block sees: class token, registers and patches `[N, 1 + R + h w, D]`, with positions on all but the

@@ -3,7 +3,8 @@
 use super::activations::{Gelu, Relu};
 use crate::op::GRAIN;
 use crate::{Buffer, Dual, Grad, Op, Pointwise, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
-use weaver_kernels::{Real, gemm::gemm, parallel, reduce::column_sums, simd};
+use weaver_kernels::gemm::{gemm, gemm_bf16, widen};
+use weaver_kernels::{Real, parallel, reduce::column_sums, simd};
 
 /// What is applied to the result of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -63,6 +64,9 @@ impl<T: Real> Op<T> for Linear<T> {
         );
         Ok(Shapes::one(x.with_last(w[0])))
     }
+    fn reads_half(&self, index: usize) -> bool {
+        index == 1
+    }
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], pool: &Pool) {
         let (x, w, y) = (&ins[0], &ins[1], &mut *outs[0]);
         let (rows, n, k) = (x.shape().rows(), w.shape()[0], w.shape()[1]);
@@ -71,7 +75,10 @@ impl<T: Real> Op<T> for Linear<T> {
                 y.chunks_exact_mut(n.max(1)).for_each(|row| row.copy_from_slice(b));
                 T::ONE
             });
-            gemm(false, true, rows, n, k, T::ONE, x, w, beta, y);
+            match w.half() {
+                Some(w) => gemm_bf16(rows, n, k, x, w, beta, y),
+                None => gemm(false, true, rows, n, k, T::ONE, x, w, beta, y),
+            }
         };
         match self.activation {
             Activation::None => product(y),
@@ -114,7 +121,12 @@ impl<T: Real> Op<T> for Linear<T> {
         let dsums: &[T] = chained.as_deref().unwrap_or(&douts[0]);
         if let Some(dx) = &mut dins[0] {
             let (dx, beta) = dx.target();
-            gemm(false, false, rows, k, n, T::ONE, dsums, w, beta, dx);
+            let wide = w.half().map(|half| {
+                let mut wide = pool.buffer(half.len());
+                widen(half, &mut wide);
+                wide
+            });
+            gemm(false, false, rows, k, n, T::ONE, dsums, wide.as_deref().unwrap_or(w), beta, dx);
         }
         if let Some(dw) = &mut dins[1] {
             let (dw, beta) = dw.target();
@@ -128,7 +140,8 @@ impl<T: Real> Op<T> for Linear<T> {
 
 /// act(x W^T + b), a fully connected layer in one op.
 ///
-/// x `[.., in]`, w `[out, in]`, b `[out]` or none; the result is `[.., out]`. Differentiable in all three.
+/// x `[.., in]`, w `[out, in]`, b `[out]` or none; the result is `[.., out]`. Differentiable in all three. W may be a
+/// parameter in half precision, which is constant.
 ///
 /// ```
 /// use weaver_autograd::{Tape, ops, ops::Activation};

@@ -56,7 +56,7 @@ impl<T: Real> Tape<T> {
                 slots.push(slot);
             }
             {
-                let view = |id: u32, shape: Shape| View::new(values[id as usize].storage.as_slice(), shape);
+                let view = |id: u32, shape: Shape| values[id as usize].storage.view(shape);
                 let ins: List<View<'_, T>> = node_inputs.iter().map(|i| view(i.id, i.shape)).collect();
                 let outs: List<View<'_, T>> = out_range.clone().map(|o| view(o as u32, output_shapes[o])).collect();
                 let douts: List<View<'_, T>> = out_range

@@ -9,6 +9,7 @@ mod matmul;
 mod normalisation;
 mod parity;
 mod rearrange;
+mod release;
 mod shapes;
 mod spatial;
 mod strategies;

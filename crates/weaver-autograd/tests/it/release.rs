@@ -1,0 +1,90 @@
+//! Memory given back while nothing is recorded, and parameters in half precision.
+
+use half::bf16;
+use std::sync::Arc;
+use weaver_autograd::ops::{self, Activation};
+use weaver_autograd::{ParamValues, Params, Tape};
+
+#[test]
+fn what_is_not_kept_is_used_again() {
+    let memory_of = |steps: usize| {
+        let tape = Tape::<f32>::new();
+        let x = tape.constant(&[1.0; 1000], [1000]);
+        tape.without_gradient(|| {
+            let mark = tape.mark();
+            let mut y = x;
+            for _ in 0..steps {
+                y = y * 0.5 + x;
+                tape.keep_only(mark, &[y]);
+            }
+            assert!((y.to_vec()[0] - 2.0).abs() < 0.1);
+        });
+        tape.pool().allocated_bytes()
+    };
+    assert_eq!(memory_of(100), memory_of(5), "a longer chain needs no more memory");
+}
+
+#[test]
+fn while_recording_everything_stays() {
+    let tape = Tape::<f64>::new();
+    let x = tape.leaf(&[3.0], [1]);
+    let mark = tape.mark();
+    let y = tape.result_of(|| (x * x) * x);
+    tape.keep_only(mark, &[y]);
+    y.backward();
+    assert_eq!(x.grad().unwrap(), [27.0]);
+}
+
+#[test]
+#[should_panic(expected = "it must be kept")]
+fn reading_what_was_given_back_is_loud() {
+    let tape = Tape::<f32>::new();
+    let x = tape.constant(&[1.0], [1]);
+    tape.without_gradient(|| {
+        let mark = tape.mark();
+        let y = x + 1.0;
+        tape.keep_only(mark, &[]);
+        y.to_vec()
+    });
+}
+
+/// Parameters in half precision give what the same numbers give in full precision, forward and backward.
+#[test]
+fn half_precision() {
+    let narrow: Vec<bf16> = (0..6).map(|i| bf16::from_f32(0.3 * i as f32 - 0.7)).collect();
+    let wide: Vec<f32> = narrow.iter().map(|x| x.to_f32()).collect();
+    let mut params = Params::<f32>::new();
+    let half = params.declare("half", [2, 3]);
+    params.set(half, ParamValues::Half(Arc::new(narrow)));
+    let full = params.add("full", [2, 3], wide.clone());
+    let run = |id| {
+        let tape = Tape::new();
+        let x = tape.leaf(&[1.0, -2.0, 0.5], [1, 3]);
+        let y = ops::linear(x, tape.param(&params, id), None, Activation::Gelu);
+        y.backward_with(&[1.0, 2.0]);
+        (y.to_vec(), x.grad().unwrap(), tape.param_grad(id).is_some())
+    };
+    let (y, dx, trained) = run(half);
+    assert_eq!((y, dx), (run(full).0, run(full).1));
+    assert!(!trained && run(full).2, "what is in half precision is constant");
+    assert_eq!(params.count(), 12);
+    assert_eq!(params.value_mut(half), wide);
+}
+
+#[test]
+#[should_panic(expected = "cannot read input 0, [2] in half precision")]
+fn an_op_that_cannot_read_half_precision_says_so() {
+    let mut params = Params::<f32>::new();
+    let id = params.declare("b", [2]);
+    params.set(id, ParamValues::Half(Arc::new(vec![bf16::ONE; 2])));
+    let tape = Tape::new();
+    let _ = tape.param(&params, id) + tape.constant(&[0.0; 2], [2]);
+}
+
+#[test]
+#[should_panic(expected = "parameter b has no values yet")]
+fn a_declared_parameter_cannot_be_used() {
+    let mut params = Params::<f32>::new();
+    let id = params.declare("b", [2]);
+    Tape::new().param(&params, id);
+}

@@ -1,0 +1,112 @@
+//! What the photos show, before any Gaussian: cameras and depth.
+
+use crate::ModelConfig;
+use weaver_autograd::{List, Real, Var};
+use weaver_nn::{Builder, Context};
+use weaver_pose::{CameraHead, Cameras};
+use weaver_vggt::{Aggregator, DenseTokens, DepthHead, DepthMaps};
+
+/// VGGT (Wang et al. 2025, arXiv 2503.11651): patch encoder, aggregator, camera head and depth head.
+///
+/// Parameter names are those of its checkpoints.
+#[derive(Clone, Debug)]
+pub struct Vggt {
+    aggregator: Aggregator,
+    camera_head: CameraHead,
+    depth_head: DepthHead,
+}
+
+/// What the backbone and the camera head say about B scenes of V views.
+#[derive(Clone, Debug)]
+pub struct Encoded<'t, T: Real = f32> {
+    /// Tokens `[B, V, T, 2 D]` of the four levels that feed the dense heads.
+    pub tokens: List<Var<'t, T>>,
+    /// Tokens of a view before its first patch.
+    special: usize,
+    /// Rows and columns of patches.
+    grid: [usize; 2],
+    /// Pose codes `[B, V, 9]` of every refinement, in the frame of the camera head's own choice; quaternions of any
+    /// length.
+    pub raw: List<Var<'t, T>>,
+    /// Pose codes `[B, V, 9]` of every refinement as emitted, in the frame that the configuration's gauge says.
+    pub codes: List<Var<'t, T>>,
+    /// The cameras of the last refinement: w2c `[B, V, 3, 4]`, intrinsics `[B, V, 4]`.
+    pub cameras: Cameras<'t, T>,
+}
+
+impl<'t, T: Real> Encoded<'t, T> {
+    /// The cameras of scene `b`: w2c `[V, 3, 4]`, intrinsics `[V, 4]`.
+    pub fn scene_cameras(&self, b: usize) -> Cameras<'t, T> {
+        Cameras { w2c: entry(self.cameras.w2c, b), intrinsics: entry(self.cameras.intrinsics, b) }
+    }
+
+    /// The tokens of some views of scene `b`, one `[views, T, 2 D]` for each level.
+    pub(crate) fn views(&self, b: usize, first: usize, count: usize) -> List<Var<'t, T>> {
+        let of_views = |tokens: &Var<'t, T>| {
+            let scene = entry(*tokens, b);
+            if count == scene.shape()[0] { scene } else { scene.slice(0, first, count) }
+        };
+        self.tokens.iter().map(of_views).collect()
+    }
+
+    /// Levels as a dense head reads them.
+    pub(crate) fn dense<'a>(&self, layers: &'a [Var<'t, T>], image: [usize; 2]) -> DenseTokens<'a, 't, T> {
+        DenseTokens { layers, special: self.special, grid: self.grid, image }
+    }
+}
+
+/// Entry `b` of the first dimension.
+fn entry<T: Real>(x: Var<'_, T>, b: usize) -> Var<'_, T> {
+    let rest = x.shape();
+    let one = if rest[0] == 1 { x } else { x.slice(0, b, 1) };
+    one.reshape(&rest.dims()[1..])
+}
+
+impl Vggt {
+    /// Adds the parameters `aggregator`, `camera_head` and `depth_head`.
+    ///
+    /// # Panics
+    /// If the configuration does not pass [`ModelConfig::check`].
+    pub fn new<T: Real>(mut root: Builder<'_, T>, config: &ModelConfig) -> Self {
+        config.check().unwrap_or_else(|message| panic!("{message}"));
+        Self {
+            aggregator: Aggregator::new(root.scope("aggregator"), config.aggregator(), config.backbone_init()),
+            camera_head: CameraHead::new(root.scope("camera_head"), config.camera_head()),
+            depth_head: DepthHead::new(root.scope("depth_head"), config.depth_head()),
+        }
+    }
+
+    /// Backbone and camera head: photos `[B, V, 3, H, W]` in `[0, 1]` to tokens and cameras.
+    pub fn encode<'t, T: Real>(&self, cx: Context<'t, '_, T>, photos: Var<'t, T>) -> Encoded<'t, T> {
+        let shape = photos.shape();
+        let [height, width] = [shape[3], shape[4]];
+        let aggregated = {
+            let _scope = cx.scope("aggregator");
+            self.aggregator.forward(cx, photos)
+        };
+        let estimates = {
+            let _scope = cx.scope("camera_head");
+            self.camera_head.forward(cx, aggregated.camera)
+        };
+        let raw = estimates.iter().map(|e| e.raw).collect();
+        let codes: List<_> = estimates.iter().map(|e| e.code).collect();
+        let last = *codes.last().expect("a camera head has at least one iteration");
+        let cameras = weaver_pose::cameras(last, height, width);
+        let (special, grid) = (aggregated.special, aggregated.grid);
+        Encoded { tokens: aggregated.layers.into_iter().collect(), special, grid, raw, codes, cameras }
+    }
+
+    /// Depth and confidence of `count` views of scene `b` from the view `first` on, images of `image` (H, W).
+    pub fn depth<'t, T: Real>(
+        &self,
+        cx: Context<'t, '_, T>,
+        encoded: &Encoded<'t, T>,
+        b: usize,
+        [first, count]: [usize; 2],
+        image: [usize; 2],
+    ) -> DepthMaps<'t, T> {
+        let _scope = cx.scope("depth_head");
+        let layers = encoded.views(b, first, count);
+        self.depth_head.forward(cx, encoded.dense(&layers, image))
+    }
+}
