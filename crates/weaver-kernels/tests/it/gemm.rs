@@ -3,6 +3,7 @@
 use crate::{noise, threads};
 use weaver_kernels::Real;
 use weaver_kernels::gemm::{Mat, gemm, gemm_batched, gemm_serial, gemm_strided};
+use weaver_kernels::random::Stream;
 
 fn naive<T: Real>(ta: bool, tb: bool, [m, n, k]: [usize; 3], alpha: T, a: &[T], b: &[T], beta: T, c: &mut [T]) {
     for i in 0..m {
@@ -55,6 +56,45 @@ fn small_f32() {
 #[test]
 fn small_f64() {
     all_small::<f64>();
+}
+
+/// Every size from 1 to 70 in all three dimensions together: windows of three large matrices of small integers, whose products are
+/// exact. The expected product grows with k.
+fn every_size<T: Real + PartialEq>(step: usize) {
+    const MOST: usize = 70;
+    let integers = |seed| -> Vec<T> {
+        let stream = Stream::new(seed, 0, "gemm.sizes");
+        (0..(MOST * MOST) as u64).map(|i| T::from_f64(stream.below(i, 9) as f64 - 4.0)).collect()
+    };
+    let (a, b) = (integers(1), integers(2));
+    let transposed = |x: &[T]| -> Vec<T> { (0..MOST * MOST).map(|i| x[i % MOST * MOST + i / MOST]).collect() };
+    let (at, bt) = (transposed(&a), transposed(&b));
+    let (mut expected, mut c) = (vec![T::ZERO; MOST * MOST], vec![T::ZERO; MOST * MOST]);
+    for k in 1..=MOST {
+        for (i, e) in expected.iter_mut().enumerate() {
+            *e += a[i / MOST * MOST + k - 1] * b[(k - 1) * MOST + i % MOST];
+        }
+        for m in 1..=MOST {
+            for n in (1 + (m + k) % step..=MOST).step_by(step) {
+                let a = if (m + k) % 2 == 0 { Mat::new(&a, MOST) } else { Mat::new(&at, MOST).transposed() };
+                let b = if (n + k) % 2 == 0 { Mat::new(&b, MOST) } else { Mat::new(&bt, MOST).transposed() };
+                let c = &mut c[..m * n];
+                gemm_serial(m, n, k, T::ONE, a, b, T::ZERO, c, n);
+                let same = c.chunks_exact(n).zip(expected.chunks_exact(MOST)).all(|(c, e)| c == &e[..n]);
+                assert!(same, "{m}x{n}x{k}");
+            }
+        }
+    }
+}
+
+#[test]
+fn every_size_to_70_f32() {
+    every_size::<f32>(1);
+}
+
+#[test]
+fn every_size_to_70_f64() {
+    every_size::<f64>(3);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod allocation;
 mod attention;
 mod conv;
+mod every_kernel;
 mod gemm;
 mod lanes;
 mod layer_norm;
@@ -12,6 +13,7 @@ mod rope;
 mod rows;
 mod softmax;
 mod special;
+mod twofold;
 
 use weaver_kernels::Real;
 use weaver_kernels::random::Stream;
@@ -22,7 +24,7 @@ fn noise<T: Real>(n: usize, seed: u64) -> Vec<T> {
     (0..n as u64).map(|i| stream.normal(i)).collect()
 }
 
-/// Runs `body` with 1, 2 and 3 threads and asserts that the results are equal to the bit.
+/// Runs `body` with 1, 2, 3 and 4 threads and asserts that the results are equal to the bit.
 fn threads<T: Real>(body: impl Fn() -> Vec<T> + Sync) -> Vec<T> {
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool");
@@ -30,7 +32,7 @@ fn threads<T: Real>(body: impl Fn() -> Vec<T> + Sync) -> Vec<T> {
     };
     let first = run(1);
     assert!(first.iter().any(|x| *x != T::ZERO), "a result of zeros proves nothing");
-    for n in [2, 3] {
+    for n in [2, 3, 4] {
         assert!(
             run(n).iter().zip(&first).all(|(a, b)| a.to_f64().to_bits() == b.to_f64().to_bits()),
             "{n} threads differ"
