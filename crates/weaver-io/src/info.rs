@@ -1,10 +1,11 @@
 //! What is in a file, in a screenful.
 
-use crate::checkpoint::{Tensor, Tensors};
+mod weights;
+
 use crate::colmap::{self, CameraModel, Model, Point};
 use crate::ply::Table;
 use crate::realestate::Clip;
-use crate::{Background, Error, Image, Result, SplatPly, Transforms, read_splat, read_spz};
+use crate::{Background, Error, Image, Result, SplatPly, Transforms, Weights, read_splat, read_spz};
 use std::fmt::Display;
 use std::path::Path;
 use weaver_geometry::Pose;
@@ -17,6 +18,9 @@ use weaver_geometry::glam::DVec3;
 pub fn info(path: impl AsRef<Path>) -> Result<String> {
     let path = path.as_ref();
     if std::fs::metadata(path).map_err(Error::io(path))?.is_dir() {
+        if ["model.safetensors", "model.safetensors.index.json"].iter().any(|name| path.join(name).is_file()) {
+            return Ok(weights::weights(&Weights::open(path)?));
+        }
         let nested = path.join("sparse/0");
         return Ok(model(&Model::read(if nested.is_dir() { &nested } else { path })?));
     }
@@ -27,7 +31,8 @@ pub fn info(path: impl AsRef<Path>) -> Result<String> {
         (_, "ply") => ply(path),
         (_, "spz") => Ok(splats(&read_spz(path)?)),
         (_, "splat") => Ok(splats(&read_splat(path)?)),
-        (_, "safetensors") => Ok(tensors(&Tensors::read(path)?)),
+        (_, "safetensors") => Ok(weights::weights(&Weights::open(path)?)),
+        (_, "json") if name.ends_with(".index.json") => Ok(weights::weights(&Weights::open(path)?)),
         (_, "json") => Ok(transforms(&Transforms::read(path)?)),
         ("cameras", "bin" | "txt") => Ok(cameras(colmap::read_cameras(path)?.values())),
         ("images", "bin" | "txt") => Ok(images(&colmap::read_images(path)?)),
@@ -68,23 +73,6 @@ fn splats(splats: &SplatPly) -> String {
     let scales = splats.log_scales.as_flattened().iter().map(|&s| f64::from(s).exp());
     let opacities = splats.opacity_logits.iter().map(|&o| 1.0 / (1.0 + f64::from(-o).exp()));
     lines + &format!("\nscale    {}\nopacity  {}", Range::of(scales), Range::of(opacities))
-}
-
-fn tensors(file: &Tensors) -> String {
-    const SHOWN: usize = 30;
-    let values: usize = file.tensors.values().map(|t| t.data.len()).sum();
-    let mut lines = format!("safetensors, {} tensors, {values} values", file.tensors.len());
-    for (key, value) in &file.metadata {
-        let short: String = value.chars().take(100).collect();
-        lines += &format!("\n{key}: {short}{}", if short.len() < value.len() { "..." } else { "" });
-    }
-    for (key, Tensor { shape, data }) in file.tensors.iter().take(SHOWN) {
-        lines += &format!("\n{key} {} {shape:?}", data.dtype());
-    }
-    if file.tensors.len() > SHOWN {
-        lines += &format!("\n... and {} more", file.tensors.len() - SHOWN);
-    }
-    lines
 }
 
 fn transforms(scene: &Transforms) -> String {

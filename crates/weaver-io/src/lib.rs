@@ -15,6 +15,7 @@ mod file;
 mod folder;
 mod image;
 mod info;
+mod mapped_file;
 pub mod ply;
 pub mod realestate;
 mod resize;
@@ -22,6 +23,7 @@ mod splat;
 mod spz;
 mod tensor_file;
 mod transforms;
+mod weights;
 
 pub use append::Appender;
 pub use atomic::atomic_write;
@@ -36,6 +38,7 @@ pub use splat::read_splat;
 pub use spz::read_spz;
 pub use tensor_file::TensorFile;
 pub use transforms::{Frame, Transforms};
+pub use weights::{Slice, Storage, Weight, Weights};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

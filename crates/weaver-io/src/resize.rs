@@ -19,6 +19,12 @@ impl Image {
         self.resample(width, height, part, lanczos3, 3.0)
     }
 
+    /// Resizes the whole image with a cubic filter (Keys, a = -0.5), widened when shrinking: Pillow's `BICUBIC`, which is
+    /// what its `resize` does unless told otherwise.
+    pub fn resize_bicubic(&self, width: usize, height: usize) -> Self {
+        self.resample(width, height, [0.0, 0.0, self.width as f64, self.height as f64], bicubic, 2.0)
+    }
+
     /// Resizes the whole image by averaging the area that each new pixel covers.
     pub fn resize_area(&self, width: usize, height: usize) -> Self {
         self.resample(width, height, [0.0, 0.0, self.width as f64, self.height as f64], box_filter, 0.5)
@@ -96,6 +102,15 @@ fn taps(size: usize, from: f64, to: f64, out: usize, filter: fn(f64) -> f64, sup
 fn box_filter(x: f64) -> f64 {
     // Half open, so that a source pixel on the border of two outputs counts once.
     if x > -0.5 && x <= 0.5 { 1.0 } else { 0.0 }
+}
+
+fn bicubic(x: f64) -> f64 {
+    const A: f64 = -0.5;
+    match x.abs() {
+        x if x < 1.0 => ((A + 2.0) * x - (A + 3.0)) * x * x + 1.0,
+        x if x < 2.0 => (((x - 5.0) * x + 8.0) * x - 4.0) * A,
+        _ => 0.0,
+    }
 }
 
 fn lanczos3(x: f64) -> f64 {

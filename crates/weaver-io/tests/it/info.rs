@@ -14,7 +14,7 @@ fn describes_what_it_reads() {
     tensors.insert("w", &[2, 2], vec![0.0f32; 4]);
     tensors.write(path("a.safetensors")).unwrap();
     let text = info(path("a.safetensors")).unwrap();
-    assert_eq!(text, "safetensors, 1 tensors, 4 values\nstep: 7\nw F32 [2, 2]");
+    assert_eq!(text, "safetensors, 1 tensors, 4 values, 112 B\nstep: 7\nw F32 [2, 2]");
 
     std::fs::write(path("a.xyz"), "").unwrap();
     for name in ["a.xyz", "missing.ply"] {

@@ -12,3 +12,4 @@ mod shared;
 mod spz;
 mod tensor_file;
 mod transforms;
+mod weights;

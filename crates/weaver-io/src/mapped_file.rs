@@ -1,0 +1,40 @@
+//! Files in memory without reading them: the system brings in what is looked at, and may take it away again.
+
+use crate::{Error, Result};
+use memmap2::Mmap;
+use std::fs::File;
+use std::ops::Deref;
+use std::path::{Path, PathBuf};
+
+/// A file that is mapped into memory, read-only. The only `unsafe` of this crate is here.
+#[derive(Debug)]
+pub struct MappedFile {
+    map: Mmap,
+    path: PathBuf,
+}
+
+impl MappedFile {
+    /// Maps a file.
+    pub fn open(path: &Path) -> Result<Self> {
+        let file = File::open(path).map_err(Error::io(path))?;
+        // SAFETY: the map is private to this process and never written through. What the type system cannot see is another
+        // process that changes the file meanwhile: bytes would then differ between two looks at them, or be gone where the
+        // file was cut. Every value of a byte is a valid number, lengths are checked against the map's own length, and a
+        // checkpoint that is being written does not yet have its name (all writers here rename at the end).
+        #[allow(unsafe_code)]
+        let map = unsafe { Mmap::map(&file) }.map_err(Error::io(path))?;
+        Ok(Self { map, path: path.to_path_buf() })
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl Deref for MappedFile {
+    type Target = [u8];
+    fn deref(&self) -> &[u8] {
+        &self.map
+    }
+}

@@ -1,0 +1,124 @@
+//! Weights in place: one file or several, of any type, and what is wrong with broken ones.
+
+use half::{bf16, f16};
+use std::path::Path;
+use weaver_io::checkpoint::Tensors;
+use weaver_io::{Storage, Weights};
+
+fn sample(path: &Path) {
+    let mut tensors = Tensors::default();
+    tensors.insert("a.narrow", &[2, 2], [1.5, -2.0, 0.25, 3.0].map(bf16::from_f32).to_vec());
+    tensors.insert("a.half", &[3], [1.0, 0.5, -4.0].map(f16::from_f32).to_vec());
+    tensors.insert("b.wide", &[2], vec![1.0f32, f32::MIN_POSITIVE]);
+    tensors.insert("b.count", &[1], vec![7i64]);
+    tensors.write(path).unwrap();
+}
+
+#[test]
+fn every_type_in_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.safetensors");
+    sample(&path);
+    // A folder will do.
+    let weights = Weights::open(folder.path()).unwrap();
+    assert_eq!(weights.iter().len(), 4);
+    let storage = |name: &str| weights.get(name).unwrap().storage();
+    match (storage("a.narrow").unwrap(), storage("a.half").unwrap(), storage("b.wide").unwrap()) {
+        (Storage::Bf16(narrow), Storage::Widened(half), Storage::F32(wide)) => {
+            assert_eq!(narrow.as_ref()[2].to_f32(), 0.25);
+            assert_eq!(half, [1.0, 0.5, -4.0]);
+            assert_eq!(wide.as_ref(), [1.0, f32::MIN_POSITIVE]);
+        }
+        other => panic!("{other:?}"),
+    }
+    let error = storage("b.count").unwrap_err().to_string();
+    assert!(error.contains("tensor b.count: expected F32, F16 or BF16, found I64"), "{error}");
+    let narrow = weights.get("a.narrow").unwrap();
+    assert_eq!((narrow.shape(), narrow.len(), narrow.bytes(), narrow.dtype().as_str()), (&[2, 2][..], 4, 8, "BF16"));
+}
+
+/// The header moves the numbers by three bytes: they cannot be read in place, and are all the same.
+#[test]
+fn numbers_that_lie_askew() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("askew.safetensors");
+    let header = br#"{"w":{"dtype":"F32","shape":[2],"data_offsets":[0,8]}}   "#;
+    let header = &header[..header.len() - (header.len() + 3) % 4];
+    let mut bytes = (header.len() as u64).to_le_bytes().to_vec();
+    bytes.extend(header);
+    [1.5f32, -2.5].iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+    assert_ne!((8 + header.len()) % 4, 0);
+    std::fs::write(&path, bytes).unwrap();
+    let Storage::Widened(values) = Weights::open(&path).unwrap().get("w").unwrap().storage().unwrap() else {
+        panic!("not in place")
+    };
+    assert_eq!(values, [1.5, -2.5]);
+}
+
+#[test]
+fn several_files_under_an_index() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    for (file, key) in [("model-1.safetensors", "a"), ("model-2.safetensors", "b")] {
+        let mut tensors = Tensors::default();
+        tensors.insert(key, &[1], vec![1.0f32]);
+        tensors.write(path(file)).unwrap();
+    }
+    let index = |map: &str| {
+        std::fs::write(path("model.safetensors.index.json"), format!("{{\"weight_map\": {map}}}")).unwrap();
+        Weights::open(folder.path())
+    };
+    let both = index(r#"{"a": "model-1.safetensors", "b": "model-2.safetensors"}"#).unwrap();
+    assert_eq!(both.iter().map(|w| w.name()).collect::<Vec<_>>(), ["a", "b"]);
+    for (map, message) in [
+        (r#"{"a": "model-1.safetensors", "c": "model-2.safetensors"}"#, "also c"),
+        (r#"{"a": "model-3.safetensors"}"#, "model-3.safetensors"),
+        (r#"{"a": "../model-1.safetensors"}"#, "a file beside the index"),
+        (r#"7"#, "files by tensor name"),
+    ] {
+        let error = index(map).unwrap_err().to_string();
+        assert!(error.contains(message), "{error}");
+    }
+}
+
+#[test]
+fn broken_files_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.safetensors");
+    sample(&path);
+    let whole = std::fs::read(&path).unwrap();
+    let refused = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        let error = Weights::open(&path).unwrap_err().to_string();
+        assert!(error.contains("model.safetensors") && error.contains("complete safetensors file"), "{error}");
+    };
+    refused(&whole[..whole.len() - 1]);
+    refused(&whole[..20]);
+    refused(&[]);
+    refused(&[whole.as_slice(), &[0]].concat());
+    refused(b"\x08\0\0\0\0\0\0\0{\"a\": 1}");
+    refused(b"PK\x03\x04 no header at all, but long enough to be looked at");
+    let error = Weights::open(folder.path().join("model.pt")).unwrap_err().to_string();
+    assert!(error.contains("convert-weights"), "{error}");
+}
+
+#[test]
+fn what_is_not_finite_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.safetensors");
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        for at in [0, 4095, 4096, 9999] {
+            let mut values = vec![1e30f32; 10_000];
+            values[at] = bad;
+            let mut tensors = Tensors::default();
+            tensors.insert("narrow", &[10_000], values.iter().map(|x| bf16::from_f32(*x)).collect::<Vec<_>>());
+            tensors.insert("half", &[10_000], values.iter().map(|x| f16::from_f32(x / 1e30)).collect::<Vec<_>>());
+            tensors.insert("fine", &[10_000], vec![f32::MAX; 10_000]);
+            tensors.insert("wide", &[10_000], values);
+            tensors.write(&path).unwrap();
+            let weights = Weights::open(&path).unwrap();
+            let finite = |name: &str| weights.get(name).unwrap().storage().unwrap().is_finite();
+            assert_eq!(["narrow", "half", "wide", "fine"].map(finite), [false, false, false, true], "{bad} at {at}");
+        }
+    }
+}
