@@ -132,8 +132,13 @@ pub trait Lanes:
 
     /// A number for each lane.
     #[inline(always)]
-    fn from_fn(x: impl FnMut(usize) -> Self::Scalar) -> Self {
-        Self::load(&std::array::from_fn(x))
+    fn from_fn(mut x: impl FnMut(usize) -> Self::Scalar) -> Self {
+        // The standard library's way is not surely inlined.
+        let mut lanes = [Self::Scalar::ZERO; LANES];
+        for (lane, to) in lanes.iter_mut().enumerate() {
+            *to = x(lane);
+        }
+        Self::load(&lanes)
     }
 
     /// As an array.

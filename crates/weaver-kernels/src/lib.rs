@@ -11,6 +11,7 @@ pub mod gemm;
 pub mod lanes;
 pub mod layer_norm;
 pub mod optim;
+pub mod pages;
 pub mod parallel;
 pub mod peak;
 pub mod permute;

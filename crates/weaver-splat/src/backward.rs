@@ -4,11 +4,11 @@
 //! whole list gave there, known from drawing, less what came up to it.
 
 use crate::draw::planes;
+use crate::each::each;
 use crate::gradients::Cotangents;
 use crate::scene::Features;
 use crate::splat::slot;
 use crate::window::{Hit, Plane, Visitor, Window};
-use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, Lanes, Row};
 
 /// Where the sums of a splat over pixels are, in a row of [`LANES`]; g = alpha dL/dalpha where alpha is not capped, w =
@@ -64,46 +64,53 @@ pub(crate) fn backward_planes(depth: bool, channels: usize) -> usize {
     planes(depth, channels)
 }
 
-/// Fills `planes` from the cotangents and from `drawn`, what drawing left; returns the gradient of the background.
-pub(crate) fn prepare<T: Real>(
+/// Fills `planes`, which hold zeros where there are no cotangents, from the cotangents and from `drawn`, what drawing
+/// left; returns the gradient of the background.
+#[inline(always)]
+pub(crate) fn prepare<V: Lanes>(
     window: &Window,
     depth: bool,
-    background: [T; 3],
-    cotangents: &ViewCotangents<'_, T>,
-    drawn: &[Plane<T>],
-    planes: &mut [Plane<T>],
-) -> [T; 3] {
-    planes.as_flattened_mut().fill(Row::default());
-    let channels = planes.len() - 4 - usize::from(depth);
-    let [rest, red, green, blue, more @ ..] = planes else { unreachable!("at least four planes") };
-    let mut dbackground = [T::ZERO; 3];
-    window.for_each_run(|block, first, count, pixel| {
-        for i in 0..count {
-            let (lane, pixel) = (first + i, pixel + i);
-            let left = drawn[0][block].0[lane];
-            let dimage = cotangents.image.map_or([T::ZERO; 3], |d| [d[3 * pixel], d[3 * pixel + 1], d[3 * pixel + 2]]);
-            let dalpha = cotangents.alpha.map_or(T::ZERO, |d| d[pixel]);
-            let through = dimage[0] * background[0] + dimage[1] * background[1] + dimage[2] * background[2];
-            (red[block].0[lane], green[block].0[lane], blue[block].0[lane]) = (dimage[0], dimage[1], dimage[2]);
-            let seen = (0..3).map(|c| dimage[c] * drawn[1 + c][block].0[lane]).sum::<T>();
-            rest[block].0[lane] = seen + left * (through - dalpha);
-            (0..3).for_each(|c| dbackground[c] += left * dimage[c]);
-        }
-        let further = [(cotangents.depth, usize::from(depth)), (cotangents.features, channels)];
-        let mut plane = 0;
-        for (values, channels) in further {
-            for channel in 0..channels {
-                for i in 0..count {
-                    let (lane, pixel) = (first + i, pixel + i);
-                    let d = values.map_or(T::ZERO, |d| d[channels * pixel + channel]);
-                    more[plane][block].0[lane] = d;
-                    rest[block].0[lane] += d * drawn[4 + plane][block].0[lane];
-                }
-                plane += 1;
+    background: [V::Scalar; 3],
+    cotangents: &ViewCotangents<'_, V::Scalar>,
+    drawn: &[Plane<V::Scalar>],
+    planes: &mut [Plane<V::Scalar>],
+) -> [V::Scalar; 3] {
+    let first = 4 + usize::from(depth);
+    let channels = planes.len() - first;
+    let background = each!(3, |c| V::splat(background[c]));
+    let mut dbackground = [V::zero(); 3];
+    for block in 0..LANES {
+        let at = |plane: usize| V::load(&drawn[plane][block].0);
+        let left = at(0);
+        let mut seen = V::zero();
+        let mut through = V::zero();
+        if let Some(image) = cotangents.image {
+            for c in 0..3 {
+                let d = window.gather::<V>(block, image, 3, c);
+                d.store(&mut planes[1 + c][block].0);
+                seen = d.mul_add(at(1 + c), seen);
+                through = d.mul_add(background[c], through);
+                dbackground[c] = d.mul_add(left, dbackground[c]);
             }
         }
-    });
-    dbackground
+        if let Some(alpha) = cotangents.alpha {
+            through = through - window.gather::<V>(block, alpha, 1, 0);
+        }
+        if let (true, Some(depths)) = (depth, cotangents.depth) {
+            let d = window.gather::<V>(block, depths, 1, 0);
+            d.store(&mut planes[4][block].0);
+            seen = d.mul_add(at(4), seen);
+        }
+        if let Some(features) = cotangents.features {
+            for c in 0..channels {
+                let d = window.gather::<V>(block, features, channels, c);
+                d.store(&mut planes[first + c][block].0);
+                seen = d.mul_add(at(first + c), seen);
+            }
+        }
+        left.mul_add(through, seen).store(&mut planes[0][block].0);
+    }
+    each!(3, |c| dbackground[c].to_array().into_iter().sum())
 }
 
 /// Sums what splats get from the pixels of a window.
@@ -164,9 +171,9 @@ impl<'a, V: Lanes, const DEPTH: bool, const ABSOLUTE: bool> Undo<'a, V, DEPTH, A
 impl<V: Lanes, const DEPTH: bool, const ABSOLUTE: bool> Visitor<V> for Undo<'_, V, DEPTH, ABSOLUTE> {
     #[inline(always)]
     fn begin(&mut self, splat: usize, record: &[V::Scalar; LANES]) {
-        let [r, g, b] = [0, 1, 2].map(|i| V::splat(record[slot::COLOUR + i]));
+        let [r, g, b] = each!(3, |i| V::splat(record[slot::COLOUR + i]));
         self.values = [r, g, b, V::splat(record[slot::Z])];
-        self.factor = [slot::P, slot::Q, slot::R].map(|slot| V::splat(record[slot]));
+        self.factor = each!(3, |i| V::splat(record[slot::P + i]));
         self.sums = [V::zero(); 12];
         if let Some(Features { values, channels }) = self.features {
             let n = splat % self.gaussians;

@@ -10,6 +10,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, LaneKernel, LaneMask, Lanes};
+use weaver_kernels::simd::prefetch;
 
 /// The tiles of one view.
 #[derive(Clone, Copy, Debug)]
@@ -77,6 +78,18 @@ impl Chunk {
     #[inline(always)]
     pub fn places(&self, i: usize) -> &[AtomicU32] {
         &self.places[self.starts[i] as usize..self.starts[i + 1] as usize]
+    }
+
+    /// Asks for what [`Self::prefetch_places`] will look at.
+    #[inline(always)]
+    pub fn prefetch_start(&self, i: usize) {
+        prefetch(&self.starts[i]);
+    }
+
+    /// Asks for the places of Gaussian `i`.
+    #[inline(always)]
+    pub fn prefetch_places(&self, i: usize) {
+        self.places.get(self.starts[i] as usize).into_iter().for_each(prefetch);
     }
 
     /// Tiles of all Gaussians together.

@@ -1,5 +1,6 @@
 //! Drawing a window: colour, depth and features summed front to back.
 
+use crate::each::each;
 use crate::scene::Features;
 use crate::splat::slot;
 use crate::window::{Hit, Plane, Visitor};
@@ -46,7 +47,7 @@ impl<'a, V: Lanes, const DEPTH: bool> Draw<'a, V, DEPTH> {
 impl<V: Lanes, const DEPTH: bool> Visitor<V> for Draw<'_, V, DEPTH> {
     #[inline(always)]
     fn begin(&mut self, splat: usize, record: &[V::Scalar; LANES]) {
-        let [r, g, b] = [0, 1, 2].map(|i| V::splat(record[slot::COLOUR + i]));
+        let [r, g, b] = each!(3, |i| V::splat(record[slot::COLOUR + i]));
         self.values = [r, g, b, V::splat(record[slot::Z])];
         if let Some(Features { values, channels }) = self.features {
             let n = splat % self.gaussians;

@@ -2,16 +2,18 @@
 
 use crate::backward::moment;
 use crate::cover::{Chunk, GRAIN};
+use crate::each::each;
 use crate::gradients::{Gradients, Target};
 use crate::project::{Coefficients, Group, footprint};
 use crate::project_backward::{CAMERA_SUMS, GroupGradient, splat_backward};
 use crate::scene::{Cameras, Colour, Extent, Gaussians, RasterSettings};
 use crate::sh;
-use crate::splat::{BITS, put_columns, put_wide_columns, slot, wide_columns};
+use crate::splat::{BITS, prefetch_rows, put_columns, put_wide_columns, slot, wide_columns};
 use crate::workspace::Workspace;
 use std::ops::Range;
 use std::sync::atomic::Ordering::Relaxed;
 use weaver_kernels::lanes::{self, LANES, LaneKernel, LaneMask, Lanes, Row};
+use weaver_kernels::simd::prefetch;
 use weaver_kernels::{Real, parallel};
 
 /// What the pass works on.
@@ -114,7 +116,7 @@ impl<T: Real> GroupPass<'_, T> {
                 let id = chunk * GRAIN + i;
                 let (chunk, i) = self.chunk(id / self.extent.gaussians, id % self.extent.gaussians);
                 let rows = chunk.places(i).iter().map(|place| &self.workspace.moments[place.load(Relaxed) as usize]);
-                let sums = rows.fold([T::ZERO; 2], |sums, row| [0, 1].map(|k| sums[k] + row.0[moment::ABSOLUTE + k]));
+                let sums = rows.fold([T::ZERO; 2], |sums, row| each!(2, |k| sums[k] + row.0[moment::ABSOLUTE + k]));
                 for k in 0..2 {
                     let old = if add { out[k] } else { T::ZERO };
                     out[k] = old + scale * sums[k];
@@ -198,8 +200,16 @@ impl<T: Real> LaneKernel<T> for ChunkPass<'_, T> {
             let mut out = GroupGradient::zero();
             dcolours[..colour_len].fill(V::zero());
             let mut loaded = false;
+            if let Colour::Sh { coefficients: values, .. } = gaussians.colour {
+                prefetch_rows(values, (first + at + LANES) * colour_len, LANES * colour_len);
+            }
             for v in 0..extent.views {
                 let (chunk, _) = pass.chunk(v, first);
+                // The next group's sums are anywhere in memory.
+                for i in at + LANES..(at + 2 * LANES).min(len) {
+                    let places = chunk.places(i).iter();
+                    places.for_each(|place| prefetch(&workspace.moments[place.load(Relaxed) as usize]));
+                }
                 let (moments, drawn) = moments_of::<V>(workspace, chunk, at..at + count);
                 if drawn.bits() == 0 {
                     continue;
@@ -207,10 +217,14 @@ impl<T: Real> LaneKernel<T> for ChunkPass<'_, T> {
                 let view = cameras.view(v).in_lanes::<V>();
                 let shape = footprint(&view, settings, &group);
                 let mut dsight = [V::zero(); 3];
-                let dcolour = [0, 1, 2].map(|i| moments[moment::COLOUR + i]);
+                let dcolour = each!(3, |i| moments[moment::COLOUR + i]);
                 match gaussians.colour {
                     Colour::None => {}
-                    Colour::Plain(_) => (0..3).for_each(|i| dcolours[i] = dcolours[i] + dcolour[i]),
+                    Colour::Plain(_) => {
+                        for (sum, x) in dcolours.iter_mut().zip(dcolour) {
+                            *sum = *sum + x;
+                        }
+                    }
                     Colour::Sh { coefficients: values, degree } => {
                         if !loaded {
                             let range = (first + at) * colour_len..(first + at + count) * colour_len;
@@ -218,20 +232,22 @@ impl<T: Real> LaneKernel<T> for ChunkPass<'_, T> {
                             loaded = true;
                         }
                         let splats = &workspace.splats[v * extent.gaussians + first + at..][..count];
-                        let visible = [0, 1, 2].map(|i| {
+                        let visible = each!(3, |i| {
                             let shown = V::from_fn(|lane| splats[lane.min(count - 1)].0[slot::COLOUR + i]);
                             dcolour[i].only(shown.gt(V::zero()).and(drawn))
                         });
                         // Any direction where nothing was drawn, so that zeros stay zeros.
                         let anywhere = V::constant(1.0);
-                        let sight = [0, 1, 2].map(|i| (group.mean[i] - view.centre[i]).or(drawn, anywhere));
+                        let sight = each!(3, |i| (group.mean[i] - view.centre[i]).or(drawn, anywhere));
                         dsight = sh::colour_backward(degree, sight, &coefficients, visible, &mut dcolours);
                     }
                 }
                 let camera = &mut share.camera_sums[v * CAMERA_SUMS..][..CAMERA_SUMS];
-                let mut sums: [V; CAMERA_SUMS] = std::array::from_fn(|i| V::load(&camera[i].0));
+                let mut sums = each!(CAMERA_SUMS, |i| V::load(&camera[i].0));
                 splat_backward((&view, settings), &group, &shape, &moments, drawn, dsight, &mut out, &mut sums);
-                camera.iter_mut().zip(sums).for_each(|(row, sum)| sum.store(&mut row.0));
+                for (row, sum) in camera.iter_mut().zip(sums) {
+                    sum.store(&mut row.0);
+                }
             }
             put(&mut share.means, at, count, &out.mean);
             put(&mut share.quats, at, count, &out.quat);

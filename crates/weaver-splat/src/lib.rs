@@ -12,6 +12,7 @@ mod covariance;
 mod cover;
 mod depth;
 mod draw;
+mod each;
 mod gradients;
 mod group_pass;
 mod lists;

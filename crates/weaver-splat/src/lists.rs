@@ -22,6 +22,24 @@ pub(crate) struct Lists {
     len: usize,
 }
 
+/// Runs `body` on the Gaussians of sorted keys with their places, which are anywhere in memory: fetched well ahead.
+#[inline(always)]
+fn for_each_places(sorted: &[AtomicU64], chunks: &[Chunk], mut body: impl FnMut(usize, &[AtomicU32])) {
+    const AHEAD: usize = 16;
+    let gaussian = |i: usize| sorted.get(i).map(|key| (key.load(Relaxed) as u32) as usize);
+    for i in 0..sorted.len() {
+        if let Some(n) = gaussian(i + 2 * AHEAD) {
+            chunks[n / GRAIN].prefetch_start(n % GRAIN);
+        }
+        if let Some(n) = gaussian(i + AHEAD) {
+            chunks[n / GRAIN].prefetch_places(n % GRAIN);
+        }
+        if let Some(n) = gaussian(i) {
+            body(n, chunks[n / GRAIN].places(n % GRAIN));
+        }
+    }
+}
+
 impl Lists {
     /// Room for `entries` splats in the tiles of all views.
     pub fn prepare(&mut self, extent: &Extent, entries: usize) {
@@ -40,19 +58,16 @@ impl Lists {
         // on them.
         let parts = (sorted.len() / 4096).clamp(1, 32);
         let part_len = sorted.len().div_ceil(parts);
-        let places = |part: usize| {
+        let ids = |part: usize| {
             let end = ((part + 1) * part_len).min(sorted.len());
-            sorted[(part * part_len).min(end)..end].iter().map(|key| {
-                let n = (key.load(Relaxed) as u32) as usize;
-                (n, chunks[n / GRAIN].places(n % GRAIN))
-            })
+            &sorted[(part * part_len).min(end)..end]
         };
         let cursors = grown(&mut self.cursors, parts * tiles);
         parallel::for_chunks(cursors, tiles, |part, counts| {
             counts.fill(0);
-            for (_, places) in places(part) {
+            for_each_places(ids(part), chunks, |_, places| {
                 places.iter().for_each(|tile| counts[tile.load(Relaxed) as usize] += 1);
-            }
+            });
         });
         let starts = &mut self.starts[v * tiles..];
         let mut next = starts[0];
@@ -66,7 +81,7 @@ impl Lists {
         starts[tiles] = next;
         let list = &self.splats[..];
         parallel::for_chunks(cursors, tiles, |part, cursors| {
-            for (n, places) in places(part) {
+            for_each_places(ids(part), chunks, |n, places| {
                 let id = (v * extent.gaussians + n) as u32;
                 for place in places {
                     let cursor = &mut cursors[place.load(Relaxed) as usize];
@@ -74,7 +89,7 @@ impl Lists {
                     place.store(*cursor, Relaxed);
                     *cursor += 1;
                 }
-            }
+            });
         });
     }
 

@@ -1,5 +1,6 @@
 //! Products of the 2x3 and 3x3 matrices that projection is made of, for numbers and for lanes of them.
 
+use crate::each::each;
 use std::ops::{Add, Mul, Sub};
 use weaver_kernels::Real;
 
@@ -35,7 +36,7 @@ pub(crate) fn apply<X: Ring>(a: &Mat33<X>, v: Vec3<X>) -> Vec3<X> {
 /// A^T v
 #[inline(always)]
 pub(crate) fn apply_transposed<X: Ring>(a: &Mat33<X>, v: Vec3<X>) -> Vec3<X> {
-    [0, 1, 2].map(|j| a[0][j] * v[0] + a[1][j] * v[1] + a[2][j] * v[2])
+    each!(3, |j| a[0][j] * v[0] + a[1][j] * v[1] + a[2][j] * v[2])
 }
 
 /// A B for a 2x3 and a 3x3 matrix.
@@ -53,7 +54,7 @@ pub(crate) fn product_transposed<X: Ring>(a: &Mat23<X>, b: &Mat33<X>) -> Mat23<X
 /// A^T B for two 2x3 matrices.
 #[inline(always)]
 pub(crate) fn transposed_product<X: Ring>(a: &Mat23<X>, b: &Mat23<X>) -> Mat33<X> {
-    [0, 1, 2].map(|i| [0, 1, 2].map(|j| a[0][i] * b[0][j] + a[1][i] * b[1][j]))
+    each!(3, |i| each!(3, |j| a[0][i] * b[0][j] + a[1][i] * b[1][j]))
 }
 
 /// The inverse of a 3x3 matrix, in `f64`; not finite where it is singular.

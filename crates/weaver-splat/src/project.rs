@@ -4,11 +4,12 @@
 //! nothing cancels: det S = |m1 x m2|^2 + eps (|m1|^2 + |m2|^2) + eps^2 is a sum of positive terms, so that long thin
 //! splats are exact in `f32` too.
 
+use crate::each::each;
 use crate::matrix::{Mat23, Mat33, Vec3, apply, cross, dot, product};
 use crate::rotation::rotation;
 use crate::scene::{ALPHA_MIN, Colour, Gaussians, RATIO_FLOOR, RasterSettings, Viewpoint};
 use crate::sh;
-use crate::splat::{BITS, columns, slot, wide_columns};
+use crate::splat::{BITS, columns, prefetch_rows, slot, wide_columns};
 use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
 
@@ -41,8 +42,14 @@ impl<V: Lanes> Group<V> {
     #[inline(always)]
     fn unsound(&self) -> V {
         let zero = V::zero();
-        let all = self.mean.iter().chain(&self.quat).chain(&self.scale);
-        all.fold(self.opacity * zero, |sum, x| x.mul_add(zero, sum))
+        let [x, y, z] = self.mean;
+        let [a, b, c, d] = self.quat;
+        let [p, q, r] = self.scale;
+        let mut sum = self.opacity * zero;
+        for part in [x, y, z, a, b, c, d, p, q, r] {
+            sum = part.mul_add(zero, sum);
+        }
+        sum
     }
 }
 
@@ -101,25 +108,29 @@ pub(crate) fn footprint<V: Lanes>(view: &Viewpoint<V>, settings: &RasterSettings
     (0..3).for_each(|i| point[i] = point[i] + view.shift[i]);
     let inverse_z = one / point[2];
     let free = [point[0] * inverse_z, point[1] * inverse_z];
-    let within = [0, 1].map(|i| free[i].ge(view.low[i]).and(view.high[i].ge(free[i])));
-    let slope = [0, 1].map(|i| free[i].max(view.low[i]).min(view.high[i]));
-    let zoom = view.focal.map(|f| f * inverse_z);
-    let map = [0, 1].map(|i| [0, 1, 2].map(|j| zoom[i] * slope[i].neg_mul_add(view.axes[2][j], view.axes[i][j])));
+    let within = each!(2, |i| free[i].ge(view.low[i]).and(view.high[i].ge(free[i])));
+    let slope = each!(2, |i| free[i].max(view.low[i]).min(view.high[i]));
+    let zoom = each!(2, |i| view.focal[i] * inverse_z);
+    let map = each!(2, |i| each!(3, |j| zoom[i] * slope[i].neg_mul_add(view.axes[2][j], view.axes[i][j])));
 
     // Scaled first, so that no length overflows.
-    let largest = group.quat.iter().fold(V::zero(), |m, x| m.max(x.abs()));
-    let scaled = group.quat.map(|x| x / largest);
+    let largest = {
+        let [a, b, c, d] = each!(4, |i| group.quat[i].abs());
+        a.max(b).max(c.max(d))
+    };
+    let scaled = each!(4, |i| group.quat[i] / largest);
     let [w, x, y, z] = scaled;
     let length = x.mul_add(x, y.mul_add(y, z.mul_add(z, w * w))).sqrt();
     let inverse = one / length;
-    let unit = scaled.map(|x| x * inverse);
+    let unit = each!(4, |i| scaled[i] * inverse);
     let rotation = rotation(one, unit);
 
-    let m = product(&map, &rotation).map(|row| [0, 1, 2].map(|j| row[j] * group.scale[j]));
+    let turned = product(&map, &rotation);
+    let m = each!(2, |i| each!(3, |j| turned[i][j] * group.scale[j]));
     let eps = V::constant(settings.eps2d);
     let normal = cross(m[0], m[1]);
     let squares = [dot(m[0], m[0]), dot(m[1], m[1])];
-    let variance = squares.map(|x| x + eps);
+    let variance = each!(2, |i| squares[i] + eps);
     let sharp = dot(normal, normal);
     let det = sharp + eps * (squares[0] + squares[1]) + eps * eps;
     let deviation = variance[1].sqrt();
@@ -184,7 +195,7 @@ pub(crate) fn splats<V: Lanes>(
     }
 
     let eps = <V::Scalar as Real>::EPSILON.to_f64();
-    let [p, q, r] = shape.factor.map(|x| x * V::constant(BITS));
+    let [p, q, r] = each!(3, |i| shape.factor[i] * V::constant(BITS));
     // Rounded up by more than what the pixels' own arithmetic may be off by: a few units in the last place of
     // p dx and q dy, of which the latter is at most |q| / r times v.
     let limit = (opacity * V::constant(1.0 / ALPHA_MIN)).log2() + V::constant(1e-3);
@@ -213,13 +224,14 @@ pub(crate) fn splats<V: Lanes>(
         }
         Colour::Sh { coefficients: values, degree } if seen.bits() != 0 => {
             let len = 3 * (degree + 1) * (degree + 1);
+            prefetch_rows(values, (first + LANES) * len, LANES * len);
             wide_columns(&values[first * len..(first + count) * len], len, coefficients);
-            let sight = [0, 1, 2].map(|i| group.mean[i] - view.centre[i]);
+            let sight = each!(3, |i| group.mean[i] - view.centre[i]);
             let (sum, unsound) = sh::colour(degree, sight, coefficients);
             let good = finite(unsound + sum[0] + sum[1] + sum[2]);
             rejected = rejected.or(seen.and_not(good));
             seen = seen.and(good);
-            colour = sum.map(|c| c.max(V::zero()));
+            colour = each!(3, |i| sum[i].max(V::zero()));
         }
         Colour::Sh { .. } => {}
     }

@@ -2,6 +2,7 @@
 //! Gaussians at a time.
 
 use crate::backward::moment;
+use crate::each::each;
 use crate::matrix::{
     Mat23, Mat33, Vec3, apply_transposed, cross, dot, inverse, product_transposed, transposed_product,
 };
@@ -55,25 +56,27 @@ pub(crate) fn splat_backward<V: Lanes>(
 ) {
     let (one, two) = (V::constant(1.0), V::constant(2.0));
     // Of Gaussians that were not drawn anything may be infinite.
-    let here = |x: V| x.only(drawn);
-    let scaled = |at: usize, power: i32| moments[at] * V::constant(BITS.powi(-power));
+    macro_rules! here {
+        ($x:expr) => {
+            $x.only(drawn)
+        };
+    }
+    let (inverse, inverse_square) = (V::constant(1.0 / BITS), V::constant(1.0 / (BITS * BITS)));
     let [p, q, r] = shape.factor;
     let mut dpoint = [V::zero(), V::zero(), moments[moment::Z]];
 
     // Opacity, and the compensation that depends on the shape. g = opacity dL/dopacity, compensated.
     let dopacity = moments[moment::G] / (group.opacity * shape.compensation);
-    add(&mut out.opacity, here(dopacity * shape.compensation));
+    add(&mut out.opacity, here!((dopacity * shape.compensation)));
 
     // d sigma / d S = -L^T (u v)^T (u v) L / 2 with L = [[p, q], [0, r]], and dS = dM M^T + M dM^T.
-    let [uu, uv, vv] = [0, 1, 2].map(|i| scaled(moment::SECOND + i, 2));
+    let [uu, uv, vv] = each!(3, |i| moments[moment::SECOND + i] * inverse_square);
     let dxx = p * p * uu;
     let dxy = p * (q * uu + r * uv);
     let dyy = q * q * uu + two * q * r * uv + r * r * vv;
     let m = &shape.m;
-    let mut dm: Mat23<V> = [
-        [0, 1, 2].map(|j| dxx.mul_add(m[0][j], dxy * m[1][j])),
-        [0, 1, 2].map(|j| dxy.mul_add(m[0][j], dyy * m[1][j])),
-    ];
+    let mut dm: Mat23<V> =
+        [each!(3, |j| dxx.mul_add(m[0][j], dxy * m[1][j])), each!(3, |j| dxy.mul_add(m[0][j], dyy * m[1][j]))];
     if settings.antialiased {
         // compensation = sqrt(sharp / det), det = sharp + eps (|m1|^2 + |m2|^2) + eps^2, sharp = |m1 x m2|^2
         let inverse_det = one / shape.det;
@@ -90,20 +93,22 @@ pub(crate) fn splat_backward<V: Lanes>(
     }
 
     // M = (J A) (R diag(s))
-    let axes_of_gaussian: Mat33<V> = shape.rotation.map(|row| [0, 1, 2].map(|j| row[j] * group.scale[j]));
+    let axes_of_gaussian: Mat33<V> = each!(3, |i| each!(3, |j| shape.rotation[i][j] * group.scale[j]));
     let dmap = product_transposed(&dm, &axes_of_gaussian);
     let dproduct = transposed_product(&shape.map, &dm);
     let rotation = &shape.rotation;
     for j in 0..3 {
-        let column = |a: &Mat33<V>| [a[0][j], a[1][j], a[2][j]];
-        add(&mut out.scale[j], here(dot(column(&dproduct), column(rotation))));
+        let (a, b) = (each!(3, |i| dproduct[i][j]), each!(3, |i| rotation[i][j]));
+        add(&mut out.scale[j], here!(dot(a, b)));
     }
-    let drotation: Mat33<V> = dproduct.map(|row| [0, 1, 2].map(|j| row[j] * group.scale[j]));
+    let drotation: Mat33<V> = each!(3, |i| each!(3, |j| dproduct[i][j] * group.scale[j]));
     let dquat = rotation_backward(shape.unit, shape.inverse_length, &drotation);
-    (0..4).for_each(|i| add(&mut out.quat[i], here(dquat[i])));
+    for i in 0..4 {
+        add(&mut out.quat[i], here!(dquat[i]));
+    }
 
     // J A with J = [[zx, 0, -zx sx], [0, zy, -zy sy]], zoom z = f/Z and slope s; and the centre x = fx X/Z + cx.
-    let first = [scaled(moment::FIRST, 1), scaled(moment::FIRST + 1, 1)];
+    let first = each!(2, |i| moments[moment::FIRST + i] * inverse);
     let dcentre = [p * first[0], q.mul_add(first[0], r * first[1])];
     let mut daxes = [[V::zero(); 3]; 3];
     for i in 0..2 {
@@ -120,8 +125,8 @@ pub(crate) fn splat_backward<V: Lanes>(
         let dlimit = dbounded / view.focal[i] - dlimit;
         let dslope = dcentre[i].mul_add(view.focal[i], dbounded.only(shape.within[i]));
         let dfocal = dzoom.mul_add(shape.inverse_z, dcentre[i] * shape.free[i]) - dlimit * slope;
-        add(&mut camera[12 + i], here(dfocal));
-        add(&mut camera[14 + i], here(dcentre[i] - dlimit));
+        add(&mut camera[12 + i], here!(dfocal));
+        add(&mut camera[14 + i], here!((dcentre[i] - dlimit)));
         dpoint[i] = dslope * shape.inverse_z;
         let along = dzoom.mul_add(zoom, dslope * shape.free[i]);
         dpoint[2] = along.neg_mul_add(shape.inverse_z, dpoint[2]);
@@ -131,11 +136,11 @@ pub(crate) fn splat_backward<V: Lanes>(
     let dmean = apply_transposed(&view.axes, dpoint);
     for i in 0..3 {
         for j in 0..3 {
-            add(&mut camera[3 * i + j], here(dpoint[i].mul_add(group.mean[j], daxes[i][j])));
+            add(&mut camera[3 * i + j], here!(dpoint[i].mul_add(group.mean[j], daxes[i][j])));
         }
-        add(&mut camera[9 + i], here(dpoint[i]));
-        add(&mut camera[16 + i], here(-dsight[i]));
-        add(&mut out.mean[i], here(dmean[i] + dsight[i]));
+        add(&mut camera[9 + i], here!(dpoint[i]));
+        add(&mut camera[16 + i], here!((-dsight[i])));
+        add(&mut out.mean[i], here!((dmean[i] + dsight[i])));
     }
 }
 

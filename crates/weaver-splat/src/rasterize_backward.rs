@@ -138,7 +138,7 @@ impl<T: Real, const DEPTH: bool, const PULL: bool> LaneKernel<T> for UndoTile<'_
         let mut dbackground = [T::ZERO; 3];
         for (i, window) in windows_of(self.grid, self.tile) {
             let drawn = &self.drawn[i * per_window..][..per_window];
-            let d = prepare(&window, DEPTH, self.background, &self.cotangents, drawn, planes);
+            let d = prepare::<V>(&window, DEPTH, self.background, &self.cotangents, drawn, planes);
             (0..3).for_each(|c| dbackground[c] += d[c]);
             let sums = (&mut *self.moments, &mut *self.feature_sums);
             let mut undo =

@@ -1,5 +1,6 @@
 //! Rotations from quaternions of any length, for numbers and for lanes of them.
 
+use crate::each::each;
 use crate::matrix::{Mat33, Ring};
 
 /// The rotation matrix of a unit quaternion wxyz; `one` is 1.
@@ -27,5 +28,5 @@ pub(crate) fn rotation_backward<X: Ring>(unit: [X; 4], inverse_length: X, d: &Ma
         twice(w * c + x * g + y * h - twice(z * (d[0][0] + d[1][1]))),
     ];
     let along = unit[0] * dunit[0] + unit[1] * dunit[1] + unit[2] * dunit[2] + unit[3] * dunit[3];
-    [0, 1, 2, 3].map(|i| (dunit[i] - unit[i] * along) * inverse_length)
+    each!(4, |i| (dunit[i] - unit[i] * along) * inverse_length)
 }

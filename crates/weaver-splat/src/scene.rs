@@ -1,5 +1,6 @@
 //! What is drawn, from where, and by which settings.
 
+use crate::each::each;
 use crate::matrix::{self, Mat33, Vec3};
 use crate::sh;
 use std::fmt;
@@ -135,13 +136,13 @@ impl<T: Real> Viewpoint<T> {
     pub fn in_lanes<V: Lanes<Scalar = T>>(&self) -> Viewpoint<V> {
         let Self { axes, shift, centre, focal, principal, low, high } = *self;
         Viewpoint {
-            axes: axes.map(|row| row.map(V::splat)),
-            shift: shift.map(V::splat),
-            centre: centre.map(V::splat),
-            focal: focal.map(V::splat),
-            principal: principal.map(V::splat),
-            low: low.map(V::splat),
-            high: high.map(V::splat),
+            axes: each!(3, |i| each!(3, |j| V::splat(axes[i][j]))),
+            shift: each!(3, |i| V::splat(shift[i])),
+            centre: each!(3, |i| V::splat(centre[i])),
+            focal: each!(2, |i| V::splat(focal[i])),
+            principal: each!(2, |i| V::splat(principal[i])),
+            low: each!(2, |i| V::splat(low[i])),
+            high: each!(2, |i| V::splat(high[i])),
         }
     }
 }

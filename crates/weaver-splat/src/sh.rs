@@ -1,5 +1,6 @@
 //! Real spherical harmonics, degree 0 to 4, with the signs and the order of the reference 3DGS implementation.
 
+use crate::each::each;
 use crate::matrix::{Ring, Vec3, dot};
 use std::ops::{Add, Mul, Neg, Sub};
 use weaver_kernels::lanes::Lanes;
@@ -71,13 +72,15 @@ struct Slope<V> {
 }
 
 impl<V: Lanes> Slope<V> {
+    #[inline(always)]
     fn constant(x: f64) -> Self {
         Self { value: V::constant(x), partial: [V::zero(); 3] }
     }
 
+    #[inline(always)]
     fn inputs(x: Vec3<V>) -> [Self; 3] {
         let (zero, one) = (V::zero(), V::constant(1.0));
-        [0, 1, 2].map(|i| Self { value: x[i], partial: [0, 1, 2].map(|j| if i == j { one } else { zero }) })
+        each!(3, |i| Self { value: x[i], partial: each!(3, |j| if i == j { one } else { zero }) })
     }
 }
 
@@ -85,7 +88,7 @@ impl<V: Lanes> Add for Slope<V> {
     type Output = Self;
     #[inline(always)]
     fn add(self, b: Self) -> Self {
-        Self { value: self.value + b.value, partial: [0, 1, 2].map(|i| self.partial[i] + b.partial[i]) }
+        Self { value: self.value + b.value, partial: each!(3, |i| self.partial[i] + b.partial[i]) }
     }
 }
 
@@ -93,7 +96,7 @@ impl<V: Lanes> Sub for Slope<V> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, b: Self) -> Self {
-        Self { value: self.value - b.value, partial: [0, 1, 2].map(|i| self.partial[i] - b.partial[i]) }
+        Self { value: self.value - b.value, partial: each!(3, |i| self.partial[i] - b.partial[i]) }
     }
 }
 
@@ -101,7 +104,7 @@ impl<V: Lanes> Mul for Slope<V> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, b: Self) -> Self {
-        let partial = [0, 1, 2].map(|i| self.partial[i].mul_add(b.value, self.value * b.partial[i]));
+        let partial = each!(3, |i| self.partial[i].mul_add(b.value, self.value * b.partial[i]));
         Self { value: self.value * b.value, partial }
     }
 }
@@ -110,7 +113,7 @@ impl<V: Lanes> Neg for Slope<V> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        Self { value: -self.value, partial: self.partial.map(|x| -x) }
+        Self { value: -self.value, partial: each!(3, |i| -self.partial[i]) }
     }
 }
 
@@ -118,7 +121,7 @@ impl<V: Lanes> Neg for Slope<V> {
 #[inline(always)]
 fn direction<V: Lanes>(v: Vec3<V>) -> (Vec3<V>, V) {
     let inverse_length = V::constant(1.0) / dot(v, v).sqrt();
-    (v.map(|x| x * inverse_length), inverse_length)
+    (each!(3, |i| v[i] * inverse_length), inverse_length)
 }
 
 /// sum over k of b_k(v / |v|) coefficients_k + 0.5, before the clamp at zero, and a number that is 0 if all coefficients
@@ -162,7 +165,7 @@ pub(crate) fn colour_backward<V: Lanes>(
         }
     }
     let along = dot(unit, dunit);
-    [0, 1, 2].map(|i| (dunit[i] - unit[i] * along) * inverse_length)
+    each!(3, |i| (dunit[i] - unit[i] * along) * inverse_length)
 }
 
 #[cfg(test)]

@@ -4,8 +4,10 @@
 //! to a pixel, u = p dx + q dy and v = r dy make d^T S^-1 d = u^2 + v^2, a sum of squares that never turns negative. p, q, r
 //! are stored times [`BITS`], so that the Gaussian is opacity times 2^-(u^2 + v^2).
 
+use crate::each::each;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, Lanes, Row};
+use weaver_kernels::simd::prefetch;
 
 /// sqrt(log2(e) / 2): exp(-x^2 / 2) = 2^-(BITS x)^2.
 pub(crate) const BITS: f64 = 0.849_321_800_288_019_2;
@@ -96,21 +98,28 @@ impl<V: Lanes> Outline<V> {
 pub(crate) fn columns<V: Lanes, const K: usize>(values: &[V::Scalar], first: usize, count: usize) -> [V; K] {
     let rows = &values[K * first..K * (first + count)].as_chunks::<K>().0;
     if let Some(rows) = rows.first_chunk::<LANES>() {
-        return std::array::from_fn(|k| V::from_fn(|lane| rows[lane][k]));
+        return each!(K, |k| V::load(&each!(LANES, |lane| rows[lane][k])));
     }
-    std::array::from_fn(|k| V::from_fn(|lane| rows[lane.min(count - 1)][k]))
+    each!(K, |k| V::load(&each!(LANES, |lane| rows[lane.min(count - 1)][k])))
 }
 
 /// Writes `columns` as rows of `K` numbers, or adds them.
 #[inline(always)]
 pub(crate) fn put_columns<V: Lanes, const K: usize>(columns: &[V; K], add: bool, rows: &mut [V::Scalar]) {
-    let columns = columns.map(V::to_array);
+    let columns = each!(K, |k| columns[k].to_array());
     for (lane, row) in rows.as_chunks_mut::<K>().0.iter_mut().enumerate() {
         for k in 0..K {
             let old = if add { row[k] } else { V::Scalar::ZERO };
             row[k] = old + columns[k][lane];
         }
     }
+}
+
+/// Asks for numbers that will be needed soon: rows are read out of order, which the processor does not foresee.
+#[inline(always)]
+pub(crate) fn prefetch_rows<T>(values: &[T], from: usize, count: usize) {
+    let values = &values[from.min(values.len())..(from + count).min(values.len())];
+    values.iter().step_by(64 / size_of::<T>()).for_each(prefetch);
 }
 
 /// Rows of `len` numbers as columns, 16 at a time in registers: column k goes to `out[k]`, up to the next multiple of

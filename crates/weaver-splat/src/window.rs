@@ -4,11 +4,13 @@
 //! to back and shows every block that a splat meets to a [`Visitor`]; drawing, differentiating and counting are
 //! visitors. What happens at a pixel depends on the splat and the pixel alone.
 
+use crate::each::each;
 use crate::scene::{ALPHA_MIN, TRANSMITTANCE_END};
 use crate::splat::{Outline, Splat, slot};
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, LaneMask, Lanes, Row};
+use weaver_kernels::simd::prefetch;
 
 /// Pixels per side of a window.
 pub(crate) const SIDE: usize = 16;
@@ -51,18 +53,22 @@ impl Window {
         })
     }
 
-    /// Runs `body(block, lanes, pixel)` on each row of a block that is in the image, with its first lane, its number
-    /// of pixels, and the index of its first pixel in the image.
+    /// A channel of an image `[H, W, channels]` at the pixels of a block; 0 beyond its edge.
     #[inline(always)]
-    pub fn for_each_run(&self, mut body: impl FnMut(usize, usize, usize, usize)) {
-        for block in 0..LANES {
-            for row in 0..BLOCK {
-                let (x, y) = self.pixel(block, row * BLOCK);
-                if x < self.width && y < self.height {
-                    body(block, row * BLOCK, BLOCK.min(self.width - x), y * self.width + x);
-                }
-            }
+    pub fn gather<V: Lanes>(&self, block: usize, image: &[V::Scalar], channels: usize, channel: usize) -> V {
+        let (x, y) = self.pixel(block, 0);
+        if self.inside() {
+            let rows = each!(BLOCK, |row| &image[((y + row) * self.width + x) * channels..][..BLOCK * channels]);
+            return V::from_fn(
+                #[inline(always)]
+                |lane| rows[lane / BLOCK][lane % BLOCK * channels + channel],
+            );
         }
+        V::from_fn(|lane| {
+            let (x, y) = self.pixel(block, lane);
+            let inside = x < self.width && y < self.height;
+            if inside { image[(y * self.width + x) * channels + channel] } else { V::Scalar::ZERO }
+        })
     }
 }
 
@@ -107,20 +113,19 @@ pub(crate) struct Work {
 /// The blocks that each of up to sixteen splats may be seen in, one bit per block.
 #[inline(always)]
 fn blocks_of<V: Lanes>(ids: &[AtomicU32], splats: &[Splat<V::Scalar>], window: &Window) -> [u16; LANES] {
-    let mut rows: [V; LANES] = std::array::from_fn(|i| {
-        let id = ids[i.min(ids.len() - 1)].load(Relaxed);
-        V::load(&splats[id as usize].0)
-    });
+    let mut rows = each!(LANES, |i| V::load(&splats[ids[i.min(ids.len() - 1)].load(Relaxed) as usize].0));
     V::transpose(&mut rows);
     let outline = Outline::of_columns(&rows);
-    let centre = |pixel: usize| V::constant(pixel as f64 + 0.5);
+    let half = V::constant(0.5);
+    let (x, y) = window.corner;
+    let (corner_x, corner_y) = (V::constant(x as f64) + half, V::constant(y as f64) + half);
     let far = V::constant(BLOCK as f64 - 1.0);
     let mut seen = [0; LANES];
     for row in 0..BLOCK {
-        let top = centre(window.corner.1 + row * BLOCK);
+        let top = corner_y + V::constant((row * BLOCK) as f64);
         let (left, right, touched) = outline.span(top, top + far);
         for column in 0..BLOCK {
-            let x = centre(window.corner.0 + column * BLOCK);
+            let x = corner_x + V::constant((column * BLOCK) as f64);
             seen[row * BLOCK + column] = (x + far).ge_among(left, right.ge_among(x, touched)).bits();
         }
     }
@@ -172,6 +177,9 @@ pub(crate) fn traverse<V: Lanes>(
         if live == 0 {
             break;
         }
+        // The next splats are anywhere in memory.
+        let next = list.get((batch + 1) * LANES..).unwrap_or(&[]);
+        next.iter().take(LANES).for_each(|id| prefetch(&splats[id.load(Relaxed) as usize]));
         let blocks = blocks_of::<V>(ids, splats, window);
         for (i, id) in ids.iter().enumerate() {
             let mut todo = blocks[i] & live;
@@ -180,8 +188,9 @@ pub(crate) fn traverse<V: Lanes>(
             }
             let id = id.load(Relaxed) as usize;
             let record = &splats[id].0;
-            let [x, y, p, q, r, opacity] =
-                [slot::X, slot::Y, slot::P, slot::Q, slot::R, slot::OPACITY].map(|slot| V::splat(record[slot]));
+            let (x, y) = (V::splat(record[slot::X]), V::splat(record[slot::Y]));
+            let [p, q, r] = each!(3, |i| V::splat(record[slot::P + i]));
+            let opacity = V::splat(record[slot::OPACITY]);
             let (dx, dy) = (block_x - x, block_y - y);
             let (block_u, block_v) = (p.mul_add(dx, q * dy).to_array(), (r * dy).to_array());
             let (lane_u, lane_v) = (p.mul_add(lane_x, q * lane_y), r * lane_y);
@@ -197,7 +206,7 @@ pub(crate) fn traverse<V: Lanes>(
                 let visible = alpha.ge_among(alpha_min, open[block]);
                 let seen = after.gt_among(end, visible);
                 let alpha = alpha.only(seen);
-                after.or(seen, before).store(&mut transmittance[block].0);
+                alpha.neg_mul_add(before, before).store(&mut transmittance[block].0);
                 let closing = visible.and_not(seen);
                 if closing.bits() != 0 {
                     open[block] = open[block].and_not(closing);

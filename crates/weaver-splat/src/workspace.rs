@@ -7,8 +7,8 @@ use crate::splat::Splat;
 use crate::window::Plane;
 use std::sync::atomic::AtomicU64;
 use std::time::Duration;
-use weaver_kernels::Real;
 use weaver_kernels::lanes::Row;
+use weaver_kernels::{Real, pages};
 
 /// What forward leaves for backward, and room to work in. It only grows: calls of sizes seen before allocate nothing.
 #[derive(Debug)]
@@ -91,6 +91,8 @@ impl<T: Real> Default for Workspace<T> {
 pub(crate) fn grown<U: Default>(values: &mut Vec<U>, len: usize) -> &mut [U] {
     if values.len() < len {
         values.reserve_exact(len - values.len());
+        // Most of it will be read in no order.
+        pages::prefer_huge(values.spare_capacity_mut());
         values.resize_with(len, U::default);
     }
     &mut values[..len]

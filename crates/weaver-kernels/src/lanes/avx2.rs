@@ -132,7 +132,9 @@ impl Lanes for Ymm2 {
             (_mm256_round_ps::<NEAREST>(x.0), _mm256_round_ps::<NEAREST>(x.1))
         };
         let r = x - Self(n0, n1);
-        let [c0, c1, c2, c3, c4, c5] = crate::exp::EXP2_NEAREST.map(Self::splat);
+        let [c0, c1, c2, c3, c4, c5] = crate::exp::EXP2_NEAREST;
+        let (c0, c1, c2, c3, c4, c5) =
+            (Self::splat(c0), Self::splat(c1), Self::splat(c2), Self::splat(c3), Self::splat(c4), Self::splat(c5));
         let p = c5.mul_add(r, c4);
         let p = p.mul_add(r, c3);
         let p = p.mul_add(r, c2);

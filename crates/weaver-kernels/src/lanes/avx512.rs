@@ -114,7 +114,9 @@ impl Lanes for Zmm {
     fn exp2(self) -> Self {
         // SAFETY: AVX-512 is there (module).
         let fraction = Self(unsafe { _mm512_reduce_ps::<{ _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC }>(self.0) });
-        let [c0, c1, c2, c3, c4, c5] = crate::exp::EXP2_FLOOR.map(Self::splat);
+        let [c0, c1, c2, c3, c4, c5] = crate::exp::EXP2_FLOOR;
+        let (c0, c1, c2, c3, c4, c5) =
+            (Self::splat(c0), Self::splat(c1), Self::splat(c2), Self::splat(c3), Self::splat(c4), Self::splat(c5));
         let p = c5.mul_add(fraction, c4);
         let p = p.mul_add(fraction, c3);
         let p = p.mul_add(fraction, c2);
@@ -136,7 +138,9 @@ impl Lanes for Zmm {
         let one = Self::splat(1.0);
         let t = (mantissa - one) / (mantissa + one);
         let square = t * t;
-        let [c0, c1, c2, c3, c4] = crate::exp::LOG2_ODD.map(Self::splat);
+        let [c0, c1, c2, c3, c4] = crate::exp::LOG2_ODD;
+        let (c0, c1, c2, c3, c4) =
+            (Self::splat(c0), Self::splat(c1), Self::splat(c2), Self::splat(c3), Self::splat(c4));
         let p = c4.mul_add(square, c3);
         let p = p.mul_add(square, c2);
         let p = p.mul_add(square, c1);
@@ -148,13 +152,15 @@ impl Lanes for Zmm {
     fn sums(of: &[Self; LANES]) -> Self {
         /// Adds the halves, quarters, pairs or neighbours of two vectors: one vector of both.
         macro_rules! fold {
-            ($rows:expr, $apart:literal, |$a:ident, $b:ident| $low:expr, $high:expr) => {
-                std::array::from_fn::<Self, $apart, _>(|i| {
+            ($rows:expr, $apart:literal, |$a:ident, $b:ident| $low:expr, $high:expr) => {{
+                let mut out = [$rows[0]; $apart];
+                for (i, out) in out.iter_mut().enumerate() {
                     let ($a, $b) = ($rows[i].0, $rows[i + $apart].0);
                     // SAFETY: AVX-512 is there (module).
-                    Self(unsafe { _mm512_add_ps($low, $high) })
-                })
-            };
+                    *out = Self(unsafe { _mm512_add_ps($low, $high) });
+                }
+                out
+            }};
         }
         // After each fold a vector holds sums of twice as many rows, half as many of each.
         let rows = fold!(of, 8, |a, b| _mm512_shuffle_f32x4::<0x44>(a, b), _mm512_shuffle_f32x4::<0xee>(a, b));
