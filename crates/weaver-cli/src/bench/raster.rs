@@ -14,8 +14,8 @@ use weaver_splat::{
     rasterize_backward,
 };
 
-/// Operations that compositing one Gaussian at one pixel takes at least, all in vectors: the exponent, its exponential,
-/// the comparisons, the blending of three colours.
+/// About as many operations as compositing one Gaussian at one pixel takes in forward: the exponent, its exponential, the
+/// comparisons, the blending of three colours.
 const OPERATIONS: f64 = 20.0;
 
 pub fn run(arguments: &BenchRaster, console: &mut Console) -> Result<(), Failure> {
@@ -232,8 +232,8 @@ impl Report<'_> {
             // An FMA counts as two operations.
             let floor = lanes * OPERATIONS / (self.peak_gflops / 2.0 * 1e9) * 1e3;
             text += &format!(
-                "\npeak {:.0} GFLOP/s (f32 FMA, measured in this run); {OPERATIONS} vector operations for each lane at \
-                 that rate take {floor:.2} ms, {:.0} % of the time of composite",
+                "\npeak {:.0} GFLOP/s (f32 FMA, measured in this run); at the rate of its FMAs, {OPERATIONS} operations on every \
+                 lane take {floor:.2} ms, {:.0} % of the time of composite",
                 self.peak_gflops,
                 100.0 * floor / self.ms(|s| s.stages.composite)
             );
