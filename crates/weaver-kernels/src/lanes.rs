@@ -113,6 +113,8 @@ pub trait Lanes:
     fn only(self, mask: Self::Mask) -> Self;
     /// self where the mask is set, else `other`.
     fn or(self, mask: Self::Mask, other: Self) -> Self;
+    /// self, with the sign bit set where the mask is.
+    fn negative(self, mask: Self::Mask) -> Self;
     /// Lane i becomes the sum of the lanes of vector i; the same order of additions in all instruction sets.
     fn sums(of: &[Self; LANES]) -> Self;
     /// Rows become columns.

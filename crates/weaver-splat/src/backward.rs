@@ -3,7 +3,7 @@
 //! The walk is front to back again, with the very arithmetic of drawing. What lies behind a splat at a pixel is what the
 //! whole list gave there, known from drawing, less what came up to it.
 
-use crate::draw::planes;
+use crate::draw::values;
 use crate::each::each;
 use crate::gradients::Cotangents;
 use crate::scene::Features;
@@ -58,14 +58,9 @@ fn part<T>(values: Option<&[T]>, start: usize) -> Option<&[T]> {
     values.filter(|values| !values.is_empty()).map(|values| &values[start..])
 }
 
-/// The planes that differentiating a window needs: dL by what is left behind, then the cotangents of red, green, blue,
-/// depth if asked for, features.
-pub(crate) fn backward_planes(depth: bool, channels: usize) -> usize {
-    planes(depth, channels)
-}
-
-/// Fills `planes`, which hold zeros where there are no cotangents, from the cotangents and from `drawn`, what drawing
-/// left; returns the gradient of the background.
+/// Fills `planes`, as many as drawing had: dL by what is left behind, then the cotangents of red, green, blue, depth if
+/// it was drawn, features. They hold zeros where there are no cotangents. Works from the cotangents and from `drawn`, what
+/// drawing left; returns the gradient of the background.
 #[inline(always)]
 pub(crate) fn prepare<V: Lanes>(
     window: &Window,
@@ -113,21 +108,24 @@ pub(crate) fn prepare<V: Lanes>(
     each!(3, |c| dbackground[c].to_array().into_iter().sum())
 }
 
-/// Sums what splats get from the pixels of a window.
-pub(crate) struct Undo<'a, V: Lanes, const DEPTH: bool, const ABSOLUTE: bool> {
+/// Sums what splats get from the pixels of a window, of `C` planes of colours and depth. `MORE` says that there are
+/// features, or that pulls are asked for.
+pub(crate) struct Undo<'a, V: Lanes, const C: usize, const MORE: bool> {
     alpha_max: V,
-    features: Option<Features<'a, V::Scalar>>,
+    features: Features<'a, V::Scalar>,
     gaussians: usize,
     /// dL by what is behind the splats that came.
     rest: &'a mut Plane<V::Scalar>,
     /// Cotangents.
-    planes: &'a [Plane<V::Scalar>],
+    cotangents: &'a [Plane<V::Scalar>; C],
+    /// Cotangents of features.
+    more: &'a [Plane<V::Scalar>],
     /// Sums of the tile's list, [`moment`]s.
     moments: &'a mut [Row<V::Scalar>],
     /// Sums of features of the tile's list, `[entries, C]`.
-    more: &'a mut [V::Scalar],
+    feature_sums: &'a mut [V::Scalar],
     /// The splat's numbers for the planes.
-    values: [V; 4],
+    values: [V; C],
     /// p, q, r.
     factor: [V; 3],
     sums: [V; 12],
@@ -136,48 +134,45 @@ pub(crate) struct Undo<'a, V: Lanes, const DEPTH: bool, const ABSOLUTE: bool> {
     row_sums: &'a mut [Row<V::Scalar>],
 }
 
-impl<'a, V: Lanes, const DEPTH: bool, const ABSOLUTE: bool> Undo<'a, V, DEPTH, ABSOLUTE> {
-    /// Adds to `moments` and `more`; `planes` are those of [`prepare`], `row_sums` is room for C sums.
+impl<'a, V: Lanes, const C: usize, const MORE: bool> Undo<'a, V, C, MORE> {
+    /// Adds to `moments` and `feature_sums`; `planes` are those of [`prepare`], `row_sums` is room for all features.
     #[inline(always)]
     pub fn new(
         alpha_max: f64,
-        features: Option<Features<'a, V::Scalar>>,
-        gaussians: usize,
+        (features, gaussians): (Option<Features<'a, V::Scalar>>, usize),
         planes: &'a mut [Plane<V::Scalar>],
-        (moments, more): (&'a mut [Row<V::Scalar>], &'a mut [V::Scalar]),
+        (moments, feature_sums): (&'a mut [Row<V::Scalar>], &'a mut [V::Scalar]),
         row_sums: &'a mut [Row<V::Scalar>],
     ) -> Self {
         let zero = V::zero();
-        let [rest, planes @ ..] = planes else { unreachable!("at least four planes") };
+        let (rest, planes) = planes.split_first_mut().expect("a plane of the rest");
+        let (cotangents, more) = planes.split_first_chunk().expect("planes of colours and depth");
         Self {
             alpha_max: V::constant(alpha_max),
-            features,
+            features: features.unwrap_or(Features { values: &[], channels: 0 }),
             gaussians,
             rest,
-            planes,
-            moments,
+            cotangents,
             more,
-            values: [zero; 4],
+            moments,
+            feature_sums,
+            values: [zero; C],
             factor: [zero; 3],
             sums: [zero; 12],
             row: &[],
             row_sums,
         }
     }
-
-    const CHANNELS: usize = 3 + DEPTH as usize;
 }
 
-impl<V: Lanes, const DEPTH: bool, const ABSOLUTE: bool> Visitor<V> for Undo<'_, V, DEPTH, ABSOLUTE> {
+impl<V: Lanes, const C: usize, const MORE: bool> Visitor<V> for Undo<'_, V, C, MORE> {
     #[inline(always)]
     fn begin(&mut self, splat: usize, record: &[V::Scalar; LANES]) {
-        let [r, g, b] = each!(3, |i| V::splat(record[slot::COLOUR + i]));
-        self.values = [r, g, b, V::splat(record[slot::Z])];
-        self.factor = each!(3, |i| V::splat(record[slot::P + i]));
+        self.values = values(record);
         self.sums = [V::zero(); 12];
-        if let Some(Features { values, channels }) = self.features {
-            let n = splat % self.gaussians;
-            self.row = &values[n * channels..][..channels];
+        if MORE {
+            self.factor = each!(3, |i| V::splat(record[slot::P + i]));
+            self.row = self.features.of(splat % self.gaussians);
             self.row_sums.fill(Row::default());
         }
     }
@@ -187,16 +182,17 @@ impl<V: Lanes, const DEPTH: bool, const ABSOLUTE: bool> Visitor<V> for Undo<'_, 
         let Hit { block, seen, u, v, raw, alpha, weight, .. } = *hit;
         let sums = &mut self.sums;
         let mut value = V::zero();
-        for i in 0..Self::CHANNELS {
-            let d = V::load(&self.planes[i][block].0);
-            value = d.mul_add(self.values[i], value);
+        for i in 0..C {
+            let d = V::load(&self.cotangents[i][block].0);
+            value = if i == 0 { d * self.values[i] } else { d.mul_add(self.values[i], value) };
             sums[moment::COLOUR + i] = weight.mul_add(d, sums[moment::COLOUR + i]);
         }
-        let features = self.planes[Self::CHANNELS..].iter().zip(self.row).zip(self.row_sums.iter_mut());
-        for ((d, &feature), sum) in features {
-            let d = V::load(&d[block].0);
-            value = d.mul_add(V::splat(feature), value);
-            weight.mul_add(d, V::load(&sum.0)).store(&mut sum.0);
+        if MORE {
+            for ((d, &feature), sum) in self.more.iter().zip(self.row).zip(self.row_sums.iter_mut()) {
+                let d = V::load(&d[block].0);
+                value = d.mul_add(V::splat(feature), value);
+                weight.mul_add(d, V::load(&sum.0)).store(&mut sum.0);
+            }
         }
         let value = weight * value;
         let rest = V::load(&self.rest[block].0) - value;
@@ -211,7 +207,7 @@ impl<V: Lanes, const DEPTH: bool, const ABSOLUTE: bool> Visitor<V> for Undo<'_, 
         sums[moment::SECOND] = gu.mul_add(u, sums[moment::SECOND]);
         sums[moment::SECOND + 1] = gu.mul_add(v, sums[moment::SECOND + 1]);
         sums[moment::SECOND + 2] = gv.mul_add(v, sums[moment::SECOND + 2]);
-        if ABSOLUTE {
+        if MORE {
             let [p, q, r] = self.factor;
             sums[moment::ABSOLUTE] = sums[moment::ABSOLUTE] + (p * gu).abs();
             sums[moment::ABSOLUTE + 1] = sums[moment::ABSOLUTE + 1] + q.mul_add(gu, r * gv).abs();
@@ -225,11 +221,12 @@ impl<V: Lanes, const DEPTH: bool, const ABSOLUTE: bool> Visitor<V> for Undo<'_, 
         let sums = V::sums(&[a, b, c, d, e, f, g, h, i, j, k, l, zero, zero, zero, zero]);
         let row = &mut self.moments[place].0;
         (V::load(row) + sums).store(row);
-        let channels = self.row.len();
-        let totals = self.more[place * channels..][..channels].iter_mut();
-        for (total, sums) in totals.zip(self.row_sums.iter()) {
-            let sums = V::sums(&[V::load(&sums.0); LANES]).to_array();
-            *total += sums[0];
+        if MORE {
+            let channels = self.row.len();
+            let totals = self.feature_sums[place * channels..][..channels].iter_mut();
+            for (total, sums) in totals.zip(self.row_sums.iter()) {
+                *total += V::sums(&[V::load(&sums.0); LANES]).to_array()[0];
+            }
         }
     }
 }

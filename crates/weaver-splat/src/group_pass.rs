@@ -8,7 +8,7 @@ use crate::project::{Coefficients, Group, footprint};
 use crate::project_backward::{CAMERA_SUMS, GroupGradient, splat_backward};
 use crate::scene::{Cameras, Colour, Extent, Gaussians, RasterSettings};
 use crate::sh;
-use crate::splat::{BITS, prefetch_rows, put_columns, put_wide_columns, slot, wide_columns};
+use crate::splat::{BITS, prefetch_rows, put_columns, put_wide_columns, wide_columns};
 use crate::workspace::Workspace;
 use std::ops::Range;
 use std::sync::atomic::Ordering::Relaxed;
@@ -231,15 +231,10 @@ impl<T: Real> LaneKernel<T> for ChunkPass<'_, T> {
                             wide_columns(&values[range], colour_len, &mut coefficients);
                             loaded = true;
                         }
-                        let splats = &workspace.splats[v * extent.gaussians + first + at..][..count];
-                        let visible = each!(3, |i| {
-                            let shown = V::from_fn(|lane| splats[lane.min(count - 1)].0[slot::COLOUR + i]);
-                            dcolour[i].only(shown.gt(V::zero()).and(drawn))
-                        });
                         // Any direction where nothing was drawn, so that zeros stay zeros.
                         let anywhere = V::constant(1.0);
                         let sight = each!(3, |i| (group.mean[i] - view.centre[i]).or(drawn, anywhere));
-                        dsight = sh::colour_backward(degree, sight, &coefficients, visible, &mut dcolours);
+                        dsight = sh::colour_backward(degree, sight, &coefficients, dcolour, &mut dcolours);
                     }
                 }
                 let camera = &mut share.camera_sums[v * CAMERA_SUMS..][..CAMERA_SUMS];

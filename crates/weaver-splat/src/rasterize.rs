@@ -10,7 +10,7 @@ use crate::workspace::{Workspace, grown};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::time::Instant;
-use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes, Row};
+use weaver_kernels::lanes::{self, LaneKernel, Lanes};
 use weaver_kernels::{Real, parallel};
 
 /// Where the images go.
@@ -108,9 +108,11 @@ pub fn rasterize<T: Real>(
     }
     bin(&extent, entries, workspace);
     let binned = Instant::now();
-    let work = match images.depth {
-        Some(_) => blend::<T, true>(gaussians, settings, &extent, workspace),
-        None => blend::<T, false>(gaussians, settings, &extent, workspace),
+    let work = match (extent.depth, extent.channels > 0) {
+        (false, false) => blend::<T, 3, false>(gaussians, settings, &extent, workspace),
+        (false, true) => blend::<T, 3, true>(gaussians, settings, &extent, workspace),
+        (true, false) => blend::<T, 4, false>(gaussians, settings, &extent, workspace),
+        (true, true) => blend::<T, 4, true>(gaussians, settings, &extent, workspace),
     };
     assemble(cameras, &extent, workspace, images);
     workspace.stages.project = projected - start;
@@ -196,7 +198,7 @@ pub(crate) fn windows_per_tile(grid: &Grid) -> usize {
 }
 
 /// Draws the windows of a tile.
-struct DrawTile<'a, T, const DEPTH: bool> {
+struct DrawTile<'a, T, const C: usize, const MORE: bool> {
     alpha_max: f64,
     grid: &'a Grid,
     tile: usize,
@@ -208,17 +210,16 @@ struct DrawTile<'a, T, const DEPTH: bool> {
     planes: &'a mut [Plane<T>],
 }
 
-impl<T: Real, const DEPTH: bool> LaneKernel<T> for DrawTile<'_, T, DEPTH> {
+impl<T: Real, const C: usize, const MORE: bool> LaneKernel<T> for DrawTile<'_, T, C, MORE> {
     type Output = Work;
 
     #[inline(always)]
     fn run<V: Lanes<Scalar = T>>(self) -> Work {
         let per_window = self.planes.len() / windows_per_tile(self.grid);
-        let mut spare = [Row([T::ZERO; LANES]); LANES];
         let mut total = Work::default();
         for (i, window) in windows_of(self.grid, self.tile) {
             let [transmittance, planes @ ..] = &mut self.planes[i * per_window..][..per_window] else { continue };
-            let mut draw = Draw::<V, DEPTH>::new(self.features, self.gaussians, planes, &mut spare);
+            let mut draw = Draw::<V, C, MORE>::new(self.features, self.gaussians, planes);
             let work = traverse(self.alpha_max, &window, self.list, self.splats, transmittance, &mut draw);
             total.pairs += work.pairs;
             total.evaluated += work.evaluated;
@@ -227,7 +228,7 @@ impl<T: Real, const DEPTH: bool> LaneKernel<T> for DrawTile<'_, T, DEPTH> {
     }
 }
 
-fn blend<T: Real, const DEPTH: bool>(
+fn blend<T: Real, const C: usize, const MORE: bool>(
     gaussians: &Gaussians<'_, T>,
     settings: &RasterSettings,
     extent: &Extent,
@@ -239,7 +240,7 @@ fn blend<T: Real, const DEPTH: bool>(
     let (splats, lists) = (&workspace.splats[..], &workspace.lists);
     let (pairs, evaluated) = (AtomicU64::new(0), AtomicU64::new(0));
     parallel::for_chunks(planes, per_tile, |tile, planes| {
-        let work = lanes::run(DrawTile::<T, DEPTH> {
+        let work = lanes::run(DrawTile::<T, C, MORE> {
             alpha_max: settings.alpha_max,
             grid: &grid,
             tile,

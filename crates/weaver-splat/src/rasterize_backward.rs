@@ -1,6 +1,6 @@
 //! Backward: undo the blending tile by tile, then the projection Gaussian by Gaussian.
 
-use crate::backward::{Undo, ViewCotangents, backward_planes, prepare};
+use crate::backward::{Undo, ViewCotangents, prepare};
 use crate::cover::{GRAIN, Grid};
 use crate::draw::planes;
 use crate::gradients::{Cotangents, Gradients};
@@ -48,12 +48,11 @@ pub fn rasterize_backward<T: Real>(
     grown(&mut workspace.moments, entries);
     grown(&mut workspace.feature_sums, entries * extent.channels);
     grown(&mut workspace.background_sums, extent.views * Grid::new(&extent).len());
-    let pull = gradients.centre_pull.is_some();
-    match (depth, pull) {
-        (false, false) => undo_tiles::<T, false, false>(gaussians, cameras, settings, &extent, cotangents, workspace),
-        (false, true) => undo_tiles::<T, false, true>(gaussians, cameras, settings, &extent, cotangents, workspace),
-        (true, false) => undo_tiles::<T, true, false>(gaussians, cameras, settings, &extent, cotangents, workspace),
-        (true, true) => undo_tiles::<T, true, true>(gaussians, cameras, settings, &extent, cotangents, workspace),
+    match (depth, extent.channels > 0 || gradients.centre_pull.is_some()) {
+        (false, false) => undo_tiles::<T, 3, false>(gaussians, cameras, settings, &extent, cotangents, workspace),
+        (false, true) => undo_tiles::<T, 3, true>(gaussians, cameras, settings, &extent, cotangents, workspace),
+        (true, false) => undo_tiles::<T, 4, false>(gaussians, cameras, settings, &extent, cotangents, workspace),
+        (true, true) => undo_tiles::<T, 4, true>(gaussians, cameras, settings, &extent, cotangents, workspace),
     }
     background_gradient(cameras, &extent, &workspace.background_sums, &mut gradients);
     let mut camera_sums = std::mem::take(&mut workspace.camera_sums);
@@ -103,7 +102,7 @@ fn check<T: Real>(
 }
 
 /// Differentiates the windows of a tile; fills its part of the sums.
-struct UndoTile<'a, T, const DEPTH: bool, const PULL: bool> {
+struct UndoTile<'a, T, const C: usize, const MORE: bool> {
     alpha_max: f64,
     grid: &'a Grid,
     tile: usize,
@@ -119,7 +118,7 @@ struct UndoTile<'a, T, const DEPTH: bool, const PULL: bool> {
     feature_sums: &'a mut [T],
 }
 
-impl<T: Real, const DEPTH: bool, const PULL: bool> LaneKernel<T> for UndoTile<'_, T, DEPTH, PULL> {
+impl<T: Real, const C: usize, const MORE: bool> LaneKernel<T> for UndoTile<'_, T, C, MORE> {
     /// The gradient of the background.
     type Output = [T; 3];
 
@@ -129,7 +128,7 @@ impl<T: Real, const DEPTH: bool, const PULL: bool> LaneKernel<T> for UndoTile<'_
         self.feature_sums.fill(T::ZERO);
         let per_window = self.drawn.len() / windows_per_tile(self.grid);
         let channels = self.features.map_or(0, |features| features.channels);
-        let count = backward_planes(DEPTH, channels);
+        let count = planes(C == 4, channels);
         // Features are rare, and then the work is not in these few allocations.
         let (mut few, mut many) = ([[Row([T::ZERO; LANES]); LANES]; 5], Vec::new());
         let planes = if count <= few.len() { &mut few[..count] } else { grown(&mut many, count) };
@@ -138,11 +137,11 @@ impl<T: Real, const DEPTH: bool, const PULL: bool> LaneKernel<T> for UndoTile<'_
         let mut dbackground = [T::ZERO; 3];
         for (i, window) in windows_of(self.grid, self.tile) {
             let drawn = &self.drawn[i * per_window..][..per_window];
-            let d = prepare::<V>(&window, DEPTH, self.background, &self.cotangents, drawn, planes);
+            let d = prepare::<V>(&window, C == 4, self.background, &self.cotangents, drawn, planes);
             (0..3).for_each(|c| dbackground[c] += d[c]);
             let sums = (&mut *self.moments, &mut *self.feature_sums);
             let mut undo =
-                Undo::<V, DEPTH, PULL>::new(self.alpha_max, self.features, self.gaussians, planes, sums, &mut row_sums);
+                Undo::<V, C, MORE>::new(self.alpha_max, (self.features, self.gaussians), planes, sums, &mut row_sums);
             traverse(self.alpha_max, &window, self.list, self.splats, &mut transmittance, &mut undo);
         }
         dbackground
@@ -150,7 +149,7 @@ impl<T: Real, const DEPTH: bool, const PULL: bool> LaneKernel<T> for UndoTile<'_
 }
 
 /// Runs [`UndoTile`] on each tile; a tile owns its entries' sums.
-fn undo_tiles<T: Real, const DEPTH: bool, const PULL: bool>(
+fn undo_tiles<T: Real, const C: usize, const MORE: bool>(
     gaussians: &Gaussians<'_, T>,
     cameras: &Cameras<'_, T>,
     settings: &RasterSettings,
@@ -161,7 +160,7 @@ fn undo_tiles<T: Real, const DEPTH: bool, const PULL: bool>(
     let grid = Grid::new(extent);
     let tiles = extent.views * grid.len();
     let pixels = extent.width * extent.height;
-    let per_tile = windows_per_tile(&grid) * planes(DEPTH, extent.channels);
+    let per_tile = windows_per_tile(&grid) * planes(C == 4, extent.channels);
     let Workspace { splats, lists, planes, moments, feature_sums, background_sums, .. } = workspace;
     let entries = lists.len();
     let sums = Sums {
@@ -172,7 +171,7 @@ fn undo_tiles<T: Real, const DEPTH: bool, const PULL: bool>(
     };
     for_tiles(lists, 0..tiles, sums, &|tile, sums: Sums<'_, T>| {
         let v = tile / grid.len();
-        sums.background[0] = lanes::run(UndoTile::<T, DEPTH, PULL> {
+        sums.background[0] = lanes::run(UndoTile::<T, C, MORE> {
             alpha_max: settings.alpha_max,
             grid: &grid,
             tile,

@@ -4,8 +4,7 @@
 
 use crate::gradients::Cotangents;
 use crate::scene::{
-    ALPHA_MIN, Cameras, Colour, Features, Gaussians, RATIO_FLOOR, RasterError, RasterSettings, TRANSMITTANCE_END,
-    extent,
+    ALPHA_MIN, Cameras, Colour, Gaussians, RATIO_FLOOR, RasterError, RasterSettings, TRANSMITTANCE_END, extent,
 };
 use crate::sh;
 use weaver_autograd::Dual;
@@ -288,7 +287,7 @@ fn blend(seen: &[Seen], settings: &RasterSettings, x: f64, y: f64) -> (Vec<Touch
 
 /// The features of what a pixel looks at.
 fn features_of<'a>(gaussians: &Gaussians<'a, f64>, seen: &Seen) -> &'a [f64] {
-    gaussians.features.map_or(&[], |Features { values, channels }| &values[seen.index * channels..][..channels])
+    gaussians.features.map_or(&[], |features| features.of(seen.index))
 }
 
 /// Draws as [`crate::rasterize`] does.

@@ -33,6 +33,14 @@ pub struct Features<'a, T> {
     pub channels: usize,
 }
 
+impl<'a, T> Features<'a, T> {
+    /// Those of Gaussian `n`.
+    #[inline(always)]
+    pub(crate) fn of(&self, n: usize) -> &'a [T] {
+        &self.values[n * self.channels..][..self.channels]
+    }
+}
+
 /// The colours of the Gaussians.
 #[derive(Clone, Copy, Debug)]
 pub enum Colour<'a, T> {

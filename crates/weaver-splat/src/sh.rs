@@ -142,8 +142,8 @@ pub(crate) fn colour<V: Lanes>(degree: usize, v: Vec3<V>, coefficients: &[V]) ->
     (colour, unsound)
 }
 
-/// Backward of [`colour`]: adds `dcolour` times the basis to `dcoefficients`, laid out as `coefficients`, and returns the
-/// gradient with respect to v.
+/// Backward of `max(`[`colour`]`, 0)`: adds `dcolour` times the basis to `dcoefficients`, laid out as `coefficients`, in
+/// the channels that are not clamped, and returns the gradient with respect to v.
 #[inline(always)]
 pub(crate) fn colour_backward<V: Lanes>(
     degree: usize,
@@ -153,11 +153,19 @@ pub(crate) fn colour_backward<V: Lanes>(
     dcoefficients: &mut [V],
 ) -> Vec3<V> {
     let terms = (degree + 1) * (degree + 1);
-    let pairs = coefficients.as_chunks::<3>().0.iter().zip(dcoefficients.as_chunks_mut::<3>().0).take(terms);
+    let coefficients = &coefficients.as_chunks::<3>().0[..terms];
     let (unit, inverse_length) = if degree == 0 { ([V::zero(); 3], V::zero()) } else { direction(v) };
     let b = basis(degree, Slope::inputs(unit), Slope::constant);
+    // The sum again, with the same rounding: cheaper than to fetch what forward found.
+    let mut sum = [V::constant(0.5); 3];
+    for (b, term) in b.iter().zip(coefficients) {
+        for channel in 0..3 {
+            sum[channel] = b.value.mul_add(term[channel], sum[channel]);
+        }
+    }
+    let dcolour = each!(3, |i| dcolour[i].only(sum[i].gt(V::zero())));
     let mut dunit = [V::zero(); 3];
-    for (b, (term, dterm)) in b.iter().zip(pairs) {
+    for (b, (term, dterm)) in b.iter().zip(coefficients.iter().zip(dcoefficients.as_chunks_mut::<3>().0)) {
         let weight = dot(dcolour, *term);
         for i in 0..3 {
             dterm[i] = dcolour[i].mul_add(b.value, dterm[i]);

@@ -169,11 +169,13 @@ pub(crate) fn traverse<V: Lanes>(
     let half = V::constant(0.5);
     let block_x = V::from_fn(|block| real(window.pixel(block, 0).0)) + half;
     let block_y = V::from_fn(|block| real(window.pixel(block, 0).1)) + half;
-    transmittance.fill(Row([V::Scalar::ONE; LANES]));
-    let mut open: [V::Mask; LANES] = std::array::from_fn(|block| V::Mask::from_bits(window.lanes(block)));
-    let mut live = (0..LANES).fold(0_u16, |bits, block| bits | u16::from(open[block].bits() != 0) << block);
+    // A pixel that has ended, or is beyond the image, holds its transmittance negated: nothing passes the tests below.
+    for (block, left) in transmittance.iter_mut().enumerate() {
+        V::constant(1.0).or(V::Mask::from_bits(window.lanes(block)), V::constant(-1.0)).store(&mut left.0);
+    }
     let mut work = Work::default();
     for (batch, ids) in list.chunks(LANES).enumerate() {
+        let live = live_blocks::<V>(transmittance);
         if live == 0 {
             break;
         }
@@ -203,17 +205,12 @@ pub(crate) fn traverse<V: Lanes>(
                 let alpha = alpha_max.min(raw);
                 let before = V::load(&transmittance[block].0);
                 let after = alpha.neg_mul_add(before, before);
-                let visible = alpha.ge_among(alpha_min, open[block]);
+                let visible = alpha.ge(alpha_min);
                 let seen = after.gt_among(end, visible);
                 let alpha = alpha.only(seen);
-                alpha.neg_mul_add(before, before).store(&mut transmittance[block].0);
-                let closing = visible.and_not(seen);
-                if closing.bits() != 0 {
-                    open[block] = open[block].and_not(closing);
-                    if open[block].bits() == 0 {
-                        live &= !(1 << block);
-                    }
-                }
+                // No branch: which pixels end when is anyone's guess.
+                let left = alpha.neg_mul_add(before, before).negative(visible.and_not(seen));
+                left.store(&mut transmittance[block].0);
                 work.pairs += u64::from(seen.bits().count_ones());
                 work.evaluated += LANES as u64;
                 let weight = alpha * before;
@@ -222,7 +219,20 @@ pub(crate) fn traverse<V: Lanes>(
             visitor.end(batch * LANES + i);
         }
     }
+    for left in transmittance {
+        V::load(&left.0).abs().store(&mut left.0);
+    }
     work
+}
+
+/// The blocks with pixels that have not ended, one bit per block.
+#[inline(always)]
+fn live_blocks<V: Lanes>(transmittance: &Plane<V::Scalar>) -> u16 {
+    let mut live = 0;
+    for (block, left) in transmittance.iter().enumerate() {
+        live |= u16::from(V::load(&left.0).gt(V::zero()).bits() != 0) << block;
+    }
+    live
 }
 
 #[cfg(test)]

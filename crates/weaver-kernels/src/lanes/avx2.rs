@@ -112,6 +112,11 @@ impl Lanes for Ymm2 {
         fn gt(self, other: Self) -> Mask2 =
             Mask2(_mm256_cmp_ps::<_CMP_GT_OQ>(self.0, other.0), _mm256_cmp_ps::<_CMP_GT_OQ>(self.1, other.1));
         fn only(self, mask: Mask2) -> Self = Self(_mm256_and_ps(self.0, mask.0), _mm256_and_ps(self.1, mask.1));
+        fn negative(self, mask: Mask2) -> Self = {
+            let sign = _mm256_set1_ps(-0.0);
+            let (a, b) = (_mm256_and_ps(mask.0, sign), _mm256_and_ps(mask.1, sign));
+            Self(_mm256_or_ps(self.0, a), _mm256_or_ps(self.1, b))
+        };
         fn or(self, mask: Mask2, other: Self) -> Self = Self(
             _mm256_blendv_ps(other.0, self.0, mask.0),
             _mm256_blendv_ps(other.1, self.1, mask.1),

@@ -99,6 +99,8 @@ impl Lanes for Zmm {
         fn gt_among(self, other: Self, mask: __mmask16) -> __mmask16 =
             _mm512_mask_cmp_ps_mask::<_CMP_GT_OQ>(mask, self.0, other.0);
         fn only(self, mask: __mmask16) -> Self = Self(_mm512_maskz_mov_ps(mask, self.0));
+        fn negative(self, mask: __mmask16) -> Self =
+            Self(_mm512_mask_or_ps(self.0, mask, self.0, _mm512_set1_ps(-0.0)));
         fn or(self, mask: __mmask16, other: Self) -> Self = Self(_mm512_mask_mov_ps(other.0, mask, self.0));
     }
 

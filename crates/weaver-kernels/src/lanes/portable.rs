@@ -140,6 +140,10 @@ impl<T: Real> Lanes for Array<T> {
         Self(from_fn(|i| if mask[i] { self.0[i] } else { T::ZERO }))
     }
     #[inline(always)]
+    fn negative(self, mask: Self::Mask) -> Self {
+        Self(from_fn(|i| if mask[i] { -self.0[i].abs() } else { self.0[i] }))
+    }
+    #[inline(always)]
     fn or(self, mask: Self::Mask, other: Self) -> Self {
         Self(from_fn(|i| if mask[i] { self.0[i] } else { other.0[i] }))
     }

@@ -35,6 +35,7 @@ impl<T: Real> LaneKernel<T> for Operations<'_, T> {
             x.abs().sqrt(),
             x.only(mask),
             x.or(mask, y),
+            x.negative(mask),
             bits(x.ge(y)),
             bits(x.gt(y)),
             bits(x.ge_among(y, mask)),
@@ -65,6 +66,7 @@ fn expected([x, y, z]: [f64; 3], lane: usize, mask: u16, compare: &dyn Fn(bool, 
         x.abs().sqrt(),
         if set { x } else { 0.0 },
         if set { x } else { y },
+        if set { -x.abs() } else { x },
         flag(x >= y),
         flag(x > y),
         flag(x >= y && set),
@@ -92,7 +94,7 @@ fn check<T: Real>(seed: u64, mask: u16, level: Level) {
         let bit = |b: bool, _| f64::from(u8::from(b));
         for (row, want) in expected(scalars, lane, mask, &bit).into_iter().enumerate() {
             let got = rows[row][lane].to_f64();
-            let got = if row >= 13 { f64::from(got as u16 >> lane & 1) } else { got };
+            let got = if row >= 14 { f64::from(got as u16 >> lane & 1) } else { got };
             let scale = scalars.iter().map(|x| x.abs()).fold(1.0, f64::max);
             let close = (got - want).abs() <= 4.0 * T::EPSILON.to_f64() * (want.abs() + scale * scale);
             assert!(close || got == want || (got.is_nan() && want.is_nan()), "row {row}: {got} {want}");
