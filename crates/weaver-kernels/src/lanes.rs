@@ -91,8 +91,13 @@ pub trait Lanes:
     fn sqrt(self) -> Self;
     /// 1 / self within two units in the last place, for finite normal numbers with normal reciprocals.
     fn recip(self) -> Self;
-    /// 2^self within 2.5 units in the last place for -126 <= self < 128; below, something in `[0, 2^-126]`.
-    fn exp2(self) -> Self;
+    /// scale 2^self within 3 units in the last place for -126 <= self < 128; below, something between 0 and scale 2^-126.
+    fn exp2_times(self, scale: Self) -> Self;
+    /// 2^self, as accurate.
+    #[inline(always)]
+    fn exp2(self) -> Self {
+        self.exp2_times(Self::constant(1.0))
+    }
     /// Binary logarithm within 4 units in the last place (or 2^-23 absolute) of positive normal numbers.
     fn log2(self) -> Self;
     /// self >= other; false where they do not compare.

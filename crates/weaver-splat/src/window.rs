@@ -81,13 +81,13 @@ pub(crate) struct Hit<V: Lanes> {
     pub seen: V::Mask,
     pub u: V,
     pub v: V,
-    /// opacity 2^-(u^2 + v^2), before the cap; of any value where not seen.
+    /// opacity 2^-(u^2 + v^2); of any value where not seen.
     pub raw: V,
-    /// Alpha, 0 where not seen.
+    /// Alpha, the same but capped; of any value where not seen.
     pub alpha: V,
     /// Light that arrives.
     pub transmittance: V,
-    /// Alpha times transmittance.
+    /// Alpha times transmittance, 0 where not seen.
     pub weight: V,
 }
 
@@ -201,19 +201,18 @@ pub(crate) fn traverse<V: Lanes>(
                 let block = todo.trailing_zeros() as usize % LANES;
                 todo &= todo - 1;
                 let (u, v) = (lane_u + V::splat(block_u[block]), lane_v + V::splat(block_v[block]));
-                let raw = opacity * u.neg_mul_add(u, -(v * v)).exp2();
+                let raw = u.neg_mul_add(u, -(v * v)).exp2_times(opacity);
                 let alpha = alpha_max.min(raw);
                 let before = V::load(&transmittance[block].0);
                 let after = alpha.neg_mul_add(before, before);
                 let visible = alpha.ge(alpha_min);
                 let seen = after.gt_among(end, visible);
-                let alpha = alpha.only(seen);
                 // No branch: which pixels end when is anyone's guess.
-                let left = alpha.neg_mul_add(before, before).negative(visible.and_not(seen));
+                let left = after.or(seen, before).negative(visible.and_not(seen));
                 left.store(&mut transmittance[block].0);
                 work.pairs += u64::from(seen.bits().count_ones());
                 work.evaluated += LANES as u64;
-                let weight = alpha * before;
+                let weight = (alpha * before).only(seen);
                 visitor.hit(&Hit { block, seen, u, v, raw, alpha, transmittance: before, weight });
             }
             visitor.end(batch * LANES + i);

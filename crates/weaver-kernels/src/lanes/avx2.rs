@@ -129,30 +129,19 @@ impl Lanes for Ymm2 {
     }
 
     #[inline(always)]
-    fn exp2(self) -> Self {
+    fn exp2_times(self, scale: Self) -> Self {
         let x = self.max(Self::splat(-126.0));
         // SAFETY: AVX2 is there (module).
-        let (n0, n1) = unsafe {
+        let (n, power) = unsafe {
             const NEAREST: i32 = _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC;
-            (_mm256_round_ps::<NEAREST>(x.0), _mm256_round_ps::<NEAREST>(x.1))
+            let n = Self(_mm256_round_ps::<NEAREST>(x.0), _mm256_round_ps::<NEAREST>(x.1));
+            let bias = _mm256_set1_epi32(127);
+            let biased =
+                (_mm256_add_epi32(_mm256_cvtps_epi32(n.0), bias), _mm256_add_epi32(_mm256_cvtps_epi32(n.1), bias));
+            let power = (_mm256_slli_epi32::<23>(biased.0), _mm256_slli_epi32::<23>(biased.1));
+            (n, Self(_mm256_castsi256_ps(power.0), _mm256_castsi256_ps(power.1)))
         };
-        let r = x - Self(n0, n1);
-        let [c0, c1, c2, c3, c4, c5] = crate::exp::EXP2_NEAREST;
-        let (c0, c1, c2, c3, c4, c5) =
-            (Self::splat(c0), Self::splat(c1), Self::splat(c2), Self::splat(c3), Self::splat(c4), Self::splat(c5));
-        let p = c5.mul_add(r, c4);
-        let p = p.mul_add(r, c3);
-        let p = p.mul_add(r, c2);
-        let p = p.mul_add(r, c1);
-        let p = p.mul_add(r, c0);
-        // SAFETY: AVX2 is there (module).
-        unsafe {
-            let power = |n| {
-                let biased = _mm256_add_epi32(_mm256_cvtps_epi32(n), _mm256_set1_epi32(127));
-                _mm256_castsi256_ps(_mm256_slli_epi32::<23>(biased))
-            };
-            p * Self(power(n0), power(n1))
-        }
+        crate::exp::EXP2_NEAREST.polynomial(x - n) * (power * scale)
     }
 
     #[inline(always)]

@@ -113,20 +113,14 @@ impl Lanes for Zmm {
     }
 
     #[inline(always)]
-    fn exp2(self) -> Self {
+    fn exp2_times(self, scale: Self) -> Self {
+        // x = floor(x) + fraction, and scale 2^floor(x), which does not wait for the polynomial.
         // SAFETY: AVX-512 is there (module).
-        let fraction = Self(unsafe { _mm512_reduce_ps::<{ _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC }>(self.0) });
-        let [c0, c1, c2, c3, c4, c5] = crate::exp::EXP2_FLOOR;
-        let (c0, c1, c2, c3, c4, c5) =
-            (Self::splat(c0), Self::splat(c1), Self::splat(c2), Self::splat(c3), Self::splat(c4), Self::splat(c5));
-        let p = c5.mul_add(fraction, c4);
-        let p = p.mul_add(fraction, c3);
-        let p = p.mul_add(fraction, c2);
-        let p = p.mul_add(fraction, c1);
-        let p = p.mul_add(fraction, c0);
-        // p 2^floor(x)
-        // SAFETY: AVX-512 is there (module).
-        Self(unsafe { _mm512_scalef_ps(p.0, self.0) })
+        let (fraction, power) = unsafe {
+            const FLOOR: i32 = _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC;
+            (Self(_mm512_reduce_ps::<FLOOR>(self.0)), Self(_mm512_scalef_ps(scale.0, self.0)))
+        };
+        crate::exp::EXP2_FLOOR.polynomial(fraction) * power
     }
 
     #[inline(always)]

@@ -120,8 +120,8 @@ impl<T: Real> Lanes for Array<T> {
         Self(self.0.map(|x| T::ONE / x))
     }
     #[inline(always)]
-    fn exp2(self) -> Self {
-        Self(self.0.map(T::exp2))
+    fn exp2_times(self, scale: Self) -> Self {
+        Self(self.0.map(T::exp2)) * scale
     }
     #[inline(always)]
     fn log2(self) -> Self {
