@@ -53,6 +53,20 @@ impl Window {
         })
     }
 
+    /// The pixels' centres.
+    #[inline(always)]
+    fn centres<V: Lanes>(&self) -> (Plane<V::Scalar>, Plane<V::Scalar>) {
+        let mut planes = ([Row::default(); LANES], [Row::default(); LANES]);
+        for block in 0..LANES {
+            for lane in 0..LANES {
+                let (x, y) = self.pixel(block, lane);
+                planes.0[block].0[lane] = V::Scalar::from_f64(x as f64 + 0.5);
+                planes.1[block].0[lane] = V::Scalar::from_f64(y as f64 + 0.5);
+            }
+        }
+        planes
+    }
+
     /// A channel of an image `[H, W, channels]` at the pixels of a block; 0 beyond its edge.
     #[inline(always)]
     pub fn gather<V: Lanes>(&self, block: usize, image: &[V::Scalar], channels: usize, channel: usize) -> V {
@@ -164,11 +178,7 @@ pub(crate) fn traverse<V: Lanes>(
 ) -> Work {
     let (alpha_max, alpha_min) = (V::constant(alpha_max), V::constant(ALPHA_MIN));
     let end = V::constant(TRANSMITTANCE_END);
-    let real = |x: usize| <V::Scalar as Real>::from_usize(x);
-    let (lane_x, lane_y) = (V::from_fn(|lane| real(lane % BLOCK)), V::from_fn(|lane| real(lane / BLOCK)));
-    let half = V::constant(0.5);
-    let block_x = V::from_fn(|block| real(window.pixel(block, 0).0)) + half;
-    let block_y = V::from_fn(|block| real(window.pixel(block, 0).1)) + half;
+    let (pixel_x, pixel_y) = window.centres::<V>();
     // A pixel that has ended, or is beyond the image, holds its transmittance negated: nothing passes the tests below.
     for (block, left) in transmittance.iter_mut().enumerate() {
         V::constant(1.0).or(V::Mask::from_bits(window.lanes(block)), V::constant(-1.0)).store(&mut left.0);
@@ -193,14 +203,12 @@ pub(crate) fn traverse<V: Lanes>(
             let (x, y) = (V::splat(record[slot::X]), V::splat(record[slot::Y]));
             let [p, q, r] = each!(3, |i| V::splat(record[slot::P + i]));
             let opacity = V::splat(record[slot::OPACITY]);
-            let (dx, dy) = (block_x - x, block_y - y);
-            let (block_u, block_v) = (p.mul_add(dx, q * dy).to_array(), (r * dy).to_array());
-            let (lane_u, lane_v) = (p.mul_add(lane_x, q * lane_y), r * lane_y);
             visitor.begin(id, record);
             while todo != 0 {
                 let block = todo.trailing_zeros() as usize % LANES;
                 todo &= todo - 1;
-                let (u, v) = (lane_u + V::splat(block_u[block]), lane_v + V::splat(block_v[block]));
+                let (dx, dy) = (V::load(&pixel_x[block].0) - x, V::load(&pixel_y[block].0) - y);
+                let (u, v) = (p.mul_add(dx, q * dy), r * dy);
                 let raw = u.neg_mul_add(u, -(v * v)).exp2_times(opacity);
                 let alpha = alpha_max.min(raw);
                 let before = V::load(&transmittance[block].0);
