@@ -40,7 +40,7 @@ const EDGES: &[(&str, &[&str])] = &[
 const EXEMPT: &[&str] = &["xtask", "weaver-tests"];
 
 /// What the crates below the formats may use from outside: embedding one of them brings in nothing else.
-const OUTSIDE: &[&str] = &["rayon", "smallvec", "thiserror", "glam"];
+const OUTSIDE: &[&str] = &["rayon", "smallvec", "thiserror", "glam", "half", "libc"];
 
 /// The crates above that line: formats, configuration and what is made of them.
 const ABOVE: &[&str] = &["weaver-io", "weaver-data", "weaver-model", "weaver-trainer", "weaver-cli"];

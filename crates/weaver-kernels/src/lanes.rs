@@ -2,7 +2,7 @@
 //! multiply-add, approximate reciprocals, transposes in registers.
 //!
 //! A kernel is written once, over any [`Lanes`], as a [`LaneKernel`]; [`run`] calls it with the vector type of the
-//! instruction set in use ([`simd::level`](crate::simd::level)). What `f32` gets is one AVX-512 register, two of AVX2,
+//! instruction set in use ([`simd::level`]). What `f32` gets is one AVX-512 register, two of AVX2,
 //! or an array; `f64` always gets an array. Fused operations round once where the processor has them, so results
 //! may differ in the last bits between instruction sets, never between runs on one.
 //!

@@ -85,7 +85,7 @@ fn check<T: Real>(seed: u64, mask: u16, level: Level) {
             // Small integers now and then, so that comparisons meet equal numbers.
             let at = (row * LANES + lane) as u64;
             let normal: f64 = stream.normal(at);
-            *x = T::from_f64(if at % 3 == 0 { normal.round() + 0.0 } else { normal });
+            *x = T::from_f64(if at.is_multiple_of(3) { normal.round() + 0.0 } else { normal });
         }
     }
     let rows = run_at(level, Operations([&inputs[0], &inputs[1], &inputs[2]], mask));
