@@ -72,7 +72,7 @@ pub(crate) const EXP2_FLOOR: Quintic =
     Quintic([1.0, 0.693_151_3, 0.240_164_45, 0.055_799_91, 0.009_017_03, 0.001_867_13]);
 /// Coefficients of 2^x on `[-0.5, 0.5]`, relative error 9e-8 before rounding; 1 at 0.
 pub(crate) const EXP2_NEAREST: Quintic =
-    Quintic([1.0, 0.693_147, 0.240_222_42, 0.055_507_34, 0.009_671_51, 0.001_326_47]);
+    Quintic([1.0, 0.693_146_94, 0.240_222_42, 0.055_507_34, 0.009_671_51, 0.001_326_47]);
 /// Coefficients of t, t^3, .. t^9 in log2((1 + t) / (1 - t)) for |t| <= 0.2.
 pub(crate) const LOG2_ODD: [f32; 5] = [2.885_39, 0.961_796_6, 0.577_093_94, 0.411_133_3, 0.349_416_76];
 
