@@ -5,6 +5,7 @@
 //! every element of C is summed in one fixed order: the same bits at any number of threads. Nothing is
 //! allocated but one packing buffer per thread, once.
 
+use crate::lanes::{self, LANES, LaneKernel, Lanes};
 use crate::parallel::for_ranges;
 use crate::{Real, simd};
 use std::ops::Range;
@@ -17,7 +18,10 @@ pub use half_precision::{gemm_bf16, widen};
 /// Rows of a B panel that stay in the first-level cache.
 const K_BLOCK: usize = 256;
 /// Rows of A that stay in the second-level cache with `K_BLOCK` columns.
-const M_BLOCK: usize = 192;
+const M_BLOCK: usize = 384;
+/// Panels of B that must follow for rows of A to be worth packing: rows far apart in memory fall into the same sets of the
+/// caches, and each is a page of its own.
+const REUSE: usize = 4;
 /// Fewer rows are not worth packing B once more.
 const M_TASK: usize = 48;
 /// Fewer multiply-adds than this are not worth a parallel task.
@@ -244,31 +248,50 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
         let level = simd::level();
         let (tile_rows, tile_cols) = T::tile(level);
         let a = &self.a.data[entry * self.a_step..];
-        let offset = entry * self.c_step;
+        let (offset, block_start) = (entry * self.c_step, rows.start);
         // Tiles of nearly equal height keep the pipeline fuller than full tiles and a sliver.
         let tiles = rows.len().div_ceil(tile_rows);
-        T::with_panel(2 * K_BLOCK * tile_cols, |panel| {
-            let (panel, spare) = panel.split_at_mut(K_BLOCK * tile_cols);
-            for k in (0..self.k.max(1)).step_by(K_BLOCK) {
-                let depth = K_BLOCK.min(self.k - k);
+        let tile = |t: usize| rows.start + rows.len() * t / tiles..rows.start + rows.len() * (t + 1) / tiles;
+        // So do blocks of nearly equal depth.
+        let depth = self.k.max(1).div_ceil(self.k.max(1).div_ceil(K_BLOCK));
+        let packed = cols.len() >= REUSE * tile_cols;
+        let room = if packed { rows.len() * depth } else { 0 };
+        T::with_panel(room + 2 * depth * tile_cols, |panel| {
+            let (a_tiles, panel) = panel.split_at_mut(room);
+            let (panel, spare) = panel.split_at_mut(depth * tile_cols);
+            for k in (0..self.k.max(1)).step_by(depth) {
+                let depth = depth.min(self.k - k);
                 let beta = if k == 0 { self.beta } else { T::ONE };
+                if packed {
+                    let (p_stride, i_stride) = (self.a.col_stride, self.a.row_stride);
+                    for rows in (0..tiles).map(tile) {
+                        let from = &a[rows.start * i_stride + k * p_stride..];
+                        let into = &mut a_tiles[(rows.start - block_start) * depth..][..rows.len() * depth];
+                        pack(from, [p_stride, i_stride], depth, rows.len(), rows.len(), into);
+                    }
+                }
                 for j in cols.clone().step_by(tile_cols) {
                     let width = tile_cols.min(cols.end - j);
                     let padded = T::panel_width(level, width);
                     let into = &mut panel[..depth * padded];
                     self.b.pack(entry, k..k + depth, j..j + width, padded, into, spare);
-                    for t in 0..tiles {
-                        let i = rows.start + rows.len() * t / tiles;
-                        let height = rows.start + rows.len() * (t + 1) / tiles - i;
-                        // SAFETY: rows i..i+height of A and of C and columns j..j+width of C are inside
-                        // their slices; the panel holds depth * padded elements.
+                    for rows in (0..tiles).map(tile) {
+                        let (i, height) = (rows.start, rows.len());
+                        let (a, strides) = if packed {
+                            (a_tiles[(i - block_start) * depth..].as_ptr(), [1, height])
+                        } else {
+                            let Mat { row_stride, col_stride, .. } = self.a;
+                            (a.as_ptr().wrapping_add(i * row_stride + k * col_stride), [row_stride, col_stride])
+                        };
+                        // SAFETY: rows i..i+height of A, packed or not, and of C and columns j..j+width of C are
+                        // inside their slices; the panel holds depth * padded elements.
                         unsafe {
                             T::multiply(
                                 level,
                                 [height, width, depth],
                                 self.alpha,
-                                a.as_ptr().wrapping_add(i * self.a.row_stride + k * self.a.col_stride),
-                                [self.a.row_stride, self.a.col_stride],
+                                a,
+                                strides,
                                 panel.as_ptr(),
                                 beta,
                                 c.0.add(offset + i * c_stride + j),
@@ -298,14 +321,20 @@ impl<T: Real> Panels<T> for Stack<'_, T> {
         let (width, depth) = (cols.len(), k.len());
         let Mat { data, row_stride, col_stride } = self.mat;
         let data = &data[entry * self.stride + k.start * row_stride + cols.start * col_stride..];
-        if col_stride == 1 {
-            for (p, out) in panel.chunks_exact_mut(padded).enumerate() {
-                out[..width].copy_from_slice(&data[p * row_stride..][..width]);
-                out[width..].fill(T::ZERO);
-            }
-        } else {
-            transpose(data, row_stride, col_stride, depth, width, padded, panel);
+        pack(data, [row_stride, col_stride], depth, width, padded, panel);
+    }
+}
+
+/// `out[p * padded + q] = data[p * strides[0] + q * strides[1]]`, zeros from `q = width` on.
+fn pack<T: Real>(data: &[T], strides: [usize; 2], depth: usize, width: usize, padded: usize, out: &mut [T]) {
+    let [row_stride, col_stride] = strides;
+    if col_stride == 1 {
+        for (p, out) in out.chunks_exact_mut(padded).enumerate() {
+            out[..width].copy_from_slice(&data[p * row_stride..][..width]);
+            out[width..].fill(T::ZERO);
         }
+    } else {
+        transpose(data, row_stride, col_stride, depth, width, padded, out);
     }
 }
 
@@ -322,47 +351,57 @@ pub(crate) fn transpose<T: Real>(
     if width < padded {
         out.fill(T::ZERO);
     }
-    simd::dispatch(
-        #[inline(always)]
-        || transpose_blocks(data, row_stride, col_stride, depth, width, padded, out),
-    );
+    let mut done = (0, 0);
+    if row_stride == 1 {
+        let transpose = Transpose { data, col_stride, depth, width, padded, out: &mut *out };
+        done = lanes::run(transpose);
+    }
+    for q in 0..width {
+        let from = if q < done.1 { done.0 } else { 0 };
+        for p in from..depth {
+            out[p * padded + q] = data[p * row_stride + q * col_stride];
+        }
+    }
 }
 
-/// In square blocks, as far as columns are contiguous.
-#[inline(always)]
-fn transpose_blocks<T: Real>(
-    data: &[T],
-    row_stride: usize,
+/// [`transpose`] of contiguous columns, sixteen by sixteen in registers.
+struct Transpose<'a, T> {
+    data: &'a [T],
     col_stride: usize,
     depth: usize,
     width: usize,
     padded: usize,
-    out: &mut [T],
-) {
-    const S: usize = 8;
-    let blocks = if row_stride == 1 { (depth / S * S, width / S * S) } else { (0, 0) };
-    for q in (0..blocks.1).step_by(S) {
-        let columns: [&[T]; S] = std::array::from_fn(
-            #[inline(always)]
-            |i| &data[(q + i) * col_stride..][..depth],
-        );
-        for p in (0..blocks.0).step_by(S) {
-            let mut block = [[T::ZERO; S]; S];
-            for i in 0..S {
-                block[i].copy_from_slice(&columns[i][p..p + S]);
-            }
-            for r in 0..S {
-                let row = &mut out[(p + r) * padded + q..][..S];
-                for i in 0..S {
-                    row[i] = block[i][r];
+    out: &'a mut [T],
+}
+
+impl<T: Real> LaneKernel<T> for Transpose<'_, T> {
+    /// Rows and columns that were done.
+    type Output = (usize, usize);
+
+    #[inline(always)]
+    fn run<V: Lanes<Scalar = T>>(self) -> (usize, usize) {
+        let Self { data, col_stride, depth, width, padded, out } = self;
+        let rows = depth / LANES * LANES;
+        // A single block of fewer columns may write beyond them: the next row comes after it and overwrites that.
+        let alone = width < LANES && padded == width;
+        let cols = if alone { width } else { width / LANES * LANES };
+        for q in (0..cols).step_by(LANES) {
+            for p in (0..rows).step_by(LANES) {
+                let mut block = [V::zero(); LANES];
+                for (i, column) in block.iter_mut().enumerate() {
+                    let from = (q + i).min(cols - 1) * col_stride + p;
+                    *column = V::load(data[from..].first_chunk().expect("rows of sixteen"));
+                }
+                V::transpose(&mut block);
+                for (i, row) in block.iter().enumerate() {
+                    let to = &mut out[(p + i) * padded + q..];
+                    match to.first_chunk_mut() {
+                        Some(to) => row.store(to),
+                        None => to.copy_from_slice(&row.to_array()[..to.len()]),
+                    }
                 }
             }
         }
-    }
-    for q in 0..width {
-        let from = if q < blocks.1 { blocks.0 } else { 0 };
-        for p in from..depth {
-            out[p * padded + q] = data[p * row_stride + q * col_stride];
-        }
+        (rows, cols)
     }
 }
