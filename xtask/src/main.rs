@@ -4,6 +4,7 @@
 //! docs/architecture.md (`cargo xtask tidy`).
 
 mod parity;
+mod random_weights;
 mod tidy;
 
 use std::process::{Command, ExitCode};
@@ -12,7 +13,8 @@ const USAGE: &str = "usage: cargo xtask <command>
 
   check   fmt, clippy, rustdoc and tidy: what must hold before a change lands
   tidy    the crates' edges and the invariants of docs/architecture.md
-  parity  DIR [--json]: every module against the files of reference numbers in DIR";
+  parity  DIR [--json]: every module against the files of reference numbers in DIR
+  random-weights  --preset splatweaver-1b FILE: a checkpoint of the published size and types, drawn at random";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -21,6 +23,7 @@ fn main() -> ExitCode {
         "check" => check(),
         "tidy" => tidy::run(),
         "parity" => parity::command(rest),
+        "random-weights" => random_weights::command(rest),
         _ => Err(USAGE.into()),
     };
     match done {

@@ -122,7 +122,11 @@ pub struct Tape<T: Real = f32> {
     /// Whether applied ops are kept for a backward pass.
     recording: Cell<bool>,
     profile: RefCell<Option<Profile>>,
+    watcher: RefCell<Option<Watcher>>,
 }
+
+/// Hears of the parts of a model that are done.
+type Watcher = Box<dyn Fn(&str) + Send>;
 
 impl<T: Real> Default for Tape<T> {
     fn default() -> Self {
@@ -156,7 +160,8 @@ impl<T: Real> Tape<T> {
             params: Vec::new(),
             boxes: OpBoxes::default(),
         };
-        Self { record: RefCell::new(record), pool, recording: Cell::new(true), profile: RefCell::new(None) }
+        let record = RefCell::new(record);
+        Self { record, pool, recording: Cell::new(true), profile: RefCell::default(), watcher: RefCell::default() }
     }
 
     /// The pool that the tape's memory comes from.

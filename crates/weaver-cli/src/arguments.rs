@@ -39,6 +39,7 @@ pub enum Command {
     Infer(Infer),
     Render(Render),
     Info(Info),
+    ConvertWeights(ConvertWeights),
     Bench(Bench),
     Completions(Completions),
 }
@@ -120,16 +121,35 @@ pub struct Eval {
 /// Turns photos into Gaussians, cameras, renders, depth and expert maps.
 ///
 /// Writes scene.ply, transforms.json, a COLMAP model in sparse/0, the folders input, render, depth and experts, and
-/// overview.png.
+/// overview.png. From a checkpoint without a Gaussian head (VGGT), or with --geometry: points.ply, depth.safetensors and the
+/// cameras.
 #[derive(Args, Debug)]
+#[command(group(ArgGroup::new("network").required(true).args(["run", "weights"])))]
 #[command(after_help = "Examples:
   splatweaver infer --run runs/mine a.jpg b.jpg c.jpg d.jpg -o result
   splatweaver infer --run runs/mine photos --budget 0.2 -o compact
-  splatweaver infer --run runs/mine photos/*.jpg --cameras transforms.json -o posed")]
+  splatweaver infer --run runs/mine photos/*.jpg --cameras transforms.json -o posed
+  splatweaver infer --weights model.safetensors photos -o scene
+  splatweaver infer --weights model.safetensors photos --keep-aspect --size 448 -o wide")]
 pub struct Infer {
     /// The run folder
     #[arg(long)]
-    pub run: PathBuf,
+    pub run: Option<PathBuf>,
+    /// A published checkpoint: safetensors file, index of several, or the folder; SplatWeaver's names or VGGT's
+    #[arg(long, value_name = "FILE", conflicts_with = "cameras")]
+    pub weights: Option<PathBuf>,
+    /// With --weights: side of the square that photos are cut to, or WxH; multiples of the patch [default: the model's, 448]
+    #[arg(long, value_name = "N|WxH", requires = "weights", value_parser = size)]
+    pub size: Option<[usize; 2]>,
+    /// With --weights: photos keep their proportions; the long side takes the size, the other whole patches
+    #[arg(long, requires = "weights")]
+    pub keep_aspect: bool,
+    /// With --weights: cameras, depth and points only
+    #[arg(long, requires = "weights", conflicts_with_all = ["allocation", "budget"])]
+    pub geometry: bool,
+    /// With --weights: seed of the router's noise [default: 0]
+    #[arg(long, value_name = "S", requires = "weights")]
+    pub seed: Option<u64>,
     /// Photos (PNG, JPEG), or folders of photos; the first one's camera becomes the origin
     #[arg(required = true)]
     pub images: Vec<PathBuf>,
@@ -197,6 +217,7 @@ pub struct Render {
 #[command(after_help = "Examples:
   splatweaver info scene.ply
   splatweaver info runs/mine/checkpoint.safetensors
+  splatweaver info model.safetensors
   splatweaver info capture/sparse/0")]
 pub struct Info {
     /// The file, or a folder with a COLMAP model
@@ -280,6 +301,20 @@ pub struct Synthetic {
     pub height: usize,
 }
 
+/// Turns a PyTorch checkpoint (.pt, .pth, .ckpt, .bin) into safetensors.
+///
+/// Reads the numbers and nothing else: what such a file says to execute is not executed.
+#[derive(Args, Debug)]
+#[command(after_help = "Example:
+  splatweaver convert-weights model.ckpt -o model.safetensors")]
+pub struct ConvertWeights {
+    /// The checkpoint
+    pub file: PathBuf,
+    /// The safetensors file to write
+    #[arg(short, long, value_name = "FILE")]
+    pub out: PathBuf,
+}
+
 /// Prints a completion script for a shell.
 #[derive(Args, Debug)]
 #[command(after_help = "Example:
@@ -299,6 +334,16 @@ pub struct Threads {
 
 fn cameras() -> impl TypedValueParser<Value = Cameras> {
     PossibleValuesParser::new(["predicted", "given"]).try_map(|name| name.parse::<Cameras>())
+}
+
+/// Height and width from `N` or `WxH`.
+fn size(text: &str) -> Result<[usize; 2], String> {
+    let (width, height) = text.split_once('x').unwrap_or((text, text));
+    let side = |text: &str| text.parse().ok().filter(|n| (1..=16_384).contains(n));
+    match (side(height), side(width)) {
+        (Some(height), Some(width)) => Ok([height, width]),
+        _ => Err("expected a number of pixels or WxH, as in 448 or 448x252".into()),
+    }
 }
 
 fn colour(text: &str) -> Result<[f32; 3], String> {
@@ -329,6 +374,14 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         CommandLine::command().debug_assert();
+    }
+
+    #[test]
+    fn sizes_are_one_number_or_two() {
+        assert_eq!((size("448"), size("448x252")), (Ok([448, 448]), Ok([252, 448])));
+        for wrong in ["", "x", "448x", "0", "-1", "4.5", "448x252x3", "99999"] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
     }
 
     #[test]

@@ -1,30 +1,86 @@
 //! `splatweaver infer`.
 
-use crate::Console;
 use crate::arguments::Infer;
 use crate::failure::Failure;
-use std::path::PathBuf;
-use weaver_trainer::infer::{self, Options};
+use crate::progress::Progress;
+use crate::{Console, Interrupt};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::sync::mpsc;
+use weaver_trainer::infer::{self, Report};
+use weaver_trainer::published::{self, Fit};
 
-pub fn run(arguments: &Infer, console: &mut Console) -> Result<(), Failure> {
+pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let images = photos(&arguments.images)?;
-    let options = Options {
-        cameras: arguments.cameras.clone(),
-        allocation: arguments.dial.allocation,
-        budget: arguments.dial.budget,
+    let report = match (&arguments.run, &arguments.weights) {
+        (Some(run), _) => {
+            let options = infer::Options {
+                cameras: arguments.cameras.clone(),
+                allocation: arguments.dial.allocation,
+                budget: arguments.dial.budget,
+            };
+            infer::run(run, &images, &options, &arguments.out)?
+        }
+        (None, Some(weights)) => published(weights, &images, arguments, console, interrupt)?,
+        (None, None) => return Err(Failure::Usage("expected --run or --weights".into())),
     };
-    let report = infer::run(&arguments.run, &images, &options, &arguments.out)?;
     for remark in &report.remarks {
         console.note(remark);
     }
-    console.print(&format!(
-        "{} Gaussians, {:.3} per pixel; the input views come back at {:.2} dB\nscene: {}\noverview: {}",
-        report.gaussians,
-        report.gaussians_per_pixel,
-        report.psnr,
-        arguments.out.join("scene.ply").display(),
-        report.overview.display()
-    ))
+    let out = |name: &str| arguments.out.join(name).display().to_string();
+    let result = match report.psnr {
+        Some(psnr) => format!(
+            "{} Gaussians, {:.3} per pixel; the input views come back at {psnr:.2} dB\nscene: {}",
+            report.gaussians,
+            report.gaussians_per_pixel,
+            out("scene.ply")
+        ),
+        None => format!("points: {}\ncameras: {}", out("points.ply"), out("transforms.json")),
+    };
+    console.print(&format!("{result}\noverview: {}", report.overview.display()))
+}
+
+/// Runs a published checkpoint while another thread shows how far it is.
+fn published(
+    weights: &Path,
+    images: &[PathBuf],
+    arguments: &Infer,
+    console: &mut Console,
+    interrupt: &Interrupt,
+) -> Result<Report, Failure> {
+    let options = published::Options {
+        size: arguments.size,
+        fit: if arguments.keep_aspect { Fit::KeepAspect } else { Fit::Crop },
+        geometry: arguments.geometry,
+        allocation: arguments.dial.allocation,
+        budget: arguments.dial.budget,
+        seed: arguments.seed.unwrap_or(0),
+    };
+    let (sender, receiver) = mpsc::channel::<published::Progress>();
+    let report = std::thread::scope(|scope| {
+        scope.spawn(move || {
+            let mut progress: Option<Progress> = None;
+            for heard in receiver {
+                let shown = progress.get_or_insert_with(|| Progress::new("infer", 0, heard.total, console));
+                shown.at(heard.done, heard.total, || heard.stage.to_string(), console);
+            }
+            if let Some(progress) = progress {
+                progress.finish();
+            }
+        });
+        let tell = move |progress| {
+            // Nobody listens only when the other thread is gone, and then there is nobody to tell.
+            let _ = sender.send(progress);
+        };
+        // Up to the first file, Ctrl-C ends at once and leaves nothing; from then on the files are written first.
+        published::run(weights, images, &options, &arguments.out, tell, || {
+            interrupt.heed();
+        })
+    })?;
+    if interrupt.heed().load(Ordering::Relaxed) {
+        return Err(Failure::message("interrupted; the results were complete and are written"));
+    }
+    Ok(report)
 }
 
 /// The photos, folders replaced by what is in them.

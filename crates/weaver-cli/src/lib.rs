@@ -7,6 +7,7 @@ mod bench;
 mod cameras;
 mod completions;
 mod console;
+mod convert_weights;
 mod eval;
 mod failure;
 mod infer;
@@ -46,9 +47,12 @@ fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> R
     match command {
         Command::Train(arguments) => train::run(&arguments, console, interrupt),
         Command::Eval(arguments) => in_pool(arguments.threads.threads.into(), || eval::run(&arguments, console)),
-        Command::Infer(arguments) => in_pool(arguments.threads.threads.into(), || infer::run(&arguments, console)),
+        Command::Infer(arguments) => {
+            in_pool(arguments.threads.threads.into(), || infer::run(&arguments, console, interrupt))
+        }
         Command::Render(arguments) => in_pool(arguments.threads.threads.into(), || render::run(&arguments, console)),
         Command::Info(arguments) => info::run(&arguments, console),
+        Command::ConvertWeights(arguments) => convert_weights::run(&arguments, console, interrupt),
         Command::Bench(arguments) => bench::run(&arguments, console),
         Command::Completions(arguments) => completions::run(&arguments, console),
     }

@@ -16,14 +16,17 @@ mod folder;
 mod image;
 mod info;
 mod mapped_file;
+mod memory;
 pub mod ply;
 pub mod realestate;
 mod resize;
 mod splat;
 mod spz;
 mod tensor_file;
+mod torch;
 mod transforms;
 mod weights;
+mod weights_writer;
 
 pub use append::Appender;
 pub use atomic::atomic_write;
@@ -33,12 +36,15 @@ pub use file::{read_bytes, read_text, write_text};
 pub use folder::{create_folder, list_files};
 pub use image::{Background, Image};
 pub use info::info;
+pub use memory::available_memory;
 pub use ply::SplatPly;
 pub use splat::read_splat;
 pub use spz::read_spz;
 pub use tensor_file::TensorFile;
+pub use torch::TorchCheckpoint;
 pub use transforms::{Frame, Transforms};
 pub use weights::{Slice, Storage, Weight, Weights};
+pub use weights_writer::{Planned, write_weights};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

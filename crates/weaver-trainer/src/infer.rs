@@ -31,8 +31,8 @@ pub struct Report {
     pub gaussians: usize,
     /// The same per pixel.
     pub gaussians_per_pixel: f64,
-    /// Mean PSNR of the renders of the input views against the photos, dB.
-    pub psnr: f64,
+    /// Mean PSNR of the renders of the input views against the photos, dB, if there are Gaussians to render.
+    pub psnr: Option<f64>,
     /// What the reader should know.
     pub remarks: Vec<String>,
     /// The overview picture: a row of input, render, depth and expert map for each photo.
@@ -82,23 +82,30 @@ pub fn run(run: &Path, images: &[PathBuf], options: &Options, out: &Path) -> Res
     ));
     let renders = predictor.render(&prediction.splats, &prediction.cameras).map_err(|e| Error::Usage(e.to_string()))?;
     write(out, images, &photos, &renders, &prediction)?;
-
-    let psnr: f64 = photos
-        .iter()
-        .zip(&renders)
-        .map(|(photo, render)| weaver_losses::metrics::psnr(&render.pixels, &photo.pixels))
-        .sum();
-    let gaussians = prediction.splats.opacities.len();
-    Ok(Report {
-        gaussians,
-        gaussians_per_pixel: gaussians as f64 / prediction.experts.len() as f64,
-        psnr: psnr / photos.len() as f64,
-        remarks,
-        overview: out.join("overview.png"),
-    })
+    Ok(report(&photos, &renders, &prediction, remarks, out))
 }
 
-fn write(
+/// The figures of a scene.
+pub(crate) fn report(
+    photos: &[Image],
+    renders: &[Image],
+    prediction: &Prediction,
+    remarks: Vec<String>,
+    out: &Path,
+) -> Report {
+    let psnr = |(photo, render): (&Image, &Image)| weaver_losses::metrics::psnr(&render.pixels, &photo.pixels);
+    let gaussians = prediction.splats.opacities.len();
+    Report {
+        gaussians,
+        gaussians_per_pixel: gaussians as f64 / prediction.experts.len() as f64,
+        psnr: Some(photos.iter().zip(renders).map(psnr).sum::<f64>() / photos.len() as f64),
+        remarks,
+        overview: out.join("overview.png"),
+    }
+}
+
+/// Writes pictures, Gaussians and cameras.
+pub(crate) fn write(
     out: &Path,
     paths: &[PathBuf],
     photos: &[Image],
@@ -120,9 +127,36 @@ fn write(
     }
     stack(&rows.iter().collect::<Vec<_>>()).write_png(out.join("overview.png"))?;
     splat_ply(&prediction.splats).write(out.join("scene.ply"))?;
+    write_cameras(out, &names, &prediction.cameras)
+}
+
+/// Writes pictures of depth, and cameras, where there are no Gaussians.
+pub(crate) fn write_geometry(
+    out: &Path,
+    paths: &[PathBuf],
+    photos: &[Image],
+    prediction: &Prediction,
+) -> Result<(), Error> {
+    for part in ["input", "depth", "sparse/0"] {
+        weaver_io::create_folder(out.join(part))?;
+    }
+    let names = unique_names(paths);
+    let mut rows = Vec::new();
+    for (v, (photo, name)) in photos.iter().zip(&names).enumerate() {
+        let depth = depth_picture(prediction, v, photo);
+        photo.write_png(out.join("input").join(name))?;
+        depth.write_png(out.join("depth").join(name))?;
+        rows.push(Image::mosaic(&[photo, &depth]));
+    }
+    stack(&rows.iter().collect::<Vec<_>>()).write_png(out.join("overview.png"))?;
+    write_cameras(out, &names, &prediction.cameras)
+}
+
+/// Writes transforms.json and a COLMAP model.
+fn write_cameras(out: &Path, names: &[String], cameras: &[Camera]) -> Result<(), Error> {
     let inputs: Vec<String> = names.iter().map(|n| format!("input/{n}")).collect();
-    transforms(&inputs, &prediction.cameras, out).write(out.join("transforms.json"))?;
-    colmap(&names, &prediction.cameras).write_binary(out.join("sparse/0"))?;
+    transforms(&inputs, cameras, out).write(out.join("transforms.json"))?;
+    colmap(names, cameras).write_binary(out.join("sparse/0"))?;
     Ok(())
 }
 

@@ -10,6 +10,7 @@ pub mod infer;
 mod objective;
 pub mod observe;
 mod predictor;
+pub mod published;
 mod run_folder;
 pub mod samples;
 pub mod scenes;

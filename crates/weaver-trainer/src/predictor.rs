@@ -30,7 +30,7 @@ pub struct Splats {
 }
 
 /// What the model makes of some photos.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Prediction {
     /// The Gaussians, in the frame of camera 0.
     pub splats: Splats,
@@ -80,7 +80,12 @@ impl<'m> Predictor<'m> {
         Self { model, params, tape: Tape::new(), workspace: Workspace::new() }
     }
 
-    /// Runs the model on photos `[V, 3, H, W]`.
+    /// Calls `watcher` with the path of each part of the model that is done.
+    pub fn watch(&self, watcher: impl Fn(&str) + Send + 'static) {
+        self.tape.watch(watcher);
+    }
+
+    /// Runs the model on photos `[V, 3, H, W]` of the configured size.
     pub fn predict(
         &mut self,
         images: &[f32],
@@ -88,9 +93,21 @@ impl<'m> Predictor<'m> {
         allocation: &dyn Allocation<f32>,
         stream: Stream,
     ) -> Prediction {
+        let config = self.model.config();
+        self.predict_at(images, [config.height, config.width], source, allocation, stream)
+    }
+
+    /// The same for photos of another size (H, W), multiples of the patch.
+    pub fn predict_at(
+        &mut self,
+        images: &[f32],
+        [height, width]: [usize; 2],
+        source: CameraSource<'_>,
+        allocation: &dyn Allocation<f32>,
+        stream: Stream,
+    ) -> Prediction {
         self.tape.reset();
         let config = self.model.config();
-        let (width, height) = (config.width, config.height);
         let views = images.len() / (3 * width * height);
         let cx = Context::new(&self.tape, self.params);
         self.tape.without_gradient(|| {
@@ -195,7 +212,7 @@ fn spread_ratio(predicted: &[Camera], given: &[Camera]) -> f64 {
     if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 }
 }
 
-fn cameras_from_rows(w2c: &[f32], intrinsics: &[f32], width: usize, height: usize) -> Vec<Camera> {
+pub(crate) fn cameras_from_rows(w2c: &[f32], intrinsics: &[f32], width: usize, height: usize) -> Vec<Camera> {
     w2c.chunks_exact(12)
         .zip(intrinsics.chunks_exact(4))
         .map(|(m, k)| {

@@ -15,8 +15,11 @@ pub struct Scope<'t, T: Real> {
 
 impl<T: Real> Drop for Scope<'_, T> {
     fn drop(&mut self) {
-        let record = &mut *self.tape.record.borrow_mut();
         let [end, start] = self.before;
+        let record = &mut *self.tape.record.borrow_mut();
+        if let Some(watcher) = self.tape.watcher.borrow().as_ref().filter(|_| record.path_start == start) {
+            watcher(record.path());
+        }
         record.path.truncate(end);
         record.path_start = start;
     }
@@ -37,6 +40,12 @@ impl<T: Real> Tape<T> {
         let dot = if record.path().is_empty() { "" } else { "." };
         write!(record.path, "{dot}{name}").expect("writing to a string cannot fail");
         Scope { tape: self, before }
+    }
+
+    /// Calls `watcher` with the model path whenever a [`scope`](Tape::scope) ends: how far a long forward pass is. It must not
+    /// use the tape.
+    pub fn watch(&self, watcher: impl Fn(&str) + Send + 'static) {
+        *self.watcher.borrow_mut() = Some(Box::new(watcher));
     }
 
     /// Puts `path` in place of the model path until the guard is dropped: for layers, which know their full names. An empty one

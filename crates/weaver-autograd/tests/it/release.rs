@@ -88,3 +88,16 @@ fn a_declared_parameter_cannot_be_used() {
     let id = params.declare("b", [2]);
     Tape::new().param(&params, id);
 }
+
+#[test]
+fn a_watcher_hears_what_is_done() {
+    let heard = Arc::new(std::sync::Mutex::new(Vec::new()));
+    let tape = Tape::<f32>::new();
+    let sink = heard.clone();
+    tape.watch(move |path| sink.lock().unwrap().push(path.to_string()));
+    {
+        let _model = tape.scope("model");
+        (0..2).for_each(|i| drop(tape.scope(format_args!("block.{i}"))));
+    }
+    assert_eq!(*heard.lock().unwrap(), ["model.block.0", "model.block.1", "model"]);
+}

@@ -11,5 +11,6 @@ mod realestate;
 mod shared;
 mod spz;
 mod tensor_file;
+mod torch;
 mod transforms;
 mod weights;

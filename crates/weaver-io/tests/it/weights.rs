@@ -1,9 +1,10 @@
 //! Weights in place: one file or several, of any type, and what is wrong with broken ones.
 
 use half::{bf16, f16};
+use std::collections::BTreeMap;
 use std::path::Path;
 use weaver_io::checkpoint::Tensors;
-use weaver_io::{Storage, Weights};
+use weaver_io::{Planned, Storage, Weights, write_weights};
 
 fn sample(path: &Path) {
     let mut tensors = Tensors::default();
@@ -121,4 +122,28 @@ fn what_is_not_finite_is_found() {
             assert_eq!(["narrow", "half", "wide", "fine"].map(finite), [false, false, false, true], "{bad} at {at}");
         }
     }
+}
+
+#[test]
+fn written_one_after_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.safetensors");
+    let planned =
+        |name: &str, dtype, width, shape: &[usize]| Planned { name: name.into(), dtype, width, shape: shape.to_vec() };
+    let tensors = [planned("narrow", "BF16", 2, &[3]), planned("wide", "F32", 4, &[2, 1])];
+    let metadata = BTreeMap::from([("a".to_string(), "b".to_string())]);
+    let fill = |tensor: &Planned, w: &mut dyn std::io::Write| match tensor.name.as_str() {
+        "wide" => [1.0f32, -2.0].iter().try_for_each(|x| w.write_all(&x.to_le_bytes())),
+        _ => [0.5, 1.0, 2.0].iter().try_for_each(|x| w.write_all(&bf16::from_f32(*x).to_le_bytes())),
+    };
+    write_weights(&path, &metadata, &tensors, fill).unwrap();
+    let weights = Weights::open(&path).unwrap();
+    assert_eq!(weights.metadata(), &metadata);
+    let Storage::F32(wide) = weights.get("wide").unwrap().storage().unwrap() else { panic!() };
+    assert_eq!(wide.as_ref(), [1.0, -2.0]);
+    // What is wrong leaves the old file and nothing else.
+    let before = std::fs::read(&path).unwrap();
+    let short = write_weights(&path, &metadata, &tensors, |_, _| Ok(())).unwrap_err().to_string();
+    assert!(short.contains("wide: 0 bytes written, 8 planned"), "{short}");
+    assert_eq!((std::fs::read(&path).unwrap(), std::fs::read_dir(folder.path()).unwrap().count()), (before, 1));
 }

@@ -1,0 +1,34 @@
+//! `splatweaver convert-weights`.
+
+use crate::arguments::ConvertWeights;
+use crate::failure::Failure;
+use crate::progress::Progress;
+use crate::{Console, Interrupt};
+use std::io;
+use std::sync::atomic::Ordering;
+use weaver_io::{TorchCheckpoint, write_weights};
+
+pub fn run(arguments: &ConvertWeights, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let mut checkpoint = TorchCheckpoint::open(&arguments.file)?;
+    let planned = checkpoint.tensors()?;
+    let total = planned.len();
+    let stop = interrupt.heed();
+    let mut progress = Progress::new("convert", 0, total, console);
+    let mut done = 0;
+    let written = write_weights(&arguments.out, &Default::default(), &planned, |tensor, out| {
+        if stop.load(Ordering::Relaxed) {
+            return Err(io::Error::new(io::ErrorKind::Interrupted, "interrupted; nothing was written"));
+        }
+        checkpoint.write(&tensor.name, out)?;
+        done += 1;
+        progress.at(done, total, || tensor.name.clone(), console);
+        Ok(())
+    });
+    progress.finish();
+    written?;
+    for remark in checkpoint.remarks() {
+        console.note(remark);
+    }
+    let bytes: usize = planned.iter().map(|tensor| tensor.bytes()).sum();
+    console.print(&format!("{total} tensors, {:.2} GB: {}", bytes as f64 / 1e9, arguments.out.display()))
+}

@@ -1,0 +1,29 @@
+//! How much memory there is to use.
+
+/// Bytes that can be used without swapping, where the system tells: what Linux calls available, or what the process's
+/// control group leaves, if that is less.
+pub fn available_memory() -> Option<u64> {
+    let system = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| available(&text));
+    let number = |path: &str| std::fs::read_to_string(path).ok()?.trim().parse::<u64>().ok();
+    let group = number("/sys/fs/cgroup/memory.max")
+        .zip(number("/sys/fs/cgroup/memory.current"))
+        .map(|(most, used)| most.saturating_sub(used));
+    system.into_iter().chain(group).min()
+}
+
+/// The line `MemAvailable: N kB`.
+fn available(meminfo: &str) -> Option<u64> {
+    let line = meminfo.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    line.split_whitespace().next()?.parse::<u64>().ok().map(|kib| kib * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn meminfo_is_understood() {
+        assert_eq!(available("MemTotal:  8 kB\nMemAvailable:   12345 kB\n"), Some(12345 * 1024));
+        assert_eq!(available("MemTotal:  8 kB\n"), None);
+    }
+}

@@ -1,0 +1,228 @@
+//! Checkpoints of the published models at work: photos in, cameras, depth and Gaussians out.
+
+mod estimate;
+mod load;
+mod photos;
+
+pub use load::{CONFIG, Network, Opened};
+pub use photos::Fit;
+
+use crate::infer::{self, Report};
+use crate::predictor::{CameraSource, Prediction, Predictor, cameras_from_rows};
+use crate::{Error, evaluate};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use weaver_autograd::{Params, Tape};
+use weaver_geometry::Camera;
+use weaver_io::Image;
+use weaver_io::checkpoint::Tensors;
+use weaver_kernels::random::Stream;
+use weaver_model::{ModelConfig, SplatWeaver, Vggt};
+use weaver_nn::Context;
+use weaver_router::AllocationKind;
+
+/// How to run a published checkpoint.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Height and width of the network's images; those of its configuration otherwise.
+    pub size: Option<[usize; 2]>,
+    /// How photos are brought to that size.
+    pub fit: Fit,
+    /// Cameras, depth and points only, though there may be a Gaussian head.
+    pub geometry: bool,
+    /// Which pixels get Gaussians: sampled from the router, as published, unless told otherwise.
+    pub allocation: Option<AllocationKind>,
+    /// Gaussians per pixel, for those ways to allocate that have a budget.
+    pub budget: Option<f64>,
+    /// Seed of the router's noise.
+    pub seed: u64,
+}
+
+/// How far a run is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Progress {
+    /// What is being done.
+    pub stage: &'static str,
+    /// Work done and all work, in transformer blocks of one view.
+    pub done: usize,
+    /// All of it.
+    pub total: usize,
+}
+
+/// Transformer blocks of one view that the dense heads are worth, with and without the Gaussian head.
+const DENSE: [usize; 2] = [7, 13];
+
+/// Counts the parts of the network that are done, and tells `observer`.
+fn watcher(
+    config: &ModelConfig,
+    views: usize,
+    gaussians: bool,
+    observer: impl Fn(Progress) + Send + 'static,
+) -> impl Fn(&str) + Send + 'static {
+    let blocks = config.backbone.encoder_depth + 2 * config.backbone.rounds;
+    let dense = DENSE[0] + if gaussians { DENSE[1] } else { 0 };
+    let total = views * (blocks + dense);
+    let done = AtomicUsize::new(0);
+    move |path: &str| {
+        let (stage, work) = match path {
+            p if p.contains("patch_embed.blocks.") => ("patches", views),
+            p if p.contains("_blocks.") => ("aggregator", views),
+            "camera_head" => ("cameras", 0),
+            "depth_head" => ("depth", DENSE[0]),
+            "gaussian_param_head" => ("Gaussians", DENSE[1]),
+            _ => return,
+        };
+        let done = (done.fetch_add(work, Ordering::Relaxed) + work).min(total);
+        observer(Progress { stage, done, total });
+    }
+}
+
+/// Runs a checkpoint on photos and writes what comes out into `out`. `observer` hears how far it is; `writing` is called
+/// once, before the first file is written.
+///
+/// # Errors
+/// When the checkpoint or the photos cannot be read or do not fit, memory will not do, or the output cannot be written.
+pub fn run(
+    weights: &Path,
+    images: &[PathBuf],
+    options: &Options,
+    out: &Path,
+    observer: impl Fn(Progress) + Send + 'static,
+    writing: impl FnOnce(),
+) -> Result<Report, Error> {
+    let opened = Opened::new(weights, !options.geometry)?;
+    let config = opened.config.clone();
+    let size = options.size.unwrap_or([config.height, config.width]);
+    if let Some(side) = size.iter().find(|side| **side == 0 || !side.is_multiple_of(config.patch)) {
+        return Err(Error::Usage(format!("--size: expected multiples of {}, found {side}", config.patch)));
+    }
+    let (photos, size) = photos::read(images, size, config.patch, options.fit)?;
+    let gaussians = opened.has_gaussians;
+    let needed = estimate::bytes(&opened, photos.len(), size);
+    estimate::check(needed, weaver_io::available_memory(), gaussians)?;
+    let (network, params) = opened.load()?;
+    let mut planes = Vec::new();
+    photos.iter().for_each(|photo| crate::batch::push_planar(&mut planes, photo));
+    let watcher = watcher(&config, photos.len(), gaussians, observer);
+    let mut remarks = vec![format!("{} photos at {}x{}", photos.len(), size[1], size[0])];
+    if photos.len() == 1 {
+        remarks.push("warning: one photo only: the scene has no second view to agree with".to_string());
+    }
+    let scene = Scene { paths: images, photos: &photos, planes: &planes, size, out };
+    let mut report = match &network {
+        Network::SplatWeaver(model) => scene.weave(model, &params, options, watcher, writing)?,
+        Network::Vggt(vggt) => scene.survey(vggt, &params, watcher, writing)?,
+    };
+    remarks.append(&mut report.remarks);
+    Ok(Report { remarks, ..report })
+}
+
+/// What goes in, and where the results go.
+struct Scene<'a> {
+    paths: &'a [PathBuf],
+    photos: &'a [Image],
+    /// The photos as the network has them, `[V, 3, H, W]`.
+    planes: &'a [f32],
+    size: [usize; 2],
+    out: &'a Path,
+}
+
+impl Scene<'_> {
+    /// With Gaussians.
+    fn weave(
+        &self,
+        model: &SplatWeaver,
+        params: &Params<f32>,
+        options: &Options,
+        watcher: impl Fn(&str) + Send + 'static,
+        writing: impl FnOnce(),
+    ) -> Result<Report, Error> {
+        let kind = options.allocation.unwrap_or(AllocationKind::Sampled);
+        let budget = evaluate::check_budget(kind, options.budget)?.unwrap_or(PUBLISHED_BUDGET);
+        let experts = model.config().gaussians.experts + 1;
+        let allocation = kind.allocation::<f32>(budget, experts).map_err(|e| Error::Usage(e.to_string()))?;
+        let mut predictor = Predictor::new(model, params);
+        predictor.watch(watcher);
+        let stream = Stream::new(options.seed, 0, "inference");
+        let prediction = predictor.predict_at(self.planes, self.size, CameraSource::Predicted, &*allocation, stream);
+        let renders =
+            predictor.render(&prediction.splats, &prediction.cameras).map_err(|e| Error::Usage(e.to_string()))?;
+        writing();
+        infer::write(self.out, self.paths, self.photos, &renders, &prediction)?;
+        let remarks = vec![format!("cameras predicted, allocation {kind}")];
+        Ok(infer::report(self.photos, &renders, &prediction, remarks, self.out))
+    }
+
+    /// Cameras, depth and points.
+    fn survey(
+        &self,
+        vggt: &Vggt,
+        params: &Params<f32>,
+        watcher: impl Fn(&str) + Send + 'static,
+        writing: impl FnOnce(),
+    ) -> Result<Report, Error> {
+        let ([height, width], views) = (self.size, self.photos.len());
+        let tape = Tape::<f32>::new();
+        tape.watch(watcher);
+        let cx = Context::new(&tape, params);
+        let mut depth = Vec::with_capacity(views * height * width);
+        let mut confidence = Vec::with_capacity(views * height * width);
+        let cameras = tape.without_gradient(|| {
+            let encoded = vggt.encode(cx, tape.constant(self.planes, [1, views, 3, height, width]));
+            for view in 0..views {
+                let mark = tape.mark();
+                let maps = vggt.depth(cx, &encoded, 0, [view, 1], self.size);
+                depth.extend_from_slice(&maps.depth.value());
+                confidence.extend_from_slice(&maps.confidence.value());
+                tape.keep_only(mark, &[]);
+            }
+            let cameras = encoded.scene_cameras(0);
+            cameras_from_rows(&cameras.w2c.value(), &cameras.intrinsics.value(), width, height)
+        });
+        if depth.iter().chain(&confidence).any(|x| !x.is_finite()) {
+            return Err(Error::Usage("the network's depth is not a number everywhere; are these its weights?".into()));
+        }
+        let prediction = Prediction { cameras: cameras.clone(), predicted: cameras, depth, ..Prediction::default() };
+        writing();
+        let points = self.write_points(&prediction, &confidence)?;
+        infer::write_geometry(self.out, self.paths, self.photos, &prediction)?;
+        let mut tensors = Tensors::default();
+        tensors.insert("confidence", &[views, height, width], confidence);
+        tensors.insert("depth", &[views, height, width], prediction.depth);
+        tensors.write(self.out.join("depth.safetensors"))?;
+        let remarks = vec![format!("cameras, depth and {points} points; no Gaussians")];
+        let overview = self.out.join("overview.png");
+        Ok(Report { gaussians: 0, gaussians_per_pixel: 0.0, psnr: None, remarks, overview })
+    }
+
+    /// Writes points.ply; how many there are.
+    fn write_points(&self, prediction: &Prediction, confidence: &[f32]) -> Result<usize, Error> {
+        weaver_io::create_folder(self.out)?;
+        let (mut positions, mut colours) = (Vec::new(), Vec::new());
+        for (v, (photo, camera)) in self.photos.iter().zip(&prediction.cameras).enumerate() {
+            let pixels = photo.width * photo.height;
+            let view = &confidence[v * pixels..][..pixels];
+            let threshold = weaver_losses::quantile(&mut view.to_vec(), 1.0 - TRUSTED);
+            for i in (0..pixels).filter(|i| view[*i] >= threshold) {
+                let depth = f64::from(prediction.depth[v * pixels + i]);
+                positions.push(point(camera, i % photo.width, i / photo.width, depth));
+                colours.push([0, 1, 2].map(|c| (photo.pixels[3 * i + c] * 255.0).round() as u8));
+            }
+        }
+        weaver_io::ply::write_points(self.out.join("points.ply"), &positions, &colours)?;
+        Ok(positions.len())
+    }
+}
+
+/// Share of the pixels of each view that become points: the most confident.
+const TRUSTED: f64 = 0.7;
+/// The budget that the published model was trained to, for ways to allocate that have one.
+const PUBLISHED_BUDGET: f64 = 0.3;
+
+/// The world point of a pixel, which the published networks take at its corner.
+fn point(camera: &Camera, column: usize, row: usize, depth: f64) -> [f32; 3] {
+    let k = &camera.intrinsics;
+    let in_camera = [(column as f64 - k.cx) / k.fx * depth, (row as f64 - k.cy) / k.fy * depth, depth];
+    let shifted = weaver_geometry::glam::DVec3::from(in_camera) - camera.pose.translation;
+    (camera.pose.rotation.transpose() * shifted).as_vec3().to_array()
+}

@@ -1,0 +1,71 @@
+//! How much memory a scene will take, before any of it is taken.
+
+use super::Opened;
+use crate::Error;
+use weaver_model::ModelConfig;
+
+/// Bytes that running a checkpoint on `views` photos of `size` (H, W) takes, weights included.
+///
+/// The sum of what is alive at once where most is: the tokens and the widest layer of a transformer block, or the dense
+/// heads' maps of one view beside what all views leave behind.
+pub fn bytes(opened: &Opened, views: usize, size: [usize; 2]) -> u64 {
+    let config = &opened.config;
+    opened.bytes() + activations(config, opened.has_gaussians, views as u64, size)
+}
+
+/// Of these, the part that is no weights.
+pub fn activations(config: &ModelConfig, gaussians: bool, views: u64, [height, width]: [usize; 2]) -> u64 {
+    const NUMBER: u64 = 4;
+    let [height, width, patch, dim] = [height, width, config.patch, config.backbone.dim].map(|n| n as u64);
+    let pixels = height * width;
+    let patches = pixels / (patch * patch);
+    let tokens = views * (patches + 1 + config.backbone.registers as u64);
+    // The four levels that the dense heads read are twice as wide as a token.
+    let levels = 4 * 2 * tokens * dim;
+    // Input, normalised input, and a hidden layer of four times the width before and after its activation.
+    let block = (2 + 2 * 4) * tokens * dim;
+    let features = config.dense.features as u64;
+    let channels = config.dense.channels as u64;
+    // The finest fused maps are at 8 times the patch grid; a residual unit holds some of them a quarter as large.
+    let fused = 64 * patches * features * 2;
+    let windows = 16 * pixels.max(64 * patches);
+    let heads = fused + windows + pixels * (if gaussians { 5 } else { 2 } * channels);
+    let kept = if gaussians { views * pixels * (channels + 16) } else { views * pixels * 8 };
+    NUMBER * (levels + block.max(heads + kept))
+}
+
+/// An error that names the figures and what makes them smaller, if the memory that is free will not do.
+///
+/// # Errors
+/// When less is available than needed.
+pub fn check(needed: u64, available: Option<u64>, gaussians: bool) -> Result<(), Error> {
+    let Some(available) = available.filter(|available| *available < needed) else { return Ok(()) };
+    let gb = |bytes: u64| format!("{:.1} GB", bytes as f64 / 1e9);
+    let third = if gaussians { "--geometry (cameras, depth and points only)" } else { "closing other programs" };
+    Err(Error::Usage(format!(
+        "this needs about {} of memory and {} is free; fewer photos, a smaller --size or {third} reduces it",
+        gb(needed),
+        gb(available)
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn too_little_memory_is_refused_with_figures_and_ways_out() {
+        let refusal = check(5_000_000_000, Some(1_000_000_000), true).unwrap_err().to_string();
+        for part in ["5.0 GB", "1.0 GB", "fewer photos", "--size", "--geometry"] {
+            assert!(refusal.contains(part), "{refusal}");
+        }
+        assert!(check(5, Some(6), true).is_ok() && check(5, None, true).is_ok());
+    }
+
+    #[test]
+    fn more_views_and_more_pixels_need_more() {
+        let config = ModelConfig::splatweaver_1b();
+        let of = |views, size| activations(&config, true, views, size);
+        assert!(of(2, [252, 448]) < of(4, [252, 448]) && of(4, [252, 448]) < of(4, [448, 448]));
+    }
+}

@@ -1,0 +1,170 @@
+//! Which network a checkpoint is of, and its weights where they lie.
+
+use crate::Error;
+use std::path::Path;
+use std::sync::Arc;
+use weaver_autograd::{ParamId, ParamValues, Params};
+use weaver_io::{Storage, Weight, Weights};
+use weaver_kernels::parallel;
+use weaver_model::{ModelConfig, SplatWeaver, Vggt};
+use weaver_nn::Builder;
+
+/// What the names of published checkpoints may begin with.
+const PREFIXES: [&str; 5] = ["", "encoder.", "model.encoder.", "model.", "module."];
+/// A tensor by which such a checkpoint is known.
+const KNOWN_BY: &str = "aggregator.camera_token";
+/// Tensors that nothing here uses: an unused token, VGGT's heads for points and tracks, the copies that taught the network.
+const UNUSED: [&str; 4] = ["aggregator.patch_embed.mask_token", "point_head.", "track_head.", "distill_"];
+/// The entry of a file's metadata that holds the sizes of its network, where they are not the published ones.
+pub const CONFIG: &str = "splatweaver_model";
+
+/// A network in the sizes of a checkpoint.
+#[derive(Clone, Debug)]
+pub enum Network {
+    /// With Gaussians.
+    SplatWeaver(SplatWeaver),
+    /// Cameras and depth alone.
+    Vggt(Vggt),
+}
+
+impl Network {
+    /// The part that both have.
+    pub fn vggt(&self) -> &Vggt {
+        match self {
+            Self::SplatWeaver(model) => model.vggt(),
+            Self::Vggt(vggt) => vggt,
+        }
+    }
+}
+
+/// A checkpoint's network, not loaded yet.
+#[derive(Debug)]
+pub struct Opened {
+    weights: Weights,
+    prefix: &'static str,
+    /// Its sizes.
+    pub config: ModelConfig,
+    /// Whether there are Gaussians.
+    pub has_gaussians: bool,
+}
+
+/// What is wrong with a checkpoint.
+fn wrong(path: &Path, message: impl Into<String>) -> Error {
+    Error::Checkpoint { path: path.to_path_buf(), message: message.into() }
+}
+
+impl Opened {
+    /// Opens a safetensors file, an index or a folder, and looks at the names. Without `gaussians` the Gaussian head is
+    /// left alone.
+    ///
+    /// # Errors
+    /// When it cannot be read or is a checkpoint of another model.
+    pub fn new(path: &Path, gaussians: bool) -> Result<Self, Error> {
+        let weights = Weights::open(path)?;
+        let known = |prefix: &&&str| weights.get(&format!("{prefix}{KNOWN_BY}")).is_some();
+        let Some(prefix) = PREFIXES.iter().find(known) else {
+            let first: Vec<&str> = weights.iter().take(3).map(Weight::name).collect();
+            let run = weights.metadata().get("format").is_some_and(|f| f.starts_with("splatweaver-checkpoint"));
+            let hint = if run { "; this is a run's checkpoint: give its folder to --run" } else { "" };
+            let expected = format!("expected the tensors of SplatWeaver or VGGT, such as encoder.{KNOWN_BY}");
+            let count = weights.iter().len();
+            return Err(wrong(path, format!("{expected}; found {count} others, such as {}{hint}", first.join(", "))));
+        };
+        let config = match weights.metadata().get(CONFIG) {
+            Some(text) => serde_json::from_str::<ModelConfig>(text)
+                .map_err(|e| e.to_string())
+                .and_then(|config| config.check().map(|()| config))
+                .map_err(|e| wrong(path, format!("metadata {CONFIG}: {e}")))?,
+            None => ModelConfig::splatweaver_1b(),
+        };
+        let head = format!("{prefix}gaussian_param_head.");
+        let has_gaussians = gaussians && weights.iter().any(|w| w.name().starts_with(&head));
+        Ok(Self { weights, prefix, config, has_gaussians })
+    }
+
+    /// Bytes of the weights that will be in use.
+    pub fn bytes(&self) -> u64 {
+        self.weights.iter().filter(|w| !self.is_unused(w.name())).map(|w| w.bytes() as u64).sum()
+    }
+
+    /// Whether a tensor is none of this network's, by its name.
+    fn is_unused(&self, name: &str) -> bool {
+        let Some(name) = name.strip_prefix(self.prefix) else { return false };
+        UNUSED.iter().any(|unused| name.starts_with(unused))
+            || (!self.has_gaussians && name.starts_with("gaussian_param_head."))
+    }
+
+    /// Builds the network and points its parameters to the weights. Matrices in half precision stay as they are; of what
+    /// else is in half precision (a thousandth), f32 copies are made.
+    ///
+    /// # Errors
+    /// Names all tensors that are missing, not of this network, of another shape or type, or not finite.
+    pub fn load(self) -> Result<(Network, Params<f32>), Error> {
+        let mut params = Params::new();
+        let network = if self.has_gaussians {
+            Network::SplatWeaver(SplatWeaver::declare(self.config.clone(), &mut params))
+        } else {
+            Network::Vggt(Vggt::new(Builder::declaring(&mut params), &self.config))
+        };
+        let ids: Vec<ParamId> = params.ids().collect();
+        let mut found: Vec<Result<ParamValues<f32>, Fault>> = ids.iter().map(|_| Err(Fault::Missing)).collect();
+        parallel::for_chunks(&mut found, 1, |i, found| found[0] = self.values(&params, ids[i]));
+
+        let mut faults: [Vec<String>; 4] = Default::default();
+        for (id, values) in ids.iter().zip(found) {
+            let name = format!("{}{}", self.prefix, params.get(*id).name());
+            match values {
+                Ok(values) => params.set(*id, values),
+                Err(Fault::Missing) => faults[0].push(name),
+                Err(Fault::Shape { expected, found }) => {
+                    faults[1].push(format!("{name} (expected {expected}, found {found})"));
+                }
+                Err(Fault::NotFinite) => faults[2].push(name),
+            }
+        }
+        let ours = |weight: &&Weight| {
+            let name = weight.name().strip_prefix(self.prefix);
+            self.is_unused(weight.name()) || name.is_some_and(|name| params.find(name).is_some())
+        };
+        faults[3].extend(self.weights.iter().filter(|w| !ours(w)).map(|w| w.name().to_string()));
+        let kinds = ["missing", "of another shape or type", "with NaN or infinity", "not of this network"];
+        let messages: Vec<String> = kinds
+            .iter()
+            .zip(&faults)
+            .filter(|(_, names)| !names.is_empty())
+            .map(|(kind, names)| format!("{} tensors {kind}: {}", names.len(), names.join(", ")))
+            .collect();
+        if messages.is_empty() { Ok((network, params)) } else { Err(wrong(self.weights.path(), messages.join("; "))) }
+    }
+
+    /// The numbers for a parameter.
+    fn values(&self, params: &Params<f32>, id: ParamId) -> Result<ParamValues<f32>, Fault> {
+        let param = params.get(id);
+        let weight = self.weights.get(&format!("{}{}", self.prefix, param.name())).ok_or(Fault::Missing)?;
+        let shape = param.shape();
+        let mismatch = |found: String| Fault::Shape { expected: format!("{shape}"), found };
+        if weight.shape() != shape.dims() {
+            return Err(mismatch(format!("{:?}", weight.shape())));
+        }
+        let storage = weight.storage().map_err(|_| mismatch(weight.dtype()))?;
+        if !storage.is_finite() {
+            return Err(Fault::NotFinite);
+        }
+        Ok(match storage {
+            Storage::F32(slice) => ParamValues::Shared(Arc::new(slice)),
+            Storage::Widened(values) => ParamValues::Owned(Arc::new(values)),
+            // Matrices are what layers multiply by; they alone are read in half precision.
+            Storage::Bf16(slice) if shape.rank() == 2 => ParamValues::Half(Arc::new(slice)),
+            Storage::Bf16(slice) => ParamValues::Owned(Arc::new(
+                slice.as_ref().iter().map(|x| f32::from_bits(u32::from(x.to_bits()) << 16)).collect(),
+            )),
+        })
+    }
+}
+
+/// Why a parameter has no numbers.
+enum Fault {
+    Missing,
+    Shape { expected: String, found: String },
+    NotFinite,
+}

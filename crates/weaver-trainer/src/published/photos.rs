@@ -1,0 +1,93 @@
+//! Photos as the published networks expect them.
+
+use crate::Error;
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+use weaver_io::{Background, Image};
+
+/// How photos are brought to the network's size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fit {
+    /// As the official evaluation does: resized until they cover the size, and cut to it about the middle.
+    Crop,
+    /// Resized whole: the long side becomes the longer of the size, the other follows, rounded to whole patches. Nothing is
+    /// lost; the proportions may change by a fraction of a patch.
+    KeepAspect,
+}
+
+/// Reads photos and brings all to one size (H, W). The first photo decides it where proportions are kept; the others
+/// are cut to that.
+///
+/// # Errors
+/// When a file is missing or no image.
+pub fn read(paths: &[PathBuf], size: [usize; 2], patch: usize, fit: Fit) -> Result<(Vec<Image>, [usize; 2]), Error> {
+    let Some(first) = paths.first() else { return Err(Error::Usage("expected at least one photo".into())) };
+    let size = match fit {
+        Fit::Crop => size,
+        Fit::KeepAspect => whole_patches(Image::dimensions(first)?, size, patch),
+    };
+    let read = |path: &PathBuf| -> Result<Image, Error> {
+        let image = Image::read(path, Background::White)?;
+        let same = whole_patches((image.width, image.height), size, patch) == size;
+        Ok(if fit == Fit::KeepAspect && same {
+            image.resize_bicubic(size[1], size[0])
+        } else {
+            cover(&image, size, path)?
+        })
+    };
+    let images: Vec<Result<Image, Error>> = paths.par_iter().map(read).collect();
+    Ok((images.into_iter().collect::<Result<_, _>>()?, size))
+}
+
+/// The size (H, W) in whole patches of a photo whose long side becomes the longer of `size`.
+fn whole_patches((width, height): (usize, usize), size: [usize; 2], patch: usize) -> [usize; 2] {
+    let long = size[0].max(size[1]);
+    let rounded = |side: usize, of: usize| {
+        let exact = long as f64 * side as f64 / of as f64;
+        ((exact / patch as f64).round() as usize).max(1) * patch
+    };
+    if width >= height { [rounded(height, width), long] } else { [long, rounded(width, height)] }
+}
+
+/// Resizes the photo until it covers the size, and cuts it about the middle: bicubic, rounding down, as Pillow and the
+/// official script do.
+fn cover(image: &Image, [height, width]: [usize; 2], path: &Path) -> Result<Image, Error> {
+    let (w, h) = (image.width, image.height);
+    if w == 0 || h == 0 {
+        return Err(Error::Usage(format!("{}: expected an image with pixels, found none", path.display())));
+    }
+    let by_height = w * height >= h * width;
+    let (new_width, new_height) = if by_height { (w * height / h, height) } else { (width, h * width / w) };
+    let resized = image.resize_bicubic(new_width.max(width), new_height.max(height));
+    Ok(resized.crop((resized.width - width) / 2, (resized.height - height) / 2, width, height))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_long_side_leads_and_the_short_one_keeps_whole_patches() {
+        assert_eq!(whole_patches((1600, 900), [448, 448], 14), [252, 448]);
+        assert_eq!(whole_patches((900, 1600), [448, 448], 14), [448, 252]);
+        assert_eq!(whole_patches((10_000, 10), [448, 448], 14), [14, 448]);
+        assert_eq!(whole_patches((640, 480), [448, 448], 14), [336, 448]);
+    }
+
+    #[test]
+    fn what_covers_is_cut_about_the_middle() {
+        // Left half red, right half blue, twice as wide as high.
+        let mut image = Image::filled(40, 20, [1.0, 0.0, 0.0]);
+        image
+            .pixels
+            .chunks_mut(3)
+            .enumerate()
+            .filter(|(i, _)| i % 40 >= 20)
+            .for_each(|(_, p)| p.copy_from_slice(&[0.0, 0.0, 1.0]));
+        let cut = cover(&image, [10, 10], Path::new("a.png")).unwrap();
+        assert_eq!((cut.width, cut.height), (10, 10));
+        assert_eq!((&cut.pixels[..3], &cut.pixels[27..30]), (&[1.0, 0.0, 0.0][..], &[0.0, 0.0, 1.0][..]));
+        let same = cover(&image, [20, 40], Path::new("a.png")).unwrap();
+        assert_eq!(same.pixels, image.pixels);
+    }
+}
