@@ -11,10 +11,10 @@ use std::process::{Command, ExitCode};
 
 const USAGE: &str = "usage: cargo xtask <command>
 
+  random-weights  --preset splatweaver-1b FILE: a checkpoint of the published size and types, drawn at random
   check   fmt, clippy, rustdoc and tidy: what must hold before a change lands
   tidy    the crates' edges and the invariants of docs/architecture.md
-  parity  DIR [--json]: every module against the files of reference numbers in DIR
-  random-weights  --preset splatweaver-1b FILE: a checkpoint of the published size and types, drawn at random";
+  parity  DIR [--json]: every module against the files of reference numbers in DIR";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -22,8 +22,8 @@ fn main() -> ExitCode {
     let done = match command {
         "check" => check(),
         "tidy" => tidy::run(),
-        "parity" => parity::command(rest),
         "random-weights" => random_weights::command(rest),
+        "parity" => parity::command(rest),
         _ => Err(USAGE.into()),
     };
     match done {

@@ -99,7 +99,11 @@ struct Record<T: Real> {
     path_start: usize,
     params: Vec<Option<ValueId>>,
     boxes: OpBoxes<T>,
+    watcher: Option<Watcher>,
 }
+
+/// Hears of the parts of a model that are done.
+type Watcher = Box<dyn Fn(&str) + Send>;
 
 /// A define-by-run tape over pooled memory.
 ///
@@ -122,11 +126,7 @@ pub struct Tape<T: Real = f32> {
     /// Whether applied ops are kept for a backward pass.
     recording: Cell<bool>,
     profile: RefCell<Option<Profile>>,
-    watcher: RefCell<Option<Watcher>>,
 }
-
-/// Hears of the parts of a model that are done.
-type Watcher = Box<dyn Fn(&str) + Send>;
 
 impl<T: Real> Default for Tape<T> {
     fn default() -> Self {
@@ -159,9 +159,9 @@ impl<T: Real> Tape<T> {
             path_start: 0,
             params: Vec::new(),
             boxes: OpBoxes::default(),
+            watcher: None,
         };
-        let record = RefCell::new(record);
-        Self { record, pool, recording: Cell::new(true), profile: RefCell::default(), watcher: RefCell::default() }
+        Self { record: RefCell::new(record), pool, recording: Cell::new(true), profile: RefCell::new(None) }
     }
 
     /// The pool that the tape's memory comes from.

@@ -17,7 +17,7 @@ impl<T: Real> Drop for Scope<'_, T> {
     fn drop(&mut self) {
         let [end, start] = self.before;
         let record = &mut *self.tape.record.borrow_mut();
-        if let Some(watcher) = self.tape.watcher.borrow().as_ref().filter(|_| record.path_start == start) {
+        if let Some(watcher) = record.watcher.as_ref().filter(|_| record.path_start == start) {
             watcher(record.path());
         }
         record.path.truncate(end);
@@ -45,7 +45,7 @@ impl<T: Real> Tape<T> {
     /// Calls `watcher` with the model path whenever a [`scope`](Tape::scope) ends: how far a long forward pass is. It must not
     /// use the tape.
     pub fn watch(&self, watcher: impl Fn(&str) + Send + 'static) {
-        *self.watcher.borrow_mut() = Some(Box::new(watcher));
+        self.record.borrow_mut().watcher = Some(Box::new(watcher));
     }
 
     /// Puts `path` in place of the model path until the guard is dropped: for layers, which know their full names. An empty one
