@@ -19,7 +19,7 @@ pub use ops::pointwise_ops::apply_pointwise;
 pub use params::{Param, ParamId, ParamValues, Params};
 pub use pointwise::{Pointwise, PointwiseOp};
 pub use pool::{Buffer, Pool};
-pub use profile::OpTime;
+pub use profile::{OpMemory, OpTime, Phase, TraceEvent};
 pub use shape::{MAX_OUTPUTS, MAX_RANK, Shape, ShapeError, Shapes};
 pub use tape::{List, Mark, Scope, Tape};
 pub use var::Var;

@@ -36,6 +36,9 @@ impl<U> Default for Shelf<U> {
 struct Shelves {
     by_type: Vec<(TypeId, Box<dyn Any + Send>)>,
     allocated_bytes: usize,
+    /// In buffers that are out at the moment, and the most that ever were.
+    used_bytes: usize,
+    peak_bytes: usize,
 }
 
 impl Shelves {
@@ -79,6 +82,8 @@ impl Pool {
             shelves.allocated_bytes += capacity * size_of::<U>();
             vec![U::default(); capacity]
         });
+        shelves.used_bytes += data.len() * size_of::<U>();
+        shelves.peak_bytes = shelves.peak_bytes.max(shelves.used_bytes);
         Buffer { data, len, pool: self.clone() }
     }
 
@@ -118,9 +123,26 @@ impl Pool {
         })
     }
 
-    /// Bytes ever allocated by this pool: its high-water mark, since it gives nothing back.
+    /// Bytes that this pool has allocated, and keeps: it gives nothing back.
     pub fn allocated_bytes(&self) -> usize {
         self.shelves.lock().unwrap_or_else(PoisonError::into_inner).allocated_bytes
+    }
+
+    /// Bytes in the buffers that are in use now.
+    pub fn used_bytes(&self) -> usize {
+        self.shelves.lock().unwrap_or_else(PoisonError::into_inner).used_bytes
+    }
+
+    /// The most bytes that were in use at one time. Less than what was allocated, since the free buffers of one size are no
+    /// help to another.
+    pub fn peak_bytes(&self) -> usize {
+        self.shelves.lock().unwrap_or_else(PoisonError::into_inner).peak_bytes
+    }
+
+    /// Begins to look for the peak anew.
+    pub fn reset_peak(&self) {
+        let mut shelves = self.shelves.lock().unwrap_or_else(PoisonError::into_inner);
+        shelves.peak_bytes = shelves.used_bytes;
     }
 }
 
@@ -131,11 +153,19 @@ pub struct Buffer<U: Copy + Send + 'static> {
     pool: Pool,
 }
 
+impl<U: Copy + Send + 'static> Buffer<U> {
+    /// The memory it takes, which is a little more than its length.
+    pub(crate) fn capacity_bytes(&self) -> usize {
+        self.data.len() * size_of::<U>()
+    }
+}
+
 impl<U: Copy + Send + 'static> Drop for Buffer<U> {
     fn drop(&mut self) {
         let data = std::mem::take(&mut self.data);
         let class = class_of(data.len());
         let mut shelves = self.pool.shelves.lock().unwrap_or_else(PoisonError::into_inner);
+        shelves.used_bytes -= data.len() * size_of::<U>();
         let classes = &mut shelves.of_type::<Shelf<U>>().classes;
         if classes.len() <= class {
             classes.resize_with(class + 1, Vec::new);
@@ -184,7 +214,13 @@ mod tests {
         let before = pool.allocated_bytes();
         let again = pool.filled::<f32>(97, 2.0);
         assert_eq!((pool.allocated_bytes(), again.len(), again[96]), (before, 97, 2.0));
-        let _other = pool.buffer::<u32>(100);
+        let other = pool.buffer::<u32>(100);
         assert!(pool.allocated_bytes() > before);
+        let both = pool.used_bytes();
+        assert!(both >= 4 * 197 && pool.peak_bytes() == both);
+        drop(other);
+        assert!(pool.used_bytes() < both && pool.peak_bytes() == both);
+        pool.reset_peak();
+        assert_eq!(pool.peak_bytes(), pool.used_bytes());
     }
 }

@@ -1,6 +1,6 @@
-//! Where the time of a step goes.
+//! Where the time and the memory of a step go.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Time spent in one kind of work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,4 +43,59 @@ impl Profile {
     pub(crate) fn into_times(self) -> Vec<OpTime> {
         self.times
     }
+}
+
+/// What an event of a trace is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// An op forward.
+    Forward,
+    /// An op backward.
+    Backward,
+    /// Something given to [`Tape::timed`](crate::Tape::timed), which may hold ops.
+    Part,
+}
+
+/// One op as it ran.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TraceEvent {
+    /// The op's name, or that of the part.
+    pub name: &'static str,
+    /// Where in the model it was applied.
+    pub path: String,
+    /// Which way.
+    pub phase: Phase,
+    /// When it began, since tracing was started.
+    pub start: Duration,
+    /// How long it took.
+    pub duration: Duration,
+}
+
+/// Every op that ran while tracing was on, in order.
+#[derive(Debug)]
+pub(crate) struct Trace {
+    started: Instant,
+    pub(crate) events: Vec<TraceEvent>,
+}
+
+impl Trace {
+    pub(crate) fn new() -> Self {
+        Self { started: Instant::now(), events: Vec::new() }
+    }
+
+    pub(crate) fn add(&mut self, name: &'static str, path: &str, phase: Phase, began: Instant, duration: Duration) {
+        let start = began.saturating_duration_since(self.started);
+        self.events.push(TraceEvent { name, path: path.to_string(), phase, start, duration });
+    }
+}
+
+/// The memory that one kind of op holds from its forward pass until the tape is reset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OpMemory {
+    /// The op's name; `leaves and constants` for what no op made.
+    pub name: &'static str,
+    /// How many of them are on the tape.
+    pub count: usize,
+    /// Bytes of their outputs and of what they saved for the way back.
+    pub bytes: usize,
 }

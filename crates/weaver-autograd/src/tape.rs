@@ -2,17 +2,17 @@
 
 use crate::op::{Op, View, ViewMut};
 use crate::params::{Param, ParamId, ParamValues, Params};
-use crate::profile::{OpTime, Profile};
+use crate::profile::{Phase, Profile, Trace};
 use crate::recycle::{OpBoxes, Slot};
 use crate::{Buffer, Pool, Shape, ShapeError, Var};
 use half::bf16;
 use smallvec::SmallVec;
 use std::cell::{Cell, Ref, RefCell};
 use std::sync::Arc;
-use std::time::Instant;
 use weaver_kernels::Real;
 
 mod backward;
+mod measure;
 mod release;
 
 pub use release::Mark;
@@ -85,6 +85,8 @@ struct Node<T: Real> {
     inputs: std::ops::Range<u32>,
     outputs: std::ops::Range<u32>,
     path: std::ops::Range<u32>,
+    /// Bytes of its outputs and of what it saved.
+    held: usize,
 }
 
 struct Record<T: Real> {
@@ -126,6 +128,7 @@ pub struct Tape<T: Real = f32> {
     /// Whether applied ops are kept for a backward pass.
     recording: Cell<bool>,
     profile: RefCell<Option<Profile>>,
+    trace: RefCell<Option<Trace>>,
 }
 
 impl<T: Real> Default for Tape<T> {
@@ -161,7 +164,13 @@ impl<T: Real> Tape<T> {
             boxes: OpBoxes::default(),
             watcher: None,
         };
-        Self { record: RefCell::new(record), pool, recording: Cell::new(true), profile: RefCell::new(None) }
+        Self {
+            record: RefCell::new(record),
+            pool,
+            recording: Cell::new(true),
+            profile: RefCell::new(None),
+            trace: RefCell::new(None),
+        }
     }
 
     /// The pool that the tape's memory comes from.
@@ -289,6 +298,7 @@ impl<T: Real> Tape<T> {
         }
         let in_shapes: List<Shape> = inputs.iter().map(Var::shape).collect();
         let shapes = op.shapes(&in_shapes).map_err(|error| self.located(error, name, &in_shapes))?;
+        let used = self.pool.used_bytes();
         let mut outputs: List<Buffer<T>> = shapes.iter().map(|s| self.pool.buffer(s.len())).collect();
         {
             let record = self.record.borrow();
@@ -301,7 +311,9 @@ impl<T: Real> Tape<T> {
             let mut outs: List<ViewMut<'_, T>> =
                 outputs.iter_mut().zip(shapes.iter()).map(|(b, s)| ViewMut::new(b, *s)).collect();
             if outs.iter().any(|out| !out.is_empty()) {
-                self.timed(name, || op.forward(&ins, &mut outs, &self.pool));
+                let began = self.began();
+                op.forward(&ins, &mut outs, &self.pool);
+                self.ended(began, name, Phase::Forward, record.path());
             }
         }
         let tracked = self.recording.get() && inputs.iter().any(Var::is_tracked);
@@ -333,30 +345,11 @@ impl<T: Real> Tape<T> {
                 inputs: inputs_start..record.inputs.len() as u32,
                 outputs: first..record.values.len() as u32,
                 path: path_start..record.paths.len() as u32,
+                // An op may also hand back what it came with.
+                held: self.pool.used_bytes().saturating_sub(used),
             });
         }
         Ok(shapes.iter().enumerate().map(|(i, s)| Var::new(self, first + i as u32, *s, tracked)).collect())
-    }
-
-    /// Starts or stops measuring where time goes; see [`Tape::op_times`]. Starting forgets earlier times.
-    pub fn set_profiling(&self, on: bool) {
-        *self.profile.borrow_mut() = on.then(Profile::default);
-    }
-
-    /// The time spent in each kind of op since profiling was started; empty when it is off. Survives
-    /// [`reset`](Tape::reset).
-    pub fn op_times(&self) -> Vec<OpTime> {
-        self.profile.borrow().clone().map_or_else(Vec::new, Profile::into_times)
-    }
-
-    /// Runs `f`, which is no op, and counts its time under `name` when profiling is on.
-    pub fn timed<R>(&self, name: &'static str, f: impl FnOnce() -> R) -> R {
-        let started = self.profile.borrow().is_some().then(Instant::now);
-        let result = f();
-        if let (Some(started), Some(profile)) = (started, &mut *self.profile.borrow_mut()) {
-            profile.forward(name, started.elapsed());
-        }
-        result
     }
 
     /// Runs `f` without recording: nothing it computes can be differentiated, and no op is kept.

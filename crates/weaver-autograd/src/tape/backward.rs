@@ -2,8 +2,8 @@
 
 use super::{List, Record, Tape, ValueId};
 use crate::op::{Grad, View};
+use crate::profile::Phase;
 use crate::{Buffer, Shape};
-use std::time::Instant;
 use weaver_kernels::Real;
 
 impl<T: Real> Tape<T> {
@@ -67,11 +67,9 @@ impl<T: Real> Tape<T> {
                 let mut dins: List<Option<Grad<'_, T>>> =
                     slots.iter_mut().map(|s| s.as_mut().map(|(grad, first)| Grad::new(grad, *first))).collect();
                 if outs.iter().any(|out| !out.is_empty()) {
-                    let started = self.profile.borrow().is_some().then(Instant::now);
+                    let began = self.began();
                     op.backward(&ins, &outs, &douts, &mut dins, &self.pool);
-                    if let (Some(started), Some(profile)) = (started, &mut *self.profile.borrow_mut()) {
-                        profile.backward(name, started.elapsed());
-                    }
+                    self.ended(began, name, Phase::Backward, path);
                 } else {
                     dins.iter_mut().flatten().for_each(Grad::add_zero);
                 }

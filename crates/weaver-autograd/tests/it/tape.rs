@@ -1,7 +1,9 @@
 //! The engine's own promises.
 
 use weaver_autograd::gradcheck::{Input, gradcheck};
-use weaver_autograd::{Grad, Op, Params, Pool, Shape, ShapeError, Shapes, Tape, Var, View, ViewMut, ops, pointwise};
+use weaver_autograd::{
+    Grad, Op, Params, Phase, Pool, Shape, ShapeError, Shapes, Tape, Var, View, ViewMut, ops, pointwise,
+};
 
 pointwise!(Silu, 1, |x| x / (1 + (-x).exp()));
 pointwise!(Blend { weight: f64 }, 2, |a, b| a * weight + b * (1.0 - weight) + a * b);
@@ -173,4 +175,55 @@ fn profiling_counts_ops_and_parts() {
     let names: Vec<_> = tape.op_times().iter().map(|t| (t.name, t.calls)).collect();
     assert_eq!(names, [("Silu", 1), ("MulOp", 1), ("sum", 1), ("part", 1)]);
     assert!(tape.op_times().iter().all(|t| t.name == "part" || t.backward.as_nanos() > 0));
+}
+
+#[test]
+fn a_trace_has_every_op_in_order() {
+    let tape = Tape::<f64>::new();
+    tape.set_tracing(true);
+    let x = tape.leaf(&[1.0, 2.0], [2]);
+    let y = {
+        let _scope = tape.scope("head");
+        tape.timed("part", || x.map(Silu) * x)
+    };
+    y.sum().backward();
+    let trace = tape.trace();
+    let events: Vec<_> = trace.iter().map(|e| (e.name, e.path.as_str(), e.phase)).collect();
+    let expected = [
+        ("Silu", "head", Phase::Forward),
+        ("MulOp", "head", Phase::Forward),
+        ("part", "head", Phase::Part),
+        ("sum", "", Phase::Forward),
+        ("sum", "", Phase::Backward),
+        ("MulOp", "head", Phase::Backward),
+        ("Silu", "head", Phase::Backward),
+    ];
+    assert_eq!(events, expected);
+    let ops = || trace.iter().filter(|e| e.phase != Phase::Part);
+    assert!(ops().zip(ops().skip(1)).all(|(a, b)| a.start + a.duration <= b.start), "one op after the other");
+    let (silu, part) = (&trace[0], &trace[2]);
+    assert!(part.start <= silu.start && silu.start + silu.duration <= part.start + part.duration);
+    tape.set_tracing(false);
+    assert!(tape.trace().is_empty());
+}
+
+#[test]
+fn memory_is_reported_by_op() {
+    let mut tape = Tape::<f32>::new();
+    let (x, w) = (tape.leaf(&[0.1; 4096], [64, 64]), tape.leaf(&[0.1; 4096], [64, 64]));
+    let y = ops::linear(x, w, None, ops::Activation::Gelu); // saves the sums before the GELU
+    let loss = tape.without_gradient(|| y * 2.0).sum() + y.sum();
+    let found: Vec<_> = tape.memory().iter().map(|m| (m.name, m.count, m.bytes)).collect();
+    let small = 4 * 16; // the least that is allocated
+    let of = |name: &str| found.iter().find(|m| m.0 == name).copied().unwrap_or_default();
+    assert_eq!(of("linear"), ("linear", 1, 2 * 4 * 4096), "{found:?}");
+    // Two leaves, the product that is not recorded, and its sum.
+    assert_eq!(of("leaves and constants"), ("leaves and constants", 4, 3 * 4 * 4096 + small), "{found:?}");
+    assert_eq!((of("sum"), of("AddOp")), (("sum", 1, small), ("AddOp", 1, small)), "{found:?}");
+    assert_eq!(found.iter().map(|m| m.2).sum::<usize>(), tape.pool().used_bytes());
+    let before = tape.pool().used_bytes();
+    loss.backward();
+    assert!(tape.pool().peak_bytes() > before && tape.pool().peak_bytes() <= tape.pool().allocated_bytes());
+    tape.reset();
+    assert_eq!((tape.pool().used_bytes(), tape.memory().len()), (0, 0));
 }

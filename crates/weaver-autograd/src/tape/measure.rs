@@ -1,0 +1,108 @@
+//! Measuring: the time of ops, a trace of them, the memory that they hold.
+
+use super::{Storage, Tape};
+use crate::profile::{OpMemory, OpTime, Phase, Profile, Trace, TraceEvent};
+use std::time::Instant;
+use weaver_kernels::Real;
+
+impl<T: Real> Tape<T> {
+    /// Starts or stops measuring where time goes; see [`Tape::op_times`]. Starting forgets earlier times.
+    pub fn set_profiling(&self, on: bool) {
+        *self.profile.borrow_mut() = on.then(Profile::default);
+    }
+
+    /// The time spent in each kind of op since profiling was started; empty when it is off. Survives
+    /// [`reset`](Tape::reset).
+    pub fn op_times(&self) -> Vec<OpTime> {
+        self.profile.borrow().clone().map_or_else(Vec::new, Profile::into_times)
+    }
+
+    /// Starts or stops writing down every op as it runs; see [`Tape::trace`]. Starting forgets an earlier trace.
+    pub fn set_tracing(&self, on: bool) {
+        *self.trace.borrow_mut() = on.then(Trace::new);
+    }
+
+    /// Every op that ran since tracing was started, forward and backward, in order; empty when it is off. Survives
+    /// [`reset`](Tape::reset).
+    pub fn trace(&self) -> Vec<TraceEvent> {
+        self.trace.borrow().as_ref().map_or_else(Vec::new, |trace| trace.events.clone())
+    }
+
+    /// Runs `f`, which is no op, and counts its time under `name` when profiling or tracing is on.
+    pub fn timed<R>(&self, name: &'static str, f: impl FnOnce() -> R) -> R {
+        let began = self.began();
+        let result = f();
+        if began.is_some() {
+            self.ended(began, name, Phase::Part, self.record.borrow().path());
+        }
+        result
+    }
+
+    /// The time, if anybody wants to know it.
+    pub(super) fn began(&self) -> Option<Instant> {
+        (self.profile.borrow().is_some() || self.trace.borrow().is_some()).then(Instant::now)
+    }
+
+    /// Books what began then.
+    pub(super) fn ended(&self, began: Option<Instant>, name: &'static str, phase: Phase, path: &str) {
+        let Some(began) = began else { return };
+        let duration = began.elapsed();
+        if let Some(profile) = &mut *self.profile.borrow_mut() {
+            match phase {
+                Phase::Backward => profile.backward(name, duration),
+                Phase::Forward | Phase::Part => profile.forward(name, duration),
+            }
+        }
+        if let Some(trace) = &mut *self.trace.borrow_mut() {
+            trace.add(name, path, phase, began, duration);
+        }
+    }
+
+    /// The memory held by each kind of op that is on the tape now, the largest first: outputs and what was saved for the way
+    /// back. Scratch and gradients are not in it; [`Pool::peak_bytes`](crate::Pool::peak_bytes) has everything.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f32>::new();
+    /// let x = tape.leaf(&[0.5; 1000], [1000]);
+    /// let y = (x * 2.0).sum();
+    /// assert_eq!(tape.memory()[0].bytes, 4 * 1024); // buffers come in steps of a quarter of an octave
+    /// y.backward();
+    /// assert!(tape.pool().peak_bytes() >= 3 * 4000);
+    /// ```
+    pub fn memory(&self) -> Vec<OpMemory> {
+        let record = self.record.borrow();
+        let mut list: Vec<OpMemory> = Vec::new();
+        let mut add = |name: &'static str, bytes: usize| match list.iter_mut().find(|m| m.name == name) {
+            Some(of_name) => {
+                of_name.count += 1;
+                of_name.bytes += bytes;
+            }
+            None => list.push(OpMemory { name, count: 1, bytes }),
+        };
+        let mut made = 0;
+        for node in &record.nodes {
+            // Values between two nodes' outputs were made by no recorded op.
+            record.values[made..node.outputs.start as usize]
+                .iter()
+                .for_each(|v| add(SOURCES, v.storage.pooled_bytes()));
+            add(node.op.op().name(), node.held);
+            made = node.outputs.end as usize;
+        }
+        record.values[made..].iter().for_each(|v| add(SOURCES, v.storage.pooled_bytes()));
+        list.sort_by_key(|m| std::cmp::Reverse(m.bytes));
+        list
+    }
+}
+
+/// What no op on the tape made.
+const SOURCES: &str = "leaves and constants";
+
+impl<T: Real> Storage<T> {
+    fn pooled_bytes(&self) -> usize {
+        match self {
+            Self::Pooled(buffer) => buffer.capacity_bytes(),
+            _ => 0,
+        }
+    }
+}
