@@ -40,6 +40,13 @@ impl<T: Real> Windows<'_, T> {
                 } else {
                     let line = &image[(c * self.h + y as usize) * self.w..][..self.w];
                     let x = (j * self.stride + q) as isize - self.pads[1];
+                    if q == 0 {
+                        // The next channels' lines: planes are often a power of two apart, and then in the caches' same
+                        // sets.
+                        let ahead = ((c + 4) * self.h + y as usize) * self.w + j * self.stride;
+                        let lines = image.get(ahead..).unwrap_or(&[]).chunks(16).take(run.div_ceil(16) + 1);
+                        lines.for_each(|line| simd::prefetch(&line[0]));
+                    }
                     slide(line, x, self.stride, out);
                 }
                 q += 1;
@@ -62,25 +69,38 @@ fn slide<T: Real>(line: &[T], x: isize, stride: usize, out: &mut [T]) {
     // Elements before the line, and elements not behind it.
     let before = if x < 0 { x.unsigned_abs().div_ceil(stride).min(n) } else { 0 };
     let inside = if x >= end { 0 } else { ((end - x) as usize).div_ceil(stride).min(n) };
-    if stride == 1 && before == 0 && inside == n {
-        let line = &line[x as usize..][..n];
-        // Whole vectors without the call that a copy of unknown length is.
-        let (blocks, rest) = line.as_chunks::<16>();
-        let (out_blocks, out_rest) = out.as_chunks_mut::<16>();
-        for (o, b) in out_blocks.iter_mut().zip(blocks) {
-            *o = *b;
+    let inside = inside.max(before);
+    if stride == 1 {
+        let from = (x + before as isize) as usize;
+        copy(&line[from.min(line.len())..][..inside - before], &mut out[before..inside]);
+    } else {
+        for (i, o) in out.iter_mut().enumerate().take(inside).skip(before) {
+            *o = line[(x + (i * stride) as isize) as usize];
         }
-        for (o, b) in out_rest.iter_mut().zip(rest) {
+    }
+    // Seldom more than one element each.
+    for o in &mut out[..before] {
+        *o = T::ZERO;
+    }
+    for o in &mut out[inside..] {
+        *o = T::ZERO;
+    }
+}
+
+/// Copies in whole vectors, without the call that a copy of unknown length is.
+#[inline(always)]
+fn copy<T: Real>(from: &[T], to: &mut [T]) {
+    if let (Some(last), Some(to_last)) = (from.last_chunk::<16>(), to.last_chunk_mut::<16>()) {
+        // May overlap the one before, and saves a loop over single elements.
+        *to_last = *last;
+        for (o, b) in to.as_chunks_mut::<16>().0.iter_mut().zip(from.as_chunks::<16>().0) {
             *o = *b;
         }
         return;
     }
-    let inside = inside.max(before);
-    out[..before].fill(T::ZERO);
-    for (i, o) in out.iter_mut().enumerate().take(inside).skip(before) {
-        *o = line[(x + (i * stride) as isize) as usize];
+    for (o, b) in to.iter_mut().zip(from) {
+        *o = *b;
     }
-    out[inside..].fill(T::ZERO);
 }
 
 /// As a factor on the right: the depth runs over window elements, the columns over pixels.
