@@ -53,7 +53,9 @@ pub enum Command {
   splatweaver train
   splatweaver train --preset micro --steps 20 --out /tmp/try
   splatweaver train --data fox --data fern --set stages.1.rate=5e-4 --set data.pool=8
-  splatweaver train --resume runs/tiny-1")]
+  splatweaver train --resume runs/tiny-1
+  splatweaver train --preset small --dry-run
+  splatweaver train --steps 20 --trace step.json")]
 pub struct Train {
     /// Where the configuration starts from: micro, tiny, tiny-published or small [default: the file's, or tiny]
     #[arg(long)]
@@ -82,6 +84,13 @@ pub struct Train {
     /// Threads; 0 takes one per core. Does not change results [default: the configuration's, which is 0]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(..=MOST_THREADS))]
     pub threads: Option<u16>,
+    /// Says what the run would take (parameters, activations, optimiser, peak), measured on a few steps of each stage, and
+    /// writes nothing
+    #[arg(long, conflicts_with_all = ["out", "trace"])]
+    pub dry_run: bool,
+    /// Writes every op of one step of each stage into this file, in Chrome's trace format (chrome://tracing, Perfetto)
+    #[arg(long, value_name = "FILE")]
+    pub trace: Option<PathBuf>,
 }
 
 /// Renders held-out views from the Gaussians of their nearest training views and compares them with the photos.

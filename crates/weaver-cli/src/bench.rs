@@ -2,7 +2,7 @@
 
 mod dump;
 mod engine;
-mod memory;
+pub(crate) mod memory;
 mod raster;
 mod workload;
 

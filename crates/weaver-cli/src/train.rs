@@ -1,6 +1,7 @@
 //! `splatweaver train`.
 
 use crate::arguments::Train;
+use crate::bench::memory::peak_mb;
 use crate::failure::Failure;
 use crate::progress::{Progress, duration};
 use crate::{Console, Interrupt};
@@ -12,7 +13,11 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
         Some(path) => {
             let (folder, config) = RunFolder::open(path)?;
             crate::in_pool(arguments.threads.map_or(config.threads, usize::from), || {
-                let session = Session::resume(config, &folder.checkpoint_path())?;
+                let mut session = Session::resume(config, &folder.checkpoint_path())?;
+                if arguments.dry_run {
+                    return rehearse(session, console);
+                }
+                trace(&mut session, arguments)?;
                 train(session, &folder, console, interrupt)
             })
         }
@@ -21,7 +26,11 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
             let path = arguments.out.clone().unwrap_or_else(|| free_folder(Path::new("runs"), &config.preset));
             crate::in_pool(config.threads, || {
                 // The folder comes second: nothing is left behind when the data cannot be read.
-                let session = Session::new(config)?;
+                let mut session = Session::new(config)?;
+                if arguments.dry_run {
+                    return rehearse(session, console);
+                }
+                trace(&mut session, arguments)?;
                 let folder = RunFolder::create(&path, session.config())?;
                 train(session, &folder, console, interrupt)
             })
@@ -44,6 +53,28 @@ fn configure(arguments: &Train) -> Result<Config, Failure> {
         config.rescale(steps as usize);
     }
     Ok(config)
+}
+
+fn trace(session: &mut Session, arguments: &Train) -> Result<(), Failure> {
+    if let Some(path) = &arguments.trace {
+        session.trace_to(&std::path::absolute(path)?);
+    }
+    Ok(())
+}
+
+/// What the run would take. Nothing is left behind.
+fn rehearse(session: Session, console: &mut Console) -> Result<(), Failure> {
+    console.print(session.plan().trim_end())?;
+    let path = std::env::temp_dir().join(format!("splatweaver-dry-run-{}", std::process::id()));
+    let folder = RunFolder::create(&path, session.config())?;
+    let rehearsal = session.rehearse(&folder);
+    std::fs::remove_dir_all(&path)?;
+    let rehearsal = rehearsal?;
+    console.print(&rehearsal.to_string())?;
+    if let Some(peak) = peak_mb() {
+        console.print(&format!("{:<28}{peak:>9.1} MB, photos and program included", "peak"))?;
+    }
+    Ok(())
 }
 
 /// The first of `<parent>/<preset>-1`, `-2`, ... that does not exist.
@@ -83,7 +114,8 @@ fn report(summary: &Summary, folder: &RunFolder, console: &mut Console) -> Resul
         console.note(&format!("saved at step {steps} of {planned}; to go on: splatweaver train --resume {path}"));
         return Ok(());
     }
-    console.note(&format!("{steps} steps done, {} in this session", duration(summary.seconds)));
+    let memory = peak_mb().map_or(String::new(), |peak| format!(", at most {peak:.1} MB of memory"));
+    console.note(&format!("{steps} steps done, {} in this session{memory}", duration(summary.seconds)));
     if let Some(evaluation) = &summary.evaluation {
         console.print(&evaluation.table())?;
     }

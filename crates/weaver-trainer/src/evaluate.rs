@@ -4,6 +4,7 @@ use crate::batch::{Batch, push_planar};
 use crate::evaluation::{Evaluation, SceneFigures};
 use crate::predictor::{CameraSource, Predictor};
 use crate::{Cameras, Checkpoint, Config, Error, RunFolder};
+use std::borrow::Borrow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use weaver_autograd::Pool;
@@ -97,7 +98,7 @@ pub fn load_lpips(path: &Path) -> Result<Lpips<f32>, Error> {
 pub fn scenes_with(
     predictor: &mut Predictor<'_>,
     config: &Config,
-    scenes: &[Scene],
+    scenes: &[impl Borrow<Scene>],
     options: &Options,
     lpips: Option<&Lpips<f32>>,
     step: usize,
@@ -117,7 +118,8 @@ pub fn scenes_with(
     }
 
     let mut all = Vec::new();
-    for (index, scene) in scenes.iter().enumerate() {
+    let scenes = || scenes.iter().map(Borrow::borrow);
+    for (index, scene) in scenes().enumerate() {
         scene.check_evaluation(context)?;
         all.push(evaluation_tuples(scene, index, context));
     }
@@ -125,7 +127,7 @@ pub fn scenes_with(
     let mut done = 0;
     let mut rescaled = Vec::new();
     let mut figures = Vec::new();
-    for (scene, tuples) in scenes.iter().zip(all) {
+    for (scene, tuples) in scenes().zip(all) {
         let mean_colour = mean_colour(scene);
         let mut views = Vec::new();
         for tuple in tuples {

@@ -10,6 +10,7 @@ pub mod infer;
 mod objective;
 pub mod observe;
 mod predictor;
+mod probe;
 pub mod published;
 mod run_folder;
 pub mod samples;
@@ -25,6 +26,7 @@ pub use evaluation::{Evaluation, SceneFigures, Summary};
 pub use objective::{Objective, Terms};
 pub use observe::{Observer, StepReport};
 pub use predictor::{CameraSource, Prediction, Predictor, Splats, render};
+pub use probe::{Rehearsal, StageMemory};
 pub use run_folder::RunFolder;
 pub use session::Session;
 

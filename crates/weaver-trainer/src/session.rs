@@ -5,6 +5,7 @@ use crate::evaluate;
 use crate::evaluation::Summary;
 use crate::objective::Objective;
 use crate::observe::{MetricsLog, Observer, StepReport, TensorBoard, write_report};
+use crate::probe::{Probe, Rehearsal};
 use crate::{Checkpoint, Config, Error, RunFolder, StageConfig, samples, scenes};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -33,6 +34,8 @@ pub struct Session {
     lpips: Option<Lpips<f32>>,
     /// Steps done.
     step: usize,
+    /// What is being measured, if anything is.
+    probe: Option<Probe>,
 }
 
 /// Where a step stands: its stage, and how far into it.
@@ -65,7 +68,7 @@ impl Session {
         let lpips = path.map(|path| evaluate::load_lpips(&path)).transpose()?;
         let fresh = scenes::Endless::new(&config);
         let (tape, workspaces) = (Tape::new(), WorkspacePool::new());
-        Ok(Self { config, model, params, optimiser, ema, scenes, fresh, tape, workspaces, lpips, step: 0 })
+        Ok(Self { config, model, params, optimiser, ema, scenes, fresh, tape, workspaces, lpips, step: 0, probe: None })
     }
 
     /// Continues from a checkpoint.
@@ -108,6 +111,40 @@ impl Session {
     /// Bytes that the tape's values, gradients and scratch took at most.
     pub fn tape_bytes(&self) -> usize {
         self.tape.pool().allocated_bytes()
+    }
+
+    /// Writes every op of one step of each stage, forward and backward, into a file in Chrome's trace format
+    /// (chrome://tracing, Perfetto) as training passes that step.
+    pub fn trace_to(&mut self, path: &Path) {
+        self.probe = Some(Probe::trace(path));
+    }
+
+    /// Does a little of all that a run does, to say what it will take: some steps of each stage, a checkpoint and a picture in a
+    /// folder that is not needed afterwards, the evaluation of a scene.
+    ///
+    /// # Errors
+    /// As [`Session::train`].
+    pub fn rehearse(mut self, folder: &RunFolder) -> Result<Rehearsal, Error> {
+        let mut start = self.step;
+        let (mut stages, mut first) = (Vec::new(), 0);
+        for stage in self.config.stages.clone() {
+            first += stage.steps;
+            if start >= first {
+                continue;
+            }
+            self.step = start;
+            self.probe = Some(Probe::memory());
+            for _ in 0..REHEARSED.min(first - start) {
+                self.advance()?;
+            }
+            stages.extend(self.probe.take().and_then(Probe::into_stage));
+            start = first;
+        }
+        self.save(&folder.checkpoint_path())?;
+        self.sample(folder)?;
+        self.evaluate_some(1)?;
+        let [parameters, optimiser, average] = [1, 2, 1].map(|copies| copies * 4 * self.params.count());
+        Ok(Rehearsal { parameters, optimiser, average, tape: self.tape_bytes(), stages })
     }
 
     /// What is about to happen, for people.
@@ -161,7 +198,12 @@ impl Session {
         }
         self.optimiser.groups[BACKBONE].lr_scale = stage.backbone_rate;
         let seed = self.config.seed;
+        self.tape.reset();
+        if let Some(probe) = &mut self.probe {
+            probe.begin(&stage, local, &self.tape);
+        }
         let batches = self.batches(&stage)?;
+        self.probe.iter_mut().for_each(|probe| probe.done("tuples"));
         let allocation = self.allocation(&stage)?;
         let objective = Objective {
             stage: &stage,
@@ -171,7 +213,6 @@ impl Session {
             workspaces: &self.workspaces,
             stream: Stream::new(seed, self.step as u64, "allocation"),
         };
-        self.tape.reset();
         let cx = Context::new(&self.tape, &self.params);
         let terms = objective.terms(cx, &self.model, &batches);
         let diverged =
@@ -185,7 +226,12 @@ impl Session {
         if !loss.is_finite() {
             return Err(diverged("loss", loss));
         }
+        if let Some(probe) = &mut self.probe {
+            probe.done("forward");
+            probe.held(&self.tape);
+        }
         total.backward();
+        self.probe.iter_mut().for_each(|probe| probe.done("backward"));
         if local == 0 {
             self.check_gradients(&stage)?;
         }
@@ -200,6 +246,10 @@ impl Session {
         let clip = clip_factor(norm, self.config.optimiser.clip);
         self.optimiser.step_scaled(&mut self.params, &mut self.tape, rate, clip);
         self.ema.update(&self.params);
+        if let Some(probe) = &mut self.probe {
+            probe.done("optimiser");
+            probe.end(&self.tape)?;
+        }
         self.step += 1;
         Ok(Some(StepReport {
             step: self.step,
@@ -328,9 +378,15 @@ impl Session {
     }
 
     fn evaluate(&self) -> Result<crate::Evaluation, Error> {
+        self.evaluate_some(usize::MAX)
+    }
+
+    /// Evaluates at most so many scenes.
+    fn evaluate_some(&self, most: usize) -> Result<crate::Evaluation, Error> {
         let params = self.averaged();
         let mut predictor = crate::Predictor::new(&self.model, &params);
-        let held_out: Vec<Scene> = self.scenes.iter().filter(|s| !s.held_out_views().is_empty()).cloned().collect();
+        let with_held_out = self.scenes.iter().filter(|s| !s.held_out_views().is_empty());
+        let held_out: Vec<&Scene> = with_held_out.take(most).collect();
         let options = evaluate::Options::default();
         evaluate::scenes_with(&mut predictor, &self.config, &held_out, &options, None, self.step, &mut |_, _| {})
     }
@@ -353,6 +409,9 @@ impl Session {
         format!("{hash:016x}")
     }
 }
+
+/// Steps of each stage that a rehearsal runs: random budgets differ, and so does the memory.
+const REHEARSED: usize = 8;
 
 /// The optimiser's group of the backbone and the camera head; the other one is of the dense heads and everything after
 /// them, which learn at the full rate.
