@@ -5,6 +5,7 @@ use std::any::{Any, TypeId};
 use std::fmt;
 use std::ops::{Deref, DerefMut};
 use std::sync::{Arc, Mutex, PoisonError};
+use weaver_kernels::parallel;
 
 /// Capacities come in four classes an octave: at most a quarter is wasted, and requests that differ a
 /// little from step to step (a varying number of Gaussians) find their buffer again.
@@ -95,9 +96,9 @@ impl Pool {
     }
 
     /// A pooled copy of `source`.
-    pub fn copy_of<U: Copy + Default + Send + 'static>(&self, source: &[U]) -> Buffer<U> {
+    pub fn copy_of<U: Copy + Default + Send + Sync + 'static>(&self, source: &[U]) -> Buffer<U> {
         let mut buffer = self.buffer(source.len());
-        buffer.copy_from_slice(source);
+        parallel::copy(source, &mut buffer);
         buffer
     }
 

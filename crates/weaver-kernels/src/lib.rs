@@ -7,6 +7,7 @@ pub mod attention;
 pub mod conv;
 pub mod erf;
 pub mod exp;
+pub mod gelu;
 pub mod gemm;
 pub mod lanes;
 pub mod layer_norm;

@@ -43,6 +43,26 @@ pub fn for_chunks<T: Send>(out: &mut [T], size: usize, body: impl Fn(usize, &mut
     split(out, 0, size.max(1), &body);
 }
 
+/// Copies a slice, in parallel where it is long.
+///
+/// # Panics
+///
+/// If the lengths differ.
+pub fn copy<T: Copy + Send + Sync>(from: &[T], to: &mut [T]) {
+    /// Elements of a task.
+    const GRAIN: usize = 1 << 15;
+    assert_eq!(from.len(), to.len(), "copy: lengths");
+    for_chunks(to, GRAIN, |chunk, to| to.copy_from_slice(&from[chunk * GRAIN..][..to.len()]));
+}
+
+/// Copies `row` to every row of `to`, in parallel.
+pub fn fill_rows<T: Copy + Send + Sync>(row: &[T], to: &mut [T]) {
+    let len = row.len().max(1);
+    for_chunks(to, (1_usize << 15).div_ceil(len) * len, |_, to| {
+        to.chunks_exact_mut(len).for_each(|to| to.copy_from_slice(row));
+    });
+}
+
 /// [`for_chunks`] on two outputs at once: `a` in chunks of `a_size`, `b` in as many of `b_size`.
 pub fn for_chunks2<T: Send, U: Send>(
     a: &mut [T],

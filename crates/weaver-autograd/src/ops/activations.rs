@@ -1,16 +1,11 @@
 //! Elementwise functions of one tensor.
 
 use crate::{Var, pointwise};
-use std::f64::consts::FRAC_1_SQRT_2;
 use weaver_kernels::Real;
 
 pointwise!(
     /// x if positive, else 0; derivative 0 at 0.
     pub Relu, 1, |x| if x.value <= T::ZERO { 0.into() } else { x }
-);
-pointwise!(
-    /// x times the standard normal distribution function at x.
-    pub Gelu, 1, |x| x * 0.5 * (1 + (x * FRAC_1_SQRT_2).erf())
 );
 pointwise!(
     /// 1 / (1 + e^-x).
@@ -57,12 +52,6 @@ impl<'t, T: Real> Var<'t, T> {
     /// max(x, 0); derivative 0 at 0. NaN gives NaN.
     pub fn relu(self) -> Self {
         self.map(Relu)
-    }
-
-    /// The Gaussian error linear unit in its exact form, x (1 + erf(x / sqrt 2)) / 2 (Hendrycks and Gimpel,
-    /// arXiv 1606.08415).
-    pub fn gelu(self) -> Self {
-        self.map(Gelu)
     }
 
     /// The logistic function 1 / (1 + e^-x).

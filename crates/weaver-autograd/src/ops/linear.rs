@@ -1,10 +1,10 @@
 //! A fully connected layer with its activation, fused.
 
-use super::activations::{Gelu, Relu};
 use crate::op::GRAIN;
-use crate::{Buffer, Dual, Grad, Op, Pointwise, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Buffer, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_kernels::gelu::{gelu_backward, gelu_forward};
 use weaver_kernels::gemm::{gemm, gemm_bf16, widen};
-use weaver_kernels::{Real, parallel, reduce::column_sums, simd};
+use weaver_kernels::{Real, parallel, reduce::column_sums};
 
 /// What is applied to the result of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -25,30 +25,13 @@ struct Linear<T: Real> {
     sums: Option<Buffer<T>>,
 }
 
-/// y = f(x), elementwise.
-fn map<T: Real>(f: impl Pointwise<1>, x: &[T], y: &mut [T]) {
-    parallel::for_chunks(y, GRAIN, |chunk, y| {
-        let x = &x[chunk * GRAIN..][..y.len()];
-        simd::dispatch(
-            #[inline(always)]
-            || y.iter_mut().zip(x).for_each(|(y, x)| *y = f.eval([Dual::<T, 1>::constant(*x)]).value),
-        );
-    });
-}
-
-/// dx = dy f'(x), elementwise.
-fn chain<T: Real>(f: impl Pointwise<1>, x: &[T], dy: &[T], dx: &mut [T]) {
+/// dx = dy, but 0 where y is 0.
+fn relu_backward<T: Real>(y: &[T], dy: &[T], dx: &mut [T]) {
     parallel::for_chunks(dx, GRAIN, |chunk, dx| {
         let part = chunk * GRAIN..chunk * GRAIN + dx.len();
-        let (x, dy) = (&x[part.clone()], &dy[part]);
-        simd::dispatch(
-            #[inline(always)]
-            || {
-                for ((dx, x), dy) in dx.iter_mut().zip(x).zip(dy) {
-                    *dx = *dy * f.eval(Dual::inputs([*x])).partial[0];
-                }
-            },
-        );
+        for (dx, (y, dy)) in dx.iter_mut().zip(y[part.clone()].iter().zip(&dy[part])) {
+            *dx = if *y <= T::ZERO { T::ZERO } else { *dy };
+        }
     });
 }
 
@@ -72,7 +55,7 @@ impl<T: Real> Op<T> for Linear<T> {
         let (rows, n, k) = (x.shape().rows(), w.shape()[0], w.shape()[1]);
         let product = |y: &mut [T]| {
             let beta = ins.get(2).map_or(T::ZERO, |b| {
-                y.chunks_exact_mut(n.max(1)).for_each(|row| row.copy_from_slice(b));
+                parallel::fill_rows(b, y);
                 T::ONE
             });
             match w.half() {
@@ -91,7 +74,7 @@ impl<T: Real> Op<T> for Linear<T> {
             Activation::Gelu => {
                 let mut sums = pool.buffer(y.len());
                 product(&mut sums);
-                map(Gelu, &sums, y);
+                gelu_forward(&sums, y);
                 self.sums = Some(sums);
             }
         }
@@ -111,9 +94,9 @@ impl<T: Real> Op<T> for Linear<T> {
             (_, sums) => {
                 let mut dsums = pool.buffer(douts[0].len());
                 match sums {
-                    Some(sums) => chain(Gelu, sums, &douts[0], &mut dsums),
+                    Some(sums) => gelu_backward(sums, &douts[0], (&mut dsums, T::ZERO)),
                     // The result is positive exactly where the sum was.
-                    None => chain(Relu, &outs[0], &douts[0], &mut dsums),
+                    None => relu_backward(&outs[0], &douts[0], &mut dsums),
                 }
                 Some(dsums)
             }

@@ -9,6 +9,7 @@ mod conv_transpose2d;
 mod cross_entropy;
 mod expand;
 mod gather_rows;
+mod gelu;
 mod huber;
 mod layer_norm;
 mod linear;

@@ -124,6 +124,11 @@ impl Lanes for Ymm2 {
     }
 
     #[inline(always)]
+    fn normal(self) -> (Self, Self) {
+        crate::gelu::normal(self)
+    }
+
+    #[inline(always)]
     fn recip(self) -> Self {
         Self::splat(1.0) / self
     }

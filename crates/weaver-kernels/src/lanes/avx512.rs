@@ -105,6 +105,11 @@ impl Lanes for Zmm {
     }
 
     #[inline(always)]
+    fn normal(self) -> (Self, Self) {
+        crate::gelu::normal(self)
+    }
+
+    #[inline(always)]
     fn recip(self) -> Self {
         // 14 bits from the processor, and one step of Newton's.
         // SAFETY: AVX-512 is there (module).

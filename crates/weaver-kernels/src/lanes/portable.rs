@@ -128,6 +128,14 @@ impl<T: Real> Lanes for Array<T> {
         Self(self.0.map(T::log2))
     }
     #[inline(always)]
+    fn normal(self) -> (Self, Self) {
+        let (half, root) = (T::from_f64(0.5), T::from_f64(std::f64::consts::FRAC_1_SQRT_2));
+        let scale = T::from_f64(0.398_942_280_401_432_7);
+        let below = self.0.map(|x| half * (T::ONE + (x * root).erf()));
+        let density = self.0.map(|x| scale * (-(half * (x * x))).exp());
+        (Self(below), Self(density))
+    }
+    #[inline(always)]
     fn ge(self, other: Self) -> Self::Mask {
         from_fn(|i| self.0[i] >= other.0[i])
     }
