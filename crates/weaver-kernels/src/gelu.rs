@@ -26,9 +26,11 @@ const SLOPE: f32 = 0.38;
 #[inline(always)]
 pub(crate) fn normal<V: Lanes<Scalar = f32>>(x: V) -> (V, V) {
     use std::f32::consts::{FRAC_1_SQRT_2, LOG2_E};
+    // Beyond 40 all is 0 or 1, and infinity would only make trouble.
+    let a = x.abs().min(V::splat(40.0));
     // e^{-x^2 / 2}, which the tail erfc(|x| / sqrt 2) / 2 has as a factor too.
-    let bell = (x * x * V::splat(-0.5 * LOG2_E)).exp2();
-    let t = x.abs().mul_add(V::splat(SLOPE * FRAC_1_SQRT_2), V::splat(1.0)).recip();
+    let bell = (a * a * V::splat(-0.5 * LOG2_E)).exp2();
+    let t = a.mul_add(V::splat(SLOPE * FRAC_1_SQRT_2), V::splat(1.0)).recip();
     let mut tail = V::splat(ERFC[8]);
     for k in (0..8).rev() {
         tail = tail.mul_add(t, V::splat(ERFC[k]));
