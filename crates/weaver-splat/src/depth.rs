@@ -3,7 +3,7 @@
 use weaver_kernels::{Real, parallel};
 
 /// Alpha is not divided by less than this.
-const LEAST: f64 = 1e-10;
+pub(crate) const LEAST_ALPHA: f64 = 1e-10;
 
 /// The expected depth: `depth / max(alpha, 1e-10)`, pixel by pixel, in world units.
 ///
@@ -20,7 +20,7 @@ const LEAST: f64 = 1e-10;
 /// ```
 pub fn expected_depth<T: Real>(depth: &[T], alpha: &[T], out: &mut [T]) {
     assert!(depth.len() == out.len() && alpha.len() == out.len(), "expected_depth: images of unequal sizes");
-    let least = T::from_f64(LEAST);
+    let least = T::from_f64(LEAST_ALPHA);
     parallel::for_chunks(out, 1 << 14, |chunk, out| {
         let at = chunk << 14;
         for (out, (depth, alpha)) in out.iter_mut().zip(depth[at..].iter().zip(&alpha[at..])) {
@@ -38,7 +38,7 @@ pub fn expected_depth<T: Real>(depth: &[T], alpha: &[T], out: &mut [T]) {
 pub fn expected_depth_backward<T: Real>(depth: &[T], alpha: &[T], dout: &[T], ddepth: &mut [T], dalpha: &mut [T]) {
     let lengths = [alpha.len(), dout.len(), ddepth.len(), dalpha.len()];
     assert!(lengths == [depth.len(); 4], "expected_depth_backward: images of unequal sizes");
-    let least = T::from_f64(LEAST);
+    let least = T::from_f64(LEAST_ALPHA);
     parallel::for_chunks2(ddepth, 1 << 14, dalpha, 1 << 14, |chunk, ddepth, dalpha| {
         let at = chunk << 14;
         for (i, (ddepth, dalpha)) in ddepth.iter_mut().zip(dalpha).enumerate() {

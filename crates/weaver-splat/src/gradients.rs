@@ -39,10 +39,9 @@ impl<'a, T: Real> Target<'a, T> {
         Self { values, add: true }
     }
 
-    /// Writes, or adds to, one number.
+    /// Writes, or adds to, one number; 0 for what is not finite.
     pub(crate) fn put(&mut self, at: usize, value: T) {
-        let old = if self.add { self.values[at] } else { T::ZERO };
-        self.values[at] = old + value;
+        put(&mut self.values[at], self.add, value);
     }
 
     /// The first `at` numbers, and the rest.
@@ -50,6 +49,13 @@ impl<'a, T: Real> Target<'a, T> {
         let (a, b) = self.values.split_at_mut(at);
         (Self { values: a, add: self.add }, Self { values: b, add: self.add })
     }
+}
+
+/// Writes a number, or adds it; 0 for what is not finite.
+#[inline(always)]
+pub(crate) fn put<T: Real>(to: &mut T, add: bool, value: T) {
+    let old = if add { *to } else { T::ZERO };
+    *to = old + if value.is_finite() { value } else { T::ZERO };
 }
 
 /// Where gradients go; `None` where nobody asks.

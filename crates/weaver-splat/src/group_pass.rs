@@ -3,7 +3,7 @@
 use crate::backward::moment;
 use crate::cover::{Chunk, GRAIN};
 use crate::each::each;
-use crate::gradients::{Gradients, Target};
+use crate::gradients::{self, Gradients, Target};
 use crate::project::{Coefficients, Group, footprint};
 use crate::project_backward::{CAMERA_SUMS, GroupGradient, splat_backward};
 use crate::scene::{Cameras, Colour, Extent, Gaussians, RasterSettings};
@@ -117,10 +117,7 @@ impl<T: Real> GroupPass<'_, T> {
                 let (chunk, i) = self.chunk(id / self.extent.gaussians, id % self.extent.gaussians);
                 let rows = chunk.places(i).iter().map(|place| &self.workspace.moments[place.load(Relaxed) as usize]);
                 let sums = rows.fold([T::ZERO; 2], |sums, row| each!(2, |k| sums[k] + row.0[moment::ABSOLUTE + k]));
-                for k in 0..2 {
-                    let old = if add { out[k] } else { T::ZERO };
-                    out[k] = old + scale * sums[k];
-                }
+                (0..2).for_each(|k| gradients::put(&mut out[k], add, scale * sums[k]));
             }
         });
     }
@@ -130,16 +127,18 @@ impl<T: Real> GroupPass<'_, T> {
         let channels = self.extent.channels.max(1);
         let add = target.add;
         parallel::for_chunks(target.values, GRAIN * channels, |chunk, out| {
-            if !add {
-                out.fill(T::ZERO);
-            }
             for (i, out) in out.chunks_exact_mut(channels).enumerate() {
-                for v in 0..self.extent.views {
+                let places = (0..self.extent.views).flat_map(|v| {
                     let (chunk, i) = self.chunk(v, chunk * GRAIN + i);
-                    for place in chunk.places(i) {
-                        let sums = &self.workspace.feature_sums[place.load(Relaxed) as usize * channels..];
-                        out.iter_mut().zip(sums).for_each(|(out, x)| *out += *x);
+                    chunk.places(i)
+                });
+                for (block, out) in out.chunks_mut(LANES).enumerate() {
+                    let mut sums = [T::ZERO; LANES];
+                    for place in places.clone() {
+                        let row = &self.workspace.feature_sums[place.load(Relaxed) as usize * channels..][..channels];
+                        sums.iter_mut().zip(&row[block * LANES..]).for_each(|(sum, x)| *sum += *x);
                     }
+                    out.iter_mut().zip(sums).for_each(|(out, sum)| gradients::put(out, add, sum));
                 }
             }
         });

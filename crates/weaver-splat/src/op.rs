@@ -1,9 +1,10 @@
 //! The rasteriser as an operation on the tape.
 
+use crate::depth::LEAST_ALPHA;
 use crate::gradients::{Cotangents, Gradients, Target};
 use crate::rasterize::{Images, rasterize};
 use crate::rasterize_backward::rasterize_backward;
-use crate::scene::{Cameras, Colour, Gaussians, RasterSettings};
+use crate::scene::{Cameras, Colour, Features, Gaussians, RasterSettings};
 use crate::sh::MAX_DEGREE;
 use crate::workspace::Workspace;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -38,11 +39,12 @@ impl<T: Real> Default for WorkspacePool<T> {
 /// Draws Gaussians in several views, differentiably: [`rasterize`](crate::rasterize()) on the tape.
 ///
 /// Inputs, in this order: means `[N, 3]`, quats `[N, 4]` (wxyz), scales `[N, 3]`, opacities `[N]`, colours `[N, 3]` or
-/// spherical harmonics `[N, K, 3]` with K of 1, 4, 9, 16, 25, view matrices `[V, 3, 4]` or `[V, 4, 4]`, intrinsics
-/// `[V, 4]` (fx, fy, cx, cy), background `[3]` or `[V, 3]`. Outputs: image `[V, H, W, 3]`, alpha `[V, H, W]`, depth
-/// `[V, H, W]`, and auxiliary, without gradient, the counts `[3]` of splats, list entries and rejected Gaussians.
-/// Every input has a gradient; see
-/// [`rasterize_backward`](crate::rasterize_backward()) for what is held constant.
+/// spherical harmonics `[N, K, 3]` with K of 1, 4, 9, 16, 25 or none `[N, 0]`, view matrices `[V, 3, 4]` or `[V, 4, 4]`,
+/// intrinsics `[V, 4]` (fx, fy, cx, cy), background `[3]` or `[V, 3]`, and, where asked for, features `[N, C]`. Outputs:
+/// image `[V, H, W, 3]` (`[V, H, W, 0]` without colours), alpha `[V, H, W]`, depth `[V, H, W]` (`[0]` where not asked
+/// for), features `[V, H, W, C]` where given, and auxiliary, without gradient, the counts `[3]` of splats, list entries
+/// and rejected Gaussians. Every input has a gradient; see [`rasterize_backward`](crate::rasterize_backward()) for what is
+/// held constant.
 ///
 /// ```
 /// use weaver_autograd::Tape;
@@ -70,6 +72,7 @@ pub struct Rasterize<T: Real> {
     width: usize,
     height: usize,
     settings: RasterSettings,
+    depth: bool,
     pool: WorkspacePool<T>,
     /// Set by forward; backward works in it too.
     workspace: Mutex<Option<Workspace<T>>>,
@@ -86,7 +89,7 @@ pub struct GaussianVars<'t, T: Real> {
     pub scales: Var<'t, T>,
     /// `[N]`
     pub opacities: Var<'t, T>,
-    /// `[N, 3]`, or `[N, K, 3]` for spherical harmonics.
+    /// `[N, 3]`, or `[N, K, 3]` for spherical harmonics, or `[N, 0]` for none.
     pub colours: Var<'t, T>,
 }
 
@@ -104,35 +107,66 @@ pub struct CameraVars<'t, T: Real> {
 /// What was drawn.
 #[derive(Clone, Copy, Debug)]
 pub struct RenderedVars<'t, T: Real> {
-    /// `[V, H, W, 3]`
+    /// `[V, H, W, 3]`; `[V, H, W, 0]` of Gaussians without colours.
     pub image: Var<'t, T>,
     /// `[V, H, W]`
     pub alpha: Var<'t, T>,
-    /// sum of w z, not divided by alpha, `[V, H, W]`.
+    /// sum of w z, not divided by alpha, `[V, H, W]`; `[0]` after [`Rasterize::without_depth`].
     pub depth: Var<'t, T>,
     /// Splats, list entries, rejected Gaussians; no gradient, `[3]`.
     pub counts: Var<'t, T>,
 }
 
+impl<'t, T: Real> RenderedVars<'t, T> {
+    /// The expected depth `depth / max(alpha, 1e-10)`, `[V, H, W]`, in world units, differentiable in both. Where nothing is
+    /// seen it is 0, and alpha has no gradient.
+    ///
+    /// # Panics
+    ///
+    /// After [`Rasterize::without_depth`].
+    #[track_caller]
+    pub fn expected_depth(&self) -> Var<'t, T> {
+        self.depth / self.alpha.clamp(LEAST_ALPHA, f64::INFINITY)
+    }
+}
+
 impl<T: Real> Rasterize<T> {
     /// For images of `width` x `height` pixels. Memory comes from, and returns to, `workspaces`.
     pub fn new(width: usize, height: usize, settings: RasterSettings, workspaces: &WorkspacePool<T>) -> Self {
-        Self { width, height, settings, pool: workspaces.clone(), workspace: Mutex::new(None) }
+        Self { width, height, settings, depth: true, pool: workspaces.clone(), workspace: Mutex::new(None) }
+    }
+
+    /// Leaves the depth out, which is faster where nobody looks at it.
+    pub fn without_depth(mut self) -> Self {
+        self.depth = false;
+        self
     }
 
     /// Draws. Panics where shapes do not fit.
     #[track_caller]
     pub fn apply<'t>(self, gaussians: &GaussianVars<'t, T>, cameras: &CameraVars<'t, T>) -> RenderedVars<'t, T> {
-        let GaussianVars { means, quats, scales, opacities, colours } = *gaussians;
-        let CameraVars { viewmats, intrinsics, background } = *cameras;
-        let inputs = [means, quats, scales, opacities, colours, viewmats, intrinsics, background];
-        let [image, alpha, depth, counts] = means.tape().apply(self, &inputs);
+        let [image, alpha, depth, counts] = gaussians.means.tape().apply(self, &inputs(gaussians, cameras));
         RenderedVars { image, alpha, depth, counts }
+    }
+
+    /// Draws, and blends `features` `[N, C]` over a background of zeros: `[V, H, W, C]`, sum of w f. Panics where shapes
+    /// do not fit.
+    #[track_caller]
+    pub fn apply_with_features<'t>(
+        self,
+        gaussians: &GaussianVars<'t, T>,
+        cameras: &CameraVars<'t, T>,
+        features: Var<'t, T>,
+    ) -> (RenderedVars<'t, T>, Var<'t, T>) {
+        let [a, b, c, d, e, f, g, h] = inputs(gaussians, cameras);
+        let [image, alpha, depth, features, counts] = features.tape().apply(self, &[a, b, c, d, e, f, g, h, features]);
+        (RenderedVars { image, alpha, depth, counts }, features)
     }
 
     fn scene<'a>(&self, ins: &[View<'a, T>]) -> (Gaussians<'a, T>, Cameras<'a, T>) {
         let colours = ins[4];
         let colour = match colours.shape().rank() {
+            2 if colours.shape()[1] == 0 => Colour::None,
             2 => Colour::Plain(colours.data()),
             _ => Colour::Sh { coefficients: colours.data(), degree: degree_of(colours.shape()[1]).unwrap_or(0) },
         };
@@ -142,7 +176,7 @@ impl<T: Real> Rasterize<T> {
             scales: ins[2].data(),
             opacities: ins[3].data(),
             colour,
-            features: None,
+            features: ins.get(8).map(|f| Features { values: f.data(), channels: f.shape()[1] }),
         };
         let cameras = Cameras {
             viewmats: ins[5].data(),
@@ -153,6 +187,13 @@ impl<T: Real> Rasterize<T> {
         };
         (gaussians, cameras)
     }
+}
+
+/// The inputs that every drawing has.
+fn inputs<'t, T: Real>(gaussians: &GaussianVars<'t, T>, cameras: &CameraVars<'t, T>) -> [Var<'t, T>; 8] {
+    let GaussianVars { means, quats, scales, opacities, colours } = *gaussians;
+    let CameraVars { viewmats, intrinsics, background } = *cameras;
+    [means, quats, scales, opacities, colours, viewmats, intrinsics, background]
 }
 
 /// The degree with `terms` coefficients.
@@ -175,20 +216,26 @@ impl<T: Real> Op<T> for Rasterize<T> {
     }
 
     fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
-        ensure_shape!(ins.len() == 8, "8 inputs");
+        ensure_shape!(ins.len() == 8 || ins.len() == 9, "8 inputs, 9 with features");
         ensure_shape!(ins[0].rank() == 2 && ins[6].rank() == 2, "means [N, 3], .., intrinsics [V, 4], ..");
         let (n, v) = (ins[0][0], ins[6][0]);
         let is = |index: usize, dims: &[usize]| ins[index] == Shape::new(dims);
         let gaussians = is(0, &[n, 3]) && is(1, &[n, 4]) && is(2, &[n, 3]) && is(3, &[n]);
         ensure_shape!(gaussians, "means [N, 3], quats [N, 4], scales [N, 3], opacities [N], ..");
         let harmonics = ins[4].rank() == 3 && degree_of(ins[4][1]).is_some() && is(4, &[n, ins[4][1], 3]);
-        ensure_shape!(is(4, &[n, 3]) || harmonics, "colours [N, 3], or [N, K, 3] with K of 1, 4, 9, 16, 25");
+        let colours = is(4, &[n, 3]) || is(4, &[n, 0]) || harmonics;
+        ensure_shape!(colours, "colours [N, 3], or [N, K, 3] with K of 1, 4, 9, 16, 25, or [N, 0]");
         ensure_shape!(is(5, &[v, 3, 4]) || is(5, &[v, 4, 4]), "view matrices [V, 3, 4] or [V, 4, 4]");
         ensure_shape!(is(6, &[v, 4]), "intrinsics [V, 4]");
         ensure_shape!(is(7, &[3]) || is(7, &[v, 3]), "background [3] or [V, 3]");
         let (h, w) = (self.height, self.width);
         ensure_shape!(h > 0 && w > 0, "an image of at least one pixel");
-        Ok(Shapes::one([v, h, w, 3]).and([v, h, w]).and([v, h, w]).and([3]))
+        let channels = if is(4, &[n, 0]) { 0 } else { 3 };
+        let drawn = Shapes::one([v, h, w, channels]).and([v, h, w]);
+        let drawn = if self.depth { drawn.and([v, h, w]) } else { drawn.and([0]) };
+        let Some(features) = ins.get(8) else { return Ok(drawn.and([3])) };
+        ensure_shape!(features.rank() == 2 && features[0] == n, "features [N, C]");
+        Ok(drawn.and([v, h, w, features[1]]).and([3]))
     }
 
     fn auxiliary_outputs(&self) -> usize {
@@ -197,9 +244,12 @@ impl<T: Real> Op<T> for Rasterize<T> {
 
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
         let (gaussians, cameras) = self.scene(ins);
-        let [image, alpha, depth, counts] = outs else { unreachable!("four outputs, by shapes()") };
+        let [image, alpha, depth, features @ .., counts] = outs else {
+            unreachable!("four outputs or five, by shapes()")
+        };
         let mut workspace = self.pool.take();
-        let images = Images { image, alpha, depth: Some(depth), features: None };
+        let depth = self.depth.then_some(&mut **depth);
+        let images = Images { image, alpha, depth, features: features.first_mut().map(|features| &mut **features) };
         let stats = rasterize(&gaussians, &cameras, &self.settings, &mut workspace, images)
             .unwrap_or_else(|error| panic!("{error}"));
         for (out, count) in counts.iter_mut().zip([stats.splats, stats.entries, stats.rejected]) {
@@ -219,8 +269,12 @@ impl<T: Real> Op<T> for Rasterize<T> {
         let (gaussians, cameras) = self.scene(ins);
         let mut held = self.workspace.lock().unwrap_or_else(PoisonError::into_inner);
         let workspace = held.as_mut().expect("forward runs before backward");
-        let cotangents =
-            Cotangents { image: Some(&douts[0]), alpha: Some(&douts[1]), depth: Some(&douts[2]), features: None };
+        let cotangents = Cotangents {
+            image: Some(&douts[0]),
+            alpha: Some(&douts[1]),
+            depth: self.depth.then_some(&douts[2]),
+            features: gaussians.features.map(|_| &*douts[3]),
+        };
         let mut targets = dins.iter_mut().map(|grad| {
             grad.as_mut().map(|grad| match grad.target() {
                 (values, beta) if beta == T::ZERO => Target::write(values),
@@ -234,10 +288,10 @@ impl<T: Real> Op<T> for Rasterize<T> {
             scales: next(),
             opacities: next(),
             colours: next(),
-            features: None,
             viewmats: next(),
             intrinsics: next(),
             background: next(),
+            features: next(),
             centre_pull: None,
         };
         rasterize_backward(&gaussians, &cameras, &self.settings, workspace, &cotangents, gradients)

@@ -173,7 +173,8 @@ pub(crate) struct Splats<V: Lanes> {
     pub rejected: V::Mask,
 }
 
-/// Projects Gaussians `first..first + count`. Colours are looked at only where one of the sixteen may be seen.
+/// Projects Gaussians `first..first + count`. Colours and features count only where a Gaussian may be seen: those of one
+/// behind the camera, or too faint, reject nothing.
 #[inline(always)]
 pub(crate) fn splats<V: Lanes>(
     view: &Viewpoint<V>,
@@ -185,7 +186,8 @@ pub(crate) fn splats<V: Lanes>(
     let group = Group::load(gaussians, first, count);
     let shape = footprint(view, settings, &group);
     let present = V::Mask::from_bits((u32::MAX >> (32 - count)) as u16);
-    let sound = finite(group.unsound() + shape.point[2] + shape.unit[0]).and(present);
+    // A quaternion of zeros has no unit; one too short for 1 / |q| has no gradient.
+    let sound = finite(group.unsound() + shape.point[2] + shape.unit[0] + shape.inverse_length).and(present);
     let z = shape.point[2];
     let in_range = z.ge(V::constant(settings.near)).and(V::constant(settings.far).ge(z));
     let opacity = group.opacity * shape.compensation;
@@ -234,6 +236,14 @@ pub(crate) fn splats<V: Lanes>(
             colour = each!(3, |i| sum[i].max(V::zero()));
         }
         Colour::Sh { .. } => {}
+    }
+
+    if let Some(features) = gaussians.features {
+        let sound = |lane: usize| features.of(first + lane).iter().all(|x| x.is_finite());
+        let lanes = (0..count).filter(|&lane| sound(lane)).fold(0, |bits, lane| bits | 1 << lane);
+        let good = V::Mask::from_bits(lanes);
+        rejected = rejected.or(seen.and_not(good));
+        seen = seen.and(good);
     }
 
     let mut columns = [V::zero(); LANES];

@@ -6,12 +6,12 @@ use crate::each::each;
 use crate::matrix::{
     Mat23, Mat33, Vec3, apply_transposed, cross, dot, inverse, product_transposed, transposed_product,
 };
-use crate::project::{Footprint, Group};
+use crate::project::{Footprint, Group, finite};
 use crate::rotation::rotation_backward;
 use crate::scene::{RasterSettings, Viewpoint};
 use crate::splat::BITS;
 use weaver_kernels::Real;
-use weaver_kernels::lanes::{LANES, Lanes};
+use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
 
 /// Gradients of sixteen Gaussians but for their colours.
 #[derive(Clone, Copy)]
@@ -55,11 +55,12 @@ pub(crate) fn splat_backward<V: Lanes>(
     camera: &mut [V; CAMERA_SUMS],
 ) {
     let (one, two) = (V::constant(1.0), V::constant(2.0));
-    // Of Gaussians that were not drawn anything may be infinite.
+    // Of Gaussians that were not drawn anything may be infinite; of others, what overflows counts as 0.
     macro_rules! here {
-        ($x:expr) => {
-            $x.only(drawn)
-        };
+        ($x:expr) => {{
+            let x = $x;
+            x.only(finite(x).and(drawn))
+        }};
     }
     let (inverse, inverse_square) = (V::constant(1.0 / BITS), V::constant(1.0 / (BITS * BITS)));
     let [p, q, r] = shape.factor;
@@ -67,24 +68,26 @@ pub(crate) fn splat_backward<V: Lanes>(
 
     // Opacity, and the compensation that depends on the shape. g = opacity dL/dopacity, compensated.
     let dopacity = moments[moment::G] / (group.opacity * shape.compensation);
-    add(&mut out.opacity, here!((dopacity * shape.compensation)));
+    add(&mut out.opacity, here!(dopacity * shape.compensation));
 
-    // d sigma / d S = -L^T (u v)^T (u v) L / 2 with L = [[p, q], [0, r]], and dS = dM M^T + M dM^T.
+    // d sigma / d S = -L^T (u v)^T (u v) L / 2 with L = [[p, q], [0, r]], and dS = dM M^T + M dM^T: the gradient of M is
+    // L^T G W, G the second moments and W = L M. The rows of W are no longer than 1, however long a needle is; the first,
+    // p m1 + q m2, is written without the difference in it.
     let [uu, uv, vv] = each!(3, |i| moments[moment::SECOND + i] * inverse_square);
-    let dxx = p * p * uu;
-    let dxy = p * (q * uu + r * uv);
-    let dyy = q * q * uu + two * q * r * uv + r * r * vv;
     let m = &shape.m;
-    let mut dm: Mat23<V> =
-        [each!(3, |j| dxx.mul_add(m[0][j], dxy * m[1][j])), each!(3, |j| dxy.mul_add(m[0][j], dyy * m[1][j]))];
+    let turned = [cross(m[1], shape.normal), cross(shape.normal, m[0])];
+    let (short, eps) = (p * r * r, V::constant(settings.eps2d));
+    let w: Mat23<V> = [each!(3, |j| short * eps.mul_add(m[0][j], turned[0][j])), each!(3, |j| r * m[1][j])];
+    let pulled: Mat23<V> =
+        [each!(3, |j| uu.mul_add(w[0][j], uv * w[1][j])), each!(3, |j| uv.mul_add(w[0][j], vv * w[1][j]))];
+    let mut dm: Mat23<V> = [each!(3, |j| p * pulled[0][j]), each!(3, |j| q.mul_add(pulled[0][j], r * pulled[1][j]))];
     if settings.antialiased {
         // compensation = sqrt(sharp / det), det = sharp + eps (|m1|^2 + |m2|^2) + eps^2, sharp = |m1 x m2|^2
         let inverse_det = one / shape.det;
         let dratio = (dopacity * group.opacity / (two * shape.compensation)).only(shape.compensated);
         let ddet = -dratio * shape.sharp * inverse_det * inverse_det;
         let dsharp = two * dratio.mul_add(inverse_det, ddet);
-        let dsquares = two * ddet * V::constant(settings.eps2d);
-        let turned = [cross(m[1], shape.normal), cross(shape.normal, m[0])];
+        let dsquares = two * ddet * eps;
         for i in 0..2 {
             for j in 0..3 {
                 dm[i][j] = dsquares.mul_add(m[i][j], dsharp.mul_add(turned[i][j], dm[i][j]));
@@ -126,7 +129,7 @@ pub(crate) fn splat_backward<V: Lanes>(
         let dslope = dcentre[i].mul_add(view.focal[i], dbounded.only(shape.within[i]));
         let dfocal = dzoom.mul_add(shape.inverse_z, dcentre[i] * shape.free[i]) - dlimit * slope;
         add(&mut camera[12 + i], here!(dfocal));
-        add(&mut camera[14 + i], here!((dcentre[i] - dlimit)));
+        add(&mut camera[14 + i], here!(dcentre[i] - dlimit));
         dpoint[i] = dslope * shape.inverse_z;
         let along = dzoom.mul_add(zoom, dslope * shape.free[i]);
         dpoint[2] = along.neg_mul_add(shape.inverse_z, dpoint[2]);
@@ -139,8 +142,8 @@ pub(crate) fn splat_backward<V: Lanes>(
             add(&mut camera[3 * i + j], here!(dpoint[i].mul_add(group.mean[j], daxes[i][j])));
         }
         add(&mut camera[9 + i], here!(dpoint[i]));
-        add(&mut camera[16 + i], here!((-dsight[i])));
-        add(&mut out.mean[i], here!((dmean[i] + dsight[i])));
+        add(&mut camera[16 + i], here!(-dsight[i]));
+        add(&mut out.mean[i], here!(dmean[i] + dsight[i]));
     }
 }
 

@@ -30,11 +30,11 @@ pub struct Images<'a, T> {
 /// What was drawn, summed over the views.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RasterStats {
-    /// Gaussians that touch an image.
+    /// Gaussians that some tile looks at; their outlines touch the image, or come near its edge.
     pub splats: usize,
     /// Splats over tiles: the entries of all tile lists.
     pub entries: usize,
-    /// Gaussians left out because they hold, or lead to, numbers that are not finite, or have a zero quaternion.
+    /// Gaussians left out because they hold, or lead to, numbers that are not finite, or have a quaternion of zero.
     pub rejected: usize,
     /// Splats over pixels that they add to.
     pub pairs: u64,
@@ -54,11 +54,14 @@ pub struct RasterStats {
 /// [`rasterize_backward`](crate::rasterize_backward) needs. Images have the same bits at any number of threads and
 /// any tile side.
 ///
-/// Gaussians that are not finite, or have a zero quaternion, are left out and counted.
+/// Gaussians that hold a number that is not finite, or whose projection does, or whose quaternion is zero (or so short
+/// that 1 / |q| overflows), are left out and counted. Colours and features are only looked at where a Gaussian would be
+/// drawn.
 ///
 /// # Errors
 ///
-/// Arguments whose lengths do not fit together, an image without pixels, a degree above 4, more than 2^32 list entries.
+/// Arguments whose lengths do not fit together, an image without pixels, a background that is not finite, a degree above
+/// 4, more than 2^32 list entries.
 ///
 /// # Source
 ///

@@ -26,6 +26,9 @@ use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes, Row};
 /// functions of the intrinsics; the camera centre, for the line of sight, is -A^-1 t. Same bits at any number of
 /// threads.
 ///
+/// Gradients are finite where cotangents are: a number that overflows on its way to a gradient adds nothing to it.
+/// Gaussians that were left out have zero gradients.
+///
 /// # Errors
 ///
 /// Lengths that do not fit, or a workspace whose last forward had other sizes or settings.

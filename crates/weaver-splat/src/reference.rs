@@ -245,6 +245,7 @@ fn see_all(
     let size = (cameras.width as f64, cameras.height as f64);
     let mut seen: Vec<Seen> = (0..gaussians.opacities.len())
         .filter_map(|n| see(n, &Gaussian::of(gaussians, n), &gaussians.colour, matrix, k, size, settings))
+        .filter(|seen| features_of(gaussians, seen).iter().all(|x| x.is_finite()))
         .collect();
     seen.sort_by(|a, b| (a.z.value as f32).total_cmp(&(b.z.value as f32)));
     seen
@@ -361,7 +362,8 @@ pub fn rasterize_backward(
         let mut gradients: Vec<SeenGradient> = vec![[0.0; 10]; seen.len()];
         for pixel in 0..pixels {
             let at = v * pixels + pixel;
-            let dimage: [f64; 3] = std::array::from_fn(|i| cotangents.image.map_or(0.0, |d| d[3 * at + i]));
+            let dimages = cotangents.image.filter(|d| !d.is_empty());
+            let dimage: [f64; 3] = std::array::from_fn(|i| dimages.map_or(0.0, |d| d[3 * at + i]));
             let dalpha = cotangents.alpha.map_or(0.0, |d| d[at]);
             let ddepth = cotangents.depth.map_or(0.0, |d| d[at]);
             let dfeature = |channel: usize| cotangents.features.map_or(0.0, |d| d[extent.channels * at + channel]);

@@ -305,6 +305,9 @@ pub(crate) fn extent<T: Real>(
     if cameras.background.len() != 3 {
         expect_len("background", cameras.background.len(), 3 * v)?;
     }
+    if !cameras.background.iter().all(|x| x.is_finite()) {
+        return Err(RasterError::new("the background holds a number that is not finite"));
+    }
     let (width, height) = (cameras.width, cameras.height);
     if width == 0 || height == 0 || width > 1 << 20 || height > 1 << 20 {
         return Err(RasterError::new(format!("an image of {width} x {height} pixels")));

@@ -5,6 +5,7 @@
 //! are stored times [`BITS`], so that the Gaussian is opacity times 2^-(u^2 + v^2).
 
 use crate::each::each;
+use crate::project::finite;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, Lanes, Row};
 use weaver_kernels::simd::prefetch;
@@ -103,10 +104,10 @@ pub(crate) fn columns<V: Lanes, const K: usize>(values: &[V::Scalar], first: usi
     each!(K, |k| V::load(&each!(LANES, |lane| rows[lane.min(count - 1)][k])))
 }
 
-/// Writes `columns` as rows of `K` numbers, or adds them.
+/// Writes `columns` as rows of `K` numbers, or adds them; 0 for what is not finite.
 #[inline(always)]
 pub(crate) fn put_columns<V: Lanes, const K: usize>(columns: &[V; K], add: bool, rows: &mut [V::Scalar]) {
-    let columns = each!(K, |k| columns[k].to_array());
+    let columns = each!(K, |k| columns[k].only(finite(columns[k])).to_array());
     for (lane, row) in rows.as_chunks_mut::<K>().0.iter_mut().enumerate() {
         for k in 0..K {
             let old = if add { row[k] } else { V::Scalar::ZERO };
@@ -139,11 +140,12 @@ pub(crate) fn wide_columns<V: Lanes>(rows: &[V::Scalar], len: usize, out: &mut [
     }
 }
 
-/// The inverse of [`wide_columns`]: writes columns as rows, or adds them.
+/// The inverse of [`wide_columns`]: writes columns as rows, or adds them; 0 for what is not finite.
 #[inline(always)]
 pub(crate) fn put_wide_columns<V: Lanes>(columns: &mut [V], len: usize, add: bool, rows: &mut [V::Scalar]) {
     for (block, columns) in columns.as_chunks_mut::<LANES>().0.iter_mut().enumerate().take(len.div_ceil(LANES)) {
         let from = block * LANES;
+        columns.iter_mut().for_each(|x| *x = x.only(finite(*x)));
         V::transpose(columns);
         for (lane, row) in rows.chunks_exact_mut(len).enumerate() {
             let row = &mut row[from..];

@@ -11,7 +11,7 @@ fn loss(scene: &Scene<f64>, cotangents: &Planes<f64>) -> f64 {
 /// Checks every coordinate of every input.
 fn check(scene: &Scene<f64>, cotangents: &Planes<f64>, gradients: &[Vec<f64>; 10]) {
     let scale: f64 = cotangents.flat().iter().map(|x| x.abs()).sum();
-    for part in 0..8 {
+    for part in 0..9 {
         for at in 0..scene.clone().parts()[part].len() {
             let slope = |step: f64| {
                 let moved = |by: f64| {
@@ -49,8 +49,13 @@ proptest! {
         size in (1_usize..5, 1_usize..5),
         degree in prop::option::of(0_usize..=4),
         antialiased: bool,
+        channels in prop::sample::select(vec![0_usize, 1, 5]),
+        colourless: bool,
     ) {
-        let mut scene = Scene::smooth(seed, n, views, size, degree);
+        let mut scene = Scene::smooth(seed, n, views, size, degree).with_channels(channels);
+        if colourless {
+            scene = scene.without_colours();
+        }
         scene.settings.antialiased = antialiased;
         let cotangents = scene.cotangents(seed);
         check(&scene, &cotangents, &scene.gradients(&cotangents));

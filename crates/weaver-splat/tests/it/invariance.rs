@@ -2,8 +2,9 @@
 
 use crate::scene::{NAMES, Planes, Scene, relative};
 use proptest::prelude::*;
-use weaver_kernels::random::Stream;
-use weaver_splat::{Cotangents, Gradients, Target, TileSide, Workspace, rasterize_backward};
+use std::sync::Mutex;
+use weaver_kernels::{Real, random::Stream};
+use weaver_splat::{Cotangents, Gradients, RasterStats, Target, TileSide, Workspace, rasterize_backward};
 
 /// `values` with its rows of `len` in another order.
 fn permuted(values: &[f64], len: usize, order: &[usize]) -> Vec<f64> {
@@ -17,6 +18,43 @@ fn quaternion_product(a: [f64; 4], b: &[f64]) -> [f64; 4] {
         a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
         a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
     ]
+}
+
+/// What forward and backward give.
+type Outcome<T> = (Planes<T>, RasterStats, [Vec<T>; 10]);
+
+fn outcome<T: Real>(scene: &Scene<T>, cotangents: &Planes<T>) -> Outcome<T> {
+    let mut workspace = Workspace::new();
+    let (planes, stats) = scene.render_in(&mut workspace);
+    (planes, stats, scene.gradients_in(cotangents, &mut workspace))
+}
+
+/// The hits of all pixels, pixel by pixel, in the order of drawing.
+fn hits<T: Real>(workspace: &Workspace<T>) -> Vec<(usize, usize, T, T)> {
+    let hits = Mutex::new(Vec::new());
+    workspace.for_each_hit(|pixel, n, weight, light| hits.lock().unwrap().push((pixel, n, weight, light))).unwrap();
+    let mut hits = hits.into_inner().unwrap();
+    hits.sort_by_key(|hit| hit.0);
+    hits
+}
+
+/// All that a scene gives: images, counts, gradients, hits, and sums and maxima of contributions.
+fn everything(
+    scene: &Scene<f32>,
+    cotangents: &Planes<f32>,
+) -> (Outcome<f32>, Vec<(usize, usize, f32, f32)>, [Vec<f32>; 2]) {
+    let outcome = outcome(scene, cotangents);
+    let mut workspace = Workspace::new();
+    scene.render_in(&mut workspace);
+    let hits = hits(&workspace);
+    let mut contributions = [vec![f32::NAN; outcome.2[9].len() / 2], vec![f32::NAN; outcome.2[9].len() / 2]];
+    let [sums, largest] = &mut contributions;
+    workspace.contributions(sums, largest).unwrap();
+    (outcome, hits, contributions)
+}
+
+fn on_threads<R: Send>(threads: usize, run: impl FnOnce() -> R + Send) -> R {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(run)
 }
 
 proptest! {
@@ -41,35 +79,75 @@ proptest! {
         }
     }
 
+    /// Equal depths keep the order of the indices, however many there are.
     #[test]
-    fn number_of_threads(seed: u64, n in 1_usize..400, views in 1_usize..4, degree in prop::option::of(0_usize..=2)) {
-        let scene = Scene::random(seed, n, views, (50, 37), degree);
-        let single = scene.to_f32();
-        let cotangents = scene.cotangents(seed);
-        let cotangents = cotangents.to_f32();
-        let run = |threads: usize| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| (single.render(), single.gradients(&cotangents)))
-        };
-        let one = run(1);
-        prop_assert!(one == run(2));
-        prop_assert!(one == run(5));
+    fn order_of_equals(seed: u64, few in 1_usize..40, many: bool) {
+        let n = if many { 60 * few } else { few };
+        let mut scene = Scene::random(seed, n, 1, (20, 14), None);
+        scene.viewmats = vec![1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+        // Depths that only `f64` can tell apart, descending.
+        (0..n).for_each(|i| scene.means[3 * i + 2] = 2.0 - 1e-12 * i as f64);
+        scene.opacities.iter_mut().for_each(|o| *o *= 0.1);
+        let mut workspace = Workspace::new();
+        scene.render_in(&mut workspace);
+        let mut last = vec![None; scene.pixels()];
+        for (pixel, n, ..) in hits(&workspace) {
+            prop_assert!(last[pixel] < Some(n), "{n} after {:?}", last[pixel]);
+            last[pixel] = Some(n);
+        }
     }
 
     #[test]
-    fn side_of_the_tiles(seed: u64, n in 1_usize..120, thin: bool) {
-        let mut scene = Scene::random(seed, n, 2, (70, 41), None);
+    fn number_of_threads(
+        seed: u64,
+        n in 1_usize..400,
+        views in 1_usize..4,
+        degree in prop::option::of(0_usize..=2),
+        channels in prop::sample::select(vec![0_usize, 2, 5]),
+    ) {
+        let scene = Scene::random(seed, n, views, (50, 37), degree).with_channels(channels);
+        let cotangents = scene.cotangents(seed).to_f32();
+        let single = scene.to_f32();
+        let one = on_threads(1, || everything(&single, &cotangents));
+        prop_assert!(one == on_threads(2, || everything(&single, &cotangents)));
+        prop_assert!(one == on_threads(5, || everything(&single, &cotangents)));
+    }
+
+    #[test]
+    fn side_of_the_tiles(
+        seed: u64,
+        n in 1_usize..120,
+        size in (1_usize..90, 1_usize..50),
+        degree in prop::option::of(0_usize..=3),
+        thin: bool,
+        antialiased: bool,
+    ) {
+        let mut scene = Scene::random(seed, n, 2, size, degree);
         if thin {
             // Long needles: the hardest to bound.
             scene.scales.chunks_mut(3).for_each(|s| { s[0] *= 1e-3; s[1] *= 1e-3; s[2] *= 20.0; });
         }
+        scene.settings.antialiased = antialiased;
         let mut single = scene.to_f32();
-        let (double_planes, single_planes) = (scene.render(), single.render());
+        let cotangents = scene.cotangents(seed);
+        let single_cotangents = cotangents.to_f32();
+        let (planes, stats, gradients) = outcome(&scene, &cotangents);
+        let (single_planes, single_stats, single_gradients) = outcome(&single, &single_cotangents);
         for tile in [TileSide::ThirtyTwo, TileSide::SixtyFour] {
             scene.settings.tile = tile;
             single.settings.tile = tile;
-            prop_assert_eq!(&double_planes, &scene.render());
-            prop_assert_eq!(&single_planes, &single.render());
+            let (own, own_stats, own_gradients) = outcome(&scene, &cotangents);
+            prop_assert_eq!(&own, &planes);
+            prop_assert_eq!(own_stats.pairs, stats.pairs);
+            let (own, own_stats, own_single_gradients) = outcome(&single, &single_cotangents);
+            prop_assert_eq!(&own, &single_planes);
+            prop_assert_eq!(own_stats.pairs, single_stats.pairs);
+            for part in 0..10 {
+                prop_assert!(relative(&own_gradients[part], &gradients[part], 1e-3) < 1e-13, "{}", NAMES[part]);
+                let expected: Vec<f64> = single_gradients[part].iter().map(|x| f64::from(*x)).collect();
+                let error = relative(&own_single_gradients[part], &expected, 1e-3);
+                prop_assert!(error < 1e-6, "{} {:e}", NAMES[part], error);
+            }
         }
     }
 
@@ -106,10 +184,11 @@ proptest! {
         }
     }
 
-    /// World and camera moved together: x -> R x + b, A -> A R^T, t -> t - A R^T b.
+    /// World and camera moved together: x -> R x + b, A -> A R^T, t -> t - A R^T b. Gradients move along.
     #[test]
-    fn rigid_motion(seed: u64, n in 1_usize..40) {
-        let scene = Scene::random(seed, n, 2, (18, 13), None);
+    fn rigid_motion(seed: u64, n in 1_usize..40, antialiased: bool) {
+        let mut scene = Scene::random(seed, n, 2, (18, 13), None);
+        scene.settings.antialiased = antialiased;
         let stream = Stream::new(seed, 0, "motion");
         let q: [f64; 4] = std::array::from_fn(|i| stream.normal(i as u64));
         let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -134,17 +213,91 @@ proptest! {
             to[3] = from[3] - (r[0] * shift[0] + r[1] * shift[1] + r[2] * shift[2]);
         }
         prop_assert!(relative(&moved.render().flat(), &scene.render().flat(), 1e-3) < 1e-10);
+        let cotangents = scene.cotangents(seed);
+        let mut expected = scene.gradients(&cotangents);
+        expected[0] = expected[0].chunks(3).flat_map(rotate).collect();
+        expected[1] = expected[1].chunks(4).flat_map(|d| quaternion_product(q, d)).collect();
+        // p = A m + t is what it was, so that dA' = dA R^T + dt b^T.
+        for row in expected[5].chunks_mut(4) {
+            let r = rotate(&row[..3]);
+            (0..3).for_each(|j| row[j] = r[j] + row[3] * shift[j]);
+        }
+        for (part, gradient) in moved.gradients(&cotangents).iter().enumerate() {
+            let error = relative(gradient, &expected[part], 1e-3);
+            prop_assert!(error < 1e-9, "{} {:e}", NAMES[part], error);
+        }
+    }
+
+    /// The same without a rotation, but with colours that depend on the direction.
+    #[test]
+    fn translation(seed: u64, n in 1_usize..40, degree in 0_usize..=4) {
+        let scene = Scene::random(seed, n, 2, (18, 13), Some(degree));
+        let stream = Stream::new(seed, 0, "motion");
+        let shift: [f64; 3] = std::array::from_fn(|i| stream.normal(i as u64));
+        let mut moved = scene.clone();
+        moved.means.chunks_mut(3).for_each(|m| (0..3).for_each(|i| m[i] += shift[i]));
+        moved.viewmats.chunks_mut(4).for_each(|row| row[3] -= (0..3).map(|j| row[j] * shift[j]).sum::<f64>());
+        prop_assert!(relative(&moved.render().flat(), &scene.render().flat(), 1e-3) < 1e-10);
+        let cotangents = scene.cotangents(seed);
+        let mut expected = scene.gradients(&cotangents);
+        expected[5].chunks_mut(4).for_each(|row| (0..3).for_each(|j| row[j] += row[3] * shift[j]));
+        for (part, gradient) in moved.gradients(&cotangents).iter().enumerate() {
+            let error = relative(gradient, &expected[part], 1e-3);
+            prop_assert!(error < 1e-9, "{} {:e}", NAMES[part], error);
+        }
+    }
+
+    /// A workspace that has seen other scenes draws and differentiates as a new one does.
+    #[test]
+    fn one_workspace_for_all(
+        scenes in prop::collection::vec(
+            (
+                any::<u64>(),
+                prop::sample::select(vec![0_usize, 1, 15, 600]),
+                0_usize..3,
+                (1_usize..50, 1_usize..40),
+                prop::option::of(0_usize..=4),
+                prop::sample::select(vec![0_usize, 1, 5]),
+                any::<bool>(),
+                prop::sample::select(vec![TileSide::Sixteen, TileSide::ThirtyTwo, TileSide::SixtyFour]),
+            ),
+            2..5,
+        ),
+    ) {
+        let mut workspace = Workspace::new();
+        for (seed, n, views, size, degree, channels, colourless, tile) in scenes {
+            let mut scene = Scene::random(seed, n, views, size, degree).with_channels(channels);
+            if colourless {
+                scene = scene.without_colours();
+            }
+            scene.settings.tile = tile;
+            let cotangents = scene.cotangents(seed);
+            let (planes, stats, gradients) = outcome(&scene, &cotangents);
+            prop_assert_eq!(scene.render_in(&mut workspace), (planes, stats));
+            prop_assert_eq!(scene.gradients_in(&cotangents, &mut workspace), gradients);
+        }
     }
 }
 
-/// A workspace that has seen other scenes draws the same; matrices may have their fourth row; gradients can be added.
+/// As many Gaussians as it takes for the radix sort and the lists to be made in parts.
 #[test]
-fn leftovers_and_layouts() {
+fn number_of_threads_in_a_large_scene() {
+    let mut scene = Scene::random(1, 40_000, 1, (70, 50), Some(1));
+    scene.scales.iter_mut().for_each(|s| *s *= 0.1);
+    let cotangents = scene.cotangents(1).to_f32();
+    let single = scene.to_f32();
+    let one = on_threads(1, || everything(&single, &cotangents));
+    for threads in [2, 3, 8] {
+        assert!(one == on_threads(threads, || everything(&single, &cotangents)), "{threads} threads");
+    }
+}
+
+/// Matrices may have their fourth row; gradients can be added.
+#[test]
+fn layouts() {
     let scene = Scene::random(1, 40, 2, (33, 21), Some(1));
     let mut workspace = Workspace::new();
-    Scene::random(2, 90, 3, (50, 50), None).render_in(&mut workspace);
     let (planes, stats) = scene.render_in(&mut workspace);
-    assert_eq!(planes, scene.render());
     assert!(stats.splats > 0 && stats.entries >= stats.splats && stats.rejected == 0);
 
     let mut square = scene.clone();

@@ -30,6 +30,7 @@ fn check(name: &str, antialiased: bool, degree: Option<usize>) {
         opacities: floats(&file, "in.opacities"),
         colours: floats(&file, if degree.is_some() { "in.sh" } else { "in.colors" }),
         degree,
+        colourless: false,
         features: Vec::new(),
         channels: 0,
         viewmats: floats(&file, "in.viewmat"),

@@ -12,6 +12,7 @@ fn on_axis(splats: &[(f64, f64, f64)]) -> Scene<f64> {
         opacities: splats.iter().map(|s| s.1).collect(),
         colours: splats.iter().flat_map(|s| [s.2; 3]).collect(),
         degree: None,
+        colourless: false,
         features: Vec::new(),
         channels: 0,
         viewmats: vec![1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0],

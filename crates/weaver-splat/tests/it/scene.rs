@@ -15,6 +15,8 @@ pub struct Scene<T> {
     pub opacities: Vec<T>,
     pub colours: Vec<T>,
     pub degree: Option<usize>,
+    /// Whether there are no colours, and no image.
+    pub colourless: bool,
     /// `[N, channels]`
     pub features: Vec<T>,
     pub channels: usize,
@@ -45,8 +47,8 @@ pub const NAMES: [&str; 10] = [
     "viewmats",
     "intrinsics",
     "background",
-    "centre_pull",
     "features",
+    "centre_pull",
 ];
 
 impl Scene<f64> {
@@ -65,6 +67,7 @@ impl Scene<f64> {
             opacities: (0..n).map(|i| 1.0 / (1.0 + (-1.5 * normal(2, i)).exp())).collect(),
             colours: (0..colour_len * n).map(|i| 0.5 * normal(3, i)).collect(),
             degree,
+            colourless: false,
             features: (0..2 * n).map(|i| normal(11, i)).collect(),
             channels: 2,
             viewmats: Vec::new(),
@@ -108,13 +111,28 @@ impl Scene<f64> {
         scene
     }
 
+    /// With so many features.
+    pub fn with_channels(mut self, channels: usize) -> Self {
+        let stream = Stream::new(self.means.len() as u64, 2, "splat.test");
+        self.channels = channels;
+        self.features = (0..(channels * self.opacities.len()) as u64).map(|i| stream.normal(i)).collect();
+        self
+    }
+
+    /// Without colours.
+    pub fn without_colours(mut self) -> Self {
+        (self.degree, self.colourless) = (None, true);
+        self.colours.clear();
+        self
+    }
+
     /// Random cotangents.
     pub fn cotangents(&self, seed: u64) -> Planes<f64> {
         let stream = Stream::new(seed, 1, "splat.test");
         let pixels = self.pixels();
         let draw = |purpose: u64, n: usize| (0..n as u64).map(|i| stream.fork(purpose).normal(i)).collect();
         Planes {
-            image: draw(0, 3 * pixels),
+            image: draw(0, self.image_channels() * pixels),
             alpha: draw(1, pixels),
             depth: draw(2, pixels),
             features: draw(3, self.channels * pixels),
@@ -122,7 +140,7 @@ impl Scene<f64> {
     }
 
     /// The arrays that have gradients, in the order of [`NAMES`].
-    pub fn parts(&mut self) -> [&mut Vec<f64>; 8] {
+    pub fn parts(&mut self) -> [&mut Vec<f64>; 9] {
         [
             &mut self.means,
             &mut self.quats,
@@ -132,6 +150,7 @@ impl Scene<f64> {
             &mut self.viewmats,
             &mut self.intrinsics,
             &mut self.background,
+            &mut self.features,
         ]
     }
 
@@ -145,6 +164,7 @@ impl Scene<f64> {
             opacities: round(&self.opacities),
             colours: round(&self.colours),
             degree: self.degree,
+            colourless: self.colourless,
             features: round(&self.features),
             channels: self.channels,
             viewmats: round(&self.viewmats),
@@ -166,6 +186,10 @@ impl<T: Real> Scene<T> {
         self.views() * self.width * self.height
     }
 
+    pub fn image_channels(&self) -> usize {
+        if self.colourless { 0 } else { 3 }
+    }
+
     pub fn gaussians(&self) -> Gaussians<'_, T> {
         Gaussians {
             means: &self.means,
@@ -173,6 +197,7 @@ impl<T: Real> Scene<T> {
             scales: &self.scales,
             opacities: &self.opacities,
             colour: match self.degree {
+                None if self.colourless => Colour::None,
                 None => Colour::Plain(&self.colours),
                 Some(degree) => Colour::Sh { coefficients: &self.colours, degree },
             },
@@ -194,7 +219,8 @@ impl<T: Real> Scene<T> {
     pub fn render_in(&self, workspace: &mut Workspace<T>) -> (Planes<T>, RasterStats) {
         let pixels = self.pixels();
         let nan = T::from_f64(f64::NAN);
-        let [image, alpha, depth, features] = [3, 1, 1, self.channels].map(|channels| vec![nan; channels * pixels]);
+        let channels = [self.image_channels(), 1, 1, self.channels];
+        let [image, alpha, depth, features] = channels.map(|channels| vec![nan; channels * pixels]);
         let mut out = Planes { image, alpha, depth, features };
         let images = Images {
             image: &mut out.image,
@@ -229,11 +255,11 @@ impl<T: Real> Scene<T> {
             self.viewmats.len(),
             self.intrinsics.len(),
             self.background.len(),
-            2 * n * self.views(),
             self.features.len(),
+            2 * n * self.views(),
         ];
         let mut out = lengths.map(|len| vec![T::from_f64(f64::NAN); len]);
-        let [means, quats, scales, opacities, colours, viewmats, intrinsics, background, centre_pull, features] =
+        let [means, quats, scales, opacities, colours, viewmats, intrinsics, background, features, centre_pull] =
             out.each_mut().map(|values| Some(Target::write(&mut values[..])));
         rasterize_backward(
             &self.gaussians(),

@@ -8,7 +8,7 @@ pub fn reference_gradients(scene: &Scene<f64>, cotangents: &Planes<f64>) -> [Vec
     let cotangents = cotangents.as_cotangents();
     let d = reference::rasterize_backward(&scene.gaussians(), &scene.cameras(), &scene.settings, &cotangents).unwrap();
     let (pull, features) = (d.centre_pull, d.features);
-    [d.means, d.quats, d.scales, d.opacities, d.colours, d.viewmats, d.intrinsics, d.background, pull, features]
+    [d.means, d.quats, d.scales, d.opacities, d.colours, d.viewmats, d.intrinsics, d.background, features, pull]
 }
 
 pub fn reference_planes(scene: &Scene<f64>) -> Planes<f64> {
@@ -17,7 +17,7 @@ pub fn reference_planes(scene: &Scene<f64>) -> Planes<f64> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 32, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn agrees_with_the_reference(
@@ -30,8 +30,13 @@ proptest! {
         tile in prop::sample::select(vec![TileSide::Sixteen, TileSide::ThirtyTwo, TileSide::SixtyFour]),
         published: bool,
         thin: bool,
+        channels in prop::sample::select(vec![0_usize, 1, 2, 5, 17]),
+        colourless: bool,
     ) {
-        let mut scene = Scene::random(seed, n, views, size, degree);
+        let mut scene = Scene::random(seed, n, views, size, degree).with_channels(channels);
+        if colourless {
+            scene = scene.without_colours();
+        }
         let base = if published { RasterSettings::published() } else { RasterSettings::default() };
         scene.settings = RasterSettings { antialiased, tile, ..base };
         if thin {
