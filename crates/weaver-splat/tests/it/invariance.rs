@@ -29,8 +29,11 @@ fn outcome<T: Real>(scene: &Scene<T>, cotangents: &Planes<T>) -> Outcome<T> {
     (planes, stats, scene.gradients_in(cotangents, &mut workspace))
 }
 
+/// Pixel, Gaussian, weight, transmittance.
+type Hit<T> = (usize, usize, T, T);
+
 /// The hits of all pixels, pixel by pixel, in the order of drawing.
-fn hits<T: Real>(workspace: &Workspace<T>) -> Vec<(usize, usize, T, T)> {
+fn hits<T: Real>(workspace: &Workspace<T>) -> Vec<Hit<T>> {
     let hits = Mutex::new(Vec::new());
     workspace.for_each_hit(|pixel, n, weight, light| hits.lock().unwrap().push((pixel, n, weight, light))).unwrap();
     let mut hits = hits.into_inner().unwrap();
@@ -39,10 +42,7 @@ fn hits<T: Real>(workspace: &Workspace<T>) -> Vec<(usize, usize, T, T)> {
 }
 
 /// All that a scene gives: images, counts, gradients, hits, and sums and maxima of contributions.
-fn everything(
-    scene: &Scene<f32>,
-    cotangents: &Planes<f32>,
-) -> (Outcome<f32>, Vec<(usize, usize, f32, f32)>, [Vec<f32>; 2]) {
+fn everything(scene: &Scene<f32>, cotangents: &Planes<f32>) -> (Outcome<f32>, Vec<Hit<f32>>, [Vec<f32>; 2]) {
     let outcome = outcome(scene, cotangents);
     let mut workspace = Workspace::new();
     scene.render_in(&mut workspace);
