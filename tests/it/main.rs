@@ -10,6 +10,7 @@ mod help;
 mod info;
 mod inputs;
 mod photos;
+mod published;
 mod render;
 mod run;
 mod walkthrough;

@@ -1,6 +1,8 @@
 //! Memory that outlives a step: buffers go back to the pool when they are dropped, and come out again
 //! for the next request of their size class, so that a step which has run once allocates nothing.
 
+mod trim;
+
 use std::any::{Any, TypeId};
 use std::fmt;
 use std::ops::{Deref, DerefMut};
@@ -124,7 +126,7 @@ impl Pool {
         })
     }
 
-    /// Bytes that this pool has allocated, and keeps: it gives nothing back.
+    /// Bytes that this pool has allocated, and keeps until it is [trimmed](Pool::trim).
     pub fn allocated_bytes(&self) -> usize {
         self.shelves.lock().unwrap_or_else(PoisonError::into_inner).allocated_bytes
     }

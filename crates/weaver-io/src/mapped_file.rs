@@ -6,7 +6,7 @@ use std::fs::File;
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
 
-/// A file that is mapped into memory, read-only. The only `unsafe` of this crate is here.
+/// A file that is mapped into memory, read-only. All `unsafe` of this crate is here.
 #[derive(Debug)]
 pub struct MappedFile {
     map: Mmap,
@@ -24,6 +24,16 @@ impl MappedFile {
         #[allow(unsafe_code)]
         let map = unsafe { Mmap::map(&file) }.map_err(Error::io(path))?;
         Ok(Self { map, path: path.to_path_buf() })
+    }
+
+    /// Lets go of the pages that were looked at so far; those that are looked at again come back from the file. Where the
+    /// system cannot be told, nothing happens.
+    pub fn forget(&self) {
+        // SAFETY: a private map that nobody writes to has nothing but what the file has, so that a page that comes back is the
+        // page that went; what was said of a file that changes meanwhile holds here as well.
+        #[cfg(unix)]
+        #[allow(unsafe_code)]
+        let _ = unsafe { self.map.unchecked_advise(memmap2::UncheckedAdvice::DontNeed) };
     }
 
     /// Where it is.

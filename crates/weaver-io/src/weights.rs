@@ -31,6 +31,7 @@ use zerocopy::{FromBytes, Immutable, KnownLayout};
 #[derive(Clone, Debug)]
 pub struct Weights {
     weights: BTreeMap<String, Weight>,
+    files: Vec<Arc<MappedFile>>,
     metadata: BTreeMap<String, String>,
     path: PathBuf,
     bytes: u64,
@@ -91,7 +92,8 @@ impl Weights {
             let missing = || Error::invalid(&path, "folder", NAMES.join(" or "), "neither");
             path = found.ok_or_else(missing)?;
         }
-        let mut weights = Self { weights: BTreeMap::new(), metadata: BTreeMap::new(), path: path.clone(), bytes: 0 };
+        let (weights, metadata) = Default::default();
+        let mut weights = Self { weights, files: Vec::new(), metadata, path: path.clone(), bytes: 0 };
         match path.extension().and_then(|e| e.to_str()) {
             Some("json") => weights.add_index(&path)?,
             Some("pt" | "pth" | "ckpt" | "bin") => {
@@ -123,6 +125,7 @@ impl Weights {
         }
         self.metadata.extend(header.metadata().iter().flatten().map(|(k, v)| (k.clone(), v.clone())));
         self.bytes += file.len() as u64;
+        self.files.push(file);
         Ok(())
     }
 
@@ -174,6 +177,12 @@ impl Weights {
     /// The tensor of that name.
     pub fn get(&self, name: &str) -> Option<&Weight> {
         self.weights.get(name)
+    }
+
+    /// Lets the system take back the memory of what was looked at so far. Everything stays readable, and comes back from the
+    /// files when it is looked at again.
+    pub fn forget(&self) {
+        self.files.iter().for_each(|file| file.forget());
     }
 
     /// All tensors, by name.

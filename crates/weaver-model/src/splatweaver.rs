@@ -111,9 +111,10 @@ impl SplatWeaver {
     ) -> Dense<'t, T> {
         let [views, height, width] = [photos.shape()[0], photos.shape()[2], photos.shape()[3]];
         let pool = cx.tape.pool();
-        let parts = if cx.tape.is_recording() || views == 1 {
+        let parts = if cx.tape.is_recording() {
             self.dense_views(cx, encoded, b, 0, photos)
         } else {
+            pool.trim::<T>();
             let (pixels, plane) = (views * height * width, height * width);
             let [channels, experts] = [self.config.dense.channels, self.config.gaussians.experts + 1];
             let widths = [1, 1, channels, experts];
@@ -126,6 +127,7 @@ impl SplatWeaver {
                 }
                 cx.tape.keep_only(mark, &[]);
             }
+            pool.trim::<T>();
             let [depth, confidence, features, logits] = all;
             [
                 cx.tape.constant_of(depth, [views, height, width]),

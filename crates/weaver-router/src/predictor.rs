@@ -44,9 +44,13 @@ impl NeighborFusion {
         neighbors: &Neighbors,
     ) -> Var<'t, T> {
         let _scope = cx.scope("pt_block");
+        let mark = cx.tape.mark();
         let [query, key, value] = [self.query, self.key, self.value].map(|l| l.forward(cx, x));
-        let displacement = self.displacement.forward(cx, neighbor_offset(means, neighbors));
-        let score = self.attention.forward(cx, neighbor_relation(query, key, displacement, neighbors));
+        let displacement = cx.tape.result_of(|| self.displacement.forward(cx, neighbor_offset(means, neighbors)));
+        let relation = neighbor_relation(query, key, displacement, neighbors);
+        cx.tape.keep_only(mark, &[value, displacement, relation]);
+        let score = cx.tape.result_of(|| self.attention.forward(cx, relation));
+        cx.tape.keep_only(mark, &[value, displacement, score]);
         neighbor_average(score, value, displacement, neighbors)
     }
 }
@@ -103,7 +107,9 @@ impl NeighborPredictor {
         neighbors: &Neighbors,
     ) -> Var<'t, T> {
         let _scope = cx.scope("gs_predictor");
-        let attended = self.attend(cx, means, raw, feature, neighbors);
-        self.head.forward(cx, attended) + raw
+        cx.tape.result_of(|| {
+            let attended = cx.tape.result_of(|| self.attend(cx, means, raw, feature, neighbors));
+            self.head.forward(cx, attended) + raw
+        })
     }
 }

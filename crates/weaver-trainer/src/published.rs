@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use weaver_autograd::{Params, Tape};
 use weaver_geometry::Camera;
-use weaver_io::Image;
 use weaver_io::checkpoint::Tensors;
+use weaver_io::{Image, Weights};
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver, Vggt};
 use weaver_nn::Context;
@@ -52,11 +52,13 @@ pub struct Progress {
 /// Transformer blocks of one view that the dense heads are worth, with and without the Gaussian head.
 const DENSE: [usize; 2] = [7, 13];
 
-/// Counts the parts of the network that are done, and tells `observer`.
+/// Counts the parts of the network that are done, and tells `observer`. When the backbone is done, nine tenths of the weights
+/// have had their use, and the memory that they were looked at in goes back.
 fn watcher(
     config: &ModelConfig,
     views: usize,
     gaussians: bool,
+    weights: Weights,
     observer: impl Fn(Progress) + Send + 'static,
 ) -> impl Fn(&str) + Send + 'static {
     let blocks = config.backbone.encoder_depth + 2 * config.backbone.rounds;
@@ -64,6 +66,9 @@ fn watcher(
     let total = views * (blocks + dense);
     let done = AtomicUsize::new(0);
     move |path: &str| {
+        if path == "camera_head" {
+            weights.forget();
+        }
         let (stage, work) = match path {
             p if p.contains("patch_embed.blocks.") => ("patches", views),
             p if p.contains("_blocks.") => ("aggregator", views),
@@ -96,14 +101,15 @@ pub fn run(
     if let Some(side) = size.iter().find(|side| **side == 0 || !side.is_multiple_of(config.patch)) {
         return Err(Error::Usage(format!("--size: expected multiples of {}, found {side}", config.patch)));
     }
-    let (photos, size) = photos::read(images, size, config.patch, options.fit)?;
+    let size = photos::size_of(images, size, config.patch, options.fit)?;
     let gaussians = opened.has_gaussians;
-    let needed = estimate::bytes(&opened, photos.len(), size);
+    let needed = estimate::bytes(&opened, images.len(), size);
     estimate::check(needed, weaver_io::available_memory(), gaussians)?;
+    let photos = photos::read(images, size, config.patch, options.fit)?;
     let (network, params) = opened.load()?;
     let mut planes = Vec::new();
     photos.iter().for_each(|photo| crate::batch::push_planar(&mut planes, photo));
-    let watcher = watcher(&config, photos.len(), gaussians, observer);
+    let watcher = watcher(&config, photos.len(), gaussians, opened.weights().clone(), observer);
     let mut remarks = vec![format!("{} photos at {}x{}", photos.len(), size[1], size[0])];
     if photos.len() == 1 {
         remarks.push("warning: one photo only: the scene has no second view to agree with".to_string());
@@ -169,6 +175,7 @@ impl Scene<'_> {
         let mut confidence = Vec::with_capacity(views * height * width);
         let cameras = tape.without_gradient(|| {
             let encoded = vggt.encode(cx, tape.constant(self.planes, [1, views, 3, height, width]));
+            tape.pool().trim::<f32>();
             for view in 0..views {
                 let mark = tape.mark();
                 let maps = vggt.depth(cx, &encoded, 0, [view, 1], self.size);

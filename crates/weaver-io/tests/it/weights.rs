@@ -32,6 +32,9 @@ fn every_type_in_place() {
         }
         other => panic!("{other:?}"),
     }
+    let Storage::F32(wide) = storage("b.wide").unwrap() else { panic!() };
+    weights.forget();
+    assert_eq!(wide.as_ref(), [1.0, f32::MIN_POSITIVE]);
     let error = storage("b.count").unwrap_err().to_string();
     assert!(error.contains("tensor b.count: expected F32, F16 or BF16, found I64"), "{error}");
     let narrow = weights.get("a.narrow").unwrap();

@@ -87,6 +87,11 @@ impl Opened {
         self.weights.iter().filter(|w| !self.is_unused(w.name())).map(|w| w.bytes() as u64).sum()
     }
 
+    /// The weights in their files.
+    pub fn weights(&self) -> &Weights {
+        &self.weights
+    }
+
     /// Whether a tensor is none of this network's, by its name.
     fn is_unused(&self, name: &str) -> bool {
         let Some(name) = name.strip_prefix(self.prefix) else { return false };
@@ -99,7 +104,7 @@ impl Opened {
     ///
     /// # Errors
     /// Names all tensors that are missing, not of this network, of another shape or type, or not finite.
-    pub fn load(self) -> Result<(Network, Params<f32>), Error> {
+    pub fn load(&self) -> Result<(Network, Params<f32>), Error> {
         let mut params = Params::new();
         let network = if self.has_gaussians {
             Network::SplatWeaver(SplatWeaver::declare(self.config.clone(), &mut params))

@@ -15,28 +15,30 @@ pub enum Fit {
     KeepAspect,
 }
 
-/// Reads photos and brings all to one size (H, W). The first photo decides it where proportions are kept; the others
-/// are cut to that.
+/// The size (H, W) that photos are brought to: the first decides it where proportions are kept.
+///
+/// # Errors
+/// When there is no photo, or the first is missing or no image.
+pub fn size_of(paths: &[PathBuf], size: [usize; 2], patch: usize, fit: Fit) -> Result<[usize; 2], Error> {
+    let Some(first) = paths.first() else { return Err(Error::Usage("expected at least one photo".into())) };
+    Ok(match fit {
+        Fit::Crop => size,
+        Fit::KeepAspect => whole_patches(Image::dimensions(first)?, size, patch),
+    })
+}
+
+/// Reads photos and brings all to `size` (H, W). Where proportions are kept, those of other proportions are cut.
 ///
 /// # Errors
 /// When a file is missing or no image.
-pub fn read(paths: &[PathBuf], size: [usize; 2], patch: usize, fit: Fit) -> Result<(Vec<Image>, [usize; 2]), Error> {
-    let Some(first) = paths.first() else { return Err(Error::Usage("expected at least one photo".into())) };
-    let size = match fit {
-        Fit::Crop => size,
-        Fit::KeepAspect => whole_patches(Image::dimensions(first)?, size, patch),
-    };
+pub fn read(paths: &[PathBuf], size: [usize; 2], patch: usize, fit: Fit) -> Result<Vec<Image>, Error> {
     let read = |path: &PathBuf| -> Result<Image, Error> {
         let image = Image::read(path, Background::White)?;
-        let same = whole_patches((image.width, image.height), size, patch) == size;
-        Ok(if fit == Fit::KeepAspect && same {
-            image.resize_bicubic(size[1], size[0])
-        } else {
-            cover(&image, size, path)?
-        })
+        let whole = fit == Fit::KeepAspect && whole_patches((image.width, image.height), size, patch) == size;
+        if whole { Ok(image.resize_bicubic(size[1], size[0])) } else { cover(&image, size, path) }
     };
     let images: Vec<Result<Image, Error>> = paths.par_iter().map(read).collect();
-    Ok((images.into_iter().collect::<Result<_, _>>()?, size))
+    images.into_iter().collect()
 }
 
 /// The size (H, W) in whole patches of a photo whose long side becomes the longer of `size`.

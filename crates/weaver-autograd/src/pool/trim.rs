@@ -1,0 +1,24 @@
+//! Gives memory that nobody uses back to the system.
+
+use super::{Pool, Shelf};
+use std::sync::PoisonError;
+
+impl Pool {
+    /// Frees the buffers of `U` that are not out at the moment: between parts of a long computation whose buffers have other
+    /// sizes, so that one does not pay for the other.
+    ///
+    /// ```
+    /// let pool = weaver_autograd::Pool::new();
+    /// let kept = pool.buffer::<f32>(100);
+    /// drop(pool.buffer::<f32>(1 << 20));
+    /// pool.trim::<f32>();
+    /// assert!(pool.allocated_bytes() < 1000);
+    /// drop(kept);
+    /// ```
+    pub fn trim<U: Send + 'static>(&self) {
+        let mut shelves = self.shelves.lock().unwrap_or_else(PoisonError::into_inner);
+        let shelf: &mut Shelf<U> = shelves.of_type();
+        let freed: Vec<Vec<U>> = shelf.classes.iter_mut().flat_map(std::mem::take).collect();
+        shelves.allocated_bytes -= freed.iter().map(|buffer| buffer.len() * size_of::<U>()).sum::<usize>();
+    }
+}
