@@ -6,7 +6,7 @@ use std::time::Duration;
 use weaver_kernels::attention::{Attention, Strides, attention_backward_packed, attention_forward};
 use weaver_kernels::conv::{Conv2d, conv2d_dw, conv2d_dx, conv2d_dx_scratch_len, conv2d_forward};
 use weaver_kernels::gemm::gemm;
-use weaver_kernels::layer_norm::{layer_norm_dx, layer_norm_forward};
+use weaver_kernels::layer_norm::{layer_norm_backward, layer_norm_forward, layer_norm_scratch_len};
 use weaver_kernels::resample::Resample;
 use weaver_kernels::softmax::softmax_forward;
 use weaver_kernels::{Real, simd};
@@ -112,8 +112,12 @@ fn tokens(c: &mut Criterion) {
     group.bench_function("layer_norm 220x96 forward", |b| {
         b.iter(|| layer_norm_forward(96, 1e-5, black_box(&x), Some((&w, &w)), &mut y, &mut stats));
     });
-    group.bench_function("layer_norm 220x96 dx", |b| {
-        b.iter(|| layer_norm_dx(96, black_box(&x), Some(&w), &stats, &y, (&mut dx, 0.0)));
+    let (mut dw, mut db, mut scratch) = (w.clone(), w.clone(), vec![0.0; layer_norm_scratch_len(220, 96)]);
+    group.bench_function("layer_norm 220x96 backward", |b| {
+        b.iter(|| {
+            let targets = [&mut dx, &mut dw, &mut db].map(|target| Some((&mut target[..], 0.0)));
+            layer_norm_backward(96, black_box(&x), Some(&w), &stats, &y, targets, &mut scratch);
+        });
     });
     group.bench_function("softmax 220x96", |b| b.iter(|| softmax_forward(96, 1, black_box(&x), &mut y)));
     let plan = Resample::bilinear([24, 32], [48, 64], true);

@@ -160,6 +160,30 @@ pub trait Lanes:
     }
 }
 
+/// Elements `at..at + 16` of a slice; zeros beyond its end.
+#[inline(always)]
+pub fn at<V: Lanes>(x: &[V::Scalar], at: usize) -> V {
+    let x = &x[at..];
+    match x.first_chunk() {
+        Some(x) => V::load(x),
+        None => {
+            let mut lanes = [V::Scalar::ZERO; LANES];
+            lanes[..x.len()].copy_from_slice(x);
+            V::load(&lanes)
+        }
+    }
+}
+
+/// Writes elements `at..at + 16` of a slice, as far as it goes.
+#[inline(always)]
+pub fn put<V: Lanes>(x: V, to: &mut [V::Scalar], at: usize) {
+    let to = &mut to[at..];
+    match to.first_chunk_mut() {
+        Some(to) => x.store(to),
+        None => to.copy_from_slice(&x.to_array()[..to.len()]),
+    }
+}
+
 /// Sets every element of `out` to `f(elements of the inputs, what is there)`, sixteen at a time. Mark `f`
 /// `#[inline(always)]`.
 #[inline(always)]

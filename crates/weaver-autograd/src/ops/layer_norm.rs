@@ -33,19 +33,15 @@ impl<T: Real> Op<T> for LayerNorm<T> {
         _outs: &[View<'_, T>],
         douts: &[View<'_, T>],
         dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
+        pool: &Pool,
     ) {
         let (x, dy, width) = (&ins[0], &douts[0], ins[0].shape().last());
         let statistics = self.statistics.as_ref().expect("the forward pass came first");
-        if let Some(dx) = &mut dins[0] {
-            layer_norm::layer_norm_dx(width, x, ins.get(1).map(View::data), statistics, dy, dx.target());
-        }
-        if let Some(Some(dw)) = dins.get_mut(1) {
-            layer_norm::layer_norm_dw(width, x, statistics, dy, dw.target());
-        }
-        if let Some(Some(db)) = dins.get_mut(2) {
-            layer_norm::layer_norm_db(width, dy, db.target());
-        }
+        let mut scratch = pool.buffer(layer_norm::layer_norm_scratch_len(ins[0].shape().rows(), width));
+        let mut targets = dins.iter_mut().map(|grad| grad.as_mut().map(Grad::target));
+        let targets = [(); 3].map(|()| targets.next().flatten());
+        let weights = ins.get(1).map(View::data);
+        layer_norm::layer_norm_backward(width, x, weights, statistics, dy, targets, &mut scratch);
     }
 }
 

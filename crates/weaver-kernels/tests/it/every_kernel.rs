@@ -182,9 +182,9 @@ impl<T: Real> Suite<T> {
                 let (mut y, mut stats) = (vec![T::ZERO; n], vec![T::ZERO; 2 * rows]);
                 layer_norm_forward(cols, eps, &x[0], Some((w, b)), &mut y, &mut stats);
                 let (mut dx, mut dw, mut db) = (vec![T::ZERO; n], vec![T::ZERO; cols], vec![T::ZERO; cols]);
-                layer_norm_dx(cols, &x[0], Some(w), &stats, &x[3], (&mut dx, T::ZERO));
-                layer_norm_dw(cols, &x[0], &stats, &x[3], (&mut dw, T::ZERO));
-                layer_norm_db(cols, &x[3], (&mut db, T::ZERO));
+                let targets = [&mut dx, &mut dw, &mut db].map(|target| Some((&mut target[..], T::ZERO)));
+                let mut scratch = vec![T::ZERO; layer_norm_scratch_len(rows, cols)];
+                layer_norm_backward(cols, &x[0], Some(w), &stats, &x[3], targets, &mut scratch);
                 [y, dx, dw, db].concat()
             });
             let inner = if self.drawn.is_multiple_of(2) { 1 } else { self.size(20) };

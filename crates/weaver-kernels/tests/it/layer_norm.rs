@@ -30,14 +30,15 @@ fn agrees<T: Real>(rows: usize, cols: usize, tolerance: f64) {
     let (wx, ww, wb) = (widen(&x), widen(&w), widen(&b));
     let mut dx = noise::<T>(rows * cols, 5);
     let old = widen(&dx);
-    layer_norm_dx(cols, &x, Some(&w), &stats, &dy, (&mut dx, T::ONE));
+    let mut scratch = vec![T::from_f64(f64::NAN); layer_norm_scratch_len(rows, cols)];
+    layer_norm_backward(cols, &x, Some(&w), &stats, &dy, [Some((&mut dx, T::ONE)), None, None], &mut scratch);
     let added: Vec<f64> = dx.iter().zip(&old).map(|(a, b)| a.to_f64() - b).collect();
     assert_gradient(&added, &wx, |x| value(x, &ww, &wb), tolerance.max(1e-7));
-    layer_norm_dx(cols, &x, None, &stats, &dy, (&mut dx, T::ZERO));
+    layer_norm_backward(cols, &x, None, &stats, &dy, [Some((&mut dx, T::ZERO)), None, None], &mut scratch);
     assert_gradient(&widen(&dx), &wx, |x| value(x, &vec![1.0; cols], &wb), tolerance.max(1e-7));
     let (mut dw, mut db) = (vec![T::from_f64(f64::NAN); cols], vec![T::from_f64(f64::NAN); cols]);
-    layer_norm_dw(cols, &x, &stats, &dy, (&mut dw, T::ZERO));
-    layer_norm_db(cols, &dy, (&mut db, T::ZERO));
+    let targets = [None, Some((&mut dw[..], T::ZERO)), Some((&mut db[..], T::ZERO))];
+    layer_norm_backward(cols, &x, None, &stats, &dy, targets, &mut scratch);
     assert_gradient(&widen(&dw), &ww, |w| value(&wx, w, &wb), tolerance.max(1e-7));
     assert_gradient(&widen(&db), &wb, |b| value(&wx, &ww, b), tolerance.max(1e-7));
 }
@@ -56,8 +57,9 @@ fn same_bits_at_any_thread_count() {
     threads(|| {
         let (mut y, mut stats, mut dx, mut dw) = (x.clone(), vec![0.0; 1000], x.clone(), vec![0.0; cols]);
         layer_norm_forward(cols, 1e-5, &x, None, &mut y, &mut stats);
-        layer_norm_dx(cols, &x, None, &stats, &x, (&mut dx, 0.0));
-        layer_norm_dw(cols, &x, &stats, &x, (&mut dw, 0.0));
+        let mut scratch = vec![0.0; layer_norm_scratch_len(500, cols)];
+        let targets = [Some((&mut dx[..], 0.0)), Some((&mut dw[..], 0.0)), None];
+        layer_norm_backward(cols, &x, None, &stats, &x, targets, &mut scratch);
         [y, stats, dx, dw].concat()
     });
 }
