@@ -6,6 +6,7 @@
 mod parity;
 mod random_weights;
 mod tidy;
+mod valgrind;
 
 use std::process::{Command, ExitCode};
 
@@ -14,7 +15,8 @@ const USAGE: &str = "usage: cargo xtask <command>
   random-weights  --preset splatweaver-1b FILE: a checkpoint of the published size and types, drawn at random
   check   fmt, clippy, rustdoc and tidy: what must hold before a change lands
   tidy    the crates' edges and the invariants of docs/architecture.md
-  parity  DIR [--json]: every module against the files of reference numbers in DIR";
+  parity  DIR [--json]: every module against the files of reference numbers in DIR
+  valgrind  the tests of kernels and tape under memcheck, by portable code and by AVX2";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -24,6 +26,7 @@ fn main() -> ExitCode {
         "tidy" => tidy::run(),
         "random-weights" => random_weights::command(rest),
         "parity" => parity::command(rest),
+        "valgrind" => valgrind::run(),
         _ => Err(USAGE.into()),
     };
     match done {
