@@ -187,14 +187,16 @@ pub struct Dial {
 
 /// Draws a file of Gaussians from given cameras or along an orbit.
 ///
-/// One PNG per camera, named after its photo where the names are distinct, else numbered.
+/// One PNG per camera, named after its photo where the names are distinct, else numbered; or a video, with an ffmpeg on
+/// the PATH; or both.
 #[derive(Args, Debug)]
 #[command(group(ArgGroup::new("viewpoints").required(true).args(["cameras", "orbit"])))]
 #[command(after_help = "Examples:
   splatweaver render scene.ply --cameras transforms.json -o renders
   splatweaver render scene.ply --cameras capture/sparse/0 --width 640 -o renders
   splatweaver render scene.ply --cameras clip.txt --width 640 --height 360 -o renders
-  splatweaver render scene.ply --orbit 90 --background 0,0,0 -o turn")]
+  splatweaver render scene.ply --orbit 90 --background 0,0,0 -o turn
+  splatweaver render scene.ply --orbit 120 --width 1280 --height 720 --video turn.mp4")]
 pub struct Render {
     /// The Gaussians: PLY as 3DGS stores them, .splat or .spz
     #[arg(value_name = "SCENE.ply")]
@@ -206,8 +208,14 @@ pub struct Render {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub orbit: Option<u32>,
     /// Folder for the pictures
-    #[arg(short, long, value_name = "DIR")]
-    pub out: PathBuf,
+    #[arg(short, long, value_name = "DIR", required_unless_present = "video")]
+    pub out: Option<PathBuf>,
+    /// Makes a video of the pictures, in the cameras' order; its ending says which kind
+    #[arg(long, value_name = "FILE.mp4")]
+    pub video: Option<PathBuf>,
+    /// Pictures of the video per second
+    #[arg(long, value_name = "F", default_value = "30", value_parser = rate, requires = "video")]
+    pub fps: f64,
     /// Width in pixels; intrinsics follow [default: the cameras', or 640 for an orbit]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub width: Option<u32>,
@@ -361,6 +369,14 @@ fn colour(text: &str) -> Result<[f32; 3], String> {
     colour
         .filter(|c| c.iter().all(|x| (0.0..=1.0).contains(x)))
         .ok_or_else(|| "expected three numbers from 0 to 1, as in 1,1,1".into())
+}
+
+/// Pictures per second.
+fn rate(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(rate) if (0.1..=1000.0).contains(&rate) => Ok(rate),
+        _ => Err("expected a number from 0.1 to 1000".into()),
+    }
 }
 
 fn synthetic(text: &str) -> Result<Synthetic, String> {

@@ -16,6 +16,7 @@ mod interrupt;
 mod progress;
 mod render;
 mod train;
+mod video;
 
 pub use console::Console;
 pub use interrupt::Interrupt;

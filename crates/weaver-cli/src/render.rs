@@ -5,6 +5,8 @@ use crate::arguments::Render;
 use crate::cameras::{self, NamedCamera, Size};
 use crate::failure::Failure;
 use crate::progress::Progress;
+use crate::video::Video;
+use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_3;
 use std::path::Path;
 use weaver_geometry::glam::DVec3;
@@ -24,18 +26,78 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
             Failure::message(format!("{}: expected Gaussians to turn around, found none", arguments.scene.display()))
         })?,
     };
-    weaver_io::create_folder(&arguments.out)?;
+    let mut output = Output::create(arguments, &cameras)?;
     let scene = Scene::new(&splats);
     let mut workspace = Workspace::new();
     let mut progress = Progress::new("render", 0, cameras.len(), console);
-    for (i, (view, stem)) in cameras.iter().zip(cameras::stems(&cameras)).enumerate() {
-        let image = scene.draw(&view.camera, arguments.background, &mut workspace)?;
-        image.write_png(arguments.out.join(format!("{stem}.png")))?;
-        progress.at(i + 1, cameras.len(), String::new, console);
+    let stems = cameras::stems(&cameras);
+    let jobs: Vec<_> = cameras.iter().zip(&stems).collect();
+    let (mut done, mut waiting) = (0, Vec::new());
+    // All threads draw one picture after the other; those drawn before are written meanwhile, a thread for each.
+    for group in jobs.chunks(rayon::current_num_threads().min(MOST_WAITING)) {
+        let draw = || -> Result<Vec<_>, Failure> {
+            let mut drawn = Vec::new();
+            for (view, stem) in group {
+                drawn.push((stem.as_str(), scene.draw(&view.camera, arguments.background, &mut workspace)?));
+                done += 1;
+                progress.at(done, cameras.len(), String::new, console);
+            }
+            Ok(drawn)
+        };
+        let (drawn, written) = rayon::join(draw, || output.write(&waiting));
+        written?;
+        waiting = drawn?;
     }
+    output.write(&waiting)?;
     progress.finish();
-    let (count, folder) = (cameras.len(), arguments.out.display());
-    console.print(&format!("pictures: {count} of {} Gaussians, in {folder}", splats.len()))
+    console.print(&format!("pictures: {} of {} Gaussians, in {}", cameras.len(), splats.len(), output.finish()?))
+}
+
+/// Pictures that wait to be written.
+const MOST_WAITING: usize = 8;
+
+/// Where the pictures go.
+struct Output<'a> {
+    folder: Option<&'a Path>,
+    video: Option<Video>,
+}
+
+impl<'a> Output<'a> {
+    fn create(arguments: &'a Render, cameras: &[NamedCamera]) -> Result<Self, Failure> {
+        let size = |view: &NamedCamera| (view.camera.width, view.camera.height);
+        let video = match &arguments.video {
+            None => None,
+            Some(path) => {
+                let first = cameras.first().map(size).unwrap_or_default();
+                if let Some(other) = cameras.iter().map(size).find(|other| *other != first) {
+                    let sizes = format!("{}x{} and {}x{}", first.0, first.1, other.0, other.1);
+                    return Err(Failure::Usage(format!(
+                        "--video: pictures of {sizes}; --width and --height make them equal"
+                    )));
+                }
+                Some(Video::create(path, first, arguments.fps)?)
+            }
+        };
+        let folder = arguments.out.as_deref();
+        folder.map_or(Ok(()), weaver_io::create_folder)?;
+        Ok(Self { folder, video })
+    }
+
+    /// Writes pictures with these names.
+    fn write(&mut self, pictures: &[(&str, Image)]) -> Result<(), Failure> {
+        if let Some(folder) = self.folder {
+            let write = |(stem, image): &(&str, Image)| image.write_png(folder.join(format!("{stem}.png")));
+            pictures.par_iter().try_for_each(write)?;
+        }
+        self.video.as_mut().map_or(Ok(()), |video| pictures.iter().try_for_each(|(_, image)| video.push(image)))
+    }
+
+    /// Says where everything is.
+    fn finish(self) -> Result<String, Failure> {
+        let folder = self.folder.map(|folder| folder.display().to_string());
+        let video = self.video.map(Video::finish).transpose()?.map(|path| path.display().to_string());
+        Ok(folder.into_iter().chain(video).collect::<Vec<_>>().join(" and "))
+    }
 }
 
 fn read(path: &Path) -> Result<SplatPly, Failure> {

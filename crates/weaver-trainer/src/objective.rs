@@ -194,8 +194,9 @@ impl Objective<'_> {
             alpha_max: config.raster.alpha_max,
             ..RasterSettings::default()
         };
-        Rasterize::new(config.width, config.height, settings, self.workspaces)
-            .apply(&gaussians, &RasterCameras { viewmats: w2c, intrinsics, background })
+        let op = Rasterize::new(config.width, config.height, settings, self.workspaces);
+        let op = if self.stage.losses.rendered_depth == 0.0 { op.without_depth() } else { op };
+        op.apply(&gaussians, &RasterCameras { viewmats: w2c, intrinsics, background })
     }
 
     fn routing_terms<'t>(
