@@ -177,9 +177,12 @@ pub(crate) struct Product<'a, T, B> {
     pub beta: T,
 }
 
-/// The start of C, shared by tasks that write disjoint blocks of it.
+/// C, shared by tasks that write disjoint blocks of it.
 #[derive(Clone, Copy)]
-struct Output<T>(*mut T);
+struct Output<T> {
+    start: *mut T,
+    len: usize,
+}
 
 #[allow(unsafe_code)]
 // SAFETY: every task derives pointers to its own block only; `Product::run` makes the blocks disjoint.
@@ -200,7 +203,7 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
 
         let (rows, cols) = if parallel { self.block_size() } else { (M_BLOCK, n) };
         let (down, across) = (m.div_ceil(rows), n.div_ceil(cols));
-        let c = Output(c.as_mut_ptr());
+        let c = Output { start: c.as_mut_ptr(), len: c.len() };
         let block = |task: usize| {
             let (entry, block) = (task / (down * across), task % (down * across));
             let (i, j) = (block / across * rows, block % across * cols);
@@ -277,24 +280,31 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
                     self.b.pack(entry, k..k + depth, j..j + width, padded, into, spare);
                     for rows in (0..tiles).map(tile) {
                         let (i, height) = (rows.start, rows.len());
-                        let (a, strides) = if packed {
-                            (a_tiles[(i - block_start) * depth..].as_ptr(), [1, height])
+                        let (from, readable, strides) = if packed {
+                            let from = (i - block_start) * depth;
+                            (a_tiles[from..].as_ptr(), a_tiles.len() - from, [1, height])
                         } else {
                             let Mat { row_stride, col_stride, .. } = self.a;
-                            (a.as_ptr().wrapping_add(i * row_stride + k * col_stride), [row_stride, col_stride])
+                            let from = i * row_stride + k * col_stride;
+                            (a.as_ptr().wrapping_add(from), a.len().saturating_sub(from), [row_stride, col_stride])
                         };
+                        let last = (height - 1) * strides[0] + depth.saturating_sub(1) * strides[1];
+                        debug_assert!(depth == 0 || last < readable, "gemm reads A beyond its end");
+                        debug_assert!(depth * padded <= panel.len(), "gemm reads its panel beyond the end");
+                        let at = offset + i * c_stride + j;
+                        debug_assert!(at + (height - 1) * c_stride + width <= c.len, "gemm writes C beyond its end");
                         // SAFETY: rows i..i+height of A, packed or not, and of C and columns j..j+width of C are
-                        // inside their slices; the panel holds depth * padded elements.
+                        // inside their slices; the panel holds depth * padded elements: asserted in debug builds.
                         unsafe {
                             T::multiply(
                                 level,
                                 [height, width, depth],
                                 self.alpha,
-                                a,
+                                from,
                                 strides,
                                 panel.as_ptr(),
                                 beta,
-                                c.0.add(offset + i * c_stride + j),
+                                c.start.add(at),
                                 c_stride,
                             );
                         }
