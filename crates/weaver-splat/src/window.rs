@@ -53,18 +53,19 @@ impl Window {
         })
     }
 
-    /// The pixels' centres.
+    /// The pixels' centres: x for each column of blocks, y for each row.
     #[inline(always)]
-    fn centres<V: Lanes>(&self) -> (Plane<V::Scalar>, Plane<V::Scalar>) {
-        let mut planes = ([Row::default(); LANES], [Row::default(); LANES]);
-        for block in 0..LANES {
+    fn centres<V: Lanes>(&self) -> ([Row<V::Scalar>; BLOCK], [Row<V::Scalar>; BLOCK]) {
+        let mut centres = ([Row::default(); BLOCK], [Row::default(); BLOCK]);
+        for i in 0..BLOCK {
             for lane in 0..LANES {
-                let (x, y) = self.pixel(block, lane);
-                planes.0[block].0[lane] = V::Scalar::from_f64(x as f64 + 0.5);
-                planes.1[block].0[lane] = V::Scalar::from_f64(y as f64 + 0.5);
+                let (x, _) = self.pixel(i, lane);
+                let (_, y) = self.pixel(i * BLOCK, lane);
+                centres.0[i].0[lane] = V::Scalar::from_f64(x as f64 + 0.5);
+                centres.1[i].0[lane] = V::Scalar::from_f64(y as f64 + 0.5);
             }
         }
-        planes
+        centres
     }
 
     /// A channel of an image `[H, W, channels]` at the pixels of a block; 0 beyond its edge.
@@ -207,7 +208,7 @@ pub(crate) fn traverse<V: Lanes>(
             while todo != 0 {
                 let block = todo.trailing_zeros() as usize % LANES;
                 todo &= todo - 1;
-                let (dx, dy) = (V::load(&pixel_x[block].0) - x, V::load(&pixel_y[block].0) - y);
+                let (dx, dy) = (V::load(&pixel_x[block % BLOCK].0) - x, V::load(&pixel_y[block / BLOCK].0) - y);
                 let (u, v) = (p.mul_add(dx, q * dy), r * dy);
                 let raw = u.neg_mul_add(u, -(v * v)).exp2_times(opacity);
                 let alpha = alpha_max.min(raw);
