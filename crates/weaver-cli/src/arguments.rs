@@ -210,7 +210,7 @@ pub struct Render {
     /// Folder for the pictures
     #[arg(short, long, value_name = "DIR", required_unless_present = "video")]
     pub out: Option<PathBuf>,
-    /// Makes a video of the pictures, in the cameras' order; its ending says which kind
+    /// Makes a video of the pictures, in the cameras' order
     #[arg(long, value_name = "FILE.mp4")]
     pub video: Option<PathBuf>,
     /// Pictures of the video per second
