@@ -1,12 +1,13 @@
-//! Forward, and forward with backward, of synthetic scenes.
+//! Synthetic scenes: the stages one by one, forward, forward with backward, and what can be asked of a drawing.
 
 #![allow(missing_docs)] // criterion_group! makes an undocumented function
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
+use std::time::Duration;
 use weaver_kernels::random::Stream;
 use weaver_splat::{
-    Cameras, Colour, Cotangents, Gaussians, Gradients, Images, RasterSettings, Target, Workspace, rasterize,
+    Cameras, Colour, Cotangents, Gaussians, Gradients, Images, RasterSettings, Stages, Target, Workspace, rasterize,
     rasterize_backward,
 };
 
@@ -115,9 +116,31 @@ fn benches(c: &mut Criterion) {
     ];
     for (name, mut load) in cases {
         let mut group = c.benchmark_group(name);
-        group.sample_size(10).measurement_time(std::time::Duration::from_secs(1));
+        group.sample_size(10).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
+        for (i, stage) in ["project", "bin and sort", "composite", "backward"].into_iter().enumerate() {
+            group.bench_function(stage, |b| {
+                b.iter_custom(|times| {
+                    let once = |_| {
+                        load.run(stage == "backward");
+                        let Stages { project, bin, composite, backward } = load.workspace.stages();
+                        [project, bin, composite, backward][i]
+                    };
+                    (0..times).map(once).sum()
+                });
+            });
+        }
         group.bench_function("forward", |b| b.iter(|| load.run(false)));
         group.bench_function("forward and backward", |b| b.iter(|| load.run(true)));
+        group.bench_function("for_each_hit", |b| {
+            b.iter(|| {
+                let workspace = &load.workspace;
+                workspace.for_each_hit(|pixel, n, weight, light| {
+                    black_box((pixel, n, weight, light));
+                })
+            });
+        });
+        let [mut sums, mut largest] = [(); 2].map(|()| vec![0.0; load.intrinsics.len() / 4 * load.opacities.len()]);
+        group.bench_function("contributions", |b| b.iter(|| load.workspace.contributions(&mut sums, &mut largest)));
         group.finish();
     }
 }

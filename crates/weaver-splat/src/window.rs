@@ -55,17 +55,17 @@ impl Window {
 
     /// The pixels' centres: x for each column of blocks, y for each row.
     #[inline(always)]
-    fn centres<V: Lanes>(&self) -> ([Row<V::Scalar>; BLOCK], [Row<V::Scalar>; BLOCK]) {
-        let mut centres = ([Row::default(); BLOCK], [Row::default(); BLOCK]);
+    fn centres<V: Lanes>(&self) -> [[Row<V::Scalar>; BLOCK]; 2] {
+        let [mut columns, mut rows] = [[Row::default(); BLOCK]; 2];
         for i in 0..BLOCK {
             for lane in 0..LANES {
                 let (x, _) = self.pixel(i, lane);
                 let (_, y) = self.pixel(i * BLOCK, lane);
-                centres.0[i].0[lane] = V::Scalar::from_f64(x as f64 + 0.5);
-                centres.1[i].0[lane] = V::Scalar::from_f64(y as f64 + 0.5);
+                columns[i].0[lane] = V::Scalar::from_f64(x as f64 + 0.5);
+                rows[i].0[lane] = V::Scalar::from_f64(y as f64 + 0.5);
             }
         }
-        centres
+        [columns, rows]
     }
 
     /// A channel of an image `[H, W, channels]` at the pixels of a block; 0 beyond its edge.
@@ -179,7 +179,7 @@ pub(crate) fn traverse<V: Lanes>(
 ) -> Work {
     let (alpha_max, alpha_min) = (V::constant(alpha_max), V::constant(ALPHA_MIN));
     let end = V::constant(TRANSMITTANCE_END);
-    let (pixel_x, pixel_y) = window.centres::<V>();
+    let [pixel_x, pixel_y] = window.centres::<V>();
     // A pixel that has ended, or is beyond the image, holds its transmittance negated: nothing passes the tests below.
     for (block, left) in transmittance.iter_mut().enumerate() {
         V::constant(1.0).or(V::Mask::from_bits(window.lanes(block)), V::constant(-1.0)).store(&mut left.0);
