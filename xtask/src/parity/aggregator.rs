@@ -1,11 +1,11 @@
 //! The aggregator.
 
 use super::reference::Reference;
-use weaver_autograd::{Params, Tape};
+use weaver_autograd::{Params, Real, Tape};
 use weaver_nn::{Builder, Context};
 use weaver_vggt::{Aggregator, AggregatorConfig, BackboneInit, VisionTransformerConfig, normalize_image};
 
-pub fn run(file: Reference) -> Reference {
+pub fn run<T: Real>(file: Reference) -> Reference {
     let rounds = file.size("rounds");
     let (heads, mlp_ratio) = (file.size("heads"), file.size("mlp_ratio"));
     let encoder = VisionTransformerConfig {
@@ -19,11 +19,11 @@ pub fn run(file: Reference) -> Reference {
     };
     let registers = file.size("register_tokens");
     let config = AggregatorConfig { encoder, rounds, heads, mlp_ratio, registers, layers: (0..rounds).collect() };
-    let mut params = Params::<f32>::new();
+    let mut params = Params::<T>::new();
     let mut root = Builder::new(&mut params, 0);
     let aggregator = Aggregator::new(root.scope("aggregator"), config, BackboneInit::PUBLISHED);
     file.load(&mut params);
-    let tape = Tape::new();
+    let tape = Tape::<T>::new();
     let cx = Context::new(&tape, &params);
     let images = file.leaf(&tape, "in.images");
     let [b, v, c, h, w] = [0, 1, 2, 3, 4].map(|axis| images.shape()[axis]);
@@ -32,7 +32,7 @@ pub fn run(file: Reference) -> Reference {
     file.check("out.patch_tokens", &patches.value());
 
     let out = aggregator.forward(cx, images);
-    let mut loss = tape.scalar(0.0);
+    let mut loss = tape.scalar(T::ZERO);
     for (round, tokens) in out.layers.iter().enumerate() {
         file.check(&format!("out.round{round}"), &tokens.value());
         loss = loss + file.weighted(*tokens, &format!("cot.round{round}"));

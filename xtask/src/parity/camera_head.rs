@@ -1,42 +1,43 @@
 //! The camera head and the cameras that its codes stand for.
 
 use super::reference::Reference;
-use weaver_autograd::{Params, Tape, Var};
+use weaver_autograd::{Params, Real, Tape, Var};
 use weaver_nn::{Builder, Context, Init, WeightInit};
 use weaver_pose::{CameraHead, CameraHeadConfig, Cameras, Gauge};
 
 /// 3x3 matrices of rows fx, fy, cx, cy; `corner` is the last entry.
-pub fn matrices(rows: &[f32], corner: f32) -> Vec<f32> {
-    rows.chunks_exact(4).flat_map(|k| [k[0], 0.0, k[2], 0.0, k[1], k[3], 0.0, 0.0, corner]).collect()
+pub fn matrices<T: Real>(rows: &[T], corner: f64) -> Vec<T> {
+    let (zero, corner) = (T::ZERO, T::from_f64(corner));
+    rows.chunks_exact(4).flat_map(|k| [k[0], zero, k[2], zero, k[1], k[3], zero, zero, corner]).collect()
 }
 
 /// Rows fx, fy, cx, cy of 3x3 matrices.
-pub fn intrinsics(matrices: &[f32]) -> Vec<f32> {
+pub fn intrinsics<T: Real>(matrices: &[T]) -> Vec<T> {
     matrices.chunks_exact(9).flat_map(|k| [k[0], k[4], k[2], k[5]]).collect()
 }
 
 /// sum(cot.intrinsics * K).
-pub fn weighted_intrinsics<'t>(file: &Reference, rows: Var<'t>, key: &str) -> Var<'t> {
+pub fn weighted_intrinsics<'t, T: Real>(file: &Reference, rows: Var<'t, T>, key: &str) -> Var<'t, T> {
     (rows * rows.tape().constant(&intrinsics(&file.data(key)), rows.shape())).sum()
 }
 
 /// Camera-to-world 4x4 matrices of world-to-camera rows `[R | T]`.
-fn inverse(rows: &[f32]) -> Vec<f32> {
-    let one = |m: &[f32]| {
-        let r = |i: usize, j: usize| f64::from(m[4 * j + i]);
-        let t = |i: usize| -(0..3).map(|j| r(i, j) * f64::from(m[4 * j + 3])).sum::<f64>();
-        let row = |i: usize| [r(i, 0) as f32, r(i, 1) as f32, r(i, 2) as f32, t(i) as f32];
-        [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]].concat()
+fn inverse<T: Real>(rows: &[T]) -> Vec<T> {
+    let one = |m: &[T]| {
+        let r = |i: usize, j: usize| m[4 * j + i];
+        let t = |i: usize| -(0..3).map(|j| r(i, j) * m[4 * j + 3]).sum::<T>();
+        let row = |i: usize| [r(i, 0), r(i, 1), r(i, 2), t(i)];
+        [row(0), row(1), row(2), [T::ZERO, T::ZERO, T::ZERO, T::ONE]].concat()
     };
     rows.chunks_exact(12).flat_map(one).collect()
 }
 
-pub fn check_cameras(file: &Reference, cameras: &Cameras<'_>) {
+pub fn check_cameras<T: Real>(file: &Reference, cameras: &Cameras<'_, T>) {
     file.check("out.extrinsics", &cameras.w2c.value());
     file.check("out.intrinsics", &matrices(&cameras.intrinsics.value(), 1.0));
 }
 
-pub fn run(file: Reference) -> Reference {
+pub fn run<T: Real>(file: Reference) -> Reference {
     let dim = file.size("dim");
     let config = CameraHeadConfig {
         dim,
@@ -51,14 +52,14 @@ pub fn run(file: Reference) -> Reference {
         gauge: Gauge::Free,
     };
     let (height, width) = (file.size("image_h"), file.size("image_w"));
-    let mut params = Params::<f32>::new();
+    let mut params = Params::<T>::new();
     let head = CameraHead::new(Builder::new(&mut params, 0).scope("camera_head"), config);
     file.load(&mut params);
-    let tape = Tape::new();
+    let tape = Tape::<T>::new();
     let tokens = file.leaf(&tape, "in.tokens");
     let [scenes, views] = [tokens.shape()[0], tokens.shape()[1]];
     let estimates = head.forward(Context::new(&tape, &params), tokens.slice(2, 0, 1).reshape([scenes, views, dim]));
-    let mut loss = tape.scalar(0.0);
+    let mut loss = tape.scalar(T::ZERO);
     for (i, estimate) in estimates.iter().enumerate() {
         file.check(&format!("out.pose{i}"), &estimate.code.value());
         loss = loss + file.weighted(estimate.code, &format!("cot.pose{i}"));
@@ -67,8 +68,8 @@ pub fn run(file: Reference) -> Reference {
     let cameras = weaver_pose::cameras(last, height, width);
     check_cameras(&file, &cameras);
     file.check("out.c2w", &inverse(&cameras.w2c.value()));
-    let size = [width, height, width, height].map(|n| n as f32);
-    let normalised: Vec<f32> = cameras.intrinsics.value().iter().zip(size.iter().cycle()).map(|(k, n)| k / n).collect();
+    let size = [width, height, width, height].map(T::from_usize);
+    let normalised: Vec<T> = cameras.intrinsics.value().iter().zip(size.iter().cycle()).map(|(k, n)| *k / *n).collect();
     file.check("out.intrinsics_normalised", &matrices(&normalised, 1.0));
     loss = loss + file.weighted(cameras.w2c, "cot.extrinsics");
     loss = loss + weighted_intrinsics(&file, cameras.intrinsics, "cot.intrinsics");

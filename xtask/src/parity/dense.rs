@@ -2,7 +2,7 @@
 
 use super::camera_head::check_cameras;
 use super::reference::Reference;
-use weaver_autograd::{Params, Tape};
+use weaver_autograd::{Params, Real, Tape};
 use weaver_nn::{Builder, Context, WeightInit};
 use weaver_pose::{cameras, unproject};
 use weaver_vggt::{DenseTokens, DepthHead, DepthHeadConfig, DptConfig};
@@ -15,15 +15,15 @@ pub fn dpt(file: &Reference, dim: usize, at: &str) -> DptConfig {
     DptConfig { dim, out_channels, features, width: features / 2 }
 }
 
-pub fn run(file: Reference) -> Reference {
+pub fn run<T: Real>(file: Reference) -> Reference {
     let dpt = dpt(&file, file.size("dim_in"), "");
     let hidden = file.size("output_conv2_hidden");
     let config = DepthHeadConfig { dpt, hidden, log_depth_bounds: None, last: WeightInit::FanIn };
     let (height, width, views) = (file.size("image_h"), file.size("image_w"), file.size("views"));
-    let mut params = Params::<f32>::new();
+    let mut params = Params::<T>::new();
     let head = DepthHead::new(Builder::new(&mut params, 0).scope("depth_head"), config);
     file.load(&mut params);
-    let tape = Tape::new();
+    let tape = Tape::<T>::new();
     let cx = Context::new(&tape, &params);
     let layers = [0, 1, 2, 3].map(|i| file.leaf(&tape, &format!("in.tokens{i}")));
     let grid = [file.size("grid_h"), file.size("grid_w")];
@@ -43,7 +43,7 @@ pub fn run(file: Reference) -> Reference {
     let points = unproject(depth, cameras.w2c, cameras.intrinsics, 0.0);
     check_cameras(&file, &cameras);
     let outputs = [(depth, "depth"), (maps.confidence, "conf"), (points, "points")];
-    let mut loss = tape.scalar(0.0);
+    let mut loss = tape.scalar(T::ZERO);
     for (y, name) in outputs {
         file.check(&format!("out.{name}"), &y.value());
         loss = loss + file.weighted(y, &format!("cot.{name}"));

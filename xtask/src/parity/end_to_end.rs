@@ -5,7 +5,7 @@ use super::gaussian_head::{Recorded, colour_major, maps, xyzw};
 use super::metrics::lpips;
 use super::reference::Reference;
 use std::path::Path;
-use weaver_autograd::{Params, Pool, Tape, Var};
+use weaver_autograd::{Params, Pool, Real, Tape, Var};
 use weaver_kernels::random::Stream;
 use weaver_losses as losses;
 use weaver_losses::lpips::Network;
@@ -66,36 +66,36 @@ fn config(file: &Reference) -> ModelConfig {
 }
 
 /// The tensors whose gradients are compared beside the parameters'.
-struct Stages<'t> {
-    total: Var<'t>,
+struct Stages<'t, T: Real> {
+    total: Var<'t, T>,
     /// The same with LPIPS, where there are weights for it.
-    with_lpips: Result<Var<'t>, String>,
-    images: Var<'t>,
-    image_raw: Var<'t>,
-    render_depth: Var<'t>,
-    render_alpha: Var<'t>,
-    means: Var<'t>,
-    opacities: Var<'t>,
+    with_lpips: Result<Var<'t, T>, String>,
+    images: Var<'t, T>,
+    image_raw: Var<'t, T>,
+    render_depth: Var<'t, T>,
+    render_alpha: Var<'t, T>,
+    means: Var<'t, T>,
+    opacities: Var<'t, T>,
 }
 
-impl Stages<'_> {
+impl<T: Real> Stages<'_, T> {
     /// Compares the gradient of the images before clamping. Where nothing is drawn it leads nowhere, and the files have 0
     /// though the clamp lets it pass; there it is not compared.
     fn check_image_raw(&self, file: &Reference, key: &str) {
         let (alpha, [height, width]) = (self.render_alpha.value(), [2, 3].map(|axis| self.image_raw.shape()[axis]));
         let plane = height * width;
-        let drawn = |i: usize| alpha[i / (3 * plane) * plane + i % plane] > 0.0;
+        let drawn = |i: usize| alpha[i / (3 * plane) * plane + i % plane] > T::ZERO;
         file.check_where(key, &self.image_raw.grad().unwrap_or_default(), drawn);
     }
 }
 
-pub fn run(file: Reference, weights: Option<&Path>) -> Reference {
+pub fn run<T: Real>(file: Reference, weights: Option<&Path>) -> Reference {
     let config = config(&file);
-    let mut params = Params::<f32>::new();
+    let mut params = Params::<T>::new();
     let model = SplatWeaver::new(config, &mut params, 0);
     file.load(&mut params);
 
-    let tape = Tape::new();
+    let tape = Tape::<T>::new();
     let stages = forward(&file, &model, Context::new(&tape, &params), weights);
     stages.total.backward();
     file.check_grad("grad.in.images", stages.images);
@@ -112,7 +112,7 @@ pub fn run(file: Reference, weights: Option<&Path>) -> Reference {
         return file;
     }
     // A second walk back on one tape would add to the gradients of the first.
-    let tape = Tape::new();
+    let tape = Tape::<T>::new();
     let stages = file.unrecorded(|| forward(&file, &model, Context::new(&tape, &params), weights));
     if let Ok(total) = stages.with_lpips {
         total.backward();
@@ -125,7 +125,12 @@ pub fn run(file: Reference, weights: Option<&Path>) -> Reference {
     file
 }
 
-fn forward<'t>(file: &Reference, model: &SplatWeaver, cx: Context<'t, '_>, weights: Option<&Path>) -> Stages<'t> {
+fn forward<'t, T: Real>(
+    file: &Reference,
+    model: &SplatWeaver,
+    cx: Context<'t, '_, T>,
+    weights: Option<&Path>,
+) -> Stages<'t, T> {
     let tape = cx.tape;
     let config = model.config();
     let (views, height, width) = (file.size("views"), config.height, config.width);
@@ -168,7 +173,7 @@ fn forward<'t>(file: &Reference, model: &SplatWeaver, cx: Context<'t, '_>, weigh
 
     let settings =
         RasterSettings { near: config.raster.near, alpha_max: config.raster.alpha_max, ..RasterSettings::default() };
-    let background = tape.constant(&config.raster.background.map(|c| c as f32), [3]);
+    let background = tape.constant(&config.raster.background.map(T::from_f64), [3]);
     let drawn = Rasterize::new(width, height, settings, &WorkspacePool::new()).apply(
         &GaussianVars { means, quats: g.quats, scales: g.scales, opacities, colours: g.sh },
         &CameraVars { viewmats: cameras.w2c, intrinsics: cameras.intrinsics.detach(), background },
@@ -186,7 +191,7 @@ fn forward<'t>(file: &Reference, model: &SplatWeaver, cx: Context<'t, '_>, weigh
 
     let target = photos.detach();
     let maps = [views, height, width];
-    let teacher: Vec<Var<'t>> =
+    let teacher: Vec<Var<'t, T>> =
         (0..encoded.codes.len()).map(|i| file.constant(tape, &format!("in.teacher_pose{i}"))).collect();
     let teacher_depth = file.constant(tape, "in.teacher_depth").reshape(maps);
     let confidence = file.constant(tape, "in.teacher_conf").reshape(maps);
@@ -202,7 +207,7 @@ fn forward<'t>(file: &Reference, model: &SplatWeaver, cx: Context<'t, '_>, weigh
         ("rank", losses::ranking_cross_entropy(dense.logits, dense.energy, &QUANTILES, 0.1)),
         ("budget", losses::share_budget(choice, &[0.2, 0.02, 0.02])),
     ];
-    let mut total = tape.scalar(0.0);
+    let mut total = tape.scalar(T::ZERO);
     for (name, term) in terms {
         file.check(&format!("loss.{name}"), &[term.item()]);
         let weight = if ["rank", "budget"].contains(&name) { "expert" } else { name };

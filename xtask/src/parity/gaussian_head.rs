@@ -2,7 +2,7 @@
 
 use super::dense::dpt;
 use super::reference::Reference;
-use weaver_autograd::{Params, Tape, Var, ops};
+use weaver_autograd::{Params, Real, Tape, Var, ops};
 use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
 use weaver_router::{
@@ -14,43 +14,43 @@ use weaver_wavelet::{Guidance, Wavelet, analysis, luma};
 
 /// A choice that was made before: that of a file's noise.
 #[derive(Debug)]
-pub struct Recorded {
-    pub noise: Vec<f32>,
+pub struct Recorded<T> {
+    pub noise: Vec<T>,
 }
 
-impl Allocation<f32> for Recorded {
-    fn allocate(&self, request: &AllocationRequest<'_, f32>) -> Assignment<f32> {
+impl<T: Real> Allocation<T> for Recorded<T> {
+    fn allocate(&self, request: &AllocationRequest<'_, T>) -> Assignment<T> {
         Sampled.allocate(&AllocationRequest { gumbel: Some(&self.noise), ..*request })
     }
 }
 
 /// Quaternions wxyz as the files have them, xyzw.
-pub fn xyzw(quats: Var<'_>) -> Var<'_> {
+pub fn xyzw<T: Real>(quats: Var<'_, T>) -> Var<'_, T> {
     ops::concat(&[quats.slice(1, 1, 3), quats.slice(1, 0, 1)], 1)
 }
 
 /// Harmonics [N, K, 3] as the files have them, [N, 3, K].
-pub fn colour_major(sh: Var<'_>) -> Var<'_> {
+pub fn colour_major<T: Real>(sh: Var<'_, T>) -> Var<'_, T> {
     sh.permute(&[0, 2, 1])
 }
 
 /// Maps [V, C, H, W] as rows [V H W, C].
-fn rows(maps: Var<'_>) -> Var<'_> {
+fn rows<T: Real>(maps: Var<'_, T>) -> Var<'_, T> {
     let s = maps.shape();
     maps.permute(&[0, 2, 3, 1]).reshape([s[0] * s[2] * s[3], s[1]])
 }
 
 /// Rows [V H W, C] as maps [V, C, H, W].
-pub fn maps<'t>(rows: Var<'t>, [views, height, width]: [usize; 3]) -> Var<'t> {
+pub fn maps<'t, T: Real>(rows: Var<'t, T>, [views, height, width]: [usize; 3]) -> Var<'t, T> {
     let channels = rows.shape()[1];
     rows.reshape([views, height, width, channels]).permute(&[0, 3, 1, 2])
 }
 
-fn named<'t>(d: &Decoded<'t>) -> [(&'static str, Var<'t>); 4] {
+fn named<'t, T: Real>(d: &Decoded<'t, T>) -> [(&'static str, Var<'t, T>); 4] {
     [("scales", d.scales), ("quats", xyzw(d.quats)), ("opacities", d.opacities), ("sh", colour_major(d.sh))]
 }
 
-pub fn run(file: Reference) -> Reference {
+pub fn run<T: Real>(file: Reference) -> Reference {
     let (views, height, width) = (file.size("views"), file.size("image_h"), file.size("image_w"));
     let (degree, pixels) = (file.size("sh_degree"), views * height * width);
     let dpt = dpt(&file, file.size("dim_in"), "");
@@ -72,7 +72,7 @@ pub fn run(file: Reference) -> Reference {
         expert_output_gain: 1.0,
         parametrisation,
     };
-    let mut params = Params::<f32>::new();
+    let mut params = Params::<T>::new();
     let mut root = Builder::new(&mut params, 0);
     let feature_config = FeatureHeadConfig { dpt, merger: file.size("merger_hidden") };
     let features = FeatureHead::new(root.scope("gaussian_param_head"), feature_config);
@@ -81,7 +81,7 @@ pub fn run(file: Reference) -> Reference {
     let head = CardinalityHead::new(scope.scope("gs_moe"), config);
     file.load(&mut params);
 
-    let tape = Tape::new();
+    let tape = Tape::<T>::new();
     let cx = Context::new(&tape, &params);
     let layers = [0, 1, 2, 3].map(|i| file.leaf(&tape, &format!("in.tokens{i}")));
     let grid = [file.size("grid_h"), file.size("grid_w")];
@@ -148,7 +148,7 @@ pub fn run(file: Reference) -> Reference {
     file.check("out.theta", &theta.value());
 
     let decoded = decode(theta, degree, None, parametrisation);
-    let mut loss = tape.scalar(0.0);
+    let mut loss = tape.scalar(T::ZERO);
     for (name, y) in named(&decoded).into_iter().chain([("means", proposed.means)]) {
         file.check(&format!("out.{name}"), &y.value());
         loss = loss + file.weighted(y, &format!("cot.{name}"));
@@ -164,16 +164,16 @@ pub fn run(file: Reference) -> Reference {
         file.check_grad(&format!("grad.in.tokens{i}"), *layer);
     }
     file.check_params(&params, &tape);
-    edges(&file, degree, parametrisation);
+    edges::<T>(&file, degree, parametrisation);
     file
 }
 
 /// Decoding alone, of parameters at the edges of their ranges.
-fn edges(file: &Reference, degree: usize, parametrisation: Parametrisation) {
+fn edges<T: Real>(file: &Reference, degree: usize, parametrisation: Parametrisation) {
     if !file.has("edge.theta") {
         return;
     }
-    let tape = Tape::<f32>::new();
+    let tape = Tape::<T>::new();
     let decoded = decode(file.constant(&tape, "edge.theta"), degree, None, parametrisation);
     for (name, y) in named(&decoded) {
         file.check(&format!("edge.{name}"), &y.value());

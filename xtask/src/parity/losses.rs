@@ -2,13 +2,13 @@
 
 use super::reference::Reference;
 use weaver_autograd::ops::huber;
-use weaver_autograd::{Pool, Tape, Var};
+use weaver_autograd::{Pool, Real, Tape, Var};
 use weaver_losses::*;
 use weaver_router::gumbel_softmax_straight_through;
 use weaver_wavelet::{EnergyMap, Wavelet};
 
 /// [B, V, E, H, W] as rows of pixels, [B V H W, E].
-fn rows(x: Var<'_>) -> Var<'_> {
+fn rows<T: Real>(x: Var<'_, T>) -> Var<'_, T> {
     let experts = x.shape()[2];
     let x = x.permute(&[0, 1, 3, 4, 2]);
     x.reshape([x.shape().len() / experts, experts])
@@ -28,8 +28,8 @@ fn numbers(file: &Reference, key: &str) -> Vec<f64> {
 
 impl Setting<'_> {
     /// The mean over the scenes of the ranking loss of each.
-    fn ranking<'t>(&self, logits: Var<'t>) -> Var<'t> {
-        let (energy, scenes) = (self.file.data("out.energy"), self.file.size("batch"));
+    fn ranking<'t, T: Real>(&self, logits: Var<'t, T>) -> Var<'t, T> {
+        let (energy, scenes) = (self.file.data::<T>("out.energy"), self.file.size("batch"));
         let (rows, pixels) = (rows(logits), energy.len() / scenes);
         let smoothing = self.file.number("label_smoothing");
         let losses = energy.chunks(pixels).enumerate().map(|(b, energy)| {
@@ -40,23 +40,23 @@ impl Setting<'_> {
     }
 
     /// The one-hot choice `[P, E]`.
-    fn choice<'t>(&self, logits: Var<'t>) -> Var<'t> {
+    fn choice<'t, T: Real>(&self, logits: Var<'t, T>) -> Var<'t, T> {
         let noise = rows(self.file.constant(logits.tape(), "in.gumbel"));
         gumbel_softmax_straight_through(rows(logits), Some(noise), self.file.number("temperature"))
     }
 
-    fn budget<'t>(&self, choice: Var<'t>) -> Var<'t> {
+    fn budget<'t, T: Real>(&self, choice: Var<'t, T>) -> Var<'t, T> {
         share_budget(choice, &self.targets) * (self.file.number("budget_factor") / 5.0)
     }
 
     /// Both losses on routing, weighted.
-    fn expert<'t>(&self, logits: Var<'t>) -> Var<'t> {
+    fn expert<'t, T: Real>(&self, logits: Var<'t, T>) -> Var<'t, T> {
         (self.ranking(logits) + self.budget(self.choice(logits))) * self.file.number("weights.expert")
     }
 
     /// A loss of the logits, its value and gradient.
-    fn on_logits(&self, name: &str, loss: impl for<'t> Fn(Var<'t>) -> Var<'t>) {
-        let tape = Tape::new();
+    fn on_logits<T: Real>(&self, name: &str, loss: impl for<'t> Fn(Var<'t, T>) -> Var<'t, T>) {
+        let tape = Tape::<T>::new();
         let logits = self.file.leaf(&tape, "in.logits");
         let value = loss(logits);
         self.file.check(&format!("out.{name}"), &[value.item()]);
@@ -65,16 +65,16 @@ impl Setting<'_> {
     }
 }
 
-pub fn run(file: Reference) -> Reference {
+pub fn run<T: Real>(file: Reference) -> Reference {
     let (scenes, views) = (file.size("batch"), file.size("views"));
     let (height, width) = (file.size("image_h"), file.size("image_w"));
     let quantiles = numbers(&file, "quantiles");
     let setting = Setting { file: &file, quantiles, targets: numbers(&file, "budget_targets") };
 
-    let mut energy = vec![0.0; scenes * views * height * width];
-    EnergyMap::new(Wavelet::Db2, [height, width]).compute(&file.data("in.images"), &Pool::new(), &mut energy);
+    let mut energy = vec![T::ZERO; scenes * views * height * width];
+    EnergyMap::<T>::new(Wavelet::Db2, [height, width]).compute(&file.data("in.images"), &Pool::new(), &mut energy);
     file.check("out.energy", &energy);
-    let expected = file.data("out.energy");
+    let expected: Vec<T> = file.data("out.energy");
     let mut classes = vec![0; expected.len()];
     let pixels = expected.len() / scenes;
     for (energy, classes) in expected.chunks(pixels).zip(classes.chunks_mut(pixels)) {
@@ -85,17 +85,17 @@ pub fn run(file: Reference) -> Reference {
         expected.chunks(pixels).flat_map(|scene| setting.quantiles.iter().map(|q| quantile(&mut scene.to_vec(), *q)));
     file.check("out.quantiles", &thresholds.collect::<Vec<_>>());
 
-    setting.on_logits("rank", |logits| setting.ranking(logits));
-    setting.on_logits("budget", |logits| setting.budget(setting.choice(logits)));
-    setting.on_logits("budget_hinge_tau03", |logits| global_budget(setting.choice(logits), 0.3));
-    setting.on_logits("budget_hinge_tau99", |logits| global_budget(setting.choice(logits), 0.99));
-    setting.on_logits("expert_loss_001", |logits| setting.expert(logits));
-    let tape = Tape::new();
+    setting.on_logits::<T>("rank", |logits| setting.ranking(logits));
+    setting.on_logits::<T>("budget", |logits| setting.budget(setting.choice(logits)));
+    setting.on_logits::<T>("budget_hinge_tau03", |logits| global_budget(setting.choice(logits), 0.3));
+    setting.on_logits::<T>("budget_hinge_tau99", |logits| global_budget(setting.choice(logits), 0.99));
+    setting.on_logits::<T>("expert_loss_001", |logits| setting.expert(logits));
+    let tape = Tape::<T>::new();
     let free = file.leaf(&tape, "out.choice");
     setting.budget(rows(free)).backward();
     file.check_grad("grad.budget.choice", free);
 
-    let tape = Tape::new();
+    let tape = Tape::<T>::new();
     let logits = file.leaf(&tape, "in.logits");
     let choice = setting.choice(logits);
     let experts = choice.shape()[1];
@@ -103,7 +103,7 @@ pub fn run(file: Reference) -> Reference {
     file.check("out.choice", &planes.value());
     file.check("out.choice_mean", &choice.mean_axis(0).value());
 
-    let codes = |who: &str| -> Vec<Var<'_>> {
+    let codes = |who: &str| -> Vec<Var<'_, T>> {
         (0..)
             .map(|i| format!("in.{who}{i}"))
             .take_while(|key| file.has(key))
@@ -126,7 +126,7 @@ pub fn run(file: Reference) -> Reference {
     let teacher_depth = file.constant(&tape, "in.teacher_depth").reshape(maps);
     let confidence = file.constant(&tape, "in.teacher_conf");
     let q = file.number("conf_quantile");
-    let thresholds: Vec<f32> =
+    let thresholds: Vec<T> =
         confidence.value().chunks(height * width).map(|view| quantile(&mut view.to_vec(), q)).collect();
     file.check("out.conf_threshold", &thresholds);
     let trusted: Vec<u32> = confidence

@@ -2,13 +2,13 @@
 
 use super::reference::Reference;
 use std::path::Path;
-use weaver_autograd::Tape;
+use weaver_autograd::{Real, Tape};
 use weaver_io::checkpoint::Tensors as File;
 use weaver_losses::lpips::{Network, Tensors};
 use weaver_losses::{Covariance, Lpips, metrics, mse, ssim_with};
 
 /// LPIPS with the weights in a folder, or why not.
-pub fn lpips(name: &str, network: Network, folder: Option<&Path>) -> Result<Lpips<f32>, String> {
+pub fn lpips<T: Real>(name: &str, network: Network, folder: Option<&Path>) -> Result<Lpips<T>, String> {
     let folder = folder.ok_or("no folder of LPIPS weights; give --weights")?;
     let path = folder.join(format!("lpips_{name}_f16.safetensors"));
     let file = File::read(&path).map_err(|e| e.to_string())?;
@@ -19,19 +19,19 @@ pub fn lpips(name: &str, network: Network, folder: Option<&Path>) -> Result<Lpip
     Lpips::from_tensors(network, &tensors, &path.display().to_string()).map_err(|e| e.to_string())
 }
 
-pub fn run(file: Reference, weights: Option<&Path>) -> Reference {
+pub fn run<T: Real>(file: Reference, weights: Option<&Path>) -> Reference {
     let pairs = (0..).take_while(|i| file.has(&format!("in.a{i}"))).count();
     for i in 0..pairs {
-        let (a, b) = (file.data(&format!("in.a{i}")), file.data(&format!("in.b{i}")));
+        let (a, b): (Vec<T>, Vec<T>) = (file.data(&format!("in.a{i}")), file.data(&format!("in.b{i}")));
         let shape = file.shape(&format!("in.a{i}"));
         let images = [1, shape[0], shape[1], shape[2]];
-        let tape = Tape::<f32>::new();
+        let tape = Tape::<T>::new();
         let (target, render) = (tape.constant(&a, images), tape.leaf(&b, images));
-        let clamped: Vec<Vec<f32>> = [&a, &b].map(|x| x.iter().map(|x| x.clamp(0.0, 1.0)).collect()).into();
-        file.check(&format!("out.psnr{i}"), &[metrics::psnr(&clamped[0], &clamped[1]) as f32]);
+        let clamped: [Vec<T>; 2] = [&a, &b].map(|x| x.iter().map(|x| x.max(T::ZERO).min(T::ONE)).collect());
+        file.check(&format!("out.psnr{i}"), &[metrics::psnr(&clamped[0], &clamped[1])]);
         file.check(&format!("out.mse{i}"), &[mse(target, render).item()]);
         let similarity = metrics::ssim(&a, &b, [shape[0], shape[1], shape[2]]);
-        file.check(&format!("out.ssim{i}"), &[similarity as f32]);
+        file.check(&format!("out.ssim{i}"), &[similarity]);
         let gradient = format!("grad.ssim{i}.b");
         if file.has(&gradient) {
             ssim_with(target, render, Covariance::Sample).backward();
@@ -39,7 +39,7 @@ pub fn run(file: Reference, weights: Option<&Path>) -> Reference {
         }
     }
     for (name, network) in [("alex", Network::Alex), ("vgg", Network::Vgg)] {
-        match lpips(name, network, weights) {
+        match lpips::<T>(name, network, weights) {
             Ok(lpips) => (0..pairs).for_each(|i| distance(&file, &lpips, name, i)),
             Err(message) => {
                 for key in file.keys().filter(|key| key.contains(&format!("lpips_{name}"))) {
@@ -51,10 +51,10 @@ pub fn run(file: Reference, weights: Option<&Path>) -> Reference {
     file
 }
 
-fn distance(file: &Reference, lpips: &Lpips<f32>, name: &str, i: usize) {
+fn distance<T: Real>(file: &Reference, lpips: &Lpips<T>, name: &str, i: usize) {
     let shape = file.shape(&format!("in.a{i}"));
     let images = [1, shape[0], shape[1], shape[2]];
-    let tape = Tape::<f32>::new();
+    let tape = Tape::<T>::new();
     let target = tape.constant(&file.data(&format!("in.a{i}")), images);
     let render = tape.leaf(&file.data(&format!("in.b{i}")), images);
     let layers = lpips.layers(target, render).map(|term| term.item());

@@ -4,7 +4,7 @@
 use super::camera_head::{intrinsics, matrices};
 use super::reference::Reference;
 use weaver_autograd::ops::{self, Activation, RopeTable};
-use weaver_autograd::{Params, Shape, Tape, Var};
+use weaver_autograd::{Params, Real, Shape, Tape, Var};
 use weaver_losses::quantiles;
 use weaver_nn::{Builder, Context};
 use weaver_router::gumbel_softmax_straight_through;
@@ -44,8 +44,8 @@ impl Operation<'_> {
     }
 
     /// Runs `f` on the inputs called `names` and compares its result and their gradients.
-    fn check(&self, names: &[&str], f: impl for<'t> Fn(&[Var<'t>]) -> Var<'t>) {
-        let tape = Tape::<f32>::new();
+    fn check<T: Real>(&self, names: &[&str], f: impl for<'t> Fn(&[Var<'t, T>]) -> Var<'t, T>) {
+        let tape = Tape::<T>::new();
         let inputs: Vec<_> = names.iter().map(|name| self.file.leaf(&tape, &self.key(&format!("in.{name}")))).collect();
         let y = f(&inputs);
         self.file.check(&self.key("out"), &y.value());
@@ -61,79 +61,79 @@ impl Operation<'_> {
         [shape[2], shape[3]]
     }
 
-    fn run(&self) -> bool {
+    fn run<T: Real>(&self) -> bool {
         let has_bias = self.file.has(&self.key("in.b"));
         let name = self.name;
         match name {
-            "relu" => self.check(&["input"], |x| x[0].relu()),
-            "silu" => self.check(&["input"], |x| x[0].silu()),
-            "softplus" => self.check(&["input"], |x| x[0].softplus()),
-            "sigmoid" => self.check(&["input"], |x| x[0].sigmoid()),
-            "tanh" => self.check(&["input"], |x| x[0].tanh()),
-            "linear" => self.check(&["x", "w", "b"], |x| ops::linear(x[0], x[1], Some(x[2]), Activation::None)),
-            "huber" => self.check(&["x", "y"], |x| ops::huber(x[0], x[1], self.constant("delta"))),
-            "rope2d" => self.rope(),
-            "covariance" => self.covariance(),
-            "unproject" => self.unproject(),
-            "camera_encode" => self.encode(),
-            "camera_decode_intrinsics" => self.decode_intrinsics(),
-            "residual_conv_unit" => self.residual_unit(),
-            "softmax_last" => self.check(&["x"], |x| x[0].softmax(x[0].shape().rank() - 1)),
-            "softmax_dim1" => self.check(&["x"], |x| x[0].softmax(x[0].shape().rank() - 2)),
-            "quat_to_mat_camera" => self.check(&["q"], |x| weaver_pose::rotation_from_xyzw(x[0])),
-            "mat_to_quat" => self.check(&["m"], |x| weaver_pose::xyzw_from_rotation(x[0])),
+            "relu" => self.check::<T>(&["input"], |x| x[0].relu()),
+            "silu" => self.check::<T>(&["input"], |x| x[0].silu()),
+            "softplus" => self.check::<T>(&["input"], |x| x[0].softplus()),
+            "sigmoid" => self.check::<T>(&["input"], |x| x[0].sigmoid()),
+            "tanh" => self.check::<T>(&["input"], |x| x[0].tanh()),
+            "linear" => self.check::<T>(&["x", "w", "b"], |x| ops::linear(x[0], x[1], Some(x[2]), Activation::None)),
+            "huber" => self.check::<T>(&["x", "y"], |x| ops::huber(x[0], x[1], self.constant("delta"))),
+            "rope2d" => self.rope::<T>(),
+            "covariance" => self.covariance::<T>(),
+            "unproject" => self.unproject::<T>(),
+            "camera_encode" => self.encode::<T>(),
+            "camera_decode_intrinsics" => self.decode_intrinsics::<T>(),
+            "residual_conv_unit" => self.residual_unit::<T>(),
+            "softmax_last" => self.check::<T>(&["x"], |x| x[0].softmax(x[0].shape().rank() - 1)),
+            "softmax_dim1" => self.check::<T>(&["x"], |x| x[0].softmax(x[0].shape().rank() - 2)),
+            "quat_to_mat_camera" => self.check::<T>(&["q"], |x| weaver_pose::rotation_from_xyzw(x[0])),
+            "mat_to_quat" => self.check::<T>(&["m"], |x| weaver_pose::xyzw_from_rotation(x[0])),
             "cross_entropy" => {
                 let labels = self.file.indices(&self.key("target"));
-                self.check(&["x"], |x| ops::cross_entropy(x[0], &labels, self.constant("label smoothing")));
+                self.check::<T>(&["x"], |x| ops::cross_entropy(x[0], &labels, self.constant("label smoothing")));
             }
-            "gumbel_softmax" => self.check(&["x"], |x| {
+            "gumbel_softmax" => self.check::<T>(&["x"], |x| {
                 let noise = self.file.constant(x[0].tape(), &self.key("noise"));
                 gumbel_softmax_straight_through(x[0], Some(noise), self.constant("temperature"))
             }),
-            "camera_decode_extrinsics" => self.check(&["p"], |x| weaver_pose::cameras(x[0], 1, 1).w2c),
+            "camera_decode_extrinsics" => self.check::<T>(&["p"], |x| weaver_pose::cameras(x[0], 1, 1).w2c),
             "dpt_pos_embed" => {
                 let [height, width] = self.image();
-                self.check(&["x"], |x| add_position(x[0], height, width));
+                self.check::<T>(&["x"], |x| add_position(x[0], height, width));
             }
             "quantile" => {
                 let list = self.note.split(" at ").nth(1).unwrap_or_default();
                 let q: Vec<f64> = list.split(',').filter_map(|part| part.trim().parse().ok()).collect();
-                self.check(&["x"], |x| quantiles(x[0], &q));
+                self.check::<T>(&["x"], |x| quantiles(x[0], &q));
             }
-            _ if name.starts_with("gelu") => self.check(&["input"], |x| x[0].gelu()),
+            _ if name.starts_with("gelu") => self.check::<T>(&["input"], |x| x[0].gelu()),
             _ if name.starts_with("layer_norm") => {
                 let eps = self.constant("eps");
                 match has_bias {
-                    true => self.check(&["x", "w", "b"], |x| x[0].layer_norm(Some((x[1], x[2])), eps)),
-                    false => self.check(&["x"], |x| x[0].layer_norm(None, eps)),
+                    true => self.check::<T>(&["x", "w", "b"], |x| x[0].layer_norm(Some((x[1], x[2])), eps)),
+                    false => self.check::<T>(&["x"], |x| x[0].layer_norm(None, eps)),
                 }
             }
-            _ if name.starts_with("sdpa") => self.check(&["q", "k", "v"], |x| {
+            _ if name.starts_with("sdpa") => self.check::<T>(&["q", "k", "v"], |x| {
                 let scale = 1.0 / (x[0].shape()[3] as f64).sqrt();
                 let [q, k, v] = [x[0], x[1], x[2]].map(|x| x.permute(&[0, 2, 1, 3]));
                 ops::attention(q, k, v, scale).permute(&[0, 2, 1, 3])
             }),
             _ if name.starts_with("conv_transpose2d") => {
                 let stride = self.constant("stride") as usize;
-                self.check(&["x", "w", "b"], |x| ops::conv_transpose2d(x[0], x[1], Some(x[2]), stride));
+                self.check::<T>(&["x", "w", "b"], |x| ops::conv_transpose2d(x[0], x[1], Some(x[2]), stride));
             }
             _ if name.starts_with("conv2d") => {
                 let (stride, padding) = (self.constant("stride") as usize, self.constant("padding") as usize);
                 let names = ["x", "w", "b"];
                 let names = if has_bias { &names[..] } else { &names[..2] };
-                self.check(names, |x| ops::conv2d(x[0], x[1], x.get(2).copied(), stride, padding));
+                self.check::<T>(names, |x| ops::conv2d(x[0], x[1], x.get(2).copied(), stride, padding));
             }
             _ if name.starts_with("bicubic_aa") => {
                 let [h, w] = self.size();
-                self.check(&["x"], |x| x[0].bicubic_antialias(h, w));
+                self.check::<T>(&["x"], |x| x[0].bicubic_antialias(h, w));
             }
             _ if name.starts_with("bicubic_plain") => {
                 let [h, w] = self.size();
-                self.check(&["x"], |x| x[0].bicubic(h, w));
+                self.check::<T>(&["x"], |x| x[0].bicubic(h, w));
             }
             _ if name.starts_with("bilinear_ac_") => {
                 let ([h, w], aligned) = (self.size(), name.starts_with("bilinear_ac_true"));
-                self.check(&["x"], |x| x[0].bilinear(h, w, aligned));
+                self.check::<T>(&["x"], |x| x[0].bilinear(h, w, aligned));
             }
             _ => return false,
         }
@@ -141,10 +141,10 @@ impl Operation<'_> {
     }
 
     /// x [batch, heads, tokens, dim] with positions of each batch entry's own.
-    fn rope(&self) {
+    fn rope<T: Real>(&self) {
         let positions = self.file.indices(&self.key("positions"));
         let tokens = self.file.shape(&self.key("positions"))[1];
-        self.check(&["x"], |x| {
+        self.check::<T>(&["x"], |x| {
             let (heads_last, dim) = (x[0].permute(&[0, 2, 1, 3]), x[0].shape()[3]);
             let turned: Vec<_> = (0..x[0].shape()[0])
                 .map(|b| {
@@ -158,17 +158,17 @@ impl Operation<'_> {
     }
 
     /// The file has quaternions xyzw.
-    fn covariance(&self) {
-        self.check(&["s", "q"], |x| {
+    fn covariance<T: Real>(&self) {
+        self.check::<T>(&["s", "q"], |x| {
             let wxyz = ops::concat(&[x[1].slice(1, 3, 1), x[1].slice(1, 0, 3)], 1);
             weaver_splat::covariance(x[0], wxyz)
         });
     }
 
     /// The file has 3x3 matrices of intrinsics.
-    fn unproject(&self) {
+    fn unproject<T: Real>(&self) {
         let file = self.file;
-        let tape = Tape::<f32>::new();
+        let tape = Tape::<T>::new();
         let (depth, w2c) = (file.leaf(&tape, &self.key("in.d")), file.leaf(&tape, &self.key("in.e")));
         let shape = w2c.shape();
         let views = &shape.dims()[..shape.rank() - 2];
@@ -183,9 +183,9 @@ impl Operation<'_> {
         file.check(&self.key("grad.k"), &matrices(&intrinsics.grad().unwrap_or_default(), 0.0));
     }
 
-    fn encode(&self) {
+    fn encode<T: Real>(&self) {
         let file = self.file;
-        let tape = Tape::<f32>::new();
+        let tape = Tape::<T>::new();
         let w2c = file.leaf(&tape, &self.key("in.e"));
         let shape = w2c.shape();
         let views = &shape.dims()[..shape.rank() - 2];
@@ -199,9 +199,9 @@ impl Operation<'_> {
         file.check(&self.key("grad.k"), &matrices(&intrinsics.grad().unwrap_or_default(), 0.0));
     }
 
-    fn decode_intrinsics(&self) {
+    fn decode_intrinsics<T: Real>(&self) {
         let file = self.file;
-        let tape = Tape::<f32>::new();
+        let tape = Tape::<T>::new();
         let code = file.leaf(&tape, &self.key("in.p"));
         let [height, width] = self.image();
         let rows = weaver_pose::cameras(code, height, width).intrinsics;
@@ -210,14 +210,14 @@ impl Operation<'_> {
         file.check_grad(&self.key("grad.p"), code);
     }
 
-    fn residual_unit(&self) {
+    fn residual_unit<T: Real>(&self) {
         let file = self.file;
-        let tape = Tape::<f32>::new();
+        let tape = Tape::<T>::new();
         let x = file.leaf(&tape, &self.key("in.x"));
-        let mut params = Params::<f32>::new();
+        let mut params = Params::<T>::new();
         let unit = ResidualConvUnit::new(Builder::new(&mut params, 0), x.shape()[1]);
         let names = [("conv1.weight", "w1"), ("conv1.bias", "b1"), ("conv2.weight", "w2"), ("conv2.bias", "b2")];
-        let id = |params: &Params<f32>, name: &str| params.find(name).expect("the unit has this parameter");
+        let id = |params: &Params<T>, name: &str| params.find(name).expect("the unit has this parameter");
         for (name, key) in names {
             let id = id(&params, name);
             params.value_mut(id).copy_from_slice(&file.data(&self.key(&format!("in.{key}"))));
@@ -233,11 +233,11 @@ impl Operation<'_> {
     }
 }
 
-pub fn run(file: Reference) -> Reference {
+pub fn run<T: Real>(file: Reference) -> Reference {
     let notes = file.operations.as_object().cloned().unwrap_or_default();
     for (name, note) in &notes {
         let operation = Operation { file: &file, name, note: note.as_str().unwrap_or_default() };
-        if !operation.run() {
+        if !operation.run::<T>() {
             file.fail(name, "an operation that is not known here".into());
         }
     }

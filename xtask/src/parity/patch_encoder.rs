@@ -1,11 +1,11 @@
 //! The patch encoder.
 
 use super::reference::Reference;
-use weaver_autograd::{Params, Tape};
+use weaver_autograd::{Params, Real, Tape};
 use weaver_nn::{Builder, Context};
 use weaver_vggt::{BackboneInit, VisionTransformer, VisionTransformerConfig};
 
-pub fn run(file: Reference) -> Reference {
+pub fn run<T: Real>(file: Reference) -> Reference {
     let config = VisionTransformerConfig {
         patch: file.size("patch"),
         dim: file.size("dim"),
@@ -15,11 +15,11 @@ pub fn run(file: Reference) -> Reference {
         registers: file.size("register_tokens"),
         table: file.grid("pos_table"),
     };
-    let mut params = Params::<f32>::new();
+    let mut params = Params::<T>::new();
     let mut root = Builder::new(&mut params, 0);
     let encoder = VisionTransformer::new(root.scope("aggregator.patch_embed"), config, BackboneInit::PUBLISHED);
     file.load(&mut params);
-    let tape = Tape::new();
+    let tape = Tape::<T>::new();
     let cx = Context::new(&tape, &params);
     let images = file.leaf(&tape, "in.image");
 

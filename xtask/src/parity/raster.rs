@@ -2,13 +2,13 @@
 
 use super::camera_head::intrinsics;
 use super::reference::Reference;
-use weaver_autograd::Tape;
+use weaver_autograd::{Real, Tape};
 use weaver_splat::{CameraVars, GaussianVars, RasterSettings, Rasterize, WorkspacePool};
 
 /// The bar of these files, whose fragile pixels are marked.
 const BAR: f64 = 1e-4;
 
-pub fn run(file: Reference) -> Reference {
+pub fn run<T: Real>(file: Reference) -> Reference {
     let file = file.with_bar(BAR);
     let shape = file.shape("out.image");
     let (height, width) = (shape[shape.len() - 3], shape[shape.len() - 2]);
@@ -20,7 +20,7 @@ pub fn run(file: Reference) -> Reference {
     };
     let colours = if file.has("in.sh") { "sh" } else { "colors" };
     let workspaces = WorkspacePool::new();
-    let tape = Tape::<f32>::new();
+    let tape = Tape::<T>::new();
     let leaf = |name: &str| file.leaf(&tape, &format!("in.{name}"));
     let gaussians = GaussianVars {
         means: leaf("means"),

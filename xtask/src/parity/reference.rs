@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::path::Path;
-use weaver_autograd::{Params, Shape, Tape, Var};
+use weaver_autograd::{Params, Real, Shape, Tape, Var};
 use weaver_io::checkpoint::{TensorData, Tensors};
 
 /// The least error allowed, relative L2.
@@ -145,44 +145,47 @@ impl Reference {
         self.tensors.tensors.get(key).unwrap_or_else(|| panic!("the file has no {key}")).shape.clone()
     }
 
-    /// Numbers of any type as f32.
-    pub fn data(&self, key: &str) -> Vec<f32> {
+    /// Numbers of any type.
+    pub fn data<T: Real>(&self, key: &str) -> Vec<T> {
         let tensor = self.tensors.tensors.get(key).unwrap_or_else(|| panic!("the file has no {key}"));
         match &tensor.data {
-            TensorData::I32(values) => values.iter().map(|x| *x as f32).collect(),
-            TensorData::U8(values) => values.iter().map(|x| f32::from(*x)).collect(),
-            data => data.widened().unwrap_or_else(|| panic!("{key}: numbers of type {}", data.dtype())).into_owned(),
+            TensorData::I32(values) => values.iter().map(|x| T::from_f64(f64::from(*x))).collect(),
+            TensorData::U8(values) => values.iter().map(|x| T::from_f64(f64::from(*x))).collect(),
+            data => {
+                let wide = data.widened().unwrap_or_else(|| panic!("{key}: numbers of type {}", data.dtype()));
+                wide.iter().map(|x| T::from_f32(*x)).collect()
+            }
         }
     }
 
     pub fn indices(&self, key: &str) -> Vec<u32> {
-        self.data(key).iter().map(|x| *x as u32).collect()
+        self.data::<f64>(key).iter().map(|x| *x as u32).collect()
     }
 
     /// Marks an output as an input: it says where to compare.
     pub fn mask(&self, key: &str) -> Vec<bool> {
         self.used.borrow_mut().insert(key.into());
-        self.data(key).iter().map(|x| *x != 0.0).collect()
+        self.data::<f32>(key).iter().map(|x| *x != 0.0).collect()
     }
 
-    pub fn leaf<'t>(&self, tape: &'t Tape<f32>, key: &str) -> Var<'t> {
+    pub fn leaf<'t, T: Real>(&self, tape: &'t Tape<T>, key: &str) -> Var<'t, T> {
         tape.leaf(&self.data(key), Shape::new(&self.shape(key)))
     }
 
-    pub fn constant<'t>(&self, tape: &'t Tape<f32>, key: &str) -> Var<'t> {
+    pub fn constant<'t, T: Real>(&self, tape: &'t Tape<T>, key: &str) -> Var<'t, T> {
         tape.constant(&self.data(key), Shape::new(&self.shape(key)))
     }
 
     /// sum(cot.NAME * y); 0 where the file has no such cotangent.
-    pub fn weighted<'t>(&self, y: Var<'t>, key: &str) -> Var<'t> {
+    pub fn weighted<'t, T: Real>(&self, y: Var<'t, T>, key: &str) -> Var<'t, T> {
         if !self.has(key) {
-            return y.tape().scalar(0.0);
+            return y.tape().scalar(T::ZERO);
         }
         (y * y.tape().constant(&self.data(key), y.shape())).sum()
     }
 
     /// Overwrites every parameter with the file's `w.NAME`.
-    pub fn load(&self, params: &mut Params<f32>) {
+    pub fn load<T: Real>(&self, params: &mut Params<T>) {
         for id in params.ids() {
             let key = format!("w.{}", params.get(id).name());
             assert_eq!(params.get(id).shape().dims(), self.shape(&key), "shape of {key}");
@@ -191,29 +194,29 @@ impl Reference {
     }
 
     /// Compares numbers with those of a key, where the file has it.
-    pub fn check(&self, key: &str, found: &[f32]) {
+    pub fn check<T: Real>(&self, key: &str, found: &[T]) {
         self.check_where(key, found, |_| true);
     }
 
     /// The same where `counts(i)`.
-    pub fn check_where(&self, key: &str, found: &[f32], counts: impl Fn(usize) -> bool) {
+    pub fn check_where<T: Real>(&self, key: &str, found: &[T], counts: impl Fn(usize) -> bool) {
         if !self.has(key) {
             return;
         }
-        let expected = self.data(key);
+        let expected: Vec<f64> = self.data(key);
         if found.len() != expected.len() {
             self.fail(key, format!("{} numbers, expected {}", found.len(), expected.len()));
             return;
         }
         let pairs = || found.iter().zip(&expected).enumerate().filter(|(i, _)| counts(*i)).map(|(_, pair)| pair);
-        let largest = largest(pairs().map(|(a, b)| f64::from(*a) - f64::from(*b)));
+        let largest = largest(pairs().map(|(a, b)| a.to_f64() - *b));
         let f32_error = self.f32_error[key][0].as_f64();
         if self.exact_zeros.get(key).is_some() {
             self.push(key, largest, largest, f32_error, ZERO, "exactly 0: absolute");
             return;
         }
-        let magnitude = length(pairs().map(|(_, b)| f64::from(*b)));
-        let difference = length(pairs().map(|(a, b)| f64::from(*a) - f64::from(*b)));
+        let magnitude = length(pairs().map(|(_, b)| *b));
+        let difference = length(pairs().map(|(a, b)| a.to_f64() - *b));
         let error = if magnitude > 0.0 { difference / magnitude } else { difference };
         let allowed = self.bar.unwrap_or_else(|| (FACTOR * f32_error.unwrap_or(0.0)).max(FLOOR));
         if (key.starts_with("grad.lpips") || key.starts_with("grad_lpips")) && error > allowed {
@@ -245,7 +248,7 @@ impl Reference {
     }
 
     /// Compares the gradient of a tensor.
-    pub fn check_grad(&self, key: &str, x: Var<'_>) {
+    pub fn check_grad<T: Real>(&self, key: &str, x: Var<'_, T>) {
         match x.grad() {
             Some(gradient) => self.check(key, &gradient),
             None if self.has(key) => {
@@ -256,7 +259,7 @@ impl Reference {
     }
 
     /// Compares every parameter's gradient, in full where the file has it, and its norm, sum and weighted sum.
-    pub fn check_params(&self, params: &Params<f32>, tape: &Tape<f32>) {
+    pub fn check_params<T: Real>(&self, params: &Params<T>, tape: &Tape<T>) {
         for (id, param) in params.iter() {
             let name = param.name();
             let (full, stat) = (format!("grad.w.{name}"), format!("gradstat.w.{name}"));
@@ -273,11 +276,11 @@ impl Reference {
         }
     }
 
-    fn check_statistics(&self, key: &str, gradient: &[f32]) {
-        let g = || gradient.iter().enumerate().map(|(i, g)| (i as f64, f64::from(*g)));
+    fn check_statistics<T: Real>(&self, key: &str, gradient: &[T]) {
+        let g = || gradient.iter().enumerate().map(|(i, g)| (i as f64, g.to_f64()));
         let found =
             [length(g().map(|(_, g)| g)), g().map(|(_, g)| g).sum(), g().map(|(i, g)| g * (0.7 * i + 0.3).cos()).sum()];
-        let expected: Vec<f64> = self.data(key).iter().map(|x| f64::from(*x)).collect();
+        let expected: Vec<f64> = self.data(key);
         let difference = || found.iter().zip(&expected).map(|(a, b)| a - b);
         let largest = largest(difference());
         if self.exact_zeros.get(key).is_some() {
