@@ -4,7 +4,7 @@
 //! only where the processor has them: that is why each `unsafe` block below is sound.
 #![allow(unsafe_code)]
 
-use super::{LANES, LaneKernel, LaneMask, Lanes, portable, sealed::Sealed};
+use super::{LANES, LaneKernel, LaneMask, Lanes, sealed::Sealed};
 use crate::Real;
 use std::arch::x86_64::*;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -151,17 +151,92 @@ impl Lanes for Ymm2 {
 
     #[inline(always)]
     fn log2(self) -> Self {
-        Self::load(&self.to_array().map(Real::log2))
+        let x = self.to_array();
+        Self::from_fn(
+            #[inline(always)]
+            |i| Real::log2(x[i]),
+        )
     }
 
     #[inline(always)]
     fn sums(of: &[Self; LANES]) -> Self {
-        Self::load(&portable::sums(&of.map(Self::to_array)))
+        let mut halves = [of[0].0; LANES];
+        for (half, row) in halves.iter_mut().zip(of) {
+            // SAFETY: AVX2 is there (module).
+            *half = unsafe { _mm256_add_ps(row.0, row.1) };
+        }
+        let [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p] = halves;
+        Self(sums_of_eight([a, b, c, d, e, f, g, h]), sums_of_eight([i, j, k, l, m, n, o, p]))
     }
 
     #[inline(always)]
     fn transpose(rows: &mut [Self; LANES]) {
-        let old = rows.map(Self::to_array);
-        *rows = std::array::from_fn(|i| Self::from_fn(|j| old[j][i]));
+        let mut blocks = [[rows[0].0; 8]; 4];
+        for i in 0..8 {
+            blocks[0][i] = rows[i].0;
+            blocks[1][i] = rows[i].1;
+            blocks[2][i] = rows[8 + i].0;
+            blocks[3][i] = rows[8 + i].1;
+        }
+        let [a, b, c, d] = blocks;
+        let (a, b, c, d) = (transposed(a), transposed(b), transposed(c), transposed(d));
+        for i in 0..8 {
+            rows[i] = Self(a[i], c[i]);
+            rows[8 + i] = Self(b[i], d[i]);
+        }
+    }
+}
+
+/// The sums of the lanes of eight vectors.
+#[inline(always)]
+fn sums_of_eight([a, b, c, d, e, f, g, h]: [__m256; 8]) -> __m256 {
+    // SAFETY: AVX2 is there (module).
+    unsafe {
+        // Halves, then pairs, then neighbours; two vectors become one of both each time.
+        macro_rules! halves {
+            ($a:expr, $b:expr) => {
+                _mm256_add_ps(_mm256_permute2f128_ps::<0x20>($a, $b), _mm256_permute2f128_ps::<0x31>($a, $b))
+            };
+        }
+        macro_rules! pairs {
+            ($a:expr, $b:expr) => {
+                _mm256_add_ps(_mm256_shuffle_ps::<0x44>($a, $b), _mm256_shuffle_ps::<0xee>($a, $b))
+            };
+        }
+        let (ae, bf, cg, dh) = (halves!(a, e), halves!(b, f), halves!(c, g), halves!(d, h));
+        let (even, odd) = (pairs!(ae, cg), pairs!(bf, dh));
+        let sums = _mm256_add_ps(_mm256_shuffle_ps::<0x88>(even, odd), _mm256_shuffle_ps::<0xdd>(even, odd));
+        // In each half: rows 0, 2, 1, 3.
+        _mm256_permute_ps::<0b11_01_10_00>(sums)
+    }
+}
+
+/// Eight rows of eight as columns.
+#[inline(always)]
+fn transposed([a, b, c, d, e, f, g, h]: [__m256; 8]) -> [__m256; 8] {
+    // SAFETY: AVX2 is there (module).
+    unsafe {
+        let (ab, cd) = (_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c, d));
+        let (ab_high, cd_high) = (_mm256_unpackhi_ps(a, b), _mm256_unpackhi_ps(c, d));
+        let (ef, gh) = (_mm256_unpacklo_ps(e, f), _mm256_unpacklo_ps(g, h));
+        let (ef_high, gh_high) = (_mm256_unpackhi_ps(e, f), _mm256_unpackhi_ps(g, h));
+        let first = [
+            _mm256_shuffle_ps::<0x44>(ab, cd),
+            _mm256_shuffle_ps::<0xee>(ab, cd),
+            _mm256_shuffle_ps::<0x44>(ab_high, cd_high),
+            _mm256_shuffle_ps::<0xee>(ab_high, cd_high),
+        ];
+        let second = [
+            _mm256_shuffle_ps::<0x44>(ef, gh),
+            _mm256_shuffle_ps::<0xee>(ef, gh),
+            _mm256_shuffle_ps::<0x44>(ef_high, gh_high),
+            _mm256_shuffle_ps::<0xee>(ef_high, gh_high),
+        ];
+        let mut out = [a; 8];
+        for i in 0..4 {
+            out[i] = _mm256_permute2f128_ps::<0x20>(first[i], second[i]);
+            out[4 + i] = _mm256_permute2f128_ps::<0x31>(first[i], second[i]);
+        }
+        out
     }
 }
