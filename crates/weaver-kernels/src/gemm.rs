@@ -265,7 +265,7 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
             for k in (0..self.k.max(1)).step_by(depth) {
                 let depth = depth.min(self.k - k);
                 let beta = if k == 0 { self.beta } else { T::ONE };
-                if packed {
+                if packed && depth > 0 {
                     let (p_stride, i_stride) = (self.a.col_stride, self.a.row_stride);
                     for rows in (0..tiles).map(tile) {
                         let from = &a[rows.start * i_stride + k * p_stride..];

@@ -8,14 +8,15 @@ use weaver_kernels::random::Stream;
 fn naive<T: Real>(ta: bool, tb: bool, [m, n, k]: [usize; 3], alpha: T, a: &[T], b: &[T], beta: T, c: &mut [T]) {
     for i in 0..m {
         for j in 0..n {
-            let mut sum = T::ZERO;
+            // In f64, so that the twin's own rounding does not count.
+            let mut sum = 0.0;
             for p in 0..k {
                 let x = if ta { a[p * m + i] } else { a[i * k + p] };
                 let y = if tb { b[j * k + p] } else { b[p * n + j] };
-                sum += x * y;
+                sum += x.to_f64() * y.to_f64();
             }
             let old = if beta == T::ZERO { T::ZERO } else { beta * c[i * n + j] };
-            c[i * n + j] = alpha * sum + old;
+            c[i * n + j] = alpha * T::from_f64(sum) + old;
         }
     }
 }
