@@ -416,6 +416,19 @@ fn instruction_sets_agree() {
     assert!(simd::level() <= simd::Level::Avx512);
 }
 
+/// The tests against slow twins, by the instruction sets that this processor would not choose.
+#[test]
+fn lesser_instruction_sets_pass_the_same_tests() {
+    for level in ["portable", "avx2"] {
+        let mut command = Command::new(std::env::current_exe().expect("a test has an executable"));
+        command.args(["gemm::small", "gemm::larger", "gemm::batched", "conv::matches", "attention::matches"]);
+        command.args(["layer_norm::matches", "softmax::matches", "reduce::rows"]).env("WEAVER_SIMD", level);
+        let output = command.output().expect("a test can be started again");
+        let text = String::from_utf8_lossy(&output.stdout);
+        assert!(output.status.success() && !text.contains("running 0 tests"), "{level}: {text}");
+    }
+}
+
 /// The next results are those of these kernels; equal up to rounding, which sums of products in another order have.
 fn compare<'a, T: Real>(
     level: &str,
