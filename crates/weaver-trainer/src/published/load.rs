@@ -22,9 +22,9 @@ pub const CONFIG: &str = "splatweaver_model";
 #[derive(Clone, Debug)]
 pub enum Network {
     /// With Gaussians.
-    SplatWeaver(SplatWeaver),
+    SplatWeaver(Box<SplatWeaver>),
     /// Cameras and depth alone.
-    Vggt(Vggt),
+    Vggt(Box<Vggt>),
 }
 
 impl Network {
@@ -107,13 +107,15 @@ impl Opened {
     pub fn load(&self) -> Result<(Network, Params<f32>), Error> {
         let mut params = Params::new();
         let network = if self.has_gaussians {
-            Network::SplatWeaver(SplatWeaver::declare(self.config.clone(), &mut params))
+            Network::SplatWeaver(Box::new(SplatWeaver::declare(self.config.clone(), &mut params)))
         } else {
-            Network::Vggt(Vggt::new(Builder::declaring(&mut params), &self.config))
+            Network::Vggt(Box::new(Vggt::new(Builder::declaring(&mut params), &self.config)))
         };
         let ids: Vec<ParamId> = params.ids().collect();
         let mut found: Vec<Result<ParamValues<f32>, Fault>> = ids.iter().map(|_| Err(Fault::Missing)).collect();
         parallel::for_chunks(&mut found, 1, |i, found| found[0] = self.values(&params, ids[i]));
+        // Every number was looked at. What is needed first comes back first, the rest when its turn comes.
+        self.weights.forget();
 
         let mut faults: [Vec<String>; 4] = Default::default();
         for (id, values) in ids.iter().zip(found) {
