@@ -45,7 +45,7 @@ pub fn run() -> Result<(), String> {
 fn executables() -> Result<Vec<(String, String)>, String> {
     let mut build = Command::new(env!("CARGO"));
     build.args(["test", "--no-run", "--locked", "--message-format", "json"]).stderr(Stdio::inherit());
-    PACKAGES.iter().for_each(|package| drop(build.args(["-p", package])));
+    build.args(PACKAGES.iter().flat_map(|package| ["-p", package]));
     let output = build.output().map_err(|e| format!("cargo could not be started: {e}"))?;
     if !output.status.success() {
         return Err("the tests do not compile".into());
@@ -68,7 +68,7 @@ fn memcheck(executable: &str, set: &str) -> Result<Option<i32>, String> {
     let mut run = Command::new("valgrind");
     run.args(["--quiet", "--tool=memcheck", &format!("--error-exitcode={FOUND}"), executable]);
     run.args(["--quiet", "--test-threads=1"]);
-    SKIPPED.iter().for_each(|part| drop(run.args(["--skip", part])));
+    run.args(SKIPPED.iter().flat_map(|part| ["--skip", part]));
     // Two threads are enough to share work; few random cases, each of which takes fifty times as long as usual.
     let run = run.env("WEAVER_SIMD", set).env("RAYON_NUM_THREADS", "2").env("PROPTEST_CASES", "2");
     run.status().map(|status| status.code()).map_err(|e| format!("valgrind could not be started: {e}"))
