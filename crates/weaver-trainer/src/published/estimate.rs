@@ -6,15 +6,16 @@ use weaver_model::ModelConfig;
 
 /// Bytes that running a checkpoint on `views` photos of `size` (H, W) takes, weights included.
 ///
-/// The sum of what is alive at once where most is: the tokens and the widest layer of a transformer block, or the dense
-/// heads' maps of one view beside what all views leave behind.
+/// The largest of what is alive at once: the weights with the tokens and the widest layer of a transformer block, or with
+/// the dense heads' maps of one view beside what all views leave behind; or, when the backbone's weights have left memory,
+/// the attention of the Gaussians over their neighbours.
 pub fn bytes(opened: &Opened, views: usize, size: [usize; 2]) -> u64 {
-    let config = &opened.config;
-    opened.bytes() + activations(config, opened.has_gaussians, views as u64, size)
+    let [dense, neighbours] = activations(&opened.config, opened.has_gaussians, views as u64, size);
+    (opened.bytes() + dense).max(opened.bytes_after_backbone() + neighbours)
 }
 
-/// Of these, the part that is no weights.
-pub fn activations(config: &ModelConfig, gaussians: bool, views: u64, [height, width]: [usize; 2]) -> u64 {
+/// Of these, the part that is no weights: while the network looks at photos, and at Gaussians.
+pub fn activations(config: &ModelConfig, gaussians: bool, views: u64, [height, width]: [usize; 2]) -> [u64; 2] {
     const NUMBER: u64 = 4;
     let [height, width, patch, dim] = [height, width, config.patch, config.backbone.dim].map(|n| n as u64);
     let pixels = height * width;
@@ -31,7 +32,16 @@ pub fn activations(config: &ModelConfig, gaussians: bool, views: u64, [height, w
     let windows = 16 * pixels.max(64 * patches);
     let heads = fused + windows + pixels * (if gaussians { 5 } else { 2 } * channels);
     let kept = if gaussians { views * pixels * (channels + 16) } else { views * pixels * 8 };
-    NUMBER * (levels + block.max(heads + kept))
+    let dense = NUMBER * (levels + block.max(heads + kept));
+    if !gaussians || !config.gaussians.neighbour_attention {
+        return [dense, 0];
+    }
+    // How many Gaussians there will be nobody knows; published scenes have fewer than 0.6 a pixel. Some eight tensors of
+    // [Gaussians, neighbours, width] are alive in their attention. Against what was measured at the published size, all of
+    // this is 17, 20 and 8 % too much for 2, 4 and 8 photos.
+    let drawn = views * pixels * 6 / 10;
+    let around = (config.gaussians.neighbours * config.gaussians.predictor) as u64;
+    [dense, NUMBER * (kept + 8 * drawn * around)]
 }
 
 /// An error that names the figures and what makes them smaller, if the memory that is free will not do.
@@ -66,6 +76,9 @@ mod tests {
     fn more_views_and_more_pixels_need_more() {
         let config = ModelConfig::splatweaver_1b();
         let of = |views, size| activations(&config, true, views, size);
-        assert!(of(2, [252, 448]) < of(4, [252, 448]) && of(4, [252, 448]) < of(4, [448, 448]));
+        for part in 0..2 {
+            assert!(of(2, [252, 448])[part] < of(4, [252, 448])[part]);
+            assert!(of(4, [252, 448])[part] < of(4, [448, 448])[part]);
+        }
     }
 }

@@ -87,6 +87,12 @@ impl Opened {
         self.weights.iter().filter(|w| !self.is_unused(w.name())).map(|w| w.bytes() as u64).sum()
     }
 
+    /// Of these, what is needed when the backbone is done.
+    pub fn bytes_after_backbone(&self) -> u64 {
+        let used = self.weights.iter().filter(|w| !self.is_unused(w.name()) && !w.name().contains("aggregator."));
+        used.map(|w| w.bytes() as u64).sum()
+    }
+
     /// The weights in their files.
     pub fn weights(&self) -> &Weights {
         &self.weights
