@@ -15,7 +15,7 @@ const USAGE: &str = "usage: cargo xtask <command>
   random-weights  --preset splatweaver-1b FILE: a checkpoint of the published size and types, drawn at random
   check   fmt, clippy, rustdoc and tidy: what must hold before a change lands
   tidy    the crates' edges and the invariants of docs/architecture.md
-  parity  DIR [--json]: every module against the files of reference numbers in DIR
+  parity  DIR [--json] [--strict]: every module against the files of reference numbers in DIR
   valgrind  the tests of kernels and tape under memcheck, by portable code and by AVX2";
 
 fn main() -> ExitCode {

@@ -13,12 +13,12 @@ use weaver_kernels::Real;
 
 mod backward;
 mod measure;
+mod path;
 mod release;
 
-pub use release::Mark;
-mod path;
-
+pub use measure::NodeView;
 pub use path::Scope;
+pub use release::Mark;
 
 /// Index of a value on the tape.
 pub(crate) type ValueId = u32;

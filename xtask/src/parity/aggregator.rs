@@ -37,7 +37,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
         file.check(&format!("out.round{round}"), &tokens.value());
         loss = loss + file.weighted(*tokens, &format!("cot.round{round}"));
     }
-    loss.backward();
+    file.backward(loss);
     file.check_grad("grad.in.images", images);
     file.check_params(&params, &tape);
     file

@@ -73,7 +73,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     file.check("out.intrinsics_normalised", &matrices(&normalised, 1.0));
     loss = loss + file.weighted(cameras.w2c, "cot.extrinsics");
     loss = loss + weighted_intrinsics(&file, cameras.intrinsics, "cot.intrinsics");
-    loss.backward();
+    file.backward(loss);
     file.check_grad("grad.in.tokens", tokens);
     file.check_params(&params, &tape);
     file

@@ -48,7 +48,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
         file.check(&format!("out.{name}"), &y.value());
         loss = loss + file.weighted(y, &format!("cot.{name}"));
     }
-    loss.backward();
+    file.backward(loss);
     file.check_grad("grad.in.pose", pose);
     for (i, layer) in layers.iter().enumerate() {
         file.check_grad(&format!("grad.in.tokens{i}"), *layer);

@@ -97,7 +97,7 @@ pub fn run<T: Real>(file: Reference, weights: Option<&Path>) -> Reference {
 
     let tape = Tape::<T>::new();
     let stages = forward(&file, &model, Context::new(&tape, &params), weights);
-    stages.total.backward();
+    file.backward(stages.total);
     file.check_grad("grad.in.images", stages.images);
     stages.check_image_raw(&file, "grad.stage.image_raw");
     file.check_grad("grad.stage.render_depth", stages.render_depth);
@@ -115,7 +115,7 @@ pub fn run<T: Real>(file: Reference, weights: Option<&Path>) -> Reference {
     let tape = Tape::<T>::new();
     let stages = file.unrecorded(|| forward(&file, &model, Context::new(&tape, &params), weights));
     if let Ok(total) = stages.with_lpips {
-        total.backward();
+        file.backward(total);
         stages.check_image_raw(&file, "grad_lpips.stage.image_raw");
         for (id, param) in params.iter() {
             let gradient = tape.param_grad(id).map(|g| g.to_vec()).unwrap_or_default();

@@ -154,7 +154,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
         loss = loss + file.weighted(y, &format!("cot.{name}"));
     }
     file.check("out.loss", &[loss.item()]);
-    loss.backward();
+    file.backward(loss);
     file.check_grad("grad.stage.theta", theta);
     file.check_grad("grad.stage.logits", planes);
     file.check_grad("grad.stage.F", expert_features);

@@ -60,7 +60,7 @@ impl Setting<'_> {
         let logits = self.file.leaf(&tape, "in.logits");
         let value = loss(logits);
         self.file.check(&format!("out.{name}"), &[value.item()]);
-        value.backward();
+        self.file.backward(value);
         self.file.check_grad(&format!("grad.{name}.logits"), logits);
     }
 }
@@ -92,7 +92,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     setting.on_logits::<T>("expert_loss_001", |logits| setting.expert(logits));
     let tape = Tape::<T>::new();
     let free = file.leaf(&tape, "out.choice");
-    setting.budget(rows(free)).backward();
+    file.backward(setting.budget(rows(free)));
     file.check_grad("grad.budget.choice", free);
 
     let tape = Tape::<T>::new();
@@ -116,7 +116,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     file.check("out.huber_elementwise", &huber(student[0], teacher[0], delta).value());
     let pose = huber_pose(&student, &teacher, delta);
     file.check("out.pose", &[pose.item()]);
-    pose.backward();
+    file.backward(pose);
     for (i, code) in student.iter().enumerate() {
         file.check_grad(&format!("grad.pose.pose{i}"), *code);
     }
@@ -138,13 +138,13 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     file.check_indices("out.conf_mask", &trusted);
     let depth = masked_depth_mse(render_depth.reshape(maps), teacher_depth, confidence.reshape(maps), q);
     file.check("out.depth", &[depth.item()]);
-    depth.backward();
+    file.backward(depth);
     file.check_grad("grad.depth.render_depth", render_depth);
 
     let render = file.leaf(&tape, "in.render");
     let image = mse(render, file.constant(&tape, "in.images"));
     file.check("out.mse", &[image.item()]);
-    image.backward();
+    file.backward(image);
     file.check_grad("grad.mse.render", render);
 
     let weight = |name: &str| file.number(&format!("weights.{name}"));

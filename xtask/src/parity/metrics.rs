@@ -34,7 +34,7 @@ pub fn run<T: Real>(file: Reference, weights: Option<&Path>) -> Reference {
         file.check(&format!("out.ssim{i}"), &[similarity]);
         let gradient = format!("grad.ssim{i}.b");
         if file.has(&gradient) {
-            ssim_with(target, render, Covariance::Sample).backward();
+            file.backward(ssim_with(target, render, Covariance::Sample));
             file.check_grad(&gradient, render);
         }
     }
@@ -63,7 +63,7 @@ fn distance<T: Real>(file: &Reference, lpips: &Lpips<T>, name: &str, i: usize) {
     file.check(&format!("out.lpips_{name}{i}"), &[distance.item()]);
     let gradient = format!("grad.lpips_{name}{i}.b");
     if file.has(&gradient) {
-        distance.backward();
+        file.backward(distance);
         file.check_grad(&gradient, render);
     }
 }

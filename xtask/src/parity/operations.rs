@@ -49,7 +49,7 @@ impl Operation<'_> {
         let inputs: Vec<_> = names.iter().map(|name| self.file.leaf(&tape, &self.key(&format!("in.{name}")))).collect();
         let y = f(&inputs);
         self.file.check(&self.key("out"), &y.value());
-        y.backward_with(&self.file.data(&self.key("cot")));
+        self.file.backward_with(y, &self.file.data(&self.key("cot")));
         for (x, name) in inputs.iter().zip(names) {
             self.file.check_grad(&self.key(&format!("grad.{name}")), *x);
         }
@@ -177,7 +177,7 @@ impl Operation<'_> {
         let maps = depth.reshape(&depth.shape().dims()[..depth.shape().rank() - 1]);
         let points = weaver_pose::unproject(maps, w2c, intrinsics, 0.0);
         file.check(&self.key("out"), &points.value());
-        points.backward_with(&file.data(&self.key("cot")));
+        file.backward_with(points, &file.data(&self.key("cot")));
         file.check_grad(&self.key("grad.d"), depth);
         file.check_grad(&self.key("grad.e"), w2c);
         file.check(&self.key("grad.k"), &matrices(&intrinsics.grad().unwrap_or_default(), 0.0));
@@ -194,7 +194,7 @@ impl Operation<'_> {
         let [height, width] = self.image();
         let code = weaver_pose::encode(w2c, intrinsics, height, width);
         file.check(&self.key("out"), &code.value());
-        code.backward_with(&file.data(&self.key("cot")));
+        file.backward_with(code, &file.data(&self.key("cot")));
         file.check_grad(&self.key("grad.e"), w2c);
         file.check(&self.key("grad.k"), &matrices(&intrinsics.grad().unwrap_or_default(), 0.0));
     }
@@ -206,7 +206,7 @@ impl Operation<'_> {
         let [height, width] = self.image();
         let rows = weaver_pose::cameras(code, height, width).intrinsics;
         file.check(&self.key("out"), &matrices(&rows.value(), 1.0));
-        rows.backward_with(&intrinsics(&file.data(&self.key("cot"))));
+        file.backward_with(rows, &intrinsics(&file.data(&self.key("cot"))));
         file.check_grad(&self.key("grad.p"), code);
     }
 
@@ -224,7 +224,7 @@ impl Operation<'_> {
         }
         let y = unit.forward(Context::new(&tape, &params), x);
         file.check(&self.key("out"), &y.value());
-        y.backward_with(&file.data(&self.key("cot")));
+        file.backward_with(y, &file.data(&self.key("cot")));
         file.check_grad(&self.key("grad.x"), x);
         for (name, key) in names {
             let gradient = tape.param_grad(id(&params, name)).map(|g| g.to_vec());

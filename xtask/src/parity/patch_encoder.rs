@@ -34,7 +34,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     // The way that everybody runs it.
     let tokens = encoder.forward(cx, images);
     file.check("out.patch_tokens", &tokens.value());
-    file.weighted(tokens, "cot.patch_tokens").backward();
+    file.backward(file.weighted(tokens, "cot.patch_tokens"));
     file.check_grad("grad.in.image", images);
     file.check_params(&params, &tape);
     file

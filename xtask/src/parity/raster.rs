@@ -41,7 +41,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     file.check_where("out.depth", &drawn.depth.value(), |i| safe[i]);
     let outputs = [(drawn.image, "cot.image"), (drawn.alpha, "cot.alpha"), (drawn.depth, "cot.depth")];
     let loss = outputs.map(|(y, cot)| file.weighted(y, cot)).into_iter().reduce(|a, b| a + b);
-    loss.expect("three outputs").backward();
+    file.backward(loss.expect("three outputs"));
 
     let colour = format!("grad.{colours}");
     let pairs = [

@@ -3,6 +3,7 @@
 //! A file holds inputs, weights, cotangents, outputs and gradients computed in f64, and in its metadata its configuration
 //! and what the same code loses in f32. Every comparison leaves a [`Line`]; what was never compared leaves one too.
 
+use super::rectifiers::{self, Rectified};
 use serde_json::{Value, json};
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -19,6 +20,25 @@ const ZERO: f64 = 1e-4;
 /// Allowed for gradients of LPIPS, in which a branch of max-pooling or a rectifier may flip.
 const FLIPPED: f64 = 1e-2;
 
+/// What a comparison comes to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    Pass,
+    /// Within the bar in f64, and beyond it in f32 for nothing but rectifiers that rounding flipped.
+    Flip,
+    Fail,
+}
+
+impl Verdict {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Pass => "pass",
+            Self::Flip => "flip",
+            Self::Fail => "FAIL",
+        }
+    }
+}
+
 /// What a comparison found.
 #[derive(Clone, Debug)]
 pub struct Line {
@@ -30,7 +50,7 @@ pub struct Line {
     /// What f32 costs the file's own code, where it says so.
     pub f32_error: Option<f64>,
     pub allowed: f64,
-    pub passed: bool,
+    pub verdict: Verdict,
     pub remark: String,
 }
 
@@ -42,14 +62,14 @@ impl Line {
             "largest": finite(self.largest),
             "f32_error": self.f32_error,
             "allowed": self.allowed,
-            "verdict": if self.passed { "pass" } else { "FAIL" },
+            "verdict": self.verdict.name(),
             "remark": self.remark,
         })
     }
 
     pub fn text(&self) -> String {
         let f32_error = self.f32_error.map_or("      -".into(), |e| format!("{e:7.1e}"));
-        let verdict = if self.passed { "pass" } else { "FAIL" };
+        let verdict = self.verdict.name();
         let remark = if self.remark.is_empty() { String::new() } else { format!("  ({})", self.remark) };
         format!("{:7.1e} {:7.1e} {f32_error}  {verdict}  {}{remark}", self.error, self.largest, self.key)
     }
@@ -67,6 +87,7 @@ pub struct Reference {
     lines: RefCell<Vec<Line>>,
     /// Keys that are outputs of the file but were used as what they are.
     used: RefCell<BTreeSet<String>>,
+    rectified: RefCell<Vec<Rectified>>,
     f32_error: Value,
     gradstat_error: f64,
     exact_zeros: Value,
@@ -93,6 +114,7 @@ impl Reference {
             operations: json("operations")?,
             lines: RefCell::default(),
             used: RefCell::default(),
+            rectified: RefCell::default(),
             tensors,
             bar: None,
         })
@@ -191,6 +213,17 @@ impl Reference {
             assert_eq!(params.get(id).shape().dims(), self.shape(&key), "shape of {key}");
             params.value_mut(id).copy_from_slice(&self.data(&key));
         }
+    }
+
+    /// Walks back from a scalar, and remembers what rectifiers let through on the way there.
+    pub fn backward<T: Real>(&self, loss: Var<'_, T>) {
+        self.backward_with(loss, &[T::ONE]);
+    }
+
+    /// The same from a tensor, given its cotangent.
+    pub fn backward_with<T: Real>(&self, y: Var<'_, T>, cotangent: &[T]) {
+        self.rectified.borrow_mut().extend(rectifiers::on(y.tape()));
+        y.backward_with(cotangent);
     }
 
     /// Compares numbers with those of a key, where the file has it.
@@ -300,8 +333,9 @@ impl Reference {
     fn push(&self, key: &str, error: f64, largest: f64, f32_error: Option<f64>, allowed: f64, remark: &str) -> bool {
         // NaN is never within a bound.
         let passed = error <= allowed;
+        let verdict = if passed { Verdict::Pass } else { Verdict::Fail };
         let remark = remark.to_string();
-        self.lines.borrow_mut().push(Line { key: key.into(), error, largest, f32_error, allowed, passed, remark });
+        self.lines.borrow_mut().push(Line { key: key.into(), error, largest, f32_error, allowed, verdict, remark });
         passed
     }
 
@@ -313,15 +347,15 @@ impl Reference {
         result
     }
 
-    /// The lines, and one for each output and gradient that nothing was compared with.
-    pub fn finish(self) -> Vec<Line> {
+    /// The lines, one for each output and gradient that nothing was compared with among them, and what rectifiers made.
+    pub fn finish(self) -> (Vec<Line>, Vec<Rectified>) {
         let compared: BTreeSet<String> = self.lines.borrow().iter().map(|line| line.key.clone()).collect();
         for key in self.tensors.tensors.keys().filter(|key| is_result(key)) {
             if !compared.contains(key) && !self.used.borrow().contains(key) {
                 self.fail(key, "nothing was compared with it".into());
             }
         }
-        self.lines.into_inner()
+        (self.lines.into_inner(), self.rectified.into_inner())
     }
 }
 

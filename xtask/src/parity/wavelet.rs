@@ -34,7 +34,7 @@ fn image<T: Real>(file: &Reference, wavelet: Wavelet, size: &str) {
     file.check(&format!("out.{at}.low"), &bands.value()[..h * w]);
     file.check(&format!("out.{at}.high"), &bands.value()[h * w..]);
     let cotangent = [file.data(&format!("cot.{at}.low")), file.data(&format!("cot.{at}.high"))].concat();
-    bands.backward_with(&cotangent);
+    file.backward_with(bands, &cotangent);
     file.check_grad(&format!("grad.bands.{at}"), x);
 
     let tape = Tape::<T>::new();
@@ -43,6 +43,6 @@ fn image<T: Real>(file: &Reference, wavelet: Wavelet, size: &str) {
     file.check(&format!("out.{at}.energy"), &energy.value());
     let map = energy.reshape([1, 1, h, w]).bilinear(height, width, false);
     file.check(&format!("out.{at}.energy_up"), &map.value());
-    map.backward_with(&file.data(&format!("cot.{at}.energy_up")));
+    file.backward_with(map, &file.data(&format!("cot.{at}.energy_up")));
     file.check_grad(&format!("grad.energy_up.{at}"), x);
 }

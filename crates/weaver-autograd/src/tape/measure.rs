@@ -1,7 +1,8 @@
-//! Measuring: the time of ops, a trace of them, the memory that they hold.
+//! Measuring: the time of ops, a trace of them, the memory that they hold, the numbers that they made.
 
-use super::{Storage, Tape};
+use super::{List, Storage, Tape};
 use crate::profile::{OpMemory, OpTime, Phase, Profile, Trace, TraceEvent};
+use crate::{Op, View};
 use std::time::Instant;
 use weaver_kernels::Real;
 
@@ -93,6 +94,46 @@ impl<T: Real> Tape<T> {
         list.sort_by_key(|m| std::cmp::Reverse(m.bytes));
         list
     }
+
+    /// Shows every recorded op and what it made, in the order in which they ran: to look for numbers that are not finite, say,
+    /// or for rectifiers that let nothing through. `see` must not apply ops to this tape.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f32>::new();
+    /// let x = tape.leaf(&[-1.0, 2.0, -3.0], [3]);
+    /// let layer = tape.scope("layer");
+    /// x.relu();
+    /// drop(layer);
+    /// let mut silent = Vec::new();
+    /// tape.for_each_node(|node| {
+    ///     let zeros = node.outputs[0].iter().filter(|y| **y == 0.0).count();
+    ///     silent.push(format!("{} at {}: {zeros} of {}", node.op.name(), node.path, node.outputs[0].len()));
+    /// });
+    /// assert_eq!(silent, ["Relu at layer: 2 of 3"]);
+    /// ```
+    pub fn for_each_node(&self, mut see: impl FnMut(NodeView<'_, T>)) {
+        let record = self.record.borrow();
+        for node in &record.nodes {
+            let outputs = node.outputs.start as usize..node.outputs.end as usize;
+            see(NodeView {
+                op: node.op.op(),
+                path: &record.paths[node.path.start as usize..node.path.end as usize],
+                outputs: outputs.map(|o| record.values[o].storage.view(record.output_shapes[o])).collect(),
+            });
+        }
+    }
+}
+
+/// A recorded op, as [`Tape::for_each_node`] shows it.
+#[derive(Clone, Debug)]
+pub struct NodeView<'a, T: Real> {
+    /// The op itself.
+    pub op: &'a dyn Op<T>,
+    /// Where in the model it was applied.
+    pub path: &'a str,
+    /// What it made; auxiliary outputs come last.
+    pub outputs: List<View<'a, T>>,
 }
 
 /// What no op on the tape made.
