@@ -1,24 +1,31 @@
 //! Matrix multiplication, C = alpha A B + beta C, on row-major slices.
 //!
-//! C is cut into blocks whose borders depend on the sizes alone; a block is one parallel task. Within
-//! it a panel of B is packed so that a tile of C held in vector registers can stream through it, and
-//! every element of C is summed in one fixed order: the same bits at any number of threads. Nothing is
-//! allocated but one packing buffer per thread, once.
+//! C is cut into blocks, each a parallel task. Within it B is packed into panels, and rows of A into tiles, so that a tile of
+//! C held in vector registers can stream through both. Whatever the blocks, every element of C is summed in the same order:
+//! the same bits at any number of threads. Nothing is allocated but one packing buffer per thread, once.
 
-use crate::lanes::{self, LANES, LaneKernel, Lanes};
 use crate::parallel::for_ranges;
-use crate::{Real, simd};
+use crate::{Real, simd, simd::Level};
 use std::ops::Range;
 
 mod half_precision;
+mod pack;
 pub(crate) mod tile;
 
 pub use half_precision::{gemm_bf16, widen};
+pub(crate) use pack::{Panels, transpose};
+use pack::{Stack, pack};
 
-/// Rows of a B panel that stay in the first-level cache.
-const K_BLOCK: usize = 256;
+/// Rows of B that are summed before they are added to C. What is read of A and B for a tile comes from the second-level cache
+/// in time, but C is read and written once more for each block of rows, so larger is faster; smaller is more exact, since
+/// the rounding of a sum grows with the length of its chain.
+const K_BLOCK: usize = 512;
+/// The same where products are rounded before they are added.
+const K_BLOCK_UNFUSED: usize = 256;
 /// Rows of A that stay in the second-level cache with `K_BLOCK` columns.
-const M_BLOCK: usize = 384;
+const M_BLOCK: usize = 144;
+/// Columns of B that stay in the third-level cache with as many rows.
+const N_BLOCK: usize = 1024;
 /// Panels of B that must follow for rows of A to be worth packing: rows far apart in memory fall into the same sets of the
 /// caches, and each is a page of its own.
 const REUSE: usize = 4;
@@ -26,8 +33,8 @@ const REUSE: usize = 4;
 const M_TASK: usize = 48;
 /// Fewer multiply-adds than this are not worth a parallel task.
 const TASK: usize = 1 << 18;
-/// As many tasks as this are enough for any machine we know.
-const TASKS: usize = 16;
+/// Tasks for each thread: more of them even out the time that threads take, and pack more often.
+const TASKS: usize = 2;
 
 /// A matrix operand: element (i, j) is `data[i * row_stride + j * col_stride]`.
 #[derive(Clone, Copy, Debug)]
@@ -60,19 +67,6 @@ impl<'a, T: Real> Mat<'a, T> {
             assert!(last < len, "gemm: {name} is {batch} x {rows} x {cols} but its slice has {len} elements");
         }
     }
-}
-
-/// Where [`Product`] gets B from: a matrix in memory, or one that is made as it is packed.
-pub(crate) trait Panels<T>: Sync {
-    /// Writes rows `k`, columns `cols` of matrix `entry` to `panel`, rows of `padded` elements, zeros
-    /// behind the columns. `spare` is as long as the largest panel and free to use.
-    fn pack(&self, entry: usize, k: Range<usize>, cols: Range<usize>, padded: usize, panel: &mut [T], spare: &mut [T]);
-}
-
-/// Matrices that begin `stride` apart.
-struct Stack<'a, T> {
-    mat: Mat<'a, T>,
-    stride: usize,
 }
 
 /// C = alpha op(A) op(B) + beta C for contiguous row-major matrices.
@@ -201,7 +195,7 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
         assert!(batch == 1 || c_step >= c_len, "gemm: matrices of C overlap");
         assert!((batch - 1) * c_step + c_len <= c.len(), "gemm: C is too short");
 
-        let (rows, cols) = if parallel { self.block_size() } else { (M_BLOCK, n) };
+        let (rows, cols) = self.block_size(if parallel { rayon::current_num_threads() } else { 1 });
         let (down, across) = (m.div_ceil(rows), n.div_ceil(cols));
         let c = Output { start: c.as_mut_ptr(), len: c.len() };
         let block = |task: usize| {
@@ -222,17 +216,18 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
         }
     }
 
-    /// Rows and columns of a task's block of C: halved until there are enough tasks or they are small.
-    /// Splitting columns is free, splitting rows packs B again.
-    fn block_size(&self) -> (usize, usize) {
+    /// Rows and columns of a task's block of C: the longer side is halved until there are enough tasks for all threads or
+    /// they are small. An element of C is summed in the same order whatever block it falls into.
+    fn block_size(&self, threads: usize) -> (usize, usize) {
         let (tile_rows, tile_cols) = T::tile(simd::level());
-        let (mut rows, mut cols) = (self.m.div_ceil(self.m.div_ceil(M_BLOCK)), self.n);
+        let enough = if threads > 1 { TASKS * threads } else { 1 };
+        let (mut rows, mut cols) = (self.m, self.n.div_ceil(self.n.div_ceil(N_BLOCK)).next_multiple_of(tile_cols));
         loop {
             let tasks = self.batch * self.m.div_ceil(rows) * self.n.div_ceil(cols);
-            if tasks >= TASKS || rows * cols * self.k < 2 * TASK {
+            if tasks >= enough || rows * cols * self.k < 2 * TASK {
                 return (rows, cols);
             }
-            if cols > tile_cols {
+            if cols > tile_cols && (cols >= rows || rows <= M_TASK) {
                 cols = (cols / 2).next_multiple_of(tile_cols);
             } else if rows > M_TASK {
                 rows = (rows / 2).next_multiple_of(tile_rows);
@@ -251,167 +246,81 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
         let level = simd::level();
         let (tile_rows, tile_cols) = T::tile(level);
         let a = &self.a.data[entry * self.a_step..];
-        let (offset, block_start) = (entry * self.c_step, rows.start);
-        // Tiles of nearly equal height keep the pipeline fuller than full tiles and a sliver.
+        let offset = entry * self.c_step;
+        // Tiles of nearly equal height keep the pipeline fuller than full tiles and a sliver; so do blocks of nearly equal
+        // height and depth.
         let tiles = rows.len().div_ceil(tile_rows);
         let tile = |t: usize| rows.start + rows.len() * t / tiles..rows.start + rows.len() * (t + 1) / tiles;
-        // So do blocks of nearly equal depth.
-        let depth = self.k.max(1).div_ceil(self.k.max(1).div_ceil(K_BLOCK));
-        let packed = cols.len() >= REUSE * tile_cols;
-        let room = if packed { rows.len() * depth } else { 0 };
-        T::with_panel(room + 2 * depth * tile_cols, |panel| {
-            let (a_tiles, panel) = panel.split_at_mut(room);
-            let (panel, spare) = panel.split_at_mut(depth * tile_cols);
+        let sweeps = tiles.div_ceil(M_BLOCK / tile_rows);
+        let sweep = |s: usize| tiles * s / sweeps..tiles * (s + 1) / sweeps;
+        let k_block = if level == Level::Portable { K_BLOCK_UNFUSED } else { K_BLOCK };
+        let depth = self.k.max(1).div_ceil(self.k.max(1).div_ceil(k_block));
+        let panels = cols.len().div_ceil(tile_cols);
+        let packed = panels >= REUSE;
+        let a_room = if packed { tiles.div_ceil(sweeps) * tile_rows * depth } else { 0 };
+        let b_room = depth * tile_cols;
+        T::with_panel(a_room + b_room * (1 + if sweeps > 1 { panels } else { 1 }), |room| {
+            let (a_tiles, room) = room.split_at_mut(a_room);
+            let (spare, b_panels) = room.split_at_mut(b_room);
             for k in (0..self.k.max(1)).step_by(depth) {
                 let depth = depth.min(self.k - k);
                 let beta = if k == 0 { self.beta } else { T::ONE };
-                if packed && depth > 0 {
-                    let (p_stride, i_stride) = (self.a.col_stride, self.a.row_stride);
-                    for rows in (0..tiles).map(tile) {
-                        let from = &a[rows.start * i_stride + k * p_stride..];
-                        let into = &mut a_tiles[(rows.start - block_start) * depth..][..rows.len() * depth];
-                        pack(from, [p_stride, i_stride], depth, rows.len(), rows.len(), into);
+                for s in 0..sweeps {
+                    let first = tile(sweep(s).start).start;
+                    if packed && depth > 0 {
+                        let strides = [self.a.col_stride, self.a.row_stride];
+                        for rows in sweep(s).map(tile) {
+                            let from = &a[rows.start * strides[1] + k * strides[0]..];
+                            let into = &mut a_tiles[(rows.start - first) * depth..][..rows.len() * depth];
+                            pack(from, strides, depth, rows.len(), rows.len(), into);
+                        }
                     }
-                }
-                for j in cols.clone().step_by(tile_cols) {
-                    let width = tile_cols.min(cols.end - j);
-                    let padded = T::panel_width(level, width);
-                    let into = &mut panel[..depth * padded];
-                    self.b.pack(entry, k..k + depth, j..j + width, padded, into, spare);
-                    for rows in (0..tiles).map(tile) {
-                        let (i, height) = (rows.start, rows.len());
-                        let (from, readable, strides) = if packed {
-                            let from = (i - block_start) * depth;
-                            (a_tiles[from..].as_ptr(), a_tiles.len() - from, [1, height])
-                        } else {
-                            let Mat { row_stride, col_stride, .. } = self.a;
-                            let from = i * row_stride + k * col_stride;
-                            (a.as_ptr().wrapping_add(from), a.len().saturating_sub(from), [row_stride, col_stride])
-                        };
-                        let last = (height - 1) * strides[0] + depth.saturating_sub(1) * strides[1];
-                        debug_assert!(depth == 0 || last < readable, "gemm reads A beyond its end");
-                        debug_assert!(depth * padded <= panel.len(), "gemm reads its panel beyond the end");
-                        let at = offset + i * c_stride + j;
-                        debug_assert!(at + (height - 1) * c_stride + width <= c.len, "gemm writes C beyond its end");
-                        // SAFETY: rows i..i+height of A, packed or not, and of C and columns j..j+width of C are
-                        // inside their slices; the panel holds depth * padded elements: asserted in debug builds.
-                        unsafe {
-                            T::multiply(
-                                level,
-                                [height, width, depth],
-                                self.alpha,
-                                from,
-                                strides,
-                                panel.as_ptr(),
-                                beta,
-                                c.start.add(at),
-                                c_stride,
+                    for (panel, j) in cols.clone().step_by(tile_cols).enumerate() {
+                        let width = tile_cols.min(cols.end - j);
+                        let padded = T::panel_width(level, width);
+                        // The first sweep packs, the others find it packed.
+                        let slot = if sweeps > 1 { panel * b_room } else { 0 };
+                        let panel = &mut b_panels[slot..][..depth * padded];
+                        if s == 0 {
+                            self.b.pack(entry, k..k + depth, j..j + width, padded, panel, spare);
+                        }
+                        for rows in sweep(s).map(tile) {
+                            let (i, height) = (rows.start, rows.len());
+                            let (from, readable, strides) = if packed {
+                                let from = (i - first) * depth;
+                                (a_tiles[from..].as_ptr(), a_tiles.len() - from, [1, height])
+                            } else {
+                                let Mat { row_stride, col_stride, .. } = self.a;
+                                let from = i * row_stride + k * col_stride;
+                                (a.as_ptr().wrapping_add(from), a.len().saturating_sub(from), [row_stride, col_stride])
+                            };
+                            let last = (height - 1) * strides[0] + depth.saturating_sub(1) * strides[1];
+                            debug_assert!(depth == 0 || last < readable, "gemm reads A beyond its end");
+                            debug_assert!(depth * padded <= panel.len(), "gemm reads its panel beyond the end");
+                            let at = offset + i * c_stride + j;
+                            debug_assert!(
+                                at + (height - 1) * c_stride + width <= c.len,
+                                "gemm writes C beyond its end"
                             );
+                            // SAFETY: rows i..i+height of A, packed or not, and of C and columns j..j+width of C are
+                            // inside their slices; the panel holds depth * padded elements: asserted in debug builds.
+                            unsafe {
+                                T::multiply(
+                                    level,
+                                    [height, width, depth],
+                                    self.alpha,
+                                    from,
+                                    strides,
+                                    panel.as_ptr(),
+                                    beta,
+                                    c.start.add(at),
+                                    c_stride,
+                                );
+                            }
                         }
                     }
                 }
             }
         });
-    }
-}
-
-impl<T: Real> Panels<T> for Stack<'_, T> {
-    fn pack(
-        &self,
-        entry: usize,
-        k: Range<usize>,
-        cols: Range<usize>,
-        padded: usize,
-        panel: &mut [T],
-        _spare: &mut [T],
-    ) {
-        if k.is_empty() {
-            return;
-        }
-        let (width, depth) = (cols.len(), k.len());
-        let Mat { data, row_stride, col_stride } = self.mat;
-        let data = &data[entry * self.stride + k.start * row_stride + cols.start * col_stride..];
-        pack(data, [row_stride, col_stride], depth, width, padded, panel);
-    }
-}
-
-/// `out[p * padded + q] = data[p * strides[0] + q * strides[1]]`, zeros from `q = width` on.
-fn pack<T: Real>(data: &[T], strides: [usize; 2], depth: usize, width: usize, padded: usize, out: &mut [T]) {
-    let [row_stride, col_stride] = strides;
-    if col_stride == 1 {
-        for (p, out) in out.chunks_exact_mut(padded).enumerate() {
-            out[..width].copy_from_slice(&data[p * row_stride..][..width]);
-            out[width..].fill(T::ZERO);
-        }
-    } else {
-        transpose(data, row_stride, col_stride, depth, width, padded, out);
-    }
-}
-
-/// `out[p * padded + q] = data[p * row_stride + q * col_stride]`, zeros from `q = width` on.
-pub(crate) fn transpose<T: Real>(
-    data: &[T],
-    row_stride: usize,
-    col_stride: usize,
-    depth: usize,
-    width: usize,
-    padded: usize,
-    out: &mut [T],
-) {
-    if width < padded {
-        out.fill(T::ZERO);
-    }
-    let mut done = (0, 0);
-    if row_stride == 1 {
-        let transpose = Transpose { data, col_stride, depth, width, padded, out: &mut *out };
-        done = lanes::run(transpose);
-    }
-    for q in 0..width {
-        let from = if q < done.1 { done.0 } else { 0 };
-        for p in from..depth {
-            out[p * padded + q] = data[p * row_stride + q * col_stride];
-        }
-    }
-}
-
-/// [`transpose`] of contiguous columns, sixteen by sixteen in registers.
-struct Transpose<'a, T> {
-    data: &'a [T],
-    col_stride: usize,
-    depth: usize,
-    width: usize,
-    padded: usize,
-    out: &'a mut [T],
-}
-
-impl<T: Real> LaneKernel<T> for Transpose<'_, T> {
-    /// Rows and columns that were done.
-    type Output = (usize, usize);
-
-    #[inline(always)]
-    fn run<V: Lanes<Scalar = T>>(self) -> (usize, usize) {
-        let Self { data, col_stride, depth, width, padded, out } = self;
-        let rows = depth / LANES * LANES;
-        // A single block of fewer columns may write beyond them: the next row comes after it and overwrites that.
-        let alone = width < LANES && padded == width;
-        let cols = if alone { width } else { width / LANES * LANES };
-        for q in (0..cols).step_by(LANES) {
-            for p in (0..rows).step_by(LANES) {
-                let mut block = [V::zero(); LANES];
-                for (i, column) in block.iter_mut().enumerate() {
-                    let from = (q + i).min(cols - 1) * col_stride + p;
-                    *column = V::load(data[from..].first_chunk().expect("rows of sixteen"));
-                }
-                V::transpose(&mut block);
-                for (i, row) in block.iter().enumerate() {
-                    let to = &mut out[(p + i) * padded + q..];
-                    match to.first_chunk_mut() {
-                        Some(to) => row.store(to),
-                        None => to.copy_from_slice(&row.to_array()[..to.len()]),
-                    }
-                }
-            }
-        }
-        (rows, cols)
     }
 }

@@ -70,6 +70,12 @@ macro_rules! tile {
             let mut sums = [[zero(); V]; M];
             // SAFETY: all offsets are inside what the caller vouches for.
             unsafe {
+                // C is wanted after the loop over the depth, and comes from far away meanwhile.
+                for i in 0..M {
+                    for v in 0..V.min(cols.div_ceil(LANES)) {
+                        crate::simd::prefetch(&*c.add(i * c_stride + v * LANES));
+                    }
+                }
                 for p in 0..depth {
                     let mut b = [zero(); V];
                     for v in 0..V {
