@@ -35,14 +35,13 @@ impl<T: Real> Op<T> for NeighborAverage {
     }
 
     fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
-        let (n, m) = (self.neighbors.len(), self.neighbors.per_gaussian());
+        let (n, pairs) = (self.neighbors.among(), self.neighbors.index().len());
         let c = ins[1].last();
         ensure_shape!(
-            ins.len() == 3 && c > 0 && ins[1] == Shape::from([n, c]) && ins[0] == [n * m, c].into() && ins[2] == ins[0],
-            "scores and displacements [{}, C] and values [{n}, C]",
-            n * m
+            ins.len() == 3 && c > 0 && ins[1] == Shape::from([n, c]) && ins[0] == [pairs, c].into() && ins[2] == ins[0],
+            "scores and displacements [{pairs}, C] and values [{n}, C]"
         );
-        Ok(Shapes::one(ins[1]).and(ins[0]))
+        Ok(Shapes::one([self.neighbors.len(), c]).and(ins[0]))
     }
 
     fn auxiliary_outputs(&self) -> usize {
@@ -111,8 +110,8 @@ impl<T: Real> Op<T> for NeighborAverage {
         if let Some(dvalue) = dvalue {
             parallel::for_chunks(dvalue.accumulator(), GRAIN * c, |chunk, out| {
                 for (row, dv) in out.chunks_exact_mut(c).enumerate() {
-                    for &at in self.neighbors.naming(chunk * GRAIN + row) {
-                        let (at, i) = (at as usize, at as usize / m);
+                    for at in self.neighbors.naming(chunk * GRAIN + row) {
+                        let i = at / m;
                         let (w, dz) = (&weight[at * c..(at + 1) * c], &daverage[i * c..(i + 1) * c]);
                         dv.iter_mut().zip(w).zip(dz).for_each(|((dv, w), dz)| *dv += *w * *dz);
                     }
@@ -134,8 +133,8 @@ impl<T: Real> Op<T> for NeighborAverage {
 /// The attention over neighbours: z_i = sum_j w_ij (v_j + d_ij), with w_ij the softmax of the scores a_ij over the
 /// neighbours j of i, separately per channel.
 ///
-/// `score` a and `displacement` d `[N m, C]`, m rows per Gaussian, and `value` v `[N, C]` are differentiable, the
-/// neighbours constant; the result is `[N, C]`. Panics on other shapes. Source: Zhao et al., Point Transformer, ICCV
+/// `score` a and `displacement` d `[R m, C]`, m rows per list, and `value` v `[N, C]` are differentiable, the
+/// neighbours constant; the result is `[R, C]`. Panics on other shapes. Source: Zhao et al., Point Transformer, ICCV
 /// 2021, eq. 3.
 #[track_caller]
 pub fn neighbor_average<'t, T: Real>(

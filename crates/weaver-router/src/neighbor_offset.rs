@@ -15,9 +15,9 @@ impl<T: Real> Op<T> for NeighborOffset {
     }
 
     fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
-        let n = self.neighbors.len();
+        let n = self.neighbors.among();
         ensure_shape!(ins.len() == 1 && ins[0] == Shape::from([n, 3]), "means [{n}, 3]");
-        Ok(Shapes::one([n * self.neighbors.per_gaussian(), 3]))
+        Ok(Shapes::one([self.neighbors.index().len(), 3]))
     }
 
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
@@ -25,8 +25,9 @@ impl<T: Real> Op<T> for NeighborOffset {
         let m = self.neighbors.per_gaussian();
         parallel::for_chunks(&mut outs[0], GRAIN * m * 3, |chunk, out| {
             for (row, offsets) in out.chunks_exact_mut(m * 3).enumerate() {
-                let i = chunk * GRAIN + row;
-                for (offset, &j) in offsets.chunks_exact_mut(3).zip(self.neighbors.of(i)) {
+                let row = chunk * GRAIN + row;
+                let i = self.neighbors.first() + row;
+                for (offset, &j) in offsets.chunks_exact_mut(3).zip(self.neighbors.of(row)) {
                     for a in 0..3 {
                         offset[a] = means[3 * j as usize + a] - means[3 * i + a];
                     }
@@ -49,12 +50,13 @@ impl<T: Real> Op<T> for NeighborOffset {
         parallel::for_chunks(dmeans.accumulator(), GRAIN * 3, |chunk, out| {
             for (row, dmean) in out.chunks_exact_mut(3).enumerate() {
                 let j = chunk * GRAIN + row;
-                for &at in self.neighbors.naming(j) {
+                for at in self.neighbors.naming(j) {
                     for a in 0..3 {
-                        dmean[a] += doffset[3 * at as usize + a];
+                        dmean[a] += doffset[3 * at + a];
                     }
                 }
-                for own in doffset[3 * j * m..3 * (j + 1) * m].chunks_exact(3) {
+                let Some(row) = self.neighbors.own(j) else { continue };
+                for own in doffset[3 * row * m..3 * (row + 1) * m].chunks_exact(3) {
                     for a in 0..3 {
                         dmean[a] -= own[a];
                     }
@@ -64,10 +66,9 @@ impl<T: Real> Op<T> for NeighborOffset {
     }
 }
 
-/// The offsets r_ij = mu_j - mu_i from every Gaussian i to its neighbours j.
+/// The offsets r_ij = mu_j - mu_i from every Gaussian i that has a list to its neighbours j.
 ///
-/// `means` `[N, 3]` are differentiable; the neighbours are constant; the result is `[N m, 3]`, m rows per Gaussian.
-/// Linear. Panics if the neighbours are not those of N Gaussians. Source: Zhao et al., Point Transformer, ICCV 2021,
+/// `means` `[N, 3]` are differentiable; the neighbours are constant; the result is `[R m, 3]`, m rows per list. Linear. Panics if the neighbours are not those of N Gaussians. Source: Zhao et al., Point Transformer, ICCV 2021,
 /// eq. 4.
 #[track_caller]
 pub fn neighbor_offset<'t, T: Real>(means: Var<'t, T>, neighbors: &Neighbors) -> Var<'t, T> {

@@ -15,12 +15,11 @@ impl<T: Real> Op<T> for NeighborRelation {
     }
 
     fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
-        let (n, m) = (self.neighbors.len(), self.neighbors.per_gaussian());
+        let (n, pairs) = (self.neighbors.among(), self.neighbors.index().len());
         let c = ins[0].last();
         ensure_shape!(
-            ins.len() == 3 && c > 0 && ins[0] == Shape::from([n, c]) && ins[1] == ins[0] && ins[2] == [n * m, c].into(),
-            "queries and keys [{n}, C] and displacements [{}, C]",
-            n * m
+            ins.len() == 3 && c > 0 && ins[0] == Shape::from([n, c]) && ins[1] == ins[0] && ins[2] == [pairs, c].into(),
+            "queries and keys [{n}, C] and displacements [{pairs}, C]"
         );
         Ok(Shapes::one(ins[2]))
     }
@@ -30,10 +29,12 @@ impl<T: Real> Op<T> for NeighborRelation {
         let (m, c) = (self.neighbors.per_gaussian(), query.shape().last());
         parallel::for_chunks(&mut outs[0], GRAIN * m * c, |chunk, out| {
             for (row, relations) in out.chunks_exact_mut(m * c).enumerate() {
-                let i = chunk * GRAIN + row;
+                let row = chunk * GRAIN + row;
+                let i = self.neighbors.first() + row;
                 let query = &query[i * c..(i + 1) * c];
-                let displacements = displacement[i * m * c..(i + 1) * m * c].chunks_exact(c);
-                for ((relation, d), &j) in relations.chunks_exact_mut(c).zip(displacements).zip(self.neighbors.of(i)) {
+                let displacements = displacement[row * m * c..(row + 1) * m * c].chunks_exact(c);
+                for ((relation, d), &j) in relations.chunks_exact_mut(c).zip(displacements).zip(self.neighbors.of(row))
+                {
                     let key = &key[j as usize * c..(j as usize + 1) * c];
                     for (((r, q), k), d) in relation.iter_mut().zip(query).zip(key).zip(d) {
                         *r = *q - *k + *d;
@@ -57,8 +58,8 @@ impl<T: Real> Op<T> for NeighborRelation {
         if let Some(dquery) = dquery {
             parallel::for_chunks(dquery.accumulator(), GRAIN * c, |chunk, out| {
                 for (row, dq) in out.chunks_exact_mut(c).enumerate() {
-                    let i = chunk * GRAIN + row;
-                    for dr in drelation[i * m * c..(i + 1) * m * c].chunks_exact(c) {
+                    let Some(row) = self.neighbors.own(chunk * GRAIN + row) else { continue };
+                    for dr in drelation[row * m * c..(row + 1) * m * c].chunks_exact(c) {
                         dq.iter_mut().zip(dr).for_each(|(dq, dr)| *dq += *dr);
                     }
                 }
@@ -67,8 +68,8 @@ impl<T: Real> Op<T> for NeighborRelation {
         if let Some(dkey) = dkey {
             parallel::for_chunks(dkey.accumulator(), GRAIN * c, |chunk, out| {
                 for (row, dk) in out.chunks_exact_mut(c).enumerate() {
-                    for &at in self.neighbors.naming(chunk * GRAIN + row) {
-                        let dr = &drelation[at as usize * c..(at as usize + 1) * c];
+                    for at in self.neighbors.naming(chunk * GRAIN + row) {
+                        let dr = &drelation[at * c..(at + 1) * c];
                         dk.iter_mut().zip(dr).for_each(|(dk, dr)| *dk -= *dr);
                     }
                 }
@@ -80,10 +81,10 @@ impl<T: Real> Op<T> for NeighborRelation {
     }
 }
 
-/// The relation q_i - k_j + d_ij of every Gaussian i to its neighbours j, per channel.
+/// The relation q_i - k_j + d_ij of every Gaussian i that has a list to its neighbours j, per channel.
 ///
-/// `query` and `key` `[N, C]` and `displacement` d `[N m, C]` are differentiable, the neighbours constant; the result
-/// is `[N m, C]`, m rows per Gaussian. Linear. Panics on other shapes. Source: Zhao et al., Point Transformer, ICCV
+/// `query` and `key` `[N, C]` and `displacement` d `[R m, C]` are differentiable, the neighbours constant; the result
+/// is `[R m, C]`, m rows per list. Linear. Panics on other shapes. Source: Zhao et al., Point Transformer, ICCV
 /// 2021, eq. 3.
 #[track_caller]
 pub fn neighbor_relation<'t, T: Real>(

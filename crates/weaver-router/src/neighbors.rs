@@ -1,6 +1,7 @@
 //! The nearest neighbours of every Gaussian, and the reverse lists that gradients follow.
 
 use crate::kd_tree::KdTree;
+use std::ops::Range;
 use std::sync::Arc;
 use weaver_autograd::{Buffer, Pool, Real};
 use weaver_kernels::parallel;
@@ -10,9 +11,14 @@ pub(crate) const GRAIN: usize = 256;
 /// Most neighbours of a Gaussian that can be asked for.
 pub const MOST_NEIGHBORS: usize = 63;
 
-/// For each of N Gaussians, itself and its k nearest neighbours in space: `m` = k + 1 indices. Cheap to clone.
+/// For each of R Gaussians, itself and its k nearest neighbours in space among all N: `m` = k + 1 indices. All have such a
+/// list (R = N) unless only [a part](Neighbors::part) is looked at. Cheap to clone.
 #[derive(Clone, Debug)]
-pub struct Neighbors(Arc<Lists>);
+pub struct Neighbors {
+    lists: Arc<Lists>,
+    /// The Gaussians whose lists these are.
+    rows: Range<usize>,
+}
 
 #[derive(Debug)]
 struct Lists {
@@ -70,36 +76,62 @@ impl Neighbors {
             named_at[next[j as usize] as usize] = position as u32;
             next[j as usize] += 1;
         }
-        Self(Arc::new(Lists { per_gaussian, index, start, named_at }))
+        Self { lists: Arc::new(Lists { per_gaussian, index, start, named_at }), rows: 0..n }
     }
 
-    /// Number of Gaussians N.
+    /// The lists of some Gaussians only, numbered from here; their neighbours may be any of all N.
+    pub fn part(&self, rows: Range<usize>) -> Self {
+        assert!(rows.end <= self.len(), "there are {} lists, not {}", self.len(), rows.end);
+        Self { lists: self.lists.clone(), rows: self.rows.start + rows.start..self.rows.start + rows.end }
+    }
+
+    /// Number of Gaussians R that have a list.
     pub fn len(&self) -> usize {
-        self.0.start.len() - 1
+        self.rows.len()
     }
 
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
-        self.len() == 0
+        self.rows.is_empty()
+    }
+
+    /// Number of all Gaussians N.
+    pub fn among(&self) -> usize {
+        self.lists.start.len() - 1
+    }
+
+    /// Which of all Gaussians the first list belongs to.
+    pub(crate) fn first(&self) -> usize {
+        self.rows.start
     }
 
     /// Length m of every list, the Gaussian itself included.
     pub fn per_gaussian(&self) -> usize {
-        self.0.per_gaussian
+        self.lists.per_gaussian
     }
 
-    /// All lists `[N, m]`.
+    /// The lists `[R, m]`, of indices below N.
     pub fn index(&self) -> &[u32] {
-        &self.0.index
+        let m = self.per_gaussian();
+        &self.lists.index[self.rows.start * m..self.rows.end * m]
     }
 
-    /// The list of one Gaussian.
+    /// The list of the i-th Gaussian that has one.
     pub(crate) fn of(&self, i: usize) -> &[u32] {
-        &self.0.index[i * self.0.per_gaussian..(i + 1) * self.0.per_gaussian]
+        let m = self.per_gaussian();
+        &self.index()[i * m..(i + 1) * m]
     }
 
-    /// The positions in all lists at which Gaussian j is named.
-    pub(crate) fn naming(&self, j: usize) -> &[u32] {
-        &self.0.named_at[self.0.start[j] as usize..self.0.start[j + 1] as usize]
+    /// The positions in the lists at which Gaussian j of all N is named.
+    pub(crate) fn naming(&self, j: usize) -> impl Iterator<Item = usize> {
+        let all = &self.lists.named_at[self.lists.start[j] as usize..self.lists.start[j + 1] as usize];
+        let [start, end] = [self.rows.start, self.rows.end].map(|row| row * self.per_gaussian());
+        let before = all.partition_point(|at| (*at as usize) < start);
+        all[before..].iter().map(|at| *at as usize).take_while(move |at| *at < end).map(move |at| at - start)
+    }
+
+    /// The position of Gaussian j of all N among those that have a list.
+    pub(crate) fn own(&self, j: usize) -> Option<usize> {
+        self.rows.contains(&j).then(|| j - self.rows.start)
     }
 }

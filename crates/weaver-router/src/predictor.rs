@@ -5,6 +5,9 @@ use crate::{Neighbors, neighbor_average, neighbor_offset, neighbor_relation};
 use weaver_autograd::{Real, Var, ops};
 use weaver_nn::{Builder, Context, Linear, WeightInit};
 
+/// Gaussians that attend at a time where nothing is recorded.
+const PART: usize = 8192;
+
 /// A point-transformer layer: vector attention of width C over each Gaussian and its nearest neighbours.
 ///
 /// With q, k, v linear in x and d_ij = P2 relu(P1 (mu_j - mu_i)): a_ij = A2 relu(A1 (q_i - k_j + d_ij)), and
@@ -44,13 +47,37 @@ impl NeighborFusion {
         neighbors: &Neighbors,
     ) -> Var<'t, T> {
         let _scope = cx.scope("pt_block");
+        let projected = [self.query, self.key, self.value].map(|l| l.forward(cx, x));
+        let n = neighbors.len();
+        if cx.tape.is_recording() || n <= PART {
+            return self.attend(cx, projected, means, neighbors);
+        }
+        // Nobody walks back: what a pair of Gaussians needs is there for some of them at a time. Rows are independent, so the
+        // bits are the same.
+        let width = x.shape().last();
+        let mut attended = cx.tape.pool().buffer(n * width);
+        for (part, out) in attended.chunks_mut(PART * width).enumerate() {
+            let mark = cx.tape.mark();
+            let some = neighbors.part(part * PART..(part * PART + PART).min(n));
+            out.copy_from_slice(&self.attend(cx, projected, means, &some).value());
+            cx.tape.keep_only(mark, &[]);
+        }
+        cx.tape.constant_of(attended, [n, width])
+    }
+
+    /// z of the Gaussians that have a list of neighbours.
+    fn attend<'t, T: Real>(
+        &self,
+        cx: Context<'t, '_, T>,
+        [query, key, value]: [Var<'t, T>; 3],
+        means: Var<'t, T>,
+        neighbors: &Neighbors,
+    ) -> Var<'t, T> {
         let mark = cx.tape.mark();
-        let [query, key, value] = [self.query, self.key, self.value].map(|l| l.forward(cx, x));
         let displacement = cx.tape.result_of(|| self.displacement.forward(cx, neighbor_offset(means, neighbors)));
         let relation = neighbor_relation(query, key, displacement, neighbors);
-        cx.tape.keep_only(mark, &[value, displacement, relation]);
         let score = cx.tape.result_of(|| self.attention.forward(cx, relation));
-        cx.tape.keep_only(mark, &[value, displacement, score]);
+        cx.tape.keep_only(mark, &[displacement, score]);
         neighbor_average(score, value, displacement, neighbors)
     }
 }
@@ -92,7 +119,7 @@ impl NeighborPredictor {
         feature: Var<'t, T>,
         neighbors: &Neighbors,
     ) -> Var<'t, T> {
-        let x = self.input.forward(cx, ops::concat(&[means, raw, feature], 1));
+        let x = cx.tape.result_of(|| self.input.forward(cx, ops::concat(&[means, raw, feature], 1)));
         self.fusion.forward(cx, x, means, neighbors)
     }
 

@@ -67,3 +67,11 @@ fn many_points_in_one_place_are_quick_and_the_answer_repeats() {
     let first = Neighbors::search(&same, 8, &Pool::new());
     assert_eq!(first.index(), Neighbors::search(&same, 8, &Pool::new()).index());
 }
+
+#[test]
+fn a_part_has_the_lists_of_its_own_and_the_reverse_lists_that_belong_to_them() {
+    let all = Neighbors::search(&points(0, 40, 3), 4, &Pool::new());
+    let part = all.part(10..30).part(5..12);
+    assert_eq!((part.len(), part.among(), part.per_gaussian()), (7, 40, 5));
+    assert_eq!(part.index(), &all.index()[15 * 5..22 * 5]);
+}
