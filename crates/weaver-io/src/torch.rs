@@ -3,12 +3,12 @@
 mod pickle;
 
 use crate::weights_writer::Planned;
-use crate::{Error, Result};
-use pickle::{Machine, Node, Storage, Tensor};
+use crate::{Error, Result, available_memory};
+use pickle::{Machine, Node, Tensor};
 use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::fs::File;
-use std::io::{self, Read, Write};
+use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use zip::ZipArchive;
 use zip::result::ZipError;
@@ -118,26 +118,36 @@ impl TorchCheckpoint {
         &self.remarks
     }
 
-    /// Writes the numbers of a tensor, row-major and little-endian.
+    /// Writes the numbers of a tensor, row-major and little-endian. They are passed on as they are read; only those of a
+    /// tensor whose numbers lie in another order, a transposed one say, are in memory at once.
     ///
     /// # Errors
-    /// When they are not in the archive, or `out` fails.
+    /// When they are not in the archive, or memory will not do, or `out` fails.
     pub fn write(&mut self, name: &str, out: &mut dyn Write) -> io::Result<()> {
-        let tensor = self.tensors.get(name).cloned().ok_or_else(|| io::Error::other(format!("no tensor {name}")))?;
-        let Storage { key, len, .. } = &tensor.storage;
+        let tensor = self.tensors.get(name).ok_or_else(|| io::Error::other(format!("no tensor {name}")))?;
         let width = tensor.storage.dtype().map_or(1, |(_, width)| width);
-        let size = len.checked_mul(width as u64).ok_or_else(|| io::Error::other(format!("{name}: too large")))?;
-        let bytes = entry(&self.path, &mut self.archive, &format!("{}data/{key}", self.root), size)
-            .map_err(|e| io::Error::other(e.to_string()))?;
-        let outside = || io::Error::other(format!("tensor {name} reaches beyond its {} bytes", bytes.len()));
-        let count: usize = tensor.shape.iter().product();
-        if tensor.is_contiguous() {
-            let start = tensor.offset.checked_mul(width).ok_or_else(outside)?;
-            let end = count.checked_mul(width).and_then(|n| n.checked_add(start)).ok_or_else(outside)?;
-            return out.write_all(bytes.get(start..end).ok_or_else(outside)?);
+        let size = tensor.storage.len.saturating_mul(width as u64);
+        let outside = || io::Error::other(format!("tensor {name} reaches beyond its {size} bytes"));
+        let bytes_of = |count: usize| count.checked_mul(width).map(|bytes| bytes as u64).ok_or_else(outside);
+        let start = bytes_of(tensor.offset)?;
+        let length = bytes_of(tensor.span().ok_or_else(outside)?)?;
+        if start.checked_add(length).is_none_or(|end| end > size) {
+            return Err(outside());
         }
-        for i in 0..count {
-            let at = tensor.position(i).and_then(|at| at.checked_mul(width)).ok_or_else(outside)?;
+        let in_archive = format!("{}data/{}", self.root, tensor.storage.key);
+        // Checksums are not looked at: PyTorch may have been told to leave them out.
+        let mut file = self.archive.by_name_seek(&in_archive).map_err(io::Error::other)?;
+        file.seek(SeekFrom::Start(start))?;
+        let mut numbers = file.take(length);
+        if tensor.is_contiguous() {
+            return if io::copy(&mut numbers, out)? == length { Ok(()) } else { Err(outside()) };
+        }
+        check_memory(name, length, available_memory())?;
+        let mut bytes = Vec::new();
+        bytes.try_reserve_exact(length as usize).map_err(io::Error::other)?;
+        numbers.read_to_end(&mut bytes)?;
+        for i in 0..tensor.shape.iter().product() {
+            let at = tensor.position(i) * width;
             out.write_all(bytes.get(at..at + width).ok_or_else(outside)?)?;
         }
         Ok(())
@@ -146,6 +156,15 @@ impl TorchCheckpoint {
     fn invalid(&self, place: impl Display, expected: impl Display, found: impl Display) -> Error {
         Error::invalid(&self.path, place, expected, found)
     }
+}
+
+/// An error that names the figures, if a tensor that is to be put in order does not fit into memory.
+fn check_memory(name: &str, needed: u64, available: Option<u64>) -> io::Result<()> {
+    let Some(available) = available.filter(|available| *available < needed) else { return Ok(()) };
+    let [needed, available] = [needed, available].map(|bytes| bytes as f64 / 1e9);
+    let purpose = "its numbers are not in row-major order";
+    let message = format!("tensor {name} needs {needed:.1} GB of memory and {available:.1} GB is free: {purpose}");
+    Err(io::Error::new(io::ErrorKind::OutOfMemory, message))
 }
 
 /// The bytes of a file in the archive, no more than `limit`.
@@ -160,4 +179,18 @@ fn entry(path: &Path, archive: &mut ZipArchive<File>, name: &str, limit: u64) ->
     let mut bytes = Vec::new();
     file.by_ref().take(limit).read_to_end(&mut bytes).map_err(Error::io(path))?;
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_does_not_fit_is_refused_with_figures() {
+        let refusal = check_memory("a.turned", 5_000_000_000, Some(1_000_000_000)).unwrap_err().to_string();
+        for part in ["a.turned", "5.0 GB", "1.0 GB", "row-major"] {
+            assert!(refusal.contains(part), "{refusal}");
+        }
+        assert!(check_memory("a", 5, Some(5)).is_ok() && check_memory("a", 5, None).is_ok());
+    }
 }

@@ -74,14 +74,23 @@ impl Tensor {
         }) || self.shape.contains(&0)
     }
 
-    /// Where in the storage element `i` (row-major) is.
-    pub fn position(&self, mut i: usize) -> Option<usize> {
-        let mut at = self.offset;
+    /// Numbers from the first to the last that belongs to it; nothing if there are more than can be counted.
+    pub fn span(&self) -> Option<usize> {
+        if self.shape.contains(&0) {
+            return Some(0);
+        }
+        let reach = |reach: usize, (n, stride): (&usize, &usize)| reach.checked_add((n - 1).checked_mul(*stride)?);
+        self.shape.iter().zip(&self.strides).try_fold(1, reach)
+    }
+
+    /// Where element `i` (row-major) is, counted from the first. Below the span.
+    pub fn position(&self, mut i: usize) -> usize {
+        let mut at = 0;
         for (n, stride) in self.shape.iter().zip(&self.strides).rev() {
-            at = at.checked_add((i % n).checked_mul(*stride)?)?;
+            at += i % n * stride;
             i /= n;
         }
-        Some(at)
+        at
     }
 }
 

@@ -1,6 +1,7 @@
 //! PyTorch checkpoints: every kind of tensor, nothing executed, and hostile descriptions.
 
 use proptest::prelude::*;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use weaver_io::{TorchCheckpoint, write_weights};
 
@@ -32,6 +33,71 @@ fn every_tensor_and_nothing_else() {
     assert_eq!(tensors.values::<f32>("c.parameter", &[2]).unwrap(), [3.0, 4.0]);
     assert!(checkpoint.remarks().is_empty(), "{:?}", checkpoint.remarks());
     assert!(!Path::new("/tmp/weaver-was-here").exists(), "the command was run");
+}
+
+/// A checkpoint with one tensor `w`, described by hand.
+fn archive(path: &Path, length: i32, shape: [i32; 2], strides: [i32; 2], numbers: &[u8]) {
+    let text = |t: &str| [b"X".as_slice(), &(t.len() as u32).to_le_bytes(), t.as_bytes()].concat();
+    let number = |n: i32| [b"J".as_slice(), &n.to_le_bytes()].concat();
+    let pair = |pair: [i32; 2]| [number(pair[0]), number(pair[1]), b"\x86".to_vec()].concat();
+    let kind = b"ctorch\nFloatStorage\n".to_vec();
+    let storage =
+        [b"(".to_vec(), text("storage"), kind, text("0"), text("cpu"), number(length), b"tQ".to_vec()].concat();
+    let make = b"ctorch._utils\n_rebuild_tensor_v2\n(".to_vec();
+    let tensor = [make, storage, number(0), pair(shape), pair(strides), b"tR".to_vec()].concat();
+    let program = [b"}".to_vec(), text("w"), tensor, b"s.".to_vec()].concat();
+    let mut zip = zip::ZipWriter::new(std::fs::File::create(path).unwrap());
+    let stored = zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    for (name, bytes) in [("model/data.pkl", &program[..]), ("model/data/0", numbers)] {
+        zip.start_file(name, stored).unwrap();
+        zip.write_all(bytes).unwrap();
+    }
+    zip.finish().unwrap();
+}
+
+/// Counts what comes, and the largest piece of it.
+#[derive(Default)]
+struct Pieces {
+    bytes: usize,
+    largest: usize,
+}
+
+impl Write for Pieces {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.bytes += bytes.len();
+        self.largest = self.largest.max(bytes.len());
+        Ok(bytes.len())
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn numbers_are_passed_on_as_they_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.pt");
+    let side = 1 << 10;
+    archive(&path, side * side, [side, side], [side, 1], &vec![1; 4 << 20]);
+    let mut pieces = Pieces::default();
+    TorchCheckpoint::open(&path).unwrap().write("w", &mut pieces).unwrap();
+    assert!(pieces.bytes == 4 << 20 && pieces.largest <= 1 << 16, "{} in pieces of {}", pieces.bytes, pieces.largest);
+}
+
+#[test]
+fn a_tensor_that_reaches_beyond_its_numbers_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("short.pt");
+    let refused = |length, shape, strides| {
+        archive(&path, length, shape, strides, &[0; 48]);
+        let error = TorchCheckpoint::open(&path).unwrap().write("w", &mut Pieces::default()).unwrap_err().to_string();
+        assert!(error.contains("tensor w reaches beyond"), "{error}");
+    };
+    // More than its storage has, turned or not; a storage that says more than the archive has.
+    refused(12, [4, 4], [4, 1]);
+    refused(12, [4, 4], [1, 4]);
+    refused(16, [4, 4], [4, 1]);
+    refused(16, [4, 4], [1, 4]);
 }
 
 #[test]
