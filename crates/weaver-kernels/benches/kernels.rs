@@ -4,7 +4,9 @@ use criterion::{Criterion, Throughput};
 use std::hint::black_box;
 use std::time::Duration;
 use weaver_kernels::attention::{Attention, Strides, attention_backward_packed, attention_forward};
-use weaver_kernels::conv::{Conv2d, conv2d_dw, conv2d_dx, conv2d_dx_scratch_len, conv2d_forward};
+use weaver_kernels::conv::{
+    Conv2d, conv2d_dw, conv2d_dw_scratch_len, conv2d_dx, conv2d_dx_scratch_len, conv2d_forward,
+};
 use weaver_kernels::gemm::gemm;
 use weaver_kernels::layer_norm::{layer_norm_backward, layer_norm_forward, layer_norm_scratch_len};
 use weaver_kernels::resample::Resample;
@@ -75,13 +77,14 @@ fn convolutions(c: &mut Criterion) {
         let mut weights = numbers(size.o * size.c * size.kh * size.kw);
         let mut y = numbers(size.n * size.o * pixels);
         let mut scratch = vec![0.0; conv2d_dx_scratch_len(&size)];
+        let mut turned = vec![0.0; conv2d_dw_scratch_len::<f32>(&size)];
         group.throughput(Throughput::Elements((2 * y.len() * weights.len() / size.o) as u64));
         let name = format!("{}x{} {}x{} at {}x{}", size.c, size.o, size.kh, size.kw, size.h, size.w);
         group.bench_function(format!("{name} forward"), |b| {
             b.iter(|| conv2d_forward(&size, black_box(&x), &weights, None, &mut y));
         });
         group.bench_function(format!("{name} dw"), |b| {
-            b.iter(|| conv2d_dw(&size, black_box(&x), &y, (&mut weights, 0.0)));
+            b.iter(|| conv2d_dw(&size, black_box(&x), &y, (&mut weights, 0.0), &mut turned));
         });
         weights.fill(0.1);
         group.bench_function(format!("{name} dx"), |b| {

@@ -1,15 +1,16 @@
 //! Two-dimensional convolution (cross-correlation, as neural networks mean it) and its transpose, on
 //! `[N, C, H, W]` maps with zero padding.
 //!
-//! A convolution is the product of the weights with a matrix of shifted windows of the input; the
-//! windows are written straight into the panels that [`gemm`](crate::gemm) packs, so that matrix never
-//! exists.
+//! A convolution is the product of the weights with a matrix of shifted windows of the input, which never exists: at stride 1
+//! the tiles of [`gemm`](crate::gemm) read the windows where they lie in the padded input, otherwise they are written
+//! straight into the panels that it packs.
 
 use crate::Real;
 use crate::gemm::{Mat, Product, gemm_batched};
 use crate::parallel::for_chunks;
 use crate::target::{Target, put};
 
+mod direct;
 mod transposed;
 mod windows;
 
@@ -109,6 +110,10 @@ fn correlate<T: Real>(size: &Conv2d, x: &[T], w: &[T], y: Target<T>) {
     let (y, beta) = y;
     size.check(x.len(), w.len(), y.len());
     let (depth, pixels) = (size.depth(), size.pixels());
+    let windows = size.windows(x);
+    if direct::suits(&windows) {
+        return direct::forward(&windows, [size.n, size.o, size.out_h()], w, y, beta);
+    }
     Product {
         batch: size.n,
         a_step: 0,
@@ -118,7 +123,7 @@ fn correlate<T: Real>(size: &Conv2d, x: &[T], w: &[T], y: Target<T>) {
         k: depth,
         alpha: T::ONE,
         a: Mat::new(w, depth),
-        b: &size.windows(x),
+        b: &windows,
         beta,
     }
     .run(y, pixels, true);
@@ -160,6 +165,9 @@ pub fn conv2d_dx<T: Real>(size: &Conv2d, w: &[T], dy: &[T], dx: Target<T>, scrat
         pads: [kh, kw].map(|k| k as isize - 1 - pad as isize),
         out_w: width,
     };
+    if direct::suits(&windows) {
+        return direct::forward(&windows, [n, c, h], scratch, dx, beta);
+    }
     Product {
         batch: n,
         a_step: 0,
@@ -204,14 +212,24 @@ fn gather_windows<T: Real>(size: &Conv2d, windows: &[T], dx: &mut [T], beta: T) 
     });
 }
 
+/// Length of the scratch that [`conv2d_dw`] wants.
+pub fn conv2d_dw_scratch_len<T: Real>(size: &Conv2d) -> usize {
+    let windows = size.windows::<T>(&[]);
+    if direct::suits(&windows) { direct::weights_scratch_len(&windows, size.o, size.out_h()) } else { 0 }
+}
+
 /// Gradient with respect to the weights: `x` `[n, c, h, w]`, `dy` `[n, o, out_h, out_w]`, `dw`
-/// `[o, c, kh, kw]`; images are added in their order.
-pub fn conv2d_dw<T: Real>(size: &Conv2d, x: &[T], dy: &[T], dw: Target<T>) {
+/// `[o, c, kh, kw]`, `scratch` of [`conv2d_dw_scratch_len`] elements with any content; images are added in their order.
+pub fn conv2d_dw<T: Real>(size: &Conv2d, x: &[T], dy: &[T], dw: Target<T>, scratch: &mut [T]) {
     let (dw, mut beta) = dw;
     size.check(x.len(), dw.len(), dy.len());
     let (depth, pixels) = (size.depth(), size.pixels());
     if size.n == 0 || pixels == 0 {
         return dw.iter_mut().for_each(|dw| put(dw, beta, T::ZERO));
+    }
+    let windows = size.windows(x);
+    if direct::suits(&windows) {
+        return direct::weights(&windows, [size.n, size.o, size.out_h()], dy, dw, beta, scratch);
     }
     let image = size.c * size.h * size.w;
     for (x, dy) in x.chunks_exact(image).zip(dy.chunks_exact(size.o * pixels)) {

@@ -4,7 +4,7 @@
 //! C held in vector registers can stream through both. Whatever the blocks, every element of C is summed in the same order:
 //! the same bits at any number of threads. Nothing is allocated but one packing buffer per thread, once.
 
-use crate::parallel::for_ranges;
+use crate::parallel::{Interleaved, for_ranges};
 use crate::{Real, simd, simd::Level};
 use std::ops::Range;
 
@@ -13,8 +13,8 @@ mod pack;
 pub(crate) mod tile;
 
 pub use half_precision::{gemm_bf16, widen};
-pub(crate) use pack::{Panels, transpose};
-use pack::{Stack, pack};
+use pack::Stack;
+pub(crate) use pack::{Panels, pack, transpose};
 
 /// Rows of B that are summed before they are added to C. What is read of A and B for a tile comes from the second-level cache
 /// in time, but C is read and written once more for each block of rows, so larger is faster; smaller is more exact, since
@@ -171,17 +171,6 @@ pub(crate) struct Product<'a, T, B> {
     pub beta: T,
 }
 
-/// C, shared by tasks that write disjoint blocks of it.
-#[derive(Clone, Copy)]
-struct Output<T> {
-    start: *mut T,
-    len: usize,
-}
-
-#[allow(unsafe_code)]
-// SAFETY: every task derives pointers to its own block only; `Product::run` makes the blocks disjoint.
-unsafe impl<T: Send> Sync for Output<T> {}
-
 impl<T: Real, B: Panels<T>> Product<'_, T, B> {
     /// Computes C, whose rows are `c_stride` apart.
     pub fn run(&self, c: &mut [T], c_stride: usize, parallel: bool) {
@@ -197,7 +186,7 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
 
         let (rows, cols) = self.block_size(if parallel { rayon::current_num_threads() } else { 1 });
         let (down, across) = (m.div_ceil(rows), n.div_ceil(cols));
-        let c = Output { start: c.as_mut_ptr(), len: c.len() };
+        let c = Interleaved::new(c);
         let block = |task: usize| {
             let (entry, block) = (task / (down * across), task % (down * across));
             let (i, j) = (block / across * rows, block % across * cols);
@@ -205,7 +194,7 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
             // other task has the same one.
             #[allow(unsafe_code)]
             unsafe {
-                self.block(entry, i..m.min(i + rows), j..n.min(j + cols), c, c_stride);
+                self.block(entry, i..m.min(i + rows), j..n.min(j + cols), &c, c_stride);
             }
         };
         let tasks = batch * down * across;
@@ -242,7 +231,14 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
     /// # Safety
     /// The block must lie inside C and belong to the caller alone.
     #[allow(unsafe_code)]
-    unsafe fn block(&self, entry: usize, rows: Range<usize>, cols: Range<usize>, c: Output<T>, c_stride: usize) {
+    unsafe fn block(
+        &self,
+        entry: usize,
+        rows: Range<usize>,
+        cols: Range<usize>,
+        c: &Interleaved<'_, T>,
+        c_stride: usize,
+    ) {
         let level = simd::level();
         let (tile_rows, tile_cols) = T::tile(level);
         let a = &self.a.data[entry * self.a_step..];
@@ -299,7 +295,7 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
                             debug_assert!(depth * padded <= panel.len(), "gemm reads its panel beyond the end");
                             let at = offset + i * c_stride + j;
                             debug_assert!(
-                                at + (height - 1) * c_stride + width <= c.len,
+                                at + (height - 1) * c_stride + width <= c.len(),
                                 "gemm writes C beyond its end"
                             );
                             // SAFETY: rows i..i+height of A, packed or not, and of C and columns j..j+width of C are
@@ -313,7 +309,7 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
                                     strides,
                                     panel.as_ptr(),
                                     beta,
-                                    c.start.add(at),
+                                    c.pointer(at),
                                     c_stride,
                                 );
                             }

@@ -99,6 +99,16 @@ impl<'a, T> Interleaved<'a, T> {
         [(); 3].map(|()| Self { start, len, lent: PhantomData })
     }
 
+    pub(crate) fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Where element `at` is. To write there is sound only if no other task does.
+    pub(crate) fn pointer(&self, at: usize) -> *mut T {
+        assert!(at <= self.len, "a part beyond the output's end");
+        self.start.wrapping_add(at)
+    }
+
     /// The elements `at..at + len`.
     ///
     /// # Safety

@@ -96,12 +96,12 @@ pub(crate) fn dispatch_at<R>(level: Level, body: impl FnOnce() -> R) -> R {
 
 /// Asks the processor to fetch what `x` points at into its caches: a hint, for memory whose order it cannot foresee.
 #[inline(always)]
-pub fn prefetch<T>(x: &T) {
+pub fn prefetch<T>(x: *const T) {
     #[cfg(target_arch = "x86_64")]
     #[allow(unsafe_code)]
     // SAFETY: SSE is part of the baseline; a prefetch neither reads nor faults.
     unsafe {
-        std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(std::ptr::from_ref(x).cast());
+        std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(x.cast());
     }
     #[cfg(not(target_arch = "x86_64"))]
     let _ = x;

@@ -48,7 +48,8 @@ impl<T: Real> Op<T> for Conv2d {
             conv::conv2d_dx(&size, w, dy, dx.target(), &mut scratch);
         }
         if let Some(dw) = &mut dins[1] {
-            conv::conv2d_dw(&size, x, dy, dw.target());
+            let mut scratch = pool.buffer(conv::conv2d_dw_scratch_len::<T>(&size));
+            conv::conv2d_dw(&size, x, dy, dw.target(), &mut scratch);
         }
         if let Some(Some(db)) = dins.get_mut(2) {
             conv::conv2d_db(size.o, size.out_h() * size.out_w(), dy, db.target());

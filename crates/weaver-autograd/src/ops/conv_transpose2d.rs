@@ -42,7 +42,7 @@ impl<T: Real> Op<T> for ConvTranspose2d {
         _outs: &[View<'_, T>],
         douts: &[View<'_, T>],
         dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
+        pool: &Pool,
     ) {
         let (x, w, dy) = (&ins[0], &ins[1], &douts[0]);
         let size = self.size(x.shape(), w.shape());
@@ -50,7 +50,8 @@ impl<T: Real> Op<T> for ConvTranspose2d {
             conv::conv_transpose2d_dx(&size, w, dy, dx.target());
         }
         if let Some(dw) = &mut dins[1] {
-            conv::conv_transpose2d_dw(&size, x, dy, dw.target());
+            let mut scratch = pool.buffer(conv::conv2d_dw_scratch_len::<T>(&size));
+            conv::conv_transpose2d_dw(&size, x, dy, dw.target(), &mut scratch);
         }
         if let Some(Some(db)) = dins.get_mut(2) {
             conv::conv2d_db(size.c, size.h * size.w, dy, db.target());

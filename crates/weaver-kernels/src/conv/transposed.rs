@@ -43,6 +43,7 @@ pub fn conv_transpose2d_dx<T: Real>(size: &Conv2d, w: &[T], dy: &[T], dx: Target
 }
 
 /// Gradient with respect to the weights `[o, c, kh, kw]`: `x` `[n, o, out_h, out_w]`, `dy` `[n, c, h, w]`.
-pub fn conv_transpose2d_dw<T: Real>(size: &Conv2d, x: &[T], dy: &[T], dw: Target<T>) {
-    conv2d_dw(size, dy, x, dw);
+/// `scratch` has [`conv2d_dw_scratch_len`](super::conv2d_dw_scratch_len) elements with any content.
+pub fn conv_transpose2d_dw<T: Real>(size: &Conv2d, x: &[T], dy: &[T], dw: Target<T>, scratch: &mut [T]) {
+    conv2d_dw(size, dy, x, dw, scratch);
 }

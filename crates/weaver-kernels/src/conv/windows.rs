@@ -64,7 +64,7 @@ impl<T: Real> Windows<'_, T> {
 
 /// `out[i] = line[x + i stride]`, zero outside the line.
 #[inline(always)]
-fn slide<T: Real>(line: &[T], x: isize, stride: usize, out: &mut [T]) {
+pub(super) fn slide<T: Real>(line: &[T], x: isize, stride: usize, out: &mut [T]) {
     let (n, end) = (out.len(), line.len() as isize);
     // Elements before the line, and elements not behind it.
     let before = if x < 0 { x.unsigned_abs().div_ceil(stride).min(n) } else { 0 };

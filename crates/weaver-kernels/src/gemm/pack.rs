@@ -39,7 +39,7 @@ impl<T: Real> Panels<T> for Stack<'_, T> {
 }
 
 /// `out[p * padded + q] = data[p * strides[0] + q * strides[1]]`, zeros from `q = width` on.
-pub(super) fn pack<T: Real>(data: &[T], strides: [usize; 2], depth: usize, width: usize, padded: usize, out: &mut [T]) {
+pub(crate) fn pack<T: Real>(data: &[T], strides: [usize; 2], depth: usize, width: usize, padded: usize, out: &mut [T]) {
     let [row_stride, col_stride] = strides;
     if col_stride == 1 {
         for (p, out) in out.chunks_exact_mut(padded).enumerate() {

@@ -38,7 +38,45 @@ pub trait Tile: Sized {
         c: *mut Self,
         c_stride: usize,
     );
+
+    /// C = A B + beta C for one tile of `[rows, cols]`, where row p of B begins at `b + offsets[p]`, wherever that is: windows
+    /// of a map that overlap need no copies.
+    ///
+    /// # Safety
+    /// As for `multiply`; `panel_width(level, cols)` elements of each row of B are readable.
+    #[allow(unsafe_code)]
+    unsafe fn multiply_shifted(
+        level: Level,
+        size: [usize; 2],
+        a: *const Self,
+        strides: [usize; 2],
+        b: *const Self,
+        offsets: &[usize],
+        beta: Self,
+        c: *mut Self,
+        c_stride: usize,
+    );
+
+    /// C = A B + beta C for one tile, where row i of A is `count` runs of `depth` elements, `step` apart, the first at
+    /// `a + offsets[i]`: `size` is `[cols, depth, count, step]`. B is a panel of `count * depth` rows.
+    ///
+    /// # Safety
+    /// As for `multiply`, with at most [`RUNS`] rows.
+    #[allow(unsafe_code)]
+    unsafe fn multiply_runs(
+        level: Level,
+        size: [usize; 4],
+        a: *const Self,
+        offsets: &[usize],
+        panel: *const Self,
+        beta: Self,
+        c: *mut Self,
+        c_stride: usize,
+    );
 }
+
+/// Rows that [`Tile::multiply_runs`] takes at most: as many pointers as there are registers for.
+pub const RUNS: usize = 9;
 
 /// Defines `multiply` for one vector type in terms of the functions in scope: `zero`, `splat`, `load`,
 /// `store`, `load_part`, `store_part`, `mul`, `mul_add`; a tile is `$rows` high, two vectors wide.
@@ -70,12 +108,7 @@ macro_rules! tile {
             let mut sums = [[zero(); V]; M];
             // SAFETY: all offsets are inside what the caller vouches for.
             unsafe {
-                // C is wanted after the loop over the depth, and comes from far away meanwhile.
-                for i in 0..M {
-                    for v in 0..V.min(cols.div_ceil(LANES)) {
-                        crate::simd::prefetch(&*c.add(i * c_stride + v * LANES));
-                    }
-                }
+                fetch::<M, V>(cols, c, c_stride);
                 for p in 0..depth {
                     let mut b = [zero(); V];
                     for v in 0..V {
@@ -88,24 +121,139 @@ macro_rules! tile {
                         }
                     }
                 }
-                let (alpha, scale) = (splat(alpha), splat(beta));
                 for i in 0..M {
                     for v in 0..V {
-                        let c = c.add(i * c_stride + v * LANES);
-                        let mut sum = mul(alpha, sums[i][v]);
-                        if cols >= (v + 1) * LANES {
-                            if beta != 0.0 {
-                                sum = mul_add(scale, load(c), sum);
-                            }
-                            store(c, sum);
-                        } else {
-                            let count = cols - v * LANES;
-                            if beta != 0.0 {
-                                sum = mul_add(scale, load_part(c, count), sum);
-                            }
-                            store_part(c, count, sum);
+                        finish(sums[i][v], cols - v * LANES, alpha, beta, c.add(i * c_stride + v * LANES));
+                    }
+                }
+            }
+        }
+
+        $(#[$feature])*
+        pub unsafe fn multiply_shifted(
+            size: [usize; 2], a: *const $t, strides: [usize; 2], b: *const $t, offsets: &[usize], beta: $t, c: *mut $t, c_stride: usize,
+        ) {
+            let [rows, cols] = size;
+            // SAFETY: passed on from the caller.
+            unsafe {
+                match (rows, cols <= LANES) {
+                    $(
+                        ($row, true) => shifted::<$row, 1>(cols, a, strides, b, offsets, beta, c, c_stride),
+                        ($row, false) => shifted::<$row, 2>(cols, a, strides, b, offsets, beta, c, c_stride),
+                    )*
+                    _ => unreachable!("a tile has 1 to {ROWS} rows"),
+                }
+            }
+        }
+
+        $(#[$feature])*
+        unsafe fn shifted<const M: usize, const V: usize>(
+            cols: usize, a: *const $t, strides: [usize; 2], b: *const $t, offsets: &[usize], beta: $t, c: *mut $t, c_stride: usize,
+        ) {
+            let mut sums = [[zero(); V]; M];
+            // SAFETY: all offsets are inside what the caller vouches for.
+            unsafe {
+                fetch::<M, V>(cols, c, c_stride);
+                for (p, offset) in offsets.iter().enumerate() {
+                    let mut row = [zero(); V];
+                    for v in 0..V {
+                        row[v] = load(b.add(offset + v * LANES));
+                    }
+                    for i in 0..M {
+                        let x = splat(*a.add(i * strides[0] + p * strides[1]));
+                        for v in 0..V {
+                            sums[i][v] = mul_add(x, row[v], sums[i][v]);
                         }
                     }
+                }
+                for i in 0..M {
+                    for v in 0..V {
+                        finish(sums[i][v], cols - v * LANES, 1.0, beta, c.add(i * c_stride + v * LANES));
+                    }
+                }
+            }
+        }
+
+        $(#[$feature])*
+        pub unsafe fn multiply_runs(
+            size: [usize; 4], a: *const $t, offsets: &[usize], panel: *const $t, beta: $t, c: *mut $t, c_stride: usize,
+        ) {
+            // SAFETY: passed on from the caller.
+            unsafe {
+                match (offsets.len(), size[0] <= LANES) {
+                    $(
+                        ($row, true) => runs::<$row, 1>(size, a, offsets, panel, beta, c, c_stride),
+                        ($row, false) => runs::<$row, 2>(size, a, offsets, panel, beta, c, c_stride),
+                    )*
+                    _ => unreachable!("a tile has 1 to {ROWS} rows"),
+                }
+            }
+        }
+
+        $(#[$feature])*
+        unsafe fn runs<const M: usize, const V: usize>(
+            size: [usize; 4], a: *const $t, offsets: &[usize], mut panel: *const $t, beta: $t, c: *mut $t, c_stride: usize,
+        ) {
+            let [cols, depth, count, step] = size;
+            let mut sums = [[zero(); V]; M];
+            // SAFETY: all offsets are inside what the caller vouches for.
+            unsafe {
+                fetch::<M, V>(cols, c, c_stride);
+                for run in 0..count {
+                    let mut rows = [a; M];
+                    for (row, offset) in rows.iter_mut().zip(offsets) {
+                        *row = a.add(offset + run * step);
+                    }
+                    for p in 0..depth {
+                        let mut b = [zero(); V];
+                        for v in 0..V {
+                            b[v] = load(panel.add(v * LANES));
+                        }
+                        panel = panel.add(V * LANES);
+                        for i in 0..M {
+                            let x = splat(*rows[i].add(p));
+                            for v in 0..V {
+                                sums[i][v] = mul_add(x, b[v], sums[i][v]);
+                            }
+                        }
+                    }
+                }
+                for i in 0..M {
+                    for v in 0..V {
+                        finish(sums[i][v], cols - v * LANES, 1.0, beta, c.add(i * c_stride + v * LANES));
+                    }
+                }
+            }
+        }
+
+        /// C is wanted after the loop over the depth, and comes from far away meanwhile.
+        $(#[$feature])*
+        #[inline]
+        fn fetch<const M: usize, const V: usize>(cols: usize, c: *const $t, c_stride: usize) {
+            for i in 0..M {
+                for v in 0..V.min(cols.div_ceil(LANES)) {
+                    crate::simd::prefetch(c.wrapping_add(i * c_stride + v * LANES));
+                }
+            }
+        }
+
+        /// C = alpha sum + beta C for `cols` elements of one vector, or all of it.
+        $(#[$feature])*
+        #[inline]
+        unsafe fn finish(sum: Vector, cols: usize, alpha: $t, beta: $t, c: *mut $t) {
+            let (scale, mut sum) = (splat(beta), mul(splat(alpha), sum));
+            // SAFETY: the caller vouches for the elements.
+            unsafe {
+                if cols >= LANES {
+                    if beta != 0.0 {
+                        sum = mul_add(scale, load(c), sum);
+                    }
+                    store(c, sum);
+                } else {
+                    if beta != 0.0 {
+                        sum = mul_add(scale, load_part(c, cols), sum);
+                    }
+                    store_part(c, cols, sum);
                 }
             }
         }
@@ -125,6 +273,7 @@ macro_rules! vector_tile {
             use std::arch::x86_64::*;
 
             pub const LANES: usize = $lanes;
+            type Vector = $v;
 
             #[inline]
             #[target_feature(enable = $features)]
@@ -216,42 +365,42 @@ macro_rules! portable_tile {
         #[allow(unsafe_code)]
         pub mod $name {
             pub const LANES: usize = $lanes;
-            type V = [$t; LANES];
+            type Vector = [$t; LANES];
 
             #[inline(always)]
-            fn zero() -> V {
+            fn zero() -> Vector {
                 [0.0; LANES]
             }
             #[inline(always)]
-            fn splat(x: $t) -> V {
+            fn splat(x: $t) -> Vector {
                 [x; LANES]
             }
             #[inline(always)]
-            fn mul(a: V, b: V) -> V {
+            fn mul(a: Vector, b: Vector) -> Vector {
                 std::array::from_fn(|i| a[i] * b[i])
             }
             // A fused operation would be a library call here.
             #[inline(always)]
-            fn mul_add(a: V, b: V, c: V) -> V {
+            fn mul_add(a: Vector, b: Vector, c: Vector) -> Vector {
                 std::array::from_fn(|i| a[i] * b[i] + c[i])
             }
             #[inline(always)]
-            unsafe fn load(p: *const $t) -> V {
-                // SAFETY: the caller vouches for LANES elements; V has no more alignment than they.
-                unsafe { p.cast::<V>().read() }
+            unsafe fn load(p: *const $t) -> Vector {
+                // SAFETY: the caller vouches for LANES elements; Vector has no more alignment than they.
+                unsafe { p.cast::<Vector>().read() }
             }
             #[inline(always)]
-            unsafe fn store(p: *mut $t, x: V) {
+            unsafe fn store(p: *mut $t, x: Vector) {
                 // SAFETY: as for `load`.
-                unsafe { p.cast::<V>().write(x) }
+                unsafe { p.cast::<Vector>().write(x) }
             }
             #[inline(always)]
-            unsafe fn load_part(p: *const $t, count: usize) -> V {
+            unsafe fn load_part(p: *const $t, count: usize) -> Vector {
                 // SAFETY: the caller vouches for `count` elements.
                 std::array::from_fn(|i| if i < count { unsafe { *p.add(i) } } else { 0.0 })
             }
             #[inline(always)]
-            unsafe fn store_part(p: *mut $t, count: usize, x: V) {
+            unsafe fn store_part(p: *mut $t, count: usize, x: Vector) {
                 for i in 0..count {
                     // SAFETY: the caller vouches for `count` elements.
                     unsafe { *p.add(i) = x[i] }
@@ -326,6 +475,53 @@ macro_rules! scalar {
                         #[cfg(target_arch = "x86_64")]
                         Level::Avx2 => $avx2::multiply(size, alpha, a, strides, panel, beta, c, c_stride),
                         _ => $portable::multiply(size, alpha, a, strides, panel, beta, c, c_stride),
+                    }
+                }
+            }
+
+            #[allow(unsafe_code)]
+            unsafe fn multiply_shifted(
+                level: Level,
+                size: [usize; 2],
+                a: *const Self,
+                strides: [usize; 2],
+                b: *const Self,
+                offsets: &[usize],
+                beta: Self,
+                c: *mut Self,
+                c_stride: usize,
+            ) {
+                // SAFETY: the caller vouches for the level and the memory.
+                unsafe {
+                    match level {
+                        #[cfg(target_arch = "x86_64")]
+                        Level::Avx512 => $avx512::multiply_shifted(size, a, strides, b, offsets, beta, c, c_stride),
+                        #[cfg(target_arch = "x86_64")]
+                        Level::Avx2 => $avx2::multiply_shifted(size, a, strides, b, offsets, beta, c, c_stride),
+                        _ => $portable::multiply_shifted(size, a, strides, b, offsets, beta, c, c_stride),
+                    }
+                }
+            }
+
+            #[allow(unsafe_code)]
+            unsafe fn multiply_runs(
+                level: Level,
+                size: [usize; 4],
+                a: *const Self,
+                offsets: &[usize],
+                panel: *const Self,
+                beta: Self,
+                c: *mut Self,
+                c_stride: usize,
+            ) {
+                // SAFETY: the caller vouches for the level and the memory.
+                unsafe {
+                    match level {
+                        #[cfg(target_arch = "x86_64")]
+                        Level::Avx512 => $avx512::multiply_runs(size, a, offsets, panel, beta, c, c_stride),
+                        #[cfg(target_arch = "x86_64")]
+                        Level::Avx2 => $avx2::multiply_runs(size, a, offsets, panel, beta, c, c_stride),
+                        _ => $portable::multiply_runs(size, a, offsets, panel, beta, c, c_stride),
                     }
                 }
             }

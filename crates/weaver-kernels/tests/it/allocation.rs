@@ -4,7 +4,9 @@ use crate::noise;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use weaver_kernels::attention::{Attention, Strides, attention_backward_packed, attention_forward};
-use weaver_kernels::conv::{Conv2d, conv2d_db, conv2d_dw, conv2d_dx, conv2d_dx_scratch_len, conv2d_forward};
+use weaver_kernels::conv::{
+    Conv2d, conv2d_db, conv2d_dw, conv2d_dw_scratch_len, conv2d_dx, conv2d_dx_scratch_len, conv2d_forward,
+};
 use weaver_kernels::gemm::gemm;
 use weaver_kernels::layer_norm::{layer_norm_backward, layer_norm_forward};
 use weaver_kernels::optim::{AdamW, lerp};
@@ -47,13 +49,14 @@ fn warm_kernels_allocate_nothing() {
     let index: Vec<u32> = (0..384).map(|i| i % 100).collect();
     let (mut y, mut dx, mut dw, mut db) = (vec![0.0; 2 * 16 * 24 * 32], x.clone(), w.clone(), vec![0.0; 16]);
     let mut scratch = vec![0.0; conv2d_dx_scratch_len(&size)];
+    let mut turned = vec![0.0; conv2d_dw_scratch_len::<f32>(&size)];
     let (mut out, mut lse, mut dqkv) = (vec![0.0; 2 * 80 * 48], vec![0.0; 480], qkv.clone());
     let (mut stats, mut large, mut small) = (vec![0.0; 2 * 384], vec![0.0; 2 * 8 * 30 * 40], vec![0.0; 3200]);
     let mut step = move || {
         gemm(false, true, 96, 128, 72, 1.0, &x[..96 * 72], &x[..128 * 72], 0.0, &mut y[..96 * 128]);
         conv2d_forward(&size, &x, &w, None, &mut y);
         conv2d_dx(&size, &w, &y, (&mut dx, 0.0), &mut scratch);
-        conv2d_dw(&size, &x, &y, (&mut dw, 0.0));
+        conv2d_dw(&size, &x, &y, (&mut dw, 0.0), &mut turned);
         conv2d_db(16, 24 * 32, &y, (&mut db, 0.0));
         let [q, k, v] = [0, 48, 96].map(|offset| (&qkv[offset..], Strides::packed(80, 3, 16)));
         let at = Strides::tokens_first(80, 3, 16);

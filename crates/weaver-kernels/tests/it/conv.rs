@@ -47,6 +47,13 @@ fn cases() -> Vec<Conv2d> {
         size(1, 2, [4, 5], 2, [2, 2], 1, 3),
         size(1, 3, [40, 33], 2, [3, 1], 1, 1),
         size(0, 3, [4, 4], 2, [3, 3], 1, 1),
+        // More channels, pixels and outputs than a tile, a chain or a band holds.
+        size(2, 20, [9, 40], 14, [3, 3], 1, 1),
+        size(1, 70, [3, 50], 35, [3, 3], 1, 1),
+        size(1, 2, [2, 1100], 3, [1, 5], 1, 2),
+        size(1, 3, [3, 30], 2, [2, 2], 1, 3),
+        size(2, 2, [40, 25], 17, [5, 2], 1, 0),
+        size(0, 3, [4, 40], 2, [3, 3], 1, 1),
     ];
     let mut at = 0;
     let mut draw = |n: usize| {
@@ -87,7 +94,7 @@ fn agrees<T: Real>(s: &Conv2d, tolerance: f64) {
         assert_close(&dx[i..=i], &[probe(i)], tolerance, &format!("dx[{i}] {s:?}"));
     }
     let mut dw = vec![T::from_f64(f64::NAN); w.len()];
-    conv2d_dw(s, &x, &dy, (&mut dw, T::ZERO));
+    conv2d_dw(s, &x, &dy, (&mut dw, T::ZERO), &mut vec![T::from_f64(f64::NAN); conv2d_dw_scratch_len::<T>(s)]);
     let probe = |i| dot(&naive(s, &wide(&x), &unit(w.len(), i), None), &wide(&dy));
     let step = w.len() / 60 + 1;
     for i in (0..w.len()).step_by(step) {
@@ -102,7 +109,7 @@ fn agrees<T: Real>(s: &Conv2d, tolerance: f64) {
     // Accumulation.
     let (mut dx2, mut dw2) = (dx.clone(), dw.clone());
     conv2d_dx(s, &w, &dy, (&mut dx2, T::ONE), &mut scratch);
-    conv2d_dw(s, &x, &dy, (&mut dw2, T::ONE));
+    conv2d_dw(s, &x, &dy, (&mut dw2, T::ONE), &mut vec![T::from_f64(f64::NAN); conv2d_dw_scratch_len::<T>(s)]);
     for (once, twice) in dx.iter().zip(&dx2).chain(dw.iter().zip(&dw2)) {
         assert_close(&[*twice], &[2.0 * once.to_f64()], tolerance, "accumulated");
     }
@@ -151,7 +158,7 @@ fn transposed_is_the_adjoint() {
         conv_transpose2d_forward(&s, &x, &w, None, &mut plain, &mut scratch);
         let (mut dx, mut dw) = (vec![f64::NAN; x.len()], vec![f64::NAN; w.len()]);
         conv_transpose2d_dx(&s, &w, &dy, (&mut dx, 0.0));
-        conv_transpose2d_dw(&s, &x, &dy, (&mut dw, 0.0));
+        conv_transpose2d_dw(&s, &x, &dy, (&mut dw, 0.0), &mut vec![f64::NAN; conv2d_dw_scratch_len::<f64>(&s)]);
         let value = dot(&plain, &dy);
         assert_close(&[dot(&dx, &x), dot(&dw, &w)], &[value, value], 1e-12, "adjoint");
     }
@@ -159,14 +166,14 @@ fn transposed_is_the_adjoint() {
 
 #[test]
 fn same_bits_at_any_thread_count() {
-    for s in [size(3, 8, [24, 32], 16, [3, 3], 1, 1), size(2, 8, [24, 32], 16, [3, 3], 2, 1)] {
+    for s in [([24, 32], 1), ([24, 32], 2), ([24, 16], 1)].map(|(hw, stride)| size(3, 8, hw, 16, [3, 3], stride, 1)) {
         let (x, w) = (noise::<f32>(s.n * s.c * s.h * s.w, 1), noise::<f32>(s.o * s.c * s.kh * s.kw, 2));
         threads(|| {
             let mut y = vec![0.0; s.n * s.o * s.out_h() * s.out_w()];
             conv2d_forward(&s, &x, &w, None, &mut y);
             let (mut dx, mut dw, mut db) = (vec![0.0; x.len()], vec![0.0; w.len()], vec![0.0; s.o]);
             conv2d_dx(&s, &w, &y, (&mut dx, 0.0), &mut vec![0.0; conv2d_dx_scratch_len(&s)]);
-            conv2d_dw(&s, &x, &y, (&mut dw, 0.0));
+            conv2d_dw(&s, &x, &y, (&mut dw, 0.0), &mut vec![f32::NAN; conv2d_dw_scratch_len::<f32>(&s)]);
             conv2d_db(s.o, s.out_h() * s.out_w(), &y, (&mut db, 0.0));
             [y, dx, dw, db].concat()
         });

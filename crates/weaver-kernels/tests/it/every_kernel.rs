@@ -116,7 +116,13 @@ impl<T: Real> Suite<T> {
             });
             self.linear(format!("conv2d_dw {s:?}"), [x_len, y_len, w_len], move |x| {
                 let (mut dw, mut db) = (x[2].clone(), vec![T::ZERO; o]);
-                conv2d_dw(&s, &x[0], &x[1], (&mut dw, T::ONE));
+                conv2d_dw(
+                    &s,
+                    &x[0],
+                    &x[1],
+                    (&mut dw, T::ONE),
+                    &mut vec![T::from_f64(f64::NAN); conv2d_dw_scratch_len::<T>(&s)],
+                );
                 conv2d_db(o, s.out_h() * s.out_w(), &x[1], (&mut db, T::ZERO));
                 [dw, db].concat()
             });
@@ -135,7 +141,13 @@ impl<T: Real> Suite<T> {
             self.linear(format!("conv_transpose2d gradients {s:?}"), [maps, w_len, image], move |x| {
                 let (mut dx, mut dw) = (vec![T::ZERO; maps], vec![T::ZERO; w_len]);
                 conv_transpose2d_dx(&s, &x[1], &x[2], (&mut dx, T::ZERO));
-                conv_transpose2d_dw(&s, &x[0], &x[2], (&mut dw, T::ZERO));
+                conv_transpose2d_dw(
+                    &s,
+                    &x[0],
+                    &x[2],
+                    (&mut dw, T::ZERO),
+                    &mut vec![T::from_f64(f64::NAN); conv2d_dw_scratch_len::<T>(&s)],
+                );
                 [dx, dw].concat()
             });
         }

@@ -1,0 +1,233 @@
+//! Convolutions of stride 1, without a matrix of windows.
+//!
+//! Rows of the input, padded, are copied once to where they stay in the cache; what a window element sees at neighbouring pixels
+//! is then a stretch of such a row, and the register tiles of [`gemm`](crate::gemm) read it there.
+
+use super::windows::{Windows, slide};
+use crate::gemm::{pack, tile::RUNS};
+use crate::parallel::{Interleaved, for_chunks, for_ranges};
+use crate::target::put;
+use crate::{Real, simd};
+use std::ops::Range;
+
+/// Elements of a copied band of rows that stay in the second-level cache.
+const BAND: usize = 1 << 16;
+/// Window elements, or pixels, that are summed before they are added to the result.
+const CHAIN: usize = 512;
+/// Tasks for each thread.
+const TASKS: usize = 4;
+
+/// Whether neighbouring pixels see neighbouring elements, and there is more to a window than one.
+pub(super) fn suits<T>(x: &Windows<'_, T>) -> bool {
+    x.stride == 1 && x.kh * x.kw > 1
+}
+
+/// How a band of padded rows lies in memory: channel by channel.
+#[derive(Clone, Copy)]
+struct Layout {
+    /// Elements from row to row.
+    row: usize,
+    /// Elements from channel to channel.
+    plane: usize,
+}
+
+impl Layout {
+    fn new<T>(x: &Windows<'_, T>, rows: usize) -> Self {
+        let row = x.out_w + x.kw - 1;
+        // An odd number of cache lines, so that channels do not fall into the same sets of the caches.
+        Self { row, plane: (((rows + x.kh - 1) * row).div_ceil(16) * 16) | 16 }
+    }
+
+    /// Where window element `k` of the first pixel is.
+    fn offset<T>(self, x: &Windows<'_, T>, k: usize) -> usize {
+        let taps = x.kh * x.kw;
+        k / taps * self.plane + k % taps / x.kw * self.row + k % x.kw
+    }
+}
+
+impl<T: Real> Windows<'_, T> {
+    /// Copies what output rows `rows` see of `channels`, zeros around the image included.
+    fn copy_band(&self, entry: usize, channels: Range<usize>, rows: Range<usize>, layout: Layout, band: &mut [T]) {
+        let image = &self.x[entry * self.c * self.h * self.w..][..self.c * self.h * self.w];
+        simd::dispatch(
+            #[inline(always)]
+            || {
+                for (c, plane) in channels.zip(band.chunks_exact_mut(layout.plane)) {
+                    for (r, out) in plane.chunks_exact_mut(layout.row).take(rows.len() + self.kh - 1).enumerate() {
+                        let y = (rows.start + r) as isize - self.pads[0];
+                        if y < 0 || y as usize >= self.h {
+                            out.fill(T::ZERO);
+                        } else {
+                            let line = &image[(c * self.h + y as usize) * self.w..][..self.w];
+                            slide(line, -self.pads[1], 1, out);
+                        }
+                    }
+                }
+            },
+        );
+    }
+
+    fn depth(&self) -> usize {
+        self.c * self.kh * self.kw
+    }
+}
+
+/// y = w * x + beta y for `n` images; `w` is `[o, depth]`, `y` `[n, o, out_h, out_w]`.
+pub(super) fn forward<T: Real>(x: &Windows<'_, T>, [n, o, out_h]: [usize; 3], w: &[T], y: &mut [T], beta: T) {
+    let (depth, width) = (x.depth(), x.out_w);
+    let pixels = out_h * width;
+    let level = simd::level();
+    let (tile_rows, tile_cols) = T::tile(level);
+    assert!(w.len() == o * depth && y.len() == n * o * pixels, "conv2d: lengths");
+    let even = (n * out_h).div_ceil(TASKS * rayon::current_num_threads()).max(1);
+    let rows = (BAND / Layout::new(x, 1).row / x.c.max(1)).saturating_sub(x.kh - 1).clamp(1, even.min(out_h.max(1)));
+    let bands = out_h.div_ceil(rows);
+    let layout = Layout::new(x, rows);
+    let tiles = o.div_ceil(tile_rows);
+    let tile = |t: usize| o * t / tiles..o * (t + 1) / tiles;
+    let y = Interleaved::new(y);
+    for_ranges(n * bands, 1, |task| {
+        let (entry, band) = (task.start / bands, task.start % bands);
+        let rows = band * rows..out_h.min((band + 1) * rows);
+        // The last tile of a row may read beyond it, but uses nothing of that.
+        T::with_panel(x.c * layout.plane + tile_cols, |room| {
+            x.copy_band(entry, 0..x.c, rows.clone(), layout, room);
+            let mut offsets = [0; CHAIN];
+            for k in (0..depth).step_by(CHAIN) {
+                let offsets = &mut offsets[..CHAIN.min(depth - k)];
+                offsets.iter_mut().enumerate().for_each(|(i, offset)| *offset = layout.offset(x, k + i));
+                let beta = if k == 0 { beta } else { T::ONE };
+                let furthest = offsets.last().map_or(0, |last| *last);
+                for i in rows.clone() {
+                    for j in (0..width).step_by(tile_cols) {
+                        let cols = tile_cols.min(width - j);
+                        let from = (i - rows.start) * layout.row + j;
+                        let read = from + furthest + T::panel_width(level, cols);
+                        debug_assert!(read <= room.len(), "conv2d reads its band beyond the end");
+                        for outputs in (0..tiles).map(tile) {
+                            let a = outputs.start * depth + k;
+                            let at = (entry * o + outputs.start) * pixels + i * width + j;
+                            debug_assert!(a + (outputs.len() - 1) * depth + offsets.len() <= w.len());
+                            debug_assert!(at + (outputs.len() - 1) * pixels + cols <= y.len());
+                            // SAFETY: inside the slices, asserted in debug builds; rows of the output are one task's.
+                            #[allow(unsafe_code)]
+                            unsafe {
+                                T::multiply_shifted(
+                                    level,
+                                    [outputs.len(), cols],
+                                    w.as_ptr().add(a),
+                                    [depth, 1],
+                                    room.as_ptr().add(from),
+                                    offsets,
+                                    beta,
+                                    y.pointer(at),
+                                    pixels,
+                                );
+                            }
+                        }
+                    }
+                }
+            }
+        });
+    });
+}
+
+/// Length of the scratch that [`weights`] wants.
+pub(super) fn weights_scratch_len<T: Real>(x: &Windows<'_, T>, o: usize, out_h: usize) -> usize {
+    let (_, tile_cols) = T::tile(simd::level());
+    o.next_multiple_of(tile_cols) * (x.depth() + out_h * x.out_w)
+}
+
+/// dw = sum over images and pixels of dy times the window there, + beta dw: `dy` is `[n, o, out_h, out_w]`, `dw` `[o, depth]`.
+pub(super) fn weights<T: Real>(
+    x: &Windows<'_, T>,
+    [n, o, out_h]: [usize; 3],
+    dy: &[T],
+    dw: &mut [T],
+    beta: T,
+    scratch: &mut [T],
+) {
+    let (depth, width) = (x.depth(), x.out_w);
+    let pixels = out_h * width;
+    let level = simd::level();
+    let (tile_rows, tile_cols) = T::tile(level);
+    let panels = o.div_ceil(tile_cols);
+    // The result transposed, and the gradients of one image, pixel by pixel: both in panels of outputs.
+    let (sums, turned) = scratch[..weights_scratch_len(x, o, out_h)].split_at_mut(panels * tile_cols * depth);
+    let outputs = |panel: usize| panel * tile_cols..o.min((panel + 1) * tile_cols);
+    // Pixels that are summed at a time: some rows, or a part of one.
+    let run = width.div_ceil(width.div_ceil(CHAIN));
+    let rows = if run < width { 1 } else { (CHAIN / width).clamp(1, out_h.max(1)) };
+    let layout = Layout::new(x, rows);
+    let taps = x.kh * x.kw;
+    let group = RUNS.min(tile_rows);
+    // Tasks share window elements out, in whole groups.
+    let share = depth.div_ceil(TASKS * rayon::current_num_threads()).next_multiple_of(group);
+    for entry in 0..n {
+        let dy = &dy[entry * o * pixels..][..o * pixels];
+        let turn = Interleaved::new(&mut *turned);
+        let blocks = pixels.div_ceil(CHAIN);
+        for_ranges(panels * blocks, 1, |task| {
+            let (panel, block) = (task.start / blocks, task.start % blocks);
+            let (pixel, outputs) = (block * CHAIN, outputs(panel));
+            let count = CHAIN.min(pixels - pixel);
+            let padded = T::panel_width(level, outputs.len());
+            // SAFETY: a block of a panel belongs to one task.
+            #[allow(unsafe_code)]
+            let to = unsafe { turn.slice(panel * tile_cols * pixels + pixel * padded, count * padded) };
+            pack(&dy[outputs.start * pixels + pixel..], [1, pixels], count, outputs.len(), padded, to);
+        });
+        let sums = Interleaved::new(&mut *sums);
+        for_ranges(depth.div_ceil(share), 1, |task| {
+            let elements = task.start * share..depth.min((task.start + 1) * share);
+            let channels = elements.start / taps..(elements.end - 1) / taps + 1;
+            T::with_panel(channels.len() * layout.plane, |band| {
+                for i in (0..out_h).step_by(rows) {
+                    let rows = i..out_h.min(i + rows);
+                    x.copy_band(entry, channels.clone(), rows.clone(), layout, band);
+                    for j in (0..width).step_by(run) {
+                        let run = run.min(width - j);
+                        let beta = if (entry, i, j) == (0, 0, 0) { T::ZERO } else { T::ONE };
+                        for panel in 0..panels {
+                            let cols = outputs(panel).len();
+                            let padded = T::panel_width(level, cols);
+                            let from = panel * tile_cols * pixels + (i * width + j) * padded;
+                            debug_assert!(from + ((rows.len() - 1) * width + run) * padded <= turned.len());
+                            for k in elements.clone().step_by(group) {
+                                let mut offsets = [0; RUNS];
+                                let offsets = &mut offsets[..group.min(elements.end - k)];
+                                for (e, offset) in offsets.iter_mut().enumerate() {
+                                    *offset = layout.offset(x, k + e - channels.start * taps) + j;
+                                    debug_assert!(*offset + (rows.len() - 1) * layout.row + run <= band.len());
+                                }
+                                let at = panel * tile_cols * depth + k * padded;
+                                // SAFETY: inside the slices, asserted in debug builds; window elements are one task's.
+                                #[allow(unsafe_code)]
+                                unsafe {
+                                    T::multiply_runs(
+                                        level,
+                                        [cols, run, rows.len(), layout.row],
+                                        band.as_ptr(),
+                                        offsets,
+                                        turned.as_ptr().add(from),
+                                        beta,
+                                        sums.pointer(at),
+                                        padded,
+                                    );
+                                }
+                            }
+                        }
+                    }
+                }
+            });
+        });
+    }
+    for_chunks(dw, depth.max(1), |output, dw| {
+        let (panel, column) = (output / tile_cols, output % tile_cols);
+        let padded = T::panel_width(level, outputs(panel).len());
+        let sums = &sums[panel * tile_cols * depth..];
+        for (k, dw) in dw.iter_mut().enumerate() {
+            put(dw, beta, if n * pixels == 0 { T::ZERO } else { sums[k * padded + column] });
+        }
+    });
+}
