@@ -89,7 +89,7 @@ impl Chunk {
     /// Asks for the places of Gaussian `i`.
     #[inline(always)]
     pub fn prefetch_places(&self, i: usize) {
-        self.places.get(self.starts[i] as usize).into_iter().for_each(prefetch);
+        self.places.get(self.starts[i] as usize).into_iter().for_each(|x| prefetch(x));
     }
 
     /// Tiles of all Gaussians together.

@@ -120,7 +120,7 @@ pub(crate) fn put_columns<V: Lanes, const K: usize>(columns: &[V; K], add: bool,
 #[inline(always)]
 pub(crate) fn prefetch_rows<T>(values: &[T], from: usize, count: usize) {
     let values = &values[from.min(values.len())..(from + count).min(values.len())];
-    values.iter().step_by(64 / size_of::<T>()).for_each(prefetch);
+    values.iter().step_by(64 / size_of::<T>()).for_each(|x| prefetch(x));
 }
 
 /// Rows of `len` numbers as columns, 16 at a time in registers: column k goes to `out[k]`, up to the next multiple of
