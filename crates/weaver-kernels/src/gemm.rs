@@ -246,7 +246,9 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
         // Tiles of nearly equal height keep the pipeline fuller than full tiles and a sliver; so do blocks of nearly equal
         // height and depth.
         let tiles = rows.len().div_ceil(tile_rows);
-        let tile = |t: usize| rows.start + rows.len() * t / tiles..rows.start + rows.len() * (t + 1) / tiles;
+        let (height, taller) = (rows.len() / tiles, rows.len() % tiles);
+        let first_row = |t: usize| rows.start + t * height + t.min(taller);
+        let tile = |t: usize| first_row(t)..first_row(t + 1);
         let sweeps = tiles.div_ceil(M_BLOCK / tile_rows);
         let sweep = |s: usize| tiles * s / sweeps..tiles * (s + 1) / sweeps;
         let k_block = if level == Level::Portable { K_BLOCK_UNFUSED } else { K_BLOCK };

@@ -27,6 +27,7 @@ mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod portable;
+pub(crate) mod rows;
 
 use crate::Real;
 use crate::simd::{self, Level};
@@ -97,6 +98,19 @@ pub trait Lanes:
     #[inline(always)]
     fn exp2(self) -> Self {
         self.exp2_times(Self::constant(1.0))
+    }
+    /// e^self within 4 units in the last place for -87 <= self < 88; below, something between 0 and 2^-126. NaN stays NaN.
+    #[inline(always)]
+    fn exp(self) -> Self {
+        use std::f64::consts::{LN_2, LOG2_E};
+        let high = Self::constant(LOG2_E);
+        // Beyond this all is 0, and infinity would only make trouble.
+        let x = self.max(Self::constant(-150.0));
+        // x log2 e, and what the product lost by rounding, which 2^ of it turns into a factor.
+        let product = x * high;
+        let low = Self::constant(LOG2_E - high.to_array()[0].to_f64());
+        let lost = x.mul_add(high, -product) + x * low;
+        product.exp2_times(lost.mul_add(Self::constant(LN_2), Self::constant(1.0))).or(self.ge(self), self)
     }
     /// Binary logarithm within 4 units in the last place (or 2^-23 absolute) of positive normal numbers.
     fn log2(self) -> Self;
@@ -184,30 +198,38 @@ pub fn put<V: Lanes>(x: V, to: &mut [V::Scalar], at: usize) {
     }
 }
 
+/// The whole vectors of a slice, and one more of what is left over, zeros beyond it.
+///
+/// Loops over whole vectors alone stay in registers, which a copy of a few elements in the midst of them would cost.
+#[inline(always)]
+pub fn split<V: Lanes>(x: &[V::Scalar]) -> (&[[V::Scalar; LANES]], V) {
+    let (whole, rest) = x.as_chunks();
+    (whole, if rest.is_empty() { V::zero() } else { at(rest, 0) })
+}
+
 /// Sets every element of `out` to `f(elements of the inputs, what is there)`, sixteen at a time. Mark `f`
 /// `#[inline(always)]`.
 #[inline(always)]
 pub fn map<V: Lanes, const K: usize>(inputs: [&[V::Scalar]; K], out: &mut [V::Scalar], f: impl Fn([V; K], V) -> V) {
-    for (i, out) in out.chunks_mut(LANES).enumerate() {
-        let at = i * LANES;
+    let len = out.len();
+    let (out, rest) = out.as_chunks_mut();
+    let whole = inputs.map(
+        #[inline(always)]
+        |x| &x[..len].as_chunks::<LANES>().0[..out.len()],
+    );
+    for i in 0..out.len() {
         let mut x = [V::zero(); K];
-        if let Some(out) = out.first_chunk_mut() {
-            for (x, input) in x.iter_mut().zip(&inputs) {
-                *x = V::load(input[at..].first_chunk().expect("inputs as long as the output"));
-            }
-            f(x, V::load(out)).store(out);
-        } else {
-            let part = |from: &[V::Scalar]| {
-                let mut lanes = [V::Scalar::ZERO; LANES];
-                lanes[..from.len()].copy_from_slice(from);
-                V::load(&lanes)
-            };
-            for (x, input) in x.iter_mut().zip(&inputs) {
-                *x = part(&input[at..at + out.len()]);
-            }
-            let result = f(x, part(out)).to_array();
-            out.copy_from_slice(&result[..out.len()]);
+        for k in 0..K {
+            x[k] = V::load(&whole[k][i]);
         }
+        f(x, V::load(&out[i])).store(&mut out[i]);
+    }
+    if !rest.is_empty() {
+        let x = inputs.map(
+            #[inline(always)]
+            |x| at(x, len - rest.len()),
+        );
+        put(f(x, at(rest, 0)), rest, 0);
     }
 }
 

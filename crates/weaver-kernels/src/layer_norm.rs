@@ -1,9 +1,10 @@
 //! Layer normalisation over the last dimension (Ba, Kiros and Hinton 2016).
 
-use crate::Real;
-use crate::lanes::{self, LANES, LaneKernel, Lanes};
+use crate::lanes::rows::{ABREAST, rows_of, rows_of_mut, totals};
+use crate::lanes::{self, LANES, LaneKernel, LaneMask, Lanes};
 use crate::parallel::{for_chunks, for_chunks2};
 use crate::target::{Target, put};
+use crate::{Real, simd};
 
 /// Rows of one task: about this many elements.
 const GRAIN: usize = 1 << 13;
@@ -42,22 +43,17 @@ pub fn layer_norm_forward<T: Real>(
     });
 }
 
+/// Weights and biases.
+type Affine<'a, T> = Option<(&'a [T], &'a [T])>;
+
 /// Some rows of the forward pass.
 struct Forward<'a, T> {
     cols: usize,
     eps: T,
     x: &'a [T],
-    affine: Option<(&'a [T], &'a [T])>,
+    affine: Affine<'a, T>,
     y: &'a mut [T],
     stats: &'a mut [T],
-}
-
-/// The sums of the lanes of two vectors.
-#[inline(always)]
-fn totals<V: Lanes>(a: V, b: V) -> [V::Scalar; 2] {
-    let o = V::zero();
-    let [a, b, ..] = V::sums(&[a, b, o, o, o, o, o, o, o, o, o, o, o, o, o, o]).to_array();
-    [a, b]
 }
 
 impl<T: Real> LaneKernel<T> for Forward<'_, T> {
@@ -66,35 +62,70 @@ impl<T: Real> LaneKernel<T> for Forward<'_, T> {
     #[inline(always)]
     fn run<V: Lanes<Scalar = T>>(self) {
         let Self { cols, eps, x, affine, y, stats } = self;
-        let n = T::from_usize(cols);
-        let rows = x.chunks_exact(cols).zip(y.chunks_exact_mut(cols)).zip(stats.chunks_exact_mut(2));
-        for ((x, y), stats) in rows {
-            let mut sum = V::zero();
-            for at in (0..cols).step_by(LANES) {
-                sum = sum + lanes::at::<V>(x, at);
-            }
-            let mean = totals(sum, V::zero())[0] / n;
-            let centre = V::splat(mean);
-            let mut squares = V::zero();
-            for at in (0..cols / LANES * LANES).step_by(LANES) {
-                let d = lanes::at::<V>(x, at) - centre;
-                squares = d.mul_add(d, squares);
-            }
-            let mut square = totals(squares, V::zero())[0];
-            for x in &x[cols / LANES * LANES..] {
-                square += (*x - mean) * (*x - mean);
-            }
-            let rstd = T::ONE / (square / n + eps).sqrt();
-            (stats[0], stats[1]) = (mean, rstd);
-            let scale = V::splat(rstd);
-            for at in (0..cols).step_by(LANES) {
-                let hat = (lanes::at::<V>(x, at) - centre) * scale;
-                let out = match affine {
-                    Some((w, b)) => hat.mul_add(lanes::at::<V>(w, at), lanes::at::<V>(b, at)),
-                    None => hat,
-                };
-                lanes::put(out, y, at);
-            }
+        let together = stats.len() / (2 * ABREAST) * ABREAST;
+        for row in (0..together).step_by(ABREAST) {
+            forward::<V, ABREAST>(cols, eps, &x[row * cols..], affine, &mut y[row * cols..], &mut stats[2 * row..]);
+        }
+        for row in together..stats.len() / 2 {
+            forward::<V, 1>(cols, eps, &x[row * cols..], affine, &mut y[row * cols..], &mut stats[2 * row..]);
+        }
+    }
+}
+
+/// The first R rows.
+#[inline(always)]
+fn forward<V: Lanes, const R: usize>(
+    cols: usize,
+    eps: V::Scalar,
+    x: &[V::Scalar],
+    affine: Affine<V::Scalar>,
+    y: &mut [V::Scalar],
+    stats: &mut [V::Scalar],
+) {
+    let n = V::Scalar::from_usize(cols);
+    let whole = cols / LANES;
+    let (x, rest) = rows_of::<V, R>(cols, x);
+    let mut sums = rest;
+    for i in 0..whole {
+        for r in 0..R {
+            sums[r] = sums[r] + V::load(&x[r][i]);
+        }
+    }
+    let sums = totals(sums);
+    let (mut centre, mut squares) = ([V::zero(); R], [V::zero(); R]);
+    let inside = V::Mask::from_bits((1 << (cols % LANES)) - 1);
+    for r in 0..R {
+        stats[2 * r] = sums[r] / n;
+        centre[r] = V::splat(stats[2 * r]);
+        let d = (rest[r] - centre[r]).only(inside);
+        squares[r] = d * d;
+    }
+    for i in 0..whole {
+        for r in 0..R {
+            let d = V::load(&x[r][i]) - centre[r];
+            squares[r] = d.mul_add(d, squares[r]);
+        }
+    }
+    let squares = totals(squares);
+    let mut scale = [V::zero(); R];
+    for r in 0..R {
+        stats[2 * r + 1] = V::Scalar::ONE / (squares[r] / n + eps).sqrt();
+        scale[r] = V::splat(stats[2 * r + 1]);
+    }
+    let y = rows_of_mut::<_, R>(cols, y);
+    let (w, last_w) = affine.map_or((&[][..], V::zero()), |(w, _)| lanes::split(w));
+    let (b, last_b) = affine.map_or((&[][..], V::zero()), |(_, b)| lanes::split(b));
+    for i in 0..whole {
+        for r in 0..R {
+            let hat = (V::load(&x[r][i]) - centre[r]) * scale[r];
+            let out = if affine.is_some() { hat.mul_add(V::load(&w[i]), V::load(&b[i])) } else { hat };
+            out.store(&mut y[r].0[i]);
+        }
+    }
+    if !cols.is_multiple_of(LANES) {
+        for r in 0..R {
+            let hat = (rest[r] - centre[r]) * scale[r];
+            lanes::put(if affine.is_some() { hat.mul_add(last_w, last_b) } else { hat }, y[r].1, 0);
         }
     }
 }
@@ -144,13 +175,23 @@ pub fn layer_norm_backward<T: Real>(
         }
         None => for_chunks(scratch, 2 * cols, |index, scratch| pass(index, None, scratch)),
     }
-    for (target, first) in [(dw, 0), (db, cols)] {
+    if !sums {
+        return;
+    }
+    let (total, parts) = scratch.split_at_mut(2 * cols);
+    simd::dispatch(
+        #[inline(always)]
+        || {
+            for part in parts.chunks_exact(2 * cols) {
+                total.iter_mut().zip(part).for_each(|(sum, part)| *sum += *part);
+            }
+        },
+    );
+    let (weights, biases) = total.split_at(cols);
+    for (target, sums) in [(dw, weights), (db, biases)] {
         let Some((out, beta)) = target else { continue };
         assert_eq!(out.len(), cols, "layer_norm: weight length");
-        for (i, out) in out.iter_mut().enumerate() {
-            let parts = scratch.chunks_exact(2 * cols).map(|part| part[first + i]);
-            put(out, beta, parts.fold(T::ZERO, |sum, part| sum + part));
-        }
+        out.iter_mut().zip(sums).for_each(|(out, sum)| put(out, beta, *sum));
     }
 }
 
@@ -165,15 +206,6 @@ struct Backward<'a, T> {
     scratch: &'a mut [T],
 }
 
-/// dy, times the weights if there are any.
-#[inline(always)]
-fn scaled<V: Lanes>(dy: V, w: Option<&[V::Scalar]>, at: usize) -> V {
-    match w {
-        Some(w) => dy * lanes::at::<V>(w, at),
-        None => dy,
-    }
-}
-
 impl<T: Real> LaneKernel<T> for Backward<'_, T> {
     type Output = ();
 
@@ -181,35 +213,110 @@ impl<T: Real> LaneKernel<T> for Backward<'_, T> {
     fn run<V: Lanes<Scalar = T>>(self) {
         let Self { cols, x, w, stats, dy, mut dx, scratch } = self;
         scratch.fill(T::ZERO);
-        let (dw, db) = scratch.split_at_mut(scratch.len() / 2);
-        let n = T::from_usize(cols);
-        for (row, (x, dy)) in x.chunks_exact(cols).zip(dy.chunks_exact(cols)).enumerate() {
-            let (mean, rstd) = (V::splat(stats[2 * row]), V::splat(stats[2 * row + 1]));
-            let (mut along_one, mut along_x) = (V::zero(), V::zero());
-            for at in (0..cols).step_by(LANES) {
-                let (hat, dy) = ((lanes::at::<V>(x, at) - mean) * rstd, lanes::at::<V>(dy, at));
-                // Beyond the row, dy is 0.
-                let g = scaled(dy, w, at);
-                (along_one, along_x) = (along_one + g, g.mul_add(hat, along_x));
-                if !dw.is_empty() {
-                    lanes::put(dy.mul_add(hat, lanes::at::<V>(dw, at)), dw, at);
-                    lanes::put(dy + lanes::at::<V>(db, at), db, at);
-                }
-            }
-            if let Some((dx, beta)) = &mut dx {
-                let dx = &mut dx[row * cols..][..cols];
-                let [one, x_] = totals(along_one, along_x);
-                let (along_one, along_x) = (V::splat(one / n), V::splat(x_ / n));
-                for at in (0..cols).step_by(LANES) {
-                    let (hat, dy) = ((lanes::at::<V>(x, at) - mean) * rstd, lanes::at::<V>(dy, at));
-                    let g = scaled(dy, w, at);
-                    let mut d = rstd * (g - along_one - hat * along_x);
-                    if *beta != T::ZERO {
-                        d = V::splat(*beta).mul_add(lanes::at::<V>(dx, at), d);
-                    }
-                    lanes::put(d, dx, at);
-                }
-            }
+        let rows = x.len() / cols;
+        let together = rows / ABREAST * ABREAST;
+        for row in (0..together).step_by(ABREAST) {
+            let dx = dx.as_mut().map(|(dx, beta)| (&mut dx[row * cols..], *beta));
+            let part = row * cols;
+            backward::<V, ABREAST>(cols, &x[part..], w, &stats[2 * row..], &dy[part..], dx, scratch);
+        }
+        for row in together..rows {
+            let dx = dx.as_mut().map(|(dx, beta)| (&mut dx[row * cols..], *beta));
+            let part = row * cols;
+            backward::<V, 1>(cols, &x[part..], w, &stats[2 * row..], &dy[part..], dx, scratch);
+        }
+    }
+}
+
+/// What is known of R rows on the way back.
+struct Slopes<V, const R: usize> {
+    mean: [V; R],
+    rstd: [V; R],
+    /// Sums along each row of the normalised output's gradient, plain and times that output; later their means.
+    along_one: [V; R],
+    along_x: [V; R],
+}
+
+impl<V: Lanes, const R: usize> Slopes<V, R> {
+    /// Adds one column of vectors to the sums along the rows; those down the columns, with this one.
+    #[inline(always)]
+    fn add(&mut self, x: [V; R], dy: [V; R], w: V, [mut dw, mut db]: [V; 2]) -> [V; 2] {
+        for r in 0..R {
+            let (hat, g) = ((x[r] - self.mean[r]) * self.rstd[r], dy[r] * w);
+            (self.along_one[r], self.along_x[r]) = (self.along_one[r] + g, g.mul_add(hat, self.along_x[r]));
+            (dw, db) = (dy[r].mul_add(hat, dw), db + dy[r]);
+        }
+        [dw, db]
+    }
+
+    /// The input's gradient, on top of beta times the old one.
+    #[inline(always)]
+    fn gradient(&self, r: usize, x: V, dy: V, w: V, old: V, beta: V::Scalar) -> V {
+        let hat = (x - self.mean[r]) * self.rstd[r];
+        let d = self.rstd[r] * hat.neg_mul_add(self.along_x[r], dy * w - self.along_one[r]);
+        // What is there may be anything at first.
+        if beta == V::Scalar::ZERO { d } else { V::splat(beta).mul_add(old, d) }
+    }
+}
+
+/// The first R rows; `sums` gets theirs added.
+#[inline(always)]
+fn backward<V: Lanes, const R: usize>(
+    cols: usize,
+    x: &[V::Scalar],
+    w: Option<&[V::Scalar]>,
+    stats: &[V::Scalar],
+    dy: &[V::Scalar],
+    dx: Option<(&mut [V::Scalar], V::Scalar)>,
+    sums: &mut [V::Scalar],
+) {
+    let (whole, ragged) = (cols / LANES, !cols.is_multiple_of(LANES));
+    let ((x, last_x), (dy, last_dy)) = (rows_of::<V, R>(cols, x), rows_of::<V, R>(cols, dy));
+    let (w, last_w) = w.map_or((&[][..], V::constant(1.0)), |w| lanes::split(w));
+    let weights = |i: usize| w.get(i).map_or(V::constant(1.0), |w| V::load(w));
+    let zeros = [V::zero(); R];
+    let mut slopes = Slopes { mean: zeros, rstd: zeros, along_one: zeros, along_x: zeros };
+    for r in 0..R {
+        (slopes.mean[r], slopes.rstd[r]) = (V::splat(stats[2 * r]), V::splat(stats[2 * r + 1]));
+    }
+    let (dw, db) = sums.split_at_mut(sums.len() / 2);
+    let ((dw, last_dw), (db, last_db)) = (dw.as_chunks_mut::<LANES>(), db.as_chunks_mut::<LANES>());
+    for i in 0..whole {
+        let (mut xs, mut dys) = (zeros, zeros);
+        for r in 0..R {
+            (xs[r], dys[r]) = (V::load(&x[r][i]), V::load(&dy[r][i]));
+        }
+        if let (Some(dw), Some(db)) = (dw.get_mut(i), db.get_mut(i)) {
+            let down = slopes.add(xs, dys, weights(i), [V::load(dw), V::load(db)]);
+            down[0].store(dw);
+            down[1].store(db);
+        } else {
+            slopes.add(xs, dys, weights(i), [V::zero(); 2]);
+        }
+    }
+    if ragged {
+        // Beyond the row, dy is 0.
+        let down = slopes.add(last_x, last_dy, last_w, [lanes::at(last_dw, 0), lanes::at(last_db, 0)]);
+        lanes::put(down[0], last_dw, 0);
+        lanes::put(down[1], last_db, 0);
+    }
+    let Some((dx, beta)) = dx else { return };
+    let n = V::Scalar::from_usize(cols);
+    let (one, along) = (totals(slopes.along_one), totals(slopes.along_x));
+    for r in 0..R {
+        (slopes.along_one[r], slopes.along_x[r]) = (V::splat(one[r] / n), V::splat(along[r] / n));
+    }
+    let dx = rows_of_mut::<_, R>(cols, dx);
+    for i in 0..whole {
+        for r in 0..R {
+            let to = &mut dx[r].0[i];
+            slopes.gradient(r, V::load(&x[r][i]), V::load(&dy[r][i]), weights(i), V::load(to), beta).store(to);
+        }
+    }
+    if ragged {
+        for r in 0..R {
+            let to = &mut *dx[r].1;
+            lanes::put(slopes.gradient(r, last_x[r], last_dy[r], last_w, lanes::at(to, 0), beta), to, 0);
         }
     }
 }

@@ -1,9 +1,10 @@
 //! Softmax over one dimension.
 
+use crate::lanes::rows::totals;
+use crate::lanes::{self, LANES, LaneKernel, LaneMask, Lanes};
 use crate::parallel::for_chunks;
-use crate::reduce::lanes;
 use crate::target::{Target, put};
-use crate::{Real, simd};
+use crate::{Real, reduce, simd};
 
 /// About this many elements make a task.
 const GRAIN: usize = 1 << 12;
@@ -29,12 +30,15 @@ pub fn softmax_forward<T: Real>(len: usize, inner: usize, x: &[T], y: &mut [T]) 
     let grain = GRAIN.div_ceil(block) * block;
     for_chunks(y, grain, |chunk, y| {
         let x = &x[chunk * grain..][..y.len()];
+        if inner == 1 && len >= LANES {
+            return lanes::run(Forward { len, x, y });
+        }
         simd::dispatch(
             #[inline(always)]
             || {
                 for (x, y) in x.chunks_exact(block).zip(y.chunks_exact_mut(block)) {
                     if inner == 1 {
-                        row(x, y);
+                        short_row(x, y);
                     } else {
                         columns(inner, x, y);
                     }
@@ -44,13 +48,53 @@ pub fn softmax_forward<T: Real>(len: usize, inner: usize, x: &[T], y: &mut [T]) 
     });
 }
 
+/// Rows long enough for vectors.
+struct Forward<'a, T> {
+    len: usize,
+    x: &'a [T],
+    y: &'a mut [T],
+}
+
+impl<T: Real> LaneKernel<T> for Forward<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes<Scalar = T>>(self) {
+        for (x, y) in self.x.chunks_exact(self.len).zip(self.y.chunks_exact_mut(self.len)) {
+            long_row::<V>(x, y);
+        }
+    }
+}
+
 #[inline(always)]
-fn row<T: Real>(x: &[T], y: &mut [T]) {
+fn long_row<V: Lanes>(x: &[V::Scalar], y: &mut [V::Scalar]) {
+    let top = V::splat(maximum(x));
+    let (x, last) = lanes::split::<V>(x);
+    let (y, end) = y.as_chunks_mut::<LANES>();
+    // Four sums, so that they do not wait for each other.
+    let mut sums = [V::zero(); 4];
+    for (i, (x, y)) in x.iter().zip(&mut *y).enumerate() {
+        let e = (V::load(x) - top).exp();
+        e.store(y);
+        sums[i % 4] = sums[i % 4] + e;
+    }
+    let last = (last - top).exp().only(V::Mask::from_bits((1 << end.len()) - 1));
+    let [sum] = totals([(sums[0] + sums[1]) + (sums[2] + sums[3]) + last]);
+    let scale = V::splat(V::Scalar::ONE / sum);
+    for y in y {
+        (V::load(y) * scale).store(y);
+    }
+    lanes::put(last * scale, end, 0);
+}
+
+/// A row of which vectors would be mostly empty.
+#[inline(always)]
+fn short_row<T: Real>(x: &[T], y: &mut [T]) {
     let top = maximum(x);
     for (y, x) in y.iter_mut().zip(x) {
         *y = (*x - top).exp();
     }
-    let scale = T::ONE / lanes([&*y], |[y]| y);
+    let scale = T::ONE / reduce::lanes([&*y], |[y]| y);
     y.iter_mut().for_each(|y| *y *= scale);
 }
 
@@ -113,7 +157,7 @@ pub fn softmax_backward<T: Real>(len: usize, inner: usize, y: &[T], dy: &[T], dx
                 let blocks = y.chunks_exact(block).zip(dy.chunks_exact(block)).zip(dx.chunks_exact_mut(block));
                 for ((y, dy), dx) in blocks {
                     if inner == 1 {
-                        let along = lanes([y, dy], |[y, dy]| y * dy);
+                        let along = reduce::lanes([y, dy], |[y, dy]| y * dy);
                         for ((dx, y), dy) in dx.iter_mut().zip(y).zip(dy) {
                             put(dx, beta, *y * (*dy - along));
                         }

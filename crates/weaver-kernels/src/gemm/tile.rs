@@ -121,9 +121,15 @@ macro_rules! tile {
                         }
                     }
                 }
+                let plain = alpha == 1.0 && beta == 0.0 && cols == V * LANES;
                 for i in 0..M {
                     for v in 0..V {
-                        finish(sums[i][v], cols - v * LANES, alpha, beta, c.add(i * c_stride + v * LANES));
+                        let c = c.add(i * c_stride + v * LANES);
+                        if plain {
+                            store(c, sums[i][v]);
+                        } else {
+                            finish(sums[i][v], cols - v * LANES, alpha, beta, c);
+                        }
                     }
                 }
             }
@@ -166,9 +172,15 @@ macro_rules! tile {
                         }
                     }
                 }
+                let plain = beta == 0.0 && cols == V * LANES;
                 for i in 0..M {
                     for v in 0..V {
-                        finish(sums[i][v], cols - v * LANES, 1.0, beta, c.add(i * c_stride + v * LANES));
+                        let c = c.add(i * c_stride + v * LANES);
+                        if plain {
+                            store(c, sums[i][v]);
+                        } else {
+                            finish(sums[i][v], cols - v * LANES, 1.0, beta, c);
+                        }
                     }
                 }
             }
@@ -218,9 +230,15 @@ macro_rules! tile {
                         }
                     }
                 }
+                let plain = beta == 0.0 && cols == V * LANES;
                 for i in 0..M {
                     for v in 0..V {
-                        finish(sums[i][v], cols - v * LANES, 1.0, beta, c.add(i * c_stride + v * LANES));
+                        let c = c.add(i * c_stride + v * LANES);
+                        if plain {
+                            store(c, sums[i][v]);
+                        } else {
+                            finish(sums[i][v], cols - v * LANES, 1.0, beta, c);
+                        }
                     }
                 }
             }

@@ -117,15 +117,15 @@ proptest! {
 struct Unary<'a, T>(&'a [T; LANES]);
 
 impl<T: Real> LaneKernel<T> for Unary<'_, T> {
-    type Output = [[T; LANES]; 3];
+    type Output = [[T; LANES]; 4];
     #[inline(always)]
     fn run<V: Lanes<Scalar = T>>(self) -> Self::Output {
         let x = V::load(self.0);
-        [x.exp2(), x.log2(), x.recip()].map(V::to_array)
+        [x.exp2(), x.log2(), x.recip(), x.exp()].map(V::to_array)
     }
 }
 
-/// Largest error of exp2, log2 and recip in units in the last place, over `x`, where `f` is of interest.
+/// Largest error of exp2, log2, recip and exp in units in the last place, over `x`, where `f` is of interest.
 fn worst(level: Level, which: usize, x: impl Iterator<Item = f32>, f: impl Fn(f64) -> f64) -> f64 {
     let x: Vec<f32> = x.collect();
     let mut worst = 0.0_f64;
@@ -154,14 +154,19 @@ fn functions_are_accurate() {
         assert!(error < 4.0, "log2 {level:?}: {error}");
         let error = worst(level, 2, normal().filter(|x| *x < 1e37), |x| 1.0 / x);
         assert!(error < 2.0, "recip {level:?}: {error}");
+        let exponents = (0..steps).map(|i| -87.0 + 175.0 * i as f32 / steps as f32);
+        let error = worst(level, 3, exponents, f64::exp);
+        assert!(error < 4.0, "exp {level:?}: {error}");
     }
 }
 
 #[test]
-fn exp2_of_nothing_is_one_and_of_little_is_nothing() {
+fn exponentials_of_nothing_are_one_and_of_little_nothing() {
     for level in levels() {
         let x = std::array::from_fn(|i| [0.0, -200.0, f32::NEG_INFINITY, f32::NAN][i % 4]);
-        let [exp2, ..] = run_at(level, Unary(&x));
+        let [exp2, _, _, exp] = run_at(level, Unary(&x));
+        assert!(exp[0] == 1.0 && exp[3].is_nan());
+        assert!(exp[1] >= 0.0 && exp[1] < 1e-37 && exp[2] >= 0.0 && exp[2] < 1e-37);
         assert_eq!(exp2[0], 1.0);
         assert!(exp2[1] >= 0.0 && exp2[1] < 1e-37 && exp2[2] >= 0.0 && exp2[2] < 1e-37);
         assert!(exp2[3].is_nan() || exp2[3] < 1e-37);

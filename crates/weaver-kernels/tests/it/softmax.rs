@@ -35,7 +35,9 @@ fn agrees<T: Real>(shape: [usize; 3], tolerance: f64) {
 
 #[test]
 fn matches_the_formula() {
-    for shape in [[3, 5, 1], [1, 1, 1], [2, 33, 1], [2, 4, 5], [1, 3, 50], [0, 4, 1], [4, 9, 16], [2, 100, 1]] {
+    for shape in
+        [[3, 5, 1], [1, 1, 1], [2, 33, 1], [2, 4, 5], [1, 3, 50], [0, 4, 1], [4, 9, 16], [2, 100, 1], [7, 64, 1]]
+    {
         agrees::<f64>(shape, 1e-14);
         agrees::<f32>(shape, 1e-6);
     }
