@@ -4,18 +4,40 @@ use super::{List, Record, Tape, ValueId};
 use crate::op::{Grad, View};
 use crate::profile::Phase;
 use crate::{Buffer, Shape};
+use std::ops::Deref;
 use weaver_kernels::Real;
+
+/// The gradient of the loss with respect to an output.
+enum Cotangent<'a, T: Real> {
+    /// What the walk began with, where nothing is to be added to it: no copy.
+    Given(&'a [T]),
+    Summed(Buffer<T>),
+}
+
+impl<T: Real> Deref for Cotangent<'_, T> {
+    type Target = [T];
+    fn deref(&self) -> &[T] {
+        match self {
+            Self::Given(values) => values,
+            Self::Summed(buffer) => buffer,
+        }
+    }
+}
 
 impl<T: Real> Tape<T> {
     /// Walks back from `root`, whose own gradient is `seed`.
     pub(crate) fn backward_from(&self, root: ValueId, seed: &[T]) {
         let Record { values, output_shapes, nodes, inputs, paths, .. } = &mut *self.record.borrow_mut();
-        match &mut values[root as usize].grad {
+        let start = &mut values[root as usize];
+        let mut given = None;
+        match &mut start.grad {
             Some(sum) => sum.iter_mut().zip(seed).for_each(|(s, g)| *s += *g),
-            empty => *empty = Some(self.pool.copy_of(seed)),
+            empty if start.leaf || start.auxiliary => *empty = Some(self.pool.copy_of(seed)),
+            None => given = Some(seed),
         }
         for node in nodes.iter().rev() {
-            if node.outputs.clone().all(|o| values[o as usize].grad.is_none()) {
+            let begins = given.is_some() && node.outputs.contains(&root);
+            if !begins && node.outputs.clone().all(|o| values[o as usize].grad.is_none()) {
                 continue;
             }
             let op = node.op.op();
@@ -24,10 +46,21 @@ impl<T: Real> Tape<T> {
             let node_inputs = &inputs[node.inputs.start as usize..node.inputs.end as usize];
 
             let out_range = node.outputs.start as usize..node.outputs.end as usize;
-            let cotangents: List<Option<Buffer<T>>> = out_range
+            let cotangents: List<Option<Cotangent<'_, T>>> = out_range
                 .clone()
                 .map(|o| {
                     let value = &mut values[o];
+                    if o == root as usize
+                        && let Some(seed) = given.take()
+                    {
+                        return Some(match value.grad.take() {
+                            None => Cotangent::Given(seed),
+                            Some(mut sum) => {
+                                sum.iter_mut().zip(seed).for_each(|(s, g)| *s += *g);
+                                Cotangent::Summed(sum)
+                            }
+                        });
+                    }
                     if value.auxiliary {
                         assert!(
                             value.grad.is_none(),
@@ -35,7 +68,8 @@ impl<T: Real> Tape<T> {
                         );
                         return None;
                     }
-                    Some(value.grad.take().unwrap_or_else(|| self.pool.filled(value.storage.as_slice().len(), T::ZERO)))
+                    let zeros = || self.pool.filled(value.storage.as_slice().len(), T::ZERO);
+                    Some(Cotangent::Summed(value.grad.take().unwrap_or_else(zeros)))
                 })
                 .collect();
 
@@ -88,8 +122,8 @@ impl<T: Real> Tape<T> {
                 }
             }
             for (o, cotangent) in out_range.zip(cotangents) {
-                if values[o].leaf {
-                    values[o].grad = cotangent;
+                if let Some(Cotangent::Summed(sum)) = cotangent.filter(|_| values[o].leaf) {
+                    values[o].grad = Some(sum);
                 }
             }
         }

@@ -93,6 +93,22 @@ fn detach_reshape_and_retained_gradients() {
 }
 
 #[test]
+fn a_given_gradient_is_kept_or_added_to_where_asked() {
+    let tape = Tape::<f64>::new();
+    let x = tape.leaf(&[1.0, 2.0], [2]);
+    let y = (x * 3.0).reshape([1, 2]);
+    y.backward_with(&[1.0, 10.0]);
+    assert!(y.grad().is_none());
+    y.backward_with(&[1.0, 1.0]);
+    assert_eq!(x.grad().unwrap(), [6.0, 33.0]);
+    x.backward_with(&[1.0, 1.0]);
+    assert_eq!(x.grad().unwrap(), [7.0, 34.0]);
+    let kept = (x * 2.0).retain_grad();
+    kept.backward_with(&[0.5, 0.5]);
+    assert_eq!((kept.grad().unwrap(), x.grad().unwrap()), (vec![0.5, 0.5], vec![8.0, 35.0]));
+}
+
+#[test]
 fn parameters_are_shared_and_frozen() {
     let mut params = Params::<f64>::new();
     let w = params.add("w", [2], vec![1.0, 2.0]);
