@@ -51,6 +51,7 @@ impl CardinalityExperts {
         routes: &Routes,
         choice: Option<Var<'t, T>>,
     ) -> Var<'t, T> {
+        let mark = cx.tape.mark();
         let parts = ops::split(features, 0, &routes.counts);
         let mut raw = List::with_capacity(self.experts.len());
         for (((expert, rows), pixels), e) in self.experts.iter().zip(parts).zip(routes.by_expert()).zip(1..) {
@@ -61,6 +62,8 @@ impl CardinalityExperts {
             }
             raw.push(output.reshape([pixels.len() * e, self.slot]));
         }
-        ops::concat(&raw, 0)
+        let raw = ops::concat(&raw, 0);
+        cx.tape.keep_only(mark, &[raw]);
+        raw
     }
 }

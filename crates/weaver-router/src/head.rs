@@ -5,7 +5,7 @@ use crate::{
     CardinalityExperts, NeighborPredictor, Neighbors, Parametrisation, PixelOf, Router, Routes, decode, local_count,
     place, slot_width,
 };
-use weaver_autograd::{Buffer, Real, Var};
+use weaver_autograd::{Buffer, List, Real, Var};
 use weaver_nn::{Builder, Context};
 
 /// Sizes and options of a [`CardinalityHead`].
@@ -167,6 +167,10 @@ impl CardinalityHead {
         let _scope = cx.scope("gs_moe");
         let proposed = self.propose(cx, pixels, expert, choice);
         let Proposed { means, mut theta, feature, pixel_of, pixel } = proposed;
+        if !cx.tape.is_recording() {
+            // The experts' buffers have other sizes than those of the attention.
+            cx.tape.pool().trim::<T>();
+        }
         if let (Some((_, predictor)), Some(feature), Some(config)) = (&self.attention, feature, self.config.neighbors) {
             let neighbors =
                 cx.tape.timed("nearest neighbours", || Neighbors::search(&means.value(), config.count, cx.tape.pool()));
@@ -192,6 +196,7 @@ impl CardinalityHead {
         choice: Option<Var<'t, T>>,
     ) -> Proposed<'t, T> {
         let routes = Routes::new(expert, self.experts.most(), cx.tape.pool());
+        let mark = cx.tape.mark();
         let parametrisation = self.config.parametrisation;
         let features = pixels.features.gather_rows(&routes.routed);
         let raw = self.experts.forward(cx, features, &routes, choice);
@@ -204,6 +209,9 @@ impl CardinalityHead {
             if routes.is_single() { projected } else { projected.gather_rows(&routes.source) }
         });
         let theta = raw.slice(1, 3, raw.shape()[1] - 3);
+        let of_pixel = pixel_of.iter().flat_map(|p| [p.footprint, p.local_count, p.color]);
+        let kept: List<Var<'t, T>> = [means, theta].into_iter().chain(feature).chain(of_pixel).collect();
+        cx.tape.keep_only(mark, &kept);
         Proposed { means, theta, feature, pixel_of, pixel: routes.pixel }
     }
 

@@ -5,9 +5,6 @@ use crate::{Neighbors, neighbor_average, neighbor_offset, neighbor_relation};
 use weaver_autograd::{Real, Var, ops};
 use weaver_nn::{Builder, Context, Linear, WeightInit};
 
-/// Gaussians that attend at a time where nothing is recorded.
-const PART: usize = 8192;
-
 /// A point-transformer layer: vector attention of width C over each Gaussian and its nearest neighbours.
 ///
 /// With q, k, v linear in x and d_ij = P2 relu(P1 (mu_j - mu_i)): a_ij = A2 relu(A1 (q_i - k_j + d_ij)), and
@@ -25,6 +22,10 @@ pub struct NeighborFusion {
 }
 
 impl NeighborFusion {
+    /// Gaussians that attend at a time where nothing is recorded: few enough that their pairs are no memory worth counting,
+    /// and enough for all threads.
+    pub const PART: usize = 8192;
+
     /// A layer of C = `width` channels.
     pub fn new<T: Real>(mut builder: Builder<'_, T>, width: usize) -> Self {
         let mut linear = |name| Linear::new(builder.scope(name), width, width, WeightInit::FanIn);
@@ -49,16 +50,16 @@ impl NeighborFusion {
         let _scope = cx.scope("pt_block");
         let projected = [self.query, self.key, self.value].map(|l| l.forward(cx, x));
         let n = neighbors.len();
-        if cx.tape.is_recording() || n <= PART {
+        if cx.tape.is_recording() || n <= Self::PART {
             return self.attend(cx, projected, means, neighbors);
         }
         // Nobody walks back: what a pair of Gaussians needs is there for some of them at a time. Rows are independent, so the
         // bits are the same.
         let width = x.shape().last();
         let mut attended = cx.tape.pool().buffer(n * width);
-        for (part, out) in attended.chunks_mut(PART * width).enumerate() {
+        for (part, out) in attended.chunks_mut(Self::PART * width).enumerate() {
             let mark = cx.tape.mark();
-            let some = neighbors.part(part * PART..(part * PART + PART).min(n));
+            let some = neighbors.part(part * Self::PART..((part + 1) * Self::PART).min(n));
             out.copy_from_slice(&self.attend(cx, projected, means, &some).value());
             cx.tape.keep_only(mark, &[]);
         }

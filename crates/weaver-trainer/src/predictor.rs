@@ -153,6 +153,12 @@ impl<'m> Predictor<'m> {
         })
     }
 
+    /// Gives back the memory that the last prediction was made in.
+    pub fn release(&mut self) {
+        self.tape.reset();
+        self.tape.pool().trim::<f32>();
+    }
+
     /// Renders Gaussians with the model's settings; one image per camera, all of one size.
     ///
     /// # Errors

@@ -151,6 +151,7 @@ impl Scene<'_> {
         predictor.watch(watcher);
         let stream = Stream::new(options.seed, 0, "inference");
         let prediction = predictor.predict_at(self.planes, self.size, CameraSource::Predicted, &*allocation, stream);
+        predictor.release();
         let renders =
             predictor.render(&prediction.splats, &prediction.cameras).map_err(|e| Error::Usage(e.to_string()))?;
         writing();

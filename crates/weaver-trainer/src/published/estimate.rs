@@ -3,6 +3,7 @@
 use super::Opened;
 use crate::Error;
 use weaver_model::ModelConfig;
+use weaver_router::{NeighborFusion, slot_width};
 
 /// Bytes that running a checkpoint on `views` photos of `size` (H, W) takes, weights included.
 ///
@@ -36,12 +37,16 @@ pub fn activations(config: &ModelConfig, gaussians: bool, views: u64, [height, w
     if !gaussians || !config.gaussians.neighbour_attention {
         return [dense, 0];
     }
-    // How many Gaussians there will be nobody knows; published scenes have fewer than 0.6 a pixel. Some eight tensors of
-    // [Gaussians, neighbours, width] are alive in their attention. Against what was measured at the published size, all of
-    // this is 17, 20 and 8 % too much for 2, 4 and 8 photos.
+    // How many Gaussians there will be nobody knows; published scenes have fewer than 0.6 a pixel. Each has its pixel's
+    // features, what the experts say of it in several arrangements, and its projections for the attention. Pairs of neighbours
+    // are there for one part of the Gaussians at a time, in some six tensors. The pool's buffers are an eighth larger than
+    // asked for, on average.
     let drawn = views * pixels * 6 / 10;
-    let around = (config.gaussians.neighbours * config.gaussians.predictor) as u64;
-    [dense, NUMBER * (kept + 8 * drawn * around)]
+    let slot = slot_width(config.gaussians.sh_degree) as u64;
+    let [neighbours, width] = [config.gaussians.neighbours, config.gaussians.predictor].map(|n| n as u64);
+    let each = 2 * channels + 6 * slot + 8 * width + 6 * neighbours;
+    let pairs = drawn.min(NeighborFusion::PART as u64) * (neighbours + 1) * width;
+    [dense, NUMBER * (kept + drawn * each + 6 * pairs) * 9 / 8]
 }
 
 /// An error that names the figures and what makes them smaller, if the memory that is free will not do.
@@ -70,6 +75,18 @@ mod tests {
             assert!(refusal.contains(part), "{refusal}");
         }
         assert!(check(5, Some(6), true).is_ok() && check(5, None, true).is_ok());
+    }
+
+    /// What neighbours say to one another is there for a part of the Gaussians at a time: beyond that, memory grows with the
+    /// Gaussians, not with their pairs.
+    #[test]
+    fn pairs_of_neighbours_are_not_all_there_at_once() {
+        let mut config = ModelConfig::splatweaver_1b();
+        let of = |config: &ModelConfig, views| activations(config, true, views, [252, 448])[1] as f64;
+        let few = of(&config, 8);
+        config.gaussians.neighbours = 32;
+        let many = of(&config, 8);
+        assert!(many / few < 1.5, "{}", many / few);
     }
 
     #[test]
