@@ -1,6 +1,7 @@
 //! Named tensors in safetensors files.
 
 use crate::file::read_bytes;
+use crate::header_fault::header_fault;
 use crate::{Error, Result, atomic_write};
 use half::{bf16, f16};
 use safetensors::{Dtype, SafeTensors};
@@ -136,7 +137,7 @@ impl Tensors {
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let bytes = read_bytes(path)?;
-        let invalid = |e| Error::invalid(path, "header", "a complete safetensors file", format!("{e:?}"));
+        let invalid = |e| Error::invalid(path, "header", "a complete safetensors file", header_fault(e));
         let (_, header) = SafeTensors::read_metadata(&bytes).map_err(invalid)?;
         let file = SafeTensors::deserialize(&bytes).map_err(invalid)?;
         let mut tensors = BTreeMap::new();

@@ -18,6 +18,27 @@ pub fn list_files(folder: impl AsRef<Path>, extensions: &[&str]) -> Result<Vec<P
     Ok(files)
 }
 
+/// Makes sure that files can be written into a folder, which need not exist yet: before long work whose result is to go there.
+/// Nothing is left behind.
+///
+/// # Errors
+/// When it, or the nearest folder above it that exists, is no folder or cannot be written to.
+pub fn check_writable(folder: impl AsRef<Path>) -> Result<()> {
+    let folder = folder.as_ref();
+    let mut above = folder.ancestors().map(|path| if path.as_os_str().is_empty() { Path::new(".") } else { path });
+    let existing = above.find(|path| path.exists()).unwrap_or(Path::new("."));
+    if !existing.is_dir() {
+        return Err(Error::invalid(
+            folder,
+            "folder",
+            "one that can be written to",
+            format!("a file, {}", existing.display()),
+        ));
+    }
+    let probe = tempfile::Builder::new().prefix(".weaver-").tempfile_in(existing);
+    probe.map(drop).map_err(|source| Error::io(existing)(std::io::Error::from(source.kind())))
+}
+
 /// Creates a folder and its parents.
 ///
 /// # Errors

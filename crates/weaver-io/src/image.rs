@@ -41,6 +41,9 @@ impl Image {
     pub fn read(path: impl AsRef<Path>, background: Background) -> Result<Self> {
         let path = path.as_ref();
         let bytes = read_bytes(path)?;
+        if is_cut_jpeg(&bytes) {
+            return Err(Error::invalid(path, "image", "a whole JPEG image", "one that was cut short"));
+        }
         let decoded = ImageReader::new(Cursor::new(&bytes))
             .with_guessed_format()
             .map_err(Error::io(path))?
@@ -127,4 +130,24 @@ impl Image {
         }
         out
     }
+}
+
+/// Whether these are the bytes of a JPEG whose picture has a beginning and no end. Decoders fill the rest with grey.
+fn is_cut_jpeg(bytes: &[u8]) -> bool {
+    const START: [u8; 2] = [0xff, 0xd8];
+    const SCAN: u8 = 0xda;
+    const END: [u8; 2] = [0xff, 0xd9];
+    if !bytes.starts_with(&START) {
+        return false;
+    }
+    // Segments up to the first scan have a length; one of them may hold a smaller picture with an end of its own.
+    let mut at = 2;
+    while let Some([0xff, kind, high, low]) = bytes.get(at..at + 4) {
+        if *kind == SCAN {
+            return !bytes[at..].windows(2).any(|pair| pair == END);
+        }
+        at += 2 + usize::from(u16::from_be_bytes([*high, *low]));
+    }
+    // No scan: for the decoder to say.
+    false
 }

@@ -42,7 +42,10 @@ impl TorchCheckpoint {
         let file = File::open(path).map_err(Error::io(path))?;
         let mut archive = ZipArchive::new(file).map_err(|e| {
             let expected = "a checkpoint of PyTorch 1.6 or later (a ZIP archive)";
-            Error::invalid(path, "content", expected, e)
+            match path.extension().is_some_and(|extension| extension == "safetensors") {
+                true => Error::invalid(path, "file name", expected, "a .safetensors file, which is what this makes"),
+                false => Error::invalid(path, "content", expected, e),
+            }
         })?;
         let description = archive.file_names().find(|n| n.ends_with("/data.pkl")).map(str::to_string);
         let Some(description) = description else {

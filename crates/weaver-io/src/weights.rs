@@ -1,5 +1,6 @@
 //! The weights of a network: a safetensors file or several, mapped into memory and not copied.
 
+use crate::header_fault::header_fault;
 use crate::mapped_file::MappedFile;
 use crate::{Error, Result};
 use half::{bf16, f16};
@@ -108,7 +109,7 @@ impl Weights {
     fn add_file(&mut self, path: &Path) -> Result<()> {
         let file = Arc::new(MappedFile::open(path)?);
         let invalid = |found: String| Error::invalid(path, "header", "a complete safetensors file", found);
-        let (length, header) = SafeTensors::read_metadata(&file).map_err(|e| invalid(format!("{e:?}")))?;
+        let (length, header) = SafeTensors::read_metadata(&file).map_err(|e| invalid(header_fault(e)))?;
         let start = length + size_of::<u64>();
         let expected = start + header.data_len();
         if expected != file.len() {

@@ -95,6 +95,7 @@ pub fn run(
     observer: impl Fn(Progress) + Send + 'static,
     writing: impl FnOnce(),
 ) -> Result<Report, Error> {
+    weaver_io::check_writable(out)?;
     let opened = Opened::new(weights, !options.geometry)?;
     let config = opened.config.clone();
     let size = options.size.unwrap_or([config.height, config.width]);

@@ -1,4 +1,4 @@
-use weaver_io::{Appender, create_folder, list_files, read_text, write_text};
+use weaver_io::{Appender, check_writable, create_folder, list_files, read_text, write_text};
 
 #[test]
 fn lists_sorted_files_of_some_extensions() {
@@ -13,6 +13,20 @@ fn lists_sorted_files_of_some_extensions() {
     assert_eq!(list_files(&folder, &["jpg", "png"]).unwrap(), expected);
     let message = list_files(folder.join("gone"), &["jpg"]).unwrap_err().to_string();
     assert!(message.contains("gone"), "{message}");
+}
+
+#[test]
+fn folders_are_tried_and_left_as_they_are() {
+    let root = tempfile::tempdir().unwrap();
+    check_writable(root.path()).unwrap();
+    check_writable(root.path().join("a/b")).unwrap();
+    assert_eq!(std::fs::read_dir(root.path()).unwrap().count(), 0);
+    let file = root.path().join("file");
+    write_text(&file, "x").unwrap();
+    for below in [file.clone(), file.join("folder")] {
+        let message = check_writable(below).unwrap_err().to_string();
+        assert!(message.contains("expected one that can be written to, found a file"), "{message}");
+    }
 }
 
 #[test]

@@ -174,3 +174,20 @@ fn real_photographs() {
     let small_mean = small.pixels.iter().sum::<f32>() / small.pixels.len() as f32;
     assert!((0.1..0.9).contains(&mean) && (mean - small_mean).abs() < 0.2, "{mean} {small_mean}");
 }
+
+#[test]
+fn a_jpeg_that_was_cut_short_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.jpg");
+    image::RgbImage::from_raw(21, 18, ramp(21, 18).to_bytes()).unwrap().save(&path).unwrap();
+    let whole = std::fs::read(&path).unwrap();
+    // A segment with the end of a smaller picture in it, as cameras write them.
+    let with_preview = [&whole[..2], &[0xff, 0xe1, 0, 4, 0xff, 0xd9], &whole[2..]].concat();
+    for bytes in [&whole, &with_preview] {
+        std::fs::write(&path, bytes).unwrap();
+        Image::read(&path, Background::White).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() - 2]).unwrap();
+        let message = Image::read(&path, Background::White).unwrap_err().to_string();
+        assert!(message.contains("a.jpg: image: expected a whole JPEG image"), "{message}");
+    }
+}

@@ -77,6 +77,12 @@ impl Opened {
                 .map_err(|e| wrong(path, format!("metadata {CONFIG}: {e}")))?,
             None => ModelConfig::splatweaver_1b(),
         };
+        // Parameters are declared layer by layer; each has at least one tensor.
+        let layers = [config.backbone.encoder_depth, config.backbone.rounds, config.camera.depth];
+        let (most, tensors) = (layers.into_iter().max().unwrap_or(0), weights.iter().len());
+        if most > tensors {
+            return Err(wrong(path, format!("metadata {CONFIG}: {most} layers, and there are only {tensors} tensors")));
+        }
         let head = format!("{prefix}gaussian_param_head.");
         let has_gaussians = gaussians && weights.iter().any(|w| w.name().starts_with(&head));
         Ok(Self { weights, prefix, config, has_gaussians })
