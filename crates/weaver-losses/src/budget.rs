@@ -10,7 +10,7 @@ use weaver_autograd::{Real, Var};
 /// targets. Source: the official SplatWeaver code, with targets 0.2, 0.02, 0.02.
 #[track_caller]
 pub fn share_budget<'t, T: Real>(choice: Var<'t, T>, targets: &[f64]) -> Var<'t, T> {
-    let shares = shares(choice, targets.len() + 1).slice(0, 1, targets.len());
+    let shares = shares(choice, targets.len() + 1, "share_budget").slice(0, 1, targets.len());
     let targets = shares.tape().constant_with([targets.len()], |t| {
         t.iter_mut().zip(targets).for_each(|(t, target)| *t = T::from_f64(*target));
     });
@@ -34,13 +34,14 @@ pub fn global_budget<T: Real>(choice: Var<'_, T>, tau: f64) -> Var<'_, T> {
     let counts = choice.tape().constant_with([experts], |counts| {
         counts.iter_mut().enumerate().for_each(|(e, c)| *c = T::from_usize(e));
     });
-    ((shares(choice, experts) * counts).sum() - tau).relu().square()
+    ((shares(choice, experts, "global_budget") * counts).sum() - tau).relu().square()
 }
 
 /// The share of each expert, `[E]`.
 #[track_caller]
-fn shares<T: Real>(choice: Var<'_, T>, experts: usize) -> Var<'_, T> {
+fn shares<'t, T: Real>(choice: Var<'t, T>, experts: usize, of: &'static str) -> Var<'t, T> {
     let shape = choice.shape();
-    assert!(shape.rank() == 2 && shape[1] == experts, "budget: expected a choice [P, {experts}], found {shape}");
+    let fits = shape.rank() == 2 && shape[1] == experts;
+    choice.tape().ensure_shapes(fits, of, format_args!("a choice [P, {experts}]"), &[shape]);
     choice.mean_axis(0)
 }

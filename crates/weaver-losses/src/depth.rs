@@ -30,7 +30,9 @@ pub fn masked_depth_mse<'t, T: Real>(
 ) -> Var<'t, T> {
     let tape = depth.tape();
     let shape = confidence.shape();
-    assert_eq!(shape.rank(), 3, "masked_depth_mse: expected confidence [V, H, W], found {shape}");
+    let found = [depth.shape(), target.shape(), shape];
+    let fits = shape.rank() == 3 && found == [shape; 3];
+    tape.ensure_shapes(fits, "masked_depth_mse", "depth, target and confidence [V, H, W]", &found);
     let pixels = shape[1] * shape[2];
     let mut count = 0;
     let mask = tape.constant_with(shape, |mask| {

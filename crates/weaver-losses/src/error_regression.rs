@@ -35,7 +35,9 @@ pub fn error_target<T: Real>(squared_error: &[T], size: [usize; 2], target: &mut
 #[track_caller]
 pub fn error_regression<'t, T: Real>(score: Var<'t, T>, squared_error: Var<'t, T>) -> Var<'t, T> {
     let shape = squared_error.shape();
-    assert_eq!(shape.rank(), 3, "error_regression: expected errors [V, H, W], found {shape}");
+    let fits = shape.rank() == 3 && score.shape().len() == shape.len();
+    let found = [score.shape(), shape];
+    score.tape().ensure_shapes(fits, "error_regression", "a score and an error [V, H, W] for each pixel", &found);
     let target = score.tape().constant_with(shape, |target| {
         error_target(&squared_error.value(), [shape[1], shape[2]], target);
     });

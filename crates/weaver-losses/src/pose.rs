@@ -1,7 +1,7 @@
 //! Losses on the pose codes of an iterative camera head.
 
 use weaver_autograd::ops::huber;
-use weaver_autograd::{Real, Var, apply_pointwise, pointwise};
+use weaver_autograd::{List, Real, Shape, Var, apply_pointwise, pointwise};
 
 /// Weight of an iteration relative to the next one.
 const DECAY: f64 = 0.6;
@@ -23,6 +23,15 @@ fn over_iterations<'t, T: Real>(terms: impl ExactSizeIterator<Item = Var<'t, T>>
     weighted.reduce(|sum, term| sum + term).expect("a camera head has at least one iteration")
 }
 
+/// Panics unless there are as many of both.
+#[track_caller]
+fn ensure_as_many<T: Real>(a: &[Var<'_, T>], b: &[Var<'_, T>], of: &'static str) {
+    if let Some(any) = a.first().or(b.first()) {
+        let found: List<Shape> = a.iter().chain(b).map(Var::shape).collect();
+        any.tape().ensure_shapes(a.len() == b.len(), of, "as many tensors of the one kind as of the other", &found);
+    }
+}
+
 /// Huber distance of pose codes, summed over the iterations of the camera head, a scalar:
 /// (1/n) sum_i 0.6^(n-1-i) mean Huber(student_i - teacher_i; delta).
 ///
@@ -31,7 +40,7 @@ fn over_iterations<'t, T: Real>(terms: impl ExactSizeIterator<Item = Var<'t, T>>
 /// of the official SplatWeaver code, with delta = 1 and weight 10.
 #[track_caller]
 pub fn huber_pose<'t, T: Real>(student: &[Var<'t, T>], teacher: &[Var<'t, T>], delta: f64) -> Var<'t, T> {
-    assert_eq!(student.len(), teacher.len(), "huber_pose: as many iterations of the student as of the teacher");
+    ensure_as_many(student, teacher, "huber_pose");
     over_iterations(student.iter().zip(teacher).map(|(s, t)| huber(*s, *t, delta).mean()))
 }
 
@@ -58,7 +67,7 @@ pub fn absolute_pose<'t, T: Real>(
     target_rotation: Var<'t, T>,
     target_translation: Var<'t, T>,
 ) -> Var<'t, T> {
-    assert_eq!(rotations.len(), translations.len(), "absolute_pose: as many rotations as translations");
+    ensure_as_many(rotations, translations, "absolute_pose");
     let poses = rotations.iter().zip(translations);
     over_iterations(poses.map(|(r, t)| l1(*r, target_rotation) + l1(*t, target_translation)))
 }

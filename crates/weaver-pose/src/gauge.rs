@@ -40,7 +40,8 @@ impl RowMap<18, 9> for RelativeCode {
 /// ```
 #[track_caller]
 pub fn first_camera_gauge<T: Real>(code: Var<'_, T>) -> Var<'_, T> {
-    assert!(code.shape().rank() == 3, "pose codes of scenes are [B, V, 9], not {}", code.shape());
+    let fits = code.shape().rank() == 3 && code.shape()[2] == 9;
+    code.tape().ensure_shapes(fits, "first_camera_gauge", "pose codes [B, V, 9]", &[code.shape()]);
     let first = code.slice(1, 0, 1).expand(code.shape());
     let [relative] = code.tape().apply(RowMapOp(RelativeCode), &[code, first]);
     relative

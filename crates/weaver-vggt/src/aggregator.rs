@@ -100,7 +100,8 @@ impl Aggregator {
     /// Runs on images `[B, V, 3, H, W]` in `[0, 1]`, whose sides are multiples of the patch.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, images: Var<'t, T>) -> Aggregated<'t, T> {
         let shape = images.shape();
-        assert!(shape.rank() == 5 && shape[1] > 0, "images [B, V, 3, H, W] with at least one view, not {shape}");
+        let fits = shape.rank() == 5 && shape[1] > 0;
+        cx.tape.ensure_shapes(fits, "aggregator", "images [B, V, 3, H, W] of at least one view", &[shape]);
         let [scenes, views, channels, height, width] = [0, 1, 2, 3, 4].map(|axis| shape[axis]);
         let patch = self.config.encoder.patch;
         let grid = [height / patch, width / patch];

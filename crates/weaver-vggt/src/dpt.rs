@@ -3,7 +3,7 @@
 use crate::fusion::{FusionBlock, resized};
 use crate::position::add_position;
 use weaver_autograd::ops::{self, Activation};
-use weaver_autograd::{Real, Var};
+use weaver_autograd::{List, Real, Shape, Var};
 use weaver_nn::{Builder, Context, Conv2d, ConvTranspose2d, LayerNorm, WeightInit};
 
 /// Sizes of a [`DptHead`].
@@ -104,7 +104,8 @@ impl DptHead {
 
     /// The fused maps `[N, features, ..]` from the finest to the coarsest, each at the size of the next finer level.
     pub fn fuse<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> [Var<'t, T>; 4] {
-        assert!(tokens.layers.len() == 4, "a dense head reads four layers of tokens, not {}", tokens.layers.len());
+        let found: List<Shape> = tokens.layers.iter().map(|layer| layer.shape()).collect();
+        cx.tape.ensure_shapes(found.len() == 4, "dense_head", "four layers of tokens [B, V, tokens, 2 D]", &found);
         let mark = cx.tape.mark();
         let mut maps: [Var<'t, T>; 4] = std::array::from_fn(|i| cx.tape.result_of(|| self.level(cx, tokens, i)));
         let size = |map: &Var<'t, T>| [map.shape()[2], map.shape()[3]];

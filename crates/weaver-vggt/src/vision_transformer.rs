@@ -45,10 +45,9 @@ impl PatchEmbed {
         let _scope = cx.scope("patch_embed");
         let shape = images.shape();
         let p = self.patch;
-        assert!(
-            shape.rank() == 4 && shape[2].is_multiple_of(p) && shape[3].is_multiple_of(p),
-            "images [N, 3, H, W] with sides that are multiples of {p}, not {shape}"
-        );
+        let fits = shape.rank() == 4 && shape[2].is_multiple_of(p) && shape[3].is_multiple_of(p);
+        let expected = format_args!("images [N, 3, H, W] with sides that are multiples of {p}");
+        cx.tape.ensure_shapes(fits, "patch_embed", expected, &[shape]);
         let maps = self.proj.forward(cx, images);
         let [n, dim, h, w] = [0, 1, 2, 3].map(|axis| maps.shape()[axis]);
         maps.reshape([n, dim, h * w]).permute(&[0, 2, 1])

@@ -6,4 +6,5 @@ mod lpips;
 mod mechanism;
 mod metrics;
 mod parity;
+mod shapes;
 mod ssim;

@@ -5,6 +5,7 @@ mod dense;
 #[path = "../../../weaver-pose/tests/it/fixture.rs"]
 mod fixture;
 mod ops;
+mod shapes;
 mod vision_transformer;
 
 use weaver_autograd::{ParamId, Params, Tape, Var};

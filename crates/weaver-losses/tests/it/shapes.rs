@@ -1,0 +1,38 @@
+//! Wrong shapes are refused with the loss's name, the model path, and every shape found.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use weaver_autograd::{Tape, Var};
+use weaver_losses::*;
+
+/// Takes a result that never comes.
+fn done<X>(_: X) {}
+
+type Case = (&'static str, &'static [&'static [usize]], fn(&[Var<'_, f64>]));
+
+/// The loss's name, shapes that do not fit it, and the call.
+const CASES: &[Case] = &[
+    ("error_regression", &[&[4, 4], &[2, 8]], |x| done(error_regression(x[0], x[1]))),
+    ("error_regression", &[&[15], &[1, 4, 4]], |x| done(error_regression(x[0], x[1]))),
+    ("masked_depth_mse", &[&[4, 4], &[4, 4], &[4, 4]], |x| done(masked_depth_mse(x[0], x[1], x[2], 0.3))),
+    ("masked_depth_mse", &[&[1, 4, 4], &[1, 4, 4], &[1, 4, 5]], |x| done(masked_depth_mse(x[0], x[1], x[2], 0.3))),
+    ("share_budget", &[&[6, 3]], |x| done(share_budget(x[0], &[0.2, 0.02, 0.02]))),
+    ("global_budget", &[&[2, 3, 4]], |x| done(global_budget(x[0], 0.5))),
+    ("huber_pose", &[&[1, 2, 9], &[1, 2, 9], &[1, 2, 9]], |x| done(huber_pose(&x[..2], &x[2..], 1.0))),
+    ("absolute_pose", &[&[1, 3, 3], &[1, 3], &[1, 3]], |x| done(absolute_pose(&x[..1], &x[1..], x[0], x[1]))),
+];
+
+#[test]
+fn messages_name_loss_path_and_shapes() {
+    for (loss, shapes, call) in CASES {
+        let tape = Tape::<f64>::new();
+        let vars: Vec<_> = shapes.iter().map(|s| tape.leaf(&vec![0.5; s.iter().product()], *s)).collect();
+        let _scope = tape.scope("losses.term");
+        let panic = catch_unwind(AssertUnwindSafe(|| call(&vars))).expect_err("shapes that do not fit are refused");
+        let message = panic.downcast::<String>().expect("a formatted message");
+        let start = format!("losses.term: {loss}: expected ");
+        assert!(message.starts_with(&start), "{message:?} does not start with {start:?}");
+        let (_, found) = message.split_once("found ").expect("what was found");
+        let shapes: Vec<_> = shapes.iter().map(|shape| format!("{shape:?}")).collect();
+        assert_eq!(found, shapes.join(", "));
+    }
+}
