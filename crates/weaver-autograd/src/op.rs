@@ -1,10 +1,9 @@
 //! What an op is, and what it sees of the tape's memory.
 
 use crate::{Pool, Shape, ShapeError, Shapes};
-use half::bf16;
 use std::fmt::Debug;
 use std::ops::{Deref, DerefMut};
-use weaver_kernels::{Real, parallel, simd};
+use weaver_kernels::{Real, gemm::Half, parallel, simd};
 
 /// A differentiable operation: a value that owns its parameters and saved state.
 ///
@@ -61,7 +60,7 @@ pub trait Op<T: Real>: Debug + Send + 'static {
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a, T> {
     data: &'a [T],
-    half: Option<&'a [bf16]>,
+    half: Option<Half<'a>>,
     shape: Shape,
 }
 
@@ -74,7 +73,7 @@ impl<'a, T> View<'a, T> {
     }
 
     /// Wraps a slice in half precision.
-    pub(crate) fn of_half(half: &'a [bf16], shape: Shape) -> Self {
+    pub(crate) fn of_half(half: Half<'a>, shape: Shape) -> Self {
         assert_eq!(half.len(), shape.len(), "a view of shape {shape} needs as many elements");
         Self { data: &[], half: Some(half), shape }
     }
@@ -85,7 +84,7 @@ impl<'a, T> View<'a, T> {
     }
 
     /// The elements of a tensor in half precision, which has no others.
-    pub fn half(&self) -> Option<&'a [bf16]> {
+    pub fn half(&self) -> Option<Half<'a>> {
         self.half
     }
 

@@ -1,11 +1,11 @@
 //! Named parameters, apart from any tape.
 
 use crate::Shape;
-use half::bf16;
+use half::{bf16, f16};
 use std::fmt;
 use std::sync::Arc;
 use weaver_kernels::Real;
-use weaver_kernels::gemm::widen;
+use weaver_kernels::gemm::Half;
 
 /// The index of a parameter in its [`Params`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -25,10 +25,43 @@ pub enum ParamValues<T: Real> {
     Owned(Arc<Vec<T>>),
     /// In memory that somebody else holds, such as a mapped file.
     Shared(Arc<dyn AsRef<[T]> + Send + Sync>),
-    /// The same in half precision. Layers that multiply by it widen it on the way; it is constant.
-    Half(Arc<dyn AsRef<[bf16]> + Send + Sync>),
+    /// The same in half precision, for layers that multiply by it; it is constant.
+    Half(HalfValues),
     /// Nowhere yet: the parameter is declared, and its numbers are to be set.
     Absent,
+}
+
+/// Numbers in half precision, in memory that somebody may share.
+#[derive(Clone)]
+pub enum HalfValues {
+    /// Products widen them on the way.
+    Bf16(Arc<dyn AsRef<[bf16]> + Send + Sync>),
+    /// Products round the other factor to bf16 as well, where the processor then multiplies twice as fast; see
+    /// [`Half::Bf16Pairs`] for what that costs.
+    Bf16Pairs(Arc<dyn AsRef<[bf16]> + Send + Sync>),
+    /// Products widen them on the way.
+    F16(Arc<dyn AsRef<[f16]> + Send + Sync>),
+}
+
+impl fmt::Debug for HalfValues {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Bf16(_) => "Bf16",
+            Self::Bf16Pairs(_) => "Bf16Pairs",
+            Self::F16(_) => "F16",
+        })
+    }
+}
+
+impl HalfValues {
+    /// The numbers.
+    pub fn view(&self) -> Half<'_> {
+        match self {
+            Self::Bf16(values) => Half::Bf16((**values).as_ref()),
+            Self::Bf16Pairs(values) => Half::Bf16Pairs((**values).as_ref()),
+            Self::F16(values) => Half::F16((**values).as_ref()),
+        }
+    }
 }
 
 impl<T: Real> fmt::Debug for ParamValues<T> {
@@ -36,7 +69,7 @@ impl<T: Real> fmt::Debug for ParamValues<T> {
         f.write_str(match self {
             Self::Owned(_) => "Owned",
             Self::Shared(_) => "Shared",
-            Self::Half(_) => "Half",
+            Self::Half(values) => return values.fmt(f),
             Self::Absent => "Absent",
         })
     }
@@ -47,7 +80,7 @@ impl<T: Real> ParamValues<T> {
         match self {
             Self::Owned(values) => values.len(),
             Self::Shared(values) => (**values).as_ref().len(),
-            Self::Half(values) => (**values).as_ref().len(),
+            Self::Half(values) => values.view().len(),
             Self::Absent => 0,
         }
     }
@@ -153,7 +186,7 @@ impl<T: Real> Params<T> {
             ParamValues::Owned(_) => {}
             ParamValues::Half(values) => {
                 let mut wide = vec![T::ZERO; param.shape.len()];
-                widen((**values).as_ref(), &mut wide);
+                values.view().widen(&mut wide);
                 param.values = ParamValues::Owned(Arc::new(wide));
             }
             _ => param.values = ParamValues::Owned(Arc::new(param.value().to_vec())),

@@ -1,11 +1,10 @@
 //! The tape: records ops as they run, owns every value and gradient, and walks back.
 
 use crate::op::{Op, View, ViewMut};
-use crate::params::{Param, ParamId, ParamValues, Params};
-use crate::profile::{Phase, Profile, Trace};
+use crate::params::{HalfValues, Param, ParamId, ParamValues, Params};
+use crate::profile::{Phase, Profile, Tracer};
 use crate::recycle::{OpBoxes, Slot};
 use crate::{Buffer, Pool, Shape, ShapeError, Var};
-use half::bf16;
 use smallvec::SmallVec;
 use std::cell::{Cell, Ref, RefCell};
 use std::sync::Arc;
@@ -29,7 +28,7 @@ pub type List<X> = SmallVec<[X; 8]>;
 enum Storage<T: Real> {
     Pooled(Buffer<T>),
     Shared(Arc<dyn AsRef<[T]> + Send + Sync>),
-    Half(Arc<dyn AsRef<[bf16]> + Send + Sync>),
+    Half(HalfValues),
     /// Given back; see [`Tape::keep_only`].
     Released,
 }
@@ -56,7 +55,7 @@ impl<T: Real> Storage<T> {
 
     fn view(&self, shape: Shape) -> View<'_, T> {
         match self {
-            Self::Half(data) => View::of_half((**data).as_ref(), shape),
+            Self::Half(data) => View::of_half(data.view(), shape),
             _ => View::new(self.as_slice(), shape),
         }
     }
@@ -128,7 +127,9 @@ pub struct Tape<T: Real = f32> {
     /// Whether applied ops are kept for a backward pass.
     recording: Cell<bool>,
     profile: RefCell<Option<Profile>>,
-    trace: RefCell<Option<Trace>>,
+    tracer: Tracer,
+    /// Whether what runs here has run before, for the same result.
+    again: bool,
 }
 
 impl<T: Real> Default for Tape<T> {
@@ -169,7 +170,8 @@ impl<T: Real> Tape<T> {
             pool,
             recording: Cell::new(true),
             profile: RefCell::new(None),
-            trace: RefCell::new(None),
+            tracer: Tracer::default(),
+            again: false,
         }
     }
 

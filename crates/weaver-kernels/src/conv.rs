@@ -125,6 +125,7 @@ fn correlate<T: Real>(size: &Conv2d, x: &[T], w: &[T], y: Target<T>) {
         a: Mat::new(w, depth),
         b: &windows,
         beta,
+        pairs: false,
     }
     .run(y, pixels, true);
 }
@@ -179,6 +180,7 @@ pub fn conv2d_dx<T: Real>(size: &Conv2d, w: &[T], dy: &[T], dx: Target<T>, scrat
         a: Mat::new(scratch, o * taps),
         b: &windows,
         beta,
+        pairs: false,
     }
     .run(dx, h * width, true);
 }
@@ -244,6 +246,7 @@ pub fn conv2d_dw<T: Real>(size: &Conv2d, x: &[T], dy: &[T], dw: Target<T>, scrat
             a: Mat::new(dy, pixels),
             b: &WindowRows(size.windows(x)),
             beta,
+            pairs: false,
         }
         .run(dw, depth, true);
         beta = T::ONE;

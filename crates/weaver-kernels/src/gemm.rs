@@ -12,7 +12,7 @@ mod half_precision;
 mod pack;
 pub(crate) mod tile;
 
-pub use half_precision::{gemm_bf16, widen};
+pub use half_precision::{Half, gemm_half, gemm_half_scratch_len};
 use pack::Stack;
 pub(crate) use pack::{Panels, pack, transpose};
 
@@ -119,7 +119,7 @@ pub fn gemm_batched<T: Real>(
     let b = if trans_b { Mat::new(b, k).transposed() } else { Mat::new(b, n) };
     b.check(batch, b_stride, k, n, "B");
     let b = Stack { mat: b, stride: b_stride };
-    Product { batch, a_step: a_stride, c_step: c_stride, m, n, k, alpha, a, b: &b, beta }.run(c, n, true);
+    Product { batch, a_step: a_stride, c_step: c_stride, m, n, k, alpha, a, b: &b, beta, pairs: false }.run(c, n, true);
 }
 
 /// C = alpha A B + beta C for operands with any strides; `c` has rows `c_stride` >= `n` apart.
@@ -136,7 +136,7 @@ pub fn gemm_strided<T: Real>(
 ) {
     b.check(1, 0, k, n, "B");
     let b = Stack { mat: b, stride: 0 };
-    Product { batch: 1, a_step: 0, c_step: 0, m, n, k, alpha, a, b: &b, beta }.run(c, c_stride, true);
+    Product { batch: 1, a_step: 0, c_step: 0, m, n, k, alpha, a, b: &b, beta, pairs: false }.run(c, c_stride, true);
 }
 
 /// [`gemm_strided`] on the calling thread alone, for use inside a parallel task.
@@ -153,7 +153,7 @@ pub fn gemm_serial<T: Real>(
 ) {
     b.check(1, 0, k, n, "B");
     let b = Stack { mat: b, stride: 0 };
-    Product { batch: 1, a_step: 0, c_step: 0, m, n, k, alpha, a, b: &b, beta }.run(c, c_stride, false);
+    Product { batch: 1, a_step: 0, c_step: 0, m, n, k, alpha, a, b: &b, beta, pairs: false }.run(c, c_stride, false);
 }
 
 /// C = alpha A B + beta C, `batch` times.
@@ -169,6 +169,8 @@ pub(crate) struct Product<'a, T, B> {
     pub a: Mat<'a, T>,
     pub b: &'a B,
     pub beta: T,
+    /// Whether numbers of A and B are pairs of bf16.
+    pub pairs: bool,
 }
 
 impl<T: Real, B: Panels<T>> Product<'_, T, B> {
@@ -303,17 +305,12 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
                             // SAFETY: rows i..i+height of A, packed or not, and of C and columns j..j+width of C are
                             // inside their slices; the panel holds depth * padded elements: asserted in debug builds.
                             unsafe {
-                                T::multiply(
-                                    level,
-                                    [height, width, depth],
-                                    self.alpha,
-                                    from,
-                                    strides,
-                                    panel.as_ptr(),
-                                    beta,
-                                    c.pointer(at),
-                                    c_stride,
-                                );
+                                let (size, panel, c) = ([height, width, depth], panel.as_ptr(), c.pointer(at));
+                                if self.pairs {
+                                    T::multiply_pairs(size, from, strides, panel, beta, c, c_stride);
+                                } else {
+                                    T::multiply(level, size, self.alpha, from, strides, panel, beta, c, c_stride);
+                                }
                             }
                         }
                     }

@@ -3,7 +3,7 @@
 use crate::op::GRAIN;
 use crate::{Buffer, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::gelu::{gelu_backward, gelu_forward};
-use weaver_kernels::gemm::{gemm, gemm_bf16, widen};
+use weaver_kernels::gemm::{gemm, gemm_half, gemm_half_scratch_len};
 use weaver_kernels::{Real, parallel, reduce::column_sums};
 
 /// What is applied to the result of a layer.
@@ -59,7 +59,10 @@ impl<T: Real> Op<T> for Linear<T> {
                 T::ONE
             });
             match w.half() {
-                Some(w) => gemm_bf16(rows, n, k, x, w, beta, y),
+                Some(w) => {
+                    let mut scratch = pool.buffer(gemm_half_scratch_len(rows, k, w));
+                    gemm_half(rows, n, k, x, w, beta, y, &mut scratch);
+                }
                 None => gemm(false, true, rows, n, k, T::ONE, x, w, beta, y),
             }
         };
@@ -106,7 +109,7 @@ impl<T: Real> Op<T> for Linear<T> {
             let (dx, beta) = dx.target();
             let wide = w.half().map(|half| {
                 let mut wide = pool.buffer(half.len());
-                widen(half, &mut wide);
+                half.widen(&mut wide);
                 wide
             });
             gemm(false, false, rows, k, n, T::ONE, dsums, wide.as_deref().unwrap_or(w), beta, dx);

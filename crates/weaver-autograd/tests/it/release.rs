@@ -1,9 +1,9 @@
 //! Memory given back while nothing is recorded, and parameters in half precision.
 
-use half::bf16;
+use half::{bf16, f16};
 use std::sync::Arc;
 use weaver_autograd::ops::{self, Activation};
-use weaver_autograd::{ParamValues, Params, Tape};
+use weaver_autograd::{HalfValues, ParamValues, Params, Tape};
 
 #[test]
 fn what_is_not_kept_is_used_again() {
@@ -51,24 +51,40 @@ fn reading_what_was_given_back_is_loud() {
 /// Parameters in half precision give what the same numbers give in full precision, forward and backward.
 #[test]
 fn half_precision() {
-    let narrow: Vec<bf16> = (0..6).map(|i| bf16::from_f32(0.3 * i as f32 - 0.7)).collect();
-    let wide: Vec<f32> = narrow.iter().map(|x| x.to_f32()).collect();
-    let mut params = Params::<f32>::new();
-    let half = params.declare("half", [2, 3]);
-    params.set(half, ParamValues::Half(Arc::new(narrow)));
-    let full = params.add("full", [2, 3], wide.clone());
-    let run = |id| {
-        let tape = Tape::new();
-        let x = tape.leaf(&[1.0, -2.0, 0.5], [1, 3]);
-        let y = ops::linear(x, tape.param(&params, id), None, Activation::Gelu);
-        y.backward_with(&[1.0, 2.0]);
-        (y.to_vec(), x.grad().unwrap(), tape.param_grad(id).is_some())
+    let numbers = || (0..6).map(|i| 0.3 * i as f32 - 0.7);
+    let (brief, half): (Vec<bf16>, Vec<f16>) =
+        (numbers().map(bf16::from_f32).collect(), numbers().map(f16::from_f32).collect());
+    let wide = |values: &HalfValues| {
+        let mut wide = vec![0.0; 6];
+        values.view().widen(&mut wide);
+        wide
     };
-    let (y, dx, trained) = run(half);
-    assert_eq!((y, dx), (run(full).0, run(full).1));
-    assert!(!trained && run(full).2, "what is in half precision is constant");
-    assert_eq!(params.count(), 12);
-    assert_eq!(params.value_mut(half), wide);
+    for (values, tolerance) in [
+        (HalfValues::Bf16(Arc::new(brief.clone())), 0.0),
+        (HalfValues::F16(Arc::new(half)), 0.0),
+        // x is rounded to 8 bits where the processor multiplies pairs.
+        (HalfValues::Bf16Pairs(Arc::new(brief)), 2e-2),
+    ] {
+        let wide = wide(&values);
+        let mut params = Params::<f32>::new();
+        let half = params.declare("half", [2, 3]);
+        params.set(half, ParamValues::Half(values));
+        let full = params.add("full", [2, 3], wide.clone());
+        let run = |id| {
+            let tape = Tape::new();
+            let x = tape.leaf(&[1.01, -2.03, 0.507], [1, 3]);
+            let y = ops::linear(x, tape.param(&params, id), None, Activation::Gelu);
+            y.backward_with(&[1.0, 2.0]);
+            (y.to_vec(), x.grad().unwrap(), tape.param_grad(id).is_some())
+        };
+        let ((y, dx, trained), (full_y, full_dx, full_trained)) = (run(half), run(full));
+        for (a, b) in y.iter().chain(&dx).zip(full_y.iter().chain(&full_dx)) {
+            assert!((a - b).abs() <= tolerance, "{a} {b}");
+        }
+        assert!(!trained && full_trained, "what is in half precision is constant");
+        assert_eq!(params.count(), 12);
+        assert_eq!(params.value_mut(half), wide);
+    }
 }
 
 #[test]
@@ -76,7 +92,7 @@ fn half_precision() {
 fn an_op_that_cannot_read_half_precision_says_so() {
     let mut params = Params::<f32>::new();
     let id = params.declare("b", [2]);
-    params.set(id, ParamValues::Half(Arc::new(vec![bf16::ONE; 2])));
+    params.set(id, ParamValues::Half(HalfValues::Bf16(Arc::new(vec![bf16::ONE; 2]))));
     let tape = Tape::new();
     let _ = tape.param(&params, id) + tape.constant(&[0.0; 2], [2]);
 }

@@ -1,0 +1,388 @@
+//! The products themselves, for each instruction set.
+
+/// Defines `multiply` for one vector type in terms of what is in scope: `LANES`, `zero`, `splat`, `load`, `store`, `mul_add`,
+/// `fetch`, `finish`; a tile is `$rows` high, two vectors wide.
+macro_rules! products {
+    ($t:ty, $rows:literal: $($row:literal)*, $(#[$feature:meta])*) => {
+        pub const ROWS: usize = $rows;
+
+        $(#[$feature])*
+        pub unsafe fn multiply(
+            size: [usize; 3], alpha: $t, a: *const $t, strides: [usize; 2], panel: *const $t, beta: $t, c: *mut $t, c_stride: usize,
+        ) {
+            let [rows, cols, depth] = size;
+            // SAFETY: passed on from the caller.
+            unsafe {
+                match (rows, cols <= LANES) {
+                    $(
+                        ($row, true) => tile::<$row, 1>(cols, depth, alpha, a, strides, panel, beta, c, c_stride),
+                        ($row, false) => tile::<$row, 2>(cols, depth, alpha, a, strides, panel, beta, c, c_stride),
+                    )*
+                    _ => unreachable!("a tile has 1 to {ROWS} rows"),
+                }
+            }
+        }
+
+        $(#[$feature])*
+        unsafe fn tile<const M: usize, const V: usize>(
+            cols: usize, depth: usize, alpha: $t, a: *const $t, strides: [usize; 2], panel: *const $t, beta: $t, c: *mut $t, c_stride: usize,
+        ) {
+            let mut sums = [[zero(); V]; M];
+            // SAFETY: all offsets are inside what the caller vouches for.
+            unsafe {
+                fetch::<M, V>(cols, c, c_stride);
+                for p in 0..depth {
+                    let mut b = [zero(); V];
+                    for v in 0..V {
+                        b[v] = load(panel.add((p * V + v) * LANES));
+                    }
+                    for i in 0..M {
+                        let x = splat(*a.add(i * strides[0] + p * strides[1]));
+                        for v in 0..V {
+                            sums[i][v] = mul_add(x, b[v], sums[i][v]);
+                        }
+                    }
+                }
+                let plain = alpha == 1.0 && beta == 0.0 && cols == V * LANES;
+                for i in 0..M {
+                    for v in 0..V {
+                        let c = c.add(i * c_stride + v * LANES);
+                        if plain {
+                            store(c, sums[i][v]);
+                        } else {
+                            finish(sums[i][v], cols - v * LANES, alpha, beta, c);
+                        }
+                    }
+                }
+            }
+        }
+    };
+}
+
+/// Likewise `multiply_shifted` and `multiply_runs`.
+macro_rules! windows {
+    ($t:ty, $($row:literal)*, $(#[$feature:meta])*) => {
+        $(#[$feature])*
+        pub unsafe fn multiply_shifted(
+            size: [usize; 2], a: *const $t, strides: [usize; 2], b: *const $t, offsets: &[usize], beta: $t, c: *mut $t, c_stride: usize,
+        ) {
+            let [rows, cols] = size;
+            // SAFETY: passed on from the caller.
+            unsafe {
+                match (rows, cols <= LANES) {
+                    $(
+                        ($row, true) => shifted::<$row, 1>(cols, a, strides, b, offsets, beta, c, c_stride),
+                        ($row, false) => shifted::<$row, 2>(cols, a, strides, b, offsets, beta, c, c_stride),
+                    )*
+                    _ => unreachable!("a tile has 1 to {ROWS} rows"),
+                }
+            }
+        }
+
+        $(#[$feature])*
+        unsafe fn shifted<const M: usize, const V: usize>(
+            cols: usize, a: *const $t, strides: [usize; 2], b: *const $t, offsets: &[usize], beta: $t, c: *mut $t, c_stride: usize,
+        ) {
+            let mut sums = [[zero(); V]; M];
+            // SAFETY: all offsets are inside what the caller vouches for.
+            unsafe {
+                fetch::<M, V>(cols, c, c_stride);
+                for (p, offset) in offsets.iter().enumerate() {
+                    let mut row = [zero(); V];
+                    for v in 0..V {
+                        row[v] = load(b.add(offset + v * LANES));
+                    }
+                    for i in 0..M {
+                        let x = splat(*a.add(i * strides[0] + p * strides[1]));
+                        for v in 0..V {
+                            sums[i][v] = mul_add(x, row[v], sums[i][v]);
+                        }
+                    }
+                }
+                let plain = beta == 0.0 && cols == V * LANES;
+                for i in 0..M {
+                    for v in 0..V {
+                        let c = c.add(i * c_stride + v * LANES);
+                        if plain {
+                            store(c, sums[i][v]);
+                        } else {
+                            finish(sums[i][v], cols - v * LANES, 1.0, beta, c);
+                        }
+                    }
+                }
+            }
+        }
+
+        $(#[$feature])*
+        pub unsafe fn multiply_runs(
+            size: [usize; 4], a: *const $t, offsets: &[usize], panel: *const $t, beta: $t, c: *mut $t, c_stride: usize,
+        ) {
+            // SAFETY: passed on from the caller.
+            unsafe {
+                match (offsets.len(), size[0] <= LANES) {
+                    $(
+                        ($row, true) => runs::<$row, 1>(size, a, offsets, panel, beta, c, c_stride),
+                        ($row, false) => runs::<$row, 2>(size, a, offsets, panel, beta, c, c_stride),
+                    )*
+                    _ => unreachable!("a tile has 1 to {ROWS} rows"),
+                }
+            }
+        }
+
+        $(#[$feature])*
+        unsafe fn runs<const M: usize, const V: usize>(
+            size: [usize; 4], a: *const $t, offsets: &[usize], mut panel: *const $t, beta: $t, c: *mut $t, c_stride: usize,
+        ) {
+            let [cols, depth, count, step] = size;
+            let mut sums = [[zero(); V]; M];
+            // SAFETY: all offsets are inside what the caller vouches for.
+            unsafe {
+                fetch::<M, V>(cols, c, c_stride);
+                for run in 0..count {
+                    let mut rows = [a; M];
+                    for (row, offset) in rows.iter_mut().zip(offsets) {
+                        *row = a.add(offset + run * step);
+                    }
+                    for p in 0..depth {
+                        let mut b = [zero(); V];
+                        for v in 0..V {
+                            b[v] = load(panel.add(v * LANES));
+                        }
+                        panel = panel.add(V * LANES);
+                        for i in 0..M {
+                            let x = splat(*rows[i].add(p));
+                            for v in 0..V {
+                                sums[i][v] = mul_add(x, b[v], sums[i][v]);
+                            }
+                        }
+                    }
+                }
+                let plain = beta == 0.0 && cols == V * LANES;
+                for i in 0..M {
+                    for v in 0..V {
+                        let c = c.add(i * c_stride + v * LANES);
+                        if plain {
+                            store(c, sums[i][v]);
+                        } else {
+                            finish(sums[i][v], cols - v * LANES, 1.0, beta, c);
+                        }
+                    }
+                }
+            }
+        }
+    };
+}
+
+/// `fetch` and `finish`, in terms of `load_part`, `store_part` and `mul`, too.
+macro_rules! stores {
+    ($t:ty, $(#[$feature:meta])*) => {
+        /// C is wanted after the loop over the depth, and comes from far away meanwhile.
+        $(#[$feature])*
+        #[inline]
+        pub(super) fn fetch<const M: usize, const V: usize>(cols: usize, c: *const $t, c_stride: usize) {
+            for i in 0..M {
+                for v in 0..V.min(cols.div_ceil(LANES)) {
+                    crate::simd::prefetch(c.wrapping_add(i * c_stride + v * LANES));
+                }
+            }
+        }
+
+        /// C = alpha sum + beta C for `cols` elements of one vector, or all of it.
+        $(#[$feature])*
+        #[inline]
+        pub(super) unsafe fn finish(sum: Vector, cols: usize, alpha: $t, beta: $t, c: *mut $t) {
+            let (scale, mut sum) = (splat(beta), mul(splat(alpha), sum));
+            // SAFETY: the caller vouches for the elements.
+            unsafe {
+                if cols >= LANES {
+                    if beta != 0.0 {
+                        sum = mul_add(scale, load(c), sum);
+                    }
+                    store(c, sum);
+                } else {
+                    if beta != 0.0 {
+                        sum = mul_add(scale, load_part(c, cols), sum);
+                    }
+                    store_part(c, cols, sum);
+                }
+            }
+        }
+    };
+}
+
+/// The vector functions of one instruction set, and the tile made of them.
+#[cfg(target_arch = "x86_64")]
+macro_rules! vector_tile {
+    (
+        $name:ident, $features:literal, $t:ty, $v:ty, $lanes:literal, $rows:literal: $($row:literal)*,
+        $zero:ident, $splat:ident, $load:ident, $store:ident, $mul:ident, $mul_add:ident,
+        $mask:expr, $load_part:ident($($load_arg:ident)*), $store_part:ident
+    ) => {
+        #[allow(unsafe_code)]
+        pub mod $name {
+            use std::arch::x86_64::*;
+
+            pub const LANES: usize = $lanes;
+            pub(super) type Vector = $v;
+
+            #[inline]
+            #[target_feature(enable = $features)]
+            pub(super) fn zero() -> $v {
+                $zero()
+            }
+            #[inline]
+            #[target_feature(enable = $features)]
+            pub(super) fn splat(x: $t) -> $v {
+                $splat(x)
+            }
+            #[inline]
+            #[target_feature(enable = $features)]
+            fn mul(a: $v, b: $v) -> $v {
+                $mul(a, b)
+            }
+            #[inline]
+            #[target_feature(enable = $features)]
+            fn mul_add(a: $v, b: $v, c: $v) -> $v {
+                $mul_add(a, b, c)
+            }
+            #[inline]
+            #[target_feature(enable = $features)]
+            pub(super) unsafe fn load(p: *const $t) -> $v {
+                // SAFETY: the caller vouches for LANES elements.
+                unsafe { $load(p) }
+            }
+            #[inline]
+            #[target_feature(enable = $features)]
+            pub(super) unsafe fn store(p: *mut $t, x: $v) {
+                // SAFETY: the caller vouches for LANES elements.
+                unsafe { $store(p, x) }
+            }
+            #[inline]
+            #[target_feature(enable = $features)]
+            unsafe fn load_part(p: *const $t, count: usize) -> $v {
+                // SAFETY: masked lanes are not touched; the caller vouches for `count` elements.
+                unsafe {
+                    let mask = $mask(count);
+                    vector_tile!(@load $load_part, mask, p, $($load_arg)*)
+                }
+            }
+            #[inline]
+            #[target_feature(enable = $features)]
+            unsafe fn store_part(p: *mut $t, count: usize, x: $v) {
+                // SAFETY: masked lanes are not touched; the caller vouches for `count` elements.
+                unsafe { $store_part(p, $mask(count), x) }
+            }
+
+            products!($t, $rows: $($row)*, #[target_feature(enable = $features)]);
+            windows!($t, $($row)*, #[target_feature(enable = $features)]);
+            stores!($t, #[target_feature(enable = $features)]);
+        }
+    };
+    (@load $load:ident, $mask:ident, $p:ident, mask_first) => { $load($mask, $p) };
+    (@load $load:ident, $mask:ident, $p:ident, mask_last) => { $load($p, $mask) };
+}
+
+/// Eight set lanes and eight clear ones: a window of it is a mask for the first `count` lanes.
+#[cfg(target_arch = "x86_64")]
+static WINDOW: [i32; 16] = [-1, -1, -1, -1, -1, -1, -1, -1, 0, 0, 0, 0, 0, 0, 0, 0];
+
+#[cfg(target_arch = "x86_64")]
+vector_tile!(
+    avx512_f32, "avx512f", f32, __m512, 16, 12: 1 2 3 4 5 6 7 8 9 10 11 12,
+    _mm512_setzero_ps, _mm512_set1_ps, _mm512_loadu_ps, _mm512_storeu_ps, _mm512_mul_ps, _mm512_fmadd_ps,
+    (|count: usize| ((1_u32 << count) - 1) as __mmask16), _mm512_maskz_loadu_ps(mask_first), _mm512_mask_storeu_ps
+);
+#[cfg(target_arch = "x86_64")]
+vector_tile!(
+    avx512_f64, "avx512f", f64, __m512d, 8, 12: 1 2 3 4 5 6 7 8 9 10 11 12,
+    _mm512_setzero_pd, _mm512_set1_pd, _mm512_loadu_pd, _mm512_storeu_pd, _mm512_mul_pd, _mm512_fmadd_pd,
+    (|count: usize| ((1_u32 << count) - 1) as __mmask8), _mm512_maskz_loadu_pd(mask_first), _mm512_mask_storeu_pd
+);
+#[cfg(target_arch = "x86_64")]
+vector_tile!(
+    avx2_f32, "avx2,fma", f32, __m256, 8, 6: 1 2 3 4 5 6,
+    _mm256_setzero_ps, _mm256_set1_ps, _mm256_loadu_ps, _mm256_storeu_ps, _mm256_mul_ps, _mm256_fmadd_ps,
+    (|count: usize| _mm256_loadu_si256(super::WINDOW[8 - count..].as_ptr().cast())), _mm256_maskload_ps(mask_last), _mm256_maskstore_ps
+);
+#[cfg(target_arch = "x86_64")]
+vector_tile!(
+    avx2_f64, "avx2,fma", f64, __m256d, 4, 6: 1 2 3 4 5 6,
+    _mm256_setzero_pd, _mm256_set1_pd, _mm256_loadu_pd, _mm256_storeu_pd, _mm256_mul_pd, _mm256_fmadd_pd,
+    (|count: usize| _mm256_loadu_si256(super::WINDOW[8 - 2 * count..].as_ptr().cast())), _mm256_maskload_pd(mask_last), _mm256_maskstore_pd
+);
+
+/// Numbers that are pairs of bf16 each: a product is the sum of two.
+#[cfg(target_arch = "x86_64")]
+#[allow(unsafe_code)]
+pub mod avx512_pairs {
+    use super::avx512_f32::{LANES, Vector, fetch, finish, load, splat, store, zero};
+    use std::arch::x86_64::*;
+
+    #[inline]
+    #[target_feature(enable = "avx512f,avx512bf16")]
+    fn mul_add(a: Vector, b: Vector, sum: Vector) -> Vector {
+        // SAFETY: any bits are a vector of either type.
+        let [a, b] = unsafe { std::mem::transmute::<[__m512; 2], [__m512bh; 2]>([a, b]) };
+        _mm512_dpbf16_ps(sum, a, b)
+    }
+
+    products!(f32, 12: 1 2 3 4 5 6 7 8 9 10 11 12, #[target_feature(enable = "avx512f,avx512bf16")]);
+}
+
+/// The same for any target: arrays that the compiler vectorises as far as the baseline goes.
+macro_rules! portable_tile {
+    ($name:ident, $t:ty, $lanes:literal) => {
+        #[allow(unsafe_code)]
+        pub mod $name {
+            pub const LANES: usize = $lanes;
+            type Vector = [$t; LANES];
+
+            #[inline(always)]
+            fn zero() -> Vector {
+                [0.0; LANES]
+            }
+            #[inline(always)]
+            fn splat(x: $t) -> Vector {
+                [x; LANES]
+            }
+            #[inline(always)]
+            fn mul(a: Vector, b: Vector) -> Vector {
+                std::array::from_fn(|i| a[i] * b[i])
+            }
+            // A fused operation would be a library call here.
+            #[inline(always)]
+            fn mul_add(a: Vector, b: Vector, c: Vector) -> Vector {
+                std::array::from_fn(|i| a[i] * b[i] + c[i])
+            }
+            #[inline(always)]
+            unsafe fn load(p: *const $t) -> Vector {
+                // SAFETY: the caller vouches for LANES elements; Vector has no more alignment than they.
+                unsafe { p.cast::<Vector>().read() }
+            }
+            #[inline(always)]
+            unsafe fn store(p: *mut $t, x: Vector) {
+                // SAFETY: as for `load`.
+                unsafe { p.cast::<Vector>().write(x) }
+            }
+            #[inline(always)]
+            unsafe fn load_part(p: *const $t, count: usize) -> Vector {
+                // SAFETY: the caller vouches for `count` elements.
+                std::array::from_fn(|i| if i < count { unsafe { *p.add(i) } } else { 0.0 })
+            }
+            #[inline(always)]
+            unsafe fn store_part(p: *mut $t, count: usize, x: Vector) {
+                for i in 0..count {
+                    // SAFETY: the caller vouches for `count` elements.
+                    unsafe { *p.add(i) = x[i] }
+                }
+            }
+
+            products!($t, 4: 1 2 3 4,);
+            windows!($t, 1 2 3 4,);
+            stores!($t,);
+        }
+    };
+}
+
+portable_tile!(portable_f32, f32, 4);
+portable_tile!(portable_f64, f64, 2);
