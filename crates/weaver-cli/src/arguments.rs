@@ -159,6 +159,10 @@ pub struct Infer {
     /// With --weights: seed of the router's noise [default: 0]
     #[arg(long, value_name = "S", requires = "weights")]
     pub seed: Option<u64>,
+    /// With --weights: round to bf16 (8 bits) what bf16 matrices are multiplied with; faster on processors with AVX-512 BF16,
+    /// the same on others
+    #[arg(long, requires = "weights")]
+    pub bf16_products: bool,
     /// Photos (PNG, JPEG), or folders of photos; the first one's camera becomes the origin
     #[arg(required = true)]
     pub images: Vec<PathBuf>,

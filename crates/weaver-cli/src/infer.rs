@@ -55,6 +55,7 @@ fn published(
         allocation: arguments.dial.allocation,
         budget: arguments.dial.budget,
         seed: arguments.seed.unwrap_or(0),
+        bf16_products: arguments.bf16_products,
     };
     let (sender, receiver) = mpsc::channel::<published::Progress>();
     let report = std::thread::scope(|scope| {

@@ -62,7 +62,9 @@ pub enum Storage {
     F32(Slice<f32>),
     /// The upper half of single precision, in the file.
     Bf16(Slice<bf16>),
-    /// Half precision, which nothing here computes with: widened, in memory.
+    /// Half precision, in the file.
+    F16(Slice<f16>),
+    /// Where the file has them unaligned, or the machine has them in another order: widened, in memory.
     Widened(Vec<f32>),
 }
 
@@ -241,9 +243,12 @@ impl Weight {
                     Ok(Storage::Widened(bytes.as_chunks().0.iter().map(|b| bf16::from_le_bytes(*b).to_f32()).collect()))
                 }
             },
-            Dtype::F16 => {
-                Ok(Storage::Widened(bytes.as_chunks().0.iter().map(|b| f16::from_le_bytes(*b).to_f32()).collect()))
-            }
+            Dtype::F16 => match self.slice() {
+                Some(slice) if little => Ok(Storage::F16(slice)),
+                _ => {
+                    Ok(Storage::Widened(bytes.as_chunks().0.iter().map(|b| f16::from_le_bytes(*b).to_f32()).collect()))
+                }
+            },
             _ => {
                 let place = format!("tensor {}", self.name);
                 Err(Error::invalid(self.file.path(), place, "F32, F16 or BF16", self.dtype()))
@@ -268,6 +273,10 @@ impl Storage {
             Self::Widened(values) => values.chunks(4096).all(|c| c.iter().map(wide).sum::<u32>() == 0),
             Self::Bf16(slice) => {
                 let narrow = |x: &bf16| u32::from(x.to_bits() & 0x7f80 == 0x7f80);
+                slice.as_ref().chunks(4096).all(|c| c.iter().map(narrow).sum::<u32>() == 0)
+            }
+            Self::F16(slice) => {
+                let narrow = |x: &f16| u32::from(x.to_bits() & 0x7c00 == 0x7c00);
                 slice.as_ref().chunks(4096).all(|c| c.iter().map(narrow).sum::<u32>() == 0)
             }
         }

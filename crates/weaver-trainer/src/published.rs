@@ -36,6 +36,8 @@ pub struct Options {
     pub budget: Option<f64>,
     /// Seed of the router's noise.
     pub seed: u64,
+    /// Whether products with matrices in bf16 round the other factor, too, where the processor is faster at that.
+    pub bf16_products: bool,
 }
 
 /// How far a run is.
@@ -107,7 +109,7 @@ pub fn run(
     let needed = estimate::bytes(&opened, images.len(), size);
     estimate::check(needed, weaver_io::available_memory(), gaussians)?;
     let photos = photos::read(images, size, config.patch, options.fit)?;
-    let (network, params) = opened.load()?;
+    let (network, params) = opened.load(options.bf16_products)?;
     let mut planes = Vec::new();
     photos.iter().for_each(|photo| crate::batch::push_planar(&mut planes, photo));
     let watcher = watcher(&config, photos.len(), gaussians, opened.weights().clone(), observer);

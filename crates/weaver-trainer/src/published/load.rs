@@ -3,7 +3,7 @@
 use crate::Error;
 use std::path::Path;
 use std::sync::Arc;
-use weaver_autograd::{ParamId, ParamValues, Params};
+use weaver_autograd::{HalfValues, ParamId, ParamValues, Params};
 use weaver_io::{Storage, Weight, Weights};
 use weaver_kernels::parallel;
 use weaver_model::{ModelConfig, SplatWeaver, Vggt};
@@ -112,11 +112,12 @@ impl Opened {
     }
 
     /// Builds the network and points its parameters to the weights. Matrices in half precision stay as they are; of what
-    /// else is in half precision (a thousandth), f32 copies are made.
+    /// else is in half precision (a thousandth), f32 copies are made. With `bf16_products`, products with matrices in bf16
+    /// round the other factor, too ([`HalfValues::Bf16Pairs`]).
     ///
     /// # Errors
     /// Names all tensors that are missing, not of this network, of another shape or type, or not finite.
-    pub fn load(&self) -> Result<(Network, Params<f32>), Error> {
+    pub fn load(&self, bf16_products: bool) -> Result<(Network, Params<f32>), Error> {
         let mut params = Params::new();
         let network = if self.has_gaussians {
             Network::SplatWeaver(Box::new(SplatWeaver::declare(self.config.clone(), &mut params)))
@@ -125,7 +126,7 @@ impl Opened {
         };
         let ids: Vec<ParamId> = params.ids().collect();
         let mut found: Vec<Result<ParamValues<f32>, Fault>> = ids.iter().map(|_| Err(Fault::Missing)).collect();
-        parallel::for_chunks(&mut found, 1, |i, found| found[0] = self.values(&params, ids[i]));
+        parallel::for_chunks(&mut found, 1, |i, found| found[0] = self.values(&params, ids[i], bf16_products));
         // Every number was looked at. What is needed first comes back first, the rest when its turn comes.
         self.weights.forget();
 
@@ -157,7 +158,7 @@ impl Opened {
     }
 
     /// The numbers for a parameter.
-    fn values(&self, params: &Params<f32>, id: ParamId) -> Result<ParamValues<f32>, Fault> {
+    fn values(&self, params: &Params<f32>, id: ParamId, bf16_products: bool) -> Result<ParamValues<f32>, Fault> {
         let param = params.get(id);
         let weight = self.weights.get(&format!("{}{}", self.prefix, param.name())).ok_or(Fault::Missing)?;
         let shape = param.shape();
@@ -169,15 +170,20 @@ impl Opened {
         if !storage.is_finite() {
             return Err(Fault::NotFinite);
         }
-        Ok(match storage {
-            Storage::F32(slice) => ParamValues::Shared(Arc::new(slice)),
-            Storage::Widened(values) => ParamValues::Owned(Arc::new(values)),
-            // Matrices are what layers multiply by; they alone are read in half precision.
-            Storage::Bf16(slice) if shape.rank() == 2 => ParamValues::Half(Arc::new(slice)),
-            Storage::Bf16(slice) => ParamValues::Owned(Arc::new(
-                slice.as_ref().iter().map(|x| f32::from_bits(u32::from(x.to_bits()) << 16)).collect(),
-            )),
-        })
+        let values = match storage {
+            Storage::F32(slice) => return Ok(ParamValues::Shared(Arc::new(slice))),
+            Storage::Widened(values) => return Ok(ParamValues::Owned(Arc::new(values))),
+            Storage::Bf16(slice) if bf16_products => HalfValues::Bf16Pairs(Arc::new(slice)),
+            Storage::Bf16(slice) => HalfValues::Bf16(Arc::new(slice)),
+            Storage::F16(slice) => HalfValues::F16(Arc::new(slice)),
+        };
+        // Matrices are what layers multiply by; they alone are read in half precision.
+        if shape.rank() == 2 {
+            return Ok(ParamValues::Half(values));
+        }
+        let mut wide = vec![0.0; shape.len()];
+        values.view().widen(&mut wide);
+        Ok(ParamValues::Owned(Arc::new(wide)))
     }
 }
 
