@@ -1,5 +1,6 @@
 //! Where the time and the memory of a step go.
 
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Time spent in one kind of work.
@@ -50,6 +51,8 @@ impl Profile {
 pub enum Phase {
     /// An op forward.
     Forward,
+    /// An op forward once more, on the way back through a [`checkpoint`](crate::ops::checkpoint), whose event lasts longer.
+    Again,
     /// An op backward.
     Backward,
     /// Something given to [`Tape::timed`](crate::Tape::timed), which may hold ops.
@@ -86,6 +89,22 @@ impl Trace {
     pub(crate) fn add(&mut self, name: &'static str, path: &str, phase: Phase, began: Instant, duration: Duration) {
         let start = began.saturating_duration_since(self.started);
         self.events.push(TraceEvent { name, path: path.to_string(), phase, start, duration });
+    }
+}
+
+/// A trace that a tape shares with the tapes inside its ops; off at first.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Tracer(Arc<Mutex<Option<Trace>>>);
+
+impl Tracer {
+    /// Starts a trace, or forgets it.
+    pub(crate) fn set(&self, on: bool) {
+        *self.trace() = on.then(Trace::new);
+    }
+
+    /// The trace, while it is on.
+    pub(crate) fn trace(&self) -> MutexGuard<'_, Option<Trace>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

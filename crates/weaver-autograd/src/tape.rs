@@ -12,10 +12,12 @@ use weaver_kernels::Real;
 
 mod backward;
 mod measure;
+mod nested;
 mod path;
 mod release;
 
 pub use measure::NodeView;
+pub(crate) use nested::Surroundings;
 pub use path::Scope;
 pub use release::Mark;
 

@@ -173,7 +173,8 @@ fn chrome_events(stage: &str, process: usize, parts: &[(&str, Duration)], tape: 
         start = *end;
     }
     for event in tape.trace() {
-        let thread = if event.phase == Phase::Backward { 2 } else { 1 };
+        // What is computed again is computed on the way back, inside the event of its checkpoint.
+        let thread = if matches!(event.phase, Phase::Backward | Phase::Again) { 2 } else { 1 };
         events.push(span(event.name, thread, event.start, event.duration, &event.path));
     }
     events

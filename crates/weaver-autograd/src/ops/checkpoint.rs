@@ -1,10 +1,10 @@
 //! Recomputation: memory traded for time.
 
-use crate::tape::List;
+use crate::tape::{List, Surroundings};
 use crate::{Buffer, Grad, Op, ParamId, Params, Pool, Shape, ShapeError, Shapes, Tape, Var, View, ViewMut};
 use smallvec::SmallVec;
 use std::fmt;
-use weaver_kernels::Real;
+use weaver_kernels::{Real, parallel};
 
 struct Checkpoint<T: Real, F> {
     function: F,
@@ -14,6 +14,7 @@ struct Checkpoint<T: Real, F> {
     /// What the function gave; the forward pass hands it over.
     result: Option<Buffer<T>>,
     shape: Shape,
+    around: Surroundings,
 }
 
 impl<T: Real, F> fmt::Debug for Checkpoint<T, F> {
@@ -33,7 +34,7 @@ where
         Ok(Shapes::one(self.shape))
     }
     fn forward(&mut self, _ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
-        outs[0].copy_from_slice(&self.result.take().expect("the result is handed over once"));
+        parallel::copy(&self.result.take().expect("the result is handed over once"), &mut outs[0]);
     }
     fn backward(
         &self,
@@ -43,7 +44,7 @@ where
         dins: &mut [Option<Grad<'_, T>>],
         pool: &Pool,
     ) {
-        let tape = Tape::with_pool(pool.clone());
+        let tape = Tape::nested(&self.around, pool.clone(), true);
         let own = ins.len() - self.used.len();
         let source = |(i, x): (usize, &View<'_, T>)| match dins[i] {
             Some(_) => tape.leaf(x, x.shape()),
@@ -64,7 +65,7 @@ where
         for (x, din) in sources.iter().zip(dins) {
             let Some(din) = din else { continue };
             match tape.grad(x.id()) {
-                Some(gradient) => din.target().0.copy_from_slice(&gradient),
+                Some(gradient) => parallel::copy(&gradient, din.target().0),
                 None => din.add_zero(),
             }
         }
@@ -94,14 +95,15 @@ where
     F: for<'a> Fn(&'a Tape<T>, &'a Params<T>, &[Var<'a, T>]) -> Var<'a, T> + Send + 'static,
 {
     let tape = inputs.first().expect("checkpoint needs at least one input").tape();
-    let inner = Tape::with_pool(tape.pool().clone());
+    let around = tape.surroundings();
+    let inner = Tape::nested(&around, tape.pool().clone(), false);
     let constants: List<Var<'_, T>> = inputs.iter().map(|x| inner.constant(&x.value(), x.shape())).collect();
-    let y = inner.without_gradient(|| function(&inner, params, &constants));
+    let y = tape.timed("checkpointed", || inner.without_gradient(|| function(&inner, params, &constants)));
     let used: SmallVec<[ParamId; 32]> = params.ids().filter(|id| inner.uses(*id)).collect();
     let mut all: SmallVec<[Var<'t, T>; 32]> = inputs.iter().copied().collect();
     all.extend(used.iter().map(|id| tape.param(params, *id)));
     let result = Some(tape.pool().copy_of(&y.value()));
-    let op = Checkpoint { function, params: params.clone(), used, result, shape: y.shape() };
+    let op = Checkpoint { function, params: params.clone(), used, result, shape: y.shape(), around };
     let [y] = tape.apply(op, &all);
     y
 }

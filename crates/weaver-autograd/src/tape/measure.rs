@@ -1,7 +1,7 @@
 //! Measuring: the time of ops, a trace of them, the memory that they hold, the numbers that they made.
 
 use super::{List, Storage, Tape};
-use crate::profile::{OpMemory, OpTime, Phase, Profile, Trace, TraceEvent};
+use crate::profile::{OpMemory, OpTime, Phase, Profile, TraceEvent};
 use crate::{Op, View};
 use std::time::Instant;
 use weaver_kernels::Real;
@@ -20,13 +20,13 @@ impl<T: Real> Tape<T> {
 
     /// Starts or stops writing down every op as it runs; see [`Tape::trace`]. Starting forgets an earlier trace.
     pub fn set_tracing(&self, on: bool) {
-        *self.trace.borrow_mut() = on.then(Trace::new);
+        self.tracer.set(on);
     }
 
-    /// Every op that ran since tracing was started, forward and backward, in order; empty when it is off. Survives
-    /// [`reset`](Tape::reset).
+    /// Every op that ran since tracing was started, forward and backward, in the order in which they ended, those inside
+    /// others ([`checkpoint`](crate::ops::checkpoint)) too; empty when it is off. Survives [`reset`](Tape::reset).
     pub fn trace(&self) -> Vec<TraceEvent> {
-        self.trace.borrow().as_ref().map_or_else(Vec::new, |trace| trace.events.clone())
+        self.tracer.trace().as_ref().map_or_else(Vec::new, |trace| trace.events.clone())
     }
 
     /// Runs `f`, which is no op, and counts its time under `name` when profiling or tracing is on.
@@ -41,7 +41,7 @@ impl<T: Real> Tape<T> {
 
     /// The time, if anybody wants to know it.
     pub(super) fn began(&self) -> Option<Instant> {
-        (self.profile.borrow().is_some() || self.trace.borrow().is_some()).then(Instant::now)
+        (self.profile.borrow().is_some() || self.tracer.trace().is_some()).then(Instant::now)
     }
 
     /// Books what began then.
@@ -51,10 +51,11 @@ impl<T: Real> Tape<T> {
         if let Some(profile) = &mut *self.profile.borrow_mut() {
             match phase {
                 Phase::Backward => profile.backward(name, duration),
-                Phase::Forward | Phase::Part => profile.forward(name, duration),
+                Phase::Forward | Phase::Again | Phase::Part => profile.forward(name, duration),
             }
         }
-        if let Some(trace) = &mut *self.trace.borrow_mut() {
+        if let Some(trace) = &mut *self.tracer.trace() {
+            let phase = if self.again && phase == Phase::Forward { Phase::Again } else { phase };
             trace.add(name, path, phase, began, duration);
         }
     }

@@ -223,6 +223,40 @@ fn a_trace_has_every_op_in_order() {
     assert!(tape.trace().is_empty());
 }
 
+/// On the way there and on the way back, what a checkpoint runs shows inside it.
+#[test]
+fn a_trace_shows_what_is_inside_a_checkpoint() {
+    let tape = Tape::<f64>::new();
+    tape.set_tracing(true);
+    let x = tape.leaf(&[1.0, 2.0], [2]);
+    let y = {
+        let _scope = tape.scope("head");
+        ops::checkpoint(&Params::new(), &[x], |tape, _, x| {
+            let _scope = tape.scope("block");
+            x[0].map(Silu)
+        })
+    };
+    y.sum().backward();
+    let trace = tape.trace();
+    let events: Vec<_> = trace.iter().map(|e| (e.name, e.path.as_str(), e.phase)).collect();
+    let expected = [
+        ("Silu", "head.block", Phase::Forward),
+        ("checkpointed", "head", Phase::Part),
+        ("checkpoint", "head", Phase::Forward),
+        ("sum", "", Phase::Forward),
+        ("sum", "", Phase::Backward),
+        ("Silu", "head.block", Phase::Again),
+        ("Silu", "head.block", Phase::Backward),
+        ("checkpoint", "head", Phase::Backward),
+    ];
+    assert_eq!(events, expected);
+    let inside = |inner: usize, outer: usize| {
+        let (inner, outer) = (&trace[inner], &trace[outer]);
+        outer.start <= inner.start && inner.start + inner.duration <= outer.start + outer.duration
+    };
+    assert!(inside(0, 1) && inside(5, 7) && inside(6, 7) && !inside(0, 7));
+}
+
 #[test]
 fn memory_is_reported_by_op() {
     let mut tape = Tape::<f32>::new();

@@ -1,0 +1,29 @@
+//! Tapes inside ops: what runs on them shows in the trace of the tape around them, below its path.
+
+use super::Tape;
+use crate::Pool;
+use crate::profile::Tracer;
+use weaver_kernels::Real;
+
+/// What a tape inside an op has of the tape around it.
+#[derive(Debug)]
+pub(crate) struct Surroundings {
+    tracer: Tracer,
+    path: String,
+}
+
+impl<T: Real> Tape<T> {
+    /// For tapes inside an op that is applied here and now.
+    pub(crate) fn surroundings(&self) -> Surroundings {
+        Surroundings { tracer: self.tracer.clone(), path: self.record.borrow().path().to_string() }
+    }
+
+    /// An empty tape inside an op; `again` says that it runs what has run before.
+    pub(crate) fn nested(around: &Surroundings, pool: Pool, again: bool) -> Self {
+        let mut tape = Self::with_pool(pool);
+        tape.tracer = around.tracer.clone();
+        tape.again = again;
+        tape.record.get_mut().path.push_str(&around.path);
+        tape
+    }
+}
