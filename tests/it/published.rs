@@ -281,9 +281,21 @@ fn everything_that_does_not_fit_is_listed() {
 
     let whole = std::fs::read(scene.weights()).unwrap();
     std::fs::write(&path, &whole[..whole.len() / 2]).unwrap();
-    scene.infer(&path, &out, &[]).refused(1, &["bad.safetensors", "complete safetensors file"]);
+    scene.infer(&path, &out, &[]).refused(1, &["bad.safetensors", "complete safetensors file", "cut short"]);
     scene.infer(&folder.path().join("none.safetensors"), &out, &[]).refused(1, &["none.safetensors"]);
     scene.infer(&folder.path().join("model.ckpt"), &out, &[]).refused(1, &["convert-weights"]);
+    // Sizes in the metadata that no file of this many tensors can have, and those that cannot be run.
+    for (key, value, message) in [("backbone", "rounds", "layers"), ("gaussians", "neighbours", "neighbours")] {
+        let mut impossible = checkpoint("encoder.");
+        let mut config: serde_json::Value = serde_json::from_str(&impossible.metadata[CONFIG]).unwrap();
+        config[key][value] = 1_000_000_000_000u64.into();
+        impossible.metadata.insert(CONFIG.into(), config.to_string());
+        refused(&impossible, &["metadata splatweaver_model", message]);
+    }
+    // A file where the folder is to be: said before the network runs.
+    scene
+        .infer(&scene.weights(), &path, &[])
+        .refused(1, &["bad.safetensors: folder: expected one that can be written to"]);
     // Larger than any machine: refused with the figure and what makes it smaller.
     scene
         .infer(&scene.weights(), &out, &["--size", "16384"])
