@@ -1,13 +1,14 @@
 //! The kernels at the sizes of a small model on 64 x 48 images.
 
 use criterion::{Criterion, Throughput};
+use half::{bf16, f16};
 use std::hint::black_box;
 use std::time::Duration;
 use weaver_kernels::attention::{Attention, Strides, attention_backward_packed, attention_forward};
 use weaver_kernels::conv::{
     Conv2d, conv2d_dw, conv2d_dw_scratch_len, conv2d_dx, conv2d_dx_scratch_len, conv2d_forward,
 };
-use weaver_kernels::gemm::gemm;
+use weaver_kernels::gemm::{Half, gemm, gemm_half, gemm_half_scratch_len};
 use weaver_kernels::layer_norm::{layer_norm_backward, layer_norm_forward, layer_norm_scratch_len};
 use weaver_kernels::resample::Resample;
 use weaver_kernels::softmax::softmax_forward;
@@ -58,6 +59,18 @@ fn products(c: &mut Criterion) {
         group.throughput(Throughput::Elements((2 * m * n * k) as u64));
         group.bench_function(format!("{m}x{n}x{k}{}", if trans_b { "t" } else { "" }), |bench| {
             bench.iter(|| gemm(false, trans_b, m, n, k, 1.0, black_box(&a), &b, 0.0, &mut y));
+        });
+    }
+    let (m, n, k) = (686, 1024, 1024);
+    let (a, mut y, numbers) = (numbers(m * k), vec![0.0; m * n], numbers(n * k));
+    let brief: Vec<bf16> = numbers.iter().map(|x| bf16::from_f32(*x)).collect();
+    let half: Vec<f16> = numbers.iter().map(|x| f16::from_f32(*x)).collect();
+    group.throughput(Throughput::Elements((2 * m * n * k) as u64));
+    for (name, w) in [("bf16", Half::Bf16(&brief)), ("bf16 pairs", Half::Bf16Pairs(&brief)), ("f16", Half::F16(&half))]
+    {
+        let mut scratch = vec![0.0; gemm_half_scratch_len(m, k, w)];
+        group.bench_function(format!("{m}x{n}x{k}t {name}"), |bench| {
+            bench.iter(|| gemm_half(m, n, k, black_box(&a), w, 0.0, &mut y, &mut scratch));
         });
     }
     group.finish();
