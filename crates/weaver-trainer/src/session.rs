@@ -30,6 +30,8 @@ pub struct Session {
     scenes: Vec<Scene>,
     fresh: scenes::Endless,
     tape: Tape<f32>,
+    /// The most that the tape took in stages before this one.
+    earlier_tape_bytes: usize,
     workspaces: WorkspacePool<f32>,
     lpips: Option<Lpips<f32>>,
     /// Steps done.
@@ -68,7 +70,21 @@ impl Session {
         let lpips = path.map(|path| evaluate::load_lpips(&path)).transpose()?;
         let fresh = scenes::Endless::new(&config);
         let (tape, workspaces) = (Tape::new(), WorkspacePool::new());
-        Ok(Self { config, model, params, optimiser, ema, scenes, fresh, tape, workspaces, lpips, step: 0, probe: None })
+        Ok(Self {
+            config,
+            model,
+            params,
+            optimiser,
+            ema,
+            scenes,
+            fresh,
+            tape,
+            earlier_tape_bytes: 0,
+            workspaces,
+            lpips,
+            step: 0,
+            probe: None,
+        })
     }
 
     /// Continues from a checkpoint.
@@ -110,7 +126,7 @@ impl Session {
 
     /// Bytes that the tape's values, gradients and scratch took at most.
     pub fn tape_bytes(&self) -> usize {
-        self.tape.pool().allocated_bytes()
+        self.tape.pool().allocated_bytes().max(self.earlier_tape_bytes)
     }
 
     /// Writes every op of one step of each stage, forward and backward, into a file in Chrome's trace format
@@ -199,6 +215,11 @@ impl Session {
         self.optimiser.groups[BACKBONE].lr_scale = stage.backbone_rate;
         let seed = self.config.seed;
         self.tape.reset();
+        if local == 0 {
+            // Its buffers have other sizes than those of the stage before.
+            self.earlier_tape_bytes = self.tape_bytes();
+            self.tape.pool().trim::<f32>();
+        }
         if let Some(probe) = &mut self.probe {
             probe.begin(&stage, local, &self.tape);
         }
