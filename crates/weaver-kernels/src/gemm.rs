@@ -23,7 +23,7 @@ const K_BLOCK: usize = 512;
 /// The same where products are rounded before they are added.
 const K_BLOCK_UNFUSED: usize = 256;
 /// Rows of A that stay in the second-level cache with `K_BLOCK` columns.
-const M_BLOCK: usize = 144;
+const M_BLOCK: usize = 288;
 /// Columns of B that stay in the third-level cache with as many rows.
 const N_BLOCK: usize = 1024;
 /// Panels of B that must follow for rows of A to be worth packing: rows far apart in memory fall into the same sets of the

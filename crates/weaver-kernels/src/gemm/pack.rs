@@ -3,6 +3,7 @@
 use super::Mat;
 use crate::Real;
 use crate::lanes::{self, LANES, LaneKernel, Lanes};
+use crate::simd;
 use std::ops::Range;
 
 /// Where [`Product`](super::Product) gets B from: a matrix in memory, or one that is made as it is packed.
@@ -38,14 +39,30 @@ impl<T: Real> Panels<T> for Stack<'_, T> {
     }
 }
 
+/// Rows that are asked for before they are packed.
+const AHEAD: usize = 8;
+
 /// `out[p * padded + q] = data[p * strides[0] + q * strides[1]]`, zeros from `q = width` on.
 pub(crate) fn pack<T: Real>(data: &[T], strides: [usize; 2], depth: usize, width: usize, padded: usize, out: &mut [T]) {
     let [row_stride, col_stride] = strides;
     if col_stride == 1 {
-        for (p, out) in out.chunks_exact_mut(padded).enumerate() {
-            out[..width].copy_from_slice(&data[p * row_stride..][..width]);
-            out[width..].fill(T::ZERO);
-        }
+        simd::dispatch(
+            #[inline(always)]
+            || {
+                for (p, out) in out.chunks_exact_mut(padded).enumerate() {
+                    let row = &data[p * row_stride..][..width];
+                    // Rows far apart in memory are no stream that the processor foresees.
+                    if let Some(ahead) = data.get((p + AHEAD) * row_stride..) {
+                        ahead.chunks(LANES).take(padded / LANES).for_each(|line| simd::prefetch(&line[0]));
+                    }
+                    let (whole, rest) = row.as_chunks::<LANES>();
+                    let (to, to_rest) = out.as_chunks_mut::<LANES>();
+                    to.iter_mut().zip(whole).for_each(|(to, from)| *to = *from);
+                    let to = to[whole.len()..].as_flattened_mut().iter_mut().chain(to_rest);
+                    to.zip(rest.iter().copied().chain(std::iter::repeat(T::ZERO))).for_each(|(to, from)| *to = from);
+                }
+            },
+        );
     } else {
         transpose(data, row_stride, col_stride, depth, width, padded, out);
     }
@@ -101,8 +118,8 @@ impl<T: Real> LaneKernel<T> for Transpose<'_, T> {
         for q in (0..cols).step_by(LANES) {
             for p in (0..rows).step_by(LANES) {
                 let mut block = [V::zero(); LANES];
-                for (i, column) in block.iter_mut().enumerate() {
-                    let from = (q + i).min(cols - 1) * col_stride + p;
+                for (i, column) in block.iter_mut().enumerate().take(cols - q) {
+                    let from = (q + i) * col_stride + p;
                     *column = V::load(data[from..].first_chunk().expect("rows of sixteen"));
                 }
                 V::transpose(&mut block);
