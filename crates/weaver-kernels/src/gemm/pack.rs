@@ -49,17 +49,23 @@ pub(crate) fn pack<T: Real>(data: &[T], strides: [usize; 2], depth: usize, width
         simd::dispatch(
             #[inline(always)]
             || {
-                for (p, out) in out.chunks_exact_mut(padded).enumerate() {
-                    let row = &data[p * row_stride..][..width];
+                for p in 0..depth {
+                    let (row, out) = (&data[p * row_stride..], &mut out[p * padded..]);
                     // Rows far apart in memory are no stream that the processor foresees.
                     if let Some(ahead) = data.get((p + AHEAD) * row_stride..) {
-                        ahead.chunks(LANES).take(padded / LANES).for_each(|line| simd::prefetch(&line[0]));
+                        ahead.chunks(LANES).take(width.div_ceil(LANES)).for_each(|line| simd::prefetch(&line[0]));
                     }
-                    let (whole, rest) = row.as_chunks::<LANES>();
-                    let (to, to_rest) = out.as_chunks_mut::<LANES>();
-                    to.iter_mut().zip(whole).for_each(|(to, from)| *to = *from);
-                    let to = to[whole.len()..].as_flattened_mut().iter_mut().chain(to_rest);
-                    to.zip(rest.iter().copied().chain(std::iter::repeat(T::ZERO))).for_each(|(to, from)| *to = from);
+                    let whole = width / LANES * LANES;
+                    let (from, to) = (row[..whole].as_chunks::<LANES>().0, out[..whole].as_chunks_mut::<LANES>().0);
+                    to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
+                    if whole < width {
+                        match (row[whole..].first_chunk::<LANES>(), out[whole..].first_chunk_mut::<LANES>()) {
+                            // What is copied beyond the row's end, the next row overwrites.
+                            (Some(from), Some(to)) if padded == width => *to = *from,
+                            _ => out[whole..width].copy_from_slice(&row[whole..width]),
+                        }
+                    }
+                    out[width..padded].fill(T::ZERO);
                 }
             },
         );
