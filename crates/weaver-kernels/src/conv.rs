@@ -226,7 +226,7 @@ pub fn conv2d_dw<T: Real>(size: &Conv2d, x: &[T], dy: &[T], dw: Target<T>, scrat
     let (dw, mut beta) = dw;
     size.check(x.len(), dw.len(), dy.len());
     let (depth, pixels) = (size.depth(), size.pixels());
-    if size.n == 0 || pixels == 0 {
+    if size.n == 0 || depth == 0 || pixels == 0 {
         return dw.iter_mut().for_each(|dw| put(dw, beta, T::ZERO));
     }
     let windows = size.windows(x);
@@ -258,7 +258,7 @@ pub fn conv2d_db<T: Real>(o: usize, pixels: usize, dy: &[T], db: Target<T>) {
     let (db, beta) = db;
     assert_eq!(db.len(), o, "conv2d: bias length");
     for_chunks(db, 1, |o_index, db| {
-        let planes = (o_index * pixels..dy.len()).step_by(o * pixels);
+        let planes = (o_index * pixels..dy.len()).step_by((o * pixels).max(1));
         let sum = planes.map(|at| crate::reduce::sum_serial(&dy[at..at + pixels])).fold(T::ZERO, |a, b| a + b);
         put(&mut db[0], beta, sum);
     });

@@ -17,9 +17,9 @@ const CHAIN: usize = 512;
 /// Tasks for each thread.
 const TASKS: usize = 4;
 
-/// Whether neighbouring pixels see neighbouring elements, and there is more to a window than one.
+/// Whether neighbouring pixels see neighbouring elements, and there is more than one to a window.
 pub(super) fn suits<T>(x: &Windows<'_, T>) -> bool {
-    x.stride == 1 && x.kh * x.kw > 1
+    x.stride == 1 && x.kh * x.kw > 1 && x.c > 0 && x.out_w > 0
 }
 
 /// How a band of padded rows lies in memory: channel by channel.

@@ -54,6 +54,11 @@ fn cases() -> Vec<Conv2d> {
         size(1, 3, [3, 30], 2, [2, 2], 1, 3),
         size(2, 2, [40, 25], 17, [5, 2], 1, 0),
         size(0, 3, [4, 40], 2, [3, 3], 1, 1),
+        // Nothing to sum, and nothing to write.
+        size(1, 0, [4, 4], 2, [3, 3], 1, 1),
+        size(1, 3, [2, 5], 2, [3, 1], 1, 0),
+        size(1, 3, [5, 2], 2, [1, 3], 1, 0),
+        size(1, 3, [5, 4], 0, [3, 3], 1, 1),
     ];
     let mut at = 0;
     let mut draw = |n: usize| {
