@@ -13,7 +13,7 @@ mod pack;
 pub(crate) mod tile;
 
 pub use half_precision::{Half, gemm_half, gemm_half_scratch_len};
-use pack::Stack;
+use pack::{AHEAD, Stack};
 pub(crate) use pack::{Panels, pack, transpose};
 
 /// Rows of B that are summed before they are added to C. What is read of A and B for a tile comes from the second-level cache
@@ -269,10 +269,17 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
                     let first = tile(sweep(s).start).start;
                     if packed && depth > 0 {
                         let strides = [self.a.col_stride, self.a.row_stride];
-                        for rows in sweep(s).map(tile) {
-                            let from = &a[rows.start * strides[1] + k * strides[0]..];
-                            let into = &mut a_tiles[(rows.start - first) * depth..][..rows.len() * depth];
-                            pack(from, strides, depth, rows.len(), rows.len(), into);
+                        // Where rows of tiles are neighbours in memory, all tiles take their part of a few lines, and then of
+                        // the next, which were asked for meanwhile.
+                        let run = if strides[1] == 1 { AHEAD } else { depth };
+                        for p in (0..depth).step_by(run) {
+                            let run = run.min(depth - p);
+                            for rows in sweep(s).map(tile) {
+                                let from = &a[rows.start * strides[1] + (k + p) * strides[0]..];
+                                let height = rows.len();
+                                let into = &mut a_tiles[(rows.start - first) * depth + p * height..][..run * height];
+                                pack(from, strides, run, height, height, into);
+                            }
                         }
                     }
                     for (panel, j) in cols.clone().step_by(tile_cols).enumerate() {

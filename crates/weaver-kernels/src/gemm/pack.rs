@@ -40,7 +40,7 @@ impl<T: Real> Panels<T> for Stack<'_, T> {
 }
 
 /// Rows that are asked for before they are packed.
-const AHEAD: usize = 8;
+pub(super) const AHEAD: usize = 32;
 
 /// `out[p * padded + q] = data[p * strides[0] + q * strides[1]]`, zeros from `q = width` on.
 pub(crate) fn pack<T: Real>(data: &[T], strides: [usize; 2], depth: usize, width: usize, padded: usize, out: &mut [T]) {
@@ -52,8 +52,8 @@ pub(crate) fn pack<T: Real>(data: &[T], strides: [usize; 2], depth: usize, width
                 for p in 0..depth {
                     let (row, out) = (&data[p * row_stride..], &mut out[p * padded..]);
                     // Rows far apart in memory are no stream that the processor foresees.
-                    if let Some(ahead) = data.get((p + AHEAD) * row_stride..) {
-                        ahead.chunks(LANES).take(width.div_ceil(LANES)).for_each(|line| simd::prefetch(&line[0]));
+                    for q in (0..width).step_by(LANES) {
+                        simd::prefetch(data.as_ptr().wrapping_add((p + AHEAD) * row_stride + q));
                     }
                     let whole = width / LANES * LANES;
                     let (from, to) = (row[..whole].as_chunks::<LANES>().0, out[..whole].as_chunks_mut::<LANES>().0);
