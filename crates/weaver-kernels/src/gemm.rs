@@ -26,15 +26,18 @@ const K_BLOCK_UNFUSED: usize = 256;
 const M_BLOCK: usize = 288;
 /// Columns of B that stay in the third-level cache with as many rows.
 const N_BLOCK: usize = 1024;
-/// Panels of B that must follow for rows of A to be worth packing: rows far apart in memory fall into the same sets of the
-/// caches, and each is a page of its own.
+/// Rows of A that are a multiple of so many bytes apart fall into the same few sets of the first-level cache.
+const CLASH: usize = 2048;
+/// Panels of B that must follow for such rows, or columns, to be worth packing.
 const REUSE: usize = 4;
 /// Fewer rows are not worth packing B once more.
 const M_TASK: usize = 48;
 /// Fewer multiply-adds than this are not worth a parallel task.
 const TASK: usize = 1 << 18;
-/// Tasks for each thread: more of them even out the time that threads take, and pack more often.
+/// Tasks for each thread where they are large: more of them even out the time that threads take, and pack more often.
 const TASKS: usize = 2;
+/// Rows or columns that a task must have left to be split for that.
+const LARGE: usize = 1024;
 
 /// A matrix operand: element (i, j) is `data[i * row_stride + j * col_stride]`.
 #[derive(Clone, Copy, Debug)]
@@ -207,15 +210,16 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
         }
     }
 
-    /// Rows and columns of a task's block of C: the longer side is halved until there are enough tasks for all threads or
-    /// they are small. An element of C is summed in the same order whatever block it falls into.
+    /// Rows and columns of a task's block of C: the longer side is halved until every thread has a task, and more than one of
+    /// those that stay large; or until they are small. An element of C is summed in the same order whatever block it falls
+    /// into.
     fn block_size(&self, threads: usize) -> (usize, usize) {
         let (tile_rows, tile_cols) = T::tile(simd::level());
-        let enough = if threads > 1 { TASKS * threads } else { 1 };
         let (mut rows, mut cols) = (self.m, self.n.div_ceil(self.n.div_ceil(N_BLOCK)).next_multiple_of(tile_cols));
         loop {
             let tasks = self.batch * self.m.div_ceil(rows) * self.n.div_ceil(cols);
-            if tasks >= enough || rows * cols * self.k < 2 * TASK {
+            let wanted = if threads > 1 && rows.max(cols) >= 2 * LARGE { TASKS * threads } else { threads };
+            if tasks >= wanted || rows * cols * self.k < 2 * TASK {
                 return (rows, cols);
             }
             if cols > tile_cols && (cols >= rows || rows <= M_TASK) {
@@ -256,7 +260,8 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
         let k_block = if level == Level::Portable { K_BLOCK_UNFUSED } else { K_BLOCK };
         let depth = self.k.max(1).div_ceil(self.k.max(1).div_ceil(k_block));
         let panels = cols.len().div_ceil(tile_cols);
-        let packed = panels >= REUSE;
+        let packed =
+            panels >= REUSE && (self.a.col_stride != 1 || (self.a.row_stride * size_of::<T>()).is_multiple_of(CLASH));
         let a_room = if packed { tiles.div_ceil(sweeps) * tile_rows * depth } else { 0 };
         let b_room = depth * tile_cols;
         T::with_panel(a_room + b_room * (1 + if sweeps > 1 { panels } else { 1 }), |room| {
