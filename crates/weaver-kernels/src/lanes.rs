@@ -99,18 +99,23 @@ pub trait Lanes:
     fn exp2(self) -> Self {
         self.exp2_times(Self::constant(1.0))
     }
-    /// e^self within 4 units in the last place for -87 <= self < 88; below, something between 0 and 2^-126. NaN stays NaN.
+    /// e^self within 2 units in the last place for -87 <= self < 88; below, something between 0 and 2^-126. NaN stays NaN.
     #[inline(always)]
     fn exp(self) -> Self {
         use std::f64::consts::{LN_2, LOG2_E};
-        let high = Self::constant(LOG2_E);
         // Beyond this all is 0, and infinity would only make trouble.
         let x = self.max(Self::constant(-150.0));
-        // x log2 e, and what the product lost by rounding, which 2^ of it turns into a factor.
-        let product = x * high;
-        let low = Self::constant(LOG2_E - high.to_array()[0].to_f64());
-        let lost = x.mul_add(high, -product) + x * low;
-        product.exp2_times(lost.mul_add(Self::constant(LN_2), Self::constant(1.0))).or(self.ge(self), self)
+        // Adding and taking away 1.5 times 2^23 rounds to whole numbers: e^x = 2^n e^r with r of at most ln 2 / 2.
+        let shift = Self::constant(12_582_912.0);
+        let n = x.mul_add(Self::constant(LOG2_E), shift) - shift;
+        // n times the upper bits of ln 2 is exact.
+        let high = 0.693_359_375;
+        let r = n.mul_add(Self::constant(high - LN_2), n.mul_add(Self::constant(-high), x));
+        let mut e = Self::constant(1.0 / 5040.0);
+        for factorial in [720.0, 120.0, 24.0, 6.0, 2.0, 1.0, 1.0] {
+            e = e.mul_add(r, Self::constant(1.0 / factorial));
+        }
+        n.exp2_times(e).or(self.ge(self), self)
     }
     /// Binary logarithm within 4 units in the last place (or 2^-23 absolute) of positive normal numbers.
     fn log2(self) -> Self;
