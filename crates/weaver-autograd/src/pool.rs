@@ -5,9 +5,12 @@ mod trim;
 
 use std::any::{Any, TypeId};
 use std::fmt;
-use std::ops::{Deref, DerefMut};
+use std::ops::{Deref, DerefMut, Range};
 use std::sync::{Arc, Mutex, PoisonError};
-use weaver_kernels::parallel;
+use weaver_kernels::{pages, parallel};
+
+/// Bytes of a cache line, at which every buffer begins: a vector as wide as a line then never touches two.
+const LINE: usize = 64;
 
 /// Capacities come in four classes an octave: at most a quarter is wasted, and requests that differ a
 /// little from step to step (a varying number of Gaussians) find their buffer again.
@@ -17,6 +20,11 @@ fn class_of(len: usize) -> usize {
     let quarter = 1usize << (octave - 2);
     let step = (len - (1 << octave)).div_ceil(quarter);
     octave * 4 + step
+}
+
+/// Elements to spare, so that a buffer can begin at a cache line wherever its memory does.
+fn margin<U>() -> usize {
+    LINE.div_ceil(size_of::<U>().max(1))
 }
 
 fn class_capacity(class: usize) -> usize {
@@ -82,12 +90,15 @@ impl Pool {
         let free = shelf.classes.get_mut(class).and_then(Vec::pop);
         let data = free.unwrap_or_else(|| {
             let capacity = class_capacity(class);
-            shelves.allocated_bytes += capacity * size_of::<U>();
-            vec![U::default(); capacity]
+            let mut data = vec![U::default(); capacity + margin::<U>()];
+            pages::prefer_huge(&mut data);
+            shelves.allocated_bytes += size_of_val(&data[..]);
+            data
         });
-        shelves.used_bytes += data.len() * size_of::<U>();
+        shelves.used_bytes += size_of_val(&data[..]);
         shelves.peak_bytes = shelves.peak_bytes.max(shelves.used_bytes);
-        Buffer { data, len, pool: self.clone() }
+        let start = data.as_ptr().align_offset(LINE).min(data.len() - len);
+        Buffer { data, range: start..start + len, pool: self.clone() }
     }
 
     /// A buffer of `len` elements, all set to `value`.
@@ -152,23 +163,23 @@ impl Pool {
 /// A slice of pooled memory; dropping it returns the memory to its pool.
 pub struct Buffer<U: Copy + Send + 'static> {
     data: Vec<U>,
-    len: usize,
+    range: Range<usize>,
     pool: Pool,
 }
 
 impl<U: Copy + Send + 'static> Buffer<U> {
     /// The memory it takes, which is a little more than its length.
     pub(crate) fn capacity_bytes(&self) -> usize {
-        self.data.len() * size_of::<U>()
+        size_of_val(&self.data[..])
     }
 }
 
 impl<U: Copy + Send + 'static> Drop for Buffer<U> {
     fn drop(&mut self) {
         let data = std::mem::take(&mut self.data);
-        let class = class_of(data.len());
+        let class = class_of(data.len() - margin::<U>());
         let mut shelves = self.pool.shelves.lock().unwrap_or_else(PoisonError::into_inner);
-        shelves.used_bytes -= data.len() * size_of::<U>();
+        shelves.used_bytes -= size_of_val(&data[..]);
         let classes = &mut shelves.of_type::<Shelf<U>>().classes;
         if classes.len() <= class {
             classes.resize_with(class + 1, Vec::new);
@@ -180,20 +191,20 @@ impl<U: Copy + Send + 'static> Drop for Buffer<U> {
 impl<U: Copy + Send + 'static> Deref for Buffer<U> {
     type Target = [U];
     fn deref(&self) -> &[U] {
-        &self.data[..self.len]
+        &self.data[self.range.clone()]
     }
 }
 
 impl<U: Copy + Send + 'static> DerefMut for Buffer<U> {
     fn deref_mut(&mut self) -> &mut [U] {
-        &mut self.data[..self.len]
+        &mut self.data[self.range.clone()]
     }
 }
 
 impl<U: Copy + Send + fmt::Debug + 'static> fmt::Debug for Buffer<U> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_list().entries(self.iter().take(8)).finish()?;
-        write!(f, " ({} elements)", self.len)
+        write!(f, " ({} elements)", self.len())
     }
 }
 

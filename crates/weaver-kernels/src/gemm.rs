@@ -34,10 +34,6 @@ const REUSE: usize = 4;
 const M_TASK: usize = 48;
 /// Fewer multiply-adds than this are not worth a parallel task.
 const TASK: usize = 1 << 18;
-/// Tasks for each thread where they are large: more of them even out the time that threads take, and pack more often.
-const TASKS: usize = 2;
-/// Rows or columns that a task must have left to be split for that.
-const LARGE: usize = 1024;
 
 /// A matrix operand: element (i, j) is `data[i * row_stride + j * col_stride]`.
 #[derive(Clone, Copy, Debug)]
@@ -210,16 +206,14 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
         }
     }
 
-    /// Rows and columns of a task's block of C: the longer side is halved until every thread has a task, and more than one of
-    /// those that stay large; or until they are small. An element of C is summed in the same order whatever block it falls
-    /// into.
+    /// Rows and columns of a task's block of C: the longer side is halved until every thread has a task (more would pack more
+    /// often), or until they are small. An element of C is summed in the same order whatever block it falls into.
     fn block_size(&self, threads: usize) -> (usize, usize) {
         let (tile_rows, tile_cols) = T::tile(simd::level());
         let (mut rows, mut cols) = (self.m, self.n.div_ceil(self.n.div_ceil(N_BLOCK)).next_multiple_of(tile_cols));
         loop {
             let tasks = self.batch * self.m.div_ceil(rows) * self.n.div_ceil(cols);
-            let wanted = if threads > 1 && rows.max(cols) >= 2 * LARGE { TASKS * threads } else { threads };
-            if tasks >= wanted || rows * cols * self.k < 2 * TASK {
+            if tasks >= threads || rows * cols * self.k < 2 * TASK {
                 return (rows, cols);
             }
             if cols > tile_cols && (cols >= rows || rows <= M_TASK) {

@@ -1,7 +1,5 @@
 //! Memory in large pages, for buffers that are read in no order.
 
-use std::mem::MaybeUninit;
-
 /// Asks the operating system to back fresh memory by huge pages (2 MiB) as it is first touched: fewer address
 /// translations to look up, fewer page faults. A hint: on other systems than Linux, for little memory, or where the
 /// system has them switched off, nothing happens.
@@ -11,7 +9,7 @@ use std::mem::MaybeUninit;
 /// weaver_kernels::pages::prefer_huge(buffer.spare_capacity_mut());
 /// buffer.resize(1 << 20, 0.0);
 /// ```
-pub fn prefer_huge<T>(memory: &mut [MaybeUninit<T>]) {
+pub fn prefer_huge<T>(memory: &mut [T]) {
     #[cfg(target_os = "linux")]
     #[allow(unsafe_code)]
     {
