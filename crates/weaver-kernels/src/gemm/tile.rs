@@ -2,6 +2,7 @@
 //! registers over the whole depth, for each instruction set.
 
 use super::half_precision::gemm_pairs;
+use crate::pages;
 use crate::simd::{Level, level};
 use half::bf16;
 use products::*;
@@ -102,11 +103,14 @@ pub trait Tile: Sized {
 /// Rows that [`Tile::multiply_runs`] takes at most: as many pointers as there are registers for.
 pub const RUNS: usize = 9;
 
-/// `len` elements of a buffer that only grows, from a cache line's start.
+/// `len` elements of a buffer that only grows, from a cache line's start, in huge pages.
 fn aligned<T: Copy>(buffer: &mut Vec<T>, len: usize, zero: T) -> &mut [T] {
     let line = 64 / size_of::<T>();
     if buffer.len() < len + line {
-        buffer.resize((len + line).next_power_of_two(), zero);
+        let room = (len + line).next_power_of_two();
+        buffer.reserve_exact(room - buffer.len());
+        pages::prefer_huge(buffer.spare_capacity_mut());
+        buffer.resize(room, zero);
     }
     let skip = buffer.as_ptr().align_offset(64).min(line);
     &mut buffer[skip..skip + len]
