@@ -222,6 +222,16 @@ mod tests {
     }
 
     #[test]
+    fn buffers_begin_at_cache_lines() {
+        let pool = Pool::new();
+        for len in [0, 1, 100, 5000, 1 << 20] {
+            assert_eq!(pool.buffer::<f32>(len).as_ptr().addr() % LINE, 0, "{len}");
+            assert_eq!(pool.buffer::<u8>(len).as_ptr().addr() % LINE, 0, "{len}");
+        }
+        assert_eq!(pool.buffer::<[f64; 3]>(7).len(), 7); // and those of any size are as long as they should be
+    }
+
+    #[test]
     fn memory_comes_back() {
         let pool = Pool::new();
         drop(pool.buffer::<f32>(100));

@@ -2,16 +2,17 @@
 //! (Dao et al. 2022), so that the matrix of scores never exists as a whole.
 
 use crate::gemm::{Mat, gemm_serial};
+use crate::lanes::{self, LANES, LaneKernel, LaneMask, Lanes};
 use crate::parallel::{Interleaved, for_ranges};
-use crate::reduce::lanes;
 use crate::softmax::maximum;
-use crate::{Real, simd};
+use crate::{Real, reduce};
+use std::f64::consts::LOG2_E;
 
 mod backward;
 pub use backward::{attention_backward, attention_backward_packed};
 
-/// Queries of a tile.
-const QUERIES: usize = 64;
+/// Queries of a tile at most: keys and values are packed once for so many.
+const QUERIES: usize = 192;
 /// Keys of a tile.
 const KEYS: usize = 128;
 
@@ -88,7 +89,7 @@ impl Strides {
 /// out = softmax(scale q k^T) v for every batch entry and head.
 ///
 /// `q` and `out` hold `queries`, `k` and `v` hold `keys` vectors of length `dim` per entry and head,
-/// laid out by their [`Strides`]. `lse` `[batch, heads, queries]` receives the logarithms of the sums of
+/// laid out by their [`Strides`]. `lse` `[batch, heads, queries]` receives the binary logarithms of the sums of
 /// exponentials, for the gradients. Without keys the output is 0. Panics if a slice is too short.
 pub fn attention_forward<T: Real>(
     size: &Attention,
@@ -108,14 +109,17 @@ pub fn attention_forward<T: Real>(
     out_at.check_apart(size, queries, "the output");
     assert_eq!(lse.len(), size.batch * heads * queries, "attention: length of lse of {size:?}");
     let (out, lse) = (Interleaved::new(out), Interleaved::new(lse));
-    let blocks = queries.div_ceil(QUERIES);
+    let block = tile_rows(queries);
+    let blocks = queries.div_ceil(block.max(1));
+    // Scores are in powers of 2.
+    let scale = scale * T::from_f64(LOG2_E);
     let task = |task: usize| {
-        let (plane, first) = (task / blocks, task % blocks * QUERIES);
-        let (b, h, rows) = (plane / heads, plane % heads, QUERIES.min(queries - first));
-        T::with_scratch(rows * (KEYS + dim + 2), |scratch| {
-            let (scores, rest) = scratch.split_at_mut(rows * KEYS);
-            let (sums, rest) = rest.split_at_mut(rows * dim);
-            let (tops, totals) = rest.split_at_mut(rows);
+        let (plane, first) = (task / blocks, task % blocks * block);
+        let (b, h, rows) = (plane / heads, plane % heads, block.min(queries - first));
+        T::with_scratch(rows * (LANES + KEYS + dim + 1), |scratch| {
+            let (totals, rest) = scratch.split_at_mut(rows * LANES);
+            let (scores, rest) = rest.split_at_mut(rows * KEYS);
+            let (sums, tops) = rest.split_at_mut(rows * dim);
             tops.fill(-T::INFINITY);
             totals.fill(T::ZERO);
             sums.fill(T::ZERO);
@@ -126,10 +130,7 @@ pub fn attention_forward<T: Real>(
                 let v = Mat::new(&v.0[v.1.at(b, h, from)..], v.1.token);
                 let scores = &mut scores[..rows * n];
                 gemm_serial(rows, n, dim, scale, q, k, T::ZERO, scores, n);
-                simd::dispatch(
-                    #[inline(always)]
-                    || absorb(n, scores, dim, sums, tops, totals),
-                );
+                lanes::run(Absorb { n, dim, scores, sums, tops, totals });
                 gemm_serial(rows, dim, n, T::ONE, Mat::new(scores, n), v, T::ONE, sums, dim);
             }
             // SAFETY: this task alone has these queries of this entry and head, and no two vectors of
@@ -140,8 +141,9 @@ pub fn attention_forward<T: Real>(
                 (lse, |i: usize| out.slice(out_at.at(b, h, first + i), dim))
             };
             for i in 0..rows {
-                lse[i] = tops[i] + totals[i].ln();
-                let norm = if totals[i] > T::ZERO { T::ONE / totals[i] } else { T::ZERO };
+                let total = reduce::lanes([&totals[i * LANES..][..LANES]], |[x]| x);
+                lse[i] = tops[i] + total.ln() * T::from_f64(LOG2_E);
+                let norm = if total > T::ZERO { T::ONE / total } else { T::ZERO };
                 for (out, sum) in row(i).iter_mut().zip(&sums[i * dim..][..dim]) {
                     *out = *sum * norm;
                 }
@@ -151,20 +153,64 @@ pub fn attention_forward<T: Real>(
     for_ranges(size.batch * heads * blocks, 1, |range| range.for_each(task));
 }
 
-/// Turns scores into exponentials relative to each row's maximum so far, and rescales what was summed
-/// relative to an earlier maximum.
+/// Queries of a tile: nearly the same in all.
+fn tile_rows(queries: usize) -> usize {
+    queries.div_ceil(queries.div_ceil(QUERIES).max(1))
+}
+
+/// 2^x as [`Lanes::exp2`] has it, and NaN of NaN.
 #[inline(always)]
-fn absorb<T: Real>(n: usize, scores: &mut [T], dim: usize, sums: &mut [T], tops: &mut [T], totals: &mut [T]) {
-    for (i, scores) in scores.chunks_exact_mut(n).enumerate() {
-        let here = maximum(scores);
-        let top = if here > tops[i] { here } else { tops[i] };
-        if top > tops[i] && totals[i] > T::ZERO {
-            let shrink = (tops[i] - top).exp();
-            totals[i] *= shrink;
-            sums[i * dim..][..dim].iter_mut().for_each(|s| *s *= shrink);
+fn power<V: Lanes>(x: V) -> V {
+    x.exp2().or(x.ge(x), x)
+}
+
+/// Turns scores of `n` keys into powers of 2 relative to each row's maximum so far, adds them to the totals, a vector for each
+/// row, and scales what was summed relative to an earlier maximum.
+struct Absorb<'a, T> {
+    n: usize,
+    dim: usize,
+    scores: &'a mut [T],
+    sums: &'a mut [T],
+    tops: &'a mut [T],
+    totals: &'a mut [T],
+}
+
+impl<T: Real> LaneKernel<T> for Absorb<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes<Scalar = T>>(self) {
+        let Self { n, dim, scores, sums, tops, totals } = self;
+        let totals = totals.as_chunks_mut().0.iter_mut();
+        for (i, (scores, (top, total))) in scores.chunks_exact_mut(n).zip(tops.iter_mut().zip(totals)).enumerate() {
+            let (before, here) = (*top, maximum(scores));
+            let mut sum = V::load(total);
+            if here > before {
+                *top = here;
+                if before > -T::INFINITY {
+                    let shrink = V::splat(before - here).exp2();
+                    sum = sum * shrink;
+                    lanes::map(
+                        [],
+                        &mut sums[i * dim..][..dim],
+                        #[inline(always)]
+                        |[], x: V| x * shrink,
+                    );
+                }
+            }
+            let top = V::splat(*top);
+            let (whole, rest) = scores.as_chunks_mut();
+            for scores in whole {
+                let weights = power(V::load(scores) - top);
+                weights.store(scores);
+                sum = sum + weights;
+            }
+            if !rest.is_empty() {
+                let weights = power(lanes::at::<V>(rest, 0) - top).only(V::Mask::from_bits((1 << rest.len()) - 1));
+                lanes::put(weights, rest, 0);
+                sum = sum + weights;
+            }
+            sum.store(total);
         }
-        tops[i] = top;
-        scores.iter_mut().for_each(|s| *s = (*s - top).exp());
-        totals[i] += lanes([&*scores], |[s]| s);
     }
 }

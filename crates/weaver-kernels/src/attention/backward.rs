@@ -1,11 +1,12 @@
 //! Gradients of attention: scores are computed again, tile by tile.
 
-use super::{Attention, KEYS, QUERIES, Strides};
+use super::{Attention, KEYS, Strides, power, tile_rows};
 use crate::gemm::{Mat, gemm_serial};
+use crate::lanes::{self, LaneKernel, Lanes};
 use crate::parallel::{Interleaved, for_ranges};
-use crate::reduce::lanes;
 use crate::target::{Target, put};
-use crate::{Real, simd};
+use crate::{Real, reduce};
+use std::f64::consts::LOG2_E;
 
 /// Where one of the three gradients goes.
 struct Gradient<'a, T> {
@@ -118,21 +119,21 @@ impl<T: Real> Backward<'_, T> {
     fn head(&self, plane: usize, [dq, dk, dv]: &[Option<Gradient<T>>; 3]) {
         let Self { scale, q, k, v, out, lse, dout, .. } = *self;
         let Attention { heads, queries, keys, dim, .. } = *self.size;
-        let (b, h) = (plane / heads, plane % heads);
-        T::with_scratch(2 * QUERIES * KEYS + QUERIES * (dim + 1) + 2 * keys * dim, |scratch| {
-            let (weights, rest) = scratch.split_at_mut(QUERIES * KEYS);
-            let (dscores, rest) = rest.split_at_mut(QUERIES * KEYS);
-            let (q_sums, rest) = rest.split_at_mut(QUERIES * dim);
-            let (along, rest) = rest.split_at_mut(QUERIES);
-            let (k_sums, v_sums) = rest.split_at_mut(keys * dim);
+        let (b, h, block) = (plane / heads, plane % heads, tile_rows(queries));
+        T::with_scratch(2 * block * KEYS + block * (dim + 1) + 2 * keys * dim, |scratch| {
+            let (weights, rest) = scratch.split_at_mut(block * KEYS);
+            let (dscores, rest) = rest.split_at_mut(block * KEYS);
+            let (q_sums, rest) = rest.split_at_mut(block * dim);
+            let (k_sums, rest) = rest.split_at_mut(keys * dim);
+            let (v_sums, along) = rest.split_at_mut(keys * dim);
             k_sums.fill(T::ZERO);
             v_sums.fill(T::ZERO);
-            for first in (0..queries).step_by(QUERIES) {
-                let rows = QUERIES.min(queries - first);
+            for first in (0..queries).step_by(block.max(1)) {
+                let rows = block.min(queries - first);
                 let (out_at, lse) = (out.1.at(b, h, first), &lse[plane * queries + first..][..rows]);
                 for i in 0..rows {
                     let at = out_at + i * out.1.token;
-                    along[i] = lanes([&out.0[at..at + dim], &dout[at..at + dim]], |[x, y]| x * y);
+                    along[i] = reduce::lanes([&out.0[at..at + dim], &dout[at..at + dim]], |[x, y]| x * y);
                 }
                 q_sums.fill(T::ZERO);
                 let q = Mat::new(&q.0[q.1.at(b, h, first)..], q.1.token);
@@ -142,20 +143,10 @@ impl<T: Real> Backward<'_, T> {
                     let k = Mat::new(&k.0[k.1.at(b, h, from)..], k.1.token);
                     let v = Mat::new(&v.0[v.1.at(b, h, from)..], v.1.token);
                     let (weights, dscores) = (&mut weights[..rows * n], &mut dscores[..rows * n]);
-                    gemm_serial(rows, n, dim, scale, q, k.transposed(), T::ZERO, weights, n);
+                    let powers = scale * T::from_f64(LOG2_E);
+                    gemm_serial(rows, n, dim, powers, q, k.transposed(), T::ZERO, weights, n);
                     gemm_serial(rows, n, dim, T::ONE, dout, v.transposed(), T::ZERO, dscores, n);
-                    simd::dispatch(
-                        #[inline(always)]
-                        || {
-                            let tile = weights.chunks_exact_mut(n).zip(dscores.chunks_exact_mut(n));
-                            for (((weights, dscores), lse), along) in tile.zip(lse).zip(&*along) {
-                                for (w, d) in weights.iter_mut().zip(dscores) {
-                                    *w = (*w - *lse).exp();
-                                    *d = *w * (*d - *along) * scale;
-                                }
-                            }
-                        },
-                    );
+                    lanes::run(Scores { n, weights, dscores, lse, along, scale });
                     let (weights, dscores) = (Mat::new(weights, n), Mat::new(dscores, n));
                     let keys = from * dim..(from + n) * dim;
                     if dv.is_some() {
@@ -188,5 +179,40 @@ impl<T: Real> Backward<'_, T> {
                 }
             }
         });
+    }
+}
+
+/// Turns scores and the gradients of weights, `n` keys for each query, into weights and the gradients of scores.
+struct Scores<'a, T> {
+    n: usize,
+    weights: &'a mut [T],
+    dscores: &'a mut [T],
+    lse: &'a [T],
+    along: &'a [T],
+    scale: T,
+}
+
+impl<T: Real> LaneKernel<T> for Scores<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes<Scalar = T>>(self) {
+        let Self { n, weights, dscores, lse, along, scale } = self;
+        let rows = weights.chunks_exact_mut(n).zip(dscores.chunks_exact_mut(n));
+        for (((weights, dscores), lse), along) in rows.zip(lse).zip(along) {
+            let (lse, along, scale) = (V::splat(*lse), V::splat(*along), V::splat(scale));
+            lanes::map(
+                [],
+                weights,
+                #[inline(always)]
+                |[], x: V| power(x - lse),
+            );
+            lanes::map(
+                [weights],
+                dscores,
+                #[inline(always)]
+                |[w], d: V| w * (d - along) * scale,
+            );
+        }
     }
 }
