@@ -27,7 +27,7 @@ const M_BLOCK: usize = 288;
 /// Columns of B that stay in the third-level cache with as many rows.
 const N_BLOCK: usize = 1024;
 /// Rows of A that are a multiple of so many bytes apart fall into the same few sets of the first-level cache.
-const CLASH: usize = 2048;
+const CLASH: usize = 4096;
 /// Panels of B that must follow for such rows, or columns, to be worth packing.
 const REUSE: usize = 4;
 /// Fewer rows are not worth packing B once more.
