@@ -6,12 +6,20 @@ use std::hint::black_box;
 use std::time::Duration;
 use weaver_kernels::attention::{Attention, Strides, attention_backward_packed, attention_forward};
 use weaver_kernels::conv::{
-    Conv2d, conv2d_dw, conv2d_dw_scratch_len, conv2d_dx, conv2d_dx_scratch_len, conv2d_forward,
+    Conv2d, conv_transpose2d_dw, conv_transpose2d_dx, conv_transpose2d_forward, conv_transpose2d_scratch_len,
+    conv2d_dw, conv2d_dw_scratch_len, conv2d_dx, conv2d_dx_scratch_len, conv2d_forward,
 };
-use weaver_kernels::gemm::{Half, gemm, gemm_half, gemm_half_scratch_len};
+use weaver_kernels::gelu::{gelu_backward, gelu_forward};
+use weaver_kernels::gemm::{Half, gemm, gemm_batched, gemm_half, gemm_half_scratch_len};
 use weaver_kernels::layer_norm::{layer_norm_backward, layer_norm_forward, layer_norm_scratch_len};
+use weaver_kernels::optim::{AdamW, lerp};
+use weaver_kernels::permute::permute;
+use weaver_kernels::random::Stream;
+use weaver_kernels::reduce::{column_sums, dot, row_sums, sum};
 use weaver_kernels::resample::Resample;
-use weaver_kernels::softmax::softmax_forward;
+use weaver_kernels::rope::Rope2d;
+use weaver_kernels::rows::{copy_blocks, gather_rows, scatter_add_rows};
+use weaver_kernels::softmax::{softmax_backward, softmax_forward};
 use weaver_kernels::{Real, simd};
 
 fn numbers(n: usize) -> Vec<f32> {
@@ -46,6 +54,13 @@ fn pointwise(c: &mut Criterion) {
     dispatched!("exp", Real::exp);
     dispatched!("tanh", Real::tanh);
     dispatched!("erf", Real::erf);
+    let mut dx = x.clone();
+    group.bench_function("gelu forward", |b| b.iter(|| gelu_forward(black_box(&x), &mut y)));
+    group.bench_function("gelu backward", |b| b.iter(|| gelu_backward(black_box(&x), &y, (&mut dx, 0.0))));
+    let stream = Stream::new(0, 0, "bench");
+    group.bench_function("normal numbers", |b| {
+        b.iter(|| y.iter_mut().enumerate().for_each(|(i, y)| *y = stream.normal(i as u64)));
+    });
     group.finish();
 }
 
@@ -61,6 +76,12 @@ fn products(c: &mut Criterion) {
             bench.iter(|| gemm(false, trans_b, m, n, k, 1.0, black_box(&a), &b, 0.0, &mut y));
         });
     }
+    let (batch, n, k) = (12, 53, 32);
+    let (a, mut y, (of_a, of_y)) = (numbers(batch * n * k), numbers(batch * n * n), (n * k, n * n));
+    group.throughput(Throughput::Elements((2 * y.len() * k) as u64));
+    group.bench_function(format!("{batch} of {n}x{n}x{k}t"), |bench| {
+        bench.iter(|| gemm_batched(batch, false, true, n, n, k, 1.0, black_box(&a), of_a, &a, of_a, 0.0, &mut y, of_y));
+    });
     let (m, n, k) = (686, 1024, 1024);
     let (a, mut y, numbers) = (numbers(m * k), vec![0.0; m * n], numbers(n * k));
     let brief: Vec<bf16> = numbers.iter().map(|x| bf16::from_f32(*x)).collect();
@@ -107,6 +128,27 @@ fn convolutions(c: &mut Criterion) {
     group.finish();
 }
 
+/// Transposed convolution, 32 to 16 channels, twice as large; throughput in floating-point operations.
+fn transposed(c: &mut Criterion) {
+    let mut group = c.benchmark_group("conv_transpose2d");
+    let size = Conv2d { n: 4, c: 16, h: 48, w: 64, o: 32, kh: 2, kw: 2, stride: 2, pad: 0 };
+    let mut x = numbers(size.n * size.o * size.out_h() * size.out_w());
+    let mut weights = numbers(size.o * size.c * size.kh * size.kw);
+    let mut y = numbers(size.n * size.c * size.h * size.w);
+    let mut scratch = vec![0.0; conv_transpose2d_scratch_len(&size)];
+    let mut turned = vec![0.0; conv2d_dw_scratch_len::<f32>(&size)];
+    group.throughput(Throughput::Elements((2 * x.len() * weights.len() / size.o) as u64));
+    group.bench_function("forward", |b| {
+        b.iter(|| conv_transpose2d_forward(&size, black_box(&x), &weights, None, &mut y, &mut scratch));
+    });
+    group.bench_function("dw", |b| {
+        b.iter(|| conv_transpose2d_dw(&size, black_box(&x), &y, (&mut weights, 0.0), &mut turned));
+    });
+    weights.fill(0.1);
+    group.bench_function("dx", |b| b.iter(|| conv_transpose2d_dx(&size, black_box(&weights), &y, (&mut x, 0.0))));
+    group.finish();
+}
+
 fn tokens(c: &mut Criterion) {
     let mut group = c.benchmark_group("tokens");
     for (batch, n) in [(4, 53), (1, 212)] {
@@ -136,9 +178,72 @@ fn tokens(c: &mut Criterion) {
         });
     });
     group.bench_function("softmax 220x96", |b| b.iter(|| softmax_forward(96, 1, black_box(&x), &mut y)));
-    let plan = Resample::bilinear([24, 32], [48, 64], true);
-    let (x, mut y) = (numbers(128 * 24 * 32), vec![0.0; 128 * 48 * 64]);
-    group.bench_function("bilinear 128 maps 24x32 to 48x64", |b| b.iter(|| plan.forward(black_box(&x), &mut y)));
+    group.bench_function("softmax 220x96 backward", |b| {
+        b.iter(|| softmax_backward(96, 1, black_box(&y), &x, (&mut dx, 0.0)));
+    });
+    let positions: Vec<_> = (0..220).map(|i| [i / 20, i % 20]).collect();
+    let rope = Rope2d::new(&positions, 32, 100.0);
+    group.bench_function("rope 220 tokens, 3 heads of 32, forward", |b| {
+        b.iter(|| rope.forward(3, black_box(&x), &mut y));
+    });
+    group.bench_function("rope 220 tokens, 3 heads of 32, backward", |b| {
+        b.iter(|| rope.backward(3, black_box(&y), (&mut dx, 0.0)));
+    });
+    group.finish();
+}
+
+/// Resizing and filters of 32 maps; throughput in pixels of the larger size.
+fn resampling(c: &mut Criterion) {
+    let mut group = c.benchmark_group("resample");
+    let (small, large) = ([24, 32], [48, 64]);
+    for (name, plan) in [
+        ("bilinear 24x32 to 48x64", Resample::bilinear(small, large, true)),
+        ("bicubic 24x32 to 48x64", Resample::bicubic(small, large)),
+        ("bicubic_antialiased 48x64 to 24x32", Resample::bicubic_antialiased(large, small)),
+        ("box_filter 7 of 48x64", Resample::box_filter(large, 7)),
+    ] {
+        let [mut x, mut y] = [plan.input_size(), plan.output_size()].map(|[h, w]| numbers(32 * h * w));
+        group.throughput(Throughput::Elements(x.len().max(y.len()) as u64));
+        group.bench_function(format!("{name} forward"), |b| b.iter(|| plan.forward(black_box(&x), &mut y)));
+        group.bench_function(format!("{name} backward"), |b| b.iter(|| plan.backward(black_box(&y), (&mut x, 0.0))));
+    }
+    group.finish();
+}
+
+/// Elements moved and added up, a matrix of 4096 x 96; throughput in bytes of the matrix.
+fn memory(c: &mut Criterion) {
+    let mut group = c.benchmark_group("memory");
+    let (rows, cols) = (4096, 96);
+    let (x, mut y) = (numbers(rows * cols), numbers(rows * cols));
+    group.throughput(Throughput::Bytes(size_of_val(&x[..]) as u64));
+    for (name, axes) in [("permute 0213", [0, 2, 1, 3]), ("permute 0132", [0, 1, 3, 2])] {
+        group.bench_function(name, |b| b.iter(|| permute([4, 1024, 3, 32], axes, black_box(&x), (&mut y, 0.0))));
+    }
+    // 5 has no divisor in common with the number of rows, so every row comes once.
+    let index: Vec<u32> = (0..rows as u32).map(|i| 5 * i % rows as u32).collect();
+    group.bench_function("gather_rows", |b| b.iter(|| gather_rows(cols, black_box(&x), &index, (&mut y, 0.0))));
+    group.bench_function("scatter_add_rows", |b| {
+        b.iter(|| scatter_add_rows(cols, black_box(&x), &index, (&mut y, 0.0)));
+    });
+    group.bench_function("copy_blocks", |b| {
+        b.iter(|| copy_blocks(rows, cols / 2, black_box(&x), cols, (&mut y, 0.0), cols));
+    });
+    group.bench_function("sum", |b| b.iter(|| sum(black_box(&x))));
+    group.bench_function("dot", |b| b.iter(|| dot(black_box(&x), &y)));
+    group.bench_function("row_sums", |b| b.iter(|| row_sums(rows, cols, black_box(&x), (&mut y[..rows], 0.0))));
+    group.bench_function("column_sums", |b| b.iter(|| column_sums(rows, cols, black_box(&x), (&mut y[..cols], 0.0))));
+    group.finish();
+}
+
+/// What an optimiser does after every step; throughput in parameters.
+fn optimisers(c: &mut Criterion) {
+    let mut group = c.benchmark_group("optim");
+    let (mut p, g) = (numbers(1 << 18), numbers(1 << 18));
+    let (mut m, mut v) = (vec![0.0; p.len()], vec![0.0; p.len()]);
+    group.throughput(Throughput::Elements(p.len() as u64));
+    let adamw = AdamW { rate: 1e-4, beta1: 0.9, beta2: 0.999, eps: 1e-8, weight_decay: 0.05, gradient_scale: 1.0 };
+    group.bench_function("adamw", |b| b.iter(|| adamw.step(10, &mut p, black_box(&g), &mut m, &mut v)));
+    group.bench_function("lerp", |b| b.iter(|| lerp(&mut p, black_box(&g), 0.999)));
     group.finish();
 }
 
@@ -151,6 +256,10 @@ fn main() {
     pointwise(&mut criterion);
     products(&mut criterion);
     convolutions(&mut criterion);
+    transposed(&mut criterion);
     tokens(&mut criterion);
+    resampling(&mut criterion);
+    memory(&mut criterion);
+    optimisers(&mut criterion);
     criterion.final_summary();
 }
