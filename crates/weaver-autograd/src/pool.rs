@@ -115,7 +115,7 @@ impl Pool {
         buffer
     }
 
-    /// The value that `build` makes for `key`, made once and kept: tables that ops of the same sizes share.
+    /// The value that `build` makes for `key`, made once and kept as long as the pool: tables that ops of the same sizes share.
     ///
     /// ```
     /// let pool = weaver_autograd::Pool::new();
@@ -127,11 +127,16 @@ impl Pool {
         K: PartialEq + Send + 'static,
         V: Send + Sync + 'static,
     {
-        let mut shelves = self.shelves.lock().unwrap_or_else(PoisonError::into_inner);
-        let tables: &mut Vec<(K, Arc<V>)> = shelves.of_type();
-        let found = tables.iter().find(|(k, _)| *k == key).map(|(_, table)| table.clone());
-        found.unwrap_or_else(|| {
-            let table = Arc::new(build());
+        let find = |tables: &Vec<(K, Arc<V>)>| tables.iter().find(|(k, _)| *k == key).map(|(_, table)| table.clone());
+        let shelves = || self.shelves.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = find(shelves().of_type()) {
+            return found;
+        }
+        // It may take its time, or buffers of this pool.
+        let table = Arc::new(build());
+        let mut shelves = shelves();
+        let tables = shelves.of_type();
+        find(tables).unwrap_or_else(|| {
             tables.push((key, table.clone()));
             table
         })
@@ -229,6 +234,13 @@ mod tests {
             assert_eq!(pool.buffer::<u8>(len).as_ptr().addr() % LINE, 0, "{len}");
         }
         assert_eq!(pool.buffer::<[f64; 3]>(7).len(), 7); // and those of any size are as long as they should be
+    }
+
+    #[test]
+    fn a_table_may_be_made_of_buffers() {
+        let pool = Pool::new();
+        let squares = || pool.table("squares", || pool.filled::<f32>(4, 2.0).to_vec());
+        assert!(Arc::ptr_eq(&squares(), &squares()));
     }
 
     #[test]

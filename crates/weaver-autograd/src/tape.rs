@@ -1,7 +1,7 @@
 //! The tape: records ops as they run, owns every value and gradient, and walks back.
 
 use crate::op::{Op, View, ViewMut};
-use crate::params::{HalfValues, Param, ParamId, ParamValues, Params};
+use crate::params::{HalfValues, Param, ParamValues};
 use crate::profile::{Phase, Profile, Tracer};
 use crate::recycle::{OpBoxes, Slot};
 use crate::{Buffer, Pool, Shape, ShapeError, Var};
@@ -13,6 +13,7 @@ use weaver_kernels::Real;
 mod backward;
 mod measure;
 mod nested;
+mod parameters;
 mod path;
 mod release;
 
@@ -69,9 +70,13 @@ struct Value<T: Real> {
     tracked: bool,
     /// Leaves keep their gradient after the backward pass.
     leaf: bool,
+    /// Whether the gradients that pass are added to `kept`.
+    retained: bool,
     /// Set for outputs that carry no gradient, to name the op when one arrives.
     auxiliary: bool,
+    /// What has reached it: for a walk back to pass on, or of a leaf for good.
     grad: Option<Buffer<T>>,
+    kept: Option<Buffer<T>>,
 }
 
 #[derive(Clone, Copy)]
@@ -229,58 +234,6 @@ impl<T: Real> Tape<T> {
         self.push_source(value, shape, true)
     }
 
-    /// A parameter as a leaf, shared without a copy; the same parameter is always the same value. Frozen
-    /// parameters come as constants.
-    pub fn param(&self, params: &Params<T>, id: ParamId) -> Var<'_, T> {
-        let param = params.get(id);
-        let at = id.index();
-        {
-            let mut record = self.record.borrow_mut();
-            if record.params.len() <= at {
-                record.params.resize(at + 1, None);
-            }
-            if let Some(id) = record.params[at] {
-                let value = &mut record.values[id as usize];
-                if let Storage::Released = value.storage {
-                    value.storage = Storage::of(param);
-                }
-                return Var::new(self, id, param.shape(), value.tracked);
-            }
-        }
-        let storage = Storage::of(param);
-        let tracked = !param.is_frozen() && !matches!(storage, Storage::Half(_));
-        let var = self.push_source(storage, param.shape(), tracked);
-        self.record.borrow_mut().params[at] = Some(var.id());
-        var
-    }
-
-    /// The gradient of a parameter after the backward pass; `None` if none reached it.
-    pub fn param_grad(&self, id: ParamId) -> Option<Ref<'_, [T]>> {
-        let value = self.record.borrow().params.get(id.index()).copied().flatten()?;
-        self.grad(value)
-    }
-
-    /// Forgets the ops and lets go of the parameters' values, so that [`Params::value_mut`] changes them in place. Their
-    /// gradients stay until [`reset`](Tape::reset). Needs the tape for itself: no [`Var`] is left that could ask for the rest.
-    pub fn release_params(&mut self) {
-        let record = self.record.get_mut();
-        for node in record.nodes.drain(..) {
-            record.boxes.put(node.op);
-        }
-        for value in record.params.iter().flatten() {
-            record.values[*value as usize].storage = Storage::Released;
-        }
-    }
-
-    /// Multiplies the gradient of a parameter by a factor, as clipping does.
-    pub fn scale_param_grad(&mut self, id: ParamId, factor: T) {
-        let record = self.record.get_mut();
-        let value = record.params.get(id.index()).copied().flatten();
-        if let Some(gradient) = value.and_then(|value| record.values[value as usize].grad.as_mut()) {
-            gradient.iter_mut().for_each(|g| *g *= factor);
-        }
-    }
-
     /// Applies an op; panics with the op's name, the model path and the shapes when they do not fit.
     #[track_caller]
     pub fn apply<'t, O: Op<T>, const N: usize>(&'t self, op: O, inputs: &[Var<'t, T>]) -> [Var<'t, T>; N] {
@@ -329,8 +282,10 @@ impl<T: Real> Tape<T> {
                 storage: Storage::Pooled(buffer),
                 tracked,
                 leaf: false,
+                retained: false,
                 auxiliary: i >= differentiable,
                 grad: None,
+                kept: None,
             });
             record.output_shapes.push(shapes[i]);
         }
@@ -378,7 +333,8 @@ impl<T: Real> Tape<T> {
     fn push_source(&self, storage: Storage<T>, shape: Shape, tracked: bool) -> Var<'_, T> {
         let record = &mut *self.record.borrow_mut();
         let id = record.values.len() as ValueId;
-        record.values.push(Value { storage, tracked, leaf: tracked, auxiliary: false, grad: None });
+        let (leaf, retained, auxiliary) = (tracked, false, false);
+        record.values.push(Value { storage, tracked, leaf, retained, auxiliary, grad: None, kept: None });
         record.output_shapes.push(shape);
         Var::new(self, id, shape, tracked)
     }
@@ -388,7 +344,11 @@ impl<T: Real> Tape<T> {
     }
 
     pub(crate) fn grad(&self, id: ValueId) -> Option<Ref<'_, [T]>> {
-        Ref::filter_map(self.record.borrow(), |r| r.values[id as usize].grad.as_deref()).ok()
+        Ref::filter_map(self.record.borrow(), |r| {
+            let value = &r.values[id as usize];
+            if value.retained { value.kept.as_deref() } else { value.grad.as_deref() }
+        })
+        .ok()
     }
 
     /// Gives a leaf a gradient to begin with.
@@ -396,13 +356,9 @@ impl<T: Real> Tape<T> {
         self.record.borrow_mut().values[id as usize].grad = Some(self.pool.copy_of(gradient));
     }
 
-    /// Whether the parameter occurs on this tape.
-    pub(crate) fn uses(&self, id: ParamId) -> bool {
-        self.record.borrow().params.get(id.index()).is_some_and(Option::is_some)
-    }
-
     /// Keeps the gradient of an intermediate value after the backward pass.
     pub(crate) fn retain(&self, id: ValueId) {
-        self.record.borrow_mut().values[id as usize].leaf = true;
+        let value = &mut self.record.borrow_mut().values[id as usize];
+        value.retained = !value.leaf;
     }
 }

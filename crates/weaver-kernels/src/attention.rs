@@ -1,6 +1,7 @@
 //! Scaled dot-product attention, softmax(scale q k^T) v, tile by tile with an online softmax
 //! (Dao et al. 2022), so that the matrix of scores never exists as a whole.
 
+use crate::extent::{extent, product};
 use crate::gemm::{Mat, gemm_serial};
 use crate::lanes::{self, LANES, LaneKernel, LaneMask, Lanes};
 use crate::parallel::{Interleaved, for_ranges};
@@ -62,10 +63,9 @@ impl Strides {
 
     /// Panics unless all vectors lie within `len` elements.
     fn check(self, size: &Attention, tokens: usize, len: usize, name: &str) {
-        let last = |n: usize, stride: usize| n.saturating_sub(1) * stride;
-        let end = last(size.batch, self.batch) + last(size.heads, self.head) + last(tokens, self.token) + size.dim;
-        let empty = size.batch == 0 || size.heads == 0 || tokens == 0;
-        assert!(empty || end <= len, "attention: {name} of {size:?} with {self:?} has only {len} elements");
+        let reach = extent([(size.batch, self.batch), (size.heads, self.head), (tokens, self.token), (size.dim, 1)]);
+        let fits = reach.is_some_and(|reach| reach <= len);
+        assert!(fits, "attention: {name} of {size:?} with {self:?} has only {len} elements");
     }
 
     /// Panics unless the vectors are apart from each other.
@@ -76,7 +76,8 @@ impl Strides {
         for (stride, count) in levels {
             if count > 1 {
                 assert!(stride >= reach, "attention: vectors of {name} of {size:?} overlap with {self:?}");
-                reach = stride * count;
+                // What does not fit a number does not fit the slice either, which is checked.
+                reach = stride.saturating_mul(count);
             }
         }
     }
@@ -107,7 +108,7 @@ pub fn attention_forward<T: Real>(
     v.1.check(size, keys, v.0.len(), "v");
     out_at.check(size, queries, out.len(), "the output");
     out_at.check_apart(size, queries, "the output");
-    assert_eq!(lse.len(), size.batch * heads * queries, "attention: length of lse of {size:?}");
+    assert_eq!(Some(lse.len()), product([size.batch, heads, queries]), "attention: length of lse of {size:?}");
     let (out, lse) = (Interleaved::new(out), Interleaved::new(lse));
     let block = tile_rows(queries);
     let blocks = queries.div_ceil(block.max(1));
@@ -143,7 +144,7 @@ pub fn attention_forward<T: Real>(
             for i in 0..rows {
                 let total = reduce::lanes([&totals[i * LANES..][..LANES]], |[x]| x);
                 lse[i] = tops[i] + total.ln() * T::from_f64(LOG2_E);
-                let norm = if total > T::ZERO { T::ONE / total } else { T::ZERO };
+                let norm = if keys > 0 { T::ONE / total } else { T::ZERO };
                 for (out, sum) in row(i).iter_mut().zip(&sums[i * dim..][..dim]) {
                     *out = *sum * norm;
                 }
@@ -156,12 +157,6 @@ pub fn attention_forward<T: Real>(
 /// Queries of a tile: nearly the same in all.
 fn tile_rows(queries: usize) -> usize {
     queries.div_ceil(queries.div_ceil(QUERIES).max(1))
-}
-
-/// 2^x as [`Lanes::exp2`] has it, and NaN of NaN.
-#[inline(always)]
-fn power<V: Lanes>(x: V) -> V {
-    x.exp2().or(x.ge(x), x)
 }
 
 /// Turns scores of `n` keys into powers of 2 relative to each row's maximum so far, adds them to the totals, a vector for each
@@ -198,15 +193,16 @@ impl<T: Real> LaneKernel<T> for Absorb<'_, T> {
                     );
                 }
             }
-            let top = V::splat(*top);
+            // Where all scores so far are minus infinity, so is the maximum, and weights are 0.
+            let top = V::splat(if *top > -T::INFINITY { *top } else { T::ZERO });
             let (whole, rest) = scores.as_chunks_mut();
             for scores in whole {
-                let weights = power(V::load(scores) - top);
+                let weights = (V::load(scores) - top).exp2();
                 weights.store(scores);
                 sum = sum + weights;
             }
             if !rest.is_empty() {
-                let weights = power(lanes::at::<V>(rest, 0) - top).only(V::Mask::from_bits((1 << rest.len()) - 1));
+                let weights = (lanes::at::<V>(rest, 0) - top).exp2().only(V::Mask::from_bits((1 << rest.len()) - 1));
                 lanes::put(weights, rest, 0);
                 sum = sum + weights;
             }

@@ -6,6 +6,7 @@
 //! straight into the panels that it packs.
 
 use crate::Real;
+use crate::extent::product;
 use crate::gemm::{Mat, Product, gemm_batched};
 use crate::parallel::for_chunks;
 use crate::target::{Target, put};
@@ -46,12 +47,17 @@ pub struct Conv2d {
 impl Conv2d {
     /// Output height; 0 if the kernel does not fit.
     pub fn out_h(&self) -> usize {
-        (self.h + 2 * self.pad + self.stride).saturating_sub(self.kh) / self.stride
+        self.outputs(self.h, self.kh)
     }
 
     /// Output width; 0 if the kernel does not fit.
     pub fn out_w(&self) -> usize {
-        (self.w + 2 * self.pad + self.stride).saturating_sub(self.kw) / self.stride
+        self.outputs(self.w, self.kw)
+    }
+
+    fn outputs(&self, len: usize, kernel: usize) -> usize {
+        let padded = len.saturating_add(self.pad.saturating_mul(2));
+        padded.saturating_add(self.stride).saturating_sub(kernel) / self.stride
     }
 
     /// Elements of a window: rows of the window matrix.
@@ -64,9 +70,11 @@ impl Conv2d {
     }
 
     fn check(&self, x: usize, w: usize, y: usize) {
-        assert_eq!(x, self.n * self.c * self.h * self.w, "conv2d: input length of {self:?}");
-        assert_eq!(w, self.o * self.depth(), "conv2d: weight length of {self:?}");
-        assert_eq!(y, self.n * self.o * self.pixels(), "conv2d: output length of {self:?}");
+        let Self { n, c, h, w: width, o, kh, kw, stride, .. } = *self;
+        assert!(kh > 0 && kw > 0 && stride > 0, "conv2d: kernel and stride of {self:?} must not be 0");
+        assert_eq!(Some(x), product([n, c, h, width]), "conv2d: input length of {self:?}");
+        assert_eq!(Some(w), product([o, c, kh, kw]), "conv2d: weight length of {self:?}");
+        assert_eq!(Some(y), product([n, o, self.out_h(), self.out_w()]), "conv2d: output length of {self:?}");
     }
 
     fn windows<'a, T>(&self, x: &'a [T]) -> Windows<'a, T> {

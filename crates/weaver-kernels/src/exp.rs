@@ -76,16 +76,36 @@ pub(crate) const EXP2_NEAREST: Quintic =
 /// Coefficients of t, t^3, .. t^9 in log2((1 + t) / (1 - t)) for |t| <= 0.2.
 pub(crate) const LOG2_ODD: [f32; 5] = [2.885_39, 0.961_796_6, 0.577_093_94, 0.411_133_3, 0.349_416_76];
 
-/// 2^x in `f32` within 2.5 units in the last place for -126 <= x <= 127; x is limited to these, NaN stays NaN.
+/// n and e^r with x = n ln 2 + r, for [`Lanes`] that can multiply by 2^n. x is limited to where e^x is neither 0 nor infinite;
+/// NaN becomes some number.
+#[inline(always)]
+pub(crate) fn reduced<V: Lanes<Scalar = f32>>(x: V) -> (V, V) {
+    use std::f64::consts::{LN_2, LOG2_E};
+    let x = x.max(V::splat(-105.0)).min(V::splat(90.0));
+    let shift = V::splat(ROUND);
+    let n = x.mul_add(V::constant(LOG2_E), shift) - shift;
+    // n times the upper bits of ln 2 is exact.
+    let high = 0.693_359_375;
+    let r = n.mul_add(V::constant(high - LN_2), n.mul_add(V::constant(-high), x));
+    let mut e = V::constant(1.0 / 5040.0);
+    for factorial in [720.0, 120.0, 24.0, 6.0, 2.0, 1.0, 1.0] {
+        e = e.mul_add(r, V::constant(1.0 / factorial));
+    }
+    (n, e)
+}
+
+/// 2^x in `f32` within 2.5 units in the last place where the result is a normal number; gradual underflow, overflow to
+/// infinity, NaN stays NaN.
 #[inline(always)]
 pub fn exp2_f32(x: f32) -> f32 {
-    let x = if x > 127.0 { 127.0 } else { x };
-    let x = if x < -126.0 { -126.0 } else { x };
+    let x = if x > 129.0 { 129.0 } else { x };
+    let x = if x < -151.0 { -151.0 } else { x };
     let shifted = x + ROUND;
     let r = x - (shifted - ROUND);
     let [c0, c1, c2, c3, c4, c5] = EXP2_NEAREST.0;
     let p = ((((c5 * r + c4) * r + c3) * r + c2) * r + c1) * r + c0;
-    p * power_of_two(shifted.to_bits() as i32 - ROUND.to_bits() as i32)
+    let n = shifted.to_bits() as i32 - ROUND.to_bits() as i32;
+    p * power_of_two(n >> 1) * power_of_two(n - (n >> 1))
 }
 
 /// Binary logarithm in `f32` of a positive normal number, within 4 units in the last place or 2^-23.

@@ -4,6 +4,7 @@
 //! C held in vector registers can stream through both. Whatever the blocks, every element of C is summed in the same order:
 //! the same bits at any number of threads. Nothing is allocated but one packing buffer per thread, once.
 
+use crate::extent::extent;
 use crate::parallel::{Interleaved, for_ranges};
 use crate::{Real, simd, simd::Level};
 use std::ops::Range;
@@ -60,11 +61,9 @@ impl<'a, T: Real> Mat<'a, T> {
     }
 
     fn check(&self, batch: usize, step: usize, rows: usize, cols: usize, name: &str) {
-        if batch > 0 && rows > 0 && cols > 0 {
-            let last = (batch - 1) * step + (rows - 1) * self.row_stride + (cols - 1) * self.col_stride;
-            let len = self.data.len();
-            assert!(last < len, "gemm: {name} is {batch} x {rows} x {cols} but its slice has {len} elements");
-        }
+        let (reach, len) = (extent([(batch, step), (rows, self.row_stride), (cols, self.col_stride)]), self.data.len());
+        let fits = reach.is_some_and(|reach| reach <= len);
+        assert!(fits, "gemm: {name} is {batch} x {rows} x {cols} but its slice has {len} elements");
     }
 }
 
@@ -181,9 +180,11 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
         }
         self.a.check(batch, self.a_step, m, k, "A");
         assert!(c_stride >= n, "gemm: rows of C overlap");
-        let c_len = (m - 1) * c_stride + n;
-        assert!(batch == 1 || c_step >= c_len, "gemm: matrices of C overlap");
-        assert!((batch - 1) * c_step + c_len <= c.len(), "gemm: C is too short");
+        let one = [(m, c_stride), (n, 1)];
+        let apart = batch == 1 || extent(one).is_some_and(|len| len <= c_step);
+        assert!(apart, "gemm: matrices of C overlap");
+        let fits = extent([(batch, c_step), one[0], one[1]]).is_some_and(|len| len <= c.len());
+        assert!(fits, "gemm: C is too short");
 
         let (rows, cols) = self.block_size(if parallel { rayon::current_num_threads() } else { 1 });
         let (down, across) = (m.div_ceil(rows), n.div_ceil(cols));

@@ -92,31 +92,14 @@ pub trait Lanes:
     fn sqrt(self) -> Self;
     /// 1 / self within two units in the last place, for finite normal numbers with normal reciprocals.
     fn recip(self) -> Self;
-    /// scale 2^self within 3 units in the last place for -126 <= self < 128; below, something between 0 and scale 2^-126.
+    /// scale 2^self within 3 units in the last place for -126 <= self < 127; below, something between 0 and scale 2^-126. Faster
+    /// than [`exp2`](Self::exp2) on some processors.
     fn exp2_times(self, scale: Self) -> Self;
-    /// 2^self, as accurate.
-    #[inline(always)]
-    fn exp2(self) -> Self {
-        self.exp2_times(Self::constant(1.0))
-    }
-    /// e^self within 2 units in the last place for -87 <= self < 88; below, something between 0 and 2^-126. NaN stays NaN.
-    #[inline(always)]
-    fn exp(self) -> Self {
-        use std::f64::consts::{LN_2, LOG2_E};
-        // Beyond this all is 0, and infinity would only make trouble.
-        let x = self.max(Self::constant(-150.0));
-        // Adding and taking away 1.5 times 2^23 rounds to whole numbers: e^x = 2^n e^r with r of at most ln 2 / 2.
-        let shift = Self::constant(12_582_912.0);
-        let n = x.mul_add(Self::constant(LOG2_E), shift) - shift;
-        // n times the upper bits of ln 2 is exact.
-        let high = 0.693_359_375;
-        let r = n.mul_add(Self::constant(high - LN_2), n.mul_add(Self::constant(-high), x));
-        let mut e = Self::constant(1.0 / 5040.0);
-        for factorial in [720.0, 120.0, 24.0, 6.0, 2.0, 1.0, 1.0] {
-            e = e.mul_add(r, Self::constant(1.0 / factorial));
-        }
-        n.exp2_times(e).or(self.ge(self), self)
-    }
+    /// 2^self within 3 units in the last place where that is a normal number; gradual underflow, overflow to infinity, NaN
+    /// stays NaN.
+    fn exp2(self) -> Self;
+    /// e^self within 2 units in the last place where that is a normal number; otherwise as [`exp2`](Self::exp2).
+    fn exp(self) -> Self;
     /// Binary logarithm within 4 units in the last place (or 2^-23 absolute) of positive normal numbers.
     fn log2(self) -> Self;
     /// The standard normal distribution: the probability of less than self, and the density. In `f32` within 4e-7 +

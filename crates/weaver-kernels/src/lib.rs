@@ -1,12 +1,14 @@
 //! Plain numeric kernels on slices for `f32` and `f64`: GEMM, convolution, attention, norms, resizing.
 //!
 //! A kernel is a function: the caller owns all memory, shapes are arguments, nothing knows of a tape.
-//! Every parallel kernel writes disjoint parts whose borders do not depend on the number of threads.
+//! Every parallel kernel writes disjoint parts, and what it writes does not depend on the number of threads: where borders do,
+//! no sum crosses one.
 
 pub mod attention;
 pub mod conv;
 pub mod erf;
 pub mod exp;
+mod extent;
 pub mod gelu;
 pub mod gemm;
 pub mod lanes;

@@ -85,7 +85,7 @@ pub(crate) struct Interleaved<'a, T> {
 }
 
 #[allow(unsafe_code)]
-// SAFETY: the only access is through `slice`, whose callers keep tasks apart.
+// SAFETY: elements are reached through `slice` and what `pointer` gives, whose callers keep tasks apart.
 unsafe impl<T: Send> Sync for Interleaved<'_, T> {}
 
 impl<'a, T> Interleaved<'a, T> {

@@ -51,9 +51,9 @@ pub trait Real:
         Self::from_f64(x as f64)
     }
 
-    /// e^x, within 1.1 units in the last place over the whole range.
+    /// e^x; in `f32` within 1.1 units in the last place over the whole range, in `f64` the platform's.
     fn exp(self) -> Self;
-    /// 2^x; in `f32` for -126 <= x <= 127, to which x is limited.
+    /// 2^x; in `f32` within 2.5 units in the last place over the whole range, in `f64` the platform's.
     fn exp2(self) -> Self;
     /// Binary logarithm of a positive number; in `f32` of a normal one.
     fn log2(self) -> Self;

@@ -20,7 +20,7 @@ pub enum Level {
     Portable,
     /// AVX2 and FMA: 8 lanes of `f32`.
     Avx2,
-    /// AVX-512 F, VL, BW and DQ: 16 lanes of `f32`.
+    /// AVX-512 F, VL, BW and DQ, and the bit counts that come with them: 16 lanes of `f32`.
     Avx512,
 }
 
@@ -33,7 +33,11 @@ pub fn level() -> Level {
         let wanted = match std::env::var("WEAVER_SIMD").as_deref() {
             Ok("portable") => Level::Portable,
             Ok("avx2") => Level::Avx2,
-            _ => Level::Avx512,
+            Ok("avx512") | Err(_) => Level::Avx512,
+            Ok(other) => {
+                eprintln!("WEAVER_SIMD is `{other}`, not portable, avx2 or avx512: the best there is, then");
+                Level::Avx512
+            }
         };
         wanted.min(supported())
     })
@@ -46,7 +50,11 @@ pub(crate) fn supported() -> Level {
         && is_x86_feature_detected!("avx512f")
         && is_x86_feature_detected!("avx512vl")
         && is_x86_feature_detected!("avx512bw")
-        && is_x86_feature_detected!("avx512dq");
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("bmi1")
+        && is_x86_feature_detected!("bmi2")
+        && is_x86_feature_detected!("popcnt")
+        && is_x86_feature_detected!("lzcnt");
     match (avx512, avx2) {
         (true, _) => Level::Avx512,
         (_, true) => Level::Avx2,

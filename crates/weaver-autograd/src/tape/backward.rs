@@ -32,7 +32,7 @@ impl<T: Real> Tape<T> {
         let mut given = None;
         match &mut start.grad {
             Some(sum) => sum.iter_mut().zip(seed).for_each(|(s, g)| *s += *g),
-            empty if start.leaf || start.auxiliary => *empty = Some(self.pool.copy_of(seed)),
+            empty if start.leaf || start.retained || start.auxiliary => *empty = Some(self.pool.copy_of(seed)),
             None => given = Some(seed),
         }
         for node in nodes.iter().rev() {
@@ -122,8 +122,12 @@ impl<T: Real> Tape<T> {
                 }
             }
             for (o, cotangent) in out_range.zip(cotangents) {
-                if let Some(Cotangent::Summed(sum)) = cotangent.filter(|_| values[o].leaf) {
-                    values[o].grad = Some(sum);
+                let value = &mut values[o];
+                if let Some(Cotangent::Summed(sum)) = cotangent.filter(|_| value.retained) {
+                    match &mut value.kept {
+                        Some(kept) => kept.iter_mut().zip(sum.iter()).for_each(|(kept, g)| *kept += *g),
+                        empty => *empty = Some(sum),
+                    }
                 }
             }
         }

@@ -109,6 +109,21 @@ fn a_given_gradient_is_kept_or_added_to_where_asked() {
 }
 
 #[test]
+fn what_is_retained_is_not_walked_again() {
+    let tape = Tape::<f64>::new();
+    let x = tape.leaf(&[1.0], [1]);
+    let y = (x * 3.0).retain_grad();
+    let z = y.sum();
+    z.backward();
+    z.backward();
+    assert_eq!((y.grad().unwrap(), x.grad().unwrap()), (vec![2.0], vec![6.0]));
+    (x * 2.0).sum().backward();
+    assert_eq!((y.grad().unwrap(), x.grad().unwrap()), (vec![2.0], vec![8.0]));
+    y.backward_with(&[1.0]);
+    assert_eq!((y.grad().unwrap(), x.grad().unwrap()), (vec![3.0], vec![11.0]));
+}
+
+#[test]
 fn parameters_are_shared_and_frozen() {
     let mut params = Params::<f64>::new();
     let w = params.add("w", [2], vec![1.0, 2.0]);

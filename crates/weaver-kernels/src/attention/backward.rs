@@ -1,6 +1,7 @@
 //! Gradients of attention: scores are computed again, tile by tile.
 
-use super::{Attention, KEYS, Strides, power, tile_rows};
+use super::{Attention, KEYS, Strides, tile_rows};
+use crate::extent::product;
 use crate::gemm::{Mat, gemm_serial};
 use crate::lanes::{self, LaneKernel, Lanes};
 use crate::parallel::{Interleaved, for_ranges};
@@ -31,7 +32,7 @@ impl<'a, T: Real> Gradient<'a, T> {
     /// No other task may store the same tokens.
     #[allow(unsafe_code)]
     unsafe fn store(&self, b: usize, h: usize, first: usize, dim: usize, rows: &[T]) {
-        for (i, row) in rows.chunks_exact(dim).enumerate() {
+        for (i, row) in rows.chunks_exact(dim.max(1)).enumerate() {
             let at = self.offset + self.at.at(b, h, first + i);
             // SAFETY: vectors do not overlap, and this one is the caller's alone.
             let out = unsafe { self.out.slice(at, dim) };
@@ -111,7 +112,12 @@ impl<T: Real> Backward<'_, T> {
         self.k.1.check(self.size, keys, self.k.0.len(), "k");
         self.v.1.check(self.size, keys, self.v.0.len(), "v");
         self.out.1.check(self.size, queries, self.out.0.len().min(self.dout.len()), "the output");
-        assert_eq!(self.lse.len(), batch * heads * queries, "attention: length of lse of {:?}", self.size);
+        assert_eq!(
+            Some(self.lse.len()),
+            product([batch, heads, queries]),
+            "attention: length of lse of {:?}",
+            self.size
+        );
         for_ranges(batch * heads, 1, |range| range.for_each(|plane| self.head(plane, &gradients)));
     }
 
@@ -205,7 +211,7 @@ impl<T: Real> LaneKernel<T> for Scores<'_, T> {
                 [],
                 weights,
                 #[inline(always)]
-                |[], x: V| power(x - lse),
+                |[], x: V| (x - lse).exp2(),
             );
             lanes::map(
                 [weights],

@@ -201,6 +201,7 @@ pub(super) fn weights<T: Real>(
                                     debug_assert!(*offset + (rows.len() - 1) * layout.row + run <= band.len());
                                 }
                                 let at = panel * tile_cols * depth + k * padded;
+                                debug_assert!(at + (offsets.len() - 1) * padded + cols <= sums.len());
                                 // SAFETY: inside the slices, asserted in debug builds; window elements are one task's.
                                 #[allow(unsafe_code)]
                                 unsafe {

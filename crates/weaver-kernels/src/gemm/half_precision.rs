@@ -1,6 +1,7 @@
 //! Products with a matrix that is stored in half precision.
 
 use super::{Mat, Panels, Product, transpose};
+use crate::extent::product;
 use crate::parallel::for_chunks;
 use crate::{Real, simd};
 use half::{bf16, f16};
@@ -173,7 +174,11 @@ pub fn gemm_half_scratch_len(m: usize, k: usize, w: Half) -> usize {
 /// assert_eq!(c, [11.0]);
 /// ```
 pub fn gemm_half<T: Real>(m: usize, n: usize, k: usize, a: &[T], w: Half, beta: T, c: &mut [T], scratch: &mut [T]) {
-    assert!(w.len() >= n * k, "gemm_half: W is {n} x {k} but its slice has {} elements", w.len());
+    assert!(
+        product([n, k]).is_some_and(|len| len <= w.len()),
+        "gemm_half: W is {n} x {k} but its slice has {} elements",
+        w.len()
+    );
     if let Half::Bf16Pairs(w) = w
         && T::gemm_pairs([m, n, k], a, w, beta, c, scratch)
     {

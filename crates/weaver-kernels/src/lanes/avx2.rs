@@ -136,17 +136,21 @@ impl Lanes for Ymm2 {
     #[inline(always)]
     fn exp2_times(self, scale: Self) -> Self {
         let x = self.max(Self::splat(-126.0));
-        // SAFETY: AVX2 is there (module).
-        let (n, power) = unsafe {
-            const NEAREST: i32 = _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC;
-            let n = Self(_mm256_round_ps::<NEAREST>(x.0), _mm256_round_ps::<NEAREST>(x.1));
-            let bias = _mm256_set1_epi32(127);
-            let biased =
-                (_mm256_add_epi32(_mm256_cvtps_epi32(n.0), bias), _mm256_add_epi32(_mm256_cvtps_epi32(n.1), bias));
-            let power = (_mm256_slli_epi32::<23>(biased.0), _mm256_slli_epi32::<23>(biased.1));
-            (n, Self(_mm256_castsi256_ps(power.0), _mm256_castsi256_ps(power.1)))
-        };
-        crate::exp::EXP2_NEAREST.polynomial(x - n) * (power * scale)
+        let n = x.round();
+        crate::exp::EXP2_NEAREST.polynomial(x - n) * (n.power_of_two() * scale)
+    }
+
+    #[inline(always)]
+    fn exp2(self) -> Self {
+        let x = self.max(Self::splat(-151.0)).min(Self::splat(129.0));
+        let n = x.round();
+        crate::exp::EXP2_NEAREST.polynomial(x - n).scaled(n).or(self.ge(self), self)
+    }
+
+    #[inline(always)]
+    fn exp(self) -> Self {
+        let (n, e) = crate::exp::reduced(self);
+        e.scaled(n).or(self.ge(self), self)
     }
 
     #[inline(always)]
@@ -184,6 +188,38 @@ impl Lanes for Ymm2 {
             rows[i] = Self(a[i], c[i]);
             rows[8 + i] = Self(b[i], d[i]);
         }
+    }
+}
+
+impl Ymm2 {
+    /// The nearest whole number.
+    #[inline(always)]
+    fn round(self) -> Self {
+        const NEAREST: i32 = _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC;
+        // SAFETY: AVX2 is there (module).
+        unsafe { Self(_mm256_round_ps::<NEAREST>(self.0), _mm256_round_ps::<NEAREST>(self.1)) }
+    }
+
+    /// 2^self for whole numbers from -126 to 127.
+    #[inline(always)]
+    fn power_of_two(self) -> Self {
+        Self(power_of_two(self.0), power_of_two(self.1))
+    }
+
+    /// self 2^n for whole numbers from -252 to 254: two factors, since 2^n itself may be out of range.
+    #[inline(always)]
+    fn scaled(self, n: Self) -> Self {
+        let half = (n * Self::splat(0.5)).round();
+        self * half.power_of_two() * (n - half).power_of_two()
+    }
+}
+
+#[inline(always)]
+fn power_of_two(n: __m256) -> __m256 {
+    // SAFETY: AVX2 is there (module).
+    unsafe {
+        let biased = _mm256_add_epi32(_mm256_cvtps_epi32(n), _mm256_set1_epi32(127));
+        _mm256_castsi256_ps(_mm256_slli_epi32::<23>(biased))
     }
 }
 

@@ -129,6 +129,18 @@ impl Lanes for Zmm {
     }
 
     #[inline(always)]
+    fn exp2(self) -> Self {
+        self.exp2_times(Self::splat(1.0))
+    }
+
+    #[inline(always)]
+    fn exp(self) -> Self {
+        let (n, e) = crate::exp::reduced(self);
+        // SAFETY: AVX-512 is there (module).
+        Self(unsafe { _mm512_scalef_ps(e.0, n.0) }).or(self.ge(self), self)
+    }
+
+    #[inline(always)]
     fn log2(self) -> Self {
         // SAFETY: AVX-512 is there (module).
         let (exponent, mantissa) = unsafe {

@@ -124,6 +124,10 @@ impl<T: Real> Lanes for Array<T> {
         Self(self.0.map(T::exp2)) * scale
     }
     #[inline(always)]
+    fn exp2(self) -> Self {
+        Self(self.0.map(T::exp2))
+    }
+    #[inline(always)]
     fn exp(self) -> Self {
         Self(self.0.map(T::exp))
     }

@@ -107,7 +107,7 @@ fn agrees<T: Real>(s: &Attention, tolerance: f64) {
     assert_eq!(alone, dv);
 }
 
-const CASES: [[usize; 5]; 9] = [
+const CASES: [[usize; 5]; 10] = [
     [1, 1, 1, 1, 1],
     [2, 3, 5, 7, 4],
     [1, 2, 51, 51, 32],
@@ -115,6 +115,7 @@ const CASES: [[usize; 5]; 9] = [
     [1, 1, 70, 130, 8],
     [2, 1, 65, 257, 3],
     [1, 3, 130, 20, 5],
+    [1, 1, 400, 300, 6], // several tiles of queries and of keys
     [1, 1, 0, 5, 4],
     [0, 2, 3, 3, 4],
 ];
@@ -173,6 +174,28 @@ fn later_larger_scores_do_not_overflow() {
     let (mut out, mut lse, at) = ([0.0], [0.0], Strides::heads_first(300, 1, 1));
     attention_forward(&s, 10.0, (&[1.0], at), (&k, at), (&v, at), (&mut out, at), &mut lse);
     assert!((out[0] - 299.0).abs() < 1e-3 && (lse[0] - 2990.0 * LOG2_E).abs() < 1e-3);
+}
+
+#[test]
+fn scores_of_minus_infinity_count_nothing_wherever_they_are() {
+    let s = size([1, 1, 1, 200, 1]);
+    let (v, at) = (vec![2.0_f32; 200], Strides::heads_first(200, 1, 1));
+    for finite in [0, 63, 199] {
+        let mut k = vec![f32::NEG_INFINITY; 200];
+        k[finite] = 0.5;
+        let (mut out, mut lse) = ([0.0], [0.0]);
+        attention_forward(&s, 1.0, (&[1.0], at), (&k, at), (&v, at), (&mut out, at), &mut lse);
+        assert_eq!((out[0], lse[0]), (2.0, 0.5 * LOG2_E), "the finite one at {finite}");
+    }
+}
+
+#[test]
+#[should_panic(expected = "has only")]
+fn strides_that_wrap_around_panic() {
+    let (s, at) = (size([1, 1, 2, 2, 2]), Strides::heads_first(2, 1, 2));
+    let (x, mut out, mut lse) = ([1.0_f32; 8], [0.0; 4], [0.0; 2]);
+    let far = Strides { token: usize::MAX, ..at };
+    attention_forward(&s, 1.0, (&x[4..], far), (&x, at), (&x, at), (&mut out, at), &mut lse);
 }
 
 #[test]

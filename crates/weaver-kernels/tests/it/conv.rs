@@ -184,3 +184,17 @@ fn same_bits_at_any_thread_count() {
         });
     }
 }
+
+#[test]
+#[should_panic(expected = "output length")]
+fn an_output_that_wraps_around_panics() {
+    let size = Conv2d { n: 1 << 60, c: 1, h: 0, w: 0, o: 1, kh: 2, kw: 1, stride: 1, pad: 8 };
+    conv2d_forward(&size, &[], &[0.0_f32; 2], None, &mut []);
+}
+
+#[test]
+#[should_panic(expected = "must not be 0")]
+fn an_empty_kernel_panics() {
+    let size = Conv2d { n: 1, c: 1, h: 2, w: 2, o: 1, kh: 0, kw: 1, stride: 1, pad: 0 };
+    conv2d_forward(&size, &[0.0_f32; 4], &[], None, &mut [0.0; 6]);
+}

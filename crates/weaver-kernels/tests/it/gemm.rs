@@ -119,6 +119,29 @@ fn larger() {
     }
 }
 
+/// Sizes at which everything is cut that can be: several sweeps over packed rows of A, several blocks of the depth, rows of A a
+/// multiple of 4 KiB apart. Of small integers, whose products are exact.
+#[test]
+fn every_cut() {
+    for [m, n, k] in [[330, 140, 530], [30, 200, 1024], [600, 40, 520], [20, 1100, 64]] {
+        let integers = |len, seed| -> Vec<f32> {
+            let stream = Stream::new(seed, 0, "gemm.cuts");
+            (0..len as u64).map(|i| stream.below(i, 9) as f32 - 4.0).collect()
+        };
+        let (a, b) = (integers(m * k, 1), integers(k * n, 2));
+        for (ta, tb) in [(false, false), (false, true), (true, false), (true, true)] {
+            let mut expected = vec![0.0; m * n];
+            naive(ta, tb, [m, n, k], 1.0, &a, &b, 0.0, &mut expected);
+            let c = threads(|| {
+                let mut c = vec![f32::NAN; m * n];
+                gemm(ta, tb, m, n, k, 1.0, &a, &b, 0.0, &mut c);
+                c
+            });
+            assert!(c == expected, "{m}x{n}x{k} {ta} {tb}");
+        }
+    }
+}
+
 #[test]
 fn batched_and_strided() {
     let (batch, m, n, k) = (5, 7, 9, 11);
@@ -163,4 +186,18 @@ fn same_bits_at_any_thread_count() {
 #[should_panic(expected = "gemm: C is too short")]
 fn short_output_panics() {
     gemm(false, false, 4, 4, 4, 1.0, &[0.0_f32; 16], &[0.0; 16], 0.0, &mut [0.0; 15]);
+}
+
+#[test]
+#[should_panic(expected = "C is too short")]
+fn rows_of_c_that_wrap_around_panic() {
+    let (a, b, mut c) = ([1.0_f32; 2], [1.0; 2], [0.0; 4]);
+    gemm_strided(2, 2, 1, 1.0, Mat::new(&a, 1), Mat::new(&b, 2), 0.0, &mut c[1..], usize::MAX);
+}
+
+#[test]
+#[should_panic(expected = "A is 1 x 2 x 2")]
+fn rows_of_a_that_wrap_around_panic() {
+    let (x, b, mut c) = ([1.0_f32; 4], [1.0; 2], [0.0; 2]);
+    gemm_strided(2, 1, 2, 1.0, Mat::new(&x[1..], usize::MAX), Mat::new(&b, 1), 0.0, &mut c, 1);
 }

@@ -3,7 +3,7 @@
 use crate::twofold::{self, Twofold};
 use weaver_kernels::Real;
 use weaver_kernels::erf::{erf_f32, erf_f64};
-use weaver_kernels::exp::{exp_f32, tanh_f32};
+use weaver_kernels::exp::{exp_f32, exp2_f32, tanh_f32};
 use weaver_kernels::random::Stream;
 use weaver_kernels::simd;
 
@@ -17,13 +17,18 @@ fn ulps(got: f32, exact: f64) -> f64 {
     (f64::from(got) - exact).abs() / spacing
 }
 
+/// The larger error; a NaN is the largest.
+fn larger(a: f64, b: f64) -> f64 {
+    if b.is_nan() { f64::INFINITY } else { a.max(b) }
+}
+
 /// Every `stride`-th float from 0 to infinity, and its negative: the whole range.
 fn floats(stride: usize) -> impl Iterator<Item = f32> {
     (0..f32::INFINITY.to_bits()).step_by(stride).flat_map(|b| [f32::from_bits(b), -f32::from_bits(b)])
 }
 
 fn worst(f: impl Fn(f32) -> f32, exact: impl Fn(f64) -> f64) -> f64 {
-    floats(4099).map(|x| ulps(f(x), exact(f64::from(x)))).fold(0.0, f64::max)
+    floats(4099).map(|x| ulps(f(x), exact(f64::from(x)))).fold(0.0, larger)
 }
 
 #[test]
@@ -44,6 +49,20 @@ fn exp_is_accurate() {
     // Subnormal results: half a spacing of the smallest number, and a little.
     for x in [-88.0_f32, -95.0, -100.0, -103.0] {
         assert!((f64::from(exp_f32(x)) - f64::from(x).exp()).abs() < 1.5e-45, "exp({x})");
+    }
+}
+
+#[test]
+fn exp2_is_accurate() {
+    let normal = floats(4099).filter(|x| *x >= -126.0);
+    let error = normal.map(|x| ulps(exp2_f32(x), f64::from(x).exp2())).fold(0.0, larger);
+    assert!(error < 2.5, "{error} ulp");
+    for (x, y) in [(0.0, 1.0), (f32::INFINITY, f32::INFINITY), (f32::NEG_INFINITY, 0.0), (200.0, f32::INFINITY)] {
+        assert_eq!(exp2_f32(x), y, "2^{x}");
+    }
+    assert!(exp2_f32(f32::NAN).is_nan());
+    for x in [-127.5_f32, -140.0, -149.0, -151.0] {
+        assert!((f64::from(exp2_f32(x)) - f64::from(x).exp2()).abs() < 1.5e-45, "2^{x}");
     }
 }
 
@@ -130,7 +149,7 @@ fn doubles(low: i32, high: i32) -> impl Iterator<Item = f64> {
 }
 
 fn worst_f64(f: impl Fn(f64) -> f64, exact: impl Fn(f64) -> Twofold, xs: impl Iterator<Item = f64>) -> f64 {
-    xs.map(|x| ulps_f64(f(x), exact(x))).fold(0.0, f64::max)
+    xs.map(|x| ulps_f64(f(x), exact(x))).fold(0.0, larger)
 }
 
 /// In `f64` exp and tanh are the platform's.

@@ -1,0 +1,76 @@
+//! Parameters on the tape.
+
+use super::{Storage, Tape};
+use crate::Var;
+use crate::params::{ParamId, Params};
+use std::cell::Ref;
+use weaver_kernels::Real;
+
+impl<T: Real> Tape<T> {
+    /// A parameter as a leaf, shared without a copy; the same parameter is always the same value. Frozen parameters come as
+    /// constants.
+    ///
+    /// All parameters of a tape are of one [`Params`], since they are told apart by their ids. Those of another model, which is
+    /// not trained, come as [`shared_constant`](Tape::shared_constant).
+    pub fn param(&self, params: &Params<T>, id: ParamId) -> Var<'_, T> {
+        let param = params.get(id);
+        let at = id.index();
+        {
+            let mut record = self.record.borrow_mut();
+            if record.params.len() <= at {
+                record.params.resize(at + 1, None);
+            }
+            if let Some(id) = record.params[at] {
+                let shape = record.output_shapes[id as usize];
+                assert_eq!(
+                    shape,
+                    param.shape(),
+                    "{} is not of the `Params` whose parameters this tape has",
+                    param.name()
+                );
+                let value = &mut record.values[id as usize];
+                if let Storage::Released = value.storage {
+                    value.storage = Storage::of(param);
+                }
+                return Var::new(self, id, param.shape(), value.tracked);
+            }
+        }
+        let storage = Storage::of(param);
+        let tracked = !param.is_frozen() && !matches!(storage, Storage::Half(_));
+        let var = self.push_source(storage, param.shape(), tracked);
+        self.record.borrow_mut().params[at] = Some(var.id());
+        var
+    }
+
+    /// The gradient of a parameter after the backward pass; `None` if none reached it.
+    pub fn param_grad(&self, id: ParamId) -> Option<Ref<'_, [T]>> {
+        let value = self.record.borrow().params.get(id.index()).copied().flatten()?;
+        self.grad(value)
+    }
+
+    /// Forgets the ops and lets go of the parameters' values, so that [`Params::value_mut`] changes them in place. Their
+    /// gradients stay until [`reset`](Tape::reset). Needs the tape for itself: no [`Var`] is left that could ask for the rest.
+    pub fn release_params(&mut self) {
+        let record = self.record.get_mut();
+        for node in record.nodes.drain(..) {
+            record.boxes.put(node.op);
+        }
+        for value in record.params.iter().flatten() {
+            record.values[*value as usize].storage = Storage::Released;
+        }
+    }
+
+    /// Multiplies the gradient of a parameter by a factor, as clipping does.
+    pub fn scale_param_grad(&mut self, id: ParamId, factor: T) {
+        let record = self.record.get_mut();
+        let value = record.params.get(id.index()).copied().flatten();
+        if let Some(gradient) = value.and_then(|value| record.values[value as usize].grad.as_mut()) {
+            gradient.iter_mut().for_each(|g| *g *= factor);
+        }
+    }
+
+    /// Whether the parameter occurs on this tape.
+    pub(crate) fn uses(&self, id: ParamId) -> bool {
+        self.record.borrow().params.get(id.index()).is_some_and(Option::is_some)
+    }
+}

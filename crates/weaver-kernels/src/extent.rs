@@ -1,0 +1,30 @@
+//! How far arrays reach, for checks that no size can wrap around.
+
+/// The product of these counts, if there is such a number.
+pub fn product<const N: usize>(counts: [usize; N]) -> Option<usize> {
+    if counts.contains(&0) {
+        return Some(0);
+    }
+    counts.into_iter().try_fold(1, usize::checked_mul)
+}
+
+/// Elements from the first of an array to its last one: `(count, stride)` of each dimension.
+pub fn extent<const N: usize>(dims: [(usize, usize); N]) -> Option<usize> {
+    if dims.iter().any(|(count, _)| *count == 0) {
+        return Some(0);
+    }
+    dims.into_iter().try_fold(1, |reach: usize, (count, stride)| reach.checked_add((count - 1).checked_mul(stride)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_wraps_around() {
+        const MOST: usize = usize::MAX;
+        assert_eq!((product([2, 3, 4]), product([MOST, 2, 0]), product([MOST, 2])), (Some(24), Some(0), None));
+        assert_eq!((extent([(2, 10), (3, 1)]), extent([(0, MOST), (3, 1)])), (Some(13), Some(0)));
+        assert_eq!((extent([(2, MOST)]), extent([(3, MOST / 2 + 1)])), (None, None));
+    }
+}
