@@ -4,7 +4,7 @@ use criterion::{Criterion, Throughput};
 use half::{bf16, f16};
 use std::hint::black_box;
 use std::time::Duration;
-use weaver_kernels::attention::{Attention, Strides, attention_backward_packed, attention_forward};
+use weaver_kernels::attention::{Attention, Strides, attention_backward, attention_forward};
 use weaver_kernels::conv::{
     Conv2d, conv_transpose2d_dw, conv_transpose2d_dx, conv_transpose2d_forward, conv_transpose2d_scratch_len,
     conv2d_dw, conv2d_dw_scratch_len, conv2d_dx, conv2d_dx_scratch_len, conv2d_forward,
@@ -153,16 +153,18 @@ fn tokens(c: &mut Criterion) {
     let mut group = c.benchmark_group("tokens");
     for (batch, n) in [(4, 53), (1, 212)] {
         let size = Attention { batch, heads: 3, queries: n, keys: n, dim: 32 };
-        let (at, out_at) = (Strides::packed(n, 3, 32), Strides::tokens_first(n, 3, 32));
-        let qkv = numbers(batch * n * 3 * 96);
-        let (mut out, mut lse, mut dqkv) = (numbers(batch * n * 96), vec![0.0; batch * 3 * n], qkv.clone());
-        let [q, k, v] = [0, 96, 192].map(|offset| (&qkv[offset..], at));
+        let (at, len) = (Strides::tokens_first(n, 3, 32), batch * n * 96);
+        let (qkv, mut out, mut lse) = (numbers(3 * len), numbers(len), vec![0.0; batch * 3 * n]);
+        let [q, k, v] = [0, len, 2 * len].map(|offset| (&qkv[offset..], at));
         group.bench_function(format!("attention {batch}x{n} forward"), |b| {
-            b.iter(|| attention_forward(&size, 0.2, black_box(q), k, v, (&mut out, out_at), &mut lse));
+            b.iter(|| attention_forward(&size, 0.2, black_box(q), k, v, (&mut out, at), &mut lse));
         });
-        let dout = numbers(out.len());
+        let (dout, mut dq, mut dk, mut dv) = (numbers(len), numbers(len), numbers(len), numbers(len));
         group.bench_function(format!("attention {batch}x{n} backward"), |b| {
-            b.iter(|| attention_backward_packed(&size, 0.2, &qkv, (&out, out_at), &lse, &dout, (&mut dqkv, 0.0)));
+            b.iter(|| {
+                let [dq, dk, dv] = [&mut dq, &mut dk, &mut dv].map(|d| Some(((&mut d[..], 0.0), at)));
+                attention_backward(&size, 0.2, q, k, v, (&out, at), &lse, &dout, dq, dk, dv);
+            });
         });
     }
     let (x, w) = (numbers(220 * 96), numbers(96));

@@ -10,7 +10,7 @@ use crate::{Real, reduce};
 use std::f64::consts::LOG2_E;
 
 mod backward;
-pub use backward::{attention_backward, attention_backward_packed};
+pub use backward::attention_backward;
 
 /// Queries of a tile at most: keys and values are packed once for so many.
 const QUERIES: usize = 192;
@@ -53,12 +53,6 @@ impl Strides {
     /// `[batch, heads, tokens, dim]`.
     pub fn heads_first(tokens: usize, heads: usize, dim: usize) -> Self {
         Self { batch: tokens * heads * dim, head: tokens * dim, token: dim }
-    }
-
-    /// One of the three parts of `[batch, tokens, 3, heads, dim]`; pass slices that begin 0, `heads dim`
-    /// and `2 heads dim` elements into the buffer.
-    pub fn packed(tokens: usize, heads: usize, dim: usize) -> Self {
-        Self { batch: 3 * tokens * heads * dim, head: dim, token: 3 * heads * dim }
     }
 
     /// Panics unless all vectors lie within `len` elements.

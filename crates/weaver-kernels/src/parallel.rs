@@ -93,12 +93,6 @@ impl<'a, T> Interleaved<'a, T> {
         Self { start: data.as_mut_ptr(), len: data.len(), lent: PhantomData }
     }
 
-    /// Three handles to the same output, for parts that do not overlap.
-    pub(crate) fn split3(data: &'a mut [T]) -> [Self; 3] {
-        let (start, len) = (data.as_mut_ptr(), data.len());
-        [(); 3].map(|()| Self { start, len, lent: PhantomData })
-    }
-
     pub(crate) fn len(&self) -> usize {
         self.len
     }

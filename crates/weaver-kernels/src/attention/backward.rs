@@ -13,8 +13,6 @@ use std::f64::consts::LOG2_E;
 struct Gradient<'a, T> {
     out: Interleaved<'a, T>,
     at: Strides,
-    /// Where the part begins.
-    offset: usize,
     beta: T,
 }
 
@@ -23,7 +21,7 @@ impl<'a, T: Real> Gradient<'a, T> {
         let ((out, beta), at) = target;
         at.check(size, tokens, out.len(), name);
         at.check_apart(size, tokens, name);
-        Self { out: Interleaved::new(out), at, offset: 0, beta }
+        Self { out: Interleaved::new(out), at, beta }
     }
 
     /// Stores tokens `first..` of one entry and head, rows of `dim`.
@@ -33,7 +31,7 @@ impl<'a, T: Real> Gradient<'a, T> {
     #[allow(unsafe_code)]
     unsafe fn store(&self, b: usize, h: usize, first: usize, dim: usize, rows: &[T]) {
         for (i, row) in rows.chunks_exact(dim.max(1)).enumerate() {
-            let at = self.offset + self.at.at(b, h, first + i);
+            let at = self.at.at(b, h, first + i);
             // SAFETY: vectors do not overlap, and this one is the caller's alone.
             let out = unsafe { self.out.slice(at, dim) };
             out.iter_mut().zip(row).for_each(|(out, x)| put(out, self.beta, *x));
@@ -61,37 +59,6 @@ pub fn attention_backward<T: Real>(
     let dk = dk.map(|d| Gradient::new(size, size.keys, d, "dk"));
     let dv = dv.map(|d| Gradient::new(size, size.keys, d, "dv"));
     Backward { size, scale, q, k, v, out, lse, dout }.run([dq, dk, dv]);
-}
-
-/// Gradient of [`attention_forward`](super::attention_forward) with respect to one buffer `[batch, tokens, 3, heads, dim]` that
-/// holds q, k and v; as many keys as queries.
-pub fn attention_backward_packed<T: Real>(
-    size: &Attention,
-    scale: T,
-    qkv: &[T],
-    out: (&[T], Strides),
-    lse: &[T],
-    dout: &[T],
-    dqkv: Target<T>,
-) {
-    let Attention { batch, heads, queries, keys, dim } = *size;
-    let (dqkv, beta) = dqkv;
-    let width = heads * dim;
-    assert_eq!(queries, keys, "attention: a packed buffer has as many keys as queries");
-    assert_eq!(
-        (qkv.len(), dqkv.len()),
-        (3 * batch * queries * width, qkv.len()),
-        "attention: packed length of {size:?}"
-    );
-    if dqkv.is_empty() {
-        return;
-    }
-    let at = Strides::packed(queries, heads, dim);
-    let [q, k, v] = [0, width, 2 * width].map(|offset| (&qkv[offset..], at));
-    // The three parts share the buffer but no element of it.
-    let [dq, dk, dv] = Interleaved::split3(dqkv);
-    let part = |out, offset| Some(Gradient { out, at, offset, beta });
-    Backward { size, scale, q, k, v, out, lse, dout }.run([part(dq, 0), part(dk, width), part(dv, 2 * width)]);
 }
 
 struct Backward<'a, T> {

@@ -3,7 +3,7 @@
 use crate::noise;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use weaver_kernels::attention::{Attention, Strides, attention_backward_packed, attention_forward};
+use weaver_kernels::attention::{Attention, Strides, attention_backward, attention_forward};
 use weaver_kernels::conv::{
     Conv2d, conv2d_db, conv2d_dw, conv2d_dw_scratch_len, conv2d_dx, conv2d_dx_scratch_len, conv2d_forward,
 };
@@ -58,10 +58,13 @@ fn warm_kernels_allocate_nothing() {
         conv2d_dx(&size, &w, &y, (&mut dx, 0.0), &mut scratch);
         conv2d_dw(&size, &x, &y, (&mut dw, 0.0), &mut turned);
         conv2d_db(16, 24 * 32, &y, (&mut db, 0.0));
-        let [q, k, v] = [0, 48, 96].map(|offset| (&qkv[offset..], Strides::packed(80, 3, 16)));
         let at = Strides::tokens_first(80, 3, 16);
+        let [q, k, v] = [0, 7680, 15360].map(|offset| (&qkv[offset..], at));
         attention_forward(&attention, 0.25, q, k, v, (&mut out, at), &mut lse);
-        attention_backward_packed(&attention, 0.25, &qkv, (&out, at), &lse, &out, (&mut dqkv, 0.0));
+        let (dq, rest) = dqkv.split_at_mut(7680);
+        let (dk, dv) = rest.split_at_mut(7680);
+        let [dq, dk, dv] = [dq, dk, dv].map(|d| Some(((d, 0.0), at)));
+        attention_backward(&attention, 0.25, q, k, v, (&out, at), &lse, &out, dq, dk, dv);
         layer_norm_forward(32, 1e-5, &x, None, &mut dx, &mut stats);
         let targets = [Some((&mut dx[..], 0.0)), Some((&mut small[..32], 0.0)), None];
         layer_norm_backward(32, &x, None, &stats, &x, targets, &mut scratch);

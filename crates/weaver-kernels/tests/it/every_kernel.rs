@@ -173,16 +173,6 @@ impl<T: Real> Suite<T> {
                 attention_backward(&s, scale, q, k, v, (&out, q_at), &lse, &x[3], tq, tk, tv);
                 [out, lse, dq, dk, dv].concat()
             });
-            let packed = Attention { keys: queries, ..s };
-            self.curved(format!("packed attention {packed:?}"), [3 * q_len, q_len], move |x| {
-                let at = Strides::packed(queries, heads, dim);
-                let [q, k, v] = [0, 1, 2].map(|part| (&x[0][part * heads * dim..], at));
-                let (mut out, mut lse) = (vec![T::ZERO; q_len], vec![T::ZERO; batch * heads * queries]);
-                attention_forward(&packed, T::ONE, q, k, v, (&mut out, q_at), &mut lse);
-                let mut dqkv = vec![T::ZERO; 3 * q_len];
-                attention_backward_packed(&packed, T::ONE, &x[0], (&out, q_at), &lse, &x[1], (&mut dqkv, T::ZERO));
-                [out, lse, dqkv].concat()
-            });
         }
     }
 
