@@ -1,4 +1,4 @@
-//! Axes of four-dimensional arrays in another order.
+//! Axes in another order.
 
 use crate::Real;
 use crate::gemm::transpose;
@@ -7,19 +7,21 @@ use crate::target::{Target, put};
 
 /// Elements of one task.
 const GRAIN: usize = 1 << 14;
+/// Rows that are transposed at once in registers.
+const TILE: usize = 16;
 
 /// y = beta y + x with its axes in the order `axes`: y's axis i is x's axis `axes[i]`.
 ///
-/// `x` has shape `shape`; arrays of fewer axes have leading ones of length 1. The gradient is the
-/// permutation by [`inverse`].
+/// `x` has shape `shape`. The gradient is the permutation by [`inverse`]. Panics if `axes` is not a permutation of 0..N or a
+/// length is not that of the shape.
 ///
 /// ```
 /// use weaver_kernels::permute::permute;
 /// let mut y = [0.0; 4];
-/// permute([1, 1, 2, 2], [0, 1, 3, 2], &[1.0, 2.0, 3.0, 4.0], (&mut y, 0.0));
+/// permute([2, 2], [1, 0], &[1.0, 2.0, 3.0, 4.0], (&mut y, 0.0));
 /// assert_eq!(y, [1.0, 3.0, 2.0, 4.0]);
 /// ```
-pub fn permute<T: Real>(shape: [usize; 4], axes: [usize; 4], x: &[T], y: Target<T>) {
+pub fn permute<T: Real, const N: usize>(shape: [usize; N], axes: [usize; N], x: &[T], y: Target<T>) {
     let (y, beta) = y;
     let len: usize = shape.iter().product();
     assert_eq!((x.len(), y.len()), (len, len), "permute: lengths for {shape:?}");
@@ -27,36 +29,81 @@ pub fn permute<T: Real>(shape: [usize; 4], axes: [usize; 4], x: &[T], y: Target<
     if len == 0 {
         return;
     }
-    let strides = [shape[1] * shape[2] * shape[3], shape[2] * shape[3], shape[3], 1];
-    let [_, b, c, d] = axes.map(|axis| shape[axis]);
-    let [sa, sb, sc, sd] = axes.map(|axis| strides[axis]);
-    let grain = GRAIN.div_ceil(c * d);
-    for_chunks(y, grain * c * d, |chunk, y| {
-        for (i, y) in y.chunks_exact_mut(c * d).enumerate() {
-            let i = chunk * grain + i;
-            let x = &x[i / b * sa + i % b * sb..];
-            if sc == 1 && beta == T::ZERO {
-                transpose(x, 1, sd, c, d, d, y);
-                continue;
-            }
-            for (j, y) in y.chunks_exact_mut(d).enumerate() {
-                let x = &x[j * sc..];
-                if sd == 1 {
-                    y.iter_mut().zip(x).for_each(|(y, x)| put(y, beta, *x));
-                } else {
-                    y.iter_mut().zip(x.iter().step_by(sd)).for_each(|(y, x)| put(y, beta, *x));
+    let Walk { dims, strides, rank } = Walk::new(shape, axes);
+    // y is blocks of c rows of d elements; x's are sc and sd apart.
+    let axis = |index: Option<usize>, none| index.map_or((1, none), |axis| (dims[axis], strides[axis]));
+    let ((c, sc), (d, sd)) = (axis(rank.checked_sub(2), 0), axis(rank.checked_sub(1), 1));
+    let block = |mut index: usize| {
+        let mut offset = 0;
+        for axis in (0..rank.saturating_sub(2)).rev() {
+            offset += index % dims[axis] * strides[axis];
+            index /= dims[axis];
+        }
+        offset
+    };
+    let transposes = sc == 1 && beta == T::ZERO;
+    let grain = GRAIN.div_ceil(d).next_multiple_of(if transposes { TILE } else { 1 });
+    for_chunks(y, grain * d, |chunk, mut y| {
+        let mut row = chunk * grain;
+        while !y.is_empty() {
+            let rows = (c - row % c).min(y.len() / d);
+            let (part, rest) = y.split_at_mut(rows * d);
+            let x = &x[block(row / c) + row % c * sc..];
+            if transposes {
+                transpose(x, 1, sd, rows, d, d, part);
+            } else {
+                for (j, y) in part.chunks_exact_mut(d).enumerate() {
+                    let x = &x[j * sc..];
+                    if sd == 1 {
+                        y.iter_mut().zip(x).for_each(|(y, x)| put(y, beta, *x));
+                    } else {
+                        y.iter_mut().zip(x.iter().step_by(sd)).for_each(|(y, x)| put(y, beta, *x));
+                    }
                 }
             }
+            (row, y) = (row + rows, rest);
         }
     });
 }
 
-/// The order of axes that undoes `axes`. Panics if `axes` is not a permutation of 0..4.
-pub fn inverse(axes: [usize; 4]) -> [usize; 4] {
-    let mut back = [4; 4];
+/// The axes of y, each with the step it takes in x. Neighbours that are neighbours in x as well are one axis, and axes of
+/// length 1 are none.
+struct Walk<const N: usize> {
+    dims: [usize; N],
+    strides: [usize; N],
+    rank: usize,
+}
+
+impl<const N: usize> Walk<N> {
+    fn new(shape: [usize; N], axes: [usize; N]) -> Self {
+        let mut contiguous = [1; N];
+        for axis in (1..N).rev() {
+            contiguous[axis - 1] = contiguous[axis] * shape[axis];
+        }
+        let mut walk = Self { dims: [1; N], strides: [0; N], rank: 0 };
+        for (dim, stride) in axes.map(|axis| (shape[axis], contiguous[axis])) {
+            let Self { dims, strides, rank } = &mut walk;
+            if dim == 1 {
+                continue;
+            }
+            if *rank > 0 && strides[*rank - 1] == dim * stride {
+                dims[*rank - 1] *= dim;
+                strides[*rank - 1] = stride;
+            } else {
+                (dims[*rank], strides[*rank]) = (dim, stride);
+                *rank += 1;
+            }
+        }
+        walk
+    }
+}
+
+/// The order of axes that undoes `axes`. Panics if `axes` is not a permutation of 0..N.
+pub fn inverse<const N: usize>(axes: [usize; N]) -> [usize; N] {
+    let mut back = [N; N];
     for (i, axis) in axes.into_iter().enumerate() {
+        assert!(axis < N && back[axis] == N, "permute: {axes:?} is not a permutation");
         back[axis] = i;
     }
-    assert!(back.iter().all(|i| *i < 4), "permute: {axes:?} is not a permutation");
     back
 }

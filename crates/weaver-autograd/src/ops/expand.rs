@@ -36,7 +36,7 @@ impl<T: Real> Op<T> for Expand {
         Ok(Shapes::one(shape))
     }
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
-        self.strided(ins[0].shape()).gather(&ins[0], &mut outs[0], T::ZERO);
+        self.strided(ins[0].shape()).gather(&ins[0], &mut outs[0]);
     }
     fn backward(
         &self,
@@ -53,8 +53,8 @@ impl<T: Real> Op<T> for Expand {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// The tensor repeated along new leading axes and along axes of length 1, as in NumPy's broadcasting; the gradient
-    /// is summed over the repetitions.
+    /// The tensor repeated along new leading axes and along axes of length 1, as in NumPy's broadcasting: x, whose last
+    /// axes agree with `shape` or are 1, gives that shape. Differentiable; the gradient is summed over the repetitions.
     ///
     /// ```
     /// use weaver_autograd::Tape;

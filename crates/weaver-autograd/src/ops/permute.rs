@@ -1,26 +1,20 @@
 //! Reordering of axes.
 
-use super::strided::{Strided, contiguous};
 use crate::{Grad, MAX_RANK, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
-use weaver_kernels::Real;
+use weaver_kernels::{Real, permute};
 
 #[derive(Debug)]
 struct Permute {
     axes: Shape,
 }
 
-/// Copies `x` with axis `axes[i]` of it as axis i of `out`.
-fn permute<T: Real>(x: &View<'_, T>, axes: &[usize], out: &mut [T], beta: T) {
-    let (dims, strides) = (permuted(x.shape(), axes), contiguous(x.shape()));
-    let mut of_axis = [0; MAX_RANK];
-    axes.iter().enumerate().for_each(|(i, &axis)| of_axis[i] = strides[axis]);
-    Strided::new(dims, &of_axis[..axes.len()]).gather(x, out, beta);
-}
-
-fn permuted(shape: Shape, axes: &[usize]) -> Shape {
-    let mut dims = [0; MAX_RANK];
-    axes.iter().enumerate().for_each(|(i, &axis)| dims[i] = shape[axis]);
-    Shape::new(&dims[..axes.len()])
+/// A shape and an order of its axes with leading axes of length 1, which stay in front.
+fn padded(shape: Shape, axes: &[usize]) -> ([usize; MAX_RANK], [usize; MAX_RANK]) {
+    let added = MAX_RANK - axes.len();
+    let (mut dims, mut order) = ([1; MAX_RANK], std::array::from_fn(|axis| axis));
+    dims[added..].copy_from_slice(shape.dims());
+    order[added..].iter_mut().zip(axes).for_each(|(to, axis)| *to = added + axis);
+    (dims, order)
 }
 
 impl<T: Real> Op<T> for Permute {
@@ -33,31 +27,34 @@ impl<T: Real> Op<T> for Permute {
             ins.len() == 1 && axes.len() == ins[0].rank() && (0..axes.len()).all(|a| axes.contains(&a)),
             "a tensor whose axes are those of {axes:?}"
         );
-        Ok(Shapes::one(permuted(ins[0], axes)))
+        let mut dims = [0; MAX_RANK];
+        dims.iter_mut().zip(axes).for_each(|(dim, &axis)| *dim = ins[0][axis]);
+        Ok(Shapes::one(Shape::new(&dims[..axes.len()])))
     }
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
-        permute(&ins[0], self.axes.dims(), &mut outs[0], T::ZERO);
+        let (dims, axes) = padded(ins[0].shape(), self.axes.dims());
+        permute::permute(dims, axes, &ins[0], (&mut outs[0], T::ZERO));
     }
     fn backward(
         &self,
-        _ins: &[View<'_, T>],
+        ins: &[View<'_, T>],
         _outs: &[View<'_, T>],
         douts: &[View<'_, T>],
         dins: &mut [Option<Grad<'_, T>>],
         _pool: &Pool,
     ) {
         if let Some(dx) = &mut dins[0] {
-            let axes = self.axes.dims();
-            let mut inverse = [0; MAX_RANK];
-            axes.iter().enumerate().for_each(|(i, &axis)| inverse[axis] = i);
-            let (dx, beta) = dx.target();
-            permute(&douts[0], &inverse[..axes.len()], dx, beta);
+            let (dims, axes) = padded(ins[0].shape(), self.axes.dims());
+            let permuted = axes.map(|axis| dims[axis]);
+            permute::permute(permuted, permute::inverse(axes), &douts[0], dx.target());
         }
     }
 }
 
 impl<'t, T: Real> Var<'t, T> {
     /// The tensor with its axes in another order: axis i of the result is axis `axes[i]` of `self`. Copies.
+    ///
+    /// x `[d_0, .., d_n]` gives `[d_axes[0], .., d_axes[n]]`. Differentiable. Panics if `axes` does not name every axis once.
     ///
     /// ```
     /// use weaver_autograd::Tape;

@@ -1,4 +1,4 @@
-//! A contiguous tensor against another order of its memory: what permuting and broadcasting have in common.
+//! A contiguous tensor against another that it is broadcast from.
 
 use crate::op::GRAIN;
 use crate::{MAX_RANK, Shape};
@@ -55,8 +55,8 @@ impl Strided {
         offset
     }
 
-    /// contiguous = strided + beta * contiguous; beta is 0 or 1, and with 0 `out` is not read.
-    pub fn gather<T: Real>(&self, x: &[T], out: &mut [T], beta: T) {
+    /// contiguous = strided.
+    pub fn gather<T: Real>(&self, x: &[T], out: &mut [T]) {
         let (length, stride) = self.run();
         if out.is_empty() {
             return;
@@ -65,12 +65,10 @@ impl Strided {
         parallel::for_chunks(out, rows * length, |chunk, out| {
             for (r, out) in out.chunks_exact_mut(length).enumerate() {
                 let x = &x[self.offset(chunk * rows + r)..];
-                match (beta == T::ZERO, stride) {
-                    (true, 0) => out.fill(x[0]),
-                    (true, 1) => out.copy_from_slice(&x[..length]),
-                    (true, _) => out.iter_mut().zip(x.iter().step_by(stride)).for_each(|(o, x)| *o = *x),
-                    (false, 0) => out.iter_mut().for_each(|o| *o += x[0]),
-                    (false, _) => out.iter_mut().zip(x.iter().step_by(stride)).for_each(|(o, x)| *o += *x),
+                match stride {
+                    0 => out.fill(x[0]),
+                    1 => out.copy_from_slice(&x[..length]),
+                    _ => out.iter_mut().zip(x.iter().step_by(stride)).for_each(|(o, x)| *o = *x),
                 }
             }
         });

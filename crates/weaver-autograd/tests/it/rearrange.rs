@@ -64,7 +64,7 @@ proptest! {
     }
 
     #[test]
-    fn permute(axes in (1usize..5).prop_flat_map(|r| Just((0..r).collect::<Vec<_>>()).prop_shuffle()), seed: u64, dims in shape(4)) {
+    fn permute(axes in (0usize..7).prop_flat_map(|r| Just((0..r).collect::<Vec<_>>()).prop_shuffle()), seed: u64, dims in shape(6)) {
         let shape = Shape::new(&dims.dims()[..axes.len()]);
         let x = Input::normal(seed, shape);
         let tape = Tape::<f64>::new();
@@ -75,7 +75,8 @@ proptest! {
             prop_assert_eq!(y, at(&x.data, shape, &from));
         }
         adjoint_check(shape, seed, |x| x.permute(&axes));
-        gradcheck(&[x], |x| vec![x[0].permute(&axes)]);
+        // The second term adds to a gradient that is there.
+        gradcheck(&[x], |x| vec![x[0].permute(&axes) + x[0].square().permute(&axes)]);
     }
 
     #[test]
@@ -133,6 +134,18 @@ proptest! {
             }
         }
     }
+}
+
+#[test]
+fn gradients_through_permutations_add_up() {
+    let (tape, axes) = (Tape::<f64>::new(), [2, 0, 1]);
+    let x = tape.leaf(&[0.0; 17 * 3 * 40], [17, 3, 40]);
+    let weights: Vec<f64> = (0..x.shape().len()).map(|i| i as f64).collect();
+    let weights = tape.constant(&weights, [40, 17, 3]);
+    let (once, twice) = ((x.permute(&axes) * weights).sum(), (x.permute(&axes) * weights).sum());
+    (once + twice * 2.0 + x.sum()).backward();
+    let expected = weights.permute(&[1, 2, 0]).to_vec().into_iter().map(|w| 3.0 * w + 1.0).collect::<Vec<_>>();
+    assert_eq!(x.grad().unwrap(), expected);
 }
 
 #[test]

@@ -37,23 +37,26 @@ proptest! {
     }
 
     #[test]
-    fn permutations(a in 1..5usize, b in 1..5usize, c in 1..20usize, d in 1..20usize, seed in 0..1000u64) {
-        let shape = [a, b, c, d];
-        let order = Stream::new(seed, 0, "axes").permutation(4);
-        let axes = [order[0], order[1], order[2], order[3]];
-        let x = noise::<f64>(a * b * c * d, 1);
+    fn permutations(dims in prop::collection::vec(prop_oneof![1 => Just(1), 3 => 2..4usize, 1 => 15..40usize], 5), seed: u64) {
+        let shape: [usize; 5] = dims.try_into().expect("five of them");
+        let order = Stream::new(seed, 0, "axes").permutation(5);
+        let axes: [usize; 5] = order.try_into().expect("five of them");
+        let x = noise::<f64>(shape.iter().product(), 1);
         let mut y = vec![f64::NAN; x.len()];
         permute(shape, axes, &x, (&mut y, 0.0));
         let moved = axes.map(|axis| shape[axis]);
         for (i, y) in y.iter().enumerate() {
-            let out = [i / (moved[1] * moved[2] * moved[3]), i / (moved[2] * moved[3]) % moved[1], i / moved[3] % moved[2], i % moved[3]];
-            let mut at = [0; 4];
-            (0..4).for_each(|k| at[axes[k]] = out[k]);
-            prop_assert_eq!(*y, x[((at[0] * b + at[1]) * c + at[2]) * d + at[3]]);
+            let (mut rest, mut at) = (i, [0; 5]);
+            for k in (0..5).rev() {
+                (at[axes[k]], rest) = (rest % moved[k], rest / moved[k]);
+            }
+            prop_assert_eq!(*y, x[at.iter().zip(shape).fold(0, |offset, (i, d)| offset * d + i)]);
         }
         let mut back = x.clone();
         permute(moved, inverse(axes), &y, (&mut back, 1.0));
         prop_assert!(back.iter().zip(&x).all(|(b, x)| *b == 2.0 * x));
+        permute(moved, inverse(axes), &y, (&mut back, 0.0));
+        prop_assert_eq!(back, x);
     }
 
     #[test]
@@ -67,6 +70,32 @@ proptest! {
         prop_assert!(back.iter().zip(&x).all(|(y, x)| *y == 5.0 + x));
         prop_assert_eq!(y.iter().filter(|y| **y == 5.0).count(), y.len() - rows * cols);
     }
+}
+
+#[test]
+fn a_long_transpose_in_several_tasks() {
+    for (rows, cols) in [(3, 70_001), (70_001, 3), (517, 301)] {
+        let x = noise::<f32>(rows * cols, 1);
+        let (mut y, mut back) = (vec![f32::NAN; x.len()], vec![f32::NAN; x.len()]);
+        permute([rows, cols], [1, 0], &x, (&mut y, 0.0));
+        assert!(y.iter().enumerate().all(|(i, y)| *y == x[i % rows * cols + i / rows]));
+        permute([cols, rows], [1, 0], &y, (&mut back, 0.0));
+        assert_eq!(back, x);
+    }
+}
+
+#[test]
+fn a_scalar_and_nothing_permuted() {
+    let mut y = [f32::NAN];
+    permute([], [], &[3.0], (&mut y, 0.0));
+    assert_eq!(y, [3.0]);
+    permute([2, 0], [1, 0], &[], (&mut y[..0], 0.0));
+}
+
+#[test]
+#[should_panic(expected = "is not a permutation")]
+fn an_axis_that_comes_twice_is_refused() {
+    permute([1, 1], [1, 1], &[3.0], (&mut [0.0], 0.0));
 }
 
 #[test]
