@@ -13,10 +13,17 @@ fn rows_per_task(cols: usize) -> usize {
     (GRAIN / cols.max(1)).max(1)
 }
 
+/// Panics unless x and y are whole rows of `cols` and there are two numbers of each in `stats`.
+fn check<T>(cols: usize, x: &[T], stats: &[T], y: &[T]) {
+    let [whole, odd] = [stats.len() / 2, stats.len() % 2];
+    assert_eq!((x.len(), y.len(), odd), (whole * cols, whole * cols, 0), "layer_norm: lengths");
+}
+
 /// y = (x - mean) / sqrt(variance + eps) * w + b, row by row, with the population variance.
 ///
 /// `x` and `y` are `[rows, cols]`, `affine` the weights and biases `[cols]`, or `None` for neither.
-/// `stats` `[rows, 2]` receives each row's mean and 1 / sqrt(variance + eps), for the gradients.
+/// `stats` `[rows, 2]` receives each row's mean and 1 / sqrt(variance + eps), for the gradients. Panics if the lengths are not
+/// those of such shapes.
 ///
 /// ```
 /// use weaver_kernels::layer_norm::layer_norm_forward;
@@ -32,7 +39,7 @@ pub fn layer_norm_forward<T: Real>(
     y: &mut [T],
     stats: &mut [T],
 ) {
-    assert_eq!((x.len(), x.len() * 2), (y.len(), stats.len() * cols), "layer_norm: lengths");
+    check(cols, x, stats, y);
     if let Some((w, b)) = affine {
         assert_eq!((w.len(), b.len()), (cols, cols), "layer_norm: weight and bias lengths");
     }
@@ -141,7 +148,14 @@ pub fn layer_norm_scratch_len(rows: usize, cols: usize) -> usize {
 /// Gradients of the input `[rows, cols]`, and of weights and biases `[cols]`, each where it is asked for, in one pass.
 ///
 /// `w` are the weights, unless there are none, `stats` what the forward pass wrote, `scratch` of
-/// [`layer_norm_scratch_len`] elements with any content.
+/// [`layer_norm_scratch_len`] elements with any content. Panics if a length does not fit.
+///
+/// ```
+/// use weaver_kernels::layer_norm::{layer_norm_backward, layer_norm_scratch_len};
+/// let (stats, mut db, mut scratch) = ([2.0, 1.0], [0.0; 2], vec![0.0; layer_norm_scratch_len(1, 2)]);
+/// layer_norm_backward(2, &[1.0, 3.0], None, &stats, &[5.0, 7.0], [None, None, Some((&mut db, 0.0))], &mut scratch);
+/// assert_eq!(db, [5.0, 7.0]);
+/// ```
 pub fn layer_norm_backward<T: Real>(
     cols: usize,
     x: &[T],
@@ -151,7 +165,7 @@ pub fn layer_norm_backward<T: Real>(
     [dx, dw, db]: [Option<Target<T>>; 3],
     scratch: &mut [T],
 ) {
-    assert_eq!((x.len(), x.len() * 2), (dy.len(), stats.len() * cols), "layer_norm: lengths");
+    check(cols, x, stats, dy);
     assert!(w.is_none_or(|w| w.len() == cols), "layer_norm: weight length");
     if cols == 0 {
         return;

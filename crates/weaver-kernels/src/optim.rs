@@ -28,6 +28,15 @@ impl<T: Real> AdamW<T> {
     /// counts from 1:
     ///
     /// p = p (1 - rate decay) - rate m^ / (sqrt(v^) + eps), with m^ = m / (1 - beta1^step), v^ likewise.
+    ///
+    /// ```
+    /// use weaver_kernels::optim::AdamW;
+    /// let settings =
+    ///     AdamW { rate: 0.5, beta1: 0.5, beta2: 0.75, eps: 0.0, weight_decay: 1.0, gradient_scale: 1.0 };
+    /// let (mut p, mut m, mut v) = ([8.0], [0.0], [0.0]);
+    /// settings.step(1, &mut p, &[-2.0], &mut m, &mut v);
+    /// assert_eq!((p, m, v), ([4.5], [-1.0], [1.0])); // Half of 8, and the rate against the gradient's sign.
+    /// ```
     pub fn step(&self, step: u64, p: &mut [T], g: &[T], m: &mut [T], v: &mut [T]) {
         assert!(p.len() == g.len() && p.len() == m.len() && p.len() == v.len(), "AdamW: lengths");
         let Self { beta1, beta2, eps, gradient_scale, .. } = *self;
@@ -55,6 +64,13 @@ impl<T: Real> AdamW<T> {
 }
 
 /// average = decay average + (1 - decay) x, for slices of one length.
+///
+/// ```
+/// use weaver_kernels::optim::lerp;
+/// let mut average = [1.0];
+/// lerp(&mut average, &[3.0], 0.75);
+/// assert_eq!(average, [1.5]);
+/// ```
 pub fn lerp<T: Real>(average: &mut [T], x: &[T], decay: T) {
     assert_eq!(average.len(), x.len(), "lerp: lengths");
     average.par_chunks_mut(CHUNK).zip(x.par_chunks(CHUNK)).for_each(|(average, x)| {

@@ -73,6 +73,11 @@ pub(crate) fn lanes<T: Real, const K: usize>(x: [&[T]; K], term: impl Fn([T; K])
 }
 
 /// The sum of `x` on the calling thread, in 16 interleaved partial sums.
+///
+/// ```
+/// use weaver_kernels::reduce::sum_serial;
+/// assert_eq!(sum_serial(&[1.0, 2.0, 6.0]), 9.0);
+/// ```
 pub fn sum_serial<T: Real>(x: &[T]) -> T {
     simd::dispatch(
         #[inline(always)]
@@ -81,16 +86,31 @@ pub fn sum_serial<T: Real>(x: &[T]) -> T {
 }
 
 /// The sum of `x`.
+///
+/// ```
+/// use weaver_kernels::reduce::sum;
+/// assert_eq!(sum(&[1.0, 2.0, 6.0]), 9.0);
+/// ```
 pub fn sum<T: Real>(x: &[T]) -> T {
     total(x.len(), |r| sum_serial(&x[r]))
 }
 
 /// The mean of `x`; NaN if there is nothing to average.
+///
+/// ```
+/// use weaver_kernels::reduce::mean;
+/// assert_eq!(mean(&[1.0, 2.0, 6.0]), 3.0);
+/// ```
 pub fn mean<T: Real>(x: &[T]) -> T {
     sum(x) / T::from_usize(x.len())
 }
 
 /// The dot product of `x` and `y`, of equal length, on the calling thread.
+///
+/// ```
+/// use weaver_kernels::reduce::dot_serial;
+/// assert_eq!(dot_serial(&[1.0, 2.0], &[3.0, 4.0]), 11.0);
+/// ```
 pub fn dot_serial<T: Real>(x: &[T], y: &[T]) -> T {
     assert_eq!(x.len(), y.len(), "dot: lengths");
     simd::dispatch(
@@ -100,17 +120,34 @@ pub fn dot_serial<T: Real>(x: &[T], y: &[T]) -> T {
 }
 
 /// The dot product of `x` and `y`, of equal length.
+///
+/// ```
+/// use weaver_kernels::reduce::dot;
+/// assert_eq!(dot(&[1.0, 2.0], &[3.0, 4.0]), 11.0);
+/// ```
 pub fn dot<T: Real>(x: &[T], y: &[T]) -> T {
     assert_eq!(x.len(), y.len(), "dot: lengths");
     total(x.len(), |r| dot_serial(&x[r.clone()], &y[r]))
 }
 
 /// The sum of squares of `x`.
+///
+/// ```
+/// use weaver_kernels::reduce::squared_norm;
+/// assert_eq!(squared_norm(&[3.0, 4.0]), 25.0);
+/// ```
 pub fn squared_norm<T: Real>(x: &[T]) -> T {
     dot(x, x)
 }
 
 /// The sum of every row of `x` `[rows, cols]` into `out` `[rows]`.
+///
+/// ```
+/// use weaver_kernels::reduce::row_sums;
+/// let mut out = [0.0; 2];
+/// row_sums(2, 2, &[1.0, 2.0, 3.0, 4.0], (&mut out, 0.0));
+/// assert_eq!(out, [3.0, 7.0]);
+/// ```
 pub fn row_sums<T: Real>(rows: usize, cols: usize, x: &[T], out: Target<T>) {
     let (out, beta) = out;
     assert_eq!((x.len(), out.len()), (rows * cols, rows), "row_sums: lengths");
@@ -125,6 +162,13 @@ pub fn row_sums<T: Real>(rows: usize, cols: usize, x: &[T], out: Target<T>) {
 /// The sum of every column of `x` `[rows, cols]` into `out` `[cols]`, rows in their order.
 ///
 /// Long columns are summed in blocks of 64 rows, which keeps the rounding error small.
+///
+/// ```
+/// use weaver_kernels::reduce::column_sums;
+/// let mut out = [0.0; 2];
+/// column_sums(2, 2, &[1.0, 2.0, 3.0, 4.0], (&mut out, 0.0));
+/// assert_eq!(out, [4.0, 6.0]);
+/// ```
 pub fn column_sums<T: Real>(rows: usize, cols: usize, x: &[T], out: Target<T>) {
     assert_eq!((x.len(), out.0.len()), (rows * cols, cols), "column_sums: lengths");
     column_totals(

@@ -9,7 +9,15 @@ const GRAIN: usize = 1 << 14;
 /// Ranges of output rows among which a scatter is shared out; each range reads all indices.
 const RANGES: usize = 16;
 
-/// `y[i] = x[index[i]]`, rows of length `cols`: `x` `[rows, cols]`, `y` `[index.len(), cols]`.
+/// `y[i] = beta y[i] + x[index[i]]`, rows of length `cols`: `x` `[rows, cols]`, `y` `[index.len(), cols]`. Panics if an index is
+/// too large.
+///
+/// ```
+/// use weaver_kernels::rows::gather_rows;
+/// let mut y = [0.0; 3];
+/// gather_rows(1, &[5.0, 7.0], &[1, 1, 0], (&mut y, 0.0));
+/// assert_eq!(y, [7.0, 7.0, 5.0]);
+/// ```
 pub fn gather_rows<T: Real>(cols: usize, x: &[T], index: &[u32], y: Target<T>) {
     let (y, beta) = y;
     assert_eq!(y.len(), index.len() * cols, "gather_rows: output length");
@@ -27,6 +35,13 @@ pub fn gather_rows<T: Real>(cols: usize, x: &[T], index: &[u32], y: Target<T>) {
 /// `y[index[i]] += x[i]` on top of `beta y`, rows of length `cols`: `x` `[index.len(), cols]`, `y`
 /// `[rows, cols]`. Indices may repeat; their rows are added in the order of i. Panics if an index is
 /// too large.
+///
+/// ```
+/// use weaver_kernels::rows::scatter_add_rows;
+/// let mut y = [0.0; 2];
+/// scatter_add_rows(1, &[1.0, 2.0, 4.0], &[1, 0, 1], (&mut y, 0.0));
+/// assert_eq!(y, [2.0, 5.0]);
+/// ```
 pub fn scatter_add_rows<T: Real>(cols: usize, x: &[T], index: &[u32], y: Target<T>) {
     let (y, beta) = y;
     assert_eq!(x.len(), index.len() * cols, "scatter_add_rows: input length");
@@ -55,7 +70,14 @@ pub fn scatter_add_rows<T: Real>(cols: usize, x: &[T], index: &[u32], y: Target<
 /// y = beta y + x for `rows` blocks of `cols` elements that begin `x_stride` and `y_stride` apart.
 ///
 /// To join along an axis, or to cut, see a tensor as `[outer, axis inner]`: each part is `outer` rows of
-/// `part inner` columns, and its slice of the whole begins where its first row does.
+/// `part inner` columns, and its slice of the whole begins where its first row does. Panics if blocks of y overlap.
+///
+/// ```
+/// use weaver_kernels::rows::copy_blocks;
+/// let mut y = [0.0; 4]; // The last two columns of a 2 x 3 matrix.
+/// copy_blocks(2, 2, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0][1..], 3, (&mut y, 0.0), 2);
+/// assert_eq!(y, [2.0, 3.0, 5.0, 6.0]);
+/// ```
 pub fn copy_blocks<T: Real>(rows: usize, cols: usize, x: &[T], x_stride: usize, y: Target<T>, y_stride: usize) {
     let (y, beta) = y;
     if rows == 0 || cols == 0 {

@@ -1,4 +1,4 @@
-//! Elementwise functions of one tensor.
+//! Elementwise functions of one tensor: the result has the shape of the input, in which it is differentiable.
 
 use crate::{Var, pointwise};
 use weaver_kernels::Real;
@@ -49,57 +49,146 @@ pointwise!(
 );
 
 impl<'t, T: Real> Var<'t, T> {
-    /// max(x, 0); derivative 0 at 0. NaN gives NaN.
+    /// max(x, 0), elementwise; derivative 0 at 0. NaN gives NaN.
+    ///
+    /// x of any shape gives the same shape. Differentiable.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f64>::new();
+    /// assert_eq!(tape.constant(&[-1.0, 2.0], [2]).relu().to_vec(), [0.0, 2.0]);
+    /// ```
     pub fn relu(self) -> Self {
         self.map(Relu)
     }
 
-    /// The logistic function 1 / (1 + e^-x).
+    /// The logistic function 1 / (1 + e^-x), elementwise.
+    ///
+    /// x of any shape gives the same shape. Differentiable.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f64>::new();
+    /// assert_eq!(tape.scalar(0.0).sigmoid().item(), 0.5);
+    /// ```
     pub fn sigmoid(self) -> Self {
         self.map(Sigmoid)
     }
 
-    /// Hyperbolic tangent.
+    /// The hyperbolic tangent, elementwise.
+    ///
+    /// x of any shape gives the same shape. Differentiable.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f64>::new();
+    /// assert_eq!(tape.scalar(0.0).tanh().item(), 0.0);
+    /// ```
     pub fn tanh(self) -> Self {
         self.map(Tanh)
     }
 
-    /// x sigmoid(x), also known as swish.
+    /// x / (1 + e^-x), elementwise; also known as swish (Elfwing et al., arXiv 1702.03118).
+    ///
+    /// x of any shape gives the same shape. Differentiable.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f64>::new();
+    /// assert_eq!(tape.constant(&[0.0, 200.0], [2]).silu().to_vec(), [0.0, 200.0]);
+    /// ```
     pub fn silu(self) -> Self {
         self.map(Silu)
     }
 
-    /// ln(1 + e^x), computed as max(x, 0) + ln(1 + e^-|x|): no overflow.
+    /// ln(1 + e^x), elementwise; computed as max(x, 0) + ln(1 + e^-|x|): no overflow.
+    ///
+    /// x of any shape gives the same shape. Differentiable.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f64>::new();
+    /// assert_eq!(tape.constant(&[-1000.0, 1000.0], [2]).softplus().to_vec(), [0.0, 1000.0]);
+    /// ```
     pub fn softplus(self) -> Self {
         self.map(Softplus)
     }
 
-    /// e^x.
+    /// e^x, elementwise.
+    ///
+    /// x of any shape gives the same shape. Differentiable.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f64>::new();
+    /// assert_eq!(tape.scalar(0.0).exp().item(), 1.0);
+    /// ```
     pub fn exp(self) -> Self {
         self.map(Exp)
     }
 
-    /// Natural logarithm, for positive x.
+    /// The natural logarithm, elementwise, for positive x; minus infinity at 0, NaN below.
+    ///
+    /// x of any shape gives the same shape. Differentiable.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f64>::new();
+    /// assert_eq!(tape.constant(&[1.0, 0.0], [2]).ln().to_vec(), [0.0, f64::NEG_INFINITY]);
+    /// ```
     pub fn ln(self) -> Self {
         self.map(Ln)
     }
 
-    /// Square root; its derivative is infinite at 0.
+    /// The square root, elementwise; NaN below 0, and at 0 its derivative is infinite.
+    ///
+    /// x of any shape gives the same shape. Differentiable.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f64>::new();
+    /// assert_eq!(tape.scalar(9.0).sqrt().item(), 3.0);
+    /// ```
     pub fn sqrt(self) -> Self {
         self.map(Sqrt)
     }
 
-    /// x^2.
+    /// x^2, elementwise.
+    ///
+    /// x of any shape gives the same shape. Differentiable.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f64>::new();
+    /// assert_eq!(tape.scalar(-3.0).square().item(), 9.0);
+    /// ```
     pub fn square(self) -> Self {
         self.map(Square)
     }
 
-    /// |x|; derivative 0 at 0.
+    /// |x|, elementwise; derivative 0 at 0.
+    ///
+    /// x of any shape gives the same shape. Differentiable.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f64>::new();
+    /// assert_eq!(tape.constant(&[-1.0, 2.0], [2]).abs().to_vec(), [1.0, 2.0]);
+    /// ```
     pub fn abs(self) -> Self {
         self.map(Abs)
     }
 
-    /// The nearest number in [lo, hi]. The gradient passes where lo <= x <= hi, bounds included, and is 0 elsewhere.
+    /// The nearest number in [lo, hi], elementwise: min(max(x, lo), hi). The gradient passes where lo <= x <= hi, bounds
+    /// included, and is 0 elsewhere.
+    ///
+    /// x of any shape gives the same shape. Differentiable; the bounds are constant. Panics if lo > hi.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f64>::new();
+    /// assert_eq!(tape.constant(&[-1.0, 0.5, 2.0], [3]).clamp(0.0, 1.0).to_vec(), [0.0, 0.5, 1.0]);
+    /// ```
     #[track_caller]
     pub fn clamp(self, lo: f64, hi: f64) -> Self {
         assert!(lo <= hi, "clamp: the bounds {lo} and {hi} are in the wrong order");

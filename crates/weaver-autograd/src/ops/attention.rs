@@ -9,7 +9,7 @@ use weaver_kernels::{
 #[derive(Debug)]
 struct Attention<T: Real> {
     scale: f64,
-    /// Per query the logarithm of its sum of exponentials.
+    /// Per query the binary logarithm of its sum of exponentials.
     log_sums: Option<Buffer<T>>,
 }
 

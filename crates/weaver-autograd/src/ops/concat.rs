@@ -60,6 +60,7 @@ impl<T: Real> Op<T> for Concat {
 }
 
 /// Tensors one after the other along an axis: `[.., a_i, ..]` give `[.., sum of a_i, ..]`. All other dimensions agree.
+/// Differentiable in all.
 ///
 /// ```
 /// use weaver_autograd::{Tape, ops};

@@ -35,7 +35,10 @@ impl<T: Real> Op<T> for CrossEntropy<T> {
             let max = x.iter().copied().fold(-T::INFINITY, T::max);
             let log_sum = x.iter().map(|x| (*x - max).to_f64().exp()).sum::<f64>().ln();
             let mean = x.iter().map(|x| (*x - max).to_f64()).sum::<f64>() / classes as f64;
-            total += log_sum - (1.0 - self.smoothing) * (x[label as usize] - max).to_f64() - self.smoothing * mean;
+            // A logit may be minus infinity, and counts only where there is a weight.
+            let term = |weight: f64, x: f64| if weight == 0.0 { 0.0 } else { weight * x };
+            let at_label = (x[label as usize] - max).to_f64();
+            total += log_sum - term(1.0 - self.smoothing, at_label) - term(self.smoothing, mean);
         }
         outs[0][0] = T::from_f64(total / self.labels.len().max(1) as f64);
         self.probabilities = Some(probabilities);
@@ -65,7 +68,15 @@ impl<T: Real> Op<T> for CrossEntropy<T> {
 /// The mean cross entropy of softmax(logits) against labels: -mean over n of sum over e of t_ne ln softmax(logits)_ne, with
 /// targets t = (1 - smoothing) [e = label] + smoothing / E (Szegedy et al., arXiv 1512.00567).
 ///
-/// logits `[N, E]`, one label below E for each row; a scalar, 0 if there are no rows. Differentiable in the logits.
+/// logits `[N, E]`, one label below E for each row; a scalar, 0 if there are no rows. Differentiable in the logits; labels and
+/// smoothing are constant. A logit of minus infinity, a class that cannot be, counts where its target is not 0.
+///
+/// ```
+/// use weaver_autograd::{Tape, ops};
+/// let tape = Tape::<f64>::new();
+/// let logits = tape.constant(&[0.0, 0.0], [1, 2]);
+/// assert!((ops::cross_entropy(logits, &[1], 0.1).item() - 2_f64.ln()).abs() < 1e-15);
+/// ```
 #[track_caller]
 pub fn cross_entropy<'t, T: Real>(logits: Var<'t, T>, labels: &[u32], smoothing: f64) -> Var<'t, T> {
     let labels = logits.tape().pool().copy_of(labels);

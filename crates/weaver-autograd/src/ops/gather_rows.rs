@@ -40,7 +40,7 @@ impl<T: Real> Op<T> for GatherRows {
 
 impl<'t, T: Real> Var<'t, T> {
     /// Row i of the result is row `indices[i]`: x `[N, ..]` gives `[indices.len(), ..]`. Rows may repeat; their
-    /// gradients are then added, in order. Panics if an index is not below N.
+    /// gradients are then added, in order. Differentiable; the indices are constant. Panics if one is not below N.
     ///
     /// ```
     /// use weaver_autograd::Tape;

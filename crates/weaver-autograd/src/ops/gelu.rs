@@ -33,8 +33,16 @@ impl<T: Real> Op<T> for Gelu {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// The Gaussian error linear unit in its exact form, x (1 + erf(x / sqrt 2)) / 2 (Hendrycks and Gimpel,
+    /// The Gaussian error linear unit in its exact form, x (1 + erf(x / sqrt 2)) / 2, elementwise (Hendrycks and Gimpel,
     /// arXiv 1606.08415).
+    ///
+    /// x of any shape gives the same shape. Differentiable.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f64>::new();
+    /// assert_eq!(tape.constant(&[0.0, 100.0], [2]).gelu().to_vec(), [0.0, 100.0]);
+    /// ```
     pub fn gelu(self) -> Self {
         let [y] = self.tape().apply(Gelu, &[self]);
         y

@@ -13,7 +13,14 @@ pointwise!(
 
 /// (x - y)^2 / 2 where |x - y| <= delta, else delta (|x - y| - delta / 2), elementwise (Huber 1964).
 ///
-/// x and y have one shape, or one is a single element. Differentiable in both.
+/// x and y have one shape, or one is a single element; the result has the larger. Differentiable in both; `delta` is constant.
+///
+/// ```
+/// use weaver_autograd::{Tape, ops};
+/// let tape = Tape::<f64>::new();
+/// let (x, y) = (tape.constant(&[0.5, 3.0], [2]), tape.scalar(0.0));
+/// assert_eq!(ops::huber(x, y, 1.0).to_vec(), [0.125, 2.5]);
+/// ```
 #[track_caller]
 pub fn huber<'t, T: Real>(x: Var<'t, T>, y: Var<'t, T>, delta: f64) -> Var<'t, T> {
     apply_pointwise(Huber { delta }, [x, y])

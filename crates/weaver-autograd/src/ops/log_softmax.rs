@@ -57,7 +57,15 @@ impl<T: Real> Op<T> for LogSoftmax {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// The logarithm of [`softmax`](Var::softmax), accurate where that underflows: x - ln(sum of e^x).
+    /// The natural logarithm of [`softmax`](Var::softmax) along an axis, accurate where that underflows: x - ln(sum of e^x).
+    ///
+    /// x `[.., A, ..]` gives the same shape. Differentiable. Panics if x has no such axis.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f64>::new();
+    /// assert_eq!(tape.constant(&[1000.0, 0.0], [2]).log_softmax(0).to_vec(), [0.0, -1000.0]);
+    /// ```
     #[track_caller]
     pub fn log_softmax(self, axis: usize) -> Self {
         let [y] = self.tape().apply(LogSoftmax { axis }, &[self]);

@@ -100,7 +100,7 @@ impl<T: Real> Op<T> for Matmul {
 
 impl<'t, T: Real> Var<'t, T> {
     /// The matrix product: `[.., m, k]` times `[.., k, n]` gives `[.., m, n]`. Leading dimensions agree, or the second
-    /// tensor has rank 2 and serves for all.
+    /// tensor has rank 2 and serves for all. Differentiable in both.
     ///
     /// ```
     /// use weaver_autograd::Tape;

@@ -13,6 +13,13 @@ fn length<T: Real>(x: &[T]) -> T {
     x.iter().map(|x| *x * *x).sum::<T>().sqrt()
 }
 
+impl NormalizeRows {
+    /// What a row of this length is multiplied by: 0 where there is no direction.
+    fn scale<T: Real>(&self, length: T) -> T {
+        if length == T::ZERO { T::ZERO } else { T::ONE / (length + T::from_f64(self.eps)) }
+    }
+}
+
 impl<T: Real> Op<T> for NormalizeRows {
     fn name(&self) -> &'static str {
         "normalize_rows"
@@ -27,7 +34,7 @@ impl<T: Real> Op<T> for NormalizeRows {
         parallel::for_chunks(&mut outs[0], rows * width, |chunk, y| {
             let x = &x[chunk * rows * width..];
             for (y, x) in y.chunks_exact_mut(width).zip(x.chunks_exact(width)) {
-                let scale = T::ONE / (length(x) + T::from_f64(self.eps));
+                let scale = self.scale(length(x));
                 y.iter_mut().zip(x).for_each(|(y, x)| *y = *x * scale);
             }
         });
@@ -50,12 +57,9 @@ impl<T: Real> Op<T> for NormalizeRows {
                 let (x, y, dy) = (&x[row.clone()], &y[row.clone()], &dy[row]);
                 let norm = length(x);
                 // dx = (dy - x (y . dy) / |x|) / (|x| + eps), and 0 where there is no direction.
-                let (scale, along) = if norm > T::ZERO {
-                    let along = y.iter().zip(dy).map(|(y, dy)| *y * *dy).sum::<T>() / norm;
-                    (T::ONE / (norm + T::from_f64(self.eps)), along)
-                } else {
-                    (T::ZERO, T::ZERO)
-                };
+                let scale = self.scale(norm);
+                let along: T = y.iter().zip(dy).map(|(y, dy)| *y * *dy).sum();
+                let along = if norm == T::ZERO { T::ZERO } else { along / norm };
                 for ((dx, x), dy) in dx.iter_mut().zip(x).zip(dy) {
                     let d = (*dy - *x * along) * scale;
                     *dx = if beta == T::ZERO { d } else { *dx + d };
@@ -66,7 +70,16 @@ impl<T: Real> Op<T> for NormalizeRows {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// Every row of the last axis divided by its length: x / (|x| + eps). A row of zeros stays zero and has gradient 0.
+    /// Every row of the last axis divided by its length: x / (|x| + eps). A row of length 0 gives zeros and has gradient 0,
+    /// whatever eps is.
+    ///
+    /// x `[.., D]` gives the same shape. Differentiable; eps is constant.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f64>::new();
+    /// assert_eq!(tape.constant(&[0.0, 4.0], [1, 2]).normalize_rows(0.0).to_vec(), [0.0, 1.0]);
+    /// ```
     #[track_caller]
     pub fn normalize_rows(self, eps: f64) -> Self {
         let [y] = self.tape().apply(NormalizeRows { eps }, &[self]);

@@ -12,7 +12,8 @@ pub struct RopeTable<T: Real = f32> {
 }
 
 impl<T: Real> RopeTable<T> {
-    /// The table for tokens at `positions` (row, column) and heads of `dim` numbers, which 4 divides; `base` is usually 100.
+    /// The table for tokens at `positions` (row, column) and heads of `dim` numbers; `base` is usually 100. Panics if 4 does not
+    /// divide `dim`.
     pub fn new(positions: &[[usize; 2]], dim: usize, base: f64) -> Self {
         Self { rope: Arc::new(Rope2d::new(positions, dim, base)), dim }
     }
@@ -62,7 +63,15 @@ impl<'t, T: Real> Var<'t, T> {
     ///
     /// x `[B, N, H, D]`, the same positions for every B. The first half of a head is turned by the token's row, the second by
     /// its column: in a half of length n, elements k and k + n/2 by the angle position * base^(-2 k / n). A token at (0, 0)
-    /// stays as it is.
+    /// stays as it is. Differentiable; the table is constant.
+    ///
+    /// ```
+    /// use weaver_autograd::{Tape, ops::RopeTable};
+    /// let (tape, table) = (Tape::<f64>::new(), RopeTable::new(&[[0, 0], [1, 0]], 4, 100.0));
+    /// let y = tape.constant(&[1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0], [1, 2, 1, 4]).rope2d(&table).to_vec();
+    /// assert_eq!(y[..4], [1.0, 0.0, 1.0, 0.0]);
+    /// assert_eq!(y[4..], [1_f64.cos(), 1_f64.sin(), 1.0, 0.0]);
+    /// ```
     #[track_caller]
     pub fn rope2d(self, table: &RopeTable<T>) -> Self {
         let [y] = self.tape().apply(Rope { table: table.clone() }, &[self]);

@@ -70,7 +70,14 @@ impl<T: Real> Op<T> for ScaleResidual {
 
 /// x + gamma * y with one factor per channel: a residual branch under LayerScale (Touvron et al., arXiv 2103.17239).
 ///
-/// x and y `[.., D]`, gamma `[D]`. Differentiable in all three.
+/// x and y `[.., D]`, gamma `[D]`; the result is `[.., D]`. Differentiable in all three.
+///
+/// ```
+/// use weaver_autograd::{Tape, ops};
+/// let tape = Tape::<f64>::new();
+/// let [x, gamma, y] = [[1.0, 1.0], [0.5, 2.0], [4.0, 3.0]].map(|row| tape.constant(&row, [2]));
+/// assert_eq!(ops::scale_residual(x, gamma, y).to_vec(), [3.0, 7.0]);
+/// ```
 #[track_caller]
 pub fn scale_residual<'t, T: Real>(x: Var<'t, T>, gamma: Var<'t, T>, y: Var<'t, T>) -> Var<'t, T> {
     let [out] = x.tape().apply(ScaleResidual, &[x, gamma, y]);

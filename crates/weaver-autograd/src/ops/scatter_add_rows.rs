@@ -44,8 +44,17 @@ impl<T: Real> Op<T> for ScatterAddRows {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// Row n of the result is the sum of all rows i with `indices[i] == n`: x `[indices.len(), ..]` gives `[n, ..]`.
-    /// The adjoint of [`gather_rows`](Var::gather_rows). Panics if an index is not below `n`.
+    /// Row r of the result is the sum of all rows i with `indices[i] == r`, added in the order of i: the adjoint of
+    /// [`gather_rows`](Var::gather_rows).
+    ///
+    /// x `[indices.len(), ..]` gives `[n, ..]`. Differentiable; the indices are constant. Panics if one is not below `n`.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f32>::new();
+    /// let x = tape.constant(&[1.0, 2.0, 4.0], [3, 1]);
+    /// assert_eq!(x.scatter_add_rows(&[1, 0, 1], 2).to_vec(), [2.0, 5.0]);
+    /// ```
     #[track_caller]
     pub fn scatter_add_rows(self, indices: &[u32], n: usize) -> Self {
         let indices = self.tape().pool().copy_of(indices);

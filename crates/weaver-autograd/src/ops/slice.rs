@@ -53,7 +53,16 @@ impl<T: Real> Op<T> for Slice {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// Indices `start..start + len` along an axis: `[.., A, ..]` gives `[.., len, ..]`.
+    /// Indices `start..start + len` along an axis. Copies.
+    ///
+    /// x `[.., A, ..]` gives `[.., len, ..]`. Differentiable. Panics if the range ends beyond A.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f32>::new();
+    /// let x = tape.constant(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], [2, 3]);
+    /// assert_eq!(x.slice(1, 1, 2).to_vec(), [2.0, 3.0, 5.0, 6.0]);
+    /// ```
     #[track_caller]
     pub fn slice(self, axis: usize, start: usize, len: usize) -> Self {
         let [y] = self.tape().apply(Slice { axis, start, len }, &[self]);
@@ -61,7 +70,16 @@ impl<'t, T: Real> Var<'t, T> {
     }
 }
 
-/// Cuts a tensor along an axis into consecutive parts of the given sizes, which add up to its length.
+/// Cuts a tensor along an axis into consecutive parts of the given sizes, each a [`slice`](Var::slice).
+///
+/// x `[.., A, ..]` gives `[.., sizes[i], ..]` for every i. Differentiable. Panics if the sizes do not add up to A.
+///
+/// ```
+/// use weaver_autograd::{Tape, ops};
+/// let tape = Tape::<f32>::new();
+/// let parts = ops::split(tape.constant(&[1.0, 2.0, 3.0], [3]), 0, &[1, 2]);
+/// assert_eq!((parts[0].to_vec(), parts[1].to_vec()), (vec![1.0], vec![2.0, 3.0]));
+/// ```
 #[track_caller]
 pub fn split<'t, T: Real>(x: Var<'t, T>, axis: usize, sizes: &[usize]) -> List<Var<'t, T>> {
     let fits = axis < x.shape().rank() && sizes.iter().sum::<usize>() == x.shape()[axis];

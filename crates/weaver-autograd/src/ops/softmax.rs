@@ -37,6 +37,14 @@ impl<T: Real> Op<T> for Softmax {
 
 impl<'t, T: Real> Var<'t, T> {
     /// e^x over its sum along an axis; the largest x is subtracted first, so nothing overflows.
+    ///
+    /// x `[.., A, ..]` gives the same shape. Differentiable. Panics if x has no such axis.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f64>::new();
+    /// assert_eq!(tape.constant(&[7.0, 7.0, 1.0, 1.0], [2, 2]).softmax(1).to_vec(), [0.5; 4]);
+    /// ```
     #[track_caller]
     pub fn softmax(self, axis: usize) -> Self {
         let [y] = self.tape().apply(Softmax { axis }, &[self]);

@@ -36,7 +36,16 @@ impl<T: Real> Op<T> for StraightThrough {
 
 /// `hard` going forward, `soft` going back: the straight-through estimator (Bengio et al., arXiv 1308.3432).
 ///
-/// Both of one shape. The gradient of the result goes to `soft` unchanged; `hard` is held constant.
+/// Both of one shape, which is the result's. The gradient of the result goes to `soft` unchanged; `hard` is held constant.
+///
+/// ```
+/// use weaver_autograd::{Tape, ops};
+/// let tape = Tape::<f64>::new();
+/// let (soft, hard) = (tape.leaf(&[0.7, 0.3], [2]), tape.constant(&[1.0, 0.0], [2]));
+/// let y = ops::straight_through(soft, hard);
+/// y.sum().backward();
+/// assert_eq!((y.to_vec(), soft.grad().unwrap()), (vec![1.0, 0.0], vec![1.0, 1.0]));
+/// ```
 #[track_caller]
 pub fn straight_through<'t, T: Real>(soft: Var<'t, T>, hard: Var<'t, T>) -> Var<'t, T> {
     let [y] = soft.tape().apply(StraightThrough, &[soft, hard.detach()]);

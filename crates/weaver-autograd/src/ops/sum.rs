@@ -33,13 +33,29 @@ impl<T: Real> Op<T> for Sum {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// The sum of all elements, a scalar (0 for an empty tensor).
+    /// The sum of all elements, in order and in `f64`.
+    ///
+    /// x of any shape gives a scalar, 0 if x is empty. Differentiable.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f32>::new();
+    /// assert_eq!(tape.constant(&[1.0, 2.0, 6.0], [3]).sum().item(), 9.0);
+    /// ```
     pub fn sum(self) -> Self {
         let [y] = self.tape().apply(Sum, &[self]);
         y
     }
 
-    /// The mean of all elements, a scalar.
+    /// The mean of all elements.
+    ///
+    /// x of any shape gives a scalar, NaN if x is empty. Differentiable.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f32>::new();
+    /// assert_eq!(tape.constant(&[1.0, 3.0], [2]).mean().item(), 2.0);
+    /// ```
     pub fn mean(self) -> Self {
         let count = self.shape().len();
         self.sum() * (1.0 / count as f64)

@@ -54,14 +54,30 @@ impl<T: Real> Op<T> for SumAxis {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// The sum along an axis, which disappears: `[.., A, ..]` gives `[.., ..]`. The order of summation is fixed.
+    /// The sum along an axis, which disappears. The order of summation is fixed.
+    ///
+    /// x `[.., A, ..]` gives `[.., ..]`, 0 if A is 0. Differentiable. Panics if x has no such axis.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f32>::new();
+    /// assert_eq!(tape.constant(&[1.0, 2.0, 3.0, 4.0], [2, 2]).sum_axis(0).to_vec(), [4.0, 6.0]);
+    /// ```
     #[track_caller]
     pub fn sum_axis(self, axis: usize) -> Self {
         let [y] = self.tape().apply(SumAxis { axis }, &[self]);
         y
     }
 
-    /// The mean along an axis, which disappears: `[.., A, ..]` gives `[.., ..]`.
+    /// The mean along an axis, which disappears.
+    ///
+    /// x `[.., A, ..]` gives `[.., ..]`, NaN if A is 0. Differentiable. Panics if x has no such axis.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f32>::new();
+    /// assert_eq!(tape.constant(&[1.0, 2.0, 3.0, 4.0], [2, 2]).mean_axis(1).to_vec(), [1.5, 3.5]);
+    /// ```
     #[track_caller]
     pub fn mean_axis(self, axis: usize) -> Self {
         self.sum_axis(axis) * (1.0 / self.shape()[axis] as f64)

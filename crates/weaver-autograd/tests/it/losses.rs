@@ -75,3 +75,39 @@ fn a_row_of_zeros_has_no_direction() {
     assert_eq!(y.to_vec()[..2], [0.0, 0.0]);
     assert_eq!(x.grad().unwrap()[..2], [0.0, 0.0]);
 }
+
+#[test]
+fn a_row_of_zeros_stays_zero_without_eps() {
+    let tape = Tape::<f64>::new();
+    let x = tape.leaf(&[0.0, 0.0, 3.0, 4.0], [2, 2]);
+    let y = x.normalize_rows(0.0);
+    y.sum().backward();
+    assert_eq!(y.to_vec(), [0.0, 0.0, 3.0 * (1.0 / 5.0), 4.0 * (1.0 / 5.0)]);
+    assert_eq!(x.grad().unwrap()[..2], [0.0, 0.0]);
+}
+
+#[test]
+fn nan_fills_its_row_and_no_other() {
+    let tape = Tape::<f64>::new();
+    let x = tape.leaf(&[f64::NAN, 1.0, 3.0, 4.0], [2, 2]);
+    let y = x.normalize_rows(0.0);
+    y.sum().backward();
+    for numbers in [y.to_vec(), x.grad().unwrap()] {
+        assert_eq!(numbers.iter().map(|x| x.is_nan()).collect::<Vec<_>>(), [true, true, false, false]);
+    }
+}
+
+#[test]
+fn a_masked_class_costs_nothing() {
+    let tape = Tape::<f64>::new();
+    let logits = tape.leaf(&[0.0, f64::NEG_INFINITY], [1, 2]);
+    let loss = ops::cross_entropy(logits, &[0], 0.0);
+    loss.backward();
+    assert_eq!((loss.item(), logits.grad().unwrap()), (0.0, vec![0.0, 0.0]));
+    // With smoothing it is asked for, and impossible.
+    assert_eq!(ops::cross_entropy(logits, &[0], 0.1).item(), f64::INFINITY);
+    // With nothing but smoothing, the label does not count.
+    let masked = tape.constant(&[0.0, 0.0, f64::NEG_INFINITY], [1, 3]);
+    assert_eq!(ops::cross_entropy(masked, &[2], 0.0).item(), f64::INFINITY);
+    assert_eq!(ops::cross_entropy(masked, &[2], 1.0).item(), f64::INFINITY);
+}

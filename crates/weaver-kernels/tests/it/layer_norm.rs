@@ -63,3 +63,17 @@ fn same_bits_at_any_thread_count() {
         [y, stats, dx, dw].concat()
     });
 }
+
+#[test]
+#[should_panic(expected = "layer_norm: lengths")]
+fn a_row_and_a_half_is_refused() {
+    layer_norm_forward(2, 0.0, &[1.0; 3], None, &mut [0.0; 3], &mut [0.0; 3]);
+}
+
+#[test]
+#[should_panic(expected = "layer_norm: lengths")]
+fn a_gradient_of_a_row_and_a_half_is_refused() {
+    let mut dx = [0.0; 3];
+    let targets = [Some((&mut dx[..], 0.0)), None, None];
+    layer_norm_backward(2, &[1.0; 3], None, &[1.0; 3], &[1.0; 3], targets, &mut [0.0; 8]);
+}
