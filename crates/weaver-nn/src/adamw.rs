@@ -110,7 +110,7 @@ impl<T: Real> AdamW<T> {
         let mut list = vec![Default::default(); params.len()];
         for (name, (steps, moments)) in state {
             let Some(id) = params.find(&name) else { return Err(StateError::Unknown { name }) };
-            let (expected, found) = (params.get(id).value().len(), moments.first.len());
+            let (expected, found) = (params.get(id).shape().len(), moments.first.len());
             if [found, moments.second.len()] != [expected; 2] {
                 return Err(StateError::Size { name, expected, found });
             }
@@ -140,4 +140,29 @@ pub enum StateError {
         /// The size of what was stored.
         found: usize,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+    use weaver_autograd::{HalfValues, ParamValues};
+
+    #[test]
+    fn state_of_parameters_that_cannot_be_read() {
+        let mut params = Params::<f32>::new();
+        params.declare("absent", [2]);
+        let half = params.declare("half", [2]);
+        params.set(half, ParamValues::Half(HalfValues::Bf16(Arc::new(vec![Default::default(); 2]))));
+        let mut optimiser = AdamW::<f32>::new(Vec::new(), 0.9, 0.95, 1e-8);
+        for name in ["absent", "half"] {
+            let state = |len| {
+                let moments = Moments { first: vec![0.0; len], second: vec![0.0; len] };
+                BTreeMap::from([(name.to_string(), (1, moments))])
+            };
+            let error = StateError::Size { name: name.into(), expected: 2, found: 3 };
+            assert_eq!(optimiser.set_state(&params, state(3)), Err(error));
+            assert_eq!(optimiser.set_state(&params, state(2)), Ok(()));
+        }
+    }
 }

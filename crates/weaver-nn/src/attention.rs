@@ -6,6 +6,18 @@ use weaver_autograd::{Real, Var};
 
 /// Multi-head self-attention with one matrix for queries, keys and values; parameters `qkv` (rows q, then k, then v, each
 /// heads x head width), `proj`, and with normalised queries and keys `q_norm`, `k_norm`.
+///
+/// Per head softmax(q k^T / sqrt(head width)) v, then `proj` of the heads side by side (Vaswani et al., arXiv 1706.03762).
+///
+/// ```
+/// use weaver_autograd::{Params, Tape};
+/// use weaver_nn::{Attention, Builder, Context, WeightInit};
+/// let mut params = Params::<f32>::new();
+/// let layer = Attention::new(Builder::new(&mut params, 0).scope("attn"), 8, 2, true, WeightInit::FanIn);
+/// let tape = Tape::new();
+/// let y = layer.forward(Context::new(&tape, &params), tape.constant(&[0.5; 24], [1, 3, 8]), None);
+/// assert_eq!(y.shape().dims(), [1, 3, 8]);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Attention {
     /// From the width to three times the width.
@@ -20,7 +32,7 @@ pub struct Attention {
 
 impl Attention {
     /// A layer for tokens of `width` numbers, which `heads` divides; `qk_norm` normalises queries and keys per head
-    /// (eps 1e-5).
+    /// (eps 1e-5). Panics if `heads` does not divide `width`.
     pub fn new<T: Real>(
         mut builder: Builder<'_, T>,
         width: usize,
@@ -37,7 +49,8 @@ impl Attention {
         Self { qkv, norms, proj: Linear::new(builder.scope("proj"), width, width, init), heads }
     }
 
-    /// Applies it to x `[B, N, D]`. With a table, queries and keys are turned by their tokens' positions.
+    /// Applies it to x `[B, N, D]`, which gives the same shape. With a table, queries and keys are turned by their tokens'
+    /// positions. Differentiable in x and the parameters; the table is constant.
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

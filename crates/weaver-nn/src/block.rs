@@ -25,7 +25,20 @@ pub struct BlockConfig {
 
 /// A pre-norm transformer block: x += ls1 * attn(norm1(x)), then x += ls2 * mlp(norm2(x)).
 ///
-/// Parameters `norm1`, `attn`, `ls1.gamma`, `norm2`, `mlp`, `ls2.gamma`.
+/// Parameters `norm1`, `attn`, `ls1.gamma`, `norm2`, `mlp`, `ls2.gamma`. (Xiong et al., arXiv 2002.04745; LayerScale: Touvron et
+/// al., arXiv 2103.17239.)
+///
+/// ```
+/// use weaver_autograd::{Params, Tape};
+/// use weaver_nn::{Block, BlockConfig, Builder, Context, WeightInit};
+/// let (mut params, init) = (Params::<f32>::new(), WeightInit::FanIn);
+/// let config = BlockConfig { width: 8, heads: 2, hidden: 32, eps: 1e-6, layer_scale: Some(0.0), qk_norm: false, init };
+/// let block = Block::new(Builder::new(&mut params, 0).scope("block"), &config);
+/// let tape = Tape::new();
+/// let x = tape.constant(&[0.5; 24], [1, 3, 8]);
+/// // Branches of factor 0 leave x as it is.
+/// assert_eq!(block.forward(Context::new(&tape, &params), x, None).to_vec(), x.to_vec());
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Block {
     norm1: LayerNorm,
@@ -61,7 +74,8 @@ impl Block {
         }
     }
 
-    /// Applies it to x `[B, N, D]`; `rope` turns queries and keys by their tokens' positions.
+    /// Applies it to x `[B, N, D]`, which gives the same shape; `rope` turns queries and keys by their tokens' positions.
+    /// Differentiable in x and the parameters; the table is constant.
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

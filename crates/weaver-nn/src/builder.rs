@@ -60,6 +60,14 @@ impl WeightInit {
 
 /// Adds parameters under a path. Every parameter's values depend on the seed and its own name alone, so adding a layer
 /// does not change the others.
+///
+/// ```
+/// use weaver_autograd::Params;
+/// use weaver_nn::{Builder, Init};
+/// let mut params = Params::<f32>::new();
+/// let bias = Builder::new(&mut params, 0).scope("head").scope(1).add("bias", [3], Init::Constant(0.5));
+/// assert_eq!((params.get(bias).name(), params.get(bias).value()), ("head.1.bias", &[0.5; 3][..]));
+/// ```
 #[derive(Debug)]
 pub struct Builder<'p, T: Real = f32> {
     params: &'p mut Params<T>,
@@ -89,7 +97,7 @@ impl<'p, T: Real> Builder<'p, T> {
         Builder { path: self.path.clone(), params: self.params, seed: self.seed }
     }
 
-    /// Adds a parameter called `name` here.
+    /// Adds a parameter called `name` here. Panics if there is one already.
     pub fn add(&mut self, name: impl std::fmt::Display, shape: impl Into<Shape>, init: Init) -> ParamId {
         let (name, shape) = (self.full(name), shape.into());
         let Some(seed) = self.seed else { return self.params.declare(name, shape) };

@@ -3,6 +3,16 @@
 use weaver_autograd::{ParamId, Params, Real, Scope, Tape, Var};
 
 /// A tape and the parameters used on it; `Copy`, passed to every layer's `forward`.
+///
+/// ```
+/// use weaver_autograd::{Params, Tape};
+/// use weaver_nn::Context;
+/// let mut params = Params::<f32>::new();
+/// let w = params.add("w", [1], vec![2.0]);
+/// let tape = Tape::new();
+/// let cx = Context::new(&tape, &params);
+/// assert_eq!((cx.param(w) * 3.0).item(), 6.0);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Context<'t, 'p, T: Real = f32> {
     /// The tape that records.

@@ -3,7 +3,18 @@
 use crate::{Builder, Context, WeightInit};
 use weaver_autograd::{ParamId, Real, Var, ops};
 
-/// Two-dimensional convolution; parameters `weight` `[out, in, k, k]` and `bias` `[out]`.
+/// Two-dimensional convolution ([`ops::conv2d`]); parameters `weight` `[out, in, k, k]` and `bias` `[out]`.
+///
+/// ```
+/// use weaver_autograd::{Params, Tape};
+/// use weaver_nn::{Builder, Context, Conv2d, WeightInit};
+/// let mut params = Params::<f32>::new();
+/// let layer = Conv2d::new(Builder::new(&mut params, 0).scope("patch"), 3, 5, 2, WeightInit::FanIn);
+/// let layer = layer.with_stride(2).with_padding(0);
+/// let tape = Tape::new();
+/// let y = layer.forward(Context::new(&tape, &params), tape.constant(&[0.0; 72], [1, 3, 4, 6]));
+/// assert_eq!(y.shape().dims(), [1, 5, 2, 3]);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Conv2d {
     /// `weight`, `[out, in, k, k]`.
@@ -53,7 +64,8 @@ impl Conv2d {
         Self { padding, ..self }
     }
 
-    /// Applies it to x `[N, in, H, W]`, which gives `[N, out, H', W']`.
+    /// Applies it to x `[N, in, H, W]`, which gives `[N, out, H', W']` with H' = (H + 2 padding - k) / stride + 1, rounded down.
+    /// Differentiable in x and the parameters.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
         let _layer = cx.layer(self.weight, "weight");
         ops::conv2d(x, cx.param(self.weight), self.bias.map(|b| cx.param(b)), self.stride, self.padding)
@@ -62,6 +74,16 @@ impl Conv2d {
 
 /// Transposed convolution whose stride is its kernel, which enlarges maps by that factor; parameters `weight`
 /// `[in, out, k, k]` and `bias` `[out]`.
+///
+/// ```
+/// use weaver_autograd::{Params, Tape};
+/// use weaver_nn::{Builder, Context, ConvTranspose2d, WeightInit};
+/// let mut params = Params::<f32>::new();
+/// let layer = ConvTranspose2d::new(Builder::new(&mut params, 0).scope("up"), 3, 5, 2, WeightInit::FanIn);
+/// let tape = Tape::new();
+/// let y = layer.forward(Context::new(&tape, &params), tape.constant(&[0.0; 6], [1, 3, 1, 2]));
+/// assert_eq!(y.shape().dims(), [1, 5, 2, 4]);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct ConvTranspose2d {
     /// `weight`, `[in, out, k, k]`.
@@ -87,7 +109,7 @@ impl ConvTranspose2d {
         Self { weight, bias: builder.add("bias", [outputs], biases), stride: factor }
     }
 
-    /// Applies it to x `[N, in, H, W]`, which gives `[N, out, factor H, factor W]`.
+    /// Applies it to x `[N, in, H, W]`, which gives `[N, out, factor H, factor W]`. Differentiable in x and the parameters.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
         let _layer = cx.layer(self.weight, "weight");
         ops::conv_transpose2d(x, cx.param(self.weight), Some(cx.param(self.bias)), self.stride)

@@ -7,6 +7,18 @@ use weaver_kernels::optim::lerp;
 
 /// An exponential moving average of all parameters: a = d a + (1 - d) p after every step, with
 /// d = min(decay, (k + 1) / (k + 10)) at step k, so that early steps are soon forgotten.
+///
+/// ```
+/// use weaver_autograd::Params;
+/// use weaver_nn::Ema;
+/// let mut params = Params::<f64>::new();
+/// let w = params.add("w", [1], vec![0.0]);
+/// let mut ema = Ema::new(&params, 0.999);
+/// params.value_mut(w)[0] = 10.0; // a step
+/// ema.update(&params);
+/// ema.swap(&mut params);
+/// assert_eq!(params.get(w).value(), [9.0]);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Ema<T: Real = f32> {
     /// The largest decay.
@@ -16,7 +28,7 @@ pub struct Ema<T: Real = f32> {
 }
 
 impl<T: Real> Ema<T> {
-    /// An average that begins at the parameters as they are.
+    /// An average that begins at the parameters as they are. Panics if one has no values, or has them in half precision.
     pub fn new(params: &Params<T>, decay: f64) -> Self {
         Self { decay, steps: 0, average: params.iter().map(|(_, p)| p.value().to_vec()).collect() }
     }

@@ -3,7 +3,18 @@
 use crate::{Builder, Context, Init};
 use weaver_autograd::{ParamId, Real, Var};
 
-/// Layer normalisation over the last axis; parameters `weight` and `bias` `[D]`, at first 1 and 0.
+/// Layer normalisation over the last axis, (x - mean) / sqrt(variance + eps) * weight + bias; parameters `weight` and `bias`
+/// `[D]`, at first 1 and 0.
+///
+/// ```
+/// use weaver_autograd::{Params, Tape};
+/// use weaver_nn::{Builder, Context, LayerNorm};
+/// let mut params = Params::<f64>::new();
+/// let layer = LayerNorm::new(Builder::new(&mut params, 0).scope("norm"), 2, 0.0);
+/// let tape = Tape::new();
+/// let y = layer.forward(Context::new(&tape, &params), tape.constant(&[1.0, 3.0], [1, 2]));
+/// assert_eq!(y.to_vec(), [-1.0, 1.0]);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct LayerNorm {
     /// `weight`, `[D]`.
@@ -21,7 +32,7 @@ impl LayerNorm {
         Self { weight, bias: builder.add("bias", [width], Init::Constant(0.0)), eps }
     }
 
-    /// Applies it to x `[.., D]`.
+    /// Applies it to x `[.., D]`, which gives the same shape. Differentiable in x and both parameters.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
         let _layer = cx.layer(self.weight, "weight");
         x.layer_norm(Some((cx.param(self.weight), cx.param(self.bias))), self.eps)

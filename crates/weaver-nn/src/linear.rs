@@ -36,7 +36,7 @@ impl Linear {
         Self { weight: builder.add("weight", [outputs, inputs], init.of(inputs).0), bias: None }
     }
 
-    /// Applies it to x `[.., in]`, which gives `[.., out]`.
+    /// Applies it to x `[.., in]`, which gives `[.., out]`. Differentiable in x and the parameters.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
         self.forward_with(cx, x, Activation::None)
     }

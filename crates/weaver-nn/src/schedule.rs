@@ -36,6 +36,12 @@ impl WarmupCosine {
 /// absolute rate, the same for all groups.
 ///
 /// A group whose base rate is the final rate therefore keeps it after the warm-up.
+///
+/// ```
+/// let schedule = weaver_nn::PublishedSchedule { warmup: 10, period: 100, final_rate: 1e-5 };
+/// assert_eq!((schedule.rate(0, 1e-2), schedule.rate(10, 1e-2)), (1e-5, 1e-2));
+/// assert!((schedule.rate(500, 1e-2) - 1e-5).abs() < 1e-12);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PublishedSchedule {
     /// Steps of warm-up.
