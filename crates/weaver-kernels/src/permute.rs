@@ -41,7 +41,7 @@ pub fn permute<T: Real, const N: usize>(shape: [usize; N], axes: [usize; N], x: 
         }
         offset
     };
-    let transposes = sc == 1 && beta == T::ZERO;
+    let transposes = sc == 1 && c >= TILE && beta == T::ZERO;
     let grain = GRAIN.div_ceil(d).next_multiple_of(if transposes { TILE } else { 1 });
     for_chunks(y, grain * d, |chunk, mut y| {
         let mut row = chunk * grain;
@@ -54,10 +54,10 @@ pub fn permute<T: Real, const N: usize>(shape: [usize; N], axes: [usize; N], x: 
             } else {
                 for (j, y) in part.chunks_exact_mut(d).enumerate() {
                     let x = &x[j * sc..];
-                    if sd == 1 {
-                        y.iter_mut().zip(x).for_each(|(y, x)| put(y, beta, *x));
-                    } else {
-                        y.iter_mut().zip(x.iter().step_by(sd)).for_each(|(y, x)| put(y, beta, *x));
+                    match sd {
+                        1 if beta == T::ZERO => y.copy_from_slice(&x[..d]),
+                        1 => y.iter_mut().zip(x).for_each(|(y, x)| put(y, beta, *x)),
+                        _ => y.iter_mut().zip(x.iter().step_by(sd)).for_each(|(y, x)| put(y, beta, *x)),
                     }
                 }
             }
@@ -99,6 +99,10 @@ impl<const N: usize> Walk<N> {
 }
 
 /// The order of axes that undoes `axes`. Panics if `axes` is not a permutation of 0..N.
+///
+/// ```
+/// assert_eq!(weaver_kernels::permute::inverse([1, 2, 0]), [2, 0, 1]);
+/// ```
 pub fn inverse<const N: usize>(axes: [usize; N]) -> [usize; N] {
     let mut back = [N; N];
     for (i, axis) in axes.into_iter().enumerate() {

@@ -12,6 +12,13 @@ const GRAIN: usize = 1 << 13;
 /// A head's vector of length `dim` is two halves: the first is turned by the row, the second by the
 /// column. Within a half of length n, elements k and k + n/2 are a plane turned by the angle
 /// `position * base^(-2 k / n)`. Position (0, 0) leaves a token as it is.
+///
+/// ```
+/// use weaver_kernels::rope::Rope2d;
+/// let mut y = [0.0; 4];
+/// Rope2d::new(&[[1, 0]], 4, 100.0).forward(1, &[1.0, 0.0, 1.0, 0.0], &mut y);
+/// assert_eq!(y, [1_f64.cos(), 1_f64.sin(), 1.0, 0.0]);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Rope2d<T> {
     dim: usize,
