@@ -103,7 +103,7 @@ pub trait Lanes:
     /// Binary logarithm within 4 units in the last place (or 2^-23 absolute) of positive normal numbers.
     fn log2(self) -> Self;
     /// The standard normal distribution: the probability of less than self, and the density. In `f32` within 4e-7 +
-    /// 1e-7 x^2 of themselves as far as they are normal numbers.
+    /// 1e-7 x^2 of themselves as far as they are normal numbers; the portable probability within 6e-8 absolute.
     fn normal(self) -> (Self, Self);
     /// self >= other; false where they do not compare.
     fn ge(self, other: Self) -> Self::Mask;

@@ -1,4 +1,4 @@
-//! Memory in large pages, for buffers that are read in no order.
+//! Memory in large pages, for large buffers that are read again and again, or in no order.
 
 /// Asks the operating system to back fresh memory by huge pages (2 MiB) as it is first touched: fewer address
 /// translations to look up, fewer page faults. A hint: on other systems than Linux, for little memory, or where the

@@ -29,7 +29,7 @@ impl Meter {
         Self { runs }
     }
 
-    /// Milliseconds of `job`, after two times that are not counted.
+    /// Milliseconds of `job`, after a few times that are not counted.
     pub fn ms(&self, mut job: impl FnMut()) -> f64 {
         job();
         job();
