@@ -114,7 +114,14 @@ impl<'t, T: Real> Var<'t, T> {
     }
 
     /// [`matmul`](Var::matmul) of operands whose last two axes are exchanged first where the flag says so: a transposed
-    /// A is stored as `[.., k, m]`, a transposed B as `[.., n, k]`. Nothing is copied.
+    /// A is stored as `[.., k, m]`, a transposed B as `[.., n, k]`. Nothing is copied. Differentiable in both.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f32>::new();
+    /// let (a, b) = (tape.constant(&[1.0, 2.0], [1, 2]), tape.constant(&[5.0, 6.0], [1, 2]));
+    /// assert_eq!(a.matmul_with(b, false, true).to_vec(), [17.0]);
+    /// ```
     #[track_caller]
     pub fn matmul_with(self, b: Self, trans_a: bool, trans_b: bool) -> Self {
         let [y] = self.tape().apply(Matmul { trans_a, trans_b }, &[self, b]);

@@ -4,7 +4,15 @@ use crate::{Pointwise, PointwiseOp, Var, pointwise};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 use weaver_kernels::Real;
 
-/// Applies an elementwise function of `N` inputs: all of one shape, or single elements used for all.
+/// Applies an elementwise function of `N` inputs: all of one shape, which is the result's, or single elements used for all.
+/// Differentiable in all.
+///
+/// ```
+/// use weaver_autograd::{Tape, ops::pointwise_ops::{AddOp, apply_pointwise}};
+/// let tape = Tape::<f32>::new();
+/// let (x, y) = (tape.constant(&[1.0, 2.0], [2]), tape.scalar(10.0));
+/// assert_eq!(apply_pointwise(AddOp, [x, y]).to_vec(), (x + y).to_vec());
+/// ```
 #[track_caller]
 pub fn apply_pointwise<'t, T: Real, F: Pointwise<N>, const N: usize>(f: F, inputs: [Var<'t, T>; N]) -> Var<'t, T> {
     let [y] = inputs[0].tape().apply(PointwiseOp(f), &inputs);
@@ -55,7 +63,13 @@ impl<'t, T: Real> Neg for Var<'t, T> {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// Applies an elementwise function of one input.
+    /// Applies an elementwise function of one input; the result has the shape of x, in which it is differentiable.
+    ///
+    /// ```
+    /// use weaver_autograd::{Tape, ops::activations::Square};
+    /// let tape = Tape::<f32>::new();
+    /// assert_eq!(tape.constant(&[1.0, -3.0], [2]).map(Square).to_vec(), [1.0, 9.0]);
+    /// ```
     #[track_caller]
     pub fn map<F: Pointwise<1>>(self, f: F) -> Self {
         apply_pointwise(f, [self])
