@@ -11,6 +11,7 @@
 //! inlined more surely than `for_each` with a long closure. Keep parallel loops outside: dispatch inside
 //! each chunk. On `f32` write `Real::exp(x)`, not `x.exp()`, which is the standard library's.
 
+use std::env::VarError;
 use std::sync::OnceLock;
 
 /// An instruction set that [`dispatch`] compiles for.
@@ -24,23 +25,23 @@ pub enum Level {
     Avx512,
 }
 
-/// The instruction set in use: the best one of this processor, or a lesser one named by the environment
-/// variable `WEAVER_SIMD` (`portable`, `avx2`, `avx512`), which is read once.
+/// The instruction set in use: the best one of this processor, or a lesser one named by the environment variable `WEAVER_SIMD`
+/// (`portable`, `avx2`, `avx512`), which is read once. Panics if that is none of them; see [`wanted`].
 #[inline]
 pub fn level() -> Level {
     static LEVEL: OnceLock<Level> = OnceLock::new();
-    *LEVEL.get_or_init(|| {
-        let wanted = match std::env::var("WEAVER_SIMD").as_deref() {
-            Ok("portable") => Level::Portable,
-            Ok("avx2") => Level::Avx2,
-            Ok("avx512") | Err(_) => Level::Avx512,
-            Ok(other) => {
-                eprintln!("WEAVER_SIMD is `{other}`, not portable, avx2 or avx512: the best there is, then");
-                Level::Avx512
-            }
-        };
-        wanted.min(supported())
-    })
+    *LEVEL.get_or_init(|| wanted().unwrap_or_else(|error| panic!("{error}")).min(supported()))
+}
+
+/// The instruction set that `WEAVER_SIMD` names, the best there is without it, or what is wrong with it: for programs to ask
+/// before they begin.
+pub fn wanted() -> Result<Level, String> {
+    match std::env::var("WEAVER_SIMD").as_deref() {
+        Ok("portable") => Ok(Level::Portable),
+        Ok("avx2") => Ok(Level::Avx2),
+        Ok("avx512") | Err(VarError::NotPresent) => Ok(Level::Avx512),
+        other => Err(format!("the environment variable WEAVER_SIMD is {other:?}; expected portable, avx2 or avx512")),
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
