@@ -35,7 +35,7 @@ type Function = for<'t> fn(Var<'t, f64>, Var<'t, f64>, Var<'t, f64>, f64) -> Var
 /// Long enough for several tiles of queries and keys.
 #[test]
 fn several_tiles() {
-    let inputs: Vec<Input> = (0..3).map(|i| Input::normal(i, [1, 150, 2, 8])).collect();
+    let inputs: Vec<Input> = (0..3).map(|i| Input::normal(i, [1, 200, 2, 8])).collect();
     let gradients = |f: Function| {
         let tape = Tape::<f64>::new();
         let x: Vec<_> = inputs.iter().map(|x| tape.leaf(&x.data, x.shape)).collect();
