@@ -21,7 +21,7 @@ fn config() -> ModelConfig {
     (config.width, config.height) = (WIDTH, HEIGHT);
     config.backbone.position_table = [5, 5];
     config.camera.gauge = published.camera.gauge;
-    config.dense.pixel_centre = published.dense.pixel_centre;
+    config.dense.pixel_center = published.dense.pixel_center;
     config.gaussians = weaver_model::GaussianConfig {
         sh_degree: 2,
         router_hidden: config.gaussians.router_hidden,
@@ -151,7 +151,7 @@ fn gaussians_are_stored_as_viewers_expect() {
             assert!((length / f64::from(expected.scales[3 * i + a]) - 1.0).abs() < 1e-5, "a logarithm");
             for k in 0..9 {
                 let at = if k == 0 { dc + a } else { rest + 8 * a + k - 1 };
-                assert_eq!(row[at], expected.sh[27 * i + 3 * k + a], "colour-major");
+                assert_eq!(row[at], expected.sh[27 * i + 3 * k + a], "color-major");
             }
         }
         assert_eq!(&row[rotation..rotation + 4], &expected.quats[4 * i..4 * i + 4], "wxyz");
@@ -285,7 +285,7 @@ fn everything_that_does_not_fit_is_listed() {
     scene.infer(&folder.path().join("none.safetensors"), &out, &[]).refused(1, &["none.safetensors"]);
     scene.infer(&folder.path().join("model.ckpt"), &out, &[]).refused(1, &["convert-weights"]);
     // Sizes in the metadata that no file of this many tensors can have, and those that cannot be run.
-    for (key, value, message) in [("backbone", "rounds", "layers"), ("gaussians", "neighbours", "neighbours")] {
+    for (key, value, message) in [("backbone", "rounds", "layers"), ("gaussians", "neighbors", "neighbors")] {
         let mut impossible = checkpoint("encoder.");
         let mut config: serde_json::Value = serde_json::from_str(&impossible.metadata[CONFIG]).unwrap();
         config[key][value] = 1_000_000_000_000u64.into();

@@ -30,7 +30,7 @@ fn clip(folder: &Path) -> PathBuf {
     let path = folder.join("clip.txt");
     let frame = |i: u64| ClipFrame {
         timestamp: 1000 * i,
-        normalised: [0.8, 1.0, 0.5, 0.5],
+        normalized: [0.8, 1.0, 0.5, 0.5],
         pose: Pose::new(Default::default(), DVec3::new(0.1 * i as f64, 0.0, 0.0)),
     };
     Clip { url: "http://example.org".into(), frames: (0..3).map(frame).collect() }.write(&path).unwrap();

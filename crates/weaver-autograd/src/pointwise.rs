@@ -18,7 +18,7 @@ pub trait Pointwise<const N: usize>: Debug + Send + Sync + 'static {
 #[derive(Debug)]
 pub struct PointwiseOp<F, const N: usize>(pub F);
 
-/// Elements evaluated at a time: the function runs over arrays of this length, which vectorises.
+/// Elements evaluated at a time: the function runs over arrays of this length, which vectorizes.
 const BLOCK: usize = 32;
 
 /// Elements `start..start + length` of every input, padded with 1; a single element is repeated.

@@ -84,7 +84,7 @@ pub struct Train {
     /// Threads; 0 takes one per core. Does not change results [default: the configuration's, which is 0]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(..=MOST_THREADS))]
     pub threads: Option<u16>,
-    /// Says what the run would take (parameters, activations, optimiser, peak), measured on a few steps of each stage, and
+    /// Says what the run would take (parameters, activations, optimizer, peak), measured on a few steps of each stage, and
     /// writes nothing
     #[arg(long, conflicts_with_all = ["out", "trace"])]
     pub dry_run: bool,
@@ -226,8 +226,8 @@ pub struct Render {
     /// Height in pixels; intrinsics follow [default: the cameras' aspect ratio, or 3/4 of the width]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub height: Option<u32>,
-    /// Colour where nothing is, three numbers from 0 to 1
-    #[arg(long, value_name = "R,G,B", default_value = "1,1,1", value_parser = colour)]
+    /// Color where nothing is, three numbers from 0 to 1
+    #[arg(long, value_name = "R,G,B", default_value = "1,1,1", value_parser = color)]
     pub background: [f32; 3],
     #[command(flatten)]
     pub threads: Threads,
@@ -367,10 +367,10 @@ fn size(text: &str) -> Result<[usize; 2], String> {
     }
 }
 
-fn colour(text: &str) -> Result<[f32; 3], String> {
+fn color(text: &str) -> Result<[f32; 3], String> {
     let numbers: Result<Vec<f32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
-    let colour = numbers.ok().and_then(|n| <[f32; 3]>::try_from(n).ok());
-    colour
+    let color = numbers.ok().and_then(|n| <[f32; 3]>::try_from(n).ok());
+    color
         .filter(|c| c.iter().all(|x| (0.0..=1.0).contains(x)))
         .ok_or_else(|| "expected three numbers from 0 to 1, as in 1,1,1".into())
 }
@@ -414,10 +414,10 @@ mod tests {
     }
 
     #[test]
-    fn colours_are_three_numbers_from_0_to_1() {
-        assert_eq!(colour("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
+    fn colors_are_three_numbers_from_0_to_1() {
+        assert_eq!(color("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
         for wrong in ["1,1", "1,1,1,1", "a,b,c", "0,0,256", "NaN,0,0", ""] {
-            assert!(colour(wrong).is_err(), "{wrong}");
+            assert!(color(wrong).is_err(), "{wrong}");
         }
     }
 

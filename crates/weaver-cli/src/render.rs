@@ -12,7 +12,7 @@ use std::path::Path;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
 use weaver_io::{Image, SplatPly, read_splat, read_spz};
-use weaver_splat::{Cameras, Colour, Gaussians, Images, RasterSettings, Workspace, rasterize};
+use weaver_splat::{Cameras, Color, Gaussians, Images, RasterSettings, Workspace, rasterize};
 
 /// Width of an orbit's pictures.
 const WIDTH: usize = 640;
@@ -130,7 +130,7 @@ impl<'a> Scene<'a> {
             quats: self.splats.quats.as_flattened(),
             scales: &self.scales,
             opacities: &self.opacities,
-            colour: Colour::Sh { coefficients: &self.splats.sh, degree: self.splats.degree },
+            color: Color::Sh { coefficients: &self.splats.sh, degree: self.splats.degree },
             features: None,
         };
         let viewmats = pose.rows().map(|row| row.map(|x| x as f32));
@@ -149,7 +149,7 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// `count` cameras on a circle around the middle of the scene, starting before it (towards -z of the world, where the
+/// `count` cameras on a circle around the middle of the scene, starting before it (toward -z of the world, where the
 /// first camera of our own scenes stands), -y up, with a field of view of 60 degrees. `None` when there is no scene.
 fn orbit(splats: &SplatPly, count: usize, size: Size) -> Option<Vec<NamedCamera>> {
     let means: Vec<DVec3> = splats.means.iter().map(|m| DVec3::from(m.map(f64::from))).collect();
@@ -197,7 +197,7 @@ mod tests {
             let seen = view.camera.pose.apply(middle);
             assert!(seen.x.abs() < 1e-9 && seen.y.abs() < 1e-9 && seen.z > 1.0, "{seen}");
         }
-        assert!(cameras[0].camera.pose.centre().z < 0.0);
+        assert!(cameras[0].camera.pose.center().z < 0.0);
         assert_eq!((cameras[0].camera.width, cameras[0].camera.height), (640, 480));
         assert!(orbit(&SplatPly::default(), 4, Size::default()).is_none());
     }

@@ -27,7 +27,7 @@ impl Video {
         let mut ffmpeg = Command::new("ffmpeg")
             .args(["-loglevel", "error", "-nostdin", "-y", "-f", "rawvideo", "-pixel_format", "rgb24"])
             .args(["-video_size", &format!("{width}x{height}"), "-framerate", &rate.to_string(), "-i", "pipe:0"])
-            // Players want halved colours, which want even sides.
+            // Players want halved colors, which want even sides.
             .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-movflags", "+faststart"])
             .arg(&unfinished)
             .stdin(Stdio::piped())

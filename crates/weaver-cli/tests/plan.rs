@@ -30,7 +30,7 @@ fn the_plan_is_what_is_then_measured() {
     let [plan, _] = splatweaver(folder.path(), &[&TRAIN[..], &["--dry-run"]].concat());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "a dry run leaves nothing behind");
     let parameters = megabytes(&plan, "parameters");
-    assert!(parameters > 0.5 && (megabytes(&plan, "optimiser") / parameters - 2.0).abs() < 0.2, "{plan}");
+    assert!(parameters > 0.5 && (megabytes(&plan, "optimizer") / parameters - 2.0).abs() < 0.2, "{plan}");
     assert_eq!(plan.matches("activations").count(), 2, "a plan for each stage: {plan}");
     assert!(
         plan.contains(" x linear") && megabytes(&plan, "with gradients") > megabytes(&plan, "activations"),
@@ -67,7 +67,7 @@ fn a_trace_holds_a_step_of_each_stage() {
             assert!(ops.iter().all(within), "an op outside of its part of the step");
         }
         part("tuples");
-        part("optimiser");
+        part("optimizer");
     }
     assert!(events.iter().any(|e| e["ph"] == "M" && e["args"]["name"] == "a step of stage poses"));
 }

@@ -17,7 +17,7 @@ fn main() {
     group.bench_function("training tuple of 24 views", |b| {
         b.iter(|| {
             let tuple = training_tuple(&scenes, rng, 3, 6, 4, 2);
-            scenes[0].normalised(&tuple).expect("a scene with points")
+            scenes[0].normalized(&tuple).expect("a scene with points")
         });
     });
     group.finish();

@@ -4,7 +4,7 @@
 
 use std::time::Instant;
 use weaver_data::procedural::{ProceduralOptions, scene};
-use weaver_io::{Image, false_colour};
+use weaver_io::{Image, false_color};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let seed = std::env::args().nth(1).map_or(Ok(5), |seed| seed.parse())?;
@@ -21,14 +21,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let shown: Vec<_> = scene.views.iter().step_by(4).collect();
     let photos = Image::mosaic(&shown.iter().map(|view| &view.image).collect::<Vec<_>>());
-    let colours = |depth: &[f32]| {
+    let colors = |depth: &[f32]| {
         let (near, far) =
             depth.iter().filter(|z| **z > 0.0).fold((f32::MAX, 0_f32), |(a, b), z| (a.min(*z), b.max(*z)));
         // Near is bright; the sky has no depth and is black.
         let nearness: Vec<f32> = depth.iter().map(|z| if *z > 0.0 { -z.ln() } else { f32::NAN }).collect();
-        false_colour(&nearness, 160, 120, -far.ln(), -near.ln())
+        false_color(&nearness, 160, 120, -far.ln(), -near.ln())
     };
-    let depths: Vec<Image> = shown.iter().filter_map(|view| view.depth.as_deref()).map(colours).collect();
+    let depths: Vec<Image> = shown.iter().filter_map(|view| view.depth.as_deref()).map(colors).collect();
     let depths = Image::mosaic(&depths.iter().collect::<Vec<_>>());
     let pixels = [photos.pixels, depths.pixels].concat();
     Image { width: photos.width, height: 2 * photos.height, pixels }.write_png("contact_sheet.png")?;

@@ -7,7 +7,7 @@
 //! | `sparse/0`, `images/` | COLMAP | COLMAP | every 8th |
 //! | `cameras.txt` or `<16 hex digits>.txt`, `images/` | RealEstate10K | none | every 8th |
 //!
-//! Photos are sorted by path. The largest centred crop of the network's aspect ratio is shrunk with a Lanczos
+//! Photos are sorted by path. The largest centered crop of the network's aspect ratio is shrunk with a Lanczos
 //! filter; intrinsics follow exactly.
 
 mod crop;
@@ -98,7 +98,7 @@ pub fn load_images(paths: &[PathBuf], width: usize, height: usize) -> Result<Vec
     }
     let read = |path: &PathBuf| -> Result<Image, Error> {
         let image = Image::read(path, Background::White)?;
-        Ok(Crop::centred(image.width, image.height, width, height).apply(&image))
+        Ok(Crop::centered(image.width, image.height, width, height).apply(&image))
     };
     let images: Vec<Result<Image, Error>> = paths.par_iter().map(read).collect();
     images.into_iter().collect()
@@ -137,7 +137,7 @@ fn develop(shot: &Shot, points: &[DVec3], options: &CaptureOptions) -> Result<(V
         let found = format!("{}x{}", image.width, image.height);
         return Err(Error::unexpected(&shot.file, "image size", expected, found));
     }
-    let crop = Crop::centred(image.width, image.height, width, height);
+    let crop = Crop::centered(image.width, image.height, width, height);
     let camera = Camera { pose: shot.camera.pose, intrinsics: crop.intrinsics(&shot.camera.intrinsics), width, height };
     let (visible, depth) = sight(&camera, points, &shot.track);
     let view = View {

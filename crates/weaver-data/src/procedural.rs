@@ -1,6 +1,6 @@
 //! Scenes from a seed: ray-cast planes, boxes and balls with exact cameras, depth and surface points.
 //!
-//! The ray caster shares nothing with the Gaussian rasteriser, so scenes made here can judge it. A scene is a
+//! The ray caster shares nothing with the Gaussian rasterizer, so scenes made here can judge it. A scene is a
 //! pure function of its seed and options, whatever the number of threads.
 
 mod draws;
@@ -40,7 +40,7 @@ pub struct ProceduralOptions {
 /// The scene of `seed`: a patterned ground, walls, three to six objects and a flat sky, photographed along an
 /// arc with a field of view near 60 degrees; every fourth view is held out.
 ///
-/// Depth is exact at every pixel's centre (0 for sky); points are surface points with exact visibility.
+/// Depth is exact at every pixel's center (0 for sky); points are surface points with exact visibility.
 ///
 /// ```
 /// use weaver_data::procedural::{ProceduralOptions, scene};
@@ -97,9 +97,9 @@ fn marks(view: &View, stream: Stream) -> Vec<DVec3> {
     (0..POINTS_PER_VIEW as u64)
         .filter_map(|i| {
             let pixel = stream.below(i, depth.len());
-            let centre = DVec2::new((pixel % camera.width) as f64 + 0.5, (pixel / camera.width) as f64 + 0.5);
+            let center = DVec2::new((pixel % camera.width) as f64 + 0.5, (pixel / camera.width) as f64 + 0.5);
             let z = f64::from(depth[pixel]);
-            (z > 0.0).then(|| to_world.apply(camera.intrinsics.unproject(centre, z)))
+            (z > 0.0).then(|| to_world.apply(camera.intrinsics.unproject(center, z)))
         })
         .collect()
 }
@@ -109,7 +109,7 @@ fn sees(world: &World, camera: &Camera, point: DVec3) -> bool {
     let local = camera.pose.apply(point);
     let pixel = camera.intrinsics.project(local);
     let inside = pixel.x >= 0.0 && pixel.x < camera.width as f64 && pixel.y >= 0.0 && pixel.y < camera.height as f64;
-    let eye = camera.pose.centre();
+    let eye = camera.pose.center();
     // The point itself, known to the precision of f32 depth, is no obstacle.
     local.z > 0.0 && inside && !world.blocked(eye, point - eye, 1.0 - 1e-4)
 }

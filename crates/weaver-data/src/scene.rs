@@ -69,16 +69,16 @@ impl Scene {
     fn nearness_over(&self, median: f64, a: usize, b: usize) -> f64 {
         let (a, b) = (&self.views[a].camera.pose, &self.views[b].camera.pose);
         // Views that only turn on the spot differ by their angle alone.
-        let distance = if median > 0.0 { a.centre().distance(b.centre()) / median } else { 0.0 };
+        let distance = if median > 0.0 { a.center().distance(b.center()) / median } else { 0.0 };
         distance + a.angle_to(b)
     }
 
     /// Median over all pairs of views of the distance between their cameras; 0 for fewer than two views.
     fn median_distance(&self) -> f64 {
-        let centres: Vec<DVec3> = self.views.iter().map(|view| view.camera.pose.centre()).collect();
-        let mut distances: Vec<f64> = Vec::with_capacity(centres.len() * centres.len() / 2);
-        for (i, a) in centres.iter().enumerate() {
-            distances.extend(centres[..i].iter().map(|b| a.distance(*b)));
+        let centers: Vec<DVec3> = self.views.iter().map(|view| view.camera.pose.center()).collect();
+        let mut distances: Vec<f64> = Vec::with_capacity(centers.len() * centers.len() / 2);
+        for (i, a) in centers.iter().enumerate() {
+            distances.extend(centers[..i].iter().map(|b| a.distance(*b)));
         }
         distances.sort_unstable_by(f64::total_cmp);
         match distances.len() {
@@ -111,15 +111,15 @@ impl Scene {
     }
 
     /// The cameras of `tuple` with the first context camera as the identity and lengths divided by the mean
-    /// distance from its centre to the points that the context views see (their union).
+    /// distance from its center to the points that the context views see (their union).
     ///
     /// Where the context sees no points, the length that becomes 1 is [`Scene::scale`].
     ///
     /// # Errors
     /// [`Error::Scale`] if neither points nor a positive `scale` tell how large the scene is.
-    pub fn normalised(&self, tuple: &Tuple) -> Result<Posed, Error> {
+    pub fn normalized(&self, tuple: &Tuple) -> Result<Posed, Error> {
         let reference = self.views[tuple.context[0]].camera.pose;
-        let unit = self.mean_distance(reference.centre(), &tuple.context).or(self.scale);
+        let unit = self.mean_distance(reference.center(), &tuple.context).or(self.scale);
         let unit = unit.filter(|unit| unit.is_finite() && *unit > 0.0).ok_or_else(|| Error::Scale {
             scene: self.name.clone(),
             context: tuple.context.clone(),

@@ -1,7 +1,7 @@
 //! Lays one camera path over another: `cargo run --release -p weaver-geometry --example align`.
 //!
-//! Reconstructions of one place differ by a similarity: where the origin is, which way is up, how long a metre is. An orbit is
-//! turned, shrunk, moved and shaken by 1 %; the similarity is found again from the camera centres. Prints the errors.
+//! Reconstructions of one place differ by a similarity: where the origin is, which way is up, how long a meter is. An orbit is
+//! turned, shrunk, moved and shaken by 1 %; the similarity is found again from the camera centers. Prints the errors.
 
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::{Pose, Similarity, trajectory::orbit};
@@ -22,14 +22,14 @@ fn main() {
     let reconstruction: Vec<Pose> = truth.iter().enumerate().map(shaken).collect();
 
     let root_mean_square = |poses: &[Pose]| {
-        let squares = poses.iter().zip(&truth).map(|(a, b)| a.centre().distance_squared(b.centre()));
+        let squares = poses.iter().zip(&truth).map(|(a, b)| a.center().distance_squared(b.center()));
         (squares.sum::<f64>() / truth.len() as f64).sqrt()
     };
-    let found = Similarity::fit_centres(&reconstruction, &truth).expect("an orbit determines a similarity");
+    let found = Similarity::fit_centers(&reconstruction, &truth).expect("an orbit determines a similarity");
     let aligned: Vec<Pose> = reconstruction.iter().map(|pose| found.apply_to_pose(pose)).collect();
     let turn = aligned.iter().zip(&truth).map(|(a, b)| a.angle_to(b).to_degrees()).fold(0.0, f64::max);
     println!("40 cameras, 4.3 from the middle");
-    println!("before: centres {:.4} off", root_mean_square(&reconstruction));
-    println!("after:  centres {:.4} off, axes at most {turn:.3} degrees", root_mean_square(&aligned));
+    println!("before: centers {:.4} off", root_mean_square(&reconstruction));
+    println!("after:  centers {:.4} off, axes at most {turn:.3} degrees", root_mean_square(&aligned));
     println!("scale {:.5}, expected {:.5}", found.scale, 1.0 / moved.scale);
 }

@@ -15,7 +15,7 @@ pub struct Similarity {
 }
 
 impl Similarity {
-    /// The transform that minimises `sum |to_i - transform(from_i)|^2`.
+    /// The transform that minimizes `sum |to_i - transform(from_i)|^2`.
     ///
     /// `None` when it is not determined: fewer than three points, or all points (nearly) on one line.
     /// Panics when the numbers of points differ.
@@ -54,11 +54,11 @@ impl Similarity {
         Some(Self { scale, rotation, translation: to_mean - rotation * from_mean * scale })
     }
 
-    /// The transform between the worlds of two reconstructions, from the centres of their cameras.
+    /// The transform between the worlds of two reconstructions, from the centers of their cameras.
     /// See [`Self::fit`].
-    pub fn fit_centres(from: &[Pose], to: &[Pose]) -> Option<Self> {
-        let centres = |poses: &[Pose]| poses.iter().map(Pose::centre).collect::<Vec<_>>();
-        Self::fit(&centres(from), &centres(to))
+    pub fn fit_centers(from: &[Pose], to: &[Pose]) -> Option<Self> {
+        let centers = |poses: &[Pose]| poses.iter().map(Pose::center).collect::<Vec<_>>();
+        Self::fit(&centers(from), &centers(to))
     }
 
     /// A point in the other world.
@@ -66,10 +66,10 @@ impl Similarity {
         self.rotation * point * self.scale + self.translation
     }
 
-    /// A camera in the other world: its centre and its axes are carried over.
+    /// A camera in the other world: its center and its axes are carried over.
     pub fn apply_to_pose(&self, pose: &Pose) -> Pose {
         let rotation = pose.rotation * self.rotation.transpose();
-        Pose::new(rotation, -(rotation * self.apply(pose.centre())))
+        Pose::new(rotation, -(rotation * self.apply(pose.center())))
     }
 }
 

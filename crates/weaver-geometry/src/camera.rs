@@ -3,7 +3,7 @@
 use crate::Pose;
 use glam::{DVec2, DVec3};
 
-/// Pinhole intrinsics in pixels; pixel centres lie at half-integers.
+/// Pinhole intrinsics in pixels; pixel centers lie at half-integers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Intrinsics {
     /// Horizontal focal length, pixels.

@@ -1,6 +1,6 @@
 //! Poses, cameras, intrinsics, pose encodings, spherical harmonics and alignment; no tensors.
 //!
-//! Conventions: world-to-camera poses, OpenCV axes (x right, y down, z forward), pixel centres at +0.5,
+//! Conventions: world-to-camera poses, OpenCV axes (x right, y down, z forward), pixel centers at +0.5,
 //! quaternions in wxyz order.
 
 mod align;

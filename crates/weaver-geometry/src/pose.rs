@@ -29,7 +29,7 @@ impl Pose {
         Self { rotation, translation }
     }
 
-    /// From a quaternion in wxyz order (normalised here) and a translation.
+    /// From a quaternion in wxyz order (normalized here) and a translation.
     pub fn from_wxyz(q: [f64; 4], translation: DVec3) -> Self {
         let q = DQuat::from_xyzw(q[1], q[2], q[3], q[0]).normalize();
         Self { rotation: DMat3::from_quat(q), translation }
@@ -37,7 +37,7 @@ impl Pose {
 
     /// From the upper three rows of a 4x4 rigid transform, as files hold them.
     ///
-    /// Rounding in the file is removed: the rotation is orthonormal afterwards. Errors when a value is not
+    /// Rounding in the file is removed: the rotation is orthonormal afterward. Errors when a value is not
     /// finite, or when `|R^T R - 1|` exceeds 1e-3 in any entry, or when the matrix mirrors.
     pub fn from_rows(rows: &[[f64; 4]; 3]) -> Result<Self, NotRigid> {
         if rows.iter().flatten().any(|x| !x.is_finite()) {
@@ -98,8 +98,8 @@ impl Pose {
         self.rotation * world + self.translation
     }
 
-    /// The camera's centre in world coordinates, `-R^T t`.
-    pub fn centre(&self) -> DVec3 {
+    /// The camera's center in world coordinates, `-R^T t`.
+    pub fn center(&self) -> DVec3 {
         -(self.rotation.transpose() * self.translation)
     }
 

@@ -2,7 +2,7 @@
 //!
 //! `[tx, ty, tz, qx, qy, qz, qw, fov_vertical, fov_horizontal]`: the translation of the world-to-camera pose,
 //! its rotation as a quaternion with the scalar *last* (the one place where it is), and full fields of view in
-//! radians. The principal point is the centre of the image. Source: Wang et al., "VGGT" (CVPR 2025).
+//! radians. The principal point is the center of the image. Source: Wang et al., "VGGT" (CVPR 2025).
 
 use crate::{Camera, Intrinsics, Pose};
 use glam::DVec3;
@@ -10,7 +10,7 @@ use glam::DVec3;
 /// What is added to the tangent of half the field of view where weights were trained so.
 pub const TANGENT_OFFSET: f64 = 1e-3;
 
-/// The code of a camera, quaternion of unit length with w not negative. A principal point off the centre is lost.
+/// The code of a camera, quaternion of unit length with w not negative. A principal point off the center is lost.
 pub fn encode(camera: &Camera) -> [f64; 9] {
     let t = camera.pose.translation;
     let [w, x, y, z] = camera.pose.wxyz();

@@ -32,12 +32,12 @@ pub fn orbit(eye: DVec3, target: DVec3, up: DVec3, count: usize) -> Vec<Pose> {
     (0..count).map(camera).collect()
 }
 
-/// The camera a part `t` of the way from `a` (0) to `b` (1): the centre on the straight line, the rotation by
+/// The camera a part `t` of the way from `a` (0) to `b` (1): the center on the straight line, the rotation by
 /// the shortest turn at constant speed.
 pub fn between(a: &Pose, b: &Pose, t: f64) -> Pose {
     let quat = |p: &Pose| DQuat::from_mat3(&p.rotation);
     let rotation = DMat3::from_quat(quat(a).slerp(quat(b), t).normalize());
-    Pose::new(rotation, -(rotation * a.centre().lerp(b.centre(), t)))
+    Pose::new(rotation, -(rotation * a.center().lerp(b.center(), t)))
 }
 
 /// A path through all `keys` in their order, with `steps` cameras from each key up to the next, and the last key.

@@ -1,13 +1,13 @@
 //! Writes Gaussians that any 3DGS viewer opens: `cargo run --release -p weaver-io --example splat_ply`.
 //!
-//! A trefoil knot of 6000 Gaussians that shrink towards its outside, as PLY in stored form: log scales, logit opacities,
+//! A trefoil knot of 6000 Gaussians that shrink toward its outside, as PLY in stored form: log scales, logit opacities,
 //! wxyz. Reads the file back and prints what is in it.
 
 use std::f32::consts::TAU;
 use weaver_io::SplatPly;
 
 const COUNT: usize = 6000;
-/// The constant spherical harmonic, 1 / (2 sqrt(pi)): colour = 0.5 + SH_0 * coefficient.
+/// The constant spherical harmonic, 1 / (2 sqrt(pi)): color = 0.5 + SH_0 * coefficient.
 const SH_0: f32 = 0.282_094_8;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -26,7 +26,7 @@ pub struct CameraModel {
     pub width: usize,
     /// Image height, pixels.
     pub height: usize,
-    /// Intrinsics; COLMAP puts pixel centres at half-integers, as we do.
+    /// Intrinsics; COLMAP puts pixel centers at half-integers, as we do.
     pub intrinsics: Intrinsics,
 }
 
@@ -52,7 +52,7 @@ pub struct Point {
     pub id: u64,
     /// World position.
     pub xyz: [f64; 3],
-    /// Mean colour.
+    /// Mean color.
     pub rgb: [u8; 3],
     /// Mean reprojection error, pixels.
     pub error: f64,

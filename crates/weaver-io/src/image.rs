@@ -7,7 +7,7 @@ use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageReader};
 use std::io::Cursor;
 use std::path::Path;
 
-/// An RGB image, `[height, width, 3]` row-major, sRGB values / 255 in [0, 1], never linearised.
+/// An RGB image, `[height, width, 3]` row-major, sRGB values / 255 in [0, 1], never linearized.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// Pixels across.
@@ -29,12 +29,12 @@ pub enum Background {
 }
 
 impl Image {
-    /// An image of one colour.
+    /// An image of one color.
     pub fn filled(width: usize, height: usize, rgb: [f32; 3]) -> Self {
         Self { width, height, pixels: rgb.repeat(width * height) }
     }
 
-    /// Reads a PNG or JPEG file (8 or 16 bits, grey or RGB, with or without alpha).
+    /// Reads a PNG or JPEG file (8 or 16 bits, gray or RGB, with or without alpha).
     ///
     /// Straight alpha is composited over `background` in sRGB values. The EXIF orientation is *not* applied: cameras
     /// from structure from motion refer to the pixels as stored.
@@ -132,7 +132,7 @@ impl Image {
     }
 }
 
-/// Whether these are the bytes of a JPEG whose picture has a beginning and no end. Decoders fill the rest with grey.
+/// Whether these are the bytes of a JPEG whose picture has a beginning and no end. Decoders fill the rest with gray.
 fn is_cut_jpeg(bytes: &[u8]) -> bool {
     const START: [u8; 2] = [0xff, 0xd8];
     const SCAN: u8 = 0xda;

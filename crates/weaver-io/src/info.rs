@@ -83,17 +83,17 @@ fn transforms(scene: &Transforms) -> String {
         let k = frame.intrinsics;
         lines += &format!("\nfirst: {}, {}", frame.name, camera(frame.width, frame.height, [k.fx, k.fy, k.cx, k.cy]));
     }
-    lines + &centres(scene.frames.iter().map(|f| f.pose))
+    lines + &centers(scene.frames.iter().map(|f| f.pose))
 }
 
 fn clip(clip: &Clip) -> String {
     let mut lines = format!("RealEstate10K, {} cameras of {}", clip.frames.len(), clip.url);
     if let (Some(first), Some(last)) = (clip.frames.first(), clip.frames.last()) {
-        let [fx, fy, cx, cy] = first.normalised;
+        let [fx, fy, cx, cy] = first.normalized;
         lines += &format!("\ntime {} to {} microseconds", first.timestamp, last.timestamp);
         lines += &format!("\nfirst: fx {fx} fy {fy} cx {cx} cy {cy} of the image's size");
     }
-    lines + &centres(clip.frames.iter().map(|f| f.pose))
+    lines + &centers(clip.frames.iter().map(|f| f.pose))
 }
 
 fn model(model: &Model) -> String {
@@ -112,7 +112,7 @@ fn cameras<'a>(cameras: impl ExactSizeIterator<Item = &'a CameraModel>) -> Strin
 fn images(images: &[colmap::ImageRecord]) -> String {
     let observed = images.iter().flat_map(|i| &i.points).filter(|p| p.2.is_some()).count();
     let head = format!("COLMAP images, {} with {observed} observations of points", images.len());
-    head + &centres(images.iter().map(|i| i.pose))
+    head + &centers(images.iter().map(|i| i.pose))
 }
 
 fn points(points: &[Point]) -> String {
@@ -127,11 +127,11 @@ fn camera(width: usize, height: usize, [fx, fy, cx, cy]: [f64; 4]) -> String {
     format!("{width}x{height} pixels, fx {fx:.3} fy {fy:.3} cx {cx:.3} cy {cy:.3}")
 }
 
-fn centres(poses: impl Iterator<Item = Pose>) -> String {
-    let centres: Vec<DVec3> = poses.map(|p| p.centre()).collect();
-    let Some(&first) = centres.first() else { return String::new() };
-    let (low, high) = centres.iter().fold((first, first), |(l, h), c| (l.min(*c), h.max(*c)));
-    format!("\ncamera centres from {low:.3} to {high:.3}")
+fn centers(poses: impl Iterator<Item = Pose>) -> String {
+    let centers: Vec<DVec3> = poses.map(|p| p.center()).collect();
+    let Some(&first) = centers.first() else { return String::new() };
+    let (low, high) = centers.iter().fold((first, first), |(l, h), c| (l.min(*c), h.max(*c)));
+    format!("\ncamera centers from {low:.3} to {high:.3}")
 }
 
 /// Smallest, mean and largest of some numbers.

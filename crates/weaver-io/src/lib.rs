@@ -1,6 +1,6 @@
 //! File formats: images, PLY, splat, SPZ, COLMAP, transforms.json, RealEstate10K, safetensors.
 //!
-//! Poses leave this crate as OpenCV world-to-camera, intrinsics in pixels with pixel centres at half-integers.
+//! Poses leave this crate as OpenCV world-to-camera, intrinsics in pixels with pixel centers at half-integers.
 //! Every failure is an [`Error`] that names the file and the place in it; nothing panics on hostile bytes.
 //! Every file is written atomically ([`atomic_write`]).
 
@@ -9,7 +9,7 @@ mod atomic;
 mod bytes;
 pub mod checkpoint;
 pub mod colmap;
-mod colour;
+mod color;
 mod error;
 mod file;
 mod folder;
@@ -31,7 +31,7 @@ mod weights_writer;
 
 pub use append::Appender;
 pub use atomic::atomic_write;
-pub use colour::{false_colour, label_colour};
+pub use color::{false_color, label_color};
 pub use error::{Error, Result};
 pub use file::{read_bytes, read_text, write_text};
 pub use folder::{check_writable, create_folder, list_files};

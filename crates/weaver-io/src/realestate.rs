@@ -20,7 +20,7 @@ pub struct ClipFrame {
     /// Microseconds from the start of the video; also the stem of the image's file name.
     pub timestamp: u64,
     /// `fx / width`, `fy / height`, `cx / width`, `cy / height`.
-    pub normalised: [f64; 4],
+    pub normalized: [f64; 4],
     /// OpenCV world-to-camera.
     pub pose: Pose,
 }
@@ -28,7 +28,7 @@ pub struct ClipFrame {
 impl ClipFrame {
     /// Intrinsics in pixels for an image of `width` x `height`.
     pub fn intrinsics(&self, width: usize, height: usize) -> Intrinsics {
-        let [fx, fy, cx, cy] = self.normalised;
+        let [fx, fy, cx, cy] = self.normalized;
         let (w, h) = (width as f64, height as f64);
         Intrinsics { fx: fx * w, fy: fy * h, cx: cx * w, cy: cy * h }
     }
@@ -59,7 +59,7 @@ impl Clip {
             for frame in &self.frames {
                 write!(w, "{}", frame.timestamp)?;
                 let rows = frame.pose.rows();
-                for value in frame.normalised.iter().chain(&[0.0, 0.0]).chain(rows.as_flattened()) {
+                for value in frame.normalized.iter().chain(&[0.0, 0.0]).chain(rows.as_flattened()) {
                     write!(w, " {value}")?;
                 }
                 writeln!(w)?;
@@ -95,5 +95,5 @@ fn frame(path: &Path, line: &str, number: usize) -> Result<ClipFrame> {
     rows.as_flattened_mut().copy_from_slice(matrix);
     let pose = Pose::from_rows(&rows)
         .map_err(|e| Error::invalid(path, place("matrix"), "a rigid world-to-camera transform", e))?;
-    Ok(ClipFrame { timestamp, normalised: [fx, fy, cx, cy], pose })
+    Ok(ClipFrame { timestamp, normalized: [fx, fy, cx, cy], pose })
 }

@@ -13,7 +13,7 @@ impl Image {
     /// Resizes the part `[x0, y0, x1, y1]` (pixels, may be fractional) to `width` x `height` with a
     /// Lanczos filter of three lobes, widened when shrinking so that nothing aliases.
     ///
-    /// The filter reads past the box, but not past the image, where the remaining weights are normalised.
+    /// The filter reads past the box, but not past the image, where the remaining weights are normalized.
     /// Panics when the box is empty or sticks out of the image.
     pub fn resize(&self, width: usize, height: usize, part: [f64; 4]) -> Self {
         self.resample(width, height, part, lanczos3, 3.0)
@@ -87,10 +87,10 @@ fn taps(size: usize, from: f64, to: f64, out: usize, filter: fn(f64) -> f64, sup
     let stretch = scale.max(1.0);
     let reach = support * stretch;
     let tap = |o: usize| {
-        let centre = from + (o as f64 + 0.5) * scale;
-        let first = (centre - reach + 0.5).max(0.0) as usize;
-        let end = ((centre + reach + 0.5) as usize).min(size);
-        let weight = |i: usize| filter((i as f64 + 0.5 - centre) / stretch);
+        let center = from + (o as f64 + 0.5) * scale;
+        let first = (center - reach + 0.5).max(0.0) as usize;
+        let end = ((center + reach + 0.5) as usize).min(size);
+        let weight = |i: usize| filter((i as f64 + 0.5 - center) / stretch);
         let total: f64 = (first..end).map(weight).sum();
         let one = f64::from(1 << FRACTION);
         let weights = (first..end).map(|i| (weight(i) / total * one).round() as i32).collect();

@@ -1,4 +1,4 @@
-//! The `.splat` form of web viewers: 32 bytes for each Gaussian, no header, no view-dependent colour.
+//! The `.splat` form of web viewers: 32 bytes for each Gaussian, no header, no view-dependent color.
 
 use crate::bytes::Bytes;
 use crate::ply::{SplatPly, check};
@@ -23,7 +23,7 @@ pub fn read_splat(path: impl AsRef<Path>) -> Result<SplatPly> {
     for _ in 0..size / RECORD {
         splats.means.push(bytes.f32s("a position")?);
         splats.log_scales.push(bytes.f32s("a scale")?.map(|s: f32| s.max(f32::MIN_POSITIVE).ln()));
-        let [r, g, b, a] = bytes.take("a colour")?;
+        let [r, g, b, a] = bytes.take("a color")?;
         splats.sh.extend([r, g, b].map(|c| (f32::from(c) / 255.0 - 0.5) / SH_0));
         let opacity = f32::from(a) / 255.0;
         splats.opacity_logits.push((opacity / (1.0 - opacity)).ln());

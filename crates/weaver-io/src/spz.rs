@@ -1,6 +1,6 @@
 //! The compressed `.spz` form of Niantic, versions 2 and 3 (gzip).
 //!
-//! A header of 16 bytes, then one array after the other: positions, opacities, colours, scales, rotations,
+//! A header of 16 bytes, then one array after the other: positions, opacities, colors, scales, rotations,
 //! spherical harmonics. Its axes are those of OpenGL (x right, y up, z back), against x right, y down, z forward
 //! in PLY files and here, so everything is turned half about x on reading.
 
@@ -18,8 +18,8 @@ const MAGIC: u32 = u32::from_le_bytes(*b"NGSP");
 /// Deflate makes no file more than about 1032 times smaller.
 const LARGEST_RATIO: u64 = 1040;
 
-/// Colours are stored as `0.15 x + 0.5`.
-const COLOUR_SCALE: f32 = 0.15;
+/// Colors are stored as `0.15 x + 0.5`.
+const COLOR_SCALE: f32 = 0.15;
 
 /// Reads a `.spz` file of version 2 or 3. Values are as coarse as the format: 8 bits for most, 24 for positions.
 pub fn read_spz(path: impl AsRef<Path>) -> Result<SplatPly> {
@@ -74,8 +74,8 @@ fn unpack(path: &Path, mut bytes: Bytes) -> Result<SplatPly> {
         let opacity = f32::from(bytes.take::<1>("an opacity")?[0]) / 255.0;
         splats.opacity_logits.push((opacity / (1.0 - opacity)).ln());
     }
-    let colour = |c: u8| (f32::from(c) / 255.0 - 0.5) / COLOUR_SCALE;
-    let colours: Vec<[f32; 3]> = (0..n).map(|_| Ok(bytes.take("a colour")?.map(colour))).collect::<Result<_>>()?;
+    let color = |c: u8| (f32::from(c) / 255.0 - 0.5) / COLOR_SCALE;
+    let colors: Vec<[f32; 3]> = (0..n).map(|_| Ok(bytes.take("a color")?.map(color))).collect::<Result<_>>()?;
     for _ in 0..n {
         splats.log_scales.push(bytes.take("a scale")?.map(|s: u8| f32::from(s) / 16.0 - 10.0));
     }
@@ -87,8 +87,8 @@ fn unpack(path: &Path, mut bytes: Bytes) -> Result<SplatPly> {
         splats.quats.push([w, x, -y, -z]);
     }
     let signs = half_turn_signs();
-    for colour in colours {
-        splats.sh.extend(colour);
+    for color in colors {
+        splats.sh.extend(color);
         for sign in &signs[1..=rest] {
             let rgb: [u8; 3] = bytes.take("spherical harmonics")?;
             splats.sh.extend(rgb.map(|b| sign * (f32::from(b) - 128.0) / 128.0));

@@ -43,7 +43,7 @@ impl Transforms {
     /// Reads the file and looks for its images.
     ///
     /// Intrinsics may stand in the frame or, for all frames, at the top: `fl_x` `fl_y` `cx` `cy` `w` `h`, or
-    /// `camera_angle_x` (and `_y`). Missing `fl_y` is `fl_x`, a missing principal point is the image's centre, a
+    /// `camera_angle_x` (and `_y`). Missing `fl_y` is `fl_x`, a missing principal point is the image's center, a
     /// missing size is read from the image's header. A `file_path` without extension gets `.png`, `.jpg` or `.jpeg`,
     /// whichever exists. Errors on lens distortion, on matrices that are not rigid and on missing images.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {

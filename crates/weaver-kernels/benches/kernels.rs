@@ -237,8 +237,8 @@ fn memory(c: &mut Criterion) {
     group.finish();
 }
 
-/// What an optimiser does after every step; throughput in parameters.
-fn optimisers(c: &mut Criterion) {
+/// What an optimizer does after every step; throughput in parameters.
+fn optimizers(c: &mut Criterion) {
     let mut group = c.benchmark_group("optim");
     let (mut p, g) = (numbers(1 << 18), numbers(1 << 18));
     let (mut m, mut v) = (vec![0.0; p.len()], vec![0.0; p.len()]);
@@ -262,6 +262,6 @@ fn main() {
     tokens(&mut criterion);
     resampling(&mut criterion);
     memory(&mut criterion);
-    optimisers(&mut criterion);
+    optimizers(&mut criterion);
     criterion.final_summary();
 }

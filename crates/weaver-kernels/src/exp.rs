@@ -1,5 +1,5 @@
 //! Exponential and hyperbolic tangent in `f32`, without branches or calls, so that loops over them
-//! vectorise inside [`simd::dispatch`](crate::simd::dispatch).
+//! vectorize inside [`simd::dispatch`](crate::simd::dispatch).
 //!
 //! Both reduce x = n ln 2 + r with |r| <= ln 2 / 2 (ln 2 in two parts, after Cody and Waite) and use a
 //! polynomial for e^r - 1 that interpolates at Chebyshev nodes.

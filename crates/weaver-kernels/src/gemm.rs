@@ -41,9 +41,9 @@ const TASK: usize = 1 << 18;
 pub struct Mat<'a, T> {
     /// The elements, starting with (0, 0).
     pub data: &'a [T],
-    /// Distance between neighbouring rows.
+    /// Distance between neighboring rows.
     pub row_stride: usize,
-    /// Distance between neighbouring columns.
+    /// Distance between neighboring columns.
     pub col_stride: usize,
 }
 
@@ -269,7 +269,7 @@ impl<T: Real, B: Panels<T>> Product<'_, T, B> {
                     let first = tile(sweep(s).start).start;
                     if packed && depth > 0 {
                         let strides = [self.a.col_stride, self.a.row_stride];
-                        // Where rows of tiles are neighbours in memory, all tiles take their part of a few lines, and then of
+                        // Where rows of tiles are neighbors in memory, all tiles take their part of a few lines, and then of
                         // the next, which were asked for meanwhile.
                         let run = if strides[1] == 1 { AHEAD } else { depth };
                         for p in (0..depth).step_by(run) {

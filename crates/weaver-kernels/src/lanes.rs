@@ -1,4 +1,4 @@
-//! Sixteen numbers side by side, for kernels that need more than the compiler's own vectorisation: masks, fused
+//! Sixteen numbers side by side, for kernels that need more than the compiler's own vectorization: masks, fused
 //! multiply-add, approximate reciprocals, transposes in registers.
 //!
 //! A kernel is written once, over any [`Lanes`], as a [`LaneKernel`]; [`run`] calls it with the vector type of the

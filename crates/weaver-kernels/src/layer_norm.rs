@@ -1,4 +1,4 @@
-//! Layer normalisation over the last dimension (Ba, Kiros and Hinton 2016).
+//! Layer normalization over the last dimension (Ba, Kiros and Hinton 2016).
 
 use crate::lanes::rows::{ABREAST, rows_of, rows_of_mut, totals};
 use crate::lanes::{self, LANES, LaneKernel, LaneMask, Lanes};
@@ -99,17 +99,17 @@ fn forward<V: Lanes, const R: usize>(
         }
     }
     let sums = totals(sums);
-    let (mut centre, mut squares) = ([V::zero(); R], [V::zero(); R]);
+    let (mut center, mut squares) = ([V::zero(); R], [V::zero(); R]);
     let inside = V::Mask::from_bits((1 << (cols % LANES)) - 1);
     for r in 0..R {
         stats[2 * r] = sums[r] / n;
-        centre[r] = V::splat(stats[2 * r]);
-        let d = (rest[r] - centre[r]).only(inside);
+        center[r] = V::splat(stats[2 * r]);
+        let d = (rest[r] - center[r]).only(inside);
         squares[r] = d * d;
     }
     for i in 0..whole {
         for r in 0..R {
-            let d = V::load(&x[r][i]) - centre[r];
+            let d = V::load(&x[r][i]) - center[r];
             squares[r] = d.mul_add(d, squares[r]);
         }
     }
@@ -124,14 +124,14 @@ fn forward<V: Lanes, const R: usize>(
     let (b, last_b) = affine.map_or((&[][..], V::zero()), |(_, b)| lanes::split(b));
     for i in 0..whole {
         for r in 0..R {
-            let hat = (V::load(&x[r][i]) - centre[r]) * scale[r];
+            let hat = (V::load(&x[r][i]) - center[r]) * scale[r];
             let out = if affine.is_some() { hat.mul_add(V::load(&w[i]), V::load(&b[i])) } else { hat };
             out.store(&mut y[r].0[i]);
         }
     }
     if !cols.is_multiple_of(LANES) {
         for r in 0..R {
-            let hat = (rest[r] - centre[r]) * scale[r];
+            let hat = (rest[r] - center[r]) * scale[r];
             lanes::put(if affine.is_some() { hat.mul_add(last_w, last_b) } else { hat }, y[r].1, 0);
         }
     }
@@ -246,7 +246,7 @@ impl<T: Real> LaneKernel<T> for Backward<'_, T> {
 struct Slopes<V, const R: usize> {
     mean: [V; R],
     rstd: [V; R],
-    /// Sums along each row of the normalised output's gradient, plain and times that output; later their means.
+    /// Sums along each row of the normalized output's gradient, plain and times that output; later their means.
     along_one: [V; R],
     along_x: [V; R],
 }

@@ -1,4 +1,4 @@
-//! The optimiser's inner loops.
+//! The optimizer's inner loops.
 
 use crate::{Real, simd};
 use rayon::prelude::*;

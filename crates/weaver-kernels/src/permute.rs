@@ -66,7 +66,7 @@ pub fn permute<T: Real, const N: usize>(shape: [usize; N], axes: [usize; N], x: 
     });
 }
 
-/// The axes of y, each with the step it takes in x. Neighbours that are neighbours in x as well are one axis, and axes of
+/// The axes of y, each with the step it takes in x. Neighbors that are neighbors in x as well are one axis, and axes of
 /// length 1 are none.
 struct Walk<const N: usize> {
     dims: [usize; N],

@@ -17,7 +17,7 @@ pub struct Stream {
     key: u64,
 }
 
-/// SplitMix64's finaliser: a bijection of 64-bit words with good avalanche (Steele et al., OOPSLA 2014).
+/// SplitMix64's finalizer: a bijection of 64-bit words with good avalanche (Steele et al., OOPSLA 2014).
 #[inline(always)]
 fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

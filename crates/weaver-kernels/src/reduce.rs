@@ -28,7 +28,7 @@ fn total<T: Real>(n: usize, chunk: impl Fn(std::ops::Range<usize>) -> T + Sync) 
     sum
 }
 
-/// Adds neighbours, then neighbours of those, and so on: the rounding error grows with log n.
+/// Adds neighbors, then neighbors of those, and so on: the rounding error grows with log n.
 fn pairwise<T: Real>(x: &[T]) -> T {
     match x {
         [] => T::ZERO,

@@ -76,10 +76,10 @@ impl<T: Real> Axis<T> {
         Self::new(inputs, outputs, |i| {
             let scale = inputs as f64 / outputs as f64;
             let stretch = scale.max(1.0);
-            let centre = (i as f64 + 0.5) * scale;
-            let from = (centre - 2.0 * stretch + 0.5).max(0.0) as usize;
-            let to = ((centre + 2.0 * stretch + 0.5) as usize).min(inputs);
-            let weight = move |j: usize| keys((j as f64 + 0.5 - centre) / stretch, -0.5);
+            let center = (i as f64 + 0.5) * scale;
+            let from = (center - 2.0 * stretch + 0.5).max(0.0) as usize;
+            let to = ((center + 2.0 * stretch + 0.5) as usize).min(inputs);
+            let weight = move |j: usize| keys((j as f64 + 0.5 - center) / stretch, -0.5);
             let total: f64 = (from..to).map(weight).sum();
             (from..to).map(move |j| (j, weight(j) / total))
         })
@@ -126,7 +126,7 @@ impl<T: Real> Resample<T> {
         Self { rows, cols, rows_back, cols_back }
     }
 
-    /// Bilinear resize from `[h, w]` to `[h, w]`. With `align_corners` the corner pixels' centres keep
+    /// Bilinear resize from `[h, w]` to `[h, w]`. With `align_corners` the corner pixels' centers keep
     /// their places, otherwise the corners of the image do, and borders are repeated.
     pub fn bilinear(from: [usize; 2], to: [usize; 2], align_corners: bool) -> Self {
         let axis = |i: usize| Axis::bilinear(from[i], to[i], align_corners);

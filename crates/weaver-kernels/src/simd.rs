@@ -2,7 +2,7 @@
 //!
 //! [`dispatch`] runs a closure inside a function that was compiled for AVX-512, for AVX2 with FMA, or
 //! for the baseline of the target, whichever the processor offers. What is inlined into the closure is
-//! then vectorised by the compiler with those registers: plain loops over slices, no intrinsics. The
+//! then vectorized by the compiler with those registers: plain loops over slices, no intrinsics. The
 //! arithmetic is the same in all three (the compiler never fuses or reorders floating-point operations
 //! on its own), so the results are too.
 //!

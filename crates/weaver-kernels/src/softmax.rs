@@ -111,7 +111,7 @@ pub(crate) fn maximum<T: Real>(x: &[T]) -> T {
     rest.iter().chain(&tops).fold(-T::INFINITY, |a, b| if *b > a { *b } else { a })
 }
 
-/// Several columns at a time, so that the loops vectorise across them.
+/// Several columns at a time, so that the loops vectorize across them.
 #[inline(always)]
 fn columns<T: Real>(inner: usize, x: &[T], y: &mut [T]) {
     for from in (0..inner).step_by(WIDTH) {

@@ -26,7 +26,7 @@ fn filtered(image: &Image, f: impl Fn(&dyn Fn(isize, isize) -> f32) -> f32) -> I
     Image { pixels, ..*image }
 }
 
-/// The picture moved towards a spoilt one, or beyond it, until the error is that of `decibels`.
+/// The picture moved toward a spoilt one, or beyond it, until the error is that of `decibels`.
 fn spoilt(image: &Image, by: &Image, decibels: f64) -> Image {
     let difference = |a: &Image, b: &Image| a.pixels.iter().zip(&b.pixels).map(|(a, b)| b - a).collect::<Vec<_>>();
     let delta = difference(image, by);

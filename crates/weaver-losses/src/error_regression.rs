@@ -6,7 +6,7 @@ use weaver_kernels::parallel;
 /// Added to the squared error before its logarithm: an error of 1/100 is as good as none.
 const FLOOR: f64 = 1e-4;
 
-/// Where a uniform allocation would do worst: 0.5 ln(smoothed squared error + 1e-4), centred over the scene.
+/// Where a uniform allocation would do worst: 0.5 ln(smoothed squared error + 1e-4), centered over the scene.
 ///
 /// `squared_error` `[V, H, W]` is the mean over the channels of (render - image)^2 in the views of one scene; it is
 /// smoothed by a 3x3 mean of the pixels inside the image. `target` gets the same shape and mean 0.
@@ -23,15 +23,15 @@ pub fn error_target<T: Real>(squared_error: &[T], size: [usize; 2], target: &mut
             target[y * width + x] = T::from_f64(0.5) * (mean + T::from_f64(FLOOR)).ln();
         }
     });
-    let centre = target.iter().map(|t| t.to_f64()).sum::<f64>() / target.len().max(1) as f64;
-    target.iter_mut().for_each(|t| *t -= T::from_f64(centre));
+    let center = target.iter().map(|t| t.to_f64()).sum::<f64>() / target.len().max(1) as f64;
+    target.iter_mut().for_each(|t| *t -= T::from_f64(center));
 }
 
 /// Mean squared distance of a score from the [`error_target`] of its pixel, a scalar.
 ///
 /// `score` `[V, H, W]` (or `[P]` with as many pixels) is the router's logit of expert 1 minus that of expert 0;
 /// `squared_error` `[V, H, W]` belongs to the context views of the same scene. Differentiable in the score; the error
-/// is a constant, whatever it was computed from. One scene at a time: the target is centred over what is given.
+/// is a constant, whatever it was computed from. One scene at a time: the target is centered over what is given.
 #[track_caller]
 pub fn error_regression<'t, T: Real>(score: Var<'t, T>, squared_error: Var<'t, T>) -> Var<'t, T> {
     let shape = squared_error.shape();

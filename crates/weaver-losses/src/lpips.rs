@@ -17,7 +17,7 @@ const SCALE: [f32; 3] = [0.458, 0.448, 0.450];
 /// The network whose features are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Network {
-    /// AlexNet: fast, closest to human judgement.
+    /// AlexNet: fast, closest to human judgment.
     Alex,
     /// VGG16: the usual choice as a loss.
     Vgg,

@@ -9,7 +9,7 @@ fn order<T: Real>(a: T, b: T) -> Ordering {
 
 /// The items just below and above the position q (n - 1) of the sorted sequence, and how far it is from the first to
 /// the second.
-fn neighbours<U: Copy>(items: &mut [U], q: f64, compare: impl Fn(&U, &U) -> Ordering) -> (U, U, f64) {
+fn neighbors<U: Copy>(items: &mut [U], q: f64, compare: impl Fn(&U, &U) -> Ordering) -> (U, U, f64) {
     assert!(!items.is_empty() && (0.0..=1.0).contains(&q), "the {q}-quantile of {} numbers", items.len());
     let position = q * (items.len() - 1) as f64;
     let below = position.floor();
@@ -19,18 +19,18 @@ fn neighbours<U: Copy>(items: &mut [U], q: f64, compare: impl Fn(&U, &U) -> Orde
 }
 
 fn between<T: Real>(lower: T, upper: T, fraction: f64) -> T {
-    // An infinite neighbour that has no weight stays out of it.
+    // An infinite neighbor that has no weight stays out of it.
     if fraction == 0.0 { lower } else { lower + (upper - lower) * T::from_f64(fraction) }
 }
 
 /// The `q`-quantile of some numbers, 0 <= q <= 1: at position q (n - 1) of the sorted sequence, interpolated linearly
-/// between the two neighbours. Reorders the numbers; takes linear time. Panics when there are none.
+/// between the two neighbors. Reorders the numbers; takes linear time. Panics when there are none.
 ///
 /// ```
 /// assert_eq!(weaver_losses::quantile(&mut [4.0, 1.0, 3.0, 2.0], 0.5), 2.5);
 /// ```
 pub fn quantile<T: Real>(values: &mut [T], q: f64) -> T {
-    let (lower, upper, fraction) = neighbours(values, q, |a, b| order(*a, *b));
+    let (lower, upper, fraction) = neighbors(values, q, |a, b| order(*a, *b));
     between(lower, upper, fraction)
 }
 
@@ -64,7 +64,7 @@ impl<T: Real> Op<T> for Quantiles {
         for ((y, found), q) in outs[0].iter_mut().zip(found.iter_mut()).zip(self.q.iter()) {
             // Equal numbers in reading order, so that the choice among them is fixed.
             let compare = |a: &u32, b: &u32| order(x[*a as usize], x[*b as usize]).then(a.cmp(b));
-            let (lower, upper, fraction) = neighbours(&mut ranked, *q, compare);
+            let (lower, upper, fraction) = neighbors(&mut ranked, *q, compare);
             *found = Found { lower, upper, fraction };
             *y = between(x[lower as usize], x[upper as usize], fraction);
         }
@@ -92,7 +92,7 @@ impl<T: Real> Op<T> for Quantiles {
 /// with integer k, and x_(k) is the sorted sequence's number k, from 0.
 ///
 /// `x` of any shape with n > 0 numbers gives `[Q]` for Q numbers `q` from 0 to 1. Differentiable in `x`, of which the two
-/// neighbours of each position get the gradient; the ranking is constant. Of equal numbers the earlier is the smaller.
+/// neighbors of each position get the gradient; the ranking is constant. Of equal numbers the earlier is the smaller.
 /// The same as [`quantile`], which needs no tape.
 ///
 /// ```

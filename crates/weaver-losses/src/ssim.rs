@@ -122,7 +122,7 @@ pub fn ssim<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>) -> Var<'t, T> {
     ssim_with(a, b, Covariance::Population)
 }
 
-/// [`ssim`] with a choice of how variances are normalised.
+/// [`ssim`] with a choice of how variances are normalized.
 #[track_caller]
 pub fn ssim_with<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>, covariance: Covariance) -> Var<'t, T> {
     let [similarity] = a.tape().apply(Ssim { covariance }, &[a, b]);

@@ -12,9 +12,9 @@ const SIGMA: f64 = 1.5;
 const C1: f64 = 1e-4;
 const C2: f64 = 9e-4;
 /// Subtracted from the images before squaring: variances do not depend on it, but lose less to rounding.
-const CENTRE: f64 = 0.5;
+const CENTER: f64 = 0.5;
 
-/// How variances and covariances in a window are normalised.
+/// How variances and covariances in a window are normalized.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Covariance {
     /// By the number of pixels: `E[ab] - E[a] E[b]`.
@@ -115,13 +115,13 @@ impl<T: Real> Windows<T> {
     #[inline(always)]
     fn moments(&self, a: &[T], b: &[T], moments: &mut [T], line: &mut [T]) {
         let w = self.width - BORDER;
-        let centre = T::from_f64(CENTRE);
+        let center = T::from_f64(CENTER);
         for (m, moments) in moments.chunks_exact_mut(self.height * w).enumerate() {
             for (y, out) in moments.chunks_exact_mut(w).enumerate() {
                 let a = &a[y * self.width..][..self.width];
                 let b = &b[y * self.width..][..self.width];
                 for (p, (a, b)) in line.iter_mut().zip(a.iter().zip(b)) {
-                    let (a, b) = (*a - centre, *b - centre);
+                    let (a, b) = (*a - center, *b - center);
                     *p = match m {
                         0 => a,
                         1 => b,
@@ -142,7 +142,7 @@ impl<T: Real> Windows<T> {
     #[inline(always)]
     fn windows(&self, moments: &[T], row: &mut [T], mut maps: Option<&mut [T]>) -> f64 {
         let [h, w] = self.inside();
-        let (c1, c2, centre) = (T::from_f64(C1), T::from_f64(C2), T::from_f64(CENTRE));
+        let (c1, c2, center) = (T::from_f64(C1), T::from_f64(C2), T::from_f64(CENTER));
         let (two, correction) = (T::from_f64(2.0), self.correction);
         let mut total = 0.0;
         for y in 0..h {
@@ -155,7 +155,7 @@ impl<T: Real> Windows<T> {
             let mut sum = T::ZERO;
             for x in 0..w {
                 let [ma, mb, aa, bb, ab] = std::array::from_fn(|m| row[m * w + x]);
-                let (mean_a, mean_b) = (ma + centre, mb + centre);
+                let (mean_a, mean_b) = (ma + center, mb + center);
                 let variances = correction * ((aa - ma * ma) + (bb - mb * mb));
                 let covariance = correction * (ab - ma * mb);
                 let brightness_scale = T::ONE / (mean_a * mean_a + mean_b * mean_b + c1);
@@ -193,11 +193,11 @@ impl<T: Real> Windows<T> {
         }
     }
 
-    /// Spreads the rows along x and puts the three together: da = scale (A + 2 (a - centre) B + (b - centre) C).
+    /// Spreads the rows along x and puts the three together: da = scale (A + 2 (a - center) B + (b - center) C).
     #[inline(always)]
     fn collect(&self, a: &[T], b: &[T], scale: T, rows: &[T], line: &mut [T], da: &mut [T]) {
         let w = self.width - BORDER;
-        let (two, centre) = (T::from_f64(2.0), T::from_f64(CENTRE));
+        let (two, center) = (T::from_f64(2.0), T::from_f64(CENTER));
         for (y, da) in da.chunks_exact_mut(self.width).enumerate() {
             let a = &a[y * self.width..][..self.width];
             let b = &b[y * self.width..][..self.width];
@@ -210,8 +210,8 @@ impl<T: Real> Windows<T> {
                 for (x, (da, map)) in da.iter_mut().zip(line.iter()).enumerate() {
                     match m {
                         0 => *da = scale * *map,
-                        1 => *da += scale * two * (a[x] - centre) * *map,
-                        _ => *da += scale * (b[x] - centre) * *map,
+                        1 => *da += scale * two * (a[x] - center) * *map,
+                        _ => *da += scale * (b[x] - center) * *map,
                     }
                 }
             }

@@ -19,9 +19,9 @@ pub struct ModelConfig {
     pub camera: CameraConfig,
     /// Depth head and Gaussian feature trunk.
     pub dense: DenseConfig,
-    /// Router, experts, neighbour attention and decoding.
+    /// Router, experts, neighbor attention and decoding.
     pub gaussians: GaussianConfig,
-    /// Rasteriser.
+    /// Rasterizer.
     pub raster: RasterConfig,
 }
 
@@ -103,8 +103,8 @@ pub struct DenseConfig {
     pub depth_hidden: usize,
     /// Bound on |log depth|; 0 leaves it free, as published.
     pub log_depth_limit: f64,
-    /// Where in a pixel its ray passes: 0.5 is the centre, 0 the published corner.
-    pub pixel_centre: f64,
+    /// Where in a pixel its ray passes: 0.5 is the center, 0 the published corner.
+    pub pixel_center: f64,
     /// Hidden channels of the image skip.
     pub merger: usize,
     /// Hidden channels of the wavelet guidance.
@@ -124,14 +124,14 @@ pub enum WaveletKind {
 /// How raw numbers become Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum ParametrisationKind {
-    /// Offsets and scales in world units, colours from the network alone.
+pub enum ParametrizationKind {
+    /// Offsets and scales in world units, colors from the network alone.
     Published,
-    /// Offsets and scales in units of the pixel's footprint, colours relative to the pixel's own.
+    /// Offsets and scales in units of the pixel's footprint, colors relative to the pixel's own.
     Footprint,
 }
 
-/// Router, experts, neighbour attention and decoding.
+/// Router, experts, neighbor attention and decoding.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GaussianConfig {
@@ -145,18 +145,18 @@ pub struct GaussianConfig {
     pub temperature: f64,
     /// Width of the projected pixel feature.
     pub projector: usize,
-    /// Neighbours of a Gaussian, beside itself.
-    pub neighbours: usize,
-    /// Width of the neighbour attention.
+    /// Neighbors of a Gaussian, beside itself.
+    pub neighbors: usize,
+    /// Width of the neighbor attention.
     pub predictor: usize,
-    /// Whether Gaussians attend to their neighbours (an ablation switch).
-    pub neighbour_attention: bool,
+    /// Whether Gaussians attend to their neighbors (an ablation switch).
+    pub neighbor_attention: bool,
     /// Whether the router sees the wavelet prior (an ablation switch).
     pub frequency_prior: bool,
     /// The prior's wavelet.
     pub wavelet: WaveletKind,
     /// How raw numbers become Gaussians.
-    pub parametrisation: ParametrisationKind,
+    pub parametrization: ParametrizationKind,
     /// Published: reach of an offset, world units. Footprint: the same in pixels.
     pub offset_reach: f64,
     /// Published: world units per softplus. Footprint: scale over pixel footprint at the start.
@@ -165,11 +165,11 @@ pub struct GaussianConfig {
     pub scale_max: f64,
     /// Factor on the initial output layers of the experts.
     pub expert_gain: f64,
-    /// Whether the neighbour predictor starts as the identity (its last layer zero).
+    /// Whether the neighbor predictor starts as the identity (its last layer zero).
     pub zero_predictor: bool,
 }
 
-/// Rasteriser.
+/// Rasterizer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RasterConfig {
@@ -177,7 +177,7 @@ pub struct RasterConfig {
     pub near: f64,
     /// Largest opacity of a Gaussian at a pixel.
     pub alpha_max: f64,
-    /// Background colour.
+    /// Background color.
     pub background: [f64; 3],
 }
 
@@ -186,7 +186,7 @@ pub const PRESETS: [&str; 4] = ["micro", "tiny", "tiny-published", "small"];
 
 impl ModelConfig {
     /// The network of a preset: `micro` (seconds, for tests), `tiny` (64x48, what learns on a CPU), `tiny-published`
-    /// (the same size with the published parametrisation), `small` (128x96 and wider), and `splatweaver-1b`, the
+    /// (the same size with the published parametrization), `small` (128x96 and wider), and `splatweaver-1b`, the
     /// published network, which is loaded rather than trained.
     pub fn preset(name: &str) -> Option<Self> {
         match name {
@@ -233,7 +233,7 @@ impl ModelConfig {
                 channels: 32,
                 depth_hidden: 32,
                 log_depth_limit: 4.0,
-                pixel_centre: 0.5,
+                pixel_center: 0.5,
                 merger: 8,
                 wave: 8,
             },
@@ -243,12 +243,12 @@ impl ModelConfig {
                 router_hidden: 16,
                 temperature: 0.5,
                 projector: 16,
-                neighbours: 8,
+                neighbors: 8,
                 predictor: 16,
-                neighbour_attention: true,
+                neighbor_attention: true,
                 frequency_prior: true,
                 wavelet: WaveletKind::Db2,
-                parametrisation: ParametrisationKind::Footprint,
+                parametrization: ParametrizationKind::Footprint,
                 offset_reach: 2.0,
                 scale_multiplier: 0.7,
                 scale_max: 0.4,
@@ -271,7 +271,7 @@ impl ModelConfig {
         config.camera = CameraConfig { heads: 4, layer_scale: 0.01, gauge: Gauge::Published, ..config.camera };
         config.dense = DenseConfig { features: 64, log_depth_limit: 0.0, ..config.dense };
         config.gaussians = GaussianConfig {
-            parametrisation: ParametrisationKind::Published,
+            parametrization: ParametrizationKind::Published,
             offset_reach: 0.035,
             scale_multiplier: 0.007,
             expert_gain: 1.0,
@@ -302,7 +302,7 @@ impl ModelConfig {
             sh_degree: 0,
             router_hidden: 8,
             projector: 8,
-            neighbours: 4,
+            neighbors: 4,
             predictor: 8,
             ..config.gaussians
         };
@@ -351,7 +351,7 @@ impl ModelConfig {
                 out_channels: [256, 512, 1024, 1024],
                 features: 256,
                 channels: 128,
-                pixel_centre: 0.0,
+                pixel_center: 0.0,
                 merger: 32,
                 wave: 32,
                 ..published.dense
@@ -410,9 +410,9 @@ impl ModelConfig {
         if let Some(layer) = self.dense.layers.iter().find(|&&l| l >= self.backbone.rounds) {
             return Err(format!("model.dense.layers: expected rounds below {}, found {layer}", self.backbone.rounds));
         }
-        if self.gaussians.neighbours > MOST_NEIGHBORS {
-            let found = self.gaussians.neighbours;
-            return Err(format!("model.gaussians.neighbours: expected at most {MOST_NEIGHBORS}, found {found}"));
+        if self.gaussians.neighbors > MOST_NEIGHBORS {
+            let found = self.gaussians.neighbors;
+            return Err(format!("model.gaussians.neighbors: expected at most {MOST_NEIGHBORS}, found {found}"));
         }
         if self.gaussians.sh_degree > 4 {
             return Err(format!("model.gaussians.sh_degree: expected 0 to 4, found {}", self.gaussians.sh_degree));

@@ -6,7 +6,7 @@ mod splatweaver;
 mod vggt;
 
 pub use config::{
-    BackboneConfig, CameraConfig, DenseConfig, Gauge, GaussianConfig, ModelConfig, PRESETS, ParametrisationKind,
+    BackboneConfig, CameraConfig, DenseConfig, Gauge, GaussianConfig, ModelConfig, PRESETS, ParametrizationKind,
     RasterConfig, WaveletKind,
 };
 pub use splatweaver::{Dense, SplatWeaver, Woven};

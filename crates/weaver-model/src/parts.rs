@@ -1,9 +1,9 @@
 //! From the one configuration to those of the parts.
 
-use crate::{Gauge, ModelConfig, ParametrisationKind, WaveletKind};
+use crate::{Gauge, ModelConfig, ParametrizationKind, WaveletKind};
 use weaver_nn::{Init, WeightInit};
 use weaver_pose::CameraHeadConfig;
-use weaver_router::{HeadConfig, NeighborConfig, Parametrisation};
+use weaver_router::{HeadConfig, NeighborConfig, Parametrization};
 use weaver_vggt::{
     AggregatorConfig, BackboneInit, DepthHeadConfig, DptConfig, FeatureHeadConfig, VisionTransformerConfig,
 };
@@ -108,21 +108,21 @@ impl ModelConfig {
             router_hidden: g.router_hidden,
             cardinality: g.experts,
             sh_degree: g.sh_degree,
-            neighbors: g.neighbour_attention.then_some(NeighborConfig {
-                count: g.neighbours,
+            neighbors: g.neighbor_attention.then_some(NeighborConfig {
+                count: g.neighbors,
                 projector: g.projector,
                 width: g.predictor,
                 zero_head: g.zero_predictor,
             }),
             expert_output_gain: g.expert_gain,
-            parametrisation: match g.parametrisation {
-                ParametrisationKind::Published => Parametrisation::Published {
+            parametrization: match g.parametrization {
+                ParametrizationKind::Published => Parametrization::Published {
                     xyz_bias: g.offset_reach,
                     scale_multiplier: g.scale_multiplier,
                     scale_max: g.scale_max,
                 },
-                ParametrisationKind::Footprint => {
-                    Parametrisation::Footprint { offset: g.offset_reach, scale: g.scale_multiplier }
+                ParametrizationKind::Footprint => {
+                    Parametrization::Footprint { offset: g.offset_reach, scale: g.scale_multiplier }
                 }
             },
         }

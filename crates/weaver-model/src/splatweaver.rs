@@ -1,7 +1,7 @@
 //! The network: photos in, cameras and Gaussians out.
 
 use crate::vggt::{Encoded, Vggt};
-use crate::{ModelConfig, ParametrisationKind};
+use crate::{ModelConfig, ParametrizationKind};
 use weaver_autograd::{Params, Real, Var};
 use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
@@ -185,9 +185,9 @@ impl SplatWeaver {
     ) -> Woven<'t, T> {
         let [views, height, width] = [photos.shape()[0], photos.shape()[2], photos.shape()[3]];
         let pixels = views * height * width;
-        let centre = self.config.dense.pixel_centre;
-        let points = weaver_pose::unproject(dense.depth, cameras.w2c, cameras.intrinsics, centre);
-        let in_footprints = self.config.gaussians.parametrisation == ParametrisationKind::Footprint;
+        let center = self.config.dense.pixel_center;
+        let points = weaver_pose::unproject(dense.depth, cameras.w2c, cameras.intrinsics, center);
+        let in_footprints = self.config.gaussians.parametrization == ParametrizationKind::Footprint;
         let footprints = in_footprints.then(|| {
             let focal = cameras.intrinsics.slice(1, 0, 1).reshape([views, 1, 1]).expand(dense.depth.shape());
             (dense.depth / focal).reshape([pixels])

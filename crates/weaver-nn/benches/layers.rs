@@ -1,4 +1,4 @@
-//! A transformer block and an optimiser's step, at the sizes of a small model.
+//! A transformer block and an optimizer's step, at the sizes of a small model.
 
 use criterion::Criterion;
 use std::hint::black_box;
@@ -65,9 +65,9 @@ fn adamw(c: &mut Criterion) {
     let x = tape.constant_with([1, TOKENS, WIDTH], |x| x.fill(0.5));
     block.forward(Context::new(&tape, &params), x, None).square().sum().backward();
     let group = Group { params: params.ids().collect(), lr_scale: 1.0, weight_decay: 0.05 };
-    let mut optimiser = AdamW::new(vec![group], 0.9, 0.999, 1e-8);
+    let mut optimizer = AdamW::new(vec![group], 0.9, 0.999, 1e-8);
     c.bench_function(&format!("adamw {} parameters", params.count()), |b| {
-        b.iter(|| optimiser.step(&mut params, &mut tape, black_box(1e-4)));
+        b.iter(|| optimizer.step(&mut params, &mut tape, black_box(1e-4)));
     });
 }
 

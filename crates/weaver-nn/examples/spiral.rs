@@ -12,7 +12,7 @@ use weaver_nn::{AdamW, Builder, Context, Group, Linear, WarmupCosine, WeightInit
 const ARMS: usize = 3;
 const STEPS: u64 = 800;
 const SIDE: usize = 240;
-const COLOURS: [[f32; 3]; ARMS] = [[0.85, 0.25, 0.25], [0.2, 0.6, 0.35], [0.25, 0.4, 0.85]];
+const COLORS: [[f32; 3]; ARMS] = [[0.85, 0.25, 0.25], [0.2, 0.6, 0.35], [0.25, 0.4, 0.85]];
 
 /// Points `[N, 2]` within the unit circle, and the arm that each belongs to.
 fn points(count: usize, seed: u64) -> (Vec<f32>, Vec<u32>) {
@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let layers = [("first", 2, 48), ("second", 48, 48), ("last", 48, ARMS)]
         .map(|(name, from, to)| Linear::new(root.scope(name), from, to, WeightInit::FanIn));
     let group = Group { params: params.ids().collect(), lr_scale: 0.01, weight_decay: 0.01 };
-    let mut optimiser = AdamW::new(vec![group], 0.9, 0.99, 1e-8);
+    let mut optimizer = AdamW::new(vec![group], 0.9, 0.99, 1e-8);
     let schedule = WarmupCosine { warmup: 20, total: STEPS, floor: 0.01 };
 
     let (places, arms) = points(600, 1);
@@ -58,7 +58,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             println!("step {step:3}: cross entropy {:.3}", loss.item());
         }
         loss.backward();
-        optimiser.step(&mut params, &mut tape, schedule.factor(step));
+        optimizer.step(&mut params, &mut tape, schedule.factor(step));
         tape.reset();
     }
 
@@ -68,12 +68,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     let coordinate = |i: usize| 2.4 * (i as f32 + 0.5) / SIDE as f32 - 1.2;
     let plane: Vec<f32> = (0..SIDE * SIDE).flat_map(|i| [coordinate(i % SIDE), coordinate(i / SIDE)]).collect();
-    let region = |arm: usize| COLOURS[arm].map(|c| 0.5 + 0.5 * c);
+    let region = |arm: usize| COLORS[arm].map(|c| 0.5 + 0.5 * c);
     let mut pixels: Vec<f32> = classify(&layers, &params, &plane).into_iter().flat_map(region).collect();
     for (place, arm) in places.chunks(2).zip(&arms) {
         let [x, y] = [place[0], place[1]].map(|v| ((v + 1.2) / 2.4 * SIDE as f32) as usize);
         for at in [[x, y], [x + 1, y], [x, y + 1], [x + 1, y + 1]] {
-            pixels[3 * (at[1] * SIDE + at[0])..][..3].copy_from_slice(&COLOURS[*arm as usize]);
+            pixels[3 * (at[1] * SIDE + at[0])..][..3].copy_from_slice(&COLORS[*arm as usize]);
         }
     }
     Image { width: SIDE, height: SIDE, pixels }.write_png("spiral.png")?;

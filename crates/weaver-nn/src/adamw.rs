@@ -35,10 +35,10 @@ pub struct Moments<T> {
 /// use weaver_nn::{AdamW, Group};
 /// let mut params = Params::<f64>::new();
 /// let w = params.add("w", [1], vec![1.0]);
-/// let mut optimiser = AdamW::new(vec![Group { params: vec![w], lr_scale: 1.0, weight_decay: 0.0 }], 0.9, 0.95, 1e-8);
+/// let mut optimizer = AdamW::new(vec![Group { params: vec![w], lr_scale: 1.0, weight_decay: 0.0 }], 0.9, 0.95, 1e-8);
 /// let mut tape = Tape::new();
 /// tape.param(&params, w).sum().backward();
-/// optimiser.step(&mut params, &mut tape, 0.1);
+/// optimizer.step(&mut params, &mut tape, 0.1);
 /// assert!((params.get(w).value()[0] - 0.9).abs() < 1e-8);
 /// tape.reset();
 /// ```
@@ -57,7 +57,7 @@ pub struct AdamW<T: Real = f32> {
 }
 
 impl<T: Real> AdamW<T> {
-    /// An optimiser that has not taken a step.
+    /// An optimizer that has not taken a step.
     pub fn new(groups: Vec<Group>, beta1: f64, beta2: f64, eps: f64) -> Self {
         Self { groups, beta1, beta2, eps, state: Vec::new() }
     }
@@ -154,15 +154,15 @@ mod tests {
         params.declare("absent", [2]);
         let half = params.declare("half", [2]);
         params.set(half, ParamValues::Half(HalfValues::Bf16(Arc::new(vec![Default::default(); 2]))));
-        let mut optimiser = AdamW::<f32>::new(Vec::new(), 0.9, 0.95, 1e-8);
+        let mut optimizer = AdamW::<f32>::new(Vec::new(), 0.9, 0.95, 1e-8);
         for name in ["absent", "half"] {
             let state = |len| {
                 let moments = Moments { first: vec![0.0; len], second: vec![0.0; len] };
                 BTreeMap::from([(name.to_string(), (1, moments))])
             };
             let error = StateError::Size { name: name.into(), expected: 2, found: 3 };
-            assert_eq!(optimiser.set_state(&params, state(3)), Err(error));
-            assert_eq!(optimiser.set_state(&params, state(2)), Ok(()));
+            assert_eq!(optimizer.set_state(&params, state(3)), Err(error));
+            assert_eq!(optimizer.set_state(&params, state(2)), Ok(()));
         }
     }
 }

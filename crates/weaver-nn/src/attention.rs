@@ -5,7 +5,7 @@ use weaver_autograd::ops::{self, RopeTable};
 use weaver_autograd::{Real, Var};
 
 /// Multi-head self-attention with one matrix for queries, keys and values; parameters `qkv` (rows q, then k, then v, each
-/// heads x head width), `proj`, and with normalised queries and keys `q_norm`, `k_norm`.
+/// heads x head width), `proj`, and with normalized queries and keys `q_norm`, `k_norm`.
 ///
 /// Per head softmax(q k^T / sqrt(head width)) v, then `proj` of the heads side by side (Vaswani et al., arXiv 1706.03762).
 ///
@@ -24,14 +24,14 @@ pub struct Attention {
     pub qkv: Linear,
     /// From the concatenated heads to the width.
     pub proj: Linear,
-    /// Layer normalisation of every head's queries and keys.
+    /// Layer normalization of every head's queries and keys.
     pub norms: Option<(LayerNorm, LayerNorm)>,
     /// Number of heads.
     pub heads: usize,
 }
 
 impl Attention {
-    /// A layer for tokens of `width` numbers, which `heads` divides; `qk_norm` normalises queries and keys per head
+    /// A layer for tokens of `width` numbers, which `heads` divides; `qk_norm` normalizes queries and keys per head
     /// (eps 1e-5). Panics if `heads` does not divide `width`.
     pub fn new<T: Real>(
         mut builder: Builder<'_, T>,

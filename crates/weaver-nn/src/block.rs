@@ -13,11 +13,11 @@ pub struct BlockConfig {
     pub heads: usize,
     /// Hidden numbers of the second half; usually four times the width.
     pub hidden: usize,
-    /// Added to variances in both layer normalisations.
+    /// Added to variances in both layer normalizations.
     pub eps: f64,
     /// Initial factor of both residual branches; without one the branches are added as they are.
     pub layer_scale: Option<f64>,
-    /// Whether queries and keys are normalised per head.
+    /// Whether queries and keys are normalized per head.
     pub qk_norm: bool,
     /// How weights begin.
     pub init: WeightInit,

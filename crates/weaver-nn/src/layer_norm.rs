@@ -1,9 +1,9 @@
-//! Layer normalisation with learned scale and shift.
+//! Layer normalization with learned scale and shift.
 
 use crate::{Builder, Context, Init};
 use weaver_autograd::{ParamId, Real, Var};
 
-/// Layer normalisation over the last axis, (x - mean) / sqrt(variance + eps) * weight + bias; parameters `weight` and `bias`
+/// Layer normalization over the last axis, (x - mean) / sqrt(variance + eps) * weight + bias; parameters `weight` and `bias`
 /// `[D]`, at first 1 and 0.
 ///
 /// ```

@@ -1,4 +1,4 @@
-//! Layers, optimiser, schedules and weight averaging on the `weaver-autograd` tape.
+//! Layers, optimizer, schedules and weight averaging on the `weaver-autograd` tape.
 //!
 //! A layer is a struct of [`ParamId`](weaver_autograd::ParamId)s: it is built with a [`Builder`] and run with a [`Context`].
 

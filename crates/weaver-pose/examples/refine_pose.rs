@@ -1,7 +1,7 @@
 //! Finds out where a photo was taken: `cargo run --release -p weaver-pose --example refine_pose`.
 //!
 //! A scene of Gaussians is known, and a photo of it, but the camera only roughly: 8 degrees and a tenth of the distance off.
-//! Gradient descent through the rasteriser moves the camera, field of view included, until the render is the photo. Writes
+//! Gradient descent through the rasterizer moves the camera, field of view included, until the render is the photo. Writes
 //! refine_pose.png (the photo, the render from the first guess, the render from the end) and prints the errors.
 
 use weaver_autograd::{Params, Tape, Var};
@@ -17,7 +17,7 @@ const HEIGHT: usize = 96;
 const GAUSSIANS: usize = 300;
 const STEPS: u64 = 2000;
 
-/// Means, quaternions, scales, opacities and colours of a cloud of Gaussians around the origin.
+/// Means, quaternions, scales, opacities and colors of a cloud of Gaussians around the origin.
 fn cloud() -> [Vec<f32>; 5] {
     let stream = Stream::new(3, 0, "refine_pose");
     let draw = |k: u64, i: usize| stream.fork(k).uniform::<f32>(i as u64);
@@ -39,7 +39,7 @@ fn render<'t>(scene: &[Vec<f32>; 5], code: Var<'t>, workspaces: &WorkspacePool<f
         quats: tape.constant(&scene[1], [n, 4]),
         scales: tape.constant(&scene[2], [n, 3]),
         opacities: tape.constant(&scene[3], [n]),
-        colours: tape.constant(&scene[4], [n, 3]),
+        colors: tape.constant(&scene[4], [n, 3]),
     };
     let camera = weaver_pose::cameras(code, HEIGHT, WIDTH);
     let background = tape.constant(&[0.05; 3], [3]);
@@ -57,7 +57,7 @@ fn code(pose: &Pose, fov: f32) -> Vec<f32> {
 fn errors(code: &[f32], truth: &Pose, fov: f32) -> [f64; 3] {
     let c: Vec<f64> = code.iter().map(|x| f64::from(*x)).collect();
     let pose = Pose::from_wxyz([c[6], c[3], c[4], c[5]], DVec3::new(c[0], c[1], c[2]));
-    let distance = (pose.centre() - truth.centre()).length() / truth.centre().length();
+    let distance = (pose.center() - truth.center()).length() / truth.center().length();
     [pose.angle_to(truth).to_degrees(), distance, (c[8] - f64::from(fov)).abs().to_degrees()]
 }
 
@@ -74,7 +74,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut params = Params::<f32>::new();
     let id = params.add("camera", [1, 9], code(&guess, 0.8));
     let group = Group { params: vec![id], lr_scale: 0.01, weight_decay: 0.0 };
-    let mut optimiser = AdamW::new(vec![group], 0.9, 0.99, 1e-12);
+    let mut optimizer = AdamW::new(vec![group], 0.9, 0.99, 1e-12);
     let schedule = WarmupCosine { warmup: 1, total: STEPS, floor: 0.01 };
     let mut pictures = vec![photo.clone()];
     for step in 0..=STEPS {
@@ -91,7 +91,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             pictures.push(image.to_vec());
         }
         loss.backward();
-        optimiser.step(&mut params, &mut tape, schedule.factor(step));
+        optimizer.step(&mut params, &mut tape, schedule.factor(step));
         tape.reset();
     }
     let images = pictures.into_iter().map(|pixels| Image { width: WIDTH, height: HEIGHT, pixels }).collect::<Vec<_>>();

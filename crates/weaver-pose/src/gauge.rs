@@ -16,7 +16,7 @@ impl RowMap<18, 9> for RelativeCode {
         let code = &codes[..LENGTH];
         let first = &codes[LENGTH..];
         let conjugate = [-first[3], -first[4], -first[5], first[6]];
-        // Normalised after the product, not before: the first camera's own quotient is then (0, 0, 0, 1) to the bit.
+        // Normalized after the product, not before: the first camera's own quotient is then (0, 0, 0, 1) to the bit.
         let q = unit(product([code[3], code[4], code[5], code[6]], conjugate));
         let r = matrix(q);
         let turned = |i: usize| r[3 * i] * first[0] + r[3 * i + 1] * first[1] + r[3 * i + 2] * first[2];

@@ -11,7 +11,7 @@ const SHORTEST_BASELINE: f64 = 1e-3;
 pub struct PoseErrors {
     /// Angle between predicted and true rotation relative to camera 0.
     pub rotation: Vec<f64>,
-    /// Angle between the predicted and true direction of the camera's centre, as camera 0 sees it. `None` where the
+    /// Angle between the predicted and true direction of the camera's center, as camera 0 sees it. `None` where the
     /// true baseline is shorter than 1e-3; 180 where only the predicted one is, so that poses collapsed to a point
     /// do not look good.
     pub translation: Vec<Option<f64>>,
@@ -25,7 +25,7 @@ impl PoseErrors {
         for (p, t) in predicted.iter().zip(truth).skip(1) {
             let (p, t) = (p.relative_to(&predicted[0]), t.relative_to(&truth[0]));
             errors.rotation.push(p.angle_to(&t).to_degrees());
-            errors.translation.push(direction_error(p.centre(), t.centre()));
+            errors.translation.push(direction_error(p.center(), t.center()));
         }
         errors
     }

@@ -18,19 +18,19 @@ struct Unproject {
 struct Rays<'a, T> {
     pose: &'a [T],
     focal: [T; 2],
-    centre: [T; 2],
+    center: [T; 2],
 }
 
 impl<'a, T: Real> Rays<'a, T> {
     fn of_row(ins: &[View<'a, T>], row: usize) -> Self {
         let view = row / ins[0].shape()[ins[0].shape().rank() - 2];
         let k = &ins[2].data()[view * 4..][..4];
-        Self { pose: &ins[1].data()[view * 12..][..12], focal: [k[0], k[1]], centre: [k[2], k[3]] }
+        Self { pose: &ins[1].data()[view * 12..][..12], focal: [k[0], k[1]], center: [k[2], k[3]] }
     }
 
     /// The pixel's direction at depth 1 in camera coordinates, x and y.
     fn slope(&self, u: T, v: T) -> [T; 2] {
-        [(u - self.centre[0]) / self.focal[0], (v - self.centre[1]) / self.focal[1]]
+        [(u - self.center[0]) / self.focal[0], (v - self.center[1]) / self.focal[1]]
     }
 
     /// The camera-space point minus the translation.
@@ -75,9 +75,9 @@ impl Unproject {
                         sum[4 * i + 3] -= c[i].to_f64();
                     }
                     for i in 0..2 {
-                        let dcentre = -c[i] * z / rays.focal[i];
-                        sum[12 + i] += (dcentre * slope[i]).to_f64();
-                        sum[14 + i] += dcentre.to_f64();
+                        let dcenter = -c[i] * z / rays.focal[i];
+                        sum[12 + i] += (dcenter * slope[i]).to_f64();
+                        sum[14 + i] += dcenter.to_f64();
                     }
                 }
             }
@@ -168,7 +168,7 @@ impl<T: Real> Op<T> for Unproject {
 /// X = R^T (((u - cx) z / fx, (v - cy) z / fy, z) - T) with u = column + `pixel_offset`, v = row + `pixel_offset`.
 /// `depth` z `[.., H, W]` along the optical axis, `w2c` [R | T] `[.., 3, 4]`, `intrinsics` fx, fy, cx, cy in pixels
 /// `[.., 4]` give points `[.., H, W, 3]`. Differentiable in all three (R's entries each on its own). `pixel_offset` is 0.5
-/// where pixel centres lie at half-integers, as the rasteriser has it, and 0 for the published weights.
+/// where pixel centers lie at half-integers, as the rasterizer has it, and 0 for the published weights.
 ///
 /// ```
 /// use weaver_autograd::Tape;

@@ -1,4 +1,4 @@
-//! Times of the neighbour search and of the head, forward and backward, at the size of a training step.
+//! Times of the neighbor search and of the head, forward and backward, at the size of a training step.
 
 use criterion::Criterion;
 use std::time::Duration;

@@ -1,6 +1,6 @@
 //! Turns raw parameters into Gaussians.
 
-use crate::parametrisation::{BEFORE_HARMONICS, Parametrisation, harmonics};
+use crate::parametrization::{BEFORE_HARMONICS, Parametrization, harmonics};
 use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 
@@ -10,10 +10,10 @@ const GRAIN: usize = 512;
 const DC: f64 = 0.282_094_791_773_878_14;
 /// Keeps the quotient by a quaternion's norm finite.
 const NORM_EPSILON: f64 = 1e-8;
-/// Bounds of the raw scale under the footprint parametrisation.
+/// Bounds of the raw scale under the footprint parametrization.
 const RAW_SCALE: (f64, f64) = (-3.0, 3.0);
 
-/// Decoded Gaussians, as the rasteriser takes them.
+/// Decoded Gaussians, as the rasterizer takes them.
 #[derive(Clone, Copy, Debug)]
 pub struct Decoded<'t, T: Real = f32> {
     /// Standard deviations along the axes `[N, 3]`, in world units.
@@ -42,7 +42,7 @@ fn sigmoid<T: Real>(x: T) -> T {
 
 #[derive(Debug)]
 struct Decode {
-    parametrisation: Parametrisation,
+    parametrization: Parametrization,
     sh_degree: usize,
 }
 
@@ -55,14 +55,14 @@ struct Scale<T> {
 
 impl Decode {
     fn scale<T: Real>(&self, raw: T, ins: &[View<'_, T>], i: usize) -> Scale<T> {
-        match self.parametrisation {
-            Parametrisation::Published { scale_multiplier, scale_max, .. } => {
+        match self.parametrization {
+            Parametrization::Published { scale_multiplier, scale_max, .. } => {
                 let (multiplier, most) = (T::from_f64(scale_multiplier), T::from_f64(scale_max));
                 let value = multiplier * softplus(raw);
                 let by_raw = if value <= most { multiplier * sigmoid(raw) } else { T::ZERO };
                 Scale { value: value.min(most), by_raw, by_footprint: T::ZERO }
             }
-            Parametrisation::Footprint { scale, .. } => {
+            Parametrization::Footprint { scale, .. } => {
                 let (low, high) = (T::from_f64(RAW_SCALE.0), T::from_f64(RAW_SCALE.1));
                 let unit = T::from_f64(scale) * raw.max(low).min(high).exp() / ins[2][i].sqrt();
                 let value = unit * ins[1][i];
@@ -72,9 +72,9 @@ impl Decode {
         }
     }
 
-    /// The raw quaternion xyzw, which starts at the identity where the parametrisation says so.
+    /// The raw quaternion xyzw, which starts at the identity where the parametrization says so.
     fn quaternion<T: Real>(&self, row: &[T]) -> [T; 4] {
-        let w = if self.parametrisation.has_footprint() { T::ONE } else { T::ZERO };
+        let w = if self.parametrization.has_footprint() { T::ONE } else { T::ZERO };
         [row[4], row[5], row[6], row[7] + w]
     }
 
@@ -96,9 +96,9 @@ impl<T: Real> Op<T> for Decode {
         let (n, k) = (ins[0].rows(), harmonics(self.sh_degree));
         let width = BEFORE_HARMONICS + 3 * k;
         ensure_shape!(ins[0] == Shape::from([n, width]), "raw parameters [N, {width}]");
-        if self.parametrisation.has_footprint() {
+        if self.parametrization.has_footprint() {
             ensure_shape!(ins[1] == Shape::from([n]) && ins[2] == ins[1], "footprints and local counts [{n}]");
-            ensure_shape!(ins[3] == Shape::from([n, 3]), "colours [{n}, 3]");
+            ensure_shape!(ins[3] == Shape::from([n, 3]), "colors [{n}, 3]");
         }
         Ok(Shapes::one([n, 3]).and([n, 4]).and([n]).and([n, k, 3]))
     }
@@ -196,31 +196,31 @@ impl<T: Real> Op<T> for Decode {
     }
 }
 
-/// What the footprint parametrisation knows about each Gaussian's pixel.
+/// What the footprint parametrization knows about each Gaussian's pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelOf<'t, T: Real = f32> {
     /// depth / fx `[N]`, in world units; differentiable.
     pub footprint: Var<'t, T>,
     /// Gaussians per pixel around it `[N]`; constant.
     pub local_count: Var<'t, T>,
-    /// Its colour `[N, 3]`, 0 to 1; constant.
+    /// Its color `[N, 3]`, 0 to 1; constant.
     pub color: Var<'t, T>,
 }
 
-/// Decodes raw parameters to scales, rotations, opacities and spherical harmonics; see [`Parametrisation`] for the
+/// Decodes raw parameters to scales, rotations, opacities and spherical harmonics; see [`Parametrization`] for the
 /// formulas.
 ///
-/// `theta` `[N, 8 + 3 K]` holds, per Gaussian, opacity 1, scale 3, quaternion xyzw 4 and harmonics 3 K (colour-major),
+/// `theta` `[N, 8 + 3 K]` holds, per Gaussian, opacity 1, scale 3, quaternion xyzw 4 and harmonics 3 K (color-major),
 /// with K = (`sh_degree` + 1)^2. It and the footprints are differentiable. Where a scale is clamped its gradient is 0;
-/// at the bound itself it passes. Panics on other shapes, and if the parametrisation needs `pixel` and there is none.
+/// at the bound itself it passes. Panics on other shapes, and if the parametrization needs `pixel` and there is none.
 /// Source: official SplatWeaver code, `UnifiedGaussianAdapter`.
 ///
 /// ```
 /// use weaver_autograd::Tape;
-/// use weaver_router::{Parametrisation, decode};
+/// use weaver_router::{Parametrization, decode};
 /// let tape = Tape::<f64>::new();
 /// let theta = tape.leaf(&[0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 2.0, 0.1, 0.2, 0.3], [1, 11]);
-/// let gaussian = decode(theta, 0, None, Parametrisation::published());
+/// let gaussian = decode(theta, 0, None, Parametrization::published());
 /// assert_eq!(gaussian.opacities.to_vec(), [0.5]);
 /// assert!((gaussian.quats.to_vec()[0] - 1.0).abs() < 1e-7);
 /// assert_eq!(gaussian.sh.to_vec(), [0.1, 0.2, 0.3]);
@@ -230,11 +230,11 @@ pub fn decode<'t, T: Real>(
     theta: Var<'t, T>,
     sh_degree: usize,
     pixel: Option<PixelOf<'t, T>>,
-    parametrisation: Parametrisation,
+    parametrization: Parametrization,
 ) -> Decoded<'t, T> {
-    let op = Decode { parametrisation, sh_degree };
-    let [scales, quats, opacities, sh] = if parametrisation.has_footprint() {
-        let pixel = pixel.expect("the footprint parametrisation is given pixels");
+    let op = Decode { parametrization, sh_degree };
+    let [scales, quats, opacities, sh] = if parametrization.has_footprint() {
+        let pixel = pixel.expect("the footprint parametrization is given pixels");
         theta.tape().apply(op, &[theta, pixel.footprint, pixel.local_count, pixel.color])
     } else {
         theta.tape().apply(op, &[theta])

@@ -2,7 +2,7 @@
 
 use crate::two_layers::TwoLayers;
 use crate::{
-    CardinalityExperts, NeighborPredictor, Neighbors, Parametrisation, PixelOf, Router, Routes, decode, local_count,
+    CardinalityExperts, NeighborPredictor, Neighbors, Parametrization, PixelOf, Router, Routes, decode, local_count,
     place, slot_width,
 };
 use weaver_autograd::{Buffer, List, Real, Var};
@@ -19,18 +19,18 @@ pub struct HeadConfig {
     pub cardinality: usize,
     /// Degree of the spherical harmonics.
     pub sh_degree: usize,
-    /// Attention over neighbours; `None` leaves the experts' parameters as they are.
+    /// Attention over neighbors; `None` leaves the experts' parameters as they are.
     pub neighbors: Option<NeighborConfig>,
     /// Factor of the initial output layers of the experts.
     pub expert_output_gain: f64,
     /// What the raw parameters mean.
-    pub parametrisation: Parametrisation,
+    pub parametrization: Parametrization,
 }
 
-/// Sizes and options of the attention over neighbours.
+/// Sizes and options of the attention over neighbors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NeighborConfig {
-    /// Neighbours k of each Gaussian, itself not counted.
+    /// Neighbors k of each Gaussian, itself not counted.
     pub count: usize,
     /// Channels of the projected pixel features.
     pub projector: usize,
@@ -50,11 +50,11 @@ impl HeadConfig {
             sh_degree: 2,
             neighbors: Some(NeighborConfig { count: 8, projector: 32, width: 32, zero_head: false }),
             expert_output_gain: 1.0,
-            parametrisation: Parametrisation::published(),
+            parametrization: Parametrization::published(),
         }
     }
 
-    /// Small, for training from scratch: footprint parametrisation, quiet start.
+    /// Small, for training from scratch: footprint parametrization, quiet start.
     pub fn tiny() -> Self {
         Self {
             features: 32,
@@ -63,7 +63,7 @@ impl HeadConfig {
             sh_degree: 1,
             neighbors: Some(NeighborConfig { count: 8, projector: 16, width: 16, zero_head: true }),
             expert_output_gain: 0.3,
-            parametrisation: Parametrisation::footprint(),
+            parametrization: Parametrization::footprint(),
         }
     }
 }
@@ -75,9 +75,9 @@ pub struct PixelInputs<'t, T: Real = f32> {
     pub features: Var<'t, T>,
     /// Unprojected points `[P, 3]`, in world units; differentiable.
     pub points: Var<'t, T>,
-    /// depth / fx `[P]`, in world units; differentiable. Only for the footprint parametrisation.
+    /// depth / fx `[P]`, in world units; differentiable. Only for the footprint parametrization.
     pub footprints: Option<Var<'t, T>>,
-    /// Colours `[P, 3]`, 0 to 1; held constant. Only for the footprint parametrisation.
+    /// Colors `[P, 3]`, 0 to 1; held constant. Only for the footprint parametrization.
     pub colors: Option<Var<'t, T>>,
     /// Rows H of a view.
     pub height: usize,
@@ -85,7 +85,7 @@ pub struct PixelInputs<'t, T: Real = f32> {
     pub width: usize,
 }
 
-/// The Gaussians of a scene, as the rasteriser takes them.
+/// The Gaussians of a scene, as the rasterizer takes them.
 #[derive(Debug)]
 pub struct Gaussians<'t, T: Real = f32> {
     /// Means `[N, 3]`, in world units.
@@ -109,7 +109,7 @@ pub struct Proposed<'t, T: Real = f32> {
     pub means: Var<'t, T>,
     /// Raw parameters `[N, S - 3]`, to be refined and decoded.
     pub theta: Var<'t, T>,
-    /// Projected features of the Gaussians' pixels `[N, c]`, where there is attention over neighbours.
+    /// Projected features of the Gaussians' pixels `[N, c]`, where there is attention over neighbors.
     pub feature: Option<Var<'t, T>>,
     /// What decoding in footprints needs.
     pub pixel_of: Option<PixelOf<'t, T>>,
@@ -117,7 +117,7 @@ pub struct Proposed<'t, T: Real = f32> {
     pub pixel: Buffer<u32>,
 }
 
-/// Router, cardinality experts, neighbour attention and decoding.
+/// Router, cardinality experts, neighbor attention and decoding.
 ///
 /// Parameters (below the builder's path, `gs_moe` in checkpoints): `gating.*` ([`Router`]), `experts.*`
 /// ([`CardinalityExperts`]), `pixel_projector.0`, `pixel_projector.2`, `gs_predictor.*` ([`NeighborPredictor`]).
@@ -173,10 +173,10 @@ impl CardinalityHead {
         }
         if let (Some((_, predictor)), Some(feature), Some(config)) = (&self.attention, feature, self.config.neighbors) {
             let neighbors =
-                cx.tape.timed("nearest neighbours", || Neighbors::search(&means.value(), config.count, cx.tape.pool()));
+                cx.tape.timed("nearest neighbors", || Neighbors::search(&means.value(), config.count, cx.tape.pool()));
             theta = predictor.forward(cx, means, theta, feature, &neighbors);
         }
-        let decoded = decode(theta, self.config.sh_degree, pixel_of, self.config.parametrisation);
+        let decoded = decode(theta, self.config.sh_degree, pixel_of, self.config.parametrization);
         Gaussians {
             means,
             scales: decoded.scales,
@@ -187,7 +187,7 @@ impl CardinalityHead {
         }
     }
 
-    /// What the experts say, before any Gaussian has looked at its neighbours.
+    /// What the experts say, before any Gaussian has looked at its neighbors.
     pub fn propose<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,
@@ -197,12 +197,12 @@ impl CardinalityHead {
     ) -> Proposed<'t, T> {
         let routes = Routes::new(expert, self.experts.most(), cx.tape.pool());
         let mark = cx.tape.mark();
-        let parametrisation = self.config.parametrisation;
+        let parametrization = self.config.parametrization;
         let features = pixels.features.gather_rows(&routes.routed);
         let raw = self.experts.forward(cx, features, &routes, choice);
         let points = pixels.points.gather_rows(&routes.pixel);
-        let pixel_of = parametrisation.has_footprint().then(|| self.pixel_of(cx, pixels, expert, &routes));
-        let means = place(points, raw, pixel_of.map(|p| p.footprint), parametrisation);
+        let pixel_of = parametrization.has_footprint().then(|| self.pixel_of(cx, pixels, expert, &routes));
+        let means = place(points, raw, pixel_of.map(|p| p.footprint), parametrization);
         let feature = self.attention.as_ref().map(|(projection, _)| {
             let _scope = cx.scope("pixel_projector");
             let projected = projection.forward(cx, features);
@@ -215,7 +215,7 @@ impl CardinalityHead {
         Proposed { means, theta, feature, pixel_of, pixel: routes.pixel }
     }
 
-    /// The attention over neighbours, where there is one.
+    /// The attention over neighbors, where there is one.
     pub fn predictor(&self) -> Option<&NeighborPredictor> {
         self.attention.as_ref().map(|(_, predictor)| predictor)
     }
@@ -228,8 +228,8 @@ impl CardinalityHead {
         expert: &[u8],
         routes: &Routes,
     ) -> PixelOf<'t, T> {
-        let footprints = pixels.footprints.expect("the footprint parametrisation is given footprints");
-        let colors = pixels.colors.expect("the footprint parametrisation is given colours");
+        let footprints = pixels.footprints.expect("the footprint parametrization is given footprints");
+        let colors = pixels.colors.expect("the footprint parametrization is given colors");
         let count = local_count::<T>(expert, pixels.height, pixels.width, cx.tape.pool());
         let n = routes.gaussians();
         let local_count = cx.tape.constant_with([n], |out| {

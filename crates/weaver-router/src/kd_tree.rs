@@ -103,7 +103,7 @@ impl<T: Real> KdTree<T> {
             for (p, &i) in self.points[range.clone()].iter().zip(&self.index[range]) {
                 let [x, y, z] = [p[0] - query[0], p[1] - query[1], p[2] - query[2]];
                 let distance = x * x + y * y + z * z;
-                // False for NaN, which is nobody's neighbour.
+                // False for NaN, which is nobody's neighbor.
                 if distance <= nearest.limit() && i != but {
                     nearest.offer(i, distance);
                 }

@@ -1,5 +1,5 @@
 //! From pixel features to a compact set of Gaussians: the router, its allocation strategies, the cardinality experts,
-//! the neighbour search and attention, and the decoding of raw parameters.
+//! the neighbor search and attention, and the decoding of raw parameters.
 //!
 //! Everything works on one scene: V views of H x W pixels, P = V H W pixels in (view, row, column) order.
 
@@ -15,7 +15,7 @@ mod neighbor_average;
 mod neighbor_offset;
 mod neighbor_relation;
 mod neighbors;
-mod parametrisation;
+mod parametrization;
 mod place;
 mod predictor;
 mod router;
@@ -36,7 +36,7 @@ pub use neighbor_average::neighbor_average;
 pub use neighbor_offset::neighbor_offset;
 pub use neighbor_relation::neighbor_relation;
 pub use neighbors::{MOST_NEIGHBORS, Neighbors};
-pub use parametrisation::{Parametrisation, slot_width};
+pub use parametrization::{Parametrization, slot_width};
 pub use place::place;
 pub use predictor::{NeighborFusion, NeighborPredictor};
 pub use router::Router;

@@ -1,4 +1,4 @@
-//! Where a Gaussian's neighbours lie, seen from it.
+//! Where a Gaussian's neighbors lie, seen from it.
 
 use crate::neighbors::{GRAIN, Neighbors};
 use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
@@ -66,10 +66,10 @@ impl<T: Real> Op<T> for NeighborOffset {
     }
 }
 
-/// The offsets r_ij = mu_j - mu_i from every Gaussian i that has a list to its neighbours j.
+/// The offsets r_ij = mu_j - mu_i from every Gaussian i that has a list to its neighbors j.
 ///
-/// `means` `[N, 3]` are differentiable; the neighbours are constant; the result is `[R m, 3]`, m rows per list. Linear.
-/// Panics if the neighbours are not those of N Gaussians. Source: Zhao et al., Point Transformer, ICCV 2021, eq. 4.
+/// `means` `[N, 3]` are differentiable; the neighbors are constant; the result is `[R m, 3]`, m rows per list. Linear.
+/// Panics if the neighbors are not those of N Gaussians. Source: Zhao et al., Point Transformer, ICCV 2021, eq. 4.
 #[track_caller]
 pub fn neighbor_offset<'t, T: Real>(means: Var<'t, T>, neighbors: &Neighbors) -> Var<'t, T> {
     let [offset] = means.tape().apply(NeighborOffset { neighbors: neighbors.clone() }, &[means]);

@@ -1,4 +1,4 @@
-//! How a Gaussian relates to its neighbours: the argument of the attention's weights.
+//! How a Gaussian relates to its neighbors: the argument of the attention's weights.
 
 use crate::neighbors::{GRAIN, Neighbors};
 use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
@@ -81,9 +81,9 @@ impl<T: Real> Op<T> for NeighborRelation {
     }
 }
 
-/// The relation q_i - k_j + d_ij of every Gaussian i that has a list to its neighbours j, per channel.
+/// The relation q_i - k_j + d_ij of every Gaussian i that has a list to its neighbors j, per channel.
 ///
-/// `query` and `key` `[N, C]` and `displacement` d `[R m, C]` are differentiable, the neighbours constant; the result
+/// `query` and `key` `[N, C]` and `displacement` d `[R m, C]` are differentiable, the neighbors constant; the result
 /// is `[R m, C]`, m rows per list. Linear. Panics on other shapes. Source: Zhao et al., Point Transformer, ICCV
 /// 2021, eq. 3.
 #[track_caller]

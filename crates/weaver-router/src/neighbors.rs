@@ -1,4 +1,4 @@
-//! The nearest neighbours of every Gaussian, and the reverse lists that gradients follow.
+//! The nearest neighbors of every Gaussian, and the reverse lists that gradients follow.
 
 use crate::kd_tree::KdTree;
 use std::ops::Range;
@@ -8,10 +8,10 @@ use weaver_kernels::parallel;
 
 /// Gaussians per parallel chunk.
 pub(crate) const GRAIN: usize = 256;
-/// Most neighbours of a Gaussian that can be asked for.
+/// Most neighbors of a Gaussian that can be asked for.
 pub const MOST_NEIGHBORS: usize = 63;
 
-/// For each of R Gaussians, itself and its k nearest neighbours in space among all N: `m` = k + 1 indices. All have such a
+/// For each of R Gaussians, itself and its k nearest neighbors in space among all N: `m` = k + 1 indices. All have such a
 /// list (R = N) unless only [a part](Neighbors::part) is looked at. Cheap to clone.
 #[derive(Clone, Debug)]
 pub struct Neighbors {
@@ -38,7 +38,7 @@ impl Neighbors {
     ///
     /// Among points at the same distance it picks by the order of the tree, a function of the points alone.
     pub fn search<T: Real>(means: &[T], k: usize, pool: &Pool) -> Self {
-        assert!(k <= MOST_NEIGHBORS, "at most {MOST_NEIGHBORS} neighbours can be searched, not {k}");
+        assert!(k <= MOST_NEIGHBORS, "at most {MOST_NEIGHBORS} neighbors can be searched, not {k}");
         let m = k + 1;
         let tree = KdTree::new(means, pool);
         let mut index = pool.buffer::<u32>(means.len() / 3 * m);
@@ -57,7 +57,7 @@ impl Neighbors {
 
     /// Given lists `[N, m]` of indices below N.
     pub fn from_lists(index: &[u32], per_gaussian: usize, pool: &Pool) -> Self {
-        assert_eq!(index.len() % per_gaussian, 0, "every Gaussian has {per_gaussian} neighbours");
+        assert_eq!(index.len() % per_gaussian, 0, "every Gaussian has {per_gaussian} neighbors");
         Self::from_index(pool.copy_of(index), per_gaussian, pool)
     }
 
@@ -79,7 +79,7 @@ impl Neighbors {
         Self { lists: Arc::new(Lists { per_gaussian, index, start, named_at }), rows: 0..n }
     }
 
-    /// The lists of some Gaussians only, numbered from here; their neighbours may be any of all N.
+    /// The lists of some Gaussians only, numbered from here; their neighbors may be any of all N.
     pub fn part(&self, rows: Range<usize>) -> Self {
         assert!(rows.end <= self.len(), "there are {} lists, not {}", self.len(), rows.end);
         Self { lists: self.lists.clone(), rows: self.rows.start + rows.start..self.rows.start + rows.end }

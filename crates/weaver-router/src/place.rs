@@ -1,6 +1,6 @@
 //! Moves Gaussians off their pixels' points by bounded offsets.
 
-use crate::parametrisation::Parametrisation;
+use crate::parametrization::Parametrization;
 use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 
 #[derive(Debug)]
@@ -72,21 +72,21 @@ impl<T: Real> Op<T> for Place {
 /// The means of Gaussians: mu = Q + r tanh(o), componentwise in world axes.
 ///
 /// Q is `point` `[N, 3]`, o the first three of `raw` `[N, S]`; r is the published constant in world units, or the
-/// constant of the footprint parametrisation times `footprint` `[N]` = depth / fx. All three are differentiable; the
-/// result is `[N, 3]`, in world units. Panics on other shapes, and if the parametrisation needs footprints and there
+/// constant of the footprint parametrization times `footprint` `[N]` = depth / fx. All three are differentiable; the
+/// result is `[N, 3]`, in world units. Panics on other shapes, and if the parametrization needs footprints and there
 /// are none. Source: official SplatWeaver code, `CardinalityGaussian`.
 #[track_caller]
 pub fn place<'t, T: Real>(
     point: Var<'t, T>,
     raw: Var<'t, T>,
     footprint: Option<Var<'t, T>>,
-    parametrisation: Parametrisation,
+    parametrization: Parametrization,
 ) -> Var<'t, T> {
     let tape = point.tape();
-    let [mean] = match parametrisation {
-        Parametrisation::Published { xyz_bias, .. } => tape.apply(Place { reach: xyz_bias }, &[point, raw]),
-        Parametrisation::Footprint { offset, .. } => {
-            let footprint = footprint.expect("the footprint parametrisation is given footprints");
+    let [mean] = match parametrization {
+        Parametrization::Published { xyz_bias, .. } => tape.apply(Place { reach: xyz_bias }, &[point, raw]),
+        Parametrization::Footprint { offset, .. } => {
+            let footprint = footprint.expect("the footprint parametrization is given footprints");
             tape.apply(Place { reach: offset }, &[point, raw, footprint])
         }
     };

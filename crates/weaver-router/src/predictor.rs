@@ -1,11 +1,11 @@
-//! Refines every Gaussian's raw parameters by attention over its neighbours in space.
+//! Refines every Gaussian's raw parameters by attention over its neighbors in space.
 
 use crate::two_layers::TwoLayers;
 use crate::{Neighbors, neighbor_average, neighbor_offset, neighbor_relation};
 use weaver_autograd::{Real, Var, ops};
 use weaver_nn::{Builder, Context, Linear, WeightInit};
 
-/// A point-transformer layer: vector attention of width C over each Gaussian and its nearest neighbours.
+/// A point-transformer layer: vector attention of width C over each Gaussian and its nearest neighbors.
 ///
 /// With q, k, v linear in x and d_ij = P2 relu(P1 (mu_j - mu_i)): a_ij = A2 relu(A1 (q_i - k_j + d_ij)), and
 /// z_i = sum_j softmax_j(a_ij) (v_j + d_ij), the softmax separately per channel.
@@ -66,7 +66,7 @@ impl NeighborFusion {
         cx.tape.constant_of(attended, [n, width])
     }
 
-    /// z of the Gaussians that have a list of neighbours.
+    /// z of the Gaussians that have a list of neighbors.
     fn attend<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,
@@ -125,7 +125,7 @@ impl NeighborPredictor {
     }
 
     /// The refined parameters `[N, S - 3]`. Differentiable in all inputs (through the means, but not through the choice
-    /// of neighbours) and all parameters; the bias of `attn_mlp.2` has gradient zero, since a softmax does not see it.
+    /// of neighbors) and all parameters; the bias of `attn_mlp.2` has gradient zero, since a softmax does not see it.
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

@@ -7,7 +7,7 @@ use std::hint::black_box;
 use std::time::Duration;
 use weaver_kernels::random::Stream;
 use weaver_splat::{
-    Cameras, Colour, Cotangents, Gaussians, Gradients, Images, RasterSettings, Stages, Target, Workspace, rasterize,
+    Cameras, Color, Cotangents, Gaussians, Gradients, Images, RasterSettings, Stages, Target, Workspace, rasterize,
     rasterize_backward,
 };
 
@@ -17,7 +17,7 @@ struct Load {
     quats: Vec<f32>,
     scales: Vec<f32>,
     opacities: Vec<f32>,
-    colours: Vec<f32>,
+    colors: Vec<f32>,
     degree: usize,
     viewmats: Vec<f32>,
     intrinsics: Vec<f32>,
@@ -53,7 +53,7 @@ impl Load {
             quats: draw(4, 4 * n),
             scales,
             opacities,
-            colours: draw(6, terms * n),
+            colors: draw(6, terms * n),
             degree,
             intrinsics: [focal, focal, size.0 as f32 / 2.0, size.1 as f32 / 2.0].repeat(views),
             size,
@@ -71,7 +71,7 @@ impl Load {
             quats: &self.quats,
             scales: &self.scales,
             opacities: &self.opacities,
-            colour: Colour::Sh { coefficients: &self.colours, degree: self.degree },
+            color: Color::Sh { coefficients: &self.colors, degree: self.degree },
             features: None,
         };
         let cameras = Cameras {
@@ -90,14 +90,14 @@ impl Load {
         if backward {
             let [image, alpha, depth] = &self.cotangents;
             let cotangents = Cotangents { image: Some(image), alpha: Some(alpha), depth: Some(depth), features: None };
-            let [means, quats, scales, opacities, colours, viewmats, intrinsics, background] =
+            let [means, quats, scales, opacities, colors, viewmats, intrinsics, background] =
                 self.gradients.each_mut().map(|values| Some(Target::write(&mut values[..])));
             let gradients = Gradients {
                 means,
                 quats,
                 scales,
                 opacities,
-                colours,
+                colors,
                 viewmats,
                 intrinsics,
                 background,

@@ -1,6 +1,6 @@
 //! Fits a picture with Gaussians: `cargo run --release -p weaver-splat --example fit_image [PICTURE]`.
 //!
-//! The Gaussians stand near a plane in front of one camera. Adam moves, turns, stretches and colours them until their render
+//! The Gaussians stand near a plane in front of one camera. Adam moves, turns, stretches and colors them until their render
 //! is the picture. Writes fit_image.png (the picture, the start, the fit) and prints the peak signal-to-noise ratio.
 
 use weaver_autograd::{Params, Tape};
@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (w, h) = (photo.width, photo.height);
     let (n, pixel) = (GAUSSIANS, 1.0 / w as f32); // the picture is one unit wide
 
-    // Gaussians of the size that covers the picture, at random places, coloured like the picture there.
+    // Gaussians of the size that covers the picture, at random places, colored like the picture there.
     let stream = Stream::new(0, 0, "fit_image");
     let places: Vec<usize> = (0..n as u64).map(|i| stream.below(i, w * h)).collect();
     let size = 0.6 * (h as f32 * pixel / n as f32).sqrt();
@@ -34,12 +34,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let quats = params.add("quats", [n, 4], [1.0, 0.0, 0.0, 0.0].repeat(n));
     let log_scales = params.add("log_scales", [n, 3], vec![size.ln(); 3 * n]);
     let logits = params.add("opacity_logits", [n], vec![0.0; n]);
-    let colour = |p: &usize| [0, 1, 2].map(|c| photo.pixels[3 * p + c]);
-    let colours = params.add("colours", [n, 3], places.iter().flat_map(colour).collect());
+    let color = |p: &usize| [0, 1, 2].map(|c| photo.pixels[3 * p + c]);
+    let colors = params.add("colors", [n, 3], places.iter().flat_map(color).collect());
 
-    let rates = [(means, 0.3 * pixel), (quats, 0.01), (log_scales, 0.02), (logits, 0.03), (colours, 0.01)];
+    let rates = [(means, 0.3 * pixel), (quats, 0.01), (log_scales, 0.02), (logits, 0.03), (colors, 0.01)];
     let group = |(id, rate)| Group { params: vec![id], lr_scale: f64::from(rate), weight_decay: 0.0 };
-    let mut optimiser = AdamW::new(rates.map(group).to_vec(), 0.9, 0.99, 1e-15);
+    let mut optimizer = AdamW::new(rates.map(group).to_vec(), 0.9, 0.99, 1e-15);
     let schedule = WarmupCosine { warmup: 1, total: STEPS, floor: 0.05 };
     let (mut tape, workspaces) = (Tape::<f32>::new(), WorkspacePool::new());
     let mut pictures = vec![photo.clone()];
@@ -50,7 +50,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             quats: cx.param(quats),
             scales: cx.param(log_scales).exp(),
             opacities: cx.param(logits).sigmoid(),
-            colours: cx.param(colours),
+            colors: cx.param(colors),
         };
         let (focal, cx, cy) = (w as f32, 0.5 * w as f32, 0.5 * h as f32);
         let camera = CameraVars {
@@ -67,7 +67,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             pictures.push(Image { width: w, height: h, pixels: image.to_vec() });
         }
         loss.backward();
-        optimiser.step(&mut params, &mut tape, schedule.factor(step));
+        optimizer.step(&mut params, &mut tape, schedule.factor(step));
         tape.reset();
     }
     Image::mosaic(&pictures.iter().collect::<Vec<_>>()).write_png("fit_image.png")?;

@@ -21,7 +21,7 @@ pub(crate) mod moment {
     /// sum g u^2, sum g u v, sum g v^2
     pub const SECOND: usize = 3;
     /// sum w dimage
-    pub const COLOUR: usize = 6;
+    pub const COLOR: usize = 6;
     /// sum w ddepth
     pub const Z: usize = 9;
     /// sum |p g u|, sum |q g u + r g v|
@@ -108,7 +108,7 @@ pub(crate) fn prepare<V: Lanes>(
     each!(3, |c| dbackground[c].to_array().into_iter().sum())
 }
 
-/// Sums what splats get from the pixels of a window, of `C` planes of colours and depth. `MORE` says that there are
+/// Sums what splats get from the pixels of a window, of `C` planes of colors and depth. `MORE` says that there are
 /// features, or that pulls are asked for.
 pub(crate) struct Undo<'a, V: Lanes, const C: usize, const MORE: bool> {
     alpha_max: V,
@@ -146,7 +146,7 @@ impl<'a, V: Lanes, const C: usize, const MORE: bool> Undo<'a, V, C, MORE> {
     ) -> Self {
         let zero = V::zero();
         let (rest, planes) = planes.split_first_mut().expect("a plane of the rest");
-        let (cotangents, more) = planes.split_first_chunk().expect("planes of colours and depth");
+        let (cotangents, more) = planes.split_first_chunk().expect("planes of colors and depth");
         Self {
             alpha_max: V::constant(alpha_max),
             features: features.unwrap_or(Features { values: &[], channels: 0 }),
@@ -185,7 +185,7 @@ impl<V: Lanes, const C: usize, const MORE: bool> Visitor<V> for Undo<'_, V, C, M
         for i in 0..C {
             let d = V::load(&self.cotangents[i][block].0);
             value = if i == 0 { d * self.values[i] } else { d.mul_add(self.values[i], value) };
-            sums[moment::COLOUR + i] = weight.mul_add(d, sums[moment::COLOUR + i]);
+            sums[moment::COLOR + i] = weight.mul_add(d, sums[moment::COLOR + i]);
         }
         if MORE {
             for ((d, &feature), sum) in self.more.iter().zip(self.row).zip(self.row_sums.iter_mut()) {

@@ -104,11 +104,11 @@ impl<T: Real> Op<T> for Covariance {
     }
 }
 
-/// The covariance of Gaussians in the world, as the rasteriser draws them: R diag(s^2) R^T.
+/// The covariance of Gaussians in the world, as the rasterizer draws them: R diag(s^2) R^T.
 ///
 /// `scales` `[N, 3]` (standard deviations, in units of the scene) and `quats` `[N, 4]` (wxyz, of any length) give
-/// `[N, 3, 3]`. Differentiable in both, through the normalisation of the quaternion. A quaternion of zeros, which the
-/// rasteriser rejects, stands for no rotation and has gradient 0. Source: Kerbl et al., "3D Gaussian Splatting" (2023),
+/// `[N, 3, 3]`. Differentiable in both, through the normalization of the quaternion. A quaternion of zeros, which the
+/// rasterizer rejects, stands for no rotation and has gradient 0. Source: Kerbl et al., "3D Gaussian Splatting" (2023),
 /// equation 6.
 ///
 /// ```

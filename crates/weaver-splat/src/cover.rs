@@ -1,6 +1,6 @@
 //! Which tiles each splat may be seen in.
 //!
-//! A tile gets a splat if the outline touches one of its rows of pixel centres. Outlines are rounded outwards, and each
+//! A tile gets a splat if the outline touches one of its rows of pixel centers. Outlines are rounded outward, and each
 //! pixel decides for itself, so that tiles leave no trace in an image.
 
 use crate::project::{Coefficients, splats};
@@ -41,7 +41,7 @@ impl Grid {
         (t % self.columns * self.side, t / self.columns * self.side)
     }
 
-    /// The tiles, of `count` in a row, with a pixel centre in `[low, high]`.
+    /// The tiles, of `count` in a row, with a pixel center in `[low, high]`.
     #[inline(always)]
     fn touched(&self, low: f64, high: f64, count: usize) -> Range<u32> {
         let side = self.side as f64;

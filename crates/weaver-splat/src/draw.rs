@@ -1,4 +1,4 @@
-//! Drawing a window: colour, depth and features summed front to back.
+//! Drawing a window: color, depth and features summed front to back.
 
 use crate::each::each;
 use crate::scene::Features;
@@ -14,10 +14,10 @@ pub(crate) fn planes(depth: bool, channels: usize) -> usize {
 /// A splat's numbers for the first `C` planes behind the transmittance: red, green, blue, depth.
 #[inline(always)]
 pub(crate) fn values<V: Lanes, const C: usize>(record: &[V::Scalar; LANES]) -> [V; C] {
-    each!(C, |i| V::splat(record[if i < 3 { slot::COLOUR + i } else { slot::Z }]))
+    each!(C, |i| V::splat(record[if i < 3 { slot::COLOR + i } else { slot::Z }]))
 }
 
-/// Adds splats to the planes of a window, of which `C` are colours and depth. `MORE` says that there are features.
+/// Adds splats to the planes of a window, of which `C` are colors and depth. `MORE` says that there are features.
 pub(crate) struct Draw<'a, V: Lanes, const C: usize, const MORE: bool> {
     features: Features<'a, V::Scalar>,
     /// Gaussians per view.
@@ -40,7 +40,7 @@ impl<'a, V: Lanes, const C: usize, const MORE: bool> Draw<'a, V, C, MORE> {
         planes: &'a mut [Plane<V::Scalar>],
     ) -> Self {
         planes.as_flattened_mut().fill(Row::default());
-        let (sums, more) = planes.split_first_chunk_mut().expect("planes of colours and depth");
+        let (sums, more) = planes.split_first_chunk_mut().expect("planes of colors and depth");
         let features = features.unwrap_or(Features { values: &[], channels: 0 });
         Self { features, gaussians, sums, more, values: [V::zero(); C], row: &[] }
     }

@@ -70,7 +70,7 @@ pub struct Gradients<'a, T> {
     /// `[N]`
     pub opacities: Option<Target<'a, T>>,
     /// `[N, 3]` or `[N, K, 3]`
-    pub colours: Option<Target<'a, T>>,
+    pub colors: Option<Target<'a, T>>,
     /// `[N, C]`
     pub features: Option<Target<'a, T>>,
     /// `[V, 3, 4]` or `[V, 4, 4]`, as given; the last row of the latter is zero.
@@ -81,7 +81,7 @@ pub struct Gradients<'a, T> {
     pub background: Option<Target<'a, T>>,
     /// Sums over pixels of the absolute gradient of the projected mean, per pixel, `[V, N, 2]`: large where a
     /// Gaussian is pulled apart (Ye et al., AbsGS, 2024). Not a gradient, but a by-product for density control.
-    pub centre_pull: Option<Target<'a, T>>,
+    pub center_pull: Option<Target<'a, T>>,
 }
 
 impl<T> Default for Gradients<'_, T> {
@@ -91,12 +91,12 @@ impl<T> Default for Gradients<'_, T> {
             quats: None,
             scales: None,
             opacities: None,
-            colours: None,
+            colors: None,
             features: None,
             viewmats: None,
             intrinsics: None,
             background: None,
-            centre_pull: None,
+            center_pull: None,
         }
     }
 }

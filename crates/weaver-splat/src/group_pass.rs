@@ -6,7 +6,7 @@ use crate::each::each;
 use crate::gradients::{self, Gradients, Target};
 use crate::project::{Coefficients, Group, footprint};
 use crate::project_backward::{CAMERA_SUMS, GroupGradient, splat_backward};
-use crate::scene::{Cameras, Colour, Extent, Gaussians, RasterSettings};
+use crate::scene::{Cameras, Color, Extent, Gaussians, RasterSettings};
 use crate::sh;
 use crate::splat::{BITS, prefetch_rows, put_columns, put_wide_columns, wide_columns};
 use crate::workspace::Workspace;
@@ -32,7 +32,7 @@ struct Share<'a, T> {
     quats: Option<Target<'a, T>>,
     scales: Option<Target<'a, T>>,
     opacities: Option<Target<'a, T>>,
-    colours: Option<Target<'a, T>>,
+    colors: Option<Target<'a, T>>,
     /// `[chunks, V, CAMERA_SUMS]`
     camera_sums: &'a mut [Row<T>],
 }
@@ -47,13 +47,13 @@ impl<'a, T: Real> Share<'a, T> {
         let (quats_a, quats_b) = cut(self.quats, 4);
         let (scales_a, scales_b) = cut(self.scales, 3);
         let (opacities_a, opacities_b) = cut(self.opacities, 1);
-        let (colours_a, colours_b) = cut(self.colours, extent.colour_len);
+        let (colors_a, colors_b) = cut(self.colors, extent.color_len);
         let a = Self {
             means: means_a,
             quats: quats_a,
             scales: scales_a,
             opacities: opacities_a,
-            colours: colours_a,
+            colors: colors_a,
             camera_sums: camera_a,
         };
         let b = Self {
@@ -61,7 +61,7 @@ impl<'a, T: Real> Share<'a, T> {
             quats: quats_b,
             scales: scales_b,
             opacities: opacities_b,
-            colours: colours_b,
+            colors: colors_b,
             camera_sums: camera_b,
         };
         (a, b)
@@ -72,8 +72,8 @@ impl<T: Real> GroupPass<'_, T> {
     /// Writes the gradients of Gaussians, and those of the cameras in parts: `camera_sums` is `[chunks, V,
     /// CAMERA_SUMS]`.
     pub fn run(&self, gradients: &mut Gradients<'_, T>, camera_sums: &mut [Row<T>]) {
-        if let Some(target) = &mut gradients.centre_pull {
-            self.centre_pull(target);
+        if let Some(target) = &mut gradients.center_pull {
+            self.center_pull(target);
         }
         if let Some(target) = &mut gradients.features {
             self.features(target);
@@ -83,7 +83,7 @@ impl<T: Real> GroupPass<'_, T> {
             quats: gradients.quats.take(),
             scales: gradients.scales.take(),
             opacities: gradients.opacities.take(),
-            colours: gradients.colours.take(),
+            colors: gradients.colors.take(),
             camera_sums,
         };
         self.split(0..self.extent.gaussians.div_ceil(GRAIN), share);
@@ -109,7 +109,7 @@ impl<T: Real> GroupPass<'_, T> {
     }
 
     /// The pixels' absolute pulls of all splats.
-    fn centre_pull(&self, target: &mut Target<'_, T>) {
+    fn center_pull(&self, target: &mut Target<'_, T>) {
         let (add, scale) = (target.add, T::from_f64(1.0 / (BITS * BITS)));
         parallel::for_chunks(target.values, 2 * GRAIN, |chunk, out| {
             for (i, out) in out.as_chunks_mut::<2>().0.iter_mut().enumerate() {
@@ -190,17 +190,17 @@ impl<T: Real> LaneKernel<T> for ChunkPass<'_, T> {
         let GroupPass { gaussians, cameras, settings, extent, workspace } = pass;
         let first = index * GRAIN;
         let len = GRAIN.min(extent.gaussians - first);
-        let colour_len = extent.colour_len;
+        let color_len = extent.color_len;
         let mut coefficients: Coefficients<V> = [V::zero(); _];
-        let mut dcolours: Coefficients<V> = [V::zero(); _];
+        let mut dcolors: Coefficients<V> = [V::zero(); _];
         for at in (0..len).step_by(LANES) {
             let count = LANES.min(len - at);
             let group = Group::<V>::load(gaussians, first + at, count);
             let mut out = GroupGradient::zero();
-            dcolours[..colour_len].fill(V::zero());
+            dcolors[..color_len].fill(V::zero());
             let mut loaded = false;
-            if let Colour::Sh { coefficients: values, .. } = gaussians.colour {
-                prefetch_rows(values, (first + at + LANES) * colour_len, LANES * colour_len);
+            if let Color::Sh { coefficients: values, .. } = gaussians.color {
+                prefetch_rows(values, (first + at + LANES) * color_len, LANES * color_len);
             }
             for v in 0..extent.views {
                 let (chunk, _) = pass.chunk(v, first);
@@ -216,24 +216,24 @@ impl<T: Real> LaneKernel<T> for ChunkPass<'_, T> {
                 let view = cameras.view(v).in_lanes::<V>();
                 let shape = footprint(&view, settings, &group);
                 let mut dsight = [V::zero(); 3];
-                let dcolour = each!(3, |i| moments[moment::COLOUR + i]);
-                match gaussians.colour {
-                    Colour::None => {}
-                    Colour::Plain(_) => {
-                        for (sum, x) in dcolours.iter_mut().zip(dcolour) {
+                let dcolor = each!(3, |i| moments[moment::COLOR + i]);
+                match gaussians.color {
+                    Color::None => {}
+                    Color::Plain(_) => {
+                        for (sum, x) in dcolors.iter_mut().zip(dcolor) {
                             *sum = *sum + x;
                         }
                     }
-                    Colour::Sh { coefficients: values, degree } => {
+                    Color::Sh { coefficients: values, degree } => {
                         if !loaded {
-                            let range = (first + at) * colour_len..(first + at + count) * colour_len;
-                            wide_columns(&values[range], colour_len, &mut coefficients);
+                            let range = (first + at) * color_len..(first + at + count) * color_len;
+                            wide_columns(&values[range], color_len, &mut coefficients);
                             loaded = true;
                         }
                         // Any direction where nothing was drawn, so that zeros stay zeros.
                         let anywhere = V::constant(1.0);
-                        let sight = each!(3, |i| (group.mean[i] - view.centre[i]).or(drawn, anywhere));
-                        dsight = sh::colour_backward(degree, sight, &coefficients, dcolour, &mut dcolours);
+                        let sight = each!(3, |i| (group.mean[i] - view.center[i]).or(drawn, anywhere));
+                        dsight = sh::color_backward(degree, sight, &coefficients, dcolor, &mut dcolors);
                     }
                 }
                 let camera = &mut share.camera_sums[v * CAMERA_SUMS..][..CAMERA_SUMS];
@@ -247,12 +247,12 @@ impl<T: Real> LaneKernel<T> for ChunkPass<'_, T> {
             put(&mut share.quats, at, count, &out.quat);
             put(&mut share.scales, at, count, &out.scale);
             put(&mut share.opacities, at, count, &[out.opacity]);
-            if let Some(target) = &mut share.colours {
-                let rows = &mut target.values[at * colour_len..(at + count) * colour_len];
-                match gaussians.colour {
-                    Colour::None => {}
-                    Colour::Plain(_) => put_columns(&[dcolours[0], dcolours[1], dcolours[2]], target.add, rows),
-                    Colour::Sh { .. } => put_wide_columns(&mut dcolours, colour_len, target.add, rows),
+            if let Some(target) = &mut share.colors {
+                let rows = &mut target.values[at * color_len..(at + count) * color_len];
+                match gaussians.color {
+                    Color::None => {}
+                    Color::Plain(_) => put_columns(&[dcolors[0], dcolors[1], dcolors[2]], target.add, rows),
+                    Color::Sh { .. } => put_wide_columns(&mut dcolors, color_len, target.add, rows),
                 }
             }
         }

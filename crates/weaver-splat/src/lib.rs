@@ -1,10 +1,10 @@
-//! A differentiable rasteriser of 3-D Gaussians on the CPU, with gradients for every parameter and for the camera.
+//! A differentiable rasterizer of 3-D Gaussians on the CPU, with gradients for every parameter and for the camera.
 //!
 //! [`rasterize`] draws, [`rasterize_backward`] differentiates; both are plain functions on slices, and [`Workspace`]
 //! is all their memory. [`Rasterize`] is the same as an operation on the tape. [`mod@reference`] does it again,
 //! slowly and in another way, to test against.
 //!
-//! Conventions: world-to-camera matrices, OpenCV axes (x right, y down, z forward), pixel centres at +0.5, quaternions
+//! Conventions: world-to-camera matrices, OpenCV axes (x right, y down, z forward), pixel centers at +0.5, quaternions
 //! wxyz, spherical harmonics as in the reference 3DGS implementation.
 
 mod backward;
@@ -38,7 +38,7 @@ pub use gradients::{Cotangents, Gradients, Target};
 pub use op::{CameraVars, GaussianVars, Rasterize, RenderedVars, WorkspacePool};
 pub use rasterize::{Images, RasterStats, rasterize};
 pub use rasterize_backward::rasterize_backward;
-pub use scene::{Cameras, Colour, Features, Gaussians, RasterError, RasterSettings, TileSide};
+pub use scene::{Cameras, Color, Features, Gaussians, RasterError, RasterSettings, TileSide};
 pub use sh::MAX_DEGREE;
 pub use workspace::{Stages, Workspace};
 

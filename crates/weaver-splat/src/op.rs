@@ -1,10 +1,10 @@
-//! The rasteriser as an operation on the tape.
+//! The rasterizer as an operation on the tape.
 
 use crate::depth::LEAST_ALPHA;
 use crate::gradients::{Cotangents, Gradients, Target};
 use crate::rasterize::{Images, rasterize};
 use crate::rasterize_backward::rasterize_backward;
-use crate::scene::{Cameras, Colour, Features, Gaussians, RasterSettings};
+use crate::scene::{Cameras, Color, Features, Gaussians, RasterSettings};
 use crate::sh::MAX_DEGREE;
 use crate::workspace::Workspace;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -38,10 +38,10 @@ impl<T: Real> Default for WorkspacePool<T> {
 
 /// Draws Gaussians in several views, differentiably: [`rasterize`](crate::rasterize()) on the tape.
 ///
-/// Inputs, in this order: means `[N, 3]`, quats `[N, 4]` (wxyz), scales `[N, 3]`, opacities `[N]`, colours `[N, 3]` or
+/// Inputs, in this order: means `[N, 3]`, quats `[N, 4]` (wxyz), scales `[N, 3]`, opacities `[N]`, colors `[N, 3]` or
 /// spherical harmonics `[N, K, 3]` with K of 1, 4, 9, 16, 25 or none `[N, 0]`, view matrices `[V, 3, 4]` or `[V, 4, 4]`,
 /// intrinsics `[V, 4]` (fx, fy, cx, cy), background `[3]` or `[V, 3]`, and, where asked for, features `[N, C]`. Outputs:
-/// image `[V, H, W, 3]` (`[V, H, W, 0]` without colours), alpha `[V, H, W]`, depth `[V, H, W]` (`[0]` where not asked
+/// image `[V, H, W, 3]` (`[V, H, W, 0]` without colors), alpha `[V, H, W]`, depth `[V, H, W]` (`[0]` where not asked
 /// for), features `[V, H, W, C]` where given, and auxiliary, without gradient, the counts `[3]` of splats, list entries
 /// and rejected Gaussians. Every input has a gradient; see [`rasterize_backward`](crate::rasterize_backward()) for what is
 /// held constant.
@@ -56,7 +56,7 @@ impl<T: Real> Default for WorkspacePool<T> {
 ///     quats: tape.leaf(&[1.0, 0.0, 0.0, 0.0], [1, 4]),
 ///     scales: tape.leaf(&[0.5, 0.5, 0.5], [1, 3]),
 ///     opacities: tape.leaf(&[0.8], [1]),
-///     colours: tape.leaf(&[1.0, 0.5, 0.0], [1, 3]),
+///     colors: tape.leaf(&[1.0, 0.5, 0.0], [1, 3]),
 /// };
 /// let cameras = CameraVars {
 ///     viewmats: tape.constant(&[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0], [1, 3, 4]),
@@ -90,7 +90,7 @@ pub struct GaussianVars<'t, T: Real> {
     /// `[N]`
     pub opacities: Var<'t, T>,
     /// `[N, 3]`, or `[N, K, 3]` for spherical harmonics, or `[N, 0]` for none.
-    pub colours: Var<'t, T>,
+    pub colors: Var<'t, T>,
 }
 
 /// The cameras as tensors; shapes are with [`Rasterize`].
@@ -107,7 +107,7 @@ pub struct CameraVars<'t, T: Real> {
 /// What was drawn.
 #[derive(Clone, Copy, Debug)]
 pub struct RenderedVars<'t, T: Real> {
-    /// `[V, H, W, 3]`; `[V, H, W, 0]` of Gaussians without colours.
+    /// `[V, H, W, 3]`; `[V, H, W, 0]` of Gaussians without colors.
     pub image: Var<'t, T>,
     /// `[V, H, W]`
     pub alpha: Var<'t, T>,
@@ -164,18 +164,18 @@ impl<T: Real> Rasterize<T> {
     }
 
     fn scene<'a>(&self, ins: &[View<'a, T>]) -> (Gaussians<'a, T>, Cameras<'a, T>) {
-        let colours = ins[4];
-        let colour = match colours.shape().rank() {
-            2 if colours.shape()[1] == 0 => Colour::None,
-            2 => Colour::Plain(colours.data()),
-            _ => Colour::Sh { coefficients: colours.data(), degree: degree_of(colours.shape()[1]).unwrap_or(0) },
+        let colors = ins[4];
+        let color = match colors.shape().rank() {
+            2 if colors.shape()[1] == 0 => Color::None,
+            2 => Color::Plain(colors.data()),
+            _ => Color::Sh { coefficients: colors.data(), degree: degree_of(colors.shape()[1]).unwrap_or(0) },
         };
         let gaussians = Gaussians {
             means: ins[0].data(),
             quats: ins[1].data(),
             scales: ins[2].data(),
             opacities: ins[3].data(),
-            colour,
+            color,
             features: ins.get(8).map(|f| Features { values: f.data(), channels: f.shape()[1] }),
         };
         let cameras = Cameras {
@@ -191,9 +191,9 @@ impl<T: Real> Rasterize<T> {
 
 /// The inputs that every drawing has.
 fn inputs<'t, T: Real>(gaussians: &GaussianVars<'t, T>, cameras: &CameraVars<'t, T>) -> [Var<'t, T>; 8] {
-    let GaussianVars { means, quats, scales, opacities, colours } = *gaussians;
+    let GaussianVars { means, quats, scales, opacities, colors } = *gaussians;
     let CameraVars { viewmats, intrinsics, background } = *cameras;
-    [means, quats, scales, opacities, colours, viewmats, intrinsics, background]
+    [means, quats, scales, opacities, colors, viewmats, intrinsics, background]
 }
 
 /// The degree with `terms` coefficients.
@@ -223,8 +223,8 @@ impl<T: Real> Op<T> for Rasterize<T> {
         let gaussians = is(0, &[n, 3]) && is(1, &[n, 4]) && is(2, &[n, 3]) && is(3, &[n]);
         ensure_shape!(gaussians, "means [N, 3], quats [N, 4], scales [N, 3], opacities [N], ..");
         let harmonics = ins[4].rank() == 3 && degree_of(ins[4][1]).is_some() && is(4, &[n, ins[4][1], 3]);
-        let colours = is(4, &[n, 3]) || is(4, &[n, 0]) || harmonics;
-        ensure_shape!(colours, "colours [N, 3], or [N, K, 3] with K of 1, 4, 9, 16, 25, or [N, 0]");
+        let colors = is(4, &[n, 3]) || is(4, &[n, 0]) || harmonics;
+        ensure_shape!(colors, "colors [N, 3], or [N, K, 3] with K of 1, 4, 9, 16, 25, or [N, 0]");
         ensure_shape!(is(5, &[v, 3, 4]) || is(5, &[v, 4, 4]), "view matrices [V, 3, 4] or [V, 4, 4]");
         ensure_shape!(is(6, &[v, 4]), "intrinsics [V, 4]");
         ensure_shape!(is(7, &[3]) || is(7, &[v, 3]), "background [3] or [V, 3]");
@@ -287,12 +287,12 @@ impl<T: Real> Op<T> for Rasterize<T> {
             quats: next(),
             scales: next(),
             opacities: next(),
-            colours: next(),
+            colors: next(),
             viewmats: next(),
             intrinsics: next(),
             background: next(),
             features: next(),
-            centre_pull: None,
+            center_pull: None,
         };
         rasterize_backward(&gaussians, &cameras, &self.settings, workspace, &cotangents, gradients)
             .unwrap_or_else(|error| panic!("{error}"));

@@ -7,7 +7,7 @@
 use crate::each::each;
 use crate::matrix::{Mat23, Mat33, Vec3, apply, cross, dot, product};
 use crate::rotation::rotation;
-use crate::scene::{ALPHA_MIN, Colour, Gaussians, RATIO_FLOOR, RasterSettings, Viewpoint};
+use crate::scene::{ALPHA_MIN, Color, Gaussians, RATIO_FLOOR, RasterSettings, Viewpoint};
 use crate::sh;
 use crate::splat::{BITS, columns, prefetch_rows, slot, wide_columns};
 use weaver_kernels::Real;
@@ -173,7 +173,7 @@ pub(crate) struct Splats<V: Lanes> {
     pub rejected: V::Mask,
 }
 
-/// Projects Gaussians `first..first + count`. Colours and features count only where a Gaussian may be seen: those of one
+/// Projects Gaussians `first..first + count`. Colors and features count only where a Gaussian may be seen: those of one
 /// behind the camera, or too faint, reject nothing.
 #[inline(always)]
 pub(crate) fn splats<V: Lanes>(
@@ -215,27 +215,27 @@ pub(crate) fn splats<V: Lanes>(
     let mut rejected = present.and_not(sound).or(seen.and_not(good));
     seen = seen.and(good);
 
-    let mut colour = [V::zero(); 3];
-    match gaussians.colour {
-        Colour::None => {}
-        Colour::Plain(values) => {
-            colour = columns(values, first, count);
-            let good = finite(colour[0] * V::zero() + colour[1] * V::zero() + colour[2] * V::zero());
+    let mut color = [V::zero(); 3];
+    match gaussians.color {
+        Color::None => {}
+        Color::Plain(values) => {
+            color = columns(values, first, count);
+            let good = finite(color[0] * V::zero() + color[1] * V::zero() + color[2] * V::zero());
             rejected = rejected.or(seen.and_not(good));
             seen = seen.and(good);
         }
-        Colour::Sh { coefficients: values, degree } if seen.bits() != 0 => {
+        Color::Sh { coefficients: values, degree } if seen.bits() != 0 => {
             let len = 3 * (degree + 1) * (degree + 1);
             prefetch_rows(values, (first + LANES) * len, LANES * len);
             wide_columns(&values[first * len..(first + count) * len], len, coefficients);
-            let sight = each!(3, |i| group.mean[i] - view.centre[i]);
-            let (sum, unsound) = sh::colour(degree, sight, coefficients);
+            let sight = each!(3, |i| group.mean[i] - view.center[i]);
+            let (sum, unsound) = sh::color(degree, sight, coefficients);
             let good = finite(unsound + sum[0] + sum[1] + sum[2]);
             rejected = rejected.or(seen.and_not(good));
             seen = seen.and(good);
-            colour = each!(3, |i| sum[i].max(V::zero()));
+            color = each!(3, |i| sum[i].max(V::zero()));
         }
-        Colour::Sh { .. } => {}
+        Color::Sh { .. } => {}
     }
 
     if let Some(features) = gaussians.features {
@@ -255,7 +255,7 @@ pub(crate) fn splats<V: Lanes>(
     columns[slot::OPACITY] = opacity;
     columns[slot::SLACK] = slack;
     columns[slot::Z] = z;
-    (0..3).for_each(|i| columns[slot::COLOUR + i] = colour[i]);
+    (0..3).for_each(|i| columns[slot::COLOR + i] = color[i]);
     columns[slot::HALF_HEIGHT] = half_height;
     columns[slot::DY_OF_RIGHT] = dy_of_right;
     columns[slot::REACH] = radius * radius * V::constant(1.0 + 8.0 * eps);

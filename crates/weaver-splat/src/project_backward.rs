@@ -13,7 +13,7 @@ use crate::splat::BITS;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
 
-/// Gradients of sixteen Gaussians but for their colours.
+/// Gradients of sixteen Gaussians but for their colors.
 #[derive(Clone, Copy)]
 pub(crate) struct GroupGradient<V> {
     pub mean: Vec3<V>,
@@ -31,7 +31,7 @@ impl<V: Lanes> GroupGradient<V> {
     }
 }
 
-/// Gradients of a camera's axes (9), shift (3), focal lengths (2), principal point (2) and centre (3).
+/// Gradients of a camera's axes (9), shift (3), focal lengths (2), principal point (2) and center (3).
 pub(crate) const CAMERA_SUMS: usize = 19;
 
 #[inline(always)]
@@ -42,7 +42,7 @@ fn add<V: Lanes>(sum: &mut V, x: V) {
 /// Adds the gradients of splats to those of their Gaussians and of the camera, and returns that of the line of sight.
 ///
 /// `moments` are columns of [`moment`]s, zero where a Gaussian was not drawn; `drawn` says where it was. `dsight` is the
-/// gradient of the line of sight through the colour.
+/// gradient of the line of sight through the color.
 #[inline(always)]
 pub(crate) fn splat_backward<V: Lanes>(
     (view, settings): (&Viewpoint<V>, &RasterSettings),
@@ -110,9 +110,9 @@ pub(crate) fn splat_backward<V: Lanes>(
         add(&mut out.quat[i], here!(dquat[i]));
     }
 
-    // J A with J = [[zx, 0, -zx sx], [0, zy, -zy sy]], zoom z = f/Z and slope s; and the centre x = fx X/Z + cx.
+    // J A with J = [[zx, 0, -zx sx], [0, zy, -zy sy]], zoom z = f/Z and slope s; and the center x = fx X/Z + cx.
     let first = each!(2, |i| moments[moment::FIRST + i] * inverse);
-    let dcentre = [p * first[0], q.mul_add(first[0], r * first[1])];
+    let dcenter = [p * first[0], q.mul_add(first[0], r * first[1])];
     let mut daxes = [[V::zero(); 3]; 3];
     for i in 0..2 {
         let (zoom, slope) = (shape.zoom[i], shape.slope[i]);
@@ -126,16 +126,16 @@ pub(crate) fn splat_backward<V: Lanes>(
         // Beyond the limits the slope is a function of the intrinsics.
         let dlimit = (dbounded / view.focal[i]).only(shape.within[i]);
         let dlimit = dbounded / view.focal[i] - dlimit;
-        let dslope = dcentre[i].mul_add(view.focal[i], dbounded.only(shape.within[i]));
-        let dfocal = dzoom.mul_add(shape.inverse_z, dcentre[i] * shape.free[i]) - dlimit * slope;
+        let dslope = dcenter[i].mul_add(view.focal[i], dbounded.only(shape.within[i]));
+        let dfocal = dzoom.mul_add(shape.inverse_z, dcenter[i] * shape.free[i]) - dlimit * slope;
         add(&mut camera[12 + i], here!(dfocal));
-        add(&mut camera[14 + i], here!(dcentre[i] - dlimit));
+        add(&mut camera[14 + i], here!(dcenter[i] - dlimit));
         dpoint[i] = dslope * shape.inverse_z;
         let along = dzoom.mul_add(zoom, dslope * shape.free[i]);
         dpoint[2] = along.neg_mul_add(shape.inverse_z, dpoint[2]);
     }
 
-    // point = A m + t, and the line of sight m - centre.
+    // point = A m + t, and the line of sight m - center.
     let dmean = apply_transposed(&view.axes, dpoint);
     for i in 0..3 {
         for j in 0..3 {
@@ -147,16 +147,16 @@ pub(crate) fn splat_backward<V: Lanes>(
     }
 }
 
-/// Gradients of view matrix (12, row-major) and intrinsics (4) from the sums over all splats: the centre is -A^-1 t.
+/// Gradients of view matrix (12, row-major) and intrinsics (4) from the sums over all splats: the center is -A^-1 t.
 pub(crate) fn camera_gradient<T: Real>(view: &Viewpoint<T>, sums: &[f64; CAMERA_SUMS]) -> ([T; 12], [T; 4]) {
-    let dcentre: Vec3<f64> = [sums[16], sums[17], sums[18]];
-    // Plain colours do not look at the centre, which need not exist then.
-    let moved = if dcentre == [0.0; 3] { [0.0; 3] } else { apply_transposed(&inverse(&view.axes), dcentre) };
+    let dcenter: Vec3<f64> = [sums[16], sums[17], sums[18]];
+    // Plain colors do not look at the center, which need not exist then.
+    let moved = if dcenter == [0.0; 3] { [0.0; 3] } else { apply_transposed(&inverse(&view.axes), dcenter) };
     let mut matrix = [T::ZERO; 12];
     for i in 0..3 {
         for j in 0..3 {
-            let through_centre = if moved[i] == 0.0 { 0.0 } else { moved[i] * view.centre[j].to_f64() };
-            matrix[4 * i + j] = T::from_f64(sums[3 * i + j] - through_centre);
+            let through_center = if moved[i] == 0.0 { 0.0 } else { moved[i] * view.center[j].to_f64() };
+            matrix[4 * i + j] = T::from_f64(sums[3 * i + j] - through_center);
         }
         matrix[4 * i + 3] = T::from_f64(sums[9 + i] - moved[i]);
     }

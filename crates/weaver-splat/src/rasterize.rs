@@ -2,7 +2,7 @@
 
 use crate::cover::{Chunk, Cover, GRAIN, Grid};
 use crate::draw::{Draw, planes};
-use crate::scene::{Cameras, Colour, Extent, Features, Gaussians, RasterError, RasterSettings, expect_len, extent};
+use crate::scene::{Cameras, Color, Extent, Features, Gaussians, RasterError, RasterSettings, expect_len, extent};
 use crate::sort::sort;
 use crate::splat::Splat;
 use crate::window::{BLOCK, Plane, SIDE, Window, Work, traverse};
@@ -16,7 +16,7 @@ use weaver_kernels::{Real, parallel};
 /// Where the images go.
 #[derive(Debug)]
 pub struct Images<'a, T> {
-    /// sum of w c + T background, `[V, H, W, 3]`; empty for Gaussians without colours.
+    /// sum of w c + T background, `[V, H, W, 3]`; empty for Gaussians without colors.
     pub image: &'a mut [T],
     /// 1 - T, `[V, H, W]`.
     pub alpha: &'a mut [T],
@@ -45,7 +45,7 @@ pub struct RasterStats {
 /// Draws Gaussians in several views: image, alpha and depth.
 ///
 /// At a pixel, splats in ascending camera z (as `f32`, ties by index) have `alpha_i = min(alpha_max, o_i
-/// exp(-sigma_i))`, `sigma = d^T S^-1 d / 2` with d from the projected mean to the pixel centre and `S = J A C A^T
+/// exp(-sigma_i))`, `sigma = d^T S^-1 d / 2` with d from the projected mean to the pixel center and `S = J A C A^T
 /// J^T + eps2d I`, `C = R diag(scale^2) R^T`, and J the Jacobian of the projection with x/z, y/z limited to the
 /// frustum widened by 30 % of half its size. Alphas below 1/255 are skipped. `w_i = alpha_i T_i`, `T_i` the product
 /// of `1 - alpha_j` over the splats in front; a pixel ends before the splat that would bring T to 1e-4 or less.
@@ -55,7 +55,7 @@ pub struct RasterStats {
 /// any tile side.
 ///
 /// Gaussians that hold a number that is not finite, or whose projection does, or whose quaternion is zero (or so short
-/// that 1 / |q| overflows), are left out and counted. Colours and features are only looked at where a Gaussian would be
+/// that 1 / |q| overflows), are left out and counted. Colors and features are only looked at where a Gaussian would be
 /// drawn.
 ///
 /// # Errors
@@ -69,13 +69,13 @@ pub struct RasterStats {
 /// gsplat 1.4.0 but for its bounding boxes: a splat is seen wherever its alpha reaches 1/255.
 ///
 /// ```
-/// use weaver_splat::{Cameras, Colour, Gaussians, Images, RasterSettings, Workspace, rasterize};
+/// use weaver_splat::{Cameras, Color, Gaussians, Images, RasterSettings, Workspace, rasterize};
 /// let gaussians = Gaussians {
 ///     means: &[0.0_f32, 0.0, 2.0],
 ///     quats: &[1.0, 0.0, 0.0, 0.0],
 ///     scales: &[0.5, 0.5, 0.5],
 ///     opacities: &[0.8],
-///     colour: Colour::Plain(&[1.0, 0.5, 0.0]),
+///     color: Color::Plain(&[1.0, 0.5, 0.0]),
 ///     features: None,
 /// };
 /// let cameras = Cameras {
@@ -134,8 +134,8 @@ pub fn rasterize<T: Real>(
 
 fn check<T: Real>(gaussians: &Gaussians<'_, T>, extent: &Extent, images: &Images<'_, T>) -> Result<(), RasterError> {
     let pixels = extent.views * extent.width * extent.height;
-    let colour = usize::from(!matches!(gaussians.colour, Colour::None));
-    expect_len("image", images.image.len(), 3 * pixels * colour)?;
+    let color = usize::from(!matches!(gaussians.color, Color::None));
+    expect_len("image", images.image.len(), 3 * pixels * color)?;
     expect_len("alpha", images.alpha.len(), pixels)?;
     images.depth.as_ref().map_or(Ok(()), |depth| expect_len("depth", depth.len(), pixels))?;
     let features = images.features.as_ref().map_or(0, |features| features.len());

@@ -22,8 +22,8 @@ use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes, Row};
 ///
 /// `gaussians`, `cameras` and `settings` are those of the last forward with this workspace. Everything is
 /// differentiated but the choices: the order, who is skipped, where a pixel ends, alpha where `alpha_max` holds,
-/// colour where it is clamped at zero, the compensation where its floor holds. The limits of x/z and y/z are
-/// functions of the intrinsics; the camera centre, for the line of sight, is -A^-1 t. Same bits at any number of
+/// color where it is clamped at zero, the compensation where its floor holds. The limits of x/z and y/z are
+/// functions of the intrinsics; the camera center, for the line of sight, is -A^-1 t. Same bits at any number of
 /// threads.
 ///
 /// Gradients are finite where cotangents are: a number that overflows on its way to a gradient adds nothing to it.
@@ -51,7 +51,7 @@ pub fn rasterize_backward<T: Real>(
     grown(&mut workspace.moments, entries);
     grown(&mut workspace.feature_sums, entries * extent.channels);
     grown(&mut workspace.background_sums, extent.views * Grid::new(&extent).len());
-    match (depth, extent.channels > 0 || gradients.centre_pull.is_some()) {
+    match (depth, extent.channels > 0 || gradients.center_pull.is_some()) {
         (false, false) => undo_tiles::<T, 3, false>(gaussians, cameras, settings, &extent, cotangents, workspace),
         (false, true) => undo_tiles::<T, 3, true>(gaussians, cameras, settings, &extent, cotangents, workspace),
         (true, false) => undo_tiles::<T, 4, false>(gaussians, cameras, settings, &extent, cotangents, workspace),
@@ -78,7 +78,7 @@ fn check<T: Real>(
     let (n, v) = (extent.gaussians, extent.views);
     let pixels = v * extent.width * extent.height;
     let inputs = [
-        ("cotangent of the image", cotangents.image, if extent.colour_len > 0 { 3 * pixels } else { 0 }),
+        ("cotangent of the image", cotangents.image, if extent.color_len > 0 { 3 * pixels } else { 0 }),
         ("cotangent of alpha", cotangents.alpha, pixels),
         ("cotangent of the depth", cotangents.depth, if extent.depth { pixels } else { 0 }),
         ("cotangent of the features", cotangents.features, extent.channels * pixels),
@@ -91,12 +91,12 @@ fn check<T: Real>(
         ("gradient of the quats", &gradients.quats, 4 * n),
         ("gradient of the scales", &gradients.scales, 3 * n),
         ("gradient of the opacities", &gradients.opacities, n),
-        ("gradient of the colours", &gradients.colours, extent.colour_len * n),
+        ("gradient of the colors", &gradients.colors, extent.color_len * n),
         ("gradient of the features", &gradients.features, extent.channels * n),
         ("gradient of the viewmats", &gradients.viewmats, cameras.viewmats.len()),
         ("gradient of the intrinsics", &gradients.intrinsics, 4 * v),
         ("gradient of the background", &gradients.background, cameras.background.len()),
-        ("pull of the centres", &gradients.centre_pull, 2 * v * n),
+        ("pull of the centers", &gradients.center_pull, 2 * v * n),
     ];
     for (name, target, expected) in outputs {
         target.as_ref().map_or(Ok(()), |target| expect_len(name, target.values.len(), expected))?;

@@ -1,10 +1,10 @@
-//! The rasteriser again, slowly and in another way, to test against: every Gaussian at every pixel, in `f64`, from
+//! The rasterizer again, slowly and in another way, to test against: every Gaussian at every pixel, in `f64`, from
 //! the textbook's formulas, with the derivatives of projection by forward-mode dual numbers. No tiles, no bounds, no
 //! threads.
 
 use crate::gradients::Cotangents;
 use crate::scene::{
-    ALPHA_MIN, Cameras, Colour, Gaussians, RATIO_FLOOR, RasterError, RasterSettings, TRANSMITTANCE_END, extent,
+    ALPHA_MIN, Cameras, Color, Gaussians, RATIO_FLOOR, RasterError, RasterSettings, TRANSMITTANCE_END, extent,
 };
 use crate::sh;
 use weaver_autograd::Dual;
@@ -19,18 +19,18 @@ struct Gaussian<'a> {
     quat: [f64; 4],
     scale: [f64; 3],
     opacity: f64,
-    colour: &'a [f64],
+    color: &'a [f64],
 }
 
 impl<'a> Gaussian<'a> {
     fn of(gaussians: &Gaussians<'a, f64>, n: usize) -> Self {
-        let (values, len) = gaussians.colour.values();
+        let (values, len) = gaussians.color.values();
         Self {
             mean: std::array::from_fn(|i| gaussians.means[3 * n + i]),
             quat: std::array::from_fn(|i| gaussians.quats[4 * n + i]),
             scale: std::array::from_fn(|i| gaussians.scales[3 * n + i]),
             opacity: gaussians.opacities[n],
-            colour: &values[n * len..(n + 1) * len],
+            color: &values[n * len..(n + 1) * len],
         }
     }
 }
@@ -60,7 +60,7 @@ pub struct RenderedBackward {
     /// `[N]`
     pub opacities: Vec<f64>,
     /// `[N, 3]` or `[N, K, 3]`
-    pub colours: Vec<f64>,
+    pub colors: Vec<f64>,
     /// `[N, C]`
     pub features: Vec<f64>,
     /// As the view matrices.
@@ -70,17 +70,17 @@ pub struct RenderedBackward {
     /// As the background.
     pub background: Vec<f64>,
     /// `[V, N, 2]`
-    pub centre_pull: Vec<f64>,
+    pub center_pull: Vec<f64>,
 }
 
-/// What a pixel looks at, with derivatives: centre x y, inverse covariance a b c, opacity, z, colour.
+/// What a pixel looks at, with derivatives: center x y, inverse covariance a b c, opacity, z, color.
 struct Seen {
     index: usize,
-    centre: [Number; 2],
+    center: [Number; 2],
     conic: [Number; 3],
     opacity: Number,
     z: Number,
-    colour: [Number; 3],
+    color: [Number; 3],
     /// Basis functions and which channels are not clamped, for the gradient of the coefficients.
     basis: [f64; sh::MAX_TERMS],
     open: [bool; 3],
@@ -114,7 +114,7 @@ fn transpose<const A: usize, const B: usize>(a: &[[Number; B]; A]) -> [[Number; 
 fn see(
     index: usize,
     gaussian: &Gaussian<'_>,
-    colour: &Colour<'_, f64>,
+    color: &Color<'_, f64>,
     matrix: &[f64],
     k: &[f64],
     (width, height): (f64, f64),
@@ -185,10 +185,10 @@ fn see(
     let mut basis = [0.0; sh::MAX_TERMS];
     basis[0] = 1.0;
     let mut open = [true; 3];
-    let colour = match *colour {
-        Colour::None => [c(0.0); 3],
-        Colour::Plain(_) => std::array::from_fn(|i| c(gaussian.colour[i])),
-        Colour::Sh { degree, .. } => {
+    let color = match *color {
+        Color::None => [c(0.0); 3],
+        Color::Plain(_) => std::array::from_fn(|i| c(gaussian.color[i])),
+        Color::Sh { degree, .. } => {
             let adjugate: [[Number; 3]; 3] = std::array::from_fn(|i| {
                 std::array::from_fn(|j| {
                     let (a, b, d, e) = ((j + 1) % 3, (j + 2) % 3, (i + 1) % 3, (i + 2) % 3);
@@ -196,15 +196,15 @@ fn see(
                 })
             });
             let det = axes[0][0] * adjugate[0][0] + axes[0][1] * adjugate[1][0] + axes[0][2] * adjugate[2][0];
-            let centre = matmul(&adjugate, &shift.map(|s| [-s / det]));
-            let sight: [Number; 3] = std::array::from_fn(|i| mean[i] - centre[i][0]);
+            let center = matmul(&adjugate, &shift.map(|s| [-s / det]));
+            let sight: [Number; 3] = std::array::from_fn(|i| mean[i] - center[i][0]);
             let distance = sight.iter().fold(c(0.0), |sum, &s| sum + s * s).sqrt();
             let values =
                 if degree == 0 { sh::basis(0, sight, c) } else { sh::basis(degree, sight.map(|s| s / distance), c) };
             basis = values.map(|b| b.value);
             let sums: [Number; 3] = std::array::from_fn(|channel| {
-                (0..gaussian.colour.len() / 3)
-                    .fold(c(0.5), |sum, term| sum + values[term] * c(gaussian.colour[3 * term + channel]))
+                (0..gaussian.color.len() / 3)
+                    .fold(c(0.5), |sum, term| sum + values[term] * c(gaussian.color[3 * term + channel]))
             });
             open = sums.map(|sum| sum.value > 0.0);
             sums.map(|sum| maximum(sum, c(0.0)))
@@ -212,15 +212,15 @@ fn see(
     };
     let seen = Seen {
         index,
-        centre: [fx * x / z + cx, fy * y / z + cy],
+        center: [fx * x / z + cx, fy * y / z + cy],
         conic: [yy / determinant, -(xy / determinant), xx / determinant],
         opacity,
         z,
-        colour,
+        color,
         basis,
         open,
     };
-    let inputs = [&gaussian.mean[..], &gaussian.quat, &gaussian.scale, &[gaussian.opacity], gaussian.colour];
+    let inputs = [&gaussian.mean[..], &gaussian.quat, &gaussian.scale, &[gaussian.opacity], gaussian.color];
     let finite = inputs.iter().all(|part| part.iter().all(|x| x.is_finite()))
         && seen.numbers().iter().all(|number| number.value.is_finite());
     finite.then_some(seen)
@@ -228,7 +228,7 @@ fn see(
 
 impl Seen {
     fn numbers(&self) -> [Number; 10] {
-        let ([x, y], [a, b, c], [r, g, blue]) = (self.centre, self.conic, self.colour);
+        let ([x, y], [a, b, c], [r, g, blue]) = (self.center, self.conic, self.color);
         [x, y, a, b, c, self.opacity, self.z, r, g, blue]
     }
 }
@@ -244,7 +244,7 @@ fn see_all(
     let k = &cameras.intrinsics[4 * v..];
     let size = (cameras.width as f64, cameras.height as f64);
     let mut seen: Vec<Seen> = (0..gaussians.opacities.len())
-        .filter_map(|n| see(n, &Gaussian::of(gaussians, n), &gaussians.colour, matrix, k, size, settings))
+        .filter_map(|n| see(n, &Gaussian::of(gaussians, n), &gaussians.color, matrix, k, size, settings))
         .filter(|seen| features_of(gaussians, seen).iter().all(|x| x.is_finite()))
         .collect();
     seen.sort_by(|a, b| (a.z.value as f32).total_cmp(&(b.z.value as f32)));
@@ -268,7 +268,7 @@ fn blend(seen: &[Seen], settings: &RasterSettings, x: f64, y: f64) -> (Vec<Touch
     let mut touches = Vec::new();
     let mut transmittance = 1.0;
     for (at, splat) in seen.iter().enumerate() {
-        let (dx, dy) = (x - splat.centre[0].value, y - splat.centre[1].value);
+        let (dx, dy) = (x - splat.center[0].value, y - splat.center[1].value);
         let [a, b, c] = splat.conic.map(|n| n.value);
         let sigma = 0.5 * (a * dx * dx + c * dy * dy) + b * dx * dy;
         let raw = splat.opacity.value * (-sigma).exp();
@@ -310,18 +310,18 @@ pub fn rasterize(
         for pixel in 0..extent.width * extent.height {
             let (x, y) = ((pixel % extent.width) as f64 + 0.5, (pixel / extent.width) as f64 + 0.5);
             let (touches, transmittance) = blend(&seen, settings, x, y);
-            let mut colour = background.map(|b| transmittance * b);
+            let mut color = background.map(|b| transmittance * b);
             let mut depth = 0.0;
             features.fill(0.0);
             for touch in &touches {
                 let (splat, weight) = (&seen[touch.at], touch.alpha * touch.before);
-                (0..3).for_each(|i| colour[i] += weight * splat.colour[i].value);
+                (0..3).for_each(|i| color[i] += weight * splat.color[i].value);
                 depth += weight * splat.z.value;
                 features.iter_mut().zip(features_of(gaussians, splat)).for_each(|(sum, x)| *sum += weight * x);
             }
             out.features.extend(&features);
-            if !matches!(gaussians.colour, Colour::None) {
-                out.image.extend(colour);
+            if !matches!(gaussians.color, Color::None) {
+                out.image.extend(color);
             }
             out.alpha.push(1.0 - transmittance);
             out.depth.push(depth);
@@ -348,12 +348,12 @@ pub fn rasterize_backward(
         quats: vec![0.0; 4 * n],
         scales: vec![0.0; 3 * n],
         opacities: vec![0.0; n],
-        colours: vec![0.0; extent.colour_len * n],
+        colors: vec![0.0; extent.color_len * n],
         features: vec![0.0; extent.channels * n],
         viewmats: vec![0.0; cameras.viewmats.len()],
         intrinsics: vec![0.0; 4 * views],
         background: vec![0.0; cameras.background.len()],
-        centre_pull: vec![0.0; 2 * views * n],
+        center_pull: vec![0.0; 2 * views * n],
     };
     let shared_background = cameras.background.len() == 3;
     for v in 0..views {
@@ -380,7 +380,7 @@ pub fn rasterize_backward(
                 let weight = touch.alpha * touch.before;
                 let mut value = ddepth * splat.z.value;
                 for i in 0..3 {
-                    value += dimage[i] * splat.colour[i].value;
+                    value += dimage[i] * splat.color[i].value;
                     gradient[7 + i] += weight * dimage[i];
                 }
                 gradient[6] += weight * ddepth;
@@ -396,10 +396,10 @@ pub fn rasterize_backward(
                 let (dx, dy) = (touch.dx, touch.dy);
                 let [a, b, c] = splat.conic.map(|number| number.value);
                 let dsigma = -touch.alpha * dalpha;
-                let dcentre = [-dsigma * (a * dx + b * dy), -dsigma * (b * dx + c * dy)];
+                let dcenter = [-dsigma * (a * dx + b * dy), -dsigma * (b * dx + c * dy)];
                 for axis in 0..2 {
-                    gradient[axis] += dcentre[axis];
-                    out.centre_pull[2 * (v * n + splat.index) + axis] += dcentre[axis].abs();
+                    gradient[axis] += dcenter[axis];
+                    out.center_pull[2 * (v * n + splat.index) + axis] += dcenter[axis].abs();
                 }
                 gradient[2] += 0.5 * dsigma * dx * dx;
                 gradient[3] += dsigma * dx * dy;
@@ -408,7 +408,7 @@ pub fn rasterize_backward(
             }
         }
         for (splat, gradient) in seen.iter().zip(&gradients) {
-            out.add(splat, gradient, v, cameras.matrix_len(), extent.colour_len);
+            out.add(splat, gradient, v, cameras.matrix_len(), extent.color_len);
         }
     }
     Ok(out)
@@ -416,7 +416,7 @@ pub fn rasterize_backward(
 
 impl RenderedBackward {
     /// Adds the gradient of one splat through its projection.
-    fn add(&mut self, splat: &Seen, gradient: &SeenGradient, v: usize, matrix_len: usize, colour_len: usize) {
+    fn add(&mut self, splat: &Seen, gradient: &SeenGradient, v: usize, matrix_len: usize, color_len: usize) {
         let mut total = [0.0; VARIABLES];
         for (number, weight) in splat.numbers().iter().zip(gradient) {
             // A splat that no pixel sees has no gradient, whatever its derivatives are.
@@ -431,9 +431,9 @@ impl RenderedBackward {
         self.opacities[n] += total[10];
         (0..12).for_each(|i| self.viewmats[v * matrix_len + i] += total[11 + i]);
         (0..4).for_each(|i| self.intrinsics[4 * v + i] += total[23 + i]);
-        for i in 0..colour_len {
+        for i in 0..color_len {
             let open = if splat.open[i % 3] { 1.0 } else { 0.0 };
-            self.colours[n * colour_len + i] += open * splat.basis[i / 3] * gradient[7 + i % 3];
+            self.colors[n * color_len + i] += open * splat.basis[i / 3] * gradient[7 + i % 3];
         }
     }
 }

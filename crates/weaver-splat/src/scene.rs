@@ -10,7 +10,7 @@ use weaver_kernels::lanes::Lanes;
 /// The Gaussians of a scene, as structure of arrays. `N` is the number of Gaussians.
 #[derive(Clone, Copy, Debug)]
 pub struct Gaussians<'a, T> {
-    /// Centres in world units, `[N, 3]`.
+    /// Centers in world units, `[N, 3]`.
     pub means: &'a [T],
     /// Rotations from the Gaussian's axes to the world's, quaternions in wxyz order, of any length but zero, `[N, 4]`.
     pub quats: &'a [T],
@@ -18,13 +18,13 @@ pub struct Gaussians<'a, T> {
     pub scales: &'a [T],
     /// Opacities in `[0, 1]` (not their logits), `[N]`.
     pub opacities: &'a [T],
-    /// Colours.
-    pub colour: Colour<'a, T>,
+    /// Colors.
+    pub color: Color<'a, T>,
     /// Further numbers to blend, if any.
     pub features: Option<Features<'a, T>>,
 }
 
-/// Numbers of any meaning that are blended as colours are, over a background of zeros.
+/// Numbers of any meaning that are blended as colors are, over a background of zeros.
 #[derive(Clone, Copy, Debug)]
 pub struct Features<'a, T> {
     /// `[N, C]`
@@ -41,15 +41,15 @@ impl<'a, T> Features<'a, T> {
     }
 }
 
-/// The colours of the Gaussians.
+/// The colors of the Gaussians.
 #[derive(Clone, Copy, Debug)]
-pub enum Colour<'a, T> {
+pub enum Color<'a, T> {
     /// None: there is no image, only alpha and what else is asked for.
     None,
     /// The same from all sides, `[N, 3]`, not clamped.
     Plain(&'a [T]),
-    /// Spherical harmonics in world axes, `[N, K, 3]` with K = (degree + 1)^2; the colour seen along the direction
-    /// from the camera centre to the mean is `max(sum of basis times coefficient + 0.5, 0)`.
+    /// Spherical harmonics in world axes, `[N, K, 3]` with K = (degree + 1)^2; the color seen along the direction
+    /// from the camera center to the mean is `max(sum of basis times coefficient + 0.5, 0)`.
     Sh {
         /// `[N, K, 3]`.
         coefficients: &'a [T],
@@ -58,13 +58,13 @@ pub enum Colour<'a, T> {
     },
 }
 
-impl<'a, T> Colour<'a, T> {
+impl<'a, T> Color<'a, T> {
     /// All numbers, and how many belong to one Gaussian.
     pub(crate) fn values(&self) -> (&'a [T], usize) {
         match *self {
-            Colour::None => (&[], 0),
-            Colour::Plain(values) => (values, 3),
-            Colour::Sh { coefficients, degree } => (coefficients, 3 * (degree + 1) * (degree + 1)),
+            Color::None => (&[], 0),
+            Color::Plain(values) => (values, 3),
+            Color::Sh { coefficients, degree } => (coefficients, 3 * (degree + 1) * (degree + 1)),
         }
     }
 }
@@ -75,7 +75,7 @@ pub struct Cameras<'a, T> {
     /// World to camera, OpenCV axes, `[V, 3, 4]` or `[V, 4, 4]` (the last row is not read): p = A m + t. A and t are
     /// twelve free numbers; nothing assumes that A is a rotation.
     pub viewmats: &'a [T],
-    /// fx, fy, cx, cy in pixels, pixel centres at +0.5, `[V, 4]`.
+    /// fx, fy, cx, cy in pixels, pixel centers at +0.5, `[V, 4]`.
     pub intrinsics: &'a [T],
     /// What is seen where nothing is, `[V, 3]`, or `[3]` for all views.
     pub background: &'a [T],
@@ -108,14 +108,14 @@ impl<T: Real> Cameras<'_, T> {
         let k = &self.intrinsics[4 * v..];
         let axes: Mat33<T> = std::array::from_fn(|i| std::array::from_fn(|j| m[4 * i + j]));
         let shift: Vec3<T> = std::array::from_fn(|i| m[4 * i + 3]);
-        let centre = matrix::apply(&matrix::inverse(&axes), shift.map(|x| -x.to_f64())).map(T::from_f64);
+        let center = matrix::apply(&matrix::inverse(&axes), shift.map(|x| -x.to_f64())).map(T::from_f64);
         let (focal, principal) = ([k[0], k[1]], [k[2], k[3]]);
         let size = [T::from_usize(self.width), T::from_usize(self.height)];
         // The frustum, widened by 30 % of half its size, bounds x/z and y/z in the Jacobian.
         let margin = T::from_f64(0.15);
         let low = std::array::from_fn(|i| -(principal[i] + margin * size[i]) / focal[i]);
         let high = std::array::from_fn(|i| (size[i] - principal[i] + margin * size[i]) / focal[i]);
-        Viewpoint { axes, shift, centre, focal, principal, low, high }
+        Viewpoint { axes, shift, center, focal, principal, low, high }
     }
 }
 
@@ -127,7 +127,7 @@ pub(crate) struct Viewpoint<X> {
     /// t.
     pub shift: Vec3<X>,
     /// -A^-1 t.
-    pub centre: Vec3<X>,
+    pub center: Vec3<X>,
     /// fx, fy.
     pub focal: [X; 2],
     /// cx, cy.
@@ -142,11 +142,11 @@ impl<T: Real> Viewpoint<T> {
     /// The same in all lanes.
     #[inline(always)]
     pub fn in_lanes<V: Lanes<Scalar = T>>(&self) -> Viewpoint<V> {
-        let Self { axes, shift, centre, focal, principal, low, high } = *self;
+        let Self { axes, shift, center, focal, principal, low, high } = *self;
         Viewpoint {
             axes: each!(3, |i| each!(3, |j| V::splat(axes[i][j]))),
             shift: each!(3, |i| V::splat(shift[i])),
-            centre: each!(3, |i| V::splat(centre[i])),
+            center: each!(3, |i| V::splat(center[i])),
             focal: each!(2, |i| V::splat(focal[i])),
             principal: each!(2, |i| V::splat(principal[i])),
             low: each!(2, |i| V::splat(low[i])),
@@ -252,8 +252,8 @@ pub(crate) struct Extent {
     pub gaussians: usize,
     /// V.
     pub views: usize,
-    /// Numbers per Gaussian's colour.
-    pub colour_len: usize,
+    /// Numbers per Gaussian's color.
+    pub color_len: usize,
     /// C.
     pub channels: usize,
     /// Whether depth was asked for.
@@ -282,7 +282,7 @@ pub(crate) fn extent<T: Real>(
     depth: bool,
 ) -> Result<Extent, RasterError> {
     let (n, v) = (gaussians.opacities.len(), cameras.views());
-    if let Colour::Sh { degree, .. } = gaussians.colour
+    if let Color::Sh { degree, .. } = gaussians.color
         && degree > sh::MAX_DEGREE
     {
         return Err(RasterError::new(format!(
@@ -290,11 +290,11 @@ pub(crate) fn extent<T: Real>(
             sh::MAX_DEGREE
         )));
     }
-    let (colours, colour_len) = gaussians.colour.values();
+    let (colors, color_len) = gaussians.color.values();
     expect_len("means", gaussians.means.len(), 3 * n)?;
     expect_len("quats", gaussians.quats.len(), 4 * n)?;
     expect_len("scales", gaussians.scales.len(), 3 * n)?;
-    expect_len("colours", colours.len(), colour_len * n)?;
+    expect_len("colors", colors.len(), color_len * n)?;
     let channels = gaussians.features.map_or(0, |features| features.channels);
     let features = gaussians.features.map_or(0, |features| features.values.len());
     expect_len("features", features, channels.saturating_mul(n))?;
@@ -315,5 +315,5 @@ pub(crate) fn extent<T: Real>(
     if v.checked_mul(n).is_none_or(|all| all >= u32::MAX as usize) {
         return Err(RasterError::new(format!("{v} views of {n} Gaussians are too many for one call")));
     }
-    Ok(Extent { gaussians: n, views: v, colour_len, channels, depth, width, height, side: settings.tile.pixels() })
+    Ok(Extent { gaussians: n, views: v, color_len, channels, depth, width, height, side: settings.tile.pixels() })
 }

@@ -127,29 +127,29 @@ fn direction<V: Lanes>(v: Vec3<V>) -> (Vec3<V>, V) {
 /// sum over k of b_k(v / |v|) coefficients_k + 0.5, before the clamp at zero, and a number that is 0 if all coefficients
 /// are finite. Coefficient k of channel c is `coefficients[3 k + c]`.
 #[inline(always)]
-pub(crate) fn colour<V: Lanes>(degree: usize, v: Vec3<V>, coefficients: &[V]) -> (Vec3<V>, V) {
+pub(crate) fn color<V: Lanes>(degree: usize, v: Vec3<V>, coefficients: &[V]) -> (Vec3<V>, V) {
     let unit = if degree == 0 { [V::zero(); 3] } else { direction(v).0 };
     let b = basis(degree, unit, V::constant);
     let zero = V::zero();
-    let mut colour = [V::constant(0.5); 3];
+    let mut color = [V::constant(0.5); 3];
     let mut unsound = zero;
     for (b, term) in b.iter().zip(coefficients.as_chunks::<3>().0).take((degree + 1) * (degree + 1)) {
         for channel in 0..3 {
-            colour[channel] = b.mul_add(term[channel], colour[channel]);
+            color[channel] = b.mul_add(term[channel], color[channel]);
             unsound = term[channel].mul_add(zero, unsound);
         }
     }
-    (colour, unsound)
+    (color, unsound)
 }
 
-/// Backward of `max(`[`colour`]`, 0)`: adds `dcolour` times the basis to `dcoefficients`, laid out as `coefficients`, in
+/// Backward of `max(`[`color`]`, 0)`: adds `dcolor` times the basis to `dcoefficients`, laid out as `coefficients`, in
 /// the channels that are not clamped, and returns the gradient with respect to v.
 #[inline(always)]
-pub(crate) fn colour_backward<V: Lanes>(
+pub(crate) fn color_backward<V: Lanes>(
     degree: usize,
     v: Vec3<V>,
     coefficients: &[V],
-    dcolour: Vec3<V>,
+    dcolor: Vec3<V>,
     dcoefficients: &mut [V],
 ) -> Vec3<V> {
     let terms = (degree + 1) * (degree + 1);
@@ -163,12 +163,12 @@ pub(crate) fn colour_backward<V: Lanes>(
             sum[channel] = b.value.mul_add(term[channel], sum[channel]);
         }
     }
-    let dcolour = each!(3, |i| dcolour[i].only(sum[i].gt(V::zero())));
+    let dcolor = each!(3, |i| dcolor[i].only(sum[i].gt(V::zero())));
     let mut dunit = [V::zero(); 3];
     for (b, (term, dterm)) in b.iter().zip(coefficients.iter().zip(dcoefficients.as_chunks_mut::<3>().0)) {
-        let weight = dot(dcolour, *term);
+        let weight = dot(dcolor, *term);
         for i in 0..3 {
-            dterm[i] = dcolour[i].mul_add(b.value, dterm[i]);
+            dterm[i] = dcolor[i].mul_add(b.value, dterm[i]);
             dunit[i] = weight.mul_add(b.partial[i], dunit[i]);
         }
     }

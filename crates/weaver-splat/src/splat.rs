@@ -1,6 +1,6 @@
 //! A Gaussian as one view sees it: the sixteen numbers that blending needs, one cache line in `f32`.
 //!
-//! The inverse of the image covariance S has the Cholesky factor L = [[p, q], [0, r]]: with d = (dx, dy) from the centre
+//! The inverse of the image covariance S has the Cholesky factor L = [[p, q], [0, r]]: with d = (dx, dy) from the center
 //! to a pixel, u = p dx + q dy and v = r dy make d^T S^-1 d = u^2 + v^2, a sum of squares that never turns negative. p, q, r
 //! are stored times [`BITS`], so that the Gaussian is opacity times 2^-(u^2 + v^2).
 
@@ -18,7 +18,7 @@ pub(crate) type Splat<T> = Row<T>;
 
 /// Where a [`Splat`] keeps what.
 pub(crate) mod slot {
-    /// Centre, pixels.
+    /// Center, pixels.
     pub const X: usize = 0;
     pub const Y: usize = 1;
     /// u = p dx + q dy
@@ -32,8 +32,8 @@ pub(crate) mod slot {
     pub const SLACK: usize = 6;
     /// Camera z.
     pub const Z: usize = 7;
-    /// Colour towards the camera: red, green, blue.
-    pub const COLOUR: usize = 8;
+    /// Color toward the camera: red, green, blue.
+    pub const COLOR: usize = 8;
     /// Largest |dy| inside the outline, with slack.
     pub const HALF_HEIGHT: usize = 11;
     /// dy where the outline's dx is largest; dx is smallest at its negative.
@@ -77,7 +77,7 @@ impl<V: Lanes> Outline<V> {
         }
     }
 
-    /// Smallest and largest x between two rows of pixel centres, rounded outwards, where there are any.
+    /// Smallest and largest x between two rows of pixel centers, rounded outward, where there are any.
     #[inline(always)]
     pub fn span(&self, top: V, bottom: V) -> (V, V, V::Mask) {
         let low = (top - self.y - self.slack).max(-self.half_height);

@@ -24,13 +24,13 @@ impl<T: Real> Workspace<T> {
     /// A workspace that nothing was drawn with, or whose last drawing failed.
     ///
     /// ```
-    /// # use weaver_splat::{Cameras, Colour, Gaussians, Images, RasterSettings, Workspace, rasterize};
+    /// # use weaver_splat::{Cameras, Color, Gaussians, Images, RasterSettings, Workspace, rasterize};
     /// # let gaussians = Gaussians {
     /// #     means: &[0.0_f32, 0.0, 2.0],
     /// #     quats: &[1.0, 0.0, 0.0, 0.0],
     /// #     scales: &[0.5, 0.5, 0.5],
     /// #     opacities: &[0.8],
-    /// #     colour: Colour::None,
+    /// #     color: Color::None,
     /// #     features: None,
     /// # };
     /// # let cameras = Cameras {

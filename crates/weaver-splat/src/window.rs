@@ -53,9 +53,9 @@ impl Window {
         })
     }
 
-    /// The pixels' centres: x for each column of blocks, y for each row.
+    /// The pixels' centers: x for each column of blocks, y for each row.
     #[inline(always)]
-    fn centres<V: Lanes>(&self) -> [[Row<V::Scalar>; BLOCK]; 2] {
+    fn centers<V: Lanes>(&self) -> [[Row<V::Scalar>; BLOCK]; 2] {
         let [mut columns, mut rows] = [[Row::default(); BLOCK]; 2];
         for i in 0..BLOCK {
             for lane in 0..LANES {
@@ -179,7 +179,7 @@ pub(crate) fn traverse<V: Lanes>(
 ) -> Work {
     let (alpha_max, alpha_min) = (V::constant(alpha_max), V::constant(ALPHA_MIN));
     let end = V::constant(TRANSMITTANCE_END);
-    let [pixel_x, pixel_y] = window.centres::<V>();
+    let [pixel_x, pixel_y] = window.centers::<V>();
     // A pixel that has ended, or is beyond the image, holds its transmittance negated: nothing passes the tests below.
     for (block, left) in transmittance.iter_mut().enumerate() {
         V::constant(1.0).or(V::Mask::from_bits(window.lanes(block)), V::constant(-1.0)).store(&mut left.0);

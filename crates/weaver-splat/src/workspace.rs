@@ -1,4 +1,4 @@
-//! Memory of the rasteriser, kept between calls.
+//! Memory of the rasterizer, kept between calls.
 
 use crate::cover::Chunk;
 use crate::lists::Lists;

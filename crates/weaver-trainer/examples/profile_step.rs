@@ -14,8 +14,8 @@ const KINDS: [(&str, &[&str]); 5] = [
     ("GEMM", &["linear", "matmul"]),
     ("convolution", &["conv2d", "conv_transpose2d"]),
     ("attention", &["attention"]),
-    ("rasteriser", &["rasterize"]),
-    ("nearest neighbours", &["nearest neighbours"]),
+    ("rasterizer", &["rasterize"]),
+    ("nearest neighbors", &["nearest neighbors"]),
 ];
 
 fn main() -> Result<(), Error> {

@@ -28,7 +28,7 @@ impl Batch {
     /// # Errors
     /// When nothing tells the scene's scale.
     pub fn new(scene: &Scene, tuple: Tuple) -> Result<Self, Error> {
-        let posed = scene.normalised(&tuple)?;
+        let posed = scene.normalized(&tuple)?;
         Ok(Self::with(scene, tuple, &posed))
     }
 
@@ -38,7 +38,7 @@ impl Batch {
     /// # Errors
     /// On any other fault of the scene.
     pub fn for_evaluation(scene: &Scene, tuple: Tuple) -> Result<(Self, bool), Error> {
-        match scene.normalised(&tuple) {
+        match scene.normalized(&tuple) {
             Ok(posed) => Ok((Self::with(scene, tuple, &posed), true)),
             Err(weaver_data::Error::Scale { .. }) => {
                 let reference = scene.views[tuple.context[0]].camera.pose;
@@ -66,11 +66,11 @@ impl Batch {
         }
         let cameras =
             views.iter().zip(&posed.poses).map(|(&v, pose)| Camera { pose: *pose, ..scene.views[v].camera }).collect();
-        let centre = scene.views[scene.central_view()].camera.pose;
+        let center = scene.views[scene.central_view()].camera.pose;
         let absolute = tuple
             .context
             .iter()
-            .map(|&v| scene.views[v].camera.pose.relative_to(&centre).scaled(posed.scale))
+            .map(|&v| scene.views[v].camera.pose.relative_to(&center).scaled(posed.scale))
             .collect();
         Self { tuple, images, cameras, scale: posed.scale, depth, absolute }
     }

@@ -18,7 +18,7 @@ const FORMAT: &str = "splatweaver-checkpoint-1";
 pub struct Checkpoint {
     /// Steps done.
     pub step: usize,
-    /// Tensors `param.NAME`, `ema.NAME`, and of those that the optimiser has moved `moment1.NAME`, `moment2.NAME` and
+    /// Tensors `param.NAME`, `ema.NAME`, and of those that the optimizer has moved `moment1.NAME`, `moment2.NAME` and
     /// `moment_steps.NAME`.
     tensors: Tensors,
     path: PathBuf,
@@ -34,7 +34,7 @@ impl Checkpoint {
         config: &Config,
         step: usize,
         params: &Params<f32>,
-        optimiser: &AdamW<f32>,
+        optimizer: &AdamW<f32>,
         ema: &Ema<f32>,
     ) -> Result<(), Error> {
         let mut tensors = Tensors::default();
@@ -51,7 +51,7 @@ impl Checkpoint {
         for (name, average) in ema.state(params) {
             tensors.insert(format!("ema.{name}"), shape_of(name).dims(), average.to_vec());
         }
-        for (name, steps, moments) in optimiser.state(params) {
+        for (name, steps, moments) in optimizer.state(params) {
             tensors.insert(format!("moment1.{name}"), shape_of(name).dims(), moments.first.clone());
             tensors.insert(format!("moment2.{name}"), shape_of(name).dims(), moments.second.clone());
             tensors.insert(format!("moment_steps.{name}"), &[1], vec![steps]);
@@ -130,11 +130,11 @@ impl Checkpoint {
     /// Puts the state back into a run.
     ///
     /// # Errors
-    /// When the optimiser's state is damaged.
+    /// When the optimizer's state is damaged.
     pub fn restore(
         &self,
         params: &mut Params<f32>,
-        optimiser: &mut AdamW<f32>,
+        optimizer: &mut AdamW<f32>,
         ema: &mut Ema<f32>,
     ) -> Result<(), Error> {
         self.fill(params, "param");
@@ -153,6 +153,6 @@ impl Checkpoint {
             }
         }
         ema.set_state(params, steps, averages).map_err(|e| wrong(e.to_string()))?;
-        optimiser.set_state(params, state).map_err(|e| wrong(e.to_string()))
+        optimizer.set_state(params, state).map_err(|e| wrong(e.to_string()))
     }
 }

@@ -23,7 +23,7 @@ pub struct Config {
     /// Where scenes come from.
     pub data: DataConfig,
     /// AdamW and weight averaging.
-    pub optimiser: OptimiserConfig,
+    pub optimizer: OptimizerConfig,
     /// The stages of training, one after the other.
     pub stages: Vec<StageConfig>,
     /// What is written while training.
@@ -54,7 +54,7 @@ pub struct DataConfig {
 /// AdamW and weight averaging.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct OptimiserConfig {
+pub struct OptimizerConfig {
     /// Decay of the first moment.
     pub beta1: f64,
     /// Decay of the second moment.
@@ -105,7 +105,7 @@ impl std::str::FromStr for Cameras {
 pub struct StageConfig {
     /// Its name in logs.
     pub name: String,
-    /// Optimiser steps.
+    /// Optimizer steps.
     pub steps: usize,
     /// Tuples per step that are rendered. 0 trains the backbone and the camera head alone.
     pub tuples: usize,
@@ -140,7 +140,7 @@ pub enum BudgetForm {
     Shares,
     /// At most so many Gaussians per pixel in all, as the paper reads.
     Limit,
-    /// Shares while the ranking loss is on, the limit afterwards. With nothing else to hold the count up, it may fall to
+    /// Shares while the ranking loss is on, the limit afterward. With nothing else to hold the count up, it may fall to
     /// none at all.
     SharesThenLimit,
 }
@@ -290,7 +290,7 @@ impl Config {
     }
 
     fn from_tree(tree: toml::Value, source: &str) -> Result<Self, Error> {
-        let mut config: Self = overlay::deserialise(tree, source)?;
+        let mut config: Self = overlay::deserialize(tree, source)?;
         if config.data.endless > 0 {
             // A frame of its own is of no use to a scene that does not come back.
             config.stages.iter_mut().for_each(|stage| stage.losses.pose_absolute = 0.0);

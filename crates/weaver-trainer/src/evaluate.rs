@@ -1,4 +1,4 @@
-//! Evaluation on held-out views, beside two baselines: the nearest context view copied, and the mean colour.
+//! Evaluation on held-out views, beside two baselines: the nearest context view copied, and the mean color.
 
 use crate::batch::{Batch, push_planar};
 use crate::evaluation::{Evaluation, SceneFigures};
@@ -128,7 +128,7 @@ pub fn scenes_with(
     let mut rescaled = Vec::new();
     let mut figures = Vec::new();
     for (scene, tuples) in scenes().zip(all) {
-        let mean_colour = mean_colour(scene);
+        let mean_color = mean_color(scene);
         let mut views = Vec::new();
         for tuple in tuples {
             let stream = Stream::new(config.seed, tuple.targets[0] as u64, "evaluation").fork(tuple.scene as u64);
@@ -146,7 +146,7 @@ pub fn scenes_with(
             if !measured && !rescaled.contains(&scene.name) {
                 rescaled.push(scene.name.clone());
             }
-            views.push(view_figures(scene, &batch, &prediction, &render[0], mean_colour, cameras, experts, lpips));
+            views.push(view_figures(scene, &batch, &prediction, &render[0], mean_color, cameras, experts, lpips));
             done += 1;
             progress(done, total);
         }
@@ -155,7 +155,7 @@ pub fn scenes_with(
     let mut remarks = Vec::new();
     if !rescaled.is_empty() {
         remarks.push(format!(
-            "{}: no points tell the scale, so camera centres were scaled until their mean distance to camera 0 equalled that of the predicted ones",
+            "{}: no points tell the scale, so camera centers were scaled until their mean distance to camera 0 equalled that of the predicted ones",
             rescaled.join(", ")
         ));
     }
@@ -191,14 +191,14 @@ fn view_figures(
     batch: &Batch,
     prediction: &crate::Prediction,
     render: &Image,
-    mean_colour: [f32; 3],
+    mean_color: [f32; 3],
     cameras: Cameras,
     experts: usize,
     lpips: Option<&Lpips<f32>>,
 ) -> SceneFigures {
     let truth = &scene.views[batch.tuple.targets[0]].image;
     let nearest = &scene.views[batch.tuple.context[0]].image;
-    let flat: Vec<f32> = mean_colour.iter().copied().cycle().take(truth.pixels.len()).collect();
+    let flat: Vec<f32> = mean_color.iter().copied().cycle().take(truth.pixels.len()).collect();
     let (shown, true_planes) = (planes(render), planes(truth));
     let size = [3, truth.height, truth.width];
     let mut energy = vec![0.0; truth.width * truth.height];
@@ -217,7 +217,7 @@ fn view_figures(
         ssim: metrics::ssim(&shown, &true_planes, size),
         lpips: lpips.map(|l| metrics::lpips(l, &shown, &true_planes, [truth.height, truth.width])),
         psnr_nearest: metrics::psnr(&nearest.pixels, &truth.pixels),
-        psnr_mean_colour: metrics::psnr(&flat, &truth.pixels),
+        psnr_mean_color: metrics::psnr(&flat, &truth.pixels),
         gaussians_per_pixel: prediction.splats.opacities.len() as f64 / pixels,
         expert_share: (0..experts)
             .map(|e| prediction.experts.iter().filter(|&&x| usize::from(x) == e).count() as f64 / pixels)
@@ -233,7 +233,7 @@ fn planes(image: &Image) -> Vec<f32> {
     planes
 }
 
-fn mean_colour(scene: &Scene) -> [f32; 3] {
+fn mean_color(scene: &Scene) -> [f32; 3] {
     let (mut sum, mut count) = ([0.0f64; 3], 0.0);
     for view in scene.training_views() {
         for pixel in scene.views[view].image.pixels.chunks_exact(3) {

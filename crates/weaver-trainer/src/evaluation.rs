@@ -21,15 +21,15 @@ pub struct SceneFigures {
     pub lpips: Option<f64>,
     /// PSNR of the nearest context view, copied.
     pub psnr_nearest: f64,
-    /// PSNR of the mean colour of the scene's training views.
-    pub psnr_mean_colour: f64,
+    /// PSNR of the mean color of the scene's training views.
+    pub psnr_mean_color: f64,
     /// Gaussians over context pixels.
     pub gaussians_per_pixel: f64,
     /// Fraction of context pixels that went to each expert, E_0 first.
     pub expert_share: Vec<f64>,
     /// Mean angle of the context cameras' rotations relative to camera 0, degrees.
     pub pose_rotation_deg: Option<f64>,
-    /// Mean angle between predicted and true direction of the centres from camera 0, degrees.
+    /// Mean angle between predicted and true direction of the centers from camera 0, degrees.
     pub pose_translation_deg: Option<f64>,
 }
 
@@ -80,7 +80,7 @@ impl SceneFigures {
             ssim: of(|s| s.ssim),
             lpips: mean(all.iter().map(|s| s.lpips)),
             psnr_nearest: of(|s| s.psnr_nearest),
-            psnr_mean_colour: of(|s| s.psnr_mean_colour),
+            psnr_mean_color: of(|s| s.psnr_mean_color),
             gaussians_per_pixel: of(|s| s.gaussians_per_pixel),
             expert_share: (0..experts)
                 .map(|e| all.iter().map(|s| s.expert_share[e]).sum::<f64>() / all.len() as f64)
@@ -119,7 +119,7 @@ impl Evaluation {
                 scene.ssim,
                 optional(scene.lpips, 3),
                 scene.psnr_nearest,
-                scene.psnr_mean_colour,
+                scene.psnr_mean_color,
                 scene.gaussians_per_pixel,
                 optional(scene.pose_rotation_deg, 2),
                 optional(scene.pose_translation_deg, 2),

@@ -73,7 +73,7 @@ pub fn run(run: &Path, images: &[PathBuf], options: &Options, out: &Path) -> Res
     let prediction = predictor.predict(&planes, source, &*allocation, Stream::new(config.seed, 0, "inference"));
     if let Some(factor) = prediction.scaled_by {
         remarks.push(format!(
-            "the given cameras' centres were scaled by {factor:.4}, so that their mean distance to camera 0 equals that of the predicted ones"
+            "the given cameras' centers were scaled by {factor:.4}, so that their mean distance to camera 0 equals that of the predicted ones"
         ));
     }
     remarks.push(format!(
@@ -250,7 +250,7 @@ fn read_cameras(file: &Path, photos: &[PathBuf], width: usize, height: usize) ->
                     found.1
                 )));
             }
-            let crop = Crop::centred(*w, *h, width, height);
+            let crop = Crop::centered(*w, *h, width, height);
             Ok(Camera { pose: *pose, intrinsics: crop.intrinsics(intrinsics), width, height })
         })
         .collect::<Result<Vec<_>, Error>>()?;

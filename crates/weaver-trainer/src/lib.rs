@@ -19,7 +19,7 @@ mod session;
 
 pub use checkpoint::Checkpoint;
 pub use config::{
-    BudgetForm, Cameras, Config, DataConfig, EvaluationConfig, LossWeights, OptimiserConfig, OutputConfig, StageConfig,
+    BudgetForm, Cameras, Config, DataConfig, EvaluationConfig, LossWeights, OptimizerConfig, OutputConfig, StageConfig,
 };
 pub use error::Error;
 pub use evaluation::{Evaluation, SceneFigures, Summary};

@@ -67,7 +67,7 @@ pub struct Objective<'a> {
     pub allocation: &'a dyn Allocation<f32>,
     /// LPIPS, where the stage wants it.
     pub lpips: Option<&'a Lpips<f32>>,
-    /// Memory of the rasteriser.
+    /// Memory of the rasterizer.
     pub workspaces: &'a WorkspacePool<f32>,
     /// Noise of this step.
     pub stream: Stream,
@@ -176,7 +176,7 @@ impl Objective<'_> {
         batch: &Batch,
     ) -> weaver_splat::RenderedVars<'t, f32> {
         let config = model.config();
-        // Intrinsics are held constant in the rasteriser, as in gsplat; the field of view learns through the
+        // Intrinsics are held constant in the rasterizer, as in gsplat; the field of view learns through the
         // unprojection.
         let mut w2c = cameras.w2c;
         let mut intrinsics = cameras.intrinsics.detach();
@@ -187,7 +187,7 @@ impl Objective<'_> {
         }
         let g = &woven.gaussians;
         let gaussians =
-            GaussianVars { means: g.means, quats: g.quats, scales: g.scales, opacities: g.opacities, colours: g.sh };
+            GaussianVars { means: g.means, quats: g.quats, scales: g.scales, opacities: g.opacities, colors: g.sh };
         let background = cx.tape.constant(&config.raster.background.map(|c| c as f32), [3]);
         let settings = RasterSettings {
             near: config.raster.near,

@@ -11,7 +11,7 @@ pub use tensorboard::TensorBoard;
 use crate::Error;
 use serde::{Deserialize, Serialize};
 
-/// What happened in one optimiser step.
+/// What happened in one optimizer step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepReport {
     /// Steps done, this one included, over all stages.

@@ -10,7 +10,7 @@ use weaver_model::SplatWeaver;
 use weaver_nn::Context;
 use weaver_pose::Cameras as CameraVars;
 use weaver_router::Allocation;
-use weaver_splat::{Cameras, Colour, Gaussians, Images, RasterError, RasterSettings, Workspace};
+use weaver_splat::{Cameras, Color, Gaussians, Images, RasterError, RasterSettings, Workspace};
 
 /// Gaussians off the tape.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -60,7 +60,7 @@ pub enum CameraSource<'a> {
     Predicted,
     /// These, in the frame of camera 0 and in training units.
     Given(&'a [Camera]),
-    /// These, in the frame of camera 0, in units of their own: they are scaled so that the mean distance of the centres
+    /// These, in the frame of camera 0, in units of their own: they are scaled so that the mean distance of the centers
     /// to camera 0 equals that of the predicted ones.
     GivenUnscaled(&'a [Camera]),
 }
@@ -188,7 +188,7 @@ pub fn render(
         quats: &splats.quats,
         scales: &splats.scales,
         opacities: &splats.opacities,
-        colour: Colour::Sh { coefficients: &splats.sh, degree: splats.degree },
+        color: Color::Sh { coefficients: &splats.sh, degree: splats.degree },
         features: None,
     };
     let views = Cameras {
@@ -208,11 +208,11 @@ pub fn render(
         .collect())
 }
 
-/// Mean distance of the centres to camera 0: predicted over given. 1 where either stands still.
+/// Mean distance of the centers to camera 0: predicted over given. 1 where either stands still.
 fn spread_ratio(predicted: &[Camera], given: &[Camera]) -> f64 {
     let spread = |cameras: &[Camera]| -> f64 {
-        let origin = cameras.first().map_or(DVec3::ZERO, |c| c.pose.centre());
-        cameras.iter().map(|c| c.pose.centre().distance(origin)).sum()
+        let origin = cameras.first().map_or(DVec3::ZERO, |c| c.pose.center());
+        cameras.iter().map(|c| c.pose.center().distance(origin)).sum()
     };
     let ratio = spread(predicted) / spread(given);
     if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 }

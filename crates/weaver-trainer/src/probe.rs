@@ -15,8 +15,8 @@ const TRACED: usize = 2;
 pub struct Rehearsal {
     /// Bytes of the parameters.
     pub parameters: usize,
-    /// Bytes of the optimiser's two moments.
-    pub optimiser: usize,
+    /// Bytes of the optimizer's two moments.
+    pub optimizer: usize,
     /// Bytes of the averaged parameters.
     pub average: usize,
     /// Bytes that the tape allocated in all: a little more than the largest peak of a step.
@@ -44,7 +44,7 @@ impl fmt::Display for Rehearsal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mb = |bytes: usize| bytes as f64 / 1e6;
         writeln!(f, "{:<28}{:>9.1} MB", "parameters", mb(self.parameters))?;
-        writeln!(f, "{:<28}{:>9.1} MB", "optimiser", mb(self.optimiser))?;
+        writeln!(f, "{:<28}{:>9.1} MB", "optimizer", mb(self.optimizer))?;
         writeln!(f, "{:<28}{:>9.1} MB", "average of the parameters", mb(self.average))?;
         for stage in &self.stages {
             let ms = 1e3 * stage.step.as_secs_f64();

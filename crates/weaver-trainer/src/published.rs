@@ -209,7 +209,7 @@ impl Scene<'_> {
     /// Writes points.ply; how many there are.
     fn write_points(&self, prediction: &Prediction, confidence: &[f32]) -> Result<usize, Error> {
         weaver_io::create_folder(self.out)?;
-        let (mut positions, mut colours) = (Vec::new(), Vec::new());
+        let (mut positions, mut colors) = (Vec::new(), Vec::new());
         for (v, (photo, camera)) in self.photos.iter().zip(&prediction.cameras).enumerate() {
             let pixels = photo.width * photo.height;
             let view = &confidence[v * pixels..][..pixels];
@@ -217,10 +217,10 @@ impl Scene<'_> {
             for i in (0..pixels).filter(|i| view[*i] >= threshold) {
                 let depth = f64::from(prediction.depth[v * pixels + i]);
                 positions.push(point(camera, i % photo.width, i / photo.width, depth));
-                colours.push([0, 1, 2].map(|c| (photo.pixels[3 * i + c] * 255.0).round() as u8));
+                colors.push([0, 1, 2].map(|c| (photo.pixels[3 * i + c] * 255.0).round() as u8));
             }
         }
-        weaver_io::ply::write_points(self.out.join("points.ply"), &positions, &colours)?;
+        weaver_io::ply::write_points(self.out.join("points.ply"), &positions, &colors)?;
         Ok(positions.len())
     }
 }

@@ -6,7 +6,7 @@ use crate::{Cameras, Config, Error, evaluate};
 use std::path::Path;
 use weaver_autograd::Params;
 use weaver_data::{Scene, evaluation_tuples};
-use weaver_io::{Image, false_colour};
+use weaver_io::{Image, false_color};
 use weaver_kernels::random::Stream;
 use weaver_model::SplatWeaver;
 
@@ -77,15 +77,15 @@ pub fn depth_picture(prediction: &Prediction, v: usize, like: &Image) -> Image {
     let pixels = like.width * like.height;
     let nearness: Vec<f32> = prediction.depth[v * pixels..][..pixels].iter().map(|d| -d.max(1e-6).ln()).collect();
     let (low, high) = nearness.iter().fold((f32::MAX, f32::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
-    false_colour(&nearness, like.width, like.height, low, high)
+    false_color(&nearness, like.width, like.height, low, high)
 }
 
 /// How many Gaussians each pixel of view `v` got: black is none, the brighter the more.
 pub fn expert_picture(prediction: &Prediction, v: usize, like: &Image) -> Image {
     let pixels = like.width * like.height;
     let most = prediction.experts.iter().copied().max().unwrap_or(1).max(1);
-    let grey = |e: &u8| [f32::from(*e) / f32::from(most); 3];
-    let pixels = prediction.experts[v * pixels..][..pixels].iter().flat_map(grey).collect();
+    let gray = |e: &u8| [f32::from(*e) / f32::from(most); 3];
+    let pixels = prediction.experts[v * pixels..][..pixels].iter().flat_map(gray).collect();
     Image { width: like.width, height: like.height, pixels }
 }
 

@@ -25,7 +25,7 @@ pub struct Session {
     config: Config,
     model: SplatWeaver,
     params: Params<f32>,
-    optimiser: AdamW<f32>,
+    optimizer: AdamW<f32>,
     ema: Ema<f32>,
     scenes: Vec<Scene>,
     fresh: scenes::Endless,
@@ -59,13 +59,13 @@ impl Session {
             if scene.points.is_empty() {
                 // Its scale must be given; better said before anything is written.
                 let context = scene.training_views()[..config.data.context_views].to_vec();
-                scene.normalised(&Tuple { scene: index, context, targets: Vec::new() })?;
+                scene.normalized(&Tuple { scene: index, context, targets: Vec::new() })?;
             }
         }
         let mut params = Params::new();
         let model = SplatWeaver::new(config.model.clone(), &mut params, config.seed);
-        let optimiser = new_optimiser(&config, &params);
-        let ema = Ema::new(&params, config.optimiser.ema);
+        let optimizer = new_optimizer(&config, &params);
+        let ema = Ema::new(&params, config.optimizer.ema);
         let path = config.stages.iter().map(|s| &s.losses).find(|l| l.lpips > 0.0).map(|l| l.lpips_weights.clone());
         let lpips = path.map(|path| evaluate::load_lpips(&path)).transpose()?;
         let fresh = scenes::Endless::new(&config);
@@ -74,7 +74,7 @@ impl Session {
             config,
             model,
             params,
-            optimiser,
+            optimizer,
             ema,
             scenes,
             fresh,
@@ -94,7 +94,7 @@ impl Session {
     pub fn resume(config: Config, checkpoint: &Path) -> Result<Self, Error> {
         let checkpoint = Checkpoint::read(checkpoint, &config)?;
         let mut session = Self::new(config)?;
-        checkpoint.restore(&mut session.params, &mut session.optimiser, &mut session.ema)?;
+        checkpoint.restore(&mut session.params, &mut session.optimizer, &mut session.ema)?;
         session.step = checkpoint.step;
         Ok(session)
     }
@@ -136,7 +136,7 @@ impl Session {
     }
 
     /// Does a little of all that a run does, to say what it will take: some steps of each stage, a checkpoint and a picture in a
-    /// folder that is not needed afterwards, the evaluation of a scene.
+    /// folder that is not needed afterward, the evaluation of a scene.
     ///
     /// # Errors
     /// As [`Session::train`].
@@ -159,8 +159,8 @@ impl Session {
         self.save(&folder.checkpoint_path())?;
         self.sample(folder)?;
         self.evaluate_some(1)?;
-        let [parameters, optimiser, average] = [1, 2, 1].map(|copies| copies * 4 * self.params.count());
-        Ok(Rehearsal { parameters, optimiser, average, tape: self.tape_bytes(), stages })
+        let [parameters, optimizer, average] = [1, 2, 1].map(|copies| copies * 4 * self.params.count());
+        Ok(Rehearsal { parameters, optimizer, average, tape: self.tape_bytes(), stages })
     }
 
     /// What is about to happen, for people.
@@ -199,7 +199,7 @@ impl Session {
         None
     }
 
-    /// One optimiser step; `None` when the run is finished.
+    /// One optimizer step; `None` when the run is finished.
     ///
     /// # Errors
     /// When a loss is not a number, or a parameter that should be trained received no gradient. The weights are then
@@ -209,10 +209,10 @@ impl Session {
         let stage = self.config.stages[index].clone();
         if local == 0 {
             // A stage starts from the weights as they are, with fresh moments and a fresh average.
-            self.optimiser = new_optimiser(&self.config, &self.params);
-            self.ema = Ema::new(&self.params, self.config.optimiser.ema);
+            self.optimizer = new_optimizer(&self.config, &self.params);
+            self.ema = Ema::new(&self.params, self.config.optimizer.ema);
         }
-        self.optimiser.groups[BACKBONE].lr_scale = stage.backbone_rate;
+        self.optimizer.groups[BACKBONE].lr_scale = stage.backbone_rate;
         let seed = self.config.seed;
         self.tape.reset();
         if local == 0 {
@@ -264,11 +264,11 @@ impl Session {
         drop(terms);
         let schedule = WarmupCosine { warmup: stage.warmup as u64, total: stage.steps as u64, floor: stage.floor };
         let rate = stage.rate * schedule.factor(local as u64);
-        let clip = clip_factor(norm, self.config.optimiser.clip);
-        self.optimiser.step_scaled(&mut self.params, &mut self.tape, rate, clip);
+        let clip = clip_factor(norm, self.config.optimizer.clip);
+        self.optimizer.step_scaled(&mut self.params, &mut self.tape, rate, clip);
         self.ema.update(&self.params);
         if let Some(probe) = &mut self.probe {
-            probe.done("optimiser");
+            probe.done("optimizer");
             probe.end(&self.tape)?;
         }
         self.step += 1;
@@ -390,7 +390,7 @@ impl Session {
     /// # Errors
     /// When it cannot be written; an earlier one is then left as it was.
     pub fn save(&self, path: &Path) -> Result<(), Error> {
-        Checkpoint::write(path, &self.config, self.step, &self.params, &self.optimiser, &self.ema)
+        Checkpoint::write(path, &self.config, self.step, &self.params, &self.optimizer, &self.ema)
     }
 
     fn sample(&self, folder: &RunFolder) -> Result<(), Error> {
@@ -434,12 +434,12 @@ impl Session {
 /// Steps of each stage that a rehearsal runs: random budgets differ, and so does the memory.
 const REHEARSED: usize = 8;
 
-/// The optimiser's group of the backbone and the camera head; the other one is of the dense heads and everything after
+/// The optimizer's group of the backbone and the camera head; the other one is of the dense heads and everything after
 /// them, which learn at the full rate.
 const BACKBONE: usize = 0;
 
-fn new_optimiser(config: &Config, params: &Params<f32>) -> AdamW<f32> {
-    let o = &config.optimiser;
+fn new_optimizer(config: &Config, params: &Params<f32>) -> AdamW<f32> {
+    let o = &config.optimizer;
     let is_dense = |name: &str| name.starts_with("depth_head.") || name.starts_with("gaussian_param_head.");
     let group = |dense: bool| Group {
         params: params.iter().filter(|(_, p)| is_dense(p.name()) == dense).map(|(id, _)| id).collect(),

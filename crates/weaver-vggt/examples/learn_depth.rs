@@ -5,7 +5,7 @@
 
 use weaver_autograd::{Params, Tape, Var};
 use weaver_data::{View, procedural};
-use weaver_io::{Image, false_colour};
+use weaver_io::{Image, false_color};
 use weaver_nn::{AdamW, Builder, Context, Group, WarmupCosine, WeightInit, clip_global_norm};
 use weaver_vggt::{
     BackboneInit, DenseTokens, DepthHead, DepthHeadConfig, DptConfig, VisionTransformer, VisionTransformerConfig,
@@ -73,7 +73,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut params = Params::<f32>::new();
     let network = Network::new(Builder::new(&mut params, 0));
     let group = Group { params: params.ids().collect(), lr_scale: 2e-3, weight_decay: 0.01 };
-    let mut optimiser = AdamW::new(vec![group], 0.9, 0.99, 1e-8);
+    let mut optimizer = AdamW::new(vec![group], 0.9, 0.99, 1e-8);
     let schedule = WarmupCosine { warmup: 20, total: STEPS, floor: 0.01 };
 
     let mut tape = Tape::new();
@@ -87,7 +87,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         loss.backward();
         clip_global_norm(&params, &mut tape, 1.0);
-        optimiser.step(&mut params, &mut tape, schedule.factor(step));
+        optimizer.step(&mut params, &mut tape, schedule.factor(step));
         tape.reset();
     }
 
@@ -101,8 +101,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (low, high) =
         logs(seen).iter().filter(|x| !x.is_nan()).fold((f32::MAX, f32::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
     // Near is bright, sky is black.
-    let colours = |depth: &[f32]| false_colour(&logs(depth), WIDTH, HEIGHT, low, high);
-    let pictures = [&scene.views[held_out[0]].image, &colours(seen), &colours(&predictions[0].value())];
+    let colors = |depth: &[f32]| false_color(&logs(depth), WIDTH, HEIGHT, low, high);
+    let pictures = [&scene.views[held_out[0]].image, &colors(seen), &colors(&predictions[0].value())];
     Image::mosaic(&pictures).write_png("learn_depth.png")?;
     Ok(())
 }

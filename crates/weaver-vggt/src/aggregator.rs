@@ -11,7 +11,7 @@ use weaver_nn::{Block, BlockConfig, Builder, Context};
 
 /// Base of the rotary frequencies.
 const ROPE_BASE: f64 = 100.0;
-/// Epsilon of the blocks' layer normalisations.
+/// Epsilon of the blocks' layer normalizations.
 const EPSILON: f64 = 1e-5;
 
 /// Sizes of an [`Aggregator`].
@@ -49,7 +49,7 @@ pub struct Aggregated<'t, T: Real = f32> {
 ///
 /// Each view's patch tokens are preceded by a camera token and registers, one set for a scene's first view and one for
 /// all others. A round is a block within each view, then one over all tokens of a scene. Queries and keys
-/// are normalised and then turned by their patch's row and column; the special tokens are not turned.
+/// are normalized and then turned by their patch's row and column; the special tokens are not turned.
 #[derive(Clone, Debug)]
 pub struct Aggregator {
     config: AggregatorConfig,

@@ -51,7 +51,7 @@ impl FeatureHead {
         &self.trunk
     }
 
-    /// Runs on tokens and their images `[.., 3, H, W]` in `[0, 1]` (not normalised).
+    /// Runs on tokens and their images `[.., 3, H, W]` in `[0, 1]` (not normalized).
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

@@ -11,7 +11,7 @@ pub const IMAGENET_STD: [f32; 3] = [0.229, 0.224, 0.225];
 #[derive(Debug)]
 struct NormalizeImage;
 
-/// The colour channel of a plane.
+/// The color channel of a plane.
 fn channel(plane: usize) -> usize {
     plane % 3
 }
@@ -51,7 +51,7 @@ impl<T: Real> Op<T> for NormalizeImage {
     }
 }
 
-/// (x - mean) / std per colour channel, with ImageNet's statistics.
+/// (x - mean) / std per color channel, with ImageNet's statistics.
 ///
 /// `images` `[.., 3, H, W]` in `[0, 1]` gives the same shape. Differentiable.
 #[track_caller]

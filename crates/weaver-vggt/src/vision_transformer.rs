@@ -4,7 +4,7 @@ use crate::init::BackboneInit;
 use weaver_autograd::{ParamId, Real, Var, ops};
 use weaver_nn::{Block, BlockConfig, Builder, Context, Conv2d, LayerNorm, WeightInit};
 
-/// Epsilon of this encoder's layer normalisations; the rest of the backbone has 1e-5.
+/// Epsilon of this encoder's layer normalizations; the rest of the backbone has 1e-5.
 const EPSILON: f64 = 1e-6;
 
 /// Sizes of a [`VisionTransformer`].
@@ -95,7 +95,7 @@ impl VisionTransformer {
         }
     }
 
-    /// Patch tokens `[N, h w, D]`, row by row, of normalised images `[N, 3, H, W]`.
+    /// Patch tokens `[N, h w, D]`, row by row, of normalized images `[N, 3, H, W]`.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, images: Var<'t, T>) -> Var<'t, T> {
         cx.tape.result_of(|| {
             let mark = cx.tape.mark();
@@ -121,7 +121,7 @@ impl VisionTransformer {
         ops::concat(&[cls, registers, patches + grid.expand([n, count, dim])], 1)
     }
 
-    /// Patch tokens from what the last block gives: normalised, without class token and registers.
+    /// Patch tokens from what the last block gives: normalized, without class token and registers.
     pub fn read_out<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
         let special = 1 + self.config.registers;
         self.norm.forward(cx, x.slice(1, special, x.shape()[1] - special))

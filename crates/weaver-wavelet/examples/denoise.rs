@@ -74,7 +74,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut params = Params::<f32>::new();
     let network = Level::new(Builder::new(&mut params, 0).scope("denoiser"), 3);
     let group = Group { params: params.ids().collect(), lr_scale: 2e-3, weight_decay: 0.0 };
-    let mut optimiser = AdamW::new(vec![group], 0.9, 0.99, 1e-8);
+    let mut optimizer = AdamW::new(vec![group], 0.9, 0.99, 1e-8);
     let schedule = WarmupCosine { warmup: 10, total: STEPS, floor: 0.01 };
     let photos: Vec<Vec<f32>> = (0..24).map(channels).collect();
 
@@ -88,7 +88,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             println!("step {step:3}: {:.2} dB", -10.0 * loss.item().log10());
         }
         loss.backward();
-        optimiser.step(&mut params, &mut tape, schedule.factor(step));
+        optimizer.step(&mut params, &mut tape, schedule.factor(step));
         tape.reset();
     }
 

@@ -1,7 +1,7 @@
 //! Single-level wavelet analysis, as an op.
 
 use crate::filter::Wavelet;
-use crate::transform::{Border, add_transposed, analyse};
+use crate::transform::{Border, add_transposed, analyze};
 use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 
 #[derive(Debug)]
@@ -30,7 +30,7 @@ impl<T: Real> Op<T> for Analysis {
         Ok(Shapes::one(&dims[..leading.len() + 3]))
     }
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
-        analyse(self.wavelet, Border::Symmetric, &ins[0], image_size(ins[0].shape()), &mut outs[0]);
+        analyze(self.wavelet, Border::Symmetric, &ins[0], image_size(ins[0].shape()), &mut outs[0]);
     }
     fn backward(
         &self,

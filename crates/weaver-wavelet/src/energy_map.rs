@@ -3,7 +3,7 @@
 use crate::detail_energy::detail_energy_into;
 use crate::filter::Wavelet;
 use crate::luma::luma_into;
-use crate::transform::{Border, analyse};
+use crate::transform::{Border, analyze};
 use weaver_autograd::{Pool, Real};
 use weaver_kernels::resample::Resample;
 
@@ -50,7 +50,7 @@ impl<T: Real> EnergyMap<T> {
         let mut bands = pool.buffer(count * 4 * band);
         let mut coefficients = pool.buffer(count * band);
         luma_into(images, pixels, energy);
-        analyse(self.wavelet, Border::Symmetric, energy, self.size, &mut bands);
+        analyze(self.wavelet, Border::Symmetric, energy, self.size, &mut bands);
         detail_energy_into(&bands, band, &mut coefficients);
         self.resize.forward(&coefficients, energy);
     }

@@ -32,7 +32,7 @@ impl Guidance {
 
     /// The mask A in (0, 1), `[V, F, H, W]`, of images `[V, 3, H, W]` with values in [0, 1]:
     /// A = sigmoid(conv3x3(resize(conv1x1(conv5x5(D))))), D the three signed detail bands of the luma, neither squared
-    /// nor normalised; the resize is bilinear, corners not aligned, to H x W.
+    /// nor normalized; the resize is bilinear, corners not aligned, to H x W.
     ///
     /// Differentiable in the parameters and in the images. Source: `SplatWeaver_Head` of the official code.
     #[track_caller]

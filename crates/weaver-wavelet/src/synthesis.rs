@@ -1,7 +1,7 @@
 //! Single-level wavelet synthesis, as an op.
 
 use crate::filter::Wavelet;
-use crate::transform::{Border, add_transposed, analyse};
+use crate::transform::{Border, add_transposed, analyze};
 use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 
 #[derive(Debug)]
@@ -44,7 +44,7 @@ impl<T: Real> Op<T> for Synthesis {
     ) {
         if let Some(dbands) = &mut dins[0] {
             let mut bands = pool.buffer(ins[0].len());
-            analyse(self.wavelet, Border::Zero, &douts[0], self.size, &mut bands);
+            analyze(self.wavelet, Border::Zero, &douts[0], self.size, &mut bands);
             dbands.add(&bands);
         }
     }

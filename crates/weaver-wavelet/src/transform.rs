@@ -68,7 +68,7 @@ impl<T: Real> Bank<T> {
         std::array::from_fn(|j| if j < self.taps { self.border.source(first + j as isize, n) } else { None })
     }
 
-    fn analyse(&self, image: &[T], bands: &mut [T]) {
+    fn analyze(&self, image: &[T], bands: &mut [T]) {
         let size = self.band_len();
         for ky in 0..self.out_height {
             let rows = self.sources(ky, self.height);
@@ -96,7 +96,7 @@ impl<T: Real> Bank<T> {
         }
     }
 
-    /// Adds the transpose of [`analyse`](Self::analyse).
+    /// Adds the transpose of [`analyze`](Self::analyze).
     fn add_transposed(&self, bands: &[T], image: &mut [T]) {
         let size = self.band_len();
         for ky in 0..self.out_height {
@@ -122,15 +122,15 @@ impl<T: Real> Bank<T> {
 ///
 /// Coefficient k of a row meets the samples 2k + 2 - L to 2k + 1. Bands: (x low, y low), (x low, y high),
 /// (x high, y low), (x high, y high).
-pub fn analyse<T: Real>(wavelet: Wavelet, border: Border, images: &[T], size: [usize; 2], bands: &mut [T]) {
+pub fn analyze<T: Real>(wavelet: Wavelet, border: Border, images: &[T], size: [usize; 2], bands: &mut [T]) {
     let bank = Bank::new(wavelet, border, size);
     let pixels = size[0] * size[1];
     parallel::for_chunks(bands, 4 * bank.band_len(), |n, bands| {
-        bank.analyse(&images[n * pixels..(n + 1) * pixels], bands);
+        bank.analyze(&images[n * pixels..(n + 1) * pixels], bands);
     });
 }
 
-/// Adds the transpose of [`analyse`] to `images`.
+/// Adds the transpose of [`analyze`] to `images`.
 pub fn add_transposed<T: Real>(wavelet: Wavelet, border: Border, bands: &[T], size: [usize; 2], images: &mut [T]) {
     let bank = Bank::new(wavelet, border, size);
     let coefficients = 4 * bank.band_len();

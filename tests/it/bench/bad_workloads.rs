@@ -65,7 +65,7 @@ fn missing_tensors() {
 }
 
 #[test]
-fn colours_once() {
+fn colors_once() {
     refused(remove("colors"), &["expected either colors or sh, found neither"]);
     refused(reshape("sh", &[400, 4, 3]), &["expected either colors or sh, found both"]);
 }

@@ -32,7 +32,7 @@ pub fn workload(reference: &Tensors) -> Tensors {
     workload
 }
 
-/// A small workload of plain colours in a folder of its own.
+/// A small workload of plain colors in a folder of its own.
 pub fn small() -> (tempfile::TempDir, PathBuf, Tensors) {
     let folder = tempfile::tempdir().unwrap();
     let workload = workload(&fixture("small_rgb_antialiased.safetensors"));
@@ -55,7 +55,7 @@ fn distance(ours: &[f64], theirs: &[f64], kept: impl Fn(usize) -> bool) -> f64 {
 }
 
 #[track_caller]
-fn agrees(name: &str, colours: &str) {
+fn agrees(name: &str, colors: &str) {
     let reference = fixture(name);
     let folder = tempfile::tempdir().unwrap();
     let (path, out) = (folder.path().join("w.safetensors"), folder.path().join("o.safetensors"));
@@ -79,8 +79,8 @@ fn agrees(name: &str, colours: &str) {
         assert!(error < 1e-4, "{key}: {error:e}");
         compared.insert(key.as_str());
     }
-    let colours = format!("grad.{colours}");
-    for key in ["out.image", "out.alpha", "out.depth", "grad.means", "grad.quats", "grad.scales", &colours] {
+    let colors = format!("grad.{colors}");
+    for key in ["out.image", "out.alpha", "out.depth", "grad.means", "grad.quats", "grad.scales", &colors] {
         assert!(compared.contains(key), "{key}");
     }
     // The reference has none for some inputs; the dump has them all.
@@ -105,7 +105,7 @@ fn harmonics_and_depth_agree_with_the_reference() {
 }
 
 #[test]
-fn plain_colours_antialiased_agree_with_the_reference() {
+fn plain_colors_antialiased_agree_with_the_reference() {
     agrees("small_rgb_antialiased.safetensors", "colors");
 }
 

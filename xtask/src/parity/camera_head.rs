@@ -69,8 +69,8 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     check_cameras(&file, &cameras);
     file.check("out.c2w", &inverse(&cameras.w2c.value()));
     let size = [width, height, width, height].map(T::from_usize);
-    let normalised: Vec<T> = cameras.intrinsics.value().iter().zip(size.iter().cycle()).map(|(k, n)| *k / *n).collect();
-    file.check("out.intrinsics_normalised", &matrices(&normalised, 1.0));
+    let normalized: Vec<T> = cameras.intrinsics.value().iter().zip(size.iter().cycle()).map(|(k, n)| *k / *n).collect();
+    file.check("out.intrinsics_normalised", &matrices(&normalized, 1.0));
     loss = loss + file.weighted(cameras.w2c, "cot.extrinsics");
     loss = loss + weighted_intrinsics(&file, cameras.intrinsics, "cot.intrinsics");
     file.backward(loss);

@@ -1,7 +1,7 @@
 //! The whole model: images to cameras, Gaussians, renders and losses, and all the way back.
 
 use super::camera_head::check_cameras;
-use super::gaussian_head::{Recorded, colour_major, maps, xyzw};
+use super::gaussian_head::{Recorded, color_major, maps, xyzw};
 use super::metrics::lpips;
 use super::reference::Reference;
 use std::path::Path;
@@ -56,7 +56,7 @@ fn config(file: &Reference) -> ModelConfig {
             sh_degree: file.size("sh_degree"),
             router_hidden: head("gate_hidden"),
             projector: head("pixel_projector"),
-            neighbours: head("k"),
+            neighbors: head("k"),
             predictor: head("predictor_width"),
             offset_reach: file.number("gaussian_head.xyz_bias"),
             ..published.gaussians
@@ -155,7 +155,7 @@ fn forward<'t, T: Real>(
     let assigned: Vec<u32> = woven.assignment.expert.iter().map(|e| u32::from(*e)).collect();
     file.check_indices("out.assigned", &assigned);
     let g = &woven.gaussians;
-    // The stage is what the rasteriser is given: a copy, since the neighbour attention has its share in the original.
+    // The stage is what the rasterizer is given: a copy, since the neighbor attention has its share in the original.
     let count = g.means.shape()[0];
     let (means, opacities) = (g.means.slice(0, 0, count).retain_grad(), g.opacities.retain_grad());
     let gaussians = [
@@ -163,19 +163,19 @@ fn forward<'t, T: Real>(
         ("scales", g.scales),
         ("quats", xyzw(g.quats)),
         ("opacities", opacities),
-        ("sh", colour_major(g.sh)),
+        ("sh", color_major(g.sh)),
     ];
     for (name, y) in gaussians {
         file.check(&format!("out.{name}"), &y.value());
     }
-    let neighbors = Neighbors::search(&means.value(), config.gaussians.neighbours, tape.pool());
+    let neighbors = Neighbors::search(&means.value(), config.gaussians.neighbors, tape.pool());
     file.check_rows("out.knn", neighbors.index(), neighbors.index().len() / g.pixel.len().max(1));
 
     let settings =
         RasterSettings { near: config.raster.near, alpha_max: config.raster.alpha_max, ..RasterSettings::default() };
     let background = tape.constant(&config.raster.background.map(T::from_f64), [3]);
     let drawn = Rasterize::new(width, height, settings, &WorkspacePool::new()).apply(
-        &GaussianVars { means, quats: g.quats, scales: g.scales, opacities, colours: g.sh },
+        &GaussianVars { means, quats: g.quats, scales: g.scales, opacities, colors: g.sh },
         &CameraVars { viewmats: cameras.w2c, intrinsics: cameras.intrinsics.detach(), background },
     );
     let image_raw = drawn.image.permute(&[0, 3, 1, 2]).retain_grad();

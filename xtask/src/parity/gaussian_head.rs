@@ -7,7 +7,7 @@ use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
 use weaver_router::{
     Allocation, AllocationRequest, Assignment, CardinalityHead, Decoded, HeadConfig, NeighborConfig, Neighbors,
-    Parametrisation, PixelInputs, Sampled, decode,
+    Parametrization, PixelInputs, Sampled, decode,
 };
 use weaver_vggt::{DenseTokens, FeatureHead, FeatureHeadConfig};
 use weaver_wavelet::{Guidance, Wavelet, analysis, luma};
@@ -30,7 +30,7 @@ pub fn xyzw<T: Real>(quats: Var<'_, T>) -> Var<'_, T> {
 }
 
 /// Harmonics [N, K, 3] as the files have them, [N, 3, K].
-pub fn colour_major<T: Real>(sh: Var<'_, T>) -> Var<'_, T> {
+pub fn color_major<T: Real>(sh: Var<'_, T>) -> Var<'_, T> {
     sh.permute(&[0, 2, 1])
 }
 
@@ -47,7 +47,7 @@ pub fn maps<'t, T: Real>(rows: Var<'t, T>, [views, height, width]: [usize; 3]) -
 }
 
 fn named<'t, T: Real>(d: &Decoded<'t, T>) -> [(&'static str, Var<'t, T>); 4] {
-    [("scales", d.scales), ("quats", xyzw(d.quats)), ("opacities", d.opacities), ("sh", colour_major(d.sh))]
+    [("scales", d.scales), ("quats", xyzw(d.quats)), ("opacities", d.opacities), ("sh", color_major(d.sh))]
 }
 
 pub fn run<T: Real>(file: Reference) -> Reference {
@@ -55,8 +55,8 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     let (degree, pixels) = (file.size("sh_degree"), views * height * width);
     let dpt = dpt(&file, file.size("dim_in"), "");
     assert_eq!(dpt.width, file.size("feature_channels"), "channels of the maps are half of those of the trunk");
-    let parametrisation =
-        Parametrisation::Published { xyz_bias: file.number("xyz_bias"), scale_multiplier: 0.001, scale_max: 0.4 };
+    let parametrization =
+        Parametrization::Published { xyz_bias: file.number("xyz_bias"), scale_multiplier: 0.001, scale_max: 0.4 };
     let neighbors = NeighborConfig {
         count: file.size("k"),
         projector: file.size("pixel_projector"),
@@ -70,7 +70,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
         sh_degree: degree,
         neighbors: Some(neighbors),
         expert_output_gain: 1.0,
-        parametrisation,
+        parametrization,
     };
     let mut params = Params::<T>::new();
     let mut root = Builder::new(&mut params, 0);
@@ -135,11 +135,11 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     };
     let proposed = head.propose(cx, &inputs, &assignment.expert, choice);
     file.check_indices("out.gaussian_pixel", &proposed.pixel);
-    let feature = proposed.feature.expect("the head has attention over neighbours");
+    let feature = proposed.feature.expect("the head has attention over neighbors");
     file.check("out.slots", &ops::concat(&[proposed.means, proposed.theta, feature], 1).value());
     let neighbors = Neighbors::search(&proposed.means.value(), neighbors.count, tape.pool());
     file.check_rows("out.knn", neighbors.index(), neighbors.index().len() / proposed.pixel.len().max(1));
-    let predictor = head.predictor().expect("the head has attention over neighbours");
+    let predictor = head.predictor().expect("the head has attention over neighbors");
     tape.without_gradient(|| {
         let attended = predictor.attend(cx, proposed.means, proposed.theta, feature, &neighbors);
         file.check("out.pt", &attended.value());
@@ -147,7 +147,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     let theta = predictor.forward(cx, proposed.means, proposed.theta, feature, &neighbors).retain_grad();
     file.check("out.theta", &theta.value());
 
-    let decoded = decode(theta, degree, None, parametrisation);
+    let decoded = decode(theta, degree, None, parametrization);
     let mut loss = tape.scalar(T::ZERO);
     for (name, y) in named(&decoded).into_iter().chain([("means", proposed.means)]) {
         file.check(&format!("out.{name}"), &y.value());
@@ -164,17 +164,17 @@ pub fn run<T: Real>(file: Reference) -> Reference {
         file.check_grad(&format!("grad.in.tokens{i}"), *layer);
     }
     file.check_params(&params, &tape);
-    edges::<T>(&file, degree, parametrisation);
+    edges::<T>(&file, degree, parametrization);
     file
 }
 
 /// Decoding alone, of parameters at the edges of their ranges.
-fn edges<T: Real>(file: &Reference, degree: usize, parametrisation: Parametrisation) {
+fn edges<T: Real>(file: &Reference, degree: usize, parametrization: Parametrization) {
     if !file.has("edge.theta") {
         return;
     }
     let tape = Tape::<T>::new();
-    let decoded = decode(file.constant(&tape, "edge.theta"), degree, None, parametrisation);
+    let decoded = decode(file.constant(&tape, "edge.theta"), degree, None, parametrization);
     for (name, y) in named(&decoded) {
         file.check(&format!("edge.{name}"), &y.value());
     }

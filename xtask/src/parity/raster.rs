@@ -1,4 +1,4 @@
-//! The rasteriser. Its files say by their contents what they are: plain colours or harmonics, classic or antialiased.
+//! The rasterizer. Its files say by their contents what they are: plain colors or harmonics, classic or antialiased.
 
 use super::camera_head::intrinsics;
 use super::reference::Reference;
@@ -18,7 +18,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
         eps2d: file.metadata("eps2d").and_then(|n| n.parse().ok()).unwrap_or(RasterSettings::default().eps2d),
         ..RasterSettings::default()
     };
-    let colours = if file.has("in.sh") { "sh" } else { "colors" };
+    let colors = if file.has("in.sh") { "sh" } else { "colors" };
     let workspaces = WorkspacePool::new();
     let tape = Tape::<T>::new();
     let leaf = |name: &str| file.leaf(&tape, &format!("in.{name}"));
@@ -27,7 +27,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
         quats: leaf("quats"),
         scales: leaf("scales"),
         opacities: leaf("opacities"),
-        colours: leaf(colours),
+        colors: leaf(colors),
     };
     let cameras = CameraVars {
         viewmats: tape.leaf(&file.data("in.viewmat"), [1, 4, 4]),
@@ -43,13 +43,13 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     let loss = outputs.map(|(y, cot)| file.weighted(y, cot)).into_iter().reduce(|a, b| a + b);
     file.backward(loss.expect("three outputs"));
 
-    let colour = format!("grad.{colours}");
+    let color = format!("grad.{colors}");
     let pairs = [
         ("grad.means", gaussians.means),
         ("grad.quats", gaussians.quats),
         ("grad.scales", gaussians.scales),
         ("grad.opacities", gaussians.opacities),
-        (colour.as_str(), gaussians.colours),
+        (color.as_str(), gaussians.colors),
         ("grad.background", cameras.background),
     ];
     for (key, x) in pairs {

@@ -67,7 +67,7 @@ impl<T: Real> Op<T> for Resample {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// Bilinear resize. With `align_corners` the centres of the corner pixels keep their places, and row i comes from the
+    /// Bilinear resize. With `align_corners` the centers of the corner pixels keep their places, and row i comes from the
     /// coordinate i (H - 1) / (h - 1); without, the borders of the image do, and it comes from (i + 1/2) H / h - 1/2, clamped to
     /// the image.
     ///
@@ -125,7 +125,7 @@ impl<'t, T: Real> Var<'t, T> {
     /// ```
     #[track_caller]
     pub fn avg_pool_same(self, k: usize) -> Self {
-        assert!(k % 2 == 1, "avg_pool_same: a window of {k} has no centre");
+        assert!(k % 2 == 1, "avg_pool_same: a window of {k} has no center");
         self.resample(Method::AveragePool { width: k }, None)
     }
 

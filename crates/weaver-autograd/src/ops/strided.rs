@@ -22,7 +22,7 @@ pub(super) fn contiguous(shape: Shape) -> [usize; MAX_RANK] {
 }
 
 impl Strided {
-    /// Neighbouring axes that are contiguous in both tensors become one.
+    /// Neighboring axes that are contiguous in both tensors become one.
     pub fn new(shape: Shape, strides: &[usize]) -> Self {
         let mut merged = Self { dims: [1; MAX_RANK], strides: [0; MAX_RANK], rank: 1 };
         for (&dim, &stride) in shape.dims().iter().zip(strides) {

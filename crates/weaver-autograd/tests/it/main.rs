@@ -6,7 +6,7 @@ mod attention;
 mod convolution;
 mod losses;
 mod matmul;
-mod normalisation;
+mod normalization;
 mod parity;
 mod rearrange;
 mod release;

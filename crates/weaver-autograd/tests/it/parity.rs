@@ -89,7 +89,7 @@ fn elementwise() {
 }
 
 #[test]
-fn normalisations() {
+fn normalizations() {
     let fixture = Fixture::read();
     fixture.check("layer_norm_1e5", &["x", "w", "b"], |x| x[0].layer_norm(Some((x[1], x[2])), 1e-5));
     fixture.check("layer_norm_1e6", &["x", "w", "b"], |x| x[0].layer_norm(Some((x[1], x[2])), 1e-6));

@@ -22,8 +22,8 @@ pub fn write(path: &Path, frame: Frame<'_>) -> Result<(), Failure> {
         tensors.insert("grad.scales", &[n, 3], gradients.scales);
         tensors.insert("grad.opacities", &[n], gradients.opacities);
         match workload.degree {
-            Some(degree) => tensors.insert("grad.sh", &[n, (degree + 1) * (degree + 1), 3], gradients.colours),
-            None => tensors.insert("grad.colors", &[n, 3], gradients.colours),
+            Some(degree) => tensors.insert("grad.sh", &[n, (degree + 1) * (degree + 1), 3], gradients.colors),
+            None => tensors.insert("grad.colors", &[n, 3], gradients.colors),
         }
         tensors.insert("grad.viewmat", &[4, 4], gradients.viewmat);
         let [fx, fy, cx, cy] = gradients.intrinsics;

@@ -15,7 +15,7 @@ use weaver_splat::{
 };
 
 /// About as many operations as compositing one Gaussian at one pixel takes in forward: the exponent, its exponential, the
-/// comparisons, the blending of three colours.
+/// comparisons, the blending of three colors.
 const OPERATIONS: f64 = 20.0;
 
 pub fn run(arguments: &BenchRaster, console: &mut Console) -> Result<(), Failure> {
@@ -67,7 +67,7 @@ pub struct GradientBuffers {
     pub quats: Vec<f32>,
     pub scales: Vec<f32>,
     pub opacities: Vec<f32>,
-    pub colours: Vec<f32>,
+    pub colors: Vec<f32>,
     pub viewmat: Vec<f32>,
     /// fx, fy, cx, cy.
     pub intrinsics: [f32; 4],
@@ -93,7 +93,7 @@ impl<'a> Frame<'a> {
             quats: like(&workload.quats),
             scales: like(&workload.scales),
             opacities: like(&workload.opacities),
-            colours: like(&workload.colours),
+            colors: like(&workload.colors),
             viewmat: like(&workload.viewmat),
             intrinsics: [0.0; 4],
             background: like(&workload.background),
@@ -130,7 +130,7 @@ impl<'a> Frame<'a> {
                 quats: Some(Target::write(&mut into.quats)),
                 scales: Some(Target::write(&mut into.scales)),
                 opacities: Some(Target::write(&mut into.opacities)),
-                colours: Some(Target::write(&mut into.colours)),
+                colors: Some(Target::write(&mut into.colors)),
                 viewmats: Some(Target::write(&mut into.viewmat)),
                 intrinsics: Some(Target::write(&mut into.intrinsics)),
                 background: Some(Target::write(&mut into.background)),
@@ -207,10 +207,10 @@ impl Report<'_> {
 
     fn table(&self) -> String {
         let (workload, stats) = (self.frame.workload, self.stats());
-        let colours = workload.degree.map_or("plain colours".into(), |degree| format!("SH degree {degree}"));
+        let colors = workload.degree.map_or("plain colors".into(), |degree| format!("SH degree {degree}"));
         let threads = if self.threads == 1 { "1 thread".into() } else { format!("{} threads", self.threads) };
         let mut text = format!(
-            "{}: {} Gaussians, {colours}, {}x{} pixels, {}, {threads}\n\n{:<18}{:>10}\n",
+            "{}: {} Gaussians, {colors}, {}x{} pixels, {}, {threads}\n\n{:<18}{:>10}\n",
             workload.name,
             workload.len(),
             workload.width,

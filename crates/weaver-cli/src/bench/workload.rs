@@ -1,4 +1,4 @@
-//! A scene to measure the rasteriser with: from a file, or made up.
+//! A scene to measure the rasterizer with: from a file, or made up.
 
 use crate::arguments::Synthetic;
 use crate::failure::Failure;
@@ -6,7 +6,7 @@ use std::path::Path;
 use weaver_io::TensorFile;
 use weaver_kernels::parallel;
 use weaver_kernels::random::Stream;
-use weaver_splat::{Cameras, Colour, Gaussians, MAX_DEGREE};
+use weaver_splat::{Cameras, Color, Gaussians, MAX_DEGREE};
 
 /// Largest width and height.
 const LARGEST: usize = 1 << 20;
@@ -30,8 +30,8 @@ pub struct Workload {
     /// `[N]`
     pub opacities: Vec<f32>,
     /// `[N, 3]`, or `[N, K, 3]` with a degree.
-    pub colours: Vec<f32>,
-    /// Of the spherical harmonics; `None` for plain colours.
+    pub colors: Vec<f32>,
+    /// Of the spherical harmonics; `None` for plain colors.
     pub degree: Option<usize>,
     /// `[4, 4]`
     pub viewmat: Vec<f32>,
@@ -70,9 +70,9 @@ impl Workload {
             [n, 3] => n,
             ref found => return Err(file.invalid("tensor means", "[N, 3]", format!("{found:?}")).into()),
         };
-        let (key, degree) = colours(&file, n)?;
+        let (key, degree) = colors(&file, n)?;
         let terms = degree.map(|degree| (degree + 1) * (degree + 1));
-        let colour_shape: &[usize] = match terms {
+        let color_shape: &[usize] = match terms {
             Some(terms) => &[n, terms, 3],
             None => &[n, 3],
         };
@@ -81,7 +81,7 @@ impl Workload {
             ("quats", vec![n, 4]),
             ("scales", vec![n, 3]),
             ("opacities", vec![n]),
-            (key, colour_shape.to_vec()),
+            (key, color_shape.to_vec()),
             ("viewmat", vec![4, 4]),
             ("K", vec![3, 3]),
             ("background", vec![3]),
@@ -115,7 +115,7 @@ impl Workload {
             quats: file.f32s("quats")?,
             scales: file.f32s("scales")?,
             opacities: file.f32s("opacities")?,
-            colours: file.f32s(key)?,
+            colors: file.f32s(key)?,
             degree,
             viewmat: viewmat(&mut file)?,
             intrinsics: intrinsics(&mut file)?,
@@ -168,7 +168,7 @@ impl Workload {
             quats: normal("bench.quats", 4 * n, |x| x),
             scales: filled(3 * n, |i| (median.ln() + 0.6 * scale.normal::<f64>(i as u64)).exp()),
             opacities: normal("bench.opacities", n, |x| 1.0 / (1.0 + (-1.5 * x).exp())),
-            colours: filled(3 * terms * n, |i| {
+            colors: filled(3 * terms * n, |i| {
                 let band = (i / 3 % terms).isqrt();
                 0.5 * harmonics.normal::<f64>(i as u64) / (1 << band) as f64
             }),
@@ -185,22 +185,22 @@ impl Workload {
         self.opacities.len()
     }
 
-    /// As the rasteriser takes them.
+    /// As the rasterizer takes them.
     pub fn gaussians(&self) -> Gaussians<'_, f32> {
         Gaussians {
             means: &self.means,
             quats: &self.quats,
             scales: &self.scales,
             opacities: &self.opacities,
-            colour: match self.degree {
-                Some(degree) => Colour::Sh { coefficients: &self.colours, degree },
-                None => Colour::Plain(&self.colours),
+            color: match self.degree {
+                Some(degree) => Color::Sh { coefficients: &self.colors, degree },
+                None => Color::Plain(&self.colors),
             },
             features: None,
         }
     }
 
-    /// As the rasteriser takes it.
+    /// As the rasterizer takes it.
     pub fn camera(&self) -> Cameras<'_, f32> {
         Cameras {
             viewmats: &self.viewmat,
@@ -222,8 +222,8 @@ fn pixels(file: &TensorFile, key: &str) -> Result<usize, Failure> {
     })
 }
 
-/// Which tensor has the colours, and the degree of its spherical harmonics if they are that.
-fn colours(file: &TensorFile, n: usize) -> Result<(&'static str, Option<usize>), Failure> {
+/// Which tensor has the colors, and the degree of its spherical harmonics if they are that.
+fn colors(file: &TensorFile, n: usize) -> Result<(&'static str, Option<usize>), Failure> {
     match (file.contains("colors"), file.contains("sh")) {
         (true, false) => Ok(("colors", None)),
         (false, true) => {
@@ -302,7 +302,7 @@ mod tests {
         assert!(farthest.iter().all(|x| (0.54..0.551).contains(x)), "{farthest:?}");
         let mean_log = workload.scales.iter().map(|s| f64::from(s.ln())).sum::<f64>() / 6000.0;
         assert!((mean_log - (0.005 * 500.0_f64.sqrt()).ln()).abs() < 0.03, "{mean_log}");
-        let band = |k: usize| workload.colours.chunks(3).skip(k).step_by(16).flatten().map(|x| x * x).sum::<f32>();
+        let band = |k: usize| workload.colors.chunks(3).skip(k).step_by(16).flatten().map(|x| x * x).sum::<f32>();
         assert!((3.6..4.4).contains(&(band(0) / band(1))) && (3.6..4.4).contains(&(band(3) / band(4))));
         assert_eq!(workload.cotangents.unwrap().image.len(), 3 * 64 * 48);
     }

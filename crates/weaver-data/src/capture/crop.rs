@@ -1,4 +1,4 @@
-//! The largest centred part of a photo that has the network's aspect ratio.
+//! The largest centered part of a photo that has the network's aspect ratio.
 
 use weaver_geometry::Intrinsics;
 use weaver_io::Image;
@@ -15,8 +15,8 @@ pub struct Crop {
 }
 
 impl Crop {
-    /// The largest centred part of a `from_width` x `from_height` photo with the shape of `width` x `height`.
-    pub fn centred(from_width: usize, from_height: usize, width: usize, height: usize) -> Self {
+    /// The largest centered part of a `from_width` x `from_height` photo with the shape of `width` x `height`.
+    pub fn centered(from_width: usize, from_height: usize, width: usize, height: usize) -> Self {
         let (w, h) = (from_width as f64, from_height as f64);
         let part_width = w.min(h * width as f64 / height as f64);
         // Rounding must not push the part over the border.
@@ -46,18 +46,18 @@ mod tests {
 
     #[test]
     fn a_wide_photo_loses_its_sides_and_a_tall_one_its_top_and_bottom() {
-        let wide = Crop::centred(384, 256, 64, 48);
+        let wide = Crop::centered(384, 256, 64, 48);
         let part = [wide.left, wide.top, wide.right, wide.bottom];
         let third = 256.0 * 64.0 / 48.0;
         assert_eq!(part, [(384.0 - third) / 2.0, 0.0, (384.0 - third) / 2.0 + third, 256.0]);
-        let tall = Crop::centred(216, 384, 64, 48);
+        let tall = Crop::centered(216, 384, 64, 48);
         assert_eq!([tall.left, tall.top, tall.right, tall.bottom], [0.0, 111.0, 216.0, 273.0]);
     }
 
     #[test]
     fn intrinsics_follow_the_crop_then_the_scale() {
         let photo = Intrinsics { fx: 286.0, fy: 287.0, cx: 108.0, cy: 192.0 };
-        let k = Crop::centred(216, 384, 64, 48).intrinsics(&photo);
+        let k = Crop::centered(216, 384, 64, 48).intrinsics(&photo);
         let s = 64.0 / 216.0;
         assert_eq!((k.fx, k.fy, k.cx, k.cy), (286.0 * s, 287.0 * s, 32.0, 24.0));
     }
@@ -67,7 +67,7 @@ mod tests {
         for w in 1..60 {
             for h in 1..60 {
                 for (width, height) in [(64, 48), (70, 42), (3, 7)] {
-                    let c = Crop::centred(w, h, width, height);
+                    let c = Crop::centered(w, h, width, height);
                     assert!(c.left >= 0.0 && c.left < c.right && c.right <= w as f64);
                     assert!(c.top >= 0.0 && c.top < c.bottom && c.bottom <= h as f64);
                 }

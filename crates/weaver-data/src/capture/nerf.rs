@@ -61,7 +61,7 @@ fn add_points(footage: &mut Footage, model: &Model, folder: &Path) -> Result<(),
             continue;
         };
         let (ours, theirs) = (&shot.camera.pose, &record.pose);
-        let moved = ours.centre().distance(theirs.centre());
+        let moved = ours.center().distance(theirs.center());
         let turned = ours.angle_to(theirs);
         if turned > SAME_WORLD || moved > SAME_WORLD * extent {
             let found = format!("a camera turned by {turned:.3} rad and moved by {moved:.3}");
@@ -75,7 +75,7 @@ fn add_points(footage: &mut Footage, model: &Model, folder: &Path) -> Result<(),
 
 /// Largest distance of a camera from the first.
 fn extent<'a>(poses: impl Iterator<Item = &'a Pose>) -> f64 {
-    let mut centres = poses.map(Pose::centre);
-    let Some(first) = centres.next() else { return 0.0 };
-    centres.map(|c| c.distance(first)).fold(0.0, f64::max)
+    let mut centers = poses.map(Pose::center);
+    let Some(first) = centers.next() else { return 0.0 };
+    centers.map(|c| c.distance(first)).fold(0.0, f64::max)
 }

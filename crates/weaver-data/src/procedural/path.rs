@@ -4,7 +4,7 @@ use super::draws::Draws;
 use weaver_geometry::glam::{DMat3, DVec2, DVec3};
 use weaver_geometry::{Camera, Intrinsics, Pose};
 
-/// Angle along the arc between neighbouring cameras, degrees.
+/// Angle along the arc between neighboring cameras, degrees.
 const STEP: f64 = 4.0;
 /// The longest arc, degrees: beyond it cameras stand closer together instead.
 const LONGEST: f64 = 120.0;

@@ -1,4 +1,4 @@
-//! Ray casting: sixteen rays per pixel for colour, one through its centre for depth.
+//! Ray casting: sixteen rays per pixel for color, one through its center for depth.
 
 use super::world::World;
 use weaver_geometry::Camera;
@@ -22,7 +22,7 @@ pub(super) fn photograph(world: &World, camera: &Camera) -> Image {
                 let offset = grid_point(sample);
                 let (origin, direction) = ray(camera, DVec2::new(x as f64, y as f64) + offset);
                 // Another order for the light, so that a pixel's corner and the light's are not tied.
-                sum += colour(world, origin, direction, grid_point(sample * 7 % (GRID * GRID)));
+                sum += color(world, origin, direction, grid_point(sample * 7 % (GRID * GRID)));
             }
             let mean = sum / (GRID * GRID) as f64;
             pixels.extend([mean.x as f32, mean.y as f32, mean.z as f32]);
@@ -31,7 +31,7 @@ pub(super) fn photograph(world: &World, camera: &Camera) -> Image {
     Image { width: camera.width, height: camera.height, pixels }
 }
 
-/// Depth along the optical axis at every pixel's centre; 0 where there is only sky.
+/// Depth along the optical axis at every pixel's center; 0 where there is only sky.
 pub(super) fn depth(world: &World, camera: &Camera) -> Vec<f32> {
     let mut depth = Vec::with_capacity(camera.width * camera.height);
     for y in 0..camera.height {
@@ -46,16 +46,16 @@ pub(super) fn depth(world: &World, camera: &Camera) -> Vec<f32> {
 /// The ray through a point of the image; its parameter is depth along the optical axis.
 fn ray(camera: &Camera, pixel: DVec2) -> (DVec3, DVec3) {
     let direction = camera.pose.rotation.transpose() * camera.intrinsics.unproject(pixel, 1.0);
-    (camera.pose.centre(), direction)
+    (camera.pose.center(), direction)
 }
 
-/// Cell centre `index` of the sample grid over the unit square.
+/// Cell center `index` of the sample grid over the unit square.
 fn grid_point(index: usize) -> DVec2 {
     DVec2::new((index % GRID) as f64 + 0.5, (index / GRID) as f64 + 0.5) / GRID as f64
 }
 
-/// Displayed colour of what a ray meets; `light_sample` in the unit square chooses a point of the light.
-fn colour(world: &World, origin: DVec3, direction: DVec3, light_sample: DVec2) -> DVec3 {
+/// Displayed color of what a ray meets; `light_sample` in the unit square chooses a point of the light.
+fn color(world: &World, origin: DVec3, direction: DVec3, light_sample: DVec2) -> DVec3 {
     let Some(hit) = world.trace(origin, direction) else {
         let up = (direction.z / direction.length()).max(0.0);
         return world.sky[0].lerp(world.sky[1], up);
@@ -70,6 +70,6 @@ fn colour(world: &World, origin: DVec3, direction: DVec3, light_sample: DVec2) -
     let ambient = 0.25 + 0.12 * normal.z;
     let brightness = ambient + if lit { 0.75 * facing } else { 0.0 };
     // Square root: display values of linear light, close to the sRGB curve and cheap.
-    let linear = hit.solid.texture.colour(uv) * brightness;
+    let linear = hit.solid.texture.color(uv) * brightness;
     linear.clamp(DVec3::ZERO, DVec3::ONE).map(f64::sqrt)
 }

@@ -7,19 +7,19 @@ use weaver_geometry::glam::{DVec2, DVec3};
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Shape {
     Ball {
-        centre: DVec3,
+        center: DVec3,
         radius: f64,
     },
     /// A box turned about the vertical; walls and the ground are thin ones.
     Block {
-        centre: DVec3,
+        center: DVec3,
         half: DVec3,
         /// Cosine and sine of the turn.
         turn: DVec2,
     },
 }
 
-/// A shape and how it is coloured.
+/// A shape and how it is colored.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Solid {
     pub shape: Shape,
@@ -39,8 +39,8 @@ impl Shape {
     /// The smallest `t > 0` with `origin + t direction` on the surface, for an origin outside.
     pub fn hit(&self, origin: DVec3, direction: DVec3) -> Option<f64> {
         match *self {
-            Self::Ball { centre, radius } => {
-                let to = centre - origin;
+            Self::Ball { center, radius } => {
+                let to = center - origin;
                 let a = direction.length_squared();
                 let b = to.dot(direction);
                 let discriminant = b * b - a * (to.length_squared() - radius * radius);
@@ -50,8 +50,8 @@ impl Shape {
                 let t = (b - discriminant.sqrt()) / a;
                 (t > 0.0).then_some(t)
             }
-            Self::Block { centre, half, turn } => {
-                let o = into_block(origin - centre, turn);
+            Self::Block { center, half, turn } => {
+                let o = into_block(origin - center, turn);
                 let inverse = into_block(direction, turn).recip();
                 let (a, b) = ((-half - o) * inverse, (half - o) * inverse);
                 let near = a.min(b).max_element();
@@ -64,13 +64,13 @@ impl Shape {
     /// Outward normal and surface coordinates (scene units) at `point` on the surface.
     pub fn surface(&self, point: DVec3) -> (DVec3, DVec2) {
         match *self {
-            Self::Ball { centre, radius } => {
-                let n = (point - centre) / radius;
+            Self::Ball { center, radius } => {
+                let n = (point - center) / radius;
                 let uv = DVec2::new(n.y.atan2(n.x), n.z.clamp(-1.0, 1.0).asin()) * radius;
                 (n, uv)
             }
-            Self::Block { centre, half, turn } => {
-                let local = into_block(point - centre, turn);
+            Self::Block { center, half, turn } => {
+                let local = into_block(point - center, turn);
                 let q = (local / half).abs();
                 let (normal, uv) = if q.z >= q.x && q.z >= q.y {
                     (DVec3::Z * local.z.signum(), DVec2::new(local.x, local.y))
@@ -92,10 +92,10 @@ mod tests {
 
     fn inside(shape: &Shape, p: DVec3) -> bool {
         match *shape {
-            Shape::Ball { centre, radius } => p.distance(centre) < radius,
-            Shape::Block { centre, half, turn } => {
-                let along = |axis: DVec2| (p - centre).truncate().dot(axis).abs();
-                along(turn) < half.x && along(turn.perp()) < half.y && (p.z - centre.z).abs() < half.z
+            Shape::Ball { center, radius } => p.distance(center) < radius,
+            Shape::Block { center, half, turn } => {
+                let along = |axis: DVec2| (p - center).truncate().dot(axis).abs();
+                along(turn) < half.x && along(turn.perp()) < half.y && (p.z - center.z).abs() < half.z
             }
         }
     }
@@ -107,9 +107,9 @@ mod tests {
     fn shape() -> impl Strategy<Value = Shape> {
         let half = [0.2..0.9, 0.2..0.9, 0.2..0.9].prop_map(DVec3::from);
         prop_oneof![
-            (vector(0.5), 0.3..1.0).prop_map(|(centre, radius)| Shape::Ball { centre, radius }),
-            (vector(0.5), half, 0.0..6.3).prop_map(|(centre, half, turn)| Shape::Block {
-                centre,
+            (vector(0.5), 0.3..1.0).prop_map(|(center, radius)| Shape::Ball { center, radius }),
+            (vector(0.5), half, 0.0..6.3).prop_map(|(center, half, turn)| Shape::Block {
+                center,
                 half,
                 turn: DVec2::from_angle(turn)
             }),

@@ -1,4 +1,4 @@
-//! Surface colours: flat areas and fine detail, as functions of surface coordinates.
+//! Surface colors: flat areas and fine detail, as functions of surface coordinates.
 
 use super::draws::Draws;
 use weaver_geometry::glam::{DVec2, DVec3};
@@ -25,14 +25,14 @@ enum Pattern {
     Glyphs,
 }
 
-/// A pattern in two colours.
+/// A pattern in two colors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Texture {
     pattern: Pattern,
     /// Scene units in which the pattern repeats, or over which noise changes.
     period: f64,
     /// Linear light.
-    colours: [DVec3; 2],
+    colors: [DVec3; 2],
     stream: Stream,
 }
 
@@ -62,16 +62,16 @@ impl Texture {
         };
         let period = size * draws.within(low, high);
         let hue = draws.within(0.0, 1.0);
-        // The second colour is far in brightness or far in hue, so that every pattern shows.
+        // The second color is far in brightness or far in hue, so that every pattern shows.
         let other = hue + draws.within(0.2, 0.8);
-        let dark = colour(hue, draws.within(0.2, 0.8), draws.within(0.08, 0.3));
-        let light = colour(other, draws.within(0.1, 0.7), draws.within(0.5, 0.95));
-        let colours = if draws.chance(0.5) { [dark, light] } else { [light, dark] };
-        Self { pattern, period, colours, stream: draws.stream() }
+        let dark = color(hue, draws.within(0.2, 0.8), draws.within(0.08, 0.3));
+        let light = color(other, draws.within(0.1, 0.7), draws.within(0.5, 0.95));
+        let colors = if draws.chance(0.5) { [dark, light] } else { [light, dark] };
+        Self { pattern, period, colors, stream: draws.stream() }
     }
 
-    /// The colour at surface coordinates `uv`, linear light.
-    pub fn colour(&self, uv: DVec2) -> DVec3 {
+    /// The color at surface coordinates `uv`, linear light.
+    pub fn color(&self, uv: DVec2) -> DVec3 {
         let p = uv / self.period;
         let mix = match self.pattern {
             Pattern::Flat => 0.0,
@@ -80,7 +80,7 @@ impl Texture {
             Pattern::Noise => (self.noise(p) + 0.5 * self.noise(p * 2.0 + DVec2::splat(37.0))) / 1.5,
             Pattern::Glyphs => f64::from(self.glyph(p)),
         };
-        self.colours[0].lerp(self.colours[1], mix)
+        self.colors[0].lerp(self.colors[1], mix)
     }
 
     /// A random value in (0, 1) for a cell of the integer lattice.
@@ -116,7 +116,7 @@ fn cell_index(x: f64, y: f64) -> u64 {
 }
 
 /// Hue (turns), saturation and value to RGB.
-pub(super) fn colour(hue: f64, saturation: f64, value: f64) -> DVec3 {
+pub(super) fn color(hue: f64, saturation: f64, value: f64) -> DVec3 {
     let channel = |shift: f64| {
         let h = ((hue + shift).rem_euclid(1.0) * 6.0 - 3.0).abs() - 1.0;
         value * (1.0 + saturation * (h.clamp(0.0, 1.0) - 1.0))

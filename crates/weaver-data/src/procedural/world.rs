@@ -2,7 +2,7 @@
 
 use super::draws::Draws;
 use super::solid::{Shape, Solid};
-use super::texture::{Texture, colour};
+use super::texture::{Texture, color};
 use weaver_geometry::glam::{DVec2, DVec3};
 
 /// Objects stand within this distance of the origin.
@@ -12,9 +12,9 @@ const STAGE: f64 = 1.8;
 #[derive(Clone, Debug)]
 pub(super) struct World {
     pub solids: Vec<Solid>,
-    /// Unit vector towards the light.
+    /// Unit vector toward the light.
     pub light: DVec3,
-    /// Sky colours, at the horizon and overhead, as displayed.
+    /// Sky colors, at the horizon and overhead, as displayed.
     pub sky: [DVec3; 2],
 }
 
@@ -59,8 +59,8 @@ impl World {
             solids,
             light: direction(draws.within(-2.6, -0.5), draws.within(0.6, 1.1)),
             sky: [
-                colour(sky_hue, draws.within(0.05, 0.2), draws.within(0.85, 0.97)),
-                colour(sky_hue, draws.within(0.3, 0.6), draws.within(0.7, 0.9)),
+                color(sky_hue, draws.within(0.05, 0.2), draws.within(0.85, 0.97)),
+                color(sky_hue, draws.within(0.3, 0.6), draws.within(0.7, 0.9)),
             ],
         }
     }
@@ -102,7 +102,7 @@ fn objects(draws: &mut Draws) -> Vec<Solid> {
         }
         taken.push((place, footprint));
         let shape = if draws.chance(0.4) {
-            Shape::Ball { centre: place.extend(footprint), radius: footprint }
+            Shape::Ball { center: place.extend(footprint), radius: footprint }
         } else {
             let aspect = draws.within(0.5, 1.1);
             let flat = DVec2::from_angle(aspect) * footprint;
@@ -114,8 +114,8 @@ fn objects(draws: &mut Draws) -> Vec<Solid> {
     solids
 }
 
-fn block(centre: DVec3, half: DVec3, turn: f64) -> Shape {
-    Shape::Block { centre, half, turn: DVec2::from_angle(turn) }
+fn block(center: DVec3, half: DVec3, turn: f64) -> Shape {
+    Shape::Block { center, half, turn: DVec2::from_angle(turn) }
 }
 
 /// Unit vector of an azimuth and an elevation, in radians.

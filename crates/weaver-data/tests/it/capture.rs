@@ -74,7 +74,7 @@ fn assert_same_views(loaded: &Scene, truth: &Scene) {
     for (a, b) in loaded.views.iter().zip(&truth.views) {
         assert_eq!(a.image.to_bytes(), b.image.to_bytes());
         let (p, q) = (a.camera.pose, b.camera.pose);
-        assert!(p.angle_to(&q) < 1e-6 && p.centre().distance(q.centre()) < 1e-9);
+        assert!(p.angle_to(&q) < 1e-6 && p.center().distance(q.center()) < 1e-9);
         let (k, l) = (a.camera.intrinsics, b.camera.intrinsics);
         for (x, y) in [(k.fx, l.fx), (k.fy, l.fy), (k.cx, l.cx), (k.cy, l.cy)] {
             assert!((x - y).abs() < 1e-9);
@@ -150,8 +150,8 @@ fn realestate_clips() {
     write_photos(&truth, &folder.path().join("images"), |i| format!("{}.png", 1_000_000 + 33_000 * i));
     let frames = truth.views.iter().zip(0..).map(|(view, i)| {
         let (k, w, h) = (view.camera.intrinsics, 40.0, 30.0);
-        let normalised = [k.fx / w, k.fy / h, k.cx / w, k.cy / h];
-        ClipFrame { timestamp: 1_000_000 + 33_000 * i, normalised, pose: view.camera.pose }
+        let normalized = [k.fx / w, k.fy / h, k.cx / w, k.cy / h];
+        ClipFrame { timestamp: 1_000_000 + 33_000 * i, normalized, pose: view.camera.pose }
     });
     let clip = Clip { url: "https://example.org/clip".into(), frames: frames.collect() };
     let cameras = folder.path().join("0123456789abcdef.txt");

@@ -1,6 +1,6 @@
 //! Procedural scenes: exact geometry, the same bits everywhere, and views spaced so that there is something to learn.
 
-use crate::quality::{mean_colour, nearest_copied, psnr};
+use crate::quality::{mean_color, nearest_copied, psnr};
 use weaver_data::Scene;
 use weaver_data::procedural::{ProceduralOptions, default_training_set, default_unseen_set, scene};
 use weaver_geometry::glam::DVec2;
@@ -16,9 +16,9 @@ fn the_default_sets_are_neither_trivial_nor_hopeless() {
         assert!((200..400).contains(&scene.points.len()), "{}: {} points", scene.name, scene.points.len());
     }
     assert_eq!((training[0].name.as_str(), training[15].name.as_str()), ("procedural-00", "procedural-15"));
-    let (copied, colour) = (nearest_copied(&training), mean_colour(&training));
-    println!("training set: nearest view {copied:.2} dB, mean colour {colour:.2} dB");
-    assert!((15.0..18.0).contains(&copied) && colour < copied - 1.0);
+    let (copied, color) = (nearest_copied(&training), mean_color(&training));
+    println!("training set: nearest view {copied:.2} dB, mean color {color:.2} dB");
+    assert!((15.0..18.0).contains(&copied) && color < copied - 1.0);
 
     let unseen = default_unseen_set(64, 48);
     assert_eq!(unseen.len(), 4);
@@ -50,8 +50,8 @@ fn depth_and_poses_explain_the_photos() {
         let (to, from) = (&scene.views[1], &scene.views[2]);
         let width = to.camera.width;
         for (i, &z) in to.depth.as_ref().unwrap().iter().enumerate() {
-            let centre = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-            let world = to.camera.pose.inverse().apply(to.camera.intrinsics.unproject(centre, f64::from(z)));
+            let center = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+            let world = to.camera.pose.inverse().apply(to.camera.intrinsics.unproject(center, f64::from(z)));
             let there = from.camera.pose.apply(world);
             let pixel = from.camera.intrinsics.project(there);
             let Some(j) = index(&scene, 2, pixel) else { continue };

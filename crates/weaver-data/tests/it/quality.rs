@@ -1,4 +1,4 @@
-//! Baselines that need no model: the training views' mean colour, and the nearest context view copied.
+//! Baselines that need no model: the training views' mean color, and the nearest context view copied.
 
 use weaver_data::{Scene, evaluation_tuples};
 
@@ -25,8 +25,8 @@ pub fn nearest_copied(scenes: &[Scene]) -> f64 {
     }))
 }
 
-/// Mean over scenes of the mean over held-out views of the PSNR of the training views' mean colour.
-pub fn mean_colour(scenes: &[Scene]) -> f64 {
+/// Mean over scenes of the mean over held-out views of the PSNR of the training views' mean color.
+pub fn mean_color(scenes: &[Scene]) -> f64 {
     mean(scenes.iter().map(|scene| {
         let mut sum = [0.0_f64; 3];
         let mut count = 0.0;
@@ -36,11 +36,11 @@ pub fn mean_colour(scenes: &[Scene]) -> f64 {
                 sum.iter_mut().zip(pixel).for_each(|(s, &p)| *s += f64::from(p));
             }
         }
-        let colour = sum.map(|s| (s / count) as f32);
+        let color = sum.map(|s| (s / count) as f32);
         let held_out = scene.held_out_views();
         mean(held_out.iter().map(|&view| {
             let image = &scene.views[view].image;
-            psnr(&image.pixels, &colour.repeat(image.width * image.height))
+            psnr(&image.pixels, &color.repeat(image.width * image.height))
         }))
     }))
 }

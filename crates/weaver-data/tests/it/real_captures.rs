@@ -1,6 +1,6 @@
 //! Real captures, where there are any: baselines known from an independent implementation.
 
-use crate::quality::{mean_colour, nearest_copied};
+use crate::quality::{mean_color, nearest_copied};
 use std::path::{Path, PathBuf};
 use weaver_data::Scene;
 use weaver_data::capture::{CaptureOptions, load};
@@ -33,9 +33,9 @@ fn the_protocol_gives_the_known_baselines() {
         scene.check_training(4).unwrap();
         scene.check_evaluation(4).unwrap();
     }
-    let (colour, copied) = (mean_colour(&scenes), nearest_copied(&scenes));
-    println!("mean colour {colour:.3} dB, nearest view {copied:.3} dB");
-    assert!((colour - 14.16).abs() < 0.05);
+    let (color, copied) = (mean_color(&scenes), nearest_copied(&scenes));
+    println!("mean color {color:.3} dB, nearest view {copied:.3} dB");
+    assert!((color - 14.16).abs() < 0.05);
     assert!((copied - 16.65).abs() < 0.05);
     let unseen = load_all(&data, &["ramen", "banana", "entry-p10"]);
     for (scene, known) in unseen.iter().zip([15.32, 20.39, 15.95]) {
@@ -51,7 +51,7 @@ fn sparse_points_give_depth_and_scale() {
     let fox = &load_all(&data, &["fox"])[0];
     assert_eq!((fox.views.len(), fox.points.len()), (50, 12741));
     let tuple = &weaver_data::evaluation_tuples(fox, 0, 4)[0];
-    let posed = fox.normalised(tuple).unwrap();
+    let posed = fox.normalized(tuple).unwrap();
     // Depths of the points range from 2.5 to 7.7 around 4.9, so must the unit.
     assert!((1.0 / 7.7..1.0 / 2.5).contains(&posed.scale));
     for (view, visible) in fox.views.iter().zip(&fox.visible) {
@@ -68,6 +68,6 @@ fn transparent_photos_lie_on_white_and_need_a_scale() {
     assert_eq!(lego.views[0].image.pixels[..3], [1.0; 3]);
     let k = lego.views[0].camera.intrinsics;
     assert!((k.fx - 355.5555 / 4.0).abs() < 1e-3 && (k.cx, k.cy) == (32.0, 24.0));
-    assert!(lego.views.iter().all(|view| (view.camera.pose.centre().length() - 4.031).abs() < 1e-3));
-    assert!(lego.normalised(&weaver_data::evaluation_tuples(lego, 0, 4)[0]).is_err());
+    assert!(lego.views.iter().all(|view| (view.camera.pose.center().length() - 4.031).abs() < 1e-3));
+    assert!(lego.normalized(&weaver_data::evaluation_tuples(lego, 0, 4)[0]).is_err());
 }

@@ -5,14 +5,14 @@ use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_io::Image;
 
-/// A camera at `centre`, turned about the vertical.
-pub fn view(name: &str, centre: DVec3, turn: f64, held_out: bool) -> View {
+/// A camera at `center`, turned about the vertical.
+pub fn view(name: &str, center: DVec3, turn: f64, held_out: bool) -> View {
     let rotation = DMat3::from_rotation_y(turn);
     View {
         name: name.into(),
         image: Image { width: 4, height: 3, pixels: vec![0.5; 36] },
         camera: Camera {
-            pose: Pose::new(rotation, -(rotation * centre)),
+            pose: Pose::new(rotation, -(rotation * center)),
             intrinsics: Intrinsics { fx: 4.0, fy: 4.0, cx: 2.0, cy: 1.5 },
             width: 4,
             height: 3,
@@ -72,7 +72,7 @@ fn the_training_frame_starts_at_camera_0_with_seen_points_at_mean_distance_1() {
     scene.visible[1] = vec![0, 1];
     scene.visible[5] = vec![2];
     let tuple = Tuple { scene: 0, context: vec![2, 1, 3], targets: vec![5] };
-    let posed = scene.normalised(&tuple).unwrap();
+    let posed = scene.normalized(&tuple).unwrap();
     // Points at distance 2 and 8; the one that only the target sees does not count.
     assert!((posed.scale - 1.0 / 5.0).abs() < 1e-12);
     assert_eq!(posed.poses.len(), 4);
@@ -92,13 +92,13 @@ fn the_training_frame_starts_at_camera_0_with_seen_points_at_mean_distance_1() {
 fn without_points_the_scale_must_be_given() {
     let mut scene = line(6);
     let tuple = Tuple { scene: 0, context: vec![1, 2], targets: vec![3] };
-    let message = scene.normalised(&tuple).unwrap_err().to_string();
+    let message = scene.normalized(&tuple).unwrap_err().to_string();
     assert!(message.contains("scene line") && message.contains("scene_scale"), "{message}");
     scene.scale = Some(4.0);
-    assert_eq!(scene.normalised(&tuple).unwrap().scale, 0.25);
+    assert_eq!(scene.normalized(&tuple).unwrap().scale, 0.25);
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         scene.scale = Some(bad);
-        assert!(scene.normalised(&tuple).is_err());
+        assert!(scene.normalized(&tuple).is_err());
     }
 }
 

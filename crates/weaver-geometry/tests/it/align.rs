@@ -21,7 +21,7 @@ proptest! {
     #[test]
     fn recovers_the_transform(truth in similarity(), poses in proptest::collection::vec(pose(), 4..9)) {
         let moved: Vec<_> = poses.iter().map(|p| truth.apply_to_pose(p)).collect();
-        let found = Similarity::fit_centres(&poses, &moved).unwrap();
+        let found = Similarity::fit_centers(&poses, &moved).unwrap();
         prop_assert!((found.scale / truth.scale - 1.0).abs() < 1e-9);
         prop_assert!(distance(&found.rotation, &truth.rotation) < 1e-8);
         prop_assert!((found.translation - truth.translation).length() < 1e-7);
@@ -33,7 +33,7 @@ proptest! {
     }
 
     #[test]
-    fn no_neighbour_fits_better(
+    fn no_neighbor_fits_better(
         from in proptest::collection::vec(vector(2.0), 5..8), noise in proptest::collection::vec(vector(2.0), 8),
         turn in vector(0.01), shift in vector(0.01), factor in 0.99..1.01f64,
     ) {

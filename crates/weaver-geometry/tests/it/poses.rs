@@ -11,7 +11,7 @@ proptest! {
     fn inverse_and_compose(a in pose(), b in pose(), x in vector(3.0)) {
         prop_assert!((a.inverse().apply(a.apply(x)) - x).length() < 1e-12);
         prop_assert!((a.compose(&b).apply(x) - a.apply(b.apply(x))).length() < 1e-12);
-        prop_assert!(a.apply(a.centre()).length() < 1e-12);
+        prop_assert!(a.apply(a.center()).length() < 1e-12);
         let own = a.relative_to(&a);
         prop_assert!(distance(&own.rotation, &Pose::IDENTITY.rotation) < 1e-12 && own.translation.length() < 1e-12);
     }

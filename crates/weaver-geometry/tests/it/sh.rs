@@ -48,8 +48,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(16))]
 
     #[test]
-    fn gradient_is_the_slope_along_the_sphere(direction in unit(), towards in unit()) {
-        let tangent = towards - direction * towards.dot(direction);
+    fn gradient_is_the_slope_along_the_sphere(direction in unit(), toward in unit()) {
+        let tangent = toward - direction * toward.dot(direction);
         let h = 1e-6;
         let at = |s: f64| basis((direction + tangent * s).normalize().to_array());
         let (before, after) = (at(-h), at(h));

@@ -9,7 +9,7 @@ pub fn vector(size: f64) -> impl Strategy<Value = DVec3> {
 }
 
 pub fn unit() -> impl Strategy<Value = DVec3> {
-    vector(1.0).prop_filter_map("too short to normalise", |v| (v.length() > 0.1).then(|| v.normalize()))
+    vector(1.0).prop_filter_map("too short to normalize", |v| (v.length() > 0.1).then(|| v.normalize()))
 }
 
 pub fn rotation() -> impl Strategy<Value = DMat3> {

@@ -10,7 +10,7 @@ proptest! {
     fn looks_at(eye in vector(3.0), target in vector(3.0), up in unit()) {
         prop_assume!((eye - target).length() > 0.1);
         let pose = look_at(eye, target, up);
-        prop_assert!((pose.centre() - eye).length() < 1e-12);
+        prop_assert!((pose.center() - eye).length() < 1e-12);
         let seen = pose.apply(target);
         prop_assert!((seen - DVec3::Z * (eye - target).length()).length() < 1e-12);
         prop_assert!(distance(&(pose.rotation * pose.rotation.transpose()), &DMat3::IDENTITY) < 1e-12);
@@ -25,13 +25,13 @@ proptest! {
         prop_assume!(offset.reject_from(DVec3::Y).length() > 0.1);
         let poses = orbit(eye, target, DVec3::Y, count);
         prop_assert_eq!(poses.len(), count);
-        prop_assert!((poses[0].centre() - eye).length() < 1e-12);
+        prop_assert!((poses[0].center() - eye).length() < 1e-12);
         for pose in &poses {
-            prop_assert!(((pose.centre() - target).length() - offset.length()).abs() < 1e-12);
-            prop_assert!((pose.centre().y - eye.y).abs() < 1e-12);
+            prop_assert!(((pose.center() - target).length() - offset.length()).abs() < 1e-12);
+            prop_assert!((pose.center().y - eye.y).abs() < 1e-12);
         }
-        let step = (poses[0].centre() - poses[1 % count].centre()).length();
-        let last = (poses[0].centre() - poses[count - 1].centre()).length();
+        let step = (poses[0].center() - poses[1 % count].center()).length();
+        let last = (poses[0].center() - poses[count - 1].center()).length();
         prop_assert!((step - last).abs() < 1e-12, "the circle closes evenly");
     }
 
@@ -39,8 +39,8 @@ proptest! {
     fn interpolates(a in pose(), b in pose(), t in 0.0..1.0f64) {
         let (total, part) = (a.angle_to(&b), a.angle_to(&between(&a, &b, t)));
         prop_assert!((part - t * total).abs() < 1e-6, "{part} {total}");
-        let centre = between(&a, &b, t).centre();
-        prop_assert!((centre - a.centre().lerp(b.centre(), t)).length() < 1e-12);
+        let center = between(&a, &b, t).center();
+        prop_assert!((center - a.center().lerp(b.center(), t)).length() < 1e-12);
         let path = through(&[a, b, a], 3);
         prop_assert_eq!(path.len(), 7);
         for (i, key) in [(0, a), (3, b), (6, a)] {

@@ -61,7 +61,7 @@ pub(super) fn points(path: &Path) -> Result<Vec<Point>> {
         if xyz.iter().any(|x: &f64| !x.is_finite()) {
             return Err(bytes.invalid("a finite position", format!("{xyz:?} for point {id}")));
         }
-        let rgb = bytes.take("a colour")?;
+        let rgb = bytes.take("a color")?;
         let error = bytes.f64("a reprojection error")?;
         let length = bytes.count(8, "observations")?;
         let mut track = Vec::with_capacity(length);

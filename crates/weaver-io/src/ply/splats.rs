@@ -7,7 +7,7 @@ use std::path::Path;
 /// Gaussians in stored form: log scales, logit opacities, quaternions not necessarily of unit length.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SplatPly {
-    /// Centres, `[N, 3]`.
+    /// Centers, `[N, 3]`.
     pub means: Vec<[f32; 3]>,
     /// Natural logarithms of the standard deviations along the axes, `[N, 3]`.
     pub log_scales: Vec<[f32; 3]>,
@@ -131,7 +131,7 @@ pub(crate) fn check(path: &Path, splats: &SplatPly) -> Result<()> {
             ("position", &splats.means[i]),
             ("scale", &splats.log_scales[i]),
             ("rotation", &splats.quats[i]),
-            ("colour", &splats.sh[i * per_row..][..per_row]),
+            ("color", &splats.sh[i * per_row..][..per_row]),
         ];
         let bad = fields.iter().find(|(_, values)| !values.iter().all(|x| x.is_finite()));
         if let Some((name, values)) = bad {

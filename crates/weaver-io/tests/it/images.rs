@@ -1,6 +1,6 @@
 use crate::shared;
 use proptest::prelude::*;
-use weaver_io::{Background, Image, false_colour, label_colour};
+use weaver_io::{Background, Image, false_color, label_color};
 
 fn ramp(width: usize, height: usize) -> Image {
     let bytes: Vec<u8> = (0..width * height * 3).map(|i| (i * 37 % 256) as u8).collect();
@@ -28,8 +28,8 @@ fn alpha_and_sixteen_bits() {
     let black = Image::read(&path, Background::Black).unwrap();
     assert_eq!(black.pixels, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
 
-    let grey = image::ImageBuffer::<image::Luma<u16>, _>::from_raw(1, 1, vec![13107u16]).unwrap();
-    grey.save(&path).unwrap();
+    let gray = image::ImageBuffer::<image::Luma<u16>, _>::from_raw(1, 1, vec![13107u16]).unwrap();
+    gray.save(&path).unwrap();
     for value in Image::read(&path, Background::White).unwrap().pixels {
         assert!((value - 0.2).abs() < 1e-6);
     }
@@ -62,14 +62,14 @@ fn crop_and_mosaic() {
 fn lanczos_reference(image: &Image, width: usize, height: usize, [x0, y0, x1, y1]: [f64; 4]) -> Vec<f64> {
     let weights = |from: f64, to: f64, out: usize, o: usize, size: usize| {
         let scale = (to - from) / out as f64;
-        let centre = from + (o as f64 + 0.5) * scale;
+        let center = from + (o as f64 + 0.5) * scale;
         let kernel = |x: f64| {
             let sinc = |x: f64| {
                 if x == 0.0 { 1.0 } else { (std::f64::consts::PI * x).sin() / (std::f64::consts::PI * x) }
             };
             if x.abs() < 3.0 { sinc(x) * sinc(x / 3.0) } else { 0.0 }
         };
-        let all: Vec<f64> = (0..size).map(|i| kernel((i as f64 + 0.5 - centre) / scale.max(1.0))).collect();
+        let all: Vec<f64> = (0..size).map(|i| kernel((i as f64 + 0.5 - center) / scale.max(1.0))).collect();
         let total: f64 = all.iter().sum();
         all.into_iter().map(|w| w / total).collect::<Vec<f64>>()
     };
@@ -150,12 +150,12 @@ fn area_averages_blocks() {
 }
 
 #[test]
-fn colours() {
-    let depth = false_colour(&[0.0, 1.0, 9.0, f32::NAN], 4, 1, 0.0, 1.0);
+fn colors() {
+    let depth = false_color(&[0.0, 1.0, 9.0, f32::NAN], 4, 1, 0.0, 1.0);
     assert_eq!(depth.to_bytes()[..3], [68, 1, 84]);
     assert_eq!(depth.crop(1, 0, 1, 1), depth.crop(2, 0, 1, 1));
     assert_eq!(depth.crop(3, 0, 1, 1).to_bytes(), [0, 0, 0]);
-    let labels = label_colour(&[0, 1, 10], 3, 1);
+    let labels = label_color(&[0, 1, 10], 3, 1);
     assert_eq!(labels.crop(0, 0, 1, 1), labels.crop(2, 0, 1, 1));
     assert_ne!(labels.crop(0, 0, 1, 1), labels.crop(1, 0, 1, 1));
 }

@@ -8,7 +8,7 @@ const LINE: &str = "52553000 0.474 0.843 0.5 0.5 0 0 1 0 0 -0.25 0 0 -1 0.5 0 1 
 fn clip() -> Clip {
     let frame = |i: u64| ClipFrame {
         timestamp: 33_000 * i,
-        normalised: [0.5, 0.9, 0.5, 0.5],
+        normalized: [0.5, 0.9, 0.5, 0.5],
         pose: Pose::from_wxyz([1.0, 0.3 * i as f64, -0.1, 0.2], DVec3::new(0.1, 0.2, i as f64)),
     };
     Clip { url: "https://www.youtube.com/watch?v=x".into(), frames: (0..4).map(frame).collect() }
@@ -35,7 +35,7 @@ fn round_trip() {
     let back = Clip::read(&path).unwrap();
     assert_eq!(back.frames.len(), 4);
     for (a, b) in clip().frames.iter().zip(&back.frames) {
-        assert_eq!((a.timestamp, a.normalised), (b.timestamp, b.normalised));
+        assert_eq!((a.timestamp, a.normalized), (b.timestamp, b.normalized));
         assert!(a.pose.angle_to(&b.pose) < 1e-7 && a.pose.translation == b.pose.translation);
     }
 }

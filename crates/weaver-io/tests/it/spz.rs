@@ -13,7 +13,7 @@ fn unpacked() -> Vec<u8> {
     data.extend([1, 8, 0, 0]);
     data.extend([0, 1, 0, 0x80, 0xff, 0xff, 0, 2, 0]); // 1, -0.5, 2
     data.push(51); // opacity 0.2
-    data.extend([255, 0, 51]); // colour
+    data.extend([255, 0, 51]); // color
     data.extend([160, 144, 0]); // log scales 0, -1, -10
     data.extend((3 << 30 | 511u32 << 20 | 512 << 10).to_le_bytes()); // x = sqrt(1/2), y = z = 0, w left out
     data.extend([192, 128, 64, 160, 128, 128, 0, 128, 128]); // (0.5 0 -0.5) (0.25 0 0) (-1 0 0)
@@ -85,7 +85,7 @@ fn agrees_with_the_ply_it_was_made_from() {
         let opacity = |logit: f32| 1.0 / (1.0 + (-logit).exp());
         assert!((opacity(ply.opacity_logits[i]) - opacity(spz.opacity_logits[i])).abs() < 0.51 / 255.0);
     }
-    // The format clamps colours and scales; hence medians.
+    // The format clamps colors and scales; hence medians.
     let differences = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).collect();
     let scales = differences(ply.log_scales.as_flattened(), spz.log_scales.as_flattened());
     assert!(median(scales) < 1.0 / 32.0);

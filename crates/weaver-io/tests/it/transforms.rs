@@ -102,7 +102,7 @@ fn nerf_synthetic_form() {
     assert!((frame.intrinsics.fx - 20.0).abs() < 1e-12 && frame.intrinsics.fx == frame.intrinsics.fy);
     assert_eq!((frame.intrinsics.cx, frame.intrinsics.cy), (10.0, 5.0));
     // A camera at (1, 2, 3) that looks along -z of the world, y up.
-    assert_eq!(frame.pose.centre(), DVec3::new(1.0, 2.0, 3.0));
+    assert_eq!(frame.pose.center(), DVec3::new(1.0, 2.0, 3.0));
     assert_eq!(frame.pose.apply(DVec3::new(1.0, 3.0, 1.0)), DVec3::new(0.0, -1.0, 2.0));
 }
 
@@ -113,7 +113,7 @@ fn real_scenes() {
         assert_eq!(scene.frames.len(), 100);
         for frame in &scene.frames {
             // Every camera is 4.031 from the origin and looks at it.
-            assert!((frame.pose.centre().length() - 4.031).abs() < 1e-3);
+            assert!((frame.pose.center().length() - 4.031).abs() < 1e-3);
             let origin = frame.pose.apply(DVec3::ZERO);
             assert!((origin - DVec3::new(0.0, 0.0, 4.031)).length() < 2e-3, "{origin}");
             assert!((frame.intrinsics.fx - 355.5555).abs() < 1e-3);

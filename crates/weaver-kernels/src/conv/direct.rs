@@ -1,6 +1,6 @@
 //! Convolutions of stride 1, without a matrix of windows.
 //!
-//! Rows of the input, padded, are copied once to where they stay in the cache; what a window element sees at neighbouring pixels
+//! Rows of the input, padded, are copied once to where they stay in the cache; what a window element sees at neighboring pixels
 //! is then a stretch of such a row, and the register tiles of [`gemm`](crate::gemm) read it there.
 
 use super::windows::{Windows, slide};
@@ -17,7 +17,7 @@ const CHAIN: usize = 512;
 /// Tasks for each thread.
 const TASKS: usize = 4;
 
-/// Whether neighbouring pixels see neighbouring elements, and there is more than one to a window.
+/// Whether neighboring pixels see neighboring elements, and there is more than one to a window.
 pub(super) fn suits<T>(x: &Windows<'_, T>) -> bool {
     x.stride == 1 && x.kh * x.kw > 1 && x.c > 0 && x.out_w > 0
 }

@@ -228,7 +228,7 @@ fn power_of_two(n: __m256) -> __m256 {
 fn sums_of_eight([a, b, c, d, e, f, g, h]: [__m256; 8]) -> __m256 {
     // SAFETY: AVX2 is there (module).
     unsafe {
-        // Halves, then pairs, then neighbours; two vectors become one of both each time.
+        // Halves, then pairs, then neighbors; two vectors become one of both each time.
         macro_rules! halves {
             ($a:expr, $b:expr) => {
                 _mm256_add_ps(_mm256_permute2f128_ps::<0x20>($a, $b), _mm256_permute2f128_ps::<0x31>($a, $b))

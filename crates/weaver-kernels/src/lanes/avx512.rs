@@ -163,7 +163,7 @@ impl Lanes for Zmm {
 
     #[inline(always)]
     fn sums(of: &[Self; LANES]) -> Self {
-        /// Adds the halves, quarters, pairs or neighbours of two vectors: one vector of both.
+        /// Adds the halves, quarters, pairs or neighbors of two vectors: one vector of both.
         macro_rules! fold {
             ($rows:expr, $apart:literal, |$a:ident, $b:ident| $low:expr, $high:expr) => {{
                 let mut out = [$rows[0]; $apart];

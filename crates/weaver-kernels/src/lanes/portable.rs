@@ -1,4 +1,4 @@
-//! Lanes as an array, which the compiler vectorises as far as it may.
+//! Lanes as an array, which the compiler vectorizes as far as it may.
 
 use super::{LANES, LaneMask, Lanes, sealed::Sealed};
 use crate::Real;

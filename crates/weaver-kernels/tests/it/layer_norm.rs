@@ -1,4 +1,4 @@
-//! Layer normalisation against its formula and finite differences.
+//! Layer normalization against its formula and finite differences.
 
 use crate::{assert_close, assert_gradient, noise, threads, widen};
 use weaver_kernels::Real;

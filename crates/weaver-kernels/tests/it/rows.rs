@@ -1,4 +1,4 @@
-//! Moving rows, permuting axes, the optimiser: against plain loops.
+//! Moving rows, permuting axes, the optimizer: against plain loops.
 
 use crate::{assert_close, noise, threads, widen};
 use proptest::prelude::*;

@@ -39,7 +39,7 @@ fn quantiles_interpolate() {
         (quantile(&mut [3.0, 1.0], 0.0), quantile(&mut [3.0, 1.0], 1.0), quantile(&mut [7.0], 0.3)),
         (1.0, 3.0, 7.0)
     );
-    assert_eq!(quantile(&mut [f64::INFINITY, 1.0, 2.0], 0.5), 2.0, "a neighbour without weight");
+    assert_eq!(quantile(&mut [f64::INFINITY, 1.0, 2.0], 0.5), 2.0, "a neighbor without weight");
 }
 
 #[test]
@@ -135,9 +135,9 @@ fn sparse_depth_divides_by_one_more_than_it_knows() {
 }
 
 #[test]
-fn error_targets_are_centred_logarithms_of_smoothed_errors() {
+fn error_targets_are_centered_logarithms_of_smoothed_errors() {
     let mut target = [0.0; 6];
-    // A 2 x 3 view: the mean of the corner's neighbourhood runs over the four pixels inside the image.
+    // A 2 x 3 view: the mean of the corner's neighborhood runs over the four pixels inside the image.
     error_target(&[0.4, 0.0, 0.0, 0.0, 0.0, 0.0], [2, 3], &mut target);
     let log = |e: f64| 0.5 * (e + 1e-4).ln();
     let raw = [log(0.1), log(0.4 / 6.0), log(0.0), log(0.1), log(0.4 / 6.0), log(0.0)];
@@ -145,7 +145,7 @@ fn error_targets_are_centred_logarithms_of_smoothed_errors() {
     for (t, r) in target.iter().zip(raw) {
         assert!((t - (r - mean)).abs() < 1e-12);
     }
-    // Centred over the views of a scene together, not one by one.
+    // Centered over the views of a scene together, not one by one.
     let mut both = [0.0_f64; 4];
     error_target(&[1.0, 1.0, 0.0, 0.0], [1, 2], &mut both);
     assert!(both[0] > 2.0 && (both[0] + both[2]).abs() < 1e-12);

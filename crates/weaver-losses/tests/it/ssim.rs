@@ -5,7 +5,7 @@ use weaver_autograd::Tape;
 use weaver_autograd::gradcheck::{Input, Options, gradcheck_with};
 use weaver_losses::{Covariance, metrics, ssim, ssim_with};
 
-/// One window after the other, means first and then centred variances.
+/// One window after the other, means first and then centered variances.
 fn slow_twin(a: &[f64], b: &[f64], [height, width]: [usize; 2], correction: f64) -> f64 {
     let gauss = |d: usize| (-(d as f64 - 5.0).powi(2) / (2.0 * 1.5 * 1.5)).exp();
     let total: f64 = (0..121).map(|i| gauss(i / 11) * gauss(i % 11)).sum();

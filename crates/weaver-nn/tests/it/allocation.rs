@@ -22,7 +22,7 @@ fn a_repeated_step_allocates_nothing() {
         let up = ConvTranspose2d::new(builder.scope("up"), 8, 4, 2, init);
         let table = ops::RopeTable::new(&[[1, 1], [1, 2], [2, 1], [2, 2]], 4, 100.0);
         let group = Group { params: params.ids().collect(), lr_scale: 1.0, weight_decay: 0.01 };
-        let mut optimiser = AdamW::new(vec![group], 0.9, 0.99, 1e-8);
+        let mut optimizer = AdamW::new(vec![group], 0.9, 0.99, 1e-8);
         let mut ema = Ema::new(&params, 0.99);
         let (mut tape, image) = (Tape::<f32>::new(), [0.3_f32; 2 * 3 * 64]);
         let mut step = || {
@@ -36,7 +36,7 @@ fn a_repeated_step_allocates_nothing() {
             (both.square().sum() + ops::cross_entropy(picked, &[0, 1, 2], 0.1)).backward();
             let norm = clip_global_norm(&params, &mut tape, 1.0);
             assert!(norm.is_finite() && norm > 0.0);
-            optimiser.step(&mut params, &mut tape, 1e-3);
+            optimizer.step(&mut params, &mut tape, 1e-3);
             tape.reset();
             ema.update(&params);
         };

@@ -87,7 +87,7 @@ fn attention_twin(attention: &Attention, params: &Params<f64>, x: &[f64], tokens
     };
     let qkv = apply(&attention.qkv, x);
     let part = |token: usize, which: usize, h: usize| &qkv[(token * 3 + which) * width + h * head..][..head];
-    let (q_norm, k_norm) = attention.norms.as_ref().expect("normalised queries and keys");
+    let (q_norm, k_norm) = attention.norms.as_ref().expect("normalized queries and keys");
     let mut y = vec![0.0; tokens * width];
     for (token, h) in (0..tokens).flat_map(|t| (0..heads).map(move |h| (t, h))) {
         let q = norm(q_norm, part(token, 0, h));

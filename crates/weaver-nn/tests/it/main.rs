@@ -1,4 +1,4 @@
-//! Tests of layers, optimiser, schedules and averages.
+//! Tests of layers, optimizer, schedules and averages.
 
 mod allocation;
 mod layers;

@@ -1,4 +1,4 @@
-//! Optimiser, clipping, averages, and what they store.
+//! Optimizer, clipping, averages, and what they store.
 
 use std::collections::BTreeMap;
 use weaver_autograd::{ParamId, Params, Tape};
@@ -16,7 +16,7 @@ fn gradients(tape: &Tape<f64>, params: &Params<f64>, [a, b]: [ParamId; 2]) {
     (a.square().sum() + b.sum() * 3.0).backward();
 }
 
-fn optimiser(ids: [ParamId; 2]) -> AdamW<f64> {
+fn optimizer(ids: [ParamId; 2]) -> AdamW<f64> {
     let group = |id, lr_scale, weight_decay| Group { params: vec![id], lr_scale, weight_decay };
     AdamW::new(vec![group(ids[0], 1.0, 0.1), group(ids[1], 0.5, 0.0)], 0.9, 0.95, 1e-8)
 }
@@ -24,13 +24,13 @@ fn optimiser(ids: [ParamId; 2]) -> AdamW<f64> {
 #[test]
 fn adamw_agrees_with_its_formula() {
     let (mut params, ids) = setup();
-    let mut optimiser = optimiser(ids);
+    let mut optimizer = optimizer(ids);
     let mut tape = Tape::new();
     // Value, first and second moment of a[0] and of b[0].
     let mut twin = [[1.0, 0.0, 0.0], [0.5, 0.0, 0.0]];
     for t in 1..=5 {
         gradients(&tape, &params, ids);
-        optimiser.step(&mut params, &mut tape, 0.01);
+        optimizer.step(&mut params, &mut tape, 0.01);
         tape.reset();
         for ([p, m, v], (scale, decay, slope)) in twin.iter_mut().zip([(1.0, 0.1, 2.0), (0.5, 0.0, 0.0)]) {
             let g = if slope > 0.0 { slope * *p } else { 3.0 };
@@ -48,16 +48,16 @@ fn adamw_agrees_with_its_formula() {
 fn a_resumed_run_takes_the_same_steps() {
     let (mut params, ids) = setup();
     let mut tape = Tape::new();
-    let mut step = |params: &mut Params<f64>, optimiser: &mut AdamW<f64>| {
+    let mut step = |params: &mut Params<f64>, optimizer: &mut AdamW<f64>| {
         gradients(&tape, params, ids);
-        optimiser.step(params, &mut tape, 0.1);
+        optimizer.step(params, &mut tape, 0.1);
         tape.reset();
     };
-    let mut first = optimiser(ids);
+    let mut first = optimizer(ids);
     step(&mut params, &mut first);
     let stored: BTreeMap<_, _> = first.state(&params).map(|(n, s, m)| (n.to_string(), (s, m.clone()))).collect();
     let mut resumed_params = params.clone();
-    let mut resumed = optimiser(ids);
+    let mut resumed = optimizer(ids);
     resumed.set_state(&resumed_params, stored.clone()).unwrap();
     step(&mut params, &mut first);
     step(&mut resumed_params, &mut resumed);

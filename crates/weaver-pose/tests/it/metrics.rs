@@ -2,9 +2,9 @@ use weaver_geometry::Pose;
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_pose::{PoseErrors, auc};
 
-fn pose(axis: DVec3, degrees: f64, centre: DVec3) -> Pose {
+fn pose(axis: DVec3, degrees: f64, center: DVec3) -> Pose {
     let rotation = DMat3::from_axis_angle(axis.normalize(), degrees.to_radians());
-    Pose::new(rotation, -(rotation * centre))
+    Pose::new(rotation, -(rotation * center))
 }
 
 #[test]

@@ -32,8 +32,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
     #[test]
-    fn gradients(seed in 0u64..1_000_000, views in 0usize..3, h in 0usize..11, w in 0usize..4, centred: bool) {
-        let offset = if centred { 0.5 } else { 0.0 };
+    fn gradients(seed in 0u64..1_000_000, views in 0usize..3, h in 0usize..11, w in 0usize..4, centered: bool) {
+        let offset = if centered { 0.5 } else { 0.0 };
         let inputs = [
             Input::uniform(seed, 0.5, 2.0, [views, h, w]),
             Input::normal(seed + 1, [views, 3, 4]),

@@ -5,7 +5,7 @@ use weaver_autograd::gradcheck::{Input, adjoint_check, gradcheck};
 use weaver_autograd::{Pool, Tape};
 use weaver_kernels::random::Stream;
 use weaver_router::{
-    Neighbors, Parametrisation, PixelOf, decode, gate, gumbel_softmax_straight_through, neighbor_average,
+    Neighbors, Parametrization, PixelOf, decode, gate, gumbel_softmax_straight_through, neighbor_average,
     neighbor_offset, neighbor_relation, place, slot_width,
 };
 
@@ -15,9 +15,9 @@ fn some_neighbors(n: usize, m: usize, seed: u64) -> Neighbors {
     Neighbors::from_lists(&lists, m, &Pool::new())
 }
 
-fn parametrisations() -> impl Strategy<Value = Parametrisation> {
-    let published = Parametrisation::Published { xyz_bias: 0.3, scale_multiplier: 0.2, scale_max: 100.0 };
-    prop_oneof![Just(published), Just(Parametrisation::footprint())]
+fn parametrizations() -> impl Strategy<Value = Parametrization> {
+    let published = Parametrization::Published { xyz_bias: 0.3, scale_multiplier: 0.2, scale_max: 100.0 };
+    prop_oneof![Just(published), Just(Parametrization::footprint())]
 }
 
 proptest! {
@@ -45,26 +45,26 @@ proptest! {
     }
 
     #[test]
-    fn placing(n in 0..6usize, more in 0..3usize, parametrisation in parametrisations(), seed in 0..1000u64) {
+    fn placing(n in 0..6usize, more in 0..3usize, parametrization in parametrizations(), seed in 0..1000u64) {
         let mut inputs = vec![Input::normal(seed, [n, 3]), Input::normal(seed + 1, [n, 3 + more])];
-        if parametrisation.has_footprint() {
+        if parametrization.has_footprint() {
             inputs.push(Input::uniform(seed + 2, 0.1, 2.0, [n]));
         }
-        gradcheck(&inputs, |x| vec![place(x[0], x[1], x.get(2).copied(), parametrisation)]);
+        gradcheck(&inputs, |x| vec![place(x[0], x[1], x.get(2).copied(), parametrization)]);
     }
 
     #[test]
-    fn decoding(n in 0..5usize, degree in 0..3usize, parametrisation in parametrisations(), seed in 0..1000u64) {
+    fn decoding(n in 0..5usize, degree in 0..3usize, parametrization in parametrizations(), seed in 0..1000u64) {
         // Raw scales within the bounds: at a bound there is no derivative.
         let mut inputs = vec![Input::uniform(seed, -2.5, 2.5, [n, slot_width(degree) - 3])];
-        if parametrisation.has_footprint() {
+        if parametrization.has_footprint() {
             inputs.push(Input::uniform(seed + 1, 0.1, 2.0, [n]));
             inputs.push(Input::uniform(seed + 2, 0.04, 1.0, [n]).constant());
             inputs.push(Input::uniform(seed + 3, 0.0, 1.0, [n, 3]).constant());
         }
         gradcheck(&inputs, |x| {
             let pixel = x.get(1).map(|&footprint| PixelOf { footprint, local_count: x[2], color: x[3] });
-            let d = decode(x[0], degree, pixel, parametrisation);
+            let d = decode(x[0], degree, pixel, parametrization);
             vec![d.scales, d.quats, d.opacities, d.sh]
         });
     }
@@ -104,7 +104,7 @@ fn clamped_scales_have_no_gradient_and_bounds_pass_it() {
     let theta = |s: [f64; 3]| tape.leaf(&[&[0.0], &s[..], &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]].concat(), [1, 11]);
     let published = theta([10.0, 0.0, -50.0]);
     let d =
-        decode(published, 0, None, Parametrisation::Published { xyz_bias: 0.0, scale_multiplier: 0.1, scale_max: 0.4 });
+        decode(published, 0, None, Parametrization::Published { xyz_bias: 0.0, scale_multiplier: 0.1, scale_max: 0.4 });
     assert_eq!(d.scales.to_vec()[0], 0.4);
     d.scales.sum().backward();
     let grad = published.grad().unwrap();
@@ -113,7 +113,7 @@ fn clamped_scales_have_no_gradient_and_bounds_pass_it() {
     let footprint = theta([-4.0, 3.0, 3.5]);
     let one = tape.constant(&[1.0], [1]);
     let pixel = PixelOf { footprint: one, local_count: one, color: tape.constant(&[0.5; 3], [1, 3]) };
-    let d = decode(footprint, 0, Some(pixel), Parametrisation::footprint());
+    let d = decode(footprint, 0, Some(pixel), Parametrization::footprint());
     d.scales.sum().backward();
     let grad = footprint.grad().unwrap();
     assert_eq!((grad[1], grad[3]), (0.0, 0.0));
@@ -124,7 +124,7 @@ fn clamped_scales_have_no_gradient_and_bounds_pass_it() {
 fn a_zero_quaternion_has_a_finite_gradient() {
     let tape = Tape::<f64>::new();
     let theta = tape.leaf(&[0.0; 11], [1, 11]);
-    let d = decode(theta, 0, None, Parametrisation::published());
+    let d = decode(theta, 0, None, Parametrization::published());
     assert_eq!(d.quats.to_vec(), [0.0; 4]);
     d.quats.sum().backward();
     assert!(theta.grad().unwrap().iter().all(|g| g.is_finite()));

@@ -5,13 +5,13 @@ use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
 use weaver_router::{
     Allocation, AllocationRequest, CardinalityHead, Fixed, Gaussians, HeadConfig, NeighborConfig, NeighborFusion,
-    Neighbors, Parametrisation, PixelInputs, Sampled, TrainingMix,
+    Neighbors, Parametrization, PixelInputs, Sampled, TrainingMix,
 };
 
 const SIZE: [usize; 3] = [2, 6, 5];
 const PIXELS: usize = 60;
 
-fn config(parametrisation: Parametrisation) -> HeadConfig {
+fn config(parametrization: Parametrization) -> HeadConfig {
     let neighbors = NeighborConfig { count: 8, projector: 4, width: 6, zero_head: false };
     HeadConfig {
         features: 7,
@@ -20,7 +20,7 @@ fn config(parametrisation: Parametrisation) -> HeadConfig {
         sh_degree: 1,
         neighbors: Some(neighbors),
         expert_output_gain: 1.0,
-        parametrisation,
+        parametrization,
     }
 }
 
@@ -87,8 +87,8 @@ impl Model {
 
 #[test]
 fn shapes_and_ranges() {
-    for parametrisation in [Parametrisation::published(), Parametrisation::footprint()] {
-        let model = Model::new(config(parametrisation));
+    for parametrization in [Parametrization::published(), Parametrization::footprint()] {
+        let model = Model::new(config(parametrization));
         let tape = Tape::new();
         let (_, g) = model.run(&tape, &Fixed { expert: 3 });
         let n = 3 * PIXELS;
@@ -101,7 +101,7 @@ fn shapes_and_ranges() {
             assert!((q.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-6);
         }
         let points = normal(2, PIXELS * 3);
-        let reach = if parametrisation.has_footprint() { 0.1 } else { 0.005 };
+        let reach = if parametrization.has_footprint() { 0.1 } else { 0.005 };
         for (mean, &pixel) in g.means.to_vec().chunks(3).zip(g.pixel.iter()) {
             let point = &points[3 * pixel as usize..];
             assert!((0..3).all(|a| (mean[a] - point[a]).abs() <= reach));
@@ -113,7 +113,7 @@ fn shapes_and_ranges() {
 fn the_harmonics_are_damped_by_degree() {
     let tape = Tape::<f64>::new();
     let theta = tape.constant(&[1.0; 8 + 27], [1, 35]);
-    let sh = weaver_router::decode(theta, 2, None, Parametrisation::published()).sh.to_vec();
+    let sh = weaver_router::decode(theta, 2, None, Parametrization::published()).sh.to_vec();
     let degree = [1.0, 0.025, 0.025, 0.025, 0.00625, 0.00625, 0.00625, 0.00625, 0.00625];
     for (rgb, factor) in sh.chunks(3).zip(degree) {
         assert!(rgb.iter().all(|x| (x - factor).abs() < 1e-15));
@@ -122,8 +122,8 @@ fn the_harmonics_are_damped_by_degree() {
 
 #[test]
 fn no_gaussians_at_all() {
-    for parametrisation in [Parametrisation::published(), Parametrisation::footprint()] {
-        let model = Model::new(config(parametrisation));
+    for parametrization in [Parametrization::published(), Parametrization::footprint()] {
+        let model = Model::new(config(parametrization));
         let tape = Tape::new();
         let (_, g) = model.run(&tape, &Fixed { expert: 0 });
         assert!(g.pixel.is_empty() && g.means.to_vec().is_empty() && g.sh.to_vec().is_empty());
@@ -137,10 +137,10 @@ fn no_gaussians_at_all() {
 
 #[test]
 fn every_parameter_is_reached_and_the_router_only_by_its_own_choices() {
-    let model = Model::new(config(Parametrisation::footprint()));
+    let model = Model::new(config(Parametrization::footprint()));
     let router = |name: &str| name.starts_with("gs_moe.gating.");
     let unused = |name: &str| name.starts_with("gs_moe.experts.2") || name.starts_with("gs_moe.experts.3");
-    // A softmax over neighbours does not see this bias.
+    // A softmax over neighbors does not see this bias.
     let blind = |name: &str| name.ends_with("attn_mlp.2.bias");
     for (name, grad) in model.gradients(&Sampled) {
         let grad = grad.expect(&name);
@@ -158,7 +158,7 @@ fn every_parameter_is_reached_and_the_router_only_by_its_own_choices() {
 
 #[test]
 fn without_neighbors_and_with_a_zero_head_the_parameters_are_the_experts() {
-    let loud = config(Parametrisation::footprint());
+    let loud = config(Parametrization::footprint());
     let quiet = NeighborConfig { zero_head: true, ..loud.neighbors.unwrap() };
     let models =
         [HeadConfig { neighbors: Some(quiet), ..loud }, HeadConfig { neighbors: None, ..loud }].map(Model::new);
@@ -170,8 +170,8 @@ fn without_neighbors_and_with_a_zero_head_the_parameters_are_the_experts() {
 }
 
 #[test]
-fn a_footprint_start_is_upright_and_in_the_colour_of_its_pixel() {
-    let config = HeadConfig { expert_output_gain: 0.0, neighbors: None, ..config(Parametrisation::footprint()) };
+fn a_footprint_start_is_upright_and_in_the_color_of_its_pixel() {
+    let config = HeadConfig { expert_output_gain: 0.0, neighbors: None, ..config(Parametrization::footprint()) };
     let model = Model::new(config);
     let tape = Tape::new();
     let (_, g) = model.run(&tape, &Fixed { expert: 1 });
@@ -209,7 +209,7 @@ fn fusion_does_not_depend_on_the_order_of_gaussians() {
 
 #[test]
 fn the_bits_do_not_depend_on_the_number_of_threads() {
-    let model = Model::new(config(Parametrisation::footprint()));
+    let model = Model::new(config(Parametrization::footprint()));
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| model.gradients(&Sampled))
@@ -224,7 +224,7 @@ fn the_bits_do_not_depend_on_the_number_of_threads() {
 
 #[test]
 fn a_repeated_step_takes_no_new_memory_from_the_pool() {
-    let model = Model::new(config(Parametrisation::footprint()));
+    let model = Model::new(config(Parametrization::footprint()));
     let mut tape = Tape::new();
     let mut step = || {
         let (_, g) = model.run(&tape, &Sampled);

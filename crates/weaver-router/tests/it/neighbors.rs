@@ -1,4 +1,4 @@
-//! The neighbour search against all pairs.
+//! The neighbor search against all pairs.
 
 use proptest::prelude::*;
 use weaver_autograd::Pool;

@@ -6,7 +6,7 @@ use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
 use weaver_router::{
     Allocation, AllocationRequest, CardinalityHead, HeadConfig, NeighborConfig, NeighborPredictor, Neighbors,
-    Parametrisation, PixelInputs, Sampled, decode,
+    Parametrization, PixelInputs, Sampled, decode,
 };
 
 const FILE: &str = "splatweaver_head_tiny.safetensors";
@@ -24,7 +24,7 @@ const CONFIG: HeadConfig = HeadConfig {
     sh_degree: 2,
     neighbors: Some(NeighborConfig { count: 8, projector: 8, width: 12, zero_head: false }),
     expert_output_gain: 1.0,
-    parametrisation: Parametrisation::Published { xyz_bias: 0.005, scale_multiplier: 0.001, scale_max: 0.4 },
+    parametrization: Parametrization::Published { xyz_bias: 0.005, scale_multiplier: 0.001, scale_max: 0.4 },
 };
 
 /// Overwrites all parameters with the file's weights of the same names.
@@ -165,7 +165,7 @@ fn decoding_and_its_gradient() {
     let tape = Tape::new();
     let theta = file.f32("out.theta");
     let theta = tape.leaf(&theta, [theta.len() / 35, 35]);
-    let d = decode(theta, 2, None, CONFIG.parametrisation);
+    let d = decode(theta, 2, None, CONFIG.parametrization);
     assert_decoded(&file, "out", [d.scales, d.quats, d.opacities, d.sh]);
     let means = tape.constant(&file.f32("out.means"), [theta.shape()[0], 3]);
     weighted_sum([means, d.scales, d.quats, d.opacities, d.sh], &cotangents(&file)).backward();
@@ -177,7 +177,7 @@ fn decoding_at_the_edges() {
     let Some(file) = Fixture::open(FILE) else { return };
     let tape = Tape::new();
     let theta = tape.constant(&file.f32("edge.theta"), [12, 35]);
-    let d = decode(theta, 2, None, CONFIG.parametrisation);
+    let d = decode(theta, 2, None, CONFIG.parametrization);
     assert_decoded(&file, "edge", [d.scales, d.quats, d.opacities, d.sh]);
     close("rows", &[d.scales.shape()[0] as f32], &[12.0], [0.0; 2]);
 }

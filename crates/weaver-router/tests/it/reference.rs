@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use weaver_autograd::gradcheck::Input;
 use weaver_autograd::{Params, Pool, Tape};
 use weaver_nn::{Builder, Context};
-use weaver_router::{NeighborFusion, Neighbors, Parametrisation, PixelOf, decode, place};
+use weaver_router::{NeighborFusion, Neighbors, Parametrization, PixelOf, decode, place};
 
 /// W x + b of the layer called `name`.
 fn linear(params: &Params<f64>, name: &str, x: &[f64]) -> Vec<f64> {
@@ -60,7 +60,7 @@ proptest! {
 
     #[test]
     fn placing_and_decoding_are_their_formulas(n in 1..6usize, published: bool, seed in 0..1000u64) {
-        let parametrisation = if published { Parametrisation::published() } else { Parametrisation::footprint() };
+        let parametrization = if published { Parametrization::published() } else { Parametrization::footprint() };
         // Wide enough that both clamps of the raw scale are met.
         let slots = Input::uniform(seed, -5.0, 5.0, [n, 3 + 20]).data;
         let points = Input::normal(seed + 1, [n, 3]).data;
@@ -95,10 +95,10 @@ proptest! {
         let slots = tape.constant(&slots, [n, 23]);
         let footprint = tape.constant(&footprints, [n]);
         let (local_count, color) = (tape.constant(&counts, [n]), tape.constant(&colors, [n, 3]));
-        let found = place(tape.constant(&points, [n, 3]), slots, Some(footprint), parametrisation);
+        let found = place(tape.constant(&points, [n, 3]), slots, Some(footprint), parametrization);
         assert_near(&found.to_vec(), &means);
         let pixel = PixelOf { footprint, local_count, color };
-        let d = decode(slots.slice(1, 3, 20), 1, Some(pixel), parametrisation);
+        let d = decode(slots.slice(1, 3, 20), 1, Some(pixel), parametrization);
         assert_near(&d.scales.to_vec(), &scales);
         assert_near(&d.quats.to_vec(), &quats);
         assert_near(&d.opacities.to_vec(), &opacities);

@@ -50,11 +50,11 @@ proptest! {
         degree in prop::option::of(0_usize..=4),
         antialiased: bool,
         channels in prop::sample::select(vec![0_usize, 1, 5]),
-        colourless: bool,
+        colorless: bool,
     ) {
         let mut scene = Scene::smooth(seed, n, views, size, degree).with_channels(channels);
-        if colourless {
-            scene = scene.without_colours();
+        if colorless {
+            scene = scene.without_colors();
         }
         scene.settings.antialiased = antialiased;
         let cotangents = scene.cotangents(seed);

@@ -5,7 +5,7 @@ use crate::twin::reference_planes;
 use proptest::prelude::*;
 use weaver_kernels::Real;
 use weaver_splat::{
-    Cameras, Colour, Cotangents, Gaussians, Gradients, Images, RasterSettings, Target, Workspace, rasterize,
+    Cameras, Color, Cotangents, Gaussians, Gradients, Images, RasterSettings, Target, Workspace, rasterize,
     rasterize_backward,
 };
 
@@ -106,7 +106,7 @@ proptest! {
     #[test]
     fn bad_gaussians_are_left_out(
         seed: u64,
-        // Means, quaternions, scales, opacities, colours, features.
+        // Means, quaternions, scales, opacities, colors, features.
         part in prop::sample::select(vec![0_usize, 1, 2, 3, 4, 8]),
         offset in any::<prop::sample::Index>(),
         bad in prop::sample::select(vec![f64::NAN, f64::INFINITY, f64::NEG_INFINITY]),
@@ -134,7 +134,7 @@ proptest! {
         prop_assert_eq!(&planes, &good.render());
         prop_assert!(stats.rejected == 1 || stats.rejected == 2, "in the views that see it: {}", stats.rejected);
         let (own, all_views) = (part == 4 || part == 8, short_quaternion.is_some());
-        prop_assert!(stats.rejected == 2 || own && !all_views, "only colours and features are not looked at everywhere");
+        prop_assert!(stats.rejected == 2 || own && !all_views, "only colors and features are not looked at everywhere");
         let cotangents = ones(&scene);
         let (with, without) = (scene.gradients(&cotangents), good.gradients(&cotangents));
         for (part, len) in lengths {
@@ -158,7 +158,7 @@ fn each_number_in_each_place() {
     for degree in [None, Some(2)] {
         let base = Scene::random(5, 3, 1, (9, 7), degree);
         assert!(base.gradients(&ones(&base))[3][0] != 0.0, "the first one is seen");
-        let lengths = [3, 4, 3, 1, base.colours.len() / 3];
+        let lengths = [3, 4, 3, 1, base.colors.len() / 3];
         for (part, len) in lengths.into_iter().enumerate() {
             // One of them, or all.
             for (first, count) in (0..len).map(|i| (i, 1)).chain([(0, len)]) {
@@ -201,7 +201,7 @@ fn at_and_behind_the_camera() {
     }
 }
 
-/// Broken colours, features and opacities of Gaussians that nobody would see hurt nobody, and are not counted.
+/// Broken colors, features and opacities of Gaussians that nobody would see hurt nobody, and are not counted.
 #[test]
 fn what_is_not_seen_is_not_looked_at() {
     for degree in [None, Some(1)] {
@@ -209,8 +209,8 @@ fn what_is_not_seen_is_not_looked_at() {
         let mut scene = good.clone();
         scene.means[2] = -5.0;
         let hidden = scene.clone();
-        let len = scene.colours.len() / 20;
-        scene.colours[..len].fill(f64::NAN);
+        let len = scene.colors.len() / 20;
+        scene.colors[..len].fill(f64::NAN);
         scene.features[..2].fill(f64::INFINITY);
         let (planes, stats) = scene.render_in(&mut Workspace::new());
         assert_eq!((planes, stats.rejected), (hidden.render(), 0));
@@ -285,14 +285,14 @@ fn a_million_on_one_pixel() {
         // Not equal: the last is the nearest.
         let depth = |i: usize| if equal { 2.0 } else { 3.0 - i as f32 * 1e-6 };
         let means: Vec<f32> = (0..N).flat_map(|i| [0.0, 0.0, depth(i)]).collect();
-        let (opacities, quats, scales, colours) =
+        let (opacities, quats, scales, colors) =
             (flat(&[0.005]), flat(&[1.0, 0.0, 0.0, 0.0]), flat(&[0.1; 3]), flat(&[1.0, 0.5, 0.25]));
         let gaussians = Gaussians {
             means: &means,
             quats: &quats,
             scales: &scales,
             opacities: &opacities,
-            colour: Colour::Plain(&colours),
+            color: Color::Plain(&colors),
             features: None,
         };
         let cameras = Cameras {
@@ -387,10 +387,10 @@ fn misfits_are_errors() {
     );
     refused(
         &|scene| {
-            scene.colours.pop();
+            scene.colors.pop();
         },
         16,
-        "colours has 8 numbers, expected 9",
+        "colors has 8 numbers, expected 9",
     );
     refused(
         &|scene| {

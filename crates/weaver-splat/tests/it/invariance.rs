@@ -69,7 +69,7 @@ proptest! {
         shuffled.quats = permuted(&scene.quats, 4, &order);
         shuffled.scales = permuted(&scene.scales, 3, &order);
         shuffled.opacities = permuted(&scene.opacities, 1, &order);
-        shuffled.colours = permuted(&scene.colours, 12, &order);
+        shuffled.colors = permuted(&scene.colors, 12, &order);
         shuffled.features = permuted(&scene.features, 2, &order);
         prop_assert_eq!(scene.render(), shuffled.render());
         let cotangents = scene.cotangents(seed);
@@ -228,7 +228,7 @@ proptest! {
         }
     }
 
-    /// The same without a rotation, but with colours that depend on the direction.
+    /// The same without a rotation, but with colors that depend on the direction.
     #[test]
     fn translation(seed: u64, n in 1_usize..40, degree in 0_usize..=4) {
         let scene = Scene::random(seed, n, 2, (18, 13), Some(degree));
@@ -265,10 +265,10 @@ proptest! {
         ),
     ) {
         let mut workspace = Workspace::new();
-        for (seed, n, views, size, degree, channels, colourless, tile) in scenes {
+        for (seed, n, views, size, degree, channels, colorless, tile) in scenes {
             let mut scene = Scene::random(seed, n, views, size, degree).with_channels(channels);
-            if colourless {
-                scene = scene.without_colours();
+            if colorless {
+                scene = scene.without_colors();
             }
             scene.settings.tile = tile;
             let cotangents = scene.cotangents(seed);

@@ -1,4 +1,4 @@
-//! Tests of the rasteriser.
+//! Tests of the rasterizer.
 
 mod covariance;
 mod differences;

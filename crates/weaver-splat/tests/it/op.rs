@@ -8,16 +8,16 @@ use weaver_splat::{CameraVars, GaussianVars, Rasterize, WorkspacePool};
 
 fn inputs(scene: &Scene<f64>) -> Vec<Input> {
     let (n, v) = (scene.opacities.len(), scene.views());
-    let colours = match scene.degree {
-        None => Input::new(&scene.colours, [n, scene.image_channels()]),
-        Some(degree) => Input::new(&scene.colours, [n, (degree + 1) * (degree + 1), 3]),
+    let colors = match scene.degree {
+        None => Input::new(&scene.colors, [n, scene.image_channels()]),
+        Some(degree) => Input::new(&scene.colors, [n, (degree + 1) * (degree + 1), 3]),
     };
     vec![
         Input::new(&scene.means, [n, 3]),
         Input::new(&scene.quats, [n, 4]),
         Input::new(&scene.scales, [n, 3]),
         Input::new(&scene.opacities, [n]),
-        colours,
+        colors,
         Input::new(&scene.viewmats, [v, 3, 4]),
         Input::new(&scene.intrinsics, [v, 4]),
         Input::new(&scene.background, [v, 3]),
@@ -26,7 +26,7 @@ fn inputs(scene: &Scene<f64>) -> Vec<Input> {
 }
 
 fn named<'t>(x: &[Var<'t, f64>]) -> (GaussianVars<'t, f64>, CameraVars<'t, f64>) {
-    let gaussians = GaussianVars { means: x[0], quats: x[1], scales: x[2], opacities: x[3], colours: x[4] };
+    let gaussians = GaussianVars { means: x[0], quats: x[1], scales: x[2], opacities: x[3], colors: x[4] };
     (gaussians, CameraVars { viewmats: x[5], intrinsics: x[6], background: x[7] })
 }
 
@@ -54,7 +54,7 @@ proptest! {
         });
     }
 
-    /// Features beside colours or instead of them, with depth or without.
+    /// Features beside colors or instead of them, with depth or without.
     #[test]
     fn features_pass_gradcheck(
         seed: u64,
@@ -63,12 +63,12 @@ proptest! {
         size in (1_usize..5, 1_usize..5),
         degree in prop::option::of(0_usize..=2),
         channels in prop::sample::select(vec![0_usize, 1, 5]),
-        colourless: bool,
+        colorless: bool,
         depth: bool,
     ) {
         let mut scene = Scene::smooth(seed, n, views, size, degree).with_channels(channels);
-        if colourless {
-            scene = scene.without_colours();
+        if colorless {
+            scene = scene.without_colors();
         }
         let workspaces = WorkspacePool::new();
         let options = Options { duplicates: false, seed, ..Options::default() };
@@ -102,7 +102,7 @@ fn equals_the_plain_function() {
     assert_eq!(drawn.expected_depth().to_vec(), expected);
     let flat = op().without_depth().apply(&gaussians, &cameras);
     assert_eq!((flat.image.to_vec(), flat.depth.shape().dims()), (planes.image, [0].as_slice()));
-    let bare = GaussianVars { colours: tape.leaf(&[], [30, 0]), ..gaussians };
+    let bare = GaussianVars { colors: tape.leaf(&[], [30, 0]), ..gaussians };
     let (drawn, own) = op().apply_with_features(&bare, &cameras, x[8]);
     assert_eq!((drawn.image.shape().dims(), own.to_vec()), ([2, 15, 20, 0].as_slice(), features.to_vec()));
 }

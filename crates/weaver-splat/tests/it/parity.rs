@@ -28,9 +28,9 @@ fn check(name: &str, antialiased: bool, degree: Option<usize>) {
         quats: floats(&file, "in.quats"),
         scales: floats(&file, "in.scales"),
         opacities: floats(&file, "in.opacities"),
-        colours: floats(&file, if degree.is_some() { "in.sh" } else { "in.colors" }),
+        colors: floats(&file, if degree.is_some() { "in.sh" } else { "in.colors" }),
         degree,
-        colourless: false,
+        colorless: false,
         features: Vec::new(),
         channels: 0,
         viewmats: floats(&file, "in.viewmat"),
@@ -54,8 +54,8 @@ fn check(name: &str, antialiased: bool, degree: Option<usize>) {
     let mut gradients: Vec<Option<Vec<f64>>> = Vec::new();
     for name in NAMES {
         let key = match name {
-            "colours" if degree.is_some() => "grad.sh".into(),
-            "colours" => "grad.colors".into(),
+            "colors" if degree.is_some() => "grad.sh".into(),
+            "colors" => "grad.colors".into(),
             "viewmats" => "grad.viewmat".into(),
             "intrinsics" => "grad.K".into(),
             name => format!("grad.{name}"),
@@ -109,6 +109,6 @@ fn spherical_harmonics_and_depth() {
 }
 
 #[test]
-fn plain_colours_antialiased() {
+fn plain_colors_antialiased() {
     check("small_rgb_antialiased.safetensors", true, None);
 }

@@ -1,18 +1,18 @@
-//! The rules, one by one, at a pixel that looks straight at the centres of splats.
+//! The rules, one by one, at a pixel that looks straight at the centers of splats.
 
 use crate::scene::Scene;
 use weaver_splat::{RasterSettings, TileSide};
 
-/// Round Gaussians of one grey level each on the optical axis: (depth, opacity, level). One pixel.
+/// Round Gaussians of one gray level each on the optical axis: (depth, opacity, level). One pixel.
 fn on_axis(splats: &[(f64, f64, f64)]) -> Scene<f64> {
     Scene {
         means: splats.iter().flat_map(|s| [0.0, 0.0, s.0]).collect(),
         quats: splats.iter().flat_map(|_| [1.0, 0.0, 0.0, 0.0]).collect(),
         scales: splats.iter().flat_map(|_| [0.1; 3]).collect(),
         opacities: splats.iter().map(|s| s.1).collect(),
-        colours: splats.iter().flat_map(|s| [s.2; 3]).collect(),
+        colors: splats.iter().flat_map(|s| [s.2; 3]).collect(),
         degree: None,
-        colourless: false,
+        colorless: false,
         features: Vec::new(),
         channels: 0,
         viewmats: vec![1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0],
@@ -107,7 +107,7 @@ fn planes_cut_by_depth() {
 fn harmonics_are_shifted_by_half_and_clamped_at_zero() {
     let mut scene = on_axis(&[(2.0, 0.5, 1.0)]);
     scene.degree = Some(0);
-    scene.colours = vec![1.0, 0.0, -10.0];
+    scene.colors = vec![1.0, 0.0, -10.0];
     let image = scene.render().image;
     close(image[0], 0.5 * (0.5 + 0.282_094_791_773_878_14));
     close(image[1], 0.25);

@@ -2,8 +2,8 @@
 
 use weaver_kernels::{Real, random::Stream};
 use weaver_splat::{
-    Cameras, Colour, Cotangents, Features, Gaussians, Gradients, Images, RasterSettings, RasterStats, Target,
-    Workspace, rasterize, rasterize_backward,
+    Cameras, Color, Cotangents, Features, Gaussians, Gradients, Images, RasterSettings, RasterStats, Target, Workspace,
+    rasterize, rasterize_backward,
 };
 
 /// Everything that is drawn.
@@ -13,10 +13,10 @@ pub struct Scene<T> {
     pub quats: Vec<T>,
     pub scales: Vec<T>,
     pub opacities: Vec<T>,
-    pub colours: Vec<T>,
+    pub colors: Vec<T>,
     pub degree: Option<usize>,
-    /// Whether there are no colours, and no image.
-    pub colourless: bool,
+    /// Whether there are no colors, and no image.
+    pub colorless: bool,
     /// `[N, channels]`
     pub features: Vec<T>,
     pub channels: usize,
@@ -43,31 +43,31 @@ pub const NAMES: [&str; 10] = [
     "quats",
     "scales",
     "opacities",
-    "colours",
+    "colors",
     "viewmats",
     "intrinsics",
     "background",
     "features",
-    "centre_pull",
+    "center_pull",
 ];
 
 impl Scene<f64> {
     /// `n` Gaussians around the view of `views` cameras: some behind, some out of sight, some opaque; cameras are not quite
-    /// rigid, principal points are off centre, quaternions not normalised.
+    /// rigid, principal points are off center, quaternions not normalized.
     pub fn random(seed: u64, n: usize, views: usize, (width, height): (usize, usize), degree: Option<usize>) -> Self {
         let stream = Stream::new(seed, 0, "splat.test");
         let normal = |purpose: u64, i: usize| stream.fork(purpose).normal::<f64>(i as u64);
         let uniform = |purpose: u64, i: usize| stream.fork(purpose).uniform::<f64>(i as u64);
         let focal = 0.9 * width.max(height) as f64;
-        let colour_len = degree.map_or(3, |d| 3 * (d + 1) * (d + 1));
+        let color_len = degree.map_or(3, |d| 3 * (d + 1) * (d + 1));
         let mut scene = Self {
             means: Vec::new(),
             quats: (0..4 * n).map(|i| normal(0, i)).collect(),
             scales: (0..3 * n).map(|i| 0.25 * (0.7 * normal(1, i)).exp()).collect(),
             opacities: (0..n).map(|i| 1.0 / (1.0 + (-1.5 * normal(2, i)).exp())).collect(),
-            colours: (0..colour_len * n).map(|i| 0.5 * normal(3, i)).collect(),
+            colors: (0..color_len * n).map(|i| 0.5 * normal(3, i)).collect(),
             degree,
-            colourless: false,
+            colorless: false,
             features: (0..2 * n).map(|i| normal(11, i)).collect(),
             channels: 2,
             viewmats: Vec::new(),
@@ -119,10 +119,10 @@ impl Scene<f64> {
         self
     }
 
-    /// Without colours.
-    pub fn without_colours(mut self) -> Self {
-        (self.degree, self.colourless) = (None, true);
-        self.colours.clear();
+    /// Without colors.
+    pub fn without_colors(mut self) -> Self {
+        (self.degree, self.colorless) = (None, true);
+        self.colors.clear();
         self
     }
 
@@ -146,7 +146,7 @@ impl Scene<f64> {
             &mut self.quats,
             &mut self.scales,
             &mut self.opacities,
-            &mut self.colours,
+            &mut self.colors,
             &mut self.viewmats,
             &mut self.intrinsics,
             &mut self.background,
@@ -162,9 +162,9 @@ impl Scene<f64> {
             quats: round(&self.quats),
             scales: round(&self.scales),
             opacities: round(&self.opacities),
-            colours: round(&self.colours),
+            colors: round(&self.colors),
             degree: self.degree,
-            colourless: self.colourless,
+            colorless: self.colorless,
             features: round(&self.features),
             channels: self.channels,
             viewmats: round(&self.viewmats),
@@ -187,7 +187,7 @@ impl<T: Real> Scene<T> {
     }
 
     pub fn image_channels(&self) -> usize {
-        if self.colourless { 0 } else { 3 }
+        if self.colorless { 0 } else { 3 }
     }
 
     pub fn gaussians(&self) -> Gaussians<'_, T> {
@@ -196,10 +196,10 @@ impl<T: Real> Scene<T> {
             quats: &self.quats,
             scales: &self.scales,
             opacities: &self.opacities,
-            colour: match self.degree {
-                None if self.colourless => Colour::None,
-                None => Colour::Plain(&self.colours),
-                Some(degree) => Colour::Sh { coefficients: &self.colours, degree },
+            color: match self.degree {
+                None if self.colorless => Color::None,
+                None => Color::Plain(&self.colors),
+                Some(degree) => Color::Sh { coefficients: &self.colors, degree },
             },
             features: (self.channels > 0).then_some(Features { values: &self.features, channels: self.channels }),
         }
@@ -251,7 +251,7 @@ impl<T: Real> Scene<T> {
             4 * n,
             3 * n,
             n,
-            self.colours.len(),
+            self.colors.len(),
             self.viewmats.len(),
             self.intrinsics.len(),
             self.background.len(),
@@ -259,7 +259,7 @@ impl<T: Real> Scene<T> {
             2 * n * self.views(),
         ];
         let mut out = lengths.map(|len| vec![T::from_f64(f64::NAN); len]);
-        let [means, quats, scales, opacities, colours, viewmats, intrinsics, background, features, centre_pull] =
+        let [means, quats, scales, opacities, colors, viewmats, intrinsics, background, features, center_pull] =
             out.each_mut().map(|values| Some(Target::write(&mut values[..])));
         rasterize_backward(
             &self.gaussians(),
@@ -272,12 +272,12 @@ impl<T: Real> Scene<T> {
                 quats,
                 scales,
                 opacities,
-                colours,
+                colors,
                 features,
                 viewmats,
                 intrinsics,
                 background,
-                centre_pull,
+                center_pull,
             },
         )
         .unwrap();

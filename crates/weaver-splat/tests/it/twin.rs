@@ -1,4 +1,4 @@
-//! The fast rasteriser against the slow reference.
+//! The fast rasterizer against the slow reference.
 
 use crate::scene::{NAMES, Planes, Scene, relative};
 use proptest::prelude::*;
@@ -7,8 +7,8 @@ use weaver_splat::{RasterSettings, TileSide, reference};
 pub fn reference_gradients(scene: &Scene<f64>, cotangents: &Planes<f64>) -> [Vec<f64>; 10] {
     let cotangents = cotangents.as_cotangents();
     let d = reference::rasterize_backward(&scene.gaussians(), &scene.cameras(), &scene.settings, &cotangents).unwrap();
-    let (pull, features) = (d.centre_pull, d.features);
-    [d.means, d.quats, d.scales, d.opacities, d.colours, d.viewmats, d.intrinsics, d.background, features, pull]
+    let (pull, features) = (d.center_pull, d.features);
+    [d.means, d.quats, d.scales, d.opacities, d.colors, d.viewmats, d.intrinsics, d.background, features, pull]
 }
 
 pub fn reference_planes(scene: &Scene<f64>) -> Planes<f64> {
@@ -31,11 +31,11 @@ proptest! {
         published: bool,
         thin: bool,
         channels in prop::sample::select(vec![0_usize, 1, 2, 5, 17]),
-        colourless: bool,
+        colorless: bool,
     ) {
         let mut scene = Scene::random(seed, n, views, size, degree).with_channels(channels);
-        if colourless {
-            scene = scene.without_colours();
+        if colorless {
+            scene = scene.without_colors();
         }
         let base = if published { RasterSettings::published() } else { RasterSettings::default() };
         scene.settings = RasterSettings { antialiased, tile, ..base };

@@ -112,7 +112,7 @@ pub(super) fn set(tree: &mut Value, setting: &str) -> Result<(), Error> {
     merge_at(slot, value, &source, &path)
 }
 
-pub(super) fn deserialise<D: DeserializeOwned>(tree: Value, source: &str) -> Result<D, Error> {
+pub(super) fn deserialize<D: DeserializeOwned>(tree: Value, source: &str) -> Result<D, Error> {
     // The error names the key on a line of its own; a message is one line.
     tree.try_into().map_err(|e: toml::de::Error| error(source, e.to_string().trim().replace('\n', " ")))
 }

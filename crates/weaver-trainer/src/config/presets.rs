@@ -1,6 +1,6 @@
 //! The presets: what is trained, for how long, with which losses.
 
-use super::{Cameras, Config, DataConfig, EvaluationConfig, LossWeights, OptimiserConfig, OutputConfig, StageConfig};
+use super::{Cameras, Config, DataConfig, EvaluationConfig, LossWeights, OptimizerConfig, OutputConfig, StageConfig};
 use weaver_model::ModelConfig;
 
 pub(super) fn preset(name: &str) -> Option<Config> {
@@ -18,7 +18,7 @@ pub(super) fn preset(name: &str) -> Option<Config> {
             target_views: 2,
             pool: 6,
         },
-        optimiser: OptimiserConfig {
+        optimizer: OptimizerConfig {
             beta1: 0.9,
             beta2: 0.99,
             epsilon: 1e-8,
@@ -38,8 +38,8 @@ pub(super) fn preset(name: &str) -> Option<Config> {
             config.output = OutputConfig { log_every: 5, checkpoint_every: 25, sample_every: 25 };
         }
         "tiny-published" => {
-            config.optimiser =
-                OptimiserConfig { beta2: 0.95, weight_decay: 0.05, clip: 0.5, ema: 0.0, ..config.optimiser };
+            config.optimizer =
+                OptimizerConfig { beta2: 0.95, weight_decay: 0.05, clip: 0.5, ema: 0.0, ..config.optimizer };
             config.stages = vec![published(1500)];
             config.evaluation.allocation = "sampled".into();
         }

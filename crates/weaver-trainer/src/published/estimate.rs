@@ -9,10 +9,10 @@ use weaver_router::{NeighborFusion, slot_width};
 ///
 /// The largest of what is alive at once: the weights with the tokens and the widest layer of a transformer block, or with
 /// the dense heads' maps of one view beside what all views leave behind; or, when the backbone's weights have left memory,
-/// the attention of the Gaussians over their neighbours.
+/// the attention of the Gaussians over their neighbors.
 pub fn bytes(opened: &Opened, views: usize, size: [usize; 2]) -> u64 {
-    let [dense, neighbours] = activations(&opened.config, opened.has_gaussians, views as u64, size);
-    (opened.bytes() + dense).max(opened.bytes_after_backbone() + neighbours)
+    let [dense, neighbors] = activations(&opened.config, opened.has_gaussians, views as u64, size);
+    (opened.bytes() + dense).max(opened.bytes_after_backbone() + neighbors)
 }
 
 /// Of these, the part that is no weights: while the network looks at photos, and at Gaussians.
@@ -24,7 +24,7 @@ pub fn activations(config: &ModelConfig, gaussians: bool, views: u64, [height, w
     let tokens = views * (patches + 1 + config.backbone.registers as u64);
     // The four levels that the dense heads read are twice as wide as a token.
     let levels = 4 * 2 * tokens * dim;
-    // Input, normalised input, and a hidden layer of four times the width before and after its activation.
+    // Input, normalized input, and a hidden layer of four times the width before and after its activation.
     let block = (2 + 2 * 4) * tokens * dim;
     let features = config.dense.features as u64;
     let channels = config.dense.channels as u64;
@@ -34,19 +34,19 @@ pub fn activations(config: &ModelConfig, gaussians: bool, views: u64, [height, w
     let heads = fused + windows + pixels * (if gaussians { 5 } else { 2 } * channels);
     let kept = if gaussians { views * pixels * (channels + 16) } else { views * pixels * 8 };
     let dense = NUMBER * (levels + block.max(heads + kept));
-    if !gaussians || !config.gaussians.neighbour_attention {
+    if !gaussians || !config.gaussians.neighbor_attention {
         return [dense, 0];
     }
     // How many Gaussians there will be nobody knows; published scenes have fewer than 0.6 a pixel. Each has its pixel's
-    // features, what the experts say of it in several arrangements, and its projections for the attention. Pairs of neighbours
+    // features, what the experts say of it in several arrangements, and its projections for the attention. Pairs of neighbors
     // are there for one part of the Gaussians at a time, in some six tensors. The pool's buffers are an eighth larger than
     // asked for, on average. Against what was measured at the published size, the larger of both parts with its weights is 17,
     // 20 and 20 % too much for 2, 4 and 8 photos; for a small network, where this part decides, 20 and 1 % for 8 and 16.
     let drawn = views * pixels * 6 / 10;
     let slot = slot_width(config.gaussians.sh_degree) as u64;
-    let [neighbours, width] = [config.gaussians.neighbours, config.gaussians.predictor].map(|n| n as u64);
-    let each = 2 * channels + 6 * slot + 8 * width + 6 * neighbours;
-    let pairs = drawn.min(NeighborFusion::PART as u64) * (neighbours + 1) * width;
+    let [neighbors, width] = [config.gaussians.neighbors, config.gaussians.predictor].map(|n| n as u64);
+    let each = 2 * channels + 6 * slot + 8 * width + 6 * neighbors;
+    let pairs = drawn.min(NeighborFusion::PART as u64) * (neighbors + 1) * width;
     [dense, NUMBER * (kept + drawn * each + 6 * pairs) * 9 / 8]
 }
 
@@ -78,14 +78,14 @@ mod tests {
         assert!(check(5, Some(6), true).is_ok() && check(5, None, true).is_ok());
     }
 
-    /// What neighbours say to one another is there for a part of the Gaussians at a time: beyond that, memory grows with the
+    /// What neighbors say to one another is there for a part of the Gaussians at a time: beyond that, memory grows with the
     /// Gaussians, not with their pairs.
     #[test]
-    fn pairs_of_neighbours_are_not_all_there_at_once() {
+    fn pairs_of_neighbors_are_not_all_there_at_once() {
         let mut config = ModelConfig::splatweaver_1b();
         let of = |config: &ModelConfig, views| activations(config, true, views, [252, 448])[1] as f64;
         let few = of(&config, 8);
-        config.gaussians.neighbours = 32;
+        config.gaussians.neighbors = 32;
         let many = of(&config, 8);
         assert!(many / few < 1.5, "{}", many / few);
     }

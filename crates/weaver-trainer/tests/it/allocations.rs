@@ -13,8 +13,8 @@ use weaver_trainer::{Config, Objective, scenes};
 /// Steps after which every buffer has seen its largest size.
 const WARM_UP: u64 = 3;
 
-/// A step without the search for neighbours, which is measured apart.
-const NO_SEARCH: &str = "model.gaussians.neighbour_attention=false";
+/// A step without the search for neighbors, which is measured apart.
+const NO_SEARCH: &str = "model.gaussians.neighbor_attention=false";
 
 fn everything(settings: &[&str]) -> Config {
     let settings: Vec<String> = settings.iter().map(|s| s.to_string()).collect();
@@ -22,7 +22,7 @@ fn everything(settings: &[&str]) -> Config {
 }
 
 /// Allocations of the first step of the stage `everything`, and of the one after the warm-up: loss, gradients, clipping,
-/// optimiser, average and reset. It runs on a thread of the pool, so that what the kernels hand to the pool is counted,
+/// optimizer, average and reset. It runs on a thread of the pool, so that what the kernels hand to the pool is counted,
 /// too.
 fn allocations(config: &Config, allocation: &str) -> [u64; 2] {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
@@ -40,9 +40,9 @@ fn allocations(config: &Config, allocation: &str) -> [u64; 2] {
 
         let mut params = Params::new();
         let model = SplatWeaver::new(config.model.clone(), &mut params, config.seed);
-        let o = &config.optimiser;
+        let o = &config.optimizer;
         let group = Group { params: params.ids().collect(), lr_scale: 1.0, weight_decay: o.weight_decay };
-        let mut optimiser = AdamW::new(vec![group], o.beta1, o.beta2, o.epsilon);
+        let mut optimizer = AdamW::new(vec![group], o.beta1, o.beta2, o.epsilon);
         let mut ema = Ema::new(&params, o.ema);
         let schedule = WarmupCosine { warmup: stage.warmup as u64, total: stage.steps as u64, floor: stage.floor };
         let (mut tape, workspaces) = (Tape::new(), WorkspacePool::new());
@@ -70,7 +70,7 @@ fn allocations(config: &Config, allocation: &str) -> [u64; 2] {
             };
             assert!(norm.is_finite() && norm > 0.0);
             let rate = stage.rate * schedule.factor(index);
-            optimiser.step_scaled(&mut params, &mut tape, rate, clip_factor(norm, o.clip));
+            optimizer.step_scaled(&mut params, &mut tape, rate, clip_factor(norm, o.clip));
             ema.update(&params);
             tape.reset();
         };
@@ -106,7 +106,7 @@ fn no_loss_allocates() {
 }
 
 #[test]
-fn the_search_for_neighbours_is_all_that_allocates() {
+fn the_search_for_neighbors_is_all_that_allocates() {
     let config = everything(&[]);
     let m = &config.model;
     // One Gaussian for each context pixel.
@@ -114,7 +114,7 @@ fn the_search_for_neighbours_is_all_that_allocates() {
     let stream = Stream::new(1, 0, "points");
     let points: Vec<f32> = (0..3 * count as u64).map(|i| stream.uniform(i)).collect();
     let (pool, searches) = (Pool::new(), config.stages[1].tuples as u64);
-    let search = || drop(Neighbors::search(&points, m.gaussians.neighbours, &pool));
+    let search = || drop(Neighbors::search(&points, m.gaussians.neighbors, &pool));
     let threads = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let per_search = threads.install(|| {
         search();

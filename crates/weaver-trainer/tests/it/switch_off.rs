@@ -97,8 +97,8 @@ const SWITCHES: [&[&str]; 20] = [
     &["stages.1.allocation=fixed:0"],
     &["stages.1.allocation=fixed:1"],
     &["stages.1.allocation=fixed:2"],
-    &["model.gaussians.neighbour_attention=false"],
-    &["model.gaussians.neighbour_attention=true"],
+    &["model.gaussians.neighbor_attention=false"],
+    &["model.gaussians.neighbor_attention=true"],
     &["model.gaussians.wavelet=haar"],
     &["model.gaussians.wavelet=db2"],
     &["stages.1.allocation=sampled"],
@@ -107,14 +107,14 @@ const SWITCHES: [&[&str]; 20] = [
     &["stages.1.allocation=grid"],
     &["stages.1.allocation=random"],
     PUBLISHED,
-    &["model.gaussians.parametrisation=footprint"],
+    &["model.gaussians.parametrization=footprint"],
     &["model.camera.gauge=published"],
     &["model.camera.gauge=relative"],
 ];
 
-/// The published parametrisation, with sizes in world units.
+/// The published parametrization, with sizes in world units.
 const PUBLISHED: &[&str] = &[
-    "model.gaussians.parametrisation=published",
+    "model.gaussians.parametrization=published",
     "model.gaussians.offset_reach=0.035",
     "model.gaussians.scale_multiplier=0.007",
 ];

@@ -37,19 +37,19 @@ fn energy_of_coefficients_and_of_pixels() {
             let tape = Tape::<f32>::new();
             let bands = analysis(tape.constant(&image, &shape[1..]), wavelet);
             fixture.assert_close(&format!("out.{wavelet}.{size}.energy"), &detail_energy(bands).value());
-            // A grey image has that grey as its luma.
-            let grey = image.repeat(3);
+            // A gray image has that gray as its luma.
+            let gray = image.repeat(3);
             let mut map = vec![0.0; image.len()];
-            EnergyMap::new(wavelet, [shape[2], shape[3]]).compute(&grey, &Pool::new(), &mut map);
+            EnergyMap::new(wavelet, [shape[2], shape[3]]).compute(&gray, &Pool::new(), &mut map);
             fixture.assert_close(&format!("out.{wavelet}.{size}.energy_up"), &map);
-            let x = tape.leaf(&grey, [1, 3, shape[2], shape[3]]);
+            let x = tape.leaf(&gray, [1, 3, shape[2], shape[3]]);
             let on_tape = energy(x, wavelet);
             fixture.assert_close(&format!("out.{wavelet}.{size}.energy_up"), &on_tape.value());
             on_tape.backward_with(&fixture.tensor(&format!("cot.{wavelet}.{size}.energy_up")).0);
-            // The luma's weights sum to 1, so the gradient of the grey is the sum over its channels.
+            // The luma's weights sum to 1, so the gradient of the gray is the sum over its channels.
             let gradient = x.grad().unwrap();
-            let grey = (0..image.len()).map(|i| gradient.iter().skip(i).step_by(image.len()).sum());
-            fixture.assert_close(&format!("grad.energy_up.{wavelet}.{size}"), &grey.collect::<Vec<f32>>());
+            let gray = (0..image.len()).map(|i| gradient.iter().skip(i).step_by(image.len()).sum());
+            fixture.assert_close(&format!("grad.energy_up.{wavelet}.{size}"), &gray.collect::<Vec<f32>>());
         }
     }
 }

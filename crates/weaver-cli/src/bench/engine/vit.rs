@@ -58,7 +58,7 @@ pub fn step(meter: &Meter) -> (f64, Work) {
     let mut params = Params::new();
     let model = VisionTransformer::new(Builder::new(&mut params, 0));
     let group = Group { params: params.ids().collect(), lr_scale: 1.0, weight_decay: 0.01 };
-    let mut optimiser = AdamW::new(vec![group], 0.9, 0.999, 1e-8);
+    let mut optimizer = AdamW::new(vec![group], 0.9, 0.999, 1e-8);
     let images = normal("images", BATCH * 3 * SIDE * SIDE);
     let labels: Vec<u32> = (0..BATCH).map(|i| (i % CLASSES) as u32).collect();
     let mut tape = Tape::new();
@@ -66,7 +66,7 @@ pub fn step(meter: &Meter) -> (f64, Work) {
         let images = tape.constant(&images, [BATCH, 3, SIDE, SIDE]);
         let logits = model.forward(Context::new(&tape, &params), images);
         ops::cross_entropy(logits, &labels, 0.0).backward();
-        optimiser.step(&mut params, &mut tape, 1e-4);
+        optimizer.step(&mut params, &mut tape, 1e-4);
         tape.reset();
     });
     let embedding = 2.0 * (BATCH * PATCHES * WIDTH * 3 * PATCH * PATCH) as f64;

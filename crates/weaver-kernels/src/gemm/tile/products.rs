@@ -329,7 +329,7 @@ pub mod avx512_pairs {
     products!(f32, 12: 1 2 3 4 5 6 7 8 9 10 11 12, #[target_feature(enable = "avx512f,avx512bf16")]);
 }
 
-/// The same for any target: arrays that the compiler vectorises as far as the baseline goes.
+/// The same for any target: arrays that the compiler vectorizes as far as the baseline goes.
 macro_rules! portable_tile {
     ($name:ident, $t:ty, $lanes:literal) => {
         #[allow(unsafe_code)]

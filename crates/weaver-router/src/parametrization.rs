@@ -1,12 +1,12 @@
-//! What the raw numbers of a Gaussian mean: where it sits about its pixel's point, how large it is, what colour.
+//! What the raw numbers of a Gaussian mean: where it sits about its pixel's point, how large it is, what color.
 
 /// How raw parameters become a Gaussian.
 ///
 /// In both, opacity = sigmoid(raw), rotation = raw quaternion / (its norm + 1e-8), and spherical harmonics of degree
 /// l > 0 are raw times 0.1 / 4^l, in world axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Parametrisation {
-    /// As published: lengths in world units, colour from nothing.
+pub enum Parametrization {
+    /// As published: lengths in world units, color from nothing.
     ///
     /// mean = point + `xyz_bias` tanh(raw); scale = min(`scale_multiplier` softplus(raw), `scale_max`).
     Published {
@@ -21,7 +21,7 @@ pub enum Parametrisation {
     ///
     /// mean = point + `offset` footprint tanh(raw); scale = `scale` footprint exp(clamp(raw, -3, 3)) / sqrt(local
     /// count), so that a Gaussian starts as large as its share of the image; 1 is added to the raw quaternion's w and
-    /// the pixel's own colour to the degree-0 harmonic, so that it starts unrotated and in the right colour.
+    /// the pixel's own color to the degree-0 harmonic, so that it starts unrotated and in the right color.
     Footprint {
         /// Longest offset along each axis, in footprints.
         offset: f64,
@@ -30,7 +30,7 @@ pub enum Parametrisation {
     },
 }
 
-impl Parametrisation {
+impl Parametrization {
     /// The constants of the published model: 0.005, 0.001 and 0.4 world units.
     pub fn published() -> Self {
         Self::Published { xyz_bias: 0.005, scale_multiplier: 0.001, scale_max: 0.4 }
@@ -50,12 +50,12 @@ impl Parametrisation {
 /// Numbers in a network row before the spherical harmonics: opacity 1, scale 3, quaternion 4.
 pub(crate) const BEFORE_HARMONICS: usize = 1 + 3 + 4;
 
-/// Coefficients K = (degree + 1)^2 per colour channel.
+/// Coefficients K = (degree + 1)^2 per color channel.
 pub(crate) fn harmonics(degree: usize) -> usize {
     (degree + 1) * (degree + 1)
 }
 
-/// Raw numbers of one Gaussian: offset 3, opacity 1, scale 3, quaternion 4 (xyzw), harmonics 3 K (colour-major).
+/// Raw numbers of one Gaussian: offset 3, opacity 1, scale 3, quaternion 4 (xyzw), harmonics 3 K (color-major).
 pub fn slot_width(sh_degree: usize) -> usize {
     3 + BEFORE_HARMONICS + 3 * harmonics(sh_degree)
 }

@@ -1,4 +1,4 @@
-//! Softmax and layer normalisation.
+//! Softmax and layer normalization.
 
 use crate::strategies::{cases, length, shape_and_axis};
 use proptest::prelude::*;

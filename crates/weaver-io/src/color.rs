@@ -1,25 +1,25 @@
-//! False colours for maps that are not photographs.
+//! False colors for maps that are not photographs.
 
 use crate::Image;
 
 /// A map `[height, width]` in viridis: `low` is dark violet, `high` is yellow, values outside are clamped,
 /// values that are not finite are black. Panics when `values` is not `height * width` long.
-pub fn false_colour(values: &[f32], width: usize, height: usize, low: f32, high: f32) -> Image {
+pub fn false_color(values: &[f32], width: usize, height: usize, low: f32, high: f32) -> Image {
     assert_eq!(values.len(), width * height, "a map of {width}x{height}");
     let span = (high - low).max(f32::MIN_POSITIVE);
-    let colour = |&value: &f32| {
+    let color = |&value: &f32| {
         if !value.is_finite() {
             return [0; 3];
         }
         colorous::VIRIDIS.eval_continuous(f64::from(((value - low) / span).clamp(0.0, 1.0))).as_array()
     };
-    let bytes: Vec<u8> = values.iter().flat_map(colour).collect();
+    let bytes: Vec<u8> = values.iter().flat_map(color).collect();
     Image::from_bytes(width, height, &bytes)
 }
 
-/// A map `[height, width]` of small integers in ten well-separated colours, repeating from the eleventh on.
+/// A map `[height, width]` of small integers in ten well-separated colors, repeating from the eleventh on.
 /// Panics when `labels` is not `height * width` long.
-pub fn label_colour(labels: &[u32], width: usize, height: usize) -> Image {
+pub fn label_color(labels: &[u32], width: usize, height: usize) -> Image {
     assert_eq!(labels.len(), width * height, "a map of {width}x{height}");
     let bytes: Vec<u8> = labels.iter().flat_map(|&l| colorous::TABLEAU10[l as usize % 10].as_array()).collect();
     Image::from_bytes(width, height, &bytes)
