@@ -27,6 +27,8 @@ pub enum Verdict {
     /// Within the bar in f64, and beyond it in f32 for nothing but rectifiers that rounding flipped.
     Flip,
     Fail,
+    /// The file is about an item that does not exist here.
+    Unknown,
 }
 
 impl Verdict {
@@ -35,6 +37,7 @@ impl Verdict {
             Self::Pass => "pass",
             Self::Flip => "flip",
             Self::Fail => "FAIL",
+            Self::Unknown => "not implemented",
         }
     }
 }
@@ -55,6 +58,12 @@ pub struct Line {
 }
 
 impl Line {
+    /// A line about a whole file of which nothing could be compared.
+    pub fn without_numbers(key: String, verdict: Verdict, remark: String) -> Self {
+        let nothing = f64::NAN;
+        Self { key, error: nothing, largest: nothing, f32_error: None, allowed: 0.0, verdict, remark }
+    }
+
     pub fn json(&self) -> Value {
         json!({
             "key": self.key,

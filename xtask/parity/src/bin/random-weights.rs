@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::PathBuf;
+use std::process::ExitCode;
 use weaver_autograd::Params;
 use weaver_io::{Planned, write_weights};
 use weaver_kernels::parallel;
@@ -20,7 +21,18 @@ const CHUNK: usize = 1 << 20;
 /// The entry of the metadata that tells `splatweaver infer` of other sizes than the published ones.
 const CONFIG: &str = "splatweaver_model";
 
-pub fn command(arguments: &[String]) -> Result<(), String> {
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    match command(&arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn command(arguments: &[String]) -> Result<(), String> {
     let (mut preset, mut file, mut seed) = (None, None, 0);
     let mut rest = arguments.iter();
     while let Some(argument) = rest.next() {

@@ -1,4 +1,6 @@
 //! `cargo xtask parity`: every module against files of reference numbers.
+//!
+//! A package of its own, so that `cargo xtask tidy` need not compile the model.
 
 mod aggregator;
 mod camera_head;
@@ -20,6 +22,7 @@ use serde_json::json;
 use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use weaver_autograd::Real;
 
 /// What can be asked.
@@ -38,10 +41,22 @@ Compares every output and gradient of the reference files in DIR and its subfold
 what f32 costs the file's own code, verdict. All runs in f32. Where something is beyond its bar, the file is run in f64 too,
 and the outputs of every rectifier are compared unit by unit. A gradient passes as `flip` if it is within the bar in f64 and
 below 1e-2 in f32, and the runs differ in rectifiers whose sums are so close to 0 that rounding moves them over it, and in no
-others. With --strict it fails. LPIPS needs lpips_alex_f16.safetensors and lpips_vgg_f16.safetensors, looked for in --weights,
+others. With --strict it fails. A file about an item that does not exist here is listed as `not implemented`; with --strict it
+fails. LPIPS needs lpips_alex_f16.safetensors and lpips_vgg_f16.safetensors, looked for in --weights,
 in WEAVER_SHARED/weights and in folders `weights` or `shared/weights` beside and above DIR.";
 
-/// What came of one file.
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    match command(&arguments) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// The comparisons of one file.
 #[derive(Debug)]
 struct Comparison {
     lines: Vec<Line>,
@@ -52,6 +67,12 @@ struct Comparison {
 impl Comparison {
     fn count(&self, verdict: Verdict) -> usize {
         self.lines.iter().filter(|line| line.verdict == verdict).count()
+    }
+
+    /// Comparisons that fail the command. A file that nothing here can be compared with fails it only where every file must
+    /// be known.
+    fn failures(&self, strict: bool) -> usize {
+        self.count(Verdict::Fail) + if strict { self.count(Verdict::Unknown) } else { 0 }
     }
 }
 
@@ -89,7 +110,7 @@ pub fn command(arguments: &[String]) -> Result<(), String> {
         return Err(format!("{}: no reference files (.safetensors)", options.folder.display()));
     }
     report(&options, &results);
-    match results.iter().map(|(_, file)| file.count(Verdict::Fail)).sum() {
+    match results.iter().map(|(_, file)| file.failures(options.strict)).sum() {
         0 => Ok(()),
         failed => Err(format!("parity: {failed} comparisons failed")),
     }
@@ -103,7 +124,7 @@ fn report(options: &Options, results: &[(&PathBuf, Comparison)]) {
             let flips: Vec<_> = file.flips.iter().map(Flip::json).collect();
             json!({"file": short(path), "lines": lines, "flips": flips})
         };
-        let passed = results.iter().all(|(_, file)| file.count(Verdict::Fail) == 0);
+        let passed = results.iter().all(|(_, file)| file.failures(options.strict) == 0);
         format!("{:#}\n", json!({"files": results.iter().map(file).collect::<Vec<_>>(), "passed": passed}))
     } else {
         let lines = |(path, file): &(&PathBuf, Comparison)| {
@@ -111,6 +132,9 @@ fn report(options: &Options, results: &[(&PathBuf, Comparison)]) {
             format!("{}\n{lines}", short(path))
         };
         let summary = |(path, file): &(&PathBuf, Comparison)| {
+            if file.count(Verdict::Unknown) > 0 {
+                return format!("{}: not implemented\n", short(path));
+            }
             let (compared, failed) = (file.lines.len(), file.count(Verdict::Fail));
             let flipped = match file.count(Verdict::Flip) {
                 0 => String::new(),
@@ -153,7 +177,7 @@ const FLIPPED: f64 = 1e-2;
 /// rectifiers from another formula.
 fn compare(path: &Path, weights: Option<&Path>, strict: bool) -> Comparison {
     let (mut lines, rectified) = compare_in::<f32>(path, weights);
-    if lines.iter().all(|line| line.verdict == Verdict::Pass) {
+    if lines.iter().all(|line| matches!(line.verdict, Verdict::Pass | Verdict::Unknown)) {
         return Comparison { lines, flips: Vec::new() };
     }
     let (exact_lines, exact_rectified) = compare_in::<f64>(path, weights);
@@ -176,20 +200,9 @@ fn compare(path: &Path, weights: Option<&Path>, strict: bool) -> Comparison {
 /// All comparisons of one file in one precision, and what rectifiers made. What cannot be run at all is a comparison that
 /// failed.
 fn compare_in<T: Real>(path: &Path, weights: Option<&Path>) -> (Vec<Line>, Vec<Rectified>) {
-    let broken = |message: String| {
-        let nothing = f64::NAN;
-        let key = name_of(path);
-        let line = Line {
-            key,
-            error: nothing,
-            largest: nothing,
-            f32_error: None,
-            allowed: 0.0,
-            verdict: Verdict::Fail,
-            remark: message,
-        };
-        (vec![line], Vec::new())
-    };
+    let without_numbers =
+        |verdict: Verdict, remark: String| (vec![Line::without_numbers(name_of(path), verdict, remark)], Vec::new());
+    let broken = |message: String| without_numbers(Verdict::Fail, message);
     let file = match Reference::read(path) {
         Ok(file) => file,
         Err(message) => return broken(message),
@@ -197,7 +210,7 @@ fn compare_in<T: Real>(path: &Path, weights: Option<&Path>) -> (Vec<Line>, Vec<R
     let item = file.metadata("item").map_or_else(|| name_of(path), str::to_string);
     let weights = || find_weights(path, weights);
     // A size that does not fit panics with the op, the model path and the shapes: the message is the result.
-    let run = AssertUnwindSafe(|| -> Result<Reference, String> {
+    let run = AssertUnwindSafe(|| -> Option<Reference> {
         let file = match item.as_str() {
             i if i.starts_with("dinov2") => patch_encoder::run::<T>(file),
             i if i.starts_with("aggregator") => aggregator::run::<T>(file),
@@ -210,13 +223,13 @@ fn compare_in<T: Real>(path: &Path, weights: Option<&Path>) -> (Vec<Line>, Vec<R
             i if i.starts_with("metrics") => metrics::run::<T>(file, weights().as_deref()),
             i if i.starts_with("end_to_end") => end_to_end::run::<T>(file, weights().as_deref()),
             _ if file.has("in.viewmat") => raster::run::<T>(file),
-            other => return Err(format!("item `{other}` is not known here")),
+            _ => return None,
         };
-        Ok(file)
+        Some(file)
     });
     match catch_unwind(run) {
-        Ok(Ok(file)) => file.finish(),
-        Ok(Err(message)) => broken(message),
+        Ok(Some(file)) => file.finish(),
+        Ok(None) => without_numbers(Verdict::Unknown, format!("there is no `{item}` to compare with")),
         Err(panic) => {
             let text = panic.downcast_ref::<String>().cloned();
             broken(text.or_else(|| panic.downcast_ref::<&str>().map(|s| s.to_string())).unwrap_or_default())
