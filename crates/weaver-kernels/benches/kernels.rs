@@ -12,6 +12,7 @@ use weaver_kernels::conv::{
 use weaver_kernels::gelu::{gelu_backward, gelu_forward};
 use weaver_kernels::gemm::{Half, gemm, gemm_batched, gemm_half, gemm_half_scratch_len};
 use weaver_kernels::layer_norm::{layer_norm_backward, layer_norm_forward, layer_norm_scratch_len};
+use weaver_kernels::nearest_neighbors::nearest_neighbors;
 use weaver_kernels::optim::{AdamW, lerp};
 use weaver_kernels::permute::permute;
 use weaver_kernels::random::Stream;
@@ -237,6 +238,22 @@ fn memory(c: &mut Criterion) {
     group.finish();
 }
 
+/// The 8 nearest neighbors of points on a bumpy surface; throughput in points.
+fn neighbors(c: &mut Criterion) {
+    let mut group = c.benchmark_group("nearest_neighbors");
+    let stream = Stream::new(1, 0, "surface");
+    for n in [5_000, 13_000] {
+        let mut points: Vec<f32> = (0..3 * n as u64).map(|i| stream.uniform(i)).collect();
+        points
+            .chunks_exact_mut(3)
+            .for_each(|p| p[2] = 1.0 + 0.2 * (7.0 * p[0]).sin() * (5.0 * p[1]).cos() + 0.01 * p[2]);
+        let mut found = vec![0; 9 * n];
+        group.throughput(Throughput::Elements(n as u64));
+        group.bench_function(n.to_string(), |b| b.iter(|| nearest_neighbors(black_box(&points), 8, &mut found)));
+    }
+    group.finish();
+}
+
 /// What an optimizer does after every step; throughput in parameters.
 fn optimizers(c: &mut Criterion) {
     let mut group = c.benchmark_group("optim");
@@ -262,6 +279,7 @@ fn main() {
     tokens(&mut criterion);
     resampling(&mut criterion);
     memory(&mut criterion);
+    neighbors(&mut criterion);
     optimizers(&mut criterion);
     criterion.final_summary();
 }

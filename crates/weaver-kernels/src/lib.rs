@@ -13,6 +13,7 @@ pub mod gelu;
 pub mod gemm;
 pub mod lanes;
 pub mod layer_norm;
+pub mod nearest_neighbors;
 pub mod optim;
 pub mod pages;
 pub mod parallel;

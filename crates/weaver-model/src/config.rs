@@ -1,7 +1,7 @@
 //! Everything about the network that can be set.
 
 use serde::{Deserialize, Serialize};
-use weaver_router::MOST_NEIGHBORS;
+use weaver_kernels::nearest_neighbors::MAX_NEIGHBORS;
 
 /// Sizes and switches of a SplatWeaver; see [`ModelConfig::preset`] for the ready-made ones.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -410,9 +410,9 @@ impl ModelConfig {
         if let Some(layer) = self.dense.layers.iter().find(|&&l| l >= self.backbone.rounds) {
             return Err(format!("model.dense.layers: expected rounds below {}, found {layer}", self.backbone.rounds));
         }
-        if self.gaussians.neighbors > MOST_NEIGHBORS {
+        if self.gaussians.neighbors > MAX_NEIGHBORS {
             let found = self.gaussians.neighbors;
-            return Err(format!("model.gaussians.neighbors: expected at most {MOST_NEIGHBORS}, found {found}"));
+            return Err(format!("model.gaussians.neighbors: expected at most {MAX_NEIGHBORS}, found {found}"));
         }
         if self.gaussians.sh_degree > 4 {
             return Err(format!("model.gaussians.sh_degree: expected 0 to 4, found {}", self.gaussians.sh_degree));

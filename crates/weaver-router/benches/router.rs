@@ -1,11 +1,11 @@
-//! Times of the neighbor search and of the head, forward and backward, at the size of a training step.
+//! Times of the allocation and of the head, forward and backward, at the size of a training step.
 
 use criterion::Criterion;
 use std::time::Duration;
 use weaver_autograd::{Params, Pool, Tape};
 use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
-use weaver_router::{Allocation, AllocationRequest, CardinalityHead, Dithered, HeadConfig, Neighbors, PixelInputs};
+use weaver_router::{Allocation, AllocationRequest, CardinalityHead, Dithered, HeadConfig, PixelInputs};
 
 const VIEWS: usize = 4;
 const HEIGHT: usize = 48;
@@ -22,13 +22,6 @@ fn surface(n: usize) -> Vec<f32> {
     let mut points = numbers(3 * n, "surface");
     points.chunks_exact_mut(3).for_each(|p| p[2] = 1.0 + 0.2 * (7.0 * p[0]).sin() * (5.0 * p[1]).cos() + 0.01 * p[2]);
     points
-}
-
-fn neighbor_search(c: &mut Criterion) {
-    for n in [5_000, 13_000] {
-        let (points, pool) = (surface(n), Pool::new());
-        c.bench_function(&format!("neighbors/{n}"), |b| b.iter(|| Neighbors::search(&points, 8, &pool)));
-    }
 }
 
 fn head(c: &mut Criterion) {
@@ -83,7 +76,6 @@ fn main() {
         .warm_up_time(Duration::from_millis(300))
         .measurement_time(Duration::from_secs(1))
         .configure_from_args();
-    neighbor_search(&mut criterion);
     head(&mut criterion);
     criterion.final_summary();
 }

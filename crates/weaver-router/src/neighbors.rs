@@ -1,15 +1,12 @@
 //! The nearest neighbors of every Gaussian, and the reverse lists that gradients follow.
 
-use crate::kd_tree::KdTree;
 use std::ops::Range;
 use std::sync::Arc;
 use weaver_autograd::{Buffer, Pool, Real};
-use weaver_kernels::parallel;
+use weaver_kernels::nearest_neighbors::nearest_neighbors;
 
 /// Gaussians per parallel chunk.
 pub(crate) const GRAIN: usize = 256;
-/// Most neighbors of a Gaussian that can be asked for.
-pub const MOST_NEIGHBORS: usize = 63;
 
 /// For each of R Gaussians, itself and its k nearest neighbors in space among all N: `m` = k + 1 indices. All have such a
 /// list (R = N) unless only [a part](Neighbors::part) is looked at. Cheap to clone.
@@ -32,27 +29,12 @@ struct Lists {
 }
 
 impl Neighbors {
-    /// Finds, for every one of `means` `[N, 3]`, itself (first) and the k nearest others by Euclidean distance, nearest
-    /// first; with fewer than k others, the list is padded with the point itself. Exact up to the rounding of squared
-    /// coordinate differences; not differentiable. Panics for k above [`MOST_NEIGHBORS`].
-    ///
-    /// Among points at the same distance it picks by the order of the tree, a function of the points alone.
+    /// Finds the k nearest others of every one of `means` `[N, 3]`, exactly; see [`nearest_neighbors`]. Not
+    /// differentiable.
     pub fn search<T: Real>(means: &[T], k: usize, pool: &Pool) -> Self {
-        assert!(k <= MOST_NEIGHBORS, "at most {MOST_NEIGHBORS} neighbors can be searched, not {k}");
-        let m = k + 1;
-        let tree = KdTree::new(means, pool);
-        let mut index = pool.buffer::<u32>(means.len() / 3 * m);
-        parallel::for_chunks(&mut index, GRAIN * m, |chunk, rows| {
-            let mut distance = [T::ZERO; MOST_NEIGHBORS];
-            for (row, nearest) in rows.chunks_exact_mut(m).enumerate() {
-                let i = chunk * GRAIN + row;
-                let query = [means[3 * i], means[3 * i + 1], means[3 * i + 2]];
-                nearest[0] = i as u32;
-                let found = tree.nearest(query, i as u32, &mut nearest[1..], &mut distance[..k]);
-                nearest[1 + found..].fill(i as u32);
-            }
-        });
-        Self::from_index(index, m, pool)
+        let mut index = pool.buffer::<u32>(means.len() / 3 * (k + 1));
+        nearest_neighbors(means, k, &mut index);
+        Self::from_index(index, k + 1, pool)
     }
 
     /// Given lists `[N, m]` of indices below N.

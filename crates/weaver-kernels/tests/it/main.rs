@@ -7,6 +7,7 @@ mod every_kernel;
 mod gemm;
 mod lanes;
 mod layer_norm;
+mod nearest_neighbors;
 mod reduce;
 mod resample;
 mod rope;

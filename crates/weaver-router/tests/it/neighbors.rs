@@ -1,76 +1,14 @@
-//! The neighbor search against all pairs.
+//! Lists of neighbors and parts of them.
 
-use proptest::prelude::*;
 use weaver_autograd::Pool;
 use weaver_kernels::random::Stream;
 use weaver_router::Neighbors;
 
-/// Points that are spread, on a surface, on a coarse lattice (many in one place), or all in one place.
-fn points(kind: usize, n: usize, seed: u64) -> Vec<f32> {
-    let stream = Stream::new(seed, 0, "points");
-    (0..3 * n as u64)
-        .map(|i| match (kind, i % 3) {
-            (0, _) => stream.normal(i),
-            (1, 2) => 2.0 + 1e-3 * stream.normal::<f32>(i),
-            (1, _) => stream.uniform(i),
-            (2, _) => stream.below(i, 3) as f32,
-            _ => 0.25,
-        })
-        .collect()
-}
-
-fn squared_distance(points: &[f32], i: usize, j: usize) -> f32 {
-    let d = [0, 1, 2].map(|a| points[3 * j + a] - points[3 * i + a]);
-    d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-}
-
-fn check(points: &[f32], k: usize) {
-    let n = points.len() / 3;
-    let neighbors = Neighbors::search(points, k, &Pool::new());
-    assert_eq!((neighbors.len(), neighbors.per_gaussian()), (n, k + 1));
-    for (i, row) in neighbors.index().chunks_exact(k + 1).enumerate() {
-        assert_eq!(row[0] as usize, i, "the point itself is first");
-        let others = k.min(n - 1);
-        let (found, padding) = row[1..].split_at(others);
-        assert!(padding.iter().all(|&p| p as usize == i));
-        let mut distinct = found.to_vec();
-        distinct.sort_unstable();
-        distinct.dedup();
-        assert!(distinct.len() == others && !found.contains(&(i as u32)), "{i}: {row:?}");
-        let mut all: Vec<f32> = (0..n).filter(|&j| j != i).map(|j| squared_distance(points, i, j)).collect();
-        all.sort_by(f32::total_cmp);
-        let found: Vec<f32> = found.iter().map(|&j| squared_distance(points, i, j as usize)).collect();
-        assert_eq!(found, all[..others], "point {i} of {n}");
-    }
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
-    #[test]
-    fn all_pairs_agree(kind in 0..4usize, n in 1..300usize, k in 0..12usize, seed in 0..1000u64) {
-        check(&points(kind, n, seed), k);
-    }
-}
-
-#[test]
-fn no_points_and_broken_points() {
-    assert!(Neighbors::search::<f32>(&[], 8, &Pool::new()).is_empty());
-    let mut broken = points(0, 100, 1);
-    broken[30] = f32::NAN;
-    let neighbors = Neighbors::search(&broken, 8, &Pool::new());
-    assert!(neighbors.index().iter().all(|&j| j < 100));
-}
-
-#[test]
-fn many_points_in_one_place_are_quick_and_the_answer_repeats() {
-    let same = points(3, 20_000, 0);
-    let first = Neighbors::search(&same, 8, &Pool::new());
-    assert_eq!(first.index(), Neighbors::search(&same, 8, &Pool::new()).index());
-}
-
 #[test]
 fn a_part_has_the_lists_of_its_own_and_the_reverse_lists_that_belong_to_them() {
-    let all = Neighbors::search(&points(0, 40, 3), 4, &Pool::new());
+    let stream = Stream::new(3, 0, "points");
+    let points: Vec<f32> = (0..3 * 40).map(|i| stream.normal(i)).collect();
+    let all = Neighbors::search(&points, 4, &Pool::new());
     let part = all.part(10..30).part(5..12);
     assert_eq!((part.len(), part.among(), part.per_gaussian()), (7, 40, 5));
     assert_eq!(part.index(), &all.index()[15 * 5..22 * 5]);

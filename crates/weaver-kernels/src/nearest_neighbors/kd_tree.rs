@@ -1,30 +1,32 @@
 //! An exact k-d tree over points in three dimensions.
 //!
-//! Our own, because the crates at hand allocate for every query and treat many points in one place as an error or a
-//! slow case; here points are split by rank, so equal ones are nothing special.
+//! Points are split by rank, not by coordinate, so many points in the same place are no special case. A query allocates
+//! nothing.
 
-use weaver_autograd::{Buffer, Pool, Real};
+use crate::Real;
 
-/// Points that a leaf holds at most.
+/// The most points that a leaf holds.
 const LEAF: usize = 8;
 
 type Point<T> = [T; 3];
 
-/// The cut of an inner node: points to the left are not above `at` on `axis`, points to the right not below.
+/// The splitting plane of an inner node: coordinate `axis` is at most `at` in the left child and at least `at` in the
+/// right child.
 #[derive(Clone, Copy, Debug, Default)]
-struct Cut<T> {
+struct Split<T> {
     axis: u8,
     at: T,
 }
 
-/// A balanced tree: the node of a range of points splits it in the middle, down to leaves of [`LEAF`] points.
+/// A balanced tree: every node owns a range of points and splits it in the middle, down to leaves of [`LEAF`] points.
 #[derive(Debug)]
-pub(crate) struct KdTree<T: Real> {
-    points: Buffer<Point<T>>,
-    /// The index that each of `points` had.
-    index: Buffer<u32>,
+pub(super) struct KdTree<T: Real> {
+    /// In the order of the leaves.
+    points: Vec<Point<T>>,
+    /// The index that each of `points` had in the caller's slice.
+    index: Vec<u32>,
     /// Node 1 is the root; node n has the children 2 n and 2 n + 1.
-    cuts: Buffer<Cut<T>>,
+    splits: Vec<Split<T>>,
 }
 
 /// The nearest points found so far, nearest first; of equally near ones the lower index first.
@@ -62,38 +64,36 @@ impl<T: Real> Nearest<'_, T> {
 
 impl<T: Real> KdTree<T> {
     /// Builds the tree of `points` `[N, 3]`.
-    pub fn new(points: &[T], pool: &Pool) -> Self {
+    pub fn new(points: &[T]) -> Self {
         let point = |i: usize| [points[3 * i], points[3 * i + 1], points[3 * i + 2]];
         let n = points.len() / 3;
-        let mut index = pool.buffer::<u32>(n);
-        index.iter_mut().enumerate().for_each(|(i, x)| *x = i as u32);
+        let mut index: Vec<u32> = (0..n as u32).collect();
         let mut inner = 1;
         while inner * LEAF < n {
             inner *= 2;
         }
-        let mut cuts = pool.filled(inner, Cut::default());
-        split(&mut index, &mut cuts, 1, &point);
-        let mut sorted = pool.buffer::<Point<T>>(n);
-        sorted.iter_mut().zip(index.iter()).for_each(|(p, &i)| *p = point(i as usize));
-        Self { points: sorted, index, cuts }
+        let mut splits = vec![Split::default(); inner];
+        split(&mut index, &mut splits, 1, &point);
+        let points = index.iter().map(|&i| point(i as usize)).collect();
+        Self { points, index, splits }
     }
 
-    /// Fills `index` with the points nearest to `query`, nearest first, leaving out the point numbered `but`;
-    /// `distance` is room for as many squared distances. Returns how many there are.
-    pub fn nearest(&self, query: Point<T>, but: u32, index: &mut [u32], distance: &mut [T]) -> usize {
+    /// Fills `index` with the points nearest to `query`, nearest first, never with point `exclude`; `distance` is
+    /// scratch space of the same length. Returns how many points were found.
+    pub fn nearest(&self, query: Point<T>, exclude: u32, index: &mut [u32], distance: &mut [T]) -> usize {
         if index.is_empty() {
             return 0;
         }
         let mut nearest = Nearest { index, distance, found: 0 };
-        self.visit(query, but, &mut nearest, 1, 0..self.points.len(), [T::ZERO; 3]);
+        self.visit(query, exclude, &mut nearest, 1, 0..self.points.len(), [T::ZERO; 3]);
         nearest.found
     }
 
-    /// Looks into a node whose cell is `offset` away from the query, per axis.
+    /// Searches a node whose cell is `offset` away from the query along each axis.
     fn visit(
         &self,
         query: Point<T>,
-        but: u32,
+        exclude: u32,
         nearest: &mut Nearest<'_, T>,
         node: usize,
         range: std::ops::Range<usize>,
@@ -103,32 +103,32 @@ impl<T: Real> KdTree<T> {
             for (p, &i) in self.points[range.clone()].iter().zip(&self.index[range]) {
                 let [x, y, z] = [p[0] - query[0], p[1] - query[1], p[2] - query[2]];
                 let distance = x * x + y * y + z * z;
-                // False for NaN, which is nobody's neighbor.
-                if distance <= nearest.limit() && i != but {
+                // False for NaN: a point with such a coordinate is never a neighbor.
+                if distance <= nearest.limit() && i != exclude {
                     nearest.offer(i, distance);
                 }
             }
             return;
         }
-        let Cut { axis, at } = self.cuts[node];
+        let Split { axis, at } = self.splits[node];
         let axis = usize::from(axis);
         let middle = range.start + range.len() / 2;
         let [low, high] = [(2 * node, range.start..middle), (2 * node + 1, middle..range.end)];
         let away = query[axis] - at;
         let (near, far) = if away < T::ZERO { (low, high) } else { (high, low) };
-        self.visit(query, but, nearest, near.0, near.1, offset);
+        self.visit(query, exclude, nearest, near.0, near.1, offset);
         let mut beyond = offset;
         beyond[axis] = away;
-        // Summed as distances are, so that rounding cannot put a point nearer than its cell.
+        // In the order in which distances are summed, so that rounding cannot put a point nearer than its cell.
         let reach = beyond[0] * beyond[0] + beyond[1] * beyond[1] + beyond[2] * beyond[2];
         if reach < nearest.limit() {
-            self.visit(query, but, nearest, far.0, far.1, beyond);
+            self.visit(query, exclude, nearest, far.0, far.1, beyond);
         }
     }
 }
 
-/// Orders `index` so that every node's halves lie on the two sides of its cut, across the widest axis.
-fn split<T: Real>(index: &mut [u32], cuts: &mut [Cut<T>], node: usize, point: &impl Fn(usize) -> Point<T>) {
+/// Orders `index` so that the two halves of every node lie on the two sides of its plane, across the widest axis.
+fn split<T: Real>(index: &mut [u32], splits: &mut [Split<T>], node: usize, point: &impl Fn(usize) -> Point<T>) {
     if index.len() <= LEAF {
         return;
     }
@@ -146,8 +146,8 @@ fn split<T: Real>(index: &mut [u32], cuts: &mut [Cut<T>], node: usize, point: &i
     let middle = index.len() / 2;
     // By coordinate, then index: a total order, also of equal points and of NaN.
     index.select_nth_unstable_by(middle, |&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
-    cuts[node] = Cut { axis: axis as u8, at: point(index[middle] as usize)[axis] };
+    splits[node] = Split { axis: axis as u8, at: point(index[middle] as usize)[axis] };
     let (left, right) = index.split_at_mut(middle);
-    split(left, cuts, 2 * node, point);
-    split(right, cuts, 2 * node + 1, point);
+    split(left, splits, 2 * node, point);
+    split(right, splits, 2 * node + 1, point);
 }
