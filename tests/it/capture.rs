@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 use weaver_data::Scene;
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_geometry::Camera;
+use weaver_io::Transforms;
 use weaver_io::colmap::{CameraModel, ImageRecord, Model, Point};
-use weaver_io::{Frame, Transforms};
+use weaver_scene::Frame;
 
 /// Enough for a context of two out of a pool of four, with two views held out.
 pub const VIEWS: usize = 10;
@@ -28,10 +29,7 @@ fn write_photos(folder: &Path, scene: &Scene) -> Vec<String> {
 pub fn transforms(folder: &Path, views: usize) -> PathBuf {
     let scene = photographed(views);
     let names = write_photos(folder, &scene);
-    let frame = |(name, view): (&String, &weaver_data::View)| {
-        let Camera { pose, intrinsics, width, height } = view.camera;
-        Frame { name: name.clone(), file_path: folder.join(name), pose, intrinsics, width, height }
-    };
+    let frame = |(name, view): (&String, &weaver_data::View)| Frame::new(name, view.camera);
     let frames = names.iter().zip(&scene.views).map(frame).collect();
     let path = folder.join("transforms.json");
     Transforms { frames, ..Transforms::default() }.write(&path).unwrap();

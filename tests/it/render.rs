@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
 use weaver_io::realestate::{Clip, ClipFrame};
-use weaver_io::{Background, Image, SplatPly};
+use weaver_io::{Background, Image, write_ply};
+use weaver_scene::Gaussians;
 
 /// A red Gaussian before a large blue one, on the z axis.
-pub fn splats() -> SplatPly {
-    SplatPly {
+pub fn splats() -> Gaussians {
+    Gaussians {
         means: vec![[0.0, 0.0, 2.0], [0.0, 0.0, 3.0]],
         log_scales: vec![[-2.0; 3], [0.0; 3]],
         quats: vec![[1.0, 0.0, 0.0, 0.0]; 2],
@@ -22,7 +23,7 @@ pub fn splats() -> SplatPly {
 
 fn scene(folder: &Path) -> PathBuf {
     let path = folder.join("scene.ply");
-    splats().write(&path).unwrap();
+    write_ply(&path, &splats()).unwrap();
     path
 }
 
@@ -120,7 +121,7 @@ fn files_that_cannot_be_rendered_are_named() {
     let whole = std::fs::read(&path).unwrap();
     std::fs::write(&path, &whole[..whole.len() - 9]).unwrap();
     render().refused(1, &["scene.ply", "vertex"]);
-    SplatPly::default().write(&path).unwrap();
+    write_ply(&path, &Gaussians::default()).unwrap();
     splatweaver(&[&"render", &path, &"--orbit", &"3", &"-o", &out]).refused(1, &["scene.ply", "found none"]);
     std::fs::write(&path, whole).unwrap();
     std::fs::write(&cameras, "http://example.org\n").unwrap();

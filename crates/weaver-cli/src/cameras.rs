@@ -47,9 +47,7 @@ pub fn read(path: &Path, size: Size) -> Result<Vec<NamedCamera>, Failure> {
         clip(path, size)?
     } else {
         let frames = Transforms::read_cameras(path)?.frames;
-        let camera =
-            |f: &weaver_io::Frame| Camera { pose: f.pose, intrinsics: f.intrinsics, width: f.width, height: f.height };
-        frames.iter().map(|f| NamedCamera { name: f.name.clone(), camera: camera(f) }).collect()
+        frames.into_iter().map(|f| NamedCamera { name: f.name, camera: f.camera }).collect()
     };
     if cameras.is_empty() {
         return Err(Failure::message(format!("{}: expected at least one camera, found none", path.display())));

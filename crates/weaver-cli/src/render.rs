@@ -11,8 +11,9 @@ use std::f64::consts::FRAC_PI_3;
 use std::path::Path;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
-use weaver_io::{Image, SplatPly, read_splat, read_spz};
-use weaver_splat::{Cameras, Color, Gaussians, Images, RasterSettings, Workspace, rasterize};
+use weaver_io::{Image, read_ply, read_splat, read_spz};
+use weaver_scene::{ActivatedGaussians, CameraRows, Gaussians};
+use weaver_splat::{Images, RasterSettings, Workspace, rasterize};
 
 /// Width of an orbit's pictures.
 const WIDTH: usize = 640;
@@ -27,7 +28,7 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
         })?,
     };
     let mut output = Output::create(arguments, &cameras)?;
-    let scene = Scene::new(&splats);
+    let activated = splats.to_activated();
     let mut workspace = Workspace::new();
     let mut progress = Progress::new("render", 0, cameras.len(), console);
     let stems = cameras::stems(&cameras);
@@ -38,7 +39,7 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
         let draw = || -> Result<Vec<_>, Failure> {
             let mut drawn = Vec::new();
             for (view, stem) in group {
-                drawn.push((stem.as_str(), scene.draw(&view.camera, arguments.background, &mut workspace)?));
+                drawn.push((stem.as_str(), draw(&activated, &view.camera, arguments.background, &mut workspace)?));
                 done += 1;
                 progress.at(done, cameras.len(), String::new, console);
             }
@@ -100,58 +101,33 @@ impl<'a> Output<'a> {
     }
 }
 
-fn read(path: &Path) -> Result<SplatPly, Failure> {
+fn read(path: &Path) -> Result<Gaussians, Failure> {
     let extension = path.extension().map(|e| e.to_ascii_lowercase());
     Ok(match extension.as_ref().and_then(|e| e.to_str()) {
         Some("splat") => read_splat(path)?,
         Some("spz") => read_spz(path)?,
-        _ => SplatPly::read(path)?,
+        _ => read_ply(path)?,
     })
 }
 
-/// Gaussians as they are drawn, made of what a file stores.
-struct Scene<'a> {
-    splats: &'a SplatPly,
-    scales: Vec<f32>,
-    opacities: Vec<f32>,
-}
-
-impl<'a> Scene<'a> {
-    fn new(splats: &'a SplatPly) -> Self {
-        let scales = splats.log_scales.as_flattened().iter().map(|s| s.exp()).collect();
-        let opacities = splats.opacity_logits.iter().map(|o| 1.0 / (1.0 + (-o).exp())).collect();
-        Self { splats, scales, opacities }
-    }
-
-    fn draw(&self, camera: &Camera, background: [f32; 3], workspace: &mut Workspace<f32>) -> Result<Image, Failure> {
-        let Camera { pose, intrinsics: k, width, height } = *camera;
-        let gaussians = Gaussians {
-            means: self.splats.means.as_flattened(),
-            quats: self.splats.quats.as_flattened(),
-            scales: &self.scales,
-            opacities: &self.opacities,
-            color: Color::Sh { coefficients: &self.splats.sh, degree: self.splats.degree },
-            features: None,
-        };
-        let viewmats = pose.rows().map(|row| row.map(|x| x as f32));
-        let cameras = Cameras {
-            viewmats: viewmats.as_flattened(),
-            intrinsics: &[k.fx, k.fy, k.cx, k.cy].map(|x| x as f32),
-            background: &background,
-            width,
-            height,
-        };
-        let mut image = Image::filled(width, height, [0.0; 3]);
-        let mut alpha = vec![0.0; width * height];
-        let images = Images { image: &mut image.pixels, alpha: &mut alpha, depth: None, features: None };
-        rasterize(&gaussians, &cameras, &RasterSettings::default(), workspace, images)?;
-        Ok(image)
-    }
+fn draw(
+    gaussians: &ActivatedGaussians,
+    camera: &Camera,
+    background: [f32; 3],
+    workspace: &mut Workspace<f32>,
+) -> Result<Image, Failure> {
+    let mut image = Image::filled(camera.width, camera.height, [0.0; 3]);
+    let mut alpha = vec![0.0; camera.width * camera.height];
+    let images = Images { image: &mut image.pixels, alpha: &mut alpha, depth: None, features: None };
+    let rows = CameraRows::new(std::slice::from_ref(camera));
+    let cameras = rows.as_slices(&background);
+    rasterize(&gaussians.as_slices(), &cameras, &RasterSettings::default(), workspace, images)?;
+    Ok(image)
 }
 
 /// `count` cameras on a circle around the middle of the scene, starting before it (toward -z of the world, where the
 /// first camera of our own scenes stands), -y up, with a field of view of 60 degrees. `None` when there is no scene.
-fn orbit(splats: &SplatPly, count: usize, size: Size) -> Option<Vec<NamedCamera>> {
+fn orbit(splats: &Gaussians, count: usize, size: Size) -> Option<Vec<NamedCamera>> {
     let means: Vec<DVec3> = splats.means.iter().map(|m| DVec3::from(m.map(f64::from))).collect();
     // Between the tenths, so that neither a dense floor nor a few far Gaussians pull the middle away.
     let axis = |of: fn(&DVec3) -> f64| {
@@ -186,10 +162,10 @@ mod tests {
 
     #[test]
     fn an_orbit_looks_at_the_middle_from_all_sides() {
-        let splats = SplatPly {
+        let splats = Gaussians {
             means: vec![[0.0, -0.5, 1.0], [1.0, 0.0, 2.0], [-1.0, 0.5, 3.0]],
             log_scales: vec![[-2.0; 3]; 3],
-            ..SplatPly::default()
+            ..Gaussians::default()
         };
         let cameras = orbit(&splats, 4, Size::default()).unwrap();
         let middle = DVec3::new(0.0, 0.0, 2.0);
@@ -199,12 +175,12 @@ mod tests {
         }
         assert!(cameras[0].camera.pose.center().z < 0.0);
         assert_eq!((cameras[0].camera.width, cameras[0].camera.height), (640, 480));
-        assert!(orbit(&SplatPly::default(), 4, Size::default()).is_none());
+        assert!(orbit(&Gaussians::default(), 4, Size::default()).is_none());
     }
 
     #[test]
     fn a_single_gaussian_has_an_orbit_too() {
-        let splats = SplatPly { means: vec![[0.0; 3]], log_scales: vec![[-1.0; 3]], ..SplatPly::default() };
+        let splats = Gaussians { means: vec![[0.0; 3]], log_scales: vec![[-1.0; 3]], ..Gaussians::default() };
         let cameras = orbit(&splats, 2, Size { width: None, height: Some(30) }).unwrap();
         assert!(cameras.iter().all(|c| c.camera.pose.translation.is_finite()));
         assert_eq!((cameras[0].camera.width, cameras[0].camera.height), (40, 30));

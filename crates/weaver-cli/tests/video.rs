@@ -5,11 +5,11 @@
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Output};
-use weaver_io::SplatPly;
+use weaver_scene::Gaussians;
 
 /// Renders an orbit of three pictures in `folder`, where `bin` is all of the PATH.
 fn render(folder: &Path, bin: &Path, more: &[&str]) -> Output {
-    let splats = SplatPly {
+    let splats = Gaussians {
         means: vec![[0.0; 3]],
         log_scales: vec![[-1.0; 3]],
         quats: vec![[1.0, 0.0, 0.0, 0.0]],
@@ -17,7 +17,7 @@ fn render(folder: &Path, bin: &Path, more: &[&str]) -> Output {
         sh: vec![1.7, -1.7, -1.7],
         degree: 0,
     };
-    splats.write(folder.join("scene.ply")).unwrap();
+    weaver_io::write_ply(folder.join("scene.ply"), &splats).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_splatweaver"));
     command.current_dir(folder).env("PATH", bin).args(["render", "scene.ply", "--orbit", "3"]).args(more);
     command.output().unwrap()

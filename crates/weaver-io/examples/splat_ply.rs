@@ -4,14 +4,15 @@
 //! wxyz. Reads the file back and prints what is in it.
 
 use std::f32::consts::TAU;
-use weaver_io::SplatPly;
+use weaver_io::{read_ply, write_ply};
+use weaver_scene::Gaussians;
 
 const COUNT: usize = 6000;
 /// The constant spherical harmonic, 1 / (2 sqrt(pi)): color = 0.5 + SH_0 * coefficient.
 const SH_0: f32 = 0.282_094_8;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let mut splats = SplatPly { degree: 0, ..SplatPly::default() };
+    let mut splats = Gaussians { degree: 0, ..Gaussians::default() };
     for i in 0..COUNT {
         let t = TAU * i as f32 / COUNT as f32;
         let golden = (i as f32 * 0.618_034).fract();
@@ -28,8 +29,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         splats.opacity_logits.push(2.0);
         splats.sh.extend([0.0, 1.0, 2.0].map(|c| 0.4 * (t + TAU * c / 3.0).cos() / SH_0));
     }
-    splats.write("knot.ply")?;
-    let read = SplatPly::read("knot.ply")?;
+    write_ply("knot.ply", &splats)?;
+    let read = read_ply("knot.ply")?;
     println!("knot.ply: {} Gaussians, the same as written: {}", read.len(), read == splats);
     print!("{}", weaver_io::info("knot.ply")?);
     Ok(())

@@ -5,11 +5,12 @@ mod weights;
 use crate::colmap::{self, CameraModel, Model, Point};
 use crate::ply::Table;
 use crate::realestate::Clip;
-use crate::{Background, Error, Image, Result, SplatPly, Transforms, Weights, read_splat, read_spz};
+use crate::{Background, Error, Image, Result, Transforms, Weights, read_ply, read_splat, read_spz};
 use std::fmt::Display;
 use std::path::Path;
-use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
+use weaver_geometry::{Camera, Pose};
+use weaver_scene::Gaussians;
 
 /// Describes a file, or a folder with a COLMAP model: its form, how much is in it, and ranges.
 ///
@@ -55,7 +56,7 @@ fn image(path: &Path) -> Result<String> {
 fn ply(path: &Path) -> Result<String> {
     let table = Table::read(path)?;
     if table.names.iter().any(|n| n == "opacity") {
-        return Ok(splats(&SplatPly::read(path)?));
+        return Ok(splats(&read_ply(path)?));
     }
     let mut lines = format!("PLY, {} vertices", table.rows);
     for (column, name) in table.names.iter().enumerate().take(20) {
@@ -65,7 +66,7 @@ fn ply(path: &Path) -> Result<String> {
     Ok(lines)
 }
 
-fn splats(splats: &SplatPly) -> String {
+fn splats(splats: &Gaussians) -> String {
     let mut lines = format!("Gaussians, {} of SH degree {}", splats.len(), splats.degree);
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {
         lines += &format!("\n{name:<8} {}", Range::of(splats.means.iter().map(|m| f64::from(m[axis]))));
@@ -80,10 +81,10 @@ fn transforms(scene: &Transforms) -> String {
     let splits = splits.map(|(name, names)| format!("{} {name}", names.len())).join(", ");
     let mut lines = format!("transforms.json, {} frames (split: {splits})", scene.frames.len());
     if let Some(frame) = scene.frames.first() {
-        let k = frame.intrinsics;
-        lines += &format!("\nfirst: {}, {}", frame.name, camera(frame.width, frame.height, [k.fx, k.fy, k.cx, k.cy]));
+        let Camera { intrinsics: k, width, height, .. } = frame.camera;
+        lines += &format!("\nfirst: {}, {}", frame.name, camera(width, height, [k.fx, k.fy, k.cx, k.cy]));
     }
-    lines + &centers(scene.frames.iter().map(|f| f.pose))
+    lines + &centers(scene.frames.iter().map(|f| f.camera.pose))
 }
 
 fn clip(clip: &Clip) -> String {

@@ -38,12 +38,12 @@ pub use folder::{check_writable, create_folder, list_files};
 pub use image::{Background, Image};
 pub use info::info;
 pub use memory::available_memory;
-pub use ply::SplatPly;
+pub use ply::{read_ply, write_ply};
 pub use splat::read_splat;
 pub use spz::read_spz;
 pub use tensor_file::TensorFile;
 pub use torch::TorchCheckpoint;
-pub use transforms::{Frame, Transforms};
+pub use transforms::Transforms;
 pub use weights::{Slice, Storage, Weight, Weights};
 pub use weights_writer::{Planned, write_weights};
 

@@ -1,10 +1,10 @@
 //! PLY files: Gaussians in the form of the reference 3DGS implementation, and plain point clouds.
 
+mod gaussians;
 mod points;
-mod splats;
 mod table;
 
+pub(crate) use gaussians::check;
+pub use gaussians::{read_ply, write_ply};
 pub use points::write_points;
-pub use splats::SplatPly;
-pub(crate) use splats::check;
 pub(crate) use table::Table;

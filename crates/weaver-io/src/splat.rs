@@ -1,9 +1,10 @@
 //! The `.splat` form of web viewers: 32 bytes for each Gaussian, no header, no view-dependent color.
 
 use crate::bytes::Bytes;
-use crate::ply::{SplatPly, check};
+use crate::ply::check;
 use crate::{Error, Result};
 use std::path::Path;
+use weaver_scene::Gaussians;
 
 /// The spherical harmonic of degree 0, `1 / (2 sqrt(pi))`.
 const SH_0: f32 = 0.282_094_8;
@@ -12,14 +13,14 @@ const RECORD: usize = 32;
 
 /// Reads a `.splat` file: position and linear scale as three floats each, RGBA and the rotation (wxyz, 128 is
 /// zero) as four bytes each.
-pub fn read_splat(path: impl AsRef<Path>) -> Result<SplatPly> {
+pub fn read_splat(path: impl AsRef<Path>) -> Result<Gaussians> {
     let path = path.as_ref();
     let mut bytes = Bytes::open(path)?;
     let size = bytes.rest().len();
     if size % RECORD != 0 {
         return Err(Error::invalid(path, "length", "a multiple of 32 bytes", size));
     }
-    let mut splats = SplatPly::default();
+    let mut splats = Gaussians::default();
     for _ in 0..size / RECORD {
         splats.means.push(bytes.f32s("a position")?);
         splats.log_scales.push(bytes.f32s("a scale")?.map(|s: f32| s.max(f32::MIN_POSITIVE).ln()));

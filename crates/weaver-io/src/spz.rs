@@ -6,12 +6,13 @@
 
 use crate::bytes::Bytes;
 use crate::file::read_bytes;
-use crate::ply::{SplatPly, check};
+use crate::ply::check;
 use crate::{Error, Result};
 use flate2::read::GzDecoder;
 use std::io::Read;
 use std::path::Path;
 use weaver_geometry::sh;
+use weaver_scene::Gaussians;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"NGSP");
 
@@ -22,7 +23,7 @@ const LARGEST_RATIO: u64 = 1040;
 const COLOR_SCALE: f32 = 0.15;
 
 /// Reads a `.spz` file of version 2 or 3. Values are as coarse as the format: 8 bits for most, 24 for positions.
-pub fn read_spz(path: impl AsRef<Path>) -> Result<SplatPly> {
+pub fn read_spz(path: impl AsRef<Path>) -> Result<Gaussians> {
     let path = path.as_ref();
     let packed = read_bytes(path)?;
     // Version 4 is not compressed as a whole: its header comes first.
@@ -38,7 +39,7 @@ pub fn read_spz(path: impl AsRef<Path>) -> Result<SplatPly> {
     unpack(path, Bytes::new(path, data))
 }
 
-fn unpack(path: &Path, mut bytes: Bytes) -> Result<SplatPly> {
+fn unpack(path: &Path, mut bytes: Bytes) -> Result<Gaussians> {
     let magic = bytes.u32("a header")?;
     if magic != MAGIC {
         return Err(bytes.invalid("NGSP at the start of the unpacked data", format!("{magic:#010x}")));
@@ -61,7 +62,7 @@ fn unpack(path: &Path, mut bytes: Bytes) -> Result<SplatPly> {
         return Err(bytes.invalid(format!("{expected} bytes for {n} Gaussians"), bytes.rest().len()));
     }
 
-    let mut splats = SplatPly { degree, ..SplatPly::default() };
+    let mut splats = Gaussians { degree, ..Gaussians::default() };
     let unit = f64::from(1u32 << fraction).recip();
     for _ in 0..n {
         let p: [u8; 9] = bytes.take("a position")?;

@@ -5,7 +5,8 @@ use crate::{Error, Image, Result, atomic_write};
 use serde_json::{Map, Value, json};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
-use weaver_geometry::{Intrinsics, Pose, axes};
+use weaver_geometry::{Camera, Intrinsics, Pose, axes};
+use weaver_scene::Frame;
 
 /// The photographs and cameras of a scene.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -18,23 +19,6 @@ pub struct Transforms {
     pub val_filenames: Vec<String>,
     /// Names of the frames to test on.
     pub test_filenames: Vec<String>,
-}
-
-/// One photograph.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Frame {
-    /// `file_path` as the JSON has it, which is what the split lists refer to.
-    pub name: String,
-    /// The image file: next to the JSON, with its extension.
-    pub file_path: PathBuf,
-    /// OpenCV world-to-camera (the JSON holds OpenGL camera-to-world).
-    pub pose: Pose,
-    /// Intrinsics for an image of `width` x `height`.
-    pub intrinsics: Intrinsics,
-    /// Image width, pixels.
-    pub width: usize,
-    /// Image height, pixels.
-    pub height: usize,
 }
 
 const DISTORTION: [&str; 6] = ["k1", "k2", "k3", "k4", "p1", "p2"];
@@ -82,7 +66,7 @@ impl Transforms {
 
     /// Writes the nerfstudio form, intrinsics in every frame, `file_path` from [`Frame::name`].
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
-        let frames: Vec<Value> = self.frames.iter().map(Frame::to_json).collect();
+        let frames: Vec<Value> = self.frames.iter().map(to_json).collect();
         let mut root = json!({ "camera_model": "PINHOLE", "frames": frames });
         let splits = [
             ("train_filenames", &self.train_filenames),
@@ -99,20 +83,19 @@ impl Transforms {
     }
 }
 
-impl Frame {
-    fn to_json(&self) -> Value {
-        let [a, b, c] = axes::to_opengl(&self.pose).rows();
-        json!({
-            "file_path": self.name,
-            "fl_x": self.intrinsics.fx,
-            "fl_y": self.intrinsics.fy,
-            "cx": self.intrinsics.cx,
-            "cy": self.intrinsics.cy,
-            "w": self.width,
-            "h": self.height,
-            "transform_matrix": [a, b, c, [0.0, 0.0, 0.0, 1.0]],
-        })
-    }
+fn to_json(frame: &Frame) -> Value {
+    let Camera { pose, intrinsics: k, width, height } = frame.camera;
+    let [a, b, c] = axes::to_opengl(&pose).rows();
+    json!({
+        "file_path": frame.name,
+        "fl_x": k.fx,
+        "fl_y": k.fy,
+        "cx": k.cx,
+        "cy": k.cy,
+        "w": width,
+        "h": height,
+        "transform_matrix": [a, b, c, [0.0, 0.0, 0.0, 1.0]],
+    })
 }
 
 /// One entry of `frames`, with the file's top level to fall back on.
@@ -133,13 +116,14 @@ impl FrameReader<'_> {
                 return Err(self.invalid("file_path", "a string", other.map_or("nothing", kind)));
             }
         };
-        let file_path = self.image_file(&name)?;
+        let path = self.image_file(&name)?;
         let (width, height) = match (self.size("w")?, self.size("h")?) {
             (Some(width), Some(height)) => (width, height),
-            _ => Image::dimensions(&file_path)?,
+            _ => Image::dimensions(&path)?,
         };
         let intrinsics = self.intrinsics(width, height)?;
-        Ok(Frame { name, file_path, pose: self.pose()?, intrinsics, width, height })
+        let camera = Camera { pose: self.pose()?, intrinsics, width, height };
+        Ok(Frame { path, ..Frame::new(name, camera) })
     }
 
     fn image_file(&self, name: &str) -> Result<PathBuf> {

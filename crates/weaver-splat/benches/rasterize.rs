@@ -6,9 +6,9 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use std::time::Duration;
 use weaver_kernels::random::Stream;
+use weaver_scene::{CameraSlices, Color, GaussianSlices};
 use weaver_splat::{
-    Cameras, Color, Cotangents, Gaussians, Gradients, Images, RasterSettings, Stages, Target, Workspace, rasterize,
-    rasterize_backward,
+    Cotangents, Gradients, Images, RasterSettings, Stages, Target, Workspace, rasterize, rasterize_backward,
 };
 
 /// Gaussians of about a pixel and a half in a frustum; plain arrays, reused by every iteration.
@@ -66,7 +66,7 @@ impl Load {
     }
 
     fn run(&mut self, backward: bool) {
-        let gaussians = Gaussians {
+        let gaussians = GaussianSlices {
             means: &self.means,
             quats: &self.quats,
             scales: &self.scales,
@@ -74,7 +74,7 @@ impl Load {
             color: Color::Sh { coefficients: &self.colors, degree: self.degree },
             features: None,
         };
-        let cameras = Cameras {
+        let cameras = CameraSlices {
             viewmats: &self.viewmats,
             intrinsics: &self.intrinsics,
             background: &[0.0; 3],

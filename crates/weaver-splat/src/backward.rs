@@ -6,10 +6,10 @@
 use crate::draw::values;
 use crate::each::each;
 use crate::gradients::Cotangents;
-use crate::scene::Features;
 use crate::splat::slot;
 use crate::window::{Hit, Plane, Visitor, Window};
 use weaver_kernels::lanes::{LANES, Lanes, Row};
+use weaver_scene::Features;
 
 /// Where the sums of a splat over pixels are, in a row of [`LANES`]; g = alpha dL/dalpha where alpha is not capped, w =
 /// alpha T.

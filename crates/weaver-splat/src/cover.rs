@@ -4,13 +4,14 @@
 //! pixel decides for itself, so that tiles leave no trace in an image.
 
 use crate::project::{Coefficients, splats};
-use crate::scene::{Extent, Gaussians, RasterSettings, Viewpoint};
+use crate::scene::{Extent, RasterSettings, Viewpoint};
 use crate::splat::{Outline, Splat};
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, LaneKernel, LaneMask, Lanes};
 use weaver_kernels::simd::prefetch;
+use weaver_scene::GaussianSlices;
 
 /// The tiles of one view.
 #[derive(Clone, Copy, Debug)]
@@ -102,7 +103,7 @@ impl Chunk {
 pub(crate) struct Cover<'a, T> {
     pub view: &'a Viewpoint<T>,
     pub settings: &'a RasterSettings,
-    pub gaussians: &'a Gaussians<'a, T>,
+    pub gaussians: &'a GaussianSlices<'a, T>,
     pub grid: &'a Grid,
     /// The first Gaussian; as many as there are splats follow.
     pub first: usize,

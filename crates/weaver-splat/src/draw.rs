@@ -1,10 +1,10 @@
 //! Drawing a window: color, depth and features summed front to back.
 
 use crate::each::each;
-use crate::scene::Features;
 use crate::splat::slot;
 use crate::window::{Hit, Plane, Visitor};
 use weaver_kernels::lanes::{LANES, Lanes, Row};
+use weaver_scene::Features;
 
 /// Planes of a window: transmittance, red, green, blue, depth if asked for, features.
 pub(crate) fn planes(depth: bool, channels: usize) -> usize {

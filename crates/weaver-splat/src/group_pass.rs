@@ -6,7 +6,7 @@ use crate::each::each;
 use crate::gradients::{self, Gradients, Target};
 use crate::project::{Coefficients, Group, footprint};
 use crate::project_backward::{CAMERA_SUMS, GroupGradient, splat_backward};
-use crate::scene::{Cameras, Color, Extent, Gaussians, RasterSettings};
+use crate::scene::{Extent, RasterSettings, Viewpoint};
 use crate::sh;
 use crate::splat::{BITS, prefetch_rows, put_columns, put_wide_columns, wide_columns};
 use crate::workspace::Workspace;
@@ -15,12 +15,13 @@ use std::sync::atomic::Ordering::Relaxed;
 use weaver_kernels::lanes::{self, LANES, LaneKernel, LaneMask, Lanes, Row};
 use weaver_kernels::simd::prefetch;
 use weaver_kernels::{Real, parallel};
+use weaver_scene::{CameraSlices, Color, GaussianSlices};
 
 /// What the pass works on.
 #[derive(Clone, Copy)]
 pub(crate) struct GroupPass<'a, T> {
-    pub gaussians: &'a Gaussians<'a, T>,
-    pub cameras: &'a Cameras<'a, T>,
+    pub gaussians: &'a GaussianSlices<'a, T>,
+    pub cameras: &'a CameraSlices<'a, T>,
     pub settings: &'a RasterSettings,
     pub extent: &'a Extent,
     pub workspace: &'a Workspace<T>,
@@ -213,7 +214,7 @@ impl<T: Real> LaneKernel<T> for ChunkPass<'_, T> {
                 if drawn.bits() == 0 {
                     continue;
                 }
-                let view = cameras.view(v).in_lanes::<V>();
+                let view = Viewpoint::of(cameras, v).in_lanes::<V>();
                 let shape = footprint(&view, settings, &group);
                 let mut dsight = [V::zero(); 3];
                 let dcolor = each!(3, |i| moments[moment::COLOR + i]);

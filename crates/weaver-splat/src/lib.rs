@@ -38,7 +38,7 @@ pub use gradients::{Cotangents, Gradients, Target};
 pub use op::{CameraVars, GaussianVars, Rasterize, RenderedVars, WorkspacePool};
 pub use rasterize::{Images, RasterStats, rasterize};
 pub use rasterize_backward::rasterize_backward;
-pub use scene::{Cameras, Color, Features, Gaussians, RasterError, RasterSettings, TileSide};
+pub use scene::{RasterError, RasterSettings, TileSide};
 pub use sh::MAX_DEGREE;
 pub use workspace::{Stages, Workspace};
 

@@ -4,12 +4,13 @@ use crate::depth::LEAST_ALPHA;
 use crate::gradients::{Cotangents, Gradients, Target};
 use crate::rasterize::{Images, rasterize};
 use crate::rasterize_backward::rasterize_backward;
-use crate::scene::{Cameras, Color, Features, Gaussians, RasterSettings};
+use crate::scene::RasterSettings;
 use crate::sh::MAX_DEGREE;
 use crate::workspace::Workspace;
 use std::sync::{Arc, Mutex, PoisonError};
 use weaver_autograd::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::Real;
+use weaver_scene::{CameraSlices, Color, Features, GaussianSlices};
 
 /// Workspaces that are kept from step to step. Cloning shares the pool.
 ///
@@ -163,14 +164,14 @@ impl<T: Real> Rasterize<T> {
         (RenderedVars { image, alpha, depth, counts }, features)
     }
 
-    fn scene<'a>(&self, ins: &[View<'a, T>]) -> (Gaussians<'a, T>, Cameras<'a, T>) {
+    fn scene<'a>(&self, ins: &[View<'a, T>]) -> (GaussianSlices<'a, T>, CameraSlices<'a, T>) {
         let colors = ins[4];
         let color = match colors.shape().rank() {
             2 if colors.shape()[1] == 0 => Color::None,
             2 => Color::Plain(colors.data()),
             _ => Color::Sh { coefficients: colors.data(), degree: degree_of(colors.shape()[1]).unwrap_or(0) },
         };
-        let gaussians = Gaussians {
+        let gaussians = GaussianSlices {
             means: ins[0].data(),
             quats: ins[1].data(),
             scales: ins[2].data(),
@@ -178,7 +179,7 @@ impl<T: Real> Rasterize<T> {
             color,
             features: ins.get(8).map(|f| Features { values: f.data(), channels: f.shape()[1] }),
         };
-        let cameras = Cameras {
+        let cameras = CameraSlices {
             viewmats: ins[5].data(),
             intrinsics: ins[6].data(),
             background: ins[7].data(),

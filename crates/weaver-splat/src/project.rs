@@ -7,11 +7,12 @@
 use crate::each::each;
 use crate::matrix::{Mat23, Mat33, Vec3, apply, cross, dot, product};
 use crate::rotation::rotation;
-use crate::scene::{ALPHA_MIN, Color, Gaussians, RATIO_FLOOR, RasterSettings, Viewpoint};
+use crate::scene::{ALPHA_MIN, RATIO_FLOOR, RasterSettings, Viewpoint};
 use crate::sh;
 use crate::splat::{BITS, columns, prefetch_rows, slot, wide_columns};
 use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
+use weaver_scene::{Color, GaussianSlices};
 
 /// Room for the coefficients of the largest degree in columns.
 pub(crate) type Coefficients<V> = [V; (3 * sh::MAX_TERMS).next_multiple_of(LANES)];
@@ -28,7 +29,7 @@ pub(crate) struct Group<V> {
 impl<V: Lanes> Group<V> {
     /// Gaussians `first..first + count`; lanes beyond repeat the last.
     #[inline(always)]
-    pub fn load(gaussians: &Gaussians<'_, V::Scalar>, first: usize, count: usize) -> Self {
+    pub fn load(gaussians: &GaussianSlices<'_, V::Scalar>, first: usize, count: usize) -> Self {
         let [opacity] = columns(gaussians.opacities, first, count);
         Self {
             mean: columns(gaussians.means, first, count),
@@ -179,7 +180,7 @@ pub(crate) struct Splats<V: Lanes> {
 pub(crate) fn splats<V: Lanes>(
     view: &Viewpoint<V>,
     settings: &RasterSettings,
-    gaussians: &Gaussians<'_, V::Scalar>,
+    gaussians: &GaussianSlices<'_, V::Scalar>,
     (first, count): (usize, usize),
     coefficients: &mut Coefficients<V>,
 ) -> Splats<V> {

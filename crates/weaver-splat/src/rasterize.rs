@@ -2,7 +2,7 @@
 
 use crate::cover::{Chunk, Cover, GRAIN, Grid};
 use crate::draw::{Draw, planes};
-use crate::scene::{Cameras, Color, Extent, Features, Gaussians, RasterError, RasterSettings, expect_len, extent};
+use crate::scene::{Extent, RasterError, RasterSettings, Viewpoint, expect_len, extent};
 use crate::sort::sort;
 use crate::splat::Splat;
 use crate::window::{BLOCK, Plane, SIDE, Window, Work, traverse};
@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use std::time::Instant;
 use weaver_kernels::lanes::{self, LaneKernel, Lanes};
 use weaver_kernels::{Real, parallel};
+use weaver_scene::{CameraSlices, Color, Features, GaussianSlices};
 
 /// Where the images go.
 #[derive(Debug)]
@@ -50,7 +51,7 @@ pub struct RasterStats {
 /// frustum widened by 30 % of half its size. Alphas below 1/255 are skipped. `w_i = alpha_i T_i`, `T_i` the product
 /// of `1 - alpha_j` over the splats in front; a pixel ends before the splat that would bring T to 1e-4 or less.
 ///
-/// Shapes are with the fields of [`Gaussians`], [`Cameras`] and [`Images`]. `workspace` keeps what
+/// Shapes are with the fields of [`GaussianSlices`], [`CameraSlices`] and [`Images`]. `workspace` keeps what
 /// [`rasterize_backward`](crate::rasterize_backward) needs. Images have the same bits at any number of threads and
 /// any tile side.
 ///
@@ -69,8 +70,9 @@ pub struct RasterStats {
 /// gsplat 1.4.0 but for its bounding boxes: a splat is seen wherever its alpha reaches 1/255.
 ///
 /// ```
-/// use weaver_splat::{Cameras, Color, Gaussians, Images, RasterSettings, Workspace, rasterize};
-/// let gaussians = Gaussians {
+/// use weaver_scene::{CameraSlices, Color, GaussianSlices};
+/// use weaver_splat::{Images, RasterSettings, Workspace, rasterize};
+/// let gaussians = GaussianSlices {
 ///     means: &[0.0_f32, 0.0, 2.0],
 ///     quats: &[1.0, 0.0, 0.0, 0.0],
 ///     scales: &[0.5, 0.5, 0.5],
@@ -78,7 +80,7 @@ pub struct RasterStats {
 ///     color: Color::Plain(&[1.0, 0.5, 0.0]),
 ///     features: None,
 /// };
-/// let cameras = Cameras {
+/// let cameras = CameraSlices {
 ///     viewmats: &[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0],
 ///     intrinsics: &[10.0, 10.0, 1.5, 1.5],
 ///     background: &[0.0; 3],
@@ -93,8 +95,8 @@ pub struct RasterStats {
 /// # Ok::<(), weaver_splat::RasterError>(())
 /// ```
 pub fn rasterize<T: Real>(
-    gaussians: &Gaussians<'_, T>,
-    cameras: &Cameras<'_, T>,
+    gaussians: &GaussianSlices<'_, T>,
+    cameras: &CameraSlices<'_, T>,
     settings: &RasterSettings,
     workspace: &mut Workspace<T>,
     images: Images<'_, T>,
@@ -132,7 +134,11 @@ pub fn rasterize<T: Real>(
     })
 }
 
-fn check<T: Real>(gaussians: &Gaussians<'_, T>, extent: &Extent, images: &Images<'_, T>) -> Result<(), RasterError> {
+fn check<T: Real>(
+    gaussians: &GaussianSlices<'_, T>,
+    extent: &Extent,
+    images: &Images<'_, T>,
+) -> Result<(), RasterError> {
     let pixels = extent.views * extent.width * extent.height;
     let color = usize::from(!matches!(gaussians.color, Color::None));
     expect_len("image", images.image.len(), 3 * pixels * color)?;
@@ -144,8 +150,8 @@ fn check<T: Real>(gaussians: &Gaussians<'_, T>, extent: &Extent, images: &Images
 
 /// Fills `splats`, `keys` and `chunks`.
 fn project<T: Real>(
-    gaussians: &Gaussians<'_, T>,
-    cameras: &Cameras<'_, T>,
+    gaussians: &GaussianSlices<'_, T>,
+    cameras: &CameraSlices<'_, T>,
     settings: &RasterSettings,
     extent: &Extent,
     workspace: &mut Workspace<T>,
@@ -161,7 +167,7 @@ fn project<T: Real>(
     grown(sorted, views * per_view);
     let keys = grown(keys, views * per_view).chunks_mut(per_view.max(1));
     for (v, (chunks, (splats, keys))) in chunks_of_views.zip(splats.zip(keys)).enumerate() {
-        let view = cameras.view(v);
+        let view = Viewpoint::of(cameras, v);
         let parts = (chunks, splats.par_chunks_mut(GRAIN), keys.par_chunks_mut(GRAIN));
         parts.into_par_iter().enumerate().for_each(|(i, (chunk, splats, keys))| {
             let first = i * GRAIN;
@@ -232,7 +238,7 @@ impl<T: Real, const C: usize, const MORE: bool> LaneKernel<T> for DrawTile<'_, T
 }
 
 fn blend<T: Real, const C: usize, const MORE: bool>(
-    gaussians: &Gaussians<'_, T>,
+    gaussians: &GaussianSlices<'_, T>,
     settings: &RasterSettings,
     extent: &Extent,
     workspace: &mut Workspace<T>,
@@ -260,7 +266,7 @@ fn blend<T: Real, const C: usize, const MORE: bool>(
 }
 
 /// Puts the windows together and adds the background.
-fn assemble<T: Real>(cameras: &Cameras<'_, T>, extent: &Extent, workspace: &Workspace<T>, images: Images<'_, T>) {
+fn assemble<T: Real>(cameras: &CameraSlices<'_, T>, extent: &Extent, workspace: &Workspace<T>, images: Images<'_, T>) {
     let channels = extent.channels;
     let image = Assembly { extent, grid: Grid::new(extent), planes: &workspace.planes };
     image.run(images.alpha, 1, |_, window, block, lane, out| {

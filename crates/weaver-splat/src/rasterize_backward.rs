@@ -8,7 +8,7 @@ use crate::group_pass::GroupPass;
 use crate::lists::Lists;
 use crate::project_backward::{CAMERA_SUMS, camera_gradient};
 use crate::rasterize::{windows_of, windows_per_tile};
-use crate::scene::{Cameras, Extent, Features, Gaussians, RasterError, RasterSettings, expect_len, extent};
+use crate::scene::{Extent, RasterError, RasterSettings, Viewpoint, expect_len, extent};
 use crate::splat::Splat;
 use crate::window::{Plane, traverse};
 use crate::workspace::{Workspace, grown};
@@ -17,6 +17,7 @@ use std::sync::atomic::AtomicU32;
 use std::time::Instant;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes, Row};
+use weaver_scene::{CameraSlices, Features, GaussianSlices};
 
 /// Gradients of everything that [`rasterize`](crate::rasterize) was given, from those of image, alpha and depth.
 ///
@@ -33,8 +34,8 @@ use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes, Row};
 ///
 /// Lengths that do not fit, or a workspace whose last forward had other sizes or settings.
 pub fn rasterize_backward<T: Real>(
-    gaussians: &Gaussians<'_, T>,
-    cameras: &Cameras<'_, T>,
+    gaussians: &GaussianSlices<'_, T>,
+    cameras: &CameraSlices<'_, T>,
     settings: &RasterSettings,
     workspace: &mut Workspace<T>,
     cotangents: &Cotangents<'_, T>,
@@ -70,7 +71,7 @@ pub fn rasterize_backward<T: Real>(
 }
 
 fn check<T: Real>(
-    cameras: &Cameras<'_, T>,
+    cameras: &CameraSlices<'_, T>,
     extent: &Extent,
     cotangents: &Cotangents<'_, T>,
     gradients: &Gradients<'_, T>,
@@ -153,8 +154,8 @@ impl<T: Real, const C: usize, const MORE: bool> LaneKernel<T> for UndoTile<'_, T
 
 /// Runs [`UndoTile`] on each tile; a tile owns its entries' sums.
 fn undo_tiles<T: Real, const C: usize, const MORE: bool>(
-    gaussians: &Gaussians<'_, T>,
-    cameras: &Cameras<'_, T>,
+    gaussians: &GaussianSlices<'_, T>,
+    cameras: &CameraSlices<'_, T>,
     settings: &RasterSettings,
     extent: &Extent,
     cotangents: &Cotangents<'_, T>,
@@ -243,7 +244,7 @@ pub(crate) fn for_tiles<P: TileParts>(lists: &Lists, tiles: Range<usize>, parts:
 
 /// Sums the tiles' parts, in order.
 fn background_gradient<T: Real>(
-    cameras: &Cameras<'_, T>,
+    cameras: &CameraSlices<'_, T>,
     extent: &Extent,
     sums: &[[T; 3]],
     gradients: &mut Gradients<'_, T>,
@@ -261,7 +262,7 @@ fn background_gradient<T: Real>(
 
 /// Sums the chunks' parts, in order, and turns them into gradients of matrices and intrinsics.
 fn camera_gradients<T: Real>(
-    cameras: &Cameras<'_, T>,
+    cameras: &CameraSlices<'_, T>,
     extent: &Extent,
     sums: &[Row<T>],
     gradients: &mut Gradients<'_, T>,
@@ -275,7 +276,7 @@ fn camera_gradients<T: Real>(
                 *total += row.0.iter().map(|x| x.to_f64()).sum::<f64>();
             }
         }
-        let (matrix, intrinsics) = camera_gradient(&cameras.view(v), &total);
+        let (matrix, intrinsics) = camera_gradient(&Viewpoint::of(cameras, v), &total);
         if let Some(target) = &mut gradients.viewmats {
             (0..matrix_len).for_each(|i| target.put(v * matrix_len + i, matrix.get(i).copied().unwrap_or(T::ZERO)));
         }

@@ -3,11 +3,10 @@
 //! threads.
 
 use crate::gradients::Cotangents;
-use crate::scene::{
-    ALPHA_MIN, Cameras, Color, Gaussians, RATIO_FLOOR, RasterError, RasterSettings, TRANSMITTANCE_END, extent,
-};
+use crate::scene::{ALPHA_MIN, RATIO_FLOOR, RasterError, RasterSettings, TRANSMITTANCE_END, extent};
 use crate::sh;
 use weaver_autograd::Dual;
+use weaver_scene::{CameraSlices, Color, GaussianSlices};
 
 /// Variables of a projection: mean 3, quaternion 4, scale 3, opacity 1, view matrix 12, intrinsics 4.
 const VARIABLES: usize = 27;
@@ -23,7 +22,7 @@ struct Gaussian<'a> {
 }
 
 impl<'a> Gaussian<'a> {
-    fn of(gaussians: &Gaussians<'a, f64>, n: usize) -> Self {
+    fn of(gaussians: &GaussianSlices<'a, f64>, n: usize) -> Self {
         let (values, len) = gaussians.color.values();
         Self {
             mean: std::array::from_fn(|i| gaussians.means[3 * n + i]),
@@ -235,8 +234,8 @@ impl Seen {
 
 /// All that view `v` sees, in drawing order.
 fn see_all(
-    gaussians: &Gaussians<'_, f64>,
-    cameras: &Cameras<'_, f64>,
+    gaussians: &GaussianSlices<'_, f64>,
+    cameras: &CameraSlices<'_, f64>,
     settings: &RasterSettings,
     v: usize,
 ) -> Vec<Seen> {
@@ -287,7 +286,7 @@ fn blend(seen: &[Seen], settings: &RasterSettings, x: f64, y: f64) -> (Vec<Touch
 }
 
 /// The features of what a pixel looks at.
-fn features_of<'a>(gaussians: &Gaussians<'a, f64>, seen: &Seen) -> &'a [f64] {
+fn features_of<'a>(gaussians: &GaussianSlices<'a, f64>, seen: &Seen) -> &'a [f64] {
     gaussians.features.map_or(&[], |features| features.of(seen.index))
 }
 
@@ -297,8 +296,8 @@ fn features_of<'a>(gaussians: &Gaussians<'a, f64>, seen: &Seen) -> &'a [f64] {
 ///
 /// Arguments whose lengths do not fit together.
 pub fn rasterize(
-    gaussians: &Gaussians<'_, f64>,
-    cameras: &Cameras<'_, f64>,
+    gaussians: &GaussianSlices<'_, f64>,
+    cameras: &CameraSlices<'_, f64>,
     settings: &RasterSettings,
 ) -> Result<Rendered, RasterError> {
     let extent = extent(gaussians, cameras, settings, true)?;
@@ -336,8 +335,8 @@ pub fn rasterize(
 ///
 /// Arguments whose lengths do not fit together.
 pub fn rasterize_backward(
-    gaussians: &Gaussians<'_, f64>,
-    cameras: &Cameras<'_, f64>,
+    gaussians: &GaussianSlices<'_, f64>,
+    cameras: &CameraSlices<'_, f64>,
     settings: &RasterSettings,
     cotangents: &Cotangents<'_, f64>,
 ) -> Result<RenderedBackward, RasterError> {

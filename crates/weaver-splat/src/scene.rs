@@ -1,4 +1,4 @@
-//! What is drawn, from where, and by which settings.
+//! From where and by which settings is drawn, and whether the arguments of a call fit together.
 
 use crate::each::each;
 use crate::matrix::{self, Mat33, Vec3};
@@ -6,118 +6,7 @@ use crate::sh;
 use std::fmt;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::Lanes;
-
-/// The Gaussians of a scene, as structure of arrays. `N` is the number of Gaussians.
-#[derive(Clone, Copy, Debug)]
-pub struct Gaussians<'a, T> {
-    /// Centers in world units, `[N, 3]`.
-    pub means: &'a [T],
-    /// Rotations from the Gaussian's axes to the world's, quaternions in wxyz order, of any length but zero, `[N, 4]`.
-    pub quats: &'a [T],
-    /// Standard deviations along the Gaussian's axes in world units (not their logarithms), `[N, 3]`.
-    pub scales: &'a [T],
-    /// Opacities in `[0, 1]` (not their logits), `[N]`.
-    pub opacities: &'a [T],
-    /// Colors.
-    pub color: Color<'a, T>,
-    /// Further numbers to blend, if any.
-    pub features: Option<Features<'a, T>>,
-}
-
-/// Numbers of any meaning that are blended as colors are, over a background of zeros.
-#[derive(Clone, Copy, Debug)]
-pub struct Features<'a, T> {
-    /// `[N, C]`
-    pub values: &'a [T],
-    /// C.
-    pub channels: usize,
-}
-
-impl<'a, T> Features<'a, T> {
-    /// Those of Gaussian `n`.
-    #[inline(always)]
-    pub(crate) fn of(&self, n: usize) -> &'a [T] {
-        &self.values[n * self.channels..][..self.channels]
-    }
-}
-
-/// The colors of the Gaussians.
-#[derive(Clone, Copy, Debug)]
-pub enum Color<'a, T> {
-    /// None: there is no image, only alpha and what else is asked for.
-    None,
-    /// The same from all sides, `[N, 3]`, not clamped.
-    Plain(&'a [T]),
-    /// Spherical harmonics in world axes, `[N, K, 3]` with K = (degree + 1)^2; the color seen along the direction
-    /// from the camera center to the mean is `max(sum of basis times coefficient + 0.5, 0)`.
-    Sh {
-        /// `[N, K, 3]`.
-        coefficients: &'a [T],
-        /// 0 to 4.
-        degree: usize,
-    },
-}
-
-impl<'a, T> Color<'a, T> {
-    /// All numbers, and how many belong to one Gaussian.
-    pub(crate) fn values(&self) -> (&'a [T], usize) {
-        match *self {
-            Color::None => (&[], 0),
-            Color::Plain(values) => (values, 3),
-            Color::Sh { coefficients, degree } => (coefficients, 3 * (degree + 1) * (degree + 1)),
-        }
-    }
-}
-
-/// `V` pinhole cameras with images of one size.
-#[derive(Clone, Copy, Debug)]
-pub struct Cameras<'a, T> {
-    /// World to camera, OpenCV axes, `[V, 3, 4]` or `[V, 4, 4]` (the last row is not read): p = A m + t. A and t are
-    /// twelve free numbers; nothing assumes that A is a rotation.
-    pub viewmats: &'a [T],
-    /// fx, fy, cx, cy in pixels, pixel centers at +0.5, `[V, 4]`.
-    pub intrinsics: &'a [T],
-    /// What is seen where nothing is, `[V, 3]`, or `[3]` for all views.
-    pub background: &'a [T],
-    /// Image width in pixels.
-    pub width: usize,
-    /// Image height in pixels.
-    pub height: usize,
-}
-
-impl<T: Real> Cameras<'_, T> {
-    /// Number of views.
-    pub fn views(&self) -> usize {
-        self.intrinsics.len() / 4
-    }
-
-    /// Numbers of one view's matrix, 12 or 16.
-    pub(crate) fn matrix_len(&self) -> usize {
-        self.viewmats.len() / self.views().max(1)
-    }
-
-    /// The background of view `v`.
-    pub(crate) fn background_of(&self, v: usize) -> Vec3<T> {
-        let at = if self.background.len() == 3 { 0 } else { 3 * v };
-        [self.background[at], self.background[at + 1], self.background[at + 2]]
-    }
-
-    /// View `v`, ready to project with.
-    pub(crate) fn view(&self, v: usize) -> Viewpoint<T> {
-        let m = &self.viewmats[v * self.matrix_len()..];
-        let k = &self.intrinsics[4 * v..];
-        let axes: Mat33<T> = std::array::from_fn(|i| std::array::from_fn(|j| m[4 * i + j]));
-        let shift: Vec3<T> = std::array::from_fn(|i| m[4 * i + 3]);
-        let center = matrix::apply(&matrix::inverse(&axes), shift.map(|x| -x.to_f64())).map(T::from_f64);
-        let (focal, principal) = ([k[0], k[1]], [k[2], k[3]]);
-        let size = [T::from_usize(self.width), T::from_usize(self.height)];
-        // The frustum, widened by 30 % of half its size, bounds x/z and y/z in the Jacobian.
-        let margin = T::from_f64(0.15);
-        let low = std::array::from_fn(|i| -(principal[i] + margin * size[i]) / focal[i]);
-        let high = std::array::from_fn(|i| (size[i] - principal[i] + margin * size[i]) / focal[i]);
-        Viewpoint { axes, shift, center, focal, principal, low, high }
-    }
-}
+use weaver_scene::{CameraSlices, Color, GaussianSlices};
 
 /// One camera, in numbers or in lanes that all hold the same.
 #[derive(Clone, Copy, Debug)]
@@ -139,6 +28,22 @@ pub(crate) struct Viewpoint<X> {
 }
 
 impl<T: Real> Viewpoint<T> {
+    /// View `v` of the cameras, ready to project with.
+    pub fn of(cameras: &CameraSlices<'_, T>, v: usize) -> Self {
+        let m = &cameras.viewmats[v * cameras.matrix_len()..];
+        let k = &cameras.intrinsics[4 * v..];
+        let axes: Mat33<T> = std::array::from_fn(|i| std::array::from_fn(|j| m[4 * i + j]));
+        let shift: Vec3<T> = std::array::from_fn(|i| m[4 * i + 3]);
+        let center = matrix::apply(&matrix::inverse(&axes), shift.map(|x| -x.to_f64())).map(T::from_f64);
+        let (focal, principal) = ([k[0], k[1]], [k[2], k[3]]);
+        let size = [T::from_usize(cameras.width), T::from_usize(cameras.height)];
+        // The frustum, widened by 30 % of half its size, bounds x/z and y/z in the Jacobian.
+        let margin = T::from_f64(0.15);
+        let low = std::array::from_fn(|i| -(principal[i] + margin * size[i]) / focal[i]);
+        let high = std::array::from_fn(|i| (size[i] - principal[i] + margin * size[i]) / focal[i]);
+        Self { axes, shift, center, focal, principal, low, high }
+    }
+
     /// The same in all lanes.
     #[inline(always)]
     pub fn in_lanes<V: Lanes<Scalar = T>>(&self) -> Viewpoint<V> {
@@ -276,8 +181,8 @@ pub(crate) fn expect_len(name: &str, length: usize, expected: usize) -> Result<(
 
 /// Checks that everything fits together.
 pub(crate) fn extent<T: Real>(
-    gaussians: &Gaussians<'_, T>,
-    cameras: &Cameras<'_, T>,
+    gaussians: &GaussianSlices<'_, T>,
+    cameras: &CameraSlices<'_, T>,
     settings: &RasterSettings,
     depth: bool,
 ) -> Result<Extent, RasterError> {

@@ -24,8 +24,9 @@ impl<T: Real> Workspace<T> {
     /// A workspace that nothing was drawn with, or whose last drawing failed.
     ///
     /// ```
-    /// # use weaver_splat::{Cameras, Color, Gaussians, Images, RasterSettings, Workspace, rasterize};
-    /// # let gaussians = Gaussians {
+    /// # use weaver_scene::{CameraSlices, Color, GaussianSlices};
+    /// # use weaver_splat::{Images, RasterSettings, Workspace, rasterize};
+    /// # let gaussians = GaussianSlices {
     /// #     means: &[0.0_f32, 0.0, 2.0],
     /// #     quats: &[1.0, 0.0, 0.0, 0.0],
     /// #     scales: &[0.5, 0.5, 0.5],
@@ -33,7 +34,7 @@ impl<T: Real> Workspace<T> {
     /// #     color: Color::None,
     /// #     features: None,
     /// # };
-    /// # let cameras = Cameras {
+    /// # let cameras = CameraSlices {
     /// #     viewmats: &[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0],
     /// #     intrinsics: &[10.0, 10.0, 0.5, 0.5],
     /// #     background: &[0.0; 3],

@@ -99,29 +99,6 @@ pub fn push_planar(planes: &mut Vec<f32>, image: &Image) {
     }
 }
 
-/// World-to-camera matrices `[V, 3, 4]`.
-pub fn w2c_rows(cameras: impl IntoIterator<Item = Pose>) -> Vec<f32> {
-    cameras.into_iter().flat_map(|pose| w2c_row(&pose)).collect()
-}
-
-/// The world-to-camera matrix `[3, 4]` of a pose.
-pub fn w2c_row(pose: &Pose) -> [f32; 12] {
-    let r = pose.rotation.to_cols_array_2d();
-    let t = pose.translation.to_array();
-    std::array::from_fn(|at| if at % 4 == 3 { t[at / 4] } else { r[at % 4][at / 4] } as f32)
-}
-
-/// Intrinsics `[V, 4]`: fx, fy, cx, cy in pixels.
-pub fn intrinsics_rows<'a>(cameras: impl IntoIterator<Item = &'a Camera>) -> Vec<f32> {
-    cameras.into_iter().flat_map(intrinsics_row).collect()
-}
-
-/// The intrinsics `[4]` of a camera: fx, fy, cx, cy in pixels.
-pub fn intrinsics_row(camera: &Camera) -> [f32; 4] {
-    let k = camera.intrinsics;
-    [k.fx, k.fy, k.cx, k.cy].map(|x| x as f32)
-}
-
 /// The pose code `[9]` of a camera: translation, quaternion xyzw with w >= 0, field of view (vertical, horizontal).
 pub fn pose_code(camera: &Camera) -> [f32; 9] {
     let [w, x, y, z] = camera.pose.wxyz();

@@ -1,7 +1,7 @@
 //! From photos to a scene on disk: Gaussians, cameras, renders, depth and expert maps.
 
 use crate::batch::push_planar;
-use crate::predictor::{CameraSource, Prediction, Predictor, Splats};
+use crate::predictor::{CameraSource, Prediction, Predictor};
 use crate::samples::{depth_picture, expert_picture, row, stack};
 use crate::{Cameras, Checkpoint, Error, RunFolder, evaluate};
 use std::collections::BTreeMap;
@@ -9,9 +9,10 @@ use std::path::{Path, PathBuf};
 use weaver_data::capture::{self, Crop};
 use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_io::colmap::{CameraModel, ImageRecord, Model};
-use weaver_io::{Frame, Image, SplatPly, Transforms};
+use weaver_io::{Image, Transforms};
 use weaver_kernels::random::Stream;
 use weaver_router::AllocationKind;
+use weaver_scene::Frame;
 
 /// How to infer; what is `None` is taken from the run's configuration.
 #[derive(Clone, Debug, Default)]
@@ -126,7 +127,7 @@ pub(crate) fn write(
         rows.push(row(photo, render, prediction, v));
     }
     stack(&rows.iter().collect::<Vec<_>>()).write_png(out.join("overview.png"))?;
-    splat_ply(&prediction.splats).write(out.join("scene.ply"))?;
+    weaver_io::write_ply(out.join("scene.ply"), &prediction.splats.to_stored())?;
     write_cameras(out, &names, &prediction.cameras)
 }
 
@@ -172,37 +173,9 @@ fn unique_names(paths: &[PathBuf]) -> Vec<String> {
         .collect()
 }
 
-/// Gaussians in the stored form of a 3DGS PLY: logarithms of scales, logits of opacities.
-pub fn splat_ply(splats: &Splats) -> SplatPly {
-    let three = |x: &[f32]| -> Vec<[f32; 3]> { x.as_chunks().0.to_vec() };
-    let scales: Vec<f32> = splats.scales.iter().map(|s| s.max(1e-12).ln()).collect();
-    let logit = |p: &f32| {
-        let p = f64::from(*p).clamp(1e-6, 1.0 - 1e-6);
-        (p / (1.0 - p)).ln() as f32
-    };
-    SplatPly {
-        means: three(&splats.means),
-        log_scales: three(&scales),
-        quats: splats.quats.as_chunks().0.to_vec(),
-        opacity_logits: splats.opacities.iter().map(logit).collect(),
-        sh: splats.sh.clone(),
-        degree: splats.degree,
-    }
-}
-
 fn transforms(names: &[String], cameras: &[Camera], out: &Path) -> Transforms {
-    let frames = names
-        .iter()
-        .zip(cameras)
-        .map(|(name, camera)| Frame {
-            name: name.clone(),
-            file_path: out.join(name),
-            pose: camera.pose,
-            intrinsics: camera.intrinsics,
-            width: camera.width,
-            height: camera.height,
-        })
-        .collect();
+    let frame = |(name, camera): (&String, &Camera)| Frame { path: out.join(name), ..Frame::new(name, *camera) };
+    let frames = names.iter().zip(cameras).map(frame).collect();
     Transforms { frames, ..Transforms::default() }
 }
 
@@ -231,7 +204,8 @@ fn read_cameras(file: &Path, photos: &[PathBuf], width: usize, height: usize) ->
         }
     } else {
         for frame in Transforms::read_cameras(file)?.frames {
-            known.insert(base(&frame.name), (frame.pose, frame.intrinsics, frame.width, frame.height));
+            let Camera { pose, intrinsics, width, height } = frame.camera;
+            known.insert(base(&frame.name), (pose, intrinsics, width, height));
         }
     }
     let cameras = photos

@@ -25,7 +25,7 @@ pub use error::Error;
 pub use evaluation::{Evaluation, SceneFigures, Summary};
 pub use objective::{Objective, Terms};
 pub use observe::{Observer, StepReport};
-pub use predictor::{CameraSource, Prediction, Predictor, Splats, render};
+pub use predictor::{CameraSource, Prediction, Predictor, render};
 pub use probe::{Rehearsal, StageMemory};
 pub use run_folder::RunFolder;
 pub use session::Session;

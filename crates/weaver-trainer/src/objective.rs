@@ -1,6 +1,6 @@
 //! The loss of one step: what is computed for a stage's tuples, and its terms by name.
 
-use crate::batch::{Batch, intrinsics_row, pose_code, rotation_row, translation_row, w2c_row};
+use crate::batch::{Batch, pose_code, rotation_row, translation_row};
 use crate::{BudgetForm, Cameras, StageConfig};
 use smallvec::SmallVec;
 use weaver_autograd::{List, Shape, Var};
@@ -11,6 +11,7 @@ use weaver_model::{Dense, Encoded, SplatWeaver, Woven};
 use weaver_nn::Context;
 use weaver_pose::Cameras as CameraVars;
 use weaver_router::Allocation;
+use weaver_scene::{intrinsics_row, viewmat};
 use weaver_splat::{CameraVars as RasterCameras, GaussianVars, RasterSettings, Rasterize, WorkspacePool};
 
 /// How many terms there are at most.
@@ -245,7 +246,7 @@ impl Objective<'_> {
 /// The data's cameras as constants.
 fn given<'t>(cx: Context<'t, '_, f32>, cameras: &[weaver_geometry::Camera]) -> CameraVars<'t> {
     CameraVars {
-        w2c: rows(cx, cameras.iter().map(|c| w2c_row(&c.pose)), [cameras.len(), 3, 4]),
+        w2c: rows(cx, cameras.iter().map(|c| viewmat(&c.pose)), [cameras.len(), 3, 4]),
         intrinsics: rows(cx, cameras.iter().map(intrinsics_row), [cameras.len(), 4]),
     }
 }

@@ -1,39 +1,22 @@
 //! A trained model at work: photos to cameras and Gaussians, and Gaussians to pictures.
 
-use crate::batch::{intrinsics_rows, w2c_rows};
 use weaver_autograd::{Params, Tape};
-use weaver_geometry::glam::{DMat3, DVec3};
-use weaver_geometry::{Camera, Intrinsics, Pose};
+use weaver_geometry::Camera;
+use weaver_geometry::glam::DVec3;
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
 use weaver_model::SplatWeaver;
 use weaver_nn::Context;
 use weaver_pose::Cameras as CameraVars;
 use weaver_router::Allocation;
-use weaver_splat::{Cameras, Color, Gaussians, Images, RasterError, RasterSettings, Workspace};
-
-/// Gaussians off the tape.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Splats {
-    /// Means `[N, 3]`.
-    pub means: Vec<f32>,
-    /// Standard deviations `[N, 3]`.
-    pub scales: Vec<f32>,
-    /// Rotations `[N, 4]`, wxyz.
-    pub quats: Vec<f32>,
-    /// Opacities `[N]`.
-    pub opacities: Vec<f32>,
-    /// Spherical harmonics `[N, K, 3]`.
-    pub sh: Vec<f32>,
-    /// Their degree.
-    pub degree: usize,
-}
+use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices};
+use weaver_splat::{Images, RasterError, RasterSettings, Workspace};
 
 /// What the model makes of some photos.
 #[derive(Clone, Debug, Default)]
 pub struct Prediction {
     /// The Gaussians, in the frame of camera 0.
-    pub splats: Splats,
+    pub splats: ActivatedGaussians,
     /// The cameras that the Gaussians were built with: the network's, or the given ones.
     pub cameras: Vec<Camera>,
     /// The network's own cameras.
@@ -114,7 +97,8 @@ impl<'m> Predictor<'m> {
             let photos = self.tape.constant(images, [views, 3, height, width]);
             let encoded = self.model.encode(cx, photos.reshape([1, views, 3, height, width]));
             let read = |cameras: &CameraVars<'_, f32>| {
-                cameras_from_rows(&cameras.w2c.value(), &cameras.intrinsics.value(), width, height)
+                let (viewmats, intrinsics) = (&cameras.w2c.value(), &cameras.intrinsics.value());
+                CameraSlices { viewmats, intrinsics, background: &[], width, height }.to_cameras()
             };
             let predicted = read(&encoded.cameras);
             let (given, scaled_by) = match source {
@@ -126,17 +110,20 @@ impl<'m> Predictor<'m> {
                 }
             };
             let vars = match &given {
-                Some(cameras) => CameraVars {
-                    w2c: self.tape.constant(&w2c_rows(cameras.iter().map(|c| c.pose)), [views, 3, 4]),
-                    intrinsics: self.tape.constant(&intrinsics_rows(cameras), [views, 4]),
-                },
+                Some(cameras) => {
+                    let rows = CameraRows::new(cameras);
+                    CameraVars {
+                        w2c: self.tape.constant(&rows.viewmats, [views, 3, 4]),
+                        intrinsics: self.tape.constant(&rows.intrinsics, [views, 4]),
+                    }
+                }
                 None => encoded.scene_cameras(0),
             };
             let dense = self.model.dense(cx, &encoded, 0, photos);
             let woven = self.model.weave(cx, &dense, photos, &vars, allocation, stream);
             let g = &woven.gaussians;
             Prediction {
-                splats: Splats {
+                splats: ActivatedGaussians {
                     means: g.means.to_vec(),
                     scales: g.scales.to_vec(),
                     quats: g.quats.to_vec(),
@@ -163,7 +150,7 @@ impl<'m> Predictor<'m> {
     ///
     /// # Errors
     /// When sizes do not fit or there are too many Gaussians for one call.
-    pub fn render(&mut self, splats: &Splats, cameras: &[Camera]) -> Result<Vec<Image>, RasterError> {
+    pub fn render(&mut self, splats: &ActivatedGaussians, cameras: &[Camera]) -> Result<Vec<Image>, RasterError> {
         let raster = &self.model.config().raster;
         let settings = RasterSettings { near: raster.near, alpha_max: raster.alpha_max, ..RasterSettings::default() };
         render(splats, cameras, raster.background.map(|c| c as f32), &settings, &mut self.workspace)
@@ -175,7 +162,7 @@ impl<'m> Predictor<'m> {
 /// # Errors
 /// When sizes do not fit or there are too many Gaussians for one call.
 pub fn render(
-    splats: &Splats,
+    splats: &ActivatedGaussians,
     cameras: &[Camera],
     background: [f32; 3],
     settings: &RasterSettings,
@@ -183,25 +170,16 @@ pub fn render(
 ) -> Result<Vec<Image>, RasterError> {
     let Some(first) = cameras.first() else { return Ok(Vec::new()) };
     let (width, height, pixels) = (first.width, first.height, first.width * first.height);
-    let gaussians = Gaussians {
-        means: &splats.means,
-        quats: &splats.quats,
-        scales: &splats.scales,
-        opacities: &splats.opacities,
-        color: Color::Sh { coefficients: &splats.sh, degree: splats.degree },
-        features: None,
-    };
-    let views = Cameras {
-        viewmats: &w2c_rows(cameras.iter().map(|c| c.pose)),
-        intrinsics: &intrinsics_rows(cameras),
-        background: &background,
-        width,
-        height,
-    };
     let mut image = vec![0.0; 3 * pixels * cameras.len()];
     let mut alpha = vec![0.0; pixels * cameras.len()];
     let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
-    weaver_splat::rasterize(&gaussians, &views, settings, workspace, images)?;
+    weaver_splat::rasterize(
+        &splats.as_slices(),
+        &CameraRows::new(cameras).as_slices(&background),
+        settings,
+        workspace,
+        images,
+    )?;
     Ok(image
         .chunks(3 * pixels)
         .map(|view| Image { width, height, pixels: view.iter().map(|x| x.clamp(0.0, 1.0)).collect() })
@@ -216,36 +194,4 @@ fn spread_ratio(predicted: &[Camera], given: &[Camera]) -> f64 {
     };
     let ratio = spread(predicted) / spread(given);
     if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 }
-}
-
-pub(crate) fn cameras_from_rows(w2c: &[f32], intrinsics: &[f32], width: usize, height: usize) -> Vec<Camera> {
-    w2c.chunks_exact(12)
-        .zip(intrinsics.chunks_exact(4))
-        .map(|(m, k)| {
-            let m: Vec<f64> = m.iter().map(|x| f64::from(*x)).collect();
-            let rotation = DMat3::from_cols_array(&[m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10]]);
-            let [fx, fy, cx, cy] = [k[0], k[1], k[2], k[3]].map(f64::from);
-            Camera {
-                pose: Pose::new(rotation, DVec3::new(m[3], m[7], m[11])),
-                intrinsics: Intrinsics { fx, fy, cx, cy },
-                width,
-                height,
-            }
-        })
-        .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn cameras_survive_their_rows() {
-        let pose = Pose::from_wxyz([0.5, 0.1, -0.7, 0.3], DVec3::new(0.1, -2.0, 3.0));
-        let intrinsics = Intrinsics { fx: 50.0, fy: 60.0, cx: 31.0, cy: 25.0 };
-        let camera = Camera { pose, intrinsics, width: 64, height: 48 };
-        let back = cameras_from_rows(&w2c_rows([pose]), &intrinsics_rows([&camera]), 64, 48)[0];
-        assert!(back.pose.angle_to(&pose) < 1e-3 && back.pose.translation.distance(pose.translation) < 1e-6);
-        assert_eq!(back.intrinsics, intrinsics);
-    }
 }

@@ -8,7 +8,7 @@ pub use load::{CONFIG, Network, Opened};
 pub use photos::Fit;
 
 use crate::infer::{self, Report};
-use crate::predictor::{CameraSource, Prediction, Predictor, cameras_from_rows};
+use crate::predictor::{CameraSource, Prediction, Predictor};
 use crate::{Error, evaluate};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -20,6 +20,7 @@ use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver, Vggt};
 use weaver_nn::Context;
 use weaver_router::AllocationKind;
+use weaver_scene::CameraSlices;
 
 /// How to run a published checkpoint.
 #[derive(Clone, Debug)]
@@ -188,7 +189,8 @@ impl Scene<'_> {
                 tape.keep_only(mark, &[]);
             }
             let cameras = encoded.scene_cameras(0);
-            cameras_from_rows(&cameras.w2c.value(), &cameras.intrinsics.value(), width, height)
+            let (viewmats, intrinsics) = (&cameras.w2c.value(), &cameras.intrinsics.value());
+            CameraSlices { viewmats, intrinsics, background: &[], width, height }.to_cameras()
         });
         if depth.iter().chain(&confidence).any(|x| !x.is_finite()) {
             return Err(Error::Usage("the network's depth is not a number everywhere; are these its weights?".into()));

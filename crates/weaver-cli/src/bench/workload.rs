@@ -6,7 +6,8 @@ use std::path::Path;
 use weaver_io::TensorFile;
 use weaver_kernels::parallel;
 use weaver_kernels::random::Stream;
-use weaver_splat::{Cameras, Color, Gaussians, MAX_DEGREE};
+use weaver_scene::{CameraSlices, Color, GaussianSlices};
+use weaver_splat::MAX_DEGREE;
 
 /// Largest width and height.
 const LARGEST: usize = 1 << 20;
@@ -186,8 +187,8 @@ impl Workload {
     }
 
     /// As the rasterizer takes them.
-    pub fn gaussians(&self) -> Gaussians<'_, f32> {
-        Gaussians {
+    pub fn gaussians(&self) -> GaussianSlices<'_, f32> {
+        GaussianSlices {
             means: &self.means,
             quats: &self.quats,
             scales: &self.scales,
@@ -201,8 +202,8 @@ impl Workload {
     }
 
     /// As the rasterizer takes it.
-    pub fn camera(&self) -> Cameras<'_, f32> {
-        Cameras {
+    pub fn camera(&self) -> CameraSlices<'_, f32> {
+        CameraSlices {
             viewmats: &self.viewmat,
             intrinsics: &self.intrinsics,
             background: &self.background,

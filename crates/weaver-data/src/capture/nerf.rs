@@ -4,9 +4,10 @@ use super::footage::{Footage, Shot};
 use super::sparse;
 use crate::Error;
 use std::path::Path;
-use weaver_geometry::{Camera, Pose};
+use weaver_geometry::Pose;
+use weaver_io::Transforms;
 use weaver_io::colmap::Model;
-use weaver_io::{Frame, Transforms};
+use weaver_scene::Frame;
 
 /// How far a camera may turn (radians) or move (of the cameras' extent) between `transforms.json` and the sparse
 /// model before they are taken for two different worlds.
@@ -43,13 +44,7 @@ pub(super) fn read_split(folder: &Path) -> Result<Footage, Error> {
 }
 
 fn shot(frame: &Frame, held_out: bool) -> Shot {
-    Shot {
-        name: frame.name.clone(),
-        file: frame.file_path.clone(),
-        camera: Camera { pose: frame.pose, intrinsics: frame.intrinsics, width: frame.width, height: frame.height },
-        held_out,
-        track: Vec::new(),
-    }
+    Shot { name: frame.name.clone(), file: frame.path.clone(), camera: frame.camera, held_out, track: Vec::new() }
 }
 
 /// Gives the shots the points that the model's images of the same name observe.

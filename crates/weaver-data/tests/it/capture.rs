@@ -6,9 +6,10 @@ use tempfile::TempDir;
 use weaver_data::Scene;
 use weaver_data::capture::{CaptureOptions, HoldOut, load, load_images};
 use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_io::Transforms;
 use weaver_io::colmap::{CameraModel, ImageRecord, Model, Point};
 use weaver_io::realestate::{Clip, ClipFrame};
-use weaver_io::{Frame, Transforms};
+use weaver_scene::Frame;
 
 const SIZE: ProceduralOptions = ProceduralOptions { width: 40, height: 30, views: 10 };
 const OPTIONS: CaptureOptions = CaptureOptions { width: 40, height: 30, scene_scale: None, hold_out: HoldOut::Listed };
@@ -22,17 +23,7 @@ fn write_photos(scene: &Scene, folder: &Path, name: impl Fn(usize) -> String) {
 
 fn write_transforms(scene: &Scene, path: &Path, views: &[usize], test: &[usize]) {
     let name = |i: &usize| format!("images/{i:02}.png");
-    let frames = views.iter().map(|i| {
-        let camera = &scene.views[*i].camera;
-        Frame {
-            name: name(i),
-            file_path: path.with_file_name(name(i)),
-            pose: camera.pose,
-            intrinsics: camera.intrinsics,
-            width: camera.width,
-            height: camera.height,
-        }
-    });
+    let frames = views.iter().map(|i| Frame::new(name(i), scene.views[*i].camera));
     let test_filenames = test.iter().map(name).collect();
     Transforms { frames: frames.collect(), test_filenames, train_filenames: vec![], val_filenames: vec![] }
         .write(path)

@@ -1,13 +1,15 @@
 use crate::shared;
 use proptest::prelude::*;
 use std::path::Path;
-use weaver_io::ply::{SplatPly, write_points};
+use weaver_io::ply::write_points;
 use weaver_io::read_splat;
+use weaver_io::{read_ply, write_ply};
+use weaver_scene::Gaussians;
 
-fn sample(n: usize, degree: usize) -> SplatPly {
+fn sample(n: usize, degree: usize) -> Gaussians {
     let k = (degree + 1) * (degree + 1);
     let value = |i: usize| (i as f32 * 0.37).sin();
-    SplatPly {
+    Gaussians {
         means: (0..n).map(|i| [value(i), value(i + 1), i as f32]).collect(),
         log_scales: (0..n).map(|i| [value(i), -3.0, -4.5]).collect(),
         quats: (0..n).map(|i| [1.0, value(i), 0.1, 0.2]).collect(),
@@ -23,8 +25,8 @@ fn round_trip_at_every_degree() {
     let path = folder.path().join("a.ply");
     for degree in 0..=4 {
         for n in [0, 5] {
-            sample(n, degree).write(&path).unwrap();
-            assert_eq!(SplatPly::read(&path).unwrap(), sample(n, degree));
+            write_ply(&path, &sample(n, degree)).unwrap();
+            assert_eq!(read_ply(&path).unwrap(), sample(n, degree));
         }
     }
 }
@@ -33,7 +35,7 @@ fn round_trip_at_every_degree() {
 fn the_rest_is_channel_major() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ply");
-    sample(1, 1).write(&path).unwrap();
+    write_ply(&path, &sample(1, 1)).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     let head = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     let row: Vec<f32> = bytes[head..].chunks_exact(4).map(|c| f32::from_le_bytes(c.try_into().unwrap())).collect();
@@ -52,7 +54,7 @@ fn reads_text() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ply");
     std::fs::write(&path, ASCII).unwrap();
-    let splats = SplatPly::read(&path).unwrap();
+    let splats = read_ply(&path).unwrap();
     assert_eq!((splats.means[0], splats.quats[0]), ([1.0, 2.0, 3.0], [1.0, 0.0, 0.0, 0.5]));
     assert_eq!((splats.sh.as_slice(), splats.opacity_logits[0]), ([0.1, 0.2, 0.3].as_slice(), -1.0));
 }
@@ -79,11 +81,11 @@ fn messages_say_where() {
     ];
     for (text, expected) in cases {
         std::fs::write(&path, text).unwrap();
-        let message = SplatPly::read(&path).unwrap_err().to_string();
+        let message = read_ply(&path).unwrap_err().to_string();
         assert!(message.contains("a.ply: ") && message.contains(expected), "{message}\n{expected}");
     }
-    let broken = SplatPly { sh: vec![], ..sample(2, 1) };
-    let message = broken.write(&path).unwrap_err().to_string();
+    let broken = Gaussians { sh: vec![], ..sample(2, 1) };
+    let message = write_ply(&path, &broken).unwrap_err().to_string();
     assert!(message.contains("expected 2 Gaussians"), "{message}");
 }
 
@@ -103,7 +105,7 @@ fn csv(path: &Path) -> Vec<Vec<f32>> {
     text.lines().skip(1).map(|l| l.split(',').map(|x| x.parse().unwrap()).collect()).collect()
 }
 
-fn assert_row(splats: &SplatPly, i: usize, row: &[f32], tolerance: f32) {
+fn assert_row(splats: &Gaussians, i: usize, row: &[f32], tolerance: f32) {
     let k = splats.coefficients();
     let sh = &splats.sh[i * k * 3..][..k * 3];
     let norm = splats.quats[i].iter().map(|x| x * x).sum::<f32>().sqrt();
@@ -125,7 +127,7 @@ fn assert_row(splats: &SplatPly, i: usize, row: &[f32], tolerance: f32) {
 #[test]
 fn files_of_other_tools() {
     let Some(folder) = shared::data("splat-files") else { return };
-    let splats = SplatPly::read(folder.join("playbot-sh2.ply")).unwrap();
+    let splats = read_ply(folder.join("playbot-sh2.ply")).unwrap();
     assert_eq!((splats.len(), splats.degree), (8406, 2));
     for (i, row) in csv(&folder.join("playbot-sh2.first64.csv")).iter().enumerate() {
         assert_row(&splats, i, row, 1e-5);
@@ -136,7 +138,7 @@ fn files_of_other_tools() {
         // The other tool takes 127.5 for the zero of rotations, half a step from ours.
         assert_row(&splats, i, row, 4e-3);
     }
-    let message = SplatPly::read(folder.join("guitar.compressed.ply")).unwrap_err().to_string();
+    let message = read_ply(folder.join("guitar.compressed.ply")).unwrap_err().to_string();
     assert!(message.contains("chunk-compressed"), "{message}");
 }
 
@@ -167,13 +169,13 @@ proptest! {
     fn hostile_files_never_panic(at in 0.0..1.0f64, byte in any::<u8>(), keep in 0.0..1.0f64) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.ply");
-        sample(3, 1).write(&path).unwrap();
+        write_ply(&path, &sample(3, 1)).unwrap();
         for mut bytes in [std::fs::read(&path).unwrap(), ASCII.as_bytes().to_vec()] {
             let index = (at * bytes.len() as f64) as usize;
             bytes[index] = byte;
             bytes.truncate((keep * 2.0 * bytes.len() as f64) as usize);
             std::fs::write(&path, &bytes).unwrap();
-            let _ = SplatPly::read(&path);
+            let _ = read_ply(&path);
             let _ = read_splat(&path);
         }
     }
@@ -184,6 +186,6 @@ proptest! {
         let path = folder.path().join("a.ply");
         let text = format!("ply\nformat ascii 1.0\n{}\nend_header\n", words.join(" "));
         std::fs::write(&path, text).unwrap();
-        prop_assert!(SplatPly::read(&path).is_err());
+        prop_assert!(read_ply(&path).is_err());
     }
 }

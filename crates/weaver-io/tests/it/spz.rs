@@ -3,7 +3,8 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use proptest::prelude::*;
 use std::io::Write;
-use weaver_io::{SplatPly, read_spz};
+use weaver_io::{read_ply, read_spz};
+use weaver_scene::Gaussians;
 
 /// One Gaussian of version 3, degree 1, before compression.
 fn unpacked() -> Vec<u8> {
@@ -20,7 +21,7 @@ fn unpacked() -> Vec<u8> {
     data
 }
 
-fn read(data: &[u8]) -> weaver_io::Result<SplatPly> {
+fn read(data: &[u8]) -> weaver_io::Result<Gaussians> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.spz");
     let mut gzip = GzEncoder::new(Vec::new(), Compression::fast());
@@ -71,7 +72,7 @@ fn median(mut values: Vec<f32>) -> f32 {
 #[test]
 fn agrees_with_the_ply_it_was_made_from() {
     let Some(folder) = shared::data("splat-files") else { return };
-    let ply = SplatPly::read(folder.join("playbot-sh2.ply")).unwrap();
+    let ply = read_ply(folder.join("playbot-sh2.ply")).unwrap();
     let spz = read_spz(folder.join("playbot-sh2.v3.spz")).unwrap();
     assert_eq!((spz.len(), spz.degree), (ply.len(), ply.degree));
     for i in 0..ply.len() {
@@ -92,7 +93,7 @@ fn agrees_with_the_ply_it_was_made_from() {
     // Steps of 1/8 for degree 1 and 1/16 beyond, hence errors below 1/16; without the half turn it would be more.
     let k = ply.coefficients();
     for c in 1..k {
-        let column = |s: &SplatPly| s.sh.chunks_exact(k * 3).map(|g| g[c * 3]).collect::<Vec<_>>();
+        let column = |s: &Gaussians| s.sh.chunks_exact(k * 3).map(|g| g[c * 3]).collect::<Vec<_>>();
         let (a, b) = (column(&ply), column(&spz));
         let turned: Vec<f32> = b.iter().map(|x| -x).collect();
         let (same, opposite) = (median(differences(&a, &b)), median(differences(&a, &turned)));

@@ -2,20 +2,21 @@ use crate::shared;
 use proptest::prelude::*;
 use std::path::Path;
 use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Intrinsics, Pose};
-use weaver_io::{Frame, Image, Transforms};
+use weaver_geometry::{Camera, Intrinsics, Pose};
+use weaver_io::{Image, Transforms};
+use weaver_scene::Frame;
 
 fn scene(folder: &Path) -> Transforms {
     std::fs::create_dir_all(folder.join("images")).unwrap();
     let frames = (0..3)
         .map(|i| {
             let name = format!("images/{i}.png");
-            let file_path = folder.join(&name);
-            Image::filled(8, 6, [0.5; 3]).write_png(&file_path).unwrap();
+            let path = folder.join(&name);
+            Image::filled(8, 6, [0.5; 3]).write_png(&path).unwrap();
             let t = f64::from(i);
             let pose = Pose::from_wxyz([1.0, 0.1 * t, 0.2, -0.3], DVec3::new(t, 0.5, 2.0));
             let intrinsics = Intrinsics { fx: 9.0 + t, fy: 8.5, cx: 4.25, cy: 3.0 };
-            Frame { name, file_path, pose, intrinsics, width: 8, height: 6 }
+            Frame { path, ..Frame::new(name, Camera { pose, intrinsics, width: 8, height: 6 }) }
         })
         .collect();
     let test_filenames = vec!["images/1.png".to_string()];
@@ -29,11 +30,12 @@ fn round_trip() {
     let scene = scene(folder.path());
     scene.write(&path).unwrap();
     let back = Transforms::read(&path).unwrap();
-    for (a, b) in scene.frames.iter().zip(&back.frames) {
+    for (x, y) in scene.frames.iter().zip(&back.frames) {
+        let (a, b) = (&x.camera, &y.camera);
         assert!((a.pose.rotation - b.pose.rotation).to_cols_array().iter().all(|d| d.abs() < 1e-12));
         assert!((a.pose.translation - b.pose.translation).length() < 1e-12);
         assert_eq!((a.intrinsics, a.width, a.height), (b.intrinsics, b.width, b.height));
-        assert_eq!((&a.name, &a.file_path), (&b.name, &b.file_path));
+        assert_eq!((&x.name, &x.path), (&y.name, &y.path));
     }
     assert_eq!(back.frames.len(), 3);
     assert_eq!(back.test_filenames, scene.test_filenames);
@@ -98,12 +100,14 @@ fn nerf_synthetic_form() {
     .unwrap();
     let scene = Transforms::read(&path).unwrap();
     let frame = &scene.frames[0];
-    assert_eq!((frame.width, frame.height), (20, 10));
-    assert!((frame.intrinsics.fx - 20.0).abs() < 1e-12 && frame.intrinsics.fx == frame.intrinsics.fy);
-    assert_eq!((frame.intrinsics.cx, frame.intrinsics.cy), (10.0, 5.0));
+    assert_eq!((frame.camera.width, frame.camera.height), (20, 10));
+    assert!(
+        (frame.camera.intrinsics.fx - 20.0).abs() < 1e-12 && frame.camera.intrinsics.fx == frame.camera.intrinsics.fy
+    );
+    assert_eq!((frame.camera.intrinsics.cx, frame.camera.intrinsics.cy), (10.0, 5.0));
     // A camera at (1, 2, 3) that looks along -z of the world, y up.
-    assert_eq!(frame.pose.center(), DVec3::new(1.0, 2.0, 3.0));
-    assert_eq!(frame.pose.apply(DVec3::new(1.0, 3.0, 1.0)), DVec3::new(0.0, -1.0, 2.0));
+    assert_eq!(frame.camera.pose.center(), DVec3::new(1.0, 2.0, 3.0));
+    assert_eq!(frame.camera.pose.apply(DVec3::new(1.0, 3.0, 1.0)), DVec3::new(0.0, -1.0, 2.0));
 }
 
 #[test]
@@ -113,10 +117,10 @@ fn real_scenes() {
         assert_eq!(scene.frames.len(), 100);
         for frame in &scene.frames {
             // Every camera is 4.031 from the origin and looks at it.
-            assert!((frame.pose.center().length() - 4.031).abs() < 1e-3);
-            let origin = frame.pose.apply(DVec3::ZERO);
+            assert!((frame.camera.pose.center().length() - 4.031).abs() < 1e-3);
+            let origin = frame.camera.pose.apply(DVec3::ZERO);
             assert!((origin - DVec3::new(0.0, 0.0, 4.031)).length() < 2e-3, "{origin}");
-            assert!((frame.intrinsics.fx - 355.5555).abs() < 1e-3);
+            assert!((frame.camera.intrinsics.fx - 355.5555).abs() < 1e-3);
         }
     }
     if let Some(folder) = shared::data("fox") {
@@ -148,8 +152,8 @@ fn cameras_alone_need_no_images() {
     let path = folder.path().join("transforms.json");
     let scene = scene(folder.path());
     scene.write(&path).unwrap();
-    std::fs::remove_file(&scene.frames[1].file_path).unwrap();
+    std::fs::remove_file(&scene.frames[1].path).unwrap();
     assert!(Transforms::read(&path).unwrap_err().to_string().contains("images/1.png"));
     let cameras = Transforms::read_cameras(&path).unwrap();
-    assert_eq!((cameras.frames.len(), cameras.frames[1].intrinsics), (3, scene.frames[1].intrinsics));
+    assert_eq!((cameras.frames.len(), cameras.frames[1].camera.intrinsics), (3, scene.frames[1].camera.intrinsics));
 }

@@ -4,10 +4,8 @@ use crate::scene::{NAMES, Planes, Scene, relative};
 use crate::twin::reference_planes;
 use proptest::prelude::*;
 use weaver_kernels::Real;
-use weaver_splat::{
-    Cameras, Color, Cotangents, Gaussians, Gradients, Images, RasterSettings, Target, Workspace, rasterize,
-    rasterize_backward,
-};
+use weaver_scene::{CameraSlices, Color, GaussianSlices};
+use weaver_splat::{Cotangents, Gradients, Images, RasterSettings, Target, Workspace, rasterize, rasterize_backward};
 
 /// In `f32` the last four are infinities.
 const NASTY: [f64; 21] = [
@@ -287,7 +285,7 @@ fn a_million_on_one_pixel() {
         let means: Vec<f32> = (0..N).flat_map(|i| [0.0, 0.0, depth(i)]).collect();
         let (opacities, quats, scales, colors) =
             (flat(&[0.005]), flat(&[1.0, 0.0, 0.0, 0.0]), flat(&[0.1; 3]), flat(&[1.0, 0.5, 0.25]));
-        let gaussians = Gaussians {
+        let gaussians = GaussianSlices {
             means: &means,
             quats: &quats,
             scales: &scales,
@@ -295,7 +293,7 @@ fn a_million_on_one_pixel() {
             color: Color::Plain(&colors),
             features: None,
         };
-        let cameras = Cameras {
+        let cameras = CameraSlices {
             viewmats: &[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0],
             intrinsics: &[1.0, 1.0, 0.5, 0.5],
             background: &[0.0; 3],

@@ -1,9 +1,9 @@
 //! Random scenes, and one call that renders and differentiates them.
 
 use weaver_kernels::{Real, random::Stream};
+use weaver_scene::{CameraSlices, Color, Features, GaussianSlices};
 use weaver_splat::{
-    Cameras, Color, Cotangents, Features, Gaussians, Gradients, Images, RasterSettings, RasterStats, Target, Workspace,
-    rasterize, rasterize_backward,
+    Cotangents, Gradients, Images, RasterSettings, RasterStats, Target, Workspace, rasterize, rasterize_backward,
 };
 
 /// Everything that is drawn.
@@ -190,8 +190,8 @@ impl<T: Real> Scene<T> {
         if self.colorless { 0 } else { 3 }
     }
 
-    pub fn gaussians(&self) -> Gaussians<'_, T> {
-        Gaussians {
+    pub fn gaussians(&self) -> GaussianSlices<'_, T> {
+        GaussianSlices {
             means: &self.means,
             quats: &self.quats,
             scales: &self.scales,
@@ -205,8 +205,8 @@ impl<T: Real> Scene<T> {
         }
     }
 
-    pub fn cameras(&self) -> Cameras<'_, T> {
-        Cameras {
+    pub fn cameras(&self) -> CameraSlices<'_, T> {
+        CameraSlices {
             viewmats: &self.viewmats,
             intrinsics: &self.intrinsics,
             background: &self.background,

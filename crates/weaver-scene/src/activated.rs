@@ -1,0 +1,67 @@
+//! Gaussians in the form in which they are predicted and drawn.
+
+use crate::{Color, GaussianSlices, Gaussians};
+
+/// Gaussians in activated form: standard deviations and opacities as they are, not as logarithms and logits. `N` is the
+/// number of Gaussians.
+///
+/// What a network predicts and what a rasterizer draws. [`Gaussians`] is the form in which files store them; going there
+/// and back rounds, so predictions are drawn from this form.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ActivatedGaussians {
+    /// Centers in world units, `[N, 3]`.
+    pub means: Vec<f32>,
+    /// Standard deviations along the Gaussian's axes in world units, `[N, 3]`.
+    pub scales: Vec<f32>,
+    /// Rotations from the Gaussian's axes to the world's, quaternions wxyz, `[N, 4]`.
+    pub quats: Vec<f32>,
+    /// Opacities in `[0, 1]`, `[N]`.
+    pub opacities: Vec<f32>,
+    /// Spherical-harmonics coefficients, `[N, K, 3]` with `K = (degree + 1)^2`.
+    pub sh: Vec<f32>,
+    /// Degree of the spherical harmonics, 0 to 4.
+    pub degree: usize,
+}
+
+impl ActivatedGaussians {
+    /// Number of Gaussians.
+    pub fn len(&self) -> usize {
+        self.opacities.len()
+    }
+
+    /// Whether there are no Gaussians.
+    pub fn is_empty(&self) -> bool {
+        self.opacities.is_empty()
+    }
+
+    /// The Gaussians as a rasterizer takes them, without features.
+    pub fn as_slices(&self) -> GaussianSlices<'_, f32> {
+        GaussianSlices {
+            means: &self.means,
+            quats: &self.quats,
+            scales: &self.scales,
+            opacities: &self.opacities,
+            color: Color::Sh { coefficients: &self.sh, degree: self.degree },
+            features: None,
+        }
+    }
+
+    /// The stored form: logarithms of scales, logits of opacities.
+    ///
+    /// Scales below 1e-12 become 1e-12, opacities are clamped to `[1e-6, 1 - 1e-6]`, so that every number is finite.
+    pub fn to_stored(&self) -> Gaussians {
+        let scales: Vec<f32> = self.scales.iter().map(|s| s.max(1e-12).ln()).collect();
+        let logit = |p: &f32| {
+            let p = f64::from(*p).clamp(1e-6, 1.0 - 1e-6);
+            (p / (1.0 - p)).ln() as f32
+        };
+        Gaussians {
+            means: self.means.as_chunks().0.to_vec(),
+            log_scales: scales.as_chunks().0.to_vec(),
+            quats: self.quats.as_chunks().0.to_vec(),
+            opacity_logits: self.opacities.iter().map(logit).collect(),
+            sh: self.sh.clone(),
+            degree: self.degree,
+        }
+    }
+}

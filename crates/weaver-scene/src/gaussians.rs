@@ -1,0 +1,60 @@
+//! Gaussians in the form in which files store them.
+
+use crate::ActivatedGaussians;
+use weaver_geometry::sh;
+
+/// Gaussians in stored form: logarithms of scales, logits of opacities. `N` is the number of Gaussians.
+///
+/// The fields are those of a 3DGS PLY file. All have `N` entries, which the type does not enforce; see
+/// [`Gaussians::lengths_agree`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Gaussians {
+    /// Centers in world units, `[N, 3]`.
+    pub means: Vec<[f32; 3]>,
+    /// Natural logarithms of the standard deviations along the Gaussian's axes in world units, `[N, 3]`.
+    pub log_scales: Vec<[f32; 3]>,
+    /// Rotations from the Gaussian's axes to the world's, quaternions wxyz, not necessarily of unit length, `[N, 4]`.
+    pub quats: Vec<[f32; 4]>,
+    /// Opacities before the sigmoid, `[N]`; infinite for opacities of 0 and 1.
+    pub opacity_logits: Vec<f32>,
+    /// Spherical-harmonics coefficients, `[N, K, 3]` with `K = (degree + 1)^2`.
+    pub sh: Vec<f32>,
+    /// Degree of the spherical harmonics, 0 to 4.
+    pub degree: usize,
+}
+
+impl Gaussians {
+    /// Number of Gaussians.
+    pub fn len(&self) -> usize {
+        self.means.len()
+    }
+
+    /// Whether there are no Gaussians.
+    pub fn is_empty(&self) -> bool {
+        self.means.is_empty()
+    }
+
+    /// Spherical-harmonics coefficients per color channel, `K = (degree + 1)^2`.
+    pub fn coefficients(&self) -> usize {
+        sh::coefficients(self.degree)
+    }
+
+    /// Whether all fields describe the same number of Gaussians, and the degree is at most 4.
+    pub fn lengths_agree(&self) -> bool {
+        let n = self.len();
+        let lengths = [self.log_scales.len(), self.quats.len(), self.opacity_logits.len(), self.sh.len()];
+        self.degree <= 4 && lengths == [n, n, n, n * self.coefficients() * 3]
+    }
+
+    /// The activated form: `scale = exp(log_scale)`, `opacity = 1 / (1 + exp(-logit))`; everything else is copied.
+    pub fn to_activated(&self) -> ActivatedGaussians {
+        ActivatedGaussians {
+            means: self.means.as_flattened().to_vec(),
+            scales: self.log_scales.as_flattened().iter().map(|s| s.exp()).collect(),
+            quats: self.quats.as_flattened().to_vec(),
+            opacities: self.opacity_logits.iter().map(|o| 1.0 / (1.0 + (-o).exp())).collect(),
+            sh: self.sh.clone(),
+            degree: self.degree,
+        }
+    }
+}

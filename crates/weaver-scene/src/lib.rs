@@ -1,0 +1,32 @@
+//! The scene types of Gaussian splatting: Gaussians, cameras and points, and the conversions between their forms.
+//!
+//! | type | form | who uses it |
+//! |---|---|---|
+//! | [`Gaussians`] | stored: log scales, opacity logits | files |
+//! | [`ActivatedGaussians`] | activated: standard deviations, opacities | what a network predicts, what is drawn |
+//! | [`GaussianSlices`] | activated, borrowed | rasterizers |
+//! | [`Frame`] | a camera with the name of its photo | camera files |
+//! | [`CameraSlices`] | matrices and intrinsics, borrowed | rasterizers |
+//! | [`PointCloud`] | positions with colors | point files |
+//!
+//! Conventions: world-to-camera poses, OpenCV axes (x right, y down, z forward), pixel centers at +0.5, quaternions wxyz,
+//! spherical harmonics as in the reference 3DGS implementation.
+
+mod activated;
+mod cameras;
+mod frame;
+mod gaussians;
+mod points;
+mod slices;
+
+pub use activated::ActivatedGaussians;
+pub use cameras::{CameraRows, CameraSlices, intrinsics_row, viewmat};
+pub use frame::Frame;
+pub use gaussians::Gaussians;
+pub use points::PointCloud;
+pub use slices::{Color, Features, GaussianSlices};
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
