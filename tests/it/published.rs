@@ -20,7 +20,7 @@ fn config() -> ModelConfig {
     let published = ModelConfig::splatweaver_1b();
     (config.width, config.height) = (WIDTH, HEIGHT);
     config.backbone.position_table = [5, 5];
-    config.camera.gauge = published.camera.gauge;
+    config.camera.pose_frame = published.camera.pose_frame;
     config.dense.pixel_center = published.dense.pixel_center;
     config.gaussians = weaver_model::GaussianConfig {
         sh_degree: 2,

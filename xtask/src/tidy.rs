@@ -15,8 +15,8 @@ const EDGES: &[(&str, &[&str])] = &[
     ("weaver-splat", &["weaver-scene", "weaver-autograd", "weaver-kernels", "weaver-geometry"]),
     ("weaver-wavelet", &["weaver-nn", "weaver-autograd", "weaver-kernels"]),
     ("weaver-router", &["weaver-nn", "weaver-autograd", "weaver-kernels"]),
-    ("weaver-vggt", &["weaver-nn", "weaver-autograd", "weaver-kernels"]),
-    ("weaver-pose", &["weaver-nn", "weaver-autograd", "weaver-kernels", "weaver-geometry"]),
+    ("weaver-vggt", &["weaver-pose", "weaver-nn", "weaver-autograd", "weaver-kernels"]),
+    ("weaver-pose", &["weaver-autograd", "weaver-kernels", "weaver-geometry"]),
     ("weaver-losses", &["weaver-nn", "weaver-autograd", "weaver-kernels", "weaver-geometry"]),
     ("weaver-data", &["weaver-io", "weaver-scene", "weaver-geometry", "weaver-kernels"]),
     (

@@ -55,14 +55,14 @@ pub struct BackboneConfig {
     pub token_std: f64,
 }
 
-/// What the camera head's codes mean.
+/// The world frame of the predicted cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Gauge {
-    /// Codes are emitted as they are, as published.
-    Published,
-    /// Codes live in a frame of the network's own choice; emitted camera i is `E_i E_0^-1`.
-    Relative,
+pub enum PoseFrame {
+    /// The frame that the network chooses, as published.
+    Network,
+    /// The frame of each scene's first camera: emitted camera i is `E_i E_0^-1`, and camera 0 the identity.
+    FirstCamera,
 }
 
 /// Camera head.
@@ -77,8 +77,8 @@ pub struct CameraConfig {
     pub iterations: usize,
     /// Initial LayerScale.
     pub layer_scale: f64,
-    /// What the codes mean.
-    pub gauge: Gauge,
+    /// The world frame of the predicted cameras.
+    pub pose_frame: PoseFrame,
     /// Field of view, in radians, that the first refinement starts from; 0 starts from nothing, as published.
     pub base_fov: f64,
 }
@@ -222,7 +222,7 @@ impl ModelConfig {
                 depth: 2,
                 iterations: 4,
                 layer_scale: 0.2,
-                gauge: Gauge::Relative,
+                pose_frame: PoseFrame::FirstCamera,
                 base_fov: 1.0,
             },
             dense: DenseConfig {
@@ -268,7 +268,7 @@ impl ModelConfig {
             token_std: 1e-6,
             ..config.backbone
         };
-        config.camera = CameraConfig { heads: 4, layer_scale: 0.01, gauge: Gauge::Published, ..config.camera };
+        config.camera = CameraConfig { heads: 4, layer_scale: 0.01, pose_frame: PoseFrame::Network, ..config.camera };
         config.dense = DenseConfig { features: 64, log_depth_limit: 0.0, ..config.dense };
         config.gaussians = GaussianConfig {
             parametrization: ParametrizationKind::Published,

@@ -3,14 +3,12 @@
 mod config;
 mod parts;
 mod splatweaver;
-mod vggt;
 
 pub use config::{
-    BackboneConfig, CameraConfig, DenseConfig, Gauge, GaussianConfig, ModelConfig, PRESETS, ParametrizationKind,
+    BackboneConfig, CameraConfig, DenseConfig, GaussianConfig, ModelConfig, PRESETS, ParametrizationKind, PoseFrame,
     RasterConfig, WaveletKind,
 };
 pub use splatweaver::{Dense, SplatWeaver, Woven};
-pub use vggt::{Encoded, Vggt};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

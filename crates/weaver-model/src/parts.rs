@@ -1,11 +1,11 @@
 //! From the one configuration to those of the parts.
 
-use crate::{Gauge, ModelConfig, ParametrizationKind, WaveletKind};
+use crate::{ModelConfig, ParametrizationKind, PoseFrame, WaveletKind};
 use weaver_nn::{Init, WeightInit};
-use weaver_pose::CameraHeadConfig;
 use weaver_router::{HeadConfig, NeighborConfig, Parametrization};
 use weaver_vggt::{
-    AggregatorConfig, BackboneInit, DepthHeadConfig, DptConfig, FeatureHeadConfig, VisionTransformerConfig,
+    AggregatorConfig, BackboneInit, CameraHeadConfig, DepthHeadConfig, DptConfig, FeatureHeadConfig, VggtConfig,
+    VisionTransformerConfig,
 };
 use weaver_wavelet::Wavelet;
 
@@ -15,7 +15,19 @@ const MLP_RATIO: usize = 4;
 const LAST_DEPTH_STD: f64 = 0.02;
 
 impl ModelConfig {
-    pub(crate) fn aggregator(&self) -> AggregatorConfig {
+    /// The dense network's part of it: backbone, camera head and depth head.
+    ///
+    /// Meaningful only if the configuration passes [`check`](Self::check).
+    pub fn vggt(&self) -> VggtConfig {
+        VggtConfig {
+            aggregator: self.aggregator(),
+            init: self.backbone_init(),
+            camera_head: self.camera_head(),
+            depth_head: self.depth_head(),
+        }
+    }
+
+    fn aggregator(&self) -> AggregatorConfig {
         let b = &self.backbone;
         AggregatorConfig {
             encoder: VisionTransformerConfig {
@@ -38,7 +50,7 @@ impl ModelConfig {
         }
     }
 
-    pub(crate) fn backbone_init(&self) -> BackboneInit {
+    fn backbone_init(&self) -> BackboneInit {
         let b = &self.backbone;
         BackboneInit {
             weight: WeightInit::TruncatedNormal(b.weight_std),
@@ -48,7 +60,7 @@ impl ModelConfig {
         }
     }
 
-    pub(crate) fn camera_head(&self) -> CameraHeadConfig {
+    fn camera_head(&self) -> CameraHeadConfig {
         let c = &self.camera;
         CameraHeadConfig {
             dim: 2 * self.backbone.dim,
@@ -60,10 +72,7 @@ impl ModelConfig {
             weight: WeightInit::TruncatedNormal(self.backbone.weight_std),
             token: Init::Normal(self.backbone.token_std),
             base_fov: (c.base_fov > 0.0).then_some(c.base_fov),
-            gauge: match c.gauge {
-                Gauge::Published => weaver_pose::Gauge::Free,
-                Gauge::Relative => weaver_pose::Gauge::FirstCamera,
-            },
+            relative: c.pose_frame == PoseFrame::FirstCamera,
         }
     }
 
@@ -83,7 +92,7 @@ impl ModelConfig {
         }
     }
 
-    pub(crate) fn depth_head(&self) -> DepthHeadConfig {
+    fn depth_head(&self) -> DepthHeadConfig {
         let limit = self.dense.log_depth_limit;
         let mut dpt = self.dpt();
         if self.dense.depth_features > 0 {

@@ -1,13 +1,12 @@
 //! The network: photos in, cameras and Gaussians out.
 
-use crate::vggt::{Encoded, Vggt};
 use crate::{ModelConfig, ParametrizationKind};
 use weaver_autograd::{Params, Real, Var};
 use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
 use weaver_pose::Cameras;
 use weaver_router::{Allocation, AllocationRequest, Assignment, CardinalityHead, Gaussians, PixelInputs};
-use weaver_vggt::FeatureHead;
+use weaver_vggt::{Encoded, FeatureHead, Vggt};
 use weaver_wavelet::{EnergyMap, Guidance};
 
 /// SplatWeaver: a handful of unposed photos to cameras and a compact set of Gaussians.
@@ -73,7 +72,8 @@ impl SplatWeaver {
     }
 
     fn build<T: Real>(config: ModelConfig, mut root: Builder<'_, T>) -> Self {
-        let vggt = Vggt::new(root.scope_here(), &config);
+        config.check().unwrap_or_else(|message| panic!("{message}"));
+        let vggt = Vggt::new(root.scope_here(), config.vggt());
         let features = FeatureHead::new(root.scope("gaussian_param_head"), config.feature_head());
         let mut gaussians = root.scope("gaussian_param_head");
         let guidance = config
@@ -157,8 +157,8 @@ impl SplatWeaver {
         let maps = self.vggt.depth(cx, encoded, b, [first, views], [height, width]);
         let _scope = cx.scope("gaussian_param_head");
         let mark = cx.tape.mark();
-        let layers = encoded.views(b, first, views);
-        let pixels = self.features.forward(cx, encoded.dense(&layers, [height, width]), photos);
+        let layers = encoded.view_tokens(b, first, views);
+        let pixels = self.features.forward(cx, encoded.dense_tokens(&layers, [height, width]), photos);
         cx.tape.keep_only(mark, &[pixels.features, pixels.embedding]);
         let logits = cx.tape.result_of(|| {
             let routed = match &self.guidance {

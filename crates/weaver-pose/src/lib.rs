@@ -6,7 +6,6 @@
 
 pub mod code;
 mod gauge;
-mod head;
 mod metrics;
 mod rotation;
 mod row_map;
@@ -14,7 +13,6 @@ mod unproject;
 
 pub use code::{Cameras, activate, cameras, encode};
 pub use gauge::first_camera_gauge;
-pub use head::{CameraHead, CameraHeadConfig, Gauge, PoseEstimate};
 pub use metrics::{PoseErrors, auc};
 pub use rotation::{quaternion_product, rotation_from_xyzw, xyzw_from_rotation};
 pub use unproject::unproject;

@@ -7,12 +7,13 @@ use weaver_autograd::{List, Shape, Var};
 use weaver_kernels::random::Stream;
 use weaver_losses as losses;
 use weaver_losses::Lpips;
-use weaver_model::{Dense, Encoded, SplatWeaver, Woven};
+use weaver_model::{Dense, SplatWeaver, Woven};
 use weaver_nn::Context;
 use weaver_pose::Cameras as CameraVars;
 use weaver_router::Allocation;
 use weaver_scene::{intrinsics_row, viewmat};
 use weaver_splat::{CameraVars as RasterCameras, GaussianVars, RasterSettings, Rasterize, WorkspacePool};
+use weaver_vggt::Encoded;
 
 /// How many terms there are at most.
 const MOST_TERMS: usize = 12;

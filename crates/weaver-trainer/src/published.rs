@@ -17,10 +17,11 @@ use weaver_geometry::Camera;
 use weaver_io::checkpoint::Tensors;
 use weaver_io::{Image, Weights};
 use weaver_kernels::random::Stream;
-use weaver_model::{ModelConfig, SplatWeaver, Vggt};
+use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_nn::Context;
 use weaver_router::AllocationKind;
 use weaver_scene::CameraSlices;
+use weaver_vggt::Vggt;
 
 /// How to run a published checkpoint.
 #[derive(Clone, Debug)]

@@ -3,7 +3,8 @@
 use super::reference::Reference;
 use weaver_autograd::{Params, Real, Tape, Var};
 use weaver_nn::{Builder, Context, Init, WeightInit};
-use weaver_pose::{CameraHead, CameraHeadConfig, Cameras, Gauge};
+use weaver_pose::Cameras;
+use weaver_vggt::{CameraHead, CameraHeadConfig};
 
 /// 3x3 matrices of rows fx, fy, cx, cy; `corner` is the last entry.
 pub fn matrices<T: Real>(rows: &[T], corner: f64) -> Vec<T> {
@@ -49,7 +50,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
         token: Init::Normal(0.02),
         layer_scale: 0.01,
         base_fov: None,
-        gauge: Gauge::Free,
+        relative: false,
     };
     let (height, width) = (file.size("image_h"), file.size("image_w"));
     let mut params = Params::<T>::new();

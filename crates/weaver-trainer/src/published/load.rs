@@ -6,8 +6,9 @@ use std::sync::Arc;
 use weaver_autograd::{HalfValues, ParamId, ParamValues, Params};
 use weaver_io::{Storage, Weight, Weights};
 use weaver_kernels::parallel;
-use weaver_model::{ModelConfig, SplatWeaver, Vggt};
+use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_nn::Builder;
+use weaver_vggt::Vggt;
 
 /// What the names of published checkpoints may begin with.
 const PREFIXES: [&str; 5] = ["", "encoder.", "model.encoder.", "model.", "module."];
@@ -122,7 +123,7 @@ impl Opened {
         let network = if self.has_gaussians {
             Network::SplatWeaver(Box::new(SplatWeaver::declare(self.config.clone(), &mut params)))
         } else {
-            Network::Vggt(Box::new(Vggt::new(Builder::declaring(&mut params), &self.config)))
+            Network::Vggt(Box::new(Vggt::new(Builder::declaring(&mut params), self.config.vggt())))
         };
         let ids: Vec<ParamId> = params.ids().collect();
         let mut found: Vec<Result<ParamValues<f32>, Fault>> = ids.iter().map(|_| Err(Fault::Missing)).collect();

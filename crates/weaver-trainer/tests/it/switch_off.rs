@@ -108,8 +108,8 @@ const SWITCHES: [&[&str]; 20] = [
     &["stages.1.allocation=random"],
     PUBLISHED,
     &["model.gaussians.parametrization=footprint"],
-    &["model.camera.gauge=published"],
-    &["model.camera.gauge=relative"],
+    &["model.camera.pose_frame=network"],
+    &["model.camera.pose_frame=first-camera"],
 ];
 
 /// The published parametrization, with sizes in world units.

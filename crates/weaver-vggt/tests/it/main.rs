@@ -1,8 +1,8 @@
 //! The backbone against references, finite differences and its own mechanisms.
 
 mod aggregator;
+mod camera_head;
 mod dense;
-#[path = "../../../weaver-pose/tests/it/fixture.rs"]
 mod fixture;
 mod ops;
 mod shapes;

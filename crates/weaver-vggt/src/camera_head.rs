@@ -1,10 +1,10 @@
 //! The network that reads poses off camera tokens.
 
-use crate::code::{self, LENGTH};
-use crate::gauge::first_camera_gauge;
 use smallvec::SmallVec;
 use weaver_autograd::{ParamId, Real, Var, ops};
 use weaver_nn::{Block, BlockConfig, Builder, Context, Init, LayerNorm, Linear, WeightInit};
+use weaver_pose::code::LENGTH;
+use weaver_pose::{activate, first_camera_gauge};
 
 /// Sizes and start of a [`CameraHead`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,17 +29,9 @@ pub struct CameraHeadConfig {
     /// identity. Without it the first increment is the first code, as published: fields of view then start at 0, where
     /// they have no gradient.
     pub base_fov: Option<f64>,
-    /// Whether poses are emitted relative to the scene's first camera.
-    pub gauge: Gauge,
-}
-
-/// The frame of the emitted poses.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Gauge {
-    /// That of the codes, whatever the network makes it; for published weights.
-    Free,
-    /// The first camera's: see [`first_camera_gauge`].
-    FirstCamera,
+    /// Whether poses are emitted relative to the scene's first camera ([`first_camera_gauge`]). Without it they are emitted
+    /// in the frame of the network's own choice, as published weights expect.
+    pub relative: bool,
 }
 
 /// One refinement's result.
@@ -119,11 +111,8 @@ impl CameraHead {
                 None => increment,
             };
             code = Some(raw.detach());
-            let activated = code::activate(raw);
-            let emitted = match self.config.gauge {
-                Gauge::Free => activated,
-                Gauge::FirstCamera => first_camera_gauge(activated),
-            };
+            let activated = activate(raw);
+            let emitted = if self.config.relative { first_camera_gauge(activated) } else { activated };
             estimates.push(PoseEstimate { raw, code: emitted });
         }
         estimates

@@ -1,10 +1,25 @@
-//! What the photos show, before any Gaussian: cameras and depth.
+//! VGGT put together: photos to cameras and depth.
 
-use crate::ModelConfig;
+use crate::{
+    Aggregator, AggregatorConfig, BackboneInit, CameraHead, CameraHeadConfig, DenseTokens, DepthHead, DepthHeadConfig,
+    DepthMaps,
+};
 use weaver_autograd::{List, Real, Var};
 use weaver_nn::{Builder, Context};
-use weaver_pose::{CameraHead, Cameras};
-use weaver_vggt::{Aggregator, DenseTokens, DepthHead, DepthMaps};
+use weaver_pose::Cameras;
+
+/// Sizes and start of a [`Vggt`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct VggtConfig {
+    /// Patch encoder and aggregator.
+    pub aggregator: AggregatorConfig,
+    /// Initial values of patch encoder and aggregator.
+    pub init: BackboneInit,
+    /// Camera head; its tokens are twice as wide as those of the aggregator.
+    pub camera_head: CameraHeadConfig,
+    /// Depth head, which reads the aggregator's layers.
+    pub depth_head: DepthHeadConfig,
+}
 
 /// VGGT (Wang et al. 2025, arXiv 2503.11651): patch encoder, aggregator, camera head and depth head.
 ///
@@ -28,7 +43,7 @@ pub struct Encoded<'t, T: Real = f32> {
     /// Pose codes `[B, V, 9]` of every refinement, in the frame of the camera head's own choice; quaternions of any
     /// length.
     pub raw: List<Var<'t, T>>,
-    /// Pose codes `[B, V, 9]` of every refinement as emitted, in the frame that the configuration's gauge says.
+    /// Pose codes `[B, V, 9]` of every refinement as emitted, in the frame that the camera head's configuration says.
     pub codes: List<Var<'t, T>>,
     /// The cameras of the last refinement: w2c `[B, V, 3, 4]`, intrinsics `[B, V, 4]`.
     pub cameras: Cameras<'t, T>,
@@ -41,7 +56,7 @@ impl<'t, T: Real> Encoded<'t, T> {
     }
 
     /// The tokens of some views of scene `b`, one `[views, T, 2 D]` for each level.
-    pub(crate) fn views(&self, b: usize, first: usize, count: usize) -> List<Var<'t, T>> {
+    pub fn view_tokens(&self, b: usize, first: usize, count: usize) -> List<Var<'t, T>> {
         let of_views = |tokens: &Var<'t, T>| {
             let scene = entry(*tokens, b);
             if count == scene.shape()[0] { scene } else { scene.slice(0, first, count) }
@@ -50,7 +65,7 @@ impl<'t, T: Real> Encoded<'t, T> {
     }
 
     /// Levels as a dense head reads them.
-    pub(crate) fn dense<'a>(&self, layers: &'a [Var<'t, T>], image: [usize; 2]) -> DenseTokens<'a, 't, T> {
+    pub fn dense_tokens<'a>(&self, layers: &'a [Var<'t, T>], image: [usize; 2]) -> DenseTokens<'a, 't, T> {
         DenseTokens { layers, special: self.special, grid: self.grid, image }
     }
 }
@@ -64,15 +79,11 @@ fn entry<T: Real>(x: Var<'_, T>, b: usize) -> Var<'_, T> {
 
 impl Vggt {
     /// Adds the parameters `aggregator`, `camera_head` and `depth_head`.
-    ///
-    /// # Panics
-    /// If the configuration does not pass [`ModelConfig::check`].
-    pub fn new<T: Real>(mut root: Builder<'_, T>, config: &ModelConfig) -> Self {
-        config.check().unwrap_or_else(|message| panic!("{message}"));
+    pub fn new<T: Real>(mut root: Builder<'_, T>, config: VggtConfig) -> Self {
         Self {
-            aggregator: Aggregator::new(root.scope("aggregator"), config.aggregator(), config.backbone_init()),
-            camera_head: CameraHead::new(root.scope("camera_head"), config.camera_head()),
-            depth_head: DepthHead::new(root.scope("depth_head"), config.depth_head()),
+            aggregator: Aggregator::new(root.scope("aggregator"), config.aggregator, config.init),
+            camera_head: CameraHead::new(root.scope("camera_head"), config.camera_head),
+            depth_head: DepthHead::new(root.scope("depth_head"), config.depth_head),
         }
     }
 
@@ -106,7 +117,7 @@ impl Vggt {
         image: [usize; 2],
     ) -> DepthMaps<'t, T> {
         let _scope = cx.scope("depth_head");
-        let layers = encoded.views(b, first, count);
-        self.depth_head.forward(cx, encoded.dense(&layers, image))
+        let layers = encoded.view_tokens(b, first, count);
+        self.depth_head.forward(cx, encoded.dense_tokens(&layers, image))
     }
 }
