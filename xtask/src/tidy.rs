@@ -13,8 +13,9 @@ const EDGES: &[(&str, &[&str])] = &[
     ("weaver-io", &["weaver-scene", "weaver-geometry"]),
     ("weaver-nn", &["weaver-autograd", "weaver-kernels"]),
     ("weaver-splat", &["weaver-scene", "weaver-autograd", "weaver-kernels", "weaver-geometry"]),
-    ("weaver-wavelet", &["weaver-nn", "weaver-autograd", "weaver-kernels"]),
+    ("weaver-wavelet", &["weaver-autograd", "weaver-kernels"]),
     ("weaver-router", &["weaver-nn", "weaver-autograd", "weaver-kernels"]),
+    ("weaver-experts", &["weaver-router", "weaver-splat", "weaver-nn", "weaver-autograd", "weaver-kernels"]),
     ("weaver-vggt", &["weaver-pose", "weaver-nn", "weaver-autograd", "weaver-kernels"]),
     ("weaver-pose", &["weaver-autograd", "weaver-kernels", "weaver-geometry"]),
     ("weaver-losses", &["weaver-nn", "weaver-autograd", "weaver-kernels", "weaver-geometry"]),
@@ -22,6 +23,7 @@ const EDGES: &[(&str, &[&str])] = &[
     (
         "weaver-model",
         &[
+            "weaver-experts",
             "weaver-router",
             "weaver-pose",
             "weaver-vggt",

@@ -32,10 +32,13 @@ fn main() {
         timed("depth and features", started);
         let started = Instant::now();
         let budget = Dithered { budget: 0.4, gamma: 1.0 };
-        let woven = model.weave(cx, &dense, photos, &encoded.scene_cameras(0), &budget, noise);
+        let predicted = model.gaussians(cx, &dense, photos, &encoded.scene_cameras(0), &budget, noise);
         timed("Gaussians", started);
-        let (count, pixels) = (woven.assignment.count(), views * height * width);
-        println!("{count} Gaussians for {pixels} pixels of {views} photos, means {}", woven.gaussians.means.shape());
+        let (count, pixels) = (predicted.assignment.count(), views * height * width);
+        println!(
+            "{count} Gaussians for {pixels} pixels of {views} photos, means {}",
+            predicted.gaussians.means.shape()
+        );
     });
     println!("memory of the tape: {:.1} MB", tape.pool().allocated_bytes() as f64 / 1e6);
 }

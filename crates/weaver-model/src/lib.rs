@@ -1,6 +1,7 @@
 //! SplatWeaver put together: configuration, presets and the forward pass from photos to Gaussians.
 
 mod config;
+mod guidance;
 mod parts;
 mod splatweaver;
 
@@ -8,7 +9,8 @@ pub use config::{
     BackboneConfig, CameraConfig, DenseConfig, GaussianConfig, ModelConfig, PRESETS, ParametrizationKind, PoseFrame,
     RasterConfig, WaveletKind,
 };
-pub use splatweaver::{Dense, SplatWeaver, Woven};
+pub use guidance::Guidance;
+pub use splatweaver::{Dense, PredictedGaussians, SplatWeaver};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

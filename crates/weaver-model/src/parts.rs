@@ -1,8 +1,8 @@
 //! From the one configuration to those of the parts.
 
 use crate::{ModelConfig, ParametrizationKind, PoseFrame, WaveletKind};
+use weaver_experts::{HeadConfig, NeighborConfig, Parametrization};
 use weaver_nn::{Init, WeightInit};
-use weaver_router::{HeadConfig, NeighborConfig, Parametrization};
 use weaver_vggt::{
     AggregatorConfig, BackboneInit, CameraHeadConfig, DepthHeadConfig, DptConfig, FeatureHeadConfig, VggtConfig,
     VisionTransformerConfig,
@@ -115,7 +115,7 @@ impl ModelConfig {
         HeadConfig {
             features: self.dense.channels,
             router_hidden: g.router_hidden,
-            cardinality: g.experts,
+            max_per_pixel: g.experts,
             sh_degree: g.sh_degree,
             neighbors: g.neighbor_attention.then_some(NeighborConfig {
                 count: g.neighbors,
@@ -126,12 +126,12 @@ impl ModelConfig {
             expert_output_gain: g.expert_gain,
             parametrization: match g.parametrization {
                 ParametrizationKind::Published => Parametrization::Published {
-                    xyz_bias: g.offset_reach,
+                    offset_reach: g.offset_reach,
                     scale_multiplier: g.scale_multiplier,
                     scale_max: g.scale_max,
                 },
                 ParametrizationKind::Footprint => {
-                    Parametrization::Footprint { offset: g.offset_reach, scale: g.scale_multiplier }
+                    Parametrization::Footprint { offset_reach: g.offset_reach, scale: g.scale_multiplier }
                 }
             },
         }

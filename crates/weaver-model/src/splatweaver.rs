@@ -1,13 +1,15 @@
 //! The network: photos in, cameras and Gaussians out.
 
-use crate::{ModelConfig, ParametrizationKind};
-use weaver_autograd::{Params, Real, Var};
+use crate::{Guidance, ModelConfig, ParametrizationKind};
+use weaver_autograd::{Buffer, Params, Real, Var};
+use weaver_experts::{CardinalityHead, PixelGaussians, PixelInputs};
 use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
 use weaver_pose::Cameras;
-use weaver_router::{Allocation, AllocationRequest, Assignment, CardinalityHead, Gaussians, PixelInputs};
+use weaver_router::{Allocation, AllocationRequest, Assignment};
+use weaver_splat::GaussianVars;
 use weaver_vggt::{Encoded, FeatureHead, Vggt};
-use weaver_wavelet::{EnergyMap, Guidance};
+use weaver_wavelet::EnergyMap;
 
 /// SplatWeaver: a handful of unposed photos to cameras and a compact set of Gaussians.
 ///
@@ -37,11 +39,13 @@ pub struct Dense<'t, T: Real = f32> {
     pub energy: Var<'t, T>,
 }
 
-/// A scene of Gaussians, and how pixels were given theirs.
+/// The Gaussians of a scene, and how many each pixel was given.
 #[derive(Debug)]
-pub struct Woven<'t, T: Real = f32> {
-    /// The Gaussians, in the frame of the cameras that they were made with.
-    pub gaussians: Gaussians<'t, T>,
+pub struct PredictedGaussians<'t, T: Real = f32> {
+    /// The N Gaussians, in the frame of the cameras that they were made with.
+    pub gaussians: GaussianVars<'t, T>,
+    /// The pixel that each Gaussian comes from `[N]`.
+    pub pixel: Buffer<u32>,
     /// How many Gaussians each pixel got.
     pub assignment: Assignment<T>,
     /// The straight-through choice `[P, E]` where the router made it.
@@ -75,12 +79,12 @@ impl SplatWeaver {
         config.check().unwrap_or_else(|message| panic!("{message}"));
         let vggt = Vggt::new(root.scope_here(), config.vggt());
         let features = FeatureHead::new(root.scope("gaussian_param_head"), config.feature_head());
-        let mut gaussians = root.scope("gaussian_param_head");
+        let mut head = root.scope("gaussian_param_head");
         let guidance = config
             .gaussians
             .frequency_prior
-            .then(|| Guidance::new(&mut gaussians, config.wavelet(), config.dense.wave, config.dense.channels));
-        let head = CardinalityHead::new(gaussians.scope("gs_moe"), config.head());
+            .then(|| Guidance::new(&mut head, config.wavelet(), config.dense.wave, config.dense.channels));
+        let head = CardinalityHead::new(head.scope("gs_moe"), config.head());
         Self { config, vggt, features, guidance, head }
     }
 
@@ -174,7 +178,7 @@ impl SplatWeaver {
 
     /// Gives pixels their Gaussians: unprojects with `cameras` (w2c `[V, 3, 4]`, intrinsics `[V, 4]`), allocates, and
     /// decodes.
-    pub fn weave<'t, T: Real>(
+    pub fn gaussians<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,
         dense: &Dense<'t, T>,
@@ -182,7 +186,7 @@ impl SplatWeaver {
         cameras: &Cameras<'t, T>,
         allocation: &dyn Allocation<T>,
         stream: Stream,
-    ) -> Woven<'t, T> {
+    ) -> PredictedGaussians<'t, T> {
         let [views, height, width] = [photos.shape()[0], photos.shape()[2], photos.shape()[3]];
         let pixels = views * height * width;
         let center = self.config.dense.pixel_center;
@@ -207,7 +211,7 @@ impl SplatWeaver {
         let points = points.reshape([pixels, 3]);
         let inputs = PixelInputs { features: dense.features, points, footprints, colors, height, width };
         let _scope = cx.scope("gaussian_param_head");
-        let gaussians = self.head.gaussians(cx, &inputs, &assignment.expert, choice);
-        Woven { gaussians, assignment, choice }
+        let PixelGaussians { gaussians, pixel } = self.head.gaussians(cx, &inputs, &assignment.expert, choice);
+        PredictedGaussians { gaussians, pixel, assignment, choice }
     }
 }

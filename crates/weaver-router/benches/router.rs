@@ -1,11 +1,11 @@
-//! Times of the allocation and of the head, forward and backward, at the size of a training step.
+//! Times of the router's forward and backward pass and of the allocations, at the size of a training step.
 
 use criterion::Criterion;
 use std::time::Duration;
 use weaver_autograd::{Params, Pool, Tape};
 use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
-use weaver_router::{Allocation, AllocationRequest, CardinalityHead, Dithered, HeadConfig, PixelInputs};
+use weaver_router::{Allocation, AllocationRequest, Dithered, Router, Sampled, gumbel_softmax_straight_through};
 
 const VIEWS: usize = 4;
 const HEIGHT: usize = 48;
@@ -17,20 +17,8 @@ fn numbers(n: usize, purpose: &str) -> Vec<f32> {
     (0..n as u64).map(|i| stream.uniform(i)).collect()
 }
 
-/// A bumpy surface seen by all views.
-fn surface(n: usize) -> Vec<f32> {
-    let mut points = numbers(3 * n, "surface");
-    points.chunks_exact_mut(3).for_each(|p| p[2] = 1.0 + 0.2 * (7.0 * p[0]).sin() * (5.0 * p[1]).cos() + 0.01 * p[2]);
-    points
-}
-
-fn head(c: &mut Criterion) {
-    let mut params = Params::<f32>::new();
-    let head = CardinalityHead::new(Builder::new(&mut params, 1).scope("gs_moe"), HeadConfig::tiny());
-    let features = numbers(PIXELS * 32, "features");
-    let (points, colors) = (surface(PIXELS), numbers(PIXELS * 3, "colors"));
-    let logits = numbers(PIXELS * 4, "logits");
-    let pool = Pool::new();
+fn allocate(c: &mut Criterion) {
+    let (logits, pool) = (numbers(PIXELS * 4, "logits"), Pool::new());
     let request = AllocationRequest {
         logits: &logits,
         energy: &logits[..PIXELS],
@@ -41,33 +29,28 @@ fn head(c: &mut Criterion) {
         gumbel: None,
         pool: &pool,
     };
-    let dithered = Dithered { budget: 0.4, gamma: 0.7 };
-    c.bench_function("allocate/dithered", |b| b.iter(|| dithered.allocate(&request)));
-    let assignment = dithered.allocate(&request);
-    let mut tape = Tape::new();
-    for backward in [false, true] {
-        c.bench_function(if backward { "head/backward" } else { "head/forward" }, |b| {
-            b.iter(|| {
-                {
-                    let pixels = PixelInputs {
-                        features: tape.leaf(&features, [PIXELS, 32]),
-                        points: tape.leaf(&points, [PIXELS, 3]),
-                        footprints: Some(tape.leaf(&features[..PIXELS], [PIXELS])),
-                        colors: Some(tape.constant(&colors, [PIXELS, 3])),
-                        height: HEIGHT,
-                        width: WIDTH,
-                    };
-                    let g = head.gaussians(Context::new(&tape, &params), &pixels, &assignment.expert, None);
-                    if backward {
-                        let outputs = [g.means, g.scales, g.quats, g.opacities, g.sh];
-                        let loss = outputs.map(|x| x.sum()).into_iter().reduce(|a, b| a + b);
-                        loss.expect("five outputs").backward();
-                    }
-                }
-                tape.reset();
-            });
-        });
+    let strategies: [(&str, &dyn Allocation); 2] =
+        [("allocate/dithered", &Dithered { budget: 0.4, gamma: 0.7 }), ("allocate/sampled", &Sampled)];
+    for (name, strategy) in strategies {
+        c.bench_function(name, |b| b.iter(|| strategy.allocate(&request)));
     }
+}
+
+fn route(c: &mut Criterion) {
+    let mut params = Params::<f32>::new();
+    let router = Router::new(Builder::new(&mut params, 1), 32, 16, 4);
+    let features = numbers(PIXELS * 32, "features");
+    let mut tape = Tape::new();
+    c.bench_function("router and choice, forward and backward", |b| {
+        b.iter(|| {
+            {
+                let features = tape.leaf(&features, [PIXELS, 32]);
+                let logits = router.forward(Context::new(&tape, &params), features);
+                gumbel_softmax_straight_through(logits, None, 0.5).square().sum().backward();
+            }
+            tape.reset();
+        });
+    });
 }
 
 fn main() {
@@ -76,6 +59,7 @@ fn main() {
         .warm_up_time(Duration::from_millis(300))
         .measurement_time(Duration::from_secs(1))
         .configure_from_args();
-    head(&mut criterion);
+    allocate(&mut criterion);
+    route(&mut criterion);
     criterion.final_summary();
 }

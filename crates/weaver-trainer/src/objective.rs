@@ -7,12 +7,12 @@ use weaver_autograd::{List, Shape, Var};
 use weaver_kernels::random::Stream;
 use weaver_losses as losses;
 use weaver_losses::Lpips;
-use weaver_model::{Dense, SplatWeaver, Woven};
+use weaver_model::{Dense, PredictedGaussians, SplatWeaver};
 use weaver_nn::Context;
 use weaver_pose::Cameras as CameraVars;
 use weaver_router::Allocation;
 use weaver_scene::{intrinsics_row, viewmat};
-use weaver_splat::{CameraVars as RasterCameras, GaussianVars, RasterSettings, Rasterize, WorkspacePool};
+use weaver_splat::{CameraVars as RasterCameras, RasterSettings, Rasterize, WorkspacePool};
 use weaver_vggt::Encoded;
 
 /// How many terms there are at most.
@@ -148,11 +148,12 @@ impl Objective<'_> {
             Cameras::Given => given(cx, batch.context()),
         };
         let stream = self.stream.fork(b as u64);
-        let woven = model.weave(cx, &dense, photos, &cameras, self.allocation, stream);
-        terms.gaussians_per_pixel += (woven.assignment.count() as f64 * share / (views * height * width) as f64) as f32;
+        let predicted = model.gaussians(cx, &dense, photos, &cameras, self.allocation, stream);
+        terms.gaussians_per_pixel +=
+            (predicted.assignment.count() as f64 * share / (views * height * width) as f64) as f32;
 
         let shown = if self.stage.render_targets { batch.cameras.len() } else { views };
-        let rendered = self.render(cx, model, &woven, &cameras, batch);
+        let rendered = self.render(cx, model, &predicted, &cameras, batch);
         let image = rendered.image.permute(&[0, 3, 1, 2]).clamp(0.0, 1.0);
         let truth = cx.tape.constant(&batch.images[..shown * 3 * height * width], image.shape());
         terms.add("mse", weights.mse, share, || losses::mse(image, truth));
@@ -166,14 +167,14 @@ impl Objective<'_> {
             let confidence = batch.depth.iter().map(|d| [if *d > 0.0 { 1.0 / d } else { 0.0 }]);
             losses::masked_depth_mse(own, known, rows(cx, confidence, known.shape()), 0.3)
         });
-        self.routing_terms(terms, cx, share, &dense, &woven, image.slice(0, 0, views), photos);
+        self.routing_terms(terms, cx, share, &dense, &predicted, image.slice(0, 0, views), photos);
     }
 
     fn render<'t>(
         &self,
         cx: Context<'t, '_, f32>,
         model: &SplatWeaver,
-        woven: &Woven<'t>,
+        predicted: &PredictedGaussians<'t>,
         cameras: &CameraVars<'t>,
         batch: &Batch,
     ) -> weaver_splat::RenderedVars<'t, f32> {
@@ -187,9 +188,6 @@ impl Objective<'_> {
             w2c = weaver_autograd::ops::concat(&[w2c, targets.w2c], 0);
             intrinsics = weaver_autograd::ops::concat(&[intrinsics, targets.intrinsics], 0);
         }
-        let g = &woven.gaussians;
-        let gaussians =
-            GaussianVars { means: g.means, quats: g.quats, scales: g.scales, opacities: g.opacities, colors: g.sh };
         let background = cx.tape.constant(&config.raster.background.map(|c| c as f32), [3]);
         let settings = RasterSettings {
             near: config.raster.near,
@@ -198,7 +196,7 @@ impl Objective<'_> {
         };
         let op = Rasterize::new(config.width, config.height, settings, self.workspaces);
         let op = if self.stage.losses.rendered_depth == 0.0 { op.without_depth() } else { op };
-        op.apply(&gaussians, &RasterCameras { viewmats: w2c, intrinsics, background })
+        op.apply(&predicted.gaussians, &RasterCameras { viewmats: w2c, intrinsics, background })
     }
 
     fn routing_terms<'t>(
@@ -207,7 +205,7 @@ impl Objective<'_> {
         cx: Context<'t, '_, f32>,
         share: f64,
         dense: &Dense<'t>,
-        woven: &Woven<'t>,
+        predicted: &PredictedGaussians<'t>,
         own: Var<'t, f32>,
         photos: Var<'t, f32>,
     ) {
@@ -222,7 +220,7 @@ impl Objective<'_> {
                 )
             });
         }
-        if let Some(choice) = woven.choice {
+        if let Some(choice) = predicted.choice {
             terms.add("budget", weights.budget, share, || {
                 let shares = match weights.budget_form {
                     BudgetForm::Shares => true,

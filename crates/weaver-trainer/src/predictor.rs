@@ -120,21 +120,21 @@ impl<'m> Predictor<'m> {
                 None => encoded.scene_cameras(0),
             };
             let dense = self.model.dense(cx, &encoded, 0, photos);
-            let woven = self.model.weave(cx, &dense, photos, &vars, allocation, stream);
-            let g = &woven.gaussians;
+            let made = self.model.gaussians(cx, &dense, photos, &vars, allocation, stream);
+            let g = &made.gaussians;
             Prediction {
                 splats: ActivatedGaussians {
                     means: g.means.to_vec(),
                     scales: g.scales.to_vec(),
                     quats: g.quats.to_vec(),
                     opacities: g.opacities.to_vec(),
-                    sh: g.sh.to_vec(),
+                    sh: g.colors.to_vec(),
                     degree: config.gaussians.sh_degree,
                 },
                 cameras: given.unwrap_or_else(|| predicted.clone()),
                 predicted,
                 depth: dense.depth.to_vec(),
-                experts: woven.assignment.expert.to_vec(),
+                experts: made.assignment.expert.to_vec(),
                 scaled_by,
             }
         })

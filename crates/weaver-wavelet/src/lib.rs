@@ -8,7 +8,6 @@ mod detail_energy;
 mod energy;
 mod energy_map;
 mod filter;
-mod guidance;
 mod luma;
 mod synthesis;
 pub mod transform;
@@ -18,7 +17,6 @@ pub use detail_energy::{ENERGY_EPSILON, detail_energy, detail_energy_into};
 pub use energy::energy;
 pub use energy_map::EnergyMap;
 pub use filter::{UnknownWavelet, Wavelet};
-pub use guidance::Guidance;
 pub use luma::{LUMA_WEIGHTS, luma, luma_into};
 pub use synthesis::synthesis;
 

@@ -6,12 +6,12 @@ use super::metrics::lpips;
 use super::reference::Reference;
 use std::path::Path;
 use weaver_autograd::{Params, Pool, Real, Tape, Var};
+use weaver_experts::Neighbors;
 use weaver_kernels::random::Stream;
 use weaver_losses as losses;
 use weaver_losses::lpips::Network;
 use weaver_model::{BackboneConfig, CameraConfig, DenseConfig, GaussianConfig, ModelConfig, SplatWeaver};
 use weaver_nn::Context;
-use weaver_router::Neighbors;
 use weaver_splat::{CameraVars, GaussianVars, RasterSettings, Rasterize, WorkspacePool};
 
 /// The published network in the sizes of a file.
@@ -151,10 +151,10 @@ fn forward<'t, T: Real>(
     file.check("out.logits", &maps(dense.logits, [views, height, width]).value());
 
     let allocation = Recorded { noise: file.data("in.gumbel") };
-    let woven = model.weave(cx, &dense, photos, &cameras, &allocation, Stream::new(0, 0, "unused"));
-    let assigned: Vec<u32> = woven.assignment.expert.iter().map(|e| u32::from(*e)).collect();
+    let predicted = model.gaussians(cx, &dense, photos, &cameras, &allocation, Stream::new(0, 0, "unused"));
+    let assigned: Vec<u32> = predicted.assignment.expert.iter().map(|e| u32::from(*e)).collect();
     file.check_indices("out.assigned", &assigned);
-    let g = &woven.gaussians;
+    let g = &predicted.gaussians;
     // The stage is what the rasterizer is given: a copy, since the neighbor attention has its share in the original.
     let count = g.means.shape()[0];
     let (means, opacities) = (g.means.slice(0, 0, count).retain_grad(), g.opacities.retain_grad());
@@ -163,19 +163,19 @@ fn forward<'t, T: Real>(
         ("scales", g.scales),
         ("quats", xyzw(g.quats)),
         ("opacities", opacities),
-        ("sh", color_major(g.sh)),
+        ("sh", color_major(g.colors)),
     ];
     for (name, y) in gaussians {
         file.check(&format!("out.{name}"), &y.value());
     }
     let neighbors = Neighbors::search(&means.value(), config.gaussians.neighbors, tape.pool());
-    file.check_rows("out.knn", neighbors.index(), neighbors.index().len() / g.pixel.len().max(1));
+    file.check_rows("out.knn", neighbors.index(), neighbors.index().len() / predicted.pixel.len().max(1));
 
     let settings =
         RasterSettings { near: config.raster.near, alpha_max: config.raster.alpha_max, ..RasterSettings::default() };
     let background = tape.constant(&config.raster.background.map(T::from_f64), [3]);
     let drawn = Rasterize::new(width, height, settings, &WorkspacePool::new()).apply(
-        &GaussianVars { means, quats: g.quats, scales: g.scales, opacities, colors: g.sh },
+        &GaussianVars { means, opacities, ..*g },
         &CameraVars { viewmats: cameras.w2c, intrinsics: cameras.intrinsics.detach(), background },
     );
     let image_raw = drawn.image.permute(&[0, 3, 1, 2]).retain_grad();
@@ -199,7 +199,7 @@ fn forward<'t, T: Real>(
     let mut classes = vec![0; dense.energy.shape().len()];
     losses::frequency_targets(&dense.energy.value(), &QUANTILES, &Pool::new(), &mut classes);
     file.check_indices("out.target_class", &classes);
-    let choice = woven.choice.expect("the router chose");
+    let choice = predicted.choice.expect("the router chose");
     let terms = [
         ("mse", losses::mse(image, target)),
         ("pose", losses::huber_pose(&encoded.codes, &teacher, 1.0)),

@@ -3,14 +3,14 @@
 use super::dense::dpt;
 use super::reference::Reference;
 use weaver_autograd::{Params, Real, Tape, Var, ops};
+use weaver_experts::{CardinalityHead, HeadConfig, NeighborConfig, Neighbors, Parametrization, PixelInputs, decode};
 use weaver_kernels::random::Stream;
+use weaver_model::Guidance;
 use weaver_nn::{Builder, Context};
-use weaver_router::{
-    Allocation, AllocationRequest, Assignment, CardinalityHead, Decoded, HeadConfig, NeighborConfig, Neighbors,
-    Parametrization, PixelInputs, Sampled, decode,
-};
+use weaver_router::{Allocation, AllocationRequest, Assignment, Sampled};
+use weaver_splat::GaussianVars;
 use weaver_vggt::{DenseTokens, FeatureHead, FeatureHeadConfig};
-use weaver_wavelet::{Guidance, Wavelet, analysis, luma};
+use weaver_wavelet::{Wavelet, analysis, luma};
 
 /// A choice that was made before: that of a file's noise.
 #[derive(Debug)]
@@ -46,8 +46,8 @@ pub fn maps<'t, T: Real>(rows: Var<'t, T>, [views, height, width]: [usize; 3]) -
     rows.reshape([views, height, width, channels]).permute(&[0, 3, 1, 2])
 }
 
-fn named<'t, T: Real>(d: &Decoded<'t, T>) -> [(&'static str, Var<'t, T>); 4] {
-    [("scales", d.scales), ("quats", xyzw(d.quats)), ("opacities", d.opacities), ("sh", color_major(d.sh))]
+fn named<'t, T: Real>(d: &GaussianVars<'t, T>) -> [(&'static str, Var<'t, T>); 4] {
+    [("scales", d.scales), ("quats", xyzw(d.quats)), ("opacities", d.opacities), ("sh", color_major(d.colors))]
 }
 
 pub fn run<T: Real>(file: Reference) -> Reference {
@@ -56,7 +56,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     let dpt = dpt(&file, file.size("dim_in"), "");
     assert_eq!(dpt.width, file.size("feature_channels"), "channels of the maps are half of those of the trunk");
     let parametrization =
-        Parametrization::Published { xyz_bias: file.number("xyz_bias"), scale_multiplier: 0.001, scale_max: 0.4 };
+        Parametrization::Published { offset_reach: file.number("xyz_bias"), scale_multiplier: 0.001, scale_max: 0.4 };
     let neighbors = NeighborConfig {
         count: file.size("k"),
         projector: file.size("pixel_projector"),
@@ -66,7 +66,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     let config = HeadConfig {
         features: dpt.width,
         router_hidden: file.size("gate_hidden"),
-        cardinality: 3,
+        max_per_pixel: 3,
         sh_degree: degree,
         neighbors: Some(neighbors),
         expert_output_gain: 1.0,
@@ -147,7 +147,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     let theta = predictor.forward(cx, proposed.means, proposed.theta, feature, &neighbors).retain_grad();
     file.check("out.theta", &theta.value());
 
-    let decoded = decode(theta, degree, None, parametrization);
+    let decoded = decode(proposed.means, theta, degree, None, parametrization);
     let mut loss = tape.scalar(T::ZERO);
     for (name, y) in named(&decoded).into_iter().chain([("means", proposed.means)]) {
         file.check(&format!("out.{name}"), &y.value());
@@ -174,7 +174,10 @@ fn edges<T: Real>(file: &Reference, degree: usize, parametrization: Parametrizat
         return;
     }
     let tape = Tape::<T>::new();
-    let decoded = decode(file.constant(&tape, "edge.theta"), degree, None, parametrization);
+    let theta = file.constant(&tape, "edge.theta");
+    let rows = theta.shape()[0];
+    let means = tape.constant(&vec![T::ZERO; 3 * rows], [rows, 3]);
+    let decoded = decode(means, theta, degree, None, parametrization);
     for (name, y) in named(&decoded) {
         file.check(&format!("edge.{name}"), &y.value());
     }

@@ -1,5 +1,11 @@
 //! The network put together: the published sizes, and the two ways to run it.
 
+// Images of the wavelet's own tests are read with it, too.
+#[allow(dead_code)]
+#[path = "../../../weaver-wavelet/tests/it/fixture.rs"]
+mod fixture;
+mod guidance;
+
 use weaver_autograd::{Params, Tape};
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
@@ -41,9 +47,9 @@ fn inference_equals_the_recorded_pass() {
         let encoded = model.encode(cx, photos.reshape([1, views, 3, height, width]));
         let dense = model.dense(cx, &encoded, 0, photos);
         let cameras = encoded.scene_cameras(0);
-        let woven = model.weave(cx, &dense, photos, &cameras, &Sampled, Stream::new(3, 0, "routing"));
-        let g = &woven.gaussians;
-        let values = [g.means, g.scales, g.quats, g.opacities, g.sh, dense.depth, dense.confidence, cameras.w2c];
+        let predicted = model.gaussians(cx, &dense, photos, &cameras, &Sampled, Stream::new(3, 0, "routing"));
+        let g = &predicted.gaussians;
+        let values = [g.means, g.scales, g.quats, g.opacities, g.colors, dense.depth, dense.confidence, cameras.w2c];
         values.map(|v| v.to_vec())
     };
     let (recorded, sparing) = (Tape::new(), Tape::new());

@@ -2,8 +2,8 @@
 
 use super::Opened;
 use crate::Error;
+use weaver_experts::{NeighborFusion, slot_width};
 use weaver_model::ModelConfig;
-use weaver_router::{NeighborFusion, slot_width};
 
 /// Bytes that running a checkpoint on `views` photos of `size` (H, W) takes, weights included.
 ///

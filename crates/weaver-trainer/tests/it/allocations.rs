@@ -2,10 +2,11 @@
 
 use weaver_autograd::{Params, Pool, Tape};
 use weaver_data::training_tuple;
+use weaver_experts::Neighbors;
 use weaver_kernels::random::Stream;
 use weaver_model::SplatWeaver;
 use weaver_nn::{AdamW, Context, Ema, Group, WarmupCosine, clip_factor, global_norm};
-use weaver_router::{AllocationKind, Neighbors};
+use weaver_router::AllocationKind;
 use weaver_splat::WorkspacePool;
 use weaver_trainer::batch::Batch;
 use weaver_trainer::{Config, Objective, scenes};

@@ -72,8 +72,8 @@ fn ranking_and_budget_are_those_of_the_losses() {
     let photos = tape.constant(batches[0].context_images(), [views, 3, m.height, m.width]);
     let encoded = model.encode(cx, photos.reshape([1, views, 3, m.height, m.width]));
     let dense = model.dense(cx, &encoded, 0, photos);
-    let woven = model.weave(cx, &dense, photos, &encoded.scene_cameras(0), &Sampled, stream.fork(0));
-    let (choice, losses) = (woven.choice.unwrap(), &stage.losses);
+    let predicted = model.gaussians(cx, &dense, photos, &encoded.scene_cameras(0), &Sampled, stream.fork(0));
+    let (choice, losses) = (predicted.choice.unwrap(), &stage.losses);
     let rank = ranking_cross_entropy(dense.logits, dense.energy, &losses.rank_quantiles, losses.label_smoothing).item();
     let of_experts = share_budget(choice, &losses.budget_shares).item();
     let of_all = global_budget(choice, losses.budget_limit).item();

@@ -1,9 +1,8 @@
 //! Equality with PyWavelets and pytorch_wavelets, values and exact gradients.
 
 use crate::fixture::Fixture;
-use weaver_autograd::{Params, Pool, Tape};
-use weaver_nn::{Builder, Context};
-use weaver_wavelet::{EnergyMap, Guidance, Wavelet, analysis, detail_energy, energy, luma};
+use weaver_autograd::{Pool, Tape};
+use weaver_wavelet::{EnergyMap, Wavelet, analysis, detail_energy, energy, luma};
 
 const SIZES: [&str; 4] = ["16x20", "17x20", "16x23", "15x21"];
 
@@ -64,18 +63,10 @@ fn energy_of_photos() {
 }
 
 #[test]
-fn guidance_mask() {
+fn sub_bands_of_photos() {
     let Some(fixture) = Fixture::shared("splatweaver_head_tiny.safetensors") else { return };
     let (images, shape) = fixture.tensor("in.images");
-    let mut params = Params::<f32>::new();
-    let guidance = Guidance::new(&mut Builder::new(&mut params, 0), Wavelet::Db2, 8, 8);
-    for (id, name) in params.iter().map(|(id, p)| (id, p.name().to_owned())).collect::<Vec<_>>() {
-        let (values, shape) = fixture.tensor(&format!("w.gaussian_param_head.{name}"));
-        assert_eq!(params.get(id).shape().dims(), shape);
-        params.value_mut(id).copy_from_slice(&values);
-    }
     let tape = Tape::new();
     let images = tape.constant(&images, &shape[1..]);
     fixture.assert_close("out.bands", &analysis(luma(images), Wavelet::Db2).slice(1, 1, 3).value());
-    fixture.assert_close("out.mask_A", &guidance.forward(Context::new(&tape, &params), images).value());
 }

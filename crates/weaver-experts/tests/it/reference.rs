@@ -3,8 +3,8 @@
 use proptest::prelude::*;
 use weaver_autograd::gradcheck::Input;
 use weaver_autograd::{Params, Pool, Tape};
+use weaver_experts::{NeighborFusion, Neighbors, Parametrization, PixelOf, decode, place};
 use weaver_nn::{Builder, Context};
-use weaver_router::{NeighborFusion, Neighbors, Parametrization, PixelOf, decode, place};
 
 /// W x + b of the layer called `name`.
 fn linear(params: &Params<f64>, name: &str, x: &[f64]) -> Vec<f64> {
@@ -98,10 +98,10 @@ proptest! {
         let found = place(tape.constant(&points, [n, 3]), slots, Some(footprint), parametrization);
         assert_near(&found.to_vec(), &means);
         let pixel = PixelOf { footprint, local_count, color };
-        let d = decode(slots.slice(1, 3, 20), 1, Some(pixel), parametrization);
+        let d = decode(found, slots.slice(1, 3, 20), 1, Some(pixel), parametrization);
         assert_near(&d.scales.to_vec(), &scales);
         assert_near(&d.quats.to_vec(), &quats);
         assert_near(&d.opacities.to_vec(), &opacities);
-        assert_near(&d.sh.to_vec(), &sh);
+        assert_near(&d.colors.to_vec(), &sh);
     }
 }

@@ -1,10 +1,10 @@
 //! Cardinality experts: expert e turns a pixel's features into e Gaussians.
 
-use crate::gate::gate;
 use crate::routes::Routes;
 use crate::two_layers::TwoLayers;
 use weaver_autograd::{List, Real, Var, ops};
 use weaver_nn::{Builder, Context};
+use weaver_router::gate;
 
 /// Experts 1 to M; each is a layer F -> F, a rectifier, and a layer F -> e S for the S raw numbers of e Gaussians.
 ///
@@ -17,12 +17,12 @@ pub struct CardinalityExperts {
 }
 
 impl CardinalityExperts {
-    /// Experts 1 to `most` for F = `features` channels and S = `slot` raw numbers per Gaussian. The initial output
+    /// Experts 1 to M = `max_per_pixel` for F = `features` channels and S = `slot` raw numbers per Gaussian. The initial output
     /// layers are multiplied by `output_gain`: 1 as published, less for Gaussians that start alike.
     pub fn new<T: Real>(
         mut builder: Builder<'_, T>,
         features: usize,
-        most: usize,
+        max_per_pixel: usize,
         slot: usize,
         output_gain: f64,
     ) -> Self {
@@ -31,11 +31,11 @@ impl CardinalityExperts {
             layers.scale_output(&mut builder, output_gain);
             layers
         };
-        Self { experts: (1..=most).map(expert).collect(), slot }
+        Self { experts: (1..=max_per_pixel).map(expert).collect(), slot }
     }
 
     /// The largest number of Gaussians M of a pixel.
-    pub fn most(&self) -> usize {
+    pub fn max_per_pixel(&self) -> usize {
         self.experts.len()
     }
 

@@ -2,12 +2,13 @@
 
 use crate::fixture::{Fixture, close, to_rows, transpose_each, w_first};
 use weaver_autograd::{Params, Pool, Tape, Var};
+use weaver_experts::{
+    CardinalityHead, HeadConfig, NeighborConfig, NeighborPredictor, Neighbors, Parametrization, PixelInputs, decode,
+};
 use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
-use weaver_router::{
-    Allocation, AllocationRequest, CardinalityHead, HeadConfig, NeighborConfig, NeighborPredictor, Neighbors,
-    Parametrization, PixelInputs, Sampled, decode,
-};
+use weaver_router::{Allocation, AllocationRequest, Sampled};
+use weaver_splat::GaussianVars;
 
 const FILE: &str = "splatweaver_head_tiny.safetensors";
 const PATH: &str = "gaussian_param_head.gs_moe";
@@ -20,11 +21,11 @@ const CHANNELS: usize = 8;
 const CONFIG: HeadConfig = HeadConfig {
     features: CHANNELS,
     router_hidden: 12,
-    cardinality: 3,
+    max_per_pixel: 3,
     sh_degree: 2,
     neighbors: Some(NeighborConfig { count: 8, projector: 8, width: 12, zero_head: false }),
     expert_output_gain: 1.0,
-    parametrization: Parametrization::Published { xyz_bias: 0.005, scale_multiplier: 0.001, scale_max: 0.4 },
+    parametrization: Parametrization::Published { offset_reach: 0.005, scale_multiplier: 0.001, scale_max: 0.4 },
 };
 
 /// Overwrites all parameters with the file's weights of the same names.
@@ -48,18 +49,19 @@ fn cotangents(file: &Fixture) -> [Vec<f32>; 5] {
     ]
 }
 
-fn weighted_sum<'t>(outputs: [Var<'t, f32>; 5], cotangents: &[Vec<f32>; 5]) -> Var<'t, f32> {
+fn weighted_sum<'t>(g: &GaussianVars<'t, f32>, cotangents: &[Vec<f32>; 5]) -> Var<'t, f32> {
+    let outputs = [g.means, g.scales, g.quats, g.opacities, g.colors];
     let terms = outputs.into_iter().zip(cotangents).map(|(y, c)| (y * y.tape().constant(c, y.shape())).sum());
     terms.reduce(|a, b| a + b).unwrap()
 }
 
-fn assert_decoded(file: &Fixture, prefix: &str, [scales, quats, opacities, sh]: [Var<'_, f32>; 4]) {
-    file.assert_close(&format!("{prefix}.scales"), &scales.to_vec());
-    let quats: Vec<f32> = quats.to_vec().chunks(4).flat_map(|q| [q[1], q[2], q[3], q[0]]).collect();
+fn assert_decoded(file: &Fixture, prefix: &str, g: &GaussianVars<'_, f32>) {
+    file.assert_close(&format!("{prefix}.scales"), &g.scales.to_vec());
+    let quats: Vec<f32> = g.quats.to_vec().chunks(4).flat_map(|q| [q[1], q[2], q[3], q[0]]).collect();
     file.assert_close(&format!("{prefix}.quats"), &quats);
-    file.assert_close(&format!("{prefix}.opacities"), &opacities.to_vec());
-    let n = sh.shape()[0];
-    file.assert_close(&format!("{prefix}.sh"), &transpose_each(&sh.to_vec(), n, 9));
+    file.assert_close(&format!("{prefix}.opacities"), &g.opacities.to_vec());
+    let n = g.colors.shape()[0];
+    file.assert_close(&format!("{prefix}.sh"), &transpose_each(&g.colors.to_vec(), n, 9));
 }
 
 #[test]
@@ -93,12 +95,13 @@ fn the_whole_head_and_all_its_gradients() {
 
     let points = tape.leaf(&file.f32("in.points"), [PIXELS, 3]);
     let pixels = PixelInputs { features, points, footprints: None, colors: None, height: HEIGHT, width: WIDTH };
-    let g = head.gaussians(cx, &pixels, &assignment.expert, assignment.choice(logits, 0.5));
-    assert_eq!(*g.pixel, file.indices("out.gaussian_pixel"));
+    let predicted = head.gaussians(cx, &pixels, &assignment.expert, assignment.choice(logits, 0.5));
+    let g = &predicted.gaussians;
+    assert_eq!(*predicted.pixel, file.indices("out.gaussian_pixel"));
     file.assert_close("out.means", &g.means.to_vec());
-    assert_decoded(&file, "out", [g.scales, g.quats, g.opacities, g.sh]);
+    assert_decoded(&file, "out", g);
 
-    let loss = weighted_sum([g.means, g.scales, g.quats, g.opacities, g.sh], &cotangents(&file));
+    let loss = weighted_sum(g, &cotangents(&file));
     file.assert_close("out.loss", &[loss.item()]);
     loss.backward();
     file.assert_close("grad.in.points", &points.grad().unwrap());
@@ -165,10 +168,10 @@ fn decoding_and_its_gradient() {
     let tape = Tape::new();
     let theta = file.f32("out.theta");
     let theta = tape.leaf(&theta, [theta.len() / 35, 35]);
-    let d = decode(theta, 2, None, CONFIG.parametrization);
-    assert_decoded(&file, "out", [d.scales, d.quats, d.opacities, d.sh]);
     let means = tape.constant(&file.f32("out.means"), [theta.shape()[0], 3]);
-    weighted_sum([means, d.scales, d.quats, d.opacities, d.sh], &cotangents(&file)).backward();
+    let g = decode(means, theta, 2, None, CONFIG.parametrization);
+    assert_decoded(&file, "out", &g);
+    weighted_sum(&g, &cotangents(&file)).backward();
     file.assert_close("grad.stage.theta", &theta.grad().unwrap());
 }
 
@@ -177,7 +180,8 @@ fn decoding_at_the_edges() {
     let Some(file) = Fixture::open(FILE) else { return };
     let tape = Tape::new();
     let theta = tape.constant(&file.f32("edge.theta"), [12, 35]);
-    let d = decode(theta, 2, None, CONFIG.parametrization);
-    assert_decoded(&file, "edge", [d.scales, d.quats, d.opacities, d.sh]);
-    close("rows", &[d.scales.shape()[0] as f32], &[12.0], [0.0; 2]);
+    let means = tape.constant(&[0.0; 36], [12, 3]);
+    let g = decode(means, theta, 2, None, CONFIG.parametrization);
+    assert_decoded(&file, "edge", &g);
+    close("rows", &[g.scales.shape()[0] as f32], &[12.0], [0.0; 2]);
 }

@@ -1,8 +1,8 @@
 //! Lists of neighbors and parts of them.
 
 use weaver_autograd::Pool;
+use weaver_experts::Neighbors;
 use weaver_kernels::random::Stream;
-use weaver_router::Neighbors;
 
 #[test]
 fn a_part_has_the_lists_of_its_own_and_the_reverse_lists_that_belong_to_them() {

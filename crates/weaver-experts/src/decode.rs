@@ -3,6 +3,7 @@
 use crate::parametrization::{BEFORE_HARMONICS, Parametrization, harmonics};
 use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
+use weaver_splat::GaussianVars;
 
 /// Gaussians per parallel chunk.
 const GRAIN: usize = 512;
@@ -12,19 +13,6 @@ const DC: f64 = 0.282_094_791_773_878_14;
 const NORM_EPSILON: f64 = 1e-8;
 /// Bounds of the raw scale under the footprint parametrization.
 const RAW_SCALE: (f64, f64) = (-3.0, 3.0);
-
-/// Decoded Gaussians, as the rasterizer takes them.
-#[derive(Clone, Copy, Debug)]
-pub struct Decoded<'t, T: Real = f32> {
-    /// Standard deviations along the axes `[N, 3]`, in world units.
-    pub scales: Var<'t, T>,
-    /// Rotations as unit quaternions wxyz `[N, 4]`.
-    pub quats: Var<'t, T>,
-    /// Opacities `[N]`, 0 to 1.
-    pub opacities: Var<'t, T>,
-    /// Spherical harmonics `[N, K, 3]`.
-    pub sh: Var<'t, T>,
-}
 
 /// The factor of the coefficients of a degree: 1, 0.025, 0.00625, ...
 pub(crate) fn degree_factor(degree: usize) -> f64 {
@@ -207,8 +195,11 @@ pub struct PixelOf<'t, T: Real = f32> {
     pub color: Var<'t, T>,
 }
 
-/// Decodes raw parameters to scales, rotations, opacities and spherical harmonics; see [`Parametrization`] for the
+/// The Gaussians with these means and raw parameters, as the rasterizer takes them; see [`Parametrization`] for the
 /// formulas.
+///
+/// The result has standard deviations `[N, 3]` in world units, unit quaternions wxyz `[N, 4]`, opacities `[N]` in (0, 1) and
+/// spherical harmonics `[N, K, 3]`; the `means` `[N, 3]` are passed on as they are.
 ///
 /// `theta` `[N, 8 + 3 K]` holds, per Gaussian, opacity 1, scale 3, quaternion xyzw 4 and harmonics 3 K (color-major),
 /// with K = (`sh_degree` + 1)^2. It and the footprints are differentiable. Where a scale is clamped its gradient is 0;
@@ -217,27 +208,29 @@ pub struct PixelOf<'t, T: Real = f32> {
 ///
 /// ```
 /// use weaver_autograd::Tape;
-/// use weaver_router::{Parametrization, decode};
+/// use weaver_experts::{Parametrization, decode};
 /// let tape = Tape::<f64>::new();
+/// let means = tape.constant(&[0.0, 0.0, 2.0], [1, 3]);
 /// let theta = tape.leaf(&[0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 2.0, 0.1, 0.2, 0.3], [1, 11]);
-/// let gaussian = decode(theta, 0, None, Parametrization::published());
+/// let gaussian = decode(means, theta, 0, None, Parametrization::published());
 /// assert_eq!(gaussian.opacities.to_vec(), [0.5]);
 /// assert!((gaussian.quats.to_vec()[0] - 1.0).abs() < 1e-7);
-/// assert_eq!(gaussian.sh.to_vec(), [0.1, 0.2, 0.3]);
+/// assert_eq!(gaussian.colors.to_vec(), [0.1, 0.2, 0.3]);
 /// ```
 #[track_caller]
 pub fn decode<'t, T: Real>(
+    means: Var<'t, T>,
     theta: Var<'t, T>,
     sh_degree: usize,
     pixel: Option<PixelOf<'t, T>>,
     parametrization: Parametrization,
-) -> Decoded<'t, T> {
+) -> GaussianVars<'t, T> {
     let op = Decode { parametrization, sh_degree };
-    let [scales, quats, opacities, sh] = if parametrization.has_footprint() {
+    let [scales, quats, opacities, colors] = if parametrization.has_footprint() {
         let pixel = pixel.expect("the footprint parametrization is given pixels");
         theta.tape().apply(op, &[theta, pixel.footprint, pixel.local_count, pixel.color])
     } else {
         theta.tape().apply(op, &[theta])
     };
-    Decoded { scales, quats, opacities, sh }
+    GaussianVars { means, quats, scales, opacities, colors }
 }

@@ -1,8 +1,8 @@
 //! The guidance module: a mask that opens pixel features where the image has detail.
 
-use crate::{Wavelet, analysis, luma};
 use weaver_autograd::{Real, Var};
 use weaver_nn::{Builder, Context, Conv2d, WeightInit};
+use weaver_wavelet::{Wavelet, analysis, luma};
 
 /// Turns the detail sub-bands of images into one gate per pixel and feature.
 ///

@@ -18,11 +18,15 @@ pub struct Routes {
 }
 
 impl Routes {
-    /// The routes of an assignment (`expert` `[P]`) to experts 0 to `most`. Panics if a pixel has a higher expert.
-    pub fn new(expert: &[u8], most: usize, pool: &Pool) -> Self {
-        let mut counts: List<usize> = std::iter::repeat_n(0, most + 1).collect();
+    /// The routes of an assignment (`expert` `[P]`) to experts 0 to M = `max_per_pixel`. Panics if a
+    /// pixel has a higher expert.
+    pub fn new(expert: &[u8], max_per_pixel: usize, pool: &Pool) -> Self {
+        let mut counts: List<usize> = std::iter::repeat_n(0, max_per_pixel + 1).collect();
         for &e in expert {
-            assert!(usize::from(e) <= most, "a pixel is assigned to expert {e}, the largest is {most}");
+            assert!(
+                usize::from(e) <= max_per_pixel,
+                "a pixel is assigned to expert {e}, the largest is {max_per_pixel}"
+            );
             counts[usize::from(e)] += 1;
         }
         counts.remove(0);
@@ -30,7 +34,7 @@ impl Routes {
         let mut routed = pool.buffer::<u32>(counts.iter().sum());
         let (mut source, mut pixel) = (pool.buffer::<u32>(gaussians), pool.buffer::<u32>(gaussians));
         let (mut route, mut gaussian) = (0, 0);
-        for e in 1..=most {
+        for e in 1..=max_per_pixel {
             for (p, _) in expert.iter().enumerate().filter(|(_, chosen)| usize::from(**chosen) == e) {
                 source[gaussian..gaussian + e].fill(route as u32);
                 pixel[gaussian..gaussian + e].fill(p as u32);

@@ -2,11 +2,13 @@
 
 use crate::two_layers::TwoLayers;
 use crate::{
-    CardinalityExperts, NeighborPredictor, Neighbors, Parametrization, PixelOf, Router, Routes, decode, local_count,
-    place, slot_width,
+    CardinalityExperts, NeighborPredictor, Neighbors, Parametrization, PixelOf, Routes, decode, local_count, place,
+    slot_width,
 };
 use weaver_autograd::{Buffer, List, Real, Var};
 use weaver_nn::{Builder, Context};
+use weaver_router::Router;
+use weaver_splat::GaussianVars;
 
 /// Sizes and options of a [`CardinalityHead`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,7 +18,7 @@ pub struct HeadConfig {
     /// Hidden channels of the router.
     pub router_hidden: usize,
     /// Most Gaussians M of a pixel; there are E = M + 1 experts.
-    pub cardinality: usize,
+    pub max_per_pixel: usize,
     /// Degree of the spherical harmonics.
     pub sh_degree: usize,
     /// Attention over neighbors; `None` leaves the experts' parameters as they are.
@@ -46,7 +48,7 @@ impl HeadConfig {
         Self {
             features: 128,
             router_hidden: 32,
-            cardinality: 3,
+            max_per_pixel: 3,
             sh_degree: 2,
             neighbors: Some(NeighborConfig { count: 8, projector: 32, width: 32, zero_head: false }),
             expert_output_gain: 1.0,
@@ -59,7 +61,7 @@ impl HeadConfig {
         Self {
             features: 32,
             router_hidden: 16,
-            cardinality: 3,
+            max_per_pixel: 3,
             sh_degree: 1,
             neighbors: Some(NeighborConfig { count: 8, projector: 16, width: 16, zero_head: true }),
             expert_output_gain: 0.3,
@@ -85,19 +87,11 @@ pub struct PixelInputs<'t, T: Real = f32> {
     pub width: usize,
 }
 
-/// The Gaussians of a scene, as the rasterizer takes them.
+/// The Gaussians of a scene's pixels.
 #[derive(Debug)]
-pub struct Gaussians<'t, T: Real = f32> {
-    /// Means `[N, 3]`, in world units.
-    pub means: Var<'t, T>,
-    /// Standard deviations along the axes `[N, 3]`, in world units.
-    pub scales: Var<'t, T>,
-    /// Rotations as unit quaternions wxyz `[N, 4]`.
-    pub quats: Var<'t, T>,
-    /// Opacities `[N]`, 0 to 1.
-    pub opacities: Var<'t, T>,
-    /// Spherical harmonics `[N, K, 3]`.
-    pub sh: Var<'t, T>,
+pub struct PixelGaussians<'t, T: Real = f32> {
+    /// The N Gaussians, in world units, colors as spherical harmonics `[N, K, 3]`.
+    pub gaussians: GaussianVars<'t, T>,
     /// The pixel that each Gaussian comes from `[N]`.
     pub pixel: Buffer<u32>,
 }
@@ -134,11 +128,11 @@ pub struct CardinalityHead {
 impl CardinalityHead {
     /// Adds the head's parameters.
     pub fn new<T: Real>(mut builder: Builder<'_, T>, config: HeadConfig) -> Self {
-        let HeadConfig { features, cardinality, .. } = config;
+        let HeadConfig { features, max_per_pixel, .. } = config;
         let slot = slot_width(config.sh_degree);
-        let router = Router::new(builder.scope("gating"), features, config.router_hidden, cardinality + 1);
+        let router = Router::new(builder.scope("gating"), features, config.router_hidden, max_per_pixel + 1);
         let gain = config.expert_output_gain;
-        let experts = CardinalityExperts::new(builder.scope("experts"), features, cardinality, slot, gain);
+        let experts = CardinalityExperts::new(builder.scope("experts"), features, max_per_pixel, slot, gain);
         let attention = config.neighbors.map(|neighbors| {
             let NeighborConfig { projector, width, zero_head, .. } = neighbors;
             let projection = TwoLayers::new(builder.scope("pixel_projector"), features, projector, projector);
@@ -155,7 +149,7 @@ impl CardinalityHead {
 
     /// The Gaussians of a scene whose pixels are assigned to `expert` `[P]`; there may be none at all.
     ///
-    /// With a `choice` `[P, E]` (see [`Assignment::choice`](crate::Assignment::choice)) a gradient reaches the router.
+    /// With a `choice` `[P, E]` (see [`Assignment::choice`](weaver_router::Assignment::choice)) a gradient reaches the router.
     /// Every parameter but the router's gets one, zero where no pixel needed it. Panics on inputs of other shapes.
     pub fn gaussians<'t, T: Real>(
         &self,
@@ -163,7 +157,7 @@ impl CardinalityHead {
         pixels: &PixelInputs<'t, T>,
         expert: &[u8],
         choice: Option<Var<'t, T>>,
-    ) -> Gaussians<'t, T> {
+    ) -> PixelGaussians<'t, T> {
         let _scope = cx.scope("gs_moe");
         let proposed = self.propose(cx, pixels, expert, choice);
         let Proposed { means, mut theta, feature, pixel_of, pixel } = proposed;
@@ -176,15 +170,8 @@ impl CardinalityHead {
                 cx.tape.timed("nearest neighbors", || Neighbors::search(&means.value(), config.count, cx.tape.pool()));
             theta = predictor.forward(cx, means, theta, feature, &neighbors);
         }
-        let decoded = decode(theta, self.config.sh_degree, pixel_of, self.config.parametrization);
-        Gaussians {
-            means,
-            scales: decoded.scales,
-            quats: decoded.quats,
-            opacities: decoded.opacities,
-            sh: decoded.sh,
-            pixel,
-        }
+        let gaussians = decode(means, theta, self.config.sh_degree, pixel_of, self.config.parametrization);
+        PixelGaussians { gaussians, pixel }
     }
 
     /// What the experts say, before any Gaussian has looked at its neighbors.
@@ -195,7 +182,7 @@ impl CardinalityHead {
         expert: &[u8],
         choice: Option<Var<'t, T>>,
     ) -> Proposed<'t, T> {
-        let routes = Routes::new(expert, self.experts.most(), cx.tape.pool());
+        let routes = Routes::new(expert, self.experts.max_per_pixel(), cx.tape.pool());
         let mark = cx.tape.mark();
         let parametrization = self.config.parametrization;
         let features = pixels.features.gather_rows(&routes.routed);

@@ -8,10 +8,10 @@
 pub enum Parametrization {
     /// As published: lengths in world units, color from nothing.
     ///
-    /// mean = point + `xyz_bias` tanh(raw); scale = min(`scale_multiplier` softplus(raw), `scale_max`).
+    /// mean = point + `offset_reach` tanh(raw); scale = min(`scale_multiplier` softplus(raw), `scale_max`).
     Published {
         /// Longest offset along each axis, in world units.
-        xyz_bias: f64,
+        offset_reach: f64,
         /// Scale per unit of softplus, in world units.
         scale_multiplier: f64,
         /// Largest scale, in world units.
@@ -19,12 +19,12 @@ pub enum Parametrization {
     },
     /// Lengths in footprints: a pixel's footprint is depth / fx, its width at its depth, in world units.
     ///
-    /// mean = point + `offset` footprint tanh(raw); scale = `scale` footprint exp(clamp(raw, -3, 3)) / sqrt(local
+    /// mean = point + `offset_reach` footprint tanh(raw); scale = `scale` footprint exp(clamp(raw, -3, 3)) / sqrt(local
     /// count), so that a Gaussian starts as large as its share of the image; 1 is added to the raw quaternion's w and
     /// the pixel's own color to the degree-0 harmonic, so that it starts unrotated and in the right color.
     Footprint {
         /// Longest offset along each axis, in footprints.
-        offset: f64,
+        offset_reach: f64,
         /// Scale of a raw 0 at one Gaussian per pixel, in footprints.
         scale: f64,
     },
@@ -33,12 +33,12 @@ pub enum Parametrization {
 impl Parametrization {
     /// The constants of the published model: 0.005, 0.001 and 0.4 world units.
     pub fn published() -> Self {
-        Self::Published { xyz_bias: 0.005, scale_multiplier: 0.001, scale_max: 0.4 }
+        Self::Published { offset_reach: 0.005, scale_multiplier: 0.001, scale_max: 0.4 }
     }
 
     /// The footprint constants that were measured to be best: offset 2, scale 0.7.
     pub fn footprint() -> Self {
-        Self::Footprint { offset: 2.0, scale: 0.7 }
+        Self::Footprint { offset_reach: 2.0, scale: 0.7 }
     }
 
     /// Whether it needs the pixels' footprints.

@@ -1,12 +1,14 @@
 //! The head put together: mechanisms that must hold whatever the numbers.
 
 use weaver_autograd::{Params, Pool, Tape, Var};
+use weaver_experts::{
+    CardinalityHead, HeadConfig, NeighborConfig, NeighborFusion, Neighbors, Parametrization, PixelGaussians,
+    PixelInputs, decode,
+};
 use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
-use weaver_router::{
-    Allocation, AllocationRequest, CardinalityHead, Fixed, Gaussians, HeadConfig, NeighborConfig, NeighborFusion,
-    Neighbors, Parametrization, PixelInputs, Sampled, TrainingMix,
-};
+use weaver_router::{Allocation, AllocationRequest, Fixed, Sampled, TrainingMix};
+use weaver_splat::GaussianVars;
 
 const SIZE: [usize; 3] = [2, 6, 5];
 const PIXELS: usize = 60;
@@ -16,7 +18,7 @@ fn config(parametrization: Parametrization) -> HeadConfig {
     HeadConfig {
         features: 7,
         router_hidden: 5,
-        cardinality: 3,
+        max_per_pixel: 3,
         sh_degree: 1,
         neighbors: Some(neighbors),
         expert_output_gain: 1.0,
@@ -27,6 +29,10 @@ fn config(parametrization: Parametrization) -> HeadConfig {
 fn normal(seed: u64, n: usize) -> Vec<f64> {
     let stream = Stream::new(seed, 0, "inputs");
     (0..n as u64).map(|i| stream.normal(i)).collect()
+}
+
+fn all<'t>(g: &GaussianVars<'t, f64>) -> [Var<'t, f64>; 5] {
+    [g.means, g.scales, g.quats, g.opacities, g.colors]
 }
 
 struct Model {
@@ -42,7 +48,11 @@ impl Model {
     }
 
     /// Logits and Gaussians under an allocation.
-    fn run<'t>(&'t self, tape: &'t Tape<f64>, allocation: &dyn Allocation<f64>) -> (Var<'t, f64>, Gaussians<'t, f64>) {
+    fn run<'t>(
+        &'t self,
+        tape: &'t Tape<f64>,
+        allocation: &dyn Allocation<f64>,
+    ) -> (Var<'t, f64>, PixelGaussians<'t, f64>) {
         let cx = Context::new(tape, &self.params);
         let [views, height, width] = SIZE;
         let features = tape.leaf(&normal(1, PIXELS * 7), [PIXELS, 7]);
@@ -77,8 +87,8 @@ impl Model {
     /// The gradients of all parameters by name, of the sum of squares of all outputs.
     fn gradients(&self, allocation: &dyn Allocation<f64>) -> Vec<(String, Option<Vec<f64>>)> {
         let tape = Tape::new();
-        let (_, g) = self.run(&tape, allocation);
-        let squares = [g.means, g.scales, g.quats, g.opacities, g.sh].map(|x| (x * x).sum());
+        let (_, predicted) = self.run(&tape, allocation);
+        let squares = all(&predicted.gaussians).map(|x| (x * x).sum());
         squares.into_iter().reduce(|a, b| a + b).unwrap().backward();
         let grad = |id| tape.param_grad(id).map(|g| g.to_vec());
         self.params.iter().map(|(id, p)| (p.name().to_owned(), grad(id))).collect()
@@ -90,10 +100,10 @@ fn shapes_and_ranges() {
     for parametrization in [Parametrization::published(), Parametrization::footprint()] {
         let model = Model::new(config(parametrization));
         let tape = Tape::new();
-        let (_, g) = model.run(&tape, &Fixed { expert: 3 });
+        let (_, PixelGaussians { gaussians: g, pixel }) = model.run(&tape, &Fixed { expert: 3 });
         let n = 3 * PIXELS;
-        assert_eq!(g.pixel.len(), n);
-        let shapes = [g.means, g.scales, g.quats, g.opacities, g.sh].map(|v| v.shape());
+        assert_eq!(pixel.len(), n);
+        let shapes = all(&g).map(|v| v.shape());
         assert_eq!(shapes, [[n, 3].into(), [n, 3].into(), [n, 4].into(), [n].into(), [n, 4, 3].into()]);
         assert!(g.opacities.to_vec().iter().all(|o| (0.0..=1.0).contains(o)));
         assert!(g.scales.to_vec().iter().all(|&s| s > 0.0 && s <= 0.4));
@@ -102,7 +112,7 @@ fn shapes_and_ranges() {
         }
         let points = normal(2, PIXELS * 3);
         let reach = if parametrization.has_footprint() { 0.1 } else { 0.005 };
-        for (mean, &pixel) in g.means.to_vec().chunks(3).zip(g.pixel.iter()) {
+        for (mean, &pixel) in g.means.to_vec().chunks(3).zip(pixel.iter()) {
             let point = &points[3 * pixel as usize..];
             assert!((0..3).all(|a| (mean[a] - point[a]).abs() <= reach));
         }
@@ -113,7 +123,8 @@ fn shapes_and_ranges() {
 fn the_harmonics_are_damped_by_degree() {
     let tape = Tape::<f64>::new();
     let theta = tape.constant(&[1.0; 8 + 27], [1, 35]);
-    let sh = weaver_router::decode(theta, 2, None, Parametrization::published()).sh.to_vec();
+    let means = tape.constant(&[0.0; 3], [1, 3]);
+    let sh = decode(means, theta, 2, None, Parametrization::published()).colors.to_vec();
     let degree = [1.0, 0.025, 0.025, 0.025, 0.00625, 0.00625, 0.00625, 0.00625, 0.00625];
     for (rgb, factor) in sh.chunks(3).zip(degree) {
         assert!(rgb.iter().all(|x| (x - factor).abs() < 1e-15));
@@ -125,8 +136,8 @@ fn no_gaussians_at_all() {
     for parametrization in [Parametrization::published(), Parametrization::footprint()] {
         let model = Model::new(config(parametrization));
         let tape = Tape::new();
-        let (_, g) = model.run(&tape, &Fixed { expert: 0 });
-        assert!(g.pixel.is_empty() && g.means.to_vec().is_empty() && g.sh.to_vec().is_empty());
+        let (_, PixelGaussians { gaussians: g, pixel }) = model.run(&tape, &Fixed { expert: 0 });
+        assert!(pixel.is_empty() && g.means.to_vec().is_empty() && g.colors.to_vec().is_empty());
         for (name, grad) in model.gradients(&Fixed { expert: 0 }) {
             if !name.contains("gating") {
                 assert!(grad.expect(&name).iter().all(|&g| g == 0.0), "{name}");
@@ -164,8 +175,8 @@ fn without_neighbors_and_with_a_zero_head_the_parameters_are_the_experts() {
         [HeadConfig { neighbors: Some(quiet), ..loud }, HeadConfig { neighbors: None, ..loud }].map(Model::new);
     assert!(models[1].params.iter().all(|(_, p)| !p.name().contains("gs_predictor")));
     let tapes = [Tape::new(), Tape::new()];
-    let [a, b] = [0, 1].map(|i| models[i].run(&tapes[i], &Fixed { expert: 2 }).1);
-    assert_eq!(a.sh.to_vec(), b.sh.to_vec());
+    let [a, b] = [0, 1].map(|i| models[i].run(&tapes[i], &Fixed { expert: 2 }).1.gaussians);
+    assert_eq!(a.colors.to_vec(), b.colors.to_vec());
     assert_eq!(a.scales.to_vec(), b.scales.to_vec());
 }
 
@@ -174,8 +185,8 @@ fn a_footprint_start_is_upright_and_in_the_color_of_its_pixel() {
     let config = HeadConfig { expert_output_gain: 0.0, neighbors: None, ..config(Parametrization::footprint()) };
     let model = Model::new(config);
     let tape = Tape::new();
-    let (_, g) = model.run(&tape, &Fixed { expert: 1 });
-    for (quat, sh) in g.quats.to_vec().chunks(4).zip(g.sh.to_vec().chunks(12)) {
+    let g = model.run(&tape, &Fixed { expert: 1 }).1.gaussians;
+    for (quat, sh) in g.quats.to_vec().chunks(4).zip(g.colors.to_vec().chunks(12)) {
         assert!((quat[0] - 1.0).abs() < 1e-7 && quat[1..].iter().all(|&x| x == 0.0));
         let dc = (0.3 - 0.5) / 0.282_094_79;
         assert!(sh[..3].iter().all(|x| (x - dc).abs() < 1e-7) && sh[3..].iter().all(|&x| x == 0.0));
@@ -227,9 +238,10 @@ fn a_repeated_step_takes_no_new_memory_from_the_pool() {
     let model = Model::new(config(Parametrization::footprint()));
     let mut tape = Tape::new();
     let mut step = || {
-        let (_, g) = model.run(&tape, &Sampled);
-        (g.means.sum() + g.scales.sum() + g.quats.sum() + g.opacities.sum() + g.sh.sum()).backward();
-        drop(g);
+        let (_, predicted) = model.run(&tape, &Sampled);
+        let sums = all(&predicted.gaussians).map(|x| x.sum());
+        sums.into_iter().reduce(|a, b| a + b).unwrap().backward();
+        drop(predicted);
         tape.reset();
         tape.pool().allocated_bytes()
     };

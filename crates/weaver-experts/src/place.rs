@@ -84,10 +84,10 @@ pub fn place<'t, T: Real>(
 ) -> Var<'t, T> {
     let tape = point.tape();
     let [mean] = match parametrization {
-        Parametrization::Published { xyz_bias, .. } => tape.apply(Place { reach: xyz_bias }, &[point, raw]),
-        Parametrization::Footprint { offset, .. } => {
+        Parametrization::Published { offset_reach, .. } => tape.apply(Place { reach: offset_reach }, &[point, raw]),
+        Parametrization::Footprint { offset_reach, .. } => {
             let footprint = footprint.expect("the footprint parametrization is given footprints");
-            tape.apply(Place { reach: offset }, &[point, raw, footprint])
+            tape.apply(Place { reach: offset_reach }, &[point, raw, footprint])
         }
     };
     mean
