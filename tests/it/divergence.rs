@@ -35,7 +35,7 @@ fn an_absurd_weight_is_named_with_its_step() {
     let run = Run::shared();
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("run");
-    let weight = "stages.0.losses.pose=1e39";
+    let weight = "stages.0.losses.pose.l1=1e39";
     splatweaver(&[
         &"train",
         &"--preset",

@@ -6,11 +6,11 @@ use half::bf16;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use weaver_autograd::Params;
+use weaver_inference::published::CONFIG;
+use weaver_inference::{CameraSource, Density, Photos, Predictor, SplatWeaverPredictor};
 use weaver_io::checkpoint::Tensors;
 use weaver_io::{Background, Image};
 use weaver_model::{ModelConfig, SplatWeaver};
-use weaver_trainer::published::CONFIG;
-use weaver_trainer::{CameraSource, Predictor};
 
 const WIDTH: usize = 32;
 const HEIGHT: usize = 24;
@@ -126,8 +126,10 @@ fn gaussians_are_stored_as_viewers_expect() {
         (0..3).for_each(|c| planes.extend(image.pixels.iter().skip(c).step_by(3)));
     }
     let stream = weaver_kernels::random::Stream::new(0, 0, "inference");
-    let sampled = weaver_router::Sampled;
-    let expected = Predictor::new(&model, &params).predict(&planes, CameraSource::Predicted, &sampled, stream).splats;
+    let photos = Photos { planes: &planes, height: HEIGHT, width: WIDTH };
+    let mut predictor = SplatWeaverPredictor::new(model, params, weaver_router::AllocationKind::Sampled, 1.0);
+    let prediction = predictor.predict(photos, CameraSource::Predicted, Density::default(), stream).unwrap();
+    let expected = prediction.gaussians;
 
     let (names, rows) = read_ply(&out.join("scene.ply"));
     let rest = (0..24).map(|i| format!("f_rest_{i}"));

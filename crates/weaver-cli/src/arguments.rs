@@ -3,8 +3,9 @@
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args, Parser, Subcommand};
 use std::path::PathBuf;
+use weaver_inference::Density;
 use weaver_router::AllocationKind;
-use weaver_trainer::Cameras;
+use weaver_trainer::CameraMode;
 
 /// More than any machine has; each costs memory.
 const MOST_THREADS: i64 = 1024;
@@ -41,6 +42,7 @@ pub enum Command {
     Info(Info),
     ConvertWeights(ConvertWeights),
     Bench(Bench),
+    Config(Config),
     Completions(Completions),
 }
 
@@ -57,40 +59,63 @@ pub enum Command {
   splatweaver train --preset small --dry-run
   splatweaver train --steps 20 --trace step.json")]
 pub struct Train {
-    /// Where the configuration starts from: micro, tiny, tiny-published or small [default: the file's, or tiny]
-    #[arg(long)]
-    pub preset: Option<String>,
     /// Folder of a capture (COLMAP, transforms.json, NeRF-synthetic, RealEstate10K); may be repeated
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", help_heading = "Data")]
     pub data: Vec<PathBuf>,
-    /// Folder of the run [default: the first free runs/PRESET-N]
-    #[arg(long, value_name = "RUN")]
-    pub out: Option<PathBuf>,
+    /// The model to train [default: splatweaver]
+    #[arg(long, value_name = "NAME", help_heading = CONFIGURATION)]
+    pub model: Option<String>,
+    /// Where the configuration starts from: micro, tiny, tiny-published or small [default: the file's, or tiny]
+    #[arg(long, help_heading = CONFIGURATION)]
+    pub preset: Option<String>,
+    /// Configuration file (TOML) between the preset and the flags; `splatweaver config` prints one to start from
+    #[arg(long, value_name = "FILE", help_heading = CONFIGURATION)]
+    pub config: Option<PathBuf>,
+    /// Sets a configuration value by its path, list entries by number; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE", help_heading = CONFIGURATION)]
+    pub settings: Vec<String>,
     /// Steps in all; the stages are rescaled in proportion
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = CONFIGURATION)]
     pub steps: Option<u32>,
     /// Seed of weights, data order and noise
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", help_heading = CONFIGURATION)]
     pub seed: Option<u64>,
+    /// Folder of the run [default: the first free runs/PRESET-N]
+    #[arg(long, value_name = "RUN", help_heading = RUN)]
+    pub out: Option<PathBuf>,
     /// Goes on with this run, with its own configuration
-    #[arg(long, value_name = "RUN", conflicts_with_all = ["preset", "data", "out", "steps", "seed", "settings", "config"])]
+    #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["model", "preset", "data", "out", "steps", "seed", "settings", "config"])]
     pub resume: Option<PathBuf>,
-    /// Sets a configuration value by its path, list entries by number; may be repeated
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    pub settings: Vec<String>,
-    /// Configuration file (TOML) between the preset and the flags
-    #[arg(long, value_name = "F")]
-    pub config: Option<PathBuf>,
     /// Threads; 0 takes one per core. Does not change results [default: the configuration's, which is 0]
-    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(..=MOST_THREADS))]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(..=MOST_THREADS), help_heading = RUN)]
     pub threads: Option<u16>,
-    /// Says what the run would take (parameters, activations, optimizer, peak), measured on a few steps of each stage, and
-    /// writes nothing
-    #[arg(long, conflicts_with_all = ["out", "trace"])]
+    /// Measures what the run would take (parameters, activations, optimizer, peak) on a few steps of each stage, and writes
+    /// nothing
+    #[arg(long, conflicts_with_all = ["out", "trace"], help_heading = MEASURING)]
     pub dry_run: bool,
     /// Writes every op of one step of each stage into this file, in Chrome's trace format (chrome://tracing, Perfetto)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = MEASURING)]
     pub trace: Option<PathBuf>,
+}
+
+/// Headings of groups of flags.
+const CONFIGURATION: &str = "Configuration";
+const RUN: &str = "Run";
+const MEASURING: &str = "Measuring";
+const PUBLISHED: &str = "With --weights";
+
+/// Prints a preset's configuration as TOML, every key with its documentation.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver config > mine.toml
+  splatweaver config --preset tiny-published")]
+pub struct Config {
+    /// The preset [default: tiny]
+    #[arg(long)]
+    pub preset: Option<String>,
+    /// The model [default: splatweaver]
+    #[arg(long, value_name = "NAME")]
+    pub model: Option<String>,
 }
 
 /// Renders held-out views from the Gaussians of their nearest training views and compares them with the photos.
@@ -110,13 +135,13 @@ pub struct Eval {
     #[arg(long, conflicts_with = "data")]
     pub unseen: bool,
     /// Context views for each held-out view [default: the run's]
-    #[arg(long, value_name = "V")]
-    pub views: Option<usize>,
+    #[arg(long, value_name = "V", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub views: Option<u32>,
     /// Whose cameras the context has [default: the run's]
     #[arg(long, value_parser = cameras())]
-    pub cameras: Option<Cameras>,
+    pub cameras: Option<CameraMode>,
     #[command(flatten)]
-    pub dial: Dial,
+    pub density: DensityFlags,
     /// Also LPIPS, with the weights in this safetensors file
     #[arg(long, value_name = "WEIGHTS")]
     pub lpips: Option<PathBuf>,
@@ -147,21 +172,21 @@ pub struct Infer {
     /// A published checkpoint: safetensors file, index of several, or the folder; SplatWeaver's names or VGGT's
     #[arg(long, value_name = "FILE", conflicts_with = "cameras")]
     pub weights: Option<PathBuf>,
-    /// With --weights: side of the square that photos are cut to, or WxH; multiples of the patch [default: the model's, 448]
-    #[arg(long, value_name = "N|WxH", requires = "weights", value_parser = size)]
+    /// Side of the square that photos are cut to, or WxH; multiples of the patch [default: the model's, 448]
+    #[arg(long, value_name = "N|WxH", requires = "weights", help_heading = PUBLISHED, value_parser = size)]
     pub size: Option<[usize; 2]>,
-    /// With --weights: photos keep their proportions; the long side takes the size, the other whole patches
-    #[arg(long, requires = "weights")]
+    /// Photos keep their proportions; the long side takes the size, the other whole patches
+    #[arg(long, requires = "weights", help_heading = PUBLISHED)]
     pub keep_aspect: bool,
-    /// With --weights: cameras, depth and points only
-    #[arg(long, requires = "weights", conflicts_with_all = ["allocation", "budget"])]
+    /// Cameras, depth and points only
+    #[arg(long, requires = "weights", help_heading = PUBLISHED, conflicts_with_all = ["allocation", "budget"])]
     pub geometry: bool,
-    /// With --weights: seed of the router's noise [default: 0]
-    #[arg(long, value_name = "S", requires = "weights")]
+    /// Seed of the router's noise [default: 0]
+    #[arg(long, value_name = "S", requires = "weights", help_heading = PUBLISHED)]
     pub seed: Option<u64>,
-    /// With --weights: round to bf16 (8 bits) what bf16 matrices are multiplied with; faster on processors with AVX-512 BF16,
+    /// Round to bf16 (8 bits) what bf16 matrices are multiplied with; faster on processors with AVX-512 BF16,
     /// the same on others
-    #[arg(long, requires = "weights")]
+    #[arg(long, requires = "weights", help_heading = PUBLISHED)]
     pub bf16_products: bool,
     /// Photos (PNG, JPEG), or folders of photos; the first one's camera becomes the origin
     #[arg(required = true)]
@@ -170,7 +195,7 @@ pub struct Infer {
     #[arg(long, value_name = "FILE")]
     pub cameras: Option<PathBuf>,
     #[command(flatten)]
-    pub dial: Dial,
+    pub density: DensityFlags,
     /// Folder for the results
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
@@ -180,13 +205,20 @@ pub struct Infer {
 
 /// Which pixels get Gaussians, and how many.
 #[derive(Args, Clone, Copy, Debug)]
-pub struct Dial {
+#[command(next_help_heading = "How many Gaussians, and where")]
+pub struct DensityFlags {
     /// Gaussians per pixel, 0 to 1, for dithered, grid and random [default: the run's]
     #[arg(long, value_name = "G")]
     pub budget: Option<f64>,
     /// sampled, argmax, dithered, grid, random or fixed:K [default: the run's]
     #[arg(long, value_name = "A")]
     pub allocation: Option<AllocationKind>,
+}
+
+impl From<DensityFlags> for Density {
+    fn from(flags: DensityFlags) -> Self {
+        Self { allocation: flags.allocation, budget: flags.budget }
+    }
 }
 
 /// Draws a file of Gaussians from given cameras or along an orbit.
@@ -353,8 +385,8 @@ pub struct Threads {
     pub threads: u16,
 }
 
-fn cameras() -> impl TypedValueParser<Value = Cameras> {
-    PossibleValuesParser::new(["predicted", "given"]).try_map(|name| name.parse::<Cameras>())
+fn cameras() -> impl TypedValueParser<Value = CameraMode> {
+    PossibleValuesParser::new(["predicted", "given"]).try_map(|name| name.parse::<CameraMode>())
 }
 
 /// Height and width from `N` or `WxH`.

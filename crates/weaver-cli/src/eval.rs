@@ -4,7 +4,8 @@ use crate::Console;
 use crate::arguments::Eval;
 use crate::failure::Failure;
 use crate::progress::Progress;
-use weaver_trainer::evaluate::{self, Options, Source};
+use weaver_inference::RunFolder;
+use weaver_trainer::{Overrides, Source};
 
 pub fn run(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
     let source = match (arguments.unseen, arguments.data.is_empty()) {
@@ -12,16 +13,17 @@ pub fn run(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
         (false, true) => Source::Run,
         (false, false) => Source::Folders(arguments.data.clone()),
     };
-    let options = Options {
-        context_views: arguments.views,
+    let overrides = Overrides {
+        context_views: arguments.views.map(|views| views as usize),
         cameras: arguments.cameras,
-        allocation: arguments.dial.allocation,
-        budget: arguments.dial.budget,
+        density: arguments.density.into(),
         lpips: arguments.lpips.clone(),
     };
+    let folder = RunFolder::at(&arguments.run);
+    let mut run = weaver_recipes::registry().of_run(&folder)?.open(&folder)?;
     let mut progress = Progress::new("eval", 0, 0, console);
     let mut show = |done, total| progress.at(done, total, String::new, console);
-    let evaluation = evaluate::run(&arguments.run, &source, &options, &mut show);
+    let evaluation = run.evaluate(&source, &overrides, &mut show);
     progress.finish();
     let evaluation = evaluation?;
     if arguments.json {

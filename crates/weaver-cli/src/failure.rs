@@ -8,10 +8,10 @@ use std::io;
 pub enum Failure {
     /// The arguments make no sense together: exit code 2.
     Usage(String),
-    /// Something went wrong: exit code 1, or 2 where the trainer finds the arguments at odds.
+    /// Something went wrong: exit code 1, or 2 where the arguments turn out not to fit together.
     Error(Box<dyn Error + Send + Sync>),
-    /// Nobody reads the output any more, which is their good right: exit code 0.
-    NobodyListens,
+    /// Standard output was closed, as by `head`: exit code 0.
+    OutputClosed,
 }
 
 impl<E: Error + Send + Sync + 'static> From<E> for Failure {
@@ -24,7 +24,7 @@ impl Failure {
     /// For errors of writing to standard output.
     pub fn output(error: io::Error) -> Self {
         if error.kind() == io::ErrorKind::BrokenPipe {
-            return Self::NobodyListens;
+            return Self::OutputClosed;
         }
         Self::Error(format!("standard output: {error}").into())
     }
@@ -37,11 +37,8 @@ impl Failure {
     /// The process's exit code.
     pub fn exit_code(&self) -> u8 {
         match self {
-            Self::NobodyListens => 0,
-            Self::Error(error) => match error.downcast_ref() {
-                Some(weaver_trainer::Error::Usage(_)) => 2,
-                _ => 1,
-            },
+            Self::OutputClosed => 0,
+            Self::Error(error) => explained(error.as_ref()).map_or(1, |(code, _)| code),
             Self::Usage(_) => 2,
         }
     }
@@ -49,10 +46,35 @@ impl Failure {
     /// The message, in one line, causes included.
     pub fn line(&self) -> Option<String> {
         match self {
-            Self::NobodyListens => None,
+            Self::OutputClosed => None,
             Self::Usage(message) => Some(message.clone()),
-            Self::Error(error) => Some(joined(error.as_ref())),
+            Self::Error(error) => {
+                Some(explained(error.as_ref()).map_or_else(|| joined(error.as_ref()), |(_, line)| line))
+            }
         }
+    }
+}
+
+/// The exit code and the message of errors that a flag can mend, in terms of the flags.
+fn explained(error: &(dyn Error + 'static)) -> Option<(u8, String)> {
+    use weaver_inference::Error as Inference;
+    use weaver_trainer::Error as Training;
+    let training = error.downcast_ref::<Training>();
+    if let Some(Training::RunExists { .. }) = training {
+        return Some((2, format!("{error}; give another --out, or continue it with --resume")));
+    }
+    let inference = match training {
+        Some(Training::Inference(error)) => Some(error),
+        _ => error.downcast_ref::<Inference>(),
+    };
+    match inference? {
+        Inference::NoBudget { .. } => Some((2, format!("--{error}"))),
+        Inference::Memory { gaussians, .. } => {
+            let third =
+                if *gaussians { "--geometry (cameras, depth and points only)" } else { "closing other programs" };
+            Some((1, format!("{error}; fewer photos, a smaller --size or {third} reduces it")))
+        }
+        _ => None,
     }
 }
 

@@ -7,19 +7,19 @@ use crate::{Console, Interrupt};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::sync::mpsc;
-use weaver_trainer::infer::{self, Report};
-use weaver_trainer::published::{self, Fit};
+use weaver_inference::RunFolder;
+use weaver_inference::published::{self, Fit};
+use weaver_inference::reconstruct::{Options, Report, reconstruct};
 
 pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let images = photos(&arguments.images)?;
     let report = match (&arguments.run, &arguments.weights) {
         (Some(run), _) => {
-            let options = infer::Options {
-                cameras: arguments.cameras.clone(),
-                allocation: arguments.dial.allocation,
-                budget: arguments.dial.budget,
-            };
-            infer::run(run, &images, &options, &arguments.out)?
+            let folder = RunFolder::at(run);
+            let mut run = weaver_recipes::registry().of_run(&folder)?.open(&folder)?;
+            let (cameras, density) = (arguments.cameras.clone(), arguments.density.into());
+            let options = Options { cameras, density, seed: run.seed };
+            reconstruct(&mut *run.predictor, &images, &options, &arguments.out)?
         }
         (None, Some(weights)) => published(weights, &images, arguments, console, interrupt)?,
         (None, None) => return Err(Failure::Usage("expected --run or --weights".into())),
@@ -52,8 +52,7 @@ fn published(
         size: arguments.size,
         fit: if arguments.keep_aspect { Fit::KeepAspect } else { Fit::Crop },
         geometry: arguments.geometry,
-        allocation: arguments.dial.allocation,
-        budget: arguments.dial.budget,
+        density: arguments.density.into(),
         seed: arguments.seed.unwrap_or(0),
         bf16_products: arguments.bf16_products,
     };
@@ -70,15 +69,15 @@ fn published(
             }
         });
         let tell = move |progress| {
-            // Nobody listens only when the other thread is gone, and then there is nobody to tell.
+            // Sending fails only when the receiving thread is gone, and then there is nothing to show.
             let _ = sender.send(progress);
         };
         // Up to the first file, Ctrl-C ends at once and leaves nothing; from then on the files are written first.
         published::run(weights, images, &options, &arguments.out, tell, || {
-            interrupt.heed();
+            interrupt.watch();
         })
     })?;
-    if interrupt.heed().load(Ordering::Relaxed) {
+    if interrupt.watch().load(Ordering::Relaxed) {
         return Err(Failure::message("interrupted; the results were complete and are written"));
     }
     Ok(report)

@@ -2,28 +2,28 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A wish to stop, between whoever hears the signal and the job at work.
+/// A request to stop, passed from the signal handler to the running job.
 #[derive(Debug, Default)]
 pub struct Interrupt {
-    wanted: AtomicBool,
-    heeded: AtomicBool,
+    requested: AtomicBool,
+    watched: AtomicBool,
 }
 
 impl Interrupt {
-    /// Nobody wants anything yet.
+    /// No stop is requested yet.
     pub const fn new() -> Self {
-        Self { wanted: AtomicBool::new(false), heeded: AtomicBool::new(false) }
+        Self { requested: AtomicBool::new(false), watched: AtomicBool::new(false) }
     }
 
-    /// Asks the job to stop. False when it will not do so by itself: it has nothing to save, or was asked before.
+    /// Asks the job to stop. False when the job does not watch for requests (it has nothing to save) or was asked before.
     pub fn request(&self) -> bool {
-        !self.wanted.swap(true, Ordering::Relaxed) && self.heeded.load(Ordering::Relaxed)
+        !self.requested.swap(true, Ordering::Relaxed) && self.watched.load(Ordering::Relaxed)
     }
 
-    /// Promises to look at the flag from now on.
-    pub(crate) fn heed(&self) -> &AtomicBool {
-        self.heeded.store(true, Ordering::Relaxed);
-        &self.wanted
+    /// The flag that a job promises to check from now on.
+    pub(crate) fn watch(&self) -> &AtomicBool {
+        self.watched.store(true, Ordering::Relaxed);
+        &self.requested
     }
 }
 
@@ -35,7 +35,7 @@ mod tests {
     fn only_a_job_that_looks_is_asked_and_only_once() {
         assert!(!Interrupt::new().request());
         let interrupt = Interrupt::new();
-        let flag = interrupt.heed();
+        let flag = interrupt.watch();
         assert!(!flag.load(Ordering::Relaxed));
         assert!(interrupt.request() && flag.load(Ordering::Relaxed));
         assert!(!interrupt.request());

@@ -6,6 +6,7 @@ mod arguments;
 mod bench;
 mod cameras;
 mod completions;
+mod config;
 mod console;
 mod convert_weights;
 mod eval;
@@ -55,6 +56,7 @@ fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> R
         Command::Render(arguments) => in_pool(arguments.threads.threads.into(), || render::run(&arguments, console)),
         Command::Info(arguments) => info::run(&arguments, console),
         Command::ConvertWeights(arguments) => convert_weights::run(&arguments, console, interrupt),
+        Command::Config(arguments) => config::run(&arguments, console),
         Command::Bench(arguments) => bench::run(&arguments, console),
         Command::Completions(arguments) => completions::run(&arguments, console),
     }

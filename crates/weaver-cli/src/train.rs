@@ -6,71 +6,53 @@ use crate::failure::Failure;
 use crate::progress::{Progress, duration};
 use crate::{Console, Interrupt};
 use std::path::{Path, PathBuf};
-use weaver_trainer::{Config, Error, Observer, RunFolder, Session, StepReport, Summary};
+use weaver_inference::RunFolder;
+use weaver_trainer::{Error, Observer, Resolved, Setup, StepReport, Summary, Training, create_run};
 
 pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
-    match &arguments.resume {
-        Some(path) => {
-            let (folder, config) = RunFolder::open(path)?;
-            crate::in_pool(arguments.threads.map_or(config.threads, usize::from), || {
-                let mut session = Session::resume(config, &folder.checkpoint_path())?;
-                if arguments.dry_run {
-                    return rehearse(session, console);
-                }
-                trace(&mut session, arguments)?;
-                train(session, &folder, console, interrupt)
-            })
+    let registry = weaver_recipes::registry();
+    if let Some(path) = &arguments.resume {
+        let folder = RunFolder::at(path);
+        let architecture = registry.of_run(&folder)?;
+        let config = architecture.read(&folder)?;
+        return crate::in_pool(arguments.threads.map_or(config.threads, usize::from), || {
+            let session = architecture.resume(&folder)?;
+            if arguments.dry_run {
+                return dry_run(session, &config, console);
+            }
+            train(session, &folder, arguments, console, interrupt)
+        });
+    }
+    let architecture = registry.find(arguments.model.as_deref())?;
+    let config = architecture.resolve(&Setup {
+        preset: arguments.preset.clone(),
+        file: arguments.config.clone(),
+        settings: arguments.settings.clone(),
+        data: arguments.data.clone(),
+        seed: arguments.seed,
+        threads: arguments.threads.map(usize::from),
+        steps: arguments.steps.map(|steps| steps as usize),
+    })?;
+    let path = arguments.out.clone().unwrap_or_else(|| free_folder(Path::new("runs"), &config.preset));
+    crate::in_pool(config.threads, || {
+        // The folder comes second: nothing is left behind when the data cannot be read.
+        let session = architecture.start(&config)?;
+        if arguments.dry_run {
+            return dry_run(session, &config, console);
         }
-        None => {
-            let config = configure(arguments)?;
-            let path = arguments.out.clone().unwrap_or_else(|| free_folder(Path::new("runs"), &config.preset));
-            crate::in_pool(config.threads, || {
-                // The folder comes second: nothing is left behind when the data cannot be read.
-                let mut session = Session::new(config)?;
-                if arguments.dry_run {
-                    return rehearse(session, console);
-                }
-                trace(&mut session, arguments)?;
-                let folder = RunFolder::create(&path, session.config())?;
-                train(session, &folder, console, interrupt)
-            })
-        }
-    }
+        let folder = create_run(&path, &config)?;
+        train(session, &folder, arguments, console, interrupt)
+    })
 }
 
-fn configure(arguments: &Train) -> Result<Config, Failure> {
-    let mut config = Config::resolve(arguments.preset.as_deref(), arguments.config.as_deref(), &arguments.settings)?;
-    if !arguments.data.is_empty() {
-        config.data.folders = arguments.data.clone();
-    }
-    // The run may be resumed or evaluated from elsewhere.
-    for folder in &mut config.data.folders {
-        *folder = std::path::absolute(&folder)?;
-    }
-    config.seed = arguments.seed.unwrap_or(config.seed);
-    config.threads = arguments.threads.map_or(config.threads, usize::from);
-    if let Some(steps) = arguments.steps {
-        config.rescale(steps as usize);
-    }
-    Ok(config)
-}
-
-fn trace(session: &mut Session, arguments: &Train) -> Result<(), Failure> {
-    if let Some(path) = &arguments.trace {
-        session.trace_to(&std::path::absolute(path)?);
-    }
-    Ok(())
-}
-
-/// What the run would take. Nothing is left behind.
-fn rehearse(session: Session, console: &mut Console) -> Result<(), Failure> {
+/// Measures what the run would take. Nothing is left behind.
+fn dry_run(session: Box<dyn Training>, config: &Resolved, console: &mut Console) -> Result<(), Failure> {
     console.print(session.plan().trim_end())?;
     let path = std::env::temp_dir().join(format!("splatweaver-dry-run-{}", std::process::id()));
-    let folder = RunFolder::create(&path, session.config())?;
-    let rehearsal = session.rehearse(&folder);
+    let folder = create_run(&path, config)?;
+    let measured = session.dry_run(&folder);
     std::fs::remove_dir_all(&path)?;
-    let rehearsal = rehearsal?;
-    console.print(&rehearsal.to_string())?;
+    console.print(&measured?.to_string())?;
     if let Some(peak) = peak_mb() {
         console.print(&format!("{:<28}{peak:>9.1} MB, photos and program included", "peak"))?;
     }
@@ -90,17 +72,22 @@ fn free_folder(parent: &Path, preset: &str) -> PathBuf {
 }
 
 fn train(
-    mut session: Session,
+    mut session: Box<dyn Training>,
     folder: &RunFolder,
+    arguments: &Train,
     console: &mut Console,
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
+    if let Some(path) = &arguments.trace {
+        session.trace_to(&std::path::absolute(path)?);
+    }
     let path = folder.path().display();
     console.note(session.plan().trim_end());
     console.note(&format!("run folder {path}"));
     let (done, total) = session.steps();
-    let mut shown = Shown { progress: Progress::new("train", done, total, console), total, console };
-    let result = session.train(folder, &mut shown, interrupt.heed());
+    let label = session.labeler();
+    let mut shown = Shown { progress: Progress::new("train", done, total, console), label, total, console };
+    let result = session.train(folder, &mut shown, interrupt.watch());
     let Shown { progress, console, .. } = shown;
     progress.finish();
     let summary = result?;
@@ -125,14 +112,15 @@ fn report(summary: &Summary, folder: &RunFolder, console: &mut Console) -> Resul
 /// Shows each step.
 struct Shown<'a, 'c> {
     progress: Progress,
+    label: fn(&StepReport) -> String,
     total: usize,
     console: &'a mut Console<'c>,
 }
 
 impl Observer for Shown<'_, '_> {
     fn step(&mut self, report: &StepReport) -> Result<(), Error> {
-        let note = || format!("{}, loss {:.4}", report.stage, report.loss);
-        self.progress.at(report.step, self.total, note, self.console);
+        let label = self.label;
+        self.progress.at(report.step, self.total, || label(report), self.console);
         Ok(())
     }
 }

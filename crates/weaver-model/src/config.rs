@@ -1,10 +1,11 @@
 //! Everything about the network that can be set.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use weaver_kernels::nearest_neighbors::MAX_NEIGHBORS;
 
 /// Sizes and switches of a SplatWeaver; see [`ModelConfig::preset`] for the ready-made ones.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ModelConfig {
     /// Image width in pixels, a multiple of `patch`.
@@ -26,7 +27,7 @@ pub struct ModelConfig {
 }
 
 /// Patch encoder and aggregator.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BackboneConfig {
     /// Token width D.
@@ -56,7 +57,7 @@ pub struct BackboneConfig {
 }
 
 /// The world frame of the predicted cameras.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum PoseFrame {
     /// The frame that the network chooses, as published.
@@ -66,7 +67,7 @@ pub enum PoseFrame {
 }
 
 /// Camera head.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraConfig {
     /// Attention heads; the width is 2 D.
@@ -84,7 +85,7 @@ pub struct CameraConfig {
 }
 
 /// Depth head and Gaussian feature trunk.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DenseConfig {
     /// The four aggregator rounds that feed the heads; repeats are allowed.
@@ -112,7 +113,7 @@ pub struct DenseConfig {
 }
 
 /// The wavelet of the high-frequency prior.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum WaveletKind {
     /// Haar, 2 taps.
@@ -122,7 +123,7 @@ pub enum WaveletKind {
 }
 
 /// How raw numbers become Gaussians.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ParametrizationKind {
     /// Offsets and scales in world units, colors from the network alone.
@@ -132,7 +133,7 @@ pub enum ParametrizationKind {
 }
 
 /// Router, experts, neighbor attention and decoding.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GaussianConfig {
     /// M: the largest number of Gaussians of a pixel.
@@ -170,7 +171,7 @@ pub struct GaussianConfig {
 }
 
 /// Rasterizer.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RasterConfig {
     /// Near plane, scene units.

@@ -1,18 +1,31 @@
-//! What can go wrong in a run.
+//! What can go wrong in a training run.
 
 use std::path::PathBuf;
 
 /// Why a run could not start, or stopped.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// The configuration is wrong.
     #[error("{place}: {message}")]
     Config {
-        /// The file, flag or preset.
+        /// The file, setting or preset.
         place: String,
         /// The key, what was expected and what was found.
         message: String,
     },
+    /// Options that do not fit together.
+    #[error("{0}")]
+    Input(String),
+    /// A folder holds a run already.
+    #[error("{}: there is a run in this folder already", path.display())]
+    RunExists {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A prediction could not be made.
+    #[error(transparent)]
+    Inference(#[from] weaver_inference::Error),
     /// A file could not be read or written.
     #[error(transparent)]
     Io(#[from] weaver_io::Error),
@@ -29,7 +42,7 @@ pub enum Error {
     },
     /// A loss or a gradient is no longer a number.
     #[error("step {step}: {term} is {value}; training stopped{}", kept(last_good))]
-    Diverged {
+    Numeric {
         /// The step at which it happened.
         step: usize,
         /// The loss term, or `gradient norm`.
@@ -47,9 +60,6 @@ pub enum Error {
         /// The parameters' names.
         names: Vec<String>,
     },
-    /// Something was asked for that makes no sense together.
-    #[error("{0}")]
-    Usage(String),
 }
 
 fn kept(path: &Option<PathBuf>) -> String {

@@ -38,8 +38,8 @@ pub struct SceneFigures {
 pub struct Evaluation {
     /// Whose cameras: predicted or given.
     pub cameras: String,
-    /// Which pixels got Gaussians.
-    pub allocation: String,
+    /// Which pixels got Gaussians, for models with a choice.
+    pub allocation: Option<String>,
     /// Gaussians per context pixel that were asked for, if the allocation has a budget.
     pub budget: Option<f64>,
     /// Context views for each held-out view.
@@ -95,11 +95,12 @@ impl Evaluation {
     /// A table for people.
     pub fn table(&self) -> String {
         let mut out = String::new();
+        let allocation = self.allocation.as_ref().map_or(String::new(), |a| format!(", allocation {a}"));
         let budget = self.budget.map_or(String::new(), |b| format!(", budget {b:.2}"));
         let _ = writeln!(
             out,
-            "cameras {}, allocation {}{budget}, {} context views, step {}",
-            self.cameras, self.allocation, self.context_views, self.step
+            "cameras {}{allocation}{budget}, {} context views, step {}",
+            self.cameras, self.context_views, self.step
         );
         let _ = writeln!(
             out,

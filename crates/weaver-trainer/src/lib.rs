@@ -1,34 +1,37 @@
-//! Training loop, checkpoints, evaluation and observers for SplatWeaver.
+//! Trains models that turn photos into Gaussians: configuration, stages, checkpoints that resume to the bit, evaluation,
+//! logs and a report.
+//!
+//! The trainer knows no model. A model says by a [`Recipe`] what its configuration is, how it is built, what its losses are
+//! and how it predicts; [`Session`] does the rest, and a [`Registry`] finds recipes by name.
 
-pub mod batch;
 mod checkpoint;
 mod config;
+mod dry_run;
 mod error;
 pub mod evaluate;
 mod evaluation;
-pub mod infer;
-mod objective;
+pub mod example;
+pub mod losses;
 pub mod observe;
-mod predictor;
-mod probe;
-pub mod published;
-mod run_folder;
+mod recipe;
+mod registry;
 pub mod samples;
 pub mod scenes;
 mod session;
 
-pub use checkpoint::Checkpoint;
+pub use checkpoint::TrainingState;
 pub use config::{
-    BudgetForm, Cameras, Config, DataConfig, EvaluationConfig, LossWeights, OptimizerConfig, OutputConfig, StageConfig,
+    CameraMode, Config, DataConfig, EvaluationConfig, OptimizerConfig, OutputConfig, StageConfig, allocation_name,
 };
+pub use dry_run::{DryRun, StageMemory};
 pub use error::Error;
 pub use evaluation::{Evaluation, SceneFigures, Summary};
-pub use objective::{Objective, Terms};
+pub use example::Example;
+pub use losses::Terms;
 pub use observe::{Observer, StepReport};
-pub use predictor::{CameraSource, Prediction, Predictor, render};
-pub use probe::{Rehearsal, StageMemory};
-pub use run_folder::RunFolder;
-pub use session::Session;
+pub use recipe::{Recipe, Section, Step};
+pub use registry::{Architecture, OpenRun, Overrides, Registry, Resolved, Setup, Source, Training, create_run};
+pub use session::{PendingStep, Session};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -1,29 +1,27 @@
 //! The training loop.
 
-use crate::batch::Batch;
-use crate::evaluate;
+use crate::dry_run::{DryRun, Probe};
+use crate::evaluate::{self, Options};
 use crate::evaluation::Summary;
-use crate::objective::Objective;
 use crate::observe::{MetricsLog, Observer, StepReport, TensorBoard, write_report};
-use crate::probe::{Probe, Rehearsal};
-use crate::{Checkpoint, Config, Error, RunFolder, StageConfig, samples, scenes};
+use crate::{Config, Error, Example, Recipe, StageConfig, Step, TrainingState, samples, scenes};
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use weaver_autograd::{OpTime, Params, Tape};
 use weaver_data::{Scene, Tuple, training_tuple};
+use weaver_inference::{Checkpoint, Density, Predictor, RunFolder};
 use weaver_kernels::random::Stream;
 use weaver_losses::Lpips;
-use weaver_model::SplatWeaver;
 use weaver_nn::{AdamW, Context, Ema, Group, WarmupCosine, clip_factor, global_norm, missing_gradients};
-use weaver_router::{Allocation, TrainingMix};
 use weaver_splat::WorkspacePool;
 
 /// A training run: the model, its data, and how far it is.
 #[derive(Debug)]
-pub struct Session {
-    config: Config,
-    model: SplatWeaver,
+pub struct Session<R: Recipe> {
+    config: Config<R>,
+    network: Arc<R::Network>,
     params: Params<f32>,
     optimizer: AdamW<f32>,
     ema: Ema<f32>,
@@ -47,13 +45,23 @@ struct Position {
     local: usize,
 }
 
-impl Session {
-    /// A new run: loads its scenes and draws its weights.
+/// A step whose gradients are on the tape and whose update is still to come.
+#[derive(Debug)]
+pub struct PendingStep {
+    position: Position,
+    loss: f32,
+    terms: Vec<(String, f32)>,
+    gaussians_per_pixel: f32,
+}
+
+impl<R: Recipe> Session<R> {
+    /// Starts a new run: loads its scenes and draws its weights.
     ///
     /// # Errors
     /// When the data cannot be read or has too few views.
-    pub fn new(config: Config) -> Result<Self, Error> {
-        let scenes = scenes::load(&config)?;
+    pub fn new(config: Config<R>) -> Result<Self, Error> {
+        let size = R::image_size(&config.model);
+        let scenes = scenes::load(&config.data, size)?;
         for (index, scene) in scenes.iter().enumerate() {
             scene.check_training(config.data.context_views)?;
             if scene.points.is_empty() {
@@ -63,16 +71,15 @@ impl Session {
             }
         }
         let mut params = Params::new();
-        let model = SplatWeaver::new(config.model.clone(), &mut params, config.seed);
+        let network = Arc::new(R::build(&config.model, &mut params, config.seed));
         let optimizer = new_optimizer(&config, &params);
         let ema = Ema::new(&params, config.optimizer.ema);
-        let path = config.stages.iter().map(|s| &s.losses).find(|l| l.lpips > 0.0).map(|l| l.lpips_weights.clone());
-        let lpips = path.map(|path| evaluate::load_lpips(&path)).transpose()?;
-        let fresh = scenes::Endless::new(&config);
+        let lpips = R::lpips_weights(&config).map(evaluate::load_lpips).transpose()?;
+        let fresh = scenes::Endless::new(&config.data, size, config.seed);
         let (tape, workspaces) = (Tape::new(), WorkspacePool::new());
         Ok(Self {
             config,
-            model,
+            network,
             params,
             optimizer,
             ema,
@@ -87,14 +94,18 @@ impl Session {
         })
     }
 
-    /// Continues from a checkpoint.
+    /// Continues a run from a checkpoint.
     ///
     /// # Errors
     /// When it does not fit the configuration, or the data cannot be read.
-    pub fn resume(config: Config, checkpoint: &Path) -> Result<Self, Error> {
-        let checkpoint = Checkpoint::read(checkpoint, &config)?;
+    pub fn resume(config: Config<R>, checkpoint: &Path) -> Result<Self, Error> {
+        let checkpoint = Checkpoint::read(checkpoint)?;
+        let model: R::Model = checkpoint.model_config(R::ARCHITECTURE)?;
+        if model != config.model {
+            return Err(checkpoint.wrong("metadata model: another network than the run's configuration has").into());
+        }
         let mut session = Self::new(config)?;
-        checkpoint.restore(&mut session.params, &mut session.optimizer, &mut session.ema)?;
+        TrainingState::restore(&checkpoint, &mut session.params, &mut session.optimizer, &mut session.ema)?;
         session.step = checkpoint.step;
         Ok(session)
     }
@@ -105,7 +116,7 @@ impl Session {
     }
 
     /// The configuration.
-    pub fn config(&self) -> &Config {
+    pub fn config(&self) -> &Config<R> {
         &self.config
     }
 
@@ -135,12 +146,12 @@ impl Session {
         self.probe = Some(Probe::trace(path));
     }
 
-    /// Does a little of all that a run does, to say what it will take: some steps of each stage, a checkpoint and a picture in a
-    /// folder that is not needed afterward, the evaluation of a scene.
+    /// Does a little of all that a run does, to say what it will take: some steps of each stage, a checkpoint and a picture
+    /// in a folder that is not needed afterward, the evaluation of a scene.
     ///
     /// # Errors
     /// As [`Session::train`].
-    pub fn rehearse(mut self, folder: &RunFolder) -> Result<Rehearsal, Error> {
+    pub fn dry_run(mut self, folder: &RunFolder) -> Result<DryRun, Error> {
         let mut start = self.step;
         let (mut stages, mut first) = (Vec::new(), 0);
         for stage in self.config.stages.clone() {
@@ -150,7 +161,7 @@ impl Session {
             }
             self.step = start;
             self.probe = Some(Probe::memory());
-            for _ in 0..REHEARSED.min(first - start) {
+            for _ in 0..DRY_RUN_STEPS.min(first - start) {
                 self.advance()?;
             }
             stages.extend(self.probe.take().and_then(Probe::into_stage));
@@ -160,29 +171,24 @@ impl Session {
         self.sample(folder)?;
         self.evaluate_some(1)?;
         let [parameters, optimizer, average] = [1, 2, 1].map(|copies| copies * 4 * self.params.count());
-        Ok(Rehearsal { parameters, optimizer, average, tape: self.tape_bytes(), stages })
+        Ok(DryRun { parameters, optimizer, average, tape: self.tape_bytes(), stages })
     }
 
     /// What is about to happen, for people.
     pub fn plan(&self) -> String {
         let views: usize = self.scenes.iter().map(|s| s.views.len()).sum();
-        let m = &self.config.model;
+        let [height, width] = R::image_size(&self.config.model);
         let mut text = format!(
-            "preset {}, {} x {}, {:.2} M parameters; {} scenes, {views} views\n",
+            "preset {}, {width} x {height}, {:.2} M parameters; {} scenes, {views} views\n",
             self.config.preset,
-            m.width,
-            m.height,
             self.params.count() as f64 / 1e6,
             self.scenes.len()
         );
         for stage in &self.config.stages {
-            let untrained = untrained_modules(stage);
+            let untrained = R::untrained(stage);
             let note =
                 if untrained.is_empty() { String::new() } else { format!("; untrained: {}", untrained.join(", ")) };
-            text.push_str(&format!(
-                "stage {}: {} steps of {} rendered and {} posed tuples{note}\n",
-                stage.name, stage.steps, stage.tuples, stage.pose_tuples
-            ));
+            text.push_str(&format!("stage {}: {} steps of {}{note}\n", stage.name, stage.steps, R::describe(stage)));
         }
         text
     }
@@ -199,21 +205,33 @@ impl Session {
         None
     }
 
-    /// One optimizer step; `None` when the run is finished.
+    /// One optimizer step: [`Session::gradients`], then [`Session::update`]; `None` when the run is finished.
     ///
     /// # Errors
     /// When a loss is not a number, or a parameter that should be trained received no gradient. The weights are then
     /// those of the step before.
     pub fn advance(&mut self) -> Result<Option<StepReport>, Error> {
-        let Some(Position { stage: index, local }) = self.position() else { return Ok(None) };
+        let Some(pending) = self.gradients()? else { return Ok(None) };
+        self.update(pending).map(Some)
+    }
+
+    /// The first part of a step: tuples, forward and backward pass. The gradients are on the tape afterward; `None` when
+    /// the run is finished.
+    ///
+    /// # Errors
+    /// When a loss is not a number, or a parameter that should be trained received no gradient.
+    pub fn gradients(&mut self) -> Result<Option<PendingStep>, Error> {
+        let Some(position) = self.position() else { return Ok(None) };
+        let Position { stage: index, local } = position;
         let stage = self.config.stages[index].clone();
         if local == 0 {
             // A stage starts from the weights as they are, with fresh moments and a fresh average.
             self.optimizer = new_optimizer(&self.config, &self.params);
             self.ema = Ema::new(&self.params, self.config.optimizer.ema);
         }
-        self.optimizer.groups[BACKBONE].lr_scale = stage.backbone_rate;
-        let seed = self.config.seed;
+        for (group, rate) in self.optimizer.groups.iter_mut().zip(R::group_rates(&stage)) {
+            group.lr_scale = rate;
+        }
         self.tape.reset();
         if local == 0 {
             // Its buffers have other sizes than those of the stage before.
@@ -221,31 +239,27 @@ impl Session {
             self.tape.pool().trim::<f32>();
         }
         if let Some(probe) = &mut self.probe {
-            probe.begin(&stage, local, &self.tape);
+            probe.begin(&stage.name, stage.steps, local, &self.tape);
         }
-        let batches = self.batches(&stage)?;
+        let examples = self.examples(&stage)?;
         self.probe.iter_mut().for_each(|probe| probe.done("tuples"));
-        let allocation = self.allocation(&stage)?;
-        let objective = Objective {
+        let step = Step {
+            config: &self.config,
             stage: &stage,
-            ranking: (local as f64) < stage.losses.rank_until * stage.steps as f64,
-            allocation: &*allocation,
+            local,
             lpips: self.lpips.as_ref(),
             workspaces: &self.workspaces,
-            stream: Stream::new(seed, self.step as u64, "allocation"),
+            stream: Stream::new(self.config.seed, self.step as u64, "allocation"),
         };
-        let cx = Context::new(&self.tape, &self.params);
-        let terms = objective.terms(cx, &self.model, &batches);
-        let diverged =
-            |term: &str, value: f32| Error::Diverged { step: self.step + 1, term: term.into(), value, last_good: None };
+        let terms = R::objective(Context::new(&self.tape, &self.params), &self.network, &step, &examples)?;
         let values: Vec<(String, f32)> = terms.values().map(|(name, value)| (name.to_string(), value)).collect();
         if let Some((name, value)) = values.iter().find(|(_, v)| !v.is_finite()) {
-            return Err(diverged(name, *value));
+            return Err(self.diverged(name, *value));
         }
-        let total = terms.total().ok_or_else(|| Error::Usage(format!("stage `{}` has no loss", stage.name)))?;
+        let total = terms.total().ok_or_else(|| Error::Input(format!("stage `{}` has no loss", stage.name)))?;
         let loss = total.item();
         if !loss.is_finite() {
-            return Err(diverged("loss", loss));
+            return Err(self.diverged("loss", loss));
         }
         if let Some(probe) = &mut self.probe {
             probe.done("forward");
@@ -256,12 +270,32 @@ impl Session {
         if local == 0 {
             self.check_gradients(&stage)?;
         }
+        let gaussians_per_pixel = terms.gaussians_per_pixel;
+        Ok(Some(PendingStep { position, loss, terms: values, gaussians_per_pixel }))
+    }
+
+    /// Lets `average` change the gradient of each parameter, in the order of the parameters, between
+    /// [`Session::gradients`] and [`Session::update`]. With several processes that train on different tuples, this is
+    /// where each replaces its gradient by the mean over all of them.
+    pub fn reduce(&mut self, mut average: impl FnMut(&mut [f32])) {
+        for id in self.params.ids() {
+            if let Some(gradient) = self.tape.param_grad_mut(id) {
+                average(gradient);
+            }
+        }
+    }
+
+    /// The last part of a step: clips the gradients and updates parameters and averages.
+    ///
+    /// # Errors
+    /// When the gradients' norm is not a number; the weights are then those of the step before.
+    pub fn update(&mut self, step: PendingStep) -> Result<StepReport, Error> {
+        let PendingStep { position: Position { stage, local }, loss, terms, gaussians_per_pixel } = step;
         let norm = global_norm(&self.params, &self.tape);
         if !norm.is_finite() {
-            return Err(diverged("gradient norm", norm as f32));
+            return Err(self.diverged("gradient norm", norm as f32));
         }
-        let gaussians_per_pixel = terms.gaussians_per_pixel;
-        drop(terms);
+        let stage = &self.config.stages[stage];
         let schedule = WarmupCosine { warmup: stage.warmup as u64, total: stage.steps as u64, floor: stage.floor };
         let rate = stage.rate * schedule.factor(local as u64);
         let clip = clip_factor(norm, self.config.optimizer.clip);
@@ -272,22 +306,26 @@ impl Session {
             probe.end(&self.tape)?;
         }
         self.step += 1;
-        Ok(Some(StepReport {
+        Ok(StepReport {
             step: self.step,
-            stage: stage.name,
+            stage: stage.name.clone(),
             loss,
-            terms: values,
+            terms,
             rate: rate as f32,
             gradient_norm: norm as f32,
             gaussians_per_pixel,
             seconds: 0.0,
-        }))
+        })
     }
 
-    /// The step's tuples: those to be rendered first.
-    fn batches(&mut self, stage: &StageConfig) -> Result<Vec<Batch>, Error> {
+    fn diverged(&self, term: &str, value: f32) -> Error {
+        Error::Numeric { step: self.step + 1, term: term.into(), value, last_good: None }
+    }
+
+    /// The step's examples.
+    fn examples(&mut self, stage: &StageConfig<R>) -> Result<Vec<Example>, Error> {
         let d = &self.config.data;
-        let count = stage.tuples + stage.pose_tuples;
+        let count = R::tuples(stage);
         let scenes = match self.fresh.scenes(self.step, count) {
             Some(fresh) => fresh,
             None => &self.scenes,
@@ -296,24 +334,14 @@ impl Session {
         (0..count as u64)
             .map(|i| {
                 let tuple = training_tuple(scenes, stream, i, d.pool, d.context_views, d.target_views);
-                Batch::new(&scenes[tuple.scene], tuple)
+                Example::new(&scenes[tuple.scene], tuple)
             })
             .collect()
     }
 
-    fn allocation(&self, stage: &StageConfig) -> Result<Box<dyn Allocation<f32>>, Error> {
-        if stage.allocation == "mix" {
-            return Ok(Box::new(TrainingMix::default()));
-        }
-        let experts = self.config.model.gaussians.experts + 1;
-        evaluate::parse_allocation(&stage.allocation)?
-            .allocation(stage.budget, experts)
-            .map_err(|e| Error::Usage(e.to_string()))
-    }
-
     /// Every parameter that the stage can train must have a gradient; zero is a gradient.
-    fn check_gradients(&self, stage: &StageConfig) -> Result<(), Error> {
-        let untrained = untrained_modules(stage);
+    fn check_gradients(&self, stage: &StageConfig<R>) -> Result<(), Error> {
+        let untrained = R::untrained(stage);
         let names: Vec<String> = missing_gradients(&self.params, &self.tape)
             .into_iter()
             .filter(|name| !untrained.iter().any(|module| name.starts_with(module)))
@@ -344,8 +372,8 @@ impl Session {
             let report = match self.advance() {
                 Ok(Some(report)) => report,
                 Ok(None) => break,
-                Err(Error::Diverged { step, term, value, .. }) => {
-                    return Err(Error::Diverged { step, term, value, last_good: Some(checkpoint) });
+                Err(Error::Numeric { step, term, value, .. }) => {
+                    return Err(Error::Numeric { step, term, value, last_good: Some(checkpoint) });
                 }
                 Err(error) => return Err(error),
             };
@@ -368,7 +396,7 @@ impl Session {
         if finished {
             self.sample(folder)?;
         }
-        let evaluation = if finished { Some(self.evaluate()?) } else { None };
+        let evaluation = if finished { Some(self.evaluate_some(usize::MAX)?) } else { None };
         let summary = Summary {
             preset: self.config.preset.clone(),
             seed: self.config.seed,
@@ -390,29 +418,38 @@ impl Session {
     /// # Errors
     /// When it cannot be written; an earlier one is then left as it was.
     pub fn save(&self, path: &Path) -> Result<(), Error> {
-        Checkpoint::write(path, &self.config, self.step, &self.params, &self.optimizer, &self.ema)
+        let state = TrainingState { params: &self.params, optimizer: &self.optimizer, ema: &self.ema };
+        state.write(path, &self.config, self.step)
     }
 
     fn sample(&self, folder: &RunFolder) -> Result<(), Error> {
-        let params = self.averaged();
-        samples::write(&self.model, &params, &self.config, &self.scenes, &folder.sample_path(self.step))
-    }
-
-    fn evaluate(&self) -> Result<crate::Evaluation, Error> {
-        self.evaluate_some(usize::MAX)
+        let mut predictor = self.predictor()?;
+        samples::write(&mut *predictor, &self.options(), &self.scenes, &folder.sample_path(self.step))
     }
 
     /// Evaluates at most so many scenes.
     fn evaluate_some(&self, most: usize) -> Result<crate::Evaluation, Error> {
-        let params = self.averaged();
-        let mut predictor = crate::Predictor::new(&self.model, &params);
+        let mut predictor = self.predictor()?;
         let with_held_out = self.scenes.iter().filter(|s| !s.held_out_views().is_empty());
         let held_out: Vec<&Scene> = with_held_out.take(most).collect();
-        let options = evaluate::Options::default();
-        evaluate::scenes_with(&mut predictor, &self.config, &held_out, &options, None, self.step, &mut |_, _| {})
+        evaluate::evaluate(&mut *predictor, &held_out, &self.options(), None, &mut |_, _| {})
     }
 
-    /// The averaged weights, which are what is evaluated.
+    fn options(&self) -> Options {
+        Options {
+            context_views: self.config.data.context_views,
+            cameras: self.config.evaluation.cameras,
+            density: Density::default(),
+            seed: self.config.seed,
+            step: self.step,
+        }
+    }
+
+    /// The network with the averaged weights, which are what is evaluated.
+    fn predictor(&self) -> Result<Box<dyn Predictor>, Error> {
+        R::predictor(self.network.clone(), self.averaged(), &self.config)
+    }
+
     fn averaged(&self) -> Params<f32> {
         let mut params = self.params.clone();
         self.ema.clone().swap(&mut params);
@@ -431,39 +468,11 @@ impl Session {
     }
 }
 
-/// Steps of each stage that a rehearsal runs: random budgets differ, and so does the memory.
-const REHEARSED: usize = 8;
+/// Steps of each stage in a dry run: random budgets differ, and so does the memory.
+const DRY_RUN_STEPS: usize = 8;
 
-/// The optimizer's group of the backbone and the camera head; the other one is of the dense heads and everything after
-/// them, which learn at the full rate.
-const BACKBONE: usize = 0;
-
-fn new_optimizer(config: &Config, params: &Params<f32>) -> AdamW<f32> {
+fn new_optimizer<R: Recipe>(config: &Config<R>, params: &Params<f32>) -> AdamW<f32> {
     let o = &config.optimizer;
-    let is_dense = |name: &str| name.starts_with("depth_head.") || name.starts_with("gaussian_param_head.");
-    let group = |dense: bool| Group {
-        params: params.iter().filter(|(_, p)| is_dense(p.name()) == dense).map(|(id, _)| id).collect(),
-        lr_scale: 1.0,
-        weight_decay: o.weight_decay,
-    };
-    AdamW::new(vec![group(false), group(true)], o.beta1, o.beta2, o.epsilon)
-}
-
-/// Modules that a stage has no loss for; they stay as they are.
-fn untrained_modules(stage: &StageConfig) -> Vec<&'static str> {
-    if stage.tuples == 0 {
-        return vec!["depth_head", "gaussian_param_head"];
-    }
-    let l = &stage.losses;
-    let routed =
-        stage.allocation == "sampled" || stage.allocation == "argmax" || l.rank > 0.0 || l.error_regression > 0.0;
-    if routed {
-        Vec::new()
-    } else {
-        vec![
-            "gaussian_param_head.gs_moe.gating",
-            "gaussian_param_head.wave_merger1",
-            "gaussian_param_head.wave_merger2",
-        ]
-    }
+    let group = |params| Group { params, lr_scale: 1.0, weight_decay: o.weight_decay };
+    AdamW::new(R::groups(params).into_iter().map(group).collect(), o.beta1, o.beta2, o.epsilon)
 }

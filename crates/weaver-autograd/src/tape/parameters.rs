@@ -48,6 +48,14 @@ impl<T: Real> Tape<T> {
         self.grad(value)
     }
 
+    /// The gradient of a parameter after the backward pass, to be changed before an optimizer uses it; `None` if none reached
+    /// it.
+    pub fn param_grad_mut(&mut self, id: ParamId) -> Option<&mut [T]> {
+        let record = self.record.get_mut();
+        let value = record.params.get(id.index()).copied().flatten()?;
+        record.values[value as usize].grad.as_deref_mut()
+    }
+
     /// Forgets the ops and lets go of the parameters' values, so that [`Params::value_mut`] changes them in place. Their
     /// gradients stay until [`reset`](Tape::reset). Needs the tape for itself: no [`Var`] is left that could ask for the rest.
     pub fn release_params(&mut self) {

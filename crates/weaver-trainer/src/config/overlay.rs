@@ -1,12 +1,23 @@
 //! Laying one TOML tree over another: every key must be known, and a wrong one gets the nearest name.
 
-use crate::Error;
+use crate::{Config, Error, Recipe};
 use serde::de::DeserializeOwned;
+use serde_json::Value as Schema;
 use std::path::Path;
 use toml::{Table, Value};
 
+/// What every key of a configuration is, by the documentation and types of its sections.
+pub(super) fn schema<R: Recipe>() -> Schema {
+    let settings = schemars::generate::SchemaSettings::default().with(|s| s.inline_subschemas = true);
+    settings.into_generator().into_root_schema_for::<Config<R>>().to_value()
+}
+
+pub(super) fn parse(text: &str, source: &str) -> Result<Table, Error> {
+    text.parse().map_err(|e: toml::de::Error| error(source, e.to_string()))
+}
+
 pub(super) fn read_file(path: &Path) -> Result<Table, Error> {
-    weaver_io::read_text(path)?.parse().map_err(|e: toml::de::Error| error(&path.display().to_string(), e.to_string()))
+    parse(&weaver_io::read_text(path)?, &path.display().to_string())
 }
 
 fn error(place: &str, message: impl Into<String>) -> Error {
@@ -23,25 +34,48 @@ pub(super) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a s
         .map(|(_, c)| c)
 }
 
-/// Lays `over` on `base`: tables key by key, lists of tables entry by entry, everything else as a whole.
-pub(super) fn merge(base: &mut Value, over: Value, source: &str) -> Result<(), Error> {
-    merge_at(base, over, source, "")
-}
-
 fn join(path: &str, key: &str) -> String {
     if path.is_empty() { key.into() } else { format!("{path}.{key}") }
 }
 
-fn merge_at(base: &mut Value, over: Value, source: &str, path: &str) -> Result<(), Error> {
+/// The keys of a table with their schemas, those of all its variants if it has several.
+pub(super) fn properties(schema: &Schema) -> Vec<(&str, &Schema)> {
+    let own = schema["properties"].as_object().into_iter().flatten().map(|(key, value)| (key.as_str(), value));
+    let variants = ["oneOf", "anyOf"].into_iter().filter_map(|k| schema[k].as_array()).flatten();
+    own.chain(variants.flat_map(properties)).collect()
+}
+
+fn property<'s>(schema: &'s Schema, key: &str) -> Option<&'s Schema> {
+    properties(schema).into_iter().find(|(name, _)| *name == key).map(|(_, schema)| schema)
+}
+
+fn unknown(schema: &Schema, key: &str, source: &str, path: &str) -> Error {
+    let known = properties(schema);
+    let hint =
+        nearest(key, known.iter().map(|(name, _)| *name)).map_or(String::new(), |n| format!("; did you mean `{n}`?"));
+    error(source, format!("unknown key `{}`{hint}", join(path, key)))
+}
+
+/// Lays `over` on `base`: tables key by key, lists of tables entry by entry, everything else as a whole.
+pub(super) fn merge(base: &mut Value, over: Value, schema: &Schema, source: &str) -> Result<(), Error> {
+    merge_at(base, over, schema, source, "")
+}
+
+fn merge_at(base: &mut Value, over: Value, schema: &Schema, source: &str, path: &str) -> Result<(), Error> {
     match (base, over) {
         (Value::Table(base), Value::Table(over)) => {
+            if let Some(kind) = over.get("kind")
+                && base.get("kind").is_some_and(|old| old != kind)
+            {
+                // Another variant has other keys.
+                base.clear();
+            }
             for (key, value) in over {
-                let known = base.get_mut(&key).is_some();
-                if !known {
-                    return Err(unknown(base, &key, source, path));
+                let inner = property(schema, &key).ok_or_else(|| unknown(schema, &key, source, path))?;
+                match base.get_mut(&key) {
+                    Some(slot) => merge_at(slot, value, inner, source, &join(path, &key))?,
+                    None => _ = base.insert(key, value),
                 }
-                let slot = base.get_mut(&key).expect("just found");
-                merge_at(slot, value, source, &join(path, &key))?;
             }
             Ok(())
         }
@@ -51,7 +85,7 @@ fn merge_at(base: &mut Value, over: Value, source: &str, path: &str) -> Result<(
             base.clear();
             for (i, entry) in over.into_iter().enumerate() {
                 let mut slot = template[i.min(template.len() - 1)].clone();
-                merge_at(&mut slot, entry, source, &join(path, &i.to_string()))?;
+                merge_at(&mut slot, entry, &schema["items"], source, &join(path, &i.to_string()))?;
                 base.push(slot);
             }
             Ok(())
@@ -72,118 +106,68 @@ fn merge_at(base: &mut Value, over: Value, source: &str, path: &str) -> Result<(
     }
 }
 
-fn unknown(table: &Table, key: &str, source: &str, path: &str) -> Error {
-    let hint =
-        nearest(key, table.keys().map(String::as_str)).map_or(String::new(), |n| format!("; did you mean `{n}`?"));
-    error(source, format!("unknown key `{}`{hint}", join(path, key)))
-}
-
-/// Applies one `key=value`: the key is a dotted path (list entries by number), the value TOML or a bare word.
-pub(super) fn set(tree: &mut Value, setting: &str) -> Result<(), Error> {
-    let source = format!("--set {setting}");
-    let (key, text) = setting.split_once('=').ok_or_else(|| error(&source, "expected key=value"))?;
+/// Applies one `key=value`: the key is a dotted path (list entries by number), the value TOML or a bare word; the word
+/// `none` unsets an optional key.
+pub(super) fn set(tree: &mut Value, schema: &Schema, setting: &str) -> Result<(), Error> {
+    let (key, text) = setting.split_once('=').ok_or_else(|| error(setting, "expected key=value"))?;
     let (key, text) = (key.trim(), text.trim());
     let value = format!("value = {text}")
         .parse::<Table>()
         .ok()
         .and_then(|mut table| table.remove("value"))
         .unwrap_or_else(|| Value::String(text.into()));
-    let mut slot = tree;
-    let mut path = String::new();
-    for part in key.split('.') {
+    let (mut slot, mut schema, mut path) = (tree, schema, String::new());
+    let parts: Vec<&str> = key.split('.').collect();
+    for (i, part) in parts.iter().enumerate() {
+        let last = i + 1 == parts.len();
         slot = match slot {
             Value::Table(table) => {
-                if !table.contains_key(part) {
-                    return Err(unknown(table, part, &source, &path));
+                let inner = property(schema, part).ok_or_else(|| unknown(schema, part, setting, &path))?;
+                schema = inner;
+                let optional = is_optional(inner);
+                if last && optional && text == "none" {
+                    table.remove(*part);
+                    return Ok(());
                 }
-                table.get_mut(part).expect("just found")
+                if !table.contains_key(*part) {
+                    let fresh = if last { numeric(inner, value.clone()) } else { Value::Table(Table::new()) };
+                    table.insert((*part).into(), fresh);
+                }
+                table.get_mut(*part).expect("just found or put there")
             }
             Value::Array(list) => {
+                schema = &schema["items"];
                 let count = list.len();
                 part.parse::<usize>()
                     .ok()
                     .and_then(|i| list.get_mut(i))
-                    .ok_or_else(|| error(&source, format!("{path}: expected an index below {count}, found `{part}`")))?
+                    .ok_or_else(|| error(setting, format!("{path}: expected an index below {count}, found `{part}`")))?
             }
-            _ => return Err(error(&source, format!("{path} has no part `{part}`"))),
+            _ => return Err(error(setting, format!("{path} has no part `{part}`"))),
         };
         path = join(&path, part);
     }
-    merge_at(slot, value, &source, &path)
+    merge_at(slot, value, schema, setting, &path)
+}
+
+/// Whether a key may be left out.
+pub(super) fn is_optional(schema: &Schema) -> bool {
+    let null = |s: &Schema| s["type"] == "null";
+    schema["type"].as_array().is_some_and(|types| types.iter().any(|t| t == "null"))
+        || schema["anyOf"].as_array().is_some_and(|any| any.iter().any(null))
+}
+
+/// A whole number where the schema says that fractions are fine, as a fraction.
+fn numeric(schema: &Schema, value: Value) -> Value {
+    let number =
+        schema["type"] == "number" || schema["type"].as_array().is_some_and(|t| t.iter().any(|t| t == "number"));
+    match value {
+        Value::Integer(i) if number => Value::Float(i as f64),
+        value => value,
+    }
 }
 
 pub(super) fn deserialize<D: DeserializeOwned>(tree: Value, source: &str) -> Result<D, Error> {
     // The error names the key on a line of its own; a message is one line.
     tree.try_into().map_err(|e: toml::de::Error| error(source, e.to_string().trim().replace('\n', " ")))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::Config;
-
-    fn message(settings: &[&str]) -> String {
-        let settings: Vec<String> = settings.iter().map(|s| (*s).to_string()).collect();
-        Config::resolve(Some("micro"), None, &settings).unwrap_err().to_string()
-    }
-
-    #[test]
-    fn settings_reach_their_place() {
-        let settings =
-            ["stages.1.rate=1", "model.width=64", "stages.1.allocation=sampled", "data.folders=[\"a\", \"b\"]"];
-        let config = Config::resolve(Some("micro"), None, &settings.map(String::from)).unwrap();
-        assert_eq!(
-            (config.stages[1].rate, config.model.width, config.stages[1].allocation.as_str()),
-            (1.0, 64, "sampled")
-        );
-        assert_eq!(config.data.folders.len(), 2);
-    }
-
-    #[test]
-    fn wrong_settings_are_explained() {
-        assert!(message(&["model.widht=64"]).contains("unknown key `model.widht`; did you mean `width`?"));
-        assert!(message(&["model.width=wide"]).contains("model.width: expected integer, found string"));
-        assert!(
-            message(&["model.width=-8"]).contains("`-8`, expected usize in `model.width`"),
-            "{}",
-            message(&["model.width=-8"])
-        );
-        assert!(message(&["stages.7.rate=1"]).contains("expected an index below 2, found `7`"));
-        assert!(message(&["seed"]).contains("expected key=value"));
-    }
-
-    #[test]
-    fn files_lie_between_preset_and_flags() {
-        let folder = std::env::temp_dir().join(format!("weaver-config-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        let path = folder.join("c.toml");
-        std::fs::write(&path, "preset = \"micro\"\nseed = 3\n[model]\nwidth = 64\n[[stages]]\nsteps = 5\n").unwrap();
-        let config = Config::resolve(None, Some(&path), &["seed=4".into()]).unwrap();
-        assert_eq!((config.preset.as_str(), config.seed, config.model.width), ("micro", 4, 64));
-        assert_eq!((config.stages.len(), config.stages[0].steps), (1, 5));
-        std::fs::write(&path, "[model]\nbackbone = 3\n").unwrap();
-        let text = Config::resolve(None, Some(&path), &[]).unwrap_err().to_string();
-        assert!(text.contains("c.toml") && text.contains("model.backbone: expected table"), "{text}");
-        std::fs::remove_dir_all(&folder).unwrap();
-    }
-
-    #[test]
-    fn endless_scenes_have_no_frame_of_their_own() {
-        let config = Config::resolve(Some("micro"), None, &["data.endless=5".into()]).unwrap();
-        assert!(config.stages.iter().all(|s| s.losses.pose_absolute == 0.0 && s.losses.pose > 0.0));
-    }
-
-    #[test]
-    fn a_resolved_config_survives_its_file() {
-        let config = Config::preset("tiny").unwrap();
-        assert_eq!(Config::from_toml(&config.to_toml(), "x").unwrap(), config);
-    }
-
-    #[test]
-    fn steps_rescale_in_proportion() {
-        let mut config = Config::preset("tiny").unwrap();
-        let ratio = config.stages[0].steps as f64 / config.steps() as f64;
-        config.rescale(100);
-        assert_eq!(config.steps(), 100);
-        assert!((config.stages[0].steps as f64 - 100.0 * ratio).abs() <= 1.0);
-    }
 }

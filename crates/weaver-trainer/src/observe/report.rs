@@ -1,11 +1,12 @@
 //! report.html: the whole run in one file, without scripts or links, to open anywhere.
 
 use super::StepReport;
-use crate::{Error, RunFolder, Summary};
+use crate::{Error, Summary};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write;
 use std::path::Path;
+use weaver_inference::RunFolder;
 
 /// Writes the report of a run from its log, its samples and its summary.
 ///

@@ -6,10 +6,12 @@ use weaver_kernels::random::Stream;
 use weaver_losses::{global_budget, ranking_cross_entropy, share_budget};
 use weaver_model::SplatWeaver;
 use weaver_nn::Context;
+use weaver_recipes::{BudgetForm, Objective, SplatWeaverRecipe};
 use weaver_router::Sampled;
 use weaver_splat::WorkspacePool;
-use weaver_trainer::batch::Batch;
-use weaver_trainer::{BudgetForm, Config, Objective, Session, StepReport, scenes};
+use weaver_trainer::{Example, Recipe, Session, StepReport, scenes};
+
+type Config = weaver_trainer::Config<SplatWeaverRecipe>;
 
 /// The stage `everything` alone, a number of steps long.
 fn everything(steps: usize, settings: &[&str]) -> Config {
@@ -21,8 +23,8 @@ fn everything(steps: usize, settings: &[&str]) -> Config {
 }
 
 fn with_ranking(steps: usize, budget_limit: f64) -> Config {
-    let mut config = everything(steps, &["stages.1.allocation=sampled"]);
-    let losses = &mut config.stages[0].losses;
+    let mut config = everything(steps, &["stages.1.model.allocation=sampled"]);
+    let losses = &mut config.stages[0].losses.router;
     (losses.rank, losses.budget, losses.rank_until, losses.budget_limit) = (0.01, 0.01, 0.5, budget_limit);
     losses.budget_form = BudgetForm::SharesThenLimit;
     config
@@ -57,11 +59,11 @@ fn the_ranking_ends_at_half_time() {
 #[test]
 fn ranking_and_budget_are_those_of_the_losses() {
     let mut config = with_ranking(2, 0.3);
-    config.stages[0].pose_tuples = 0;
+    config.stages[0].model.pose_tuples = 0;
     let (stage, d, m) = (&config.stages[0], &config.data, &config.model);
-    let scenes = scenes::load(&config).unwrap();
+    let scenes = scenes::load(&config.data, SplatWeaverRecipe::image_size(m)).unwrap();
     let tuple = training_tuple(&scenes, Stream::new(0, 0, "tuples"), 0, d.pool, d.context_views, d.target_views);
-    let batches = [Batch::new(&scenes[tuple.scene], tuple).unwrap()];
+    let examples = [Example::new(&scenes[tuple.scene], tuple).unwrap()];
     let mut params = Params::new();
     let model = SplatWeaver::new(m.clone(), &mut params, 0);
     let (workspaces, stream) = (WorkspacePool::new(), Stream::new(0, 0, "allocation"));
@@ -69,11 +71,11 @@ fn ranking_and_budget_are_those_of_the_losses() {
     let cx = Context::new(&tape, &params);
 
     let views = d.context_views;
-    let photos = tape.constant(batches[0].context_images(), [views, 3, m.height, m.width]);
+    let photos = tape.constant(examples[0].context_photos().planes, [views, 3, m.height, m.width]);
     let encoded = model.encode(cx, photos.reshape([1, views, 3, m.height, m.width]));
     let dense = model.dense(cx, &encoded, 0, photos);
     let predicted = model.gaussians(cx, &dense, photos, &encoded.scene_cameras(0), &Sampled, stream.fork(0));
-    let (choice, losses) = (predicted.choice.unwrap(), &stage.losses);
+    let (choice, losses) = (predicted.choice.unwrap(), &stage.losses.router);
     let rank = ranking_cross_entropy(dense.logits, dense.energy, &losses.rank_quantiles, losses.label_smoothing).item();
     let of_experts = share_budget(choice, &losses.budget_shares).item();
     let of_all = global_budget(choice, losses.budget_limit).item();
@@ -82,7 +84,7 @@ fn ranking_and_budget_are_those_of_the_losses() {
     for (ranking, expected) in [(true, [Some(rank), Some(of_experts)]), (false, [None, Some(of_all)])] {
         let objective =
             Objective { stage, ranking, allocation: &Sampled, lpips: None, workspaces: &workspaces, stream };
-        let terms = objective.terms(cx, &model, &batches);
+        let terms = objective.terms(cx, &model, &examples);
         let found = ["rank", "budget"].map(|name| terms.values().find(|(n, _)| *n == name).map(|(_, value)| value));
         assert_eq!(found, expected, "ranking: {ranking}");
     }
@@ -92,20 +94,20 @@ fn ranking_and_budget_are_those_of_the_losses() {
 const SWITCHES: [&[&str]; 20] = [
     &["model.gaussians.frequency_prior=false"],
     &["model.gaussians.frequency_prior=true"],
-    &["stages.1.allocation=sampled", "stages.1.losses.budget=0.01", "stages.1.losses.rank=0"],
-    &["stages.1.allocation=sampled", "stages.1.losses.budget=0.01", "stages.1.losses.rank=0.01"],
-    &["stages.1.allocation=fixed:0"],
-    &["stages.1.allocation=fixed:1"],
-    &["stages.1.allocation=fixed:2"],
+    &["stages.1.model.allocation=sampled", "stages.1.losses.router.budget=0.01", "stages.1.losses.router.rank=0"],
+    &["stages.1.model.allocation=sampled", "stages.1.losses.router.budget=0.01", "stages.1.losses.router.rank=0.01"],
+    &["stages.1.model.allocation=fixed:0"],
+    &["stages.1.model.allocation=fixed:1"],
+    &["stages.1.model.allocation=fixed:2"],
     &["model.gaussians.neighbor_attention=false"],
     &["model.gaussians.neighbor_attention=true"],
     &["model.gaussians.wavelet=haar"],
     &["model.gaussians.wavelet=db2"],
-    &["stages.1.allocation=sampled"],
-    &["stages.1.allocation=argmax"],
-    &["stages.1.allocation=dithered"],
-    &["stages.1.allocation=grid"],
-    &["stages.1.allocation=random"],
+    &["stages.1.model.allocation=sampled"],
+    &["stages.1.model.allocation=argmax"],
+    &["stages.1.model.allocation=dithered"],
+    &["stages.1.model.allocation=grid"],
+    &["stages.1.model.allocation=random"],
     PUBLISHED,
     &["model.gaussians.parametrization=footprint"],
     &["model.camera.pose_frame=network"],

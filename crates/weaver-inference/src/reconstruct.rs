@@ -1,9 +1,7 @@
 //! From photos to a scene on disk: Gaussians, cameras, renders, depth and expert maps.
 
-use crate::batch::push_planar;
-use crate::predictor::{CameraSource, Prediction, Predictor};
-use crate::samples::{depth_picture, expert_picture, row, stack};
-use crate::{Cameras, Checkpoint, Error, RunFolder, evaluate};
+use crate::pictures::{count_picture, depth_picture, row, stack};
+use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, push_planar};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use weaver_data::capture::{self, Crop};
@@ -11,18 +9,17 @@ use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_io::colmap::{CameraModel, ImageRecord, Model};
 use weaver_io::{Image, Transforms};
 use weaver_kernels::random::Stream;
-use weaver_router::AllocationKind;
 use weaver_scene::Frame;
 
-/// How to infer; what is `None` is taken from the run's configuration.
+/// How to reconstruct.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// Cameras of the photos: a transforms.json, or a folder with a COLMAP model. Photos are matched by file name.
     pub cameras: Option<PathBuf>,
-    /// Which pixels get Gaussians.
-    pub allocation: Option<AllocationKind>,
-    /// Gaussians per pixel.
-    pub budget: Option<f64>,
+    /// Which pixels get Gaussians, and how many.
+    pub density: Density,
+    /// Seed of allocations that draw random numbers.
+    pub seed: u64,
 }
 
 /// What was written.
@@ -30,61 +27,57 @@ pub struct Options {
 pub struct Report {
     /// Gaussians of the scene.
     pub gaussians: usize,
-    /// The same per pixel.
+    /// Gaussians per pixel.
     pub gaussians_per_pixel: f64,
     /// Mean PSNR of the renders of the input views against the photos, dB, if there are Gaussians to render.
     pub psnr: Option<f64>,
     /// What the reader should know.
     pub remarks: Vec<String>,
-    /// The overview picture: a row of input, render, depth and expert map for each photo.
+    /// The overview picture: a row of input, render, depth and Gaussians per pixel for each photo.
     pub overview: PathBuf,
 }
 
-/// Runs the weights of a run on photos and writes the scene into `out`.
+/// Runs a predictor on photos and writes the scene into the folder `out`.
 ///
 /// # Errors
-/// When the run, the photos or the cameras cannot be read, or the output cannot be written.
-pub fn run(run: &Path, images: &[PathBuf], options: &Options, out: &Path) -> Result<Report, Error> {
-    let (folder, config) = RunFolder::open(run)?;
-    let checkpoint = Checkpoint::read(&folder.checkpoint_path(), &config)?;
-    let (width, height) = (config.model.width, config.model.height);
+/// When the photos or the cameras cannot be read or do not fit together, or the output cannot be written.
+pub fn reconstruct(
+    predictor: &mut dyn Predictor,
+    images: &[PathBuf],
+    options: &Options,
+    out: &Path,
+) -> Result<Report, Error> {
+    let [height, width] = predictor.image_size();
     let photos = capture::load_images(images, width, height)?;
     let mut remarks = Vec::new();
     if photos.len() == 1 {
-        remarks.push("warning: one photo only: the scene has no second view to agree with".to_string());
+        remarks.push(ONE_PHOTO.to_string());
     }
     let given = options.cameras.as_deref().map(|file| read_cameras(file, images, width, height)).transpose()?;
-
-    let kind = match options.allocation {
-        Some(kind) => kind,
-        None => evaluate::parse_allocation(&config.evaluation.allocation)?,
-    };
-    let budget = evaluate::check_budget(kind, options.budget)?.unwrap_or(config.evaluation.budget);
-    let allocation =
-        kind.allocation::<f32>(budget, config.model.gaussians.experts + 1).map_err(|e| Error::Usage(e.to_string()))?;
-
-    let (model, params) = checkpoint.evaluated_model(&config);
-    let mut predictor = Predictor::new(&model, &params);
+    let density = predictor.density(options.density)?;
     let mut planes = Vec::new();
     photos.iter().for_each(|photo| push_planar(&mut planes, photo));
     let source = match &given {
         Some(cameras) => CameraSource::GivenUnscaled(cameras),
         None => CameraSource::Predicted,
     };
-    let prediction = predictor.predict(&planes, source, &*allocation, Stream::new(config.seed, 0, "inference"));
+    let stream = Stream::new(options.seed, 0, "inference");
+    let prediction = predictor.predict(Photos { planes: &planes, height, width }, source, density, stream)?;
     if let Some(factor) = prediction.scaled_by {
         remarks.push(format!(
             "the given cameras' centers were scaled by {factor:.4}, so that their mean distance to camera 0 equals that of the predicted ones"
         ));
     }
-    remarks.push(format!(
-        "cameras {}, allocation {kind}",
-        if given.is_some() { Cameras::Given } else { Cameras::Predicted }
-    ));
-    let renders = predictor.render(&prediction.splats, &prediction.cameras).map_err(|e| Error::Usage(e.to_string()))?;
+    let cameras = if given.is_some() { "given" } else { "predicted" };
+    let allocation = density.allocation.map_or(String::new(), |kind| format!(", allocation {kind}"));
+    remarks.push(format!("cameras {cameras}{allocation}"));
+    let renders = predictor.render(&prediction.gaussians, &prediction.cameras)?;
     write(out, images, &photos, &renders, &prediction)?;
     Ok(report(&photos, &renders, &prediction, remarks, out))
 }
+
+/// The remark on a single photo.
+pub(crate) const ONE_PHOTO: &str = "warning: one photo only: the scene has no second view to agree with";
 
 /// The figures of a scene.
 pub(crate) fn report(
@@ -95,10 +88,10 @@ pub(crate) fn report(
     out: &Path,
 ) -> Report {
     let psnr = |(photo, render): (&Image, &Image)| weaver_losses::metrics::psnr(&render.pixels, &photo.pixels);
-    let gaussians = prediction.splats.opacities.len();
+    let gaussians = prediction.gaussians.opacities.len();
     Report {
         gaussians,
-        gaussians_per_pixel: gaussians as f64 / prediction.experts.len() as f64,
+        gaussians_per_pixel: gaussians as f64 / prediction.counts.len() as f64,
         psnr: Some(photos.iter().zip(renders).map(psnr).sum::<f64>() / photos.len() as f64),
         remarks,
         overview: out.join("overview.png"),
@@ -123,11 +116,11 @@ pub(crate) fn write(
         photo.write_png(out.join("input").join(name))?;
         render.write_png(out.join("render").join(name))?;
         depth_picture(prediction, v, photo).write_png(out.join("depth").join(name))?;
-        expert_picture(prediction, v, photo).write_png(out.join("experts").join(name))?;
+        count_picture(prediction, v, photo).write_png(out.join("experts").join(name))?;
         rows.push(row(photo, render, prediction, v));
     }
     stack(&rows.iter().collect::<Vec<_>>()).write_png(out.join("overview.png"))?;
-    weaver_io::write_ply(out.join("scene.ply"), &prediction.splats.to_stored())?;
+    weaver_io::write_ply(out.join("scene.ply"), &prediction.gaussians.to_stored())?;
     write_cameras(out, &names, &prediction.cameras)
 }
 
@@ -213,11 +206,11 @@ fn read_cameras(file: &Path, photos: &[PathBuf], width: usize, height: usize) ->
         .map(|photo| {
             let name = base(&photo.to_string_lossy());
             let (pose, intrinsics, w, h) = known.get(&name).ok_or_else(|| {
-                Error::Usage(format!("{}: {name}: expected a camera for this photo, found none", file.display()))
+                Error::Input(format!("{}: {name}: expected a camera for this photo, found none", file.display()))
             })?;
             let found = Image::dimensions(photo)?;
             if found != (*w, *h) {
-                return Err(Error::Usage(format!(
+                return Err(Error::Input(format!(
                     "{}: expected an image of its camera's size {w}x{h}, found {}x{}",
                     photo.display(),
                     found.0,

@@ -66,7 +66,7 @@ impl Opened {
         let Some(prefix) = PREFIXES.iter().find(known) else {
             let first: Vec<&str> = weights.iter().take(3).map(Weight::name).collect();
             let run = weights.metadata().get("format").is_some_and(|f| f.starts_with("splatweaver-checkpoint"));
-            let hint = if run { "; this is a run's checkpoint: give its folder to --run" } else { "" };
+            let hint = if run { "; this is the checkpoint of a training run" } else { "" };
             let expected = format!("expected the tensors of SplatWeaver or VGGT, such as encoder.{KNOWN_BY}");
             let count = weights.iter().len();
             return Err(wrong(path, format!("{expected}; found {count} others, such as {}{hint}", first.join(", "))));

@@ -1,6 +1,9 @@
 //! Same seed, same bits: at any number of threads, and across an interruption.
 
-use weaver_trainer::{Config, Session};
+use weaver_recipes::SplatWeaverRecipe;
+use weaver_trainer::Session;
+
+type Config = weaver_trainer::Config<SplatWeaverRecipe>;
 
 fn config(steps: usize) -> Config {
     let mut config = Config::resolve(Some("micro"), None, &[]).unwrap();

@@ -1,6 +1,6 @@
 //! Measuring steps: their memory before a run, and a trace of their ops during one.
 
-use crate::{Error, StageConfig};
+use crate::Error;
 use serde_json::{Value, json};
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ const TRACED: usize = 2;
 
 /// What a run takes, measured on a few steps of each stage.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Rehearsal {
+pub struct DryRun {
     /// Bytes of the parameters.
     pub parameters: usize,
     /// Bytes of the optimizer's two moments.
@@ -40,7 +40,7 @@ pub struct StageMemory {
     pub step: Duration,
 }
 
-impl fmt::Display for Rehearsal {
+impl fmt::Display for DryRun {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mb = |bytes: usize| bytes as f64 / 1e6;
         writeln!(f, "{:<28}{:>9.1} MB", "parameters", mb(self.parameters))?;
@@ -101,14 +101,14 @@ impl Probe {
     }
 
     /// Step `local` of a stage begins; the tape is empty.
-    pub(crate) fn begin(&mut self, config: &StageConfig, local: usize, tape: &Tape<f32>) {
+    pub(crate) fn begin(&mut self, name: &str, steps: usize, local: usize, tape: &Tape<f32>) {
         match &mut self.kind {
             Kind::Memory(memory) => {
-                memory.name.clone_from(&config.name);
+                memory.name = name.to_string();
                 tape.pool().reset_peak();
             }
-            Kind::Trace { stage, .. } if local == TRACED.min(config.steps - 1) => {
-                *stage = Some(config.name.clone());
+            Kind::Trace { stage, .. } if local == TRACED.min(steps - 1) => {
+                *stage = Some(name.to_string());
                 tape.set_tracing(true);
             }
             Kind::Trace { .. } => {}

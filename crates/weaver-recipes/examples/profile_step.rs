@@ -1,9 +1,10 @@
-//! Where the time of a `tiny` training step goes: `cargo run --release -p weaver-trainer --example profile_step`.
+//! Where the time of a `tiny` training step goes: `cargo run --release -p weaver-recipes --example profile_step`.
 //!
 //! Runs some pose steps and some full steps on the built-in scenes with two threads, and prints the share of each kind of
 //! work, steps per second, and the memory that the tape took.
 
 use std::time::{Duration, Instant};
+use weaver_recipes::SplatWeaverRecipe;
 use weaver_trainer::{Config, Error, Session};
 
 const WARM_UP: usize = 5;
@@ -29,7 +30,7 @@ fn main() -> Result<(), Error> {
 }
 
 fn profile(stage: usize) -> Result<(), Error> {
-    let mut config = Config::preset("tiny")?;
+    let mut config = Config::<SplatWeaverRecipe>::preset("tiny")?;
     config.stages = vec![config.stages[stage].clone()];
     let name = config.stages[0].name.clone();
     let mut session = Session::new(config)?;

@@ -6,10 +6,12 @@ use weaver_experts::Neighbors;
 use weaver_kernels::random::Stream;
 use weaver_model::SplatWeaver;
 use weaver_nn::{AdamW, Context, Ema, Group, WarmupCosine, clip_factor, global_norm};
+use weaver_recipes::{Objective, SplatWeaverRecipe};
 use weaver_router::AllocationKind;
 use weaver_splat::WorkspacePool;
-use weaver_trainer::batch::Batch;
-use weaver_trainer::{Config, Objective, scenes};
+use weaver_trainer::{Example, Recipe, scenes};
+
+type Config = weaver_trainer::Config<SplatWeaverRecipe>;
 
 /// Steps after which every buffer has seen its largest size.
 const WARM_UP: u64 = 3;
@@ -29,15 +31,15 @@ fn allocations(config: &Config, allocation: &str) -> [u64; 2] {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     pool.install(|| {
         let stage = &config.stages[1];
-        let scenes = scenes::load(config).unwrap();
+        let scenes = scenes::load(&config.data, SplatWeaverRecipe::image_size(&config.model)).unwrap();
         let (d, tuples) = (&config.data, Stream::new(config.seed, 0, "tuples"));
-        let batch = |i: u64| {
+        let example = |i: u64| {
             let tuple = training_tuple(&scenes, tuples, i, d.pool, d.context_views, d.target_views);
-            Batch::new(&scenes[tuple.scene], tuple).unwrap()
+            Example::new(&scenes[tuple.scene], tuple).unwrap()
         };
-        let batches: Vec<Batch> = (0..(stage.tuples + stage.pose_tuples) as u64).map(batch).collect();
+        let examples: Vec<Example> = (0..SplatWeaverRecipe::tuples(stage) as u64).map(example).collect();
         let kind: AllocationKind = allocation.parse().unwrap();
-        let allocation = kind.allocation(stage.budget, config.model.gaussians.experts + 1).unwrap();
+        let allocation = kind.allocation(stage.model.budget, config.model.gaussians.experts + 1).unwrap();
 
         let mut params = Params::new();
         let model = SplatWeaver::new(config.model.clone(), &mut params, config.seed);
@@ -63,7 +65,7 @@ fn allocations(config: &Config, allocation: &str) -> [u64; 2] {
                 stream,
             };
             let norm = {
-                let terms = objective.terms(Context::new(&tape, &params), &model, &batches);
+                let terms = objective.terms(Context::new(&tape, &params), &model, &examples);
                 let total = terms.total().unwrap();
                 assert!(total.item().is_finite() && terms.gaussians_per_pixel > 0.0);
                 total.backward();
@@ -96,10 +98,10 @@ fn no_loss_allocates() {
     // Those that the stage has not: the published ones.
     let config = everything(&[
         NO_SEARCH,
-        "stages.1.losses.pose_huber=10",
-        "stages.1.losses.rendered_depth=0.1",
-        "stages.1.losses.rank=0.01",
-        "stages.1.losses.budget=0.01",
+        "stages.1.losses.pose.huber=10",
+        "stages.1.losses.depth.rendered=0.1",
+        "stages.1.losses.router.rank=0.01",
+        "stages.1.losses.router.budget=0.01",
     ]);
     for allocation in ["fixed:2", "sampled"] {
         assert_eq!(allocations(&config, allocation)[1], 0, "allocations of a step with {allocation}");

@@ -7,9 +7,8 @@ mod photos;
 pub use load::{CONFIG, Network, Opened};
 pub use photos::Fit;
 
-use crate::infer::{self, Report};
-use crate::predictor::{CameraSource, Prediction, Predictor};
-use crate::{Error, evaluate};
+use crate::reconstruct::{self, ONE_PHOTO, Report};
+use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, SplatWeaverPredictor, push_planar};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use weaver_autograd::{Params, Tape};
@@ -32,10 +31,8 @@ pub struct Options {
     pub fit: Fit,
     /// Cameras, depth and points only, though there may be a Gaussian head.
     pub geometry: bool,
-    /// Which pixels get Gaussians: sampled from the router, as published, unless told otherwise.
-    pub allocation: Option<AllocationKind>,
-    /// Gaussians per pixel, for those ways to allocate that have a budget.
-    pub budget: Option<f64>,
+    /// Which pixels get Gaussians, and how many: sampled from the router, as published, unless told otherwise.
+    pub density: Density,
     /// Seed of the router's noise.
     pub seed: u64,
     /// Whether products with matrices in bf16 round the other factor, too, where the processor is faster at that.
@@ -104,7 +101,7 @@ pub fn run(
     let config = opened.config.clone();
     let size = options.size.unwrap_or([config.height, config.width]);
     if let Some(side) = size.iter().find(|side| **side == 0 || !side.is_multiple_of(config.patch)) {
-        return Err(Error::Usage(format!("--size: expected multiples of {}, found {side}", config.patch)));
+        return Err(Error::Input(format!("image size: expected multiples of {}, found {side}", config.patch)));
     }
     let size = photos::size_of(images, size, config.patch, options.fit)?;
     let gaussians = opened.has_gaussians;
@@ -113,16 +110,16 @@ pub fn run(
     let photos = photos::read(images, size, config.patch, options.fit)?;
     let (network, params) = opened.load(options.bf16_products)?;
     let mut planes = Vec::new();
-    photos.iter().for_each(|photo| crate::batch::push_planar(&mut planes, photo));
+    photos.iter().for_each(|photo| push_planar(&mut planes, photo));
     let watcher = watcher(&config, photos.len(), gaussians, opened.weights().clone(), observer);
     let mut remarks = vec![format!("{} photos at {}x{}", photos.len(), size[1], size[0])];
     if photos.len() == 1 {
-        remarks.push("warning: one photo only: the scene has no second view to agree with".to_string());
+        remarks.push(ONE_PHOTO.to_string());
     }
     let scene = Scene { paths: images, photos: &photos, planes: &planes, size, out };
-    let mut report = match &network {
-        Network::SplatWeaver(model) => scene.weave(model, &params, options, watcher, writing)?,
-        Network::Vggt(vggt) => scene.survey(vggt, &params, watcher, writing)?,
+    let mut report = match network {
+        Network::SplatWeaver(model) => scene.with_gaussians(model, params, options, watcher, writing)?,
+        Network::Vggt(vggt) => scene.geometry(&vggt, &params, watcher, writing)?,
     };
     remarks.append(&mut report.remarks);
     Ok(Report { remarks, ..report })
@@ -139,34 +136,33 @@ struct Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// With Gaussians.
-    fn weave(
+    /// Cameras and Gaussians.
+    fn with_gaussians(
         &self,
-        model: &SplatWeaver,
-        params: &Params<f32>,
+        model: Box<SplatWeaver>,
+        params: Params<f32>,
         options: &Options,
         watcher: impl Fn(&str) + Send + 'static,
         writing: impl FnOnce(),
     ) -> Result<Report, Error> {
-        let kind = options.allocation.unwrap_or(AllocationKind::Sampled);
-        let budget = evaluate::check_budget(kind, options.budget)?.unwrap_or(PUBLISHED_BUDGET);
-        let experts = model.config().gaussians.experts + 1;
-        let allocation = kind.allocation::<f32>(budget, experts).map_err(|e| Error::Usage(e.to_string()))?;
-        let mut predictor = Predictor::new(model, params);
+        let mut predictor = SplatWeaverPredictor::new(*model, params, AllocationKind::Sampled, PUBLISHED_BUDGET);
+        let density = predictor.density(options.density)?;
         predictor.watch(watcher);
+        let [height, width] = self.size;
         let stream = Stream::new(options.seed, 0, "inference");
-        let prediction = predictor.predict_at(self.planes, self.size, CameraSource::Predicted, &*allocation, stream);
+        let photos = Photos { planes: self.planes, height, width };
+        let prediction = predictor.predict(photos, CameraSource::Predicted, density, stream)?;
         predictor.release();
-        let renders =
-            predictor.render(&prediction.splats, &prediction.cameras).map_err(|e| Error::Usage(e.to_string()))?;
+        let renders = predictor.render(&prediction.gaussians, &prediction.cameras)?;
         writing();
-        infer::write(self.out, self.paths, self.photos, &renders, &prediction)?;
-        let remarks = vec![format!("cameras predicted, allocation {kind}")];
-        Ok(infer::report(self.photos, &renders, &prediction, remarks, self.out))
+        reconstruct::write(self.out, self.paths, self.photos, &renders, &prediction)?;
+        let allocation = density.allocation.unwrap_or(AllocationKind::Sampled);
+        let remarks = vec![format!("cameras predicted, allocation {allocation}")];
+        Ok(reconstruct::report(self.photos, &renders, &prediction, remarks, self.out))
     }
 
     /// Cameras, depth and points.
-    fn survey(
+    fn geometry(
         &self,
         vggt: &Vggt,
         params: &Params<f32>,
@@ -194,12 +190,12 @@ impl Scene<'_> {
             CameraSlices { viewmats, intrinsics, background: &[], width, height }.to_cameras()
         });
         if depth.iter().chain(&confidence).any(|x| !x.is_finite()) {
-            return Err(Error::Usage("the network's depth is not a number everywhere; are these its weights?".into()));
+            return Err(Error::Numeric { what: "the depth".into() });
         }
         let prediction = Prediction { cameras: cameras.clone(), predicted: cameras, depth, ..Prediction::default() };
         writing();
         let points = self.write_points(&prediction, &confidence)?;
-        infer::write_geometry(self.out, self.paths, self.photos, &prediction)?;
+        reconstruct::write_geometry(self.out, self.paths, self.photos, &prediction)?;
         let mut tensors = Tensors::default();
         tensors.insert("confidence", &[views, height, width], confidence);
         tensors.insert("depth", &[views, height, width], prediction.depth);

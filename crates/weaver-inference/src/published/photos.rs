@@ -20,7 +20,7 @@ pub enum Fit {
 /// # Errors
 /// When there is no photo, or the first is missing or no image.
 pub fn size_of(paths: &[PathBuf], size: [usize; 2], patch: usize, fit: Fit) -> Result<[usize; 2], Error> {
-    let Some(first) = paths.first() else { return Err(Error::Usage("expected at least one photo".into())) };
+    let Some(first) = paths.first() else { return Err(Error::Input("expected at least one photo".into())) };
     Ok(match fit {
         Fit::Crop => size,
         Fit::KeepAspect => whole_patches(Image::dimensions(first)?, size, patch),
@@ -56,7 +56,7 @@ fn whole_patches((width, height): (usize, usize), size: [usize; 2], patch: usize
 fn cover(image: &Image, [height, width]: [usize; 2], path: &Path) -> Result<Image, Error> {
     let (w, h) = (image.width, image.height);
     if w == 0 || h == 0 {
-        return Err(Error::Usage(format!("{}: expected an image with pixels, found none", path.display())));
+        return Err(Error::Input(format!("{}: expected an image with pixels, found none", path.display())));
     }
     let by_height = w * height >= h * width;
     let (new_width, new_height) = if by_height { (w * height / h, height) } else { (width, h * width / w) };

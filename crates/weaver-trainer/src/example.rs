@@ -1,13 +1,13 @@
-//! From a tuple of views to the numbers that a step works on.
+//! A training example: the photos, cameras and depth of one tuple of views.
 
-use crate::Error;
+use crate::{CameraMode, Error};
 use weaver_data::{Posed, Scene, Tuple};
 use weaver_geometry::{Camera, Pose};
-use weaver_io::Image;
+use weaver_inference::{CameraSource, Photos, push_planar};
 
-/// The views of one tuple: context first, then targets.
+/// The photos, cameras and depth of one tuple of views: context first, then targets.
 #[derive(Clone, Debug)]
-pub struct Batch {
+pub struct Example {
     /// The tuple that this was made of.
     pub tuple: Tuple,
     /// Photos `[V, 3, H, W]`, values in [0, 1].
@@ -22,7 +22,7 @@ pub struct Batch {
     pub absolute: Vec<Pose>,
 }
 
-impl Batch {
+impl Example {
     /// Gathers the views of a tuple.
     ///
     /// # Errors
@@ -85,17 +85,20 @@ impl Batch {
         &self.cameras[self.tuple.context.len()..]
     }
 
-    /// Photos of the context views `[C, 3, H, W]`.
-    pub fn context_images(&self) -> &[f32] {
+    /// Photos of the context views.
+    pub fn context_photos(&self) -> Photos<'_> {
         let view = self.images.len() / self.cameras.len();
-        &self.images[..view * self.tuple.context.len()]
+        let Camera { width, height, .. } = self.cameras[0];
+        Photos { planes: &self.images[..view * self.tuple.context.len()], height, width }
     }
-}
 
-/// Appends an image as planes `[3, H, W]`.
-pub fn push_planar(planes: &mut Vec<f32>, image: &Image) {
-    for channel in 0..3 {
-        planes.extend(image.pixels.iter().skip(channel).step_by(3));
+    /// The cameras to predict with: the network's, or the context's, whose scale is known if `measured`.
+    pub fn camera_source(&self, mode: CameraMode, measured: bool) -> CameraSource<'_> {
+        match (mode, measured) {
+            (CameraMode::Predicted, _) => CameraSource::Predicted,
+            (CameraMode::Given, true) => CameraSource::Given(self.context()),
+            (CameraMode::Given, false) => CameraSource::GivenUnscaled(self.context()),
+        }
     }
 }
 

@@ -1,0 +1,12 @@
+//! `splatweaver config`.
+
+use crate::Console;
+use crate::arguments::Config;
+use crate::failure::Failure;
+
+pub fn run(arguments: &Config, console: &mut Console) -> Result<(), Failure> {
+    let registry = weaver_recipes::registry();
+    let architecture = registry.find(arguments.model.as_deref())?;
+    let preset = arguments.preset.as_deref().unwrap_or(architecture.presets()[0]);
+    console.print(&architecture.annotated(preset)?)
+}

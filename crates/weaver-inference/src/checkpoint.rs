@@ -1,0 +1,137 @@
+//! The checkpoint of a training run, as inference reads it.
+
+use crate::Error;
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use weaver_autograd::{ParamId, ParamValues, Params};
+use weaver_io::checkpoint::Tensors;
+
+/// The format's name and version, in the file's metadata.
+pub const FORMAT: &str = "splatweaver-checkpoint-2";
+
+/// Which of a checkpoint's weights to use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WeightSet {
+    /// The weights that training goes on with, tensors `param.NAME`.
+    Trained,
+    /// Their exponential moving average, tensors `ema.NAME`: what is evaluated.
+    Averaged,
+}
+
+impl WeightSet {
+    fn prefix(self) -> &'static str {
+        match self {
+            Self::Trained => "param",
+            Self::Averaged => "ema",
+        }
+    }
+}
+
+/// How a run's model is used unless a call says otherwise.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Defaults {
+    /// Seed of allocations that draw random numbers.
+    pub seed: u64,
+    /// Which pixels get Gaussians, by name.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub allocation: Option<String>,
+    /// Gaussians per pixel.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub budget: Option<f64>,
+}
+
+/// A training run's checkpoint: weights, and what says how to build the network for them.
+///
+/// | metadata | content |
+/// |---|---|
+/// | `format` | [`FORMAT`] |
+/// | `architecture` | the model's name |
+/// | `model` | the model's configuration, JSON |
+/// | `defaults` | [`Defaults`], JSON |
+/// | `step` | optimizer steps done |
+#[derive(Clone, Debug)]
+pub struct Checkpoint {
+    /// Steps done.
+    pub step: usize,
+    architecture: String,
+    defaults: Defaults,
+    tensors: Tensors,
+    path: PathBuf,
+}
+
+impl Checkpoint {
+    /// Reads a checkpoint and its description.
+    ///
+    /// # Errors
+    /// When the file is damaged, is of another format, or lacks an entry.
+    pub fn read(path: &Path) -> Result<Self, Error> {
+        let tensors = Tensors::read(path)?;
+        let wrong = |message: String| Error::Checkpoint { path: path.to_path_buf(), message };
+        let note = |key: &str| {
+            tensors.metadata.get(key).ok_or_else(|| wrong(format!("metadata {key}: expected a value, found nothing")))
+        };
+        if note("format")? != FORMAT {
+            return Err(wrong(format!("metadata format: expected `{FORMAT}`, found `{}`", note("format")?)));
+        }
+        let architecture = note("architecture")?.clone();
+        let step = note("step")?;
+        let step = step.parse().map_err(|_| wrong(format!("metadata step: expected a number, found `{step}`")))?;
+        let defaults = serde_json::from_str(note("defaults")?).map_err(|e| wrong(format!("metadata defaults: {e}")))?;
+        Ok(Self { step, architecture, defaults, tensors, path: path.to_path_buf() })
+    }
+
+    /// The name of the model.
+    pub fn architecture(&self) -> &str {
+        &self.architecture
+    }
+
+    /// How the model is used unless a call says otherwise.
+    pub fn defaults(&self) -> &Defaults {
+        &self.defaults
+    }
+
+    /// All tensors and metadata of the file.
+    pub fn tensors(&self) -> &Tensors {
+        &self.tensors
+    }
+
+    /// The configuration of the network, for the model called `architecture`.
+    ///
+    /// # Errors
+    /// When the checkpoint is of another model, or its configuration cannot be read.
+    pub fn model_config<C: DeserializeOwned>(&self, architecture: &str) -> Result<C, Error> {
+        if self.architecture != architecture {
+            let found = &self.architecture;
+            return Err(self.wrong(format!("metadata architecture: expected `{architecture}`, found `{found}`")));
+        }
+        let text = self.tensors.metadata.get("model").map_or("", String::as_str);
+        serde_json::from_str(text).map_err(|e| self.wrong(format!("metadata model: {e}")))
+    }
+
+    /// Fills declared parameters with the checkpoint's weights.
+    ///
+    /// # Errors
+    /// Names the first tensor that is missing, of another shape, or of no parameter.
+    pub fn fill(&self, params: &mut Params<f32>, set: WeightSet) -> Result<(), Error> {
+        let prefix = set.prefix();
+        let ids: Vec<ParamId> = params.ids().collect();
+        for id in ids {
+            let (key, shape) = (format!("{prefix}.{}", params.get(id).name()), params.get(id).shape());
+            let values = self.tensors.values::<f32>(&key, shape.dims())?.to_vec();
+            params.set(id, ParamValues::Owned(Arc::new(values)));
+        }
+        let prefix = format!("{prefix}.");
+        let known = |key: &&String| key.strip_prefix(&prefix).is_some_and(|name| params.find(name).is_none());
+        match self.tensors.tensors.keys().find(known) {
+            Some(key) => Err(self.wrong(format!("tensor {key}: expected no such tensor in this model"))),
+            None => Ok(()),
+        }
+    }
+
+    /// An error that names this file.
+    pub fn wrong(&self, message: impl Into<String>) -> Error {
+        Error::Checkpoint { path: self.path.clone(), message: message.into() }
+    }
+}

@@ -1,0 +1,26 @@
+//! Photos to cameras and 3-D Gaussians with trained weights, on a CPU.
+//!
+//! [`Predictor`] is what every model can do; [`SplatWeaverPredictor`] is SplatWeaver with its weights, opened from the
+//! folder of a training run. [`reconstruct`](mod@reconstruct) runs a predictor on photo files and writes a scene;
+//! [`published`] runs the published checkpoints of SplatWeaver and VGGT-1B. Nothing here needs a training run's
+//! configuration file, and nothing here trains.
+
+mod checkpoint;
+mod error;
+pub mod pictures;
+mod predictor;
+pub mod published;
+pub mod reconstruct;
+mod run_folder;
+mod splatweaver;
+
+pub use checkpoint::{Checkpoint, Defaults, FORMAT, WeightSet};
+pub use error::Error;
+pub use predictor::{CameraSource, Density, Photos, Prediction, Predictor, push_planar};
+pub use run_folder::RunFolder;
+pub use splatweaver::SplatWeaverPredictor;
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,0 +1,167 @@
+//! What every trained model can do: photos to Gaussians, and Gaussians to pictures.
+
+use crate::Error;
+use std::fmt;
+use weaver_geometry::Camera;
+use weaver_geometry::glam::DVec3;
+use weaver_io::Image;
+use weaver_kernels::random::Stream;
+use weaver_router::AllocationKind;
+use weaver_scene::{ActivatedGaussians, CameraRows};
+use weaver_splat::{Images, RasterError, RasterSettings, Workspace};
+
+/// Photos of one size, in the layout of the networks.
+#[derive(Clone, Copy, Debug)]
+pub struct Photos<'a> {
+    /// Colors from 0 to 1, `[V, 3, H, W]`.
+    pub planes: &'a [f32],
+    /// Height H, pixels.
+    pub height: usize,
+    /// Width W, pixels.
+    pub width: usize,
+}
+
+impl Photos<'_> {
+    /// Number of photos V.
+    pub fn views(&self) -> usize {
+        self.planes.len() / (3 * self.width * self.height).max(1)
+    }
+}
+
+/// Whose cameras the Gaussians are built with.
+#[derive(Clone, Copy, Debug)]
+pub enum CameraSource<'a> {
+    /// The network's own.
+    Predicted,
+    /// These, in the frame of camera 0 and in training units.
+    Given(&'a [Camera]),
+    /// These, in the frame of camera 0 and in units of their own: they are scaled so that the mean distance of the
+    /// centers to camera 0 equals that of the predicted ones.
+    GivenUnscaled(&'a [Camera]),
+}
+
+/// Which pixels get Gaussians, and how many; `None` leaves the choice to the predictor.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Density {
+    /// Which pixels get Gaussians.
+    pub allocation: Option<AllocationKind>,
+    /// Gaussians per pixel, for allocations that have a budget.
+    pub budget: Option<f64>,
+}
+
+/// What a model makes of some photos.
+#[derive(Clone, Debug, Default)]
+pub struct Prediction {
+    /// The Gaussians, in the frame of camera 0.
+    pub gaussians: ActivatedGaussians,
+    /// The cameras that the Gaussians were built with: the network's, or the given ones.
+    pub cameras: Vec<Camera>,
+    /// The network's own cameras; empty for a model that predicts none.
+    pub predicted: Vec<Camera>,
+    /// Depth along the optical axis `[V, H, W]`.
+    pub depth: Vec<f32>,
+    /// Gaussians of each pixel `[V, H, W]`.
+    pub counts: Vec<u8>,
+    /// The factor that given cameras of unknown scale were multiplied by.
+    pub scaled_by: Option<f64>,
+}
+
+impl Prediction {
+    /// The factor that gives cameras in units of their own the predicted cameras' mean distance to camera 0; 1 where
+    /// nothing was predicted or a camera stands still.
+    pub fn scale_to_predicted(&self, cameras: &[Camera]) -> f64 {
+        self.scaled_by.unwrap_or_else(|| spread_ratio(&self.predicted, cameras))
+    }
+}
+
+/// A trained model with its weights.
+///
+/// A predictor owns what it needs, so that a server or a binding to another language can hold one for as long as it
+/// likes. Predictions are the same bits at any number of threads.
+pub trait Predictor: fmt::Debug + Send {
+    /// Predicts the Gaussians of a scene from its photos. `stream` feeds allocations that draw random numbers.
+    ///
+    /// # Errors
+    /// When the photos' size or number, the cameras or the density do not suit the model.
+    fn predict(
+        &mut self,
+        photos: Photos<'_>,
+        cameras: CameraSource<'_>,
+        density: Density,
+        stream: Stream,
+    ) -> Result<Prediction, Error>;
+
+    /// The density that [`Predictor::predict`] would use when asked for this one: gaps filled, the whole checked. Both
+    /// fields are `None` for a model without that choice.
+    ///
+    /// # Errors
+    /// When the model has no such allocation, or the allocation has no budget.
+    fn density(&self, asked: Density) -> Result<Density, Error>;
+
+    /// Height and width that the model was trained at, pixels.
+    fn image_size(&self) -> [usize; 2];
+
+    /// The most Gaussians that a pixel can get.
+    fn max_per_pixel(&self) -> usize;
+
+    /// How the model's Gaussians are drawn.
+    fn raster_settings(&self) -> RasterSettings;
+
+    /// The color where nothing is.
+    fn background(&self) -> [f32; 3] {
+        [1.0; 3]
+    }
+
+    /// The rasterizer's memory.
+    fn workspace(&mut self) -> &mut Workspace<f32>;
+
+    /// Renders Gaussians with the model's settings; one image per camera, all of one size.
+    ///
+    /// # Errors
+    /// When sizes do not fit or there are too many Gaussians for one call.
+    fn render(&mut self, gaussians: &ActivatedGaussians, cameras: &[Camera]) -> Result<Vec<Image>, Error> {
+        let (background, settings) = (self.background(), self.raster_settings());
+        Ok(render(gaussians, cameras, background, &settings, self.workspace())?)
+    }
+}
+
+/// Renders Gaussians; one image per camera, all of one size.
+///
+/// # Errors
+/// When sizes do not fit or there are too many Gaussians for one call.
+pub fn render(
+    gaussians: &ActivatedGaussians,
+    cameras: &[Camera],
+    background: [f32; 3],
+    settings: &RasterSettings,
+    workspace: &mut Workspace<f32>,
+) -> Result<Vec<Image>, RasterError> {
+    let Some(first) = cameras.first() else { return Ok(Vec::new()) };
+    let (width, height, pixels) = (first.width, first.height, first.width * first.height);
+    let rows = CameraRows::new(cameras);
+    let mut image = vec![0.0; 3 * pixels * cameras.len()];
+    let mut alpha = vec![0.0; pixels * cameras.len()];
+    let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
+    weaver_splat::rasterize(&gaussians.as_slices(), &rows.as_slices(&background), settings, workspace, images)?;
+    Ok(image
+        .chunks(3 * pixels)
+        .map(|view| Image { width, height, pixels: view.iter().map(|x| x.clamp(0.0, 1.0)).collect() })
+        .collect())
+}
+
+/// Mean distance of the centers to camera 0: predicted over given. 1 where either stands still.
+pub(crate) fn spread_ratio(predicted: &[Camera], given: &[Camera]) -> f64 {
+    let spread = |cameras: &[Camera]| -> f64 {
+        let origin = cameras.first().map_or(DVec3::ZERO, |c| c.pose.center());
+        cameras.iter().map(|c| c.pose.center().distance(origin)).sum()
+    };
+    let ratio = spread(predicted) / spread(given);
+    if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 }
+}
+
+/// Appends an image as planes `[3, H, W]`.
+pub fn push_planar(planes: &mut Vec<f32>, image: &Image) {
+    for channel in 0..3 {
+        planes.extend(image.pixels.iter().skip(channel).step_by(3));
+    }
+}

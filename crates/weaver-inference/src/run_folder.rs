@@ -1,0 +1,66 @@
+//! The folder of a training run: what lies where.
+
+use std::path::{Path, PathBuf};
+
+/// The folder that a training run writes to and that later commands read from.
+///
+/// | file | content |
+/// |---|---|
+/// | `config.toml` | the resolved configuration |
+/// | `checkpoint.safetensors` | everything needed to continue, evaluate or infer |
+/// | `metrics.jsonl` | one line per logged step |
+/// | `events/` | the logged values for TensorBoard |
+/// | `samples/` | pictures: input, render, depth, Gaussians per pixel |
+/// | `summary.json` | the outcome |
+/// | `report.html` | curves and pictures in one file |
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RunFolder {
+    path: PathBuf,
+}
+
+impl RunFolder {
+    /// The run folder at a path, which need not exist.
+    pub fn at(path: impl Into<PathBuf>) -> Self {
+        Self { path: path.into() }
+    }
+
+    /// The folder itself.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The resolved configuration.
+    pub fn config_path(&self) -> PathBuf {
+        self.path.join("config.toml")
+    }
+
+    /// The latest checkpoint.
+    pub fn checkpoint_path(&self) -> PathBuf {
+        self.path.join("checkpoint.safetensors")
+    }
+
+    /// One line per logged step.
+    pub fn metrics_path(&self) -> PathBuf {
+        self.path.join("metrics.jsonl")
+    }
+
+    /// The outcome of the run.
+    pub fn summary_path(&self) -> PathBuf {
+        self.path.join("summary.json")
+    }
+
+    /// Curves and pictures in one file.
+    pub fn report_path(&self) -> PathBuf {
+        self.path.join("report.html")
+    }
+
+    /// TensorBoard's folder.
+    pub fn events_path(&self) -> PathBuf {
+        self.path.join("events")
+    }
+
+    /// The sample picture of a step.
+    pub fn sample_path(&self, step: usize) -> PathBuf {
+        self.path.join("samples").join(format!("step-{step:06}.png"))
+    }
+}

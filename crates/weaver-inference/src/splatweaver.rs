@@ -1,0 +1,187 @@
+//! SplatWeaver with its weights.
+
+use crate::predictor::spread_ratio;
+use crate::{CameraSource, Checkpoint, Density, Error, Photos, Prediction, Predictor, RunFolder, WeightSet};
+use std::path::Path;
+use std::sync::Arc;
+use weaver_autograd::{Params, Tape};
+use weaver_geometry::Camera;
+use weaver_kernels::random::Stream;
+use weaver_model::{ModelConfig, SplatWeaver};
+use weaver_nn::Context;
+use weaver_pose::Cameras as CameraVars;
+use weaver_router::AllocationKind;
+use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices};
+use weaver_splat::{RasterSettings, Workspace};
+
+/// SplatWeaver with its weights, ready to run without gradients.
+#[derive(Debug)]
+pub struct SplatWeaverPredictor {
+    model: Arc<SplatWeaver>,
+    params: Params<f32>,
+    allocation: AllocationKind,
+    budget: f64,
+    tape: Tape<f32>,
+    workspace: Workspace<f32>,
+}
+
+impl SplatWeaverPredictor {
+    /// The name of this model in checkpoints.
+    pub const ARCHITECTURE: &str = "splatweaver";
+
+    /// Pairs a model with weights. `allocation` and `budget` are used where a call does not say otherwise.
+    pub fn new(
+        model: impl Into<Arc<SplatWeaver>>,
+        params: Params<f32>,
+        allocation: AllocationKind,
+        budget: f64,
+    ) -> Self {
+        Self { model: model.into(), params, allocation, budget, tape: Tape::new(), workspace: Workspace::new() }
+    }
+
+    /// Opens the averaged weights of a training run's folder.
+    ///
+    /// # Errors
+    /// When there is no checkpoint in the folder, or it is damaged or of another model.
+    pub fn open(folder: impl AsRef<Path>) -> Result<Self, Error> {
+        Self::from_checkpoint(&Checkpoint::read(&RunFolder::at(folder.as_ref()).checkpoint_path())?)
+    }
+
+    /// Builds the network that a checkpoint describes and fills in its averaged weights.
+    ///
+    /// # Errors
+    /// When the checkpoint is of another model, or a tensor is missing, of another shape, or unknown.
+    pub fn from_checkpoint(checkpoint: &Checkpoint) -> Result<Self, Error> {
+        let config: ModelConfig = checkpoint.model_config(Self::ARCHITECTURE)?;
+        config.check().map_err(|message| checkpoint.wrong(message))?;
+        let mut params = Params::new();
+        let model = SplatWeaver::declare(config, &mut params);
+        checkpoint.fill(&mut params, WeightSet::Averaged)?;
+        let defaults = checkpoint.defaults();
+        let name = defaults.allocation.as_deref().unwrap_or("dithered");
+        let allocation = name.parse::<AllocationKind>().map_err(|e| checkpoint.wrong(e.to_string()))?;
+        Ok(Self::new(model, params, allocation, defaults.budget.unwrap_or(1.0)))
+    }
+
+    /// The network.
+    pub fn model(&self) -> &SplatWeaver {
+        &self.model
+    }
+
+    /// Calls `watcher` with the path of each part of the model that is done.
+    pub fn watch(&self, watcher: impl Fn(&str) + Send + 'static) {
+        self.tape.watch(watcher);
+    }
+
+    /// Gives back the memory that the last prediction was made in.
+    pub fn release(&mut self) {
+        self.tape.reset();
+        self.tape.pool().trim::<f32>();
+    }
+}
+
+impl Predictor for SplatWeaverPredictor {
+    fn predict(
+        &mut self,
+        photos: Photos<'_>,
+        source: CameraSource<'_>,
+        density: Density,
+        stream: Stream,
+    ) -> Result<Prediction, Error> {
+        let density = self.density(density)?;
+        let kind = density.allocation.unwrap_or(self.allocation);
+        let experts = self.max_per_pixel() + 1;
+        let allocation = kind.allocation::<f32>(density.budget.unwrap_or(self.budget), experts)?;
+        let Photos { planes, height, width } = photos;
+        let patch = self.model.config().patch;
+        if planes.is_empty() || !height.is_multiple_of(patch) || !width.is_multiple_of(patch) {
+            return Err(Error::Input(format!(
+                "expected photos whose sides are multiples of {patch}, found {} of {width}x{height}",
+                photos.views()
+            )));
+        }
+        self.tape.reset();
+        let (model, tape) = (&self.model, &self.tape);
+        let views = photos.views();
+        let cx = Context::new(tape, &self.params);
+        Ok(tape.without_gradient(|| {
+            let photos = tape.constant(planes, [views, 3, height, width]);
+            let encoded = model.encode(cx, photos.reshape([1, views, 3, height, width]));
+            let read = |cameras: &CameraVars<'_, f32>| {
+                let (viewmats, intrinsics) = (&cameras.w2c.value(), &cameras.intrinsics.value());
+                CameraSlices { viewmats, intrinsics, background: &[], width, height }.to_cameras()
+            };
+            let predicted = read(&encoded.cameras);
+            let (given, scaled_by) = match source {
+                CameraSource::Predicted => (None, None),
+                CameraSource::Given(cameras) => (Some(cameras.to_vec()), None),
+                CameraSource::GivenUnscaled(cameras) => {
+                    let factor = spread_ratio(&predicted, cameras);
+                    (Some(cameras.iter().map(|c| Camera { pose: c.pose.scaled(factor), ..*c }).collect()), Some(factor))
+                }
+            };
+            let vars = match &given {
+                Some(cameras) => {
+                    let rows = CameraRows::new(cameras);
+                    CameraVars {
+                        w2c: tape.constant(&rows.viewmats, [views, 3, 4]),
+                        intrinsics: tape.constant(&rows.intrinsics, [views, 4]),
+                    }
+                }
+                None => encoded.scene_cameras(0),
+            };
+            let dense = model.dense(cx, &encoded, 0, photos);
+            let made = model.gaussians(cx, &dense, photos, &vars, &*allocation, stream);
+            let g = &made.gaussians;
+            Prediction {
+                gaussians: ActivatedGaussians {
+                    means: g.means.to_vec(),
+                    scales: g.scales.to_vec(),
+                    quats: g.quats.to_vec(),
+                    opacities: g.opacities.to_vec(),
+                    sh: g.colors.to_vec(),
+                    degree: model.config().gaussians.sh_degree,
+                },
+                cameras: given.unwrap_or_else(|| predicted.clone()),
+                predicted,
+                depth: dense.depth.to_vec(),
+                counts: made.assignment.expert.to_vec(),
+                scaled_by,
+            }
+        }))
+    }
+
+    fn density(&self, asked: Density) -> Result<Density, Error> {
+        let allocation = asked.allocation.unwrap_or(self.allocation);
+        match asked.budget {
+            Some(budget) if !allocation.has_budget() => Err(Error::NoBudget { allocation, budget }),
+            budget => {
+                let budget = budget.or_else(|| allocation.has_budget().then_some(self.budget));
+                allocation.allocation::<f32>(budget.unwrap_or(0.0), self.max_per_pixel() + 1)?;
+                Ok(Density { allocation: Some(allocation), budget })
+            }
+        }
+    }
+
+    fn image_size(&self) -> [usize; 2] {
+        let config = self.model.config();
+        [config.height, config.width]
+    }
+
+    fn max_per_pixel(&self) -> usize {
+        self.model.config().gaussians.experts
+    }
+
+    fn raster_settings(&self) -> RasterSettings {
+        let raster = &self.model.config().raster;
+        RasterSettings { near: raster.near, alpha_max: raster.alpha_max, ..RasterSettings::default() }
+    }
+
+    fn background(&self) -> [f32; 3] {
+        self.model.config().raster.background.map(|c| c as f32)
+    }
+
+    fn workspace(&mut self) -> &mut Workspace<f32> {
+        &mut self.workspace
+    }
+}

@@ -1,0 +1,140 @@
+//! SplatWeaver's recipe.
+
+mod objective;
+mod presets;
+mod sections;
+
+pub use objective::Objective;
+pub use sections::{BudgetForm, Losses, RouterLosses, StageAllocation, StageSettings};
+
+use std::path::Path;
+use std::sync::Arc;
+use weaver_autograd::{ParamId, Params};
+use weaver_inference::{Predictor, SplatWeaverPredictor};
+use weaver_model::{ModelConfig, SplatWeaver};
+use weaver_nn::Context;
+use weaver_router::{Allocation, AllocationKind, TrainingMix};
+use weaver_trainer::{Config, Error, Example, Recipe, StageConfig, Step, Terms};
+
+/// Trains SplatWeaver, from photos with or without their cameras.
+///
+/// The optimizer has two groups of parameters: the backbone with the camera head, and the dense heads with everything
+/// after them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SplatWeaverRecipe;
+
+/// Leading parts of the names of the parameters that learn at the full rate: the dense heads and everything after them.
+const DENSE: [&str; 2] = ["depth_head.", "gaussian_param_head."];
+
+impl Recipe for SplatWeaverRecipe {
+    const ARCHITECTURE: &'static str = SplatWeaverPredictor::ARCHITECTURE;
+    const PRESETS: &'static [&'static str] = &["tiny", "micro", "tiny-published", "small"];
+    type Network = SplatWeaver;
+    type Model = ModelConfig;
+    type Stage = StageSettings;
+    type Losses = Losses;
+
+    fn preset(name: &str) -> Option<Config<Self>> {
+        presets::preset(name)
+    }
+
+    fn settle(config: &mut Config<Self>) {
+        if config.data.endless.is_some() {
+            // A frame of its own is of no use to a scene that does not come back.
+            config.stages.iter_mut().for_each(|stage| stage.losses.pose.absolute = 0.0);
+        }
+    }
+
+    fn check(config: &Config<Self>) -> Result<(), String> {
+        config.model.check()?;
+        for (i, stage) in config.stages.iter().enumerate() {
+            sections::check(stage, config.model.gaussians.experts, &format!("stages.{i}"))?;
+        }
+        Ok(())
+    }
+
+    fn image_size(model: &ModelConfig) -> [usize; 2] {
+        [model.height, model.width]
+    }
+
+    fn build(model: &ModelConfig, params: &mut Params<f32>, seed: u64) -> SplatWeaver {
+        SplatWeaver::new(model.clone(), params, seed)
+    }
+
+    fn groups(params: &Params<f32>) -> Vec<Vec<ParamId>> {
+        let is_dense = |name: &str| DENSE.iter().any(|module| name.starts_with(module));
+        let group =
+            |dense: bool| params.iter().filter(|(_, p)| is_dense(p.name()) == dense).map(|(id, _)| id).collect();
+        vec![group(false), group(true)]
+    }
+
+    fn group_rates(stage: &StageConfig<Self>) -> Vec<f64> {
+        vec![stage.model.backbone_rate, 1.0]
+    }
+
+    fn untrained(stage: &StageConfig<Self>) -> Vec<&'static str> {
+        if stage.tuples == 0 {
+            return vec!["depth_head", "gaussian_param_head"];
+        }
+        let router = &stage.losses.router;
+        let learned =
+            matches!(stage.model.allocation, StageAllocation::Kind(AllocationKind::Sampled | AllocationKind::Argmax));
+        if learned || router.rank > 0.0 || router.error_regression > 0.0 {
+            Vec::new()
+        } else {
+            vec![
+                "gaussian_param_head.gs_moe.gating",
+                "gaussian_param_head.wave_merger1",
+                "gaussian_param_head.wave_merger2",
+            ]
+        }
+    }
+
+    fn tuples(stage: &StageConfig<Self>) -> usize {
+        stage.tuples + stage.model.pose_tuples
+    }
+
+    fn describe(stage: &StageConfig<Self>) -> String {
+        format!("{} rendered and {} posed tuples", stage.tuples, stage.model.pose_tuples)
+    }
+
+    fn lpips_weights(config: &Config<Self>) -> Option<&Path> {
+        let images = config.stages.iter().map(|stage| &stage.losses.image);
+        images.filter(|image| image.lpips > 0.0).find_map(|image| image.lpips_weights.as_deref())
+    }
+
+    fn objective<'t>(
+        cx: Context<'t, '_, f32>,
+        network: &SplatWeaver,
+        step: &Step<'_, Self>,
+        examples: &[Example],
+    ) -> Result<Terms<'t>, Error> {
+        let stage = step.stage;
+        let allocation: Box<dyn Allocation<f32>> = match stage.model.allocation {
+            StageAllocation::Mix => Box::new(TrainingMix::default()),
+            StageAllocation::Kind(kind) => kind
+                .allocation(stage.model.budget, network.config().gaussians.experts + 1)
+                .map_err(|e| Error::Input(e.to_string()))?,
+        };
+        let objective = Objective {
+            stage,
+            ranking: (step.local as f64) < stage.losses.router.rank_until * stage.steps as f64,
+            allocation: &*allocation,
+            lpips: step.lpips,
+            workspaces: step.workspaces,
+            stream: step.stream,
+        };
+        Ok(objective.terms(cx, network, examples))
+    }
+
+    fn predictor(
+        network: Arc<SplatWeaver>,
+        params: Params<f32>,
+        config: &Config<Self>,
+    ) -> Result<Box<dyn Predictor>, Error> {
+        let evaluation = &config.evaluation;
+        let allocation = evaluation.allocation.unwrap_or(AllocationKind::Dithered);
+        let budget = evaluation.budget.unwrap_or(1.0);
+        Ok(Box::new(SplatWeaverPredictor::new(network, params, allocation, budget)))
+    }
+}

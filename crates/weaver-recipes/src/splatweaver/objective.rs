@@ -1,0 +1,151 @@
+//! SplatWeaver's loss of one step.
+
+use super::{BudgetForm, SplatWeaverRecipe};
+use weaver_autograd::Var;
+use weaver_kernels::random::Stream;
+use weaver_losses::{self as losses, Lpips};
+use weaver_model::{Dense, PredictedGaussians, SplatWeaver};
+use weaver_nn::Context;
+use weaver_pose::Cameras as CameraVars;
+use weaver_router::Allocation;
+use weaver_splat::{CameraVars as RasterCameras, RasterSettings, Rasterize, WorkspacePool};
+use weaver_trainer::losses::{PoseCodes, camera_constants, photo_constants};
+use weaver_trainer::{CameraMode, Example, StageConfig, Terms};
+use weaver_vggt::Encoded;
+
+/// What a step needs beside its tuples.
+#[derive(Debug)]
+pub struct Objective<'a> {
+    /// The stage.
+    pub stage: &'a StageConfig<SplatWeaverRecipe>,
+    /// Whether the ranking loss is still on.
+    pub ranking: bool,
+    /// The stage's allocation.
+    pub allocation: &'a dyn Allocation<f32>,
+    /// LPIPS, where the stage wants it.
+    pub lpips: Option<&'a Lpips<f32>>,
+    /// Memory of the rasterizer.
+    pub workspaces: &'a WorkspacePool<f32>,
+    /// Noise of this step.
+    pub stream: Stream,
+}
+
+impl Objective<'_> {
+    /// Runs the model on the step's examples (those to be rendered first) and collects the loss.
+    pub fn terms<'t>(&self, cx: Context<'t, '_, f32>, model: &SplatWeaver, examples: &[Example]) -> Terms<'t> {
+        let encoded = model.encode(cx, photo_constants(cx, examples));
+        let mut terms = Terms::default();
+        let codes = PoseCodes { emitted: &encoded.codes, raw: &encoded.raw };
+        self.stage.losses.pose.add(&mut terms, cx, codes, examples);
+        for (b, example) in examples.iter().take(self.stage.tuples).enumerate() {
+            self.scene_terms(&mut terms, cx, model, (&encoded, b), example);
+        }
+        terms
+    }
+
+    /// Losses on depth, renders and routing of example `b`; each is a mean over the stage's tuples.
+    fn scene_terms<'t>(
+        &self,
+        terms: &mut Terms<'t>,
+        cx: Context<'t, '_, f32>,
+        model: &SplatWeaver,
+        (encoded, b): (&Encoded<'t>, usize),
+        example: &Example,
+    ) {
+        let weights = &self.stage.losses;
+        let share = 1.0 / self.stage.tuples as f64;
+        let config = model.config();
+        let (width, height, views) = (config.width, config.height, example.context().len());
+        let photos = cx.tape.constant(example.context_photos().planes, [views, 3, height, width]);
+        let dense = model.dense(cx, encoded, b, photos);
+        let known = cx.tape.constant(&example.depth, dense.depth.shape());
+        weights.depth.add_predicted(terms, share, dense.depth, known);
+
+        let cameras = match self.stage.model.cameras {
+            CameraMode::Predicted => encoded.scene_cameras(b),
+            CameraMode::Given => camera_constants(cx, example.context()),
+        };
+        let stream = self.stream.fork(b as u64);
+        let predicted = model.gaussians(cx, &dense, photos, &cameras, self.allocation, stream);
+        terms.gaussians_per_pixel +=
+            (predicted.assignment.count() as f64 * share / (views * height * width) as f64) as f32;
+
+        let shown = if self.stage.model.render_targets { example.cameras.len() } else { views };
+        let rendered = self.render(cx, model, &predicted, &cameras, example);
+        let image = rendered.image.permute(&[0, 3, 1, 2]).clamp(0.0, 1.0);
+        let truth = cx.tape.constant(&example.images[..shown * 3 * height * width], image.shape());
+        weights.image.add(terms, share, self.lpips, image, truth);
+        weights.depth.add_rendered(terms, cx, share, || rendered.depth, example);
+        self.routing_terms(terms, cx, (&dense, &predicted), image.slice(0, 0, views), photos);
+    }
+
+    fn render<'t>(
+        &self,
+        cx: Context<'t, '_, f32>,
+        model: &SplatWeaver,
+        predicted: &PredictedGaussians<'t>,
+        cameras: &CameraVars<'t>,
+        example: &Example,
+    ) -> weaver_splat::RenderedVars<'t, f32> {
+        let config = model.config();
+        // Intrinsics are held constant in the rasterizer, as in gsplat; the field of view learns through the
+        // unprojection.
+        let mut w2c = cameras.w2c;
+        let mut intrinsics = cameras.intrinsics.detach();
+        if self.stage.model.render_targets {
+            let targets = camera_constants(cx, example.targets());
+            w2c = weaver_autograd::ops::concat(&[w2c, targets.w2c], 0);
+            intrinsics = weaver_autograd::ops::concat(&[intrinsics, targets.intrinsics], 0);
+        }
+        let background = cx.tape.constant(&config.raster.background.map(|c| c as f32), [3]);
+        let settings = RasterSettings {
+            near: config.raster.near,
+            alpha_max: config.raster.alpha_max,
+            ..RasterSettings::default()
+        };
+        let op = Rasterize::new(config.width, config.height, settings, self.workspaces);
+        let op = if self.stage.losses.depth.rendered == 0.0 { op.without_depth() } else { op };
+        op.apply(&predicted.gaussians, &RasterCameras { viewmats: w2c, intrinsics, background })
+    }
+
+    fn routing_terms<'t>(
+        &self,
+        terms: &mut Terms<'t>,
+        cx: Context<'t, '_, f32>,
+        (dense, predicted): (&Dense<'t>, &PredictedGaussians<'t>),
+        own: Var<'t, f32>,
+        photos: Var<'t, f32>,
+    ) {
+        let share = 1.0 / self.stage.tuples as f64;
+        let weights = &self.stage.losses.router;
+        if self.ranking {
+            terms.add("rank", weights.rank, share, || {
+                losses::ranking_cross_entropy(
+                    dense.logits,
+                    dense.energy,
+                    &weights.rank_quantiles,
+                    weights.label_smoothing,
+                )
+            });
+        }
+        if let Some(choice) = predicted.choice {
+            terms.add("budget", weights.budget, share, || {
+                let shares = match weights.budget_form {
+                    BudgetForm::Shares => true,
+                    BudgetForm::Limit => false,
+                    BudgetForm::SharesThenLimit => self.ranking,
+                };
+                if shares {
+                    losses::share_budget(choice, &weights.budget_shares)
+                } else {
+                    losses::global_budget(choice, weights.budget_limit)
+                }
+            });
+        }
+        terms.add("error_regression", weights.error_regression, share, || {
+            let score = dense.logits.slice(1, 1, 1) - dense.logits.slice(1, 0, 1);
+            let error = cx.tape.without_gradient(|| (own.detach() - photos).square().mean_axis(1));
+            losses::error_regression(score.reshape(error.shape()), error.detach())
+        });
+    }
+}

@@ -1,0 +1,127 @@
+//! The presets: what is trained, for how long, with which losses.
+
+use super::{Losses, RouterLosses, SplatWeaverRecipe, StageAllocation, StageSettings};
+use weaver_model::ModelConfig;
+use weaver_router::AllocationKind;
+use weaver_trainer::losses::{DepthLosses, ImageLosses, PoseLosses};
+use weaver_trainer::{
+    CameraMode, Config, DataConfig, EvaluationConfig, OptimizerConfig, OutputConfig, Recipe, StageConfig,
+};
+
+pub(super) fn preset(name: &str) -> Option<Config<SplatWeaverRecipe>> {
+    if !SplatWeaverRecipe::PRESETS.contains(&name) {
+        return None;
+    }
+    let model = ModelConfig::preset(name)?;
+    let mut config = Config {
+        architecture: SplatWeaverRecipe::ARCHITECTURE.into(),
+        preset: name.into(),
+        seed: 0,
+        threads: 0,
+        model,
+        data: DataConfig {
+            folders: Vec::new(),
+            endless: None,
+            scene_scale: None,
+            context_views: 4,
+            target_views: 2,
+            pool: 6,
+        },
+        optimizer: OptimizerConfig {
+            beta1: 0.9,
+            beta2: 0.99,
+            epsilon: 1e-8,
+            weight_decay: 0.02,
+            clip: 1.0,
+            ema: 0.998,
+        },
+        stages: vec![poses(1300), everything(4000)],
+        output: OutputConfig { log_every: 10, checkpoint_every: 500, sample_every: 500 },
+        evaluation: EvaluationConfig {
+            cameras: CameraMode::Predicted,
+            allocation: Some(AllocationKind::Dithered),
+            budget: Some(0.4),
+        },
+    };
+    match name {
+        "micro" => {
+            config.data.context_views = 2;
+            config.data.pool = 4;
+            config.stages = vec![poses(10), everything(40)];
+            config.output = OutputConfig { log_every: 5, checkpoint_every: 25, sample_every: 25 };
+        }
+        "tiny-published" => {
+            config.optimizer =
+                OptimizerConfig { beta2: 0.95, weight_decay: 0.05, clip: 0.5, ema: 0.0, ..config.optimizer };
+            config.stages = vec![published(1500)];
+            config.evaluation.allocation = Some(AllocationKind::Sampled);
+        }
+        "small" => config.stages[1].model.render_targets = false,
+        _ => {}
+    }
+    Some(config)
+}
+
+/// Poses alone: without it the renderer learns before the cameras do, and stays blurred.
+fn poses(steps: usize) -> StageConfig<SplatWeaverRecipe> {
+    StageConfig {
+        name: "poses".into(),
+        steps,
+        tuples: 0,
+        rate: 5e-4,
+        warmup: 100,
+        floor: 0.4,
+        model: StageSettings {
+            pose_tuples: 4,
+            backbone_rate: 1.0,
+            allocation: StageAllocation::Mix,
+            budget: 0.4,
+            cameras: CameraMode::Predicted,
+            render_targets: false,
+        },
+        losses: Losses { pose: PoseLosses { l1: 2.0, absolute: 1.0, ..PoseLosses::default() }, ..Losses::default() },
+    }
+}
+
+/// Everything together.
+fn everything(steps: usize) -> StageConfig<SplatWeaverRecipe> {
+    let poses = poses(steps);
+    StageConfig {
+        name: "everything".into(),
+        steps,
+        tuples: 1,
+        rate: 1e-3,
+        warmup: 100,
+        floor: 0.05,
+        model: StageSettings { pose_tuples: 1, backbone_rate: 0.3, render_targets: true, ..poses.model },
+        losses: Losses {
+            image: ImageLosses { mse: 1.0, ssim: 0.15, ..ImageLosses::default() },
+            depth: DepthLosses { log_l1: 0.2, ..DepthLosses::default() },
+            router: RouterLosses { error_regression: 0.02, ..RouterLosses::default() },
+            ..poses.losses
+        },
+    }
+}
+
+/// The published losses and allocation at this size, from random weights.
+fn published(steps: usize) -> StageConfig<SplatWeaverRecipe> {
+    StageConfig {
+        name: "published".into(),
+        steps,
+        tuples: 1,
+        rate: 1e-3,
+        warmup: 75,
+        floor: 0.1,
+        model: StageSettings {
+            pose_tuples: 0,
+            allocation: StageAllocation::Kind(AllocationKind::Sampled),
+            ..poses(steps).model
+        },
+        losses: Losses {
+            image: ImageLosses { mse: 1.0, ssim: 0.15, ..ImageLosses::default() },
+            pose: PoseLosses { huber: 10.0, ..PoseLosses::default() },
+            depth: DepthLosses { rendered: 0.1, ..DepthLosses::default() },
+            router: RouterLosses { rank: 0.01, budget: 0.01, ..RouterLosses::default() },
+        },
+    }
+}

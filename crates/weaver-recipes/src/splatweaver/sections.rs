@@ -1,0 +1,158 @@
+//! SplatWeaver's sections of a stage's configuration.
+
+use super::SplatWeaverRecipe;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
+use weaver_router::AllocationKind;
+use weaver_trainer::losses::{DepthLosses, ImageLosses, PoseLosses};
+use weaver_trainer::{CameraMode, StageConfig};
+
+/// What SplatWeaver does in a stage.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StageSettings {
+    /// Further tuples per step that only train the poses.
+    pub pose_tuples: usize,
+    /// The learning rate of the backbone and the camera head, as a fraction of the stage's rate.
+    pub backbone_rate: f64,
+    /// Which pixels get Gaussians: mix (random budgets, densities and thresholds, so that the budget can be chosen at test
+    /// time), sampled, argmax, dithered, grid, random or fixed:K.
+    #[schemars(with = "String")]
+    pub allocation: StageAllocation,
+    /// Gaussians per context pixel, for allocations that have a budget.
+    pub budget: f64,
+    /// Cameras of the context views, for unprojection and rendering.
+    pub cameras: CameraMode,
+    /// Whether held-out target views are rendered too, with the data's cameras.
+    pub render_targets: bool,
+}
+
+/// Which pixels get Gaussians in training.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum StageAllocation {
+    /// Random budgets, densities and thresholds, so that the budget can be chosen at test time.
+    Mix,
+    /// An allocation of evaluation.
+    Kind(AllocationKind),
+}
+
+impl FromStr for StageAllocation {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        match name {
+            "mix" => Ok(Self::Mix),
+            _ => name.parse().map(Self::Kind).map_err(|e| format!("{e}, or mix")),
+        }
+    }
+}
+
+impl TryFrom<String> for StageAllocation {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<Self, String> {
+        name.parse()
+    }
+}
+
+impl From<StageAllocation> for String {
+    fn from(allocation: StageAllocation) -> Self {
+        allocation.to_string()
+    }
+}
+
+impl fmt::Display for StageAllocation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Mix => f.write_str("mix"),
+            Self::Kind(kind) => kind.fmt(f),
+        }
+    }
+}
+
+/// Weights of SplatWeaver's losses; 0 leaves a loss out.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Losses {
+    /// Losses on rendered images against photos.
+    pub image: ImageLosses,
+    /// Losses on predicted cameras against those of the data.
+    pub pose: PoseLosses,
+    /// Losses on depth where the data knows it.
+    pub depth: DepthLosses,
+    /// Losses on the router.
+    pub router: RouterLosses,
+}
+
+/// What the budget loss asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum BudgetForm {
+    /// Every expert its share of the pixels, as the published code does.
+    Shares,
+    /// At most so many Gaussians per pixel in all, as the paper reads.
+    Limit,
+    /// Shares while the ranking loss is on, the limit afterward. With nothing else to hold the count up, it may fall to
+    /// none at all.
+    SharesThenLimit,
+}
+
+/// Losses on the router.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RouterLosses {
+    /// Weight of the cross entropy of the router against the frequency ranking.
+    pub rank: f64,
+    /// Ranking classes: quantiles of wavelet energy at which E_1, E_2, ... E_M begin.
+    pub rank_quantiles: Vec<f64>,
+    /// Label smoothing of the ranking, 0 to 1.
+    pub label_smoothing: f64,
+    /// Fraction of the stage after which the ranking loss is off.
+    pub rank_until: f64,
+    /// Weight of the budget of the router's own allocations, in the form of `budget_form`.
+    pub budget: f64,
+    /// What the budget asks for.
+    pub budget_form: BudgetForm,
+    /// Shares of pixels of E_1, E_2, ... E_M.
+    pub budget_shares: Vec<f64>,
+    /// Gaussians per pixel above which the budget's limit acts.
+    pub budget_limit: f64,
+    /// Weight of the regression of the router onto the log error of the context renders.
+    pub error_regression: f64,
+}
+
+impl Default for RouterLosses {
+    fn default() -> Self {
+        Self {
+            rank: 0.0,
+            rank_quantiles: vec![0.76, 0.96, 0.98],
+            label_smoothing: 0.1,
+            rank_until: 0.5,
+            budget: 0.0,
+            budget_form: BudgetForm::Shares,
+            budget_shares: vec![0.2, 0.02, 0.02],
+            budget_limit: 0.3,
+            error_regression: 0.0,
+        }
+    }
+}
+
+/// Checks a stage of a model whose pixels get at most `most` Gaussians; `key` is where the stage is in the configuration.
+pub(super) fn check(stage: &StageConfig<SplatWeaverRecipe>, most: usize, key: &str) -> Result<(), String> {
+    if !(0.0..=3.0).contains(&stage.model.budget) {
+        let found = stage.model.budget;
+        return Err(format!("{key}.model.budget: expected 0 to 3 Gaussians per pixel, found {found}"));
+    }
+    let router = &stage.losses.router;
+    for (name, list) in [("rank_quantiles", &router.rank_quantiles), ("budget_shares", &router.budget_shares)] {
+        if list.len() != most || list.iter().any(|x| !(0.0..=1.0).contains(x)) {
+            return Err(format!(
+                "{key}.losses.router.{name}: expected {most} numbers between 0 and 1, one for each expert from E_1 on, found {list:?}"
+            ));
+        }
+    }
+    stage.losses.image.check(&format!("{key}.losses.image"))
+}

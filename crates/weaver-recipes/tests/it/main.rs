@@ -1,0 +1,6 @@
+//! SplatWeaver through the trainer, on the micro preset, which takes seconds.
+
+mod allocations;
+mod configuration;
+mod determinism;
+mod switch_off;

@@ -1,0 +1,217 @@
+//! The loss of a step: its terms by name, and the losses that models share.
+
+use crate::example::{Example, pose_code, rotation_row, translation_row};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use smallvec::SmallVec;
+use std::path::PathBuf;
+use weaver_autograd::{List, Shape, Var};
+use weaver_geometry::Camera;
+use weaver_losses::{self as losses, Lpips};
+use weaver_nn::Context;
+use weaver_pose::Cameras as CameraVars;
+use weaver_scene::{intrinsics_row, viewmat};
+
+/// How many terms are kept without allocating.
+const MOST_TERMS: usize = 12;
+
+/// One loss: a sum over tuples, of which each counts `share`.
+#[derive(Debug)]
+struct Term<'t> {
+    name: &'static str,
+    weight: f64,
+    share: f64,
+    sum: Var<'t, f32>,
+}
+
+/// The terms of a loss, by name.
+#[derive(Debug, Default)]
+pub struct Terms<'t> {
+    terms: SmallVec<[Term<'t>; MOST_TERMS]>,
+    /// Gaussians per context pixel; 0 in a stage that renders nothing.
+    pub gaussians_per_pixel: f32,
+}
+
+impl<'t> Terms<'t> {
+    /// Adds one tuple's loss, which counts `share` in the mean, unless its weight is 0; `value` is not computed then.
+    pub fn add(&mut self, name: &'static str, weight: f64, share: f64, value: impl FnOnce() -> Var<'t, f32>) {
+        if weight != 0.0 {
+            let value = value();
+            match self.terms.iter_mut().find(|term| term.name == name) {
+                Some(term) => term.sum = term.sum + value,
+                None => self.terms.push(Term { name, weight, share, sum: value }),
+            }
+        }
+    }
+
+    /// The weighted sum; `None` without terms.
+    pub fn total(&self) -> Option<Var<'t, f32>> {
+        self.terms.iter().map(|term| term.sum * (term.weight * term.share)).reduce(|a, b| a + b)
+    }
+
+    /// Names and means over the tuples, before weights.
+    pub fn values(&self) -> impl Iterator<Item = (&'static str, f32)> {
+        self.terms.iter().map(|term| (term.name, term.sum.item() * term.share as f32))
+    }
+}
+
+/// Losses on rendered images against photos.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ImageLosses {
+    /// Weight of the mean squared error of the renders.
+    pub mse: f64,
+    /// Weight of (1 - SSIM) / 2 of the renders.
+    pub ssim: f64,
+    /// Weight of LPIPS of the renders; needs `lpips_weights`.
+    pub lpips: f64,
+    /// File with the VGG or AlexNet weights of LPIPS.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lpips_weights: Option<PathBuf>,
+}
+
+impl ImageLosses {
+    /// Adds the losses of one tuple's renders `image` against `truth`, both `[V, 3, H, W]`; the tuple counts `share`.
+    pub fn add<'t>(
+        &self,
+        terms: &mut Terms<'t>,
+        share: f64,
+        lpips: Option<&Lpips<f32>>,
+        image: Var<'t, f32>,
+        truth: Var<'t, f32>,
+    ) {
+        terms.add("mse", self.mse, share, || losses::mse(image, truth));
+        terms.add("ssim", self.ssim, share, || (losses::ssim(image, truth).mean() * -1.0 + 1.0) * 0.5);
+        if let Some(lpips) = lpips {
+            terms.add("lpips", self.lpips, share, || lpips.distance(image, truth).mean());
+        }
+    }
+
+    /// Checks the weights; `key` is where they are in the configuration.
+    ///
+    /// # Errors
+    /// When LPIPS has a weight and no file.
+    pub fn check(&self, key: &str) -> Result<(), String> {
+        if self.lpips > 0.0 && self.lpips_weights.is_none() {
+            return Err(format!("{key}.lpips_weights: expected a file, since lpips is not 0, found nothing"));
+        }
+        Ok(())
+    }
+}
+
+/// Losses on predicted cameras against those of the data.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct PoseLosses {
+    /// Weight of the L1 distance of translation, quaternion and field of view of the emitted cameras.
+    pub l1: f64,
+    /// Weight of the Huber loss on the pose codes over all iterations, as published.
+    pub huber: f64,
+    /// Weight of the L1 distance of the codes, before they are made relative to the first camera, to the cameras in the
+    /// scene's own frame; off with endless scenes, which do not come back.
+    pub absolute: f64,
+}
+
+/// What a camera head emits: for each refinement, pose codes `[B, V, 9]`.
+#[derive(Clone, Copy, Debug)]
+pub struct PoseCodes<'a, 't> {
+    /// As emitted.
+    pub emitted: &'a List<Var<'t, f32>>,
+    /// In the frame of the network's own choice.
+    pub raw: &'a List<Var<'t, f32>>,
+}
+
+impl PoseLosses {
+    /// Adds the losses of all examples' context cameras.
+    pub fn add<'t>(
+        &self,
+        terms: &mut Terms<'t>,
+        cx: Context<'t, '_, f32>,
+        codes: PoseCodes<'_, 't>,
+        examples: &[Example],
+    ) {
+        let shape = codes.emitted[0].shape();
+        let [scenes, views] = [shape[0], shape[1]];
+        let truth = || rows(cx, examples.iter().flat_map(|e| e.context()).map(pose_code), shape);
+        terms.add("pose", self.l1, 1.0, || losses::l1_pose(codes.emitted, truth()));
+        terms.add("pose_huber", self.huber, 1.0, || {
+            let truth = truth();
+            let teacher: List<_> = codes.emitted.iter().map(|_| truth).collect();
+            losses::huber_pose(codes.emitted, &teacher, 1.0)
+        });
+        terms.add("pose_absolute", self.absolute, 1.0, || {
+            let poses = || examples.iter().flat_map(|e| &e.absolute);
+            let rotations = rows(cx, poses().map(rotation_row), [scenes, views, 3, 3]);
+            let translations = rows(cx, poses().map(translation_row), [scenes, views, 3]);
+            let own_rotations: List<_> =
+                codes.raw.iter().map(|c| weaver_pose::rotation_from_xyzw(c.slice(2, 3, 4))).collect();
+            let own_translations: List<_> = codes.raw.iter().map(|c| c.slice(2, 0, 3)).collect();
+            losses::absolute_pose(&own_rotations, &own_translations, rotations, translations)
+        });
+    }
+}
+
+/// Losses on depth where the data knows it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct DepthLosses {
+    /// Weight of the L1 distance of the logarithms of predicted and known depth.
+    pub log_l1: f64,
+    /// Weight of the squared error of the rendered depth, as published.
+    pub rendered: f64,
+}
+
+impl DepthLosses {
+    /// Adds the loss of predicted `depth` `[C, H, W]` against `known`, 0 where unknown.
+    pub fn add_predicted<'t>(&self, terms: &mut Terms<'t>, share: f64, depth: Var<'t, f32>, known: Var<'t, f32>) {
+        terms.add("depth", self.log_l1, share, || losses::sparse_log_depth_l1(depth.ln(), known, 1.0));
+    }
+
+    /// Adds the loss of the rendered `depth` `[V, H, W]`, of which the first C views are the context.
+    pub fn add_rendered<'t>(
+        &self,
+        terms: &mut Terms<'t>,
+        cx: Context<'t, '_, f32>,
+        share: f64,
+        depth: impl FnOnce() -> Var<'t, f32>,
+        example: &Example,
+    ) {
+        terms.add("rendered_depth", self.rendered, share, || {
+            let depth = depth();
+            let views = example.context().len();
+            let own = depth.slice(0, 0, views);
+            let known = cx.tape.constant(&example.depth, own.shape());
+            // The published loss trusts a teacher's depth by its confidence. Known depth has none: what is near is
+            // trusted most, what is unknown not at all.
+            let confidence = example.depth.iter().map(|d| [if *d > 0.0 { 1.0 / d } else { 0.0 }]);
+            losses::masked_depth_mse(own, known, rows(cx, confidence, known.shape()), 0.3)
+        });
+    }
+}
+
+/// The data's cameras as constants on the tape.
+pub fn camera_constants<'t>(cx: Context<'t, '_, f32>, cameras: &[Camera]) -> CameraVars<'t> {
+    CameraVars {
+        w2c: rows(cx, cameras.iter().map(|c| viewmat(&c.pose)), [cameras.len(), 3, 4]),
+        intrinsics: rows(cx, cameras.iter().map(intrinsics_row), [cameras.len(), 4]),
+    }
+}
+
+/// The context photos of some examples as one constant `[B, V, 3, H, W]`.
+pub fn photo_constants<'t>(cx: Context<'t, '_, f32>, examples: &[Example]) -> Var<'t, f32> {
+    let photos = examples[0].context_photos();
+    cx.tape.constant_with([examples.len(), photos.views(), 3, photos.height, photos.width], |all| {
+        for (to, example) in all.chunks_mut(photos.planes.len()).zip(examples) {
+            to.copy_from_slice(example.context_photos().planes);
+        }
+    })
+}
+
+/// A constant made row by row.
+fn rows<'t, const N: usize>(
+    cx: Context<'t, '_, f32>,
+    rows: impl Iterator<Item = [f32; N]>,
+    shape: impl Into<Shape>,
+) -> Var<'t, f32> {
+    cx.tape.constant_with(shape, |all| all.chunks_exact_mut(N).zip(rows).for_each(|(to, row)| to.copy_from_slice(&row)))
+}

@@ -1,0 +1,127 @@
+//! What a model says about its training.
+
+use crate::{Config, Error, Example, StageConfig, Terms};
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::fmt::Debug;
+use std::sync::Arc;
+use weaver_autograd::{ParamId, Params};
+use weaver_inference::Predictor;
+use weaver_kernels::random::Stream;
+use weaver_losses::Lpips;
+use weaver_nn::Context;
+use weaver_splat::WorkspacePool;
+
+/// A section of the configuration: plain data whose fields have documentation.
+pub trait Section:
+    Clone + Debug + PartialEq + Serialize + DeserializeOwned + JsonSchema + Send + Sync + 'static
+{
+}
+
+impl<S> Section for S where
+    S: Clone + Debug + PartialEq + Serialize + DeserializeOwned + JsonSchema + Send + Sync + 'static
+{
+}
+
+/// How a model is configured, built, trained and used.
+///
+/// A recipe is a unit type; everything that varies is in its configuration sections. The trainer calls
+/// [`Recipe::objective`] once a step, walks back from the terms' sum, and updates the parameters.
+pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
+    /// The model's name on the command line, in configurations and in checkpoints.
+    const ARCHITECTURE: &'static str;
+    /// Names of the presets; the first is the default.
+    const PRESETS: &'static [&'static str];
+    /// The network, made of parameter ids.
+    type Network: Debug + Send + Sync + 'static;
+    /// The section `model`: sizes and switches of the network.
+    type Model: Section;
+    /// The section `stages.N.model`: what this model does in a stage.
+    type Stage: Section;
+    /// The section `stages.N.losses`: weights of the losses.
+    type Losses: Section;
+
+    /// The configuration of a preset; `None` for an unknown name.
+    fn preset(name: &str) -> Option<Config<Self>>;
+
+    /// Settles what follows from other settings, after the configuration was resolved.
+    fn settle(_config: &mut Config<Self>) {}
+
+    /// Checks what the trainer cannot: the model's own sections.
+    ///
+    /// # Errors
+    /// A message that names the key, what was expected and what was found.
+    fn check(config: &Config<Self>) -> Result<(), String>;
+
+    /// Height and width of the photos, pixels.
+    fn image_size(model: &Self::Model) -> [usize; 2];
+
+    /// Adds the parameters of a new network, drawn from `seed`.
+    fn build(model: &Self::Model, params: &mut Params<f32>, seed: u64) -> Self::Network;
+
+    /// Parameters that share a learning rate. Every trained parameter is in exactly one group.
+    fn groups(params: &Params<f32>) -> Vec<Vec<ParamId>>;
+
+    /// The factor on the stage's rate for each group of [`Recipe::groups`].
+    fn group_rates(stage: &StageConfig<Self>) -> Vec<f64>;
+
+    /// Leading parts of the names of parameters that a stage has no loss for; they stay as they are.
+    fn untrained(stage: &StageConfig<Self>) -> Vec<&'static str>;
+
+    /// Tuples that a step of the stage needs.
+    fn tuples(stage: &StageConfig<Self>) -> usize;
+
+    /// What a step of the stage does, in a few words for people.
+    fn describe(stage: &StageConfig<Self>) -> String {
+        format!("{} tuples", Self::tuples(stage))
+    }
+
+    /// What a progress bar says beside the step.
+    fn label(report: &crate::StepReport) -> String {
+        format!("{}, loss {:.4}", report.stage, report.loss)
+    }
+
+    /// The file with the weights of LPIPS, if some stage needs it.
+    fn lpips_weights(_config: &Config<Self>) -> Option<&std::path::Path> {
+        None
+    }
+
+    /// Runs the network on a step's examples and collects the loss.
+    ///
+    /// # Errors
+    /// When the stage's settings do not suit the network.
+    fn objective<'t>(
+        cx: Context<'t, '_, f32>,
+        network: &Self::Network,
+        step: &Step<'_, Self>,
+        examples: &[Example],
+    ) -> Result<Terms<'t>, Error>;
+
+    /// The network as a predictor, with the settings of `config.evaluation`.
+    ///
+    /// # Errors
+    /// When the settings do not suit the network.
+    fn predictor(
+        network: Arc<Self::Network>,
+        params: Params<f32>,
+        config: &Config<Self>,
+    ) -> Result<Box<dyn Predictor>, Error>;
+}
+
+/// What the objective of a step may use beside the network and the examples.
+#[derive(Debug)]
+pub struct Step<'a, R: Recipe> {
+    /// The whole configuration.
+    pub config: &'a Config<R>,
+    /// The stage.
+    pub stage: &'a StageConfig<R>,
+    /// Steps of this stage that were done before.
+    pub local: usize,
+    /// LPIPS, where a stage needs it.
+    pub lpips: Option<&'a Lpips<f32>>,
+    /// Memory of the rasterizer, kept from step to step.
+    pub workspaces: &'a WorkspacePool<f32>,
+    /// Random numbers of this step.
+    pub stream: Stream,
+}

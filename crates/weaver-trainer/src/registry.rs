@@ -1,0 +1,353 @@
+//! Recipes by name, without their types: what a command line needs.
+
+use crate::evaluate::Options;
+use crate::{
+    Config, DataConfig, DryRun, Error, Evaluation, EvaluationConfig, Observer, Recipe, Session, StepReport, Summary,
+    evaluate, scenes,
+};
+use std::fmt::Debug;
+use std::marker::PhantomData;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use weaver_autograd::Params;
+use weaver_data::procedural;
+use weaver_inference::{Checkpoint, Density, Predictor, RunFolder, WeightSet};
+
+/// Where a configuration comes from; later fields win over earlier ones.
+#[derive(Clone, Debug, Default)]
+pub struct Setup {
+    /// The preset to start from.
+    pub preset: Option<String>,
+    /// A TOML file.
+    pub file: Option<PathBuf>,
+    /// Settings `key=value`.
+    pub settings: Vec<String>,
+    /// Folders of captures.
+    pub data: Vec<PathBuf>,
+    /// The seed.
+    pub seed: Option<u64>,
+    /// Threads; 0 takes one per core.
+    pub threads: Option<usize>,
+    /// Steps in all; the stages are rescaled in proportion.
+    pub steps: Option<usize>,
+}
+
+/// A configuration, resolved and checked.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Resolved {
+    /// The model, by name.
+    pub architecture: String,
+    /// The preset.
+    pub preset: String,
+    /// Threads; 0 takes one per core.
+    pub threads: usize,
+    /// All of it.
+    pub toml: String,
+}
+
+/// A recipe behind a name.
+pub trait Architecture: Debug + Send + Sync {
+    /// The model's name.
+    fn name(&self) -> &'static str;
+
+    /// Names of its presets; the first is the default.
+    fn presets(&self) -> &'static [&'static str];
+
+    /// Resolves and checks a configuration.
+    ///
+    /// # Errors
+    /// When a file cannot be read, or a key or value is wrong.
+    fn resolve(&self, setup: &Setup) -> Result<Resolved, Error>;
+
+    /// Reads the configuration of a run's folder.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or a key or value is wrong.
+    fn read(&self, folder: &RunFolder) -> Result<Resolved, Error>;
+
+    /// The configuration of a preset as TOML, each key with its documentation.
+    ///
+    /// # Errors
+    /// When there is no such preset.
+    fn annotated(&self, preset: &str) -> Result<String, Error>;
+
+    /// Starts a run.
+    ///
+    /// # Errors
+    /// When the data cannot be read or has too few views.
+    fn start(&self, config: &Resolved) -> Result<Box<dyn Training>, Error>;
+
+    /// Continues the run of a folder.
+    ///
+    /// # Errors
+    /// When the folder or the data cannot be read, or do not fit together.
+    fn resume(&self, folder: &RunFolder) -> Result<Box<dyn Training>, Error>;
+
+    /// Opens the averaged weights of a run's folder.
+    ///
+    /// # Errors
+    /// When the folder cannot be read, or its checkpoint is of another model.
+    fn open(&self, folder: &RunFolder) -> Result<OpenRun, Error>;
+}
+
+/// A training run of some model.
+pub trait Training: Send {
+    /// Steps done and steps planned.
+    fn steps(&self) -> (usize, usize);
+
+    /// What is about to happen, for people.
+    fn plan(&self) -> String;
+
+    /// See [`Session::trace_to`].
+    fn trace_to(&mut self, path: &Path);
+
+    /// See [`Session::dry_run`].
+    ///
+    /// # Errors
+    /// As [`Training::train`].
+    fn dry_run(self: Box<Self>, folder: &RunFolder) -> Result<DryRun, Error>;
+
+    /// See [`Session::train`].
+    ///
+    /// # Errors
+    /// When a loss diverges or something cannot be written.
+    fn train(&mut self, folder: &RunFolder, observer: &mut dyn Observer, stop: &AtomicBool) -> Result<Summary, Error>;
+
+    /// What a progress bar says beside a step.
+    fn labeler(&self) -> fn(&StepReport) -> String;
+}
+
+impl<R: Recipe> Training for Session<R> {
+    fn steps(&self) -> (usize, usize) {
+        self.steps()
+    }
+
+    fn plan(&self) -> String {
+        self.plan()
+    }
+
+    fn trace_to(&mut self, path: &Path) {
+        self.trace_to(path);
+    }
+
+    fn dry_run(self: Box<Self>, folder: &RunFolder) -> Result<DryRun, Error> {
+        Session::dry_run(*self, folder)
+    }
+
+    fn train(&mut self, folder: &RunFolder, observer: &mut dyn Observer, stop: &AtomicBool) -> Result<Summary, Error> {
+        self.train(folder, observer, stop)
+    }
+
+    fn labeler(&self) -> fn(&StepReport) -> String {
+        R::label
+    }
+}
+
+/// A trained run, ready to be evaluated or used.
+#[derive(Debug)]
+pub struct OpenRun {
+    /// The network with its averaged weights.
+    pub predictor: Box<dyn Predictor>,
+    /// Steps that the weights were trained for.
+    pub step: usize,
+    /// The run's seed.
+    pub seed: u64,
+    /// The run's data.
+    pub data: DataConfig,
+    /// How the run is evaluated.
+    pub evaluation: EvaluationConfig,
+}
+
+/// Which scenes to evaluate on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// The data of the run.
+    Run,
+    /// Folders of captures.
+    Folders(Vec<PathBuf>),
+    /// The built-in procedural scenes that are never trained on.
+    Unseen,
+}
+
+/// What an evaluation does otherwise than the run's configuration says.
+#[derive(Clone, Debug, Default)]
+pub struct Overrides {
+    /// Context views for each held-out view.
+    pub context_views: Option<usize>,
+    /// Whose cameras.
+    pub cameras: Option<crate::CameraMode>,
+    /// Which pixels get Gaussians, and how many.
+    pub density: Density,
+    /// File with the weights of LPIPS, to measure that, too.
+    pub lpips: Option<PathBuf>,
+}
+
+impl OpenRun {
+    /// Evaluates the weights; `progress` is told how many views of how many are done.
+    ///
+    /// # Errors
+    /// When the data cannot be read, or the options do not suit the model.
+    pub fn evaluate(
+        &mut self,
+        source: &Source,
+        overrides: &Overrides,
+        progress: &mut dyn FnMut(usize, usize),
+    ) -> Result<Evaluation, Error> {
+        let size @ [height, width] = self.predictor.image_size();
+        let scenes = match source {
+            Source::Run => scenes::load(&self.data, size)?,
+            Source::Folders(folders) => scenes::load_captures(folders, self.data.scene_scale, size)?,
+            Source::Unseen => procedural::default_unseen_set(width, height),
+        };
+        let lpips = overrides.lpips.as_deref().map(evaluate::load_lpips).transpose()?;
+        let options = Options {
+            context_views: overrides.context_views.unwrap_or(self.data.context_views),
+            cameras: overrides.cameras.unwrap_or(self.evaluation.cameras),
+            density: overrides.density,
+            seed: self.seed,
+            step: self.step,
+        };
+        evaluate::evaluate(&mut *self.predictor, &scenes, &options, lpips.as_ref(), progress)
+    }
+}
+
+/// The recipe `R` behind its name.
+#[derive(Clone, Copy, Debug, Default)]
+struct Named<R>(PhantomData<R>);
+
+impl<R: Recipe> Architecture for Named<R> {
+    fn name(&self) -> &'static str {
+        R::ARCHITECTURE
+    }
+
+    fn presets(&self) -> &'static [&'static str] {
+        R::PRESETS
+    }
+
+    fn resolve(&self, setup: &Setup) -> Result<Resolved, Error> {
+        let mut config = Config::<R>::resolve(setup.preset.as_deref(), setup.file.as_deref(), &setup.settings)?;
+        if !setup.data.is_empty() {
+            config.data.folders.clone_from(&setup.data);
+        }
+        // The run may be resumed or evaluated from elsewhere.
+        for folder in &mut config.data.folders {
+            let absolute = std::path::absolute(&folder);
+            *folder = absolute.map_err(|e| Error::Input(format!("{}: {e}", folder.display())))?;
+        }
+        config.seed = setup.seed.unwrap_or(config.seed);
+        config.threads = setup.threads.unwrap_or(config.threads);
+        if let Some(steps) = setup.steps {
+            config.rescale(steps);
+        }
+        Ok(resolved(&config))
+    }
+
+    fn read(&self, folder: &RunFolder) -> Result<Resolved, Error> {
+        Ok(resolved(&Config::<R>::read(&folder.config_path())?))
+    }
+
+    fn annotated(&self, preset: &str) -> Result<String, Error> {
+        Ok(Config::<R>::preset(preset)?.to_annotated_toml())
+    }
+
+    fn start(&self, config: &Resolved) -> Result<Box<dyn Training>, Error> {
+        Ok(Box::new(Session::<R>::new(Config::from_toml(&config.toml, "configuration")?)?))
+    }
+
+    fn resume(&self, folder: &RunFolder) -> Result<Box<dyn Training>, Error> {
+        let config = Config::<R>::read(&folder.config_path())?;
+        Ok(Box::new(Session::resume(config, &folder.checkpoint_path())?))
+    }
+
+    fn open(&self, folder: &RunFolder) -> Result<OpenRun, Error> {
+        let config = Config::<R>::read(&folder.config_path())?;
+        let checkpoint = Checkpoint::read(&folder.checkpoint_path())?;
+        let model: R::Model = checkpoint.model_config(R::ARCHITECTURE)?;
+        let mut params = Params::new();
+        let network = Arc::new(R::build(&model, &mut params, config.seed));
+        checkpoint.fill(&mut params, WeightSet::Averaged)?;
+        Ok(OpenRun {
+            predictor: R::predictor(network, params, &config)?,
+            step: checkpoint.step,
+            seed: config.seed,
+            data: config.data,
+            evaluation: config.evaluation,
+        })
+    }
+}
+
+fn resolved<R: Recipe>(config: &Config<R>) -> Resolved {
+    Resolved {
+        architecture: R::ARCHITECTURE.into(),
+        preset: config.preset.clone(),
+        threads: config.threads,
+        toml: config.to_toml(),
+    }
+}
+
+/// Recipes by name: the one place where a name selects a model, be it for training, evaluation or inference.
+#[derive(Debug, Default)]
+pub struct Registry {
+    entries: Vec<Box<dyn Architecture>>,
+}
+
+impl Registry {
+    /// A registry without recipes.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a recipe. The first is the default.
+    #[must_use]
+    pub fn with<R: Recipe>(mut self) -> Self {
+        self.entries.push(Box::new(Named::<R>(PhantomData)));
+        self
+    }
+
+    /// The recipes, in the order in which they were added.
+    pub fn iter(&self) -> impl Iterator<Item = &dyn Architecture> {
+        self.entries.iter().map(|entry| &**entry)
+    }
+
+    /// The recipe with a name, or the first.
+    ///
+    /// # Errors
+    /// When no recipe has that name; the message lists those there are.
+    pub fn find(&self, name: Option<&str>) -> Result<&dyn Architecture, Error> {
+        let found = self.iter().find(|entry| name.is_none_or(|name| entry.name() == name));
+        found.ok_or_else(|| {
+            let known: Vec<&str> = self.iter().map(|entry| entry.name()).collect();
+            Error::Input(format!("model: expected one of {}, found `{}`", known.join(", "), name.unwrap_or("")))
+        })
+    }
+
+    /// The recipe that the run in a folder was trained with.
+    ///
+    /// # Errors
+    /// When the folder holds no run, or one of an unknown model.
+    pub fn of_run(&self, folder: &RunFolder) -> Result<&dyn Architecture, Error> {
+        let path = folder.config_path();
+        let text = weaver_io::read_text(&path)?;
+        let source = path.display().to_string();
+        let wrong = |message: String| Error::Config { place: source.clone(), message };
+        let table: toml::Table = text.parse().map_err(|e: toml::de::Error| wrong(e.to_string()))?;
+        let name = table.get("architecture").and_then(toml::Value::as_str);
+        let name = name.ok_or_else(|| wrong("architecture: expected the name of a model, found nothing".into()))?;
+        self.find(Some(name)).map_err(|e| wrong(e.to_string()))
+    }
+}
+
+/// Creates the folder of a new run and saves its configuration.
+///
+/// # Errors
+/// [`Error::RunExists`] when there is a run in it already, or when it cannot be written.
+pub fn create_run(path: &Path, config: &Resolved) -> Result<RunFolder, Error> {
+    let folder = RunFolder::at(path);
+    if folder.config_path().exists() || folder.checkpoint_path().exists() {
+        return Err(Error::RunExists { path: path.to_path_buf() });
+    }
+    weaver_io::create_folder(path.join("samples"))?;
+    weaver_io::write_text(folder.config_path(), &config.toml)?;
+    Ok(folder)
+}
