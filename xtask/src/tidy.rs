@@ -12,7 +12,7 @@ const EDGES: &[(&str, &[&str])] = &[
     ("weaver-scene", &["weaver-geometry"]),
     ("weaver-io", &["weaver-scene", "weaver-geometry"]),
     ("weaver-nn", &["weaver-autograd", "weaver-kernels"]),
-    ("weaver-splat", &["weaver-scene", "weaver-autograd", "weaver-kernels", "weaver-geometry"]),
+    ("weaver-splat", &["weaver-scene", "weaver-pose", "weaver-autograd", "weaver-kernels", "weaver-geometry"]),
     ("weaver-wavelet", &["weaver-autograd", "weaver-kernels"]),
     ("weaver-router", &["weaver-nn", "weaver-autograd", "weaver-kernels"]),
     ("weaver-experts", &["weaver-router", "weaver-splat", "weaver-nn", "weaver-autograd", "weaver-kernels"]),

@@ -12,8 +12,8 @@ use std::path::Path;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
 use weaver_io::{Image, read_ply, read_splat, read_spz};
-use weaver_scene::{ActivatedGaussians, CameraRows, Gaussians};
-use weaver_splat::{Images, RasterSettings, Workspace, rasterize};
+use weaver_scene::Gaussians;
+use weaver_splat::{RasterSettings, Workspace, render};
 
 /// Width of an orbit's pictures.
 const WIDTH: usize = 640;
@@ -29,7 +29,7 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
     };
     let mut output = Output::create(arguments, &cameras)?;
     let activated = splats.to_activated();
-    let mut workspace = Workspace::new();
+    let (settings, mut workspace) = (RasterSettings::default(), Workspace::new());
     let mut progress = Progress::new("render", 0, cameras.len(), console);
     let stems = cameras::stems(&cameras);
     let jobs: Vec<_> = cameras.iter().zip(&stems).collect();
@@ -39,7 +39,10 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
         let draw = || -> Result<Vec<_>, Failure> {
             let mut drawn = Vec::new();
             for (view, stem) in group {
-                drawn.push((stem.as_str(), draw(&activated, &view.camera, arguments.background, &mut workspace)?));
+                let camera = std::slice::from_ref(&view.camera);
+                let pixels = render(&activated, camera, arguments.background, &settings, &mut workspace)?;
+                let Camera { width, height, .. } = view.camera;
+                drawn.push((stem.as_str(), Image { width, height, pixels: pixels.concat() }));
                 done += 1;
                 progress.at(done, cameras.len(), String::new, console);
             }
@@ -108,21 +111,6 @@ fn read(path: &Path) -> Result<Gaussians, Failure> {
         Some("spz") => read_spz(path)?,
         _ => read_ply(path)?,
     })
-}
-
-fn draw(
-    gaussians: &ActivatedGaussians,
-    camera: &Camera,
-    background: [f32; 3],
-    workspace: &mut Workspace<f32>,
-) -> Result<Image, Failure> {
-    let mut image = Image::filled(camera.width, camera.height, [0.0; 3]);
-    let mut alpha = vec![0.0; camera.width * camera.height];
-    let images = Images { image: &mut image.pixels, alpha: &mut alpha, depth: None, features: None };
-    let rows = CameraRows::new(std::slice::from_ref(camera));
-    let cameras = rows.as_slices(&background);
-    rasterize(&gaussians.as_slices(), &cameras, &RasterSettings::default(), workspace, images)?;
-    Ok(image)
 }
 
 /// `count` cameras on a circle around the middle of the scene, starting before it (toward -z of the world, where the

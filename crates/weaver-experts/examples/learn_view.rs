@@ -10,8 +10,9 @@ use weaver_experts::{CardinalityHead, HeadConfig, PixelInputs};
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
 use weaver_nn::{AdamW, Builder, Context, Group, WarmupCosine};
+use weaver_pose::CameraVars;
 use weaver_router::{Allocation, AllocationRequest, Assignment, Grid};
-use weaver_splat::{CameraVars, RasterSettings, Rasterize, WorkspacePool};
+use weaver_splat::{RasterSettings, Rasterize, WorkspacePool};
 
 const WIDTH: usize = 96;
 const HEIGHT: usize = 72;
@@ -68,7 +69,7 @@ impl Photo {
         let gaussians = head.gaussians(cx, &pixels, &assignment.expert, None).gaussians;
         let background = tape.constant(&[0.0; 3], [3]);
         let rasterize = Rasterize::new(WIDTH, HEIGHT, RasterSettings::default(), workspaces);
-        rasterize.apply(&gaussians, &CameraVars { viewmats, intrinsics, background }).image
+        rasterize.apply(&gaussians, &CameraVars { viewmats, intrinsics }, background).image
     }
 }
 

@@ -7,8 +7,8 @@ use weaver_geometry::glam::DVec3;
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
 use weaver_router::AllocationKind;
-use weaver_scene::{ActivatedGaussians, CameraRows};
-use weaver_splat::{Images, RasterError, RasterSettings, Workspace};
+use weaver_scene::ActivatedGaussians;
+use weaver_splat::{RasterSettings, Workspace};
 
 /// Photos of one size, in the layout of the networks.
 #[derive(Clone, Copy, Debug)]
@@ -115,38 +115,19 @@ pub trait Predictor: fmt::Debug + Send {
     /// The rasterizer's memory.
     fn workspace(&mut self) -> &mut Workspace<f32>;
 
-    /// Renders Gaussians with the model's settings; one image per camera, all of one size.
+    /// Renders Gaussians with the model's settings: one image per camera, values clamped to [0, 1].
     ///
     /// # Errors
     /// When sizes do not fit or there are too many Gaussians for one call.
     fn render(&mut self, gaussians: &ActivatedGaussians, cameras: &[Camera]) -> Result<Vec<Image>, Error> {
         let (background, settings) = (self.background(), self.raster_settings());
-        Ok(render(gaussians, cameras, background, &settings, self.workspace())?)
+        let rendered = weaver_splat::render(gaussians, cameras, background, &settings, self.workspace())?;
+        let image = |(mut pixels, camera): (Vec<f32>, &Camera)| {
+            pixels.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0));
+            Image { width: camera.width, height: camera.height, pixels }
+        };
+        Ok(rendered.into_iter().zip(cameras).map(image).collect())
     }
-}
-
-/// Renders Gaussians; one image per camera, all of one size.
-///
-/// # Errors
-/// When sizes do not fit or there are too many Gaussians for one call.
-pub fn render(
-    gaussians: &ActivatedGaussians,
-    cameras: &[Camera],
-    background: [f32; 3],
-    settings: &RasterSettings,
-    workspace: &mut Workspace<f32>,
-) -> Result<Vec<Image>, RasterError> {
-    let Some(first) = cameras.first() else { return Ok(Vec::new()) };
-    let (width, height, pixels) = (first.width, first.height, first.width * first.height);
-    let rows = CameraRows::new(cameras);
-    let mut image = vec![0.0; 3 * pixels * cameras.len()];
-    let mut alpha = vec![0.0; pixels * cameras.len()];
-    let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
-    weaver_splat::rasterize(&gaussians.as_slices(), &rows.as_slices(&background), settings, workspace, images)?;
-    Ok(image
-        .chunks(3 * pixels)
-        .map(|view| Image { width, height, pixels: view.iter().map(|x| x.clamp(0.0, 1.0)).collect() })
-        .collect())
 }
 
 /// Mean distance of the centers to camera 0: predicted over given. 1 where either stands still.

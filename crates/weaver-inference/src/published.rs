@@ -186,7 +186,7 @@ impl Scene<'_> {
                 tape.keep_only(mark, &[]);
             }
             let cameras = encoded.scene_cameras(0);
-            let (viewmats, intrinsics) = (&cameras.w2c.value(), &cameras.intrinsics.value());
+            let (viewmats, intrinsics) = (&cameras.viewmats.value(), &cameras.intrinsics.value());
             CameraSlices { viewmats, intrinsics, background: &[], width, height }.to_cameras()
         });
         if depth.iter().chain(&confidence).any(|x| !x.is_finite()) {

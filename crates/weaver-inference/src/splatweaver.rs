@@ -9,7 +9,7 @@ use weaver_geometry::Camera;
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_nn::Context;
-use weaver_pose::Cameras as CameraVars;
+use weaver_pose::CameraVars;
 use weaver_router::AllocationKind;
 use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices};
 use weaver_splat::{RasterSettings, Workspace};
@@ -108,7 +108,7 @@ impl Predictor for SplatWeaverPredictor {
             let photos = tape.constant(planes, [views, 3, height, width]);
             let encoded = model.encode(cx, photos.reshape([1, views, 3, height, width]));
             let read = |cameras: &CameraVars<'_, f32>| {
-                let (viewmats, intrinsics) = (&cameras.w2c.value(), &cameras.intrinsics.value());
+                let (viewmats, intrinsics) = (&cameras.viewmats.value(), &cameras.intrinsics.value());
                 CameraSlices { viewmats, intrinsics, background: &[], width, height }.to_cameras()
             };
             let predicted = read(&encoded.cameras);
@@ -124,7 +124,7 @@ impl Predictor for SplatWeaverPredictor {
                 Some(cameras) => {
                     let rows = CameraRows::new(cameras);
                     CameraVars {
-                        w2c: tape.constant(&rows.viewmats, [views, 3, 4]),
+                        viewmats: tape.constant(&rows.viewmats, [views, 3, 4]),
                         intrinsics: tape.constant(&rows.intrinsics, [views, 4]),
                     }
                 }

@@ -5,7 +5,7 @@ use weaver_autograd::{Buffer, Params, Real, Var};
 use weaver_experts::{CardinalityHead, PixelGaussians, PixelInputs};
 use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
-use weaver_pose::Cameras;
+use weaver_pose::CameraVars;
 use weaver_router::{Allocation, AllocationRequest, Assignment};
 use weaver_splat::GaussianVars;
 use weaver_vggt::{Encoded, FeatureHead, Vggt};
@@ -176,21 +176,21 @@ impl SplatWeaver {
         [maps.depth, maps.confidence, features, logits]
     }
 
-    /// Gives pixels their Gaussians: unprojects with `cameras` (w2c `[V, 3, 4]`, intrinsics `[V, 4]`), allocates, and
+    /// Gives pixels their Gaussians: unprojects with `cameras` (viewmats `[V, 3, 4]`, intrinsics `[V, 4]`), allocates, and
     /// decodes.
     pub fn gaussians<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,
         dense: &Dense<'t, T>,
         photos: Var<'t, T>,
-        cameras: &Cameras<'t, T>,
+        cameras: &CameraVars<'t, T>,
         allocation: &dyn Allocation<T>,
         stream: Stream,
     ) -> PredictedGaussians<'t, T> {
         let [views, height, width] = [photos.shape()[0], photos.shape()[2], photos.shape()[3]];
         let pixels = views * height * width;
         let center = self.config.dense.pixel_center;
-        let points = weaver_pose::unproject(dense.depth, cameras.w2c, cameras.intrinsics, center);
+        let points = weaver_pose::unproject(dense.depth, cameras.viewmats, cameras.intrinsics, center);
         let in_footprints = self.config.gaussians.parametrization == ParametrizationKind::Footprint;
         let footprints = in_footprints.then(|| {
             let focal = cameras.intrinsics.slice(1, 0, 1).reshape([views, 1, 1]).expand(dense.depth.shape());

@@ -18,7 +18,7 @@ fn unproject(c: &mut Criterion) {
             {
                 let depth = tape.leaf(&depth, [views, height, width]);
                 let cameras = weaver_pose::cameras(tape.leaf(&codes, [views, 9]), height, width);
-                let points = weaver_pose::unproject(depth, cameras.w2c, cameras.intrinsics, 0.5);
+                let points = weaver_pose::unproject(depth, cameras.viewmats, cameras.intrinsics, 0.5);
                 points.backward_with(&cotangent);
                 black_box(depth.grad());
             }

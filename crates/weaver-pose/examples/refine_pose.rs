@@ -10,7 +10,7 @@ use weaver_geometry::{Pose, trajectory::look_at};
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
 use weaver_nn::{AdamW, Group, WarmupCosine};
-use weaver_splat::{CameraVars, GaussianVars, RasterSettings, Rasterize, WorkspacePool};
+use weaver_splat::{GaussianVars, RasterSettings, Rasterize, WorkspacePool};
 
 const WIDTH: usize = 128;
 const HEIGHT: usize = 96;
@@ -43,8 +43,7 @@ fn render<'t>(scene: &[Vec<f32>; 5], code: Var<'t>, workspaces: &WorkspacePool<f
     };
     let camera = weaver_pose::cameras(code, HEIGHT, WIDTH);
     let background = tape.constant(&[0.05; 3], [3]);
-    let cameras = CameraVars { viewmats: camera.w2c, intrinsics: camera.intrinsics, background };
-    Rasterize::new(WIDTH, HEIGHT, RasterSettings::default(), workspaces).apply(&gaussians, &cameras).image
+    Rasterize::new(WIDTH, HEIGHT, RasterSettings::default(), workspaces).apply(&gaussians, &camera, background).image
 }
 
 fn code(pose: &Pose, fov: f32) -> Vec<f32> {

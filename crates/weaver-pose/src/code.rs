@@ -13,9 +13,9 @@ pub const TANGENT_MARGIN: f64 = 1e-3;
 
 /// Cameras on the tape.
 #[derive(Clone, Copy, Debug)]
-pub struct Cameras<'t, T: Real = f32> {
+pub struct CameraVars<'t, T: Real = f32> {
     /// World-to-camera `[R | T]`, OpenCV axes, `[.., 3, 4]`.
-    pub w2c: Var<'t, T>,
+    pub viewmats: Var<'t, T>,
     /// fx, fy, cx, cy in pixels, `[.., 4]`.
     pub intrinsics: Var<'t, T>,
 }
@@ -67,15 +67,15 @@ impl RowMap<9, 16> for Decode {
 
 /// The cameras that activated pose codes stand for.
 ///
-/// w2c = [R(q) | T]; fy = (H / 2) / (tan(fov_y / 2) + 1e-3), fx likewise from W; the principal point is the image's
-/// middle. `code` `[.., 9]` gives w2c `[.., 3, 4]` and intrinsics `[.., 4]` for an image of `height` x `width` pixels.
+/// viewmats = [R(q) | T]; fy = (H / 2) / (tan(fov_y / 2) + 1e-3), fx likewise from W; the principal point is the image's
+/// middle. `code` `[.., 9]` gives viewmats `[.., 3, 4]` and intrinsics `[.., 4]` for an image of `height` x `width` pixels.
 /// Differentiable in all nine numbers. The encoding is "absT_quaR_FoV" of VGGT (Wang et al. 2025, arXiv
 /// 2503.11651) with AnySplat's margin on the tangent.
 #[track_caller]
-pub fn cameras<T: Real>(code: Var<'_, T>, height: usize, width: usize) -> Cameras<'_, T> {
+pub fn cameras<T: Real>(code: Var<'_, T>, height: usize, width: usize) -> CameraVars<'_, T> {
     let decode = Decode { height: height as f64, width: width as f64 };
-    let [w2c, intrinsics] = code.tape().apply(RowMapOp(decode), &[code]);
-    Cameras { w2c, intrinsics }
+    let [viewmats, intrinsics] = code.tape().apply(RowMapOp(decode), &[code]);
+    CameraVars { viewmats, intrinsics }
 }
 
 #[derive(Debug)]
@@ -97,13 +97,13 @@ impl RowMap<16, 9> for Encode {
 
 /// The pose codes of cameras.
 ///
-/// T and the unit quaternion with w not negative of w2c = [R | T]; fov_y = 2 atan(H / 2 / fy), fov_x likewise from W.
-/// `w2c` `[.., 3, 4]` and `intrinsics` fx, fy, cx, cy in pixels `[.., 4]` give `[.., 9]` for images of `height` x `width`
+/// T and the unit quaternion with w not negative of viewmats = [R | T]; fov_y = 2 atan(H / 2 / fy), fov_x likewise from W.
+/// `viewmats` `[.., 3, 4]` and `intrinsics` fx, fy, cx, cy in pixels `[.., 4]` give `[.., 9]` for images of `height` x `width`
 /// pixels. Differentiable in both (R's entries each on its own); the principal point is lost and its gradient 0. Not
 /// quite the inverse of [`cameras`], which adds [`TANGENT_MARGIN`]. Source: as there.
 #[track_caller]
-pub fn encode<'t, T: Real>(w2c: Var<'t, T>, intrinsics: Var<'t, T>, height: usize, width: usize) -> Var<'t, T> {
+pub fn encode<'t, T: Real>(viewmats: Var<'t, T>, intrinsics: Var<'t, T>, height: usize, width: usize) -> Var<'t, T> {
     let encode = Encode { height: height as f64, width: width as f64 };
-    let [code] = w2c.tape().apply(RowMapOp(encode), &[w2c, intrinsics]);
+    let [code] = viewmats.tape().apply(RowMapOp(encode), &[viewmats, intrinsics]);
     code
 }

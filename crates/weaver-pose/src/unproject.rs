@@ -103,13 +103,16 @@ impl<T: Real> Op<T> for Unproject {
     }
 
     fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
-        ensure_shape!(ins.len() == 3 && ins[0].rank() >= 2, "depth [.., H, W], w2c [.., 3, 4], intrinsics [.., 4]");
+        ensure_shape!(
+            ins.len() == 3 && ins[0].rank() >= 2,
+            "depth [.., H, W], viewmats [.., 3, 4], intrinsics [.., 4]"
+        );
         let depth = ins[0].dims();
         let leading = &depth[..depth.len() - 2];
         let ends = |shape: &Shape, last: &[usize]| shape.dims().strip_prefix(leading).is_some_and(|rest| rest == last);
         ensure_shape!(
             ends(&ins[1], &[3, 4]) && ends(&ins[2], &[4]),
-            "w2c {leading:?} x [3, 4] and intrinsics {leading:?} x [4]"
+            "viewmats {leading:?} x [3, 4] and intrinsics {leading:?} x [4]"
         );
         Ok(Shapes::one(joined(depth, &[3])))
     }
@@ -166,7 +169,7 @@ impl<T: Real> Op<T> for Unproject {
 /// The world point of every pixel of a depth map.
 ///
 /// X = R^T (((u - cx) z / fx, (v - cy) z / fy, z) - T) with u = column + `pixel_offset`, v = row + `pixel_offset`.
-/// `depth` z `[.., H, W]` along the optical axis, `w2c` [R | T] `[.., 3, 4]`, `intrinsics` fx, fy, cx, cy in pixels
+/// `depth` z `[.., H, W]` along the optical axis, `viewmats` [R | T] `[.., 3, 4]`, `intrinsics` fx, fy, cx, cy in pixels
 /// `[.., 4]` give points `[.., H, W, 3]`. Differentiable in all three (R's entries each on its own). `pixel_offset` is 0.5
 /// where pixel centers lie at half-integers, as the rasterizer has it, and 0 for the published weights.
 ///
@@ -174,18 +177,18 @@ impl<T: Real> Op<T> for Unproject {
 /// use weaver_autograd::Tape;
 /// let tape = Tape::<f64>::new();
 /// let identity = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-/// let (depth, w2c) = (tape.leaf(&[2.0], [1, 1]), tape.leaf(&identity, [3, 4]));
+/// let (depth, viewmats) = (tape.leaf(&[2.0], [1, 1]), tape.leaf(&identity, [3, 4]));
 /// let intrinsics = tape.leaf(&[1.0, 1.0, 0.0, 0.5], [4]);
-/// let points = weaver_pose::unproject(depth, w2c, intrinsics, 0.5);
+/// let points = weaver_pose::unproject(depth, viewmats, intrinsics, 0.5);
 /// assert_eq!(points.to_vec(), [1.0, 0.0, 2.0]);
 /// ```
 #[track_caller]
 pub fn unproject<'t, T: Real>(
     depth: Var<'t, T>,
-    w2c: Var<'t, T>,
+    viewmats: Var<'t, T>,
     intrinsics: Var<'t, T>,
     pixel_offset: f64,
 ) -> Var<'t, T> {
-    let [points] = depth.tape().apply(Unproject { pixel_offset }, &[depth, w2c, intrinsics]);
+    let [points] = depth.tape().apply(Unproject { pixel_offset }, &[depth, viewmats, intrinsics]);
     points
 }

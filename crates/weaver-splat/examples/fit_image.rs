@@ -8,7 +8,8 @@ use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_io::{Background, Image};
 use weaver_kernels::random::Stream;
 use weaver_nn::{AdamW, Context, Group, WarmupCosine};
-use weaver_splat::{CameraVars, GaussianVars, RasterSettings, Rasterize, WorkspacePool};
+use weaver_pose::CameraVars;
+use weaver_splat::{GaussianVars, RasterSettings, Rasterize, WorkspacePool};
 
 const GAUSSIANS: usize = 2000;
 const STEPS: u64 = 400;
@@ -56,9 +57,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let camera = CameraVars {
             viewmats: tape.constant(&[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0], [1, 3, 4]),
             intrinsics: tape.constant(&[focal, focal, cx, cy], [1, 4]),
-            background: tape.constant(&[0.0; 3], [3]),
         };
-        let image = Rasterize::new(w, h, RasterSettings::default(), &workspaces).apply(&gaussians, &camera).image;
+        let background = tape.constant(&[0.0; 3], [3]);
+        let rasterize = Rasterize::new(w, h, RasterSettings::default(), &workspaces);
+        let image = rasterize.apply(&gaussians, &camera, background).image;
         let loss = (image - tape.constant(&photo.pixels, image.shape())).square().mean();
         if step % 100 == 0 {
             println!("step {step:3}: {:.2} dB", -10.0 * loss.item().log10());

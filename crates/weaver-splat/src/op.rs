@@ -10,6 +10,7 @@ use crate::workspace::Workspace;
 use std::sync::{Arc, Mutex, PoisonError};
 use weaver_autograd::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::Real;
+use weaver_pose::CameraVars;
 use weaver_scene::{CameraSlices, Color, Features, GaussianSlices};
 
 /// Workspaces that are kept from step to step. Cloning shares the pool.
@@ -49,7 +50,8 @@ impl<T: Real> Default for WorkspacePool<T> {
 ///
 /// ```
 /// use weaver_autograd::Tape;
-/// use weaver_splat::{CameraVars, GaussianVars, RasterSettings, Rasterize, WorkspacePool};
+/// use weaver_pose::CameraVars;
+/// use weaver_splat::{GaussianVars, RasterSettings, Rasterize, WorkspacePool};
 /// let workspaces = WorkspacePool::new();
 /// let tape = Tape::<f32>::new();
 /// let gaussians = GaussianVars {
@@ -62,9 +64,9 @@ impl<T: Real> Default for WorkspacePool<T> {
 /// let cameras = CameraVars {
 ///     viewmats: tape.constant(&[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0], [1, 3, 4]),
 ///     intrinsics: tape.constant(&[10.0, 10.0, 1.5, 1.5], [1, 4]),
-///     background: tape.constant(&[0.0; 3], [3]),
 /// };
-/// let drawn = Rasterize::new(3, 3, RasterSettings::default(), &workspaces).apply(&gaussians, &cameras);
+/// let background = tape.constant(&[0.0; 3], [3]);
+/// let drawn = Rasterize::new(3, 3, RasterSettings::default(), &workspaces).apply(&gaussians, &cameras, background);
 /// drawn.image.sum().backward();
 /// assert!(gaussians.opacities.grad().unwrap()[0] > 0.0);
 /// ```
@@ -92,17 +94,6 @@ pub struct GaussianVars<'t, T: Real> {
     pub opacities: Var<'t, T>,
     /// `[N, 3]`, or `[N, K, 3]` for spherical harmonics, or `[N, 0]` for none.
     pub colors: Var<'t, T>,
-}
-
-/// The cameras as tensors; shapes are with [`Rasterize`].
-#[derive(Clone, Copy, Debug)]
-pub struct CameraVars<'t, T: Real> {
-    /// `[V, 3, 4]` or `[V, 4, 4]`
-    pub viewmats: Var<'t, T>,
-    /// `[V, 4]`
-    pub intrinsics: Var<'t, T>,
-    /// `[3]` or `[V, 3]`
-    pub background: Var<'t, T>,
 }
 
 /// What was drawn.
@@ -143,23 +134,29 @@ impl<T: Real> Rasterize<T> {
         self
     }
 
-    /// Draws. Panics where shapes do not fit.
+    /// Draws over `background` `[3]` or `[V, 3]`. Panics where shapes do not fit.
     #[track_caller]
-    pub fn apply<'t>(self, gaussians: &GaussianVars<'t, T>, cameras: &CameraVars<'t, T>) -> RenderedVars<'t, T> {
-        let [image, alpha, depth, counts] = gaussians.means.tape().apply(self, &inputs(gaussians, cameras));
+    pub fn apply<'t>(
+        self,
+        gaussians: &GaussianVars<'t, T>,
+        cameras: &CameraVars<'t, T>,
+        background: Var<'t, T>,
+    ) -> RenderedVars<'t, T> {
+        let [image, alpha, depth, counts] = gaussians.means.tape().apply(self, &inputs(gaussians, cameras, background));
         RenderedVars { image, alpha, depth, counts }
     }
 
-    /// Draws, and blends `features` `[N, C]` over a background of zeros: `[V, H, W, C]`, sum of w f. Panics where shapes
+    /// Draws over `background`, and blends `features` `[N, C]` over zeros: `[V, H, W, C]`, sum of w f. Panics where shapes
     /// do not fit.
     #[track_caller]
     pub fn apply_with_features<'t>(
         self,
         gaussians: &GaussianVars<'t, T>,
         cameras: &CameraVars<'t, T>,
+        background: Var<'t, T>,
         features: Var<'t, T>,
     ) -> (RenderedVars<'t, T>, Var<'t, T>) {
-        let [a, b, c, d, e, f, g, h] = inputs(gaussians, cameras);
+        let [a, b, c, d, e, f, g, h] = inputs(gaussians, cameras, background);
         let [image, alpha, depth, features, counts] = features.tape().apply(self, &[a, b, c, d, e, f, g, h, features]);
         (RenderedVars { image, alpha, depth, counts }, features)
     }
@@ -191,9 +188,13 @@ impl<T: Real> Rasterize<T> {
 }
 
 /// The inputs that every drawing has.
-fn inputs<'t, T: Real>(gaussians: &GaussianVars<'t, T>, cameras: &CameraVars<'t, T>) -> [Var<'t, T>; 8] {
+fn inputs<'t, T: Real>(
+    gaussians: &GaussianVars<'t, T>,
+    cameras: &CameraVars<'t, T>,
+    background: Var<'t, T>,
+) -> [Var<'t, T>; 8] {
     let GaussianVars { means, quats, scales, opacities, colors } = *gaussians;
-    let CameraVars { viewmats, intrinsics, background } = *cameras;
+    let CameraVars { viewmats, intrinsics } = *cameras;
     [means, quats, scales, opacities, colors, viewmats, intrinsics, background]
 }
 

@@ -9,7 +9,7 @@ use weaver_autograd::{List, Shape, Var};
 use weaver_geometry::Camera;
 use weaver_losses::{self as losses, Lpips};
 use weaver_nn::Context;
-use weaver_pose::Cameras as CameraVars;
+use weaver_pose::CameraVars;
 use weaver_scene::{intrinsics_row, viewmat};
 
 /// How many terms are kept without allocating.
@@ -192,7 +192,7 @@ impl DepthLosses {
 /// The data's cameras as constants on the tape.
 pub fn camera_constants<'t>(cx: Context<'t, '_, f32>, cameras: &[Camera]) -> CameraVars<'t> {
     CameraVars {
-        w2c: rows(cx, cameras.iter().map(|c| viewmat(&c.pose)), [cameras.len(), 3, 4]),
+        viewmats: rows(cx, cameras.iter().map(|c| viewmat(&c.pose)), [cameras.len(), 3, 4]),
         intrinsics: rows(cx, cameras.iter().map(intrinsics_row), [cameras.len(), 4]),
     }
 }

@@ -6,7 +6,7 @@ use crate::{
 };
 use weaver_autograd::{List, Real, Var};
 use weaver_nn::{Builder, Context};
-use weaver_pose::Cameras;
+use weaver_pose::CameraVars;
 
 /// Sizes and start of a [`Vggt`].
 #[derive(Clone, Debug, PartialEq)]
@@ -45,14 +45,14 @@ pub struct Encoded<'t, T: Real = f32> {
     pub raw: List<Var<'t, T>>,
     /// Pose codes `[B, V, 9]` of every refinement as emitted, in the frame that the camera head's configuration says.
     pub codes: List<Var<'t, T>>,
-    /// The cameras of the last refinement: w2c `[B, V, 3, 4]`, intrinsics `[B, V, 4]`.
-    pub cameras: Cameras<'t, T>,
+    /// The cameras of the last refinement: viewmats `[B, V, 3, 4]`, intrinsics `[B, V, 4]`.
+    pub cameras: CameraVars<'t, T>,
 }
 
 impl<'t, T: Real> Encoded<'t, T> {
-    /// The cameras of scene `b`: w2c `[V, 3, 4]`, intrinsics `[V, 4]`.
-    pub fn scene_cameras(&self, b: usize) -> Cameras<'t, T> {
-        Cameras { w2c: entry(self.cameras.w2c, b), intrinsics: entry(self.cameras.intrinsics, b) }
+    /// The cameras of scene `b`: viewmats `[V, 3, 4]`, intrinsics `[V, 4]`.
+    pub fn scene_cameras(&self, b: usize) -> CameraVars<'t, T> {
+        CameraVars { viewmats: entry(self.cameras.viewmats, b), intrinsics: entry(self.cameras.intrinsics, b) }
     }
 
     /// The tokens of some views of scene `b`, one `[views, T, 2 D]` for each level.

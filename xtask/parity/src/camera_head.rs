@@ -3,7 +3,7 @@
 use super::reference::Reference;
 use weaver_autograd::{Params, Real, Tape, Var};
 use weaver_nn::{Builder, Context, Init, WeightInit};
-use weaver_pose::Cameras;
+use weaver_pose::CameraVars;
 use weaver_vggt::{CameraHead, CameraHeadConfig};
 
 /// 3x3 matrices of rows fx, fy, cx, cy; `corner` is the last entry.
@@ -33,8 +33,8 @@ fn inverse<T: Real>(rows: &[T]) -> Vec<T> {
     rows.chunks_exact(12).flat_map(one).collect()
 }
 
-pub fn check_cameras<T: Real>(file: &Reference, cameras: &Cameras<'_, T>) {
-    file.check("out.extrinsics", &cameras.w2c.value());
+pub fn check_cameras<T: Real>(file: &Reference, cameras: &CameraVars<'_, T>) {
+    file.check("out.extrinsics", &cameras.viewmats.value());
     file.check("out.intrinsics", &matrices(&cameras.intrinsics.value(), 1.0));
 }
 
@@ -68,11 +68,11 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     let last = estimates.last().expect("at least one iteration").code;
     let cameras = weaver_pose::cameras(last, height, width);
     check_cameras(&file, &cameras);
-    file.check("out.c2w", &inverse(&cameras.w2c.value()));
+    file.check("out.c2w", &inverse(&cameras.viewmats.value()));
     let size = [width, height, width, height].map(T::from_usize);
     let normalized: Vec<T> = cameras.intrinsics.value().iter().zip(size.iter().cycle()).map(|(k, n)| *k / *n).collect();
     file.check("out.intrinsics_normalised", &matrices(&normalized, 1.0));
-    loss = loss + file.weighted(cameras.w2c, "cot.extrinsics");
+    loss = loss + file.weighted(cameras.viewmats, "cot.extrinsics");
     loss = loss + weighted_intrinsics(&file, cameras.intrinsics, "cot.intrinsics");
     file.backward(loss);
     file.check_grad("grad.in.tokens", tokens);

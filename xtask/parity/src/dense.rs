@@ -40,7 +40,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     let depth = maps.depth.reshape([1, views, height, width]);
     let pose = file.leaf(&tape, "in.pose");
     let cameras = cameras(pose, height, width);
-    let points = unproject(depth, cameras.w2c, cameras.intrinsics, 0.0);
+    let points = unproject(depth, cameras.viewmats, cameras.intrinsics, 0.0);
     check_cameras(&file, &cameras);
     let outputs = [(depth, "depth"), (maps.confidence, "conf"), (points, "points")];
     let mut loss = tape.scalar(T::ZERO);

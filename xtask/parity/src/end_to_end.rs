@@ -12,7 +12,8 @@ use weaver_losses as losses;
 use weaver_losses::lpips::Network;
 use weaver_model::{BackboneConfig, CameraConfig, DenseConfig, GaussianConfig, ModelConfig, SplatWeaver};
 use weaver_nn::Context;
-use weaver_splat::{CameraVars, GaussianVars, RasterSettings, Rasterize, WorkspacePool};
+use weaver_pose::CameraVars;
+use weaver_splat::{GaussianVars, RasterSettings, Rasterize, WorkspacePool};
 
 /// The published network in the sizes of a file.
 fn config(file: &Reference) -> ModelConfig {
@@ -176,7 +177,8 @@ fn forward<'t, T: Real>(
     let background = tape.constant(&config.raster.background.map(T::from_f64), [3]);
     let drawn = Rasterize::new(width, height, settings, &WorkspacePool::new()).apply(
         &GaussianVars { means, opacities, ..*g },
-        &CameraVars { viewmats: cameras.w2c, intrinsics: cameras.intrinsics.detach(), background },
+        &CameraVars { viewmats: cameras.viewmats, intrinsics: cameras.intrinsics.detach() },
+        background,
     );
     let image_raw = drawn.image.permute(&[0, 3, 1, 2]).retain_grad();
     let render_depth = drawn.depth.retain_grad();

@@ -90,7 +90,7 @@ impl Operation<'_> {
                 let noise = self.file.constant(x[0].tape(), &self.key("noise"));
                 gumbel_softmax_straight_through(x[0], Some(noise), self.constant("temperature"))
             }),
-            "camera_decode_extrinsics" => self.check::<T>(&["p"], |x| weaver_pose::cameras(x[0], 1, 1).w2c),
+            "camera_decode_extrinsics" => self.check::<T>(&["p"], |x| weaver_pose::cameras(x[0], 1, 1).viewmats),
             "dpt_pos_embed" => {
                 let [height, width] = self.image();
                 self.check::<T>(&["x"], |x| add_position(x[0], height, width));
@@ -169,33 +169,33 @@ impl Operation<'_> {
     fn unproject<T: Real>(&self) {
         let file = self.file;
         let tape = Tape::<T>::new();
-        let (depth, w2c) = (file.leaf(&tape, &self.key("in.d")), file.leaf(&tape, &self.key("in.e")));
-        let shape = w2c.shape();
+        let (depth, viewmats) = (file.leaf(&tape, &self.key("in.d")), file.leaf(&tape, &self.key("in.e")));
+        let shape = viewmats.shape();
         let views = &shape.dims()[..shape.rank() - 2];
         let k = intrinsics(&file.data(&self.key("in.k")));
         let intrinsics = tape.leaf(&k, Shape::new(&[views, &[4]].concat()));
         let maps = depth.reshape(&depth.shape().dims()[..depth.shape().rank() - 1]);
-        let points = weaver_pose::unproject(maps, w2c, intrinsics, 0.0);
+        let points = weaver_pose::unproject(maps, viewmats, intrinsics, 0.0);
         file.check(&self.key("out"), &points.value());
         file.backward_with(points, &file.data(&self.key("cot")));
         file.check_grad(&self.key("grad.d"), depth);
-        file.check_grad(&self.key("grad.e"), w2c);
+        file.check_grad(&self.key("grad.e"), viewmats);
         file.check(&self.key("grad.k"), &matrices(&intrinsics.grad().unwrap_or_default(), 0.0));
     }
 
     fn encode<T: Real>(&self) {
         let file = self.file;
         let tape = Tape::<T>::new();
-        let w2c = file.leaf(&tape, &self.key("in.e"));
-        let shape = w2c.shape();
+        let viewmats = file.leaf(&tape, &self.key("in.e"));
+        let shape = viewmats.shape();
         let views = &shape.dims()[..shape.rank() - 2];
         let k = intrinsics(&file.data(&self.key("in.k")));
         let intrinsics = tape.leaf(&k, Shape::new(&[views, &[4]].concat()));
         let [height, width] = self.image();
-        let code = weaver_pose::encode(w2c, intrinsics, height, width);
+        let code = weaver_pose::encode(viewmats, intrinsics, height, width);
         file.check(&self.key("out"), &code.value());
         file.backward_with(code, &file.data(&self.key("cot")));
-        file.check_grad(&self.key("grad.e"), w2c);
+        file.check_grad(&self.key("grad.e"), viewmats);
         file.check(&self.key("grad.k"), &matrices(&intrinsics.grad().unwrap_or_default(), 0.0));
     }
 

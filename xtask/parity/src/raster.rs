@@ -3,7 +3,8 @@
 use super::camera_head::intrinsics;
 use super::reference::Reference;
 use weaver_autograd::{Real, Tape};
-use weaver_splat::{CameraVars, GaussianVars, RasterSettings, Rasterize, WorkspacePool};
+use weaver_pose::CameraVars;
+use weaver_splat::{GaussianVars, RasterSettings, Rasterize, WorkspacePool};
 
 /// The bar of these files, whose fragile pixels are marked.
 const BAR: f64 = 1e-4;
@@ -32,9 +33,9 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     let cameras = CameraVars {
         viewmats: tape.leaf(&file.data("in.viewmat"), [1, 4, 4]),
         intrinsics: tape.leaf(&intrinsics(&file.data("in.K")), [1, 4]),
-        background: leaf("background"),
     };
-    let drawn = Rasterize::new(width, height, settings, &workspaces).apply(&gaussians, &cameras);
+    let background = leaf("background");
+    let drawn = Rasterize::new(width, height, settings, &workspaces).apply(&gaussians, &cameras, background);
     let safe = file.mask("safe");
     file.check_where("out.image", &drawn.image.value(), |i| safe[i / 3]);
     file.check_where("out.alpha", &drawn.alpha.value(), |i| safe[i]);
@@ -50,7 +51,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
         ("grad.scales", gaussians.scales),
         ("grad.opacities", gaussians.opacities),
         (color.as_str(), gaussians.colors),
-        ("grad.background", cameras.background),
+        ("grad.background", background),
     ];
     for (key, x) in pairs {
         file.check_grad(key, x);

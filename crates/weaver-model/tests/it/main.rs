@@ -49,7 +49,8 @@ fn inference_equals_the_recorded_pass() {
         let cameras = encoded.scene_cameras(0);
         let predicted = model.gaussians(cx, &dense, photos, &cameras, &Sampled, Stream::new(3, 0, "routing"));
         let g = &predicted.gaussians;
-        let values = [g.means, g.scales, g.quats, g.opacities, g.colors, dense.depth, dense.confidence, cameras.w2c];
+        let values =
+            [g.means, g.scales, g.quats, g.opacities, g.colors, dense.depth, dense.confidence, cameras.viewmats];
         values.map(|v| v.to_vec())
     };
     let (recorded, sparing) = (Tape::new(), Tape::new());

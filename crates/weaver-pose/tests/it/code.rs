@@ -22,9 +22,9 @@ fn parity() {
     let Some(file) = Fixture::named("ops.safetensors") else { return };
     let tape = Tape::new();
     let code = file.leaf(&tape, "camera_decode_extrinsics.in.p");
-    let w2c = cameras(code, 56, 84).w2c;
-    file.check("camera_decode_extrinsics.out", &w2c.value());
-    w2c.backward_with(&file.array("camera_decode_extrinsics.cot").data);
+    let viewmats = cameras(code, 56, 84).viewmats;
+    file.check("camera_decode_extrinsics.out", &viewmats.value());
+    viewmats.backward_with(&file.array("camera_decode_extrinsics.cot").data);
     file.check("camera_decode_extrinsics.grad.p", &code.grad().unwrap());
 
     let tape = Tape::new();
@@ -35,24 +35,24 @@ fn parity() {
     file.check("camera_decode_intrinsics.grad.p", &code.grad().unwrap());
 
     let tape = Tape::new();
-    let w2c = file.leaf(&tape, "camera_encode.in.e");
+    let viewmats = file.leaf(&tape, "camera_encode.in.e");
     let intrinsics = tape.leaf(&four_of(&file.array("camera_encode.in.k").data), [1, 3, 4]);
-    let code = encode(w2c, intrinsics, 56, 84);
+    let code = encode(viewmats, intrinsics, 56, 84);
     file.check("camera_encode.out", &code.value());
     code.backward_with(&file.array("camera_encode.cot").data);
-    file.check("camera_encode.grad.e", &w2c.grad().unwrap());
+    file.check("camera_encode.grad.e", &viewmats.grad().unwrap());
     file.check("camera_encode.grad.k", &matrices_of(&intrinsics.grad().unwrap(), 0.0));
 }
 
-/// Cameras of all attitudes, as w2c and intrinsics.
+/// Cameras of all attitudes, as viewmats and intrinsics.
 fn any_cameras(seed: u64, count: usize) -> [Input; 2] {
     let (q, t) = (Input::normal(seed, [count, 4]), Input::normal(seed ^ 1, [count, 3]));
-    let mut w2c = Vec::new();
+    let mut viewmats = Vec::new();
     for (q, t) in q.data.chunks(4).zip(t.data.chunks(3)) {
         let r = Pose::from_wxyz([q[0], q[1], q[2], q[3]], DVec3::ZERO).rotation;
-        (0..3).for_each(|i| w2c.extend([r.row(i).x, r.row(i).y, r.row(i).z, t[i]]));
+        (0..3).for_each(|i| viewmats.extend([r.row(i).x, r.row(i).y, r.row(i).z, t[i]]));
     }
-    [Input::new(&w2c, [count, 3, 4]), Input::uniform(seed ^ 2, 20.0, 80.0, [count, 4])]
+    [Input::new(&viewmats, [count, 3, 4]), Input::uniform(seed ^ 2, 20.0, 80.0, [count, 4])]
 }
 
 proptest! {
@@ -65,25 +65,25 @@ proptest! {
         code.data.chunks_mut(9).for_each(|c| c[7..].iter_mut().for_each(|fov| *fov = 0.4 + fov.abs()));
         gradcheck(&[code], |x| {
             let c = cameras(x[0], 48, 64);
-            vec![c.w2c, c.intrinsics]
+            vec![c.viewmats, c.intrinsics]
         });
     }
 
     #[test]
     fn encoding(seed in 0u64..1_000_000, count in 0usize..4) {
-        let [mut w2c, intrinsics] = any_cameras(seed, count);
+        let [mut viewmats, intrinsics] = any_cameras(seed, count);
         // Off the manifold: the nine entries are independent for the op.
-        w2c.data.iter_mut().zip(Input::normal(seed ^ 3, [count, 12]).data).for_each(|(m, n)| *m += 0.01 * n);
-        gradcheck(&[w2c, intrinsics], |x| vec![encode(x[0], x[1], 48, 64)]);
+        viewmats.data.iter_mut().zip(Input::normal(seed ^ 3, [count, 12]).data).for_each(|(m, n)| *m += 0.01 * n);
+        gradcheck(&[viewmats, intrinsics], |x| vec![encode(x[0], x[1], 48, 64)]);
     }
 
     /// The same code as that of the plain camera of weaver-geometry.
     #[test]
     fn encoding_agrees_with_geometry(seed in 0u64..1_000_000) {
-        let [w2c, intrinsics] = any_cameras(seed, 3);
+        let [viewmats, intrinsics] = any_cameras(seed, 3);
         let tape = Tape::<f64>::new();
-        let found = encode(tape.constant(&w2c.data, w2c.shape), tape.constant(&intrinsics.data, [3, 4]), 48, 64);
-        for ((code, rows), k) in found.value().chunks(9).zip(w2c.data.chunks(12)).zip(intrinsics.data.chunks(4)) {
+        let found = encode(tape.constant(&viewmats.data, viewmats.shape), tape.constant(&intrinsics.data, [3, 4]), 48, 64);
+        for ((code, rows), k) in found.value().chunks(9).zip(viewmats.data.chunks(12)).zip(intrinsics.data.chunks(4)) {
             let row = |i: usize| [rows[4 * i], rows[4 * i + 1], rows[4 * i + 2], rows[4 * i + 3]];
             let pose = Pose::from_rows(&[row(0), row(1), row(2)]).unwrap();
             let intrinsics = Intrinsics { fx: k[0], fy: k[1], cx: k[2], cy: k[3] };

@@ -16,13 +16,13 @@ fn parity() {
     let Some(file) = Fixture::named("ops.safetensors") else { return };
     let tape = Tape::new();
     let depth = file.leaf(&tape, "unproject.in.d");
-    let w2c = file.leaf(&tape, "unproject.in.e");
+    let viewmats = file.leaf(&tape, "unproject.in.e");
     let intrinsics = tape.leaf(&intrinsics_of(&file.array("unproject.in.k").data), [1, 2, 4]);
-    let points = unproject(depth.reshape([1, 2, 4, 5]), w2c, intrinsics, 0.0);
+    let points = unproject(depth.reshape([1, 2, 4, 5]), viewmats, intrinsics, 0.0);
     file.check("unproject.out", &points.value());
     points.backward_with(&file.array("unproject.cot").data);
     file.check("unproject.grad.d", &depth.grad().unwrap());
-    file.check("unproject.grad.e", &w2c.grad().unwrap());
+    file.check("unproject.grad.e", &viewmats.grad().unwrap());
     let dk: Vec<f32> =
         intrinsics.grad().unwrap().chunks(4).flat_map(|k| [k[0], 0.0, k[2], 0.0, k[1], k[3], 0.0, 0.0, 0.0]).collect();
     file.check("unproject.grad.k", &dk);
@@ -50,7 +50,7 @@ proptest! {
         let depth = Input::uniform(seed + 1, 0.5, 3.0, [2, h, w]);
         let tape = Tape::<f64>::new();
         let c = cameras(tape.constant(&code.data, [2, 9]), h, w);
-        let points = unproject(tape.constant(&depth.data, [2, h, w]), c.w2c, c.intrinsics, 0.5);
+        let points = unproject(tape.constant(&depth.data, [2, h, w]), c.viewmats, c.intrinsics, 0.5);
         for view in 0..2 {
             let g = &code.data[9 * view..][..9];
             let pose = Pose::from_wxyz([g[6], g[3], g[4], g[5]], DVec3::new(g[0], g[1], g[2]));

@@ -6,9 +6,9 @@ use weaver_kernels::random::Stream;
 use weaver_losses::{self as losses, Lpips};
 use weaver_model::{Dense, PredictedGaussians, SplatWeaver};
 use weaver_nn::Context;
-use weaver_pose::Cameras as CameraVars;
+use weaver_pose::CameraVars;
 use weaver_router::Allocation;
-use weaver_splat::{CameraVars as RasterCameras, RasterSettings, Rasterize, WorkspacePool};
+use weaver_splat::{RasterSettings, Rasterize, WorkspacePool};
 use weaver_trainer::losses::{PoseCodes, camera_constants, photo_constants};
 use weaver_trainer::{CameraMode, Example, StageConfig, Terms};
 use weaver_vggt::Encoded;
@@ -90,11 +90,11 @@ impl Objective<'_> {
         let config = model.config();
         // Intrinsics are held constant in the rasterizer, as in gsplat; the field of view learns through the
         // unprojection.
-        let mut w2c = cameras.w2c;
+        let mut viewmats = cameras.viewmats;
         let mut intrinsics = cameras.intrinsics.detach();
         if self.stage.model.render_targets {
             let targets = camera_constants(cx, example.targets());
-            w2c = weaver_autograd::ops::concat(&[w2c, targets.w2c], 0);
+            viewmats = weaver_autograd::ops::concat(&[viewmats, targets.viewmats], 0);
             intrinsics = weaver_autograd::ops::concat(&[intrinsics, targets.intrinsics], 0);
         }
         let background = cx.tape.constant(&config.raster.background.map(|c| c as f32), [3]);
@@ -105,7 +105,7 @@ impl Objective<'_> {
         };
         let op = Rasterize::new(config.width, config.height, settings, self.workspaces);
         let op = if self.stage.losses.depth.rendered == 0.0 { op.without_depth() } else { op };
-        op.apply(&predicted.gaussians, &RasterCameras { viewmats: w2c, intrinsics, background })
+        op.apply(&predicted.gaussians, &CameraVars { viewmats, intrinsics }, background)
     }
 
     fn routing_terms<'t>(

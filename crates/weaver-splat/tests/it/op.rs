@@ -4,7 +4,8 @@ use crate::scene::Scene;
 use proptest::prelude::*;
 use weaver_autograd::gradcheck::{Input, Options, gradcheck_with};
 use weaver_autograd::{Tape, Var};
-use weaver_splat::{CameraVars, GaussianVars, Rasterize, WorkspacePool};
+use weaver_pose::CameraVars;
+use weaver_splat::{GaussianVars, Rasterize, WorkspacePool};
 
 fn inputs(scene: &Scene<f64>) -> Vec<Input> {
     let (n, v) = (scene.opacities.len(), scene.views());
@@ -25,9 +26,9 @@ fn inputs(scene: &Scene<f64>) -> Vec<Input> {
     ]
 }
 
-fn named<'t>(x: &[Var<'t, f64>]) -> (GaussianVars<'t, f64>, CameraVars<'t, f64>) {
+fn named<'t>(x: &[Var<'t, f64>]) -> (GaussianVars<'t, f64>, CameraVars<'t, f64>, Var<'t, f64>) {
     let gaussians = GaussianVars { means: x[0], quats: x[1], scales: x[2], opacities: x[3], colors: x[4] };
-    (gaussians, CameraVars { viewmats: x[5], intrinsics: x[6], background: x[7] })
+    (gaussians, CameraVars { viewmats: x[5], intrinsics: x[6] }, x[7])
 }
 
 proptest! {
@@ -48,8 +49,8 @@ proptest! {
         // Means in place of scales would be another scene, and not a smooth one.
         let options = Options { duplicates: false, seed, ..Options::default() };
         gradcheck_with(options, &inputs(&scene)[..8], |x| {
-            let (gaussians, cameras) = named(x);
-            let drawn = Rasterize::new(size.0, size.1, scene.settings, &workspaces).apply(&gaussians, &cameras);
+            let (gaussians, cameras, background) = named(x);
+            let drawn = Rasterize::new(size.0, size.1, scene.settings, &workspaces).apply(&gaussians, &cameras, background);
             vec![drawn.image, drawn.alpha, drawn.depth, drawn.expected_depth()]
         });
     }
@@ -73,10 +74,10 @@ proptest! {
         let workspaces = WorkspacePool::new();
         let options = Options { duplicates: false, seed, ..Options::default() };
         gradcheck_with(options, &inputs(&scene), |x| {
-            let (gaussians, cameras) = named(x);
+            let (gaussians, cameras, background) = named(x);
             let op = Rasterize::new(size.0, size.1, scene.settings, &workspaces);
             let op = if depth { op } else { op.without_depth() };
-            let (drawn, features) = op.apply_with_features(&gaussians, &cameras, x[8]);
+            let (drawn, features) = op.apply_with_features(&gaussians, &cameras, background, x[8]);
             let mut out = vec![drawn.image, drawn.alpha, features];
             out.extend(depth.then_some(drawn.depth));
             out
@@ -91,19 +92,19 @@ fn equals_the_plain_function() {
     let planes = scene.render();
     let (tape, workspaces) = (Tape::<f64>::new(), WorkspacePool::new());
     let x: Vec<_> = inputs(&scene).iter().map(|input| tape.leaf(&input.data, input.shape)).collect();
-    let (gaussians, cameras) = named(&x);
+    let (gaussians, cameras, background) = named(&x);
     let op = || Rasterize::new(20, 15, scene.settings, &workspaces);
-    let (drawn, features) = op().apply_with_features(&gaussians, &cameras, x[8]);
+    let (drawn, features) = op().apply_with_features(&gaussians, &cameras, background, x[8]);
     assert_eq!(drawn.image.to_vec(), planes.image);
     assert_eq!((drawn.alpha.to_vec(), drawn.depth.to_vec()), (planes.alpha.clone(), planes.depth.clone()));
     assert_eq!((features.shape().dims(), features.to_vec()), ([2, 15, 20, 5].as_slice(), planes.features));
     let mut expected = vec![f64::NAN; planes.alpha.len()];
     weaver_splat::expected_depth(&planes.depth, &planes.alpha, &mut expected);
     assert_eq!(drawn.expected_depth().to_vec(), expected);
-    let flat = op().without_depth().apply(&gaussians, &cameras);
+    let flat = op().without_depth().apply(&gaussians, &cameras, background);
     assert_eq!((flat.image.to_vec(), flat.depth.shape().dims()), (planes.image, [0].as_slice()));
     let bare = GaussianVars { colors: tape.leaf(&[], [30, 0]), ..gaussians };
-    let (drawn, own) = op().apply_with_features(&bare, &cameras, x[8]);
+    let (drawn, own) = op().apply_with_features(&bare, &cameras, background, x[8]);
     assert_eq!((drawn.image.shape().dims(), own.to_vec()), ([2, 15, 20, 0].as_slice(), features.to_vec()));
 }
 
@@ -114,8 +115,8 @@ fn expected_depth_of_nothing_is_zero() {
     scene.means.fill(-1.0);
     let tape = Tape::<f64>::new();
     let x: Vec<_> = inputs(&scene).iter().map(|input| tape.leaf(&input.data, input.shape)).collect();
-    let (gaussians, cameras) = named(&x);
-    let drawn = Rasterize::new(4, 4, scene.settings, &WorkspacePool::new()).apply(&gaussians, &cameras);
+    let (gaussians, cameras, background) = named(&x);
+    let drawn = Rasterize::new(4, 4, scene.settings, &WorkspacePool::new()).apply(&gaussians, &cameras, background);
     let expected = drawn.expected_depth();
     assert_eq!(expected.to_vec(), [0.0; 16]);
     expected.sum().backward();
@@ -135,8 +136,8 @@ fn steps_repeat_in_the_same_memory() {
         let mut total = tape.scalar(0.0);
         for scene in &scenes {
             let x: Vec<_> = inputs(scene)[..8].iter().map(|input| tape.leaf(&input.data, input.shape)).collect();
-            let (gaussians, cameras) = named(&x);
-            let drawn = Rasterize::new(20, 15, scene.settings, &workspaces).apply(&gaussians, &cameras);
+            let (gaussians, cameras, background) = named(&x);
+            let drawn = Rasterize::new(20, 15, scene.settings, &workspaces).apply(&gaussians, &cameras, background);
             assert_eq!(drawn.image.to_vec(), scene.render().image);
             assert!(drawn.counts.to_vec()[0] > 0.0);
             total = total + drawn.image.square().sum() + drawn.depth.sum();

@@ -33,8 +33,8 @@ fn parity() {
         loss = loss + (estimate.code * file.constant(&tape, &format!("cot.pose{i}"))).sum();
     }
     let c = cameras(estimates[3].code, 42, 56);
-    file.check("out.extrinsics", &c.w2c.value());
-    loss = loss + (c.w2c * file.constant(&tape, "cot.extrinsics")).sum();
+    file.check("out.extrinsics", &c.viewmats.value());
+    loss = loss + (c.viewmats * file.constant(&tape, "cot.extrinsics")).sum();
     let matrices: Vec<f32> =
         c.intrinsics.value().chunks(4).flat_map(|k| [k[0], 0.0, k[2], 0.0, k[1], k[3], 0.0, 0.0, 1.0]).collect();
     file.check("out.intrinsics", &matrices);
@@ -124,7 +124,7 @@ fn gauge_of_the_first_camera() {
             assert_eq!(&scene[..7], &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
             assert!(scene[9..12].iter().any(|t| *t != 0.0) && scene[15] > 0.0);
         }
-        let w2c = cameras(code, 48, 64).w2c;
-        assert_eq!(&w2c.value()[..12], &[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+        let viewmats = cameras(code, 48, 64).viewmats;
+        assert_eq!(&viewmats.value()[..12], &[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
     }
 }

@@ -20,8 +20,8 @@ fn parity() {
     let depth = maps.depth.reshape([1, 2, 42, 70]);
     let pose = file.leaf(&tape, "in.pose");
     let c = cameras(pose, 42, 70);
-    let points = unproject(depth, c.w2c, c.intrinsics, 0.0);
-    file.check("out.extrinsics", &c.w2c.value());
+    let points = unproject(depth, c.viewmats, c.intrinsics, 0.0);
+    file.check("out.extrinsics", &c.viewmats.value());
     file.check("out.depth", &depth.value());
     file.check("out.conf", &maps.confidence.value());
     file.check("out.points", &points.value());

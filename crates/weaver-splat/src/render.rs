@@ -1,0 +1,58 @@
+//! Pictures of a scene, for those who want no gradients.
+
+use crate::rasterize::{Images, rasterize};
+use crate::scene::{RasterError, RasterSettings};
+use crate::workspace::Workspace;
+use weaver_geometry::Camera;
+use weaver_scene::{ActivatedGaussians, CameraRows};
+
+/// Draws Gaussians from cameras: for each camera an image `[H, W, 3]` over `background`, values not clamped.
+///
+/// Cameras may differ in image size; neighbors of equal size are drawn together. `workspace` keeps its memory from call to
+/// call. For gradients, alpha, depth or features see [`rasterize`] and [`Rasterize`](crate::Rasterize).
+///
+/// # Errors
+/// When the lengths of fields disagree, an image has no pixels, or there are too many Gaussians for one call.
+///
+/// ```
+/// use weaver_geometry::{Camera, Intrinsics, Pose};
+/// use weaver_scene::ActivatedGaussians;
+/// use weaver_splat::{RasterSettings, Workspace, render};
+/// let gaussians = ActivatedGaussians {
+///     means: vec![0.0, 0.0, 2.0],
+///     scales: vec![0.5; 3],
+///     quats: vec![1.0, 0.0, 0.0, 0.0],
+///     opacities: vec![0.8],
+///     sh: vec![1.0, 0.0, -1.0],
+///     degree: 0,
+/// };
+/// let intrinsics = Intrinsics { fx: 10.0, fy: 10.0, cx: 1.5, cy: 1.5 };
+/// let camera = Camera { pose: Pose::IDENTITY, intrinsics, width: 3, height: 3 };
+/// let images = render(&gaussians, &[camera], [0.0; 3], &RasterSettings::default(), &mut Workspace::new())?;
+/// let [red, green, blue] = images[0][3 * 4..][..3] else { unreachable!() };
+/// assert!(red > green && green > blue);
+/// # Ok::<(), weaver_splat::RasterError>(())
+/// ```
+pub fn render(
+    gaussians: &ActivatedGaussians,
+    cameras: &[Camera],
+    background: [f32; 3],
+    settings: &RasterSettings,
+    workspace: &mut Workspace<f32>,
+) -> Result<Vec<Vec<f32>>, RasterError> {
+    let mut rendered = Vec::with_capacity(cameras.len());
+    for group in cameras.chunk_by(|a, b| (a.width, a.height) == (b.width, b.height)) {
+        let pixels = group[0].width * group[0].height;
+        let mut image = vec![0.0; 3 * pixels * group.len()];
+        let mut alpha = vec![0.0; pixels * group.len()];
+        let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
+        let rows = CameraRows::new(group);
+        rasterize(&gaussians.as_slices(), &rows.as_slices(&background), settings, workspace, images)?;
+        if group.len() == 1 {
+            rendered.push(image);
+        } else {
+            rendered.extend(image.chunks(3 * pixels).map(<[f32]>::to_vec));
+        }
+    }
+    Ok(rendered)
+}
