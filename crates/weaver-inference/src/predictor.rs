@@ -96,16 +96,25 @@ pub trait Predictor: fmt::Debug + Send {
     ///
     /// # Errors
     /// When the model has no such allocation, or the allocation has no budget.
-    fn density(&self, asked: Density) -> Result<Density, Error>;
+    fn density(&self, asked: Density) -> Result<Density, Error> {
+        match asked {
+            Density { allocation: None, budget: None } => Ok(asked),
+            _ => Err(Error::Input("this model does not let the number of Gaussians be chosen".into())),
+        }
+    }
 
     /// Height and width that the model was trained at, pixels.
     fn image_size(&self) -> [usize; 2];
 
     /// The most Gaussians that a pixel can get.
-    fn max_per_pixel(&self) -> usize;
+    fn max_per_pixel(&self) -> usize {
+        1
+    }
 
     /// How the model's Gaussians are drawn.
-    fn raster_settings(&self) -> RasterSettings;
+    fn raster_settings(&self) -> RasterSettings {
+        RasterSettings::default()
+    }
 
     /// The color where nothing is.
     fn background(&self) -> [f32; 3] {

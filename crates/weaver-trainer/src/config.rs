@@ -57,6 +57,12 @@ pub struct DataConfig {
     pub pool: usize,
 }
 
+impl Default for DataConfig {
+    fn default() -> Self {
+        Self { folders: Vec::new(), endless: None, scene_scale: None, context_views: 4, target_views: 2, pool: 6 }
+    }
+}
+
 /// AdamW and weight averaging.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -73,6 +79,12 @@ pub struct OptimizerConfig {
     pub clip: f64,
     /// Decay of the weights' exponential moving average; 0 evaluates the weights themselves.
     pub ema: f64,
+}
+
+impl Default for OptimizerConfig {
+    fn default() -> Self {
+        Self { beta1: 0.9, beta2: 0.99, epsilon: 1e-8, weight_decay: 0.02, clip: 1.0, ema: 0.998 }
+    }
 }
 
 /// Whose cameras a pass uses.
@@ -140,6 +152,12 @@ pub struct OutputConfig {
     pub sample_every: usize,
 }
 
+impl Default for OutputConfig {
+    fn default() -> Self {
+        Self { log_every: 10, checkpoint_every: 500, sample_every: 500 }
+    }
+}
+
 /// How the model is evaluated, and used unless a call says otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -182,6 +200,22 @@ pub mod allocation_name {
 }
 
 impl<R: Recipe> Config<R> {
+    /// A configuration with this network and these stages, the rest as it is by default.
+    pub fn new(preset: &str, model: R::Model, stages: Vec<StageConfig<R>>, evaluation: EvaluationConfig) -> Self {
+        Self {
+            architecture: R::ARCHITECTURE.into(),
+            preset: preset.into(),
+            seed: 0,
+            threads: 0,
+            model,
+            data: DataConfig::default(),
+            optimizer: OptimizerConfig::default(),
+            stages,
+            output: OutputConfig::default(),
+            evaluation,
+        }
+    }
+
     /// The configuration of a preset.
     ///
     /// # Errors

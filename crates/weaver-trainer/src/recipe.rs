@@ -52,7 +52,9 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     ///
     /// # Errors
     /// A message that names the key, what was expected and what was found.
-    fn check(config: &Config<Self>) -> Result<(), String>;
+    fn check(_config: &Config<Self>) -> Result<(), String> {
+        Ok(())
+    }
 
     /// Height and width of the photos, pixels.
     fn image_size(model: &Self::Model) -> [usize; 2];
@@ -60,17 +62,26 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Adds the parameters of a new network, drawn from `seed`.
     fn build(model: &Self::Model, params: &mut Params<f32>, seed: u64) -> Self::Network;
 
-    /// Parameters that share a learning rate. Every trained parameter is in exactly one group.
-    fn groups(params: &Params<f32>) -> Vec<Vec<ParamId>>;
+    /// Parameters that share a learning rate; all of them, unless a model says otherwise. Every trained parameter is in
+    /// exactly one group.
+    fn groups(params: &Params<f32>) -> Vec<Vec<ParamId>> {
+        vec![params.ids().collect()]
+    }
 
     /// The factor on the stage's rate for each group of [`Recipe::groups`].
-    fn group_rates(stage: &StageConfig<Self>) -> Vec<f64>;
+    fn group_rates(_stage: &StageConfig<Self>) -> Vec<f64> {
+        vec![1.0]
+    }
 
     /// Leading parts of the names of parameters that a stage has no loss for; they stay as they are.
-    fn untrained(stage: &StageConfig<Self>) -> Vec<&'static str>;
+    fn untrained(_stage: &StageConfig<Self>) -> Vec<&'static str> {
+        Vec::new()
+    }
 
     /// Tuples that a step of the stage needs.
-    fn tuples(stage: &StageConfig<Self>) -> usize;
+    fn tuples(stage: &StageConfig<Self>) -> usize {
+        stage.tuples
+    }
 
     /// What a step of the stage does, in a few words for people.
     fn describe(stage: &StageConfig<Self>) -> String {

@@ -4,45 +4,19 @@ use super::{Losses, RouterLosses, SplatWeaverRecipe, StageAllocation, StageSetti
 use weaver_model::ModelConfig;
 use weaver_router::AllocationKind;
 use weaver_trainer::losses::{DepthLosses, ImageLosses, PoseLosses};
-use weaver_trainer::{
-    CameraMode, Config, DataConfig, EvaluationConfig, OptimizerConfig, OutputConfig, Recipe, StageConfig,
-};
+use weaver_trainer::{CameraMode, Config, EvaluationConfig, OptimizerConfig, OutputConfig, Recipe, StageConfig};
 
 pub(super) fn preset(name: &str) -> Option<Config<SplatWeaverRecipe>> {
     if !SplatWeaverRecipe::PRESETS.contains(&name) {
         return None;
     }
     let model = ModelConfig::preset(name)?;
-    let mut config = Config {
-        architecture: SplatWeaverRecipe::ARCHITECTURE.into(),
-        preset: name.into(),
-        seed: 0,
-        threads: 0,
-        model,
-        data: DataConfig {
-            folders: Vec::new(),
-            endless: None,
-            scene_scale: None,
-            context_views: 4,
-            target_views: 2,
-            pool: 6,
-        },
-        optimizer: OptimizerConfig {
-            beta1: 0.9,
-            beta2: 0.99,
-            epsilon: 1e-8,
-            weight_decay: 0.02,
-            clip: 1.0,
-            ema: 0.998,
-        },
-        stages: vec![poses(1300), everything(4000)],
-        output: OutputConfig { log_every: 10, checkpoint_every: 500, sample_every: 500 },
-        evaluation: EvaluationConfig {
-            cameras: CameraMode::Predicted,
-            allocation: Some(AllocationKind::Dithered),
-            budget: Some(0.4),
-        },
+    let evaluation = EvaluationConfig {
+        cameras: CameraMode::Predicted,
+        allocation: Some(AllocationKind::Dithered),
+        budget: Some(0.4),
     };
+    let mut config = Config::new(name, model, vec![poses(1300), everything(4000)], evaluation);
     match name {
         "micro" => {
             config.data.context_views = 2;
