@@ -1,0 +1,82 @@
+//! A crate can be published: it says what it is, and its README begins with an example that is compiled.
+
+use super::{Package, text};
+
+pub fn check(package: &Package, faults: &mut Vec<String>) {
+    if package.exempt() {
+        return;
+    }
+    let (name, metadata) = (&package.name, &package.metadata);
+    for key in ["description", "documentation", "license", "readme", "rust_version"] {
+        if text(metadata, key).is_empty() {
+            faults.push(format!("{name}: no {key} in Cargo.toml"));
+        }
+    }
+    for key in ["keywords", "categories"] {
+        if metadata[key].as_array().is_none_or(Vec::is_empty) {
+            faults.push(format!("{name}: no {key} in Cargo.toml"));
+        }
+    }
+    let targets = || metadata["targets"].as_array().into_iter().flatten();
+    let any = |kind: &str| targets().any(|t| t["kind"].as_array().is_some_and(|k| k.iter().any(|k| k == kind)));
+    // The library of a binary is not for embedding.
+    if any("lib") && !any("bin") {
+        if !any("example") {
+            faults.push(format!("{name}: a library without an example"));
+        }
+        check_readme(package, faults);
+    }
+    // Every binary of tests links the whole crate.
+    let tests = targets().filter(|t| t["kind"].as_array().is_some_and(|k| k.iter().any(|k| k == "test"))).count();
+    if tests > 1 {
+        faults.push(format!("{name}: {tests} binaries of integration tests; one, tests/it, compiles faster"));
+    }
+}
+
+/// The README has an example in Rust, and the library's documentation tests include it.
+fn check_readme(package: &Package, faults: &mut Vec<String>) {
+    let name = &package.name;
+    let included = package
+        .sources
+        .iter()
+        .any(|source| source.inside == "lib.rs" && source.text.contains("include_str!(\"../README.md\")"));
+    if !included {
+        faults.push(format!("{name}: the README's example is not compiled: lib.rs does not include it"));
+    }
+    // Fences open and close in turn.
+    let mut fences = package.readme.lines().filter_map(|line| line.strip_prefix("```")).step_by(2);
+    let rust = |flags: &str| flags.is_empty() || flags.split(',').all(|flag| ["rust", "no_run"].contains(&flag.trim()));
+    if !fences.any(rust) {
+        faults.push(format!("{name}: no example in the README"));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tidy::sources::Source;
+    use serde_json::json;
+
+    #[test]
+    fn faults_are_found() {
+        let lib = |text: &str| Source { place: "src/lib.rs".into(), inside: "lib.rs".into(), text: text.into() };
+        let mut package = Package {
+            name: "weaver-splat".into(),
+            metadata: json!({
+                "description": "x", "documentation": "x", "license": "x", "readme": "x", "rust_version": "1.95",
+                "keywords": ["x"], "categories": [],
+                "targets": [{"kind": ["lib"]}, {"kind": ["test"]}, {"kind": ["test"]}],
+            }),
+            sources: vec![lib("")],
+            tests: Vec::new(),
+            readme: "```text\nx\n```\n".into(),
+        };
+        let mut faults = Vec::new();
+        check(&package, &mut faults);
+        assert_eq!(faults.len(), 5, "{faults:?}");
+        package.sources = vec![lib("#[doc = include_str!(\"../README.md\")]")];
+        package.readme += "```rust\nassert!(true);\n```\n";
+        check_readme(&package, &mut faults);
+        assert_eq!(faults.len(), 5, "{faults:?}");
+    }
+}

@@ -1,0 +1,137 @@
+//! Rules on the text of sources.
+
+use std::path::{Path, PathBuf};
+
+/// A text file of the repository.
+pub struct Source {
+    /// Its path from the root of the workspace.
+    pub place: String,
+    /// Its path from the folder that was read.
+    pub inside: String,
+    pub text: String,
+}
+
+/// Longest source file.
+const LONGEST: usize = 500;
+
+/// The files below a folder whose text is checked, in order; none where there is no such folder.
+pub fn below(root: &Path, folder: &Path) -> Result<Vec<Source>, String> {
+    let mut sources = Vec::new();
+    collect(root, folder, folder, true, &mut sources)?;
+    Ok(sources)
+}
+
+/// The files in a folder whose text is checked, without its subfolders.
+pub fn directly_in(root: &Path, folder: &Path) -> Result<Vec<Source>, String> {
+    let mut sources = Vec::new();
+    collect(root, folder, folder, false, &mut sources)?;
+    Ok(sources)
+}
+
+fn collect(root: &Path, base: &Path, folder: &Path, deep: bool, sources: &mut Vec<Source>) -> Result<(), String> {
+    if !folder.is_dir() {
+        return Ok(());
+    }
+    let entries = std::fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    let mut paths: Vec<PathBuf> = entries.filter_map(|e| e.ok().map(|e| e.path())).collect();
+    paths.sort();
+    for path in paths {
+        if path.is_dir() && deep {
+            collect(root, base, &path, deep, sources)?;
+        } else if path.extension().is_some_and(|e| ["rs", "md", "toml", "wgsl"].iter().any(|known| e == *known)) {
+            let text = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+            let relative = |to: &Path| path.strip_prefix(to).unwrap_or(&path).to_string_lossy().replace('\\', "/");
+            sources.push(Source { place: relative(root), inside: relative(base), text });
+        }
+    }
+    Ok(())
+}
+
+/// A rule on source text: a pattern, the crates that are free to use it, and what it is.
+struct Rule {
+    patterns: &'static [&'static str],
+    free: &'static [&'static str],
+    what: &'static str,
+    /// Single files that are free as well.
+    except: &'static [&'static str],
+}
+
+/// Where files are mapped into memory, which no safe function of the standard library does.
+const MAPPED_FILE: &str = "crates/weaver-io/src/mapped_file.rs";
+
+const RULES: &[Rule] = &[
+    Rule {
+        patterns: &["unsafe ", "unsafe{"],
+        free: &["weaver-kernels", "xtask"],
+        what: "unsafe code",
+        except: &[MAPPED_FILE],
+    },
+    Rule {
+        patterns: &["println!", "eprintln!", "print!(", "eprint!(", "dbg!("],
+        free: &["weaver-cli", "xtask", "weaver-parity"],
+        what: "printing",
+        except: &[],
+    },
+    Rule {
+        patterns: &["std::fs", "File::open", "File::create", "fs::read", "fs::write"],
+        free: &["weaver-io", "weaver-cli", "xtask", "weaver-parity", "weaver-tests"],
+        what: "opening files",
+        except: &[],
+    },
+    Rule {
+        patterns: &["todo!(", "unimplemented!(", "FIXME", "TODO"],
+        free: &["xtask"],
+        what: "unfinished work",
+        except: &[],
+    },
+];
+
+/// The text of a source without its unit tests, which may do what the product may not.
+pub fn product(text: &str) -> &str {
+    text.split("#[cfg(test)]").next().unwrap_or(text)
+}
+
+pub fn check(source: &Source, package: &str, faults: &mut Vec<String>) {
+    let place = source.place.as_str();
+    let Some(stem) = place.rsplit('/').next().unwrap_or(place).strip_suffix(".rs") else { return };
+    if ["util", "utils", "helper", "helpers", "common", "misc"].contains(&stem) {
+        faults.push(format!("{place}: a module is named after the thing it holds"));
+    }
+    let lines = source.text.lines().count();
+    if lines > LONGEST {
+        faults.push(format!("{place}: {lines} lines, more than {LONGEST}"));
+    }
+    for (number, line) in product(&source.text).lines().enumerate() {
+        let code = line.trim_start();
+        if code.starts_with("//") {
+            continue;
+        }
+        for rule in RULES.iter().filter(|r| !r.free.contains(&package) && !r.except.contains(&place)) {
+            if rule.patterns.iter().any(|p| code.contains(p)) {
+                faults.push(format!("{place}:{}: {} does not belong into {package}", number + 1, rule.what));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faults_are_found() {
+        let faults_in = |place: &str, text: &str, package: &str| {
+            let mut faults = Vec::new();
+            check(&Source { place: place.into(), inside: String::new(), text: text.into() }, package, &mut faults);
+            faults
+        };
+        let text = "fn f() { println!(\"x\"); }\n// println! in a comment\n";
+        assert_eq!(faults_in("crates/weaver-nn/src/utils.rs", text, "weaver-nn").len(), 2);
+        // Free in one file of the crate, not in the others.
+        assert!(faults_in(MAPPED_FILE, "unsafe { f() }", "weaver-io").is_empty());
+        assert_eq!(
+            faults_in("crates/weaver-io/src/info.rs", "unsafe { f() }", "weaver-io"),
+            ["crates/weaver-io/src/info.rs:1: unsafe code does not belong into weaver-io"]
+        );
+    }
+}
