@@ -88,12 +88,17 @@ pub fn gradcheck_with<F>(options: Options, inputs: &[Input], f: F)
 where
     F: for<'t> Fn(&[Var<'t, f64>]) -> Vec<Var<'t, f64>>,
 {
-    let check = Check { options, f: &f };
+    // Compiled once and not for each function that is checked.
+    check(&Check { options, f: &f }, inputs);
+}
+
+#[track_caller]
+fn check(check: &Check<'_>, inputs: &[Input]) {
     let gradient = check.gradient(inputs, &Mode::default());
     check.differences(inputs, &gradient);
     check.seeded(inputs, &gradient);
     check.absent(inputs, &gradient);
-    if options.duplicates {
+    if check.options.duplicates {
         check.duplicates(inputs);
     }
 }
@@ -139,15 +144,12 @@ struct Mode {
     alias: Option<(usize, usize)>,
 }
 
-struct Check<'a, F> {
+struct Check<'a> {
     options: Options,
-    f: &'a F,
+    f: &'a dyn for<'t> Fn(&[Var<'t, f64>]) -> Vec<Var<'t, f64>>,
 }
 
-impl<F> Check<'_, F>
-where
-    F: for<'t> Fn(&[Var<'t, f64>]) -> Vec<Var<'t, f64>>,
-{
+impl Check<'_> {
     fn cotangent(&self, output: usize, shape: Shape) -> Vec<f64> {
         let stream = Stream::new(self.options.seed, output as u64, "gradcheck.cotangent");
         (0..shape.len() as u64).map(|i| stream.normal(i)).collect()

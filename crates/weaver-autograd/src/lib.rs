@@ -2,6 +2,8 @@
 
 mod dual;
 pub mod gradcheck;
+#[cfg(debug_assertions)]
+mod instances;
 mod op;
 pub mod ops;
 mod params;

@@ -148,7 +148,8 @@ fn uses(source: &str) -> Vec<(Vec<String>, String, bool)> {
     while let Some(line) = lines.next() {
         let line = line.trim_start();
         let public = line.starts_with("pub");
-        let Some(start) = ["use ", "pub use ", "pub(crate) use ", "pub(super) use "].iter().find(|p| line.starts_with(**p))
+        let Some(start) =
+            ["use ", "pub use ", "pub(crate) use ", "pub(super) use "].iter().find(|p| line.starts_with(**p))
         else {
             continue;
         };
@@ -213,7 +214,10 @@ fn expand(prefix: &str, tree: &str, paths: &mut Vec<String>) {
 fn inline_paths(source: &str) -> Vec<Vec<String>> {
     let mut found = Vec::new();
     for line in source.lines().map(str::trim_start).filter(|line| !line.starts_with("//")) {
-        if line.starts_with("use ") || line.starts_with("pub use ") || line.starts_with("pub(") && line.contains(" use ") {
+        if line.starts_with("use ")
+            || line.starts_with("pub use ")
+            || line.starts_with("pub(") && line.contains(" use ")
+        {
             continue;
         }
         for start in ["crate::", "super::"] {
@@ -223,7 +227,8 @@ fn inline_paths(source: &str) -> Vec<Vec<String>> {
                 if before.is_some_and(|c| c.is_alphanumeric() || "_$:".contains(c)) {
                     continue;
                 }
-                let path: String = line[at..].chars().take_while(|c| c.is_alphanumeric() || "_:".contains(*c)).collect();
+                let path: String =
+                    line[at..].chars().take_while(|c| c.is_alphanumeric() || "_:".contains(*c)).collect();
                 found.push(path.split("::").filter(|p| !p.is_empty()).map(String::from).collect());
             }
         }

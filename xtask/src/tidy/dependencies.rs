@@ -12,15 +12,8 @@ const DOCUMENT: &str = "docs/dependencies.md";
 const OUTSIDE: &[&str] = &["rayon", "smallvec", "thiserror", "glam", "half", "libc"];
 
 /// The crates above that line: formats, configuration and what is made of them.
-const ABOVE: &[&str] = &[
-    "weaver-io",
-    "weaver-data",
-    "weaver-model",
-    "weaver-inference",
-    "weaver-trainer",
-    "weaver-recipes",
-    "weaver-cli",
-];
+const ABOVE: &[&str] =
+    &["weaver-io", "weaver-data", "weaver-model", "weaver-inference", "weaver-trainer", "weaver-recipes", "weaver-cli"];
 
 pub fn check(workspace: &Workspace, faults: &mut Vec<String>) {
     let lock = required(&workspace.root, "Cargo.lock", faults);
@@ -77,7 +70,8 @@ fn uses(source: &str, name: &str) -> bool {
     source.match_indices(name).any(|(at, _)| {
         let before = source[..at].chars().next_back();
         let after = &source[at + name.len()..];
-        let begins = before.is_none_or(|c| !c.is_alphanumeric() && c != '_' && c != ':') || source[..at].ends_with(" ::");
+        let begins =
+            before.is_none_or(|c| !c.is_alphanumeric() && c != '_' && c != ':') || source[..at].ends_with(" ::");
         let imported = source[..at].ends_with("use ") && after.starts_with([';', ' ']);
         begins && (after.starts_with("::") || imported)
     })
@@ -157,7 +151,8 @@ mod tests {
             faults
         };
         assert_eq!(faults("use weaver_nn::Linear;\nfn f(x: half::f16) {}", "use proptest::prelude::*;"), [""; 0]);
-        let unused = faults("// weaver_nn::Linear\nuse half;\n#[cfg(test)] use weaver_nn::Linear;", "let proptest = 1;");
+        let unused =
+            faults("// weaver_nn::Linear\nuse half;\n#[cfg(test)] use weaver_nn::Linear;", "let proptest = 1;");
         assert_eq!(
             unused,
             [

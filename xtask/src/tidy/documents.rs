@@ -8,7 +8,8 @@ pub fn check(workspace: &Workspace, faults: &mut Vec<String>) {
     check_versions(workspace, faults);
     let index = required(&workspace.root, "docs/README.md", faults);
     for source in &workspace.others {
-        if let Some(page) = source.place.strip_prefix("docs/").filter(|page| page.ends_with(".md") && *page != "README.md")
+        if let Some(page) =
+            source.place.strip_prefix("docs/").filter(|page| page.ends_with(".md") && *page != "README.md")
             && !index.contains(&format!("({page})"))
         {
             faults.push(format!("docs/README.md: no link to {page}"));

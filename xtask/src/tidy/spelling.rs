@@ -68,16 +68,70 @@ const WORDS: &[(&str, &str)] = &[
 
 /// Beginnings of verbs that end in -ize.
 const VERBS: &[&str] = &[
-    "author", "canonical", "categor", "character", "critic", "custom", "diagonal", "digit", "discret", "emphas", "equal",
-    "factor", "final", "formal", "general", "homogen", "ideal", "initial", "internal", "linear", "local", "marginal",
-    "maxim", "memor", "minim", "modern", "monomorph", "neutral", "normal", "optim", "organ", "orthogonal", "orthonormal",
-    "parallel", "parameter", "parametr", "penal", "pixel", "polar", "priorit", "quant", "random", "raster", "real",
-    "recogn", "regular", "sanit", "serial", "special", "stabil", "standard", "summar", "symmetr", "synchron", "synthes",
-    "token", "triangular", "util", "vector", "visual", "voxel",
+    "author",
+    "canonical",
+    "categor",
+    "character",
+    "critic",
+    "custom",
+    "diagonal",
+    "digit",
+    "discret",
+    "emphas",
+    "equal",
+    "factor",
+    "final",
+    "formal",
+    "general",
+    "homogen",
+    "ideal",
+    "initial",
+    "internal",
+    "linear",
+    "local",
+    "marginal",
+    "maxim",
+    "memor",
+    "minim",
+    "modern",
+    "monomorph",
+    "neutral",
+    "normal",
+    "optim",
+    "organ",
+    "orthogonal",
+    "orthonormal",
+    "parallel",
+    "parameter",
+    "parametr",
+    "penal",
+    "pixel",
+    "polar",
+    "priorit",
+    "quant",
+    "random",
+    "raster",
+    "real",
+    "recogn",
+    "regular",
+    "sanit",
+    "serial",
+    "special",
+    "stabil",
+    "standard",
+    "summar",
+    "symmetr",
+    "synchron",
+    "synthes",
+    "token",
+    "triangular",
+    "util",
+    "vector",
+    "visual",
+    "voxel",
 ];
 
-const ENDINGS: &[&str] =
-    &["ise", "ised", "iser", "isers", "ising", "isation", "isations", "isable", "ises"];
+const ENDINGS: &[&str] = &["ise", "ised", "iser", "isers", "ising", "isation", "isations", "isable", "ises"];
 
 /// What is not ours to spell: names of tensors in files of reference numbers.
 const FOREIGN: &[&str] = &["intrinsics_normalised"];
@@ -156,7 +210,9 @@ mod tests {
         ] {
             assert_eq!(american(word).as_deref(), Some(better));
         }
-        for word in ["realistic", "precise", "noise", "synthesis", "syntheses", "analyses", "parameters", "totally", "raised"] {
+        for word in
+            ["realistic", "precise", "noise", "synthesis", "syntheses", "analyses", "parameters", "totally", "raised"]
+        {
             assert_eq!(american(word), None, "{word}");
         }
         assert_eq!(words("RasterGrid::tile_size, 3 HTTPServer"), ["raster", "grid", "tile", "size", "httpserver"]);
