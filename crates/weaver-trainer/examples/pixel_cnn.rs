@@ -13,9 +13,9 @@ use weaver_geometry::sh;
 use weaver_inference::{CameraSource, Density, Photos, Prediction, Predictor};
 use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context, Conv2d, WeightInit};
-use weaver_pose::Cameras as CameraVars;
+use weaver_pose::CameraVars;
 use weaver_scene::ActivatedGaussians;
-use weaver_splat::{CameraVars as RasterCameras, GaussianVars, RasterSettings, Rasterize, Workspace};
+use weaver_splat::{GaussianVars, RasterSettings, Rasterize, Workspace};
 use weaver_trainer::losses::{ImageLosses, camera_constants};
 use weaver_trainer::{
     CameraMode, Config, Error, EvaluationConfig, Example, Observer, Overrides, Recipe, Registry, Setup, Source,
@@ -24,7 +24,7 @@ use weaver_trainer::{
 
 /// The section `model`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-struct CnnConfig {
+pub struct CnnConfig {
     /// Width and height of the photos, pixels.
     size: [usize; 2],
     /// Channels of the hidden layers.
@@ -33,11 +33,11 @@ struct CnnConfig {
 
 /// The section `stages.N.model`: nothing to choose.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-struct NoChoices {}
+pub struct NoChoices {}
 
 /// Three convolutions; the last gives log depth, opacity, three scales and a color for each pixel.
 #[derive(Debug)]
-struct PixelCnn {
+pub struct PixelCnn {
     size: [usize; 2],
     layers: [Conv2d; 3],
 }
@@ -68,7 +68,7 @@ impl PixelCnn {
         let rows = |maps: Var<'t, f32>| maps.permute(&[0, 2, 3, 1]);
         let raw = rows(raw).reshape([n, Self::OUTPUTS]);
         let depth = raw.slice(1, 0, 1).clamp(-3.0, 3.0).exp().reshape([views, height, width]);
-        let means = weaver_pose::unproject(depth, cameras.w2c, cameras.intrinsics, 0.5).reshape([n, 3]);
+        let means = weaver_pose::unproject(depth, cameras.viewmats, cameras.intrinsics, 0.5).reshape([n, 3]);
         let focal = cameras.intrinsics.slice(1, 0, 1).reshape([views, 1, 1]).expand(depth.shape());
         let footprint = (depth / focal).reshape([n, 1]).expand([n, 3]);
         let color = rows(photos).reshape([n, 3]) + raw.slice(1, 5, 3) - 0.5;
@@ -85,7 +85,7 @@ impl PixelCnn {
 
 /// How it is trained.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct PixelCnnRecipe;
+pub struct PixelCnnRecipe;
 
 impl Recipe for PixelCnnRecipe {
     const ARCHITECTURE: &'static str = "pixel-cnn";
@@ -138,11 +138,7 @@ impl Recipe for PixelCnnRecipe {
             let all = camera_constants(cx, &example.cameras);
             let background = cx.tape.constant(&[1.0; 3], [3]);
             let op = Rasterize::new(width, height, RasterSettings::default(), step.workspaces).without_depth();
-            let image = op
-                .apply(&gaussians, &RasterCameras { viewmats: all.w2c, intrinsics: all.intrinsics, background })
-                .image
-                .permute(&[0, 3, 1, 2])
-                .clamp(0.0, 1.0);
+            let image = op.apply(&gaussians, &all, background).image.permute(&[0, 3, 1, 2]).clamp(0.0, 1.0);
             let truth = cx.tape.constant(&example.images, image.shape());
             let share = 1.0 / examples.len() as f64;
             step.stage.losses.add(&mut terms, share, step.lpips, image, truth);

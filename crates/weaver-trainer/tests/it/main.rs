@@ -1,0 +1,125 @@
+//! The trainer with a model that it does not know: the example's.
+
+#[path = "../../examples/pixel_cnn.rs"]
+#[allow(dead_code, reason = "the example's own main is not called here")]
+mod pixel_cnn;
+
+use pixel_cnn::PixelCnnRecipe;
+use std::sync::atomic::AtomicBool;
+use weaver_trainer::{Config, Error, Observer, Overrides, Registry, Session, Setup, Source, StepReport, create_run};
+
+/// A configuration of so many steps on photos of 16 x 16 pixels.
+fn config(steps: usize) -> Config<PixelCnnRecipe> {
+    let settings = ["model.size=[16, 16]", "model.channels=4"].map(String::from);
+    let mut config = Config::resolve(None, None, &settings).unwrap();
+    config.rescale(steps);
+    config
+}
+
+#[test]
+fn a_resumed_run_equals_an_uninterrupted_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.safetensors");
+    let mut first = Session::new(config(6)).unwrap();
+    (0..3).for_each(|_| _ = first.advance().unwrap().unwrap());
+    first.save(&path).unwrap();
+    let mut second = Session::resume(config(6), &path).unwrap();
+    assert_eq!(second.steps(), (3, 6));
+    for session in [&mut first, &mut second] {
+        while session.advance().unwrap().is_some() {}
+    }
+    assert_eq!(first.checksum(), second.checksum());
+}
+
+#[test]
+fn the_parts_of_a_step_make_a_step() {
+    let (mut whole, mut parts) = (Session::new(config(2)).unwrap(), Session::new(config(2)).unwrap());
+    whole.advance().unwrap();
+    let pending = parts.gradients().unwrap().unwrap();
+    // Two processes with the same gradient: their mean is that gradient.
+    let mut seen = 0;
+    parts.reduce(|gradient| {
+        seen += gradient.len();
+        gradient.iter_mut().for_each(|g| *g = (*g + *g) / 2.0);
+    });
+    assert_eq!(seen, parts.params().count());
+    parts.update(pending).unwrap();
+    assert_eq!(whole.checksum(), parts.checksum());
+    // What a reduction changes, the update sees.
+    let mut doubled = Session::new(config(2)).unwrap();
+    let pending = doubled.gradients().unwrap().unwrap();
+    doubled.reduce(|gradient| gradient.iter_mut().for_each(|g| *g = -*g));
+    doubled.update(pending).unwrap();
+    assert_ne!(whole.checksum(), doubled.checksum());
+}
+
+struct Silent;
+
+impl Observer for Silent {
+    fn step(&mut self, _: &StepReport) -> Result<(), Error> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_name_finds_the_model_from_training_to_evaluation() {
+    let parent = tempfile::tempdir().unwrap();
+    let registry = Registry::new().with::<PixelCnnRecipe>();
+    let settings = ["model.size=[16, 16]", "model.channels=4"].map(String::from).to_vec();
+    let recipe = registry.find(Some("pixel-cnn")).unwrap();
+    let config = recipe.resolve(&Setup { settings, steps: Some(3), ..Setup::default() }).unwrap();
+    let folder = create_run(&parent.path().join("run"), &config).unwrap();
+    let summary = recipe.start(&config).unwrap().train(&folder, &mut Silent, &AtomicBool::new(false)).unwrap();
+    assert_eq!((summary.steps, summary.evaluation.unwrap().allocation), (3, None));
+    assert!(folder.report_path().is_file());
+
+    let mut run = registry.of_run(&folder).unwrap().open(&folder).unwrap();
+    let found = run.evaluate(&Source::Unseen, &Overrides::default(), &mut |_, _| {}).unwrap();
+    assert_eq!((found.mean.gaussians_per_pixel, &found.mean.expert_share[..]), (1.0, &[0.0, 1.0][..]));
+    let refused = create_run(folder.path(), &config).unwrap_err();
+    assert!(matches!(refused, Error::RunExists { .. }), "{refused}");
+}
+
+#[test]
+fn an_unknown_model_is_named_beside_those_there_are() {
+    let registry = Registry::new().with::<PixelCnnRecipe>();
+    let message = registry.find(Some("pixel-rnn")).unwrap_err().to_string();
+    assert!(message.contains("pixel-rnn") && message.contains("pixel-cnn"), "{message}");
+    // A run of another model.
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("config.toml"), "architecture = \"other\"\n").unwrap();
+    let message = registry.of_run(&weaver_inference::RunFolder::at(folder.path())).unwrap_err().to_string();
+    assert!(message.contains("config.toml") && message.contains("other"), "{message}");
+}
+
+#[test]
+fn optional_keys_are_set_unset_and_documented() {
+    let resolve = |settings: &[&str]| {
+        let settings: Vec<String> = settings.iter().map(|s| (*s).into()).collect();
+        Config::<PixelCnnRecipe>::resolve(None, None, &settings)
+    };
+    let set = resolve(&["data.endless=5", "data.scene_scale=2"]).unwrap();
+    assert_eq!((set.data.endless, set.data.scene_scale), (Some(5), Some(2.0)));
+    let unset = resolve(&["data.endless=5", "data.endless=none"]).unwrap();
+    assert_eq!(unset.data.endless, None);
+    for (setting, parts) in [
+        ("data.endless=0", ["data.endless", "found 0"]),
+        ("data.endles=5", ["data.endles", "did you mean `endless`"]),
+        ("data.endless=often", ["data.endless=often", "usize"]),
+        ("data.scene_scale=-1", ["data.scene_scale", "-1"]),
+    ] {
+        let message = resolve(&[setting]).unwrap_err().to_string();
+        assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+    }
+
+    let text = set.to_annotated_toml();
+    assert_eq!(Config::from_toml(&text, "text").unwrap(), set);
+    let above = |key: &str| {
+        let lines: Vec<&str> = text.lines().collect();
+        let at = lines.iter().position(|line| line.starts_with(key)).unwrap();
+        lines[at - 1].to_string()
+    };
+    assert_eq!(above("steps ="), "# Optimizer steps.");
+    assert!(above("# lpips_weights =").starts_with("# File with"), "{text}");
+    assert!(text.contains("One of: predicted: The network's own; given: The data's."), "{text}");
+}
