@@ -3,6 +3,8 @@
 //! `cargo xtask check` is the definition of green: formatting, lints, documentation, and the invariants of
 //! docs/architecture.md (`cargo xtask tidy`).
 
+mod embed;
+mod stress;
 mod tidy;
 mod valgrind;
 
@@ -14,6 +16,8 @@ const USAGE: &str = "usage: cargo xtask <command>
   tidy            the crates' edges and the other invariants of docs/architecture.md
   parity          DIR [--json] [--strict]: every module against the files of reference numbers in DIR
   random-weights  --preset NAME FILE: a checkpoint of the published names and types, drawn at random
+  stress          [ARGUMENTS OF CARGO TEST]: the tests with every sweep in full; before a release
+  embed           the examples of tests/embedding, in a package outside of the workspace
   valgrind        the tests of kernels and tape under memcheck, by portable code and by AVX2";
 
 fn main() -> ExitCode {
@@ -23,6 +27,8 @@ fn main() -> ExitCode {
         "check" => check(),
         "tidy" => tidy::run(),
         "parity" | "random-weights" => forward(command, rest),
+        "stress" => stress::run(rest),
+        "embed" => embed::run(),
         "valgrind" => valgrind::run(),
         _ => Err(USAGE.into()),
     };
@@ -38,9 +44,9 @@ fn main() -> ExitCode {
 }
 
 fn check() -> Result<(), String> {
-    cargo(&["fmt", "--all", "--check"], "")?;
-    cargo(&["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"], "")?;
-    cargo(&["doc", "--workspace", "--no-deps", "--locked"], "-D warnings")?;
+    cargo(&["fmt", "--all", "--check"], &[])?;
+    cargo(&["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"], &[])?;
+    cargo(&["doc", "--workspace", "--no-deps", "--locked"], &[("RUSTDOCFLAGS", "-D warnings")])?;
     tidy::run()?;
     println!("check: fine");
     Ok(())
@@ -48,20 +54,28 @@ fn check() -> Result<(), String> {
 
 /// Runs a binary of the package that knows the model.
 fn forward(binary: &str, arguments: &[String]) -> Result<(), String> {
-    let status = Command::new(env!("CARGO"))
-        .args(["run", "--quiet", "--locked", "--package", "weaver-parity", "--bin", binary, "--"])
-        .args(arguments)
-        .status()
-        .map_err(|e| format!("cargo could not be started: {e}"))?;
-    // The binary has said why.
-    if status.success() { Ok(()) } else { Err(String::new()) }
+    // The binary has said why it failed.
+    cargo_run(&["--package", "weaver-parity", "--bin", binary], arguments).map_err(|_| String::new())
 }
 
-fn cargo(arguments: &[&str], rustdoc_flags: &str) -> Result<(), String> {
+fn cargo_run(which: &[&str], arguments: &[String]) -> Result<(), String> {
+    let mut run = vec!["run", "--quiet", "--locked"];
+    run.extend(which);
+    run.push("--");
+    run.extend(arguments.iter().map(String::as_str));
+    finish(&run, &[])
+}
+
+/// Runs cargo, and says so.
+fn cargo(arguments: &[&str], environment: &[(&str, &str)]) -> Result<(), String> {
     println!("cargo {}", arguments.join(" "));
+    finish(arguments, environment)
+}
+
+fn finish(arguments: &[&str], environment: &[(&str, &str)]) -> Result<(), String> {
     let status = Command::new(env!("CARGO"))
         .args(arguments)
-        .env("RUSTDOCFLAGS", rustdoc_flags)
+        .envs(environment.iter().copied())
         .status()
         .map_err(|e| format!("cargo could not be started: {e}"))?;
     if status.success() { Ok(()) } else { Err(format!("`cargo {}` failed", arguments.join(" "))) }

@@ -72,7 +72,12 @@ pub fn run() -> Result<(), String> {
     if faults.is_empty() { Ok(()) } else { Err(format!("tidy:\n  {}", faults.join("\n  "))) }
 }
 
-fn read() -> Result<Workspace, String> {
+/// The folder of the workspace.
+pub fn root() -> Result<PathBuf, String> {
+    Ok(PathBuf::from(text(&metadata()?, "workspace_root")))
+}
+
+fn metadata() -> Result<Value, String> {
     let output = Command::new(env!("CARGO"))
         .args(["metadata", "--format-version", "1", "--no-deps"])
         .output()
@@ -80,7 +85,11 @@ fn read() -> Result<Workspace, String> {
     if !output.status.success() {
         return Err(format!("cargo metadata failed: {}", String::from_utf8_lossy(&output.stderr)));
     }
-    let metadata: Value = serde_json::from_slice(&output.stdout).map_err(|e| format!("cargo metadata: {e}"))?;
+    serde_json::from_slice(&output.stdout).map_err(|e| format!("cargo metadata: {e}"))
+}
+
+fn read() -> Result<Workspace, String> {
+    let metadata = metadata()?;
     let root = PathBuf::from(text(&metadata, "workspace_root"));
     let mut workspace = Workspace { root: root.clone(), ..Workspace::default() };
     for package in metadata["packages"].as_array().ok_or("cargo metadata lists no packages")? {

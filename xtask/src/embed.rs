@@ -1,0 +1,94 @@
+//! The examples of tests/embedding, built and run in a package outside of the workspace, as somebody who embeds a crate has it.
+
+use crate::{cargo_run, tidy::root};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+/// The crates that the examples name.
+const CRATES: &[&str] =
+    &["weaver-autograd", "weaver-inference", "weaver-io", "weaver-pose", "weaver-scene", "weaver-splat"];
+
+/// Examples, and whether each wants a folder of a training run and one to write to.
+const EXAMPLES: &[(&str, &[Argument])] = &[
+    ("custom_op", &[]),
+    ("formats", &[Argument::Out]),
+    ("raster", &[]),
+    ("reconstruct", &[Argument::Run, Argument::Out]),
+];
+
+#[derive(Clone, Copy)]
+enum Argument {
+    Run,
+    Out,
+}
+
+pub fn run() -> Result<(), String> {
+    let root = root()?;
+    let folder = std::env::temp_dir().join(format!("weaver-embedding-{}", std::process::id()));
+    let done = examples(&root, &folder);
+    let _ = fs::remove_dir_all(&folder);
+    done
+}
+
+fn examples(root: &Path, folder: &Path) -> Result<(), String> {
+    let at = |path: &Path, e: std::io::Error| format!("{}: {e}", path.display());
+    let (sources, out, run) = (folder.join("src/bin"), folder.join("out"), folder.join("run"));
+    for path in [&sources, &out] {
+        fs::create_dir_all(path).map_err(|e| at(path, e))?;
+    }
+    let copy = |from: &Path, to: &Path| fs::copy(from, to).map(drop).map_err(|e| at(from, e));
+    for (name, _) in EXAMPLES {
+        let file = format!("{name}.rs");
+        copy(&root.join("tests/embedding").join(&file), &sources.join(&file))?;
+    }
+    // The same versions as the workspace has, so that nothing is fetched.
+    copy(&root.join("Cargo.lock"), &folder.join("Cargo.lock"))?;
+    copy(&root.join("rust-toolchain.toml"), &folder.join("rust-toolchain.toml"))?;
+    let manifest = folder.join("Cargo.toml");
+    fs::write(&manifest, self::manifest(root)).map_err(|e| at(&manifest, e))?;
+
+    println!("a run of two steps");
+    let train = ["train", "--preset", "micro", "--steps", "2", "--out", &run.to_string_lossy()].map(String::from);
+    cargo_run(&["--release", "--package", "weaver-cli"], &train)?;
+    for (name, arguments) in EXAMPLES {
+        let path = |argument: &Argument| match argument {
+            Argument::Run => &run,
+            Argument::Out => &out,
+        };
+        let status = Command::new(env!("CARGO"))
+            .args(["run", "--quiet", "--release", "--bin", name, "--"])
+            .args(arguments.iter().map(path))
+            .current_dir(folder)
+            .env("CARGO_TARGET_DIR", root.join("target/embedding"))
+            .status()
+            .map_err(|e| format!("cargo could not be started: {e}"))?;
+        if !status.success() {
+            return Err(format!("embed: {name} failed"));
+        }
+    }
+    println!("embed: fine");
+    Ok(())
+}
+
+/// A package that depends on crates of the workspace by path. Its own `[workspace]` keeps cargo from looking for another.
+fn manifest(root: &Path) -> String {
+    let dependency = |name: &&str| format!("{name} = {{ path = {:?} }}\n", root.join("crates").join(name));
+    let dependencies: String = CRATES.iter().map(dependency).collect();
+    format!(
+        "[package]\nname = \"embedding\"\nversion = \"0.0.0\"\nedition = \"2024\"\n\n[workspace]\n\n\
+         [dependencies]\nflate2 = {{ version = \"1.1\", default-features = false, features = [\"rust_backend\"] }}\n{dependencies}"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_manifest_names_every_crate_by_its_path() {
+        let manifest = manifest(Path::new("/somewhere"));
+        assert!(manifest.contains("weaver-splat = { path = \"/somewhere/crates/weaver-splat\" }"), "{manifest}");
+        assert_eq!(manifest.matches("path = ").count(), CRATES.len());
+    }
+}
