@@ -19,9 +19,9 @@ fn config() -> ModelConfig {
     let mut config = ModelConfig::preset("micro").unwrap();
     let published = ModelConfig::splatweaver_1b();
     (config.width, config.height) = (WIDTH, HEIGHT);
-    config.backbone.position_table = [5, 5];
+    config.backbone.position_table = Some([5, 5]);
     config.camera.pose_frame = published.camera.pose_frame;
-    config.dense.pixel_center = published.dense.pixel_center;
+    config.dense.pixel_point = published.dense.pixel_point;
     config.gaussians = weaver_model::GaussianConfig {
         sh_degree: 2,
         router_hidden: config.gaussians.router_hidden,
@@ -290,7 +290,7 @@ fn everything_that_does_not_fit_is_listed() {
     for (key, value, message) in [("backbone", "rounds", "layers"), ("gaussians", "neighbors", "neighbors")] {
         let mut impossible = checkpoint("encoder.");
         let mut config: serde_json::Value = serde_json::from_str(&impossible.metadata[CONFIG]).unwrap();
-        config[key][value] = 1_000_000_000_000u64.into();
+        config[key][value] = 1_000_000u64.into();
         impossible.metadata.insert(CONFIG.into(), config.to_string());
         refused(&impossible, &["metadata splatweaver_model", message]);
     }

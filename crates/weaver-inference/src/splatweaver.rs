@@ -169,7 +169,7 @@ impl Predictor for SplatWeaverPredictor {
     }
 
     fn max_per_pixel(&self) -> usize {
-        self.model.config().gaussians.experts
+        self.model.config().gaussians.max_per_pixel
     }
 
     fn raster_settings(&self) -> RasterSettings {

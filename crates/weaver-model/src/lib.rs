@@ -6,8 +6,8 @@ mod parts;
 mod splatweaver;
 
 pub use config::{
-    BackboneConfig, CameraConfig, DenseConfig, GaussianConfig, ModelConfig, PRESETS, ParametrizationKind, PoseFrame,
-    RasterConfig, WaveletKind,
+    BackboneConfig, CameraConfig, DenseConfig, GaussianConfig, ModelConfig, PRESETS, ParametrizationConfig, PixelPoint,
+    PoseFrame, RasterConfig, WaveletKind,
 };
 pub use guidance::Guidance;
 pub use splatweaver::{Dense, PredictedGaussians, SplatWeaver};

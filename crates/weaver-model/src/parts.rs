@@ -1,6 +1,6 @@
 //! From the one configuration to those of the parts.
 
-use crate::{ModelConfig, ParametrizationKind, PoseFrame, WaveletKind};
+use crate::{ModelConfig, ParametrizationConfig, PixelPoint, PoseFrame, WaveletKind};
 use weaver_experts::{HeadConfig, NeighborConfig, Parametrization};
 use weaver_nn::{Init, WeightInit};
 use weaver_vggt::{
@@ -37,10 +37,7 @@ impl ModelConfig {
                 heads: b.encoder_heads,
                 mlp_ratio: MLP_RATIO,
                 registers: b.registers,
-                table: match b.position_table {
-                    [0, _] | [_, 0] => [self.height / self.patch, self.width / self.patch],
-                    table => table,
-                },
+                table: b.position_table.unwrap_or([self.height / self.patch, self.width / self.patch]),
             },
             rounds: b.rounds,
             heads: b.heads,
@@ -71,7 +68,7 @@ impl ModelConfig {
             layer_scale: c.layer_scale,
             weight: WeightInit::TruncatedNormal(self.backbone.weight_std),
             token: Init::Normal(self.backbone.token_std),
-            base_fov: (c.base_fov > 0.0).then_some(c.base_fov),
+            base_fov: c.base_fov,
             relative: c.pose_frame == PoseFrame::FirstCamera,
         }
     }
@@ -80,6 +77,14 @@ impl ModelConfig {
         match self.gaussians.wavelet {
             WaveletKind::Haar => Wavelet::Haar,
             WaveletKind::Db2 => Wavelet::Db2,
+        }
+    }
+
+    /// Where in a pixel its ray passes, in pixels from the corner.
+    pub(crate) fn pixel_offset(&self) -> f64 {
+        match self.dense.pixel_point {
+            PixelPoint::Center => 0.5,
+            PixelPoint::Corner => 0.0,
         }
     }
 
@@ -93,21 +98,20 @@ impl ModelConfig {
     }
 
     fn depth_head(&self) -> DepthHeadConfig {
-        let limit = self.dense.log_depth_limit;
         let mut dpt = self.dpt();
-        if self.dense.depth_features > 0 {
-            (dpt.features, dpt.width) = (self.dense.depth_features, self.dense.depth_features / 2);
+        if let Some(features) = self.dense.depth_features {
+            (dpt.features, dpt.width) = (features, features / 2);
         }
         DepthHeadConfig {
             dpt,
             hidden: self.dense.depth_hidden,
-            log_depth_bounds: (limit > 0.0).then_some((-limit, limit)),
+            log_depth_bounds: self.dense.log_depth_limit.map(|limit| (-limit, limit)),
             last: WeightInit::TruncatedNormal(LAST_DEPTH_STD),
         }
     }
 
     pub(crate) fn feature_head(&self) -> FeatureHeadConfig {
-        FeatureHeadConfig { dpt: self.dpt(), merger: self.dense.merger }
+        FeatureHeadConfig { dpt: self.dpt(), merger: self.dense.image_skip_hidden }
     }
 
     pub(crate) fn head(&self) -> HeadConfig {
@@ -115,7 +119,7 @@ impl ModelConfig {
         HeadConfig {
             features: self.dense.channels,
             router_hidden: g.router_hidden,
-            max_per_pixel: g.experts,
+            max_per_pixel: g.max_per_pixel,
             sh_degree: g.sh_degree,
             neighbors: g.neighbor_attention.then_some(NeighborConfig {
                 count: g.neighbors,
@@ -125,13 +129,11 @@ impl ModelConfig {
             }),
             expert_output_gain: g.expert_gain,
             parametrization: match g.parametrization {
-                ParametrizationKind::Published => Parametrization::Published {
-                    offset_reach: g.offset_reach,
-                    scale_multiplier: g.scale_multiplier,
-                    scale_max: g.scale_max,
-                },
-                ParametrizationKind::Footprint => {
-                    Parametrization::Footprint { offset_reach: g.offset_reach, scale: g.scale_multiplier }
+                ParametrizationConfig::Published { offset_reach, scale_multiplier, scale_max } => {
+                    Parametrization::Published { offset_reach, scale_multiplier, scale_max }
+                }
+                ParametrizationConfig::Footprint { offset_reach, scale } => {
+                    Parametrization::Footprint { offset_reach, scale }
                 }
             },
         }

@@ -1,6 +1,6 @@
 //! The network: photos in, cameras and Gaussians out.
 
-use crate::{Guidance, ModelConfig, ParametrizationKind};
+use crate::{Guidance, ModelConfig, ParametrizationConfig};
 use weaver_autograd::{Buffer, Params, Real, Var};
 use weaver_experts::{CardinalityHead, PixelGaussians, PixelInputs};
 use weaver_kernels::random::Stream;
@@ -83,7 +83,7 @@ impl SplatWeaver {
         let guidance = config
             .gaussians
             .frequency_prior
-            .then(|| Guidance::new(&mut head, config.wavelet(), config.dense.wave, config.dense.channels));
+            .then(|| Guidance::new(&mut head, config.wavelet(), config.dense.guidance_hidden, config.dense.channels));
         let head = CardinalityHead::new(head.scope("gs_moe"), config.head());
         Self { config, vggt, features, guidance, head }
     }
@@ -120,7 +120,7 @@ impl SplatWeaver {
         } else {
             pool.trim::<T>();
             let (pixels, plane) = (views * height * width, height * width);
-            let [channels, experts] = [self.config.dense.channels, self.config.gaussians.experts + 1];
+            let [channels, experts] = [self.config.dense.channels, self.config.gaussians.experts()];
             let widths = [1, 1, channels, experts];
             let mut all = widths.map(|width| pool.buffer(pixels * width));
             for view in 0..views {
@@ -189,9 +189,9 @@ impl SplatWeaver {
     ) -> PredictedGaussians<'t, T> {
         let [views, height, width] = [photos.shape()[0], photos.shape()[2], photos.shape()[3]];
         let pixels = views * height * width;
-        let center = self.config.dense.pixel_center;
-        let points = weaver_pose::unproject(dense.depth, cameras.viewmats, cameras.intrinsics, center);
-        let in_footprints = self.config.gaussians.parametrization == ParametrizationKind::Footprint;
+        let points =
+            weaver_pose::unproject(dense.depth, cameras.viewmats, cameras.intrinsics, self.config.pixel_offset());
+        let in_footprints = matches!(self.config.gaussians.parametrization, ParametrizationConfig::Footprint { .. });
         let footprints = in_footprints.then(|| {
             let focal = cameras.intrinsics.slice(1, 0, 1).reshape([views, 1, 1]).expand(dense.depth.shape());
             (dense.depth / focal).reshape([pixels])

@@ -48,7 +48,7 @@ impl Recipe for SplatWeaverRecipe {
     fn check(config: &Config<Self>) -> Result<(), String> {
         config.model.check()?;
         for (i, stage) in config.stages.iter().enumerate() {
-            sections::check(stage, config.model.gaussians.experts, &format!("stages.{i}"))?;
+            sections::check(stage, config.model.gaussians.max_per_pixel, &format!("stages.{i}"))?;
         }
         Ok(())
     }
@@ -113,7 +113,7 @@ impl Recipe for SplatWeaverRecipe {
         let allocation: Box<dyn Allocation<f32>> = match stage.model.allocation {
             StageAllocation::Mix => Box::new(TrainingMix::default()),
             StageAllocation::Kind(kind) => kind
-                .allocation(stage.model.budget, network.config().gaussians.experts + 1)
+                .allocation(stage.model.budget, network.config().gaussians.experts())
                 .map_err(|e| Error::Input(e.to_string()))?,
         };
         let objective = Objective {

@@ -10,7 +10,9 @@ use weaver_experts::Neighbors;
 use weaver_kernels::random::Stream;
 use weaver_losses as losses;
 use weaver_losses::lpips::Network;
-use weaver_model::{BackboneConfig, CameraConfig, DenseConfig, GaussianConfig, ModelConfig, SplatWeaver};
+use weaver_model::{
+    BackboneConfig, CameraConfig, DenseConfig, GaussianConfig, ModelConfig, ParametrizationConfig, SplatWeaver,
+};
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
 use weaver_splat::{GaussianVars, RasterSettings, Rasterize, WorkspacePool};
@@ -33,7 +35,7 @@ fn config(file: &Reference) -> ModelConfig {
             heads: file.size("heads"),
             rounds: file.size("rounds"),
             registers: file.size("register_tokens"),
-            position_table: file.grid("pos_table"),
+            position_table: Some(file.grid("pos_table")),
             ..published.backbone
         },
         camera: CameraConfig {
@@ -46,11 +48,11 @@ fn config(file: &Reference) -> ModelConfig {
             layers,
             out_channels: out_channels.try_into().expect("four levels"),
             features: head("features"),
-            depth_features: file.size("depth_head.features"),
+            depth_features: Some(file.size("depth_head.features")),
             channels: head("feature_channels"),
             depth_hidden: file.shape("w.depth_head.scratch.output_conv2.0.weight")[0],
-            merger: head("merger_hidden"),
-            wave: head("wave_hidden"),
+            image_skip_hidden: head("merger_hidden"),
+            guidance_hidden: head("wave_hidden"),
             ..published.dense
         },
         gaussians: GaussianConfig {
@@ -59,7 +61,11 @@ fn config(file: &Reference) -> ModelConfig {
             projector: head("pixel_projector"),
             neighbors: head("k"),
             predictor: head("predictor_width"),
-            offset_reach: file.number("gaussian_head.xyz_bias"),
+            parametrization: ParametrizationConfig::Published {
+                offset_reach: file.number("gaussian_head.xyz_bias"),
+                scale_multiplier: 0.001,
+                scale_max: 0.4,
+            },
             ..published.gaussians
         },
         raster: published.raster,

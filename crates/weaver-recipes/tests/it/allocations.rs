@@ -39,7 +39,7 @@ fn allocations(config: &Config, allocation: &str) -> [u64; 2] {
         };
         let examples: Vec<Example> = (0..SplatWeaverRecipe::tuples(stage) as u64).map(example).collect();
         let kind: AllocationKind = allocation.parse().unwrap();
-        let allocation = kind.allocation(stage.model.budget, config.model.gaussians.experts + 1).unwrap();
+        let allocation = kind.allocation(stage.model.budget, config.model.gaussians.experts()).unwrap();
 
         let mut params = Params::new();
         let model = SplatWeaver::new(config.model.clone(), &mut params, config.seed);

@@ -1,5 +1,6 @@
 //! Configurations: presets, files, settings, and their documentation.
 
+use weaver_model::ParametrizationConfig;
 use weaver_recipes::SplatWeaverRecipe;
 use weaver_trainer::Config;
 
@@ -18,6 +19,22 @@ fn settings_reach_their_place() {
         (1.0, 64, "sampled".to_string())
     );
     assert_eq!(config.data.folders.len(), 2);
+}
+
+#[test]
+fn settings_are_switched_off_and_on_and_tables_change_their_kind() {
+    let published = "{ kind = \"published\", offset_reach = 0.035, scale_multiplier = 0.007, scale_max = 0.4 }";
+    let settings = [
+        "model.dense.log_depth_limit=none".to_string(),
+        "model.backbone.position_table=[5, 7]".to_string(),
+        format!("model.gaussians.parametrization={published}"),
+    ];
+    let model = Config::<SplatWeaverRecipe>::resolve(Some("micro"), None, &settings).unwrap().model;
+    assert_eq!((model.dense.log_depth_limit, model.backbone.position_table), (None, Some([5, 7])));
+    let expected = ParametrizationConfig::Published { offset_reach: 0.035, scale_multiplier: 0.007, scale_max: 0.4 };
+    assert_eq!(model.gaussians.parametrization, expected);
+    let text = message(&["model.gaussians.parametrization.kind=published"]);
+    assert!(text.contains("scale"), "{text}");
 }
 
 #[test]

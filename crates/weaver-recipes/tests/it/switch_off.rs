@@ -109,17 +109,16 @@ const SWITCHES: [&[&str]; 20] = [
     &["stages.1.model.allocation=grid"],
     &["stages.1.model.allocation=random"],
     PUBLISHED,
-    &["model.gaussians.parametrization=footprint"],
+    &["model.gaussians.parametrization.kind=footprint"],
     &["model.camera.pose_frame=network"],
     &["model.camera.pose_frame=first-camera"],
 ];
 
 /// The published parametrization, with sizes in world units.
-const PUBLISHED: &[&str] = &[
-    "model.gaussians.parametrization=published",
-    "model.gaussians.offset_reach=0.035",
-    "model.gaussians.scale_multiplier=0.007",
-];
+const PUBLISHED: &[&str] = &[concat!(
+    "model.gaussians.parametrization=",
+    r#"{ kind = "published", offset_reach = 0.035, scale_multiplier = 0.007, scale_max = 0.4 }"#
+)];
 
 #[test]
 fn every_switch_trains() {

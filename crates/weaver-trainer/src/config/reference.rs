@@ -24,14 +24,23 @@ pub(super) fn annotate(toml: &str, root: &Schema) -> String {
             }
             comment(&mut out, table);
             let _ = writeln!(out, "{line}");
-        } else if let Some((key, _)) = line.split_once(" = ") {
+        } else if let Some((key, value)) = line.split_once(" = ") {
             comment(&mut out, inner(table, key));
             seen.push(key.into());
             let _ = writeln!(out, "{line}");
+            if key == "kind" {
+                table = variant(table, value.trim_matches('"'));
+            }
         }
     }
     unset(&mut out, table, &seen);
     out
+}
+
+/// The variant of this kind, where a table has several.
+fn variant<'s>(table: &'s Schema, kind: &str) -> &'s Schema {
+    let mut variants = table["oneOf"].as_array().into_iter().flatten();
+    variants.find(|schema| schema["properties"]["kind"]["const"] == kind).unwrap_or(table)
 }
 
 /// The schema of a key; of the entries, where it is a list of tables.
@@ -69,7 +78,7 @@ fn comment(out: &mut String, schema: &Schema) {
 
 /// A value of a closed choice and what it means.
 fn choice(schema: &Schema) -> Option<String> {
-    let value = schema["const"].as_str()?;
+    let value = schema["const"].as_str().or_else(|| schema["properties"]["kind"]["const"].as_str())?;
     let meaning = schema["description"].as_str().unwrap_or("").trim_end_matches('.');
     Some(format!("{value}: {}", meaning.replace('\n', " ")))
 }

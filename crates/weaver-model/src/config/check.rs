@@ -1,0 +1,202 @@
+//! The valid range of every setting.
+
+use super::{ModelConfig, ParametrizationConfig};
+use std::fmt::Display;
+use weaver_kernels::nearest_neighbors::MAX_NEIGHBORS;
+
+/// No size of a network is larger: products of two of them do not overflow.
+const MAX_SIZE: usize = 1_000_000;
+
+/// The key that is wrong, what was expected and what was found.
+fn ensure(holds: bool, key: &str, expected: impl Display, found: impl Display) -> Result<(), String> {
+    if holds { Ok(()) } else { Err(format!("model.{key}: expected {expected}, found {found}")) }
+}
+
+fn positive(key: &str, value: f64) -> Result<(), String> {
+    ensure(value > 0.0 && value.is_finite(), key, "a positive number", value)
+}
+
+fn not_negative(key: &str, value: f64) -> Result<(), String> {
+    ensure(value >= 0.0 && value.is_finite(), key, "a number that is not negative", value)
+}
+
+fn multiple(key: &str, value: usize, of: usize) -> Result<(), String> {
+    ensure(value > 0 && value.is_multiple_of(of), key, format_args!("a positive multiple of {of}"), value)
+}
+
+impl ModelConfig {
+    /// Checks that every setting is in its range and that the sizes fit together.
+    ///
+    /// # Errors
+    /// The first setting that is wrong: its key, what was expected and what was found.
+    pub fn check(&self) -> Result<(), String> {
+        self.check_sizes()?;
+        self.check_multiples()?;
+        self.check_numbers()
+    }
+
+    fn check_sizes(&self) -> Result<(), String> {
+        let (b, c, d, g) = (&self.backbone, &self.camera, &self.dense, &self.gaussians);
+        let [rows, columns] = b.position_table.unwrap_or([1; 2]);
+        let at_least_one = [
+            ("width", self.width),
+            ("height", self.height),
+            ("patch", self.patch),
+            ("backbone.dim", b.dim),
+            ("backbone.encoder_heads", b.encoder_heads),
+            ("backbone.heads", b.heads),
+            ("backbone.rounds", b.rounds),
+            ("backbone.position_table", rows),
+            ("backbone.position_table", columns),
+            ("camera.heads", c.heads),
+            ("camera.iterations", c.iterations),
+            ("dense.features", d.features),
+            ("dense.channels", d.channels),
+            ("dense.depth_hidden", d.depth_hidden),
+            ("dense.image_skip_hidden", d.image_skip_hidden),
+            ("dense.guidance_hidden", d.guidance_hidden),
+            ("gaussians.router_hidden", g.router_hidden),
+            ("gaussians.projector", g.projector),
+            ("gaussians.predictor", g.predictor),
+        ];
+        for (key, value) in at_least_one.into_iter().chain(d.out_channels.map(|n| ("dense.out_channels", n))) {
+            ensure((1..=MAX_SIZE).contains(&value), key, format_args!("1 to {MAX_SIZE}"), value)?;
+        }
+        let bounded = [
+            ("backbone.encoder_depth", b.encoder_depth, MAX_SIZE),
+            ("backbone.registers", b.registers, MAX_SIZE),
+            ("camera.depth", c.depth, MAX_SIZE),
+            ("dense.depth_features", d.depth_features.unwrap_or(0), MAX_SIZE),
+            ("gaussians.sh_degree", g.sh_degree, 4),
+            ("gaussians.neighbors", g.neighbors, MAX_NEIGHBORS),
+        ];
+        for (key, value, most) in bounded {
+            ensure(value <= most, key, format_args!("0 to {most}"), value)?;
+        }
+        // Assignments hold the number of a pixel's Gaussians as a byte.
+        ensure((1..=255).contains(&g.max_per_pixel), "gaussians.max_per_pixel", "1 to 255", g.max_per_pixel)?;
+        for layer in d.layers {
+            ensure(layer < b.rounds, "dense.layers", format_args!("rounds below {}", b.rounds), layer)?;
+        }
+        Ok(())
+    }
+
+    fn check_multiples(&self) -> Result<(), String> {
+        let (b, d) = (&self.backbone, &self.dense);
+        multiple("width", self.width, self.patch)?;
+        multiple("height", self.height, self.patch)?;
+        multiple("backbone.dim", b.dim, b.encoder_heads)?;
+        multiple("backbone.dim", b.dim, 4 * b.heads)?;
+        let expected = format_args!("a divisor of twice backbone.dim, {}", 2 * b.dim);
+        ensure((2 * b.dim).is_multiple_of(self.camera.heads), "camera.heads", expected, self.camera.heads)?;
+        multiple("dense.channels", d.channels, 4)?;
+        d.depth_features.map_or(Ok(()), |n| multiple("dense.depth_features", n, 8))?;
+        d.out_channels.into_iter().try_for_each(|n| multiple("dense.out_channels", n, 4))
+    }
+
+    fn check_numbers(&self) -> Result<(), String> {
+        let (b, c, g) = (&self.backbone, &self.camera, &self.gaussians);
+        not_negative("backbone.layer_scale", b.layer_scale)?;
+        not_negative("backbone.weight_std", b.weight_std)?;
+        not_negative("backbone.position_std", b.position_std)?;
+        not_negative("backbone.token_std", b.token_std)?;
+        not_negative("camera.layer_scale", c.layer_scale)?;
+        if let Some(fov) = c.base_fov {
+            let inside = fov > 0.0 && fov < std::f64::consts::PI;
+            ensure(inside, "camera.base_fov", "radians between 0 and pi", fov)?;
+        }
+        self.dense.log_depth_limit.map_or(Ok(()), |limit| positive("dense.log_depth_limit", limit))?;
+        positive("gaussians.temperature", g.temperature)?;
+        not_negative("gaussians.expert_gain", g.expert_gain)?;
+        let parametrization = |key: &str| format!("gaussians.parametrization.{key}");
+        match g.parametrization {
+            ParametrizationConfig::Published { offset_reach, scale_multiplier, scale_max } => {
+                not_negative(&parametrization("offset_reach"), offset_reach)?;
+                positive(&parametrization("scale_multiplier"), scale_multiplier)?;
+                positive(&parametrization("scale_max"), scale_max)?;
+            }
+            ParametrizationConfig::Footprint { offset_reach, scale } => {
+                not_negative(&parametrization("offset_reach"), offset_reach)?;
+                positive(&parametrization("scale"), scale)?;
+            }
+        }
+        positive("raster.near", self.raster.near)?;
+        let alpha = self.raster.alpha_max;
+        ensure(alpha > 0.0 && alpha < 1.0, "raster.alpha_max", "a number between 0 and 1", alpha)?;
+        for color in self.raster.background {
+            ensure((0.0..=1.0).contains(&color), "raster.background", "colors of 0 to 1", color)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{ModelConfig, PRESETS, ParametrizationConfig};
+
+    #[test]
+    fn presets_are_valid() {
+        for name in PRESETS {
+            let config = ModelConfig::preset(name).expect("listed presets exist");
+            assert_eq!(config.check(), Ok(()), "{name}");
+        }
+    }
+
+    /// Every number that is set to something out of its range is named with the range and what was found.
+    #[test]
+    fn each_key_has_a_range() {
+        type Change = fn(&mut ModelConfig);
+        let cases: [(Change, &str); 16] = [
+            (|c| c.width = 63, "model.width: expected a positive multiple of 8, found 63"),
+            (|c| c.patch = 0, "model.patch: expected 1 to 1000000, found 0"),
+            (|c| c.backbone.dim = usize::MAX, "model.backbone.dim: expected 1 to 1000000, found 18446744073709551615"),
+            (
+                |c| c.backbone.position_table = Some([0, 3]),
+                "model.backbone.position_table: expected 1 to 1000000, found 0",
+            ),
+            (
+                |c| c.backbone.token_std = -1.0,
+                "model.backbone.token_std: expected a number that is not negative, found -1",
+            ),
+            (|c| c.camera.heads = 5, "model.camera.heads: expected a divisor of twice backbone.dim, 192, found 5"),
+            (|c| c.camera.base_fov = Some(4.0), "model.camera.base_fov: expected radians between 0 and pi, found 4"),
+            (|c| c.dense.layers[2] = 9, "model.dense.layers: expected rounds below 4, found 9"),
+            (|c| c.dense.out_channels[3] = 6, "model.dense.out_channels: expected a positive multiple of 4, found 6"),
+            (
+                |c| c.dense.depth_features = Some(0),
+                "model.dense.depth_features: expected a positive multiple of 8, found 0",
+            ),
+            (
+                |c| c.dense.log_depth_limit = Some(f64::NAN),
+                "model.dense.log_depth_limit: expected a positive number, found NaN",
+            ),
+            (|c| c.gaussians.max_per_pixel = 256, "model.gaussians.max_per_pixel: expected 1 to 255, found 256"),
+            (|c| c.gaussians.sh_degree = 5, "model.gaussians.sh_degree: expected 0 to 4, found 5"),
+            (
+                |c| c.gaussians.parametrization = ParametrizationConfig::Footprint { offset_reach: 2.0, scale: 0.0 },
+                "model.gaussians.parametrization.scale: expected a positive number, found 0",
+            ),
+            (|c| c.raster.alpha_max = 1.0, "model.raster.alpha_max: expected a number between 0 and 1, found 1"),
+            (|c| c.raster.background[1] = 2.0, "model.raster.background: expected colors of 0 to 1, found 2"),
+        ];
+        for (change, message) in cases {
+            let mut config = ModelConfig::preset("tiny").expect("there is a preset called tiny");
+            change(&mut config);
+            assert_eq!(config.check().unwrap_err(), message);
+        }
+    }
+
+    #[test]
+    fn a_file_survives_and_names_what_it_does_not_know() {
+        for name in PRESETS {
+            let config = ModelConfig::preset(name).expect("listed presets exist");
+            let text = serde_json::to_string(&config).unwrap();
+            assert_eq!(serde_json::from_str::<ModelConfig>(&text).unwrap(), config);
+        }
+        let text = serde_json::to_string(&ModelConfig::preset("tiny").expect("a preset")).unwrap();
+        assert!(text.contains(r#""parametrization":{"kind":"footprint","offset_reach":2.0,"scale":0.7}"#), "{text}");
+        let other = text.replace(r#""kind":"footprint""#, r#""kind":"published""#);
+        let error = serde_json::from_str::<ModelConfig>(&other).unwrap_err().to_string();
+        assert!(error.contains("unknown field `scale`"), "{error}");
+    }
+}
