@@ -3,7 +3,7 @@
 use std::ops::{Add, Div, Mul, Neg, Sub};
 use weaver_kernels::Real;
 
-/// A number with its derivatives with respect to `N` inputs.
+/// A number together with its derivatives with respect to `N` inputs, for forward-mode differentiation.
 ///
 /// ```
 /// use weaver_autograd::Dual;
@@ -20,13 +20,13 @@ pub struct Dual<T, const N: usize> {
 }
 
 impl<T: Real, const N: usize> Dual<T, N> {
-    /// A constant.
+    /// A constant, whose derivatives are 0.
     #[inline(always)]
     pub fn constant(value: T) -> Self {
         Self { value, partial: [T::ZERO; N] }
     }
 
-    /// The inputs themselves: input i has derivative 1 with respect to i.
+    /// The inputs: input i has derivative 1 with respect to itself and 0 with respect to the others.
     #[inline(always)]
     pub fn inputs(values: [T; N]) -> [Self; N] {
         std::array::from_fn(|i| {
@@ -36,7 +36,7 @@ impl<T: Real, const N: usize> Dual<T, N> {
         })
     }
 
-    /// f(self) given f and f' at the value.
+    /// The chain rule: f(self), given the value and the derivative of f at `self.value`.
     #[inline(always)]
     pub fn chain(self, value: T, derivative: T) -> Self {
         Self { value, partial: self.partial.map(|p| p * derivative) }
@@ -100,7 +100,7 @@ impl<T: Real, const N: usize> Dual<T, N> {
         self.chain(y, T::ONE - y * y)
     }
 
-    /// The logistic function 1 / (1 + e^-x), with a finite derivative however large x is.
+    /// The logistic function 1 / (1 + e^-x), with a finite derivative for every finite x.
     #[inline(always)]
     pub fn sigmoid(self) -> Self {
         let y = T::ONE / (T::ONE + (-self.value).exp());
@@ -127,14 +127,14 @@ impl<T: Real, const N: usize> Dual<T, N> {
         self.chain(self.value.abs(), sign(self.value))
     }
 
-    /// The larger of two; at a tie, or beside NaN, `self`.
+    /// The larger of two numbers; `self` if they are equal or one is NaN.
     #[inline(always)]
     pub fn max(self, other: impl Into<Self>) -> Self {
         let other = other.into();
         if self.value < other.value { other } else { self }
     }
 
-    /// The smaller of two; at a tie, or beside NaN, `self`.
+    /// The smaller of two numbers; `self` if they are equal or one is NaN.
     #[inline(always)]
     pub fn min(self, other: impl Into<Self>) -> Self {
         let other = other.into();
@@ -142,7 +142,7 @@ impl<T: Real, const N: usize> Dual<T, N> {
     }
 }
 
-/// -1, 0 or 1 (and NaN for NaN).
+/// The sign of x, -1, 0 or 1; NaN for NaN.
 #[inline(always)]
 fn sign<T: Real>(x: T) -> T {
     if x > T::ZERO {

@@ -1,8 +1,7 @@
-//! Checks the gradient of anything that runs on a tape, against central differences in `f64`.
+//! Gradient checks: compares the gradients of a function on a tape with central differences in `f64`.
 //!
-//! One call tries what goes wrong in practice: single coordinates and random directions under random cotangents,
-//! gradients that are added to what is there already, the same tensor given twice, and inputs whose gradient nobody
-//! asks for.
+//! One call tests what goes wrong in practice: single coordinates and random directions under random cotangents, gradients that
+//! are added to an existing sum, one tensor used as several inputs, and inputs that need no gradient.
 //!
 //! ```
 //! use weaver_autograd::gradcheck::{Input, gradcheck};
@@ -15,28 +14,28 @@ use weaver_kernels::random::Stream;
 /// An input of the function under test.
 #[derive(Clone, Debug)]
 pub struct Input {
-    /// Its numbers.
+    /// The elements, row-major.
     pub data: Vec<f64>,
-    /// Its dimensions.
+    /// The shape.
     pub shape: Shape,
-    /// Whether it has a gradient; constants (targets, masks) have none.
+    /// Whether the function is differentiable with respect to it. Constants such as targets and masks are not.
     pub differentiable: bool,
 }
 
 impl Input {
-    /// A differentiable input.
+    /// A differentiable input with the given elements.
     pub fn new(data: &[f64], shape: impl Into<Shape>) -> Self {
         Self { data: data.to_vec(), shape: shape.into(), differentiable: true }
     }
 
-    /// Standard normal numbers, a function of `seed` alone.
+    /// A differentiable input of standard normal numbers that depend on `seed` alone.
     pub fn normal(seed: u64, shape: impl Into<Shape>) -> Self {
         let shape = shape.into();
         let stream = Stream::new(seed, 0, "gradcheck.input");
         Self::new(&(0..shape.len() as u64).map(|i| stream.normal(i)).collect::<Vec<_>>(), shape)
     }
 
-    /// Uniform numbers between `low` and `high`, a function of `seed` alone.
+    /// A differentiable input of uniform numbers between `low` and `high` that depend on `seed` alone.
     pub fn uniform(seed: u64, low: f64, high: f64, shape: impl Into<Shape>) -> Self {
         let shape = shape.into();
         let stream = Stream::new(seed, 0, "gradcheck.input");
@@ -44,26 +43,26 @@ impl Input {
         Self::new(&(0..shape.len() as u64).map(draw).collect::<Vec<_>>(), shape)
     }
 
-    /// The same numbers as a constant.
+    /// Makes this input a constant.
     pub fn constant(self) -> Self {
         Self { differentiable: false, ..self }
     }
 }
 
-/// How hard to look, and how close is close enough.
+/// The number of checks and their tolerance.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Step of the central differences.
+    /// Step size of the central differences.
     pub step: f64,
-    /// Largest error allowed, relative to max(1, the derivative, the output's scale).
+    /// Largest allowed error, relative to max(1, |derivative|, scale of the outputs).
     pub tolerance: f64,
-    /// Coordinates tried per input.
+    /// Number of coordinates checked per input.
     pub coordinates: usize,
-    /// Random directions tried over all inputs together.
+    /// Number of random directions checked, over all inputs together.
     pub directions: usize,
-    /// Seed of cotangents, coordinates and directions.
+    /// Seed of the cotangents, coordinates and directions.
     pub seed: u64,
-    /// Whether inputs of equal shape are also given as one and the same tensor.
+    /// Whether to check also with one tensor in place of two inputs of equal shape.
     pub duplicates: bool,
 }
 
@@ -73,7 +72,11 @@ impl Default for Options {
     }
 }
 
-/// Checks the gradient of `f` with the default [`Options`]; panics with the place and both numbers if it is wrong.
+/// Checks the gradient of `f` with the default [`Options`].
+///
+/// # Panics
+///
+/// If a derivative is wrong, with its place and both values.
 #[track_caller]
 pub fn gradcheck<F>(inputs: &[Input], f: F)
 where
@@ -82,7 +85,11 @@ where
     gradcheck_with(Options::default(), inputs, f);
 }
 
-/// Checks the gradient of `f`: a function from tensors to tensors, pure, and smooth where it is evaluated.
+/// Checks the gradient of `f`, a pure function from tensors to tensors that is smooth where it is evaluated.
+///
+/// # Panics
+///
+/// If a derivative is wrong, with its place and both values.
 #[track_caller]
 pub fn gradcheck_with<F>(options: Options, inputs: &[Input], f: F)
 where
@@ -103,7 +110,11 @@ fn check(check: &Check<'_>, inputs: &[Input]) {
     }
 }
 
-/// Checks that `adjoint` is the adjoint of the linear map `forward`: <forward(x), y> = <x, adjoint(y)>, on random vectors.
+/// Checks that `forward` is a linear map and its gradient the adjoint A': <A x, y> = <x, A' y> for random vectors x and y.
+///
+/// # Panics
+///
+/// If either does not hold.
 #[track_caller]
 pub fn adjoint_check<F>(shape: impl Into<Shape>, seed: u64, forward: F)
 where
@@ -133,14 +144,14 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// How the gradient is computed: the plain way, or with complications that must not change it.
+/// How the gradient is computed: plainly, or with a complication that must not change it.
 #[derive(Default)]
 struct Mode {
-    /// Also add <this, x_i> to the loss, recorded after `f`, so that f's backward pass finds a gradient in the slot.
+    /// Also add <seed, x_i> to the loss, recorded after `f`, so that the backward pass of `f` finds an existing gradient.
     seeds: Option<Vec<Vec<f64>>>,
-    /// Inputs that are passed as constants.
+    /// Inputs to pass as constants.
     absent: Vec<usize>,
-    /// Pass input `.1` in place of input `.0`.
+    /// Pass the second input in place of the first.
     alias: Option<(usize, usize)>,
 }
 
@@ -155,7 +166,7 @@ impl Check<'_> {
         (0..shape.len() as u64).map(|i| stream.normal(i)).collect()
     }
 
-    /// The loss is the sum of cotangent * output over the tracked outputs; returns its value.
+    /// The value of the loss: the sum of cotangent * output over the tracked outputs.
     fn loss(&self, inputs: &[Input]) -> f64 {
         let tape = Tape::<f64>::new();
         let vars: Vec<_> = inputs.iter().map(|x| tape.constant(&x.data, x.shape)).collect();
@@ -240,7 +251,7 @@ impl Check<'_> {
             let error = (numeric - analytic).abs() / analytic.abs().max(1.0);
             assert!(
                 error <= tolerance,
-                "gradient at {place}: {analytic} by the op, {numeric} by differences (error {error:.2e})"
+                "gradient at {place}: {analytic} by the op, {numeric} by central differences (error {error:.2e})"
             );
         }
     }
@@ -272,7 +283,7 @@ impl Check<'_> {
             for (i, (partial, full)) in partial.iter().zip(gradient).enumerate().filter(|(i, _)| *i != missing) {
                 assert_eq!(
                     partial, full,
-                    "the gradient of input {i} changes when that of input {missing} is not asked for"
+                    "the gradient of input {i} changes when that of input {missing} is not needed"
                 );
             }
         }

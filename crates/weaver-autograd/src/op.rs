@@ -1,31 +1,31 @@
-//! What an op is, and what it sees of the tape's memory.
+//! The trait of differentiable operations, and the views of tensors that an operation gets.
 
 use crate::{Pool, Shape, ShapeError, Shapes};
 use std::fmt::Debug;
 use std::ops::{Deref, DerefMut};
 use weaver_kernels::{Real, gemm::Half, parallel, simd};
 
-/// A differentiable operation: a value that owns its parameters and saved state.
+/// A differentiable operation: a value that owns its settings and its saved state.
 ///
-/// The tape calls [`shapes`](Op::shapes), allocates the outputs, and calls [`forward`](Op::forward) once;
-/// [`backward`](Op::backward) follows if a gradient reaches one of its outputs. Large saved state comes from
-/// [`Pool::buffer`] or goes into auxiliary outputs, so that a repeated step allocates nothing.
+/// The tape calls [`shapes`](Op::shapes), allocates the outputs, and calls [`forward`](Op::forward) once. If a gradient reaches
+/// one of the outputs, it later calls [`backward`](Op::backward). Large saved state should come from [`Pool::buffer`] or be an
+/// auxiliary output, so that a repeated step allocates nothing.
 ///
-/// If every output is empty, neither is called: there is nothing to compute, and the gradients are zero.
+/// If every output is empty, neither `forward` nor `backward` is called, and the gradients are zero.
 pub trait Op<T: Real>: Debug + Send + 'static {
-    /// The op's name in messages and profiles.
+    /// The name of the op in messages and profiles.
     fn name(&self) -> &'static str;
 
-    /// Checks the inputs and gives the outputs' shapes. The only place where shapes are checked.
+    /// Checks the shapes of the inputs and returns those of the outputs. This is the only place where shapes are checked.
     fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError>;
 
-    /// Computes every output in full; on entry they hold unspecified numbers.
+    /// Computes every output in full. On entry, the outputs hold unspecified numbers.
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], pool: &Pool);
 
-    /// Adds `sum over outputs of dout * d out / d in` to every gradient that is asked for.
+    /// Adds the gradient with respect to every input that needs one: the sum over outputs of `dout * d out / d in`.
     ///
-    /// `douts[i]` has the shape of output i (zeros where no gradient arrived) and is empty for auxiliary
-    /// outputs. `dins[i]` is `None` where nobody asks; where it is `Some`, it must be written.
+    /// `douts[i]`, the gradient with respect to output i, has the shape of the output (zeros if no gradient arrived) and is
+    /// empty for auxiliary outputs. `dins[i]` is `None` if input i needs no gradient; otherwise it must be written.
     fn backward(
         &self,
         ins: &[View<'_, T>],
@@ -35,28 +35,28 @@ pub trait Op<T: Real>: Debug + Send + 'static {
         pool: &Pool,
     );
 
-    /// How many of the last outputs are auxiliary: readable values (statistics, counts, saved state) that carry no
-    /// gradient. A gradient that reaches one panics with the op's name.
+    /// The number of auxiliary outputs, which come last: values to read, such as statistics, counts or saved state, that have
+    /// no gradient. The tape panics with the name of the op if a gradient reaches one.
     fn auxiliary_outputs(&self) -> usize {
         0
     }
 
-    /// Whether input `index` may be stored in half precision ([`View::half`]). Any other op that is given such an input
-    /// panics with its name.
+    /// Whether input `index` may be stored in half precision, to be read by [`View::half`]. The tape panics with the name of
+    /// the op if such an input is given to an op that does not accept it.
     fn reads_half(&self, index: usize) -> bool {
         let _ = index;
         false
     }
 
-    /// Whether input `index` has a gradient. A gradient that would be needed for one that has none panics
-    /// with the op's name; `Var::detach` says that it is not needed.
+    /// Whether the op is differentiable with respect to input `index`. If it is not, and the input depends on a leaf, the tape
+    /// panics with the name of the op; [`Var::detach`](crate::Var::detach) states that no gradient is needed.
     fn differentiable(&self, index: usize) -> bool {
         let _ = index;
         true
     }
 }
 
-/// A tensor to read: contiguous, row-major.
+/// A contiguous row-major tensor to read.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a, T> {
     data: &'a [T],
@@ -65,35 +65,39 @@ pub struct View<'a, T> {
 }
 
 impl<'a, T> View<'a, T> {
-    /// Wraps a slice whose length is that of the shape.
+    /// Wraps a slice.
+    ///
+    /// # Panics
+    ///
+    /// If the length is not that of the shape.
     pub fn new(data: &'a [T], shape: impl Into<Shape>) -> Self {
         let shape = shape.into();
         assert_eq!(data.len(), shape.len(), "a view of shape {shape} needs as many elements");
         Self { data, half: None, shape }
     }
 
-    /// Wraps a slice in half precision.
+    /// Wraps a tensor in half precision.
     pub(crate) fn of_half(half: Half<'a>, shape: Shape) -> Self {
         assert_eq!(half.len(), shape.len(), "a view of shape {shape} needs as many elements");
         Self { data: &[], half: Some(half), shape }
     }
 
-    /// A view of nothing, for outputs without gradient.
+    /// An empty view, for the gradient of auxiliary outputs.
     pub(crate) fn nothing() -> Self {
         Self { data: &[], half: None, shape: Shape::from([0]) }
     }
 
-    /// The elements of a tensor in half precision, which has no others.
+    /// The elements of a tensor that is stored in half precision, whose `f32` or `f64` elements are empty; `None` for others.
     pub fn half(&self) -> Option<Half<'a>> {
         self.half
     }
 
-    /// Its dimensions.
+    /// The shape of the tensor.
     pub fn shape(&self) -> Shape {
         self.shape
     }
 
-    /// The elements, for as long as the tensor lives.
+    /// The elements, borrowed for as long as the tensor lives.
     pub fn data(&self) -> &'a [T] {
         self.data
     }
@@ -106,7 +110,7 @@ impl<T> Deref for View<'_, T> {
     }
 }
 
-/// A tensor to write: contiguous, row-major.
+/// A contiguous row-major tensor to write.
 #[derive(Debug)]
 pub struct ViewMut<'a, T> {
     data: &'a mut [T],
@@ -114,14 +118,18 @@ pub struct ViewMut<'a, T> {
 }
 
 impl<'a, T> ViewMut<'a, T> {
-    /// Wraps a slice whose length is that of the shape.
+    /// Wraps a slice.
+    ///
+    /// # Panics
+    ///
+    /// If the length is not that of the shape.
     pub fn new(data: &'a mut [T], shape: impl Into<Shape>) -> Self {
         let shape = shape.into();
         assert_eq!(data.len(), shape.len(), "a view of shape {shape} needs as many elements");
         Self { data, shape }
     }
 
-    /// Its dimensions.
+    /// The shape of the tensor.
     pub fn shape(&self) -> Shape {
         self.shape
     }
@@ -140,10 +148,10 @@ impl<T> DerefMut for ViewMut<'_, T> {
     }
 }
 
-/// A gradient to add to.
+/// A gradient that an op adds to.
 ///
-/// It knows whether this is its first write: the memory then holds nothing yet and is overwritten, so there is
-/// neither a zero fill nor an extra addition. The tape checks that each gradient asked for was written.
+/// The first write overwrites the memory, which then needs no clearing; later ones add. The tape checks that every gradient
+/// that is needed was written.
 #[derive(Debug)]
 pub struct Grad<'a, T> {
     data: &'a mut [T],
@@ -155,7 +163,7 @@ pub struct Grad<'a, T> {
 pub(crate) const GRAIN: usize = 8192;
 
 impl<'a, T: Real> Grad<'a, T> {
-    /// A gradient over `data`, which holds a sum already unless this is its `first` write.
+    /// Wraps the memory of a gradient, which already holds a sum unless this is the `first` write.
     pub fn new(data: &'a mut [T], first: bool) -> Self {
         Self { data, first, written: false }
     }
@@ -170,17 +178,18 @@ impl<'a, T: Real> Grad<'a, T> {
         self.data.is_empty()
     }
 
-    /// Whether something has been written (or there is nothing to write).
+    /// Whether the gradient has been written, or has no elements.
     pub fn is_written(&self) -> bool {
         self.written || self.data.is_empty()
     }
 
-    /// The sum so far, if there is one.
+    /// The sum so far; `None` before the first write.
     pub(crate) fn so_far(&self) -> Option<&[T]> {
         (!self.first).then_some(&*self.data)
     }
 
-    /// The memory and the factor for what is in it: 0 at the first write (do not read it), then 1. For GEMM.
+    /// The memory and the factor of what it holds, 0 at the first write and 1 later, as kernels take them
+    /// ([`weaver_kernels::Target`]). With a factor of 0 the memory must not be read.
     pub fn target(&mut self) -> (&mut [T], T) {
         let beta = if self.first { T::ZERO } else { T::ONE };
         self.first = false;
@@ -188,7 +197,7 @@ impl<'a, T: Real> Grad<'a, T> {
         (self.data, beta)
     }
 
-    /// The memory ready for `+=`: cleared at the first write.
+    /// The memory, ready to add to: the first write clears it.
     pub fn accumulator(&mut self) -> &mut [T] {
         if self.first {
             self.data.fill(T::ZERO);
@@ -217,13 +226,17 @@ impl<'a, T: Real> Grad<'a, T> {
         });
     }
 
-    /// Adds a slice of the same length.
+    /// Adds a slice.
+    ///
+    /// # Panics
+    ///
+    /// If the lengths differ.
     pub fn add(&mut self, values: &[T]) {
         assert_eq!(values.len(), self.len(), "a gradient is added to one of the same length");
         self.add_each(|i| values[i]);
     }
 
-    /// Adds nothing, explicitly: the gradient is known to be zero.
+    /// Adds zero: states that the gradient is known to vanish.
     pub fn add_zero(&mut self) {
         self.accumulator();
     }

@@ -1,4 +1,4 @@
-//! Elementwise ops from one expression: the derivative comes from dual numbers.
+//! Elementwise ops that are defined by one expression; dual numbers give the derivative.
 
 use crate::op::GRAIN;
 use crate::{Dual, Grad, Op, Pool, Shape, ShapeError, Shapes, View, ViewMut, ensure_shape};
@@ -7,18 +7,18 @@ use weaver_kernels::{Real, parallel, simd};
 
 /// An elementwise function of `N` inputs; [`pointwise!`](crate::pointwise) writes the implementation.
 pub trait Pointwise<const N: usize>: Debug + Send + Sync + 'static {
-    /// The op's name.
+    /// The name of the op.
     const NAME: &'static str;
 
-    /// The function, on dual numbers.
+    /// Evaluates the function on dual numbers.
     fn eval<T: Real>(&self, inputs: [Dual<T, N>; N]) -> Dual<T, N>;
 }
 
-/// The op that applies a [`Pointwise`] function. All inputs have one shape, or a single element that is used for all.
+/// The op that applies a [`Pointwise`] function. All inputs have the same shape, or a single element that is broadcast.
 #[derive(Debug)]
 pub struct PointwiseOp<F, const N: usize>(pub F);
 
-/// Elements evaluated at a time: the function runs over arrays of this length, which vectorizes.
+/// Elements that are evaluated at a time: loops over arrays of this length vectorize.
 const BLOCK: usize = 32;
 
 /// Elements `start..start + length` of every input, padded with 1; a single element is repeated.
@@ -101,7 +101,7 @@ impl<T: Real, F: Pointwise<N>, const N: usize> Op<T> for PointwiseOp<F, N> {
         for (k, din) in dins.iter_mut().enumerate() {
             let Some(din) = din else { continue };
             if ins[k].len() == 1 && total != 1 {
-                // One block after the other: a fixed order of summation.
+                // Blocks are added in order, which fixes the order of summation.
                 let mut sums = [T::ZERO; BLOCK];
                 for start in (0..total).step_by(BLOCK) {
                     let length = BLOCK.min(total - start);
@@ -134,9 +134,10 @@ impl<T: Real, F: Pointwise<N>, const N: usize> Op<T> for PointwiseOp<F, N> {
 
 /// Defines a differentiable elementwise function from one expression.
 ///
-/// `pointwise!(Silu, 1, |x| x / (1 + (-x).exp()))` defines the type `Silu`; `pointwise!(Affine { a: f64, b: f64 }, 1,
-/// |x| x * a + b)` one with constants. The expression is evaluated on [`Dual`] numbers, so forward and derivative
-/// cannot disagree. Apply it with [`Var::map`](crate::Var::map) (one input) or [`apply_pointwise`](crate::apply_pointwise).
+/// `pointwise!(Silu, 1, |x| x / (1 + (-x).exp()))` defines a type `Silu` for a function of one input, and
+/// `pointwise!(Affine { a: f64, b: f64 }, 1, |x| x * a + b)` one with constants as fields. The expression is evaluated on
+/// [`Dual`] numbers, so that value and derivative always agree. Apply it with [`Var::map`](crate::Var::map) (one input) or
+/// [`apply_pointwise`](crate::apply_pointwise) (any number).
 ///
 /// ```
 /// use weaver_autograd::{Tape, pointwise};

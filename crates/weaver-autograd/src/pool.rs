@@ -1,5 +1,5 @@
-//! Memory that outlives a step: buffers go back to the pool when they are dropped, and come out again
-//! for the next request of their size class, so that a step which has run once allocates nothing.
+//! A memory pool: dropped buffers return to it and serve later requests of the same size class, so that a repeated training
+//! step allocates nothing.
 
 mod trim;
 
@@ -9,11 +9,11 @@ use std::ops::{Deref, DerefMut, Range};
 use std::sync::{Arc, Mutex, PoisonError};
 use weaver_kernels::{pages, parallel};
 
-/// Bytes of a cache line, at which every buffer begins: a vector as wide as a line then never touches two.
+/// Bytes of a cache line. Every buffer begins at one, so that no aligned vector straddles two.
 const LINE: usize = 64;
 
-/// Capacities come in four classes an octave: at most a quarter is wasted, and requests that differ a
-/// little from step to step (a varying number of Gaussians) find their buffer again.
+/// The size class of a length. There are four classes per power of two: at most a quarter of a buffer is wasted, and lengths
+/// that vary a little from step to step, such as a number of Gaussians, find the same buffer again.
 fn class_of(len: usize) -> usize {
     let len = len.max(16);
     let octave = len.ilog2() as usize;
@@ -22,7 +22,7 @@ fn class_of(len: usize) -> usize {
     octave * 4 + step
 }
 
-/// Elements to spare, so that a buffer can begin at a cache line wherever its memory does.
+/// Extra elements that allow a buffer to begin at a cache line wherever its memory begins.
 fn margin<U>() -> usize {
     LINE.div_ceil(size_of::<U>().max(1))
 }
@@ -47,13 +47,13 @@ impl<U> Default for Shelf<U> {
 struct Shelves {
     by_type: Vec<(TypeId, Box<dyn Any + Send>)>,
     allocated_bytes: usize,
-    /// In buffers that are out at the moment, and the most that ever were.
+    /// Bytes of the buffers in use, and the largest value that has had.
     used_bytes: usize,
     peak_bytes: usize,
 }
 
 impl Shelves {
-    /// The one value of a type; the default at first.
+    /// The value kept for a type, created by `Default` at first.
     fn of_type<S: Default + Send + 'static>(&mut self) -> &mut S {
         let id = TypeId::of::<S>();
         let at = self.by_type.iter().position(|(t, _)| *t == id).unwrap_or_else(|| {
@@ -64,7 +64,7 @@ impl Shelves {
     }
 }
 
-/// A shared pool of buffers of any element type. Cloning shares it.
+/// A pool of buffers of any element type. Clones share the same memory.
 #[derive(Clone, Default)]
 pub struct Pool {
     shelves: Arc<Mutex<Shelves>>,
@@ -82,7 +82,7 @@ impl Pool {
         Self::default()
     }
 
-    /// A buffer of `len` elements whose contents are unspecified (default or left from an earlier use).
+    /// Takes a buffer of `len` elements with unspecified contents: default values, or those of an earlier use.
     pub fn buffer<U: Copy + Default + Send + 'static>(&self, len: usize) -> Buffer<U> {
         let class = class_of(len);
         let mut shelves = self.shelves.lock().unwrap_or_else(PoisonError::into_inner);
@@ -101,21 +101,23 @@ impl Pool {
         Buffer { data, range: start..start + len, pool: self.clone() }
     }
 
-    /// A buffer of `len` elements, all set to `value`.
+    /// Takes a buffer of `len` elements and sets all of them to `value`.
     pub fn filled<U: Copy + Default + Send + 'static>(&self, len: usize, value: U) -> Buffer<U> {
         let mut buffer = self.buffer(len);
         buffer.fill(value);
         buffer
     }
 
-    /// A pooled copy of `source`.
+    /// Takes a buffer and copies `source` to it.
     pub fn copy_of<U: Copy + Default + Send + Sync + 'static>(&self, source: &[U]) -> Buffer<U> {
         let mut buffer = self.buffer(source.len());
         parallel::copy(source, &mut buffer);
         buffer
     }
 
-    /// The value that `build` makes for `key`, made once and kept as long as the pool: tables that ops of the same sizes share.
+    /// The value that `build` returns for `key`, computed once and kept as long as the pool.
+    ///
+    /// For tables that ops of equal sizes share.
     ///
     /// ```
     /// let pool = weaver_autograd::Pool::new();
@@ -132,7 +134,7 @@ impl Pool {
         if let Some(found) = find(shelves().of_type()) {
             return found;
         }
-        // It may take its time, or buffers of this pool.
+        // Built without the lock: it may take long, or take buffers of this pool.
         let table = Arc::new(build());
         let mut shelves = shelves();
         let tables = shelves.of_type();
@@ -142,30 +144,30 @@ impl Pool {
         })
     }
 
-    /// Bytes that this pool has allocated, and keeps until it is [trimmed](Pool::trim).
+    /// Bytes that the pool has allocated. It keeps them until it is [trimmed](Pool::trim).
     pub fn allocated_bytes(&self) -> usize {
         self.shelves.lock().unwrap_or_else(PoisonError::into_inner).allocated_bytes
     }
 
-    /// Bytes in the buffers that are in use now.
+    /// Bytes of the buffers that are in use.
     pub fn used_bytes(&self) -> usize {
         self.shelves.lock().unwrap_or_else(PoisonError::into_inner).used_bytes
     }
 
-    /// The most bytes that were in use at one time. Less than what was allocated, since the free buffers of one size are no
-    /// help to another.
+    /// The most bytes that have been in use at one time. The pool may have allocated more, since a free buffer serves only
+    /// requests of its own size class.
     pub fn peak_bytes(&self) -> usize {
         self.shelves.lock().unwrap_or_else(PoisonError::into_inner).peak_bytes
     }
 
-    /// Begins to look for the peak anew.
+    /// Resets [`peak_bytes`](Pool::peak_bytes) to the bytes in use now.
     pub fn reset_peak(&self) {
         let mut shelves = self.shelves.lock().unwrap_or_else(PoisonError::into_inner);
         shelves.peak_bytes = shelves.used_bytes;
     }
 }
 
-/// A slice of pooled memory; dropping it returns the memory to its pool.
+/// A slice of memory from a [`Pool`]; dropping it returns the memory.
 pub struct Buffer<U: Copy + Send + 'static> {
     data: Vec<U>,
     range: Range<usize>,
@@ -173,7 +175,7 @@ pub struct Buffer<U: Copy + Send + 'static> {
 }
 
 impl<U: Copy + Send + 'static> Buffer<U> {
-    /// The memory it takes, which is a little more than its length.
+    /// Bytes of the memory, a little more than the elements need.
     pub(crate) fn capacity_bytes(&self) -> usize {
         size_of_val(&self.data[..])
     }

@@ -1,22 +1,22 @@
-//! Where the time and the memory of a step go.
+//! Profiles of the time and the memory of a step.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Time spent in one kind of work.
+/// The total time of one kind of op, or of one timed part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OpTime {
-    /// The op's name, or that of the part given to [`Tape::timed`](crate::Tape::timed).
+    /// The name of the op, or of the part given to [`Tape::timed`](crate::Tape::timed).
     pub name: &'static str,
-    /// Calls forward.
+    /// Number of forward calls.
     pub calls: u64,
-    /// Time forward.
+    /// Time of the forward calls.
     pub forward: Duration,
-    /// Time backward.
+    /// Time of the backward calls.
     pub backward: Duration,
 }
 
-/// The times of everything that ran while profiling was on, in the order of first calls.
+/// The times of all ops and parts that ran while profiling was on, in the order of their first calls.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Profile {
     times: Vec<OpTime>,
@@ -46,35 +46,35 @@ impl Profile {
     }
 }
 
-/// What an event of a trace is.
+/// The kind of an event in a trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// An op forward.
+    /// The forward call of an op.
     Forward,
-    /// An op forward once more, on the way back through a [`checkpoint`](crate::ops::checkpoint), whose event lasts longer.
+    /// A forward call repeated during the backward pass of a [`checkpoint`](crate::ops::checkpoint), whose event contains it.
     Again,
-    /// An op backward.
+    /// The backward call of an op.
     Backward,
-    /// Something given to [`Tape::timed`](crate::Tape::timed), which may hold ops.
+    /// A part given to [`Tape::timed`](crate::Tape::timed), which may contain ops.
     Part,
 }
 
-/// One op as it ran.
+/// One event of a trace: a call of an op, or a timed part.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TraceEvent {
-    /// The op's name, or that of the part.
+    /// The name of the op or part.
     pub name: &'static str,
-    /// Where in the model it was applied.
+    /// The model path at which it ran.
     pub path: String,
-    /// Which way.
+    /// The kind of event.
     pub phase: Phase,
-    /// When it began, since tracing was started.
+    /// The time of its start, since tracing was switched on.
     pub start: Duration,
-    /// How long it took.
+    /// Its duration.
     pub duration: Duration,
 }
 
-/// Every op that ran while tracing was on, in order.
+/// All events since tracing was switched on, in order.
 #[derive(Debug)]
 pub(crate) struct Trace {
     started: Instant,
@@ -92,12 +92,12 @@ impl Trace {
     }
 }
 
-/// A trace that a tape shares with the tapes inside its ops; off at first.
+/// A trace that a tape shares with the tapes inside its ops. It is off at first.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tracer(Arc<Mutex<Option<Trace>>>);
 
 impl Tracer {
-    /// Starts a trace, or forgets it.
+    /// Starts a new trace, or discards it.
     pub(crate) fn set(&self, on: bool) {
         *self.trace() = on.then(Trace::new);
     }
@@ -108,13 +108,13 @@ impl Tracer {
     }
 }
 
-/// The memory that one kind of op holds from its forward pass until the tape is reset.
+/// The memory that all ops of one kind hold between the forward pass and the reset of the tape.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OpMemory {
-    /// The op's name; `leaves and constants` for what no op made.
+    /// The name of the op; `leaves and constants` for tensors that no op computed.
     pub name: &'static str,
-    /// How many of them are on the tape.
+    /// Number of such ops on the tape.
     pub count: usize,
-    /// Bytes of their outputs and of what they saved for the way back.
+    /// Bytes of their outputs and of the state that they saved for the backward pass.
     pub bytes: usize,
 }

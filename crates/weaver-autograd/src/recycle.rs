@@ -1,10 +1,10 @@
-//! Boxes of ops, kept from step to step: recording an op of a type seen before allocates nothing.
+//! Reuse of boxed ops between steps: recording an op of a type that was seen before allocates nothing.
 
 use crate::Op;
 use std::any::{Any, TypeId};
 use weaver_kernels::Real;
 
-/// A box for one op of some type, which can be emptied and filled again.
+/// A box for one op of a fixed type, which can be emptied and refilled.
 pub(crate) trait Slot<T: Real>: Any + Send {
     fn op(&self) -> &dyn Op<T>;
     fn empty(&mut self);
@@ -28,7 +28,7 @@ impl<T: Real, O: Op<T>> Slot<T> for Typed<O> {
 /// Empty boxes for one type of op.
 type Shelf<T> = (TypeId, Vec<Box<dyn Slot<T>>>);
 
-/// Empty boxes, by the type that they are for.
+/// Empty boxes by the type of op they hold.
 pub(crate) struct OpBoxes<T: Real> {
     empty: Vec<Shelf<T>>,
 }
@@ -40,7 +40,7 @@ impl<T: Real> Default for OpBoxes<T> {
 }
 
 impl<T: Real> OpBoxes<T> {
-    /// Boxes an op, in a used box of its type where there is one.
+    /// Boxes an op, reusing an empty box of its type if there is one.
     pub(crate) fn store<O: Op<T>>(&mut self, op: O) -> Box<dyn Slot<T>> {
         let id = TypeId::of::<Typed<O>>();
         match self.empty.iter_mut().find(|(t, _)| *t == id).and_then(|(_, boxes)| boxes.pop()) {

@@ -1,14 +1,16 @@
-//! Shapes: small, `Copy`, without heap memory.
+//! Shapes of tensors, and the error of shapes that do not fit an op.
 
 use std::fmt;
 use std::ops::{Deref, Index};
 
-/// Most dimensions a tensor can have.
+/// The largest number of dimensions of a tensor.
 pub const MAX_RANK: usize = 6;
-/// Most outputs an op can have.
+/// The largest number of outputs of an op.
 pub const MAX_OUTPUTS: usize = 12;
 
-/// The dimensions of a contiguous row-major tensor, at most [`MAX_RANK`]. Rank 0 is a scalar.
+/// The dimensions of a contiguous row-major tensor, at most [`MAX_RANK`] of them. A scalar has rank 0.
+///
+/// A shape is `Copy` and needs no heap memory.
 ///
 /// ```
 /// use weaver_autograd::Shape;
@@ -25,9 +27,13 @@ impl Shape {
     /// The shape of a single number.
     pub const SCALAR: Self = Self { dims: [0; MAX_RANK], rank: 0 };
 
-    /// From a slice of dimensions; panics beyond [`MAX_RANK`].
+    /// Creates a shape from its dimensions.
+    ///
+    /// # Panics
+    ///
+    /// If there are more than [`MAX_RANK`].
     pub fn new(dims: &[usize]) -> Self {
-        assert!(dims.len() <= MAX_RANK, "a tensor has at most {MAX_RANK} dimensions, got {dims:?}");
+        assert!(dims.len() <= MAX_RANK, "a tensor has at most {MAX_RANK} dimensions, found {dims:?}");
         let mut shape = Self { rank: dims.len() as u8, ..Self::SCALAR };
         shape.dims[..dims.len()].copy_from_slice(dims);
         shape
@@ -58,32 +64,33 @@ impl Shape {
         self.dims().last().copied().unwrap_or(1)
     }
 
-    /// The product of all dimensions but the last: the tensor seen as a matrix of rows.
+    /// The product of all dimensions except the last: the number of rows of the tensor viewed as a matrix.
     pub fn rows(&self) -> usize {
         self.dims()[..self.rank().saturating_sub(1)].iter().product()
     }
 
-    /// The same shape with another last dimension.
+    /// A copy of this shape with another last dimension.
     pub fn with_last(mut self, last: usize) -> Self {
         assert!(self.rank > 0, "a scalar has no last dimension");
         self.dims[self.rank as usize - 1] = last;
         self
     }
 
-    /// The same shape with another length of one axis.
+    /// A copy of this shape with another length of one axis.
     pub fn with_axis(mut self, axis: usize, len: usize) -> Self {
         assert!(axis < self.rank(), "{self} has no axis {axis}");
         self.dims[axis] = len;
         self
     }
 
-    /// The tensor seen around one axis: the product of the dimensions before it, its own, and the product of those after.
+    /// The tensor viewed as three dimensions around an axis: the product of the dimensions before it, its own length, and the
+    /// product of the dimensions after it.
     pub fn around(&self, axis: usize) -> [usize; 3] {
         let dims = self.dims();
         [dims[..axis].iter().product(), dims[axis], dims[axis + 1..].iter().product()]
     }
 
-    /// The shape without one of its axes.
+    /// A copy of this shape without one of its axes.
     pub fn without_axis(mut self, axis: usize) -> Self {
         assert!(axis < self.rank(), "{self} has no axis {axis}");
         self.dims.copy_within(axis + 1.., axis);
@@ -137,7 +144,7 @@ impl Shapes {
         Self::default().and(shape)
     }
 
-    /// The same, with one more output.
+    /// Adds one more output.
     pub fn and(mut self, shape: impl Into<Shape>) -> Self {
         assert!(self.count < MAX_OUTPUTS, "an op has at most {MAX_OUTPUTS} outputs");
         self.shapes[self.count] = shape.into();
@@ -153,9 +160,9 @@ impl Deref for Shapes {
     }
 }
 
-/// What is wrong with the shapes given to an op.
+/// The shapes of the inputs do not fit an op.
 ///
-/// The message names the op, the model path at which it was called, what it expected and what it got.
+/// The message names the op, the model path at which it was applied, the shapes it expected, and those it found.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}{op}: expected {expected}, found {found}", if path.is_empty() { String::new() } else { format!("{path}: ") })]
 pub struct ShapeError {
@@ -163,22 +170,22 @@ pub struct ShapeError {
     pub op: &'static str,
     /// The model path, such as `encoder.block.3.attn`; filled in by the tape.
     pub path: String,
-    /// What the op asks for.
+    /// The shapes that the op expects.
     pub expected: String,
-    /// The shapes of its inputs; filled in by the tape where left empty.
+    /// The shapes of the inputs; filled in by the tape if empty.
     pub found: String,
 }
 
 impl ShapeError {
-    /// An error that says what was expected; the tape adds the op, the path and the shapes found.
+    /// Creates an error that says what was expected; the tape adds the op, the path and the shapes found.
     pub fn expected(what: impl Into<String>) -> Self {
         Self { op: "", path: String::new(), expected: what.into(), found: String::new() }
     }
 }
 
-/// Fails with [`ShapeError::expected`] unless a condition on shapes holds.
+/// Returns [`ShapeError::expected`] from the calling function unless a condition on shapes holds.
 ///
-/// `ensure_shape!(x.rank() == 2, "x [N, D]")?` style, without the question mark: it returns.
+/// For example `ensure_shape!(x.rank() == 2, "x [N, D]");`, with a message in the manner of `format!`.
 #[macro_export]
 macro_rules! ensure_shape {
     ($condition:expr, $($message:tt)+) => {

@@ -1,4 +1,4 @@
-//! A handle to a value on a tape.
+//! Handles to tensors on a tape.
 
 use crate::tape::ValueId;
 use crate::{Shape, Tape};
@@ -6,7 +6,7 @@ use std::cell::Ref;
 use std::fmt;
 use weaver_kernels::Real;
 
-/// A tensor on a [`Tape`]: a `Copy` handle that borrows the tape.
+/// A tensor on a [`Tape`]: a handle that is `Copy` and borrows the tape.
 #[derive(Clone, Copy)]
 pub struct Var<'t, T: Real = f32> {
     tape: &'t Tape<T>,
@@ -31,39 +31,47 @@ impl<'t, T: Real> Var<'t, T> {
         self.id
     }
 
-    /// The tape that this value lives on.
+    /// The tape that holds this tensor.
     pub fn tape(&self) -> &'t Tape<T> {
         self.tape
     }
 
-    /// Its dimensions.
+    /// The shape of the tensor.
     pub fn shape(&self) -> Shape {
         self.shape
     }
 
-    /// Whether a gradient can flow back through this handle.
+    /// Whether the tensor depends on a leaf, so that gradients flow back through this handle.
     pub fn is_tracked(&self) -> bool {
         self.tracked
     }
 
-    /// Its numbers, row-major. The borrow must end before the next op is applied.
+    /// Borrows the elements, row-major. The borrow must end before the next op is applied.
     pub fn value(&self) -> Ref<'t, [T]> {
         self.tape.value(self.id)
     }
 
-    /// A copy of its numbers.
+    /// Copies the elements.
     pub fn to_vec(&self) -> Vec<T> {
         self.value().to_vec()
     }
 
-    /// The one number of a one-element tensor.
+    /// The value of a tensor with a single element.
+    ///
+    /// # Panics
+    ///
+    /// If the tensor has another number of elements.
     #[track_caller]
     pub fn item(&self) -> T {
         self.tape.ensure_shapes(self.shape.len() == 1, "item", "a single element", &[self.shape]);
         self.value()[0]
     }
 
-    /// The same numbers under another shape; free.
+    /// The tensor with another shape of as many elements. Nothing is copied. Differentiable.
+    ///
+    /// # Panics
+    ///
+    /// If the number of elements differs.
     #[track_caller]
     pub fn reshape(self, shape: impl Into<Shape>) -> Self {
         let shape = shape.into();
@@ -72,23 +80,28 @@ impl<'t, T: Real> Var<'t, T> {
         Self { shape, ..self }
     }
 
-    /// The same value, through which no gradient flows; free.
+    /// The tensor as a constant, through which no gradient flows. Nothing is copied.
     pub fn detach(self) -> Self {
         Self { tracked: false, ..self }
     }
 
-    /// Keeps this value's gradient after the backward pass, as leaves do.
+    /// Keeps the gradient with respect to this tensor after the backward pass, as leaves do.
     pub fn retain_grad(self) -> Self {
         self.tape.retain(self.id);
         self
     }
 
-    /// The gradient of the last backward pass; `None` if none reached this value.
+    /// The gradient with respect to this tensor after a backward pass; `None` if no gradient reached it.
     pub fn grad(&self) -> Option<Vec<T>> {
         self.tape.grad(self.id).map(|g| g.to_vec())
     }
 
-    /// Fills the gradients of all leaves that this scalar depends on. Called again, it adds to them.
+    /// Computes the gradients of this scalar with respect to all leaves and parameters it depends on. Another call adds to
+    /// them.
+    ///
+    /// # Panics
+    ///
+    /// If the tensor has more than one element or depends on no leaf.
     #[track_caller]
     pub fn backward(&self) {
         self.tape.ensure_shapes(
@@ -100,7 +113,12 @@ impl<'t, T: Real> Var<'t, T> {
         self.backward_with(&[T::ONE]);
     }
 
-    /// The same from a tensor, given the gradient of the loss with respect to it.
+    /// Starts the backward pass at this tensor, given `cotangent`, the gradient of the loss with respect to it. Another call
+    /// adds to the gradients of leaves and parameters.
+    ///
+    /// # Panics
+    ///
+    /// If the lengths differ or the tensor depends on no leaf.
     #[track_caller]
     pub fn backward_with(&self, cotangent: &[T]) {
         let fits = self.shape.len() == cotangent.len();

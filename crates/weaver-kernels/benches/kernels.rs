@@ -4,13 +4,13 @@ use criterion::{Criterion, Throughput};
 use half::{bf16, f16};
 use std::hint::black_box;
 use std::time::Duration;
-use weaver_kernels::attention::{Attention, Strides, attention_backward, attention_forward};
+use weaver_kernels::attention::*;
 use weaver_kernels::conv::{
-    Conv2d, conv_transpose2d_dw, conv_transpose2d_dx, conv_transpose2d_forward, conv_transpose2d_scratch_len,
+    Conv2dShape, conv_transpose2d_dw, conv_transpose2d_dx, conv_transpose2d_forward, conv_transpose2d_scratch_len,
     conv2d_dw, conv2d_dw_scratch_len, conv2d_dx, conv2d_dx_scratch_len, conv2d_forward,
 };
 use weaver_kernels::gelu::{gelu_backward, gelu_forward};
-use weaver_kernels::gemm::{Half, gemm, gemm_batched, gemm_half, gemm_half_scratch_len};
+use weaver_kernels::gemm::{Half, Mat, MatMut, gemm, gemm_batched, gemm_half, gemm_half_scratch_len};
 use weaver_kernels::layer_norm::{layer_norm_backward, layer_norm_forward, layer_norm_scratch_len};
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
 use weaver_kernels::optim::{AdamW, lerp};
@@ -73,15 +73,19 @@ fn products(c: &mut Criterion) {
     for (m, n, k, trans_b) in sizes {
         let (a, b, mut y) = (numbers(m * k), numbers(k * n), numbers(m * n));
         group.throughput(Throughput::Elements((2 * m * n * k) as u64));
+        let b = if trans_b { Mat::new(&b, n, k).transposed() } else { Mat::new(&b, k, n) };
         group.bench_function(format!("{m}x{n}x{k}{}", if trans_b { "t" } else { "" }), |bench| {
-            bench.iter(|| gemm(false, trans_b, m, n, k, 1.0, black_box(&a), &b, 0.0, &mut y));
+            bench.iter(|| gemm(1.0, Mat::new(black_box(&a), m, k), b, 0.0, MatMut::new(&mut y, m, n)));
         });
     }
     let (batch, n, k) = (12, 53, 32);
-    let (a, mut y, (of_a, of_y)) = (numbers(batch * n * k), numbers(batch * n * n), (n * k, n * n));
+    let (a, mut y) = (numbers(batch * n * k), numbers(batch * n * n));
     group.throughput(Throughput::Elements((2 * y.len() * k) as u64));
     group.bench_function(format!("{batch} of {n}x{n}x{k}t"), |bench| {
-        bench.iter(|| gemm_batched(batch, false, true, n, n, k, 1.0, black_box(&a), of_a, &a, of_a, 0.0, &mut y, of_y));
+        bench.iter(|| {
+            let (a, y) = (Mat::new(black_box(&a), n, k).batch(n * k), MatMut::new(&mut y, n, n).batch(n * n));
+            gemm_batched(batch, 1.0, a, a.transposed(), 0.0, y);
+        });
     });
     let (m, n, k) = (686, 1024, 1024);
     let (a, mut y, numbers) = (numbers(m * k), vec![0.0; m * n], numbers(n * k));
@@ -92,7 +96,7 @@ fn products(c: &mut Criterion) {
     {
         let mut scratch = vec![0.0; gemm_half_scratch_len(m, k, w)];
         group.bench_function(format!("{m}x{n}x{k}t {name}"), |bench| {
-            bench.iter(|| gemm_half(m, n, k, black_box(&a), w, 0.0, &mut y, &mut scratch));
+            bench.iter(|| gemm_half(Mat::new(black_box(&a), m, k), w, 0.0, MatMut::new(&mut y, m, n), &mut scratch));
         });
     }
     group.finish();
@@ -103,9 +107,9 @@ fn convolutions(c: &mut Criterion) {
     let mut group = c.benchmark_group("conv2d");
     let (h, w, stride) = (48, 64, 1);
     for size in [
-        Conv2d { n: 4, c: 32, h, w, o: 32, kh: 3, kw: 3, stride, pad: 1 },
-        Conv2d { n: 4, c: 8, h, w, o: 32, kh: 5, kw: 5, stride, pad: 2 },
-        Conv2d { n: 4, c: 96, h: 6, w: 8, o: 32, kh: 3, kw: 3, stride, pad: 1 },
+        Conv2dShape { n: 4, c: 32, h, w, o: 32, kh: 3, kw: 3, stride, pad: 1 },
+        Conv2dShape { n: 4, c: 8, h, w, o: 32, kh: 5, kw: 5, stride, pad: 2 },
+        Conv2dShape { n: 4, c: 96, h: 6, w: 8, o: 32, kh: 3, kw: 3, stride, pad: 1 },
     ] {
         let pixels = size.out_h() * size.out_w();
         let mut x = numbers(size.n * size.c * size.h * size.w);
@@ -132,7 +136,7 @@ fn convolutions(c: &mut Criterion) {
 /// Transposed convolution, 32 to 16 channels, twice as large; throughput in floating-point operations.
 fn transposed(c: &mut Criterion) {
     let mut group = c.benchmark_group("conv_transpose2d");
-    let size = Conv2d { n: 4, c: 16, h: 48, w: 64, o: 32, kh: 2, kw: 2, stride: 2, pad: 0 };
+    let size = Conv2dShape { n: 4, c: 16, h: 48, w: 64, o: 32, kh: 2, kw: 2, stride: 2, pad: 0 };
     let mut x = numbers(size.n * size.o * size.out_h() * size.out_w());
     let mut weights = numbers(size.o * size.c * size.kh * size.kw);
     let mut y = numbers(size.n * size.c * size.h * size.w);
@@ -153,18 +157,21 @@ fn transposed(c: &mut Criterion) {
 fn tokens(c: &mut Criterion) {
     let mut group = c.benchmark_group("tokens");
     for (batch, n) in [(4, 53), (1, 212)] {
-        let size = Attention { batch, heads: 3, queries: n, keys: n, dim: 32 };
+        let shape = AttentionShape { batch, heads: 3, queries: n, keys: n, dim: 32 };
         let (at, len) = (Strides::tokens_first(n, 3, 32), batch * n * 96);
         let (qkv, mut out, mut lse) = (numbers(3 * len), numbers(len), vec![0.0; batch * 3 * n]);
         let [q, k, v] = [0, len, 2 * len].map(|offset| (&qkv[offset..], at));
         group.bench_function(format!("attention {batch}x{n} forward"), |b| {
-            b.iter(|| attention_forward(&size, 0.2, black_box(q), k, v, (&mut out, at), &mut lse));
+            let inputs = AttentionInputs { shape, scale: 0.2, q, k, v };
+            b.iter(|| attention_forward(black_box(&inputs), (&mut out, at), &mut lse));
         });
         let (dout, mut dq, mut dk, mut dv) = (numbers(len), numbers(len), numbers(len), numbers(len));
         group.bench_function(format!("attention {batch}x{n} backward"), |b| {
+            let inputs = AttentionInputs { shape, scale: 0.2, q, k, v };
+            let output = AttentionOutput { out: (&out, at), lse: &lse };
             b.iter(|| {
-                let [dq, dk, dv] = [&mut dq, &mut dk, &mut dv].map(|d| Some(((&mut d[..], 0.0), at)));
-                attention_backward(&size, 0.2, q, k, v, (&out, at), &lse, &dout, dq, dk, dv);
+                let gradients = [&mut dq, &mut dk, &mut dv].map(|d| Some(((&mut d[..], 0.0), at)));
+                attention_backward(black_box(&inputs), &output, &dout, gradients);
             });
         });
     }

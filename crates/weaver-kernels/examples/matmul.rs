@@ -3,7 +3,8 @@
 //! Prints the speed of both, the largest difference, and whether one and two threads agree to the bit.
 
 use std::time::Instant;
-use weaver_kernels::{gemm::gemm, random::Stream, simd};
+use weaver_kernels::gemm::{Mat, MatMut, gemm};
+use weaver_kernels::{random::Stream, simd};
 
 const N: usize = 768;
 
@@ -30,7 +31,7 @@ fn main() {
     let noise = |seed| -> Vec<f32> { (0..(N * N) as u64).map(|i| Stream::new(seed, 0, "matmul").normal(i)).collect() };
     let (a, b) = (noise(1), noise(2));
     let (mut plain, mut one, mut all) = (vec![0.0; N * N], vec![0.0; N * N], vec![0.0; N * N]);
-    let product = |c: &mut [f32]| gemm(false, false, N, N, N, 1.0, &a, &b, 0.0, c);
+    let product = |c: &mut [f32]| gemm(1.0, Mat::new(&a, N, N), Mat::new(&b, N, N), 0.0, MatMut::new(c, N, N));
     let single = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread can be had");
     println!("[{N} x {N}] x [{N} x {N}], instructions: {:?}", simd::level());
     println!("three loops       {:6.1} GFLOP/s", speed(|| loops(&a, &b, &mut plain)));

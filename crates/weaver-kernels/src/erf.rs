@@ -1,7 +1,7 @@
 //! The Gauss error function, which the standard library lacks.
 //!
-//! Below 1: x + x P(x^2). Above: 1 - erfc(x), with a polynomial for erfc's well-behaved factor. The
-//! polynomials interpolate at Chebyshev nodes.
+//! Below 1 it is x + x P(x^2), above 1 it is 1 - erfc(x) with a polynomial for the smooth factor of erfc. The polynomials
+//! interpolate at Chebyshev nodes.
 
 use crate::exp::exp_f32;
 
@@ -32,7 +32,7 @@ pub fn erf_f64(x: f64) -> f64 {
         ];
         return x + x * horner(x * x, SMALL);
     }
-    // NaN goes through both branches unharmed; erf rounds to 1 from 5.93 on.
+    // NaN passes through both branches unchanged; erf rounds to 1 from 5.93 on.
     let a = if a > 6.0 { 6.0 } else { a };
     // x e^{x^2} erfc(x) is smooth in t = (x - 3) / (x + 3).
     const LARGE: [f64; 16] = [

@@ -1,7 +1,7 @@
-//! Exponential and hyperbolic tangent in `f32`, without branches or calls, so that loops over them
-//! vectorize inside [`simd::dispatch`](crate::simd::dispatch).
+//! Exponentials, binary logarithm and hyperbolic tangent in `f32`, without branches or calls, so that loops over them vectorize
+//! inside [`simd::dispatch`](crate::simd::dispatch).
 //!
-//! Both reduce x = n ln 2 + r with |r| <= ln 2 / 2 (ln 2 in two parts, after Cody and Waite) and use a
+//! e^x and tanh reduce x = n ln 2 + r with |r| <= ln 2 / 2, where ln 2 is split in two parts (Cody and Waite), and use a
 //! polynomial for e^r - 1 that interpolates at Chebyshev nodes.
 
 use crate::lanes::Lanes;
@@ -31,8 +31,9 @@ fn power_of_two(n: i32) -> f32 {
     f32::from_bits(((n + 127) << 23) as u32)
 }
 
-/// e^x in `f32`, within 1.1 units in the last place of the exact value where the result is a normal
-/// number; gradual underflow, overflow to infinity, NaN stays NaN.
+/// e^x in `f32`, within 1.1 units in the last place of the exact value where the result is a normal number.
+///
+/// Underflows gradually, overflows to infinity, and returns NaN for NaN.
 ///
 /// ```
 /// use weaver_kernels::exp::exp_f32;
@@ -41,11 +42,11 @@ fn power_of_two(n: i32) -> f32 {
 /// ```
 #[inline(always)]
 pub fn exp_f32(x: f32) -> f32 {
-    // Beyond these the result is infinite or 0 anyway. Comparisons, not min and max, let NaN through.
+    // Beyond these limits the result is infinite or 0 anyway. Comparisons, unlike min and max, let NaN through.
     let x = if x > 89.0 { 89.0 } else { x };
     let x = if x < -104.0 { -104.0 } else { x };
     let (n, expm1) = reduce(x);
-    // Two factors, since 2^n itself may be out of range.
+    // Two factors, since 2^n may be out of range.
     let half = n >> 1;
     (1.0 + expm1) * power_of_two(half) * power_of_two(n - half)
 }
@@ -55,7 +56,7 @@ pub fn exp_f32(x: f32) -> f32 {
 pub(crate) struct Quintic([f32; 6]);
 
 impl Quintic {
-    /// Its value, by pairs (Estrin): one multiplication more than Horner's scheme, but half as many that wait for another.
+    /// Evaluates the polynomial by Estrin's scheme: one multiplication more than Horner's, but half the latency.
     #[inline(always)]
     pub fn polynomial<V: Lanes<Scalar = f32>>(self, x: V) -> V {
         let [c0, c1, c2, c3, c4, c5] = self.0;
@@ -76,8 +77,8 @@ pub(crate) const EXP2_NEAREST: Quintic =
 /// Coefficients of t, t^3, .. t^9 in log2((1 + t) / (1 - t)) for |t| <= 0.2.
 pub(crate) const LOG2_ODD: [f32; 5] = [2.885_39, 0.961_796_6, 0.577_093_94, 0.411_133_3, 0.349_416_76];
 
-/// n and e^r with x = n ln 2 + r, for [`Lanes`] that can multiply by 2^n. x is limited to where e^x is neither 0 nor infinite;
-/// NaN becomes some number.
+/// n and e^r with x = n ln 2 + r, for [`Lanes`] that can multiply by 2^n. Clamps x to where e^x is neither 0 nor infinite; for
+/// NaN the result is an arbitrary number.
 #[inline(always)]
 pub(crate) fn reduced<V: Lanes<Scalar = f32>>(x: V) -> (V, V) {
     use std::f64::consts::{LN_2, LOG2_E};
@@ -94,8 +95,9 @@ pub(crate) fn reduced<V: Lanes<Scalar = f32>>(x: V) -> (V, V) {
     (n, e)
 }
 
-/// 2^x in `f32` within 2.5 units in the last place where the result is a normal number; gradual underflow, overflow to
-/// infinity, NaN stays NaN.
+/// 2^x in `f32`, within 2.5 units in the last place of the exact value where the result is a normal number.
+///
+/// Underflows gradually, overflows to infinity, and returns NaN for NaN.
 #[inline(always)]
 pub fn exp2_f32(x: f32) -> f32 {
     let x = if x > 129.0 { 129.0 } else { x };
@@ -108,7 +110,7 @@ pub fn exp2_f32(x: f32) -> f32 {
     p * power_of_two(n >> 1) * power_of_two(n - (n >> 1))
 }
 
-/// Binary logarithm in `f32` of a positive normal number, within 4 units in the last place or 2^-23.
+/// Base-2 logarithm of a positive normal number in `f32`, within 4 units in the last place or 2^-23, whichever is larger.
 #[inline(always)]
 pub fn log2_f32(x: f32) -> f32 {
     // x = 2^n m with m in [0.75, 1.5).
@@ -121,7 +123,7 @@ pub fn log2_f32(x: f32) -> f32 {
     p * t + n as f32
 }
 
-/// tanh x in `f32`, within 1.3 units in the last place of the exact value; NaN stays NaN.
+/// tanh x in `f32`, within 1.3 units in the last place of the exact value; NaN for NaN.
 #[inline(always)]
 pub fn tanh_f32(x: f32) -> f32 {
     let a = x.abs();

@@ -1,6 +1,6 @@
-//! How far arrays reach, for checks that no size can wrap around.
+//! Sizes of arrays, computed without overflow for the checks of slice lengths.
 
-/// The product of these counts, if there is such a number.
+/// The product of the counts; `None` if it overflows.
 pub fn product<const N: usize>(counts: [usize; N]) -> Option<usize> {
     if counts.contains(&0) {
         return Some(0);
@@ -8,7 +8,8 @@ pub fn product<const N: usize>(counts: [usize; N]) -> Option<usize> {
     counts.into_iter().try_fold(1, usize::checked_mul)
 }
 
-/// Elements from the first of an array to its last one: `(count, stride)` of each dimension.
+/// The length of the shortest slice that holds a strided array, given `(count, stride)` of each dimension; `None` if it
+/// overflows.
 pub fn extent<const N: usize>(dims: [(usize, usize); N]) -> Option<usize> {
     if dims.iter().any(|(count, _)| *count == 0) {
         return Some(0);

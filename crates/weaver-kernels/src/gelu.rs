@@ -1,11 +1,12 @@
-//! The Gaussian error linear unit, x times the standard normal distribution function (Hendrycks and Gimpel 2016).
+//! The Gaussian error linear unit, GELU(x) = x P(x) with the standard normal distribution function P (Hendrycks and Gimpel
+//! 2016, arXiv 1606.08415). This is the exact form, not the approximation by tanh.
 
 use crate::Real;
 use crate::lanes::{self, LaneKernel, Lanes};
 use crate::parallel::for_chunks;
 use crate::target::Target;
 
-/// Elements of a parallel task.
+/// Elements of one task.
 const GRAIN: usize = 1 << 13;
 
 /// Coefficients in t = 1 / (1 + a SLOPE) of e^{a^2} erfc(a) / t for a >= 0, relative error 3e-8 before rounding.
@@ -22,13 +23,13 @@ const ERFC: [f32; 9] = [
 ];
 const SLOPE: f32 = 0.38;
 
-/// [`Lanes::normal`] where multiplication and addition are fused.
+/// [`Lanes::normal`] for processors with fused multiply-add.
 #[inline(always)]
 pub(crate) fn normal<V: Lanes<Scalar = f32>>(x: V) -> (V, V) {
     use std::f32::consts::{FRAC_1_SQRT_2, LOG2_E};
-    // Beyond 40 all is 0 or 1, and infinity would only make trouble.
+    // Beyond 40 the results are exactly 0 or 1, and an infinity would produce NaN.
     let a = x.abs().min(V::splat(40.0));
-    // e^{-x^2 / 2}, which the tail erfc(|x| / sqrt 2) / 2 has as a factor too.
+    // e^{-x^2 / 2} is also a factor of the tail erfc(|x| / sqrt 2) / 2.
     let bell = (a * a * V::splat(-0.5 * LOG2_E)).exp2();
     let t = a.mul_add(V::splat(SLOPE * FRAC_1_SQRT_2), V::splat(1.0)).recip();
     let mut tail = V::splat(ERFC[8]);
@@ -38,12 +39,12 @@ pub(crate) fn normal<V: Lanes<Scalar = f32>>(x: V) -> (V, V) {
     let tail = tail * t * (bell * V::splat(0.5));
     let positive = x.gt(V::zero());
     let below = (V::splat(1.0) - tail).or(positive, tail);
-    // Not a number in, not a number out.
+    // NaN for NaN.
     let itself = x.ge(x);
     (below.or(itself, x), (bell * V::splat(0.398_942_3)).or(itself, x))
 }
 
-/// y = x P(x), with P the probability that a standard normal number is less than x.
+/// GELU of every element: y = x P(x), where P(x) is the probability that a standard normal variable is less than x.
 ///
 /// ```
 /// use weaver_kernels::gelu::gelu_forward;
@@ -58,7 +59,7 @@ pub fn gelu_forward<T: Real>(x: &[T], y: &mut [T]) {
     });
 }
 
-/// Gradient with respect to the input, dx = dy (P(x) + x P'(x)).
+/// Gradient of [`gelu_forward`] with respect to its input: dx = dy (P(x) + x P'(x)).
 pub fn gelu_backward<T: Real>(x: &[T], dy: &[T], dx: Target<T>) {
     let (dx, beta) = dx;
     assert_eq!((x.len(), x.len()), (dy.len(), dx.len()), "gelu: lengths");
@@ -107,7 +108,7 @@ impl<T: Real> LaneKernel<T> for Backward<'_, T> {
             |[x, dy], old| {
                 let (below, density) = x.normal();
                 let dx = dy * x.mul_add(density, below);
-                // What is there may be anything at first.
+                // With beta 0, the old value may be anything, NaN included.
                 if write { dx } else { beta.mul_add(old, dx) }
             },
         );

@@ -1,10 +1,10 @@
-//! Sixteen numbers side by side, for kernels that need more than the compiler's own vectorization: masks, fused
+//! Portable vectors of sixteen numbers, for kernels that need more than the compiler's own vectorization: masks, fused
 //! multiply-add, approximate reciprocals, transposes in registers.
 //!
-//! A kernel is written once, over any [`Lanes`], as a [`LaneKernel`]; [`run`] calls it with the vector type of the
-//! instruction set in use ([`simd::level`]). What `f32` gets is one AVX-512 register, two of AVX2,
-//! or an array; `f64` always gets an array. Fused operations round once where the processor has them, so results
-//! may differ in the last bits between instruction sets, never between runs on one.
+//! A kernel is written once, generic over [`Lanes`], as a [`LaneKernel`]; [`run`] calls it with the vector type of the
+//! instruction set in use ([`simd::level`]). For `f32` that is one AVX-512 register, two AVX2 registers, or an array; for
+//! `f64` it is always an array. Fused operations round once on processors that have them, so results may differ in the last
+//! bits between instruction sets, but not between runs with the same one.
 //!
 //! ```
 //! use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes};
@@ -33,29 +33,29 @@ use crate::Real;
 use crate::simd::{self, Level};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// Numbers in a [`Lanes`].
+/// Number of lanes of a vector ([`Lanes`]).
 pub const LANES: usize = 16;
 
-/// Sixteen numbers in memory that start a cache line, so that no vector of them straddles two.
+/// Sixteen numbers in memory, aligned to a cache line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(C, align(64))]
 pub struct Row<T>(pub [T; LANES]);
 
-/// One choice per lane; lane i is bit i.
+/// One bit per lane: bit i belongs to lane i.
 pub trait LaneMask: Copy + Send + Sync {
     /// The mask with these bits.
     fn from_bits(bits: u16) -> Self;
-    /// Its bits.
+    /// The bits of the mask.
     fn bits(self) -> u16;
-    /// Both.
+    /// The lanes that are set in both masks.
     fn and(self, other: Self) -> Self;
-    /// This but not the other.
+    /// The lanes that are set in `self` and not in `other`.
     fn and_not(self, other: Self) -> Self;
-    /// Either.
+    /// The lanes that are set in either mask.
     fn or(self, other: Self) -> Self;
 }
 
-/// Sixteen numbers. Implemented by the vector types of this crate only.
+/// A vector of sixteen numbers. Only the vector types of this crate implement it.
 pub trait Lanes:
     Copy
     + Send
@@ -67,24 +67,24 @@ pub trait Lanes:
     + Neg<Output = Self>
     + sealed::Sealed
 {
-    /// What a lane holds.
+    /// The type of a lane.
     type Scalar: Real;
-    /// What comparisons give.
+    /// The result of comparisons.
     type Mask: LaneMask;
 
-    /// The same in all lanes.
+    /// A vector with `x` in all lanes.
     fn splat(x: Self::Scalar) -> Self;
-    /// From memory.
+    /// Loads a vector from memory.
     fn load(x: &[Self::Scalar; LANES]) -> Self;
-    /// To memory.
+    /// Stores the vector to memory.
     fn store(self, to: &mut [Self::Scalar; LANES]);
-    /// self b + c
+    /// self * b + c, fused where the processor can.
     fn mul_add(self, b: Self, c: Self) -> Self;
-    /// c - self b
+    /// c - self * b, fused where the processor can.
     fn neg_mul_add(self, b: Self, c: Self) -> Self;
-    /// The smaller one; `other` where they do not compare.
+    /// The smaller of two numbers per lane; `other` where one is NaN.
     fn min(self, other: Self) -> Self;
-    /// The larger one; `other` where they do not compare.
+    /// The larger of two numbers per lane; `other` where one is NaN.
     fn max(self, other: Self) -> Self;
     /// Absolute value.
     fn abs(self) -> Self;
@@ -92,60 +92,61 @@ pub trait Lanes:
     fn sqrt(self) -> Self;
     /// 1 / self within two units in the last place, for finite normal numbers with normal reciprocals.
     fn recip(self) -> Self;
-    /// scale 2^self within 3 units in the last place for -126 <= self < 127; below, something between 0 and scale 2^-126. Faster
-    /// than [`exp2`](Self::exp2) on some processors.
+    /// scale * 2^self, within 3 units in the last place for -126 <= self < 127; below that range, some number between 0 and
+    /// scale * 2^-126. Faster than [`exp2`](Self::exp2) on some processors.
     fn exp2_times(self, scale: Self) -> Self;
-    /// 2^self within 3 units in the last place where that is a normal number; gradual underflow, overflow to infinity, NaN
-    /// stays NaN.
+    /// 2^self, within 3 units in the last place where the result is a normal number. Underflows gradually, overflows to
+    /// infinity, NaN for NaN.
     fn exp2(self) -> Self;
-    /// e^self within 2 units in the last place where that is a normal number; otherwise as [`exp2`](Self::exp2).
+    /// e^self, within 2 units in the last place where the result is a normal number; otherwise as [`exp2`](Self::exp2).
     fn exp(self) -> Self;
-    /// Binary logarithm within 4 units in the last place (or 2^-23 absolute) of positive normal numbers.
+    /// Base-2 logarithm of positive normal numbers, within 4 units in the last place or 2^-23, whichever is larger.
     fn log2(self) -> Self;
-    /// The standard normal distribution: the probability of less than self, and the density. In `f32` within 4e-7 +
-    /// 1e-7 x^2 of themselves as far as they are normal numbers; the portable probability within 6e-8 absolute.
+    /// The standard normal distribution function and density at `self`. In `f32`, their relative error is within 4e-7 +
+    /// 1e-7 x^2 where they are normal numbers; the portable distribution function has an absolute error within 6e-8.
     fn normal(self) -> (Self, Self);
-    /// self >= other; false where they do not compare.
+    /// Whether self >= other; false where one is NaN.
     fn ge(self, other: Self) -> Self::Mask;
-    /// self > other; false where they do not compare.
+    /// Whether self > other; false where one is NaN.
     fn gt(self, other: Self) -> Self::Mask;
-    /// self >= other among the lanes of `mask`.
+    /// Whether self >= other, for the lanes of `mask`; false elsewhere.
     #[inline(always)]
     fn ge_among(self, other: Self, mask: Self::Mask) -> Self::Mask {
         self.ge(other).and(mask)
     }
-    /// self > other among the lanes of `mask`.
+    /// Whether self > other, for the lanes of `mask`; false elsewhere.
     #[inline(always)]
     fn gt_among(self, other: Self, mask: Self::Mask) -> Self::Mask {
         self.gt(other).and(mask)
     }
-    /// self where the mask is set, else 0.
+    /// `self` where the mask is set, 0 elsewhere.
     fn only(self, mask: Self::Mask) -> Self;
-    /// self where the mask is set, else `other`.
+    /// `self` where the mask is set, `other` elsewhere.
     fn or(self, mask: Self::Mask, other: Self) -> Self;
-    /// self, with the sign bit set where the mask is.
+    /// `self` with the sign bit set where the mask is set.
     fn negative(self, mask: Self::Mask) -> Self;
-    /// Lane i becomes the sum of the lanes of vector i; the same order of additions in all instruction sets.
+    /// The horizontal sums of sixteen vectors: lane i is the sum of the lanes of vector i. The order of additions is the same
+    /// in all instruction sets.
     fn sums(of: &[Self; LANES]) -> Self;
-    /// Rows become columns.
+    /// Transposes a matrix of sixteen by sixteen.
     fn transpose(rows: &mut [Self; LANES]);
 
-    /// A constant in all lanes.
+    /// A vector with a constant in all lanes.
     #[inline(always)]
     fn constant(x: f64) -> Self {
         Self::splat(Self::Scalar::from_f64(x))
     }
 
-    /// 0 in all lanes.
+    /// A vector of zeros.
     #[inline(always)]
     fn zero() -> Self {
         Self::splat(Self::Scalar::ZERO)
     }
 
-    /// A number for each lane.
+    /// A vector whose lane i is `f(i)`.
     #[inline(always)]
     fn from_fn(mut x: impl FnMut(usize) -> Self::Scalar) -> Self {
-        // The standard library's way is not surely inlined.
+        // `std::array::from_fn` is not always inlined.
         let mut lanes = [Self::Scalar::ZERO; LANES];
         for (lane, to) in lanes.iter_mut().enumerate() {
             *to = x(lane);
@@ -153,7 +154,7 @@ pub trait Lanes:
         Self::load(&lanes)
     }
 
-    /// As an array.
+    /// The lanes as an array.
     #[inline(always)]
     fn to_array(self) -> [Self::Scalar; LANES] {
         let mut out = [Self::Scalar::ZERO; LANES];
@@ -162,7 +163,7 @@ pub trait Lanes:
     }
 }
 
-/// Elements `at..at + 16` of a slice; zeros beyond its end.
+/// Loads elements `at..at + 16` of a slice, with zeros beyond its end.
 #[inline(always)]
 pub fn at<V: Lanes>(x: &[V::Scalar], at: usize) -> V {
     let x = &x[at..];
@@ -176,7 +177,7 @@ pub fn at<V: Lanes>(x: &[V::Scalar], at: usize) -> V {
     }
 }
 
-/// Writes elements `at..at + 16` of a slice, as far as it goes.
+/// Stores a vector to elements `at..at + 16` of a slice, as far as the slice goes.
 #[inline(always)]
 pub fn put<V: Lanes>(x: V, to: &mut [V::Scalar], at: usize) {
     let to = &mut to[at..];
@@ -186,17 +187,17 @@ pub fn put<V: Lanes>(x: V, to: &mut [V::Scalar], at: usize) {
     }
 }
 
-/// The whole vectors of a slice, and one more of what is left over, zeros beyond it.
+/// Splits a slice into whole vectors and one last vector of the remaining elements, filled up with zeros.
 ///
-/// Loops over whole vectors alone stay in registers, which a copy of a few elements in the midst of them would cost.
+/// Loops over the whole vectors alone stay in registers; copying a few elements inside the loop would prevent that.
 #[inline(always)]
 pub fn split<V: Lanes>(x: &[V::Scalar]) -> (&[[V::Scalar; LANES]], V) {
     let (whole, rest) = x.as_chunks();
     (whole, if rest.is_empty() { V::zero() } else { at(rest, 0) })
 }
 
-/// Sets every element of `out` to `f(elements of the inputs, what is there)`, sixteen at a time. Mark `f`
-/// `#[inline(always)]`.
+/// Sets every element of `out` to a function of the same element of all inputs and of its old value, sixteen at a time. Mark
+/// `f` `#[inline(always)]`.
 #[inline(always)]
 pub fn map<V: Lanes, const K: usize>(inputs: [&[V::Scalar]; K], out: &mut [V::Scalar], f: impl Fn([V; K], V) -> V) {
     let len = out.len();
@@ -221,15 +222,15 @@ pub fn map<V: Lanes, const K: usize>(inputs: [&[V::Scalar]; K], out: &mut [V::Sc
     }
 }
 
-/// Work that is done in lanes. Mark `run`, and what it calls in inner loops, `#[inline(always)]`.
+/// A kernel that is generic over the vector type. Mark `run`, and what it calls in inner loops, `#[inline(always)]`.
 pub trait LaneKernel<T: Real> {
-    /// What comes of it.
+    /// The result of the kernel.
     type Output;
-    /// Does the work.
+    /// Runs the kernel with vectors of type `V`.
     fn run<V: Lanes<Scalar = T>>(self) -> Self::Output;
 }
 
-/// Does the work with the widest registers in use.
+/// Runs a kernel with the vector type of the instruction set in use.
 #[inline(always)]
 #[allow(unsafe_code)]
 pub fn run<T: Real, K: LaneKernel<T>>(kernel: K) -> K::Output {
@@ -237,11 +238,11 @@ pub fn run<T: Real, K: LaneKernel<T>>(kernel: K) -> K::Output {
     unsafe { T::in_lanes(simd::level(), kernel) }
 }
 
-/// Does the work with the registers of one instruction set, for tests and comparisons.
+/// Runs a kernel with the vector type of a given instruction set, for tests and comparisons.
 ///
 /// # Panics
 ///
-/// If the processor does not have it.
+/// If the processor does not support it.
 #[allow(unsafe_code)]
 pub fn run_at<T: Real, K: LaneKernel<T>>(level: Level, kernel: K) -> K::Output {
     assert!(level <= simd::supported(), "{level:?} is beyond this processor");
@@ -249,7 +250,7 @@ pub fn run_at<T: Real, K: LaneKernel<T>>(level: Level, kernel: K) -> K::Output {
     unsafe { T::in_lanes(level, kernel) }
 }
 
-/// A scalar that comes in lanes. Only `f32` and `f64` do; [`run`] is the way to it.
+/// A scalar type that has vectors. Only `f32` and `f64` implement it; call [`run`].
 pub trait Laned: Sized {
     /// # Safety
     /// The processor supports `level`.
@@ -270,7 +271,7 @@ impl Laned for f32 {
     unsafe fn in_lanes<K: LaneKernel<f32>>(level: Level, kernel: K) -> K::Output {
         #[cfg(target_arch = "x86_64")]
         match level {
-            // SAFETY: the caller vouches for the level.
+            // SAFETY: the caller guarantees the level.
             Level::Avx512 => return unsafe { avx512::run(kernel) },
             // SAFETY: as above.
             Level::Avx2 => return unsafe { avx2::run(kernel) },

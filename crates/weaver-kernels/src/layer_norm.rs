@@ -6,24 +6,27 @@ use crate::parallel::{for_chunks, for_chunks2};
 use crate::target::{Target, put};
 use crate::{Real, simd};
 
-/// Rows of one task: about this many elements.
+/// Approximate number of elements of one task, which takes whole rows.
 const GRAIN: usize = 1 << 13;
 
 fn rows_per_task(cols: usize) -> usize {
     (GRAIN / cols.max(1)).max(1)
 }
 
-/// Panics unless x and y are whole rows of `cols` and there are two numbers of each in `stats`.
+/// Panics unless `x` and `y` consist of whole rows of `cols` elements and `stats` has two numbers per row.
 fn check<T>(cols: usize, x: &[T], stats: &[T], y: &[T]) {
     let [whole, odd] = [stats.len() / 2, stats.len() % 2];
     assert_eq!((x.len(), y.len(), odd), (whole * cols, whole * cols, 0), "layer_norm: lengths");
 }
 
-/// y = (x - mean) / sqrt(variance + eps) * w + b, row by row, with the population variance.
+/// Layer normalization of every row: y = (x - mean) / sqrt(variance + eps) * w + b, with the population variance.
 ///
-/// `x` and `y` are `[rows, cols]`, `affine` the weights and biases `[cols]`, or `None` for neither.
-/// `stats` `[rows, 2]` receives each row's mean and 1 / sqrt(variance + eps), for the gradients. Panics if the lengths are not
-/// those of such shapes.
+/// `x` and `y` are `[rows, cols]`; `affine` holds the weights w and biases b, `[cols]` each, and `None` leaves both out. `stats`
+/// `[rows, 2]` receives the mean and 1 / sqrt(variance + eps) of every row, for [`layer_norm_backward`].
+///
+/// # Panics
+///
+/// If a length does not fit.
 ///
 /// ```
 /// use weaver_kernels::layer_norm::layer_norm_forward;
@@ -50,10 +53,10 @@ pub fn layer_norm_forward<T: Real>(
     });
 }
 
-/// Weights and biases.
+/// Weights and biases, if there are any.
 type Affine<'a, T> = Option<(&'a [T], &'a [T])>;
 
-/// Some rows of the forward pass.
+/// The forward pass of some rows.
 struct Forward<'a, T> {
     cols: usize,
     eps: T,
@@ -79,7 +82,7 @@ impl<T: Real> LaneKernel<T> for Forward<'_, T> {
     }
 }
 
-/// The first R rows.
+/// The forward pass of the first R rows.
 #[inline(always)]
 fn forward<V: Lanes, const R: usize>(
     cols: usize,
@@ -137,18 +140,23 @@ fn forward<V: Lanes, const R: usize>(
     }
 }
 
-/// Rows whose gradients of the weights are summed together; the sums of such chunks are added in their order.
+/// Rows whose contributions to the gradients of weights and biases are summed together. The sums of such chunks are added in
+/// their order.
 const CHUNK: usize = 64;
 
-/// Length of the scratch that [`layer_norm_backward`] wants for `[rows, cols]`.
+/// Length of the scratch space of [`layer_norm_backward`] for `[rows, cols]`.
 pub fn layer_norm_scratch_len(rows: usize, cols: usize) -> usize {
     2 * rows.div_ceil(CHUNK) * cols
 }
 
-/// Gradients of the input `[rows, cols]`, and of weights and biases `[cols]`, each where it is asked for, in one pass.
+/// Gradients of [`layer_norm_forward`] with respect to the input, the weights and the biases, each if asked for, in one pass.
 ///
-/// `w` are the weights, unless there are none, `stats` what the forward pass wrote, `scratch` of
-/// [`layer_norm_scratch_len`] elements with any content. Panics if a length does not fit.
+/// `x`, `dy` and `dx` are `[rows, cols]`; `dw` and `db` are `[cols]`. `w` holds the weights, if there are any, and `stats` what
+/// the forward pass wrote. `scratch` has [`layer_norm_scratch_len`] elements with any content.
+///
+/// # Panics
+///
+/// If a length does not fit.
 ///
 /// ```
 /// use weaver_kernels::layer_norm::{layer_norm_backward, layer_norm_scratch_len};
@@ -209,7 +217,7 @@ pub fn layer_norm_backward<T: Real>(
     }
 }
 
-/// Some rows of the backward pass; `scratch` gets their sums for weights and biases, or is empty.
+/// The backward pass of some rows. `scratch` receives their contributions to the gradients of weights and biases, or is empty.
 struct Backward<'a, T> {
     cols: usize,
     x: &'a [T],
@@ -242,17 +250,18 @@ impl<T: Real> LaneKernel<T> for Backward<'_, T> {
     }
 }
 
-/// What is known of R rows on the way back.
+/// Statistics and running sums of R rows during the backward pass.
 struct Slopes<V, const R: usize> {
     mean: [V; R],
     rstd: [V; R],
-    /// Sums along each row of the normalized output's gradient, plain and times that output; later their means.
+    /// Sums along each row of the gradient with respect to the normalized value, plain and times that value; later their
+    /// means.
     along_one: [V; R],
     along_x: [V; R],
 }
 
 impl<V: Lanes, const R: usize> Slopes<V, R> {
-    /// Adds one column of vectors to the sums along the rows; those down the columns, with this one.
+    /// Adds one column of vectors to the sums along the rows. Returns the sums down the columns with that column added.
     #[inline(always)]
     fn add(&mut self, x: [V; R], dy: [V; R], w: V, [mut dw, mut db]: [V; 2]) -> [V; 2] {
         for r in 0..R {
@@ -263,17 +272,17 @@ impl<V: Lanes, const R: usize> Slopes<V, R> {
         [dw, db]
     }
 
-    /// The input's gradient, on top of beta times the old one.
+    /// The gradient with respect to the input, plus beta times `old`.
     #[inline(always)]
     fn gradient(&self, r: usize, x: V, dy: V, w: V, old: V, beta: V::Scalar) -> V {
         let hat = (x - self.mean[r]) * self.rstd[r];
         let d = self.rstd[r] * hat.neg_mul_add(self.along_x[r], dy * w - self.along_one[r]);
-        // What is there may be anything at first.
+        // With beta 0, `old` may be anything, NaN included.
         if beta == V::Scalar::ZERO { d } else { V::splat(beta).mul_add(old, d) }
     }
 }
 
-/// The first R rows; `sums` gets theirs added.
+/// The backward pass of the first R rows; their contributions to weights and biases are added to `sums`.
 #[inline(always)]
 fn backward<V: Lanes, const R: usize>(
     cols: usize,
@@ -309,7 +318,7 @@ fn backward<V: Lanes, const R: usize>(
         }
     }
     if ragged {
-        // Beyond the row, dy is 0.
+        // Beyond the end of the row, dy is 0.
         let down = slopes.add(last_x, last_dy, last_w, [lanes::at(last_dw, 0), lanes::at(last_db, 0)]);
         lanes::put(down[0], last_dw, 0);
         lanes::put(down[1], last_db, 0);

@@ -1,8 +1,12 @@
-//! Plain numeric kernels on slices for `f32` and `f64`: GEMM, convolution, attention, norms, resizing.
+//! Numeric kernels on plain slices of `f32` and `f64`: matrix products, convolution, attention, normalization, resizing,
+//! reductions, nearest neighbors, and counter-based random numbers.
 //!
-//! A kernel is a function: the caller owns all memory, shapes are arguments, nothing knows of a tape.
-//! Every parallel kernel writes disjoint parts, and what it writes does not depend on the number of threads: where borders do,
-//! no sum crosses one.
+//! A kernel is a function. The caller owns all memory and passes shapes as arguments; no kernel knows about automatic
+//! differentiation. Results are the same bits at any number of threads: parallel tasks write disjoint parts of the
+//! output, and no sum is split where the number of threads decides.
+//!
+//! Kernels write their result to a [`Target`]: a slice and a factor for what the slice already holds. [`simd`] explains how
+//! one source is compiled for several instruction sets.
 
 pub mod attention;
 pub mod conv;

@@ -1,4 +1,4 @@
-//! The optimizer's inner loops.
+//! The inner loops of optimizers: AdamW updates and weight averages.
 
 use crate::{Real, simd};
 use rayon::prelude::*;
@@ -6,28 +6,32 @@ use rayon::prelude::*;
 /// Elements of one task.
 const CHUNK: usize = 1 << 14;
 
-/// The settings of one AdamW step (Loshchilov and Hutter 2019).
+/// The settings of one AdamW step (Loshchilov and Hutter 2019, arXiv 1711.05101).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdamW<T> {
     /// Learning rate.
     pub rate: T,
-    /// Decay of the mean of gradients.
+    /// Decay rate of the first moment, the running mean of gradients.
     pub beta1: T,
-    /// Decay of the mean of squared gradients.
+    /// Decay rate of the second moment, the running mean of squared gradients.
     pub beta2: T,
-    /// Added to the root of the mean square.
+    /// Added to the square root of the second moment.
     pub eps: T,
-    /// Decoupled weight decay, times the rate per step.
+    /// Decoupled weight decay; a step multiplies parameters by 1 - rate * weight_decay.
     pub weight_decay: T,
-    /// Factor for the gradients, as from clipping.
+    /// Factor of all gradients, such as that of gradient clipping.
     pub gradient_scale: T,
 }
 
 impl<T: Real> AdamW<T> {
-    /// Updates parameters `p` and the moments `m` and `v` by the gradients `g`, all of one length; `step`
-    /// counts from 1:
+    /// Updates the parameters `p` and their moments `m` and `v` by the gradients `g`, all of one length.
     ///
-    /// p = p (1 - rate decay) - rate m^ / (sqrt(v^) + eps), with m^ = m / (1 - beta1^step), v^ likewise.
+    /// `step` counts from 1. After the moments are updated,
+    /// `p = p (1 - rate weight_decay) - rate (m / (1 - beta1^step)) / (sqrt(v / (1 - beta2^step)) + eps)`.
+    ///
+    /// # Panics
+    ///
+    /// If the lengths differ.
     ///
     /// ```
     /// use weaver_kernels::optim::AdamW;
@@ -35,7 +39,7 @@ impl<T: Real> AdamW<T> {
     ///     AdamW { rate: 0.5, beta1: 0.5, beta2: 0.75, eps: 0.0, weight_decay: 1.0, gradient_scale: 1.0 };
     /// let (mut p, mut m, mut v) = ([8.0], [0.0], [0.0]);
     /// settings.step(1, &mut p, &[-2.0], &mut m, &mut v);
-    /// assert_eq!((p, m, v), ([4.5], [-1.0], [1.0])); // Half of 8, and the rate against the gradient's sign.
+    /// assert_eq!((p, m, v), ([4.5], [-1.0], [1.0])); // half of 8, plus the rate against the sign of the gradient
     /// ```
     pub fn step(&self, step: u64, p: &mut [T], g: &[T], m: &mut [T], v: &mut [T]) {
         assert!(p.len() == g.len() && p.len() == m.len() && p.len() == v.len(), "AdamW: lengths");
@@ -63,7 +67,11 @@ impl<T: Real> AdamW<T> {
     }
 }
 
-/// average = decay average + (1 - decay) x, for slices of one length.
+/// Exponential moving average: average = decay average + (1 - decay) x.
+///
+/// # Panics
+///
+/// If the lengths differ.
 ///
 /// ```
 /// use weaver_kernels::optim::lerp;

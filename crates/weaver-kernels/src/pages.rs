@@ -1,8 +1,9 @@
-//! Memory in large pages, for large buffers that are read again and again, or in no order.
+//! Huge pages for large buffers that are read repeatedly or in random order.
 
-/// Asks the operating system to back fresh memory by huge pages (2 MiB) as it is first touched: fewer address
-/// translations to look up, fewer page faults. A hint: on other systems than Linux, for little memory, or where the
-/// system has them switched off, nothing happens.
+/// Asks the operating system to back new memory with huge pages (2 MiB) when it is first touched.
+///
+/// Huge pages mean fewer page faults and fewer misses of the address translation cache. This is only a hint: nothing
+/// happens on systems other than Linux, for buffers smaller than a page, or where huge pages are disabled.
 ///
 /// ```
 /// let mut buffer: Vec<f32> = Vec::with_capacity(1 << 20);
@@ -19,8 +20,8 @@ pub fn prefer_huge<T>(memory: &mut [T]) {
         let end = start + size_of_val(memory);
         let (first, last) = (start.next_multiple_of(PAGE), end / PAGE * PAGE);
         if last > first {
-            // SAFETY: the pages lie inside memory that we hold exclusively, and the advice changes no content. A failure
-            // changes nothing.
+            // SAFETY: the pages lie inside memory that we borrow exclusively, and the advice changes no content. If the
+            // call fails, nothing changes.
             unsafe {
                 libc::madvise(first as *mut libc::c_void, last - first, libc::MADV_HUGEPAGE);
             }

@@ -1,5 +1,7 @@
-//! Deterministic parallel loops: work is cut into chunks whose borders depend on the problem alone,
-//! never on the number of threads, and every chunk owns its part of the output.
+//! Deterministic parallel loops over ranges and chunks.
+//!
+//! Chunk boundaries depend on the problem size alone, never on the number of threads, and every chunk owns its part of the
+//! output. Results are therefore the same bits at any number of threads.
 
 use rayon::prelude::*;
 use std::marker::PhantomData;
@@ -7,8 +9,8 @@ use std::ops::Range;
 
 /// Runs `body` on the ranges `[0, grain)`, `[grain, 2 grain)`, ... of `0..n`, in parallel.
 ///
-/// Which thread runs which range is not fixed; the ranges are. A `body` that writes only what its
-/// range owns therefore gives the same bits at any thread count. Allocates nothing.
+/// The ranges are fixed; which thread runs which range is not. A `body` that writes only what belongs to its range gives
+/// the same bits at any number of threads. Allocates nothing.
 pub fn for_ranges(n: usize, grain: usize, body: impl Fn(Range<usize>) + Sync) {
     fn split(chunks: Range<usize>, run: &(impl Fn(usize) + Sync)) {
         match chunks.len() {
@@ -26,8 +28,8 @@ pub fn for_ranges(n: usize, grain: usize, body: impl Fn(Range<usize>) + Sync) {
     });
 }
 
-/// Cuts `out` into chunks of `size` elements (the last may be shorter) and runs `body(index, chunk)`
-/// on each, in parallel. Allocates nothing.
+/// Splits `out` into chunks of `size` elements (the last may be shorter) and runs `body(index, chunk)` on each, in
+/// parallel. Allocates nothing.
 pub fn for_chunks<T: Send>(out: &mut [T], size: usize, body: impl Fn(usize, &mut [T]) + Sync) {
     fn split<T: Send>(out: &mut [T], first: usize, size: usize, body: &(impl Fn(usize, &mut [T]) + Sync)) {
         let chunks = out.len().div_ceil(size);
@@ -43,7 +45,7 @@ pub fn for_chunks<T: Send>(out: &mut [T], size: usize, body: impl Fn(usize, &mut
     split(out, 0, size.max(1), &body);
 }
 
-/// Copies a slice, in parallel where it is long.
+/// Copies a slice to another of the same length, in parallel if it is long.
 ///
 /// # Panics
 ///
@@ -63,7 +65,12 @@ pub fn fill_rows<T: Copy + Send + Sync>(row: &[T], to: &mut [T]) {
     });
 }
 
-/// [`for_chunks`] on two outputs at once: `a` in chunks of `a_size`, `b` in as many of `b_size`.
+/// Splits `a` into chunks of `a_size` and `b` into equally many chunks of `b_size`, and runs `body(index, a_chunk, b_chunk)`
+/// on each pair, in parallel.
+///
+/// # Panics
+///
+/// If the numbers of chunks differ.
 pub fn for_chunks2<T: Send, U: Send>(
     a: &mut [T],
     a_size: usize,
@@ -77,7 +84,7 @@ pub fn for_chunks2<T: Send, U: Send>(
     chunks.enumerate().for_each(|(i, (a, b))| body(i, a, b));
 }
 
-/// An output whose parts are interleaved, so that no split of the slice separates the tasks.
+/// An output in which the parts of different tasks are interleaved, so that the slice cannot be split between them.
 pub(crate) struct Interleaved<'a, T> {
     start: *mut T,
     len: usize,
@@ -85,7 +92,7 @@ pub(crate) struct Interleaved<'a, T> {
 }
 
 #[allow(unsafe_code)]
-// SAFETY: elements are reached through `slice` and what `pointer` gives, whose callers keep tasks apart.
+// SAFETY: elements are accessed only through `slice` and `pointer`, whose callers keep tasks apart.
 unsafe impl<T: Send> Sync for Interleaved<'_, T> {}
 
 impl<'a, T> Interleaved<'a, T> {
@@ -97,20 +104,20 @@ impl<'a, T> Interleaved<'a, T> {
         self.len
     }
 
-    /// Where element `at` is. To write there is sound only if no other task does.
+    /// A pointer to element `at`. Writing through it is sound only if no other task accesses the same element.
     pub(crate) fn pointer(&self, at: usize) -> *mut T {
-        assert!(at <= self.len, "a part beyond the output's end");
+        assert!(at <= self.len, "a part beyond the end of the output");
         self.start.wrapping_add(at)
     }
 
     /// The elements `at..at + len`.
     ///
     /// # Safety
-    /// No other slice of them may be in use at the same time.
+    /// No other slice of these elements may be in use at the same time.
     #[allow(unsafe_code, clippy::mut_from_ref)]
     pub(crate) unsafe fn slice(&self, at: usize, len: usize) -> &mut [T] {
-        assert!(at <= self.len && len <= self.len - at, "a part beyond the output's end");
-        // SAFETY: inside the slice this was made of, which stays borrowed; apart, says the caller.
+        assert!(at <= self.len && len <= self.len - at, "a part beyond the end of the output");
+        // SAFETY: the part lies inside the borrowed slice, and the caller promises that no other task uses it.
         unsafe { std::slice::from_raw_parts_mut(self.start.add(at), len) }
     }
 }

@@ -1,9 +1,8 @@
-//! What this machine can do at most, measured: the bars that timings are held against.
+//! Measurements of the machine's peak arithmetic rate and memory bandwidth, to compare timings with.
 //!
-//! Both functions start threads of their own, outside any pool, and time the stretch from the first thread's start to
-//! the last one's end, each by its own clock, so that a late start of a thread counts for nothing. The best of a few
-//! short runs is taken: whatever else the machine does can only slow it down. A figure from another day or machine
-//! says little; measure in the same run as what is to be compared.
+//! The functions start threads of their own, outside any pool, and measure from the first thread's start to the last thread's
+//! end. They take the best of several short runs, since other load can only slow a run down. Measure the peak in the same
+//! run as what is compared with it: figures from another day or machine say little.
 
 use std::hint::black_box;
 use std::sync::Barrier;
@@ -17,16 +16,15 @@ const RUN: Duration = Duration::from_millis(20);
 /// Values in each of the two arrays that are copied: 128 MiB, far beyond the caches.
 const COPIED: usize = 32 << 20;
 
-/// Billions of `f32` operations per second of fused multiply-adds (two operations each) in registers, on `threads`
-/// threads together.
+/// The peak rate of `f32` arithmetic on `threads` threads together, in billions of operations per second.
 ///
-/// Independent chains, enough to hide the latency, in the widest registers of the processor: AVX-512, AVX2 with FMA,
-/// else what the compilation target has, where a multiplication and an addition stand in for an FMA if it has none.
-/// No memory is touched; no program that computes with `f32` vectors is faster. Takes about 0.2 s.
+/// Counts fused multiply-adds as two operations each. They run in independent chains, enough to hide the latency, in the
+/// widest registers of the processor (AVX-512, or AVX2 with FMA), or with what the compilation target has, where a
+/// multiplication and an addition stand in for a missing FMA. No memory is accessed. Takes about 0.2 s.
 pub fn fma_gflops_f32(threads: usize) -> f64 {
     let threads = threads.max(1);
     let (lanes, chains) = chains();
-    // Also warms the processor up.
+    // This also warms up the processor.
     let trial = 1_u32 << 18;
     let rate = f64::from(trial) / together(1, |_| chains(u64::from(trial))).as_secs_f64();
     let steps = (rate * RUN.as_secs_f64()).ceil() as u64;
@@ -34,15 +32,15 @@ pub fn fma_gflops_f32(threads: usize) -> f64 {
     2.0 * (threads as u64 * steps) as f64 * lanes as f64 / best.as_secs_f64() / 1e9
 }
 
-/// Billions of bytes per second, read and written together, that `threads` threads copy from one large array to
-/// another with ordinary stores, each thread its own part.
+/// The memory bandwidth of a copy on `threads` threads together, in billions of bytes per second, read and written.
 ///
-/// What a cache line's first write fetches from memory is not counted, as is usual. Takes 256 MiB and about 0.2 s.
+/// Each thread copies its part of one large array to another with ordinary stores. As is usual, the lines that stores fetch
+/// from memory are not counted. Takes 256 MiB of memory and about 0.2 s.
 pub fn copy_gbs(threads: usize) -> f64 {
     let threads = threads.max(1);
     let from = vec![1.0_f32; COPIED];
     let mut to = vec![0.0_f32; COPIED];
-    // Times one, which the compiler cannot know: a plain loop would become a library call with stores of other kinds.
+    // A factor of one that the compiler does not know: a plain copy would become a library call with other kinds of stores.
     let factor = black_box(1.0_f32);
     let share = COPIED.div_ceil(threads);
     let mut copy = || {
@@ -65,12 +63,12 @@ pub fn copy_gbs(threads: usize) -> f64 {
     (2 * COPIED * size_of::<f32>()) as f64 / best.as_secs_f64() / 1e9
 }
 
-/// From the first start to the last end of `job` on this many threads.
+/// The time from the first start to the last end of `job` on this many threads.
 fn together(threads: usize, job: impl Fn(usize) + Sync) -> Duration {
     together_each((0..threads).collect(), job)
 }
 
-/// The same with an input for each thread.
+/// The time from the first start to the last end of `job`, which runs on one thread per input.
 fn together_each<I: Send>(inputs: Vec<I>, job: impl Fn(I) + Sync) -> Duration {
     let barrier = Barrier::new(inputs.len());
     let timed = |input| {
@@ -88,7 +86,7 @@ fn together_each<I: Send>(inputs: Vec<I>, job: impl Fn(I) + Sync) -> Duration {
     start.zip(end).map_or(Duration::ZERO, |(start, end)| end - start)
 }
 
-/// FMA lanes in one step of the chains, and the chains, which run this many steps.
+/// The number of FMA lanes in one step of the chains, and a function that runs the chains for a number of steps.
 fn chains() -> (usize, fn(u64)) {
     #[cfg(target_arch = "x86_64")]
     #[allow(unsafe_code)]
@@ -111,7 +109,7 @@ const SUMMAND: f32 = 1e-6;
 
 fn portable(steps: u64) {
     let fma = |x: f32| {
-        // Without the instruction the method is a library call.
+        // Without the instruction, `mul_add` would be a library call.
         if cfg!(any(target_feature = "fma", target_arch = "aarch64")) {
             x.mul_add(FACTOR, SUMMAND)
         } else {
@@ -164,7 +162,7 @@ mod tests {
 
     #[test]
     fn the_chains_take_as_long_as_they_are() {
-        // Were they computed away, ten times the steps would take no longer.
+        // If the compiler removed them, ten times the steps would take no longer.
         let (_, widest) = chains();
         for chains in [widest, portable] {
             let time = |steps| (0..5).map(|_| together(1, |_| chains(steps))).min().unwrap().as_secs_f64();

@@ -1,4 +1,4 @@
-//! Axes in another order.
+//! Permutation of the axes of a tensor.
 
 use crate::Real;
 use crate::gemm::transpose;
@@ -7,13 +7,16 @@ use crate::target::{Target, put};
 
 /// Elements of one task.
 const GRAIN: usize = 1 << 14;
-/// Rows that are transposed at once in registers.
+/// Rows that are transposed together in registers.
 const TILE: usize = 16;
 
-/// y = beta y + x with its axes in the order `axes`: y's axis i is x's axis `axes[i]`.
+/// Permutes the axes of a tensor: axis i of y is axis `axes[i]` of x.
 ///
-/// `x` has shape `shape`. The gradient is the permutation by [`inverse`]. Panics if `axes` is not a permutation of 0..N or a
-/// length is not that of the shape.
+/// `shape` is the shape of `x`. The gradient of a permutation is the permutation by the [`inverse`] order.
+///
+/// # Panics
+///
+/// If `axes` is not a permutation of 0..N, or a length is not that of the shape.
 ///
 /// ```
 /// use weaver_kernels::permute::permute;
@@ -30,7 +33,7 @@ pub fn permute<T: Real, const N: usize>(shape: [usize; N], axes: [usize; N], x: 
         return;
     }
     let Walk { dims, strides, rank } = Walk::new(shape, axes);
-    // y is blocks of c rows of d elements; x's are sc and sd apart.
+    // y consists of blocks of c rows of d elements, which are sc and sd elements apart in x.
     let axis = |index: Option<usize>, none| index.map_or((1, none), |axis| (dims[axis], strides[axis]));
     let ((c, sc), (d, sd)) = (axis(rank.checked_sub(2), 0), axis(rank.checked_sub(1), 1));
     let block = |mut index: usize| {
@@ -66,8 +69,7 @@ pub fn permute<T: Real, const N: usize>(shape: [usize; N], axes: [usize; N], x: 
     });
 }
 
-/// The axes of y, each with the step it takes in x. Neighbors that are neighbors in x as well are one axis, and axes of
-/// length 1 are none.
+/// The axes of y, each with its stride in x. Axes that are adjacent in x as well are merged, and axes of length 1 dropped.
 struct Walk<const N: usize> {
     dims: [usize; N],
     strides: [usize; N],
@@ -98,7 +100,11 @@ impl<const N: usize> Walk<N> {
     }
 }
 
-/// The order of axes that undoes `axes`. Panics if `axes` is not a permutation of 0..N.
+/// The inverse of a permutation of axes.
+///
+/// # Panics
+///
+/// If `axes` is not a permutation of 0..N.
 ///
 /// ```
 /// assert_eq!(weaver_kernels::permute::inverse([1, 2, 0]), [2, 0, 1]);

@@ -1,11 +1,13 @@
-//! Counter-based random numbers: a value is a pure function of (seed, step, purpose, index), so it does
-//! not depend on how many were drawn before, on threads, or on whether a run was resumed.
+//! Counter-based random numbers: every value is a pure function of (seed, step, purpose, index).
+//!
+//! A value therefore does not depend on how many numbers were drawn before, on the number of threads, or on whether a run was
+//! resumed.
 
 use crate::Real;
 
-/// A stream of random numbers, named by what it is for.
+/// A stream of random numbers for one purpose.
 ///
-/// Every draw takes the index of the number wanted; there is no state to save.
+/// There is no state: every method takes the index of the number to draw and returns the same number each time.
 ///
 /// ```
 /// use weaver_kernels::random::Stream;
@@ -26,7 +28,7 @@ fn mix(mut z: u64) -> u64 {
 }
 
 impl Stream {
-    /// The stream of `purpose` at `step` of the run with `seed`.
+    /// The stream for `purpose` at a step of a run with this seed. Different purposes give independent streams.
     pub fn new(seed: u64, step: u64, purpose: &str) -> Self {
         let name = purpose
             .bytes()
@@ -35,37 +37,37 @@ impl Stream {
         Self { key }
     }
 
-    /// A stream derived from this one by a number, for example one per view.
+    /// An independent stream derived from this one by a number, for example one per view.
     pub fn fork(self, index: u64) -> Self {
         Self { key: mix(self.key ^ mix(index.wrapping_add(0x632b_e59b_d9b4_e019))) }
     }
 
-    /// 64 random bits.
+    /// Draws 64 random bits.
     #[inline(always)]
     pub fn bits(self, index: u64) -> u64 {
         mix(self.key.wrapping_add(index.wrapping_mul(0x9e37_79b9_7f4a_7c15)))
     }
 
-    /// Uniform in the open interval (0, 1): never exactly 0 or 1, so logarithms are safe.
+    /// Draws a uniform number from the open interval (0, 1): never exactly 0 or 1, so its logarithm is finite.
     #[inline(always)]
     pub fn uniform<T: Real>(self, index: u64) -> T {
         // 23 bits and a half: exact in f32 and symmetric about 1/2.
         T::from_f64(((self.bits(index) >> 41) as f64 + 0.5) / (1u64 << 23) as f64)
     }
 
-    /// Uniform integer in `0..n` (n > 0).
+    /// Draws a uniform integer from `0..n`, for n > 0.
     pub fn below(self, index: u64, n: usize) -> usize {
         ((u128::from(self.bits(index)) * n as u128) >> 64) as usize
     }
 
-    /// Standard normal, by the Box-Muller transform.
+    /// Draws a standard normal number, by the Box-Muller transform.
     pub fn normal<T: Real>(self, index: u64) -> T {
         let u: f64 = self.uniform(2 * index);
         let v: f64 = self.uniform(2 * index + 1);
         T::from_f64((-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos())
     }
 
-    /// Standard Gumbel: -ln(-ln u).
+    /// Draws a standard Gumbel number, -ln(-ln u) with uniform u.
     #[inline(always)]
     pub fn gumbel<T: Real>(self, index: u64) -> T {
         let u: f64 = self.uniform(index);

@@ -6,7 +6,7 @@ use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssi
 
 /// A floating-point scalar, `f32` or `f64`.
 ///
-/// Training runs in `f32`; the very same code is gradient-checked in `f64`.
+/// Models train in `f32`; tests check the gradients of the same code in `f64`.
 pub trait Real:
     Copy
     + Default
@@ -33,7 +33,7 @@ pub trait Real:
     const ZERO: Self;
     /// 1.
     const ONE: Self;
-    /// Distance from 1 to the next larger number.
+    /// The difference between 1 and the next larger number.
     const EPSILON: Self;
     /// Positive infinity.
     const INFINITY: Self;
@@ -51,11 +51,11 @@ pub trait Real:
         Self::from_f64(x as f64)
     }
 
-    /// e^x; in `f32` within 1.1 units in the last place over the whole range, in `f64` the platform's.
+    /// e^x: within 1.1 units in the last place over the whole range in `f32`, the standard library's in `f64`.
     fn exp(self) -> Self;
-    /// 2^x; in `f32` within 2.5 units in the last place over the whole range, in `f64` the platform's.
+    /// 2^x: within 2.5 units in the last place over the whole range in `f32`, the standard library's in `f64`.
     fn exp2(self) -> Self;
-    /// Binary logarithm of a positive number; in `f32` of a normal one.
+    /// Base-2 logarithm of a positive number, which must be normal in `f32`.
     fn log2(self) -> Self;
     /// Natural logarithm.
     fn ln(self) -> Self;
@@ -71,7 +71,7 @@ pub trait Real:
     fn tan(self) -> Self;
     /// Arc tangent, in radians.
     fn atan(self) -> Self;
-    /// Hyperbolic tangent, within 2 units in the last place over the whole range (1.3 in `f32`; in `f64` it is the platform's).
+    /// Hyperbolic tangent: within 1.3 units in the last place over the whole range in `f32`, the standard library's in `f64`.
     fn tanh(self) -> Self;
     /// The Gauss error function, within 1.5 units in the last place over the whole range.
     fn erf(self) -> Self;
@@ -83,11 +83,11 @@ pub trait Real:
     fn floor(self) -> Self;
     /// Smallest integer not below `self`.
     fn ceil(self) -> Self;
-    /// The larger of two numbers; the other one if one is NaN.
+    /// The larger of two numbers; if one is NaN, the other.
     fn max(self, other: Self) -> Self;
-    /// The smaller of two numbers; the other one if one is NaN.
+    /// The smaller of two numbers; if one is NaN, the other.
     fn min(self, other: Self) -> Self;
-    /// Neither infinite nor NaN.
+    /// Whether the number is neither infinite nor NaN.
     fn is_finite(self) -> bool;
 }
 

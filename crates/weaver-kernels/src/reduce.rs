@@ -1,17 +1,17 @@
-//! Sums whose order of addition depends on the length alone.
+//! Sums and dot products whose order of addition depends on the length alone.
 
 use crate::parallel::for_chunks;
 use crate::target::{Target, put};
 use crate::{Real, simd};
 
-/// Partial sums per pass; also the lanes the compiler may fill.
+/// Number of interleaved partial sums, which the compiler can keep in the lanes of vectors.
 const LANES: usize = 16;
 /// Elements summed by one task.
 const CHUNK: usize = 1 << 14;
-/// Chunks whose sums are kept at once, on the stack.
+/// Number of chunks whose sums are kept on the stack at a time.
 const CHUNKS: usize = 64;
 
-/// The sum of `term(i)` over `0..n`: chunks of 16 interleaved partial sums, then the chunks in order.
+/// The sum of `chunk(range)` over chunks of `0..n`, in parallel, added in a fixed order.
 #[inline(always)]
 fn total<T: Real>(n: usize, chunk: impl Fn(std::ops::Range<usize>) -> T + Sync) -> T {
     let mut sum = T::ZERO;
@@ -28,7 +28,7 @@ fn total<T: Real>(n: usize, chunk: impl Fn(std::ops::Range<usize>) -> T + Sync) 
     sum
 }
 
-/// Adds neighbors, then neighbors of those, and so on: the rounding error grows with log n.
+/// Pairwise summation: the rounding error grows with log n.
 fn pairwise<T: Real>(x: &[T]) -> T {
     match x {
         [] => T::ZERO,
@@ -40,7 +40,7 @@ fn pairwise<T: Real>(x: &[T]) -> T {
     }
 }
 
-/// The sum of `term` over the elements of `x`, all of one length, in 16 interleaved partial sums.
+/// The sum of `term` over the elements of slices of equal length, in 16 interleaved partial sums.
 #[inline(always)]
 pub(crate) fn lanes<T: Real, const K: usize>(x: [&[T]; K], term: impl Fn([T; K]) -> T) -> T {
     let n = x[0].len();
@@ -72,7 +72,7 @@ pub(crate) fn lanes<T: Real, const K: usize>(x: [&[T]; K], term: impl Fn([T; K])
     sums[0]
 }
 
-/// The sum of `x` on the calling thread, in 16 interleaved partial sums.
+/// The sum of all elements on the calling thread alone, for use inside a parallel task.
 ///
 /// ```
 /// use weaver_kernels::reduce::sum_serial;
@@ -85,7 +85,7 @@ pub fn sum_serial<T: Real>(x: &[T]) -> T {
     )
 }
 
-/// The sum of `x`.
+/// The sum of all elements, in parallel.
 ///
 /// ```
 /// use weaver_kernels::reduce::sum;
@@ -95,7 +95,7 @@ pub fn sum<T: Real>(x: &[T]) -> T {
     total(x.len(), |r| sum_serial(&x[r]))
 }
 
-/// The mean of `x`; NaN if there is nothing to average.
+/// The mean of all elements; NaN for an empty slice.
 ///
 /// ```
 /// use weaver_kernels::reduce::mean;
@@ -105,7 +105,7 @@ pub fn mean<T: Real>(x: &[T]) -> T {
     sum(x) / T::from_usize(x.len())
 }
 
-/// The dot product of `x` and `y`, of equal length, on the calling thread.
+/// The dot product of two slices of equal length, on the calling thread alone.
 ///
 /// ```
 /// use weaver_kernels::reduce::dot_serial;
@@ -119,7 +119,7 @@ pub fn dot_serial<T: Real>(x: &[T], y: &[T]) -> T {
     )
 }
 
-/// The dot product of `x` and `y`, of equal length.
+/// The dot product of two slices of equal length, in parallel.
 ///
 /// ```
 /// use weaver_kernels::reduce::dot;
@@ -130,7 +130,7 @@ pub fn dot<T: Real>(x: &[T], y: &[T]) -> T {
     total(x.len(), |r| dot_serial(&x[r.clone()], &y[r]))
 }
 
-/// The sum of squares of `x`.
+/// The sum of the squares of all elements.
 ///
 /// ```
 /// use weaver_kernels::reduce::squared_norm;
@@ -159,9 +159,9 @@ pub fn row_sums<T: Real>(rows: usize, cols: usize, x: &[T], out: Target<T>) {
     });
 }
 
-/// The sum of every column of `x` `[rows, cols]` into `out` `[cols]`, rows in their order.
+/// The sum of every column of `x` `[rows, cols]` into `out` `[cols]`.
 ///
-/// Long columns are summed in blocks of 64 rows, which keeps the rounding error small.
+/// Rows are added in order, in blocks of 64, which keeps the rounding error of long columns small.
 ///
 /// ```
 /// use weaver_kernels::reduce::column_sums;
@@ -183,8 +183,8 @@ pub fn column_sums<T: Real>(rows: usize, cols: usize, x: &[T], out: Target<T>) {
     );
 }
 
-/// Column sums of a matrix given by `add(row, from, sums)`, which adds its elements `from..` of `row`,
-/// as many as there are sums, to them.
+/// Column sums of a matrix that is given by a function: `add(row, from, sums)` adds the elements of `row` from column `from`
+/// on to `sums`, as many as there are sums.
 #[inline(always)]
 pub(crate) fn column_totals<T: Real>(rows: usize, out: Target<T>, add: impl Fn(usize, usize, &mut [T]) + Sync) {
     const BLOCK: usize = 64;

@@ -1,14 +1,14 @@
-//! Separable linear resampling of maps `[planes, h, w]`: resizing and box filters.
+//! Separable linear resampling of maps `[planes, h, w]`: bilinear and bicubic resizing, box filters.
 //!
-//! A plan holds, for every output row and column, the input rows and columns it is a weighted sum of,
-//! and the same the other way round for the gradient. It is made once per shape.
+//! A [`Resample`] lists, for every output row and column, the input rows and columns whose weighted sum it is, and the
+//! transposed lists for the gradient. It is built once per size.
 
 use crate::parallel::for_chunks;
 use crate::target::{Target, put};
 use crate::{Real, simd};
 use std::ops::Range;
 
-/// The weights along one axis: output i is the sum of `weight * input[index]` over `ends[i]..ends[i + 1]`.
+/// The weights along one axis: output i is the sum of `weight * input[index]` over `taps[ends[i]..ends[i + 1]]`.
 #[derive(Clone, Debug)]
 struct Axis<T> {
     inputs: usize,
@@ -61,7 +61,7 @@ impl<T: Real> Axis<T> {
         })
     }
 
-    /// Keys' cubic kernel with a = -3/4 over the four nearest inputs; what lies outside goes to the border.
+    /// Keys' cubic kernel with a = -3/4 over the four nearest inputs; positions outside are clamped to the border.
     fn bicubic(inputs: usize, outputs: usize) -> Self {
         Self::new(inputs, outputs, |i| {
             let at = (i as f64 + 0.5) * inputs as f64 / outputs as f64 - 0.5;
@@ -70,8 +70,8 @@ impl<T: Real> Axis<T> {
         })
     }
 
-    /// Keys' cubic kernel with a = -1/2, stretched when shrinking; taps outside are dropped and the rest
-    /// scaled to sum 1.
+    /// Keys' cubic kernel with a = -1/2, stretched when shrinking; weights outside are dropped and the others scaled to sum
+    /// to 1.
     fn bicubic_antialiased(inputs: usize, outputs: usize) -> Self {
         Self::new(inputs, outputs, |i| {
             let scale = inputs as f64 / outputs as f64;
@@ -85,7 +85,7 @@ impl<T: Real> Axis<T> {
         })
     }
 
-    /// The average of the up to `width` inputs around each that exist.
+    /// The average of the inputs within a window of `width` around each position.
     fn box_filter(n: usize, width: usize) -> Self {
         Self::new(n, n, |i| {
             let inside: Range<usize> = i.saturating_sub(width / 2)..n.min(i + width / 2 + 1);
@@ -104,7 +104,7 @@ fn keys(x: f64, a: f64) -> f64 {
     }
 }
 
-/// A plan to resample maps of one size to another.
+/// A linear resampling of maps of one size to maps of another.
 ///
 /// ```
 /// use weaver_kernels::resample::Resample;
@@ -126,30 +126,40 @@ impl<T: Real> Resample<T> {
         Self { rows, cols, rows_back, cols_back }
     }
 
-    /// Bilinear resize from `[h, w]` to `[h, w]`. With `align_corners` the corner pixels' centers keep
-    /// their places, otherwise the corners of the image do, and borders are repeated.
+    /// Bilinear resizing from one `[h, w]` to another.
+    ///
+    /// With `align_corners`, the centers of the corner pixels of input and output coincide; otherwise the corners of the
+    /// images do, and border pixels are repeated.
     pub fn bilinear(from: [usize; 2], to: [usize; 2], align_corners: bool) -> Self {
         let axis = |i: usize| Axis::bilinear(from[i], to[i], align_corners);
         Self::new(axis(0), axis(1))
     }
 
-    /// Bicubic resize from `[h, w]` to `[h, w]`, corners not aligned: Keys' kernel with a = -3/4 over the four
-    /// nearest pixels however much it shrinks, and borders are repeated.
+    /// Bicubic resizing from one `[h, w]` to another, without `align_corners` and without antialiasing.
+    ///
+    /// Uses Keys' kernel with a = -3/4 over the four nearest pixels along each axis, however much the map shrinks; border
+    /// pixels are repeated.
     pub fn bicubic(from: [usize; 2], to: [usize; 2]) -> Self {
         let axis = |i: usize| Axis::bicubic(from[i], to[i]);
         Self::new(axis(0), axis(1))
     }
 
-    /// Antialiased bicubic resize from `[h, w]` to `[h, w]`, corners not aligned: Keys' kernel with
-    /// a = -1/2, stretched by the scale when shrinking; what lies outside the image has no weight.
+    /// Antialiased bicubic resizing from one `[h, w]` to another, without `align_corners`.
+    ///
+    /// Uses Keys' kernel with a = -1/2, stretched by the scale when the map shrinks; pixels outside the image have no weight.
     pub fn bicubic_antialiased(from: [usize; 2], to: [usize; 2]) -> Self {
         let axis = |i: usize| Axis::bicubic_antialiased(from[i], to[i]);
         Self::new(axis(0), axis(1))
     }
 
-    /// Box filter of odd `width` at stride 1 on `[h, w]`: the average of what is inside the image.
+    /// Box filter of odd `width` at stride 1 on maps of `size` `[h, w]`: the average over the part of the window inside the
+    /// image.
+    ///
+    /// # Panics
+    ///
+    /// If `width` is even.
     pub fn box_filter(size: [usize; 2], width: usize) -> Self {
-        assert_eq!(width % 2, 1, "a box filter needs a middle");
+        assert_eq!(width % 2, 1, "box_filter: expected an odd width, found {width}");
         let [rows, cols] = size.map(|n| Axis::box_filter(n, width));
         Self::new(rows, cols)
     }
@@ -164,7 +174,11 @@ impl<T: Real> Resample<T> {
         [self.rows.outputs(), self.cols.outputs()]
     }
 
-    /// `x` `[planes, input size]` resampled to `y` `[planes, output size]`.
+    /// Resamples `x` `[planes, h, w]` of the input size to `y` of the output size.
+    ///
+    /// # Panics
+    ///
+    /// If a length does not fit, or a map is empty.
     pub fn forward(&self, x: &[T], y: &mut [T]) {
         self.check(x.len(), y.len());
         let ([h, w], [out_h, out_w]) = (self.input_size(), self.output_size());
@@ -182,7 +196,11 @@ impl<T: Real> Resample<T> {
         });
     }
 
-    /// The adjoint of [`Resample::forward`]: gradient `dx` `[planes, input size]` from `dy`.
+    /// Gradient of [`Resample::forward`] with respect to its input: its adjoint applied to `dy`.
+    ///
+    /// # Panics
+    ///
+    /// If a length does not fit, or a map is empty.
     pub fn backward(&self, dy: &[T], dx: Target<T>) {
         let (dx, beta) = dx;
         self.check(dx.len(), dy.len());
@@ -218,7 +236,7 @@ fn across<T: Real>(axis: &Axis<T>, x: &[T], y: Target<T>) {
     for (x, y) in x.chunks_exact(axis.inputs).zip(y.chunks_exact_mut(axis.outputs())) {
         for (i, y) in y.iter_mut().enumerate() {
             let sum = match axis.taps(i) {
-                // Bilinear has two; without a loop it takes little more than half the time.
+                // Bilinear resizing has two weights; without a loop it takes little more than half the time.
                 [(j, w), (k, v)] => *w * x[*j] + *v * x[*k],
                 taps => taps.iter().fold(T::ZERO, |sum, (j, w)| sum + *w * x[*j]),
             };

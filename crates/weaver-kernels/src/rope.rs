@@ -1,17 +1,18 @@
-//! Two-dimensional rotary position embedding (Su et al. 2021; the axial form of RoPE-ViT).
+//! Two-dimensional rotary position embedding (Su et al. 2021, arXiv 2104.09864), in the axial form of RoPE-ViT (Heo et al.
+//! 2024, arXiv 2403.13298).
 
 use crate::parallel::for_chunks;
 use crate::target::{Target, put};
 use crate::{Real, simd};
 
-/// Tokens of one task: about this many elements.
+/// Approximate number of elements of one task, which takes whole tokens.
 const GRAIN: usize = 1 << 13;
 
-/// Cosines and sines for tokens at given positions, made once.
+/// The rotations of a 2-D rotary position embedding for tokens at given positions.
 ///
-/// A head's vector of length `dim` is two halves: the first is turned by the row, the second by the
-/// column. Within a half of length n, elements k and k + n/2 are a plane turned by the angle
-/// `position * base^(-2 k / n)`. Position (0, 0) leaves a token as it is.
+/// The vector of a head, of length `dim`, has two halves: the first is rotated by the row of the token, the second by its
+/// column. Within a half of length n, elements k and k + n/2 form a plane that is rotated by the angle
+/// `position * base^(-2 k / n)`. A token at position (0, 0) is unchanged.
 ///
 /// ```
 /// use weaver_kernels::rope::Rope2d;
@@ -27,9 +28,13 @@ pub struct Rope2d<T> {
 }
 
 impl<T: Real> Rope2d<T> {
-    /// The table for tokens at `positions` (row, column); `dim` is divisible by 4.
+    /// Tabulates the rotations of tokens at `positions`, (row, column) each, for heads of length `dim`.
+    ///
+    /// # Panics
+    ///
+    /// If `dim` is not divisible by 4.
     pub fn new(positions: &[[usize; 2]], dim: usize, base: f64) -> Self {
-        assert_eq!(dim % 4, 0, "rope2d: the head dimension is two halves of planes");
+        assert_eq!(dim % 4, 0, "rope2d: expected a head dimension divisible by 4, found {dim}");
         let half = dim as f64 / 2.0;
         let angles = positions.iter().flat_map(|position| {
             (0..dim / 4).map(move |k| {
@@ -46,13 +51,20 @@ impl<T: Real> Rope2d<T> {
         if self.dim == 0 { 0 } else { self.angles.len() / (self.dim / 4) }
     }
 
-    /// y = x with every head's vector turned; both `[n, tokens, heads, dim]`, the same positions for
-    /// every n.
+    /// Rotates the vector of every head: `x` and `y` are `[n, tokens, heads, dim]`, with the same positions for every n.
+    ///
+    /// # Panics
+    ///
+    /// If a length does not fit.
     pub fn forward(&self, heads: usize, x: &[T], y: &mut [T]) {
         self.turn(heads, x, (y, T::ZERO), T::ONE);
     }
 
-    /// Gradient: dy turned back.
+    /// Gradient of [`Rope2d::forward`] with respect to its input: `dy` rotated back.
+    ///
+    /// # Panics
+    ///
+    /// If a length does not fit.
     pub fn backward(&self, heads: usize, dy: &[T], dx: Target<T>) {
         self.turn(heads, dy, dx, -T::ONE);
     }

@@ -1,4 +1,4 @@
-//! Rows of matrices moved about: gather, scatter-add, blocks with gaps.
+//! Operations on rows of matrices: gather, scatter-add, strided copies.
 
 use crate::Real;
 use crate::parallel::for_chunks;
@@ -6,11 +6,16 @@ use crate::target::{Target, put};
 
 /// Elements of one task.
 const GRAIN: usize = 1 << 14;
-/// Ranges of output rows among which a scatter is shared out; each range reads all indices.
+/// Number of ranges of output rows into which a scatter is divided; each range reads all indices.
 const RANGES: usize = 16;
 
-/// `y[i] = beta y[i] + x[index[i]]`, rows of length `cols`: `x` `[rows, cols]`, `y` `[index.len(), cols]`. Panics if an index is
-/// too large.
+/// Gathers rows of length `cols`: `y[i] = beta y[i] + x[index[i]]`.
+///
+/// `x` is `[rows, cols]`, `y` `[index.len(), cols]`.
+///
+/// # Panics
+///
+/// If an index is not below the number of rows, or a length does not fit.
 ///
 /// ```
 /// use weaver_kernels::rows::gather_rows;
@@ -32,9 +37,13 @@ pub fn gather_rows<T: Real>(cols: usize, x: &[T], index: &[u32], y: Target<T>) {
     });
 }
 
-/// `y[index[i]] += x[i]` on top of `beta y`, rows of length `cols`: `x` `[index.len(), cols]`, `y`
-/// `[rows, cols]`. Indices may repeat; their rows are added in the order of i. Panics if an index is
-/// too large.
+/// Adds rows of length `cols` to the rows that an index names: y becomes `beta y`, then `y[index[i]] += x[i]`.
+///
+/// `x` is `[index.len(), cols]`, `y` `[rows, cols]`. Indices may repeat; their rows are added in the order of i.
+///
+/// # Panics
+///
+/// If an index is not below the number of rows, or a length does not fit.
 ///
 /// ```
 /// use weaver_kernels::rows::scatter_add_rows;
@@ -67,10 +76,14 @@ pub fn scatter_add_rows<T: Real>(cols: usize, x: &[T], index: &[u32], y: Target<
     });
 }
 
-/// y = beta y + x for `rows` blocks of `cols` elements that begin `x_stride` and `y_stride` apart.
+/// Copies or adds `rows` blocks of `cols` elements between strided layouts: y = beta y + x.
 ///
-/// To join along an axis, or to cut, see a tensor as `[outer, axis inner]`: each part is `outer` rows of
-/// `part inner` columns, and its slice of the whole begins where its first row does. Panics if blocks of y overlap.
+/// Blocks begin `x_stride` elements apart in `x` and `y_stride` apart in `y`. This is what concatenating and slicing along an
+/// axis need: seen as `[outer, axis inner]`, a part of a tensor is `outer` blocks of `part inner` elements.
+///
+/// # Panics
+///
+/// If blocks of `y` overlap, or a slice is too short.
 ///
 /// ```
 /// use weaver_kernels::rows::copy_blocks;

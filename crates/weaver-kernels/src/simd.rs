@@ -1,15 +1,14 @@
-//! Run-time CPU dispatch: ordinary safe code, compiled three times, for the widest registers present.
+//! Run-time CPU dispatch: safe code that is compiled for several instruction sets and runs with the best one.
 //!
-//! [`dispatch`] runs a closure inside a function that was compiled for AVX-512, for AVX2 with FMA, or
-//! for the baseline of the target, whichever the processor offers. What is inlined into the closure is
-//! then vectorized by the compiler with those registers: plain loops over slices, no intrinsics. The
-//! arithmetic is the same in all three (the compiler never fuses or reorders floating-point operations
-//! on its own), so the results are too.
+//! [`dispatch`] runs a closure inside a function compiled for AVX-512, for AVX2 with FMA, or for the baseline of the target,
+//! whichever is the best that the processor supports. The compiler vectorizes plain loops over slices in the closure with
+//! those registers, without intrinsics. It never fuses or reorders floating-point operations on its own, so the results are
+//! the same with every instruction set.
 //!
-//! Mark the closure, closures inside it and every function it calls in its inner loops
-//! `#[inline(always)]`; what is not inlined keeps the baseline instructions. Plain `for` loops are
-//! inlined more surely than `for_each` with a long closure. Keep parallel loops outside: dispatch inside
-//! each chunk. On `f32` write `Real::exp(x)`, not `x.exp()`, which is the standard library's.
+//! Mark the closure, closures inside it, and every function called in its inner loops `#[inline(always)]`; code that is not
+//! inlined uses the baseline instructions. Plain `for` loops are inlined more reliably than `for_each` with a long closure.
+//! Keep parallel loops outside and dispatch inside each chunk. In `f32`, call `Real::exp(x)` rather than `x.exp()`, which is
+//! the standard library's and does not vectorize.
 
 use std::env::VarError;
 use std::sync::OnceLock;
@@ -25,16 +24,21 @@ pub enum Level {
     Avx512,
 }
 
-/// The instruction set in use: the best one of this processor, or a lesser one named by the environment variable `WEAVER_SIMD`
-/// (`portable`, `avx2`, `avx512`), which is read once. Panics if that is none of them; see [`wanted`].
+/// The instruction set in use: the best one that this processor supports, or a lesser one if the environment variable
+/// `WEAVER_SIMD` (`portable`, `avx2` or `avx512`) asks for it. The variable is read once.
+///
+/// # Panics
+///
+/// If `WEAVER_SIMD` has another value; [`wanted`] checks it without a panic.
 #[inline]
 pub fn level() -> Level {
     static LEVEL: OnceLock<Level> = OnceLock::new();
     *LEVEL.get_or_init(|| wanted().unwrap_or_else(|error| panic!("{error}")).min(supported()))
 }
 
-/// The instruction set that `WEAVER_SIMD` names, the best there is without it, or what is wrong with it: for programs to ask
-/// before they begin.
+/// The instruction set that `WEAVER_SIMD` asks for, or the best one if the variable is not set.
+///
+/// Programs call this at the start, to report a wrong value as an error.
 pub fn wanted() -> Result<Level, String> {
     match std::env::var("WEAVER_SIMD").as_deref() {
         Ok("portable") => Ok(Level::Portable),
@@ -68,7 +72,7 @@ pub(crate) fn supported() -> Level {
     Level::Portable
 }
 
-/// Runs `body`, compiled for the processor's widest vector registers.
+/// Runs `body`, compiled for the instruction set in use ([`level`]).
 ///
 /// ```
 /// use weaver_kernels::{Real, simd};
@@ -94,7 +98,7 @@ pub(crate) fn dispatch_at<R>(level: Level, body: impl FnOnce() -> R) -> R {
     #[cfg(target_arch = "x86_64")]
     #[allow(unsafe_code)]
     match level {
-        // SAFETY: the callers in this crate never go above what the processor was found to support.
+        // SAFETY: callers in this crate never pass a level that the processor does not support.
         Level::Avx512 => return unsafe { x86::avx512(body) },
         // SAFETY: as above.
         Level::Avx2 => return unsafe { x86::avx2(body) },
@@ -103,7 +107,7 @@ pub(crate) fn dispatch_at<R>(level: Level, body: impl FnOnce() -> R) -> R {
     body()
 }
 
-/// Asks the processor to fetch what `x` points at into its caches: a hint, for memory whose order it cannot foresee.
+/// Prefetches the cache line at `x`: a hint for access patterns that the processor cannot predict.
 #[inline(always)]
 pub fn prefetch<T>(x: *const T) {
     #[cfg(target_arch = "x86_64")]

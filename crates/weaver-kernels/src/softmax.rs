@@ -6,13 +6,18 @@ use crate::parallel::for_chunks;
 use crate::target::{Target, put};
 use crate::{Real, reduce, simd};
 
-/// About this many elements make a task.
+/// Approximate number of elements of one task.
 const GRAIN: usize = 1 << 12;
-/// Columns handled together when the dimension is not the last.
+/// Columns that are handled together when the dimension is not the last.
 const WIDTH: usize = 16;
 
-/// y = e^x / sum e^x over the middle dimension of `[outer, len, inner]`, shifted by the maximum so that
-/// nothing overflows. For the last dimension, `inner` is 1.
+/// Softmax over the middle dimension of `[outer, len, inner]`: y = e^x / sum e^x.
+///
+/// For the last dimension of a tensor, `inner` is 1. The maximum is subtracted first, so that nothing overflows.
+///
+/// # Panics
+///
+/// If a length does not fit.
 ///
 /// ```
 /// use weaver_kernels::softmax::softmax_forward;
@@ -48,7 +53,7 @@ pub fn softmax_forward<T: Real>(len: usize, inner: usize, x: &[T], y: &mut [T]) 
     });
 }
 
-/// Rows long enough for vectors.
+/// Softmax of rows that are at least one vector long.
 struct Forward<'a, T> {
     len: usize,
     x: &'a [T],
@@ -71,7 +76,7 @@ fn long_row<V: Lanes>(x: &[V::Scalar], y: &mut [V::Scalar]) {
     let top = V::splat(maximum(x));
     let (x, last) = lanes::split::<V>(x);
     let (y, end) = y.as_chunks_mut::<LANES>();
-    // Four sums, so that they do not wait for each other.
+    // Four independent sums hide the latency of additions.
     let mut sums = [V::zero(); 4];
     for (i, (x, y)) in x.iter().zip(&mut *y).enumerate() {
         let e = (V::load(x) - top).exp();
@@ -87,7 +92,7 @@ fn long_row<V: Lanes>(x: &[V::Scalar], y: &mut [V::Scalar]) {
     lanes::put(last * scale, end, 0);
 }
 
-/// A row of which vectors would be mostly empty.
+/// Softmax of a row that is shorter than a vector.
 #[inline(always)]
 fn short_row<T: Real>(x: &[T], y: &mut [T]) {
     let top = maximum(x);
@@ -98,7 +103,7 @@ fn short_row<T: Real>(x: &[T], y: &mut [T]) {
     y.iter_mut().for_each(|y| *y *= scale);
 }
 
-/// The largest element; minus infinity if there is none.
+/// The largest element; minus infinity for an empty slice.
 #[inline(always)]
 pub(crate) fn maximum<T: Real>(x: &[T]) -> T {
     let mut tops = [-T::INFINITY; WIDTH];
@@ -111,7 +116,7 @@ pub(crate) fn maximum<T: Real>(x: &[T]) -> T {
     rest.iter().chain(&tops).fold(-T::INFINITY, |a, b| if *b > a { *b } else { a })
 }
 
-/// Several columns at a time, so that the loops vectorize across them.
+/// Softmax down the columns, several at a time so that the loops vectorize across them.
 #[inline(always)]
 fn columns<T: Real>(inner: usize, x: &[T], y: &mut [T]) {
     for from in (0..inner).step_by(WIDTH) {
@@ -138,7 +143,13 @@ fn columns<T: Real>(inner: usize, x: &[T], y: &mut [T]) {
     }
 }
 
-/// Gradient, dx = y (dy - sum dy y), from the result `y`; all `[outer, len, inner]`.
+/// Gradient of [`softmax_forward`] with respect to its input, from its result `y`: dx = y (dy - sum dy y).
+///
+/// All slices are `[outer, len, inner]`.
+///
+/// # Panics
+///
+/// If a length does not fit.
 pub fn softmax_backward<T: Real>(len: usize, inner: usize, y: &[T], dy: &[T], dx: Target<T>) {
     let (dx, beta) = dx;
     assert_eq!((y.len(), y.len()), (dy.len(), dx.len()), "softmax: lengths");

@@ -1,9 +1,11 @@
-//! Where a gradient goes.
+//! Output slices that are overwritten or accumulated into.
 
 use crate::Real;
 
-/// Memory for a gradient and the factor, 0 or 1, for what is in it already. With 0 the memory is
-/// overwritten without being read, so it needs no clearing.
+/// An output slice and the factor `beta`, 0 or 1, for what it already holds: the kernel computes `out = beta out + result`.
+///
+/// With `beta` 0 the slice is overwritten without being read, so it need not be cleared first. With `beta` 1 the result is
+/// added, as when several uses of one variable contribute to its gradient.
 pub type Target<'a, T> = (&'a mut [T], T);
 
 /// out = beta out + x, without reading `out` if beta is 0.

@@ -44,6 +44,7 @@ fn add<V: Lanes>(sum: &mut V, x: V) {
 /// `moments` are columns of [`moment`]s, zero where a Gaussian was not drawn; `drawn` says where it was. `dsight` is the
 /// gradient of the line of sight through the color.
 #[inline(always)]
+#[expect(clippy::too_many_arguments, reason = "vectors of one projection, inlined into its only loop")]
 pub(crate) fn splat_backward<V: Lanes>(
     (view, settings): (&Viewpoint<V>, &RasterSettings),
     group: &Group<V>,

@@ -4,23 +4,23 @@ use crate::{Var, pointwise};
 use weaver_kernels::Real;
 
 pointwise!(
-    /// x if positive, else 0; derivative 0 at 0.
+    /// The rectified linear unit, max(x, 0); derivative 0 at 0.
     pub Relu, 1, |x| if x.value <= T::ZERO { 0.into() } else { x }
 );
 pointwise!(
-    /// 1 / (1 + e^-x).
+    /// The logistic function, 1 / (1 + e^-x).
     pub Sigmoid, 1, |x| x.sigmoid()
 );
 pointwise!(
-    /// Hyperbolic tangent.
+    /// The hyperbolic tangent.
     pub Tanh, 1, |x| x.tanh()
 );
 pointwise!(
-    /// x / (1 + e^-x).
+    /// The sigmoid linear unit, x / (1 + e^-x).
     pub Silu, 1, |x| x * x.sigmoid()
 );
 pointwise!(
-    /// ln(1 + e^x).
+    /// The softplus function, ln(1 + e^x).
     pub Softplus, 1, |x| x.softplus()
 );
 pointwise!(
@@ -28,11 +28,11 @@ pointwise!(
     pub Exp, 1, |x| x.exp()
 );
 pointwise!(
-    /// Natural logarithm.
+    /// The natural logarithm.
     pub Ln, 1, |x| x.ln()
 );
 pointwise!(
-    /// Square root.
+    /// The square root.
     pub Sqrt, 1, |x| x.sqrt()
 );
 pointwise!(
@@ -44,14 +44,14 @@ pointwise!(
     pub Abs, 1, |x| x.abs()
 );
 pointwise!(
-    /// The nearest number in [lo, hi]; derivative 1 from lo to hi inclusive, else 0.
+    /// The nearest number in [lo, hi]; derivative 1 inside, bounds included, 0 outside.
     pub Clamp { lo: f64, hi: f64 }, 1, |x| x.max(lo).min(hi)
 );
 
 impl<'t, T: Real> Var<'t, T> {
-    /// max(x, 0), elementwise; derivative 0 at 0. NaN gives NaN.
+    /// The rectified linear unit max(x, 0), elementwise; derivative 0 at 0. NaN gives NaN.
     ///
-    /// x of any shape gives the same shape. Differentiable.
+    /// The result has the shape of the input. Differentiable.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -64,7 +64,7 @@ impl<'t, T: Real> Var<'t, T> {
 
     /// The logistic function 1 / (1 + e^-x), elementwise.
     ///
-    /// x of any shape gives the same shape. Differentiable.
+    /// The result has the shape of the input. Differentiable.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -77,7 +77,7 @@ impl<'t, T: Real> Var<'t, T> {
 
     /// The hyperbolic tangent, elementwise.
     ///
-    /// x of any shape gives the same shape. Differentiable.
+    /// The result has the shape of the input. Differentiable.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -88,9 +88,9 @@ impl<'t, T: Real> Var<'t, T> {
         self.map(Tanh)
     }
 
-    /// x / (1 + e^-x), elementwise; also known as swish (Elfwing et al., arXiv 1702.03118).
+    /// The sigmoid linear unit x / (1 + e^-x), elementwise; also known as swish (Elfwing et al., arXiv 1702.03118).
     ///
-    /// x of any shape gives the same shape. Differentiable.
+    /// The result has the shape of the input. Differentiable.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -101,9 +101,9 @@ impl<'t, T: Real> Var<'t, T> {
         self.map(Silu)
     }
 
-    /// ln(1 + e^x), elementwise; computed as max(x, 0) + ln(1 + e^-|x|): no overflow.
+    /// The softplus function ln(1 + e^x), elementwise, computed without overflow as max(x, 0) + ln(1 + e^-|x|).
     ///
-    /// x of any shape gives the same shape. Differentiable.
+    /// The result has the shape of the input. Differentiable.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -114,9 +114,9 @@ impl<'t, T: Real> Var<'t, T> {
         self.map(Softplus)
     }
 
-    /// e^x, elementwise.
+    /// The exponential e^x, elementwise.
     ///
-    /// x of any shape gives the same shape. Differentiable.
+    /// The result has the shape of the input. Differentiable.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -129,7 +129,7 @@ impl<'t, T: Real> Var<'t, T> {
 
     /// The natural logarithm, elementwise, for positive x; minus infinity at 0, NaN below.
     ///
-    /// x of any shape gives the same shape. Differentiable.
+    /// The result has the shape of the input. Differentiable.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -142,7 +142,7 @@ impl<'t, T: Real> Var<'t, T> {
 
     /// The square root, elementwise; NaN below 0, and at 0 its derivative is infinite.
     ///
-    /// x of any shape gives the same shape. Differentiable.
+    /// The result has the shape of the input. Differentiable.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -153,9 +153,9 @@ impl<'t, T: Real> Var<'t, T> {
         self.map(Sqrt)
     }
 
-    /// x^2, elementwise.
+    /// The square x^2, elementwise.
     ///
-    /// x of any shape gives the same shape. Differentiable.
+    /// The result has the shape of the input. Differentiable.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -166,9 +166,9 @@ impl<'t, T: Real> Var<'t, T> {
         self.map(Square)
     }
 
-    /// |x|, elementwise; derivative 0 at 0.
+    /// The absolute value |x|, elementwise; derivative 0 at 0.
     ///
-    /// x of any shape gives the same shape. Differentiable.
+    /// The result has the shape of the input. Differentiable.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -179,10 +179,10 @@ impl<'t, T: Real> Var<'t, T> {
         self.map(Abs)
     }
 
-    /// The nearest number in [lo, hi], elementwise: min(max(x, lo), hi). The gradient passes where lo <= x <= hi, bounds
-    /// included, and is 0 elsewhere.
+    /// Clamps every element to [lo, hi]: min(max(x, lo), hi). The gradient passes where lo <= x <= hi, bounds included, and is 0
+    /// elsewhere.
     ///
-    /// x of any shape gives the same shape. Differentiable; the bounds are constant. Panics if lo > hi.
+    /// The result has the shape of the input. Differentiable; the bounds are constant. Panics if lo > hi.
     ///
     /// ```
     /// use weaver_autograd::Tape;

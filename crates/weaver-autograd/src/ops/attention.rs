@@ -3,19 +3,28 @@
 use crate::{Buffer, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{
     Real,
-    attention::{self, Strides},
+    attention::{AttentionInputs, AttentionOutput, AttentionShape, Strides, attention_backward, attention_forward},
 };
 
 #[derive(Debug)]
 struct Attention<T: Real> {
     scale: f64,
-    /// Per query the binary logarithm of its sum of exponentials.
+    /// The binary logarithm of the sum of exponentials of every query.
     log_sums: Option<Buffer<T>>,
 }
 
-fn sizes(q: Shape, k: Shape) -> (attention::Attention, Strides, Strides) {
-    let size = attention::Attention { batch: q[0], heads: q[2], queries: q[1], keys: k[1], dim: q[3] };
-    (size, Strides::tokens_first(q[1], q[2], q[3]), Strides::tokens_first(k[1], q[2], q[3]))
+/// The layout of a tensor `[B, N, H, D]`.
+fn strides(shape: Shape) -> Strides {
+    Strides::tokens_first(shape[1], shape[2], shape[3])
+}
+
+impl<T: Real> Attention<T> {
+    fn inputs<'a>(&self, ins: &'a [View<'_, T>]) -> AttentionInputs<'a, T> {
+        let (q, k) = (ins[0].shape(), ins[1].shape());
+        let shape = AttentionShape { batch: q[0], heads: q[2], queries: q[1], keys: k[1], dim: q[3] };
+        let [q, k, v] = [0, 1, 2].map(|i| (&*ins[i], strides(ins[i].shape())));
+        AttentionInputs { shape, scale: T::from_f64(self.scale), q, k, v }
+    }
 }
 
 impl<T: Real> Op<T> for Attention<T> {
@@ -31,11 +40,10 @@ impl<T: Real> Op<T> for Attention<T> {
         Ok(Shapes::one(ins[0]))
     }
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], pool: &Pool) {
-        let (size, of_q, of_k) = sizes(ins[0].shape(), ins[1].shape());
-        let mut log_sums = pool.buffer(size.batch * size.heads * size.queries);
-        let (q, k, v, y) = (&*ins[0], &*ins[1], &*ins[2], &mut *outs[0]);
-        let scale = T::from_f64(self.scale);
-        attention::attention_forward(&size, scale, (q, of_q), (k, of_k), (v, of_k), (y, of_q), &mut log_sums);
+        let inputs = self.inputs(ins);
+        let AttentionShape { batch, heads, queries, .. } = inputs.shape;
+        let mut log_sums = pool.buffer(batch * heads * queries);
+        attention_forward(&inputs, (&mut outs[0], inputs.q.1), &mut log_sums);
         self.log_sums = Some(log_sums);
     }
     fn backward(
@@ -46,29 +54,20 @@ impl<T: Real> Op<T> for Attention<T> {
         dins: &mut [Option<Grad<'_, T>>],
         _pool: &Pool,
     ) {
-        let (size, of_q, of_k) = sizes(ins[0].shape(), ins[1].shape());
-        let log_sums = self.log_sums.as_ref().expect("the forward pass came first");
+        let inputs = self.inputs(ins);
+        let lse = self.log_sums.as_ref().expect("the forward pass came first");
+        let output = AttentionOutput { out: (&outs[0], inputs.q.1), lse };
         let [dq, dk, dv] = dins else { unreachable!("attention has three inputs") };
-        attention::attention_backward(
-            &size,
-            T::from_f64(self.scale),
-            (&ins[0], of_q),
-            (&ins[1], of_k),
-            (&ins[2], of_k),
-            (&outs[0], of_q),
-            log_sums,
-            &douts[0],
-            dq.as_mut().map(|d| (d.target(), of_q)),
-            dk.as_mut().map(|d| (d.target(), of_k)),
-            dv.as_mut().map(|d| (d.target(), of_k)),
-        );
+        let gradients = [(dq, inputs.q.1), (dk, inputs.k.1), (dv, inputs.v.1)];
+        let gradients = gradients.map(|(d, strides)| d.as_mut().map(|d| (d.target(), strides)));
+        attention_backward(&inputs, &output, &douts[0], gradients);
     }
 }
 
-/// Scaled dot-product attention, softmax(scale q k^T) v for every batch entry and head (Vaswani et al., arXiv
-/// 1706.03762); the matrix of scores is never stored (Dao et al., arXiv 2205.14135).
+/// Scaled dot-product attention, softmax(scale q k^T) v for every batch entry and head (Vaswani et al., arXiv 1706.03762). The
+/// matrix of scores is never stored (Dao et al., arXiv 2205.14135).
 ///
-/// q `[B, Nq, H, D]`, k and v `[B, Nk, H, D]`; the result is `[B, Nq, H, D]`, 0 without keys. `scale` is usually
+/// q is `[B, Nq, H, D]`, k and v are `[B, Nk, H, D]`; the result is `[B, Nq, H, D]`, and 0 if there are no keys. `scale` is usually
 /// `1 / sqrt(D)`. Differentiable in q, k and v.
 ///
 /// ```

@@ -1,4 +1,4 @@
-//! Recomputation: memory traded for time.
+//! Gradient checkpointing: recomputation trades time for memory.
 
 use crate::tape::{List, Surroundings};
 use crate::{Buffer, Grad, Op, ParamId, Params, Pool, Shape, ShapeError, Shapes, Tape, Var, View, ViewMut};
@@ -9,9 +9,9 @@ use weaver_kernels::{Real, parallel};
 struct Checkpoint<T: Real, F> {
     function: F,
     params: Params<T>,
-    /// The parameters that the function uses: inputs of the op after the function's own.
+    /// The parameters that the function uses, which are inputs of the op after those of the function.
     used: SmallVec<[ParamId; 32]>,
-    /// What the function gave; the forward pass hands it over.
+    /// The result of the function, until the forward pass copies it to the output.
     result: Option<Buffer<T>>,
     shape: Shape,
     around: Surroundings,
@@ -34,7 +34,7 @@ where
         Ok(Shapes::one(self.shape))
     }
     fn forward(&mut self, _ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
-        parallel::copy(&self.result.take().expect("the result is handed over once"), &mut outs[0]);
+        parallel::copy(&self.result.take().expect("forward runs once"), &mut outs[0]);
     }
     fn backward(
         &self,
@@ -52,7 +52,7 @@ where
         };
         let mut sources: List<Var<'_, T>> = ins[..own].iter().enumerate().map(source).collect();
         sources.extend(self.used.iter().map(|id| tape.param(&self.params, *id)));
-        // The walk adds to what is there already, in the order in which it would have without recomputation.
+        // The inner backward pass adds to existing sums, in the order it would without recomputation.
         for (x, din) in sources.iter().zip(dins.iter()) {
             if let Some(so_far) = din.as_ref().and_then(Grad::so_far) {
                 tape.set_grad(x.id(), so_far);
@@ -72,12 +72,12 @@ where
     }
 }
 
-/// Runs `function` without remembering what it computes on the way, and runs it again when the gradient arrives: the gradients
-/// are those of the function itself, to the bit.
+/// Gradient checkpointing: runs `function` without keeping its intermediate tensors, and runs it again in the backward pass
+/// (Chen et al., arXiv 1604.06174). The gradients are the same bits as without a checkpoint.
 ///
-/// `inputs` must not be empty. The function sees a tape of its own, the parameters and the inputs as tensors on that tape, and
-/// must be pure: it is called twice. Differentiable in the inputs and in every parameter that the function uses. Each of the two
-/// runs sets up a tape, which allocates a little; the tensors come from the pool. (Chen et al., arXiv 1604.06174.)
+/// `inputs` must not be empty. The function gets a tape of its own, the parameters, and the inputs as tensors on that tape; it
+/// must be pure, since it is called twice. Differentiable in the inputs and in every parameter that the function uses. Each of
+/// the two runs sets up a tape, which allocates a little; tensors come from the pool.
 ///
 /// ```
 /// use weaver_autograd::{Params, Tape, ops};

@@ -9,7 +9,7 @@ struct Concat {
 }
 
 impl Concat {
-    /// Calls `each` with the index of every input that is not empty, and where in a row of the output it starts and how long it is there.
+    /// Calls `each` with the index of every input that is not empty, and its start and length in a row of the output.
     fn parts<T>(&self, ins: &[View<'_, T>], mut each: impl FnMut(usize, usize, usize)) {
         let mut start = 0;
         for (i, x) in ins.iter().enumerate() {
@@ -59,8 +59,8 @@ impl<T: Real> Op<T> for Concat {
     }
 }
 
-/// Tensors one after the other along an axis: `[.., a_i, ..]` give `[.., sum of a_i, ..]`. All other dimensions agree.
-/// Differentiable in all.
+/// Concatenates tensors along an axis: `[.., a_i, ..]` give `[.., sum of a_i, ..]`. All other dimensions must agree.
+/// Differentiable in all inputs.
 ///
 /// ```
 /// use weaver_autograd::{Tape, ops};

@@ -10,9 +10,9 @@ struct Conv2d {
 }
 
 impl Conv2d {
-    fn size(&self, x: Shape, w: Shape) -> conv::Conv2d {
+    fn size(&self, x: Shape, w: Shape) -> conv::Conv2dShape {
         let Self { stride, padding } = *self;
-        conv::Conv2d { n: x[0], c: x[1], h: x[2], w: x[3], o: w[0], kh: w[2], kw: w[3], stride, pad: padding }
+        conv::Conv2dShape { n: x[0], c: x[1], h: x[2], w: x[3], o: w[0], kh: w[2], kw: w[3], stride, pad: padding }
     }
 }
 
@@ -57,7 +57,7 @@ impl<T: Real> Op<T> for Conv2d {
     }
 }
 
-/// Two-dimensional convolution with zero padding (cross-correlation, as neural networks mean it):
+/// Two-dimensional convolution with zero padding. As usual in neural networks, the kernel is not flipped:
 /// `y[n, o, i, j] = b[o] + sum over c, p, q of w[o, c, p, q] x[n, c, i stride + p - padding, j stride + q - padding]`.
 ///
 /// x `[N, C, H, W]`, w `[O, C, kh, kw]`, b `[O]` or none; the result is `[N, O, H', W']` with

@@ -9,11 +9,11 @@ struct ConvTranspose2d {
 }
 
 impl ConvTranspose2d {
-    /// The convolution that this one transposes: from the result to x.
-    fn size(&self, x: Shape, w: Shape) -> conv::Conv2d {
+    /// The shape of the convolution that is transposed, which leads from the result to x.
+    fn size(&self, x: Shape, w: Shape) -> conv::Conv2dShape {
         let along = |n: usize, k: usize| if n == 0 { 0 } else { (n - 1) * self.stride + k };
         let (h, wide) = (along(x[2], w[2]), along(x[3], w[3]));
-        conv::Conv2d { n: x[0], c: w[1], h, w: wide, o: x[1], kh: w[2], kw: w[3], stride: self.stride, pad: 0 }
+        conv::Conv2dShape { n: x[0], c: w[1], h, w: wide, o: x[1], kh: w[2], kw: w[3], stride: self.stride, pad: 0 }
     }
 }
 
@@ -59,8 +59,8 @@ impl<T: Real> Op<T> for ConvTranspose2d {
     }
 }
 
-/// Transposed convolution without padding, the adjoint of [`conv2d`](super::conv2d()), to enlarge maps:
-/// `y[n, o, i stride + p, j stride + q] = b[o] + sum over c of w[c, o, p, q] x[n, c, i, j]`, overlaps added.
+/// Transposed convolution without padding, the adjoint of [`conv2d`](super::conv2d()), used to enlarge maps:
+/// `y[n, o, i stride + p, j stride + q] = b[o] + sum over c of w[c, o, p, q] x[n, c, i, j]`, summed where windows overlap.
 ///
 /// x `[N, I, H, W]`, w `[I, O, kh, kw]`, b `[O]` or none; the result is `[N, O, (H - 1) stride + kh, (W - 1) stride + kw]`.
 /// Differentiable in all three.

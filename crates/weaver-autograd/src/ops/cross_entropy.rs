@@ -35,7 +35,7 @@ impl<T: Real> Op<T> for CrossEntropy<T> {
             let max = x.iter().copied().fold(-T::INFINITY, T::max);
             let log_sum = x.iter().map(|x| (*x - max).to_f64().exp()).sum::<f64>().ln();
             let mean = x.iter().map(|x| (*x - max).to_f64()).sum::<f64>() / classes as f64;
-            // A logit may be minus infinity, and counts only where there is a weight.
+            // A logit of minus infinity counts only where its target is not 0.
             let term = |weight: f64, x: f64| if weight == 0.0 { 0.0 } else { weight * x };
             let at_label = (x[label as usize] - max).to_f64();
             total += log_sum - term(1.0 - self.smoothing, at_label) - term(self.smoothing, mean);
@@ -65,11 +65,12 @@ impl<T: Real> Op<T> for CrossEntropy<T> {
     }
 }
 
-/// The mean cross entropy of softmax(logits) against labels: -mean over n of sum over e of t_ne ln softmax(logits)_ne, with
-/// targets t = (1 - smoothing) [e = label] + smoothing / E (Szegedy et al., arXiv 1512.00567).
+/// The mean cross entropy of softmax(logits) against labels, with label smoothing (Szegedy et al., arXiv 1512.00567).
 ///
-/// logits `[N, E]`, one label below E for each row; a scalar, 0 if there are no rows. Differentiable in the logits; labels and
-/// smoothing are constant. A logit of minus infinity, a class that cannot be, counts where its target is not 0.
+/// It is -mean over n of sum over e of t_ne ln softmax(logits)_ne, with targets t_ne = (1 - smoothing) [e = label_n] +
+/// smoothing / E. Logits are `[N, E]`, with one label below E for each row; the result is a scalar, 0 if there are no rows.
+/// Differentiable in the logits; labels and smoothing are constant. A logit of minus infinity, which marks an impossible class,
+/// counts only where its target is not 0.
 ///
 /// ```
 /// use weaver_autograd::{Tape, ops};

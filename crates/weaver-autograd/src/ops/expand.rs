@@ -10,7 +10,7 @@ struct Expand {
 }
 
 impl Expand {
-    /// The input as seen from the output: stride 0 along repeated axes.
+    /// The strides of the input along the axes of the output, 0 along repeated axes.
     fn strided(&self, input: Shape) -> Strided {
         let added = self.shape.rank() - input.rank();
         let from = contiguous(input);
@@ -53,8 +53,9 @@ impl<T: Real> Op<T> for Expand {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// The tensor repeated along new leading axes and along axes of length 1, as in NumPy's broadcasting: x, whose last
-    /// axes agree with `shape` or are 1, gives that shape. Differentiable; the gradient is summed over the repetitions.
+    /// Repeats the tensor along new leading axes and along axes of length 1, by NumPy's rules of broadcasting.
+    ///
+    /// The last axes of x must agree with `shape` or have length 1. Differentiable; the gradient is summed over repetitions.
     ///
     /// ```
     /// use weaver_autograd::Tape;

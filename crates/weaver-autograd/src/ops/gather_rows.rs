@@ -1,4 +1,4 @@
-//! Rows picked by index.
+//! Selection of rows by index.
 
 use crate::{Buffer, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, rows};
@@ -39,8 +39,10 @@ impl<T: Real> Op<T> for GatherRows {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// Row i of the result is row `indices[i]`: x `[N, ..]` gives `[indices.len(), ..]`. Rows may repeat; their
-    /// gradients are then added, in order. Differentiable; the indices are constant. Panics if one is not below N.
+    /// Selects rows by index: row i of the result is row `indices[i]` of x.
+    ///
+    /// x `[N, ..]` gives `[indices.len(), ..]`. Rows may repeat; their gradients are then added in order. Differentiable; the
+    /// indices are constant. Panics if an index is not below N.
     ///
     /// ```
     /// use weaver_autograd::Tape;

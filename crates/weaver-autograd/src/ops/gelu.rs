@@ -36,7 +36,7 @@ impl<'t, T: Real> Var<'t, T> {
     /// The Gaussian error linear unit in its exact form, x (1 + erf(x / sqrt 2)) / 2, elementwise (Hendrycks and Gimpel,
     /// arXiv 1606.08415).
     ///
-    /// x of any shape gives the same shape. Differentiable.
+    /// The result has the shape of the input. Differentiable.
     ///
     /// ```
     /// use weaver_autograd::Tape;

@@ -4,16 +4,16 @@ use crate::{Var, apply_pointwise, pointwise};
 use weaver_kernels::Real;
 
 pointwise!(
-    /// Half the squared difference up to `delta`, beyond it linear with the same slope.
+    /// Half the squared difference up to `delta`, and linear with the same slope beyond it.
     pub Huber { delta: f64 }, 2, |x, y| {
         let d = (x - y).abs();
         if d.value.to_f64() <= delta { d * d * 0.5 } else { (d - 0.5 * delta) * delta }
     }
 );
 
-/// (x - y)^2 / 2 where |x - y| <= delta, else delta (|x - y| - delta / 2), elementwise (Huber 1964).
+/// The Huber loss, elementwise: (x - y)^2 / 2 where |x - y| <= delta, delta (|x - y| - delta / 2) elsewhere (Huber 1964).
 ///
-/// x and y have one shape, or one is a single element; the result has the larger. Differentiable in both; `delta` is constant.
+/// x and y have the same shape, or one is a single element; the result has the larger shape. Differentiable in both; `delta` is constant.
 ///
 /// ```
 /// use weaver_autograd::{Tape, ops};

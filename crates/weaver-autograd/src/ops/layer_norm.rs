@@ -6,7 +6,7 @@ use weaver_kernels::{Real, layer_norm};
 #[derive(Debug)]
 struct LayerNorm<T: Real> {
     eps: f64,
-    /// Per row: the mean, and one over the standard deviation.
+    /// The mean and the inverse standard deviation of every row.
     statistics: Option<Buffer<T>>,
 }
 
@@ -46,10 +46,11 @@ impl<T: Real> Op<T> for LayerNorm<T> {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// Every row of the last axis brought to mean 0 and variance 1, then scaled and shifted:
-    /// y = (x - mean) / sqrt(variance + eps) * w + b, with the population variance (Ba et al., arXiv 1607.06450).
+    /// Layer normalization over the last axis: y = (x - mean) / sqrt(variance + eps) * w + b, with the population variance (Ba
+    /// et al., arXiv 1607.06450).
     ///
-    /// x `[.., D]` gives the same shape; w and b `[D]` each, or none. Differentiable in all three; eps is constant.
+    /// x is `[.., D]`, w and b are `[D]` or left out; the result has the shape of x. Differentiable in all three; eps is
+    /// constant.
     ///
     /// ```
     /// use weaver_autograd::Tape;

@@ -1,31 +1,31 @@
-//! A fully connected layer with its activation, fused.
+//! A fully connected layer, fused with its activation.
 
 use crate::op::GRAIN;
 use crate::{Buffer, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::gelu::{gelu_backward, gelu_forward};
-use weaver_kernels::gemm::{gemm, gemm_half, gemm_half_scratch_len};
+use weaver_kernels::gemm::{Mat, MatMut, gemm, gemm_half, gemm_half_scratch_len};
 use weaver_kernels::{Real, parallel, reduce::column_sums};
 
-/// What is applied to the result of a layer.
+/// The activation function of a [`linear`] layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Activation {
-    /// Nothing.
+    /// No activation.
     #[default]
     None,
-    /// max(x, 0).
+    /// The rectified linear unit, max(x, 0).
     Relu,
-    /// x times the standard normal distribution function at x.
+    /// The Gaussian error linear unit in its exact form, x (1 + erf(x / sqrt 2)) / 2.
     Gelu,
 }
 
 #[derive(Debug)]
 struct Linear<T: Real> {
     activation: Activation,
-    /// x W^T + b, where the derivative of the activation needs it.
+    /// x W^T + b, if the derivative of the activation needs it.
     sums: Option<Buffer<T>>,
 }
 
-/// dx = dy, but 0 where y is 0.
+/// The gradient of ReLU from its result: dy where y is positive, 0 elsewhere.
 fn relu_backward<T: Real>(y: &[T], dy: &[T], dx: &mut [T]) {
     parallel::for_chunks(dx, GRAIN, |chunk, dx| {
         let part = chunk * GRAIN..chunk * GRAIN + dx.len();
@@ -58,12 +58,13 @@ impl<T: Real> Op<T> for Linear<T> {
                 parallel::fill_rows(b, y);
                 T::ONE
             });
+            let (x, y) = (Mat::new(x, rows, k), MatMut::new(y, rows, n));
             match w.half() {
                 Some(w) => {
                     let mut scratch = pool.buffer(gemm_half_scratch_len(rows, k, w));
-                    gemm_half(rows, n, k, x, w, beta, y, &mut scratch);
+                    gemm_half(x, w, beta, y, &mut scratch);
                 }
-                None => gemm(false, true, rows, n, k, T::ONE, x, w, beta, y),
+                None => gemm(T::ONE, x, Mat::new(w, n, k).transposed(), beta, y),
             }
         };
         match self.activation {
@@ -98,13 +99,14 @@ impl<T: Real> Op<T> for Linear<T> {
                 let mut dsums = pool.buffer(douts[0].len());
                 match sums {
                     Some(sums) => gelu_backward(sums, &douts[0], (&mut dsums, T::ZERO)),
-                    // The result is positive exactly where the sum was.
+                    // The result of ReLU is positive exactly where its input is.
                     None => relu_backward(&outs[0], &douts[0], &mut dsums),
                 }
                 Some(dsums)
             }
         };
         let dsums: &[T] = chained.as_deref().unwrap_or(&douts[0]);
+        let dsums_matrix = Mat::new(dsums, rows, n);
         if let Some(dx) = &mut dins[0] {
             let (dx, beta) = dx.target();
             let wide = w.half().map(|half| {
@@ -112,11 +114,12 @@ impl<T: Real> Op<T> for Linear<T> {
                 half.widen(&mut wide);
                 wide
             });
-            gemm(false, false, rows, k, n, T::ONE, dsums, wide.as_deref().unwrap_or(w), beta, dx);
+            let w = Mat::new(wide.as_deref().unwrap_or(w), n, k);
+            gemm(T::ONE, dsums_matrix, w, beta, MatMut::new(dx, rows, k));
         }
         if let Some(dw) = &mut dins[1] {
             let (dw, beta) = dw.target();
-            gemm(true, false, n, k, rows, T::ONE, dsums, x, beta, dw);
+            gemm(T::ONE, dsums_matrix.transposed(), Mat::new(x, rows, k), beta, MatMut::new(dw, n, k));
         }
         if let Some(Some(db)) = dins.get_mut(2) {
             column_sums(rows, n, dsums, db.target());
@@ -124,9 +127,9 @@ impl<T: Real> Op<T> for Linear<T> {
     }
 }
 
-/// act(x W^T + b), a fully connected layer in one op.
+/// A fully connected layer: activation(x W^T + b).
 ///
-/// x `[.., in]`, w `[out, in]`, b `[out]` or none; the result is `[.., out]`. Differentiable in all three. W may be a
+/// x is `[.., in]`, w `[out, in]`, b `[out]` or left out; the result is `[.., out]`. Differentiable in all three. w may be a
 /// parameter in half precision, which is constant.
 ///
 /// ```

@@ -57,9 +57,9 @@ impl<T: Real> Op<T> for LogSoftmax {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// The natural logarithm of [`softmax`](Var::softmax) along an axis, accurate where that underflows: x - ln(sum of e^x).
+    /// The natural logarithm of softmax along an axis, x - ln(sum of e^x), accurate where [`softmax`](Var::softmax) underflows.
     ///
-    /// x `[.., A, ..]` gives the same shape. Differentiable. Panics if x has no such axis.
+    /// x is `[.., A, ..]`, and so is the result. Differentiable. Panics if x has no such axis.
     ///
     /// ```
     /// use weaver_autograd::Tape;

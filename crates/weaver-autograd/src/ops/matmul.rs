@@ -1,7 +1,8 @@
-//! Matrix products, batched or with one right-hand side for all.
+//! Matrix products, batched or with a shared right factor.
 
 use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
-use weaver_kernels::{Real, gemm::gemm_batched};
+use weaver_kernels::Real;
+use weaver_kernels::gemm::{Batch, Mat, MatMut, gemm_batched};
 
 #[derive(Debug)]
 struct Matmul {
@@ -9,7 +10,7 @@ struct Matmul {
     trans_b: bool,
 }
 
-/// The sizes of a product: `batch` products of [m, k] by [k, n], in which B may be shared.
+/// The sizes of a product: `batch` products of [m, k] by [k, n], all with the same B if it is shared.
 #[derive(Clone, Copy)]
 struct Sizes {
     batch: usize,
@@ -30,12 +31,22 @@ impl Matmul {
         let ((m, k), (_, n)) = (Self::matrix(a, self.trans_a), Self::matrix(b, self.trans_b));
         let batch = a.dims()[..a.rank() - 2].iter().product();
         let shared = b.rank() == 2;
-        // Rows of all batch entries against one B are a single product.
+        // The rows of all batch entries with one B form a single product.
         if shared && !self.trans_a {
             Sizes { batch: 1, m: batch * m, n, k, shared }
         } else {
             Sizes { batch, m, n, k, shared }
         }
+    }
+
+    /// A and B as m x k and k x n matrices, however they are stored.
+    fn operands<'a, T: Real>(&self, sizes: &Sizes, a: &'a [T], b: &'a [T]) -> [Batch<Mat<'a, T>>; 2] {
+        let Sizes { m, n, k, shared, .. } = *sizes;
+        let matrix = |data, rows, cols, trans| {
+            if trans { Mat::new(data, cols, rows).transposed() } else { Mat::new(data, rows, cols) }
+        };
+        let b_stride = if shared { 0 } else { k * n };
+        [matrix(a, m, k, self.trans_a).batch(m * k), matrix(b, k, n, self.trans_b).batch(b_stride)]
     }
 }
 
@@ -53,10 +64,10 @@ impl<T: Real> Op<T> for Matmul {
         Ok(Shapes::one(a.with_axis(a.rank() - 2, m).with_last(n)))
     }
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
-        let Sizes { batch, m, n, k, shared } = self.sizes(ins[0].shape(), ins[1].shape());
-        let b_step = if shared { 0 } else { k * n };
-        let (a, b, y) = (&ins[0], &ins[1], &mut outs[0]);
-        gemm_batched(batch, self.trans_a, self.trans_b, m, n, k, T::ONE, a, m * k, b, b_step, T::ZERO, y, m * n);
+        let sizes = self.sizes(ins[0].shape(), ins[1].shape());
+        let [a, b] = self.operands(&sizes, &ins[0], &ins[1]);
+        let Sizes { batch, m, n, .. } = sizes;
+        gemm_batched(batch, T::ONE, a, b, T::ZERO, MatMut::new(&mut outs[0], m, n).batch(m * n));
     }
     fn backward(
         &self,
@@ -66,17 +77,17 @@ impl<T: Real> Op<T> for Matmul {
         dins: &mut [Option<Grad<'_, T>>],
         _pool: &Pool,
     ) {
-        let Sizes { batch, m, n, k, shared } = self.sizes(ins[0].shape(), ins[1].shape());
-        let Self { trans_a, trans_b } = *self;
+        let sizes = self.sizes(ins[0].shape(), ins[1].shape());
+        let Sizes { batch, m, n, k, shared } = sizes;
         let (mk, kn, mn) = (m * k, k * n, m * n);
-        let b_step = if shared { 0 } else { kn };
-        let (a, b, dy) = (&ins[0], &ins[1], &douts[0]);
         if let Some(da) = &mut dins[0] {
+            let [_, b] = self.operands(&sizes, &ins[0], &ins[1]);
+            let dy = Mat::new(&douts[0], m, n).batch(mn);
             let (da, beta) = da.target();
-            if trans_a {
-                gemm_batched(batch, trans_b, true, k, m, n, T::ONE, b, b_step, dy, mn, beta, da, mk);
+            if self.trans_a {
+                gemm_batched(batch, T::ONE, b, dy.transposed(), beta, MatMut::new(da, k, m).batch(mk));
             } else {
-                gemm_batched(batch, false, !trans_b, m, k, n, T::ONE, dy, mn, b, b_step, beta, da, mk);
+                gemm_batched(batch, T::ONE, dy, b.transposed(), beta, MatMut::new(da, m, k).batch(mk));
             }
         }
         let Some(db) = &mut dins[1] else { return };
@@ -84,23 +95,24 @@ impl<T: Real> Op<T> for Matmul {
             db.add_zero();
             return;
         }
-        // A shared B collects from the batch entries one after the other.
+        // The gradient of a shared B is accumulated over the batch entries in order.
         let (rounds, batch) = if shared { (batch, 1) } else { (1, batch) };
         for round in 0..rounds {
-            let (a, dy) = (&a[round * mk..], &dy[round * mn..]);
+            let [a, _] = self.operands(&sizes, &ins[0][round * mk..], &ins[1]);
+            let dy = Mat::new(&douts[0][round * mn..], m, n).batch(mn);
             let (db, beta) = db.target();
-            if trans_b {
-                gemm_batched(batch, true, trans_a, n, k, m, T::ONE, dy, mn, a, mk, beta, db, kn);
+            if self.trans_b {
+                gemm_batched(batch, T::ONE, dy.transposed(), a, beta, MatMut::new(db, n, k).batch(kn));
             } else {
-                gemm_batched(batch, !trans_a, false, k, n, m, T::ONE, a, mk, dy, mn, beta, db, kn);
+                gemm_batched(batch, T::ONE, a.transposed(), dy, beta, MatMut::new(db, k, n).batch(kn));
             }
         }
     }
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// The matrix product: `[.., m, k]` times `[.., k, n]` gives `[.., m, n]`. Leading dimensions agree, or the second
-    /// tensor has rank 2 and serves for all. Differentiable in both.
+    /// The matrix product: `[.., m, k]` times `[.., k, n]` gives `[.., m, n]`. Leading dimensions must agree, or the second
+    /// tensor has rank 2 and is used for all. Differentiable in both.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -113,8 +125,8 @@ impl<'t, T: Real> Var<'t, T> {
         self.matmul_with(b, false, false)
     }
 
-    /// [`matmul`](Var::matmul) of operands whose last two axes are exchanged first where the flag says so: a transposed
-    /// A is stored as `[.., k, m]`, a transposed B as `[.., n, k]`. Nothing is copied. Differentiable in both.
+    /// [`matmul`](Var::matmul) with the first or second operand transposed: with `trans_a`, `self` is `[.., k, m]`; with
+    /// `trans_b`, `b` is `[.., n, k]`. Nothing is copied. Differentiable in both.
     ///
     /// ```
     /// use weaver_autograd::Tape;

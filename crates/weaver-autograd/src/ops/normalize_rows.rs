@@ -1,4 +1,4 @@
-//! Rows brought to unit length.
+//! Normalization of rows to unit length.
 
 use crate::op::GRAIN;
 use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
@@ -14,7 +14,7 @@ fn length<T: Real>(x: &[T]) -> T {
 }
 
 impl NormalizeRows {
-    /// What a row of this length is multiplied by: 0 where there is no direction.
+    /// The factor for a row of this length; 0 for a row of zeros.
     fn scale<T: Real>(&self, length: T) -> T {
         if length == T::ZERO { T::ZERO } else { T::ONE / (length + T::from_f64(self.eps)) }
     }
@@ -56,7 +56,7 @@ impl<T: Real> Op<T> for NormalizeRows {
                 let row = (chunk * rows + r) * width..(chunk * rows + r + 1) * width;
                 let (x, y, dy) = (&x[row.clone()], &y[row.clone()], &dy[row]);
                 let norm = length(x);
-                // dx = (dy - x (y . dy) / |x|) / (|x| + eps), and 0 where there is no direction.
+                // dx = (dy - x (y . dy) / |x|) / (|x| + eps), and 0 for a row of zeros.
                 let scale = self.scale(norm);
                 let along: T = y.iter().zip(dy).map(|(y, dy)| *y * *dy).sum();
                 let along = if norm == T::ZERO { T::ZERO } else { along / norm };
@@ -70,10 +70,10 @@ impl<T: Real> Op<T> for NormalizeRows {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// Every row of the last axis divided by its length: x / (|x| + eps). A row of length 0 gives zeros and has gradient 0,
-    /// whatever eps is.
+    /// Divides every row of the last axis by its length: x / (|x| + eps). A row of zeros gives zeros and has gradient 0, whatever
+    /// eps is.
     ///
-    /// x `[.., D]` gives the same shape. Differentiable; eps is constant.
+    /// x is `[.., D]`, and so is the result. Differentiable; eps is constant.
     ///
     /// ```
     /// use weaver_autograd::Tape;

@@ -52,7 +52,7 @@ impl<T: Real> Op<T> for Permute {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// The tensor with its axes in another order: axis i of the result is axis `axes[i]` of `self`. Copies.
+    /// Permutes the axes: axis i of the result is axis `axes[i]` of `self`. Copies the elements.
     ///
     /// x `[d_0, .., d_n]` gives `[d_axes[0], .., d_axes[n]]`. Differentiable. Panics if `axes` does not name every axis once.
     ///

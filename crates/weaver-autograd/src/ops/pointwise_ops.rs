@@ -1,11 +1,11 @@
-//! The arithmetic operators of [`Var`], elementwise, with numbers and between tensors.
+//! The elementwise arithmetic operators of [`Var`], between tensors and with numbers.
 
 use crate::{Pointwise, PointwiseOp, Var, pointwise};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 use weaver_kernels::Real;
 
-/// Applies an elementwise function of `N` inputs: all of one shape, which is the result's, or single elements used for all.
-/// Differentiable in all.
+/// Applies an elementwise function of `N` inputs. Inputs have the shape of the result, or a single element that is broadcast.
+/// Differentiable in all inputs.
 ///
 /// ```
 /// use weaver_autograd::{Tape, ops::pointwise_ops::{AddOp, apply_pointwise}};
@@ -63,7 +63,7 @@ impl<'t, T: Real> Neg for Var<'t, T> {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// Applies an elementwise function of one input; the result has the shape of x, in which it is differentiable.
+    /// Applies an elementwise function of one input. The result has the shape of the input. Differentiable.
     ///
     /// ```
     /// use weaver_autograd::{Tape, ops::activations::Square};

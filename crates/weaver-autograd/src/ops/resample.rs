@@ -3,7 +3,7 @@
 use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, resample};
 
-/// What is done, apart from the sizes.
+/// The kind of resampling.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Method {
     Bilinear { align_corners: bool },
@@ -15,12 +15,12 @@ enum Method {
 #[derive(Debug)]
 struct Resample {
     method: Method,
-    /// Height and width of the result; those of the input if none are given.
+    /// Height and width of the result; `None` for those of the input.
     size: Option<[usize; 2]>,
 }
 
 impl Resample {
-    /// The taps for maps of these sizes, made once per pool.
+    /// The weights for maps of these sizes, computed once per pool.
     fn plan<T: Real>(&self, pool: &Pool, from: Shape, to: Shape) -> std::sync::Arc<resample::Resample<T>> {
         let (from, to) = ([from[2], from[3]], [to[2], to[3]]);
         pool.table((self.method, from, to), || match self.method {
@@ -67,11 +67,13 @@ impl<T: Real> Op<T> for Resample {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// Bilinear resize. With `align_corners` the centers of the corner pixels keep their places, and row i comes from the
-    /// coordinate i (H - 1) / (h - 1); without, the borders of the image do, and it comes from (i + 1/2) H / h - 1/2, clamped to
+    /// Bilinear resizing.
+    ///
+    /// With `align_corners`, the centers of the corner pixels coincide, and row i is taken from the coordinate
+    /// i (H - 1) / (h - 1). Otherwise the corners of the images coincide, and it is taken from (i + 1/2) H / h - 1/2, clamped to
     /// the image.
     ///
-    /// x `[N, C, H, W]`, H and W at least 1, gives `[N, C, h, w]`. Differentiable.
+    /// x is `[N, C, H, W]`, with H and W at least 1; the result is `[N, C, h, w]`. Differentiable.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -83,10 +85,12 @@ impl<'t, T: Real> Var<'t, T> {
         self.resample(Method::Bilinear { align_corners }, Some([h, w]))
     }
 
-    /// Bicubic resize, borders of the image aligned: Keys' kernel with a = -3/4 (1981) at the source coordinate
-    /// (i + 1/2) H / h - 1/2, over the four nearest pixels also when shrinking; borders are repeated.
+    /// Bicubic resizing, without `align_corners` and without antialiasing.
     ///
-    /// x `[N, C, H, W]`, H and W at least 1, gives `[N, C, h, w]`. Differentiable.
+    /// Uses Keys' kernel (1981) with a = -3/4 at the source coordinate (i + 1/2) H / h - 1/2, over the four nearest pixels even
+    /// when shrinking; border pixels are repeated.
+    ///
+    /// x is `[N, C, H, W]`, with H and W at least 1; the result is `[N, C, h, w]`. Differentiable.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -98,11 +102,12 @@ impl<'t, T: Real> Var<'t, T> {
         self.resample(Method::Bicubic, Some([h, w]))
     }
 
-    /// Antialiased bicubic resize, borders of the image aligned: Keys' kernel with a = -1/2 (1981) at the source coordinate
-    /// (i + 1/2) H / h - 1/2, stretched by the scale when shrinking; taps outside the image are dropped and the rest scaled to
-    /// sum 1.
+    /// Antialiased bicubic resizing, without `align_corners`.
     ///
-    /// x `[N, C, H, W]`, H and W at least 1, gives `[N, C, h, w]`. Differentiable.
+    /// Uses Keys' kernel (1981) with a = -1/2 at the source coordinate (i + 1/2) H / h - 1/2, stretched by the scale when
+    /// shrinking; weights outside the image are dropped and the others scaled to sum to 1.
+    ///
+    /// x is `[N, C, H, W]`, with H and W at least 1; the result is `[N, C, h, w]`. Differentiable.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -114,9 +119,9 @@ impl<'t, T: Real> Var<'t, T> {
         self.resample(Method::BicubicAntialias, Some([h, w]))
     }
 
-    /// The average over the k x k window around every pixel, of what is inside the image.
+    /// Average pooling with stride 1: the mean over the part of the k x k window around every pixel that lies inside the image.
     ///
-    /// x `[N, C, H, W]`, H and W at least 1, gives the same shape. Differentiable. Panics if k is even.
+    /// x is `[N, C, H, W]`, with H and W at least 1, and so is the result. Differentiable. Panics if k is even.
     ///
     /// ```
     /// use weaver_autograd::Tape;

@@ -4,7 +4,7 @@ use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensur
 use std::sync::Arc;
 use weaver_kernels::{Real, rope::Rope2d};
 
-/// Cosines and sines for tokens at given positions; cloning shares them.
+/// The rotations of tokens at given positions, for [`Var::rope2d`]. Clones share the table.
 #[derive(Clone, Debug)]
 pub struct RopeTable<T: Real = f32> {
     rope: Arc<Rope2d<T>>,
@@ -12,8 +12,11 @@ pub struct RopeTable<T: Real = f32> {
 }
 
 impl<T: Real> RopeTable<T> {
-    /// The table for tokens at `positions` (row, column) and heads of `dim` numbers; `base` is usually 100. Panics if 4 does not
-    /// divide `dim`.
+    /// Tabulates the rotations of tokens at `positions`, (row, column) each, for heads of length `dim`; `base` is usually 100.
+    ///
+    /// # Panics
+    ///
+    /// If `dim` is not divisible by 4.
     pub fn new(positions: &[[usize; 2]], dim: usize, base: f64) -> Self {
         Self { rope: Arc::new(Rope2d::new(positions, dim, base)), dim }
     }
@@ -61,9 +64,9 @@ impl<T: Real> Op<T> for Rope<T> {
 impl<'t, T: Real> Var<'t, T> {
     /// Rotary position embedding in two dimensions (Su et al., arXiv 2104.09864; Heo et al., arXiv 2403.13298).
     ///
-    /// x `[B, N, H, D]`, the same positions for every B. The first half of a head is turned by the token's row, the second by
-    /// its column: in a half of length n, elements k and k + n/2 by the angle position * base^(-2 k / n). A token at (0, 0)
-    /// stays as it is. Differentiable; the table is constant.
+    /// x is `[B, N, H, D]`, with the same positions for every batch entry. The first half of a head is rotated by the row of the
+    /// token, the second by its column: in a half of length n, elements k and k + n/2 are rotated by the angle
+    /// position * base^(-2 k / n). A token at (0, 0) is unchanged. Differentiable; the table is constant.
     ///
     /// ```
     /// use weaver_autograd::{Tape, ops::RopeTable};

@@ -7,7 +7,7 @@ use weaver_kernels::{Real, parallel, reduce::column_sums};
 #[derive(Debug)]
 struct ScaleResidual;
 
-/// Whole rows of `width` that make a task.
+/// The elements of a task, which takes whole rows of `width`.
 fn chunk(width: usize) -> usize {
     GRAIN.div_ceil(width.max(1)) * width.max(1)
 }
@@ -68,7 +68,7 @@ impl<T: Real> Op<T> for ScaleResidual {
     }
 }
 
-/// x + gamma * y with one factor per channel: a residual branch under LayerScale (Touvron et al., arXiv 2103.17239).
+/// A residual connection with LayerScale: x + gamma * y, with one factor per channel (Touvron et al., arXiv 2103.17239).
 ///
 /// x and y `[.., D]`, gamma `[D]`; the result is `[.., D]`. Differentiable in all three.
 ///

@@ -53,7 +53,7 @@ impl<T: Real> Op<T> for Slice {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// Indices `start..start + len` along an axis. Copies.
+    /// The part `start..start + len` of the tensor along an axis. Copies the elements.
     ///
     /// x `[.., A, ..]` gives `[.., len, ..]`. Differentiable. Panics if the range ends beyond A.
     ///
@@ -70,7 +70,7 @@ impl<'t, T: Real> Var<'t, T> {
     }
 }
 
-/// Cuts a tensor along an axis into consecutive parts of the given sizes, each a [`slice`](Var::slice).
+/// Splits a tensor along an axis into consecutive parts of the given sizes, each a [`slice`](Var::slice).
 ///
 /// x `[.., A, ..]` gives `[.., sizes[i], ..]` for every i. Differentiable. Panics if the sizes do not add up to A.
 ///

@@ -36,9 +36,9 @@ impl<T: Real> Op<T> for Softmax {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// e^x over its sum along an axis; the largest x is subtracted first, so nothing overflows.
+    /// Softmax along an axis: e^x / sum of e^x. The maximum is subtracted first, so that nothing overflows.
     ///
-    /// x `[.., A, ..]` gives the same shape. Differentiable. Panics if x has no such axis.
+    /// x is `[.., A, ..]`, and so is the result. Differentiable. Panics if x has no such axis.
     ///
     /// ```
     /// use weaver_autograd::Tape;

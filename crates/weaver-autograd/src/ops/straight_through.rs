@@ -34,9 +34,10 @@ impl<T: Real> Op<T> for StraightThrough {
     }
 }
 
-/// `hard` going forward, `soft` going back: the straight-through estimator (Bengio et al., arXiv 1308.3432).
+/// The straight-through estimator: the value of `hard` with the gradient of `soft` (Bengio et al., arXiv 1308.3432).
 ///
-/// Both of one shape, which is the result's. The gradient of the result goes to `soft` unchanged; `hard` is held constant.
+/// `soft`, `hard` and the result have the same shape. The gradient with respect to the result goes to `soft` unchanged; `hard`
+/// is treated as a constant.
 ///
 /// ```
 /// use weaver_autograd::{Tape, ops};

@@ -1,10 +1,10 @@
-//! A contiguous tensor against another that it is broadcast from.
+//! Loops over a contiguous tensor and another one with arbitrary strides.
 
 use crate::op::GRAIN;
 use crate::{MAX_RANK, Shape};
 use weaver_kernels::{Real, parallel};
 
-/// For every position of a contiguous tensor, in order, the offset in another: the dot product of indices and strides.
+/// Maps every position of a contiguous tensor, in order, to an offset in a strided one.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Strided {
     dims: [usize; MAX_RANK],
@@ -22,7 +22,7 @@ pub(super) fn contiguous(shape: Shape) -> [usize; MAX_RANK] {
 }
 
 impl Strided {
-    /// Neighboring axes that are contiguous in both tensors become one.
+    /// Merges neighboring axes that are contiguous in both tensors.
     pub fn new(shape: Shape, strides: &[usize]) -> Self {
         let mut merged = Self { dims: [1; MAX_RANK], strides: [0; MAX_RANK], rank: 1 };
         for (&dim, &stride) in shape.dims().iter().zip(strides) {
@@ -55,7 +55,7 @@ impl Strided {
         offset
     }
 
-    /// contiguous = strided.
+    /// Copies the strided tensor to the contiguous one.
     pub fn gather<T: Real>(&self, x: &[T], out: &mut [T]) {
         let (length, stride) = self.run();
         if out.is_empty() {
@@ -74,7 +74,7 @@ impl Strided {
         });
     }
 
-    /// strided += contiguous, in the order of the contiguous tensor.
+    /// Adds the contiguous tensor to the strided one, in the order of the contiguous one.
     pub fn scatter_add<T: Real>(&self, y: &[T], dx: &mut [T]) {
         let (length, stride) = self.run();
         if y.is_empty() {

@@ -33,7 +33,7 @@ impl<T: Real> Op<T> for Sum {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// The sum of all elements, in order and in `f64`.
+    /// The sum of all elements, accumulated in `f64` and in order.
     ///
     /// x of any shape gives a scalar, 0 if x is empty. Differentiable.
     ///

@@ -54,7 +54,7 @@ impl<T: Real> Op<T> for SumAxis {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// The sum along an axis, which disappears. The order of summation is fixed.
+    /// The sum along an axis, which is removed. The order of summation is fixed.
     ///
     /// x `[.., A, ..]` gives `[.., ..]`, 0 if A is 0. Differentiable. Panics if x has no such axis.
     ///
@@ -69,7 +69,7 @@ impl<'t, T: Real> Var<'t, T> {
         y
     }
 
-    /// The mean along an axis, which disappears.
+    /// The mean along an axis, which is removed.
     ///
     /// x `[.., A, ..]` gives `[.., ..]`, NaN if A is 0. Differentiable. Panics if x has no such axis.
     ///

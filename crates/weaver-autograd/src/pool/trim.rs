@@ -1,11 +1,13 @@
-//! Gives memory that nobody uses back to the system.
+//! Returns unused memory to the operating system.
 
 use super::{Pool, Shelf};
 use std::sync::PoisonError;
 
 impl Pool {
-    /// Frees the buffers of `U` that are not out at the moment: between parts of a long computation whose buffers have other
-    /// sizes, so that one does not pay for the other.
+    /// Frees the buffers of element type `U` that are not in use.
+    ///
+    /// Call it between parts of a computation whose buffers have different sizes, so that the unused buffers of one part do
+    /// not add to the memory of the next.
     ///
     /// ```
     /// let pool = weaver_autograd::Pool::new();

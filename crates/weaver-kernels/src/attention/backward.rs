@@ -1,15 +1,14 @@
-//! Gradients of attention: scores are computed again, tile by tile.
+//! Gradients of attention. Scores are recomputed tile by tile.
 
-use super::{Attention, KEYS, Strides, tile_rows};
-use crate::extent::product;
-use crate::gemm::{Mat, gemm_serial};
+use super::{AttentionInputs, AttentionShape, KEYS, Strides, tile_rows};
+use crate::gemm::{Mat, MatMut, gemm_serial};
 use crate::lanes::{self, LaneKernel, Lanes};
 use crate::parallel::{Interleaved, for_ranges};
 use crate::target::{Target, put};
 use crate::{Real, reduce};
 use std::f64::consts::LOG2_E;
 
-/// Where one of the three gradients goes.
+/// The output of one of the three gradients.
 struct Gradient<'a, T> {
     out: Interleaved<'a, T>,
     at: Strides,
@@ -17,10 +16,10 @@ struct Gradient<'a, T> {
 }
 
 impl<'a, T: Real> Gradient<'a, T> {
-    fn new(size: &Attention, tokens: usize, target: (Target<'a, T>, Strides), name: &str) -> Self {
+    fn new(shape: &AttentionShape, tokens: usize, target: (Target<'a, T>, Strides), name: &str) -> Self {
         let ((out, beta), at) = target;
-        at.check(size, tokens, out.len(), name);
-        at.check_apart(size, tokens, name);
+        at.check(shape, tokens, out.len(), name);
+        at.check_apart(shape, tokens, name);
         Self { out: Interleaved::new(out), at, beta }
     }
 
@@ -32,66 +31,59 @@ impl<'a, T: Real> Gradient<'a, T> {
     unsafe fn store(&self, b: usize, h: usize, first: usize, dim: usize, rows: &[T]) {
         for (i, row) in rows.chunks_exact(dim.max(1)).enumerate() {
             let at = self.at.at(b, h, first + i);
-            // SAFETY: vectors do not overlap, and this one is the caller's alone.
+            // SAFETY: vectors do not overlap, and no other task stores this one.
             let out = unsafe { self.out.slice(at, dim) };
             out.iter_mut().zip(row).for_each(|(out, x)| put(out, self.beta, *x));
         }
     }
 }
 
+/// What [`attention_forward`](super::attention_forward) wrote.
+#[derive(Clone, Copy, Debug)]
+pub struct AttentionOutput<'a, T> {
+    /// The output vectors.
+    pub out: (&'a [T], Strides),
+    /// The binary logarithms of the sums of exponentials, `[batch, heads, queries]`.
+    pub lse: &'a [T],
+}
+
 /// Gradients of [`attention_forward`](super::attention_forward) with respect to q, k and v, each if asked for.
 ///
-/// `out` and `lse` are what the forward pass wrote; `dout` is laid out like `out`.
+/// `dout`, the gradient with respect to the output, is laid out like `output.out`.
+///
+/// # Panics
+///
+/// If a slice is too short, or vectors of a gradient overlap.
 pub fn attention_backward<T: Real>(
-    size: &Attention,
-    scale: T,
-    q: (&[T], Strides),
-    k: (&[T], Strides),
-    v: (&[T], Strides),
-    out: (&[T], Strides),
-    lse: &[T],
+    inputs: &AttentionInputs<T>,
+    output: &AttentionOutput<T>,
     dout: &[T],
-    dq: Option<(Target<T>, Strides)>,
-    dk: Option<(Target<T>, Strides)>,
-    dv: Option<(Target<T>, Strides)>,
+    [dq, dk, dv]: [Option<(Target<T>, Strides)>; 3],
 ) {
-    let dq = dq.map(|d| Gradient::new(size, size.queries, d, "dq"));
-    let dk = dk.map(|d| Gradient::new(size, size.keys, d, "dk"));
-    let dv = dv.map(|d| Gradient::new(size, size.keys, d, "dv"));
-    Backward { size, scale, q, k, v, out, lse, dout }.run([dq, dk, dv]);
+    let shape = &inputs.shape;
+    let AttentionShape { batch, heads, queries, keys, .. } = *shape;
+    inputs.check(output.lse);
+    output.out.1.check(shape, queries, output.out.0.len().min(dout.len()), "the output");
+    let dq = dq.map(|d| Gradient::new(shape, queries, d, "dq"));
+    let dk = dk.map(|d| Gradient::new(shape, keys, d, "dk"));
+    let dv = dv.map(|d| Gradient::new(shape, keys, d, "dv"));
+    let (backward, gradients) = (Backward { inputs, output, dout }, [dq, dk, dv]);
+    for_ranges(batch * heads, 1, |range| range.for_each(|plane| backward.head(plane, &gradients)));
 }
 
 struct Backward<'a, T> {
-    size: &'a Attention,
-    scale: T,
-    q: (&'a [T], Strides),
-    k: (&'a [T], Strides),
-    v: (&'a [T], Strides),
-    out: (&'a [T], Strides),
-    lse: &'a [T],
+    inputs: &'a AttentionInputs<'a, T>,
+    output: &'a AttentionOutput<'a, T>,
     dout: &'a [T],
 }
 
 impl<T: Real> Backward<'_, T> {
-    fn run(&self, gradients: [Option<Gradient<T>>; 3]) {
-        let Attention { batch, heads, queries, keys, .. } = *self.size;
-        self.q.1.check(self.size, queries, self.q.0.len(), "q");
-        self.k.1.check(self.size, keys, self.k.0.len(), "k");
-        self.v.1.check(self.size, keys, self.v.0.len(), "v");
-        self.out.1.check(self.size, queries, self.out.0.len().min(self.dout.len()), "the output");
-        assert_eq!(
-            Some(self.lse.len()),
-            product([batch, heads, queries]),
-            "attention: length of lse of {:?}",
-            self.size
-        );
-        for_ranges(batch * heads, 1, |range| range.for_each(|plane| self.head(plane, &gradients)));
-    }
-
-    /// One entry and head: tiles of queries outside, of keys inside.
+    /// One batch entry and head: an outer loop over tiles of queries, an inner loop over tiles of keys.
     fn head(&self, plane: usize, [dq, dk, dv]: &[Option<Gradient<T>>; 3]) {
-        let Self { scale, q, k, v, out, lse, dout, .. } = *self;
-        let Attention { heads, queries, keys, dim, .. } = *self.size;
+        let AttentionInputs { shape, scale, q, k, v } = *self.inputs;
+        let AttentionOutput { out, lse } = *self.output;
+        let AttentionShape { heads, queries, keys, dim, .. } = shape;
+        let dout = self.dout;
         let (b, h, block) = (plane / heads, plane % heads, tile_rows(queries));
         T::with_scratch(2 * block * KEYS + block * (dim + 1) + 2 * keys * dim, |scratch| {
             let (weights, rest) = scratch.split_at_mut(block * KEYS);
@@ -109,33 +101,33 @@ impl<T: Real> Backward<'_, T> {
                     along[i] = reduce::lanes([&out.0[at..at + dim], &dout[at..at + dim]], |[x, y]| x * y);
                 }
                 q_sums.fill(T::ZERO);
-                let q = Mat::new(&q.0[q.1.at(b, h, first)..], q.1.token);
-                let dout = Mat::new(&dout[out_at..], out.1.token);
+                let q = Mat::new(&q.0[q.1.at(b, h, first)..], rows, dim).with_row_stride(q.1.token);
+                let dout = Mat::new(&dout[out_at..], rows, dim).with_row_stride(out.1.token);
                 for from in (0..keys).step_by(KEYS) {
                     let n = KEYS.min(keys - from);
-                    let k = Mat::new(&k.0[k.1.at(b, h, from)..], k.1.token);
-                    let v = Mat::new(&v.0[v.1.at(b, h, from)..], v.1.token);
+                    let k = Mat::new(&k.0[k.1.at(b, h, from)..], n, dim).with_row_stride(k.1.token);
+                    let v = Mat::new(&v.0[v.1.at(b, h, from)..], n, dim).with_row_stride(v.1.token);
                     let (weights, dscores) = (&mut weights[..rows * n], &mut dscores[..rows * n]);
                     let powers = scale * T::from_f64(LOG2_E);
-                    gemm_serial(rows, n, dim, powers, q, k.transposed(), T::ZERO, weights, n);
-                    gemm_serial(rows, n, dim, T::ONE, dout, v.transposed(), T::ZERO, dscores, n);
+                    gemm_serial(powers, q, k.transposed(), T::ZERO, MatMut::new(weights, rows, n));
+                    gemm_serial(T::ONE, dout, v.transposed(), T::ZERO, MatMut::new(dscores, rows, n));
                     lanes::run(Scores { n, weights, dscores, lse, along, scale });
-                    let (weights, dscores) = (Mat::new(weights, n), Mat::new(dscores, n));
+                    let (weights, dscores) = (Mat::new(weights, rows, n), Mat::new(dscores, rows, n));
                     let keys = from * dim..(from + n) * dim;
                     if dv.is_some() {
-                        let sums = &mut v_sums[keys.clone()];
-                        gemm_serial(n, dim, rows, T::ONE, weights.transposed(), dout, T::ONE, sums, dim);
+                        let sums = MatMut::new(&mut v_sums[keys.clone()], n, dim);
+                        gemm_serial(T::ONE, weights.transposed(), dout, T::ONE, sums);
                     }
                     if dk.is_some() {
-                        let sums = &mut k_sums[keys];
-                        gemm_serial(n, dim, rows, T::ONE, dscores.transposed(), q, T::ONE, sums, dim);
+                        let sums = MatMut::new(&mut k_sums[keys], n, dim);
+                        gemm_serial(T::ONE, dscores.transposed(), q, T::ONE, sums);
                     }
                     if dq.is_some() {
-                        gemm_serial(rows, dim, n, T::ONE, dscores, k, T::ONE, q_sums, dim);
+                        gemm_serial(T::ONE, dscores, k, T::ONE, MatMut::new(&mut *q_sums, rows, dim));
                     }
                 }
                 if let Some(dq) = dq {
-                    // SAFETY: this task alone has this entry and head.
+                    // SAFETY: no other task has this entry and head.
                     #[allow(unsafe_code)]
                     unsafe {
                         dq.store(b, h, first, dim, &q_sums[..rows * dim]);
@@ -144,7 +136,7 @@ impl<T: Real> Backward<'_, T> {
             }
             for (gradient, sums) in [(dk, k_sums), (dv, v_sums)] {
                 if let Some(gradient) = gradient {
-                    // SAFETY: this task alone has this entry and head.
+                    // SAFETY: no other task has this entry and head.
                     #[allow(unsafe_code)]
                     unsafe {
                         gradient.store(b, h, 0, dim, sums);
@@ -155,7 +147,8 @@ impl<T: Real> Backward<'_, T> {
     }
 }
 
-/// Turns scores and the gradients of weights, `n` keys for each query, into weights and the gradients of scores.
+/// Turns scores into weights, and gradients with respect to weights into gradients with respect to scores, for `n` keys
+/// per query.
 struct Scores<'a, T> {
     n: usize,
     weights: &'a mut [T],

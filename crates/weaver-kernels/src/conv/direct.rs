@@ -1,33 +1,34 @@
 //! Convolutions of stride 1, without a matrix of windows.
 //!
-//! Rows of the input, padded, are copied once to where they stay in the cache; what a window element sees at neighboring pixels
-//! is then a stretch of such a row, and the register tiles of [`gemm`](crate::gemm) read it there.
+//! A band of padded input rows is copied to a buffer that stays in the cache. The values of one window element at neighboring
+//! pixels are then contiguous in a row of that band, where the register tiles of [`gemm`](crate::gemm) read them.
 
 use super::windows::{Windows, slide};
-use crate::gemm::{pack, tile::RUNS};
+use crate::gemm::pack;
+use crate::gemm::tile::{LeftOperand, OutputRows, RUNS};
 use crate::parallel::{Interleaved, for_chunks, for_ranges};
 use crate::target::put;
 use crate::{Real, simd};
 use std::ops::Range;
 
-/// Elements of a copied band of rows that stay in the second-level cache.
+/// Elements of a band of rows; a band stays in the second-level cache.
 const BAND: usize = 1 << 16;
-/// Window elements, or pixels, that are summed before they are added to the result.
+/// Window elements, or pixels, that are summed before the sum is added to the result.
 const CHAIN: usize = 512;
-/// Tasks for each thread.
+/// Tasks per thread.
 const TASKS: usize = 4;
 
-/// Whether neighboring pixels see neighboring elements, and there is more than one to a window.
+/// Whether windows of neighboring pixels are shifted by one element, and have more than one element.
 pub(super) fn suits<T>(x: &Windows<'_, T>) -> bool {
     x.stride == 1 && x.kh * x.kw > 1 && x.c > 0 && x.out_w > 0
 }
 
-/// How a band of padded rows lies in memory: channel by channel.
+/// The layout of a band of padded rows in memory: channel by channel.
 #[derive(Clone, Copy)]
 struct Layout {
-    /// Elements from row to row.
+    /// Distance between rows, in elements.
     row: usize,
-    /// Elements from channel to channel.
+    /// Distance between channels, in elements.
     plane: usize,
 }
 
@@ -38,7 +39,7 @@ impl Layout {
         Self { row, plane: (((rows + x.kh - 1) * row).div_ceil(16) * 16) | 16 }
     }
 
-    /// Where window element `k` of the first pixel is.
+    /// The position of window element `k` of the first pixel.
     fn offset<T>(self, x: &Windows<'_, T>, k: usize) -> usize {
         let taps = x.kh * x.kw;
         k / taps * self.plane + k % taps / x.kw * self.row + k % x.kw
@@ -46,7 +47,7 @@ impl Layout {
 }
 
 impl<T: Real> Windows<'_, T> {
-    /// Copies what output rows `rows` see of `channels`, zeros around the image included.
+    /// Copies the input rows that output rows `rows` depend on, of `channels`, with the zeros around the image.
     fn copy_band(&self, entry: usize, channels: Range<usize>, rows: Range<usize>, layout: Layout, band: &mut [T]) {
         let image = &self.x[entry * self.c * self.h * self.w..][..self.c * self.h * self.w];
         simd::dispatch(
@@ -72,7 +73,7 @@ impl<T: Real> Windows<'_, T> {
     }
 }
 
-/// y = w * x + beta y for `n` images; `w` is `[o, depth]`, `y` `[n, o, out_h, out_w]`.
+/// Computes y = w * x + beta y for `n` images; `w` is `[o, depth]`, `y` `[n, o, out_h, out_w]`.
 pub(super) fn forward<T: Real>(x: &Windows<'_, T>, [n, o, out_h]: [usize; 3], w: &[T], y: &mut [T], beta: T) {
     let (depth, width) = (x.depth(), x.out_w);
     let pixels = out_h * width;
@@ -89,7 +90,7 @@ pub(super) fn forward<T: Real>(x: &Windows<'_, T>, [n, o, out_h]: [usize; 3], w:
     for_ranges(n * bands, 1, |task| {
         let (entry, band) = (task.start / bands, task.start % bands);
         let rows = band * rows..out_h.min((band + 1) * rows);
-        // The last tile of a row may read beyond it, but uses nothing of that.
+        // The last tile of a row may read beyond the row, but does not use what it reads there.
         T::with_panel(x.c * layout.plane + tile_cols, |room| {
             x.copy_band(entry, 0..x.c, rows.clone(), layout, room);
             let mut offsets = [0; CHAIN];
@@ -109,20 +110,14 @@ pub(super) fn forward<T: Real>(x: &Windows<'_, T>, [n, o, out_h]: [usize; 3], w:
                             let at = (entry * o + outputs.start) * pixels + i * width + j;
                             debug_assert!(a + (outputs.len() - 1) * depth + offsets.len() <= w.len());
                             debug_assert!(at + (outputs.len() - 1) * pixels + cols <= y.len());
-                            // SAFETY: inside the slices, asserted in debug builds; rows of the output are one task's.
+                            // SAFETY: all elements lie inside the slices, which is asserted in debug builds, and each row of
+                            // the output belongs to one task.
                             #[allow(unsafe_code)]
                             unsafe {
-                                T::multiply_shifted(
-                                    level,
-                                    [outputs.len(), cols],
-                                    w.as_ptr().add(a),
-                                    [depth, 1],
-                                    room.as_ptr().add(from),
-                                    offsets,
-                                    beta,
-                                    y.pointer(at),
-                                    pixels,
-                                );
+                                let a = LeftOperand { start: w.as_ptr().add(a), strides: [depth, 1] };
+                                let y = OutputRows { start: y.pointer(at), stride: pixels };
+                                let (size, b) = ([outputs.len(), cols], room.as_ptr().add(from));
+                                T::multiply_shifted(level, size, a, b, offsets, beta, y);
                             }
                         }
                     }
@@ -132,13 +127,13 @@ pub(super) fn forward<T: Real>(x: &Windows<'_, T>, [n, o, out_h]: [usize; 3], w:
     });
 }
 
-/// Length of the scratch that [`weights`] wants.
+/// Length of the scratch space of [`weights`].
 pub(super) fn weights_scratch_len<T: Real>(x: &Windows<'_, T>, o: usize, out_h: usize) -> usize {
     let (_, tile_cols) = T::tile(simd::level());
     o.next_multiple_of(tile_cols) * (x.depth() + out_h * x.out_w)
 }
 
-/// dw = sum over images and pixels of dy times the window there, + beta dw: `dy` is `[n, o, out_h, out_w]`, `dw` `[o, depth]`.
+/// Adds the sum over images and pixels of dy times the window at that pixel to beta dw: `dy` is `[n, o, out_h, out_w]`, `dw` `[o, depth]`.
 pub(super) fn weights<T: Real>(
     x: &Windows<'_, T>,
     [n, o, out_h]: [usize; 3],
@@ -152,16 +147,16 @@ pub(super) fn weights<T: Real>(
     let level = simd::level();
     let (tile_rows, tile_cols) = T::tile(level);
     let panels = o.div_ceil(tile_cols);
-    // The result transposed, and the gradients of one image, pixel by pixel: both in panels of outputs.
+    // The transposed result, and the gradients of one image pixel by pixel, both in panels of output channels.
     let (sums, turned) = scratch[..weights_scratch_len(x, o, out_h)].split_at_mut(panels * tile_cols * depth);
     let outputs = |panel: usize| panel * tile_cols..o.min((panel + 1) * tile_cols);
-    // Pixels that are summed at a time: some rows, or a part of one.
+    // The pixels that are summed at a time: several rows, or a part of one.
     let run = width.div_ceil(width.div_ceil(CHAIN));
     let rows = if run < width { 1 } else { (CHAIN / width).clamp(1, out_h.max(1)) };
     let layout = Layout::new(x, rows);
     let taps = x.kh * x.kw;
     let group = RUNS.min(tile_rows);
-    // Tasks share window elements out, in whole groups.
+    // Each task takes some window elements, in whole groups.
     let share = depth.div_ceil(TASKS * rayon::current_num_threads()).next_multiple_of(group);
     for entry in 0..n {
         let dy = &dy[entry * o * pixels..][..o * pixels];
@@ -202,19 +197,14 @@ pub(super) fn weights<T: Real>(
                                 }
                                 let at = panel * tile_cols * depth + k * padded;
                                 debug_assert!(at + (offsets.len() - 1) * padded + cols <= sums.len());
-                                // SAFETY: inside the slices, asserted in debug builds; window elements are one task's.
+                                // SAFETY: all elements lie inside the slices, which is asserted in debug builds, and each
+                                // window element belongs to one task.
                                 #[allow(unsafe_code)]
                                 unsafe {
-                                    T::multiply_runs(
-                                        level,
-                                        [cols, run, rows.len(), layout.row],
-                                        band.as_ptr(),
-                                        offsets,
-                                        turned.as_ptr().add(from),
-                                        beta,
-                                        sums.pointer(at),
-                                        padded,
-                                    );
+                                    let size = [cols, run, rows.len(), layout.row];
+                                    let panel = turned.as_ptr().add(from);
+                                    let sums = OutputRows { start: sums.pointer(at), stride: padded };
+                                    T::multiply_runs(level, size, band.as_ptr(), offsets, panel, beta, sums);
                                 }
                             }
                         }

@@ -1,12 +1,12 @@
-//! The matrix of windows of a map, `[c kh kw, out_h out_w]`, made panel by panel.
+//! The matrix of windows of a map (im2col), `[c kh kw, out_h out_w]`, generated panel by panel.
 
 use crate::Real;
 use crate::gemm::{Panels, transpose};
 use crate::simd;
 use std::ops::Range;
 
-/// Windows of the images `x`, `[n, c, h, w]`; `pads` are the zeros above and to the left of them
-/// (negative: that many rows or columns are skipped). Matrix `entry` is that of image `entry`.
+/// Windows of the images `x` `[n, c, h, w]`; matrix `entry` belongs to image `entry`. `pads` are the rows of zeros above and
+/// the columns of zeros to the left; if negative, that many rows or columns are skipped.
 pub(super) struct Windows<'a, T> {
     pub x: &'a [T],
     pub c: usize,
@@ -20,12 +20,12 @@ pub(super) struct Windows<'a, T> {
 }
 
 impl<T: Real> Windows<'_, T> {
-    /// Rows `k` of the window matrix at output pixels `pixels`, each into `out` at multiples of `row`.
+    /// Writes rows `k` of the window matrix at output pixels `pixels` to `out`, `row` elements apart.
     #[inline(always)]
     fn write(&self, entry: usize, k: Range<usize>, pixels: Range<usize>, out: &mut [T], row: usize) {
         let taps = self.kh * self.kw;
         let image = &self.x[entry * self.c * self.h * self.w..][..self.c * self.h * self.w];
-        // Output rows outside, window elements inside: what depends on the row is computed once.
+        // The outer loop runs over output rows, so that what depends on the row is computed once.
         let mut from = pixels.start;
         while from < pixels.end {
             let (i, j) = (from / self.out_w, from % self.out_w);
@@ -41,8 +41,8 @@ impl<T: Real> Windows<'_, T> {
                     let line = &image[(c * self.h + y as usize) * self.w..][..self.w];
                     let x = (j * self.stride + q) as isize - self.pads[1];
                     if q == 0 {
-                        // The next channels' lines: planes are often a power of two apart, and then in the caches' same
-                        // sets.
+                        // Prefetch the lines of later channels: planes are often a power of two apart and then share
+                        // the same sets of the caches.
                         let ahead = ((c + 4) * self.h + y as usize) * self.w + j * self.stride;
                         let lines = image.get(ahead..).unwrap_or(&[]).chunks(16).take(run.div_ceil(16) + 1);
                         lines.for_each(|line| simd::prefetch(&line[0]));
@@ -62,11 +62,11 @@ impl<T: Real> Windows<'_, T> {
     }
 }
 
-/// `out[i] = line[x + i stride]`, zero outside the line.
+/// Writes `line[x + i stride]` to `out[i]`, or zero where that is outside the line.
 #[inline(always)]
 pub(super) fn slide<T: Real>(line: &[T], x: isize, stride: usize, out: &mut [T]) {
     let (n, end) = (out.len(), line.len() as isize);
-    // Elements before the line, and elements not behind it.
+    // The number of elements before the line, and the number that do not lie behind it.
     let before = if x < 0 { x.unsigned_abs().div_ceil(stride).min(n) } else { 0 };
     let inside = if x >= end { 0 } else { ((end - x) as usize).div_ceil(stride).min(n) };
     let inside = inside.max(before);
@@ -78,7 +78,7 @@ pub(super) fn slide<T: Real>(line: &[T], x: isize, stride: usize, out: &mut [T])
             *o = line[(x + (i * stride) as isize) as usize];
         }
     }
-    // Seldom more than one element each.
+    // Rarely more than one element on each side.
     for o in &mut out[..before] {
         *o = T::ZERO;
     }
@@ -87,11 +87,11 @@ pub(super) fn slide<T: Real>(line: &[T], x: isize, stride: usize, out: &mut [T])
     }
 }
 
-/// Copies in whole vectors, without the call that a copy of unknown length is.
+/// Copies whole vectors, which avoids the library call of a copy of unknown length.
 #[inline(always)]
 fn copy<T: Real>(from: &[T], to: &mut [T]) {
     if let (Some(last), Some(to_last)) = (from.last_chunk::<16>(), to.last_chunk_mut::<16>()) {
-        // May overlap the one before, and saves a loop over single elements.
+        // The last vector may overlap the one before; this avoids a loop over single elements.
         *to_last = *last;
         for (o, b) in to.as_chunks_mut::<16>().0.iter_mut().zip(from.as_chunks::<16>().0) {
             *o = *b;
@@ -103,7 +103,7 @@ fn copy<T: Real>(from: &[T], to: &mut [T]) {
     }
 }
 
-/// As a factor on the right: the depth runs over window elements, the columns over pixels.
+/// The window matrix as the right factor: rows are window elements, columns are pixels.
 impl<T: Real> Panels<T> for Windows<'_, T> {
     fn pack(
         &self,
@@ -124,7 +124,7 @@ impl<T: Real> Panels<T> for Windows<'_, T> {
     }
 }
 
-/// The transposed matrix: the depth runs over pixels, the columns over window elements.
+/// The transposed window matrix as the right factor: rows are pixels, columns are window elements.
 pub(super) struct WindowRows<'a, T>(pub Windows<'a, T>);
 
 impl<T: Real> Panels<T> for WindowRows<'_, T> {

@@ -1,6 +1,6 @@
 //! Products with a matrix that is stored in half precision.
 
-use super::{Mat, Panels, Product, transpose};
+use super::{Mat, MatMut, Panels, Product, transpose};
 use crate::extent::product;
 use crate::parallel::for_chunks;
 use crate::{Real, simd};
@@ -10,18 +10,18 @@ use std::ops::Range;
 /// A matrix `[n, k]` stored in half precision, and how it is multiplied.
 #[derive(Clone, Copy, Debug)]
 pub enum Half<'a> {
-    /// Widened while it is packed: the product is that with the same numbers in full precision, to the bit.
+    /// Converted to full precision while it is packed: the result is bit for bit that of the same numbers in full precision.
     Bf16(&'a [bf16]),
-    /// Multiplied by the processor's own instruction for pairs of bf16, where it has one (AVX-512 BF16) and the rest is `f32`:
-    /// twice the operations at a time. The other factor is rounded to bf16 first, 8 bits, a relative error of up to 2^-9 in
-    /// each product; sums are `f32`. Elsewhere as `Bf16`.
+    /// Multiplied by the processor's instruction for pairs of bf16 (AVX-512 BF16), which does twice the operations at a
+    /// time. The other factor must be `f32` and is first rounded to bf16, whose 8 bits mean a relative error of up to 2^-9 in
+    /// each product; sums are `f32`. On processors without the instruction, and in `f64`, this is the same as `Bf16`.
     Bf16Pairs(&'a [bf16]),
-    /// Widened while it is packed.
+    /// Converted to full precision while it is packed, as `Bf16` is.
     F16(&'a [f16]),
 }
 
 impl Half<'_> {
-    /// How many numbers there are.
+    /// Number of elements.
     pub fn len(&self) -> usize {
         match self {
             Self::Bf16(data) | Self::Bf16Pairs(data) => data.len(),
@@ -29,12 +29,16 @@ impl Half<'_> {
         }
     }
 
-    /// Whether there are none.
+    /// Whether there are no elements.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The same numbers in full precision; nothing is lost. Panics if the lengths differ.
+    /// Converts all elements to full precision, exactly.
+    ///
+    /// # Panics
+    ///
+    /// If the lengths differ.
     pub fn widen<T: Real>(&self, wide: &mut [T]) {
         self.widen_part(0..self.len(), wide);
     }
@@ -46,7 +50,7 @@ impl Half<'_> {
             || match self {
                 Self::Bf16(data) | Self::Bf16Pairs(data) => {
                     for (wide, narrow) in wide.iter_mut().zip(&data[part]) {
-                        // What a bf16 is: the upper half of an f32.
+                        // A bf16 is the upper half of an f32.
                         *wide = T::from_f32(f32::from_bits(u32::from(narrow.to_bits()) << 16));
                     }
                 }
@@ -60,7 +64,7 @@ impl Half<'_> {
     }
 }
 
-/// The same number, without a branch: the exponent moves by 2^112, and numbers without a leading bit get one by that product.
+/// Converts an f16 to `f32` without a branch: multiplying by 2^112 adjusts the exponent and normalizes subnormal numbers.
 #[inline(always)]
 fn widen_f16(bits: u16) -> f32 {
     let (sign, rest) = (u32::from(bits & 0x8000) << 16, u32::from(bits & 0x7fff) << 13);
@@ -70,7 +74,7 @@ fn widen_f16(bits: u16) -> f32 {
     f32::from_bits(sign | special)
 }
 
-/// W^T, column after column.
+/// W^T, packed column by column.
 struct Columns<'a> {
     data: Half<'a>,
     depth: usize,
@@ -99,7 +103,7 @@ impl<T: Real> Panels<T> for Columns<'_> {
     }
 }
 
-/// The same, two rows of it in every number.
+/// W^T in pairs of bf16: every number of a panel holds two rows of a column.
 struct ColumnsOfPairs<'a> {
     data: &'a [bf16],
     depth: usize,
@@ -134,7 +138,7 @@ impl Panels<f32> for ColumnsOfPairs<'_> {
     }
 }
 
-/// Two numbers of 16 bits in the bits of one; an odd last one with zero.
+/// Packs two numbers of 16 bits into the bits of one `f32`. An odd last number is paired with zero.
 #[inline(always)]
 fn pairs<X>(from: &[X], bits: impl Fn(&X) -> u32, to: &mut [f32]) {
     let (whole, rest) = from.as_chunks::<2>();
@@ -146,7 +150,7 @@ fn pairs<X>(from: &[X], bits: impl Fn(&X) -> u32, to: &mut [f32]) {
     }
 }
 
-/// The bits of the nearest bf16, the even one of two.
+/// The bits of the nearest bf16; ties round to even.
 #[inline(always)]
 fn round_to_bf16(x: &f32) -> u32 {
     let bits = x.to_bits();
@@ -154,59 +158,61 @@ fn round_to_bf16(x: &f32) -> u32 {
     if x.is_nan() { bits >> 16 | 0x40 } else { rounded }
 }
 
-/// Length of the scratch that [`gemm_half`] wants.
+/// Length of the scratch space of [`gemm_half`], for A m x k.
 pub fn gemm_half_scratch_len(m: usize, k: usize, w: Half) -> usize {
     if matches!(w, Half::Bf16Pairs(_)) { m * k.div_ceil(2) } else { 0 }
 }
 
 /// C = A W^T + beta C, where W is stored in half precision.
 ///
-/// `a` holds `[m, k]`, `w` `[n, k]`, `c` `[m, n]`, all contiguous, `scratch` [`gemm_half_scratch_len`] elements with any
-/// content; with `beta` 0, C is not read. Unless W is to be multiplied in pairs, the bits are those that
-/// [`gemm`](super::gemm) gives for W in full precision. Panics if a slice is too short.
+/// `a` is m x k with contiguous rows, `w` `[n, k]` and contiguous, `c` m x n; with `beta` 0, C is not read. `scratch` has
+/// [`gemm_half_scratch_len`] elements with any content. Unless W is multiplied in pairs, the bits are those that
+/// [`gemm`](super::gemm) gives for W in full precision.
+///
+/// # Panics
+///
+/// If the shapes do not fit each other, or a slice is too short.
 ///
 /// ```
 /// use half::bf16;
-/// use weaver_kernels::gemm::{Half, gemm_half};
+/// use weaver_kernels::gemm::{Half, Mat, MatMut, gemm_half};
 /// let w = [1.0, 2.0].map(bf16::from_f32); // 1 x 2
 /// let mut c = [f32::NAN];
-/// gemm_half(1, 1, 2, &[3.0, 4.0], Half::Bf16(&w), 0.0, &mut c, &mut []);
+/// gemm_half(Mat::new(&[3.0, 4.0], 1, 2), Half::Bf16(&w), 0.0, MatMut::new(&mut c, 1, 1), &mut []);
 /// assert_eq!(c, [11.0]);
 /// ```
-pub fn gemm_half<T: Real>(m: usize, n: usize, k: usize, a: &[T], w: Half, beta: T, c: &mut [T], scratch: &mut [T]) {
-    assert!(
-        product([n, k]).is_some_and(|len| len <= w.len()),
-        "gemm_half: W is {n} x {k} but its slice has {} elements",
-        w.len()
-    );
-    if let Half::Bf16Pairs(w) = w
-        && T::gemm_pairs([m, n, k], a, w, beta, c, scratch)
-    {
-        return;
-    }
+pub fn gemm_half<T: Real>(a: Mat<T>, w: Half, beta: T, c: MatMut<T>, scratch: &mut [T]) {
+    let (n, k) = (c.cols, a.cols);
+    let fits = product([n, k]).is_some_and(|len| len <= w.len());
+    assert!(fits, "gemm_half: W is {n} x {k} but its slice has {} elements", w.len());
+    assert!(a.col_stride == 1 || k <= 1, "gemm_half: rows of A are not contiguous");
+    let c = match w {
+        Half::Bf16Pairs(w) => match T::gemm_pairs(a, w, beta, c, scratch) {
+            Ok(()) => return,
+            Err(c) => c,
+        },
+        _ => c,
+    };
     let b = Columns { data: w, depth: k };
-    let a = Mat::new(a, k);
-    let product = Product { batch: 1, a_step: 0, c_step: m * n, m, n, k, alpha: T::ONE, a, b: &b, beta, pairs: false };
-    product.run(c, n, true);
+    Product { alpha: T::ONE, a: a.batch(0), b: &b, beta, pairs: false }.run(1, c.batch(0), true);
 }
 
 /// [`gemm_half`] in pairs of bf16; the processor must have the instruction.
-pub(super) fn gemm_pairs([m, n, k]: [usize; 3], a: &[f32], w: &[bf16], beta: f32, c: &mut [f32], scratch: &mut [f32]) {
+pub(super) fn gemm_pairs(a: Mat<f32>, w: &[bf16], beta: f32, c: MatMut<f32>, scratch: &mut [f32]) {
+    let (m, k) = (a.rows, a.cols);
     let depth = k.div_ceil(2);
     let rounded = &mut scratch[..m * depth];
     if k > 0 {
         for_chunks(rounded, depth, |row, to| {
             simd::dispatch(
                 #[inline(always)]
-                || pairs(&a[row * k..][..k], round_to_bf16, to),
+                || pairs(&a.data[row * a.row_stride..][..k], round_to_bf16, to),
             );
         });
     }
     let b = ColumnsOfPairs { data: w, depth: k };
-    let a = Mat::new(&*rounded, depth);
-    let product =
-        Product { batch: 1, a_step: 0, c_step: m * n, m, n, k: depth, alpha: 1.0, a, b: &b, beta, pairs: true };
-    product.run(c, n, true);
+    let a = Mat::new(&*rounded, m, depth);
+    Product { alpha: 1.0, a: a.batch(0), b: &b, beta, pairs: true }.run(1, c.batch(0), true);
 }
 
 #[cfg(test)]
@@ -224,7 +230,7 @@ mod tests {
     const SIZES: [[usize; 3]; 7] =
         [[1, 1, 1], [3, 17, 5], [50, 40, 300], [7, 0, 4], [4, 6, 0], [200, 70, 64], [30, 200, 1101]];
 
-    /// The same bits as with the widened matrix, and nothing read of C when beta is 0.
+    /// The bits are those of the product with the converted matrix, and C is not read when beta is 0.
     #[test]
     fn equal_to_the_widened_product() {
         for [m, n, k] in SIZES {
@@ -238,32 +244,34 @@ mod tests {
                 for beta in [0.0, 1.0] {
                     let start = if beta == 0.0 { vec![f32::NAN; m * n] } else { noise(m * n, 3) };
                     let (mut c, mut expected) = (start.clone(), start);
-                    gemm_half(m, n, k, &a, w, beta, &mut c, &mut []);
-                    gemm(false, true, m, n, k, 1.0, &a, &wide, beta, &mut expected);
+                    let (a, wide) = (Mat::new(&a, m, k), Mat::new(&wide, n, k));
+                    gemm_half(a, w, beta, MatMut::new(&mut c, m, n), &mut []);
+                    gemm(1.0, a, wide.transposed(), beta, MatMut::new(&mut expected, m, n));
                     assert_eq!(c, expected, "{m}x{n}x{k}");
                 }
             }
         }
     }
 
-    /// Products of pairs are those of the rounded numbers, to the rounding of f32 sums.
+    /// Products of pairs equal those of the rounded numbers up to the rounding of `f32` sums.
     #[test]
     fn pairs_are_products_of_rounded_numbers() {
-        if !f32::gemm_pairs([0, 0, 0], &[], &[], 0.0, &mut [], &mut []) {
+        let paired = f32::gemm_pairs(Mat::new(&[], 0, 0), &[], 0.0, MatMut::new(&mut [], 0, 0), &mut []).is_ok();
+        if !paired {
             println!("skipped: this processor has no products of bf16");
         }
         let round = |x: &f32| bf16::from_f32(*x).to_f32();
         for [m, n, k] in SIZES {
             let (a, w) = (noise(m * k, 1), noise(n * k, 2));
             let brief: Vec<bf16> = w.iter().map(|x| bf16::from_f32(*x)).collect();
-            let paired = f32::gemm_pairs([0, 0, 0], &[], &[], 0.0, &mut [], &mut []);
             // Without the instruction, A is not rounded.
             let rounded: Vec<f32> = a.iter().map(|x| if paired { round(x) } else { *x }).collect();
             for beta in [0.0, 1.0] {
                 let start = if beta == 0.0 { vec![f32::NAN; m * n] } else { noise(m * n, 3) };
                 let mut c = start.clone();
                 let w = Half::Bf16Pairs(&brief);
-                gemm_half(m, n, k, &a, w, beta, &mut c, &mut vec![f32::NAN; gemm_half_scratch_len(m, k, w)]);
+                let mut scratch = vec![f32::NAN; gemm_half_scratch_len(m, k, w)];
+                gemm_half(Mat::new(&a, m, k), w, beta, MatMut::new(&mut c, m, n), &mut scratch);
                 for (at, c) in c.iter().enumerate() {
                     let (i, j) = (at / n, at % n);
                     let products = || (0..k).map(|p| f64::from(rounded[i * k + p]) * brief[j * k + p].to_f64());

@@ -1,25 +1,19 @@
-//! Packing: what a tile reads, in the order in which it reads it.
+//! Packing: copies of A and B in the order in which a tile reads them.
 
-use super::Mat;
+use super::{Batch, Mat};
 use crate::Real;
 use crate::lanes::{self, LANES, LaneKernel, Lanes};
 use crate::simd;
 use std::ops::Range;
 
-/// Where [`Product`](super::Product) gets B from: a matrix in memory, or one that is made as it is packed.
+/// The right factor of a [`Product`](super::Product): a matrix in memory, or one that is generated while it is packed.
 pub(crate) trait Panels<T>: Sync {
-    /// Writes rows `k`, columns `cols` of matrix `entry` to `panel`, rows of `padded` elements, zeros
-    /// behind the columns. `spare` is as long as the largest panel and free to use.
+    /// Writes rows `k` and columns `cols` of matrix `entry` to `panel`, in rows of `padded` elements with zeros after the
+    /// columns. `spare` is scratch space as long as the largest panel.
     fn pack(&self, entry: usize, k: Range<usize>, cols: Range<usize>, padded: usize, panel: &mut [T], spare: &mut [T]);
 }
 
-/// Matrices that begin `stride` apart.
-pub(super) struct Stack<'a, T> {
-    pub mat: Mat<'a, T>,
-    pub stride: usize,
-}
-
-impl<T: Real> Panels<T> for Stack<'_, T> {
+impl<T: Real> Panels<T> for Batch<Mat<'_, T>> {
     fn pack(
         &self,
         entry: usize,
@@ -33,13 +27,13 @@ impl<T: Real> Panels<T> for Stack<'_, T> {
             return;
         }
         let (width, depth) = (cols.len(), k.len());
-        let Mat { data, row_stride, col_stride } = self.mat;
+        let Mat { data, row_stride, col_stride, .. } = self.first;
         let data = &data[entry * self.stride + k.start * row_stride + cols.start * col_stride..];
         pack(data, [row_stride, col_stride], depth, width, padded, panel);
     }
 }
 
-/// Rows that are asked for before they are packed.
+/// How many rows ahead of the one being packed are prefetched.
 pub(super) const AHEAD: usize = 32;
 
 /// `out[p * padded + q] = data[p * strides[0] + q * strides[1]]`, zeros from `q = width` on.
@@ -51,7 +45,7 @@ pub(crate) fn pack<T: Real>(data: &[T], strides: [usize; 2], depth: usize, width
             || {
                 for p in 0..depth {
                     let (row, out) = (&data[p * row_stride..], &mut out[p * padded..]);
-                    // Rows far apart in memory are no stream that the processor foresees.
+                    // The processor does not prefetch rows that are far apart in memory by itself.
                     for q in (0..width).step_by(LANES) {
                         simd::prefetch(data.as_ptr().wrapping_add((p + AHEAD) * row_stride + q));
                     }
@@ -60,7 +54,7 @@ pub(crate) fn pack<T: Real>(data: &[T], strides: [usize; 2], depth: usize, width
                     to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
                     if whole < width {
                         match (row[whole..].first_chunk::<LANES>(), out[whole..].first_chunk_mut::<LANES>()) {
-                            // What is copied beyond the row's end, the next row overwrites.
+                            // The next row overwrites what is copied beyond the end of this one.
                             (Some(from), Some(to)) if padded == width => *to = *from,
                             _ => out[whole..width].copy_from_slice(&row[whole..width]),
                         }
@@ -100,7 +94,7 @@ pub(crate) fn transpose<T: Real>(
     }
 }
 
-/// [`transpose`] of contiguous columns, sixteen by sixteen in registers.
+/// [`transpose`] of contiguous columns, in blocks of sixteen by sixteen in registers.
 struct Transpose<'a, T> {
     data: &'a [T],
     col_stride: usize,
@@ -111,14 +105,14 @@ struct Transpose<'a, T> {
 }
 
 impl<T: Real> LaneKernel<T> for Transpose<'_, T> {
-    /// Rows and columns that were done.
+    /// The rows and columns that have been written.
     type Output = (usize, usize);
 
     #[inline(always)]
     fn run<V: Lanes<Scalar = T>>(self) -> (usize, usize) {
         let Self { data, col_stride, depth, width, padded, out } = self;
         let rows = depth / LANES * LANES;
-        // A single block of fewer columns may write beyond them: the next row comes after it and overwrites that.
+        // A single narrow block may write beyond its columns: the next row overwrites the excess.
         let alone = width < LANES && padded == width;
         let cols = if alone { width } else { width / LANES * LANES };
         for q in (0..cols).step_by(LANES) {

@@ -1,7 +1,8 @@
-//! The register tile of [`gemm`](super): a few rows of A times a packed panel of B, kept in vector
-//! registers over the whole depth, for each instruction set.
+//! The register tile of [`gemm`](super) for each instruction set: a few rows of A times a packed panel of B, with the sums
+//! kept in vector registers over the whole depth.
 
 use super::half_precision::gemm_pairs;
+use super::{Mat, MatMut};
 use crate::pages;
 use crate::simd::{Level, level};
 use half::bf16;
@@ -10,44 +11,47 @@ use std::cell::RefCell;
 
 mod products;
 
-/// What [`gemm`](super::gemm) needs of a scalar. Only `f32` and `f64` have it.
+/// The operations that [`gemm`](super::gemm) needs from a scalar type. Implemented by `f32` and `f64` only.
 pub trait Tile: Sized {
     /// Rows and columns of the largest tile.
     fn tile(level: Level) -> (usize, usize);
 
-    /// Row length of the packed panel for `width` <= tile columns.
+    /// Row length of a packed panel of `width` columns, at most those of a tile.
     fn panel_width(level: Level, width: usize) -> usize;
 
-    /// Lends this thread's packing buffer, at least `len` long, aligned to a cache line.
+    /// Calls `body` with `len` elements of this thread's packing buffer, aligned to a cache line, with any content.
     fn with_panel<R>(len: usize, body: impl FnOnce(&mut [Self]) -> R) -> R;
 
-    /// Lends this thread's other buffer, `len` long with any content, to a kernel that calls
-    /// [`gemm_serial`](super::gemm_serial) on parts of it. `body` must not wait for other tasks: another
-    /// one that wants the buffer could run meanwhile.
+    /// Calls `body` with `len` elements of this thread's second buffer, with any content, for a kernel that calls
+    /// [`gemm_serial`](super::gemm_serial) on parts of it. `body` must not wait for other tasks: one that needs the same
+    /// buffer could run on this thread meanwhile.
     fn with_scratch<R>(len: usize, body: impl FnOnce(&mut [Self]) -> R) -> R;
 
     /// C = alpha A B + beta C for one tile of `[rows, cols, depth]`; C is not read if `beta` is 0.
     ///
     /// # Safety
-    /// `level` is supported; rows and cols are at least 1 and at most the tile's; element (i, p) of A at
-    /// `a[i * strides[0] + p * strides[1]]` is readable; the panel has `depth` rows of
-    /// `panel_width(level, cols)`; rows of C, `c_stride` apart, are writable for `cols` elements.
+    /// `level` is supported; rows and cols are at least 1 and at most the tile's; the elements of A are readable; the
+    /// panel has `depth` rows of `panel_width(level, cols)`; rows of C are writable for `cols` elements.
     #[allow(unsafe_code)]
     unsafe fn multiply(
         level: Level,
         size: [usize; 3],
         alpha: Self,
-        a: *const Self,
-        strides: [usize; 2],
+        a: LeftOperand<Self>,
         panel: *const Self,
         beta: Self,
-        c: *mut Self,
-        c_stride: usize,
+        c: OutputRows<Self>,
     );
 
-    /// [`gemm_half`](super::gemm_half) of `[m, n, k]` in pairs of bf16; false, and nothing done, where there is no such
-    /// instruction for this type.
-    fn gemm_pairs(size: [usize; 3], a: &[Self], w: &[bf16], beta: Self, c: &mut [Self], scratch: &mut [Self]) -> bool;
+    /// [`gemm_half`](super::gemm_half) in pairs of bf16. Returns `c`, untouched, where there is no such instruction for this
+    /// type.
+    fn gemm_pairs<'c>(
+        a: Mat<Self>,
+        w: &[bf16],
+        beta: Self,
+        c: MatMut<'c, Self>,
+        scratch: &mut [Self],
+    ) -> Result<(), MatMut<'c, Self>>;
 
     /// `multiply` where every number of A and B is a pair of bf16 and their product the sum of two products.
     ///
@@ -56,16 +60,14 @@ pub trait Tile: Sized {
     #[allow(unsafe_code)]
     unsafe fn multiply_pairs(
         size: [usize; 3],
-        a: *const Self,
-        strides: [usize; 2],
+        a: LeftOperand<Self>,
         panel: *const Self,
         beta: Self,
-        c: *mut Self,
-        c_stride: usize,
+        c: OutputRows<Self>,
     );
 
-    /// C = A B + beta C for one tile of `[rows, cols]`, where row p of B begins at `b + offsets[p]`, wherever that is: windows
-    /// of a map that overlap need no copies.
+    /// C = A B + beta C for one tile of `[rows, cols]`, where row p of B begins at `b + offsets[p]`. The rows may overlap, so
+    /// the windows of a convolution need no copies.
     ///
     /// # Safety
     /// As for `multiply`; `panel_width(level, cols)` elements of each row of B are readable.
@@ -73,13 +75,11 @@ pub trait Tile: Sized {
     unsafe fn multiply_shifted(
         level: Level,
         size: [usize; 2],
-        a: *const Self,
-        strides: [usize; 2],
+        a: LeftOperand<Self>,
         b: *const Self,
         offsets: &[usize],
         beta: Self,
-        c: *mut Self,
-        c_stride: usize,
+        c: OutputRows<Self>,
     );
 
     /// C = A B + beta C for one tile, where row i of A is `count` runs of `depth` elements, `step` apart, the first at
@@ -95,15 +95,28 @@ pub trait Tile: Sized {
         offsets: &[usize],
         panel: *const Self,
         beta: Self,
-        c: *mut Self,
-        c_stride: usize,
+        c: OutputRows<Self>,
     );
 }
 
-/// Rows that [`Tile::multiply_runs`] takes at most: as many pointers as there are registers for.
+/// Where a tile reads A: element (i, p) is at `start + i * strides[0] + p * strides[1]`.
+#[derive(Clone, Copy, Debug)]
+pub struct LeftOperand<T> {
+    pub start: *const T,
+    pub strides: [usize; 2],
+}
+
+/// Where a tile writes C: row i begins at `start + i * stride`.
+#[derive(Clone, Copy, Debug)]
+pub struct OutputRows<T> {
+    pub start: *mut T,
+    pub stride: usize,
+}
+
+/// The most rows that [`Tile::multiply_runs`] accepts: one pointer each, as many as there are registers for.
 pub const RUNS: usize = 9;
 
-/// `len` elements of a buffer that only grows, from a cache line's start, in huge pages.
+/// `len` elements of a buffer that only grows, aligned to a cache line and in huge pages.
 fn aligned<T: Copy>(buffer: &mut Vec<T>, len: usize, zero: T) -> &mut [T] {
     let line = 64 / size_of::<T>();
     if buffer.len() < len + line {
@@ -116,53 +129,55 @@ fn aligned<T: Copy>(buffer: &mut Vec<T>, len: usize, zero: T) -> &mut [T] {
     &mut buffer[skip..skip + len]
 }
 
-/// The products of pairs of bf16 that a type has.
+/// Defines the products in pairs of bf16, which only `f32` has.
 macro_rules! pairs {
     (of_bf16) => {
-        fn gemm_pairs(size: [usize; 3], a: &[f32], w: &[bf16], beta: f32, c: &mut [f32], scratch: &mut [f32]) -> bool {
+        fn gemm_pairs<'c>(
+            a: Mat<f32>,
+            w: &[bf16],
+            beta: f32,
+            c: MatMut<'c, f32>,
+            scratch: &mut [f32],
+        ) -> Result<(), MatMut<'c, f32>> {
             #[cfg(target_arch = "x86_64")]
             if level() == Level::Avx512 && is_x86_feature_detected!("avx512bf16") {
-                gemm_pairs(size, a, w, beta, c, scratch);
-                return true;
+                gemm_pairs(a, w, beta, c, scratch);
+                return Ok(());
             }
-            let _ = (size, a, w, beta, c, scratch);
-            false
+            let _ = (a, w, beta, scratch);
+            Err(c)
         }
 
         #[allow(unsafe_code)]
         unsafe fn multiply_pairs(
             size: [usize; 3],
-            a: *const f32,
-            strides: [usize; 2],
+            a: LeftOperand<f32>,
             panel: *const f32,
             beta: f32,
-            c: *mut f32,
-            c_stride: usize,
+            c: OutputRows<f32>,
         ) {
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: the caller vouches for the processor and the memory.
+            // SAFETY: the caller guarantees the instruction set and the memory.
             unsafe {
-                avx512_pairs::multiply(size, 1.0, a, strides, panel, beta, c, c_stride);
+                avx512_pairs::multiply(size, 1.0, a, panel, beta, c);
             }
             #[cfg(not(target_arch = "x86_64"))]
-            unreachable!("no products of pairs: {:?}", (size, a, strides, panel, beta, c, c_stride));
+            unreachable!("no products of pairs: {:?}", (size, a, panel, beta, c));
         }
     };
     (none) => {
-        fn gemm_pairs(_: [usize; 3], _: &[Self], _: &[bf16], _: Self, _: &mut [Self], _: &mut [Self]) -> bool {
-            false
+        fn gemm_pairs<'c>(
+            _: Mat<Self>,
+            _: &[bf16],
+            _: Self,
+            c: MatMut<'c, Self>,
+            _: &mut [Self],
+        ) -> Result<(), MatMut<'c, Self>> {
+            Err(c)
         }
 
         #[allow(unsafe_code)]
-        unsafe fn multiply_pairs(
-            _: [usize; 3],
-            _: *const Self,
-            _: [usize; 2],
-            _: *const Self,
-            _: Self,
-            _: *mut Self,
-            _: usize,
-        ) {
+        unsafe fn multiply_pairs(_: [usize; 3], _: LeftOperand<Self>, _: *const Self, _: Self, _: OutputRows<Self>) {
             unreachable!("no products of pairs");
         }
     };
@@ -203,21 +218,19 @@ macro_rules! scalar {
                 level: Level,
                 size: [usize; 3],
                 alpha: Self,
-                a: *const Self,
-                strides: [usize; 2],
+                a: LeftOperand<Self>,
                 panel: *const Self,
                 beta: Self,
-                c: *mut Self,
-                c_stride: usize,
+                c: OutputRows<Self>,
             ) {
-                // SAFETY: the caller vouches for the level and the memory.
+                // SAFETY: the caller guarantees the instruction set and the memory.
                 unsafe {
                     match level {
                         #[cfg(target_arch = "x86_64")]
-                        Level::Avx512 => $avx512::multiply(size, alpha, a, strides, panel, beta, c, c_stride),
+                        Level::Avx512 => $avx512::multiply(size, alpha, a, panel, beta, c),
                         #[cfg(target_arch = "x86_64")]
-                        Level::Avx2 => $avx2::multiply(size, alpha, a, strides, panel, beta, c, c_stride),
-                        _ => $portable::multiply(size, alpha, a, strides, panel, beta, c, c_stride),
+                        Level::Avx2 => $avx2::multiply(size, alpha, a, panel, beta, c),
+                        _ => $portable::multiply(size, alpha, a, panel, beta, c),
                     }
                 }
             }
@@ -228,22 +241,20 @@ macro_rules! scalar {
             unsafe fn multiply_shifted(
                 level: Level,
                 size: [usize; 2],
-                a: *const Self,
-                strides: [usize; 2],
+                a: LeftOperand<Self>,
                 b: *const Self,
                 offsets: &[usize],
                 beta: Self,
-                c: *mut Self,
-                c_stride: usize,
+                c: OutputRows<Self>,
             ) {
-                // SAFETY: the caller vouches for the level and the memory.
+                // SAFETY: the caller guarantees the instruction set and the memory.
                 unsafe {
                     match level {
                         #[cfg(target_arch = "x86_64")]
-                        Level::Avx512 => $avx512::multiply_shifted(size, a, strides, b, offsets, beta, c, c_stride),
+                        Level::Avx512 => $avx512::multiply_shifted(size, a, b, offsets, beta, c),
                         #[cfg(target_arch = "x86_64")]
-                        Level::Avx2 => $avx2::multiply_shifted(size, a, strides, b, offsets, beta, c, c_stride),
-                        _ => $portable::multiply_shifted(size, a, strides, b, offsets, beta, c, c_stride),
+                        Level::Avx2 => $avx2::multiply_shifted(size, a, b, offsets, beta, c),
+                        _ => $portable::multiply_shifted(size, a, b, offsets, beta, c),
                     }
                 }
             }
@@ -256,17 +267,16 @@ macro_rules! scalar {
                 offsets: &[usize],
                 panel: *const Self,
                 beta: Self,
-                c: *mut Self,
-                c_stride: usize,
+                c: OutputRows<Self>,
             ) {
-                // SAFETY: the caller vouches for the level and the memory.
+                // SAFETY: the caller guarantees the instruction set and the memory.
                 unsafe {
                     match level {
                         #[cfg(target_arch = "x86_64")]
-                        Level::Avx512 => $avx512::multiply_runs(size, a, offsets, panel, beta, c, c_stride),
+                        Level::Avx512 => $avx512::multiply_runs(size, a, offsets, panel, beta, c),
                         #[cfg(target_arch = "x86_64")]
-                        Level::Avx2 => $avx2::multiply_runs(size, a, offsets, panel, beta, c, c_stride),
-                        _ => $portable::multiply_runs(size, a, offsets, panel, beta, c, c_stride),
+                        Level::Avx2 => $avx2::multiply_runs(size, a, offsets, panel, beta, c),
+                        _ => $portable::multiply_runs(size, a, offsets, panel, beta, c),
                     }
                 }
             }

@@ -1,7 +1,7 @@
-//! Lanes in two AVX2 registers.
+//! Vectors of sixteen `f32` in two AVX2 registers.
 //!
-//! Every method is inlined into [`run`], the only way to these types, which is compiled for AVX2 with FMA and called
-//! only where the processor has them: that is why each `unsafe` block below is sound.
+//! These types are reached only through [`run`], which is compiled for AVX2 with FMA and called only if the processor
+//! supports both. That makes every `unsafe` block below sound.
 #![allow(unsafe_code)]
 
 use super::{LANES, LaneKernel, LaneMask, Lanes, sealed::Sealed};
@@ -29,7 +29,7 @@ macro_rules! operator {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                // SAFETY: AVX2 is there (module).
+                // SAFETY: AVX2 is available, see the module.
                 unsafe { Self($intrinsic(self.0, other.0), $intrinsic(self.1, other.1)) }
             }
         }
@@ -44,7 +44,7 @@ impl Neg for Ymm2 {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        // SAFETY: AVX2 is there (module).
+        // SAFETY: AVX2 is available, see the module.
         unsafe {
             let sign = _mm256_set1_ps(-0.0);
             Self(_mm256_xor_ps(self.0, sign), _mm256_xor_ps(self.1, sign))
@@ -57,7 +57,7 @@ macro_rules! methods {
     ($(fn $name:ident($($arg:tt)*) -> $out:ty = $body:expr;)*) => {$(
         #[inline(always)]
         fn $name($($arg)*) -> $out {
-            // SAFETY: AVX2 is there (module); references are to sixteen numbers.
+            // SAFETY: AVX2 is available, see the module; references point to sixteen numbers.
             unsafe { $body }
         }
     )*};
@@ -66,7 +66,7 @@ macro_rules! methods {
 impl LaneMask for Mask2 {
     #[inline(always)]
     fn from_bits(bits: u16) -> Self {
-        // SAFETY: AVX2 is there (module).
+        // SAFETY: AVX2 is available, see the module.
         unsafe {
             let lane = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
             let half = |bits: i32| {
@@ -166,7 +166,7 @@ impl Lanes for Ymm2 {
     fn sums(of: &[Self; LANES]) -> Self {
         let mut halves = [of[0].0; LANES];
         for (half, row) in halves.iter_mut().zip(of) {
-            // SAFETY: AVX2 is there (module).
+            // SAFETY: AVX2 is available, see the module.
             *half = unsafe { _mm256_add_ps(row.0, row.1) };
         }
         let [a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p] = halves;
@@ -192,21 +192,21 @@ impl Lanes for Ymm2 {
 }
 
 impl Ymm2 {
-    /// The nearest whole number.
+    /// Rounds to the nearest integer.
     #[inline(always)]
     fn round(self) -> Self {
         const NEAREST: i32 = _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC;
-        // SAFETY: AVX2 is there (module).
+        // SAFETY: AVX2 is available, see the module.
         unsafe { Self(_mm256_round_ps::<NEAREST>(self.0), _mm256_round_ps::<NEAREST>(self.1)) }
     }
 
-    /// 2^self for whole numbers from -126 to 127.
+    /// 2^self for integers from -126 to 127.
     #[inline(always)]
     fn power_of_two(self) -> Self {
         Self(power_of_two(self.0), power_of_two(self.1))
     }
 
-    /// self 2^n for whole numbers from -252 to 254: two factors, since 2^n itself may be out of range.
+    /// self * 2^n for integers n from -252 to 254, by two factors, since 2^n may be out of range.
     #[inline(always)]
     fn scaled(self, n: Self) -> Self {
         let half = (n * Self::splat(0.5)).round();
@@ -216,7 +216,7 @@ impl Ymm2 {
 
 #[inline(always)]
 fn power_of_two(n: __m256) -> __m256 {
-    // SAFETY: AVX2 is there (module).
+    // SAFETY: AVX2 is available, see the module.
     unsafe {
         let biased = _mm256_add_epi32(_mm256_cvtps_epi32(n), _mm256_set1_epi32(127));
         _mm256_castsi256_ps(_mm256_slli_epi32::<23>(biased))
@@ -226,9 +226,9 @@ fn power_of_two(n: __m256) -> __m256 {
 /// The sums of the lanes of eight vectors.
 #[inline(always)]
 fn sums_of_eight([a, b, c, d, e, f, g, h]: [__m256; 8]) -> __m256 {
-    // SAFETY: AVX2 is there (module).
+    // SAFETY: AVX2 is available, see the module.
     unsafe {
-        // Halves, then pairs, then neighbors; two vectors become one of both each time.
+        // Adds halves, then pairs, then neighbors; each time two vectors are combined into one.
         macro_rules! halves {
             ($a:expr, $b:expr) => {
                 _mm256_add_ps(_mm256_permute2f128_ps::<0x20>($a, $b), _mm256_permute2f128_ps::<0x31>($a, $b))
@@ -247,10 +247,10 @@ fn sums_of_eight([a, b, c, d, e, f, g, h]: [__m256; 8]) -> __m256 {
     }
 }
 
-/// Eight rows of eight as columns.
+/// Transposes a matrix of eight by eight.
 #[inline(always)]
 fn transposed([a, b, c, d, e, f, g, h]: [__m256; 8]) -> [__m256; 8] {
-    // SAFETY: AVX2 is there (module).
+    // SAFETY: AVX2 is available, see the module.
     unsafe {
         let (ab, cd) = (_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c, d));
         let (ab_high, cd_high) = (_mm256_unpackhi_ps(a, b), _mm256_unpackhi_ps(c, d));

@@ -1,7 +1,7 @@
-//! Lanes in one AVX-512 register.
+//! Vectors of sixteen `f32` in one AVX-512 register.
 //!
-//! Every method is inlined into [`run`], the only way to these types, which is compiled for AVX-512 and called only
-//! where the processor has it: that is why each `unsafe` block below is sound.
+//! These types are reached only through [`run`], which is compiled for AVX-512 and called only if the processor supports it.
+//! That makes every `unsafe` block below sound.
 #![allow(unsafe_code)]
 
 use super::{LANES, LaneKernel, LaneMask, Lanes, sealed::Sealed};
@@ -24,7 +24,7 @@ macro_rules! operator {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                // SAFETY: AVX-512 is there (module).
+                // SAFETY: AVX-512 is available, see the module.
                 Self(unsafe { $intrinsic(self.0, other.0) })
             }
         }
@@ -39,7 +39,7 @@ impl Neg for Zmm {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        // SAFETY: AVX-512 is there (module).
+        // SAFETY: AVX-512 is available, see the module.
         Self(unsafe { _mm512_xor_ps(self.0, _mm512_set1_ps(-0.0)) })
     }
 }
@@ -72,7 +72,7 @@ macro_rules! methods {
     ($($(#[$doc:meta])* fn $name:ident($($arg:tt)*) -> $out:ty = $body:expr;)*) => {$(
         #[inline(always)]
         fn $name($($arg)*) -> $out {
-            // SAFETY: AVX-512 is there (module); references are to sixteen numbers.
+            // SAFETY: AVX-512 is available, see the module; references point to sixteen numbers.
             unsafe { $body }
         }
     )*};
@@ -111,16 +111,16 @@ impl Lanes for Zmm {
 
     #[inline(always)]
     fn recip(self) -> Self {
-        // 14 bits from the processor, and one step of Newton's.
-        // SAFETY: AVX-512 is there (module).
+        // An estimate of 14 bits, and one step of Newton's method.
+        // SAFETY: AVX-512 is available, see the module.
         let rough = Self(unsafe { _mm512_rcp14_ps(self.0) });
         rough.mul_add(self.neg_mul_add(rough, Self::splat(1.0)), rough)
     }
 
     #[inline(always)]
     fn exp2_times(self, scale: Self) -> Self {
-        // x = floor(x) + fraction, and scale 2^floor(x), which does not wait for the polynomial.
-        // SAFETY: AVX-512 is there (module).
+        // x = floor(x) + fraction; scale * 2^floor(x) does not depend on the polynomial.
+        // SAFETY: AVX-512 is available, see the module.
         let (fraction, power) = unsafe {
             const FLOOR: i32 = _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC;
             (Self(_mm512_reduce_ps::<FLOOR>(self.0)), Self(_mm512_scalef_ps(scale.0, self.0)))
@@ -136,13 +136,13 @@ impl Lanes for Zmm {
     #[inline(always)]
     fn exp(self) -> Self {
         let (n, e) = crate::exp::reduced(self);
-        // SAFETY: AVX-512 is there (module).
+        // SAFETY: AVX-512 is available, see the module.
         Self(unsafe { _mm512_scalef_ps(e.0, n.0) }).or(self.ge(self), self)
     }
 
     #[inline(always)]
     fn log2(self) -> Self {
-        // SAFETY: AVX-512 is there (module).
+        // SAFETY: AVX-512 is available, see the module.
         let (exponent, mantissa) = unsafe {
             // Mantissa in [0.75, 1.5), and the exponent that goes with it.
             let mantissa = _mm512_getmant_ps::<_MM_MANT_NORM_P75_1P5, _MM_MANT_SIGN_SRC>(self.0);
@@ -163,13 +163,13 @@ impl Lanes for Zmm {
 
     #[inline(always)]
     fn sums(of: &[Self; LANES]) -> Self {
-        /// Adds the halves, quarters, pairs or neighbors of two vectors: one vector of both.
+        /// Adds the halves, quarters, pairs or neighbors of two vectors and combines the results into one vector.
         macro_rules! fold {
             ($rows:expr, $apart:literal, |$a:ident, $b:ident| $low:expr, $high:expr) => {{
                 let mut out = [$rows[0]; $apart];
                 for (i, out) in out.iter_mut().enumerate() {
                     let ($a, $b) = ($rows[i].0, $rows[i + $apart].0);
-                    // SAFETY: AVX-512 is there (module).
+                    // SAFETY: AVX-512 is available, see the module.
                     *out = Self(unsafe { _mm512_add_ps($low, $high) });
                 }
                 out
@@ -181,7 +181,7 @@ impl Lanes for Zmm {
         let rows = fold!(rows, 2, |a, b| _mm512_shuffle_ps::<0x44>(a, b), _mm512_shuffle_ps::<0xee>(a, b));
         let [sum] = fold!(rows, 1, |a, b| _mm512_shuffle_ps::<0x88>(a, b), _mm512_shuffle_ps::<0xdd>(a, b));
         // The folds left the rows in this order, which is its own inverse.
-        // SAFETY: AVX-512 is there (module).
+        // SAFETY: AVX-512 is available, see the module.
         Self(unsafe {
             let order = _mm512_setr_epi32(0, 2, 1, 3, 8, 10, 9, 11, 4, 6, 5, 7, 12, 14, 13, 15);
             _mm512_permutexvar_ps(order, sum.0)
@@ -190,7 +190,7 @@ impl Lanes for Zmm {
 
     #[inline(always)]
     fn transpose(rows: &mut [Self; LANES]) {
-        // SAFETY: AVX-512 is there (module).
+        // SAFETY: AVX-512 is available, see the module.
         unsafe {
             // 4x4 blocks are transposed inside the 128-bit groups, then the groups.
             let mut t = [_mm512_setzero_ps(); LANES];

@@ -1,4 +1,4 @@
-//! Lanes as an array, which the compiler vectorizes as far as it may.
+//! Vectors as arrays of sixteen numbers, which the compiler vectorizes as far as it can.
 
 use super::{LANES, LaneMask, Lanes, sealed::Sealed};
 use crate::Real;
@@ -57,8 +57,8 @@ impl LaneMask for [bool; LANES] {
     }
 }
 
-/// In each half, adds the upper part of a vector to its lower part until one number is left: lane i of the result is
-/// the sum of row i. The order of additions is that of the vector versions: (l, l + 8), then 4, 2, 1 apart.
+/// Horizontal sums: lane i of the result is the sum of row i. Adds numbers 8 lanes apart, then 4, 2 and 1, the order of
+/// the other instruction sets.
 pub fn sums<T: Real>(rows: &[[T; LANES]; LANES]) -> [T; LANES] {
     from_fn(|row| {
         let mut x = rows[row];

@@ -1,14 +1,14 @@
-//! Several rows of a matrix worked on side by side, so that the sum of one does not wait for that of another.
+//! Processing of several rows of a matrix together, so that their sums, which are independent, hide each other's latency.
 
 use super::{LANES, Lanes, split};
 
-/// How many.
+/// Number of rows processed together.
 pub const ABREAST: usize = 4;
 
 /// The whole vectors of a row.
 type Whole<'a, T> = &'a [[T; LANES]];
 
-/// The first R rows: their whole vectors, as many in each, and what is left of them, zeros beyond it.
+/// The first R rows as whole vectors and one last vector each of the remaining elements, filled up with zeros.
 #[inline(always)]
 pub fn rows_of<V: Lanes, const R: usize>(cols: usize, x: &[V::Scalar]) -> ([Whole<'_, V::Scalar>; R], [V; R]) {
     let (mut whole, mut rest) = ([&[][..]; R], [V::zero(); R]);
@@ -19,7 +19,7 @@ pub fn rows_of<V: Lanes, const R: usize>(cols: usize, x: &[V::Scalar]) -> ([Whol
     (whole, rest)
 }
 
-/// The same to write to.
+/// The first R rows to write: whole vectors and the remaining elements of each.
 #[inline(always)]
 pub fn rows_of_mut<T, const R: usize>(cols: usize, x: &mut [T]) -> [(&mut [[T; LANES]], &mut [T]); R] {
     let mut rows = x.chunks_exact_mut(cols);
@@ -29,7 +29,7 @@ pub fn rows_of_mut<T, const R: usize>(cols: usize, x: &mut [T]) -> [(&mut [[T; L
     )
 }
 
-/// The sums of the lanes of up to sixteen vectors.
+/// The horizontal sums of up to sixteen vectors.
 #[inline(always)]
 pub fn totals<V: Lanes, const R: usize>(of: [V; R]) -> [V::Scalar; R] {
     let mut vectors = [V::zero(); LANES];

@@ -3,11 +3,11 @@
 use crate::noise;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
-use weaver_kernels::attention::{Attention, Strides, attention_backward, attention_forward};
+use weaver_kernels::attention::*;
 use weaver_kernels::conv::{
-    Conv2d, conv2d_db, conv2d_dw, conv2d_dw_scratch_len, conv2d_dx, conv2d_dx_scratch_len, conv2d_forward,
+    Conv2dShape, conv2d_db, conv2d_dw, conv2d_dw_scratch_len, conv2d_dx, conv2d_dx_scratch_len, conv2d_forward,
 };
-use weaver_kernels::gemm::gemm;
+use weaver_kernels::gemm::{Mat, MatMut, gemm};
 use weaver_kernels::layer_norm::{layer_norm_backward, layer_norm_forward};
 use weaver_kernels::optim::{AdamW, lerp};
 use weaver_kernels::permute::permute;
@@ -40,8 +40,8 @@ unsafe impl GlobalAlloc for Counting {
 
 #[test]
 fn warm_kernels_allocate_nothing() {
-    let size = Conv2d { n: 2, c: 8, h: 24, w: 32, o: 16, kh: 3, kw: 3, stride: 1, pad: 1 };
-    let attention = Attention { batch: 2, heads: 3, queries: 80, keys: 80, dim: 16 };
+    let size = Conv2dShape { n: 2, c: 8, h: 24, w: 32, o: 16, kh: 3, kw: 3, stride: 1, pad: 1 };
+    let shape = AttentionShape { batch: 2, heads: 3, queries: 80, keys: 80, dim: 16 };
     let x = noise::<f32>(2 * 8 * 24 * 32, 1);
     let w = noise::<f32>(16 * 72, 2);
     let qkv = noise::<f32>(2 * 80 * 3 * 48, 3);
@@ -53,18 +53,19 @@ fn warm_kernels_allocate_nothing() {
     let (mut out, mut lse, mut dqkv) = (vec![0.0; 2 * 80 * 48], vec![0.0; 480], qkv.clone());
     let (mut stats, mut large, mut small) = (vec![0.0; 2 * 384], vec![0.0; 2 * 8 * 30 * 40], vec![0.0; 3200]);
     let mut step = move || {
-        gemm(false, true, 96, 128, 72, 1.0, &x[..96 * 72], &x[..128 * 72], 0.0, &mut y[..96 * 128]);
+        gemm(1.0, Mat::new(&x, 96, 72), Mat::new(&x, 128, 72).transposed(), 0.0, MatMut::new(&mut y, 96, 128));
         conv2d_forward(&size, &x, &w, None, &mut y);
         conv2d_dx(&size, &w, &y, (&mut dx, 0.0), &mut scratch);
         conv2d_dw(&size, &x, &y, (&mut dw, 0.0), &mut turned);
         conv2d_db(16, 24 * 32, &y, (&mut db, 0.0));
         let at = Strides::tokens_first(80, 3, 16);
         let [q, k, v] = [0, 7680, 15360].map(|offset| (&qkv[offset..], at));
-        attention_forward(&attention, 0.25, q, k, v, (&mut out, at), &mut lse);
+        let inputs = AttentionInputs { shape, scale: 0.25, q, k, v };
+        attention_forward(&inputs, (&mut out, at), &mut lse);
         let (dq, rest) = dqkv.split_at_mut(7680);
         let (dk, dv) = rest.split_at_mut(7680);
-        let [dq, dk, dv] = [dq, dk, dv].map(|d| Some(((d, 0.0), at)));
-        attention_backward(&attention, 0.25, q, k, v, (&out, at), &lse, &out, dq, dk, dv);
+        let gradients = [dq, dk, dv].map(|d| Some(((d, 0.0), at)));
+        attention_backward(&inputs, &AttentionOutput { out: (&out, at), lse: &lse }, &out, gradients);
         layer_norm_forward(32, 1e-5, &x, None, &mut dx, &mut stats);
         let targets = [Some((&mut dx[..], 0.0)), Some((&mut small[..32], 0.0)), None];
         layer_norm_backward(32, &x, None, &stats, &x, targets, &mut scratch);

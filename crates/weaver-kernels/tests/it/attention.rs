@@ -6,7 +6,7 @@ use weaver_kernels::Real;
 use weaver_kernels::attention::*;
 
 /// Output, lse, dq, dk, dv for `[batch, heads, tokens, dim]` tensors.
-fn naive(s: &Attention, scale: f64, q: &[f64], k: &[f64], v: &[f64], dout: &[f64]) -> [Vec<f64>; 5] {
+fn naive(s: &AttentionShape, scale: f64, q: &[f64], k: &[f64], v: &[f64], dout: &[f64]) -> [Vec<f64>; 5] {
     let d = s.dim;
     let [mut out, mut dq] = [(); 2].map(|()| vec![0.0; q.len()]);
     let [mut dk, mut dv] = [(); 2].map(|()| vec![0.0; k.len()]);
@@ -35,7 +35,7 @@ fn naive(s: &Attention, scale: f64, q: &[f64], k: &[f64], v: &[f64], dout: &[f64
 }
 
 /// `[batch, heads, tokens, dim]` of a tensor with any strides.
-fn gather<T: Real>(s: &Attention, tokens: usize, x: &[T], at: Strides) -> Vec<T> {
+fn gather<T: Real>(s: &AttentionShape, tokens: usize, x: &[T], at: Strides) -> Vec<T> {
     let mut y = vec![];
     for b in 0..s.batch {
         for h in 0..s.heads {
@@ -47,7 +47,7 @@ fn gather<T: Real>(s: &Attention, tokens: usize, x: &[T], at: Strides) -> Vec<T>
     y
 }
 
-fn agrees<T: Real>(s: &Attention, tolerance: f64) {
+fn agrees<T: Real>(s: &AttentionShape, tolerance: f64) {
     let scale = 1.3 / (s.dim as f64).sqrt();
     let planes = s.batch * s.heads * s.dim;
     let (first_q, first_k) =
@@ -58,7 +58,8 @@ fn agrees<T: Real>(s: &Attention, tolerance: f64) {
     let nan = |n: usize| vec![T::from_f64(f64::NAN); n];
     let (mut out, mut lse) = (nan(q.len()), nan(s.batch * s.heads * s.queries));
     let scale_t = T::from_f64(scale);
-    attention_forward(s, scale_t, (&q, first_q), (&k, heads_k), (&v, first_k), (&mut out, first_q), &mut lse);
+    let inputs = AttentionInputs { shape: *s, scale: scale_t, q: (&q, first_q), k: (&k, heads_k), v: (&v, first_k) };
+    attention_forward(&inputs, (&mut out, first_q), &mut lse);
     let wide = |x: &[T], n: usize, at: Strides| widen(&gather(s, n, x, at));
     let expected = naive(
         s,
@@ -72,38 +73,17 @@ fn agrees<T: Real>(s: &Attention, tolerance: f64) {
     assert_close(&gather(s, s.queries, &out, first_q), &expected[0], tolerance, &name);
     assert_close(&lse, &expected[1], tolerance, &name);
     let (mut dq, mut dk, mut dv) = (nan(q.len()), vec![T::ONE; k.len()], nan(v.len()));
-    attention_backward(
-        s,
-        scale_t,
-        (&q, first_q),
-        (&k, heads_k),
-        (&v, first_k),
-        (&out, first_q),
-        &lse,
-        &dout,
-        Some(((&mut dq, T::ZERO), first_q)),
-        Some(((&mut dk, T::ONE), heads_k)),
-        Some(((&mut dv, T::ZERO), first_k)),
-    );
+    let output = AttentionOutput { out: (&out, first_q), lse: &lse };
+    let gradients =
+        [((&mut dq[..], T::ZERO), first_q), ((&mut dk[..], T::ONE), heads_k), ((&mut dv[..], T::ZERO), first_k)];
+    attention_backward(&inputs, &output, &dout, gradients.map(Some));
     assert_close(&gather(s, s.queries, &dq, first_q), &expected[2], tolerance, &name);
     dk.iter_mut().for_each(|x| *x -= T::ONE);
     assert_close(&gather(s, s.keys, &dk, heads_k), &expected[3], tolerance, &name);
     assert_close(&gather(s, s.keys, &dv, first_k), &expected[4], tolerance, &name);
     // One gradient alone is the same to the bit.
     let mut alone = nan(v.len());
-    attention_backward(
-        s,
-        scale_t,
-        (&q, first_q),
-        (&k, heads_k),
-        (&v, first_k),
-        (&out, first_q),
-        &lse,
-        &dout,
-        None,
-        None,
-        Some(((&mut alone, T::ZERO), first_k)),
-    );
+    attention_backward(&inputs, &output, &dout, [None, None, Some(((&mut alone, T::ZERO), first_k))]);
     assert_eq!(alone, dv);
 }
 
@@ -120,8 +100,8 @@ const CASES: [[usize; 5]; 10] = [
     [0, 2, 3, 3, 4],
 ];
 
-fn size([batch, heads, queries, keys, dim]: [usize; 5]) -> Attention {
-    Attention { batch, heads, queries, keys, dim }
+fn size([batch, heads, queries, keys, dim]: [usize; 5]) -> AttentionShape {
+    AttentionShape { batch, heads, queries, keys, dim }
 }
 
 #[test]
@@ -136,22 +116,24 @@ fn matches_the_formula_f32() {
 
 #[test]
 fn later_larger_scores_do_not_overflow() {
-    let s = size([1, 1, 1, 300, 1]);
+    let shape = size([1, 1, 1, 300, 1]);
     let (k, v): (Vec<f32>, Vec<f32>) = (0..300).map(|i| (i as f32, i as f32)).unzip();
     let (mut out, mut lse, at) = ([0.0], [0.0], Strides::heads_first(300, 1, 1));
-    attention_forward(&s, 10.0, (&[1.0], at), (&k, at), (&v, at), (&mut out, at), &mut lse);
+    let inputs = AttentionInputs { shape, scale: 10.0, q: (&[1.0], at), k: (&k, at), v: (&v, at) };
+    attention_forward(&inputs, (&mut out, at), &mut lse);
     assert!((out[0] - 299.0).abs() < 1e-3 && (lse[0] - 2990.0 * LOG2_E).abs() < 1e-3);
 }
 
 #[test]
 fn scores_of_minus_infinity_count_nothing_wherever_they_are() {
-    let s = size([1, 1, 1, 200, 1]);
+    let shape = size([1, 1, 1, 200, 1]);
     let (v, at) = (vec![2.0_f32; 200], Strides::heads_first(200, 1, 1));
     for finite in [0, 63, 199] {
         let mut k = vec![f32::NEG_INFINITY; 200];
         k[finite] = 0.5;
         let (mut out, mut lse) = ([0.0], [0.0]);
-        attention_forward(&s, 1.0, (&[1.0], at), (&k, at), (&v, at), (&mut out, at), &mut lse);
+        let inputs = AttentionInputs { shape, scale: 1.0, q: (&[1.0], at), k: (&k, at), v: (&v, at) };
+        attention_forward(&inputs, (&mut out, at), &mut lse);
         assert_eq!((out[0], lse[0]), (2.0, 0.5 * LOG2_E), "the finite one at {finite}");
     }
 }
@@ -159,44 +141,37 @@ fn scores_of_minus_infinity_count_nothing_wherever_they_are() {
 #[test]
 #[should_panic(expected = "has only")]
 fn strides_that_wrap_around_panic() {
-    let (s, at) = (size([1, 1, 2, 2, 2]), Strides::heads_first(2, 1, 2));
+    let (shape, at) = (size([1, 1, 2, 2, 2]), Strides::heads_first(2, 1, 2));
     let (x, mut out, mut lse) = ([1.0_f32; 8], [0.0; 4], [0.0; 2]);
     let far = Strides { token: usize::MAX, ..at };
-    attention_forward(&s, 1.0, (&x[4..], far), (&x, at), (&x, at), (&mut out, at), &mut lse);
+    let inputs = AttentionInputs { shape, scale: 1.0, q: (&x[4..], far), k: (&x, at), v: (&x, at) };
+    attention_forward(&inputs, (&mut out, at), &mut lse);
 }
 
 #[test]
 #[should_panic(expected = "overlap")]
 fn overlapping_output_panics() {
-    let s = size([1, 2, 3, 3, 4]);
+    let shape = size([1, 2, 3, 3, 4]);
     let at = Strides::heads_first(3, 2, 4);
     let wrong = Strides { batch: 24, head: 4, token: 4 };
     let x = [0.0_f32; 24];
-    attention_forward(&s, 1.0, (&x, at), (&x, at), (&x, at), (&mut [0.0; 24], wrong), &mut [0.0; 6]);
+    let inputs = AttentionInputs { shape, scale: 1.0, q: (&x, at), k: (&x, at), v: (&x, at) };
+    attention_forward(&inputs, (&mut [0.0; 24], wrong), &mut [0.0; 6]);
 }
 
 #[test]
 fn same_bits_at_any_thread_count() {
-    let s = size([2, 3, 100, 150, 16]);
+    let shape = size([2, 3, 100, 150, 16]);
     let (q_at, k_at) = (Strides::tokens_first(100, 3, 16), Strides::tokens_first(150, 3, 16));
     let (q, k, v) = (noise::<f32>(9600, 1), noise::<f32>(14400, 2), noise::<f32>(14400, 3));
     threads(|| {
         let (mut out, mut lse) = (vec![0.0; q.len()], vec![0.0; 600]);
-        attention_forward(&s, 0.25, (&q, q_at), (&k, k_at), (&v, k_at), (&mut out, q_at), &mut lse);
+        let inputs = AttentionInputs { shape, scale: 0.25, q: (&q, q_at), k: (&k, k_at), v: (&v, k_at) };
+        attention_forward(&inputs, (&mut out, q_at), &mut lse);
         let (mut dq, mut dk, mut dv) = (vec![0.0; q.len()], vec![0.0; k.len()], vec![0.0; v.len()]);
-        attention_backward(
-            &s,
-            0.25,
-            (&q, q_at),
-            (&k, k_at),
-            (&v, k_at),
-            (&out, q_at),
-            &lse,
-            &out,
-            Some(((&mut dq, 0.0), q_at)),
-            Some(((&mut dk, 0.0), k_at)),
-            Some(((&mut dv, 0.0), k_at)),
-        );
+        let gradients = [((&mut dq[..], 0.0), q_at), ((&mut dk[..], 0.0), k_at), ((&mut dv[..], 0.0), k_at)];
+        let output = AttentionOutput { out: (&out, q_at), lse: &lse };
+        attention_backward(&inputs, &output, &out, gradients.map(Some));
         [out, lse, dq, dk, dv].concat()
     });
 }

@@ -4,7 +4,7 @@ use crate::{assert_close, noise, threads};
 use weaver_kernels::Real;
 use weaver_kernels::conv::*;
 
-fn naive(s: &Conv2d, x: &[f64], w: &[f64], b: Option<&[f64]>) -> Vec<f64> {
+fn naive(s: &Conv2dShape, x: &[f64], w: &[f64], b: Option<&[f64]>) -> Vec<f64> {
     let (oh, ow) = (s.out_h(), s.out_w());
     let mut y = vec![0.0; s.n * s.o * oh * ow];
     for (at, y) in y.iter_mut().enumerate() {
@@ -28,11 +28,11 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-fn size(n: usize, c: usize, hw: [usize; 2], o: usize, k: [usize; 2], stride: usize, pad: usize) -> Conv2d {
-    Conv2d { n, c, h: hw[0], w: hw[1], o, kh: k[0], kw: k[1], stride, pad }
+fn size(n: usize, c: usize, hw: [usize; 2], o: usize, k: [usize; 2], stride: usize, pad: usize) -> Conv2dShape {
+    Conv2dShape { n, c, h: hw[0], w: hw[1], o, kh: k[0], kw: k[1], stride, pad }
 }
 
-fn cases() -> Vec<Conv2d> {
+fn cases() -> Vec<Conv2dShape> {
     let mut cases = vec![
         size(2, 3, [6, 8], 4, [3, 3], 1, 1),
         size(1, 2, [5, 70], 3, [3, 3], 1, 1),
@@ -74,7 +74,7 @@ fn cases() -> Vec<Conv2d> {
     cases
 }
 
-fn agrees<T: Real>(s: &Conv2d, tolerance: f64) {
+fn agrees<T: Real>(s: &Conv2dShape, tolerance: f64) {
     let wide = |x: &[T]| x.iter().map(|x| x.to_f64()).collect::<Vec<f64>>();
     let x = noise::<T>(s.n * s.c * s.h * s.w, 1);
     let w = noise::<T>(s.o * s.c * s.kh * s.kw, 2);
@@ -188,13 +188,13 @@ fn same_bits_at_any_thread_count() {
 #[test]
 #[should_panic(expected = "output length")]
 fn an_output_that_wraps_around_panics() {
-    let size = Conv2d { n: 1 << 60, c: 1, h: 0, w: 0, o: 1, kh: 2, kw: 1, stride: 1, pad: 8 };
+    let size = Conv2dShape { n: 1 << 60, c: 1, h: 0, w: 0, o: 1, kh: 2, kw: 1, stride: 1, pad: 8 };
     conv2d_forward(&size, &[], &[0.0_f32; 2], None, &mut []);
 }
 
 #[test]
 #[should_panic(expected = "must not be 0")]
 fn an_empty_kernel_panics() {
-    let size = Conv2d { n: 1, c: 1, h: 2, w: 2, o: 1, kh: 0, kw: 1, stride: 1, pad: 0 };
+    let size = Conv2dShape { n: 1, c: 1, h: 2, w: 2, o: 1, kh: 0, kw: 1, stride: 1, pad: 0 };
     conv2d_forward(&size, &[0.0_f32; 4], &[], None, &mut [0.0; 6]);
 }

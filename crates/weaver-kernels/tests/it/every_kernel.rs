@@ -100,10 +100,12 @@ fn infinities_in_curved_kernels() {
     layer_norm_forward(2, 1e-5, &[infinity, 0.0, 1.0, -1.0], None, &mut y, &mut stats);
     assert!(y[..2].iter().all(|y| y.is_nan()) && y[2..].iter().all(|y| y.abs() < 1.0));
 
-    let (s, at) = (Attention { batch: 1, heads: 1, queries: 1, keys: 2, dim: 1 }, Strides::heads_first(2, 1, 1));
+    let (shape, at) =
+        (AttentionShape { batch: 1, heads: 1, queries: 1, keys: 2, dim: 1 }, Strides::heads_first(2, 1, 1));
     let attend = |k: [f32; 2], v: [f32; 2]| {
         let (mut out, mut lse) = ([0.0], [0.0]);
-        attention_forward(&s, 1.0, (&[1.0], at), (&k, at), (&v, at), (&mut out, at), &mut lse);
+        let inputs = AttentionInputs { shape, scale: 1.0, q: (&[1.0], at), k: (&k, at), v: (&v, at) };
+        attention_forward(&inputs, (&mut out, at), &mut lse);
         (out[0], lse[0])
     };
     assert_eq!(attend([0.5, -infinity], [3.0, 7.0]), (3.0, 0.5 * std::f32::consts::LOG2_E));

@@ -1,18 +1,19 @@
 //! `gemm` against the triple loop.
 
-use crate::{noise, threads};
+use crate::{matrix, noise, threads};
 use weaver_kernels::Real;
-use weaver_kernels::gemm::{Mat, gemm, gemm_batched, gemm_serial, gemm_strided};
+use weaver_kernels::gemm::{Mat, MatMut, gemm, gemm_batched, gemm_serial};
 use weaver_kernels::random::Stream;
 
-fn naive<T: Real>(ta: bool, tb: bool, [m, n, k]: [usize; 3], alpha: T, a: &[T], b: &[T], beta: T, c: &mut [T]) {
+fn naive<T: Real>(alpha: T, a: Mat<T>, b: Mat<T>, beta: T, c: &mut [T]) {
+    let (m, n, k) = (a.rows, b.cols, a.cols);
     for i in 0..m {
         for j in 0..n {
             // In f64, so that the twin's own rounding does not count.
             let mut sum = 0.0;
             for p in 0..k {
-                let x = if ta { a[p * m + i] } else { a[i * k + p] };
-                let y = if tb { b[j * k + p] } else { b[p * n + j] };
+                let x = a.data[i * a.row_stride + p * a.col_stride];
+                let y = b.data[p * b.row_stride + j * b.col_stride];
                 sum += x.to_f64() * y.to_f64();
             }
             let old = if beta == T::ZERO { T::ZERO } else { beta * c[i * n + j] };
@@ -27,8 +28,9 @@ fn agrees<T: Real>(ta: bool, tb: bool, [m, n, k]: [usize; 3], alpha: f64, beta: 
     let start = if beta == 0.0 { vec![T::from_f64(f64::NAN); m * n] } else { old };
     let (alpha, beta) = (T::from_f64(alpha), T::from_f64(beta));
     let (mut c, mut expected) = (start.clone(), start);
-    gemm(ta, tb, m, n, k, alpha, &a, &b, beta, &mut c);
-    naive(ta, tb, [m, n, k], alpha, &a, &b, beta, &mut expected);
+    let (a, b) = (matrix(&a, m, k, ta), matrix(&b, k, n, tb));
+    gemm(alpha, a, b, beta, MatMut::new(&mut c, m, n));
+    naive(alpha, a, b, beta, &mut expected);
     let tolerance = T::from_f64(8.0) * T::EPSILON * T::from_usize(k + 1).sqrt();
     for (i, (c, e)) in c.iter().zip(&expected).enumerate() {
         assert!((*c - *e).abs() <= tolerance * (T::ONE + e.abs()), "{m}x{n}x{k} {ta} {tb} at {i}: {c} {e}");
@@ -77,10 +79,13 @@ fn every_size<T: Real + PartialEq>() {
         }
         for m in 1..=MOST {
             for n in 1..=MOST {
-                let a = if (m + k) % 2 == 0 { Mat::new(&a, MOST) } else { Mat::new(&at, MOST).transposed() };
-                let b = if (n + k) % 2 == 0 { Mat::new(&b, MOST) } else { Mat::new(&bt, MOST).transposed() };
+                let window = |x, xt, rows, cols, transposed| match transposed {
+                    false => Mat::new(x, rows, cols).with_row_stride(MOST),
+                    true => Mat::new(xt, cols, rows).with_row_stride(MOST).transposed(),
+                };
+                let (a, b) = (window(&a, &at, m, k, (m + k) % 2 == 1), window(&b, &bt, k, n, (n + k) % 2 == 1));
                 let c = &mut c[..m * n];
-                gemm_serial(m, n, k, T::ONE, a, b, T::ZERO, c, n);
+                gemm_serial(T::ONE, a, b, T::ZERO, MatMut::new(c, m, n));
                 let same = c.chunks_exact(n).zip(expected.chunks_exact(MOST)).all(|(c, e)| c == &e[..n]);
                 assert!(same, "{m}x{n}x{k}");
             }
@@ -131,10 +136,11 @@ fn every_cut() {
         let (a, b) = (integers(m * k, 1), integers(k * n, 2));
         for (ta, tb) in [(false, false), (false, true), (true, false), (true, true)] {
             let mut expected = vec![0.0; m * n];
-            naive(ta, tb, [m, n, k], 1.0, &a, &b, 0.0, &mut expected);
+            let (a, b) = (matrix(&a, m, k, ta), matrix(&b, k, n, tb));
+            naive(1.0, a, b, 0.0, &mut expected);
             let c = threads(|| {
                 let mut c = vec![f32::NAN; m * n];
-                gemm(ta, tb, m, n, k, 1.0, &a, &b, 0.0, &mut c);
+                gemm(1.0, a, b, 0.0, MatMut::new(&mut c, m, n));
                 c
             });
             assert!(c == expected, "{m}x{n}x{k} {ta} {tb}");
@@ -147,10 +153,12 @@ fn batched_and_strided() {
     let (batch, m, n, k) = (5, 7, 9, 11);
     let (a, b) = (noise::<f64>(batch * m * k + 3, 1), noise::<f64>(k * n, 2));
     let mut c = vec![0.0; batch * (m * n + 2)];
-    gemm_batched(batch, false, true, m, n, k, 1.0, &a, m * k, &b, 0, 0.0, &mut c, m * n + 2);
+    let shared = Mat::new(&b, n, k).transposed();
+    let output = MatMut::new(&mut c, m, n).batch(m * n + 2);
+    gemm_batched(batch, 1.0, Mat::new(&a, m, k).batch(m * k), shared.batch(0), 0.0, output);
     for e in 0..batch {
         let mut expected = vec![0.0; m * n];
-        naive(false, true, [m, n, k], 1.0, &a[e * m * k..], &b, 0.0, &mut expected);
+        naive(1.0, Mat::new(&a[e * m * k..], m, k), shared, 0.0, &mut expected);
         for (c, e) in c[e * (m * n + 2)..].iter().zip(&expected) {
             assert!((c - e).abs() < 1e-13);
         }
@@ -159,9 +167,9 @@ fn batched_and_strided() {
     // A window of a wider matrix, every other column of A, C with gaps.
     let (wide, b) = (noise::<f64>(m * 3 * k, 4), noise::<f64>(k * n, 5));
     let (mut c, mut serial) = (vec![1.0; m * (n + 4)], vec![1.0; m * (n + 4)]);
-    let window = Mat { data: &wide, row_stride: 3 * k, col_stride: 2 };
-    gemm_strided(m, n, k, 2.0, window, Mat::new(&b, n), 1.0, &mut c, n + 4);
-    gemm_serial(m, n, k, 2.0, window, Mat::new(&b, n), 1.0, &mut serial, n + 4);
+    let window = Mat { data: &wide, rows: m, cols: k, row_stride: 3 * k, col_stride: 2 };
+    gemm(2.0, window, Mat::new(&b, k, n), 1.0, MatMut::new(&mut c, m, n).with_row_stride(n + 4));
+    gemm_serial(2.0, window, Mat::new(&b, k, n), 1.0, MatMut::new(&mut serial, m, n).with_row_stride(n + 4));
     assert_eq!(c, serial);
     for i in 0..m {
         for j in 0..n + 4 {
@@ -177,7 +185,7 @@ fn same_bits_at_any_thread_count() {
     let (a, b) = (noise::<f32>(m * k, 1), noise::<f32>(k * n, 2));
     threads(|| {
         let mut c = vec![0.0; m * n];
-        gemm(false, true, m, n, k, 1.0, &a, &b, 0.0, &mut c);
+        gemm(1.0, Mat::new(&a, m, k), Mat::new(&b, n, k).transposed(), 0.0, MatMut::new(&mut c, m, n));
         c
     });
 }
@@ -185,19 +193,36 @@ fn same_bits_at_any_thread_count() {
 #[test]
 #[should_panic(expected = "gemm: C is too short")]
 fn short_output_panics() {
-    gemm(false, false, 4, 4, 4, 1.0, &[0.0_f32; 16], &[0.0; 16], 0.0, &mut [0.0; 15]);
+    let square = Mat::new(&[0.0_f32; 16], 4, 4);
+    gemm(1.0, square, square, 0.0, MatMut::new(&mut [0.0; 15], 4, 4));
+}
+
+#[test]
+#[should_panic(expected = "rows and columns of B")]
+fn shapes_that_do_not_fit_panic() {
+    let x = [0.0_f32; 6];
+    gemm(1.0, Mat::new(&x, 2, 3), Mat::new(&x, 2, 3), 0.0, MatMut::new(&mut [0.0; 6], 2, 3));
+}
+
+#[test]
+#[should_panic(expected = "rows of A and of C")]
+fn an_output_of_other_rows_panics() {
+    let x = [0.0_f32; 4];
+    gemm(1.0, Mat::new(&x, 2, 2), Mat::new(&x, 2, 2), 0.0, MatMut::new(&mut [0.0; 6], 3, 2));
 }
 
 #[test]
 #[should_panic(expected = "C is too short")]
 fn rows_of_c_that_wrap_around_panic() {
     let (a, b, mut c) = ([1.0_f32; 2], [1.0; 2], [0.0; 4]);
-    gemm_strided(2, 2, 1, 1.0, Mat::new(&a, 1), Mat::new(&b, 2), 0.0, &mut c[1..], usize::MAX);
+    let far = MatMut::new(&mut c[1..], 2, 2).with_row_stride(usize::MAX);
+    gemm(1.0, Mat::new(&a, 2, 1), Mat::new(&b, 1, 2), 0.0, far);
 }
 
 #[test]
 #[should_panic(expected = "A is 1 x 2 x 2")]
 fn rows_of_a_that_wrap_around_panic() {
     let (x, b, mut c) = ([1.0_f32; 4], [1.0; 2], [0.0; 2]);
-    gemm_strided(2, 1, 2, 1.0, Mat::new(&x[1..], usize::MAX), Mat::new(&b, 1), 0.0, &mut c, 1);
+    let far = Mat::new(&x[1..], 2, 2).with_row_stride(usize::MAX);
+    gemm(1.0, far, Mat::new(&b, 2, 1), 0.0, MatMut::new(&mut c, 2, 1));
 }

@@ -17,6 +17,7 @@ mod special;
 mod twofold;
 
 use weaver_kernels::Real;
+use weaver_kernels::gemm::Mat;
 use weaver_kernels::random::Stream;
 
 /// `n` numbers, normally distributed.
@@ -49,6 +50,11 @@ fn assert_close<T: Real>(got: &[T], expected: &[f64], tolerance: f64, what: &str
         let error = (got.to_f64() - expected).abs();
         assert!(error <= tolerance * (1.0 + expected.abs()), "{what} at {i}: {got}, expected {expected}");
     }
+}
+
+/// A `rows` x `cols` matrix, stored as its transpose if so asked.
+fn matrix<T: Real>(data: &[T], rows: usize, cols: usize, transposed: bool) -> Mat<'_, T> {
+    if transposed { Mat::new(data, cols, rows).transposed() } else { Mat::new(data, rows, cols) }
 }
 
 /// The same numbers in `f64`.

@@ -1,4 +1,6 @@
-//! The products themselves, for each instruction set.
+//! The inner loops of the tile, for each instruction set.
+
+use super::{LeftOperand, OutputRows};
 
 /// Defines `multiply` for one vector type in terms of what is in scope: `LANES`, `zero`, `splat`, `load`, `store`, `mul_add`,
 /// `fetch`, `finish`; a tile is `$rows` high, two vectors wide.
@@ -8,15 +10,15 @@ macro_rules! products {
 
         $(#[$feature])*
         pub unsafe fn multiply(
-            size: [usize; 3], alpha: $t, a: *const $t, strides: [usize; 2], panel: *const $t, beta: $t, c: *mut $t, c_stride: usize,
+            size: [usize; 3], alpha: $t, a: LeftOperand<$t>, panel: *const $t, beta: $t, c: OutputRows<$t>,
         ) {
             let [rows, cols, depth] = size;
             // SAFETY: passed on from the caller.
             unsafe {
                 match (rows, cols <= LANES) {
                     $(
-                        ($row, true) => tile::<$row, 1>(cols, depth, alpha, a, strides, panel, beta, c, c_stride),
-                        ($row, false) => tile::<$row, 2>(cols, depth, alpha, a, strides, panel, beta, c, c_stride),
+                        ($row, true) => tile::<$row, 1>(cols, depth, alpha, a, panel, beta, c),
+                        ($row, false) => tile::<$row, 2>(cols, depth, alpha, a, panel, beta, c),
                     )*
                     _ => unreachable!("a tile has 1 to {ROWS} rows"),
                 }
@@ -25,10 +27,12 @@ macro_rules! products {
 
         $(#[$feature])*
         unsafe fn tile<const M: usize, const V: usize>(
-            cols: usize, depth: usize, alpha: $t, a: *const $t, strides: [usize; 2], panel: *const $t, beta: $t, c: *mut $t, c_stride: usize,
+            cols: usize, depth: usize, alpha: $t, a: LeftOperand<$t>, panel: *const $t, beta: $t, c: OutputRows<$t>,
         ) {
+            let LeftOperand { start: a, strides } = a;
+            let OutputRows { start: c, stride: c_stride } = c;
             let mut sums = [[zero(); V]; M];
-            // SAFETY: all offsets are inside what the caller vouches for.
+            // SAFETY: all offsets lie inside the memory that the caller guarantees.
             unsafe {
                 fetch::<M, V>(cols, c, c_stride);
                 for p in 0..depth {
@@ -59,20 +63,20 @@ macro_rules! products {
     };
 }
 
-/// Likewise `multiply_shifted` and `multiply_runs`.
+/// Defines `multiply_shifted` and `multiply_runs` for one vector type, in terms of what `products` needs.
 macro_rules! windows {
     ($t:ty, $($row:literal)*, $(#[$feature:meta])*) => {
         $(#[$feature])*
         pub unsafe fn multiply_shifted(
-            size: [usize; 2], a: *const $t, strides: [usize; 2], b: *const $t, offsets: &[usize], beta: $t, c: *mut $t, c_stride: usize,
+            size: [usize; 2], a: LeftOperand<$t>, b: *const $t, offsets: &[usize], beta: $t, c: OutputRows<$t>,
         ) {
             let [rows, cols] = size;
             // SAFETY: passed on from the caller.
             unsafe {
                 match (rows, cols <= LANES) {
                     $(
-                        ($row, true) => shifted::<$row, 1>(cols, a, strides, b, offsets, beta, c, c_stride),
-                        ($row, false) => shifted::<$row, 2>(cols, a, strides, b, offsets, beta, c, c_stride),
+                        ($row, true) => shifted::<$row, 1>(cols, a, b, offsets, beta, c),
+                        ($row, false) => shifted::<$row, 2>(cols, a, b, offsets, beta, c),
                     )*
                     _ => unreachable!("a tile has 1 to {ROWS} rows"),
                 }
@@ -81,10 +85,12 @@ macro_rules! windows {
 
         $(#[$feature])*
         unsafe fn shifted<const M: usize, const V: usize>(
-            cols: usize, a: *const $t, strides: [usize; 2], b: *const $t, offsets: &[usize], beta: $t, c: *mut $t, c_stride: usize,
+            cols: usize, a: LeftOperand<$t>, b: *const $t, offsets: &[usize], beta: $t, c: OutputRows<$t>,
         ) {
+            let LeftOperand { start: a, strides } = a;
+            let OutputRows { start: c, stride: c_stride } = c;
             let mut sums = [[zero(); V]; M];
-            // SAFETY: all offsets are inside what the caller vouches for.
+            // SAFETY: all offsets lie inside the memory that the caller guarantees.
             unsafe {
                 fetch::<M, V>(cols, c, c_stride);
                 for (p, offset) in offsets.iter().enumerate() {
@@ -115,14 +121,14 @@ macro_rules! windows {
 
         $(#[$feature])*
         pub unsafe fn multiply_runs(
-            size: [usize; 4], a: *const $t, offsets: &[usize], panel: *const $t, beta: $t, c: *mut $t, c_stride: usize,
+            size: [usize; 4], a: *const $t, offsets: &[usize], panel: *const $t, beta: $t, c: OutputRows<$t>,
         ) {
             // SAFETY: passed on from the caller.
             unsafe {
                 match (offsets.len(), size[0] <= LANES) {
                     $(
-                        ($row, true) => runs::<$row, 1>(size, a, offsets, panel, beta, c, c_stride),
-                        ($row, false) => runs::<$row, 2>(size, a, offsets, panel, beta, c, c_stride),
+                        ($row, true) => runs::<$row, 1>(size, a, offsets, panel, beta, c),
+                        ($row, false) => runs::<$row, 2>(size, a, offsets, panel, beta, c),
                     )*
                     _ => unreachable!("a tile has 1 to {ROWS} rows"),
                 }
@@ -131,11 +137,12 @@ macro_rules! windows {
 
         $(#[$feature])*
         unsafe fn runs<const M: usize, const V: usize>(
-            size: [usize; 4], a: *const $t, offsets: &[usize], mut panel: *const $t, beta: $t, c: *mut $t, c_stride: usize,
+            size: [usize; 4], a: *const $t, offsets: &[usize], mut panel: *const $t, beta: $t, c: OutputRows<$t>,
         ) {
             let [cols, depth, count, step] = size;
+            let OutputRows { start: c, stride: c_stride } = c;
             let mut sums = [[zero(); V]; M];
-            // SAFETY: all offsets are inside what the caller vouches for.
+            // SAFETY: all offsets lie inside the memory that the caller guarantees.
             unsafe {
                 fetch::<M, V>(cols, c, c_stride);
                 for run in 0..count {
@@ -173,10 +180,10 @@ macro_rules! windows {
     };
 }
 
-/// `fetch` and `finish`, in terms of `load_part`, `store_part` and `mul`, too.
+/// Defines `fetch` and `finish` for one vector type, in terms of `load_part`, `store_part` and `mul` as well.
 macro_rules! stores {
     ($t:ty, $(#[$feature:meta])*) => {
-        /// C is wanted after the loop over the depth, and comes from far away meanwhile.
+        /// Prefetches C, which is needed only after the loop over the depth.
         $(#[$feature])*
         #[inline]
         pub(super) fn fetch<const M: usize, const V: usize>(cols: usize, c: *const $t, c_stride: usize) {
@@ -192,7 +199,7 @@ macro_rules! stores {
         #[inline]
         pub(super) unsafe fn finish(sum: Vector, cols: usize, alpha: $t, beta: $t, c: *mut $t) {
             let (scale, mut sum) = (splat(beta), mul(splat(alpha), sum));
-            // SAFETY: the caller vouches for the elements.
+            // SAFETY: the caller guarantees the elements.
             unsafe {
                 if cols >= LANES {
                     if beta != 0.0 {
@@ -220,6 +227,7 @@ macro_rules! vector_tile {
     ) => {
         #[allow(unsafe_code)]
         pub mod $name {
+            use super::{LeftOperand, OutputRows};
             use std::arch::x86_64::*;
 
             pub const LANES: usize = $lanes;
@@ -248,19 +256,19 @@ macro_rules! vector_tile {
             #[inline]
             #[target_feature(enable = $features)]
             pub(super) unsafe fn load(p: *const $t) -> $v {
-                // SAFETY: the caller vouches for LANES elements.
+                // SAFETY: the caller guarantees LANES elements.
                 unsafe { $load(p) }
             }
             #[inline]
             #[target_feature(enable = $features)]
             pub(super) unsafe fn store(p: *mut $t, x: $v) {
-                // SAFETY: the caller vouches for LANES elements.
+                // SAFETY: the caller guarantees LANES elements.
                 unsafe { $store(p, x) }
             }
             #[inline]
             #[target_feature(enable = $features)]
             unsafe fn load_part(p: *const $t, count: usize) -> $v {
-                // SAFETY: masked lanes are not touched; the caller vouches for `count` elements.
+                // SAFETY: masked lanes are not accessed; the caller guarantees `count` elements.
                 unsafe {
                     let mask = $mask(count);
                     vector_tile!(@load $load_part, mask, p, $($load_arg)*)
@@ -269,7 +277,7 @@ macro_rules! vector_tile {
             #[inline]
             #[target_feature(enable = $features)]
             unsafe fn store_part(p: *mut $t, count: usize, x: $v) {
-                // SAFETY: masked lanes are not touched; the caller vouches for `count` elements.
+                // SAFETY: masked lanes are not accessed; the caller guarantees `count` elements.
                 unsafe { $store_part(p, $mask(count), x) }
             }
 
@@ -282,7 +290,7 @@ macro_rules! vector_tile {
     (@load $load:ident, $mask:ident, $p:ident, mask_last) => { $load($p, $mask) };
 }
 
-/// Eight set lanes and eight clear ones: a window of it is a mask for the first `count` lanes.
+/// Eight set lanes followed by eight clear ones: a window of it is a mask of the first `count` lanes.
 #[cfg(target_arch = "x86_64")]
 static WINDOW: [i32; 16] = [-1, -1, -1, -1, -1, -1, -1, -1, 0, 0, 0, 0, 0, 0, 0, 0];
 
@@ -311,11 +319,12 @@ vector_tile!(
     (|count: usize| _mm256_loadu_si256(super::WINDOW[8 - 2 * count..].as_ptr().cast())), _mm256_maskload_pd(mask_last), _mm256_maskstore_pd
 );
 
-/// Numbers that are pairs of bf16 each: a product is the sum of two.
+/// Tiles whose numbers are pairs of bf16: a product is the sum of two products.
 #[cfg(target_arch = "x86_64")]
 #[allow(unsafe_code)]
 pub mod avx512_pairs {
     use super::avx512_f32::{LANES, Vector, fetch, finish, load, splat, store, zero};
+    use super::{LeftOperand, OutputRows};
     use std::arch::x86_64::*;
 
     #[inline]
@@ -329,11 +338,13 @@ pub mod avx512_pairs {
     products!(f32, 12: 1 2 3 4 5 6 7 8 9 10 11 12, #[target_feature(enable = "avx512f,avx512bf16")]);
 }
 
-/// The same for any target: arrays that the compiler vectorizes as far as the baseline goes.
+/// The vector functions and the tile for any target: arrays, which the compiler vectorizes with the baseline instructions.
 macro_rules! portable_tile {
     ($name:ident, $t:ty, $lanes:literal) => {
         #[allow(unsafe_code)]
         pub mod $name {
+            use super::{LeftOperand, OutputRows};
+
             pub const LANES: usize = $lanes;
             type Vector = [$t; LANES];
 
@@ -356,7 +367,7 @@ macro_rules! portable_tile {
             }
             #[inline(always)]
             unsafe fn load(p: *const $t) -> Vector {
-                // SAFETY: the caller vouches for LANES elements; Vector has no more alignment than they.
+                // SAFETY: the caller guarantees LANES elements; Vector needs no more alignment than they have.
                 unsafe { p.cast::<Vector>().read() }
             }
             #[inline(always)]
@@ -366,13 +377,13 @@ macro_rules! portable_tile {
             }
             #[inline(always)]
             unsafe fn load_part(p: *const $t, count: usize) -> Vector {
-                // SAFETY: the caller vouches for `count` elements.
+                // SAFETY: the caller guarantees `count` elements.
                 std::array::from_fn(|i| if i < count { unsafe { *p.add(i) } } else { 0.0 })
             }
             #[inline(always)]
             unsafe fn store_part(p: *mut $t, count: usize, x: Vector) {
                 for i in 0..count {
-                    // SAFETY: the caller vouches for `count` elements.
+                    // SAFETY: the caller guarantees `count` elements.
                     unsafe { *p.add(i) = x[i] }
                 }
             }

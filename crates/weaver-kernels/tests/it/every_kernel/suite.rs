@@ -1,12 +1,12 @@
 //! Every kernel, at sizes drawn at random.
 
-use crate::noise;
+use crate::{matrix, noise};
 use half::{bf16, f16};
 use weaver_kernels::Real;
 use weaver_kernels::attention::*;
 use weaver_kernels::conv::*;
 use weaver_kernels::gelu::{gelu_backward, gelu_forward};
-use weaver_kernels::gemm::{Half, gemm, gemm_batched, gemm_half, gemm_half_scratch_len};
+use weaver_kernels::gemm::{Half, Mat, MatMut, gemm, gemm_batched, gemm_half, gemm_half_scratch_len};
 use weaver_kernels::layer_norm::*;
 use weaver_kernels::optim::{AdamW, lerp};
 use weaver_kernels::permute::permute;
@@ -83,7 +83,8 @@ impl<T: Real> Suite<T> {
             let [m, n, k] = [self.size(40), self.size(40), self.size(70)];
             self.linear(format!("gemm {m}x{n}x{k} {ta} {tb}"), [m * k, k * n, m * n], move |x| {
                 let mut c = x[2].clone();
-                gemm(ta, tb, m, n, k, T::ONE, &x[0], &x[1], beta, &mut c);
+                let (a, b) = (matrix(&x[0], m, k, ta), matrix(&x[1], k, n, tb));
+                gemm(T::ONE, a, b, beta, MatMut::new(&mut c, m, n));
                 c
             });
             let [batch, m, n, k] = [self.size(4), self.size(18), self.size(18), self.size(20)];
@@ -91,7 +92,8 @@ impl<T: Real> Suite<T> {
             let b_len = if shared == 0 { k * n } else { batch * k * n };
             self.linear(format!("gemm_batched {batch}x{m}x{n}x{k} {ta} {tb}"), [batch * m * k, b_len], move |x| {
                 let mut c = vec![T::ZERO; batch * m * n];
-                gemm_batched(batch, ta, tb, m, n, k, T::ONE, &x[0], m * k, &x[1], shared, T::ZERO, &mut c, m * n);
+                let (a, b) = (matrix(&x[0], m, k, ta).batch(m * k), matrix(&x[1], k, n, tb).batch(shared));
+                gemm_batched(batch, T::ONE, a, b, T::ZERO, MatMut::new(&mut c, m, n).batch(m * n));
                 c
             });
         }
@@ -101,7 +103,7 @@ impl<T: Real> Suite<T> {
         for (kernel, stride, pad) in [(3, 1, 1), (3, 2, 1), (1, 1, 0), (4, 4, 0), (5, 1, 2)] {
             let [n, c, o] = [1 + self.size(2) % 3, self.size(9), self.size(9)];
             let [h, w] = [kernel + self.size(12), kernel + self.size(20)];
-            let s = Conv2d { n, c, h, w, o, kh: kernel, kw: kernel, stride, pad };
+            let s = Conv2dShape { n, c, h, w, o, kh: kernel, kw: kernel, stride, pad };
             let (x_len, w_len, y_len) = (n * c * h * w, o * c * kernel * kernel, n * o * s.out_h() * s.out_w());
             self.linear(format!("conv2d {s:?}"), [x_len, w_len, o], move |x| {
                 let mut y = vec![T::ZERO; y_len];
@@ -130,7 +132,7 @@ impl<T: Real> Suite<T> {
         for kernel in [2, 4] {
             let [n, c, o] = [1 + self.size(2) % 3, self.size(9), self.size(9)];
             let [h, w] = [kernel * self.size(6), kernel * self.size(9)];
-            let s = Conv2d { n, c, h, w, o, kh: kernel, kw: kernel, stride: kernel, pad: 0 };
+            let s = Conv2dShape { n, c, h, w, o, kh: kernel, kw: kernel, stride: kernel, pad: 0 };
             let (image, w_len, maps) = (n * c * h * w, o * c * kernel * kernel, n * o * s.out_h() * s.out_w());
             self.linear(format!("conv_transpose2d {s:?}"), [maps, w_len, c], move |x| {
                 let mut y = vec![T::ZERO; image];
@@ -157,18 +159,18 @@ impl<T: Real> Suite<T> {
         for _ in 0..3 {
             let [batch, heads, queries, keys] = [1 + self.size(2) % 3, self.size(3), self.size(70), self.size(70)];
             let dim = self.size(20);
-            let s = Attention { batch, heads, queries, keys, dim };
+            let shape = AttentionShape { batch, heads, queries, keys, dim };
             let (q_at, k_at) = (Strides::tokens_first(queries, heads, dim), Strides::heads_first(keys, heads, dim));
             let (q_len, k_len) = (batch * heads * queries * dim, batch * heads * keys * dim);
-            self.curved(format!("attention {s:?}"), [q_len, k_len, k_len, q_len], move |x| {
+            self.curved(format!("attention {shape:?}"), [q_len, k_len, k_len, q_len], move |x| {
                 let (mut out, mut lse) = (vec![T::ZERO; q_len], vec![T::ZERO; batch * heads * queries]);
                 let (q, k, v) = ((&x[0][..], q_at), (&x[1][..], k_at), (&x[2][..], k_at));
-                let scale = T::from_f64(0.3);
-                attention_forward(&s, scale, q, k, v, (&mut out, q_at), &mut lse);
+                let inputs = AttentionInputs { shape, scale: T::from_f64(0.3), q, k, v };
+                attention_forward(&inputs, (&mut out, q_at), &mut lse);
                 let [mut dq, mut dk, mut dv] = [q_len, k_len, k_len].map(|n| vec![T::ZERO; n]);
-                let (tq, tk, tv) = ((&mut dq[..], T::ZERO), (&mut dk[..], T::ZERO), (&mut dv[..], T::ZERO));
-                let (tq, tk, tv) = (Some((tq, q_at)), Some((tk, k_at)), Some((tv, k_at)));
-                attention_backward(&s, scale, q, k, v, (&out, q_at), &lse, &x[3], tq, tk, tv);
+                let gradients = [(&mut dq, q_at), (&mut dk, k_at), (&mut dv, k_at)];
+                let gradients = gradients.map(|(d, at)| Some(((&mut d[..], T::ZERO), at)));
+                attention_backward(&inputs, &AttentionOutput { out: (&out, q_at), lse: &lse }, &x[3], gradients);
                 [out, lse, dq, dk, dv].concat()
             });
         }
@@ -194,7 +196,7 @@ impl<T: Real> Suite<T> {
                     w.iter().map(|w| (bf16::from_f32(*w), f16::from_f32(*w))).unzip();
                 let w = [Half::Bf16(&as_bf16), Half::F16(&as_f16), Half::Bf16Pairs(&as_bf16)][variant];
                 let (mut c, mut scratch) = (x[1].clone(), vec![T::ZERO; gemm_half_scratch_len(m, k, w)]);
-                gemm_half(m, n, k, &x[0], w, T::ONE, &mut c, &mut scratch);
+                gemm_half(Mat::new(&x[0], m, k), w, T::ONE, MatMut::new(&mut c, m, n), &mut scratch);
                 c
             });
         }
