@@ -18,7 +18,7 @@ mod var;
 pub use dual::Dual;
 pub use op::{Grad, Op, View, ViewMut};
 pub use ops::pointwise_ops::apply_pointwise;
-pub use params::{HalfValues, Param, ParamId, ParamValues, Params};
+pub use params::{HalfValues, Param, ParamId, ParamValues, Params, ReplaceError};
 pub use pointwise::{Pointwise, PointwiseOp};
 pub use pool::{Buffer, Pool};
 pub use profile::{OpMemory, OpTime, Phase, TraceEvent};

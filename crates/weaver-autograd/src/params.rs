@@ -86,6 +86,20 @@ impl<T: Real> ParamValues<T> {
     }
 }
 
+/// Why numbers are no rows of a parameter; see [`Params::replace`].
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("parameter `{name}`: expected {expected} numbers for {rows} rows, found {found}")]
+pub struct ReplaceError {
+    /// The parameter's name.
+    pub name: String,
+    /// The rows it was to have.
+    pub rows: usize,
+    /// The numbers that they need.
+    pub expected: usize,
+    /// The numbers given.
+    pub found: usize,
+}
+
 /// One trainable tensor.
 #[derive(Clone, Debug)]
 pub struct Param<T: Real> {
@@ -164,6 +178,36 @@ impl<T: Real> Params<T> {
         let param = &mut Arc::make_mut(&mut self.list)[id.index()];
         assert_eq!(values.len(), param.shape.len(), "values of parameter {} of shape {}", param.name, param.shape);
         param.values = values;
+    }
+
+    /// Gives a parameter other rows: its name and all its dimensions but the first stay. Whatever else has a number for each of
+    /// its numbers (an optimizer's moments, averages) must change with it; a tape must be reset first.
+    ///
+    /// Panics if the parameter is a scalar, which has no rows.
+    ///
+    /// ```
+    /// use weaver_autograd::Params;
+    /// let mut params = Params::<f32>::new();
+    /// let points = params.add("points", [1, 3], vec![0.0; 3]);
+    /// params.replace(points, 2, vec![1.0; 6])?;
+    /// assert_eq!(params.get(points).shape(), [2, 3].into());
+    /// let error = params.replace(points, 2, vec![1.0; 7]).unwrap_err();
+    /// assert_eq!(error.to_string(), "parameter `points`: expected 6 numbers for 2 rows, found 7");
+    /// # Ok::<(), weaver_autograd::ReplaceError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// When the numbers are not as many as the rows need; the parameter is then left as it was.
+    pub fn replace(&mut self, id: ParamId, rows: usize, values: Vec<T>) -> Result<(), ReplaceError> {
+        let param = &mut Arc::make_mut(&mut self.list)[id.index()];
+        assert!(param.shape.rank() > 0, "parameter {} is a scalar, which has no rows", param.name);
+        let shape = param.shape.with_axis(0, rows);
+        if values.len() != shape.len() {
+            let (name, expected, found) = (param.name.clone(), shape.len(), values.len());
+            return Err(ReplaceError { name, rows, expected, found });
+        }
+        (param.shape, param.values) = (shape, ParamValues::Owned(Arc::new(values)));
+        Ok(())
     }
 
     /// The parameter with this id.

@@ -1,8 +1,10 @@
-//! AdamW.
+//! AdamW, for all rows of a parameter or for some.
 
+use crate::rows::{check, extent};
+use crate::{RowError, RowMap, RowSet, RowSource};
 use std::collections::BTreeMap;
 use weaver_autograd::{ParamId, Params, Real, Tape};
-use weaver_kernels::optim;
+use weaver_kernels::optim::{self, SparseRows};
 
 /// Parameters that are trained alike.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,13 +24,16 @@ pub struct Moments<T> {
     pub first: Vec<T>,
     /// Of the squared gradient.
     pub second: Vec<T>,
+    /// For each row the step up to which its moments have been decayed; empty when that is the last step for all of them.
+    pub row_steps: Vec<u64>,
 }
 
 /// Adam with decoupled weight decay (Loshchilov and Hutter, arXiv 1711.05101):
-/// p = p (1 - lr decay) - lr m^ / (sqrt(v^) + eps), bias-corrected.
+/// p = p (1 - lr decay) - lr m^ / (sqrt(v^) + eps), with m = beta1 m + (1 - beta1) g, m^ = m / (1 - beta1^t), and v of g^2 likewise.
 ///
 /// The moments of a parameter are allocated at its first gradient; from then on a step allocates nothing. A parameter that
-/// received no gradient in a step is left as it is, weight decay included.
+/// received no gradient in a step is left as it is, weight decay included, and does not count the step. When a parameter gets
+/// other rows, its moments must follow: [`remap_rows`](Self::remap_rows).
 ///
 /// ```
 /// use weaver_autograd::{Params, Tape};
@@ -63,13 +68,53 @@ impl<T: Real> AdamW<T> {
     }
 
     /// One step along the gradients that the tape holds. The tape lets go of the parameters' values, so that they change in
-    /// place; reset it next.
+    /// place; reset it next. Panics if a parameter has got other rows and its moments have not.
     pub fn step(&mut self, params: &mut Params<T>, tape: &mut Tape<T>, lr: f64) {
         self.step_scaled(params, tape, lr, 1.0);
     }
 
-    /// The same with all gradients multiplied by a factor, as from [`clip_factor`](crate::clip_factor).
+    /// One [`step`](Self::step) with all gradients multiplied by a factor, as from [`clip_factor`](crate::clip_factor).
     pub fn step_scaled(&mut self, params: &mut Params<T>, tape: &mut Tape<T>, lr: f64, gradient_scale: f64) {
+        self.step_rows(params, tape, lr, gradient_scale, |_| None).unwrap_or_else(|error| panic!("{error}"));
+    }
+
+    /// One step in which a parameter may be updated in some of its rows only: `rows` names them, or is `None` for all. A fitted
+    /// scene of which a view sees a part is such a case.
+    ///
+    /// A row that is left out keeps its values, weight decay included. Its moments are decayed when it next takes part: with
+    /// steps t and s < t in which it did, m = beta1^(t - s) m + (1 - beta1) g, and v likewise. The bias correction is that of
+    /// step t of the whole parameter. Dense AdamW with a gradient of zero brings the moments to the same values, up to rounding,
+    /// but goes on moving the row by the decaying mean, and shrinks it by weight decay, in each of the steps between. With all
+    /// rows in every step the bits are those of [`step_scaled`](Self::step_scaled).
+    ///
+    /// ```
+    /// use weaver_autograd::{Params, Tape};
+    /// use weaver_nn::{AdamW, Group, RowSet};
+    /// let mut params = Params::<f64>::new();
+    /// let w = params.add("w", [2, 1], vec![1.0, 1.0]);
+    /// let mut optimizer = AdamW::new(vec![Group { params: vec![w], lr_scale: 1.0, weight_decay: 0.0 }], 0.9, 0.95, 1e-8);
+    /// let mut tape = Tape::new();
+    /// (tape.param(&params, w).slice(0, 1, 1)).sum().backward(); // of the second row
+    /// let rows = RowSet::with_gradient(&params, &tape, w);
+    /// optimizer.step_rows(&mut params, &mut tape, 0.1, 1.0, |_| Some(&rows))?;
+    /// assert_eq!(params.get(w).value()[0], 1.0);
+    /// assert!((params.get(w).value()[1] - 0.9).abs() < 1e-8);
+    /// # Ok::<(), weaver_nn::RowError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// When a parameter, its gradient, its moments and the chosen rows do not have equally many rows; nothing is then changed.
+    pub fn step_rows<'r>(
+        &mut self,
+        params: &mut Params<T>,
+        tape: &mut Tape<T>,
+        lr: f64,
+        gradient_scale: f64,
+        rows: impl Fn(ParamId) -> Option<&'r RowSet>,
+    ) -> Result<(), RowError> {
+        for &id in self.groups.iter().flat_map(|group| &group.params) {
+            self.check_rows(params, tape, id, rows(id))?;
+        }
         tape.release_params();
         for group in &self.groups {
             let update = optim::AdamW {
@@ -85,13 +130,72 @@ impl<T: Real> AdamW<T> {
                 if self.state.len() <= id.index() {
                     self.state.resize_with(params.len(), Default::default);
                 }
-                let (steps, Moments { first, second }) = &mut self.state[id.index()];
+                let (total, _) = extent(params.get(id).shape());
+                let (steps, Moments { first, second, row_steps }) = &mut self.state[id.index()];
                 first.resize(gradient.len(), T::ZERO);
                 second.resize(gradient.len(), T::ZERO);
+                let partial = rows(id).filter(|rows| rows.rows().len() < total);
+                if partial.is_some() && row_steps.is_empty() {
+                    row_steps.resize(total, *steps);
+                }
                 *steps += 1;
-                update.step(*steps, params.value_mut(id), &gradient, first, second);
+                let values = params.value_mut(id);
+                match partial {
+                    _ if row_steps.is_empty() => update.step(*steps, values, &gradient, first, second),
+                    Some(rows) => {
+                        let rows = SparseRows { rows: rows.rows(), row_steps };
+                        update.step_rows(*steps, values, &gradient, first, second, rows);
+                    }
+                    None => {
+                        let rows: Vec<u32> = (0..total as u32).collect();
+                        let rows = SparseRows { rows: &rows, row_steps };
+                        update.step_rows(*steps, values, &gradient, first, second, rows);
+                        row_steps.clear();
+                    }
+                }
             }
         }
+        Ok(())
+    }
+
+    /// Whether everything that belongs to a parameter that is to be updated has as many rows as it.
+    fn check_rows(
+        &self,
+        params: &Params<T>,
+        tape: &Tape<T>,
+        id: ParamId,
+        rows: Option<&RowSet>,
+    ) -> Result<(), RowError> {
+        let Some(gradient) = tape.param_grad(id) else { return Ok(()) };
+        let (total, width) = extent(params.get(id).shape());
+        let rows_in = |numbers: usize| numbers.checked_div(width).unwrap_or(total);
+        check(params, id, "gradient", total, rows_in(gradient.len()))?;
+        if let Some((1.., moments)) = self.state.get(id.index()) {
+            check(params, id, "moments", total, rows_in(moments.first.len()))?;
+        }
+        rows.map_or(Ok(()), |rows| check(params, id, "row set", total, rows.total()))
+    }
+
+    /// Gives the moments of a parameter other rows, as [`RowMap::apply`] does to its values.
+    ///
+    /// # Errors
+    /// When the moments do not have the rows that the map begins with; they are then left as they were.
+    pub fn remap_rows(&mut self, params: &Params<T>, id: ParamId, map: &RowMap) -> Result<(), RowError> {
+        let Some((steps @ 1.., moments)) = self.state.get_mut(id.index()) else { return Ok(()) };
+        let (_, width) = extent(params.get(id).shape());
+        let rows = moments.first.len().checked_div(width).unwrap_or(map.old_rows());
+        check(params, id, "row map", rows, map.old_rows())?;
+        moments.first = map.rearranged(width, &moments.first, false);
+        moments.second = map.rearranged(width, &moments.second, false);
+        if !moments.row_steps.is_empty() {
+            // Moments of zero need no decay.
+            let step_of = |source: &RowSource| match *source {
+                RowSource::Keep(row) => moments.row_steps[row as usize],
+                RowSource::Copy(_) | RowSource::New => *steps,
+            };
+            moments.row_steps = map.sources().iter().map(step_of).collect();
+        }
+        Ok(())
     }
 
     /// The state of every parameter that has taken a step, by name: the number of its steps and its moments.
@@ -110,9 +214,13 @@ impl<T: Real> AdamW<T> {
         let mut list = vec![Default::default(); params.len()];
         for (name, (steps, moments)) in state {
             let Some(id) = params.find(&name) else { return Err(StateError::Unknown { name }) };
-            let (expected, found) = (params.get(id).shape().len(), moments.first.len());
-            if [found, moments.second.len()] != [expected; 2] {
+            let expected = params.get(id).shape().len();
+            if let Some(found) = [moments.first.len(), moments.second.len()].into_iter().find(|len| *len != expected) {
                 return Err(StateError::Size { name, expected, found });
+            }
+            let (expected, found) = (extent(params.get(id).shape()).0, moments.row_steps.len());
+            if found > 0 && found != expected {
+                return Err(StateError::RowSteps { name, expected, found });
             }
             list[id.index()] = (steps, moments);
         }
@@ -140,6 +248,16 @@ pub enum StateError {
         /// The size of what was stored.
         found: usize,
     },
+    /// The parameter has another number of rows.
+    #[error("stored steps of the rows of `{name}`: expected {expected}, found {found}")]
+    RowSteps {
+        /// The parameter's name.
+        name: String,
+        /// Its rows.
+        expected: usize,
+        /// The rows whose steps were stored.
+        found: usize,
+    },
 }
 
 #[cfg(test)]
@@ -157,7 +275,7 @@ mod tests {
         let mut optimizer = AdamW::<f32>::new(Vec::new(), 0.9, 0.95, 1e-8);
         for name in ["absent", "half"] {
             let state = |len| {
-                let moments = Moments { first: vec![0.0; len], second: vec![0.0; len] };
+                let moments = Moments { first: vec![0.0; len], second: vec![0.0; len], row_steps: Vec::new() };
                 BTreeMap::from([(name.to_string(), (1, moments))])
             };
             let error = StateError::Size { name: name.into(), expected: 2, found: 3 };

@@ -1,8 +1,9 @@
 //! Averages of the weights over the steps of training.
 
-use crate::StateError;
+use crate::rows::{check, extent};
+use crate::{RowError, RowMap, RowSource, StateError};
 use std::collections::BTreeMap;
-use weaver_autograd::{Params, Real};
+use weaver_autograd::{ParamId, Params, Real};
 use weaver_kernels::optim::lerp;
 
 /// An exponential moving average of all parameters: a = d a + (1 - d) p after every step, with
@@ -33,11 +34,12 @@ impl<T: Real> Ema<T> {
         Self { decay, steps: 0, average: params.iter().map(|(_, p)| p.value().to_vec()).collect() }
     }
 
-    /// Takes in the parameters after a step.
+    /// Takes in the parameters after a step. Panics if one has got other rows and its average has not.
     pub fn update(&mut self, params: &Params<T>) {
         let k = self.steps as f64;
         let decay = T::from_f64(self.decay.min((k + 1.0) / (k + 10.0)));
         for ((_, param), average) in params.iter().zip(&mut self.average) {
+            assert_eq!(average.len(), param.shape().len(), "numbers in the average of parameter `{}`", param.name());
             lerp(average, param.value(), decay);
         }
         self.steps += 1;
@@ -48,6 +50,26 @@ impl<T: Real> Ema<T> {
         for (id, average) in params.ids().zip(&mut self.average) {
             params.value_mut(id).swap_with_slice(average);
         }
+    }
+
+    /// Gives the average of a parameter other rows, after [`RowMap::apply`] has given them to its values. A row that was kept or
+    /// copied has the average of its source; that of a new one begins at its present values.
+    ///
+    /// # Errors
+    /// When the average does not have the rows that the map begins with, or the parameter those that it ends with; the average is
+    /// then left as it was.
+    pub fn remap_rows(&mut self, params: &Params<T>, id: ParamId, map: &RowMap) -> Result<(), RowError> {
+        let (rows, width) = extent(params.get(id).shape());
+        let average = &mut self.average[id.index()];
+        check(params, id, "row map", average.len().checked_div(width).unwrap_or(map.old_rows()), map.old_rows())?;
+        check(params, id, "values", map.sources().len(), rows)?;
+        let mut remapped = map.rearranged(width, average, true);
+        let new = (0..).zip(map.sources()).filter(|(_, source)| **source == RowSource::New);
+        for numbers in new.map(|(row, _)| row * width..(row + 1) * width) {
+            remapped[numbers.clone()].copy_from_slice(&params.get(id).value()[numbers]);
+        }
+        *average = remapped;
+        Ok(())
     }
 
     /// How many steps were taken in.
@@ -70,7 +92,7 @@ impl<T: Real> Ema<T> {
     ) -> Result<(), StateError> {
         for (name, average) in averages {
             let Some(id) = params.find(&name) else { return Err(StateError::Unknown { name }) };
-            let (expected, found) = (self.average[id.index()].len(), average.len());
+            let (expected, found) = (params.get(id).shape().len(), average.len());
             if expected != found {
                 return Err(StateError::Size { name, expected, found });
             }

@@ -13,6 +13,7 @@ mod gradients;
 mod layer_norm;
 mod linear;
 mod mlp;
+mod rows;
 mod schedule;
 
 pub use adamw::{AdamW, Group, Moments, StateError};
@@ -26,6 +27,7 @@ pub use gradients::{clip_factor, clip_global_norm, global_norm, missing_gradient
 pub use layer_norm::LayerNorm;
 pub use linear::Linear;
 pub use mlp::Mlp;
+pub use rows::{RowError, RowMap, RowSet, RowSource};
 pub use schedule::{PublishedSchedule, WarmupCosine};
 
 /// The example of the README, compiled and run.

@@ -11,7 +11,7 @@ use weaver_nn::{AdamW, Ema, Moments};
 /// What changes while a run trains: parameters, moments and averages.
 ///
 /// A checkpoint holds it as tensors `param.NAME`, `ema.NAME`, and, of parameters that the optimizer has moved,
-/// `moment1.NAME`, `moment2.NAME` and `moment_steps.NAME`. Randomness needs no state of its own: it is a function of the
+/// `moment1.NAME`, `moment2.NAME`, `moment_steps.NAME` and, after steps of some rows only, `moment_row_steps.NAME`. Randomness needs no state of its own: it is a function of the
 /// seed and the step.
 #[derive(Clone, Copy, Debug)]
 pub struct TrainingState<'a> {
@@ -57,6 +57,10 @@ impl TrainingState<'_> {
             tensors.insert(format!("moment1.{name}"), shape_of(name).dims(), moments.first.clone());
             tensors.insert(format!("moment2.{name}"), shape_of(name).dims(), moments.second.clone());
             tensors.insert(format!("moment_steps.{name}"), &[1], vec![steps]);
+            if !moments.row_steps.is_empty() {
+                let rows = moments.row_steps.len();
+                tensors.insert(format!("moment_row_steps.{name}"), &[rows], moments.row_steps.clone());
+            }
         }
         Ok(tensors.write(path)?)
     }
@@ -82,7 +86,13 @@ impl TrainingState<'_> {
             let read = |prefix: &str| tensors.values::<f32>(&format!("{prefix}.{name}"), param.shape().dims());
             averages.insert(name.to_string(), read("ema")?.to_vec());
             if tensors.tensors.contains_key(&format!("moment1.{name}")) {
-                let moments = Moments { first: read("moment1")?.to_vec(), second: read("moment2")?.to_vec() };
+                let (shape, row_steps) = (param.shape(), format!("moment_row_steps.{name}"));
+                let row_steps = match shape.dims().first().filter(|_| tensors.tensors.contains_key(&row_steps)) {
+                    Some(rows) => tensors.values::<u64>(&row_steps, &[*rows])?.to_vec(),
+                    None => Vec::new(),
+                };
+                let (first, second) = (read("moment1")?.to_vec(), read("moment2")?.to_vec());
+                let moments = Moments { first, second, row_steps };
                 let steps = tensors.values::<u64>(&format!("moment_steps.{name}"), &[1])?[0];
                 state.insert(name.to_string(), (steps, moments));
             }

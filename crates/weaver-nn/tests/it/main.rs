@@ -3,4 +3,5 @@
 mod allocation;
 mod layers;
 mod messages;
+mod rows;
 mod training;
