@@ -14,13 +14,12 @@ mod backward;
 mod measure;
 mod nested;
 mod parameters;
+mod part;
 mod path;
-mod release;
 
 pub use measure::NodeView;
 pub(crate) use nested::Surroundings;
-pub use path::Scope;
-pub use release::Mark;
+pub use part::Outputs;
 
 /// Index of a value on the tape.
 pub(crate) type ValueId = u32;
@@ -32,7 +31,7 @@ enum Storage<T: Real> {
     Pooled(Buffer<T>),
     Shared(Arc<dyn AsRef<[T]> + Send + Sync>),
     Half(HalfValues),
-    /// Given back; see [`Tape::keep_only`].
+    /// Given back; see [`Tape::outputs_of`].
     Released,
 }
 
@@ -52,7 +51,9 @@ impl<T: Real> Storage<T> {
             Self::Pooled(buffer) => buffer,
             Self::Shared(data) => (**data).as_ref(),
             Self::Half(_) => panic!("a parameter in half precision is read by the layer that multiplies by it alone"),
-            Self::Released => panic!("this value was given back when nothing was recorded; it must be kept"),
+            Self::Released => panic!(
+                "this value was computed in a part of the model that did not return it; it was given back, since nothing is recorded"
+            ),
         }
     }
 
@@ -219,6 +220,12 @@ impl<T: Real> Tape<T> {
         let shape = shape.into();
         let mut buffer = self.pool.filled(shape.len(), T::ZERO);
         f(&mut buffer);
+        self.push_source(Storage::Pooled(buffer), shape, false)
+    }
+
+    /// A constant in a buffer that was filled before, without a copy.
+    pub fn constant_of(&self, buffer: Buffer<T>, shape: impl Into<Shape>) -> Var<'_, T> {
+        let shape = self.checked(buffer.len(), shape);
         self.push_source(Storage::Pooled(buffer), shape, false)
     }
 

@@ -57,27 +57,37 @@ impl Attention {
         x: Var<'t, T>,
         rope: Option<&RopeTable<T>>,
     ) -> Var<'t, T> {
-        let _layer = cx.layer(self.qkv.weight, "qkv.weight");
+        cx.layer(self.qkv.weight, "qkv.weight", || {
+            let heads = cx.tape.outputs_of(|| {
+                let (q, k, v) = self.queries_keys_values(cx, x, rope);
+                ops::attention(q, k, v, 1.0 / (q.shape().last() as f64).sqrt())
+            });
+            self.proj.forward(cx, heads.reshape(x.shape()))
+        })
+    }
+
+    /// Queries, keys and values `[B, N, heads, D / heads]`, normalized and turned.
+    fn queries_keys_values<'t, T: Real>(
+        &self,
+        cx: Context<'t, '_, T>,
+        x: Var<'t, T>,
+        rope: Option<&RopeTable<T>>,
+    ) -> (Var<'t, T>, Var<'t, T>, Var<'t, T>) {
         let (shape, width) = (x.shape(), cx.params.get(self.proj.weight).shape()[0]);
         let fits = shape.rank() == 3 && shape[2] == width;
         cx.tape.ensure_shapes(fits, "attention", format_args!("x [B, N, {width}]"), &[shape]);
         let (batch, tokens) = (shape[0], shape[1]);
-        let head = width / self.heads;
-        let mark = cx.tape.mark();
-        let qkv = ops::split(self.qkv.forward(cx, x), 2, &[width; 3]);
-        cx.tape.keep_only(mark, &qkv);
-        let [q, k, v] = [0, 1, 2].map(|i| qkv[i].reshape([batch, tokens, self.heads, head]));
-        let (q, k) = match &self.norms {
-            Some((q_norm, k_norm)) => (q_norm.forward(cx, q), k_norm.forward(cx, k)),
-            None => (q, k),
-        };
-        let (q, k) = match rope {
-            Some(table) => (q.rope2d(table), k.rope2d(table)),
-            None => (q, k),
-        };
-        cx.tape.keep_only(mark, &[q, k, v]);
-        let y = ops::attention(q, k, v, 1.0 / (head as f64).sqrt());
-        cx.tape.keep_only(mark, &[y]);
-        self.proj.forward(cx, y.reshape(shape))
+        cx.tape.outputs_of(|| {
+            let qkv = cx.tape.outputs_of(|| ops::split(self.qkv.forward(cx, x), 2, &[width; 3]));
+            let [q, k, v] = [0, 1, 2].map(|i| qkv[i].reshape([batch, tokens, self.heads, width / self.heads]));
+            let (q, k) = match &self.norms {
+                Some((q_norm, k_norm)) => (q_norm.forward(cx, q), k_norm.forward(cx, k)),
+                None => (q, k),
+            };
+            match rope {
+                Some(table) => (q.rope2d(table), k.rope2d(table), v),
+                None => (q, k, v),
+            }
+        })
     }
 }

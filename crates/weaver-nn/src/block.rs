@@ -82,9 +82,9 @@ impl Block {
         x: Var<'t, T>,
         rope: Option<&RopeTable<T>>,
     ) -> Var<'t, T> {
-        let _layer = cx.layer(self.norm1.weight, "norm1.weight");
-        cx.tape.result_of(|| {
-            let x = cx.tape.result_of(|| add(cx, x, self.ls1, self.attn.forward(cx, self.norm1.forward(cx, x), rope)));
+        cx.layer(self.norm1.weight, "norm1.weight", || {
+            let attend = || add(cx, x, self.ls1, self.attn.forward(cx, self.norm1.forward(cx, x), rope));
+            let x = cx.tape.outputs_of(attend);
             add(cx, x, self.ls2, self.mlp.forward(cx, self.norm2.forward(cx, x)))
         })
     }

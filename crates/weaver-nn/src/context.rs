@@ -1,6 +1,7 @@
 //! What a layer needs at run time: the tape to run on and the parameters to read.
 
-use weaver_autograd::{ParamId, Params, Real, Scope, Tape, Var};
+use std::fmt::Display;
+use weaver_autograd::{Outputs, ParamId, Params, Real, Tape, Var};
 
 /// A tape and the parameters used on it; `Copy`, passed to every layer's `forward`.
 ///
@@ -32,15 +33,16 @@ impl<'t, 'p, T: Real> Context<'t, 'p, T> {
         self.tape.param(self.params, id)
     }
 
-    /// Appends a name to the model path of messages while the guard lives.
-    pub fn scope(&self, name: impl std::fmt::Display) -> Scope<'t, T> {
-        self.tape.scope(name)
+    /// Runs a part of the model below the model path ([`Tape::part`]): of its memory only what it returns stays.
+    pub fn part<R: Outputs<T>>(&self, name: impl Display, f: impl FnOnce() -> R) -> R {
+        self.tape.part(name, f)
     }
 
-    /// Makes the path of a layer the model path while the guard lives. It comes from the name of the layer's parameter `id`, which
-    /// the layer itself knows as `name`: `encoder.block.3.attn.qkv` from `weight` of `encoder.block.3.attn.qkv.weight`.
-    pub fn layer(&self, id: ParamId, name: &str) -> Scope<'t, T> {
+    /// Runs a layer at its own path ([`Tape::part_at`]): of its memory only what it returns stays. The path comes from the name of
+    /// the layer's parameter `id`, which the layer itself knows as `name`: `encoder.block.3.attn.qkv` from `weight` of
+    /// `encoder.block.3.attn.qkv.weight`.
+    pub fn layer<R: Outputs<T>>(&self, id: ParamId, name: &str, f: impl FnOnce() -> R) -> R {
         let path = self.params.get(id).name().strip_suffix(name).unwrap_or_default();
-        self.tape.scope_at(path.trim_end_matches('.'))
+        self.tape.part_at(path.trim_end_matches('.'), f)
     }
 }

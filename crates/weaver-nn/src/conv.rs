@@ -67,8 +67,9 @@ impl Conv2d {
     /// Applies it to x `[N, in, H, W]`, which gives `[N, out, H', W']` with H' = (H + 2 padding - k) / stride + 1, rounded down.
     /// Differentiable in x and the parameters.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
-        let _layer = cx.layer(self.weight, "weight");
-        ops::conv2d(x, cx.param(self.weight), self.bias.map(|b| cx.param(b)), self.stride, self.padding)
+        cx.layer(self.weight, "weight", || {
+            ops::conv2d(x, cx.param(self.weight), self.bias.map(|b| cx.param(b)), self.stride, self.padding)
+        })
     }
 }
 
@@ -111,7 +112,8 @@ impl ConvTranspose2d {
 
     /// Applies it to x `[N, in, H, W]`, which gives `[N, out, factor H, factor W]`. Differentiable in x and the parameters.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
-        let _layer = cx.layer(self.weight, "weight");
-        ops::conv_transpose2d(x, cx.param(self.weight), Some(cx.param(self.bias)), self.stride)
+        cx.layer(self.weight, "weight", || {
+            ops::conv_transpose2d(x, cx.param(self.weight), Some(cx.param(self.bias)), self.stride)
+        })
     }
 }

@@ -34,7 +34,6 @@ impl LayerNorm {
 
     /// Applies it to x `[.., D]`, which gives the same shape. Differentiable in x and both parameters.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
-        let _layer = cx.layer(self.weight, "weight");
-        x.layer_norm(Some((cx.param(self.weight), cx.param(self.bias))), self.eps)
+        cx.layer(self.weight, "weight", || x.layer_norm(Some((cx.param(self.weight), cx.param(self.bias))), self.eps))
     }
 }

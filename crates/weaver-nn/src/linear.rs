@@ -48,7 +48,8 @@ impl Linear {
         x: Var<'t, T>,
         activation: Activation,
     ) -> Var<'t, T> {
-        let _layer = cx.layer(self.weight, "weight");
-        ops::linear(x, cx.param(self.weight), self.bias.map(|b| cx.param(b)), activation)
+        cx.layer(self.weight, "weight", || {
+            ops::linear(x, cx.param(self.weight), self.bias.map(|b| cx.param(b)), activation)
+        })
     }
 }

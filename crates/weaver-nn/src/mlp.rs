@@ -40,7 +40,6 @@ impl Mlp {
 
     /// Applies it to x `[.., in]`, which gives `[.., out]`. Differentiable in x and the parameters.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
-        let _layer = cx.layer(self.fc1.weight, "fc1.weight");
-        self.fc2.forward(cx, self.fc1.forward_with(cx, x, Activation::Gelu))
+        cx.layer(self.fc1.weight, "fc1.weight", || self.fc2.forward(cx, self.fc1.forward_with(cx, x, Activation::Gelu)))
     }
 }

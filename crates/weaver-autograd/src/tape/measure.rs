@@ -104,9 +104,7 @@ impl<T: Real> Tape<T> {
     /// use weaver_autograd::Tape;
     /// let tape = Tape::<f32>::new();
     /// let x = tape.leaf(&[-1.0, 2.0, -3.0], [3]);
-    /// let layer = tape.scope("layer");
-    /// x.relu();
-    /// drop(layer);
+    /// tape.part("layer", || x.relu());
     /// let mut silent = Vec::new();
     /// tape.for_each_node(|node| {
     ///     let zeros = node.outputs[0].iter().filter(|y| **y == 0.0).count();

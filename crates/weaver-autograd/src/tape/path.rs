@@ -5,15 +5,14 @@ use crate::{Shape, ShapeError};
 use std::fmt::{Display, Write};
 use weaver_kernels::Real;
 
-/// Keeps a path in force; see [`Tape::scope`] and [`Tape::scope_at`].
-#[derive(Debug)]
-pub struct Scope<'t, T: Real> {
+/// Keeps a path in force until it is dropped, by a panic, too.
+pub(super) struct PathGuard<'t, T: Real> {
     tape: &'t Tape<T>,
     /// Where the text of paths ended before, and where its last path began.
     before: [usize; 2],
 }
 
-impl<T: Real> Drop for Scope<'_, T> {
+impl<T: Real> Drop for PathGuard<'_, T> {
     fn drop(&mut self) {
         let [end, start] = self.before;
         let record = &mut *self.tape.record.borrow_mut();
@@ -33,31 +32,30 @@ impl<T: Real> Record<T> {
 }
 
 impl<T: Real> Tape<T> {
-    /// Appends `name` to the model path until the guard is dropped: `encoder`, then `encoder.block`, ...
-    pub fn scope(&self, name: impl Display) -> Scope<'_, T> {
+    /// Appends `name` to the model path until the guard is dropped.
+    pub(super) fn append_path(&self, name: impl Display) -> PathGuard<'_, T> {
         let record = &mut *self.record.borrow_mut();
         let before = [record.path.len(), record.path_start];
         let dot = if record.path().is_empty() { "" } else { "." };
         write!(record.path, "{dot}{name}").expect("writing to a string cannot fail");
-        Scope { tape: self, before }
+        PathGuard { tape: self, before }
     }
 
-    /// Calls `watcher` with the model path whenever a [`scope`](Tape::scope) ends: how far a long forward pass is. It must not
-    /// use the tape.
-    pub fn watch(&self, watcher: impl Fn(&str) + Send + 'static) {
-        self.record.borrow_mut().watcher = Some(Box::new(watcher));
-    }
-
-    /// Puts `path` in place of the model path until the guard is dropped: for layers, which know their full names. An empty one
-    /// changes nothing.
-    pub fn scope_at(&self, path: &str) -> Scope<'_, T> {
+    /// Puts `path` in place of the model path until the guard is dropped; an empty one changes nothing.
+    pub(super) fn replace_path(&self, path: &str) -> PathGuard<'_, T> {
         let record = &mut *self.record.borrow_mut();
         let before = [record.path.len(), record.path_start];
         if !path.is_empty() {
             record.path_start = record.path.len();
             record.path.push_str(path);
         }
-        Scope { tape: self, before }
+        PathGuard { tape: self, before }
+    }
+
+    /// Calls `watcher` with the model path whenever a [`part`](Tape::part) ends: how far a long forward pass is. It must not
+    /// use the tape.
+    pub fn watch(&self, watcher: impl Fn(&str) + Send + 'static) {
+        self.record.borrow_mut().watcher = Some(Box::new(watcher));
     }
 
     /// Panics with the message of a [`ShapeError`] unless a condition holds: for functions made of several ops, which check the

@@ -81,9 +81,9 @@ fn relu_passes_what_is_positive() {
 #[test]
 fn wrong_shapes_are_named() {
     let tape = Tape::<f64>::new();
-    let _scope = tape.scope("block.3.mlp.fc1");
     let (x, w) = (tape.constant(&[0.0; 6], [2, 3]), tape.constant(&[0.0; 8], [2, 4]));
-    let message = *std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| linear(x, w, None, Activation::None)))
+    let layer = || tape.part("block.3.mlp.fc1", || linear(x, w, None, Activation::None));
+    let message = *std::panic::catch_unwind(std::panic::AssertUnwindSafe(layer))
         .expect_err("3 is not 4")
         .downcast::<String>()
         .expect("a formatted message");

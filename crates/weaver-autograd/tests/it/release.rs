@@ -1,51 +1,109 @@
 //! Memory given back while nothing is recorded, and parameters in half precision.
 
 use half::{bf16, f16};
+use proptest::prelude::*;
 use std::sync::Arc;
 use weaver_autograd::ops::{self, Activation};
-use weaver_autograd::{HalfValues, ParamValues, Params, Tape};
+use weaver_autograd::{HalfValues, List, ParamValues, Params, Tape, Var};
 
 #[test]
-fn what_is_not_kept_is_used_again() {
-    let memory_of = |steps: usize| {
+fn layers_one_behind_the_other_need_the_memory_of_one() {
+    let memory_of = |layers: usize| {
         let tape = Tape::<f32>::new();
         let x = tape.constant(&[1.0; 1000], [1000]);
         tape.without_gradient(|| {
-            let mark = tape.mark();
-            let mut y = x;
-            for _ in 0..steps {
-                y = y * 0.5 + x;
-                tape.keep_only(mark, &[y]);
-            }
+            let y = tape.fold(x, 0..layers, |y, i| tape.part(i, || y * 0.5 + x));
             assert!((y.to_vec()[0] - 2.0).abs() < 0.1);
+            assert_eq!(x.to_vec(), [1.0; 1000], "what was there before is kept");
         });
         tape.pool().allocated_bytes()
     };
     assert_eq!(memory_of(100), memory_of(5), "a longer chain needs no more memory");
 }
 
+/// A part's results, in every form that they may have.
+fn forms<'t>(tape: &'t Tape<f64>, form: usize, x: Var<'t, f64>) -> Vec<Var<'t, f64>> {
+    let more = |n: f64| (x + 1.0) * n;
+    match form {
+        0 => vec![tape.part("one", || more(2.0))],
+        1 => tape.part("array", || [more(2.0), more(3.0)]).to_vec(),
+        2 => {
+            let (a, (b, c)) = tape.part("tuples", || (more(2.0), (more(3.0), more(4.0).reshape([1, 2]))));
+            vec![a, b, c]
+        }
+        3 => tape.part("list", || List::from_iter((0..20).map(|n| more(f64::from(n))))).to_vec(),
+        4 => tape.part("vector", || vec![Some(more(2.0)), None]).into_iter().flatten().collect(),
+        5 => {
+            let (buffer, y) = tape.part("buffer", || (tape.pool().filled::<u32>(3, 7), more(5.0)));
+            assert_eq!(*buffer, [7; 3]);
+            vec![y]
+        }
+        _ => vec![tape.part_at("elsewhere", || tape.outputs_of(|| x)), tape.fold(x, 0..3, |x, _| x + 1.0)],
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    /// Nested parts of every form give the same numbers with and without recording; without it they leave their outputs in memory
+    /// and nothing else.
+    #[test]
+    fn outputs_stay_and_nothing_else(order in prop::collection::vec(0..7usize, 1..6)) {
+        let run = |tape: &Tape<f64>| {
+            let x = tape.leaf(&[3.0, -1.0], [2]);
+            let outputs = tape.part("model", || {
+                let mut outputs: Vec<Var<'_, f64>> = Vec::new();
+                for form in &order {
+                    let input = outputs.last().map_or(x, |last| last.reshape([2]));
+                    outputs.extend(forms(tape, *form, input));
+                }
+                outputs
+            });
+            let distinct = outputs.iter().filter(|y| !std::ptr::eq(&*y.value(), &*x.value())).count();
+            (outputs.iter().map(Var::to_vec).collect::<Vec<_>>(), distinct)
+        };
+        let (recorded, quiet) = (Tape::new(), Tape::new());
+        let ((expected, _), (found, distinct)) = (run(&recorded), quiet.without_gradient(|| run(&quiet)));
+        prop_assert_eq!(expected, found);
+        // Forms may hand on their input itself, once or more.
+        let held = quiet.memory().iter().map(|m| m.bytes).sum::<usize>();
+        let one = Tape::<f64>::new();
+        one.leaf(&[0.0; 2], [2]);
+        let each = one.pool().used_bytes();
+        prop_assert!(held <= (1 + distinct) * each, "{} bytes for {} values of {}", held, 1 + distinct, each);
+        prop_assert_eq!(held, quiet.pool().used_bytes());
+    }
+}
+
 #[test]
 fn while_recording_everything_stays() {
     let tape = Tape::<f64>::new();
     let x = tape.leaf(&[3.0], [1]);
-    let mark = tape.mark();
-    let y = tape.result_of(|| (x * x) * x);
-    tape.keep_only(mark, &[y]);
+    let y = tape.fold(x, 0..2, |y, _| tape.outputs_of(|| (y * x) + 0.0));
     y.backward();
     assert_eq!(x.grad().unwrap(), [27.0]);
 }
 
 #[test]
-#[should_panic(expected = "it must be kept")]
+#[should_panic(expected = "in a part of the model that did not return it")]
 fn reading_what_was_given_back_is_loud() {
     let tape = Tape::<f32>::new();
     let x = tape.constant(&[1.0], [1]);
     tape.without_gradient(|| {
-        let mark = tape.mark();
-        let y = x + 1.0;
-        tape.keep_only(mark, &[]);
+        let mut y = x;
+        tape.part("forgetful", || y = x + 1.0);
         y.to_vec()
     });
+}
+
+#[test]
+fn a_parameter_of_a_finished_part_can_be_used_again() {
+    let mut params = Params::<f32>::new();
+    let id = params.add("w", [1], vec![3.0]);
+    let tape = Tape::new();
+    let x = tape.constant(&[2.0], [1]);
+    let y = tape.without_gradient(|| tape.fold(x, 0..3, |x, _| tape.part("layer", || x * tape.param(&params, id))));
+    assert_eq!(y.item(), 54.0);
 }
 
 /// Parameters in half precision give what the same numbers give in full precision, forward and backward.
@@ -111,9 +169,6 @@ fn a_watcher_hears_what_is_done() {
     let tape = Tape::<f32>::new();
     let sink = heard.clone();
     tape.watch(move |path| sink.lock().unwrap().push(path.to_string()));
-    {
-        let _model = tape.scope("model");
-        (0..2).for_each(|i| drop(tape.scope(format_args!("block.{i}"))));
-    }
+    tape.part("model", || (0..2).for_each(|i| tape.part(format_args!("block.{i}"), || ())));
     assert_eq!(*heard.lock().unwrap(), ["model.block.0", "model.block.1", "model"]);
 }

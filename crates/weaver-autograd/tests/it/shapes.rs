@@ -56,10 +56,9 @@ fn messages_name_op_path_and_shapes() {
     for (op, shapes, call) in CASES {
         let tape = Tape::<f64>::new();
         let vars: Vec<_> = shapes.iter().map(|s| tape.leaf(&vec![0.5; s.iter().product()], *s)).collect();
-        let _model = tape.scope("decoder");
-        let _layer = tape.scope_at("encoder.block.3");
-        let _part = tape.scope("attn");
-        let panic = catch_unwind(AssertUnwindSafe(|| call(&vars))).expect_err("shapes that do not fit are refused");
+        let layer = || tape.part_at("encoder.block.3", || tape.part("attn", || call(&vars)));
+        let model = || tape.part("decoder", layer);
+        let panic = catch_unwind(AssertUnwindSafe(model)).expect_err("shapes that do not fit are refused");
         let message = panic.downcast::<String>().expect("a formatted message");
         let start = format!("encoder.block.3.attn: {op}: expected ");
         assert!(message.starts_with(&start), "{message:?} does not start with {start:?}");
@@ -73,21 +72,20 @@ fn messages_name_op_path_and_shapes() {
 }
 
 #[test]
-fn scopes_end_with_their_guards() {
+fn paths_end_with_their_parts() {
     let tape = Tape::<f64>::new();
-    let message = || tape.try_apply(Never, &[]).expect_err("never fits").to_string();
-    {
-        let _a = tape.scope("a");
-        {
-            let _b = tape.scope_at("x.y");
-            let _c = tape.scope("z");
-            assert_eq!(message(), "x.y.z: never: expected nothing, found ");
-        }
-        let _same = tape.scope_at("");
-        let _d = tape.scope("d");
-        assert_eq!(message(), "a.d: never: expected nothing, found ");
-    }
-    assert_eq!(message(), "never: expected nothing, found ");
+    let expect_path = |path: &str| {
+        let message = tape.try_apply(Never, &[]).expect_err("never fits").to_string();
+        assert_eq!(message, format!("{path}never: expected nothing, found "));
+    };
+    tape.part("a", || {
+        tape.part_at("x.y", || tape.part("z", || expect_path("x.y.z: ")));
+        tape.part_at("", || tape.part("d", || expect_path("a.d: ")));
+    });
+    expect_path("");
+    let badly = || tape.part("a", || assert_eq!(1, 2, "a part that ends badly"));
+    catch_unwind(AssertUnwindSafe(badly)).expect_err("it panics");
+    expect_path("");
 }
 
 /// An op that fits nothing.

@@ -57,9 +57,8 @@ impl Op<f64> for Identity {
 #[should_panic(expected = "model.block: `identity` did not write the gradient of input 0")]
 fn a_forgotten_gradient_is_loud() {
     let tape = Tape::new();
-    let _model = tape.scope("model");
-    let _block = tape.scope("block");
-    let [y, _] = tape.apply(Identity { broken: true }, &[tape.leaf(&[1.0], [1])]);
+    let identity = || tape.apply::<_, 2>(Identity { broken: true }, &[tape.leaf(&[1.0], [1])]);
+    let [y, _] = tape.part("model", || tape.part("block", identity));
     y.backward();
 }
 
@@ -74,10 +73,11 @@ fn a_gradient_into_an_auxiliary_output_is_loud() {
 #[test]
 fn shape_errors_name_op_path_and_shapes() {
     let tape = Tape::<f64>::new();
-    let _scope = tape.scope("encoder.block");
     let x = tape.constant(&[1.0; 6], [2, 3]);
-    let error = tape.try_apply(Identity { broken: false }, &[x]).unwrap_err();
-    assert_eq!(error.to_string(), "encoder.block: identity: expected x [N], found [2, 3]");
+    tape.part("encoder.block", || {
+        let error = tape.try_apply(Identity { broken: false }, &[x]).unwrap_err();
+        assert_eq!(error.to_string(), "encoder.block: identity: expected x [N], found [2, 3]");
+    });
 }
 
 #[test]
@@ -213,10 +213,7 @@ fn a_trace_has_every_op_in_order() {
     let tape = Tape::<f64>::new();
     tape.set_tracing(true);
     let x = tape.leaf(&[1.0, 2.0], [2]);
-    let y = {
-        let _scope = tape.scope("head");
-        tape.timed("part", || x.map(Silu) * x)
-    };
+    let y = tape.part("head", || tape.timed("part", || x.map(Silu) * x));
     y.sum().backward();
     let trace = tape.trace();
     let events: Vec<_> = trace.iter().map(|e| (e.name, e.path.as_str(), e.phase)).collect();
@@ -244,13 +241,8 @@ fn a_trace_shows_what_is_inside_a_checkpoint() {
     let tape = Tape::<f64>::new();
     tape.set_tracing(true);
     let x = tape.leaf(&[1.0, 2.0], [2]);
-    let y = {
-        let _scope = tape.scope("head");
-        ops::checkpoint(&Params::new(), &[x], |tape, _, x| {
-            let _scope = tape.scope("block");
-            x[0].map(Silu)
-        })
-    };
+    let y =
+        tape.part("head", || ops::checkpoint(&Params::new(), &[x], |tape, _, x| tape.part("block", || x[0].map(Silu))));
     y.sum().backward();
     let trace = tape.trace();
     let events: Vec<_> = trace.iter().map(|e| (e.name, e.path.as_str(), e.phase)).collect();

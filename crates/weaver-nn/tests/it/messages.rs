@@ -12,8 +12,8 @@ fn done<X>(_: X) {}
 fn message(params: &Params<f64>, shape: &[usize], run: impl for<'t> Fn(Context<'t, '_, f64>, Var<'t, f64>)) -> String {
     let tape = Tape::new();
     let x = tape.constant(&vec![0.5; shape.iter().product()], shape);
-    let _elsewhere = tape.scope("model");
-    let panic = catch_unwind(AssertUnwindSafe(|| run(Context::new(&tape, params), x)));
+    let model = || tape.part("model", || run(Context::new(&tape, params), x));
+    let panic = catch_unwind(AssertUnwindSafe(model));
     *panic.expect_err("the shape is refused").downcast::<String>().expect("a formatted message")
 }
 

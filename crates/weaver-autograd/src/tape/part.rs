@@ -1,0 +1,159 @@
+//! Parts of a model: an author says what a part returns, and while nothing is recorded the rest of its memory is given back.
+
+use super::{List, Storage, Tape, ValueId};
+use crate::{Buffer, Var};
+use smallvec::{Array, SmallVec};
+use std::fmt::Display;
+use weaver_kernels::Real;
+
+/// What a part of a model returns: anything whose tensors can be listed.
+///
+/// Implemented for tensors, buffers of the pool (which hold none), and tuples, arrays, lists and options of such. A struct of
+/// tensors implements it with one line:
+///
+/// ```
+/// use weaver_autograd::{Outputs, Real, Tape, Var};
+///
+/// struct Maps<'t, T: Real> {
+///     depth: Var<'t, T>,
+///     confidence: Option<Var<'t, T>>,
+/// }
+///
+/// impl<T: Real> Outputs<T> for Maps<'_, T> {
+///     fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
+///         (self.depth, self.confidence).for_each_var(visit);
+///     }
+/// }
+///
+/// let tape = Tape::<f32>::new();
+/// let maps = tape.part("head", || Maps { depth: tape.scalar(2.0) * 3.0, confidence: None });
+/// assert_eq!(maps.depth.item(), 6.0);
+/// ```
+pub trait Outputs<T: Real> {
+    /// Calls `visit` with every tensor in it.
+    fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>));
+}
+
+impl<T: Real> Outputs<T> for Var<'_, T> {
+    fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
+        visit(*self);
+    }
+}
+
+impl<T: Real, X: Copy + Send + 'static> Outputs<T> for Buffer<X> {
+    fn for_each_var(&self, _visit: &mut dyn FnMut(Var<'_, T>)) {}
+}
+
+impl<T: Real, X: Outputs<T>> Outputs<T> for Option<X> {
+    fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
+        self.iter().for_each(|x| x.for_each_var(visit));
+    }
+}
+
+impl<T: Real, X: Outputs<T>> Outputs<T> for [X] {
+    fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
+        self.iter().for_each(|x| x.for_each_var(visit));
+    }
+}
+
+impl<T: Real, X: Outputs<T>, const N: usize> Outputs<T> for [X; N] {
+    fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
+        self.as_slice().for_each_var(visit);
+    }
+}
+
+impl<T: Real, X: Outputs<T>> Outputs<T> for Vec<X> {
+    fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
+        self.as_slice().for_each_var(visit);
+    }
+}
+
+impl<T: Real, A: Array<Item: Outputs<T>>> Outputs<T> for SmallVec<A> {
+    fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
+        self.as_slice().for_each_var(visit);
+    }
+}
+
+macro_rules! tuples {
+    ($(($($name:ident $index:tt),*))*) => { $(
+        impl<T: Real, $($name: Outputs<T>),*> Outputs<T> for ($($name,)*) {
+            fn for_each_var(&self, _visit: &mut dyn FnMut(Var<'_, T>)) {
+                $(self.$index.for_each_var(_visit);)*
+            }
+        }
+    )* };
+}
+
+tuples!(()(A 0)(A 0, B 1)(A 0, B 1, C 2)(A 0, B 1, C 2, D 3)(A 0, B 1, C 2, D 3, E 4)(A 0, B 1, C 2, D 3, E 4, F 5));
+
+impl<T: Real> Tape<T> {
+    /// Runs a part of a model: `name` is appended to the model path that messages and profiles show (`encoder`, then
+    /// `encoder.block`, ...), and of the part's memory only its outputs stay ([`outputs_of`](Self::outputs_of)).
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f32>::new();
+    /// let x = tape.constant(&[1.0, 2.0], [2]);
+    /// let y = tape.without_gradient(|| tape.part("square", || (x + 1.0) * (x + 1.0)));
+    /// assert_eq!(y.to_vec(), [4.0, 9.0]);
+    /// ```
+    pub fn part<R: Outputs<T>>(&self, name: impl Display, f: impl FnOnce() -> R) -> R {
+        let _path = self.append_path(name);
+        self.outputs_of(f)
+    }
+
+    /// Runs a part of a model that knows its full path, which is put in place of the model path; an empty one changes nothing.
+    /// Of the part's memory only its outputs stay ([`outputs_of`](Self::outputs_of)).
+    pub fn part_at<R: Outputs<T>>(&self, path: &str, f: impl FnOnce() -> R) -> R {
+        let _path = self.replace_path(path);
+        self.outputs_of(f)
+    }
+
+    /// Runs `f`; while nothing is recorded ([`without_gradient`](Self::without_gradient)), what it returns is all that stays of it
+    /// in memory. Reading anything else that it computed then panics. While recording, everything stays for the backward pass.
+    pub fn outputs_of<R: Outputs<T>>(&self, f: impl FnOnce() -> R) -> R {
+        let start = self.record.borrow().values.len();
+        let outputs = f();
+        self.release_since(start, &outputs);
+        outputs
+    }
+
+    /// Runs `f` for each item on the result for the item before, as [`Iterator::fold`] does; while nothing is recorded, only the
+    /// latest result stays in memory: for layers one behind the other.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f32>::new();
+    /// let x = tape.constant(&[1.0, 2.0], [2]);
+    /// let y = tape.without_gradient(|| tape.fold(x, 0..100, |x, _| x * 0.5 + 1.0));
+    /// assert_eq!(y.to_vec(), [2.0, 2.0]);
+    /// ```
+    pub fn fold<R: Outputs<T>, I: IntoIterator>(&self, first: R, items: I, mut f: impl FnMut(R, I::Item) -> R) -> R {
+        let start = self.record.borrow().values.len();
+        items.into_iter().fold(first, |result, item| {
+            let result = f(result, item);
+            self.release_since(start, &result);
+            result
+        })
+    }
+
+    /// While nothing is recorded, gives back the memory of every value from index `start` on but those in `outputs`.
+    fn release_since(&self, start: usize, outputs: &impl Outputs<T>) {
+        if self.recording.get() {
+            return;
+        }
+        let mut kept: List<ValueId> = List::new();
+        outputs.for_each_var(&mut |var| kept.push(var.id()));
+        let values = &mut self.record.borrow_mut().values[start..];
+        for (value, id) in values.iter_mut().zip(start as ValueId..) {
+            if !kept.contains(&id) {
+                value.storage = Storage::Released;
+            }
+        }
+    }
+
+    /// Whether applied ops are recorded.
+    pub fn is_recording(&self) -> bool {
+        self.recording.get()
+    }
+}
