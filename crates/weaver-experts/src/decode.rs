@@ -1,7 +1,7 @@
 //! Turns raw parameters into Gaussians.
 
 use crate::parametrization::{BEFORE_HARMONICS, Parametrization, harmonics};
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Grad, Op, Outputs, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 use weaver_splat::GaussianVars;
 
@@ -193,6 +193,12 @@ pub struct PixelOf<'t, T: Real = f32> {
     pub local_count: Var<'t, T>,
     /// Its color `[N, 3]`, 0 to 1; constant.
     pub color: Var<'t, T>,
+}
+
+impl<T: Real> Outputs<T> for PixelOf<'_, T> {
+    fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
+        [self.footprint, self.local_count, self.color].for_each_var(visit);
+    }
 }
 
 /// The Gaussians with these means and raw parameters, as the rasterizer takes them; see [`Parametrization`] for the

@@ -51,19 +51,17 @@ impl CardinalityExperts {
         routes: &Routes,
         choice: Option<Var<'t, T>>,
     ) -> Var<'t, T> {
-        let mark = cx.tape.mark();
-        let parts = ops::split(features, 0, &routes.counts);
-        let mut raw = List::with_capacity(self.experts.len());
-        for (((expert, rows), pixels), e) in self.experts.iter().zip(parts).zip(routes.by_expert()).zip(1..) {
-            let _scope = cx.scope(format_args!("experts.{e}"));
-            let mut output = expert.forward(cx, rows);
-            if let Some(choice) = choice {
-                output = gate(output, choice, pixels, e);
+        cx.tape.outputs_of(|| {
+            let parts = ops::split(features, 0, &routes.counts);
+            let mut raw: List<Var<'t, T>> = List::with_capacity(self.experts.len());
+            for (((expert, rows), pixels), e) in self.experts.iter().zip(parts).zip(routes.by_expert()).zip(1..) {
+                let output = cx.part(format_args!("experts.{e}"), || {
+                    let output = expert.forward(cx, rows);
+                    choice.map_or(output, |choice| gate(output, choice, pixels, e))
+                });
+                raw.push(output.reshape([pixels.len() * e, self.slot]));
             }
-            raw.push(output.reshape([pixels.len() * e, self.slot]));
-        }
-        let raw = ops::concat(&raw, 0);
-        cx.tape.keep_only(mark, &[raw]);
-        raw
+            ops::concat(&raw, 0)
+        })
     }
 }

@@ -5,7 +5,7 @@ use crate::{
     CardinalityExperts, NeighborPredictor, Neighbors, Parametrization, PixelOf, Routes, decode, local_count, place,
     slot_width,
 };
-use weaver_autograd::{Buffer, List, Real, Var};
+use weaver_autograd::{Buffer, Outputs, Real, Var};
 use weaver_nn::{Builder, Context};
 use weaver_router::Router;
 use weaver_splat::GaussianVars;
@@ -96,6 +96,12 @@ pub struct PixelGaussians<'t, T: Real = f32> {
     pub pixel: Buffer<u32>,
 }
 
+impl<T: Real> Outputs<T> for PixelGaussians<'_, T> {
+    fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
+        self.gaussians.for_each_var(visit);
+    }
+}
+
 /// Gaussians as the experts propose them.
 #[derive(Debug)]
 pub struct Proposed<'t, T: Real = f32> {
@@ -109,6 +115,12 @@ pub struct Proposed<'t, T: Real = f32> {
     pub pixel_of: Option<PixelOf<'t, T>>,
     /// The pixel that each Gaussian comes from `[N]`.
     pub pixel: Buffer<u32>,
+}
+
+impl<T: Real> Outputs<T> for Proposed<'_, T> {
+    fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
+        (self.means, self.theta, self.feature, self.pixel_of).for_each_var(visit);
+    }
 }
 
 /// Router, cardinality experts, neighbor attention and decoding.
@@ -158,20 +170,22 @@ impl CardinalityHead {
         expert: &[u8],
         choice: Option<Var<'t, T>>,
     ) -> PixelGaussians<'t, T> {
-        let _scope = cx.scope("gs_moe");
-        let proposed = self.propose(cx, pixels, expert, choice);
-        let Proposed { means, mut theta, feature, pixel_of, pixel } = proposed;
-        if !cx.tape.is_recording() {
-            // The experts' buffers have other sizes than those of the attention.
-            cx.tape.pool().trim::<T>();
-        }
-        if let (Some((_, predictor)), Some(feature), Some(config)) = (&self.attention, feature, self.config.neighbors) {
-            let neighbors =
-                cx.tape.timed("nearest neighbors", || Neighbors::search(&means.value(), config.count, cx.tape.pool()));
-            theta = predictor.forward(cx, means, theta, feature, &neighbors);
-        }
-        let gaussians = decode(means, theta, self.config.sh_degree, pixel_of, self.config.parametrization);
-        PixelGaussians { gaussians, pixel }
+        cx.part("gs_moe", || {
+            let Proposed { means, mut theta, feature, pixel_of, pixel } = self.propose(cx, pixels, expert, choice);
+            if !cx.tape.is_recording() {
+                // The experts' buffers have other sizes than those of the attention.
+                cx.tape.pool().trim::<T>();
+            }
+            if let (Some((_, predictor)), Some(feature), Some(config)) =
+                (&self.attention, feature, self.config.neighbors)
+            {
+                let search = || Neighbors::search(&means.value(), config.count, cx.tape.pool());
+                let neighbors = cx.tape.timed("nearest neighbors", search);
+                theta = predictor.forward(cx, means, theta, feature, &neighbors);
+            }
+            let gaussians = decode(means, theta, self.config.sh_degree, pixel_of, self.config.parametrization);
+            PixelGaussians { gaussians, pixel }
+        })
     }
 
     /// What the experts say, before any Gaussian has looked at its neighbors.
@@ -182,24 +196,23 @@ impl CardinalityHead {
         expert: &[u8],
         choice: Option<Var<'t, T>>,
     ) -> Proposed<'t, T> {
-        let routes = Routes::new(expert, self.experts.max_per_pixel(), cx.tape.pool());
-        let mark = cx.tape.mark();
-        let parametrization = self.config.parametrization;
-        let features = pixels.features.gather_rows(&routes.routed);
-        let raw = self.experts.forward(cx, features, &routes, choice);
-        let points = pixels.points.gather_rows(&routes.pixel);
-        let pixel_of = parametrization.has_footprint().then(|| self.pixel_of(cx, pixels, expert, &routes));
-        let means = place(points, raw, pixel_of.map(|p| p.footprint), parametrization);
-        let feature = self.attention.as_ref().map(|(projection, _)| {
-            let _scope = cx.scope("pixel_projector");
-            let projected = projection.forward(cx, features);
-            if routes.is_single() { projected } else { projected.gather_rows(&routes.source) }
-        });
-        let theta = raw.slice(1, 3, raw.shape()[1] - 3);
-        let of_pixel = pixel_of.iter().flat_map(|p| [p.footprint, p.local_count, p.color]);
-        let kept: List<Var<'t, T>> = [means, theta].into_iter().chain(feature).chain(of_pixel).collect();
-        cx.tape.keep_only(mark, &kept);
-        Proposed { means, theta, feature, pixel_of, pixel: routes.pixel }
+        cx.tape.outputs_of(|| {
+            let routes = Routes::new(expert, self.experts.max_per_pixel(), cx.tape.pool());
+            let parametrization = self.config.parametrization;
+            let features = pixels.features.gather_rows(&routes.routed);
+            let raw = self.experts.forward(cx, features, &routes, choice);
+            let points = pixels.points.gather_rows(&routes.pixel);
+            let pixel_of = parametrization.has_footprint().then(|| self.pixel_of(cx, pixels, expert, &routes));
+            let means = place(points, raw, pixel_of.map(|p| p.footprint), parametrization);
+            let feature = self.attention.as_ref().map(|(projection, _)| {
+                cx.part("pixel_projector", || {
+                    let projected = projection.forward(cx, features);
+                    if routes.is_single() { projected } else { projected.gather_rows(&routes.source) }
+                })
+            });
+            let theta = raw.slice(1, 3, raw.shape()[1] - 3);
+            Proposed { means, theta, feature, pixel_of, pixel: routes.pixel }
+        })
     }
 
     /// The attention over neighbors, where there is one.

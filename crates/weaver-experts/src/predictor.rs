@@ -47,23 +47,22 @@ impl NeighborFusion {
         means: Var<'t, T>,
         neighbors: &Neighbors,
     ) -> Var<'t, T> {
-        let _scope = cx.scope("pt_block");
-        let projected = [self.query, self.key, self.value].map(|l| l.forward(cx, x));
-        let n = neighbors.len();
-        if cx.tape.is_recording() || n <= Self::PART {
-            return self.attend(cx, projected, means, neighbors);
-        }
-        // Nobody walks back: what a pair of Gaussians needs is there for some of them at a time. Rows are independent, so the
-        // bits are the same.
-        let width = x.shape().last();
-        let mut attended = cx.tape.pool().buffer(n * width);
-        for (part, out) in attended.chunks_mut(Self::PART * width).enumerate() {
-            let mark = cx.tape.mark();
-            let some = neighbors.part(part * Self::PART..((part + 1) * Self::PART).min(n));
-            out.copy_from_slice(&self.attend(cx, projected, means, &some).value());
-            cx.tape.keep_only(mark, &[]);
-        }
-        cx.tape.constant_of(attended, [n, width])
+        cx.part("pt_block", || {
+            let projected = [self.query, self.key, self.value].map(|l| l.forward(cx, x));
+            let n = neighbors.len();
+            if cx.tape.is_recording() || n <= Self::PART {
+                return self.attend(cx, projected, means, neighbors);
+            }
+            // Nobody walks back: what a pair of Gaussians needs is there for some of them at a time. Rows are independent, so
+            // the bits are the same.
+            let width = x.shape().last();
+            let mut attended = cx.tape.pool().buffer(n * width);
+            for (part, out) in attended.chunks_mut(Self::PART * width).enumerate() {
+                let some = neighbors.part(part * Self::PART..((part + 1) * Self::PART).min(n));
+                cx.tape.outputs_of(|| out.copy_from_slice(&self.attend(cx, projected, means, &some).value()));
+            }
+            cx.tape.constant_of(attended, [n, width])
+        })
     }
 
     /// z of the Gaussians that have a list of neighbors.
@@ -74,11 +73,11 @@ impl NeighborFusion {
         means: Var<'t, T>,
         neighbors: &Neighbors,
     ) -> Var<'t, T> {
-        let mark = cx.tape.mark();
-        let displacement = cx.tape.result_of(|| self.displacement.forward(cx, neighbor_offset(means, neighbors)));
-        let relation = neighbor_relation(query, key, displacement, neighbors);
-        let score = cx.tape.result_of(|| self.attention.forward(cx, relation));
-        cx.tape.keep_only(mark, &[displacement, score]);
+        let (displacement, score) = cx.tape.outputs_of(|| {
+            let offset = || self.displacement.forward(cx, neighbor_offset(means, neighbors));
+            let displacement = cx.tape.outputs_of(offset);
+            (displacement, self.attention.forward(cx, neighbor_relation(query, key, displacement, neighbors)))
+        });
         neighbor_average(score, value, displacement, neighbors)
     }
 }
@@ -120,7 +119,7 @@ impl NeighborPredictor {
         feature: Var<'t, T>,
         neighbors: &Neighbors,
     ) -> Var<'t, T> {
-        let x = cx.tape.result_of(|| self.input.forward(cx, ops::concat(&[means, raw, feature], 1)));
+        let x = cx.tape.outputs_of(|| self.input.forward(cx, ops::concat(&[means, raw, feature], 1)));
         self.fusion.forward(cx, x, means, neighbors)
     }
 
@@ -134,9 +133,8 @@ impl NeighborPredictor {
         feature: Var<'t, T>,
         neighbors: &Neighbors,
     ) -> Var<'t, T> {
-        let _scope = cx.scope("gs_predictor");
-        cx.tape.result_of(|| {
-            let attended = cx.tape.result_of(|| self.attend(cx, means, raw, feature, neighbors));
+        cx.part("gs_predictor", || {
+            let attended = cx.tape.outputs_of(|| self.attend(cx, means, raw, feature, neighbors));
             self.head.forward(cx, attended) + raw
         })
     }

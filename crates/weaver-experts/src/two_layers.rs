@@ -29,6 +29,6 @@ impl TwoLayers {
 
     /// Applies them to rows `[N, inputs]`.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
-        cx.tape.result_of(|| self.output.forward(cx, self.hidden.forward_with(cx, x, Activation::Relu)))
+        cx.tape.outputs_of(|| self.output.forward(cx, self.hidden.forward_with(cx, x, Activation::Relu)))
     }
 }

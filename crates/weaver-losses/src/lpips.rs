@@ -179,9 +179,10 @@ impl<T: Real> Lpips<T> {
     #[track_caller]
     pub fn layers<'t>(&self, a: Var<'t, T>, b: Var<'t, T>) -> [Var<'t, T>; 5] {
         let tape = a.tape();
-        let _scope = tape.scope("lpips");
-        let [a, b] = [a, b].map(|image| self.features(image));
-        std::array::from_fn(|i| feature_distance(a[i], b[i], self.channels[i].on(tape)))
+        tape.part("lpips", || {
+            let [a, b] = [a, b].map(|image| self.features(image));
+            std::array::from_fn(|i| feature_distance(a[i], b[i], self.channels[i].on(tape)))
+        })
     }
 
     fn features<'t>(&self, image: Var<'t, T>) -> [Var<'t, T>; 5] {

@@ -124,12 +124,12 @@ impl SplatWeaver {
             let widths = [1, 1, channels, experts];
             let mut all = widths.map(|width| pool.buffer(pixels * width));
             for view in 0..views {
-                let mark = cx.tape.mark();
-                let parts = self.dense_views(cx, encoded, b, view, photos.slice(0, view, 1));
-                for ((all, part), width) in all.iter_mut().zip(parts).zip(widths) {
-                    all[view * plane * width..][..plane * width].copy_from_slice(&part.value());
-                }
-                cx.tape.keep_only(mark, &[]);
+                cx.tape.outputs_of(|| {
+                    let parts = self.dense_views(cx, encoded, b, view, photos.slice(0, view, 1));
+                    for ((all, part), width) in all.iter_mut().zip(parts).zip(widths) {
+                        all[view * plane * width..][..plane * width].copy_from_slice(&part.value());
+                    }
+                });
             }
             pool.trim::<T>();
             let [depth, confidence, features, logits] = all;
@@ -159,20 +159,20 @@ impl SplatWeaver {
     ) -> [Var<'t, T>; 4] {
         let [views, height, width] = [photos.shape()[0], photos.shape()[2], photos.shape()[3]];
         let maps = self.vggt.depth(cx, encoded, b, [first, views], [height, width]);
-        let _scope = cx.scope("gaussian_param_head");
-        let mark = cx.tape.mark();
-        let layers = encoded.view_tokens(b, first, views);
-        let pixels = self.features.forward(cx, encoded.dense_tokens(&layers, [height, width]), photos);
-        cx.tape.keep_only(mark, &[pixels.features, pixels.embedding]);
-        let logits = cx.tape.result_of(|| {
-            let routed = match &self.guidance {
-                Some(guidance) => pixels.features + pixels.embedding * guidance.forward(cx, photos),
-                None => pixels.features,
-            };
-            self.head.router.forward(cx, pixel_rows(routed))
+        let (features, logits) = cx.part("gaussian_param_head", || {
+            let pixels = cx.tape.outputs_of(|| {
+                let layers = encoded.view_tokens(b, first, views);
+                self.features.forward(cx, encoded.dense_tokens(&layers, [height, width]), photos)
+            });
+            let logits = cx.tape.outputs_of(|| {
+                let routed = match &self.guidance {
+                    Some(guidance) => pixels.features + pixels.embedding * guidance.forward(cx, photos),
+                    None => pixels.features,
+                };
+                self.head.router.forward(cx, pixel_rows(routed))
+            });
+            (pixel_rows(pixels.features), logits)
         });
-        let features = pixel_rows(pixels.features);
-        cx.tape.keep_only(mark, &[features, logits]);
         [maps.depth, maps.confidence, features, logits]
     }
 
@@ -210,8 +210,8 @@ impl SplatWeaver {
         let colors = in_footprints.then(|| pixel_rows(photos));
         let points = points.reshape([pixels, 3]);
         let inputs = PixelInputs { features: dense.features, points, footprints, colors, height, width };
-        let _scope = cx.scope("gaussian_param_head");
-        let PixelGaussians { gaussians, pixel } = self.head.gaussians(cx, &inputs, &assignment.expert, choice);
+        let PixelGaussians { gaussians, pixel } =
+            cx.part("gaussian_param_head", || self.head.gaussians(cx, &inputs, &assignment.expert, choice));
         PredictedGaussians { gaussians, pixel, assignment, choice }
     }
 }

@@ -32,9 +32,10 @@ impl Router {
 
     /// Logits `[P, E]` from router features `[P, F]`. Differentiable in the features and all parameters.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, features: Var<'t, T>) -> Var<'t, T> {
-        let _scope = cx.scope("gating");
-        let hidden = on_rows(&self.hidden, cx, features, Activation::Relu);
-        on_rows(&self.output, cx, hidden, Activation::None)
+        cx.part("gating", || {
+            let hidden = on_rows(&self.hidden, cx, features, Activation::Relu);
+            on_rows(&self.output, cx, hidden, Activation::None)
+        })
     }
 }
 

@@ -8,7 +8,7 @@ use crate::scene::RasterSettings;
 use crate::sh::MAX_DEGREE;
 use crate::workspace::Workspace;
 use std::sync::{Arc, Mutex, PoisonError};
-use weaver_autograd::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Grad, Op, Outputs, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::Real;
 use weaver_pose::CameraVars;
 use weaver_scene::{CameraSlices, Color, Features, GaussianSlices};
@@ -94,6 +94,12 @@ pub struct GaussianVars<'t, T: Real> {
     pub opacities: Var<'t, T>,
     /// `[N, 3]`, or `[N, K, 3]` for spherical harmonics, or `[N, 0]` for none.
     pub colors: Var<'t, T>,
+}
+
+impl<T: Real> Outputs<T> for GaussianVars<'_, T> {
+    fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
+        [self.means, self.quats, self.scales, self.opacities, self.colors].for_each_var(visit);
+    }
 }
 
 /// What was drawn.

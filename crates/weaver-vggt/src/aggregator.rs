@@ -6,7 +6,7 @@ use crate::vision_transformer::{VisionTransformer, VisionTransformerConfig};
 use smallvec::SmallVec;
 use std::sync::Arc;
 use weaver_autograd::ops::RopeTable;
-use weaver_autograd::{ParamId, Real, Var, ops};
+use weaver_autograd::{Outputs, ParamId, Real, Var, ops};
 use weaver_nn::{Block, BlockConfig, Builder, Context};
 
 /// Base of the rotary frequencies.
@@ -44,6 +44,16 @@ pub struct Aggregated<'t, T: Real = f32> {
     /// Rows and columns of patches.
     pub grid: [usize; 2],
 }
+
+impl<T: Real> Outputs<T> for Aggregated<'_, T> {
+    fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
+        self.layers.for_each_var(visit);
+        self.camera.for_each_var(visit);
+    }
+}
+
+/// What is handed from round to round: the tokens `[B V, P, D]`, the layers so far, and at the end the camera tokens.
+type State<'t, T> = (Var<'t, T>, SmallVec<[Option<Var<'t, T>>; 4]>, Option<Var<'t, T>>);
 
 /// The alternating-attention transformer of VGGT (Wang et al. 2025, arXiv 2503.11651).
 ///
@@ -108,31 +118,26 @@ impl Aggregator {
         let special = 1 + self.config.registers;
         let dim = self.config.encoder.dim;
 
-        let mark = cx.tape.mark();
-        let normalized = normalize_image(images.reshape([scenes * views, channels, height, width]));
-        let patches = {
-            let _scope = cx.scope("patch_embed");
-            self.patch_embed.forward(cx, normalized)
-        };
-        let count = special + patches.shape()[1];
-        let mut x = ops::concat(&[self.special_tokens(cx, scenes, views), patches], 1);
+        let count = special + grid[0] * grid[1];
         let (of_view, of_scene) = (self.rope(cx, grid, 1), self.rope(cx, grid, views));
-        let mut layers: SmallVec<[Option<Var<'t, T>>; 4]> = SmallVec::from_elem(None, self.config.layers.len());
-        let mut camera = None;
-        cx.tape.keep_only(mark, &[x]);
-        for (round, (frame, global)) in self.frame_blocks.iter().zip(&self.global_blocks).enumerate() {
-            let within = {
-                let _scope = cx.scope(format_args!("frame_blocks.{round}"));
-                frame.forward(cx, x, Some(&of_view))
-            };
-            let across = {
-                let _scope = cx.scope(format_args!("global_blocks.{round}"));
+        let embed = || {
+            let images = images.reshape([scenes * views, channels, height, width]);
+            let normalized = normalize_image(images);
+            let patches = cx.part("patch_embed", || self.patch_embed.forward(cx, normalized));
+            let x = ops::concat(&[self.special_tokens(cx, scenes, views), patches], 1);
+            (x, SmallVec::from_elem(None, self.config.layers.len()), None)
+        };
+        let beside = |a: Var<'t, T>, b: Var<'t, T>, tokens: usize| {
+            ops::concat(&[a, b], 2).reshape([scenes, views, tokens, 2 * dim])
+        };
+        let blocks = self.frame_blocks.iter().zip(&self.global_blocks).enumerate();
+        let run_round = |state: State<'t, T>, (round, (frame, global)): (usize, (&Block, &Block))| {
+            let (x, mut layers, mut camera) = state;
+            let within = cx.part(format_args!("frame_blocks.{round}"), || frame.forward(cx, x, Some(&of_view)));
+            let across = cx.part(format_args!("global_blocks.{round}"), || {
                 global.forward(cx, within.reshape([scenes, views * count, dim]), Some(&of_scene))
-            };
-            x = across.reshape([scenes * views, count, dim]);
-            let beside = |a: Var<'t, T>, b: Var<'t, T>, tokens: usize| {
-                ops::concat(&[a, b], 2).reshape([scenes, views, tokens, 2 * dim])
-            };
+            });
+            let x = across.reshape([scenes * views, count, dim]);
             if self.config.layers.contains(&round) {
                 let both = beside(within, x, count);
                 for (layer, _) in layers.iter_mut().zip(&self.config.layers).filter(|(_, wanted)| **wanted == round) {
@@ -143,9 +148,9 @@ impl Aggregator {
                 let both = beside(within.slice(1, 0, 1), x.slice(1, 0, 1), 1);
                 camera = Some(both.reshape([scenes, views, 2 * dim]));
             }
-            let kept: SmallVec<[Var<'t, T>; 8]> = layers.iter().copied().flatten().chain(camera).chain([x]).collect();
-            cx.tape.keep_only(mark, &kept);
-        }
+            (x, layers, camera)
+        };
+        let (_, layers, camera) = cx.tape.fold(embed, blocks, run_round);
         Aggregated {
             layers: layers.into_iter().map(|layer| layer.expect("layers are below the number of rounds")).collect(),
             camera: camera.expect("an aggregator has at least one round"),

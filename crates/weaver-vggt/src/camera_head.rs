@@ -1,7 +1,7 @@
 //! The network that reads poses off camera tokens.
 
 use smallvec::SmallVec;
-use weaver_autograd::{ParamId, Real, Var, ops};
+use weaver_autograd::{Outputs, ParamId, Real, Var, ops};
 use weaver_nn::{Block, BlockConfig, Builder, Context, Init, LayerNorm, Linear, WeightInit};
 use weaver_pose::code::LENGTH;
 use weaver_pose::{activate, first_camera_gauge};
@@ -42,6 +42,12 @@ pub struct PoseEstimate<'t, T: Real = f32> {
     pub raw: Var<'t, T>,
     /// The emitted code `[B, V, 9]` in the configured frame, field of view rectified.
     pub code: Var<'t, T>,
+}
+
+impl<T: Real> Outputs<T> for PoseEstimate<'_, T> {
+    fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
+        [self.raw, self.code].for_each_var(visit);
+    }
 }
 
 /// VGGT's camera head (Wang et al. 2025, arXiv 2503.11651): a pose code per view, refined step by step.
@@ -105,7 +111,7 @@ impl CameraHead {
                 Some(estimate) => estimate.raw.detach(),
                 None => cx.param(self.empty_pose_tokens).expand([scenes, views, LENGTH]),
             };
-            let increment = cx.tape.result_of(|| self.increment(cx, tokens, normalized, seen));
+            let increment = cx.tape.outputs_of(|| self.increment(cx, tokens, normalized, seen));
             let raw = match code {
                 Some(code) => code + increment,
                 None => increment,
@@ -129,11 +135,10 @@ impl CameraHead {
         let modulation = self.modulation.forward(cx, self.embed_pose.forward(cx, code).silu());
         let parts = ops::split(modulation, 2, &[dim, dim, dim]);
         let (shift, scale, gate) = (parts[0], parts[1], parts[2]);
-        let mut x = tokens + gate * (normalized * (scale + 1.0) + shift);
-        for (i, block) in self.trunk.iter().enumerate() {
-            let _scope = cx.scope(format_args!("trunk.{i}"));
-            x = block.forward(cx, x, None);
-        }
+        let modulated = || tokens + gate * (normalized * (scale + 1.0) + shift);
+        let x = cx.tape.fold(modulated, self.trunk.iter().enumerate(), |x, (i, block)| {
+            cx.part(format_args!("trunk.{i}"), || block.forward(cx, x, None))
+        });
         let [fc1, fc2] = &self.pose_branch;
         fc2.forward(cx, fc1.forward(cx, self.trunk_norm.forward(cx, x)).gelu())
     }

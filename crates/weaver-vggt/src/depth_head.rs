@@ -2,7 +2,7 @@
 
 use crate::dpt::{DenseTokens, DptConfig, DptHead};
 use crate::position::add_position;
-use weaver_autograd::{Real, Var};
+use weaver_autograd::{Outputs, Real, Var};
 use weaver_nn::{Builder, Context, Conv2d, WeightInit};
 
 /// Sizes of a [`DepthHead`].
@@ -25,6 +25,12 @@ pub struct DepthMaps<'t, T: Real = f32> {
     pub depth: Var<'t, T>,
     /// Confidence, at least 1 `[N, H, W]`.
     pub confidence: Var<'t, T>,
+}
+
+impl<T: Real> Outputs<T> for DepthMaps<'_, T> {
+    fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
+        [self.depth, self.confidence].for_each_var(visit);
+    }
 }
 
 /// A dense head for depth: exp of one channel, and 1 + exp of another for its confidence.
@@ -54,18 +60,17 @@ impl DepthHead {
     /// Predicts for the N views that the leading dimensions of the tokens hold.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> DepthMaps<'t, T> {
         let [height, width] = tokens.image;
-        let mark = cx.tape.mark();
-        let x = cx.tape.result_of(|| add_position(self.trunk.forward(cx, tokens), height, width));
-        let _scope = cx.scope("scratch.output_conv2");
-        let raw = self.last.forward(cx, self.hidden.forward(cx, x).relu());
-        cx.tape.keep_only(mark, &[raw]);
-        let channel = |c: usize| raw.slice(1, c, 1).reshape([raw.shape()[0], height, width]);
-        let log_depth = match self.config.log_depth_bounds {
-            Some((lo, hi)) => channel(0).clamp(lo, hi),
-            None => channel(0),
-        };
-        let maps = DepthMaps { depth: log_depth.exp(), confidence: channel(1).exp() + 1.0 };
-        cx.tape.keep_only(mark, &[maps.depth, maps.confidence]);
-        maps
+        cx.tape.outputs_of(|| {
+            let x = cx.tape.outputs_of(|| add_position(self.trunk.forward(cx, tokens), height, width));
+            cx.part("scratch.output_conv2", || {
+                let raw = cx.tape.outputs_of(|| self.last.forward(cx, self.hidden.forward(cx, x).relu()));
+                let channel = |c: usize| raw.slice(1, c, 1).reshape([raw.shape()[0], height, width]);
+                let log_depth = match self.config.log_depth_bounds {
+                    Some((lo, hi)) => channel(0).clamp(lo, hi),
+                    None => channel(0),
+                };
+                DepthMaps { depth: log_depth.exp(), confidence: channel(1).exp() + 1.0 }
+            })
+        })
     }
 }

@@ -89,15 +89,13 @@ impl DptHead {
 
     /// Maps `[N, width, H, W]`, one for each of the N views that the leading dimensions hold.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> Var<'t, T> {
-        cx.tape.result_of(|| resized(self.trunk(cx, tokens), tokens.image))
+        cx.tape.outputs_of(|| resized(self.trunk(cx, tokens), tokens.image))
     }
 
     /// The same before the last resize: maps `[N, width, 8 h, 8 w]` of a grid of h x w patches.
     pub fn trunk<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> Var<'t, T> {
-        cx.tape.result_of(|| {
-            let mark = cx.tape.mark();
-            let finest = self.fuse(cx, tokens)[0];
-            cx.tape.keep_only(mark, &[finest]);
+        cx.tape.outputs_of(|| {
+            let finest = cx.tape.outputs_of(|| self.fuse(cx, tokens)[0]);
             self.output_conv1.forward(cx, finest)
         })
     }
@@ -106,29 +104,37 @@ impl DptHead {
     pub fn fuse<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> [Var<'t, T>; 4] {
         let found: List<Shape> = tokens.layers.iter().map(|layer| layer.shape()).collect();
         cx.tape.ensure_shapes(found.len() == 4, "dense_head", "four layers of tokens [B, V, tokens, 2 D]", &found);
-        let mark = cx.tape.mark();
-        let mut maps: [Var<'t, T>; 4] = std::array::from_fn(|i| cx.tape.result_of(|| self.level(cx, tokens, i)));
+        let levels = || std::array::from_fn(|i| self.level(cx, tokens, i));
         let size = |map: &Var<'t, T>| [map.shape()[2], map.shape()[3]];
-        let mut coarser = None;
-        for i in (0..4).rev() {
-            let _scope = cx.scope(format_args!("scratch.refinenet{}", i + 1));
+        cx.tape.fold(levels, (0..4).rev(), |mut maps: [Var<'t, T>; 4], i| {
             let next = if i > 0 { size(&maps[i - 1]) } else { size(&maps[0]).map(|n| 2 * n) };
-            maps[i] = self.refine[i].forward(cx, maps[i], coarser, next);
-            coarser = Some(maps[i]);
-            cx.tape.keep_only(mark, &maps);
-        }
-        maps
+            maps[i] = cx.part(format_args!("scratch.refinenet{}", i + 1), || {
+                self.refine[i].forward(cx, maps[i], maps.get(i + 1).copied(), next)
+            });
+            maps
+        })
     }
 
     /// One layer's tokens as maps `[N, features, h, w]` of that level's size.
     fn level<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>, i: usize) -> Var<'t, T> {
-        let _scope = cx.scope(format_args!("projects.{i}"));
+        cx.part(format_args!("projects.{i}"), || {
+            let resized = cx.tape.outputs_of(|| self.resized_level(cx, tokens, i));
+            self.layer_rn[i].forward(cx, resized)
+        })
+    }
+
+    /// One layer's tokens, projected, with positions, as maps `[N, out_channels[i], h, w]` of that level's size.
+    fn resized_level<'t, T: Real>(
+        &self,
+        cx: Context<'t, '_, T>,
+        tokens: DenseTokens<'_, 't, T>,
+        i: usize,
+    ) -> Var<'t, T> {
         let all = tokens.layers[i];
         let [rows, columns] = tokens.grid;
         let (count, dim) = (all.shape()[all.shape().rank() - 2], self.config.dim);
         let views = all.shape().rows() / count;
         let patches = all.reshape([views, count, dim]).slice(1, tokens.special, rows * columns);
-        let mark = cx.tape.mark();
         let x = self.norm.forward(cx, patches);
         // A 1x1 convolution is a linear map of each token: run as one, it reads them without a transpose.
         let channels = self.config.out_channels[i];
@@ -136,12 +142,10 @@ impl DptHead {
         let x = ops::linear(x, weight, self.projects[i].bias.map(|bias| cx.param(bias)), Activation::None);
         let x = x.permute(&[0, 2, 1]).reshape([views, channels, rows, columns]);
         let x = add_position(x, tokens.image[0], tokens.image[1]);
-        let x = match &self.resize_layers[i] {
+        match &self.resize_layers[i] {
             Resize::Up(conv) => conv.forward(cx, x),
             Resize::Keep => x,
             Resize::Down(conv) => conv.forward(cx, x),
-        };
-        cx.tape.keep_only(mark, &[x]);
-        self.layer_rn[i].forward(cx, x)
+        }
     }
 }

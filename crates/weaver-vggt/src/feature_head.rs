@@ -2,7 +2,7 @@
 
 use crate::dpt::{DenseTokens, DptConfig, DptHead};
 use crate::position::add_position;
-use weaver_autograd::{Real, Var};
+use weaver_autograd::{Outputs, Real, Var};
 use weaver_nn::{Builder, Context, Conv2d, WeightInit};
 
 /// Sizes of a [`FeatureHead`].
@@ -21,6 +21,12 @@ pub struct PixelFeatures<'t, T: Real = f32> {
     pub embedding: Var<'t, T>,
     /// F = relu(conv(E)).
     pub features: Var<'t, T>,
+}
+
+impl<T: Real> Outputs<T> for PixelFeatures<'_, T> {
+    fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
+        [self.embedding, self.features].for_each_var(visit);
+    }
 }
 
 /// A dense head whose maps also see the image at full resolution, past the patches (SplatWeaver, arXiv 2605.07287).
@@ -59,18 +65,16 @@ impl FeatureHead {
         images: Var<'t, T>,
     ) -> PixelFeatures<'t, T> {
         let [height, width] = tokens.image;
-        let mark = cx.tape.mark();
-        let maps = self.trunk.forward(cx, tokens);
-        let images = images.reshape([maps.shape()[0], 3, height, width]);
-        let seen = cx.tape.result_of(|| {
-            let _scope = cx.scope("input_merger");
-            let x = self.merger[0].forward(cx, images).relu();
-            self.merger[1].forward(cx, x).relu()
+        let embedding = cx.tape.outputs_of(|| {
+            let maps = self.trunk.forward(cx, tokens);
+            let images = images.reshape([maps.shape()[0], 3, height, width]);
+            let seen = cx.part("input_merger", || {
+                let x = self.merger[0].forward(cx, images).relu();
+                self.merger[1].forward(cx, x).relu()
+            });
+            add_position(maps + seen, height, width)
         });
-        let embedding = add_position(maps + seen, height, width);
-        cx.tape.keep_only(mark, &[embedding]);
-        let _scope = cx.scope("scratch.output_conv2");
-        let features = cx.tape.result_of(|| self.last.forward(cx, embedding).relu());
+        let features = cx.part("scratch.output_conv2", || self.last.forward(cx, embedding).relu());
         PixelFeatures { embedding, features }
     }
 }

@@ -24,9 +24,9 @@ impl ResidualConvUnit {
 
     /// Maps `[N, C, h, w]` to the same shape.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
-        cx.tape.result_of(|| {
+        cx.tape.outputs_of(|| {
             let x = x.relu();
-            let hidden = cx.tape.result_of(|| self.conv1.forward(cx, x).relu());
+            let hidden = cx.tape.outputs_of(|| self.conv1.forward(cx, x).relu());
             self.conv2.forward(cx, hidden) + x
         })
     }
@@ -58,18 +58,12 @@ impl FusionBlock {
         coarser: Option<Var<'t, T>>,
         size: [usize; 2],
     ) -> Var<'t, T> {
-        cx.tape.result_of(|| {
-            let mark = cx.tape.mark();
-            let sum = match (&self.of_finer, coarser) {
-                (Some(unit), Some(coarser)) => coarser + unit.forward(cx, map),
-                _ => map,
-            };
-            let refined = self.of_sum.forward(cx, sum);
-            cx.tape.keep_only(mark, &[refined]);
-            let fused = resized(refined, size);
-            cx.tape.keep_only(mark, &[fused]);
-            self.out_conv.forward(cx, fused)
-        })
+        let refine = || match (&self.of_finer, coarser) {
+            (Some(unit), Some(coarser)) => self.of_sum.forward(cx, coarser + unit.forward(cx, map)),
+            _ => self.of_sum.forward(cx, map),
+        };
+        let fuse = || resized(cx.tape.outputs_of(refine), size);
+        cx.tape.outputs_of(|| self.out_conv.forward(cx, cx.tape.outputs_of(fuse)))
     }
 }
 

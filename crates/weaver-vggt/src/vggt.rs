@@ -91,14 +91,8 @@ impl Vggt {
     pub fn encode<'t, T: Real>(&self, cx: Context<'t, '_, T>, photos: Var<'t, T>) -> Encoded<'t, T> {
         let shape = photos.shape();
         let [height, width] = [shape[3], shape[4]];
-        let aggregated = {
-            let _scope = cx.scope("aggregator");
-            self.aggregator.forward(cx, photos)
-        };
-        let estimates = {
-            let _scope = cx.scope("camera_head");
-            self.camera_head.forward(cx, aggregated.camera)
-        };
+        let aggregated = cx.part("aggregator", || self.aggregator.forward(cx, photos));
+        let estimates = cx.part("camera_head", || self.camera_head.forward(cx, aggregated.camera));
         let raw = estimates.iter().map(|e| e.raw).collect();
         let codes: List<_> = estimates.iter().map(|e| e.code).collect();
         let last = *codes.last().expect("a camera head has at least one iteration");
@@ -116,8 +110,9 @@ impl Vggt {
         [first, count]: [usize; 2],
         image: [usize; 2],
     ) -> DepthMaps<'t, T> {
-        let _scope = cx.scope("depth_head");
-        let layers = encoded.view_tokens(b, first, count);
-        self.depth_head.forward(cx, encoded.dense_tokens(&layers, image))
+        cx.part("depth_head", || {
+            let layers = encoded.view_tokens(b, first, count);
+            self.depth_head.forward(cx, encoded.dense_tokens(&layers, image))
+        })
     }
 }

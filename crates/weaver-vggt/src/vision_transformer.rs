@@ -42,15 +42,16 @@ impl PatchEmbed {
 
     /// Tokens `[N, h w, D]`, row by row, of images `[N, 3, H, W]` whose sides are multiples of the patch.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, images: Var<'t, T>) -> Var<'t, T> {
-        let _scope = cx.scope("patch_embed");
-        let shape = images.shape();
-        let p = self.patch;
-        let fits = shape.rank() == 4 && shape[2].is_multiple_of(p) && shape[3].is_multiple_of(p);
-        let expected = format_args!("images [N, 3, H, W] with sides that are multiples of {p}");
-        cx.tape.ensure_shapes(fits, "patch_embed", expected, &[shape]);
-        let maps = self.proj.forward(cx, images);
-        let [n, dim, h, w] = [0, 1, 2, 3].map(|axis| maps.shape()[axis]);
-        maps.reshape([n, dim, h * w]).permute(&[0, 2, 1])
+        cx.part("patch_embed", || {
+            let shape = images.shape();
+            let p = self.patch;
+            let fits = shape.rank() == 4 && shape[2].is_multiple_of(p) && shape[3].is_multiple_of(p);
+            let expected = format_args!("images [N, 3, H, W] with sides that are multiples of {p}");
+            cx.tape.ensure_shapes(fits, "patch_embed", expected, &[shape]);
+            let maps = self.proj.forward(cx, images);
+            let [n, dim, h, w] = [0, 1, 2, 3].map(|axis| maps.shape()[axis]);
+            maps.reshape([n, dim, h * w]).permute(&[0, 2, 1])
+        })
     }
 }
 
@@ -97,14 +98,13 @@ impl VisionTransformer {
 
     /// Patch tokens `[N, h w, D]`, row by row, of normalized images `[N, 3, H, W]`.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, images: Var<'t, T>) -> Var<'t, T> {
-        cx.tape.result_of(|| {
-            let mark = cx.tape.mark();
-            let mut x = self.embed(cx, images);
-            for (i, block) in self.blocks.iter().enumerate() {
-                let _scope = cx.scope(format_args!("blocks.{i}"));
-                x = block.forward(cx, x, None);
-                cx.tape.keep_only(mark, &[x]);
-            }
+        cx.tape.outputs_of(|| {
+            let blocks = self.blocks.iter().enumerate();
+            let x = cx.tape.fold(
+                || self.embed(cx, images),
+                blocks,
+                |x, (i, block)| cx.part(format_args!("blocks.{i}"), || block.forward(cx, x, None)),
+            );
             self.read_out(cx, x)
         })
     }

@@ -131,9 +131,7 @@ mod tests {
     fn rectifiers_are_found_on_a_tape() {
         let tape = Tape::<f32>::new();
         let x = tape.leaf(&[-1.0, 2.0], [2]);
-        let layer = tape.scope("layer");
-        let _ = (x * 3.0).relu();
-        drop(layer);
+        tape.part("layer", || (x * 3.0).relu());
         let found = on(&tape);
         assert_eq!(found.len(), 1);
         assert_eq!((found[0].at.as_str(), &found[0].outputs[..]), ("Relu of layer", &[0.0, 6.0][..]));

@@ -118,23 +118,28 @@ impl<T: Real> Tape<T> {
         outputs
     }
 
-    /// Runs `f` for each item on the result for the item before, as [`Iterator::fold`] does; while nothing is recorded, only the
-    /// latest result stays in memory: for layers one behind the other.
+    /// Runs `f` for each item on the result for the item before, as [`Iterator::fold`] does, beginning with what `first` returns;
+    /// while nothing is recorded, only the latest result stays in memory: for layers one behind the other.
     ///
     /// ```
     /// use weaver_autograd::Tape;
     /// let tape = Tape::<f32>::new();
     /// let x = tape.constant(&[1.0, 2.0], [2]);
-    /// let y = tape.without_gradient(|| tape.fold(x, 0..100, |x, _| x * 0.5 + 1.0));
+    /// let y = tape.without_gradient(|| tape.fold(|| x, 0..100, |x, _| x * 0.5 + 1.0));
     /// assert_eq!(y.to_vec(), [2.0, 2.0]);
     /// ```
-    pub fn fold<R: Outputs<T>, I: IntoIterator>(&self, first: R, items: I, mut f: impl FnMut(R, I::Item) -> R) -> R {
+    pub fn fold<R: Outputs<T>, I: IntoIterator>(
+        &self,
+        first: impl FnOnce() -> R,
+        items: I,
+        mut f: impl FnMut(R, I::Item) -> R,
+    ) -> R {
         let start = self.record.borrow().values.len();
-        items.into_iter().fold(first, |result, item| {
-            let result = f(result, item);
+        let settled = |result: R| {
             self.release_since(start, &result);
             result
-        })
+        };
+        items.into_iter().fold(settled(first()), |result, item| settled(f(result, item)))
     }
 
     /// While nothing is recorded, gives back the memory of every value from index `start` on but those in `outputs`.

@@ -12,7 +12,7 @@ fn layers_one_behind_the_other_need_the_memory_of_one() {
         let tape = Tape::<f32>::new();
         let x = tape.constant(&[1.0; 1000], [1000]);
         tape.without_gradient(|| {
-            let y = tape.fold(x, 0..layers, |y, i| tape.part(i, || y * 0.5 + x));
+            let y = tape.fold(|| x, 0..layers, |y, i| tape.part(i, || y * 0.5 + x));
             assert!((y.to_vec()[0] - 2.0).abs() < 0.1);
             assert_eq!(x.to_vec(), [1.0; 1000], "what was there before is kept");
         });
@@ -38,7 +38,7 @@ fn forms<'t>(tape: &'t Tape<f64>, form: usize, x: Var<'t, f64>) -> Vec<Var<'t, f
             assert_eq!(*buffer, [7; 3]);
             vec![y]
         }
-        _ => vec![tape.part_at("elsewhere", || tape.outputs_of(|| x)), tape.fold(x, 0..3, |x, _| x + 1.0)],
+        _ => vec![tape.part_at("elsewhere", || tape.outputs_of(|| x)), tape.fold(|| x * 2.0, 0..3, |x, _| x + 1.0)],
     }
 }
 
@@ -79,7 +79,7 @@ proptest! {
 fn while_recording_everything_stays() {
     let tape = Tape::<f64>::new();
     let x = tape.leaf(&[3.0], [1]);
-    let y = tape.fold(x, 0..2, |y, _| tape.outputs_of(|| (y * x) + 0.0));
+    let y = tape.fold(|| x, 0..2, |y, _| tape.outputs_of(|| (y * x) + 0.0));
     y.backward();
     assert_eq!(x.grad().unwrap(), [27.0]);
 }
@@ -102,7 +102,7 @@ fn a_parameter_of_a_finished_part_can_be_used_again() {
     let id = params.add("w", [1], vec![3.0]);
     let tape = Tape::new();
     let x = tape.constant(&[2.0], [1]);
-    let y = tape.without_gradient(|| tape.fold(x, 0..3, |x, _| tape.part("layer", || x * tape.param(&params, id))));
+    let y = tape.without_gradient(|| tape.fold(|| x, 0..3, |x, _| tape.part("layer", || x * tape.param(&params, id))));
     assert_eq!(y.item(), 54.0);
 }
 

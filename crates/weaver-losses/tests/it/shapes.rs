@@ -26,8 +26,8 @@ fn messages_name_loss_path_and_shapes() {
     for (loss, shapes, call) in CASES {
         let tape = Tape::<f64>::new();
         let vars: Vec<_> = shapes.iter().map(|s| tape.leaf(&vec![0.5; s.iter().product()], *s)).collect();
-        let _scope = tape.scope("losses.term");
-        let panic = catch_unwind(AssertUnwindSafe(|| call(&vars))).expect_err("shapes that do not fit are refused");
+        let term = || tape.part("losses.term", || call(&vars));
+        let panic = catch_unwind(AssertUnwindSafe(term)).expect_err("shapes that do not fit are refused");
         let message = panic.downcast::<String>().expect("a formatted message");
         let start = format!("losses.term: {loss}: expected ");
         assert!(message.starts_with(&start), "{message:?} does not start with {start:?}");

@@ -72,14 +72,12 @@ fn fields_of_view_are_rectified() {
 #[should_panic(expected = "camera_head: first_camera_gauge: expected pose codes [B, V, 9], found [2, 9]")]
 fn a_wrong_shape_is_refused_with_the_model_path() {
     let tape = Tape::<f64>::new();
-    let _scope = tape.scope("camera_head");
-    first_camera_gauge(tape.constant(&[1.0; 18], [2, 9]));
+    tape.part("camera_head", || first_camera_gauge(tape.constant(&[1.0; 18], [2, 9])));
 }
 
 #[test]
 #[should_panic(expected = "camera_head: first_camera_gauge: expected pose codes [B, V, 9], found [1, 2, 8]")]
 fn a_wrong_width_is_refused_with_the_model_path() {
     let tape = Tape::<f64>::new();
-    let _scope = tape.scope("camera_head");
-    first_camera_gauge(tape.constant(&[1.0; 16], [1, 2, 8]));
+    tape.part("camera_head", || first_camera_gauge(tape.constant(&[1.0; 16], [1, 2, 8])));
 }

@@ -16,8 +16,8 @@ fn message<const N: usize>(
     let tape = Tape::new();
     let inputs = shapes.map(|s| tape.constant(&vec![0.5; s.iter().product()], s));
     let cx = Context::new(&tape, params);
-    let _scope = cx.scope("backbone");
-    let panic = catch_unwind(AssertUnwindSafe(|| call(cx, inputs))).expect_err("shapes that do not fit are refused");
+    let backbone = || cx.part("backbone", || call(cx, inputs));
+    let panic = catch_unwind(AssertUnwindSafe(backbone)).expect_err("shapes that do not fit are refused");
     *panic.downcast::<String>().expect("a formatted message")
 }
 
