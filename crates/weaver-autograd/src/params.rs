@@ -1,4 +1,4 @@
-//! Named parameters, apart from any tape.
+//! Named parameters, which exist independently of any tape.
 
 use crate::Shape;
 use half::{bf16, f16};
@@ -21,25 +21,25 @@ impl ParamId {
 /// Where the numbers of a parameter are.
 #[derive(Clone)]
 pub enum ParamValues<T: Real> {
-    /// In memory of its own.
+    /// In memory of their own.
     Owned(Arc<Vec<T>>),
-    /// In memory that somebody else holds, such as a mapped file.
+    /// In memory that is held elsewhere, such as a mapped file.
     Shared(Arc<dyn AsRef<[T]> + Send + Sync>),
-    /// The same in half precision, for layers that multiply by it; it is constant.
+    /// In half precision, as a constant for layers that multiply by it.
     Half(HalfValues),
-    /// Nowhere yet: the parameter is declared, and its numbers are to be set.
+    /// Not set yet: the parameter is only declared.
     Absent,
 }
 
-/// Numbers in half precision, in memory that somebody may share.
+/// Numbers in half precision, in memory that may be shared.
 #[derive(Clone)]
 pub enum HalfValues {
-    /// Products widen them on the way.
+    /// Numbers in bf16, which products widen as they read them.
     Bf16(Arc<dyn AsRef<[bf16]> + Send + Sync>),
-    /// Products round the other factor to bf16 as well, where the processor then multiplies twice as fast; see
-    /// [`Half::Bf16Pairs`] for what that costs.
+    /// Numbers in bf16, where products round the other factor to bf16 as well if the processor then multiplies twice as fast;
+    /// [`Half::Bf16Pairs`] states the loss of precision.
     Bf16Pairs(Arc<dyn AsRef<[bf16]> + Send + Sync>),
-    /// Products widen them on the way.
+    /// Numbers in f16, which products widen as they read them.
     F16(Arc<dyn AsRef<[f16]> + Send + Sync>),
 }
 
@@ -141,19 +141,19 @@ impl<T: Real> Param<T> {
     }
 }
 
-/// The parameters of a model: an ordered list of named tensors. A clone shares them until either is changed.
+/// The parameters of a model: an ordered list of named tensors. A clone shares the values until either copy changes.
 #[derive(Clone, Debug, Default)]
 pub struct Params<T: Real = f32> {
     list: Arc<Vec<Param<T>>>,
 }
 
 impl<T: Real> Params<T> {
-    /// No parameters.
+    /// Creates an empty list.
     pub fn new() -> Self {
         Self { list: Arc::default() }
     }
 
-    /// Adds a parameter; panics if the name is taken or the sizes disagree (both are programming errors).
+    /// Adds a parameter. Panics if the name is taken or the number of values does not match the shape.
     pub fn add(&mut self, name: impl Into<String>, shape: impl Into<Shape>, value: Vec<T>) -> ParamId {
         let (name, shape) = (name.into(), shape.into());
         assert_eq!(value.len(), shape.len(), "parameter {name} of shape {shape}");
@@ -161,7 +161,7 @@ impl<T: Real> Params<T> {
         self.push(Param { name, shape, values: ParamValues::Owned(Arc::new(value)), frozen: false })
     }
 
-    /// Adds a parameter whose numbers are to be [set](Params::set) before it is used.
+    /// Adds a parameter whose values must be [set](Params::set) before it is used. Panics if the name is taken.
     pub fn declare(&mut self, name: impl Into<String>, shape: impl Into<Shape>) -> ParamId {
         let (name, shape) = (name.into(), shape.into());
         assert!(self.find(&name).is_none(), "two parameters are named {name}");
@@ -173,7 +173,7 @@ impl<T: Real> Params<T> {
         ParamId(self.list.len() as u32 - 1)
     }
 
-    /// Gives a parameter other numbers, without a copy; panics if they are not as many as before.
+    /// Replaces the values of a parameter without a copy. Panics if there are more or fewer than its shape needs.
     pub fn set(&mut self, id: ParamId, values: ParamValues<T>) {
         let param = &mut Arc::make_mut(&mut self.list)[id.index()];
         assert_eq!(values.len(), param.shape.len(), "values of parameter {} of shape {}", param.name, param.shape);
@@ -220,10 +220,10 @@ impl<T: Real> Params<T> {
         self.list.iter().position(|p| p.name == name).map(|i| ParamId(i as u32))
     }
 
-    /// The numbers of a parameter, to change them. A tape that still shares them keeps the old ones (and the change
-    /// then costs a copy): reset it first, or let it [release](crate::Tape::release_params) them.
+    /// The values of a parameter, to change them. A tape that still shares them keeps the old ones, and the change then costs a
+    /// copy: reset the tape first, or let it [release](crate::Tape::release_params) the values.
     ///
-    /// What is in shared memory or in half precision is copied first; panics if there is nothing yet.
+    /// Values in shared memory or in half precision are copied first. Panics if the parameter has no values yet.
     pub fn value_mut(&mut self, id: ParamId) -> &mut [T] {
         let param = &mut Arc::make_mut(&mut self.list)[id.index()];
         match &param.values {
@@ -244,7 +244,7 @@ impl<T: Real> Params<T> {
         }
     }
 
-    /// Leaves a parameter out of training, or takes it in again.
+    /// Excludes a parameter from training (`true`) or includes it again: a frozen parameter is a constant on the tape.
     pub fn set_frozen(&mut self, id: ParamId, frozen: bool) {
         Arc::make_mut(&mut self.list)[id.index()].frozen = frozen;
     }
@@ -254,7 +254,7 @@ impl<T: Real> Params<T> {
         self.list.iter().enumerate().map(|(i, p)| (ParamId(i as u32), p))
     }
 
-    /// The ids of all parameters in order; they do not borrow, so values can be changed on the way.
+    /// The ids of all parameters in order. The iterator does not borrow the list, so values can be changed while it runs.
     pub fn ids(&self) -> impl ExactSizeIterator<Item = ParamId> + use<T> {
         (0..self.list.len()).map(|i| ParamId(i as u32))
     }

@@ -111,7 +111,7 @@ struct Record<T: Real> {
     watcher: Option<Watcher>,
 }
 
-/// Hears of the parts of a model that are done.
+/// Called with the path of each part of a model that is done.
 type Watcher = Box<dyn Fn(&str) + Send>;
 
 /// A define-by-run tape over pooled memory.
@@ -188,8 +188,7 @@ impl<T: Real> Tape<T> {
         &self.pool
     }
 
-    /// Forgets every value and op; their memory goes back to the pool. Needs the tape for itself, so no [`Var`]
-    /// survives.
+    /// Forgets every value and op; their memory returns to the pool. Needs the tape exclusively, so that no [`Var`] survives.
     pub fn reset(&mut self) {
         let record = self.record.get_mut();
         for node in record.nodes.drain(..) {
@@ -209,13 +208,13 @@ impl<T: Real> Tape<T> {
         self.push_source(value, shape, false)
     }
 
-    /// A constant that is shared without a copy: the weights of a network that is never trained, say.
+    /// A constant that is shared without a copy, such as the weights of a network that is never trained.
     pub fn shared_constant(&self, data: &Arc<Vec<T>>, shape: impl Into<Shape>) -> Var<'_, T> {
         let shape = self.checked(data.len(), shape);
         self.push_source(Storage::Shared(data.clone()), shape, false)
     }
 
-    /// A constant filled by `f(i)`, without a copy in between.
+    /// A constant whose elements `f` fills in, beginning from zeros.
     pub fn constant_with(&self, shape: impl Into<Shape>, f: impl FnOnce(&mut [T])) -> Var<'_, T> {
         let shape = shape.into();
         let mut buffer = self.pool.filled(shape.len(), T::ZERO);
@@ -223,7 +222,7 @@ impl<T: Real> Tape<T> {
         self.push_source(Storage::Pooled(buffer), shape, false)
     }
 
-    /// A constant in a buffer that was filled before, without a copy.
+    /// A constant that takes over a filled buffer, without a copy.
     pub fn constant_of(&self, buffer: Buffer<T>, shape: impl Into<Shape>) -> Var<'_, T> {
         let shape = self.checked(buffer.len(), shape);
         self.push_source(Storage::Pooled(buffer), shape, false)
@@ -254,7 +253,7 @@ impl<T: Real> Tape<T> {
             .unwrap_or_else(|_| panic!("the op has {count} outputs, not {N}"))
     }
 
-    /// Applies an op, or says which shapes do not fit.
+    /// Applies an op, or returns an error that names the shapes that do not fit.
     pub fn try_apply<'t, O: Op<T>>(&'t self, mut op: O, inputs: &[Var<'t, T>]) -> Result<List<Var<'t, T>>, ShapeError> {
         let name = op.name();
         for var in inputs {

@@ -6,12 +6,12 @@ use std::collections::BTreeMap;
 use weaver_autograd::{ParamId, Params, Real, Tape};
 use weaver_kernels::optim::{self, SparseRows};
 
-/// Parameters that are trained alike.
+/// Parameters with a common learning rate and weight decay.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Group {
     /// The parameters.
     pub params: Vec<ParamId>,
-    /// Factor for the learning rate.
+    /// Factor of the learning rate.
     pub lr_scale: f64,
     /// Decoupled weight decay, times the learning rate per step.
     pub weight_decay: f64,
@@ -49,7 +49,7 @@ pub struct Moments<T> {
 /// ```
 #[derive(Clone, Debug)]
 pub struct AdamW<T: Real = f32> {
-    /// What is trained, and how.
+    /// The parameters that are trained, each in one group.
     pub groups: Vec<Group>,
     /// Decay of the mean of gradients.
     pub beta1: f64,

@@ -31,8 +31,7 @@ pub struct Attention {
 }
 
 impl Attention {
-    /// A layer for tokens of `width` numbers, which `heads` divides; `qk_norm` normalizes queries and keys per head
-    /// (eps 1e-5). Panics if `heads` does not divide `width`.
+    /// A layer for tokens of `width` numbers with `heads` heads; `qk_norm` normalizes queries and keys per head (eps 1e-5). Panics if `heads` does not divide `width`.
     pub fn new<T: Real>(
         mut builder: Builder<'_, T>,
         width: usize,
@@ -49,7 +48,7 @@ impl Attention {
         Self { qkv, norms, proj: Linear::new(builder.scope("proj"), width, width, init), heads }
     }
 
-    /// Applies it to x `[B, N, D]`, which gives the same shape. With a table, queries and keys are turned by their tokens'
+    /// Applies it to x `[B, N, D]`, which gives the same shape. With a table, queries and keys are rotated by their tokens'
     /// positions. Differentiable in x and the parameters; the table is constant.
     pub fn forward<'t, T: Real>(
         &self,
@@ -66,7 +65,7 @@ impl Attention {
         })
     }
 
-    /// Queries, keys and values `[B, N, heads, D / heads]`, normalized and turned.
+    /// Queries, keys and values `[B, N, heads, D / heads]`, normalized and rotated.
     fn queries_keys_values<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

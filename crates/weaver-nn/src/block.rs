@@ -19,7 +19,7 @@ pub struct BlockConfig {
     pub layer_scale: Option<f64>,
     /// Whether queries and keys are normalized per head.
     pub qk_norm: bool,
-    /// How weights begin.
+    /// Initial weights.
     pub init: WeightInit,
 }
 
@@ -74,7 +74,7 @@ impl Block {
         }
     }
 
-    /// Applies it to x `[B, N, D]`, which gives the same shape; `rope` turns queries and keys by their tokens' positions.
+    /// Applies it to x `[B, N, D]`, which gives the same shape; `rope` rotates queries and keys by their tokens' positions.
     /// Differentiable in x and the parameters; the table is constant.
     pub fn forward<'t, T: Real>(
         &self,

@@ -1,4 +1,4 @@
-//! Builds a model's parameters: names them by their place and draws their initial values.
+//! Builds the parameters of a model: names them by their place in it and draws their initial values.
 
 use weaver_autograd::{ParamId, Params, Real, Shape};
 use weaver_kernels::random::Stream;
@@ -10,7 +10,7 @@ pub enum Init {
     Constant(f64),
     /// Normal with this standard deviation.
     Normal(f64),
-    /// Normal with this standard deviation, cut at two of them (redrawn).
+    /// Normal with this standard deviation, truncated at two standard deviations by drawing again.
     TruncatedNormal(f64),
     /// Uniform between minus and plus this bound.
     Uniform(f64),
@@ -36,14 +36,14 @@ impl Init {
     }
 }
 
-/// How a layer's weights and biases begin.
+/// Initial weights and biases of a layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum WeightInit {
-    /// Weights normal with this standard deviation, cut at two of them; biases 0. The way of transformers.
+    /// Weights normal with this standard deviation, truncated at two standard deviations; biases 0. Usual for transformers.
     TruncatedNormal(f64),
     /// Weights and biases uniform within 1/sqrt(fan in): PyTorch's default.
     FanIn,
-    /// Weights and biases 0: a layer that begins by doing nothing.
+    /// Weights and biases 0: the layer's initial output is 0.
     Zero,
 }
 
@@ -82,7 +82,7 @@ impl<'p, T: Real> Builder<'p, T> {
         Self { params, path: String::new(), seed: Some(seed) }
     }
 
-    /// A builder at the root that draws no values: for a model whose weights will be loaded.
+    /// A builder at the root that declares parameters without values, for a model whose weights will be loaded.
     pub fn declaring(params: &'p mut Params<T>) -> Self {
         Self { params, path: String::new(), seed: None }
     }
@@ -92,7 +92,7 @@ impl<'p, T: Real> Builder<'p, T> {
         Builder { path: self.full(name), params: self.params, seed: self.seed }
     }
 
-    /// A builder for more parts of this one.
+    /// A builder at the same path, for a constructor that takes its builder by value.
     pub fn scope_here(&mut self) -> Builder<'_, T> {
         Builder { path: self.path.clone(), params: self.params, seed: self.seed }
     }
@@ -106,7 +106,8 @@ impl<'p, T: Real> Builder<'p, T> {
         self.params.add(name, shape, value)
     }
 
-    /// The values of a parameter, to overwrite what was drawn (the bias of an output, say); none where none are drawn.
+    /// The values of a parameter, to overwrite what was drawn (the bias of an output, for instance); empty where the builder
+    /// draws none.
     pub fn value_mut(&mut self, id: ParamId) -> &mut [T] {
         if self.seed.is_some() { self.params.value_mut(id) } else { &mut [] }
     }

@@ -1,9 +1,9 @@
-//! What a layer needs at run time: the tape to run on and the parameters to read.
+//! What a layer needs to run: a tape and the model's parameters.
 
 use std::fmt::Display;
 use weaver_autograd::{Outputs, ParamId, Params, Real, Tape, Var};
 
-/// A tape and the parameters used on it; `Copy`, passed to every layer's `forward`.
+/// A tape and the parameters used on it, passed by value to the `forward` of every layer.
 ///
 /// ```
 /// use weaver_autograd::{Params, Tape};

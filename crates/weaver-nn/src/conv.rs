@@ -41,7 +41,7 @@ impl Conv2d {
         Self { weight, bias: Some(builder.add("bias", [outputs], biases)), stride: 1, padding: kernel / 2 }
     }
 
-    /// The same without a bias.
+    /// A square kernel from `inputs` to `outputs` channels at stride 1, padded by half the kernel, that adds no bias.
     pub fn without_bias<T: Real>(
         mut builder: Builder<'_, T>,
         inputs: usize,
@@ -54,12 +54,12 @@ impl Conv2d {
         Self { weight, bias: None, stride: 1, padding: kernel / 2 }
     }
 
-    /// The same layer with another stride.
+    /// This layer with another stride.
     pub fn with_stride(self, stride: usize) -> Self {
         Self { stride, ..self }
     }
 
-    /// The same layer with another padding.
+    /// This layer with another padding.
     pub fn with_padding(self, padding: usize) -> Self {
         Self { padding, ..self }
     }

@@ -1,4 +1,4 @@
-//! Averages of the weights over the steps of training.
+//! Exponential moving averages of the parameters over the steps of training.
 
 use crate::rows::{check, extent};
 use crate::{RowError, RowMap, RowSource, StateError};
@@ -22,7 +22,7 @@ use weaver_kernels::optim::lerp;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Ema<T: Real = f32> {
-    /// The largest decay.
+    /// The largest decay per step.
     pub decay: f64,
     steps: u64,
     average: Vec<Vec<T>>,
@@ -34,7 +34,7 @@ impl<T: Real> Ema<T> {
         Self { decay, steps: 0, average: params.iter().map(|(_, p)| p.value().to_vec()).collect() }
     }
 
-    /// Takes in the parameters after a step. Panics if one has got other rows and its average has not.
+    /// Updates the averages with the parameters after a step. Panics if one has got other rows and its average has not.
     pub fn update(&mut self, params: &Params<T>) {
         let k = self.steps as f64;
         let decay = T::from_f64(self.decay.min((k + 1.0) / (k + 10.0)));
@@ -45,7 +45,7 @@ impl<T: Real> Ema<T> {
         self.steps += 1;
     }
 
-    /// Exchanges the parameters and their averages: once to evaluate with the averages, once more to train on.
+    /// Exchanges the parameters and their averages: once to evaluate with the averages, once more to go on training.
     pub fn swap(&mut self, params: &mut Params<T>) {
         for (id, average) in params.ids().zip(&mut self.average) {
             params.value_mut(id).swap_with_slice(average);
@@ -72,7 +72,7 @@ impl<T: Real> Ema<T> {
         Ok(())
     }
 
-    /// How many steps were taken in.
+    /// The number of [`update`](Self::update)s.
     pub fn steps(&self) -> u64 {
         self.steps
     }

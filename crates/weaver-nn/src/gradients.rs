@@ -1,4 +1,4 @@
-//! What the gradients of all parameters say together.
+//! Norm, clipping and presence of the gradients of all parameters.
 
 use weaver_autograd::{Params, Real, Tape};
 use weaver_kernels::reduce;
@@ -30,7 +30,7 @@ pub fn clip_factor(norm: f64, max_norm: f64) -> f64 {
 }
 
 /// Scales the gradients on the tape so that their global norm is at most `max_norm`, and returns the norm that they had. If it
-/// is not finite the gradients are left as they are: stop.
+/// is not finite, the gradients are left as they are, and the step should not be taken.
 ///
 /// ```
 /// use weaver_autograd::{Params, Tape};
@@ -54,7 +54,7 @@ pub fn clip_global_norm<T: Real>(params: &Params<T>, tape: &mut Tape<T>, max_nor
 
 /// The names of all parameters that are to be trained but received no gradient.
 ///
-/// "None" is structural, not reached on the tape: a gradient of zeros counts as received.
+/// A gradient of zeros counts as received; only a parameter that the backward pass did not reach is missing one.
 ///
 /// ```
 /// use weaver_autograd::{Params, Tape};

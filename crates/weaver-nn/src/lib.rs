@@ -1,6 +1,6 @@
-//! Layers, optimizer, schedules and weight averaging on the `weaver-autograd` tape.
+//! Layers, the AdamW optimizer, learning-rate schedules and weight averaging on the `weaver-autograd` tape.
 //!
-//! A layer is a struct of [`ParamId`](weaver_autograd::ParamId)s: it is built with a [`Builder`] and run with a [`Context`].
+//! A layer is a small struct of [`ParamId`](weaver_autograd::ParamId)s: it is built with a [`Builder`] and run with a [`Context`].
 
 mod adamw;
 mod attention;

@@ -31,7 +31,7 @@ impl Linear {
         Self { weight, bias: Some(builder.add("bias", [outputs], biases)) }
     }
 
-    /// The same without a bias.
+    /// A layer from `inputs` to `outputs` numbers that adds no bias.
     pub fn without_bias<T: Real>(mut builder: Builder<'_, T>, inputs: usize, outputs: usize, init: WeightInit) -> Self {
         Self { weight: builder.add("weight", [outputs, inputs], init.of(inputs).0), bias: None }
     }
@@ -41,7 +41,8 @@ impl Linear {
         self.forward_with(cx, x, Activation::None)
     }
 
-    /// The same with an activation, fused.
+    /// Applies it to x `[.., in]`, then the activation in the same kernel, which gives `[.., out]`. Differentiable in x and the
+    /// parameters.
     pub fn forward_with<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

@@ -31,7 +31,7 @@ pub struct AggregatorConfig {
     pub layers: Vec<usize>,
 }
 
-/// What the backbone says about a batch of scenes.
+/// The outputs of an [`Aggregator`] for a batch of scenes.
 #[derive(Clone, Debug)]
 pub struct Aggregated<'t, T: Real = f32> {
     /// Tokens of the requested rounds `[B, V, P, 2 D]`: the frame block's output beside the global block's. A view's P
@@ -59,7 +59,7 @@ type State<'t, T> = (Var<'t, T>, SmallVec<[Option<Var<'t, T>>; 4]>, Option<Var<'
 ///
 /// Each view's patch tokens are preceded by a camera token and registers, one set for a scene's first view and one for
 /// all others. A round is a block within each view, then one over all tokens of a scene. Queries and keys
-/// are normalized and then turned by their patch's row and column; the special tokens are not turned.
+/// are normalized and then rotated by their patch's row and column; the special tokens are not rotated.
 #[derive(Clone, Debug)]
 pub struct Aggregator {
     config: AggregatorConfig,
@@ -186,7 +186,7 @@ struct Positions {
 }
 
 impl Positions {
-    /// In each view, patches at (row + 1, column + 1) after special tokens at (0, 0), where nothing turns.
+    /// In each view, patches at (row + 1, column + 1) after special tokens at (0, 0), which are not rotated.
     fn list(&self) -> Vec<[usize; 2]> {
         let [rows, columns] = self.grid;
         let patches = (0..rows * columns).map(|i| [i / columns + 1, i % columns + 1]);

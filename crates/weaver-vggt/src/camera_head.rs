@@ -6,7 +6,7 @@ use weaver_nn::{Block, BlockConfig, Builder, Context, Init, LayerNorm, Linear, W
 use weaver_pose::code::LENGTH;
 use weaver_pose::{activate, first_camera_gauge};
 
-/// Sizes and start of a [`CameraHead`].
+/// Sizes and initial values of a [`CameraHead`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraHeadConfig {
     /// Width of a camera token.
@@ -19,7 +19,7 @@ pub struct CameraHeadConfig {
     pub mlp_ratio: usize,
     /// Refinements, all with the same weights.
     pub iterations: usize,
-    /// How linear layers start.
+    /// Initial weights of linear layers.
     pub weight: WeightInit,
     /// Initial values of the learned first code.
     pub token: Init,
@@ -34,7 +34,7 @@ pub struct CameraHeadConfig {
     pub relative: bool,
 }
 
-/// One refinement's result.
+/// The result of one refinement.
 #[derive(Clone, Copy, Debug)]
 pub struct PoseEstimate<'t, T: Real = f32> {
     /// The running code `[B, V, 9]` in the frame of the network's own choice: quaternion of any length, field of view

@@ -14,7 +14,7 @@ pub struct DepthHeadConfig {
     pub hidden: usize,
     /// Bounds of the log depth; outside, its gradient vanishes. None in the published model.
     pub log_depth_bounds: Option<(f64, f64)>,
-    /// How the last layer starts: small weights and no bias start the depth near 1.
+    /// Initial weights of the last layer: with small weights and no bias the initial depth is near 1.
     pub last: WeightInit,
 }
 

@@ -19,7 +19,7 @@ pub struct DptConfig {
     pub width: usize,
 }
 
-/// Tokens of a backbone, as a dense head reads them.
+/// The tokens that a dense head reads.
 #[derive(Clone, Copy, Debug)]
 pub struct DenseTokens<'a, 't, T: Real = f32> {
     /// Four layers of tokens, fine to coarse, each `[.., P, C]` with equal leading dimensions.
@@ -92,7 +92,7 @@ impl DptHead {
         cx.tape.outputs_of(|| resized(self.trunk(cx, tokens), tokens.image))
     }
 
-    /// The same before the last resize: maps `[N, width, 8 h, 8 w]` of a grid of h x w patches.
+    /// Maps `[N, width, 8 h, 8 w]` of a grid of h x w patches: [`forward`](Self::forward) before the last resize.
     pub fn trunk<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> Var<'t, T> {
         cx.tape.outputs_of(|| {
             let finest = cx.tape.outputs_of(|| self.fuse(cx, tokens)[0]);

@@ -14,7 +14,7 @@ pub struct FeatureHeadConfig {
     pub merger: usize,
 }
 
-/// What a [`FeatureHead`] gives, both `[N, width, H, W]`.
+/// The outputs of a [`FeatureHead`]: two maps `[N, width, H, W]`.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelFeatures<'t, T: Real = f32> {
     /// E: the trunk's maps plus the image's own features plus positions.

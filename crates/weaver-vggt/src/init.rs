@@ -1,11 +1,11 @@
-//! How a backbone starts.
+//! Initial values of a backbone.
 
 use weaver_nn::{Init, WeightInit};
 
 /// Initial values of a backbone's parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BackboneInit {
-    /// Linear layers; the convolution that embeds patches starts as PyTorch's do.
+    /// Weights of linear layers; those of the convolution that embeds patches are PyTorch's default.
     pub weight: WeightInit,
     /// Learned position tables.
     pub position: Init,
@@ -16,7 +16,7 @@ pub struct BackboneInit {
 }
 
 impl BackboneInit {
-    /// The published start, meant to be overwritten by pretrained weights.
+    /// The published initial values, meant to be overwritten by pretrained weights.
     pub const PUBLISHED: Self = Self {
         weight: WeightInit::TruncatedNormal(0.02),
         position: Init::TruncatedNormal(0.02),
@@ -24,8 +24,8 @@ impl BackboneInit {
         layer_scale: 0.01,
     };
 
-    /// A start from which a small backbone learns without pretraining: tokens that differ, positions that are seen,
-    /// branches that count from the first step.
+    /// Initial values from which a small backbone learns without pretraining: distinct tokens, positions of the order of the
+    /// features, and residual branches that contribute from the first step.
     pub const FROM_SCRATCH: Self = Self {
         weight: WeightInit::TruncatedNormal(0.02),
         position: Init::Normal(0.3),

@@ -1,11 +1,11 @@
-//! The statistics that images are brought to before the backbone sees them.
+//! Normalization of images by ImageNet's statistics, which the backbone expects.
 
 use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 
 /// Mean of ImageNet's red, green and blue in `[0, 1]`; single precision, as the published code has it.
 pub const IMAGENET_MEAN: [f32; 3] = [0.485, 0.456, 0.406];
-/// Standard deviation of the same.
+/// Standard deviation of ImageNet's red, green and blue in `[0, 1]`.
 pub const IMAGENET_STD: [f32; 3] = [0.229, 0.224, 0.225];
 
 #[derive(Debug)]

@@ -1,4 +1,4 @@
-//! VGGT put together: photos to cameras and depth.
+//! The whole of VGGT: from photos to cameras and depth.
 
 use crate::{
     Aggregator, AggregatorConfig, BackboneInit, CameraHead, CameraHeadConfig, DenseTokens, DepthHead, DepthHeadConfig,
@@ -8,7 +8,7 @@ use weaver_autograd::{List, Real, Var};
 use weaver_nn::{Builder, Context};
 use weaver_pose::CameraVars;
 
-/// Sizes and start of a [`Vggt`].
+/// Sizes and initial values of a [`Vggt`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct VggtConfig {
     /// Patch encoder and aggregator.
@@ -31,7 +31,7 @@ pub struct Vggt {
     depth_head: DepthHead,
 }
 
-/// What the backbone and the camera head say about B scenes of V views.
+/// The outputs of backbone and camera head for B scenes of V views.
 #[derive(Clone, Debug)]
 pub struct Encoded<'t, T: Real = f32> {
     /// Tokens `[B, V, T, 2 D]` of the four levels that feed the dense heads.

@@ -1,4 +1,4 @@
-//! The patch encoder: a vision transformer in the manner of DINOv2.
+//! The patch encoder: a vision transformer as in DINOv2.
 
 use crate::init::BackboneInit;
 use weaver_autograd::{ParamId, Real, Var, ops};
@@ -109,7 +109,7 @@ impl VisionTransformer {
         })
     }
 
-    /// What the first block sees: class token, registers and patches `[N, 1 + R + h w, D]`, with positions on all but the
+    /// The first block's input: class token, registers and patches `[N, 1 + R + h w, D]`, with positions on all but the
     /// registers.
     pub fn embed<'t, T: Real>(&self, cx: Context<'t, '_, T>, images: Var<'t, T>) -> Var<'t, T> {
         let shape = images.shape();
@@ -121,7 +121,7 @@ impl VisionTransformer {
         ops::concat(&[cls, registers, patches + grid.expand([n, count, dim])], 1)
     }
 
-    /// Patch tokens from what the last block gives: normalized, without class token and registers.
+    /// Patch tokens from the last block's output: normalized, without class token and registers.
     pub fn read_out<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
         let special = 1 + self.config.registers;
         self.norm.forward(cx, x.slice(1, special, x.shape()[1] - special))

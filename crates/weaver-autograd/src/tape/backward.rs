@@ -1,4 +1,4 @@
-//! The walk back over the tape.
+//! The backward pass over the tape.
 
 use super::{List, Record, Tape, ValueId};
 use crate::op::{Grad, View};

@@ -1,4 +1,4 @@
-//! Measuring: the time of ops, a trace of them, the memory that they hold, the numbers that they made.
+//! Measurements: the time of ops, a trace of them, the memory they hold, and the values they computed.
 
 use super::{List, Storage, Tape};
 use crate::profile::{OpMemory, OpTime, Phase, Profile, TraceEvent};
@@ -18,18 +18,18 @@ impl<T: Real> Tape<T> {
         self.profile.borrow().clone().map_or_else(Vec::new, Profile::into_times)
     }
 
-    /// Starts or stops writing down every op as it runs; see [`Tape::trace`]. Starting forgets an earlier trace.
+    /// Starts or stops recording a trace of every op as it runs; see [`Tape::trace`]. Starting forgets an earlier trace.
     pub fn set_tracing(&self, on: bool) {
         self.tracer.set(on);
     }
 
-    /// Every op that ran since tracing was started, forward and backward, in the order in which they ended, those inside
-    /// others ([`checkpoint`](crate::ops::checkpoint)) too; empty when it is off. Survives [`reset`](Tape::reset).
+    /// Every op that ran since tracing was started, forward and backward, in the order in which they ended, including those
+    /// inside other ops ([`checkpoint`](crate::ops::checkpoint)); empty when tracing is off. Survives [`reset`](Tape::reset).
     pub fn trace(&self) -> Vec<TraceEvent> {
         self.tracer.trace().as_ref().map_or_else(Vec::new, |trace| trace.events.clone())
     }
 
-    /// Runs `f`, which is no op, and counts its time under `name` when profiling or tracing is on.
+    /// Runs code that is not an op and counts its time under `name` when profiling or tracing is on.
     pub fn timed<R>(&self, name: &'static str, f: impl FnOnce() -> R) -> R {
         let began = self.began();
         let result = f();
@@ -39,12 +39,12 @@ impl<T: Real> Tape<T> {
         result
     }
 
-    /// The time, if anybody wants to know it.
+    /// The present time, if profiling or tracing is on.
     pub(super) fn began(&self) -> Option<Instant> {
         (self.profile.borrow().is_some() || self.tracer.trace().is_some()).then(Instant::now)
     }
 
-    /// Books what began then.
+    /// Records the time since `began`.
     pub(super) fn ended(&self, began: Option<Instant>, name: &'static str, phase: Phase, path: &str) {
         let Some(began) = began else { return };
         let duration = began.elapsed();
@@ -60,8 +60,9 @@ impl<T: Real> Tape<T> {
         }
     }
 
-    /// The memory held by each kind of op that is on the tape now, the largest first: outputs and what was saved for the way
-    /// back. Scratch and gradients are not in it; [`Pool::peak_bytes`](crate::Pool::peak_bytes) has everything.
+    /// The memory held by each kind of op that is on the tape now, the largest first: outputs and what was saved for the
+    /// backward pass. Scratch memory and gradients are not included; [`Pool::peak_bytes`](crate::Pool::peak_bytes) counts
+    /// everything.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -97,8 +98,8 @@ impl<T: Real> Tape<T> {
         list
     }
 
-    /// Shows every recorded op and what it made, in the order in which they ran: to look for numbers that are not finite, say,
-    /// or for rectifiers that let nothing through. `see` must not apply ops to this tape.
+    /// Calls `see` with every recorded op and its outputs, in the order in which they ran: to look for values that are not finite,
+    /// for instance, or for rectifiers whose outputs are all zero. `see` must not apply ops to this tape.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -132,11 +133,11 @@ pub struct NodeView<'a, T: Real> {
     pub op: &'a dyn Op<T>,
     /// Where in the model it was applied.
     pub path: &'a str,
-    /// What it made; auxiliary outputs come last.
+    /// Its outputs; auxiliary ones come last.
     pub outputs: List<View<'a, T>>,
 }
 
-/// What no op on the tape made.
+/// The name under which values that no recorded op computed are counted.
 const SOURCES: &str = "leaves and constants";
 
 impl<T: Real> Storage<T> {

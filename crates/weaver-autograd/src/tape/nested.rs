@@ -1,11 +1,11 @@
-//! Tapes inside ops: what runs on them shows in the trace of the tape around them, below its path.
+//! Tapes inside ops: what runs on them appears in the trace of the outer tape, below its model path.
 
 use super::Tape;
 use crate::Pool;
 use crate::profile::Tracer;
 use weaver_kernels::Real;
 
-/// What a tape inside an op has of the tape around it.
+/// What a tape inside an op takes over from the outer tape.
 #[derive(Debug)]
 pub(crate) struct Surroundings {
     tracer: Tracer,
@@ -13,7 +13,7 @@ pub(crate) struct Surroundings {
 }
 
 impl<T: Real> Tape<T> {
-    /// For tapes inside an op that is applied here and now.
+    /// The surroundings of tapes inside an op that is applied at the present model path.
     pub(crate) fn surroundings(&self) -> Surroundings {
         Surroundings { tracer: self.tracer.clone(), path: self.record.borrow().path().to_string() }
     }

@@ -7,11 +7,11 @@ use std::cell::Ref;
 use weaver_kernels::Real;
 
 impl<T: Real> Tape<T> {
-    /// A parameter as a leaf, shared without a copy; the same parameter is always the same value. Frozen parameters come as
+    /// A parameter as a leaf, shared without a copy; asked for again, a parameter is the same value. Frozen parameters are
     /// constants.
     ///
-    /// All parameters of a tape are of one [`Params`], since they are told apart by their ids. Those of another model, which is
-    /// not trained, come as [`shared_constant`](Tape::shared_constant).
+    /// All parameters on a tape must belong to one [`Params`], since they are told apart by their ids. Use
+    /// [`shared_constant`](Tape::shared_constant) for those of another model, which is not trained.
     pub fn param(&self, params: &Params<T>, id: ParamId) -> Var<'_, T> {
         let param = params.get(id);
         let at = id.index();
@@ -56,8 +56,8 @@ impl<T: Real> Tape<T> {
         record.values[value as usize].grad.as_deref_mut()
     }
 
-    /// Forgets the ops and lets go of the parameters' values, so that [`Params::value_mut`] changes them in place. Their
-    /// gradients stay until [`reset`](Tape::reset). Needs the tape for itself: no [`Var`] is left that could ask for the rest.
+    /// Forgets the ops and releases the parameters' values, so that [`Params::value_mut`] changes them in place. Their gradients
+    /// stay until [`reset`](Tape::reset). Needs the tape exclusively, so that no [`Var`] can ask for what was released.
     pub fn release_params(&mut self) {
         let record = self.record.get_mut();
         for node in record.nodes.drain(..) {
