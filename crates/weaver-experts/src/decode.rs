@@ -2,13 +2,12 @@
 
 use crate::parametrization::{BEFORE_HARMONICS, Parametrization, harmonics};
 use weaver_autograd::{Grad, Op, Outputs, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_geometry::sh::DC;
 use weaver_kernels::parallel;
 use weaver_splat::GaussianVars;
 
 /// Gaussians per parallel chunk.
 const GRAIN: usize = 512;
-/// The degree-0 spherical harmonic, 1 / (2 sqrt(pi)).
-const DC: f64 = 0.282_094_791_773_878_14;
 /// Keeps the quotient by a quaternion's norm finite.
 const NORM_EPSILON: f64 = 1e-8;
 /// Bounds of the raw scale under the footprint parametrization.

@@ -1,6 +1,7 @@
 //! Pinhole cameras.
 
 use crate::Pose;
+use crate::pose_code::field_of_view;
 use glam::{DVec2, DVec3};
 
 /// Pinhole intrinsics in pixels; pixel centers lie at half-integers.
@@ -29,7 +30,8 @@ impl Intrinsics {
 
     /// Full fields of view (vertical, horizontal) in radians, `2 atan(size / 2f)`.
     pub fn fov(&self, width: usize, height: usize) -> [f64; 2] {
-        [2.0 * (height as f64 / 2.0 / self.fy).atan(), 2.0 * (width as f64 / 2.0 / self.fx).atan()]
+        let fov = |focal, size: usize| field_of_view(focal, size as f64, f64::atan);
+        [fov(self.fy, height), fov(self.fx, width)]
     }
 
     /// Projects a point in camera coordinates to pixels (no check of z).

@@ -3,79 +3,84 @@
 //! The order is by degree `l`, then `m = -l ..= l`; degree 1 is `(-y, z, -x)` times a constant. Directions are
 //! of unit length, from the camera to the Gaussian.
 
-use std::ops::{Add, Mul, Sub};
+use std::ops::{Add, Mul, Neg, Sub};
 
-/// Number of basis functions up to degree 4.
-pub const MAX_COEFFICIENTS: usize = 25;
+/// The largest degree.
+pub const MAX_DEGREE: usize = 4;
+
+/// Number of basis functions up to the largest degree.
+pub const MAX_COEFFICIENTS: usize = coefficients(MAX_DEGREE);
+
+/// The basis function of degree 0, `1 / (2 sqrt(pi))`: a color that is the same from all sides is `0.5 + DC * coefficient`.
+pub const DC: f64 = 0.282_094_791_773_878_14;
 
 /// Number of basis functions up to a degree, `(degree + 1)^2`.
 pub const fn coefficients(degree: usize) -> usize {
     (degree + 1) * (degree + 1)
 }
 
-/// What the basis needs of a number.
-pub trait Number: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
-    /// A constant of this type.
-    fn constant(value: f64) -> Self;
-}
-
-impl Number for f64 {
-    fn constant(value: f64) -> Self {
-        value
-    }
-}
-
-impl Number for f32 {
-    fn constant(value: f64) -> Self {
-        value as f32
-    }
-}
-
-/// All basis functions at a unit direction; degree `l` and below are the first [`coefficients`]`(l)`.
+/// The basis functions of degree 0 to `degree` at a unit direction: the first [`coefficients`]`(degree)` of the array, the
+/// rest is zero.
+///
+/// `X` is any number: a float, a vector of floats, a dual number. `c` makes constants of it.
 ///
 /// Sources: Ramamoorthi and Hanrahan, "An efficient representation for irradiance environment maps" (degrees to
 /// 2); Sloan, "Efficient spherical harmonic evaluation" (beyond).
 ///
 /// ```
-/// let basis = weaver_geometry::sh::basis([0.0, 0.0, 1.0f64]);
-/// assert!((basis[0] - 0.28209479).abs() < 1e-8);
+/// use weaver_geometry::sh;
+/// let basis = sh::basis(1, [0.0, 0.0, 1.0], |x: f64| x);
+/// assert_eq!(basis[0], sh::DC);
 /// assert!((basis[2] - 0.48860251).abs() < 1e-8);
 /// ```
-pub fn basis<T: Number>([x, y, z]: [T; 3]) -> [T; MAX_COEFFICIENTS] {
-    let c = T::constant;
-    let (xx, yy, zz) = (x * x, y * y, z * z);
-    let (xy, yz, xz) = (x * y, y * z, x * z);
-    [
-        c(0.28209479177387814),
-        // Degree 1.
-        c(-0.4886025119029199) * y,
-        c(0.4886025119029199) * z,
-        c(-0.4886025119029199) * x,
-        // Degree 2.
-        c(1.0925484305920792) * xy,
-        c(-1.0925484305920792) * yz,
-        c(0.31539156525252005) * (c(2.0) * zz - xx - yy),
-        c(-1.0925484305920792) * xz,
-        c(0.5462742152960396) * (xx - yy),
-        // Degree 3.
-        c(-0.5900435899266435) * y * (c(3.0) * xx - yy),
-        c(2.890611442640554) * xy * z,
-        c(-0.4570457994644658) * y * (c(4.0) * zz - xx - yy),
-        c(0.3731763325901154) * z * (c(2.0) * zz - c(3.0) * xx - c(3.0) * yy),
-        c(-0.4570457994644658) * x * (c(4.0) * zz - xx - yy),
-        c(1.445305721320277) * z * (xx - yy),
-        c(-0.5900435899266435) * x * (xx - c(3.0) * yy),
-        // Degree 4.
-        c(2.5033429417967046) * xy * (xx - yy),
-        c(-1.7701307697799304) * yz * (c(3.0) * xx - yy),
-        c(0.9461746957575601) * xy * (c(7.0) * zz - c(1.0)),
-        c(-0.6690465435572892) * yz * (c(7.0) * zz - c(3.0)),
-        c(0.10578554691520431) * (zz * (c(35.0) * zz - c(30.0)) + c(3.0)),
-        c(-0.6690465435572892) * xz * (c(7.0) * zz - c(3.0)),
-        c(0.47308734787878004) * (xx - yy) * (c(7.0) * zz - c(1.0)),
-        c(-1.7701307697799304) * xz * (xx - c(3.0) * yy),
-        c(0.6258357354491761) * (xx * (xx - c(3.0) * yy) - yy * (c(3.0) * xx - yy)),
-    ]
+#[inline(always)]
+pub fn basis<X>(degree: usize, [x, y, z]: [X; 3], c: impl Fn(f64) -> X) -> [X; MAX_COEFFICIENTS]
+where
+    X: Copy + Add<Output = X> + Sub<Output = X> + Mul<Output = X> + Neg<Output = X>,
+{
+    let mut b = [c(0.0); MAX_COEFFICIENTS];
+    b[0] = c(DC);
+    if degree < 1 {
+        return b;
+    }
+    let first = c(0.488_602_511_902_919_9);
+    b[1] = -(first * y);
+    b[2] = first * z;
+    b[3] = -(first * x);
+    if degree < 2 {
+        return b;
+    }
+    let (xx, yy, zz, xy, yz, xz) = (x * x, y * y, z * z, x * y, y * z, x * z);
+    b[4] = c(1.092_548_430_592_079_2) * xy;
+    b[5] = c(-1.092_548_430_592_079_2) * yz;
+    b[6] = c(0.315_391_565_252_520_05) * (zz + zz - xx - yy);
+    b[7] = c(-1.092_548_430_592_079_2) * xz;
+    b[8] = c(0.546_274_215_296_039_6) * (xx - yy);
+    if degree < 3 {
+        return b;
+    }
+    let four = c(4.0) * zz - xx - yy;
+    b[9] = c(-0.590_043_589_926_643_5) * y * (c(3.0) * xx - yy);
+    b[10] = c(2.890_611_442_640_554) * xy * z;
+    b[11] = c(-0.457_045_799_464_465_8) * y * four;
+    b[12] = c(0.373_176_332_590_115_4) * z * (c(2.0) * zz - c(3.0) * (xx + yy));
+    b[13] = c(-0.457_045_799_464_465_8) * x * four;
+    b[14] = c(1.445_305_721_320_277) * z * (xx - yy);
+    b[15] = c(-0.590_043_589_926_643_5) * x * (xx - c(3.0) * yy);
+    if degree < 4 {
+        return b;
+    }
+    let seven = c(7.0) * zz;
+    b[16] = c(2.503_342_941_796_704_6) * xy * (xx - yy);
+    b[17] = c(-1.770_130_769_779_930_4) * yz * (c(3.0) * xx - yy);
+    b[18] = c(0.946_174_695_757_560_1) * xy * (seven - c(1.0));
+    b[19] = c(-0.669_046_543_557_289_2) * yz * (seven - c(3.0));
+    b[20] = c(0.105_785_546_915_204_31) * (zz * (c(35.0) * zz - c(30.0)) + c(3.0));
+    b[21] = c(-0.669_046_543_557_289_2) * xz * (seven - c(3.0));
+    b[22] = c(0.473_087_347_878_780_04) * (xx - yy) * (seven - c(1.0));
+    b[23] = c(-1.770_130_769_779_930_4) * xz * (xx - c(3.0) * yy);
+    b[24] = c(0.625_835_735_449_176_1) * (xx * (xx - c(3.0) * yy) - yy * (c(3.0) * xx - yy));
+    b
 }
 
 /// Derivatives of every basis function along the sphere: `[MAX_COEFFICIENTS, 3]`, each row tangent to it at the
@@ -89,7 +94,7 @@ pub fn gradient(direction: [f64; 3]) -> [[f64; 3]; MAX_COEFFICIENTS] {
         slope[i] = 1.0;
         Dual { value: direction[i], slope }
     };
-    basis([axis(0), axis(1), axis(2)]).map(|Dual { slope, .. }| {
+    basis(MAX_DEGREE, [axis(0), axis(1), axis(2)], Dual::constant).map(|Dual { slope, .. }| {
         let radial: f64 = slope.iter().zip(direction).map(|(s, d)| s * d).sum();
         std::array::from_fn(|i| slope[i] - radial * direction[i])
     })
@@ -102,9 +107,17 @@ struct Dual {
     slope: [f64; 3],
 }
 
-impl Number for Dual {
+impl Dual {
     fn constant(value: f64) -> Self {
         Self { value, slope: [0.0; 3] }
+    }
+}
+
+impl Neg for Dual {
+    type Output = Self;
+
+    fn neg(self) -> Self {
+        Self { value: -self.value, slope: self.slope.map(|s| -s) }
     }
 }
 

@@ -4,12 +4,11 @@
 //! wxyz. Reads the file back and prints what is in it.
 
 use std::f32::consts::TAU;
+use weaver_geometry::sh;
 use weaver_io::{read_ply, write_ply};
 use weaver_scene::Gaussians;
 
 const COUNT: usize = 6000;
-/// The constant spherical harmonic, 1 / (2 sqrt(pi)): color = 0.5 + SH_0 * coefficient.
-const SH_0: f32 = 0.282_094_8;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut splats = Gaussians { degree: 0, ..Gaussians::default() };
@@ -27,7 +26,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         splats.log_scales.push([(0.02 + 0.02 * golden).ln(); 3]);
         splats.quats.push([1.0, 0.0, 0.0, 0.0]);
         splats.opacity_logits.push(2.0);
-        splats.sh.extend([0.0, 1.0, 2.0].map(|c| 0.4 * (t + TAU * c / 3.0).cos() / SH_0));
+        splats.sh.extend([0.0, 1.0, 2.0].map(|c| 0.4 * (t + TAU * c / 3.0).cos() / sh::DC as f32));
     }
     write_ply("knot.ply", &splats)?;
     let read = read_ply("knot.ply")?;

@@ -4,10 +4,8 @@ use crate::bytes::Bytes;
 use crate::ply::check;
 use crate::{Error, Result};
 use std::path::Path;
+use weaver_geometry::sh;
 use weaver_scene::Gaussians;
-
-/// The spherical harmonic of degree 0, `1 / (2 sqrt(pi))`.
-const SH_0: f32 = 0.282_094_8;
 
 const RECORD: usize = 32;
 
@@ -25,7 +23,7 @@ pub fn read_splat(path: impl AsRef<Path>) -> Result<Gaussians> {
         splats.means.push(bytes.f32s("a position")?);
         splats.log_scales.push(bytes.f32s("a scale")?.map(|s: f32| s.max(f32::MIN_POSITIVE).ln()));
         let [r, g, b, a] = bytes.take("a color")?;
-        splats.sh.extend([r, g, b].map(|c| (f32::from(c) / 255.0 - 0.5) / SH_0));
+        splats.sh.extend([r, g, b].map(|c| (f32::from(c) / 255.0 - 0.5) / sh::DC as f32));
         let opacity = f32::from(a) / 255.0;
         splats.opacity_logits.push((opacity / (1.0 - opacity)).ln());
         splats.quats.push(bytes.take("a rotation")?.map(|q: u8| (f32::from(q) - 128.0) / 128.0));

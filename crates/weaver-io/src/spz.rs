@@ -126,6 +126,7 @@ fn smallest_three(packed: u32) -> [f32; 4] {
 fn half_turn_signs() -> [f32; sh::MAX_COEFFICIENTS] {
     // A direction at which none of them vanishes.
     let [x, y, z] = [0.675, 0.337, 0.656];
-    let (before, after) = (sh::basis([x, y, z]), sh::basis([x, -y, -z]));
+    let basis = |direction: [f32; 3]| sh::basis(sh::MAX_DEGREE, direction, |x| x as f32);
+    let (before, after) = (basis([x, y, z]), basis([x, -y, -z]));
     std::array::from_fn(|i| if before[i] * after[i] < 0.0 { -1.0 } else { 1.0 })
 }

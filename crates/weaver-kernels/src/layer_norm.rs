@@ -74,7 +74,14 @@ impl<T: Real> LaneKernel<T> for Forward<'_, T> {
         let Self { cols, eps, x, affine, y, stats } = self;
         let together = stats.len() / (2 * ROWS_AT_ONCE) * ROWS_AT_ONCE;
         for row in (0..together).step_by(ROWS_AT_ONCE) {
-            forward::<V, ROWS_AT_ONCE>(cols, eps, &x[row * cols..], affine, &mut y[row * cols..], &mut stats[2 * row..]);
+            forward::<V, ROWS_AT_ONCE>(
+                cols,
+                eps,
+                &x[row * cols..],
+                affine,
+                &mut y[row * cols..],
+                &mut stats[2 * row..],
+            );
         }
         for row in together..stats.len() / 2 {
             forward::<V, 1>(cols, eps, &x[row * cols..], affine, &mut y[row * cols..], &mut stats[2 * row..]);

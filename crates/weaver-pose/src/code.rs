@@ -3,13 +3,10 @@
 use crate::rotation::{matrix, quaternion};
 use crate::row_map::{RowMap, RowMapOp};
 use weaver_autograd::{Dual, Real, Var};
+use weaver_geometry::pose_code::{TANGENT_OFFSET, field_of_view, focal_length};
 
 /// Numbers in a pose code: translation 3, quaternion xyzw 4, field of view 2.
 pub const LENGTH: usize = 9;
-
-/// What the decoding adds to tan(fov / 2): it keeps the focal length finite at a field of view of 0, and the published
-/// weights expect it.
-pub const TANGENT_MARGIN: f64 = 1e-3;
 
 /// Cameras on the tape.
 #[derive(Clone, Copy, Debug)]
@@ -57,7 +54,7 @@ impl RowMap<9, 16> for Decode {
     const OUTPUTS: &'static [&'static [usize]] = &[&[3, 4], &[4]];
     fn eval<T: Real>(&self, code: [Dual<T, 9>; 9]) -> [Dual<T, 9>; 16] {
         let r = matrix([code[3], code[4], code[5], code[6]]);
-        let focal = |size: f64, fov: Dual<T, 9>| 0.5 * size / ((0.5 * fov).tan() + TANGENT_MARGIN);
+        let focal = |size: f64, fov| focal_length(fov, size, TANGENT_OFFSET, Dual::tan);
         let (fx, fy) = (focal(self.width, code[8]), focal(self.height, code[7]));
         let (cx, cy) = (Dual::from(0.5 * self.width), Dual::from(0.5 * self.height));
         let [t, u, v] = [code[0], code[1], code[2]];
@@ -90,7 +87,7 @@ impl RowMap<16, 9> for Encode {
     const OUTPUTS: &'static [&'static [usize]] = &[&[LENGTH]];
     fn eval<T: Real>(&self, c: [Dual<T, 16>; 16]) -> [Dual<T, 16>; 9] {
         let [x, y, z, w] = quaternion([c[0], c[1], c[2], c[4], c[5], c[6], c[8], c[9], c[10]]);
-        let fov = |size: f64, focal: Dual<T, 16>| 2 * (0.5 * size / focal).atan();
+        let fov = |size: f64, focal| field_of_view(focal, size, Dual::atan);
         [c[3], c[7], c[11], x, y, z, w, fov(self.height, c[13]), fov(self.width, c[12])]
     }
 }
@@ -100,7 +97,7 @@ impl RowMap<16, 9> for Encode {
 /// T and the unit quaternion with w not negative of viewmats = [R | T]; fov_y = 2 atan(H / 2 / fy), fov_x likewise from W.
 /// `viewmats` `[.., 3, 4]` and `intrinsics` fx, fy, cx, cy in pixels `[.., 4]` give `[.., 9]` for images of `height` x `width`
 /// pixels. Differentiable in both (R's entries each on its own); the principal point is lost and its gradient 0. Not
-/// quite the inverse of [`cameras`], which adds [`TANGENT_MARGIN`]. Source: as there.
+/// quite the inverse of [`cameras`], which adds [`TANGENT_OFFSET`]. Source: as there.
 #[track_caller]
 pub fn encode<'t, T: Real>(viewmats: Var<'t, T>, intrinsics: Var<'t, T>, height: usize, width: usize) -> Var<'t, T> {
     let encode = Encode { height: height as f64, width: width as f64 };

@@ -41,7 +41,6 @@ pub use rasterize::{Images, RasterStats, rasterize};
 pub use rasterize_backward::rasterize_backward;
 pub use render::render;
 pub use scene::{RasterError, RasterSettings, TileSide};
-pub use sh::MAX_DEGREE;
 pub use workspace::{Stages, Workspace};
 
 /// The example of the README, compiled and run.

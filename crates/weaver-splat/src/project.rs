@@ -15,7 +15,7 @@ use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
 use weaver_scene::{Color, GaussianSlices};
 
 /// Room for the coefficients of the largest degree in columns.
-pub(crate) type Coefficients<V> = [V; (3 * sh::MAX_TERMS).next_multiple_of(LANES)];
+pub(crate) type Coefficients<V> = [V; (3 * weaver_geometry::sh::MAX_COEFFICIENTS).next_multiple_of(LANES)];
 
 /// The shapes of sixteen Gaussians.
 #[derive(Clone, Copy)]

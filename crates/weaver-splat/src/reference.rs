@@ -4,8 +4,8 @@
 
 use crate::gradients::Cotangents;
 use crate::scene::{ALPHA_MIN, RATIO_FLOOR, RasterError, RasterSettings, TRANSMITTANCE_END, extent};
-use crate::sh;
 use weaver_autograd::Dual;
+use weaver_geometry::sh;
 use weaver_scene::{CameraSlices, Color, GaussianSlices};
 
 /// Variables of a projection: mean 3, quaternion 4, scale 3, opacity 1, view matrix 12, intrinsics 4.
@@ -81,7 +81,7 @@ struct Seen {
     z: Number,
     color: [Number; 3],
     /// Basis functions and which channels are not clamped, for the gradient of the coefficients.
-    basis: [f64; sh::MAX_TERMS],
+    basis: [f64; sh::MAX_COEFFICIENTS],
     open: [bool; 3],
 }
 
@@ -181,7 +181,7 @@ fn see(
         opacity
     };
 
-    let mut basis = [0.0; sh::MAX_TERMS];
+    let mut basis = [0.0; sh::MAX_COEFFICIENTS];
     basis[0] = 1.0;
     let mut open = [true; 3];
     let color = match *color {

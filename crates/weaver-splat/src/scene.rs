@@ -2,8 +2,8 @@
 
 use crate::each::each;
 use crate::matrix::{self, Mat33, Vec3};
-use crate::sh;
 use std::fmt;
+use weaver_geometry::sh;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::Lanes;
 use weaver_scene::{CameraSlices, Color, GaussianSlices};

@@ -102,14 +102,6 @@ impl Example {
     }
 }
 
-/// The pose code `[9]` of a camera: translation, quaternion xyzw with w >= 0, field of view (vertical, horizontal).
-pub fn pose_code(camera: &Camera) -> [f32; 9] {
-    let [w, x, y, z] = camera.pose.wxyz();
-    let t = camera.pose.translation;
-    let [v, h] = camera.intrinsics.fov(camera.width, camera.height);
-    [t.x, t.y, t.z, x, y, z, w, v, h].map(|x| x as f32)
-}
-
 /// The rotation `[3, 3]` of a pose, row by row.
 pub fn rotation_row(pose: &Pose) -> [f32; 9] {
     let r = pose.rotation.to_cols_array_2d();

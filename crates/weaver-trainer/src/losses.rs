@@ -1,12 +1,12 @@
 //! The loss of a step: its terms by name, and the losses that models share.
 
-use crate::example::{Example, pose_code, rotation_row, translation_row};
+use crate::example::{Example, rotation_row, translation_row};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use smallvec::SmallVec;
 use std::path::PathBuf;
 use weaver_autograd::{List, Shape, Var};
-use weaver_geometry::Camera;
+use weaver_geometry::{Camera, pose_code};
 use weaver_losses::{self as losses, Lpips};
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
@@ -132,7 +132,8 @@ impl PoseLosses {
     ) {
         let shape = codes.emitted[0].shape();
         let [scenes, views] = [shape[0], shape[1]];
-        let truth = || rows(cx, examples.iter().flat_map(|e| e.context()).map(pose_code), shape);
+        let code = |camera: &Camera| pose_code::encode(camera).map(|x| x as f32);
+        let truth = || rows(cx, examples.iter().flat_map(|e| e.context()).map(code), shape);
         terms.add("pose", self.l1, 1.0, || losses::l1_pose(codes.emitted, truth()));
         terms.add("pose_huber", self.huber, 1.0, || {
             let truth = truth();

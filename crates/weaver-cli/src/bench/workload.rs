@@ -3,11 +3,11 @@
 use crate::arguments::Synthetic;
 use crate::failure::Failure;
 use std::path::Path;
+use weaver_geometry::sh::MAX_DEGREE;
 use weaver_io::TensorFile;
 use weaver_kernels::parallel;
 use weaver_kernels::random::Stream;
 use weaver_scene::{CameraSlices, Color, GaussianSlices};
-use weaver_splat::MAX_DEGREE;
 
 /// Largest width and height.
 const LARGEST: usize = 1 << 20;

@@ -2,7 +2,11 @@ use crate::strategies::unit;
 use proptest::prelude::*;
 use std::f64::consts::TAU;
 use weaver_geometry::glam::DVec3;
-use weaver_geometry::sh::{MAX_COEFFICIENTS, basis, coefficients, gradient};
+use weaver_geometry::sh::{self, MAX_COEFFICIENTS, MAX_DEGREE, coefficients, gradient};
+
+fn basis(direction: [f64; 3]) -> [f64; MAX_COEFFICIENTS] {
+    sh::basis(MAX_DEGREE, direction, |x| x)
+}
 
 /// Nodes and weights of the 5-point Gauss-Legendre rule, exact up to degree 9 (products here reach 8).
 const LEGENDRE: [(f64, f64); 5] = [
@@ -63,9 +67,17 @@ proptest! {
 
     #[test]
     fn single_precision_agrees(direction in unit()) {
-        let single = basis(direction.to_array().map(|x| x as f32));
+        let single = sh::basis(MAX_DEGREE, direction.to_array().map(|x| x as f32), |x| x as f32);
         for (a, b) in basis(direction.to_array()).iter().zip(single) {
             prop_assert!((a - f64::from(b)).abs() < 3e-6);
         }
+    }
+
+    #[test]
+    fn a_lower_degree_is_the_beginning_of_a_higher_one(direction in unit(), degree in 0..=MAX_DEGREE) {
+        let (all, some) = (basis(direction.to_array()), sh::basis(degree, direction.to_array(), |x| x));
+        let k = coefficients(degree);
+        prop_assert_eq!(&all[..k], &some[..k]);
+        prop_assert!(some[k..].iter().all(|x: &f64| *x == 0.0));
     }
 }
