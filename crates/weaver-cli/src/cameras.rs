@@ -4,16 +4,7 @@ use crate::failure::Failure;
 use std::collections::BTreeSet;
 use std::path::Path;
 use weaver_geometry::Camera;
-use weaver_io::Transforms;
-use weaver_io::colmap::Model;
-use weaver_io::realestate::Clip;
-
-/// A camera and the name of its photo.
-#[derive(Clone, Debug, PartialEq)]
-pub struct NamedCamera {
-    pub name: String,
-    pub camera: Camera,
-}
+use weaver_scene::Frame;
 
 /// The size that was asked for; what is missing follows from the file.
 #[derive(Clone, Copy, Debug, Default)]
@@ -38,59 +29,24 @@ impl Size {
     }
 }
 
-/// Reads the cameras of a transforms.json, of a folder with a COLMAP model, or of a RealEstate10K file, in the file's
-/// order.
-pub fn read(path: &Path, size: Size) -> Result<Vec<NamedCamera>, Failure> {
-    let cameras = if path.is_dir() {
-        colmap(path)?
-    } else if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("txt")) {
-        clip(path, size)?
-    } else {
-        let frames = Transforms::read_cameras(path)?.frames;
-        frames.into_iter().map(|f| NamedCamera { name: f.name, camera: f.camera }).collect()
-    };
-    if cameras.is_empty() {
+/// Reads the cameras of a transforms.json, of a folder with a COLMAP model, or of a RealEstate10K file.
+pub fn read(path: &Path, size: Size) -> Result<Vec<Frame>, Failure> {
+    let mut frames = weaver_io::read_cameras(path)?;
+    if frames.is_empty() {
         return Err(Failure::message(format!("{}: expected at least one camera, found none", path.display())));
     }
-    Ok(cameras.into_iter().map(|c| NamedCamera { camera: size.apply(c.camera), ..c }).collect())
-}
-
-fn colmap(path: &Path) -> Result<Vec<NamedCamera>, Failure> {
-    let nested = [path.join("sparse/0"), path.join("sparse")];
-    let folder = nested.iter().find(|f| f.is_dir()).map_or(path, |f| f);
-    let model = Model::read(folder)?;
-    let mut cameras: Vec<NamedCamera> = model
-        .images
-        .iter()
-        .map(|image| {
-            // Reading the model made sure that every image has its camera.
-            let c = model.cameras[&image.camera_id];
-            let camera = Camera { pose: image.pose, intrinsics: c.intrinsics, width: c.width, height: c.height };
-            NamedCamera { name: image.name.clone(), camera }
-        })
-        .collect();
-    // COLMAP registers images in no useful order.
-    cameras.sort_by(|a, b| a.name.cmp(&b.name));
-    Ok(cameras)
-}
-
-fn clip(path: &Path, size: Size) -> Result<Vec<NamedCamera>, Failure> {
-    let clip = Clip::read(path)?;
-    let (Some(width), Some(height)) = (size.width, size.height) else {
+    let unsized_images = frames.iter().any(|f| (f.camera.width, f.camera.height) == (1, 1));
+    if unsized_images && (size.width.is_none() || size.height.is_none()) {
         let found = "a RealEstate10K file, which does not tell the size of its images";
         return Err(Failure::Usage(format!("{}: expected --width and --height with {found}", path.display())));
-    };
-    let camera = |f: &weaver_io::realestate::ClipFrame| NamedCamera {
-        name: f.timestamp.to_string(),
-        camera: Camera { pose: f.pose, intrinsics: f.intrinsics(width, height), width, height },
-    };
-    Ok(clip.frames.iter().map(camera).collect())
+    }
+    frames.iter_mut().for_each(|f| f.camera = size.apply(f.camera));
+    Ok(frames)
 }
 
 /// File names for pictures of these cameras: the stems of their photos where those are distinct, else numbers.
-pub fn stems(cameras: &[NamedCamera]) -> Vec<String> {
-    let stem =
-        |c: &NamedCamera| Path::new(&c.name).file_stem().map_or(String::new(), |s| s.to_string_lossy().into_owned());
+pub fn stems(cameras: &[Frame]) -> Vec<String> {
+    let stem = |c: &Frame| Path::new(&c.name).file_stem().map_or(String::new(), |s| s.to_string_lossy().into_owned());
     let stems: Vec<String> = cameras.iter().map(stem).collect();
     // Without regard to case, as some file systems see it.
     let distinct: BTreeSet<String> = stems.iter().map(|s| s.to_lowercase()).filter(|s| !s.is_empty()).collect();
@@ -119,7 +75,7 @@ mod tests {
     #[test]
     fn pictures_are_named_after_photos_when_that_is_clear() {
         let named = |names: &[&str]| {
-            let cameras: Vec<_> = names.iter().map(|n| NamedCamera { name: (*n).into(), camera: camera() }).collect();
+            let cameras: Vec<_> = names.iter().map(|n| Frame::new(*n, camera())).collect();
             stems(&cameras)
         };
         assert_eq!(named(&["images/a.png", "images/b.jpg"]), ["a", "b"]);

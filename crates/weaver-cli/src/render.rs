@@ -2,7 +2,7 @@
 
 use crate::Console;
 use crate::arguments::Render;
-use crate::cameras::{self, NamedCamera, Size};
+use crate::cameras::{self, Size};
 use crate::failure::Failure;
 use crate::progress::Progress;
 use crate::video::Video;
@@ -11,8 +11,8 @@ use std::f64::consts::FRAC_PI_3;
 use std::path::Path;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
-use weaver_io::{Image, read_ply, read_splat, read_spz};
-use weaver_scene::Gaussians;
+use weaver_io::{Image, read_gaussians};
+use weaver_scene::{Frame, Gaussians};
 use weaver_splat::{RasterSettings, Workspace, render};
 
 /// Width of an orbit's pictures.
@@ -20,15 +20,15 @@ const WIDTH: usize = 640;
 
 pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
-    let splats = read(&arguments.scene)?;
+    let gaussians = read_gaussians(&arguments.scene)?;
     let cameras = match (&arguments.cameras, arguments.orbit) {
         (Some(file), _) => cameras::read(file, size)?,
-        (None, count) => orbit(&splats, count.unwrap_or(1) as usize, size).ok_or_else(|| {
+        (None, count) => orbit(&gaussians, count.unwrap_or(1) as usize, size).ok_or_else(|| {
             Failure::message(format!("{}: expected Gaussians to turn around, found none", arguments.scene.display()))
         })?,
     };
     let mut output = Output::create(arguments, &cameras)?;
-    let activated = splats.to_activated();
+    let activated = gaussians.to_activated();
     let (settings, mut workspace) = (RasterSettings::default(), Workspace::new());
     let mut progress = Progress::new("render", 0, cameras.len(), console);
     let stems = cameras::stems(&cameras);
@@ -54,7 +54,7 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
     }
     output.write(&waiting)?;
     progress.finish();
-    console.print(&format!("pictures: {} of {} Gaussians, in {}", cameras.len(), splats.len(), output.finish()?))
+    console.print(&format!("pictures: {} of {} Gaussians, in {}", cameras.len(), gaussians.len(), output.finish()?))
 }
 
 /// Pictures that wait to be written.
@@ -67,8 +67,8 @@ struct Output<'a> {
 }
 
 impl<'a> Output<'a> {
-    fn create(arguments: &'a Render, cameras: &[NamedCamera]) -> Result<Self, Failure> {
-        let size = |view: &NamedCamera| (view.camera.width, view.camera.height);
+    fn create(arguments: &'a Render, cameras: &[Frame]) -> Result<Self, Failure> {
+        let size = |view: &Frame| (view.camera.width, view.camera.height);
         let video = match &arguments.video {
             None => None,
             Some(path) => {
@@ -104,19 +104,10 @@ impl<'a> Output<'a> {
     }
 }
 
-fn read(path: &Path) -> Result<Gaussians, Failure> {
-    let extension = path.extension().map(|e| e.to_ascii_lowercase());
-    Ok(match extension.as_ref().and_then(|e| e.to_str()) {
-        Some("splat") => read_splat(path)?,
-        Some("spz") => read_spz(path)?,
-        _ => read_ply(path)?,
-    })
-}
-
 /// `count` cameras on a circle around the middle of the scene, starting before it (toward -z of the world, where the
 /// first camera of our own scenes stands), -y up, with a field of view of 60 degrees. `None` when there is no scene.
-fn orbit(splats: &Gaussians, count: usize, size: Size) -> Option<Vec<NamedCamera>> {
-    let means: Vec<DVec3> = splats.means.iter().map(|m| DVec3::from(m.map(f64::from))).collect();
+fn orbit(gaussians: &Gaussians, count: usize, size: Size) -> Option<Vec<Frame>> {
+    let means: Vec<DVec3> = gaussians.means.iter().map(|m| DVec3::from(m.map(f64::from))).collect();
     // Between the tenths, so that neither a dense floor nor a few far Gaussians pull the middle away.
     let axis = |of: fn(&DVec3) -> f64| {
         let tenth = |q| quantile(q, means.iter().map(of).collect());
@@ -124,14 +115,14 @@ fn orbit(splats: &Gaussians, count: usize, size: Size) -> Option<Vec<NamedCamera
     };
     let middle = DVec3::new(axis(|m| m.x)?, axis(|m| m.y)?, axis(|m| m.z)?);
     let spread = quantile(0.8, means.iter().map(|m| m.distance(middle)).collect())?;
-    let scale = quantile(0.5, splats.log_scales.as_flattened().iter().map(|s| f64::from(*s).exp()).collect())?;
+    let scale = quantile(0.5, gaussians.log_scales.as_flattened().iter().map(|s| f64::from(*s).exp()).collect())?;
     // Far enough to have most of the Gaussians inside the image, and never inside a single one.
     let eye = middle - DVec3::Z * (2.0 * spread + 4.0 * scale);
     let width = size.width.or(size.height.map(|h| (h * 4).div_ceil(3))).unwrap_or(WIDTH);
     let height = size.height.unwrap_or((width * 3).div_ceil(4));
     let focal = width as f64 / 2.0 / (FRAC_PI_3 / 2.0).tan();
     let intrinsics = Intrinsics { fx: focal, fy: focal, cx: width as f64 / 2.0, cy: height as f64 / 2.0 };
-    let named = |(i, pose)| NamedCamera { name: format!("{i:04}"), camera: Camera { pose, intrinsics, width, height } };
+    let named = |(i, pose)| Frame::new(format!("{i:04}"), Camera { pose, intrinsics, width, height });
     Some(trajectory::orbit(eye, middle, -DVec3::Y, count).into_iter().enumerate().map(named).collect())
 }
 
@@ -150,12 +141,12 @@ mod tests {
 
     #[test]
     fn an_orbit_looks_at_the_middle_from_all_sides() {
-        let splats = Gaussians {
+        let gaussians = Gaussians {
             means: vec![[0.0, -0.5, 1.0], [1.0, 0.0, 2.0], [-1.0, 0.5, 3.0]],
             log_scales: vec![[-2.0; 3]; 3],
             ..Gaussians::default()
         };
-        let cameras = orbit(&splats, 4, Size::default()).unwrap();
+        let cameras = orbit(&gaussians, 4, Size::default()).unwrap();
         let middle = DVec3::new(0.0, 0.0, 2.0);
         for view in &cameras {
             let seen = view.camera.pose.apply(middle);
@@ -168,8 +159,8 @@ mod tests {
 
     #[test]
     fn a_single_gaussian_has_an_orbit_too() {
-        let splats = Gaussians { means: vec![[0.0; 3]], log_scales: vec![[-1.0; 3]], ..Gaussians::default() };
-        let cameras = orbit(&splats, 2, Size { width: None, height: Some(30) }).unwrap();
+        let gaussians = Gaussians { means: vec![[0.0; 3]], log_scales: vec![[-1.0; 3]], ..Gaussians::default() };
+        let cameras = orbit(&gaussians, 2, Size { width: None, height: Some(30) }).unwrap();
         assert!(cameras.iter().all(|c| c.camera.pose.translation.is_finite()));
         assert_eq!((cameras[0].camera.width, cameras[0].camera.height), (40, 30));
     }

@@ -57,3 +57,10 @@ pub struct Camera {
     /// Image height, pixels.
     pub height: usize,
 }
+
+impl Camera {
+    /// The world point at `pixel` with depth `z` along the optical axis: `R^T (K^-1 (u, v, 1) z - t)`.
+    pub fn unproject(&self, pixel: DVec2, z: f64) -> DVec3 {
+        self.pose.rotation.transpose() * (self.intrinsics.unproject(pixel, z) - self.pose.translation)
+    }
+}

@@ -12,14 +12,14 @@ use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, SplatWe
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use weaver_autograd::{Params, Tape};
-use weaver_geometry::Camera;
+use weaver_geometry::glam::DVec2;
 use weaver_io::checkpoint::Tensors;
 use weaver_io::{Image, Weights};
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_nn::Context;
 use weaver_router::AllocationKind;
-use weaver_scene::CameraSlices;
+use weaver_scene::{CameraSlices, PointCloud};
 use weaver_vggt::Vggt;
 
 /// How to run a published checkpoint.
@@ -208,19 +208,21 @@ impl Scene<'_> {
     /// Writes points.ply; how many there are.
     fn write_points(&self, prediction: &Prediction, confidence: &[f32]) -> Result<usize, Error> {
         weaver_io::create_folder(self.out)?;
-        let (mut positions, mut colors) = (Vec::new(), Vec::new());
+        let mut points = PointCloud::default();
         for (v, (photo, camera)) in self.photos.iter().zip(&prediction.cameras).enumerate() {
             let pixels = photo.width * photo.height;
             let view = &confidence[v * pixels..][..pixels];
             let threshold = weaver_losses::quantile(&mut view.to_vec(), 1.0 - TRUSTED);
             for i in (0..pixels).filter(|i| view[*i] >= threshold) {
                 let depth = f64::from(prediction.depth[v * pixels + i]);
-                positions.push(point(camera, i % photo.width, i / photo.width, depth));
-                colors.push([0, 1, 2].map(|c| (photo.pixels[3 * i + c] * 255.0).round() as u8));
+                // Published networks take a pixel at its corner.
+                let pixel = DVec2::new((i % photo.width) as f64, (i / photo.width) as f64);
+                points.positions.push(camera.unproject(pixel, depth).as_vec3().to_array());
+                points.colors.push([0, 1, 2].map(|c| (photo.pixels[3 * i + c] * 255.0).round() as u8));
             }
         }
-        weaver_io::ply::write_points(self.out.join("points.ply"), &positions, &colors)?;
-        Ok(positions.len())
+        weaver_io::ply::write_points(self.out.join("points.ply"), &points)?;
+        Ok(points.len())
     }
 }
 
@@ -228,11 +230,3 @@ impl Scene<'_> {
 const TRUSTED: f64 = 0.7;
 /// The budget that the published model was trained to, for ways to allocate that have one.
 const PUBLISHED_BUDGET: f64 = 0.3;
-
-/// The world point of a pixel, which the published networks take at its corner.
-fn point(camera: &Camera, column: usize, row: usize, depth: f64) -> [f32; 3] {
-    let k = &camera.intrinsics;
-    let in_camera = [(column as f64 - k.cx) / k.fx * depth, (row as f64 - k.cy) / k.fy * depth, depth];
-    let shifted = weaver_geometry::glam::DVec3::from(in_camera) - camera.pose.translation;
-    (camera.pose.rotation.transpose() * shifted).as_vec3().to_array()
-}

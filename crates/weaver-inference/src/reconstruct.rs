@@ -5,8 +5,8 @@ use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, push_pl
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use weaver_data::capture::{self, Crop};
-use weaver_geometry::{Camera, Intrinsics, Pose};
-use weaver_io::colmap::{CameraModel, ImageRecord, Model};
+use weaver_geometry::Camera;
+use weaver_io::colmap::Model;
 use weaver_io::{Image, Transforms};
 use weaver_kernels::random::Stream;
 use weaver_scene::Frame;
@@ -148,9 +148,11 @@ pub(crate) fn write_geometry(
 
 /// Writes transforms.json and a COLMAP model.
 fn write_cameras(out: &Path, names: &[String], cameras: &[Camera]) -> Result<(), Error> {
-    let inputs: Vec<String> = names.iter().map(|n| format!("input/{n}")).collect();
-    transforms(&inputs, cameras, out).write(out.join("transforms.json"))?;
-    colmap(names, cameras).write_binary(out.join("sparse/0"))?;
+    let frames = |folder: &str| -> Vec<Frame> {
+        names.iter().zip(cameras).map(|(name, camera)| Frame::new(format!("{folder}{name}"), *camera)).collect()
+    };
+    Transforms { frames: frames("input/"), ..Transforms::default() }.write(out.join("transforms.json"))?;
+    Model::from_frames(&frames("")).write_binary(out.join("sparse/0"))?;
     Ok(())
 }
 
@@ -166,50 +168,20 @@ fn unique_names(paths: &[PathBuf]) -> Vec<String> {
         .collect()
 }
 
-fn transforms(names: &[String], cameras: &[Camera], out: &Path) -> Transforms {
-    let frame = |(name, camera): (&String, &Camera)| Frame { path: out.join(name), ..Frame::new(name, *camera) };
-    let frames = names.iter().zip(cameras).map(frame).collect();
-    Transforms { frames, ..Transforms::default() }
-}
-
-fn colmap(names: &[String], cameras: &[Camera]) -> Model {
-    let mut model = Model::default();
-    for (id, (name, camera)) in (1..).zip(names.iter().zip(cameras)) {
-        let Camera { width, height, intrinsics, pose } = *camera;
-        model.cameras.insert(id, CameraModel { width, height, intrinsics });
-        model.images.push(ImageRecord { id, name: name.clone(), camera_id: id, pose, points: Vec::new() });
-    }
-    model
-}
-
 /// The cameras of the photos, cropped as the photos are, in the frame of the first.
 fn read_cameras(file: &Path, photos: &[PathBuf], width: usize, height: usize) -> Result<Vec<Camera>, Error> {
-    let mut known: BTreeMap<String, (Pose, Intrinsics, usize, usize)> = BTreeMap::new();
     let base = |name: &str| Path::new(name).file_name().map_or(name.to_string(), |n| n.to_string_lossy().into_owned());
-    if file.is_dir() {
-        let folder = [file.to_path_buf(), file.join("sparse/0")]
-            .into_iter()
-            .find(|f| f.join("cameras.bin").is_file() || f.join("cameras.txt").is_file());
-        let model = Model::read(folder.unwrap_or_else(|| file.to_path_buf()))?;
-        for image in &model.images {
-            let camera = model.cameras[&image.camera_id];
-            known.insert(base(&image.name), (image.pose, camera.intrinsics, camera.width, camera.height));
-        }
-    } else {
-        for frame in Transforms::read_cameras(file)?.frames {
-            let Camera { pose, intrinsics, width, height } = frame.camera;
-            known.insert(base(&frame.name), (pose, intrinsics, width, height));
-        }
-    }
+    let known: BTreeMap<String, Camera> =
+        weaver_io::read_cameras(file)?.into_iter().map(|frame| (base(&frame.name), frame.camera)).collect();
     let cameras = photos
         .iter()
         .map(|photo| {
             let name = base(&photo.to_string_lossy());
-            let (pose, intrinsics, w, h) = known.get(&name).ok_or_else(|| {
+            let Camera { pose, intrinsics, width: w, height: h } = *known.get(&name).ok_or_else(|| {
                 Error::Input(format!("{}: {name}: expected a camera for this photo, found none", file.display()))
             })?;
             let found = Image::dimensions(photo)?;
-            if found != (*w, *h) {
+            if found != (w, h) {
                 return Err(Error::Input(format!(
                     "{}: expected an image of its camera's size {w}x{h}, found {}x{}",
                     photo.display(),
@@ -217,8 +189,8 @@ fn read_cameras(file: &Path, photos: &[PathBuf], width: usize, height: usize) ->
                     found.1
                 )));
             }
-            let crop = Crop::centered(*w, *h, width, height);
-            Ok(Camera { pose: *pose, intrinsics: crop.intrinsics(intrinsics), width, height })
+            let crop = Crop::centered(w, h, width, height);
+            Ok(Camera { pose, intrinsics: crop.intrinsics(&intrinsics), width, height })
         })
         .collect::<Result<Vec<_>, Error>>()?;
     let first = cameras[0].pose;

@@ -6,7 +6,8 @@ mod text;
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use weaver_geometry::{Intrinsics, Pose};
+use weaver_geometry::{Camera, Intrinsics, Pose};
+use weaver_scene::Frame;
 
 /// A sparse model.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -80,6 +81,28 @@ impl Model {
         Ok(model)
     }
 
+    /// The model of photos whose cameras are known: a camera for each image, no points.
+    pub fn from_frames(frames: &[Frame]) -> Self {
+        let mut model = Self::default();
+        for (id, frame) in (1..).zip(frames) {
+            let Camera { pose, intrinsics, width, height } = frame.camera;
+            model.cameras.insert(id, CameraModel { width, height, intrinsics });
+            let name = frame.name.clone();
+            model.images.push(ImageRecord { id, name, camera_id: id, pose, points: Vec::new() });
+        }
+        model
+    }
+
+    /// The images with their cameras, in the order of the file. Images whose camera is missing are left out; a model that
+    /// was read has none.
+    pub fn frames(&self) -> Vec<Frame> {
+        let frame = |image: &ImageRecord| {
+            let CameraModel { width, height, intrinsics } = *self.cameras.get(&image.camera_id)?;
+            Some(Frame::new(&image.name, Camera { pose: image.pose, intrinsics, width, height }))
+        };
+        self.images.iter().filter_map(frame).collect()
+    }
+
     /// Writes `cameras.bin`, `images.bin` and `points3D.bin` into an existing folder; cameras become PINHOLE.
     pub fn write_binary(&self, folder: impl AsRef<Path>) -> Result<()> {
         binary::write(self, folder.as_ref())
@@ -89,6 +112,15 @@ impl Model {
     pub fn write_text(&self, folder: impl AsRef<Path>) -> Result<()> {
         text::write(self, folder.as_ref())
     }
+}
+
+/// Where a folder keeps its model: in `sparse/0`, in `sparse`, or itself.
+pub fn model_folder(folder: impl AsRef<Path>) -> PathBuf {
+    let folder = folder.as_ref();
+    let candidates = [folder.join("sparse/0"), folder.join("sparse"), folder.to_path_buf()];
+    let holds_model = |f: &&PathBuf| f.join("cameras.bin").is_file() || f.join("cameras.txt").is_file();
+    let found = candidates.iter().find(holds_model).or(candidates.iter().find(|f| f.is_dir()));
+    found.cloned().unwrap_or_else(|| folder.to_path_buf())
 }
 
 /// How the parameters of a camera model begin.

@@ -5,7 +5,7 @@ mod weights;
 use crate::colmap::{self, CameraModel, Model, Point};
 use crate::ply::Table;
 use crate::realestate::Clip;
-use crate::{Background, Error, Image, Result, Transforms, Weights, read_ply, read_splat, read_spz};
+use crate::{Background, Error, Image, Result, Transforms, Weights, read_gaussians, read_ply};
 use std::fmt::Display;
 use std::path::Path;
 use weaver_geometry::glam::DVec3;
@@ -22,16 +22,14 @@ pub fn info(path: impl AsRef<Path>) -> Result<String> {
         if ["model.safetensors", "model.safetensors.index.json"].iter().any(|name| path.join(name).is_file()) {
             return Ok(weights::weights(&Weights::open(path)?));
         }
-        let nested = path.join("sparse/0");
-        return Ok(model(&Model::read(if nested.is_dir() { &nested } else { path })?));
+        return Ok(model(&Model::read(colmap::model_folder(path))?));
     }
     let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("").to_lowercase();
     let (stem, extension) = name.rsplit_once('.').unwrap_or((&name, ""));
     match (stem, extension) {
         (_, "png" | "jpg" | "jpeg") => image(path),
         (_, "ply") => ply(path),
-        (_, "spz") => Ok(splats(&read_spz(path)?)),
-        (_, "splat") => Ok(splats(&read_splat(path)?)),
+        (_, "spz" | "splat") => Ok(gaussians(&read_gaussians(path)?)),
         (_, "safetensors") => Ok(weights::weights(&Weights::open(path)?)),
         (_, "json") if name.ends_with(".index.json") => Ok(weights::weights(&Weights::open(path)?)),
         (_, "json") => Ok(transforms(&Transforms::read(path)?)),
@@ -55,8 +53,8 @@ fn image(path: &Path) -> Result<String> {
 
 fn ply(path: &Path) -> Result<String> {
     let table = Table::read(path)?;
-    if table.names.iter().any(|n| n == "opacity") {
-        return Ok(splats(&read_ply(path)?));
+    if table.names.iter().any(|n| n == "scale_0" || n == "packed_position") {
+        return Ok(gaussians(&read_ply(path)?));
     }
     let mut lines = format!("PLY, {} vertices", table.rows);
     for (column, name) in table.names.iter().enumerate().take(20) {
@@ -66,13 +64,13 @@ fn ply(path: &Path) -> Result<String> {
     Ok(lines)
 }
 
-fn splats(splats: &Gaussians) -> String {
-    let mut lines = format!("Gaussians, {} of SH degree {}", splats.len(), splats.degree);
+fn gaussians(gaussians: &Gaussians) -> String {
+    let mut lines = format!("Gaussians, {} of SH degree {}", gaussians.len(), gaussians.degree);
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {
-        lines += &format!("\n{name:<8} {}", Range::of(splats.means.iter().map(|m| f64::from(m[axis]))));
+        lines += &format!("\n{name:<8} {}", Range::of(gaussians.means.iter().map(|m| f64::from(m[axis]))));
     }
-    let scales = splats.log_scales.as_flattened().iter().map(|&s| f64::from(s).exp());
-    let opacities = splats.opacity_logits.iter().map(|&o| 1.0 / (1.0 + f64::from(-o).exp()));
+    let scales = gaussians.log_scales.as_flattened().iter().map(|&s| f64::from(s).exp());
+    let opacities = gaussians.opacity_logits.iter().map(|&o| 1.0 / (1.0 + f64::from(-o).exp()));
     lines + &format!("\nscale    {}\nopacity  {}", Range::of(scales), Range::of(opacities))
 }
 

@@ -4,7 +4,6 @@ mod gaussians;
 mod points;
 mod table;
 
-pub(crate) use gaussians::check;
 pub use gaussians::{read_ply, write_ply};
-pub use points::write_points;
+pub use points::{read_points, write_points};
 pub(crate) use table::Table;

@@ -3,7 +3,8 @@
 use crate::file::read_text;
 use crate::{Error, Result, atomic_write};
 use std::path::Path;
-use weaver_geometry::{Intrinsics, Pose};
+use weaver_geometry::{Camera, Intrinsics, Pose};
+use weaver_scene::Frame;
 
 /// The cameras of one clip.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -31,6 +32,12 @@ impl ClipFrame {
         let [fx, fy, cx, cy] = self.normalized;
         let (w, h) = (width as f64, height as f64);
         Intrinsics { fx: fx * w, fy: fy * h, cx: cx * w, cy: cy * h }
+    }
+
+    /// The frame for an image of `width` x `height`: named by its timestamp, which is also its time in microseconds.
+    pub fn sized(&self, width: usize, height: usize) -> Frame {
+        let camera = Camera { pose: self.pose, intrinsics: self.intrinsics(width, height), width, height };
+        Frame { time: Some(self.timestamp as f64), ..Frame::new(self.timestamp.to_string(), camera) }
     }
 }
 

@@ -1,16 +1,21 @@
 //! The `.splat` form of web viewers: 32 bytes for each Gaussian, no header, no view-dependent color.
+//!
+//! A record is position and standard deviations as three floats each, then RGBA and the rotation (wxyz, 128 is zero) as
+//! four bytes each.
 
 use crate::bytes::Bytes;
-use crate::ply::check;
-use crate::{Error, Result};
+use crate::gaussians::{byte, check_lengths, check_values, sigmoid, unit};
+use crate::{Error, Result, atomic_write};
 use std::path::Path;
 use weaver_geometry::sh;
 use weaver_scene::Gaussians;
 
 const RECORD: usize = 32;
 
-/// Reads a `.splat` file: position and linear scale as three floats each, RGBA and the rotation (wxyz, 128 is
-/// zero) as four bytes each.
+/// Reads a `.splat` file: Gaussians of degree 0.
+///
+/// # Errors
+/// When the length is not a multiple of 32 bytes or a value is not finite.
 pub fn read_splat(path: impl AsRef<Path>) -> Result<Gaussians> {
     let path = path.as_ref();
     let mut bytes = Bytes::open(path)?;
@@ -18,16 +23,40 @@ pub fn read_splat(path: impl AsRef<Path>) -> Result<Gaussians> {
     if size % RECORD != 0 {
         return Err(Error::invalid(path, "length", "a multiple of 32 bytes", size));
     }
-    let mut splats = Gaussians::default();
+    let mut gaussians = Gaussians::default();
     for _ in 0..size / RECORD {
-        splats.means.push(bytes.f32s("a position")?);
-        splats.log_scales.push(bytes.f32s("a scale")?.map(|s: f32| s.max(f32::MIN_POSITIVE).ln()));
+        gaussians.means.push(bytes.f32s("a position")?);
+        gaussians.log_scales.push(bytes.f32s("a scale")?.map(|s: f32| s.max(f32::MIN_POSITIVE).ln()));
         let [r, g, b, a] = bytes.take("a color")?;
-        splats.sh.extend([r, g, b].map(|c| (f32::from(c) / 255.0 - 0.5) / sh::DC as f32));
+        gaussians.sh.extend([r, g, b].map(|c| (f32::from(c) / 255.0 - 0.5) / sh::DC as f32));
         let opacity = f32::from(a) / 255.0;
-        splats.opacity_logits.push((opacity / (1.0 - opacity)).ln());
-        splats.quats.push(bytes.take("a rotation")?.map(|q: u8| (f32::from(q) - 128.0) / 128.0));
+        gaussians.opacity_logits.push((opacity / (1.0 - opacity)).ln());
+        gaussians.quats.push(bytes.take("a rotation")?.map(|q: u8| (f32::from(q) - 128.0) / 128.0));
     }
-    check(path, &splats)?;
-    Ok(splats)
+    check_values(path, &gaussians)?;
+    Ok(gaussians)
+}
+
+/// Writes a `.splat` file. Colors, opacities and rotations are rounded to 8 bits; harmonics beyond degree 0, which the
+/// format lacks, are left out.
+///
+/// # Errors
+/// When the fields' lengths disagree, a value is not finite, or the file cannot be written.
+pub fn write_splat(path: impl AsRef<Path>, gaussians: &Gaussians) -> Result<()> {
+    let path = path.as_ref();
+    check_lengths(path, gaussians)?;
+    check_values(path, gaussians)?;
+    let k = gaussians.coefficients();
+    atomic_write(path, |w| {
+        for i in 0..gaussians.len() {
+            for x in gaussians.means[i].into_iter().chain(gaussians.log_scales[i].map(f32::exp)) {
+                w.write_all(&x.to_le_bytes())?;
+            }
+            let color = |c: usize| byte(255.0 * (0.5 + sh::DC as f32 * gaussians.sh[3 * k * i + c]));
+            let opacity = byte(255.0 * sigmoid(gaussians.opacity_logits[i]));
+            w.write_all(&[color(0), color(1), color(2), opacity])?;
+            w.write_all(&unit(gaussians.quats[i]).map(|q| byte(128.0 * q + 128.0)))?;
+        }
+        Ok(())
+    })
 }

@@ -6,10 +6,12 @@
 
 use crate::bytes::Bytes;
 use crate::file::read_bytes;
-use crate::ply::check;
-use crate::{Error, Result};
+use crate::gaussians::{byte, check_lengths, check_values, sigmoid, unit};
+use crate::{Error, Result, atomic_write};
+use flate2::Compression;
 use flate2::read::GzDecoder;
-use std::io::Read;
+use flate2::write::GzEncoder;
+use std::io::{self, Read, Write};
 use std::path::Path;
 use weaver_geometry::sh;
 use weaver_scene::Gaussians;
@@ -62,41 +64,111 @@ fn unpack(path: &Path, mut bytes: Bytes) -> Result<Gaussians> {
         return Err(bytes.invalid(format!("{expected} bytes for {n} Gaussians"), bytes.rest().len()));
     }
 
-    let mut splats = Gaussians { degree, ..Gaussians::default() };
+    let mut gaussians = Gaussians { degree, ..Gaussians::default() };
     let unit = f64::from(1u32 << fraction).recip();
     for _ in 0..n {
         let p: [u8; 9] = bytes.take("a position")?;
         // Into the upper three bytes, so that the sign lands where it belongs.
         let coordinate = |i: usize| i32::from_le_bytes([0, p[3 * i], p[3 * i + 1], p[3 * i + 2]]) >> 8;
         let [x, y, z] = [0, 1, 2].map(|i| (f64::from(coordinate(i)) * unit) as f32);
-        splats.means.push([x, -y, -z]);
+        gaussians.means.push([x, -y, -z]);
     }
     for _ in 0..n {
         let opacity = f32::from(bytes.take::<1>("an opacity")?[0]) / 255.0;
-        splats.opacity_logits.push((opacity / (1.0 - opacity)).ln());
+        gaussians.opacity_logits.push((opacity / (1.0 - opacity)).ln());
     }
     let color = |c: u8| (f32::from(c) / 255.0 - 0.5) / COLOR_SCALE;
     let colors: Vec<[f32; 3]> = (0..n).map(|_| Ok(bytes.take("a color")?.map(color))).collect::<Result<_>>()?;
     for _ in 0..n {
-        splats.log_scales.push(bytes.take("a scale")?.map(|s: u8| f32::from(s) / 16.0 - 10.0));
+        gaussians.log_scales.push(bytes.take("a scale")?.map(|s: u8| f32::from(s) / 16.0 - 10.0));
     }
     for _ in 0..n {
         let [x, y, z, w] = match version {
             2 => first_three(bytes.take("a rotation")?),
             _ => smallest_three(bytes.u32("a rotation")?),
         };
-        splats.quats.push([w, x, -y, -z]);
+        gaussians.quats.push([w, x, -y, -z]);
     }
     let signs = half_turn_signs();
     for color in colors {
-        splats.sh.extend(color);
+        gaussians.sh.extend(color);
         for sign in &signs[1..=rest] {
             let rgb: [u8; 3] = bytes.take("spherical harmonics")?;
-            splats.sh.extend(rgb.map(|b| sign * (f32::from(b) - 128.0) / 128.0));
+            gaussians.sh.extend(rgb.map(|b| sign * (f32::from(b) - 128.0) / 128.0));
         }
     }
-    check(path, &splats)?;
-    Ok(splats)
+    check_values(path, &gaussians)?;
+    Ok(gaussians)
+}
+
+/// Bits after the point of positions, where they are small enough: steps of a quarter millimeter if the unit is a meter.
+const FRACTION: u8 = 12;
+
+/// Writes a `.spz` file of version 3. Positions are rounded to 24 bits, rotations to 10 per component, all else to 8.
+///
+/// # Errors
+/// When the fields' lengths disagree, a value is not finite, a position is beyond 2^23, or the file cannot be written.
+pub fn write_spz(path: impl AsRef<Path>, gaussians: &Gaussians) -> Result<()> {
+    let path = path.as_ref();
+    check_lengths(path, gaussians)?;
+    check_values(path, gaussians)?;
+    let largest = gaussians.means.as_flattened().iter().fold(0.0, |m: f32, x| m.max(x.abs()));
+    let fits = |fraction: &u8| f64::from(largest) * f64::from(1u32 << fraction) < f64::from(1 << 23) - 1.0;
+    let Some(fraction) = (0..=FRACTION).rev().find(fits) else {
+        return Err(Error::invalid(path, "positions to write", "coordinates below 2^23", largest));
+    };
+    atomic_write(path, |w| {
+        let mut packed = GzEncoder::new(w, Compression::default());
+        pack(&mut packed, gaussians, fraction)?;
+        packed.finish()?;
+        Ok(())
+    })
+}
+
+fn pack(w: &mut impl Write, gaussians: &Gaussians, fraction: u8) -> io::Result<()> {
+    for word in [MAGIC, 3, gaussians.len() as u32] {
+        w.write_all(&word.to_le_bytes())?;
+    }
+    w.write_all(&[gaussians.degree as u8, fraction, 0, 0])?;
+    let steps = f64::from(1u32 << fraction);
+    for [x, y, z] in &gaussians.means {
+        for coordinate in [*x, -y, -z] {
+            let fixed = (f64::from(coordinate) * steps).round() as i32;
+            w.write_all(&fixed.to_le_bytes()[..3])?;
+        }
+    }
+    for logit in &gaussians.opacity_logits {
+        w.write_all(&[byte(255.0 * sigmoid(*logit))])?;
+    }
+    let rows = || gaussians.sh.chunks_exact(3 * gaussians.coefficients());
+    for row in rows() {
+        w.write_all(&[0, 1, 2].map(|c| byte(255.0 * (COLOR_SCALE * row[c] + 0.5))))?;
+    }
+    for scale in &gaussians.log_scales {
+        w.write_all(&scale.map(|s| byte(16.0 * (s + 10.0))))?;
+    }
+    for q in &gaussians.quats {
+        let [real, x, y, z] = unit(*q);
+        w.write_all(&pack_smallest_three([x, -y, -z, real]).to_le_bytes())?;
+    }
+    let signs = half_turn_signs();
+    for row in rows() {
+        for (sign, rgb) in signs.iter().zip(row.as_chunks::<3>().0).skip(1) {
+            w.write_all(&rgb.map(|x| byte(128.0 * sign * x + 128.0)))?;
+        }
+    }
+    Ok(())
+}
+
+/// The inverse of [`smallest_three`], for a unit quaternion.
+fn pack_smallest_three(q: [f32; 4]) -> u32 {
+    let largest = (1..4).fold(0, |at, i| if q[i].abs() > q[at].abs() { i } else { at });
+    (0..4).filter(|&i| i != largest).fold(largest as u32, |bits, i| {
+        let magnitude = (511.0 * std::f32::consts::SQRT_2 * q[i].abs()).round().min(511.0) as u32;
+        // q and -q are the same rotation; the component left out counts as positive.
+        let negative = (q[i] < 0.0) != (q[largest] < 0.0);
+        bits << 10 | u32::from(negative) << 9 | magnitude
+    })
 }
 
 /// A unit quaternion xyzw with w not negative from its first three components.

@@ -21,10 +21,30 @@ pub struct Transforms {
     pub test_filenames: Vec<String>,
 }
 
+/// Keys of a frame that [`Frame`] has fields for.
+const KNOWN: [&str; 13] = [
+    "file_path",
+    "transform_matrix",
+    "fl_x",
+    "fl_y",
+    "cx",
+    "cy",
+    "w",
+    "h",
+    "camera_angle_x",
+    "camera_angle_y",
+    "camera_model",
+    "time",
+    "number",
+];
+
 const DISTORTION: [&str; 6] = ["k1", "k2", "k3", "k4", "p1", "p2"];
 
 impl Transforms {
     /// Reads the file and looks for its images.
+    ///
+    /// A frame's `time` becomes [`Frame::time`], its `number` [`Frame::number`]; keys that mean nothing here are kept in
+    /// [`Frame::extras`].
     ///
     /// Intrinsics may stand in the frame or, for all frames, at the top: `fl_x` `fl_y` `cx` `cy` `w` `h`, or
     /// `camera_angle_x` (and `_y`). Missing `fl_y` is `fl_x`, a missing principal point is the image's center, a
@@ -65,8 +85,13 @@ impl Transforms {
     }
 
     /// Writes the nerfstudio form, intrinsics in every frame, `file_path` from [`Frame::name`].
+    ///
+    /// # Errors
+    /// When an entry of [`Frame::extras`] is not JSON or has the name of another key, or the file cannot be written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
-        let frames: Vec<Value> = self.frames.iter().map(to_json).collect();
+        let path = path.as_ref();
+        let frame = |(i, frame)| to_json(path, i, frame);
+        let frames: Vec<Value> = self.frames.iter().enumerate().map(frame).collect::<Result<_>>()?;
         let mut root = json!({ "camera_model": "PINHOLE", "frames": frames });
         let splits = [
             ("train_filenames", &self.train_filenames),
@@ -83,10 +108,10 @@ impl Transforms {
     }
 }
 
-fn to_json(frame: &Frame) -> Value {
+fn to_json(path: &Path, index: usize, frame: &Frame) -> Result<Value> {
     let Camera { pose, intrinsics: k, width, height } = frame.camera;
     let [a, b, c] = axes::to_opengl(&pose).rows();
-    json!({
+    let mut value = json!({
         "file_path": frame.name,
         "fl_x": k.fx,
         "fl_y": k.fy,
@@ -95,7 +120,23 @@ fn to_json(frame: &Frame) -> Value {
         "w": width,
         "h": height,
         "transform_matrix": [a, b, c, [0.0, 0.0, 0.0, 1.0]],
-    })
+    });
+    if let Some(time) = frame.time {
+        value["time"] = json!(time);
+    }
+    if let Some(number) = frame.number {
+        value["number"] = json!(number);
+    }
+    for (key, text) in &frame.extras {
+        let invalid = |expected: &str, found: &dyn Display| {
+            Error::invalid(path, format!("frames[{index}].{key} to write"), expected, found)
+        };
+        if KNOWN.contains(&key.as_str()) {
+            return Err(invalid("a key without a field of its own", key));
+        }
+        value[key] = serde_json::from_str(text).map_err(|e| invalid("JSON", &e))?;
+    }
+    Ok(value)
 }
 
 /// One entry of `frames`, with the file's top level to fall back on.
@@ -123,7 +164,12 @@ impl FrameReader<'_> {
         };
         let intrinsics = self.intrinsics(width, height)?;
         let camera = Camera { pose: self.pose()?, intrinsics, width, height };
-        Ok(Frame { path, ..Frame::new(name, camera) })
+        let known = |key: &str| KNOWN.contains(&key) || DISTORTION.contains(&key);
+        let extras = (self.own.iter())
+            .filter(|(key, _)| !known(key))
+            .map(|(key, value)| (key.clone(), value.to_string()))
+            .collect();
+        Ok(Frame { path, time: self.time()?, number: self.photo_number()?, extras, ..Frame::new(name, camera) })
     }
 
     fn image_file(&self, name: &str) -> Result<PathBuf> {
@@ -200,6 +246,17 @@ impl FrameReader<'_> {
         let cx = self.number("cx")?.unwrap_or(width as f64 / 2.0);
         let cy = self.number("cy")?.unwrap_or(height as f64 / 2.0);
         Ok(Intrinsics { fx, fy, cx, cy })
+    }
+
+    /// `time` of the frame itself, not of the top level.
+    fn time(&self) -> Result<Option<f64>> {
+        let read = |value: &Value| value.as_f64().ok_or_else(|| self.invalid("time", "a number", value));
+        self.own.get("time").map(read).transpose()
+    }
+
+    fn photo_number(&self) -> Result<Option<u64>> {
+        let read = |value: &Value| value.as_u64().ok_or_else(|| self.invalid("number", "a whole number", value));
+        self.own.get("number").map(read).transpose()
     }
 
     fn get(&self, key: &str) -> Option<&Value> {

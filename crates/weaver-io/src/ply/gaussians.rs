@@ -1,65 +1,83 @@
 //! Gaussians as the reference 3DGS implementation stores them.
 
 use super::Table;
+use crate::gaussians::{check_lengths, check_values};
 use crate::{Error, Result, atomic_write};
 use std::path::Path;
+use weaver_geometry::sh;
 use weaver_scene::Gaussians;
 
-/// Reads a 3DGS PLY file, ASCII or binary little-endian. The number of `f_rest_*` properties tells the degree.
+/// Reads a 3DGS PLY file, ASCII or binary little-endian.
 ///
-/// Errors when a property is missing and when a value is not finite (an infinite opacity logit is fine).
-/// Chunk-compressed files (`packed_position`) are not read.
+/// The number of `f_rest_*` properties tells the degree of the spherical harmonics. Positions and scales are required: a
+/// file without scales is a point cloud, see [`read_points`](crate::ply::read_points). What else is missing is filled as
+/// viewers do: no rotation is the identity, no opacity is opaque, no harmonics (`f_dc_*`) are the colors `red`, `green`,
+/// `blue` (0 to 255), or else a middle gray. Chunk-compressed files (`packed_position`) are not read.
+///
+/// # Errors
+/// When a required property, or a part of one, is missing, or a value is not finite (an infinite opacity logit is fine).
 pub fn read_ply(path: impl AsRef<Path>) -> Result<Gaussians> {
     let path = path.as_ref();
     let table = Table::read(path)?;
-    if table.names.iter().any(|n| n == "packed_position") {
+    let has = |name: &str| table.names.iter().any(|n| n == name);
+    if has("packed_position") {
         let found = "a chunk-compressed file (packed_position)";
         return Err(Error::invalid(path, "element vertex", "plain 3DGS properties", found));
     }
+    if !has("scale_0") {
+        let found = "a point cloud: no property scale_0";
+        return Err(Error::invalid(path, "element vertex", "Gaussians", found));
+    }
     let rest = table.names.iter().filter(|n| n.starts_with("f_rest_")).count();
-    let Some(degree) = (0..=4).find(|d| 3 * ((d + 1) * (d + 1) - 1) == rest) else {
+    let Some(degree) = (0..=sh::MAX_DEGREE).find(|d| 3 * (sh::coefficients(*d) - 1) == rest) else {
         let expected = "0, 9, 24, 45 or 72 properties f_rest_*";
         return Err(Error::invalid(path, "element vertex", expected, rest));
     };
     let columns = |prefix: &str, n: usize| -> Result<Vec<usize>> {
         (0..n).map(|i| table.column(&format!("{prefix}{i}"))).collect()
     };
+    let optional = |first: &str, columns: &dyn Fn() -> Result<Vec<usize>>| -> Result<Option<Vec<usize>>> {
+        has(first).then(columns).transpose()
+    };
     let xyz = [table.column("x")?, table.column("y")?, table.column("z")?];
-    let opacity = table.column("opacity")?;
-    let (scale, rot) = (columns("scale_", 3)?, columns("rot_", 4)?);
-    let (dc, rest) = (columns("f_dc_", 3)?, columns("f_rest_", rest)?);
+    let scale = columns("scale_", 3)?;
+    let rotation = optional("rot_0", &|| columns("rot_", 4))?;
+    let opacity = optional("opacity", &|| Ok(vec![table.column("opacity")?]))?;
+    // Harmonics beyond the constant one mean nothing without it.
+    let dc = if rest > 0 || has("f_dc_0") { Some(columns("f_dc_", 3)?) } else { None };
+    let rgb = optional("red", &|| ["red", "green", "blue"].map(|name| table.column(name)).into_iter().collect())?;
+    let rest = columns("f_rest_", rest)?;
     let per_channel = rest.len() / 3;
 
     let n = table.rows;
-    let mut splats = Gaussians { degree, ..Gaussians::default() };
-    splats.sh.reserve_exact(n * 3 * (per_channel + 1));
+    let mut gaussians = Gaussians { degree, ..Gaussians::default() };
+    gaussians.sh.reserve_exact(n * 3 * (per_channel + 1));
     for row in 0..n {
         let values = table.row(row);
-        splats.means.push(xyz.map(|c| values[c]));
-        splats.log_scales.push(std::array::from_fn(|i| values[scale[i]]));
-        splats.quats.push(std::array::from_fn(|i| values[rot[i]]));
-        splats.opacity_logits.push(values[opacity]);
-        splats.sh.extend(dc.iter().map(|&c| values[c]));
+        gaussians.means.push(xyz.map(|c| values[c]));
+        gaussians.log_scales.push(std::array::from_fn(|i| values[scale[i]]));
+        let identity = [1.0, 0.0, 0.0, 0.0];
+        gaussians.quats.push(rotation.as_ref().map_or(identity, |c| std::array::from_fn(|i| values[c[i]])));
+        gaussians.opacity_logits.push(opacity.as_ref().map_or(f32::INFINITY, |c| values[c[0]]));
+        match (&dc, &rgb) {
+            (Some(dc), _) => gaussians.sh.extend(dc.iter().map(|&c| values[c])),
+            (None, Some(rgb)) => gaussians.sh.extend(rgb.iter().map(|&c| (values[c] / 255.0 - 0.5) / sh::DC as f32)),
+            (None, None) => gaussians.sh.extend([0.0; 3]),
+        }
         for k in 0..per_channel {
-            splats.sh.extend((0..3).map(|channel| values[rest[channel * per_channel + k]]));
+            gaussians.sh.extend((0..3).map(|channel| values[rest[channel * per_channel + k]]));
         }
     }
-    check(path, &splats)?;
-    Ok(splats)
+    check_values(path, &gaussians)?;
+    Ok(gaussians)
 }
 
 /// Writes a binary little-endian file with the properties, and in the order, of the reference implementation
 /// (normals zero). Errors when the fields' lengths disagree.
 pub fn write_ply(path: impl AsRef<Path>, gaussians: &Gaussians) -> Result<()> {
     let path = path.as_ref();
+    check_lengths(path, gaussians)?;
     let (n, k) = (gaussians.len(), gaussians.coefficients());
-    let lengths =
-        [gaussians.log_scales.len(), gaussians.quats.len(), gaussians.opacity_logits.len(), gaussians.sh.len()];
-    if lengths != [n, n, n, n * k * 3] || gaussians.degree > 4 {
-        let expected = format!("{n} Gaussians of a degree up to 4 in every field");
-        let found = format!("log_scales, quats, opacity_logits, sh of {lengths:?}, degree {}", gaussians.degree);
-        return Err(Error::invalid(path, "Gaussians to write", expected, found));
-    }
     atomic_write(path, |w| {
         writeln!(w, "ply\nformat binary_little_endian 1.0\nelement vertex {n}")?;
         for name in ["x", "y", "z", "nx", "ny", "nz"] {
@@ -89,25 +107,4 @@ pub fn write_ply(path: impl AsRef<Path>, gaussians: &Gaussians) -> Result<()> {
         }
         Ok(())
     })
-}
-
-/// Errors at the first Gaussian with a value that no renderer can use.
-pub(crate) fn check(path: &Path, splats: &Gaussians) -> Result<()> {
-    let per_row = splats.coefficients() * 3;
-    for i in 0..splats.len() {
-        let fields: [(&str, &[f32]); 4] = [
-            ("position", &splats.means[i]),
-            ("scale", &splats.log_scales[i]),
-            ("rotation", &splats.quats[i]),
-            ("color", &splats.sh[i * per_row..][..per_row]),
-        ];
-        let bad = fields.iter().find(|(_, values)| !values.iter().all(|x| x.is_finite()));
-        if let Some((name, values)) = bad {
-            return Err(Error::invalid(path, format!("vertex {i}, {name}"), "finite numbers", format!("{values:?}")));
-        }
-        if splats.opacity_logits[i].is_nan() {
-            return Err(Error::invalid(path, format!("vertex {i}, opacity"), "a number", "NaN"));
-        }
-    }
-    Ok(())
 }

@@ -1,9 +1,11 @@
 //! Integration tests: round trips, real files, hostile bytes.
 
 mod atomic;
+mod cameras;
 mod checkpoint;
 mod colmap;
 mod files;
+mod formats;
 mod images;
 mod info;
 mod ply;

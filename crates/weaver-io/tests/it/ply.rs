@@ -1,10 +1,10 @@
 use crate::shared;
 use proptest::prelude::*;
 use std::path::Path;
-use weaver_io::ply::write_points;
+use weaver_io::ply::{read_points, write_points};
 use weaver_io::read_splat;
 use weaver_io::{read_ply, write_ply};
-use weaver_scene::Gaussians;
+use weaver_scene::{Gaussians, PointCloud};
 
 fn sample(n: usize, degree: usize) -> Gaussians {
     let k = (degree + 1) * (degree + 1);
@@ -60,16 +60,38 @@ fn reads_text() {
 }
 
 #[test]
+fn missing_properties_are_filled_as_viewers_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ply");
+    let read = |text: String| {
+        std::fs::write(&path, text).unwrap();
+        read_ply(&path).unwrap()
+    };
+    let rename = |names: &[(&str, &str)]| {
+        names
+            .iter()
+            .fold(ASCII.to_string(), |text, (from, to)| text.replace(&format!("float {from}"), &format!("float {to}")))
+    };
+    assert_eq!(read(rename(&[("opacity", "alpha")])).opacity_logits, [f32::INFINITY]);
+    let unturned = [("rot_0", "a"), ("rot_1", "b"), ("rot_2", "c"), ("rot_3", "d")];
+    assert_eq!(read(rename(&unturned)).quats, [[1.0, 0.0, 0.0, 0.0]]);
+    let gray = read(rename(&[("f_dc_0", "a"), ("f_dc_1", "b"), ("f_dc_2", "c")]));
+    assert_eq!((gray.sh, gray.degree), (vec![0.0; 3], 0));
+    let colored = rename(&[("f_dc_0", "red"), ("f_dc_1", "green"), ("f_dc_2", "blue")]);
+    let colored = read(colored.replace("0.1 0.2 0.3", "255 127.5 0"));
+    assert!((colored.sh[0] * 0.2820948 - 0.5).abs() < 1e-6 && colored.sh[1] == 0.0 && colored.sh[2] < 0.0);
+}
+
+#[test]
 fn messages_say_where() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ply");
     let cases = [
         (ASCII.replace("ply\r", "plx\r"), "header line 1: expected ply"),
         (ASCII.replace("format ascii", "format binary_big_endian"), "header line 2: expected format"),
-        (
-            ASCII.replace("float opacity", "float alpha"),
-            "element vertex: expected a property opacity, found only x y z",
-        ),
+        (ASCII.replace("float rot_2", "float turn"), "element vertex: expected a property rot_2, found only x y z"),
+        (ASCII.replace("float scale_0", "float size"), "element vertex: expected Gaussians, found a point cloud"),
+        (ASCII.replace("f_dc_1", "green"), "element vertex: expected a property f_dc_1"),
         (ASCII.replace("float opacity", "half opacity"), "header line 13: expected a scalar type"),
         (ASCII.replace("element vertex 1", "element vertex 99999999999"), "element vertex: expected 99999999999 rows"),
         (ASCII.replace("0.5\n3 0", "nan\n3 0"), "vertex 0, rotation: expected finite numbers"),
@@ -93,10 +115,15 @@ fn messages_say_where() {
 fn point_clouds() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ply");
-    write_points(&path, &[[0.0, 1.0, 2.0]; 3], &[[1, 2, 3]; 3]).unwrap();
+    let points = PointCloud { positions: vec![[0.0, 1.0, 2.0]; 3], colors: vec![[1, 2, 3]; 3] };
+    write_points(&path, &points).unwrap();
+    assert_eq!(read_points(&path).unwrap(), points);
     let text = weaver_io::info(&path).unwrap();
     assert!(text.contains("PLY, 3 vertices") && text.contains("green        2.0000 to 2.0000"), "{text}");
-    assert!(write_points(&path, &[[0.0; 3]], &[]).is_err());
+    assert!(write_points(&path, &PointCloud { colors: vec![], ..points }).is_err());
+    std::fs::write(&path, "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n1 2 3\n")
+        .unwrap();
+    assert_eq!(read_points(&path).unwrap(), PointCloud { positions: vec![[1.0, 2.0, 3.0]], colors: vec![[255; 3]] });
 }
 
 /// Rows of numbers from a CSV file with a header.

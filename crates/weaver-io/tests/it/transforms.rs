@@ -157,3 +157,28 @@ fn cameras_alone_need_no_images() {
     let cameras = Transforms::read_cameras(&path).unwrap();
     assert_eq!((cameras.frames.len(), cameras.frames[1].camera.intrinsics), (3, scene.frames[1].camera.intrinsics));
 }
+
+#[test]
+fn a_time_a_number_and_unknown_keys_survive() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("transforms.json");
+    let mut scene = scene(folder.path());
+    scene.frames[1].time = Some(0.25);
+    scene.frames[1].number = Some(7);
+    let extras = [("colmap_im_id", "3"), ("sharpness", "81.25"), ("mask", r#"{"path":"m.png"}"#)];
+    scene.frames[2].extras = extras.map(|(key, text)| (key.to_string(), text.to_string())).into();
+    scene.write(&path).unwrap();
+    let back = Transforms::read(&path).unwrap();
+    for (a, b) in scene.frames.iter().zip(&back.frames) {
+        assert_eq!((a.time, a.number, &a.extras), (b.time, b.number, &b.extras));
+    }
+    let cases =
+        [("mask", "{", "frames[2].mask to write: expected JSON"), ("cx", "1", "frames[2].cx to write: expected a key")];
+    for (key, text, expected) in cases {
+        scene.frames[2].extras = [(key.to_string(), text.to_string())].into();
+        let message = scene.write(&path).unwrap_err().to_string();
+        assert!(message.contains(expected), "{message}");
+    }
+    let message = message(|r| r["frames"][0]["time"] = "noon".into());
+    assert!(message.contains("frames[0].time: expected a number"), "{message}");
+}

@@ -1,0 +1,150 @@
+//! Gaussians through every format that holds them.
+
+use crate::shared;
+use proptest::prelude::*;
+use weaver_geometry::sh;
+use weaver_io::{read_gaussians, write_gaussians};
+use weaver_scene::Gaussians;
+
+/// Gaussians that every format can hold: scales, opacities and colors within its range.
+fn gaussians() -> impl Strategy<Value = Gaussians> {
+    (0usize..6, 0usize..=3).prop_flat_map(|(n, degree)| {
+        (
+            prop::collection::vec(prop::array::uniform3(-500.0f32..500.0), n),
+            prop::collection::vec(prop::array::uniform3(-9.0f32..5.0), n),
+            prop::collection::vec(prop::array::uniform4(-1.0f32..1.0), n),
+            prop::collection::vec(-5.0f32..5.0, n),
+            prop::collection::vec(-0.9f32..0.9, n * 3 * sh::coefficients(degree)),
+        )
+            .prop_map(move |(means, log_scales, mut quats, opacity_logits, sh)| {
+                quats.iter_mut().filter(|q| q.iter().all(|x| x.abs() < 0.1)).for_each(|q| q[0] = 1.0);
+                Gaussians { means, log_scales, quats, opacity_logits, sh, degree }
+            })
+    })
+}
+
+fn round_trip(name: &str, gaussians: &Gaussians) -> Gaussians {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    write_gaussians(&path, gaussians).unwrap();
+    read_gaussians(&path).unwrap()
+}
+
+/// How far each kind of number may be off.
+struct Tolerance {
+    position: f32,
+    scale: f32,
+    /// Degrees.
+    rotation: f32,
+    opacity: f32,
+    color: f32,
+    harmonics: f32,
+}
+
+fn assert_near(a: &Gaussians, b: &Gaussians, tolerance: &Tolerance) {
+    assert_eq!((a.len(), a.opacity_logits.len()), (b.len(), b.opacity_logits.len()));
+    let near = |what: &str, a: &[f32], b: &[f32], tolerance: f32| {
+        for (i, (a, b)) in a.iter().zip(b).enumerate() {
+            assert!((a - b).abs() <= tolerance, "{what} {i}: {a} {b}");
+        }
+    };
+    near("position", a.means.as_flattened(), b.means.as_flattened(), tolerance.position);
+    near("scale", a.log_scales.as_flattened(), b.log_scales.as_flattened(), tolerance.scale);
+    let opacity = |g: &Gaussians| g.to_activated().opacities;
+    near("opacity", &opacity(a), &opacity(b), tolerance.opacity);
+    for (p, q) in a.quats.iter().zip(&b.quats) {
+        let norm = |q: &[f32; 4]| q.iter().map(|x| x * x).sum::<f32>().sqrt();
+        let cos = p.iter().zip(q).map(|(x, y)| x * y).sum::<f32>() / (norm(p) * norm(q));
+        let angle = 2.0 * cos.abs().min(1.0).acos().to_degrees();
+        assert!(angle < tolerance.rotation, "{p:?} {q:?}: {angle} degrees");
+    }
+    let (k, l) = (a.coefficients(), b.coefficients());
+    for (a, b) in a.sh.chunks(3 * k).zip(b.sh.chunks(3 * l)) {
+        near("color", &a[..3], &b[..3], tolerance.color);
+        near("harmonics", &a[3..], &b[3..], tolerance.harmonics);
+    }
+}
+
+const SPLAT: Tolerance = Tolerance {
+    position: 0.0,
+    scale: 1e-5,
+    rotation: 1.5,
+    opacity: 0.51 / 255.0,
+    color: 0.51 / 255.0 / 0.282,
+    harmonics: 0.0,
+};
+const SPZ: Tolerance = Tolerance {
+    position: 1.5e-4,
+    scale: 0.51 / 16.0,
+    rotation: 0.3,
+    opacity: 0.51 / 255.0,
+    color: 0.51 / 255.0 / 0.15,
+    harmonics: 0.51 / 128.0,
+};
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn ply_keeps_every_bit(gaussians in gaussians()) {
+        prop_assert_eq!(round_trip("a.ply", &gaussians), gaussians);
+    }
+
+    #[test]
+    fn splat_keeps_positions_and_rounds_the_rest(gaussians in gaussians()) {
+        let back = round_trip("a.SPLAT", &gaussians);
+        prop_assert_eq!(back.degree, 0);
+        assert_near(&gaussians, &back, &SPLAT);
+    }
+
+    #[test]
+    fn spz_rounds_everything(gaussians in gaussians()) {
+        let back = round_trip("a.spz", &gaussians);
+        prop_assert_eq!(back.degree, gaussians.degree);
+        assert_near(&gaussians, &back, &SPZ);
+        // What was rounded once stays.
+        let again = round_trip("a.spz", &back);
+        prop_assert_eq!((&again.means, &again.log_scales, &again.sh), (&back.means, &back.log_scales, &back.sh));
+    }
+}
+
+#[test]
+fn positions_of_any_size_fit_into_spz() {
+    let at = |x: f32| Gaussians {
+        means: vec![[x, 1.0, -x]],
+        log_scales: vec![[0.0; 3]],
+        quats: vec![[1.0, 0.0, 0.0, 0.0]],
+        opacity_logits: vec![f32::INFINITY],
+        sh: vec![0.0; 3],
+        degree: 0,
+    };
+    for x in [0.0, 2047.5, 100_000.0, 8e6] {
+        assert_eq!(round_trip("a.spz", &at(x)).means, at(x).means);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let message = |name: &str, gaussians: &Gaussians| {
+        write_gaussians(folder.path().join(name), gaussians).unwrap_err().to_string()
+    };
+    let far = message("a.spz", &at(1e7));
+    assert!(far.contains("positions to write: expected coordinates below 2^23"), "{far}");
+    let unknown = message("a.obj", &at(0.0));
+    assert!(unknown.contains("file name: expected .ply, .splat or .spz, found .obj"), "{unknown}");
+    let broken = Gaussians { quats: vec![], ..at(0.0) };
+    for name in ["a.ply", "a.splat", "a.spz"] {
+        assert!(message(name, &broken).contains("expected 1 Gaussians"), "{name}");
+    }
+    for name in ["a.splat", "a.spz"] {
+        assert!(message(name, &at(f32::NAN)).contains("vertex 0, position: expected finite numbers"), "{name}");
+    }
+}
+
+#[test]
+fn files_of_other_tools_survive_writing() {
+    let Some(folder) = shared::data("splat-files") else { return };
+    let splat = read_gaussians(folder.join("minimal.splat")).unwrap();
+    assert_near(&splat, &round_trip("a.splat", &splat), &SPLAT);
+    for name in ["minimal-v2.spz", "minimal-v3.spz", "playbot-sh2.v3.spz"] {
+        let spz = read_gaussians(folder.join(name)).unwrap();
+        assert_near(&spz, &round_trip("a.spz", &spz), &SPZ);
+    }
+}
