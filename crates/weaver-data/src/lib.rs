@@ -9,10 +9,12 @@ mod error;
 pub mod procedural;
 mod sampler;
 mod scene;
+mod tuple;
 
 pub use error::Error;
-pub use sampler::{Tuple, bounded_gap, evaluation_tuples, every, training_tuple, uniform};
+pub use sampler::{bounded_gap, evaluation_tuples, every, training_tuple, uniform};
 pub use scene::{Posed, Scene, View};
+pub use tuple::Tuple;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -1,18 +1,7 @@
 //! Which views go together: training tuples, evaluation tuples, and samplers over ordered frames.
 
-use crate::Scene;
+use crate::{Scene, Tuple};
 use weaver_kernels::random::Stream;
-
-/// Views of one scene that are shown (`context`) and views to be rendered (`targets`).
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Tuple {
-    /// Index of the scene.
-    pub scene: usize,
-    /// View indices; the first is camera 0, whose frame everything is expressed in.
-    pub context: Vec<usize>,
-    /// View indices.
-    pub targets: Vec<usize>,
-}
 
 /// Number `index` of an endless, random-access sequence of training tuples.
 ///

@@ -1,7 +1,7 @@
 //! Pinhole cameras.
 
 use crate::Pose;
-use crate::pose_code::field_of_view;
+use crate::fov::field_of_view;
 use glam::{DVec2, DVec3};
 
 /// Pinhole intrinsics in pixels; pixel centers lie at half-integers.

@@ -6,6 +6,7 @@
 mod align;
 pub mod axes;
 mod camera;
+pub mod fov;
 mod pose;
 pub mod pose_code;
 pub mod se3;

@@ -4,34 +4,12 @@
 //! its rotation as a quaternion with the scalar *last* (the one place where it is), and full fields of view in
 //! radians. The principal point is the center of the image. Source: Wang et al., "VGGT" (CVPR 2025).
 
+use crate::fov::focal_length;
 use crate::{Camera, Intrinsics, Pose};
 use glam::DVec3;
-use std::ops::{Add, Div, Mul};
 
 /// What is added to the tangent of half the field of view where weights were trained so.
 pub const TANGENT_OFFSET: f64 = 1e-3;
-
-/// The focal length of a field of view, in pixels: `f = (size / 2) / (tan(fov / 2) + tangent_offset)`.
-///
-/// `fov` is the full angle in radians over an image of `size` pixels. `X` is any number: a float or a dual number; `tan` is
-/// its tangent. With `tangent_offset` 0 this inverts [`field_of_view`].
-pub fn focal_length<X>(fov: X, size: f64, tangent_offset: f64, tan: impl Fn(X) -> X) -> X
-where
-    X: From<f64> + Add<Output = X> + Mul<Output = X> + Div<Output = X>,
-{
-    X::from(0.5 * size) / (tan(X::from(0.5) * fov) + X::from(tangent_offset))
-}
-
-/// The field of view of a focal length, a full angle in radians: `fov = 2 atan(size / 2 / f)`.
-///
-/// `focal` is in pixels of an image of `size` pixels. `X` is any number: a float or a dual number; `atan` is its arc
-/// tangent.
-pub fn field_of_view<X>(focal: X, size: f64, atan: impl Fn(X) -> X) -> X
-where
-    X: From<f64> + Mul<Output = X> + Div<Output = X>,
-{
-    X::from(2.0) * atan(X::from(0.5 * size) / focal)
-}
 
 /// The code of a camera, quaternion of unit length with w not negative. A principal point off the center is lost.
 pub fn encode(camera: &Camera) -> [f64; 9] {

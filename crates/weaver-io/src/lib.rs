@@ -14,6 +14,7 @@ mod color;
 mod error;
 mod file;
 mod folder;
+mod gaussian_fields;
 mod gaussians;
 mod header_fault;
 mod image;

@@ -4,7 +4,7 @@
 //! four bytes each.
 
 use crate::bytes::Bytes;
-use crate::gaussians::{byte, check_lengths, check_values, sigmoid, unit};
+use crate::gaussian_fields::{byte, check_lengths, check_values, sigmoid, unit};
 use crate::{Error, Result, atomic_write};
 use std::path::Path;
 use weaver_geometry::sh;

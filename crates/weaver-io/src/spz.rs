@@ -6,7 +6,7 @@
 
 use crate::bytes::Bytes;
 use crate::file::read_bytes;
-use crate::gaussians::{byte, check_lengths, check_values, sigmoid, unit};
+use crate::gaussian_fields::{byte, check_lengths, check_values, sigmoid, unit};
 use crate::{Error, Result, atomic_write};
 use flate2::Compression;
 use flate2::read::GzDecoder;

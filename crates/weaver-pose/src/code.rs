@@ -3,7 +3,8 @@
 use crate::rotation::{matrix, quaternion};
 use crate::row_map::{RowMap, RowMapOp};
 use weaver_autograd::{Dual, Real, Var};
-use weaver_geometry::pose_code::{TANGENT_OFFSET, field_of_view, focal_length};
+use weaver_geometry::fov::{field_of_view, focal_length};
+use weaver_geometry::pose_code::TANGENT_OFFSET;
 
 /// Numbers in a pose code: translation 3, quaternion xyzw 4, field of view 2.
 pub const LENGTH: usize = 9;

@@ -65,3 +65,17 @@ impl ActivatedGaussians {
         }
     }
 }
+
+impl Gaussians {
+    /// The activated form: `scale = exp(log_scale)`, `opacity = 1 / (1 + exp(-logit))`; everything else is copied.
+    pub fn to_activated(&self) -> ActivatedGaussians {
+        ActivatedGaussians {
+            means: self.means.as_flattened().to_vec(),
+            scales: self.log_scales.as_flattened().iter().map(|s| s.exp()).collect(),
+            quats: self.quats.as_flattened().to_vec(),
+            opacities: self.opacity_logits.iter().map(|o| 1.0 / (1.0 + (-o).exp())).collect(),
+            sh: self.sh.clone(),
+            degree: self.degree,
+        }
+    }
+}

@@ -1,6 +1,5 @@
 //! Gaussians in the form in which files store them.
 
-use crate::ActivatedGaussians;
 use weaver_geometry::sh;
 
 /// Gaussians in stored form: logarithms of scales, logits of opacities. `N` is the number of Gaussians.
@@ -44,17 +43,5 @@ impl Gaussians {
         let n = self.len();
         let lengths = [self.log_scales.len(), self.quats.len(), self.opacity_logits.len(), self.sh.len()];
         self.degree <= 4 && lengths == [n, n, n, n * self.coefficients() * 3]
-    }
-
-    /// The activated form: `scale = exp(log_scale)`, `opacity = 1 / (1 + exp(-logit))`; everything else is copied.
-    pub fn to_activated(&self) -> ActivatedGaussians {
-        ActivatedGaussians {
-            means: self.means.as_flattened().to_vec(),
-            scales: self.log_scales.as_flattened().iter().map(|s| s.exp()).collect(),
-            quats: self.quats.as_flattened().to_vec(),
-            opacities: self.opacity_logits.iter().map(|o| 1.0 / (1.0 + (-o).exp())).collect(),
-            sh: self.sh.clone(),
-            degree: self.degree,
-        }
     }
 }

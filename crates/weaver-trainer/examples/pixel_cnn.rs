@@ -77,7 +77,7 @@ impl PixelCnn {
             quats: cx.tape.constant(&[1.0, 0.0, 0.0, 0.0], [1, 4]).expand([n, 4]),
             scales: footprint * raw.slice(1, 2, 3).clamp(-3.0, 3.0).exp() * 0.7,
             opacities: raw.slice(1, 1, 1).sigmoid().reshape([n]),
-            colors: (color * (1.0 / sh::basis([0.0, 0.0, 1.0_f64])[0])).reshape([n, 1, 3]),
+            colors: (color * (1.0 / sh::DC)).reshape([n, 1, 3]),
         };
         (depth, gaussians)
     }

@@ -1,7 +1,7 @@
 //! Gaussians as the reference 3DGS implementation stores them.
 
 use super::Table;
-use crate::gaussians::{check_lengths, check_values};
+use crate::gaussian_fields::{check_lengths, check_values};
 use crate::{Error, Result, atomic_write};
 use std::path::Path;
 use weaver_geometry::sh;

@@ -1,7 +1,7 @@
 //! Point clouds.
 
 use super::Table;
-use crate::gaussians::byte;
+use crate::gaussian_fields::byte;
 use crate::{Error, Result, atomic_write};
 use std::path::Path;
 use weaver_scene::PointCloud;

@@ -1,0 +1,54 @@
+//! Fields of Gaussians on their way into files and out of them: checks, and numbers as bytes.
+
+use crate::{Error, Result};
+use std::path::Path;
+use weaver_scene::Gaussians;
+
+/// Checks that the fields of Gaussians to be written have the same length.
+pub(crate) fn check_lengths(path: &Path, gaussians: &Gaussians) -> Result<()> {
+    if gaussians.lengths_agree() {
+        return Ok(());
+    }
+    let Gaussians { log_scales, quats, opacity_logits, sh, degree, .. } = gaussians;
+    let lengths = [log_scales.len(), quats.len(), opacity_logits.len(), sh.len()];
+    let expected = format!("{} Gaussians of a degree up to 4 in every field", gaussians.len());
+    let found = format!("log_scales, quats, opacity_logits, sh of {lengths:?}, degree {degree}");
+    Err(Error::invalid(path, "Gaussians to write", expected, found))
+}
+
+/// Checks that every value is one that a renderer can use: finite, but for opacity logits, which may be infinite.
+pub(crate) fn check_values(path: &Path, gaussians: &Gaussians) -> Result<()> {
+    let per_row = gaussians.coefficients() * 3;
+    for i in 0..gaussians.len() {
+        let fields: [(&str, &[f32]); 4] = [
+            ("position", &gaussians.means[i]),
+            ("scale", &gaussians.log_scales[i]),
+            ("rotation", &gaussians.quats[i]),
+            ("color", &gaussians.sh[i * per_row..][..per_row]),
+        ];
+        let bad = fields.iter().find(|(_, values)| !values.iter().all(|x| x.is_finite()));
+        if let Some((name, values)) = bad {
+            return Err(Error::invalid(path, format!("vertex {i}, {name}"), "finite numbers", format!("{values:?}")));
+        }
+        if gaussians.opacity_logits[i].is_nan() {
+            return Err(Error::invalid(path, format!("vertex {i}, opacity"), "a number", "NaN"));
+        }
+    }
+    Ok(())
+}
+
+/// A number as a byte, rounded and clamped.
+pub(crate) fn byte(x: f32) -> u8 {
+    x.round().clamp(0.0, 255.0) as u8
+}
+
+/// The opacity of a logit.
+pub(crate) fn sigmoid(logit: f32) -> f32 {
+    1.0 / (1.0 + (-logit).exp())
+}
+
+/// The quaternion of unit length, or the identity in place of zeros.
+pub(crate) fn unit(q: [f32; 4]) -> [f32; 4] {
+    let length = q.iter().map(|x| x * x).sum::<f32>().sqrt();
+    if length > 0.0 { q.map(|x| x / length) } else { [1.0, 0.0, 0.0, 0.0] }
+}
