@@ -1,11 +1,13 @@
 //! The network put together: the published sizes, and the two ways to run it.
 
-// Images of the wavelet's own tests are read with it, too.
+// The wavelet's own tests read files with it, too; it needs these two crates.
 #[allow(dead_code)]
 #[path = "../../../weaver-wavelet/tests/it/fixture.rs"]
 mod fixture;
 mod guidance;
 
+use safetensors as _;
+use serde_json as _;
 use weaver_autograd::{Params, Tape};
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};

@@ -1,7 +1,7 @@
 //! Pose codes, cameras, rotations and unprojection, against references and finite differences.
 
 mod code;
-// Networks read weights with it, too.
+// Networks read weights with it, too; it needs these two crates.
 #[allow(dead_code)]
 #[path = "../../../weaver-vggt/tests/it/fixture.rs"]
 mod fixture;
@@ -9,3 +9,6 @@ mod gauge;
 mod metrics;
 mod rotation;
 mod unproject;
+
+use safetensors as _;
+use serde_json as _;
