@@ -1,10 +1,10 @@
-//! How many Gaussians the router may spend.
+//! Losses on the number of Gaussians that the router spends.
 
 use weaver_autograd::{Real, Var};
 
-/// Five times the squared distance of the experts' shares from their targets, a scalar:
-/// 5 sum_{e >= 1} (mean_p c_pe - t_e)^2.
+/// Five times the squared distance of the experts' shares of the pixels from their targets, a scalar.
 ///
+/// It is 5 sum_{e >= 1} (mean_p c_pe - t_e)^2.
 /// `choice` c is `[P, E]`, the (straight-through) one-hot choice of every pixel; `targets` are t_1 .. t_{E-1}, the
 /// shares of the experts that make Gaussians. Differentiable in the choice. Panics unless E is one more than the
 /// targets. Source: the official SplatWeaver code, with targets 0.2, 0.02, 0.02.
@@ -17,10 +17,10 @@ pub fn share_budget<'t, T: Real>(choice: Var<'t, T>, targets: &[f64]) -> Var<'t,
     (shares - targets).square().sum() * 5.0
 }
 
-/// The squared excess of the number of Gaussians per pixel over `tau`, a scalar: max(0, mean_p sum_e e c_pe - tau)^2.
+/// The squared excess of the number of Gaussians per pixel over `tau`, a scalar.
 ///
-/// `choice` c is `[P, E]`; expert e makes e Gaussians. Differentiable in the choice; no gradient below the budget, so a
-/// simple scene may stay below it. Source: the paper's global budget.
+/// It is max(0, mean_p sum_e e c_pe - tau)^2. `choice` c is `[P, E]`; expert e makes e Gaussians. Differentiable in the choice, with gradient 0 below the budget, so
+/// that simple scenes may use less. Source: the global budget of Wan et al., SplatWeaver, arXiv 2605.07287.
 ///
 /// ```
 /// use weaver_autograd::Tape;

@@ -15,7 +15,7 @@ pointwise!(
     LogDepthError { scale: f64 }, 2, |l, t| if t.value > T::ZERO { (l - (t * scale).ln()).abs() } else { 0.0.into() }
 );
 
-/// Mean squared difference of depths where the teacher is confident, a scalar.
+/// The mean squared difference of depths at the pixels where the teacher is confident, a scalar.
 ///
 /// The mask of view v holds the pixels whose confidence is above (strictly) the `q`-quantile of the confidences of that
 /// view; the mean runs over the masked pixels of all views together, and is 0 when there are none. All arguments are
@@ -50,12 +50,12 @@ pub fn masked_depth_mse<'t, T: Real>(
     apply_pointwise(MaskedSquaredError, [depth, target, mask]).sum() * (1.0 / count.max(1) as f64)
 }
 
-/// L1 distance of log depth at the pixels whose depth is known from triangulated points, a scalar:
-/// sum over known pixels of |log_depth - ln(scale * target)| / (number of known pixels + 1).
+/// The L1 distance of log depth at the pixels whose depth is known, for instance from triangulated points, a scalar.
 ///
+/// It is the sum over known pixels of |log_depth - ln(scale * target)|, divided by the number of known pixels plus 1.
 /// `log_depth` and `target` are `[V, H, W]`; a target of 0 means unknown; `scale` turns the target's units into those
-/// of the prediction. The 1 in the denominator keeps a view with few points from shouting. Differentiable in
-/// `log_depth`; with derivative 0 where the two are equal.
+/// of the prediction. The 1 in the denominator bounds the influence of each point where there are few. Differentiable in
+/// `log_depth`, with derivative 0 where the two are equal.
 #[track_caller]
 pub fn sparse_log_depth_l1<'t, T: Real>(log_depth: Var<'t, T>, target: Var<'t, T>, scale: f64) -> Var<'t, T> {
     assert!(scale > 0.0, "sparse_log_depth_l1: expected a positive scale, found {scale}");

@@ -1,12 +1,13 @@
-//! Teaches the router where rendering fails.
+//! A loss that teaches the router where the render differs from the photo.
 
 use weaver_autograd::{Real, Var};
 use weaver_kernels::parallel;
 
-/// Added to the squared error before its logarithm: an error of 1/100 is as good as none.
+/// Added to the squared error before the logarithm: errors well below 1/100 count as none.
 const FLOOR: f64 = 1e-4;
 
-/// Where a uniform allocation would do worst: 0.5 ln(smoothed squared error + 1e-4), centered over the scene.
+/// Writes 0.5 ln(smoothed squared error + 1e-4) of every pixel, centered over the scene, to `target`: large where the render
+/// is worst.
 ///
 /// `squared_error` `[V, H, W]` is the mean over the channels of (render - image)^2 in the views of one scene; it is
 /// smoothed by a 3x3 mean of the pixels inside the image. `target` gets the same shape and mean 0.
@@ -27,11 +28,11 @@ pub fn error_target<T: Real>(squared_error: &[T], size: [usize; 2], target: &mut
     target.iter_mut().for_each(|t| *t -= T::from_f64(center));
 }
 
-/// Mean squared distance of a score from the [`error_target`] of its pixel, a scalar.
+/// The mean squared difference between the router's score and the [`error_target`] of each pixel, a scalar.
 ///
 /// `score` `[V, H, W]` (or `[P]` with as many pixels) is the router's logit of expert 1 minus that of expert 0;
 /// `squared_error` `[V, H, W]` belongs to the context views of the same scene. Differentiable in the score; the error
-/// is a constant, whatever it was computed from. One scene at a time: the target is centered over what is given.
+/// is held constant. Give one scene at a time: the target is centered over all pixels given.
 #[track_caller]
 pub fn error_regression<'t, T: Real>(score: Var<'t, T>, squared_error: Var<'t, T>) -> Var<'t, T> {
     let shape = squared_error.shape();

@@ -1,4 +1,4 @@
-//! Distance of two feature maps with unit vectors: one layer's term of LPIPS.
+//! Distance of two feature maps whose vectors are normalized: one layer's term of LPIPS.
 
 use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
@@ -113,11 +113,11 @@ impl<T: Real> Op<T> for FeatureDistance {
     }
 }
 
-/// The weighted squared distance of unit feature vectors, meant over the pixels, `[N]`:
-/// mean_p sum_c w_c (a_pc / (|a_p| + 1e-10) - b_pc / (|b_p| + 1e-10))^2.
+/// The weighted squared distance of normalized feature vectors, averaged over the pixels of each image.
 ///
-/// Features a, b are `[N, C, H, W]`, weights w `[C]`. Differentiable in both features, constant in the weights; the
-/// gradient is 0 at pixels whose own features are all 0.
+/// It is mean_p sum_c w_c (a_pc / (|a_p| + 1e-10) - b_pc / (|b_p| + 1e-10))^2. Features a and b
+/// `[N, C, H, W]` and weights w `[C]` give `[N]`. Differentiable in both features, with gradient 0 at pixels whose own
+/// features are all 0; the weights are constants.
 #[track_caller]
 pub(crate) fn feature_distance<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>, weights: Var<'t, T>) -> Var<'t, T> {
     let [distance] = a.tape().apply(FeatureDistance, &[a, b, weights]);

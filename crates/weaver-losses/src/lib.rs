@@ -1,8 +1,8 @@
-//! Losses of the method, and image metrics without a tape.
+//! Losses on images, poses, depth and routing, and image metrics without a tape.
 //!
-//! A loss is a function from tensors on a tape to a scalar on the same tape (or to one number per image, to be
-//! weighted); what weights it has and when it is on is the trainer's business. A [metric](metrics) is a plain function
-//! of slices.
+//! A loss is a function from tensors on a tape to a scalar on the same tape, or to one number per image that can be
+//! weighted. Its weight in a sum of losses, and when it is switched on, is left to the caller. A [metric](metrics) is a
+//! plain function of slices.
 
 mod budget;
 mod depth;

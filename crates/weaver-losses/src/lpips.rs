@@ -1,4 +1,4 @@
-//! Learned perceptual image patch similarity: how different two images look to a classification network.
+//! Learned perceptual image patch similarity (LPIPS): the distance of two images in the features of a classifier.
 
 use crate::feature_distance::feature_distance;
 use crate::max_pool2d;
@@ -7,17 +7,17 @@ use std::sync::Arc;
 use weaver_autograd::ops::conv2d;
 use weaver_autograd::{Real, Tape, Var};
 
-/// Tensors by name: shape and numbers.
+/// Tensors by name, each with its shape and its numbers.
 pub type Tensors = BTreeMap<String, (Vec<usize>, Vec<f32>)>;
 
-/// What the published weights subtract from each channel of an image in `[-1, 1]`, and what they divide it by.
+/// Mean and deviation by which the published weights normalize each channel of an image in `[-1, 1]`.
 const SHIFT: [f32; 3] = [-0.030, -0.088, -0.188];
 const SCALE: [f32; 3] = [0.458, 0.448, 0.450];
 
 /// The network whose features are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Network {
-    /// AlexNet: fast, closest to human judgment.
+    /// AlexNet: fast, and closest to human judgment.
     Alex,
     /// VGG16: the usual choice as a loss.
     Vgg,
@@ -77,7 +77,7 @@ impl Network {
     }
 }
 
-/// A weight file that does not hold the network.
+/// Weights that are not those of the network.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{file}: `{key}`: expected a tensor of shape {expected:?}, found {}", match found {
     Some(shape) => format!("one of shape {shape:?}"),
@@ -115,17 +115,18 @@ impl<T: Real> Weight<T> {
 #[derive(Debug)]
 pub struct Lpips<T: Real = f32> {
     network: Network,
-    /// The 1x1 convolution that brings [0, 1] to what the network was trained on: weight and bias.
+    /// Weight and bias of the 1x1 convolution that brings images in [0, 1] to the range that the network was trained on.
     scaling: [Weight<T>; 2],
     /// Weight and bias of every convolution, in order.
     convolutions: Vec<[Weight<T>; 2]>,
-    /// What each channel of the five feature maps counts.
+    /// Weights of the channels of the five feature maps.
     channels: Vec<Weight<T>>,
 }
 
 impl<T: Real> Lpips<T> {
-    /// Takes the network's weights out of named tensors: `net.slice{1..5}.{index}.weight` and `.bias`,
-    /// `lin{0..4}.model.1.weight`, as the lpips package names them. `file` is for messages.
+    /// Takes the network's weights from named tensors: `net.slice{1..5}.{index}.weight` and `.bias`,
+    /// `lin{0..4}.model.1.weight`, as the lpips package names them. `file` names their origin in
+    /// errors.
     pub fn from_tensors(network: Network, tensors: &Tensors, file: &str) -> Result<Self, LpipsError> {
         let take = |key: String, expected: &[usize]| {
             let found = tensors.get(&key);
@@ -162,10 +163,10 @@ impl<T: Real> Lpips<T> {
         Ok(Self { network, scaling, convolutions, channels })
     }
 
-    /// The perceptual distance of each pair of images, `[N]`; 0 for equal ones.
+    /// The perceptual distance of each pair of images: 0 for equal ones.
     ///
-    /// sum over five layers l of mean over pixels of sum_c w_lc (f_lc(a)/|f_l(a)| - f_lc(b)/|f_l(b)|)^2. Images are
-    /// `[N, 3, H, W]` with values in [0, 1]. Differentiable in both images, with gradient 0 where all features of a
+    /// It is the sum over five layers l of the mean over pixels of sum_c w_lc (f_lc(a)/|f_l(a)| - f_lc(b)/|f_l(b)|)^2. Images `[N, 3, H, W]` with
+    /// values in [0, 1] give `[N]`. Differentiable in both images, with gradient 0 where all features of a
     /// pixel vanish; the weights are constants. Panics when the images are too small for the network's pooling (16
     /// pixels for VGG16, 31 for AlexNet). Source: Zhang et al., The unreasonable effectiveness of deep features as a
     /// perceptual metric, 2018.

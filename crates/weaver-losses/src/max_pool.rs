@@ -1,4 +1,4 @@
-//! Max-pooling, as the networks behind LPIPS use it.
+//! Max pooling, which the networks of LPIPS use.
 
 use weaver_autograd::{Buffer, Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
@@ -40,7 +40,7 @@ impl<T: Real> Op<T> for MaxPool2d {
                 let corner = i / out_width * stride * width + i % out_width * stride;
                 let mut best = corner;
                 for at in (0..size).flat_map(|y| (0..size).map(move |x| corner + y * width + x)) {
-                    // The first of equals wins; NaN wins over numbers, so that it is seen.
+                    // The first of equals wins; NaN wins over numbers, so that it is not hidden.
                     let is_nan = x[at].partial_cmp(&x[at]).is_none();
                     if x[at] > x[best] || is_nan {
                         best = at;
@@ -74,11 +74,11 @@ impl<T: Real> Op<T> for MaxPool2d {
     }
 }
 
-/// The largest number of each `size` x `size` window of x `[N, C, H, W]`, windows `stride` apart, without padding:
-/// [N, C, floor((H - size) / stride) + 1, floor((W - size) / stride) + 1].
+/// The largest number of each `size` x `size` window of feature maps, windows `stride` apart, without padding.
 ///
-/// The gradient goes to the largest number, the first one of equals in reading order. Panics when the image is smaller
-/// than a window.
+/// x `[N, C, H, W]` gives `[N, C, floor((H - size) / stride) + 1, floor((W - size) / stride) + 1]`. Differentiable: the
+/// gradient goes to the largest number of a window, the first one in reading order if several are equal. Panics when the
+/// image is smaller than a window.
 #[track_caller]
 pub fn max_pool2d<T: Real>(x: Var<'_, T>, size: usize, stride: usize) -> Var<'_, T> {
     assert!(size > 0 && stride > 0, "max_pool2d: size and stride are at least 1");

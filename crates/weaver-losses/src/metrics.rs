@@ -1,11 +1,13 @@
-//! Image metrics without a tape: plain functions of slices, computed in `f64` where not said otherwise.
+//! Image metrics without a tape: plain functions of slices, computed in `f64` unless stated otherwise.
 
 use crate::ssim_window::{Covariance, WINDOW, Windows};
 use crate::{Lpips, quantile};
 use weaver_autograd::{Real, Tape};
 
-/// Peak signal-to-noise ratio in dB: -10 log10 of the mean squared difference of two images, each clamped to [0, 1] and
-/// not rounded. Infinite for equal images. Panics unless the images are of one size and not empty.
+/// The peak signal-to-noise ratio of two images in dB.
+///
+/// It is -10 log10 of the mean squared difference, after clamping both images to [0, 1] without rounding; infinite for equal
+/// images. Panics unless the images have the same size and are not empty.
 ///
 /// ```
 /// assert_eq!(weaver_losses::metrics::psnr(&[0.5_f32, 1.5], &[0.4, 1.0]).round(), 23.0);
@@ -16,7 +18,9 @@ pub fn psnr<T: Real>(a: &[T], b: &[T]) -> f64 {
     decibels(sum / a.len() as f64)
 }
 
-/// [`psnr`] over the pixels of a mask: images `[C, H, W]`, mask `[H, W]`. `None` when the mask is empty.
+/// The [`psnr`] over the pixels of a mask, or `None` if the mask is empty.
+///
+/// Images are `[C, H, W]`, the mask is `[H, W]`.
 pub fn psnr_masked<T: Real>(a: &[T], b: &[T], mask: &[bool]) -> Option<f64> {
     assert!(
         a.len() == b.len() && !mask.is_empty() && a.len().is_multiple_of(mask.len()),
@@ -35,10 +39,10 @@ pub fn psnr_masked<T: Real>(a: &[T], b: &[T], mask: &[bool]) -> Option<f64> {
     (count > 0).then(|| decibels(sum / f64::from(count)))
 }
 
-/// Structural similarity of two images `[C, H, W]` in [0, 1], as scikit-image computes it: 11x11 Gaussian window (sigma
-/// 1.5), sample covariance (121/120), windows inside the image only, mean over windows and channels.
+/// The structural similarity (SSIM) of two images `[C, H, W]` in [0, 1], as scikit-image computes it.
 ///
-/// `size` is (C, H, W). Panics unless both images have that size and are at least 11 x 11.
+/// It is the mean over all channels and over all 11x11 Gaussian windows (sigma 1.5) inside the image, with sample covariances
+/// (a factor of 121/120). `size` is (C, H, W). Panics unless both images have that size and are at least 11 x 11.
 pub fn ssim<T: Real>(a: &[T], b: &[T], size: [usize; 3]) -> f64 {
     let [channels, height, width] = size;
     let pixels = height * width;
@@ -55,7 +59,7 @@ pub fn ssim<T: Real>(a: &[T], b: &[T], size: [usize; 3]) -> f64 {
     planes.map(|(a, b)| windows.similarity(&widen(a), &widen(b), &mut workspace)).sum::<f64>() / channels as f64
 }
 
-/// Perceptual distance of two images `[3, H, W]` in [0, 1]; see [`Lpips::distance`]. In the network's own precision.
+/// The perceptual distance of two images `[3, H, W]` in [0, 1], in the network's own precision; see [`Lpips::distance`].
 ///
 /// `size` is (H, W). Panics unless both images have three planes of that size.
 pub fn lpips<T: Real>(network: &Lpips<T>, a: &[T], b: &[T], size: [usize; 2]) -> f64 {
@@ -64,8 +68,9 @@ pub fn lpips<T: Real>(network: &Lpips<T>, a: &[T], b: &[T], size: [usize; 2]) ->
     network.distance(a, b).item().to_f64()
 }
 
-/// The quarter of a view's pixels with most high-frequency energy, where detail shows: energy at or above its 0.75
-/// quantile. A view without contrast is energetic everywhere.
+/// The mask of a view's energetic pixels: those whose high-frequency energy is at or above its 0.75 quantile.
+///
+/// It holds the quarter of the pixels with most detail, and all pixels of a view without contrast.
 pub fn energetic_mask<T: Real>(energy: &[T]) -> Vec<bool> {
     let threshold = quantile(&mut energy.to_vec(), 0.75);
     energy.iter().map(|e| *e >= threshold).collect()

@@ -7,9 +7,9 @@ pointwise!(
     SquaredError, 2, |a, b| (a - b) * (a - b)
 );
 
-/// The mean over all elements of (render - target)^2, a scalar; both of one shape.
+/// The mean squared error: the mean over all elements of (render - target)^2, a scalar.
 ///
-/// Differentiable in both. The weight of this term in the published recipe is 1.
+/// Both have the same shape. Differentiable in both. Its weight in the published recipe is 1.
 ///
 /// ```
 /// use weaver_autograd::Tape;
@@ -24,7 +24,9 @@ pub fn mse<'t, T: Real>(render: Var<'t, T>, target: Var<'t, T>) -> Var<'t, T> {
     apply_pointwise(SquaredError, [render, target]).mean()
 }
 
-/// [`mse`] of each image of a batch: two tensors `[N, ..]` to `[N]`, to be combined by [`weighted_mean`].
+/// The mean squared error of each image of a batch, which [`weighted_mean`] can combine.
+///
+/// Two tensors `[N, ..]` of the same shape give `[N]`. Differentiable in both.
 #[track_caller]
 pub fn mse_per_image<'t, T: Real>(render: Var<'t, T>, target: Var<'t, T>) -> Var<'t, T> {
     let error = apply_pointwise(SquaredError, [render, target]);
@@ -32,7 +34,7 @@ pub fn mse_per_image<'t, T: Real>(render: Var<'t, T>, target: Var<'t, T>) -> Var
     error.reshape([images, error.shape().len() / images.max(1)]).mean_axis(1)
 }
 
-/// (1/N) sum_i weights_i x_i of x `[N]`: the sum is divided by N, not by the sum of the weights.
+/// The weighted mean (1/N) sum_i weights_i x_i of x `[N]`, a scalar: the sum is divided by N, not by the sum of the weights.
 ///
 /// Differentiable in x; the weights are constants. Panics unless there are N weights.
 #[track_caller]

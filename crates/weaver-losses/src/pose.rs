@@ -23,7 +23,7 @@ fn over_iterations<'t, T: Real>(terms: impl ExactSizeIterator<Item = Var<'t, T>>
     weighted.reduce(|sum, term| sum + term).expect("a camera head has at least one iteration")
 }
 
-/// Panics unless there are as many of both.
+/// Panics unless both have the same number of iterations.
 #[track_caller]
 fn ensure_as_many<T: Real>(a: &[Var<'_, T>], b: &[Var<'_, T>], of: &'static str) {
     if let Some(any) = a.first().or(b.first()) {
@@ -32,11 +32,11 @@ fn ensure_as_many<T: Real>(a: &[Var<'_, T>], b: &[Var<'_, T>], of: &'static str)
     }
 }
 
-/// Huber distance of pose codes, summed over the iterations of the camera head, a scalar:
-/// (1/n) sum_i 0.6^(n-1-i) mean Huber(student_i - teacher_i; delta).
+/// The Huber distance between two sets of pose codes, over the iterations of a camera head, a scalar.
 ///
-/// Each code is `[.., 9]`: translation, quaternion and field of view alike. Differentiable in both; the quaternions'
-/// signs are not aligned. Panics without iterations, or when there are not as many of both. Source: distillation loss
+/// It is (1/n) sum_i 0.6^(n-1-i) mean Huber(student_i - teacher_i; delta). Each code is `[.., 9]`: translation,
+/// quaternion and field of view weigh the same. Differentiable in both; the signs of quaternions are not aligned. Panics
+/// without iterations, or when the numbers of iterations differ. Source: distillation loss
 /// of the official SplatWeaver code, with delta = 1 and weight 10.
 #[track_caller]
 pub fn huber_pose<'t, T: Real>(student: &[Var<'t, T>], teacher: &[Var<'t, T>], delta: f64) -> Var<'t, T> {
@@ -44,22 +44,21 @@ pub fn huber_pose<'t, T: Real>(student: &[Var<'t, T>], teacher: &[Var<'t, T>], d
     over_iterations(student.iter().zip(teacher).map(|(s, t)| huber(*s, *t, delta).mean()))
 }
 
-/// L1 distance of emitted pose codes to one target, over the iterations, a scalar:
-/// (1/n) sum_i 0.6^(n-1-i) mean |code_i - target|.
+/// The L1 distance of pose codes to one target, over the iterations of a camera head, a scalar.
 ///
-/// Codes and target are `[.., 9]` (translation, quaternion with w >= 0, field of view in radians). Differentiable in
+/// It is (1/n) sum_i 0.6^(n-1-i) mean |code_i - target|. Codes and target are `[.., 9]` (translation, quaternion with w >= 0, field of view in radians). Differentiable in
 /// both. Panics without iterations.
 #[track_caller]
 pub fn l1_pose<'t, T: Real>(codes: &[Var<'t, T>], target: Var<'t, T>) -> Var<'t, T> {
     over_iterations(codes.iter().map(|code| l1(*code, target)))
 }
 
-/// L1 distance to poses in a frame of the scene's own, over the iterations, a scalar:
-/// (1/n) sum_i 0.6^(n-1-i) (mean |R_i - R| + mean |T_i - T|).
+/// The L1 distance of rotations and translations to poses in the scene's own frame, over the iterations of a camera head, a
+/// scalar.
 ///
-/// Rotations are `[.., 3, 3]`, translations `[.., 3]` in the units of the tuple. It ties the frame that the network
-/// chooses to one per scene, which needs scenes that come back. Differentiable in all. Panics without iterations, or
-/// when there are not as many rotations as translations.
+/// It is (1/n) sum_i 0.6^(n-1-i) (mean |R_i - R| + mean |T_i - T|). Rotations are `[.., 3, 3]`, translations `[.., 3]` in the units of the tuple. This loss fixes the frame
+/// that the network chooses for each scene, so it helps only where the same scenes are seen many times. Differentiable in
+/// all. Panics without iterations, or when there are not as many rotations as translations.
 #[track_caller]
 pub fn absolute_pose<'t, T: Real>(
     rotations: &[Var<'t, T>],

@@ -23,8 +23,10 @@ fn between<T: Real>(lower: T, upper: T, fraction: f64) -> T {
     if fraction == 0.0 { lower } else { lower + (upper - lower) * T::from_f64(fraction) }
 }
 
-/// The `q`-quantile of some numbers, 0 <= q <= 1: at position q (n - 1) of the sorted sequence, interpolated linearly
-/// between the two neighbors. Reorders the numbers; takes linear time. Panics when there are none.
+/// The `q`-quantile of n numbers, with 0 <= q <= 1.
+///
+/// It lies at position q (n - 1) of the sorted sequence, interpolated linearly between the two neighbors. Reorders the
+/// numbers and takes linear time. Panics when there are none.
 ///
 /// ```
 /// assert_eq!(weaver_losses::quantile(&mut [4.0, 1.0, 3.0, 2.0], 0.5), 2.5);
@@ -88,12 +90,14 @@ impl<T: Real> Op<T> for Quantiles {
     }
 }
 
-/// Quantiles of all numbers of a tensor, on the tape: y_i = x_(k) + (x_(k + 1) - x_(k)) f, where k + f = `q[i]` (n - 1)
-/// with integer k, and x_(k) is the sorted sequence's number k, from 0.
+/// The quantiles of all n numbers of a tensor, on the tape.
 ///
-/// `x` of any shape with n > 0 numbers gives `[Q]` for Q numbers `q` from 0 to 1. Differentiable in `x`, of which the two
-/// neighbors of each position get the gradient; the ranking is constant. Of equal numbers the earlier is the smaller.
-/// The same as [`quantile`], which needs no tape.
+/// y_i = x_(k) + (x_(k + 1) - x_(k)) f, where k + f = `q[i]` (n - 1) with integer k, and x_(k) is number k, from 0, of the
+/// sorted sequence.
+///
+/// `x` of any shape with n > 0 numbers gives `[Q]` for Q numbers `q` from 0 to 1. Differentiable in `x`: the two neighbors of
+/// each position get the gradient, and the order is held constant. Of equal numbers the earlier counts as the smaller.
+/// [`quantile`] computes single quantiles without a tape.
 ///
 /// ```
 /// use weaver_autograd::Tape;

@@ -1,15 +1,15 @@
-//! Ranking of pixels by high-frequency energy: the router's teacher.
+//! Ranking of pixels by high-frequency energy, as a target for the router.
 
 use crate::quantile;
 use weaver_autograd::ops::cross_entropy;
 use weaver_autograd::{Pool, Real, Var};
 
-/// The class of every pixel of a scene by the rank of its energy: the number of quantiles that its energy reaches.
+/// Writes the class of every pixel of a scene: the number of quantiles that its energy reaches.
 ///
 /// `energy` holds all pixels of all views of one scene, which are ranked jointly; thresholds are its `quantiles`
 /// (ascending, linearly interpolated), and an energy equal to a threshold belongs to the upper class. The quantiles
-/// 0.76, 0.96, 0.98 thus give classes 0 to 3 to 76, 20, 2 and 2 % of the pixels. A constant: nothing is differentiated.
-/// Source: `build_frequency_target` of the official SplatWeaver code.
+/// 0.76, 0.96, 0.98 thus give classes 0 to 3 to 76, 20, 2 and 2 % of the pixels. Classes are
+/// constants and have no gradient. Source: `build_frequency_target` of the official SplatWeaver code.
 pub fn frequency_targets<T: Real>(energy: &[T], quantiles: &[f64], pool: &Pool, classes: &mut [u32]) {
     assert_eq!(energy.len(), classes.len(), "frequency_targets: one class per pixel");
     classes.fill(0);
@@ -25,8 +25,9 @@ pub fn frequency_targets<T: Real>(energy: &[T], quantiles: &[f64], pool: &Pool, 
     }
 }
 
-/// Cross entropy of the router's logits against the [`frequency_targets`] of one scene, a scalar:
-/// `-mean_p sum_e t_pe ln softmax(logits_p)_e`, where t has `1 - smoothing + smoothing / E` on the class and
+/// The cross entropy of the router's logits against the [`frequency_targets`] of one scene, a scalar.
+///
+/// It is `-mean_p sum_e t_pe ln softmax(logits_p)_e`, where t has `1 - smoothing + smoothing / E` on the class and
 /// `smoothing / E` elsewhere.
 ///
 /// `logits` are `[P, E]`, raw; `energy` holds P numbers in the same order. Differentiable in the logits; the targets

@@ -4,7 +4,7 @@ use crate::ssim_window::{Covariance, WINDOW, Windows};
 use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 
-/// Planes worked on together: bounds the scratch, whatever the batch and the number of threads.
+/// Planes worked on together, which bounds the scratch memory for any batch and number of threads.
 const PLANES_AT_ONCE: usize = 8;
 
 #[derive(Debug)]
@@ -104,11 +104,11 @@ impl<T: Real> Op<T> for Ssim {
     }
 }
 
-/// The structural similarity of each pair of images, `[N]`: 1 for equal ones.
+/// The structural similarity (SSIM) of each pair of images: 1 for equal ones.
 ///
-/// Mean over channels and over all 11x11 Gaussian windows (sigma 1.5) that lie inside the image of
+/// It is the mean, over channels and over all 11x11 Gaussian windows (sigma 1.5) inside the image, of
 /// `(2 ma mb + C1) (2 cab + C2) / ((ma^2 + mb^2 + C1) (va + vb + C2))`, C1 = 1e-4, C2 = 9e-4, with population
-/// variances. `a` and `b` are `[N, C, H, W]` in [0, 1]; differentiable in both. Panics unless the shapes are equal and
+/// variances. `a` and `b` `[N, C, H, W]` in [0, 1] give `[N]`; differentiable in both. Panics unless the shapes are equal and
 /// at least 11 x 11. The usual loss is `(1 - ssim) / 2`. Source: Wang et al., Image quality assessment, 2004.
 ///
 /// ```
@@ -122,7 +122,7 @@ pub fn ssim<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>) -> Var<'t, T> {
     ssim_with(a, b, Covariance::Population)
 }
 
-/// [`ssim`] with a choice of how variances are normalized.
+/// The structural similarity of each pair of images, as [`ssim`], with a choice of how variances are normalized.
 #[track_caller]
 pub fn ssim_with<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>, covariance: Covariance) -> Var<'t, T> {
     let [similarity] = a.tape().apply(Ssim { covariance }, &[a, b]);

@@ -5,13 +5,13 @@ use weaver_kernels::simd;
 
 /// Width of the Gaussian window.
 pub(crate) const WINDOW: usize = 11;
-/// What the window loses of an image's height and width.
+/// By how much there are fewer windows than pixels along an axis.
 pub(crate) const BORDER: usize = WINDOW - 1;
 const SIGMA: f64 = 1.5;
 /// (0.01 L)^2 and (0.03 L)^2 for images in [0, 1].
 const C1: f64 = 1e-4;
 const C2: f64 = 9e-4;
-/// Subtracted from the images before squaring: variances do not depend on it, but lose less to rounding.
+/// Subtracted from the images before squaring, which leaves variances unchanged and reduces their rounding errors.
 const CENTER: f64 = 0.5;
 
 /// How variances and covariances in a window are normalized.
@@ -35,7 +35,7 @@ pub(crate) struct Windows<T> {
 struct Parts<'a, T> {
     /// E over x of a, b, aa, bb, ab, each `[H, w]`; later the three maps spread over the rows.
     moments: &'a mut [T],
-    /// Derivatives by `E[a]`, `E[aa]` and `E[ab]`, each `[h, w]`.
+    /// Derivatives with respect to `E[a]`, `E[aa]` and `E[ab]`, each `[h, w]`.
     maps: &'a mut [T],
     /// Five window means of one row of windows, each `[w]`.
     row: &'a mut [T],
@@ -69,7 +69,7 @@ impl<T: Real> Windows<T> {
         [self.height - BORDER, self.width - BORDER]
     }
 
-    /// Numbers of scratch that a plane needs.
+    /// Length of the scratch memory that a plane needs.
     pub fn workspace_len(&self) -> usize {
         let [h, w] = self.inside();
         5 * self.height * w + 3 * h * w + 5 * w + self.width
@@ -138,7 +138,7 @@ impl<T: Real> Windows<T> {
         }
     }
 
-    /// The mean similarity; and, on request, the derivatives of every window's similarity by `E[a]`, `E[aa]`, `E[ab]`.
+    /// The mean similarity; and, on request, the derivatives of every window's similarity with respect to `E[a]`, `E[aa]`, `E[ab]`.
     #[inline(always)]
     fn windows(&self, moments: &[T], row: &mut [T], mut maps: Option<&mut [T]>) -> f64 {
         let [h, w] = self.inside();

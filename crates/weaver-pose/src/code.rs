@@ -1,4 +1,4 @@
-//! Between pose codes and cameras.
+//! Pose codes to cameras, and cameras to pose codes.
 
 use crate::rotation::{matrix, quaternion};
 use crate::row_map::{RowMap, RowMapOp};
@@ -36,7 +36,10 @@ impl RowMap<9, 9> for Activate {
     }
 }
 
-/// The emitted form of a running pose code: its field of view rectified, the rest as it is. `[.., 9]` gives `[.., 9]`.
+/// Pose codes with their fields of view clamped to be at least 0, the other seven numbers unchanged.
+///
+/// `code` `[.., 9]` gives `[.., 9]`. Differentiable; the gradient of a clamped field of view is 0. This is how a camera
+/// head's running estimate becomes the code that it emits.
 #[track_caller]
 pub fn activate<T: Real>(code: Var<'_, T>) -> Var<'_, T> {
     let [activated] = code.tape().apply(RowMapOp(Activate), &[code]);
@@ -63,10 +66,10 @@ impl RowMap<9, 16> for Decode {
     }
 }
 
-/// The cameras that activated pose codes stand for.
+/// The cameras that pose codes describe, for images of `height` x `width` pixels.
 ///
 /// viewmats = [R(q) | T]; fy = (H / 2) / (tan(fov_y / 2) + 1e-3), fx likewise from W; the principal point is the image's
-/// middle. `code` `[.., 9]` gives viewmats `[.., 3, 4]` and intrinsics `[.., 4]` for an image of `height` x `width` pixels.
+/// center. `code` `[.., 9]`, with fields of view of at least 0, gives viewmats `[.., 3, 4]` and intrinsics `[.., 4]` in pixels.
 /// Differentiable in all nine numbers. The encoding is "absT_quaR_FoV" of VGGT (Wang et al. 2025, arXiv
 /// 2503.11651) with AnySplat's margin on the tangent.
 #[track_caller]
@@ -93,12 +96,13 @@ impl RowMap<16, 9> for Encode {
     }
 }
 
-/// The pose codes of cameras.
+/// The pose codes of cameras, for images of `height` x `width` pixels.
 ///
-/// T and the unit quaternion with w not negative of viewmats = [R | T]; fov_y = 2 atan(H / 2 / fy), fov_x likewise from W.
-/// `viewmats` `[.., 3, 4]` and `intrinsics` fx, fy, cx, cy in pixels `[.., 4]` give `[.., 9]` for images of `height` x `width`
-/// pixels. Differentiable in both (R's entries each on its own); the principal point is lost and its gradient 0. Not
-/// quite the inverse of [`cameras`], which adds [`TANGENT_OFFSET`]. Source: as there.
+/// A code holds T and the unit quaternion (w not negative) of viewmats = [R | T]; fov_y = 2 atan(H / 2 / fy), fov_x likewise
+/// from W. `viewmats` `[.., 3, 4]` and `intrinsics` fx, fy, cx, cy in pixels `[.., 4]` give `[.., 9]`. Differentiable in
+/// both, the nine entries of R taken as independent. A code has no principal point, whose gradient is 0. Decoding does not
+/// give back exactly these focal lengths, because [`cameras`] adds [`TANGENT_OFFSET`]. Source: VGGT, Wang et al. 2025,
+/// arXiv 2503.11651.
 #[track_caller]
 pub fn encode<'t, T: Real>(viewmats: Var<'t, T>, intrinsics: Var<'t, T>, height: usize, width: usize) -> Var<'t, T> {
     let encode = Encode { height: height as f64, width: width as f64 };

@@ -1,4 +1,4 @@
-//! The frame of the first camera.
+//! Poses relative to the first camera.
 
 use crate::code::LENGTH;
 use crate::rotation::{matrix, product, unit, with_positive_w};
@@ -25,11 +25,12 @@ impl RowMap<18, 9> for RelativeCode {
     }
 }
 
-/// Pose codes in the frame of each scene's first camera: E_i E_0^-1.
+/// Expresses pose codes in the frame of each scene's first camera: pose i becomes E_i E_0^-1.
 ///
-/// q = q_i q_0* (unit, w not negative), T = T_i - R(q) T_0, field of view unchanged; camera 0 becomes the identity to
-/// the bit. `code` `[B, V, 9]` with quaternions of any length but 0 gives `[B, V, 9]`. Differentiable; poses are thus
-/// free to live in a frame of the network's own choice, which is what lets a network learn them from nothing.
+/// q = q_i q_0* (unit, w not negative) and T = T_i - R(q) T_0; fields of view are unchanged. Camera 0 becomes exactly the
+/// identity. `code` `[B, V, 9]`, with quaternions of any length but 0, gives `[B, V, 9]`. Differentiable in all codes. A
+/// network whose poses pass through this function may choose its own world frame, which makes poses learnable from random
+/// weights.
 ///
 /// ```
 /// use weaver_autograd::Tape;

@@ -1,8 +1,9 @@
-//! Camera poses: codes of nine numbers and the cameras they stand for, unprojection, and how wrong a set of poses is.
+//! Differentiable camera geometry: pose codes, rotations, unprojection, and the change to the first camera's frame; and
+//! errors of estimated poses, without a tape.
 //!
-//! A pose code is `[T (3) | quaternion xyzw (4) | field of view (vertical, horizontal)]`: a world-to-camera
-//! transform in OpenCV axes and angles in radians. The quaternion's scalar comes last here because the weights of
-//! the published models are trained to it; everything outside a code uses wxyz.
+//! A pose code holds nine numbers, `[T (3) | quaternion xyzw (4) | field of view (vertical, horizontal)]`: a
+//! world-to-camera transform in OpenCV axes, and angles in radians. The quaternion's scalar comes last because the
+//! published models are trained with this order; outside of pose codes quaternions are wxyz.
 
 pub mod code;
 mod gauge;

@@ -1,4 +1,4 @@
-//! How wrong predicted poses are, up to the choice of frame and scale. No tape.
+//! Errors of estimated poses, independent of the choice of frame and scale; computed without a tape.
 
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
@@ -6,14 +6,14 @@ use weaver_geometry::glam::DVec3;
 /// Baselines shorter than this have no direction worth comparing.
 const SHORTEST_BASELINE: f64 = 1e-3;
 
-/// Errors of views 1.. of a scene, relative to camera 0, in degrees.
+/// Errors in degrees of the poses of a scene's views 1, 2, ... relative to its view 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PoseErrors {
     /// Angle between predicted and true rotation relative to camera 0.
     pub rotation: Vec<f64>,
-    /// Angle between the predicted and true direction of the camera's center, as camera 0 sees it. `None` where the
-    /// true baseline is shorter than 1e-3; 180 where only the predicted one is, so that poses collapsed to a point
-    /// do not look good.
+    /// Angle between the predicted and the true direction from camera 0 to the camera's center. `None` where the true
+    /// baseline is shorter than 1e-3; 180 where only the predicted one is, so that poses collapsed to one point do not
+    /// score well.
     pub translation: Vec<Option<f64>>,
 }
 
@@ -35,12 +35,12 @@ impl PoseErrors {
         mean(self.rotation.iter().copied())
     }
 
-    /// Mean angle of the translations that have one.
+    /// Mean translation error of the views that have one; `None` if no view does.
     pub fn mean_translation(&self) -> Option<f64> {
         mean(self.translation.iter().copied().flatten())
     }
 
-    /// The error of each view that counts for the area under the curve: the larger of its two angles.
+    /// The larger of each view's two errors, as the area under the recall curve ([`auc`]) counts them.
     pub fn largest(&self) -> impl Iterator<Item = f64> {
         self.rotation.iter().zip(&self.translation).map(|(r, t)| t.map_or(*r, |t| t.max(*r)))
     }
@@ -61,8 +61,10 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     (count > 0).then(|| sum / count as f64)
 }
 
-/// The area under the recall curve up to `threshold`, in `[0, 1]`: the mean of max(0, 1 - error / threshold), which is
-/// the exact integral of the share of errors below x over x from 0 to the threshold. `None` without errors.
+/// The area under the recall curve of `errors` up to `threshold`, from 0 to 1; `None` without errors.
+///
+/// It is the mean of max(0, 1 - error / threshold), which equals the integral of the share of errors below x, over x from
+/// 0 to the threshold, divided by the threshold.
 ///
 /// ```
 /// assert_eq!(weaver_pose::auc([0.0, 15.0, 40.0], 30.0), Some(0.5));

@@ -81,10 +81,9 @@ impl RowMap<4, 9> for RotationFromXyzw {
     }
 }
 
-/// The rotation matrix of a quaternion.
+/// The rotation matrices of quaternions of any length but 0.
 ///
-/// R = I + s (w K + K^2) with K the cross product by (x, y, z) and s = 2 / |q|^2, so the length of q does not matter;
-/// it must not be 0. `q` `[.., 4]` in xyzw order gives R `[.., 3, 3]`. Differentiable in `q`.
+/// R = I + s (w K + K^2), where K is the matrix of the cross product with (x, y, z) and s = 2 / |q|^2. `q` `[.., 4]` in xyzw order gives R `[.., 3, 3]`. Differentiable in `q`.
 ///
 /// ```
 /// use weaver_autograd::Tape;
@@ -111,11 +110,11 @@ impl RowMap<9, 4> for XyzwFromRotation {
     }
 }
 
-/// The unit quaternion of a rotation matrix, w not negative.
+/// The unit quaternions of rotation matrices, with w not negative.
 ///
-/// The largest component is half the root of 1 plus or minus the diagonal's entries; the others follow from sums and
-/// differences of the off-diagonal entries divided by it. `rotation` `[.., 3, 3]` gives `[.., 4]` in xyzw order.
-/// Differentiable in the nine entries, each on its own; the gradient is that of the branch taken.
+/// The largest component is half the square root of 1 plus or minus the diagonal entries; the others are sums and
+/// differences of off-diagonal entries divided by it. `rotation` `[.., 3, 3]` gives `[.., 4]` in xyzw order.
+/// Differentiable in the nine entries, taken as independent; the gradient is that of the component chosen.
 #[track_caller]
 pub fn xyzw_from_rotation<T: Real>(rotation: Var<'_, T>) -> Var<'_, T> {
     let [q] = rotation.tape().apply(RowMapOp(XyzwFromRotation), &[rotation]);
@@ -134,7 +133,7 @@ impl RowMap<8, 4> for QuaternionProduct {
     }
 }
 
-/// The Hamilton product of quaternions in xyzw order: the rotation `b` followed by `a`.
+/// The Hamilton product of quaternions in xyzw order, which rotates by `b` first and then by `a`.
 ///
 /// `a` and `b` `[.., 4]` give `[.., 4]`; differentiable in both.
 #[track_caller]

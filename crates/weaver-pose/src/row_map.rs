@@ -3,9 +3,9 @@
 use std::fmt::Debug;
 use weaver_autograd::{Dual, Grad, MAX_RANK, Op, Pool, Real, Shape, ShapeError, Shapes, View, ViewMut, ensure_shape};
 
-/// A function from `N` numbers to `M`, written once on dual numbers: forward and derivative cannot disagree.
+/// A function from `N` numbers to `M`, written once in dual numbers, so that value and derivative agree by construction.
 ///
-/// Meant for cameras, of which there are few: its cost per row grows with `N` times the arithmetic.
+/// Meant for few rows, such as cameras: the derivative of a row costs about `N` times its value.
 pub(crate) trait RowMap<const N: usize, const M: usize>: Debug + Send + Sync + 'static {
     /// The op's name.
     const NAME: &'static str;

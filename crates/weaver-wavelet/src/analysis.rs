@@ -46,8 +46,9 @@ impl<T: Real> Op<T> for Analysis {
     }
 }
 
-/// The four sub-bands of a single-level 2-D wavelet transform: images `[.., H, W]` to `[.., 4, h, w]`.
+/// The four sub-bands of a single-level 2-D wavelet transform of images.
 ///
+/// Images `[.., H, W]` give `[.., 4, h, w]`:
 /// `y[k] = sum_j f[L-1-j] x[2k + j - (L - 2)]` along x, then along y, with half-sample symmetric extension (edge sample
 /// repeated); h = floor((H + L - 1) / 2), likewise w. Bands in order: (x low, y low), (x low, y high), (x high, y low),
 /// (x high, y high); the last three are PyWavelets' (cH, cV, cD). Linear; its gradient is the exact adjoint, mirrored

@@ -1,12 +1,13 @@
-//! How much detail there is around each coefficient.
+//! Energy of the detail sub-bands at each coefficient.
 
 use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 
-/// Added under the square root, so that flat regions have a derivative.
+/// Added under the square root, which keeps the derivative finite in flat regions.
 pub const ENERGY_EPSILON: f64 = 1e-8;
 
-/// sqrt(sum of the three detail bands squared + 1e-8): bands `[N, 4, h, w]` with `band` = h w, into `out` `[N, h, w]`.
+/// Writes sqrt(b1^2 + b2^2 + b3^2 + 1e-8) of sub-bands `[N, 4, h, w]` to `out` `[N, h, w]`, with `band` = h w; see
+/// [`detail_energy`].
 pub fn detail_energy_into<T: Real>(bands: &[T], band: usize, out: &mut [T]) {
     let epsilon = T::from_f64(ENERGY_EPSILON);
     parallel::for_chunks(out, band, |n, out| {
@@ -52,10 +53,10 @@ impl<T: Real> Op<T> for DetailEnergy {
     }
 }
 
-/// The local high-frequency energy of sub-bands `[N, 4, h, w]`, as `[N, h, w]`: sqrt(b1^2 + b2^2 + b3^2 + 1e-8).
+/// The local high-frequency energy sqrt(b1^2 + b2^2 + b3^2 + 1e-8) of the detail bands b1, b2, b3.
 ///
-/// Differentiable in the three detail bands; the low band has no part in it. Panics unless the bands are
-/// `[N, 4, h, w]`.
+/// Sub-bands `[N, 4, h, w]` give `[N, h, w]`. Differentiable in the three detail bands; the low band is not used. Panics on
+/// other shapes.
 #[track_caller]
 pub fn detail_energy<T: Real>(bands: Var<'_, T>) -> Var<'_, T> {
     let [y] = bands.tape().apply(DetailEnergy, &[bands]);

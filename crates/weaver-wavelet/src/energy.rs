@@ -3,11 +3,11 @@
 use crate::{Wavelet, analysis, detail_energy, luma};
 use weaver_autograd::{Real, Var};
 
-/// The high-frequency energy `[N, H, W]` of images `[N, 3, H, W]` with values in [0, 1]:
-/// `sqrt(b1^2 + b2^2 + b3^2 + 1e-8)` of the detail bands of the luma, resized to the image (bilinear, corners not
-/// aligned).
+/// The high-frequency energy of every pixel of images with values in [0, 1].
 ///
-/// Differentiable; for targets, which are constants, [`EnergyMap`](crate::EnergyMap) computes the same without a tape.
+/// It is `sqrt(b1^2 + b2^2 + b3^2 + 1e-8)` of the detail bands of the luma, resized to the image (bilinear, corners not
+/// aligned). Images `[N, 3, H, W]` give `[N, H, W]`. Differentiable; where the energy is a constant,
+/// [`EnergyMap`](crate::EnergyMap) computes it without a tape.
 #[track_caller]
 pub fn energy<T: Real>(images: Var<'_, T>, wavelet: Wavelet) -> Var<'_, T> {
     let coefficients = detail_energy(analysis(luma(images), wavelet));

@@ -1,4 +1,4 @@
-//! High-frequency energy of every pixel: what the router is taught by.
+//! High-frequency energy of every pixel, without a tape.
 
 use crate::detail_energy::detail_energy_into;
 use crate::filter::Wavelet;
@@ -7,7 +7,8 @@ use crate::transform::{Border, analyze};
 use weaver_autograd::{Pool, Real};
 use weaver_kernels::resample::Resample;
 
-/// Computes the high-frequency energy of images of one size, without a tape: a target, not a feature.
+/// Computes the high-frequency energy of images of one size without a tape, as a target for training or a guide for
+/// allocation. On a tape, use [`energy`](crate::energy()).
 ///
 /// ```
 /// use weaver_autograd::Pool;
@@ -15,7 +16,7 @@ use weaver_kernels::resample::Resample;
 /// let map = EnergyMap::<f32>::new(Wavelet::Db2, [4, 6]);
 /// let mut energy = [0.0; 24];
 /// map.compute(&[0.5; 3 * 24], &Pool::new(), &mut energy);
-/// assert!(energy.iter().all(|e| (e - 1e-4).abs() < 1e-5), "a flat image has none but the epsilon's");
+/// assert!(energy.iter().all(|e| (e - 1e-4).abs() < 1e-5), "a flat image has next to none");
 /// ```
 #[derive(Clone, Debug)]
 pub struct EnergyMap<T> {

@@ -15,9 +15,9 @@ pub(crate) const MAX_TAPS: usize = 4;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Wavelet {
-    /// Two taps: means and differences of pairs.
+    /// Two taps: means and differences of pairs of samples.
     Haar,
-    /// Daubechies' wavelet with four taps and two vanishing moments: blind to linear ramps.
+    /// Daubechies' wavelet with four taps and two vanishing moments, whose details vanish on linear ramps.
     #[default]
     Db2,
 }
@@ -62,7 +62,7 @@ impl fmt::Display for Wavelet {
     }
 }
 
-/// The name of a wavelet that there is not.
+/// A name that no wavelet has.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownWavelet(String);
 

@@ -1,7 +1,7 @@
-//! Haar and db2 wavelet analysis and synthesis as differentiable operators, and the high-frequency prior.
+//! Haar and db2 wavelet analysis and synthesis as differentiable operators, and the high-frequency energy of images.
 //!
-//! The prior of the method: where the detail sub-bands of an image are strong, the scene is intricate and deserves
-//! more Gaussians. [`analysis`] and [`synthesis`] are linear ops with exact adjoints for any image size.
+//! [`analysis`] and [`synthesis`] are linear ops with exact adjoints for images of any size. The energy of the detail
+//! sub-bands tells where an image has fine structure: SplatWeaver's router spends more Gaussians there.
 
 mod analysis;
 mod detail_energy;

@@ -6,7 +6,7 @@ use weaver_kernels::parallel;
 /// Weights of red, green and blue (ITU-R BT.601).
 pub const LUMA_WEIGHTS: [f64; 3] = [0.299, 0.587, 0.114];
 
-/// Y = 0.299 R + 0.587 G + 0.114 B of images `[N, 3, H, W]` with `pixels` = H W, into `out` `[N, H, W]`.
+/// Writes the luma Y = 0.299 R + 0.587 G + 0.114 B of images `[N, 3, H, W]` to `out` `[N, H, W]`, with `pixels` = H W.
 pub fn luma_into<T: Real>(images: &[T], pixels: usize, out: &mut [T]) {
     let weights = LUMA_WEIGHTS.map(T::from_f64);
     parallel::for_chunks(out, pixels, |n, out| {
@@ -56,9 +56,9 @@ impl<T: Real> Op<T> for Luma {
     }
 }
 
-/// Luma of images in [0, 1]: `[N, 3, H, W]` to `[N, H, W]`, Y = 0.299 R + 0.587 G + 0.114 B.
+/// The luma Y = 0.299 R + 0.587 G + 0.114 B of images in [0, 1].
 ///
-/// Linear; differentiable. Panics unless x is `[N, 3, H, W]`.
+/// Images `[N, 3, H, W]` give `[N, H, W]`. Linear and differentiable. Panics unless x is `[N, 3, H, W]`.
 #[track_caller]
 pub fn luma<T: Real>(x: Var<'_, T>) -> Var<'_, T> {
     let [y] = x.tape().apply(Luma, &[x]);

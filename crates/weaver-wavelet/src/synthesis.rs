@@ -50,9 +50,9 @@ impl<T: Real> Op<T> for Synthesis {
     }
 }
 
-/// The images of `size` (H, W) whose sub-bands are given: `[.., 4, h, w]` to `[.., H, W]`, the inverse of
-/// [`analysis`](crate::analysis).
+/// The images of `size` (H, W) that have the given sub-bands: the inverse of [`analysis`](crate::analysis()).
 ///
+/// Bands `[.., 4, h, w]` give `[.., H, W]`:
 /// `x[i] = sum_k f[L-1-(i + L - 2 - 2k)] y[k]` over both filters and axes: the transpose of the analysis without its
 /// border terms, which the extension makes an inverse because the filters are orthonormal. Linear, with the exact
 /// adjoint. Panics unless the bands have the shape that the analysis of such an image gives.

@@ -4,7 +4,7 @@
 use crate::filter::{MAX_TAPS, Wavelet};
 use weaver_kernels::{Real, parallel};
 
-/// What lies beyond the image.
+/// The values that the filters meet beyond the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Border {
     /// The image mirrored, edge sample repeated (half-sample symmetry).
@@ -118,7 +118,7 @@ impl<T: Real> Bank<T> {
     }
 }
 
-/// The four sub-bands of every image: `images [N, H, W]` to `bands [N, 4, h, w]`.
+/// Writes the four sub-bands of `images` `[N, H, W]` to `bands` `[N, 4, h, w]`.
 ///
 /// Coefficient k of a row meets the samples 2k + 2 - L to 2k + 1. Bands: (x low, y low), (x low, y high),
 /// (x high, y low), (x high, y high).
@@ -130,7 +130,7 @@ pub fn analyze<T: Real>(wavelet: Wavelet, border: Border, images: &[T], size: [u
     });
 }
 
-/// Adds the transpose of [`analyze`] to `images`.
+/// Adds the transpose of [`analyze`], applied to `bands` `[N, 4, h, w]`, to `images` `[N, H, W]`.
 pub fn add_transposed<T: Real>(wavelet: Wavelet, border: Border, bands: &[T], size: [usize; 2], images: &mut [T]) {
     let bank = Bank::new(wavelet, border, size);
     let coefficients = 4 * bank.band_len();
