@@ -1,4 +1,4 @@
-//! Turns raw parameters into Gaussians.
+//! Decoding of raw parameters to Gaussians.
 
 use crate::parametrization::{BEFORE_HARMONICS, Parametrization, harmonics};
 use weaver_autograd::{Grad, Op, Outputs, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
@@ -8,7 +8,7 @@ use weaver_splat::GaussianVars;
 
 /// Gaussians per parallel chunk.
 const GRAIN: usize = 512;
-/// Keeps the quotient by a quaternion's norm finite.
+/// Added to a quaternion's norm before dividing by it.
 const NORM_EPSILON: f64 = 1e-8;
 /// Bounds of the raw scale under the footprint parametrization.
 const RAW_SCALE: (f64, f64) = (-3.0, 3.0);
@@ -183,14 +183,14 @@ impl<T: Real> Op<T> for Decode {
     }
 }
 
-/// What the footprint parametrization knows about each Gaussian's pixel.
+/// The properties of each Gaussian's pixel that the footprint parametrization uses.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelOf<'t, T: Real = f32> {
     /// depth / fx `[N]`, in world units; differentiable.
     pub footprint: Var<'t, T>,
-    /// Gaussians per pixel around it `[N]`; constant.
+    /// Gaussians per pixel around the Gaussian's pixel `[N]`; constant.
     pub local_count: Var<'t, T>,
-    /// Its color `[N, 3]`, 0 to 1; constant.
+    /// Color of the Gaussian's pixel `[N, 3]`, 0 to 1; constant.
     pub color: Var<'t, T>,
 }
 

@@ -6,7 +6,9 @@ use weaver_autograd::{List, Real, Var, ops};
 use weaver_nn::{Builder, Context};
 use weaver_router::gate;
 
-/// Experts 1 to M; each is a layer F -> F, a rectifier, and a layer F -> e S for the S raw numbers of e Gaussians.
+/// The experts 1 to M: expert e turns a pixel's features into the raw numbers of e Gaussians.
+///
+/// Each is a linear layer F -> F, a rectifier, and a linear layer F -> e S, with S raw numbers per Gaussian.
 ///
 /// Parameters (below the builder's path), for e = 1 to M: `<e>.0.weight` `[F, F]`, `<e>.0.bias`, `<e>.2.weight`
 /// `[e S, F]`, `<e>.2.bias`.
@@ -17,8 +19,10 @@ pub struct CardinalityExperts {
 }
 
 impl CardinalityExperts {
-    /// Experts 1 to M = `max_per_pixel` for F = `features` channels and S = `slot` raw numbers per Gaussian. The initial output
-    /// layers are multiplied by `output_gain`: 1 as published, less for Gaussians that start alike.
+    /// Adds the parameters of experts 1 to M = `max_per_pixel`, for F = `features` channels and S = `slot` raw numbers per
+    /// Gaussian.
+    ///
+    /// The initial output layers are multiplied by `output_gain`: 1 as published, less for Gaussians that start alike.
     pub fn new<T: Real>(
         mut builder: Builder<'_, T>,
         features: usize,
@@ -39,11 +43,11 @@ impl CardinalityExperts {
         self.experts.len()
     }
 
-    /// Raw parameters `[N, S]` of all Gaussians in the order of the routes.
+    /// The raw parameters `[N, S]` of all Gaussians, in the order of the routes.
     ///
-    /// `features` `[R, F]` are those of the routed pixels, in order. Where a `choice` `[P, E]` is given, an expert's
-    /// output is multiplied by its entry, which carries the gradient to the router. An expert without pixels runs on no
-    /// rows, so that its parameters have a gradient: zero.
+    /// `features` `[R, F]` are those of the routed pixels, in order. If a `choice` `[P, E]` is given, each expert's output is
+    /// multiplied by the entry of its pixel and expert, which carries the gradient to the router. An expert without pixels
+    /// runs on no rows, so that its parameters get a gradient of zero.
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

@@ -1,4 +1,4 @@
-//! From pixel features to Gaussians, all parts put together.
+//! The whole head, from pixel features to Gaussians.
 
 use crate::two_layers::TwoLayers;
 use crate::{
@@ -17,13 +17,13 @@ pub struct HeadConfig {
     pub features: usize,
     /// Hidden channels of the router.
     pub router_hidden: usize,
-    /// Most Gaussians M of a pixel; there are E = M + 1 experts.
+    /// Largest number M of Gaussians of a pixel; there are E = M + 1 experts.
     pub max_per_pixel: usize,
     /// Degree of the spherical harmonics.
     pub sh_degree: usize,
-    /// Attention over neighbors; `None` leaves the experts' parameters as they are.
+    /// Attention over neighbors; `None` decodes the experts' parameters without it.
     pub neighbors: Option<NeighborConfig>,
-    /// Factor of the initial output layers of the experts.
+    /// Factor on the initial output layers of the experts.
     pub expert_output_gain: f64,
     /// What the raw parameters mean.
     pub parametrization: Parametrization,
@@ -32,18 +32,18 @@ pub struct HeadConfig {
 /// Sizes and options of the attention over neighbors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NeighborConfig {
-    /// Neighbors k of each Gaussian, itself not counted.
+    /// Number k of neighbors of each Gaussian, itself not counted.
     pub count: usize,
     /// Channels of the projected pixel features.
     pub projector: usize,
     /// Channels C of the attention.
     pub width: usize,
-    /// Whether the refinement starts at exactly nothing.
+    /// Whether the attention starts as the identity, with its last layer zero.
     pub zero_head: bool,
 }
 
 impl HeadConfig {
-    /// The published sizes.
+    /// The sizes of the published model.
     pub fn published() -> Self {
         Self {
             features: 128,
@@ -56,7 +56,7 @@ impl HeadConfig {
         }
     }
 
-    /// Small, for training from scratch: footprint parametrization, quiet start.
+    /// A small head for training from scratch, with the footprint parametrization and Gaussians that start alike.
     pub fn tiny() -> Self {
         Self {
             features: 32,
@@ -70,7 +70,7 @@ impl HeadConfig {
     }
 }
 
-/// What a scene's P = V H W pixels bring, in (view, row, column) order.
+/// The inputs of a scene's P = V H W pixels, in (view, row, column) order.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelInputs<'t, T: Real = f32> {
     /// Expert features `[P, F]`; differentiable.
@@ -87,7 +87,7 @@ pub struct PixelInputs<'t, T: Real = f32> {
     pub width: usize,
 }
 
-/// The Gaussians of a scene's pixels.
+/// The Gaussians of a scene, and the pixel of each.
 #[derive(Debug)]
 pub struct PixelGaussians<'t, T: Real = f32> {
     /// The N Gaussians, in world units, colors as spherical harmonics `[N, K, 3]`.
@@ -102,7 +102,7 @@ impl<T: Real> Outputs<T> for PixelGaussians<'_, T> {
     }
 }
 
-/// Gaussians as the experts propose them.
+/// The experts' output, before the attention over neighbors and before decoding.
 #[derive(Debug)]
 pub struct Proposed<'t, T: Real = f32> {
     /// Means `[N, 3]`, in world units.
@@ -111,7 +111,7 @@ pub struct Proposed<'t, T: Real = f32> {
     pub theta: Var<'t, T>,
     /// Projected features of the Gaussians' pixels `[N, c]`, where there is attention over neighbors.
     pub feature: Option<Var<'t, T>>,
-    /// What decoding in footprints needs.
+    /// Inputs of the footprint parametrization, if that is used.
     pub pixel_of: Option<PixelOf<'t, T>>,
     /// The pixel that each Gaussian comes from `[N]`.
     pub pixel: Buffer<u32>,
@@ -132,7 +132,7 @@ pub struct CardinalityHead {
     config: HeadConfig,
     /// Scores the experts for every pixel.
     pub router: Router,
-    /// Turn pixels into raw Gaussians.
+    /// Turn features of pixels into raw numbers of Gaussians.
     pub experts: CardinalityExperts,
     attention: Option<(TwoLayers, NeighborPredictor)>,
 }
@@ -154,15 +154,15 @@ impl CardinalityHead {
         Self { config, router, experts, attention }
     }
 
-    /// The sizes and options it was built with.
+    /// The sizes and options that the head was built with.
     pub fn config(&self) -> &HeadConfig {
         &self.config
     }
 
-    /// The Gaussians of a scene whose pixels are assigned to `expert` `[P]`; there may be none at all.
+    /// The Gaussians of a scene whose pixels are assigned to `expert` `[P]`; a scene without Gaussians is fine.
     ///
     /// With a `choice` `[P, E]` (see [`Assignment::choice`](weaver_router::Assignment::choice)) a gradient reaches the router.
-    /// Every parameter but the router's gets one, zero where no pixel needed it. Panics on inputs of other shapes.
+    /// Every other parameter gets a gradient, too, which is zero for an expert without pixels. Panics on other shapes.
     pub fn gaussians<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,
@@ -188,7 +188,7 @@ impl CardinalityHead {
         })
     }
 
-    /// What the experts say, before any Gaussian has looked at its neighbors.
+    /// The experts' output for a scene, before the attention over neighbors.
     pub fn propose<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,
@@ -215,12 +215,12 @@ impl CardinalityHead {
         })
     }
 
-    /// The attention over neighbors, where there is one.
+    /// The attention over neighbors, if there is one.
     pub fn predictor(&self) -> Option<&NeighborPredictor> {
         self.attention.as_ref().map(|(_, predictor)| predictor)
     }
 
-    /// What decoding in footprints needs to know of each Gaussian's pixel.
+    /// Footprint, local count and color of each Gaussian's pixel.
     fn pixel_of<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

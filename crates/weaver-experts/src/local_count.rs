@@ -1,8 +1,8 @@
-//! How many Gaussians per pixel there are around each pixel.
+//! The local density of Gaussians in the image.
 
 use weaver_autograd::{Buffer, Pool, Real};
 
-/// The least count that a Gaussian may claim for itself: one in 25 pixels.
+/// The smallest count: one Gaussian in 25 pixels.
 const LEAST: f64 = 0.04;
 
 /// Averages windows of `2 radius + 1` along an axis of a row-major array with `length` entries `stride` apart, over the
@@ -17,8 +17,10 @@ fn box_filter(from: &[f64], to: &mut [f64], length: usize, stride: usize, radius
     }
 }
 
-/// The local number of Gaussians per pixel `[P]`, at least 0.04: the count of each pixel (`expert` `[P]`) averaged over
-/// 5 x 5 and then 3 x 3 pixels of its own view, each average over the pixels inside the image.
+/// The local number of Gaussians per pixel `[P]`, at least 0.04.
+///
+/// The count of each pixel (`expert` `[P]`) is averaged over 5 x 5 and then over 3 x 3 pixels of its view; each average runs
+/// over the pixels inside the image.
 pub fn local_count<T: Real>(expert: &[u8], height: usize, width: usize, pool: &Pool) -> Buffer<T> {
     let mut count = pool.buffer::<f64>(expert.len());
     let mut row_means = pool.buffer::<f64>(expert.len());
@@ -40,7 +42,7 @@ pub fn local_count<T: Real>(expert: &[u8], height: usize, width: usize, pool: &P
 mod tests {
     use super::*;
 
-    /// The same by its definition, pixel by pixel.
+    /// The average over a window by its definition, pixel by pixel.
     fn by_definition(count: &[f64], h: usize, w: usize, radius: isize) -> Vec<f64> {
         let mut out = Vec::new();
         for at in 0..count.len() {

@@ -1,4 +1,4 @@
-//! Where a Gaussian's neighbors lie, seen from it.
+//! Offsets from each Gaussian to its neighbors.
 
 use crate::neighbors::{GRAIN, Neighbors};
 use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};

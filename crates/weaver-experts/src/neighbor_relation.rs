@@ -1,4 +1,4 @@
-//! How a Gaussian relates to its neighbors: the argument of the attention's weights.
+//! Differences of queries and keys of neighbors, from which the attention's scores are computed.
 
 use crate::neighbors::{GRAIN, Neighbors};
 use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};

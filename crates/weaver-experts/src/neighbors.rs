@@ -1,4 +1,4 @@
-//! The nearest neighbors of every Gaussian, and the reverse lists that gradients follow.
+//! Lists of each Gaussian's nearest neighbors, and the reverse lists that gradients need.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -8,8 +8,9 @@ use weaver_kernels::nearest_neighbors::nearest_neighbors;
 /// Gaussians per parallel chunk.
 pub(crate) const GRAIN: usize = 256;
 
-/// For each of R Gaussians, itself and its k nearest neighbors in space among all N: `m` = k + 1 indices. All have such a
-/// list (R = N) unless only [a part](Neighbors::part) is looked at. Cheap to clone.
+/// Lists of nearest neighbors: for each of R Gaussians m = k + 1 indices, itself and its k nearest neighbors among all N.
+///
+/// All Gaussians have a list (R = N), except in a [`part`](Neighbors::part). Cheap to clone.
 #[derive(Clone, Debug)]
 pub struct Neighbors {
     lists: Arc<Lists>,
@@ -29,15 +30,14 @@ struct Lists {
 }
 
 impl Neighbors {
-    /// Finds the k nearest others of every one of `means` `[N, 3]`, exactly; see [`nearest_neighbors`]. Not
-    /// differentiable.
+    /// Finds the k nearest neighbors of each of `means` `[N, 3]`, exactly; see [`nearest_neighbors`]. Not differentiable.
     pub fn search<T: Real>(means: &[T], k: usize, pool: &Pool) -> Self {
         let mut index = pool.buffer::<u32>(means.len() / 3 * (k + 1));
         nearest_neighbors(means, k, &mut index);
         Self::from_index(index, k + 1, pool)
     }
 
-    /// Given lists `[N, m]` of indices below N.
+    /// Takes lists `[N, m]` of indices below N as they are, with m = `per_gaussian`. Panics unless they are whole lists.
     pub fn from_lists(index: &[u32], per_gaussian: usize, pool: &Pool) -> Self {
         assert_eq!(index.len() % per_gaussian, 0, "every Gaussian has {per_gaussian} neighbors");
         Self::from_index(pool.copy_of(index), per_gaussian, pool)
@@ -61,7 +61,7 @@ impl Neighbors {
         Self { lists: Arc::new(Lists { per_gaussian, index, start, named_at }), rows: 0..n }
     }
 
-    /// The lists of some Gaussians only, numbered from here; their neighbors may be any of all N.
+    /// The lists of the Gaussians `rows` of this one, whose neighbors may be any of all N. Panics beyond the last list.
     pub fn part(&self, rows: Range<usize>) -> Self {
         assert!(rows.end <= self.len(), "there are {} lists, not {}", self.len(), rows.end);
         Self { lists: self.lists.clone(), rows: self.rows.start + rows.start..self.rows.start + rows.end }

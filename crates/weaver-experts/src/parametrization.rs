@@ -1,12 +1,12 @@
-//! What the raw numbers of a Gaussian mean: where it sits about its pixel's point, how large it is, what color.
+//! What the raw numbers of a Gaussian mean: its offset from the pixel's point, its size and its color.
 
 /// How raw parameters become a Gaussian.
 ///
-/// In both, opacity = sigmoid(raw), rotation = raw quaternion / (its norm + 1e-8), and spherical harmonics of degree
+/// In both parametrizations, opacity = sigmoid(raw), rotation = raw quaternion / (its norm + 1e-8), and spherical harmonics of degree
 /// l > 0 are raw times 0.1 / 4^l, in world axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Parametrization {
-    /// As published: lengths in world units, color from nothing.
+    /// As published: lengths in world units, and colors from the network alone.
     ///
     /// mean = point + `offset_reach` tanh(raw); scale = min(`scale_multiplier` softplus(raw), `scale_max`).
     Published {
@@ -17,7 +17,7 @@ pub enum Parametrization {
         /// Largest scale, in world units.
         scale_max: f64,
     },
-    /// Lengths in footprints: a pixel's footprint is depth / fx, its width at its depth, in world units.
+    /// Lengths in footprints; a pixel's footprint is its width at its depth, depth / fx in world units.
     ///
     /// mean = point + `offset_reach` footprint tanh(raw); scale = `scale` footprint exp(clamp(raw, -3, 3)) / sqrt(local
     /// count), so that a Gaussian starts as large as its share of the image; 1 is added to the raw quaternion's w and
@@ -31,17 +31,17 @@ pub enum Parametrization {
 }
 
 impl Parametrization {
-    /// The constants of the published model: 0.005, 0.001 and 0.4 world units.
+    /// The published parametrization with the published constants: 0.005, 0.001 and 0.4 world units.
     pub fn published() -> Self {
         Self::Published { offset_reach: 0.005, scale_multiplier: 0.001, scale_max: 0.4 }
     }
 
-    /// The footprint constants that were measured to be best: offset 2, scale 0.7.
+    /// The footprint parametrization with the constants that measured best: offsets up to 2 footprints, scale 0.7.
     pub fn footprint() -> Self {
         Self::Footprint { offset_reach: 2.0, scale: 0.7 }
     }
 
-    /// Whether it needs the pixels' footprints.
+    /// Whether this parametrization needs the pixels' footprints.
     pub fn has_footprint(self) -> bool {
         matches!(self, Self::Footprint { .. })
     }
@@ -55,7 +55,7 @@ pub(crate) fn harmonics(degree: usize) -> usize {
     (degree + 1) * (degree + 1)
 }
 
-/// Raw numbers of one Gaussian: offset 3, opacity 1, scale 3, quaternion 4 (xyzw), harmonics 3 K (color-major).
+/// The number of raw numbers of one Gaussian: offset 3, opacity 1, scale 3, quaternion 4 (xyzw), harmonics 3 K (color-major).
 pub fn slot_width(sh_degree: usize) -> usize {
     3 + BEFORE_HARMONICS + 3 * harmonics(sh_degree)
 }

@@ -1,4 +1,4 @@
-//! Moves Gaussians off their pixels' points by bounded offsets.
+//! Means of Gaussians: points of their pixels plus bounded offsets.
 
 use crate::parametrization::Parametrization;
 use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
@@ -69,7 +69,7 @@ impl<T: Real> Op<T> for Place {
     }
 }
 
-/// The means of Gaussians: mu = Q + r tanh(o), componentwise in world axes.
+/// The means of Gaussians: their pixels' points plus bounded offsets, mu = Q + r tanh(o), componentwise in world axes.
 ///
 /// Q is `point` `[N, 3]`, o the first three of `raw` `[N, S]`; r is the published constant in world units, or the
 /// constant of the footprint parametrization times `footprint` `[N]` = depth / fx. All three are differentiable; the

@@ -1,4 +1,4 @@
-//! Refines every Gaussian's raw parameters by attention over its neighbors in space.
+//! Refinement of every Gaussian's raw parameters by attention over its neighbors in space.
 
 use crate::two_layers::TwoLayers;
 use crate::{Neighbors, neighbor_average, neighbor_offset, neighbor_relation};
@@ -22,8 +22,8 @@ pub struct NeighborFusion {
 }
 
 impl NeighborFusion {
-    /// Gaussians that attend at a time where nothing is recorded: few enough that their pairs are no memory worth counting,
-    /// and enough for all threads.
+    /// Gaussians that attend at a time when nothing is recorded: few enough that their pairs take little memory, and enough
+    /// work for all threads.
     pub const PART: usize = 8192;
 
     /// A layer of C = `width` channels.
@@ -53,8 +53,8 @@ impl NeighborFusion {
             if cx.tape.is_recording() || n <= Self::PART {
                 return self.attend(cx, projected, means, neighbors);
             }
-            // Nobody walks back: what a pair of Gaussians needs is there for some of them at a time. Rows are independent, so
-            // the bits are the same.
+            // Without a backward pass, pairs of neighbors are in memory for some of the Gaussians at a time. Rows are
+            // independent, so the bits are the same.
             let width = x.shape().last();
             let mut attended = cx.tape.pool().buffer(n * width);
             for (part, out) in attended.chunks_mut(Self::PART * width).enumerate() {
@@ -82,7 +82,8 @@ impl NeighborFusion {
     }
 }
 
-/// The parameter predictor: theta = W_o z + raw, z from [`NeighborFusion`] on x = W_in `[mean | raw | pixel feature]`.
+/// Refines raw parameters by attention over neighbors: theta = W_o z + raw, where z is [`NeighborFusion`] applied to
+/// x = W_in `[mean | raw | pixel feature]`.
 ///
 /// Parameters (below the builder's path): `input`, `pt_block.*`, `head.0`.
 #[derive(Clone, Copy, Debug)]
@@ -93,8 +94,8 @@ pub struct NeighborPredictor {
 }
 
 impl NeighborPredictor {
-    /// A predictor for `parameters` raw numbers per Gaussian beside its mean, with pixel features of `projector`
-    /// channels and attention of `width` channels. With `zero_head` the refinement starts at exactly nothing.
+    /// Adds the parameters of a predictor of `parameters` raw numbers per Gaussian (its mean not counted), with pixel features
+    /// of `projector` channels and attention of `width` channels. With `zero_head` the refinement starts at zero.
     pub fn new<T: Real>(
         mut builder: Builder<'_, T>,
         parameters: usize,
@@ -124,7 +125,7 @@ impl NeighborPredictor {
     }
 
     /// The refined parameters `[N, S - 3]`. Differentiable in all inputs (through the means, but not through the choice
-    /// of neighbors) and all parameters; the bias of `attn_mlp.2` has gradient zero, since a softmax does not see it.
+    /// of neighbors) and all parameters; the bias of `attn_mlp.2` has gradient zero, because a softmax does not depend on it.
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

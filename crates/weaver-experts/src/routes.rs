@@ -1,4 +1,4 @@
-//! The lists that an assignment of experts to pixels implies.
+//! Which pixels each expert works on, and which Gaussians come from which pixel.
 
 use weaver_autograd::{Buffer, List, Pool};
 
@@ -9,9 +9,9 @@ use weaver_autograd::{Buffer, List, Pool};
 pub struct Routes {
     /// The pixels with Gaussians: those of expert 1 in pixel order, then those of expert 2, ...
     pub routed: Buffer<u32>,
-    /// How many of `routed` each of the experts 1 to M has.
+    /// Number of pixels of each of the experts 1 to M.
     pub counts: List<usize>,
-    /// For each Gaussian, the entry of `routed` that it comes from `[N]`.
+    /// For each Gaussian, the position of its pixel in `routed` `[N]`.
     pub source: Buffer<u32>,
     /// For each Gaussian, its pixel `[N]`.
     pub pixel: Buffer<u32>,

@@ -1,10 +1,10 @@
-//! The guidance module: a mask that opens pixel features where the image has detail.
+//! The guidance mask, which passes pixel features to the router where the image has detail.
 
 use weaver_autograd::{Real, Var};
 use weaver_nn::{Builder, Context, Conv2d, WeightInit};
 use weaver_wavelet::{Wavelet, analysis, luma};
 
-/// Turns the detail sub-bands of images into one gate per pixel and feature.
+/// Turns the wavelet detail bands of images into a mask with one factor per pixel and feature.
 ///
 /// Parameters: `wave_merger1.0` (conv 5x5), `wave_merger1.1` (conv 1x1, no activation between), `wave_merger2.0` (conv
 /// 3x3), each `weight` and `bias`, drawn as PyTorch does.
@@ -17,7 +17,8 @@ pub struct Guidance {
 }
 
 impl Guidance {
-    /// A module with `hidden` channels at the resolution of the sub-bands, that gates `features` channels.
+    /// Adds the parameters of a module with `hidden` channels at the resolution of the sub-bands and a mask for `features`
+    /// channels.
     pub fn new<T: Real>(builder: &mut Builder<'_, T>, wavelet: Wavelet, hidden: usize, features: usize) -> Self {
         let mut conv = |name, inputs, outputs, kernel| {
             Conv2d::new(builder.scope(name), inputs, outputs, kernel, WeightInit::FanIn)
@@ -30,10 +31,10 @@ impl Guidance {
         }
     }
 
-    /// The mask A in (0, 1), `[V, F, H, W]`, of images `[V, 3, H, W]` with values in [0, 1]:
-    /// A = sigmoid(conv3x3(resize(conv1x1(conv5x5(D))))), D the three signed detail bands of the luma, neither squared
-    /// nor normalized; the resize is bilinear, corners not aligned, to H x W.
+    /// The mask A of images with values in [0, 1], with factors in (0, 1).
     ///
+    /// A = sigmoid(conv3x3(resize(conv1x1(conv5x5(D))))), where D are the three signed detail bands of the luma, neither squared
+    /// nor normalized, and the resize to H x W is bilinear, corners not aligned. Images `[V, 3, H, W]` give `[V, F, H, W]`.
     /// Differentiable in the parameters and in the images. Source: `SplatWeaver_Head` of the official code.
     #[track_caller]
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, images: Var<'t, T>) -> Var<'t, T> {

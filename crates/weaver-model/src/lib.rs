@@ -1,4 +1,4 @@
-//! SplatWeaver put together: configuration, presets and the forward pass from photos to Gaussians.
+//! The SplatWeaver network: its configuration, its presets, and the forward pass from photos to cameras and Gaussians.
 
 mod config;
 mod guidance;

@@ -1,4 +1,4 @@
-//! From the one configuration to those of the parts.
+//! The configurations of the network's parts, from that of the whole.
 
 use crate::{ModelConfig, ParametrizationConfig, PixelPoint, PoseFrame, WaveletKind};
 use weaver_experts::{HeadConfig, NeighborConfig, Parametrization};
@@ -15,9 +15,9 @@ const MLP_RATIO: usize = 4;
 const LAST_DEPTH_STD: f64 = 0.02;
 
 impl ModelConfig {
-    /// The dense network's part of it: backbone, camera head and depth head.
+    /// The configuration of the dense network: backbone, camera head and depth head.
     ///
-    /// Meaningful only if the configuration passes [`check`](Self::check).
+    /// The configuration should have passed [`check`](Self::check).
     pub fn vggt(&self) -> VggtConfig {
         VggtConfig {
             aggregator: self.aggregator(),

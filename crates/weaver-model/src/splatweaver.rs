@@ -1,4 +1,4 @@
-//! The network: photos in, cameras and Gaussians out.
+//! The whole network: photos to cameras and Gaussians.
 
 use crate::{Guidance, ModelConfig, ParametrizationConfig};
 use weaver_autograd::{Buffer, Params, Real, Var};
@@ -11,9 +11,10 @@ use weaver_splat::GaussianVars;
 use weaver_vggt::{Encoded, FeatureHead, Vggt};
 use weaver_wavelet::EnergyMap;
 
-/// SplatWeaver: a handful of unposed photos to cameras and a compact set of Gaussians.
+/// SplatWeaver: predicts cameras and a compact set of Gaussians from a few photos without poses.
 ///
-/// Source: Wan et al., SplatWeaver, arXiv 2605.07287. Parameter names are those of the official checkpoint, without the
+/// A scene takes three calls: [`encode`](Self::encode), [`dense`](Self::dense) and [`gaussians`](Self::gaussians). Source: Wan et
+/// al., SplatWeaver, arXiv 2605.07287. Parameter names are those of the official checkpoint, without the
 /// leading `encoder.`.
 #[derive(Clone, Debug)]
 pub struct SplatWeaver {
@@ -24,12 +25,12 @@ pub struct SplatWeaver {
     head: CardinalityHead,
 }
 
-/// What the dense heads say about one scene: everything before pixels are given their Gaussians.
+/// The dense heads' output for one scene: all that is predicted before pixels are given Gaussians.
 #[derive(Clone, Copy, Debug)]
 pub struct Dense<'t, T: Real = f32> {
     /// Depth `[V, H, W]`.
     pub depth: Var<'t, T>,
-    /// Confidence in it, at least 1 `[V, H, W]`.
+    /// Confidence of the depth `[V, H, W]`, at least 1.
     pub confidence: Var<'t, T>,
     /// Expert features F as rows `[P, C]`.
     features: Var<'t, T>,
@@ -46,9 +47,9 @@ pub struct PredictedGaussians<'t, T: Real = f32> {
     pub gaussians: GaussianVars<'t, T>,
     /// The pixel that each Gaussian comes from `[N]`.
     pub pixel: Buffer<u32>,
-    /// How many Gaussians each pixel got.
+    /// The number of Gaussians of each pixel.
     pub assignment: Assignment<T>,
-    /// The straight-through choice `[P, E]` where the router made it.
+    /// The straight-through choice `[P, E]`, if the router made it.
     pub choice: Option<Var<'t, T>>,
 }
 
@@ -59,7 +60,7 @@ fn pixel_rows<T: Real>(maps: Var<'_, T>) -> Var<'_, T> {
 }
 
 impl SplatWeaver {
-    /// Adds the parameters of a new model, drawn from `seed`.
+    /// Adds the parameters of a new model with initial values drawn from `seed`.
     ///
     /// # Panics
     /// If the configuration does not pass [`ModelConfig::check`].
@@ -67,7 +68,7 @@ impl SplatWeaver {
         Self::build(config, Builder::new(params, seed))
     }
 
-    /// Declares the parameters of a model whose weights will be loaded.
+    /// Declares the parameters of a model whose values will be loaded.
     ///
     /// # Panics
     /// If the configuration does not pass [`ModelConfig::check`].
@@ -88,24 +89,25 @@ impl SplatWeaver {
         Self { config, vggt, features, guidance, head }
     }
 
-    /// The part of it that knows no Gaussians.
+    /// The dense network in it: backbone, camera head and depth head.
     pub fn vggt(&self) -> &Vggt {
         &self.vggt
     }
 
-    /// The configuration that it was built with.
+    /// The configuration that the model was built with.
     pub fn config(&self) -> &ModelConfig {
         &self.config
     }
 
-    /// Backbone and camera head: photos `[B, V, 3, H, W]` in `[0, 1]` to tokens and cameras.
+    /// Runs backbone and camera head on photos `[B, V, 3, H, W]` in [0, 1], which gives tokens and cameras.
     pub fn encode<'t, T: Real>(&self, cx: Context<'t, '_, T>, photos: Var<'t, T>) -> Encoded<'t, T> {
         self.vggt.encode(cx, photos)
     }
 
-    /// Dense heads and router on scene `b` of what was encoded; `photos` `[V, 3, H, W]` are that scene's.
+    /// Runs the dense heads and the router on scene `b` of what was encoded, whose photos are `[V, 3, H, W]`.
     ///
-    /// While nothing is recorded, one view after the other: full-resolution maps of one view at a time are in memory.
+    /// Without recording, views are processed one after the other, so that full-resolution maps of only one view at a time
+    /// are in memory.
     pub fn dense<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,
@@ -176,8 +178,10 @@ impl SplatWeaver {
         [maps.depth, maps.confidence, features, logits]
     }
 
-    /// Gives pixels their Gaussians: unprojects with `cameras` (viewmats `[V, 3, 4]`, intrinsics `[V, 4]`), allocates, and
-    /// decodes.
+    /// Predicts the Gaussians of a scene whose photos are `[V, 3, H, W]`.
+    ///
+    /// Depth is unprojected with `cameras` (viewmats `[V, 3, 4]`, intrinsics `[V, 4]`), `allocation` decides how many Gaussians
+    /// each pixel gets, with noise from `stream`, and the experts' output is decoded.
     pub fn gaussians<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,

@@ -1,4 +1,4 @@
-//! Which pixels get how many Gaussians: one trait, and the strategies that are worth comparing.
+//! Allocation strategies: which pixels get how many Gaussians.
 
 mod bayer;
 mod choice;
@@ -15,10 +15,10 @@ use thinning::Place;
 use weaver_autograd::{Buffer, Pool, Real, Var};
 use weaver_kernels::random::Stream;
 
-/// What an allocation may look at: one scene of V views with H x W pixels, P = V H W, in (view, row, column) order.
+/// The input of an allocation: one scene of V views with H x W pixels, P = V H W in all, in (view, row, column) order.
 #[derive(Clone, Copy, Debug)]
 pub struct AllocationRequest<'a, T: Real = f32> {
-    /// The router's logits `[P, E]`; E = 1 + the largest number of Gaussians per pixel.
+    /// The router's logits `[P, E]`, where E is 1 plus the largest number of Gaussians per pixel.
     pub logits: &'a [T],
     /// High-frequency energy `[P]` of the images.
     pub energy: &'a [T],
@@ -30,9 +30,9 @@ pub struct AllocationRequest<'a, T: Real = f32> {
     pub width: usize,
     /// Source of the noise.
     pub stream: Stream,
-    /// Gumbel noise `[P, E]` to use in place of the stream's, to repeat a known sample.
+    /// Gumbel noise `[P, E]` to use instead of the stream's, so that a known sample can be repeated.
     pub gumbel: Option<&'a [T]>,
-    /// Where the memory of the assignment comes from.
+    /// Pool from which the assignment takes its memory.
     pub pool: &'a Pool,
 }
 
@@ -58,25 +58,25 @@ impl<T: Real> AllocationRequest<'_, T> {
     }
 }
 
-/// A way to decide how many Gaussians each pixel gets.
+/// A strategy that decides how many Gaussians each pixel gets.
 pub trait Allocation<T: Real = f32>: Debug + Send + Sync {
-    /// Gives every pixel its expert.
+    /// Chooses an expert for every pixel.
     fn allocate(&self, request: &AllocationRequest<'_, T>) -> Assignment<T>;
 }
 
-/// How many Gaussians each pixel gets, and how a gradient reaches that choice.
+/// The number of Gaussians of each pixel, and how a gradient reaches this choice.
 #[derive(Debug)]
 pub struct Assignment<T: Real = f32> {
     /// The expert of each pixel `[P]`: expert e makes e Gaussians.
     pub expert: Buffer<u8>,
-    /// The differentiable side of a choice that the router made itself.
+    /// What the gradient of the choice needs, where the router itself made it; `None` where it had no part in it.
     pub gate: Option<GumbelGate<T>>,
 }
 
-/// What the straight-through gradient of a choice needs to know.
+/// What the straight-through gradient of a choice needs.
 #[derive(Debug)]
 pub struct GumbelGate<T: Real = f32> {
-    /// Gumbel noise `[P, E]`, where there is any.
+    /// The Gumbel noise `[P, E]` that was added to the logits; `None` if none was.
     pub noise: Option<Buffer<T>>,
 }
 
@@ -86,13 +86,13 @@ impl<T: Real> Assignment<T> {
         Self { expert, gate: None }
     }
 
-    /// Number of Gaussians.
+    /// Number of Gaussians of all pixels together.
     pub fn count(&self) -> usize {
         self.expert.iter().map(|&e| usize::from(e)).sum()
     }
 
-    /// The one-hot choice `[P, E]` with the straight-through gradient to `logits`, that of a softmax at this temperature
-    /// (0.5 as published); `None` where the router had no say.
+    /// The one-hot choice `[P, E]`, whose straight-through gradient with respect to `logits` is that of a softmax at this
+    /// temperature (0.5 as published); `None` where the router had no part in the choice.
     pub fn choice<'t>(&self, logits: Var<'t, T>, temperature: f64) -> Option<Var<'t, T>> {
         let gate = self.gate.as_ref()?;
         let noise = gate.noise.as_ref().map(|noise| logits.tape().constant(noise, logits.shape()));

@@ -1,4 +1,4 @@
-//! Multiplies an expert's output by the router's choice of it.
+//! Multiplies an expert's output by the router's choice of that expert.
 
 use weaver_autograd::{Buffer, Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 
@@ -60,9 +60,10 @@ impl<T: Real> Op<T> for Gate {
     }
 }
 
-/// Multiplies row i of an expert's output by c[pixel i, expert], which is 1 where the router chose the expert: the
-/// value stays, and the choice gets a gradient.
+/// Multiplies each row of an expert's output by the router's choice of that expert for the row's pixel.
 ///
+/// Row i is multiplied by c[pixel i, expert], which is 1 where the router chose the expert: values do not change, and the
+/// choice gets a gradient.
 /// `raw` `[n, D]` and `choice` `[P, E]` are differentiable, `pixel` `[n]` is constant; the result is `[n, D]`. dL/dc is
 /// the sum over the row of raw times the gradient of the result. Panics on other shapes. Source: official SplatWeaver
 /// code, `CardinalityGaussian`.

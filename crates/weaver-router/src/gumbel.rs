@@ -2,7 +2,7 @@
 
 use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 
-/// The position of the largest of a row's numbers plus noise; the first of equal ones.
+/// The position of the largest sum of logit and noise in a row, the first one if several are equal.
 pub(crate) fn argmax<T: Real>(logits: &[T], noise: Option<&[T]>) -> usize {
     let value = |e: usize| logits[e] + noise.map_or(T::ZERO, |n| n[e]);
     (1..logits.len()).fold(0, |best, e| if value(e) > value(best) { e } else { best })
@@ -81,9 +81,10 @@ impl<T: Real> Op<T> for GumbelSoftmax {
 ///
 /// y = softmax((l + g) / t), c = onehot(argmax(l + g)) - stop_gradient(y) + y: the value is exactly one-hot, and
 /// dL/dl_e = y_e (dL/dc_e - sum_f y_f dL/dc_f) / t. With standard Gumbel noise g the choice is an exact sample of
-/// softmax(l), whatever the temperature t; without noise it is the argmax (the first of equal ones).
+/// softmax(l), whatever the temperature t; without noise it is the argmax, the first one if several are equal.
 ///
-/// `logits` `[P, E]` are differentiable, `noise` `[P, E]` is constant; the result is `[P, E]`. Panics on other shapes.
+/// `logits` `[P, E]` are differentiable, `noise` `[P, E]` is constant; the result is `[P, E]`. Panics on other shapes and
+/// unless the temperature is positive.
 /// Source: Jang, Gu, Poole, Categorical Reparameterization with Gumbel-Softmax, ICLR 2017, section 2.2.
 ///
 /// ```

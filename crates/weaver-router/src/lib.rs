@@ -1,5 +1,5 @@
-//! How many Gaussians each pixel of a scene gets: a router that scores the choices, straight-through Gumbel sampling that
-//! trains it, and allocation strategies that spend a budget.
+//! Decides how many Gaussians each pixel of a scene gets: a router scores the choices, straight-through Gumbel sampling
+//! trains it, and allocation strategies spend a budget.
 //!
 //! Everything works on one scene: V views of H x W pixels, P = V H W pixels in (view, row, column) order.
 

@@ -14,8 +14,10 @@ fn choose<T: Real>(request: &AllocationRequest<'_, T>, noise: Option<Buffer<T>>)
     Assignment { expert, gate: Some(GumbelGate { noise }) }
 }
 
-/// The published allocation: every pixel's expert is a sample of softmax(logits), by Gumbel noise of the request's
-/// stream (or the noise given with the request); training and inference alike.
+/// The published allocation: every pixel's expert is a sample of softmax(logits).
+///
+/// The sample is drawn with Gumbel noise from the request's stream, or with the noise given in the request, in training and
+/// inference alike.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sampled;
 
@@ -33,7 +35,7 @@ impl<T: Real> Allocation<T> for Sampled {
     }
 }
 
-/// Every pixel's most likely expert: no noise, far fewer Gaussians than the samples have on average.
+/// Gives every pixel its most likely expert, without noise. Usually this makes far fewer Gaussians than sampling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Argmax;
 
@@ -43,10 +45,10 @@ impl<T: Real> Allocation<T> for Argmax {
     }
 }
 
-/// The same expert for every pixel.
+/// Gives every pixel the same number of Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fixed {
-    /// The expert: Gaussians per pixel.
+    /// The expert of every pixel, which is its number of Gaussians.
     pub expert: u8,
 }
 

@@ -1,11 +1,11 @@
-//! The names of the allocations, as configurations and command lines give them.
+//! Names of allocations, as configurations and command lines give them.
 
 use super::{Allocation, Argmax, Dithered, Fixed, Grid, Random, Sampled};
 use std::fmt;
 use std::str::FromStr;
 use weaver_autograd::Real;
 
-/// The gamma at which the learned density was measured to be best.
+/// The exponent of the learned density that measured best.
 const GAMMA: f64 = 0.7;
 
 /// An allocation by name: `sampled`, `argmax`, `dithered`, `grid`, `random` or `fixed:<Gaussians per pixel>`.
@@ -31,7 +31,7 @@ pub enum AllocationKind {
     Fixed(u8),
 }
 
-/// Why an allocation cannot be had.
+/// Why there is no such allocation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum AllocationError {
     /// No allocation has this name.
@@ -46,7 +46,7 @@ pub enum AllocationError {
         found: f64,
     },
     /// An expert that the model does not have.
-    #[error("allocation {kind}: expected at most {most} Gaussians per pixel, which is what the model has experts for")]
+    #[error("allocation {kind}: expected at most {most} Gaussians per pixel, the most that the model can make")]
     Expert {
         /// The allocation.
         kind: AllocationKind,

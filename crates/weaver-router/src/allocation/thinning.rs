@@ -1,4 +1,4 @@
-//! Allocation by score: the highest-scoring pixels of a scene get one Gaussian each, exactly as many as wanted.
+//! Allocation by score: the highest-scoring pixels of a scene get one Gaussian each, in an exact number.
 
 use super::{Allocation, AllocationRequest, Assignment, bayer};
 use weaver_autograd::Real;
@@ -44,16 +44,16 @@ pub(super) struct Place {
     pub column: usize,
 }
 
-/// Ordered dithering by the router: the score is gamma (l_1 - l_0) - ln b, with b the 8 x 8 Bayer threshold shifted per
-/// view; the top floor(budget P) pixels over all views get expert 1.
+/// Ordered dithering of the router's preference: the floor(budget P) pixels of highest score over all views get one Gaussian.
 ///
-/// Deterministic, with an exact count. Where the router is indifferent the kept pixels form a regular grid; where it is
-/// not, their density follows exp(gamma (l_1 - l_0)) without holes.
+/// The score is gamma (l_1 - l_0) - ln b, where b is the threshold of an 8 x 8 Bayer matrix, shifted from view to view. The
+/// result is deterministic and the count exact. Where the logits are equal the chosen pixels form a regular grid; elsewhere
+/// their density follows exp(gamma (l_1 - l_0)) without large holes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dithered {
     /// Gaussians per pixel, 0 to 1.
     pub budget: f64,
-    /// How far the density follows the router.
+    /// How strongly the density follows the router: 0 not at all, 1 in proportion to its odds.
     pub gamma: f64,
 }
 
@@ -73,7 +73,7 @@ impl<T: Real> Allocation<T> for Dithered {
     }
 }
 
-/// A regular grid: [`Dithered`] that ignores the router (gamma 0).
+/// Spreads the budget on a regular grid, whatever the router prefers: [`Dithered`] with gamma 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
     /// Gaussians per pixel, 0 to 1.
@@ -86,7 +86,7 @@ impl<T: Real> Allocation<T> for Grid {
     }
 }
 
-/// A uniformly random subset of exactly floor(budget P) pixels, drawn from the request's stream.
+/// Gives one Gaussian each to exactly floor(budget P) pixels, drawn uniformly from the request's stream.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Random {
     /// Gaussians per pixel, 0 to 1.
@@ -100,24 +100,24 @@ impl<T: Real> Allocation<T> for Random {
     }
 }
 
-/// The allocation while training: at every step another budget, another strength of the energy, another pattern.
+/// The allocation of training: each step draws a budget, a dependence on the energy, and a pattern.
 ///
-/// One of the `budgets` at random; score gamma ln(energy + 0.02) - ln(threshold), with gamma 0 in `uniform` of the
-/// steps and otherwise uniform between 0 and `strongest`; thresholds that are noise in half of the steps and the Bayer
-/// pattern at one random shift for all views in the other half, ties broken by a millionth of noise. The top pixels get
-/// expert 1. A model trained so takes any budget and any density at test time.
+/// The budget is one of `budgets`. The score is gamma ln(energy + 0.02) - ln(threshold), with gamma 0 in the share `uniform` of
+/// the steps and otherwise uniform between 0 and `strongest`. Thresholds are noise in half of the steps, and in the other half
+/// the Bayer matrix at one random shift for all views; noise of a millionth breaks ties. The pixels of highest score get one
+/// Gaussian. A model trained in this way accepts any budget and density at test time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainingMix {
-    /// Gaussians per pixel, one of which is drawn at each step.
+    /// Budgets in Gaussians per pixel, one of which each step draws.
     pub budgets: Vec<f64>,
-    /// Share of the steps that ignore the energy.
+    /// Share of the steps that ignore the energy, 0 to 1.
     pub uniform: f64,
     /// Largest exponent of the energy.
     pub strongest: f64,
 }
 
 impl Default for TrainingMix {
-    /// 25, 40, 40 or 70 %; gamma 0 in 30 % of the steps, else up to 1.3.
+    /// Budgets of 25, 40, 40 and 70 %; gamma 0 in 30 % of the steps, otherwise up to 1.3.
     fn default() -> Self {
         Self { budgets: vec![0.25, 0.4, 0.4, 0.7], uniform: 0.3, strongest: 1.3 }
     }
