@@ -3,7 +3,8 @@
 //!
 //!     cargo bench --manifest-path crates/weaver-kernels/gemm-bench/Cargo.toml
 //!
-//! Throughput is in floating-point operations. Each library first has its result checked against the others'.
+//! Throughput is in floating-point operations. Before the timings, the bench checks each result against that of weaver-kernels,
+//! and prints whether a library gives the same bits on one, two and three threads and how often a repeated call allocates.
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use faer::linalg::matmul::matmul;
@@ -76,7 +77,41 @@ fn noise(n: usize, seed: u64) -> Vec<f32> {
     (0..n as u64).map(|i| stream.normal(i)).collect()
 }
 
+fn on_threads<R: Send>(threads: usize, job: impl FnOnce() -> R + Send) -> R {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool of threads").install(job)
+}
+
+/// Checks the results, and prints what else sets the libraries apart.
+fn compare() {
+    for size in SIZES {
+        let [m, k, n] = size;
+        let (a, b) = (noise(m * k, 1), noise(k * n, 2));
+        let result = |threads, product: Product| {
+            on_threads(threads, || {
+                let mut c = vec![f32::NAN; m * n];
+                product(size, &a, &b, &mut c);
+                c
+            })
+        };
+        let expected = result(1, weaver);
+        for (name, product) in LIBRARIES {
+            let one = result(1, product);
+            let error = one.iter().zip(&expected).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
+            assert!(error < 1e-5 * k as f32, "{name} differs by {error} at {size:?}");
+            let same = [2, 3].iter().all(|threads| result(*threads, product) == one);
+            let allocations = on_threads(1, || {
+                let mut c = vec![0.0; m * n];
+                product(size, &a, &b, &mut c);
+                allocation_counter::measure(|| product(size, &a, &b, &mut c)).count_total
+            });
+            let bits = if same { "the same bits" } else { "other bits" };
+            println!("{name} {m}x{k}x{n}: {bits} on more threads, {allocations} allocations in a repeated call");
+        }
+    }
+}
+
 fn main() {
+    compare();
     let mut criterion = Criterion::default()
         .sample_size(20)
         .warm_up_time(Duration::from_millis(500))
@@ -88,15 +123,6 @@ fn main() {
         for size in SIZES {
             let [m, k, n] = size;
             let (a, b) = (noise(m * k, 1), noise(k * n, 2));
-            let products = LIBRARIES.map(|(_, product)| {
-                let mut c = vec![f32::NAN; m * n];
-                pool.install(|| product(size, &a, &b, &mut c));
-                c
-            });
-            for (name, c) in LIBRARIES.iter().map(|(name, _)| name).zip(&products) {
-                let error = c.iter().zip(&products[0]).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
-                assert!(error < 1e-5 * k as f32, "{name} differs by {error} at {size:?}");
-            }
             let mut c = vec![0.0; m * n];
             group.throughput(Throughput::Elements(2 * (m * n * k) as u64));
             for (name, product) in LIBRARIES {
