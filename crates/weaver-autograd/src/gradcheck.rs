@@ -155,9 +155,12 @@ struct Mode {
     alias: Option<(usize, usize)>,
 }
 
+/// A function from tensors to tensors.
+type Function<'a> = dyn for<'t> Fn(&[Var<'t, f64>]) -> Vec<Var<'t, f64>> + 'a;
+
 struct Check<'a> {
     options: Options,
-    f: &'a dyn for<'t> Fn(&[Var<'t, f64>]) -> Vec<Var<'t, f64>>,
+    f: &'a Function<'a>,
 }
 
 impl Check<'_> {

@@ -52,7 +52,7 @@ pub enum Phase {
     /// The forward call of an op.
     Forward,
     /// A forward call repeated during the backward pass of a [`checkpoint`](crate::ops::checkpoint), whose event contains it.
-    Again,
+    Recompute,
     /// The backward call of an op.
     Backward,
     /// A part given to [`Tape::timed`](crate::Tape::timed), which may contain ops.

@@ -31,7 +31,9 @@ use weaver_kernels::simd;
 /// Runs one command line, the program's name first, and returns the exit code: 0 fine, 1 error, 2 usage.
 pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console, interrupt: &Interrupt) -> u8 {
     let result = match CommandLine::try_parse_from(arguments) {
-        Ok(line) => simd::wanted().map_err(Failure::Usage).and_then(|_| dispatch(line.command, console, interrupt)),
+        Ok(line) => {
+            simd::requested_level().map_err(Failure::Usage).and_then(|_| dispatch(line.command, console, interrupt))
+        }
         Err(error) if error.use_stderr() => {
             console.note(error.render().to_string().trim_end());
             return 2;

@@ -1,6 +1,6 @@
 //! Layer normalization over the last dimension (Ba, Kiros and Hinton 2016).
 
-use crate::lanes::rows::{ROWS_AT_ONCE, rows_of, rows_of_mut, totals};
+use crate::lanes::rows::{GROUP, rows_of, rows_of_mut, totals};
 use crate::lanes::{self, LANES, LaneKernel, LaneMask, Lanes};
 use crate::parallel::{for_chunks, for_chunks2};
 use crate::target::{Target, put};
@@ -72,16 +72,9 @@ impl<T: Real> LaneKernel<T> for Forward<'_, T> {
     #[inline(always)]
     fn run<V: Lanes<Scalar = T>>(self) {
         let Self { cols, eps, x, affine, y, stats } = self;
-        let together = stats.len() / (2 * ROWS_AT_ONCE) * ROWS_AT_ONCE;
-        for row in (0..together).step_by(ROWS_AT_ONCE) {
-            forward::<V, ROWS_AT_ONCE>(
-                cols,
-                eps,
-                &x[row * cols..],
-                affine,
-                &mut y[row * cols..],
-                &mut stats[2 * row..],
-            );
+        let together = stats.len() / (2 * GROUP) * GROUP;
+        for row in (0..together).step_by(GROUP) {
+            forward::<V, GROUP>(cols, eps, &x[row * cols..], affine, &mut y[row * cols..], &mut stats[2 * row..]);
         }
         for row in together..stats.len() / 2 {
             forward::<V, 1>(cols, eps, &x[row * cols..], affine, &mut y[row * cols..], &mut stats[2 * row..]);
@@ -243,11 +236,11 @@ impl<T: Real> LaneKernel<T> for Backward<'_, T> {
         let Self { cols, x, w, stats, dy, mut dx, scratch } = self;
         scratch.fill(T::ZERO);
         let rows = x.len() / cols;
-        let together = rows / ROWS_AT_ONCE * ROWS_AT_ONCE;
-        for row in (0..together).step_by(ROWS_AT_ONCE) {
+        let together = rows / GROUP * GROUP;
+        for row in (0..together).step_by(GROUP) {
             let dx = dx.as_mut().map(|(dx, beta)| (&mut dx[row * cols..], *beta));
             let part = row * cols;
-            backward::<V, ROWS_AT_ONCE>(cols, &x[part..], w, &stats[2 * row..], &dy[part..], dx, scratch);
+            backward::<V, GROUP>(cols, &x[part..], w, &stats[2 * row..], &dy[part..], dx, scratch);
         }
         for row in together..rows {
             let dx = dx.as_mut().map(|(dx, beta)| (&mut dx[row * cols..], *beta));

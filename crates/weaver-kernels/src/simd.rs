@@ -29,17 +29,17 @@ pub enum Level {
 ///
 /// # Panics
 ///
-/// If `WEAVER_SIMD` has another value; [`wanted`] checks it without a panic.
+/// If `WEAVER_SIMD` has another value; [`requested_level`] checks it without a panic.
 #[inline]
 pub fn level() -> Level {
     static LEVEL: OnceLock<Level> = OnceLock::new();
-    *LEVEL.get_or_init(|| wanted().unwrap_or_else(|error| panic!("{error}")).min(supported()))
+    *LEVEL.get_or_init(|| requested_level().unwrap_or_else(|error| panic!("{error}")).min(supported()))
 }
 
 /// The instruction set that `WEAVER_SIMD` asks for, or the best one if the variable is not set.
 ///
 /// Programs call this at the start, to report a wrong value as an error.
-pub fn wanted() -> Result<Level, String> {
+pub fn requested_level() -> Result<Level, String> {
     match std::env::var("WEAVER_SIMD").as_deref() {
         Ok("portable") => Ok(Level::Portable),
         Ok("avx2") => Ok(Level::Avx2),

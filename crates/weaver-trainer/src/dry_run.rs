@@ -174,7 +174,7 @@ fn chrome_events(stage: &str, process: usize, parts: &[(&str, Duration)], tape: 
     }
     for event in tape.trace() {
         // What is computed again is computed on the way back, inside the event of its checkpoint.
-        let thread = if matches!(event.phase, Phase::Backward | Phase::Again) { 2 } else { 1 };
+        let thread = if matches!(event.phase, Phase::Backward | Phase::Recompute) { 2 } else { 1 };
         events.push(span(event.name, thread, event.start, event.duration, &event.path));
     }
     events

@@ -51,11 +51,11 @@ impl<T: Real> Tape<T> {
         if let Some(profile) = &mut *self.profile.borrow_mut() {
             match phase {
                 Phase::Backward => profile.backward(name, duration),
-                Phase::Forward | Phase::Again | Phase::Part => profile.forward(name, duration),
+                Phase::Forward | Phase::Recompute | Phase::Part => profile.forward(name, duration),
             }
         }
         if let Some(trace) = &mut *self.tracer.trace() {
-            let phase = if self.again && phase == Phase::Forward { Phase::Again } else { phase };
+            let phase = if self.again && phase == Phase::Forward { Phase::Recompute } else { phase };
             trace.add(name, path, phase, began, duration);
         }
     }

@@ -252,7 +252,7 @@ fn a_trace_shows_what_is_inside_a_checkpoint() {
         ("checkpoint", "head", Phase::Forward),
         ("sum", "", Phase::Forward),
         ("sum", "", Phase::Backward),
-        ("Silu", "head.block", Phase::Again),
+        ("Silu", "head.block", Phase::Recompute),
         ("Silu", "head.block", Phase::Backward),
         ("checkpoint", "head", Phase::Backward),
     ];

@@ -3,7 +3,7 @@
 use super::{LANES, Lanes, split};
 
 /// Number of rows processed together.
-pub const ROWS_AT_ONCE: usize = 4;
+pub const GROUP: usize = 4;
 
 /// The whole vectors of a row.
 type Whole<'a, T> = &'a [[T; LANES]];
