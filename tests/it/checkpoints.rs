@@ -62,7 +62,8 @@ fn of_another_preset() {
 fn of_another_size() {
     let folder = Run::shared().copy();
     edit(&folder.path().join("config.toml"), |t| t.replace("sh_degree = 0", "sh_degree = 1"));
-    splatweaver(&[&"eval", &"--run", &folder.path()]).refused(1, &["checkpoint.safetensors", "tensor", "expected"]);
+    splatweaver(&[&"eval", &"--run", &folder.path()])
+        .refused(1, &["checkpoint.safetensors", "metadata model", "expected"]);
 }
 
 #[test]

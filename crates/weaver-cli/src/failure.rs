@@ -69,6 +69,9 @@ fn explained(error: &(dyn Error + 'static)) -> Option<(u8, String)> {
     };
     match inference? {
         Inference::NoBudget { .. } => Some((2, format!("--{error}"))),
+        Inference::ImageSize { patch, side } => {
+            Some((2, format!("--size: expected multiples of {patch}, found {side}")))
+        }
         Inference::Memory { gaussians, .. } => {
             let third =
                 if *gaussians { "--geometry (cameras, depth and points only)" } else { "closing other programs" };

@@ -115,16 +115,20 @@ impl Checkpoint {
     /// # Errors
     /// Names the first tensor that is missing, of another shape, or of no parameter.
     pub fn fill(&self, params: &mut Params<f32>, set: WeightSet) -> Result<(), Error> {
-        let prefix = set.prefix();
         let ids: Vec<ParamId> = params.ids().collect();
         for id in ids {
-            let (key, shape) = (format!("{prefix}.{}", params.get(id).name()), params.get(id).shape());
-            let values = self.tensors.values::<f32>(&key, shape.dims())?.to_vec();
-            params.set(id, ParamValues::Owned(Arc::new(values)));
+            let (name, shape) = (params.get(id).name().to_string(), params.get(id).shape());
+            // A file in which either set is damaged is not to be trusted.
+            for checked in [WeightSet::Trained, WeightSet::Averaged] {
+                let values = self.tensors.values::<f32>(&format!("{}.{name}", checked.prefix()), shape.dims())?;
+                if checked == set {
+                    params.set(id, ParamValues::Owned(Arc::new(values.to_vec())));
+                }
+            }
         }
-        let prefix = format!("{prefix}.");
-        let known = |key: &&String| key.strip_prefix(&prefix).is_some_and(|name| params.find(name).is_none());
-        match self.tensors.tensors.keys().find(known) {
+        let prefix = format!("{}.", set.prefix());
+        let unknown = |key: &&String| key.strip_prefix(&prefix).is_some_and(|name| params.find(name).is_none());
+        match self.tensors.tensors.keys().find(unknown) {
             Some(key) => Err(self.wrong(format!("tensor {key}: expected no such tensor in this model"))),
             None => Ok(()),
         }

@@ -18,6 +18,14 @@ pub enum Error {
         /// The budget that was given.
         budget: f64,
     },
+    /// An image size that is not made of whole patches.
+    #[error("image size: expected multiples of {patch}, found {side}")]
+    ImageSize {
+        /// Side of a patch, pixels.
+        patch: usize,
+        /// The side that does not fit, pixels.
+        side: usize,
+    },
     /// A file could not be read or written.
     #[error(transparent)]
     Io(#[from] weaver_io::Error),

@@ -101,7 +101,7 @@ pub fn run(
     let config = opened.config.clone();
     let size = options.size.unwrap_or([config.height, config.width]);
     if let Some(side) = size.iter().find(|side| **side == 0 || !side.is_multiple_of(config.patch)) {
-        return Err(Error::Input(format!("image size: expected multiples of {}, found {side}", config.patch)));
+        return Err(Error::ImageSize { patch: config.patch, side: *side });
     }
     let size = photos::size_of(images, size, config.patch, options.fit)?;
     let gaussians = opened.has_gaussians;

@@ -65,6 +65,24 @@ impl TrainingState<'_> {
         Ok(tensors.write(path)?)
     }
 
+    /// Checks that a checkpoint is one of a run with this configuration.
+    ///
+    /// # Errors
+    /// Names the entry that differs.
+    pub fn check<R: Recipe>(checkpoint: &Checkpoint, config: &Config<R>) -> Result<(), Error> {
+        let found = checkpoint.tensors().metadata.get("preset").map_or("", String::as_str);
+        if found != config.preset {
+            let expected = &config.preset;
+            return Err(checkpoint.wrong(format!("metadata preset: expected `{expected}`, found `{found}`")).into());
+        }
+        let model: R::Model = checkpoint.model_config(R::ARCHITECTURE)?;
+        if model != config.model {
+            let message = "metadata model: expected the network of the run's configuration, found another";
+            return Err(checkpoint.wrong(message).into());
+        }
+        Ok(())
+    }
+
     /// Puts the state of a checkpoint back into a run.
     ///
     /// # Errors

@@ -248,7 +248,7 @@ impl<R: Recipe> Config<R> {
         for setting in settings {
             overlay::set(&mut tree, &schema, setting)?;
         }
-        let source = file.map_or("settings".into(), |f| f.display().to_string());
+        let source = file.map_or_else(|| settings.join(", "), |f| f.display().to_string());
         Self::from_tree(tree, &source)
     }
 

@@ -3,7 +3,7 @@
 use crate::evaluate::Options;
 use crate::{
     Config, DataConfig, DryRun, Error, Evaluation, EvaluationConfig, Observer, Recipe, Session, StepReport, Summary,
-    evaluate, scenes,
+    TrainingState, evaluate, scenes,
 };
 use std::fmt::Debug;
 use std::marker::PhantomData;
@@ -263,9 +263,9 @@ impl<R: Recipe> Architecture for Named<R> {
     fn open(&self, folder: &RunFolder) -> Result<OpenRun, Error> {
         let config = Config::<R>::read(&folder.config_path())?;
         let checkpoint = Checkpoint::read(&folder.checkpoint_path())?;
-        let model: R::Model = checkpoint.model_config(R::ARCHITECTURE)?;
+        TrainingState::check(&checkpoint, &config)?;
         let mut params = Params::new();
-        let network = Arc::new(R::build(&model, &mut params, config.seed));
+        let network = Arc::new(R::build(&config.model, &mut params, config.seed));
         checkpoint.fill(&mut params, WeightSet::Averaged)?;
         Ok(OpenRun {
             predictor: R::predictor(network, params, &config)?,

@@ -100,10 +100,7 @@ impl<R: Recipe> Session<R> {
     /// When it does not fit the configuration, or the data cannot be read.
     pub fn resume(config: Config<R>, checkpoint: &Path) -> Result<Self, Error> {
         let checkpoint = Checkpoint::read(checkpoint)?;
-        let model: R::Model = checkpoint.model_config(R::ARCHITECTURE)?;
-        if model != config.model {
-            return Err(checkpoint.wrong("metadata model: another network than the run's configuration has").into());
-        }
+        TrainingState::check(&checkpoint, &config)?;
         let mut session = Self::new(config)?;
         TrainingState::restore(&checkpoint, &mut session.params, &mut session.optimizer, &mut session.ema)?;
         session.step = checkpoint.step;
