@@ -4,3 +4,8 @@
 #[cfg(doctest)]
 #[doc = include_str!("../../docs/add-an-op.md")]
 pub struct AddAnOp;
+
+/// The examples of docs/crates.md.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/crates.md")]
+pub struct Crates;

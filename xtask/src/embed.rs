@@ -50,14 +50,14 @@ fn examples(root: &Path, folder: &Path) -> Result<(), String> {
 
     println!("a run of two steps");
     let train = ["train", "--preset", "micro", "--steps", "2", "--out", &run.to_string_lossy()].map(String::from);
-    cargo_run(&["--release", "--package", "weaver-cli"], &train)?;
+    cargo_run(&["--package", "weaver-cli"], &train)?;
     for (name, arguments) in EXAMPLES {
         let path = |argument: &Argument| match argument {
             Argument::Run => &run,
             Argument::Out => &out,
         };
         let status = Command::new(env!("CARGO"))
-            .args(["run", "--quiet", "--release", "--bin", name, "--"])
+            .args(["run", "--quiet", "--bin", name, "--"])
             .args(arguments.iter().map(path))
             .current_dir(folder)
             .env("CARGO_TARGET_DIR", root.join("target/embedding"))
@@ -77,7 +77,8 @@ fn manifest(root: &Path) -> String {
     let dependencies: String = CRATES.iter().map(dependency).collect();
     format!(
         "[package]\nname = \"embedding\"\nversion = \"0.0.0\"\nedition = \"2024\"\n\n[workspace]\n\n\
-         [dependencies]\nflate2 = {{ version = \"1.1\", default-features = false, features = [\"rust_backend\"] }}\n{dependencies}"
+         [dependencies]\nflate2 = {{ version = \"1.1\", default-features = false, features = [\"rust_backend\"] }}\n{dependencies}\n\
+         [profile.dev]\nopt-level = 1\ndebug = false\n"
     )
 }
 

@@ -3,7 +3,7 @@
 use crate::cargo;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Random cases per property, where a test does not set its own number.
+/// Random cases per property; proptest draws 256 of itself. A test that takes long draws a part of them.
 const CASES: &str = "8192";
 
 pub fn run(arguments: &[String]) -> Result<(), String> {

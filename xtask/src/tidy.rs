@@ -34,6 +34,8 @@ struct Package {
     sources: Vec<Source>,
     /// The files below `tests`, `benches` and `examples`.
     tests: Vec<Source>,
+    /// Files of others that those include by `#[path]`.
+    borrowed: Vec<Source>,
     readme: String,
 }
 
@@ -99,7 +101,9 @@ fn read() -> Result<Workspace, String> {
         for part in ["tests", "it", "benches", "examples"] {
             tests.extend(sources::below(&root, &folder.join(part))?);
         }
+        let borrowed = sources::borrowed(&root, &tests)?;
         workspace.packages.push(Package {
+            borrowed,
             name: text(package, "name").into(),
             sources: sources::below(&root, &folder.join("src"))?,
             tests,

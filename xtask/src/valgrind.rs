@@ -71,7 +71,7 @@ fn memcheck(executable: &str, set: &str) -> Result<Option<i32>, String> {
     run.args(["--quiet", "--test-threads=1"]);
     run.args(SKIPPED.iter().flat_map(|part| ["--skip", part]));
     // Two threads are enough to share work; few random cases, each of which takes fifty times as long as usual.
-    let run = run.env("WEAVER_SIMD", set).env("RAYON_NUM_THREADS", "2").env("PROPTEST_CASES", "2");
+    let run = run.env("WEAVER_SIMD", set).env("RAYON_NUM_THREADS", "2").env("PROPTEST_CASES", "20");
     run.status().map(|status| status.code()).map_err(|e| format!("valgrind could not be started: {e}"))
 }
 

@@ -132,7 +132,7 @@ mod tests {
     use weaver_autograd::gradcheck::{Input, gradcheck};
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(12))]
+        #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 20))]
 
         #[test]
         fn gradient(n in 1..3usize, c in 1..5usize, h in 1..4usize, w in 1..4usize, seed in any::<u64>()) {

@@ -21,7 +21,7 @@ pub fn check(workspace: &Workspace, faults: &mut Vec<String>) {
         faults.push(format!("Cargo.lock: a dependency on a git revision: {line}"));
     }
     for package in &workspace.packages {
-        check_unused(package, faults);
+        check_unused(package, &workspace.others, faults);
         if !package.exempt() && !ABOVE.contains(&package.name.as_str()) {
             for name in outside(package).filter(|name| !OUTSIDE.contains(name)) {
                 let rule = format!("below the formats there are only {OUTSIDE:?}");
@@ -42,7 +42,10 @@ fn outside(package: &Package) -> impl Iterator<Item = &str> {
     normal.map(|d| text(d, "name")).filter(|name| !name.starts_with("weaver-"))
 }
 
-fn check_unused(package: &Package, faults: &mut Vec<String>) {
+fn check_unused(package: &Package, others: &[Source], faults: &mut Vec<String>) {
+    // Documents whose examples are compiled as tests of this package.
+    let included = |document: &&Source| package.sources.iter().any(|s| s.text.contains(&document.place));
+    let documents: Vec<&Source> = others.iter().filter(|o| o.place.starts_with("docs/")).filter(included).collect();
     for dependency in dependencies(package) {
         let name = dependency["rename"].as_str().unwrap_or_else(|| text(dependency, "name")).replace('-', "_");
         // A binary that tests start is found through the environment.
@@ -51,7 +54,9 @@ fn check_unused(package: &Package, faults: &mut Vec<String>) {
             package.sources.iter().any(|source| uses(&code(product(&source.text)), &name))
         } else {
             let here = |source: &Source| uses(&source.text, &name);
-            package.tests.iter().any(here) || package.sources.iter().any(here) || uses(&package.readme, &name)
+            let own =
+                package.tests.iter().chain(&package.borrowed).chain(&package.sources).chain(documents.iter().copied());
+            own.into_iter().any(here) || uses(&package.readme, &name)
         };
         if !used && !started {
             let kind = if dependency["kind"] == "dev" { "a dev-dependency" } else { "a dependency" };
@@ -136,6 +141,7 @@ mod tests {
             metadata: json!({"dependencies": dependencies}),
             sources: vec![file(source)],
             tests: vec![file(test)],
+            borrowed: Vec::new(),
             readme: String::new(),
         }
     }
@@ -147,7 +153,7 @@ mod tests {
         ]);
         let faults = |source: &str, test: &str| {
             let mut faults = Vec::new();
-            check_unused(&package(dependencies.clone(), source, test), &mut faults);
+            check_unused(&package(dependencies.clone(), source, test), &[], &mut faults);
             faults
         };
         assert_eq!(faults("use weaver_nn::Linear;\nfn f(x: half::f16) {}", "use proptest::prelude::*;"), [""; 0]);

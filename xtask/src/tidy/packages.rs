@@ -69,6 +69,7 @@ mod tests {
             }),
             sources: vec![lib("")],
             tests: Vec::new(),
+            borrowed: Vec::new(),
             readme: "```text\nx\n```\n".into(),
         };
         let mut faults = Vec::new();

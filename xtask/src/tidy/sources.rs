@@ -47,6 +47,23 @@ fn collect(root: &Path, base: &Path, folder: &Path, deep: bool, sources: &mut Ve
     Ok(())
 }
 
+/// The files that sources include by `#[path = "..."]`.
+pub fn borrowed(root: &Path, sources: &[Source]) -> Result<Vec<Source>, String> {
+    let mut borrowed = Vec::new();
+    for source in sources {
+        for line in source.text.lines() {
+            let path = line.trim().strip_prefix("#[path = \"").and_then(|rest| rest.strip_suffix("\"]"));
+            let folder = root.join(&source.place);
+            let (Some(path), Some(folder)) = (path, folder.parent()) else { continue };
+            let path = folder.join(path);
+            let text = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+            let place = path.display().to_string();
+            borrowed.push(Source { inside: place.clone(), place, text });
+        }
+    }
+    Ok(borrowed)
+}
+
 /// A rule on source text: a pattern, the crates that are free to use it, and what it is.
 struct Rule {
     patterns: &'static [&'static str],

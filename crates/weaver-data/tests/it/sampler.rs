@@ -63,7 +63,7 @@ fn uniform_and_every() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 4))]
 
     #[test]
     fn a_gap_is_bounded(frames in 1_usize..400, views in 1_usize..25, seed in any::<u64>()) {

@@ -21,7 +21,7 @@ fn parametrizations() -> impl Strategy<Value = Parametrization> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(12))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 20))]
 
     #[test]
     fn neighbor_ops(n in 0..7usize, m in 1..5usize, c in 1..4usize, cut in 0..3usize, seed in 0..1000u64) {

@@ -26,7 +26,7 @@ fn assert_near(found: &[f64], expected: &[f64]) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(8))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 32))]
 
     #[test]
     fn fusion_is_vector_attention(n in 1..14usize, k in 0..5usize, seed in 0..1000u64) {

@@ -16,7 +16,7 @@ fn cost(s: &Similarity, from: &[DVec3], to: &[DVec3]) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 10))]
 
     #[test]
     fn recovers_the_transform(truth in similarity(), poses in proptest::collection::vec(pose(), 4..9)) {

@@ -5,7 +5,7 @@ use weaver_geometry::pose_code::{TANGENT_OFFSET, decode, encode};
 use weaver_geometry::{Camera, Intrinsics, NotRigid, Pose, axes};
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 10))]
 
     #[test]
     fn inverse_and_compose(a in pose(), b in pose(), x in vector(3.0)) {

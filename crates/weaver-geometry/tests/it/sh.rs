@@ -49,7 +49,7 @@ fn signs_of_the_reference() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(16))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 16))]
 
     #[test]
     fn gradient_is_the_slope_along_the_sphere(direction in unit(), toward in unit()) {

@@ -4,7 +4,7 @@ use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::trajectory::{between, look_at, orbit, through};
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 10))]
 
     #[test]
     fn looks_at(eye in vector(3.0), target in vector(3.0), up in unit()) {

@@ -23,7 +23,7 @@ impl Write for FailsAfter<'_> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(16))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 16))]
 
     #[test]
     fn a_failing_writer_leaves_the_old_file(room in 0usize..40_000) {

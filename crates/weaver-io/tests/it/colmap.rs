@@ -122,7 +122,7 @@ fn damage(folder: &Path, extension: &str, file: usize, at: f64, byte: u8, keep: 
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 10))]
 
     #[test]
     fn hostile_files_never_panic(file in 0usize..3, at in 0.0..1.0f64, byte in any::<u8>(), keep in 0.0..1.0f64) {

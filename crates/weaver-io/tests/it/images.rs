@@ -94,7 +94,7 @@ fn lanczos_reference(image: &Image, width: usize, height: usize, [x0, y0, x1, y1
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(16))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 16))]
 
     #[test]
     fn lanczos_is_the_filter_by_definition(

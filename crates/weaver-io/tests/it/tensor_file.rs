@@ -62,7 +62,7 @@ fn files_of_another_length_are_refused() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 4))]
 
     #[test]
     fn hostile_bytes_are_an_error_or_tensors(at in 0..400_usize, byte: u8) {

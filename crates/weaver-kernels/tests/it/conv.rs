@@ -1,6 +1,6 @@
 //! Convolutions against the sum they are defined by; gradients as adjoints of it.
 
-use crate::{assert_close, noise, threads};
+use crate::{assert_close, noise, stressed, threads};
 use weaver_kernels::Real;
 use weaver_kernels::conv::*;
 
@@ -65,7 +65,7 @@ fn cases() -> Vec<Conv2dShape> {
         at += 1;
         weaver_kernels::random::Stream::new(5, 0, "conv.sizes").below(at, n) + 1
     };
-    for _ in 0..40 {
+    for _ in 0..if stressed() { 200 } else { 16 } {
         let k = [draw(4), draw(4)];
         let pad = draw(3) - 1;
         let hw = [k[0] + draw(9), k[1] + draw(9)];
@@ -94,14 +94,15 @@ fn agrees<T: Real>(s: &Conv2dShape, tolerance: f64) {
     let mut dx = vec![T::from_f64(f64::NAN); x.len()];
     conv2d_dx(s, &w, &dy, (&mut dx, T::ZERO), &mut scratch);
     let probe = |i| dot(&naive(s, &unit(x.len(), i), &wide(&w), None), &wide(&dy));
-    let step = x.len() / 60 + 1;
+    let probes = if stressed() { 60 } else { 12 };
+    let step = x.len() / probes + 1;
     for i in (0..x.len()).step_by(step) {
         assert_close(&dx[i..=i], &[probe(i)], tolerance, &format!("dx[{i}] {s:?}"));
     }
     let mut dw = vec![T::from_f64(f64::NAN); w.len()];
     conv2d_dw(s, &x, &dy, (&mut dw, T::ZERO), &mut vec![T::from_f64(f64::NAN); conv2d_dw_scratch_len::<T>(s)]);
     let probe = |i| dot(&naive(s, &wide(&x), &unit(w.len(), i), None), &wide(&dy));
-    let step = w.len() / 60 + 1;
+    let step = w.len() / probes + 1;
     for i in (0..w.len()).step_by(step) {
         assert_close(&dw[i..=i], &[probe(i)], tolerance, &format!("dw[{i}] {s:?}"));
     }

@@ -62,7 +62,8 @@ fn small_f64() {
 }
 
 /// Every size from 1 to 70 in all three dimensions together: windows of three large matrices of small integers, whose products are
-/// exact. The expected product grows with k.
+/// exact. The expected product grows with k. One in nine of them where nobody asks for more: each size of a dimension with some
+/// of the others.
 fn every_size<T: Real + PartialEq>() {
     const MOST: usize = 70;
     let integers = |seed| -> Vec<T> {
@@ -73,12 +74,13 @@ fn every_size<T: Real + PartialEq>() {
     let transposed = |x: &[T]| -> Vec<T> { (0..MOST * MOST).map(|i| x[i % MOST * MOST + i / MOST]).collect() };
     let (at, bt) = (transposed(&a), transposed(&b));
     let (mut expected, mut c) = (vec![T::ZERO; MOST * MOST], vec![T::ZERO; MOST * MOST]);
+    let all = crate::stressed();
     for k in 1..=MOST {
         for (i, e) in expected.iter_mut().enumerate() {
             *e += a[i / MOST * MOST + k - 1] * b[(k - 1) * MOST + i % MOST];
         }
         for m in 1..=MOST {
-            for n in 1..=MOST {
+            for n in (1..=MOST).filter(|n| all || (m + 2 * k + 4 * n) % 9 == 0) {
                 let window = |x, xt, rows, cols, transposed| match transposed {
                     false => Mat::new(x, rows, cols).with_row_stride(MOST),
                     true => Mat::new(xt, cols, rows).with_row_stride(MOST).transposed(),

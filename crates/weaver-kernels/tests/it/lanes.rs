@@ -103,7 +103,7 @@ fn check<T: Real>(seed: u64, mask: u16, level: Level) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 4, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn operations_are_those_of_scalars(seed: u64, mask: u16) {

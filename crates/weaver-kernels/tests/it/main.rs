@@ -20,6 +20,11 @@ use weaver_kernels::Real;
 use weaver_kernels::gemm::Mat;
 use weaver_kernels::random::Stream;
 
+/// Whether sweeps run in full, as `cargo xtask stress` wants them, and not on a sample.
+fn stressed() -> bool {
+    std::env::var_os("WEAVER_STRESS").is_some()
+}
+
 /// `n` numbers, normally distributed.
 fn noise<T: Real>(n: usize, seed: u64) -> Vec<T> {
     let stream = Stream::new(seed, 0, "kernels.test");

@@ -49,7 +49,7 @@ fn check(points: &[f32], k: usize) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 10))]
     #[test]
     fn all_pairs_agree(kind in 0..4usize, n in 1..300usize, k in 0..12usize, seed in 0..1000u64) {
         check(&points(kind, n, seed), k);

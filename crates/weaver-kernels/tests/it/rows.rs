@@ -13,7 +13,7 @@ fn indices(n: usize, rows: usize) -> Vec<u32> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 10))]
 
     #[test]
     fn gather_and_scatter(rows in 1..40usize, n in 0..90usize, cols in 0..9usize) {

@@ -10,7 +10,7 @@ fn image(seed: u64, shape: impl Into<Shape>) -> Input {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(12))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 20))]
 
     #[test]
     fn of_squared_errors(n in 1..4usize, h in 1..5usize, w in 1..5usize, seed in any::<u64>()) {

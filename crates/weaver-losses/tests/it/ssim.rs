@@ -24,7 +24,7 @@ fn slow_twin(a: &[f64], b: &[f64], [height, width]: [usize; 2], correction: f64)
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(8))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 32))]
 
     #[test]
     fn gradient(n in 1..3usize, h in 11..15usize, w in 11..15usize, sample in any::<bool>(), seed in any::<u64>()) {

@@ -13,7 +13,7 @@ fn wavelet() -> impl Strategy<Value = Wavelet> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(12))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 20))]
 
     #[test]
     fn gradients_with_respect_to_the_images(

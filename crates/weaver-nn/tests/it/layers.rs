@@ -156,7 +156,7 @@ where
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 8, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 32, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn block_gradients(batch in 1usize..3, tokens in 1usize..5, scaled: bool, normed: bool, seed: u64) {

@@ -56,7 +56,7 @@ fn any_cameras(seed: u64, count: usize) -> [Input; 2] {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 20, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn decoding(seed in 0u64..1_000_000, scenes in 0usize..3, views in 1usize..4) {

@@ -19,7 +19,7 @@ fn pose(code: &[f64]) -> Pose {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(12))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 20))]
 
     #[test]
     fn gradients(seed in 0u64..1_000_000, scenes in 0usize..3, views in 1usize..4) {

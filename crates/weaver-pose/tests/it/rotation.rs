@@ -38,7 +38,7 @@ fn unit<T: Real>(v: &[T]) -> Vec<f64> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(16))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 16))]
 
     #[test]
     fn gradients(seed in 0u64..1_000_000, count in 0usize..4) {

@@ -28,7 +28,7 @@ fn size() -> impl Strategy<Value = [usize; 3]> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 10))]
 
     #[test]
     fn budgets_are_met_exactly(size in size(), budget in 0.0..=1.0f64, gamma in 0.0..2.0f64, seed in 0..1000u64) {

@@ -7,7 +7,7 @@ use weaver_kernels::random::Stream;
 use weaver_router::{gate, gumbel_softmax_straight_through};
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(12))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 20))]
 
     #[test]
     fn gated_rows(rows in 0..5usize, width in 1..6usize, expert in 0..3usize, seed in 0..1000u64) {

@@ -37,7 +37,7 @@ fn position(channel: usize, channels: usize, [row, column]: [usize; 2], [h, w]: 
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(12))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 20))]
 
     #[test]
     fn position_signal(n in 0usize..3, quarter in 1usize..4, h in 1usize..5, w in 1usize..5, height in 1usize..9) {

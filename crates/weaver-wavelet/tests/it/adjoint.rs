@@ -10,7 +10,7 @@ fn wavelet() -> impl Strategy<Value = Wavelet> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 10))]
 
     #[test]
     fn adjoints(wavelet in wavelet(), n in 0..3usize, height in 1..9usize, width in 1..9usize, seed in any::<u64>()) {
