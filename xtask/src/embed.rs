@@ -77,7 +77,7 @@ fn manifest(root: &Path) -> String {
     let dependencies: String = CRATES.iter().map(dependency).collect();
     format!(
         "[package]\nname = \"embedding\"\nversion = \"0.0.0\"\nedition = \"2024\"\n\n[workspace]\n\n\
-         [dependencies]\nflate2 = {{ version = \"1.1\", default-features = false, features = [\"rust_backend\"] }}\n{dependencies}\n\
+         [dependencies]\n{dependencies}\n\
          [profile.dev]\nopt-level = 1\ndebug = false\n"
     )
 }
