@@ -11,19 +11,20 @@
 //! filter; intrinsics follow exactly.
 
 mod crop;
-mod footage;
 mod nerf;
+mod photo;
 mod realestate;
 mod sparse;
 
 use crate::{Error, Scene, View};
 pub use crop::Crop;
-use footage::{Footage, Shot};
+use photo::{Photo, Photos};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics};
 use weaver_io::{Background, Image};
+use weaver_scene::Frame;
 
 /// Which views are kept from training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -66,24 +67,24 @@ impl Default for CaptureOptions {
 /// [`Scene::check_evaluation`].
 pub fn load(folder: impl AsRef<Path>, options: &CaptureOptions) -> Result<Scene, Error> {
     let folder = folder.as_ref();
-    let Footage { mut shots, points, split } = read_footage(folder)?;
-    if shots.is_empty() {
+    let Photos { mut photos, points, split } = read_photos(folder)?;
+    if photos.is_empty() {
         return Err(Error::unexpected(folder, "photos", "at least one", "none"));
     }
-    shots.sort_by(|a, b| a.file.cmp(&b.file));
+    photos.sort_by(|a, b| a.frame.path.cmp(&b.frame.path));
     if !(split && options.hold_out == HoldOut::Listed) {
         let step = match options.hold_out {
             HoldOut::Listed => 8,
             HoldOut::Every(step) => step,
             HoldOut::Nothing => 0,
         };
-        for (i, shot) in shots.iter_mut().enumerate() {
-            shot.held_out = step > 0 && i % step == 0;
+        for (i, photo) in photos.iter_mut().enumerate() {
+            photo.held_out = step > 0 && i % step == 0;
         }
     }
-    let developed: Vec<Result<(View, Vec<u32>), Error>> =
-        shots.par_iter().map(|shot| develop(shot, &points, options)).collect();
-    let (views, visible) = developed.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+    let loaded: Vec<Result<(View, Vec<u32>), Error>> =
+        photos.par_iter().map(|photo| load_photo(photo, &points, options)).collect();
+    let (views, visible) = loaded.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
     let name = folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy().into_owned();
     Ok(Scene { name, views, points, visible, scale: options.scene_scale })
 }
@@ -104,7 +105,7 @@ pub fn load_images(paths: &[PathBuf], width: usize, height: usize) -> Result<Vec
     images.into_iter().collect()
 }
 
-fn read_footage(folder: &Path) -> Result<Footage, Error> {
+fn read_photos(folder: &Path) -> Result<Photos, Error> {
     if !folder.is_dir() {
         let found = if folder.exists() { "a file" } else { "nothing" };
         return Err(Error::unexpected(folder, "capture", "a folder", found));
@@ -128,44 +129,48 @@ fn read_footage(folder: &Path) -> Result<Footage, Error> {
 }
 
 /// Reads a photo, brings it to the network's size, and finds the points it sees.
-fn develop(shot: &Shot, points: &[DVec3], options: &CaptureOptions) -> Result<(View, Vec<u32>), Error> {
+fn load_photo(photo: &Photo, points: &[DVec3], options: &CaptureOptions) -> Result<(View, Vec<u32>), Error> {
     let (width, height) = (options.width, options.height);
-    check_camera(shot)?;
-    let image = Image::read(&shot.file, Background::White)?;
-    if (image.width, image.height) != (shot.camera.width, shot.camera.height) {
-        let expected = format!("{}x{}, its camera's", shot.camera.width, shot.camera.height);
+    let frame = &photo.frame;
+    check_camera(frame)?;
+    let image = Image::read(&frame.path, Background::White)?;
+    if (image.width, image.height) != (frame.camera.width, frame.camera.height) {
+        let expected = format!("{}x{}, its camera's", frame.camera.width, frame.camera.height);
         let found = format!("{}x{}", image.width, image.height);
-        return Err(Error::unexpected(&shot.file, "image size", expected, found));
+        return Err(Error::unexpected(&frame.path, "image size", expected, found));
     }
     let crop = Crop::centered(image.width, image.height, width, height);
-    let camera = Camera { pose: shot.camera.pose, intrinsics: crop.intrinsics(&shot.camera.intrinsics), width, height };
-    let (visible, depth) = sight(&camera, points, &shot.track);
+    let camera =
+        Camera { pose: frame.camera.pose, intrinsics: crop.intrinsics(&frame.camera.intrinsics), width, height };
+    let (visible, depth) = visible_points(&camera, points, &photo.track);
     let view = View {
-        name: shot.name.clone(),
+        name: frame.name.clone(),
         image: crop.apply(&image),
         camera,
         depth: (!points.is_empty()).then_some(depth),
-        held_out: shot.held_out,
+        time: frame.time,
+        number: frame.number,
+        held_out: photo.held_out,
     };
     Ok((view, visible))
 }
 
-fn check_camera(shot: &Shot) -> Result<(), Error> {
-    let Camera { pose, intrinsics: Intrinsics { fx, fy, cx, cy }, .. } = shot.camera;
+fn check_camera(frame: &Frame) -> Result<(), Error> {
+    let Camera { pose, intrinsics: Intrinsics { fx, fy, cx, cy }, .. } = frame.camera;
     if !(pose.rotation.is_finite() && pose.translation.is_finite()) {
-        return Err(Error::unexpected(&shot.file, "pose", "finite numbers", format!("{pose:?}")));
+        return Err(Error::unexpected(&frame.path, "pose", "finite numbers", format!("{pose:?}")));
     }
     let valid = fx > 0.0 && fy > 0.0 && [fx, fy, cx, cy].iter().all(|x| x.is_finite());
     if !valid {
         let found = format!("fx {fx} fy {fy} cx {cx} cy {cy}");
-        return Err(Error::unexpected(&shot.file, "intrinsics", "finite numbers, focal lengths above 0", found));
+        return Err(Error::unexpected(&frame.path, "intrinsics", "finite numbers, focal lengths above 0", found));
     }
     Ok(())
 }
 
 /// Which tracked points lie inside the image and before the camera, and their depth at the pixels they fall
 /// into, the nearest where they share one.
-fn sight(camera: &Camera, points: &[DVec3], track: &[u32]) -> (Vec<u32>, Vec<f32>) {
+fn visible_points(camera: &Camera, points: &[DVec3], track: &[u32]) -> (Vec<u32>, Vec<f32>) {
     let mut visible = Vec::with_capacity(track.len());
     let mut depth = vec![0.0_f32; camera.width * camera.height];
     for &index in track {

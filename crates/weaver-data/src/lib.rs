@@ -13,7 +13,7 @@ mod tuple;
 
 pub use error::Error;
 pub use sampler::{bounded_gap, evaluation_tuples, every, training_tuple, uniform};
-pub use scene::{Posed, Scene, View};
+pub use scene::{NormalizedPoses, Scene, View};
 pub use tuple::Tuple;
 
 /// The example of the README, compiled and run.

@@ -61,12 +61,14 @@ pub fn scene(seed: u64, options: &ProceduralOptions) -> Scene {
             image: render::photograph(&world, camera),
             camera: *camera,
             depth: Some(render::depth(&world, camera)),
+            time: None,
+            number: None,
             // Not the first of four: every held-out camera then stands between training cameras.
             held_out: i % HOLD_OUT == 2,
         })
         .collect();
     let points: Vec<DVec3> =
-        views.iter().enumerate().flat_map(|(i, view)| marks(view, stream.fork(2 + i as u64))).collect();
+        views.iter().enumerate().flat_map(|(i, view)| surface_points(view, stream.fork(2 + i as u64))).collect();
     let visible = cameras
         .par_iter()
         .map(|camera| (0..points.len() as u32).filter(|&p| sees(&world, camera, points[p as usize])).collect())
@@ -90,7 +92,7 @@ fn set(name: &str, first_seed: u64, scenes: u64, width: usize, height: usize) ->
 }
 
 /// Surface points under random pixels of a view.
-fn marks(view: &View, stream: Stream) -> Vec<DVec3> {
+fn surface_points(view: &View, stream: Stream) -> Vec<DVec3> {
     let camera = &view.camera;
     let depth = view.depth.as_deref().unwrap_or_default();
     let to_world = camera.pose.inverse();

@@ -17,6 +17,10 @@ pub struct View {
     pub camera: Camera,
     /// Depth along the optical axis, `[height * width]`, scene units; 0 where unknown.
     pub depth: Option<Vec<f32>>,
+    /// When the photo was taken, where the capture says so, in its own unit.
+    pub time: Option<f64>,
+    /// A number that the capture gives to the photo, such as its exposure group.
+    pub number: Option<u64>,
     /// Kept from training, for evaluation.
     pub held_out: bool,
 }
@@ -38,7 +42,7 @@ pub struct Scene {
 
 /// The cameras of a [`Tuple`] in the frame and scale that training works in.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Posed {
+pub struct NormalizedPoses {
     /// Context then targets; the first is the identity.
     pub poses: Vec<Pose>,
     /// Factor from scene units to training units, for depths.
@@ -62,11 +66,11 @@ impl Scene {
 
     /// How far apart two views are: camera distance over the scene's median pairwise distance, plus the
     /// angle between them in radians.
-    pub fn nearness(&self, a: usize, b: usize) -> f64 {
-        self.nearness_over(self.median_distance(), a, b)
+    pub fn separation(&self, a: usize, b: usize) -> f64 {
+        self.separation_over(self.median_distance(), a, b)
     }
 
-    fn nearness_over(&self, median: f64, a: usize, b: usize) -> f64 {
+    fn separation_over(&self, median: f64, a: usize, b: usize) -> f64 {
         let (a, b) = (&self.views[a].camera.pose, &self.views[b].camera.pose);
         // Views that only turn on the spot differ by their angle alone.
         let distance = if median > 0.0 { a.center().distance(b.center()) / median } else { 0.0 };
@@ -92,19 +96,19 @@ impl Scene {
     pub fn nearest(&self, to: usize, among: &[usize], n: usize) -> Vec<usize> {
         let median = self.median_distance();
         let mut ranked: Vec<(f64, usize)> =
-            among.iter().filter(|&&v| v != to).map(|&v| (self.nearness_over(median, to, v), v)).collect();
+            among.iter().filter(|&&v| v != to).map(|&v| (self.separation_over(median, to, v), v)).collect();
         ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         ranked.into_iter().take(n).map(|(_, v)| v).collect()
     }
 
-    /// The training view with the smallest mean nearness to the other training views: the scene's own frame.
+    /// The training view with the smallest mean separation to the other training views: the scene's own frame.
     ///
     /// # Panics
     /// If the scene has no training views; see [`Scene::check_training`].
     pub fn central_view(&self) -> usize {
         let median = self.median_distance();
         let training = self.training_views();
-        let total = |v: usize| training.iter().map(|&w| self.nearness_over(median, v, w)).sum::<f64>();
+        let total = |v: usize| training.iter().map(|&w| self.separation_over(median, v, w)).sum::<f64>();
         let ranked = training.iter().map(|&v| (total(v), v));
         let central = ranked.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         central.expect("a scene with training views").1
@@ -117,7 +121,7 @@ impl Scene {
     ///
     /// # Errors
     /// [`Error::Scale`] if neither points nor a positive `scale` tell how large the scene is.
-    pub fn normalized(&self, tuple: &Tuple) -> Result<Posed, Error> {
+    pub fn normalized(&self, tuple: &Tuple) -> Result<NormalizedPoses, Error> {
         let reference = self.views[tuple.context[0]].camera.pose;
         let unit = self.mean_distance(reference.center(), &tuple.context).or(self.scale);
         let unit = unit.filter(|unit| unit.is_finite() && *unit > 0.0).ok_or_else(|| Error::Scale {
@@ -134,7 +138,7 @@ impl Scene {
                     .map(|&v| self.views[v].camera.pose.relative_to(&reference).scaled(scale)),
             )
             .collect();
-        Ok(Posed { poses, scale })
+        Ok(NormalizedPoses { poses, scale })
     }
 
     fn mean_distance(&self, from: DVec3, context: &[usize]) -> Option<f64> {

@@ -1,7 +1,7 @@
 //! A training example: the photos, cameras and depth of one tuple of views.
 
 use crate::{CameraMode, Error};
-use weaver_data::{Posed, Scene, Tuple};
+use weaver_data::{NormalizedPoses, Scene, Tuple};
 use weaver_geometry::{Camera, Pose};
 use weaver_inference::{CameraSource, Photos, push_planar};
 
@@ -44,13 +44,13 @@ impl Example {
                 let reference = scene.views[tuple.context[0]].camera.pose;
                 let views = tuple.context.iter().chain(&tuple.targets);
                 let poses = views.map(|&v| scene.views[v].camera.pose.relative_to(&reference)).collect();
-                Ok((Self::with(scene, tuple, &Posed { poses, scale: 1.0 }), false))
+                Ok((Self::with(scene, tuple, &NormalizedPoses { poses, scale: 1.0 }), false))
             }
             Err(error) => Err(error.into()),
         }
     }
 
-    fn with(scene: &Scene, tuple: Tuple, posed: &Posed) -> Self {
+    fn with(scene: &Scene, tuple: Tuple, posed: &NormalizedPoses) -> Self {
         let views: Vec<usize> = tuple.context.iter().chain(&tuple.targets).copied().collect();
         let mut images = Vec::new();
         let mut depth = Vec::new();

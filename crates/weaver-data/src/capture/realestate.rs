@@ -1,11 +1,11 @@
 //! Captures described by a RealEstate10K camera file.
 
-use super::footage::{Footage, Shot};
+use super::photo::{Photo, Photos};
 use crate::Error;
 use std::path::{Path, PathBuf};
-use weaver_geometry::Camera;
 use weaver_io::Image;
 use weaver_io::realestate::Clip;
+use weaver_scene::Frame;
 
 /// The camera file of a folder: `cameras.txt`, or a clip's own name, 16 hexadecimal digits and `.txt`.
 pub(super) fn camera_file(folder: &Path) -> Result<Option<PathBuf>, Error> {
@@ -17,11 +17,11 @@ pub(super) fn camera_file(folder: &Path) -> Result<Option<PathBuf>, Error> {
 }
 
 /// Frames in `images/`, or beside the camera file, named by their timestamps.
-pub(super) fn read(folder: &Path, cameras: &Path) -> Result<Footage, Error> {
+pub(super) fn read(folder: &Path, cameras: &Path) -> Result<Photos, Error> {
     let clip = Clip::read(cameras)?;
     let images = folder.join("images");
     let images = if images.is_dir() { images } else { folder.to_path_buf() };
-    let shots = clip.frames.iter().map(|frame| {
+    let photos = clip.frames.iter().map(|frame| {
         let name = frame.timestamp.to_string();
         let file = ["png", "jpg", "jpeg"]
             .map(|extension| images.join(format!("{name}.{extension}")))
@@ -33,8 +33,8 @@ pub(super) fn read(folder: &Path, cameras: &Path) -> Result<Footage, Error> {
             })?;
         // The file gives intrinsics as fractions of the image's size, so that they fit any.
         let (width, height) = Image::dimensions(&file)?;
-        let camera = Camera { pose: frame.pose, intrinsics: frame.intrinsics(width, height), width, height };
-        Ok(Shot { name, file, camera, held_out: false, track: Vec::new() })
+        let frame = Frame { path: file, ..frame.sized(width, height) };
+        Ok(Photo { frame, held_out: false, track: Vec::new() })
     });
-    Ok(Footage { shots: shots.collect::<Result<_, Error>>()?, points: Vec::new(), split: false })
+    Ok(Photos { photos: photos.collect::<Result<_, Error>>()?, points: Vec::new(), split: false })
 }

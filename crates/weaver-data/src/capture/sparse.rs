@@ -1,39 +1,26 @@
 //! Captures described by a COLMAP model, and the points of such a model.
 
-use super::footage::{Footage, Shot};
+use super::photo::{Photo, Photos};
 use crate::Error;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec3;
 use weaver_io::colmap::{ImageRecord, Model};
+use weaver_scene::Frame;
 
 /// Photos in `images/`, cameras and points in `sparse/0`.
-pub(super) fn read(capture: &Path) -> Result<Footage, Error> {
+pub(super) fn read(capture: &Path) -> Result<Photos, Error> {
     let model = Model::read(folder(capture))?;
     let index = index(&model);
     let photos = capture.join("images");
-    let shots = model
-        .images
-        .iter()
-        .map(|record| {
-            // Reading the model made sure that every image has its camera.
-            let camera = model.cameras[&record.camera_id];
-            Shot {
-                name: record.name.clone(),
-                file: photos.join(&record.name),
-                camera: Camera {
-                    pose: record.pose,
-                    intrinsics: camera.intrinsics,
-                    width: camera.width,
-                    height: camera.height,
-                },
-                held_out: false,
-                track: track(record, &index),
-            }
-        })
-        .collect();
-    Ok(Footage { shots, points: points(&model), split: false })
+    let photo = |(record, frame): (&ImageRecord, Frame)| Photo {
+        frame: Frame { path: photos.join(&record.name), ..frame },
+        held_out: false,
+        track: track(record, &index),
+    };
+    // Reading the model made sure that every image has its camera.
+    let photos = model.images.iter().zip(model.frames()).map(photo).collect();
+    Ok(Photos { photos, points: points(&model), split: false })
 }
 
 /// Where a capture keeps its model: `sparse/0`, or `sparse` itself.

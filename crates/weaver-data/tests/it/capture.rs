@@ -239,3 +239,21 @@ fn mistakes_in_sparse_models() {
     let message = error(folder.path());
     assert!(message.contains("images.bin") && message.contains("NaN"));
 }
+
+#[test]
+fn times_and_numbers_reach_the_views() {
+    let truth = scene(3, &SIZE);
+    let folder = tempfile::tempdir().unwrap();
+    write_photos(&truth, folder.path(), |i| format!("{i:02}.png"));
+    let frame = |(i, view): (usize, &weaver_data::View)| Frame {
+        time: Some(i as f64 / 10.0),
+        number: (i % 2 == 0).then_some(i as u64),
+        ..Frame::new(format!("{i:02}.png"), view.camera)
+    };
+    let frames = truth.views.iter().enumerate().map(frame).collect();
+    Transforms { frames, ..Transforms::default() }.write(folder.path().join("transforms.json")).unwrap();
+    let scene = load(folder.path(), &OPTIONS).unwrap();
+    for (i, view) in scene.views.iter().enumerate() {
+        assert_eq!((view.time, view.number), (Some(i as f64 / 10.0), (i % 2 == 0).then_some(i as u64)));
+    }
+}

@@ -1,4 +1,4 @@
-//! Nearness, order, and the training frame, on cameras placed by hand.
+//! Separation, order, and the training frame, on cameras placed by hand.
 
 use weaver_data::{Scene, Tuple, View};
 use weaver_geometry::glam::{DMat3, DVec3};
@@ -18,6 +18,8 @@ pub fn view(name: &str, center: DVec3, turn: f64, held_out: bool) -> View {
             height: 3,
         },
         depth: None,
+        time: None,
+        number: None,
         held_out,
     }
 }
@@ -33,18 +35,18 @@ fn nearness_is_distance_over_the_median_plus_angle() {
     let mut scene = line(3);
     scene.views[2] = view("2", DVec3::X * 5.0, 0.3, false);
     // Pairwise distances 1, 5, 4: the median is 4.
-    assert!((scene.nearness(0, 1) - 0.25).abs() < 1e-12);
-    assert!((scene.nearness(0, 2) - (1.25 + 0.3)).abs() < 1e-12);
-    assert_eq!(scene.nearness(1, 2), scene.nearness(2, 1));
+    assert!((scene.separation(0, 1) - 0.25).abs() < 1e-12);
+    assert!((scene.separation(0, 2) - (1.25 + 0.3)).abs() < 1e-12);
+    assert_eq!(scene.separation(1, 2), scene.separation(2, 1));
     // An even number of pairs takes the middle of two: distances 1 1 1 2 2 3.
-    assert!((line(4).nearness(0, 3) - 2.0).abs() < 1e-12);
+    assert!((line(4).separation(0, 3) - 2.0).abs() < 1e-12);
 }
 
 #[test]
 fn cameras_that_only_turn_differ_by_their_angle() {
     let mut scene = line(2);
     scene.views[1] = view("1", DVec3::ZERO, 0.4, false);
-    assert!((scene.nearness(0, 1) - 0.4).abs() < 1e-12);
+    assert!((scene.separation(0, 1) - 0.4).abs() < 1e-12);
 }
 
 #[test]

@@ -1,15 +1,13 @@
 //! What every kind of capture comes down to before its photos are read.
 
-use std::path::PathBuf;
-use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec3;
+use weaver_scene::Frame;
 
 /// One photo and its camera, at the photo's own size.
 #[derive(Clone, Debug)]
-pub(super) struct Shot {
-    pub name: String,
-    pub file: PathBuf,
-    pub camera: Camera,
+pub(super) struct Photo {
+    /// Name, image file, camera, time and number.
+    pub frame: Frame,
     pub held_out: bool,
     /// Indices of the points it observes, ascending, each once.
     pub track: Vec<u32>,
@@ -17,9 +15,9 @@ pub(super) struct Shot {
 
 /// The photos and points of a capture.
 #[derive(Clone, Debug)]
-pub(super) struct Footage {
-    pub shots: Vec<Shot>,
+pub(super) struct Photos {
+    pub photos: Vec<Photo>,
     pub points: Vec<DVec3>,
-    /// Whether the capture itself says which shots are held out.
+    /// Whether the capture itself says which photos are held out.
     pub split: bool,
 }
