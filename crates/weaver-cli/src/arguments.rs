@@ -1,4 +1,4 @@
-//! What can be asked on the command line, and the help texts.
+//! The command line and its help texts.
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args, Parser, Subcommand};
@@ -7,7 +7,7 @@ use weaver_inference::Density;
 use weaver_router::AllocationKind;
 use weaver_trainer::CameraMode;
 
-/// More than any machine has; each costs memory.
+/// Upper limit on threads, each of which costs memory.
 const MOST_THREADS: i64 = 1024;
 
 /// The whole command line.
@@ -103,6 +103,7 @@ const CONFIGURATION: &str = "Configuration";
 const RUN: &str = "Run";
 const MEASURING: &str = "Measuring";
 const PUBLISHED: &str = "With --weights";
+const DENSITY: &str = "How many Gaussians, and where";
 
 /// Prints a preset's configuration as TOML, every key with its documentation.
 #[derive(Args, Debug)]
@@ -137,7 +138,7 @@ pub struct Eval {
     /// Context views for each held-out view [default: the run's]
     #[arg(long, value_name = "V", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub views: Option<u32>,
-    /// Whose cameras the context has [default: the run's]
+    /// Cameras of the context views [default: the run's]
     #[arg(long, value_parser = cameras())]
     pub cameras: Option<CameraMode>,
     #[command(flatten)]
@@ -205,13 +206,12 @@ pub struct Infer {
 
 /// Which pixels get Gaussians, and how many.
 #[derive(Args, Clone, Copy, Debug)]
-#[command(next_help_heading = "How many Gaussians, and where")]
 pub struct DensityFlags {
     /// Gaussians per pixel, 0 to 1, for dithered, grid and random [default: the run's]
-    #[arg(long, value_name = "G")]
+    #[arg(long, value_name = "G", help_heading = DENSITY)]
     pub budget: Option<f64>,
     /// sampled, argmax, dithered, grid, random or fixed:K [default: the run's]
-    #[arg(long, value_name = "A")]
+    #[arg(long, value_name = "A", help_heading = DENSITY)]
     pub allocation: Option<AllocationKind>,
 }
 
@@ -265,7 +265,7 @@ pub struct Render {
     pub threads: Threads,
 }
 
-/// Says what is in a file: images, PLY, splat, SPZ, safetensors, transforms.json, COLMAP, RealEstate10K.
+/// Describes a file: images, PLY, splat, SPZ, safetensors, transforms.json, COLMAP, RealEstate10K.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver info scene.ply
@@ -288,7 +288,7 @@ pub struct Bench {
     pub subject: Subject,
 }
 
-/// What is measured.
+/// What to measure.
 #[derive(Debug, Subcommand)]
 pub enum Subject {
     Raster(BenchRaster),
@@ -311,7 +311,7 @@ pub struct BenchRaster {
     /// The scene, a safetensors file
     #[arg(long, value_name = "F")]
     pub workload: Option<PathBuf>,
-    /// A made-up scene instead: N Gaussians with SH of degree 3 in W x H pixels, the same every time
+    /// A synthetic scene instead: N Gaussians with SH of degree 3 in W x H pixels, the same every time
     #[arg(long, value_name = "N,W,H", value_parser = synthetic)]
     pub synthetic: Option<Synthetic>,
     /// How often it is drawn; medians are over these
@@ -346,7 +346,7 @@ pub struct BenchEngine {
     pub threads: Threads,
 }
 
-/// The size of a made-up scene.
+/// The size of a synthetic scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Synthetic {
     pub gaussians: usize,
@@ -356,7 +356,7 @@ pub struct Synthetic {
 
 /// Turns a PyTorch checkpoint (.pt, .pth, .ckpt, .bin) into safetensors.
 ///
-/// Reads the numbers and nothing else: what such a file says to execute is not executed.
+/// Only the tensors are read; code in the file is never executed.
 #[derive(Args, Debug)]
 #[command(after_help = "Example:
   splatweaver convert-weights model.ckpt -o model.safetensors")]

@@ -1,4 +1,4 @@
-//! `splatweaver bench`: how fast the parts are on this machine, beside what it could do at most.
+//! `splatweaver bench`: speed of the main parts on this machine, beside the machine's own peak.
 
 mod dump;
 mod engine;
@@ -18,7 +18,7 @@ pub fn run(arguments: &Bench, console: &mut Console) -> Result<(), Failure> {
     }
 }
 
-/// The middle of some numbers, or the mean of the two in the middle. NaN of none.
+/// The median of some numbers; NaN for an empty list.
 fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.into_iter().collect();
     values.sort_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! Cameras from whatever file holds some.
+//! Cameras from any of the supported files.
 
 use crate::failure::Failure;
 use std::collections::BTreeSet;

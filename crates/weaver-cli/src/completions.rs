@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use clap::CommandFactory;
 
 pub fn run(arguments: &Completions, console: &mut Console) -> Result<(), Failure> {
-    // Through memory: the generator panics when its output does not take the bytes.
+    // Written to memory first: the generator panics when writing fails.
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut CommandLine::command(), "splatweaver", &mut script);
     console.print(&String::from_utf8_lossy(&script))

@@ -1,4 +1,4 @@
-//! Where a command prints to.
+//! The output streams of a command.
 
 use crate::failure::Failure;
 use std::io::Write;
@@ -14,13 +14,13 @@ pub struct Console<'a> {
 }
 
 impl Console<'_> {
-    /// A line of result.
+    /// Prints a line of the result on standard output.
     pub(crate) fn print(&mut self, text: &str) -> Result<(), Failure> {
         let written = writeln!(self.stdout, "{}", text.trim_end()).and_then(|()| self.stdout.flush());
         written.map_err(Failure::output)
     }
 
-    /// A line beside the result. When nobody reads it, that is no reason to stop working.
+    /// Prints a line on standard error. A failure to write it is ignored: the work goes on.
     pub(crate) fn note(&mut self, text: &str) {
         let _ = writeln!(self.stderr, "{text}");
     }

@@ -1,4 +1,4 @@
-//! Why a command did not do what was asked, and how that is told: one line, and an exit code.
+//! Failures of a command: a one-line message and an exit code.
 
 use std::error::Error;
 use std::io;
@@ -6,7 +6,7 @@ use std::io;
 /// Why a command stopped.
 #[derive(Debug)]
 pub enum Failure {
-    /// The arguments make no sense together: exit code 2.
+    /// Wrong usage: exit code 2.
     Usage(String),
     /// Something went wrong: exit code 1, or 2 where the arguments turn out not to fit together.
     Error(Box<dyn Error + Send + Sync>),
@@ -29,7 +29,7 @@ impl Failure {
         Self::Error(format!("standard output: {error}").into())
     }
 
-    /// Where a file or an argument was fine by itself, but not here.
+    /// A failure with this message and exit code 1.
     pub fn message(text: impl Into<String>) -> Self {
         Self::Error(text.into().into())
     }
@@ -55,7 +55,7 @@ impl Failure {
     }
 }
 
-/// The exit code and the message of errors that a flag can mend, in terms of the flags.
+/// The exit code and the message of library errors that are best explained in terms of flags.
 fn explained(error: &(dyn Error + 'static)) -> Option<(u8, String)> {
     use weaver_inference::Error as Inference;
     use weaver_trainer::Error as Training;
@@ -81,7 +81,7 @@ fn explained(error: &(dyn Error + 'static)) -> Option<(u8, String)> {
     }
 }
 
-/// The error and its causes, those left out that its text holds already, without line breaks and drawings.
+/// The error and its causes in one line, without causes that its text already contains and without decoration.
 fn joined(error: &dyn Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();

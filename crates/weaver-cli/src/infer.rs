@@ -40,7 +40,7 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
     console.print(&format!("{result}\noverview: {}", report.overview.display()))
 }
 
-/// Runs a published checkpoint while another thread shows how far it is.
+/// Runs a published checkpoint while another thread shows the progress.
 fn published(
     weights: &Path,
     images: &[PathBuf],
@@ -72,7 +72,7 @@ fn published(
             // Sending fails only when the receiving thread is gone, and then there is nothing to show.
             let _ = sender.send(progress);
         };
-        // Up to the first file, Ctrl-C ends at once and leaves nothing; from then on the files are written first.
+        // Before the first file is written, Ctrl-C ends the process at once; afterward, once all files are written.
         published::run(weights, images, &options, &arguments.out, tell, || {
             interrupt.watch();
         })
@@ -83,7 +83,7 @@ fn published(
     Ok(report)
 }
 
-/// The photos, folders replaced by what is in them.
+/// The photos, with folders replaced by the photos in them.
 fn photos(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let mut photos = Vec::new();
     for path in paths {

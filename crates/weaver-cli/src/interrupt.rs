@@ -1,4 +1,4 @@
-//! Ctrl-C: once to save and end, twice to end at once.
+//! Ctrl-C: the first saves and ends, the second ends at once.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 

@@ -1,6 +1,6 @@
 //! The `splatweaver` command line: arguments in, exit code out.
 //!
-//! [`run`] is the whole program but for the process around it (signals, panics), so that tests can call it.
+//! [`run`] is the whole program except for signals and panics, so that tests can call it.
 
 mod arguments;
 mod bench;
@@ -28,7 +28,8 @@ use failure::Failure;
 use std::ffi::OsString;
 use weaver_kernels::simd;
 
-/// Runs one command line, the program's name first, and returns the exit code: 0 fine, 1 error, 2 usage.
+/// Runs one command line, whose first argument is the program's name, and returns the exit code: 0 for success, 1 for an
+/// error, 2 for wrong usage.
 pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console, interrupt: &Interrupt) -> u8 {
     let result = match CommandLine::try_parse_from(arguments) {
         Ok(line) => {

@@ -6,7 +6,7 @@ use std::process::{self, ExitCode};
 use weaver_cli::{Console, Interrupt};
 
 static INTERRUPT: Interrupt = Interrupt::new();
-/// What shells report for a process that Ctrl-C ended.
+/// The exit code that shells report for a process ended by Ctrl-C.
 const INTERRUPTED: i32 = 130;
 
 fn main() -> ExitCode {
@@ -25,7 +25,7 @@ fn main() -> ExitCode {
         say(&format!("note: Ctrl-C will not save anything: {error}"));
     }
     #[cfg(unix)]
-    outlive_file_limits();
+    handle_file_size_limit();
     let (mut stdout, mut stderr) = (io::stdout(), io::stderr());
     let terminal = stderr.is_terminal();
     let mut console = Console { stdout: &mut stdout, stderr: &mut stderr, terminal };
@@ -33,10 +33,10 @@ fn main() -> ExitCode {
     ExitCode::from(panic::catch_unwind(run).unwrap_or(1))
 }
 
-/// A file that grows beyond the limit of the shell (`ulimit -f`) shall be an error of writing, with its name, as on a full
-/// disk; unheard, the signal would end the process without a word.
+/// Turns a file beyond the shell's size limit (`ulimit -f`) into an ordinary error of writing that names the file. Without a
+/// handler, the signal would end the process silently.
 #[cfg(unix)]
-fn outlive_file_limits() {
+fn handle_file_size_limit() {
     let heard = std::sync::Arc::default();
     if let Err(error) = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, heard) {
         say(&format!("note: a file beyond the shell's limit will end this process: {error}"));

@@ -1,11 +1,11 @@
-//! How far a command is: a bar on a terminal, a line every few seconds elsewhere.
+//! Progress of a command: a bar on a terminal, a line every few seconds elsewhere.
 
 use crate::Console;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::fmt::Write;
 use std::time::{Duration, Instant};
 
-/// Seconds between lines where there is no terminal.
+/// Time between lines where there is no terminal.
 const PAUSE: Duration = Duration::from_secs(5);
 const BAR: &str = "{prefix} {wide_bar} {pos}/{len}  {rate}  {eta} left  {msg}";
 
@@ -19,7 +19,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// At part `done` of `total`. `label` says of what.
+    /// Starts at part `done` of `total` of the job called `label`.
     pub fn new(label: &'static str, done: usize, total: usize, console: &Console) -> Self {
         let bar = console.terminal.then(|| {
             let bar = ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr_with_hz(8));
@@ -33,7 +33,7 @@ impl Progress {
         Self { label, bar, mark: (Instant::now(), done) }
     }
 
-    /// Now `done` of `total` parts are done; `note` is called only when there is something to show.
+    /// Shows that `done` of `total` parts are done; `note` is called only when something is shown.
     pub fn at(&mut self, done: usize, total: usize, note: impl FnOnce() -> String, console: &mut Console) {
         if let Some(bar) = &self.bar {
             bar.set_length(total as u64);
@@ -43,7 +43,7 @@ impl Progress {
         }
         let elapsed = self.mark.0.elapsed();
         if elapsed >= PAUSE && done > self.mark.1 {
-            // Over the last line's interval: stages of one run may differ a lot in cost.
+            // Measured over the last interval, since the stages of a run differ in cost.
             let rate = (done - self.mark.1) as f64 / elapsed.as_secs_f64();
             let left = duration(total.saturating_sub(done) as f64 / rate);
             console.note(&format!("{} {done}/{total}, {rate:.2}/s, {left} left  {}", self.label, note()));
@@ -51,7 +51,7 @@ impl Progress {
         }
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub fn finish(self) {
         if let Some(bar) = self.bar {
             bar.finish_and_clear();
@@ -60,11 +60,11 @@ impl Progress {
 }
 
 fn rate(state: &ProgressState, out: &mut dyn Write) {
-    // Into indicatif's own string, which takes everything.
+    // Writing to a string cannot fail.
     let _ = write!(out, "{:.2}/s", state.per_sec());
 }
 
-/// Seconds as people say them.
+/// A duration in seconds, minutes or hours.
 pub fn duration(seconds: f64) -> String {
     match seconds {
         s if s < 90.0 => format!("{s:.0} s"),

@@ -34,7 +34,7 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
     let stems = cameras::stems(&cameras);
     let jobs: Vec<_> = cameras.iter().zip(&stems).collect();
     let (mut done, mut waiting) = (0, Vec::new());
-    // All threads draw one picture after the other; those drawn before are written meanwhile, a thread for each.
+    // All threads draw one picture after the other, while earlier pictures are written, one per thread.
     for group in jobs.chunks(rayon::current_num_threads().min(MOST_WAITING)) {
         let draw = || -> Result<Vec<_>, Failure> {
             let mut drawn = Vec::new();
@@ -96,7 +96,7 @@ impl<'a> Output<'a> {
         self.video.as_mut().map_or(Ok(()), |video| pictures.iter().try_for_each(|(_, image)| video.push(image)))
     }
 
-    /// Says where everything is.
+    /// Prints where the results are.
     fn finish(self) -> Result<String, Failure> {
         let folder = self.folder.map(|folder| folder.display().to_string());
         let video = self.video.map(Video::finish).transpose()?.map(|path| path.display().to_string());
@@ -108,7 +108,7 @@ impl<'a> Output<'a> {
 /// first camera of our own scenes stands), -y up, with a field of view of 60 degrees. `None` when there is no scene.
 fn orbit(gaussians: &Gaussians, count: usize, size: Size) -> Option<Vec<Frame>> {
     let means: Vec<DVec3> = gaussians.means.iter().map(|m| DVec3::from(m.map(f64::from))).collect();
-    // Between the tenths, so that neither a dense floor nor a few far Gaussians pull the middle away.
+    // Halfway between the 10 % and 90 % quantiles, so that neither a dense floor nor outliers shift it.
     let axis = |of: fn(&DVec3) -> f64| {
         let tenth = |q| quantile(q, means.iter().map(of).collect());
         Some((tenth(0.1)? + tenth(0.9)?) / 2.0)

@@ -35,7 +35,7 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
     })?;
     let path = arguments.out.clone().unwrap_or_else(|| free_folder(Path::new("runs"), &config.preset));
     crate::in_pool(config.threads, || {
-        // The folder comes second: nothing is left behind when the data cannot be read.
+        // The folder is created second, so that nothing is left behind when the data cannot be read.
         let session = architecture.start(&config)?;
         if arguments.dry_run {
             return dry_run(session, &config, console);

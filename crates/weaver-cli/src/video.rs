@@ -1,4 +1,4 @@
-//! Pictures into a video, by the ffmpeg of the machine.
+//! Encodes pictures into a video with the installed ffmpeg.
 
 use crate::failure::Failure;
 use std::io::{ErrorKind, Read, Write};
@@ -7,14 +7,14 @@ use std::process::{Child, Command, Stdio};
 use std::thread::JoinHandle;
 use weaver_io::Image;
 
-/// A video that is being written. It takes its name when it is whole, and leaves nothing behind when it never is.
+/// A video that is being written: renamed into place when it is complete, removed otherwise.
 #[derive(Debug)]
 pub struct Video {
     path: PathBuf,
     /// Where ffmpeg writes.
     unfinished: PathBuf,
     ffmpeg: Child,
-    /// What ffmpeg says, read as it comes: a full pipe would stop it.
+    /// Messages of ffmpeg, read as they arrive, since a full pipe would block it.
     complaints: Option<JoinHandle<String>>,
 }
 
@@ -22,12 +22,12 @@ impl Video {
     /// A video of pictures of this size, `rate` of them a second.
     pub fn create(path: &Path, (width, height): (usize, usize), rate: f64) -> Result<Self, Failure> {
         let name = path.file_name().ok_or_else(|| Failure::Usage(format!("--video {}: not a file", path.display())))?;
-        // Its ending tells ffmpeg the format.
+        // The extension tells ffmpeg the format.
         let unfinished = path.with_file_name(format!(".weaver-{}-{}", std::process::id(), name.to_string_lossy()));
         let mut ffmpeg = Command::new("ffmpeg")
             .args(["-loglevel", "error", "-nostdin", "-y", "-f", "rawvideo", "-pixel_format", "rgb24"])
             .args(["-video_size", &format!("{width}x{height}"), "-framerate", &rate.to_string(), "-i", "pipe:0"])
-            // Players want halved colors, which want even sides.
+            // Players expect chroma at half resolution, which needs even sides.
             .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-movflags", "+faststart"])
             .arg(&unfinished)
             .stdin(Stdio::piped())
@@ -43,7 +43,7 @@ impl Video {
         let complaints = ffmpeg.stderr.take().map(|mut pipe| {
             std::thread::spawn(move || {
                 let mut text = Vec::new();
-                // What was said before a broken pipe is still worth telling.
+                // Messages from before a broken pipe are still reported.
                 let _ = pipe.read_to_end(&mut text);
                 String::from_utf8_lossy(&text).into_owned()
             })
@@ -51,12 +51,12 @@ impl Video {
         Ok(Self { path: path.to_owned(), unfinished, ffmpeg, complaints })
     }
 
-    /// Adds a picture, of the size of all.
+    /// Adds a picture; all have one size.
     pub fn push(&mut self, image: &Image) -> Result<(), Failure> {
         let pipe = self.ffmpeg.stdin.as_mut();
         let written = pipe.map_or(Err(ErrorKind::BrokenPipe.into()), |pipe| pipe.write_all(&image.to_bytes()));
         match written {
-            // It ended, and knows why.
+            // The process has ended; its messages say why.
             Err(error) if error.kind() == ErrorKind::BrokenPipe => self.end(),
             written => written.map_err(|error| Failure::message(format!("ffmpeg: {error}"))),
         }
@@ -69,7 +69,7 @@ impl Video {
         Ok(std::mem::take(&mut self.path))
     }
 
-    /// No more pictures: waits for ffmpeg, and passes on what it complains about.
+    /// Ends the input, waits for ffmpeg, and passes on its error messages.
     fn end(&mut self) -> Result<(), Failure> {
         drop(self.ffmpeg.stdin.take());
         let status = self.ffmpeg.wait().map_err(|error| self.failure(&error.to_string()))?;
@@ -88,7 +88,7 @@ impl Video {
 
 impl Drop for Video {
     fn drop(&mut self) {
-        // After a success there is nothing left to stop or to remove, and these fail, as they should.
+        // After a success there is nothing to stop or remove, and both calls fail harmlessly.
         let _ = self.ffmpeg.kill();
         let _ = self.ffmpeg.wait();
         let _ = std::fs::remove_file(&self.unfinished);

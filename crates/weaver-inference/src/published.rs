@@ -1,4 +1,4 @@
-//! Checkpoints of the published models at work: photos in, cameras, depth and Gaussians out.
+//! Runs the published checkpoints: photos in; cameras, depth and Gaussians out.
 
 mod estimate;
 mod load;
@@ -35,26 +35,26 @@ pub struct Options {
     pub density: Density,
     /// Seed of the router's noise.
     pub seed: u64,
-    /// Whether products with matrices in bf16 round the other factor, too, where the processor is faster at that.
+    /// Whether products with bf16 matrices round the other factor to bf16, too, where the processor is faster at that.
     pub bf16_products: bool,
 }
 
-/// How far a run is.
+/// Progress of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
-    /// What is being done.
+    /// The part that is running.
     pub stage: &'static str,
-    /// Work done and all work, in transformer blocks of one view.
+    /// Work done so far, in transformer blocks of one view.
     pub done: usize,
-    /// All of it.
+    /// All work of the run, in transformer blocks of one view.
     pub total: usize,
 }
 
-/// Transformer blocks of one view that the dense heads are worth, with and without the Gaussian head.
+/// Cost per view of the depth head and of the Gaussian head, in transformer blocks.
 const DENSE: [usize; 2] = [7, 13];
 
-/// Counts the parts of the network that are done, and tells `observer`. When the backbone is done, nine tenths of the weights
-/// have had their use, and the memory that they were looked at in goes back.
+/// Counts the finished parts of the network and reports them to `observer`. After the backbone, nine tenths of the weights
+/// are no longer needed, and their pages are released.
 fn watcher(
     config: &ModelConfig,
     views: usize,
@@ -83,11 +83,11 @@ fn watcher(
     }
 }
 
-/// Runs a checkpoint on photos and writes what comes out into `out`. `observer` hears how far it is; `writing` is called
-/// once, before the first file is written.
+/// Runs a checkpoint on photos and writes the results into the folder `out`. `observer` receives the progress; `writing` is
+/// called once, before the first file is written.
 ///
 /// # Errors
-/// When the checkpoint or the photos cannot be read or do not fit, memory will not do, or the output cannot be written.
+/// When the checkpoint or the photos cannot be read or do not fit, memory does not suffice, or the output cannot be written.
 pub fn run(
     weights: &Path,
     images: &[PathBuf],
@@ -125,7 +125,7 @@ pub fn run(
     Ok(Report { remarks, ..report })
 }
 
-/// What goes in, and where the results go.
+/// The inputs of a run, and where its results go.
 struct Scene<'a> {
     paths: &'a [PathBuf],
     photos: &'a [Image],
@@ -205,7 +205,7 @@ impl Scene<'_> {
         Ok(Report { gaussians: 0, gaussians_per_pixel: 0.0, psnr: None, remarks, overview })
     }
 
-    /// Writes points.ply; how many there are.
+    /// Writes points.ply and returns the number of points.
     fn write_points(&self, prediction: &Prediction, confidence: &[f32]) -> Result<usize, Error> {
         weaver_io::create_folder(self.out)?;
         let mut points = PointCloud::default();
@@ -215,7 +215,7 @@ impl Scene<'_> {
             let threshold = weaver_losses::quantile(&mut view.to_vec(), 1.0 - TRUSTED);
             for i in (0..pixels).filter(|i| view[*i] >= threshold) {
                 let depth = f64::from(prediction.depth[v * pixels + i]);
-                // Published networks take a pixel at its corner.
+                // The published networks place a pixel at its corner.
                 let pixel = DVec2::new((i % photo.width) as f64, (i / photo.width) as f64);
                 points.positions.push(camera.unproject(pixel, depth).as_vec3().to_array());
                 points.colors.push([0, 1, 2].map(|c| (photo.pixels[3 * i + c] * 255.0).round() as u8));
@@ -228,5 +228,5 @@ impl Scene<'_> {
 
 /// Share of the pixels of each view that become points: the most confident.
 const TRUSTED: f64 = 0.7;
-/// The budget that the published model was trained to, for ways to allocate that have one.
+/// The budget that the published model was trained to, for allocations that have one.
 const PUBLISHED_BUDGET: f64 = 0.3;

@@ -1,4 +1,4 @@
-//! From photos to a scene on disk: Gaussians, cameras, renders, depth and expert maps.
+//! From photo files to a scene on disk: Gaussians, cameras, renders, maps of depth and of Gaussians per pixel.
 
 use crate::pictures::{count_picture, depth_picture, row, stack};
 use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, push_planar};
@@ -77,7 +77,7 @@ pub fn reconstruct(
 }
 
 /// The remark on a single photo.
-pub(crate) const ONE_PHOTO: &str = "warning: one photo only: the scene has no second view to agree with";
+pub(crate) const ONE_PHOTO: &str = "warning: one photo only: depth rests on a single view";
 
 /// The figures of a scene.
 pub(crate) fn report(

@@ -1,4 +1,4 @@
-//! What an evaluation says: the numbers, as JSON and as a table.
+//! Results of an evaluation, as JSON and as a table.
 
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
@@ -52,12 +52,12 @@ pub struct Evaluation {
     pub scenes: Vec<SceneFigures>,
     /// Unweighted mean over scenes; views are summed.
     pub mean: SceneFigures,
-    /// What the reader should know beside the numbers.
+    /// Notes for the reader.
     #[serde(skip)]
     pub remarks: Vec<String>,
 }
 
-/// The mean of what is there; `None` when nothing is.
+/// The mean of the values that are present; `None` when none is.
 pub(crate) fn mean(values: impl IntoIterator<Item = Option<f64>>) -> Option<f64> {
     let (mut sum, mut count) = (0.0, 0usize);
     for value in values.into_iter().flatten() {
@@ -92,7 +92,7 @@ impl SceneFigures {
 }
 
 impl Evaluation {
-    /// A table for people.
+    /// The results as a text table.
     pub fn table(&self) -> String {
         let mut out = String::new();
         let allocation = self.allocation.as_ref().map_or(String::new(), |a| format!(", allocation {a}"));
@@ -134,7 +134,7 @@ impl Evaluation {
     }
 }
 
-/// What came out of a training run.
+/// The outcome of a training run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// The preset.

@@ -32,11 +32,11 @@ impl Example {
         Ok(Self::with(scene, tuple, &posed))
     }
 
-    /// The same without an error where nothing tells the scale: lengths are then the scene's own, and the second value
-    /// is false.
+    /// Gathers the views of a tuple for evaluation. Where the scale is unknown, lengths stay in the scene's own units and the
+    /// second value is false.
     ///
     /// # Errors
-    /// On any other fault of the scene.
+    /// When the tuple does not fit the scene.
     pub fn for_evaluation(scene: &Scene, tuple: Tuple) -> Result<(Self, bool), Error> {
         match scene.normalized(&tuple) {
             Ok(posed) => Ok((Self::with(scene, tuple, &posed), true)),

@@ -1,4 +1,4 @@
-//! What looks on while a model trains: logs, TensorBoard, sample pictures, the report. None of it changes the result.
+//! Observers of training: logs, TensorBoard, sample pictures, the report. None of them changes the result.
 
 mod metrics_log;
 mod report;
@@ -22,7 +22,7 @@ pub struct StepReport {
     pub loss: f32,
     /// Each loss before its weight, by name.
     pub terms: Vec<(String, f32)>,
-    /// Learning rate of the dense heads.
+    /// Learning rate of the stage at this step.
     pub rate: f32,
     /// Global norm of the gradient before clipping.
     pub gradient_norm: f32,
@@ -32,9 +32,9 @@ pub struct StepReport {
     pub seconds: f64,
 }
 
-/// Looks on while a model trains.
+/// Receives a report of every training step.
 pub trait Observer {
-    /// After every step.
+    /// Called after every step.
     ///
     /// # Errors
     /// When its output cannot be written; training then stops, after a checkpoint.

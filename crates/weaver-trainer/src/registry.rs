@@ -96,7 +96,7 @@ pub trait Training: Send {
     /// Steps done and steps planned.
     fn steps(&self) -> (usize, usize);
 
-    /// What is about to happen, for people.
+    /// A description of the run for people.
     fn plan(&self) -> String;
 
     /// See [`Session::trace_to`].

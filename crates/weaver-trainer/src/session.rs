@@ -34,7 +34,7 @@ pub struct Session<R: Recipe> {
     lpips: Option<Lpips<f32>>,
     /// Steps done.
     step: usize,
-    /// What is being measured, if anything is.
+    /// What is being measured, if anything.
     probe: Option<Probe>,
 }
 
@@ -65,7 +65,7 @@ impl<R: Recipe> Session<R> {
         for (index, scene) in scenes.iter().enumerate() {
             scene.check_training(config.data.context_views)?;
             if scene.points.is_empty() {
-                // Its scale must be given; better said before anything is written.
+                // The scale of such a scene must be configured: report it before anything is written.
                 let context = scene.training_views()[..config.data.context_views].to_vec();
                 scene.normalized(&Tuple { scene: index, context, targets: Vec::new() })?;
             }
@@ -143,8 +143,8 @@ impl<R: Recipe> Session<R> {
         self.probe = Some(Probe::trace(path));
     }
 
-    /// Does a little of all that a run does, to say what it will take: some steps of each stage, a checkpoint and a picture
-    /// in a folder that is not needed afterward, the evaluation of a scene.
+    /// Measures what the run will take: runs some steps of each stage, writes a checkpoint and a picture into a folder that is
+    /// not needed afterward, and evaluates one scene.
     ///
     /// # Errors
     /// As [`Session::train`].
@@ -171,7 +171,7 @@ impl<R: Recipe> Session<R> {
         Ok(DryRun { parameters, optimizer, average, tape: self.tape_bytes(), stages })
     }
 
-    /// What is about to happen, for people.
+    /// A description of the run for people.
     pub fn plan(&self) -> String {
         let views: usize = self.scenes.iter().map(|s| s.views.len()).sum();
         let [height, width] = R::image_size(&self.config.model);
@@ -346,7 +346,7 @@ impl<R: Recipe> Session<R> {
         if names.is_empty() { Ok(()) } else { Err(Error::MissingGradients { stage: stage.name.clone(), names }) }
     }
 
-    /// Trains to the end, or until `stop` is set, and writes everything that belongs into a run folder.
+    /// Trains to the end, or until `stop` is set, and writes the files of the run folder.
     ///
     /// # Errors
     /// When a loss diverges or something cannot be written. A checkpoint of an earlier step is never lost.

@@ -1,4 +1,4 @@
-//! What was drawn, and the gradients, as a file to compare with other implementations.
+//! Writes images and gradients to a file, for comparison with other implementations.
 
 use super::raster::Frame;
 use crate::failure::Failure;

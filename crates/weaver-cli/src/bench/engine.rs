@@ -48,7 +48,7 @@ struct Line {
 }
 
 impl Line {
-    /// Billions of operations per second, where arithmetic is what counts.
+    /// Billions of operations per second, for work bound by arithmetic.
     fn gflops(&self) -> Option<f64> {
         match self.work {
             Work::Operations(n) => Some(n / self.ms / 1e6),
@@ -56,7 +56,7 @@ impl Line {
         }
     }
 
-    /// Billions of bytes per second, where moving them is what counts.
+    /// Billions of bytes per second, for work bound by memory.
     fn gbs(&self) -> Option<f64> {
         match self.work {
             Work::Bytes(n) => Some(n / self.ms / 1e6),

@@ -1,4 +1,4 @@
-//! How much memory the process has taken.
+//! Peak memory of the process.
 
 /// The largest resident memory of this process so far, in millions of bytes; `None` where the system does not tell
 /// (it does on Linux).

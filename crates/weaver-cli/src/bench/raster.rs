@@ -26,7 +26,7 @@ pub fn run(arguments: &BenchRaster, console: &mut Console) -> Result<(), Failure
         (None, None) => return Err(Failure::Usage("expected --workload or --synthetic".into())),
     };
     let mut frame = Frame::new(&workload, arguments.dump.is_some());
-    // Untimed: memory is taken, and touched, once.
+    // An untimed run allocates and touches all memory.
     frame.draw()?;
     let threads = rayon::current_num_threads();
     let peak_gflops = peak::fma_gflops_f32(threads);
@@ -74,7 +74,7 @@ pub struct GradientBuffers {
     pub background: Vec<f32>,
 }
 
-/// What drawing once took.
+/// Times of drawing once.
 struct Sample {
     forward: Duration,
     /// Forward and backward; `None` without backward.
@@ -176,7 +176,7 @@ impl Report<'_> {
         ]
     }
 
-    /// Every frame is the same to the last bit.
+    /// Drawing again gives the same bits.
     fn stats(&self) -> RasterStats {
         self.samples.first().map(|sample| sample.stats).unwrap_or_default()
     }

@@ -1,4 +1,4 @@
-//! A scene to measure the rasterizer with: from a file, or made up.
+//! A scene to measure the rasterizer with: read from a file, or synthetic.
 
 use crate::arguments::Synthetic;
 use crate::failure::Failure;
@@ -11,13 +11,13 @@ use weaver_scene::{CameraSlices, Color, GaussianSlices};
 
 /// Largest width and height.
 const LARGEST: usize = 1 << 20;
-/// How far constants of a camera's matrices may be off: they may be results of arithmetic.
+/// Tolerance for the constant entries of a camera's matrices, which may be rounded.
 const ROUNDING: f32 = 1e-5;
 
 /// One view of Gaussians, and the gradients that arrive at its images.
 #[derive(Debug)]
 pub struct Workload {
-    /// The file, or what was made up.
+    /// The file's name, or a description of the synthetic scene.
     pub name: String,
     pub width: usize,
     pub height: usize,
@@ -127,7 +127,7 @@ impl Workload {
 
     /// A view full of Gaussians: depths uniform from 1.5 to 8, positions over 1.1 times the view, log-normal scales
     /// around 0.005 sqrt(10^6 / N), opacities sigmoid of normal numbers, spherical harmonics of degree 3 whose bands
-    /// halve. Always the same for the same numbers.
+    /// halve. The scene is determined by the three numbers.
     pub fn synthetic(scene: Synthetic, backward: bool) -> Self {
         const SEED: u64 = 3;
         const DEGREE: usize = 3;

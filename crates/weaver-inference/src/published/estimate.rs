@@ -1,4 +1,4 @@
-//! How much memory a scene will take, before any of it is taken.
+//! Estimates the memory that a scene will need.
 
 use super::Opened;
 use crate::Error;
@@ -15,7 +15,7 @@ pub fn bytes(opened: &Opened, views: usize, size: [usize; 2]) -> u64 {
     (opened.bytes() + dense).max(opened.bytes_after_backbone() + neighbors)
 }
 
-/// Of these, the part that is no weights: while the network looks at photos, and at Gaussians.
+/// Bytes of activations (without weights) while the network processes photos, and while Gaussians attend to their neighbors.
 pub fn activations(config: &ModelConfig, gaussians: bool, views: u64, [height, width]: [usize; 2]) -> [u64; 2] {
     const NUMBER: u64 = 4;
     let [height, width, patch, dim] = [height, width, config.patch, config.backbone.dim].map(|n| n as u64);
@@ -37,9 +37,9 @@ pub fn activations(config: &ModelConfig, gaussians: bool, views: u64, [height, w
     if !gaussians || !config.gaussians.neighbor_attention {
         return [dense, 0];
     }
-    // How many Gaussians there will be nobody knows; published scenes have fewer than 0.6 a pixel. Each has its pixel's
-    // features, what the experts say of it in several arrangements, and its projections for the attention. Pairs of neighbors
-    // are there for one part of the Gaussians at a time, in some six tensors. The pool's buffers are an eighth larger than
+    // The number of Gaussians is not known in advance; published scenes have fewer than 0.6 per pixel. Each has its pixel's
+    // features, its raw parameters in several layouts, and its projections for the attention. Pairs of neighbors exist for
+    // one chunk of the Gaussians at a time, in some six tensors. The pool's buffers are an eighth larger than
     // asked for, on average. Against what was measured at the published size, the larger of both parts with its weights is 17,
     // 20 and 20 % too much for 2, 4 and 8 photos; for a small network, where this part decides, 20 and 1 % for 8 and 16.
     let drawn = views * pixels * 6 / 10;
@@ -72,8 +72,8 @@ mod tests {
         assert!(check(5, Some(6), true).is_ok() && check(5, None, true).is_ok());
     }
 
-    /// What neighbors say to one another is there for a part of the Gaussians at a time: beyond that, memory grows with the
-    /// Gaussians, not with their pairs.
+    /// Pairs of neighbors exist for one chunk of the Gaussians at a time: memory grows with the number of Gaussians, not of
+    /// pairs.
     #[test]
     fn pairs_of_neighbors_are_not_all_there_at_once() {
         let mut config = ModelConfig::splatweaver_1b();

@@ -1,4 +1,4 @@
-//! Which network a checkpoint is of, and its weights where they lie.
+//! Recognizes a published checkpoint and maps its weights.
 
 use crate::Error;
 use std::path::Path;
@@ -10,26 +10,26 @@ use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_nn::Builder;
 use weaver_vggt::Vggt;
 
-/// What the names of published checkpoints may begin with.
+/// Prefixes of tensor names in published checkpoints.
 const PREFIXES: [&str; 5] = ["", "encoder.", "model.encoder.", "model.", "module."];
-/// A tensor by which such a checkpoint is known.
+/// A tensor that every such checkpoint has.
 const KNOWN_BY: &str = "aggregator.camera_token";
-/// Tensors that nothing here uses: an unused token, VGGT's heads for points and tracks, the copies that taught the network.
+/// Tensors that are ignored: an unused token, VGGT's point and track heads, the teacher networks of the distillation.
 const UNUSED: [&str; 4] = ["aggregator.patch_embed.mask_token", "point_head.", "track_head.", "distill_"];
 /// The entry of a file's metadata that holds the sizes of its network, where they are not the published ones.
 pub const CONFIG: &str = "splatweaver_model";
 
-/// A network in the sizes of a checkpoint.
+/// The network that a checkpoint is for.
 #[derive(Clone, Debug)]
 pub enum Network {
-    /// With Gaussians.
+    /// Cameras, depth and Gaussians.
     SplatWeaver(Box<SplatWeaver>),
-    /// Cameras and depth alone.
+    /// Cameras and depth only.
     Vggt(Box<Vggt>),
 }
 
 impl Network {
-    /// The part that both have.
+    /// Backbone, camera head and depth head, which every network has.
     pub fn vggt(&self) -> &Vggt {
         match self {
             Self::SplatWeaver(model) => model.vggt(),
@@ -38,12 +38,12 @@ impl Network {
     }
 }
 
-/// A checkpoint's network, not loaded yet.
+/// A recognized checkpoint whose weights are not loaded yet.
 #[derive(Debug)]
 pub struct Opened {
     weights: Weights,
     prefix: &'static str,
-    /// Its sizes.
+    /// The network's configuration.
     pub config: ModelConfig,
     /// Whether there are Gaussians.
     pub has_gaussians: bool,
@@ -55,8 +55,8 @@ fn wrong(path: &Path, message: impl Into<String>) -> Error {
 }
 
 impl Opened {
-    /// Opens a safetensors file, an index or a folder, and looks at the names. Without `gaussians` the Gaussian head is
-    /// left alone.
+    /// Opens a safetensors file, an index of several, or a folder, and recognizes the network by its tensors' names. Without
+    /// `gaussians` the Gaussian head is ignored.
     ///
     /// # Errors
     /// When it cannot be read or is a checkpoint of another model.
@@ -89,12 +89,12 @@ impl Opened {
         Ok(Self { weights, prefix, config, has_gaussians })
     }
 
-    /// Bytes of the weights that will be in use.
+    /// Bytes of the weights that the network uses.
     pub fn bytes(&self) -> u64 {
         self.weights.iter().filter(|w| !self.is_unused(w.name())).map(|w| w.bytes() as u64).sum()
     }
 
-    /// Of these, what is needed when the backbone is done.
+    /// Bytes of the weights that are used after the backbone.
     pub fn bytes_after_backbone(&self) -> u64 {
         let used = self.weights.iter().filter(|w| !self.is_unused(w.name()) && !w.name().contains("aggregator."));
         used.map(|w| w.bytes() as u64).sum()
@@ -105,7 +105,7 @@ impl Opened {
         &self.weights
     }
 
-    /// Whether a tensor is none of this network's, by its name.
+    /// Whether the network ignores the tensor with this name.
     fn is_unused(&self, name: &str) -> bool {
         let Some(name) = name.strip_prefix(self.prefix) else { return false };
         UNUSED.iter().any(|unused| name.starts_with(unused))
@@ -128,7 +128,7 @@ impl Opened {
         let ids: Vec<ParamId> = params.ids().collect();
         let mut found: Vec<Result<ParamValues<f32>, Fault>> = ids.iter().map(|_| Err(Fault::Missing)).collect();
         parallel::for_chunks(&mut found, 1, |i, found| found[0] = self.values(&params, ids[i], bf16_products));
-        // Every number was looked at. What is needed first comes back first, the rest when its turn comes.
+        // The check for finite numbers has read every page; release them until they are needed.
         self.weights.forget();
 
         let mut faults: [Vec<String>; 4] = Default::default();
@@ -158,7 +158,7 @@ impl Opened {
         if messages.is_empty() { Ok((network, params)) } else { Err(wrong(self.weights.path(), messages.join("; "))) }
     }
 
-    /// The numbers for a parameter.
+    /// The values for a parameter.
     fn values(&self, params: &Params<f32>, id: ParamId, bf16_products: bool) -> Result<ParamValues<f32>, Fault> {
         let param = params.get(id);
         let weight = self.weights.get(&format!("{}{}", self.prefix, param.name())).ok_or(Fault::Missing)?;
@@ -178,7 +178,7 @@ impl Opened {
             Storage::Bf16(slice) => HalfValues::Bf16(Arc::new(slice)),
             Storage::F16(slice) => HalfValues::F16(Arc::new(slice)),
         };
-        // Matrices are what layers multiply by; they alone are read in half precision.
+        // Only matrices are used in half precision: products widen them as they go.
         if shape.rank() == 2 {
             return Ok(ParamValues::Half(values));
         }
@@ -188,7 +188,7 @@ impl Opened {
     }
 }
 
-/// Why a parameter has no numbers.
+/// Why a parameter could not be loaded.
 enum Fault {
     Missing,
     Shape { expected: String, found: String },

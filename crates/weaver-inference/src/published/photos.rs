@@ -1,4 +1,4 @@
-//! Photos as the published networks expect them.
+//! Reads and resizes photos for the published networks.
 
 use crate::Error;
 use rayon::prelude::*;

@@ -13,7 +13,7 @@ pub struct MetricsLog {
 }
 
 impl MetricsLog {
-    /// Continues the log after `step` steps: lines of later steps, left by a session that died, are dropped.
+    /// Continues the log after `step` steps: lines of later steps, left by an interrupted session, are dropped.
     ///
     /// # Errors
     /// When the file cannot be read or written.
@@ -42,7 +42,7 @@ impl Observer for MetricsLog {
     }
 }
 
-/// Reads a log; a last line cut short by a crash is left out.
+/// Reads a log; an incomplete last line, as after a crash, is skipped.
 ///
 /// # Errors
 /// When the file cannot be read.

@@ -1,14 +1,14 @@
-//! How a piece of work is timed.
+//! Timing of a piece of work.
 
 use crate::bench::median;
 use std::time::{Duration, Instant};
 use weaver_autograd::{List, Params, Tape, Var};
 use weaver_kernels::random::Stream;
 
-/// How long one timing takes at least; what is shorter is repeated.
+/// Shortest duration of one timing; shorter work is repeated until it takes this long.
 const LEAST: Duration = Duration::from_millis(60);
 
-/// What a row is measured by.
+/// The amount of work in a row of the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Work {
     /// Additions and multiplications.
@@ -17,7 +17,7 @@ pub enum Work {
     Bytes(f64),
 }
 
-/// Times things.
+/// Times pieces of work.
 #[derive(Debug)]
 pub struct Meter {
     runs: usize,
@@ -56,7 +56,7 @@ impl Meter {
         })
     }
 
-    /// The same with the gradients of all inputs, from a given gradient of the result.
+    /// Milliseconds of the forward and backward pass: what `of` computes, and the gradients with respect to all inputs.
     pub fn forward_backward<const N: usize>(
         &self,
         shapes: [&[usize]; N],
@@ -73,7 +73,7 @@ impl Meter {
     }
 }
 
-/// Tensors that a tape takes without a copy.
+/// Tensors that a tape shares without copying them.
 struct Inputs {
     params: Params<f32>,
 }
@@ -95,7 +95,7 @@ impl Inputs {
     }
 }
 
-/// Normal numbers, the same for the same purpose.
+/// Normal random numbers, determined by `purpose`.
 pub fn normal(purpose: &str, len: usize) -> Vec<f32> {
     let stream = Stream::new(0, 0, purpose);
     (0..len as u64).map(|i| stream.normal(i)).collect()
