@@ -8,7 +8,7 @@ use std::time::Duration;
 use weaver_kernels::random::Stream;
 use weaver_scene::{CameraSlices, Color, GaussianSlices};
 use weaver_splat::{
-    Cotangents, Gradients, Images, RasterSettings, Stages, Target, Workspace, rasterize, rasterize_backward,
+    Cotangents, Gradients, Images, RasterSettings, Target, Timings, Workspace, rasterize, rasterize_backward,
 };
 
 /// Gaussians of about a pixel and a half in a frustum; plain arrays, reused by every iteration.
@@ -117,13 +117,13 @@ fn benches(c: &mut Criterion) {
     for (name, mut load) in cases {
         let mut group = c.benchmark_group(name);
         group.sample_size(10).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(1));
-        for (i, stage) in ["project", "bin and sort", "composite", "backward"].into_iter().enumerate() {
+        for (i, stage) in ["project", "sort and bin", "blend", "backward"].into_iter().enumerate() {
             group.bench_function(stage, |b| {
                 b.iter_custom(|times| {
                     let once = |_| {
                         load.run(stage == "backward");
-                        let Stages { project, bin, composite, backward } = load.workspace.stages();
-                        [project, bin, composite, backward][i]
+                        let Timings { project, bin, blend, backward } = load.workspace.timings();
+                        [project, bin, blend, backward][i]
                     };
                     (0..times).map(once).sum()
                 });

@@ -1,5 +1,6 @@
 //! Where gradients come from and where they go.
 
+use crate::statistics::GaussianStatistics;
 use weaver_kernels::Real;
 
 /// Gradients that arrive at the images; `None` is zero.
@@ -24,8 +25,10 @@ impl<T> Default for Cotangents<'_, T> {
 /// Memory for a gradient, and whether to add to what is in it.
 #[derive(Debug)]
 pub struct Target<'a, T> {
-    pub(crate) values: &'a mut [T],
-    pub(crate) add: bool,
+    /// The memory.
+    pub values: &'a mut [T],
+    /// Whether the gradient is added to what is there; else it replaces it.
+    pub add: bool,
 }
 
 impl<'a, T: Real> Target<'a, T> {
@@ -79,9 +82,8 @@ pub struct Gradients<'a, T> {
     pub intrinsics: Option<Target<'a, T>>,
     /// `[V, 3]` or `[3]`, as given.
     pub background: Option<Target<'a, T>>,
-    /// Sums over pixels of the absolute gradient of the projected mean, per pixel, `[V, N, 2]`: large where a
-    /// Gaussian is pulled apart (Ye et al., AbsGS, 2024). Not a gradient, but a by-product for density control.
-    pub center_pull: Option<Target<'a, T>>,
+    /// Not gradients but by-products, which the pass adds to, `[N]`.
+    pub statistics: Option<&'a mut [GaussianStatistics<T>]>,
 }
 
 impl<T> Default for Gradients<'_, T> {
@@ -96,7 +98,7 @@ impl<T> Default for Gradients<'_, T> {
             viewmats: None,
             intrinsics: None,
             background: None,
-            center_pull: None,
+            statistics: None,
         }
     }
 }

@@ -7,41 +7,44 @@
 //! Conventions: world-to-camera matrices, OpenCV axes (x right, y down, z forward), pixel centers at +0.5, quaternions
 //! wxyz, spherical harmonics as in the reference 3DGS implementation.
 
-mod backward;
+mod columns;
 mod covariance;
-mod cover;
 mod depth;
-mod draw;
 mod each;
+mod ewa;
+mod extent;
+mod gaussian_pass;
 mod gradients;
-mod group_pass;
-mod lists;
 mod matrix;
+mod memory;
 mod op;
 mod project;
 mod project_backward;
 mod rasterize;
 mod rasterize_backward;
+mod rasterizer;
 pub mod reference;
 mod render;
 mod rotation;
-mod scene;
+mod settings;
 mod sh;
-mod sort;
-mod splat;
-mod visit;
-mod window;
+mod statistics;
+pub mod tiles;
+mod view;
 mod workspace;
 
 pub use covariance::covariance;
 pub use depth::{expected_depth, expected_depth_backward};
 pub use gradients::{Cotangents, Gradients, Target};
 pub use op::{GaussianVars, Rasterize, RenderedVars, WorkspacePool};
-pub use rasterize::{Images, RasterStats, rasterize};
+pub use rasterize::rasterize;
 pub use rasterize_backward::rasterize_backward;
+pub use rasterizer::{CpuRasterizer, Images, RasterStats, Rasterizer};
 pub use render::render;
-pub use scene::{RasterError, RasterSettings, TileSide};
-pub use workspace::{Stages, Workspace};
+pub use settings::{RasterError, RasterSettings};
+pub use statistics::{GaussianStatistics, SharedStatistics};
+pub use tiles::{Region, TileSide};
+pub use workspace::{Timings, Workspace};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

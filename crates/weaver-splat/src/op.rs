@@ -2,10 +2,10 @@
 
 use crate::depth::LEAST_ALPHA;
 use crate::gradients::{Cotangents, Gradients, Target};
-use crate::rasterize::{Images, rasterize};
-use crate::rasterize_backward::rasterize_backward;
-use crate::scene::RasterSettings;
-use crate::workspace::Workspace;
+use crate::rasterizer::{CpuRasterizer, Images, Rasterizer};
+use crate::settings::RasterSettings;
+use crate::statistics::SharedStatistics;
+use crate::tiles::Region;
 use std::sync::{Arc, Mutex, PoisonError};
 use weaver_autograd::{Grad, Op, Outputs, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_geometry::sh::MAX_DEGREE;
@@ -13,22 +13,43 @@ use weaver_kernels::Real;
 use weaver_pose::CameraVars;
 use weaver_scene::{CameraSlices, Color, Features, GaussianSlices};
 
-/// Workspaces that are kept from step to step. Cloning shares the pool.
+/// A rasterizer, and its workspaces that are kept from step to step. Cloning shares them.
 ///
-/// A [`Rasterize`] on the tape holds one until the tape is reset.
-#[derive(Clone, Debug)]
-pub struct WorkspacePool<T> {
-    free: Arc<Mutex<Vec<Workspace<T>>>>,
+/// A [`Rasterize`] on the tape holds a workspace until the tape is reset.
+#[derive(Debug)]
+pub struct WorkspacePool<T: Real, R: Rasterizer<T> = CpuRasterizer> {
+    shared: Arc<Shared<T, R>>,
+}
+
+#[derive(Debug)]
+struct Shared<T: Real, R: Rasterizer<T>> {
+    rasterizer: R,
+    free: Mutex<Vec<R::Workspace>>,
 }
 
 impl<T: Real> WorkspacePool<T> {
-    /// An empty pool.
+    /// An empty pool of the rasterizer of this crate.
     pub fn new() -> Self {
-        Self { free: Arc::default() }
+        Self::of(CpuRasterizer)
+    }
+}
+
+impl<T: Real, R: Rasterizer<T>> WorkspacePool<T, R> {
+    /// An empty pool of any rasterizer.
+    pub fn of(rasterizer: R) -> Self {
+        Self { shared: Arc::new(Shared { rasterizer, free: Mutex::default() }) }
     }
 
-    fn take(&self) -> Workspace<T> {
-        self.free.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
+    fn take(&self) -> R::Workspace {
+        let free = self.shared.free.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        free.unwrap_or_else(|| self.shared.rasterizer.workspace())
+    }
+}
+
+// Derived, it would ask for rasterizers that can be cloned.
+impl<T: Real, R: Rasterizer<T>> Clone for WorkspacePool<T, R> {
+    fn clone(&self) -> Self {
+        Self { shared: self.shared.clone() }
     }
 }
 
@@ -45,7 +66,7 @@ impl<T: Real> Default for WorkspacePool<T> {
 /// intrinsics `[V, 4]` (fx, fy, cx, cy), background `[3]` or `[V, 3]`, and, where asked for, features `[N, C]`. Outputs:
 /// image `[V, H, W, 3]` (`[V, H, W, 0]` without colors), alpha `[V, H, W]`, depth `[V, H, W]` (`[0]` where not asked
 /// for), features `[V, H, W, C]` where given, and auxiliary, without gradient, the counts `[3]` of splats, list entries
-/// and rejected Gaussians. Every input has a gradient; see [`rasterize_backward`](crate::rasterize_backward()) for what is
+/// and rejected Gaussians. With a [region](RasterSettings::region) H and W are its sizes. Every input has a gradient; see [`rasterize_backward`](crate::rasterize_backward()) for what is
 /// held constant.
 ///
 /// ```
@@ -71,14 +92,15 @@ impl<T: Real> Default for WorkspacePool<T> {
 /// assert!(gaussians.opacities.grad().unwrap()[0] > 0.0);
 /// ```
 #[derive(Debug)]
-pub struct Rasterize<T: Real> {
+pub struct Rasterize<T: Real, R: Rasterizer<T> = CpuRasterizer> {
     width: usize,
     height: usize,
     settings: RasterSettings,
     depth: bool,
-    pool: WorkspacePool<T>,
+    statistics: Option<SharedStatistics<T>>,
+    pool: WorkspacePool<T, R>,
     /// Set by forward; backward works in it too.
-    workspace: Mutex<Option<Workspace<T>>>,
+    workspace: Mutex<Option<R::Workspace>>,
 }
 
 /// The Gaussians as tensors; shapes are with [`Rasterize`].
@@ -128,10 +150,23 @@ impl<'t, T: Real> RenderedVars<'t, T> {
     }
 }
 
-impl<T: Real> Rasterize<T> {
-    /// For images of `width` x `height` pixels. Memory comes from, and returns to, `workspaces`.
-    pub fn new(width: usize, height: usize, settings: RasterSettings, workspaces: &WorkspacePool<T>) -> Self {
-        Self { width, height, settings, depth: true, pool: workspaces.clone(), workspace: Mutex::new(None) }
+impl<T: Real, R: Rasterizer<T>> Rasterize<T, R> {
+    /// For views of `width` x `height` pixels. The rasterizer is that of `workspaces`, where memory comes from and returns
+    /// to.
+    pub fn new(width: usize, height: usize, settings: RasterSettings, workspaces: &WorkspacePool<T, R>) -> Self {
+        let (pool, workspace) = (workspaces.clone(), Mutex::new(None));
+        Self { width, height, settings, depth: true, statistics: None, pool, workspace }
+    }
+
+    /// Adds the by-products of the backward pass to `statistics`.
+    pub fn with_statistics(mut self, statistics: &SharedStatistics<T>) -> Self {
+        self.statistics = Some(statistics.clone());
+        self
+    }
+
+    /// What is drawn of each view.
+    fn region(&self) -> Region {
+        self.settings.region.unwrap_or(Region::whole(self.width, self.height))
     }
 
     /// Leaves the depth out, which is faster where nobody looks at it.
@@ -209,16 +244,16 @@ fn degree_of(terms: usize) -> Option<usize> {
     (0..=MAX_DEGREE).find(|degree| (degree + 1) * (degree + 1) == terms)
 }
 
-impl<T: Real> Drop for Rasterize<T> {
+impl<T: Real, R: Rasterizer<T>> Drop for Rasterize<T, R> {
     fn drop(&mut self) {
         let held = self.workspace.get_mut().unwrap_or_else(PoisonError::into_inner).take();
         if let Some(workspace) = held {
-            self.pool.free.lock().unwrap_or_else(PoisonError::into_inner).push(workspace);
+            self.pool.shared.free.lock().unwrap_or_else(PoisonError::into_inner).push(workspace);
         }
     }
 }
 
-impl<T: Real> Op<T> for Rasterize<T> {
+impl<T: Real, R: Rasterizer<T>> Op<T> for Rasterize<T, R> {
     fn name(&self) -> &'static str {
         "rasterize"
     }
@@ -236,8 +271,9 @@ impl<T: Real> Op<T> for Rasterize<T> {
         ensure_shape!(is(5, &[v, 3, 4]) || is(5, &[v, 4, 4]), "view matrices [V, 3, 4] or [V, 4, 4]");
         ensure_shape!(is(6, &[v, 4]), "intrinsics [V, 4]");
         ensure_shape!(is(7, &[3]) || is(7, &[v, 3]), "background [3] or [V, 3]");
-        let (h, w) = (self.height, self.width);
-        ensure_shape!(h > 0 && w > 0, "an image of at least one pixel");
+        let region = self.region();
+        ensure_shape!(region.is_within(self.width, self.height), "an image, or a region of it, of at least one pixel");
+        let (h, w) = (region.height, region.width);
         let channels = if is(4, &[n, 0]) { 0 } else { 3 };
         let drawn = Shapes::one([v, h, w, channels]).and([v, h, w]);
         let drawn = if self.depth { drawn.and([v, h, w]) } else { drawn.and([0]) };
@@ -258,7 +294,9 @@ impl<T: Real> Op<T> for Rasterize<T> {
         let mut workspace = self.pool.take();
         let depth = self.depth.then_some(&mut **depth);
         let images = Images { image, alpha, depth, features: features.first_mut().map(|features| &mut **features) };
-        let stats = rasterize(&gaussians, &cameras, &self.settings, &mut workspace, images)
+        let rasterizer = &self.pool.shared.rasterizer;
+        let stats = rasterizer
+            .forward(&gaussians, &cameras, &self.settings, &mut workspace, images)
             .unwrap_or_else(|error| panic!("{error}"));
         for (out, count) in counts.iter_mut().zip([stats.splats, stats.entries, stats.rejected]) {
             *out = T::from_usize(count);
@@ -283,6 +321,7 @@ impl<T: Real> Op<T> for Rasterize<T> {
             depth: self.depth.then_some(&douts[2]),
             features: gaussians.features.map(|_| &*douts[3]),
         };
+        let mut statistics = self.statistics.as_ref().map(|shared| shared.lock(gaussians.opacities.len()));
         let mut targets = dins.iter_mut().map(|grad| {
             grad.as_mut().map(|grad| match grad.target() {
                 (values, beta) if beta == T::ZERO => Target::write(values),
@@ -300,9 +339,11 @@ impl<T: Real> Op<T> for Rasterize<T> {
             intrinsics: next(),
             background: next(),
             features: next(),
-            center_pull: None,
+            statistics: statistics.as_deref_mut().map(Vec::as_mut_slice),
         };
-        rasterize_backward(&gaussians, &cameras, &self.settings, workspace, &cotangents, gradients)
+        let rasterizer = &self.pool.shared.rasterizer;
+        rasterizer
+            .backward(&gaussians, &cameras, &self.settings, workspace, &cotangents, gradients)
             .unwrap_or_else(|error| panic!("{error}"));
     }
 }

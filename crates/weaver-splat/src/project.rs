@@ -4,15 +4,18 @@
 //! nothing cancels: det S = |m1 x m2|^2 + eps (|m1|^2 + |m2|^2) + eps^2 is a sum of positive terms, so that long thin
 //! splats are exact in `f32` too.
 
+use crate::columns::{columns, prefetch_rows, wide_columns};
 use crate::each::each;
+use crate::ewa::{BITS, slot};
 use crate::matrix::{Mat23, Mat33, Vec3, apply, cross, dot, product};
 use crate::rotation::rotation;
-use crate::scene::{ALPHA_MIN, RATIO_FLOOR, RasterSettings, Viewpoint};
+use crate::settings::{RATIO_FLOOR, RasterSettings};
 use crate::sh;
-use crate::splat::{BITS, columns, prefetch_rows, slot, wide_columns};
+use crate::tiles::{self, ALPHA_MIN, Projected, record};
+use crate::view::View;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
-use weaver_scene::{Color, GaussianSlices};
+use weaver_scene::{CameraSlices, Color, GaussianSlices};
 
 /// Room for the coefficients of the largest degree in columns.
 pub(crate) type Coefficients<V> = [V; (3 * weaver_geometry::sh::MAX_COEFFICIENTS).next_multiple_of(LANES)];
@@ -62,7 +65,7 @@ pub(crate) fn finite<V: Lanes>(x: V) -> V::Mask {
 
 /// Everything between a Gaussian's parameters and its splat's shape; backward computes it anew.
 #[derive(Clone, Copy)]
-pub(crate) struct Footprint<V: Lanes> {
+pub(crate) struct Projection<V: Lanes> {
     /// Mean in camera coordinates.
     pub point: Vec3<V>,
     /// x/z and y/z.
@@ -103,7 +106,7 @@ pub(crate) struct Footprint<V: Lanes> {
 
 /// Projects the shapes of Gaussians.
 #[inline(always)]
-pub(crate) fn footprint<V: Lanes>(view: &Viewpoint<V>, settings: &RasterSettings, group: &Group<V>) -> Footprint<V> {
+pub(crate) fn projection<V: Lanes>(view: &View<V>, settings: &RasterSettings, group: &Group<V>) -> Projection<V> {
     let one = V::constant(1.0);
     let mut point = apply(&view.axes, group.mean);
     (0..3).for_each(|i| point[i] = point[i] + view.shift[i]);
@@ -142,7 +145,7 @@ pub(crate) fn footprint<V: Lanes>(view: &Viewpoint<V>, settings: &RasterSettings
     let none = V::Mask::from_bits(0);
     let (compensation, compensated) =
         if settings.antialiased { (ratio.max(floor).sqrt(), ratio.gt(floor)) } else { (one, none) };
-    Footprint {
+    Projection {
         point,
         free,
         slope,
@@ -164,28 +167,41 @@ pub(crate) fn footprint<V: Lanes>(view: &Viewpoint<V>, settings: &RasterSettings
     }
 }
 
-/// The splats of sixteen Gaussians in a view.
-pub(crate) struct Splats<V: Lanes> {
-    /// By [`slot`].
-    pub columns: [V; LANES],
-    /// Those that may be seen.
-    pub seen: V::Mask,
-    /// Those that hold, or lead to, numbers that are not finite.
-    pub rejected: V::Mask,
+/// The Gaussians of a call as the tile layer asks for them.
+pub(crate) struct EwaProjection<'a, T> {
+    pub gaussians: &'a GaussianSlices<'a, T>,
+    pub cameras: &'a CameraSlices<'a, T>,
+    pub settings: &'a RasterSettings,
+}
+
+impl<T: Real> tiles::Projection<T> for EwaProjection<'_, T> {
+    /// The camera, and room for the harmonics of sixteen Gaussians.
+    type State<V: Lanes<Scalar = T>> = (View<V>, Coefficients<V>);
+
+    #[inline(always)]
+    fn begin<V: Lanes<Scalar = T>>(&self, view: usize) -> Self::State<V> {
+        (View::of(self.cameras, view).in_lanes(), [V::zero(); _])
+    }
+
+    #[inline(always)]
+    fn project<V: Lanes<Scalar = T>>(&self, state: &mut Self::State<V>, first: usize, count: usize) -> Projected<V> {
+        let (view, coefficients) = state;
+        splats(view, self.settings, self.gaussians, (first, count), coefficients)
+    }
 }
 
 /// Projects Gaussians `first..first + count`. Colors and features count only where a Gaussian may be seen: those of one
 /// behind the camera, or too faint, reject nothing.
 #[inline(always)]
 pub(crate) fn splats<V: Lanes>(
-    view: &Viewpoint<V>,
+    view: &View<V>,
     settings: &RasterSettings,
     gaussians: &GaussianSlices<'_, V::Scalar>,
     (first, count): (usize, usize),
     coefficients: &mut Coefficients<V>,
-) -> Splats<V> {
+) -> Projected<V> {
     let group = Group::load(gaussians, first, count);
-    let shape = footprint(view, settings, &group);
+    let shape = projection(view, settings, &group);
     let present = V::Mask::from_bits((u32::MAX >> (32 - count)) as u16);
     // A quaternion of zeros has no unit; one too short for 1 / |q| has no gradient.
     let sound = finite(group.unsound() + shape.point[2] + shape.unit[0] + shape.inverse_length).and(present);
@@ -255,19 +271,19 @@ pub(crate) fn splats<V: Lanes>(
     columns[slot::R] = r;
     columns[slot::OPACITY] = opacity;
     columns[slot::SLACK] = slack;
-    columns[slot::Z] = z;
-    (0..3).for_each(|i| columns[slot::COLOR + i] = color[i]);
+    columns[record::DEPTH] = z;
+    (0..3).for_each(|i| columns[record::COLOR + i] = color[i]);
     columns[slot::HALF_HEIGHT] = half_height;
     columns[slot::DY_OF_RIGHT] = dy_of_right;
     columns[slot::REACH] = radius * radius * V::constant(1.0 + 8.0 * eps);
     columns[slot::WIDTH] = width;
     columns[slot::TILT] = tilt;
-    Splats { columns, seen, rejected }
+    Projected { columns, seen, rejected }
 }
 
 /// Three standard deviations along the longest image axis, pixels.
 #[inline(always)]
-fn three_deviations<V: Lanes>(shape: &Footprint<V>) -> V {
+fn three_deviations<V: Lanes>(shape: &Projection<V>) -> V {
     let mean = V::constant(0.5) * (shape.variance[0] + shape.variance[1]);
     let spread = mean.mul_add(mean, -shape.det).max(V::zero()).sqrt();
     V::constant(3.0) * (mean + spread).sqrt()

@@ -1,15 +1,16 @@
 //! Backward of projection: from the sums over a splat's pixels to the Gaussian's and the camera's parameters, sixteen
 //! Gaussians at a time.
 
-use crate::backward::moment;
 use crate::each::each;
+use crate::ewa::{BITS, moment as shape_sum};
 use crate::matrix::{
     Mat23, Mat33, Vec3, apply_transposed, cross, dot, inverse, product_transposed, transposed_product,
 };
-use crate::project::{Footprint, Group, finite};
+use crate::project::{Group, Projection, finite};
 use crate::rotation::rotation_backward;
-use crate::scene::{RasterSettings, Viewpoint};
-use crate::splat::BITS;
+use crate::settings::RasterSettings;
+use crate::tiles::moment;
+use crate::view::View;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
 
@@ -39,19 +40,23 @@ fn add<V: Lanes>(sum: &mut V, x: V) {
     *sum = *sum + x;
 }
 
-/// Adds the gradients of splats to those of their Gaussians and of the camera, and returns that of the line of sight.
-///
-/// `moments` are columns of [`moment`]s, zero where a Gaussian was not drawn; `drawn` says where it was. `dsight` is the
-/// gradient of the line of sight through the color.
+/// What sixteen splats receive from the pixels.
+pub(crate) struct Upstream<'a, V: Lanes> {
+    /// Columns of [`moment`]s, zero where a Gaussian was not drawn.
+    pub moments: &'a [V; LANES],
+    /// The Gaussians that were drawn.
+    pub drawn: V::Mask,
+    /// The gradient with respect to the line of sight, through the color.
+    pub dsight: Vec3<V>,
+}
+
+/// Adds the gradients of splats to those of their Gaussians and of the camera.
 #[inline(always)]
-#[expect(clippy::too_many_arguments, reason = "vectors of one projection, inlined into its only loop")]
 pub(crate) fn splat_backward<V: Lanes>(
-    (view, settings): (&Viewpoint<V>, &RasterSettings),
+    (view, settings): (&View<V>, &RasterSettings),
     group: &Group<V>,
-    shape: &Footprint<V>,
-    moments: &[V; LANES],
-    drawn: V::Mask,
-    dsight: Vec3<V>,
+    shape: &Projection<V>,
+    &Upstream { moments, drawn, dsight }: &Upstream<'_, V>,
     out: &mut GroupGradient<V>,
     camera: &mut [V; CAMERA_SUMS],
 ) {
@@ -65,16 +70,16 @@ pub(crate) fn splat_backward<V: Lanes>(
     }
     let (inverse, inverse_square) = (V::constant(1.0 / BITS), V::constant(1.0 / (BITS * BITS)));
     let [p, q, r] = shape.factor;
-    let mut dpoint = [V::zero(), V::zero(), moments[moment::Z]];
+    let mut dpoint = [V::zero(), V::zero(), moments[moment::DEPTH]];
 
     // Opacity, and the compensation that depends on the shape. g = opacity dL/dopacity, compensated.
-    let dopacity = moments[moment::G] / (group.opacity * shape.compensation);
+    let dopacity = moments[shape_sum::G] / (group.opacity * shape.compensation);
     add(&mut out.opacity, here!(dopacity * shape.compensation));
 
     // d sigma / d S = -L^T (u v)^T (u v) L / 2 with L = [[p, q], [0, r]], and dS = dM M^T + M dM^T: the gradient of M is
     // L^T G W, G the second moments and W = L M. The rows of W are no longer than 1, however long a needle is; the first,
     // p m1 + q m2, is written without the difference in it.
-    let [uu, uv, vv] = each!(3, |i| moments[moment::SECOND + i] * inverse_square);
+    let [uu, uv, vv] = each!(3, |i| moments[shape_sum::SECOND + i] * inverse_square);
     let m = &shape.m;
     let turned = [cross(m[1], shape.normal), cross(shape.normal, m[0])];
     let (short, eps) = (p * r * r, V::constant(settings.eps2d));
@@ -112,7 +117,7 @@ pub(crate) fn splat_backward<V: Lanes>(
     }
 
     // J A with J = [[zx, 0, -zx sx], [0, zy, -zy sy]], zoom z = f/Z and slope s; and the center x = fx X/Z + cx.
-    let first = each!(2, |i| moments[moment::FIRST + i] * inverse);
+    let first = each!(2, |i| moments[shape_sum::FIRST + i] * inverse);
     let dcenter = [p * first[0], q.mul_add(first[0], r * first[1])];
     let mut daxes = [[V::zero(); 3]; 3];
     for i in 0..2 {
@@ -149,7 +154,7 @@ pub(crate) fn splat_backward<V: Lanes>(
 }
 
 /// Gradients of view matrix (12, row-major) and intrinsics (4) from the sums over all splats: the center is -A^-1 t.
-pub(crate) fn camera_gradient<T: Real>(view: &Viewpoint<T>, sums: &[f64; CAMERA_SUMS]) -> ([T; 12], [T; 4]) {
+pub(crate) fn camera_gradient<T: Real>(view: &View<T>, sums: &[f64; CAMERA_SUMS]) -> ([T; 12], [T; 4]) {
     let dcenter: Vec3<f64> = [sums[16], sums[17], sums[18]];
     // Plain colors do not look at the center, which need not exist then.
     let moved = if dcenter == [0.0; 3] { [0.0; 3] } else { apply_transposed(&inverse(&view.axes), dcenter) };

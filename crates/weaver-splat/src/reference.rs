@@ -2,37 +2,15 @@
 //! the textbook's formulas, with the derivatives of projection by forward-mode dual numbers. No tiles, no bounds, no
 //! threads.
 
+mod projection;
+
+use crate::extent::extent;
 use crate::gradients::Cotangents;
-use crate::scene::{ALPHA_MIN, RATIO_FLOOR, RasterError, RasterSettings, TRANSMITTANCE_END, extent};
-use weaver_autograd::Dual;
-use weaver_geometry::sh;
+use crate::settings::{RasterError, RasterSettings};
+use crate::statistics::GaussianStatistics;
+use crate::tiles::{ALPHA_MIN, Region, TRANSMITTANCE_END};
+use projection::{Seen, VARIABLES, features_of, see_all};
 use weaver_scene::{CameraSlices, Color, GaussianSlices};
-
-/// Variables of a projection: mean 3, quaternion 4, scale 3, opacity 1, view matrix 12, intrinsics 4.
-const VARIABLES: usize = 27;
-type Number = Dual<f64, VARIABLES>;
-
-/// One Gaussian's numbers.
-struct Gaussian<'a> {
-    mean: [f64; 3],
-    quat: [f64; 4],
-    scale: [f64; 3],
-    opacity: f64,
-    color: &'a [f64],
-}
-
-impl<'a> Gaussian<'a> {
-    fn of(gaussians: &GaussianSlices<'a, f64>, n: usize) -> Self {
-        let (values, len) = gaussians.color.values();
-        Self {
-            mean: std::array::from_fn(|i| gaussians.means[3 * n + i]),
-            quat: std::array::from_fn(|i| gaussians.quats[4 * n + i]),
-            scale: std::array::from_fn(|i| gaussians.scales[3 * n + i]),
-            opacity: gaussians.opacities[n],
-            color: &values[n * len..(n + 1) * len],
-        }
-    }
-}
 
 /// Images by the reference, shaped as by [`crate::rasterize`].
 #[derive(Clone, Debug, Default)]
@@ -68,187 +46,12 @@ pub struct RenderedBackward {
     pub intrinsics: Vec<f64>,
     /// As the background.
     pub background: Vec<f64>,
-    /// `[V, N, 2]`
-    pub center_pull: Vec<f64>,
-}
-
-/// What a pixel looks at, with derivatives: center x y, inverse covariance a b c, opacity, z, color.
-struct Seen {
-    index: usize,
-    center: [Number; 2],
-    conic: [Number; 3],
-    opacity: Number,
-    z: Number,
-    color: [Number; 3],
-    /// Basis functions and which channels are not clamped, for the gradient of the coefficients.
-    basis: [f64; sh::MAX_COEFFICIENTS],
-    open: [bool; 3],
+    /// `[N]`
+    pub statistics: Vec<GaussianStatistics<f64>>,
 }
 
 /// The gradient with respect to a [`Seen`]'s ten numbers, in its order.
 type SeenGradient = [f64; 10];
-
-fn maximum(a: Number, b: Number) -> Number {
-    if a.value > b.value { a } else { b }
-}
-
-fn minimum(a: Number, b: Number) -> Number {
-    if a.value < b.value { a } else { b }
-}
-
-fn matmul<const A: usize, const B: usize, const C: usize>(
-    a: &[[Number; B]; A],
-    b: &[[Number; C]; B],
-) -> [[Number; C]; A] {
-    std::array::from_fn(|i| {
-        std::array::from_fn(|j| (0..B).fold(Number::constant(0.0), |sum, k| sum + a[i][k] * b[k][j]))
-    })
-}
-
-fn transpose<const A: usize, const B: usize>(a: &[[Number; B]; A]) -> [[Number; A]; B] {
-    std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
-}
-
-/// Projects one Gaussian by the book; `None` where it is not drawn.
-fn see(
-    index: usize,
-    gaussian: &Gaussian<'_>,
-    color: &Color<'_, f64>,
-    matrix: &[f64],
-    k: &[f64],
-    (width, height): (f64, f64),
-    settings: &RasterSettings,
-) -> Option<Seen> {
-    let c = Number::constant;
-    let (one, two) = (c(1.0), c(2.0));
-    let mut values = [0.0; VARIABLES];
-    values[..3].copy_from_slice(&gaussian.mean);
-    values[3..7].copy_from_slice(&gaussian.quat);
-    values[7..10].copy_from_slice(&gaussian.scale);
-    values[10] = gaussian.opacity;
-    values[11..23].copy_from_slice(&matrix[..12]);
-    values[23..].copy_from_slice(&k[..4]);
-    let inputs = Number::inputs(values);
-    let mean: [Number; 3] = std::array::from_fn(|i| inputs[i]);
-    let quat: [Number; 4] = std::array::from_fn(|i| inputs[3 + i]);
-    let scale: [Number; 3] = std::array::from_fn(|i| inputs[7 + i]);
-    let opacity = inputs[10];
-    let axes: [[Number; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| inputs[11 + 4 * i + j]));
-    let shift: [Number; 3] = std::array::from_fn(|i| inputs[11 + 4 * i + 3]);
-    let [fx, fy, cx, cy]: [Number; 4] = std::array::from_fn(|i| inputs[23 + i]);
-
-    let point = matmul(&axes, &mean.map(|m| [m]));
-    let [x, y, z]: [Number; 3] = std::array::from_fn(|i| point[i][0] + shift[i]);
-    if !(settings.near <= z.value && z.value <= settings.far) {
-        return None;
-    }
-
-    // World covariance R diag(s^2) R^T.
-    let length = quat.iter().fold(c(0.0), |sum, &q| sum + q * q).sqrt();
-    let [qw, qx, qy, qz] = quat.map(|q| q / length);
-    let rotation = [
-        [one - two * (qy * qy + qz * qz), two * (qx * qy - qw * qz), two * (qx * qz + qw * qy)],
-        [two * (qx * qy + qw * qz), one - two * (qx * qx + qz * qz), two * (qy * qz - qw * qx)],
-        [two * (qx * qz - qw * qy), two * (qy * qz + qw * qx), one - two * (qx * qx + qy * qy)],
-    ];
-    let stretched = rotation.map(|row| [row[0] * scale[0], row[1] * scale[1], row[2] * scale[2]]);
-    let covariance = matmul(&stretched, &transpose(&stretched));
-
-    // Image covariance J A C A^T J^T.
-    let (w, h, spare) = (c(width), c(height), c(0.3));
-    let spare_x = spare * (w / (two * fx));
-    let spare_y = spare * (h / (two * fy));
-    let slope_x = minimum(maximum(x / z, -(cx / fx + spare_x)), (w - cx) / fx + spare_x);
-    let slope_y = minimum(maximum(y / z, -(cy / fy + spare_y)), (h - cy) / fy + spare_y);
-    let jacobian = [[fx / z, c(0.0), -(fx * slope_x / z)], [c(0.0), fy / z, -(fy * slope_y / z)]];
-    let map = matmul(&jacobian, &axes);
-    let sharp = matmul(&matmul(&map, &covariance), &transpose(&map));
-    let eps = c(settings.eps2d);
-    let (xx, xy, yy) = (sharp[0][0] + eps, sharp[0][1], sharp[1][1] + eps);
-    let determinant = xx * yy - xy * xy;
-    if determinant.value <= 0.0 {
-        return None;
-    }
-    let trace = xx.value + yy.value;
-    let longest = (0.5 * (trace + (trace * trace - 4.0 * determinant.value).max(0.0).sqrt())).sqrt();
-    if settings.radius_clip > 0.0 && 3.0 * longest < settings.radius_clip {
-        return None;
-    }
-    let opacity = if settings.antialiased {
-        let ratio = (sharp[0][0] * sharp[1][1] - sharp[0][1] * sharp[1][0]) / determinant;
-        opacity * maximum(ratio, c(RATIO_FLOOR)).sqrt()
-    } else {
-        opacity
-    };
-
-    let mut basis = [0.0; sh::MAX_COEFFICIENTS];
-    basis[0] = 1.0;
-    let mut open = [true; 3];
-    let color = match *color {
-        Color::None => [c(0.0); 3],
-        Color::Plain(_) => std::array::from_fn(|i| c(gaussian.color[i])),
-        Color::Sh { degree, .. } => {
-            let adjugate: [[Number; 3]; 3] = std::array::from_fn(|i| {
-                std::array::from_fn(|j| {
-                    let (a, b, d, e) = ((j + 1) % 3, (j + 2) % 3, (i + 1) % 3, (i + 2) % 3);
-                    axes[a][d] * axes[b][e] - axes[a][e] * axes[b][d]
-                })
-            });
-            let det = axes[0][0] * adjugate[0][0] + axes[0][1] * adjugate[1][0] + axes[0][2] * adjugate[2][0];
-            let center = matmul(&adjugate, &shift.map(|s| [-s / det]));
-            let sight: [Number; 3] = std::array::from_fn(|i| mean[i] - center[i][0]);
-            let distance = sight.iter().fold(c(0.0), |sum, &s| sum + s * s).sqrt();
-            let values =
-                if degree == 0 { sh::basis(0, sight, c) } else { sh::basis(degree, sight.map(|s| s / distance), c) };
-            basis = values.map(|b| b.value);
-            let sums: [Number; 3] = std::array::from_fn(|channel| {
-                (0..gaussian.color.len() / 3)
-                    .fold(c(0.5), |sum, term| sum + values[term] * c(gaussian.color[3 * term + channel]))
-            });
-            open = sums.map(|sum| sum.value > 0.0);
-            sums.map(|sum| maximum(sum, c(0.0)))
-        }
-    };
-    let seen = Seen {
-        index,
-        center: [fx * x / z + cx, fy * y / z + cy],
-        conic: [yy / determinant, -(xy / determinant), xx / determinant],
-        opacity,
-        z,
-        color,
-        basis,
-        open,
-    };
-    let inputs = [&gaussian.mean[..], &gaussian.quat, &gaussian.scale, &[gaussian.opacity], gaussian.color];
-    let finite = inputs.iter().all(|part| part.iter().all(|x| x.is_finite()))
-        && seen.numbers().iter().all(|number| number.value.is_finite());
-    finite.then_some(seen)
-}
-
-impl Seen {
-    fn numbers(&self) -> [Number; 10] {
-        let ([x, y], [a, b, c], [r, g, blue]) = (self.center, self.conic, self.color);
-        [x, y, a, b, c, self.opacity, self.z, r, g, blue]
-    }
-}
-
-/// All that view `v` sees, in drawing order.
-fn see_all(
-    gaussians: &GaussianSlices<'_, f64>,
-    cameras: &CameraSlices<'_, f64>,
-    settings: &RasterSettings,
-    v: usize,
-) -> Vec<Seen> {
-    let matrix = &cameras.viewmats[v * cameras.matrix_len()..];
-    let k = &cameras.intrinsics[4 * v..];
-    let size = (cameras.width as f64, cameras.height as f64);
-    let mut seen: Vec<Seen> = (0..gaussians.opacities.len())
-        .filter_map(|n| see(n, &Gaussian::of(gaussians, n), &gaussians.color, matrix, k, size, settings))
-        .filter(|seen| features_of(gaussians, seen).iter().all(|x| x.is_finite()))
-        .collect();
-    seen.sort_by(|a, b| (a.z.value as f32).total_cmp(&(b.z.value as f32)));
-    seen
-}
 
 /// One splat at one pixel.
 struct Touch {
@@ -285,9 +88,28 @@ fn blend(seen: &[Seen], settings: &RasterSettings, x: f64, y: f64) -> (Vec<Touch
     (touches, transmittance)
 }
 
-/// The features of what a pixel looks at.
-fn features_of<'a>(gaussians: &GaussianSlices<'a, f64>, seen: &Seen) -> &'a [f64] {
-    gaussians.features.map_or(&[], |features| features.of(seen.index))
+/// The center of a pixel of a region.
+fn center(region: &Region, pixel: usize) -> (f64, f64) {
+    ((region.x + pixel % region.width) as f64 + 0.5, (region.y + pixel / region.width) as f64 + 0.5)
+}
+
+/// What the pixels of a view say of a splat beside its gradient.
+#[derive(Clone, Default)]
+struct Tally {
+    absolute: [f64; 2],
+    weight: f64,
+    largest: f64,
+}
+
+impl Tally {
+    fn add_to(&self, statistics: &mut GaussianStatistics<f64>, splat: &Seen, gradient: &SeenGradient) {
+        statistics.screen_gradient += gradient[0].hypot(gradient[1]);
+        statistics.absgrad += self.absolute[0].hypot(self.absolute[1]);
+        statistics.views += 1;
+        statistics.radius = statistics.radius.max(splat.radius);
+        statistics.contribution += self.weight;
+        statistics.largest_weight = statistics.largest_weight.max(self.largest);
+    }
 }
 
 /// Draws as [`crate::rasterize`] does.
@@ -306,8 +128,8 @@ pub fn rasterize(
     for v in 0..extent.views {
         let seen = see_all(gaussians, cameras, settings, v);
         let background = cameras.background_of(v);
-        for pixel in 0..extent.width * extent.height {
-            let (x, y) = ((pixel % extent.width) as f64 + 0.5, (pixel / extent.width) as f64 + 0.5);
+        for pixel in 0..extent.region.pixels() {
+            let (x, y) = center(&extent.region, pixel);
             let (touches, transmittance) = blend(&seen, settings, x, y);
             let mut color = background.map(|b| transmittance * b);
             let mut depth = 0.0;
@@ -341,7 +163,7 @@ pub fn rasterize_backward(
     cotangents: &Cotangents<'_, f64>,
 ) -> Result<RenderedBackward, RasterError> {
     let extent = extent(gaussians, cameras, settings, true)?;
-    let (n, views, pixels) = (extent.gaussians, extent.views, extent.width * extent.height);
+    let (n, views, pixels) = (extent.gaussians, extent.views, extent.region.pixels());
     let mut out = RenderedBackward {
         means: vec![0.0; 3 * n],
         quats: vec![0.0; 4 * n],
@@ -352,13 +174,14 @@ pub fn rasterize_backward(
         viewmats: vec![0.0; cameras.viewmats.len()],
         intrinsics: vec![0.0; 4 * views],
         background: vec![0.0; cameras.background.len()],
-        center_pull: vec![0.0; 2 * views * n],
+        statistics: vec![GaussianStatistics::default(); n],
     };
     let shared_background = cameras.background.len() == 3;
     for v in 0..views {
         let seen = see_all(gaussians, cameras, settings, v);
         let background = cameras.background_of(v);
         let mut gradients: Vec<SeenGradient> = vec![[0.0; 10]; seen.len()];
+        let mut tallies = vec![Tally::default(); seen.len()];
         for pixel in 0..pixels {
             let at = v * pixels + pixel;
             let dimages = cotangents.image.filter(|d| !d.is_empty());
@@ -366,7 +189,7 @@ pub fn rasterize_backward(
             let dalpha = cotangents.alpha.map_or(0.0, |d| d[at]);
             let ddepth = cotangents.depth.map_or(0.0, |d| d[at]);
             let dfeature = |channel: usize| cotangents.features.map_or(0.0, |d| d[extent.channels * at + channel]);
-            let (x, y) = ((pixel % extent.width) as f64 + 0.5, (pixel / extent.width) as f64 + 0.5);
+            let (x, y) = center(&extent.region, pixel);
             let (touches, transmittance) = blend(&seen, settings, x, y);
             let mut behind = -transmittance * dalpha;
             for i in 0..3 {
@@ -377,6 +200,9 @@ pub fn rasterize_backward(
                 let splat = &seen[touch.at];
                 let gradient = &mut gradients[touch.at];
                 let weight = touch.alpha * touch.before;
+                let tally = &mut tallies[touch.at];
+                tally.weight += weight;
+                tally.largest = tally.largest.max(weight);
                 let mut value = ddepth * splat.z.value;
                 for i in 0..3 {
                     value += dimage[i] * splat.color[i].value;
@@ -398,7 +224,7 @@ pub fn rasterize_backward(
                 let dcenter = [-dsigma * (a * dx + b * dy), -dsigma * (b * dx + c * dy)];
                 for axis in 0..2 {
                     gradient[axis] += dcenter[axis];
-                    out.center_pull[2 * (v * n + splat.index) + axis] += dcenter[axis].abs();
+                    tally.absolute[axis] += dcenter[axis].abs();
                 }
                 gradient[2] += 0.5 * dsigma * dx * dx;
                 gradient[3] += dsigma * dx * dy;
@@ -406,7 +232,10 @@ pub fn rasterize_backward(
                 gradient[5] += dalpha * touch.alpha / splat.opacity.value;
             }
         }
-        for (splat, gradient) in seen.iter().zip(&gradients) {
+        for ((splat, gradient), tally) in seen.iter().zip(&gradients).zip(&tallies) {
+            if tally.weight > 0.0 {
+                tally.add_to(&mut out.statistics[splat.index], splat, gradient);
+            }
             out.add(splat, gradient, v, cameras.matrix_len(), extent.color_len);
         }
     }

@@ -1,7 +1,8 @@
 //! Pictures of a scene, for those who want no gradients.
 
-use crate::rasterize::{Images, rasterize};
-use crate::scene::{RasterError, RasterSettings};
+use crate::rasterize::rasterize;
+use crate::rasterizer::Images;
+use crate::settings::{RasterError, RasterSettings};
 use crate::workspace::Workspace;
 use weaver_geometry::Camera;
 use weaver_scene::{ActivatedGaussians, CameraRows};
@@ -42,7 +43,9 @@ pub fn render(
 ) -> Result<Vec<Vec<f32>>, RasterError> {
     let mut rendered = Vec::with_capacity(cameras.len());
     for group in cameras.chunk_by(|a, b| (a.width, a.height) == (b.width, b.height)) {
-        let pixels = group[0].width * group[0].height;
+        let (width, height) = (group[0].width, group[0].height);
+        let region = settings.region.filter(|region| region.is_within(width, height));
+        let pixels = region.map_or(width * height, |region| region.pixels());
         let mut image = vec![0.0; 3 * pixels * group.len()];
         let mut alpha = vec![0.0; pixels * group.len()];
         let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };

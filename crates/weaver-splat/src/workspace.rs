@@ -1,52 +1,33 @@
-//! Memory of the rasterizer, kept between calls.
+//! Memory of the CPU rasterizer, kept between calls.
 
-use crate::cover::Chunk;
-use crate::lists::Lists;
-use crate::scene::{Extent, RasterError, RasterSettings};
-use crate::splat::Splat;
-use crate::window::Plane;
-use std::sync::atomic::AtomicU64;
+use crate::ewa::EwaGaussian;
+use crate::extent::{Extent, expect_len};
+use crate::settings::{RasterError, RasterSettings};
+use crate::tiles::Tiles;
 use std::time::Duration;
+use weaver_kernels::Real;
 use weaver_kernels::lanes::Row;
-use weaver_kernels::{Real, pages};
 
 /// What forward leaves for backward, and room to work in. It only grows: calls of sizes seen before allocate nothing.
 #[derive(Debug)]
 pub struct Workspace<T> {
     /// The sizes and settings of the last forward.
     pub(crate) drawn: Option<(Extent, RasterSettings)>,
-    /// `[V, N]`; what is not drawn holds leftovers.
-    pub(crate) splats: Vec<Splat<T>>,
-    /// The tiles of the splats, `[V, chunks]`.
-    pub(crate) chunks: Vec<Chunk>,
-    /// Keys of Gaussians by depth, and sorted, `[V, N]` each.
-    pub(crate) keys: [Vec<AtomicU64>; 2],
-    /// Counts of digits.
-    pub(crate) counts: Vec<u32>,
-    /// Which splats each tile looks at.
-    pub(crate) lists: Lists,
-    /// What drawing left in each window, `[V * tiles * windows, planes]`.
-    pub(crate) planes: Vec<Plane<T>>,
-    /// Sums of each list entry.
-    pub(crate) moments: Vec<Row<T>>,
-    /// Sums of features of each list entry, `[entries, C]`.
-    pub(crate) feature_sums: Vec<T>,
-    /// Background gradients of the tiles, `[V * tiles, 3]`.
-    pub(crate) background_sums: Vec<[T; 3]>,
+    pub(crate) tiles: Tiles<T>,
     /// Camera gradients of chunks of Gaussians.
     pub(crate) camera_sums: Vec<Row<T>>,
-    pub(crate) stages: Stages,
+    pub(crate) timings: Timings,
 }
 
 /// How long the stages of the last calls took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Stages {
-    /// From Gaussians to splats, and which tiles they touch.
+pub struct Timings {
+    /// From Gaussians to splats, and which tiles they cover.
     pub project: Duration,
-    /// Sorting by depth, and dealing to tiles.
+    /// Sorting by depth, and binning: putting splats into the lists of their tiles.
     pub bin: Duration,
     /// Blending, and putting images together.
-    pub composite: Duration,
+    pub blend: Duration,
     /// All of backward.
     pub backward: Duration,
 }
@@ -54,30 +35,75 @@ pub struct Stages {
 impl<T: Real> Workspace<T> {
     /// An empty workspace.
     pub fn new() -> Self {
-        Self {
-            drawn: None,
-            splats: Vec::new(),
-            chunks: Vec::new(),
-            keys: [Vec::new(), Vec::new()],
-            counts: Vec::new(),
-            lists: Lists::default(),
-            planes: Vec::new(),
-            moments: Vec::new(),
-            feature_sums: Vec::new(),
-            background_sums: Vec::new(),
-            camera_sums: Vec::new(),
-            stages: Stages::default(),
-        }
+        Self { drawn: None, tiles: Tiles::new(), camera_sums: Vec::new(), timings: Timings::default() }
     }
 
     /// The sizes and settings of the last forward.
-    pub(crate) fn last(&self) -> Result<(Extent, RasterSettings), RasterError> {
+    fn last(&self) -> Result<(Extent, RasterSettings), RasterError> {
         self.drawn.ok_or_else(|| RasterError::new("nothing was drawn with this workspace"))
     }
 
     /// How long the last forward and the last backward took.
-    pub fn stages(&self) -> Stages {
-        self.stages
+    pub fn timings(&self) -> Timings {
+        self.timings
+    }
+
+    /// Calls `visit(pixel, gaussian, weight, transmittance)` for every Gaussian at every pixel that it adds to, in the
+    /// last image drawn with this workspace.
+    ///
+    /// `pixel` indexes `[V, H, W]`, `gaussian` is 0 to N - 1, `transmittance` T is the light that arrives there, `weight`
+    /// is alpha T: the very numbers of the image. At each pixel hits come front to back. Tiles are visited in parallel,
+    /// so that hits of different pixels come in no fixed order.
+    ///
+    /// # Errors
+    ///
+    /// A workspace that nothing was drawn with, or whose last drawing failed.
+    ///
+    /// ```
+    /// # use weaver_scene::{CameraSlices, Color, GaussianSlices};
+    /// # use weaver_splat::{Images, RasterSettings, Workspace, rasterize};
+    /// # let gaussians = GaussianSlices {
+    /// #     means: &[0.0_f32, 0.0, 2.0],
+    /// #     quats: &[1.0, 0.0, 0.0, 0.0],
+    /// #     scales: &[0.5, 0.5, 0.5],
+    /// #     opacities: &[0.8],
+    /// #     color: Color::None,
+    /// #     features: None,
+    /// # };
+    /// # let cameras = CameraSlices {
+    /// #     viewmats: &[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+    /// #     intrinsics: &[10.0, 10.0, 0.5, 0.5],
+    /// #     background: &[0.0; 3],
+    /// #     width: 1,
+    /// #     height: 1,
+    /// # };
+    /// # let mut alpha = [0.0];
+    /// # let images = Images { image: &mut [], alpha: &mut alpha, depth: None, features: None };
+    /// let mut workspace = Workspace::new();
+    /// rasterize(&gaussians, &cameras, &RasterSettings::default(), &mut workspace, images)?;
+    /// workspace.for_each_hit(|pixel, gaussian, weight, transmittance| {
+    ///     assert_eq!((pixel, gaussian, weight, transmittance), (0, 0, 0.8, 1.0));
+    /// })?;
+    /// # Ok::<(), weaver_splat::RasterError>(())
+    /// ```
+    pub fn for_each_hit(&self, visit: impl Fn(usize, usize, T, T) + Sync) -> Result<(), RasterError> {
+        let (_, settings) = self.last()?;
+        self.tiles.for_each_hit(&EwaGaussian, settings.alpha_max, visit);
+        Ok(())
+    }
+
+    /// What each Gaussian adds to the last image drawn with this workspace: the sum and the largest of its weights
+    /// alpha T over the pixels, `[V, N]` each; 0 where it is not seen.
+    ///
+    /// # Errors
+    ///
+    /// Lengths that do not fit, or a workspace that nothing was drawn with.
+    pub fn contributions(&mut self, sums: &mut [T], largest: &mut [T]) -> Result<(), RasterError> {
+        let (extent, settings) = self.last()?;
+        expect_len("sums of the contributions", sums.len(), extent.views * extent.gaussians)?;
+        expect_len("largest contributions", largest.len(), extent.views * extent.gaussians)?;
+        self.tiles.contributions(&EwaGaussian, settings.alpha_max, sums, largest);
+        Ok(())
     }
 }
 
@@ -85,15 +111,4 @@ impl<T: Real> Default for Workspace<T> {
     fn default() -> Self {
         Self::new()
     }
-}
-
-/// A vector grown to at least `len` elements, and its first `len`.
-pub(crate) fn grown<U: Default>(values: &mut Vec<U>, len: usize) -> &mut [U] {
-    if values.len() < len {
-        values.reserve_exact(len - values.len());
-        // Most of it will be read in no order.
-        pages::prefer_huge(values.spare_capacity_mut());
-        values.resize_with(len, U::default);
-    }
-    &mut values[..len]
 }

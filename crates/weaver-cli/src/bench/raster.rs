@@ -10,7 +10,7 @@ use serde_json::json;
 use std::time::{Duration, Instant};
 use weaver_kernels::peak;
 use weaver_splat::{
-    Cotangents, Gradients, Images, RasterSettings, RasterStats, Stages, Target, Workspace, rasterize,
+    Cotangents, Gradients, Images, RasterSettings, RasterStats, Target, Timings, Workspace, rasterize,
     rasterize_backward,
 };
 
@@ -79,7 +79,7 @@ struct Sample {
     forward: Duration,
     /// Forward and backward; `None` without backward.
     whole: Option<Duration>,
-    stages: Stages,
+    timings: Timings,
     stats: RasterStats,
 }
 
@@ -139,7 +139,7 @@ impl<'a> Frame<'a> {
             rasterize_backward(&gaussians, &camera, settings, workspace, &cotangents, gradients)?;
             whole = Some(start.elapsed());
         }
-        Ok(Sample { forward, whole, stages: workspace.stages(), stats })
+        Ok(Sample { forward, whole, timings: workspace.timings(), stats })
     }
 }
 
@@ -169,10 +169,10 @@ impl Report<'_> {
     /// Names as in JSON and in the table, and medians.
     fn stages(&self) -> [(&'static str, &'static str, Option<f64>); 4] {
         [
-            ("project", "project", Some(self.ms(|s| s.stages.project))),
-            ("bin", "bin and sort", Some(self.ms(|s| s.stages.bin))),
-            ("composite", "composite", Some(self.ms(|s| s.stages.composite))),
-            ("backward", "backward", self.backward_ms(|s| s.stages.backward)),
+            ("project", "project", Some(self.ms(|s| s.timings.project))),
+            ("bin", "bin and sort", Some(self.ms(|s| s.timings.bin))),
+            ("composite", "composite", Some(self.ms(|s| s.timings.blend))),
+            ("backward", "backward", self.backward_ms(|s| s.timings.backward)),
         ]
     }
 
@@ -235,7 +235,7 @@ impl Report<'_> {
                 "\npeak {:.0} GFLOP/s (f32 FMA, measured in this run); at the rate of its FMAs, {OPERATIONS} operations on every \
                  lane take {floor:.2} ms, {:.0} % of the time of composite",
                 self.peak_gflops,
-                100.0 * floor / self.ms(|s| s.stages.composite)
+                100.0 * floor / self.ms(|s| s.timings.blend)
             );
         }
         if stats.rejected > 0 {

@@ -9,5 +9,7 @@ mod parity;
 mod render;
 mod rules;
 mod scene;
+mod seam;
+mod spherical;
 mod twin;
 mod visit;

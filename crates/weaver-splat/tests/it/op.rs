@@ -7,7 +7,8 @@ use weaver_autograd::{Tape, Var};
 use weaver_pose::CameraVars;
 use weaver_splat::{GaussianVars, Rasterize, WorkspacePool};
 
-fn inputs(scene: &Scene<f64>) -> Vec<Input> {
+/// The inputs of the operation, features last.
+pub fn inputs(scene: &Scene<f64>) -> Vec<Input> {
     let (n, v) = (scene.opacities.len(), scene.views());
     let colors = match scene.degree {
         None => Input::new(&scene.colors, [n, scene.image_channels()]),
@@ -26,7 +27,8 @@ fn inputs(scene: &Scene<f64>) -> Vec<Input> {
     ]
 }
 
-fn named<'t>(x: &[Var<'t, f64>]) -> (GaussianVars<'t, f64>, CameraVars<'t, f64>, Var<'t, f64>) {
+/// Gaussians, cameras and background.
+pub fn named<'t>(x: &[Var<'t, f64>]) -> (GaussianVars<'t, f64>, CameraVars<'t, f64>, Var<'t, f64>) {
     let gaussians = GaussianVars { means: x[0], quats: x[1], scales: x[2], opacities: x[3], colors: x[4] };
     (gaussians, CameraVars { viewmats: x[5], intrinsics: x[6] }, x[7])
 }

@@ -3,7 +3,8 @@
 use weaver_kernels::{Real, random::Stream};
 use weaver_scene::{CameraSlices, Color, Features, GaussianSlices};
 use weaver_splat::{
-    Cotangents, Gradients, Images, RasterSettings, RasterStats, Target, Workspace, rasterize, rasterize_backward,
+    Cotangents, GaussianStatistics, Gradients, Images, RasterSettings, RasterStats, Region, Target, Workspace,
+    rasterize, rasterize_backward,
 };
 
 /// Everything that is drawn.
@@ -48,7 +49,7 @@ pub const NAMES: [&str; 10] = [
     "intrinsics",
     "background",
     "features",
-    "center_pull",
+    "statistics",
 ];
 
 impl Scene<f64> {
@@ -182,8 +183,13 @@ impl<T: Real> Scene<T> {
         self.intrinsics.len() / 4
     }
 
+    /// What is drawn of each view.
+    pub fn region(&self) -> Region {
+        self.settings.region.unwrap_or(Region::whole(self.width, self.height))
+    }
+
     pub fn pixels(&self) -> usize {
-        self.views() * self.width * self.height
+        self.views() * self.region().pixels()
     }
 
     pub fn image_channels(&self) -> usize {
@@ -256,10 +262,11 @@ impl<T: Real> Scene<T> {
             self.intrinsics.len(),
             self.background.len(),
             self.features.len(),
-            2 * n * self.views(),
+            0,
         ];
+        let mut statistics = vec![GaussianStatistics::default(); n];
         let mut out = lengths.map(|len| vec![T::from_f64(f64::NAN); len]);
-        let [means, quats, scales, opacities, colors, viewmats, intrinsics, background, features, center_pull] =
+        let [means, quats, scales, opacities, colors, viewmats, intrinsics, background, features, _] =
             out.each_mut().map(|values| Some(Target::write(&mut values[..])));
         rasterize_backward(
             &self.gaussians(),
@@ -277,10 +284,11 @@ impl<T: Real> Scene<T> {
                 viewmats,
                 intrinsics,
                 background,
-                center_pull,
+                statistics: Some(&mut statistics),
             },
         )
         .unwrap();
+        out[9] = flatten(&statistics);
         out
     }
 }
@@ -310,6 +318,14 @@ impl<T: Real> Planes<T> {
     pub fn flat(&self) -> Vec<f64> {
         [&self.image, &self.alpha, &self.depth, &self.features].into_iter().flatten().map(|x| x.to_f64()).collect()
     }
+}
+
+/// Statistics in a row, `[N, 6]`.
+pub fn flatten<T: Real>(statistics: &[GaussianStatistics<T>]) -> Vec<T> {
+    let row = |s: &GaussianStatistics<T>| {
+        [s.screen_gradient, s.absgrad, T::from_usize(s.views as usize), s.radius, s.contribution, s.largest_weight]
+    };
+    statistics.iter().flat_map(row).collect()
 }
 
 /// |a - b| / max(|b|, floor), Euclidean norms; an infinite number where something is not finite.

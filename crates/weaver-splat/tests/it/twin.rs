@@ -1,14 +1,14 @@
 //! The fast rasterizer against the slow reference.
 
-use crate::scene::{NAMES, Planes, Scene, relative};
+use crate::scene::{NAMES, Planes, Scene, flatten, relative};
 use proptest::prelude::*;
-use weaver_splat::{RasterSettings, TileSide, reference};
+use weaver_splat::{RasterSettings, Region, TileSide, reference};
 
 pub fn reference_gradients(scene: &Scene<f64>, cotangents: &Planes<f64>) -> [Vec<f64>; 10] {
     let cotangents = cotangents.as_cotangents();
     let d = reference::rasterize_backward(&scene.gaussians(), &scene.cameras(), &scene.settings, &cotangents).unwrap();
-    let (pull, features) = (d.center_pull, d.features);
-    [d.means, d.quats, d.scales, d.opacities, d.colors, d.viewmats, d.intrinsics, d.background, features, pull]
+    let (features, statistics) = (d.features, flatten(&d.statistics));
+    [d.means, d.quats, d.scales, d.opacities, d.colors, d.viewmats, d.intrinsics, d.background, features, statistics]
 }
 
 pub fn reference_planes(scene: &Scene<f64>) -> Planes<f64> {
@@ -28,17 +28,21 @@ proptest! {
         degree in prop::option::of(0_usize..=4),
         antialiased: bool,
         tile in prop::sample::select(vec![TileSide::Sixteen, TileSide::ThirtyTwo, TileSide::SixtyFour]),
-        published: bool,
+        alpha_max in prop::sample::select(vec![0.99, 0.999]),
         thin: bool,
         channels in prop::sample::select(vec![0_usize, 1, 2, 5, 17]),
         colorless: bool,
+        region in prop::option::of(any::<(prop::sample::Index, prop::sample::Index)>()),
     ) {
         let mut scene = Scene::random(seed, n, views, size, degree).with_channels(channels);
         if colorless {
             scene = scene.without_colors();
         }
-        let base = if published { RasterSettings::published() } else { RasterSettings::default() };
-        scene.settings = RasterSettings { antialiased, tile, ..base };
+        scene.settings = RasterSettings { antialiased, tile, alpha_max, ..RasterSettings::default() };
+        if let Some((x, y)) = region {
+            let (x, y) = (x.index(size.0), y.index(size.1));
+            scene.settings.region = Some(Region { x, y, width: size.0 - x, height: size.1 - y });
+        }
         if thin {
             scene.scales.iter_mut().step_by(3).for_each(|s| *s *= 1e-3);
         }

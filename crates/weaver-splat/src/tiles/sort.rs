@@ -1,6 +1,6 @@
-//! Sorting splats by depth: a parallel, stable radix sort on the upper half of the keys.
+//! Sorting primitives by depth: a parallel, stable radix sort on the upper half of the keys.
 
-use crate::cover::UNSEEN;
+use super::coverage::UNSEEN;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use weaver_kernels::parallel;

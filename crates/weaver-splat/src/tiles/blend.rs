@@ -1,8 +1,10 @@
-//! Drawing a window: color, depth and features summed front to back.
+//! Blending a window: color, depth and features summed front to back.
 
+use super::primitive::Response;
+use super::record;
+use super::traverse::{Hit, Visitor};
+use super::window::Plane;
 use crate::each::each;
-use crate::splat::slot;
-use crate::window::{Hit, Plane, Visitor};
 use weaver_kernels::lanes::{LANES, Lanes, Row};
 use weaver_scene::Features;
 
@@ -11,52 +13,48 @@ pub(crate) fn planes(depth: bool, channels: usize) -> usize {
     4 + usize::from(depth) + channels
 }
 
-/// A splat's numbers for the first `C` planes behind the transmittance: red, green, blue, depth.
+/// A primitive's numbers for the first `C` planes behind the transmittance: red, green, blue, depth.
 #[inline(always)]
-pub(crate) fn values<V: Lanes, const C: usize>(record: &[V::Scalar; LANES]) -> [V; C] {
-    each!(C, |i| V::splat(record[if i < 3 { slot::COLOR + i } else { slot::Z }]))
+pub(crate) fn values<V: Lanes, const C: usize>(numbers: &[V::Scalar; LANES]) -> [V; C] {
+    each!(C, |i| V::splat(numbers[if i < 3 { record::COLOR + i } else { record::DEPTH }]))
 }
 
-/// Adds splats to the planes of a window, of which `C` are colors and depth. `MORE` says that there are features.
-pub(crate) struct Draw<'a, V: Lanes, const C: usize, const MORE: bool> {
+/// Adds primitives to the planes of a window, of which `C` are colors and depth. `MORE` says that there are features.
+pub(crate) struct Blend<'a, V: Lanes, const C: usize, const MORE: bool> {
     features: Features<'a, V::Scalar>,
-    /// Gaussians per view.
-    gaussians: usize,
+    /// Primitives per view.
+    per_view: usize,
     sums: &'a mut [Plane<V::Scalar>; C],
     /// Sums of features.
     more: &'a mut [Plane<V::Scalar>],
-    /// The splat's numbers for the planes.
+    /// The primitive's numbers for the planes.
     values: [V; C],
     /// Its features.
     row: &'a [V::Scalar],
 }
 
-impl<'a, V: Lanes, const C: usize, const MORE: bool> Draw<'a, V, C, MORE> {
+impl<'a, V: Lanes, const C: usize, const MORE: bool> Blend<'a, V, C, MORE> {
     /// `planes` are those after the transmittance.
     #[inline(always)]
-    pub fn new(
-        features: Option<Features<'a, V::Scalar>>,
-        gaussians: usize,
-        planes: &'a mut [Plane<V::Scalar>],
-    ) -> Self {
+    pub fn new(features: Option<Features<'a, V::Scalar>>, per_view: usize, planes: &'a mut [Plane<V::Scalar>]) -> Self {
         planes.as_flattened_mut().fill(Row::default());
         let (sums, more) = planes.split_first_chunk_mut().expect("planes of colors and depth");
         let features = features.unwrap_or(Features { values: &[], channels: 0 });
-        Self { features, gaussians, sums, more, values: [V::zero(); C], row: &[] }
+        Self { features, per_view, sums, more, values: [V::zero(); C], row: &[] }
     }
 }
 
-impl<V: Lanes, const C: usize, const MORE: bool> Visitor<V> for Draw<'_, V, C, MORE> {
+impl<V: Lanes, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for Blend<'_, V, C, MORE> {
     #[inline(always)]
-    fn begin(&mut self, splat: usize, record: &[V::Scalar; LANES]) {
+    fn begin(&mut self, primitive: usize, record: &[V::Scalar; LANES]) {
         self.values = values(record);
         if MORE {
-            self.row = self.features.of(splat % self.gaussians);
+            self.row = self.features.of(primitive % self.per_view);
         }
     }
 
     #[inline(always)]
-    fn hit(&mut self, hit: &Hit<V>) {
+    fn hit(&mut self, hit: &Hit<V, R::Sample<V>>) {
         for i in 0..C {
             let sum = &mut self.sums[i][hit.block].0;
             hit.weight.mul_add(self.values[i], V::load(sum)).store(sum);

@@ -1,11 +1,10 @@
-//! Which splats each tile has to look at, in drawing order.
+//! Binning: which primitives each tile has to look at, in drawing order.
 //!
-//! Splats are sorted by depth once per view, then dealt to the tiles in that order: a stable counting sort, parallel
-//! over chunks of the sorted list.
+//! Primitives are sorted by depth once per view, then put into the lists of the tiles in that order: a stable counting sort,
+//! parallel over parts of the sorted sequence.
 
-use crate::cover::{Chunk, GRAIN, Grid};
-use crate::scene::Extent;
-use crate::workspace::grown;
+use super::coverage::{CHUNK, Chunk};
+use crate::memory::grown;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use weaver_kernels::parallel;
@@ -13,47 +12,45 @@ use weaver_kernels::parallel;
 /// The lists of all tiles of all views, one after the other.
 #[derive(Debug, Default)]
 pub(crate) struct Lists {
-    /// Splats of each chunk of sorted splats in each tile, then where the next of them goes: `[chunks, tiles]`.
+    /// Entries of each part of the sorted sequence in each tile, then where the next of them goes: `[parts, tiles]`.
     cursors: Vec<u32>,
     /// Where each tile's list starts, `[V * tiles + 1]`.
     starts: Vec<u32>,
-    /// Splats (v N + n), tile by tile, front to back.
-    splats: Vec<AtomicU32>,
+    /// Primitives (v N + n), tile by tile, front to back.
+    entries: Vec<AtomicU32>,
     len: usize,
 }
 
-/// Runs `body` on the Gaussians of sorted keys with their places, which are anywhere in memory: fetched well ahead.
+/// Runs `body` on the primitives of sorted keys with their places, which are anywhere in memory: fetched well ahead.
 #[inline(always)]
 fn for_each_places(sorted: &[AtomicU64], chunks: &[Chunk], mut body: impl FnMut(usize, &[AtomicU32])) {
     const AHEAD: usize = 16;
-    let gaussian = |i: usize| sorted.get(i).map(|key| (key.load(Relaxed) as u32) as usize);
+    let primitive = |i: usize| sorted.get(i).map(|key| (key.load(Relaxed) as u32) as usize);
     for i in 0..sorted.len() {
-        if let Some(n) = gaussian(i + 2 * AHEAD) {
-            chunks[n / GRAIN].prefetch_start(n % GRAIN);
+        if let Some(n) = primitive(i + 2 * AHEAD) {
+            chunks[n / CHUNK].prefetch_start(n % CHUNK);
         }
-        if let Some(n) = gaussian(i + AHEAD) {
-            chunks[n / GRAIN].prefetch_places(n % GRAIN);
+        if let Some(n) = primitive(i + AHEAD) {
+            chunks[n / CHUNK].prefetch_places(n % CHUNK);
         }
-        if let Some(n) = gaussian(i) {
-            body(n, chunks[n / GRAIN].places(n % GRAIN));
+        if let Some(n) = primitive(i) {
+            body(n, chunks[n / CHUNK].places(n % CHUNK));
         }
     }
 }
 
 impl Lists {
-    /// Room for `entries` splats in the tiles of all views.
-    pub fn prepare(&mut self, extent: &Extent, entries: usize) {
-        let tiles = extent.views * Grid::new(extent).len();
+    /// Makes room for `entries` entries in `tiles` tiles, those of all views.
+    pub fn prepare(&mut self, tiles: usize, entries: usize) {
         grown(&mut self.starts, tiles + 1);
-        grown(&mut self.splats, entries);
+        grown(&mut self.entries, entries);
         self.starts[0] = 0;
         self.len = entries;
     }
 
-    /// Deals out the splats of view `v`, after those of the views before; `sorted` are their keys by depth, `chunks`
-    /// their tiles.
-    pub fn deal(&mut self, extent: &Extent, v: usize, sorted: &[AtomicU64], chunks: &[Chunk]) {
-        let tiles = Grid::new(extent).len();
+    /// Bins the primitives of view `v` of `per_view` primitives, after those of the views before; `sorted` are their keys
+    /// by depth, `chunks` their tiles. A view has `tiles` tiles.
+    pub fn bin(&mut self, (v, per_view): (usize, usize), tiles: usize, sorted: &[AtomicU64], chunks: &[Chunk]) {
         // Enough parts for many threads, few enough for the cursors to stay in the cache. The result does not depend
         // on them.
         let parts = (sorted.len() / 4096).clamp(1, 32);
@@ -79,10 +76,10 @@ impl Lists {
             }
         }
         starts[tiles] = next;
-        let list = &self.splats[..];
+        let list = &self.entries[..];
         parallel::for_chunks(cursors, tiles, |part, cursors| {
             for_each_places(ids(part), chunks, |n, places| {
-                let id = (v * extent.gaussians + n) as u32;
+                let id = (v * per_view + n) as u32;
                 for place in places {
                     let cursor = &mut cursors[place.load(Relaxed) as usize];
                     list[*cursor as usize].store(id, Relaxed);
@@ -103,8 +100,8 @@ impl Lists {
         self.starts[t] as usize..self.starts[t + 1] as usize
     }
 
-    /// The splats of tile `t`.
+    /// The primitives of tile `t`.
     pub fn of_tile(&self, t: usize) -> &[AtomicU32] {
-        &self.splats[self.range(t)]
+        &self.entries[self.range(t)]
     }
 }

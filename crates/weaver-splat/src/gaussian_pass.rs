@@ -1,15 +1,15 @@
 //! The second half of backward: Gaussian by Gaussian, from sums over pixels to parameters.
 
-use crate::backward::moment;
-use crate::cover::{Chunk, GRAIN};
+use crate::columns::{prefetch_rows, put_columns, put_wide_columns, wide_columns};
 use crate::each::each;
+use crate::extent::Extent;
 use crate::gradients::{self, Gradients, Target};
-use crate::project::{Coefficients, Group, footprint};
-use crate::project_backward::{CAMERA_SUMS, GroupGradient, splat_backward};
-use crate::scene::{Extent, RasterSettings, Viewpoint};
+use crate::project::{Coefficients, Group, projection};
+use crate::project_backward::{CAMERA_SUMS, GroupGradient, Upstream, splat_backward};
+use crate::settings::RasterSettings;
 use crate::sh;
-use crate::splat::{BITS, prefetch_rows, put_columns, put_wide_columns, wide_columns};
-use crate::workspace::Workspace;
+use crate::tiles::{CHUNK, Chunk, Tiles, moment};
+use crate::view::View;
 use std::ops::Range;
 use std::sync::atomic::Ordering::Relaxed;
 use weaver_kernels::lanes::{self, LANES, LaneKernel, LaneMask, Lanes, Row};
@@ -19,12 +19,12 @@ use weaver_scene::{CameraSlices, Color, GaussianSlices};
 
 /// What the pass works on.
 #[derive(Clone, Copy)]
-pub(crate) struct GroupPass<'a, T> {
+pub(crate) struct GaussianPass<'a, T> {
     pub gaussians: &'a GaussianSlices<'a, T>,
     pub cameras: &'a CameraSlices<'a, T>,
     pub settings: &'a RasterSettings,
     pub extent: &'a Extent,
-    pub workspace: &'a Workspace<T>,
+    pub tiles: &'a Tiles<T>,
 }
 
 /// Where the gradients of consecutive Gaussians go.
@@ -41,7 +41,7 @@ struct Share<'a, T> {
 impl<'a, T: Real> Share<'a, T> {
     /// The parts of the first `chunks` chunks and of the rest.
     fn split(self, chunks: usize, extent: &Extent) -> (Self, Self) {
-        let count = chunks * GRAIN;
+        let count = chunks * CHUNK;
         let cut = |target: Option<Target<'a, T>>, len: usize| target.map(|target| target.split(count * len)).unzip();
         let (camera_a, camera_b) = self.camera_sums.split_at_mut(chunks * extent.views * CAMERA_SUMS);
         let (means_a, means_b) = cut(self.means, 3);
@@ -69,13 +69,10 @@ impl<'a, T: Real> Share<'a, T> {
     }
 }
 
-impl<T: Real> GroupPass<'_, T> {
+impl<T: Real> GaussianPass<'_, T> {
     /// Writes the gradients of Gaussians, and those of the cameras in parts: `camera_sums` is `[chunks, V,
     /// CAMERA_SUMS]`.
     pub fn run(&self, gradients: &mut Gradients<'_, T>, camera_sums: &mut [Row<T>]) {
-        if let Some(target) = &mut gradients.center_pull {
-            self.center_pull(target);
-        }
         if let Some(target) = &mut gradients.features {
             self.features(target);
         }
@@ -87,7 +84,7 @@ impl<T: Real> GroupPass<'_, T> {
             colors: gradients.colors.take(),
             camera_sums,
         };
-        self.split(0..self.extent.gaussians.div_ceil(GRAIN), share);
+        self.split(0..self.extent.gaussians.div_ceil(CHUNK), share);
     }
 
     /// Runs the chunks in parallel.
@@ -103,40 +100,17 @@ impl<T: Real> GroupPass<'_, T> {
         }
     }
 
-    /// The chunk and the place in it of Gaussian `n` in view `v`.
-    fn chunk(&self, v: usize, n: usize) -> (&Chunk, usize) {
-        let chunks = self.extent.gaussians.div_ceil(GRAIN);
-        (&self.workspace.chunks[v * chunks + n / GRAIN], n % GRAIN)
-    }
-
-    /// The pixels' absolute pulls of all splats.
-    fn center_pull(&self, target: &mut Target<'_, T>) {
-        let (add, scale) = (target.add, T::from_f64(1.0 / (BITS * BITS)));
-        parallel::for_chunks(target.values, 2 * GRAIN, |chunk, out| {
-            for (i, out) in out.as_chunks_mut::<2>().0.iter_mut().enumerate() {
-                let id = chunk * GRAIN + i;
-                let (chunk, i) = self.chunk(id / self.extent.gaussians, id % self.extent.gaussians);
-                let rows = chunk.places(i).iter().map(|place| &self.workspace.moments[place.load(Relaxed) as usize]);
-                let sums = rows.fold([T::ZERO; 2], |sums, row| each!(2, |k| sums[k] + row.0[moment::ABSOLUTE + k]));
-                (0..2).for_each(|k| gradients::put(&mut out[k], add, scale * sums[k]));
-            }
-        });
-    }
-
     /// The gradients of features, summed over views.
     fn features(&self, target: &mut Target<'_, T>) {
         let channels = self.extent.channels.max(1);
         let add = target.add;
-        parallel::for_chunks(target.values, GRAIN * channels, |chunk, out| {
+        parallel::for_chunks(target.values, CHUNK * channels, |chunk, out| {
             for (i, out) in out.chunks_exact_mut(channels).enumerate() {
-                let places = (0..self.extent.views).flat_map(|v| {
-                    let (chunk, i) = self.chunk(v, chunk * GRAIN + i);
-                    chunk.places(i)
-                });
+                let n = chunk * CHUNK + i;
+                let rows = (0..self.extent.views).flat_map(|v| self.tiles.feature_entries(v, n, channels));
                 for (block, out) in out.chunks_mut(LANES).enumerate() {
                     let mut sums = [T::ZERO; LANES];
-                    for place in places.clone() {
-                        let row = &self.workspace.feature_sums[place.load(Relaxed) as usize * channels..][..channels];
+                    for row in rows.clone() {
                         sums.iter_mut().zip(&row[block * LANES..]).for_each(|(sum, x)| *sum += *x);
                     }
                     out.iter_mut().zip(sums).for_each(|(out, sum)| gradients::put(out, add, sum));
@@ -148,21 +122,21 @@ impl<T: Real> GroupPass<'_, T> {
 
 /// One chunk of Gaussians.
 struct ChunkPass<'a, T> {
-    pass: GroupPass<'a, T>,
+    pass: GaussianPass<'a, T>,
     index: usize,
     share: Share<'a, T>,
 }
 
 /// The columns of the sums of sixteen Gaussians over the tiles of a view, and which were drawn.
 #[inline(always)]
-fn moments_of<V: Lanes>(workspace: &Workspace<V::Scalar>, chunk: &Chunk, lanes: Range<usize>) -> ([V; LANES], V::Mask) {
+fn moments_of<V: Lanes>(tiles: &Tiles<V::Scalar>, chunk: &Chunk, lanes: Range<usize>) -> ([V; LANES], V::Mask) {
     let mut rows = [V::zero(); LANES];
     let mut drawn = 0_u16;
     for (lane, i) in lanes.enumerate() {
         let places = chunk.places(i);
         drawn |= u16::from(!places.is_empty()) << lane;
         for place in places {
-            rows[lane] = rows[lane] + V::load(&workspace.moments[place.load(Relaxed) as usize].0);
+            rows[lane] = rows[lane] + V::load(&tiles.moments()[place.load(Relaxed) as usize].0);
         }
     }
     V::transpose(&mut rows);
@@ -188,9 +162,9 @@ impl<T: Real> LaneKernel<T> for ChunkPass<'_, T> {
     #[inline(always)]
     fn run<V: Lanes<Scalar = T>>(self) {
         let Self { pass, index, mut share } = self;
-        let GroupPass { gaussians, cameras, settings, extent, workspace } = pass;
-        let first = index * GRAIN;
-        let len = GRAIN.min(extent.gaussians - first);
+        let GaussianPass { gaussians, cameras, settings, extent, tiles } = pass;
+        let first = index * CHUNK;
+        let len = CHUNK.min(extent.gaussians - first);
         let color_len = extent.color_len;
         let mut coefficients: Coefficients<V> = [V::zero(); _];
         let mut dcolors: Coefficients<V> = [V::zero(); _];
@@ -204,18 +178,18 @@ impl<T: Real> LaneKernel<T> for ChunkPass<'_, T> {
                 prefetch_rows(values, (first + at + LANES) * color_len, LANES * color_len);
             }
             for v in 0..extent.views {
-                let (chunk, _) = pass.chunk(v, first);
+                let (chunk, _) = tiles.chunk(v, first);
                 // The next group's sums are anywhere in memory.
                 for i in at + LANES..(at + 2 * LANES).min(len) {
                     let places = chunk.places(i).iter();
-                    places.for_each(|place| prefetch(&workspace.moments[place.load(Relaxed) as usize]));
+                    places.for_each(|place| prefetch(&tiles.moments()[place.load(Relaxed) as usize]));
                 }
-                let (moments, drawn) = moments_of::<V>(workspace, chunk, at..at + count);
+                let (moments, drawn) = moments_of::<V>(tiles, chunk, at..at + count);
                 if drawn.bits() == 0 {
                     continue;
                 }
-                let view = Viewpoint::of(cameras, v).in_lanes::<V>();
-                let shape = footprint(&view, settings, &group);
+                let view = View::of(cameras, v).in_lanes::<V>();
+                let shape = projection(&view, settings, &group);
                 let mut dsight = [V::zero(); 3];
                 let dcolor = each!(3, |i| moments[moment::COLOR + i]);
                 match gaussians.color {
@@ -239,7 +213,8 @@ impl<T: Real> LaneKernel<T> for ChunkPass<'_, T> {
                 }
                 let camera = &mut share.camera_sums[v * CAMERA_SUMS..][..CAMERA_SUMS];
                 let mut sums = each!(CAMERA_SUMS, |i| V::load(&camera[i].0));
-                splat_backward((&view, settings), &group, &shape, &moments, drawn, dsight, &mut out, &mut sums);
+                let upstream = Upstream { moments: &moments, drawn, dsight };
+                splat_backward((&view, settings), &group, &shape, &upstream, &mut out, &mut sums);
                 for (row, sum) in camera.iter_mut().zip(sums) {
                     sum.store(&mut row.0);
                 }

@@ -1,0 +1,119 @@
+//! What every rasterizer offers, whatever it runs on.
+
+use crate::gradients::{Cotangents, Gradients};
+use crate::rasterize::rasterize;
+use crate::rasterize_backward::rasterize_backward;
+use crate::settings::{RasterError, RasterSettings};
+use crate::workspace::Workspace;
+use std::fmt::Debug;
+use weaver_kernels::Real;
+use weaver_scene::{CameraSlices, GaussianSlices};
+
+/// Something that draws Gaussians and differentiates the images: on a processor or a graphics card, through a pinhole or a
+/// spherical camera, as ellipsoids or surfels.
+///
+/// [`Rasterize`](crate::Rasterize) is an operation on the tape for any of them. Shapes are with the fields of
+/// [`GaussianSlices`], [`CameraSlices`], [`Images`] and [`Gradients`]. [`CpuRasterizer`] is the implementation of this crate.
+pub trait Rasterizer<T: Real>: Debug + Send + Sync + 'static {
+    /// What forward leaves for backward, and memory that is kept between calls.
+    type Workspace: Debug + Send + 'static;
+
+    /// An empty workspace.
+    fn workspace(&self) -> Self::Workspace;
+
+    /// Draws: image, alpha, and, where there is room for them, depth and features.
+    ///
+    /// # Errors
+    ///
+    /// Arguments that do not fit together, or more than the implementation can draw.
+    fn forward(
+        &self,
+        gaussians: &GaussianSlices<'_, T>,
+        cameras: &CameraSlices<'_, T>,
+        settings: &RasterSettings,
+        workspace: &mut Self::Workspace,
+        images: Images<'_, T>,
+    ) -> Result<RasterStats, RasterError>;
+
+    /// Gradients with respect to everything that [`forward`](Self::forward) was given, and by-products of finding them.
+    ///
+    /// All other arguments are those of the last forward with this workspace.
+    ///
+    /// # Errors
+    ///
+    /// Arguments that do not fit together, or a workspace whose last forward had other sizes or settings.
+    fn backward(
+        &self,
+        gaussians: &GaussianSlices<'_, T>,
+        cameras: &CameraSlices<'_, T>,
+        settings: &RasterSettings,
+        workspace: &mut Self::Workspace,
+        cotangents: &Cotangents<'_, T>,
+        gradients: Gradients<'_, T>,
+    ) -> Result<(), RasterError>;
+}
+
+/// The rasterizer of this crate, on the threads of the processor: [`rasterize`](crate::rasterize()) and
+/// [`rasterize_backward`](crate::rasterize_backward()).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CpuRasterizer;
+
+impl<T: Real> Rasterizer<T> for CpuRasterizer {
+    type Workspace = Workspace<T>;
+
+    fn workspace(&self) -> Workspace<T> {
+        Workspace::new()
+    }
+
+    fn forward(
+        &self,
+        gaussians: &GaussianSlices<'_, T>,
+        cameras: &CameraSlices<'_, T>,
+        settings: &RasterSettings,
+        workspace: &mut Workspace<T>,
+        images: Images<'_, T>,
+    ) -> Result<RasterStats, RasterError> {
+        rasterize(gaussians, cameras, settings, workspace, images)
+    }
+
+    fn backward(
+        &self,
+        gaussians: &GaussianSlices<'_, T>,
+        cameras: &CameraSlices<'_, T>,
+        settings: &RasterSettings,
+        workspace: &mut Workspace<T>,
+        cotangents: &Cotangents<'_, T>,
+        gradients: Gradients<'_, T>,
+    ) -> Result<(), RasterError> {
+        rasterize_backward(gaussians, cameras, settings, workspace, cotangents, gradients)
+    }
+}
+
+/// Where the images go. `H` and `W` are those of the region that is drawn.
+#[derive(Debug)]
+pub struct Images<'a, T> {
+    /// sum of w c + T background, `[V, H, W, 3]`; empty for Gaussians without colors.
+    pub image: &'a mut [T],
+    /// 1 - T, `[V, H, W]`.
+    pub alpha: &'a mut [T],
+    /// sum of w z, camera z in world units, not divided by alpha, `[V, H, W]`; [`expected_depth`](crate::expected_depth)
+    /// divides.
+    pub depth: Option<&'a mut [T]>,
+    /// sum of w f, `[V, H, W, C]`.
+    pub features: Option<&'a mut [T]>,
+}
+
+/// What was drawn, summed over the views.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RasterStats {
+    /// Gaussians that some tile looks at; their outlines touch the image, or come near its edge.
+    pub splats: usize,
+    /// Splats over tiles: the entries of all tile lists.
+    pub entries: usize,
+    /// Gaussians left out because they hold, or lead to, numbers that are not finite, or have a quaternion of zero.
+    pub rejected: usize,
+    /// Splats over pixels that they add to.
+    pub pairs: u64,
+    /// Pixels at which splats were evaluated, those that they leave alone included.
+    pub evaluated: u64,
+}

@@ -1,0 +1,158 @@
+//! The tile layer: projecting, sorting, binning and blending of primitives, whatever camera and shape they have.
+//!
+//! A kind of primitive says three things. A [`Projection`] turns primitives into records of sixteen numbers. A [`Footprint`]
+//! says which pixels a record may cover. A [`Response`] says what alpha it has at a pixel, and what it receives back. Everything
+//! else is done here, for any such primitive: depth keys, a stable sort, lists of the tiles, blending front to back, and
+//! blending backward, which leaves sums over pixels for each primitive.
+//!
+//! The Gaussians of [`rasterize`](crate::rasterize()) are one such kind: pinhole cameras and the EWA approximation. A spherical
+//! camera or surfels are others; `tests/it/spherical.rs` of this crate has an example with its gradient.
+
+mod assemble;
+mod backward;
+mod blend;
+mod blend_backward;
+mod coverage;
+mod forward;
+mod grid;
+mod hits;
+mod lists;
+mod primitive;
+mod sort;
+mod traverse;
+mod window;
+
+pub use backward::BackwardPass;
+pub use forward::{Blending, TileStats};
+pub use grid::{Grid, Region, TileSide};
+pub use primitive::{Footprint, Projected, Projection, Response, SHAPE_SUMS};
+
+pub(crate) use blend_backward::moment;
+pub(crate) use coverage::{CHUNK, Chunk};
+
+use lists::Lists;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use weaver_kernels::Real;
+use weaver_kernels::lanes::{LANES, Row};
+use window::Plane;
+
+/// A primitive as one view sees it: one cache line in `f32`.
+pub type Record<T> = Row<T>;
+
+/// The numbers of a record that the tile layer reads.
+pub mod record {
+    /// Depth, by which primitives are ordered (ascending, as `f32`) and which the depth image blends.
+    pub const DEPTH: usize = 7;
+    /// Color toward the camera: red, green, blue, at `COLOR`, `COLOR + 1`, `COLOR + 2`.
+    pub const COLOR: usize = 8;
+}
+
+/// Alpha below which a primitive leaves a pixel alone.
+pub const ALPHA_MIN: f64 = 1.0 / 255.0;
+/// A pixel ends before the primitive that would bring its transmittance to this or less.
+pub const TRANSMITTANCE_END: f64 = 1e-4;
+
+/// Primitives of several views in the lists of their tiles, and what blending them left.
+///
+/// It only grows: calls of sizes seen before allocate nothing.
+#[derive(Debug)]
+pub struct Tiles<T> {
+    /// The tiles of one view.
+    grid: Grid,
+    views: usize,
+    /// Primitives, the same number in each view.
+    per_view: usize,
+    /// `[V, N]`; what covers no tile holds leftovers.
+    records: Vec<Record<T>>,
+    /// The tiles of the primitives, `[V, chunks]`.
+    chunks: Vec<Chunk>,
+    /// Keys of primitives by depth, and sorted, `[V, N]` each.
+    keys: [Vec<AtomicU64>; 2],
+    /// Counts of digits.
+    counts: Vec<u32>,
+    lists: Lists,
+    /// What blending left in each window, `[V * tiles * windows, planes]`.
+    planes: Vec<Plane<T>>,
+    /// Sums over pixels of each list entry.
+    moments: Vec<Row<T>>,
+    /// Sums of features of each list entry, `[entries, C]`.
+    feature_sums: Vec<T>,
+    /// Background gradients of the tiles, `[V * tiles, 3]`.
+    background_sums: Vec<[T; 3]>,
+}
+
+impl<T: Real> Tiles<T> {
+    /// Without primitives.
+    pub fn new() -> Self {
+        Self {
+            grid: Grid::new(Region::whole(0, 0), TileSide::Sixteen),
+            views: 0,
+            per_view: 0,
+            records: Vec::new(),
+            chunks: Vec::new(),
+            keys: [Vec::new(), Vec::new()],
+            counts: Vec::new(),
+            lists: Lists::default(),
+            planes: Vec::new(),
+            moments: Vec::new(),
+            feature_sums: Vec::new(),
+            background_sums: Vec::new(),
+        }
+    }
+
+    /// Number of tiles of all views.
+    fn tiles(&self) -> usize {
+        self.views * self.grid.tiles()
+    }
+
+    /// Chunks of primitives in a view.
+    fn chunks_per_view(&self) -> usize {
+        self.per_view.div_ceil(CHUNK)
+    }
+
+    /// The chunk of primitive `n` in view `v`, and its place in the chunk.
+    pub(crate) fn chunk(&self, v: usize, n: usize) -> (&Chunk, usize) {
+        (&self.chunks[v * self.chunks_per_view() + n / CHUNK], n % CHUNK)
+    }
+
+    /// The record of primitive `n` in view `v`; of any content if it covers no tile.
+    pub fn record(&self, v: usize, n: usize) -> &Record<T> {
+        &self.records[v * self.per_view + n]
+    }
+
+    /// The sums over pixels of list entries.
+    pub(crate) fn moments(&self) -> &[Row<T>] {
+        &self.moments
+    }
+
+    /// The sums over pixels of the entries of primitive `n` in view `v`.
+    pub(crate) fn entries(&self, v: usize, n: usize) -> impl Iterator<Item = &[T; LANES]> {
+        let (chunk, i) = self.chunk(v, n);
+        chunk.places(i).iter().map(|place| &self.moments[place.load(Relaxed) as usize].0)
+    }
+
+    /// Where the entries of primitive `n` in view `v` have their sums of `channels` features.
+    pub(crate) fn feature_entries(&self, v: usize, n: usize, channels: usize) -> impl Iterator<Item = &[T]> + Clone {
+        let (chunk, i) = self.chunk(v, n);
+        chunk
+            .places(i)
+            .iter()
+            .map(move |place| &self.feature_sums[place.load(Relaxed) as usize * channels..][..channels])
+    }
+
+    /// Background gradients of the tiles of the views, in order, `[V * tiles]`.
+    pub(crate) fn background_sums(&self) -> &[[T; 3]] {
+        &self.background_sums[..self.tiles()]
+    }
+
+    /// Tiles of a view.
+    pub(crate) fn tiles_per_view(&self) -> usize {
+        self.grid.tiles()
+    }
+}
+
+impl<T: Real> Default for Tiles<T> {
+    fn default() -> Self {
+        Self::new()
+    }
+}

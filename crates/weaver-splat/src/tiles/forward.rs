@@ -1,0 +1,179 @@
+//! Forward: project, sort, bin, blend.
+
+use super::blend::{Blend, planes};
+use super::coverage::{CHUNK, Chunk, Coverage};
+use super::primitive::{Footprint, Projection, Response};
+use super::sort::sort;
+use super::traverse::{Work, traverse};
+use super::window::{Plane, windows_of, windows_per_tile};
+use super::{Grid, Record, Tiles};
+use crate::memory::grown;
+use crate::settings::RasterError;
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
+use weaver_kernels::lanes::{self, LaneKernel, Lanes};
+use weaver_kernels::{Real, parallel};
+use weaver_scene::Features;
+
+/// How primitives are blended.
+#[derive(Clone, Copy, Debug)]
+pub struct Blending<'a, T> {
+    /// Largest alpha of one primitive at one pixel.
+    pub alpha_max: f64,
+    /// Whether depth is blended.
+    pub depth: bool,
+    /// Features of the primitives to blend, the same in all views.
+    pub features: Option<Features<'a, T>>,
+}
+
+impl<T> Blending<'_, T> {
+    /// Number of features.
+    pub(crate) fn channels(&self) -> usize {
+        self.features.as_ref().map_or(0, |features| features.channels)
+    }
+
+    /// Planes per window.
+    pub(crate) fn planes(&self) -> usize {
+        planes(self.depth, self.channels())
+    }
+}
+
+/// What projecting found, summed over the views.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TileStats {
+    /// Primitives that cover a tile.
+    pub covered: usize,
+    /// Primitives over tiles: the entries of all lists.
+    pub entries: usize,
+    /// Primitives left out because of numbers that are not finite.
+    pub rejected: usize,
+}
+
+impl<T: Real> Tiles<T> {
+    /// Projects `per_view` primitives into each of `views` views and finds the tiles of `grid` that they cover.
+    ///
+    /// # Errors
+    ///
+    /// More than 2^32 list entries.
+    pub fn project<P: Projection<T>, F: Footprint>(
+        &mut self,
+        grid: Grid,
+        (views, per_view): (usize, usize),
+        projection: &P,
+        footprint: &F,
+    ) -> Result<TileStats, RasterError> {
+        (self.grid, self.views, self.per_view) = (grid, views, per_view);
+        let chunks = self.chunks_per_view();
+        // Chunks of an earlier, larger call would be counted; their memory goes.
+        self.chunks.truncate(views * chunks);
+        let chunks_of_views = grown(&mut self.chunks, views * chunks).chunks_mut(chunks.max(1));
+        let records = grown(&mut self.records, views * per_view).chunks_mut(per_view.max(1));
+        let [keys, sorted] = &mut self.keys;
+        grown(sorted, views * per_view);
+        let keys = grown(keys, views * per_view).chunks_mut(per_view.max(1));
+        for (view, (chunks, (records, keys))) in chunks_of_views.zip(records.zip(keys)).enumerate() {
+            let parts = (chunks, records.par_chunks_mut(CHUNK), keys.par_chunks_mut(CHUNK));
+            parts.into_par_iter().enumerate().for_each(|(i, (chunk, records, keys))| {
+                let first = i * CHUNK;
+                lanes::run(Coverage { projection, footprint, grid: &grid, view, first, records, keys, chunk });
+            });
+        }
+        let count = |of: fn(&Chunk) -> usize| self.chunks.iter().map(of).sum();
+        let stats = TileStats {
+            covered: count(|chunk| chunk.covered),
+            entries: count(Chunk::len),
+            rejected: count(|chunk| chunk.rejected),
+        };
+        if stats.entries > u32::MAX as usize {
+            return Err(RasterError::new(format!("{} list entries are too many for one call", stats.entries)));
+        }
+        Ok(stats)
+    }
+
+    /// Sorts the projected primitives of each view by depth, ties by index, and puts them into the lists of their tiles.
+    pub fn bin(&mut self) {
+        let (per_view, chunks) = (self.per_view, self.chunks_per_view());
+        let entries = self.chunks.iter().map(Chunk::len).sum();
+        self.lists.prepare(self.views * self.grid.tiles(), entries);
+        let [keys, sorted] = &mut self.keys;
+        for v in 0..self.views {
+            let part = v * per_view..(v + 1) * per_view;
+            let seen = sort(&mut keys[part.clone()], &mut sorted[part.clone()], &mut self.counts);
+            let sorted: &[AtomicU64] = &sorted[part][..seen];
+            self.lists.bin((v, per_view), self.grid.tiles(), sorted, &self.chunks[v * chunks..(v + 1) * chunks]);
+        }
+    }
+
+    /// Blends the lists front to back; [`images`](Self::images) puts the result together.
+    ///
+    /// Returns how many pairs of a primitive and a pixel that it adds to there were, and how many pairs were evaluated.
+    pub fn blend<P: Footprint + Response>(&mut self, primitive: &P, blending: &Blending<'_, T>) -> [u64; 2] {
+        let work = match (blending.depth, blending.channels() > 0) {
+            (false, false) => self.blend_tiles::<P, 3, false>(primitive, blending),
+            (false, true) => self.blend_tiles::<P, 3, true>(primitive, blending),
+            (true, false) => self.blend_tiles::<P, 4, false>(primitive, blending),
+            (true, true) => self.blend_tiles::<P, 4, true>(primitive, blending),
+        };
+        [work.pairs, work.evaluated]
+    }
+
+    fn blend_tiles<P: Footprint + Response, const C: usize, const MORE: bool>(
+        &mut self,
+        primitive: &P,
+        blending: &Blending<'_, T>,
+    ) -> Work {
+        let Self { grid, lists, records, per_view, .. } = self;
+        let per_tile = windows_per_tile(grid) * blending.planes();
+        let planes = grown(&mut self.planes, self.views * grid.tiles() * per_tile);
+        let (pairs, evaluated) = (AtomicU64::new(0), AtomicU64::new(0));
+        parallel::for_chunks(planes, per_tile, |tile, planes| {
+            let work = lanes::run(BlendTile::<T, P, C, MORE> {
+                primitive,
+                blending,
+                grid,
+                tile,
+                list: lists.of_tile(tile),
+                records,
+                per_view: *per_view,
+                planes,
+            });
+            pairs.fetch_add(work.pairs, Relaxed);
+            evaluated.fetch_add(work.evaluated, Relaxed);
+        });
+        Work { pairs: pairs.into_inner(), evaluated: evaluated.into_inner() }
+    }
+}
+
+/// Blends the windows of a tile.
+struct BlendTile<'a, T, P, const C: usize, const MORE: bool> {
+    primitive: &'a P,
+    blending: &'a Blending<'a, T>,
+    grid: &'a Grid,
+    tile: usize,
+    list: &'a [AtomicU32],
+    records: &'a [Record<T>],
+    per_view: usize,
+    /// Of all windows.
+    planes: &'a mut [Plane<T>],
+}
+
+impl<T: Real, P: Footprint + Response, const C: usize, const MORE: bool> LaneKernel<T>
+    for BlendTile<'_, T, P, C, MORE>
+{
+    type Output = Work;
+
+    #[inline(always)]
+    fn run<V: Lanes<Scalar = T>>(self) -> Work {
+        let per_window = self.planes.len() / windows_per_tile(self.grid);
+        let Blending { alpha_max, features, .. } = *self.blending;
+        let mut total = Work::default();
+        for (i, window) in windows_of(self.grid, self.tile) {
+            let [transmittance, planes @ ..] = &mut self.planes[i * per_window..][..per_window] else { continue };
+            let mut blend = Blend::<V, C, MORE>::new(features, self.per_view, planes);
+            let work = traverse(self.primitive, alpha_max, &window, self.list, self.records, transmittance, &mut blend);
+            total.pairs += work.pairs;
+            total.evaluated += work.evaluated;
+        }
+        total
+    }
+}

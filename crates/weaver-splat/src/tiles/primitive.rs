@@ -1,0 +1,88 @@
+//! What the tile layer asks of a primitive.
+
+use super::record;
+use std::fmt;
+use weaver_kernels::Real;
+use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
+
+/// Projects primitives into records, sixteen at a time.
+///
+/// A record is what a view needs to know of a primitive: sixteen numbers, one cache line in `f32`. The tile layer reads the
+/// depth and the color in it ([`record`]); the other numbers belong to the primitive.
+pub trait Projection<T: Real>: Sync {
+    /// What is computed once for many primitives of one view, such as the camera in vector registers.
+    type State<V: Lanes<Scalar = T>>;
+
+    /// Prepares the projection of primitives into view `view`.
+    fn begin<V: Lanes<Scalar = T>>(&self, view: usize) -> Self::State<V>;
+
+    /// Projects primitives `first..first + count`, `count` from 1 to 16; lanes beyond `count` must not be seen or
+    /// rejected.
+    fn project<V: Lanes<Scalar = T>>(&self, state: &mut Self::State<V>, first: usize, count: usize) -> Projected<V>;
+}
+
+/// Sixteen primitives as one view sees them, made by a [`Projection`].
+#[derive(Clone, Copy)]
+pub struct Projected<V: Lanes> {
+    /// The records as columns: `columns[k]` holds number k of each of the sixteen.
+    pub columns: [V; LANES],
+    /// The primitives that may be visible. The others get no place in any list.
+    pub seen: V::Mask,
+    /// The primitives that are left out because they hold, or lead to, numbers that are not finite.
+    pub rejected: V::Mask,
+}
+
+impl<V: Lanes> fmt::Debug for Projected<V> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Projected").field("seen", &self.seen.bits()).finish_non_exhaustive()
+    }
+}
+
+impl<V: Lanes> Projected<V> {
+    /// The camera depth that orders the primitives of a pixel.
+    #[inline(always)]
+    pub(crate) fn depth(&self) -> V {
+        self.columns[record::DEPTH]
+    }
+}
+
+/// Which pixels a primitive may cover: its outline, rounded outward.
+///
+/// Pixels outside the outline never see the primitive. Pixels inside decide for themselves ([`Response::at`]), so that a
+/// generous outline costs time and changes no image.
+pub trait Footprint: Sync {
+    /// The smallest and the largest y of the outlines of sixteen primitives, in pixels. Pixel centers are at +0.5.
+    fn rows<V: Lanes>(&self, columns: &[V; LANES]) -> (V, V);
+
+    /// The smallest and the largest x of the outlines between two rows of pixel centers at y = `top` and y = `bottom`, and
+    /// which outlines reach these rows at all.
+    fn span<V: Lanes>(&self, columns: &[V; LANES], top: V, bottom: V) -> (V, V, V::Mask);
+}
+
+/// What a primitive returns at a pixel, and what it receives back.
+///
+/// The inner loop of blending is monomorphized over this trait; implementations should mark every method
+/// `#[inline(always)]`.
+pub trait Response: Sync {
+    /// A primitive's numbers, each in all lanes.
+    type Loaded<V: Lanes>: Copy;
+    /// What [`backward`](Self::backward) needs to know of a primitive at sixteen pixels.
+    type Sample<V: Lanes>: Copy;
+
+    /// Loads a primitive from its record.
+    fn load<V: Lanes>(&self, record: &[V::Scalar; LANES]) -> Self::Loaded<V>;
+
+    /// The alpha of a primitive at the pixel centers (x, y), before it is capped.
+    fn at<V: Lanes>(&self, primitive: &Self::Loaded<V>, x: V, y: V) -> (V, Self::Sample<V>);
+
+    /// Adds what the pixels pass back to the numbers that alpha depends on. `g` is alpha dL/dalpha, the gradient with
+    /// respect to the logarithm of alpha. What the six sums over pixels mean is up to the primitive.
+    fn backward<V: Lanes>(&self, sample: &Self::Sample<V>, g: V, sums: &mut [V; SHAPE_SUMS]);
+
+    /// The gradient with respect to the primitive's position on the image, in pixels, that each pixel contributes. Asked
+    /// for by statistics only.
+    fn screen_gradient<V: Lanes>(&self, primitive: &Self::Loaded<V>, sample: &Self::Sample<V>, g: V) -> [V; 2];
+}
+
+/// Number of sums over pixels that a primitive has for the gradient of its shape.
+pub const SHAPE_SUMS: usize = 6;

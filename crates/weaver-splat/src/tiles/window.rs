@@ -1,0 +1,106 @@
+//! Windows of 16 x 16 pixels, which are 4 x 4 blocks of 4 x 4 pixels; a block is what [`Lanes`] hold.
+
+use super::{Grid, Region};
+use crate::each::each;
+use weaver_kernels::Real;
+use weaver_kernels::lanes::{LANES, Lanes, Row};
+
+/// Pixels per side of a window.
+pub(crate) const SIDE: usize = 16;
+/// Pixels per side of a block, and blocks per side of a window.
+pub(crate) const BLOCK: usize = 4;
+/// One number for each pixel of a window, block by block.
+pub(crate) type Plane<T> = [Row<T>; LANES];
+
+/// A window and the region that is drawn, which it may reach beyond.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Window {
+    /// Left and top pixel in the whole image.
+    pub corner: (usize, usize),
+    pub region: Region,
+}
+
+impl Window {
+    /// The pixel (x, y) of a lane of a block in the whole image; outside the region for windows at its edge.
+    #[inline(always)]
+    pub fn pixel(&self, block: usize, lane: usize) -> (usize, usize) {
+        let x = block % BLOCK * BLOCK + lane % BLOCK;
+        let y = block / BLOCK * BLOCK + lane / BLOCK;
+        (self.corner.0 + x, self.corner.1 + y)
+    }
+
+    /// The number of a pixel of the whole image among those of the region, if it is one.
+    #[inline(always)]
+    pub fn index(&self, (x, y): (usize, usize)) -> Option<usize> {
+        let Region { x: left, y: top, width, height } = self.region;
+        let (x, y) = (x.wrapping_sub(left), y.wrapping_sub(top));
+        (x < width && y < height).then(|| y * width + x)
+    }
+
+    /// Whether it is wholly inside the region.
+    fn inside(&self) -> bool {
+        let last = (self.corner.0 + SIDE - 1, self.corner.1 + SIDE - 1);
+        self.index(self.corner).is_some() && self.index(last).is_some()
+    }
+
+    /// The lanes of a block that are in the region.
+    pub fn lanes(&self, block: usize) -> u16 {
+        if self.inside() {
+            return u16::MAX;
+        }
+        let inside = |lane| self.index(self.pixel(block, lane)).is_some();
+        (0..LANES).fold(0, |bits, lane| bits | u16::from(inside(lane)) << lane)
+    }
+
+    /// The pixels' centers: x for each column of blocks, y for each row.
+    #[inline(always)]
+    pub fn centers<V: Lanes>(&self) -> [[Row<V::Scalar>; BLOCK]; 2] {
+        let [mut columns, mut rows] = [[Row::default(); BLOCK]; 2];
+        for i in 0..BLOCK {
+            for lane in 0..LANES {
+                let (x, _) = self.pixel(i, lane);
+                let (_, y) = self.pixel(i * BLOCK, lane);
+                columns[i].0[lane] = V::Scalar::from_f64(x as f64 + 0.5);
+                rows[i].0[lane] = V::Scalar::from_f64(y as f64 + 0.5);
+            }
+        }
+        [columns, rows]
+    }
+
+    /// A channel of the region's image `[h, w, channels]` at the pixels of a block; 0 beyond its edge.
+    #[inline(always)]
+    pub fn gather<V: Lanes>(&self, block: usize, image: &[V::Scalar], channels: usize, channel: usize) -> V {
+        if self.inside() {
+            let (x, y) = self.pixel(block, 0);
+            let first = (y - self.region.y) * self.region.width + x - self.region.x;
+            let rows = each!(BLOCK, |row| &image[(first + row * self.region.width) * channels..][..BLOCK * channels]);
+            return V::from_fn(
+                #[inline(always)]
+                |lane| rows[lane / BLOCK][lane % BLOCK * channels + channel],
+            );
+        }
+        V::from_fn(|lane| {
+            let index = self.index(self.pixel(block, lane));
+            index.map_or(V::Scalar::ZERO, |index| image[index * channels + channel])
+        })
+    }
+}
+
+/// The windows of tile `t` (of all views) that meet the region, with their place among the tile's.
+pub(crate) fn windows_of(grid: &Grid, t: usize) -> impl Iterator<Item = (usize, Window)> + use<> {
+    let (side, region) = (grid.side, grid.region);
+    let (x, y) = grid.corner(t % grid.tiles());
+    let [columns, rows] = region.bounds();
+    let across = side / SIDE;
+    (0..across * across).filter_map(move |i| {
+        let corner = (x + i % across * SIDE, y + i / across * SIDE);
+        let after = corner.0 + SIDE > columns.start && corner.1 + SIDE > rows.start;
+        let before = corner.0 < columns.end && corner.1 < rows.end;
+        (after && before).then_some((i, Window { corner, region }))
+    })
+}
+
+/// Windows in a tile.
+pub(crate) fn windows_per_tile(grid: &Grid) -> usize {
+    (grid.side / SIDE).pow(2)
+}

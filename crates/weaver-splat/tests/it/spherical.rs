@@ -1,0 +1,249 @@
+//! Another primitive and another camera on the same tiles: round spots on a sphere, seen in an equirectangular image.
+//!
+//! A spot has the direction d, the concentration k and the opacity o; in the direction w (of length 1) its alpha is
+//! o 2^(-k (1 - d . w)).
+
+use proptest::prelude::*;
+use std::f64::consts::{LN_2, PI};
+use weaver_kernels::Real;
+use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
+use weaver_kernels::random::Stream;
+use weaver_splat::tiles::{
+    ALPHA_MIN, BackwardPass, Blending, Footprint, Grid, Projected, Projection, Response, SHAPE_SUMS, TRANSMITTANCE_END,
+    Tiles, record,
+};
+use weaver_splat::{Cotangents, Images, Region, TileSide};
+
+/// Numbers of a spot: direction 3, concentration, opacity, color 3, depth.
+const NUMBERS: usize = 9;
+type Spot = [f64; NUMBERS];
+
+/// Where a record keeps what, beside depth and color.
+mod slot {
+    pub const DIRECTION: usize = 0;
+    pub const CONCENTRATION: usize = 3;
+    pub const OPACITY: usize = 4;
+    pub const TOP: usize = 11;
+    pub const BOTTOM: usize = 12;
+    pub const LEFT: usize = 13;
+    pub const RIGHT: usize = 14;
+}
+
+/// The image of the whole sphere, and the spots on it.
+struct Sphere {
+    width: f64,
+    height: f64,
+    spots: Vec<Spot>,
+}
+
+impl Sphere {
+    /// The direction of a point of the image.
+    fn direction(&self, x: f64, y: f64) -> [f64; 3] {
+        let (longitude, latitude) = ((x / self.width - 0.5) * 2.0 * PI, (y / self.height - 0.5) * PI);
+        [latitude.cos() * longitude.sin(), latitude.sin(), latitude.cos() * longitude.cos()]
+    }
+
+    /// The record of a spot, if it is bright enough to be seen.
+    fn record(&self, spot: &Spot) -> Option<[f64; LANES]> {
+        let [x, y, z, concentration, opacity, red, green, blue, depth] = *spot;
+        // 1 - d . w where alpha falls to what is visible, and the angle from d there.
+        let reach = (opacity / ALPHA_MIN).log2() / concentration;
+        if reach < 0.0 {
+            return None;
+        }
+        let angle = if reach < 2.0 { (1.0 - reach).acos() + 1e-9 } else { PI };
+        let (longitude, latitude) = (x.atan2(z), y.clamp(-1.0, 1.0).asin());
+        let row = |latitude: f64| (latitude / PI + 0.5) * self.height;
+        let column = |longitude: f64| (longitude / (2.0 * PI) + 0.5) * self.width;
+        // Around a pole, and across the seam of the image, all columns.
+        let half = if latitude.abs() + angle < PI / 2.0 { (angle.sin() / latitude.cos()).asin() + 1e-9 } else { PI };
+        let whole = longitude.abs() + half >= PI;
+        let mut numbers = [0.0; LANES];
+        numbers[slot::DIRECTION..][..5].copy_from_slice(&[x, y, z, concentration, opacity]);
+        numbers[record::DEPTH] = depth;
+        numbers[record::COLOR..][..3].copy_from_slice(&[red, green, blue]);
+        numbers[slot::TOP] = row(latitude - angle);
+        numbers[slot::BOTTOM] = row(latitude + angle);
+        numbers[slot::LEFT] = if whole { 0.0 } else { column(longitude - half) };
+        numbers[slot::RIGHT] = if whole { self.width } else { column(longitude + half) };
+        Some(numbers)
+    }
+}
+
+impl<T: Real> Projection<T> for Sphere {
+    type State<V: Lanes<Scalar = T>> = ();
+
+    fn begin<V: Lanes<Scalar = T>>(&self, _view: usize) {}
+
+    fn project<V: Lanes<Scalar = T>>(&self, (): &mut (), first: usize, count: usize) -> Projected<V> {
+        let records: Vec<_> = self.spots[first..first + count].iter().map(|spot| self.record(spot)).collect();
+        let number = |lane: usize, k: usize| records.get(lane).copied().flatten().map_or(0.0, |record| record[k]);
+        let seen = records.iter().enumerate().fold(0, |bits, (i, record)| bits | u16::from(record.is_some()) << i);
+        Projected {
+            columns: std::array::from_fn(|k| V::from_fn(|lane| T::from_f64(number(lane, k)))),
+            seen: V::Mask::from_bits(seen),
+            rejected: V::Mask::from_bits(0),
+        }
+    }
+}
+
+impl Footprint for Sphere {
+    #[inline(always)]
+    fn rows<V: Lanes>(&self, columns: &[V; LANES]) -> (V, V) {
+        (columns[slot::TOP], columns[slot::BOTTOM])
+    }
+
+    #[inline(always)]
+    fn span<V: Lanes>(&self, columns: &[V; LANES], top: V, bottom: V) -> (V, V, V::Mask) {
+        let touched = bottom.ge(columns[slot::TOP]).and(columns[slot::BOTTOM].ge(top));
+        (columns[slot::LEFT], columns[slot::RIGHT], touched)
+    }
+}
+
+impl Response for Sphere {
+    type Loaded<V: Lanes> = [V; 5];
+    /// w, and 1 - d . w.
+    type Sample<V: Lanes> = ([V; 3], V);
+
+    #[inline(always)]
+    fn load<V: Lanes>(&self, record: &[V::Scalar; LANES]) -> [V; 5] {
+        std::array::from_fn(|k| V::splat(record[k]))
+    }
+
+    #[inline(always)]
+    fn at<V: Lanes>(&self, spot: &[V; 5], x: V, y: V) -> (V, ([V; 3], V)) {
+        let (x, y) = (x.to_array(), y.to_array());
+        let directions: Vec<_> = (0..LANES).map(|lane| self.direction(x[lane].to_f64(), y[lane].to_f64())).collect();
+        let w: [V; 3] = std::array::from_fn(|axis| V::from_fn(|lane| V::Scalar::from_f64(directions[lane][axis])));
+        let away = V::constant(1.0) - (spot[0] * w[0] + spot[1] * w[1] + spot[2] * w[2]);
+        ((-spot[slot::CONCENTRATION] * away).exp2() * spot[slot::OPACITY], (w, away))
+    }
+
+    #[inline(always)]
+    fn backward<V: Lanes>(&self, &(w, away): &([V; 3], V), g: V, sums: &mut [V; SHAPE_SUMS]) {
+        for (sum, x) in sums.iter_mut().zip([g * w[0], g * w[1], g * w[2], g * away, g]) {
+            *sum = *sum + x;
+        }
+    }
+
+    fn screen_gradient<V: Lanes>(&self, _spot: &[V; 5], _sample: &([V; 3], V), _g: V) -> [V; 2] {
+        unimplemented!("no statistics are asked for")
+    }
+}
+
+/// Color, alpha and depth of each pixel, five numbers; which spots blend there, front to back, is given.
+fn blend(sphere: &Sphere, size: (usize, usize), visible: &[Vec<usize>]) -> Vec<f64> {
+    let pixel = |(i, visible): (usize, &Vec<usize>)| {
+        let w = sphere.direction((i % size.0) as f64 + 0.5, (i / size.0) as f64 + 0.5);
+        let mut light = 1.0;
+        let mut sums = [0.0; 5];
+        for &n in visible {
+            let alpha = alpha(&sphere.spots[n], w);
+            let [.., red, green, blue, depth] = sphere.spots[n];
+            [red, green, blue, 1.0, depth].iter().zip(&mut sums).for_each(|(x, sum)| *sum += light * alpha * x);
+            light *= 1.0 - alpha;
+        }
+        sums
+    };
+    visible.iter().enumerate().flat_map(pixel).collect()
+}
+
+fn alpha(spot: &Spot, w: [f64; 3]) -> f64 {
+    let away = 1.0 - (spot[0] * w[0] + spot[1] * w[1] + spot[2] * w[2]);
+    spot[4] * (-spot[3] * away).exp2()
+}
+
+/// The spots that blend at each pixel, by the rules: every spot at every pixel, no tiles, no bounds.
+fn visible(sphere: &Sphere, (width, height): (usize, usize)) -> Vec<Vec<usize>> {
+    let mut order: Vec<usize> = (0..sphere.spots.len()).collect();
+    order.sort_by(|&a, &b| (sphere.spots[a][8] as f32).total_cmp(&(sphere.spots[b][8] as f32)));
+    let pixel = |i: usize| {
+        let w = sphere.direction((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+        let (mut light, mut visible) = (1.0, Vec::new());
+        for &n in &order {
+            let alpha = alpha(&sphere.spots[n], w);
+            if alpha < ALPHA_MIN {
+                continue;
+            }
+            light *= 1.0 - alpha;
+            if light <= TRANSMITTANCE_END {
+                break;
+            }
+            visible.push(n);
+        }
+        visible
+    };
+    (0..width * height).map(pixel).collect()
+}
+
+fn random(seed: u64, n: usize, (width, height): (usize, usize)) -> Sphere {
+    let stream = Stream::new(seed, 0, "splat.sphere");
+    let spot = |n: usize| {
+        let normal = |i: usize| stream.normal::<f64>((NUMBERS * n + i) as u64);
+        let d: [f64; 3] = std::array::from_fn(normal);
+        let length = d.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let [x, y, z] = d.map(|x| x / length);
+        let opacity = 0.97 / (1.0 + (-2.0 * normal(4)).exp());
+        [x, y, z, 30.0 * (2.0 * normal(3)).exp(), opacity, normal(5), normal(6), normal(7), 3.0 + normal(8).abs()]
+    };
+    Sphere { width: width as f64, height: height as f64, spots: (0..n).map(spot).collect() }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 16, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn spots_on_a_sphere(
+        seed: u64,
+        n in 1_usize..40,
+        size in (1_usize..70, 1_usize..40),
+        side in prop::sample::select(vec![TileSide::Sixteen, TileSide::ThirtyTwo]),
+    ) {
+        let mut sphere = random(seed, n, size);
+        let pixels = size.0 * size.1;
+        let mut tiles = Tiles::<f64>::new();
+        let stats = tiles.project(Grid::new(Region::whole(size.0, size.1), side), (1, n), &sphere, &sphere).unwrap();
+        prop_assert!(stats.covered <= n && stats.rejected == 0);
+        tiles.bin();
+        let blending = Blending { alpha_max: 0.99, depth: true, features: None };
+        tiles.blend(&sphere, &blending);
+        let [mut image, mut alpha, mut depth] = [3, 1, 1].map(|channels| vec![f64::NAN; channels * pixels]);
+        let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None };
+        tiles.images(&blending, |_| [0.0; 3], images);
+        let visible = visible(&sphere, size);
+        for (i, expected) in blend(&sphere, size, &visible).chunks(5).enumerate() {
+            let own = [image[3 * i], image[3 * i + 1], image[3 * i + 2], alpha[i], depth[i]];
+            prop_assert!(own.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{own:?} {expected:?}");
+        }
+
+        let stream = Stream::new(seed, 1, "splat.sphere");
+        let weights: Vec<f64> = (0..5 * pixels as u64).map(|i| stream.normal(i)).collect();
+        let part = |range: std::ops::Range<usize>| -> Vec<f64> {
+            weights.chunks(5).flat_map(|pixel| pixel[range.clone()].to_vec()).collect()
+        };
+        let [dimage, dalpha, ddepth] = [0..3, 3..4, 4..5].map(part);
+        let cotangents =
+            Cotangents { image: Some(&dimage), alpha: Some(&dalpha), depth: Some(&ddepth), features: None };
+        tiles.backward(&sphere, &BackwardPass { blending, cotangents, statistics: false }, |_| [0.0; 3]);
+        let spots = sphere.spots.clone();
+        let mut loss = |n: usize, k: usize, by: f64| -> f64 {
+            let before = sphere.spots[n][k];
+            sphere.spots[n][k] += by;
+            let sum = blend(&sphere, size, &visible).iter().zip(&weights).map(|(a, b)| a * b).sum();
+            sphere.spots[n][k] = before;
+            sum
+        };
+        for n in 0..n.min(6) {
+            let ([x, y, z, away, g, _], color, depth) = tiles.sums(0, n);
+            let spot = spots[n];
+            let along = LN_2 * spot[3];
+            let [red, green, blue] = color;
+            let own = [along * x, along * y, along * z, -LN_2 * away, g / spot[4], red, green, blue, depth];
+            for (k, own) in own.into_iter().enumerate() {
+                let step = 1e-5 * spot[k].abs().max(0.1);
+                let slope = (loss(n, k, step) - loss(n, k, -step)) / (2.0 * step);
+                prop_assert!((own - slope).abs() < 1e-5 * (1.0 + slope.abs()), "spot {n}, number {k}: {own} {slope}");
+            }
+        }
+    }
+}
