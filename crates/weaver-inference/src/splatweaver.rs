@@ -173,8 +173,7 @@ impl Predictor for SplatWeaverPredictor {
     }
 
     fn raster_settings(&self) -> RasterSettings {
-        let raster = &self.model.config().raster;
-        RasterSettings { near: raster.near, alpha_max: raster.alpha_max, ..RasterSettings::default() }
+        self.model.config().raster.settings()
     }
 
     fn background(&self) -> [f32; 3] {

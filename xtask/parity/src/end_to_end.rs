@@ -15,7 +15,7 @@ use weaver_model::{
 };
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
-use weaver_splat::{GaussianVars, RasterSettings, Rasterize, WorkspacePool};
+use weaver_splat::{GaussianVars, Rasterize, WorkspacePool};
 
 /// The published network in the sizes of a file.
 fn config(file: &Reference) -> ModelConfig {
@@ -178,8 +178,7 @@ fn forward<'t, T: Real>(
     let neighbors = Neighbors::search(&means.value(), config.gaussians.neighbors, tape.pool());
     file.check_rows("out.knn", neighbors.index(), neighbors.index().len() / predicted.pixel.len().max(1));
 
-    let settings =
-        RasterSettings { near: config.raster.near, alpha_max: config.raster.alpha_max, ..RasterSettings::default() };
+    let settings = config.raster.settings();
     let background = tape.constant(&config.raster.background.map(T::from_f64), [3]);
     let drawn = Rasterize::new(width, height, settings, &WorkspacePool::new()).apply(
         &GaussianVars { means, opacities, ..*g },

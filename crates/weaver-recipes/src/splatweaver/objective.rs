@@ -8,7 +8,7 @@ use weaver_model::{Dense, PredictedGaussians, SplatWeaver};
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
 use weaver_router::Allocation;
-use weaver_splat::{RasterSettings, Rasterize, WorkspacePool};
+use weaver_splat::{Rasterize, WorkspacePool};
 use weaver_trainer::losses::{PoseCodes, camera_constants, photo_constants};
 use weaver_trainer::{CameraMode, Example, StageConfig, Terms};
 use weaver_vggt::Encoded;
@@ -98,11 +98,7 @@ impl Objective<'_> {
             intrinsics = weaver_autograd::ops::concat(&[intrinsics, targets.intrinsics], 0);
         }
         let background = cx.tape.constant(&config.raster.background.map(|c| c as f32), [3]);
-        let settings = RasterSettings {
-            near: config.raster.near,
-            alpha_max: config.raster.alpha_max,
-            ..RasterSettings::default()
-        };
+        let settings = config.raster.settings();
         let op = Rasterize::new(config.width, config.height, settings, self.workspaces);
         let op = if self.stage.losses.depth.rendered == 0.0 { op.without_depth() } else { op };
         op.apply(&predicted.gaussians, &CameraVars { viewmats, intrinsics }, background)
