@@ -1,8 +1,11 @@
-//! A differentiable rasterizer of 3-D Gaussians on the CPU, with gradients for every parameter and for the camera.
+//! A differentiable rasterizer of 3-D Gaussians on the CPU, with gradients with respect to every parameter and the camera.
 //!
-//! [`rasterize`] draws, [`rasterize_backward`] differentiates; both are plain functions on slices, and [`Workspace`]
-//! is all their memory. [`Rasterize`] is the same as an operation on the tape. [`mod@reference`] does it again,
-//! slowly and in another way, to test against.
+//! - [`rasterize`] and [`rasterize_backward`] are plain functions on slices; a [`Workspace`] is all the memory they use.
+//! - [`Rasterize`] is an operation on the tape, for this rasterizer and for any other [`Rasterizer`].
+//! - [`RasterSettings`] holds the rules of drawing, and the [`Region`] of the image to draw.
+//! - [`GaussianStatistics`] are by-products of a backward pass that density control decides by.
+//! - [`tiles`] sorts, bins and blends primitives of any shape, seen by any camera.
+//! - [`mod@reference`] computes images and gradients again, slowly and in another way, to test against.
 //!
 //! Conventions: world-to-camera matrices, OpenCV axes (x right, y down, z forward), pixel centers at +0.5, quaternions
 //! wxyz, spherical harmonics as in the reference 3DGS implementation.
