@@ -8,7 +8,8 @@ use std::time::Duration;
 use weaver_kernels::random::Stream;
 use weaver_scene::{CameraSlices, Color, GaussianSlices};
 use weaver_splat::{
-    Cotangents, Gradients, Images, RasterSettings, Target, Timings, Workspace, rasterize, rasterize_backward,
+    Cotangents, GaussianStatistics, Gradients, Images, RasterSettings, Region, Target, Timings, Workspace, rasterize,
+    rasterize_backward,
 };
 
 /// Gaussians of about a pixel and a half in a frustum; plain arrays, reused by every iteration.
@@ -25,6 +26,8 @@ struct Load {
     planes: [Vec<f32>; 3],
     cotangents: [Vec<f32>; 3],
     gradients: [Vec<f32>; 8],
+    statistics: Option<Vec<GaussianStatistics<f32>>>,
+    settings: RasterSettings,
     workspace: Workspace<f32>,
 }
 
@@ -61,6 +64,8 @@ impl Load {
             cotangents: [(7, 3), (8, 1), (9, 1)].map(|(purpose, channels)| draw(purpose, channels * pixels)),
             gradients: [3 * n, 4 * n, 3 * n, n, terms * n, viewmats.len(), 4 * views, 3].map(|len| vec![0.0; len]),
             viewmats,
+            statistics: None,
+            settings: RasterSettings::default(),
             workspace: Workspace::new(),
         }
     }
@@ -81,14 +86,17 @@ impl Load {
             width: self.size.0,
             height: self.size.1,
         };
-        let settings = RasterSettings::default();
-        let [image, alpha, depth] = &mut self.planes;
+        let settings = self.settings;
+        let pixels = settings.region.map_or(self.planes[1].len(), |region| self.intrinsics.len() / 4 * region.pixels());
+        let [image, alpha, depth] = self.planes.each_mut().map(|plane| &mut plane[..]);
+        let (image, alpha, depth) = (&mut image[..3 * pixels], &mut alpha[..pixels], &mut depth[..pixels]);
         let images = Images { image, alpha, depth: Some(depth), features: None };
         let stats =
             rasterize(&gaussians, &cameras, &settings, &mut self.workspace, images).expect("the scene fits together");
         black_box(stats);
         if backward {
-            let [image, alpha, depth] = &self.cotangents;
+            let [image, alpha, depth] = self.cotangents.each_ref().map(|plane| &plane[..]);
+            let (image, alpha, depth) = (&image[..3 * pixels], &alpha[..pixels], &depth[..pixels]);
             let cotangents = Cotangents { image: Some(image), alpha: Some(alpha), depth: Some(depth), features: None };
             let [means, quats, scales, opacities, colors, viewmats, intrinsics, background] =
                 self.gradients.each_mut().map(|values| Some(Target::write(&mut values[..])));
@@ -101,6 +109,7 @@ impl Load {
                 viewmats,
                 intrinsics,
                 background,
+                statistics: self.statistics.as_deref_mut(),
                 ..Gradients::default()
             };
             rasterize_backward(&gaussians, &cameras, &settings, &mut self.workspace, &cotangents, gradients)
@@ -131,6 +140,14 @@ fn benches(c: &mut Criterion) {
         }
         group.bench_function("forward", |b| b.iter(|| load.run(false)));
         group.bench_function("forward and backward", |b| b.iter(|| load.run(true)));
+        load.statistics = Some(vec![GaussianStatistics::default(); load.opacities.len()]);
+        group.bench_function("forward and backward with statistics", |b| b.iter(|| load.run(true)));
+        load.statistics = None;
+        let (width, height) = (load.size.0 / 2, load.size.1 / 2);
+        load.settings.region = Some(Region { x: width / 2, y: height / 2, width, height });
+        group.bench_function("forward and backward of a quarter", |b| b.iter(|| load.run(true)));
+        load.settings.region = None;
+        load.run(false);
         group.bench_function("for_each_hit", |b| {
             b.iter(|| {
                 let workspace = &load.workspace;

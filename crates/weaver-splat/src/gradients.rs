@@ -1,18 +1,18 @@
-//! Where gradients come from and where they go.
+//! The gradients that a backward pass is given, and memory for those that it returns.
 
 use crate::statistics::GaussianStatistics;
 use weaver_kernels::Real;
 
-/// Gradients that arrive at the images; `None` is zero.
+/// Gradients of the loss with respect to the images; `None` means zero. `H` and `W` are those of the region that is drawn.
 #[derive(Clone, Copy, Debug)]
 pub struct Cotangents<'a, T> {
-    /// `[V, H, W, 3]`
+    /// With respect to the image, `[V, H, W, 3]`.
     pub image: Option<&'a [T]>,
-    /// `[V, H, W]`
+    /// With respect to alpha, `[V, H, W]`.
     pub alpha: Option<&'a [T]>,
-    /// `[V, H, W]`; only where depth was drawn.
+    /// With respect to the depth, `[V, H, W]`; only where depth was drawn.
     pub depth: Option<&'a [T]>,
-    /// `[V, H, W, C]`
+    /// With respect to the image of the features, `[V, H, W, C]`.
     pub features: Option<&'a [T]>,
 }
 
@@ -61,28 +61,28 @@ pub(crate) fn put<T: Real>(to: &mut T, add: bool, value: T) {
     *to = old + if value.is_finite() { value } else { T::ZERO };
 }
 
-/// Where gradients go; `None` where nobody asks.
+/// Memory for the gradients with respect to each input; `None` leaves a gradient out.
 #[derive(Debug)]
 pub struct Gradients<'a, T> {
-    /// `[N, 3]`
+    /// With respect to the means, `[N, 3]`.
     pub means: Option<Target<'a, T>>,
-    /// `[N, 4]`
+    /// With respect to the quaternions as given, normalized or not, `[N, 4]`.
     pub quats: Option<Target<'a, T>>,
-    /// `[N, 3]`
+    /// With respect to the standard deviations, `[N, 3]`.
     pub scales: Option<Target<'a, T>>,
-    /// `[N]`
+    /// With respect to the opacities, `[N]`.
     pub opacities: Option<Target<'a, T>>,
-    /// `[N, 3]` or `[N, K, 3]`
+    /// With respect to the colors, `[N, 3]`, or the coefficients, `[N, K, 3]`.
     pub colors: Option<Target<'a, T>>,
-    /// `[N, C]`
+    /// With respect to the features, `[N, C]`.
     pub features: Option<Target<'a, T>>,
-    /// `[V, 3, 4]` or `[V, 4, 4]`, as given; the last row of the latter is zero.
+    /// With respect to the view matrices, `[V, 3, 4]` or `[V, 4, 4]`, as given; the last row of the latter is zero.
     pub viewmats: Option<Target<'a, T>>,
-    /// `[V, 4]`
+    /// With respect to fx, fy, cx, cy, `[V, 4]`.
     pub intrinsics: Option<Target<'a, T>>,
-    /// `[V, 3]` or `[3]`, as given.
+    /// With respect to the background, `[V, 3]` or `[3]`, as given.
     pub background: Option<Target<'a, T>>,
-    /// Not gradients but by-products, which the pass adds to, `[N]`.
+    /// By-products of the pass, which are added to what is there, `[N]`.
     pub statistics: Option<&'a mut [GaussianStatistics<T>]>,
 }
 

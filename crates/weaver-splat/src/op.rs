@@ -169,13 +169,17 @@ impl<T: Real, R: Rasterizer<T>> Rasterize<T, R> {
         self.settings.region.unwrap_or(Region::whole(self.width, self.height))
     }
 
-    /// Leaves the depth out, which is faster where nobody looks at it.
+    /// Draws no depth, which is faster.
     pub fn without_depth(mut self) -> Self {
         self.depth = false;
         self
     }
 
-    /// Draws over `background` `[3]` or `[V, 3]`. Panics where shapes do not fit.
+    /// Draws over `background`, `[3]` or `[V, 3]`.
+    ///
+    /// # Panics
+    ///
+    /// If shapes do not fit, or the rasterizer refuses its arguments.
     #[track_caller]
     pub fn apply<'t>(
         self,
@@ -187,8 +191,11 @@ impl<T: Real, R: Rasterizer<T>> Rasterize<T, R> {
         RenderedVars { image, alpha, depth, counts }
     }
 
-    /// Draws over `background`, and blends `features` `[N, C]` over zeros: `[V, H, W, C]`, sum of w f. Panics where shapes
-    /// do not fit.
+    /// Draws over `background`, and blends `features` `[N, C]` over zeros: `[V, H, W, C]`, sum of w f.
+    ///
+    /// # Panics
+    ///
+    /// If shapes do not fit, or the rasterizer refuses its arguments.
     #[track_caller]
     pub fn apply_with_features<'t>(
         self,

@@ -70,7 +70,7 @@ pub(crate) struct Projection<V: Lanes> {
     pub point: Vec3<V>,
     /// x/z and y/z.
     pub free: [V; 2],
-    /// The same, limited.
+    /// x/z and y/z within their limits.
     pub slope: [V; 2],
     /// Where they are within their limits.
     pub within: [V::Mask; 2],

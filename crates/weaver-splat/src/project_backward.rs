@@ -24,7 +24,7 @@ pub(crate) struct GroupGradient<V> {
 }
 
 impl<V: Lanes> GroupGradient<V> {
-    /// Nothing.
+    /// Gradients of zero.
     #[inline(always)]
     pub fn zero() -> Self {
         let zero = V::zero();

@@ -52,7 +52,7 @@ impl<T: Real> Workspace<T> {
     /// last image drawn with this workspace.
     ///
     /// `pixel` indexes `[V, H, W]`, `gaussian` is 0 to N - 1, `transmittance` T is the light that arrives there, `weight`
-    /// is alpha T: the very numbers of the image. At each pixel hits come front to back. Tiles are visited in parallel,
+    /// is alpha T, the same numbers that the image is made of. At each pixel hits come front to back. Tiles are visited in parallel,
     /// so that hits of different pixels come in no fixed order.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! Blend backward for a window: sums over pixels of what blending passes back to each primitive.
 //!
-//! The walk is front to back again, with the very arithmetic of the forward pass. What lies behind a primitive at a pixel is
+//! The walk is front to back again, with exactly the arithmetic of the forward pass. What lies behind a primitive at a pixel is
 //! what the whole list gave there, known from the forward pass, less what came up to it.
 
 use super::blend::values;
@@ -16,7 +16,7 @@ use weaver_scene::Features;
 /// Where the row of a list entry keeps which sum over pixels; w = alpha T.
 pub(crate) mod moment {
     use super::SHAPE_SUMS;
-    /// Those of the primitive's shape, [`Response::backward`](super::Response::backward).
+    /// The sums of the primitive's shape, [`Response::backward`](super::Response::backward).
     pub const SHAPE: usize = 0;
     /// sum w dimage
     pub const COLOR: usize = SHAPE + SHAPE_SUMS;
@@ -46,7 +46,7 @@ pub(crate) struct ViewCotangents<'a, T> {
 }
 
 impl<T> Cotangents<'_, T> {
-    /// Those of view `v`, of images of so many pixels.
+    /// The cotangents of view `v`, whose images have `pixels` pixels.
     pub(crate) fn of_view(&self, v: usize, pixels: usize, channels: usize) -> ViewCotangents<'_, T> {
         ViewCotangents {
             image: part(self.image, 3 * v * pixels),

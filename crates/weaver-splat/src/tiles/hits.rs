@@ -15,7 +15,7 @@ impl<T: Real> Tiles<T> {
     /// Calls `visit(pixel, primitive, weight, transmittance)` for every primitive at every pixel that it adds to.
     ///
     /// `pixel` indexes `[V, h, w]` of the region, `primitive` is 0 to N - 1, `transmittance` T is the light that arrives
-    /// there, `weight` is alpha T: the very numbers of the image. At each pixel hits come front to back. Tiles are visited
+    /// there, `weight` is alpha T, the same numbers that the images are made of. At each pixel hits come front to back. Tiles are visited
     /// in parallel, so that hits of different pixels come in no fixed order.
     pub fn for_each_hit<P: Footprint + Response>(
         &self,

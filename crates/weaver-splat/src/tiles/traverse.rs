@@ -141,7 +141,7 @@ pub(crate) fn traverse<V: Lanes, P: Footprint + Response>(
                 let after = alpha.neg_mul_add(before, before);
                 let visible = alpha.ge(alpha_min);
                 let seen = after.gt_among(end, visible);
-                // No branch: which pixels end when is anyone's guess.
+                // No branch: when a pixel ends cannot be predicted.
                 let left = after.or(seen, before).negative(visible.and_not(seen));
                 left.store(&mut transmittance[block].0);
                 work.pairs += u64::from(seen.bits().count_ones());
