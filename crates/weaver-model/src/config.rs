@@ -7,6 +7,7 @@ pub use presets::PRESETS;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use weaver_splat::RasterSettings;
 
 /// Sizes and switches of a [`SplatWeaver`](crate::SplatWeaver); [`ModelConfig::preset`] has the ready-made ones.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -212,4 +213,11 @@ pub struct RasterConfig {
     pub alpha_max: f64,
     /// Background color as red, green and blue, each 0 to 1.
     pub background: [f64; 3],
+}
+
+impl RasterConfig {
+    /// The rules that images of this model are drawn by.
+    pub fn settings(&self) -> RasterSettings {
+        RasterSettings { near: self.near, alpha_max: self.alpha_max, ..RasterSettings::default() }
+    }
 }
