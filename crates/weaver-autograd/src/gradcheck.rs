@@ -1,7 +1,7 @@
 //! Gradient checks: compares the gradients of a function on a tape with central differences in `f64`.
 //!
-//! One call tests what goes wrong in practice: single coordinates and random directions under random cotangents, gradients that
-//! are added to an existing sum, one tensor used as several inputs, and inputs that need no gradient.
+//! One call tests what goes wrong in practice: single coordinates and random directions under random cotangents,
+//! gradients that are added to an existing sum, one tensor used as several inputs, and inputs that need no gradient.
 //!
 //! ```
 //! use weaver_autograd::gradcheck::{Input, gradcheck};

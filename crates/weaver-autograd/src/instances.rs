@@ -1,8 +1,8 @@
 //! The engine for `f32` and `f64`, compiled here once.
 //!
-//! All of it is generic, so that every crate, test and example above would compile the ops it uses once more. Where crates are
-//! optimized one by one (the dev profile), the compiler links what a crate below has compiled already; naming the instances is
-//! enough. Release builds, which specialize each use, leave this file out.
+//! All of it is generic, so that every crate, test and example above would compile the ops it uses once more. Where
+//! crates are optimized one by one (the dev profile), the compiler links what a crate below has compiled already;
+//! naming the instances is enough. Release builds, which specialize each use, leave this file out.
 
 use crate::{Params, Tape, Var, ops};
 use std::hint::black_box;

@@ -7,9 +7,9 @@ use weaver_kernels::{Real, gemm::Half, parallel, simd};
 
 /// A differentiable operation: a value that owns its settings and its saved state.
 ///
-/// The tape calls [`shapes`](Op::shapes), allocates the outputs, and calls [`forward`](Op::forward) once. If a gradient reaches
-/// one of the outputs, it later calls [`backward`](Op::backward). Large saved state should come from [`Pool::buffer`] or be an
-/// auxiliary output, so that a repeated step allocates nothing.
+/// The tape calls [`shapes`](Op::shapes), allocates the outputs, and calls [`forward`](Op::forward) once. If a gradient
+/// reaches one of the outputs, it later calls [`backward`](Op::backward). Large saved state should come from
+/// [`Pool::buffer`] or be an auxiliary output, so that a repeated step allocates nothing.
 ///
 /// If every output is empty, neither `forward` nor `backward` is called, and the gradients are zero.
 pub trait Op<T: Real>: Debug + Send + 'static {
@@ -35,21 +35,21 @@ pub trait Op<T: Real>: Debug + Send + 'static {
         pool: &Pool,
     );
 
-    /// The number of auxiliary outputs, which come last: values to read, such as statistics, counts or saved state, that have
-    /// no gradient. The tape panics with the name of the op if a gradient reaches one.
+    /// The number of auxiliary outputs, which come last: values to read, such as statistics, counts or saved state,
+    /// that have no gradient. The tape panics with the name of the op if a gradient reaches one.
     fn auxiliary_outputs(&self) -> usize {
         0
     }
 
-    /// Whether input `index` may be stored in half precision, to be read by [`View::half`]. The tape panics with the name of
-    /// the op if such an input is given to an op that does not accept it.
+    /// Whether input `index` may be stored in half precision, to be read by [`View::half`]. The tape panics with the
+    /// name of the op if such an input is given to an op that does not accept it.
     fn reads_half(&self, index: usize) -> bool {
         let _ = index;
         false
     }
 
-    /// Whether the op is differentiable with respect to input `index`. If it is not, and the input depends on a leaf, the tape
-    /// panics with the name of the op; [`Var::detach`](crate::Var::detach) states that no gradient is needed.
+    /// Whether the op is differentiable with respect to input `index`. If it is not, and the input depends on a leaf,
+    /// the tape panics with the name of the op; [`Var::detach`](crate::Var::detach) states that no gradient is needed.
     fn differentiable(&self, index: usize) -> bool {
         let _ = index;
         true
@@ -87,7 +87,8 @@ impl<'a, T> View<'a, T> {
         Self { data: &[], half: None, shape: Shape::from([0]) }
     }
 
-    /// The elements of a tensor that is stored in half precision, whose `f32` or `f64` elements are empty; `None` for others.
+    /// The elements of a tensor that is stored in half precision, whose `f32` or `f64` elements are empty; `None` for
+    /// others.
     pub fn half(&self) -> Option<Half<'a>> {
         self.half
     }

@@ -18,28 +18,28 @@ impl ParamId {
     }
 }
 
-/// Where the numbers of a parameter are.
+/// The storage of a parameter's values.
 #[derive(Clone)]
 pub enum ParamValues<T: Real> {
-    /// In memory of their own.
+    /// Memory that the parameter owns; clones share it until one changes.
     Owned(Arc<Vec<T>>),
-    /// In memory that is held elsewhere, such as a mapped file.
+    /// Memory that is owned elsewhere, such as a mapped file.
     Shared(Arc<dyn AsRef<[T]> + Send + Sync>),
-    /// In half precision, as a constant for layers that multiply by it.
+    /// Half precision: a constant, for layers that multiply by it.
     Half(HalfValues),
-    /// Not set yet: the parameter is only declared.
+    /// No values yet: the parameter has only been declared.
     Absent,
 }
 
-/// Numbers in half precision, in memory that may be shared.
+/// Values in half precision, in memory that may be shared.
 #[derive(Clone)]
 pub enum HalfValues {
-    /// Numbers in bf16, which products widen as they read them.
+    /// bf16, converted to full precision while a product reads it.
     Bf16(Arc<dyn AsRef<[bf16]> + Send + Sync>),
-    /// Numbers in bf16, where products round the other factor to bf16 as well if the processor then multiplies twice as fast;
-    /// [`Half::Bf16Pairs`] states the loss of precision.
+    /// bf16; where the processor can multiply pairs of bf16 at twice the speed, products round the other factor to
+    /// bf16, too. [`Half::Bf16Pairs`] states the loss of precision.
     Bf16Pairs(Arc<dyn AsRef<[bf16]> + Send + Sync>),
-    /// Numbers in f16, which products widen as they read them.
+    /// f16, converted to full precision while a product reads it.
     F16(Arc<dyn AsRef<[f16]> + Send + Sync>),
 }
 
@@ -54,7 +54,7 @@ impl fmt::Debug for HalfValues {
 }
 
 impl HalfValues {
-    /// The numbers.
+    /// Borrows the values.
     pub fn view(&self) -> Half<'_> {
         match self {
             Self::Bf16(values) => Half::Bf16((**values).as_ref()),
@@ -86,17 +86,17 @@ impl<T: Real> ParamValues<T> {
     }
 }
 
-/// Why numbers are no rows of a parameter; see [`Params::replace`].
+/// The number of values does not fit the rows of a parameter; returned by [`Params::replace`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("parameter `{name}`: expected {expected} numbers for {rows} rows, found {found}")]
 pub struct ReplaceError {
-    /// The parameter's name.
+    /// The name of the parameter.
     pub name: String,
-    /// The rows it was to have.
+    /// The requested number of rows.
     pub rows: usize,
-    /// The numbers that they need.
+    /// The number of values that these rows need.
     pub expected: usize,
-    /// The numbers given.
+    /// The number of values that were given.
     pub found: usize,
 }
 
@@ -110,17 +110,21 @@ pub struct Param<T: Real> {
 }
 
 impl<T: Real> Param<T> {
-    /// Its full name, such as `encoder.block.3.attn.qkv.weight`.
+    /// The full name, such as `encoder.block.3.attn.qkv.weight`.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Its dimensions.
+    /// The shape.
     pub fn shape(&self) -> Shape {
         self.shape
     }
 
-    /// Its numbers; panics if it has none yet, or has them in half precision.
+    /// The values.
+    ///
+    /// # Panics
+    ///
+    /// If the parameter has no values yet, or has them in half precision.
     pub fn value(&self) -> &[T] {
         match &self.values {
             ParamValues::Owned(values) => values,
@@ -130,12 +134,12 @@ impl<T: Real> Param<T> {
         }
     }
 
-    /// Where its numbers are.
+    /// The storage of the values.
     pub fn values(&self) -> &ParamValues<T> {
         &self.values
     }
 
-    /// Whether it is left out of the tape's gradients.
+    /// Whether the parameter is frozen, that is, a constant on the tape.
     pub fn is_frozen(&self) -> bool {
         self.frozen
     }
@@ -180,8 +184,9 @@ impl<T: Real> Params<T> {
         param.values = values;
     }
 
-    /// Gives a parameter other rows: its name and all its dimensions but the first stay. Whatever else has a number for each of
-    /// its numbers (an optimizer's moments, averages) must change with it; a tape must be reset first.
+    /// Replaces the values of a parameter and its number of rows; its name and all dimensions but the first stay the
+    /// same. State of the same shape, such as the moments of an optimizer or averages, must be changed as well. Reset
+    /// the tape first.
     ///
     /// Panics if the parameter is a scalar, which has no rows.
     ///
@@ -197,7 +202,7 @@ impl<T: Real> Params<T> {
     /// ```
     ///
     /// # Errors
-    /// When the numbers are not as many as the rows need; the parameter is then left as it was.
+    /// If the number of values is not that of the rows; the parameter is then unchanged.
     pub fn replace(&mut self, id: ParamId, rows: usize, values: Vec<T>) -> Result<(), ReplaceError> {
         let param = &mut Arc::make_mut(&mut self.list)[id.index()];
         assert!(param.shape.rank() > 0, "parameter {} is a scalar, which has no rows", param.name);
@@ -215,13 +220,13 @@ impl<T: Real> Params<T> {
         &self.list[id.index()]
     }
 
-    /// The parameter with this name.
+    /// The id of the parameter with this name.
     pub fn find(&self, name: &str) -> Option<ParamId> {
         self.list.iter().position(|p| p.name == name).map(|i| ParamId(i as u32))
     }
 
-    /// The values of a parameter, to change them. A tape that still shares them keeps the old ones, and the change then costs a
-    /// copy: reset the tape first, or let it [release](crate::Tape::release_params) the values.
+    /// Borrows the values of a parameter to change them. A tape that still shares them keeps the old ones, which costs
+    /// a copy: reset the tape first, or let it [release](crate::Tape::release_params) the values.
     ///
     /// Values in shared memory or in half precision are copied first. Panics if the parameter has no values yet.
     pub fn value_mut(&mut self, id: ParamId) -> &mut [T] {
@@ -259,17 +264,17 @@ impl<T: Real> Params<T> {
         (0..self.list.len()).map(|i| ParamId(i as u32))
     }
 
-    /// How many tensors there are.
+    /// Number of parameters.
     pub fn len(&self) -> usize {
         self.list.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no parameters.
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
     }
 
-    /// How many numbers there are in all.
+    /// Number of elements of all parameters together.
     pub fn count(&self) -> usize {
         self.list.iter().map(|p| p.shape.len()).sum()
     }

@@ -12,8 +12,8 @@ use weaver_kernels::{pages, parallel};
 /// Bytes of a cache line. Every buffer begins at one, so that no aligned vector straddles two.
 const LINE: usize = 64;
 
-/// The size class of a length. There are four classes per power of two: at most a quarter of a buffer is wasted, and lengths
-/// that vary a little from step to step, such as a number of Gaussians, find the same buffer again.
+/// The size class of a length. There are four classes per power of two: at most a quarter of a buffer is wasted, and
+/// lengths that vary a little from step to step, such as a number of Gaussians, find the same buffer again.
 fn class_of(len: usize) -> usize {
     let len = len.max(16);
     let octave = len.ilog2() as usize;

@@ -51,7 +51,8 @@ impl Profile {
 pub enum Phase {
     /// The forward call of an op.
     Forward,
-    /// A forward call repeated during the backward pass of a [`checkpoint`](crate::ops::checkpoint), whose event contains it.
+    /// A forward call repeated during the backward pass of a [`checkpoint`](crate::ops::checkpoint), whose event
+    /// contains it.
     Recompute,
     /// The backward call of an op.
     Backward,

@@ -83,8 +83,8 @@ impl Shape {
         self
     }
 
-    /// The tensor viewed as three dimensions around an axis: the product of the dimensions before it, its own length, and the
-    /// product of the dimensions after it.
+    /// The tensor viewed as three dimensions around an axis: the product of the dimensions before it, its own length,
+    /// and the product of the dimensions after it.
     pub fn around(&self, axis: usize) -> [usize; 3] {
         let dims = self.dims();
         [dims[..axis].iter().product(), dims[axis], dims[axis + 1..].iter().product()]

@@ -1,4 +1,4 @@
-//! The tape: records ops as they run, owns every value and gradient, and walks back.
+//! The tape: records ops as they run, owns all values and gradients, and computes the backward pass.
 
 use crate::op::{Op, View, ViewMut};
 use crate::params::{HalfValues, Param, ParamValues};
@@ -24,7 +24,7 @@ pub use part::Outputs;
 /// Index of a value on the tape.
 pub(crate) type ValueId = u32;
 
-/// Inline room for the usual number of inputs and outputs; longer lists go to the heap.
+/// A list with inline storage for the usual number of inputs and outputs; longer lists are on the heap.
 pub type List<X> = SmallVec<[X; 8]>;
 
 enum Storage<T: Real> {
@@ -36,7 +36,7 @@ enum Storage<T: Real> {
 }
 
 impl<T: Real> Storage<T> {
-    /// The numbers of a parameter.
+    /// The values of a parameter.
     fn of(param: &Param<T>) -> Self {
         match param.values() {
             ParamValues::Owned(values) => Self::Shared(values.clone()),
@@ -71,11 +71,11 @@ struct Value<T: Real> {
     tracked: bool,
     /// Leaves keep their gradient after the backward pass.
     leaf: bool,
-    /// Whether the gradients that pass are added to `kept`.
+    /// Whether gradients that pass through are added to `kept`.
     retained: bool,
-    /// Set for outputs that carry no gradient, to name the op when one arrives.
+    /// Whether this is an auxiliary output; a gradient that reaches it is an error that names the op.
     auxiliary: bool,
-    /// What has reached it: for a walk back to pass on, or of a leaf for good.
+    /// The gradient so far: passed on by the backward pass, or the result for a leaf.
     grad: Option<Buffer<T>>,
     kept: Option<Buffer<T>>,
 }
@@ -92,7 +92,7 @@ struct Node<T: Real> {
     inputs: std::ops::Range<u32>,
     outputs: std::ops::Range<u32>,
     path: std::ops::Range<u32>,
-    /// Bytes of its outputs and of what it saved.
+    /// Bytes of its outputs and its saved state.
     held: usize,
 }
 
@@ -116,9 +116,9 @@ type Watcher = Box<dyn Fn(&str) + Send>;
 
 /// A define-by-run tape over pooled memory.
 ///
-/// Ops run as they are applied and are remembered; [`Var::backward`] fills the gradients of every leaf it reaches.
-/// [`reset`](Tape::reset) forgets the record and keeps the memory: the next step finds its buffers in the pool. A
-/// [`Var`] borrows the tape, so one that outlives its step does not compile.
+/// Ops run when they are applied and are recorded; [`Var::backward`] computes the gradients of every leaf that a result
+/// depends on. [`reset`](Tape::reset) clears the record and keeps the memory in the pool for the next step. A [`Var`]
+/// borrows the tape, so one that outlives its step does not compile.
 ///
 /// ```
 /// use weaver_autograd::Tape;
@@ -136,7 +136,7 @@ pub struct Tape<T: Real = f32> {
     recording: Cell<bool>,
     profile: RefCell<Option<Profile>>,
     tracer: Tracer,
-    /// Whether what runs here has run before, for the same result.
+    /// Whether this tape recomputes an earlier forward pass.
     again: bool,
 }
 
@@ -154,12 +154,12 @@ impl<T: Real> std::fmt::Debug for Tape<T> {
 }
 
 impl<T: Real> Tape<T> {
-    /// An empty tape with a pool of its own.
+    /// Creates an empty tape with a pool of its own.
     pub fn new() -> Self {
         Self::with_pool(Pool::new())
     }
 
-    /// An empty tape that shares a pool.
+    /// Creates an empty tape that shares a pool.
     pub fn with_pool(pool: Pool) -> Self {
         let record = Record {
             values: Vec::new(),
@@ -188,7 +188,8 @@ impl<T: Real> Tape<T> {
         &self.pool
     }
 
-    /// Forgets every value and op; their memory returns to the pool. Needs the tape exclusively, so that no [`Var`] survives.
+    /// Removes all values and ops and returns their memory to the pool. The exclusive borrow ensures that no [`Var`]
+    /// survives.
     pub fn reset(&mut self) {
         let record = self.record.get_mut();
         for node in record.nodes.drain(..) {
@@ -201,20 +202,20 @@ impl<T: Real> Tape<T> {
         record.params.clear();
     }
 
-    /// A constant: no gradient flows to it.
+    /// Creates a constant, a tensor without a gradient, from a copy of `data`.
     pub fn constant(&self, data: &[T], shape: impl Into<Shape>) -> Var<'_, T> {
         let shape = self.checked(data.len(), shape);
         let value = Storage::Pooled(self.pool.copy_of(data));
         self.push_source(value, shape, false)
     }
 
-    /// A constant that is shared without a copy, such as the weights of a network that is never trained.
+    /// Creates a constant that shares its memory, such as the weights of a network that is not trained.
     pub fn shared_constant(&self, data: &Arc<Vec<T>>, shape: impl Into<Shape>) -> Var<'_, T> {
         let shape = self.checked(data.len(), shape);
         self.push_source(Storage::Shared(data.clone()), shape, false)
     }
 
-    /// A constant whose elements `f` fills in, beginning from zeros.
+    /// Creates a constant of zeros and lets `f` fill it in.
     pub fn constant_with(&self, shape: impl Into<Shape>, f: impl FnOnce(&mut [T])) -> Var<'_, T> {
         let shape = shape.into();
         let mut buffer = self.pool.filled(shape.len(), T::ZERO);
@@ -222,25 +223,29 @@ impl<T: Real> Tape<T> {
         self.push_source(Storage::Pooled(buffer), shape, false)
     }
 
-    /// A constant that takes over a filled buffer, without a copy.
+    /// Creates a constant from a buffer, without a copy.
     pub fn constant_of(&self, buffer: Buffer<T>, shape: impl Into<Shape>) -> Var<'_, T> {
         let shape = self.checked(buffer.len(), shape);
         self.push_source(Storage::Pooled(buffer), shape, false)
     }
 
-    /// A single constant number.
+    /// Creates a constant scalar.
     pub fn scalar(&self, x: T) -> Var<'_, T> {
         self.constant(&[x], Shape::SCALAR)
     }
 
-    /// A leaf: a value whose gradient is wanted.
+    /// Creates a leaf, a tensor whose gradient the backward pass computes, from a copy of `data`.
     pub fn leaf(&self, data: &[T], shape: impl Into<Shape>) -> Var<'_, T> {
         let shape = self.checked(data.len(), shape);
         let value = Storage::Pooled(self.pool.copy_of(data));
         self.push_source(value, shape, true)
     }
 
-    /// Applies an op; panics with the op's name, the model path and the shapes when they do not fit.
+    /// Applies an op.
+    ///
+    /// # Panics
+    ///
+    /// If the shapes of the inputs do not fit, with the name of the op, the model path and the shapes.
     #[track_caller]
     pub fn apply<'t, O: Op<T>, const N: usize>(&'t self, op: O, inputs: &[Var<'t, T>]) -> [Var<'t, T>; N] {
         let outputs = self.try_apply(op, inputs).unwrap_or_else(|error| panic!("{error}"));
@@ -253,7 +258,7 @@ impl<T: Real> Tape<T> {
             .unwrap_or_else(|_| panic!("the op has {count} outputs, not {N}"))
     }
 
-    /// Applies an op, or returns an error that names the shapes that do not fit.
+    /// Applies an op, or returns an error if the shapes of the inputs do not fit.
     pub fn try_apply<'t, O: Op<T>>(&'t self, mut op: O, inputs: &[Var<'t, T>]) -> Result<List<Var<'t, T>>, ShapeError> {
         let name = op.name();
         for var in inputs {
@@ -310,7 +315,7 @@ impl<T: Real> Tape<T> {
                 inputs: inputs_start..record.inputs.len() as u32,
                 outputs: first..record.values.len() as u32,
                 path: path_start..record.paths.len() as u32,
-                // An op may also hand back what it came with.
+                // An op may also have returned memory that it came with.
                 held: self.pool.used_bytes().saturating_sub(used),
             });
         }
@@ -357,7 +362,7 @@ impl<T: Real> Tape<T> {
         .ok()
     }
 
-    /// Gives a leaf a gradient to begin with.
+    /// Sets the initial gradient of a leaf.
     pub(crate) fn set_grad(&self, id: ValueId, gradient: &[T]) {
         self.record.borrow_mut().values[id as usize].grad = Some(self.pool.copy_of(gradient));
     }

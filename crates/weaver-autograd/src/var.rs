@@ -113,8 +113,8 @@ impl<'t, T: Real> Var<'t, T> {
         self.backward_with(&[T::ONE]);
     }
 
-    /// Starts the backward pass at this tensor, given `cotangent`, the gradient of the loss with respect to it. Another call
-    /// adds to the gradients of leaves and parameters.
+    /// Starts the backward pass at this tensor, given `cotangent`, the gradient of the loss with respect to it. Another
+    /// call adds to the gradients of leaves and parameters.
     ///
     /// # Panics
     ///

@@ -1,7 +1,7 @@
 //! Scaled dot-product attention, softmax(scale q k^T) v.
 //!
-//! Scores are computed tile by tile with an online softmax (Dao et al. 2022, arXiv 2205.14135), so that the matrix of scores
-//! never exists as a whole.
+//! Scores are computed tile by tile with an online softmax (Dao et al. 2022, arXiv 2205.14135), so that the matrix of
+//! scores never exists as a whole.
 
 use crate::extent::{extent, product};
 use crate::gemm::{Mat, MatMut, gemm_serial};
@@ -83,7 +83,8 @@ impl Strides {
     }
 }
 
-/// What attention reads: `q` holds `queries`, `k` and `v` hold `keys` vectors of length `dim` for every batch entry and head.
+/// What attention reads: `q` holds `queries`, `k` and `v` hold `keys` vectors of length `dim` for every batch entry and
+/// head.
 #[derive(Clone, Copy, Debug)]
 pub struct AttentionInputs<'a, T> {
     /// The sizes.
@@ -184,8 +185,8 @@ fn tile_rows(queries: usize) -> usize {
     queries.div_ceil(queries.div_ceil(QUERIES).max(1))
 }
 
-/// The online softmax for one tile of `n` keys: turns scores into powers of 2 relative to the maximum of each row so far, adds
-/// them to the row's totals, and rescales earlier sums to the new maximum.
+/// The online softmax for one tile of `n` keys: turns scores into powers of 2 relative to the maximum of each row so
+/// far, adds them to the row's totals, and rescales earlier sums to the new maximum.
 struct Absorb<'a, T> {
     n: usize,
     dim: usize,

@@ -1,9 +1,9 @@
 //! Two-dimensional convolution and transposed convolution of `[N, C, H, W]` maps with zero padding.
 //!
-//! As usual in neural networks, convolution means cross-correlation: the kernel is not flipped. It is computed as the product
-//! of the weights with the matrix of all windows of the input (im2col), but that matrix is never stored: at stride 1 the
-//! tiles of [`gemm`](crate::gemm) read the windows from the padded input, otherwise windows are written into the panels that
-//! the product packs.
+//! As usual in neural networks, convolution means cross-correlation: the kernel is not flipped. It is computed as the
+//! product of the weights with the matrix of all windows of the input (im2col), but that matrix is never stored: at
+//! stride 1 the tiles of [`gemm`](crate::gemm) read the windows from the padded input, otherwise windows are written
+//! into the panels that the product packs.
 
 use crate::Real;
 use crate::extent::product;
@@ -138,8 +138,8 @@ pub fn conv2d_dx_scratch_len(shape: &Conv2dShape) -> usize {
 
 /// Gradient of [`conv2d_forward`] with respect to the input.
 ///
-/// `w` is `[o, c, kh, kw]`, `dy` `[n, o, out_h, out_w]`, `dx` `[n, c, h, w]`; `scratch` has [`conv2d_dx_scratch_len`] elements
-/// with any content.
+/// `w` is `[o, c, kh, kw]`, `dy` `[n, o, out_h, out_w]`, `dx` `[n, c, h, w]`; `scratch` has [`conv2d_dx_scratch_len`]
+/// elements with any content.
 ///
 /// # Panics
 ///
@@ -220,8 +220,8 @@ pub fn conv2d_dw_scratch_len<T: Real>(shape: &Conv2dShape) -> usize {
 
 /// Gradient of [`conv2d_forward`] with respect to the weights.
 ///
-/// `x` is `[n, c, h, w]`, `dy` `[n, o, out_h, out_w]`, `dw` `[o, c, kh, kw]`; `scratch` has [`conv2d_dw_scratch_len`] elements
-/// with any content. Contributions of images are added in their order.
+/// `x` is `[n, c, h, w]`, `dy` `[n, o, out_h, out_w]`, `dw` `[o, c, kh, kw]`; `scratch` has [`conv2d_dw_scratch_len`]
+/// elements with any content. Contributions of images are added in their order.
 ///
 /// # Panics
 ///
@@ -246,7 +246,8 @@ pub fn conv2d_dw<T: Real>(shape: &Conv2dShape, x: &[T], dy: &[T], dw: Target<T>,
     }
 }
 
-/// Gradient of [`conv2d_forward`] with respect to the bias: `db[o]` is the sum of `dy[n, o, ..]`, with `dy` `[n, o, pixels]`.
+/// Gradient of [`conv2d_forward`] with respect to the bias: `db[o]` is the sum of `dy[n, o, ..]`, with `dy` `[n, o,
+/// pixels]`.
 pub fn conv2d_db<T: Real>(o: usize, pixels: usize, dy: &[T], db: Target<T>) {
     let (db, beta) = db;
     assert_eq!(db.len(), o, "conv2d: bias length");

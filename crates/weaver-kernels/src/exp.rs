@@ -1,5 +1,5 @@
-//! Exponentials, binary logarithm and hyperbolic tangent in `f32`, without branches or calls, so that loops over them vectorize
-//! inside [`simd::dispatch`](crate::simd::dispatch).
+//! Exponentials, binary logarithm and hyperbolic tangent in `f32`, without branches or calls, so that loops over them
+//! vectorize inside [`simd::dispatch`](crate::simd::dispatch).
 //!
 //! e^x and tanh reduce x = n ln 2 + r with |r| <= ln 2 / 2, where ln 2 is split in two parts (Cody and Waite), and use a
 //! polynomial for e^r - 1 that interpolates at Chebyshev nodes.
@@ -77,8 +77,8 @@ pub(crate) const EXP2_NEAREST: Quintic =
 /// Coefficients of t, t^3, .. t^9 in log2((1 + t) / (1 - t)) for |t| <= 0.2.
 pub(crate) const LOG2_ODD: [f32; 5] = [2.885_39, 0.961_796_6, 0.577_093_94, 0.411_133_3, 0.349_416_76];
 
-/// n and e^r with x = n ln 2 + r, for [`Lanes`] that can multiply by 2^n. Clamps x to where e^x is neither 0 nor infinite; for
-/// NaN the result is an arbitrary number.
+/// n and e^r with x = n ln 2 + r, for [`Lanes`] that can multiply by 2^n. Clamps x to where e^x is neither 0 nor
+/// infinite; for NaN the result is an arbitrary number.
 #[inline(always)]
 pub(crate) fn reduced<V: Lanes<Scalar = f32>>(x: V) -> (V, V) {
     use std::f64::consts::{LN_2, LOG2_E};

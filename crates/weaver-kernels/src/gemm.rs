@@ -1,9 +1,9 @@
 //! Matrix multiplication, C = alpha A B + beta C.
 //!
-//! C is divided into blocks, each a parallel task. Within a block, B is packed into panels and A, where it helps, into tiles,
-//! so that a tile of C held in vector registers reads both sequentially. Every element of C is summed in the same order
-//! whatever the blocks are, so the bits are the same at any number of threads. Each thread keeps one packing buffer, which
-//! grows to the largest product; nothing else is allocated.
+//! C is divided into blocks, each a parallel task. Within a block, B is packed into panels and A, where it helps, into
+//! tiles, so that a tile of C held in vector registers reads both sequentially. Every element of C is summed in the
+//! same order whatever the blocks are, so the bits are the same at any number of threads. Each thread keeps one packing
+//! buffer, which grows to the largest product; nothing else is allocated.
 
 use crate::parallel::{Interleaved, for_ranges};
 use crate::{Real, simd, simd::Level};

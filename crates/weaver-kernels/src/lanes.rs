@@ -125,8 +125,8 @@ pub trait Lanes:
     fn or(self, mask: Self::Mask, other: Self) -> Self;
     /// `self` with the sign bit set where the mask is set.
     fn negative(self, mask: Self::Mask) -> Self;
-    /// The horizontal sums of sixteen vectors: lane i is the sum of the lanes of vector i. The order of additions is the same
-    /// in all instruction sets.
+    /// The horizontal sums of sixteen vectors: lane i is the sum of the lanes of vector i. The order of additions is
+    /// the same in all instruction sets.
     fn sums(of: &[Self; LANES]) -> Self;
     /// Transposes a matrix of sixteen by sixteen.
     fn transpose(rows: &mut [Self; LANES]);
@@ -196,8 +196,8 @@ pub fn split<V: Lanes>(x: &[V::Scalar]) -> (&[[V::Scalar; LANES]], V) {
     (whole, if rest.is_empty() { V::zero() } else { at(rest, 0) })
 }
 
-/// Sets every element of `out` to a function of the same element of all inputs and of its old value, sixteen at a time. Mark
-/// `f` `#[inline(always)]`.
+/// Sets every element of `out` to a function of the same element of all inputs and of its old value, sixteen at a time.
+/// Mark `f` `#[inline(always)]`.
 #[inline(always)]
 pub fn map<V: Lanes, const K: usize>(inputs: [&[V::Scalar]; K], out: &mut [V::Scalar], f: impl Fn([V; K], V) -> V) {
     let len = out.len();

@@ -21,8 +21,8 @@ fn check<T>(cols: usize, x: &[T], stats: &[T], y: &[T]) {
 
 /// Layer normalization of every row: y = (x - mean) / sqrt(variance + eps) * w + b, with the population variance.
 ///
-/// `x` and `y` are `[rows, cols]`; `affine` holds the weights w and biases b, `[cols]` each, and `None` leaves both out. `stats`
-/// `[rows, 2]` receives the mean and 1 / sqrt(variance + eps) of every row, for [`layer_norm_backward`].
+/// `x` and `y` are `[rows, cols]`; `affine` holds the weights w and biases b, `[cols]` each, and `None` leaves both
+/// out. `stats` `[rows, 2]` receives the mean and 1 / sqrt(variance + eps) of every row, for [`layer_norm_backward`].
 ///
 /// # Panics
 ///
@@ -140,8 +140,8 @@ fn forward<V: Lanes, const R: usize>(
     }
 }
 
-/// Rows whose contributions to the gradients of weights and biases are summed together. The sums of such chunks are added in
-/// their order.
+/// Rows whose contributions to the gradients of weights and biases are summed together. The sums of such chunks are
+/// added in their order.
 const CHUNK: usize = 64;
 
 /// Length of the scratch space of [`layer_norm_backward`] for `[rows, cols]`.
@@ -149,10 +149,11 @@ pub fn layer_norm_scratch_len(rows: usize, cols: usize) -> usize {
     2 * rows.div_ceil(CHUNK) * cols
 }
 
-/// Gradients of [`layer_norm_forward`] with respect to the input, the weights and the biases, each if asked for, in one pass.
+/// Gradients of [`layer_norm_forward`] with respect to the input, the weights and the biases, each if asked for, in one
+/// pass.
 ///
-/// `x`, `dy` and `dx` are `[rows, cols]`; `dw` and `db` are `[cols]`. `w` holds the weights, if there are any, and `stats` what
-/// the forward pass wrote. `scratch` has [`layer_norm_scratch_len`] elements with any content.
+/// `x`, `dy` and `dx` are `[rows, cols]`; `dw` and `db` are `[cols]`. `w` holds the weights, if there are any, and
+/// `stats` what the forward pass wrote. `scratch` has [`layer_norm_scratch_len`] elements with any content.
 ///
 /// # Panics
 ///
@@ -217,7 +218,8 @@ pub fn layer_norm_backward<T: Real>(
     }
 }
 
-/// The backward pass of some rows. `scratch` receives their contributions to the gradients of weights and biases, or is empty.
+/// The backward pass of some rows. `scratch` receives their contributions to the gradients of weights and biases, or is
+/// empty.
 struct Backward<'a, T> {
     cols: usize,
     x: &'a [T],

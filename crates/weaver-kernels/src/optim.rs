@@ -56,9 +56,9 @@ impl<T: Real> AdamW<T> {
 
     /// Updates only some rows of a parameter, as [`step`](Self::step) does, and leaves the others untouched.
     ///
-    /// Before a row is updated, its moments are decayed for the steps that it was left out of: with k of them,
-    /// m = beta1^k m and v = beta2^k v, which is what k steps with a gradient of zero make of them. The bias correction is that of
-    /// `step`. A row that was left out of no step gets the same bits from `step`.
+    /// Before a row is updated, its moments are decayed for the steps that it was left out of: with k of them, m =
+    /// beta1^k m and v = beta2^k v, which is what k steps with a gradient of zero make of them. The bias correction is
+    /// that of `step`. A row that was left out of no step gets the same bits from `step`.
     ///
     /// Panics if the lengths disagree, if the rows are not ascending or there are fewer than named, or if a row is ahead of
     /// `step`.

@@ -65,8 +65,8 @@ pub fn fill_rows<T: Copy + Send + Sync>(row: &[T], to: &mut [T]) {
     });
 }
 
-/// Splits `a` into chunks of `a_size` and `b` into equally many chunks of `b_size`, and runs `body(index, a_chunk, b_chunk)`
-/// on each pair, in parallel.
+/// Splits `a` into chunks of `a_size` and `b` into equally many chunks of `b_size`, and runs `body(index, a_chunk,
+/// b_chunk)` on each pair, in parallel.
 ///
 /// # Panics
 ///

@@ -1,8 +1,8 @@
 //! Measurements of the machine's peak arithmetic rate and memory bandwidth, to compare timings with.
 //!
-//! The functions start threads of their own, outside any pool, and measure from the first thread's start to the last thread's
-//! end. They take the best of several short runs, since other load can only slow a run down. Measure the peak in the same
-//! run as what is compared with it: figures from another day or machine say little.
+//! The functions start threads of their own, outside any pool, and measure from the first thread's start to the last
+//! thread's end. They take the best of several short runs, since other load can only slow a run down. Measure the peak
+//! in the same run as what is compared with it: figures from another day or machine say little.
 
 use std::hint::black_box;
 use std::sync::Barrier;

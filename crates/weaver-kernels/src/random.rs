@@ -1,7 +1,7 @@
 //! Counter-based random numbers: every value is a pure function of (seed, step, purpose, index).
 //!
-//! A value therefore does not depend on how many numbers were drawn before, on the number of threads, or on whether a run was
-//! resumed.
+//! A value therefore does not depend on how many numbers were drawn before, on the number of threads, or on whether a
+//! run was resumed.
 
 use crate::Real;
 

@@ -71,7 +71,8 @@ pub trait Real:
     fn tan(self) -> Self;
     /// Arc tangent, in radians.
     fn atan(self) -> Self;
-    /// Hyperbolic tangent: within 1.3 units in the last place over the whole range in `f32`, the standard library's in `f64`.
+    /// Hyperbolic tangent: within 1.3 units in the last place over the whole range in `f32`, the standard library's in
+    /// `f64`.
     fn tanh(self) -> Self;
     /// The Gauss error function, within 1.5 units in the last place over the whole range.
     fn erf(self) -> Self;

@@ -183,8 +183,8 @@ pub fn column_sums<T: Real>(rows: usize, cols: usize, x: &[T], out: Target<T>) {
     );
 }
 
-/// Column sums of a matrix that is given by a function: `add(row, from, sums)` adds the elements of `row` from column `from`
-/// on to `sums`, as many as there are sums.
+/// Column sums of a matrix that is given by a function: `add(row, from, sums)` adds the elements of `row` from column
+/// `from` on to `sums`, as many as there are sums.
 #[inline(always)]
 pub(crate) fn column_totals<T: Real>(rows: usize, out: Target<T>, add: impl Fn(usize, usize, &mut [T]) + Sync) {
     const BLOCK: usize = 64;

@@ -146,7 +146,8 @@ impl<T: Real> Resample<T> {
 
     /// Antialiased bicubic resizing from one `[h, w]` to another, without `align_corners`.
     ///
-    /// Uses Keys' kernel with a = -1/2, stretched by the scale when the map shrinks; pixels outside the image have no weight.
+    /// Uses Keys' kernel with a = -1/2, stretched by the scale when the map shrinks; pixels outside the image have no
+    /// weight.
     pub fn bicubic_antialiased(from: [usize; 2], to: [usize; 2]) -> Self {
         let axis = |i: usize| Axis::bicubic_antialiased(from[i], to[i]);
         Self::new(axis(0), axis(1))

@@ -179,8 +179,8 @@ impl<'t, T: Real> Var<'t, T> {
         self.map(Abs)
     }
 
-    /// Clamps every element to [lo, hi]: min(max(x, lo), hi). The gradient passes where lo <= x <= hi, bounds included, and is 0
-    /// elsewhere.
+    /// Clamps every element to [lo, hi]: min(max(x, lo), hi). The gradient passes where lo <= x <= hi, bounds included,
+    /// and is 0 elsewhere.
     ///
     /// The result has the shape of the input. Differentiable; the bounds are constant. Panics if lo > hi.
     ///

@@ -64,11 +64,11 @@ impl<T: Real> Op<T> for Attention<T> {
     }
 }
 
-/// Scaled dot-product attention, softmax(scale q k^T) v for every batch entry and head (Vaswani et al., arXiv 1706.03762). The
-/// matrix of scores is never stored (Dao et al., arXiv 2205.14135).
+/// Scaled dot-product attention, softmax(scale q k^T) v for every batch entry and head (Vaswani et al., arXiv
+/// 1706.03762). The matrix of scores is never stored (Dao et al., arXiv 2205.14135).
 ///
-/// q is `[B, Nq, H, D]`, k and v are `[B, Nk, H, D]`; the result is `[B, Nq, H, D]`, and 0 if there are no keys. `scale` is usually
-/// `1 / sqrt(D)`. Differentiable in q, k and v.
+/// q is `[B, Nq, H, D]`, k and v are `[B, Nk, H, D]`; the result is `[B, Nq, H, D]`, and 0 if there are no keys.
+/// `scale` is usually `1 / sqrt(D)`. Differentiable in q, k and v.
 ///
 /// ```
 /// use weaver_autograd::{Tape, ops};

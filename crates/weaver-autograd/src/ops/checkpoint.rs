@@ -75,9 +75,9 @@ where
 /// Gradient checkpointing: runs `function` without keeping its intermediate tensors, and runs it again in the backward pass
 /// (Chen et al., arXiv 1604.06174). The gradients are the same bits as without a checkpoint.
 ///
-/// `inputs` must not be empty. The function gets a tape of its own, the parameters, and the inputs as tensors on that tape; it
-/// must be pure, since it is called twice. Differentiable in the inputs and in every parameter that the function uses. Each of
-/// the two runs sets up a tape, which allocates a little; tensors come from the pool.
+/// `inputs` must not be empty. The function gets a tape of its own, the parameters, and the inputs as tensors on that
+/// tape; it must be pure, since it is called twice. Differentiable in the inputs and in every parameter that the
+/// function uses. Each of the two runs sets up a tape, which allocates a little; tensors come from the pool.
 ///
 /// ```
 /// use weaver_autograd::{Params, Tape, ops};

@@ -68,9 +68,9 @@ impl<T: Real> Op<T> for CrossEntropy<T> {
 /// The mean cross entropy of softmax(logits) against labels, with label smoothing (Szegedy et al., arXiv 1512.00567).
 ///
 /// It is -mean over n of sum over e of t_ne ln softmax(logits)_ne, with targets t_ne = (1 - smoothing) [e = label_n] +
-/// smoothing / E. Logits are `[N, E]`, with one label below E for each row; the result is a scalar, 0 if there are no rows.
-/// Differentiable in the logits; labels and smoothing are constant. A logit of minus infinity, which marks an impossible class,
-/// counts only where its target is not 0.
+/// smoothing / E. Logits are `[N, E]`, with one label below E for each row; the result is a scalar, 0 if there are no
+/// rows. Differentiable in the logits; labels and smoothing are constant. A logit of minus infinity, which marks an
+/// impossible class, counts only where its target is not 0.
 ///
 /// ```
 /// use weaver_autograd::{Tape, ops};

@@ -55,7 +55,8 @@ impl<T: Real> Op<T> for Expand {
 impl<'t, T: Real> Var<'t, T> {
     /// Repeats the tensor along new leading axes and along axes of length 1, by NumPy's rules of broadcasting.
     ///
-    /// The last axes of x must agree with `shape` or have length 1. Differentiable; the gradient is summed over repetitions.
+    /// The last axes of x must agree with `shape` or have length 1. Differentiable; the gradient is summed over
+    /// repetitions.
     ///
     /// ```
     /// use weaver_autograd::Tape;

@@ -41,8 +41,8 @@ impl<T: Real> Op<T> for GatherRows {
 impl<'t, T: Real> Var<'t, T> {
     /// Selects rows by index: row i of the result is row `indices[i]` of x.
     ///
-    /// x `[N, ..]` gives `[indices.len(), ..]`. Rows may repeat; their gradients are then added in order. Differentiable; the
-    /// indices are constant. Panics if an index is not below N.
+    /// x `[N, ..]` gives `[indices.len(), ..]`. Rows may repeat; their gradients are then added in order.
+    /// Differentiable; the indices are constant. Panics if an index is not below N.
     ///
     /// ```
     /// use weaver_autograd::Tape;

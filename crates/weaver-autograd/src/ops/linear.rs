@@ -129,8 +129,8 @@ impl<T: Real> Op<T> for Linear<T> {
 
 /// A fully connected layer: activation(x W^T + b).
 ///
-/// x is `[.., in]`, w `[out, in]`, b `[out]` or left out; the result is `[.., out]`. Differentiable in all three. w may be a
-/// parameter in half precision, which is constant.
+/// x is `[.., in]`, w `[out, in]`, b `[out]` or left out; the result is `[.., out]`. Differentiable in all three. w may
+/// be a parameter in half precision, which is constant.
 ///
 /// ```
 /// use weaver_autograd::{Tape, ops, ops::Activation};

@@ -57,7 +57,8 @@ impl<T: Real> Op<T> for LogSoftmax {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// The natural logarithm of softmax along an axis, x - ln(sum of e^x), accurate where [`softmax`](Var::softmax) underflows.
+    /// The natural logarithm of softmax along an axis, x - ln(sum of e^x), accurate where [`softmax`](Var::softmax)
+    /// underflows.
     ///
     /// x is `[.., A, ..]`, and so is the result. Differentiable. Panics if x has no such axis.
     ///

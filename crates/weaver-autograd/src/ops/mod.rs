@@ -1,7 +1,7 @@
 //! The built-in ops, one per file; most are methods of [`Var`](crate::Var).
 //!
-//! Shapes are checked when an op is applied: inputs that do not fit cause a panic with the model path, the name of the op, and
-//! the shapes expected and found.
+//! Shapes are checked when an op is applied: inputs that do not fit cause a panic with the model path, the name of the
+//! op, and the shapes expected and found.
 
 pub mod activations;
 mod attention;

@@ -54,7 +54,8 @@ impl<T: Real> Op<T> for Permute {
 impl<'t, T: Real> Var<'t, T> {
     /// Permutes the axes: axis i of the result is axis `axes[i]` of `self`. Copies the elements.
     ///
-    /// x `[d_0, .., d_n]` gives `[d_axes[0], .., d_axes[n]]`. Differentiable. Panics if `axes` does not name every axis once.
+    /// x `[d_0, .., d_n]` gives `[d_axes[0], .., d_axes[n]]`. Differentiable. Panics if `axes` does not name every axis
+    /// once.
     ///
     /// ```
     /// use weaver_autograd::Tape;

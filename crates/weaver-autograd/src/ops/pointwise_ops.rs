@@ -4,8 +4,8 @@ use crate::{Pointwise, PointwiseOp, Var, pointwise};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 use weaver_kernels::Real;
 
-/// Applies an elementwise function of `N` inputs. Inputs have the shape of the result, or a single element that is broadcast.
-/// Differentiable in all inputs.
+/// Applies an elementwise function of `N` inputs. Inputs have the shape of the result, or a single element that is
+/// broadcast. Differentiable in all inputs.
 ///
 /// ```
 /// use weaver_autograd::{Tape, ops::pointwise_ops::{AddOp, apply_pointwise}};

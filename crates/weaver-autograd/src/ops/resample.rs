@@ -70,8 +70,8 @@ impl<'t, T: Real> Var<'t, T> {
     /// Bilinear resizing.
     ///
     /// With `align_corners`, the centers of the corner pixels coincide, and row i is taken from the coordinate
-    /// i (H - 1) / (h - 1). Otherwise the corners of the images coincide, and it is taken from (i + 1/2) H / h - 1/2, clamped to
-    /// the image.
+    /// i (H - 1) / (h - 1). Otherwise the corners of the images coincide, and it is taken from (i + 1/2) H / h - 1/2, clamped
+    /// to the image.
     ///
     /// x is `[N, C, H, W]`, with H and W at least 1; the result is `[N, C, h, w]`. Differentiable.
     ///
@@ -87,8 +87,8 @@ impl<'t, T: Real> Var<'t, T> {
 
     /// Bicubic resizing, without `align_corners` and without antialiasing.
     ///
-    /// Uses Keys' kernel (1981) with a = -3/4 at the source coordinate (i + 1/2) H / h - 1/2, over the four nearest pixels even
-    /// when shrinking; border pixels are repeated.
+    /// Uses Keys' kernel (1981) with a = -3/4 at the source coordinate (i + 1/2) H / h - 1/2, over the four nearest
+    /// pixels even when shrinking; border pixels are repeated.
     ///
     /// x is `[N, C, H, W]`, with H and W at least 1; the result is `[N, C, h, w]`. Differentiable.
     ///
@@ -119,7 +119,8 @@ impl<'t, T: Real> Var<'t, T> {
         self.resample(Method::BicubicAntialias, Some([h, w]))
     }
 
-    /// Average pooling with stride 1: the mean over the part of the k x k window around every pixel that lies inside the image.
+    /// Average pooling with stride 1: the mean over the part of the k x k window around every pixel that lies inside
+    /// the image.
     ///
     /// x is `[N, C, H, W]`, with H and W at least 1, and so is the result. Differentiable. Panics if k is even.
     ///

@@ -12,7 +12,8 @@ pub struct RopeTable<T: Real = f32> {
 }
 
 impl<T: Real> RopeTable<T> {
-    /// Tabulates the rotations of tokens at `positions`, (row, column) each, for heads of length `dim`; `base` is usually 100.
+    /// Tabulates the rotations of tokens at `positions`, (row, column) each, for heads of length `dim`; `base` is
+    /// usually 100.
     ///
     /// # Panics
     ///
@@ -64,9 +65,9 @@ impl<T: Real> Op<T> for Rope<T> {
 impl<'t, T: Real> Var<'t, T> {
     /// Rotary position embedding in two dimensions (Su et al., arXiv 2104.09864; Heo et al., arXiv 2403.13298).
     ///
-    /// x is `[B, N, H, D]`, with the same positions for every batch entry. The first half of a head is rotated by the row of the
-    /// token, the second by its column: in a half of length n, elements k and k + n/2 are rotated by the angle
-    /// position * base^(-2 k / n). A token at (0, 0) is unchanged. Differentiable; the table is constant.
+    /// x is `[B, N, H, D]`, with the same positions for every batch entry. The first half of a head is rotated by the
+    /// row of the token, the second by its column: in a half of length n, elements k and k + n/2 are rotated by the
+    /// angle position * base^(-2 k / n). A token at (0, 0) is unchanged. Differentiable; the table is constant.
     ///
     /// ```
     /// use weaver_autograd::{Tape, ops::RopeTable};

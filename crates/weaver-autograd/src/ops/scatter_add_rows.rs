@@ -44,10 +44,11 @@ impl<T: Real> Op<T> for ScatterAddRows {
 }
 
 impl<'t, T: Real> Var<'t, T> {
-    /// Adds rows by index: row r of the result is the sum of all rows i of x with `indices[i] == r`, added in the order of i.
-    /// The adjoint of [`gather_rows`](Var::gather_rows).
+    /// Adds rows by index: row r of the result is the sum of all rows i of x with `indices[i] == r`, added in the order
+    /// of i. The adjoint of [`gather_rows`](Var::gather_rows).
     ///
-    /// x `[indices.len(), ..]` gives `[n, ..]`. Differentiable; the indices are constant. Panics if an index is not below `n`.
+    /// x `[indices.len(), ..]` gives `[n, ..]`. Differentiable; the indices are constant. Panics if an index is not
+    /// below `n`.
     ///
     /// ```
     /// use weaver_autograd::Tape;

@@ -36,8 +36,8 @@ impl<T: Real> Op<T> for StraightThrough {
 
 /// The straight-through estimator: the value of `hard` with the gradient of `soft` (Bengio et al., arXiv 1308.3432).
 ///
-/// `soft`, `hard` and the result have the same shape. The gradient with respect to the result goes to `soft` unchanged; `hard`
-/// is treated as a constant.
+/// `soft`, `hard` and the result have the same shape. The gradient with respect to the result goes to `soft` unchanged;
+/// `hard` is treated as a constant.
 ///
 /// ```
 /// use weaver_autograd::{Tape, ops};

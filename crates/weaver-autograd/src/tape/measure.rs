@@ -23,8 +23,9 @@ impl<T: Real> Tape<T> {
         self.tracer.set(on);
     }
 
-    /// Every op that ran since tracing was started, forward and backward, in the order in which they ended, including those
-    /// inside other ops ([`checkpoint`](crate::ops::checkpoint)); empty when tracing is off. Survives [`reset`](Tape::reset).
+    /// Every op that ran since tracing was started, forward and backward, in the order in which they ended, including
+    /// those inside other ops ([`checkpoint`](crate::ops::checkpoint)); empty when tracing is off. Survives
+    /// [`reset`](Tape::reset).
     pub fn trace(&self) -> Vec<TraceEvent> {
         self.tracer.trace().as_ref().map_or_else(Vec::new, |trace| trace.events.clone())
     }
@@ -98,8 +99,8 @@ impl<T: Real> Tape<T> {
         list
     }
 
-    /// Calls `see` with every recorded op and its outputs, in the order in which they ran: to look for values that are not finite,
-    /// for instance, or for rectifiers whose outputs are all zero. `see` must not apply ops to this tape.
+    /// Calls `see` with every recorded op and its outputs, in the order in which they ran: to look for values that are
+    /// not finite, for instance, or for rectifiers whose outputs are all zero. `see` must not apply ops to this tape.
     ///
     /// ```
     /// use weaver_autograd::Tape;

@@ -13,12 +13,12 @@ pub(crate) struct Surroundings {
 }
 
 impl<T: Real> Tape<T> {
-    /// The surroundings of tapes inside an op that is applied at the present model path.
+    /// The state that tapes inside an op inherit from this tape at the current model path.
     pub(crate) fn surroundings(&self) -> Surroundings {
         Surroundings { tracer: self.tracer.clone(), path: self.record.borrow().path().to_string() }
     }
 
-    /// An empty tape inside an op; `again` says that it runs what has run before.
+    /// An empty tape inside an op; `again` states that it recomputes an earlier forward pass.
     pub(crate) fn nested(around: &Surroundings, pool: Pool, again: bool) -> Self {
         let mut tape = Self::with_pool(pool);
         tape.tracer = around.tracer.clone();

@@ -48,16 +48,17 @@ impl<T: Real> Tape<T> {
         self.grad(value)
     }
 
-    /// The gradient of a parameter after the backward pass, to be changed before an optimizer uses it; `None` if none reached
-    /// it.
+    /// The gradient of a parameter after the backward pass, to be changed before an optimizer uses it; `None` if none
+    /// reached it.
     pub fn param_grad_mut(&mut self, id: ParamId) -> Option<&mut [T]> {
         let record = self.record.get_mut();
         let value = record.params.get(id.index()).copied().flatten()?;
         record.values[value as usize].grad.as_deref_mut()
     }
 
-    /// Forgets the ops and releases the parameters' values, so that [`Params::value_mut`] changes them in place. Their gradients
-    /// stay until [`reset`](Tape::reset). Needs the tape exclusively, so that no [`Var`] can ask for what was released.
+    /// Forgets the ops and releases the parameters' values, so that [`Params::value_mut`] changes them in place. Their
+    /// gradients stay until [`reset`](Tape::reset). Needs the tape exclusively, so that no [`Var`] can ask for what was
+    /// released.
     pub fn release_params(&mut self) {
         let record = self.record.get_mut();
         for node in record.nodes.drain(..) {

@@ -1,4 +1,5 @@
-//! Parts of a model: an author says what a part returns, and while nothing is recorded the rest of its memory is given back.
+//! Parts of a model: an author says what a part returns, and while nothing is recorded the rest of its memory is given
+//! back.
 
 use super::{List, Storage, Tape, ValueId};
 use crate::{Buffer, Var};
@@ -8,8 +9,8 @@ use weaver_kernels::Real;
 
 /// What a part of a model returns: anything whose tensors can be listed.
 ///
-/// Implemented for tensors, buffers of the pool (which hold none), and tuples, arrays, lists and options of such. A struct of
-/// tensors implements it with one line:
+/// Implemented for tensors, buffers of the pool (which hold none), and tuples, arrays, lists and options of such. A
+/// struct of tensors implements it with one line:
 ///
 /// ```
 /// use weaver_autograd::{Outputs, Real, Tape, Var};
@@ -102,15 +103,16 @@ impl<T: Real> Tape<T> {
         self.outputs_of(f)
     }
 
-    /// Runs a part of a model that knows its full path, which is put in place of the model path; an empty one changes nothing.
-    /// Of the part's memory only its outputs stay ([`outputs_of`](Self::outputs_of)).
+    /// Runs a part of a model that knows its full path, which is put in place of the model path; an empty one changes
+    /// nothing. Of the part's memory only its outputs stay ([`outputs_of`](Self::outputs_of)).
     pub fn part_at<R: Outputs<T>>(&self, path: &str, f: impl FnOnce() -> R) -> R {
         let _path = self.replace_path(path);
         self.outputs_of(f)
     }
 
-    /// Runs `f`; while nothing is recorded ([`without_gradient`](Self::without_gradient)), what it returns is all that stays of it
-    /// in memory. Reading anything else that it computed then panics. While recording, everything stays for the backward pass.
+    /// Runs `f`; while nothing is recorded ([`without_gradient`](Self::without_gradient)), what it returns is all that
+    /// stays of it in memory. Reading anything else that it computed then panics. While recording, everything stays for
+    /// the backward pass.
     pub fn outputs_of<R: Outputs<T>>(&self, f: impl FnOnce() -> R) -> R {
         let start = self.record.borrow().values.len();
         let outputs = f();
@@ -118,8 +120,9 @@ impl<T: Real> Tape<T> {
         outputs
     }
 
-    /// Runs `f` for each item on the result for the item before, as [`Iterator::fold`] does, beginning with what `first` returns;
-    /// while nothing is recorded, only the latest result stays in memory: for layers one behind the other.
+    /// Runs `f` for each item on the result for the item before, as [`Iterator::fold`] does, beginning with what
+    /// `first` returns; while nothing is recorded, only the latest result stays in memory: for layers one behind the
+    /// other.
     ///
     /// ```
     /// use weaver_autograd::Tape;

@@ -52,14 +52,14 @@ impl<T: Real> Tape<T> {
         PathGuard { tape: self, before }
     }
 
-    /// Calls `watcher` with the model path whenever a [`part`](Tape::part) ends: how far a long forward pass is. It must not
-    /// use the tape.
+    /// Calls `watcher` with the model path whenever a [`part`](Tape::part) ends: how far a long forward pass is. It
+    /// must not use the tape.
     pub fn watch(&self, watcher: impl Fn(&str) + Send + 'static) {
         self.record.borrow_mut().watcher = Some(Box::new(watcher));
     }
 
-    /// Panics with the message of a [`ShapeError`] unless a condition holds: for functions made of several ops, which check the
-    /// shapes of their arguments themselves.
+    /// Panics with the message of a [`ShapeError`] unless a condition holds: for functions made of several ops, which
+    /// check the shapes of their arguments themselves.
     #[track_caller]
     pub fn ensure_shapes(&self, holds: bool, op: &'static str, expected: impl Display, found: &[Shape]) {
         if !holds {

@@ -1,7 +1,8 @@
 //! Convolutions of stride 1, without a matrix of windows.
 //!
-//! A band of padded input rows is copied to a buffer that stays in the cache. The values of one window element at neighboring
-//! pixels are then contiguous in a row of that band, where the register tiles of [`gemm`](crate::gemm) read them.
+//! A band of padded input rows is copied to a buffer that stays in the cache. The values of one window element at
+//! neighboring pixels are then contiguous in a row of that band, where the register tiles of [`gemm`](crate::gemm) read
+//! them.
 
 use super::windows::{Windows, slide};
 use crate::gemm::pack;
@@ -133,7 +134,8 @@ pub(super) fn weights_scratch_len<T: Real>(x: &Windows<'_, T>, o: usize, out_h: 
     o.next_multiple_of(tile_cols) * (x.depth() + out_h * x.out_w)
 }
 
-/// Adds the sum over images and pixels of dy times the window at that pixel to beta dw: `dy` is `[n, o, out_h, out_w]`, `dw` `[o, depth]`.
+/// Adds the sum over images and pixels of dy times the window at that pixel to beta dw: `dy` is `[n, o, out_h, out_w]`,
+/// `dw` `[o, depth]`.
 pub(super) fn weights<T: Real>(
     x: &Windows<'_, T>,
     [n, o, out_h]: [usize; 3],

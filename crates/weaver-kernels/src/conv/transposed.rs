@@ -14,10 +14,10 @@ pub fn conv_transpose2d_scratch_len(shape: &Conv2dShape) -> usize {
 ///
 /// `y[n, c, i stride + p - pad, j stride + q - pad] += w[o, c, p, q] x[n, o, i, j]`, starting from `b[c]`.
 ///
-/// `shape` describes the convolution that is transposed, so `x` is `[n, o, out_h, out_w]`, `w` `[o, c, kh, kw]`, `b` `[c]` and
-/// `y` `[n, c, h, w]`. For example, to enlarge I channels of H x W to O channels of 2 H x 2 W with a 2 x 2 kernel, set
-/// `o = I`, `c = O`, `h = 2 H`, `w = 2 W` and `stride = 2`. `scratch` has [`conv_transpose2d_scratch_len`] elements with any
-/// content.
+/// `shape` describes the convolution that is transposed, so `x` is `[n, o, out_h, out_w]`, `w` `[o, c, kh, kw]`, `b`
+/// `[c]` and `y` `[n, c, h, w]`. For example, to enlarge I channels of H x W to O channels of 2 H x 2 W with a 2 x 2
+/// kernel, set `o = I`, `c = O`, `h = 2 H`, `w = 2 W` and `stride = 2`. `scratch` has [`conv_transpose2d_scratch_len`]
+/// elements with any content.
 ///
 /// # Panics
 ///
@@ -46,8 +46,8 @@ pub fn conv_transpose2d_dx<T: Real>(shape: &Conv2dShape, w: &[T], dy: &[T], dx: 
     correlate(shape, dy, w, dx);
 }
 
-/// Gradient of [`conv_transpose2d_forward`] with respect to the weights: `x` is `[n, o, out_h, out_w]`, `dy` `[n, c, h, w]`,
-/// `dw` `[o, c, kh, kw]`.
+/// Gradient of [`conv_transpose2d_forward`] with respect to the weights: `x` is `[n, o, out_h, out_w]`, `dy` `[n, c, h,
+/// w]`, `dw` `[o, c, kh, kw]`.
 ///
 /// `scratch` has [`conv2d_dw_scratch_len`](super::conv2d_dw_scratch_len) elements with any content.
 pub fn conv_transpose2d_dw<T: Real>(shape: &Conv2dShape, x: &[T], dy: &[T], dw: Target<T>, scratch: &mut [T]) {

@@ -5,8 +5,8 @@ use crate::gemm::{Panels, transpose};
 use crate::simd;
 use std::ops::Range;
 
-/// Windows of the images `x` `[n, c, h, w]`; matrix `entry` belongs to image `entry`. `pads` are the rows of zeros above and
-/// the columns of zeros to the left; if negative, that many rows or columns are skipped.
+/// Windows of the images `x` `[n, c, h, w]`; matrix `entry` belongs to image `entry`. `pads` are the rows of zeros
+/// above and the columns of zeros to the left; if negative, that many rows or columns are skipped.
 pub(super) struct Windows<'a, T> {
     pub x: &'a [T],
     pub c: usize,

@@ -10,11 +10,13 @@ use std::ops::Range;
 /// A matrix `[n, k]` stored in half precision, and how it is multiplied.
 #[derive(Clone, Copy, Debug)]
 pub enum Half<'a> {
-    /// Converted to full precision while it is packed: the result is bit for bit that of the same numbers in full precision.
+    /// Converted to full precision while it is packed: the result is bit for bit that of the same numbers in full
+    /// precision.
     Bf16(&'a [bf16]),
     /// Multiplied by the processor's instruction for pairs of bf16 (AVX-512 BF16), which does twice the operations at a
-    /// time. The other factor must be `f32` and is first rounded to bf16, whose 8 bits mean a relative error of up to 2^-9 in
-    /// each product; sums are `f32`. On processors without the instruction, and in `f64`, this is the same as `Bf16`.
+    /// time. The other factor must be `f32` and is first rounded to bf16, whose 8 bits mean a relative error of up to
+    /// 2^-9 in each product; sums are `f32`. On processors without the instruction, and in `f64`, this is the same as
+    /// `Bf16`.
     Bf16Pairs(&'a [bf16]),
     /// Converted to full precision while it is packed, as `Bf16` is.
     F16(&'a [f16]),

@@ -43,8 +43,8 @@ pub trait Tile: Sized {
         c: OutputRows<Self>,
     );
 
-    /// [`gemm_half`](super::gemm_half) in pairs of bf16. Returns `c`, untouched, where there is no such instruction for this
-    /// type.
+    /// [`gemm_half`](super::gemm_half) in pairs of bf16. Returns `c`, untouched, where there is no such instruction for
+    /// this type.
     fn gemm_pairs<'c>(
         a: Mat<Self>,
         w: &[bf16],
@@ -66,8 +66,8 @@ pub trait Tile: Sized {
         c: OutputRows<Self>,
     );
 
-    /// C = A B + beta C for one tile of `[rows, cols]`, where row p of B begins at `b + offsets[p]`. The rows may overlap, so
-    /// the windows of a convolution need no copies.
+    /// C = A B + beta C for one tile of `[rows, cols]`, where row p of B begins at `b + offsets[p]`. The rows may
+    /// overlap, so the windows of a convolution need no copies.
     ///
     /// # Safety
     /// As for `multiply`; `panel_width(level, cols)` elements of each row of B are readable.

@@ -1,7 +1,7 @@
 //! Vectors of sixteen `f32` in one AVX-512 register.
 //!
-//! These types are reached only through [`run`], which is compiled for AVX-512 and called only if the processor supports it.
-//! That makes every `unsafe` block below sound.
+//! These types are reached only through [`run`], which is compiled for AVX-512 and called only if the processor
+//! supports it. That makes every `unsafe` block below sound.
 #![allow(unsafe_code)]
 
 use super::{LANES, LaneKernel, LaneMask, Lanes, sealed::Sealed};

@@ -2,8 +2,8 @@
 
 use super::{LeftOperand, OutputRows};
 
-/// Defines `multiply` for one vector type in terms of what is in scope: `LANES`, `zero`, `splat`, `load`, `store`, `mul_add`,
-/// `fetch`, `finish`; a tile is `$rows` high, two vectors wide.
+/// Defines `multiply` for one vector type in terms of what is in scope: `LANES`, `zero`, `splat`, `load`, `store`,
+/// `mul_add`, `fetch`, `finish`; a tile is `$rows` high, two vectors wide.
 macro_rules! products {
     ($t:ty, $rows:literal: $($row:literal)*, $(#[$feature:meta])*) => {
         pub const ROWS: usize = $rows;
