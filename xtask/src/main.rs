@@ -16,7 +16,7 @@ const USAGE: &str = "usage: cargo xtask <command>
   tidy            the crates' edges and the other invariants of docs/architecture.md
   parity          DIR [--json] [--strict]: every module against the files of reference numbers in DIR
   random-weights  --preset NAME FILE: a checkpoint of the published names and types, drawn at random
-  stress          [ARGUMENTS OF CARGO TEST]: the tests with every sweep in full; before a release
+  stress          [-p CRATE ...]: the tests with every sweep in full; before a release
   embed           the examples of tests/embedding, in a package outside of the workspace
   valgrind        the tests of kernels and tape under memcheck, by portable code and by AVX2";
 
