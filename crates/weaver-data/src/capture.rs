@@ -1,4 +1,4 @@
-//! Captures: folders of photos with cameras, brought to the size the network sees.
+//! Captures: folders of photos with cameras, loaded at the size that the network expects.
 //!
 //! | the folder holds | cameras | points | held out |
 //! |---|---|---|---|
@@ -29,12 +29,12 @@ use weaver_scene::Frame;
 /// Which views are kept from training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum HoldOut {
-    /// Those the capture names, else every eighth.
+    /// The views that the capture lists, else every eighth.
     #[default]
     Listed,
-    /// Every n-th in order of path, starting with the first; none if n is 0.
+    /// Every n-th view in order of path, starting with the first; none if n is 0.
     Every(usize),
-    /// None.
+    /// No views.
     Nothing,
 }
 
@@ -58,7 +58,7 @@ impl Default for CaptureOptions {
     }
 }
 
-/// Loads the capture in `folder`; photos in parallel, views in order of their paths.
+/// Loads the capture in a folder, with views in order of their paths.
 ///
 /// # Errors
 /// If the folder is missing or of no known kind, a file is missing, truncated or malformed, a pose or intrinsics
@@ -168,8 +168,8 @@ fn check_camera(frame: &Frame) -> Result<(), Error> {
     Ok(())
 }
 
-/// Which tracked points lie inside the image and before the camera, and their depth at the pixels they fall
-/// into, the nearest where they share one.
+/// Which tracked points lie inside the image and in front of the camera, and a depth map of them with the nearest point of
+/// each pixel.
 fn visible_points(camera: &Camera, points: &[DVec3], track: &[u32]) -> (Vec<u32>, Vec<f32>) {
     let mut visible = Vec::with_capacity(track.len());
     let mut depth = vec![0.0_f32; camera.width * camera.height];

@@ -1,4 +1,4 @@
-//! What can be wrong with data that comes from outside.
+//! Errors in data from outside.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ pub enum Error {
     /// A file could not be read.
     #[error(transparent)]
     Format(#[from] weaver_io::Error),
-    /// A file does not say what a scene needs.
+    /// A file or folder lacks something that a scene needs.
     #[error("{}: {key}: expected {expected}, found {found}", file.display())]
     Unexpected {
         /// The file or folder at fault.
@@ -32,7 +32,7 @@ pub enum Error {
         /// What was there.
         found: usize,
     },
-    /// Nothing tells how large the scene is.
+    /// The size of the scene is not determined.
     #[error(
         "scene {scene}: scene_scale: expected a positive length, because the context views {context:?} see no \
          sparse points to measure the scene by; found {found:?}"

@@ -1,6 +1,6 @@
-//! Scenes from a seed: ray-cast planes, boxes and balls with exact cameras, depth and surface points.
+//! Scenes generated from a seed: ray-cast planes, boxes and balls with exact cameras, depth and surface points.
 //!
-//! The ray caster shares nothing with the Gaussian rasterizer, so scenes made here can judge it. A scene is a
+//! The ray caster shares no code with the Gaussian rasterizer, so these scenes are an independent test of it. A scene is a
 //! pure function of its seed and options, whatever the number of threads.
 
 mod draws;
@@ -37,7 +37,7 @@ pub struct ProceduralOptions {
     pub views: usize,
 }
 
-/// The scene of `seed`: a patterned ground, walls, three to six objects and a flat sky, photographed along an
+/// Generates the scene of a seed: a patterned ground, walls, three to six objects and a flat sky, photographed along an
 /// arc with a field of view near 60 degrees; every fourth view is held out.
 ///
 /// Depth is exact at every pixel's center (0 for sky); points are surface points with exact visibility.
@@ -76,12 +76,12 @@ pub fn scene(seed: u64, options: &ProceduralOptions) -> Scene {
     Scene { name: format!("procedural-seed-{seed}"), views, points, visible, scale: None }
 }
 
-/// Sixteen scenes of 24 views to train on, always the same.
+/// The default training set: sixteen scenes of 24 views, always the same.
 pub fn default_training_set(width: usize, height: usize) -> Vec<Scene> {
     set("procedural", TRAINING_SEED, 16, width, height)
 }
 
-/// Four scenes of 24 views that [`default_training_set`] does not contain, always the same.
+/// The default set for evaluation on unseen scenes: four scenes of 24 views that [`default_training_set`] does not contain.
 pub fn default_unseen_set(width: usize, height: usize) -> Vec<Scene> {
     set("unseen", UNSEEN_SEED, 4, width, height)
 }

@@ -1,13 +1,13 @@
-//! Which views go together: training tuples, evaluation tuples, and samplers over ordered frames.
+//! Sampling of views: training tuples, evaluation tuples, and samplers over ordered frames.
 
 use crate::{Scene, Tuple};
 use weaver_kernels::random::Stream;
 
 /// Number `index` of an endless, random-access sequence of training tuples.
 ///
-/// The scene is uniform and so is a training view `t` in it. Its `pool` nearest other training views are put
-/// in random order: the first `context` are the context, the targets are `t` and the ones that follow
-/// (`t` again when there are no more).
+/// The scene and a training view `t` in it are drawn uniformly. The `pool` training views nearest to `t` are put in random
+/// order: the first `context` of them are the context, the targets are `t` and those that follow (`t` again when there are
+/// no more).
 ///
 /// # Panics
 /// If a scene has fewer than `context + 1` training views; see [`Scene::check_training`].
@@ -32,8 +32,8 @@ pub fn training_tuple(scenes: &[Scene], rng: Stream, index: u64, pool: usize, co
     Tuple { scene, context: shuffled[..context].to_vec(), targets }
 }
 
-/// One tuple per held-out view of `scene`, which is number `index` of its set: the view is the target and
-/// its `context` nearest training views, nearest first, are the context.
+/// The evaluation tuples of a scene, one per held-out view: the view is the target and its `context` nearest training views,
+/// nearest first, are the context. `index` is the scene's index in its set.
 pub fn evaluation_tuples(scene: &Scene, index: usize, context: usize) -> Vec<Tuple> {
     let training = scene.training_views();
     scene
@@ -43,7 +43,7 @@ pub fn evaluation_tuples(scene: &Scene, index: usize, context: usize) -> Vec<Tup
         .collect()
 }
 
-/// `views` of `frames` ordered frames, spread evenly from the first to the last: `floor(i (n - 1) / (k - 1))`.
+/// Chooses `views` of `frames` ordered frames, spread evenly from the first to the last: `floor(i (n - 1) / (k - 1))`.
 ///
 /// A single view is the first frame; asking for more views than frames repeats some.
 ///
@@ -57,7 +57,7 @@ pub fn uniform(frames: usize, views: usize) -> Vec<usize> {
     (0..views).map(|i| i * (frames - 1) / (views - 1).max(1)).collect()
 }
 
-/// Every `step`-th of `frames` ordered frames, starting with number `first`.
+/// Chooses every `step`-th of `frames` ordered frames, starting with number `first`.
 ///
 /// ```
 /// assert_eq!(weaver_data::every(20, 8, 0), [0, 8, 16]);
@@ -66,10 +66,10 @@ pub fn every(frames: usize, step: usize, first: usize) -> Vec<usize> {
     (first..frames).step_by(step.max(1)).collect()
 }
 
-/// `views` distinct frames of a video of `frames`: two ends a bounded number of frames apart, in order, and
-/// random ones between them, in random order between the ends.
+/// Chooses `views` distinct frames of a video of `frames`: two ends that are a bounded number of frames apart, and random
+/// frames between them in random order.
 ///
-/// The distance of the ends is uniform in `[min(3n, 32), min(max(10n, n^2), 256)]` for `n` views, cut to what
+/// The distance between the ends is uniform in `[min(3n, 32), min(max(10n, n^2), 256)]` for `n` views, cut to what
 /// the video and the number of views allow. `None` if the video is shorter than `views`.
 pub fn bounded_gap(frames: usize, views: usize, rng: Stream) -> Option<Vec<usize>> {
     if views > frames {

@@ -1,4 +1,4 @@
-//! Scenes: photos of one place with their cameras, and how near two of the cameras are.
+//! Scenes: photos of one place with their cameras.
 
 use crate::{Error, Tuple};
 use std::collections::BTreeSet;
@@ -13,7 +13,7 @@ pub struct View {
     pub name: String,
     /// The photo, at the size the network sees.
     pub image: Image,
-    /// Where it was taken from, with intrinsics for `image`.
+    /// Its camera, with intrinsics for `image`.
     pub camera: Camera,
     /// Depth along the optical axis, `[height * width]`, scene units; 0 where unknown.
     pub depth: Option<Vec<f32>>,
@@ -28,7 +28,7 @@ pub struct View {
 /// Photos of one place, their cameras, and a sparse cloud of points on its surfaces.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// What the scene is called in reports.
+    /// The name of the scene in reports.
     pub name: String,
     /// The photos, in a fixed order.
     pub views: Vec<View>,
@@ -36,16 +36,16 @@ pub struct Scene {
     pub points: Vec<DVec3>,
     /// For each view, which of `points` it sees: inside the image, in front of the camera, unoccluded.
     pub visible: Vec<Vec<u32>>,
-    /// The `scene_scale` option: the length that becomes 1 where no points tell.
+    /// The length that becomes 1 in training where no points determine it (the `scene_scale` option).
     pub scale: Option<f64>,
 }
 
-/// The cameras of a [`Tuple`] in the frame and scale that training works in.
+/// The poses of a [`Tuple`] in the frame and the scale of training.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NormalizedPoses {
-    /// Context then targets; the first is the identity.
+    /// Poses of the context, then of the targets; the first is the identity.
     pub poses: Vec<Pose>,
-    /// Factor from scene units to training units, for depths.
+    /// The factor from scene units to training units.
     pub scale: f64,
 }
 
@@ -64,7 +64,7 @@ impl Scene {
         (0..self.views.len()).filter(|&i| self.views[i].held_out == held_out).collect()
     }
 
-    /// How far apart two views are: camera distance over the scene's median pairwise distance, plus the
+    /// How far apart two views are: the distance between their cameras over the scene's median pairwise distance, plus the
     /// angle between them in radians.
     pub fn separation(&self, a: usize, b: usize) -> f64 {
         self.separation_over(self.median_distance(), a, b)
@@ -114,13 +114,13 @@ impl Scene {
         central.expect("a scene with training views").1
     }
 
-    /// The cameras of `tuple` with the first context camera as the identity and lengths divided by the mean
-    /// distance from its center to the points that the context views see (their union).
+    /// The poses of a tuple in the frame and the scale of training.
     ///
-    /// Where the context sees no points, the length that becomes 1 is [`Scene::scale`].
+    /// The first context camera becomes the identity. Lengths are divided by the mean distance from its center to the points
+    /// that at least one context view sees, or by [`Scene::scale`] where they see none.
     ///
     /// # Errors
-    /// [`Error::Scale`] if neither points nor a positive `scale` tell how large the scene is.
+    /// [`Error::Scale`] if neither points nor a positive `scale` determine the size of the scene.
     pub fn normalized(&self, tuple: &Tuple) -> Result<NormalizedPoses, Error> {
         let reference = self.views[tuple.context[0]].camera.pose;
         let unit = self.mean_distance(reference.center(), &tuple.context).or(self.scale);

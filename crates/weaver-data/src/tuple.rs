@@ -1,12 +1,12 @@
 //! Which views of a scene go together.
 
-/// Views of one scene that are shown (`context`) and views to be rendered (`targets`).
+/// A choice of views of one scene: those that the network is given (`context`) and those that it must render (`targets`).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tuple {
     /// Index of the scene.
     pub scene: usize,
-    /// View indices; the first is camera 0, whose frame everything is expressed in.
+    /// Indices of the given views. The first is camera 0, in whose frame everything is expressed.
     pub context: Vec<usize>,
-    /// View indices.
+    /// Indices of the views to render.
     pub targets: Vec<usize>,
 }

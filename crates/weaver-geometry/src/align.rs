@@ -3,14 +3,14 @@
 use crate::Pose;
 use glam::{DMat3, DQuat, DVec3};
 
-/// `x -> scale * rotation * x + translation`.
+/// A similarity transform: `x -> scale * rotation * x + translation`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Similarity {
-    /// Factor on lengths, positive.
+    /// Factor by which lengths grow, positive.
     pub scale: f64,
-    /// A proper rotation.
+    /// Rotation matrix, determinant 1.
     pub rotation: DMat3,
-    /// Where the origin goes.
+    /// The image of the origin.
     pub translation: DVec3,
 }
 
@@ -18,7 +18,9 @@ impl Similarity {
     /// The transform that minimizes `sum |to_i - transform(from_i)|^2`.
     ///
     /// `None` when it is not determined: fewer than three points, or all points (nearly) on one line.
-    /// Panics when the numbers of points differ.
+    ///
+    /// # Panics
+    /// When the numbers of points differ.
     ///
     /// Sources: Umeyama, "Least-squares estimation of transformation parameters between two point patterns"
     /// (1991) for the problem and the scale; Horn, "Closed-form solution of absolute orientation using unit
@@ -54,19 +56,20 @@ impl Similarity {
         Some(Self { scale, rotation, translation: to_mean - rotation * from_mean * scale })
     }
 
-    /// The transform between the worlds of two reconstructions, from the centers of their cameras.
-    /// See [`Self::fit`].
+    /// The transform from one reconstruction's world to another's, found from the centers of their cameras.
+    ///
+    /// `None` when the centers do not determine it, as for [`Self::fit`].
     pub fn fit_centers(from: &[Pose], to: &[Pose]) -> Option<Self> {
         let centers = |poses: &[Pose]| poses.iter().map(Pose::center).collect::<Vec<_>>();
         Self::fit(&centers(from), &centers(to))
     }
 
-    /// A point in the other world.
+    /// Maps a point into the other world.
     pub fn apply(&self, point: DVec3) -> DVec3 {
         self.rotation * point * self.scale + self.translation
     }
 
-    /// A camera in the other world: its center and its axes are carried over.
+    /// Maps a camera into the other world: its center and its axes are carried over.
     pub fn apply_to_pose(&self, pose: &Pose) -> Pose {
         let rotation = pose.rotation * self.rotation.transpose();
         Pose::new(rotation, -(rotation * self.apply(pose.center())))

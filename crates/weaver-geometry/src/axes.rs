@@ -1,7 +1,7 @@
-//! OpenGL / NeRF camera-to-world poses and the OpenCV world-to-camera poses used everywhere else.
+//! Conversion between OpenGL (NeRF) camera-to-world poses and the OpenCV world-to-camera poses used everywhere else.
 //!
 //! OpenGL cameras look along -z with y up; OpenCV cameras look along +z with y down. The two differ by half
-//! a turn about the camera's x axis, `F = diag(1, -1, -1)`, applied on the camera side. The world stays as it is.
+//! a turn about the camera's x axis, `F = diag(1, -1, -1)`, applied in camera coordinates. World coordinates do not change.
 
 use crate::Pose;
 use glam::{DMat3, DVec3};
@@ -20,7 +20,7 @@ pub fn from_opengl(camera_to_world: &Pose) -> Pose {
     Pose::new(camera_to_world.rotation * FLIP, camera_to_world.translation).inverse()
 }
 
-/// The OpenGL camera-to-world transform of an OpenCV world-to-camera pose, inverse of [`from_opengl`].
+/// The OpenGL camera-to-world transform of an OpenCV world-to-camera pose; the inverse of [`from_opengl`].
 pub fn to_opengl(pose: &Pose) -> Pose {
     let camera_to_world = pose.inverse();
     Pose::new(camera_to_world.rotation * FLIP, camera_to_world.translation)

@@ -18,37 +18,37 @@ pub struct Intrinsics {
 }
 
 impl Intrinsics {
-    /// The intrinsics after the image lost `left` and `top` pixels at those borders.
+    /// The intrinsics after cropping: `left` and `top` pixels were removed at those borders.
     pub fn cropped(&self, left: f64, top: f64) -> Self {
         Self { cx: self.cx - left, cy: self.cy - top, ..*self }
     }
 
-    /// The intrinsics after the image was resized by `sx` and `sy` (new size over old).
+    /// The intrinsics after resizing by the factors `sx` and `sy` (new size over old).
     pub fn resized(&self, sx: f64, sy: f64) -> Self {
         Self { fx: self.fx * sx, fy: self.fy * sy, cx: self.cx * sx, cy: self.cy * sy }
     }
 
-    /// Full fields of view (vertical, horizontal) in radians, `2 atan(size / 2f)`.
+    /// The fields of view (vertical, horizontal) of an image of this size: full angles in radians, `2 atan(size / 2f)`.
     pub fn fov(&self, width: usize, height: usize) -> [f64; 2] {
         let fov = |focal, size: usize| field_of_view(focal, size as f64, f64::atan);
         [fov(self.fy, height), fov(self.fx, width)]
     }
 
-    /// Projects a point in camera coordinates to pixels (no check of z).
+    /// Projects a point in camera coordinates to pixels: `(fx x / z + cx, fy y / z + cy)`, whatever the sign of z.
     pub fn project(&self, p: DVec3) -> DVec2 {
         DVec2::new(self.fx * p.x / p.z + self.cx, self.fy * p.y / p.z + self.cy)
     }
 
-    /// The camera-space point at `pixel` with depth `z` along the optical axis.
+    /// The point in camera coordinates at `pixel` with depth `z` along the optical axis: `K^-1 (u, v, 1) z`.
     pub fn unproject(&self, pixel: DVec2, z: f64) -> DVec3 {
         DVec3::new((pixel.x - self.cx) / self.fx * z, (pixel.y - self.cy) / self.fy * z, z)
     }
 }
 
-/// A pinhole camera: where it stands, how it sees, and the size of its image.
+/// A pinhole camera: pose, intrinsics and image size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
-    /// World to camera.
+    /// World-to-camera pose.
     pub pose: Pose,
     /// Intrinsics for an image of `width` x `height`.
     pub intrinsics: Intrinsics,

@@ -10,7 +10,7 @@ use std::fmt;
 pub struct Pose {
     /// Rotation from world to camera axes.
     pub rotation: DMat3,
-    /// Position of the world's origin in camera coordinates.
+    /// The world's origin in camera coordinates.
     pub translation: DVec3,
 }
 
@@ -21,24 +21,26 @@ impl Default for Pose {
 }
 
 impl Pose {
-    /// The camera at the origin of the world.
+    /// The camera at the world's origin with its axes along the world's.
     pub const IDENTITY: Self = Self { rotation: DMat3::IDENTITY, translation: DVec3::ZERO };
 
-    /// From a rotation matrix and a translation.
+    /// A pose from a rotation matrix and a translation.
     pub fn new(rotation: DMat3, translation: DVec3) -> Self {
         Self { rotation, translation }
     }
 
-    /// From a quaternion in wxyz order (normalized here) and a translation.
+    /// A pose from a quaternion in wxyz order, which is normalized, and a translation.
     pub fn from_wxyz(q: [f64; 4], translation: DVec3) -> Self {
         let q = DQuat::from_xyzw(q[1], q[2], q[3], q[0]).normalize();
         Self { rotation: DMat3::from_quat(q), translation }
     }
 
-    /// From the upper three rows of a 4x4 rigid transform, as files hold them.
+    /// A pose from the upper three rows of a 4x4 rigid transform, as files hold them.
     ///
-    /// Rounding in the file is removed: the rotation is orthonormal afterward. Errors when a value is not
-    /// finite, or when `|R^T R - 1|` exceeds 1e-3 in any entry, or when the matrix mirrors.
+    /// The rotation is made orthonormal, which removes the rounding of the file.
+    ///
+    /// # Errors
+    /// When a value is not finite, an entry of `|R^T R - 1|` exceeds 1e-3, or the matrix is a reflection.
     pub fn from_rows(rows: &[[f64; 4]; 3]) -> Result<Self, NotRigid> {
         if rows.iter().flatten().any(|x| !x.is_finite()) {
             return Err(NotRigid::NotFinite);
@@ -74,13 +76,13 @@ impl Pose {
         [q.w, q.x, q.y, q.z]
     }
 
-    /// The inverse, camera-to-world.
+    /// The inverse transform, camera to world.
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.transpose();
         Self { rotation, translation: -(rotation * self.translation) }
     }
 
-    /// `self` after `first`: `x -> self(first(x))`.
+    /// The composition `self` after `first`: `x -> self(first(x))`.
     pub fn compose(&self, first: &Self) -> Self {
         Self {
             rotation: self.rotation * first.rotation,
@@ -88,12 +90,12 @@ impl Pose {
         }
     }
 
-    /// This camera seen from `reference`'s frame: `self * reference^-1`, the identity for itself.
+    /// The pose of this camera in the frame of another: `self * reference^-1`, which is the identity for `reference` itself.
     pub fn relative_to(&self, reference: &Self) -> Self {
         self.compose(&reference.inverse())
     }
 
-    /// Maps a world point into the camera.
+    /// Maps a world point to camera coordinates.
     pub fn apply(&self, world: DVec3) -> DVec3 {
         self.rotation * world + self.translation
     }
@@ -103,12 +105,12 @@ impl Pose {
         -(self.rotation.transpose() * self.translation)
     }
 
-    /// The same camera in a world whose lengths are multiplied by `factor`.
+    /// The camera after all lengths of the world are multiplied by `factor`.
     pub fn scaled(&self, factor: f64) -> Self {
         Self { translation: self.translation * factor, ..*self }
     }
 
-    /// Angle of the rotation between two cameras, in radians.
+    /// The angle of the rotation between two cameras, in radians.
     pub fn angle_to(&self, other: &Self) -> f64 {
         let trace = (self.rotation * other.rotation.transpose()).to_cols_array_2d();
         ((trace[0][0] + trace[1][1] + trace[2][2] - 1.0) / 2.0).clamp(-1.0, 1.0).acos()
@@ -118,11 +120,11 @@ impl Pose {
 /// Why a matrix is not a rigid transform.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum NotRigid {
-    /// It holds an infinity or NaN.
+    /// A value is infinite or NaN.
     NotFinite,
-    /// Its 3x3 part is not orthonormal; the largest entry of `|R^T R - 1|`.
+    /// The 3x3 part is not orthonormal; holds the largest entry of `|R^T R - 1|`.
     Deviation(f64),
-    /// Its determinant is -1.
+    /// The determinant is -1: a reflection.
     Mirror,
 }
 
@@ -131,7 +133,7 @@ impl fmt::Display for NotRigid {
         match self {
             Self::NotFinite => write!(f, "a value that is not finite"),
             Self::Deviation(d) => write!(f, "a matrix that is not a rotation (R^T R differs from 1 by {d:.3e})"),
-            Self::Mirror => write!(f, "a matrix that mirrors (determinant -1)"),
+            Self::Mirror => write!(f, "a reflection (determinant -1)"),
         }
     }
 }

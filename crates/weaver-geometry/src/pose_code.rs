@@ -1,17 +1,20 @@
-//! The nine numbers in which pose heads express a camera, "absT_quaR_FoV".
+//! Pose codes: the nine numbers in which pose heads express a camera ("absT_quaR_FoV").
 //!
 //! `[tx, ty, tz, qx, qy, qz, qw, fov_vertical, fov_horizontal]`: the translation of the world-to-camera pose,
-//! its rotation as a quaternion with the scalar *last* (the one place where it is), and full fields of view in
+//! its rotation as a quaternion with the scalar *last* (everywhere else it comes first), and full fields of view in
 //! radians. The principal point is the center of the image. Source: Wang et al., "VGGT" (CVPR 2025).
 
 use crate::fov::focal_length;
 use crate::{Camera, Intrinsics, Pose};
 use glam::DVec3;
 
-/// What is added to the tangent of half the field of view where weights were trained so.
+/// The offset that published weights expect on the tangent of half the field of view; it keeps focal lengths finite at a
+/// field of view of 0.
 pub const TANGENT_OFFSET: f64 = 1e-3;
 
-/// The code of a camera, quaternion of unit length with w not negative. A principal point off the center is lost.
+/// The pose code of a camera, its quaternion of unit length with w not negative.
+///
+/// A code has no principal point: one off the center of the image is lost.
 pub fn encode(camera: &Camera) -> [f64; 9] {
     let t = camera.pose.translation;
     let [w, x, y, z] = camera.pose.wxyz();
@@ -19,11 +22,12 @@ pub fn encode(camera: &Camera) -> [f64; 9] {
     [t.x, t.y, t.z, x, y, z, w, vertical, horizontal]
 }
 
-/// The camera of a code, for an image of `width` x `height` pixels:
-/// `f = (size / 2) / (tan(fov / 2) + tangent_offset)`.
+/// The camera of a pose code, for an image of `width` x `height` pixels.
+///
+/// The focal lengths are `f = (size / 2) / (tan(fov / 2) + tangent_offset)`.
 ///
 /// The quaternion need not be of unit length. With `tangent_offset` 0 this inverts [`encode`]; see
-/// [`TANGENT_OFFSET`]. A quaternion of zeros gives a rotation of NaN, as in the formula.
+/// [`TANGENT_OFFSET`]. A quaternion of zeros gives a rotation of NaN.
 ///
 /// ```
 /// use weaver_geometry::pose_code::{decode, encode};

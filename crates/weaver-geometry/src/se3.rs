@@ -1,4 +1,4 @@
-//! Rigid transforms and their logarithms, twists `(v, omega)`.
+//! The exponential map of SE(3): rigid transforms and their logarithms, the twists `(v, omega)`.
 //!
 //! Source: Barfoot, "State Estimation for Robotics", chapter 7 (the left Jacobian of SO(3) and its inverse).
 

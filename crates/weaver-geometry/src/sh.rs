@@ -1,11 +1,11 @@
-//! Real spherical harmonics up to degree 4, signs and order of the reference 3DGS implementation.
+//! Real spherical harmonics up to degree 4, with the signs and the order of the reference 3DGS implementation.
 //!
 //! The order is by degree `l`, then `m = -l ..= l`; degree 1 is `(-y, z, -x)` times a constant. Directions are
 //! of unit length, from the camera to the Gaussian.
 
 use std::ops::{Add, Mul, Neg, Sub};
 
-/// The largest degree.
+/// The largest supported degree.
 pub const MAX_DEGREE: usize = 4;
 
 /// Number of basis functions up to the largest degree.
@@ -19,10 +19,10 @@ pub const fn coefficients(degree: usize) -> usize {
     (degree + 1) * (degree + 1)
 }
 
-/// The basis functions of degree 0 to `degree` at a unit direction: the first [`coefficients`]`(degree)` of the array, the
-/// rest is zero.
+/// The basis functions of degree 0 to `degree` at a unit direction.
 ///
-/// `X` is any number: a float, a vector of floats, a dual number. `c` makes constants of it.
+/// They are the first [`coefficients`]`(degree)` entries of the array; the others are zero. `X` is any type of number, such
+/// as a float, a SIMD vector or a dual number; `c` makes a constant of that type.
 ///
 /// Sources: Ramamoorthi and Hanrahan, "An efficient representation for irradiance environment maps" (degrees to
 /// 2); Sloan, "Efficient spherical harmonic evaluation" (beyond).
@@ -83,11 +83,11 @@ where
     b
 }
 
-/// Derivatives of every basis function along the sphere: `[MAX_COEFFICIENTS, 3]`, each row tangent to it at the
-/// unit direction.
+/// The derivatives of all basis functions along the sphere, `[MAX_COEFFICIENTS, 3]`; each row is tangent to the sphere at
+/// the unit direction `d`.
 ///
-/// This is `(1 - d d^T)` times the gradient of the polynomials, hence what remains of it after the chain rule of
-/// `d = v / |v|` with `|v| = 1`.
+/// They are `(1 - d d^T)` times the gradients of the polynomials, which is the gradient with respect to `v` of the basis at
+/// `d = v / |v|`, at `|v| = 1`.
 pub fn gradient(direction: [f64; 3]) -> [[f64; 3]; MAX_COEFFICIENTS] {
     let axis = |i: usize| {
         let mut slope = [0.0; 3];

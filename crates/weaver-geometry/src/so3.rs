@@ -1,4 +1,4 @@
-//! Rotations and their logarithms, rotation vectors: the axis times the angle in radians.
+//! The exponential map of SO(3): rotations and their logarithms, the rotation vectors (axis times angle in radians).
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -11,9 +11,9 @@ pub fn exp(omega: DVec3) -> DMat3 {
     DMat3::from_quat(DQuat::from_xyzw(v.x, v.y, v.z, half.cos()).normalize())
 }
 
-/// The rotation vector of a rotation, no longer than pi; inverse of [`exp`].
+/// The rotation vector of a rotation, of length at most pi; the inverse of [`exp`].
 ///
-/// Accurate at every angle: it goes through the quaternion, whose vector part is small only near the identity.
+/// Accurate at every angle, because it is computed from the quaternion, whose vector part is small only near the identity.
 pub fn log(rotation: &DMat3) -> DVec3 {
     let q = DQuat::from_mat3(rotation);
     let q = if q.w < 0.0 { -q } else { q };

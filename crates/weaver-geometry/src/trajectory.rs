@@ -4,9 +4,9 @@ use crate::Pose;
 use glam::{DMat3, DQuat, DVec3};
 use std::f64::consts::TAU;
 
-/// The camera at `eye` that sees `target` in the middle of its image and `up` as upwards as it can.
+/// The camera at `eye` that looks at `target`, with `up` pointing up in its image.
 ///
-/// When `up` lies along the view, any roll will do. `eye` and `target` must differ.
+/// When `up` is parallel to the view, the roll is arbitrary. `eye` and `target` must differ.
 ///
 /// ```
 /// use weaver_geometry::{glam::DVec3, trajectory::look_at};
@@ -22,8 +22,9 @@ pub fn look_at(eye: DVec3, target: DVec3, up: DVec3) -> Pose {
     Pose::new(rotation, -(rotation * eye))
 }
 
-/// `count` cameras on the circle through `eye` about the axis `up` through `target`, all looking at `target`,
-/// evenly over one turn and starting at `eye`.
+/// An orbit of `count` cameras, evenly spaced over one turn and starting at `eye`, all looking at `target`.
+///
+/// They lie on the circle through `eye` about the axis `up` through `target`.
 pub fn orbit(eye: DVec3, target: DVec3, up: DVec3, count: usize) -> Vec<Pose> {
     let camera = |i: usize| {
         let turn = DQuat::from_axis_angle(up.normalize(), TAU * i as f64 / count as f64);
@@ -32,8 +33,8 @@ pub fn orbit(eye: DVec3, target: DVec3, up: DVec3, count: usize) -> Vec<Pose> {
     (0..count).map(camera).collect()
 }
 
-/// The camera a part `t` of the way from `a` (0) to `b` (1): the center on the straight line, the rotation by
-/// the shortest turn at constant speed.
+/// The camera between `a` (`t` = 0) and `b` (`t` = 1): its center is interpolated linearly, its rotation spherically along
+/// the shorter turn.
 pub fn between(a: &Pose, b: &Pose, t: f64) -> Pose {
     let quat = |p: &Pose| DQuat::from_mat3(&p.rotation);
     let rotation = DMat3::from_quat(quat(a).slerp(quat(b), t).normalize());
@@ -41,7 +42,9 @@ pub fn between(a: &Pose, b: &Pose, t: f64) -> Pose {
 }
 
 /// A path through all `keys` in their order, with `steps` cameras from each key up to the next, and the last key.
-/// Panics when `steps` is 0.
+///
+/// # Panics
+/// When `steps` is 0.
 pub fn through(keys: &[Pose], steps: usize) -> Vec<Pose> {
     assert!(steps > 0, "at least one step between keys");
     let segment = |pair: &[Pose]| {

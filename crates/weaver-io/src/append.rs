@@ -1,11 +1,11 @@
-//! Files that grow: logs of a run.
+//! Files that grow, such as the logs of a run.
 
 use crate::{Error, Result};
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// A file that is appended to, record by record; what was written stays if the process dies.
+/// A file to which records are appended; what was written survives the end of the process.
 #[derive(Debug)]
 pub struct Appender {
     path: PathBuf,
@@ -26,7 +26,7 @@ impl Appender {
     /// Appends one record in a single write.
     ///
     /// # Errors
-    /// When the disk is full or the file has gone.
+    /// When the file cannot be written, for instance because the disk is full.
     pub fn append(&mut self, record: &[u8]) -> Result<()> {
         self.file.write_all(record).map_err(Error::io(&self.path))
     }

@@ -1,10 +1,10 @@
-//! Files that are either wholly new or untouched.
+//! Atomic writing of files.
 
 use crate::{Error, Result};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-/// Writes a file through `write`, or leaves whatever is at `path` untouched.
+/// Writes a file atomically: afterward `path` holds either all that `write` wrote, or what it held before.
 ///
 /// The bytes go to a temporary file in the same folder, are flushed to the disk, and take the name `path` in one
 /// rename. When `write` fails, the temporary file is removed and its error is returned with the path.

@@ -1,4 +1,4 @@
-//! Cameras from whatever file holds some.
+//! One reader for every format of camera files.
 
 use crate::colmap::Model;
 use crate::realestate::Clip;
@@ -6,12 +6,13 @@ use crate::{Result, Transforms, colmap};
 use std::path::Path;
 use weaver_scene::Frame;
 
-/// Reads the cameras of photos: of a transforms.json, of a folder with a COLMAP model (itself, in `sparse` or in
-/// `sparse/0`), or of a RealEstate10K file (`.txt`).
+/// Reads the cameras of photos from a transforms.json, from a folder with a COLMAP model, or from a RealEstate10K file.
 ///
-/// Frames come in the order of the file; those of COLMAP, which has none of use, are sorted by name. Images need not be
-/// there. A RealEstate10K file does not tell the size of its images: its cameras are those of images of 1 x 1 pixel, for
-/// [`Intrinsics::resized`](weaver_geometry::Intrinsics::resized).
+/// A folder may hold the model itself or in `sparse/0` or `sparse`; RealEstate10K files are known by `.txt`. Frames keep the
+/// order of the file, but those of COLMAP are sorted by name. The images need not exist.
+///
+/// A RealEstate10K file does not contain the size of its images. Its cameras are for an image of 1 x 1 pixel;
+/// [`Intrinsics::resized`](weaver_geometry::Intrinsics::resized) gives those for any other size.
 ///
 /// # Errors
 /// When the file cannot be read or is malformed.

@@ -47,7 +47,7 @@ pub struct Tensor {
 
 /// A type of number that tensors may hold.
 pub trait Element: Copy + 'static {
-    /// The values, when they are of this type.
+    /// The values, if they are of this type.
     fn slice(data: &TensorData) -> Option<&[Self]>;
     /// The values as data of this type.
     fn wrap(values: Vec<Self>) -> TensorData;
@@ -152,7 +152,10 @@ impl Tensors {
         Ok(Self { metadata, tensors, origin: path.to_path_buf() })
     }
 
-    /// Writes a file; the same content gives the same bytes. Errors when a shape does not fit its values.
+    /// Writes a file; equal content gives equal bytes.
+    ///
+    /// # Errors
+    /// When a shape does not fit its values or the file cannot be written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         for (key, tensor) in &self.tensors {
@@ -193,14 +196,17 @@ impl Tensors {
         })
     }
 
-    /// Adds a tensor, or replaces the one of that name. Panics when the shape does not fit the values.
+    /// Adds a tensor, or replaces the one of that name.
+    ///
+    /// # Panics
+    /// When the shape does not fit the values.
     pub fn insert<E: Element>(&mut self, key: impl Into<String>, shape: &[usize], values: Vec<E>) {
         assert_eq!(shape.iter().product::<usize>(), values.len(), "values for {shape:?}");
         let tensor = Tensor { shape: shape.to_vec(), data: E::wrap(values) };
         self.tensors.insert(key.into(), tensor);
     }
 
-    /// The tensor of that name, of whatever shape.
+    /// The tensor of that name, of any shape.
     pub fn get(&self, key: &str) -> Result<&Tensor> {
         self.tensors.get(key).ok_or_else(|| {
             let found = format!("none of that name among {}", self.tensors.len());

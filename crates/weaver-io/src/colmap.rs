@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_scene::Frame;
 
-/// A sparse model.
+/// A sparse model: the result of structure from motion.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
     /// The cameras by id.
@@ -27,7 +27,7 @@ pub struct CameraModel {
     pub width: usize,
     /// Image height, pixels.
     pub height: usize,
-    /// Intrinsics; COLMAP puts pixel centers at half-integers, as we do.
+    /// Intrinsics in pixels, pixel centers at half-integers.
     pub intrinsics: Intrinsics,
 }
 
@@ -62,9 +62,12 @@ pub struct Point {
 }
 
 impl Model {
-    /// Reads `cameras`, `images` and `points3D` from a folder, `.bin` if there, else `.txt`.
+    /// Reads `cameras`, `images` and `points3D` from a folder: the `.bin` files where they exist, else the `.txt` files.
     ///
     /// Camera models with lens distortion are accepted when every distortion coefficient is exactly zero.
+    ///
+    /// # Errors
+    /// When a file is missing or malformed, or an image refers to a camera that is not in the model.
     pub fn read(folder: impl AsRef<Path>) -> Result<Self> {
         let folder = folder.as_ref();
         let extension = if folder.join("cameras.bin").is_file() { "bin" } else { "txt" };
@@ -81,7 +84,7 @@ impl Model {
         Ok(model)
     }
 
-    /// The model of photos whose cameras are known: a camera for each image, no points.
+    /// Makes a model of photos whose cameras are known: one camera for each image, no points.
     pub fn from_frames(frames: &[Frame]) -> Self {
         let mut model = Self::default();
         for (id, frame) in (1..).zip(frames) {
@@ -93,8 +96,9 @@ impl Model {
         model
     }
 
-    /// The images with their cameras, in the order of the file. Images whose camera is missing are left out; a model that
-    /// was read has none.
+    /// The images with their cameras, in the order of the file.
+    ///
+    /// Images whose camera is missing are left out; there are none in a model that was read from files.
     pub fn frames(&self) -> Vec<Frame> {
         let frame = |image: &ImageRecord| {
             let CameraModel { width, height, intrinsics } = *self.cameras.get(&image.camera_id)?;
@@ -114,7 +118,7 @@ impl Model {
     }
 }
 
-/// Where a folder keeps its model: in `sparse/0`, in `sparse`, or itself.
+/// The folder that holds the model of a capture: `sparse/0`, `sparse`, or the capture's folder itself, whichever has one.
 pub fn model_folder(folder: impl AsRef<Path>) -> PathBuf {
     let folder = folder.as_ref();
     let candidates = [folder.join("sparse/0"), folder.join("sparse"), folder.to_path_buf()];
@@ -151,7 +155,7 @@ const MODELS: [(u32, &str, usize, Option<Focal>); 11] = [
 /// The number of PINHOLE, which is what gets written.
 const PINHOLE: u32 = 1;
 
-/// A camera of a file, before anyone looked at what its model means.
+/// A camera as a file has it, before its model is interpreted.
 struct RawCamera<'a> {
     path: &'a Path,
     id: u32,
@@ -201,17 +205,17 @@ fn pose(wxyz: [f64; 4], t: [f64; 3]) -> std::result::Result<Pose, String> {
 /// What a pose must be, for messages.
 const POSE: &str = "a unit quaternion and a finite translation";
 
-/// One file of a model, binary or text by its extension.
+/// Reads the cameras of a model, binary or text by the extension.
 pub(crate) fn read_cameras(path: &Path) -> Result<BTreeMap<u32, CameraModel>> {
     if is_binary(path) { binary::cameras(path) } else { text::cameras(path) }
 }
 
-/// One file of a model, binary or text by its extension.
+/// Reads the images of a model, binary or text by the extension.
 pub(crate) fn read_images(path: &Path) -> Result<Vec<ImageRecord>> {
     if is_binary(path) { binary::images(path) } else { text::images(path) }
 }
 
-/// One file of a model, binary or text by its extension.
+/// Reads the points of a model, binary or text by the extension.
 pub(crate) fn read_points(path: &Path) -> Result<Vec<Point>> {
     if is_binary(path) { binary::points(path) } else { text::points(path) }
 }

@@ -2,8 +2,12 @@
 
 use crate::Image;
 
-/// A map `[height, width]` in viridis: `low` is dark violet, `high` is yellow, values outside are clamped,
-/// values that are not finite are black. Panics when `values` is not `height * width` long.
+/// Shows a map `[height, width]` in the colors of viridis: `low` is dark violet, `high` is yellow.
+///
+/// Values outside are clamped; values that are not finite are black.
+///
+/// # Panics
+/// When `values` is not `height * width` long.
 pub fn false_color(values: &[f32], width: usize, height: usize, low: f32, high: f32) -> Image {
     assert_eq!(values.len(), width * height, "a map of {width}x{height}");
     let span = (high - low).max(f32::MIN_POSITIVE);
@@ -17,8 +21,10 @@ pub fn false_color(values: &[f32], width: usize, height: usize, low: f32, high: 
     Image::from_bytes(width, height, &bytes)
 }
 
-/// A map `[height, width]` of small integers in ten well-separated colors, repeating from the eleventh on.
-/// Panics when `labels` is not `height * width` long.
+/// Shows a map `[height, width]` of labels in ten distinct colors, which repeat from the eleventh label on.
+///
+/// # Panics
+/// When `labels` is not `height * width` long.
 pub fn label_color(labels: &[u32], width: usize, height: usize) -> Image {
     assert_eq!(labels.len(), width * height, "a map of {width}x{height}");
     let bytes: Vec<u8> = labels.iter().flat_map(|&l| colorous::TABLEAU10[l as usize % 10].as_array()).collect();

@@ -1,4 +1,4 @@
-//! The one error of this crate.
+//! The error type of this crate.
 
 use std::fmt::Display;
 use std::io;
@@ -10,15 +10,15 @@ pub type Result<T> = std::result::Result<T, Error>;
 /// A file that could not be read or written; the message names the file and the place in it.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The operating system said no.
+    /// The operating system refused an operation on the file.
     #[error("{}: {source}", path.display())]
     Io {
         /// The file or folder.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// The content is not what the format, or the caller, asks for.
+    /// The content is not what the format or the caller expects.
     #[error("{}: {place}: expected {expected}, found {found}", path.display())]
     Invalid {
         /// The file.

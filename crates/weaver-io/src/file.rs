@@ -3,7 +3,7 @@
 use crate::{Error, Result, atomic_write};
 use std::path::Path;
 
-/// The whole of a file.
+/// Reads a whole file.
 ///
 /// # Errors
 /// When it cannot be read.
@@ -12,7 +12,7 @@ pub fn read_bytes(path: impl AsRef<Path>) -> Result<Vec<u8>> {
     std::fs::read(path).map_err(Error::io(path))
 }
 
-/// The text of a file.
+/// Reads a text file.
 ///
 /// # Errors
 /// When it cannot be read or is not UTF-8.
@@ -26,7 +26,7 @@ pub fn read_text(path: impl AsRef<Path>) -> Result<String> {
 /// Writes a text file atomically.
 ///
 /// # Errors
-/// When it cannot be written; an old file is then left as it was.
+/// When it cannot be written; an existing file is then left unchanged.
 pub fn write_text(path: impl AsRef<Path>, text: &str) -> Result<()> {
     atomic_write(path, |w| w.write_all(text.as_bytes()))
 }

@@ -18,11 +18,12 @@ pub fn list_files(folder: impl AsRef<Path>, extensions: &[&str]) -> Result<Vec<P
     Ok(files)
 }
 
-/// Makes sure that files can be written into a folder, which need not exist yet: before long work whose result is to go there.
-/// Nothing is left behind.
+/// Checks that files can be written into a folder, which need not exist yet. Leaves nothing behind.
+///
+/// Meant to be called before long work whose result is written there.
 ///
 /// # Errors
-/// When it, or the nearest folder above it that exists, is no folder or cannot be written to.
+/// When it, or the nearest existing path above it, is not a folder or cannot be written to.
 pub fn check_writable(folder: impl AsRef<Path>) -> Result<()> {
     let folder = folder.as_ref();
     let mut above = folder.ancestors().map(|path| if path.as_os_str().is_empty() { Path::new(".") } else { path });

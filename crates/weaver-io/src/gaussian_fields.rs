@@ -1,4 +1,4 @@
-//! Fields of Gaussians on their way into files and out of them: checks, and numbers as bytes.
+//! What the formats of Gaussians share: checks of the fields, and numbers as bytes.
 
 use crate::{Error, Result};
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Files of Gaussians, whatever their format.
+//! Files of Gaussians in any of the supported formats.
 
 use crate::ply::{read_ply, write_ply};
 use crate::splat::{read_splat, write_splat};
@@ -7,7 +7,7 @@ use crate::{Error, Result};
 use std::path::Path;
 use weaver_scene::Gaussians;
 
-/// The format that a file name stands for; `None` for an unknown extension.
+/// The formats, by extension.
 enum Format {
     Ply,
     Splat,
@@ -29,10 +29,10 @@ impl Format {
     }
 }
 
-/// Reads Gaussians from a `.ply`, `.splat` or `.spz` file; the extension tells which.
+/// Reads Gaussians from a `.ply`, `.splat` or `.spz` file; the extension selects the format.
 ///
 /// # Errors
-/// On another extension, and as [`read_ply`], [`read_splat`] and [`read_spz`].
+/// On any other extension, and as [`read_ply`], [`read_splat`] and [`read_spz`].
 pub fn read_gaussians(path: impl AsRef<Path>) -> Result<Gaussians> {
     let path = path.as_ref();
     match Format::of(path)? {
@@ -42,10 +42,12 @@ pub fn read_gaussians(path: impl AsRef<Path>) -> Result<Gaussians> {
     }
 }
 
-/// Writes Gaussians as a `.ply`, `.splat` or `.spz` file; the extension tells which. Only PLY keeps every bit.
+/// Writes Gaussians as a `.ply`, `.splat` or `.spz` file; the extension selects the format.
+///
+/// PLY keeps every bit, the other formats round.
 ///
 /// # Errors
-/// On another extension, and as [`write_ply`], [`write_splat`] and [`write_spz`].
+/// On any other extension, and as [`write_ply`], [`write_splat`] and [`write_spz`].
 pub fn write_gaussians(path: impl AsRef<Path>, gaussians: &Gaussians) -> Result<()> {
     let path = path.as_ref();
     match Format::of(path)? {

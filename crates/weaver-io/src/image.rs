@@ -1,4 +1,4 @@
-//! Images as the rest of the workspace sees them: reading, writing, cropping, mosaics.
+//! RGB images: reading, writing, cropping, mosaics.
 
 use crate::file::read_bytes;
 use crate::{Error, Result, atomic_write};
@@ -7,18 +7,18 @@ use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageReader};
 use std::io::Cursor;
 use std::path::Path;
 
-/// An RGB image, `[height, width, 3]` row-major, sRGB values / 255 in [0, 1], never linearized.
+/// An RGB image, `[height, width, 3]` row-major. Values are sRGB divided by 255, in [0, 1], never linearized.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
-    /// Pixels across.
+    /// Width in pixels.
     pub width: usize,
-    /// Pixels down.
+    /// Height in pixels.
     pub height: usize,
     /// `height * width * 3` values.
     pub pixels: Vec<f32>,
 }
 
-/// What lies behind transparent pixels.
+/// The color behind transparent pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Background {
     /// (1, 1, 1), usual for NeRF-synthetic scenes.
@@ -88,18 +88,24 @@ impl Image {
         })
     }
 
-    /// The values as 8-bit numbers, clamped and rounded to nearest.
+    /// The values as 8-bit numbers, clamped and rounded to the nearest.
     pub fn to_bytes(&self) -> Vec<u8> {
         self.pixels.iter().map(|&x| (x * 255.0).round() as u8).collect()
     }
 
-    /// From 8-bit values `[height, width, 3]`. Panics when the length is not `height * width * 3`.
+    /// An image from 8-bit values `[height, width, 3]`.
+    ///
+    /// # Panics
+    /// When the length is not `height * width * 3`.
     pub fn from_bytes(width: usize, height: usize, bytes: &[u8]) -> Self {
         assert_eq!(bytes.len(), width * height * 3, "an RGB image of {width}x{height}");
         Self { width, height, pixels: bytes.iter().map(|&b| f32::from(b) / 255.0).collect() }
     }
 
-    /// The part of `width` x `height` pixels whose top-left corner is (`left`, `top`). Panics when it sticks out.
+    /// The part of `width` x `height` pixels whose top-left corner is (`left`, `top`).
+    ///
+    /// # Panics
+    /// When it extends beyond the image.
     pub fn crop(&self, left: usize, top: usize, width: usize, height: usize) -> Self {
         assert!(
             left + width <= self.width && top + height <= self.height,
@@ -115,7 +121,7 @@ impl Image {
         Self { width, height, pixels }
     }
 
-    /// The images side by side from left to right, aligned at the top, black below the shorter ones.
+    /// Puts images side by side from left to right, aligned at the top, with black below the shorter ones.
     pub fn mosaic(images: &[&Self]) -> Self {
         let width = images.iter().map(|i| i.width).sum();
         let height = images.iter().map(|i| i.height).max().unwrap_or(0);

@@ -1,4 +1,4 @@
-//! What is in a file, in a screenful.
+//! Short descriptions of files.
 
 mod weights;
 
@@ -12,9 +12,9 @@ use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
 use weaver_scene::Gaussians;
 
-/// Describes a file, or a folder with a COLMAP model: its form, how much is in it, and ranges.
+/// Describes a file, or a folder with a COLMAP model: its format, how much it holds, and ranges of values.
 ///
-/// Knows PNG and JPEG images, PLY, `.splat` and `.spz` Gaussians and point clouds, safetensors, transforms.json, COLMAP
+/// Supports PNG and JPEG images, PLY, `.splat` and `.spz` Gaussians and point clouds, safetensors, transforms.json, COLMAP
 /// models (a folder, a scene with `sparse/0`, or one of the files) and RealEstate10K camera files.
 pub fn info(path: impl AsRef<Path>) -> Result<String> {
     let path = path.as_ref();

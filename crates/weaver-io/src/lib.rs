@@ -1,8 +1,9 @@
 //! File formats: images, PLY, splat, SPZ, COLMAP, transforms.json, RealEstate10K, safetensors.
 //!
-//! Poses leave this crate as OpenCV world-to-camera, intrinsics in pixels with pixel centers at half-integers.
-//! Every failure is an [`Error`] that names the file and the place in it; nothing panics on hostile bytes.
-//! Every file is written atomically ([`atomic_write`]).
+//! [`read_gaussians`] and [`read_cameras`] read every supported format of scenes and of cameras into the types of
+//! `weaver-scene`. Poses are world-to-camera with OpenCV axes, intrinsics are in pixels with pixel centers at half-integers.
+//! Every failure is an [`Error`] that names the file and the place in it; malformed files never cause a panic. Files are
+//! written atomically ([`atomic_write`]).
 
 mod append;
 mod atomic;

@@ -1,4 +1,4 @@
-//! Files in memory without reading them: the system brings in what is looked at, and may take it away again.
+//! Memory-mapped files: the system loads pages when they are read and may drop them again.
 
 use crate::{Error, Result};
 use memmap2::Mmap;
@@ -26,8 +26,8 @@ impl MappedFile {
         Ok(Self { map, path: path.to_path_buf() })
     }
 
-    /// Lets go of the pages that were looked at so far; those that are looked at again come back from the file. Where the
-    /// system cannot be told, nothing happens.
+    /// Drops the pages read so far; they are loaded from the file again when needed. Does nothing where the system has no
+    /// such request.
     pub fn forget(&self) {
         // SAFETY: a private map that nobody writes to has nothing but what the file has, so that a page that comes back is the
         // page that went; what was said of a file that changes meanwhile holds here as well.
@@ -36,7 +36,7 @@ impl MappedFile {
         let _ = unsafe { self.map.unchecked_advise(memmap2::UncheckedAdvice::DontNeed) };
     }
 
-    /// Where it is.
+    /// The path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }

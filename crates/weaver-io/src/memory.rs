@@ -1,7 +1,8 @@
-//! How much memory there is to use.
+//! How much memory is available.
 
-/// Bytes that can be used without swapping, where the system tells: what Linux calls available, or what the process's
-/// control group leaves, if that is less.
+/// The number of bytes that can be used without swapping, if the system reports it.
+///
+/// On Linux this is the available memory, or what the process's control group leaves, whichever is less.
 pub fn available_memory() -> Option<u64> {
     let system = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| available(&text));
     let number = |path: &str| std::fs::read_to_string(path).ok()?.trim().parse::<u64>().ok();

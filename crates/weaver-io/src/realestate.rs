@@ -9,7 +9,7 @@ use weaver_scene::Frame;
 /// The cameras of one clip.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Clip {
-    /// Where the video comes from.
+    /// URL of the video.
     pub url: String,
     /// The cameras, in the order of the file.
     pub frames: Vec<ClipFrame>,
@@ -34,7 +34,7 @@ impl ClipFrame {
         Intrinsics { fx: fx * w, fy: fy * h, cx: cx * w, cy: cy * h }
     }
 
-    /// The frame for an image of `width` x `height`: named by its timestamp, which is also its time in microseconds.
+    /// The frame of an image of `width` x `height`, named by its timestamp, which is also its time in microseconds.
     pub fn sized(&self, width: usize, height: usize) -> Frame {
         let camera = Camera { pose: self.pose, intrinsics: self.intrinsics(width, height), width, height };
         Frame { time: Some(self.timestamp as f64), ..Frame::new(self.timestamp.to_string(), camera) }
@@ -42,8 +42,13 @@ impl ClipFrame {
 }
 
 impl Clip {
-    /// Reads a file: the URL, then per line a timestamp, fx fy cx cy over the image size, two zeros and the
-    /// twelve numbers of `[R | t]`, world-to-camera, row by row. Non-zero distortion (the two zeros) is an error.
+    /// Reads a camera file.
+    ///
+    /// The first line is the URL. Every other line is a timestamp, fx fy cx cy over the image size, two distortion
+    /// coefficients, which must be zero, and the twelve numbers of `[R | t]`, world to camera, row by row.
+    ///
+    /// # Errors
+    /// When the file cannot be read or a line is malformed.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let text = read_text(path)?;
@@ -59,7 +64,7 @@ impl Clip {
         Ok(Self { url, frames })
     }
 
-    /// Writes the same form.
+    /// Writes a camera file.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         atomic_write(path, |w| {
             writeln!(w, "{}", self.url)?;

@@ -1,7 +1,7 @@
 //! Resizing with the filters of Pillow, on 8-bit values.
 //!
 //! Separable, horizontal pass first; each pass rounds to 8 bits, with filter weights in fixed point, so that
-//! training data prepared by Pillow (`Image.resize(size, LANCZOS, box=...)`) comes out alike.
+//! results equal those of Pillow (`Image.resize(size, LANCZOS, box=...)`), which prepares most training data.
 
 use crate::Image;
 use std::f64::consts::PI;
@@ -14,13 +14,15 @@ impl Image {
     /// Lanczos filter of three lobes, widened when shrinking so that nothing aliases.
     ///
     /// The filter reads past the box, but not past the image, where the remaining weights are normalized.
-    /// Panics when the box is empty or sticks out of the image.
+    ///
+    /// # Panics
+    /// When the box is empty or extends beyond the image.
     pub fn resize(&self, width: usize, height: usize, part: [f64; 4]) -> Self {
         self.resample(width, height, part, lanczos3, 3.0)
     }
 
-    /// Resizes the whole image with a cubic filter (Keys, a = -0.5), widened when shrinking: Pillow's `BICUBIC`, which is
-    /// what its `resize` does unless told otherwise.
+    /// Resizes the whole image with a cubic filter (Keys, a = -0.5), widened when shrinking: Pillow's `BICUBIC`, the default of
+    /// its `resize`.
     pub fn resize_bicubic(&self, width: usize, height: usize) -> Self {
         self.resample(width, height, [0.0, 0.0, self.width as f64, self.height as f64], bicubic, 2.0)
     }

@@ -1,4 +1,4 @@
-//! The `.splat` form of web viewers: 32 bytes for each Gaussian, no header, no view-dependent color.
+//! The `.splat` format of web viewers: 32 bytes per Gaussian, no header, no view-dependent color.
 //!
 //! A record is position and standard deviations as three floats each, then RGBA and the rotation (wxyz, 128 is zero) as
 //! four bytes each.
@@ -37,8 +37,9 @@ pub fn read_splat(path: impl AsRef<Path>) -> Result<Gaussians> {
     Ok(gaussians)
 }
 
-/// Writes a `.splat` file. Colors, opacities and rotations are rounded to 8 bits; harmonics beyond degree 0, which the
-/// format lacks, are left out.
+/// Writes a `.splat` file.
+///
+/// Colors, opacities and rotations are rounded to 8 bits. The format has no harmonics beyond degree 0; they are left out.
 ///
 /// # Errors
 /// When the fields' lengths disagree, a value is not finite, or the file cannot be written.

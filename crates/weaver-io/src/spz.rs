@@ -1,8 +1,8 @@
-//! The compressed `.spz` form of Niantic, versions 2 and 3 (gzip).
+//! The compressed `.spz` format of Niantic: versions 2 and 3, which are gzip.
 //!
 //! A header of 16 bytes, then one array after the other: positions, opacities, colors, scales, rotations,
 //! spherical harmonics. Its axes are those of OpenGL (x right, y up, z back), against x right, y down, z forward
-//! in PLY files and here, so everything is turned half about x on reading.
+//! in PLY files and here, so reading and writing turn everything by half a turn about x.
 
 use crate::bytes::Bytes;
 use crate::file::read_bytes;
@@ -24,7 +24,10 @@ const LARGEST_RATIO: u64 = 1040;
 /// Colors are stored as `0.15 x + 0.5`.
 const COLOR_SCALE: f32 = 0.15;
 
-/// Reads a `.spz` file of version 2 or 3. Values are as coarse as the format: 8 bits for most, 24 for positions.
+/// Reads a `.spz` file of version 2 or 3, which has 24 bits per coordinate of positions and 8 for most other numbers.
+///
+/// # Errors
+/// When the file cannot be read, is of another version or is malformed.
 pub fn read_spz(path: impl AsRef<Path>) -> Result<Gaussians> {
     let path = path.as_ref();
     let packed = read_bytes(path)?;
@@ -104,7 +107,9 @@ fn unpack(path: &Path, mut bytes: Bytes) -> Result<Gaussians> {
 /// Bits after the point of positions, where they are small enough: steps of a quarter millimeter if the unit is a meter.
 const FRACTION: u8 = 12;
 
-/// Writes a `.spz` file of version 3. Positions are rounded to 24 bits, rotations to 10 per component, all else to 8.
+/// Writes a `.spz` file of version 3.
+///
+/// Positions are rounded to 24 bits per coordinate, rotations to 10 bits per component, all other numbers to 8 bits.
 ///
 /// # Errors
 /// When the fields' lengths disagree, a value is not finite, a position is beyond 2^23, or the file cannot be written.

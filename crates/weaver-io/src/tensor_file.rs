@@ -1,4 +1,4 @@
-//! A safetensors file, read one tensor after another.
+//! Safetensors files read one tensor at a time.
 
 use crate::{Error, Result};
 use safetensors::Dtype;
@@ -13,8 +13,9 @@ const LONGEST_HEADER: u64 = 100_000_000;
 /// Values that are decoded at a time.
 const CHUNK: usize = 1 << 14;
 
-/// An open safetensors file: its header is in memory, its tensors are read when asked for, each straight to where it
-/// stays. [`Tensors`](crate::checkpoint::Tensors) reads all of a file at once, in any type.
+/// An open safetensors file, whose tensors are read when asked for.
+///
+/// Only the header is kept in memory. [`Tensors`](crate::checkpoint::Tensors) reads a whole file at once, of any type.
 ///
 /// ```
 /// use weaver_io::{TensorFile, checkpoint::Tensors};
@@ -41,7 +42,7 @@ impl TensorFile {
     /// Opens a file and reads its header.
     ///
     /// # Errors
-    /// When the file cannot be read, is no safetensors file, or has another length than its header says.
+    /// When the file cannot be read, is not a safetensors file, or its length differs from what its header says.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let mut file = File::open(path).map_err(Error::io(path))?;
@@ -114,7 +115,7 @@ impl TensorFile {
         Ok(values)
     }
 
-    /// For content that is not as the caller needs it: an error that names the file and `place`.
+    /// An error that names the file and `place`, for content that is not what the caller expects.
     pub fn invalid(&self, place: impl Display, expected: impl Display, found: impl Display) -> Error {
         Error::invalid(&self.path, place, expected, found)
     }

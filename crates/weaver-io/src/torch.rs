@@ -1,4 +1,4 @@
-//! PyTorch checkpoints: a ZIP archive of a pickled description and of raw numbers.
+//! PyTorch checkpoints: ZIP archives of a pickled description and raw numbers.
 
 mod pickle;
 
@@ -20,8 +20,8 @@ const STATE: [&str; 3] = ["state_dict", "model", "model_state_dict"];
 
 /// An open PyTorch checkpoint (`.pt`, `.pth`, `.ckpt`, `.bin`; of PyTorch 1.6 or later).
 ///
-/// The description is a program for Python's pickle machine. The one here knows how to make lists, dictionaries and
-/// tensors, and calls nothing: whatever else the program asks for becomes a placeholder that is left out.
+/// The description is a program for Python's pickle machine. The interpreter here makes lists, dictionaries and tensors and
+/// never calls a function; everything else becomes a placeholder that is left out.
 #[derive(Debug)]
 pub struct TorchCheckpoint {
     path: PathBuf,
@@ -36,7 +36,7 @@ impl TorchCheckpoint {
     /// Opens a checkpoint and reads its description.
     ///
     /// # Errors
-    /// When it cannot be read, is no such archive, or describes no tensors.
+    /// When it cannot be read, is not such an archive, or describes no tensors.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let file = File::open(path).map_err(Error::io(path))?;
@@ -116,7 +116,7 @@ impl TorchCheckpoint {
         self.tensors.iter().map(plan).collect()
     }
 
-    /// What was left out.
+    /// What was left out, because it is not a tensor.
     pub fn remarks(&self) -> &[String] {
         &self.remarks
     }
@@ -125,7 +125,7 @@ impl TorchCheckpoint {
     /// tensor whose numbers lie in another order, a transposed one say, are in memory at once.
     ///
     /// # Errors
-    /// When they are not in the archive, or memory will not do, or `out` fails.
+    /// When they are not in the archive, do not fit into memory, or `out` fails.
     pub fn write(&mut self, name: &str, out: &mut dyn Write) -> io::Result<()> {
         let tensor = self.tensors.get(name).ok_or_else(|| io::Error::other(format!("no tensor {name}")))?;
         let width = tensor.storage.dtype().map_or(1, |(_, width)| width);

@@ -41,21 +41,25 @@ const KNOWN: [&str; 13] = [
 const DISTORTION: [&str; 6] = ["k1", "k2", "k3", "k4", "p1", "p2"];
 
 impl Transforms {
-    /// Reads the file and looks for its images.
+    /// Reads the file and locates its images.
     ///
-    /// A frame's `time` becomes [`Frame::time`], its `number` [`Frame::number`]; keys that mean nothing here are kept in
+    /// A frame's `time` becomes [`Frame::time`], its `number` [`Frame::number`]; unknown keys are kept in
     /// [`Frame::extras`].
     ///
     /// Intrinsics may stand in the frame or, for all frames, at the top: `fl_x` `fl_y` `cx` `cy` `w` `h`, or
     /// `camera_angle_x` (and `_y`). Missing `fl_y` is `fl_x`, a missing principal point is the image's center, a
     /// missing size is read from the image's header. A `file_path` without extension gets `.png`, `.jpg` or `.jpeg`,
-    /// whichever exists. Errors on lens distortion, on matrices that are not rigid and on missing images.
+    /// whichever exists.
+    ///
+    /// # Errors
+    /// When the file is malformed, an image is missing, a lens has distortion, or a matrix is not rigid.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         Self::parse(path.as_ref(), true)
     }
 
-    /// Reads the file as [`Transforms::read`] does, but its images need not be there, as when the cameras are
-    /// rendered from. The size must then stand in the file.
+    /// Reads the file without looking for its images, for instance to render from its cameras.
+    ///
+    /// Otherwise like [`Transforms::read`]; where an image is missing, the file must contain its size.
     pub fn read_cameras(path: impl AsRef<Path>) -> Result<Self> {
         Self::parse(path.as_ref(), false)
     }
@@ -84,10 +88,10 @@ impl Transforms {
         })
     }
 
-    /// Writes the nerfstudio form, intrinsics in every frame, `file_path` from [`Frame::name`].
+    /// Writes the file in the form of nerfstudio, with intrinsics in every frame and [`Frame::name`] as `file_path`.
     ///
     /// # Errors
-    /// When an entry of [`Frame::extras`] is not JSON or has the name of another key, or the file cannot be written.
+    /// When an entry of [`Frame::extras`] is not JSON or has the name of a key with its own field, or the file cannot be written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         let frame = |(i, frame)| to_json(path, i, frame);

@@ -15,7 +15,7 @@ use zerocopy::{FromBytes, Immutable, KnownLayout};
 
 /// Named tensors in one safetensors file or in the files that an index names.
 ///
-/// Opening reads the headers alone; the numbers stay in the files until they are looked at, and are looked at in place.
+/// Opening reads only the headers; the numbers are mapped into memory and read in place when needed.
 ///
 /// ```
 /// use weaver_io::{Storage, Weights, checkpoint::Tensors};
@@ -64,7 +64,7 @@ pub enum Storage {
     Bf16(Slice<bf16>),
     /// Half precision, in the file.
     F16(Slice<f16>),
-    /// Where the file has them unaligned, or the machine has them in another order: widened, in memory.
+    /// Widened in memory, where the file has them unaligned or the machine has another byte order.
     Widened(Vec<f32>),
 }
 
@@ -87,7 +87,7 @@ impl Weights {
     /// Opens a `.safetensors` file, an index (`.json`) that names several, or a folder with one of them.
     ///
     /// # Errors
-    /// When a file cannot be read, is no complete safetensors file, or an index names tensors that are not there.
+    /// When a file cannot be read or is not a complete safetensors file, or an index names tensors that are missing.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let mut path = path.as_ref().to_path_buf();
         if path.is_dir() {
@@ -182,8 +182,7 @@ impl Weights {
         self.weights.get(name)
     }
 
-    /// Lets the system take back the memory of what was looked at so far. Everything stays readable, and comes back from the
-    /// files when it is looked at again.
+    /// Releases the memory of everything read so far. It stays readable: the system reads it from the files again when needed.
     pub fn forget(&self) {
         self.files.iter().for_each(|file| file.forget());
     }
@@ -228,7 +227,7 @@ impl Weight {
     /// Its numbers.
     ///
     /// # Errors
-    /// When they are no floating-point numbers of 16 or 32 bits.
+    /// When they are not floating-point numbers of 16 or 32 bits.
     pub fn storage(&self) -> Result<Storage> {
         let bytes = &self.file[self.range.clone()];
         let little = cfg!(target_endian = "little");
@@ -264,7 +263,7 @@ impl Weight {
 }
 
 impl Storage {
-    /// Whether every number is one: neither NaN nor infinite.
+    /// Whether every number is finite: neither NaN nor infinite.
     pub fn is_finite(&self) -> bool {
         // A comparison of bits, which compilers do many at a time.
         let wide = |x: &f32| u32::from(x.to_bits() & 0x7f80_0000 == 0x7f80_0000);

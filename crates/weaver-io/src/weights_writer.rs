@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// A tensor that is to be written.
+/// The description of a tensor to be written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Planned {
     /// Its name.
@@ -26,8 +26,9 @@ impl Planned {
     }
 }
 
-/// Writes a safetensors file atomically, calling `fill` for one tensor after the other to write its little-endian values;
-/// only what `fill` holds is in memory.
+/// Writes a safetensors file of any size atomically, calling `fill` for each tensor in turn to write its little-endian values.
+///
+/// Only what `fill` itself holds is in memory.
 ///
 /// # Errors
 /// When the file cannot be written, `fill` fails, or it writes another number of bytes than planned.

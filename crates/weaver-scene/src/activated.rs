@@ -2,11 +2,11 @@
 
 use crate::{Color, GaussianSlices, Gaussians};
 
-/// Gaussians in activated form: standard deviations and opacities as they are, not as logarithms and logits. `N` is the
+/// Gaussians in activated form: standard deviations instead of their logarithms, opacities instead of logits. `N` is the
 /// number of Gaussians.
 ///
-/// What a network predicts and what a rasterizer draws. [`Gaussians`] is the form in which files store them; going there
-/// and back rounds, so predictions are drawn from this form.
+/// Networks predict this form and rasterizers draw it. Files hold the stored form, [`Gaussians`]. Conversion to it and back
+/// rounds, so predictions are drawn without that detour.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ActivatedGaussians {
     /// Centers in world units, `[N, 3]`.
@@ -34,7 +34,7 @@ impl ActivatedGaussians {
         self.opacities.is_empty()
     }
 
-    /// The Gaussians as a rasterizer takes them, without features.
+    /// The Gaussians in the form that a rasterizer takes, without features.
     pub fn as_slices(&self) -> GaussianSlices<'_, f32> {
         GaussianSlices {
             means: &self.means,
@@ -46,7 +46,7 @@ impl ActivatedGaussians {
         }
     }
 
-    /// The stored form: logarithms of scales, logits of opacities.
+    /// Converts to the stored form: `log_scale = ln(scale)`, `logit = ln(opacity / (1 - opacity))`.
     ///
     /// Scales below 1e-12 become 1e-12, opacities are clamped to `[1e-6, 1 - 1e-6]`, so that every number is finite.
     pub fn to_stored(&self) -> Gaussians {
@@ -67,7 +67,7 @@ impl ActivatedGaussians {
 }
 
 impl Gaussians {
-    /// The activated form: `scale = exp(log_scale)`, `opacity = 1 / (1 + exp(-logit))`; everything else is copied.
+    /// Converts to the activated form: `scale = exp(log_scale)`, `opacity = 1 / (1 + exp(-logit))`; everything else is copied.
     pub fn to_activated(&self) -> ActivatedGaussians {
         ActivatedGaussians {
             means: self.means.as_flattened().to_vec(),

@@ -1,4 +1,4 @@
-//! Cameras as rows of numbers, which is how rasterizers and networks take them.
+//! Cameras as rows of numbers, the form that rasterizers and networks take.
 
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::{Camera, Intrinsics, Pose};
@@ -11,7 +11,7 @@ pub struct CameraSlices<'a, T> {
     pub viewmats: &'a [T],
     /// fx, fy, cx, cy in pixels, pixel centers at +0.5, `[V, 4]`.
     pub intrinsics: &'a [T],
-    /// What is seen where nothing is, `[V, 3]`, or `[3]` for all views.
+    /// Color of the background, `[V, 3]`, or `[3]` for all views.
     pub background: &'a [T],
     /// Image width in pixels.
     pub width: usize,
@@ -36,7 +36,7 @@ impl<T: Copy> CameraSlices<'_, T> {
         [self.background[at], self.background[at + 1], self.background[at + 2]]
     }
 
-    /// The cameras as values; the background is not looked at and may be empty.
+    /// Converts to cameras. The background is not used and may be empty.
     pub fn to_cameras(&self) -> Vec<Camera>
     where
         T: Into<f64>,
@@ -71,7 +71,7 @@ pub struct CameraRows {
 }
 
 impl CameraRows {
-    /// The rows of cameras, which all have the image size of the first.
+    /// Makes the rows of cameras, which must all have the same image size.
     pub fn new(cameras: &[Camera]) -> Self {
         let (width, height) = cameras.first().map_or((0, 0), |camera| (camera.width, camera.height));
         debug_assert!(cameras.iter().all(|camera| (camera.width, camera.height) == (width, height)));
@@ -83,7 +83,7 @@ impl CameraRows {
         }
     }
 
-    /// The cameras over a background, `[3]` or `[V, 3]`, as a rasterizer takes them.
+    /// The cameras with a background, `[3]` or `[V, 3]`, in the form that a rasterizer takes.
     pub fn as_slices<'a>(&'a self, background: &'a [f32]) -> CameraSlices<'a, f32> {
         let Self { viewmats, intrinsics, width, height } = self;
         CameraSlices { viewmats, intrinsics, background, width: *width, height: *height }

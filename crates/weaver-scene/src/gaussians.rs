@@ -1,10 +1,10 @@
-//! Gaussians in the form in which files store them.
+//! Gaussians in the form that files store.
 
 use weaver_geometry::sh;
 
 /// Gaussians in stored form: logarithms of scales, logits of opacities. `N` is the number of Gaussians.
 ///
-/// The fields are those of a 3DGS PLY file. All have `N` entries, which the type does not enforce; see
+/// The fields are those of a 3DGS PLY file. The type does not enforce that their lengths agree; see
 /// [`Gaussians::lengths_agree`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Gaussians {

@@ -1,6 +1,6 @@
-//! Points on surfaces.
+//! Point clouds.
 
-/// Colored points, as a point-cloud file or a structure-from-motion model has them. `N` is the number of points.
+/// A colored point cloud. `N` is the number of points.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PointCloud {
     /// Positions in world units, `[N, 3]`.

@@ -31,7 +31,7 @@ pub fn line(n: usize) -> Scene {
 }
 
 #[test]
-fn nearness_is_distance_over_the_median_plus_angle() {
+fn separation_is_distance_over_the_median_plus_angle() {
     let mut scene = line(3);
     scene.views[2] = view("2", DVec3::X * 5.0, 0.3, false);
     // Pairwise distances 1, 5, 4: the median is 4.

@@ -1,4 +1,4 @@
-//! What is in a file of tensors: each where there are few, else the modules that their names tell of.
+//! Descriptions of files of tensors: each tensor if there are few, else the modules found in their names.
 
 use crate::{Weight, Weights};
 use std::collections::{BTreeMap, BTreeSet};

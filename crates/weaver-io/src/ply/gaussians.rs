@@ -10,12 +10,13 @@ use weaver_scene::Gaussians;
 /// Reads a 3DGS PLY file, ASCII or binary little-endian.
 ///
 /// The number of `f_rest_*` properties tells the degree of the spherical harmonics. Positions and scales are required: a
-/// file without scales is a point cloud, see [`read_points`](crate::ply::read_points). What else is missing is filled as
-/// viewers do: no rotation is the identity, no opacity is opaque, no harmonics (`f_dc_*`) are the colors `red`, `green`,
-/// `blue` (0 to 255), or else a middle gray. Chunk-compressed files (`packed_position`) are not read.
+/// file without scales is a point cloud, for [`read_points`](crate::ply::read_points). Other missing properties are filled
+/// as viewers do it: without a rotation it is the identity, without an opacity Gaussians are opaque, and without harmonics
+/// (`f_dc_*`) the color is that of `red`, `green`, `blue` (0 to 255), or else middle gray. Chunk-compressed files
+/// (`packed_position`) are not supported.
 ///
 /// # Errors
-/// When a required property, or a part of one, is missing, or a value is not finite (an infinite opacity logit is fine).
+/// When a required property or a part of a property is missing, or a value is not finite (opacity logits may be infinite).
 pub fn read_ply(path: impl AsRef<Path>) -> Result<Gaussians> {
     let path = path.as_ref();
     let table = Table::read(path)?;
@@ -72,8 +73,11 @@ pub fn read_ply(path: impl AsRef<Path>) -> Result<Gaussians> {
     Ok(gaussians)
 }
 
-/// Writes a binary little-endian file with the properties, and in the order, of the reference implementation
-/// (normals zero). Errors when the fields' lengths disagree.
+/// Writes a 3DGS PLY file, binary little-endian, with the properties of the reference implementation in its order; normals
+/// are zero.
+///
+/// # Errors
+/// When the fields' lengths disagree or the file cannot be written.
 pub fn write_ply(path: impl AsRef<Path>, gaussians: &Gaussians) -> Result<()> {
     let path = path.as_ref();
     check_lengths(path, gaussians)?;

@@ -6,8 +6,9 @@ use crate::{Error, Result, atomic_write};
 use std::path::Path;
 use weaver_scene::PointCloud;
 
-/// Reads the points of a PLY file, ASCII or binary little-endian: `x`, `y`, `z` and, where they are there, `red`, `green`,
-/// `blue` (0 to 255). Points without colors are white.
+/// Reads a point cloud from a PLY file, ASCII or binary little-endian.
+///
+/// The properties are `x`, `y`, `z` and, optionally, `red`, `green`, `blue` (0 to 255); without colors, points are white.
 ///
 /// # Errors
 /// When a property is missing or a position is not finite.
