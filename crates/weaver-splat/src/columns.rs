@@ -1,10 +1,15 @@
 //! Rows of numbers in memory as columns of sixteen, and back.
 
 use crate::each::each;
-use crate::project::finite;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, Lanes};
 use weaver_kernels::simd::prefetch;
+
+/// Where a number is neither infinite nor NaN.
+#[inline(always)]
+pub(crate) fn finite<V: Lanes>(x: V) -> V::Mask {
+    (x * V::zero()).ge(V::zero())
+}
 
 /// Rows `first..first + count` of `K` numbers as columns; lanes beyond repeat the last row.
 #[inline(always)]

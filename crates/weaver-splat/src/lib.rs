@@ -12,6 +12,7 @@
 
 mod columns;
 mod covariance;
+mod cpu_rasterizer;
 mod depth;
 mod each;
 mod ewa;
@@ -32,17 +33,19 @@ mod rotation;
 mod settings;
 mod sh;
 mod statistics;
+mod statistics_pass;
 pub mod tiles;
 mod view;
 mod workspace;
 
 pub use covariance::covariance;
+pub use cpu_rasterizer::CpuRasterizer;
 pub use depth::{expected_depth, expected_depth_backward};
 pub use gradients::{Cotangents, Gradients, Target};
 pub use op::{GaussianVars, Rasterize, RenderedVars, WorkspacePool};
 pub use rasterize::rasterize;
 pub use rasterize_backward::rasterize_backward;
-pub use rasterizer::{CpuRasterizer, Images, RasterStats, Rasterizer};
+pub use rasterizer::{Images, RasterStats, Rasterizer};
 pub use render::render;
 pub use settings::{RasterError, RasterSettings};
 pub use statistics::{GaussianStatistics, SharedStatistics};

@@ -1,8 +1,9 @@
 //! The rasterizer as an operation on the tape.
 
+use crate::cpu_rasterizer::CpuRasterizer;
 use crate::depth::LEAST_ALPHA;
 use crate::gradients::{Cotangents, Gradients, Target};
-use crate::rasterizer::{CpuRasterizer, Images, Rasterizer};
+use crate::rasterizer::{Images, Rasterizer};
 use crate::settings::RasterSettings;
 use crate::statistics::SharedStatistics;
 use crate::tiles::Region;

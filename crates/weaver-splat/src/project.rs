@@ -4,7 +4,7 @@
 //! nothing cancels: det S = |m1 x m2|^2 + eps (|m1|^2 + |m2|^2) + eps^2 is a sum of positive terms, so that long thin
 //! splats are exact in `f32` too.
 
-use crate::columns::{columns, prefetch_rows, wide_columns};
+use crate::columns::{columns, finite, prefetch_rows, wide_columns};
 use crate::each::each;
 use crate::ewa::{BITS, slot};
 use crate::matrix::{Mat23, Mat33, Vec3, apply, cross, dot, product};
@@ -55,12 +55,6 @@ impl<V: Lanes> Group<V> {
         }
         sum
     }
-}
-
-/// Where a number is neither infinite nor NaN.
-#[inline(always)]
-pub(crate) fn finite<V: Lanes>(x: V) -> V::Mask {
-    (x * V::zero()).ge(V::zero())
 }
 
 /// Everything between a Gaussian's parameters and its splat's shape; backward computes it anew.

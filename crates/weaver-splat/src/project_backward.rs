@@ -1,12 +1,13 @@
 //! Backward of projection: from the sums over a splat's pixels to the Gaussian's and the camera's parameters, sixteen
 //! Gaussians at a time.
 
+use crate::columns::finite;
 use crate::each::each;
 use crate::ewa::{BITS, moment as shape_sum};
 use crate::matrix::{
     Mat23, Mat33, Vec3, apply_transposed, cross, dot, inverse, product_transposed, transposed_product,
 };
-use crate::project::{Group, Projection, finite};
+use crate::project::{Group, Projection};
 use crate::rotation::rotation_backward;
 use crate::settings::RasterSettings;
 use crate::tiles::moment;

@@ -8,7 +8,7 @@ use crate::memory::grown;
 use crate::project_backward::{CAMERA_SUMS, camera_gradient};
 use crate::rasterize::blending;
 use crate::settings::{RasterError, RasterSettings};
-use crate::statistics;
+use crate::statistics_pass;
 use crate::tiles::{BackwardPass, CHUNK, Tiles};
 use crate::view::View;
 use crate::workspace::Workspace;
@@ -56,7 +56,7 @@ pub fn rasterize_backward<T: Real>(
     tiles.backward(&EwaGaussian, &pass, |v| cameras.background_of(v));
     background_gradient(cameras, tiles, &mut gradients);
     if let Some(statistics) = gradients.statistics.take() {
-        statistics::accumulate(tiles, extent.views, statistics);
+        statistics_pass::accumulate(tiles, extent.views, statistics);
     }
     let chunks = extent.gaussians.div_ceil(CHUNK);
     let sums = grown(camera_sums, chunks * extent.views * CAMERA_SUMS);

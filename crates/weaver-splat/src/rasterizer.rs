@@ -1,10 +1,7 @@
 //! What every rasterizer offers, whatever it runs on.
 
 use crate::gradients::{Cotangents, Gradients};
-use crate::rasterize::rasterize;
-use crate::rasterize_backward::rasterize_backward;
 use crate::settings::{RasterError, RasterSettings};
-use crate::workspace::Workspace;
 use std::fmt::Debug;
 use weaver_kernels::Real;
 use weaver_scene::{CameraSlices, GaussianSlices};
@@ -13,7 +10,7 @@ use weaver_scene::{CameraSlices, GaussianSlices};
 /// spherical camera, as ellipsoids or surfels.
 ///
 /// [`Rasterize`](crate::Rasterize) is an operation on the tape for any of them. Shapes are with the fields of
-/// [`GaussianSlices`], [`CameraSlices`], [`Images`] and [`Gradients`]. [`CpuRasterizer`] is the implementation of this crate.
+/// [`GaussianSlices`], [`CameraSlices`], [`Images`] and [`Gradients`]. [`CpuRasterizer`](crate::CpuRasterizer) is the implementation of this crate.
 pub trait Rasterizer<T: Real>: Debug + Send + Sync + 'static {
     /// What forward leaves for backward, and memory that is kept between calls.
     type Workspace: Debug + Send + 'static;
@@ -51,42 +48,6 @@ pub trait Rasterizer<T: Real>: Debug + Send + Sync + 'static {
         cotangents: &Cotangents<'_, T>,
         gradients: Gradients<'_, T>,
     ) -> Result<(), RasterError>;
-}
-
-/// The rasterizer of this crate, on the threads of the processor: [`rasterize`](crate::rasterize()) and
-/// [`rasterize_backward`](crate::rasterize_backward()).
-#[derive(Clone, Copy, Debug, Default)]
-pub struct CpuRasterizer;
-
-impl<T: Real> Rasterizer<T> for CpuRasterizer {
-    type Workspace = Workspace<T>;
-
-    fn workspace(&self) -> Workspace<T> {
-        Workspace::new()
-    }
-
-    fn forward(
-        &self,
-        gaussians: &GaussianSlices<'_, T>,
-        cameras: &CameraSlices<'_, T>,
-        settings: &RasterSettings,
-        workspace: &mut Workspace<T>,
-        images: Images<'_, T>,
-    ) -> Result<RasterStats, RasterError> {
-        rasterize(gaussians, cameras, settings, workspace, images)
-    }
-
-    fn backward(
-        &self,
-        gaussians: &GaussianSlices<'_, T>,
-        cameras: &CameraSlices<'_, T>,
-        settings: &RasterSettings,
-        workspace: &mut Workspace<T>,
-        cotangents: &Cotangents<'_, T>,
-        gradients: Gradients<'_, T>,
-    ) -> Result<(), RasterError> {
-        rasterize_backward(gaussians, cameras, settings, workspace, cotangents, gradients)
-    }
 }
 
 /// Where the images go. `H` and `W` are those of the region that is drawn.

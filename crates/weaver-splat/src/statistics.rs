@@ -1,9 +1,7 @@
 //! By-products of a backward pass, for density control and pruning.
 
-use crate::ewa::{self, BITS, slot};
-use crate::tiles::{CHUNK, Record, Tiles, moment};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use weaver_kernels::{Real, parallel};
+use weaver_kernels::Real;
 
 /// What a backward pass learns about one Gaussian beside its gradient, summed over the views and over as many passes as it
 /// is given to.
@@ -57,62 +55,4 @@ impl<T: Real> SharedStatistics<T> {
         }
         gaussians
     }
-}
-
-/// Adds what the last backward pass over `tiles` found in `views` views, to one element per Gaussian.
-pub(crate) fn accumulate<T: Real>(tiles: &Tiles<T>, views: usize, statistics: &mut [GaussianStatistics<T>]) {
-    parallel::for_chunks(statistics, CHUNK, |chunk, statistics| {
-        for (i, statistics) in statistics.iter_mut().enumerate() {
-            for v in 0..views {
-                let n = chunk * CHUNK + i;
-                statistics.add(tiles.record(v, n), tiles.entries(v, n));
-            }
-        }
-    });
-}
-
-impl<T: Real> GaussianStatistics<T> {
-    /// Adds a view: the record of the Gaussian and the sums over pixels of its entries.
-    fn add<'a>(&mut self, record: &Record<T>, entries: impl Iterator<Item = &'a [T; 16]>) {
-        let zero = T::ZERO;
-        let ([mut gu, mut gv], mut absolute, mut weight, mut largest) = ([zero; 2], [zero; 2], zero, zero);
-        for sums in entries {
-            gu += sums[moment::SHAPE + ewa::moment::FIRST];
-            gv += sums[moment::SHAPE + ewa::moment::FIRST + 1];
-            (0..2).for_each(|axis| absolute[axis] += sums[moment::ABSOLUTE + axis]);
-            weight += sums[moment::WEIGHT];
-            largest = largest.max(sums[moment::LARGEST_WEIGHT]);
-        }
-        if weight <= zero {
-            return;
-        }
-        let [p, q, r] = [slot::P, slot::Q, slot::R].map(|k| record.0[k]);
-        // p, q, r and u, v both hold the factor BITS.
-        let natural = T::from_f64(1.0 / (BITS * BITS));
-        self.screen_gradient += finite(length([natural * p * gu, natural * (q * gu + r * gv)]));
-        self.absgrad += finite(length(absolute));
-        self.views += 1;
-        self.radius = self.radius.max(finite(radius([p, q, r])));
-        self.contribution += weight;
-        self.largest_weight = self.largest_weight.max(largest);
-    }
-}
-
-/// Three standard deviations of the longer axis of S, from the scaled Cholesky factor of its inverse.
-fn radius<T: Real>([p, q, r]: [T; 3]) -> T {
-    // S = L^-1 L^-T with L = [[p, q], [0, r]].
-    let (a, b, c) = (T::ONE / p, q / (p * r), T::ONE / r);
-    let half = T::from_f64(0.5);
-    let (xx, xy, yy) = (a * a + b * b, b * c, c * c);
-    let variance = half * (xx + yy) + length([half * (xx - yy), xy]);
-    T::from_f64(3.0 * BITS) * variance.sqrt()
-}
-
-fn length<T: Real>([x, y]: [T; 2]) -> T {
-    (x * x + y * y).sqrt()
-}
-
-/// 0 for what is not finite.
-fn finite<T: Real>(x: T) -> T {
-    if x.is_finite() { x } else { T::ZERO }
 }

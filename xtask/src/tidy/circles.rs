@@ -35,26 +35,6 @@ const STATED: &[(&[&str], &str)] = &[
         "the table has rows of the network, and the network is made of the blocks in the table",
     ),
     (
-        &["crates/weaver-splat/src/columns.rs", "crates/weaver-splat/src/project.rs"],
-        "columns are loaded with the test for finite numbers that projection makes",
-    ),
-    (
-        &[
-            "crates/weaver-splat/src/gradients.rs",
-            "crates/weaver-splat/src/statistics.rs",
-            "crates/weaver-splat/src/tiles/blend_backward.rs",
-        ],
-        "statistics are collected by the backward pass and returned beside its gradients",
-    ),
-    (
-        &[
-            "crates/weaver-splat/src/rasterize.rs",
-            "crates/weaver-splat/src/rasterize_backward.rs",
-            "crates/weaver-splat/src/rasterizer.rs",
-        ],
-        "the trait of rasterizers stands beside its first implementation, which is these functions",
-    ),
-    (
         &[
             "crates/weaver-trainer/src/config.rs",
             "crates/weaver-trainer/src/example.rs",
