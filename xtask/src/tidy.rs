@@ -64,6 +64,9 @@ pub fn run() -> Result<(), String> {
         for source in &package.sources {
             sources::check(source, &package.name, &mut faults);
         }
+        for source in package.sources.iter().chain(&package.tests).filter(|_| package.name != "xtask") {
+            sources::check_test(source, &mut faults);
+        }
     }
     circles::check(&workspace, &mut faults);
     documents::check(&workspace, &mut faults);

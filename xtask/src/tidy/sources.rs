@@ -131,6 +131,20 @@ pub fn check(source: &Source, package: &str, faults: &mut Vec<String>) {
     }
 }
 
+/// Property tests draw a part of the cases that proptest is told to, so that `cargo xtask stress` can ask for more.
+pub fn check_test(source: &Source, faults: &mut Vec<String>) {
+    for (number, line) in source.text.lines().enumerate() {
+        let fixed = ["with_cases(", "ProptestConfig { cases: "].iter().any(|start| {
+            let count = line.split_once(start).map(|(_, count)| count);
+            count.is_some_and(|count| count.starts_with(|c: char| c.is_ascii_digit()))
+        });
+        if fixed {
+            let rule = "write a part of `ProptestConfig::default().cases`";
+            faults.push(format!("{}:{}: a fixed number of random cases; {rule}", source.place, number + 1));
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -144,6 +158,11 @@ mod tests {
         };
         let text = "fn f() { println!(\"x\"); }\n// println! in a comment\n";
         assert_eq!(faults_in("crates/weaver-nn/src/utils.rs", text, "weaver-nn").len(), 2);
+        let fixed =
+            "#![proptest_config(ProptestConfig::with_cases(24))]\n#![proptest_config(ProptestConfig::with_cases(n))]";
+        let mut faults = Vec::new();
+        check_test(&Source { place: "t.rs".into(), inside: String::new(), text: fixed.into() }, &mut faults);
+        assert_eq!(faults.len(), 1, "{faults:?}");
         // Free in one file of the crate, not in the others.
         assert!(faults_in(MAPPED_FILE, "unsafe { f() }", "weaver-io").is_empty());
         assert_eq!(

@@ -43,7 +43,7 @@ fn forms<'t>(tape: &'t Tape<f64>, form: usize, x: Var<'t, f64>) -> Vec<Var<'t, f
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 5))]
 
     /// Nested parts of every form give the same numbers with and without recording; without it they leave their outputs in memory
     /// and nothing else.

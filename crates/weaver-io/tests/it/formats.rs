@@ -83,7 +83,7 @@ const SPZ: Tolerance = Tolerance {
 };
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 5))]
 
     #[test]
     fn ply_keeps_every_bit(gaussians in gaussians()) {

@@ -167,7 +167,7 @@ fn some_rows(total: usize, share: f64, seed: u64) -> Vec<u32> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 10))]
 
     #[test]
     fn sparse_adamw(total in 1..3000usize, width in 1..20usize, share in 0.0..1.0_f64, seed: u64) {

@@ -174,7 +174,7 @@ fn some_map(old: usize, stream: Stream) -> RowMap {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 4))]
 
     #[test]
     fn a_parameter_is_its_rows_simulated_one_by_one(

@@ -38,7 +38,7 @@ fn check(scene: &Scene<f64>, cotangents: &Planes<f64>, gradients: &[Vec<f64>; 10
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 16, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 16, failure_persistence: None, ..Default::default() })]
 
     /// Splats that cover the whole image with alphas between the thresholds: smooth everywhere.
     #[test]

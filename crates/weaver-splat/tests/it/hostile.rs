@@ -63,7 +63,7 @@ fn settings() -> impl Strategy<Value = RasterSettings> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 128, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 2, failure_persistence: None, ..Default::default() })]
 
     /// A few numbers of anything but the background are nasty.
     #[test]

@@ -190,7 +190,7 @@ fn random(seed: u64, n: usize, (width, height): (usize, usize)) -> Sphere {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 16, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 16, failure_persistence: None, ..Default::default() })]
 
     #[test]
     fn spots_on_a_sphere(

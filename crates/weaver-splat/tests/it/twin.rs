@@ -17,7 +17,7 @@ pub fn reference_planes(scene: &Scene<f64>) -> Planes<f64> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 32, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 8, failure_persistence: None, ..Default::default() })]
 
     #[test]
     fn agrees_with_the_reference(

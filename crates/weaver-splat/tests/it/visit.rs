@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use weaver_splat::{TileSide, Workspace, expected_depth, expected_depth_backward};
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 16, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 16, failure_persistence: None, ..Default::default() })]
 
     /// The hits, summed by hand, are the images; their weights are the contributions.
     #[test]
