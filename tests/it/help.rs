@@ -4,7 +4,7 @@ use crate::command::splatweaver;
 
 #[test]
 fn every_command_explains_itself_with_an_example() {
-    for command in ["train", "eval", "infer", "render", "info", "bench", "completions"] {
+    for command in ["train", "eval", "infer", "render", "info", "bench", "config", "completions"] {
         let done = splatweaver(&[&command, &"--help"]).fine();
         assert!(done.stdout.contains(&format!("Usage: splatweaver {command}")), "{}", done.stdout);
         assert!(done.stdout.contains(&format!("  splatweaver {command} ")) || command == "train", "{}", done.stdout);

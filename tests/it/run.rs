@@ -105,7 +105,7 @@ fn json_is_all_that_is_printed() {
 }
 
 #[test]
-fn the_dial_turns_the_number_of_gaussians() {
+fn the_budget_sets_the_number_of_gaussians() {
     let run = Run::shared();
     let per_pixel = |budget: &str| {
         let budget: &[&dyn AsRef<std::ffi::OsStr>] =
