@@ -222,7 +222,7 @@ fn compare_in<T: Real>(path: &Path, weights: Option<&Path>) -> (Vec<Line>, Vec<R
             i if i.starts_with("ops") => operations::run::<T>(file),
             i if i.starts_with("metrics") => metrics::run::<T>(file, weights().as_deref()),
             i if i.starts_with("end_to_end") => end_to_end::run::<T>(file, weights().as_deref()),
-            _ if file.has("in.viewmat") => raster::run::<T>(file),
+            _ if raster::describes(&file) => raster::run::<T>(file),
             _ => return None,
         };
         Some(file)
