@@ -13,6 +13,7 @@
 mod crop;
 mod nerf;
 mod photo;
+pub mod posed;
 mod realestate;
 mod sparse;
 
@@ -67,21 +68,7 @@ impl Default for CaptureOptions {
 /// [`Scene::check_evaluation`].
 pub fn load(folder: impl AsRef<Path>, options: &CaptureOptions) -> Result<Scene, Error> {
     let folder = folder.as_ref();
-    let Photos { mut photos, points, split } = read_photos(folder)?;
-    if photos.is_empty() {
-        return Err(Error::unexpected(folder, "photos", "at least one", "none"));
-    }
-    photos.sort_by(|a, b| a.frame.path.cmp(&b.frame.path));
-    if !(split && options.hold_out == HoldOut::Listed) {
-        let step = match options.hold_out {
-            HoldOut::Listed => 8,
-            HoldOut::Every(step) => step,
-            HoldOut::Nothing => 0,
-        };
-        for (i, photo) in photos.iter_mut().enumerate() {
-            photo.held_out = step > 0 && i % step == 0;
-        }
-    }
+    let Photos { photos, points, .. } = read_split_photos(folder, options.hold_out)?;
     let loaded: Vec<Result<(View, Vec<u32>), Error>> =
         photos.par_iter().map(|photo| load_photo(photo, &points, options)).collect();
     let (views, visible) = loaded.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
@@ -105,13 +92,37 @@ pub fn load_images(paths: &[PathBuf], width: usize, height: usize) -> Result<Vec
     images.into_iter().collect()
 }
 
+/// The photos of a capture in order of their paths, each held out or not.
+fn read_split_photos(folder: &Path, hold_out: HoldOut) -> Result<Photos, Error> {
+    split(folder, read_photos(folder)?, hold_out)
+}
+
+fn split(path: &Path, mut capture: Photos, hold_out: HoldOut) -> Result<Photos, Error> {
+    let photos = &mut capture.photos;
+    if photos.is_empty() {
+        return Err(Error::unexpected(path, "photos", "at least one", "none"));
+    }
+    photos.sort_by(|a, b| a.frame.path.cmp(&b.frame.path));
+    if !(capture.split && hold_out == HoldOut::Listed) {
+        let step = match hold_out {
+            HoldOut::Listed => 8,
+            HoldOut::Every(step) => step,
+            HoldOut::Nothing => 0,
+        };
+        for (i, photo) in photos.iter_mut().enumerate() {
+            photo.held_out = step > 0 && i % step == 0;
+        }
+    }
+    Ok(capture)
+}
+
 fn read_photos(folder: &Path) -> Result<Photos, Error> {
     if !folder.is_dir() {
         let found = if folder.exists() { "a file" } else { "nothing" };
         return Err(Error::unexpected(folder, "capture", "a folder", found));
     }
     if folder.join("transforms.json").exists() {
-        nerf::read(folder)
+        nerf::read(&folder.join("transforms.json"))
     } else if folder.join("transforms_train.json").exists() {
         nerf::read_split(folder)
     } else if folder.join("sparse").exists() {
@@ -134,11 +145,7 @@ fn load_photo(photo: &Photo, points: &[DVec3], options: &CaptureOptions) -> Resu
     let frame = &photo.frame;
     check_camera(frame)?;
     let image = Image::read(&frame.path, Background::White)?;
-    if (image.width, image.height) != (frame.camera.width, frame.camera.height) {
-        let expected = format!("{}x{}, its camera's", frame.camera.width, frame.camera.height);
-        let found = format!("{}x{}", image.width, image.height);
-        return Err(Error::unexpected(&frame.path, "image size", expected, found));
-    }
+    check_size(&frame.path, (image.width, image.height), &frame.camera)?;
     let crop = Crop::centered(image.width, image.height, width, height);
     let camera =
         Camera { pose: frame.camera.pose, intrinsics: crop.intrinsics(&frame.camera.intrinsics), width, height };
@@ -153,6 +160,14 @@ fn load_photo(photo: &Photo, points: &[DVec3], options: &CaptureOptions) -> Resu
         held_out: photo.held_out,
     };
     Ok((view, visible))
+}
+
+fn check_size(path: &Path, (width, height): (usize, usize), camera: &Camera) -> Result<(), Error> {
+    if (width, height) == (camera.width, camera.height) {
+        return Ok(());
+    }
+    let expected = format!("{}x{}, its camera's", camera.width, camera.height);
+    Err(Error::unexpected(path, "image size", expected, format!("{width}x{height}")))
 }
 
 fn check_camera(frame: &Frame) -> Result<(), Error> {

@@ -11,6 +11,7 @@ mod sampler;
 mod scene;
 mod tuple;
 
+pub use capture::posed;
 pub use error::Error;
 pub use sampler::{bounded_gap, evaluation_tuples, every, training_tuple, uniform};
 pub use scene::{NormalizedPoses, Scene, View};

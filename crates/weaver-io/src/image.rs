@@ -39,17 +39,15 @@ impl Image {
     /// Straight alpha is composited over `background` in sRGB values. The EXIF orientation is *not* applied: cameras
     /// from structure from motion refer to the pixels as stored.
     pub fn read(path: impl AsRef<Path>, background: Background) -> Result<Self> {
-        let path = path.as_ref();
-        let bytes = read_bytes(path)?;
-        if is_cut_jpeg(&bytes) {
-            return Err(Error::invalid(path, "image", "a whole JPEG image", "one that was cut short"));
-        }
-        let decoded = ImageReader::new(Cursor::new(&bytes))
-            .with_guessed_format()
-            .map_err(Error::io(path))?
-            .decode()
-            .map_err(|e| Error::invalid(path, "image", "a PNG or JPEG image", e))?;
-        Ok(Self::from_decoded(decoded, background))
+        Ok(Self::from_decoded(decode(path.as_ref())?, background))
+    }
+
+    /// Reads a file as [`read`](Self::read) does over [`Background::Black`], and its alpha `[height, width]` if it has one:
+    /// colors are multiplied by alpha, so that `color + (1 - alpha) background` is the photo over any background.
+    pub fn read_with_alpha(path: impl AsRef<Path>) -> Result<(Self, Option<Vec<f32>>)> {
+        let decoded = decode(path.as_ref())?;
+        let alpha = decoded.color().has_alpha().then(|| decoded.to_rgba32f().pixels().map(|p| p.0[3]).collect());
+        Ok((Self::from_decoded(decoded, Background::Black), alpha))
     }
 
     fn from_decoded(decoded: DynamicImage, background: Background) -> Self {
@@ -136,6 +134,18 @@ impl Image {
         }
         out
     }
+}
+
+fn decode(path: &Path) -> Result<DynamicImage> {
+    let bytes = read_bytes(path)?;
+    if is_cut_jpeg(&bytes) {
+        return Err(Error::invalid(path, "image", "a whole JPEG image", "one that was cut short"));
+    }
+    ImageReader::new(Cursor::new(&bytes))
+        .with_guessed_format()
+        .map_err(Error::io(path))?
+        .decode()
+        .map_err(|e| Error::invalid(path, "image", "a PNG or JPEG image", e))
 }
 
 /// Whether these are the bytes of a JPEG whose picture has a beginning and no end. Decoders fill the rest with gray.

@@ -14,16 +14,17 @@ use weaver_scene::Frame;
 const SAME_WORLD: f64 = 0.02;
 
 /// One `transforms.json`, with the points of a COLMAP model beside it where there is one.
-pub(super) fn read(folder: &Path) -> Result<Photos, Error> {
-    let path = folder.join("transforms.json");
-    let transforms = Transforms::read(&path)?;
+pub(super) fn read(path: &Path) -> Result<Photos, Error> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let transforms = Transforms::read(path)?;
     let held_out = &transforms.test_filenames;
     if let Some(name) = held_out.iter().find(|&name| transforms.frames.iter().all(|f| f.name != *name)) {
-        return Err(Error::unexpected(&path, "test_filenames", "the file_path of a frame", name.as_str()));
+        return Err(Error::unexpected(path, "test_filenames", "the file_path of a frame", name.as_str()));
     }
     let mut capture = Photos {
         photos: transforms.frames.iter().map(|f| photo(f, held_out.contains(&f.name))).collect(),
         points: Vec::new(),
+        colors: Vec::new(),
         split: !held_out.is_empty(),
     };
     if folder.join("sparse").exists() {
@@ -40,7 +41,7 @@ pub(super) fn read_split(folder: &Path) -> Result<Photos, Error> {
     let test = Transforms::read(folder.join("transforms_test.json"))?;
     let photos = training.frames.iter().map(|f| photo(f, false));
     let photos = photos.chain(test.frames.iter().map(|f| photo(f, true))).collect();
-    Ok(Photos { photos, points: Vec::new(), split: true })
+    Ok(Photos { photos, points: Vec::new(), colors: Vec::new(), split: true })
 }
 
 fn photo(frame: &Frame, held_out: bool) -> Photo {
@@ -64,7 +65,7 @@ fn add_points(capture: &mut Photos, model: &Model, folder: &Path) -> Result<(), 
         }
         photo.track = sparse::track(record, &index);
     }
-    capture.points = sparse::points(model);
+    (capture.points, capture.colors) = (sparse::points(model), sparse::colors(model));
     Ok(())
 }
 

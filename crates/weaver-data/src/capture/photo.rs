@@ -18,6 +18,8 @@ pub(super) struct Photo {
 pub(super) struct Photos {
     pub photos: Vec<Photo>,
     pub points: Vec<DVec3>,
+    /// sRGB colors of the points, as many.
+    pub colors: Vec<[u8; 3]>,
     /// Whether the capture itself says which photos are held out.
     pub split: bool,
 }

@@ -36,5 +36,5 @@ pub(super) fn read(folder: &Path, cameras: &Path) -> Result<Photos, Error> {
         let frame = Frame { path: file, ..frame.sized(width, height) };
         Ok(Photo { frame, held_out: false, track: Vec::new() })
     });
-    Ok(Photos { photos: photos.collect::<Result<_, Error>>()?, points: Vec::new(), split: false })
+    Ok(Photos { photos: photos.collect::<Result<_, Error>>()?, points: Vec::new(), colors: Vec::new(), split: false })
 }

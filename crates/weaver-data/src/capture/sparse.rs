@@ -20,7 +20,7 @@ pub(super) fn read(capture: &Path) -> Result<Photos, Error> {
     };
     // Reading the model made sure that every image has its camera.
     let photos = model.images.iter().zip(model.frames()).map(photo).collect();
-    Ok(Photos { photos, points: points(&model), split: false })
+    Ok(Photos { photos, points: points(&model), colors: colors(&model), split: false })
 }
 
 /// Where a capture keeps its model: `sparse/0`, or `sparse` itself.
@@ -46,4 +46,9 @@ pub(super) fn track(record: &ImageRecord, index: &BTreeMap<u64, u32>) -> Vec<u32
 /// World positions, in the model's order.
 pub(super) fn points(model: &Model) -> Vec<DVec3> {
     model.points.iter().map(|point| DVec3::from(point.xyz)).collect()
+}
+
+/// Colors, in the model's order.
+pub(super) fn colors(model: &Model) -> Vec<[u8; 3]> {
+    model.points.iter().map(|point| point.rgb).collect()
 }
