@@ -4,7 +4,7 @@ use crate::file::read_bytes;
 use crate::{Error, Result, atomic_write};
 use image::codecs::png::PngEncoder;
 use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageReader};
-use std::io::Cursor;
+use std::io::{Cursor, Write};
 use std::path::Path;
 
 /// An RGB image, `[height, width, 3]` row-major. Values are sRGB divided by 255, in [0, 1], never linearized.
@@ -78,12 +78,23 @@ impl Image {
 
     /// Writes an 8-bit RGB PNG file, atomically.
     pub fn write_png(&self, path: impl AsRef<Path>) -> Result<()> {
-        let bytes = self.to_bytes();
-        atomic_write(path, |w| {
-            PngEncoder::new(w)
-                .write_image(&bytes, self.width as u32, self.height as u32, ExtendedColorType::Rgb8)
-                .map_err(std::io::Error::other)
-        })
+        atomic_write(path, |w| self.encode_png(w))
+    }
+
+    /// The bytes of an 8-bit RGB PNG file, those that [`write_png`](Self::write_png) writes.
+    ///
+    /// # Panics
+    /// When the image has no pixels, or not `height * width * 3` values.
+    pub fn to_png(&self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        self.encode_png(&mut bytes).expect("an image with pixels");
+        bytes
+    }
+
+    fn encode_png(&self, w: &mut dyn Write) -> std::io::Result<()> {
+        PngEncoder::new(w)
+            .write_image(&self.to_bytes(), self.width as u32, self.height as u32, ExtendedColorType::Rgb8)
+            .map_err(std::io::Error::other)
     }
 
     /// The values as 8-bit numbers, clamped and rounded to the nearest.

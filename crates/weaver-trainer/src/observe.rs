@@ -1,12 +1,10 @@
 //! Observers of training: logs, TensorBoard, sample pictures, the report. None of them changes the result.
 
-mod metrics_log;
+mod logs;
 mod report;
-mod tensorboard;
 
-pub use metrics_log::{MetricsLog, read_metrics};
+pub use logs::Logs;
 pub use report::write_report;
-pub use tensorboard::TensorBoard;
 
 use crate::Error;
 use serde::{Deserialize, Serialize};

@@ -3,7 +3,7 @@
 use crate::dry_run::{DryRun, Probe};
 use crate::evaluate::{self, Options};
 use crate::evaluation::Summary;
-use crate::observe::{MetricsLog, Observer, StepReport, TensorBoard, write_report};
+use crate::observe::{Logs, Observer, StepReport, write_report};
 use crate::{Config, Error, Example, Recipe, StageConfig, Step, TrainingState, samples, scenes};
 use std::path::Path;
 use std::sync::Arc;
@@ -358,8 +358,7 @@ impl<R: Recipe> Session<R> {
     ) -> Result<Summary, Error> {
         let started = Instant::now();
         let o = self.config.output.clone();
-        let mut log = MetricsLog::open(&folder.metrics_path(), self.step, o.log_every)?;
-        let mut board = TensorBoard::create(&folder.events_path(), o.log_every)?;
+        let mut logs = Logs::open(folder, self.step, o.log_every)?;
         let checkpoint = folder.checkpoint_path();
         if !checkpoint.exists() {
             self.save(&checkpoint)?;
@@ -375,8 +374,7 @@ impl<R: Recipe> Session<R> {
                 Err(error) => return Err(error),
             };
             let report = StepReport { seconds: started.elapsed().as_secs_f64(), ..report };
-            log.step(&report)?;
-            board.step(&report)?;
+            logs.step(&report)?;
             observer.step(&report)?;
             if self.step.is_multiple_of(o.checkpoint_every.max(1)) {
                 self.save(&checkpoint)?;

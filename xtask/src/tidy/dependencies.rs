@@ -12,8 +12,16 @@ const DOCUMENT: &str = "docs/dependencies.md";
 const OUTSIDE: &[&str] = &["rayon", "smallvec", "thiserror", "glam", "half", "libc"];
 
 /// The crates above that line: formats, configuration and what is made of them.
-const ABOVE: &[&str] =
-    &["weaver-io", "weaver-data", "weaver-model", "weaver-inference", "weaver-trainer", "weaver-recipes", "weaver-cli"];
+const ABOVE: &[&str] = &[
+    "weaver-io",
+    "weaver-report",
+    "weaver-data",
+    "weaver-model",
+    "weaver-inference",
+    "weaver-trainer",
+    "weaver-recipes",
+    "weaver-cli",
+];
 
 pub fn check(workspace: &Workspace, faults: &mut Vec<String>) {
     let lock = required(&workspace.root, "Cargo.lock", faults);

@@ -15,6 +15,7 @@ fn png_round_trip_is_exact() {
     image.write_png(&path).unwrap();
     assert_eq!(Image::read(&path, Background::White).unwrap(), image);
     assert_eq!(Image::dimensions(&path).unwrap(), (7, 5));
+    assert_eq!(image.to_png(), std::fs::read(&path).unwrap());
 }
 
 #[test]

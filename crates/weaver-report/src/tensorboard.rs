@@ -1,24 +1,23 @@
 //! TensorBoard event files: length-prefixed, checksummed protocol-buffer records of scalars.
 
-use super::{Observer, StepReport};
-use crate::Error;
+use crate::Result;
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 use weaver_io::Appender;
 
-/// Writes the losses of every `every`-th step as TensorBoard scalars.
+/// An event file for TensorBoard, to which scalars are appended.
 #[derive(Debug)]
 pub struct TensorBoard {
     file: Appender,
-    every: usize,
 }
 
 impl TensorBoard {
-    /// Starts a new event file in a folder.
+    /// Starts a new event file in a folder, which is created if need be.
     ///
     /// # Errors
     /// When it cannot be created.
-    pub fn create(folder: &Path, every: usize) -> Result<Self, Error> {
+    pub fn create(folder: impl AsRef<Path>) -> Result<Self> {
+        let folder = folder.as_ref();
         weaver_io::create_folder(folder)?;
         let name = format!("events.out.tfevents.{:.0}.splatweaver", now());
         let mut file = Appender::open(folder.join(name))?;
@@ -26,27 +25,19 @@ impl TensorBoard {
         let mut event = wall_time();
         bytes(&mut event, 3, b"brain.Event:2");
         file.append(&record(&event))?;
-        Ok(Self { file, every: every.max(1) })
+        Ok(Self { file })
     }
-}
 
-impl Observer for TensorBoard {
-    fn step(&mut self, report: &StepReport) -> Result<(), Error> {
-        if report.step != 1 && !report.step.is_multiple_of(self.every) {
-            return Ok(());
-        }
+    /// Appends the values of a step by their names; a slash in a name groups the charts.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn scalars(&mut self, step: usize, values: &[(impl AsRef<str>, f32)]) -> Result<()> {
         let mut summary = Vec::new();
-        let named = [
-            ("loss", report.loss),
-            ("rate", report.rate),
-            ("gradient_norm", report.gradient_norm),
-            ("gaussians_per_pixel", report.gaussians_per_pixel),
-        ];
-        let terms = report.terms.iter().map(|(name, value)| (format!("loss/{name}"), *value));
-        for (tag, value) in named.map(|(n, v)| (n.to_string(), v)).into_iter().chain(terms) {
+        for (tag, value) in values {
             // Summary.Value { tag, simple_value }
             let mut item = Vec::new();
-            bytes(&mut item, 1, tag.as_bytes());
+            bytes(&mut item, 1, tag.as_ref().as_bytes());
             key(&mut item, 2, 5);
             item.extend(value.to_le_bytes());
             bytes(&mut summary, 1, &item);
@@ -54,9 +45,9 @@ impl Observer for TensorBoard {
         // Event { wall_time, step, summary }
         let mut event = wall_time();
         key(&mut event, 2, 0);
-        varint(&mut event, report.step as u64);
+        varint(&mut event, step as u64);
         bytes(&mut event, 5, &summary);
-        Ok(self.file.append(&record(&event))?)
+        self.file.append(&record(&event))
     }
 }
 
