@@ -3,7 +3,7 @@
 use criterion::Criterion;
 use weaver_autograd::Tape;
 use weaver_autograd::gradcheck::Input;
-use weaver_losses::{error_regression, mse, ssim};
+use weaver_losses::{Photometric, error_regression, mse, ssim};
 
 fn losses(criterion: &mut Criterion) {
     let image =
@@ -34,8 +34,32 @@ fn losses(criterion: &mut Criterion) {
     });
 }
 
+/// The fused loss beside the same of ops on the tape.
+fn photometric(criterion: &mut Criterion) {
+    for size @ [height, width] in [[256, 384], [720, 1280]] {
+        let image = |seed| {
+            Input::uniform(seed, 0.0, 1.0, [height, width, 3]).data.iter().map(|x| *x as f32).collect::<Vec<_>>()
+        };
+        let (render, target) = (image(1), image(2));
+        let mut gradient = vec![0.0; render.len()];
+        let mut loss = Photometric::new();
+        criterion.bench_function(&format!("photometric loss of {width} x {height} and its gradient"), |bencher| {
+            bencher.iter(|| loss.value_and_gradient(&render, &target, size, 0.2, &mut gradient));
+        });
+        let (mut tape, shape) = (Tape::<f32>::new(), [1, 3, height, width]);
+        criterion.bench_function(&format!("photometric loss of {width} x {height} by ops on the tape"), |bencher| {
+            bencher.iter(|| {
+                let (a, b) = (tape.leaf(&render, shape), tape.constant(&target, shape));
+                ((a - b).abs().mean() * 0.8 + (ssim(a, b).mean() * -1.0 + 1.0) * 0.2).backward();
+                tape.reset();
+            });
+        });
+    }
+}
+
 fn main() {
     let mut criterion = Criterion::default().configure_from_args();
     losses(&mut criterion);
+    photometric(&mut criterion);
     criterion.final_summary();
 }

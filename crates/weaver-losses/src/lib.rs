@@ -2,7 +2,7 @@
 //!
 //! A loss is a function from tensors on a tape to a scalar on the same tape, or to one number per image that can be
 //! weighted. Its weight in a sum of losses, and when it is switched on, is left to the caller. A [metric](metrics) is a
-//! plain function of slices.
+//! plain function of slices; so is the [photometric loss](Photometric) that Gaussians are fitted by, with its gradient.
 
 mod budget;
 mod depth;
@@ -12,6 +12,7 @@ pub mod lpips;
 mod max_pool;
 pub mod metrics;
 mod mse;
+mod photometric;
 mod pose;
 mod quantile;
 mod ranking;
@@ -24,6 +25,7 @@ pub use error_regression::{error_regression, error_target};
 pub use lpips::Lpips;
 pub use max_pool::max_pool2d;
 pub use mse::{mse, mse_per_image, weighted_mean};
+pub use photometric::{Photometric, PhotometricValue};
 pub use pose::{absolute_pose, huber_pose, iteration_weights, l1_pose};
 pub use quantile::{quantile, quantiles};
 pub use ranking::{frequency_targets, ranking_cross_entropy};

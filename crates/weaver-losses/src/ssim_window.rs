@@ -9,10 +9,10 @@ pub(crate) const WINDOW: usize = 11;
 pub(crate) const BORDER: usize = WINDOW - 1;
 const SIGMA: f64 = 1.5;
 /// (0.01 L)^2 and (0.03 L)^2 for images in [0, 1].
-const C1: f64 = 1e-4;
-const C2: f64 = 9e-4;
+pub(crate) const C1: f64 = 1e-4;
+pub(crate) const C2: f64 = 9e-4;
 /// Subtracted from the images before squaring, which leaves variances unchanged and reduces their rounding errors.
-const CENTER: f64 = 0.5;
+pub(crate) const CENTER: f64 = 0.5;
 
 /// How variances and covariances in a window are normalized.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,6 +43,13 @@ struct Parts<'a, T> {
     line: &'a mut [T],
 }
 
+/// The weights of the window along an axis, which add up to 1.
+pub(crate) fn taps() -> [f64; WINDOW] {
+    let weight = |k: usize| (-0.5 * ((k as f64 - (WINDOW / 2) as f64) / SIGMA).powi(2)).exp();
+    let total: f64 = (0..WINDOW).map(weight).sum();
+    std::array::from_fn(|k| weight(k) / total)
+}
+
 /// sum += weight * x.
 #[inline(always)]
 fn add_scaled<T: Real>(sum: &mut [T], weight: T, x: &[T]) {
@@ -53,15 +60,12 @@ fn add_scaled<T: Real>(sum: &mut [T], weight: T, x: &[T]) {
 
 impl<T: Real> Windows<T> {
     pub fn new([height, width]: [usize; 2], covariance: Covariance) -> Self {
-        let weight = |k: usize| (-0.5 * ((k as f64 - (WINDOW / 2) as f64) / SIGMA).powi(2)).exp();
-        let total: f64 = (0..WINDOW).map(weight).sum();
         let pixels = (WINDOW * WINDOW) as f64;
         let correction = match covariance {
             Covariance::Population => 1.0,
             Covariance::Sample => pixels / (pixels - 1.0),
         };
-        let taps = std::array::from_fn(|k| T::from_f64(weight(k) / total));
-        Self { taps, correction: T::from_f64(correction), height, width }
+        Self { taps: taps().map(T::from_f64), correction: T::from_f64(correction), height, width }
     }
 
     /// Rows and columns of windows that lie inside the image.

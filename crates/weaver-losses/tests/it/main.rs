@@ -6,5 +6,6 @@ mod lpips;
 mod mechanism;
 mod metrics;
 mod parity;
+mod photometric;
 mod shapes;
 mod ssim;
