@@ -196,6 +196,11 @@ impl Tensors {
         })
     }
 
+    /// The file that the tensors were read from; empty if they were made here.
+    pub fn origin(&self) -> &Path {
+        &self.origin
+    }
+
     /// Adds a tensor, or replaces the one of that name.
     ///
     /// # Panics

@@ -5,6 +5,8 @@ use rayon::prelude::*;
 
 /// Elements of one task.
 const CHUNK: usize = 1 << 14;
+/// Rows that [`AdamW::step_columns`] updates with one loop.
+const ROWS: usize = 16;
 
 /// The settings of one AdamW step (Loshchilov and Hutter 2019, arXiv 1711.05101).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +52,43 @@ impl<T: Real> AdamW<T> {
             simd::dispatch(
                 #[inline(always)]
                 || update.run(p, g, m, v),
+            );
+        });
+    }
+
+    /// Updates a parameter `[rows, columns]` as [`step`](Self::step) does, each column with a rate of its own: `rate` times
+    /// `columns`. There is no weight decay.
+    ///
+    /// # Panics
+    ///
+    /// If the lengths disagree.
+    ///
+    /// ```
+    /// use weaver_kernels::optim::AdamW;
+    /// let settings =
+    ///     AdamW { rate: 1.0, beta1: 0.5, beta2: 0.75, eps: 0.0, weight_decay: 0.0, gradient_scale: 1.0 };
+    /// let (mut p, mut m, mut v) = ([0.0; 4], [0.0; 4], [0.0; 4]);
+    /// settings.step_columns(1, &mut p, &[-2.0; 4], &mut m, &mut v, &[0.5, 2.0]);
+    /// assert_eq!(p, [0.5, 2.0, 0.5, 2.0]);
+    /// ```
+    pub fn step_columns(&self, step: u64, p: &mut [T], g: &[T], m: &mut [T], v: &mut [T], columns: &[T]) {
+        assert!(p.len() == g.len() && p.len() == m.len() && p.len() == v.len(), "AdamW: lengths");
+        assert!(
+            p.len().is_multiple_of(columns.len().max(1)),
+            "AdamW: {} numbers in {} columns",
+            p.len(),
+            columns.len()
+        );
+        let update = Update::new(self, step);
+        // Several rows at once: one may be shorter than a vector.
+        let rates: Vec<T> = columns.repeat(ROWS).iter().map(|rate| update.rate * *rate).collect();
+        let size = rates.len() * (CHUNK / rates.len().max(1)).max(1);
+        let chunks =
+            p.par_chunks_mut(size).zip(g.par_chunks(size)).zip(m.par_chunks_mut(size)).zip(v.par_chunks_mut(size));
+        chunks.for_each(|(((p, g), m), v)| {
+            simd::dispatch(
+                #[inline(always)]
+                || update.run_columns(p, g, m, v, &rates),
             );
         });
     }
@@ -129,6 +168,21 @@ impl<'a, T: Real> Update<'a, T> {
             *m = beta1 * *m + (T::ONE - beta1) * g;
             *v = beta2 * *v + (T::ONE - beta2) * g * g;
             *p = *p * keep - rate * *m / (v.sqrt() * root + eps);
+        }
+    }
+
+    #[inline(always)]
+    fn run_columns(&self, p: &mut [T], g: &[T], m: &mut [T], v: &mut [T], rates: &[T]) {
+        let AdamW { beta1, beta2, eps, gradient_scale, .. } = *self.settings;
+        let rows = rates.len();
+        let all = p.chunks_mut(rows).zip(g.chunks(rows)).zip(m.chunks_mut(rows)).zip(v.chunks_mut(rows));
+        for (((p, g), m), v) in all {
+            for ((((p, g), m), v), rate) in p.iter_mut().zip(g).zip(m).zip(v).zip(rates) {
+                let g = *g * gradient_scale;
+                *m = beta1 * *m + (T::ONE - beta1) * g;
+                *v = beta2 * *v + (T::ONE - beta2) * g * g;
+                *p -= *rate * *m / (v.sqrt() * self.root + eps);
+            }
         }
     }
 

@@ -38,6 +38,8 @@ pub struct PosedPhoto {
     pub path: PathBuf,
     /// Pose, and intrinsics for [`rgb`](Self::rgb).
     pub camera: Camera,
+    /// The same camera, with intrinsics for the image file.
+    pub file_camera: Camera,
     /// sRGB, `[height, width, 3]`.
     pub rgb: Vec<u8>,
     /// What of the photo counts, `[height, width]`: 0 where masked; `None` if all does.
@@ -114,7 +116,8 @@ fn load_photo(frame: &Frame, held_out: bool, folder: &Path, options: &PosedOptio
     let camera = resized(&frame.camera, options.long_side);
     let mask = options.masks.then(|| mask(frame, folder, &camera)).transpose()?;
     let (name, path) = (frame.name.clone(), frame.path.clone());
-    Ok(PosedPhoto { name, path, camera, rgb: fitted(&image, &camera).to_bytes(), mask, held_out })
+    let rgb = fitted(&image, &camera).to_bytes();
+    Ok(PosedPhoto { name, path, camera, file_camera: frame.camera, rgb, mask, held_out })
 }
 
 /// An image brought to its camera's size.

@@ -1,0 +1,57 @@
+//! What can be wrong with what is to be fitted.
+
+/// Why a scene cannot be fitted.
+#[derive(Debug, thiserror::Error)]
+pub enum FitError {
+    /// A photo and its camera do not fit together, or hold numbers that mean nothing.
+    #[error("photo {name}: expected {expected}, found {found}")]
+    Photo {
+        /// The photo.
+        name: String,
+        /// What should have been there.
+        expected: String,
+        /// What was there.
+        found: String,
+    },
+    /// A setting, or what a setting needs, is out of range.
+    #[error("{key}: expected {expected}, found {found}")]
+    Setting {
+        /// The setting.
+        key: &'static str,
+        /// What it should be.
+        expected: String,
+        /// What it is.
+        found: String,
+    },
+    /// Numbers grew beyond all bounds.
+    #[error("step {step}, photo {photo}: the loss is {loss}")]
+    Diverged {
+        /// The step.
+        step: usize,
+        /// The photo it looked at.
+        photo: String,
+        /// The loss.
+        loss: f64,
+    },
+    /// A file could not be read or written.
+    #[error(transparent)]
+    File(#[from] weaver_io::Error),
+    /// The capture could not be read.
+    #[error(transparent)]
+    Capture(#[from] weaver_data::Error),
+    /// The folder of a run exists already.
+    #[error("{}: a run exists there already", folder.display())]
+    RunExists {
+        /// The folder.
+        folder: std::path::PathBuf,
+    },
+    /// The rasterizer refused.
+    #[error(transparent)]
+    Raster(#[from] weaver_splat::RasterError),
+}
+
+impl FitError {
+    pub(crate) fn setting(key: &'static str, expected: impl Into<String>, found: impl ToString) -> Self {
+        Self::Setting { key, expected: expected.into(), found: found.to_string() }
+    }
+}

@@ -1,0 +1,61 @@
+//! How well images match photos.
+
+use serde::{Deserialize, Serialize};
+use weaver_losses::{Lpips, metrics};
+
+/// Smallest side of an image that SSIM, and LPIPS, are computed for.
+const LEAST_SIDE: usize = 11;
+
+/// How well an image matches a photo, or images match photos in the mean.
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Serialize)]
+pub struct Quality {
+    /// Peak signal-to-noise ratio, dB, of values clamped to [0, 1] and not rounded.
+    pub psnr: f64,
+    /// Structural similarity; `None` for images smaller than its window.
+    pub ssim: Option<f64>,
+    /// Perceptual distance; `None` without weights.
+    pub lpips: Option<f64>,
+}
+
+impl Quality {
+    /// The mean over images; `None` of none.
+    pub fn mean(all: &[Self]) -> Option<Self> {
+        let mean = |of: &dyn Fn(&Self) -> Option<f64>| {
+            all.iter().map(of).collect::<Option<Vec<f64>>>().map(|v| v.iter().sum::<f64>() / v.len() as f64)
+        };
+        (!all.is_empty()).then(|| Self {
+            psnr: all.iter().map(|q| q.psnr).sum::<f64>() / all.len() as f64,
+            ssim: mean(&|q| q.ssim),
+            lpips: mean(&|q| q.lpips),
+        })
+    }
+}
+
+/// Compares images with photos; with the weights of LPIPS also by that.
+#[derive(Debug, Default)]
+pub struct Judge {
+    lpips: Option<Lpips<f32>>,
+}
+
+impl Judge {
+    /// With or without LPIPS.
+    pub fn new(lpips: Option<Lpips<f32>>) -> Self {
+        Self { lpips }
+    }
+
+    /// Judges an image `[H, W, 3]` by the photo's bytes; `size` is height, width.
+    pub fn compare(&self, image: &[f32], photo: &[u8], [height, width]: [usize; 2]) -> Quality {
+        let target: Vec<f32> = photo.iter().map(|b| f32::from(*b) / 255.0).collect();
+        let psnr = metrics::psnr(image, &target);
+        if height.min(width) < LEAST_SIDE {
+            return Quality { psnr, ssim: None, lpips: None };
+        }
+        let planes = |pixels: &[f32]| -> Vec<f32> {
+            (0..3).flat_map(|c| pixels.iter().skip(c).step_by(3).map(|x| x.clamp(0.0, 1.0))).collect()
+        };
+        let (image, target) = (planes(image), planes(&target));
+        let ssim = Some(metrics::ssim(&image, &target, [3, height, width]));
+        let lpips = self.lpips.as_ref().map(|network| metrics::lpips(network, &image, &target, [height, width]));
+        Quality { psnr, ssim, lpips }
+    }
+}

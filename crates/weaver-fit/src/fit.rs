@@ -1,0 +1,450 @@
+//! The optimization.
+
+use crate::FitError;
+use crate::cameras::{RefinedPose, Whitening};
+use crate::exposure::Exposure;
+use crate::gradients::{Activated, Gradients};
+use crate::init::looked_at;
+use crate::photos::{Photo, Pyramid, at_level};
+use crate::population::Population;
+use crate::settings::{FitSettings, Rates};
+use crate::strategy::{Moment, Strategy};
+use std::time::{Duration, Instant};
+use weaver_geometry::Camera;
+use weaver_geometry::glam::DVec3;
+use weaver_kernels::parallel;
+use weaver_kernels::random::Stream;
+use weaver_losses::{Photometric, PhotometricValue};
+use weaver_scene::{CameraRows, Gaussians};
+use weaver_splat::{
+    Cotangents, CpuRasterizer, GaussianStatistics, Gradients as RasterGradients, Images, RasterSettings, Rasterizer,
+    Target,
+};
+
+/// What happened in a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepReport {
+    /// Steps done, this one included.
+    pub step: usize,
+    /// The photo it looked at.
+    pub photo: usize,
+    /// The loss.
+    pub loss: f64,
+    /// Mean absolute difference.
+    pub l1: f64,
+    /// Peak signal-to-noise ratio of the photo, dB, at the size it was seen at.
+    pub psnr: f64,
+    /// Gaussians after the step.
+    pub gaussians: usize,
+    /// Gaussians times pixels that were blended.
+    pub pairs: u64,
+}
+
+/// How long the parts of the last step took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepTimings {
+    /// Drawing.
+    pub forward: Duration,
+    /// Loss and its gradient with respect to the image, photo and corrections included.
+    pub loss: Duration,
+    /// Gradients with respect to the Gaussians and the camera.
+    pub backward: Duration,
+    /// The optimizer's step.
+    pub optimizer: Duration,
+    /// Density control.
+    pub density: Duration,
+}
+
+/// A scene that is being fitted to photos.
+///
+/// Each step draws one photo's view, compares it with the photo,
+/// `loss = (1 - w) mean |image - photo| + w (1 - SSIM)`, and moves Gaussians (and, if asked, camera and color correction)
+/// down the gradient by Adam. Photos come in an order drawn anew for every round. Sources: Kerbl et al., 3D Gaussian
+/// Splatting, 2023, section 5; schedules are with [`FitSettings`].
+#[derive(Debug)]
+pub struct Fit<R: Rasterizer<f32> = CpuRasterizer> {
+    pub(crate) settings: FitSettings,
+    rasterizer: R,
+    workspace: R::Workspace,
+    photos: Vec<Pyramid>,
+    pub(crate) poses: Vec<RefinedPose>,
+    /// The logarithm of the factor of all focal lengths, and its moments.
+    pub(crate) focal: FocalFactor,
+    pub(crate) exposures: Vec<Exposure>,
+    pub(crate) population: Population,
+    pub(crate) statistics: Vec<GaussianStatistics<f32>>,
+    strategy: Box<dyn Strategy>,
+    pub(crate) step: usize,
+    extent: f64,
+    activated: Activated,
+    gradients: Gradients,
+    loss: Photometric<f32>,
+    buffers: Buffers,
+    pub(crate) timings: StepTimings,
+}
+
+/// One factor of all focal lengths.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct FocalFactor {
+    pub log: f64,
+    pub first: [f64; 1],
+    pub second: [f64; 1],
+    pub steps: u64,
+}
+
+/// Images of a step.
+#[derive(Debug, Default)]
+struct Buffers {
+    target: Vec<f32>,
+    image: Vec<f32>,
+    corrected: Vec<f32>,
+    alpha: Vec<f32>,
+    gradient: Vec<f32>,
+}
+
+impl Fit {
+    /// A fit of `initial` to `photos` with the rasterizer for CPUs.
+    ///
+    /// # Errors
+    /// See [`Fit::with`].
+    pub fn new(photos: Vec<Photo>, initial: &Gaussians, settings: FitSettings) -> Result<Self, FitError> {
+        let strategy = settings.density.strategy();
+        Self::with(CpuRasterizer, strategy, photos, initial, settings)
+    }
+}
+
+impl<R: Rasterizer<f32>> Fit<R> {
+    /// A fit with this rasterizer and this way to control density.
+    ///
+    /// # Errors
+    /// When a setting is out of range, there are no photos, photos do not fit their cameras or are masked altogether, or
+    /// `initial` holds no Gaussians or more than the budget.
+    pub fn with(
+        rasterizer: R,
+        strategy: Box<dyn Strategy>,
+        photos: Vec<Photo>,
+        initial: &Gaussians,
+        settings: FitSettings,
+    ) -> Result<Self, FitError> {
+        settings.check()?;
+        if initial.is_empty() || !initial.lengths_agree() || initial.len() > settings.gaussians {
+            let expected = format!("1 to {} initial ones with fields of equal length", settings.gaussians);
+            return Err(FitError::setting("gaussians", expected, initial.len()));
+        }
+        photos.iter().try_for_each(Photo::check)?;
+        if photos.iter().all(Photo::is_masked) {
+            let found = if photos.is_empty() { "none" } else { "photos that are masked altogether" };
+            return Err(FitError::setting("photos", "at least one with pixels that count", found));
+        }
+        let photos: Vec<Photo> = photos.into_iter().filter(|photo| !photo.is_masked()).collect();
+        let extent = extent(&photos);
+        let population = Population::new(initial);
+        Ok(Self {
+            workspace: rasterizer.workspace(),
+            rasterizer,
+            poses: photos.iter().map(|photo| RefinedPose::new(photo.camera.pose)).collect(),
+            focal: FocalFactor::default(),
+            exposures: if settings.exposure { vec![Exposure::default(); photos.len()] } else { Vec::new() },
+            photos: photos.into_iter().map(|photo| Pyramid::new(photo, settings.halvings)).collect(),
+            statistics: vec![GaussianStatistics::default(); population.len()],
+            population,
+            strategy,
+            step: 0,
+            extent,
+            activated: Activated::default(),
+            gradients: Gradients::default(),
+            loss: Photometric::new(),
+            buffers: Buffers::default(),
+            timings: StepTimings::default(),
+            settings,
+        })
+    }
+
+    /// How the scene is fitted.
+    pub fn settings(&self) -> &FitSettings {
+        &self.settings
+    }
+
+    /// Changes the length of a run that has not begun.
+    pub(crate) fn plan(&mut self, steps: usize) {
+        debug_assert!(self.step == 0, "the schedule of a run under way");
+        self.settings.steps = steps;
+    }
+
+    /// Steps done.
+    pub fn steps_done(&self) -> usize {
+        self.step
+    }
+
+    /// The Gaussians as they are, with the optimizer's memory.
+    pub fn population(&self) -> &Population {
+        &self.population
+    }
+
+    /// The Gaussians, in the form that files hold.
+    pub fn gaussians(&self) -> Gaussians {
+        self.population.to_gaussians(self.settings.sh_degree)
+    }
+
+    /// Number of photos.
+    pub fn photos(&self) -> usize {
+        self.photos.len()
+    }
+
+    /// A photo at its own size, with the camera that it began with.
+    pub fn photo(&self, photo: usize) -> &Photo {
+        self.photos[photo].level(0).0
+    }
+
+    /// The camera of a photo as refined so far.
+    pub fn camera(&self, photo: usize) -> Camera {
+        self.adjusted(&Camera { pose: self.poses[photo].pose, ..self.photo(photo).camera })
+    }
+
+    /// A camera with the refined focal length.
+    pub fn adjusted(&self, camera: &Camera) -> Camera {
+        let factor = self.focal.log.exp();
+        let mut camera = *camera;
+        camera.intrinsics.fx *= factor;
+        camera.intrinsics.fy *= factor;
+        camera
+    }
+
+    /// The color correction of a photo, if photos have them.
+    pub fn exposure(&self, photo: usize) -> Option<&Exposure> {
+        self.exposures.get(photo)
+    }
+
+    /// The size of the scene: how far the cameras are apart, world units.
+    pub fn extent(&self) -> f64 {
+        self.extent
+    }
+
+    /// How the scene is drawn.
+    pub fn raster_settings(&self) -> RasterSettings {
+        RasterSettings {
+            antialiased: self.settings.antialiased,
+            near: self.settings.near * self.extent,
+            ..RasterSettings::default()
+        }
+    }
+
+    /// How long the parts of the last step took.
+    pub fn timings(&self) -> StepTimings {
+        self.timings
+    }
+
+    /// One step.
+    ///
+    /// # Errors
+    /// When the rasterizer refuses, or the loss is no number any more.
+    pub fn step(&mut self) -> Result<StepReport, FitError> {
+        let (step, settings) = (self.step, &self.settings);
+        let fraction = step as f64 / settings.steps.max(1) as f64;
+        let degree = (fraction / settings.sh_interval.max(1e-9)) as usize;
+        self.population.raise_degree(degree.min(settings.sh_degree));
+        let moment = self.moment();
+        let photo = self.photo_of(step);
+        let (value, pairs) = self.gradients_of(photo, settings.level(fraction), &moment)?;
+        let start = Instant::now();
+        self.gradients.apply(
+            step as u64 + 1,
+            &mut self.population,
+            &self.activated,
+            &self.settings.rates,
+            moment.mean_rate,
+        );
+        self.timings.optimizer = start.elapsed();
+        self.step += 1;
+        let start = Instant::now();
+        let moment = self.moment();
+        if self.strategy.adapt(&moment, &mut self.population, &self.statistics) {
+            self.statistics.clear();
+            self.statistics.resize(self.population.len(), GaussianStatistics::default());
+        }
+        debug_assert!(self.population.len() <= self.settings.gaussians, "a strategy beyond the budget");
+        self.timings.density = start.elapsed();
+        let gaussians = self.population.len();
+        let psnr = -10.0 * value.1.log10();
+        Ok(StepReport { step: self.step, photo, loss: value.0.loss, l1: value.0.l1, psnr, gaussians, pairs })
+    }
+
+    /// A step on a photo at a size, for its time's sake: nothing is adapted, cameras stay.
+    pub(crate) fn rehearse(&mut self, photo: usize, level: usize) -> Result<(), FitError> {
+        self.statistics.resize(self.population.len(), GaussianStatistics::default());
+        let moment = Moment { step: 1, ..self.moment() };
+        self.gradients_of(photo, level, &moment)?;
+        // With a rate of 0, the Gaussians of each timed step are the same.
+        let rates = Rates { scales: 0.0, quats: 0.0, opacities: 0.0, sh: 0.0, ..self.settings.rates };
+        self.gradients.apply(1, &mut self.population, &self.activated, &rates, 0.0);
+        Ok(())
+    }
+
+    fn moment(&self) -> Moment {
+        let FitSettings { steps, gaussians, seed, ref rates, .. } = self.settings;
+        let fraction = self.step as f64 / steps.max(1) as f64;
+        Moment {
+            step: self.step,
+            steps,
+            budget: gaussians,
+            mean_rate: (rates.means * self.extent * rates.means_end.powf(fraction)) as f32,
+            stream: Stream::new(seed, self.step as u64, "fit.density"),
+        }
+    }
+
+    /// The photo of a step: all once, in random order, then again in another.
+    fn photo_of(&self, step: usize) -> usize {
+        let n = self.photos.len();
+        Stream::new(self.settings.seed, (step / n) as u64, "fit.photos").permutation(n)[step % n]
+    }
+
+    /// Draws a photo's view and finds all gradients; camera and correction take their steps. Returns the loss, the mean
+    /// squared difference and the pairs.
+    fn gradients_of(
+        &mut self,
+        index: usize,
+        level: usize,
+        moment: &Moment,
+    ) -> Result<((PhotometricValue, f64), u64), FitError> {
+        let start = Instant::now();
+        let camera = self.camera(index);
+        let (photo, level) = self.photos[index].level(level);
+        let camera = at_level(&camera, level);
+        let (height, width) = (camera.height, camera.width);
+        let rows = CameraRows::new(&[camera]);
+        let raster = self.raster_settings();
+        let buffers = &mut self.buffers;
+        buffers.resize(height * width);
+        self.activated.update(&self.population);
+        let gaussians = self.activated.slices(&self.population);
+        let cameras = rows.as_slices(&self.settings.background);
+        let images = Images { image: &mut buffers.image, alpha: &mut buffers.alpha, depth: None, features: None };
+        let stats = self.rasterizer.forward(&gaussians, &cameras, &raster, &mut self.workspace, images)?;
+        self.timings.forward = start.elapsed();
+
+        let start = Instant::now();
+        let exposure = self.exposures.get_mut(index);
+        let value = buffers.compare(photo, exposure, &self.settings, &mut self.loss, [height, width]);
+        if !value.0.loss.is_finite() {
+            let photo = self.photo(index).name.clone();
+            return Err(FitError::Diverged { step: moment.step, photo, loss: value.0.loss });
+        }
+        self.timings.loss = start.elapsed();
+
+        let start = Instant::now();
+        self.gradients.resize(&self.population);
+        let Gradients { means, quats, scales, opacities, sh } = &mut self.gradients;
+        let rate = self.settings.poses.rate_at(moment.fraction(), width.max(height));
+        let (mut by_viewmat, mut by_intrinsics) = ([0.0; 12], [0.0; 4]);
+        let moving = rate > 0.0;
+        let statistics = self.strategy.wants_statistics(moment).then_some(&mut self.statistics[..]);
+        let targets = RasterGradients {
+            means: Some(Target::write(means)),
+            quats: Some(Target::write(quats)),
+            scales: Some(Target::write(scales)),
+            opacities: Some(Target::write(opacities)),
+            colors: Some(Target::write(sh)),
+            viewmats: moving.then(|| Target::write(&mut by_viewmat)),
+            intrinsics: moving.then(|| Target::write(&mut by_intrinsics)),
+            statistics,
+            ..RasterGradients::default()
+        };
+        let cotangents = Cotangents { image: Some(&buffers.gradient), ..Cotangents::default() };
+        self.rasterizer.backward(&gaussians, &cameras, &raster, &mut self.workspace, &cotangents, targets)?;
+        self.strategy.regularize(&self.population, &mut self.gradients);
+        if moving && let Some(whitening) = Whitening::new(&camera, &self.population.means.values) {
+            self.poses[index].descend(&by_viewmat, &whitening, rate);
+            if self.settings.poses.focal {
+                self.focal.descend(&camera, by_intrinsics, rate / whitening.radius);
+            }
+        }
+        self.timings.backward = start.elapsed();
+        Ok((value, stats.pairs))
+    }
+
+    /// Draws the Gaussians from a camera: an image `[H, W, 3]`, values not clamped.
+    ///
+    /// # Errors
+    /// When the rasterizer refuses.
+    pub fn render(&mut self, camera: &Camera) -> Result<Vec<f32>, FitError> {
+        let pixels = camera.width * camera.height;
+        let (mut image, mut alpha) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
+        let rows = CameraRows::new(&[*camera]);
+        let raster = self.raster_settings();
+        self.activated.update(&self.population);
+        let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
+        let cameras = rows.as_slices(&self.settings.background);
+        let gaussians = self.activated.slices(&self.population);
+        self.rasterizer.forward(&gaussians, &cameras, &raster, &mut self.workspace, images)?;
+        Ok(image)
+    }
+}
+
+impl FocalFactor {
+    /// Moves against the gradient with respect to fx, fy, cx, cy.
+    fn descend(&mut self, camera: &Camera, gradient: [f32; 4], rate: f64) {
+        let k = &camera.intrinsics;
+        let by_log = f64::from(gradient[0]) * k.fx + f64::from(gradient[1]) * k.fy;
+        self.steps += 1;
+        let [step] = crate::cameras::adam(&[by_log], &mut self.first, &mut self.second, self.steps);
+        self.log -= rate * step;
+    }
+}
+
+impl Buffers {
+    fn resize(&mut self, pixels: usize) {
+        let Self { target, image, corrected, alpha, gradient } = self;
+        [target, image, corrected, gradient].into_iter().for_each(|b| b.resize(3 * pixels, 0.0));
+        alpha.resize(pixels, 0.0);
+    }
+
+    /// The loss, its gradient with respect to the image, and the mean squared difference.
+    fn compare(
+        &mut self,
+        photo: &Photo,
+        exposure: Option<&mut Exposure>,
+        settings: &FitSettings,
+        loss: &mut Photometric<f32>,
+        size: [usize; 2],
+    ) -> (PhotometricValue, f64) {
+        const GRAIN: usize = 3 << 12;
+        parallel::for_chunks(&mut self.target, GRAIN, |chunk, target| {
+            let bytes = &photo.rgb[chunk * GRAIN..];
+            target.iter_mut().zip(bytes).for_each(|(t, b)| *t = f32::from(*b) * (1.0 / 255.0));
+        });
+        let corrected = match &exposure {
+            Some(exposure) => {
+                exposure.apply(&self.image, &mut self.corrected);
+                &mut self.corrected
+            }
+            None => &mut self.image,
+        };
+        if let Some(mask) = &photo.mask {
+            // What is masked equals the photo: no difference, and windows of SSIM see nothing of it.
+            let pixels = corrected.chunks_exact_mut(3).zip(self.target.chunks_exact(3));
+            let masked = pixels.zip(mask).filter(|(_, m)| **m == 0);
+            masked.for_each(|((to, from), _)| to.copy_from_slice(from));
+        }
+        let value = loss.value_and_gradient(corrected, &self.target, size, settings.ssim_weight, &mut self.gradient);
+        let square = |(a, b): (&f32, &f32)| f64::from((a.clamp(0.0, 1.0) - b) * (a.clamp(0.0, 1.0) - b));
+        let mse = corrected.iter().zip(&self.target).map(square).sum::<f64>() / self.target.len() as f64;
+        if let Some(mask) = &photo.mask {
+            let pixels = self.gradient.chunks_exact_mut(3).zip(mask);
+            pixels.filter(|(_, m)| **m == 0).for_each(|(g, _)| g.fill(0.0));
+        }
+        if let Some(exposure) = exposure {
+            exposure.descend(&self.image, &mut self.gradient, settings.rates.exposure as f32);
+        }
+        (value, mse)
+    }
+}
+
+/// How far the cameras are from their middle, at most, times 1.1 as in 3DGS; where they stand together, a tenth of the
+/// distance to what they look at.
+fn extent(photos: &[Photo]) -> f64 {
+    let centers: Vec<DVec3> = photos.iter().map(|photo| photo.camera.pose.center()).collect();
+    let middle = centers.iter().sum::<DVec3>() / centers.len() as f64;
+    let extent = 1.1 * centers.iter().map(|c| c.distance(middle)).fold(0.0, f64::max);
+    let distance = looked_at(photos).distance(middle);
+    if extent > 1e-3 * distance { extent } else { 0.1 * distance }
+}

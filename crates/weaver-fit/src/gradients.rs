@@ -1,0 +1,115 @@
+//! The activated form of a population, gradients with respect to it, and the step that they lead to.
+
+use crate::population::Population;
+use crate::settings::Rates;
+use weaver_kernels::optim::AdamW;
+use weaver_kernels::parallel::for_chunks;
+use weaver_kernels::{Real, simd};
+use weaver_scene::{Color, GaussianSlices};
+
+/// Numbers of a task.
+const GRAIN: usize = 1 << 13;
+
+/// Gradients with respect to activated Gaussians.
+#[derive(Clone, Debug, Default)]
+pub struct Gradients {
+    /// With respect to the means, `[N, 3]`.
+    pub means: Vec<f32>,
+    /// With respect to the quaternions, `[N, 4]`.
+    pub quats: Vec<f32>,
+    /// With respect to the standard deviations, `[N, 3]`.
+    pub scales: Vec<f32>,
+    /// With respect to the opacities, `[N]`.
+    pub opacities: Vec<f32>,
+    /// With respect to the harmonics, `[N, 3 K]`.
+    pub sh: Vec<f32>,
+}
+
+/// What of a population is not stored as it is drawn.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Activated {
+    scales: Vec<f32>,
+    opacities: Vec<f32>,
+}
+
+impl Activated {
+    /// Computes scales and opacities.
+    pub fn update(&mut self, population: &Population) {
+        let (stored, logits) = (&population.log_scales.values, &population.logits.values);
+        self.scales.resize(stored.len(), 0.0);
+        self.opacities.resize(logits.len(), 0.0);
+        each(&mut self.scales, stored, |x| Real::exp(x));
+        each(&mut self.opacities, logits, |x| 1.0 / (1.0 + Real::exp(-x)));
+    }
+
+    /// The population as a rasterizer takes it.
+    pub fn slices<'a>(&'a self, population: &'a Population) -> GaussianSlices<'a, f32> {
+        GaussianSlices {
+            means: &population.means.values,
+            quats: &population.quats.values,
+            scales: &self.scales,
+            opacities: &self.opacities,
+            color: Color::Sh { coefficients: &population.sh.values, degree: population.degree() },
+            features: None,
+        }
+    }
+}
+
+/// to = f(from), in parallel.
+fn each(to: &mut [f32], from: &[f32], f: impl Fn(f32) -> f32 + Sync) {
+    for_chunks(to, GRAIN, |chunk, to| {
+        simd::dispatch(
+            #[inline(always)]
+            || to.iter_mut().zip(&from[chunk * GRAIN..]).for_each(|(to, from)| *to = f(*from)),
+        );
+    });
+}
+
+impl Gradients {
+    /// Makes room for a population. What is in it has no meaning.
+    pub(crate) fn resize(&mut self, population: &Population) {
+        let arrays = [&mut self.means, &mut self.scales, &mut self.quats, &mut self.opacities, &mut self.sh];
+        for (array, (_, field)) in arrays.into_iter().zip(population.fields()) {
+            array.resize(field.values.len(), 0.0);
+        }
+    }
+
+    /// Turns gradients with respect to scales and opacities into those with respect to their logarithms and logits.
+    fn to_stored(&mut self, activated: &Activated) {
+        let times = |gradients: &mut [f32], values: &[f32], slope: fn(f32) -> f32| {
+            for_chunks(gradients, GRAIN, |chunk, gradients| {
+                gradients.iter_mut().zip(&values[chunk * GRAIN..]).for_each(|(g, x)| *g *= slope(*x));
+            });
+        };
+        times(&mut self.scales, &activated.scales, |s| s);
+        times(&mut self.opacities, &activated.opacities, |o| o * (1.0 - o));
+    }
+
+    /// One step of Adam on all parameters; `step` counts from 1, `mean_rate` is the rate of the means now.
+    pub(crate) fn apply(
+        &mut self,
+        step: u64,
+        population: &mut Population,
+        activated: &Activated,
+        rates: &Rates,
+        mean_rate: f32,
+    ) {
+        self.to_stored(activated);
+        let by = |rate: f64| adam(rate as f32);
+        let width = population.sh.width();
+        let columns: Vec<f32> =
+            (0..width).map(|i| if i < 3 { rates.sh } else { rates.sh * rates.sh_rest } as f32).collect();
+        let gradients = [&self.means, &self.scales, &self.quats, &self.opacities];
+        let settings = [adam(mean_rate), by(rates.scales), by(rates.quats), by(rates.opacities)];
+        let [means, scales, quats, logits, sh] = population.fields_mut();
+        for ((field, gradient), adam) in [means, scales, quats, logits].into_iter().zip(gradients).zip(settings) {
+            adam.step(step, &mut field.values, gradient, &mut field.first, &mut field.second);
+        }
+        adam(1.0).step_columns(step, &mut sh.values, &self.sh, &mut sh.first, &mut sh.second, &columns);
+    }
+}
+
+/// Adam as 3DGS uses it: an eps far below any gradient, so that steps do not depend on the size of gradients.
+pub(crate) fn adam(rate: f32) -> AdamW<f32> {
+    AdamW { rate, beta1: 0.9, beta2: 0.999, eps: 1e-15, weight_decay: 0.0, gradient_scale: 1.0 }
+}

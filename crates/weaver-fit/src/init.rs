@@ -1,0 +1,160 @@
+//! Gaussians to start from: on points, at random, or of another scene.
+
+use crate::FitError;
+use crate::photos::Photo;
+use crate::population::logit;
+use crate::settings::FitSettings;
+use weaver_geometry::glam::{DMat3, DVec2, DVec3};
+use weaver_geometry::sh::DC;
+use weaver_kernels::nearest_neighbors::nearest_neighbors;
+use weaver_kernels::random::Stream;
+use weaver_scene::{Gaussians, PointCloud};
+
+/// Isotropic Gaussians on points, in their colors, as large as the mean distance of their three nearest neighbors times
+/// [`FitSettings::initial_scale`].
+///
+/// Of more points than the initial part of the budget a random part is taken; of equal points one.
+///
+/// # Errors
+/// When there are no points.
+pub fn from_points(points: &PointCloud, settings: &FitSettings) -> Result<Gaussians, FitError> {
+    let room = room(settings);
+    let stream = Stream::new(settings.seed, 0, "fit.points");
+    let finite = |n: &usize| points.positions[*n].iter().all(|x| x.is_finite());
+    let mut chosen: Vec<usize> = stream.permutation(points.len()).into_iter().filter(finite).collect();
+    chosen.sort_by(|a, b| {
+        let key = |n: &usize| points.positions[*n].map(f32::to_bits);
+        key(a).cmp(&key(b)).then(a.cmp(b))
+    });
+    chosen.dedup_by_key(|n| points.positions[*n].map(f32::to_bits));
+    let order = stream.fork(1).permutation(chosen.len());
+    let mut chosen: Vec<usize> = order.into_iter().take(room).map(|i| chosen[i]).collect();
+    chosen.sort_unstable();
+    if chosen.is_empty() {
+        return Err(FitError::setting("init", "points in the capture (or another way to begin)", "none"));
+    }
+    let means: Vec<[f32; 3]> = chosen.iter().map(|n| points.positions[*n]).collect();
+    let colors: Vec<[f32; 3]> = chosen.iter().map(|n| points.colors[*n].map(|c| f32::from(c) / 255.0)).collect();
+    Ok(isotropic(means, &colors, settings))
+}
+
+/// Gaussians at random places that photos see, in the colors of the pixels that see them: a random pixel of a random photo,
+/// at a depth whose inverse is uniform between 0.3 and 5 times the distance to what the cameras look at.
+///
+/// # Errors
+/// When there are no photos.
+pub fn random(photos: &[Photo], settings: &FitSettings) -> Result<Gaussians, FitError> {
+    if photos.is_empty() {
+        return Err(FitError::setting("photos", "at least one", 0));
+    }
+    let middle = looked_at(photos);
+    let stream = Stream::new(settings.seed, 0, "fit.random");
+    let (mut means, mut colors) = (Vec::new(), Vec::new());
+    for i in 0..room(settings) as u64 {
+        let photo = &photos[stream.below(4 * i, photos.len())];
+        let camera = &photo.camera;
+        let pixel = stream.below(4 * i + 1, camera.width * camera.height);
+        let at = DVec2::new((pixel % camera.width) as f64 + 0.5, (pixel / camera.width) as f64 + 0.5);
+        let distance = camera.pose.apply(middle).length();
+        let (near, far) = (1.0 / 0.3, 1.0 / 5.0);
+        let depth = distance / (far + (near - far) * stream.uniform::<f64>(4 * i + 2));
+        let point = camera.pose.inverse().apply(camera.intrinsics.unproject(at, depth));
+        means.push(point.as_vec3().to_array());
+        colors.push(std::array::from_fn(|c| f32::from(photo.rgb[3 * pixel + c]) / 255.0));
+    }
+    Ok(isotropic(means, &colors, settings))
+}
+
+/// Gaussians of another scene, of more than the budget the most opaque.
+///
+/// # Errors
+/// When there are none, or their fields disagree.
+pub fn from_gaussians(gaussians: &Gaussians, settings: &FitSettings) -> Result<Gaussians, FitError> {
+    if gaussians.is_empty() || !gaussians.lengths_agree() {
+        return Err(FitError::setting(
+            "init",
+            "Gaussians with fields of equal length",
+            format!("{} means", gaussians.len()),
+        ));
+    }
+    let finite = |n: &usize| {
+        let (m, s, q) = (gaussians.means[*n], gaussians.log_scales[*n], gaussians.quats[*n]);
+        m.iter().chain(&s).chain(&q).all(|x| x.is_finite()) && q.iter().any(|x| *x != 0.0)
+    };
+    let mut chosen: Vec<usize> = (0..gaussians.len()).filter(finite).collect();
+    let opacity = |n: &usize| gaussians.opacity_logits[*n];
+    chosen.sort_by(|a, b| opacity(b).total_cmp(&opacity(a)).then(a.cmp(b)));
+    chosen.truncate(settings.gaussians);
+    chosen.sort_unstable();
+    if chosen.is_empty() {
+        return Err(FitError::setting("init", "Gaussians with finite numbers", "none"));
+    }
+    let wide = 3 * gaussians.coefficients();
+    let degree = gaussians.degree.min(settings.sh_degree);
+    let kept = 3 * weaver_geometry::sh::coefficients(degree);
+    Ok(Gaussians {
+        means: chosen.iter().map(|n| gaussians.means[*n]).collect(),
+        log_scales: chosen.iter().map(|n| gaussians.log_scales[*n]).collect(),
+        quats: chosen.iter().map(|n| gaussians.quats[*n]).collect(),
+        // Infinite logits are opacities of 0 and 1; neither could be learned from.
+        opacity_logits: chosen.iter().map(|n| gaussians.opacity_logits[*n].clamp(-9.0, 9.0)).collect(),
+        sh: chosen.iter().flat_map(|n| gaussians.sh[n * wide..][..kept].iter().copied()).collect(),
+        degree,
+    })
+}
+
+/// How many Gaussians there may be at the beginning.
+fn room(settings: &FitSettings) -> usize {
+    let part = match settings.density.strategy {
+        crate::StrategyKind::Keep => 1.0,
+        _ => settings.density.initial_part,
+    };
+    ((settings.gaussians as f64 * part) as usize).max(1)
+}
+
+fn isotropic(means: Vec<[f32; 3]>, colors: &[[f32; 3]], settings: &FitSettings) -> Gaussians {
+    let n = means.len();
+    let mut neighbors = vec![0; 4 * n];
+    nearest_neighbors(means.as_flattened(), 3, &mut neighbors);
+    let distance = |a: [f32; 3], b: [f32; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt();
+    let scales: Vec<f32> = (neighbors.chunks_exact(4).enumerate())
+        .map(|(n, near)| near[1..].iter().map(|m| distance(means[n], means[*m as usize])).sum::<f32>() / 3.0)
+        .collect();
+    // Where a point stands alone.
+    let mut sorted: Vec<f32> = scales.iter().copied().filter(|s| *s > 0.0).collect();
+    sorted.sort_unstable_by(f32::total_cmp);
+    let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
+    let log_scale = |s: f32| (if s > 0.0 { s } else { median } * settings.initial_scale).ln();
+    Gaussians {
+        log_scales: scales.iter().map(|s| [log_scale(*s); 3]).collect(),
+        quats: vec![[1.0, 0.0, 0.0, 0.0]; n],
+        opacity_logits: vec![logit(settings.initial_opacity); n],
+        sh: colors.iter().flatten().map(|c| (c - 0.5) / DC as f32).collect(),
+        degree: 0,
+        means,
+    }
+}
+
+/// The point nearest to all optical axes, in the sense of least squares; where they are (nearly) parallel, a point before
+/// the cameras, as far as they are apart.
+pub(crate) fn looked_at(photos: &[Photo]) -> DVec3 {
+    let (mut matrix, mut sum) = (DMat3::ZERO, DVec3::ZERO);
+    let (mut center, mut forward) = (DVec3::ZERO, DVec3::ZERO);
+    for photo in photos {
+        let pose = &photo.camera.pose;
+        let axis = pose.rotation.row(2);
+        let across = DMat3::IDENTITY - DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
+        matrix += across;
+        sum += across * pose.center();
+        center += pose.center() / photos.len() as f64;
+        forward += axis / photos.len() as f64;
+    }
+    let spread = photos.iter().map(|p| p.camera.pose.center().distance(center)).sum::<f64>() / photos.len() as f64;
+    let fallback = center + forward.normalize_or(DVec3::Z) * if spread > 0.0 { 4.0 * spread } else { 1.0 };
+    if matrix.determinant() < 1e-3 * (photos.len() as f64).powi(3) {
+        return fallback;
+    }
+    let point = matrix.inverse() * sum;
+    let before = photos.iter().filter(|p| p.camera.pose.apply(point).z > 0.0).count();
+    if 2 * before > photos.len() { point } else { fallback }
+}

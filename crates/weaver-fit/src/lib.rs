@@ -1,0 +1,42 @@
+//! Fitting of Gaussians, and of cameras, to photos whose cameras are known, or nearly.
+//!
+//! - [`Fit`] is an optimization under way: photos, [`Population`], optimizer, one [`step`](Fit::step) after the other.
+//! - [`FitSettings`] says how; all times in it are fractions of the run.
+//! - [`Strategy`] is density control: [`Split`](strategy::Split), [`Mcmc`](strategy::Mcmc), [`Keep`](strategy::Keep), or one's own.
+//! - [`init`] makes the Gaussians to start from.
+//!
+//! - [`run`] is a fit of a capture on disk, with a folder of results, checkpoints and a report.
+//!
+//! Everything but [`run`] is on slices, without a tape and without files. The same seed gives the same bits at any number of threads.
+
+mod cameras;
+mod error;
+mod evaluate;
+mod exposure;
+mod fit;
+mod gradients;
+pub mod init;
+mod photos;
+mod population;
+mod rehearsal;
+pub mod run;
+mod settings;
+mod state;
+pub mod strategy;
+
+pub use cameras::{RefinedPose, Whitening};
+pub use error::FitError;
+pub use evaluate::{Judge, Quality};
+pub use exposure::Exposure;
+pub use fit::{Fit, StepReport, StepTimings};
+pub use gradients::Gradients;
+pub use photos::Photo;
+pub use population::{Field, Population};
+pub use rehearsal::steps_in;
+pub use settings::{Density, FitSettings, Poses, Rates, StrategyKind};
+pub use strategy::{Moment, Strategy};
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

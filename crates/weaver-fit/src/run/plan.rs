@@ -1,0 +1,58 @@
+//! What a run will take, before it begins.
+
+use super::{RunSettings, posed_options};
+use crate::FitError;
+use weaver_data::posed;
+use weaver_geometry::sh::coefficients;
+
+/// What a run will take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plan {
+    /// Photos to fit to.
+    pub training: usize,
+    /// Photos held out.
+    pub held_out: usize,
+    /// Largest width and height of a photo.
+    pub size: [usize; 2],
+    /// Bytes of the photos, with their smaller versions.
+    pub photos: u64,
+    /// Bytes of the Gaussians, their gradients, the optimizer's memory and a copy for checkpoints.
+    pub gaussians: u64,
+    /// Bytes of the rasterizer and of images.
+    pub rasterizer: u64,
+}
+
+/// Bytes of the rasterizer's lists for each Gaussian, and for each pixel; measured, see docs/benchmarks.md.
+const RASTERIZER: (u64, u64) = (450, 120);
+
+impl Plan {
+    /// Bytes of all of it.
+    pub fn total(&self) -> u64 {
+        self.photos + self.gaussians + self.rasterizer
+    }
+}
+
+/// What a run will take, from the capture's camera files alone.
+///
+/// # Errors
+/// When they cannot be read.
+pub fn dry_run(settings: &RunSettings) -> Result<Plan, FitError> {
+    let cameras = posed::cameras(&settings.capture, &posed_options(settings))?;
+    let pixels = |camera: &weaver_geometry::Camera| (camera.width * camera.height) as u64;
+    let held_out = cameras.iter().filter(|(_, held_out)| *held_out).count();
+    let bytes_of_pixel = 3 + u64::from(settings.masks);
+    let all: u64 = cameras.iter().map(|(camera, _)| pixels(camera)).sum();
+    let largest = cameras.iter().map(|(camera, _)| camera).max_by_key(|camera| pixels(camera));
+    let size = largest.map_or([0, 0], |camera| [camera.width, camera.height]);
+    let numbers = 3 + 3 + 4 + 1 + 3 * coefficients(settings.fit.sh_degree) as u64;
+    let n = settings.fit.gaussians as u64;
+    Ok(Plan {
+        training: cameras.len() - held_out,
+        held_out,
+        size,
+        photos: all * bytes_of_pixel * 4 / 3,
+        // Values, two moments, gradients; a checkpoint copies the first three.
+        gaussians: n * numbers * 4 * (4 + 3),
+        rasterizer: n * RASTERIZER.0 + (size[0] * size[1]) as u64 * RASTERIZER.1,
+    })
+}

@@ -1,0 +1,95 @@
+//! report.html of a run.
+
+use super::outcome::{Judged, Outcome, Views};
+use super::{Record, Run, maps};
+use crate::{FitError, Quality};
+use weaver_io::Image;
+use weaver_report::{Page, read_metrics};
+use weaver_splat::Workspace;
+
+/// Views with pictures.
+const PICTURES: usize = 6;
+
+pub fn write(run: &Run, outcome: &Outcome, train: &[Judged], test: &[Judged]) -> Result<(), FitError> {
+    let mut page = Page::new("SplatWeaver fit");
+    page.heading(1, &format!("Fit of {}", run.settings.capture.display()));
+    let [width, height] = outcome.size;
+    page.paragraph(&format!(
+        "{} Gaussians (budget {}), {} steps of {} planned, {:.1} s, photos of {width}x{height}, seed {}.",
+        outcome.gaussians,
+        run.settings.fit.gaussians,
+        outcome.steps,
+        outcome.planned,
+        outcome.seconds,
+        run.settings.fit.seed
+    ));
+    let row = |name: &str, views: &Views| {
+        let [psnr, ssim, lpips] = numbers(&views.quality);
+        [name.to_string(), views.views.to_string(), psnr, ssim, lpips]
+    };
+    let rows: Vec<_> = [Some(row("fitted", &outcome.train)), outcome.test.as_ref().map(|t| row("held out", t))]
+        .into_iter()
+        .flatten()
+        .collect();
+    page.table(&["photos", "number", "PSNR, dB", "SSIM", "LPIPS"], &rows);
+    if outcome.poses.refined {
+        let p = &outcome.poses;
+        page.paragraph(&format!(
+            "Cameras were refined: they turned by {:.3} degrees and moved by {:.3} % of the scene's size (medians); focal lengths are {:.4} of those given.",
+            p.degrees, 100.0 * p.distance, p.focal
+        ));
+    }
+    if !outcome.strangers.is_empty() {
+        page.paragraph(&format!(
+            "These photos are met far worse than the others; they may show something else, or their cameras may be wrong: {}.",
+            outcome.strangers.join(", ")
+        ));
+    }
+    let (title, shown) = if test.is_empty() { ("Fitted photos", train) } else { ("Held-out photos", test) };
+    page.heading(2, title);
+    page.paragraph("Photo, render, error (brightest: a quarter of the range), Gaussians blended per pixel, Gaussians per cell of 8 x 8 pixels.");
+    pictures(run, shown, test.is_empty(), &mut page)?;
+    page.heading(2, "Every photo");
+    let quality = |(kind, j): (&str, &Judged)| {
+        let [psnr, ssim, lpips] = numbers(&j.quality);
+        [j.name.clone(), kind.to_string(), psnr, ssim, lpips]
+    };
+    let all = test.iter().map(|j| ("held out", j)).chain(train.iter().map(|j| ("fitted", j)));
+    page.table(&["photo", "", "PSNR, dB", "SSIM", "LPIPS"], &all.map(quality).collect::<Vec<_>>());
+    page.heading(2, "Curves");
+    let records: Vec<Record> = read_metrics(run.folder.join("metrics.jsonl"))?;
+    let curves: [(&str, fn(&Record) -> f64); 5] = [
+        ("loss", |r| r.loss),
+        ("PSNR of the photos looked at, dB", |r| r.psnr),
+        ("Gaussians", |r| r.gaussians as f64),
+        ("million pairs of Gaussian and pixel", |r| r.pairs),
+        ("seconds", |r| r.seconds),
+    ];
+    for (name, of) in curves {
+        page.curve(name, records.iter().map(|r| (r.step, of(r))));
+    }
+    Ok(page.write(run.folder.join("report.html"))?)
+}
+
+fn pictures(run: &Run, shown: &[Judged], training: bool, page: &mut Page) -> Result<(), FitError> {
+    let gaussians = run.fit.gaussians().to_activated();
+    let (settings, mut workspace) = (run.fit.raster_settings(), Workspace::new());
+    let chosen = shown.len().min(PICTURES);
+    for i in (0..chosen).map(|i| i * shown.len() / chosen) {
+        let Judged { name, camera, image, quality } = &shown[i];
+        let photo = if training { run.fit.photo(i) } else { &run.held_out[i] };
+        let (count, most) = maps::count(&gaussians, camera, &settings, &mut workspace)?;
+        let (density, densest) = maps::density(&gaussians, camera, settings.near);
+        let given = Image::from_bytes(camera.width, camera.height, &photo.rgb);
+        let row = [&given, &maps::picture(image, camera), &maps::error(image, &photo.rgb, camera), &count, &density];
+        let caption =
+            format!("{name}: {:.2} dB; at most {most} Gaussians in a pixel, {densest} in a cell", quality.psnr);
+        page.picture(&caption, &Image::mosaic(&row));
+    }
+    Ok(())
+}
+
+fn numbers(quality: &Quality) -> [String; 3] {
+    let optional = |x: Option<f64>| x.map_or("-".into(), |x| format!("{x:.4}"));
+    [format!("{:.2}", quality.psnr), optional(quality.ssim), optional(quality.lpips)]
+}

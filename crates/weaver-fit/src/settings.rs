@@ -1,0 +1,254 @@
+//! How a scene is fitted.
+
+use crate::FitError;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How a scene is fitted. All times are fractions of the run, so that a short run is a whole one.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct FitSettings {
+    /// Optimizer steps; each looks at one photo.
+    pub steps: usize,
+    /// The most Gaussians there may be at any time.
+    pub gaussians: usize,
+    /// Seed of everything that is drawn at random.
+    pub seed: u64,
+    /// Degree of the spherical harmonics, 0 to 3.
+    pub sh_degree: usize,
+    /// Part of the run between the degrees of the harmonics, which come into use one after the other.
+    pub sh_interval: f64,
+    /// Whether opacities are lowered where the low-pass filter widens a Gaussian (Mip-Splatting).
+    pub antialiased: bool,
+    /// The color behind everything, three numbers from 0 to 1.
+    pub background: [f32; 3],
+    /// Gaussians nearer to a camera than this are not drawn, as a part of the scene's size.
+    pub near: f64,
+    /// Weight of 1 - SSIM in the loss; the rest is L1.
+    pub ssim_weight: f64,
+    /// Part of the run in which photos are seen at half their resolution.
+    pub coarse_until: f64,
+    /// How often photos are halved at the beginning; the coarse part is divided among the sizes.
+    pub halvings: usize,
+    /// Opacity of initial Gaussians, from points or random.
+    pub initial_opacity: f32,
+    /// Size of initial Gaussians over the mean distance of their three nearest neighbors.
+    pub initial_scale: f32,
+    /// Learning rates.
+    pub rates: Rates,
+    /// Density control.
+    pub density: Density,
+    /// Refinement of cameras.
+    pub poses: Poses,
+    /// Whether each photo gets an affine correction of its colors.
+    pub exposure: bool,
+}
+
+impl Default for FitSettings {
+    fn default() -> Self {
+        Self {
+            steps: 1500,
+            gaussians: 30_000,
+            seed: 0,
+            sh_degree: 3,
+            sh_interval: 1.0 / 15.0,
+            antialiased: false,
+            background: [1.0; 3],
+            near: 0.01,
+            ssim_weight: 0.2,
+            coarse_until: 0.4,
+            halvings: 1,
+            initial_opacity: 0.5,
+            initial_scale: 0.5,
+            rates: Rates::default(),
+            density: Density::default(),
+            poses: Poses::default(),
+            exposure: false,
+        }
+    }
+}
+
+/// Learning rates of Adam. (3DGS's, doubled: runs are shorter here.)
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rates {
+    /// Of the means at the beginning, over the scene's size.
+    pub means: f64,
+    /// What that rate has become at the end, as a factor; in between its logarithm is linear.
+    pub means_end: f64,
+    /// Of the logarithms of the scales.
+    pub scales: f64,
+    /// Of the quaternions.
+    pub quats: f64,
+    /// Of the opacity logits.
+    pub opacities: f64,
+    /// Of the harmonics of degree 0.
+    pub sh: f64,
+    /// Of the harmonics above, over that of degree 0.
+    pub sh_rest: f64,
+    /// Of the color corrections of photos.
+    pub exposure: f64,
+}
+
+impl Default for Rates {
+    fn default() -> Self {
+        Self {
+            means: 3.2e-4,
+            means_end: 0.01,
+            scales: 1e-2,
+            quats: 2e-3,
+            opacities: 0.05,
+            sh: 5e-3,
+            sh_rest: 1.0 / 20.0,
+            exposure: 2e-3,
+        }
+    }
+}
+
+/// How Gaussians are added, removed and moved.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Density {
+    /// The strategy.
+    pub strategy: StrategyKind,
+    /// Steps between two rounds.
+    pub interval: usize,
+    /// Part of the run before the first round.
+    pub from: f64,
+    /// Part of the run after which the number of Gaussians stays.
+    pub until: f64,
+    /// Gaussians with a lower opacity are given up.
+    pub least_opacity: f32,
+    /// What every round takes off all opacities (`split`), so that what is not needed fades.
+    pub opacity_decay: f32,
+    /// Part of the budget that initial Gaussians may fill.
+    pub initial_part: f64,
+    /// Growth per round toward the budget (`mcmc`).
+    pub growth: f64,
+    /// Noise on the means over their learning rate (`mcmc`).
+    pub noise: f64,
+    /// Weight of the mean opacity in the loss (`mcmc`).
+    pub opacity_weight: f32,
+    /// Weight of the mean scale in the loss (`mcmc`).
+    pub scale_weight: f32,
+}
+
+impl Default for Density {
+    fn default() -> Self {
+        Self {
+            strategy: StrategyKind::Split,
+            interval: 50,
+            from: 0.02,
+            until: 0.8,
+            least_opacity: 0.005,
+            opacity_decay: 0.004,
+            initial_part: 0.6,
+            growth: 0.05,
+            noise: 5e5,
+            opacity_weight: 0.01,
+            scale_weight: 0.01,
+        }
+    }
+}
+
+/// The strategies that come with this crate.
+#[derive(Clone, Copy, Debug, Deserialize, Eq, JsonSchema, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StrategyKind {
+    /// Splits what pulls hardest on the screen along its longest axis; opacities decay, what fades is removed.
+    Split,
+    /// 3DGS-MCMC: dead Gaussians move to live ones, noise explores.
+    Mcmc,
+    /// The number of Gaussians stays as it is.
+    Keep,
+}
+
+/// Refinement of cameras.
+#[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Poses {
+    /// Whether cameras are refined.
+    pub refine: bool,
+    /// Whether the focal length is refined too, one factor for all photos.
+    pub focal: bool,
+    /// Learning rate: pixels (of the long side of 1000) that a step moves a camera's picture by.
+    pub rate: f64,
+    /// Part of the run before cameras begin to move.
+    pub from: f64,
+    /// Part of the run after which they stay.
+    pub until: f64,
+}
+
+impl Default for Poses {
+    fn default() -> Self {
+        Self { refine: false, focal: false, rate: 1.0, from: 0.02, until: 0.9 }
+    }
+}
+
+impl FitSettings {
+    /// How often photos are halved at this part of the run.
+    pub(crate) fn level(&self, fraction: f64) -> usize {
+        if fraction >= self.coarse_until || self.halvings == 0 {
+            return 0;
+        }
+        let stage = (fraction / self.coarse_until * self.halvings as f64) as usize;
+        self.halvings - stage.min(self.halvings - 1)
+    }
+
+    /// Checks that every number is in its range.
+    ///
+    /// # Errors
+    /// The first that is not, with its range.
+    pub fn check(&self) -> Result<(), FitError> {
+        let parts = [
+            ("sh_interval", self.sh_interval),
+            ("ssim_weight", self.ssim_weight),
+            ("coarse_until", self.coarse_until),
+            ("density.from", self.density.from),
+            ("density.until", self.density.until),
+            ("density.initial_part", self.density.initial_part),
+            ("density.least_opacity", f64::from(self.density.least_opacity)),
+            ("density.opacity_decay", f64::from(self.density.opacity_decay)),
+            ("initial_opacity", f64::from(self.initial_opacity)),
+            ("poses.from", self.poses.from),
+            ("poses.until", self.poses.until),
+            ("rates.means_end", self.rates.means_end),
+            ("background", f64::from(self.background[0])),
+            ("background", f64::from(self.background[1])),
+            ("background", f64::from(self.background[2])),
+        ];
+        if let Some((key, found)) = parts.into_iter().find(|(_, x)| !(0.0..=1.0).contains(x)) {
+            return Err(FitError::setting(key, "0 to 1", found));
+        }
+        let positive = [
+            ("rates.means", self.rates.means),
+            ("rates.scales", self.rates.scales),
+            ("rates.quats", self.rates.quats),
+            ("rates.opacities", self.rates.opacities),
+            ("rates.sh", self.rates.sh),
+            ("rates.sh_rest", self.rates.sh_rest),
+            ("rates.exposure", self.rates.exposure),
+            ("poses.rate", self.poses.rate),
+            ("near", self.near),
+            ("density.growth", self.density.growth),
+            ("density.noise", self.density.noise),
+            ("density.opacity_weight", f64::from(self.density.opacity_weight)),
+            ("density.scale_weight", f64::from(self.density.scale_weight)),
+        ];
+        if let Some((key, found)) = positive.into_iter().find(|(_, x)| !(x.is_finite() && *x >= 0.0)) {
+            return Err(FitError::setting(key, "a number that is not negative", found));
+        }
+        if !(self.initial_scale.is_finite() && self.initial_scale > 0.0) {
+            return Err(FitError::setting("initial_scale", "a positive number", self.initial_scale));
+        }
+        let counts =
+            [("steps", self.steps), ("gaussians", self.gaussians), ("density.interval", self.density.interval)];
+        if let Some((key, _)) = counts.into_iter().find(|(_, n)| *n == 0) {
+            return Err(FitError::setting(key, "at least 1", 0));
+        }
+        if self.sh_degree > 3 {
+            return Err(FitError::setting("sh_degree", "0 to 3", self.sh_degree));
+        }
+        Ok(())
+    }
+}

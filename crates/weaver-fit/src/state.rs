@@ -1,0 +1,118 @@
+//! What a fit has to remember to go on where it was.
+
+use crate::cameras::RefinedPose;
+use crate::exposure::Exposure;
+use crate::fit::{Fit, FocalFactor};
+use crate::population::{Field, Population};
+use weaver_geometry::Pose;
+use weaver_geometry::glam::{DMat3, DVec3};
+use weaver_geometry::sh::{MAX_DEGREE, coefficients};
+use weaver_io::checkpoint::{Element, Tensors};
+use weaver_io::{Error, Result};
+use weaver_splat::{GaussianStatistics, Rasterizer};
+
+/// Numbers of a row of statistics.
+const STATISTICS: usize = 6;
+/// Numbers of a row of poses: rotation, translation, two moments, steps.
+const POSE: usize = 9 + 3 + 6 + 6 + 1;
+/// Numbers of a row of exposures: matrix, two moments, steps.
+const EXPOSURE: usize = 3 * 12 + 1;
+
+impl<R: Rasterizer<f32>> Fit<R> {
+    /// All that changes in a fit: with the same photos and settings, a fit that [`restore`](Self::restore)s it goes on to the
+    /// same bits as one that was never interrupted.
+    pub fn state(&self) -> Tensors {
+        let mut state = Tensors::default();
+        fn put<E: Element>(state: &mut Tensors, name: &str, width: usize, values: Vec<E>) {
+            state.insert(name, &[values.len() / width, width], values);
+        }
+        for (name, field) in self.population.fields() {
+            for (part, values) in [("values", &field.values), ("first", &field.first), ("second", &field.second)] {
+                put(&mut state, &format!("{name}.{part}"), field.width(), values.clone());
+            }
+        }
+        put(&mut state, "statistics", STATISTICS, self.statistics.iter().flat_map(statistics_row).collect());
+        put(&mut state, "exposures", EXPOSURE, self.exposures.iter().flat_map(exposure_row).collect());
+        put(&mut state, "poses", POSE, self.poses.iter().flat_map(pose_row).collect());
+        let FocalFactor { log, first: [first], second: [second], steps } = self.focal;
+        put(&mut state, "focal", 4, vec![log, first, second, steps as f64]);
+        put(&mut state, "step", 1, vec![self.step as u64]);
+        state
+    }
+
+    /// Goes on from a state.
+    ///
+    /// # Errors
+    /// When tensors are missing, or of another number of photos or of other settings; the fit is then as before.
+    pub fn restore(&mut self, state: &Tensors) -> Result<()> {
+        let n = state.get("logits.values")?.shape.first().copied().unwrap_or(0);
+        let invalid = |key: &str, expected: String, found: String| {
+            Err(Error::Invalid { path: state.origin().into(), place: format!("tensor {key}"), expected, found })
+        };
+        if n == 0 || n > self.settings.gaussians {
+            return invalid("logits.values", format!("1 to {} rows", self.settings.gaussians), n.to_string());
+        }
+        let sh = state.get("sh.values")?.shape.get(1).copied().unwrap_or(0);
+        let Some(degree) = (0..=MAX_DEGREE).find(|degree| 3 * coefficients(*degree) == sh) else {
+            return invalid("sh.values", "rows of 3 (degree + 1)^2".into(), sh.to_string());
+        };
+        let field = |name: &str, width: usize| -> Result<Field> {
+            let part = |part: &str| Ok(state.values::<f32>(&format!("{name}.{part}"), &[n, width])?.to_vec());
+            let mut field = Field::new(part("values")?, width);
+            (field.first, field.second) = (part("first")?, part("second")?);
+            Ok(field)
+        };
+        let fields =
+            [field("means", 3)?, field("log_scales", 3)?, field("quats", 4)?, field("logits", 1)?, field("sh", sh)?];
+        let statistics = state.values::<f32>("statistics", &[n, STATISTICS])?;
+        let exposures = state.values::<f32>("exposures", &[self.exposures.len(), EXPOSURE])?;
+        let poses = state.values::<f64>("poses", &[self.poses.len(), POSE])?;
+        let focal = state.values::<f64>("focal", &[1, 4])?;
+        self.step = state.values::<u64>("step", &[1, 1])?[0] as usize;
+        self.population = Population::from_fields(fields, degree);
+        self.statistics = statistics.chunks_exact(STATISTICS).map(statistics_of).collect();
+        self.exposures = exposures.chunks_exact(EXPOSURE).map(exposure_of).collect();
+        self.poses = poses.chunks_exact(POSE).map(pose_of).collect();
+        self.focal = FocalFactor { log: focal[0], first: [focal[1]], second: [focal[2]], steps: focal[3] as u64 };
+        Ok(())
+    }
+}
+
+fn statistics_row(s: &GaussianStatistics<f32>) -> [f32; STATISTICS] {
+    [s.screen_gradient, s.absgrad, s.views as f32, s.radius, s.contribution, s.largest_weight]
+}
+
+fn statistics_of(row: &[f32]) -> GaussianStatistics<f32> {
+    GaussianStatistics {
+        screen_gradient: row[0],
+        absgrad: row[1],
+        views: row[2] as u32,
+        radius: row[3],
+        contribution: row[4],
+        largest_weight: row[5],
+    }
+}
+
+fn exposure_row(e: &Exposure) -> Vec<f32> {
+    e.matrix.iter().chain(&e.first).chain(&e.second).copied().chain([e.steps as f32]).collect()
+}
+
+fn exposure_of(row: &[f32]) -> Exposure {
+    let part = |from: usize| std::array::from_fn(|i| row[from + i]);
+    Exposure { matrix: part(0), first: part(12), second: part(24), steps: row[36] as u64 }
+}
+
+fn pose_row(pose: &RefinedPose) -> Vec<f64> {
+    let mut row = pose.pose.rotation.to_cols_array().to_vec();
+    row.extend(pose.pose.translation.to_array());
+    row.extend(pose.first.iter().chain(&pose.second));
+    row.push(pose.steps as f64);
+    row
+}
+
+fn pose_of(row: &[f64]) -> RefinedPose {
+    let rotation = DMat3::from_cols_array(&std::array::from_fn(|i| row[i]));
+    let part = |from: usize| std::array::from_fn(|i| row[from + i]);
+    let pose = Pose::new(rotation, DVec3::new(row[9], row[10], row[11]));
+    RefinedPose { pose, first: part(12), second: part(18), steps: row[24] as u64 }
+}

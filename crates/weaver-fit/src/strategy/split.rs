@@ -1,0 +1,102 @@
+//! Splitting along the longest axis, guided by absolute screen gradients.
+
+use super::{Moment, Strategy};
+use crate::population::Population;
+use crate::settings::Density;
+use weaver_splat::GaussianStatistics;
+
+/// Splits the Gaussians that are pulled apart hardest, and lets opacities decay so that what is not needed fades away.
+///
+/// In every round, opacities lose a constant, Gaussians that have become transparent are removed, and those with the largest
+/// absolute screen gradient per view are split in two along their longest axis: halves stand half a standard deviation to
+/// either side with 0.6 of the deviation, and together are as opaque as before, `1 - sqrt(1 - o)` each. The number of
+/// Gaussians grows evenly toward the budget over the rounds; later, splits replace what faded.
+///
+/// Sources: AbsGS (Ye et al., 2024) for the gradient, Brush for decay and opacities of halves.
+#[derive(Clone, Debug)]
+pub struct Split {
+    settings: Density,
+}
+
+/// Standard deviations between the middle of a Gaussian and its halves.
+const OFFSET: f32 = 0.5;
+/// Logarithm of the shrinking of the split axis.
+const SHRINK: f32 = -0.51;
+
+impl Split {
+    /// The strategy with these settings.
+    pub fn new(settings: Density) -> Self {
+        Self { settings }
+    }
+
+    /// How many Gaussians there should be after the round at this moment.
+    fn wanted(&self, moment: &Moment, now: usize) -> usize {
+        let (from, until) = (self.settings.from, self.settings.until);
+        let left = ((until - moment.fraction()) * moment.steps as f64 / self.settings.interval.max(1) as f64).max(0.0);
+        let _ = from;
+        // All room is used by three quarters of the rounds; the others only replace.
+        let growing =
+            (left - 0.25 * (until - from) * moment.steps as f64 / self.settings.interval.max(1) as f64).max(0.0);
+        let missing = moment.budget.saturating_sub(now) as f64;
+        now + (missing / (growing + 1.0)).ceil() as usize
+    }
+
+    fn fade(&self, population: &mut Population) {
+        for n in 0..population.len() {
+            let opacity = population.opacity(n) - self.settings.opacity_decay;
+            population.set_opacity(n, opacity);
+        }
+    }
+}
+
+impl Strategy for Split {
+    fn wants_statistics(&self, moment: &Moment) -> bool {
+        moment.fraction() <= self.settings.until
+    }
+
+    fn adapt(&mut self, moment: &Moment, population: &mut Population, statistics: &[GaussianStatistics<f32>]) -> bool {
+        if !self.settings.round(moment) {
+            return false;
+        }
+        self.fade(population);
+        let mut scores: Vec<f32> = statistics.iter().map(|s| s.absgrad / s.views.max(1) as f32).collect();
+        let keep: Vec<bool> =
+            (0..population.len()).map(|n| population.opacity(n) >= self.settings.least_opacity).collect();
+        let mut kept = keep.iter();
+        scores.retain(|_| *kept.next().unwrap_or(&true));
+        population.retain(&keep);
+        let more = self.wanted(moment, population.len()).min(moment.budget).saturating_sub(population.len());
+        for n in largest(&scores, more) {
+            split(population, n);
+        }
+        true
+    }
+}
+
+/// The indices of the `count` largest positive scores, in ascending order; ties by index.
+fn largest(scores: &[f32], count: usize) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..scores.len()).filter(|&n| scores[n] > 0.0).collect();
+    if order.len() > count {
+        order.select_nth_unstable_by(count, |&a, &b| scores[b].total_cmp(&scores[a]).then(a.cmp(&b)));
+        order.truncate(count);
+    }
+    order.sort_unstable();
+    order
+}
+
+/// Replaces a Gaussian by two halves of it.
+pub(crate) fn split(population: &mut Population, n: usize) {
+    let scales = population.log_scales.row(n);
+    let longest = (0..3).fold(0, |best, i| if scales[i] > scales[best] { i } else { best });
+    let axis = population.axes(n)[longest];
+    let offset = OFFSET * scales[longest].exp();
+    population.log_scales.row_mut(n)[longest] += SHRINK;
+    let opacity = 1.0 - (1.0 - population.opacity(n)).max(0.0).sqrt();
+    population.set_opacity(n, opacity);
+    population.forget(n);
+    let other = population.duplicate(n);
+    for i in 0..3 {
+        population.means.row_mut(n)[i] += offset * axis[i];
+        population.means.row_mut(other)[i] -= offset * axis[i];
+    }
+}
