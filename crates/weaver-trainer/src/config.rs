@@ -1,13 +1,11 @@
 //! The configuration of a run: defaults < preset < file < settings, with unknown keys refused.
 
-mod overlay;
-mod reference;
-
 use crate::{Error, Recipe};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use weaver_router::AllocationKind;
+use weaver_settings::{Error as Wrong, Layers, Value};
 
 /// Everything that determines a run, beside the code. Saved in the run folder as `config.toml`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -222,10 +220,10 @@ impl<R: Recipe> Config<R> {
     /// When there is no such preset; the message lists those there are.
     pub fn preset(name: &str) -> Result<Self, Error> {
         R::preset(name).ok_or_else(|| {
-            let hint = overlay::nearest(name, R::PRESETS.iter().copied())
+            let hint = weaver_settings::nearest(name, R::PRESETS.iter().copied())
                 .map_or(String::new(), |n| format!("; did you mean `{n}`?"));
             let known = R::PRESETS.join(", ");
-            Error::Config { place: "preset".into(), message: format!("expected one of {known}, found `{name}`{hint}") }
+            Error::Config(Wrong::invalid("preset", format!("expected one of {known}, found `{name}`{hint}")))
         })
     }
 
@@ -236,20 +234,18 @@ impl<R: Recipe> Config<R> {
     /// # Errors
     /// When the file cannot be read, or a key or value is wrong.
     pub fn resolve(preset: Option<&str>, file: Option<&Path>, settings: &[String]) -> Result<Self, Error> {
-        let mut table = file.map(overlay::read_file).transpose()?.unwrap_or_default();
-        let named = table.get("preset").and_then(toml::Value::as_str);
-        let base = Self::preset(preset.or(named).unwrap_or(R::PRESETS[0]))?;
-        let mut tree = toml::Value::try_from(base).expect("a configuration is plain data");
-        let schema = overlay::schema::<R>();
+        let mut table = file.map(weaver_settings::read_table).transpose()?.unwrap_or_default();
+        let named = table.get("preset").and_then(Value::as_str);
+        let mut layers = Layers::new(&Self::preset(preset.or(named).unwrap_or(R::PRESETS[0]))?)?;
         if let Some(path) = file {
             table.remove("preset");
-            overlay::merge(&mut tree, toml::Value::Table(table), &schema, &path.display().to_string())?;
+            layers.merge(table, &path.display().to_string())?;
         }
         for setting in settings {
-            overlay::set(&mut tree, &schema, setting)?;
+            layers.set(setting)?;
         }
         let source = file.map_or_else(|| settings.join(", "), |f| f.display().to_string());
-        Self::from_tree(tree, &source)
+        Self::settled(layers.finish(&source)?, &source)
     }
 
     /// Reads the resolved configuration of a run.
@@ -265,23 +261,22 @@ impl<R: Recipe> Config<R> {
     /// # Errors
     /// When the text is not TOML, or a key or value is wrong.
     pub fn from_toml(text: &str, source: &str) -> Result<Self, Error> {
-        Self::from_tree(toml::Value::Table(overlay::parse(text, source)?), source)
+        Self::settled(weaver_settings::parse(text, source)?, source)
     }
 
     /// As TOML text.
     pub fn to_toml(&self) -> String {
-        toml::to_string(self).expect("a configuration is plain data")
+        weaver_settings::to_toml(self).expect("a configuration is plain data")
     }
 
     /// As TOML text in which every key is preceded by its documentation; optional keys without a value are commented out.
     pub fn to_annotated_toml(&self) -> String {
-        reference::annotate(&self.to_toml(), &overlay::schema::<R>())
+        weaver_settings::annotate(self).expect("a configuration is plain data")
     }
 
-    fn from_tree(tree: toml::Value, source: &str) -> Result<Self, Error> {
-        let mut config: Self = overlay::deserialize(tree, source)?;
+    fn settled(mut config: Self, source: &str) -> Result<Self, Error> {
         R::settle(&mut config);
-        config.check().map_err(|message| Error::Config { place: source.into(), message })?;
+        config.check().map_err(|message| Wrong::invalid(source, message))?;
         Ok(config)
     }
 

@@ -7,13 +7,8 @@ use std::path::PathBuf;
 #[non_exhaustive]
 pub enum Error {
     /// The configuration is wrong.
-    #[error("{place}: {message}")]
-    Config {
-        /// The file, setting or preset.
-        place: String,
-        /// The key, what was expected and what was found.
-        message: String,
-    },
+    #[error(transparent)]
+    Config(#[from] weaver_settings::Error),
     /// Options that do not fit together.
     #[error("{0}")]
     Input(String),

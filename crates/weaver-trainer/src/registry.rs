@@ -328,13 +328,12 @@ impl Registry {
     /// When the folder holds no run, or one of an unknown model.
     pub fn of_run(&self, folder: &RunFolder) -> Result<&dyn Architecture, Error> {
         let path = folder.config_path();
-        let text = weaver_io::read_text(&path)?;
+        let table = weaver_settings::read_table(&path)?;
         let source = path.display().to_string();
-        let wrong = |message: String| Error::Config { place: source.clone(), message };
-        let table: toml::Table = text.parse().map_err(|e: toml::de::Error| wrong(e.to_string()))?;
-        let name = table.get("architecture").and_then(toml::Value::as_str);
+        let wrong = |message: String| weaver_settings::Error::invalid(&source, message);
+        let name = table.get("architecture").and_then(weaver_settings::Value::as_str);
         let name = name.ok_or_else(|| wrong("architecture: expected the name of a model, found nothing".into()))?;
-        self.find(Some(name)).map_err(|e| wrong(e.to_string()))
+        Ok(self.find(Some(name)).map_err(|e| wrong(e.to_string()))?)
     }
 }
 

@@ -15,6 +15,7 @@ const OUTSIDE: &[&str] = &["rayon", "smallvec", "thiserror", "glam", "half", "li
 const ABOVE: &[&str] = &[
     "weaver-io",
     "weaver-report",
+    "weaver-settings",
     "weaver-data",
     "weaver-model",
     "weaver-inference",

@@ -1,18 +1,29 @@
-//! A configuration with its documentation.
+//! Settings with their documentation.
 
-use super::overlay::{is_optional, properties};
+use crate::schema::{is_optional, properties, schema, variant};
+use crate::{Error, Settings, to_toml};
 use serde_json::Value as Schema;
 use std::fmt::Write;
+use toml::Table;
 
 /// Widest line of a comment.
 const WIDTH: usize = 110;
 
-/// Puts each key's documentation above it, and optional keys without a value, commented out, at the end of their table.
-pub(super) fn annotate(toml: &str, root: &Schema) -> String {
+/// Settings as TOML text in which every key is preceded by its documentation; optional keys without a value stand, commented
+/// out, at the end of their table.
+///
+/// # Errors
+/// When TOML has no form for a value, such as a list of optional values of which one is missing.
+pub fn annotate<S: Settings>(settings: &S) -> Result<String, Error> {
+    Ok(annotated(&to_toml(settings)?, &schema::<S>()))
+}
+
+fn annotated(toml: &str, root: &Schema) -> String {
     let mut out = String::new();
     let mut table = root;
     let mut seen: Vec<String> = Vec::new();
-    for line in toml.lines() {
+    let mut lines = toml.lines();
+    while let Some(line) = lines.next() {
         let header = line.strip_prefix("[[").and_then(|l| l.strip_suffix("]]"));
         let header = header.or_else(|| line.strip_prefix('[').and_then(|l| l.strip_suffix(']')));
         if let Some(path) = header {
@@ -27,7 +38,13 @@ pub(super) fn annotate(toml: &str, root: &Schema) -> String {
         } else if let Some((key, value)) = line.split_once(" = ") {
             comment(&mut out, inner(table, key));
             seen.push(key.into());
-            let _ = writeln!(out, "{line}");
+            let mut entry = line.to_string();
+            // A text with line breaks goes on until it is TOML.
+            while entry.parse::<Table>().is_err() {
+                let Some(more) = lines.next() else { break };
+                entry = format!("{entry}\n{more}");
+            }
+            let _ = writeln!(out, "{entry}");
             if key == "kind" {
                 table = variant(table, value.trim_matches('"'));
             }
@@ -35,12 +52,6 @@ pub(super) fn annotate(toml: &str, root: &Schema) -> String {
     }
     unset(&mut out, table, &seen);
     out
-}
-
-/// The variant of this kind, where a table has several.
-fn variant<'s>(table: &'s Schema, kind: &str) -> &'s Schema {
-    let mut variants = table["oneOf"].as_array().into_iter().flatten();
-    variants.find(|schema| schema["properties"]["kind"]["const"] == kind).unwrap_or(table)
 }
 
 /// The schema of a key; of the entries, where it is a list of tables.

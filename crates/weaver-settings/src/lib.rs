@@ -1,0 +1,33 @@
+//! Settings with documentation, in layers: defaults < a TOML file < `key=value`.
+//!
+//! Settings are a struct that serde and schemars derive for: the fields are the keys, the doc comments their documentation. An
+//! unknown key is refused with the nearest name there is, a wrong value with what was expected; optional keys are set by name
+//! and unset by `none`. [`resolve`] is all that most programs need; [`Layers`] is the same in steps.
+//!
+//! Settings may hold numbers, words, paths, lists, structs, lists of structs, and enums whose variants have no fields or are
+//! told apart by a key `kind`. They may not hold maps or contain themselves.
+
+mod error;
+mod layers;
+mod names;
+mod reference;
+mod schema;
+
+pub use error::Error;
+pub use layers::{Layers, parse, read_table, resolve, to_toml};
+pub use names::nearest;
+pub use reference::annotate;
+pub use toml::{Table, Value};
+
+use schemars::JsonSchema;
+use serde::{Serialize, de::DeserializeOwned};
+
+/// What can be resolved from layers, and explained. Every type that serde and schemars derive for is one.
+pub trait Settings: Serialize + DeserializeOwned + JsonSchema {}
+
+impl<S: Serialize + DeserializeOwned + JsonSchema> Settings for S {}
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
