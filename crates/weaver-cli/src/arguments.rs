@@ -1,5 +1,9 @@
 //! The command line and its help texts.
 
+mod fit;
+
+pub use fit::{Fit, Format, PoseMode, StrategyName};
+
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args, Parser, Subcommand};
 use std::path::PathBuf;
@@ -21,6 +25,7 @@ const MOST_THREADS: i64 = 1024;
   splatweaver train --data fox --data fern --out runs/mine
   splatweaver eval --run runs/mine --json
   splatweaver infer --run runs/mine a.jpg b.jpg c.jpg d.jpg -o result
+  splatweaver fit capture --minutes 2 -o scene
   splatweaver render result/scene.ply --orbit 60 -o turn
   splatweaver info result/scene.ply
   splatweaver bench raster --synthetic 100000,640,480
@@ -38,6 +43,7 @@ pub enum Command {
     Train(Train),
     Eval(Eval),
     Infer(Infer),
+    Fit(Fit),
     Render(Render),
     Info(Info),
     ConvertWeights(ConvertWeights),

@@ -11,6 +11,7 @@ mod console;
 mod convert_weights;
 mod eval;
 mod failure;
+mod fit;
 mod infer;
 mod info;
 mod interrupt;
@@ -55,6 +56,9 @@ fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> R
         Command::Eval(arguments) => in_pool(arguments.threads.threads.into(), || eval::run(&arguments, console)),
         Command::Infer(arguments) => {
             in_pool(arguments.threads.threads.into(), || infer::run(&arguments, console, interrupt))
+        }
+        Command::Fit(arguments) => {
+            in_pool(arguments.threads.into(), || fit::run(&arguments, console, interrupt))
         }
         Command::Render(arguments) => in_pool(arguments.threads.threads.into(), || render::run(&arguments, console)),
         Command::Info(arguments) => info::run(&arguments, console),

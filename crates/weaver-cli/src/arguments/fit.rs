@@ -1,0 +1,172 @@
+//! The command line of `splatweaver fit`.
+
+use super::{CONFIGURATION, RUN, color};
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// Fits Gaussians to the photos of a capture: a scene in minutes.
+///
+/// The capture is a folder (COLMAP, transforms.json, NeRF-synthetic, RealEstate10K) or a transforms.json. Every eighth photo, or
+/// those that the capture lists, are held out and say how good the scene is from where nobody stood. Writes scene.ply,
+/// cameras, summary.json and report.html. Ctrl-C ends early, with results; --resume goes on to the same bits as an
+/// uninterrupted run.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver fit capture
+  splatweaver fit capture --minutes 5 --gaussians 100000 -o scene
+  splatweaver fit capture/transforms.json --size 640 --steps 3000 --seed 7
+  splatweaver fit capture --poses refine --exposure --all
+  splatweaver fit capture --init scene.ply --set density.until=0.6
+  splatweaver fit --resume fits/capture-1
+  splatweaver fit capture --dry-run")]
+pub struct Fit {
+    /// The capture
+    #[arg(value_name = "CAPTURE", required_unless_present = "resume")]
+    pub capture: Option<PathBuf>,
+    /// Folder for the results [default: the first free fits/NAME-N]
+    #[arg(short, long, value_name = "OUT", help_heading = RUN)]
+    pub out: Option<PathBuf>,
+    /// The most Gaussians there may be [default: 0.4 for each pixel of a photo, 5000 to 1000000]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000), help_heading = RUN)]
+    pub gaussians: Option<u32>,
+    /// Time for all of it; the number of steps follows from the measured speed [default: 2]
+    #[arg(long, value_name = "M", value_parser = minutes, help_heading = RUN)]
+    pub minutes: Option<f64>,
+    /// Steps, instead of a time; each looks at one photo
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "minutes", help_heading = RUN)]
+    pub steps: Option<u32>,
+    /// Where the Gaussians begin: points (the capture's), random, a run folder (what its network predicts), or a file of
+    /// Gaussians [default: points if there are any, else random]
+    #[arg(long, value_name = "points|random|RUN|FILE", help_heading = RUN)]
+    pub init: Option<String>,
+    /// Seed of everything that is drawn at random [default: 0]
+    #[arg(long, value_name = "S", help_heading = RUN)]
+    pub seed: Option<u64>,
+    /// Goes on with this run, with its own settings
+    #[arg(long, value_name = "OUT", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "size", "sh", "poses", "focal", "antialiased", "exposure", "masks", "background", "strategy", "all", "formats", "settings", "config", "dry_run"])]
+    pub resume: Option<PathBuf>,
+    /// Says what the run would take, and writes nothing
+    #[arg(long, help_heading = RUN)]
+    pub dry_run: bool,
+    /// What draws; only the processor so far
+    #[arg(long, value_enum, default_value_t = Device::Cpu, help_heading = RUN)]
+    pub device: Device,
+    /// Threads; 0 takes one per core. Does not change results
+    #[arg(long, value_name = "T", default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=super::MOST_THREADS), help_heading = RUN)]
+    pub threads: u16,
+    /// Longest side of the photos in pixels; larger ones are shrunk [default: as they are]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..=65_536), help_heading = PHOTOS)]
+    pub size: Option<u32>,
+    /// Holds no photo out
+    #[arg(long, help_heading = PHOTOS)]
+    pub all: bool,
+    /// Leaves out what is black in masks: masks/NAME.png beside the photos, or mask_path of transforms.json
+    #[arg(long, help_heading = PHOTOS)]
+    pub masks: bool,
+    /// The color behind everything, and behind transparent pixels: white, black or R,G,B from 0 to 1 [default: white]
+    #[arg(long, value_name = "COLOR", value_parser = background, help_heading = PHOTOS)]
+    pub background: Option<Rgb>,
+    /// Corrects the colors of each photo by an affine map
+    #[arg(long, help_heading = PHOTOS)]
+    pub exposure: bool,
+    /// Cameras as given, or refined with the scene [default: fixed]
+    #[arg(long, value_enum, help_heading = PHOTOS)]
+    pub poses: Option<PoseMode>,
+    /// Refines the focal length too, one factor for all photos
+    #[arg(long, help_heading = PHOTOS)]
+    pub focal: bool,
+    /// Degree of the spherical harmonics [default: 3]
+    #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..=3), help_heading = SCENE)]
+    pub sh: Option<u8>,
+    /// Draws antialiased: opacities are lowered where a Gaussian is widened to a pixel
+    #[arg(long, help_heading = SCENE)]
+    pub antialiased: bool,
+    /// How Gaussians are added, removed and moved [default: split]
+    #[arg(long, value_enum, help_heading = SCENE)]
+    pub strategy: Option<StrategyName>,
+    /// Further files of the scene; may be repeated
+    #[arg(long = "also", value_enum, value_name = "FORMAT", help_heading = SCENE)]
+    pub formats: Vec<Format>,
+    /// Also LPIPS, with the weights in this safetensors file
+    #[arg(long, value_name = "WEIGHTS", help_heading = SCENE)]
+    pub lpips: Option<PathBuf>,
+    /// Settings file (TOML) below the flags; `splatweaver config --fit` prints one to start from
+    #[arg(long, value_name = "FILE", help_heading = CONFIGURATION)]
+    pub config: Option<PathBuf>,
+    /// Sets one setting by its path; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE", help_heading = CONFIGURATION)]
+    pub settings: Vec<String>,
+}
+
+const PHOTOS: &str = "Photos and cameras";
+const SCENE: &str = "Scene";
+
+/// A color; a type of its own, for the command line takes lists apart.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rgb(pub [f32; 3]);
+
+/// What draws.
+#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
+pub enum Device {
+    Cpu,
+}
+
+/// What becomes of cameras.
+#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
+pub enum PoseMode {
+    Fixed,
+    Refine,
+}
+
+/// Density control.
+#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
+pub enum StrategyName {
+    /// Splits what pulls hardest on the screen; the rest fades
+    Split,
+    /// 3DGS-MCMC: relocation and noise
+    Mcmc,
+    /// The number stays as it is
+    Keep,
+}
+
+/// A further file of the scene.
+#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
+pub enum Format {
+    Splat,
+    Spz,
+}
+
+pub fn background(text: &str) -> Result<Rgb, String> {
+    match text {
+        "white" => Ok(Rgb([1.0; 3])),
+        "black" => Ok(Rgb([0.0; 3])),
+        numbers => color(numbers).map(Rgb).map_err(|e| format!("{e}, or white or black")),
+    }
+}
+
+fn minutes(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(minutes) if (0.05..=10_000.0).contains(&minutes) => Ok(minutes),
+        _ => Err("expected a number from 0.05 to 10000".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn backgrounds_have_names_or_numbers() {
+        assert_eq!(background("black"), Ok(Rgb([0.0; 3])));
+        assert_eq!(background("0,0.5,1"), Ok(Rgb([0.0, 0.5, 1.0])));
+        assert!(background("grey").is_err() && background("2,0,0").is_err());
+    }
+
+    #[test]
+    fn minutes_are_positive_and_finite() {
+        assert_eq!(minutes("0.5"), Ok(0.5));
+        for wrong in ["0", "-1", "NaN", "inf", "two"] {
+            assert!(minutes(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! `splatweaver fit`.
+
+use crate::arguments::{Fit, Format, PoseMode, StrategyName};
+use crate::bench::memory::peak_mb;
+use crate::failure::Failure;
+use crate::progress::{Progress, duration};
+use crate::{Console, Interrupt};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use weaver_fit::run::{Initial, Outcome, Plan, Run, RunSettings, SceneFormat, Views, dry_run};
+use weaver_fit::{FitSettings, Judge, StrategyKind};
+use weaver_scene::Gaussians;
+use weaver_trainer::evaluate::load_lpips;
+
+/// Time for a run when nothing is said about it, minutes.
+const MINUTES: f64 = 2.0;
+/// Gaussians for each pixel of a photo when nothing is said about them, and the limits of that.
+const GAUSSIANS: (f64, usize, usize) = (0.4, 5_000, 1_000_000);
+/// Fewer Gaussians than this for each pixel of a photo cannot show much.
+const FEW: f64 = 0.005;
+
+pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);
+    if let Some(folder) = &arguments.resume {
+        return finish(Run::resume(folder, judge)?, folder, console, interrupt);
+    }
+    let capture = arguments.capture.clone().ok_or_else(|| Failure::Usage("expected a capture".into()))?;
+    let (initial, given) = initial(arguments.init.as_deref())?;
+    let mut settings = RunSettings {
+        capture,
+        long_side: arguments.size.map(|size| size as usize),
+        all: arguments.all,
+        masks: arguments.masks,
+        init: initial,
+        minutes: arguments.steps.is_none().then(|| arguments.minutes.unwrap_or(MINUTES)),
+        formats: arguments.formats.iter().map(format).collect(),
+        fit: FitSettings::default(),
+    };
+    let plan = dry_run(&settings)?;
+    settings.fit = fit_settings(arguments, &plan)?;
+    let plan = dry_run(&settings)?;
+    if arguments.dry_run {
+        return tell(&plan, &settings, console);
+    }
+    check_memory(&plan)?;
+    let pixels = (plan.size[0] * plan.size[1]) as f64;
+    if (settings.fit.gaussians as f64) < FEW * pixels {
+        console.note(&format!("warning: {} Gaussians for photos of {pixels} pixels: expect blur", settings.fit.gaussians));
+    }
+    if plan.training == 1 {
+        console.note("warning: one photo only: nothing says how far anything is away");
+    }
+    let folder = arguments.out.clone().unwrap_or_else(|| free_folder(&settings.capture));
+    finish(Run::create(&folder, settings, given.as_ref(), judge)?, &folder, console, interrupt)
+}
+
+fn format(format: &Format) -> SceneFormat {
+    match format {
+        Format::Splat => SceneFormat::Splat,
+        Format::Spz => SceneFormat::Spz,
+    }
+}
+
+/// The defaults for these photos, then the file, then flags.
+fn fit_settings(arguments: &Fit, plan: &Plan) -> Result<FitSettings, Failure> {
+    let (per_pixel, least, most) = GAUSSIANS;
+    let gaussians = ((per_pixel * (plan.size[0] * plan.size[1]) as f64) as usize).clamp(least, most);
+    let defaults = FitSettings { gaussians, ..FitSettings::default() };
+    let mut fit: FitSettings = weaver_settings::resolve(&defaults, arguments.config.as_deref(), &arguments.settings)?;
+    let set = |to: &mut usize, value: Option<u32>| *to = value.map_or(*to, |value| value as usize);
+    set(&mut fit.gaussians, arguments.gaussians);
+    set(&mut fit.steps, arguments.steps);
+    fit.seed = arguments.seed.unwrap_or(fit.seed);
+    fit.sh_degree = arguments.sh.map_or(fit.sh_degree, usize::from);
+    fit.antialiased |= arguments.antialiased;
+    fit.exposure |= arguments.exposure;
+    fit.background = arguments.background.map_or(fit.background, |color| color.0);
+    fit.poses.refine = arguments.poses.map_or(fit.poses.refine, |mode| mode == PoseMode::Refine);
+    fit.poses.focal |= arguments.focal;
+    if fit.poses.focal && !fit.poses.refine {
+        return Err(Failure::Usage("--focal: expected --poses refine with it".into()));
+    }
+    fit.density.strategy = match arguments.strategy {
+        None => fit.density.strategy,
+        Some(StrategyName::Split) => StrategyKind::Split,
+        Some(StrategyName::Mcmc) => StrategyKind::Mcmc,
+        Some(StrategyName::Keep) => StrategyKind::Keep,
+    };
+    fit.check()?;
+    Ok(fit)
+}
+
+/// Where Gaussians begin, and those that are given.
+fn initial(text: Option<&str>) -> Result<(Initial, Option<Gaussians>), Failure> {
+    match text {
+        None => Ok((Initial::Auto, None)),
+        Some("points") => Ok((Initial::Points, None)),
+        Some("random") => Ok((Initial::Random, None)),
+        Some(path) if Path::new(path).is_file() => Ok((Initial::Given, Some(weaver_io::read_gaussians(path)?))),
+        Some(path) => Err(Failure::message(format!("{path}: expected points, random or a file of Gaussians, found no such file"))),
+    }
+}
+
+/// The first of `fits/<name>-1`, `-2`, ... that does not exist.
+fn free_folder(capture: &Path) -> PathBuf {
+    let absolute = std::path::absolute(capture).unwrap_or(capture.into());
+    let folder = if absolute.is_file() { absolute.parent().unwrap_or(&absolute).to_path_buf() } else { absolute };
+    let name = folder.file_name().map_or("capture".into(), |name| name.to_string_lossy().into_owned());
+    let numbered = |i: usize| Path::new("fits").join(format!("{name}-{i}"));
+    (1..).map(numbered).find(|path| !path.exists()).expect("one of infinitely many names is free")
+}
+
+fn tell(plan: &Plan, settings: &RunSettings, console: &mut Console) -> Result<(), Failure> {
+    let mb = |bytes: u64| format!("{:>9.1} MB", bytes as f64 / 1e6);
+    let time = settings.minutes.map_or(format!("{} steps", settings.fit.steps), |m| format!("{m} minutes"));
+    let [width, height] = plan.size;
+    console.print(&format!(
+        "{} photos of at most {width}x{height}, {} held out; at most {} Gaussians, {time}\n\
+         photos      {}\nGaussians   {}\nrasterizer  {}\ntogether    {}",
+        plan.training,
+        plan.held_out,
+        settings.fit.gaussians,
+        mb(plan.photos),
+        mb(plan.gaussians),
+        mb(plan.rasterizer),
+        mb(plan.total())
+    ))
+}
+
+/// Refuses what would not fit into memory.
+fn check_memory(plan: &Plan) -> Result<(), Failure> {
+    match weaver_io::available_memory() {
+        Some(available) if available < plan.total() => Err(Failure::message(format!(
+            "memory: expected {:.1} GB, found {:.1} GB available; a smaller --size or fewer --gaussians reduce it",
+            plan.total() as f64 / 1e9,
+            available as f64 / 1e9
+        ))),
+        _ => Ok(()),
+    }
+}
+
+fn finish(mut run: Run, folder: &Path, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let settings = run.settings();
+    let (steps, budget) = (settings.fit.steps, settings.fit.gaussians);
+    console.note(&format!(
+        "{} photos, {} held out; {steps} steps, at most {budget} Gaussians; results in {}",
+        run.fit().photos(),
+        run.held_out().len(),
+        folder.display()
+    ));
+    let mut progress = Progress::new("fit", run.fit().steps_done(), steps, console);
+    let (mut psnr, start) = (None, Instant::now());
+    let stop = interrupt.watch();
+    let advanced = run.advance(stop, |report| {
+        // Smoothed over about fifty photos.
+        let smooth = psnr.map_or(report.psnr, |p: f64| p + 0.02 * (report.psnr - p));
+        psnr = Some(smooth);
+        let note = || format!("{smooth:.2} dB, {} Gaussians", report.gaussians);
+        progress.at(report.step, steps, note, console);
+    });
+    progress.finish();
+    advanced?;
+    console.note(&format!("{} for the steps; drawing and judging every photo", duration(start.elapsed().as_secs_f64())));
+    let outcome = run.finish()?;
+    print(&outcome, folder, console)
+}
+
+fn print(outcome: &Outcome, folder: &Path, console: &mut Console) -> Result<(), Failure> {
+    let path = |name: &str| folder.join(name).display().to_string();
+    let views = |name: &str, views: &Views| {
+        let number = |x: Option<f64>| x.map_or("     -".into(), |x| format!("{x:.4}"));
+        let q = &views.quality;
+        format!("{name:<10}{:>5}  {:>7.2}  {}  {}\n", views.views, q.psnr, number(q.ssim), number(q.lpips))
+    };
+    let test = outcome.test.as_ref().map_or(String::new(), |test| views("held out", test));
+    let memory = peak_mb().map_or(String::new(), |peak| format!(", at most {peak:.0} MB of memory"));
+    console.note(&format!("{} steps, {}{memory}", outcome.steps, duration(outcome.seconds)));
+    for name in &outcome.strangers {
+        console.note(&format!("warning: {name} is met far worse than the other photos; it may show something else"));
+    }
+    console.print(&format!(
+        "photos   views     PSNR    SSIM   LPIPS\n{test}{}{} Gaussians: {}\nreport: {}",
+        views("fitted", &outcome.train),
+        outcome.gaussians,
+        path("scene.ply"),
+        path("report.html")
+    ))?;
+    if outcome.steps < outcome.planned {
+        let (done, planned) = (outcome.steps, outcome.planned);
+        let folder = folder.display();
+        console.note(&format!("ended at step {done} of {planned}; to go on: splatweaver fit --resume {folder}"));
+    }
+    Ok(())
+}
