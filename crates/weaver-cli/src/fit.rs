@@ -7,8 +7,8 @@ use crate::progress::{Progress, duration};
 use crate::{Console, Interrupt};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use weaver_fit::run::{Initial, Outcome, Plan, Run, RunSettings, SceneFormat, Views, dry_run};
 use weaver_fit::{FitSettings, Judge, StrategyKind};
+use weaver_fit_run::{Initial, Outcome, Plan, Run, RunSettings, SceneFormat, Views, dry_run};
 use weaver_scene::Gaussians;
 use weaver_trainer::evaluate::load_lpips;
 
@@ -30,6 +30,7 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
         capture,
         long_side: arguments.size.map(|size| size as usize),
         all: arguments.all,
+        views: arguments.views.map(|views| views as usize),
         masks: arguments.masks,
         init: initial,
         minutes: arguments.steps.is_none().then(|| arguments.minutes.unwrap_or(MINUTES)),
@@ -45,7 +46,8 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
     check_memory(&plan)?;
     let pixels = (plan.size[0] * plan.size[1]) as f64;
     if (settings.fit.gaussians as f64) < FEW * pixels {
-        console.note(&format!("warning: {} Gaussians for photos of {pixels} pixels: expect blur", settings.fit.gaussians));
+        console
+            .note(&format!("warning: {} Gaussians for photos of {pixels} pixels: expect blur", settings.fit.gaussians));
     }
     if plan.training == 1 {
         console.note("warning: one photo only: nothing says how far anything is away");
@@ -97,7 +99,9 @@ fn initial(text: Option<&str>) -> Result<(Initial, Option<Gaussians>), Failure> 
         Some("points") => Ok((Initial::Points, None)),
         Some("random") => Ok((Initial::Random, None)),
         Some(path) if Path::new(path).is_file() => Ok((Initial::Given, Some(weaver_io::read_gaussians(path)?))),
-        Some(path) => Err(Failure::message(format!("{path}: expected points, random or a file of Gaussians, found no such file"))),
+        Some(path) => {
+            Err(Failure::message(format!("{path}: expected points, random or a file of Gaussians, found no such file")))
+        }
     }
 }
 
@@ -160,7 +164,8 @@ fn finish(mut run: Run, folder: &Path, console: &mut Console, interrupt: &Interr
     });
     progress.finish();
     advanced?;
-    console.note(&format!("{} for the steps; drawing and judging every photo", duration(start.elapsed().as_secs_f64())));
+    console
+        .note(&format!("{} for the steps; drawing and judging every photo", duration(start.elapsed().as_secs_f64())));
     let outcome = run.finish()?;
     print(&outcome, folder, console)
 }

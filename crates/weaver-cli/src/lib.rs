@@ -57,9 +57,7 @@ fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> R
         Command::Infer(arguments) => {
             in_pool(arguments.threads.threads.into(), || infer::run(&arguments, console, interrupt))
         }
-        Command::Fit(arguments) => {
-            in_pool(arguments.threads.into(), || fit::run(&arguments, console, interrupt))
-        }
+        Command::Fit(arguments) => in_pool(arguments.threads.into(), || fit::run(&arguments, console, interrupt)),
         Command::Render(arguments) => in_pool(arguments.threads.threads.into(), || render::run(&arguments, console)),
         Command::Info(arguments) => info::run(&arguments, console),
         Command::ConvertWeights(arguments) => convert_weights::run(&arguments, console, interrupt),

@@ -33,18 +33,6 @@ pub enum FitError {
         /// The loss.
         loss: f64,
     },
-    /// A file could not be read or written.
-    #[error(transparent)]
-    File(#[from] weaver_io::Error),
-    /// The capture could not be read.
-    #[error(transparent)]
-    Capture(#[from] weaver_data::Error),
-    /// The folder of a run exists already.
-    #[error("{}: a run exists there already", folder.display())]
-    RunExists {
-        /// The folder.
-        folder: std::path::PathBuf,
-    },
     /// The rasterizer refused.
     #[error(transparent)]
     Raster(#[from] weaver_splat::RasterError),

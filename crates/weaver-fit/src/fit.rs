@@ -165,9 +165,8 @@ impl<R: Rasterizer<f32>> Fit<R> {
         &self.settings
     }
 
-    /// Changes the length of a run that has not begun.
-    pub(crate) fn plan(&mut self, steps: usize) {
-        debug_assert!(self.step == 0, "the schedule of a run under way");
+    /// Changes the number of steps; all schedules follow. For a run that has not begun, such as after [`steps_in`](crate::steps_in).
+    pub fn set_steps(&mut self, steps: usize) {
         self.settings.steps = steps;
     }
 

@@ -5,9 +5,7 @@
 //! - [`Strategy`] is density control: [`Split`](strategy::Split), [`Mcmc`](strategy::Mcmc), [`Keep`](strategy::Keep), or one's own.
 //! - [`init`] makes the Gaussians to start from.
 //!
-//! - [`run`] is a fit of a capture on disk, with a folder of results, checkpoints and a report.
-//!
-//! Everything but [`run`] is on slices, without a tape and without files. The same seed gives the same bits at any number of threads.
+//! Everything is on slices, without a tape and without files. The same seed gives the same bits at any number of threads.
 
 mod cameras;
 mod error;
@@ -19,7 +17,6 @@ pub mod init;
 mod photos;
 mod population;
 mod rehearsal;
-pub mod run;
 mod settings;
 mod state;
 pub mod strategy;

@@ -39,7 +39,7 @@ impl Photo {
     }
 
     /// Whether no pixel counts.
-    pub(crate) fn is_masked(&self) -> bool {
+    pub fn is_masked(&self) -> bool {
         self.mask.as_ref().is_some_and(|mask| mask.iter().all(|m| *m == 0))
     }
 

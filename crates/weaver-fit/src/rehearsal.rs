@@ -19,9 +19,9 @@ const PARTS: usize = 50;
 /// # Errors
 /// As [`Fit::step`].
 pub fn steps_in<R: Rasterizer<f32>>(fit: &mut Fit<R>, seconds: f64) -> Result<usize, FitError> {
-    let kept = fit.state();
+    let kept = (fit.population.clone(), fit.statistics.clone(), fit.exposures.clone(), fit.poses.clone(), fit.focal);
     let result = mean_seconds(fit);
-    fit.restore(&kept)?;
+    (fit.population, fit.statistics, fit.exposures, fit.poses, fit.focal) = kept;
     Ok(((seconds / result?) as usize).max(1))
 }
 

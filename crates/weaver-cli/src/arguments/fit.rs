@@ -43,7 +43,7 @@ pub struct Fit {
     #[arg(long, value_name = "S", help_heading = RUN)]
     pub seed: Option<u64>,
     /// Goes on with this run, with its own settings
-    #[arg(long, value_name = "OUT", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "size", "sh", "poses", "focal", "antialiased", "exposure", "masks", "background", "strategy", "all", "formats", "settings", "config", "dry_run"])]
+    #[arg(long, value_name = "OUT", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "size", "sh", "poses", "focal", "antialiased", "exposure", "masks", "background", "strategy", "all", "views", "formats", "settings", "config", "dry_run"])]
     pub resume: Option<PathBuf>,
     /// Says what the run would take, and writes nothing
     #[arg(long, help_heading = RUN)]
@@ -60,6 +60,9 @@ pub struct Fit {
     /// Holds no photo out
     #[arg(long, help_heading = PHOTOS)]
     pub all: bool,
+    /// At most so many photos to fit to, evenly spread
+    #[arg(long, value_name = "V", value_parser = clap::value_parser!(u32).range(1..), help_heading = PHOTOS)]
+    pub views: Option<u32>,
     /// Leaves out what is black in masks: masks/NAME.png beside the photos, or mask_path of transforms.json
     #[arg(long, help_heading = PHOTOS)]
     pub masks: bool,

@@ -1,8 +1,8 @@
 //! report.html of a run.
 
-use super::outcome::{Judged, Outcome, Views};
-use super::{Record, Run, maps};
-use crate::{FitError, Quality};
+use crate::outcome::{Judged, Outcome, Views};
+use crate::{Record, Run, RunError, maps};
+use weaver_fit::Quality;
 use weaver_io::Image;
 use weaver_report::{Page, read_metrics};
 use weaver_splat::Workspace;
@@ -10,7 +10,7 @@ use weaver_splat::Workspace;
 /// Views with pictures.
 const PICTURES: usize = 6;
 
-pub fn write(run: &Run, outcome: &Outcome, train: &[Judged], test: &[Judged]) -> Result<(), FitError> {
+pub fn write(run: &Run, outcome: &Outcome, train: &[Judged], test: &[Judged]) -> Result<(), RunError> {
     let mut page = Page::new("SplatWeaver fit");
     page.heading(1, &format!("Fit of {}", run.settings.capture.display()));
     let [width, height] = outcome.size;
@@ -71,7 +71,7 @@ pub fn write(run: &Run, outcome: &Outcome, train: &[Judged], test: &[Judged]) ->
     Ok(page.write(run.folder.join("report.html"))?)
 }
 
-fn pictures(run: &Run, shown: &[Judged], training: bool, page: &mut Page) -> Result<(), FitError> {
+fn pictures(run: &Run, shown: &[Judged], training: bool, page: &mut Page) -> Result<(), RunError> {
     let gaussians = run.fit.gaussians().to_activated();
     let (settings, mut workspace) = (run.fit.raster_settings(), Workspace::new());
     let chosen = shown.len().min(PICTURES);

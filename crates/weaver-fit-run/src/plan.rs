@@ -1,7 +1,6 @@
 //! What a run will take, before it begins.
 
-use super::{RunSettings, posed_options};
-use crate::FitError;
+use crate::{RunError, RunSettings};
 use weaver_data::posed;
 use weaver_geometry::sh::coefficients;
 
@@ -36,8 +35,8 @@ impl Plan {
 ///
 /// # Errors
 /// When they cannot be read.
-pub fn dry_run(settings: &RunSettings) -> Result<Plan, FitError> {
-    let cameras = posed::cameras(&settings.capture, &posed_options(settings))?;
+pub fn dry_run(settings: &RunSettings) -> Result<Plan, RunError> {
+    let cameras = posed::cameras(&settings.capture, &settings.posed_options())?;
     let pixels = |camera: &weaver_geometry::Camera| (camera.width * camera.height) as u64;
     let held_out = cameras.iter().filter(|(_, held_out)| *held_out).count();
     let bytes_of_pixel = 3 + u64::from(settings.masks);
@@ -47,7 +46,7 @@ pub fn dry_run(settings: &RunSettings) -> Result<Plan, FitError> {
     let numbers = 3 + 3 + 4 + 1 + 3 * coefficients(settings.fit.sh_degree) as u64;
     let n = settings.fit.gaussians as u64;
     Ok(Plan {
-        training: cameras.len() - held_out,
+        training: (cameras.len() - held_out).min(settings.views.unwrap_or(usize::MAX)),
         held_out,
         size,
         photos: all * bytes_of_pixel * 4 / 3,

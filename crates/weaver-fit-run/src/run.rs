@@ -1,124 +1,37 @@
-//! A fit of a capture on disk: a folder with the scene, cameras, checkpoints, logs and a report.
-//!
-//! | file | content |
-//! |---|---|
-//! | `run.json` | what was asked for, with the number of steps once it is known |
-//! | `checkpoint.safetensors` | everything needed to go on |
-//! | `scene.ply` | the Gaussians; also `scene.splat`, `scene.spz` if asked for |
-//! | `transforms.json`, `sparse/0` | the cameras, refined ones too, of the photos as they are on disk |
-//! | `summary.json` | the outcome |
-//! | `metrics.jsonl`, `events/` | logged values, also for TensorBoard |
-//! | `report.html` | held-out photos beside renders, maps, curves |
+//! A fit of a capture, under way.
 
-mod maps;
-mod outcome;
-mod plan;
-mod report;
-
-pub use outcome::{Outcome, PoseChange, Views};
-pub use plan::{Plan, dry_run};
-
-use crate::fit::{Fit, StepReport};
-use crate::photos::Photo;
-use crate::settings::FitSettings;
-use crate::{FitError, Judge, init, steps_in};
-use serde::{Deserialize, Serialize};
+use crate::{Initial, Record, RunError, RunSettings};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use weaver_data::capture::HoldOut;
-use weaver_data::posed::{self, PosedOptions, PosedPhoto};
+use weaver_data::posed::{self, PosedPhoto};
+use weaver_fit::{Fit, Judge, Photo, StepReport, init, steps_in};
 use weaver_geometry::Camera;
 use weaver_io::checkpoint::Tensors;
 use weaver_report::{MetricsLog, TensorBoard};
 use weaver_scene::Gaussians;
 
-/// What is asked of a run.
-#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
-pub struct RunSettings {
-    /// The capture: a folder, or a transforms.json.
-    pub capture: PathBuf,
-    /// Longest side of the photos, pixels; `None` takes them as they are.
-    pub long_side: Option<usize>,
-    /// Whether no photo is held out.
-    pub all: bool,
-    /// Whether masks are read.
-    pub masks: bool,
-    /// Where the Gaussians begin.
-    pub init: Initial,
-    /// Time for all of it, minutes; the number of steps follows from the speed. `None` takes [`FitSettings::steps`].
-    pub minutes: Option<f64>,
-    /// Further files of the scene.
-    pub formats: Vec<SceneFormat>,
-    /// How the scene is fitted.
-    pub fit: FitSettings,
-}
-
-/// Where Gaussians begin.
-#[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Initial {
-    /// On the capture's points, at random if it has none.
-    #[default]
-    Auto,
-    /// On the capture's points.
-    Points,
-    /// At random.
-    Random,
-    /// As given to [`Run::create`].
-    Given,
-}
-
-/// File formats of a scene beside PLY.
-#[derive(Clone, Copy, Debug, Deserialize, Eq, PartialEq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum SceneFormat {
-    /// 32 bytes a Gaussian, no harmonics.
-    Splat,
-    /// Compressed, with harmonics.
-    Spz,
-}
-
 /// A photo's place on disk.
 #[derive(Clone, Debug)]
-struct Origin {
-    name: String,
-    path: PathBuf,
-    file_camera: Camera,
+pub(crate) struct Origin {
+    pub name: String,
+    pub path: PathBuf,
+    pub file_camera: Camera,
 }
 
 /// A run under way.
 #[derive(Debug)]
 pub struct Run {
-    folder: PathBuf,
-    settings: RunSettings,
-    fit: Fit,
-    held_out: Vec<Photo>,
+    pub(crate) folder: PathBuf,
+    pub(crate) settings: RunSettings,
+    pub(crate) fit: Fit,
+    pub(crate) held_out: Vec<Photo>,
     /// Of the training photos, then of the held-out ones.
-    origins: Vec<Origin>,
-    judge: Judge,
+    pub(crate) origins: Vec<Origin>,
+    pub(crate) judge: Judge,
     /// Seconds of earlier sessions.
     before: f64,
     started: Instant,
-}
-
-/// A logged moment: means over the steps since the last one.
-#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Serialize)]
-pub struct Record {
-    /// Steps done.
-    pub step: usize,
-    /// Seconds since the run began.
-    pub seconds: f64,
-    /// The loss.
-    pub loss: f64,
-    /// Mean absolute difference.
-    pub l1: f64,
-    /// Of the photos looked at, dB, at the size they were looked at.
-    pub psnr: f64,
-    /// Gaussians.
-    pub gaussians: usize,
-    /// Millions of Gaussians times pixels that were blended.
-    pub pairs: f64,
 }
 
 /// Records of a run, whatever its length.
@@ -140,10 +53,10 @@ impl Run {
         mut settings: RunSettings,
         given: Option<&Gaussians>,
         judge: Judge,
-    ) -> Result<Self, FitError> {
+    ) -> Result<Self, RunError> {
         let started = Instant::now();
         if run_path(folder).exists() || folder.join("scene.ply").exists() {
-            return Err(FitError::RunExists { folder: folder.into() });
+            return Err(RunError::RunExists { folder: folder.into() });
         }
         settings.fit.check()?;
         settings.capture = std::path::absolute(&settings.capture).unwrap_or(settings.capture);
@@ -153,12 +66,15 @@ impl Run {
             let reserve = run.seconds_of_results()?;
             let left = 60.0 * minutes - started.elapsed().as_secs_f64() - reserve;
             let steps = steps_in(&mut run.fit, left.max(0.0))?;
-            run.fit.plan(steps);
+            run.fit.set_steps(steps);
             run.settings.fit.steps = steps;
         }
         weaver_io::create_folder(folder)?;
         weaver_io::check_writable(folder)?;
         let text = serde_json::to_string_pretty(&run.settings).expect("settings are plain data");
+        if let Some(given) = given {
+            weaver_io::write_ply(init_path(folder), given)?;
+        }
         weaver_io::write_text(run_path(folder), &(text + "\n"))?;
         Ok(run)
     }
@@ -167,11 +83,11 @@ impl Run {
     ///
     /// # Errors
     /// When there is no run, its files or its capture cannot be read, or they no longer belong together.
-    pub fn resume(folder: &Path, judge: Judge) -> Result<Self, FitError> {
+    pub fn resume(folder: &Path, judge: Judge) -> Result<Self, RunError> {
         let started = Instant::now();
         let path = run_path(folder);
         let settings: RunSettings = serde_json::from_str(&weaver_io::read_text(&path)?).map_err(|e| {
-            FitError::File(weaver_io::Error::Invalid {
+            RunError::File(weaver_io::Error::Invalid {
                 path: path.clone(),
                 place: "settings".into(),
                 expected: "those of a fit".into(),
@@ -179,7 +95,7 @@ impl Run {
             })
         })?;
         let checkpoint = checkpoint_path(folder);
-        let given = folder.join("init.ply");
+        let given = init_path(folder);
         let given = given.exists().then(|| weaver_io::read_gaussians(&given)).transpose()?;
         let (fit, held_out, origins) = load(&settings, given.as_ref())?;
         let mut run = Self { folder: folder.into(), settings, fit, held_out, origins, judge, before: 0.0, started };
@@ -215,7 +131,7 @@ impl Run {
     ///
     /// # Errors
     /// As [`Fit::step`], and when a file cannot be written; the last checkpoint then stays as it was.
-    pub fn advance(&mut self, stop: &AtomicBool, mut observe: impl FnMut(&StepReport)) -> Result<(), FitError> {
+    pub fn advance(&mut self, stop: &AtomicBool, mut observe: impl FnMut(&StepReport)) -> Result<(), RunError> {
         let steps = self.fit.settings().steps;
         let every = steps.div_ceil(RECORDS);
         let mut log = MetricsLog::open(self.folder.join("metrics.jsonl"), self.fit.steps_done())?;
@@ -246,7 +162,7 @@ impl Run {
     ///
     /// # Errors
     /// When it cannot be written; the last one then stays as it was.
-    pub fn save(&self) -> Result<(), FitError> {
+    pub fn save(&self) -> Result<(), RunError> {
         let mut state = self.fit.state();
         state.metadata.insert("seconds".into(), format!("{:.3}", self.seconds()));
         Ok(state.write(checkpoint_path(&self.folder))?)
@@ -257,22 +173,16 @@ fn run_path(folder: &Path) -> PathBuf {
     folder.join("run.json")
 }
 
+fn init_path(folder: &Path) -> PathBuf {
+    folder.join("init.ply")
+}
+
 fn checkpoint_path(folder: &Path) -> PathBuf {
     folder.join("checkpoint.safetensors")
 }
 
-/// How to load the photos of a run.
-fn posed_options(settings: &RunSettings) -> PosedOptions {
-    PosedOptions {
-        long_side: settings.long_side,
-        hold_out: if settings.all { HoldOut::Nothing } else { HoldOut::Listed },
-        masks: settings.masks,
-        background: settings.fit.background,
-    }
-}
-
-fn load(settings: &RunSettings, given: Option<&Gaussians>) -> Result<(Fit, Vec<Photo>, Vec<Origin>), FitError> {
-    let capture = posed::load(&settings.capture, &posed_options(settings))?;
+fn load(settings: &RunSettings, given: Option<&Gaussians>) -> Result<(Fit, Vec<Photo>, Vec<Origin>), RunError> {
+    let capture = posed::load(&settings.capture, &settings.posed_options())?;
     let (mut training, mut held_out) = (Vec::new(), Vec::new());
     let (mut origins, mut held_out_origins) = (Vec::new(), Vec::new());
     for PosedPhoto { name, path, camera, file_camera, rgb, mask, held_out: out } in capture.photos {
@@ -285,47 +195,26 @@ fn load(settings: &RunSettings, given: Option<&Gaussians>) -> Result<(Fit, Vec<P
         photos.push(photo);
         places.push(Origin { name, path, file_camera });
     }
+    if let Some(views) = settings.views {
+        let chosen = weaver_data::uniform(training.len(), views.clamp(1, training.len().max(1)));
+        training = chosen.iter().map(|i| training[*i].clone()).collect();
+        origins = chosen.iter().map(|i| origins[*i].clone()).collect();
+    }
     origins.append(&mut held_out_origins);
     if training.is_empty() {
         let expected = "at least one to fit to with pixels that count; --all holds none out";
-        return Err(FitError::setting("photos", expected, format!("{} held out, none other", held_out.len())));
+        let found = format!("{} held out, none other", held_out.len());
+        return Err(RunError::Photos {
+            capture: settings.capture.clone(),
+            key: "photos",
+            expected: expected.into(),
+            found,
+        });
     }
     let initial = match (settings.init, capture.points.is_empty()) {
-        (Initial::Given, _) => {
-            let none = || FitError::setting("init", "Gaussians to begin with", "none");
-            init::from_gaussians(given.ok_or_else(none)?, &settings.fit)?
-        }
+        (Initial::Given, _) => init::from_gaussians(given.unwrap_or(&Gaussians::default()), &settings.fit)?,
         (Initial::Random, _) | (Initial::Auto, true) => init::random(&training, &settings.fit)?,
         (Initial::Points | Initial::Auto, _) => init::from_points(&capture.points, &settings.fit)?,
     };
     Ok((Fit::new(training, &initial, settings.fit.clone())?, held_out, origins))
-}
-
-impl Record {
-    fn add(&mut self, report: &StepReport) {
-        self.step = report.step;
-        self.gaussians = report.gaussians;
-        self.loss += report.loss;
-        self.l1 += report.l1;
-        self.psnr += report.psnr;
-        self.pairs += report.pairs as f64 / 1e6;
-    }
-
-    fn mean(&self, count: usize, seconds: f64) -> Self {
-        let over = 1.0 / count as f64;
-        let Self { loss, l1, psnr, pairs, .. } = *self;
-        Self { seconds, loss: loss * over, l1: l1 * over, psnr: psnr * over, pairs: pairs * over, ..*self }
-    }
-
-    fn scalars(&self) -> [(&'static str, f32); 5] {
-        let gaussians = self.gaussians as f64;
-        let all = [
-            ("loss", self.loss),
-            ("l1", self.l1),
-            ("psnr", self.psnr),
-            ("gaussians", gaussians),
-            ("pairs", self.pairs),
-        ];
-        all.map(|(name, value)| (name, value as f32))
-    }
 }

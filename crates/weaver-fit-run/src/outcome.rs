@@ -1,9 +1,10 @@
 //! What a run leaves behind at its end.
 
-use super::{Initial, Run, SceneFormat, report};
-use crate::{FitError, Quality};
+use crate::run::Origin;
+use crate::{Run, RunError, report};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
+use weaver_fit::{Photo, Quality};
 use weaver_geometry::{Camera, Pose};
 use weaver_io::colmap::Model;
 use weaver_io::{Transforms, write_gaussians};
@@ -65,7 +66,7 @@ pub struct PoseChange {
 const STRANGE: f64 = 8.0;
 
 /// A view that was judged.
-pub(super) struct Judged {
+pub(crate) struct Judged {
     pub name: String,
     pub camera: Camera,
     pub image: Vec<f32>,
@@ -77,15 +78,11 @@ impl Run {
     ///
     /// # Errors
     /// When a file cannot be written, or the rasterizer refuses.
-    pub fn finish(&mut self) -> Result<Outcome, FitError> {
+    pub fn finish(&mut self) -> Result<Outcome, RunError> {
         let gaussians = self.fit.gaussians();
         write_gaussians(self.folder.join("scene.ply"), &gaussians)?;
         for format in &self.settings.formats {
-            let name = match format {
-                SceneFormat::Splat => "scene.splat",
-                SceneFormat::Spz => "scene.spz",
-            };
-            write_gaussians(self.folder.join(name), &gaussians)?;
+            write_gaussians(self.folder.join(format.file_name()), &gaussians)?;
         }
         let test_cameras = self.held_out_cameras()?;
         self.write_cameras(&test_cameras)?;
@@ -140,24 +137,23 @@ impl Run {
     }
 
     /// The cameras that held-out photos are judged with.
-    fn held_out_cameras(&mut self) -> Result<Vec<Camera>, FitError> {
+    fn held_out_cameras(&mut self) -> Result<Vec<Camera>, RunError> {
         let cameras: Vec<Camera> = self.held_out.iter().map(|photo| photo.camera).collect();
         Ok(cameras.iter().map(|camera| self.fit.adjusted(camera)).collect())
     }
 
     /// Writes transforms.json and a COLMAP model, with intrinsics for the photos as they are on disk.
-    fn write_cameras(&self, test: &[Camera]) -> Result<(), FitError> {
+    fn write_cameras(&self, test: &[Camera]) -> Result<(), RunError> {
         let fitted = (0..self.fit.photos()).map(|i| self.fit.camera(i)).chain(test.iter().copied());
         let cameras: Vec<Camera> = fitted
             .zip(&self.origins)
             .map(|(camera, origin)| self.fit.adjusted(&Camera { pose: camera.pose, ..origin.file_camera }))
             .collect();
-        let frames = |name: &dyn Fn(&super::Origin) -> String| -> Vec<Frame> {
+        let frames = |name: &dyn Fn(&Origin) -> String| -> Vec<Frame> {
             self.origins.iter().zip(&cameras).map(|(origin, camera)| Frame::new(name(origin), *camera)).collect()
         };
-        let absolute = |origin: &super::Origin| {
-            std::path::absolute(&origin.path).unwrap_or(origin.path.clone()).display().to_string()
-        };
+        let absolute =
+            |origin: &Origin| std::path::absolute(&origin.path).unwrap_or(origin.path.clone()).display().to_string();
         let frames_on_disk = frames(&absolute);
         let test_filenames = frames_on_disk[self.fit.photos()..].iter().map(|frame| frame.name.clone()).collect();
         Transforms { frames: frames_on_disk, test_filenames, ..Transforms::default() }
@@ -167,7 +163,7 @@ impl Run {
         Ok(())
     }
 
-    fn judge_training(&mut self) -> Result<Vec<Judged>, FitError> {
+    fn judge_training(&mut self) -> Result<Vec<Judged>, RunError> {
         let photos = self.fit.photos();
         let judge = |i: usize| {
             let camera = self.fit.camera(i);
@@ -183,8 +179,8 @@ impl Run {
         (0..photos).map(judge).collect()
     }
 
-    fn judge_held_out(&mut self, cameras: &[Camera]) -> Result<Vec<Judged>, FitError> {
-        let judge = |(photo, camera): (&crate::Photo, &Camera)| {
+    fn judge_held_out(&mut self, cameras: &[Camera]) -> Result<Vec<Judged>, RunError> {
+        let judge = |(photo, camera): (&Photo, &Camera)| {
             let image = self.fit.render(camera)?;
             let quality = self.judge.compare(&image, &photo.rgb, [camera.height, camera.width]);
             Ok(Judged { name: photo.name.clone(), camera: *camera, image, quality })
@@ -194,7 +190,7 @@ impl Run {
 
     /// Seconds that the results will take, from judging one photo now; with a budget full of Gaussians and pictures for the
     /// report it takes longer than with the few that there are.
-    pub(super) fn seconds_of_results(&mut self) -> Result<f64, FitError> {
+    pub(crate) fn seconds_of_results(&mut self) -> Result<f64, RunError> {
         let start = Instant::now();
         let camera = self.fit.camera(0);
         let image = self.fit.render(&camera)?;
@@ -211,11 +207,4 @@ fn strangers(judged: &[Judged]) -> Vec<String> {
     all.sort_unstable_by(f64::total_cmp);
     let Some(median) = all.get(all.len() / 2) else { return Vec::new() };
     judged.iter().filter(|j| j.quality.psnr < median - STRANGE).map(|j| j.name.clone()).collect()
-}
-
-impl Initial {
-    /// Whether Gaussians have to be given.
-    pub fn is_given(self) -> bool {
-        self == Self::Given
-    }
 }

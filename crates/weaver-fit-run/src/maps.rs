@@ -1,6 +1,6 @@
 //! Pictures of what a scene does at a view.
 
-use crate::FitError;
+use crate::RunError;
 use std::sync::atomic::{AtomicU32, Ordering};
 use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec3;
@@ -29,7 +29,7 @@ pub fn count(
     camera: &Camera,
     settings: &RasterSettings,
     workspace: &mut Workspace<f32>,
-) -> Result<(Image, u32), FitError> {
+) -> Result<(Image, u32), RunError> {
     let pixels = camera.width * camera.height;
     let (mut image, mut alpha) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
     let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };

@@ -1,0 +1,39 @@
+//! What can go wrong with a run.
+
+use std::path::PathBuf;
+use weaver_fit::FitError;
+
+/// Why a run cannot begin or go on.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The optimization refused, or its numbers grew beyond all bounds.
+    #[error(transparent)]
+    Fit(#[from] FitError),
+    /// A file could not be read or written.
+    #[error(transparent)]
+    File(#[from] weaver_io::Error),
+    /// The capture could not be read.
+    #[error(transparent)]
+    Capture(#[from] weaver_data::Error),
+    /// The rasterizer refused.
+    #[error(transparent)]
+    Raster(#[from] weaver_splat::RasterError),
+    /// The capture gives nothing to fit.
+    #[error("{}: {key}: expected {expected}, found {found}", capture.display())]
+    Photos {
+        /// The capture.
+        capture: PathBuf,
+        /// What is missing.
+        key: &'static str,
+        /// What should have been there.
+        expected: String,
+        /// What was there.
+        found: String,
+    },
+    /// The folder of a run is in use.
+    #[error("{}: a run exists there already", folder.display())]
+    RunExists {
+        /// The folder.
+        folder: PathBuf,
+    },
+}

@@ -1,0 +1,35 @@
+//! A fit of a capture on disk: a folder with the scene, cameras, checkpoints, logs and a report.
+//!
+//! | file | content |
+//! |---|---|
+//! | `run.json` | what was asked for, with the number of steps once it is known |
+//! | `init.ply` | the Gaussians it began with, if they were given |
+//! | `checkpoint.safetensors` | everything needed to go on |
+//! | `scene.ply` | the Gaussians; also `scene.splat`, `scene.spz` if asked for |
+//! | `transforms.json`, `sparse/0` | the cameras, refined ones too, of the photos as they are on disk |
+//! | `summary.json` | the outcome |
+//! | `metrics.jsonl`, `events/` | logged values, also for TensorBoard |
+//! | `report.html` | held-out photos beside renders, maps, curves |
+//!
+//! [`Run`] is such a fit, [`RunSettings`] what is asked of it, [`dry_run`] what it would take.
+
+mod error;
+mod maps;
+mod outcome;
+mod plan;
+mod record;
+mod report;
+mod run;
+mod settings;
+
+pub use error::RunError;
+pub use outcome::{Outcome, PoseChange, Views};
+pub use plan::{Plan, dry_run};
+pub use record::Record;
+pub use run::Run;
+pub use settings::{Initial, RunSettings, SceneFormat};
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

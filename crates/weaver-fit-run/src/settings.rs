@@ -1,0 +1,91 @@
+//! What is asked of a run.
+
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+use weaver_data::capture::HoldOut;
+use weaver_data::posed::PosedOptions;
+use weaver_fit::FitSettings;
+
+/// What is asked of a run.
+#[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
+pub struct RunSettings {
+    /// The capture: a folder, or a transforms.json.
+    pub capture: PathBuf,
+    /// Longest side of the photos, pixels; `None` takes them as they are.
+    pub long_side: Option<usize>,
+    /// Whether no photo is held out.
+    pub all: bool,
+    /// At most so many photos to fit to, evenly spread in the capture's order.
+    pub views: Option<usize>,
+    /// Whether masks are read.
+    pub masks: bool,
+    /// Where the Gaussians begin.
+    pub init: Initial,
+    /// Time for all of it, minutes; the number of steps follows from the speed. `None` takes [`FitSettings::steps`].
+    pub minutes: Option<f64>,
+    /// Further files of the scene.
+    pub formats: Vec<SceneFormat>,
+    /// How the scene is fitted.
+    pub fit: FitSettings,
+}
+
+/// Where Gaussians begin.
+#[derive(Clone, Copy, Debug, Default, Deserialize, Eq, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Initial {
+    /// On the capture's points, at random if it has none.
+    #[default]
+    Auto,
+    /// On the capture's points.
+    Points,
+    /// At random.
+    Random,
+    /// As given to [`Run::create`](crate::Run::create).
+    Given,
+}
+
+/// File formats of a scene beside PLY.
+#[derive(Clone, Copy, Debug, Deserialize, Eq, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SceneFormat {
+    /// 32 bytes a Gaussian, no harmonics.
+    Splat,
+    /// Compressed, with harmonics.
+    Spz,
+}
+
+impl SceneFormat {
+    pub(crate) fn file_name(self) -> &'static str {
+        match self {
+            Self::Splat => "scene.splat",
+            Self::Spz => "scene.spz",
+        }
+    }
+}
+
+impl RunSettings {
+    /// A run of this capture with everything else as usual.
+    pub fn new(capture: impl Into<PathBuf>, fit: FitSettings) -> Self {
+        Self {
+            capture: capture.into(),
+            long_side: None,
+            all: false,
+            views: None,
+            masks: false,
+            init: Initial::Auto,
+            minutes: None,
+            formats: Vec::new(),
+            fit,
+        }
+    }
+
+    /// How to load the photos.
+    pub(crate) fn posed_options(&self) -> PosedOptions {
+        PosedOptions {
+            long_side: self.long_side,
+            hold_out: if self.all { HoldOut::Nothing } else { HoldOut::Listed },
+            masks: self.masks,
+            background: self.fit.background,
+        }
+    }
+}
