@@ -1,8 +1,10 @@
 //! The command line and its help texts.
 
 mod fit;
+mod refine;
 
 pub use fit::{Fit, Format, PoseMode, StrategyName};
+pub use refine::RefineFlags;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args, Parser, Subcommand};
@@ -149,6 +151,8 @@ pub struct Eval {
     pub cameras: Option<CameraMode>,
     #[command(flatten)]
     pub density: DensityFlags,
+    #[command(flatten)]
+    pub refine: RefineFlags,
     /// Also LPIPS, with the weights in this safetensors file
     #[arg(long, value_name = "WEIGHTS")]
     pub lpips: Option<PathBuf>,
@@ -169,6 +173,7 @@ pub struct Eval {
 #[command(after_help = "Examples:
   splatweaver infer --run runs/mine a.jpg b.jpg c.jpg d.jpg -o result
   splatweaver infer --run runs/mine photos --budget 0.2 -o compact
+  splatweaver infer --run runs/mine photos --refine 30 -o better
   splatweaver infer --run runs/mine photos/*.jpg --cameras transforms.json -o posed
   splatweaver infer --weights model.safetensors photos -o scene
   splatweaver infer --weights model.safetensors photos --keep-aspect --size 448 -o wide")]
@@ -203,6 +208,8 @@ pub struct Infer {
     pub cameras: Option<PathBuf>,
     #[command(flatten)]
     pub density: DensityFlags,
+    #[command(flatten)]
+    pub refine: RefineFlags,
     /// Folder for the results
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,

@@ -4,6 +4,7 @@ use crate::Console;
 use crate::arguments::Eval;
 use crate::failure::Failure;
 use crate::progress::Progress;
+use crate::refine::refined;
 use weaver_inference::RunFolder;
 use weaver_trainer::{Overrides, Source};
 
@@ -21,6 +22,7 @@ pub fn run(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
     };
     let folder = RunFolder::at(&arguments.run);
     let mut run = weaver_recipes::registry().of_run(&folder)?.open(&folder)?;
+    run.predictor = refined(run.predictor, &arguments.refine, &[])?;
     let mut progress = Progress::new("eval", 0, 0, console);
     let mut show = |done, total| progress.at(done, total, String::new, console);
     let evaluation = run.evaluate(&source, &overrides, &mut show);

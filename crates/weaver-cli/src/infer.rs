@@ -3,6 +3,7 @@
 use crate::arguments::Infer;
 use crate::failure::Failure;
 use crate::progress::Progress;
+use crate::refine::refined;
 use crate::{Console, Interrupt};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -16,10 +17,14 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
     let report = match (&arguments.run, &arguments.weights) {
         (Some(run), _) => {
             let folder = RunFolder::at(run);
-            let mut run = weaver_recipes::registry().of_run(&folder)?.open(&folder)?;
+            let run = weaver_recipes::registry().of_run(&folder)?.open(&folder)?;
+            let mut predictor = refined(run.predictor, &arguments.refine, &images)?;
             let (cameras, density) = (arguments.cameras.clone(), arguments.density.into());
             let options = Options { cameras, density, seed: run.seed };
-            reconstruct(&mut *run.predictor, &images, &options, &arguments.out)?
+            reconstruct(&mut *predictor, &images, &options, &arguments.out)?
+        }
+        (None, Some(_)) if arguments.refine.is_asked() => {
+            return Err(Failure::Usage("--refine: expected --run; published checkpoints are not refined yet".into()));
         }
         (None, Some(weights)) => published(weights, &images, arguments, console, interrupt)?,
         (None, None) => return Err(Failure::Usage("expected --run or --weights".into())),

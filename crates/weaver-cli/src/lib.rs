@@ -16,6 +16,7 @@ mod infer;
 mod info;
 mod interrupt;
 mod progress;
+mod refine;
 mod render;
 mod train;
 mod video;

@@ -76,6 +76,7 @@ pub struct Fit<R: Rasterizer<f32> = CpuRasterizer> {
     strategy: Box<dyn Strategy>,
     pub(crate) step: usize,
     extent: f64,
+    raster: RasterSettings,
     activated: Activated,
     gradients: Gradients,
     loss: Photometric<f32>,
@@ -151,6 +152,11 @@ impl<R: Rasterizer<f32>> Fit<R> {
             strategy,
             step: 0,
             extent,
+            raster: RasterSettings {
+                antialiased: settings.antialiased,
+                near: settings.near * extent,
+                ..RasterSettings::default()
+            },
             activated: Activated::default(),
             gradients: Gradients::default(),
             loss: Photometric::new(),
@@ -221,11 +227,12 @@ impl<R: Rasterizer<f32>> Fit<R> {
 
     /// How the scene is drawn.
     pub fn raster_settings(&self) -> RasterSettings {
-        RasterSettings {
-            antialiased: self.settings.antialiased,
-            near: self.settings.near * self.extent,
-            ..RasterSettings::default()
-        }
+        self.raster
+    }
+
+    /// Draws the scene by other rules than [`FitSettings`] say, such as those that the initial Gaussians were made for.
+    pub fn set_raster_settings(&mut self, raster: RasterSettings) {
+        self.raster = raster;
     }
 
     /// How long the parts of the last step took.
@@ -311,7 +318,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
         let camera = at_level(&camera, level);
         let (height, width) = (camera.height, camera.width);
         let rows = CameraRows::new(&[camera]);
-        let raster = self.raster_settings();
+        let raster = self.raster;
         let buffers = &mut self.buffers;
         buffers.resize(height * width);
         self.activated.update(&self.population);
@@ -369,7 +376,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
         let pixels = camera.width * camera.height;
         let (mut image, mut alpha) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
         let rows = CameraRows::new(&[*camera]);
-        let raster = self.raster_settings();
+        let raster = self.raster;
         self.activated.update(&self.population);
         let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
         let cameras = rows.as_slices(&self.settings.background);

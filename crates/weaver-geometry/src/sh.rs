@@ -3,6 +3,7 @@
 //! The order is by degree `l`, then `m = -l ..= l`; degree 1 is `(-y, z, -x)` times a constant. Directions are
 //! of unit length, from the camera to the Gaussian.
 
+use glam::{DMat3, DVec3};
 use std::ops::{Add, Mul, Neg, Sub};
 
 /// The largest supported degree.
@@ -98,6 +99,60 @@ pub fn gradient(direction: [f64; 3]) -> [[f64; 3]; MAX_COEFFICIENTS] {
         let radial: f64 = slope.iter().zip(direction).map(|(s, d)| s * d).sum();
         std::array::from_fn(|i| slope[i] - radial * direction[i])
     })
+}
+
+/// What a rotation of the world does to coefficients, degree by degree: matrices `[2 l + 1, 2 l + 1]` row by row for l from 1
+/// to `degree`, such that the rotated scene has, along a rotated direction, the color that the scene had along the direction.
+///
+/// `basis(R d) . (M c) = basis(d) . c` for every direction d. Found from the basis at directions all over the sphere by least
+/// squares, which are exact because degrees do not mix.
+pub fn rotation(degree: usize, rotation: &DMat3) -> Vec<Vec<f64>> {
+    /// More than the coefficients of the largest degree, and well spread.
+    const DIRECTIONS: usize = 64;
+    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let directions = (0..DIRECTIONS).map(|i| {
+        let z = 1.0 - (2 * i + 1) as f64 / DIRECTIONS as f64;
+        let (sin, cos) = (golden * i as f64).sin_cos();
+        let r = (1.0 - z * z).sqrt();
+        DVec3::new(r * cos, r * sin, z)
+    });
+    let at = |d: DVec3| basis(MAX_DEGREE, d.to_array(), |x| x);
+    let pairs: Vec<_> = directions.map(|d| (at(*rotation * d), at(d))).collect();
+    (1..=degree.min(MAX_DEGREE))
+        .map(|l| {
+            let (first, n) = (coefficients(l - 1), 2 * l + 1);
+            let mut normal = vec![0.0; n * n];
+            let mut right = vec![0.0; n * n];
+            for (turned, before) in &pairs {
+                for i in 0..n {
+                    for j in 0..n {
+                        normal[i * n + j] += turned[first + i] * turned[first + j];
+                        right[i * n + j] += turned[first + i] * before[first + j];
+                    }
+                }
+            }
+            solve(&mut normal, &mut right, n);
+            right
+        })
+        .collect()
+}
+
+/// Solves `a x = b` for a positive definite a, both `[n, n]`; x replaces b.
+fn solve(a: &mut [f64], b: &mut [f64], n: usize) {
+    for p in 0..n {
+        let pivot = a[p * n + p];
+        for row in (0..n).filter(|row| *row != p) {
+            let factor = a[row * n + p] / pivot;
+            for k in 0..n {
+                a[row * n + k] -= factor * a[p * n + k];
+                b[row * n + k] -= factor * b[p * n + k];
+            }
+        }
+    }
+    for row in 0..n {
+        let pivot = a[row * n + row];
+        b[row * n..][..n].iter_mut().for_each(|x| *x /= pivot);
+    }
 }
 
 /// A number and its derivatives with respect to x, y and z.

@@ -32,6 +32,9 @@ pub enum Error {
     /// Photos or cameras could not be read.
     #[error(transparent)]
     Data(#[from] weaver_data::Error),
+    /// A prediction could not be refined.
+    #[error(transparent)]
+    Fit(#[from] weaver_fit::FitError),
     /// A checkpoint is damaged or belongs to another model.
     #[error("{}: {message}", path.display())]
     Checkpoint {

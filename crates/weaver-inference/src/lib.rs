@@ -1,7 +1,8 @@
 //! Photos to cameras and 3-D Gaussians with trained weights, on a CPU.
 //!
 //! [`Predictor`] is what every model can do; [`SplatWeaverPredictor`] is SplatWeaver with its weights, opened from the
-//! folder of a training run. [`reconstruct`](mod@reconstruct) runs a predictor on photo files and writes a scene;
+//! folder of a training run. [`Refined`] optimizes what it
+//! predicts; [`reconstruct`](mod@reconstruct) runs a predictor on photo files and writes a scene;
 //! [`published`] runs the published checkpoints of SplatWeaver and VGGT-1B. Nothing here needs a training run's
 //! configuration file, and nothing here trains.
 
@@ -11,12 +12,14 @@ pub mod pictures;
 mod predictor;
 pub mod published;
 pub mod reconstruct;
+mod refined;
 mod run_folder;
 mod splatweaver;
 
 pub use checkpoint::{Checkpoint, Defaults, FORMAT, WeightSet};
 pub use error::Error;
 pub use predictor::{CameraSource, Density, Photos, Prediction, Predictor, push_planar};
+pub use refined::{Effort, Refined};
 pub use run_folder::RunFolder;
 pub use splatweaver::SplatWeaverPredictor;
 

@@ -18,6 +18,7 @@ mod frame;
 mod gaussians;
 mod points;
 mod slices;
+mod transform;
 
 pub use activated::ActivatedGaussians;
 pub use cameras::{CameraRows, CameraSlices, intrinsics_row, viewmat};

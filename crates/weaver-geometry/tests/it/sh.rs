@@ -1,4 +1,4 @@
-use crate::strategies::unit;
+use crate::strategies::{rotation, unit};
 use proptest::prelude::*;
 use std::f64::consts::TAU;
 use weaver_geometry::glam::DVec3;
@@ -79,5 +79,21 @@ proptest! {
         let k = coefficients(degree);
         prop_assert_eq!(&all[..k], &some[..k]);
         prop_assert!(some[k..].iter().all(|x: &f64| *x == 0.0));
+    }
+
+    #[test]
+    fn rotated_coefficients_give_the_color_along_the_rotated_direction(
+        turn in rotation(),
+        direction in unit(),
+        c in prop::collection::vec(-1.0..1.0f64, MAX_COEFFICIENTS),
+    ) {
+        let (before, after) = (basis(direction.to_array()), basis((turn * direction).to_array()));
+        for (matrix, l) in sh::rotation(MAX_DEGREE, &turn).iter().zip(1..) {
+            let (first, n) = (coefficients(l - 1), 2 * l + 1);
+            let rotated = matrix.chunks_exact(n).map(|row| row.iter().zip(&c[first..]).map(|(m, c)| m * c).sum::<f64>());
+            let color: f64 = rotated.zip(&after[first..]).map(|(c, b)| c * b).sum();
+            let expected: f64 = (first..first + n).map(|i| before[i] * c[i]).sum();
+            prop_assert!((color - expected).abs() < 1e-10, "degree {l}: {color} {expected}");
+        }
     }
 }

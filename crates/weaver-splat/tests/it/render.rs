@@ -1,8 +1,8 @@
 //! Pictures from cameras.
 
 use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Camera, Intrinsics, Pose};
-use weaver_scene::ActivatedGaussians;
+use weaver_geometry::{Camera, Intrinsics, Pose, Similarity, so3};
+use weaver_scene::{ActivatedGaussians, Gaussians};
 use weaver_splat::{RasterSettings, Workspace, render};
 
 #[test]
@@ -35,4 +35,31 @@ fn a_camera_sees_the_same_alone_and_among_others_of_any_size() {
     let broken = ActivatedGaussians { scales: vec![0.1; 3], ..gaussians };
     let error = render(&broken, &cameras, background, &settings, &mut workspace).unwrap_err();
     assert!(error.to_string().contains("scales"), "{error}");
+}
+
+#[test]
+fn a_scene_carried_into_another_world_looks_the_same_from_a_camera_carried_along() {
+    let draw = |i: usize| ((i * 7919) % 101) as f32 / 50.0 - 1.0;
+    let n = 12;
+    let gaussians = Gaussians {
+        means: (0..n).map(|i| [draw(3 * i), draw(3 * i + 1), 4.0 + draw(3 * i + 2)]).collect(),
+        log_scales: (0..n).map(|i| [draw(i + 50) - 1.5, draw(i + 60) - 1.5, draw(i + 70) - 1.5]).collect(),
+        quats: (0..n).map(|i| [draw(i), draw(i + 1) + 0.3, draw(i + 2), draw(i + 3)]).collect(),
+        opacity_logits: (0..n).map(|i| draw(i + 20)).collect(),
+        sh: (0..n * 48).map(|i| 0.3 * draw(i)).collect(),
+        degree: 3,
+    };
+    let intrinsics = Intrinsics { fx: 24.0, fy: 22.0, cx: 16.0, cy: 12.0 };
+    let camera = Camera { pose: Pose::IDENTITY, intrinsics, width: 32, height: 24 };
+    let rotation = so3::exp(DVec3::new(0.7, -1.1, 0.4));
+    let to = Similarity { scale: 2.5, rotation, translation: DVec3::new(3.0, -1.0, 0.5) };
+    let carried = Camera { pose: to.apply_to_pose(&camera.pose), ..camera };
+    let picture = |gaussians: &Gaussians, camera: Camera| {
+        let settings = RasterSettings::default();
+        render(&gaussians.to_activated(), &[camera], [0.2; 3], &settings, &mut Workspace::new()).unwrap().remove(0)
+    };
+    let (here, there) = (picture(&gaussians, camera), picture(&gaussians.transformed(&to), carried));
+    assert!(here.iter().any(|x| (x - 0.2).abs() > 0.2), "something is in view");
+    let largest = here.iter().zip(&there).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(largest < 1e-4, "{largest}");
 }

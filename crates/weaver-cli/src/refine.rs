@@ -1,0 +1,40 @@
+//! Refinement of what a network predicts.
+
+use crate::arguments::RefineFlags;
+use crate::failure::Failure;
+use std::path::PathBuf;
+use weaver_inference::{Effort, Predictor, Refined};
+use weaver_io::Image;
+
+/// The predictor, refined if that is asked for. `photos` say how large the photos are, where there are any to ask.
+pub fn refined(
+    predictor: Box<dyn Predictor>,
+    flags: &RefineFlags,
+    photos: &[PathBuf],
+) -> Result<Box<dyn Predictor>, Failure> {
+    let effort = match (flags.refine, flags.refine_steps) {
+        (Some(seconds), _) => Effort::Seconds(seconds),
+        (None, Some(steps)) => Effort::Steps(steps as usize),
+        (None, None) if flags.refine_size.is_some() => {
+            return Err(Failure::Usage("--refine-size: expected --refine or --refine-steps with it".into()));
+        }
+        (None, None) => return Ok(predictor),
+    };
+    let [height, width] = predictor.image_size();
+    let scale = match flags.refine_size {
+        Some(side) => f64::from(side) / height.max(width) as f64,
+        None => own_scale(photos, [height, width])?,
+    };
+    let size = [height, width].map(|side| (side as f64 * scale).round().max(1.0) as usize);
+    Ok(Box::new(Refined::new(predictor, size, effort)))
+}
+
+/// How much larger than the network's size the smallest photo is; at least 1, and 1 of no photos.
+fn own_scale(photos: &[PathBuf], [height, width]: [usize; 2]) -> Result<f64, Failure> {
+    let mut least = f64::INFINITY;
+    for photo in photos {
+        let (w, h) = Image::dimensions(photo)?;
+        least = least.min((w as f64 / width as f64).min(h as f64 / height as f64));
+    }
+    Ok(if least.is_finite() { least.max(1.0) } else { 1.0 })
+}

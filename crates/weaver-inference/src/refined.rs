@@ -1,0 +1,194 @@
+//! A model's predictions, refined on the photos that they were made from.
+
+use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, push_planar};
+use weaver_fit::{Fit, FitSettings, Photo, StrategyKind, steps_in};
+use weaver_geometry::{Camera, Pose, Similarity};
+use weaver_io::Image;
+use weaver_kernels::random::Stream;
+use weaver_scene::Gaussians;
+use weaver_splat::{RasterSettings, Workspace};
+
+/// For how long a prediction is refined.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Effort {
+    /// So many steps.
+    Steps(usize),
+    /// As many steps as fit into so many seconds.
+    Seconds(f64),
+}
+
+/// A predictor whose Gaussians, and predicted cameras, are optimized to meet the photos that it was given.
+///
+/// The number of Gaussians stays what the predictor made. Cameras that were given stay; predicted ones move, and the first
+/// stays the origin. Photos may be larger than the network's: it sees them shrunk, the optimization as they are.
+#[derive(Debug)]
+pub struct Refined {
+    inner: Box<dyn Predictor>,
+    size: [usize; 2],
+    effort: Effort,
+    steps: usize,
+}
+
+impl Refined {
+    /// Refines the predictions of `inner` on photos of `size` (height, width), which has the shape of the network's.
+    pub fn new(inner: Box<dyn Predictor>, size: [usize; 2], effort: Effort) -> Self {
+        Self { inner, size, effort, steps: 0 }
+    }
+
+    /// Steps of the last refinement.
+    pub fn steps(&self) -> usize {
+        self.steps
+    }
+
+    fn refine(&mut self, photos: Photos<'_>, prediction: &mut Prediction, moving: bool) -> Result<(), Error> {
+        let gaussians = prediction.gaussians.to_stored();
+        if gaussians.is_empty() {
+            return Ok(());
+        }
+        let photos = views(photos, &prediction.cameras);
+        let mut settings = settings(gaussians.len(), gaussians.degree);
+        settings.background = self.inner.background();
+        settings.poses.refine = moving;
+        let (initial, effort) = (finite(gaussians), self.effort);
+        if let Effort::Steps(steps) = effort {
+            settings.steps = steps;
+        }
+        let mut fit = Fit::new(photos, &initial, settings)?;
+        fit.set_raster_settings(self.inner.raster_settings());
+        if let Effort::Seconds(seconds) = effort {
+            let steps = steps_in(&mut fit, seconds)?;
+            fit.set_steps(steps);
+        }
+        while fit.steps_done() < fit.settings().steps {
+            fit.step()?;
+        }
+        self.steps = fit.steps_done();
+        let refined: Vec<Camera> = (0..fit.photos()).map(|i| fit.camera(i)).collect();
+        let origin = first_as_origin(&refined[0].pose);
+        prediction.gaussians = fit.gaussians().transformed(&origin).to_activated();
+        if moving {
+            prediction.cameras =
+                refined.iter().map(|camera| Camera { pose: origin.apply_to_pose(&camera.pose), ..*camera }).collect();
+            prediction.predicted = prediction.cameras.clone();
+        }
+        Ok(())
+    }
+}
+
+/// How predictions are refined: from few photos, with the rates of a scene that is nearly right.
+fn settings(gaussians: usize, degree: usize) -> FitSettings {
+    let mut settings = FitSettings {
+        gaussians,
+        sh_degree: degree,
+        sh_interval: 0.0,
+        coarse_until: 0.0,
+        halvings: 0,
+        ..FitSettings::default()
+    };
+    settings.density.strategy = StrategyKind::Keep;
+    settings
+}
+
+/// Logits that can be learned from.
+fn finite(mut gaussians: Gaussians) -> Gaussians {
+    gaussians.opacity_logits.iter_mut().for_each(|o| *o = o.clamp(-9.0, 9.0));
+    gaussians
+}
+
+/// The transform to the world in which this camera stands at the origin.
+fn first_as_origin(pose: &Pose) -> Similarity {
+    Similarity { scale: 1.0, rotation: pose.rotation, translation: pose.translation }
+}
+
+fn views(photos: Photos<'_>, cameras: &[Camera]) -> Vec<Photo> {
+    let Photos { planes, height, width } = photos;
+    let pixels = height * width;
+    let rgb = |planes: &[f32]| -> Vec<u8> {
+        (0..3 * pixels).map(|i| (planes[i % 3 * pixels + i / 3] * 255.0).round() as u8).collect()
+    };
+    (planes.chunks_exact(3 * pixels).zip(cameras).enumerate())
+        .map(|(i, (planes, camera))| Photo { name: i.to_string(), camera: *camera, rgb: rgb(planes), mask: None })
+        .collect()
+}
+
+/// A camera of an image resized to `size` (height, width).
+fn resized(camera: &Camera, [height, width]: [usize; 2]) -> Camera {
+    let (sx, sy) = (width as f64 / camera.width as f64, height as f64 / camera.height as f64);
+    Camera { intrinsics: camera.intrinsics.resized(sx, sy), width, height, ..*camera }
+}
+
+/// Photos `[V, 3, H, W]` shrunk to `size`.
+fn shrunk(photos: Photos<'_>, [height, width]: [usize; 2]) -> Vec<f32> {
+    let Photos { planes, height: h, width: w } = photos;
+    let mut small = Vec::new();
+    for photo in planes.chunks_exact(3 * h * w) {
+        let pixels = (0..3 * h * w).map(|i| photo[i % 3 * h * w + i / 3]).collect();
+        let image = Image { width: w, height: h, pixels };
+        push_planar(&mut small, &image.resize(width, height, [0.0, 0.0, w as f64, h as f64]));
+    }
+    small
+}
+
+/// Values `[V, h, w]` of the nearest pixels, `[V, H, W]`.
+fn spread<T: Copy>(values: &[T], [h, w]: [usize; 2], [height, width]: [usize; 2]) -> Vec<T> {
+    let at = |v: usize, y: usize, x: usize| values[(v * h + y * h / height) * w + x * w / width];
+    let rows = (0..values.len() / (h * w).max(1)).flat_map(|v| (0..height).map(move |y| (v, y)));
+    rows.flat_map(|(v, y)| (0..width).map(move |x| at(v, y, x))).collect()
+}
+
+impl Predictor for Refined {
+    fn predict(
+        &mut self,
+        photos: Photos<'_>,
+        cameras: CameraSource<'_>,
+        density: Density,
+        stream: Stream,
+    ) -> Result<Prediction, Error> {
+        let small = self.inner.image_size();
+        let [height, width] = small;
+        let given = |cameras: &[Camera]| -> Vec<Camera> { cameras.iter().map(|c| resized(c, small)).collect() };
+        let (kept, moving) = match cameras {
+            CameraSource::Predicted => (Vec::new(), true),
+            CameraSource::Given(cameras) | CameraSource::GivenUnscaled(cameras) => (given(cameras), false),
+        };
+        let source = match cameras {
+            CameraSource::Predicted => CameraSource::Predicted,
+            CameraSource::Given(_) => CameraSource::Given(&kept),
+            CameraSource::GivenUnscaled(_) => CameraSource::GivenUnscaled(&kept),
+        };
+        let planes = shrunk(photos, small);
+        let mut prediction = self.inner.predict(Photos { planes: &planes, height, width }, source, density, stream)?;
+        let large = [photos.height, photos.width];
+        for cameras in [&mut prediction.cameras, &mut prediction.predicted] {
+            cameras.iter_mut().for_each(|camera| *camera = resized(camera, large));
+        }
+        self.refine(photos, &mut prediction, moving)?;
+        prediction.depth = spread(&prediction.depth, small, large);
+        prediction.counts = spread(&prediction.counts, small, large);
+        Ok(prediction)
+    }
+
+    fn density(&self, asked: Density) -> Result<Density, Error> {
+        self.inner.density(asked)
+    }
+
+    fn image_size(&self) -> [usize; 2] {
+        self.size
+    }
+
+    fn max_per_pixel(&self) -> usize {
+        self.inner.max_per_pixel()
+    }
+
+    fn raster_settings(&self) -> RasterSettings {
+        self.inner.raster_settings()
+    }
+
+    fn background(&self) -> [f32; 3] {
+        self.inner.background()
+    }
+
+    fn workspace(&mut self) -> &mut Workspace<f32> {
+        self.inner.workspace()
+    }
+}
