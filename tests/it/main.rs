@@ -6,6 +6,7 @@ mod checkpoints;
 mod command;
 mod configuration;
 mod divergence;
+mod fit;
 mod help;
 mod info;
 mod inputs;

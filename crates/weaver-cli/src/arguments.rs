@@ -117,7 +117,8 @@ const DENSITY: &str = "How many Gaussians, and where";
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver config > mine.toml
-  splatweaver config --preset tiny-published")]
+  splatweaver config --preset tiny-published
+  splatweaver config --fit > fit.toml")]
 pub struct Config {
     /// The preset [default: tiny]
     #[arg(long)]
@@ -125,6 +126,9 @@ pub struct Config {
     /// The model [default: splatweaver]
     #[arg(long, value_name = "NAME")]
     pub model: Option<String>,
+    /// The settings of `fit` instead
+    #[arg(long, conflicts_with_all = ["preset", "model"])]
+    pub fit: bool,
 }
 
 /// Renders held-out views from the Gaussians of their nearest training views and compares them with the photos.

@@ -63,6 +63,9 @@ fn explained(error: &(dyn Error + 'static)) -> Option<(u8, String)> {
     if let Some(Training::RunExists { .. }) = training {
         return Some((2, format!("{error}; give another --out, or continue it with --resume")));
     }
+    if let Some(weaver_fit_run::RunError::RunExists { .. }) = error.downcast_ref() {
+        return Some((2, format!("{error}; give another --out, or continue it with --resume")));
+    }
     let inference = match training {
         Some(Training::Inference(error)) => Some(error),
         _ => error.downcast_ref::<Inference>(),

@@ -7,8 +7,10 @@ use crate::progress::{Progress, duration};
 use crate::{Console, Interrupt};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use weaver_fit::{FitSettings, Judge, StrategyKind};
+use weaver_data::capture::{self, CaptureOptions, HoldOut};
+use weaver_fit::{FitSettings, Judge, StrategyKind, init};
 use weaver_fit_run::{Initial, Outcome, Plan, Run, RunSettings, SceneFormat, Views, dry_run};
+use weaver_inference::{RunFolder, predict_capture};
 use weaver_scene::Gaussians;
 use weaver_trainer::evaluate::load_lpips;
 
@@ -25,14 +27,14 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
         return finish(Run::resume(folder, judge)?, folder, console, interrupt);
     }
     let capture = arguments.capture.clone().ok_or_else(|| Failure::Usage("expected a capture".into()))?;
-    let (initial, given) = initial(arguments.init.as_deref())?;
+    let initial = initial(arguments.init.as_deref())?;
     let mut settings = RunSettings {
         capture,
         long_side: arguments.size.map(|size| size as usize),
         all: arguments.all,
         views: arguments.views.map(|views| views as usize),
         masks: arguments.masks,
-        init: initial,
+        init: initial.kind(),
         minutes: arguments.steps.is_none().then(|| arguments.minutes.unwrap_or(MINUTES)),
         formats: arguments.formats.iter().map(format).collect(),
         fit: FitSettings::default(),
@@ -52,6 +54,7 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
     if plan.training == 1 {
         console.note("warning: one photo only: nothing says how far anything is away");
     }
+    let given = initial.gaussians(&settings)?;
     let folder = arguments.out.clone().unwrap_or_else(|| free_folder(&settings.capture));
     finish(Run::create(&folder, settings, given.as_ref(), judge)?, &folder, console, interrupt)
 }
@@ -92,18 +95,61 @@ fn fit_settings(arguments: &Fit, plan: &Plan) -> Result<FitSettings, Failure> {
     Ok(fit)
 }
 
-/// Where Gaussians begin, and those that are given.
-fn initial(text: Option<&str>) -> Result<(Initial, Option<Gaussians>), Failure> {
+/// Where Gaussians begin.
+enum Begin {
+    Here(Initial),
+    File(PathBuf),
+    Network(RunFolder),
+}
+
+fn initial(text: Option<&str>) -> Result<Begin, Failure> {
     match text {
-        None => Ok((Initial::Auto, None)),
-        Some("points") => Ok((Initial::Points, None)),
-        Some("random") => Ok((Initial::Random, None)),
-        Some(path) if Path::new(path).is_file() => Ok((Initial::Given, Some(weaver_io::read_gaussians(path)?))),
-        Some(path) => {
-            Err(Failure::message(format!("{path}: expected points, random or a file of Gaussians, found no such file")))
+        None => Ok(Begin::Here(Initial::Auto)),
+        Some("points") => Ok(Begin::Here(Initial::Points)),
+        Some("random") => Ok(Begin::Here(Initial::Random)),
+        Some(path) if Path::new(path).is_file() => Ok(Begin::File(path.into())),
+        Some(path) if RunFolder::at(path).checkpoint_path().exists() => Ok(Begin::Network(RunFolder::at(path))),
+        Some(path) => Err(Failure::message(format!(
+            "--init {path}: expected points, random, a file of Gaussians or the folder of a trained network, found none of them"
+        ))),
+    }
+}
+
+impl Begin {
+    fn kind(&self) -> Initial {
+        match self {
+            Self::Here(initial) => *initial,
+            _ => Initial::Given,
+        }
+    }
+
+    /// The Gaussians that are given.
+    fn gaussians(&self, settings: &RunSettings) -> Result<Option<Gaussians>, Failure> {
+        match self {
+            Self::Here(_) => Ok(None),
+            Self::File(path) => Ok(Some(weaver_io::read_gaussians(path)?)),
+            Self::Network(folder) => predicted(folder, settings).map(Some),
         }
     }
 }
+
+/// What a network makes of the photos to fit to, thinned so that there is room to work in.
+fn predicted(folder: &RunFolder, settings: &RunSettings) -> Result<Gaussians, Failure> {
+    let mut run = weaver_recipes::registry().of_run(folder)?.open(folder)?;
+    let [height, width] = run.predictor.image_size();
+    let hold_out = if settings.all { HoldOut::Nothing } else { HoldOut::Listed };
+    let options = CaptureOptions { width, height, hold_out, ..CaptureOptions::default() };
+    let scene = capture::load(&settings.capture, &options)?;
+    let mut views = scene.training_views();
+    if let Some(most) = settings.views {
+        views = weaver_data::uniform(views.len(), most.min(views.len())).into_iter().map(|i| views[i]).collect();
+    }
+    let gaussians = predict_capture(&mut *run.predictor, &scene, &views, NETWORK_VIEWS, settings.fit.seed)?;
+    Ok(init::part_of(&gaussians, init::room(&settings.fit), settings.fit.seed))
+}
+
+/// Photos that a network sees at once.
+const NETWORK_VIEWS: usize = 4;
 
 /// The first of `fits/<name>-1`, `-2`, ... that does not exist.
 fn free_folder(capture: &Path) -> PathBuf {

@@ -14,6 +14,7 @@
 //! [`Run`] is such a fit, [`RunSettings`] what is asked of it, [`dry_run`] what it would take.
 
 mod error;
+mod judged;
 mod maps;
 mod outcome;
 mod plan;

@@ -1,5 +1,6 @@
 //! What a run leaves behind at its end.
 
+use crate::judged::Judged;
 use crate::run::Origin;
 use crate::{Run, RunError, report};
 use serde::{Deserialize, Serialize};
@@ -64,14 +65,6 @@ pub struct PoseChange {
 
 /// Decibels below the median from which a photo is called a stranger.
 const STRANGE: f64 = 8.0;
-
-/// A view that was judged.
-pub(crate) struct Judged {
-    pub name: String,
-    pub camera: Camera,
-    pub image: Vec<f32>,
-    pub quality: Quality,
-}
 
 impl Run {
     /// Writes scene, cameras, summary and report.

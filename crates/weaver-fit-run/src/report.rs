@@ -1,6 +1,7 @@
 //! report.html of a run.
 
-use crate::outcome::{Judged, Outcome, Views};
+use crate::judged::Judged;
+use crate::outcome::{Outcome, Views};
 use crate::{Record, Run, RunError, maps};
 use weaver_fit::Quality;
 use weaver_io::Image;

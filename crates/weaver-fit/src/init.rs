@@ -65,6 +65,14 @@ pub fn random(photos: &[Photo], settings: &FitSettings) -> Result<Gaussians, Fit
     Ok(isotropic(means, &colors, settings))
 }
 
+/// A random part of Gaussians, in their order, no more than `count`.
+pub fn part_of(gaussians: &Gaussians, count: usize, seed: u64) -> Gaussians {
+    let mut chosen = Stream::new(seed, 0, "fit.part").permutation(gaussians.len());
+    chosen.truncate(count);
+    chosen.sort_unstable();
+    rows(gaussians, &chosen, gaussians.degree)
+}
+
 /// Gaussians of another scene, of more than the budget the most opaque.
 ///
 /// # Errors
@@ -89,22 +97,28 @@ pub fn from_gaussians(gaussians: &Gaussians, settings: &FitSettings) -> Result<G
     if chosen.is_empty() {
         return Err(FitError::setting("init", "Gaussians with finite numbers", "none"));
     }
+    let mut kept = rows(gaussians, &chosen, gaussians.degree.min(settings.sh_degree));
+    // Infinite logits are opacities of 0 and 1; neither could be learned from.
+    kept.opacity_logits.iter_mut().for_each(|o| *o = o.clamp(-9.0, 9.0));
+    Ok(kept)
+}
+
+/// Some Gaussians, with harmonics up to a degree.
+fn rows(gaussians: &Gaussians, chosen: &[usize], degree: usize) -> Gaussians {
     let wide = 3 * gaussians.coefficients();
-    let degree = gaussians.degree.min(settings.sh_degree);
     let kept = 3 * weaver_geometry::sh::coefficients(degree);
-    Ok(Gaussians {
+    Gaussians {
         means: chosen.iter().map(|n| gaussians.means[*n]).collect(),
         log_scales: chosen.iter().map(|n| gaussians.log_scales[*n]).collect(),
         quats: chosen.iter().map(|n| gaussians.quats[*n]).collect(),
-        // Infinite logits are opacities of 0 and 1; neither could be learned from.
-        opacity_logits: chosen.iter().map(|n| gaussians.opacity_logits[*n].clamp(-9.0, 9.0)).collect(),
+        opacity_logits: chosen.iter().map(|n| gaussians.opacity_logits[*n]).collect(),
         sh: chosen.iter().flat_map(|n| gaussians.sh[n * wide..][..kept].iter().copied()).collect(),
         degree,
-    })
+    }
 }
 
-/// How many Gaussians there may be at the beginning.
-fn room(settings: &FitSettings) -> usize {
+/// How many Gaussians there may be at the beginning, so that density control has room to work in.
+pub fn room(settings: &FitSettings) -> usize {
     let part = match settings.density.strategy {
         crate::StrategyKind::Keep => 1.0,
         _ => settings.density.initial_part,

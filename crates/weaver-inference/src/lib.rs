@@ -6,6 +6,7 @@
 //! [`published`] runs the published checkpoints of SplatWeaver and VGGT-1B. Nothing here needs a training run's
 //! configuration file, and nothing here trains.
 
+mod capture;
 mod checkpoint;
 mod error;
 pub mod pictures;
@@ -16,6 +17,7 @@ mod refined;
 mod run_folder;
 mod splatweaver;
 
+pub use capture::predict_capture;
 pub use checkpoint::{Checkpoint, Defaults, FORMAT, WeightSet};
 pub use error::Error;
 pub use predictor::{CameraSource, Density, Photos, Prediction, Predictor, push_planar};

@@ -15,6 +15,8 @@ const OUTSIDE: &[&str] = &["rayon", "smallvec", "thiserror", "glam", "half", "li
 const ABOVE: &[&str] = &[
     "weaver-io",
     "weaver-report",
+    "weaver-fit",
+    "weaver-fit-run",
     "weaver-settings",
     "weaver-data",
     "weaver-model",

@@ -162,7 +162,7 @@ mod tests {
     fn backgrounds_have_names_or_numbers() {
         assert_eq!(background("black"), Ok(Rgb([0.0; 3])));
         assert_eq!(background("0,0.5,1"), Ok(Rgb([0.0, 0.5, 1.0])));
-        assert!(background("grey").is_err() && background("2,0,0").is_err());
+        assert!(background("gray").is_err() && background("2,0,0").is_err());
     }
 
     #[test]

@@ -1,0 +1,71 @@
+//! The Gaussians of a whole capture: many photos with cameras, a few at a time.
+
+use crate::{CameraSource, Density, Error, Photos, Predictor, push_planar};
+use weaver_data::{Scene, Tuple};
+use weaver_geometry::{Camera, Similarity};
+use weaver_kernels::random::Stream;
+use weaver_scene::Gaussians;
+
+/// Predicts the Gaussians of `views` of a scene, `context` at a time, with the scene's cameras and in its world.
+///
+/// Groups are a view and its nearest neighbors among those that are left. The photos must have the predictor's size.
+///
+/// # Errors
+/// When the predictor refuses photos, cameras or density.
+pub fn predict_capture(
+    predictor: &mut dyn Predictor,
+    scene: &Scene,
+    views: &[usize],
+    context: usize,
+    seed: u64,
+) -> Result<Gaussians, Error> {
+    let density = predictor.density(Density::default())?;
+    let mut left = views.to_vec();
+    let mut all = Gaussians::default();
+    while let Some(first) = left.first().copied() {
+        let mut group = vec![first];
+        group.extend(scene.nearest(first, &left, context.max(1) - 1));
+        left.retain(|view| !group.contains(view));
+        let stream = Stream::new(seed, first as u64, "inference.capture");
+        append(&mut all, predict_group(predictor, scene, group, density, stream)?);
+    }
+    Ok(all)
+}
+
+fn predict_group(
+    predictor: &mut dyn Predictor,
+    scene: &Scene,
+    group: Vec<usize>,
+    density: Density,
+    stream: Stream,
+) -> Result<Gaussians, Error> {
+    let [height, width] = predictor.image_size();
+    let mut planes = Vec::new();
+    group.iter().for_each(|v| push_planar(&mut planes, &scene.views[*v].image));
+    let tuple = Tuple { scene: 0, context: group, targets: Vec::new() };
+    let origin = scene.views[tuple.context[0]].camera.pose;
+    let camera = |v: usize, pose| Camera { pose, ..scene.views[v].camera };
+    // Without points nothing says how large the scene is; the predictor then chooses the factor.
+    let normalized = scene.normalized(&tuple).ok();
+    let cameras: Vec<Camera> = match &normalized {
+        Some(posed) => tuple.context.iter().zip(&posed.poses).map(|(v, pose)| camera(*v, *pose)).collect(),
+        None => tuple.context.iter().map(|v| camera(*v, scene.views[*v].camera.pose.relative_to(&origin))).collect(),
+    };
+    let source = match normalized {
+        Some(_) => CameraSource::Given(&cameras),
+        None => CameraSource::GivenUnscaled(&cameras),
+    };
+    let prediction = predictor.predict(Photos { planes: &planes, height, width }, source, density, stream)?;
+    let scale = 1.0 / normalized.map_or(prediction.scaled_by.unwrap_or(1.0), |posed| posed.scale);
+    let to_world = Similarity { scale, rotation: origin.rotation.transpose(), translation: origin.center() };
+    Ok(prediction.gaussians.to_stored().transformed(&to_world))
+}
+
+fn append(all: &mut Gaussians, mut more: Gaussians) {
+    all.degree = more.degree;
+    all.means.append(&mut more.means);
+    all.log_scales.append(&mut more.log_scales);
+    all.quats.append(&mut more.quats);
+    all.opacity_logits.append(&mut more.opacity_logits);
+    all.sh.append(&mut more.sh);
+}

@@ -1,0 +1,159 @@
+//! `fit`: results, determinism, going on after a stop, and bad input.
+
+use crate::capture;
+use crate::command::{Outcome, splatweaver};
+use serde_json::Value;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use weaver_io::Image;
+
+/// A fit of a small capture in a few steps.
+fn fit(capture: &Path, out: &Path, more: &[&dyn AsRef<OsStr>]) -> Outcome {
+    let mut line: Vec<&dyn AsRef<OsStr>> = vec![&"fit", &capture, &"-o", &out];
+    line.extend(more);
+    splatweaver(&line)
+}
+
+fn small(capture: &Path, out: &Path, more: &[&dyn AsRef<OsStr>]) -> Outcome {
+    let mut all: Vec<&dyn AsRef<OsStr>> =
+        vec![&"--steps", &"60", &"--gaussians", &"300", &"--set", &"density.interval=10"];
+    all.extend(more);
+    fit(capture, out, &all)
+}
+
+fn captured(folder: &Path) -> PathBuf {
+    let capture = folder.join("capture");
+    std::fs::create_dir_all(&capture).unwrap();
+    capture::colmap(&capture, capture::VIEWS);
+    capture
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+#[test]
+fn a_capture_becomes_a_scene_with_everything_that_is_promised() {
+    let folder = tempfile::tempdir().unwrap();
+    let (capture, out) = (captured(folder.path()), folder.path().join("out"));
+    let done = small(&capture, &out, &[&"--also", &"splat", &"--also", &"spz", &"--exposure", &"--antialiased"]).fine();
+    assert!(done.stdout.contains("held out") && done.stdout.contains("scene.ply"), "{}", done.stdout);
+    let summary = json(&out.join("summary.json"));
+    assert_eq!((&summary["steps"], &summary["size"]), (&60.into(), &serde_json::json!([40, 32])));
+    assert_eq!((&summary["train"]["views"], &summary["test"]["views"]), (&8.into(), &2.into()));
+    assert!(summary["gaussians"].as_u64().unwrap() <= 300);
+    assert!(summary["train"]["psnr"].as_f64().unwrap() > 15.0, "{summary}");
+    assert!(summary["test"]["ssim"].as_f64().is_some() && summary["test"]["lpips"].is_null());
+    assert_eq!(summary["poses"]["refined"], false);
+    for name in ["scene.ply", "scene.splat", "scene.spz", "run.json", "metrics.jsonl", "checkpoint.safetensors"] {
+        assert!(out.join(name).is_file(), "{name}");
+    }
+    let report = std::fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(report.contains("Held-out photos") && report.contains("data:image/png") && report.contains("<svg"));
+    // What was written is a capture and a scene again.
+    let renders = folder.path().join("renders");
+    let cameras = out.join("transforms.json");
+    splatweaver(&[&"render", &out.join("scene.ply"), &"--cameras", &cameras, &"-o", &renders]).fine();
+    splatweaver(&[&"info", &out.join("sparse/0")]).fine();
+    small(&cameras, &folder.path().join("again"), &[&"--init", &out.join("scene.spz")]).fine();
+    // Nothing is overwritten.
+    small(&capture, &out, &[]).refused(2, &["a run exists there already", "--resume"]);
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bits_at_any_number_of_threads_and_another_seed_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let capture = captured(folder.path());
+    let scene = |name: &str, more: &[&dyn AsRef<OsStr>]| {
+        let out = folder.path().join(name);
+        small(&capture, &out, more).fine();
+        std::fs::read(out.join("scene.ply")).unwrap()
+    };
+    let one = scene("one", &[&"--threads", &"1"]);
+    assert!(one == scene("two", &[&"--threads", &"2"]) && one == scene("three", &[&"--threads", &"3"]));
+    assert!(one != scene("other", &[&"--seed", &"1"]));
+    // A time becomes steps, and the same steps give the same bits.
+    let timed = folder.path().join("timed");
+    fit(&capture, &timed, &[&"--minutes", &"0.05", &"--gaussians", &"300"]).fine();
+    let steps = json(&timed.join("run.json"))["fit"]["steps"].to_string();
+    let again = folder.path().join("timed-again");
+    fit(&capture, &again, &[&"--steps", &steps, &"--gaussians", &"300"]).fine();
+    let read = |folder: &Path| std::fs::read(folder.join("scene.ply")).unwrap();
+    assert!(read(&timed) == read(&again));
+}
+
+#[test]
+fn masked_photos_a_size_and_few_views_are_respected() {
+    let folder = tempfile::tempdir().unwrap();
+    let (capture, out) = (captured(folder.path()), folder.path().join("out"));
+    small(&capture, &out, &[&"--masks"]).refused(1, &["mask", "masks/", "no such file"]);
+    std::fs::create_dir(capture.join("masks")).unwrap();
+    for i in 0..capture::VIEWS {
+        Image::filled(40, 32, [1.0; 3]).write_png(capture.join(format!("masks/{i:02}.png"))).unwrap();
+    }
+    small(&capture, &out, &[&"--masks", &"--size", &"20", &"--views", &"3", &"--background", &"black"]).fine();
+    let summary = json(&out.join("summary.json"));
+    assert_eq!((&summary["size"], &summary["train"]["views"]), (&serde_json::json!([20, 16]), &3.into()));
+    for i in 0..capture::VIEWS {
+        Image::filled(40, 32, [0.0; 3]).write_png(capture.join(format!("masks/{i:02}.png"))).unwrap();
+    }
+    small(&capture, &folder.path().join("dark"), &[&"--masks"]).refused(1, &["photos", "pixels that count"]);
+}
+
+#[test]
+fn a_dry_run_says_what_it_would_take_and_writes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let (capture, out) = (captured(folder.path()), folder.path().join("out"));
+    let done = small(&capture, &out, &[&"--dry-run"]).fine();
+    assert!(done.stdout.contains("8 photos of at most 40x32, 2 held out") && done.stdout.contains("together"));
+    assert!(!out.exists());
+}
+
+#[test]
+fn what_cannot_be_fitted_is_refused_in_one_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let (capture, out) = (captured(folder.path()), folder.path().join("out"));
+    let nothing = folder.path().join("nothing");
+    fit(&nothing, &out, &[]).refused(1, &["nothing", "capture"]);
+    std::fs::create_dir(&nothing).unwrap();
+    fit(&nothing, &out, &[]).refused(1, &["cameras", "transforms.json"]);
+    fit(&capture, &out, &[&"--gaussians", &"0"]).refused(2, &["--gaussians"]);
+    fit(&capture, &out, &[&"--set", &"gaussians=0"]).refused(1, &["gaussians", "at least 1"]);
+    fit(&capture, &out, &[&"--minutes", &"1", &"--steps", &"5"]).refused(2, &["--minutes", "--steps"]);
+    fit(&capture, &out, &[&"--set", &"density.untill=0.5"]).refused(1, &["density.untill", "until"]);
+    fit(&capture, &out, &[&"--set", &"density.until=7"]).refused(1, &["density.until", "0 to 1", "7"]);
+    fit(&capture, &out, &[&"--focal"]).refused(2, &["--focal", "--poses refine"]);
+    fit(&capture, &out, &[&"--init", &"nowhere.ply"]).refused(1, &["--init nowhere.ply", "found none"]);
+    let other = folder.path().join("points.ply");
+    std::fs::write(&other, "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n").unwrap();
+    fit(&capture, &out, &[&"--init", &other]).refused(1, &["points.ply"]);
+    splatweaver(&[&"fit", &"--resume", &nothing]).refused(1, &["run.json"]);
+    // Too few photos: the only one is held out; with --all it is fitted, with a warning.
+    let single = folder.path().join("single");
+    std::fs::create_dir(&single).unwrap();
+    capture::transforms(&single, 1);
+    small(&single, &out, &[]).refused(1, &["photos", "--all", "1 held out"]);
+    // No points: they can be asked for in vain.
+    small(&single, &out, &[&"--all", &"--init", &"points"]).refused(1, &["points", "none"]);
+    // A pose that is no number.
+    let transforms = single.join("transforms.json");
+    let text = std::fs::read_to_string(&transforms).unwrap();
+    let broken = folder.path().join("broken");
+    std::fs::create_dir(&broken).unwrap();
+    std::fs::write(broken.join("transforms.json"), text.replacen("1.0", "null", 1)).unwrap();
+    small(&broken, &out, &[&"--all"]).refused(1, &["transforms.json"]);
+    assert!(!out.exists(), "nothing is left behind");
+    let done = small(&single, &out, &[&"--all"]).fine();
+    assert!(done.stderr.contains("warning: one photo"), "{}", done.stderr);
+}
+
+#[test]
+fn a_photo_of_something_else_is_named_in_the_report() {
+    let folder = tempfile::tempdir().unwrap();
+    let (capture, out) = (captured(folder.path()), folder.path().join("out"));
+    let noise: Vec<f32> = (0..3 * 40 * 32).map(|i| ((i * 7919) % 256) as f32 / 255.0).collect();
+    Image { width: 40, height: 32, pixels: noise }.write_png(capture.join("images/03.png")).unwrap();
+    let done = fit(&capture, &out, &[&"--steps", &"400", &"--gaussians", &"600"]).fine();
+    assert!(done.stderr.contains("03.png is met far worse"), "{}", done.stderr);
+    assert!(std::fs::read_to_string(out.join("report.html")).unwrap().contains("met far worse than the others"));
+}
