@@ -36,6 +36,7 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
         masks: arguments.masks,
         init: initial.kind(),
         minutes: arguments.steps.is_none().then(|| arguments.minutes.unwrap_or(MINUTES)),
+        save_every: arguments.save_every,
         formats: arguments.formats.iter().map(format).collect(),
         fit: FitSettings::default(),
     };

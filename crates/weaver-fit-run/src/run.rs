@@ -36,8 +36,8 @@ pub struct Run {
 
 /// Records of a run, whatever its length.
 const RECORDS: usize = 500;
-/// Time between two checkpoints, at least; and how often longer than one takes to write.
-const CHECKPOINT_PAUSE: (Duration, u32) = (Duration::from_secs(20), 30);
+/// Time between two checkpoints over the time that one takes to write, at least.
+const SAVING: u32 = 30;
 
 impl Run {
     /// Begins a run in a new folder. `given` are the Gaussians of [`Initial::Given`].
@@ -137,7 +137,8 @@ impl Run {
         let mut log = MetricsLog::open(self.folder.join("metrics.jsonl"), self.fit.steps_done())?;
         let mut events = TensorBoard::create(self.folder.join("events"))?;
         let (mut sums, mut count) = (Record::default(), 0);
-        let (mut saved, mut pause) = (Instant::now(), CHECKPOINT_PAUSE.0);
+        let least = Duration::from_secs_f64(self.settings.save_every);
+        let (mut saved, mut pause) = (Instant::now(), least);
         while self.fit.steps_done() < steps && !stop.load(Ordering::Relaxed) {
             let report = self.fit.step()?;
             observe(&report);
@@ -152,7 +153,7 @@ impl Run {
             if saved.elapsed() >= pause {
                 let start = Instant::now();
                 self.save()?;
-                (saved, pause) = (Instant::now(), CHECKPOINT_PAUSE.0.max(start.elapsed() * CHECKPOINT_PAUSE.1));
+                (saved, pause) = (Instant::now(), least.max(start.elapsed() * SAVING));
             }
         }
         self.save()

@@ -23,6 +23,8 @@ pub struct RunSettings {
     pub init: Initial,
     /// Time for all of it, minutes; the number of steps follows from the speed. `None` takes [`FitSettings::steps`].
     pub minutes: Option<f64>,
+    /// Seconds between checkpoints, at least.
+    pub save_every: f64,
     /// Further files of the scene.
     pub formats: Vec<SceneFormat>,
     /// How the scene is fitted.
@@ -74,6 +76,7 @@ impl RunSettings {
             masks: false,
             init: Initial::Auto,
             minutes: None,
+            save_every: 20.0,
             formats: Vec::new(),
             fit,
         }

@@ -48,6 +48,9 @@ pub struct Fit {
     /// Says what the run would take, and writes nothing
     #[arg(long, help_heading = RUN)]
     pub dry_run: bool,
+    /// Time between checkpoints, at least
+    #[arg(long, value_name = "SECONDS", default_value_t = 20.0, value_parser = pause, help_heading = RUN)]
+    pub save_every: f64,
     /// What draws; only the processor so far
     #[arg(long, value_enum, default_value_t = Device::Cpu, help_heading = RUN)]
     pub device: Device,
@@ -144,6 +147,13 @@ pub fn background(text: &str) -> Result<Rgb, String> {
         "white" => Ok(Rgb([1.0; 3])),
         "black" => Ok(Rgb([0.0; 3])),
         numbers => color(numbers).map(Rgb).map_err(|e| format!("{e}, or white or black")),
+    }
+}
+
+fn pause(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if (0.0..=1e6).contains(&seconds) => Ok(seconds),
+        _ => Err("expected seconds, from 0 to 1000000".into()),
     }
 }
 
