@@ -1,6 +1,7 @@
 //! Integration tests of weaver-data.
 
 mod capture;
+mod posed;
 mod procedural;
 mod quality;
 mod real_captures;

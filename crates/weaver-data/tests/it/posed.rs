@@ -1,0 +1,114 @@
+//! Photos at their own size, with masks and points.
+
+use std::fs;
+use std::path::Path;
+use weaver_data::capture::HoldOut;
+use weaver_data::posed::{PosedOptions, cameras, load};
+use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_geometry::Camera;
+use weaver_io::colmap::{Model, Point};
+use weaver_io::{Image, Transforms};
+use weaver_scene::Frame;
+
+/// Six photos, of which the last is smaller than the others.
+fn write(folder: &Path) -> Vec<Camera> {
+    let scene = scene(1, &ProceduralOptions { width: 40, height: 30, views: 6 });
+    fs::create_dir_all(folder.join("images")).unwrap();
+    let mut frames = Vec::new();
+    for (i, view) in scene.views.iter().enumerate() {
+        let name = format!("images/{i}.png");
+        let (mut image, mut camera) = (view.image.clone(), view.camera);
+        if i == 5 {
+            image = image.crop(0, 0, 20, 30);
+            camera.width = 20;
+        }
+        image.write_png(folder.join(&name)).unwrap();
+        frames.push(Frame::new(name, camera));
+    }
+    Transforms { frames: frames.clone(), ..Transforms::default() }.write(folder.join("transforms.json")).unwrap();
+    frames.into_iter().map(|frame| frame.camera).collect()
+}
+
+#[test]
+fn photos_keep_their_size_or_shrink_to_a_longest_side() {
+    let folder = tempfile::tempdir().unwrap();
+    let written = write(folder.path());
+    let capture = load(folder.path(), &PosedOptions::default()).unwrap();
+    assert!(capture.points.is_empty());
+    assert_eq!(
+        capture.photos.iter().map(|p| p.held_out).collect::<Vec<_>>(),
+        [true, false, false, false, false, false]
+    );
+    for (photo, camera) in capture.photos.iter().zip(&written) {
+        assert_eq!((photo.camera.width, photo.rgb.len()), (camera.width, 3 * camera.width * camera.height));
+        assert!((photo.camera.intrinsics.fx - camera.intrinsics.fx).abs() < 1e-9);
+        let image = Image::read(&photo.path, weaver_io::Background::White).unwrap();
+        assert_eq!(photo.rgb, image.to_bytes());
+    }
+    let options = PosedOptions { long_side: Some(20), hold_out: HoldOut::Nothing, ..PosedOptions::default() };
+    let capture = load(folder.path().join("transforms.json"), &options).unwrap();
+    assert!(capture.photos.iter().all(|p| !p.held_out));
+    let sizes: Vec<_> = capture.photos.iter().map(|p| (p.camera.width, p.camera.height)).collect();
+    assert_eq!(sizes[4..], [(20, 15), (13, 20)]);
+    let photo = &capture.photos[4];
+    assert!((photo.camera.intrinsics.fx - written[4].intrinsics.fx / 2.0).abs() < 1e-9);
+    assert_eq!(photo.file_camera.width, 40);
+    let planned = cameras(folder.path(), &options).unwrap();
+    let loaded: Vec<_> = capture.photos.iter().map(|p| (p.camera, p.held_out)).collect();
+    assert_eq!(planned, loaded, "what is said beforehand is what is loaded");
+}
+
+#[test]
+fn masks_are_found_by_name_or_by_the_frame_and_their_lack_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    write(folder);
+    let options = PosedOptions { masks: true, ..PosedOptions::default() };
+    let error = load(folder, &options).unwrap_err().to_string();
+    assert!(error.contains("0.png") && error.contains("mask"), "{error}");
+    fs::create_dir(folder.join("masks")).unwrap();
+    for i in 0..6 {
+        let width = if i == 5 { 20 } else { 40 };
+        let mut mask = Image::filled(width, 30, [1.0; 3]);
+        mask.pixels[..3].fill(0.0);
+        // Three ways to name one.
+        let name = if i % 2 == 0 { format!("masks/{i}.png") } else { format!("masks/{i}.png.png") };
+        mask.write_png(folder.join(name)).unwrap();
+    }
+    let capture = load(folder, &options).unwrap();
+    for photo in &capture.photos {
+        let mask = photo.mask.as_ref().unwrap();
+        assert_eq!((mask[0], mask.iter().filter(|m| **m == 255).count()), (0, mask.len() - 1), "{}", photo.name);
+    }
+    Image::filled(7, 7, [1.0; 3]).write_png(folder.join("masks/2.png")).unwrap();
+    let error = load(folder, &options).unwrap_err().to_string();
+    assert!(error.contains("masks/2.png") && error.contains("40x30") && error.contains("7x7"), "{error}");
+
+    let path = folder.join("transforms.json");
+    let mut transforms = Transforms::read(&path).unwrap();
+    transforms.frames.truncate(1);
+    transforms.frames[0].extras.insert("mask_path".into(), "\"other.png\"".into());
+    transforms.frames[0].name = "images/0.png".into();
+    transforms.write(&path).unwrap();
+    Image::filled(40, 30, [0.0; 3]).write_png(folder.join("other.png")).unwrap();
+    let capture = load(folder, &PosedOptions { hold_out: HoldOut::Nothing, ..options }).unwrap();
+    assert!(capture.photos[0].mask.as_ref().unwrap().iter().all(|m| *m == 0));
+}
+
+#[test]
+fn points_come_with_their_colors() {
+    let folder = tempfile::tempdir().unwrap();
+    let cameras = write(folder.path());
+    fs::remove_file(folder.path().join("transforms.json")).unwrap();
+    let frames: Vec<Frame> =
+        cameras.iter().enumerate().map(|(i, camera)| Frame::new(format!("{i}.png"), *camera)).collect();
+    let mut model = Model::from_frames(&frames);
+    let point = |id: u64| Point { id, xyz: [1.0, 2.0, id as f64], rgb: [id as u8, 20, 30], error: 0.0, track: vec![] };
+    model.points = vec![point(1), point(9)];
+    let sparse = folder.path().join("sparse/0");
+    fs::create_dir_all(&sparse).unwrap();
+    model.write_binary(&sparse).unwrap();
+    let capture = load(folder.path(), &PosedOptions::default()).unwrap();
+    assert_eq!(capture.points.positions, [[1.0, 2.0, 1.0], [1.0, 2.0, 9.0]]);
+    assert_eq!(capture.points.colors, [[1, 20, 30], [9, 20, 30]]);
+}
