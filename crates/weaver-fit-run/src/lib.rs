@@ -20,6 +20,7 @@ mod outcome;
 mod plan;
 mod record;
 mod report;
+mod results;
 mod run;
 mod settings;
 

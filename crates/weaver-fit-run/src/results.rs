@@ -1,0 +1,151 @@
+//! The end of a run: scene, cameras, judgment, report.
+
+use crate::judged::Judged;
+use crate::outcome::{Outcome, PoseChange, Views};
+use crate::run::Origin;
+use crate::{Run, RunError, report};
+use std::time::Instant;
+use weaver_fit::{Photo, Quality};
+use weaver_geometry::{Camera, Pose};
+use weaver_io::colmap::Model;
+use weaver_io::{Transforms, write_gaussians};
+use weaver_scene::Frame;
+
+/// Decibels below the median from which a photo is called a stranger.
+const STRANGE: f64 = 8.0;
+
+impl Run {
+    /// Writes scene, cameras, summary and report.
+    ///
+    /// # Errors
+    /// When a file cannot be written, or the rasterizer refuses.
+    pub fn finish(&mut self) -> Result<Outcome, RunError> {
+        let gaussians = self.fit.gaussians();
+        write_gaussians(self.folder.join("scene.ply"), &gaussians)?;
+        for format in &self.settings.formats {
+            write_gaussians(self.folder.join(format.file_name()), &gaussians)?;
+        }
+        let test_cameras = self.held_out_cameras()?;
+        self.write_cameras(&test_cameras)?;
+        let seconds = self.seconds();
+        let train = self.judge_training()?;
+        let test = self.judge_held_out(&test_cameras)?;
+        let outcome = self.outcome(seconds, &train, &test);
+        let text = serde_json::to_string_pretty(&outcome).expect("an outcome is plain data");
+        weaver_io::write_text(self.folder.join("summary.json"), &(text + "\n"))?;
+        report::write(self, &outcome, &train, &test)?;
+        Ok(outcome)
+    }
+
+    fn outcome(&self, seconds: f64, train: &[Judged], test: &[Judged]) -> Outcome {
+        let views = |judged: &[Judged]| {
+            let all: Vec<Quality> = judged.iter().map(|j| j.quality).collect();
+            Quality::mean(&all).map(|quality| Views { views: all.len(), quality })
+        };
+        let nothing = Views { views: 0, quality: Quality { psnr: f64::NAN, ssim: None, lpips: None } };
+        let raster = self.fit.raster_settings();
+        let camera = &self.fit.photo(0).camera;
+        Outcome {
+            steps: self.fit.steps_done(),
+            planned: self.settings.fit.steps,
+            seconds,
+            gaussians: self.fit.population().len(),
+            size: [camera.width, camera.height],
+            train: views(train).unwrap_or(nothing),
+            test: views(test),
+            poses: self.pose_change(),
+            antialiased: raster.antialiased,
+            near: raster.near,
+            background: self.settings.fit.background,
+            strangers: strangers(train),
+        }
+    }
+
+    fn pose_change(&self) -> PoseChange {
+        let pairs: Vec<(Pose, Pose)> =
+            (0..self.fit.photos()).map(|i| (self.fit.photo(i).camera.pose, self.fit.camera(i).pose)).collect();
+        let median = |of: &dyn Fn(&(Pose, Pose)) -> f64| {
+            let mut all: Vec<f64> = pairs.iter().map(of).collect();
+            all.sort_unstable_by(f64::total_cmp);
+            all[all.len() / 2]
+        };
+        PoseChange {
+            refined: self.settings.fit.poses.refine,
+            degrees: median(&|(a, b)| a.angle_to(b).to_degrees()),
+            distance: median(&|(a, b)| a.center().distance(b.center())) / self.fit.extent(),
+            focal: self.fit.adjusted(&self.fit.photo(0).camera).intrinsics.fx / self.fit.photo(0).camera.intrinsics.fx,
+        }
+    }
+
+    /// The cameras that held-out photos are judged with.
+    fn held_out_cameras(&mut self) -> Result<Vec<Camera>, RunError> {
+        let cameras: Vec<Camera> = self.held_out.iter().map(|photo| photo.camera).collect();
+        Ok(cameras.iter().map(|camera| self.fit.adjusted(camera)).collect())
+    }
+
+    /// Writes transforms.json and a COLMAP model, with intrinsics for the photos as they are on disk.
+    fn write_cameras(&self, test: &[Camera]) -> Result<(), RunError> {
+        let fitted = (0..self.fit.photos()).map(|i| self.fit.camera(i)).chain(test.iter().copied());
+        let cameras: Vec<Camera> = fitted
+            .zip(&self.origins)
+            .map(|(camera, origin)| self.fit.adjusted(&Camera { pose: camera.pose, ..origin.file_camera }))
+            .collect();
+        let frames = |name: &dyn Fn(&Origin) -> String| -> Vec<Frame> {
+            self.origins.iter().zip(&cameras).map(|(origin, camera)| Frame::new(name(origin), *camera)).collect()
+        };
+        let absolute =
+            |origin: &Origin| std::path::absolute(&origin.path).unwrap_or(origin.path.clone()).display().to_string();
+        let frames_on_disk = frames(&absolute);
+        let test_filenames = frames_on_disk[self.fit.photos()..].iter().map(|frame| frame.name.clone()).collect();
+        Transforms { frames: frames_on_disk, test_filenames, ..Transforms::default() }
+            .write(self.folder.join("transforms.json"))?;
+        weaver_io::create_folder(self.folder.join("sparse/0"))?;
+        Model::from_frames(&frames(&|origin| origin.name.clone())).write_binary(self.folder.join("sparse/0"))?;
+        Ok(())
+    }
+
+    fn judge_training(&mut self) -> Result<Vec<Judged>, RunError> {
+        let photos = self.fit.photos();
+        let judge = |i: usize| {
+            let camera = self.fit.camera(i);
+            let mut image = self.fit.render(&camera)?;
+            if let Some(exposure) = self.fit.exposure(i) {
+                let drawn = image.clone();
+                exposure.apply(&drawn, &mut image);
+            }
+            let photo = self.fit.photo(i);
+            let quality = self.judge.compare(&image, &photo.rgb, [camera.height, camera.width]);
+            Ok(Judged { name: photo.name.clone(), camera, image, quality })
+        };
+        (0..photos).map(judge).collect()
+    }
+
+    fn judge_held_out(&mut self, cameras: &[Camera]) -> Result<Vec<Judged>, RunError> {
+        let judge = |(photo, camera): (&Photo, &Camera)| {
+            let image = self.fit.render(camera)?;
+            let quality = self.judge.compare(&image, &photo.rgb, [camera.height, camera.width]);
+            Ok(Judged { name: photo.name.clone(), camera: *camera, image, quality })
+        };
+        self.held_out.iter().zip(cameras).map(judge).collect()
+    }
+
+    /// Seconds that the results will take, from judging one photo now; with a budget full of Gaussians and pictures for the
+    /// report it takes longer than with the few that there are.
+    pub(crate) fn seconds_of_results(&mut self) -> Result<f64, RunError> {
+        let start = Instant::now();
+        let camera = self.fit.camera(0);
+        let image = self.fit.render(&camera)?;
+        let photo = self.fit.photo(0);
+        self.judge.compare(&image, &photo.rgb, [camera.height, camera.width]);
+        let views = self.fit.photos() + self.held_out.len();
+        Ok(0.3 + 1.5 * start.elapsed().as_secs_f64() * views as f64)
+    }
+}
+
+/// Photos whose PSNR is far below the median.
+fn strangers(judged: &[Judged]) -> Vec<String> {
+    let mut all: Vec<f64> = judged.iter().map(|j| j.quality.psnr).collect();
+    all.sort_unstable_by(f64::total_cmp);
+    let Some(median) = all.get(all.len() / 2) else { return Vec::new() };
+    judged.iter().filter(|j| j.quality.psnr < median - STRANGE).map(|j| j.name.clone()).collect()
+}
