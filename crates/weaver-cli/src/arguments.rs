@@ -1,8 +1,10 @@
 //! The command line and its help texts.
 
+mod eval;
 mod fit;
 mod refine;
 
+pub use eval::{Drawing, Eval};
 pub use fit::{Fit, Format, PoseMode, StrategyName};
 pub use refine::RefineFlags;
 
@@ -129,42 +131,6 @@ pub struct Config {
     /// The settings of `fit` instead
     #[arg(long, conflicts_with_all = ["preset", "model"])]
     pub fit: bool,
-}
-
-/// Renders held-out views from the Gaussians of their nearest training views and compares them with the photos.
-#[derive(Args, Debug)]
-#[command(after_help = "Examples:
-  splatweaver eval --run runs/mine
-  splatweaver eval --run runs/mine --data ramen --cameras given --allocation grid --budget 0.25
-  splatweaver eval --run runs/mine --unseen --json > unseen.json")]
-pub struct Eval {
-    /// The run folder
-    #[arg(long)]
-    pub run: PathBuf,
-    /// Folder of a capture; may be repeated [default: the data of the run]
-    #[arg(long, value_name = "DIR")]
-    pub data: Vec<PathBuf>,
-    /// The four built-in procedural scenes that are never trained on
-    #[arg(long, conflicts_with = "data")]
-    pub unseen: bool,
-    /// Context views for each held-out view [default: the run's]
-    #[arg(long, value_name = "V", value_parser = clap::value_parser!(u32).range(1..=1024))]
-    pub views: Option<u32>,
-    /// Cameras of the context views [default: the run's]
-    #[arg(long, value_parser = cameras())]
-    pub cameras: Option<CameraMode>,
-    #[command(flatten)]
-    pub density: DensityFlags,
-    #[command(flatten)]
-    pub refine: RefineFlags,
-    /// Also LPIPS, with the weights in this safetensors file
-    #[arg(long, value_name = "WEIGHTS")]
-    pub lpips: Option<PathBuf>,
-    /// Prints the figures as JSON, and nothing else on standard output
-    #[arg(long)]
-    pub json: bool,
-    #[command(flatten)]
-    pub threads: Threads,
 }
 
 /// Turns photos into Gaussians, cameras, renders, depth and expert maps.

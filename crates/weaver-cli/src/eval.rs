@@ -1,14 +1,25 @@
 //! `splatweaver eval`.
 
+mod scene;
+
 use crate::Console;
 use crate::arguments::Eval;
 use crate::failure::Failure;
 use crate::progress::Progress;
 use crate::refine::refined;
+use std::path::Path;
 use weaver_inference::RunFolder;
 use weaver_trainer::{Overrides, Source};
 
 pub fn run(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
+    match (&arguments.run, &arguments.scene) {
+        (_, Some(scene)) => scene::run(arguments, scene, console),
+        (Some(run), None) => of_run(arguments, run, console),
+        (None, None) => Err(Failure::Usage("expected --run or --scene".into())),
+    }
+}
+
+fn of_run(arguments: &Eval, run: &Path, console: &mut Console) -> Result<(), Failure> {
     let source = match (arguments.unseen, arguments.data.is_empty()) {
         (true, _) => Source::Unseen,
         (false, true) => Source::Run,
@@ -20,7 +31,7 @@ pub fn run(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
         density: arguments.density.into(),
         lpips: arguments.lpips.clone(),
     };
-    let folder = RunFolder::at(&arguments.run);
+    let folder = RunFolder::at(run);
     let mut run = weaver_recipes::registry().of_run(&folder)?.open(&folder)?;
     run.predictor = refined(run.predictor, &arguments.refine, &[])?;
     let mut progress = Progress::new("eval", 0, 0, console);

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use weaver_losses::{Lpips, metrics};
 
-/// Smallest side of an image that SSIM, and LPIPS, are computed for.
+/// Smallest side of an image that SSIM is computed for.
 const LEAST_SIDE: usize = 11;
 
 /// How well an image matches a photo, or images match photos in the mean.
@@ -13,7 +13,7 @@ pub struct Quality {
     pub psnr: f64,
     /// Structural similarity; `None` for images smaller than its window.
     pub ssim: Option<f64>,
-    /// Perceptual distance; `None` without weights.
+    /// Perceptual distance; `None` without weights, and for images too small for the network.
     pub lpips: Option<f64>,
 }
 
@@ -55,7 +55,8 @@ impl Judge {
         };
         let (image, target) = (planes(image), planes(&target));
         let ssim = Some(metrics::ssim(&image, &target, [3, height, width]));
-        let lpips = self.lpips.as_ref().map(|network| metrics::lpips(network, &image, &target, [height, width]));
+        let network = self.lpips.as_ref().filter(|network| height.min(width) >= network.least_side());
+        let lpips = network.map(|network| metrics::lpips(network, &image, &target, [height, width]));
         Quality { psnr, ssim, lpips }
     }
 }

@@ -75,6 +75,13 @@ impl Network {
             Self::Vgg => &VGG,
         }
     }
+
+    fn least_side(self) -> usize {
+        match self {
+            Self::Alex => 31,
+            Self::Vgg => 16,
+        }
+    }
 }
 
 /// Weights that are not those of the network.
@@ -163,12 +170,17 @@ impl<T: Real> Lpips<T> {
         Ok(Self { network, scaling, convolutions, channels })
     }
 
+    /// The smallest side of an image that the network's pooling leaves something of, pixels.
+    pub fn least_side(&self) -> usize {
+        self.network.least_side()
+    }
+
     /// The perceptual distance of each pair of images: 0 for equal ones.
     ///
     /// It is the sum over five layers l of the mean over pixels of sum_c w_lc (f_lc(a)/|f_l(a)| - f_lc(b)/|f_l(b)|)^2. Images `[N, 3, H, W]` with
     /// values in [0, 1] give `[N]`. Differentiable in both images, with gradient 0 where all features of a
-    /// pixel vanish; the weights are constants. Panics when the images are too small for the network's pooling (16
-    /// pixels for VGG16, 31 for AlexNet). Source: Zhang et al., The unreasonable effectiveness of deep features as a
+    /// pixel vanish; the weights are constants. Panics when a side of the images is below [`least_side`](Self::least_side).
+    /// Source: Zhang et al., The unreasonable effectiveness of deep features as a
     /// perceptual metric, 2018.
     #[track_caller]
     pub fn distance<'t>(&self, a: Var<'t, T>, b: Var<'t, T>) -> Var<'t, T> {
@@ -200,5 +212,27 @@ impl<T: Real> Lpips<T> {
             }
             x
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The side of the last feature map of images with this side, if there is one.
+    fn last_side(network: Network, side: usize) -> Option<usize> {
+        let slide = |side: usize, window: usize, stride: usize| Some(side.checked_sub(window)? / stride + 1);
+        network.stages().iter().try_fold(side, |side, stage| {
+            let pooled = stage.pool.map_or(Some(side), |[window, stride]| slide(side, window, stride))?;
+            stage.convolutions.iter().try_fold(pooled, |side, c| slide(side + 2 * c.padding, c.shape[2], c.stride))
+        })
+    }
+
+    #[test]
+    fn the_least_side_leaves_a_pixel() {
+        for network in [Network::Alex, Network::Vgg] {
+            let least = network.least_side();
+            assert_eq!((last_side(network, least), last_side(network, least - 1)), (Some(1), None), "{network:?}");
+        }
     }
 }
