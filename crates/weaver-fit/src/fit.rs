@@ -257,7 +257,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
             step as u64 + 1,
             &mut self.population,
             &self.activated,
-            &self.settings.rates,
+            &self.settings.rates.in_run_of(self.settings.steps),
             moment.mean_rate,
         );
         self.timings.optimizer = start.elapsed();
@@ -288,6 +288,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
 
     fn moment(&self) -> Moment {
         let FitSettings { steps, gaussians, seed, ref rates, .. } = self.settings;
+        let rates = rates.in_run_of(steps);
         let fraction = self.step as f64 / steps.max(1) as f64;
         Moment {
             step: self.step,
@@ -426,10 +427,13 @@ impl Buffers {
             None => &mut self.image,
         };
         if let Some(mask) = &photo.mask {
-            // What is masked equals the photo: no difference, and windows of SSIM see nothing of it.
-            let pixels = corrected.chunks_exact_mut(3).zip(self.target.chunks_exact(3));
+            // What is masked is taken to be as drawn: no difference, and windows of SSIM see nothing of the photo there.
+            let pixels = corrected.chunks_exact_mut(3).zip(self.target.chunks_exact_mut(3));
             let masked = pixels.zip(mask).filter(|(_, m)| **m == 0);
-            masked.for_each(|((to, from), _)| to.copy_from_slice(from));
+            for ((drawn, target), _) in masked {
+                drawn.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0));
+                target.copy_from_slice(drawn);
+            }
         }
         let value = loss.value_and_gradient(corrected, &self.target, size, settings.ssim_weight, &mut self.gradient);
         let square = |(a, b): (&f32, &f32)| f64::from((a.clamp(0.0, 1.0) - b) * (a.clamp(0.0, 1.0) - b));
@@ -451,6 +455,6 @@ fn extent(photos: &[Photo]) -> f64 {
     let centers: Vec<DVec3> = photos.iter().map(|photo| photo.camera.pose.center()).collect();
     let middle = centers.iter().sum::<DVec3>() / centers.len() as f64;
     let extent = 1.1 * centers.iter().map(|c| c.distance(middle)).fold(0.0, f64::max);
-    let distance = looked_at(photos).distance(middle);
+    let distance = looked_at(&photos.iter().collect::<Vec<_>>()).distance(middle);
     if extent > 1e-3 * distance { extent } else { 0.1 * distance }
 }

@@ -38,7 +38,7 @@ impl Activated {
         let (stored, logits) = (&population.log_scales.values, &population.logits.values);
         self.scales.resize(stored.len(), 0.0);
         self.opacities.resize(logits.len(), 0.0);
-        each(&mut self.scales, stored, |x| Real::exp(x));
+        each(&mut self.scales, stored, Real::exp);
         each(&mut self.opacities, logits, |x| 1.0 / (1.0 + Real::exp(-x)));
     }
 
@@ -75,7 +75,7 @@ impl Gradients {
     }
 
     /// Turns gradients with respect to scales and opacities into those with respect to their logarithms and logits.
-    fn to_stored(&mut self, activated: &Activated) {
+    fn pull_back(&mut self, activated: &Activated) {
         let times = |gradients: &mut [f32], values: &[f32], slope: fn(f32) -> f32| {
             for_chunks(gradients, GRAIN, |chunk, gradients| {
                 gradients.iter_mut().zip(&values[chunk * GRAIN..]).for_each(|(g, x)| *g *= slope(*x));
@@ -94,7 +94,7 @@ impl Gradients {
         rates: &Rates,
         mean_rate: f32,
     ) {
-        self.to_stored(activated);
+        self.pull_back(activated);
         let by = |rate: f64| adam(rate as f32);
         let width = population.sh.width();
         let columns: Vec<f32> =

@@ -2,8 +2,9 @@
 
 use crate::FitError;
 use crate::photos::Photo;
-use crate::population::logit;
+use crate::population::{Population, logit};
 use crate::settings::FitSettings;
+use crate::strategy::split;
 use weaver_geometry::glam::{DMat3, DVec2, DVec3};
 use weaver_geometry::sh::DC;
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
@@ -39,21 +40,23 @@ pub fn from_points(points: &PointCloud, settings: &FitSettings) -> Result<Gaussi
 }
 
 /// Gaussians at random places that photos see, in the colors of the pixels that see them: a random pixel of a random photo,
-/// at a depth whose inverse is uniform between 0.3 and 5 times the distance to what the cameras look at.
+/// at a depth whose inverse is uniform between 0.3 and 5 times the distance to what the cameras look at. Masked pixels are
+/// left out.
 ///
 /// # Errors
-/// When there are no photos.
+/// When there are no photos, or all are masked.
 pub fn random(photos: &[Photo], settings: &FitSettings) -> Result<Gaussians, FitError> {
+    let photos: Vec<&Photo> = photos.iter().filter(|photo| !photo.is_masked()).collect();
     if photos.is_empty() {
-        return Err(FitError::setting("photos", "at least one", 0));
+        return Err(FitError::setting("photos", "at least one with pixels that count", "none"));
     }
-    let middle = looked_at(photos);
+    let middle = looked_at(&photos);
     let stream = Stream::new(settings.seed, 0, "fit.random");
     let (mut means, mut colors) = (Vec::new(), Vec::new());
     for i in 0..room(settings) as u64 {
-        let photo = &photos[stream.below(4 * i, photos.len())];
+        let photo = photos[stream.below(4 * i, photos.len())];
         let camera = &photo.camera;
-        let pixel = stream.below(4 * i + 1, camera.width * camera.height);
+        let pixel = drawn_pixel(photo, stream, 4 * i + 1);
         let at = DVec2::new((pixel % camera.width) as f64 + 0.5, (pixel / camera.width) as f64 + 0.5);
         let distance = camera.pose.apply(middle).length();
         let (near, far) = (1.0 / 0.3, 1.0 / 5.0);
@@ -71,6 +74,17 @@ pub fn part_of(gaussians: &Gaussians, count: usize, seed: u64) -> Gaussians {
     chosen.truncate(count);
     chosen.sort_unstable();
     rows(gaussians, &chosen, gaussians.degree)
+}
+
+/// A random pixel that counts; where few of them do, the one that follows a random pixel.
+fn drawn_pixel(photo: &Photo, stream: Stream, index: u64) -> usize {
+    const TRIES: u64 = 64;
+    let pixels = photo.camera.width * photo.camera.height;
+    let counts = |i: &usize| photo.mask.as_ref().is_none_or(|mask| mask[*i] != 0);
+    let any = |k: u64| stream.fork(k).below(index, pixels);
+    let first = any(0);
+    let next = || (first..pixels).chain(0..first).find(counts).unwrap_or(first);
+    (0..TRIES).map(any).find(counts).unwrap_or_else(next)
 }
 
 /// Gaussians of another scene, of more than the budget the most opaque.
@@ -117,6 +131,21 @@ fn rows(gaussians: &Gaussians, chosen: &[usize], degree: usize) -> Gaussians {
     }
 }
 
+/// Gaussians split at random, each once before any of them is split again, until there are `count`: a scene of that many
+/// which are spread as evenly as those given.
+pub fn divided(gaussians: &Gaussians, count: usize, seed: u64) -> Gaussians {
+    let mut population = Population::new(gaussians);
+    for round in 0.. {
+        let now = population.len();
+        if now == 0 || now >= count {
+            break;
+        }
+        let order = Stream::new(seed, round, "fit.divided").permutation(now);
+        order.into_iter().take(count - now).for_each(|n| split(&mut population, n));
+    }
+    population.to_gaussians(gaussians.degree)
+}
+
 /// How many Gaussians there may be at the beginning, so that density control has room to work in.
 pub fn room(settings: &FitSettings) -> usize {
     let part = match settings.density.strategy {
@@ -138,7 +167,10 @@ fn isotropic(means: Vec<[f32; 3]>, colors: &[[f32; 3]], settings: &FitSettings) 
     let mut sorted: Vec<f32> = scales.iter().copied().filter(|s| *s > 0.0).collect();
     sorted.sort_unstable_by(f32::total_cmp);
     let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
-    let log_scale = |s: f32| (if s > 0.0 { s } else { median } * settings.initial_scale).ln();
+    let log_scale = |s: f32| {
+        let distance = if s > 0.0 { s } else { median };
+        (distance * settings.initial_scale).ln()
+    };
     Gaussians {
         log_scales: scales.iter().map(|s| [log_scale(*s); 3]).collect(),
         quats: vec![[1.0, 0.0, 0.0, 0.0]; n],
@@ -151,7 +183,7 @@ fn isotropic(means: Vec<[f32; 3]>, colors: &[[f32; 3]], settings: &FitSettings) 
 
 /// The point nearest to all optical axes, in the sense of least squares; where they are (nearly) parallel, a point before
 /// the cameras, as far as they are apart.
-pub(crate) fn looked_at(photos: &[Photo]) -> DVec3 {
+pub(crate) fn looked_at(photos: &[&Photo]) -> DVec3 {
     let (mut matrix, mut sum) = (DMat3::ZERO, DVec3::ZERO);
     let (mut center, mut forward) = (DVec3::ZERO, DVec3::ZERO);
     for photo in photos {

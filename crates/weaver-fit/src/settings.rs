@@ -68,7 +68,10 @@ impl Default for FitSettings {
     }
 }
 
-/// Learning rates of Adam. (3DGS's, doubled: runs are shorter here.)
+/// Learning rates of Adam in a run of 3000 steps (3DGS's, doubled).
+///
+/// Gaussians have to come as far in a short run as in a long one: all rates but that of color corrections are multiplied by
+/// (3000 / steps)^power.
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rates {
@@ -88,6 +91,8 @@ pub struct Rates {
     pub sh_rest: f64,
     /// Of the color corrections of photos.
     pub exposure: f64,
+    /// How strongly rates depend on the length of the run; 0 for the same rates in all.
+    pub power: f64,
 }
 
 impl Default for Rates {
@@ -101,6 +106,22 @@ impl Default for Rates {
             sh: 5e-3,
             sh_rest: 1.0 / 20.0,
             exposure: 2e-3,
+            power: 0.5,
+        }
+    }
+}
+
+impl Rates {
+    /// The rates in a run of so many steps.
+    pub(crate) fn in_run_of(&self, steps: usize) -> Self {
+        let factor = (3000.0 / steps.max(1) as f64).powf(self.power);
+        Self {
+            means: self.means * factor,
+            scales: self.scales * factor,
+            quats: self.quats * factor,
+            opacities: self.opacities * factor,
+            sh: self.sh * factor,
+            ..self.clone()
         }
     }
 }
@@ -111,8 +132,8 @@ impl Default for Rates {
 pub struct Density {
     /// The strategy.
     pub strategy: StrategyKind,
-    /// Steps between two rounds.
-    pub interval: usize,
+    /// Rounds that a run has room for, evenly spread; those before `from` and after `until` are left out.
+    pub rounds: usize,
     /// Part of the run before the first round.
     pub from: f64,
     /// Part of the run after which the number of Gaussians stays.
@@ -137,7 +158,7 @@ impl Default for Density {
     fn default() -> Self {
         Self {
             strategy: StrategyKind::Split,
-            interval: 50,
+            rounds: 30,
             from: 0.02,
             until: 0.8,
             least_opacity: 0.005,
@@ -228,6 +249,7 @@ impl FitSettings {
             ("rates.sh", self.rates.sh),
             ("rates.sh_rest", self.rates.sh_rest),
             ("rates.exposure", self.rates.exposure),
+            ("rates.power", self.rates.power),
             ("poses.rate", self.poses.rate),
             ("near", self.near),
             ("density.growth", self.density.growth),
@@ -241,8 +263,7 @@ impl FitSettings {
         if !(self.initial_scale.is_finite() && self.initial_scale > 0.0) {
             return Err(FitError::setting("initial_scale", "a positive number", self.initial_scale));
         }
-        let counts =
-            [("steps", self.steps), ("gaussians", self.gaussians), ("density.interval", self.density.interval)];
+        let counts = [("steps", self.steps), ("gaussians", self.gaussians), ("density.rounds", self.density.rounds)];
         if let Some((key, _)) = counts.into_iter().find(|(_, n)| *n == 0) {
             return Err(FitError::setting(key, "at least 1", 0));
         }

@@ -64,9 +64,15 @@ impl Density {
         }
     }
 
-    /// Whether a round is due after this many steps, and whether it may still add.
-    pub(crate) fn round(&self, moment: &Moment) -> bool {
+    /// Steps between two rounds of a run of so many steps.
+    pub(crate) fn interval(&self, steps: usize) -> usize {
+        (steps / self.rounds.max(1)).max(1)
+    }
+
+    /// Whether a round is due at this moment.
+    pub(crate) fn due(&self, moment: &Moment) -> bool {
         let done = moment.fraction();
-        moment.step > 0 && moment.step.is_multiple_of(self.interval.max(1)) && done >= self.from && done <= self.until
+        let due = moment.step > 0 && moment.step.is_multiple_of(self.interval(moment.steps));
+        due && done >= self.from && done <= self.until
     }
 }

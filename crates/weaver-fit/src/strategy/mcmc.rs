@@ -98,7 +98,7 @@ impl Strategy for Mcmc {
     }
 
     fn adapt(&mut self, moment: &Moment, population: &mut Population, _: &[GaussianStatistics<f32>]) -> bool {
-        let round = self.settings.round(moment);
+        let round = self.settings.due(moment);
         if round {
             let live: Vec<bool> =
                 (0..population.len()).map(|n| population.opacity(n) > self.settings.least_opacity).collect();

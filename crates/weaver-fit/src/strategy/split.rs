@@ -23,22 +23,22 @@ const OFFSET: f32 = 0.5;
 /// Logarithm of the shrinking of the split axis.
 const SHRINK: f32 = -0.51;
 
+/// Part of the rounds after which all room is used; the others only replace what faded.
+const GROWING: f64 = 0.75;
+
 impl Split {
     /// The strategy with these settings.
     pub fn new(settings: Density) -> Self {
         Self { settings }
     }
 
-    /// How many Gaussians there should be after the round at this moment.
+    /// How many Gaussians there should be after the round at this moment: as many more as in each that is left to grow in.
     fn wanted(&self, moment: &Moment, now: usize) -> usize {
-        let (from, until) = (self.settings.from, self.settings.until);
-        let left = ((until - moment.fraction()) * moment.steps as f64 / self.settings.interval.max(1) as f64).max(0.0);
-        let _ = from;
-        // All room is used by three quarters of the rounds; the others only replace.
-        let growing =
-            (left - 0.25 * (until - from) * moment.steps as f64 / self.settings.interval.max(1) as f64).max(0.0);
+        let Density { from, until, .. } = self.settings;
+        let left = (from + GROWING * (until - from) - moment.fraction()) * moment.steps as f64;
+        let rounds = (left / self.settings.interval(moment.steps) as f64).max(0.0);
         let missing = moment.budget.saturating_sub(now) as f64;
-        now + (missing / (growing + 1.0)).ceil() as usize
+        now + (missing / (rounds + 1.0)).ceil() as usize
     }
 
     fn fade(&self, population: &mut Population) {
@@ -55,7 +55,7 @@ impl Strategy for Split {
     }
 
     fn adapt(&mut self, moment: &Moment, population: &mut Population, statistics: &[GaussianStatistics<f32>]) -> bool {
-        if !self.settings.round(moment) {
+        if !self.settings.due(moment) {
             return false;
         }
         self.fade(population);

@@ -1,0 +1,125 @@
+//! Compares settings over captures, budgets and seeds, and prints a table of the PSNR of held-out photos:
+//! `study STEPS BUDGETS SEEDS CAPTURES NAME=SETTINGS...`, lists divided by commas, settings as JSON.
+//!
+//! `study 3000 5000,15000 0,1,2 DATA/fox,DATA/bonsai 'split={}' 'even={"even":true}'`
+//!
+//! Beside the keys of [`FitSettings`], settings may hold `views` (so many of the training photos, evenly spread) and
+//! `even` (no density control, but all of the budget from the beginning: points that are too few are split evenly).
+
+use rayon::prelude::*;
+use serde_json::{Value, json};
+use std::error::Error;
+use std::path::Path;
+use weaver_data::posed::{self, PosedOptions, PosedPhoto, PosedPhotos};
+use weaver_fit::{Fit, FitSettings, Judge, Photo, Quality, init};
+
+type Failure = Box<dyn Error + Send + Sync>;
+
+const USAGE: &str = "study STEPS BUDGETS SEEDS CAPTURES NAME=SETTINGS...";
+
+/// A row of the table.
+struct Variant {
+    name: String,
+    views: Option<usize>,
+    even: bool,
+    settings: Value,
+}
+
+fn main() -> Result<(), Failure> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [steps, budgets, seeds, captures, variants @ ..] = &arguments[..] else { return Err(USAGE.into()) };
+    let steps: usize = steps.parse()?;
+    let budgets = budgets.split(',').map(str::parse).collect::<Result<Vec<usize>, _>>()?;
+    let seeds = seeds.split(',').map(str::parse).collect::<Result<Vec<u64>, _>>()?;
+    let variants = variants.iter().map(|v| variant(v)).collect::<Result<Vec<_>, _>>()?;
+    let captures: Vec<&str> = captures.split(',').collect();
+    let data =
+        captures.iter().map(|c| Ok(posed::load(c, &PosedOptions::default())?)).collect::<Result<Vec<_>, Failure>>()?;
+
+    let names: Vec<_> =
+        captures.iter().map(|c| Path::new(c).file_name().map_or((*c).into(), |n| n.to_string_lossy())).collect();
+    println!("| {steps} steps, {} seeds | Gaussians | {} | mean | SSIM | M pairs |", seeds.len(), names.join(" | "));
+    println!("|---|---|{}", "---|".repeat(names.len() + 3));
+    for &budget in &budgets {
+        for variant in &variants {
+            let jobs: Vec<(usize, u64)> = (0..data.len()).flat_map(|c| seeds.iter().map(move |s| (c, *s))).collect();
+            let results: Vec<(usize, Quality, f64)> = (jobs.par_iter())
+                .map(|&(c, seed)| {
+                    let base = json!({ "steps": steps, "gaussians": budget, "seed": seed });
+                    fit(&data[c], variant, base).map(|(quality, pairs)| (c, quality, pairs))
+                })
+                .collect::<Result<_, Failure>>()?;
+            let of = |c: usize| results.iter().filter(|r| r.0 == c).map(|r| r.1).collect::<Vec<_>>();
+            let each: Vec<Quality> = (0..data.len()).filter_map(|c| Quality::mean(&of(c))).collect();
+            let mean = Quality::mean(&each).ok_or("no capture")?;
+            let pairs = results.iter().map(|r| r.2).sum::<f64>() / results.len() as f64;
+            let columns: Vec<String> = each.iter().map(|q| format!("{:.2}", q.psnr)).collect();
+            let ssim = mean.ssim.unwrap_or(f64::NAN);
+            let Variant { name, .. } = variant;
+            println!("| {name} | {budget} | {} | {:.2} | {ssim:.4} | {pairs:.2} |", columns.join(" | "), mean.psnr);
+        }
+    }
+    Ok(())
+}
+
+fn variant(argument: &str) -> Result<Variant, Failure> {
+    let (name, json) = argument.split_once('=').ok_or(USAGE)?;
+    let mut settings: Value = serde_json::from_str(json)?;
+    let own = settings.as_object_mut().ok_or("settings: expected an object")?;
+    let views = own.remove("views").and_then(|v| v.as_u64()).map(|v| v as usize);
+    let even = own.remove("even").is_some_and(|v| v == true);
+    Ok(Variant { name: name.into(), views, even, settings })
+}
+
+/// Fits a capture, and returns how well the held-out photos are met and the pairs, in millions, of the last step.
+fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality, f64), Failure> {
+    let mut settings = serde_json::to_value(FitSettings::default())?;
+    merge(&mut settings, base);
+    merge(&mut settings, variant.settings.clone());
+    if variant.even {
+        settings["density"]["strategy"] = json!("keep");
+    }
+    let settings: FitSettings = serde_json::from_value(settings)?;
+    let of = |held_out| capture.photos.iter().filter(move |p| p.held_out == held_out).map(photo).collect::<Vec<_>>();
+    let (mut training, test) = (of(false), of(true));
+    if let Some(views) = variant.views {
+        let all = training.len();
+        let mut chosen: Vec<bool> = vec![false; all];
+        (0..views.min(all)).for_each(|i| chosen[(2 * i + 1) * all / (2 * views.min(all))] = true);
+        let mut keep = chosen.into_iter();
+        training.retain(|_| keep.next() == Some(true));
+    }
+    let mut initial = match capture.points.is_empty() {
+        true => init::random(&training, &settings)?,
+        false => init::from_points(&capture.points, &settings)?,
+    };
+    if variant.even {
+        initial = init::divided(&initial, settings.gaussians, settings.seed);
+    }
+    let mut fit = Fit::new(training, &initial, settings)?;
+    let mut pairs = 0;
+    while fit.steps_done() < fit.settings().steps {
+        pairs = fit.step()?.pairs;
+    }
+    let judge = Judge::default();
+    let mut compare = |photo: &Photo| -> Result<Quality, Failure> {
+        let size = [photo.camera.height, photo.camera.width];
+        Ok(judge.compare(&fit.render(&photo.camera)?, &photo.rgb, size))
+    };
+    let quality: Vec<Quality> = test.iter().map(&mut compare).collect::<Result<_, _>>()?;
+    Ok((Quality::mean(&quality).ok_or("no held-out photos")?, pairs as f64 / 1e6))
+}
+
+fn photo(p: &PosedPhoto) -> Photo {
+    Photo { name: p.name.clone(), camera: p.camera, rgb: p.rgb.clone(), mask: p.mask.clone() }
+}
+
+/// Lays one JSON tree over another.
+fn merge(base: &mut Value, over: Value) {
+    match (base, over) {
+        (Value::Object(base), Value::Object(over)) => {
+            over.into_iter().for_each(|(key, value)| merge(base.entry(key).or_insert(Value::Null), value));
+        }
+        (base, over) => *base = over,
+    }
+}

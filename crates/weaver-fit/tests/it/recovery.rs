@@ -1,0 +1,44 @@
+//! What a fit finds again.
+
+use crate::scenes::{SIZE, camera, cloud, finish, photos, plain};
+use weaver_fit::{Fit, FitSettings, Judge, Photo, StrategyKind, init};
+
+#[test]
+fn a_picture() {
+    let [width, height] = SIZE;
+    let tile = |i: usize| (i / 3 % width / 8 + i / 3 / width / 8) % 2 == 0;
+    let rgb: Vec<u8> = (0..3 * width * height).map(|i| if tile(i) { 200 - 60 * (i % 3) as u8 } else { 30 }).collect();
+    let photo = Photo { name: "tiles".into(), camera: camera(0.0, 0.0), rgb: rgb.clone(), mask: None };
+    let settings = plain(StrategyKind::Split, 300, 150);
+    let initial = init::random(&[photo.clone()], &settings).expect("Gaussians");
+    let mut fit = Fit::new(vec![photo], &initial, settings).expect("a fit");
+    let before = fit.render(&camera(0.0, 0.0)).expect("an image");
+    finish(&mut fit);
+    let after = fit.render(&camera(0.0, 0.0)).expect("an image");
+    let psnr = |image: &[f32]| Judge::default().compare(image, &rgb, [height, width]).psnr;
+    assert!(psnr(&after) > 25.0, "{} to {}", psnr(&before), psnr(&after));
+}
+
+/// Photo 1 is darker by a factor and lighter by a constant: corrections say so, up to what is common to all photos.
+#[test]
+fn exposures() {
+    let scene = cloud(60, 1);
+    let mut photos = photos(3, &scene);
+    let changed = |x: u8| (0.8 * f32::from(x) + 15.0).round() as u8;
+    photos[1].rgb.iter_mut().for_each(|x| *x = changed(*x));
+    let settings = FitSettings { exposure: true, ..plain(StrategyKind::Keep, 400, 60) };
+    let mut fit = Fit::new(photos, &scene, settings).expect("a fit");
+    finish(&mut fit);
+    let apply = |photo: usize, x: f32| {
+        let mut corrected = [0.0; 3];
+        fit.exposure(photo).expect("an exposure").apply(&[x; 3], &mut corrected);
+        corrected.iter().sum::<f32>() / 3.0
+    };
+    // Corrections of the others undone: `apply(0, x)` is what was 0.3, 0.6, 0.9.
+    for gray in [0.3_f32, 0.6, 0.9] {
+        let (from, to) = (apply(0, 0.0), apply(0, 1.0));
+        let x = (gray - from) / (to - from);
+        let (found, expected) = (apply(1, x), 0.8 * gray + 15.0 / 255.0);
+        assert!((found - expected).abs() < 0.02, "{gray}: {found}, not {expected}");
+    }
+}
