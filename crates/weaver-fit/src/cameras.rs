@@ -1,166 +1,202 @@
 //! Cameras that are refined with the scene.
 
 use crate::settings::Poses;
-use weaver_geometry::glam::DVec3;
+use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Pose, se3};
+use weaver_kernels::parallel;
 
-/// Numbers of a twist: translation, then rotation.
+/// Numbers of a camera: those of a twist (translation, then rotation), then the logarithm of the focal length.
+const NUMBERS: usize = 7;
+/// Numbers of a twist.
 const TWIST: usize = 6;
-/// Scene points that say how a camera's picture moves.
-const SAMPLES: usize = 512;
-/// Added to the diagonal, which is 1: directions that move no point stay finite.
-const DAMPING: f64 = 1e-3;
+/// Rows of pixels of a task.
+const GRAIN: usize = 8;
+/// Difference of colors below which a pixel counts by the square, above by the absolute value.
+const SMALL: f64 = 0.05;
+/// Slope of the colors, per pixel, that every pixel is taken to have at least: where nothing is seen, cameras stay.
+const LEAST_SLOPE: f64 = 2e-3;
+/// Pixels that a step moves the picture by at most, root mean square.
+const LONGEST: f64 = 2.0;
 
-/// A camera's pose, and Adam's moments of its twist in coordinates in which a unit moves the picture by a pixel.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RefinedPose {
-    /// The pose now.
-    pub pose: Pose,
-    pub(crate) first: [f64; TWIST],
-    pub(crate) second: [f64; TWIST],
-    pub(crate) steps: u64,
-}
+type Matrix = [[f64; NUMBERS]; NUMBERS];
 
-impl RefinedPose {
-    /// A pose that has not moved.
-    pub fn new(pose: Pose) -> Self {
-        Self { pose, first: [0.0; TWIST], second: [0.0; TWIST], steps: 0 }
-    }
-
-    /// Moves against the gradient with respect to the view matrix `[3, 4]` by about `rate` pixels.
-    ///
-    /// The pose is `exp(twist) pose`. Twists are measured by what they do to the picture: with J the motion of projected
-    /// scene points by the six numbers, `z = (J^T J / n)^(1/2) twist` moves it by |z| pixels, root mean square, and Adam runs
-    /// on z. Source: Park et al., CamP: Camera Preconditioning for Neural Radiance Fields, 2023, equation 8.
-    pub fn descend(&mut self, gradient: &[f32], whitening: &Whitening, rate: f64) {
-        let g: [f64; 12] = std::array::from_fn(|i| f64::from(gradient[i]));
-        let rows = self.pose.rows();
-        let mut twist = [0.0; TWIST];
-        for column in 0..4 {
-            let moved = DVec3::new(rows[0][column], rows[1][column], rows[2][column]);
-            let by = DVec3::new(g[column], g[4 + column], g[8 + column]);
-            // The translation of a twist moves the last column alone, its rotation w moves each to w x column.
-            let turn = moved.cross(by);
-            for i in 0..3 {
-                twist[3 + i] += turn[i];
-                twist[i] += if column == 3 { by[i] } else { 0.0 };
-            }
-        }
-        let white = whitening.gradient(&twist);
-        self.steps += 1;
-        let step = adam(&white, &mut self.first, &mut self.second, self.steps);
-        let [a, b, c, d, e, f] = whitening.twist(&step).map(|x| -rate * x);
-        self.pose = se3::exp(DVec3::new(a, b, c), DVec3::new(d, e, f)).compose(&self.pose);
-    }
-}
-
-/// The direction of Adam's step: bias-corrected first moment over the root of the second.
-pub(crate) fn adam<const N: usize>(g: &[f64; N], first: &mut [f64; N], second: &mut [f64; N], steps: u64) -> [f64; N] {
-    let (b1, b2): (f64, f64) = (0.9, 0.99);
-    let corrections = (1.0 - b1.powi(steps.min(10_000) as i32), 1.0 - b2.powi(steps.min(10_000) as i32));
-    // One scale for all six: the coordinates are commensurable, and a direction without a gradient should not be taken for
-    // an important one.
-    let square = g.iter().map(|g| g * g).sum::<f64>() / N as f64;
-    std::array::from_fn(|i| {
-        first[i] = b1 * first[i] + (1.0 - b1) * g[i];
-        second[i] = b2 * second[i] + (1.0 - b2) * square;
-        (first[i] / corrections.0) / ((second[i] / corrections.1).sqrt() + 1e-30)
-    })
-}
-
-/// Coordinates z of a camera's twist in which a unit moves its picture by a pixel: `twist = D^-1 (D^-1 A D^-1)^(-1/2) z` with
-/// `A = J^T J / n` and D the roots of its diagonal, which brings lengths and angles to one unit.
+/// What a camera sees of a scene, and what it should see.
 #[derive(Clone, Copy, Debug)]
-pub struct Whitening {
-    units: [f64; TWIST],
-    root: [[f64; TWIST]; TWIST],
-    /// Root mean square distance of the points from the principal point, pixels.
-    pub(crate) radius: f64,
+pub struct Views<'a> {
+    /// The drawn image `[H, W, 3]`.
+    pub image: &'a [f32],
+    /// Its opacity `[H, W]`.
+    pub alpha: &'a [f32],
+    /// Its depth times opacity `[H, W]`, world units.
+    pub depth: &'a [f32],
+    /// The photo `[H, W, 3]`.
+    pub photo: &'a [f32],
+    /// What of the photo counts, `[H, W]`: 0 where masked.
+    pub mask: Option<&'a [u8]>,
 }
 
-impl Whitening {
-    /// Of a camera that sees some of these points `[N, 3]`; `None` if it sees fewer than six.
-    pub fn new(camera: &Camera, points: &[f32]) -> Option<Self> {
-        let (mut sum, mut count, mut radius) = ([[0.0; TWIST]; TWIST], 0, 0.0);
-        let stride = (points.len() / 3).div_ceil(SAMPLES).max(1);
-        let k = &camera.intrinsics;
-        for point in points.chunks_exact(3).step_by(stride) {
-            let p = camera.pose.apply(DVec3::new(f64::from(point[0]), f64::from(point[1]), f64::from(point[2])));
-            let pixel = k.project(p);
-            let inside =
-                (0.0..camera.width as f64).contains(&pixel.x) && (0.0..camera.height as f64).contains(&pixel.y);
-            if p.z <= 0.0 || !inside {
-                continue;
+/// The equations of a Gauss-Newton step of a camera toward its photo, the scene as it is.
+///
+/// A pixel u at depth z moves by `J x` under the camera's numbers x, and the color drawn there changes by `-c' J x`, with c'
+/// the mean of the slopes of image and photo (which makes the step one of second order). Of
+/// `sum w |image - photo - c' J x|^2` with w = 1 / max(|image - photo|, 0.05), which counts what does not fit by its absolute value,
+/// these are the matrix `sum w J^T c'^T c' J` and the right side `sum w J^T c'^T (image - photo)`.
+///
+/// Sources: Lucas and Kanade, 1981; Benhimane and Malis, Real-time image-based tracking of planes using efficient
+/// second-order minimization, 2004, for the mean of the slopes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Alignment {
+    matrix: Matrix,
+    right: [f64; NUMBERS],
+    /// `sum J^T J`: how far the numbers move pixels.
+    motion: Matrix,
+    pixels: f64,
+}
+
+impl Alignment {
+    /// Of a camera and what it sees.
+    pub fn new(camera: &Camera, views: &Views<'_>) -> Self {
+        let (width, height) = (camera.width, camera.height);
+        let mut rows = vec![Self::default(); height.saturating_sub(2)];
+        parallel::for_chunks(&mut rows, GRAIN, |chunk, rows| {
+            for (i, row) in rows.iter_mut().enumerate() {
+                let y = 1 + chunk * GRAIN + i;
+                (1..width - 1).for_each(|x| row.add_pixel(camera, views, x, y));
             }
-            let (x, y) = (p.x / p.z, p.y / p.z);
-            // d pixel = [f/z, 0, -f x/z] (v + w x p)
-            let u = DVec3::new(k.fx / p.z, 0.0, -k.fx * x / p.z);
-            let v = DVec3::new(0.0, k.fy / p.z, -k.fy * y / p.z);
-            for row in [u, v] {
-                let turn = p.cross(row);
-                let j = [row.x, row.y, row.z, turn.x, turn.y, turn.z];
-                (0..TWIST).for_each(|a| (0..TWIST).for_each(|b| sum[a][b] += j[a] * j[b]));
-            }
-            radius += (pixel.x - k.cx).powi(2) + (pixel.y - k.cy).powi(2);
-            count += 1;
-        }
-        let few = count < TWIST;
-        (!few).then(|| {
-            sum.iter_mut().flatten().for_each(|x| *x /= count as f64);
-            let units: [f64; TWIST] = std::array::from_fn(|i| sum[i][i].max(f64::MIN_POSITIVE).sqrt());
-            (0..TWIST).for_each(|i| (0..TWIST).for_each(|j| sum[i][j] /= units[i] * units[j]));
-            Self { units, root: inverse_root(sum), radius: (radius / count as f64).sqrt().max(1.0) }
+        });
+        // Row by row: the sum does not depend on who did which.
+        rows.iter().fold(Self::default(), |mut sum, row| {
+            sum.add(row);
+            sum
         })
     }
 
-    /// The gradient with respect to z of that with respect to the twist.
-    fn gradient(&self, by_twist: &[f64; TWIST]) -> [f64; TWIST] {
-        std::array::from_fn(|i| (0..TWIST).map(|j| self.root[i][j] * by_twist[j] / self.units[j]).sum())
+    fn add_pixel(&mut self, camera: &Camera, views: &Views<'_>, x: usize, y: usize) {
+        let at = y * camera.width + x;
+        let alpha = f64::from(views.alpha[at]);
+        if alpha < 0.5 || views.mask.is_some_and(|mask| mask[at] == 0) {
+            return;
+        }
+        let (mut slopes, mut right) = ([0.0; 3], DVec2::ZERO);
+        for c in 0..3 {
+            let color = |at: usize| f64::from(views.image[3 * at + c] + views.photo[3 * at + c]);
+            let slope = 0.25 * DVec2::new(color(at + 1) - color(at - 1), color(at + camera.width) - color(at - camera.width));
+            let difference = f64::from(views.image[3 * at + c] - views.photo[3 * at + c]);
+            let weight = 1.0 / difference.abs().max(SMALL);
+            right += weight * difference * slope;
+            let parts = [slope.x * slope.x, slope.x * slope.y, slope.y * slope.y];
+            (0..3).for_each(|i| slopes[i] += weight * parts[i]);
+        }
+        let pixel = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+        let [u, v] = motion(camera, pixel, f64::from(views.depth[at]) / alpha);
+        for a in 0..NUMBERS {
+            let (du, dv) = (slopes[0] * u[a] + slopes[1] * v[a], slopes[1] * u[a] + slopes[2] * v[a]);
+            self.right[a] += u[a] * right.x + v[a] * right.y;
+            for b in a..NUMBERS {
+                self.matrix[a][b] += du * u[b] + dv * v[b];
+                self.motion[a][b] += u[a] * u[b] + v[a] * v[b];
+            }
+        }
+        self.pixels += 1.0;
     }
 
-    fn twist(&self, z: &[f64; TWIST]) -> [f64; TWIST] {
-        std::array::from_fn(|i| (0..TWIST).map(|j| self.root[i][j] * z[j]).sum::<f64>() / self.units[i])
+    fn add(&mut self, other: &Self) {
+        for a in 0..NUMBERS {
+            self.right[a] += other.right[a];
+            for b in a..NUMBERS {
+                self.matrix[a][b] += other.matrix[a][b];
+                self.motion[a][b] += other.motion[a][b];
+            }
+        }
+        self.pixels += other.pixels;
+    }
+
+    /// The damped matrix, mirrored.
+    fn damped(&self) -> Matrix {
+        let weight = LEAST_SLOPE * LEAST_SLOPE / SMALL;
+        std::array::from_fn(|a| {
+            std::array::from_fn(|b| {
+                let (a, b) = (a.min(b), a.max(b));
+                self.matrix[a][b] + weight * self.motion[a][b]
+            })
+        })
+    }
+
+    /// The twist of the step with the focal length as it is; `None` if too little is seen.
+    pub fn twist(&self) -> Option<[f64; TWIST]> {
+        let matrix = self.damped();
+        let mut rows: [[f64; TWIST + 1]; TWIST] =
+            std::array::from_fn(|a| std::array::from_fn(|b| if b < TWIST { matrix[a][b] } else { self.right[a] }));
+        let [twist] = solve(&mut rows)?;
+        let square: f64 = (0..TWIST)
+            .flat_map(|a| (0..TWIST).map(move |b| (a, b)))
+            .map(|(a, b)| twist[a] * twist[b] * self.motion[a.min(b)][a.max(b)])
+            .sum();
+        let length = (square / self.pixels).sqrt();
+        Some(twist.map(|x| x * (LONGEST / length.max(LONGEST))))
+    }
+
+    /// Curvature and slope by the logarithm of the focal length if the pose follows: the Schur complement.
+    pub fn focal(&self) -> Option<[f64; 2]> {
+        let matrix = self.damped();
+        let mut rows: [[f64; TWIST + 2]; TWIST] = std::array::from_fn(|a| {
+            std::array::from_fn(|b| if b < NUMBERS { matrix[a][b] } else { self.right[a] })
+        });
+        let [by_focal, by_right] = solve(&mut rows)?;
+        let along = |x: &[f64; TWIST]| (0..TWIST).map(|a| matrix[a][TWIST] * x[a]).sum::<f64>();
+        Some([matrix[TWIST][TWIST] - along(&by_focal), self.right[TWIST] - along(&by_right)])
     }
 }
 
-/// (A + damping)^(-1/2) of a symmetric matrix with a diagonal of ones, by Jacobi's rotations.
-fn inverse_root(mut a: [[f64; TWIST]; TWIST]) -> [[f64; TWIST]; TWIST] {
-    let mut vectors: [[f64; TWIST]; TWIST] =
-        std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
-    for _ in 0..16 {
-        for p in 0..TWIST - 1 {
-            for q in p + 1..TWIST {
-                if a[p][q].abs() < 1e-300 {
-                    continue;
-                }
-                let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-                let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-                let cos = 1.0 / t.hypot(1.0);
-                let sin = t * cos;
-                for k in 0..TWIST {
-                    (a[k][p], a[k][q]) = (cos * a[k][p] - sin * a[k][q], sin * a[k][p] + cos * a[k][q]);
-                }
-                for k in 0..TWIST {
-                    (a[p][k], a[q][k]) = (cos * a[p][k] - sin * a[q][k], sin * a[p][k] + cos * a[q][k]);
-                }
-                for row in &mut vectors {
-                    (row[p], row[q]) = (cos * row[p] - sin * row[q], sin * row[p] + cos * row[q]);
-                }
-            }
+/// How a pixel's point moves in the picture, by each number of the camera: right, and down.
+pub fn motion(camera: &Camera, pixel: DVec2, depth: f64) -> [[f64; NUMBERS]; 2] {
+    let k = &camera.intrinsics;
+    let p = k.unproject(pixel, depth);
+    // d pixel = [f/z, 0, -f x/z^2] (v + w x p)
+    let row = |to_pixel: DVec3, by_focal: f64| {
+        let turn = p.cross(to_pixel);
+        [to_pixel.x, to_pixel.y, to_pixel.z, turn.x, turn.y, turn.z, by_focal]
+    };
+    [
+        row(DVec3::new(k.fx, 0.0, -k.fx * p.x / p.z) / p.z, pixel.x - k.cx),
+        row(DVec3::new(0.0, k.fy, -k.fy * p.y / p.z) / p.z, pixel.y - k.cy),
+    ]
+}
+
+/// The pose `exp(part x twist) pose`.
+pub(crate) fn moved(pose: &Pose, twist: [f64; TWIST], part: f64) -> Pose {
+    let [a, b, c, d, e, f] = twist.map(|x| part * x);
+    se3::exp(DVec3::new(a, b, c), DVec3::new(d, e, f)).compose(pose)
+}
+
+/// Solves a positive definite system of rows `[A | b ...]` for each right side, by Gauss-Jordan elimination; `None` if it is
+/// singular.
+fn solve<const N: usize, const W: usize, const R: usize>(rows: &mut [[f64; W]; N]) -> Option<[[f64; N]; R]> {
+    let scale: [f64; N] = std::array::from_fn(|i| rows[i][i]);
+    for i in 0..N {
+        let pivot = rows[i][i];
+        // Also not passed by NaN.
+        let sound = pivot > 1e-12 * scale[i] && pivot.is_finite();
+        if !sound {
+            return None;
+        }
+        rows[i].iter_mut().for_each(|x| *x /= pivot);
+        let row = rows[i];
+        for (_, other) in rows.iter_mut().enumerate().filter(|(j, _)| *j != i) {
+            let factor = other[i];
+            other.iter_mut().zip(row).for_each(|(x, y)| *x -= factor * y);
         }
     }
-    let roots: [f64; TWIST] = std::array::from_fn(|k| 1.0 / (a[k][k].max(0.0) + DAMPING).sqrt());
-    let entry = |i: usize, j: usize| (0..TWIST).map(|k| vectors[i][k] * roots[k] * vectors[j][k]).sum::<f64>();
-    std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)))
+    Some(std::array::from_fn(|r| std::array::from_fn(|i| rows[i][N + r])))
 }
 
 impl Poses {
-    /// The rate of cameras at this part of the run, pixels of a picture of this long side; 0 while they stand still.
-    pub(crate) fn rate_at(&self, fraction: f64, long_side: usize) -> f64 {
+    /// The part of a step that cameras take at this part of the run; 0 while they stand still.
+    pub(crate) fn rate_at(&self, fraction: f64) -> f64 {
         if !self.refine || fraction < self.from || fraction >= self.until {
             return 0.0;
         }
         let done = (fraction - self.from) / (self.until - self.from).max(1e-9);
-        self.rate * long_side as f64 / 1000.0 * 0.01_f64.powf(done)
+        self.rate * self.rate_end.powf(done)
     }
 }

@@ -1,7 +1,7 @@
 //! The optimization.
 
 use crate::FitError;
-use crate::cameras::{RefinedPose, Whitening};
+use crate::cameras::{Alignment, Views, moved};
 use crate::exposure::Exposure;
 use crate::gradients::{Activated, Gradients};
 use crate::init::looked_at;
@@ -10,7 +10,7 @@ use crate::population::Population;
 use crate::settings::{FitSettings, Rates};
 use crate::strategy::{Moment, Strategy};
 use std::time::{Duration, Instant};
-use weaver_geometry::Camera;
+use weaver_geometry::{Camera, Pose};
 use weaver_geometry::glam::DVec3;
 use weaver_kernels::parallel;
 use weaver_kernels::random::Stream;
@@ -67,8 +67,7 @@ pub struct Fit<R: Rasterizer<f32> = CpuRasterizer> {
     rasterizer: R,
     workspace: R::Workspace,
     photos: Vec<Pyramid>,
-    pub(crate) poses: Vec<RefinedPose>,
-    /// The logarithm of the factor of all focal lengths, and its moments.
+    pub(crate) poses: Vec<Pose>,
     pub(crate) focal: FocalFactor,
     pub(crate) exposures: Vec<Exposure>,
     pub(crate) population: Population,
@@ -84,13 +83,12 @@ pub struct Fit<R: Rasterizer<f32> = CpuRasterizer> {
     pub(crate) timings: StepTimings,
 }
 
-/// One factor of all focal lengths.
+/// One factor of all focal lengths, with running means of what photos say of its logarithm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct FocalFactor {
     pub log: f64,
-    pub first: [f64; 1],
-    pub second: [f64; 1],
-    pub steps: u64,
+    pub curvature: f64,
+    pub slope: f64,
 }
 
 /// Images of a step.
@@ -100,6 +98,7 @@ struct Buffers {
     image: Vec<f32>,
     corrected: Vec<f32>,
     alpha: Vec<f32>,
+    depth: Vec<f32>,
     gradient: Vec<f32>,
 }
 
@@ -143,7 +142,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
         Ok(Self {
             workspace: rasterizer.workspace(),
             rasterizer,
-            poses: photos.iter().map(|photo| RefinedPose::new(photo.camera.pose)).collect(),
+            poses: photos.iter().map(|photo| photo.camera.pose).collect(),
             focal: FocalFactor::default(),
             exposures: if settings.exposure { vec![Exposure::default(); photos.len()] } else { Vec::new() },
             photos: photos.into_iter().map(|photo| Pyramid::new(photo, settings.halvings)).collect(),
@@ -191,6 +190,10 @@ impl<R: Rasterizer<f32>> Fit<R> {
         self.population.to_gaussians(self.settings.sh_degree)
     }
 
+    pub(crate) fn pyramids(&self) -> &[Pyramid] {
+        &self.photos
+    }
+
     /// Number of photos.
     pub fn photos(&self) -> usize {
         self.photos.len()
@@ -203,7 +206,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
 
     /// The camera of a photo as refined so far.
     pub fn camera(&self, photo: usize) -> Camera {
-        self.adjusted(&Camera { pose: self.poses[photo].pose, ..self.photo(photo).camera })
+        self.adjusted(&Camera { pose: self.poses[photo], ..self.photo(photo).camera })
     }
 
     /// A camera with the refined focal length.
@@ -251,6 +254,14 @@ impl<R: Rasterizer<f32>> Fit<R> {
         self.population.raise_degree(degree.min(settings.sh_degree));
         let moment = self.moment();
         let photo = self.photo_of(step);
+        if self.settings.poses.refine {
+            for (at, level) in self.settings.poses.bundle.clone().into_iter() {
+                if step == (at * self.settings.steps as f64) as usize {
+                    self.bundle(level, crate::bundle::knob("LM", 12.0) as usize)?;
+                }
+            }
+        }
+        let settings = &self.settings;
         let (value, pairs) = self.gradients_of(photo, settings.level(fraction), &moment)?;
         let start = Instant::now();
         self.gradients.apply(
@@ -325,7 +336,9 @@ impl<R: Rasterizer<f32>> Fit<R> {
         self.activated.update(&self.population);
         let gaussians = self.activated.slices(&self.population);
         let cameras = rows.as_slices(&self.settings.background);
-        let images = Images { image: &mut buffers.image, alpha: &mut buffers.alpha, depth: None, features: None };
+        let rate = self.settings.poses.rate_at(moment.fraction());
+        let depth = (rate > 0.0).then_some(&mut buffers.depth[..]);
+        let images = Images { image: &mut buffers.image, alpha: &mut buffers.alpha, depth, features: None };
         let stats = self.rasterizer.forward(&gaussians, &cameras, &raster, &mut self.workspace, images)?;
         self.timings.forward = start.elapsed();
 
@@ -341,9 +354,6 @@ impl<R: Rasterizer<f32>> Fit<R> {
         let start = Instant::now();
         self.gradients.resize(&self.population);
         let Gradients { means, quats, scales, opacities, sh } = &mut self.gradients;
-        let rate = self.settings.poses.rate_at(moment.fraction(), width.max(height));
-        let (mut by_viewmat, mut by_intrinsics) = ([0.0; 12], [0.0; 4]);
-        let moving = rate > 0.0;
         let statistics = self.strategy.wants_statistics(moment).then_some(&mut self.statistics[..]);
         let targets = RasterGradients {
             means: Some(Target::write(means)),
@@ -351,18 +361,22 @@ impl<R: Rasterizer<f32>> Fit<R> {
             scales: Some(Target::write(scales)),
             opacities: Some(Target::write(opacities)),
             colors: Some(Target::write(sh)),
-            viewmats: moving.then(|| Target::write(&mut by_viewmat)),
-            intrinsics: moving.then(|| Target::write(&mut by_intrinsics)),
             statistics,
             ..RasterGradients::default()
         };
         let cotangents = Cotangents { image: Some(&buffers.gradient), ..Cotangents::default() };
         self.rasterizer.backward(&gaussians, &cameras, &raster, &mut self.workspace, &cotangents, targets)?;
         self.strategy.regularize(&self.population, &mut self.gradients);
-        if moving && let Some(whitening) = Whitening::new(&camera, &self.population.means.values) {
-            self.poses[index].descend(&by_viewmat, &whitening, rate);
-            if self.settings.poses.focal {
-                self.focal.descend(&camera, by_intrinsics, rate / whitening.radius);
+        if rate > 0.0 {
+            let Buffers { target, image, corrected, alpha, depth, .. } = &self.buffers;
+            let image = if self.exposures.is_empty() { image } else { corrected };
+            let mask = photo.mask.as_deref();
+            let alignment = Alignment::new(&camera, &Views { image, alpha, depth, photo: target, mask });
+            if let Some(twist) = alignment.twist() {
+                self.poses[index] = moved(&self.poses[index], twist, rate);
+            }
+            if self.settings.poses.focal && let Some(equation) = alignment.focal() {
+                self.focal.advance(equation, rate);
             }
         }
         self.timings.backward = start.elapsed();
@@ -374,35 +388,39 @@ impl<R: Rasterizer<f32>> Fit<R> {
     /// # Errors
     /// When the rasterizer refuses.
     pub fn render(&mut self, camera: &Camera) -> Result<Vec<f32>, FitError> {
+        self.draw(camera).map(|[image, ..]| image)
+    }
+
+    /// Image, alpha and depth from a camera.
+    pub(crate) fn draw(&mut self, camera: &Camera) -> Result<[Vec<f32>; 3], FitError> {
         let pixels = camera.width * camera.height;
-        let (mut image, mut alpha) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
+        let (mut image, mut alpha, mut depth) = (vec![0.0; 3 * pixels], vec![0.0; pixels], vec![0.0; pixels]);
         let rows = CameraRows::new(&[*camera]);
         let raster = self.raster;
         self.activated.update(&self.population);
-        let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
+        let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None };
         let cameras = rows.as_slices(&self.settings.background);
         let gaussians = self.activated.slices(&self.population);
         self.rasterizer.forward(&gaussians, &cameras, &raster, &mut self.workspace, images)?;
-        Ok(image)
+        Ok([image, alpha, depth])
     }
 }
 
 impl FocalFactor {
-    /// Moves against the gradient with respect to fx, fy, cx, cy.
-    fn descend(&mut self, camera: &Camera, gradient: [f32; 4], rate: f64) {
-        let k = &camera.intrinsics;
-        let by_log = f64::from(gradient[0]) * k.fx + f64::from(gradient[1]) * k.fy;
-        self.steps += 1;
-        let [step] = crate::cameras::adam(&[by_log], &mut self.first, &mut self.second, self.steps);
-        self.log -= rate * step;
+    /// Goes a part of the way to what photos say.
+    fn advance(&mut self, [curvature, slope]: [f64; 2], rate: f64) {
+        self.curvature = 0.9 * self.curvature + 0.1 * curvature;
+        self.slope = 0.9 * self.slope + 0.1 * slope;
+        self.log += rate * 0.1 * self.slope / self.curvature;
     }
 }
 
 impl Buffers {
     fn resize(&mut self, pixels: usize) {
-        let Self { target, image, corrected, alpha, gradient } = self;
+        let Self { target, image, corrected, alpha, depth, gradient } = self;
         [target, image, corrected, gradient].into_iter().for_each(|b| b.resize(3 * pixels, 0.0));
         alpha.resize(pixels, 0.0);
+        depth.resize(pixels, 0.0);
     }
 
     /// The loss, its gradient with respect to the image, and the mean squared difference.

@@ -7,6 +7,7 @@
 //!
 //! Everything is on slices, without a tape and without files. The same seed gives the same bits at any number of threads.
 
+mod bundle;
 mod cameras;
 mod error;
 mod evaluate;
@@ -14,6 +15,7 @@ mod exposure;
 mod fit;
 mod gradients;
 pub mod init;
+mod locate;
 mod photos;
 mod population;
 mod rehearsal;
@@ -21,7 +23,7 @@ mod settings;
 mod state;
 pub mod strategy;
 
-pub use cameras::{RefinedPose, Whitening};
+pub use cameras::{Alignment, Views, motion};
 pub use error::FitError;
 pub use evaluate::{Judge, Quality};
 pub use exposure::Exposure;

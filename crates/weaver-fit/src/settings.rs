@@ -192,8 +192,12 @@ pub struct Poses {
     pub refine: bool,
     /// Whether the focal length is refined too, one factor for all photos.
     pub focal: bool,
-    /// Learning rate: pixels (of the long side of 1000) that a step moves a camera's picture by.
+    /// Part of the way to where its photo says that a camera goes in a step, at the beginning.
     pub rate: f64,
+    /// What that has become at the end, as a factor.
+    pub rate_end: f64,
+    /// When.
+    pub bundle: Vec<(f64, usize)>,
     /// Part of the run before cameras begin to move.
     pub from: f64,
     /// Part of the run after which they stay.
@@ -202,7 +206,7 @@ pub struct Poses {
 
 impl Default for Poses {
     fn default() -> Self {
-        Self { refine: false, focal: false, rate: 1.0, from: 0.02, until: 0.9 }
+        Self { refine: false, focal: false, rate: 1.0, rate_end: 0.1, bundle: vec![(0.1, 1), (0.2, 0)], from: 0.02, until: 0.9 }
     }
 }
 
@@ -233,6 +237,7 @@ impl FitSettings {
             ("initial_opacity", f64::from(self.initial_opacity)),
             ("poses.from", self.poses.from),
             ("poses.until", self.poses.until),
+            ("poses.rate_end", self.poses.rate_end),
             ("rates.means_end", self.rates.means_end),
             ("background", f64::from(self.background[0])),
             ("background", f64::from(self.background[1])),

@@ -1,6 +1,5 @@
 //! What a fit has to remember to go on where it was.
 
-use crate::cameras::RefinedPose;
 use crate::exposure::Exposure;
 use crate::fit::{Fit, FocalFactor};
 use crate::population::{Field, Population};
@@ -13,8 +12,8 @@ use weaver_splat::{GaussianStatistics, Rasterizer};
 
 /// Numbers of a row of statistics.
 const STATISTICS: usize = 6;
-/// Numbers of a row of poses: rotation, translation, two moments, steps.
-const POSE: usize = 9 + 3 + 6 + 6 + 1;
+/// Numbers of a row of poses: rotation, translation.
+const POSE: usize = 9 + 3;
 /// Numbers of a row of exposures: matrix, two moments, steps.
 const EXPOSURE: usize = 3 * 12 + 1;
 
@@ -34,8 +33,8 @@ impl<R: Rasterizer<f32>> Fit<R> {
         put(&mut state, "statistics", STATISTICS, self.statistics.iter().flat_map(statistics_row).collect());
         put(&mut state, "exposures", EXPOSURE, self.exposures.iter().flat_map(exposure_row).collect());
         put(&mut state, "poses", POSE, self.poses.iter().flat_map(pose_row).collect());
-        let FocalFactor { log, first: [first], second: [second], steps } = self.focal;
-        put(&mut state, "focal", 4, vec![log, first, second, steps as f64]);
+        let FocalFactor { log, curvature, slope } = self.focal;
+        put(&mut state, "focal", 3, vec![log, curvature, slope]);
         put(&mut state, "step", 1, vec![self.step as u64]);
         state
     }
@@ -67,13 +66,13 @@ impl<R: Rasterizer<f32>> Fit<R> {
         let statistics = state.values::<f32>("statistics", &[n, STATISTICS])?;
         let exposures = state.values::<f32>("exposures", &[self.exposures.len(), EXPOSURE])?;
         let poses = state.values::<f64>("poses", &[self.poses.len(), POSE])?;
-        let focal = state.values::<f64>("focal", &[1, 4])?;
+        let focal = state.values::<f64>("focal", &[1, 3])?;
         self.step = state.values::<u64>("step", &[1, 1])?[0] as usize;
         self.population = Population::from_fields(fields, degree);
         self.statistics = statistics.chunks_exact(STATISTICS).map(statistics_of).collect();
         self.exposures = exposures.chunks_exact(EXPOSURE).map(exposure_of).collect();
         self.poses = poses.chunks_exact(POSE).map(pose_of).collect();
-        self.focal = FocalFactor { log: focal[0], first: [focal[1]], second: [focal[2]], steps: focal[3] as u64 };
+        self.focal = FocalFactor { log: focal[0], curvature: focal[1], slope: focal[2] };
         Ok(())
     }
 }
@@ -102,17 +101,13 @@ fn exposure_of(row: &[f32]) -> Exposure {
     Exposure { matrix: part(0), first: part(12), second: part(24), steps: row[36] as u64 }
 }
 
-fn pose_row(pose: &RefinedPose) -> Vec<f64> {
-    let mut row = pose.pose.rotation.to_cols_array().to_vec();
-    row.extend(pose.pose.translation.to_array());
-    row.extend(pose.first.iter().chain(&pose.second));
-    row.push(pose.steps as f64);
+fn pose_row(pose: &Pose) -> Vec<f64> {
+    let mut row = pose.rotation.to_cols_array().to_vec();
+    row.extend(pose.translation.to_array());
     row
 }
 
-fn pose_of(row: &[f64]) -> RefinedPose {
+fn pose_of(row: &[f64]) -> Pose {
     let rotation = DMat3::from_cols_array(&std::array::from_fn(|i| row[i]));
-    let part = |from: usize| std::array::from_fn(|i| row[from + i]);
-    let pose = Pose::new(rotation, DVec3::new(row[9], row[10], row[11]));
-    RefinedPose { pose, first: part(12), second: part(18), steps: row[24] as u64 }
+    Pose::new(rotation, DVec3::new(row[9], row[10], row[11]))
 }
