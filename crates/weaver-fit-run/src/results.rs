@@ -6,13 +6,15 @@ use crate::run::Origin;
 use crate::{Run, RunError, report};
 use std::time::Instant;
 use weaver_fit::{Photo, Quality};
-use weaver_geometry::{Camera, Pose};
+use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_io::colmap::Model;
 use weaver_io::{Transforms, write_gaussians};
 use weaver_scene::Frame;
 
 /// Decibels below the median from which a photo is called a stranger.
 const STRANGE: f64 = 8.0;
+/// Steps that locate a held-out photo.
+const LOCATE: usize = 30;
 
 impl Run {
     /// Writes scene, cameras, summary and report.
@@ -77,10 +79,24 @@ impl Run {
         }
     }
 
-    /// The cameras that held-out photos are judged with.
+    /// The cameras that held-out photos are judged with: as given; where cameras were refined, carried along with those of
+    /// the training photos and then located in the scene, which is frozen.
     fn held_out_cameras(&mut self) -> Result<Vec<Camera>, RunError> {
-        let cameras: Vec<Camera> = self.held_out.iter().map(|photo| photo.camera).collect();
-        Ok(cameras.iter().map(|camera| self.fit.adjusted(camera)).collect())
+        let given: Vec<Camera> = self.held_out.iter().map(|photo| self.fit.adjusted(&photo.camera)).collect();
+        if !self.settings.fit.poses.refine {
+            return Ok(given);
+        }
+        let poses = |of: &dyn Fn(usize) -> Camera| (0..self.fit.photos()).map(|i| of(i).pose).collect::<Vec<_>>();
+        let (before, after) = (poses(&|i| self.fit.photo(i).camera), poses(&|i| self.fit.camera(i)));
+        let carried = Similarity::fit_centers(&before, &after);
+        let mut cameras = Vec::with_capacity(given.len());
+        for (photo, mut camera) in self.held_out.iter().zip(given) {
+            if let Some(carried) = &carried {
+                camera.pose = carried.apply_to_pose(&camera.pose);
+            }
+            cameras.push(self.fit.locate(photo, camera, LOCATE)?);
+        }
+        Ok(cameras)
     }
 
     /// Writes transforms.json and a COLMAP model, with intrinsics for the photos as they are on disk.

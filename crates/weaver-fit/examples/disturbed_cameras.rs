@@ -141,15 +141,9 @@ impl Capture {
         let mut fit = Fit::new(self.training.clone(), &initial, settings)?;
         let start = Instant::now();
         while fit.steps_done() < fit.settings().steps {
-            let report = fit.step()?;
-            if std::env::var_os("TRACE").is_some() && report.step % (fit.settings().steps / 15) == 0 {
-                let cameras: Vec<Camera> = (0..fit.photos()).map(|i| fit.camera(i)).collect();
-                let [degrees, percent] = truth.errors(&cameras)?;
-                println!("{:6} {degrees:.3} degrees, {percent:.3} % {:.4} {}", report.step, fit.camera(0).intrinsics.fx, report.gaussians);
-            }
+            fit.step()?;
         }
         let seconds = start.elapsed().as_secs_f64();
-        if std::env::var_os("NOTEST").is_some() { return Ok(String::new()); }
         let cameras: Vec<Camera> = (0..fit.photos()).map(|i| fit.camera(i)).collect();
         let [degrees, percent] = truth.errors(&cameras)?;
         let focal = 100.0 * (cameras[0].intrinsics.fx / truth.training[0].camera.intrinsics.fx - 1.0);

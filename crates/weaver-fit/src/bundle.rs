@@ -1,66 +1,87 @@
-//! Cameras from photos alone: photometric bundle adjustment of all cameras, the focal length and the depths of points.
+//! Cameras from photos: photometric bundle adjustment of all cameras, the focal length and the depths of points at once.
 //!
-//! Stepping each camera toward the scene and the scene toward all cameras in turn halves an error that neighbors share only
-//! in dozens of rounds, for the scene lies where the cameras are in the mean. Here the scene gives nothing but first depths:
-//! what two photos show of a point must agree, and all cameras that see it move at once.
+//! A camera that steps toward the scene, and the scene toward all cameras, in turn, lessen an error that neighbors share only
+//! over dozens of rounds, for the scene lies where the cameras are in the mean. Here the scene gives nothing but first depths:
+//! what photos show of a point must agree, and all cameras that see it move together.
 //!
 //! Sources: Alismail et al., Photometric Bundle Adjustment for Vision-Based SLAM, 2016; Engel et al., Direct Sparse
-//! Odometry, 2016, for inverse... patches and the elimination of depths.
+//! Odometry, 2016.
 
 mod equations;
-mod points;
 mod pictures;
+mod points;
 
+use crate::FitError;
+use crate::cameras::{TWIST, moved};
+use crate::fit::Fit;
+use crate::photos::at_level;
 use equations::System;
-pub(crate) use pictures::Picture;
-use points::Point;
-use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Pose, se3};
+use pictures::Picture;
+use weaver_geometry::Pose;
+use weaver_splat::Rasterizer;
 
-/// Numbers of a camera: translation and rotation of a twist.
-const TWIST: usize = 6;
+/// Steps of Levenberg and Marquardt.
+const STEPS: usize = 12;
+/// Damping of the first step, over the diagonal; the least; what a success divides it by, and a failure multiplies it by.
+const DAMPING: [f64; 4] = [1e-4, 1e-7, 5.0, 8.0];
+/// Opacity below which there is no depth.
+const OPAQUE: f32 = 0.5;
 
-/// All that is adjusted: poses, and the logarithm of a factor of all focal lengths.
+/// All that is adjusted but depths: poses, and the logarithm of a factor of all focal lengths.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Cameras {
-    pub poses: Vec<Pose>,
-    pub focal: f64,
+struct Cameras {
+    poses: Vec<Pose>,
+    focal: f64,
 }
 
-/// Adjusts cameras to their pictures by this many steps of Levenberg and Marquardt; `depths` are those of the scene now.
-///
-/// The focal length stays as it is unless asked for. Returns the cameras with the smallest cost found.
-pub(crate) fn adjust(pictures: &[Picture<'_>], start: Cameras, focal: bool, steps: usize) -> Cameras {
+impl<R: Rasterizer<f32>> Fit<R> {
+    /// Adjusts all cameras to photos that are halved this often, with depths of the scene as it is.
+    ///
+    /// The matrix has six rows a camera and is dense: for some hundreds of cameras.
+    pub(crate) fn adjust(&mut self, level: usize) -> Result<(), FitError> {
+        let mut depths = Vec::with_capacity(self.photos());
+        for i in 0..self.photos() {
+            let (_, level) = self.pyramids()[i].level(level);
+            let [_, alpha, mut depth] = self.draw(&at_level(&self.camera(i), level))?;
+            depth.iter_mut().zip(alpha).for_each(|(z, a)| *z = if a > OPAQUE { *z / a } else { 0.0 });
+            depths.push(depth);
+        }
+        let pictures: Vec<Picture<'_>> = self
+            .pyramids()
+            .iter()
+            .zip(depths)
+            .map(|(pyramid, depth)| Picture::new(pyramid.level(level).0, depth))
+            .collect();
+        let start = Cameras { poses: self.poses.clone(), focal: self.focal };
+        let found = adjusted(&pictures, start, self.settings.poses.focal);
+        (self.poses, self.focal) = (found.poses, found.focal);
+        Ok(())
+    }
+}
+
+/// The cameras of the smallest cost that is found.
+fn adjusted(pictures: &[Picture<'_>], start: Cameras, focal: bool) -> Cameras {
     let mut points = points::choose(pictures, &start);
     let mut cameras = start;
-    let mut damping = 1e-4;
+    let [mut damping, least, less, more] = DAMPING;
     let mut system = System::new(pictures, &points, &cameras, focal);
-    for _ in 0..steps {
+    for _ in 0..STEPS {
         let Some((twists, by_focal)) = system.solve(damping) else {
-            damping = f64::max(10.0 * damping, 1e-4);
+            damping *= more;
             continue;
         };
-        let moved = Cameras {
-            poses: cameras.poses.iter().zip(&twists).map(|(pose, twist)| moved(pose, *twist)).collect(),
+        let next_cameras = Cameras {
+            poses: cameras.poses.iter().zip(&twists).map(|(pose, twist)| moved(pose, *twist, 1.0)).collect(),
             focal: cameras.focal + by_focal,
         };
-        let deeper: Vec<Point> = system.depths(&points, &twists, by_focal);
-        let next = System::new(pictures, &deeper, &moved, focal);
-        if std::env::var_os("TRACE").is_some() { println!("  cost {:.5} -> {:.5} damping {damping:.1e} focal {:.4} points {}", system.cost, next.cost, moved.focal, points.len()); }
+        let next_points = system.deeper(&points, &twists, by_focal);
+        let next = System::new(pictures, &next_points, &next_cameras, focal);
         if next.cost < system.cost {
-            (cameras, points, system) = (moved, deeper, next);
-            damping = (damping / 5.0).max(1e-7);
+            (cameras, points, system) = (next_cameras, next_points, next);
+            damping = (damping / less).max(least);
         } else {
-            damping *= 8.0;
+            damping *= more;
         }
     }
     cameras
-}
-
-pub(crate) fn knob(name: &str, default: f64) -> f64 {
-    std::env::var(name).ok().and_then(|x| x.parse().ok()).unwrap_or(default)
-}
-
-fn moved(pose: &Pose, [a, b, c, d, e, f]: [f64; TWIST]) -> Pose {
-    se3::exp(DVec3::new(a, b, c), DVec3::new(d, e, f)).compose(pose)
 }

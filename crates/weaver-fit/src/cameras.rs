@@ -5,10 +5,8 @@ use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Pose, se3};
 use weaver_kernels::parallel;
 
-/// Numbers of a camera: those of a twist (translation, then rotation), then the logarithm of the focal length.
-const NUMBERS: usize = 7;
-/// Numbers of a twist.
-const TWIST: usize = 6;
+/// Numbers of a camera: those of a twist, translation, then rotation.
+pub(crate) const TWIST: usize = 6;
 /// Rows of pixels of a task.
 const GRAIN: usize = 8;
 /// Difference of colors below which a pixel counts by the square, above by the absolute value.
@@ -18,7 +16,7 @@ const LEAST_SLOPE: f64 = 2e-3;
 /// Pixels that a step moves the picture by at most, root mean square.
 const LONGEST: f64 = 2.0;
 
-type Matrix = [[f64; NUMBERS]; NUMBERS];
+type Matrix = [[f64; TWIST]; TWIST];
 
 /// What a camera sees of a scene, and what it should see.
 #[derive(Clone, Copy, Debug)]
@@ -47,7 +45,7 @@ pub struct Views<'a> {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Alignment {
     matrix: Matrix,
-    right: [f64; NUMBERS],
+    right: [f64; TWIST],
     /// `sum J^T J`: how far the numbers move pixels.
     motion: Matrix,
     pixels: f64,
@@ -80,7 +78,8 @@ impl Alignment {
         let (mut slopes, mut right) = ([0.0; 3], DVec2::ZERO);
         for c in 0..3 {
             let color = |at: usize| f64::from(views.image[3 * at + c] + views.photo[3 * at + c]);
-            let slope = 0.25 * DVec2::new(color(at + 1) - color(at - 1), color(at + camera.width) - color(at - camera.width));
+            let slope =
+                0.25 * DVec2::new(color(at + 1) - color(at - 1), color(at + camera.width) - color(at - camera.width));
             let difference = f64::from(views.image[3 * at + c] - views.photo[3 * at + c]);
             let weight = 1.0 / difference.abs().max(SMALL);
             right += weight * difference * slope;
@@ -89,10 +88,10 @@ impl Alignment {
         }
         let pixel = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
         let [u, v] = motion(camera, pixel, f64::from(views.depth[at]) / alpha);
-        for a in 0..NUMBERS {
+        for a in 0..TWIST {
             let (du, dv) = (slopes[0] * u[a] + slopes[1] * v[a], slopes[1] * u[a] + slopes[2] * v[a]);
             self.right[a] += u[a] * right.x + v[a] * right.y;
-            for b in a..NUMBERS {
+            for b in a..TWIST {
                 self.matrix[a][b] += du * u[b] + dv * v[b];
                 self.motion[a][b] += u[a] * u[b] + v[a] * v[b];
             }
@@ -101,9 +100,9 @@ impl Alignment {
     }
 
     fn add(&mut self, other: &Self) {
-        for a in 0..NUMBERS {
+        for a in 0..TWIST {
             self.right[a] += other.right[a];
-            for b in a..NUMBERS {
+            for b in a..TWIST {
                 self.matrix[a][b] += other.matrix[a][b];
                 self.motion[a][b] += other.motion[a][b];
             }
@@ -111,23 +110,11 @@ impl Alignment {
         self.pixels += other.pixels;
     }
 
-    /// The damped matrix, mirrored.
-    fn damped(&self) -> Matrix {
-        let weight = LEAST_SLOPE * LEAST_SLOPE / SMALL;
-        std::array::from_fn(|a| {
-            std::array::from_fn(|b| {
-                let (a, b) = (a.min(b), a.max(b));
-                self.matrix[a][b] + weight * self.motion[a][b]
-            })
-        })
-    }
-
-    /// The twist of the step with the focal length as it is; `None` if too little is seen.
+    /// The twist of the step; `None` if too little is seen.
     pub fn twist(&self) -> Option<[f64; TWIST]> {
-        let matrix = self.damped();
-        let mut rows: [[f64; TWIST + 1]; TWIST] =
-            std::array::from_fn(|a| std::array::from_fn(|b| if b < TWIST { matrix[a][b] } else { self.right[a] }));
-        let [twist] = solve(&mut rows)?;
+        let weight = LEAST_SLOPE * LEAST_SLOPE / SMALL;
+        let damped = |a: usize, b: usize| self.matrix[a.min(b)][a.max(b)] + weight * self.motion[a.min(b)][a.max(b)];
+        let twist = solve(std::array::from_fn(|a| std::array::from_fn(|b| damped(a, b))), self.right)?;
         let square: f64 = (0..TWIST)
             .flat_map(|a| (0..TWIST).map(move |b| (a, b)))
             .map(|(a, b)| twist[a] * twist[b] * self.motion[a.min(b)][a.max(b)])
@@ -135,32 +122,18 @@ impl Alignment {
         let length = (square / self.pixels).sqrt();
         Some(twist.map(|x| x * (LONGEST / length.max(LONGEST))))
     }
-
-    /// Curvature and slope by the logarithm of the focal length if the pose follows: the Schur complement.
-    pub fn focal(&self) -> Option<[f64; 2]> {
-        let matrix = self.damped();
-        let mut rows: [[f64; TWIST + 2]; TWIST] = std::array::from_fn(|a| {
-            std::array::from_fn(|b| if b < NUMBERS { matrix[a][b] } else { self.right[a] })
-        });
-        let [by_focal, by_right] = solve(&mut rows)?;
-        let along = |x: &[f64; TWIST]| (0..TWIST).map(|a| matrix[a][TWIST] * x[a]).sum::<f64>();
-        Some([matrix[TWIST][TWIST] - along(&by_focal), self.right[TWIST] - along(&by_right)])
-    }
 }
 
-/// How a pixel's point moves in the picture, by each number of the camera: right, and down.
-pub fn motion(camera: &Camera, pixel: DVec2, depth: f64) -> [[f64; NUMBERS]; 2] {
+/// How a pixel's point at a depth moves in the picture with the camera's twist: derivatives of its x, and of its y.
+pub fn motion(camera: &Camera, pixel: DVec2, depth: f64) -> [[f64; TWIST]; 2] {
     let k = &camera.intrinsics;
     let p = k.unproject(pixel, depth);
     // d pixel = [f/z, 0, -f x/z^2] (v + w x p)
-    let row = |to_pixel: DVec3, by_focal: f64| {
+    let row = |to_pixel: DVec3| {
         let turn = p.cross(to_pixel);
-        [to_pixel.x, to_pixel.y, to_pixel.z, turn.x, turn.y, turn.z, by_focal]
+        [to_pixel.x, to_pixel.y, to_pixel.z, turn.x, turn.y, turn.z]
     };
-    [
-        row(DVec3::new(k.fx, 0.0, -k.fx * p.x / p.z) / p.z, pixel.x - k.cx),
-        row(DVec3::new(0.0, k.fy, -k.fy * p.y / p.z) / p.z, pixel.y - k.cy),
-    ]
+    [row(DVec3::new(k.fx, 0.0, -k.fx * p.x / p.z) / p.z), row(DVec3::new(0.0, k.fy, -k.fy * p.y / p.z) / p.z)]
 }
 
 /// The pose `exp(part x twist) pose`.
@@ -169,29 +142,45 @@ pub(crate) fn moved(pose: &Pose, twist: [f64; TWIST], part: f64) -> Pose {
     se3::exp(DVec3::new(a, b, c), DVec3::new(d, e, f)).compose(pose)
 }
 
-/// Solves a positive definite system of rows `[A | b ...]` for each right side, by Gauss-Jordan elimination; `None` if it is
-/// singular.
-fn solve<const N: usize, const W: usize, const R: usize>(rows: &mut [[f64; W]; N]) -> Option<[[f64; N]; R]> {
-    let scale: [f64; N] = std::array::from_fn(|i| rows[i][i]);
-    for i in 0..N {
-        let pivot = rows[i][i];
+/// Solves a positive definite system by Gauss-Jordan elimination; `None` if it is singular.
+fn solve(mut matrix: Matrix, mut right: [f64; TWIST]) -> Option<[f64; TWIST]> {
+    let scale: [f64; TWIST] = std::array::from_fn(|i| matrix[i][i]);
+    for i in 0..TWIST {
+        let pivot = matrix[i][i];
         // Also not passed by NaN.
         let sound = pivot > 1e-12 * scale[i] && pivot.is_finite();
         if !sound {
             return None;
         }
-        rows[i].iter_mut().for_each(|x| *x /= pivot);
-        let row = rows[i];
-        for (_, other) in rows.iter_mut().enumerate().filter(|(j, _)| *j != i) {
-            let factor = other[i];
-            other.iter_mut().zip(row).for_each(|(x, y)| *x -= factor * y);
+        let row = matrix[i].map(|x| x / pivot);
+        right[i] /= pivot;
+        matrix[i] = row;
+        for j in (0..TWIST).filter(|j| *j != i) {
+            let factor = matrix[j][i];
+            (0..TWIST).for_each(|k| matrix[j][k] -= factor * row[k]);
+            right[j] -= factor * right[i];
         }
     }
-    Some(std::array::from_fn(|r| std::array::from_fn(|i| rows[i][N + r])))
+    Some(right)
 }
 
+/// Longest side of the photos that the first round looks at, pixels; an error of a degree is some three pixels there.
+const FIRST_SIDE: usize = 200;
+
 impl Poses {
-    /// The part of a step that cameras take at this part of the run; 0 while they stand still.
+    /// How often photos of this longest side are halved for the first round.
+    pub(crate) fn halvings(&self, side: usize) -> usize {
+        let halvings = side.div_ceil(FIRST_SIDE).max(1).next_power_of_two().ilog2() as usize;
+        if self.refine { halvings } else { 0 }
+    }
+
+    /// The round that is due before this step, if any.
+    pub(crate) fn round(&self, step: usize, steps: usize) -> Option<usize> {
+        let due = |at: &f64| (at * steps as f64) as usize == step;
+        self.rounds.iter().rposition(due).filter(|_| self.refine)
+    }
+
+    /// The part of its way that a camera goes in a step at this part of the run; 0 while cameras stand still.
     pub(crate) fn rate_at(&self, fraction: f64) -> f64 {
         if !self.refine || fraction < self.from || fraction >= self.until {
             return 0.0;

@@ -2,6 +2,7 @@
 
 use crate::FitError;
 use crate::cameras::{Alignment, Views, moved};
+use crate::comparison::Buffers;
 use crate::exposure::Exposure;
 use crate::gradients::{Activated, Gradients};
 use crate::init::looked_at;
@@ -10,9 +11,8 @@ use crate::population::Population;
 use crate::settings::{FitSettings, Rates};
 use crate::strategy::{Moment, Strategy};
 use std::time::{Duration, Instant};
-use weaver_geometry::{Camera, Pose};
 use weaver_geometry::glam::DVec3;
-use weaver_kernels::parallel;
+use weaver_geometry::{Camera, Pose};
 use weaver_kernels::random::Stream;
 use weaver_losses::{Photometric, PhotometricValue};
 use weaver_scene::{CameraRows, Gaussians};
@@ -64,42 +64,24 @@ pub struct StepTimings {
 #[derive(Debug)]
 pub struct Fit<R: Rasterizer<f32> = CpuRasterizer> {
     pub(crate) settings: FitSettings,
-    rasterizer: R,
-    workspace: R::Workspace,
+    pub(crate) rasterizer: R,
+    pub(crate) workspace: R::Workspace,
     photos: Vec<Pyramid>,
     pub(crate) poses: Vec<Pose>,
-    pub(crate) focal: FocalFactor,
+    /// The logarithm of the factor of all focal lengths.
+    pub(crate) focal: f64,
     pub(crate) exposures: Vec<Exposure>,
     pub(crate) population: Population,
     pub(crate) statistics: Vec<GaussianStatistics<f32>>,
     strategy: Box<dyn Strategy>,
     pub(crate) step: usize,
     extent: f64,
-    raster: RasterSettings,
-    activated: Activated,
+    pub(crate) raster: RasterSettings,
+    pub(crate) activated: Activated,
     gradients: Gradients,
     loss: Photometric<f32>,
     buffers: Buffers,
     pub(crate) timings: StepTimings,
-}
-
-/// One factor of all focal lengths, with running means of what photos say of its logarithm.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct FocalFactor {
-    pub log: f64,
-    pub curvature: f64,
-    pub slope: f64,
-}
-
-/// Images of a step.
-#[derive(Debug, Default)]
-struct Buffers {
-    target: Vec<f32>,
-    image: Vec<f32>,
-    corrected: Vec<f32>,
-    alpha: Vec<f32>,
-    depth: Vec<f32>,
-    gradient: Vec<f32>,
 }
 
 impl Fit {
@@ -143,9 +125,15 @@ impl<R: Rasterizer<f32>> Fit<R> {
             workspace: rasterizer.workspace(),
             rasterizer,
             poses: photos.iter().map(|photo| photo.camera.pose).collect(),
-            focal: FocalFactor::default(),
+            focal: 0.0,
             exposures: if settings.exposure { vec![Exposure::default(); photos.len()] } else { Vec::new() },
-            photos: photos.into_iter().map(|photo| Pyramid::new(photo, settings.halvings)).collect(),
+            photos: photos
+                .into_iter()
+                .map(|photo| {
+                    let halvings = settings.halvings.max(settings.poses.halvings(photo.long_side()));
+                    Pyramid::new(photo, halvings)
+                })
+                .collect(),
             statistics: vec![GaussianStatistics::default(); population.len()],
             population,
             strategy,
@@ -211,7 +199,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
 
     /// A camera with the refined focal length.
     pub fn adjusted(&self, camera: &Camera) -> Camera {
-        let factor = self.focal.log.exp();
+        let factor = self.focal.exp();
         let mut camera = *camera;
         camera.intrinsics.fx *= factor;
         camera.intrinsics.fy *= factor;
@@ -254,12 +242,10 @@ impl<R: Rasterizer<f32>> Fit<R> {
         self.population.raise_degree(degree.min(settings.sh_degree));
         let moment = self.moment();
         let photo = self.photo_of(step);
-        if self.settings.poses.refine {
-            for (at, level) in self.settings.poses.bundle.clone().into_iter() {
-                if step == (at * self.settings.steps as f64) as usize {
-                    self.bundle(level, crate::bundle::knob("LM", 12.0) as usize)?;
-                }
-            }
+        if let Some(round) = settings.poses.round(step, settings.steps) {
+            let first =
+                (0..self.photos()).map(|i| settings.poses.halvings(self.photo(i).long_side())).max().unwrap_or(0);
+            self.adjust(first.saturating_sub(round))?;
         }
         let settings = &self.settings;
         let (value, pairs) = self.gradients_of(photo, settings.level(fraction), &moment)?;
@@ -375,95 +361,9 @@ impl<R: Rasterizer<f32>> Fit<R> {
             if let Some(twist) = alignment.twist() {
                 self.poses[index] = moved(&self.poses[index], twist, rate);
             }
-            if self.settings.poses.focal && let Some(equation) = alignment.focal() {
-                self.focal.advance(equation, rate);
-            }
         }
         self.timings.backward = start.elapsed();
         Ok((value, stats.pairs))
-    }
-
-    /// Draws the Gaussians from a camera: an image `[H, W, 3]`, values not clamped.
-    ///
-    /// # Errors
-    /// When the rasterizer refuses.
-    pub fn render(&mut self, camera: &Camera) -> Result<Vec<f32>, FitError> {
-        self.draw(camera).map(|[image, ..]| image)
-    }
-
-    /// Image, alpha and depth from a camera.
-    pub(crate) fn draw(&mut self, camera: &Camera) -> Result<[Vec<f32>; 3], FitError> {
-        let pixels = camera.width * camera.height;
-        let (mut image, mut alpha, mut depth) = (vec![0.0; 3 * pixels], vec![0.0; pixels], vec![0.0; pixels]);
-        let rows = CameraRows::new(&[*camera]);
-        let raster = self.raster;
-        self.activated.update(&self.population);
-        let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None };
-        let cameras = rows.as_slices(&self.settings.background);
-        let gaussians = self.activated.slices(&self.population);
-        self.rasterizer.forward(&gaussians, &cameras, &raster, &mut self.workspace, images)?;
-        Ok([image, alpha, depth])
-    }
-}
-
-impl FocalFactor {
-    /// Goes a part of the way to what photos say.
-    fn advance(&mut self, [curvature, slope]: [f64; 2], rate: f64) {
-        self.curvature = 0.9 * self.curvature + 0.1 * curvature;
-        self.slope = 0.9 * self.slope + 0.1 * slope;
-        self.log += rate * 0.1 * self.slope / self.curvature;
-    }
-}
-
-impl Buffers {
-    fn resize(&mut self, pixels: usize) {
-        let Self { target, image, corrected, alpha, depth, gradient } = self;
-        [target, image, corrected, gradient].into_iter().for_each(|b| b.resize(3 * pixels, 0.0));
-        alpha.resize(pixels, 0.0);
-        depth.resize(pixels, 0.0);
-    }
-
-    /// The loss, its gradient with respect to the image, and the mean squared difference.
-    fn compare(
-        &mut self,
-        photo: &Photo,
-        exposure: Option<&mut Exposure>,
-        settings: &FitSettings,
-        loss: &mut Photometric<f32>,
-        size: [usize; 2],
-    ) -> (PhotometricValue, f64) {
-        const GRAIN: usize = 3 << 12;
-        parallel::for_chunks(&mut self.target, GRAIN, |chunk, target| {
-            let bytes = &photo.rgb[chunk * GRAIN..];
-            target.iter_mut().zip(bytes).for_each(|(t, b)| *t = f32::from(*b) * (1.0 / 255.0));
-        });
-        let corrected = match &exposure {
-            Some(exposure) => {
-                exposure.apply(&self.image, &mut self.corrected);
-                &mut self.corrected
-            }
-            None => &mut self.image,
-        };
-        if let Some(mask) = &photo.mask {
-            // What is masked is taken to be as drawn: no difference, and windows of SSIM see nothing of the photo there.
-            let pixels = corrected.chunks_exact_mut(3).zip(self.target.chunks_exact_mut(3));
-            let masked = pixels.zip(mask).filter(|(_, m)| **m == 0);
-            for ((drawn, target), _) in masked {
-                drawn.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0));
-                target.copy_from_slice(drawn);
-            }
-        }
-        let value = loss.value_and_gradient(corrected, &self.target, size, settings.ssim_weight, &mut self.gradient);
-        let square = |(a, b): (&f32, &f32)| f64::from((a.clamp(0.0, 1.0) - b) * (a.clamp(0.0, 1.0) - b));
-        let mse = corrected.iter().zip(&self.target).map(square).sum::<f64>() / self.target.len() as f64;
-        if let Some(mask) = &photo.mask {
-            let pixels = self.gradient.chunks_exact_mut(3).zip(mask);
-            pixels.filter(|(_, m)| **m == 0).for_each(|(g, _)| g.fill(0.0));
-        }
-        if let Some(exposure) = exposure {
-            exposure.descend(&self.image, &mut self.gradient, settings.rates.exposure as f32);
-        }
-        (value, mse)
     }
 }
 

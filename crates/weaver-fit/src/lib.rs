@@ -3,25 +3,27 @@
 //! - [`Fit`] is an optimization under way: photos, [`Population`], optimizer, one [`step`](Fit::step) after the other.
 //! - [`FitSettings`] says how; all times in it are fractions of the run.
 //! - [`Strategy`] is density control: [`Split`](strategy::Split), [`Mcmc`](strategy::Mcmc), [`Keep`](strategy::Keep), or one's own.
+//! - Cameras are refined, if asked, by photometric bundle adjustment and by going toward the scene: [`Poses`].
 //! - [`init`] makes the Gaussians to start from.
 //!
 //! Everything is on slices, without a tape and without files. The same seed gives the same bits at any number of threads.
 
 mod bundle;
 mod cameras;
+mod comparison;
 mod error;
 mod evaluate;
 mod exposure;
 mod fit;
 mod gradients;
 pub mod init;
-mod locate;
 mod photos;
 mod population;
 mod rehearsal;
 mod settings;
 mod state;
 pub mod strategy;
+mod view;
 
 pub use cameras::{Alignment, Views, motion};
 pub use error::FitError;

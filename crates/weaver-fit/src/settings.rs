@@ -185,6 +185,9 @@ pub enum StrategyKind {
 }
 
 /// Refinement of cameras.
+///
+/// In a few rounds, all cameras are adjusted at once to what photos show of the same points, with first depths from the
+/// scene; between and after, each camera goes toward where its photo fits the scene whenever that photo is looked at.
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Poses {
@@ -192,13 +195,14 @@ pub struct Poses {
     pub refine: bool,
     /// Whether the focal length is refined too, one factor for all photos.
     pub focal: bool,
-    /// Part of the way to where its photo says that a camera goes in a step, at the beginning.
+    /// Parts of the run at which all cameras are adjusted at once; the first round looks at small photos, each further one
+    /// at twice their size.
+    pub rounds: Vec<f64>,
+    /// Part of the way to where its photo fits the scene that a camera goes in a step, at the beginning.
     pub rate: f64,
-    /// What that has become at the end, as a factor.
+    /// What that has become at the end, as a factor; in between its logarithm is linear.
     pub rate_end: f64,
-    /// When.
-    pub bundle: Vec<(f64, usize)>,
-    /// Part of the run before cameras begin to move.
+    /// Part of the run before cameras begin to go toward the scene.
     pub from: f64,
     /// Part of the run after which they stay.
     pub until: f64,
@@ -206,7 +210,15 @@ pub struct Poses {
 
 impl Default for Poses {
     fn default() -> Self {
-        Self { refine: false, focal: false, rate: 1.0, rate_end: 0.1, bundle: vec![(0.1, 1), (0.2, 0)], from: 0.02, until: 0.9 }
+        Self {
+            refine: false,
+            focal: false,
+            rounds: vec![0.1, 0.2, 0.35],
+            rate: 1.0,
+            rate_end: 0.1,
+            from: 0.22,
+            until: 0.95,
+        }
     }
 }
 
@@ -245,6 +257,9 @@ impl FitSettings {
         ];
         if let Some((key, found)) = parts.into_iter().find(|(_, x)| !(0.0..=1.0).contains(x)) {
             return Err(FitError::setting(key, "0 to 1", found));
+        }
+        if let Some(found) = self.poses.rounds.iter().find(|x| !(0.0..=1.0).contains(*x)) {
+            return Err(FitError::setting("poses.rounds", "0 to 1 each", found));
         }
         let positive = [
             ("rates.means", self.rates.means),

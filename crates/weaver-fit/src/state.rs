@@ -1,7 +1,7 @@
 //! What a fit has to remember to go on where it was.
 
 use crate::exposure::Exposure;
-use crate::fit::{Fit, FocalFactor};
+use crate::fit::Fit;
 use crate::population::{Field, Population};
 use weaver_geometry::Pose;
 use weaver_geometry::glam::{DMat3, DVec3};
@@ -33,8 +33,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
         put(&mut state, "statistics", STATISTICS, self.statistics.iter().flat_map(statistics_row).collect());
         put(&mut state, "exposures", EXPOSURE, self.exposures.iter().flat_map(exposure_row).collect());
         put(&mut state, "poses", POSE, self.poses.iter().flat_map(pose_row).collect());
-        let FocalFactor { log, curvature, slope } = self.focal;
-        put(&mut state, "focal", 3, vec![log, curvature, slope]);
+        put(&mut state, "focal", 1, vec![self.focal]);
         put(&mut state, "step", 1, vec![self.step as u64]);
         state
     }
@@ -66,13 +65,13 @@ impl<R: Rasterizer<f32>> Fit<R> {
         let statistics = state.values::<f32>("statistics", &[n, STATISTICS])?;
         let exposures = state.values::<f32>("exposures", &[self.exposures.len(), EXPOSURE])?;
         let poses = state.values::<f64>("poses", &[self.poses.len(), POSE])?;
-        let focal = state.values::<f64>("focal", &[1, 3])?;
+        let focal = state.values::<f64>("focal", &[1, 1])?;
         self.step = state.values::<u64>("step", &[1, 1])?[0] as usize;
         self.population = Population::from_fields(fields, degree);
         self.statistics = statistics.chunks_exact(STATISTICS).map(statistics_of).collect();
         self.exposures = exposures.chunks_exact(EXPOSURE).map(exposure_of).collect();
         self.poses = poses.chunks_exact(POSE).map(pose_of).collect();
-        self.focal = FocalFactor { log: focal[0], curvature: focal[1], slope: focal[2] };
+        self.focal = focal[0];
         Ok(())
     }
 }

@@ -1,7 +1,7 @@
 //! The normal equations of bundle adjustment, with the depths eliminated.
 
 use super::points::Point;
-use super::{Cameras, Picture, TWIST, knob};
+use super::{Cameras, Picture, TWIST};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Intrinsics, Pose};
 use weaver_kernels::parallel;
@@ -9,11 +9,16 @@ use weaver_kernels::parallel;
 /// Where a patch around a point is looked at.
 pub(super) const PATCH: [[f64; 2]; 9] =
     [[0.0, 0.0], [-2.0, 0.0], [2.0, 0.0], [0.0, -2.0], [0.0, 2.0], [-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
-/// Difference beyond which a patch counts for less and less.
+/// Difference of gray, root mean square, beyond which a patch counts for less and less.
+const SMALL: f64 = 0.02;
+/// Cost of a view that no longer sees its point: that of a large difference.
+const MISSED: f64 = 2.0 * SMALL * SMALL;
+/// Weight of the squared change of the logarithm of a depth: points that no parallax holds stay.
+const STIFFNESS: f64 = 1e-2;
 /// Points of a task.
 const GRAIN: usize = 64;
 
-/// What one view of a point says: cost, right sides and matrix of its numbers, which are the twists of the anchor and of the
+/// What one view of a point says: cost, matrix and right side of its numbers, which are the twists of the anchor and of the
 /// view, the logarithm of the focal length, the logarithm of the depth.
 #[derive(Clone, Copy, Debug)]
 struct Term {
@@ -46,28 +51,27 @@ pub(super) struct System {
 impl System {
     pub fn new(pictures: &[Picture<'_>], points: &[Point], cameras: &Cameras, focal: bool) -> Self {
         let size = TWIST * cameras.poses.len() + usize::from(focal);
-        let (patch, small) = (knob("PATCH", 1.0), knob("SMALL", 0.04));
         let mut terms: Vec<Vec<Option<Term>>> = vec![Vec::new(); points.len()];
         parallel::for_chunks(&mut terms, GRAIN, |chunk, terms| {
             for (terms, point) in terms.iter_mut().zip(&points[chunk * GRAIN..]) {
-                terms.extend(point.views.iter().map(|view| term(pictures, cameras, point, *view, [patch, small])));
+                terms.extend(point.views.iter().map(|view| term(pictures, cameras, point, *view)));
             }
         });
         let mut system =
             Self { cost: 0.0, size, matrix: vec![0.0; size * size], right: vec![0.0; size], eliminated: Vec::new() };
         for (point, terms) in points.iter().zip(&terms) {
-            system.add(point, terms, focal, small);
+            system.add(point, terms, focal);
         }
         system
     }
 
-    fn add(&mut self, point: &Point, terms: &[Option<Term>], focal: bool, small: f64) {
-        let mut depth = Eliminated { curvature: knob("STIFF", 1e-2), ..Eliminated::default() };
+    fn add(&mut self, point: &Point, terms: &[Option<Term>], focal: bool) {
+        let mut depth = Eliminated { curvature: STIFFNESS, ..Eliminated::default() };
         let mut coupling: Vec<(usize, f64)> = (0..TWIST).map(|i| (TWIST * point.anchor + i, 0.0)).collect();
         let mut by_focal = 0.0;
         for (view, term) in point.views.iter().zip(terms) {
             let Some(term) = term else {
-                self.cost += 2.0 * small * small;
+                self.cost += MISSED;
                 continue;
             };
             self.cost += term.cost;
@@ -114,7 +118,7 @@ impl System {
     }
 
     /// The points, at the depths that go with a step.
-    pub fn depths(&self, points: &[Point], twists: &[[f64; TWIST]], by_focal: f64) -> Vec<Point> {
+    pub fn deeper(&self, points: &[Point], twists: &[[f64; TWIST]], by_focal: f64) -> Vec<Point> {
         let number = |n: usize| twists.as_flattened().get(n).copied().unwrap_or(by_focal);
         let deeper = |(point, depth): (&Point, &Eliminated)| {
             let along: f64 = depth.coupling.iter().map(|(n, x)| x * number(*n)).sum();
@@ -126,15 +130,15 @@ impl System {
 }
 
 /// What a view says of a point: `c^2 log(1 + mean d^2 / c^2)` over the differences d of the patch.
-fn term(pictures: &[Picture<'_>], cameras: &Cameras, point: &Point, view: usize, [patch, small]: [f64; 2]) -> Option<Term> {
+fn term(pictures: &[Picture<'_>], cameras: &Cameras, point: &Point, view: usize) -> Option<Term> {
     let scaled = |k: Intrinsics| Intrinsics { fx: k.fx * cameras.focal.exp(), fy: k.fy * cameras.focal.exp(), ..k };
     let (from, to) = (&pictures[point.anchor], &pictures[view]);
     let (k, l) = (scaled(from.camera.intrinsics), scaled(to.camera.intrinsics));
     let across: Pose = cameras.poses[view].relative_to(&cameras.poses[point.anchor]);
     let (mut slopes, mut right, mut square) = ([0.0; 3], DVec2::ZERO, 0.0);
-    for (offset, shape) in PATCH.iter().zip(point.shape) {
-        let pixel = point.pixel + patch * DVec2::from(*offset);
-        let p = across.apply(k.unproject(pixel, shape * point.depth));
+    for offset in PATCH {
+        let pixel = point.pixel + DVec2::from(offset);
+        let p = across.apply(k.unproject(pixel, point.depth));
         if p.z <= 0.0 {
             return None;
         }
@@ -147,8 +151,8 @@ fn term(pictures: &[Picture<'_>], cameras: &Cameras, point: &Point, view: usize,
         square += difference * difference;
     }
     let over = 1.0 / PATCH.len() as f64;
-    let weight = over / (1.0 + over * square / (small * small));
-    let cost = small * small * (over * square / (small * small)).ln_1p();
+    let weight = over / (1.0 + over * square / (SMALL * SMALL));
+    let cost = SMALL * SMALL * (over * square / (SMALL * SMALL)).ln_1p();
     let (slopes, right) = (slopes.map(|s| weight * s), weight * right);
     let local = k.unproject(point.pixel, point.depth);
     let seen = across.apply(local);

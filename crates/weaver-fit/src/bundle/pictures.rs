@@ -5,11 +5,11 @@ use weaver_geometry::Camera;
 use weaver_geometry::glam::{DVec2, DVec3};
 
 /// Pixels to each side of the window whose mean is taken off: exposure and shading are no detail.
-
+const WINDOW: usize = 6;
 
 /// A photo at some size with the depth of the scene.
 #[derive(Clone, Debug)]
-pub(crate) struct Picture<'a> {
+pub(super) struct Picture<'a> {
     /// The camera: its intrinsics count, its pose is that of [`Cameras`](super::Cameras).
     pub camera: Camera,
     /// Depth `[H, W]`, 0 where the scene is transparent.
@@ -21,9 +21,11 @@ pub(crate) struct Picture<'a> {
 }
 
 impl<'a> Picture<'a> {
-    pub fn new(photo: &'a Photo, camera: Camera, depth: Vec<f32>) -> Self {
+    pub fn new(photo: &'a Photo, depth: Vec<f32>) -> Self {
+        let camera = photo.camera;
         let (width, height) = (camera.width, camera.height);
-        let gray: Vec<f32> = photo.rgb.chunks_exact(3).map(|c| c.iter().map(|c| f32::from(*c)).sum::<f32>() / 765.0).collect();
+        let gray: Vec<f32> =
+            photo.rgb.chunks_exact(3).map(|c| c.iter().map(|c| f32::from(*c)).sum::<f32>() / 765.0).collect();
         let mean = box_mean(&box_mean(&gray, width, height, 1, width), height, width, width, 1);
         let high: Vec<f32> = gray.iter().zip(&mean).map(|(a, b)| a - b).collect();
         let detail = (0..width * height)
@@ -72,11 +74,10 @@ impl<'a> Picture<'a> {
 
 /// Means over windows along one axis: `count` lines of `length` numbers, `next` apart in a line, `line` between lines.
 fn box_mean(from: &[f32], length: usize, count: usize, next: usize, line: usize) -> Vec<f32> {
-    let w = super::knob("WINDOW", 6.0) as usize;
     let mut to = vec![0.0; from.len()];
     for i in 0..count {
         for j in 0..length {
-            let window = j.saturating_sub(w)..(j + w + 1).min(length);
+            let window = j.saturating_sub(WINDOW)..(j + WINDOW + 1).min(length);
             let part = window.len() as f32;
             to[i * line + j * next] = window.map(|k| from[i * line + k * next]).sum::<f32>() / part;
         }

@@ -1,6 +1,7 @@
 //! Integration tests.
 
 mod bits;
+mod cameras;
 mod masks;
 mod population;
 mod recovery;

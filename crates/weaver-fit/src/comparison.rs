@@ -1,0 +1,70 @@
+//! Comparison of a drawn view with its photo.
+
+use crate::exposure::Exposure;
+use crate::photos::Photo;
+use crate::settings::FitSettings;
+use weaver_kernels::parallel;
+use weaver_losses::{Photometric, PhotometricValue};
+
+/// Images of a step.
+#[derive(Debug, Default)]
+pub(crate) struct Buffers {
+    pub target: Vec<f32>,
+    pub image: Vec<f32>,
+    pub corrected: Vec<f32>,
+    pub alpha: Vec<f32>,
+    pub depth: Vec<f32>,
+    pub gradient: Vec<f32>,
+}
+
+impl Buffers {
+    pub fn resize(&mut self, pixels: usize) {
+        let Self { target, image, corrected, alpha, depth, gradient } = self;
+        [target, image, corrected, gradient].into_iter().for_each(|b| b.resize(3 * pixels, 0.0));
+        alpha.resize(pixels, 0.0);
+        depth.resize(pixels, 0.0);
+    }
+
+    /// The loss, its gradient with respect to the image, and the mean squared difference.
+    pub fn compare(
+        &mut self,
+        photo: &Photo,
+        exposure: Option<&mut Exposure>,
+        settings: &FitSettings,
+        loss: &mut Photometric<f32>,
+        size: [usize; 2],
+    ) -> (PhotometricValue, f64) {
+        const GRAIN: usize = 3 << 12;
+        parallel::for_chunks(&mut self.target, GRAIN, |chunk, target| {
+            let bytes = &photo.rgb[chunk * GRAIN..];
+            target.iter_mut().zip(bytes).for_each(|(t, b)| *t = f32::from(*b) * (1.0 / 255.0));
+        });
+        let corrected = match &exposure {
+            Some(exposure) => {
+                exposure.apply(&self.image, &mut self.corrected);
+                &mut self.corrected
+            }
+            None => &mut self.image,
+        };
+        if let Some(mask) = &photo.mask {
+            // What is masked is taken to be as drawn: no difference, and windows of SSIM see nothing of the photo there.
+            let pixels = corrected.chunks_exact_mut(3).zip(self.target.chunks_exact_mut(3));
+            let masked = pixels.zip(mask).filter(|(_, m)| **m == 0);
+            for ((drawn, target), _) in masked {
+                drawn.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0));
+                target.copy_from_slice(drawn);
+            }
+        }
+        let value = loss.value_and_gradient(corrected, &self.target, size, settings.ssim_weight, &mut self.gradient);
+        let square = |(a, b): (&f32, &f32)| f64::from((a.clamp(0.0, 1.0) - b) * (a.clamp(0.0, 1.0) - b));
+        let mse = corrected.iter().zip(&self.target).map(square).sum::<f64>() / self.target.len() as f64;
+        if let Some(mask) = &photo.mask {
+            let pixels = self.gradient.chunks_exact_mut(3).zip(mask);
+            pixels.filter(|(_, m)| **m == 0).for_each(|(g, _)| g.fill(0.0));
+        }
+        if let Some(exposure) = exposure {
+            exposure.descend(&self.image, &mut self.gradient, settings.rates.exposure as f32);
+        }
+        (value, mse)
+    }
+}

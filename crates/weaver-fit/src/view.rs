@@ -1,0 +1,57 @@
+//! The scene as it is: drawn from a camera, and where a photo of it was taken.
+
+use crate::FitError;
+use crate::cameras::{Alignment, Views, moved};
+use crate::fit::Fit;
+use crate::photos::{Photo, Pyramid, at_level};
+use weaver_geometry::Camera;
+use weaver_scene::CameraRows;
+use weaver_splat::{Images, Rasterizer};
+
+/// Halvings of the photo at the beginning.
+const HALVINGS: usize = 2;
+
+impl<R: Rasterizer<f32>> Fit<R> {
+    /// The camera near `start` from which the scene looks most like the photo, after this many Gauss-Newton steps; they begin
+    /// at a quarter of the photo's size and end at its own. Nothing in the fit changes.
+    ///
+    /// # Errors
+    /// When the rasterizer refuses.
+    pub fn locate(&mut self, photo: &Photo, start: Camera, steps: usize) -> Result<Camera, FitError> {
+        let pyramid = Pyramid::new(photo.clone(), HALVINGS);
+        let mut camera = start;
+        for step in 0..steps {
+            let (photo, level) = pyramid.level(HALVINGS - step * (HALVINGS + 1) / steps);
+            let seen = at_level(&camera, level);
+            let [image, alpha, depth] = self.draw(&seen)?;
+            let target: Vec<f32> = photo.rgb.iter().map(|b| f32::from(*b) / 255.0).collect();
+            let views =
+                Views { image: &image, alpha: &alpha, depth: &depth, photo: &target, mask: photo.mask.as_deref() };
+            let Some(twist) = Alignment::new(&seen, &views).twist() else { break };
+            camera.pose = moved(&camera.pose, twist, 1.0);
+        }
+        Ok(camera)
+    }
+
+    /// Draws the Gaussians from a camera: an image `[H, W, 3]`, values not clamped.
+    ///
+    /// # Errors
+    /// When the rasterizer refuses.
+    pub fn render(&mut self, camera: &Camera) -> Result<Vec<f32>, FitError> {
+        self.draw(camera).map(|[image, ..]| image)
+    }
+
+    /// Image, alpha and depth from a camera.
+    pub(crate) fn draw(&mut self, camera: &Camera) -> Result<[Vec<f32>; 3], FitError> {
+        let pixels = camera.width * camera.height;
+        let (mut image, mut alpha, mut depth) = (vec![0.0; 3 * pixels], vec![0.0; pixels], vec![0.0; pixels]);
+        let rows = CameraRows::new(&[*camera]);
+        let raster = self.raster;
+        self.activated.update(&self.population);
+        let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None };
+        let cameras = rows.as_slices(&self.settings.background);
+        let gaussians = self.activated.slices(&self.population);
+        self.rasterizer.forward(&gaussians, &cameras, &raster, &mut self.workspace, images)?;
+        Ok([image, alpha, depth])
+    }
+}

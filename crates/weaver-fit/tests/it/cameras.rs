@@ -1,0 +1,135 @@
+//! Refinement of cameras: derivatives, location of photos, recovery of disturbed cameras.
+
+use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_fit::{Fit, FitSettings, Photo, StrategyKind, init, motion};
+use weaver_geometry::glam::{DVec2, DVec3};
+use weaver_geometry::{Camera, Intrinsics, Pose, Similarity, se3, so3};
+use weaver_kernels::random::Stream;
+use weaver_scene::PointCloud;
+
+const SIZE: [usize; 2] = [96, 72];
+const VIEWS: usize = 10;
+const STEPS: usize = 240;
+
+#[test]
+fn the_motion_of_pixels_is_the_derivative_of_their_projection() {
+    let intrinsics = Intrinsics { fx: 90.0, fy: 80.0, cx: 47.0, cy: 33.0 };
+    let camera = Camera { pose: Pose::IDENTITY, intrinsics, width: SIZE[0], height: SIZE[1] };
+    let (pixel, depth, step) = (DVec2::new(12.5, 60.5), 3.7, 1e-5);
+    let point = intrinsics.unproject(pixel, depth);
+    let rows = motion(&camera, pixel, depth);
+    for i in 0..6 {
+        let seen = |by: f64| {
+            let twist: [f64; 6] = std::array::from_fn(|j| if i == j { by } else { 0.0 });
+            let [a, b, c, d, e, f] = twist;
+            intrinsics.project(se3::exp(DVec3::new(a, b, c), DVec3::new(d, e, f)).apply(point))
+        };
+        let difference = (seen(step) - seen(-step)) / (2.0 * step);
+        assert!((difference.x - rows[0][i]).abs() < 1e-5 * difference.x.abs().max(1.0), "{i}: {difference} {rows:?}");
+        assert!((difference.y - rows[1][i]).abs() < 1e-5 * difference.y.abs().max(1.0), "{i}: {difference} {rows:?}");
+    }
+}
+
+/// Photos of a procedural scene, and points of its depth maps.
+fn world() -> (Vec<Photo>, PointCloud) {
+    let scene = scene(3, &ProceduralOptions { width: SIZE[0], height: SIZE[1], views: VIEWS });
+    let mut points = PointCloud::default();
+    let photos = (scene.views.iter())
+        .map(|view| {
+            let rgb = view.image.to_bytes();
+            for (at, depth) in view.depth.iter().flatten().enumerate().filter(|(at, z)| at % 17 == 0 && **z > 0.0) {
+                let pixel = DVec2::new((at % SIZE[0]) as f64 + 0.5, (at / SIZE[0]) as f64 + 0.5);
+                points.positions.push(view.camera.unproject(pixel, f64::from(*depth)).as_vec3().to_array());
+                points.colors.push([rgb[3 * at], rgb[3 * at + 1], rgb[3 * at + 2]]);
+            }
+            Photo { name: view.name.clone(), camera: view.camera, rgb, mask: None }
+        })
+        .collect();
+    (photos, points)
+}
+
+/// The pose turned by a degree about a random axis, and moved by 1 % of this distance in a random direction.
+fn disturbed(pose: &Pose, distance: f64, stream: Stream) -> Pose {
+    let direction = |s: Stream| DVec3::new(s.normal(0), s.normal(1), s.normal(2)).normalize();
+    let rotation = so3::exp(direction(stream.fork(0)) * 1.0_f64.to_radians()) * pose.rotation;
+    let center = pose.center() + direction(stream.fork(1)) * 0.01 * distance;
+    Pose::new(rotation, -(rotation * center))
+}
+
+fn settings(refine: bool) -> FitSettings {
+    let mut settings = FitSettings { steps: STEPS, gaussians: 4000, sh_degree: 0, ..FitSettings::default() };
+    settings.density.strategy = StrategyKind::Keep;
+    settings.density.initial_part = 1.0;
+    settings.poses.refine = refine;
+    settings
+}
+
+fn fitted(photos: &[Photo], points: &PointCloud, settings: FitSettings, steps: usize) -> Fit {
+    let initial = init::from_points(points, &settings).expect("there are points");
+    let mut fit = Fit::new(photos.to_vec(), &initial, settings).expect("photos and settings are sound");
+    (0..steps).for_each(|_| drop(fit.step().expect("a step")));
+    fit
+}
+
+/// Median angle between cameras and the truth, degrees, after the similarity that lays one on the other.
+fn median_error(found: &[Pose], photos: &[Photo]) -> f64 {
+    let truth: Vec<Pose> = photos.iter().map(|photo| photo.camera.pose).collect();
+    let onto = Similarity::fit_centers(found, &truth).expect("cameras are not on a line");
+    let pairs = found.iter().zip(&truth);
+    let mut angles: Vec<f64> = pairs.map(|(a, b)| onto.apply_to_pose(a).angle_to(b).to_degrees()).collect();
+    angles.sort_unstable_by(f64::total_cmp);
+    angles[angles.len() / 2]
+}
+
+fn cameras(fit: &Fit) -> Vec<Pose> {
+    (0..fit.photos()).map(|i| fit.camera(i).pose).collect()
+}
+
+#[test]
+fn disturbed_cameras_come_back() {
+    let (truth, mut points) = world();
+    let mut photos = truth.clone();
+    let stream = Stream::new(1, 0, "test.disturbed");
+    let distance = 6.0;
+    for (i, photo) in photos.iter_mut().enumerate() {
+        photo.camera.pose = disturbed(&photo.camera.pose, distance, stream.fork(i as u64));
+    }
+    // Points are as wrong as the cameras: each goes where one camera would put it.
+    for (n, point) in points.positions.iter_mut().enumerate() {
+        let i = n % photos.len();
+        let there = truth[i].camera.pose.apply(DVec3::from(point.map(f64::from)));
+        *point = photos[i].camera.pose.inverse().apply(there).as_vec3().to_array();
+    }
+    let before: Vec<Pose> = photos.iter().map(|photo| photo.camera.pose).collect();
+    let fit = fitted(&photos, &points, settings(true), STEPS);
+    let (before, after) = (median_error(&before, &truth), median_error(&cameras(&fit), &truth));
+    assert!(before > 0.5 && after < 0.2 * before, "from {before} to {after} degrees");
+}
+
+#[test]
+fn true_cameras_stay_and_photos_are_located_in_the_scene() {
+    let (photos, points) = world();
+    let mut fit = fitted(&photos, &points, settings(true), STEPS);
+    let error = median_error(&cameras(&fit), &photos);
+    assert!(error < 0.15, "true cameras drifted by {error} degrees");
+    let (photo, camera) = (fit.photo(4).clone(), fit.camera(4));
+    let start = Camera { pose: disturbed(&camera.pose, 6.0, Stream::new(2, 0, "test.locate")), ..camera };
+    let found = fit.locate(&photo, start, 30).expect("located");
+    let angle = found.pose.angle_to(&camera.pose).to_degrees();
+    assert!(angle < 0.1, "located {angle} degrees from the camera");
+}
+
+#[test]
+fn refinement_goes_on_from_a_state_and_at_any_number_of_threads_to_the_same_bits() {
+    let (photos, points) = world();
+    let short = FitSettings { steps: 40, ..settings(true) };
+    let whole = fitted(&photos, &points, short.clone(), 40);
+    let half = fitted(&photos, &points, short.clone(), 20);
+    let mut other = fitted(&photos, &points, short.clone(), 0);
+    other.restore(&half.state()).expect("a state of the same photos");
+    let single = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
+    single.install(|| (0..20).for_each(|_| drop(other.step().expect("a step"))));
+    assert_eq!(cameras(&whole), cameras(&other));
+    assert_eq!(whole.gaussians(), other.gaussians());
+    assert_ne!(cameras(&whole), photos.iter().map(|p| p.camera.pose).collect::<Vec<_>>(), "cameras did move");
+}
