@@ -16,7 +16,7 @@ fn fit(capture: &Path, out: &Path, more: &[&dyn AsRef<OsStr>]) -> Outcome {
 
 fn small(capture: &Path, out: &Path, more: &[&dyn AsRef<OsStr>]) -> Outcome {
     let mut all: Vec<&dyn AsRef<OsStr>> =
-        vec![&"--steps", &"60", &"--gaussians", &"300", &"--set", &"density.interval=10"];
+        vec![&"--steps", &"60", &"--gaussians", &"300", &"--set", &"density.rounds=6"];
     all.extend(more);
     fit(capture, out, &all)
 }
