@@ -75,7 +75,11 @@ impl Refined {
     }
 }
 
-/// How predictions are refined: from few photos, with the rates of a scene that is nearly right.
+/// How predictions are refined: so that few photos are not met by whatever looks right from them alone.
+///
+/// What counts is that Gaussians which the photos do not need become transparent and move to where they are needed, with
+/// noise on the way: relocation with a strong weight on opacities, and scales that follow quickly. Found on three captures
+/// with a network trained on procedural scenes; without it, 300 steps from four photos bring a third as much.
 fn settings(gaussians: usize, degree: usize) -> FitSettings {
     let mut settings = FitSettings {
         gaussians,
@@ -85,7 +89,11 @@ fn settings(gaussians: usize, degree: usize) -> FitSettings {
         halvings: 0,
         ..FitSettings::default()
     };
-    settings.density.strategy = StrategyKind::Keep;
+    settings.density.strategy = StrategyKind::Mcmc;
+    settings.density.opacity_weight = 1.0;
+    settings.density.scale_weight = 0.1;
+    settings.density.noise *= 3.0;
+    settings.rates.scales *= 3.0;
     settings
 }
 
