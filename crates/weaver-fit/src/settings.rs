@@ -68,10 +68,10 @@ impl Default for FitSettings {
     }
 }
 
-/// Learning rates of Adam in a run of 3000 steps (3DGS's, doubled).
+/// Learning rates of Adam in a run of 6000 steps (3DGS's, doubled).
 ///
 /// Gaussians have to come as far in a short run as in a long one: all rates but that of color corrections are multiplied by
-/// (3000 / steps)^power.
+/// (6000 / steps)^power, at most by 2.5.
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rates {
@@ -111,10 +111,13 @@ impl Default for Rates {
     }
 }
 
+/// The largest factor of rates in short runs: that of 1000 steps, the shortest run it was measured in.
+const FASTEST: f64 = 2.5;
+
 impl Rates {
     /// The rates in a run of so many steps.
     pub(crate) fn in_run_of(&self, steps: usize) -> Self {
-        let factor = (3000.0 / steps.max(1) as f64).powf(self.power);
+        let factor = (6000.0 / steps.max(1) as f64).powf(self.power).min(FASTEST);
         Self {
             means: self.means * factor,
             scales: self.scales * factor,
