@@ -10,6 +10,7 @@
 mod equations;
 mod pictures;
 mod points;
+mod prior;
 
 use crate::FitError;
 use crate::cameras::{TWIST, moved};
@@ -17,6 +18,7 @@ use crate::fit::Fit;
 use crate::photos::at_level;
 use equations::System;
 use pictures::Picture;
+use prior::Prior;
 use weaver_geometry::Pose;
 use weaver_splat::Rasterizer;
 
@@ -53,18 +55,19 @@ impl<R: Rasterizer<f32>> Fit<R> {
             .map(|(pyramid, depth)| Picture::new(pyramid.level(level).0, depth))
             .collect();
         let start = Cameras { poses: self.poses.clone(), focal: self.focal };
-        let found = adjusted(&pictures, start, self.settings.poses.focal);
+        let prior = Prior::new(&pictures, (0..self.photos()).map(|i| self.photo(i).camera.pose).collect());
+        let found = adjusted(&pictures, &prior, start, self.settings.poses.focal);
         (self.poses, self.focal) = (found.poses, found.focal);
         Ok(())
     }
 }
 
 /// The cameras of the smallest cost that is found.
-fn adjusted(pictures: &[Picture<'_>], start: Cameras, focal: bool) -> Cameras {
+fn adjusted(pictures: &[Picture<'_>], prior: &Prior, start: Cameras, focal: bool) -> Cameras {
     let mut points = points::choose(pictures, &start);
     let mut cameras = start;
     let [mut damping, least, less, more] = DAMPING;
-    let mut system = System::new(pictures, &points, &cameras, focal);
+    let mut system = System::new(pictures, prior, &points, &cameras, focal);
     for _ in 0..STEPS {
         let Some((twists, by_focal)) = system.solve(damping) else {
             damping *= more;
@@ -75,7 +78,7 @@ fn adjusted(pictures: &[Picture<'_>], start: Cameras, focal: bool) -> Cameras {
             focal: cameras.focal + by_focal,
         };
         let next_points = system.deeper(&points, &twists, by_focal);
-        let next = System::new(pictures, &next_points, &next_cameras, focal);
+        let next = System::new(pictures, prior, &next_points, &next_cameras, focal);
         if next.cost < system.cost {
             (cameras, points, system) = (next_cameras, next_points, next);
             damping = (damping / less).max(least);

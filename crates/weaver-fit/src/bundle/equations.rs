@@ -1,6 +1,7 @@
 //! The normal equations of bundle adjustment, with the depths eliminated.
 
 use super::points::Point;
+use super::prior::Prior;
 use super::{Cameras, Picture, TWIST};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Intrinsics, Pose};
@@ -49,7 +50,7 @@ pub(super) struct System {
 }
 
 impl System {
-    pub fn new(pictures: &[Picture<'_>], points: &[Point], cameras: &Cameras, focal: bool) -> Self {
+    pub fn new(pictures: &[Picture<'_>], prior: &Prior, points: &[Point], cameras: &Cameras, focal: bool) -> Self {
         let size = TWIST * cameras.poses.len() + usize::from(focal);
         let mut terms: Vec<Vec<Option<Term>>> = vec![Vec::new(); points.len()];
         parallel::for_chunks(&mut terms, GRAIN, |chunk, terms| {
@@ -61,6 +62,14 @@ impl System {
             Self { cost: 0.0, size, matrix: vec![0.0; size * size], right: vec![0.0; size], eliminated: Vec::new() };
         for (point, terms) in points.iter().zip(&terms) {
             system.add(point, terms, focal);
+        }
+        for (camera, pose) in cameras.poses.iter().enumerate() {
+            for (i, (x, weight)) in prior.twist(camera, pose).iter().zip(prior.weights[camera]).enumerate() {
+                let at = TWIST * camera + i;
+                system.cost += weight * x * x;
+                system.right[at] -= weight * x;
+                system.matrix[at * size + at] += weight;
+            }
         }
         system
     }

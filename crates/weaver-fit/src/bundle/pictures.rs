@@ -64,6 +64,13 @@ impl<'a> Picture<'a> {
         u * u + v * v
     }
 
+    /// The median depth of the scene; `None` where there is none.
+    pub fn median_depth(&self) -> Option<f64> {
+        let mut depths: Vec<f32> = self.depth.iter().copied().filter(|z| *z > 0.0).collect();
+        depths.sort_unstable_by(f32::total_cmp);
+        depths.get(depths.len() / 2).map(|z| f64::from(*z))
+    }
+
     /// The depth at the pixel of a place, if something is there.
     pub fn depth_at(&self, place: DVec2) -> Option<f64> {
         let (x, y) = (place.x as usize, place.y as usize);

