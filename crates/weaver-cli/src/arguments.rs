@@ -265,6 +265,7 @@ pub struct Info {
 #[command(after_help = "Examples:
   splatweaver bench raster --synthetic 100000,640,480
   splatweaver bench raster --workload scene.safetensors --threads 2 --json
+  splatweaver bench fit
   splatweaver bench engine")]
 pub struct Bench {
     #[command(subcommand)]
@@ -275,6 +276,7 @@ pub struct Bench {
 #[derive(Debug, Subcommand)]
 pub enum Subject {
     Raster(BenchRaster),
+    Fit(BenchFit),
     Engine(BenchEngine),
 }
 
@@ -306,6 +308,32 @@ pub struct BenchRaster {
     /// Leaves the backward pass out
     #[arg(long)]
     pub forward_only: bool,
+    /// Prints the figures as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+/// Fits a scene for some steps: medians of the parts of a step, beside what the machine needs for them at least.
+///
+/// Photos are seen at their full size, with harmonics of degree 3. A synthetic scene is fitted to its own picture with
+/// noise and keeps its number of Gaussians. A capture's begins on its points and grows to 30,000 over three times as many
+/// steps as are counted, which come last.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver bench fit --synthetic 1000000,1280,720 --threads 2
+  splatweaver bench fit --capture capture --runs 200 --json")]
+pub struct BenchFit {
+    /// A synthetic scene: N Gaussians with SH of degree 3 in W x H pixels, the same every time
+    #[arg(long, value_name = "N,W,H", default_value = "40000,384,256", conflicts_with = "capture", value_parser = synthetic)]
+    pub synthetic: Synthetic,
+    /// A capture instead: a folder with photos and their cameras, or a transforms.json
+    #[arg(long, value_name = "DIR")]
+    pub capture: Option<PathBuf>,
+    /// How many steps count
+    #[arg(long, value_name = "R", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub runs: u32,
     /// Prints the figures as JSON, and nothing else on standard output
     #[arg(long)]
     pub json: bool,

@@ -11,6 +11,12 @@ use weaver_splat::Workspace;
 /// Views with pictures.
 const PICTURES: usize = 6;
 
+/// Which of so many views have pictures.
+pub fn pictured(views: usize) -> impl Iterator<Item = usize> {
+    let chosen = views.min(PICTURES);
+    (0..chosen).map(move |i| i * views / chosen)
+}
+
 pub fn write(run: &Run, outcome: &Outcome, train: &[Judged], test: &[Judged]) -> Result<(), RunError> {
     let mut page = Page::new("SplatWeaver fit");
     page.heading(1, &format!("Fit of {}", run.settings.capture.display()));
@@ -75,9 +81,8 @@ pub fn write(run: &Run, outcome: &Outcome, train: &[Judged], test: &[Judged]) ->
 fn pictures(run: &Run, shown: &[Judged], training: bool, page: &mut Page) -> Result<(), RunError> {
     let gaussians = run.fit.gaussians().to_activated();
     let (settings, mut workspace) = (run.fit.raster_settings(), Workspace::new());
-    let chosen = shown.len().min(PICTURES);
-    for i in (0..chosen).map(|i| i * shown.len() / chosen) {
-        let Judged { name, camera, image, quality } = &shown[i];
+    for i in pictured(shown.len()) {
+        let Judged { name, camera, image: Some(image), quality } = &shown[i] else { continue };
         let photo = if training { run.fit.photo(i) } else { &run.held_out[i] };
         let (count, most) = maps::count(&gaussians, camera, &settings, &mut workspace)?;
         let (density, densest) = maps::density(&gaussians, camera, settings.near);

@@ -122,6 +122,7 @@ impl Run {
 
     fn judge_training(&mut self) -> Result<Vec<Judged>, RunError> {
         let photos = self.fit.photos();
+        let shown: Vec<usize> = if self.held_out.is_empty() { report::pictured(photos).collect() } else { Vec::new() };
         let judge = |i: usize| {
             let camera = self.fit.camera(i);
             let mut image = self.fit.render(&camera)?;
@@ -131,18 +132,20 @@ impl Run {
             }
             let photo = self.fit.photo(i);
             let quality = self.judge.compare(&image, &photo.rgb, [camera.height, camera.width]);
-            Ok(Judged { name: photo.name.clone(), camera, image, quality })
+            Ok(Judged { name: photo.name.clone(), camera, image: shown.contains(&i).then_some(image), quality })
         };
         (0..photos).map(judge).collect()
     }
 
     fn judge_held_out(&mut self, cameras: &[Camera]) -> Result<Vec<Judged>, RunError> {
-        let judge = |(photo, camera): (&Photo, &Camera)| {
+        let shown: Vec<usize> = report::pictured(cameras.len()).collect();
+        let judge = |(i, (photo, camera)): (usize, (&Photo, &Camera))| {
             let image = self.fit.render(camera)?;
             let quality = self.judge.compare(&image, &photo.rgb, [camera.height, camera.width]);
+            let image = shown.contains(&i).then_some(image);
             Ok(Judged { name: photo.name.clone(), camera: *camera, image, quality })
         };
-        self.held_out.iter().zip(cameras).map(judge).collect()
+        self.held_out.iter().zip(cameras).enumerate().map(judge).collect()
     }
 
     /// Seconds that the results will take, from judging one photo now; with a budget full of Gaussians and pictures for the

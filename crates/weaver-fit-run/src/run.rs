@@ -107,6 +107,14 @@ impl Run {
         Ok(run)
     }
 
+    /// The optimization alone, at its beginning: nothing is written.
+    ///
+    /// # Errors
+    /// When the capture cannot be read or gives nothing to fit, or a setting is out of range.
+    pub fn optimization(settings: &RunSettings) -> Result<Fit, RunError> {
+        Ok(load(settings, None)?.0)
+    }
+
     /// What was asked for, with the number of steps.
     pub fn settings(&self) -> &RunSettings {
         &self.settings

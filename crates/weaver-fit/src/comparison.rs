@@ -3,7 +3,7 @@
 use crate::exposure::Exposure;
 use crate::photos::Photo;
 use crate::settings::FitSettings;
-use weaver_kernels::parallel;
+use weaver_kernels::{parallel, simd};
 use weaver_losses::{Photometric, PhotometricValue};
 
 /// Images of a step.
@@ -15,11 +15,13 @@ pub(crate) struct Buffers {
     pub alpha: Vec<f32>,
     pub depth: Vec<f32>,
     pub gradient: Vec<f32>,
+    /// Sums over parts of an image.
+    squares: Vec<f32>,
 }
 
 impl Buffers {
     pub fn resize(&mut self, pixels: usize) {
-        let Self { target, image, corrected, alpha, depth, gradient } = self;
+        let Self { target, image, corrected, alpha, depth, gradient, .. } = self;
         [target, image, corrected, gradient].into_iter().for_each(|b| b.resize(3 * pixels, 0.0));
         alpha.resize(pixels, 0.0);
         depth.resize(pixels, 0.0);
@@ -56,8 +58,7 @@ impl Buffers {
             }
         }
         let value = loss.value_and_gradient(corrected, &self.target, size, settings.ssim_weight, &mut self.gradient);
-        let square = |(a, b): (&f32, &f32)| f64::from((a.clamp(0.0, 1.0) - b) * (a.clamp(0.0, 1.0) - b));
-        let mse = corrected.iter().zip(&self.target).map(square).sum::<f64>() / self.target.len() as f64;
+        let mse = mean_square(corrected, &self.target, &mut self.squares);
         if let Some(mask) = &photo.mask {
             let pixels = self.gradient.chunks_exact_mut(3).zip(mask);
             pixels.filter(|(_, m)| **m == 0).for_each(|(g, _)| g.fill(0.0));
@@ -67,4 +68,31 @@ impl Buffers {
         }
         (value, mse)
     }
+}
+
+/// The mean squared difference of an image, brought into [0, 1], and a photo.
+fn mean_square(image: &[f32], photo: &[f32], sums: &mut Vec<f32>) -> f64 {
+    /// Numbers of a part; sums that run side by side in it; parts of a task.
+    const PART: usize = 1 << 12;
+    const LANES: usize = 16;
+    const GRAIN: usize = 8;
+    sums.resize(image.len().div_ceil(PART), 0.0);
+    parallel::for_chunks(sums, GRAIN, |task, sums| {
+        let parts = image.chunks(PART).zip(photo.chunks(PART)).skip(task * GRAIN);
+        for (sum, (image, photo)) in sums.iter_mut().zip(parts) {
+            *sum = simd::dispatch(
+                #[inline(always)]
+                || {
+                    let mut lanes = [0.0; LANES];
+                    for (image, photo) in image.chunks(LANES).zip(photo.chunks(LANES)) {
+                        for ((lane, a), b) in lanes.iter_mut().zip(image).zip(photo) {
+                            *lane += (a.clamp(0.0, 1.0) - b) * (a.clamp(0.0, 1.0) - b);
+                        }
+                    }
+                    lanes.iter().sum()
+                },
+            );
+        }
+    });
+    sums.iter().map(|sum| f64::from(*sum)).sum::<f64>() / image.len() as f64
 }

@@ -15,7 +15,7 @@ use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
 use weaver_kernels::random::Stream;
 use weaver_losses::{Photometric, PhotometricValue};
-use weaver_scene::{CameraRows, Gaussians};
+use weaver_scene::{CameraSlices, Gaussians, intrinsics_row, viewmat};
 use weaver_splat::{
     Cotangents, CpuRasterizer, GaussianStatistics, Gradients as RasterGradients, Images, RasterSettings, Rasterizer,
     Target,
@@ -67,6 +67,8 @@ pub struct Fit<R: Rasterizer<f32> = CpuRasterizer> {
     pub(crate) rasterizer: R,
     pub(crate) workspace: R::Workspace,
     photos: Vec<Pyramid>,
+    /// The photos in the order of this round.
+    order: Vec<usize>,
     pub(crate) poses: Vec<Pose>,
     /// The logarithm of the factor of all focal lengths.
     pub(crate) focal: f64,
@@ -134,6 +136,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
                     Pyramid::new(photo, halvings)
                 })
                 .collect(),
+            order: Vec::new(),
             statistics: vec![GaussianStatistics::default(); population.len()],
             population,
             strategy,
@@ -242,6 +245,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
         self.population.raise_degree(degree.min(settings.sh_degree));
         let moment = self.moment();
         let photo = self.photo_of(step);
+        let settings = &self.settings;
         if let Some(round) = settings.poses.round(step, settings.steps) {
             let first =
                 (0..self.photos()).map(|i| settings.poses.halvings(self.photo(i).long_side())).max().unwrap_or(0);
@@ -297,9 +301,12 @@ impl<R: Rasterizer<f32>> Fit<R> {
     }
 
     /// The photo of a step: all once, in random order, then again in another.
-    fn photo_of(&self, step: usize) -> usize {
+    fn photo_of(&mut self, step: usize) -> usize {
         let n = self.photos.len();
-        Stream::new(self.settings.seed, (step / n) as u64, "fit.photos").permutation(n)[step % n]
+        self.order.clear();
+        self.order.extend(0..n);
+        Stream::new(self.settings.seed, (step / n) as u64, "fit.photos").shuffle(&mut self.order);
+        self.order[step % n]
     }
 
     /// Draws a photo's view and finds all gradients; camera and correction take their steps. Returns the loss, the mean
@@ -315,13 +322,14 @@ impl<R: Rasterizer<f32>> Fit<R> {
         let (photo, level) = self.photos[index].level(level);
         let camera = at_level(&camera, level);
         let (height, width) = (camera.height, camera.width);
-        let rows = CameraRows::new(&[camera]);
+        let (viewmats, intrinsics) = (viewmat(&camera.pose), intrinsics_row(&camera));
+        let background = &self.settings.background;
+        let cameras = CameraSlices { viewmats: &viewmats, intrinsics: &intrinsics, background, width, height };
         let raster = self.raster;
         let buffers = &mut self.buffers;
         buffers.resize(height * width);
         self.activated.update(&self.population);
         let gaussians = self.activated.slices(&self.population);
-        let cameras = rows.as_slices(&self.settings.background);
         let rate = self.settings.poses.rate_at(moment.fraction());
         let depth = (rate > 0.0).then_some(&mut buffers.depth[..]);
         let images = Images { image: &mut buffers.image, alpha: &mut buffers.alpha, depth, features: None };

@@ -2,6 +2,7 @@
 
 use crate::population::Population;
 use crate::settings::Rates;
+use weaver_geometry::sh::{MAX_DEGREE, coefficients};
 use weaver_kernels::optim::AdamW;
 use weaver_kernels::parallel::for_chunks;
 use weaver_kernels::{Real, simd};
@@ -96,16 +97,16 @@ impl Gradients {
     ) {
         self.pull_back(activated);
         let by = |rate: f64| adam(rate as f32);
-        let width = population.sh.width();
-        let columns: Vec<f32> =
-            (0..width).map(|i| if i < 3 { rates.sh } else { rates.sh * rates.sh_rest } as f32).collect();
+        let (first, rest) = (rates.sh as f32, (rates.sh * rates.sh_rest) as f32);
+        let columns: [f32; 3 * coefficients(MAX_DEGREE)] = std::array::from_fn(|i| if i < 3 { first } else { rest });
+        let columns = &columns[..population.sh.width()];
         let gradients = [&self.means, &self.scales, &self.quats, &self.opacities];
         let settings = [adam(mean_rate), by(rates.scales), by(rates.quats), by(rates.opacities)];
         let [means, scales, quats, logits, sh] = population.fields_mut();
         for ((field, gradient), adam) in [means, scales, quats, logits].into_iter().zip(gradients).zip(settings) {
             adam.step(step, &mut field.values, gradient, &mut field.first, &mut field.second);
         }
-        adam(1.0).step_columns(step, &mut sh.values, &self.sh, &mut sh.first, &mut sh.second, &columns);
+        adam(1.0).step_columns(step, &mut sh.values, &self.sh, &mut sh.first, &mut sh.second, columns);
     }
 }
 

@@ -5,8 +5,8 @@ use rayon::prelude::*;
 
 /// Elements of one task.
 const CHUNK: usize = 1 << 14;
-/// Rows that [`AdamW::step_columns`] updates with one loop.
-const ROWS: usize = 16;
+/// Numbers that [`AdamW::step_columns`] updates with one loop, where rows are short enough.
+const LOOP: usize = 512;
 
 /// The settings of one AdamW step (Loshchilov and Hutter 2019, arXiv 1711.05101).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,14 +81,17 @@ impl<T: Real> AdamW<T> {
         );
         let update = Update::new(self, step);
         // Several rows at once: one may be shorter than a vector.
-        let rates: Vec<T> = columns.repeat(ROWS).iter().map(|rate| update.rate * *rate).collect();
-        let size = rates.len() * (CHUNK / rates.len().max(1)).max(1);
+        let mut room = [T::ZERO; LOOP];
+        let several = LOOP / columns.len().max(1) * columns.len();
+        room[..several].chunks_mut(columns.len().max(1)).for_each(|row| row.copy_from_slice(columns));
+        let columns = if several > 0 { &room[..several] } else { columns };
+        let size = columns.len() * (CHUNK / columns.len().max(1)).max(1);
         let chunks =
             p.par_chunks_mut(size).zip(g.par_chunks(size)).zip(m.par_chunks_mut(size)).zip(v.par_chunks_mut(size));
         chunks.for_each(|(((p, g), m), v)| {
             simd::dispatch(
                 #[inline(always)]
-                || update.run_columns(p, g, m, v, &rates),
+                || update.run_columns(p, g, m, v, columns),
             );
         });
     }
@@ -172,16 +175,16 @@ impl<'a, T: Real> Update<'a, T> {
     }
 
     #[inline(always)]
-    fn run_columns(&self, p: &mut [T], g: &[T], m: &mut [T], v: &mut [T], rates: &[T]) {
+    fn run_columns(&self, p: &mut [T], g: &[T], m: &mut [T], v: &mut [T], columns: &[T]) {
         let AdamW { beta1, beta2, eps, gradient_scale, .. } = *self.settings;
-        let rows = rates.len();
+        let rows = columns.len();
         let all = p.chunks_mut(rows).zip(g.chunks(rows)).zip(m.chunks_mut(rows)).zip(v.chunks_mut(rows));
         for (((p, g), m), v) in all {
-            for ((((p, g), m), v), rate) in p.iter_mut().zip(g).zip(m).zip(v).zip(rates) {
+            for ((((p, g), m), v), column) in p.iter_mut().zip(g).zip(m).zip(v).zip(columns) {
                 let g = *g * gradient_scale;
                 *m = beta1 * *m + (T::ONE - beta1) * g;
                 *v = beta2 * *v + (T::ONE - beta2) * g * g;
-                *p -= *rate * *m / (v.sqrt() * self.root + eps);
+                *p -= self.rate * *column * *m / (v.sqrt() * self.root + eps);
             }
         }
     }

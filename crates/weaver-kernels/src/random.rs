@@ -77,9 +77,14 @@ impl Stream {
     /// A random permutation of `0..n` (Fisher-Yates).
     pub fn permutation(self, n: usize) -> Vec<usize> {
         let mut order: Vec<usize> = (0..n).collect();
-        for i in (1..n).rev() {
-            order.swap(i, self.below(i as u64, i + 1));
-        }
+        self.shuffle(&mut order);
         order
+    }
+
+    /// Brings items into the order of [`permutation`](Self::permutation). Allocates nothing.
+    pub fn shuffle<U>(self, items: &mut [U]) {
+        for i in (1..items.len()).rev() {
+            items.swap(i, self.below(i as u64, i + 1));
+        }
     }
 }

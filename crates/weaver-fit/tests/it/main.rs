@@ -1,5 +1,6 @@
 //! Integration tests.
 
+mod allocation;
 mod bits;
 mod cameras;
 mod masks;
