@@ -8,6 +8,9 @@ use weaver_io::Image;
 use weaver_report::{Page, read_metrics};
 use weaver_splat::Workspace;
 
+/// A number of a record.
+type Value = fn(&Record) -> f64;
+
 /// Views with pictures.
 const PICTURES: usize = 6;
 
@@ -65,7 +68,7 @@ pub fn write(run: &Run, outcome: &Outcome, train: &[Judged], test: &[Judged]) ->
     page.table(&["photo", "", "PSNR, dB", "SSIM", "LPIPS"], &all.map(quality).collect::<Vec<_>>());
     page.heading(2, "Curves");
     let records: Vec<Record> = read_metrics(run.folder.join("metrics.jsonl"))?;
-    let curves: [(&str, fn(&Record) -> f64); 5] = [
+    let curves: [(&str, Value); 5] = [
         ("loss", |r| r.loss),
         ("PSNR of the photos looked at, dB", |r| r.psnr),
         ("Gaussians", |r| r.gaussians as f64),
