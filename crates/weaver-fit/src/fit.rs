@@ -8,7 +8,7 @@ use crate::gradients::{Activated, Gradients};
 use crate::init::looked_at;
 use crate::photos::{Photo, Pyramid, at_level};
 use crate::population::Population;
-use crate::settings::{FitSettings, Rates};
+use crate::settings::FitSettings;
 use crate::strategy::{Moment, Strategy};
 use std::time::{Duration, Instant};
 use weaver_geometry::glam::DVec3;
@@ -274,17 +274,6 @@ impl<R: Rasterizer<f32>> Fit<R> {
         let gaussians = self.population.len();
         let psnr = -10.0 * value.1.log10();
         Ok(StepReport { step: self.step, photo, loss: value.0.loss, l1: value.0.l1, psnr, gaussians, pairs })
-    }
-
-    /// A step on a photo at a size, for its time's sake: nothing is adapted, cameras stay.
-    pub(crate) fn rehearse(&mut self, photo: usize, level: usize) -> Result<(), FitError> {
-        self.statistics.resize(self.population.len(), GaussianStatistics::default());
-        let moment = Moment { step: 1, ..self.moment() };
-        self.gradients_of(photo, level, &moment)?;
-        // With a rate of 0, the Gaussians of each timed step are the same.
-        let rates = Rates { scales: 0.0, quats: 0.0, opacities: 0.0, sh: 0.0, ..self.settings.rates };
-        self.gradients.apply(1, &mut self.population, &self.activated, &rates, 0.0);
-        Ok(())
     }
 
     fn moment(&self) -> Moment {
