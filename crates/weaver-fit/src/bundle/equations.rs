@@ -1,15 +1,12 @@
 //! The normal equations of bundle adjustment, with the depths eliminated.
 
-use super::points::Point;
+use super::points::{PATCH, Point};
 use super::prior::Prior;
 use super::{Cameras, Picture, TWIST};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Intrinsics, Pose};
 use weaver_kernels::parallel;
 
-/// Where a patch around a point is looked at.
-pub(super) const PATCH: [[f64; 2]; 9] =
-    [[0.0, 0.0], [-2.0, 0.0], [2.0, 0.0], [0.0, -2.0], [0.0, 2.0], [-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
 /// Difference of gray, root mean square, beyond which a patch counts for less and less.
 const SMALL: f64 = 0.02;
 /// Cost of a view that no longer sees its point: that of a large difference.

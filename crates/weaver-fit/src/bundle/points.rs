@@ -1,9 +1,11 @@
 //! Which points bundle adjustment looks at, and from where.
 
-use super::equations::PATCH;
 use super::{Cameras, Picture};
 use weaver_geometry::glam::DVec2;
 
+/// Where a patch around a point is looked at.
+pub(super) const PATCH: [[f64; 2]; 9] =
+    [[0.0, 0.0], [-2.0, 0.0], [2.0, 0.0], [0.0, -2.0], [0.0, 2.0], [-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
 /// Points of a picture, at most: one in each cell of a grid.
 const POINTS: f64 = 400.0;
 /// Other cameras that look at a point, at most.
