@@ -94,6 +94,7 @@ fn density(criterion: &mut Criterion) {
         steps: settings.rounds,
         budget: GAUSSIANS + GAUSSIANS / 10,
         mean_rate: 1e-3,
+        extent: 1.0,
         stream: Stream::new(1, 0, "fit.density"),
     };
     criterion.bench_function("round of density control of 40,000 Gaussians", |bencher| {

@@ -5,7 +5,7 @@ use crate::cameras::{Alignment, Views, moved};
 use crate::comparison::Buffers;
 use crate::exposure::Exposure;
 use crate::gradients::{Activated, Gradients};
-use crate::init::looked_at;
+use crate::init::{first_depth, looked_at};
 use crate::photos::{Photo, Pyramid, at_level};
 use crate::population::Population;
 use crate::settings::FitSettings;
@@ -123,6 +123,11 @@ impl<R: Rasterizer<f32>> Fit<R> {
         let photos: Vec<Photo> = photos.into_iter().filter(|photo| !photo.is_masked()).collect();
         let extent = extent(&photos);
         let population = Population::new(initial);
+        let raster = RasterSettings {
+            antialiased: settings.antialiased,
+            near: settings.near * first_depth(&photos, &initial.means),
+            ..RasterSettings::default()
+        };
         Ok(Self {
             workspace: rasterizer.workspace(),
             rasterizer,
@@ -142,11 +147,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
             strategy,
             step: 0,
             extent,
-            raster: RasterSettings {
-                antialiased: settings.antialiased,
-                near: settings.near * extent,
-                ..RasterSettings::default()
-            },
+            raster,
             activated: Activated::default(),
             gradients: Gradients::default(),
             loss: Photometric::new(),
@@ -285,6 +286,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
             steps,
             budget: gaussians,
             mean_rate: (rates.means * self.extent * rates.means_end.powf(fraction)) as f32,
+            extent: self.extent as f32,
             stream: Stream::new(seed, self.step as u64, "fit.density"),
         }
     }
@@ -349,7 +351,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
         };
         let cotangents = Cotangents { image: Some(&buffers.gradient), ..Cotangents::default() };
         self.rasterizer.backward(&gaussians, &cameras, &raster, &mut self.workspace, &cotangents, targets)?;
-        self.strategy.regularize(&self.population, &mut self.gradients);
+        self.strategy.regularize(moment, &self.population, &mut self.gradients);
         if rate > 0.0 {
             let Buffers { target, image, corrected, alpha, depth, .. } = &self.buffers;
             let image = if self.exposures.is_empty() { image } else { corrected };

@@ -5,6 +5,7 @@ use crate::photos::Photo;
 use crate::population::{Population, logit};
 use crate::settings::FitSettings;
 use crate::strategy::split;
+use weaver_geometry::Camera;
 use weaver_geometry::glam::{DMat3, DVec2, DVec3};
 use weaver_geometry::sh::DC;
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
@@ -39,9 +40,15 @@ pub fn from_points(points: &PointCloud, settings: &FitSettings) -> Result<Gaussi
     Ok(isotropic(means, &colors, settings))
 }
 
+/// Range of random depths, over the distance to what the cameras look at.
+const NEAREST: f64 = 0.5;
+const FARTHEST: f64 = 5.0;
+/// Draws of something that has to meet a condition before it may be without.
+const TRIES: u64 = 64;
+
 /// Gaussians at random places that photos see, in the colors of the pixels that see them: a random pixel of a random photo,
-/// at a depth whose inverse is uniform between 0.3 and 5 times the distance to what the cameras look at. Masked pixels are
-/// left out.
+/// at a depth whose inverse is uniform between 0.5 and 5 times the distance to what the cameras look at, and no nearer
+/// before the other cameras if such a place is found. Masked pixels are left out.
 ///
 /// # Errors
 /// When there are no photos, or all are masked.
@@ -54,16 +61,27 @@ pub fn random(photos: &[Photo], settings: &FitSettings) -> Result<Gaussians, Fit
     let stream = Stream::new(settings.seed, 0, "fit.random");
     let (mut means, mut colors) = (Vec::new(), Vec::new());
     for i in 0..room(settings) as u64 {
-        let photo = photos[stream.below(4 * i, photos.len())];
-        let camera = &photo.camera;
-        let pixel = drawn_pixel(photo, stream, 4 * i + 1);
-        let at = DVec2::new((pixel % camera.width) as f64 + 0.5, (pixel / camera.width) as f64 + 0.5);
-        let distance = camera.pose.apply(middle).length();
-        let (near, far) = (1.0 / 0.3, 1.0 / 5.0);
-        let depth = distance / (far + (near - far) * stream.uniform::<f64>(4 * i + 2));
-        let point = camera.pose.inverse().apply(camera.intrinsics.unproject(at, depth));
+        let draw = |attempt: u64| {
+            let stream = stream.fork(attempt);
+            let photo = photos[stream.below(3 * i, photos.len())];
+            let pixel = drawn_pixel(photo, stream, 3 * i + 1);
+            let inverse = FARTHEST.recip() + (NEAREST.recip() - FARTHEST.recip()) * stream.uniform::<f64>(3 * i + 2);
+            let Camera { pose, intrinsics, width, .. } = photo.camera;
+            let at = DVec2::new((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
+            let depth = pose.apply(middle).length() / inverse;
+            let color = std::array::from_fn(|c| f32::from(photo.rgb[3 * pixel + c]) / 255.0);
+            (pose.inverse().apply(intrinsics.unproject(at, depth)), color)
+        };
+        let free = |point: DVec3| {
+            let near = |p: &&Photo| {
+                let depth = depth_in(&p.camera, point);
+                depth.is_some_and(|z| z < NEAREST * p.camera.pose.apply(middle).length())
+            };
+            !photos.iter().any(near)
+        };
+        let (point, color) = (0..TRIES).map(draw).find(|(point, _)| free(*point)).unwrap_or_else(|| draw(0));
         means.push(point.as_vec3().to_array());
-        colors.push(std::array::from_fn(|c| f32::from(photo.rgb[3 * pixel + c]) / 255.0));
+        colors.push(color);
     }
     Ok(isotropic(means, &colors, settings))
 }
@@ -78,7 +96,6 @@ pub fn part_of(gaussians: &Gaussians, count: usize, seed: u64) -> Gaussians {
 
 /// A random pixel that counts; where few of them do, the one that follows a random pixel.
 fn drawn_pixel(photo: &Photo, stream: Stream, index: u64) -> usize {
-    const TRIES: u64 = 64;
     let pixels = photo.camera.width * photo.camera.height;
     let counts = |i: &usize| photo.mask.as_ref().is_none_or(|mask| mask[*i] != 0);
     let any = |k: u64| stream.fork(k).below(index, pixels);
@@ -179,6 +196,30 @@ fn isotropic(means: Vec<[f32; 3]>, colors: &[[f32; 3]], settings: &FitSettings) 
         degree: 0,
         means,
     }
+}
+
+/// The depth of a point that a camera sees.
+fn depth_in(camera: &Camera, point: DVec3) -> Option<f64> {
+    let p = camera.pose.apply(point);
+    let at = camera.intrinsics.project(p);
+    let inside = p.z > 0.0 && at.x >= 0.0 && at.y >= 0.0;
+    (inside && at.x < camera.width as f64 && at.y < camera.height as f64).then_some(p.z)
+}
+
+/// The depth in front of which a hundredth of all that photos see of these points lies; where they see nothing, the
+/// distance to what the cameras look at.
+pub(crate) fn first_depth(photos: &[Photo], points: &[[f32; 3]]) -> f64 {
+    let mut depths: Vec<f64> = Vec::new();
+    for Photo { camera, .. } in photos {
+        depths.extend(points.iter().filter_map(|point| depth_in(camera, DVec3::from(point.map(f64::from)))));
+    }
+    if depths.is_empty() {
+        let photos: Vec<&Photo> = photos.iter().collect();
+        let middle = looked_at(&photos);
+        return photos.first().map_or(1.0, |photo| photo.camera.pose.center().distance(middle));
+    }
+    let hundredth = depths.len() / 100;
+    *depths.select_nth_unstable_by(hundredth, f64::total_cmp).1
 }
 
 /// The point nearest to all optical axes, in the sense of least squares; where they are (nearly) parallel, a point before

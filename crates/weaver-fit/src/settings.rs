@@ -22,7 +22,8 @@ pub struct FitSettings {
     pub antialiased: bool,
     /// The color behind everything, three numbers from 0 to 1.
     pub background: [f32; 3],
-    /// Gaussians nearer to a camera than this are not drawn, as a part of the scene's size.
+    /// Gaussians nearer to a camera than this are not drawn, as a part of the depth in front of which a hundredth of what
+    /// photos see of the initial Gaussians lies. Blobs right before a camera are how photos that are few get overfitted.
     pub near: f64,
     /// Weight of 1 - SSIM in the loss; the rest is L1.
     pub ssim_weight: f64,
@@ -54,7 +55,7 @@ impl Default for FitSettings {
             sh_interval: 1.0 / 15.0,
             antialiased: false,
             background: [1.0; 3],
-            near: 0.01,
+            near: 0.5,
             ssim_weight: 0.2,
             coarse_until: 0.4,
             halvings: 1,
@@ -149,11 +150,11 @@ pub struct Density {
     pub initial_part: f64,
     /// Growth per round toward the budget (`mcmc`).
     pub growth: f64,
-    /// Noise on the means over their learning rate (`mcmc`).
+    /// Noise on the means over their learning rate, by covariances in units of the scene's size (`mcmc`).
     pub noise: f64,
-    /// Weight of the mean opacity in the loss (`mcmc`).
+    /// Weight of the mean opacity in the loss, so that what is not needed fades.
     pub opacity_weight: f32,
-    /// Weight of the mean scale in the loss (`mcmc`).
+    /// Weight of the mean scale over the scene's size in the loss.
     pub scale_weight: f32,
 }
 
@@ -168,9 +169,9 @@ impl Default for Density {
             opacity_decay: 0.004,
             initial_part: 0.6,
             growth: 0.05,
-            noise: 5e5,
-            opacity_weight: 0.01,
-            scale_weight: 0.01,
+            noise: 5e6,
+            opacity_weight: 0.003,
+            scale_weight: 0.0,
         }
     }
 }

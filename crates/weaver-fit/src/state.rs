@@ -34,6 +34,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
         put(&mut state, "exposures", EXPOSURE, self.exposures.iter().flat_map(exposure_row).collect());
         put(&mut state, "poses", POSE, self.poses.iter().flat_map(pose_row).collect());
         put(&mut state, "focal", 1, vec![self.focal]);
+        put(&mut state, "near", 1, vec![self.raster.near]);
         put(&mut state, "step", 1, vec![self.step as u64]);
         state
     }
@@ -66,6 +67,8 @@ impl<R: Rasterizer<f32>> Fit<R> {
         let exposures = state.values::<f32>("exposures", &[self.exposures.len(), EXPOSURE])?;
         let poses = state.values::<f64>("poses", &[self.poses.len(), POSE])?;
         let focal = state.values::<f64>("focal", &[1, 1])?;
+        let near = state.values::<f64>("near", &[1, 1])?;
+        self.raster.near = near[0];
         self.step = state.values::<u64>("step", &[1, 1])?[0] as usize;
         self.population = Population::from_fields(fields, degree);
         self.statistics = statistics.chunks_exact(STATISTICS).map(statistics_of).collect();

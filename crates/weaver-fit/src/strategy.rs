@@ -27,6 +27,8 @@ pub struct Moment {
     pub budget: usize,
     /// Learning rate of the means at this step, world units.
     pub mean_rate: f32,
+    /// Size of the scene, world units.
+    pub extent: f32,
     /// Random numbers for this step.
     pub stream: Stream,
 }
@@ -44,7 +46,7 @@ impl Moment {
 /// goes on with a new strategy of the same settings.
 pub trait Strategy: Debug + Send {
     /// Adds the gradients of regularizers, before a step.
-    fn regularize(&self, _population: &Population, _gradients: &mut Gradients) {}
+    fn regularize(&self, _moment: &Moment, _population: &Population, _gradients: &mut Gradients) {}
 
     /// Whether the statistics of backward passes are wanted at this moment; they cost a little.
     fn wants_statistics(&self, moment: &Moment) -> bool;
@@ -62,6 +64,14 @@ impl Density {
             StrategyKind::Mcmc => Box::new(Mcmc::new(self.clone())),
             StrategyKind::Keep => Box::new(Keep),
         }
+    }
+
+    /// Adds the gradients of `opacity_weight mean(opacity) + scale_weight mean(scale) / extent`.
+    fn regularize(&self, moment: &Moment, population: &Population, gradients: &mut Gradients) {
+        let n = population.len() as f32;
+        let (by_opacity, by_scale) = (self.opacity_weight / n, self.scale_weight / (3.0 * n * moment.extent));
+        gradients.opacities.iter_mut().for_each(|g| *g += by_opacity);
+        gradients.scales.iter_mut().for_each(|g| *g += by_scale);
     }
 
     /// Steps between two rounds of a run of so many steps.

@@ -94,8 +94,8 @@ fn settings(gaussians: usize, degree: usize) -> FitSettings {
     };
     settings.density.strategy = StrategyKind::Mcmc;
     settings.density.opacity_weight = 0.3;
-    settings.density.scale_weight = 0.03;
-    settings.density.noise *= 3.0;
+    settings.density.scale_weight = 0.01;
+    settings.density.noise = 3e5;
     settings.rates.scales *= 3.0;
     settings
 }

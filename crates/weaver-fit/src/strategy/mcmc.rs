@@ -86,11 +86,8 @@ pub fn relocated(opacity: f32, copies: usize) -> (f32, f32) {
 }
 
 impl Strategy for Mcmc {
-    fn regularize(&self, population: &Population, gradients: &mut Gradients) {
-        let n = population.len() as f32;
-        let (by_opacity, by_scale) = (self.settings.opacity_weight / n, self.settings.scale_weight / (3.0 * n));
-        gradients.opacities.iter_mut().for_each(|g| *g += by_opacity);
-        gradients.scales.iter_mut().for_each(|g| *g += by_scale);
+    fn regularize(&self, moment: &Moment, population: &Population, gradients: &mut Gradients) {
+        self.settings.regularize(moment, population, gradients);
     }
 
     fn wants_statistics(&self, _: &Moment) -> bool {
@@ -121,7 +118,7 @@ impl Strategy for Mcmc {
 impl Mcmc {
     /// mean += covariance * normal * gate(opacity) * noise * rate.
     fn jitter(&self, moment: &Moment, population: &mut Population) {
-        let amount = self.settings.noise as f32 * moment.mean_rate;
+        let amount = self.settings.noise as f32 * moment.mean_rate / (moment.extent * moment.extent);
         let stream = moment.stream.fork(1);
         let mut means = std::mem::take(&mut population.means.values);
         let others = &*population;

@@ -1,6 +1,7 @@
 //! Splitting along the longest axis, guided by absolute screen gradients.
 
 use super::{Moment, Strategy};
+use crate::gradients::Gradients;
 use crate::population::Population;
 use crate::settings::Density;
 use weaver_splat::GaussianStatistics;
@@ -50,6 +51,10 @@ impl Split {
 }
 
 impl Strategy for Split {
+    fn regularize(&self, moment: &Moment, population: &Population, gradients: &mut Gradients) {
+        self.settings.regularize(moment, population, gradients);
+    }
+
     fn wants_statistics(&self, moment: &Moment) -> bool {
         moment.fraction() <= self.settings.until
     }
