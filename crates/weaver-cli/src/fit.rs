@@ -34,6 +34,7 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
         all: arguments.all,
         views: arguments.views.map(|views| views as usize),
         masks: arguments.masks,
+        focal: arguments.focal,
         init: initial.kind(),
         minutes: arguments.steps.is_none().then(|| arguments.minutes.unwrap_or(MINUTES)),
         save_every: arguments.save_every,
@@ -82,8 +83,7 @@ fn fit_settings(arguments: &Fit, plan: &Plan) -> Result<FitSettings, Failure> {
     fit.exposure |= arguments.exposure;
     fit.background = arguments.background.map_or(fit.background, |color| color.0);
     fit.poses.refine = arguments.poses.map_or(fit.poses.refine, |mode| mode == PoseMode::Refine);
-    fit.poses.focal |= arguments.focal;
-    if fit.poses.focal && !fit.poses.refine {
+    if arguments.focal && !fit.poses.refine {
         return Err(Failure::Usage("--focal: expected --poses refine with it".into()));
     }
     fit.density.strategy = match arguments.strategy {

@@ -16,6 +16,7 @@
 mod error;
 mod judged;
 mod maps;
+mod matching;
 mod outcome;
 mod plan;
 mod record;

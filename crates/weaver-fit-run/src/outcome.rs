@@ -53,4 +53,8 @@ pub struct PoseChange {
     pub distance: f64,
     /// Factor of the focal lengths.
     pub focal: f64,
+    /// Points that photos were found to agree about.
+    pub points: usize,
+    /// Median difference of where these points are and were seen, pixels.
+    pub pixels: Option<f64>,
 }

@@ -12,8 +12,6 @@ pub struct Record {
     pub seconds: f64,
     /// The loss.
     pub loss: f64,
-    /// Mean absolute difference.
-    pub l1: f64,
     /// Of the photos looked at, dB, at the size they were looked at.
     pub psnr: f64,
     /// Gaussians.
@@ -27,26 +25,19 @@ impl Record {
         self.step = report.step;
         self.gaussians = report.gaussians;
         self.loss += report.loss;
-        self.l1 += report.l1;
         self.psnr += report.psnr;
         self.pairs += report.pairs as f64 / 1e6;
     }
 
     pub(crate) fn mean(&self, count: usize, seconds: f64) -> Self {
         let over = 1.0 / count as f64;
-        let Self { loss, l1, psnr, pairs, .. } = *self;
-        Self { seconds, loss: loss * over, l1: l1 * over, psnr: psnr * over, pairs: pairs * over, ..*self }
+        let Self { loss, psnr, pairs, .. } = *self;
+        Self { seconds, loss: loss * over, psnr: psnr * over, pairs: pairs * over, ..*self }
     }
 
-    pub(crate) fn scalars(&self) -> [(&'static str, f32); 5] {
+    pub(crate) fn scalars(&self) -> [(&'static str, f32); 4] {
         let gaussians = self.gaussians as f64;
-        let all = [
-            ("loss", self.loss),
-            ("l1", self.l1),
-            ("psnr", self.psnr),
-            ("gaussians", gaussians),
-            ("pairs", self.pairs),
-        ];
+        let all = [("loss", self.loss), ("psnr", self.psnr), ("gaussians", gaussians), ("pairs", self.pairs)];
         all.map(|(name, value)| (name, value as f32))
     }
 }

@@ -65,7 +65,7 @@ impl Run {
 
     fn pose_change(&self) -> PoseChange {
         let pairs: Vec<(Pose, Pose)> =
-            (0..self.fit.photos()).map(|i| (self.fit.photo(i).camera.pose, self.fit.camera(i).pose)).collect();
+            (0..self.fit.photos()).map(|i| (self.origins[i].given.pose, self.fit.camera(i).pose)).collect();
         let median = |of: &dyn Fn(&(Pose, Pose)) -> f64| {
             let mut all: Vec<f64> = pairs.iter().map(of).collect();
             all.sort_unstable_by(f64::total_cmp);
@@ -75,20 +75,22 @@ impl Run {
             refined: self.settings.fit.poses.refine,
             degrees: median(&|(a, b)| a.angle_to(b).to_degrees()),
             distance: median(&|(a, b)| a.center().distance(b.center())) / self.fit.extent(),
-            focal: self.fit.adjusted(&self.fit.photo(0).camera).intrinsics.fx / self.fit.photo(0).camera.intrinsics.fx,
+            focal: self.fit.camera(0).intrinsics.fx / self.origins[0].given.intrinsics.fx,
+            points: self.matching.map_or(0, |m| m.points),
+            pixels: self.matching.and_then(|m| m.pixels.is_finite().then_some(m.pixels)),
         }
     }
 
-    /// The cameras that held-out photos are judged with: as given; where cameras were refined, carried along with those of
-    /// the training photos and then located in the scene, which is frozen.
+    /// The cameras that held-out photos are judged with: as given; where cameras were refined, as matched, carried along
+    /// with those of the training photos, and located in the scene, which is frozen.
     fn held_out_cameras(&mut self) -> Result<Vec<Camera>, RunError> {
-        let given: Vec<Camera> = self.held_out.iter().map(|photo| self.fit.adjusted(&photo.camera)).collect();
+        let given: Vec<Camera> = self.held_out.iter().map(|photo| photo.camera).collect();
         if !self.settings.fit.poses.refine {
             return Ok(given);
         }
         let poses = |of: &dyn Fn(usize) -> Camera| (0..self.fit.photos()).map(|i| of(i).pose).collect::<Vec<_>>();
         let (before, after) = (poses(&|i| self.fit.photo(i).camera), poses(&|i| self.fit.camera(i)));
-        let carried = Similarity::fit_centers(&before, &after);
+        let carried = Similarity::fit_poses(&before, &after);
         let mut cameras = Vec::with_capacity(given.len());
         for (photo, mut camera) in self.held_out.iter().zip(given) {
             if let Some(carried) = &carried {
@@ -104,7 +106,7 @@ impl Run {
         let fitted = (0..self.fit.photos()).map(|i| self.fit.camera(i)).chain(test.iter().copied());
         let cameras: Vec<Camera> = fitted
             .zip(&self.origins)
-            .map(|(camera, origin)| self.fit.adjusted(&Camera { pose: camera.pose, ..origin.file_camera }))
+            .map(|(camera, origin)| Camera { pose: camera.pose, ..origin.file_camera })
             .collect();
         let frames = |name: &dyn Fn(&Origin) -> String| -> Vec<Frame> {
             self.origins.iter().zip(&cameras).map(|(origin, camera)| Frame::new(name(origin), *camera)).collect()

@@ -1,5 +1,6 @@
 //! A fit of a capture, under way.
 
+use crate::matching::Matching;
 use crate::{Initial, Record, RunError, RunSettings};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,7 +17,10 @@ use weaver_scene::Gaussians;
 pub(crate) struct Origin {
     pub name: String,
     pub path: PathBuf,
+    /// Of the photo as it is on disk.
     pub file_camera: Camera,
+    /// Of the photo as it is fitted, before refinement.
+    pub given: Camera,
 }
 
 /// A run under way.
@@ -28,6 +32,7 @@ pub struct Run {
     pub(crate) held_out: Vec<Photo>,
     /// Of the training photos, then of the held-out ones.
     pub(crate) origins: Vec<Origin>,
+    pub(crate) matching: Option<Matching>,
     pub(crate) judge: Judge,
     /// Seconds of earlier sessions.
     before: f64,
@@ -60,8 +65,9 @@ impl Run {
         }
         settings.fit.check()?;
         settings.capture = std::path::absolute(&settings.capture).unwrap_or(settings.capture);
-        let (fit, held_out, origins) = load(&settings, given)?;
-        let mut run = Self { folder: folder.into(), settings, fit, held_out, origins, judge, before: 0.0, started };
+        let Loaded { fit, held_out, origins, matching } = load(&settings, given)?;
+        let mut run =
+            Self { folder: folder.into(), settings, fit, held_out, origins, matching, judge, before: 0.0, started };
         if let Some(minutes) = run.settings.minutes {
             let reserve = run.seconds_of_results()?;
             let left = 60.0 * minutes - started.elapsed().as_secs_f64() - reserve;
@@ -97,8 +103,9 @@ impl Run {
         let checkpoint = checkpoint_path(folder);
         let given = init_path(folder);
         let given = given.exists().then(|| weaver_io::read_gaussians(&given)).transpose()?;
-        let (fit, held_out, origins) = load(&settings, given.as_ref())?;
-        let mut run = Self { folder: folder.into(), settings, fit, held_out, origins, judge, before: 0.0, started };
+        let Loaded { fit, held_out, origins, matching } = load(&settings, given.as_ref())?;
+        let mut run =
+            Self { folder: folder.into(), settings, fit, held_out, origins, matching, judge, before: 0.0, started };
         if checkpoint.exists() {
             let state = Tensors::read(&checkpoint)?;
             run.fit.restore(&state)?;
@@ -112,7 +119,7 @@ impl Run {
     /// # Errors
     /// When the capture cannot be read or gives nothing to fit, or a setting is out of range.
     pub fn optimization(settings: &RunSettings) -> Result<Fit, RunError> {
-        Ok(load(settings, None)?.0)
+        Ok(load(settings, None)?.fit)
     }
 
     /// What was asked for, with the number of steps.
@@ -190,8 +197,16 @@ fn checkpoint_path(folder: &Path) -> PathBuf {
     folder.join("checkpoint.safetensors")
 }
 
-fn load(settings: &RunSettings, given: Option<&Gaussians>) -> Result<(Fit, Vec<Photo>, Vec<Origin>), RunError> {
-    let capture = posed::load(&settings.capture, &settings.posed_options())?;
+/// A capture, ready to be fitted.
+struct Loaded {
+    fit: Fit,
+    held_out: Vec<Photo>,
+    origins: Vec<Origin>,
+    matching: Option<Matching>,
+}
+
+fn load(settings: &RunSettings, given: Option<&Gaussians>) -> Result<Loaded, RunError> {
+    let mut capture = posed::load(&settings.capture, &settings.posed_options())?;
     let (mut training, mut held_out) = (Vec::new(), Vec::new());
     let (mut origins, mut held_out_origins) = (Vec::new(), Vec::new());
     for PosedPhoto { name, path, camera, file_camera, rgb, mask, held_out: out } in capture.photos {
@@ -202,7 +217,7 @@ fn load(settings: &RunSettings, given: Option<&Gaussians>) -> Result<(Fit, Vec<P
         }
         let (photos, places) = if out { (&mut held_out, &mut held_out_origins) } else { (&mut training, &mut origins) };
         photos.push(photo);
-        places.push(Origin { name, path, file_camera });
+        places.push(Origin { name, path, file_camera, given: camera });
     }
     if let Some(views) = settings.views {
         let chosen = weaver_data::uniform(training.len(), views.clamp(1, training.len().max(1)));
@@ -220,10 +235,21 @@ fn load(settings: &RunSettings, given: Option<&Gaussians>) -> Result<(Fit, Vec<P
             found,
         });
     }
+    let matching = settings
+        .fit
+        .poses
+        .refine
+        .then(|| Matching::refine(&mut training, &mut held_out, &mut capture.points, settings.focal));
+    if let Some(Matching { focal, .. }) = matching {
+        for origin in &mut origins {
+            origin.file_camera.intrinsics.fx *= focal;
+            origin.file_camera.intrinsics.fy *= focal;
+        }
+    }
     let initial = match (settings.init, capture.points.is_empty()) {
         (Initial::Given, _) => init::from_gaussians(given.unwrap_or(&Gaussians::default()), &settings.fit)?,
         (Initial::Random, _) | (Initial::Auto, true) => init::random(&training, &settings.fit)?,
         (Initial::Points | Initial::Auto, _) => init::from_points(&capture.points, &settings.fit)?,
     };
-    Ok((Fit::new(training, &initial, settings.fit.clone())?, held_out, origins))
+    Ok(Loaded { fit: Fit::new(training, &initial, settings.fit.clone())?, held_out, origins, matching })
 }

@@ -19,6 +19,9 @@ pub struct RunSettings {
     pub views: Option<usize>,
     /// Whether masks are read.
     pub masks: bool,
+    /// Whether the focal length is refined with the cameras ([`Poses::refine`](weaver_fit::Poses::refine)), one factor for
+    /// all photos.
+    pub focal: bool,
     /// Where the Gaussians begin.
     pub init: Initial,
     /// Time for all of it, minutes; the number of steps follows from the speed. `None` takes [`FitSettings::steps`].
@@ -74,6 +77,7 @@ impl RunSettings {
             all: false,
             views: None,
             masks: false,
+            focal: false,
             init: Initial::Auto,
             minutes: None,
             save_every: 20.0,

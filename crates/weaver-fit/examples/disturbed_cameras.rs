@@ -2,6 +2,9 @@
 //! `disturbed_cameras FOLDER [degrees=1] [percent=1] [focal=0] [steps=1500] [gaussians=30000] [seed=0] [points=moved]
 //! [fits=true,true-refined,fixed,refined] [settings={}]`.
 //!
+//! Refinement is that of `splatweaver fit --poses refine`: cameras are matched, then go toward the scene while it is fitted;
+//! `matched` leaves out the latter, `cameras` the whole fit.
+//!
 //! Every camera, held-out ones too, is turned by `degrees` about a random axis and moved by `percent` of its distance to the
 //! scene (median depth of the points that it sees) in a random direction; focal lengths are wrong by `focal` percent. Points
 //! are as wrong as the cameras: each goes where a random camera that sees it would put it, at its true depth; with
@@ -18,6 +21,7 @@ use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Pose, Similarity, so3};
 use weaver_kernels::random::Stream;
 use weaver_scene::PointCloud;
+use weaver_sfm::{RefineSettings, Refined, View, carried};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -54,23 +58,45 @@ fn main() -> Outcome<()> {
         "none" => disturbed.points = PointCloud::default(),
         _ => return Err("points: expected moved, given or none".into()),
     }
+    let matched = |capture: &Capture| -> Outcome<Capture> {
+        let start = Instant::now();
+        let (capture, found) = capture.matched(by.focal != 1.0);
+        let cameras: Vec<Camera> = capture.training.iter().map(|photo| photo.camera).collect();
+        let [degrees, percent] = truth.errors(&cameras)?;
+        let focal = 100.0 * (cameras[0].intrinsics.fx / truth.training[0].camera.intrinsics.fx - 1.0);
+        let (points, pixels, seconds) = (found.points.len(), found.error, start.elapsed().as_secs_f64());
+        println!(
+            "     matched: {degrees:.3} degrees, {percent:.3} % of the distance, focal {focal:+.2} %; {points} points, {pixels:.2} pixels; {seconds:.0} s"
+        );
+        Ok(capture)
+    };
     let refine = |settings: &FitSettings| {
         let mut settings = settings.clone();
-        (settings.poses.refine, settings.poses.focal) = (true, by.focal != 1.0);
+        settings.poses.refine = true;
         settings
     };
     let fixed = FitSettings { poses: weaver_fit::Poses::default(), ..settings.clone() };
     for fit in given.get("fits").map_or("true,true-refined,fixed,refined", String::as_str).split(',') {
         let (capture, settings) = match fit {
             "true" => (&truth, fixed.clone()),
-            "true-refined" => (&truth, refine(&settings)),
+            "true-refined" => (&matched(&truth)?, refine(&settings)),
             "fixed" => (&disturbed, fixed.clone()),
-            "refined" => (&disturbed, refine(&settings)),
-            _ => return Err("fits: expected some of true, true-refined, fixed, refined".into()),
+            "matched" => (&matched(&disturbed)?, fixed.clone()),
+            "refined" => (&matched(&disturbed)?, refine(&settings)),
+            "cameras" => {
+                matched(&disturbed)?;
+                continue;
+            }
+            _ => return Err("fits: expected some of true, true-refined, fixed, matched, refined, cameras".into()),
         };
         println!("{fit:>12}: {}", capture.fit(&truth, settings)?);
     }
     Ok(())
+}
+
+fn view(photo: &Photo, located: bool) -> View<'_> {
+    let gray = photo.rgb.chunks_exact(3).map(|c| c.iter().map(|c| f32::from(*c)).sum::<f32>() / 765.0).collect();
+    View { camera: photo.camera, gray, mask: photo.mask.as_deref(), located }
 }
 
 struct Disturbance {
@@ -125,9 +151,28 @@ impl Capture {
         other
     }
 
+    fn matched(&self, focal: bool) -> (Self, Refined) {
+        let views: Vec<View<'_>> =
+            (self.training.iter().map(|p| view(p, false))).chain(self.held_out.iter().map(|p| view(p, true))).collect();
+        let found = weaver_sfm::refine(&views, &RefineSettings { focal, ..RefineSettings::default() });
+        let mut other = self.clone();
+        let photos = other.training.iter_mut().chain(&mut other.held_out);
+        photos.zip(&found.cameras).for_each(|(photo, camera)| photo.camera = *camera);
+        let cameras = |capture: &Self| capture.training.iter().map(|photo| photo.camera).collect::<Vec<_>>();
+        let (before, after) = (cameras(self), cameras(&other));
+        for position in &mut other.points.positions {
+            *position = carried(DVec3::from(position.map(f64::from)), &before, &after).as_vec3().to_array();
+        }
+        (other, found)
+    }
+
     /// The median depth of points that a camera sees.
     fn distance(&self, camera: &Camera) -> f64 {
         let points = self.points.positions.iter().map(|p| DVec3::from(p.map(f64::from)));
+        if self.points.is_empty() {
+            // Scenes made by a program stand around the origin.
+            return camera.pose.center().length();
+        }
         median(points.filter_map(|point| pixel(camera, point)).map(|(_, depth)| depth).collect())
     }
 
@@ -149,7 +194,7 @@ impl Capture {
         let focal = 100.0 * (cameras[0].intrinsics.fx / truth.training[0].camera.intrinsics.fx - 1.0);
         let poses = |photos: &[Photo]| photos.iter().map(|photo| photo.camera.pose).collect::<Vec<_>>();
         let refined: Vec<Pose> = cameras.iter().map(|camera| camera.pose).collect();
-        let onto = |from: &[Photo]| Similarity::fit_centers(&poses(from), &refined).ok_or("cameras on a line");
+        let onto = |from: &[Photo]| Similarity::fit_poses(&poses(from), &refined).ok_or("cameras on a line");
         let (from_given, from_true) = (onto(&self.training)?, onto(&truth.training)?);
         let (mut given, mut located) = (0.0, 0.0);
         for (photo, true_photo) in self.held_out.iter().zip(&truth.held_out) {
@@ -158,9 +203,9 @@ impl Capture {
                 Ok(Judge::default().compare(&image, &photo.rgb, [camera.height, camera.width]).psnr)
             };
             let carried = |by: &Similarity, camera: &Camera| Camera { pose: by.apply_to_pose(&camera.pose), ..*camera };
-            let true_camera = Camera { intrinsics: fit.adjusted(&photo.camera).intrinsics, ..true_photo.camera };
+            let true_camera = Camera { intrinsics: photo.camera.intrinsics, ..true_photo.camera };
             given += psnr(&mut fit, &carried(&from_true, &true_camera))? / self.held_out.len() as f64;
-            let start = fit.adjusted(&carried(&from_given, &photo.camera));
+            let start = carried(&from_given, &photo.camera);
             let found = if refine { fit.locate(photo, start, LOCATE)? } else { start };
             located += psnr(&mut fit, &found)? / self.held_out.len() as f64;
         }
@@ -174,7 +219,7 @@ impl Capture {
     fn errors(&self, cameras: &[Camera]) -> Outcome<[f64; 2]> {
         let found: Vec<Pose> = cameras.iter().map(|camera| camera.pose).collect();
         let truth: Vec<Pose> = self.training.iter().map(|photo| photo.camera.pose).collect();
-        let onto = Similarity::fit_centers(&found, &truth).ok_or("cameras on a line")?;
+        let onto = Similarity::fit_poses(&found, &truth).ok_or("cameras on a line")?;
         let pairs = || found.iter().map(|pose| onto.apply_to_pose(pose)).zip(&truth);
         let degrees = pairs().map(|(a, b)| a.angle_to(b).to_degrees()).collect();
         let percent = (pairs().zip(&self.training))

@@ -164,22 +164,7 @@ fn solve(mut matrix: Matrix, mut right: [f64; TWIST]) -> Option<[f64; TWIST]> {
     Some(right)
 }
 
-/// Longest side of the photos that the first round looks at, pixels; an error of a degree is some three pixels there.
-const FIRST_SIDE: usize = 200;
-
 impl Poses {
-    /// How often photos of this longest side are halved for the first round.
-    pub(crate) fn halvings(&self, side: usize) -> usize {
-        let halvings = side.div_ceil(FIRST_SIDE).max(1).next_power_of_two().ilog2() as usize;
-        if self.refine { halvings } else { 0 }
-    }
-
-    /// The round that is due before this step, if any.
-    pub(crate) fn round(&self, step: usize, steps: usize) -> Option<usize> {
-        let due = |at: &f64| (at * steps as f64) as usize == step;
-        self.rounds.iter().rposition(due).filter(|_| self.refine)
-    }
-
     /// The part of its way that a camera goes in a step at this part of the run; 0 while cameras stand still.
     pub(crate) fn rate_at(&self, fraction: f64) -> f64 {
         if !self.refine || fraction < self.from || fraction >= self.until {

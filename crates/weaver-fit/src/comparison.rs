@@ -1,10 +1,10 @@
 //! Comparison of a drawn view with its photo.
 
 use crate::exposure::Exposure;
+use crate::objective::Objective;
 use crate::photos::Photo;
 use crate::settings::FitSettings;
 use weaver_kernels::{parallel, simd};
-use weaver_losses::{Photometric, PhotometricValue};
 
 /// Images of a step.
 #[derive(Debug, Default)]
@@ -33,9 +33,9 @@ impl Buffers {
         photo: &Photo,
         exposure: Option<&mut Exposure>,
         settings: &FitSettings,
-        loss: &mut Photometric<f32>,
+        objective: &mut dyn Objective,
         size: [usize; 2],
-    ) -> (PhotometricValue, f64) {
+    ) -> (f64, f64) {
         const GRAIN: usize = 3 << 12;
         parallel::for_chunks(&mut self.target, GRAIN, |chunk, target| {
             let bytes = &photo.rgb[chunk * GRAIN..];
@@ -57,7 +57,7 @@ impl Buffers {
                 target.copy_from_slice(drawn);
             }
         }
-        let value = loss.value_and_gradient(corrected, &self.target, size, settings.ssim_weight, &mut self.gradient);
+        let loss = objective.compare(corrected, &self.target, size, &mut self.gradient);
         let mse = mean_square(corrected, &self.target, &mut self.squares);
         if let Some(mask) = &photo.mask {
             let pixels = self.gradient.chunks_exact_mut(3).zip(mask);
@@ -66,7 +66,7 @@ impl Buffers {
         if let Some(exposure) = exposure {
             exposure.descend(&self.image, &mut self.gradient, settings.rates.exposure as f32);
         }
-        (value, mse)
+        (loss, mse)
     }
 }
 

@@ -6,6 +6,7 @@ use crate::comparison::Buffers;
 use crate::exposure::Exposure;
 use crate::gradients::{Activated, Gradients};
 use crate::init::{first_depth, looked_at};
+use crate::objective::{L1Ssim, Objective};
 use crate::photos::{Photo, Pyramid, at_level};
 use crate::population::Population;
 use crate::settings::FitSettings;
@@ -14,7 +15,6 @@ use std::time::{Duration, Instant};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
 use weaver_kernels::random::Stream;
-use weaver_losses::{Photometric, PhotometricValue};
 use weaver_scene::{CameraSlices, Gaussians, intrinsics_row, viewmat};
 use weaver_splat::{
     Cotangents, CpuRasterizer, GaussianStatistics, Gradients as RasterGradients, Images, RasterSettings, Rasterizer,
@@ -30,8 +30,6 @@ pub struct StepReport {
     pub photo: usize,
     /// The loss.
     pub loss: f64,
-    /// Mean absolute difference.
-    pub l1: f64,
     /// Peak signal-to-noise ratio of the photo, dB, at the size it was seen at.
     pub psnr: f64,
     /// Gaussians after the step.
@@ -57,9 +55,8 @@ pub struct StepTimings {
 
 /// A scene that is being fitted to photos.
 ///
-/// Each step draws one photo's view, compares it with the photo,
-/// `loss = (1 - w) mean |image - photo| + w (1 - SSIM)`, and moves Gaussians (and, if asked, camera and color correction)
-/// down the gradient by Adam. Photos come in an order drawn anew for every round. Sources: Kerbl et al., 3D Gaussian
+/// Each step draws one photo's view, compares it with the photo by an [`Objective`], and moves Gaussians (and, if asked,
+/// camera and color correction) down the gradient by Adam. Photos come in an order drawn anew for every round. Sources: Kerbl et al., 3D Gaussian
 /// Splatting, 2023, section 5; schedules are with [`FitSettings`].
 #[derive(Debug)]
 pub struct Fit<R: Rasterizer<f32> = CpuRasterizer> {
@@ -70,8 +67,6 @@ pub struct Fit<R: Rasterizer<f32> = CpuRasterizer> {
     /// The photos in the order of this round.
     order: Vec<usize>,
     pub(crate) poses: Vec<Pose>,
-    /// The logarithm of the factor of all focal lengths.
-    pub(crate) focal: f64,
     pub(crate) exposures: Vec<Exposure>,
     pub(crate) population: Population,
     pub(crate) statistics: Vec<GaussianStatistics<f32>>,
@@ -81,7 +76,7 @@ pub struct Fit<R: Rasterizer<f32> = CpuRasterizer> {
     pub(crate) raster: RasterSettings,
     pub(crate) activated: Activated,
     gradients: Gradients,
-    loss: Photometric<f32>,
+    objective: Box<dyn Objective>,
     buffers: Buffers,
     pub(crate) timings: StepTimings,
 }
@@ -132,15 +127,8 @@ impl<R: Rasterizer<f32>> Fit<R> {
             workspace: rasterizer.workspace(),
             rasterizer,
             poses: photos.iter().map(|photo| photo.camera.pose).collect(),
-            focal: 0.0,
             exposures: if settings.exposure { vec![Exposure::default(); photos.len()] } else { Vec::new() },
-            photos: photos
-                .into_iter()
-                .map(|photo| {
-                    let halvings = settings.halvings.max(settings.poses.halvings(photo.long_side()));
-                    Pyramid::new(photo, halvings)
-                })
-                .collect(),
+            photos: photos.into_iter().map(|photo| Pyramid::new(photo, settings.halvings)).collect(),
             order: Vec::new(),
             statistics: vec![GaussianStatistics::default(); population.len()],
             population,
@@ -150,7 +138,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
             raster,
             activated: Activated::default(),
             gradients: Gradients::default(),
-            loss: Photometric::new(),
+            objective: Box::new(L1Ssim::new(settings.ssim_weight)),
             buffers: Buffers::default(),
             timings: StepTimings::default(),
             settings,
@@ -182,10 +170,6 @@ impl<R: Rasterizer<f32>> Fit<R> {
         self.population.to_gaussians(self.settings.sh_degree)
     }
 
-    pub(crate) fn pyramids(&self) -> &[Pyramid] {
-        &self.photos
-    }
-
     /// Number of photos.
     pub fn photos(&self) -> usize {
         self.photos.len()
@@ -198,16 +182,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
 
     /// The camera of a photo as refined so far.
     pub fn camera(&self, photo: usize) -> Camera {
-        self.adjusted(&Camera { pose: self.poses[photo], ..self.photo(photo).camera })
-    }
-
-    /// A camera with the refined focal length.
-    pub fn adjusted(&self, camera: &Camera) -> Camera {
-        let factor = self.focal.exp();
-        let mut camera = *camera;
-        camera.intrinsics.fx *= factor;
-        camera.intrinsics.fy *= factor;
-        camera
+        Camera { pose: self.poses[photo], ..self.photo(photo).camera }
     }
 
     /// The color correction of a photo, if photos have them.
@@ -230,6 +205,11 @@ impl<R: Rasterizer<f32>> Fit<R> {
         self.raster = raster;
     }
 
+    /// Compares views with photos by another loss than [`L1Ssim`] with [`FitSettings::ssim_weight`].
+    pub fn set_objective(&mut self, objective: Box<dyn Objective>) {
+        self.objective = objective;
+    }
+
     /// How long the parts of the last step took.
     pub fn timings(&self) -> StepTimings {
         self.timings
@@ -246,14 +226,8 @@ impl<R: Rasterizer<f32>> Fit<R> {
         self.population.raise_degree(degree.min(settings.sh_degree));
         let moment = self.moment();
         let photo = self.photo_of(step);
-        let settings = &self.settings;
-        if let Some(round) = settings.poses.round(step, settings.steps) {
-            let first =
-                (0..self.photos()).map(|i| settings.poses.halvings(self.photo(i).long_side())).max().unwrap_or(0);
-            self.adjust(first.saturating_sub(round))?;
-        }
-        let settings = &self.settings;
-        let (value, pairs) = self.gradients_of(photo, settings.level(fraction), &moment)?;
+        let level = self.settings.level(fraction);
+        let (loss, mse, pairs) = self.gradients_of(photo, level, &moment)?;
         let start = Instant::now();
         self.gradients.apply(
             step as u64 + 1,
@@ -273,8 +247,8 @@ impl<R: Rasterizer<f32>> Fit<R> {
         debug_assert!(self.population.len() <= self.settings.gaussians, "a strategy beyond the budget");
         self.timings.density = start.elapsed();
         let gaussians = self.population.len();
-        let psnr = -10.0 * value.1.log10();
-        Ok(StepReport { step: self.step, photo, loss: value.0.loss, l1: value.0.l1, psnr, gaussians, pairs })
+        let psnr = -10.0 * mse.log10();
+        Ok(StepReport { step: self.step, photo, loss, psnr, gaussians, pairs })
     }
 
     fn moment(&self) -> Moment {
@@ -302,12 +276,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
 
     /// Draws a photo's view and finds all gradients; camera and correction take their steps. Returns the loss, the mean
     /// squared difference and the pairs.
-    fn gradients_of(
-        &mut self,
-        index: usize,
-        level: usize,
-        moment: &Moment,
-    ) -> Result<((PhotometricValue, f64), u64), FitError> {
+    fn gradients_of(&mut self, index: usize, level: usize, moment: &Moment) -> Result<(f64, f64, u64), FitError> {
         let start = Instant::now();
         let camera = self.camera(index);
         let (photo, level) = self.photos[index].level(level);
@@ -329,10 +298,11 @@ impl<R: Rasterizer<f32>> Fit<R> {
 
         let start = Instant::now();
         let exposure = self.exposures.get_mut(index);
-        let value = buffers.compare(photo, exposure, &self.settings, &mut self.loss, [height, width]);
-        if !value.0.loss.is_finite() {
+        let size = [height, width];
+        let (loss, mse) = buffers.compare(photo, exposure, &self.settings, self.objective.as_mut(), size);
+        if !loss.is_finite() {
             let photo = self.photo(index).name.clone();
-            return Err(FitError::Diverged { step: moment.step, photo, loss: value.0.loss });
+            return Err(FitError::Diverged { step: moment.step, photo, loss });
         }
         self.timings.loss = start.elapsed();
 
@@ -362,7 +332,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
             }
         }
         self.timings.backward = start.elapsed();
-        Ok((value, stats.pairs))
+        Ok((loss, mse, stats.pairs))
     }
 }
 

@@ -3,12 +3,12 @@
 //! - [`Fit`] is an optimization under way: photos, [`Population`], optimizer, one [`step`](Fit::step) after the other.
 //! - [`FitSettings`] says how; all times in it are fractions of the run.
 //! - [`Strategy`] is density control: [`Split`](strategy::Split), [`Mcmc`](strategy::Mcmc), [`Keep`](strategy::Keep), or one's own.
-//! - Cameras are refined, if asked, by photometric bundle adjustment and by going toward the scene: [`Poses`].
+//! - [`Objective`] is what views are compared with photos by: [`L1Ssim`], or a loss of one's own.
+//! - Cameras go toward where their photos fit the scene, if asked: [`Poses`].
 //! - [`init`] makes the Gaussians to start from.
 //!
 //! Everything is on slices, without a tape and without files. The same seed gives the same bits at any number of threads.
 
-mod bundle;
 mod cameras;
 mod comparison;
 mod error;
@@ -17,6 +17,7 @@ mod exposure;
 mod fit;
 mod gradients;
 pub mod init;
+mod objective;
 mod photos;
 mod population;
 mod rehearsal;
@@ -31,6 +32,7 @@ pub use evaluate::{Judge, Quality};
 pub use exposure::Exposure;
 pub use fit::{Fit, StepReport, StepTimings};
 pub use gradients::Gradients;
+pub use objective::{L1Ssim, Objective};
 pub use photos::Photo;
 pub use population::{Field, Population};
 pub use rehearsal::steps_in;

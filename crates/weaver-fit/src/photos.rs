@@ -38,11 +38,6 @@ impl Photo {
         Ok(())
     }
 
-    /// The longer side, pixels.
-    pub(crate) fn long_side(&self) -> usize {
-        self.camera.width.max(self.camera.height)
-    }
-
     /// Whether no pixel counts.
     pub fn is_masked(&self) -> bool {
         self.mask.as_ref().is_some_and(|mask| mask.iter().all(|m| *m == 0))

@@ -188,20 +188,15 @@ pub enum StrategyKind {
     Keep,
 }
 
-/// Refinement of cameras.
+/// Refinement of cameras: whenever a photo is looked at, its camera goes toward where the photo fits the scene.
 ///
-/// In a few rounds, all cameras are adjusted at once to what photos show of the same points, with first depths from the
-/// scene; between and after, each camera goes toward where its photo fits the scene whenever that photo is looked at.
+/// That is for the last tenths of a degree: the scene lies where cameras are in the mean, and an error that neighbors share
+/// hardly shrinks. `weaver_sfm::refine` finds such errors beforehand.
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Poses {
     /// Whether cameras are refined.
     pub refine: bool,
-    /// Whether the focal length is refined too, one factor for all photos.
-    pub focal: bool,
-    /// Parts of the run at which all cameras are adjusted at once; the first round looks at small photos, each further one
-    /// at twice their size.
-    pub rounds: Vec<f64>,
     /// Part of the way to where its photo fits the scene that a camera goes in a step, at the beginning.
     pub rate: f64,
     /// What that has become at the end, as a factor; in between its logarithm is linear.
@@ -214,15 +209,7 @@ pub struct Poses {
 
 impl Default for Poses {
     fn default() -> Self {
-        Self {
-            refine: false,
-            focal: false,
-            rounds: vec![0.1, 0.2, 0.35],
-            rate: 1.0,
-            rate_end: 0.1,
-            from: 0.22,
-            until: 0.95,
-        }
+        Self { refine: false, rate: 1.0, rate_end: 0.1, from: 0.22, until: 0.95 }
     }
 }
 
@@ -261,9 +248,6 @@ impl FitSettings {
         ];
         if let Some((key, found)) = parts.into_iter().find(|(_, x)| !(0.0..=1.0).contains(x)) {
             return Err(FitError::setting(key, "0 to 1", found));
-        }
-        if let Some(found) = self.poses.rounds.iter().find(|x| !(0.0..=1.0).contains(*x)) {
-            return Err(FitError::setting("poses.rounds", "0 to 1 each", found));
         }
         let positive = [
             ("rates.means", self.rates.means),

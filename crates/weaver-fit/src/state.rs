@@ -33,7 +33,6 @@ impl<R: Rasterizer<f32>> Fit<R> {
         put(&mut state, "statistics", STATISTICS, self.statistics.iter().flat_map(statistics_row).collect());
         put(&mut state, "exposures", EXPOSURE, self.exposures.iter().flat_map(exposure_row).collect());
         put(&mut state, "poses", POSE, self.poses.iter().flat_map(pose_row).collect());
-        put(&mut state, "focal", 1, vec![self.focal]);
         put(&mut state, "near", 1, vec![self.raster.near]);
         put(&mut state, "step", 1, vec![self.step as u64]);
         state
@@ -66,7 +65,6 @@ impl<R: Rasterizer<f32>> Fit<R> {
         let statistics = state.values::<f32>("statistics", &[n, STATISTICS])?;
         let exposures = state.values::<f32>("exposures", &[self.exposures.len(), EXPOSURE])?;
         let poses = state.values::<f64>("poses", &[self.poses.len(), POSE])?;
-        let focal = state.values::<f64>("focal", &[1, 1])?;
         let near = state.values::<f64>("near", &[1, 1])?;
         self.raster.near = near[0];
         self.step = state.values::<u64>("step", &[1, 1])?[0] as usize;
@@ -74,7 +72,6 @@ impl<R: Rasterizer<f32>> Fit<R> {
         self.statistics = statistics.chunks_exact(STATISTICS).map(statistics_of).collect();
         self.exposures = exposures.chunks_exact(EXPOSURE).map(exposure_of).collect();
         self.poses = poses.chunks_exact(POSE).map(pose_of).collect();
-        self.focal = focal[0];
         Ok(())
     }
 }

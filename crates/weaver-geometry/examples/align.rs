@@ -25,7 +25,7 @@ fn main() {
         let squares = poses.iter().zip(&truth).map(|(a, b)| a.center().distance_squared(b.center()));
         (squares.sum::<f64>() / truth.len() as f64).sqrt()
     };
-    let found = Similarity::fit_centers(&reconstruction, &truth).expect("an orbit determines a similarity");
+    let found = Similarity::fit_poses(&reconstruction, &truth).expect("cameras at several places");
     let aligned: Vec<Pose> = reconstruction.iter().map(|pose| found.apply_to_pose(pose)).collect();
     let turn = aligned.iter().zip(&truth).map(|(a, b)| a.angle_to(b).to_degrees()).fold(0.0, f64::max);
     println!("40 cameras, 4.3 from the middle");

@@ -33,35 +33,46 @@ impl Similarity {
         let mean = |points: &[DVec3]| points.iter().sum::<DVec3>() / points.len() as f64;
         let (from_mean, to_mean) = (mean(from), mean(to));
         let mut covariance = DMat3::ZERO;
-        let (mut from_spread, mut to_spread) = (0.0, 0.0);
+        let mut from_spread = 0.0;
         for (&f, &t) in from.iter().zip(to) {
             let (f, t) = (f - from_mean, t - to_mean);
             covariance += DMat3::from_cols(f * t.x, f * t.y, f * t.z);
             from_spread += f.length_squared();
-            to_spread += t.length_squared();
         }
-        let (values, vectors) = symmetric_eigen(horn(&covariance));
-        let mut order = [0, 1, 2, 3];
-        order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
-        let (best, next) = (order[0], order[1]);
-        // On a line, turning about it changes nothing: two eigenvalues coincide. (Also not passed by NaN.)
-        let determined = values[best] - values[next] > 1e-9 * (from_spread * to_spread).sqrt();
-        if !determined {
-            return None;
-        }
-        let [w, x, y, z] = std::array::from_fn(|i| vectors[i][best]);
-        let rotation = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
-        // The largest eigenvalue is sum t . R f.
-        let scale = values[best] / from_spread;
+        let rotation = nearest_rotation(&covariance)?;
+        let along: f64 = (from.iter().zip(to)).map(|(f, t)| (rotation * (*f - from_mean)).dot(*t - to_mean)).sum();
+        let scale = along / from_spread;
         Some(Self { scale, rotation, translation: to_mean - rotation * from_mean * scale })
     }
 
-    /// The transform from one reconstruction's world to another's, found from the centers of their cameras.
+    /// The transform from one reconstruction's world to another's, found from the poses of their cameras: the rotation
+    /// minimizes `sum |R_to rotation - R_from|^2`, scale and translation then lay the centers on one another.
     ///
-    /// `None` when the centers do not determine it, as for [`Self::fit`].
-    pub fn fit_centers(from: &[Pose], to: &[Pose]) -> Option<Self> {
-        let centers = |poses: &[Pose]| poses.iter().map(Pose::center).collect::<Vec<_>>();
-        Self::fit(&centers(from), &centers(to))
+    /// Axes say far better than centers how a world is turned where cameras stand close together, and two cameras are enough.
+    /// `None` when all centers are the same, or there are none.
+    ///
+    /// # Panics
+    /// When the numbers of poses differ.
+    ///
+    /// Source for the rotation: Horn, 1987, with axes in place of points.
+    pub fn fit_poses(from: &[Pose], to: &[Pose]) -> Option<Self> {
+        assert_eq!(from.len(), to.len(), "as many poses from as to");
+        let mut covariance = DMat3::ZERO;
+        for (f, t) in from.iter().zip(to) {
+            // Sum over axes of the outer products of what they are in both worlds.
+            covariance += f.rotation.transpose() * t.rotation;
+        }
+        let rotation = nearest_rotation(&covariance)?;
+        let mean = |poses: &[Pose]| poses.iter().map(Pose::center).sum::<DVec3>() / poses.len() as f64;
+        let (from_mean, to_mean) = (mean(from), mean(to));
+        let (mut along, mut spread) = (0.0, 0.0);
+        for (f, t) in from.iter().zip(to) {
+            let f = rotation * (f.center() - from_mean);
+            along += f.dot(t.center() - to_mean);
+            spread += f.length_squared();
+        }
+        let scale = along / spread;
+        (scale > 0.0).then(|| Self { scale, rotation, translation: to_mean - rotation * from_mean * scale })
     }
 
     /// Maps a point into the other world.
@@ -74,6 +85,19 @@ impl Similarity {
         let rotation = pose.rotation * self.rotation.transpose();
         Pose::new(rotation, -(rotation * self.apply(pose.center())))
     }
+}
+
+/// The rotation R that maximizes `sum t . R f`, from `covariance[i][j] = sum f_i t_j`; `None` where several do.
+fn nearest_rotation(covariance: &DMat3) -> Option<DMat3> {
+    let (values, vectors) = symmetric_eigen(horn(covariance));
+    let mut order = [0, 1, 2, 3];
+    order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
+    let (best, next) = (order[0], order[1]);
+    let largest = values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+    // On a line, turning about it changes nothing: two eigenvalues coincide. (Also not passed by NaN.)
+    let determined = values[best] - values[next] > 1e-9 * largest;
+    let [w, x, y, z] = std::array::from_fn(|i| vectors[i][best]);
+    determined.then(|| DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize()))
 }
 
 /// Horn's symmetric matrix, whose quadratic form over unit quaternions wxyz is `sum t . R(q) f`,

@@ -5,6 +5,8 @@ use std::sync::atomic::AtomicBool;
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_fit::{FitSettings, Judge};
 use weaver_fit_run::{Initial, Run, RunError, RunSettings, dry_run};
+use weaver_geometry::glam::DVec3;
+use weaver_geometry::{Camera, Pose, Similarity, so3};
 use weaver_io::Transforms;
 use weaver_scene::Frame;
 
@@ -77,4 +79,55 @@ fn gaussians_that_were_given_are_there_again() {
     Run::create(&other, again, Some(&given), Judge::default()).unwrap();
     let resumed = Run::resume(&other, Judge::default()).unwrap();
     assert_eq!(resumed.fit().gaussians().means, given.means);
+}
+
+/// Median angle of the cameras in a file from the true ones, degrees.
+fn error(path: &Path, truth: &[Pose]) -> f64 {
+    let found: Vec<Pose> = Transforms::read(path).unwrap().frames.iter().map(|frame| frame.camera.pose).collect();
+    let onto = Similarity::fit_poses(&found, truth).unwrap();
+    let mut angles: Vec<f64> =
+        found.iter().zip(truth).map(|(a, b)| onto.apply_to_pose(a).angle_to(b).to_degrees()).collect();
+    angles.sort_unstable_by(f64::total_cmp);
+    angles[angles.len() / 2]
+}
+
+/// Cameras that are wrong come back, those of held-out photos too, and the same ones after a stop.
+#[test]
+fn cameras_are_refined_and_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out, other) = (folder.path().join("data"), folder.path().join("out"), folder.path().join("other"));
+    let scene = scene(3, &ProceduralOptions { width: 128, height: 96, views: 9 });
+    std::fs::create_dir_all(data.join("images")).unwrap();
+    let frame = |(i, view): (usize, &weaver_data::View)| {
+        let name = format!("images/{i:02}.png");
+        view.image.write_png(data.join(&name)).unwrap();
+        let axis = DVec3::new((3.0 * i as f64).sin(), (5.0 * i as f64).cos(), (7.0 * i as f64).sin()).normalize();
+        let rotation = so3::exp(axis * 1.0_f64.to_radians()) * view.camera.pose.rotation;
+        let pose = Pose::new(rotation, -(rotation * view.camera.pose.center()));
+        Frame::new(name, Camera { pose, ..view.camera })
+    };
+    let frames = scene.views.iter().enumerate().map(frame).collect();
+    Transforms { frames, ..Transforms::default() }.write(data.join("transforms.json")).unwrap();
+    let mut settings = settings(&data);
+    settings.fit.poses.refine = true;
+    let mut run = Run::create(&out, settings.clone(), None, Judge::default()).unwrap();
+    run.advance(&AtomicBool::new(false), |_| {}).unwrap();
+    let outcome = run.finish().unwrap();
+    assert!(outcome.poses.refined && outcome.poses.points > 50 && outcome.poses.degrees > 0.3, "{:?}", outcome.poses);
+    assert!(outcome.poses.focal == 1.0 && outcome.poses.pixels.is_some_and(|p| p < 0.6), "{:?}", outcome.poses);
+    // Those of the training photos come first: all but the first of every eight.
+    let order = [1, 2, 3, 4, 5, 6, 7, 0, 8];
+    let truth: Vec<Pose> = order.iter().map(|i| scene.views[*i].camera.pose).collect();
+    let given = Transforms::read(data.join("transforms.json")).unwrap();
+    let given = Transforms { frames: order.iter().map(|i| given.frames[*i].clone()).collect(), ..given };
+    given.write(data.join("given.json")).unwrap();
+    let (before, after) = (error(&data.join("given.json"), &truth), error(&out.join("transforms.json"), &truth));
+    assert!(after < 0.6 * before, "from {before} to {after} degrees");
+
+    Run::create(&other, settings, None, Judge::default()).unwrap();
+    let mut resumed = Run::resume(&other, Judge::default()).unwrap();
+    resumed.advance(&AtomicBool::new(false), |_| {}).unwrap();
+    resumed.finish().unwrap();
+    let bytes = |folder: &Path| std::fs::read(folder.join("scene.ply")).unwrap();
+    assert_eq!(bytes(&out), bytes(&other));
 }

@@ -1,7 +1,7 @@
 use crate::strategies::{distance, pose, rotation, vector};
 use proptest::prelude::*;
 use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Similarity, so3};
+use weaver_geometry::{Pose, Similarity, so3};
 
 fn similarity() -> impl Strategy<Value = Similarity> {
     (0.1..10.0f64, rotation(), vector(5.0)).prop_map(|(scale, rotation, translation)| Similarity {
@@ -21,7 +21,7 @@ proptest! {
     #[test]
     fn recovers_the_transform(truth in similarity(), poses in proptest::collection::vec(pose(), 4..9)) {
         let moved: Vec<_> = poses.iter().map(|p| truth.apply_to_pose(p)).collect();
-        let found = Similarity::fit_centers(&poses, &moved).unwrap();
+        let found = Similarity::fit_poses(&poses, &moved).unwrap();
         prop_assert!((found.scale / truth.scale - 1.0).abs() < 1e-9);
         prop_assert!(distance(&found.rotation, &truth.rotation) < 1e-8);
         prop_assert!((found.translation - truth.translation).length() < 1e-7);
@@ -58,4 +58,15 @@ fn undetermined_fits_are_none() {
     assert_eq!(Similarity::fit(&line[..2], &line[..2]), None);
     let nan = [DVec3::X, DVec3::Y, DVec3::NAN];
     assert_eq!(Similarity::fit(&nan, &nan), None);
+}
+
+#[test]
+fn two_cameras_determine_a_similarity() {
+    let poses = [DVec3::ZERO, DVec3::X].map(|center| Pose::new(so3::exp(center), -(so3::exp(center) * center)));
+    let truth = Similarity { scale: 2.5, rotation: so3::exp(DVec3::new(0.4, -1.0, 2.0)), translation: DVec3::Y };
+    let moved = poses.map(|pose| truth.apply_to_pose(&pose));
+    let found = Similarity::fit_poses(&poses, &moved).unwrap();
+    assert!((found.scale - 2.5).abs() < 1e-12 && distance(&found.rotation, &truth.rotation) < 1e-12);
+    assert_eq!(Similarity::fit_poses(&poses[..1], &moved[..1]), None);
+    assert_eq!(Similarity::fit_poses(&[], &[]), None);
 }

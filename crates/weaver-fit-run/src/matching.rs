@@ -1,0 +1,63 @@
+//! Cameras that are refined by matching photos, before anything is fitted.
+
+use weaver_fit::Photo;
+use weaver_geometry::Camera;
+use weaver_geometry::glam::DVec3;
+use weaver_scene::PointCloud;
+use weaver_sfm::{RefineSettings, Refined, View, carried, refine};
+
+/// What photos were found to agree about.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Matching {
+    pub points: usize,
+    /// Median difference, pixels.
+    pub pixels: f64,
+    /// What focal lengths were multiplied by.
+    pub focal: f64,
+}
+
+impl Matching {
+    /// Refines the cameras of photos; those of held-out ones are located by what the others agree about. Points go with the
+    /// cameras that see them, and what was found joins them.
+    pub fn refine(training: &mut [Photo], held_out: &mut [Photo], points: &mut PointCloud, refine_focal: bool) -> Self {
+        let views: Vec<View<'_>> =
+            (training.iter().map(|p| view(p, false))).chain(held_out.iter().map(|p| view(p, true))).collect();
+        let found = refine(&views, &RefineSettings { focal: refine_focal, ..RefineSettings::default() });
+        drop(views);
+        let given: Vec<Camera> = training.iter().map(|p| p.camera).collect();
+        let focal = found.cameras[0].intrinsics.fx / given[0].intrinsics.fx;
+        let photos = training.iter_mut().chain(held_out);
+        photos.zip(&found.cameras).for_each(|(photo, camera)| photo.camera = *camera);
+        for position in &mut points.positions {
+            *position = carried(DVec3::from(position.map(f64::from)), &given, &found.cameras[..given.len()])
+                .as_vec3()
+                .to_array();
+        }
+        add_found(points, &found, training);
+        Self { points: found.points.len(), pixels: found.error, focal }
+    }
+}
+
+fn view(photo: &Photo, located: bool) -> View<'_> {
+    let gray = photo.rgb.chunks_exact(3).map(|c| c.iter().map(|c| f32::from(*c)).sum::<f32>() / 765.0).collect();
+    View { camera: photo.camera, gray, mask: photo.mask.as_deref(), located }
+}
+
+/// Adds points that photos agree about, in the color of the first photo that sees them.
+fn add_found(points: &mut PointCloud, found: &Refined, training: &[Photo]) {
+    let mut colors: Vec<Option<[u8; 3]>> = vec![None; found.points.len()];
+    for o in &found.observations {
+        if let (None, Some(photo)) = (colors[o.point], training.get(o.camera)) {
+            let Camera { width, height, .. } = photo.camera;
+            let (x, y) = ((o.pixel.x as usize).min(width - 1), (o.pixel.y as usize).min(height - 1));
+            let at = 3 * (y * width + x);
+            colors[o.point] = Some(std::array::from_fn(|c| photo.rgb[at + c]));
+        }
+    }
+    for (point, color) in found.points.iter().zip(colors) {
+        if let Some(color) = color {
+            points.positions.push(point.as_vec3().to_array());
+            points.colors.push(color);
+        }
+    }
+}

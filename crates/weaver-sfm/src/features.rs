@@ -1,0 +1,198 @@
+//! Keypoints and their descriptors.
+
+use crate::descriptor::{DESCRIPTOR, describe, orientations};
+use crate::scale_space::{Gray, Octave, SCALES, SIGMA, octaves};
+use weaver_geometry::glam::{DVec2, Mat3, Vec3};
+use weaver_kernels::parallel;
+
+/// Least contrast of a keypoint, of a photo from 0 to 1, over the scales of an octave.
+const CONTRAST: f32 = 0.01;
+/// Largest ratio of the two curvatures of a keypoint: edges are nowhere along themselves.
+const EDGE: f32 = 12.0;
+/// Pixels at the border in which there are no keypoints.
+const BORDER: usize = 5;
+/// Moves of a keypoint to the neighboring pixel while it is refined.
+const MOVES: usize = 5;
+/// Keypoints of a task.
+const GRAIN: usize = 16;
+
+/// A place that is found again in other photos.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Keypoint {
+    /// Where it is, pixels; centers of pixels are at .5.
+    pub pixel: DVec2,
+    /// Deviation of the Gaussian that it was found with, pixels.
+    pub scale: f64,
+    /// Its direction, radians from x to y.
+    pub angle: f32,
+    /// How much it stands out.
+    pub contrast: f32,
+}
+
+/// The keypoints of a photo, with what they look like.
+#[derive(Clone, Debug, Default)]
+pub struct Features {
+    /// `N` keypoints, the ones that stand out most first.
+    pub keypoints: Vec<Keypoint>,
+    /// `[N, 128]`, each of length 1: square roots of normalized histograms.
+    pub descriptors: Vec<f32>,
+}
+
+/// An extremum, in pixels of its octave.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extremum {
+    pub octave: usize,
+    pub x: f32,
+    pub y: f32,
+    /// Number of the image in its octave, between images too.
+    pub layer: f32,
+    pub contrast: f32,
+}
+
+impl Features {
+    /// SIFT features of a gray photo `[height, width]` from 0 to 1, at most `most` of them: extrema of differences of
+    /// Gaussians with histograms of gradients, whose square roots are compared.
+    ///
+    /// Small photos are enlarged first. Where `mask` `[height, width]` is 0 there are none. The same at any number of threads.
+    ///
+    /// Sources: Lowe, Distinctive image features from scale-invariant keypoints, 2004; Arandjelovic and Zisserman, Three
+    /// things everyone should know to improve object retrieval, 2012, for the square roots.
+    ///
+    /// ```
+    /// use weaver_sfm::Features;
+    /// let dots = |x: f32, y: f32| (x * 0.7).sin() * (y * 0.5).cos() * 0.5 + 0.5;
+    /// let photo: Vec<f32> = (0..64 * 48).map(|i| dots((i % 64) as f32, (i / 64) as f32)).collect();
+    /// let features = Features::new(&photo, [48, 64], None, 500);
+    /// assert!(!features.keypoints.is_empty());
+    /// assert_eq!(features.descriptors.len(), 128 * features.keypoints.len());
+    /// ```
+    ///
+    /// # Panics
+    /// If `gray` (or `mask`) is not as large as `size` says.
+    pub fn new(gray: &[f32], size: [usize; 2], mask: Option<&[u8]>, most: usize) -> Self {
+        let [height, width] = size;
+        assert_eq!(gray.len(), width * height, "features: a photo of {width}x{height}");
+        assert!(mask.is_none_or(|m| m.len() == gray.len()), "features: a mask of {width}x{height}");
+        if width.min(height) < 8 {
+            return Self::default();
+        }
+        let octaves = octaves(Gray { width, height, values: gray.to_vec() });
+        let mut extrema: Vec<Extremum> = (0..octaves.len()).flat_map(|o| extrema(&octaves[o], o)).collect();
+        let pixel = |e: &Extremum| octaves[e.octave].place(e.x, e.y);
+        if let Some(mask) = mask {
+            extrema.retain(|e| {
+                let at = pixel(e);
+                mask[(at.y as usize).min(height - 1) * width + (at.x as usize).min(width - 1)] != 0
+            });
+        }
+        extrema.sort_by(|a, b| b.contrast.total_cmp(&a.contrast));
+        extrema.truncate(most);
+        let mut found: Vec<Vec<(Keypoint, [f32; DESCRIPTOR])>> = vec![Vec::new(); extrema.len()];
+        parallel::for_chunks(&mut found, GRAIN, |chunk, found| {
+            for (found, e) in found.iter_mut().zip(&extrema[chunk * GRAIN..]) {
+                let octave = &octaves[e.octave];
+                let image = &octave.images[(e.layer.round() as usize).min(SCALES + 2)];
+                let sigma = SIGMA * (e.layer / SCALES as f32).exp2();
+                for angle in orientations(image, e.x, e.y, sigma) {
+                    let scale = f64::from(sigma) * octave.step;
+                    let keypoint = Keypoint { pixel: pixel(e), scale, angle, contrast: e.contrast };
+                    found.push((keypoint, describe(image, e.x, e.y, sigma, angle)));
+                }
+            }
+        });
+        let mut features = Self::default();
+        for (keypoint, descriptor) in found.into_iter().flatten().take(most) {
+            features.keypoints.push(keypoint);
+            features.descriptors.extend(descriptor);
+        }
+        features
+    }
+}
+
+impl Octave {
+    /// A place in the octave, in pixels of the photo.
+    fn place(&self, x: f32, y: f32) -> DVec2 {
+        DVec2::new(f64::from(x), f64::from(y)) * self.step + self.origin
+    }
+}
+
+/// The extrema of an octave, row by row.
+fn extrema(octave: &Octave, number: usize) -> Vec<Extremum> {
+    let (width, height) = (octave.images[0].width, octave.images[0].height);
+    if width.min(height) <= 2 * BORDER {
+        return Vec::new();
+    }
+    let mut rows: Vec<Vec<Extremum>> = vec![Vec::new(); SCALES * (height - 2 * BORDER)];
+    parallel::for_chunks(&mut rows, GRAIN, |chunk, rows| {
+        for (i, row) in rows.iter_mut().enumerate() {
+            let at = chunk * GRAIN + i;
+            let (layer, y) = (1 + at / (height - 2 * BORDER), BORDER + at % (height - 2 * BORDER));
+            let places = (BORDER..width - BORDER).filter(|x| is_extremum(octave, layer, *x, y));
+            row.extend(places.filter_map(|x| refined(octave, number, layer, x, y)));
+        }
+    });
+    rows.into_iter().flatten().collect()
+}
+
+fn is_extremum(octave: &Octave, layer: usize, x: usize, y: usize) -> bool {
+    let value = octave.differences[layer].at(x, y);
+    if value.abs() <= 0.5 * CONTRAST / SCALES as f32 {
+        return false;
+    }
+    // Neither of two equal neighbors is left out: the second is, by strictness on one side.
+    let beyond = |other: f32| if value > 0.0 { other > value } else { other < value };
+    for difference in &octave.differences[layer - 1..=layer + 1] {
+        for row in y - 1..=y + 1 {
+            let line = &difference.values[row * difference.width + x - 1..][..3];
+            if line.iter().any(|other| beyond(*other)) {
+                return false;
+            }
+        }
+    }
+    true
+}
+
+/// The extremum near a pixel, between pixels and scales; `None` if it has little contrast, lies on an edge, or leads away.
+fn refined(octave: &Octave, number: usize, mut layer: usize, mut x: usize, mut y: usize) -> Option<Extremum> {
+    let (width, height) = (octave.images[0].width, octave.images[0].height);
+    for _ in 0..MOVES {
+        let [below, here, above] = [-1, 0, 1].map(|i| &octave.differences[(layer as isize + i) as usize]);
+        let value = here.at(x, y);
+        let slope = 0.5
+            * Vec3::new(
+                here.at(x + 1, y) - here.at(x - 1, y),
+                here.at(x, y + 1) - here.at(x, y - 1),
+                above.at(x, y) - below.at(x, y),
+            );
+        let xx = here.at(x + 1, y) + here.at(x - 1, y) - 2.0 * value;
+        let yy = here.at(x, y + 1) + here.at(x, y - 1) - 2.0 * value;
+        let ss = above.at(x, y) + below.at(x, y) - 2.0 * value;
+        let xy = 0.25 * (here.at(x + 1, y + 1) + here.at(x - 1, y - 1) - here.at(x - 1, y + 1) - here.at(x + 1, y - 1));
+        let xs = 0.25 * (above.at(x + 1, y) + below.at(x - 1, y) - above.at(x - 1, y) - below.at(x + 1, y));
+        let ys = 0.25 * (above.at(x, y + 1) + below.at(x, y - 1) - above.at(x, y - 1) - below.at(x, y + 1));
+        let curvature = Mat3::from_cols_array(&[xx, xy, xs, xy, yy, ys, xs, ys, ss]);
+        let offset = -(curvature.inverse() * slope);
+        if !offset.is_finite() {
+            return None;
+        }
+        if offset.abs().max_element() < 0.5 {
+            let contrast = (value + 0.5 * slope.dot(offset)).abs();
+            let (trace, determinant) = (xx + yy, xx * yy - xy * xy);
+            let edge = determinant <= 0.0 || trace * trace * EDGE >= (EDGE + 1.0) * (EDGE + 1.0) * determinant;
+            if contrast < CONTRAST / SCALES as f32 || edge {
+                return None;
+            }
+            let (x, y) = (x as f32 + offset.x, y as f32 + offset.y);
+            return Some(Extremum { octave: number, x, y, layer: layer as f32 + offset.z, contrast });
+        }
+        let moved = |at: usize, by: f32| at as f32 + by.clamp(-2.0, 2.0).round();
+        let (to_x, to_y, to_layer) = (moved(x, offset.x), moved(y, offset.y), moved(layer, offset.z));
+        let inside = to_x >= BORDER as f32 && to_x < (width - BORDER) as f32;
+        let inside = inside && to_y >= BORDER as f32 && to_y < (height - BORDER) as f32;
+        if !inside || to_layer < 1.0 || to_layer > SCALES as f32 {
+            return None;
+        }
+        (x, y, layer) = (to_x as usize, to_y as usize, to_layer as usize);
+    }
+    None
+}

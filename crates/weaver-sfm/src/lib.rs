@@ -1,0 +1,33 @@
+//! Structure from motion: cameras and points from photos, by features and least squares alone.
+//!
+//! - [`Features`]: keypoints of a photo and what they look like. [`matches()`]: which of two photos are the same. [`tracks`]:
+//!   which of many.
+//! - [`two_view`]: how two cameras stand to each other, from matches.
+//! - [`Bundle`]: cameras, lenses and points adjusted to all that was seen.
+//! - [`refine`]: all of it for cameras that are nearly right.
+//!
+//! The same bits at any number of threads.
+
+mod bundle;
+mod descriptor;
+mod epipolar;
+mod features;
+mod matching;
+mod refine;
+mod scale_space;
+mod tracks;
+mod two_view;
+
+pub use bundle::{Bundle, Lens, Observation, Solved};
+pub use descriptor::DESCRIPTOR;
+pub use epipolar::Epipolar;
+pub use features::{Features, Keypoint};
+pub use matching::{Match, matches, matches_along};
+pub use refine::{RefineSettings, Refined, View, carried, refine};
+pub use tracks::{Track, tracks};
+pub use two_view::{TwoView, rotation_only, two_view};
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,0 +1,7 @@
+//! Integration tests.
+
+mod bundle;
+mod features;
+mod refine;
+mod tracks;
+mod two_view;
