@@ -18,6 +18,8 @@ use weaver_trainer::evaluate::load_lpips;
 const MINUTES: f64 = 2.0;
 /// Gaussians for each pixel of a photo when nothing is said about them, and the limits of that.
 const GAUSSIANS: (f64, usize, usize) = (0.4, 5_000, 1_000_000);
+/// Fewer points than this say little about cameras.
+const FEW_POINTS: usize = 50;
 /// Fewer Gaussians than this for each pixel of a photo cannot show much.
 const FEW: f64 = 0.005;
 
@@ -58,7 +60,19 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
     }
     let given = initial.gaussians(&settings)?;
     let folder = arguments.out.clone().unwrap_or_else(|| free_folder(&settings.capture));
-    finish(Run::create(&folder, settings, given.as_ref(), judge)?, &folder, console, interrupt)
+    if settings.fit.poses.refine {
+        console.note(&format!("matching {} photos", plan.training + plan.held_out));
+    }
+    let run = Run::create(&folder, settings, given.as_ref(), judge)?;
+    if let Some(found) = run.matching() {
+        let (points, pixels) = (found.points, found.pixels);
+        console
+            .note(&format!("cameras adjusted to {points} points, which are off by {pixels:.2} pixels in the median"));
+        if points < FEW_POINTS {
+            console.note("warning: photos agree about few points: cameras stay nearly as given");
+        }
+    }
+    finish(run, &folder, console, interrupt)
 }
 
 fn format(format: &Format) -> SceneFormat {

@@ -26,6 +26,7 @@ mod run;
 mod settings;
 
 pub use error::RunError;
+pub use matching::Matching;
 pub use outcome::{Outcome, PoseChange, Views};
 pub use plan::{Plan, dry_run};
 pub use record::Record;

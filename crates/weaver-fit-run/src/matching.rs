@@ -8,9 +8,10 @@ use weaver_sfm::{RefineSettings, Refined, View, carried, refine};
 
 /// What photos were found to agree about.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Matching {
+pub struct Matching {
+    /// Points.
     pub points: usize,
-    /// Median difference, pixels.
+    /// Median difference of where points are and were seen, pixels; not a number if there are none.
     pub pixels: f64,
     /// What focal lengths were multiplied by.
     pub focal: f64,

@@ -45,8 +45,8 @@ pub fn write(run: &Run, outcome: &Outcome, train: &[Judged], test: &[Judged]) ->
     if outcome.poses.refined {
         let p = &outcome.poses;
         page.paragraph(&format!(
-            "Cameras were refined: they turned by {:.3} degrees and moved by {:.3} % of the scene's size (medians); focal lengths are {:.4} of those given.",
-            p.degrees, 100.0 * p.distance, p.focal
+            "Cameras were refined: photos agree about {} points, which are off by {:.2} pixels; cameras turned by {:.3} degrees and moved by {:.3} % of the scene's size (medians); focal lengths are {:.4} of those given.",
+            p.points, p.pixels.unwrap_or(f64::NAN), p.degrees, 100.0 * p.distance, p.focal
         ));
     }
     if !outcome.strangers.is_empty() {

@@ -132,6 +132,11 @@ impl Run {
         &self.fit
     }
 
+    /// What photos were found to agree about, if cameras are refined.
+    pub fn matching(&self) -> Option<Matching> {
+        self.matching
+    }
+
     /// The photos that are held out.
     pub fn held_out(&self) -> &[Photo] {
         &self.held_out
