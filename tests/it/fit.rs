@@ -157,3 +157,39 @@ fn a_photo_of_something_else_is_named_in_the_report() {
     assert!(done.stderr.contains("03.png is met far worse"), "{}", done.stderr);
     assert!(std::fs::read_to_string(out.join("report.html")).unwrap().contains("met far worse than the others"));
 }
+
+#[test]
+fn a_scene_without_harmonics_begins_a_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    let (capture, out, again) = (captured(folder.path()), folder.path().join("out"), folder.path().join("again"));
+    small(&capture, &out, &[&"--sh", &"0"]).fine();
+    let scene = out.join("scene.ply");
+    assert!(!String::from_utf8_lossy(&std::fs::read(&scene).unwrap()).contains("f_rest"), "no harmonics are written");
+    small(&capture, &again, &[&"--init", &scene]).fine();
+    assert_eq!(weaver_io::read_gaussians(again.join("scene.ply")).unwrap().degree, 3);
+}
+
+#[test]
+fn more_memory_than_there_is_is_refused_before_anything_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let (capture, out) = (captured(folder.path()), folder.path().join("out"));
+    fit(&capture, &out, &[&"--set", &"gaussians=1000000000000"]).refused(1, &["memory"]);
+    assert!(!out.exists());
+}
+
+#[test]
+fn refined_cameras_are_told_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let (capture, out) = (captured(folder.path()), folder.path().join("out"));
+    let done = small(&capture, &out, &[&"--poses", &"refine"]).fine();
+    assert!(
+        done.stderr.contains("matching 10 photos") && done.stderr.contains("cameras adjusted to"),
+        "{}",
+        done.stderr
+    );
+    let poses = &json(&out.join("summary.json"))["poses"];
+    assert!(poses["refined"] == true && poses["points"].is_u64() && poses["focal"] == 1.0, "{poses}");
+    assert!(
+        std::fs::read_to_string(out.join("report.html")).unwrap().contains("Cameras were refined: photos agree about")
+    );
+}
