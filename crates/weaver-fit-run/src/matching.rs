@@ -40,8 +40,7 @@ impl Matching {
 }
 
 fn view(photo: &Photo, located: bool) -> View<'_> {
-    let gray = photo.rgb.chunks_exact(3).map(|c| c.iter().map(|c| f32::from(*c)).sum::<f32>() / 765.0).collect();
-    View { camera: photo.camera, gray, mask: photo.mask.as_deref(), located }
+    View { located, ..View::new(photo.camera, &photo.rgb, photo.mask.as_deref()) }
 }
 
 /// Adds points that photos agree about, in the color of the first photo that sees them.

@@ -11,13 +11,7 @@ const SIZE: [usize; 2] = [288, 384];
 
 fn views(count: usize) -> Vec<View<'static>> {
     let scene = scene(3, &ProceduralOptions { width: SIZE[1], height: SIZE[0], views: count });
-    (scene.views.iter())
-        .map(|view| {
-            let rgb = view.image.to_bytes();
-            let gray = rgb.chunks_exact(3).map(|c| c.iter().map(|c| f32::from(*c)).sum::<f32>() / 765.0).collect();
-            View { camera: view.camera, gray, mask: None, located: false }
-        })
-        .collect()
+    (scene.views.iter()).map(|view| View::new(view.camera, &view.image.to_bytes(), None)).collect()
 }
 
 fn sfm(criterion: &mut Criterion) {

@@ -9,13 +9,11 @@ fn main() {
     let scene = scene(3, &ProceduralOptions { width: 192, height: 144, views: 12 });
     let views: Vec<View<'_>> = (scene.views.iter().enumerate())
         .map(|(i, view)| {
-            let rgb = view.image.to_bytes();
-            let gray = rgb.chunks_exact(3).map(|c| c.iter().map(|c| f32::from(*c)).sum::<f32>() / 765.0).collect();
             let mut camera = view.camera;
             let axis = DVec3::new((3.0 * i as f64).sin(), (5.0 * i as f64).cos(), (7.0 * i as f64).sin()).normalize();
             let rotation = so3::exp(axis * 1.0_f64.to_radians()) * camera.pose.rotation;
             camera.pose = Pose::new(rotation, -(rotation * camera.pose.center()));
-            View { camera, gray, mask: None, located: false }
+            View::new(camera, &view.image.to_bytes(), None)
         })
         .collect();
     let found = refine(&views, &RefineSettings::default());

@@ -51,9 +51,9 @@ pub struct Observation {
 
 /// Cameras, lenses and points, with where points were seen.
 ///
-/// [`Bundle::adjust`] minimizes `sum c^2 log(1 + |pi(p) - u|^2 / c^2) + sum w x^2` over poses, points and, where asked, lenses:
-/// pi(p) is where a point is seen by its camera, u where it was, c the difference, in pixels, beyond which an observation
-/// counts for less and less; x are the movements of cameras from where they were [expected](Self::expected).
+/// [`Bundle::adjust`] minimizes `sum c^2 log(1 + |pi(p) - u|^2 / (c d)^2) + sum w x^2` over poses, points and, where asked, lenses:
+/// pi(p) is where a point is seen by its camera, u where it was, d its [deviation](Observation::deviation), c (`scale` of `adjust`) the
+/// difference, in deviations, beyond which an observation counts for less and less; x are the movements of cameras from where they were [expected](Self::expected).
 #[derive(Clone, Debug, Default)]
 pub struct Bundle {
     /// The cameras, one a photo.
@@ -92,6 +92,7 @@ impl Bundle {
     /// # Panics
     /// If numbers of cameras, lenses or points are out of range, or observations are not ascending by point.
     pub fn adjust(&mut self, scale: f64, most_steps: usize) -> Solved {
+        assert!(self.observations.is_sorted_by_key(|o| o.point), "observations are not ascending by point");
         let [mut damping, less, more, largest] = DAMPING;
         let mut system = System::new(self, scale);
         let mut steps = 0;

@@ -41,6 +41,14 @@ pub struct View<'a> {
     pub located: bool,
 }
 
+impl<'a> View<'a> {
+    /// A view of a photo in sRGB, `[height, width, 3]`, whose mean of colors is taken for gray.
+    pub fn new(camera: Camera, rgb: &[u8], mask: Option<&'a [u8]>) -> Self {
+        let gray = rgb.chunks_exact(3).map(|c| c.iter().map(|c| f32::from(*c)).sum::<f32>() / 765.0).collect();
+        Self { camera, gray, mask, located: false }
+    }
+}
+
 /// How cameras are refined.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefineSettings {
@@ -258,6 +266,8 @@ fn distances(views: &[View<'_>]) -> Vec<f64> {
     let n = views.len().max(1) as f64;
     let middle = centers.iter().sum::<DVec3>() / n;
     let spread = centers.iter().map(|c| c.distance(middle)).sum::<f64>() / n;
+    // Where all stand in one place, nothing is known of distances: any unit will do.
+    let spread = if spread > 0.0 { spread } else { 1.0 };
     let point = matrix.inverse() * sum;
     let depth = |view: &View<'_>| {
         let z = view.camera.pose.apply(point).z;

@@ -181,14 +181,14 @@ impl Of {
         let lens = &bundle.lenses[bundle.lens_of[o.camera]];
         let p = camera.pose.apply(bundle.points[o.point]);
         if p.z <= 1e-12 {
-            self.cost += precision * square * (BEHIND * BEHIND).ln_1p();
+            self.cost += scale * scale * (BEHIND * BEHIND).ln_1p();
             self.terms.push(None);
             return;
         }
         let seen = lens.project(camera, p);
         let difference = seen - o.pixel;
         let far = difference.length_squared() / square;
-        self.cost += precision * square * far.ln_1p();
+        self.cost += scale * scale * far.ln_1p();
         let weight = precision / (1.0 + far);
         let (focal, k) = (lens.log_focal.exp(), &camera.intrinsics);
         let at = DVec2::new(p.x, p.y) / p.z;

@@ -10,13 +10,7 @@ use weaver_sfm::{RefineSettings, Refined, View, refine};
 /// Photos of a built-in scene, and their true cameras.
 fn photos() -> Vec<View<'static>> {
     let scene = scene(3, &ProceduralOptions { width: 192, height: 144, views: 8 });
-    (scene.views.iter())
-        .map(|view| {
-            let rgb = view.image.to_bytes();
-            let gray = rgb.chunks_exact(3).map(|c| c.iter().map(|c| f32::from(*c)).sum::<f32>() / 765.0).collect();
-            View { camera: view.camera, gray, mask: None, located: false }
-        })
-        .collect()
+    (scene.views.iter()).map(|view| View::new(view.camera, &view.image.to_bytes(), None)).collect()
 }
 
 fn disturb(views: &mut [View<'_>]) {
