@@ -10,9 +10,11 @@
 //! Photos are sorted by path. The largest centered crop of the network's aspect ratio is shrunk with a Lanczos
 //! filter; intrinsics follow exactly.
 
+mod by_name;
 mod crop;
 mod nerf;
 mod photo;
+mod photo_cameras;
 pub mod posed;
 mod realestate;
 mod sparse;
@@ -20,6 +22,7 @@ mod sparse;
 use crate::{Error, Scene, View};
 pub use crop::Crop;
 use photo::{Photo, Photos};
+pub use photo_cameras::{PhotoCameras, load_cameras};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use weaver_geometry::glam::DVec3;

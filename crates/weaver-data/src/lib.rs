@@ -9,12 +9,14 @@ mod error;
 pub mod procedural;
 mod sampler;
 mod scene;
+mod sparse_points;
 mod tuple;
 
 pub use capture::posed;
 pub use error::Error;
 pub use sampler::{bounded_gap, evaluation_tuples, every, training_tuple, uniform};
 pub use scene::{NormalizedPoses, Scene, View};
+pub use sparse_points::SparsePoints;
 pub use tuple::Tuple;
 
 /// The example of the README, compiled and run.

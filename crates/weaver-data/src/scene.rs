@@ -1,7 +1,7 @@
 //! Scenes: photos of one place with their cameras.
 
-use crate::{Error, Tuple};
-use std::collections::BTreeSet;
+use crate::sparse_points::mean_distance;
+use crate::{Error, SparsePoints, Tuple};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
 use weaver_io::Image;
@@ -123,7 +123,7 @@ impl Scene {
     /// [`Error::Scale`] if neither points nor a positive `scale` determine the size of the scene.
     pub fn normalized(&self, tuple: &Tuple) -> Result<NormalizedPoses, Error> {
         let reference = self.views[tuple.context[0]].camera.pose;
-        let unit = self.mean_distance(reference.center(), &tuple.context).or(self.scale);
+        let unit = mean_distance(&self.points, &self.visible_to(&tuple.context), reference.center()).or(self.scale);
         let unit = unit.filter(|unit| unit.is_finite() && *unit > 0.0).ok_or_else(|| Error::Scale {
             scene: self.name.clone(),
             context: tuple.context.clone(),
@@ -141,10 +141,19 @@ impl Scene {
         Ok(NormalizedPoses { poses, scale })
     }
 
-    fn mean_distance(&self, from: DVec3, context: &[usize]) -> Option<f64> {
-        let seen: BTreeSet<u32> = context.iter().flat_map(|&v| self.visible[v].iter().copied()).collect();
-        let sum: f64 = seen.iter().map(|&p| self.points[p as usize].distance(from)).sum();
-        (!seen.is_empty()).then(|| sum / seen.len() as f64)
+    /// The points that some views see, in the frame of the first of these views, lengths times `scale`.
+    ///
+    /// With the scale of [`Scene::normalized`] for the same context, in training units.
+    ///
+    /// # Panics
+    /// If `views` is empty.
+    pub fn points_seen(&self, views: &[usize], scale: f64) -> SparsePoints {
+        let reference = &self.views[views[0]].camera.pose;
+        SparsePoints::seen_from(reference, scale, &self.points, &self.visible_to(views))
+    }
+
+    fn visible_to(&self, views: &[usize]) -> Vec<&[u32]> {
+        views.iter().map(|&v| self.visible[v].as_slice()).collect()
     }
 
     /// Checks that there is at least one training view beside `context` others.

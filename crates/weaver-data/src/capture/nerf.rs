@@ -15,8 +15,16 @@ const SAME_WORLD: f64 = 0.02;
 
 /// One `transforms.json`, with the points of a COLMAP model beside it where there is one.
 pub(super) fn read(path: &Path) -> Result<Photos, Error> {
+    with_points(path, &Transforms::read(path)?)
+}
+
+/// As [`read`], where the images need not exist.
+pub(super) fn read_cameras(path: &Path) -> Result<Photos, Error> {
+    with_points(path, &Transforms::read_cameras(path)?)
+}
+
+fn with_points(path: &Path, transforms: &Transforms) -> Result<Photos, Error> {
     let folder = path.parent().unwrap_or(Path::new("."));
-    let transforms = Transforms::read(path)?;
     let held_out = &transforms.test_filenames;
     if let Some(name) = held_out.iter().find(|&name| transforms.frames.iter().all(|f| f.name != *name)) {
         return Err(Error::unexpected(path, "test_filenames", "the file_path of a frame", name.as_str()));
@@ -53,7 +61,8 @@ fn add_points(capture: &mut Photos, model: &Model, folder: &Path) -> Result<(), 
     let extent = extent(capture.photos.iter().map(|photo| &photo.frame.camera.pose));
     let index = sparse::index(model);
     for photo in &mut capture.photos {
-        let Some(record) = model.images.iter().find(|record| photo.frame.path.ends_with(&record.name)) else {
+        let named = model.images.iter().filter(|record| photo.frame.path.ends_with(&record.name));
+        let Some(record) = named.max_by_key(|record| record.name.len()) else {
             continue;
         };
         let (ours, theirs) = (&photo.frame.camera.pose, &record.pose);

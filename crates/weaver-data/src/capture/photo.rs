@@ -23,3 +23,11 @@ pub(super) struct Photos {
     /// Whether the capture itself says which photos are held out.
     pub split: bool,
 }
+
+impl Photos {
+    /// Photos of which only names and cameras are known.
+    pub fn without_points(frames: Vec<Frame>) -> Self {
+        let photos = frames.into_iter().map(|frame| Photo { frame, held_out: false, track: Vec::new() }).collect();
+        Self { photos, points: Vec::new(), colors: Vec::new(), split: false }
+    }
+}

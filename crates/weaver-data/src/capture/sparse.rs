@@ -10,17 +10,20 @@ use weaver_scene::Frame;
 
 /// Photos in `images/`, cameras and points in `sparse/0`.
 pub(super) fn read(capture: &Path) -> Result<Photos, Error> {
-    let model = Model::read(folder(capture))?;
-    let index = index(&model);
-    let photos = capture.join("images");
+    Ok(photos(&Model::read(folder(capture))?, &capture.join("images")))
+}
+
+/// The photos of a model, which lie in the folder `images`, and its points.
+pub(super) fn photos(model: &Model, images: &Path) -> Photos {
+    let index = index(model);
     let photo = |(record, frame): (&ImageRecord, Frame)| Photo {
-        frame: Frame { path: photos.join(&record.name), ..frame },
+        frame: Frame { path: images.join(&record.name), ..frame },
         held_out: false,
         track: track(record, &index),
     };
     // Reading the model made sure that every image has its camera.
     let photos = model.images.iter().zip(model.frames()).map(photo).collect();
-    Ok(Photos { photos, points: points(&model), colors: colors(&model), split: false })
+    Photos { photos, points: points(model), colors: colors(model), split: false }
 }
 
 /// Where a capture keeps its model: `sparse/0`, or `sparse` itself.

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
 use weaver_data::Scene;
-use weaver_data::capture::{CaptureOptions, HoldOut, load, load_images};
+use weaver_data::capture::{CaptureOptions, HoldOut, load, load_cameras, load_images};
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_io::Transforms;
 use weaver_io::colmap::{CameraModel, ImageRecord, Model, Point};
@@ -169,6 +169,33 @@ fn photos_without_cameras() {
     assert!(load_images(&[], 40, 30).unwrap_err().to_string().contains("at least one"));
     let missing = folder.path().join("images/none.png");
     assert!(load_images(&[missing], 40, 30).unwrap_err().to_string().contains("none.png"));
+}
+
+#[test]
+fn cameras_of_some_photos_are_those_of_the_capture() {
+    let (folder, _) = capture();
+    let options = CaptureOptions { width: 16, height: 16, ..OPTIONS };
+    let scene = load(folder.path(), &options).unwrap();
+    let views = [4, 0, 7];
+    let photos: Vec<_> = views.iter().map(|v| folder.path().join(format!("images/{v:02}.png"))).collect();
+    let first = scene.views[views[0]].camera.pose;
+    for file in [folder.path().join("transforms.json"), folder.path().to_path_buf(), folder.path().join("sparse/0")] {
+        let found = load_cameras(&file, &photos, 16, 16).unwrap();
+        for (camera, v) in found.cameras.iter().zip(views) {
+            let expected = scene.views[v].camera;
+            let pose = expected.pose.relative_to(&first);
+            assert!(camera.pose.center().distance(pose.center()) < 1e-9 && camera.pose.angle_to(&pose) < 1e-6);
+            assert_eq!((camera.intrinsics, camera.width, camera.height), (expected.intrinsics, 16, 16));
+        }
+        let expected = scene.points_seen(&views, 1.0);
+        assert_eq!(found.points.visible, expected.visible);
+        assert!(found.points.positions.iter().zip(&expected.positions).all(|(a, b)| a.distance(*b) < 1e-9));
+        assert!(expected.visible.iter().all(|seen| !seen.is_empty()));
+    }
+    // Without the model beside it, a transforms.json has no points.
+    fs::remove_dir_all(folder.path().join("sparse")).unwrap();
+    let found = load_cameras(&folder.path().join("transforms.json"), &photos, 16, 16).unwrap();
+    assert!(found.points.positions.is_empty() && found.points.visible == vec![Vec::<u32>::new(); 3]);
 }
 
 #[test]

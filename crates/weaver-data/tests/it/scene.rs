@@ -77,6 +77,10 @@ fn the_training_frame_starts_at_camera_0_with_seen_points_at_mean_distance_1() {
     let posed = scene.normalized(&tuple).unwrap();
     // Points at distance 2 and 8; the one that only the target sees does not count.
     assert!((posed.scale - 1.0 / 5.0).abs() < 1e-12);
+    let seen = scene.points_seen(&tuple.context, posed.scale);
+    assert_eq!(seen.visible, [vec![0], vec![0, 1], vec![]]);
+    assert_eq!(seen.positions.len(), 2);
+    assert!((seen.mean_distance(DVec3::ZERO).unwrap() - 1.0).abs() < 1e-12);
     assert_eq!(posed.poses.len(), 4);
     assert_eq!(posed.poses[0], Pose::IDENTITY);
     for (pose, view) in posed.poses.iter().zip([2, 1, 3, 5]) {

@@ -1,0 +1,87 @@
+//! Which camera is a photo's, by the names that a file gives its cameras.
+
+use crate::Error;
+use std::ffi::OsStr;
+use std::path::{Component, Path, PathBuf};
+
+/// For each photo, the position of its camera's name: the one with most parts in common with the end of the photo's path.
+///
+/// # Errors
+/// When photos have no camera, several, or one between them: all of them are listed.
+pub(super) fn cameras(file: &Path, names: &[&str], photos: &[PathBuf]) -> Result<Vec<usize>, Error> {
+    let named: Vec<Vec<&OsStr>> = names.iter().map(|name| parts(Path::new(name))).collect();
+    let mut chosen = Vec::new();
+    let (mut without, mut several) = (Vec::new(), Vec::new());
+    for photo in photos {
+        // From the root, so that it does not matter in which folder a command is run.
+        let path = std::path::absolute(photo).unwrap_or_else(|_| photo.clone());
+        let path = parts(&path);
+        let shared: Vec<usize> = named.iter().map(|name| common_end(&path, name)).collect();
+        let most = shared.iter().copied().max().unwrap_or(0);
+        let best: Vec<usize> = (0..names.len()).filter(|&i| most > 0 && shared[i] == most).collect();
+        match best[..] {
+            [] => without.push(photo.display().to_string()),
+            [one] => chosen.push(one),
+            _ => several.push(format!("{} ({})", photo.display(), list(best.iter().map(|&i| names[i])))),
+        }
+    }
+    let wrong =
+        |expected: &str, found: String| Err(Error::unexpected(file, "cameras by photos' names", expected, found));
+    if !without.is_empty() {
+        return wrong("a camera for every photo", format!("none for {}", without.join(", ")));
+    }
+    if !several.is_empty() {
+        return wrong("one camera for every photo", format!("several for {}", several.join(", ")));
+    }
+    let mut shared = Vec::new();
+    for at in 0..names.len() {
+        let of: Vec<usize> = (0..photos.len()).filter(|&photo| chosen[photo] == at).collect();
+        if of.len() > 1 {
+            shared.push(format!("{} for {}", names[at], list(of.iter().map(|&photo| photos[photo].display()))));
+        }
+    }
+    if shared.is_empty() { Ok(chosen) } else { wrong("a camera for every photo", shared.join(", ")) }
+}
+
+/// The names in a path, last first.
+fn parts(path: &Path) -> Vec<&OsStr> {
+    let name = |part| if let Component::Normal(name) = part { Some(name) } else { None };
+    path.components().rev().filter_map(name).collect()
+}
+
+fn common_end(a: &[&OsStr], b: &[&OsStr]) -> usize {
+    a.iter().zip(b).take_while(|(a, b)| a == b).count()
+}
+
+fn list(items: impl Iterator<Item = impl ToString>) -> String {
+    items.map(|item| item.to_string()).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::cameras;
+    use std::path::{Path, PathBuf};
+
+    fn matched(names: &[&str], photos: &[&str]) -> Result<Vec<usize>, String> {
+        let photos: Vec<PathBuf> = photos.iter().map(PathBuf::from).collect();
+        cameras(Path::new("cameras.json"), names, &photos).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn folders_tell_photos_of_one_name_apart() {
+        let names = ["a/1.jpg", "b/1.jpg", "b/2.jpg"];
+        assert_eq!(matched(&names, &["photos/b/1.jpg", "photos/a/1.jpg", "elsewhere/2.jpg"]), Ok(vec![1, 0, 2]));
+        assert_eq!(matched(&["images/1.jpg"], &["1.jpg"]), Ok(vec![0]));
+    }
+
+    #[test]
+    fn what_is_not_clear_is_listed() {
+        let says = |names: &[&str], photos: &[&str], words: &[&str]| {
+            let message = matched(names, photos).unwrap_err();
+            words.iter().for_each(|word| assert!(message.contains(word), "{word}: {message}"));
+        };
+        says(&["a/1.jpg", "b/1.jpg"], &["c/1.jpg"], &["cameras.json", "several", "c/1.jpg", "a/1.jpg, b/1.jpg"]);
+        says(&["a/1.jpg"], &["a/1.jpg", "a/2.jpg", "3.jpg"], &["none for a/2.jpg, 3.jpg"]);
+        says(&["a/1.jpg", "2.jpg"], &["a/1.jpg", "b/1.jpg"], &["a/1.jpg for a/1.jpg, b/1.jpg"]);
+    }
+}

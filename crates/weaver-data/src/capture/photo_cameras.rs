@@ -1,0 +1,62 @@
+//! The cameras of some photos, out of a file that describes those of many.
+
+use super::photo::Photos;
+use super::{Crop, by_name, check_camera, check_size, nerf, sparse, visible_points};
+use crate::{Error, SparsePoints};
+use std::path::{Path, PathBuf};
+use weaver_geometry::Camera;
+use weaver_io::Image;
+use weaver_io::colmap::{Model, model_folder};
+use weaver_scene::Frame;
+
+/// Cameras of photos and the points that these show, in the frame of the first camera and in units of their own.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PhotoCameras {
+    /// One for each photo, cropped and resized as the photo.
+    pub cameras: Vec<Camera>,
+    /// The points that at least one photo shows; empty where the file has none.
+    pub points: SparsePoints,
+}
+
+/// Reads the cameras of photos that are cropped and shrunk to `width` x `height` as [`load_images`](super::load_images) does.
+///
+/// `file` is a transforms.json, with the points of a COLMAP model in `sparse/0` or `sparse` beside it where there is one; a folder
+/// with a COLMAP model, itself or in `sparse/0` or `sparse`; or a RealEstate10K file. A photo's camera is the one whose name has most
+/// parts in common with the end of the photo's path: `a/1.jpg` and `b/1.jpg` are told apart, and `1.jpg` is enough where it is the
+/// only one.
+///
+/// # Errors
+/// When the file is missing or malformed; when photos have no camera, several, or one that another photo has, too: all of them are
+/// listed; when a photo's size is not its camera's.
+pub fn load_cameras(file: &Path, photos: &[PathBuf], width: usize, height: usize) -> Result<PhotoCameras, Error> {
+    let Photos { photos: known, points, .. } = read(file)?;
+    let names: Vec<&str> = known.iter().map(|photo| photo.frame.name.as_str()).collect();
+    let (mut cameras, mut visible) = (Vec::new(), Vec::new());
+    for (path, at) in photos.iter().zip(by_name::cameras(file, &names, photos)?) {
+        let found = &known[at];
+        let frame = Frame { path: path.clone(), ..found.frame.clone() };
+        check_camera(&frame)?;
+        check_size(path, Image::dimensions(path)?, &frame.camera)?;
+        let Camera { pose, intrinsics, width: w, height: h } = frame.camera;
+        let intrinsics = Crop::centered(w, h, width, height).intrinsics(&intrinsics);
+        let camera = Camera { pose, intrinsics, width, height };
+        visible.push(visible_points(&camera, &points, &found.track).0);
+        cameras.push(camera);
+    }
+    let Some(Camera { pose: first, .. }) = cameras.first().copied() else { return Ok(PhotoCameras::default()) };
+    let visible: Vec<&[u32]> = visible.iter().map(Vec::as_slice).collect();
+    let points = SparsePoints::seen_from(&first, 1.0, &points, &visible);
+    cameras.iter_mut().for_each(|camera| camera.pose = camera.pose.relative_to(&first));
+    Ok(PhotoCameras { cameras, points })
+}
+
+fn read(file: &Path) -> Result<Photos, Error> {
+    if file.is_dir() {
+        return Ok(sparse::photos(&Model::read(model_folder(file))?, Path::new("")));
+    }
+    if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("txt")) {
+        let frames = weaver_io::read_cameras(file)?;
+        return Ok(Photos::without_points(frames));
+    }
+    nerf::read_cameras(file)
+}
