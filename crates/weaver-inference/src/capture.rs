@@ -8,7 +8,8 @@ use weaver_scene::Gaussians;
 
 /// Predicts the Gaussians of `views` of a scene, `context` at a time, with the scene's cameras and in its world.
 ///
-/// Groups are a view and its nearest neighbors among those that are left. The photos must have the predictor's size.
+/// Groups are a view and its nearest neighbors among those that are left. Where views see points of the scene, depth is brought to
+/// these. The photos must have the predictor's size.
 ///
 /// # Errors
 /// When the predictor refuses photos, cameras or density.
@@ -44,19 +45,22 @@ fn predict_group(
     group.iter().for_each(|v| push_planar(&mut planes, &scene.views[*v].image));
     let tuple = Tuple { scene: 0, context: group, targets: Vec::new() };
     let origin = scene.views[tuple.context[0]].camera.pose;
-    let camera = |v: usize, pose| Camera { pose, ..scene.views[v].camera };
-    // Without points nothing says how large the scene is; the predictor then chooses the factor.
-    let normalized = scene.normalized(&tuple).ok();
-    let cameras: Vec<Camera> = match &normalized {
-        Some(posed) => tuple.context.iter().zip(&posed.poses).map(|(v, pose)| camera(*v, *pose)).collect(),
-        None => tuple.context.iter().map(|v| camera(*v, scene.views[*v].camera.pose.relative_to(&origin))).collect(),
+    // Without points or a stated scale nothing says how large the scene is; the predictor then chooses the factor.
+    let known = scene.normalized(&tuple).ok().map(|posed| posed.scale);
+    let scale = known.unwrap_or(1.0);
+    let camera = |v: &usize| {
+        let camera = scene.views[*v].camera;
+        Camera { pose: camera.pose.relative_to(&origin).scaled(scale), ..camera }
     };
-    let source = match normalized {
+    let cameras: Vec<Camera> = tuple.context.iter().map(camera).collect();
+    let points = scene.points_seen(&tuple.context, scale);
+    let source = match known {
+        Some(_) if !points.positions.is_empty() => CameraSource::GivenWithPoints { cameras: &cameras, points: &points },
         Some(_) => CameraSource::Given(&cameras),
         None => CameraSource::GivenUnscaled(&cameras),
     };
     let prediction = predictor.predict(Photos { planes: &planes, height, width }, source, density, stream)?;
-    let scale = 1.0 / normalized.map_or(prediction.scaled_by.unwrap_or(1.0), |posed| posed.scale);
+    let scale = 1.0 / (scale * prediction.scaled_by.unwrap_or(1.0));
     let to_world = Similarity { scale, rotation: origin.rotation.transpose(), translation: origin.center() };
     Ok(prediction.gaussians.to_stored().transformed(&to_world))
 }

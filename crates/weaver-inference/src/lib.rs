@@ -8,7 +8,9 @@
 
 mod capture;
 mod checkpoint;
+mod depth_to_points;
 mod error;
+mod given_cameras;
 pub mod pictures;
 mod predictor;
 pub mod published;
@@ -19,6 +21,7 @@ mod splatweaver;
 
 pub use capture::predict_capture;
 pub use checkpoint::{Checkpoint, Defaults, FORMAT, WeightSet};
+pub use depth_to_points::{DepthCorrection, SeenPoint, depth_to_points};
 pub use error::Error;
 pub use predictor::{CameraSource, Density, Photos, Prediction, Predictor, push_planar};
 pub use refined::{Effort, Refined};

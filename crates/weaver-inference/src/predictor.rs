@@ -2,6 +2,7 @@
 
 use crate::Error;
 use std::fmt;
+use weaver_data::SparsePoints;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec3;
 use weaver_io::Image;
@@ -38,6 +39,38 @@ pub enum CameraSource<'a> {
     /// These, in the frame of camera 0 and in units of their own: they are scaled so that the mean distance of the
     /// centers to camera 0 equals that of the predicted ones.
     GivenUnscaled(&'a [Camera]),
+    /// These and the points that their photos show, in the frame of camera 0 and in units of their own: they are scaled so that
+    /// the mean distance from camera 0 to the points is 1, as in training, and depth is brought to the points
+    /// ([`depth_to_points`](crate::depth_to_points())). Where no photo shows a point, as [`CameraSource::GivenUnscaled`].
+    GivenWithPoints {
+        /// The cameras of the photos.
+        cameras: &'a [Camera],
+        /// The points, with a list of visible ones for each photo.
+        points: &'a SparsePoints,
+    },
+}
+
+impl<'a> CameraSource<'a> {
+    /// The cameras that are given, in whatever units.
+    pub fn given(self) -> Option<&'a [Camera]> {
+        match self {
+            Self::Predicted => None,
+            Self::Given(cameras) | Self::GivenUnscaled(cameras) | Self::GivenWithPoints { cameras, .. } => {
+                Some(cameras)
+            }
+        }
+    }
+
+    /// The same source with these cameras in place of those that are given.
+    #[must_use]
+    pub fn with_cameras(self, cameras: &'a [Camera]) -> Self {
+        match self {
+            Self::Predicted => self,
+            Self::Given(_) => Self::Given(cameras),
+            Self::GivenUnscaled(_) => Self::GivenUnscaled(cameras),
+            Self::GivenWithPoints { points, .. } => Self::GivenWithPoints { cameras, points },
+        }
+    }
 }
 
 /// Which pixels get Gaussians, and how many; `None` leaves the choice to the predictor.
@@ -62,8 +95,10 @@ pub struct Prediction {
     pub depth: Vec<f32>,
     /// Gaussians of each pixel `[V, H, W]`.
     pub counts: Vec<u8>,
-    /// The factor that given cameras of unknown scale were multiplied by.
+    /// The factor that given cameras in units of their own were multiplied by.
     pub scaled_by: Option<f64>,
+    /// For each view, how many points its depth was brought to; empty where cameras came without points.
+    pub points_used: Vec<usize>,
 }
 
 impl Prediction {

@@ -2,9 +2,8 @@
 
 use crate::pictures::{count_picture, depth_picture, row, stack};
 use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, push_planar};
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use weaver_data::capture::{self, Crop};
+use weaver_data::capture::{self, PhotoCameras};
 use weaver_geometry::Camera;
 use weaver_io::colmap::Model;
 use weaver_io::{Image, Transforms};
@@ -14,7 +13,8 @@ use weaver_scene::Frame;
 /// How to reconstruct.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Cameras of the photos: a transforms.json, or a folder with a COLMAP model. Photos are matched by file name.
+    /// Cameras of the photos: a transforms.json, or a folder with a COLMAP model. Photos are matched by the ends of their paths; points
+    /// of the model scale the cameras and repair depth ([`load_cameras`](weaver_data::capture::load_cameras)).
     pub cameras: Option<PathBuf>,
     /// Which pixels get Gaussians, and how many.
     pub density: Density,
@@ -53,27 +53,42 @@ pub fn reconstruct(
     if photos.len() == 1 {
         remarks.push(ONE_PHOTO.to_string());
     }
-    let given = options.cameras.as_deref().map(|file| read_cameras(file, images, width, height)).transpose()?;
+    let given =
+        options.cameras.as_deref().map(|file| capture::load_cameras(file, images, width, height)).transpose()?;
     let density = predictor.density(options.density)?;
     let mut planes = Vec::new();
     photos.iter().for_each(|photo| push_planar(&mut planes, photo));
     let source = match &given {
-        Some(cameras) => CameraSource::GivenUnscaled(cameras),
+        Some(PhotoCameras { cameras, points }) => CameraSource::GivenWithPoints { cameras, points },
         None => CameraSource::Predicted,
     };
     let stream = Stream::new(options.seed, 0, "inference");
     let prediction = predictor.predict(Photos { planes: &planes, height, width }, source, density, stream)?;
-    if let Some(factor) = prediction.scaled_by {
-        remarks.push(format!(
-            "the given cameras' centers were scaled by {factor:.4}, so that their mean distance to camera 0 equals that of the predicted ones"
-        ));
-    }
+    remarks.extend(how_scaled(&prediction));
     let cameras = if given.is_some() { "given" } else { "predicted" };
     let allocation = density.allocation.map_or(String::new(), |kind| format!(", allocation {kind}"));
     remarks.push(format!("cameras {cameras}{allocation}"));
     let renders = predictor.render(&prediction.gaussians, &prediction.cameras)?;
     write(out, images, &photos, &renders, &prediction)?;
     Ok(report(&photos, &renders, &prediction, remarks, out))
+}
+
+/// What was done to given cameras and to depth.
+fn how_scaled(prediction: &Prediction) -> Vec<String> {
+    let Some(factor) = prediction.scaled_by else { return Vec::new() };
+    let used = &prediction.points_used;
+    if used.iter().all(|n| *n == 0) {
+        return vec![format!(
+            "the given cameras' centers were scaled by {factor:.4}, so that their mean distance to camera 0 equals that of the predicted ones"
+        )];
+    }
+    let counts: Vec<String> = used.iter().map(ToString::to_string).collect();
+    vec![
+        format!(
+            "the given cameras' centers were scaled by {factor:.4}, so that the mean distance from camera 0 to the points that the photos see is 1"
+        ),
+        format!("depth was brought to the points that came with the cameras, photo by photo: {}", counts.join(", ")),
+    ]
 }
 
 /// The remark on a single photo.
@@ -166,33 +181,4 @@ fn unique_names(paths: &[PathBuf]) -> Vec<String> {
         .enumerate()
         .map(|(i, s)| if repeated(s) { format!("{i:03}-{s}.png") } else { format!("{s}.png") })
         .collect()
-}
-
-/// The cameras of the photos, cropped as the photos are, in the frame of the first.
-fn read_cameras(file: &Path, photos: &[PathBuf], width: usize, height: usize) -> Result<Vec<Camera>, Error> {
-    let base = |name: &str| Path::new(name).file_name().map_or(name.to_string(), |n| n.to_string_lossy().into_owned());
-    let known: BTreeMap<String, Camera> =
-        weaver_io::read_cameras(file)?.into_iter().map(|frame| (base(&frame.name), frame.camera)).collect();
-    let cameras = photos
-        .iter()
-        .map(|photo| {
-            let name = base(&photo.to_string_lossy());
-            let Camera { pose, intrinsics, width: w, height: h } = *known.get(&name).ok_or_else(|| {
-                Error::Input(format!("{}: {name}: expected a camera for this photo, found none", file.display()))
-            })?;
-            let found = Image::dimensions(photo)?;
-            if found != (w, h) {
-                return Err(Error::Input(format!(
-                    "{}: expected an image of its camera's size {w}x{h}, found {}x{}",
-                    photo.display(),
-                    found.0,
-                    found.1
-                )));
-            }
-            let crop = Crop::centered(w, h, width, height);
-            Ok(Camera { pose, intrinsics: crop.intrinsics(&intrinsics), width, height })
-        })
-        .collect::<Result<Vec<_>, Error>>()?;
-    let first = cameras[0].pose;
-    Ok(cameras.into_iter().map(|c| Camera { pose: c.pose.relative_to(&first), ..c }).collect())
 }

@@ -157,16 +157,9 @@ impl Predictor for Refined {
     ) -> Result<Prediction, Error> {
         let small = self.inner.image_size();
         let [height, width] = small;
-        let given = |cameras: &[Camera]| -> Vec<Camera> { cameras.iter().map(|c| resized(c, small)).collect() };
-        let (kept, moving) = match cameras {
-            CameraSource::Predicted => (Vec::new(), true),
-            CameraSource::Given(cameras) | CameraSource::GivenUnscaled(cameras) => (given(cameras), false),
-        };
-        let source = match cameras {
-            CameraSource::Predicted => CameraSource::Predicted,
-            CameraSource::Given(_) => CameraSource::Given(&kept),
-            CameraSource::GivenUnscaled(_) => CameraSource::GivenUnscaled(&kept),
-        };
+        let given = cameras.given();
+        let kept: Vec<Camera> = given.unwrap_or_default().iter().map(|c| resized(c, small)).collect();
+        let (source, moving) = (cameras.with_cameras(&kept), given.is_none());
         let planes = shrunk(photos, small);
         let mut prediction = self.inner.predict(Photos { planes: &planes, height, width }, source, density, stream)?;
         let large = [photos.height, photos.width];

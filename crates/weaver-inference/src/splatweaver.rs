@@ -1,11 +1,12 @@
 //! SplatWeaver with its weights.
 
-use crate::predictor::spread_ratio;
-use crate::{CameraSource, Checkpoint, Density, Error, Photos, Prediction, Predictor, RunFolder, WeightSet};
+use crate::given_cameras::{self, GivenCameras};
+use crate::{
+    CameraSource, Checkpoint, Density, Error, Photos, Prediction, Predictor, RunFolder, WeightSet, depth_to_points,
+};
 use std::path::Path;
 use std::sync::Arc;
 use weaver_autograd::{Params, Tape};
-use weaver_geometry::Camera;
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_nn::Context;
@@ -100,9 +101,10 @@ impl Predictor for SplatWeaverPredictor {
                 photos.views()
             )));
         }
+        let views = photos.views();
+        given_cameras::check(source, views)?;
         self.tape.reset();
         let (model, tape) = (&self.model, &self.tape);
-        let views = photos.views();
         let cx = Context::new(tape, &self.params);
         Ok(tape.without_gradient(|| {
             let photos = tape.constant(planes, [views, 3, height, width]);
@@ -112,17 +114,10 @@ impl Predictor for SplatWeaverPredictor {
                 CameraSlices { viewmats, intrinsics, background: &[], width, height }.to_cameras()
             };
             let predicted = read(&encoded.cameras);
-            let (given, scaled_by) = match source {
-                CameraSource::Predicted => (None, None),
-                CameraSource::Given(cameras) => (Some(cameras.to_vec()), None),
-                CameraSource::GivenUnscaled(cameras) => {
-                    let factor = spread_ratio(&predicted, cameras);
-                    (Some(cameras.iter().map(|c| Camera { pose: c.pose.scaled(factor), ..*c }).collect()), Some(factor))
-                }
-            };
+            let given = GivenCameras::of(source, &predicted);
             let vars = match &given {
-                Some(cameras) => {
-                    let rows = CameraRows::new(cameras);
+                Some(given) => {
+                    let rows = CameraRows::new(&given.cameras);
                     CameraVars {
                         viewmats: tape.constant(&rows.viewmats, [views, 3, 4]),
                         intrinsics: tape.constant(&rows.intrinsics, [views, 4]),
@@ -130,7 +125,14 @@ impl Predictor for SplatWeaverPredictor {
                 }
                 None => encoded.scene_cameras(0),
             };
-            let dense = model.dense(cx, &encoded, 0, photos);
+            let mut dense = model.dense(cx, &encoded, 0, photos);
+            let seen = given.as_ref().map_or(&[][..], |given| &given.seen);
+            let mut points_used = Vec::new();
+            if !seen.is_empty() {
+                let correction = depth_to_points(&dense.depth.value(), [height, width], seen);
+                dense.depth = dense.depth * tape.constant(&correction.factors(), [views, height, width]);
+                points_used = correction.points;
+            }
             let made = model.gaussians(cx, &dense, photos, &vars, &*allocation, stream);
             let g = &made.gaussians;
             Prediction {
@@ -142,11 +144,12 @@ impl Predictor for SplatWeaverPredictor {
                     sh: g.colors.to_vec(),
                     degree: model.config().gaussians.sh_degree,
                 },
-                cameras: given.unwrap_or_else(|| predicted.clone()),
+                scaled_by: given.as_ref().and_then(|given| given.scaled_by),
+                cameras: given.map_or_else(|| predicted.clone(), |given| given.cameras),
                 predicted,
                 depth: dense.depth.to_vec(),
                 counts: made.assignment.expert.to_vec(),
-                scaled_by,
+                points_used,
             }
         }))
     }

@@ -174,7 +174,7 @@ impl Predictor for CnnPredictor {
         _stream: Stream,
     ) -> Result<Prediction, weaver_inference::Error> {
         self.density(density)?;
-        let (CameraSource::Given(cameras) | CameraSource::GivenUnscaled(cameras)) = cameras else {
+        let Some(cameras) = cameras.given() else {
             return Err(weaver_inference::Error::Input("this model needs given cameras".into()));
         };
         self.tape.reset();
