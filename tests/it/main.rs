@@ -7,6 +7,7 @@ mod command;
 mod configuration;
 mod divergence;
 mod fit;
+mod given_cameras;
 mod help;
 mod info;
 mod inputs;

@@ -173,7 +173,8 @@ pub struct Infer {
     /// Photos (PNG, JPEG), or folders of photos; the first one's camera becomes the origin
     #[arg(required = true)]
     pub images: Vec<PathBuf>,
-    /// Cameras of the photos, matched by file name: transforms.json or a folder with a COLMAP model
+    /// Cameras of the photos, matched by the ends of their paths: transforms.json or a folder with a COLMAP model, whose points
+    /// repair depth
     #[arg(long, value_name = "FILE")]
     pub cameras: Option<PathBuf>,
     #[command(flatten)]

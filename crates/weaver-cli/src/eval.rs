@@ -9,7 +9,7 @@ use crate::progress::Progress;
 use crate::refine::refined;
 use std::path::Path;
 use weaver_inference::RunFolder;
-use weaver_trainer::{Overrides, Source};
+use weaver_trainer::{CameraMode, Overrides, Source};
 
 pub fn run(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
     match (&arguments.run, &arguments.scene) {
@@ -28,12 +28,16 @@ fn of_run(arguments: &Eval, run: &Path, console: &mut Console) -> Result<(), Fai
     let overrides = Overrides {
         context_views: arguments.views.map(|views| views as usize),
         cameras: arguments.cameras,
+        points: arguments.points,
         density: arguments.density.into(),
         lpips: arguments.lpips.clone(),
     };
     let folder = RunFolder::at(run);
     let mut run = weaver_recipes::registry().of_run(&folder)?.open(&folder)?;
     run.predictor = refined(run.predictor, &arguments.refine, &[])?;
+    if arguments.points && arguments.cameras.unwrap_or(run.evaluation.cameras) != CameraMode::Given {
+        return Err(Failure::Usage("--points: expected --cameras given, found predicted ones".into()));
+    }
     let mut progress = Progress::new("eval", 0, 0, console);
     let mut show = |done, total| progress.at(done, total, String::new, console);
     let evaluation = run.evaluate(&source, &overrides, &mut show);

@@ -23,6 +23,8 @@ pub struct Options {
     pub context_views: usize,
     /// Whose cameras.
     pub cameras: CameraMode,
+    /// Whether depth is brought to the points that the context views see; with given cameras only.
+    pub points: bool,
     /// Which pixels get Gaussians, and how many; the predictor fills what is left open.
     pub density: Density,
     /// Seed of allocations that draw random numbers.
@@ -67,6 +69,9 @@ pub fn evaluate(
     let Options { context_views: context, cameras, seed, step, .. } = *options;
     let density = predictor.density(options.density)?;
     let measure = Measure { cameras, experts: predictor.max_per_pixel() + 1, lpips };
+    if options.points && cameras == CameraMode::Predicted {
+        return Err(Error::Input("points: expected given cameras, found predicted ones".into()));
+    }
     if context == 0 {
         return Err(Error::Input("expected at least 1 context view, found 0".into()));
     }
@@ -79,7 +84,7 @@ pub fn evaluate(
     }
     let total: usize = all.iter().map(Vec::len).sum();
     let mut done = 0;
-    let mut rescaled = Vec::new();
+    let (mut rescaled, mut without_points) = (Vec::new(), Vec::new());
     let mut figures = Vec::new();
     for (scene, tuples) in scenes().zip(all) {
         let mean_color = mean_color(scene);
@@ -87,7 +92,11 @@ pub fn evaluate(
         for tuple in tuples {
             let stream = Stream::new(seed, tuple.targets[0] as u64, "evaluation").fork(tuple.scene as u64);
             let (example, measured) = Example::for_evaluation(scene, tuple)?;
-            let source = example.camera_source(cameras, measured);
+            let points = options.points.then(|| example.points(scene)).flatten();
+            if options.points && points.is_none() && !without_points.contains(&scene.name) {
+                without_points.push(scene.name.clone());
+            }
+            let source = example.camera_source(cameras, measured, points.as_ref());
             let prediction = predictor.predict(example.context_photos(), source, density, stream)?;
             let factor = if measured { 1.0 } else { prediction.scale_to_predicted(example.context()) };
             let target: Vec<Camera> =
@@ -109,8 +118,12 @@ pub fn evaluate(
             rescaled.join(", ")
         ));
     }
+    if !without_points.is_empty() {
+        remarks.push(format!("{}: context views without points, whose depth stays", without_points.join(", ")));
+    }
     Ok(Evaluation {
         cameras: cameras.to_string(),
+        points: options.points,
         allocation: density.allocation.map(|kind| kind.to_string()),
         budget: density.budget,
         context_views: context,

@@ -38,6 +38,9 @@ pub struct SceneFigures {
 pub struct Evaluation {
     /// Whose cameras: predicted or given.
     pub cameras: String,
+    /// Whether depth was brought to the scenes' points.
+    #[serde(skip_serializing_if = "std::ops::Not::not", default)]
+    pub points: bool,
     /// Which pixels got Gaussians, for models with a choice.
     pub allocation: Option<String>,
     /// Gaussians per context pixel that were asked for, if the allocation has a budget.
@@ -95,11 +98,12 @@ impl Evaluation {
     /// The results as a text table.
     pub fn table(&self) -> String {
         let mut out = String::new();
+        let points = if self.points { " with points" } else { "" };
         let allocation = self.allocation.as_ref().map_or(String::new(), |a| format!(", allocation {a}"));
         let budget = self.budget.map_or(String::new(), |b| format!(", budget {b:.2}"));
         let _ = writeln!(
             out,
-            "cameras {}{allocation}{budget}, {} context views, step {}",
+            "cameras {}{points}{allocation}{budget}, {} context views, step {}",
             self.cameras, self.context_views, self.step
         );
         let _ = writeln!(

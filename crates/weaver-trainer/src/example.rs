@@ -1,7 +1,7 @@
 //! A training example: the photos, cameras and depth of one tuple of views.
 
 use crate::{CameraMode, Error};
-use weaver_data::{NormalizedPoses, Scene, Tuple};
+use weaver_data::{NormalizedPoses, Scene, SparsePoints, Tuple};
 use weaver_geometry::{Camera, Pose};
 use weaver_inference::{CameraSource, Photos, push_planar};
 
@@ -92,12 +92,28 @@ impl Example {
         Photos { planes: &self.images[..view * self.tuple.context.len()], height, width }
     }
 
-    /// The cameras to predict with: the network's, or the context's, whose scale is known if `measured`.
-    pub fn camera_source(&self, mode: CameraMode, measured: bool) -> CameraSource<'_> {
-        match (mode, measured) {
+    /// The points that the context views see, in the frame and the units of the cameras; `None` where they see none.
+    ///
+    /// `scene` is the scene that this was made of.
+    pub fn points(&self, scene: &Scene) -> Option<SparsePoints> {
+        let points = scene.points_seen(&self.tuple.context, self.scale);
+        (!points.positions.is_empty()).then_some(points)
+    }
+
+    /// The cameras to predict with: the network's, or the context's, which come with points or whose scale is known if
+    /// `measured`.
+    pub fn camera_source<'a>(
+        &'a self,
+        mode: CameraMode,
+        measured: bool,
+        points: Option<&'a SparsePoints>,
+    ) -> CameraSource<'a> {
+        let cameras = self.context();
+        match (mode, points) {
             (CameraMode::Predicted, _) => CameraSource::Predicted,
-            (CameraMode::Given, true) => CameraSource::Given(self.context()),
-            (CameraMode::Given, false) => CameraSource::GivenUnscaled(self.context()),
+            (CameraMode::Given, Some(points)) => CameraSource::GivenWithPoints { cameras, points },
+            (CameraMode::Given, None) if measured => CameraSource::Given(cameras),
+            (CameraMode::Given, None) => CameraSource::GivenUnscaled(cameras),
         }
     }
 }

@@ -177,6 +177,8 @@ pub struct Overrides {
     pub context_views: Option<usize>,
     /// Whose cameras.
     pub cameras: Option<crate::CameraMode>,
+    /// Whether depth is brought to the points that the context views see; with given cameras only.
+    pub points: bool,
     /// Which pixels get Gaussians, and how many.
     pub density: Density,
     /// File with the weights of LPIPS, to measure that, too.
@@ -204,6 +206,7 @@ impl OpenRun {
         let options = Options {
             context_views: overrides.context_views.unwrap_or(self.data.context_views),
             cameras: overrides.cameras.unwrap_or(self.evaluation.cameras),
+            points: overrides.points,
             density: overrides.density,
             seed: self.seed,
             step: self.step,

@@ -434,6 +434,7 @@ impl<R: Recipe> Session<R> {
         Options {
             context_views: self.config.data.context_views,
             cameras: self.config.evaluation.cameras,
+            points: false,
             density: Density::default(),
             seed: self.config.seed,
             step: self.step,

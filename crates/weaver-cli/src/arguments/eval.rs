@@ -15,6 +15,7 @@ use weaver_trainer::CameraMode;
 #[command(after_help = "Examples:
   splatweaver eval --run runs/mine
   splatweaver eval --run runs/mine --data ramen --cameras given --allocation grid --budget 0.25
+  splatweaver eval --run runs/mine --data ramen --cameras given --points
   splatweaver eval --run runs/mine --unseen --json > unseen.json
   splatweaver eval --scene fits/garden-1/scene.ply --data garden --lpips alex.safetensors
   splatweaver eval --scene scene.spz --data garden --size 1600 --background black")]
@@ -23,7 +24,7 @@ pub struct Eval {
     #[arg(long)]
     pub run: Option<PathBuf>,
     /// A file of Gaussians (PLY, splat, SPZ), whose world is that of one --data
-    #[arg(long, value_name = "SCENE", requires = "data", conflicts_with_all = ["unseen", "views", "cameras", "allocation", "budget", "refine", "refine_steps", "refine_size"])]
+    #[arg(long, value_name = "SCENE", requires = "data", conflicts_with_all = ["unseen", "views", "cameras", "points", "allocation", "budget", "refine", "refine_steps", "refine_size"])]
     pub scene: Option<PathBuf>,
     /// Folder of a capture; may be repeated with --run [default: the data of the run]
     #[arg(long, value_name = "DIR")]
@@ -37,6 +38,9 @@ pub struct Eval {
     /// Cameras of the context views [default: the run's]
     #[arg(long, value_parser = cameras())]
     pub cameras: Option<CameraMode>,
+    /// Given cameras come with the points that the context photos see: depth is brought to these
+    #[arg(long)]
+    pub points: bool,
     #[command(flatten)]
     pub density: DensityFlags,
     #[command(flatten)]
