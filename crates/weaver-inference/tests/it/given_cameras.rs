@@ -1,6 +1,6 @@
 //! Cameras that come with points: units, what is told of them, and what is passed on.
 
-use std::sync::{Arc, Mutex};
+use std::sync::mpsc::{Sender, channel};
 use weaver_autograd::Params;
 use weaver_data::SparsePoints;
 use weaver_data::procedural::{ProceduralOptions, scene};
@@ -107,17 +107,17 @@ fn what_does_not_fit_together_is_refused() {
     refused(&cameras, &unknown, "found 1000000");
 }
 
-/// A predictor without Gaussians that remembers what cameras it was given.
-#[derive(Debug, Default)]
+/// A predictor without Gaussians that tells what cameras it was given.
+#[derive(Debug)]
 struct Listener {
-    heard: Arc<Mutex<Vec<(Vec<Camera>, SparsePoints)>>>,
+    heard: Sender<(Vec<Camera>, SparsePoints)>,
     workspace: Workspace<f32>,
 }
 
 impl Predictor for Listener {
     fn predict(&mut self, _: Photos<'_>, source: CameraSource<'_>, _: Density, _: Stream) -> Result<Prediction, Error> {
         let CameraSource::GivenWithPoints { cameras, points } = source else { panic!("{source:?}") };
-        self.heard.lock().unwrap().push((cameras.to_vec(), points.clone()));
+        self.heard.send((cameras.to_vec(), points.clone())).unwrap();
         Ok(Prediction { scaled_by: Some(2.0), points_used: vec![1; cameras.len()], ..Prediction::default() })
     }
 
@@ -134,16 +134,16 @@ impl Predictor for Listener {
 fn refinement_passes_points_on() {
     let (_, _, cameras, points) = untrained(1.0);
     let large: Vec<Camera> = cameras.iter().map(|camera| Camera { width: 16, height: 12, ..*camera }).collect();
-    let listener = Listener::default();
-    let heard = listener.heard.clone();
+    let (heard, listened) = channel();
+    let listener = Listener { heard, workspace: Workspace::new() };
     let mut refined = Refined::new(Box::new(listener), [12, 16], Effort::Steps(1));
     let planes = vec![0.5; VIEWS * 3 * 12 * 16];
     let source = CameraSource::GivenWithPoints { cameras: &large, points: &points };
     let prediction = predict(&mut refined, &planes, source).unwrap();
     assert_eq!((prediction.scaled_by, prediction.points_used), (Some(2.0), vec![1; VIEWS]));
-    let heard = heard.lock().unwrap();
-    assert_eq!(heard[0].1, points);
-    assert!(heard[0].0.iter().zip(&large).all(|(small, large)| {
+    let (small, passed_on) = listened.recv().unwrap();
+    assert_eq!(passed_on, points);
+    assert!(small.iter().zip(&large).all(|(small, large)| {
         small.width == 8 && small.intrinsics.fx == large.intrinsics.fx / 2.0 && small.pose == large.pose
     }));
 }
