@@ -20,6 +20,10 @@ pub struct Lens {
     pub log_focal: f64,
     /// Radial distortion: a point at distance r from the axis, over its depth, is seen at `r (1 + k1 r^2)`.
     pub k1: f64,
+    /// What [`log_focal`](Self::log_focal) is expected to be.
+    pub expected: f64,
+    /// Weight of the square of the difference from that, squared pixels.
+    pub weight: f64,
     /// Whether the factor is adjusted.
     pub free_focal: bool,
     /// Whether the distortion is adjusted.
@@ -51,9 +55,9 @@ pub struct Observation {
 
 /// Cameras, lenses and points, with where points were seen.
 ///
-/// [`Bundle::adjust`] minimizes `sum c^2 log(1 + |pi(p) - u|^2 / (c d)^2) + sum w x^2` over poses, points and, where asked, lenses:
+/// [`Bundle::adjust`] minimizes `sum c^2 log(1 + |pi(p) - u|^2 / (c d)^2) + sum w x^2 + sum v (ln s - e)^2` over poses, points and, where asked, lenses:
 /// pi(p) is where a point is seen by its camera, u where it was, d its [deviation](Observation::deviation), c (`scale` of `adjust`) the
-/// difference, in deviations, beyond which an observation counts for less and less; x are the movements of cameras from where they were [expected](Self::expected).
+/// difference, in deviations, beyond which an observation counts for less and less; x are the movements of cameras from where they were [expected](Self::expected); s is the factor of focal lengths of a [`Lens`], e its expected logarithm and v the weight.
 #[derive(Clone, Debug, Default)]
 pub struct Bundle {
     /// The cameras, one a photo.

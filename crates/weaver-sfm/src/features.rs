@@ -107,6 +107,21 @@ impl Features {
         }
         features
     }
+
+    /// The keypoints with the largest scales, which are found again from farther away.
+    pub(crate) fn largest(&self, most: usize) -> Self {
+        let mut order: Vec<usize> = (0..self.keypoints.len()).collect();
+        order.sort_by(|a, b| self.keypoints[*b].scale.total_cmp(&self.keypoints[*a].scale));
+        order.truncate(most);
+        Self {
+            keypoints: order.iter().map(|i| self.keypoints[*i]).collect(),
+            descriptors: order
+                .iter()
+                .flat_map(|i| &self.descriptors[DESCRIPTOR * i..][..DESCRIPTOR])
+                .copied()
+                .collect(),
+        }
+    }
 }
 
 impl Octave {

@@ -4,6 +4,7 @@
 //!   which of many.
 //! - [`two_view`]: how two cameras stand to each other, from matches.
 //! - [`Bundle`]: cameras, lenses and points adjusted to all that was seen.
+//! - [`estimate()`]: all of it for photos of which nothing else is known.
 //! - [`refine`]: all of it for cameras that are nearly right.
 //!
 //! The same bits at any number of threads.
@@ -11,16 +12,24 @@
 mod bundle;
 mod descriptor;
 mod epipolar;
+mod estimate;
+mod evidence;
 mod features;
+mod grow;
 mod matching;
+mod pairs;
+mod passes;
+mod place;
 mod refine;
 mod scale_space;
 mod tracks;
+mod triangulation;
 mod two_view;
 
 pub use bundle::{Bundle, Lens, Observation, Solved};
 pub use descriptor::DESCRIPTOR;
 pub use epipolar::Epipolar;
+pub use estimate::{Estimate, EstimateSettings, LeftOut, Photo, estimate};
 pub use features::{Features, Keypoint};
 pub use matching::{Match, matches, matches_along};
 pub use refine::{RefineSettings, Refined, View, carried, refine};

@@ -1,32 +1,15 @@
 //! Better cameras from nearly right ones.
 
 use crate::bundle::{Bundle, Lens, Observation};
-use crate::epipolar::Epipolar;
-use crate::features::{Features, Keypoint};
-use crate::matching::{Match, matches, matches_along};
-use crate::tracks::tracks;
+use crate::features::Features;
+use crate::passes::{Pass, neighbors, sharpest};
 use weaver_geometry::Camera;
-use weaver_geometry::glam::{DMat3, DVec2, DVec3};
-use weaver_kernels::parallel;
+use weaver_geometry::glam::{DMat3, DVec3};
 
-/// Differences, in pixels, beyond which observations count for less and less, one adjustment after the other; what is off
-/// by three of them is then left out.
-const SCALES: [f64; 4] = [8.0, 4.0, 2.0, 1.0];
-const FARTHEST: f64 = 3.0;
-/// Steps of an adjustment.
-const STEPS: usize = 40;
-/// Cosine of the largest angle between the axes of two cameras whose photos are compared.
-const ANGLE: f64 = 0.5;
 /// How often as wrong as expected cameras may be for a match to be believed.
 const BELIEVED: f64 = 3.0;
-/// Pixels from the epipolar line at which a match is believed once cameras are adjusted.
-const CERTAIN: f64 = 3.0;
 /// Standard deviation of where a keypoint is found, pixels.
 const PIXEL: f64 = 0.5;
-/// Least deviation of keypoints, pixels: smaller ones are no more exact.
-const SHARPEST: f64 = 1.0;
-/// Least sine of the angle between rays of a point.
-const PARALLAX: f64 = 0.005;
 
 /// A photo and its camera, which may be a little wrong.
 #[derive(Clone, Debug)]
@@ -96,25 +79,15 @@ pub fn refine(views: &[View<'_>], settings: &RefineSettings) -> Refined {
         .iter()
         .map(|v| Features::new(&v.gray, [v.camera.height, v.camera.width], v.mask, settings.keypoints))
         .collect();
-    let near = neighbors(views, settings.neighbors);
+    let cameras: Vec<Camera> = views.iter().map(|v| v.camera).collect();
+    let located: Vec<bool> = views.iter().map(|v| v.located).collect();
+    let near = neighbors(&cameras, settings.neighbors);
     let mut bundle = settings.bundle(views);
-    // While cameras are wrong the band along epipolar lines is wide: what is clear in the whole photo is clearer than in it.
-    let wide = views.iter().map(|v| BELIEVED * settings.pixels(&v.camera)).fold(0.0, f64::max);
-    for (scales, farthest, find) in [
-        (&SCALES[..3], wide, (|a, b, _| matches(a, b)) as Find),
-        (&SCALES[2..3], 2.0 * CERTAIN, matches_along),
-        (&SCALES[2..], CERTAIN, matches_along),
-    ] {
-        let pairs = paired(&bundle, &features, &near, farthest, find);
-        let all = observe(&mut bundle, views, &features, &pairs, farthest);
-        bundle.observations = all.iter().filter(|o| !views[o.camera].located).copied().collect();
-        for scale in scales {
-            bundle.adjust(*scale, STEPS);
-            bundle.leave_out(FARTHEST * scale);
-        }
-        bundle.locate(views, all);
+    let wide = views.iter().map(|v| BELIEVED * settings.pixels(&v.camera) / sharpest(&v.camera)).fold(0.0, f64::max);
+    for pass in std::iter::once(Pass::wide(wide)).chain(Pass::FINE) {
+        bundle.pass(&features, &near, &located, &pass);
     }
-    bundle.prune(FARTHEST * SCALES[SCALES.len() - 1]);
+    bundle.finish();
     let mut errors = bundle.errors();
     errors.sort_unstable_by(f64::total_cmp);
     let mut seen = vec![0; views.len()];
@@ -127,62 +100,6 @@ pub fn refine(views: &[View<'_>], settings: &RefineSettings) -> Refined {
         observations: bundle.observations,
         seen,
     }
-}
-
-/// A way to match the keypoints of two photos.
-type Find = fn(&Features, &Features, &Epipolar) -> Vec<Match>;
-
-/// Matches of pairs of photos that are no farther than this from their epipolar lines.
-fn paired(
-    bundle: &Bundle,
-    features: &[Features],
-    near: &[[usize; 2]],
-    farthest: f64,
-    find: Find,
-) -> Vec<([usize; 2], Vec<Match>)> {
-    let mut pairs: Vec<_> = near.iter().map(|pair| (*pair, Vec::new())).collect();
-    parallel::for_chunks(&mut pairs, 1, |_, pairs| {
-        for ([a, b], found) in pairs {
-            let epipolar = Epipolar::new(&bundle.camera(*a), &bundle.camera(*b), farthest);
-            let (first, second) = (&features[*a], &features[*b]);
-            *found = find(first, second, &epipolar);
-            found.retain(|m| epipolar.allows(first.keypoints[m.first].pixel, second.keypoints[m.second].pixel));
-        }
-    });
-    pairs
-}
-
-/// Triangulates tracks from the photos that are not located, and returns what all photos see of the points.
-fn observe(
-    bundle: &mut Bundle,
-    views: &[View<'_>],
-    features: &[Features],
-    pairs: &[([usize; 2], Vec<Match>)],
-    farthest: f64,
-) -> Vec<Observation> {
-    let counts: Vec<usize> = features.iter().map(|f| f.keypoints.len()).collect();
-    let mut all = Vec::new();
-    bundle.points.clear();
-    for track in tracks(&counts, pairs) {
-        let seen: Vec<(usize, Keypoint)> = track.iter().map(|(v, k)| (*v, features[*v].keypoints[*k])).collect();
-        let known: Vec<(Camera, DVec2)> =
-            seen.iter().filter(|(v, _)| !views[*v].located).map(|(v, k)| (bundle.camera(*v), k.pixel)).collect();
-        if let Some(position) = agreed(&known, farthest) {
-            let point = bundle.points.len();
-            // Cameras that are located only now may still be far off.
-            let near = |(v, k): &&(usize, Keypoint)| {
-                views[*v].located || error(&bundle.camera(*v), position, k.pixel) < farthest
-            };
-            all.extend(seen.iter().filter(near).map(|(camera, k)| Observation {
-                camera: *camera,
-                point,
-                pixel: k.pixel,
-                deviation: k.scale.max(SHARPEST),
-            }));
-            bundle.points.push(position);
-        }
-    }
-    all
 }
 
 /// A point moved with the cameras that see it: the mean of where each takes it, at the same pixel and depth.
@@ -232,26 +149,6 @@ impl RefineSettings {
     }
 }
 
-impl Bundle {
-    /// Moves the cameras of the views that are only located to where they see points that stay.
-    fn locate(&mut self, views: &[View<'_>], all: Vec<Observation>) {
-        if !views.iter().any(|v| v.located) {
-            return;
-        }
-        let mut seen = vec![0; self.points.len()];
-        self.observations.iter().for_each(|o| seen[o.point] += 1);
-        let mut locating = Self {
-            fixed: views.iter().map(|v| !v.located).collect(),
-            fixed_points: true,
-            observations: all.into_iter().filter(|o| views[o.camera].located && seen[o.point] > 1).collect(),
-            ..self.clone()
-        };
-        locating.lenses.iter_mut().for_each(|lens| (lens.free_focal, lens.free_k1) = (false, false));
-        SCALES.iter().for_each(|scale| _ = locating.adjust(*scale, STEPS));
-        self.cameras = locating.cameras;
-    }
-}
-
 /// How far what each camera looks at is away: the point nearest to all axes or, where they are nearly parallel, some times
 /// the distance between cameras.
 fn distances(views: &[View<'_>]) -> Vec<f64> {
@@ -274,64 +171,4 @@ fn distances(views: &[View<'_>]) -> Vec<f64> {
         if z.is_finite() && z > spread { z.min(20.0 * spread) } else { 4.0 * spread }
     };
     views.iter().map(depth).collect()
-}
-
-/// Pairs of views that look in similar directions, each with the nearest others.
-fn neighbors(views: &[View<'_>], most: usize) -> Vec<[usize; 2]> {
-    let centers: Vec<DVec3> = views.iter().map(|v| v.camera.pose.center()).collect();
-    let axis = |i: usize| views[i].camera.pose.rotation.row(2);
-    let mut pairs = Vec::new();
-    for i in 0..views.len() {
-        let mut near: Vec<usize> = (0..views.len()).filter(|j| *j != i && axis(i).dot(axis(*j)) > ANGLE).collect();
-        let far = |j: &usize| centers[i].distance(centers[*j]);
-        near.sort_by(|a, b| far(a).total_cmp(&far(b)));
-        // The nearest half, and of the others some all over: long links hold the shape.
-        let close = near.len().min(most.div_ceil(2));
-        let (rest, more) = (near.len() - close, (most - close).min(near.len() - close));
-        let chosen = (0..close).chain((0..more).map(|k| close + k * rest / more.max(1)));
-        pairs.extend(chosen.map(|k| [i.min(near[k]), i.max(near[k])]));
-    }
-    pairs.sort_unstable();
-    pairs.dedup();
-    pairs
-}
-
-/// The point that most observations of a track agree about, to so many pixels; at least two must.
-fn agreed(seen: &[(Camera, DVec2)], farthest: f64) -> Option<DVec3> {
-    const TRIED: usize = 6;
-    let near = |point: DVec3| -> Vec<(Camera, DVec2)> {
-        seen.iter().filter(|(camera, pixel)| error(camera, point, *pixel) < farthest).copied().collect()
-    };
-    let tried = seen.len().min(TRIED);
-    let pairs = (0..tried).flat_map(|i| (0..i).map(move |j| [i, j]));
-    let candidates = pairs.filter_map(|pair| triangulated(&pair.map(|i| seen[i]))).chain(triangulated(seen));
-    let best = candidates.map(near).max_by_key(Vec::len)?;
-    triangulated(&best)
-}
-
-/// How far from a pixel a camera sees a point.
-fn error(camera: &Camera, point: DVec3, pixel: DVec2) -> f64 {
-    let p = camera.pose.apply(point);
-    if p.z > 0.0 { camera.intrinsics.project(p).distance(pixel) } else { f64::INFINITY }
-}
-
-/// The point nearest to all rays; `None` behind a camera, or where rays are nearly parallel.
-pub(crate) fn triangulated(seen: &[(Camera, DVec2)]) -> Option<DVec3> {
-    let (mut matrix, mut sum) = (DMat3::ZERO, DVec3::ZERO);
-    let rays: Vec<(DVec3, DVec3)> = seen
-        .iter()
-        .map(|(camera, pixel)| {
-            let ray = camera.pose.rotation.transpose() * camera.intrinsics.unproject(*pixel, 1.0);
-            (camera.pose.center(), ray.normalize())
-        })
-        .collect();
-    for (center, ray) in &rays {
-        let across = DMat3::IDENTITY - DMat3::from_cols(*ray * ray.x, *ray * ray.y, *ray * ray.z);
-        matrix += across;
-        sum += across * *center;
-    }
-    let widest = rays.iter().map(|(_, ray)| ray.cross(rays[0].1).length()).fold(0.0, f64::max);
-    let point = matrix.inverse() * sum;
-    let before = seen.iter().all(|(camera, _)| camera.pose.apply(point).z > 0.0);
-    (seen.len() > 1 && widest > PARALLAX && before && point.is_finite()).then_some(point)
 }

@@ -17,6 +17,10 @@ const DIRECTIONS: usize = 16;
 const STEPS: usize = 14;
 /// How many of the best descents are carried to their optimum.
 const FINALISTS: usize = 3;
+/// Rotations farther apart than this, radians, and translations three times as far, are different explanations; they are rivals
+/// from this part of the best score.
+const DIFFERENT: f64 = 0.1;
+const RIVAL: f64 = 0.7;
 /// Residuals are inliers up to this many times their scale.
 const CUTOFF: f64 = 2.0;
 
@@ -35,6 +39,8 @@ pub struct TwoView {
     pub front: f64,
     /// The median angle between the rays of inliers once the rotation is undone, in radians.
     pub parallax: f64,
+    /// Another pose that explains nearly as much, as two do for a plane.
+    pub rival: Option<Pose>,
 }
 
 /// The homogeneous normalized coordinates (x, y, 1) of a match in views i and j.
@@ -81,7 +87,16 @@ pub fn two_view(matches: &[[DVec2; 2]], tau: f64) -> Option<TwoView> {
     // Along shallow valleys, the damped steps above end short of the optimum.
     let finalists: Vec<Pose> = fits.iter().map(|fit| fit.0).take(FINALISTS).collect();
     let polished = descents(&finalists, &rays, &[tau; 20], tau);
-    TwoView::judge(polished.first()?.0, matches, tau)
+    let (pose, score) = *polished.first()?;
+    let other = fits.iter().map(|fit| fit.0).find(|other| differ(&pose, other));
+    let rival = other.map(|other| descents(&[other], &rays, &[tau; 20], tau)[0]);
+    let rival = rival.filter(|(rival, s)| *s > RIVAL * score && differ(&pose, rival)).map(|rival| rival.0);
+    judge(pose, matches, tau).map(|view| TwoView { rival, ..view })
+}
+
+/// Whether two relative poses are different explanations.
+fn differ(a: &Pose, b: &Pose) -> bool {
+    a.angle_to(b) > DIFFERENT || a.translation.angle_between(b.translation) > 3.0 * DIFFERENT
 }
 
 /// The best pure rotation between two views, and how many matches it explains: x_j is within 2 `tau` of R x_i, projected.
@@ -130,33 +145,32 @@ pub fn rotation_only(matches: &[[DVec2; 2]], tau: f64) -> (DMat3, usize) {
     (rotation, rays.iter().filter(explains).count())
 }
 
-impl TwoView {
-    /// Judges a pose by all matches; `None` when it has no inlier.
-    fn judge(pose: Pose, matches: &[[DVec2; 2]], tau: f64) -> Option<Self> {
-        let essential = essential(&pose);
-        let mut view = Self { pose, inliers: Vec::new(), depths: Vec::new(), score: 0.0, front: 0.0, parallax: 0.0 };
-        let mut angles = Vec::new();
-        for x in matches.iter().map(homogeneous) {
-            // Matches that are not finite keep their places, as outliers without a depth.
-            let depth = x.map_or(0.0, |x| inverse_depth(&pose, &x));
-            let score = x.map_or(0.0, |x| support(sampson(&essential, &x).0 / tau));
-            view.inliers.push(score > 0.0);
-            view.depths.push(depth);
-            view.score += score;
-            if let Some([x, y]) = x.filter(|_| score > 0.0) {
-                view.front += f64::from(depth > 0.0);
-                angles.push((pose.rotation * x).angle_between(y));
-            }
+/// Judges a pose by all matches; `None` when it has no inlier.
+pub(crate) fn judge(pose: Pose, matches: &[[DVec2; 2]], tau: f64) -> Option<TwoView> {
+    let essential = essential(&pose);
+    let mut view =
+        TwoView { pose, inliers: Vec::new(), depths: Vec::new(), score: 0.0, front: 0.0, parallax: 0.0, rival: None };
+    let mut angles = Vec::new();
+    for x in matches.iter().map(homogeneous) {
+        // Matches that are not finite keep their places, as outliers without a depth.
+        let depth = x.map_or(0.0, |x| inverse_depth(&pose, &x));
+        let score = x.map_or(0.0, |x| support(sampson(&essential, &x).0 / tau));
+        view.inliers.push(score > 0.0);
+        view.depths.push(depth);
+        view.score += score;
+        if let Some([x, y]) = x.filter(|_| score > 0.0) {
+            view.front += f64::from(depth > 0.0);
+            angles.push((pose.rotation * x).angle_between(y));
         }
-        if angles.is_empty() {
-            return None;
-        }
-        view.front /= angles.len() as f64;
-        view.score *= view.front;
-        let middle = angles.len() / 2;
-        view.parallax = *angles.select_nth_unstable_by(middle, f64::total_cmp).1;
-        Some(view)
     }
+    if angles.is_empty() {
+        return None;
+    }
+    view.front /= angles.len() as f64;
+    view.score *= view.front;
+    let middle = angles.len() / 2;
+    view.parallax = *angles.select_nth_unstable_by(middle, f64::total_cmp).1;
+    Some(view)
 }
 
 /// A match in homogeneous coordinates; `None` if it is NaN or at the horizon, where squares would overflow.

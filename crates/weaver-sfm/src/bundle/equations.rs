@@ -102,6 +102,13 @@ impl System {
                 self.matrix[at * size + at] += weight;
             }
         }
+        for (i, lens) in bundle.lenses.iter().enumerate().filter(|(_, lens)| lens.free_focal) {
+            let at = TWIST * bundle.cameras.len() + 2 * i;
+            let off = lens.log_focal - lens.expected;
+            self.cost += lens.weight * off * off;
+            self.right[at] -= lens.weight * off;
+            self.matrix[at * size + at] += lens.weight;
+        }
         // What nothing depends on stays: its equation is x = 0.
         for at in 0..size {
             let diagonal = &mut self.matrix[at * size + at];
@@ -295,7 +302,10 @@ mod tests {
                 .map(|c| (Pose::new(so3::exp(DVec3::X * 0.1) * c.pose.rotation, c.pose.translation), [0.7; 6]))
                 .collect(),
             cameras,
-            lenses: vec![Lens { log_focal: 0.1, k1: -0.2, free_focal: true, free_k1: true }; 2],
+            lenses: vec![
+                Lens { log_focal: 0.1, k1: -0.2, expected: 0.3, weight: 3.0, free_focal: true, free_k1: true };
+                2
+            ],
             lens_of: vec![0, 1, 0],
             fixed: vec![false; 3],
             points: (0..5).map(|i| draw(500 + 3 * i)).collect(),

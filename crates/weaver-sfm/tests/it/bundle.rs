@@ -45,7 +45,7 @@ proptest! {
     #[test]
     fn what_was_seen_is_explained(seed in 0..1000u64, log_focal in -0.05..0.05f64, k1 in -0.1..0.1f64, wrong in 0..20usize) {
         let stream = Stream::new(seed, 0, "test.bundle");
-        let lens = Lens { log_focal, k1, free_focal: true, free_k1: true };
+        let lens = Lens { log_focal, k1, free_focal: true, free_k1: true, ..Lens::default() };
         let truth = arc(5, 60, lens, stream);
         let mut bundle = truth.clone();
         bundle.lenses[0] = Lens { log_focal: 0.0, k1: 0.0, ..lens };

@@ -1,6 +1,7 @@
 //! Integration tests.
 
 mod bundle;
+mod estimate;
 mod features;
 mod refine;
 mod tracks;

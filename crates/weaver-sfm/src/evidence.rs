@@ -1,0 +1,39 @@
+//! What is known before the first camera stands, and how much of it is believed.
+
+use crate::features::Features;
+use crate::pairs::Pair;
+use crate::tracks::Track;
+
+/// An observation fits that is off by less than this, in deviations of keypoints.
+pub(crate) const FITS: f64 = 4.0;
+/// Steps of an adjustment while a scene grows.
+pub(crate) const STEPS: usize = 12;
+
+/// What is known before the first camera stands.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Evidence<'a> {
+    pub features: &'a [Features],
+    pub pairs: &'a [Pair],
+    pub tracks: &'a [Track],
+    /// Which photos take no part.
+    pub absent: &'a [bool],
+    pub trust: Trust,
+}
+
+/// How much must speak for a photo's place.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Trust {
+    /// Points that it sees where they are, at least.
+    pub fewest: usize,
+    /// And the share of all that it should see.
+    pub share: f64,
+    /// Whether matches with placed photos are enough, where they have no points in common.
+    pub matches_alone: bool,
+}
+
+impl Trust {
+    /// In pairs that are certain, or where few photos leave no choice.
+    pub const PAIRS: Self = Self { fewest: 12, share: 0.25, matches_alone: true };
+    /// In points only: pairs may be chance.
+    pub const POINTS: Self = Self { fewest: 25, share: 0.5, matches_alone: false };
+}

@@ -1,0 +1,169 @@
+//! A scene that grows photo by photo, from two.
+
+use crate::bundle::{Bundle, Observation};
+use crate::evidence::{Evidence, FITS, STEPS};
+use crate::pairs::Pair;
+use crate::place::{place, tally};
+use weaver_geometry::Pose;
+use weaver_kernels::parallel;
+
+/// Scales of an adjustment while the scene grows, in deviations of keypoints.
+const SCALES: [f64; 2] = [4.0, 2.0];
+/// Explanations are told apart by what they explain to this: a wrong focal length explains as much, but less exactly.
+const EXACT: f64 = 0.5;
+/// Cameras join together that see at least this part of what the best one sees.
+const TOGETHER: f64 = 0.4;
+/// A camera that sees fewer points is lost again.
+const LOST: usize = 6;
+/// How often photos are taken out again that most of their matches speak against.
+const RETRACTIONS: usize = 5;
+/// The share of its matches that must agree with a photo's pose in the end.
+const MOST: f64 = 0.5;
+/// Angles between rays that are wide enough to begin with, radians.
+const WIDE: f64 = 0.1;
+
+/// A scene with the cameras that have a place in it.
+#[derive(Clone, Debug)]
+pub(crate) struct Grown {
+    pub bundle: Bundle,
+    pub placed: Vec<bool>,
+    /// How well what was seen is explained.
+    pub support: f64,
+}
+
+/// The pairs to begin with, the best first: many matches, seen from different places.
+pub(crate) fn beginnings(evidence: &Evidence<'_>) -> Vec<usize> {
+    let value = |pair: &Pair| pair.score * (pair.parallax / WIDE).min(1.0) * (1.0 - pair.turned);
+    let present = |i: &usize| evidence.pairs[*i].photos.iter().all(|p| !evidence.absent[*p]);
+    let mut order: Vec<usize> = (0..evidence.pairs.len()).filter(present).collect();
+    order.retain(|i| !evidence.pairs[*i].turned());
+    order.sort_by(|a, b| value(&evidence.pairs[*b]).total_cmp(&value(&evidence.pairs[*a])));
+    order
+}
+
+impl Grown {
+    /// Two photos with their relative pose. `bundle` has a camera for each photo, of which the poses do not count.
+    pub fn new(mut bundle: Bundle, [a, b]: [usize; 2], pose: &Pose) -> Self {
+        let mut placed = vec![false; bundle.cameras.len()];
+        (placed[a], placed[b]) = (true, true);
+        (bundle.cameras[a].pose, bundle.cameras[b].pose) = (Pose::IDENTITY, *pose);
+        bundle.fixed[a] = true;
+        Self { bundle, placed, support: 0.0 }
+    }
+
+    /// Places photo after photo, as long as one sees enough of what there is.
+    pub fn grow(&mut self, evidence: &Evidence<'_>) {
+        let Self { bundle, placed, support } = self;
+        let mut refused = evidence.absent.to_vec();
+        let mut retractions = RETRACTIONS;
+        let free: Vec<bool> = bundle.lenses.iter().map(|lens| lens.free_focal).collect();
+        loop {
+            // Two cameras hardly say what their focal length is.
+            let several = placed.iter().filter(|p| **p).count() > 2;
+            bundle.lenses.iter_mut().zip(&free).for_each(|(lens, free)| lens.free_focal = *free && several);
+            let all = adjusted(evidence, bundle, placed);
+            for photo in lost(bundle, placed) {
+                (placed[photo], refused[photo]) = (false, true);
+            }
+            let joined = join(evidence, bundle, placed, &refused, &all, TOGETHER);
+            let wrong =
+                if joined.is_empty() && retractions > 0 { contradicted(evidence, bundle, placed) } else { vec![] };
+            if joined.is_empty() && wrong.is_empty() {
+                break;
+            }
+            retractions -= usize::from(!wrong.is_empty());
+            joined.into_iter().for_each(|photo| placed[photo] = true);
+            wrong.into_iter().for_each(|photo| placed[photo] = false);
+        }
+        bundle.lenses.iter_mut().zip(&free).for_each(|(lens, free)| lens.free_focal = *free);
+        adjusted(evidence, bundle, placed);
+        *support = explained(bundle);
+    }
+}
+
+impl Grown {
+    /// Places, once, every photo that sees enough of what there is; nothing else moves.
+    pub fn join(&mut self, evidence: &Evidence<'_>) {
+        let missing: Vec<bool> = self.placed.iter().map(|placed| !placed).collect();
+        let all = self.bundle.observe(evidence.features, evidence.tracks, &missing, 2.0 * FITS);
+        self.bundle.observations = all.iter().filter(|o| self.placed[o.camera]).copied().collect();
+        let joined = join(evidence, &mut self.bundle, &self.placed, evidence.absent, &all, 0.0);
+        joined.into_iter().for_each(|photo| self.placed[photo] = true);
+    }
+}
+
+/// Finds points and adjusts them with the cameras; returns what all photos see of them.
+fn adjusted(evidence: &Evidence<'_>, bundle: &mut Bundle, placed: &[bool]) -> Vec<Observation> {
+    let missing: Vec<bool> = placed.iter().map(|placed| !placed).collect();
+    let all = bundle.observe(evidence.features, evidence.tracks, &missing, 2.0 * FITS);
+    bundle.observations = all.iter().filter(|o| placed[o.camera]).copied().collect();
+    for scale in SCALES {
+        bundle.adjust(scale, STEPS);
+    }
+    bundle.leave_out(FITS);
+    all
+}
+
+/// Points that at least two cameras agree about.
+fn agreed(bundle: &Bundle) -> Vec<bool> {
+    let mut seen = vec![0; bundle.points.len()];
+    bundle.observations.iter().for_each(|o| seen[o.point] += 1);
+    seen.into_iter().map(|n| n > 1).collect()
+}
+
+/// Cameras that see too few points after all.
+fn lost(bundle: &Bundle, placed: &[bool]) -> Vec<usize> {
+    let agreed = agreed(bundle);
+    let mut seen = vec![0; placed.len()];
+    bundle.observations.iter().filter(|o| agreed[o.point]).for_each(|o| seen[o.camera] += 1);
+    (0..placed.len()).filter(|i| placed[*i] && seen[*i] < LOST).collect()
+}
+
+/// Photos that most of their matches with other placed ones speak against.
+fn contradicted(evidence: &Evidence<'_>, bundle: &Bundle, placed: &[bool]) -> Vec<usize> {
+    let wrong = |photo: &usize| {
+        let [agree, all] = tally(evidence, bundle, placed, &bundle.cameras[*photo].pose, *photo);
+        placed[*photo] && (agree as f64) < MOST * all as f64
+    };
+    (0..placed.len()).filter(wrong).collect()
+}
+
+/// How much is explained exactly, less what an unexpected focal length costs.
+fn explained(bundle: &Bundle) -> f64 {
+    let agreed = agreed(bundle);
+    let value = |(o, error): (&Observation, f64)| {
+        if agreed[o.point] { (1.0 - (error / (EXACT * o.deviation)).powi(2)).max(0.0) } else { 0.0 }
+    };
+    let prior: f64 =
+        bundle.lenses.iter().filter(|l| l.free_focal).map(|l| l.weight * (l.log_focal - l.expected).powi(2)).sum();
+    bundle.observations.iter().zip(bundle.errors()).map(value).sum::<f64>() - prior
+}
+
+/// Places cameras that see enough points; returns which.
+fn join(
+    evidence: &Evidence<'_>,
+    bundle: &mut Bundle,
+    placed: &[bool],
+    refused: &[bool],
+    all: &[Observation],
+    together: f64,
+) -> Vec<usize> {
+    let agreed = agreed(bundle);
+    let mut seen: Vec<Vec<Observation>> = vec![Vec::new(); placed.len()];
+    all.iter().filter(|o| agreed[o.point]).for_each(|o| seen[o.camera].push(*o));
+    let mut found: Vec<Option<(Pose, usize)>> = vec![None; placed.len()];
+    parallel::for_chunks(&mut found, 1, |photo, found| {
+        if !placed[photo] && !refused[photo] {
+            found[0] = place(evidence, bundle, placed, &seen, photo);
+        }
+    });
+    let most = found.iter().flatten().map(|f| f.1).max().unwrap_or(0);
+    let mut joined = Vec::new();
+    for (photo, found) in found.into_iter().enumerate() {
+        if let Some((pose, _)) = found.filter(|f| f.1 as f64 >= together * most as f64) {
+            bundle.cameras[photo].pose = pose;
+            joined.push(photo);
+        }
+    }
+    joined
+}

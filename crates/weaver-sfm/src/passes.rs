@@ -1,0 +1,176 @@
+//! Matching and adjusting by turns, with cameras that are nearly right.
+
+use crate::bundle::{Bundle, Observation};
+use crate::epipolar::Epipolar;
+use crate::features::{Features, Keypoint};
+use crate::matching::{Match, matches, matches_along};
+use crate::tracks::{Track, tracks};
+use crate::triangulation::{agreed, error};
+use weaver_geometry::Camera;
+use weaver_geometry::glam::{DVec2, DVec3};
+use weaver_kernels::parallel;
+
+/// Differences, in pixels, beyond which observations count for less and less, one adjustment after the other: while cameras
+/// are wrong, once they are adjusted, in the end, and where a camera is located. What is off by three of them is then left out.
+const WIDE: [f64; 4] = [16.0, 8.0, 4.0, 2.0];
+const NARROW: [f64; 1] = [2.0];
+const LAST: [f64; 2] = [2.0, 1.0];
+const ALL: [f64; 4] = [8.0, 4.0, 2.0, 1.0];
+const FARTHEST: f64 = 3.0;
+/// Steps of an adjustment.
+const STEPS: usize = 40;
+/// Cosine of the largest angle between the axes of two cameras whose photos are compared.
+const ANGLE: f64 = 0.5;
+/// Pixels from the epipolar line at which a match is believed once cameras are adjusted.
+const CERTAIN: f64 = 3.0;
+/// Least deviation of keypoints in photos of this width or wider, pixels: smaller ones are no more exact. Narrower photos are
+/// enlarged before keypoints are looked for.
+const SHARPEST: f64 = 1.0;
+const WIDTH: f64 = 384.0;
+const NARROWEST: f64 = 1.0 / 3.0;
+
+/// Least deviation of the keypoints of a camera, pixels.
+pub(crate) fn sharpest(camera: &Camera) -> f64 {
+    SHARPEST * (camera.width.max(camera.height) as f64 / WIDTH).clamp(NARROWEST, 1.0)
+}
+
+/// A way to match the keypoints of two photos.
+type Find = fn(&Features, &Features, &Epipolar) -> Vec<Match>;
+
+/// Matches, triangulates and adjusts once.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pass {
+    scales: &'static [f64],
+    farthest: f64,
+    find: Find,
+}
+
+impl Pass {
+    /// For cameras as wrong as this, in deviations of keypoints: what is clear in a whole photo is clearer than in a wide band.
+    pub fn wide(farthest: f64) -> Self {
+        Self { scales: &WIDE, farthest, find: |a, b, _| matches(a, b) }
+    }
+
+    /// For cameras that were adjusted.
+    pub const FINE: [Self; 2] = [
+        Self { scales: &NARROW, farthest: 2.0 * CERTAIN, find: matches_along },
+        Self { scales: &LAST, farthest: CERTAIN, find: matches_along },
+    ];
+}
+
+impl Bundle {
+    /// Finds points anew with the cameras as they are, and adjusts both. Cameras that are `located` find no points: they
+    /// move to where they see those of the others.
+    pub(crate) fn pass(&mut self, features: &[Features], near: &[[usize; 2]], located: &[bool], pass: &Pass) {
+        let pairs = paired(self, features, near, pass);
+        let counts: Vec<usize> = features.iter().map(|f| f.keypoints.len()).collect();
+        let all = self.observe(features, &tracks(&counts, &pairs), located, pass.farthest);
+        self.observations = all.iter().filter(|o| !located[o.camera]).copied().collect();
+        for scale in pass.scales {
+            self.adjust(*scale, STEPS);
+            self.leave_out(FARTHEST * scale);
+        }
+        self.locate(located, all);
+    }
+
+    /// Leaves out what is not certain in the end.
+    pub(crate) fn finish(&mut self) {
+        self.prune(FARTHEST * LAST[1]);
+    }
+
+    /// Triangulates tracks from the photos that are not located, and returns what all photos see of the points.
+    pub(crate) fn observe(
+        &mut self,
+        features: &[Features],
+        tracks: &[Track],
+        located: &[bool],
+        farthest: f64,
+    ) -> Vec<Observation> {
+        const GRAIN: usize = 64;
+        let cameras: Vec<Camera> = (0..self.cameras.len()).map(|i| self.camera(i)).collect();
+        let sharpest: Vec<f64> = cameras.iter().map(sharpest).collect();
+        let farthest = farthest * sharpest.iter().copied().fold(0.0, f64::max);
+        let seen = |track: &Track| -> Vec<(usize, Keypoint)> {
+            track.iter().map(|(v, k)| (*v, features[*v].keypoints[*k])).collect()
+        };
+        let mut positions: Vec<Option<DVec3>> = vec![None; tracks.len()];
+        parallel::for_chunks(&mut positions, GRAIN, |chunk, positions| {
+            for (position, track) in positions.iter_mut().zip(&tracks[chunk * GRAIN..]) {
+                let seen = seen(track);
+                let known = seen.iter().filter(|(v, _)| !located[*v]);
+                let known: Vec<(Camera, DVec2)> = known.map(|(v, k)| (cameras[*v], k.pixel)).collect();
+                *position = agreed(&known, farthest);
+            }
+        });
+        let mut all = Vec::new();
+        self.points.clear();
+        for (track, position) in tracks.iter().zip(positions) {
+            let Some(position) = position else { continue };
+            let point = self.points.len();
+            // Cameras that are located only now may still be far off.
+            let near = |(v, k): &(usize, Keypoint)| located[*v] || error(&cameras[*v], position, k.pixel) < farthest;
+            let observation = |(camera, k): (usize, Keypoint)| Observation {
+                camera,
+                point,
+                pixel: k.pixel,
+                deviation: k.scale.max(sharpest[camera]),
+            };
+            all.extend(seen(track).into_iter().filter(near).map(observation));
+            self.points.push(position);
+        }
+        all
+    }
+
+    /// Moves located cameras to where they see points that stay.
+    fn locate(&mut self, located: &[bool], all: Vec<Observation>) {
+        if !located.contains(&true) {
+            return;
+        }
+        let mut seen = vec![0; self.points.len()];
+        self.observations.iter().for_each(|o| seen[o.point] += 1);
+        let mut locating = Self {
+            fixed: located.iter().map(|located| !located).collect(),
+            fixed_points: true,
+            observations: all.into_iter().filter(|o| located[o.camera] && seen[o.point] > 1).collect(),
+            ..self.clone()
+        };
+        locating.lenses.iter_mut().for_each(|lens| (lens.free_focal, lens.free_k1) = (false, false));
+        ALL.iter().for_each(|scale| _ = locating.adjust(*scale, STEPS));
+        self.cameras = locating.cameras;
+    }
+}
+
+/// Matches of pairs of photos that are near their epipolar lines.
+fn paired(bundle: &Bundle, features: &[Features], near: &[[usize; 2]], pass: &Pass) -> Vec<([usize; 2], Vec<Match>)> {
+    let mut pairs: Vec<_> = near.iter().map(|pair| (*pair, Vec::new())).collect();
+    parallel::for_chunks(&mut pairs, 1, |_, pairs| {
+        for ([a, b], found) in pairs {
+            let [from, to] = [bundle.camera(*a), bundle.camera(*b)];
+            let epipolar = Epipolar::new(&from, &to, pass.farthest * sharpest(&to));
+            let (first, second) = (&features[*a], &features[*b]);
+            *found = (pass.find)(first, second, &epipolar);
+            found.retain(|m| epipolar.allows(first.keypoints[m.first].pixel, second.keypoints[m.second].pixel));
+        }
+    });
+    pairs
+}
+
+/// Pairs of cameras that look in similar directions, each with the nearest others.
+pub(crate) fn neighbors(cameras: &[Camera], most: usize) -> Vec<[usize; 2]> {
+    let centers: Vec<DVec3> = cameras.iter().map(|c| c.pose.center()).collect();
+    let axis = |i: usize| cameras[i].pose.rotation.row(2);
+    let mut pairs = Vec::new();
+    for i in 0..cameras.len() {
+        let mut near: Vec<usize> = (0..cameras.len()).filter(|j| *j != i && axis(i).dot(axis(*j)) > ANGLE).collect();
+        let far = |j: &usize| centers[i].distance(centers[*j]);
+        near.sort_by(|a, b| far(a).total_cmp(&far(b)));
+        // The nearest half, and of the others some all over: long links hold the shape.
+        let close = near.len().min(most.div_ceil(2));
+        let (rest, more) = (near.len() - close, (most - close).min(near.len() - close));
+        let chosen = (0..close).chain((0..more).map(|k| close + k * rest / more.max(1)));
+        pairs.extend(chosen.map(|k| [i.min(near[k]), i.max(near[k])]));
+    }
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs
+}

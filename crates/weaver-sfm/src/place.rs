@@ -1,0 +1,153 @@
+//! Where a photo belongs in a scene that others made.
+
+use crate::bundle::{Bundle, Lens, Observation};
+use crate::epipolar::Epipolar;
+use crate::evidence::{Evidence, FITS, STEPS, Trust};
+use crate::pairs::Pair;
+use crate::passes::sharpest;
+use weaver_geometry::{Camera, Pose};
+
+/// Scales by which a camera is brought to the points that it sees.
+const LOCATING: [f64; 4] = [16.0, 8.0, 4.0, 2.0];
+/// Poses that are tried for a camera, the best of those that pairs suggest.
+const TRIED: usize = 4;
+/// The share of its matches with placed photos that must agree with a pose.
+const ENOUGH: f64 = 0.35;
+
+/// The pose of a photo and how much speaks for it: points that it sees where they are or, where it sees too few, matches
+/// with photos that have a place.
+pub(crate) fn place(
+    evidence: &Evidence<'_>,
+    bundle: &Bundle,
+    placed: &[bool],
+    seen: &[Vec<Observation>],
+    photo: usize,
+) -> Option<(Pose, usize)> {
+    let (mut turned, mut apart) = (Vec::new(), Vec::new());
+    for pair in evidence.pairs.iter().filter(|pair| pair.photos.contains(&photo)) {
+        let other = pair.photos[usize::from(pair.photos[0] == photo)];
+        if placed[other] {
+            let (turn, far) = suggested(bundle, &seen[other], evidence, pair, photo);
+            turned.push(turn);
+            apart.extend(far);
+        }
+    }
+    let Trust { fewest, share, matches_alone } = evidence.trust;
+    let enough = |count: usize| count >= fewest && count as f64 >= share * seen[photo].len() as f64;
+    let of_matches = || by_matches(evidence, bundle, placed, &apart, photo).filter(|_| matches_alone);
+    by_points(bundle, &seen[photo], &[&apart[..], &turned].concat(), photo)
+        .filter(|(_, count)| enough(*count))
+        .filter(|(pose, _)| {
+            let [agree, all] = tally(evidence, bundle, placed, pose, photo);
+            agree as f64 >= ENOUGH * all as f64
+        })
+        .or_else(of_matches)
+}
+
+/// The suggestion that brings most points to where the photo sees them, adjusted to them.
+fn by_points(bundle: &Bundle, seen: &[Observation], suggestions: &[Pose], photo: usize) -> Option<(Pose, usize)> {
+    let lens = Lens { k1: bundle.lenses[bundle.lens_of[photo]].k1, ..Lens::default() };
+    let mut alone = Bundle {
+        cameras: vec![bundle.camera(photo)],
+        lenses: vec![lens],
+        lens_of: vec![0],
+        fixed: vec![false],
+        points: seen.iter().map(|o| bundle.points[o.point]).collect(),
+        fixed_points: true,
+        observations: (seen.iter().enumerate()).map(|(point, o)| Observation { camera: 0, point, ..*o }).collect(),
+        ..Bundle::default()
+    };
+    let mut tried: Vec<(f64, Pose)> = Vec::new();
+    for pose in suggestions {
+        alone.cameras[0].pose = *pose;
+        tried.push((fitting(&alone, LOCATING[0]).0, *pose));
+    }
+    tried.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut best: Option<(f64, Pose, usize)> = None;
+    for (_, pose) in tried.into_iter().take(TRIED) {
+        alone.cameras[0].pose = pose;
+        LOCATING.iter().for_each(|scale| _ = alone.adjust(*scale, 2 * STEPS));
+        let (value, count) = fitting(&alone, FITS);
+        if best.is_none_or(|best| value > best.0) {
+            best = Some((value, alone.cameras[0].pose, count));
+        }
+    }
+    best.map(|(_, pose, count)| (pose, count))
+}
+
+/// The suggestion that most matches with placed photos agree with.
+fn by_matches(
+    evidence: &Evidence<'_>,
+    bundle: &Bundle,
+    placed: &[bool],
+    suggestions: &[Pose],
+    photo: usize,
+) -> Option<(Pose, usize)> {
+    let counted = suggestions.iter().map(|pose| (*pose, tally(evidence, bundle, placed, pose, photo)[0]));
+    let best = counted.max_by_key(|(_, count)| *count)?;
+    (best.1 >= evidence.trust.fewest).then_some(best)
+}
+
+/// How many of a photo's matches with placed ones agree with a pose, of how many.
+pub(crate) fn tally(
+    evidence: &Evidence<'_>,
+    bundle: &Bundle,
+    placed: &[bool],
+    pose: &Pose,
+    photo: usize,
+) -> [usize; 2] {
+    let here = Camera { pose: *pose, ..bundle.camera(photo) };
+    let camera = |i: usize| if i == photo { here } else { bundle.camera(i) };
+    let with = |pair: &&Pair| pair.photos.contains(&photo) && pair.photos.iter().any(|p| *p != photo && placed[*p]);
+    evidence.pairs.iter().filter(with).fold([0, 0], |[agree, all], pair| {
+        [agree + agreeing(evidence, pair, &pair.photos.map(camera)), all + pair.matches.len()]
+    })
+}
+
+/// How much fits, and how many observations.
+fn fitting(bundle: &Bundle, within: f64) -> (f64, usize) {
+    let each = bundle.errors().into_iter().zip(&bundle.observations);
+    let each = each.map(|(error, o)| (1.0 - (error / (within * o.deviation)).powi(2)).max(0.0));
+    each.fold((0.0, 0), |(sum, count), x| (sum + x, count + usize::from(x > 0.0)))
+}
+
+/// Where a camera stands that a pair puts beside another one: in the same place, and as far as points say that the other sees.
+fn suggested(
+    bundle: &Bundle,
+    seen_by_other: &[Observation],
+    evidence: &Evidence<'_>,
+    pair: &Pair,
+    photo: usize,
+) -> (Pose, Option<Pose>) {
+    let second = pair.photos[1] == photo;
+    let other = pair.photos[usize::from(!second)];
+    let camera: &Camera = &bundle.cameras[other];
+    let mut ratios = Vec::new();
+    for (m, inverse_depth) in pair.matches.iter().zip(&pair.inverse_depths) {
+        let keypoint = if second { m.first } else { m.second };
+        let pixel = evidence.features[other].keypoints[keypoint].pixel;
+        let Some(o) = seen_by_other.iter().find(|o| o.pixel == pixel) else { continue };
+        let depth = camera.pose.apply(bundle.points[o.point]).z;
+        let here = if second {
+            1.0 / inverse_depth
+        } else {
+            let first = bundle.cameras[photo]
+                .intrinsics
+                .unproject(evidence.features[photo].keypoints[m.first].pixel, 1.0 / inverse_depth);
+            pair.pose.apply(first).z
+        };
+        ratios.push(depth / here);
+    }
+    ratios.retain(|r| r.is_finite() && *r > 0.0);
+    ratios.sort_by(f64::total_cmp);
+    let across = if second { pair.pose } else { pair.pose.inverse() };
+    let with = |scale: f64| Pose::new(across.rotation, across.translation * scale).compose(&camera.pose);
+    (with(0.0), ratios.get(ratios.len() / 2).map(|scale| with(*scale)))
+}
+
+/// How many matches of a pair lie on the epipolar lines of two cameras.
+fn agreeing(evidence: &Evidence<'_>, pair: &Pair, [first, second]: &[Camera; 2]) -> usize {
+    let [a, b] = pair.photos.map(|photo| &evidence.features[photo].keypoints);
+    let epipolar = Epipolar::new(first, second, FITS * sharpest(second));
+    pair.matches.iter().filter(|m| epipolar.allows(a[m.first].pixel, b[m.second].pixel)).count()
+}

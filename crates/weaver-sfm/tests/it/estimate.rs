@@ -1,0 +1,157 @@
+//! Photos that a program drew, of which nothing else is told.
+
+use rayon::ThreadPoolBuilder;
+use weaver_data::Scene;
+use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_geometry::glam::{DVec2, DVec3};
+use weaver_geometry::{Camera, Intrinsics, Pose, so3};
+use weaver_sfm::{Estimate, EstimateSettings, LeftOut, Photo, estimate};
+
+fn built_in(seed: u64, views: usize) -> Scene {
+    scene(seed, &ProceduralOptions { width: 256, height: 192, views })
+}
+
+/// Photos of every second view, with or without their focal length.
+fn photos(scene: &Scene, known: bool) -> Vec<Photo<'static>> {
+    let photo = |view: &weaver_data::View| {
+        let photo = Photo::new(&view.image.to_bytes(), [view.camera.height, view.camera.width]);
+        Photo { focal: known.then_some(view.camera.intrinsics.fx), ..photo }
+    };
+    scene.views.iter().step_by(2).map(photo).collect()
+}
+
+/// The mean difference of rotations relative to the first camera, degrees.
+fn off(found: &Estimate, scene: &Scene) -> f64 {
+    let cameras: Vec<&Camera> = found.cameras.iter().map(|c| c.as_ref().expect("a camera")).collect();
+    let truth: Vec<Pose> = scene.views.iter().step_by(2).map(|v| v.camera.pose).collect();
+    let angle = |i: usize| {
+        let turn = cameras[i].pose.relative_to(&cameras[0].pose);
+        turn.angle_to(&truth[i].relative_to(&truth[0])).to_degrees()
+    };
+    (1..cameras.len()).map(angle).sum::<f64>() / (cameras.len() - 1) as f64
+}
+
+fn exact() -> EstimateSettings {
+    EstimateSettings { focal_deviation: 0.0, ..EstimateSettings::default() }
+}
+
+#[test]
+fn cameras_of_a_few_photos() {
+    for seed in [3, 4] {
+        let scene = built_in(seed, 8);
+        let found = estimate(&photos(&scene, true), &exact());
+        assert!(off(&found, &scene) < 1.5, "seed {seed}: {} degrees off", off(&found, &scene));
+        assert!(found.seen.iter().all(|n| *n > 50) && found.error < 0.5, "{:?}, {} px", found.seen, found.error);
+        // The first camera is the origin, and what it sees is a unit away.
+        let first = found.cameras[0].as_ref().expect("a camera");
+        assert!(first.pose.angle_to(&Pose::IDENTITY) < 1e-6 && first.pose.center().length() < 1e-9);
+        let mean = found.points.iter().map(|p| p.length()).sum::<f64>() / found.points.len() as f64;
+        assert!((mean - 1.0).abs() < 0.2, "points are {mean} away");
+    }
+}
+
+#[test]
+fn a_focal_length_that_nobody_knows() {
+    let scene = built_in(3, 8);
+    let found = estimate(&photos(&scene, false), &EstimateSettings::default());
+    let focal = found.cameras[0].as_ref().expect("a camera").intrinsics.fx / scene.views[0].camera.intrinsics.fx;
+    assert!(off(&found, &scene) < 2.0, "{} degrees off", off(&found, &scene));
+    // Four photos from a narrow arc hardly tell it.
+    assert!((focal - 1.0).abs() < 0.2, "focal length off by a factor of {focal}");
+}
+
+#[test]
+fn a_wrong_focal_length_comes_back() {
+    let scene = built_in(3, 24);
+    let mut photos = photos(&scene, true);
+    photos.iter_mut().for_each(|p| p.focal = p.focal.map(|f| 1.06 * f));
+    let found = estimate(&photos, &EstimateSettings::default());
+    let focal = found.cameras[0].as_ref().expect("a camera").intrinsics.fx / scene.views[0].camera.intrinsics.fx;
+    // Between what was given and what the photos say.
+    assert!((focal - 1.0).abs() < 0.03, "focal length off by a factor of {focal}");
+}
+
+#[test]
+fn photos_of_another_place_are_left_out_in_any_order() {
+    let scene = built_in(3, 24);
+    let mut mixed = photos(&scene, true);
+    mixed.insert(2, photos(&built_in(40, 4), true)[0].clone());
+    let found = estimate(&mixed, &exact());
+    assert!(matches!(found.cameras[2], Err(LeftOut::Unmatched | LeftOut::Unplaced)), "{:?}", found.cameras[2]);
+    assert_eq!((found.cameras.iter().flatten().count(), found.seen[2]), (12, 0));
+    let mut forward = found.clone();
+    _ = forward.cameras.remove(2);
+    assert!(off(&forward, &scene) < 1.5, "{} degrees off", off(&forward, &scene));
+    mixed.reverse();
+    let mut reversed = estimate(&mixed, &exact());
+    reversed.cameras.reverse();
+    _ = reversed.cameras.remove(2);
+    let first = reversed.cameras[0].expect("a camera").pose;
+    for camera in reversed.cameras.iter_mut().flatten() {
+        camera.pose = camera.pose.relative_to(&first);
+    }
+    assert!(off(&reversed, &scene) < 1.5, "reversed: {} degrees off", off(&reversed, &scene));
+}
+
+#[test]
+fn what_is_located_finds_no_points() {
+    let scene = built_in(3, 12);
+    let mut photos = photos(&scene, true);
+    photos[2].located = true;
+    let found = estimate(&photos, &exact());
+    assert!(off(&found, &scene) < 1.5, "{} degrees off", off(&found, &scene));
+    assert_eq!(found.seen[2], 0);
+}
+
+#[test]
+fn nothing_is_made_up() {
+    let scene = built_in(3, 2);
+    let photo = photos(&scene, true).remove(0);
+    let reasons = |photos: &[Photo<'_>]| -> Vec<LeftOut> {
+        let found = estimate(photos, &exact());
+        assert!(found.points.is_empty() && found.observations.is_empty() && found.error.is_nan());
+        found.cameras.into_iter().map(|c| c.expect_err("no camera")).collect()
+    };
+    assert_eq!(reasons(&[]), []);
+    assert_eq!(reasons(std::slice::from_ref(&photo)), [LeftOut::Unmatched]);
+    assert_eq!(reasons(&[photo.clone(), photo.clone(), photo.clone()]), [LeftOut::OnePlace; 3]);
+    let blank = Photo { gray: vec![0.5; photo.gray.len()], ..photo.clone() };
+    assert_eq!(reasons(&[blank.clone(), blank]), [LeftOut::Textureless; 2]);
+    let masked = vec![0; photo.gray.len()];
+    let masked = Photo { mask: Some(&masked), ..photo.clone() };
+    assert_eq!(reasons(&[masked.clone(), masked]), [LeftOut::Textureless; 2]);
+    let turned: Vec<Photo<'_>> = [0.0, 0.1, 0.2].map(|angle| seen_after_turning(&photo, angle)).to_vec();
+    assert_eq!(reasons(&turned), [LeftOut::OnePlace; 3]);
+}
+
+/// What the camera of a photo would see after turning on the spot; black where it looks beyond.
+fn seen_after_turning(photo: &Photo<'_>, angle: f64) -> Photo<'static> {
+    let [height, width] = photo.size;
+    let focal = photo.focal.expect("a focal length");
+    let intrinsics = Intrinsics { fx: focal, fy: focal, cx: width as f64 / 2.0, cy: height as f64 / 2.0 };
+    let turn = so3::exp(DVec3::Y * angle);
+    let gray = (0..width * height).map(|i| {
+        let at = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+        let from = intrinsics.project(turn * intrinsics.unproject(at, 1.0)) - 0.5;
+        let (x, y) = (from.x.floor(), from.y.floor());
+        if x < 0.0 || y < 0.0 || x + 1.0 >= width as f64 || y + 1.0 >= height as f64 {
+            return 0.0;
+        }
+        let (u, v) = ((from.x - x) as f32, (from.y - y) as f32);
+        let gray = |dx: usize, dy: usize| photo.gray[(y as usize + dy) * width + x as usize + dx];
+        (gray(0, 0) * (1.0 - u) + gray(1, 0) * u) * (1.0 - v) + (gray(0, 1) * (1.0 - u) + gray(1, 1) * u) * v
+    });
+    Photo { gray: gray.collect(), mask: None, ..photo.clone() }
+}
+
+#[test]
+fn the_same_bits_at_any_number_of_threads() {
+    let scene = built_in(5, 8);
+    let photos = photos(&scene, false);
+    let with = |threads: usize| -> Estimate {
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        pool.install(|| estimate(&photos, &EstimateSettings::default()))
+    };
+    let (one, three) = (with(1), with(3));
+    assert_eq!((one.cameras, one.points), (three.cameras, three.points));
+}
