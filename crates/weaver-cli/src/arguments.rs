@@ -2,10 +2,12 @@
 
 mod eval;
 mod fit;
+mod photos;
 mod refine;
 
 pub use eval::{Drawing, Eval};
-pub use fit::{Fit, Format, PoseMode, StrategyName};
+pub use fit::{Fit, Format, Origin, PoseMode, StrategyName};
+pub use photos::{Cameras, MatchingFlags, Reconstruct};
 pub use refine::RefineFlags;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -25,6 +27,7 @@ const MOST_THREADS: i64 = 1024;
     version,
     about = "A few photos in, camera poses and compact 3-D Gaussians out; trained and run on a CPU.",
     after_help = "Examples:
+  splatweaver reconstruct photos -o scene              a scene from photos and nothing else
   splatweaver train --preset tiny                      train on the built-in scenes
   splatweaver train --data fox --data fern --out runs/mine
   splatweaver eval --run runs/mine --json
@@ -44,6 +47,8 @@ pub struct CommandLine {
 /// One command.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    Reconstruct(Reconstruct),
+    Cameras(Cameras),
     Train(Train),
     Eval(Eval),
     Infer(Infer),
@@ -174,9 +179,12 @@ pub struct Infer {
     #[arg(required = true)]
     pub images: Vec<PathBuf>,
     /// Cameras of the photos, matched by the ends of their paths: transforms.json or a folder with a COLMAP model, whose points
-    /// repair depth
-    #[arg(long, value_name = "FILE")]
+    /// repair depth; or `estimated`: by matching, as `splatweaver cameras` does, whose results go to the folder `cameras`
+    /// [default: what the network predicts]
+    #[arg(long, value_name = "FILE|estimated")]
     pub cameras: Option<PathBuf>,
+    #[command(flatten)]
+    pub matching: MatchingFlags,
     #[command(flatten)]
     pub density: DensityFlags,
     #[command(flatten)]

@@ -1,7 +1,8 @@
 //! `splatweaver fit`.
 
-use crate::arguments::{Fit, Format, PoseMode, StrategyName};
+use crate::arguments::{Fit, Format, MatchingFlags, Origin, PoseMode, StrategyName};
 use crate::bench::memory::peak_mb;
+use crate::estimate::{estimated_capture, photos};
 use crate::failure::Failure;
 use crate::progress::{Progress, duration};
 use crate::{Console, Interrupt};
@@ -30,6 +31,15 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
     }
     let capture = arguments.capture.clone().ok_or_else(|| Failure::Usage("expected a capture".into()))?;
     let initial = initial(arguments.init.as_deref())?;
+    let folder = arguments.out.clone().unwrap_or_else(|| free_folder(&capture));
+    let capture = match arguments.cameras {
+        Origin::Given => capture,
+        Origin::Estimated => {
+            let images = capture.join("images");
+            let photos = photos(&[if images.is_dir() { images } else { capture }])?;
+            estimated_capture(&photos, !arguments.all, MatchingFlags::default(), &folder, console)?
+        }
+    };
     let mut settings = RunSettings {
         capture,
         long_side: arguments.size.map(|size| size as usize),
@@ -59,7 +69,6 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
         console.note("warning: one photo only: nothing says how far anything is away");
     }
     let given = initial.gaussians(&settings)?;
-    let folder = arguments.out.clone().unwrap_or_else(|| free_folder(&settings.capture));
     if settings.fit.poses.refine {
         console.note(&format!("matching {} photos", plan.training + plan.held_out));
     }

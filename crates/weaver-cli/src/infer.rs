@@ -1,6 +1,7 @@
 //! `splatweaver infer`.
 
 use crate::arguments::Infer;
+use crate::estimate::{estimated, photos};
 use crate::failure::Failure;
 use crate::progress::Progress;
 use crate::refine::refined;
@@ -13,14 +14,20 @@ use weaver_inference::published::{self, Fit};
 use weaver_inference::reconstruct::{Options, Report, reconstruct};
 
 pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
-    let images = photos(&arguments.images)?;
+    let mut images = photos(&arguments.images)?;
+    let mut cameras = arguments.cameras.clone();
+    if cameras.as_deref() == Some(Path::new("estimated")) {
+        let folder = arguments.out.join("cameras");
+        let located = vec![false; images.len()];
+        images = estimated(&images, &located, arguments.matching, &folder, console)?.placed();
+        cameras = Some(folder.join("transforms.json"));
+    }
     let report = match (&arguments.run, &arguments.weights) {
         (Some(run), _) => {
             let folder = RunFolder::at(run);
             let run = weaver_recipes::registry().of_run(&folder)?.open(&folder)?;
             let mut predictor = refined(run.predictor, &arguments.refine, &images)?;
-            let (cameras, density) = (arguments.cameras.clone(), arguments.density.into());
-            let options = Options { cameras, density, seed: run.seed };
+            let options = Options { cameras, density: arguments.density.into(), seed: run.seed };
             reconstruct(&mut *predictor, &images, &options, &arguments.out)?
         }
         (None, Some(_)) if arguments.refine.is_asked() => {
@@ -86,21 +93,4 @@ fn published(
         return Err(Failure::message("interrupted; the results were complete and are written"));
     }
     Ok(report)
-}
-
-/// The photos, with folders replaced by the photos in them.
-fn photos(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
-    let mut photos = Vec::new();
-    for path in paths {
-        if !path.is_dir() {
-            photos.push(path.clone());
-            continue;
-        }
-        let found = weaver_io::list_files(path, &["png", "jpg", "jpeg"])?;
-        if found.is_empty() {
-            return Err(Failure::message(format!("{}: expected photos (PNG or JPEG), found none", path.display())));
-        }
-        photos.extend(found);
-    }
-    Ok(photos)
 }

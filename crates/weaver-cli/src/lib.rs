@@ -9,6 +9,7 @@ mod completions;
 mod config;
 mod console;
 mod convert_weights;
+mod estimate;
 mod eval;
 mod failure;
 mod fit;
@@ -16,6 +17,7 @@ mod infer;
 mod info;
 mod interrupt;
 mod progress;
+mod reconstruct;
 mod refine;
 mod render;
 mod train;
@@ -53,6 +55,10 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
 
 fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     match command {
+        Command::Reconstruct(arguments) => {
+            in_pool(arguments.threads.threads.into(), || reconstruct::run(&arguments, console, interrupt))
+        }
+        Command::Cameras(arguments) => in_pool(arguments.threads.threads.into(), || estimate::run(&arguments, console)),
         Command::Train(arguments) => train::run(&arguments, console, interrupt),
         Command::Eval(arguments) => in_pool(arguments.threads.threads.into(), || eval::run(&arguments, console)),
         Command::Infer(arguments) => {

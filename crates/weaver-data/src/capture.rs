@@ -22,7 +22,7 @@ mod sparse;
 use crate::{Error, Scene, View};
 pub use crop::Crop;
 use photo::{Photo, Photos};
-pub use photo_cameras::{PhotoCameras, load_cameras};
+pub use photo_cameras::{PhotoCameras, load_camera_files, load_cameras};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use weaver_geometry::glam::DVec3;

@@ -6,6 +6,7 @@
 
 pub mod capture;
 mod error;
+mod estimated;
 pub mod procedural;
 mod sampler;
 mod scene;
@@ -14,10 +15,12 @@ mod tuple;
 
 pub use capture::posed;
 pub use error::Error;
+pub use estimated::{EstimateOptions, EstimatedPhotos, estimate_photos};
 pub use sampler::{bounded_gap, evaluation_tuples, every, training_tuple, uniform};
 pub use scene::{NormalizedPoses, Scene, View};
 pub use sparse_points::SparsePoints;
 pub use tuple::Tuple;
+pub use weaver_sfm::{Confidence, LeftOut};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -108,6 +108,8 @@ pub struct Estimate {
     pub seen: Vec<usize>,
     /// How much the best explanation with other rotations explains, over the one that was taken: 0 if none was met.
     pub rival: f64,
+    /// Whether focal lengths were not known, and there are too few photos to tell them.
+    pub focal_guessed: bool,
 }
 
 /// Estimates the cameras of photos and the points that they show: features, matches, relative poses of pairs, a scene that
@@ -158,6 +160,8 @@ pub fn estimate(photos: &[Photo<'_>], settings: &EstimateSettings) -> Estimate {
     let mut estimate = left_out(photos, &features, &matched, &posed, &placed);
     bundle.observations.iter().for_each(|o| estimate.seen[o.camera] += 1);
     estimate.rival = rival;
+    let known = photos.iter().all(|p| p.focal.is_some());
+    estimate.focal_guessed = !known && placed.iter().filter(|p| **p).count() < 3;
     estimate.error = errors.get(errors.len() / 2).copied().unwrap_or(f64::NAN);
     for photo in (0..photos.len()).filter(|i| placed[*i]) {
         estimate.cameras[photo] = Ok(bundle.camera(photo));

@@ -10,6 +10,7 @@
 //! The same bits at any number of threads.
 
 mod bundle;
+mod confidence;
 mod descriptor;
 mod epipolar;
 mod estimate;
@@ -27,6 +28,7 @@ mod triangulation;
 mod two_view;
 
 pub use bundle::{Bundle, Lens, Observation, Solved};
+pub use confidence::Confidence;
 pub use descriptor::DESCRIPTOR;
 pub use epipolar::Epipolar;
 pub use estimate::{Estimate, EstimateSettings, LeftOut, Photo, estimate};

@@ -43,7 +43,7 @@ pub struct Fit {
     #[arg(long, value_name = "S", help_heading = RUN)]
     pub seed: Option<u64>,
     /// Goes on with this run, with its own settings
-    #[arg(long, value_name = "OUT", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "size", "sh", "poses", "focal", "antialiased", "exposure", "masks", "background", "strategy", "all", "views", "formats", "settings", "config", "dry_run"])]
+    #[arg(long, value_name = "OUT", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "size", "sh", "poses", "focal", "cameras", "antialiased", "exposure", "masks", "background", "strategy", "all", "views", "formats", "settings", "config", "dry_run"])]
     pub resume: Option<PathBuf>,
     /// Says what the run would take, and writes nothing
     #[arg(long, help_heading = RUN)]
@@ -75,7 +75,10 @@ pub struct Fit {
     /// Corrects the colors of each photo by an affine map
     #[arg(long, help_heading = PHOTOS)]
     pub exposure: bool,
-    /// Cameras as given, or refined with the scene [default: fixed]
+    /// The capture's cameras, or cameras estimated from its photos, as `splatweaver cameras` does; these go to OUT/cameras
+    #[arg(long, value_enum, default_value_t = Origin::Given, help_heading = PHOTOS)]
+    pub cameras: Origin,
+    /// Cameras as they are, or refined with the scene [default: fixed]
     #[arg(long, value_enum, help_heading = PHOTOS)]
     pub poses: Option<PoseMode>,
     /// Refines the focal length too, one factor for all photos
@@ -102,6 +105,15 @@ pub struct Fit {
     /// Sets one setting by its path; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE", help_heading = CONFIGURATION)]
     pub settings: Vec<String>,
+}
+
+/// Where cameras come from.
+#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
+pub enum Origin {
+    /// From the capture's files
+    Given,
+    /// By matching the photos
+    Estimated,
 }
 
 const PHOTOS: &str = "Photos and cameras";
@@ -157,7 +169,7 @@ fn pause(text: &str) -> Result<f64, String> {
     }
 }
 
-fn minutes(text: &str) -> Result<f64, String> {
+pub(super) fn minutes(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(minutes) if (0.05..=10_000.0).contains(&minutes) => Ok(minutes),
         _ => Err("expected a number from 0.05 to 10000".into()),

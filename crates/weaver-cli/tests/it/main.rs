@@ -3,6 +3,7 @@
 mod eval_scene;
 #[cfg(unix)]
 mod fit;
+mod photos;
 mod plan;
 mod process;
 mod video;

@@ -50,6 +50,16 @@ pub fn load_cameras(file: &Path, photos: &[PathBuf], width: usize, height: usize
     Ok(PhotoCameras { cameras, points })
 }
 
+/// The cameras of photos as they are on disk, matched by name as [`load_cameras`] does, in the world of the file.
+///
+/// # Errors
+/// As [`load_cameras`].
+pub fn load_camera_files(file: &Path, photos: &[PathBuf]) -> Result<Vec<Camera>, Error> {
+    let known = read(file)?.photos;
+    let names: Vec<&str> = known.iter().map(|photo| photo.frame.name.as_str()).collect();
+    Ok(by_name::cameras(file, &names, photos)?.into_iter().map(|at| known[at].frame.camera).collect())
+}
+
 fn read(file: &Path) -> Result<Photos, Error> {
     if file.is_dir() {
         return Ok(sparse::photos(&Model::read(model_folder(file))?, Path::new("")));

@@ -1,0 +1,185 @@
+//! Cameras that are estimated: `splatweaver cameras`, and for the commands that need them.
+
+use crate::Console;
+use crate::arguments::{Cameras, MatchingFlags};
+use crate::failure::Failure;
+use crate::progress::duration;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use weaver_data::{Confidence, EstimatedPhotos, LeftOut, estimate_photos};
+use weaver_geometry::glam::DVec3;
+use weaver_geometry::{Camera, Pose, Similarity};
+
+/// One photo in this many is held out.
+const HOLD_OUT: usize = 8;
+/// Names of photos in a message, at most.
+const NAMED: usize = 8;
+
+pub fn run(arguments: &Cameras, console: &mut Console) -> Result<(), Failure> {
+    let photos = photos(&arguments.photos)?;
+    let located = vec![false; photos.len()];
+    let found = estimated(&photos, &located, arguments.matching, &arguments.out, console)?;
+    let out = |name: &str| arguments.out.join(name).display().to_string();
+    if let Some(file) = &arguments.compare {
+        console.print(&compared(&found, file)?)?;
+    }
+    console.print(&format!("cameras: {}\npoints: {}", out("transforms.json"), out("points.png")))
+}
+
+/// Estimates cameras, says how it went, and writes a capture into a folder. Where `located` is true a photo is kept from what finds
+/// points.
+///
+/// # Errors
+/// When fewer than two photos get a camera; the message says why.
+pub fn estimated(
+    photos: &[PathBuf],
+    located: &[bool],
+    flags: MatchingFlags,
+    folder: &Path,
+    console: &mut Console,
+) -> Result<EstimatedPhotos, Failure> {
+    let start = Instant::now();
+    console.note(&format!("cameras: matching {} photos", photos.len()));
+    let found = estimate_photos(photos, located, &flags.into())?;
+    let placed = found.placed().len();
+    if placed < 2 {
+        return Err(Failure::message(format!("cameras: {}", refusal(&found))));
+    }
+    found.write(folder)?;
+    found.picture().write_png(folder.join("points.png"))?;
+    let e = &found.estimate;
+    console.note(&format!(
+        "cameras: {placed} of {} photos placed, {} points, off by {:.2} pixels in the median; focal length {:.3} of the longer side; {}",
+        photos.len(),
+        e.points.len(),
+        e.error,
+        found.focal(),
+        duration(start.elapsed().as_secs_f64())
+    ));
+    console.note(&format!("cameras: {}", sureness(&found)));
+    for reason in [LeftOut::Textureless, LeftOut::Unmatched, LeftOut::OnePlace, LeftOut::Unplaced] {
+        let names: Vec<String> =
+            found.left_out().iter().filter(|(_, r)| *r == reason).map(|(path, _)| path.display().to_string()).collect();
+        if !names.is_empty() {
+            console.note(&format!("warning: left out: {}: {}", listed(&names), explained(reason)));
+        }
+    }
+    Ok(found)
+}
+
+/// Estimates cameras into the folder `cameras` of a result, where every eighth photo may be held out, and returns the capture.
+///
+/// # Errors
+/// As [`estimated`]; and when the folder holds a scene.
+pub fn estimated_capture(
+    photos: &[PathBuf],
+    hold_out: bool,
+    flags: MatchingFlags,
+    out: &Path,
+    console: &mut Console,
+) -> Result<PathBuf, Failure> {
+    if out.join("run.json").exists() || out.join("scene.ply").exists() {
+        return Err(Failure::message(format!("{}: expected a folder without a scene, found one", out.display())));
+    }
+    let located: Vec<bool> = (0..photos.len()).map(|i| hold_out && i % HOLD_OUT == 0).collect();
+    let folder = out.join("cameras");
+    estimated(photos, &located, flags, &folder, console)?;
+    Ok(folder.join("transforms.json"))
+}
+
+fn sureness(found: &EstimatedPhotos) -> String {
+    match found.confidence() {
+        Confidence::Good => "good: nothing speaks against them".into(),
+        Confidence::Ambiguous => format!(
+            "doubtful: other cameras explain {:.0} % as much; more photos between these, or --focal, would tell",
+            100.0 * found.estimate.rival
+        ),
+        Confidence::Inexact => "doubtful: points are not where photos see them; something may have moved".into(),
+        Confidence::Guessed => {
+            "doubtful: two photos hardly tell their focal length; a third one, or --focal, would".into()
+        }
+        Confidence::None => "none".into(),
+    }
+}
+
+fn explained(reason: LeftOut) -> &'static str {
+    match reason {
+        LeftOut::Textureless => "nothing in them to find again: no texture, or blurred",
+        LeftOut::Unmatched => "nothing in common with the other photos; photos between would help",
+        LeftOut::OnePlace => {
+            "taken from the place of others, so that nothing tells how far anything is away; step aside between photos"
+        }
+        LeftOut::Unplaced => "too little in common with the others, or another place; photos between would help",
+    }
+}
+
+/// Why there are no cameras.
+fn refusal(found: &EstimatedPhotos) -> String {
+    let left_out = found.left_out();
+    match left_out.as_slice() {
+        [] => "expected at least two photos, found none".into(),
+        [_] => "expected at least two photos that overlap, found one: nothing tells how far anything is away".into(),
+        [(_, first), ..] if left_out.iter().all(|(_, reason)| reason == first) => {
+            let names: Vec<String> = left_out.iter().map(|(path, _)| path.display().to_string()).collect();
+            format!("expected photos that overlap, found none of {}: {}", listed(&names), explained(*first))
+        }
+        _ => {
+            let each = left_out.iter().take(NAMED).map(|(path, r)| format!("{}: {}", path.display(), explained(*r)));
+            format!("expected photos that overlap, found none; {}", each.collect::<Vec<_>>().join("; "))
+        }
+    }
+}
+
+fn listed(names: &[String]) -> String {
+    let shown = names[..names.len().min(NAMED)].join(", ");
+    if names.len() > NAMED { format!("{shown} and {} more", names.len() - NAMED) } else { shown }
+}
+
+/// How far estimated cameras are from others.
+fn compared(found: &EstimatedPhotos, file: &Path) -> Result<String, Failure> {
+    let placed = found.placed();
+    let truth = weaver_data::capture::load_camera_files(file, &placed)?;
+    let estimated: Vec<Camera> = found.estimate.cameras.iter().flatten().copied().collect();
+    let poses = |cameras: &[Camera]| -> Vec<Pose> { cameras.iter().map(|c| c.pose).collect() };
+    let (from, to) = (poses(&estimated), poses(&truth));
+    let onto = Similarity::fit_poses(&from, &to).ok_or_else(|| {
+        Failure::message(format!("{}: expected cameras in several places, found one", file.display()))
+    })?;
+    let middle = to.iter().map(Pose::center).sum::<DVec3>() / to.len() as f64;
+    let spread = to.iter().map(|p| p.center().distance(middle)).sum::<f64>() / to.len() as f64;
+    let moved: Vec<Pose> = from.iter().map(|p| onto.apply_to_pose(p)).collect();
+    let both = || moved.iter().zip(&to);
+    let mut turned: Vec<f64> = both().map(|(a, b)| a.angle_to(b).to_degrees()).collect();
+    let mut off: Vec<f64> = both().map(|(a, b)| 100.0 * a.center().distance(b.center()) / spread).collect();
+    let focal = |c: &Camera| c.intrinsics.fx / c.width as f64;
+    let mut longer: Vec<f64> = estimated.iter().zip(&truth).map(|(a, b)| 100.0 * (focal(a) / focal(b) - 1.0)).collect();
+    let median = |values: &mut Vec<f64>| {
+        values.sort_by(f64::total_cmp);
+        (values[values.len() / 2], values[values.len() - 1])
+    };
+    let ((turn, most_turn), (shift, most_shift)) = (median(&mut turned), median(&mut off));
+    Ok(format!(
+        "beside {}: {} of {} photos; rotation {turn:.3} degrees in the median, {most_turn:.2} at most; center {shift:.2} % of the cameras' spread, {most_shift:.1} at most; focal length {:+.2} %",
+        file.display(),
+        placed.len(),
+        found.paths.len(),
+        median(&mut longer).0
+    ))
+}
+
+/// The photos, with folders replaced by the photos in them.
+pub fn photos(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+    let mut photos = Vec::new();
+    for path in paths {
+        if !path.is_dir() {
+            photos.push(path.clone());
+            continue;
+        }
+        let found = weaver_io::list_files(path, &["png", "jpg", "jpeg"])?;
+        if found.is_empty() {
+            return Err(Failure::message(format!("{}: expected photos (PNG or JPEG), found none", path.display())));
+        }
+        photos.extend(found);
+    }
+    Ok(photos)
+}

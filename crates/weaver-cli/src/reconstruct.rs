@@ -1,0 +1,42 @@
+//! `splatweaver reconstruct`.
+
+use crate::arguments::{Command, CommandLine, Reconstruct};
+use crate::estimate::{estimated_capture, photos};
+use crate::failure::Failure;
+use crate::{Console, Interrupt, fit};
+use clap::Parser;
+use std::path::Path;
+use std::time::Instant;
+
+/// The least time for the fit, minutes, whatever matching took.
+const LEAST: f64 = 0.1;
+
+pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let start = Instant::now();
+    let out = &arguments.out;
+    let capture = match arguments.photos.as_slice() {
+        [one] if is_capture(one) => {
+            console.note(&format!("cameras: those of {}", one.display()));
+            one.clone()
+        }
+        paths => estimated_capture(&photos(paths)?, arguments.hold_out, arguments.matching, out, console)?,
+    };
+    let (minutes, size) = arguments.quality.effort();
+    let spent = start.elapsed().as_secs_f64() / 60.0;
+    let minutes = (arguments.minutes.unwrap_or(minutes) - spent).max(LEAST);
+    let text = |x: &Path| x.to_string_lossy().into_owned();
+    let mut words = ["splatweaver", "fit"].map(String::from).to_vec();
+    words.extend([text(&capture), "--out".into(), text(out), "--minutes".into(), format!("{minutes:.3}")]);
+    words.extend(["--size".into(), size.to_string(), "--seed".into(), arguments.seed.to_string()]);
+    words.extend(arguments.gaussians.into_iter().flat_map(|n| ["--gaussians".into(), n.to_string()]));
+    words.extend((!arguments.hold_out).then(|| "--all".into()));
+    console.note(&words.join(" "));
+    let Command::Fit(fitting) = CommandLine::try_parse_from(words)?.command else { unreachable!("words of a fit") };
+    fit::run(&fitting, console, interrupt)
+}
+
+/// Whether a folder or file tells its cameras.
+fn is_capture(path: &Path) -> bool {
+    let files = ["transforms.json", "transforms_train.json", "sparse", "cameras.txt"];
+    path.is_file() && path.extension().is_some_and(|e| e == "json") || files.iter().any(|name| path.join(name).exists())
+}

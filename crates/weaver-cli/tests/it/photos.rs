@@ -1,0 +1,104 @@
+//! Photos of which nothing else is told.
+
+use std::path::Path;
+use std::process::{Command, Output};
+use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_io::{Image, Transforms};
+use weaver_scene::Frame;
+
+const BINARY: &str = env!("CARGO_BIN_EXE_splatweaver");
+
+/// Writes `photos/00.png` and on, every second view of a built-in scene, and their true cameras to `truth/transforms.json`.
+fn photos(folder: &Path, views: usize) {
+    let scene = scene(3, &ProceduralOptions { width: 192, height: 144, views });
+    std::fs::create_dir_all(folder.join("photos")).unwrap();
+    std::fs::create_dir_all(folder.join("truth")).unwrap();
+    let frame = |(i, view): (usize, &weaver_data::View)| {
+        view.image.write_png(folder.join(format!("photos/{i:02}.png"))).unwrap();
+        Frame::new(format!("../photos/{i:02}.png"), view.camera)
+    };
+    let frames = scene.views.iter().step_by(2).enumerate().map(frame).collect();
+    Transforms { frames, ..Transforms::default() }.write(folder.join("truth/transforms.json")).unwrap();
+}
+
+fn run(folder: &Path, line: &str) -> Output {
+    Command::new(BINARY).current_dir(folder).args(line.split(' ')).output().unwrap()
+}
+
+fn said(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+#[test]
+fn cameras_become_a_capture() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    photos(folder, 12);
+    let output = run(folder, "cameras photos -o found --compare truth/transforms.json");
+    let text = said(&output);
+    assert!(output.status.success() && text.contains("6 of 6 photos placed"), "{text}");
+    let degrees: f64 = text.split("rotation ").nth(1).and_then(|t| t.split(' ').next()).unwrap().parse().unwrap();
+    assert!(degrees < 1.5, "{text}");
+    assert!(folder.join("found/points.png").exists());
+    let capture = weaver_data::posed::load(folder.join("found"), &Default::default()).unwrap();
+    assert_eq!(capture.photos.len(), 6);
+    assert!(capture.points.positions.len() > 100, "{} points", capture.points.positions.len());
+    let again = run(folder, "cameras photos -o again --threads 1");
+    assert!(again.status.success(), "{}", said(&again));
+    for name in ["transforms.json", "sparse/0/points3D.bin", "sparse/0/images.bin", "points.png"] {
+        let bytes = |out: &str| std::fs::read(folder.join(out).join(name)).unwrap();
+        assert!(bytes("found") == bytes("again"), "{name} depends on the number of threads");
+    }
+}
+
+#[test]
+fn a_scene_from_photos_alone() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    photos(folder, 12);
+    let output = run(folder, "reconstruct photos -o scene --minutes 0.1 --gaussians 1000 --hold-out");
+    let text = said(&output);
+    assert!(output.status.success() && text.contains("held out"), "{text}");
+    for name in ["scene.ply", "report.html", "summary.json", "cameras/transforms.json", "cameras/points.png"] {
+        assert!(folder.join("scene").join(name).exists(), "{name}");
+    }
+    let before = std::fs::read(folder.join("scene/scene.ply")).unwrap();
+    let again = run(folder, "reconstruct photos -o scene --minutes 0.1");
+    assert_eq!(again.status.code(), Some(1));
+    assert!(said(&again).contains("expected a folder without a scene"), "{}", said(&again));
+    assert!(std::fs::read(folder.join("scene/scene.ply")).unwrap() == before);
+    let capture = run(folder, "reconstruct truth -o posed --minutes 0.1 --gaussians 1000");
+    assert!(capture.status.success() && said(&capture).contains("cameras: those of truth"), "{}", said(&capture));
+    let fitted = run(folder, "fit photos --cameras estimated --steps 20 --gaussians 1000 -o fitted");
+    assert!(fitted.status.success() && folder.join("fitted/cameras/sparse").exists(), "{}", said(&fitted));
+}
+
+#[test]
+fn what_cannot_be_solved_is_refused_with_a_reason() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    photos(folder, 4);
+    std::fs::copy(folder.join("photos/00.png"), folder.join("copy.png")).unwrap();
+    Image::filled(192, 144, [0.4; 3]).write_png(folder.join("flat.png")).unwrap();
+    std::fs::write(folder.join("broken.png"), "no picture").unwrap();
+    std::fs::create_dir(folder.join("empty")).unwrap();
+    for (photos, reason) in [
+        ("photos/00.png", "expected at least two photos that overlap, found one"),
+        ("photos/00.png copy.png", "taken from the place of others"),
+        ("flat.png photos/00.png", "flat.png: nothing in them to find again"),
+        ("photos/00.png broken.png", "broken.png"),
+        ("photos/00.png nothing.png", "nothing.png"),
+        ("empty", "empty: expected photos"),
+    ] {
+        for command in ["cameras", "reconstruct"] {
+            let output = run(folder, &format!("{command} {photos} -o out"));
+            assert_eq!(output.status.code(), Some(1), "{command} {photos}: {}", said(&output));
+            assert!(said(&output).contains(reason), "{command} {photos}: {}", said(&output));
+            assert!(!folder.join("out").exists(), "{command} {photos} left something behind");
+        }
+    }
+    for wrong in ["--focal 0", "--focal x", "--match-size 3", "--quality best"] {
+        let output = run(folder, &format!("reconstruct photos -o out {wrong}"));
+        assert_eq!(output.status.code(), Some(2), "{wrong}: {}", said(&output));
+    }
+}

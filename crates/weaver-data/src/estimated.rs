@@ -1,0 +1,232 @@
+//! Photos without cameras: cameras by matching, as a capture on disk.
+
+use crate::Error;
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+use weaver_geometry::Camera;
+use weaver_geometry::glam::DVec2;
+use weaver_io::colmap::{Model, Point};
+use weaver_io::{Background, Image, Transforms};
+use weaver_scene::Frame;
+use weaver_sfm::{Confidence, Estimate, EstimateSettings, LeftOut, Photo, estimate};
+
+/// The diagonal of the film that focal lengths are compared by, millimeters.
+const FILM: f64 = 43.266_615;
+/// Standard deviation of focal lengths that are told, as a part of them: cameras round them, and crop.
+const TOLD: f64 = 0.05;
+/// Width of a photo in the picture of points.
+const THUMBNAIL: usize = 240;
+
+/// How cameras of photo files are estimated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EstimateOptions {
+    /// Photos are shrunk to this longest side for matching, pixels.
+    pub long_side: usize,
+    /// The focal length of all photos, in pixels of a photo whose longer side is 1; `None` asks the files, and estimates it where
+    /// these do not tell.
+    pub focal: Option<f64>,
+    /// Whether what files tell of their focal length is used.
+    pub exif: bool,
+    /// Whether all photos have one focal length.
+    pub shared: bool,
+}
+
+impl Default for EstimateOptions {
+    fn default() -> Self {
+        Self { long_side: 640, focal: None, exif: true, shared: true }
+    }
+}
+
+/// Photos with estimated cameras.
+#[derive(Clone, Debug)]
+pub struct EstimatedPhotos {
+    /// The photos.
+    pub paths: Vec<PathBuf>,
+    /// The photos as they were matched.
+    images: Vec<Image>,
+    /// Width and height of the files.
+    sizes: Vec<(usize, usize)>,
+    /// Which are only located.
+    located: Vec<bool>,
+    /// Cameras and points; pixels are those of the photos as they were matched.
+    pub estimate: Estimate,
+}
+
+/// Estimates the cameras of photo files. Where `located` is true, a photo finds no points: its camera is found by those of the others.
+///
+/// # Errors
+/// When a photo cannot be read.
+///
+/// # Panics
+/// If `located` is not as long as `paths`.
+pub fn estimate_photos(
+    paths: &[PathBuf],
+    located: &[bool],
+    options: &EstimateOptions,
+) -> Result<EstimatedPhotos, Error> {
+    assert_eq!(paths.len(), located.len(), "as many photos as flags");
+    let loaded: Vec<Result<Loaded, Error>> = paths.par_iter().map(|path| load(path, options)).collect();
+    let loaded = loaded.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let photos: Vec<Photo<'_>> = (loaded.iter().zip(located))
+        .map(|(Loaded { image, focal, .. }, located)| {
+            let photo = Photo::new(&image.to_bytes(), [image.height, image.width]);
+            Photo { focal: *focal, located: *located, ..photo }
+        })
+        .collect();
+    let focal_deviation = if options.focal.is_some() { 0.0 } else { TOLD };
+    let settings = EstimateSettings { focal_deviation, shared: options.shared, ..EstimateSettings::default() };
+    let estimate = estimate(&photos, &settings);
+    let (images, sizes) = loaded.into_iter().map(|loaded| (loaded.image, loaded.size)).unzip();
+    Ok(EstimatedPhotos { paths: paths.to_vec(), images, sizes, located: located.to_vec(), estimate })
+}
+
+/// A photo for matching.
+struct Loaded {
+    image: Image,
+    /// Width and height of the file.
+    size: (usize, usize),
+    /// The focal length as far as it is told, pixels of the image.
+    focal: Option<f64>,
+}
+
+fn load(path: &Path, options: &EstimateOptions) -> Result<Loaded, Error> {
+    let mut image = Image::read(path, Background::White)?;
+    let size = (image.width, image.height);
+    let longest = size.0.max(size.1);
+    if longest > options.long_side {
+        let shrunk = |side: usize| ((side * options.long_side) as f64 / longest as f64).round().max(1.0) as usize;
+        image = image.resize(shrunk(size.0), shrunk(size.1), [0.0, 0.0, size.0 as f64, size.1 as f64]);
+    }
+    let (w, h) = (image.width as f64, image.height as f64);
+    let told = if options.exif { weaver_io::focal_35mm(path)? } else { None };
+    let focal = options.focal.map(|f| f * w.max(h)).or(told.map(|mm| mm / FILM * w.hypot(h)));
+    Ok(Loaded { image, size, focal })
+}
+
+impl EstimatedPhotos {
+    /// The photos that have a camera.
+    pub fn placed(&self) -> Vec<PathBuf> {
+        let placed = self.paths.iter().zip(&self.estimate.cameras).filter(|(_, camera)| camera.is_ok());
+        placed.map(|(path, _)| path.clone()).collect()
+    }
+
+    /// The photos that have none, and why.
+    pub fn left_out(&self) -> Vec<(&Path, LeftOut)> {
+        let all = self.paths.iter().zip(&self.estimate.cameras);
+        all.filter_map(|(path, camera)| Some((path.as_path(), camera.err()?))).collect()
+    }
+
+    /// How much the cameras are to be believed.
+    pub fn confidence(&self) -> Confidence {
+        self.estimate.confidence()
+    }
+
+    /// The focal length of the first camera over the longer side of its photo; not a number without a camera.
+    pub fn focal(&self) -> f64 {
+        let first = self.estimate.cameras.iter().find_map(|camera| camera.ok());
+        first.map_or(f64::NAN, |c| c.intrinsics.fx / c.width.max(c.height) as f64)
+    }
+
+    /// Writes a capture into a folder: transforms.json, which names the located photos as those for testing, and a COLMAP model
+    /// with points in sparse/0. Photos stay where they are.
+    ///
+    /// # Errors
+    /// When the folder cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<(), Error> {
+        let frames = self.frames();
+        let sparse = folder.join("sparse/0");
+        weaver_io::create_folder(&sparse)?;
+        self.model(&frames).write_binary(&sparse)?;
+        let tested = |(number, frame): &(usize, Frame)| self.located[*number].then(|| frame.name.clone());
+        let test_filenames: Vec<String> = frames.iter().filter_map(tested).collect();
+        let frames = frames.into_iter().map(|(_, frame)| frame).collect();
+        Ok(Transforms { frames, test_filenames, ..Transforms::default() }.write(folder.join("transforms.json"))?)
+    }
+
+    /// Every photo with a camera, with the places of its points: green where these are exact, red where they are off by two pixels.
+    pub fn picture(&self) -> Image {
+        let [good, bad] = [[0.1, 0.9, 0.2], [1.0, 0.1, 0.1]];
+        let e = &self.estimate;
+        let mut shown: Vec<Option<Image>> = vec![None; self.images.len()];
+        for (number, image) in self.images.iter().enumerate().filter(|(number, _)| e.cameras[*number].is_ok()) {
+            let height = (image.height * THUMBNAIL / image.width).max(1);
+            shown[number] = Some(image.resize(THUMBNAIL, height, [0.0, 0.0, image.width as f64, image.height as f64]));
+        }
+        for o in &e.observations {
+            let (Some(shown), Ok(camera)) = (&mut shown[o.camera], &e.cameras[o.camera]) else { continue };
+            let off = camera.intrinsics.project(camera.pose.apply(e.points[o.point])).distance(o.pixel);
+            let t = (off / 2.0).min(1.0) as f32;
+            let at = o.pixel * (shown.width as f64 / camera.width as f64);
+            dot(shown, at, std::array::from_fn(|c| good[c] * (1.0 - t) + bad[c] * t));
+        }
+        let shown: Vec<Image> = shown.into_iter().flatten().collect();
+        sheet(&shown)
+    }
+
+    /// The photos with a camera by number, with cameras of the files.
+    fn frames(&self) -> Vec<(usize, Frame)> {
+        let frame = |(number, camera): (usize, &Result<Camera, LeftOut>)| {
+            let (camera, (width, height)) = (camera.ok()?, self.sizes[number]);
+            let (sx, sy) = (width as f64 / camera.width as f64, height as f64 / camera.height as f64);
+            let camera = Camera { intrinsics: camera.intrinsics.resized(sx, sy), width, height, ..camera };
+            let path = std::path::absolute(&self.paths[number]).unwrap_or_else(|_| self.paths[number].clone());
+            Some((number, Frame { path: path.clone(), ..Frame::new(path.to_string_lossy(), camera) }))
+        };
+        self.estimate.cameras.iter().enumerate().filter_map(frame).collect()
+    }
+
+    /// The model of COLMAP, with points and tracks.
+    fn model(&self, frames: &[(usize, Frame)]) -> Model {
+        let e = &self.estimate;
+        let mut model = Model::from_frames(&frames.iter().map(|(_, frame)| frame.clone()).collect::<Vec<_>>());
+        let place = |number: usize| frames.iter().position(|(n, _)| *n == number);
+        for (id, group) in e.observations.chunk_by(|a, b| a.point == b.point).enumerate() {
+            let (mut track, mut errors, mut rgb) = (Vec::new(), 0.0, None);
+            for o in group {
+                let (Some(at), Ok(camera)) = (place(o.camera), &e.cameras[o.camera]) else { continue };
+                let scale = self.sizes[o.camera].0 as f64 / camera.width as f64;
+                let image = &mut model.images[at];
+                track.push((image.id, image.points.len() as u32));
+                image.points.push((o.pixel.x * scale, o.pixel.y * scale, Some(id as u64 + 1)));
+                errors += scale * camera.intrinsics.project(camera.pose.apply(e.points[o.point])).distance(o.pixel);
+                rgb = rgb.or_else(|| color(&self.images[o.camera], o.pixel));
+            }
+            let error = errors / track.len().max(1) as f64;
+            let xyz = e.points[group[0].point].to_array();
+            model.points.push(Point { id: id as u64 + 1, xyz, rgb: rgb.unwrap_or_default(), error, track });
+        }
+        model
+    }
+}
+
+fn color(image: &Image, pixel: DVec2) -> Option<[u8; 3]> {
+    let at = 3 * ((pixel.y as usize).min(image.height - 1) * image.width + (pixel.x as usize).min(image.width - 1));
+    image.pixels.get(at..at + 3).map(|c| [0, 1, 2].map(|i| (c[i] * 255.0).round() as u8))
+}
+
+/// Draws a dot of three by three pixels.
+fn dot(image: &mut Image, at: DVec2, color: [f32; 3]) {
+    for (dx, dy) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy))) {
+        let (x, y) = (at.x as isize + dx, at.y as isize + dy);
+        if x >= 0 && y >= 0 && (x as usize) < image.width && (y as usize) < image.height {
+            let place = 3 * (y as usize * image.width + x as usize);
+            image.pixels[place..place + 3].copy_from_slice(&color);
+        }
+    }
+}
+
+/// Pictures side by side in rows.
+fn sheet(images: &[Image]) -> Image {
+    let columns = (images.len() as f64).sqrt().ceil().max(1.0) as usize;
+    let height = images.iter().map(|i| i.height).max().unwrap_or(1);
+    let rows = images.len().div_ceil(columns).max(1);
+    let mut sheet = Image::filled(columns * THUMBNAIL, rows * height, [1.0; 3]);
+    for (i, image) in images.iter().enumerate() {
+        let (left, top) = (i % columns * THUMBNAIL, i / columns * height);
+        for (y, row) in image.pixels.chunks_exact(3 * image.width).enumerate() {
+            let at = 3 * ((top + y) * sheet.width + left);
+            sheet.pixels[at..at + row.len()].copy_from_slice(row);
+        }
+    }
+    sheet
+}

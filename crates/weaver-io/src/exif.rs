@@ -1,0 +1,19 @@
+//! What a camera writes into its photos about itself.
+
+use crate::{Error, Result};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+/// The focal length of a photo in millimeters, on a film of 36 x 24 mm with the photo's diagonal
+/// (EXIF's `FocalLengthIn35mmFilm`); `None` where the file does not tell.
+///
+/// # Errors
+/// When the file cannot be opened. EXIF that is malformed tells nothing.
+pub fn focal_35mm(path: impl AsRef<Path>) -> Result<Option<f64>> {
+    let path = path.as_ref();
+    let file = File::open(path).map_err(Error::io(path))?;
+    let Ok(fields) = exif::Reader::new().read_from_container(&mut BufReader::new(file)) else { return Ok(None) };
+    let field = fields.get_field(exif::Tag::FocalLengthIn35mmFilm, exif::In::PRIMARY);
+    Ok(field.and_then(|f| f.value.get_uint(0)).filter(|f| *f > 0).map(f64::from))
+}
