@@ -1,7 +1,7 @@
-//! One procedural scene of 24 views at the smallest training size, and a tuple drawn from it.
+//! Procedural scenes at the smallest training size, and a tuple drawn from it.
 
 use criterion::Criterion;
-use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_data::procedural::{ProceduralOptions, scene, varied_scene};
 use weaver_data::training_tuple;
 use weaver_kernels::random::Stream;
 
@@ -11,6 +11,14 @@ fn main() {
     let options = ProceduralOptions { width: 64, height: 48, views: 24 };
     group.sample_size(10);
     group.bench_function("procedural scene 24 x 64x48", |b| b.iter(|| scene(1, &options)));
+    let fresh = ProceduralOptions { views: 8, ..options };
+    let mut seed = 0;
+    group.bench_function("varied procedural scene 8 x 64x48", |b| {
+        b.iter(|| {
+            seed += 1;
+            varied_scene(seed, &fresh)
+        });
+    });
 
     let scenes = [scene(1, &options)];
     let rng = Stream::new(1, 0, "bench");

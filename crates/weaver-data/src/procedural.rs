@@ -1,18 +1,25 @@
 //! Scenes generated from a seed: ray-cast planes, boxes and balls with exact cameras, depth and surface points.
 //!
+//! [`scene`] is plain and always the same; [`varied_scene`] is for training on scenes without end.
+//!
 //! The ray caster shares no code with the Gaussian rasterizer, so these scenes are an independent test of it. A scene is a
 //! pure function of its seed and options, whatever the number of threads.
 
 mod draws;
 mod path;
+mod pyramid;
 mod render;
 mod solid;
 mod texture;
+mod varied;
 mod world;
 
 use crate::{Scene, View};
 use draws::Draws;
+use path::Path;
 use rayon::prelude::*;
+use render::Film;
+use std::ops::Range;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_kernels::random::Stream;
@@ -52,43 +59,101 @@ pub fn scene(seed: u64, options: &ProceduralOptions) -> Scene {
     let stream = Stream::new(seed, 0, "data.procedural");
     let world = World::compose(&mut Draws::new(stream.fork(0)));
     let mut draws = Draws::new(stream.fork(1));
-    let cameras = path::cameras(options.width, options.height, options.views, &mut draws);
-    let views: Vec<View> = cameras
-        .par_iter()
-        .enumerate()
-        .map(|(i, camera)| View {
-            name: format!("{i:04}"),
-            image: render::photograph(&world, camera),
-            camera: *camera,
-            depth: Some(render::depth(&world, camera)),
-            time: None,
-            number: None,
-            // Not the first of four: every held-out camera then stands between training cameras.
-            held_out: i % HOLD_OUT == 2,
-        })
-        .collect();
-    let points: Vec<DVec3> =
-        views.iter().enumerate().flat_map(|(i, view)| surface_points(view, stream.fork(2 + i as u64))).collect();
-    let visible = cameras
-        .par_iter()
-        .map(|camera| (0..points.len() as u32).filter(|&p| sees(&world, camera, points[p as usize])).collect())
-        .collect();
-    Scene { name: format!("procedural-seed-{seed}"), views, points, visible, scale: None }
+    let cameras = Path::around(options.views, &mut draws).cameras(options, &mut draws);
+    Plan { world, cameras, film: Film::PLAIN }.carried_out(format!("procedural-seed-{seed}"), stream)
+}
+
+/// Generates the varied scene of a seed, for training that is to carry over to real photos: a room or an open place with
+/// objects of all sizes, photographed along an arc or a path straight ahead.
+///
+/// View angle 30 to 75 degrees, 8 to 90 degrees from the first camera to the last, roll, dead-leaves textures, a color cast,
+/// small differences of exposure, noise; four rays per pixel, where [`scene`] has sixteen. Depth, points, visibility and
+/// held-out views are as there.
+///
+/// ```
+/// use weaver_data::procedural::{ProceduralOptions, varied_scene};
+/// let options = ProceduralOptions { width: 16, height: 12, views: 4 };
+/// let [a, b] = [1, 2].map(|seed| varied_scene(seed, &options));
+/// assert_ne!(a.views[0].camera.intrinsics.fx, b.views[0].camera.intrinsics.fx);
+/// assert!(a.views.iter().all(|view| view.depth.as_ref().unwrap().iter().any(|z| *z > 0.0)));
+/// ```
+pub fn varied_scene(seed: u64, options: &ProceduralOptions) -> Scene {
+    let stream = Stream::new(seed, 0, "data.varied");
+    let mut draws = Draws::new(stream.fork(0));
+    let cameras = Path::varied(options.views, &mut draws).cameras(options, &mut draws);
+    let world = World::around(&cameras, &mut Draws::new(stream.fork(1)));
+    let film = Film::varied(&mut draws);
+    Plan { world, cameras, film }.carried_out(format!("varied-seed-{seed}"), stream)
+}
+
+/// A scene before its photos are taken.
+struct Plan {
+    world: World,
+    cameras: Vec<Camera>,
+    film: Film,
+}
+
+impl Plan {
+    fn carried_out(self, name: String, stream: Stream) -> Scene {
+        let Self { world, cameras, film } = self;
+        // What is drawn for a view has its own stream, apart from those of world and cameras, 0 and 1.
+        let stream_of = |view: usize| stream.fork(2 + view as u64);
+        let views: Vec<View> = cameras
+            .par_iter()
+            .enumerate()
+            .map(|(i, camera)| {
+                let (image, depth) = film.photograph(&world, camera, stream_of(i).fork(0));
+                View {
+                    name: format!("{i:04}"),
+                    image,
+                    camera: *camera,
+                    depth: Some(depth),
+                    time: None,
+                    number: None,
+                    // Not the first of four: every held-out camera then stands between training cameras.
+                    held_out: i % HOLD_OUT == 2,
+                }
+            })
+            .collect();
+        let points: Vec<DVec3> =
+            views.iter().enumerate().flat_map(|(i, view)| surface_points(view, stream_of(i))).collect();
+        let visible = cameras
+            .par_iter()
+            .map(|camera| (0..points.len() as u32).filter(|&p| sees(&world, camera, points[p as usize])).collect())
+            .collect();
+        Scene { name, views, points, visible, scale: None }
+    }
 }
 
 /// The default training set: sixteen scenes of 24 views, always the same.
 pub fn default_training_set(width: usize, height: usize) -> Vec<Scene> {
-    set("procedural", TRAINING_SEED, 16, width, height)
+    set("procedural", scene, TRAINING_SEED..TRAINING_SEED + 16, width, height)
 }
 
 /// The default set for evaluation on unseen scenes: four scenes of 24 views that [`default_training_set`] does not contain.
 pub fn default_unseen_set(width: usize, height: usize) -> Vec<Scene> {
-    set("unseen", UNSEEN_SEED, 4, width, height)
+    set("unseen", scene, UNSEEN_SEED..UNSEEN_SEED + 4, width, height)
 }
 
-fn set(name: &str, first_seed: u64, scenes: u64, width: usize, height: usize) -> Vec<Scene> {
+/// Eight [varied scenes](varied_scene) of 24 views for evaluation; training draws its seeds from all 64-bit numbers.
+///
+/// ```
+/// let set = weaver_data::procedural::varied_unseen_set(16, 12);
+/// assert_eq!((set.len(), set[7].name.as_str(), set[7].held_out_views().len()), (8, "varied-07", 6));
+/// ```
+pub fn varied_unseen_set(width: usize, height: usize) -> Vec<Scene> {
+    set("varied", varied_scene, UNSEEN_SEED..UNSEEN_SEED + 8, width, height)
+}
+
+fn set(
+    name: &str,
+    scene: fn(u64, &ProceduralOptions) -> Scene,
+    seeds: Range<u64>,
+    width: usize,
+    height: usize,
+) -> Vec<Scene> {
     let options = ProceduralOptions { width, height, views: 24 };
-    (0..scenes).map(|i| Scene { name: format!("{name}-{i:02}"), ..scene(first_seed + i, &options) }).collect()
+    seeds.enumerate().map(|(i, seed)| Scene { name: format!("{name}-{i:02}"), ..scene(seed, &options) }).collect()
 }
 
 /// Surface points under random pixels of a view.

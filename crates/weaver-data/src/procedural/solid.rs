@@ -1,7 +1,7 @@
 //! Balls and blocks, and where rays meet them.
 
 use super::texture::Texture;
-use weaver_geometry::glam::{DVec2, DVec3};
+use weaver_geometry::glam::{DMat3, DVec2, DVec3};
 
 /// A closed shape, seen from outside.
 #[derive(Clone, Copy, Debug)]
@@ -17,10 +17,19 @@ pub(super) enum Shape {
         /// Cosine and sine of the turn.
         turn: DVec2,
     },
+    /// An ellipsoid or a box, turned in any way.
+    Turned {
+        center: DVec3,
+        half: DVec3,
+        /// World axes to the shape's own.
+        into: DMat3,
+        /// An ellipsoid.
+        round: bool,
+    },
 }
 
 /// A shape and how it is colored.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Solid {
     pub shape: Shape,
     pub texture: Texture,
@@ -35,7 +44,22 @@ fn out_of_block(v: DVec3, turn: DVec2) -> DVec3 {
     into_block(v, DVec2::new(turn.x, -turn.y))
 }
 
+const BALL: Shape = Shape::Ball { center: DVec3::ZERO, radius: 1.0 };
+
+fn upright(half: DVec3) -> Shape {
+    Shape::Block { center: DVec3::ZERO, half, turn: DVec2::X }
+}
+
 impl Shape {
+    /// Center and radius of a ball around the shape.
+    pub fn bounds(&self) -> (DVec3, f64) {
+        match *self {
+            Self::Ball { center, radius } => (center, radius),
+            Self::Turned { center, half, round: true, .. } => (center, half.max_element()),
+            Self::Block { center, half, .. } | Self::Turned { center, half, .. } => (center, half.length()),
+        }
+    }
+
     /// The smallest `t > 0` with `origin + t direction` on the surface, for an origin outside.
     pub fn hit(&self, origin: DVec3, direction: DVec3) -> Option<f64> {
         match *self {
@@ -57,6 +81,11 @@ impl Shape {
                 let near = a.min(b).max_element();
                 let far = a.max(b).min_element();
                 (near > 0.0 && near <= far).then_some(near)
+            }
+            // Rays stay rays, and their parameter what it is.
+            Self::Turned { center, half, into, round } => {
+                let (o, d) = (into * (origin - center), into * direction);
+                if round { BALL.hit(o / half, d / half) } else { upright(half).hit(o, d) }
             }
         }
     }
@@ -81,21 +110,36 @@ impl Shape {
                 };
                 (out_of_block(normal, turn), uv)
             }
+            Self::Turned { center, half, into, round } => {
+                let local = into * (point - center);
+                let (normal, uv) = if round {
+                    let (normal, uv) = BALL.surface(local / half);
+                    ((normal / half).normalize(), uv * half.element_sum() / 3.0)
+                } else {
+                    upright(half).surface(local)
+                };
+                (into.transpose() * normal, uv)
+            }
         }
     }
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use proptest::prelude::*;
+    use weaver_geometry::glam::EulerRot;
 
-    fn inside(shape: &Shape, p: DVec3) -> bool {
+    pub fn inside(shape: &Shape, p: DVec3) -> bool {
         match *shape {
             Shape::Ball { center, radius } => p.distance(center) < radius,
             Shape::Block { center, half, turn } => {
                 let along = |axis: DVec2| (p - center).truncate().dot(axis).abs();
                 along(turn) < half.x && along(turn.perp()) < half.y && (p.z - center.z).abs() < half.z
+            }
+            Shape::Turned { center, half, into, round } => {
+                let q = into * (p - center) / half;
+                if round { q.length() < 1.0 } else { q.abs().max_element() < 1.0 }
             }
         }
     }
@@ -105,13 +149,17 @@ mod tests {
     }
 
     fn shape() -> impl Strategy<Value = Shape> {
-        let half = [0.2..0.9, 0.2..0.9, 0.2..0.9].prop_map(DVec3::from);
+        let half = || [0.2..0.9, 0.2..0.9, 0.2..0.9].prop_map(DVec3::from);
         prop_oneof![
             (vector(0.5), 0.3..1.0).prop_map(|(center, radius)| Shape::Ball { center, radius }),
-            (vector(0.5), half, 0.0..6.3).prop_map(|(center, half, turn)| Shape::Block {
+            (vector(0.5), half(), 0.0..6.3).prop_map(|(center, half, turn)| Shape::Block {
                 center,
                 half,
                 turn: DVec2::from_angle(turn)
+            }),
+            (vector(0.5), half(), vector(3.0), any::<bool>()).prop_map(|(center, half, angles, round)| {
+                let into = DMat3::from_euler(EulerRot::XYZ, angles.x, angles.y, angles.z);
+                Shape::Turned { center, half, into, round }
             }),
         ]
     }

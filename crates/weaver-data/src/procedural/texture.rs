@@ -1,6 +1,8 @@
 //! Surface colors: flat areas and fine detail, as functions of surface coordinates.
 
 use super::draws::Draws;
+use super::pyramid::Pyramid;
+use std::sync::Arc;
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_kernels::random::Stream;
 
@@ -16,22 +18,24 @@ const GLYPHS: [[u8; 7]; 8] = [
     [0b11111, 0b00001, 0b00010, 0b00100, 0b01000, 0b10000, 0b11111],
 ];
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 enum Pattern {
     Flat,
     Checks,
     Stripes(DVec2),
     Noise,
     Glyphs,
+    /// An image, of which this point is at the origin.
+    Image(Arc<Pyramid>, DVec2),
 }
 
 /// A pattern in two colors.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Texture {
     pattern: Pattern,
-    /// Scene units in which the pattern repeats, or over which noise changes.
+    /// Scene units in which the pattern repeats, over which noise changes, or that an image is wide.
     period: f64,
-    /// Linear light.
+    /// Linear light, of the darkest and the lightest that the pattern has.
     colors: [DVec3; 2],
     stream: Stream,
 }
@@ -47,6 +51,19 @@ impl Texture {
     pub fn small(draws: &mut Draws) -> Self {
         let kind = draws.below(5);
         Self::of_kind(kind, 1.0, draws)
+    }
+
+    /// One of some images, in colors of its own, from `smallest` to three times as many scene units wide; one surface in
+    /// twelve is flat.
+    pub fn image(images: &[Arc<Pyramid>], smallest: f64, draws: &mut Draws) -> Self {
+        let image = images[draws.below(images.len())].clone();
+        let shift = DVec2::new(draws.within(0.0, 2.0), draws.within(0.0, 2.0));
+        let dark = color(draws.within(0.0, 1.0), draws.within(0.0, 0.8), draws.within(0.0, 0.15));
+        let light = color(draws.within(0.0, 1.0), draws.within(0.0, 0.6), draws.within(0.5, 1.2));
+        let period = smallest * 3.0_f64.powf(draws.within(0.0, 1.0));
+        let pattern = if draws.chance(1.0 / 12.0) { Pattern::Flat } else { Pattern::Image(image, shift) };
+        let colors = if matches!(pattern, Pattern::Flat) { [dark.lerp(light, 0.5); 2] } else { [dark, light] };
+        Self { pattern, period, colors, stream: draws.stream() }
     }
 
     fn of_kind(kind: usize, size: f64, draws: &mut Draws) -> Self {
@@ -70,15 +87,19 @@ impl Texture {
         Self { pattern, period, colors, stream: draws.stream() }
     }
 
-    /// The color at surface coordinates `uv`, linear light.
-    pub fn color(&self, uv: DVec2) -> DVec3 {
+    /// The color at surface coordinates `uv`, linear light; of an image, its mean over about `footprint` scene units.
+    pub fn color(&self, uv: DVec2, footprint: f64) -> DVec3 {
         let p = uv / self.period;
-        let mix = match self.pattern {
+        let mix = match &self.pattern {
             Pattern::Flat => 0.0,
             Pattern::Checks => f64::from(((p.x * 2.0).floor() + (p.y * 2.0).floor()).rem_euclid(2.0) >= 1.0),
-            Pattern::Stripes(direction) => f64::from(p.dot(direction).rem_euclid(1.0) < 0.5),
+            Pattern::Stripes(direction) => f64::from(p.dot(*direction).rem_euclid(1.0) < 0.5),
             Pattern::Noise => (self.noise(p) + 0.5 * self.noise(p * 2.0 + DVec2::splat(37.0))) / 1.5,
             Pattern::Glyphs => f64::from(self.glyph(p)),
+            Pattern::Image(image, shift) => {
+                let range = self.colors[1] - self.colors[0];
+                return self.colors[0] + range * image.at(p + *shift, footprint / self.period);
+            }
         };
         self.colors[0].lerp(self.colors[1], mix)
     }

@@ -7,3 +7,4 @@ mod quality;
 mod real_captures;
 mod sampler;
 mod scene;
+mod varied;
