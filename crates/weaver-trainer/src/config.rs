@@ -40,7 +40,8 @@ pub struct Config<R: Recipe> {
 pub struct DataConfig {
     /// Folders of captures; empty trains on the built-in procedural scenes.
     pub folders: Vec<PathBuf>,
-    /// Procedural scenes only: draw fresh scenes every so many steps in place of the fixed default set.
+    /// Procedural scenes only: train on varied scenes without end in place of the fixed default set. Sixteen are kept; every
+    /// so many steps a fresh one takes the place of the oldest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub endless: Option<usize>,
     /// Captures without points: the mean distance from camera 0 to what the cameras see, in the capture's units. Without

@@ -32,41 +32,59 @@ pub fn load_captures(
     folders.iter().map(|folder| Ok(capture::load(folder, &options)?)).collect()
 }
 
-/// Fresh procedural scenes, block after block of steps.
+/// Procedural scenes without end: some are kept, and every so many steps a fresh one takes the place of the oldest.
+///
+/// Which ones are kept is a function of the seed and the step alone, so that a run can go on from any step.
 #[derive(Debug)]
 pub struct Endless {
     every: Option<usize>,
-    seed: u64,
+    stream: Stream,
     options: ProceduralOptions,
-    block: Option<usize>,
+    /// The number of each scene in the sequence of all.
+    numbers: Vec<usize>,
     scenes: Vec<Scene>,
 }
 
 /// Views of a fresh scene: enough for a tuple with some choice.
 const FRESH_VIEWS: usize = 8;
+/// Scenes that are kept: drawing one costs as much as some of a step, so that each serves more than one step.
+const KEPT: usize = 16;
 
 impl Endless {
     /// The scenes that the configuration asks for; none without `data.endless` or with captures.
     pub fn new(data: &DataConfig, [height, width]: [usize; 2], seed: u64) -> Self {
         let every = data.endless.filter(|_| data.folders.is_empty());
         let options = ProceduralOptions { width, height, views: FRESH_VIEWS };
-        Self { every, seed, options, block: None, scenes: Vec::new() }
+        Self { every, stream: Stream::new(seed, 0, "scenes"), options, numbers: Vec::new(), scenes: Vec::new() }
     }
 
-    /// The scenes of a step, `count` of them; `None` when the set is fixed.
-    pub fn scenes(&mut self, step: usize, count: usize) -> Option<&[Scene]> {
-        let block = step / self.every?;
-        if self.block != Some(block) || self.scenes.len() != count {
-            let seeds = Stream::new(self.seed, block as u64, "scenes");
-            self.scenes = (0..count as u64)
-                .map(|i| {
-                    let mut scene = procedural::scene(seeds.bits(i), &self.options);
-                    scene.views.iter_mut().for_each(|view| view.held_out = false);
-                    scene
-                })
-                .collect();
-            self.block = Some(block);
+    /// Whether there are any.
+    pub fn is_some(&self) -> bool {
+        self.every.is_some()
+    }
+
+    /// The scenes of a step; `None` when the set is fixed.
+    pub fn scenes(&mut self, step: usize) -> Option<&[Scene]> {
+        let last = step / self.every? + KEPT - 1;
+        for place in 0..KEPT {
+            let number = last - (last - place) % KEPT;
+            if self.numbers.get(place) == Some(&number) {
+                continue;
+            }
+            let fresh = self.fresh(number);
+            if place < self.scenes.len() {
+                (self.numbers[place], self.scenes[place]) = (number, fresh);
+            } else {
+                self.numbers.push(number);
+                self.scenes.push(fresh);
+            }
         }
         Some(&self.scenes)
+    }
+
+    fn fresh(&self, number: usize) -> Scene {
+        let mut scene = procedural::varied_scene(self.stream.bits(number as u64), &self.options);
+        scene.views.iter_mut().for_each(|view| view.held_out = false);
+        scene
     }
 }

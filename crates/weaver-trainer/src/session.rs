@@ -176,10 +176,11 @@ impl<R: Recipe> Session<R> {
         let views: usize = self.scenes.iter().map(|s| s.views.len()).sum();
         let [height, width] = R::image_size(&self.config.model);
         let mut text = format!(
-            "preset {}, {width} x {height}, {:.2} M parameters; {} scenes, {views} views\n",
+            "preset {}, {width} x {height}, {:.2} M parameters; {} scenes, {views} views{}\n",
             self.config.preset,
             self.params.count() as f64 / 1e6,
-            self.scenes.len()
+            self.scenes.len(),
+            if self.fresh.is_some() { ", for samples and evaluation only; fresh scenes for training" } else { "" }
         );
         for stage in &self.config.stages {
             let untrained = R::untrained(stage);
@@ -323,7 +324,7 @@ impl<R: Recipe> Session<R> {
     fn examples(&mut self, stage: &StageConfig<R>) -> Result<Vec<Example>, Error> {
         let d = &self.config.data;
         let count = R::tuples(stage);
-        let scenes = match self.fresh.scenes(self.step, count) {
+        let scenes = match self.fresh.scenes(self.step) {
             Some(fresh) => fresh,
             None => &self.scenes,
         };

@@ -10,7 +10,7 @@ pub(super) fn preset(name: &str) -> Option<Config<SplatWeaverRecipe>> {
     if !SplatWeaverRecipe::PRESETS.contains(&name) {
         return None;
     }
-    let model = ModelConfig::preset(name)?;
+    let model = ModelConfig::preset(if name == "tiny-endless" { "tiny" } else { name })?;
     let evaluation = EvaluationConfig {
         cameras: CameraMode::Predicted,
         allocation: Some(AllocationKind::Dithered),
@@ -23,6 +23,14 @@ pub(super) fn preset(name: &str) -> Option<Config<SplatWeaverRecipe>> {
             config.data.pool = 4;
             config.stages = vec![poses(10), everything(40)];
             config.output = OutputConfig { log_every: 5, checkpoint_every: 25, sample_every: 25 };
+        }
+        "tiny-endless" => {
+            config.data.endless = Some(2);
+            // Over a thousand steps of so many.
+            config.optimizer.ema = 0.999;
+            config.stages = vec![given(60_000)];
+            config.evaluation.cameras = CameraMode::Given;
+            config.output = OutputConfig { log_every: 100, checkpoint_every: 1000, sample_every: 10_000 };
         }
         "tiny-published" => {
             config.optimizer =
@@ -74,6 +82,22 @@ fn everything(steps: usize) -> StageConfig<SplatWeaverRecipe> {
             router: RouterLosses { error_regression: 0.02, ..RouterLosses::default() },
             ..poses.losses
         },
+    }
+}
+
+/// Depth and appearance from given cameras, which then need no stage of their own.
+fn given(steps: usize) -> StageConfig<SplatWeaverRecipe> {
+    let everything = everything(steps);
+    StageConfig {
+        name: "given".into(),
+        warmup: 500,
+        model: StageSettings { pose_tuples: 0, cameras: CameraMode::Given, ..everything.model },
+        losses: Losses {
+            // Without a loss on poses the camera head would have no gradients.
+            pose: PoseLosses { l1: 0.2, ..PoseLosses::default() },
+            ..everything.losses
+        },
+        ..everything
     }
 }
 

@@ -2,7 +2,7 @@
 
 use weaver_model::ParametrizationConfig;
 use weaver_recipes::SplatWeaverRecipe;
-use weaver_trainer::Config;
+use weaver_trainer::{CameraMode, Config, Recipe};
 
 fn message(settings: &[&str]) -> String {
     let settings: Vec<String> = settings.iter().map(|s| (*s).to_string()).collect();
@@ -72,9 +72,23 @@ fn endless_scenes_have_no_frame_of_their_own() {
 }
 
 #[test]
+fn the_endless_preset_trains_the_tiny_network_with_given_cameras() {
+    let [endless, tiny] = ["tiny-endless", "tiny"].map(|name| Config::<SplatWeaverRecipe>::preset(name).unwrap());
+    assert_eq!(endless.model, tiny.model);
+    assert!(endless.data.endless.is_some() && tiny.data.endless.is_none());
+    for stage in &endless.stages {
+        assert_eq!((stage.model.cameras, stage.model.pose_tuples), (CameraMode::Given, 0));
+        // The camera head needs gradients; scenes that do not come back have no frame of their own.
+        assert!(stage.losses.pose.l1 > 0.0 && stage.losses.pose.absolute == 0.0);
+    }
+}
+
+#[test]
 fn a_resolved_config_survives_its_file() {
-    let config = Config::<SplatWeaverRecipe>::preset("tiny").unwrap();
-    assert_eq!(Config::<SplatWeaverRecipe>::from_toml(&config.to_toml(), "x").unwrap(), config);
+    for preset in SplatWeaverRecipe::PRESETS {
+        let config = Config::<SplatWeaverRecipe>::preset(preset).unwrap();
+        assert_eq!(Config::<SplatWeaverRecipe>::from_toml(&config.to_toml(), "x").unwrap(), config);
+    }
 }
 
 #[test]

@@ -6,7 +6,7 @@ mod pixel_cnn;
 
 use pixel_cnn::PixelCnnRecipe;
 use std::sync::atomic::AtomicBool;
-use weaver_trainer::{Config, Error, Observer, Overrides, Registry, Session, Setup, Source, StepReport, create_run};
+use weaver_trainer::{Config, DataConfig, Error, Observer, Overrides, Registry, Session, Setup, Source, StepReport, create_run};
 
 /// A configuration of so many steps on photos of 16 x 16 pixels.
 fn config(steps: usize) -> Config<PixelCnnRecipe> {
@@ -29,6 +29,26 @@ fn a_resumed_run_equals_an_uninterrupted_one() {
         while session.advance().unwrap().is_some() {}
     }
     assert_eq!(first.checksum(), second.checksum());
+}
+
+/// Which scenes are kept at a step does not depend on where the run went on.
+#[test]
+fn a_resumed_run_on_endless_scenes_equals_an_uninterrupted_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.safetensors");
+    let endless = |every| Config { data: DataConfig { endless: Some(every), ..config(7).data }, ..config(7) };
+    let mut first = Session::new(endless(2)).unwrap();
+    (0..3).for_each(|_| _ = first.advance().unwrap().unwrap());
+    first.save(&path).unwrap();
+    let mut second = Session::resume(endless(2), &path).unwrap();
+    let [mut faster, mut fixed] = [endless(1), config(7)].map(|config| Session::new(config).unwrap());
+    for session in [&mut first, &mut second, &mut faster, &mut fixed] {
+        while session.advance().unwrap().is_some() {}
+    }
+    assert_eq!(first.checksum(), second.checksum());
+    assert_ne!(first.checksum(), faster.checksum());
+    assert_ne!(first.checksum(), fixed.checksum());
+    assert!(first.plan().contains("fresh scenes for training") && !fixed.plan().contains("fresh scenes"));
 }
 
 #[test]
