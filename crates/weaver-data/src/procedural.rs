@@ -5,6 +5,7 @@
 //! The ray caster shares no code with the Gaussian rasterizer, so these scenes are an independent test of it. A scene is a
 //! pure function of its seed and options, whatever the number of threads.
 
+mod color;
 mod draws;
 mod path;
 mod pyramid;

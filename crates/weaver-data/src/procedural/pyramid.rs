@@ -1,7 +1,7 @@
 //! Images on surfaces, kept at every power of two of their size, so that a few rays a pixel see no aliasing.
 
+use super::color::color;
 use super::draws::Draws;
-use super::texture::color;
 use weaver_geometry::glam::{DMat2, DVec2, DVec3, Vec3};
 
 /// Texels of the largest level along each axis, a power of two.

@@ -44,6 +44,27 @@ fn out_of_block(v: DVec3, turn: DVec2) -> DVec3 {
     into_block(v, DVec2::new(turn.x, -turn.y))
 }
 
+/// Where a ray enters a ball whose center lies at `to` from the ray's origin.
+fn enter_ball(to: DVec3, direction: DVec3, radius: f64) -> Option<f64> {
+    let a = direction.length_squared();
+    let b = to.dot(direction);
+    let discriminant = b * b - a * (to.length_squared() - radius * radius);
+    if discriminant < 0.0 {
+        return None;
+    }
+    let t = (b - discriminant.sqrt()) / a;
+    (t > 0.0).then_some(t)
+}
+
+/// Where a ray enters the box between `-half` and `half`.
+fn enter_box(origin: DVec3, direction: DVec3, half: DVec3) -> Option<f64> {
+    let inverse = direction.recip();
+    let (a, b) = ((-half - origin) * inverse, (half - origin) * inverse);
+    let near = a.min(b).max_element();
+    let far = a.max(b).min_element();
+    (near > 0.0 && near <= far).then_some(near)
+}
+
 const BALL: Shape = Shape::Ball { center: DVec3::ZERO, radius: 1.0 };
 
 fn upright(half: DVec3) -> Shape {
@@ -63,29 +84,14 @@ impl Shape {
     /// The smallest `t > 0` with `origin + t direction` on the surface, for an origin outside.
     pub fn hit(&self, origin: DVec3, direction: DVec3) -> Option<f64> {
         match *self {
-            Self::Ball { center, radius } => {
-                let to = center - origin;
-                let a = direction.length_squared();
-                let b = to.dot(direction);
-                let discriminant = b * b - a * (to.length_squared() - radius * radius);
-                if discriminant < 0.0 {
-                    return None;
-                }
-                let t = (b - discriminant.sqrt()) / a;
-                (t > 0.0).then_some(t)
-            }
+            Self::Ball { center, radius } => enter_ball(center - origin, direction, radius),
             Self::Block { center, half, turn } => {
-                let o = into_block(origin - center, turn);
-                let inverse = into_block(direction, turn).recip();
-                let (a, b) = ((-half - o) * inverse, (half - o) * inverse);
-                let near = a.min(b).max_element();
-                let far = a.max(b).min_element();
-                (near > 0.0 && near <= far).then_some(near)
+                enter_box(into_block(origin - center, turn), into_block(direction, turn), half)
             }
             // Rays stay rays, and their parameter what it is.
             Self::Turned { center, half, into, round } => {
                 let (o, d) = (into * (origin - center), into * direction);
-                if round { BALL.hit(o / half, d / half) } else { upright(half).hit(o, d) }
+                if round { enter_ball(-o / half, d / half, 1.0) } else { enter_box(o, d, half) }
             }
         }
     }

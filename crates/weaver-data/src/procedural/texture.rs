@@ -1,5 +1,6 @@
 //! Surface colors: flat areas and fine detail, as functions of surface coordinates.
 
+use super::color::color;
 use super::draws::Draws;
 use super::pyramid::Pyramid;
 use std::sync::Arc;
@@ -134,13 +135,4 @@ impl Texture {
 
 fn cell_index(x: f64, y: f64) -> u64 {
     (u64::from(x as i32 as u32) << 32) | u64::from(y as i32 as u32)
-}
-
-/// Hue (turns), saturation and value to RGB.
-pub(super) fn color(hue: f64, saturation: f64, value: f64) -> DVec3 {
-    let channel = |shift: f64| {
-        let h = ((hue + shift).rem_euclid(1.0) * 6.0 - 3.0).abs() - 1.0;
-        value * (1.0 + saturation * (h.clamp(0.0, 1.0) - 1.0))
-    };
-    DVec3::new(channel(0.0), channel(2.0 / 3.0), channel(1.0 / 3.0))
 }

@@ -1,10 +1,11 @@
 //! What stands where in a varied scene: objects of all sizes around the focus, and walls near or far around the cameras.
 
+use super::color::color;
 use super::draws::Draws;
 use super::pyramid::Pyramid;
 use super::render::Film;
 use super::solid::{Shape, Solid};
-use super::texture::{Texture, color};
+use super::texture::Texture;
 use super::world::{Light, Source, World, block, direction};
 use std::sync::Arc;
 use weaver_geometry::Camera;

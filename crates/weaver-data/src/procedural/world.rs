@@ -1,8 +1,9 @@
 //! What stands where: a patterned ground, walls behind, three to six objects, one soft light, a flat sky.
 
+use super::color::color;
 use super::draws::Draws;
 use super::solid::{Shape, Solid};
-use super::texture::{Texture, color};
+use super::texture::Texture;
 use std::borrow::Borrow;
 use weaver_geometry::glam::{DVec2, DVec3};
 

@@ -129,11 +129,15 @@ fn check_visibility(scene: &Scene) {
                 continue;
             }
             let offsets = (-1..=1).flat_map(|y| (-1..=1).map(move |x| DVec2::new(f64::from(x), f64::from(y))));
-            let around = offsets.filter_map(|o| index(scene, v, pixel + o)).map(|i| match depth[i] {
-                0.0 => f64::INFINITY,
-                z => f64::from(z),
-            });
-            let (near, far) = around.fold((f64::INFINITY, 0.0), |(a, b): (f64, f64), z| (a.min(z), b.max(z)));
+            let around: Option<Vec<f64>> = offsets
+                .map(|o| {
+                    index(scene, v, pixel + o).map(|i| if depth[i] == 0.0 { f64::INFINITY } else { depth[i].into() })
+                })
+                .collect();
+            // At the border, depth on the point's other side is unknown.
+            let Some(around) = around else { continue };
+            let (near, far) =
+                around.into_iter().fold((f64::INFINITY, 0.0), |(a, b): (f64, f64), z| (a.min(z), b.max(z)));
             if visible {
                 seen += 1;
                 assert!(local.z < far * 1.02, "view {v} sees point {p} at {} through {far}", local.z);

@@ -6,7 +6,9 @@ mod pixel_cnn;
 
 use pixel_cnn::PixelCnnRecipe;
 use std::sync::atomic::AtomicBool;
-use weaver_trainer::{Config, DataConfig, Error, Observer, Overrides, Registry, Session, Setup, Source, StepReport, create_run};
+use weaver_trainer::{
+    Config, DataConfig, Error, Observer, Overrides, Registry, Session, Setup, Source, StepReport, create_run,
+};
 
 /// A configuration of so many steps on photos of 16 x 16 pixels.
 fn config(steps: usize) -> Config<PixelCnnRecipe> {
