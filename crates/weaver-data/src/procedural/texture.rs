@@ -54,17 +54,20 @@ impl Texture {
         Self::of_kind(kind, 1.0, draws)
     }
 
-    /// One of some images, in colors of its own, from `smallest` to three times as many scene units wide; one surface in
-    /// twelve is flat.
+    /// One of some images, in colors of its own, from `smallest` to three times as many scene units wide.
+    ///
+    /// Surfaces differ more from one another than within themselves, as they do in photos: one in twelve is flat, and
+    /// others nearly so.
     pub fn image(images: &[Arc<Pyramid>], smallest: f64, draws: &mut Draws) -> Self {
         let image = images[draws.below(images.len())].clone();
         let shift = DVec2::new(draws.within(0.0, 2.0), draws.within(0.0, 2.0));
-        let dark = color(draws.within(0.0, 1.0), draws.within(0.0, 0.8), draws.within(0.0, 0.15));
-        let light = color(draws.within(0.0, 1.0), draws.within(0.0, 0.6), draws.within(0.5, 1.2));
+        let mut any = |low, high| color(draws.within(0.0, 1.0), draws.within(0.0, 0.8), draws.within(low, high));
+        let (base, dark, light) = (any(0.0, 1.0), any(0.0, 0.15), any(0.5, 1.2));
+        let base = base * base.max_element();
+        let contrast = if draws.chance(1.0 / 12.0) { 0.0 } else { draws.within(0.1, 0.9) };
         let period = smallest * 3.0_f64.powf(draws.within(0.0, 1.0));
-        let pattern = if draws.chance(1.0 / 12.0) { Pattern::Flat } else { Pattern::Image(image, shift) };
-        let colors = if matches!(pattern, Pattern::Flat) { [dark.lerp(light, 0.5); 2] } else { [dark, light] };
-        Self { pattern, period, colors, stream: draws.stream() }
+        let colors = [base.lerp(dark, contrast), base.lerp(light, contrast)];
+        Self { pattern: Pattern::Image(image, shift), period, colors, stream: draws.stream() }
     }
 
     fn of_kind(kind: usize, size: f64, draws: &mut Draws) -> Self {

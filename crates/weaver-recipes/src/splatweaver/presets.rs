@@ -28,7 +28,7 @@ pub(super) fn preset(name: &str) -> Option<Config<SplatWeaverRecipe>> {
             config.data.endless = Some(2);
             // Over a thousand steps of so many.
             config.optimizer.ema = 0.999;
-            config.stages = vec![given(60_000)];
+            config.stages = vec![given(40_000)];
             config.evaluation.cameras = CameraMode::Given;
             config.output = OutputConfig { log_every: 100, checkpoint_every: 1000, sample_every: 10_000 };
         }
