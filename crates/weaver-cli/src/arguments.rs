@@ -144,8 +144,9 @@ pub struct Config {
 /// overview.png. From a checkpoint without a Gaussian head (VGGT), or with --geometry: points.ply, depth.safetensors and the
 /// cameras.
 #[derive(Args, Debug)]
-#[command(group(ArgGroup::new("network").required(true).args(["run", "weights"])))]
+#[command(group(ArgGroup::new("network").args(["run", "weights"])))]
 #[command(after_help = "Examples:
+  splatweaver infer a.jpg b.jpg c.jpg d.jpg -o result
   splatweaver infer --run runs/mine a.jpg b.jpg c.jpg d.jpg -o result
   splatweaver infer --run runs/mine photos --budget 0.2 -o compact
   splatweaver infer --run runs/mine photos --refine 30 -o better
@@ -153,7 +154,7 @@ pub struct Config {
   splatweaver infer --weights model.safetensors photos -o scene
   splatweaver infer --weights model.safetensors photos --keep-aspect --size 448 -o wide")]
 pub struct Infer {
-    /// The run folder
+    /// The run folder [default: the weights that come with the program, and estimated cameras]
     #[arg(long)]
     pub run: Option<PathBuf>,
     /// A published checkpoint: safetensors file, index of several, or the folder; SplatWeaver's names or VGGT's
@@ -374,12 +375,14 @@ pub struct Synthetic {
     pub height: usize,
 }
 
-/// Turns a PyTorch checkpoint (.pt, .pth, .ckpt, .bin) into safetensors.
+/// Turns a PyTorch checkpoint (.pt, .pth, .ckpt, .bin) into safetensors, or a run's checkpoint into small weights.
 ///
-/// Only the tensors are read; code in the file is never executed.
+/// Of a PyTorch checkpoint only the tensors are read; code in the file is never executed. Of a run's checkpoint.safetensors the
+/// averaged weights are kept, with 16 bits.
 #[derive(Args, Debug)]
 #[command(after_help = "Example:
-  splatweaver convert-weights model.ckpt -o model.safetensors")]
+  splatweaver convert-weights model.ckpt -o model.safetensors
+  splatweaver convert-weights runs/mine/checkpoint.safetensors -o mine.safetensors")]
 pub struct ConvertWeights {
     /// The checkpoint
     pub file: PathBuf,

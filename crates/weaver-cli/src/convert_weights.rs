@@ -6,9 +6,16 @@ use crate::progress::Progress;
 use crate::{Console, Interrupt};
 use std::io;
 use std::sync::atomic::Ordering;
+use weaver_inference::Checkpoint;
 use weaver_io::{TorchCheckpoint, write_weights};
 
 pub fn run(arguments: &ConvertWeights, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    if arguments.file.extension().is_some_and(|e| e == "safetensors") {
+        let compact = Checkpoint::read(&arguments.file)?.compact()?;
+        compact.write(&arguments.out)?;
+        let (count, out) = (compact.tensors.len(), arguments.out.display());
+        return console.print(&format!("{count} tensors of 16 bits, for inference only: {out}"));
+    }
     let mut checkpoint = TorchCheckpoint::open(&arguments.file)?;
     let planned = checkpoint.tensors()?;
     let total = planned.len();

@@ -9,18 +9,28 @@ use crate::{Console, Interrupt};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::sync::mpsc;
-use weaver_inference::RunFolder;
 use weaver_inference::published::{self, Fit};
 use weaver_inference::reconstruct::{Options, Report, reconstruct};
+use weaver_inference::{RunFolder, SplatWeaverPredictor};
 
 pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let mut images = photos(&arguments.images)?;
     let mut cameras = arguments.cameras.clone();
-    if cameras.as_deref() == Some(Path::new("estimated")) {
+    let built_in = arguments.run.is_none() && arguments.weights.is_none();
+    let asked = cameras.as_deref() == Some(Path::new("estimated"));
+    if asked || built_in && cameras.is_none() {
         let folder = arguments.out.join("cameras");
         let located = vec![false; images.len()];
-        images = estimated(&images, &located, arguments.matching, &folder, console)?.placed();
-        cameras = Some(folder.join("transforms.json"));
+        match estimated(&images, &located, arguments.matching, &folder, console) {
+            Ok(found) => (images, cameras) = (found.placed(), Some(folder.join("transforms.json"))),
+            Err(failure) if asked => return Err(failure),
+            Err(failure) => {
+                let reason = failure.line().unwrap_or_default();
+                console.note(&format!(
+                    "warning: {reason}; the network's own cameras are taken, which are hardly right on new places"
+                ));
+            }
+        }
     }
     let report = match (&arguments.run, &arguments.weights) {
         (Some(run), _) => {
@@ -34,7 +44,12 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
             return Err(Failure::Usage("--refine: expected --run; published checkpoints are not refined yet".into()));
         }
         (None, Some(weights)) => published(weights, &images, arguments, console, interrupt)?,
-        (None, None) => return Err(Failure::Usage("expected --run or --weights".into())),
+        (None, None) => {
+            let predictor = Box::new(SplatWeaverPredictor::built_in()?);
+            let mut predictor = refined(predictor, &arguments.refine, &images)?;
+            let options = Options { cameras, density: arguments.density.into(), seed: 0 };
+            reconstruct(&mut *predictor, &images, &options, &arguments.out)?
+        }
     };
     for remark in &report.remarks {
         console.note(remark);

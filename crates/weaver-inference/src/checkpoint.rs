@@ -1,12 +1,13 @@
 //! The checkpoint of a training run, as inference reads it.
 
 use crate::Error;
+use half::f16;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use weaver_autograd::{ParamId, ParamValues, Params};
-use weaver_io::checkpoint::Tensors;
+use weaver_io::checkpoint::{TensorData, Tensors};
 
 /// The format's name and version, in the file's metadata.
 pub const FORMAT: &str = "splatweaver-checkpoint-2";
@@ -67,7 +68,18 @@ impl Checkpoint {
     /// # Errors
     /// When the file is damaged, is of another format, or lacks an entry.
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let tensors = Tensors::read(path)?;
+        Self::new(Tensors::read(path)?, path)
+    }
+
+    /// A checkpoint in memory; `origin` is what messages call it.
+    ///
+    /// # Errors
+    /// As [`Checkpoint::read`].
+    pub fn from_bytes(bytes: &[u8], origin: &Path) -> Result<Self, Error> {
+        Self::new(Tensors::from_bytes(bytes, origin)?, origin)
+    }
+
+    fn new(tensors: Tensors, path: &Path) -> Result<Self, Error> {
         let wrong = |message: String| Error::Checkpoint { path: path.to_path_buf(), message };
         let note = |key: &str| {
             tensors.metadata.get(key).ok_or_else(|| wrong(format!("metadata {key}: expected a value, found nothing")))
@@ -120,9 +132,12 @@ impl Checkpoint {
             let (name, shape) = (params.get(id).name().to_string(), params.get(id).shape());
             // A file in which either set is damaged is not to be trusted.
             for checked in [WeightSet::Trained, WeightSet::Averaged] {
-                let values = self.tensors.values::<f32>(&format!("{}.{name}", checked.prefix()), shape.dims())?;
+                if checked != set && self.is_compact() {
+                    continue;
+                }
+                let values = self.values(&format!("{}.{name}", checked.prefix()), shape.dims())?;
                 if checked == set {
-                    params.set(id, ParamValues::Owned(Arc::new(values.to_vec())));
+                    params.set(id, ParamValues::Owned(Arc::new(values)));
                 }
             }
         }
@@ -132,6 +147,42 @@ impl Checkpoint {
             Some(key) => Err(self.wrong(format!("tensor {key}: expected no such tensor in this model"))),
             None => Ok(()),
         }
+    }
+
+    /// What is needed to run the network and nothing else: the averaged weights, rounded to 16 bits. An eighth of a checkpoint.
+    ///
+    /// # Errors
+    /// When a weight is beyond the range of 16 bits.
+    pub fn compact(&self) -> Result<Tensors, Error> {
+        let mut compact = Tensors::default();
+        for key in ["format", "architecture", "model", "defaults", "step"] {
+            let value = self.tensors.metadata.get(key).cloned().unwrap_or_default();
+            compact.metadata.insert(key.into(), value);
+        }
+        for key in self.tensors.tensors.keys().filter(|key| key.starts_with(WeightSet::Averaged.prefix())) {
+            let shape = &self.tensors.tensors[key].shape;
+            let values: Vec<f16> = self.values(key, shape)?.into_iter().map(f16::from_f32).collect();
+            if values.iter().any(|x| !x.is_finite()) {
+                return Err(self.wrong(format!("tensor {key}: expected numbers of at most 65504, found a larger one")));
+            }
+            compact.insert(key, shape, values);
+        }
+        Ok(compact)
+    }
+
+    /// Whether these are weights that training cannot go on with.
+    fn is_compact(&self) -> bool {
+        let trained = WeightSet::Trained.prefix();
+        !self.tensors.tensors.keys().any(|key| key.split('.').next() == Some(trained))
+    }
+
+    fn values(&self, key: &str, shape: &[usize]) -> Result<Vec<f32>, Error> {
+        let is_half = self.tensors.tensors.get(key).is_some_and(|t| matches!(t.data, TensorData::F16(_)));
+        Ok(if is_half {
+            self.tensors.values::<f16>(key, shape)?.iter().map(|x| x.to_f32()).collect()
+        } else {
+            self.tensors.values::<f32>(key, shape)?.to_vec()
+        })
     }
 
     /// An error that names this file.

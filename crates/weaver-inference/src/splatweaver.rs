@@ -48,6 +48,23 @@ impl SplatWeaverPredictor {
         Self::from_checkpoint(&Checkpoint::read(&RunFolder::at(folder.as_ref()).checkpoint_path())?)
     }
 
+    /// The weights that come with this crate: trained on procedural scenes alone, for photos of 64 x 48 pixels with given or estimated
+    /// cameras. `weights/README.md` tells how they were made, how good they are, and what they cannot do.
+    ///
+    /// # Errors
+    /// Never, unless the program is damaged.
+    ///
+    /// ```
+    /// use weaver_inference::{Predictor, SplatWeaverPredictor};
+    /// let predictor = SplatWeaverPredictor::built_in()?;
+    /// assert_eq!(predictor.image_size(), [48, 64]);
+    /// # Ok::<(), weaver_inference::Error>(())
+    /// ```
+    pub fn built_in() -> Result<Self, Error> {
+        let bytes = include_bytes!("../weights/tiny-endless.safetensors");
+        Self::from_checkpoint(&Checkpoint::from_bytes(bytes, Path::new("built-in weights"))?)
+    }
+
     /// Builds the network that a checkpoint describes and fills in its averaged weights.
     ///
     /// # Errors

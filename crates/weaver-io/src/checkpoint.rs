@@ -135,11 +135,18 @@ impl TensorData {
 impl Tensors {
     /// Reads a whole file.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
-        let path = path.as_ref();
-        let bytes = read_bytes(path)?;
+        Self::from_bytes(&read_bytes(path.as_ref())?, path.as_ref())
+    }
+
+    /// The content of a safetensors file in memory; `origin` is what messages call it.
+    ///
+    /// # Errors
+    /// As [`Tensors::read`].
+    pub fn from_bytes(bytes: &[u8], origin: impl AsRef<Path>) -> Result<Self> {
+        let path = origin.as_ref();
         let invalid = |e| Error::invalid(path, "header", "a complete safetensors file", header_fault(e));
-        let (_, header) = SafeTensors::read_metadata(&bytes).map_err(invalid)?;
-        let file = SafeTensors::deserialize(&bytes).map_err(invalid)?;
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(invalid)?;
+        let file = SafeTensors::deserialize(bytes).map_err(invalid)?;
         let mut tensors = BTreeMap::new();
         for (key, view) in file.iter() {
             let data = TensorData::decode(view.dtype(), view.data()).ok_or_else(|| {

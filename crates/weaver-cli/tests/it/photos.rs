@@ -74,6 +74,21 @@ fn a_scene_from_photos_alone() {
 }
 
 #[test]
+fn the_weights_that_come_with_the_program_take_estimated_cameras() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    photos(folder, 8);
+    let output = run(folder, "infer photos -o result");
+    let text = said(&output);
+    assert!(output.status.success() && text.contains("depth was brought to the points"), "{text}");
+    assert!(folder.join("result/scene.ply").exists() && folder.join("result/cameras/points.png").exists());
+    let alone = run(folder, "infer photos/00.png -o alone");
+    assert!(alone.status.success() && said(&alone).contains("the network's own cameras are taken"), "{}", said(&alone));
+    let asked = run(folder, "infer photos/00.png --cameras estimated -o asked");
+    assert_eq!(asked.status.code(), Some(1), "{}", said(&asked));
+}
+
+#[test]
 fn what_cannot_be_solved_is_refused_with_a_reason() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();

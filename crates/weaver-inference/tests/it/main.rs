@@ -1,4 +1,5 @@
 //! Integration tests of weaver-inference.
 
+mod compact;
 mod depth_to_points;
 mod given_cameras;
