@@ -132,9 +132,10 @@ impl RefineSettings {
 
     fn bundle(&self, views: &[View<'_>]) -> Bundle {
         let [degrees, part] = self.expected;
-        // The variances are those of three numbers together.
-        let weight = |deviation: f64| 3.0 * (PIXEL / deviation).powi(2);
         let expected = |(view, depth): (&View<'_>, &f64)| {
+            // Beside observations, whose differences are divided by deviations; the variances are those of three numbers together.
+            let pixel = PIXEL / sharpest(&view.camera);
+            let weight = |deviation: f64| 3.0 * (pixel / deviation).powi(2);
             let (turn, shift) = (weight(degrees.to_radians()), weight(part * depth));
             (view.camera.pose, [shift, shift, shift, turn, turn, turn])
         };
