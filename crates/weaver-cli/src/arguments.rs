@@ -5,17 +5,15 @@ mod fit;
 mod photos;
 mod refine;
 
-pub use eval::{Drawing, Eval};
+pub use eval::{ContextCameras, Drawing, Eval};
 pub use fit::{Fit, Format, Origin, PoseMode, StrategyName};
 pub use photos::{Cameras, MatchingFlags, Reconstruct};
 pub use refine::RefineFlags;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args, Parser, Subcommand};
 use std::path::PathBuf;
 use weaver_inference::Density;
 use weaver_router::AllocationKind;
-use weaver_trainer::CameraMode;
 
 /// Upper limit on threads, each of which costs memory.
 const MOST_THREADS: i64 = 1024;
@@ -406,10 +404,6 @@ pub struct Threads {
     /// Threads; 0 takes one per core. Does not change results
     #[arg(long, value_name = "T", default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=MOST_THREADS))]
     pub threads: u16,
-}
-
-fn cameras() -> impl TypedValueParser<Value = CameraMode> {
-    PossibleValuesParser::new(["predicted", "given"]).try_map(|name| name.parse::<CameraMode>())
 }
 
 /// Height and width from `N` or `WxH`.

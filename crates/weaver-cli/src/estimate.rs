@@ -12,18 +12,31 @@ use weaver_geometry::{Camera, Pose, Similarity};
 
 /// One photo in this many is held out.
 const HOLD_OUT: usize = 8;
+/// From this logarithm of a factor on a focal length is not what was told.
+const WRONG_FOCAL: f64 = 0.1;
+/// Cameras that are more degrees than this from others are named.
+const ELSEWHERE: f64 = 5.0;
+/// Rounds of an alignment that leaves out what is far off.
+const ROUNDS: usize = 5;
 /// Names of photos in a message, at most.
 const NAMED: usize = 8;
 
 pub fn run(arguments: &Cameras, console: &mut Console) -> Result<(), Failure> {
     let photos = photos(&arguments.photos)?;
     let located = vec![false; photos.len()];
-    let found = estimated(&photos, &located, arguments.matching, &arguments.out, console)?;
+    let Estimated { found, .. } = estimated(&photos, &located, arguments.matching, &arguments.out, console)?;
     let out = |name: &str| arguments.out.join(name).display().to_string();
     if let Some(file) = &arguments.compare {
         console.print(&compared(&found, file)?)?;
     }
     console.print(&format!("cameras: {}\npoints: {}", out("transforms.json"), out("points.png")))
+}
+
+/// Photos with estimated cameras.
+pub struct Estimated {
+    pub found: EstimatedPhotos,
+    /// The photos that the cameras are of: the files, or what was written of them without distortion.
+    pub photos: Vec<PathBuf>,
 }
 
 /// Estimates cameras, says how it went, and writes a capture into a folder. Where `located` is true a photo is kept from what finds
@@ -37,7 +50,7 @@ pub fn estimated(
     flags: MatchingFlags,
     folder: &Path,
     console: &mut Console,
-) -> Result<EstimatedPhotos, Failure> {
+) -> Result<Estimated, Failure> {
     let start = Instant::now();
     console.note(&format!("cameras: matching {} photos", photos.len()));
     let found = estimate_photos(photos, located, &flags.into())?;
@@ -45,7 +58,7 @@ pub fn estimated(
     if placed < 2 {
         return Err(Failure::message(format!("cameras: {}", refusal(&found))));
     }
-    found.write(folder)?;
+    let photos_written = found.write(folder)?;
     found.picture().write_png(folder.join("points.png"))?;
     let e = &found.estimate;
     console.note(&format!(
@@ -57,6 +70,16 @@ pub fn estimated(
         duration(start.elapsed().as_secs_f64())
     ));
     console.note(&format!("cameras: {}", sureness(&found)));
+    if flags.distortion {
+        let k1 = e.k1.iter().copied().find(|k1| *k1 != 0.0).unwrap_or(0.0);
+        console.note(&format!("cameras: radial distortion k1 {k1:+.4}; photos without it are in {}", folder.display()));
+    }
+    if (e.focal_factor.ln()).abs() > WRONG_FOCAL {
+        let percent = 100.0 * (e.focal_factor - 1.0);
+        console.note(&format!(
+            "warning: by what photos show of each other the focal length is {percent:+.0} % off what was told; were photos cropped? --no-exif estimates it"
+        ));
+    }
     for reason in [LeftOut::Textureless, LeftOut::Unmatched, LeftOut::OnePlace, LeftOut::Unplaced] {
         let names: Vec<String> =
             found.left_out().iter().filter(|(_, r)| *r == reason).map(|(path, _)| path.display().to_string()).collect();
@@ -64,7 +87,7 @@ pub fn estimated(
             console.note(&format!("warning: left out: {}: {}", listed(&names), explained(reason)));
         }
     }
-    Ok(found)
+    Ok(Estimated { found, photos: photos_written })
 }
 
 /// Estimates cameras into the folder `cameras` of a result, where every eighth photo may be held out, and returns the capture.
@@ -142,7 +165,7 @@ fn compared(found: &EstimatedPhotos, file: &Path) -> Result<String, Failure> {
     let estimated: Vec<Camera> = found.estimate.cameras.iter().flatten().copied().collect();
     let poses = |cameras: &[Camera]| -> Vec<Pose> { cameras.iter().map(|c| c.pose).collect() };
     let (from, to) = (poses(&estimated), poses(&truth));
-    let onto = Similarity::fit_poses(&from, &to).ok_or_else(|| {
+    let onto = aligned(&from, &to).ok_or_else(|| {
         Failure::message(format!("{}: expected cameras in several places, found one", file.display()))
     })?;
     let middle = to.iter().map(Pose::center).sum::<DVec3>() / to.len() as f64;
@@ -150,6 +173,8 @@ fn compared(found: &EstimatedPhotos, file: &Path) -> Result<String, Failure> {
     let moved: Vec<Pose> = from.iter().map(|p| onto.apply_to_pose(p)).collect();
     let both = || moved.iter().zip(&to);
     let mut turned: Vec<f64> = both().map(|(a, b)| a.angle_to(b).to_degrees()).collect();
+    let elsewhere = placed.iter().zip(&turned).filter(|(_, degrees)| **degrees > ELSEWHERE);
+    let elsewhere: Vec<String> = elsewhere.map(|(path, _)| path.display().to_string()).collect();
     let mut off: Vec<f64> = both().map(|(a, b)| 100.0 * a.center().distance(b.center()) / spread).collect();
     let focal = |c: &Camera| c.intrinsics.fx / c.width as f64;
     let mut longer: Vec<f64> = estimated.iter().zip(&truth).map(|(a, b)| 100.0 * (focal(a) / focal(b) - 1.0)).collect();
@@ -158,13 +183,34 @@ fn compared(found: &EstimatedPhotos, file: &Path) -> Result<String, Failure> {
         (values[values.len() / 2], values[values.len() - 1])
     };
     let ((turn, most_turn), (shift, most_shift)) = (median(&mut turned), median(&mut off));
+    let named = match elsewhere.as_slice() {
+        [] => String::new(),
+        names => format!("; more than {ELSEWHERE} degrees apart: {}", listed(names)),
+    };
     Ok(format!(
-        "beside {}: {} of {} photos; rotation {turn:.3} degrees in the median, {most_turn:.2} at most; center {shift:.2} % of the cameras' spread, {most_shift:.1} at most; focal length {:+.2} %",
+        "beside {}: {} of {} photos; rotation {turn:.3} degrees in the median, {most_turn:.2} at most; center {shift:.2} % of the cameras' spread, {most_shift:.1} at most; focal length {:+.2} %{named}",
         file.display(),
         placed.len(),
         found.paths.len(),
         median(&mut longer).0
     ))
+}
+
+/// The similarity that takes cameras to others, by those that are not far off: either side may have some that are wrong.
+fn aligned(from: &[Pose], to: &[Pose]) -> Option<Similarity> {
+    let mut kept: Vec<usize> = (0..from.len()).collect();
+    let mut onto = None;
+    for _ in 0..ROUNDS {
+        let [a, b] = [from, to].map(|all| kept.iter().map(|i| all[*i]).collect::<Vec<Pose>>());
+        let fitted = Similarity::fit_poses(&a, &b)?;
+        let off = |i: usize| fitted.apply_to_pose(&from[i]).center().distance(to[i].center());
+        let mut all: Vec<f64> = (0..from.len()).map(off).collect();
+        all.sort_by(f64::total_cmp);
+        let most = 5.0 * all[all.len() / 2];
+        kept = (0..from.len()).filter(|i| off(*i) <= most).collect();
+        onto = Some(fitted);
+    }
+    onto
 }
 
 /// The photos, with folders replaced by the photos in them.

@@ -3,40 +3,58 @@
 mod scene;
 
 use crate::Console;
-use crate::arguments::Eval;
+use crate::arguments::{ContextCameras, Eval};
 use crate::failure::Failure;
 use crate::progress::Progress;
 use crate::refine::refined;
-use std::path::Path;
 use weaver_inference::RunFolder;
-use weaver_trainer::{CameraMode, Overrides, Source};
+use weaver_trainer::{CameraMode, MatchingOverride, Overrides, Source};
+
+/// Longest side of photos while they are matched, when nothing is said.
+const MATCHED: usize = 384;
 
 pub fn run(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
-    match (&arguments.run, &arguments.scene) {
-        (_, Some(scene)) => scene::run(arguments, scene, console),
-        (Some(run), None) => of_run(arguments, run, console),
-        (None, None) => Err(Failure::Usage("expected --run or --scene".into())),
+    match &arguments.scene {
+        Some(scene) => scene::run(arguments, scene, console),
+        None => of_network(arguments, console),
     }
 }
 
-fn of_run(arguments: &Eval, run: &Path, console: &mut Console) -> Result<(), Failure> {
+/// Evaluates the network of a run, or the one that comes with the program.
+fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
+    if arguments.run.is_none() && arguments.data.is_empty() && !arguments.unseen {
+        return Err(Failure::Usage("expected --run, --scene, or what to evaluate on: --data or --unseen".into()));
+    }
     let source = match (arguments.unseen, arguments.data.is_empty()) {
         (true, _) => Source::Unseen,
         (false, true) => Source::Run,
         (false, false) => Source::Folders(arguments.data.clone()),
     };
+    let estimated = arguments.cameras == Some(ContextCameras::Estimated);
+    if !estimated && (arguments.unknown_focal || arguments.match_size.is_some()) {
+        return Err(Failure::Usage("--unknown-focal, --match-size: expected --cameras estimated with them".into()));
+    }
+    let cameras = arguments.cameras.and_then(|cameras| match cameras {
+        ContextCameras::Predicted => Some(CameraMode::Predicted),
+        ContextCameras::Given => Some(CameraMode::Given),
+        ContextCameras::Estimated => None,
+    });
+    let long_side = arguments.match_size.map_or(MATCHED, |side| side as usize);
     let overrides = Overrides {
         context_views: arguments.views.map(|views| views as usize),
-        cameras: arguments.cameras,
+        cameras,
         points: arguments.points,
+        matching: estimated.then_some(MatchingOverride { long_side, focal_known: !arguments.unknown_focal }),
         density: arguments.density.into(),
         lpips: arguments.lpips.clone(),
     };
-    let folder = RunFolder::at(run);
-    let mut run = weaver_recipes::registry().of_run(&folder)?.open(&folder)?;
+    let mut run = match arguments.run.as_ref().map(RunFolder::at) {
+        Some(folder) => weaver_recipes::registry().of_run(&folder)?.open(&folder)?,
+        None => weaver_recipes::built_in()?,
+    };
     run.predictor = refined(run.predictor, &arguments.refine, &[])?;
-    if arguments.points && arguments.cameras.unwrap_or(run.evaluation.cameras) != CameraMode::Given {
-        return Err(Failure::Usage("--points: expected --cameras given, found predicted ones".into()));
+    if arguments.points && (estimated || cameras.unwrap_or(run.evaluation.cameras) != CameraMode::Given) {
+        return Err(Failure::Usage("--points: expected --cameras given, found other ones".into()));
     }
     let mut progress = Progress::new("eval", 0, 0, console);
     let mut show = |done, total| progress.at(done, total, String::new, console);

@@ -34,6 +34,11 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
     let folder = arguments.out.clone().unwrap_or_else(|| free_folder(&capture));
     let capture = match arguments.cameras {
         Origin::Given => capture,
+        Origin::Estimated if arguments.dry_run => {
+            return Err(Failure::Usage(
+                "--dry-run: expected cameras that are there; `splatweaver cameras` estimates them".into(),
+            ));
+        }
         Origin::Estimated => {
             let images = capture.join("images");
             let photos = photos(&[if images.is_dir() { images } else { capture }])?;

@@ -18,11 +18,12 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
     let mut cameras = arguments.cameras.clone();
     let built_in = arguments.run.is_none() && arguments.weights.is_none();
     let asked = cameras.as_deref() == Some(Path::new("estimated"));
-    if asked || built_in && cameras.is_none() {
+    let estimating = asked || built_in && cameras.is_none();
+    if estimating {
         let folder = arguments.out.join("cameras");
         let located = vec![false; images.len()];
         match estimated(&images, &located, arguments.matching, &folder, console) {
-            Ok(found) => (images, cameras) = (found.placed(), Some(folder.join("transforms.json"))),
+            Ok(found) => (images, cameras) = (found.photos, Some(folder.join("transforms.json"))),
             Err(failure) if asked => return Err(failure),
             Err(failure) => {
                 let reason = failure.line().unwrap_or_default();
@@ -31,6 +32,9 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
                 ));
             }
         }
+    }
+    if !estimating {
+        arguments.matching.check_unused("other ones")?;
     }
     let report = match (&arguments.run, &arguments.weights) {
         (Some(run), _) => {

@@ -16,6 +16,7 @@ pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt
     let out = &arguments.out;
     let capture = match arguments.photos.as_slice() {
         [one] if is_capture(one) => {
+            arguments.matching.check_unused("a capture with cameras of its own")?;
             console.note(&format!("cameras: those of {}", one.display()));
             one.clone()
         }

@@ -1,19 +1,27 @@
 //! Photos without cameras: cameras by matching, as a capture on disk.
 
+mod context;
+mod undistorted;
+
 use crate::Error;
+pub use context::EstimatedContext;
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use undistorted::Undistortion;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec2;
 use weaver_io::colmap::{Model, Point};
 use weaver_io::{Background, Image, Transforms};
 use weaver_scene::Frame;
-use weaver_sfm::{Confidence, Estimate, EstimateSettings, LeftOut, Photo, estimate};
+use weaver_sfm::{Confidence, Estimate, EstimateSettings, LeftOut, Observation, Photo, estimate};
 
 /// The diagonal of the film that focal lengths are compared by, millimeters.
 const FILM: f64 = 43.266_615;
 /// Standard deviation of focal lengths that are told, as a part of them: cameras round them, and crop.
 const TOLD: f64 = 0.05;
+/// The folder of photos that are written without distortion.
+const IMAGES: &str = "undistorted";
 /// Width of a photo in the picture of points.
 const THUMBNAIL: usize = 240;
 
@@ -29,11 +37,13 @@ pub struct EstimateOptions {
     pub exif: bool,
     /// Whether all photos have one focal length.
     pub shared: bool,
+    /// Whether a radial distortion is found; photos are then written without it.
+    pub distortion: bool,
 }
 
 impl Default for EstimateOptions {
     fn default() -> Self {
-        Self { long_side: 640, focal: None, exif: true, shared: true }
+        Self { long_side: 640, focal: None, exif: true, shared: true, distortion: false }
     }
 }
 
@@ -48,11 +58,25 @@ pub struct EstimatedPhotos {
     sizes: Vec<(usize, usize)>,
     /// Which are only located.
     located: Vec<bool>,
+    /// Of each photo, how its distortion is undone, if one was found.
+    lenses: Vec<Option<Undistortion>>,
     /// Cameras and points; pixels are those of the photos as they were matched.
     pub estimate: Estimate,
 }
 
-/// Estimates the cameras of photo files. Where `located` is true, a photo finds no points: its camera is found by those of the others.
+/// Estimates the cameras of photo files by matching them.
+///
+/// ```no_run
+/// use weaver_data::{EstimateOptions, estimate_photos};
+///
+/// let photos = ["a.jpg", "b.jpg", "c.jpg"].map(Into::into);
+/// let found = estimate_photos(&photos, &[false; 3], &EstimateOptions::default())?;
+/// println!("{} of 3 photos have a camera: {:?}", found.placed().len(), found.confidence());
+/// found.write("capture".as_ref())?;
+/// # Ok::<(), weaver_data::Error>(())
+/// ```
+///
+/// Where `located` is true, a photo finds no points: its camera is found by those of the others.
 ///
 /// # Errors
 /// When a photo cannot be read.
@@ -74,10 +98,15 @@ pub fn estimate_photos(
         })
         .collect();
     let focal_deviation = if options.focal.is_some() { 0.0 } else { TOLD };
-    let settings = EstimateSettings { focal_deviation, shared: options.shared, ..EstimateSettings::default() };
+    let EstimateOptions { shared, distortion, .. } = *options;
+    let settings = EstimateSettings { focal_deviation, shared, distortion, ..EstimateSettings::default() };
     let estimate = estimate(&photos, &settings);
     let (images, sizes) = loaded.into_iter().map(|loaded| (loaded.image, loaded.size)).unzip();
-    Ok(EstimatedPhotos { paths: paths.to_vec(), images, sizes, located: located.to_vec(), estimate })
+    let lens = |(camera, k1): (&Result<Camera, LeftOut>, &f64)| {
+        camera.ok().filter(|_| *k1 != 0.0).map(|camera| Undistortion::new(camera, *k1))
+    };
+    let lenses = estimate.cameras.iter().zip(&estimate.k1).map(lens).collect();
+    Ok(EstimatedPhotos { paths: paths.to_vec(), images, sizes, located: located.to_vec(), lenses, estimate })
 }
 
 /// A photo for matching.
@@ -128,19 +157,32 @@ impl EstimatedPhotos {
     }
 
     /// Writes a capture into a folder: transforms.json, which names the located photos as those for testing, and a COLMAP model
-    /// with points in sparse/0. Photos stay where they are.
+    /// with points in sparse/0. Photos stay where they are, unless a distortion was found: they are then written to
+    /// undistorted/ without it. Returns the photos that the cameras are of.
     ///
     /// # Errors
-    /// When the folder cannot be written.
-    pub fn write(&self, folder: &Path) -> Result<(), Error> {
-        let frames = self.frames();
+    /// When the folder cannot be written, or photos cannot be read again.
+    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, Error> {
+        let frames = self.frames(folder);
         let sparse = folder.join("sparse/0");
         weaver_io::create_folder(&sparse)?;
+        for (number, frame) in &frames {
+            if let Some(lens) = &self.lenses[*number] {
+                if self.paths.iter().any(|path| std::path::absolute(path).ok() == std::path::absolute(&frame.path).ok())
+                {
+                    return Err(Error::unexpected(&frame.path, "photo", "a new file", "a photo that is matched"));
+                }
+                weaver_io::create_folder(folder.join(IMAGES))?;
+                lens.apply(&Image::read(&self.paths[*number], Background::White)?).write_png(&frame.path)?;
+            }
+        }
         self.model(&frames).write_binary(&sparse)?;
         let tested = |(number, frame): &(usize, Frame)| self.located[*number].then(|| frame.name.clone());
         let test_filenames: Vec<String> = frames.iter().filter_map(tested).collect();
-        let frames = frames.into_iter().map(|(_, frame)| frame).collect();
-        Ok(Transforms { frames, test_filenames, ..Transforms::default() }.write(folder.join("transforms.json"))?)
+        let frames: Vec<Frame> = frames.into_iter().map(|(_, frame)| frame).collect();
+        let paths = frames.iter().map(|frame| frame.path.clone()).collect();
+        Transforms { frames, test_filenames, ..Transforms::default() }.write(folder.join("transforms.json"))?;
+        Ok(paths)
     }
 
     /// Every photo with a camera, with the places of its points: green where these are exact, red where they are off by two pixels.
@@ -153,26 +195,45 @@ impl EstimatedPhotos {
             shown[number] = Some(image.resize(THUMBNAIL, height, [0.0, 0.0, image.width as f64, image.height as f64]));
         }
         for o in &e.observations {
-            let (Some(shown), Ok(camera)) = (&mut shown[o.camera], &e.cameras[o.camera]) else { continue };
-            let off = camera.intrinsics.project(camera.pose.apply(e.points[o.point])).distance(o.pixel);
+            let (Some(shown), Some((_, off))) = (&mut shown[o.camera], self.seen(o)) else { continue };
             let t = (off / 2.0).min(1.0) as f32;
-            let at = o.pixel * (shown.width as f64 / camera.width as f64);
+            let at = o.pixel * (shown.width as f64 / self.images[o.camera].width as f64);
             dot(shown, at, std::array::from_fn(|c| good[c] * (1.0 - t) + bad[c] * t));
         }
         let shown: Vec<Image> = shown.into_iter().flatten().collect();
         sheet(&shown)
     }
 
+    /// Where an observation is in its photo without distortion, and how far off; `None` in photos without a camera.
+    fn seen(&self, o: &Observation) -> Option<(DVec2, f64)> {
+        let camera = self.estimate.cameras[o.camera].ok()?;
+        let lens = self.lenses[o.camera];
+        let (camera, pixel) = lens.map_or((camera, o.pixel), |lens| (lens.to, lens.undistorted(o.pixel)));
+        let at = camera.intrinsics.project(camera.pose.apply(self.estimate.points[o.point]));
+        Some((pixel, at.distance(pixel)))
+    }
+
     /// The photos with a camera by number, with cameras of the files.
-    fn frames(&self) -> Vec<(usize, Frame)> {
-        let frame = |(number, camera): (usize, &Result<Camera, LeftOut>)| {
+    fn frames(&self, folder: &Path) -> Vec<(usize, Frame)> {
+        let mut taken = BTreeSet::new();
+        let mut frame = |(number, camera): (usize, &Result<Camera, LeftOut>)| {
             let (camera, (width, height)) = (camera.ok()?, self.sizes[number]);
+            let lens = self.lenses[number];
+            let camera = lens.map_or(camera, |lens| lens.to);
             let (sx, sy) = (width as f64 / camera.width as f64, height as f64 / camera.height as f64);
             let camera = Camera { intrinsics: camera.intrinsics.resized(sx, sy), width, height, ..camera };
             let path = std::path::absolute(&self.paths[number]).unwrap_or_else(|_| self.paths[number].clone());
-            Some((number, Frame { path: path.clone(), ..Frame::new(path.to_string_lossy(), camera) }))
+            let Some(_) = lens else {
+                return Some((number, Frame { path: path.clone(), ..Frame::new(path.to_string_lossy(), camera) }));
+            };
+            let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+            let mut name = format!("{IMAGES}/{stem}.png");
+            if !taken.insert(name.to_lowercase()) {
+                name = format!("{IMAGES}/{number:04}-{stem}.png");
+            }
+            Some((number, Frame { path: folder.join(&name), ..Frame::new(name, camera) }))
         };
-        self.estimate.cameras.iter().enumerate().filter_map(frame).collect()
+        self.estimate.cameras.iter().enumerate().filter_map(&mut frame).collect()
     }
 
     /// The model of COLMAP, with points and tracks.
@@ -183,12 +244,12 @@ impl EstimatedPhotos {
         for (id, group) in e.observations.chunk_by(|a, b| a.point == b.point).enumerate() {
             let (mut track, mut errors, mut rgb) = (Vec::new(), 0.0, None);
             for o in group {
-                let (Some(at), Ok(camera)) = (place(o.camera), &e.cameras[o.camera]) else { continue };
-                let scale = self.sizes[o.camera].0 as f64 / camera.width as f64;
+                let (Some(at), Some((pixel, off))) = (place(o.camera), self.seen(o)) else { continue };
+                let scale = self.sizes[o.camera].0 as f64 / self.images[o.camera].width as f64;
                 let image = &mut model.images[at];
                 track.push((image.id, image.points.len() as u32));
-                image.points.push((o.pixel.x * scale, o.pixel.y * scale, Some(id as u64 + 1)));
-                errors += scale * camera.intrinsics.project(camera.pose.apply(e.points[o.point])).distance(o.pixel);
+                image.points.push((pixel.x * scale, pixel.y * scale, Some(id as u64 + 1)));
+                errors += scale * off;
                 rgb = rgb.or_else(|| color(&self.images[o.camera], o.pixel));
             }
             let error = errors / track.len().max(1) as f64;

@@ -15,7 +15,7 @@ mod tuple;
 
 pub use capture::posed;
 pub use error::Error;
-pub use estimated::{EstimateOptions, EstimatedPhotos, estimate_photos};
+pub use estimated::{EstimateOptions, EstimatedContext, EstimatedPhotos, estimate_photos};
 pub use sampler::{bounded_gap, evaluation_tuples, every, training_tuple, uniform};
 pub use scene::{NormalizedPoses, Scene, View};
 pub use sparse_points::SparsePoints;

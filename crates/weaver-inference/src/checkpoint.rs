@@ -71,6 +71,14 @@ impl Checkpoint {
         Self::new(Tensors::read(path)?, path)
     }
 
+    /// The weights that come with the program; `weights/README.md` of this crate says what they are.
+    ///
+    /// # Errors
+    /// Never, unless the program is damaged.
+    pub fn built_in() -> Result<Self, Error> {
+        Self::from_bytes(include_bytes!("../weights/tiny-endless.safetensors"), Path::new("built-in weights"))
+    }
+
     /// A checkpoint in memory; `origin` is what messages call it.
     ///
     /// # Errors

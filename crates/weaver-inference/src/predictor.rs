@@ -107,6 +107,12 @@ impl Prediction {
     pub fn scale_to_predicted(&self, cameras: &[Camera]) -> f64 {
         self.scaled_by.unwrap_or_else(|| spread_ratio(&self.predicted, cameras))
     }
+
+    /// The factor that gives cameras the mean distance to camera 0 of those that the Gaussians were built with; 1 where either
+    /// stand still.
+    pub fn scale_to_used(&self, cameras: &[Camera]) -> f64 {
+        spread_ratio(&self.cameras, cameras)
+    }
 }
 
 /// A trained model with its weights.

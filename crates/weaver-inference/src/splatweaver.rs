@@ -61,8 +61,7 @@ impl SplatWeaverPredictor {
     /// # Ok::<(), weaver_inference::Error>(())
     /// ```
     pub fn built_in() -> Result<Self, Error> {
-        let bytes = include_bytes!("../weights/tiny-endless.safetensors");
-        Self::from_checkpoint(&Checkpoint::from_bytes(bytes, Path::new("built-in weights"))?)
+        Self::from_checkpoint(&Checkpoint::built_in()?)
     }
 
     /// Builds the network that a checkpoint describes and fills in its averaged weights.

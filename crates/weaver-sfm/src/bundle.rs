@@ -8,6 +8,8 @@ use weaver_geometry::{Camera, Pose, se3};
 
 /// Numbers of a camera's movement: translation, then rotation.
 pub(crate) const TWIST: usize = 6;
+/// Numbers of a lens: focal length, distortion, principal point.
+pub(crate) const LENS: usize = 4;
 /// Damping of the first step over the diagonal; what a success divides it by, and a failure multiplies it by; the largest.
 const DAMPING: [f64; 4] = [1e-3, 4.0, 6.0, 1e9];
 /// Relative fall of the cost below which nothing more is expected.
@@ -20,14 +22,20 @@ pub struct Lens {
     pub log_focal: f64,
     /// Radial distortion: a point at distance r from the axis, over its depth, is seen at `r (1 + k1 r^2)`.
     pub k1: f64,
+    /// How far the principal point is from the cameras' own, over the longer sides of their photos.
+    pub shift: DVec2,
     /// What [`log_focal`](Self::log_focal) is expected to be.
     pub expected: f64,
     /// Weight of the square of the difference from that, squared pixels.
     pub weight: f64,
+    /// Weight of the square of the [`shift`](Self::shift), squared pixels.
+    pub shift_weight: f64,
     /// Whether the factor is adjusted.
     pub free_focal: bool,
     /// Whether the distortion is adjusted.
     pub free_k1: bool,
+    /// Whether the principal point is adjusted.
+    pub free_shift: bool,
 }
 
 impl Lens {
@@ -36,8 +44,23 @@ impl Lens {
         let k = &camera.intrinsics;
         let at = DVec2::new(p.x, p.y) / p.z;
         let scale = self.log_focal.exp() * (1.0 + self.k1 * at.length_squared());
-        DVec2::new(k.fx * at.x, k.fy * at.y) * scale + DVec2::new(k.cx, k.cy)
+        DVec2::new(k.fx * at.x, k.fy * at.y) * scale + self.center(camera)
     }
+
+    /// The principal point of a camera with this lens, pixels.
+    pub(crate) fn center(&self, camera: &Camera) -> DVec2 {
+        DVec2::new(camera.intrinsics.cx, camera.intrinsics.cy) + self.shift * longer(camera)
+    }
+
+    /// The same lens, that nothing adjusts.
+    pub(crate) fn held(self) -> Self {
+        Self { free_focal: false, free_k1: false, free_shift: false, ..self }
+    }
+}
+
+/// The longer side of a camera's photo, pixels.
+pub(crate) fn longer(camera: &Camera) -> f64 {
+    camera.width.max(camera.height) as f64
 }
 
 /// A point seen in a photo.
@@ -55,9 +78,9 @@ pub struct Observation {
 
 /// Cameras, lenses and points, with where points were seen.
 ///
-/// [`Bundle::adjust`] minimizes `sum c^2 log(1 + |pi(p) - u|^2 / (c d)^2) + sum w x^2 + sum v (ln s - e)^2` over poses, points and, where asked, lenses:
+/// [`Bundle::adjust`] minimizes `sum c^2 log(1 + |pi(p) - u|^2 / (c d)^2) + sum w x^2 + sum v (ln s - e)^2 + sum u |h|^2` over poses, points and, where asked, lenses:
 /// pi(p) is where a point is seen by its camera, u where it was, d its [deviation](Observation::deviation), c (`scale` of `adjust`) the
-/// difference, in deviations, beyond which an observation counts for less and less; x are the movements of cameras from where they were [expected](Self::expected); s is the factor of focal lengths of a [`Lens`], e its expected logarithm and v the weight.
+/// difference, in deviations, beyond which an observation counts for less and less; x are the movements of cameras from where they were [expected](Self::expected); s is the factor of focal lengths of a [`Lens`], e its expected logarithm and v the weight; h is the shift of its principal point and u the weight.
 #[derive(Clone, Debug, Default)]
 pub struct Bundle {
     /// The cameras, one a photo.
@@ -130,9 +153,11 @@ impl Bundle {
             let [a, b, c, d, e, f] = *twist;
             camera.pose = se3::exp(DVec3::new(a, b, c), DVec3::new(d, e, f)).compose(&camera.pose);
         }
-        for (lens, by) in next.lenses.iter_mut().zip(step[TWIST * self.cameras.len()..].as_chunks::<2>().0) {
-            lens.log_focal += by[0];
-            lens.k1 += by[1];
+        for (lens, by) in next.lenses.iter_mut().zip(step[TWIST * self.cameras.len()..].as_chunks::<LENS>().0) {
+            let [focal, k1, x, y] = *by;
+            lens.log_focal += focal;
+            lens.k1 += k1;
+            lens.shift += DVec2::new(x, y);
         }
         system.move_points(&mut next.points, step, damping);
         next
@@ -149,6 +174,12 @@ impl Bundle {
         self.observations.iter().map(error).collect()
     }
 
+    /// How well every observation fits: 1 where it is exact, 0 from so many of its deviations on.
+    pub(crate) fn fits(&self, within: f64) -> Vec<f64> {
+        let each = self.errors().into_iter().zip(&self.observations);
+        each.map(|(error, o)| (1.0 - (error / (within * o.deviation)).powi(2)).max(0.0)).collect()
+    }
+
     /// Leaves out observations that are off by more pixels than this.
     pub fn leave_out(&mut self, farthest: f64) {
         let errors = self.errors();
@@ -159,28 +190,49 @@ impl Bundle {
     /// Leaves out observations that are off by more pixels than this, then points that fewer than two cameras see.
     pub fn prune(&mut self, farthest: f64) {
         self.leave_out(farthest);
-        let mut seen = vec![0; self.points.len()];
-        self.observations.iter().for_each(|o| seen[o.point] += 1);
-        self.observations.retain(|o| seen[o.point] > 1);
+        let agreed = self.agreed();
+        self.observations.retain(|o| agreed[o.point]);
         let mut number = 0;
-        let numbers: Vec<usize> = (seen.iter())
-            .map(|n| {
+        let numbers: Vec<usize> = (agreed.iter())
+            .map(|agreed| {
                 let this = number;
-                number += usize::from(*n > 1);
+                number += usize::from(*agreed);
                 this
             })
             .collect();
-        let mut kept = seen.iter();
-        self.points.retain(|_| kept.next().is_some_and(|n| *n > 1));
+        let mut kept = agreed.iter();
+        self.points.retain(|_| kept.next() == Some(&true));
         self.observations.iter_mut().for_each(|o| o.point = numbers[o.point]);
     }
 
-    /// A camera with its lens's focal length.
+    /// Of each point, whether at least two cameras see it.
+    pub(crate) fn agreed(&self) -> Vec<bool> {
+        let mut seen = vec![0; self.points.len()];
+        self.observations.iter().for_each(|o| seen[o.point] += 1);
+        seen.into_iter().map(|n| n > 1).collect()
+    }
+
+    /// How many points each camera sees.
+    pub(crate) fn seen(&self) -> Vec<usize> {
+        let mut seen = vec![0; self.cameras.len()];
+        self.observations.iter().for_each(|o| seen[o.camera] += 1);
+        seen
+    }
+
+    /// The median difference of observations from where their points are seen, pixels; not a number without observations.
+    pub(crate) fn median_error(&self) -> f64 {
+        let mut errors = self.errors();
+        errors.sort_unstable_by(f64::total_cmp);
+        errors.get(errors.len() / 2).copied().unwrap_or(f64::NAN)
+    }
+
+    /// A camera with its lens's focal length and principal point.
     pub fn camera(&self, number: usize) -> Camera {
         let mut camera = self.cameras[number];
-        let factor = self.lenses[self.lens_of[number]].log_focal.exp();
-        camera.intrinsics.fx *= factor;
-        camera.intrinsics.fy *= factor;
+        let lens = &self.lenses[self.lens_of[number]];
+        let (factor, center) = (lens.log_focal.exp(), lens.center(&camera));
+        let k = &mut camera.intrinsics;
+        (k.fx, k.fy, k.cx, k.cy) = (k.fx * factor, k.fy * factor, center.x, center.y);
         camera
     }
 }

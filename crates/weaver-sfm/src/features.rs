@@ -29,6 +29,11 @@ pub struct Keypoint {
     pub contrast: f32,
 }
 
+/// A photo in sRGB `[height, width, 3]` in gray, from 0 to 1: the mean of its colors.
+pub(crate) fn gray(rgb: &[u8]) -> Vec<f32> {
+    rgb.chunks_exact(3).map(|c| c.iter().map(|c| f32::from(*c)).sum::<f32>() / 765.0).collect()
+}
+
 /// The keypoints of a photo, with what they look like.
 #[derive(Clone, Debug, Default)]
 pub struct Features {

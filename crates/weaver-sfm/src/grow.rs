@@ -1,16 +1,14 @@
 //! A scene that grows photo by photo, from two.
 
 use crate::bundle::{Bundle, Observation};
-use crate::evidence::{Evidence, FITS, STEPS};
+use crate::evidence::{EXACT, Evidence, FITS, STEPS};
 use crate::pairs::Pair;
-use crate::place::{place, tally};
+use crate::place::{by_pixel, place, tally};
 use weaver_geometry::Pose;
 use weaver_kernels::parallel;
 
 /// Scales of an adjustment while the scene grows, in deviations of keypoints.
 const SCALES: [f64; 2] = [4.0, 2.0];
-/// Explanations are told apart by what they explain to this: a wrong focal length explains as much, but less exactly.
-const EXACT: f64 = 0.5;
 /// Cameras join together that see at least this part of what the best one sees.
 const TOGETHER: f64 = 0.4;
 /// A camera that sees fewer points is lost again.
@@ -104,16 +102,9 @@ fn adjusted(evidence: &Evidence<'_>, bundle: &mut Bundle, placed: &[bool]) -> Ve
     all
 }
 
-/// Points that at least two cameras agree about.
-fn agreed(bundle: &Bundle) -> Vec<bool> {
-    let mut seen = vec![0; bundle.points.len()];
-    bundle.observations.iter().for_each(|o| seen[o.point] += 1);
-    seen.into_iter().map(|n| n > 1).collect()
-}
-
 /// Cameras that see too few points after all.
 fn lost(bundle: &Bundle, placed: &[bool]) -> Vec<usize> {
-    let agreed = agreed(bundle);
+    let agreed = bundle.agreed();
     let mut seen = vec![0; placed.len()];
     bundle.observations.iter().filter(|o| agreed[o.point]).for_each(|o| seen[o.camera] += 1);
     (0..placed.len()).filter(|i| placed[*i] && seen[*i] < LOST).collect()
@@ -130,13 +121,11 @@ fn contradicted(evidence: &Evidence<'_>, bundle: &Bundle, placed: &[bool]) -> Ve
 
 /// How much is explained exactly, less what an unexpected focal length costs.
 fn explained(bundle: &Bundle) -> f64 {
-    let agreed = agreed(bundle);
-    let value = |(o, error): (&Observation, f64)| {
-        if agreed[o.point] { (1.0 - (error / (EXACT * o.deviation)).powi(2)).max(0.0) } else { 0.0 }
-    };
+    let agreed = bundle.agreed();
+    let value = |(o, fit): (&Observation, f64)| if agreed[o.point] { fit } else { 0.0 };
     let prior: f64 =
         bundle.lenses.iter().filter(|l| l.free_focal).map(|l| l.weight * (l.log_focal - l.expected).powi(2)).sum();
-    bundle.observations.iter().zip(bundle.errors()).map(value).sum::<f64>() - prior
+    bundle.observations.iter().zip(bundle.fits(EXACT)).map(value).sum::<f64>() - prior
 }
 
 /// Places cameras that see enough points; returns which.
@@ -148,9 +137,11 @@ fn join(
     all: &[Observation],
     together: f64,
 ) -> Vec<usize> {
-    let agreed = agreed(bundle);
+    let agreed = bundle.agreed();
     let mut seen: Vec<Vec<Observation>> = vec![Vec::new(); placed.len()];
     all.iter().filter(|o| agreed[o.point]).for_each(|o| seen[o.camera].push(*o));
+    // By pixel, so that what a keypoint shows is found fast.
+    seen.iter_mut().for_each(|seen| seen.sort_by(|a, b| by_pixel(a.pixel, b.pixel)));
     let mut found: Vec<Option<(Pose, usize)>> = vec![None; placed.len()];
     parallel::for_chunks(&mut found, 1, |photo, found| {
         if !placed[photo] && !refused[photo] {

@@ -2,6 +2,7 @@
 
 use crate::bundle::{Bundle, Observation};
 use crate::epipolar::Epipolar;
+use crate::evidence::EXACT;
 use crate::features::{Features, Keypoint};
 use crate::matching::{Match, matches, matches_along};
 use crate::tracks::{Track, tracks};
@@ -126,17 +127,27 @@ impl Bundle {
         if !located.contains(&true) {
             return;
         }
-        let mut seen = vec![0; self.points.len()];
-        self.observations.iter().for_each(|o| seen[o.point] += 1);
-        let mut locating = Self {
+        let agreed = self.agreed();
+        let locating = Self {
             fixed: located.iter().map(|located| !located).collect(),
             fixed_points: true,
-            observations: all.into_iter().filter(|o| located[o.camera] && seen[o.point] > 1).collect(),
+            lenses: self.lenses.iter().map(|lens| lens.held()).collect(),
+            observations: all.into_iter().filter(|o| located[o.camera] && agreed[o.point]).collect(),
             ..self.clone()
         };
-        locating.lenses.iter_mut().for_each(|lens| (lens.free_focal, lens.free_k1) = (false, false));
-        ALL.iter().for_each(|scale| _ = locating.adjust(*scale, STEPS));
-        self.cameras = locating.cameras;
+        // Where a camera stands wrong only wide scales reach what is right; once it stands right they let what is wrong pull.
+        let mut most = vec![0.0; self.cameras.len()];
+        for scales in [&ALL[..], &NARROW, &LAST] {
+            let mut tried = locating.clone();
+            scales.iter().for_each(|scale| _ = tried.adjust(*scale, STEPS));
+            let mut explained = vec![0.0; most.len()];
+            tried.observations.iter().zip(tried.fits(EXACT)).for_each(|(o, fit)| explained[o.camera] += fit);
+            for (camera, explained) in explained.into_iter().enumerate() {
+                if explained > most[camera] {
+                    (most[camera], self.cameras[camera]) = (explained, tried.cameras[camera]);
+                }
+            }
+        }
     }
 }
 

@@ -5,6 +5,8 @@ use crate::epipolar::Epipolar;
 use crate::evidence::{Evidence, FITS, STEPS, Trust};
 use crate::pairs::Pair;
 use crate::passes::sharpest;
+use std::cmp::Ordering;
+use weaver_geometry::glam::DVec2;
 use weaver_geometry::{Camera, Pose};
 
 /// Scales by which a camera is brought to the points that it sees.
@@ -14,8 +16,13 @@ const TRIED: usize = 4;
 /// The share of its matches with placed photos that must agree with a pose.
 const ENOUGH: f64 = 0.35;
 
+/// The order in which what a photo sees is looked up.
+pub(crate) fn by_pixel(a: DVec2, b: DVec2) -> Ordering {
+    a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y))
+}
+
 /// The pose of a photo and how much speaks for it: points that it sees where they are or, where it sees too few, matches
-/// with photos that have a place.
+/// with photos that have a place. What each photo has `seen` is in the order of pixels.
 pub(crate) fn place(
     evidence: &Evidence<'_>,
     bundle: &Bundle,
@@ -106,9 +113,7 @@ pub(crate) fn tally(
 
 /// How much fits, and how many observations.
 fn fitting(bundle: &Bundle, within: f64) -> (f64, usize) {
-    let each = bundle.errors().into_iter().zip(&bundle.observations);
-    let each = each.map(|(error, o)| (1.0 - (error / (within * o.deviation)).powi(2)).max(0.0));
-    each.fold((0.0, 0), |(sum, count), x| (sum + x, count + usize::from(x > 0.0)))
+    bundle.fits(within).into_iter().fold((0.0, 0), |(sum, count), x| (sum + x, count + usize::from(x > 0.0)))
 }
 
 /// Where a camera stands that a pair puts beside another one: in the same place, and as far as points say that the other sees.
@@ -126,7 +131,8 @@ fn suggested(
     for (m, inverse_depth) in pair.matches.iter().zip(&pair.inverse_depths) {
         let keypoint = if second { m.first } else { m.second };
         let pixel = evidence.features[other].keypoints[keypoint].pixel;
-        let Some(o) = seen_by_other.iter().find(|o| o.pixel == pixel) else { continue };
+        let first = seen_by_other.partition_point(|o| by_pixel(o.pixel, pixel).is_lt());
+        let Some(o) = seen_by_other.get(first).filter(|o| o.pixel == pixel) else { continue };
         let depth = camera.pose.apply(bundle.points[o.point]).z;
         let here = if second {
             1.0 / inverse_depth

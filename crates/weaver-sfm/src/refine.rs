@@ -1,7 +1,7 @@
 //! Better cameras from nearly right ones.
 
 use crate::bundle::{Bundle, Lens, Observation};
-use crate::features::Features;
+use crate::features::{Features, gray};
 use crate::passes::{Pass, neighbors, sharpest};
 use weaver_geometry::Camera;
 use weaver_geometry::glam::{DMat3, DVec3};
@@ -27,8 +27,7 @@ pub struct View<'a> {
 impl<'a> View<'a> {
     /// A view of a photo in sRGB, `[height, width, 3]`, whose mean of colors is taken for gray.
     pub fn new(camera: Camera, rgb: &[u8], mask: Option<&'a [u8]>) -> Self {
-        let gray = rgb.chunks_exact(3).map(|c| c.iter().map(|c| f32::from(*c)).sum::<f32>() / 765.0).collect();
-        Self { camera, gray, mask, located: false }
+        Self { camera, gray: gray(rgb), mask, located: false }
     }
 }
 
@@ -88,17 +87,13 @@ pub fn refine(views: &[View<'_>], settings: &RefineSettings) -> Refined {
         bundle.pass(&features, &near, &located, &pass);
     }
     bundle.finish();
-    let mut errors = bundle.errors();
-    errors.sort_unstable_by(f64::total_cmp);
-    let mut seen = vec![0; views.len()];
-    bundle.observations.iter().for_each(|o| seen[o.camera] += 1);
     Refined {
         cameras: (0..views.len()).map(|i| bundle.camera(i)).collect(),
         k1: bundle.lenses[0].k1,
-        error: errors.get(errors.len() / 2).copied().unwrap_or(f64::NAN),
+        error: bundle.median_error(),
+        seen: bundle.seen(),
         points: bundle.points,
         observations: bundle.observations,
-        seen,
     }
 }
 

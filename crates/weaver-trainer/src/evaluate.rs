@@ -1,16 +1,17 @@
 //! Evaluation on held-out views, beside two baselines: the nearest context view copied, and the mean color.
 
+mod drawn;
+
 use crate::evaluation::{Evaluation, SceneFigures};
-use crate::{CameraMode, Error, Example};
+use crate::{CameraMode, Error};
+use drawn::{Drawing, Drawn, Remark};
 use std::borrow::Borrow;
 use std::collections::BTreeMap;
 use std::path::Path;
 use weaver_autograd::Pool;
-use weaver_data::{Scene, evaluation_tuples};
-use weaver_geometry::{Camera, Pose};
-use weaver_inference::{Density, Prediction, Predictor, push_planar};
+use weaver_data::{Scene, Tuple, evaluation_tuples};
+use weaver_inference::{Density, Predictor, push_planar};
 use weaver_io::Image;
-use weaver_kernels::random::Stream;
 use weaver_losses::lpips::Network;
 use weaver_losses::{Lpips, metrics};
 use weaver_pose::PoseErrors;
@@ -25,12 +26,24 @@ pub struct Options {
     pub cameras: CameraMode,
     /// Whether depth is brought to the points that the context views see; with given cameras only.
     pub points: bool,
+    /// Estimates the cameras of context views, in place of others, from these photos; depth is brought to the points that come
+    /// with them.
+    pub matching: Option<Matching>,
     /// Which pixels get Gaussians, and how many; the predictor fills what is left open.
     pub density: Density,
     /// Seed of allocations that draw random numbers.
     pub seed: u64,
     /// Optimizer steps that the weights were trained for.
     pub step: usize,
+}
+
+/// What cameras are estimated from.
+#[derive(Clone, Debug)]
+pub struct Matching {
+    /// The same scenes with the same views in the same order, as large as they are matched.
+    pub scenes: Vec<Scene>,
+    /// Whether focal lengths are told, as EXIF would.
+    pub focal_known: bool,
 }
 
 /// Reads LPIPS weights from a safetensors file.
@@ -68,8 +81,8 @@ pub fn evaluate(
 ) -> Result<Evaluation, Error> {
     let Options { context_views: context, cameras, seed, step, .. } = *options;
     let density = predictor.density(options.density)?;
-    let measure = Measure { cameras, experts: predictor.max_per_pixel() + 1, lpips };
-    if options.points && cameras == CameraMode::Predicted {
+    let measure = Measure { experts: predictor.max_per_pixel() + 1, lpips };
+    if options.points && options.matching.is_none() && cameras == CameraMode::Predicted {
         return Err(Error::Input("points: expected given cameras, found predicted ones".into()));
     }
     if context == 0 {
@@ -84,45 +97,27 @@ pub fn evaluate(
     }
     let total: usize = all.iter().map(Vec::len).sum();
     let mut done = 0;
-    let (mut rescaled, mut without_points) = (Vec::new(), Vec::new());
+    let mut remarked: BTreeMap<Remark, Vec<&str>> = BTreeMap::new();
     let mut figures = Vec::new();
-    for (scene, tuples) in scenes().zip(all) {
+    let mut drawing = Drawing { predictor, options, density };
+    for ((index, scene), tuples) in scenes().enumerate().zip(all) {
         let mean_color = mean_color(scene);
         let mut views = Vec::new();
         for tuple in tuples {
-            let stream = Stream::new(seed, tuple.targets[0] as u64, "evaluation").fork(tuple.scene as u64);
-            let (example, measured) = Example::for_evaluation(scene, tuple)?;
-            let points = options.points.then(|| example.points(scene)).flatten();
-            if options.points && points.is_none() && !without_points.contains(&scene.name) {
-                without_points.push(scene.name.clone());
+            let drawn = drawing.draw(scene, index, &tuple)?;
+            if let Some(remark) = drawn.remark {
+                remarked.entry(remark).or_default().push(&scene.name);
             }
-            let source = example.camera_source(cameras, measured, points.as_ref());
-            let prediction = predictor.predict(example.context_photos(), source, density, stream)?;
-            let factor = if measured { 1.0 } else { prediction.scale_to_predicted(example.context()) };
-            let target: Vec<Camera> =
-                example.targets().iter().map(|c| Camera { pose: c.pose.scaled(factor), ..*c }).collect();
-            let render = predictor.render(&prediction.gaussians, &target)?;
-            if !measured && !rescaled.contains(&scene.name) {
-                rescaled.push(scene.name.clone());
-            }
-            views.push(measure.view(scene, &example, &prediction, &render[0], mean_color));
+            views.push(measure.view(scene, &tuple, &drawn, mean_color));
             done += 1;
             progress(done, total);
         }
         figures.push(SceneFigures::mean_of(&views, Some(scene.name.clone())));
     }
-    let mut remarks = Vec::new();
-    if !rescaled.is_empty() {
-        remarks.push(format!(
-            "{}: no points tell the scale, so camera centers were scaled until their mean distance to camera 0 equalled that of the predicted ones",
-            rescaled.join(", ")
-        ));
-    }
-    if !without_points.is_empty() {
-        remarks.push(format!("{}: context views without points, whose depth stays", without_points.join(", ")));
-    }
+    let remarks = remarked.into_iter().map(|(remark, scenes)| explained(remark, &scenes)).collect();
+    let cameras = options.matching.as_ref().map_or(cameras.to_string(), |_| "estimated".into());
     Ok(Evaluation {
-        cameras: cameras.to_string(),
+        cameras,
         points: options.points,
         allocation: density.allocation.map(|kind| kind.to_string()),
         budget: density.budget,
@@ -137,23 +132,16 @@ pub fn evaluate(
 
 /// What is measured of a rendered view.
 struct Measure<'a> {
-    cameras: CameraMode,
     /// Counts of Gaussians that a pixel can have, 0 included.
     experts: usize,
     lpips: Option<&'a Lpips<f32>>,
 }
 
 impl Measure<'_> {
-    fn view(
-        &self,
-        scene: &Scene,
-        example: &Example,
-        prediction: &Prediction,
-        render: &Image,
-        mean_color: [f32; 3],
-    ) -> SceneFigures {
-        let truth = &scene.views[example.tuple.targets[0]].image;
-        let nearest = &scene.views[example.tuple.context[0]].image;
+    fn view(&self, scene: &Scene, tuple: &Tuple, drawn: &Drawn, mean_color: [f32; 3]) -> SceneFigures {
+        let Drawn { prediction, render, strict, errors, .. } = drawn;
+        let truth = &scene.views[tuple.targets[0]].image;
+        let nearest = &scene.views[tuple.context[0]].image;
         let flat: Vec<f32> = mean_color.iter().copied().cycle().take(truth.pixels.len()).collect();
         let (shown, true_planes) = (planes(render), planes(truth));
         let size = [3, truth.height, truth.width];
@@ -161,14 +149,11 @@ impl Measure<'_> {
         EnergyMap::new(Wavelet::Db2, [truth.height, truth.width]).compute(&true_planes, &Pool::new(), &mut energy);
         let mask = metrics::energetic_mask(&energy);
         let pixels = prediction.counts.len() as f64;
-        let errors = (self.cameras == CameraMode::Predicted && example.context().len() > 1).then(|| {
-            let poses = |c: &[Camera]| -> Vec<Pose> { c.iter().map(|c| c.pose).collect() };
-            PoseErrors::between(&poses(&prediction.predicted), &poses(example.context()))
-        });
         SceneFigures {
             name: None,
             views: 1,
             psnr: metrics::psnr(&shown, &true_planes),
+            psnr_strict: strict.as_ref().map(|strict| metrics::psnr(&strict.pixels, &truth.pixels)),
             psnr_energetic: metrics::psnr_masked(&shown, &true_planes, &mask).unwrap_or(f64::NAN),
             ssim: metrics::ssim(&shown, &true_planes, size),
             lpips: self.lpips.map(|l| metrics::lpips(l, &shown, &true_planes, [truth.height, truth.width])),
@@ -181,6 +166,23 @@ impl Measure<'_> {
             pose_rotation_deg: errors.as_ref().and_then(PoseErrors::mean_rotation),
             pose_translation_deg: errors.as_ref().and_then(PoseErrors::mean_translation),
         }
+    }
+}
+
+/// A remark on some views, for the reader.
+fn explained(remark: Remark, scenes: &[&str]) -> String {
+    let mut names: Vec<&str> = scenes.to_vec();
+    names.dedup();
+    let (names, views) = (names.join(", "), scenes.len());
+    match remark {
+        Remark::Rescaled => format!(
+            "{names}: no points tell the scale, so camera centers were scaled until their mean distance to camera 0 equalled that of the predicted ones"
+        ),
+        Remark::WithoutPoints => format!("{names}: context views without points, whose depth stays"),
+        Remark::NotPlaced => {
+            format!("{names}: no cameras could be estimated for {views} views, and predicted ones were taken")
+        }
+        Remark::PartlyPlaced => format!("{names}: not all context views have an estimated camera for {views} views"),
     }
 }
 

@@ -13,6 +13,10 @@ pub struct SceneFigures {
     pub views: usize,
     /// PSNR, dB.
     pub psnr: f64,
+    /// With estimated cameras, PSNR where the held-out view's camera has the capture's own scale and lens; `psnr` has the scale
+    /// of the estimated cameras' spread, and their lens.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub psnr_strict: Option<f64>,
     /// PSNR over the quarter of each view's pixels with most wavelet energy, dB.
     pub psnr_energetic: f64,
     /// Structural similarity.
@@ -36,7 +40,7 @@ pub struct SceneFigures {
 /// An evaluation on the held-out views of some scenes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    /// Whose cameras: predicted or given.
+    /// Whose cameras: predicted, given or estimated.
     pub cameras: String,
     /// Whether depth was brought to the scenes' points.
     #[serde(skip_serializing_if = "std::ops::Not::not", default)]
@@ -79,6 +83,7 @@ impl SceneFigures {
             name,
             views: all.iter().map(|s| s.views).sum(),
             psnr: of(|s| s.psnr),
+            psnr_strict: mean(all.iter().map(|s| s.psnr_strict)),
             psnr_energetic: of(|s| s.psnr_energetic),
             ssim: of(|s| s.ssim),
             lpips: mean(all.iter().map(|s| s.lpips)),
@@ -130,6 +135,12 @@ impl Evaluation {
                 optional(scene.pose_translation_deg, 2),
                 shares.join(" ")
             );
+        }
+        let strict: Vec<String> = (self.scenes.iter().chain([&self.mean]))
+            .filter_map(|s| Some(format!("{} {:.2}", s.name.as_deref().unwrap_or("mean"), s.psnr_strict?)))
+            .collect();
+        if !strict.is_empty() {
+            let _ = writeln!(out, "PSNR with the held-out camera's own scale and lens: {}", strict.join(", "));
         }
         for remark in &self.remarks {
             let _ = writeln!(out, "note: {remark}");

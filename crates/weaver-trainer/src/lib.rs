@@ -30,7 +30,9 @@ pub use example::Example;
 pub use losses::Terms;
 pub use observe::{Observer, StepReport};
 pub use recipe::{Recipe, Section, Step};
-pub use registry::{Architecture, OpenRun, Overrides, Registry, Resolved, Setup, Source, Training, create_run};
+pub use registry::{
+    Architecture, MatchingOverride, OpenRun, Overrides, Registry, Resolved, Setup, Source, Training, create_run,
+};
 pub use session::{PendingStep, Session};
 
 /// The example of the README, compiled and run.

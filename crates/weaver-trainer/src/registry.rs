@@ -1,6 +1,6 @@
 //! Recipes by name, without their types: what a command line needs.
 
-use crate::evaluate::Options;
+use crate::evaluate::{Matching, Options};
 use crate::{
     Config, DataConfig, DryRun, Error, Evaluation, EvaluationConfig, Observer, Recipe, Session, StepReport, Summary,
     TrainingState, evaluate, scenes,
@@ -179,10 +179,21 @@ pub struct Overrides {
     pub cameras: Option<crate::CameraMode>,
     /// Whether depth is brought to the points that the context views see; with given cameras only.
     pub points: bool,
+    /// Estimates the cameras of context views from photos of this longest side, pixels, in place of others.
+    pub matching: Option<MatchingOverride>,
     /// Which pixels get Gaussians, and how many.
     pub density: Density,
     /// File with the weights of LPIPS, to measure that, too.
     pub lpips: Option<PathBuf>,
+}
+
+/// How cameras are estimated for an evaluation.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub struct MatchingOverride {
+    /// Longest side of the photos while they are matched, pixels; at least the network's.
+    pub long_side: usize,
+    /// Whether focal lengths are told, as EXIF would.
+    pub focal_known: bool,
 }
 
 impl OpenRun {
@@ -196,17 +207,27 @@ impl OpenRun {
         overrides: &Overrides,
         progress: &mut dyn FnMut(usize, usize),
     ) -> Result<Evaluation, Error> {
-        let size @ [height, width] = self.predictor.image_size();
-        let scenes = match source {
-            Source::Run => scenes::load(&self.data, size)?,
-            Source::Folders(folders) => scenes::load_captures(folders, self.data.scene_scale, size)?,
-            Source::Unseen => procedural::default_unseen_set(width, height),
+        let size = self.predictor.image_size();
+        let load = |size: [usize; 2]| match source {
+            Source::Run => scenes::load(&self.data, size),
+            Source::Folders(folders) => scenes::load_captures(folders, self.data.scene_scale, size),
+            Source::Unseen => Ok(procedural::default_unseen_set(size[1], size[0])),
+        };
+        let scenes = load(size)?;
+        let matching = match overrides.matching {
+            Some(MatchingOverride { long_side, focal_known }) => {
+                let scale = (long_side as f64 / size[0].max(size[1]) as f64).max(1.0);
+                let larger = size.map(|side| (side as f64 * scale).round() as usize);
+                Some(Matching { scenes: load(larger)?, focal_known })
+            }
+            None => None,
         };
         let lpips = overrides.lpips.as_deref().map(evaluate::load_lpips).transpose()?;
         let options = Options {
             context_views: overrides.context_views.unwrap_or(self.data.context_views),
             cameras: overrides.cameras.unwrap_or(self.evaluation.cameras),
             points: overrides.points,
+            matching,
             density: overrides.density,
             seed: self.seed,
             step: self.step,

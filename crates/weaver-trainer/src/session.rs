@@ -436,6 +436,7 @@ impl<R: Recipe> Session<R> {
             context_views: self.config.data.context_views,
             cameras: self.config.evaluation.cameras,
             points: false,
+            matching: None,
             density: Density::default(),
             seed: self.config.seed,
             step: self.step,

@@ -1,32 +1,32 @@
 //! The command line of `splatweaver eval`.
 
 use super::fit::{Rgb, background};
-use super::{DensityFlags, RefineFlags, Threads, cameras};
-use clap::{ArgGroup, Args};
+use super::{DensityFlags, RefineFlags, Threads};
+use clap::{Args, ValueEnum};
 use std::path::PathBuf;
-use weaver_trainer::CameraMode;
 
 /// Renders held-out views and compares them with the photos.
 ///
-/// With --run from the Gaussians that the model makes of their nearest training views, with --scene from one file of Gaussians,
-/// at the photos' own size.
+/// From the Gaussians that a network makes of their nearest training views or, with --scene, from one file of Gaussians, at the
+/// photos' own size.
 #[derive(Args, Debug)]
-#[command(group(ArgGroup::new("what").required(true).args(["run", "scene"])))]
 #[command(after_help = "Examples:
   splatweaver eval --run runs/mine
   splatweaver eval --run runs/mine --data ramen --cameras given --allocation grid --budget 0.25
   splatweaver eval --run runs/mine --data ramen --cameras given --points
+  splatweaver eval --run runs/mine --data ramen --cameras estimated --refine-steps 60
+  splatweaver eval --data ramen --points
   splatweaver eval --run runs/mine --unseen --json > unseen.json
   splatweaver eval --scene fits/garden-1/scene.ply --data garden --lpips alex.safetensors
   splatweaver eval --scene scene.spz --data garden --size 1600 --background black")]
 pub struct Eval {
-    /// The run folder
-    #[arg(long)]
+    /// The run folder [default: the weights that come with the program]
+    #[arg(long, conflicts_with = "scene")]
     pub run: Option<PathBuf>,
     /// A file of Gaussians (PLY, splat, SPZ), whose world is that of one --data
-    #[arg(long, value_name = "SCENE", requires = "data", conflicts_with_all = ["unseen", "views", "cameras", "points", "allocation", "budget", "refine", "refine_steps", "refine_size"])]
+    #[arg(long, value_name = "SCENE", requires = "data", conflicts_with_all = ["unseen", "views", "cameras", "unknown_focal", "match_size", "points", "allocation", "budget", "refine", "refine_steps", "refine_size"])]
     pub scene: Option<PathBuf>,
-    /// Folder of a capture; may be repeated with --run [default: the data of the run]
+    /// Folder of a capture; may be repeated without --scene [default: the data of the run]
     #[arg(long, value_name = "DIR")]
     pub data: Vec<PathBuf>,
     /// The four built-in procedural scenes that are never trained on
@@ -35,9 +35,15 @@ pub struct Eval {
     /// Context views for each held-out view [default: the run's]
     #[arg(long, value_name = "V", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub views: Option<u32>,
-    /// Cameras of the context views [default: the run's]
-    #[arg(long, value_parser = cameras())]
-    pub cameras: Option<CameraMode>,
+    /// Cameras of the context views; `estimated` by matching these photos, the held-out view aside [default: the run's]
+    #[arg(long, value_enum)]
+    pub cameras: Option<ContextCameras>,
+    /// With estimated cameras: focal lengths are not told, as by photos without EXIF
+    #[arg(long)]
+    pub unknown_focal: bool,
+    /// With estimated cameras: longest side of the photos while they are matched [default: 384]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(64..=8192))]
+    pub match_size: Option<u32>,
     /// Given cameras come with the points that the context photos see: depth is brought to these
     #[arg(long)]
     pub points: bool,
@@ -55,6 +61,17 @@ pub struct Eval {
     pub drawing: Drawing,
     #[command(flatten)]
     pub threads: Threads,
+}
+
+/// Whose cameras the context views have.
+#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
+pub enum ContextCameras {
+    /// The network's own
+    Predicted,
+    /// The data's
+    Given,
+    /// By matching
+    Estimated,
 }
 
 /// How a scene is drawn. A fit says that in summary.json beside its scene.

@@ -1,6 +1,7 @@
 //! The command lines of `splatweaver cameras` and `splatweaver reconstruct`.
 
 use super::Threads;
+use crate::failure::Failure;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use weaver_data::EstimateOptions;
@@ -95,9 +96,9 @@ pub struct Cameras {
 }
 
 /// How cameras are estimated.
-#[derive(Args, Clone, Copy, Debug)]
+#[derive(Args, Clone, Copy, Debug, PartialEq)]
 pub struct MatchingFlags {
-    /// The focal length of all photos, over their longer side [default: what the files tell, else estimated]
+    /// The focal length of all photos, over their longer side: 0.75 for most phones [default: what the files tell, else estimated]
     #[arg(long, value_name = "F", value_parser = focal, help_heading = MATCHING)]
     pub focal: Option<f64>,
     /// Does not believe the focal lengths that files tell
@@ -106,6 +107,9 @@ pub struct MatchingFlags {
     /// Each photo has a focal length of its own
     #[arg(long, help_heading = MATCHING)]
     pub own_focal: bool,
+    /// Finds a radial distortion, for wide lenses; photos without it are written beside the cameras
+    #[arg(long, help_heading = MATCHING)]
+    pub distortion: bool,
     /// Longest side of the photos while they are matched
     #[arg(long, value_name = "PIXELS", default_value_t = 640, value_parser = clap::value_parser!(u32).range(64..=8192), help_heading = MATCHING)]
     pub match_size: u32,
@@ -113,8 +117,8 @@ pub struct MatchingFlags {
 
 impl Default for MatchingFlags {
     fn default() -> Self {
-        let EstimateOptions { long_side, focal, exif, shared } = EstimateOptions::default();
-        Self { focal, no_exif: !exif, own_focal: !shared, match_size: long_side as u32 }
+        let EstimateOptions { long_side, focal, exif, shared, distortion } = EstimateOptions::default();
+        Self { focal, no_exif: !exif, own_focal: !shared, distortion, match_size: long_side as u32 }
     }
 }
 
@@ -125,7 +129,22 @@ impl From<MatchingFlags> for EstimateOptions {
             focal: flags.focal,
             exif: !flags.no_exif,
             shared: !flags.own_focal,
+            distortion: flags.distortion,
         }
+    }
+}
+
+impl MatchingFlags {
+    /// That these say nothing, where cameras are not estimated.
+    ///
+    /// # Errors
+    /// When they do; `found` says where cameras come from.
+    pub fn check_unused(&self, found: &str) -> Result<(), Failure> {
+        if *self == Self::default() {
+            return Ok(());
+        }
+        let flags = "--focal, --no-exif, --own-focal, --distortion, --match-size";
+        Err(Failure::Usage(format!("{flags}: expected estimated cameras, found {found}")))
     }
 }
 

@@ -186,7 +186,7 @@ fn every_view_counts_where_none_is_held_out() {
 fn wrong_usage_is_code_2() {
     let folder = folder(&RasterSettings::default(), &[]);
     for (flags, part) in [
-        (&["--data", "capture"][..], "--run"),
+        (&[][..], "expected --run, --scene, or what to evaluate on"),
         (&["--scene", "scene.ply"], "--data"),
         (&["--run", "a", "--scene", "scene.ply", "--data", "capture"], "cannot be used with"),
         (

@@ -52,6 +52,47 @@ fn cameras_become_a_capture() {
 }
 
 #[test]
+fn a_distortion_is_taken_out_of_photos() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    photos(folder, 12);
+    let output = run(folder, "cameras photos -o found --distortion --compare truth/transforms.json");
+    let text = said(&output);
+    assert!(output.status.success() && text.contains("radial distortion k1"), "{text}");
+    let capture = weaver_data::posed::load(folder.join("found"), &Default::default()).unwrap();
+    assert_eq!(capture.photos.len(), 6);
+    assert!(folder.join("found/undistorted/00.png").exists());
+    let again = run(folder, "cameras found/undistorted -o found --distortion");
+    assert_eq!(again.status.code(), Some(1), "{}", said(&again));
+    assert!(said(&again).contains("expected a new file"), "{}", said(&again));
+}
+
+#[test]
+fn networks_are_judged_with_estimated_cameras() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    photos(folder, 12);
+    // A capture with points, which tell its scale.
+    let capture = run(folder, "cameras photos -o capture");
+    assert!(capture.status.success(), "{}", said(&capture));
+    let output = run(folder, "eval --data capture --cameras estimated --match-size 192 --json");
+    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", said(&output)));
+    assert_eq!(found["cameras"], "estimated");
+    let mean = &found["mean"];
+    let figure = |key: &str| mean[key].as_f64().unwrap_or_else(|| panic!("{key} in {mean}"));
+    assert!(figure("pose_rotation_deg") < 3.0 && figure("psnr") > 10.0 && figure("psnr_strict") > 10.0, "{mean}");
+    for (flags, key) in [
+        ("--cameras given --match-size 192", "expected --cameras estimated"),
+        ("--cameras estimated --points", "expected --cameras given"),
+    ] {
+        let output = run(folder, &format!("eval --data truth {flags}"));
+        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+        assert!(said(&output).contains(key), "{}", said(&output));
+    }
+    assert_eq!(run(folder, "eval").status.code(), Some(2));
+}
+
+#[test]
 fn a_scene_from_photos_alone() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
@@ -112,6 +153,14 @@ fn what_cannot_be_solved_is_refused_with_a_reason() {
             assert!(!folder.join("out").exists(), "{command} {photos} left something behind");
         }
     }
+    let own = run(folder, "reconstruct truth -o out --focal 1.2");
+    assert_eq!(own.status.code(), Some(2), "{}", said(&own));
+    assert!(said(&own).contains("expected estimated cameras"), "{}", said(&own));
+    let given = run(folder, "infer photos --cameras truth/transforms.json -o out --no-exif");
+    assert_eq!(given.status.code(), Some(2), "{}", said(&given));
+    let dry = run(folder, "fit photos --cameras estimated --dry-run -o out");
+    assert_eq!(dry.status.code(), Some(2), "{}", said(&dry));
+    assert!(!folder.join("out").exists());
     for wrong in ["--focal 0", "--focal x", "--match-size 3", "--quality best"] {
         let output = run(folder, &format!("reconstruct photos -o out {wrong}"));
         assert_eq!(output.status.code(), Some(2), "{wrong}: {}", said(&output));

@@ -4,6 +4,7 @@ mod atomic;
 mod cameras;
 mod checkpoint;
 mod colmap;
+mod exif;
 mod files;
 mod formats;
 mod images;

@@ -1,13 +1,13 @@
 //! The normal equations, with the points eliminated.
 
-use super::{Bundle, Observation, TWIST};
+use super::{Bundle, LENS, Observation, TWIST, longer};
 use std::ops::Range;
 use weaver_geometry::glam::{DMat3, DVec2, DVec3};
 use weaver_geometry::se3;
 use weaver_kernels::parallel;
 
 /// Numbers that an observation depends on beside its point: those of its camera and of its lens.
-const NUMBERS: usize = TWIST + 2;
+const NUMBERS: usize = TWIST + LENS;
 /// Parts that points are eliminated in side by side: always as many, so that sums are always the same.
 const PARTS: usize = 8;
 /// Points of a task.
@@ -50,7 +50,7 @@ pub(super) struct System {
 
 impl System {
     pub fn new(bundle: &Bundle, scale: f64) -> Self {
-        let size = TWIST * bundle.cameras.len() + 2 * bundle.lenses.len();
+        let size = TWIST * bundle.cameras.len() + LENS * bundle.lenses.len();
         let mut groups: Vec<&[Observation]> = vec![&[]; bundle.points.len()];
         bundle.observations.chunk_by(|a, b| a.point == b.point).for_each(|group| groups[group[0].point] = group);
         let mut of_points = vec![Of::default(); groups.len()];
@@ -60,7 +60,7 @@ impl System {
             }
         });
         let place = |o: &Observation| {
-            let lens = TWIST * bundle.cameras.len() + 2 * bundle.lens_of[o.camera];
+            let lens = TWIST * bundle.cameras.len() + LENS * bundle.lens_of[o.camera];
             std::array::from_fn(|n| if n < TWIST { TWIST * o.camera + n } else { lens + n - TWIST })
         };
         let places = groups.iter().map(|group| group.iter().map(place).collect()).collect();
@@ -102,12 +102,19 @@ impl System {
                 self.matrix[at * size + at] += weight;
             }
         }
-        for (i, lens) in bundle.lenses.iter().enumerate().filter(|(_, lens)| lens.free_focal) {
-            let at = TWIST * bundle.cameras.len() + 2 * i;
-            let off = lens.log_focal - lens.expected;
-            self.cost += lens.weight * off * off;
-            self.right[at] -= lens.weight * off;
-            self.matrix[at * size + at] += lens.weight;
+        for (i, lens) in bundle.lenses.iter().enumerate() {
+            let first = TWIST * bundle.cameras.len() + LENS * i;
+            let priors = [
+                (lens.free_focal, lens.weight, 0, lens.log_focal - lens.expected),
+                (lens.free_shift, lens.shift_weight, 2, lens.shift.x),
+                (lens.free_shift, lens.shift_weight, 3, lens.shift.y),
+            ];
+            for (_, weight, number, off) in priors.into_iter().filter(|prior| prior.0) {
+                let at = first + number;
+                self.cost += weight * off * off;
+                self.right[at] -= weight * off;
+                self.matrix[at * size + at] += weight;
+            }
         }
         // What nothing depends on stays: its equation is x = 0.
         for at in 0..size {
@@ -203,7 +210,8 @@ impl Of {
         let bent = 1.0 + lens.k1 * r2;
         let to_world = camera.pose.rotation.transpose();
         let moves = f64::from(!bundle.fixed[o.camera]);
-        let [focuses, bends] = [lens.free_focal, lens.free_k1].map(f64::from);
+        let [focuses, bends, shifts] = [lens.free_focal, lens.free_k1, lens.free_shift].map(f64::from);
+        let center = lens.center(camera);
         let row = |f: f64, axis: DVec2, along: f64, from_center: f64| {
             // d (f (1 + k1 r^2) along) by the place on the plane at depth 1, then by the point.
             let by_plane = (axis * bent + at * (2.0 * lens.k1 * along)) * (f * focal);
@@ -211,10 +219,11 @@ impl Of {
             let turn = p.cross(by_point);
             let (shift, turn) = (by_point * moves, turn * moves);
             let bend = bends * f * focal * along * r2;
-            let numbers = [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z, focuses * from_center, bend];
+            let DVec2 { x, y } = axis * (shifts * longer(camera));
+            let numbers = [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z, focuses * from_center, bend, x, y];
             (numbers, to_world * by_point)
         };
-        let rows = [row(k.fx, DVec2::X, at.x, seen.x - k.cx), row(k.fy, DVec2::Y, at.y, seen.y - k.cy)];
+        let rows = [row(k.fx, DVec2::X, at.x, seen.x - center.x), row(k.fy, DVec2::Y, at.y, seen.y - center.y)];
         let mut term =
             Term { matrix: [[0.0; NUMBERS]; NUMBERS], right: [0.0; NUMBERS], coupling: [DVec3::ZERO; NUMBERS] };
         for ((numbers, by_point), difference) in rows.iter().zip(difference.to_array()) {
@@ -303,7 +312,17 @@ mod tests {
                 .collect(),
             cameras,
             lenses: vec![
-                Lens { log_focal: 0.1, k1: -0.2, expected: 0.3, weight: 3.0, free_focal: true, free_k1: true };
+                Lens {
+                    log_focal: 0.1,
+                    k1: -0.2,
+                    shift: DVec2::new(0.02, -0.01),
+                    expected: 0.3,
+                    weight: 3.0,
+                    shift_weight: 2.0,
+                    free_focal: true,
+                    free_k1: true,
+                    free_shift: true,
+                };
                 2
             ],
             lens_of: vec![0, 1, 0],
@@ -328,8 +347,9 @@ mod tests {
                     if at >= system.size {
                         other.points[(at - system.size) / 3][(at - system.size) % 3] += by;
                     } else if at >= TWIST * 3 {
-                        let lens = &mut other.lenses[(at - TWIST * 3) / 2];
-                        *(if at % 2 == 0 { &mut lens.log_focal } else { &mut lens.k1 }) += by;
+                        let lens = &mut other.lenses[(at - TWIST * 3) / LENS];
+                        let DVec2 { x, y } = &mut lens.shift;
+                        *[&mut lens.log_focal, &mut lens.k1, x, y][(at - TWIST * 3) % LENS] += by;
                     } else {
                         let mut twist = [0.0; TWIST];
                         twist[at % TWIST] = by;

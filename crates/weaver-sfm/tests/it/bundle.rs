@@ -1,7 +1,7 @@
 //! Bundle adjustment of points and cameras that a program made.
 
 use proptest::prelude::*;
-use weaver_geometry::glam::DVec3;
+use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Intrinsics, Pose, se3, so3};
 use weaver_kernels::random::Stream;
 use weaver_sfm::{Bundle, Lens, Observation};
@@ -13,7 +13,10 @@ pub fn arc(cameras: usize, points: usize, lens: Lens, stream: Stream) -> Bundle 
     let mut bundle = Bundle {
         cameras: (0..cameras)
             .map(|i| {
-                let rotation = so3::exp(DVec3::new(0.1 * draw(i + 10_000, 0), 0.15 * i as f64, 0.0));
+                // Rolled, too: what turns about one axis alone hardly tells the principal point.
+                let roll = 1.5 * draw(i + 10_000, 1);
+                let rotation =
+                    so3::exp(DVec3::Z * roll) * so3::exp(DVec3::new(0.1 * draw(i + 10_000, 0), 0.15 * i as f64, 0.0));
                 let pose = Pose::new(rotation, DVec3::new(0.0, 0.0, 5.0));
                 Camera { pose, intrinsics, width: 320, height: 240 }
             })
@@ -41,14 +44,15 @@ fn moved(pose: &Pose, by: f64, stream: Stream) -> Pose {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 16))]
 
-    /// All is found again from wrong cameras, points, focal length and distortion, through wrong observations.
+    /// All is found again from wrong cameras, points, focal length, distortion and principal point, through wrong observations.
     #[test]
-    fn what_was_seen_is_explained(seed in 0..1000u64, log_focal in -0.05..0.05f64, k1 in -0.1..0.1f64, wrong in 0..20usize) {
+    fn what_was_seen_is_explained(seed in 0..1000u64, log_focal in -0.05..0.05f64, k1 in -0.1..0.1f64, x in -0.01..0.01f64, wrong in 0..20usize) {
         let stream = Stream::new(seed, 0, "test.bundle");
-        let lens = Lens { log_focal, k1, free_focal: true, free_k1: true, ..Lens::default() };
+        let shift = DVec2::new(x, -0.5 * x);
+        let lens = Lens { log_focal, k1, shift, free_focal: true, free_k1: true, free_shift: true, ..Lens::default() };
         let truth = arc(5, 60, lens, stream);
         let mut bundle = truth.clone();
-        bundle.lenses[0] = Lens { log_focal: 0.0, k1: 0.0, ..lens };
+        bundle.lenses[0] = Lens { log_focal: 0.0, k1: 0.0, shift: DVec2::ZERO, ..lens };
         bundle.fixed[0] = true;
         for (i, camera) in bundle.cameras.iter_mut().enumerate().skip(1) {
             camera.pose = moved(&camera.pose, 0.01, stream.fork(i as u64));
@@ -68,6 +72,7 @@ proptest! {
         prop_assert!(errors[right - 1] < 1.0 && errors[right / 2] < 0.05, "{:?}", &errors[right - 5..]);
         let found = bundle.lenses[0];
         prop_assert!((found.log_focal - log_focal).abs() < 5e-3 && (found.k1 - k1).abs() < 2e-2, "{found:?}, not {lens:?}");
+        prop_assert!(found.shift.distance(shift) < 5e-3, "{found:?}, not {lens:?}");
         let before = bundle.observations.len();
         bundle.prune(5.0);
         prop_assert_eq!(bundle.observations.len(), before - wrong);

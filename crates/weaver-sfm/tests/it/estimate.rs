@@ -72,6 +72,54 @@ fn a_wrong_focal_length_comes_back() {
 }
 
 #[test]
+fn photos_that_do_not_tell_their_focal_length_have_that_of_the_others() {
+    let scene = built_in(3, 8);
+    let mut photos = photos(&scene, true);
+    photos.iter_mut().step_by(2).for_each(|p| p.focal = None);
+    let found = estimate(&photos, &exact());
+    assert!(off(&found, &scene) < 1.5, "{} degrees off", off(&found, &scene));
+    let focal = |i: usize| found.cameras[i].expect("a camera").intrinsics.fx;
+    assert_eq!(focal(0), focal(1));
+    assert_eq!((found.focal_factor, found.focal_guessed), (1.0, false));
+}
+
+/// Photos seen through a place in other ones: `from` says where each pixel of `size` (height, width) comes from.
+fn warped(photos: &mut [Photo<'_>], size: [usize; 2], from: impl Fn(DVec2) -> DVec2) {
+    for photo in photos {
+        let [height, width] = photo.size;
+        let pixel = |x: usize, y: usize| f64::from(photo.gray[y.min(height - 1) * width + x.min(width - 1)]);
+        let gray = (0..size[0] * size[1]).map(|i| {
+            let at = from(DVec2::new((i % size[1]) as f64 + 0.5, (i / size[1]) as f64 + 0.5));
+            let at = (at - 0.5).clamp(DVec2::ZERO, DVec2::new((width - 1) as f64, (height - 1) as f64));
+            let (corner, t) = (at.floor(), at.fract());
+            let (x, y) = (corner.x as usize, corner.y as usize);
+            let row = |y: usize| pixel(x, y) * (1.0 - t.x) + pixel(x + 1, y) * t.x;
+            (row(y) * (1.0 - t.y) + row(y + 1) * t.y) as f32
+        });
+        let gray = gray.collect();
+        (photo.gray, photo.size) = (gray, size);
+    }
+}
+
+#[test]
+fn a_distortion_that_is_asked_for() {
+    let k1 = -0.15;
+    let scene = built_in(3, 24);
+    let mut photos = photos(&scene, true);
+    let k = scene.views[0].camera.intrinsics;
+    warped(&mut photos, [192, 256], |pixel| {
+        let bent = k.unproject(pixel, 1.0).truncate();
+        let straight = (0..20).fold(bent, |at, _| bent / (1.0 + k1 * at.length_squared()));
+        k.project(straight.extend(1.0))
+    });
+    let found = estimate(&photos, &EstimateSettings { distortion: true, ..exact() });
+    assert!((found.k1[0] - k1).abs() < 0.03, "k1 {} instead of {k1}", found.k1[0]);
+    let ignored = estimate(&photos, &exact());
+    assert!(ignored.k1[0] == 0.0 && found.error < ignored.error, "{} and {}", found.error, ignored.error);
+    assert!(off(&found, &scene) < 0.8 * off(&ignored, &scene), "{} degrees off", off(&found, &scene));
+}
+
+#[test]
 fn photos_of_another_place_are_left_out_in_any_order() {
     let scene = built_in(3, 24);
     let mut mixed = photos(&scene, true);
@@ -98,9 +146,23 @@ fn what_is_located_finds_no_points() {
     let scene = built_in(3, 12);
     let mut photos = photos(&scene, true);
     photos[2].located = true;
-    let found = estimate(&photos, &exact());
+    // What was told is a little off, and found out by the others: what is located has their lens.
+    photos.iter_mut().for_each(|p| p.focal = p.focal.map(|f| 1.06 * f));
+    let found = estimate(&photos, &EstimateSettings::default());
     assert!(off(&found, &scene) < 1.5, "{} degrees off", off(&found, &scene));
     assert_eq!(found.seen[2], 0);
+    let focal = |i: usize| found.cameras[i].expect("a camera").intrinsics.fx;
+    assert_eq!(focal(2), focal(0));
+    assert!(found.focal_factor < 1.0 && !found.focal_guessed, "{}", found.focal_factor);
+}
+
+#[test]
+fn two_photos_beside_located_ones_only_guess_their_focal_length() {
+    let scene = built_in(3, 8);
+    let mut photos = photos(&scene, false);
+    photos.iter_mut().skip(2).for_each(|p| p.located = true);
+    let found = estimate(&photos, &EstimateSettings::default());
+    assert!(found.cameras.iter().flatten().count() > 2 && found.focal_guessed, "{:?}", found.cameras);
 }
 
 #[test]

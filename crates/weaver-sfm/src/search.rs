@@ -1,0 +1,207 @@
+//! Scenes that explain photos, of which the best is taken.
+
+use crate::bundle::{Bundle, Lens};
+use crate::evidence::{Evidence, Trust};
+use crate::features::Features;
+use crate::grow::{Grown, beginnings};
+use crate::matching::Match;
+use crate::pairs::{self, Pair};
+use crate::passes::{Pass, neighbors};
+use crate::photo::{EstimateSettings, Photo, told};
+use crate::tracks::{Track, tracks};
+use weaver_geometry::{Camera, Intrinsics, Pose};
+
+/// Focal lengths that are tried where nothing is known, over the longer side of the photo.
+const FOCAL: [f64; 6] = [0.55, 0.75, 0.95, 1.2, 1.5, 1.9];
+/// What is expected where nothing is known, and the standard deviation of its logarithm.
+const USUAL: f64 = 0.9;
+const UNKNOWN: f64 = 0.4;
+/// Standard deviation of the principal point from the middle of a photo, over the longer side.
+const OFF_CENTER: f64 = 0.005;
+/// Pairs that the choice of a focal length is made by where there are many photos.
+const VOTERS: usize = 10;
+/// Photos of which many beginnings and every focal length can be tried.
+const FEW: usize = 8;
+/// Beginnings that are tried, and the most photos of which more than one is where the first reaches all.
+const BEGINNINGS: usize = 6;
+const SEVERAL: usize = 12;
+/// Standard deviation of where a keypoint is found, pixels.
+const PIXEL: f64 = 0.5;
+/// Rotations farther apart than this are different explanations, radians.
+const DIFFERENT: f64 = 0.1;
+
+/// What was tried.
+pub(crate) struct Search<'a> {
+    photos: &'a [Photo<'a>],
+    settings: &'a EstimateSettings,
+    features: &'a [Features],
+    matched: &'a [([usize; 2], Vec<Match>)],
+    /// The scenes that were grown.
+    pub found: Vec<Grown>,
+}
+
+impl<'a> Search<'a> {
+    pub fn new(
+        photos: &'a [Photo<'a>],
+        settings: &'a EstimateSettings,
+        features: &'a [Features],
+        matched: &'a [([usize; 2], Vec<Match>)],
+    ) -> Self {
+        Self { photos, settings, features, matched, found: Vec::new() }
+    }
+
+    /// Grows scenes; returns the pairs' poses with the last focal length.
+    pub fn run(&mut self) -> Vec<Pair> {
+        let absent: Vec<bool> = self.photos.iter().map(|p| p.located).collect();
+        let tau = self.photos.iter().map(|p| p.size[1] as f64 / 384.0).fold(0.5, f64::max);
+        let few = self.photos.len() <= FEW;
+        let mut posed = Vec::new();
+        for factor in self.focal_lengths(tau) {
+            let bundle = self.settings.bundle(self.photos, factor);
+            posed = pairs::posed(self.features, &bundle.cameras, self.matched, tau);
+            // Among many photos, pairs that are chance do more harm than those that are doubtful do good.
+            let certain: Vec<Pair> = posed.iter().filter(|pair| few || pair.certain()).cloned().collect();
+            let (all_tracks, tracks) = (self.linked(&posed), self.linked(&certain));
+            let evidence = Evidence {
+                features: self.features,
+                pairs: &certain,
+                tracks: &tracks,
+                absent: &absent,
+                trust: Trust::PAIRS,
+            };
+            let all = Evidence { pairs: &posed, tracks: &all_tracks, trust: Trust::POINTS, ..evidence };
+            let mut tried = 0;
+            for from in beginnings(&evidence).into_iter().map(|i| &certain[i]) {
+                // Of many photos, the next beginning is in what the others did not reach.
+                let reached = |grown: &Grown| from.photos.iter().all(|p| grown.placed[*p]);
+                if tried == BEGINNINGS || self.photos.len() > SEVERAL && self.found.iter().any(reached) {
+                    continue;
+                }
+                tried += 1;
+                for pose in std::iter::once(&from.pose).chain(&from.rival) {
+                    let mut grown = Grown::new(bundle.clone(), from.photos, pose);
+                    grown.grow(&evidence);
+                    if !few {
+                        grown.grow(&all);
+                    }
+                    self.found.push(grown);
+                }
+            }
+        }
+        posed
+    }
+
+    /// Matches and adjusts by turns, until all that photos share is found.
+    pub fn refine(&self, bundle: &mut Bundle, placed: &[bool]) {
+        let several = placed.iter().filter(|placed| **placed).count() >= SEVERAL;
+        for lens in &mut bundle.lenses {
+            (lens.free_k1, lens.free_shift) = (self.settings.distortion, several);
+            lens.shift_weight = (PIXEL / OFF_CENTER).powi(2);
+        }
+        let missing: Vec<bool> = placed.iter().map(|placed| !placed).collect();
+        let near = self.near(bundle, placed);
+        for pass in Pass::FINE {
+            bundle.pass(self.features, &near, &missing, &pass);
+        }
+        bundle.finish();
+    }
+
+    /// Places the photos that are only located, by the points that the others found; these stay as they are.
+    pub fn locate(&self, posed: &[Pair], bundle: &mut Bundle, placed: &mut [bool]) {
+        let absent: Vec<bool> = self.photos.iter().map(|p| !p.located).collect();
+        if absent.iter().all(|absent| *absent) {
+            return;
+        }
+        let tracks = self.linked(posed);
+        let evidence =
+            Evidence { features: self.features, pairs: posed, tracks: &tracks, absent: &absent, trust: Trust::PAIRS };
+        let before = placed.to_vec();
+        let mut found = Grown { bundle: bundle.clone(), placed: before.clone(), support: 0.0 };
+        found.bundle.lenses.iter_mut().for_each(|lens| *lens = lens.held());
+        found.join(&evidence);
+        placed.copy_from_slice(&found.placed);
+        let near = self.near(&found.bundle, placed);
+        let located: Vec<bool> = before.iter().map(|placed| !placed).collect();
+        found.bundle.fixed = before;
+        Pass::FINE.iter().for_each(|pass| found.bundle.pass(self.features, &near, &located, pass));
+        bundle.cameras = found.bundle.cameras;
+    }
+
+    /// Pairs of placed photos from nearby.
+    fn near(&self, bundle: &Bundle, placed: &[bool]) -> Vec<[usize; 2]> {
+        let mut near = neighbors(&bundle.cameras, self.settings.candidates);
+        near.retain(|pair| pair.iter().all(|p| placed[*p]));
+        near
+    }
+
+    /// What pairs say to be the same.
+    fn linked(&self, pairs: &[Pair]) -> Vec<Track> {
+        let links: Vec<([usize; 2], Vec<Match>)> = pairs.iter().map(|p| (p.photos, p.matches.clone())).collect();
+        let counts: Vec<usize> = self.features.iter().map(|f| f.keypoints.len()).collect();
+        tracks(&counts, &links)
+    }
+
+    /// Photos with a place, then how well they explain each other.
+    pub fn value(&self, number: usize) -> (usize, f64) {
+        let Grown { placed, support, .. } = &self.found[number];
+        (placed.iter().filter(|p| **p).count(), *support)
+    }
+
+    /// How much is explained by the best explanation that is different, over that by the best.
+    pub fn rival(&self, best: usize) -> f64 {
+        let Grown { bundle, placed, support } = &self.found[best];
+        let differs = |other: &&Grown| {
+            let both: Vec<usize> = (0..placed.len()).filter(|i| placed[*i] && other.placed[*i]).collect();
+            let turn = |bundle: &Bundle, i: usize| bundle.cameras[i].pose.relative_to(&bundle.cameras[both[0]].pose);
+            both.iter().any(|i| turn(bundle, *i).angle_to(&turn(&other.bundle, *i)) > DIFFERENT)
+        };
+        self.found.iter().filter(differs).map(|other| other.support / support).fold(0.0, f64::max)
+    }
+
+    /// Focal lengths to begin with, over the longer side: what is known, every usual one, or the one that pairs like best.
+    fn focal_lengths(&self, tau: f64) -> Vec<f64> {
+        if told(self.photos).is_some() {
+            return vec![USUAL];
+        }
+        if self.photos.len() <= FEW {
+            return FOCAL.to_vec();
+        }
+        let mut voters = self.matched.to_vec();
+        voters.sort_by_key(|(_, matches)| std::cmp::Reverse(matches.len()));
+        voters.truncate(VOTERS);
+        let score = |factor: &f64| -> f64 {
+            let cameras = self.settings.bundle(self.photos, *factor).cameras;
+            pairs::posed(self.features, &cameras, &voters, tau).iter().map(|p: &Pair| p.score).sum()
+        };
+        let ranked = FOCAL.iter().map(|f| (score(f), *f));
+        ranked.max_by(|a, b| a.0.total_cmp(&b.0)).map(|best| best.1).into_iter().collect()
+    }
+}
+
+impl EstimateSettings {
+    /// Cameras without poses. A photo that does not tell its focal length has that of the others or, where none does, this
+    /// factor of the longer side.
+    fn bundle(&self, photos: &[Photo<'_>], factor: f64) -> Bundle {
+        let told = told(photos);
+        let camera = |photo: &Photo<'_>| {
+            let [height, width] = photo.size;
+            let focal = photo.focal.unwrap_or(told.unwrap_or(factor) * height.max(width) as f64);
+            let [cx, cy] = [width as f64 / 2.0, height as f64 / 2.0];
+            let intrinsics = Intrinsics { fx: focal, fy: focal, cx, cy };
+            Camera { pose: Pose::IDENTITY, intrinsics, width, height }
+        };
+        let deviation = if told.is_some() { self.focal_deviation } else { UNKNOWN };
+        let free_focal = deviation > 0.0;
+        let weight = if free_focal { (PIXEL / deviation).powi(2) } else { 0.0 };
+        let expected = if told.is_some() { 0.0 } else { (USUAL / factor).ln() };
+        let lens = Lens { expected, weight, free_focal, ..Lens::default() };
+        let count = if self.shared { 1 } else { photos.len() };
+        Bundle {
+            cameras: photos.iter().map(camera).collect(),
+            lenses: vec![lens; count],
+            lens_of: (0..photos.len()).map(|i| if self.shared { 0 } else { i }).collect(),
+            fixed: vec![false; photos.len()],
+            ..Bundle::default()
+        }
+    }
+}

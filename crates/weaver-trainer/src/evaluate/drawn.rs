@@ -1,0 +1,105 @@
+//! A held-out view drawn from what a predictor makes of its context.
+
+use super::{Matching, Options};
+use crate::{CameraMode, Error, Example};
+use weaver_data::{Scene, Tuple};
+use weaver_geometry::{Camera, Pose};
+use weaver_inference::{CameraSource, Density, Prediction, Predictor};
+use weaver_io::Image;
+use weaver_kernels::random::Stream;
+use weaver_pose::PoseErrors;
+
+/// A held-out view as it was drawn.
+pub(super) struct Drawn {
+    pub prediction: Prediction,
+    pub render: Image,
+    /// With estimated cameras: the same in the capture's own scale and through its own lens.
+    pub strict: Option<Image>,
+    /// How far the context's cameras are off, unless they were given.
+    pub errors: Option<PoseErrors>,
+    /// What the reader should know.
+    pub remark: Option<Remark>,
+}
+
+/// What happened to a view.
+#[derive(Clone, Copy, Debug, Eq, Ord, PartialEq, PartialOrd)]
+pub(super) enum Remark {
+    Rescaled,
+    WithoutPoints,
+    NotPlaced,
+    PartlyPlaced,
+}
+
+/// Who draws, and how.
+pub(super) struct Drawing<'a> {
+    pub predictor: &'a mut dyn Predictor,
+    pub options: &'a Options,
+    pub density: Density,
+}
+
+impl Drawing<'_> {
+    pub fn draw(&mut self, scene: &Scene, number: usize, tuple: &Tuple) -> Result<Drawn, Error> {
+        let matching = self.options.matching.as_ref();
+        let size = self.predictor.image_size();
+        let found = matching.map(|Matching { scenes, focal_known }| {
+            scenes[number].estimated_context(&tuple.context, size, *focal_known)
+        });
+        let Some(found) = found else { return self.with(scene, tuple, self.options.cameras) };
+        let Some(found) = found else {
+            let drawn = self.with(scene, tuple, CameraMode::Predicted)?;
+            return Ok(Drawn { remark: Some(Remark::NotPlaced), ..drawn });
+        };
+        let context: Vec<usize> = found.placed.iter().map(|i| tuple.context[*i]).collect();
+        let remark = (context.len() < tuple.context.len()).then_some(Remark::PartlyPlaced);
+        let (example, measured) = Example::for_evaluation(scene, Tuple { context, ..tuple.clone() })?;
+        let source = CameraSource::GivenWithPoints { cameras: &found.cameras, points: &found.points };
+        let prediction = self.predict(&example, source)?;
+        let factor = prediction.scale_to_used(example.context());
+        // Who estimated the lens would look through it, too.
+        let longer = found.cameras[0].intrinsics.fx / example.context()[0].intrinsics.fx;
+        let target = example.targets().iter().map(|c| {
+            let mut camera = Camera { pose: c.pose.scaled(factor), ..*c };
+            (camera.intrinsics.fx, camera.intrinsics.fy) = (longer * c.intrinsics.fx, longer * c.intrinsics.fy);
+            camera
+        });
+        let render = self.first(&prediction, &target.collect::<Vec<_>>())?;
+        let strict = if measured { Some(self.first(&prediction, example.targets())?) } else { None };
+        let errors = errors(&prediction.cameras, &example);
+        Ok(Drawn { prediction, render, strict, errors, remark })
+    }
+
+    fn with(&mut self, scene: &Scene, tuple: &Tuple, cameras: CameraMode) -> Result<Drawn, Error> {
+        let (example, measured) = Example::for_evaluation(scene, tuple.clone())?;
+        let asked = self.options.points && cameras == CameraMode::Given;
+        let points = asked.then(|| example.points(scene)).flatten();
+        let source = example.camera_source(cameras, measured, points.as_ref());
+        let prediction = self.predict(&example, source)?;
+        let factor = if measured { 1.0 } else { prediction.scale_to_predicted(example.context()) };
+        let target = example.targets().iter().map(|c| Camera { pose: c.pose.scaled(factor), ..*c });
+        let render = self.first(&prediction, &target.collect::<Vec<_>>())?;
+        let remark = match (measured, asked && points.is_none()) {
+            (false, _) => Some(Remark::Rescaled),
+            (true, true) => Some(Remark::WithoutPoints),
+            (true, false) => None,
+        };
+        let errors = errors(&prediction.predicted, &example).filter(|_| cameras == CameraMode::Predicted);
+        Ok(Drawn { prediction, render, strict: None, errors, remark })
+    }
+
+    fn predict(&mut self, example: &Example, cameras: CameraSource<'_>) -> Result<Prediction, Error> {
+        let Tuple { scene, targets, .. } = &example.tuple;
+        let stream = Stream::new(self.options.seed, targets[0] as u64, "evaluation").fork(*scene as u64);
+        Ok(self.predictor.predict(example.context_photos(), cameras, self.density, stream)?)
+    }
+
+    fn first(&mut self, prediction: &Prediction, cameras: &[Camera]) -> Result<Image, Error> {
+        Ok(self.predictor.render(&prediction.gaussians, &cameras[..1])?.remove(0))
+    }
+}
+
+/// How far cameras are from the context's own; `None` for a single one.
+fn errors(cameras: &[Camera], example: &Example) -> Option<PoseErrors> {
+    let poses = |c: &[Camera]| -> Vec<Pose> { c.iter().map(|c| c.pose).collect() };
+    let several = cameras.len() > 1 && cameras.len() == example.context().len();
+    several.then(|| PoseErrors::between(&poses(cameras), &poses(example.context())))
+}
