@@ -76,7 +76,8 @@ fn networks_are_judged_with_estimated_cameras() {
     let capture = run(folder, "cameras photos -o capture");
     assert!(capture.status.success(), "{}", said(&capture));
     let output = run(folder, "eval --data capture --cameras estimated --match-size 192 --json");
-    let found: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", said(&output)));
+    let found: serde_json::Value =
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", said(&output)));
     assert_eq!(found["cameras"], "estimated");
     let mean = &found["mean"];
     let figure = |key: &str| mean[key].as_f64().unwrap_or_else(|| panic!("{key} in {mean}"));
