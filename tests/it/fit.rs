@@ -56,6 +56,7 @@ fn a_capture_becomes_a_scene_with_everything_that_is_promised() {
     splatweaver(&[&"render", &out.join("scene.ply"), &"--cameras", &cameras, &"-o", &renders]).fine();
     splatweaver(&[&"info", &out.join("sparse/0")]).fine();
     small(&cameras, &folder.path().join("again"), &[&"--init", &out.join("scene.spz")]).fine();
+    small(&cameras, &folder.path().join("predicted"), &[&"--init", &"network"]).fine();
     // Nothing is overwritten.
     small(&capture, &out, &[]).refused(2, &["a run exists there already", "--resume"]);
 }

@@ -128,7 +128,8 @@ fn fit_settings(arguments: &Fit, plan: &Plan) -> Result<FitSettings, Failure> {
 enum Begin {
     Here(Initial),
     File(PathBuf),
-    Network(RunFolder),
+    /// What a run's network predicts, or that of the weights that come with the program.
+    Network(Option<RunFolder>),
 }
 
 fn initial(text: Option<&str>) -> Result<Begin, Failure> {
@@ -136,10 +137,11 @@ fn initial(text: Option<&str>) -> Result<Begin, Failure> {
         None => Ok(Begin::Here(Initial::Auto)),
         Some("points") => Ok(Begin::Here(Initial::Points)),
         Some("random") => Ok(Begin::Here(Initial::Random)),
+        Some("network") => Ok(Begin::Network(None)),
         Some(path) if Path::new(path).is_file() => Ok(Begin::File(path.into())),
-        Some(path) if RunFolder::at(path).checkpoint_path().exists() => Ok(Begin::Network(RunFolder::at(path))),
+        Some(path) if RunFolder::at(path).checkpoint_path().exists() => Ok(Begin::Network(Some(RunFolder::at(path)))),
         Some(path) => Err(Failure::message(format!(
-            "--init {path}: expected points, random, a file of Gaussians or the folder of a trained network, found none of them"
+            "--init {path}: expected points, random, network, a file of Gaussians or the folder of a trained network, found none of them"
         ))),
     }
 }
@@ -157,14 +159,17 @@ impl Begin {
         match self {
             Self::Here(_) => Ok(None),
             Self::File(path) => Ok(Some(weaver_io::read_gaussians(path)?)),
-            Self::Network(folder) => predicted(folder, settings).map(Some),
+            Self::Network(folder) => predicted(folder.as_ref(), settings).map(Some),
         }
     }
 }
 
 /// What a network makes of the photos to fit to, thinned so that there is room to work in.
-fn predicted(folder: &RunFolder, settings: &RunSettings) -> Result<Gaussians, Failure> {
-    let mut run = weaver_recipes::registry().of_run(folder)?.open(folder)?;
+fn predicted(folder: Option<&RunFolder>, settings: &RunSettings) -> Result<Gaussians, Failure> {
+    let mut run = match folder {
+        Some(folder) => weaver_recipes::registry().of_run(folder)?.open(folder)?,
+        None => weaver_recipes::built_in()?,
+    };
     let [height, width] = run.predictor.image_size();
     let hold_out = if settings.all { HoldOut::Nothing } else { HoldOut::Listed };
     let options = CaptureOptions { width, height, hold_out, ..CaptureOptions::default() };

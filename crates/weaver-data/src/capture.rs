@@ -62,21 +62,20 @@ impl Default for CaptureOptions {
     }
 }
 
-/// Loads the capture in a folder, with views in order of their paths.
+/// Loads a capture, a folder or a transforms.json of any name, with views in order of their paths.
 ///
 /// # Errors
 /// If the folder is missing or of no known kind, a file is missing, truncated or malformed, a pose or intrinsics
 /// are missing or not finite, or a photo's size is not its camera's. The message names the file, the entry, what
 /// was expected and what was found. How many views a task needs is checked by [`Scene::check_training`] and
 /// [`Scene::check_evaluation`].
-pub fn load(folder: impl AsRef<Path>, options: &CaptureOptions) -> Result<Scene, Error> {
-    let folder = folder.as_ref();
-    let Photos { photos, points, .. } = read_split_photos(folder, options.hold_out)?;
+pub fn load(path: impl AsRef<Path>, options: &CaptureOptions) -> Result<Scene, Error> {
+    let path = path.as_ref();
+    let Photos { photos, points, .. } = read_split_photos(path, options.hold_out)?;
     let loaded: Vec<Result<(View, Vec<u32>), Error>> =
         photos.par_iter().map(|photo| load_photo(photo, &points, options)).collect();
     let (views, visible) = loaded.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
-    let name = folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy().into_owned();
-    Ok(Scene { name, views, points, visible, scale: options.scene_scale })
+    Ok(Scene { name: name(folder(path)), views, points, visible, scale: options.scene_scale })
 }
 
 /// Loads photos without cameras, each cropped and shrunk as [`load`] does, in the order given.
@@ -95,12 +94,19 @@ pub fn load_images(paths: &[PathBuf], width: usize, height: usize) -> Result<Vec
     images.into_iter().collect()
 }
 
-/// The photos of a capture in order of their paths, each held out or not.
-fn read_split_photos(folder: &Path, hold_out: HoldOut) -> Result<Photos, Error> {
-    split(folder, read_photos(folder)?, hold_out)
+/// The folder of a capture that is a folder or a transforms.json.
+fn folder(path: &Path) -> &Path {
+    if path.is_file() { path.parent().unwrap_or(Path::new(".")) } else { path }
 }
 
-fn split(path: &Path, mut capture: Photos, hold_out: HoldOut) -> Result<Photos, Error> {
+/// What a capture is called: its folder's name.
+fn name(folder: &Path) -> String {
+    folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// The photos of a capture in order of their paths, each held out or not.
+fn read_split_photos(path: &Path, hold_out: HoldOut) -> Result<Photos, Error> {
+    let mut capture = if path.is_file() { nerf::read(path)? } else { read_photos(path)? };
     let photos = &mut capture.photos;
     if photos.is_empty() {
         return Err(Error::unexpected(path, "photos", "at least one", "none"));
@@ -121,8 +127,7 @@ fn split(path: &Path, mut capture: Photos, hold_out: HoldOut) -> Result<Photos, 
 
 fn read_photos(folder: &Path) -> Result<Photos, Error> {
     if !folder.is_dir() {
-        let found = if folder.exists() { "a file" } else { "nothing" };
-        return Err(Error::unexpected(folder, "capture", "a folder", found));
+        return Err(Error::unexpected(folder, "capture", "a folder or a transforms.json", "nothing"));
     }
     if folder.join("transforms.json").exists() {
         nerf::read(&folder.join("transforms.json"))

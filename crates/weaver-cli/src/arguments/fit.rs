@@ -35,9 +35,9 @@ pub struct Fit {
     /// Steps, instead of a time; each looks at one photo
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "minutes", help_heading = RUN)]
     pub steps: Option<u32>,
-    /// Where the Gaussians begin: points (the capture's), random, a run folder (what its network predicts), or a file of
-    /// Gaussians [default: points if there are any, else random]
-    #[arg(long, value_name = "points|random|RUN|FILE", help_heading = RUN)]
+    /// Where the Gaussians begin: points (the capture's), random, network (what the one that comes with the program
+    /// predicts), a run folder (what its network predicts), or a file of Gaussians [default: points if there are any, else random]
+    #[arg(long, value_name = "points|random|network|RUN|FILE", help_heading = RUN)]
     pub init: Option<String>,
     /// Seed of everything that is drawn at random [default: 0]
     #[arg(long, value_name = "S", help_heading = RUN)]

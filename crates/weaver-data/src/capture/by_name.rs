@@ -4,10 +4,11 @@ use crate::Error;
 use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
 
-/// For each photo, the position of its camera's name: the one with most parts in common with the end of the photo's path.
+/// For each photo, the position of its camera's name: the one with most parts in common with the end of the photo's path. A
+/// name without an extension, as synthetic captures have them, is that of a photo with any.
 ///
 /// # Errors
-/// When photos have no camera, several, or one between them: all of them are listed.
+/// When photos have no camera, several, or one between them: they are listed.
 pub(super) fn cameras(file: &Path, names: &[&str], photos: &[PathBuf]) -> Result<Vec<usize>, Error> {
     let named: Vec<Vec<&OsStr>> = names.iter().map(|name| parts(Path::new(name))).collect();
     let mut chosen = Vec::new();
@@ -28,10 +29,10 @@ pub(super) fn cameras(file: &Path, names: &[&str], photos: &[PathBuf]) -> Result
     let wrong =
         |expected: &str, found: String| Err(Error::unexpected(file, "cameras by photos' names", expected, found));
     if !without.is_empty() {
-        return wrong("a camera for every photo", format!("none for {}", without.join(", ")));
+        return wrong("a camera for every photo", format!("none for {}", list(without.iter())));
     }
     if !several.is_empty() {
-        return wrong("one camera for every photo", format!("several for {}", several.join(", ")));
+        return wrong("one camera for every photo", format!("several for {}", list(several.iter())));
     }
     let mut shared = Vec::new();
     for at in 0..names.len() {
@@ -40,7 +41,7 @@ pub(super) fn cameras(file: &Path, names: &[&str], photos: &[PathBuf]) -> Result
             shared.push(format!("{} for {}", names[at], list(of.iter().map(|&photo| photos[photo].display()))));
         }
     }
-    if shared.is_empty() { Ok(chosen) } else { wrong("a camera for every photo", shared.join(", ")) }
+    if shared.is_empty() { Ok(chosen) } else { wrong("a camera for every photo", list(shared.iter())) }
 }
 
 /// The names in a path, last first.
@@ -49,12 +50,19 @@ fn parts(path: &Path) -> Vec<&OsStr> {
     path.components().rev().filter_map(name).collect()
 }
 
-fn common_end(a: &[&OsStr], b: &[&OsStr]) -> usize {
-    a.iter().zip(b).take_while(|(a, b)| a == b).count()
+/// How many parts, from the last one on, a photo's path and a camera's name have in common.
+fn common_end(photo: &[&OsStr], name: &[&OsStr]) -> usize {
+    let (Some(file), Some(named)) = (photo.first(), name.first()) else { return 0 };
+    let same = file == named || Path::new(named).extension().is_none() && Path::new(file).file_stem() == Some(named);
+    if same { 1 + photo[1..].iter().zip(&name[1..]).take_while(|(a, b)| a == b).count() } else { 0 }
 }
 
-fn list(items: impl Iterator<Item = impl ToString>) -> String {
-    items.map(|item| item.to_string()).collect::<Vec<_>>().join(", ")
+/// The first of the items, and how many more there are: a capture can have a thousand photos.
+fn list(items: impl ExactSizeIterator<Item = impl ToString>) -> String {
+    const LISTED: usize = 12;
+    let more = items.len().saturating_sub(LISTED);
+    let listed = items.take(LISTED).map(|item| item.to_string()).collect::<Vec<_>>().join(", ");
+    if more > 0 { format!("{listed} and {more} more") } else { listed }
 }
 
 #[cfg(test)]
@@ -75,6 +83,13 @@ mod tests {
     }
 
     #[test]
+    fn a_name_without_extension_is_that_of_a_photo_with_any() {
+        let names = ["./train/r_1", "./test/r_1", "./train/r_10"];
+        assert_eq!(matched(&names, &["train/r_10.png", "test/r_1.png", "train/r_1.png"]), Ok(vec![2, 1, 0]));
+        assert!(matched(&["r_1.jpg"], &["r_1.png"]).is_err(), "an extension that is there counts");
+    }
+
+    #[test]
     fn what_is_not_clear_is_listed() {
         let says = |names: &[&str], photos: &[&str], words: &[&str]| {
             let message = matched(names, photos).unwrap_err();
@@ -83,5 +98,7 @@ mod tests {
         says(&["a/1.jpg", "b/1.jpg"], &["c/1.jpg"], &["cameras.json", "several", "c/1.jpg", "a/1.jpg, b/1.jpg"]);
         says(&["a/1.jpg"], &["a/1.jpg", "a/2.jpg", "3.jpg"], &["none for a/2.jpg, 3.jpg"]);
         says(&["a/1.jpg", "2.jpg"], &["a/1.jpg", "b/1.jpg"], &["a/1.jpg for a/1.jpg, b/1.jpg"]);
+        let many: Vec<String> = (0..100).map(|at| format!("{at}.jpg")).collect();
+        says(&["a.jpg"], &many.iter().map(String::as_str).collect::<Vec<_>>(), &["11.jpg and 88 more"]);
     }
 }

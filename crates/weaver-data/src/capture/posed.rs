@@ -1,7 +1,7 @@
 //! Photos at their own size with their cameras: what fitting a scene, or judging one, needs of a capture.
 
 use super::photo::Photos;
-use super::{HoldOut, check_camera, check_size, nerf, read_split_photos};
+use super::{HoldOut, check_camera, check_size, folder, name, read_split_photos};
 use crate::Error;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -59,19 +59,19 @@ pub struct PosedPhotos {
     pub points: PointCloud,
 }
 
-/// Loads a capture's photos: a folder as [`capture::load`](super::load) takes, or a transforms.json of any name.
+/// Loads the photos of a capture, which is what [`capture::load`](super::load) takes.
 ///
 /// # Errors
 /// As [`capture::load`](super::load); also a mask that is missing or of another size than its photo.
 pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhotos, Error> {
     let path = path.as_ref();
-    let Photos { photos, points, colors, .. } = capture(path, options)?;
-    let folder = if path.is_file() { path.parent().unwrap_or(Path::new(".")) } else { path };
+    let Photos { photos, points, colors, .. } = read_split_photos(path, options.hold_out)?;
+    let folder = folder(path);
     let loaded: Vec<Result<PosedPhoto, Error>> =
         (photos.par_iter()).map(|photo| load_photo(&photo.frame, photo.held_out, folder, options)).collect();
     let canonical = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     Ok(PosedPhotos {
-        name: canonical.file_name().unwrap_or(canonical.as_os_str()).to_string_lossy().into_owned(),
+        name: name(&canonical),
         photos: loaded.into_iter().collect::<Result<_, _>>()?,
         points: PointCloud { positions: points.iter().map(|p| p.as_vec3().to_array()).collect(), colors },
     })
@@ -82,16 +82,8 @@ pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhoto
 /// # Errors
 /// When the capture's camera files are missing or malformed.
 pub fn cameras(path: impl AsRef<Path>, options: &PosedOptions) -> Result<Vec<(Camera, bool)>, Error> {
-    let photos = capture(path.as_ref(), options)?.photos;
+    let photos = read_split_photos(path.as_ref(), options.hold_out)?.photos;
     Ok(photos.iter().map(|photo| (resized(&photo.frame.camera, options.long_side), photo.held_out)).collect())
-}
-
-fn capture(path: &Path, options: &PosedOptions) -> Result<Photos, Error> {
-    if path.is_file() {
-        nerf::read(path).and_then(|c| super::split(path, c, options.hold_out))
-    } else {
-        read_split_photos(path, options.hold_out)
-    }
 }
 
 /// The camera of the photo shrunk to a longest side.

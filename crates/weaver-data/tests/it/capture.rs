@@ -103,6 +103,16 @@ fn transforms_with_points() {
 }
 
 #[test]
+fn a_transforms_json_of_any_name_is_a_capture() {
+    let (folder, truth) = capture();
+    fs::rename(folder.path().join("transforms.json"), folder.path().join("some.json")).unwrap();
+    let loaded = load(folder.path().join("some.json"), &OPTIONS).unwrap();
+    assert_same_views(&loaded, &truth);
+    assert_eq!((loaded.held_out_views(), &loaded.visible), (vec![1, 5], &truth.visible));
+    assert_eq!(loaded.name, folder.path().file_name().unwrap().to_str().unwrap());
+}
+
+#[test]
 fn held_out_views_can_be_chosen() {
     let (folder, _) = capture();
     let held_out = |hold_out| load(folder.path(), &CaptureOptions { hold_out, ..OPTIONS }).unwrap().held_out_views();
@@ -202,7 +212,7 @@ fn cameras_of_some_photos_are_those_of_the_capture() {
 fn mistakes_in_folders() {
     let folder = TempDir::new().unwrap();
     let absent = error(&folder.path().join("absent"));
-    assert!(absent.contains("absent") && absent.contains("expected a folder, found nothing"));
+    assert!(absent.contains("absent") && absent.contains("expected a folder or a transforms.json, found nothing"));
     assert!(error(folder.path()).contains("transforms.json"));
     fs::write(folder.path().join("transforms.json"), r#"{"frames": []}"#).unwrap();
     assert!(error(folder.path()).contains("expected at least one, found none"));
