@@ -74,8 +74,7 @@ pub fn estimate(photos: &[Photo<'_>], settings: &EstimateSettings) -> Estimate {
     let matched = pairs::matched(&features, &pairs::candidates(&features, settings.candidates));
     let mut search = Search::new(photos, settings, &features, &matched);
     let posed = search.run();
-    let Some(best) = (0..search.found.len()).reduce(|a, b| if search.value(b) > search.value(a) { b } else { a })
-    else {
+    let Some(best) = search.best() else {
         return left_out(photos, &features, &matched, &posed, &[]);
     };
     let rival = search.rival(best);

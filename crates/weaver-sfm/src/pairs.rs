@@ -13,9 +13,8 @@ const COARSE: usize = 300;
 const CLEAREST: usize = 200;
 /// The share of matches from which on a mere turn explains a pair.
 const TURNED: f64 = 0.95;
-/// Matches of a pair that is certain, and their share.
+/// Matches of a pair that is certain.
 const CERTAIN: usize = 20;
-const CERTAIN_SHARE: f64 = 0.5;
 /// Fewer matches than this may be chance.
 const FEWEST: usize = 12;
 
@@ -79,9 +78,9 @@ impl Pair {
         self.turned > TURNED
     }
 
-    /// Whether the pose is not chance: repeated patterns and many photos make some pairs that are.
-    pub fn certain(&self) -> bool {
-        self.matches.len() >= CERTAIN && self.share >= CERTAIN_SHARE
+    /// Whether enough matches, and such a share of them, agree with the pose that it is not chance: repeated patterns and many photos make some pairs that are.
+    pub fn certain(&self, share: f64) -> bool {
+        self.matches.len() >= CERTAIN && self.share >= share
     }
 }
 

@@ -25,10 +25,14 @@ const FEW: usize = 8;
 /// Beginnings that are tried, and the most photos of which more than one is where the first reaches all.
 const BEGINNINGS: usize = 6;
 const SEVERAL: usize = 12;
+/// The share of the matches of a pair that must agree where there are many photos. What leads one scene astray need not lead the
+/// other.
+const CERTAIN: [f64; 2] = [0.5, 0.65];
 /// Standard deviation of where a keypoint is found, pixels.
 const PIXEL: f64 = 0.5;
-/// Rotations farther apart than this are different explanations, radians.
+/// Rotations farther apart than this are different, radians; explanations are in which one of so many photos differs.
 const DIFFERENT: f64 = 0.1;
+const ONE_IN: usize = 8;
 
 /// What was tried.
 pub(crate) struct Search<'a> {
@@ -52,7 +56,6 @@ impl<'a> Search<'a> {
 
     /// Grows scenes; returns the pairs' poses with the last focal length.
     pub fn run(&mut self) -> Vec<Pair> {
-        let absent: Vec<bool> = self.photos.iter().map(|p| p.located).collect();
         let tau = self.photos.iter().map(|p| p.size[1] as f64 / 384.0).fold(0.5, f64::max);
         let few = self.photos.len() <= FEW;
         let mut posed = Vec::new();
@@ -60,35 +63,44 @@ impl<'a> Search<'a> {
             let bundle = self.settings.bundle(self.photos, factor);
             posed = pairs::posed(self.features, &bundle.cameras, self.matched, tau);
             // Among many photos, pairs that are chance do more harm than those that are doubtful do good.
-            let certain: Vec<Pair> = posed.iter().filter(|pair| few || pair.certain()).cloned().collect();
-            let (all_tracks, tracks) = (self.linked(&posed), self.linked(&certain));
-            let evidence = Evidence {
-                features: self.features,
-                pairs: &certain,
-                tracks: &tracks,
-                absent: &absent,
-                trust: Trust::PAIRS,
-            };
-            let all = Evidence { pairs: &posed, tracks: &all_tracks, trust: Trust::POINTS, ..evidence };
-            let mut tried = 0;
-            for from in beginnings(&evidence).into_iter().map(|i| &certain[i]) {
-                // Of many photos, the next beginning is in what the others did not reach.
-                let reached = |grown: &Grown| from.photos.iter().all(|p| grown.placed[*p]);
-                if tried == BEGINNINGS || self.photos.len() > SEVERAL && self.found.iter().any(reached) {
-                    continue;
-                }
-                tried += 1;
-                for pose in std::iter::once(&from.pose).chain(&from.rival) {
-                    let mut grown = Grown::new(bundle.clone(), from.photos, pose);
-                    grown.grow(&evidence);
-                    if !few {
-                        grown.grow(&all);
-                    }
-                    self.found.push(grown);
-                }
-            }
+            let certain: &[f64] = if few { &[0.0] } else { &CERTAIN };
+            certain.iter().for_each(|share| self.grow(&bundle, &posed, *share));
         }
         posed
+    }
+
+    /// Grows scenes by pairs of which at least this share of the matches agrees.
+    fn grow(&mut self, bundle: &Bundle, posed: &[Pair], share: f64) {
+        let few = self.photos.len() <= FEW;
+        let absent: Vec<bool> = self.photos.iter().map(|p| p.located).collect();
+        let certain: Vec<Pair> = posed.iter().filter(|pair| few || pair.certain(share)).cloned().collect();
+        let (all_tracks, tracks) = (self.linked(posed), self.linked(&certain));
+        let evidence = Evidence {
+            features: self.features,
+            pairs: &certain,
+            tracks: &tracks,
+            absent: &absent,
+            trust: Trust::PAIRS,
+        };
+        let all = Evidence { pairs: posed, tracks: &all_tracks, trust: Trust::POINTS, ..evidence };
+        let first = self.found.len();
+        let mut tried = 0;
+        for from in beginnings(&evidence).into_iter().map(|i| &certain[i]) {
+            // Of many photos, the next beginning is in what the others did not reach.
+            let reached = |grown: &Grown| from.photos.iter().all(|p| grown.placed[*p]);
+            if tried == BEGINNINGS || self.photos.len() > SEVERAL && self.found[first..].iter().any(reached) {
+                continue;
+            }
+            tried += 1;
+            for pose in std::iter::once(&from.pose).chain(&from.rival) {
+                let mut grown = Grown::new(bundle.clone(), from.photos, pose);
+                grown.grow(&evidence);
+                if !few {
+                    grown.grow(&all);
+                }
+                self.found.push(grown);
+            }
+        }
     }
 
     /// Matches and adjusts by turns, until all that photos share is found.
@@ -141,21 +153,17 @@ impl<'a> Search<'a> {
         tracks(&counts, &links)
     }
 
-    /// Photos with a place, then how well they explain each other.
-    pub fn value(&self, number: usize) -> (usize, f64) {
-        let Grown { placed, support, .. } = &self.found[number];
-        (placed.iter().filter(|p| **p).count(), *support)
+    /// The scene that explains most.
+    pub fn best(&self) -> Option<usize> {
+        let value = |i: usize| self.found[i].value();
+        (0..self.found.len()).reduce(|a, b| if value(b) > value(a) { b } else { a })
     }
 
     /// How much is explained by the best explanation that is different, over that by the best.
     pub fn rival(&self, best: usize) -> f64 {
-        let Grown { bundle, placed, support } = &self.found[best];
-        let differs = |other: &&Grown| {
-            let both: Vec<usize> = (0..placed.len()).filter(|i| placed[*i] && other.placed[*i]).collect();
-            let turn = |bundle: &Bundle, i: usize| bundle.cameras[i].pose.relative_to(&bundle.cameras[both[0]].pose);
-            both.iter().any(|i| turn(bundle, *i).angle_to(&turn(&other.bundle, *i)) > DIFFERENT)
-        };
-        self.found.iter().filter(differs).map(|other| other.support / support).fold(0.0, f64::max)
+        let best = &self.found[best];
+        let others = self.found.iter().filter(|other| best.differs(other));
+        others.map(|other| other.support / best.support).fold(0.0, f64::max)
     }
 
     /// Focal lengths to begin with, over the longer side: what is known, every usual one, or the one that pairs like best.
@@ -175,6 +183,25 @@ impl<'a> Search<'a> {
         };
         let ranked = FOCAL.iter().map(|f| (score(f), *f));
         ranked.max_by(|a, b| a.0.total_cmp(&b.0)).map(|best| best.1).into_iter().collect()
+    }
+}
+
+impl Grown {
+    /// Photos with a place, then how well they explain each other.
+    fn value(&self) -> (usize, f64) {
+        (self.placed.iter().filter(|placed| **placed).count(), self.support)
+    }
+
+    /// Whether enough photos are turned another way relative to the rest.
+    fn differs(&self, other: &Self) -> bool {
+        let both: Vec<usize> = (0..self.placed.len()).filter(|i| self.placed[*i] && other.placed[*i]).collect();
+        let turn =
+            |bundle: &Bundle, i: usize, from: usize| bundle.cameras[i].pose.relative_to(&bundle.cameras[from].pose);
+        let turned =
+            |i: usize, from: usize| turn(&self.bundle, i, from).angle_to(&turn(&other.bundle, i, from)) > DIFFERENT;
+        // Seen from the photo that agrees with most.
+        let fewest = both.iter().map(|from| both.iter().filter(|i| turned(**i, *from)).count()).min();
+        fewest.is_some_and(|fewest| fewest > 0 && fewest * ONE_IN >= both.len())
     }
 }
 
