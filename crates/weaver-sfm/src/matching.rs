@@ -4,15 +4,14 @@ use crate::descriptor::DESCRIPTOR;
 use crate::epipolar::Epipolar;
 use crate::features::Features;
 use weaver_kernels::gemm::{Mat, MatMut, gemm};
-use weaver_kernels::parallel;
 
 /// Largest distance to the best keypoint over that to the second best.
 const RATIO: f32 = 0.85;
 /// Similarity of keypoints that have nothing to do with each other: the second best is taken to be as similar at least, where
 /// few come into question.
 const STRANGERS: f32 = 0.3;
-/// Rows of a task.
-const GRAIN: usize = 64;
+/// Keypoints of the first photo that are compared at once: their similarities stay in the cache.
+const ROWS: usize = 128;
 
 /// Two keypoints that look alike.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,24 +42,23 @@ fn found(first: &Features, second: &Features, epipolar: Option<&Epipolar>) -> Ve
     if n == 0 || m == 0 {
         return Vec::new();
     }
-    let mut similar = vec![0.0; n * m];
-    let (a, b) = (Mat::new(&first.descriptors, n, DESCRIPTOR), Mat::new(&second.descriptors, m, DESCRIPTOR));
-    gemm(1.0, a, b.transposed(), 0.0, MatMut::new(&mut similar, n, m));
-    if let Some(epipolar) = epipolar {
-        let farthest = epipolar.farthest() as f32;
-        let places: Vec<[f32; 2]> = second.keypoints.iter().map(|k| k.pixel.as_vec2().to_array()).collect();
-        parallel::for_chunks(&mut similar, m, |i, row| {
-            let line = epipolar.line(first.keypoints[i].pixel).as_vec3();
-            for (s, [u, v]) in row.iter_mut().zip(&places) {
-                let far = (line.x * u + line.y * v + line.z).abs() > farthest;
-                *s = if far { f32::NEG_INFINITY } else { *s };
+    let places: Vec<[f32; 2]> = second.keypoints.iter().map(|k| k.pixel.as_vec2().to_array()).collect();
+    let others = Mat::new(&second.descriptors, m, DESCRIPTOR).transposed();
+    let mut similar = vec![0.0; ROWS.min(n) * m];
+    let mut best = Vec::with_capacity(n);
+    let mut of_second = vec![f32::NEG_INFINITY; m];
+    for (keypoints, descriptors) in first.keypoints.chunks(ROWS).zip(first.descriptors.chunks(ROWS * DESCRIPTOR)) {
+        let rows = keypoints.len();
+        let similar = &mut similar[..rows * m];
+        gemm(1.0, Mat::new(descriptors, rows, DESCRIPTOR), others, 0.0, MatMut::new(similar, rows, m));
+        for (keypoint, row) in keypoints.iter().zip(similar.chunks_exact_mut(m)) {
+            if let Some(epipolar) = epipolar {
+                let (line, farthest) = (epipolar.line(keypoint.pixel).as_vec3(), epipolar.farthest() as f32);
+                for (s, [u, v]) in row.iter_mut().zip(&places) {
+                    let far = (line.x * u + line.y * v + line.z).abs() > farthest;
+                    *s = if far { f32::NEG_INFINITY } else { *s };
+                }
             }
-        });
-    }
-    let mut best = vec![(0, 0.0, 0.0); n];
-    parallel::for_chunks(&mut best, GRAIN, |chunk, best| {
-        for (i, best) in best.iter_mut().enumerate() {
-            let row = &similar[(chunk * GRAIN + i) * m..][..m];
             let mut top = (0, f32::NEG_INFINITY, STRANGERS);
             for (j, s) in row.iter().enumerate() {
                 if *s > top.1 {
@@ -69,12 +67,9 @@ fn found(first: &Features, second: &Features, epipolar: Option<&Epipolar>) -> Ve
                     top.2 = *s;
                 }
             }
-            *best = top;
+            best.push(top);
+            of_second.iter_mut().zip(row).for_each(|(best, s)| *best = best.max(*s));
         }
-    });
-    let mut of_second = vec![f32::NEG_INFINITY; m];
-    for row in similar.chunks_exact(m) {
-        of_second.iter_mut().zip(row).for_each(|(best, s)| *best = best.max(*s));
     }
     let distance = |similarity: f32| (2.0 - 2.0 * similarity).max(1e-12).sqrt();
     let mut matches: Vec<Match> = (best.iter().enumerate())
