@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 /// Why a scene could not be loaded or used.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum Error {
     /// A file could not be read.
     #[error(transparent)]

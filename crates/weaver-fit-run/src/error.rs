@@ -5,6 +5,7 @@ use weaver_fit::FitError;
 
 /// Why a run cannot begin or go on.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum RunError {
     /// The optimization refused, or its numbers grew beyond all bounds.
     #[error(transparent)]

@@ -231,7 +231,7 @@ fn load(settings: &RunSettings, given: Option<&Gaussians>) -> Result<Loaded, Run
     }
     origins.append(&mut held_out_origins);
     if training.is_empty() {
-        let expected = "at least one to fit to with pixels that count; --all holds none out";
+        let expected = "at least one that is not held out, with pixels that count";
         let found = format!("{} held out, none other", held_out.len());
         return Err(RunError::Photos {
             capture: settings.capture.clone(),

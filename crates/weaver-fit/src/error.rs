@@ -2,6 +2,7 @@
 
 /// Why a scene cannot be fitted.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum FitError {
     /// A photo and its camera do not fit together, or hold numbers that mean nothing.
     #[error("photo {name}: expected {expected}, found {found}")]

@@ -7,10 +7,9 @@ use crate::settings::FitSettings;
 use crate::strategy::split;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::{DMat3, DVec2, DVec3};
-use weaver_geometry::sh::DC;
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
 use weaver_kernels::random::Stream;
-use weaver_scene::{Gaussians, PointCloud};
+use weaver_scene::{Gaussians, PointCloud, forms};
 
 /// Isotropic Gaussians on points, in their colors, as large as the mean distance of their three nearest neighbors times
 /// [`FitSettings::initial_scale`].
@@ -192,7 +191,7 @@ fn isotropic(means: Vec<[f32; 3]>, colors: &[[f32; 3]], settings: &FitSettings) 
         log_scales: scales.iter().map(|s| [log_scale(*s); 3]).collect(),
         quats: vec![[1.0, 0.0, 0.0, 0.0]; n],
         opacity_logits: vec![logit(settings.initial_opacity); n],
-        sh: colors.iter().flatten().map(|c| (c - 0.5) / DC as f32).collect(),
+        sh: colors.iter().flatten().map(|c| forms::harmonic(*c)).collect(),
         degree: 0,
         means,
     }

@@ -20,10 +20,10 @@ pub mod init;
 mod objective;
 mod photos;
 mod population;
-mod rehearsal;
 mod settings;
 mod state;
 pub mod strategy;
+mod timing;
 mod view;
 
 pub use cameras::{Alignment, Views, motion};
@@ -35,9 +35,9 @@ pub use gradients::Gradients;
 pub use objective::{L1Ssim, Objective};
 pub use photos::Photo;
 pub use population::{Field, Population};
-pub use rehearsal::steps_in;
 pub use settings::{Density, FitSettings, Poses, Rates, StrategyKind};
 pub use strategy::{Moment, Strategy};
+pub use timing::steps_in;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -1,7 +1,7 @@
 //! The Gaussians that are being fitted, with the optimizer's memory of each.
 
 use weaver_geometry::sh::coefficients;
-use weaver_scene::Gaussians;
+use weaver_scene::{Gaussians, forms};
 
 /// One parameter of all Gaussians, row by row, and Adam's two moments of it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -174,7 +174,7 @@ impl Population {
 
     /// The opacity of a Gaussian.
     pub fn opacity(&self, n: usize) -> f32 {
-        sigmoid(self.logits.values[n])
+        forms::opacity(self.logits.values[n])
     }
 
     /// Sets the opacity of a Gaussian; it is kept inside (0, 1).
@@ -217,13 +217,7 @@ impl Population {
     }
 }
 
-/// 1 / (1 + exp(-x)).
-pub(crate) fn sigmoid(x: f32) -> f32 {
-    1.0 / (1.0 + (-x).exp())
-}
-
-/// The inverse of [`sigmoid`], of a number brought inside (0, 1).
-pub(crate) fn logit(p: f32) -> f32 {
-    let p = p.clamp(1e-5, 1.0 - 1e-5);
-    (p / (1.0 - p)).ln()
+/// The logit of an opacity that is brought inside (0, 1).
+pub(crate) fn logit(opacity: f32) -> f32 {
+    forms::opacity_logit(opacity.clamp(1e-5, 1.0 - 1e-5))
 }

@@ -42,11 +42,6 @@ pub(crate) fn byte(x: f32) -> u8 {
     x.round().clamp(0.0, 255.0) as u8
 }
 
-/// The opacity of a logit.
-pub(crate) fn sigmoid(logit: f32) -> f32 {
-    1.0 / (1.0 + (-logit).exp())
-}
-
 /// The quaternion of unit length, or the identity in place of zeros.
 pub(crate) fn unit(q: [f32; 4]) -> [f32; 4] {
     let length = q.iter().map(|x| x * x).sum::<f32>().sqrt();

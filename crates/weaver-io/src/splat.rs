@@ -4,11 +4,10 @@
 //! four bytes each.
 
 use crate::bytes::Bytes;
-use crate::gaussian_fields::{byte, check_lengths, check_values, sigmoid, unit};
+use crate::gaussian_fields::{byte, check_lengths, check_values, unit};
 use crate::{Error, Result, atomic_write};
 use std::path::Path;
-use weaver_geometry::sh;
-use weaver_scene::Gaussians;
+use weaver_scene::{Gaussians, forms};
 
 const RECORD: usize = 32;
 
@@ -28,9 +27,9 @@ pub fn read_splat(path: impl AsRef<Path>) -> Result<Gaussians> {
         gaussians.means.push(bytes.f32s("a position")?);
         gaussians.log_scales.push(bytes.f32s("a scale")?.map(|s: f32| s.max(f32::MIN_POSITIVE).ln()));
         let [r, g, b, a] = bytes.take("a color")?;
-        gaussians.sh.extend([r, g, b].map(|c| (f32::from(c) / 255.0 - 0.5) / sh::DC as f32));
+        gaussians.sh.extend([r, g, b].map(|c| forms::harmonic(f32::from(c) / 255.0)));
         let opacity = f32::from(a) / 255.0;
-        gaussians.opacity_logits.push((opacity / (1.0 - opacity)).ln());
+        gaussians.opacity_logits.push(forms::opacity_logit(opacity));
         gaussians.quats.push(bytes.take("a rotation")?.map(|q: u8| (f32::from(q) - 128.0) / 128.0));
     }
     check_values(path, &gaussians)?;
@@ -53,8 +52,8 @@ pub fn write_splat(path: impl AsRef<Path>, gaussians: &Gaussians) -> Result<()> 
             for x in gaussians.means[i].into_iter().chain(gaussians.log_scales[i].map(f32::exp)) {
                 w.write_all(&x.to_le_bytes())?;
             }
-            let color = |c: usize| byte(255.0 * (0.5 + sh::DC as f32 * gaussians.sh[3 * k * i + c]));
-            let opacity = byte(255.0 * sigmoid(gaussians.opacity_logits[i]));
+            let color = |c: usize| byte(255.0 * forms::color(gaussians.sh[3 * k * i + c]));
+            let opacity = byte(255.0 * forms::opacity(gaussians.opacity_logits[i]));
             w.write_all(&[color(0), color(1), color(2), opacity])?;
             w.write_all(&unit(gaussians.quats[i]).map(|q| byte(128.0 * q + 128.0)))?;
         }

@@ -6,7 +6,7 @@
 
 use crate::bytes::Bytes;
 use crate::file::read_bytes;
-use crate::gaussian_fields::{byte, check_lengths, check_values, sigmoid, unit};
+use crate::gaussian_fields::{byte, check_lengths, check_values, unit};
 use crate::{Error, Result, atomic_write};
 use flate2::Compression;
 use flate2::read::GzDecoder;
@@ -14,7 +14,7 @@ use flate2::write::GzEncoder;
 use std::io::{self, Read, Write};
 use std::path::Path;
 use weaver_geometry::sh;
-use weaver_scene::Gaussians;
+use weaver_scene::{Gaussians, forms};
 
 const MAGIC: u32 = u32::from_le_bytes(*b"NGSP");
 
@@ -78,7 +78,7 @@ fn unpack(path: &Path, mut bytes: Bytes) -> Result<Gaussians> {
     }
     for _ in 0..n {
         let opacity = f32::from(bytes.take::<1>("an opacity")?[0]) / 255.0;
-        gaussians.opacity_logits.push((opacity / (1.0 - opacity)).ln());
+        gaussians.opacity_logits.push(forms::opacity_logit(opacity));
     }
     let color = |c: u8| (f32::from(c) / 255.0 - 0.5) / COLOR_SCALE;
     let colors: Vec<[f32; 3]> = (0..n).map(|_| Ok(bytes.take("a color")?.map(color))).collect::<Result<_>>()?;
@@ -143,7 +143,7 @@ fn pack(w: &mut impl Write, gaussians: &Gaussians, fraction: u8) -> io::Result<(
         }
     }
     for logit in &gaussians.opacity_logits {
-        w.write_all(&[byte(255.0 * sigmoid(*logit))])?;
+        w.write_all(&[byte(255.0 * forms::opacity(*logit))])?;
     }
     let rows = || gaussians.sh.chunks_exact(3 * gaussians.coefficients());
     for row in rows() {

@@ -231,6 +231,7 @@ impl<T: Real> AdamW<T> {
 
 /// Why a stored state does not fit a model.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum StateError {
     /// No parameter has this name.
     #[error("stored state of `{name}`, which is no parameter of this model")]

@@ -163,6 +163,7 @@ pub(crate) fn check<T: Real>(
 
 /// Why rows do not fit.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum RowError {
     /// A row that does not exist is named.
     #[error("expected rows below {total}, found {row}")]

@@ -1,5 +1,6 @@
 //! Gaussians in the form in which they are predicted and drawn.
 
+use crate::forms::opacity;
 use crate::{Color, GaussianSlices, Gaussians};
 
 /// Gaussians in activated form: standard deviations instead of their logarithms, opacities instead of logits. `N` is the
@@ -73,7 +74,7 @@ impl Gaussians {
             means: self.means.as_flattened().to_vec(),
             scales: self.log_scales.as_flattened().iter().map(|s| s.exp()).collect(),
             quats: self.quats.as_flattened().to_vec(),
-            opacities: self.opacity_logits.iter().map(|o| 1.0 / (1.0 + (-o).exp())).collect(),
+            opacities: self.opacity_logits.iter().map(|logit| opacity(*logit)).collect(),
             sh: self.sh.clone(),
             degree: self.degree,
         }

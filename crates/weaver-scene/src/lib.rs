@@ -14,6 +14,7 @@
 
 mod activated;
 mod cameras;
+pub mod forms;
 mod frame;
 mod gaussians;
 mod points;

@@ -2,9 +2,10 @@
 
 use super::{Moment, Strategy};
 use crate::gradients::Gradients;
-use crate::population::{Population, sigmoid};
+use crate::population::Population;
 use crate::settings::Density;
 use weaver_kernels::parallel;
+use weaver_scene::forms;
 use weaver_splat::GaussianStatistics;
 
 /// Dead Gaussians move onto live ones, drawn by opacity; the number grows to the budget in the same way; noise moves means
@@ -125,7 +126,7 @@ impl Mcmc {
         parallel::for_chunks(&mut means, 3 * GRAIN, |chunk, means| {
             for (i, mean) in means.chunks_exact_mut(3).enumerate() {
                 let n = chunk * GRAIN + i;
-                let gate = sigmoid(-GATE.0 * (others.opacity(n) - GATE.1));
+                let gate = forms::opacity(-GATE.0 * (others.opacity(n) - GATE.1));
                 if gate < 1e-6 {
                     continue;
                 }

@@ -5,7 +5,7 @@ use crate::gaussian_fields::{check_lengths, check_values};
 use crate::{Error, Result, atomic_write};
 use std::path::Path;
 use weaver_geometry::sh;
-use weaver_scene::Gaussians;
+use weaver_scene::{Gaussians, forms};
 
 /// Reads a 3DGS PLY file, ASCII or binary little-endian.
 ///
@@ -62,7 +62,7 @@ pub fn read_ply(path: impl AsRef<Path>) -> Result<Gaussians> {
         gaussians.opacity_logits.push(opacity.as_ref().map_or(f32::INFINITY, |c| values[c[0]]));
         match (&dc, &rgb) {
             (Some(dc), _) => gaussians.sh.extend(dc.iter().map(|&c| values[c])),
-            (None, Some(rgb)) => gaussians.sh.extend(rgb.iter().map(|&c| (values[c] / 255.0 - 0.5) / sh::DC as f32)),
+            (None, Some(rgb)) => gaussians.sh.extend(rgb.iter().map(|&c| forms::harmonic(values[c] / 255.0))),
             (None, None) => gaussians.sh.extend([0.0; 3]),
         }
         for k in 0..per_channel {

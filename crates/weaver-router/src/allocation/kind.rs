@@ -33,6 +33,7 @@ pub enum AllocationKind {
 
 /// Why there is no such allocation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum AllocationError {
     /// No allocation has this name.
     #[error("allocation `{0}`: expected sampled, argmax, dithered, grid, random or fixed:<number>")]

@@ -1,6 +1,8 @@
 //! Stored form, activated form, slices.
 
 use proptest::prelude::*;
+use weaver_geometry::Similarity;
+use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_scene::{Color, Gaussians};
 
 fn gaussians() -> impl Strategy<Value = Gaussians> {
@@ -38,6 +40,32 @@ proptest! {
         for (a, b) in back.opacity_logits.iter().zip(&stored.opacity_logits) {
             // An opacity near 1 has few digits left of its distance to 1.
             prop_assert!((a - b).abs() < 1e-6 * (1.0 + b.exp()) + 1e-5, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn there_and_back_into_another_world(
+        stored in gaussians(),
+        axis in prop::array::uniform3(-1.0f64..1.0),
+        angle in 0.0f64..3.0,
+        shift in prop::array::uniform3(-5.0f64..5.0),
+        scale in 0.1f64..10.0,
+    ) {
+        let axis = DVec3::from(axis).try_normalize().unwrap_or(DVec3::X);
+        let rotation = DMat3::from_axis_angle(axis, angle);
+        let there = Similarity { scale, rotation, translation: DVec3::from(shift) };
+        let inverse = rotation.transpose();
+        let back = Similarity { scale: 1.0 / scale, rotation: inverse, translation: inverse * there.translation * (-1.0 / scale) };
+        let found = stored.transformed(&there).transformed(&back);
+        let near = |a: &[f32], b: &[f32], within: f32| a.iter().zip(b).all(|(a, b)| (a - b).abs() < within);
+        prop_assert!(near(found.means.as_flattened(), stored.means.as_flattened(), 1e-3));
+        prop_assert!(near(found.log_scales.as_flattened(), stored.log_scales.as_flattened(), 1e-4));
+        prop_assert!(near(&found.sh, &stored.sh, 1e-3));
+        prop_assert_eq!((&found.opacity_logits, found.degree), (&stored.opacity_logits, stored.degree));
+        for (a, b) in found.quats.iter().zip(&stored.quats) {
+            // Of any length, and the opposite one is the same rotation.
+            let dot: f32 = a.iter().zip(b).map(|(a, b)| a * b).sum();
+            prop_assert!(near(&a.map(|a| a * dot.signum()), b, 1e-3), "{a:?} {b:?}");
         }
     }
 

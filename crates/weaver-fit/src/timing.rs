@@ -5,11 +5,11 @@ use crate::fit::Fit;
 use std::time::Instant;
 use weaver_splat::Rasterizer;
 
-/// Steps of a rehearsal, at least and at most, and the part of the time that it may take in between.
+/// Steps of the run that is timed, at least and at most, and the part of the time that it may take in between.
 const STEPS: (usize, usize) = (30, 1000);
 const PART: f64 = 0.05;
 
-/// How many steps a fit can do in this many seconds, the rehearsal included, which leaves no trace in it. At least 1.
+/// How many steps a fit can do in this many seconds, the timed run included, which leaves no trace in it. At least 1.
 ///
 /// A short run with the same schedules is timed: photos are as small, and Gaussians as many, in the same parts of it as in a
 /// long one.
