@@ -17,9 +17,9 @@ use weaver_scene::Gaussians;
 pub(crate) struct Origin {
     pub name: String,
     pub path: PathBuf,
-    /// Of the photo as it is on disk.
+    /// The camera of the photo as it is on disk.
     pub file_camera: Camera,
-    /// Of the photo as it is fitted, before refinement.
+    /// The camera of the photo as it is fitted, before refinement.
     pub given: Camera,
 }
 

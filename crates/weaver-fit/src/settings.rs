@@ -76,21 +76,21 @@ impl Default for FitSettings {
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rates {
-    /// Of the means at the beginning, over the scene's size.
+    /// Rate of the means at the beginning, over the scene's size.
     pub means: f64,
-    /// What that rate has become at the end, as a factor; in between its logarithm is linear.
+    /// Factor on the rate of the means at the end; in between its logarithm is linear.
     pub means_end: f64,
-    /// Of the logarithms of the scales.
+    /// Rate of the logarithms of the scales.
     pub scales: f64,
-    /// Of the quaternions.
+    /// Rate of the quaternions.
     pub quats: f64,
-    /// Of the opacity logits.
+    /// Rate of the opacity logits.
     pub opacities: f64,
-    /// Of the harmonics of degree 0.
+    /// Rate of the harmonics of degree 0.
     pub sh: f64,
-    /// Of the harmonics above, over that of degree 0.
+    /// Rate of the harmonics of higher degrees, over that of degree 0.
     pub sh_rest: f64,
-    /// Of the color corrections of photos.
+    /// Rate of the color corrections of photos.
     pub exposure: f64,
     /// How strongly rates depend on the length of the run; 0 for the same rates in all.
     pub power: f64,

@@ -20,9 +20,9 @@ pub struct Group {
 /// Running means of a parameter's gradient and of its square.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Moments<T> {
-    /// Of the gradient.
+    /// Running mean of the gradient.
     pub first: Vec<T>,
-    /// Of the squared gradient.
+    /// Running mean of the squared gradient.
     pub second: Vec<T>,
     /// For each row the step up to which its moments have been decayed; empty when that is the last step for all of them.
     pub row_steps: Vec<u64>,

@@ -16,7 +16,7 @@ pub enum Confidence {
     Ambiguous,
     /// Points are not where photos see them.
     Inexact,
-    /// Nobody knows the focal length, and two photos hardly tell it.
+    /// The focal length is not known, and two photos hardly tell it.
     Guessed,
     /// There are no cameras.
     None,

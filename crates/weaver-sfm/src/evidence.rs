@@ -25,9 +25,9 @@ pub(crate) struct Evidence<'a> {
 /// How much must speak for a photo's place.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Trust {
-    /// Points that it sees where they are, at least.
+    /// The fewest points that a photo must see where they are.
     pub fewest: usize,
-    /// And the share of all that it should see.
+    /// The least share of the points in its view that it must see where they are.
     pub share: f64,
     /// Whether matches with placed photos are enough, where they have no points in common.
     pub matches_alone: bool,

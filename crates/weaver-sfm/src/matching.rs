@@ -18,7 +18,7 @@ const ROWS: usize = 128;
 pub struct Match {
     /// Number of the keypoint in the first photo.
     pub first: usize,
-    /// And in the second.
+    /// Number of the keypoint in the second photo.
     pub second: usize,
     /// Distance over that to the second best keypoint; the smaller, the less is it to be mistaken.
     pub ratio: f32,
@@ -32,7 +32,7 @@ pub fn matches(first: &Features, second: &Features) -> Vec<Match> {
     found(first, second, None)
 }
 
-/// As [`matches()`], among the keypoints near each other's epipolar lines: what cameras rule out is no rival.
+/// Matches as [`matches()`] finds them, among the keypoints near each other's epipolar lines alone: what cameras rule out is no rival.
 pub fn matches_along(first: &Features, second: &Features, epipolar: &Epipolar) -> Vec<Match> {
     found(first, second, Some(epipolar))
 }

@@ -55,13 +55,13 @@ pub(crate) fn matched(features: &[Features], candidates: &[[usize; 2]]) -> Vec<(
 #[derive(Clone, Debug)]
 pub(crate) struct Pair {
     pub photos: [usize; 2],
-    /// Those that agree with the pose.
+    /// The matches that agree with the pose.
     pub matches: Vec<Match>,
-    /// From the first camera to the second, a unit apart.
+    /// The pose of the second camera relative to the first, a unit apart.
     pub pose: Pose,
-    /// Another one that explains nearly as much.
+    /// Another pose that explains nearly as much.
     pub rival: Option<Pose>,
-    /// Of each match, in the first camera.
+    /// The inverse depth of each match in the first camera.
     pub inverse_depths: Vec<f64>,
     /// Median angle between rays, radians.
     pub parallax: f64,

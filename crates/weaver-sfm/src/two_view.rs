@@ -240,7 +240,7 @@ fn sampson(essential: &DMat3, [x, y]: &Rays) -> (f64, f64) {
     (y.dot(line) / norm, norm)
 }
 
-/// The derivatives of x_j . E x_i by w, a and b, where R becomes exp(w) R and t becomes t + a d1 + b d2.
+/// The derivatives of x_j . E x_i with respect to w, a and b, where R becomes exp(w) R and t becomes t + a d1 + b d2.
 fn slopes(pose: &Pose, [d1, d2]: [DVec3; 2], [x, y]: &Rays) -> [f64; 5] {
     let p = pose.rotation * *x;
     let w = p.cross(y.cross(pose.translation));

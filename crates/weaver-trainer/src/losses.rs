@@ -115,9 +115,9 @@ pub struct PoseLosses {
 /// What a camera head emits: for each refinement, pose codes `[B, V, 9]`.
 #[derive(Clone, Copy, Debug)]
 pub struct PoseCodes<'a, 't> {
-    /// As emitted.
+    /// The codes as the head emits them.
     pub emitted: &'a List<Var<'t, f32>>,
-    /// In the frame of the network's own choice.
+    /// The codes in the frame of the network's own choice.
     pub raw: &'a List<Var<'t, f32>>,
 }
 

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 /// Fits Gaussians to the photos of a capture: a scene in minutes.
 ///
 /// The capture is a folder (COLMAP, transforms.json, NeRF-synthetic, RealEstate10K) or a transforms.json. Every eighth photo, or
-/// those that the capture lists, are held out and say how good the scene is from where nobody stood. Writes scene.ply,
+/// those that the capture lists, are held out and say how good the scene is from elsewhere. Writes scene.ply,
 /// cameras, summary.json and report.html. Ctrl-C ends early, with results; --resume goes on to the same bits as an
 /// uninterrupted run.
 #[derive(Args, Debug)]

@@ -19,7 +19,7 @@ const MATCHING: &str = "Estimated cameras";
   splatweaver reconstruct photos -o scene
   splatweaver reconstruct photos -o sketch --quality draft
   splatweaver reconstruct a.jpg b.jpg c.jpg d.jpg -o scene --minutes 1
-  splatweaver reconstruct photos -o scene --hold-out           how good it is where nobody stood")]
+  splatweaver reconstruct photos -o scene --hold-out           how good it is from elsewhere")]
 pub struct Reconstruct {
     /// Photos (PNG, JPEG), folders of photos, or one capture
     #[arg(required = true)]
@@ -101,7 +101,7 @@ pub struct MatchingFlags {
     /// The focal length of all photos, over their longer side: 0.75 for most phones [default: what the files tell, else estimated]
     #[arg(long, value_name = "F", value_parser = focal, help_heading = MATCHING)]
     pub focal: Option<f64>,
-    /// Does not believe the focal lengths that files tell
+    /// Ignores the focal lengths that files tell
     #[arg(long, help_heading = MATCHING)]
     pub no_exif: bool,
     /// Each photo has a focal length of its own

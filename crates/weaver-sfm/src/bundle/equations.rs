@@ -333,7 +333,7 @@ mod tests {
         }
     }
 
-    /// The right side is minus half the derivative of the cost, by every number there is.
+    /// The right side is minus half the gradient of the cost.
     #[test]
     fn the_right_side_is_the_slope_of_the_cost() {
         for seed in 0..20 {
