@@ -4,7 +4,9 @@ use crate::command::splatweaver;
 
 #[test]
 fn every_command_explains_itself_with_an_example() {
-    for command in ["train", "eval", "infer", "render", "info", "bench", "config", "completions"] {
+    let commands =
+        ["train", "eval", "infer", "fit", "cameras", "reconstruct", "render", "info", "bench", "config", "completions"];
+    for command in commands {
         let done = splatweaver(&[&command, &"--help"]).fine();
         assert!(done.stdout.contains(&format!("Usage: splatweaver {command}")), "{}", done.stdout);
         assert!(done.stdout.contains(&format!("  splatweaver {command} ")) || command == "train", "{}", done.stdout);
@@ -16,7 +18,7 @@ fn every_command_explains_itself_with_an_example() {
 
 #[test]
 fn every_subject_of_bench_explains_itself() {
-    for subject in ["raster", "engine"] {
+    for subject in ["raster", "fit", "engine"] {
         let done = splatweaver(&[&"bench", &subject, &"--help"]).fine();
         assert!(done.stdout.contains(&format!("Usage: splatweaver bench {subject}")), "{}", done.stdout);
         assert!(done.stdout.contains(&format!("  splatweaver bench {subject} --")), "{}", done.stdout);
