@@ -30,6 +30,8 @@ const SEVERAL: usize = 12;
 const CERTAIN: [f64; 2] = [0.5, 0.65];
 /// Standard deviation of where a keypoint is found, pixels.
 const PIXEL: f64 = 0.5;
+/// How far off a photo may be that pairs put in its place, in deviations of keypoints.
+const ASTRAY: f64 = 32.0;
 /// Rotations farther apart than this are different, radians; explanations are in which one of so many photos differs.
 const DIFFERENT: f64 = 0.1;
 const ONE_IN: usize = 8;
@@ -135,7 +137,9 @@ impl<'a> Search<'a> {
         let near = self.near(&found.bundle, placed);
         let located: Vec<bool> = before.iter().map(|placed| !placed).collect();
         found.bundle.fixed = before;
-        Pass::FINE.iter().for_each(|pass| found.bundle.pass(self.features, &near, &located, pass));
+        // Pairs alone can put a photo a few degrees off: what is right is then far from epipolar lines.
+        let passes = std::iter::once(Pass::wide(ASTRAY)).chain(Pass::FINE);
+        passes.for_each(|pass| found.bundle.pass(self.features, &near, &located, &pass));
         bundle.cameras = found.bundle.cameras;
     }
 
