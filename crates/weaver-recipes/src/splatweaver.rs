@@ -1,5 +1,6 @@
 //! SplatWeaver's recipe.
 
+mod check;
 mod objective;
 mod presets;
 mod sections;
@@ -47,10 +48,8 @@ impl Recipe for SplatWeaverRecipe {
 
     fn check(config: &Config<Self>) -> Result<(), String> {
         config.model.check()?;
-        for (i, stage) in config.stages.iter().enumerate() {
-            sections::check(stage, config.model.gaussians.max_per_pixel, &format!("stages.{i}"))?;
-        }
-        Ok(())
+        check::stages(config)?;
+        check::evaluation(config)
     }
 
     fn image_size(model: &ModelConfig) -> [usize; 2] {
@@ -77,8 +76,7 @@ impl Recipe for SplatWeaverRecipe {
             return vec!["depth_head", "gaussian_param_head"];
         }
         let router = &stage.losses.router;
-        let learned =
-            matches!(stage.model.allocation, StageAllocation::Kind(AllocationKind::Sampled | AllocationKind::Argmax));
+        let learned = stage.model.allocation.is_routed();
         if learned || router.rank > 0.0 || router.error_regression > 0.0 {
             Vec::new()
         } else {
@@ -98,9 +96,8 @@ impl Recipe for SplatWeaverRecipe {
         format!("{} rendered and {} posed tuples", stage.tuples, stage.model.pose_tuples)
     }
 
-    fn lpips_weights(config: &Config<Self>) -> Option<&Path> {
-        let images = config.stages.iter().map(|stage| &stage.losses.image);
-        images.filter(|image| image.lpips > 0.0).find_map(|image| image.lpips_weights.as_deref())
+    fn lpips_weights(stage: &StageConfig<Self>) -> Option<&Path> {
+        stage.losses.image.lpips_file()
     }
 
     fn objective<'t>(

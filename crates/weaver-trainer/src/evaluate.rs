@@ -68,6 +68,18 @@ pub fn load_lpips(path: &Path) -> Result<Lpips<f32>, Error> {
     Lpips::from_tensors(network, &weights, &path.display().to_string()).map_err(|e| wrong(e.to_string()))
 }
 
+/// Reads LPIPS weights, if asked for, and checks that images of the model's size (H, W) are large enough for them.
+pub(crate) fn lpips_for(path: Option<&Path>, [height, width]: [usize; 2]) -> Result<Option<Lpips<f32>>, Error> {
+    let Some(path) = path else { return Ok(None) };
+    let lpips = load_lpips(path)?;
+    let least = lpips.least_side();
+    if height.min(width) >= least {
+        return Ok(Some(lpips));
+    }
+    let message = format!("expected images of at least {least} x {least} pixels, found {width} x {height}");
+    Err(Error::Checkpoint { path: path.to_path_buf(), message })
+}
+
 /// Evaluates a predictor on loaded scenes; `progress` is told how many views of how many are done.
 ///
 /// # Errors

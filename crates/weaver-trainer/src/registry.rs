@@ -222,7 +222,7 @@ impl OpenRun {
             }
             None => None,
         };
-        let lpips = overrides.lpips.as_deref().map(evaluate::load_lpips).transpose()?;
+        let lpips = evaluate::lpips_for(overrides.lpips.as_deref(), size)?;
         let options = Options {
             context_views: overrides.context_views.unwrap_or(self.data.context_views),
             cameras: overrides.cameras.unwrap_or(self.evaluation.cameras),
@@ -264,6 +264,7 @@ impl<R: Recipe> Architecture for Named<R> {
         if let Some(steps) = setup.steps {
             config.rescale(steps);
         }
+        config.check()?;
         Ok(resolved(&config))
     }
 

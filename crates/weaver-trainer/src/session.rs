@@ -58,9 +58,11 @@ impl<R: Recipe> Session<R> {
     /// Starts a new run: loads its scenes and draws its weights.
     ///
     /// # Errors
-    /// When the data cannot be read or has too few views.
+    /// When the configuration is wrong, or the data cannot be read or has too few views.
     pub fn new(config: Config<R>) -> Result<Self, Error> {
+        config.check()?;
         let size = R::image_size(&config.model);
+        let lpips = evaluate::lpips_for(config.lpips_weights().map_err(Error::Input)?, size)?;
         let scenes = scenes::load(&config.data, size)?;
         for (index, scene) in scenes.iter().enumerate() {
             scene.check_training(config.data.context_views)?;
@@ -74,7 +76,6 @@ impl<R: Recipe> Session<R> {
         let network = Arc::new(R::build(&config.model, &mut params, config.seed));
         let optimizer = new_optimizer(&config, &params);
         let ema = Ema::new(&params, config.optimizer.ema);
-        let lpips = R::lpips_weights(&config).map(evaluate::load_lpips).transpose()?;
         let fresh = scenes::Endless::new(&config.data, size, config.seed);
         let (tape, workspaces) = (Tape::new(), WorkspacePool::new());
         Ok(Self {
@@ -377,11 +378,11 @@ impl<R: Recipe> Session<R> {
             let report = StepReport { seconds: started.elapsed().as_secs_f64(), ..report };
             logs.step(&report)?;
             observer.step(&report)?;
-            if self.step.is_multiple_of(o.checkpoint_every.max(1)) {
+            if self.step.is_multiple_of(o.checkpoint_every) {
                 self.save(&checkpoint)?;
                 saved = self.step;
             }
-            if self.step.is_multiple_of(o.sample_every.max(1)) {
+            if self.step.is_multiple_of(o.sample_every) {
                 self.sample(folder)?;
             }
         }

@@ -3,4 +3,5 @@
 mod allocations;
 mod configuration;
 mod determinism;
+mod ranges;
 mod switch_off;

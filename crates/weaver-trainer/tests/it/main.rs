@@ -141,7 +141,7 @@ fn optional_keys_are_set_unset_and_documented() {
         let at = lines.iter().position(|line| line.starts_with(key)).unwrap();
         lines[at - 1].to_string()
     };
-    assert_eq!(above("steps ="), "# Optimizer steps.");
+    assert_eq!(above("steps ="), "# Optimizer steps. Range: 0 to 1000000000.");
     assert!(above("# lpips_weights =").starts_with("# File with"), "{text}");
     assert!(text.contains("One of: predicted: The network's own; given: The data's."), "{text}");
 }
