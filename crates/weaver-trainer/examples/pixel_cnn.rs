@@ -233,7 +233,7 @@ fn main() -> Result<(), Error> {
     session.train(&folder, &mut StopAt(half, &stop), &stop)?;
     // As after Ctrl-C: the name in the folder finds the recipe, and the run goes on to the same bits.
     stop.store(false, Ordering::Relaxed);
-    let mut session = registry.of_run(&folder)?.resume(&folder)?;
+    let mut session = registry.of_run(&folder)?.resume(&folder, None)?;
     println!("resumed at step {} of {}", session.steps().0, session.steps().1);
     session.train(&folder, &mut StopAt(usize::MAX, &stop), &stop)?;
     let evaluation =

@@ -1,6 +1,7 @@
 //! The configuration of a run: defaults < preset < file < settings, with unknown keys refused.
 
 mod check;
+mod difference;
 
 use crate::{Error, Recipe};
 use schemars::JsonSchema;
@@ -322,6 +323,22 @@ impl<R: Recipe> Config<R> {
     /// Steps of all stages.
     pub fn steps(&self) -> usize {
         self.stages.iter().map(|s| s.steps).sum()
+    }
+
+    /// Prolongs the last stage until there are `total` steps. The rate follows the longer stage's cosine from then on.
+    ///
+    /// # Errors
+    /// When more steps are planned already.
+    pub fn prolong(&mut self, total: usize) -> Result<(), Error> {
+        let planned = self.steps();
+        match self.stages.last_mut() {
+            Some(last) if total >= planned => last.steps += total - planned,
+            _ => {
+                let message = format!("steps: expected at least the {planned} that are planned, found {total}");
+                return Err(Error::Input(message));
+            }
+        }
+        self.check()
     }
 
     /// Rescales the stages to `total` steps in proportion; warm-ups shrink along, but do not grow.

@@ -78,11 +78,12 @@ pub trait Architecture: Debug + Send + Sync {
     /// When the data cannot be read or has too few views.
     fn start(&self, config: &Resolved) -> Result<Box<dyn Training>, Error>;
 
-    /// Continues the run of a folder.
+    /// Continues the run of a folder, to so many steps in all if its last stage is to be longer, which is then recorded in the
+    /// folder's configuration.
     ///
     /// # Errors
-    /// When the folder or the data cannot be read, or do not fit together.
-    fn resume(&self, folder: &RunFolder) -> Result<Box<dyn Training>, Error>;
+    /// When the folder or the data cannot be read, or do not fit together, or more steps were planned already.
+    fn resume(&self, folder: &RunFolder, steps: Option<usize>) -> Result<Box<dyn Training>, Error>;
 
     /// Opens the averaged weights of a run's folder.
     ///
@@ -280,9 +281,17 @@ impl<R: Recipe> Architecture for Named<R> {
         Ok(Box::new(Session::<R>::new(Config::from_toml(&config.toml, "configuration")?)?))
     }
 
-    fn resume(&self, folder: &RunFolder) -> Result<Box<dyn Training>, Error> {
-        let config = Config::<R>::read(&folder.config_path())?;
-        Ok(Box::new(Session::resume(config, &folder.checkpoint_path())?))
+    fn resume(&self, folder: &RunFolder, steps: Option<usize>) -> Result<Box<dyn Training>, Error> {
+        let mut config = Config::<R>::read(&folder.config_path())?;
+        if let Some(steps) = steps {
+            config.prolong(steps)?;
+        }
+        let session = Session::resume(config, &folder.checkpoint_path())?;
+        if steps.is_some() {
+            // Only now that the run is known to go on.
+            weaver_io::write_text(folder.config_path(), &session.config().to_toml())?;
+        }
+        Ok(Box::new(session))
     }
 
     fn open(&self, folder: &RunFolder) -> Result<OpenRun, Error> {

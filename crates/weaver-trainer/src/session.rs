@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use weaver_autograd::{OpTime, Params, Tape};
-use weaver_data::{Scene, Tuple, training_tuple};
+use weaver_data::{Scene, training_tuple};
 use weaver_inference::{Checkpoint, Density, Predictor, RunFolder};
 use weaver_kernels::random::Stream;
 use weaver_losses::Lpips;
@@ -27,6 +27,8 @@ pub struct Session<R: Recipe> {
     ema: Ema<f32>,
     scenes: Vec<Scene>,
     fresh: scenes::Endless,
+    /// Remarks on scenes of which some photos do not tell the scale.
+    blind: Vec<String>,
     tape: Tape<f32>,
     /// The most that the tape took in stages before this one.
     earlier_tape_bytes: usize,
@@ -64,13 +66,10 @@ impl<R: Recipe> Session<R> {
         let size = R::image_size(&config.model);
         let lpips = evaluate::lpips_for(config.lpips_weights().map_err(Error::Input)?, size)?;
         let scenes = scenes::load(&config.data, size)?;
-        for (index, scene) in scenes.iter().enumerate() {
+        let mut blind = Vec::new();
+        for scene in &scenes {
             scene.check_training(config.data.context_views)?;
-            if scene.points.is_empty() {
-                // The scale of such a scene must be configured: report it before anything is written.
-                let context = scene.training_views()[..config.data.context_views].to_vec();
-                scene.normalized(&Tuple { scene: index, context, targets: Vec::new() })?;
-            }
+            blind.extend(scenes::check_scale(scene, &config.data)?);
         }
         let mut params = Params::new();
         let network = Arc::new(R::build(&config.model, &mut params, config.seed));
@@ -86,6 +85,7 @@ impl<R: Recipe> Session<R> {
             ema,
             scenes,
             fresh,
+            blind,
             tape,
             earlier_tape_bytes: 0,
             workspaces,
@@ -98,10 +98,10 @@ impl<R: Recipe> Session<R> {
     /// Continues a run from a checkpoint.
     ///
     /// # Errors
-    /// When it does not fit the configuration, or the data cannot be read.
+    /// When the run began with another configuration ([`Config::difference`]), or the data cannot be read.
     pub fn resume(config: Config<R>, checkpoint: &Path) -> Result<Self, Error> {
         let checkpoint = Checkpoint::read(checkpoint)?;
-        TrainingState::check(&checkpoint, &config)?;
+        TrainingState::check_resumed(&checkpoint, &config)?;
         let mut session = Self::new(config)?;
         TrainingState::restore(&checkpoint, &mut session.params, &mut session.optimizer, &mut session.ema)?;
         session.step = checkpoint.step;
@@ -188,6 +188,9 @@ impl<R: Recipe> Session<R> {
             let note =
                 if untrained.is_empty() { String::new() } else { format!("; untrained: {}", untrained.join(", ")) };
             text.push_str(&format!("stage {}: {} steps of {}{note}\n", stage.name, stage.steps, R::describe(stage)));
+        }
+        for remark in &self.blind {
+            text.push_str(&format!("warning: {remark}\n"));
         }
         text
     }
@@ -330,12 +333,24 @@ impl<R: Recipe> Session<R> {
             None => &self.scenes,
         };
         let stream = Stream::new(self.config.seed, self.step as u64, "tuples");
-        (0..count as u64)
-            .map(|i| {
-                let tuple = training_tuple(scenes, stream, i, d.pool, d.context_views, d.target_views);
-                Example::new(&scenes[tuple.scene], tuple)
-            })
-            .collect()
+        // A tuple that tells no scale is left out, and the next one that the step would have drawn takes its place.
+        let drawn = (0..count * MOST_DRAWN).map(|i| {
+            let tuple = training_tuple(scenes, stream, i as u64, d.pool, d.context_views, d.target_views);
+            Example::new(&scenes[tuple.scene], tuple)
+        });
+        let mut without_scale = None;
+        let told = drawn.filter_map(|example| match example {
+            Err(Error::Data(error @ weaver_data::Error::Scale { .. })) => {
+                without_scale = Some(error);
+                None
+            }
+            example => Some(example),
+        });
+        let examples = told.take(count).collect::<Result<Vec<_>, Error>>()?;
+        match without_scale {
+            Some(error) if examples.len() < count => Err(error.into()),
+            _ => Ok(examples),
+        }
     }
 
     /// Every parameter that the stage can train must have a gradient; zero is a gradient.
@@ -469,6 +484,9 @@ impl<R: Recipe> Session<R> {
 
 /// Steps of each stage in a dry run: random budgets differ, and so does the memory.
 const DRY_RUN_STEPS: usize = 8;
+
+/// Tuples that are drawn for one that tells the scale, before that is given up.
+const MOST_DRAWN: usize = 1000;
 
 fn new_optimizer<R: Recipe>(config: &Config<R>, params: &Params<f32>) -> AdamW<f32> {
     let o = &config.optimizer;

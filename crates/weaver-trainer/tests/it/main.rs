@@ -4,6 +4,9 @@
 #[allow(dead_code, reason = "the example's own main is not called here")]
 mod pixel_cnn;
 
+mod resuming;
+mod scale;
+
 use pixel_cnn::PixelCnnRecipe;
 use std::sync::atomic::AtomicBool;
 use weaver_trainer::{
