@@ -56,6 +56,9 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
     if arguments.points && (estimated || cameras.unwrap_or(run.evaluation.cameras) != CameraMode::Given) {
         return Err(Failure::Usage("--points: expected --cameras given, found other ones".into()));
     }
+    if let Some(remark) = run.predictor.remark(overrides.density) {
+        console.note(&format!("warning: {remark}"));
+    }
     let mut progress = Progress::new("eval", 0, 0, console);
     let mut show = |done, total| progress.at(done, total, String::new, console);
     let evaluation = run.evaluate(&source, &overrides, &mut show);

@@ -41,6 +41,9 @@ pub struct Defaults {
     /// Gaussians per pixel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget: Option<f64>,
+    /// For models with experts: those that training gave pixels to. Empty where that is not known.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub trained_experts: Vec<u8>,
 }
 
 /// A training run's checkpoint: weights, and what says how to build the network for them.
@@ -76,7 +79,11 @@ impl Checkpoint {
     /// # Errors
     /// Never, unless the program is damaged.
     pub fn built_in() -> Result<Self, Error> {
-        Self::from_bytes(include_bytes!("../weights/tiny-endless.safetensors"), Path::new("built-in weights"))
+        let bytes = include_bytes!("../weights/tiny-endless.safetensors");
+        let mut checkpoint = Self::from_bytes(bytes, Path::new("built-in weights"))?;
+        // The file is older than this entry.
+        checkpoint.defaults.trained_experts = vec![1];
+        Ok(checkpoint)
     }
 
     /// A checkpoint in memory; `origin` is what messages call it.

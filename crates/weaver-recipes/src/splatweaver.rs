@@ -8,6 +8,7 @@ mod sections;
 pub use objective::Objective;
 pub use sections::{BudgetForm, Losses, RouterLosses, StageAllocation, StageSettings};
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 use weaver_autograd::{ParamId, Params};
@@ -88,6 +89,13 @@ impl Recipe for SplatWeaverRecipe {
         }
     }
 
+    fn trained_experts(config: &Config<Self>) -> Vec<u8> {
+        let most = u8::try_from(config.model.gaussians.max_per_pixel).unwrap_or(u8::MAX);
+        let rendered = config.stages.iter().filter(|stage| stage.tuples > 0 && stage.steps > 0);
+        let used = rendered.flat_map(|stage| stage.model.allocation.experts(most));
+        used.collect::<BTreeSet<u8>>().into_iter().collect()
+    }
+
     fn tuples(stage: &StageConfig<Self>) -> usize {
         stage.tuples + stage.model.pose_tuples
     }
@@ -132,6 +140,7 @@ impl Recipe for SplatWeaverRecipe {
         let evaluation = &config.evaluation;
         let allocation = evaluation.allocation.unwrap_or(AllocationKind::Dithered);
         let budget = evaluation.budget.unwrap_or(1.0);
-        Ok(Box::new(SplatWeaverPredictor::new(network, params, allocation, budget)))
+        let predictor = SplatWeaverPredictor::new(network, params, allocation, budget);
+        Ok(Box::new(predictor.with_trained_experts(Self::trained_experts(config))))
     }
 }

@@ -34,6 +34,7 @@ impl TrainingState<'_> {
             seed: config.seed,
             allocation: config.evaluation.allocation.map(|kind| kind.to_string()),
             budget: config.evaluation.budget,
+            trained_experts: R::trained_experts(config),
         };
         let json = |value: serde_json::Result<String>| value.expect("a configuration is plain data");
         let mut tensors = Tensors::default();

@@ -78,6 +78,11 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
         Vec::new()
     }
 
+    /// For models with experts: those that training gives pixels to.
+    fn trained_experts(_config: &Config<Self>) -> Vec<u8> {
+        Vec::new()
+    }
+
     /// Tuples that a step of the stage needs.
     fn tuples(stage: &StageConfig<Self>) -> usize {
         stage.tuples

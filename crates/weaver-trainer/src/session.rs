@@ -189,7 +189,8 @@ impl<R: Recipe> Session<R> {
                 if untrained.is_empty() { String::new() } else { format!("; untrained: {}", untrained.join(", ")) };
             text.push_str(&format!("stage {}: {} steps of {}{note}\n", stage.name, stage.steps, R::describe(stage)));
         }
-        for remark in &self.blind {
+        let untrained = self.predictor().ok().and_then(|predictor| predictor.remark(Density::default()));
+        for remark in self.blind.iter().chain(&untrained) {
             text.push_str(&format!("warning: {remark}\n"));
         }
         text

@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 use weaver_router::AllocationKind;
 use weaver_trainer::CameraMode;
@@ -45,6 +46,14 @@ impl StageAllocation {
     /// Whether the router itself chooses each pixel's expert, so that losses on its choice reach it.
     pub fn is_routed(self) -> bool {
         matches!(self, Self::Kind(AllocationKind::Sampled | AllocationKind::Argmax))
+    }
+
+    /// The experts that pixels may get, of a model whose largest is `most`; expert 0 aside.
+    pub fn experts(self, most: u8) -> RangeInclusive<u8> {
+        match self {
+            Self::Mix => 1..=1,
+            Self::Kind(kind) => kind.experts(most),
+        }
     }
 }
 
