@@ -230,6 +230,33 @@ fn without_gaussians_there_are_points() {
 }
 
 #[test]
+fn given_cameras_take_the_place_of_predicted_ones() {
+    let scene = Scene::shared();
+    let run = crate::run::Run::shared();
+    let folder = tempfile::tempdir().unwrap();
+    let photos: Vec<PathBuf> = (0..3).map(|i| run.data().join(format!("images/{i:02}.png"))).collect();
+    let infer = |weights: &Path, name: &str| {
+        let (data, out) = (run.data(), folder.path().join(name));
+        let mut line: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"infer", &"--weights", &weights, &"-o", &out];
+        line.extend([&"--cameras" as &dyn AsRef<std::ffi::OsStr>, &data]);
+        photos.iter().for_each(|photo| line.push(photo));
+        splatweaver(&line)
+    };
+    let done = infer(&scene.weights(), "posed").fine();
+    assert!(done.stderr.contains("cameras given") && done.stderr.contains("brought to the points"), "{}", done.stderr);
+    let written = weaver_io::Transforms::read(folder.path().join("posed/transforms.json")).unwrap().frames;
+    let known = weaver_io::colmap::Model::read(run.data().join("sparse/0")).unwrap().frames();
+    let turn = |frames: &[weaver_scene::Frame]| frames[0].camera.pose.angle_to(&frames[2].camera.pose);
+    assert!(turn(&known) > 0.01 && (turn(&written) - turn(&known)).abs() < 1e-6, "{} {}", turn(&written), turn(&known));
+
+    let mut tensors = checkpoint("");
+    tensors.tensors.retain(|name, _| !name.starts_with("gaussian_param_head."));
+    let vggt = folder.path().join("vggt.safetensors");
+    tensors.write(&vggt).unwrap();
+    infer(&vggt, "none").refused(1, &["cameras", "makes Gaussians"]);
+}
+
+#[test]
 fn photos_of_any_shape() {
     let scene = Scene::shared();
     let folder = tempfile::tempdir().unwrap();

@@ -29,6 +29,7 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
         file: arguments.config.clone(),
         settings: arguments.settings.clone(),
         data: arguments.data.clone(),
+        init: arguments.init.clone(),
         seed: arguments.seed,
         threads: arguments.threads.map(usize::from),
         steps: arguments.steps.map(|steps| steps as usize),

@@ -1,7 +1,7 @@
 //! Laying one TOML tree over another: every key must be known, and a wrong one gets the nearest name.
 
 use crate::ranges;
-use crate::schema::{is_number, is_optional, properties, property, schema, variant};
+use crate::schema::{is_number, is_optional, join, properties, property, schema, variant};
 use crate::{Error, Settings, nearest};
 use serde_json::Value as Schema;
 use std::marker::PhantomData;
@@ -120,10 +120,6 @@ fn deserialize<S: Settings>(tree: Value, schema: &Schema, source: &str) -> Resul
     let settings = tree.try_into().map_err(wrong)?;
     ranges.map_err(|message| Error::invalid(source, message))?;
     Ok(settings)
-}
-
-pub(crate) fn join(path: &str, key: &str) -> String {
-    if path.is_empty() { key.into() } else { format!("{path}.{key}") }
 }
 
 fn unknown(schema: &Schema, key: &str, source: &str, path: &str) -> Error {

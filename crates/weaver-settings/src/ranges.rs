@@ -1,6 +1,6 @@
 //! The range of every number, as the derived JSON schema has it.
 
-use crate::schema::{property, variant};
+use crate::schema::{join, property, variant};
 use serde_json::Value as Schema;
 use std::fmt;
 use toml::Value;
@@ -78,12 +78,12 @@ pub(crate) fn check(tree: &Value, schema: &Schema, path: &str) -> Result<(), Str
         Value::Array(entries) => entries
             .iter()
             .enumerate()
-            .try_for_each(|(i, entry)| check(entry, &schema["items"], &crate::layers::join(path, &i.to_string()))),
+            .try_for_each(|(i, entry)| check(entry, &schema["items"], &join(path, &i.to_string()))),
         Value::Table(table) => {
             let kind = table.get("kind").and_then(Value::as_str);
             let schema = kind.map_or(schema, |kind| variant(schema, kind));
             table.iter().try_for_each(|(key, value)| {
-                check(value, property(schema, key).unwrap_or(&Schema::Null), &crate::layers::join(path, key))
+                check(value, property(schema, key).unwrap_or(&Schema::Null), &join(path, key))
             })
         }
         _ => Ok(()),

@@ -29,6 +29,10 @@ pub struct Config<R: Recipe> {
     /// Threads; 0 takes one per core. The result does not depend on it.
     #[schemars(range(max = 1024))]
     pub threads: usize,
+    /// Checkpoint of a run that training starts from, in place of random weights: of what both networks have in equal sizes, its
+    /// averaged weights are taken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub init: Option<PathBuf>,
     /// The network.
     pub model: R::Model,
     /// Where scenes come from, and which views make a tuple.
@@ -235,6 +239,7 @@ impl<R: Recipe> Config<R> {
             preset: preset.into(),
             seed: 0,
             threads: 0,
+            init: None,
             model,
             data: DataConfig::default(),
             optimizer: OptimizerConfig::default(),

@@ -25,6 +25,8 @@ pub struct Setup {
     pub settings: Vec<String>,
     /// Folders of captures.
     pub data: Vec<PathBuf>,
+    /// A run's folder or checkpoint, whose weights training starts from.
+    pub init: Option<PathBuf>,
     /// The seed.
     pub seed: Option<u64>,
     /// Threads; 0 takes one per core.
@@ -42,6 +44,8 @@ pub struct Resolved {
     pub preset: String,
     /// Threads; 0 takes one per core.
     pub threads: usize,
+    /// Steps of all stages.
+    pub steps: usize,
     /// All of it.
     pub toml: String,
 }
@@ -255,8 +259,12 @@ impl<R: Recipe> Architecture for Named<R> {
         if !setup.data.is_empty() {
             config.data.folders.clone_from(&setup.data);
         }
+        if let Some(path) = &setup.init {
+            let folder = RunFolder::at(path);
+            config.init = Some(if path.is_dir() { folder.checkpoint_path() } else { path.clone() });
+        }
         // The run may be resumed or evaluated from elsewhere.
-        for folder in &mut config.data.folders {
+        for folder in config.data.folders.iter_mut().chain(&mut config.init) {
             let absolute = std::path::absolute(&folder);
             *folder = absolute.map_err(|e| Error::Input(format!("{}: {e}", folder.display())))?;
         }
@@ -316,6 +324,7 @@ fn resolved<R: Recipe>(config: &Config<R>) -> Resolved {
         architecture: R::ARCHITECTURE.into(),
         preset: config.preset.clone(),
         threads: config.threads,
+        steps: config.steps(),
         toml: config.to_toml(),
     }
 }

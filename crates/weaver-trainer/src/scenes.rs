@@ -53,7 +53,7 @@ pub fn check_scale(scene: &Scene, data: &DataConfig) -> Result<Option<String>, E
         names.push("...");
     }
     Ok(Some(format!(
-        "scene {}: {} of {} training photos see no points: {}; tuples of nothing but such photos tell no scale and are left \
+        "warning: scene {}: {} of {} training photos see no points: {}; tuples of nothing but such photos tell no scale and are left \
          out, unless data.scene_scale does",
         scene.name,
         blind.len(),

@@ -114,6 +114,6 @@ fn both_margins_on_the_tangent() {
 fn the_margin_reaches_the_gradient() {
     let code = Input::new(&[0.1, 0.2, 0.3, 0.1, 0.6, 0.2, 0.8, 0.7, 1.1], [1, 9]);
     for offset in [0.0, 1e-3, 0.2] {
-        gradcheck(&[code.clone()], |x| vec![cameras_with(x[0], [48, 64], offset).intrinsics]);
+        gradcheck(std::slice::from_ref(&code), |x| vec![cameras_with(x[0], [48, 64], offset).intrinsics]);
     }
 }

@@ -6,8 +6,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use weaver_settings::{Table, Value};
 
-/// Keys that change no weight: how many threads, what is written, and how the result is used.
-const WITHOUT_EFFECT: [&str; 3] = ["threads", "output", "evaluation"];
+/// Keys that change no weight of a run that has begun: how many threads, what is written, how the result is used, and what the
+/// first weights were.
+const WITHOUT_EFFECT: [&str; 4] = ["threads", "output", "evaluation", "init"];
 
 impl<R: Recipe> Config<R> {
     /// The first key that determines the weights and differs from an `earlier` configuration, with both values; `None` where a run
