@@ -17,6 +17,9 @@ use weaver_losses::{Lpips, metrics};
 use weaver_pose::PoseErrors;
 use weaver_wavelet::{EnergyMap, Wavelet};
 
+/// The least side of an image, pixels: SSIM, which every evaluation measures, has windows of so many.
+pub(crate) const LEAST_SIDE: usize = 11;
+
 /// How to evaluate.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -96,6 +99,11 @@ pub fn evaluate(
     let measure = Measure { experts: predictor.max_per_pixel() + 1, lpips };
     if options.points && options.matching.is_none() && cameras == CameraMode::Predicted {
         return Err(Error::Input("points: expected given cameras, found predicted ones".into()));
+    }
+    let [height, width] = predictor.image_size();
+    if height.min(width) < LEAST_SIDE {
+        let least = format!("expected a network for images of at least {LEAST_SIDE} x {LEAST_SIDE} pixels");
+        return Err(Error::Input(format!("{least}, the window of SSIM, found {width} x {height}")));
     }
     if context == 0 {
         return Err(Error::Input("expected at least 1 context view, found 0".into()));

@@ -1,8 +1,14 @@
 //! The range of every number of the configuration, and what must fit together.
 
 use std::collections::BTreeSet;
+use weaver_autograd::Params;
+use weaver_data::Scene;
+use weaver_inference::{Density, SplatWeaverPredictor};
+use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_recipes::SplatWeaverRecipe;
-use weaver_trainer::{Config, Error, Session};
+use weaver_router::AllocationKind;
+use weaver_trainer::evaluate::{Options, evaluate};
+use weaver_trainer::{CameraMode, Config, Error, Session};
 
 type Splat = Config<SplatWeaverRecipe>;
 
@@ -194,4 +200,26 @@ fn a_preset_is_chosen_by_name_or_refused() {
         let said = Splat::resolve(preset, Some(&path), &[]).unwrap_err().to_string();
         assert!(said.contains("c.toml: preset: expected string, found integer `5`"), "{said}");
     }
+}
+
+/// Weights from a file come without a configuration that was checked.
+#[test]
+fn an_evaluation_refuses_a_network_for_images_smaller_than_its_windows() {
+    let mut config = ModelConfig::preset("micro").unwrap();
+    (config.patch, config.width) = (2, 10);
+    let mut params = Params::new();
+    let model = SplatWeaver::new(config, &mut params, 0);
+    let mut predictor = SplatWeaverPredictor::new(model, params, AllocationKind::Dithered, 0.5);
+    let options = Options {
+        context_views: 2,
+        cameras: CameraMode::Predicted,
+        points: false,
+        matching: None,
+        density: Density::default(),
+        seed: 0,
+        step: 0,
+    };
+    let none: [Scene; 0] = [];
+    let said = evaluate(&mut predictor, &none, &options, None, &mut |_, _| {}).unwrap_err().to_string();
+    assert!(said.contains("at least 11 x 11") && said.contains("10 x 32"), "{said}");
 }

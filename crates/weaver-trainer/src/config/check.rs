@@ -2,12 +2,10 @@
 //! depends on several keys is here.
 
 use super::Config;
+use crate::evaluate::LEAST_SIDE;
 use crate::{Error, Recipe, StageConfig};
 use std::path::Path;
 use weaver_settings::Error as Wrong;
-
-/// The least side of an image, pixels: SSIM, which every evaluation measures, has windows of so many.
-const LEAST_SIDE: usize = 11;
 
 impl<R: Recipe> Config<R> {
     /// Checks every number and what must fit together, for configurations that were made in code.
