@@ -39,7 +39,7 @@ fn wrong_usage_is_code_2() {
         &[&"eval"],
         &[&"eval", &"--run", &"x", &"--cameras", &"stolen"],
         &[&"eval", &"--run", &"x", &"--unseen", &"--data", &"y"],
-        &[&"train", &"--resume", &"x", &"--steps", &"5"],
+        &[&"train", &"--resume", &"x", &"--init", &"y"],
         &[&"eval", &"--run", &"x", &"--threads", &"100000"],
         &[&"render", &"x.ply", &"-o", &"y"],
         &[&"render", &"x.ply", &"-o", &"y", &"--orbit", &"3", &"--cameras", &"c.json"],

@@ -27,6 +27,7 @@ fn every_kind_of_file_is_described() {
         (sparse.join("images.bin"), "COLMAP images, 2"),
         (sparse.join("points3D.bin"), "COLMAP points"),
         (clip, "RealEstate10K, 1 cameras"),
+        (concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/torch_checkpoint.ckpt").into(), "PyTorch checkpoint, "),
     ];
     for (path, says) in kinds {
         let done = splatweaver(&[&"info", &path]).fine();
@@ -41,4 +42,42 @@ fn other_files_are_refused() {
     splatweaver(&[&"info", &path]).refused(1, &["notes.md"]);
     std::fs::write(&path, "x").unwrap();
     splatweaver(&[&"info", &path]).refused(1, &["notes.md", "known extension"]);
+}
+
+#[test]
+fn a_run_is_described_by_its_folder_and_by_each_of_its_files() {
+    let run = Run::shared().path();
+    for (name, parts) in [
+        ("", &["run of splatweaver, preset micro", "4 of 4 steps", "checksum of the weights", "PSNR"][..]),
+        ("summary.json", &["4 of 4 steps, seed 0", "checksum of the weights", "PSNR"]),
+        ("config.toml", &["TOML", "preset: \"micro\"", "stages: 2 tables", "optimizer: 6 keys"]),
+    ] {
+        let done = splatweaver(&[&"info", &run.join(name)]).fine();
+        assert!(parts.iter().all(|part| done.stdout.contains(part)), "{name}: {}", done.stdout);
+    }
+    let started = Run::shared().copy();
+    let done = splatweaver(&[&"info", &started.path()]).fine();
+    assert!(done.stdout.contains("4 of 4 steps") && !done.stdout.contains("summary"), "{}", done.stdout);
+}
+
+#[test]
+fn broken_summaries_and_configurations_are_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text) in [("summary.json", "{"), ("mine.toml", "a = "), ("model.ckpt", "no archive")] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        splatweaver(&[&"info", &path]).refused(1, &[name]);
+    }
+    let path = folder.path().join("summary.json");
+    std::fs::write(&path, "{\"near\": 0.5}").unwrap();
+    assert!(splatweaver(&[&"info", &path]).fine().stdout.contains("near: 0.5"));
+}
+
+#[test]
+fn cameras_are_described_where_their_photos_are_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let transforms = capture::transforms(folder.path(), 2);
+    std::fs::remove_dir_all(folder.path().join("images")).unwrap();
+    let done = splatweaver(&[&"info", &transforms]).fine();
+    assert!(done.stdout.contains("transforms.json, 2 frames"), "{}", done.stdout);
 }

@@ -16,3 +16,4 @@ mod published;
 mod render;
 mod run;
 mod walkthrough;
+mod weights;

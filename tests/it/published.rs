@@ -213,15 +213,47 @@ fn without_gaussians_there_are_points() {
     assert!(depth.iter().all(|d| *d > 0.0));
     assert!(out.join("transforms.json").is_file() && !out.join("scene.ply").exists());
 
-    // The same from the whole checkpoint, when no Gaussians are wanted.
+    // The same depth from the whole checkpoint, when no Gaussians are wanted.
     let other = folder.path().join("geometry");
     scene.infer(&scene.weights(), &other, &["--geometry"]).fine();
-    for name in ["points.ply", "depth.safetensors", "transforms.json"] {
-        let read = |folder: &Path| std::fs::read(folder.join(name)).unwrap();
-        if name != "transforms.json" {
-            assert_eq!(read(&out), read(&other), "{name}");
-        }
+    let [own, others] = [&out, &other].map(|folder| std::fs::read(folder.join("depth.safetensors")).unwrap());
+    assert_eq!(own, others);
+    // VGGT has no margin on the tangent of half the field of view, SplatWeaver has 1e-3.
+    let tangents = |folder: &Path| -> Vec<f64> {
+        let cameras = weaver_io::Transforms::read(folder.join("transforms.json")).unwrap();
+        let tangent = |f: &weaver_scene::Frame| f.camera.width as f64 / 2.0 / f.camera.intrinsics.fx;
+        cameras.frames.iter().map(tangent).collect()
+    };
+    for (vggt, splatweaver) in tangents(&out).into_iter().zip(tangents(&other)) {
+        assert!((splatweaver - vggt - 1e-3).abs() < 1e-6, "{vggt} {splatweaver}");
     }
+}
+
+#[test]
+fn given_cameras_take_the_place_of_predicted_ones() {
+    let scene = Scene::shared();
+    let run = crate::run::Run::shared();
+    let folder = tempfile::tempdir().unwrap();
+    let photos: Vec<PathBuf> = (0..3).map(|i| run.data().join(format!("images/{i:02}.png"))).collect();
+    let infer = |weights: &Path, name: &str| {
+        let (data, out) = (run.data(), folder.path().join(name));
+        let mut line: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"infer", &"--weights", &weights, &"-o", &out];
+        line.extend([&"--cameras" as &dyn AsRef<std::ffi::OsStr>, &data]);
+        photos.iter().for_each(|photo| line.push(photo));
+        splatweaver(&line)
+    };
+    let done = infer(&scene.weights(), "posed").fine();
+    assert!(done.stderr.contains("cameras given") && done.stderr.contains("brought to the points"), "{}", done.stderr);
+    let written = weaver_io::Transforms::read(folder.path().join("posed/transforms.json")).unwrap().frames;
+    let known = weaver_io::colmap::Model::read(run.data().join("sparse/0")).unwrap().frames();
+    let turn = |frames: &[weaver_scene::Frame]| frames[0].camera.pose.angle_to(&frames[2].camera.pose);
+    assert!(turn(&known) > 0.01 && (turn(&written) - turn(&known)).abs() < 1e-6, "{} {}", turn(&written), turn(&known));
+
+    let mut tensors = checkpoint("");
+    tensors.tensors.retain(|name, _| !name.starts_with("gaussian_param_head."));
+    let vggt = folder.path().join("vggt.safetensors");
+    tensors.write(&vggt).unwrap();
+    infer(&vggt, "none").refused(1, &["cameras", "makes Gaussians"]);
 }
 
 #[test]

@@ -127,3 +127,54 @@ fn files_that_cannot_be_rendered_are_named() {
     std::fs::write(&cameras, "http://example.org\n").unwrap();
     render().refused(1, &["clip.txt", "at least one camera"]);
 }
+
+#[test]
+fn a_scene_is_drawn_as_its_summary_says_unless_flags_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, clip) = (scene(folder.path()), clip(folder.path()));
+    let picture = |name: &str, more: &[&str]| {
+        let out = folder.path().join(name);
+        let mut line: Vec<&dyn AsRef<std::ffi::OsStr>> = vec![&"render", &scene, &"--cameras", &clip, &"-o", &out];
+        line.extend(["--width", "20", "--height", "16"].iter().map(|s| s as &dyn AsRef<std::ffi::OsStr>));
+        more.iter().for_each(|argument| line.push(argument));
+        splatweaver(&line).fine();
+        Image::read(out.join("0.png"), Background::Black).unwrap().pixels
+    };
+    let plain = picture("plain", &[]);
+    // Without the red Gaussian, half as opaque, before another color.
+    let flags = ["--near=2.5", "--alpha-max=0.5", "--background=black", "--antialiased"];
+    let by_flags = picture("flags", &flags);
+    for flag in flags {
+        assert_ne!(picture("one", &[flag]), plain, "{flag}");
+    }
+    let summary = r#"{"near": 2.5, "alpha_max": 0.5, "background": [0, 0, 0], "antialiased": true}"#;
+    std::fs::write(folder.path().join("summary.json"), summary).unwrap();
+    assert_eq!(picture("summary", &[]), by_flags);
+    let back = ["--near=0.01", "--alpha-max=0.99", "--background=white", "--antialiased=false"];
+    assert_eq!(picture("back", &back), plain);
+}
+
+/// What a network makes is drawn from its file as the network drew it.
+#[test]
+fn a_result_says_how_it_is_drawn() {
+    let run = crate::run::Run::shared();
+    let folder = tempfile::tempdir().unwrap();
+    let (photos, out, again) = (run.data().join("images"), folder.path().join("out"), folder.path().join("again"));
+    splatweaver(&[&"infer", &"--run", &run.path(), &photos, &"-o", &out]).fine();
+    let summary: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(out.join("summary.json")).unwrap()).unwrap();
+    assert_eq!((&summary["near"], &summary["alpha_max"]), (&0.02.into(), &0.99.into()));
+    let (scene, cameras) = (out.join("scene.ply"), out.join("transforms.json"));
+    splatweaver(&[&"render", &scene, &"--cameras", &cameras, &"-o", &again]).fine();
+    for name in ["00.png", "09.png"] {
+        let [a, b] = [out.join("render"), again.clone()].map(|f| Image::read(f.join(name), Background::Black).unwrap());
+        let largest = a.pixels.iter().zip(&b.pixels).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(largest <= 1.5 / 255.0, "{name}: {largest}");
+    }
+    // A run keeps its own.
+    let kept = std::fs::read(run.path().join("summary.json")).unwrap();
+    let copy = run.copy();
+    std::fs::write(copy.path().join("summary.json"), &kept).unwrap();
+    splatweaver(&[&"infer", &"--run", &run.path(), &photos, &"-o", &copy.path()]).fine();
+    assert_eq!(std::fs::read(copy.path().join("summary.json")).unwrap(), kept);
+}

@@ -4,11 +4,13 @@ mod eval;
 mod fit;
 mod photos;
 mod refine;
+mod render;
 
-pub use eval::{ContextCameras, Drawing, Eval};
+pub use eval::{ContextCameras, Eval};
 pub use fit::{Fit, Format, Origin, PoseMode, StrategyName};
 pub use photos::{Cameras, MatchingFlags, Reconstruct};
 pub use refine::RefineFlags;
+pub use render::Render;
 
 use clap::{ArgGroup, Args, Parser, Subcommand};
 use std::path::PathBuf;
@@ -17,6 +19,9 @@ use weaver_router::AllocationKind;
 
 /// Upper limit on threads, each of which costs memory.
 const MOST_THREADS: i64 = 1024;
+
+/// Upper limit on seeds, which TOML must be able to hold.
+const MOST_SEED: u64 = i64::MAX as u64;
 
 /// The whole command line.
 #[derive(Debug, Parser)]
@@ -69,6 +74,8 @@ pub enum Command {
   splatweaver train --preset micro --steps 20 --out /tmp/try
   splatweaver train --data fox --data fern --set stages.1.rate=5e-4 --set data.pool=8
   splatweaver train --resume runs/tiny-1
+  splatweaver train --resume runs/tiny-1 --steps 8000
+  splatweaver train --init runs/tiny-1 --data fox --steps 1000
   splatweaver train --preset small --dry-run
   splatweaver train --steps 20 --trace step.json")]
 pub struct Train {
@@ -87,17 +94,21 @@ pub struct Train {
     /// Sets a configuration value by its path, list entries by number; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE", help_heading = CONFIGURATION)]
     pub settings: Vec<String>,
-    /// Steps in all; the stages are rescaled in proportion
+    /// Steps in all; the stages are rescaled in proportion. With --resume: the last stage becomes longer, and its rate follows the
+    /// longer cosine from then on
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = CONFIGURATION)]
     pub steps: Option<u32>,
     /// Seed of weights, data order and noise
-    #[arg(long, value_name = "S", help_heading = CONFIGURATION)]
+    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u64).range(..=MOST_SEED), help_heading = CONFIGURATION)]
     pub seed: Option<u64>,
     /// Folder of the run [default: the first free runs/PRESET-N]
     #[arg(long, value_name = "RUN", help_heading = RUN)]
     pub out: Option<PathBuf>,
+    /// Starts from the averaged weights of this run or checkpoint, as far as they fit; what was taken is said
+    #[arg(long, value_name = "RUN|FILE", help_heading = RUN)]
+    pub init: Option<PathBuf>,
     /// Goes on with this run, with its own configuration
-    #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["model", "preset", "data", "out", "steps", "seed", "settings", "config"])]
+    #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["model", "preset", "data", "out", "init", "seed", "settings", "config"])]
     pub resume: Option<PathBuf>,
     /// Threads; 0 takes one per core. Does not change results [default: the configuration's, which is 0]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(..=MOST_THREADS), help_heading = RUN)]
@@ -150,13 +161,15 @@ pub struct Config {
   splatweaver infer --run runs/mine photos --refine 30 -o better
   splatweaver infer --run runs/mine photos/*.jpg --cameras transforms.json -o posed
   splatweaver infer --weights model.safetensors photos -o scene
+  splatweaver infer --weights model.safetensors photos --cameras transforms.json -o posed
   splatweaver infer --weights model.safetensors photos --keep-aspect --size 448 -o wide")]
 pub struct Infer {
     /// The run folder [default: the weights that come with the program, and estimated cameras]
     #[arg(long)]
     pub run: Option<PathBuf>,
-    /// A published checkpoint: safetensors file, index of several, or the folder; SplatWeaver's names or VGGT's
-    #[arg(long, value_name = "FILE", conflicts_with = "cameras")]
+    /// A published checkpoint: safetensors file, index of several, or the folder; SplatWeaver's names or VGGT's. Or the
+    /// checkpoint.safetensors of a run, or small weights made of one
+    #[arg(long, value_name = "FILE")]
     pub weights: Option<PathBuf>,
     /// Side of the square that photos are cut to, or WxH; multiples of the patch [default: the model's, 448]
     #[arg(long, value_name = "N|WxH", requires = "weights", help_heading = PUBLISHED, value_parser = size)]
@@ -212,59 +225,17 @@ impl From<DensityFlags> for Density {
     }
 }
 
-/// Draws a file of Gaussians from given cameras or along an orbit.
-///
-/// One PNG per camera, named after its photo where the names are distinct, else numbered; or a video, with an ffmpeg on
-/// the PATH; or both.
-#[derive(Args, Debug)]
-#[command(group(ArgGroup::new("viewpoints").required(true).args(["cameras", "orbit"])))]
-#[command(after_help = "Examples:
-  splatweaver render scene.ply --cameras transforms.json -o renders
-  splatweaver render scene.ply --cameras capture/sparse/0 --width 640 -o renders
-  splatweaver render scene.ply --cameras clip.txt --width 640 --height 360 -o renders
-  splatweaver render scene.ply --orbit 90 --background 0,0,0 -o turn
-  splatweaver render scene.ply --orbit 120 --width 1280 --height 720 --video turn.mp4")]
-pub struct Render {
-    /// The Gaussians: PLY as 3DGS stores them, .splat or .spz
-    #[arg(value_name = "SCENE.ply")]
-    pub scene: PathBuf,
-    /// transforms.json, a folder with a COLMAP model, or a RealEstate10K camera file
-    #[arg(long, value_name = "FILE")]
-    pub cameras: Option<PathBuf>,
-    /// Cameras on a circle around the scene instead, this many
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
-    pub orbit: Option<u32>,
-    /// Folder for the pictures
-    #[arg(short, long, value_name = "DIR", required_unless_present = "video")]
-    pub out: Option<PathBuf>,
-    /// Makes a video of the pictures, in the cameras' order
-    #[arg(long, value_name = "FILE.mp4")]
-    pub video: Option<PathBuf>,
-    /// Pictures of the video per second
-    #[arg(long, value_name = "F", default_value = "30", value_parser = rate, requires = "video")]
-    pub fps: f64,
-    /// Width in pixels; intrinsics follow [default: the cameras', or 640 for an orbit]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
-    pub width: Option<u32>,
-    /// Height in pixels; intrinsics follow [default: the cameras' aspect ratio, or 3/4 of the width]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
-    pub height: Option<u32>,
-    /// Color where nothing is, three numbers from 0 to 1
-    #[arg(long, value_name = "R,G,B", default_value = "1,1,1", value_parser = color)]
-    pub background: [f32; 3],
-    #[command(flatten)]
-    pub threads: Threads,
-}
-
-/// Describes a file: images, PLY, splat, SPZ, safetensors, transforms.json, COLMAP, RealEstate10K.
+/// Describes a file: images, PLY, splat, SPZ, safetensors, PyTorch checkpoints, transforms.json, COLMAP, RealEstate10K, TOML,
+/// summary.json, and folders of runs.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver info scene.ply
+  splatweaver info runs/mine
   splatweaver info runs/mine/checkpoint.safetensors
   splatweaver info model.safetensors
   splatweaver info capture/sparse/0")]
 pub struct Info {
-    /// The file, or a folder with a COLMAP model
+    /// The file, a run's folder, or a folder with a COLMAP model
     pub file: PathBuf,
 }
 
@@ -416,22 +387,6 @@ fn size(text: &str) -> Result<[usize; 2], String> {
     }
 }
 
-fn color(text: &str) -> Result<[f32; 3], String> {
-    let numbers: Result<Vec<f32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
-    let color = numbers.ok().and_then(|n| <[f32; 3]>::try_from(n).ok());
-    color
-        .filter(|c| c.iter().all(|x| (0.0..=1.0).contains(x)))
-        .ok_or_else(|| "expected three numbers from 0 to 1, as in 1,1,1".into())
-}
-
-/// Pictures per second.
-fn rate(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(rate) if (0.1..=1000.0).contains(&rate) => Ok(rate),
-        _ => Err("expected a number from 0.1 to 1000".into()),
-    }
-}
-
 fn synthetic(text: &str) -> Result<Synthetic, String> {
     let numbers: Result<Vec<usize>, _> = text.split(',').map(|part| part.trim().parse()).collect();
     match numbers.as_deref() {
@@ -459,14 +414,6 @@ mod tests {
         assert_eq!((size("448"), size("448x252")), (Ok([448, 448]), Ok([252, 448])));
         for wrong in ["", "x", "448x", "0", "-1", "4.5", "448x252x3", "99999"] {
             assert!(size(wrong).is_err(), "{wrong}");
-        }
-    }
-
-    #[test]
-    fn colors_are_three_numbers_from_0_to_1() {
-        assert_eq!(color("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
-        for wrong in ["1,1", "1,1,1,1", "a,b,c", "0,0,256", "NaN,0,0", ""] {
-            assert!(color(wrong).is_err(), "{wrong}");
         }
     }
 

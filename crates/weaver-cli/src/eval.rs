@@ -48,13 +48,17 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
         density: arguments.density.into(),
         lpips: arguments.lpips.clone(),
     };
-    let mut run = match arguments.run.as_ref().map(RunFolder::at) {
-        Some(folder) => weaver_recipes::registry().of_run(&folder)?.open(&folder)?,
-        None => weaver_recipes::built_in()?,
+    let mut run = match (arguments.run.as_ref().map(RunFolder::at), &arguments.weights) {
+        (Some(folder), _) => weaver_recipes::registry().of_run(&folder)?.open(&folder)?,
+        (None, Some(weights)) => weaver_recipes::open_weights(weights)?,
+        (None, None) => weaver_recipes::built_in()?,
     };
     run.predictor = refined(run.predictor, &arguments.refine, &[])?;
     if arguments.points && (estimated || cameras.unwrap_or(run.evaluation.cameras) != CameraMode::Given) {
         return Err(Failure::Usage("--points: expected --cameras given, found other ones".into()));
+    }
+    if let Some(remark) = run.predictor.remark(overrides.density) {
+        console.note(&format!("warning: {remark}"));
     }
     let mut progress = Progress::new("eval", 0, 0, console);
     let mut show = |done, total| progress.at(done, total, String::new, console);

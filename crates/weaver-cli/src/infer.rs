@@ -11,7 +11,7 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc;
 use weaver_inference::published::{self, Fit};
 use weaver_inference::reconstruct::{Options, Report, reconstruct};
-use weaver_inference::{RunFolder, SplatWeaverPredictor};
+use weaver_inference::{Predictor, RunFolder, SplatWeaverPredictor, is_of_run};
 
 pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let mut images = photos(&arguments.images)?;
@@ -36,24 +36,16 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
     if !estimating {
         arguments.matching.check_unused("other ones")?;
     }
-    let report = match (&arguments.run, &arguments.weights) {
-        (Some(run), _) => {
-            let folder = RunFolder::at(run);
-            let run = weaver_recipes::registry().of_run(&folder)?.open(&folder)?;
-            let mut predictor = refined(run.predictor, &arguments.refine, &images)?;
-            let options = Options { cameras, density: arguments.density.into(), seed: run.seed };
-            reconstruct(&mut *predictor, &images, &options, &arguments.out)?
+    let of_run = arguments.weights.as_deref().map(is_of_run).transpose()?.unwrap_or(false);
+    let report = match &arguments.weights {
+        Some(weights) if !of_run => {
+            if arguments.refine.is_asked() {
+                let message = "--refine: expected weights of a run; published checkpoints are not refined yet";
+                return Err(Failure::Usage(message.into()));
+            }
+            published(weights, &images, cameras, arguments, console, interrupt)?
         }
-        (None, Some(_)) if arguments.refine.is_asked() => {
-            return Err(Failure::Usage("--refine: expected --run; published checkpoints are not refined yet".into()));
-        }
-        (None, Some(weights)) => published(weights, &images, arguments, console, interrupt)?,
-        (None, None) => {
-            let predictor = Box::new(SplatWeaverPredictor::built_in()?);
-            let mut predictor = refined(predictor, &arguments.refine, &images)?;
-            let options = Options { cameras, density: arguments.density.into(), seed: 0 };
-            reconstruct(&mut *predictor, &images, &options, &arguments.out)?
-        }
+        _ => own(&images, cameras, arguments, console)?,
     };
     for remark in &report.remarks {
         console.note(remark);
@@ -71,15 +63,49 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
     console.print(&format!("{result}\noverview: {}", report.overview.display()))
 }
 
+/// Runs the network of a run, of a file of a run's weights, or the one that comes with the program.
+fn own(
+    images: &[PathBuf],
+    cameras: Option<PathBuf>,
+    arguments: &Infer,
+    console: &mut Console,
+) -> Result<Report, Failure> {
+    let published = arguments.size.is_some() || arguments.keep_aspect || arguments.geometry || arguments.bf16_products;
+    if published {
+        let message = "--size, --keep-aspect, --geometry, --bf16-products: expected a published checkpoint, found weights of a run";
+        return Err(Failure::Usage(message.into()));
+    }
+    let (predictor, seed): (Box<dyn Predictor>, u64) = match (&arguments.run, &arguments.weights) {
+        (Some(run), _) => {
+            let folder = RunFolder::at(run);
+            let run = weaver_recipes::registry().of_run(&folder)?.open(&folder)?;
+            (run.predictor, run.seed)
+        }
+        (None, Some(weights)) => {
+            let run = weaver_recipes::open_weights(weights)?;
+            (run.predictor, arguments.seed.unwrap_or(run.seed))
+        }
+        (None, None) => (Box::new(SplatWeaverPredictor::built_in()?), 0),
+    };
+    if let Some(remark) = predictor.remark(arguments.density.into()) {
+        console.note(&format!("warning: {remark}"));
+    }
+    let mut predictor = refined(predictor, &arguments.refine, images)?;
+    let options = Options { cameras, density: arguments.density.into(), seed };
+    Ok(reconstruct(&mut *predictor, images, &options, &arguments.out)?)
+}
+
 /// Runs a published checkpoint while another thread shows the progress.
 fn published(
     weights: &Path,
     images: &[PathBuf],
+    cameras: Option<PathBuf>,
     arguments: &Infer,
     console: &mut Console,
     interrupt: &Interrupt,
 ) -> Result<Report, Failure> {
     let options = published::Options {
+        cameras,
         size: arguments.size,
         fit: if arguments.keep_aspect { Fit::KeepAspect } else { Fit::Crop },
         geometry: arguments.geometry,

@@ -3,6 +3,7 @@
 use crate::Console;
 use crate::arguments::Render;
 use crate::cameras::{self, Size};
+use crate::drawing::Asked;
 use crate::failure::Failure;
 use crate::progress::Progress;
 use crate::video::Video;
@@ -13,7 +14,7 @@ use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
 use weaver_io::{Image, read_gaussians};
 use weaver_scene::{Frame, Gaussians};
-use weaver_splat::{RasterSettings, Workspace, render};
+use weaver_splat::{Workspace, render};
 
 /// Width of an orbit's pictures.
 const WIDTH: usize = 640;
@@ -27,9 +28,15 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
             Failure::message(format!("{}: expected Gaussians to turn around, found none", arguments.scene.display()))
         })?,
     };
+    let asked = Asked {
+        background: arguments.background.map(|color| color.0),
+        antialiased: arguments.antialiased,
+        near: arguments.near,
+        alpha_max: arguments.alpha_max,
+    };
+    let (background, settings) = asked.beside(&arguments.scene)?;
     let mut output = Output::create(arguments, &cameras)?;
-    let activated = gaussians.to_activated();
-    let (settings, mut workspace) = (RasterSettings::default(), Workspace::new());
+    let (activated, mut workspace) = (gaussians.to_activated(), Workspace::new());
     let mut progress = Progress::new("render", 0, cameras.len(), console);
     let stems = cameras::stems(&cameras);
     let jobs: Vec<_> = cameras.iter().zip(&stems).collect();
@@ -40,7 +47,7 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
             let mut drawn = Vec::new();
             for (view, stem) in group {
                 let camera = std::slice::from_ref(&view.camera);
-                let pixels = render(&activated, camera, arguments.background, &settings, &mut workspace)?;
+                let pixels = render(&activated, camera, background, &settings, &mut workspace)?;
                 let Camera { width, height, .. } = view.camera;
                 drawn.push((stem.as_str(), Image { width, height, pixels: pixels.concat() }));
                 done += 1;

@@ -16,7 +16,7 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
         let architecture = registry.of_run(&folder)?;
         let config = architecture.read(&folder)?;
         return crate::in_pool(arguments.threads.map_or(config.threads, usize::from), || {
-            let session = architecture.resume(&folder)?;
+            let session = architecture.resume(&folder, arguments.steps.map(|steps| steps as usize))?;
             if arguments.dry_run {
                 return dry_run(session, &config, console);
             }
@@ -29,6 +29,7 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
         file: arguments.config.clone(),
         settings: arguments.settings.clone(),
         data: arguments.data.clone(),
+        init: arguments.init.clone(),
         seed: arguments.seed,
         threads: arguments.threads.map(usize::from),
         steps: arguments.steps.map(|steps| steps as usize),

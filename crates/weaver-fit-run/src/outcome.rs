@@ -26,10 +26,18 @@ pub struct Outcome {
     pub antialiased: bool,
     /// Distance before which nothing is drawn, world units.
     pub near: f64,
+    /// Largest opacity of a single Gaussian at a pixel.
+    #[serde(default = "alpha_max")]
+    pub alpha_max: f64,
     /// The color behind everything.
     pub background: [f32; 3],
     /// Training photos that are met far worse than the others: they may not belong to the scene.
     pub strangers: Vec<String>,
+}
+
+/// What summaries mean that are older than the key.
+fn alpha_max() -> f64 {
+    0.99
 }
 
 /// Mean quality over views.

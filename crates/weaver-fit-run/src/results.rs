@@ -58,6 +58,7 @@ impl Run {
             poses: self.pose_change(),
             antialiased: raster.antialiased,
             near: raster.near,
+            alpha_max: raster.alpha_max,
             background: self.settings.fit.background,
             strangers: strangers(train),
         }

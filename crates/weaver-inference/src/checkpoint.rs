@@ -41,6 +41,20 @@ pub struct Defaults {
     /// Gaussians per pixel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget: Option<f64>,
+    /// For models with experts: those that training gave pixels to. Empty where that is not known.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub trained_experts: Vec<u8>,
+}
+
+/// What a model took of another's weights, parameters by name.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Partly {
+    /// Those that were taken.
+    pub taken: Vec<String>,
+    /// Those that were not, with the reason: they stay as they were.
+    pub fresh: Vec<String>,
+    /// Those of the checkpoint that the model does not have.
+    pub unused: Vec<String>,
 }
 
 /// A training run's checkpoint: weights, and what says how to build the network for them.
@@ -76,7 +90,11 @@ impl Checkpoint {
     /// # Errors
     /// Never, unless the program is damaged.
     pub fn built_in() -> Result<Self, Error> {
-        Self::from_bytes(include_bytes!("../weights/tiny-endless.safetensors"), Path::new("built-in weights"))
+        let bytes = include_bytes!("../weights/tiny-endless.safetensors");
+        let mut checkpoint = Self::from_bytes(bytes, Path::new("built-in weights"))?;
+        // The file is older than this entry.
+        checkpoint.defaults.trained_experts = vec![1];
+        Ok(checkpoint)
     }
 
     /// A checkpoint in memory; `origin` is what messages call it.
@@ -155,6 +173,37 @@ impl Checkpoint {
             Some(key) => Err(self.wrong(format!("tensor {key}: expected no such tensor in this model"))),
             None => Ok(()),
         }
+    }
+
+    /// Fills those declared parameters that the checkpoint has averaged weights of the same shape for, and leaves the others.
+    ///
+    /// # Errors
+    /// When none fits.
+    pub fn fill_partly(&self, params: &mut Params<f32>) -> Result<Partly, Error> {
+        let mut partly = Partly::default();
+        let ids: Vec<ParamId> = params.ids().collect();
+        for id in ids {
+            let (name, shape) = (params.get(id).name().to_string(), params.get(id).shape());
+            let key = format!("{}.{name}", WeightSet::Averaged.prefix());
+            match self.tensors.tensors.get(&key) {
+                Some(tensor) if tensor.shape == shape.dims() => {
+                    let values = self.values(&key, shape.dims())?;
+                    params.set(id, ParamValues::Owned(Arc::new(values)));
+                    partly.taken.push(name);
+                }
+                Some(tensor) => partly.fresh.push(format!("{name} ({shape}, there {:?})", tensor.shape)),
+                None => partly.fresh.push(format!("{name} (not there)")),
+            }
+        }
+        let prefix = format!("{}.", WeightSet::Averaged.prefix());
+        let of_parameter = self.tensors.tensors.keys().filter_map(|key| key.strip_prefix(&prefix));
+        partly.unused = of_parameter.filter(|name| params.find(name).is_none()).map(String::from).collect();
+        if partly.taken.is_empty() {
+            return Err(
+                self.wrong("expected weights of parameters that this model has, found none of its names and shapes")
+            );
+        }
+        Ok(partly)
     }
 
     /// What is needed to run the network and nothing else: the averaged weights, rounded to 16 bits. An eighth of a checkpoint.

@@ -18,15 +18,17 @@ pub mod reconstruct;
 mod refined;
 mod run_folder;
 mod splatweaver;
+mod weights;
 
 pub use capture::predict_capture;
-pub use checkpoint::{Checkpoint, Defaults, FORMAT, WeightSet};
+pub use checkpoint::{Checkpoint, Defaults, FORMAT, Partly, WeightSet};
 pub use depth_to_points::{DepthCorrection, SeenPoint, depth_to_points};
 pub use error::Error;
 pub use predictor::{CameraSource, Density, Photos, Prediction, Predictor, push_planar};
 pub use refined::{Effort, Refined};
 pub use run_folder::RunFolder;
 pub use splatweaver::SplatWeaverPredictor;
+pub use weights::is_of_run;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -144,6 +144,11 @@ pub trait Predictor: fmt::Debug + Send {
         }
     }
 
+    /// What a user should know before predictions with this density, such as that its weights were never trained for it.
+    fn remark(&self, _density: Density) -> Option<String> {
+        None
+    }
+
     /// Height and width that the model was trained at, pixels.
     fn image_size(&self) -> [usize; 2];
 

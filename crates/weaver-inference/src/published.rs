@@ -12,6 +12,7 @@ use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, SplatWe
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use weaver_autograd::{Params, Tape};
+use weaver_data::capture::{self, PhotoCameras};
 use weaver_geometry::glam::DVec2;
 use weaver_io::checkpoint::Tensors;
 use weaver_io::{Image, Weights};
@@ -31,6 +32,9 @@ pub struct Options {
     pub fit: Fit,
     /// Cameras, depth and points only, though there may be a Gaussian head.
     pub geometry: bool,
+    /// Cameras of the photos, as in [`reconstruct::Options::cameras`]; for networks that make Gaussians. Photos are then cut as these
+    /// cameras are, whatever `fit` says beyond the size.
+    pub cameras: Option<PathBuf>,
     /// Which pixels get Gaussians, and how many: sampled from the router, as published, unless told otherwise.
     pub density: Density,
     /// Seed of the router's noise.
@@ -107,7 +111,17 @@ pub fn run(
     let gaussians = opened.has_gaussians;
     let needed = estimate::bytes(&opened, images.len(), size);
     estimate::check(needed, weaver_io::available_memory(), gaussians)?;
-    let photos = photos::read(images, size, config.patch, options.fit)?;
+    let given = match &options.cameras {
+        Some(file) if !gaussians => {
+            let file = file.display();
+            return Err(Error::Input(format!("cameras {file}: expected a network that makes Gaussians with them")));
+        }
+        file => file.as_deref().map(|file| capture::load_cameras(file, images, size[1], size[0])).transpose()?,
+    };
+    let photos = match given {
+        Some(_) => capture::load_images(images, size[1], size[0])?,
+        None => photos::read(images, size, config.patch, options.fit)?,
+    };
     let (network, params) = opened.load(options.bf16_products)?;
     let mut planes = Vec::new();
     photos.iter().for_each(|photo| push_planar(&mut planes, photo));
@@ -116,7 +130,7 @@ pub fn run(
     if photos.len() == 1 {
         remarks.push(ONE_PHOTO.to_string());
     }
-    let scene = Scene { paths: images, photos: &photos, planes: &planes, size, out };
+    let scene = Scene { paths: images, photos: &photos, planes: &planes, given: given.as_ref(), size, out };
     let mut report = match network {
         Network::SplatWeaver(model) => scene.with_gaussians(model, params, options, watcher, writing)?,
         Network::Vggt(vggt) => scene.geometry(&vggt, &params, watcher, writing)?,
@@ -131,6 +145,8 @@ struct Scene<'a> {
     photos: &'a [Image],
     /// The photos as the network has them, `[V, 3, H, W]`.
     planes: &'a [f32],
+    /// Their cameras, where they were given.
+    given: Option<&'a PhotoCameras>,
     size: [usize; 2],
     out: &'a Path,
 }
@@ -151,13 +167,20 @@ impl Scene<'_> {
         let [height, width] = self.size;
         let stream = Stream::new(options.seed, 0, "inference");
         let photos = Photos { planes: self.planes, height, width };
-        let prediction = predictor.predict(photos, CameraSource::Predicted, density, stream)?;
+        let source = match self.given {
+            Some(PhotoCameras { cameras, points }) => CameraSource::GivenWithPoints { cameras, points },
+            None => CameraSource::Predicted,
+        };
+        let prediction = predictor.predict(photos, source, density, stream)?;
         predictor.release();
         let renders = predictor.render(&prediction.gaussians, &prediction.cameras)?;
         writing();
         reconstruct::write(self.out, self.paths, self.photos, &renders, &prediction)?;
+        reconstruct::write_summary(self.out, &predictor)?;
         let allocation = density.allocation.unwrap_or(AllocationKind::Sampled);
-        let remarks = vec![format!("cameras predicted, allocation {allocation}")];
+        let cameras = if self.given.is_some() { "given" } else { "predicted" };
+        let mut remarks = reconstruct::how_scaled(&prediction);
+        remarks.push(format!("cameras {cameras}, allocation {allocation}"));
         Ok(reconstruct::report(self.photos, &renders, &prediction, remarks, self.out))
     }
 
@@ -229,4 +252,4 @@ impl Scene<'_> {
 /// Share of the pixels of each view that become points: the most confident.
 const TRUSTED: f64 = 0.7;
 /// The budget that the published model was trained to, for allocations that have one.
-const PUBLISHED_BUDGET: f64 = 0.3;
+pub(crate) const PUBLISHED_BUDGET: f64 = 0.3;

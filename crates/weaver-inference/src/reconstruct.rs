@@ -1,7 +1,7 @@
 //! From photo files to a scene on disk: Gaussians, cameras, renders, maps of depth and of Gaussians per pixel.
 
 use crate::pictures::{count_picture, depth_picture, row, stack};
-use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, push_planar};
+use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, RunFolder, push_planar};
 use std::path::{Path, PathBuf};
 use weaver_data::capture::{self, PhotoCameras};
 use weaver_geometry::Camera;
@@ -70,11 +70,12 @@ pub fn reconstruct(
     remarks.push(format!("cameras {cameras}{allocation}"));
     let renders = predictor.render(&prediction.gaussians, &prediction.cameras)?;
     write(out, images, &photos, &renders, &prediction)?;
+    write_summary(out, predictor)?;
     Ok(report(&photos, &renders, &prediction, remarks, out))
 }
 
 /// What was done to given cameras and to depth.
-fn how_scaled(prediction: &Prediction) -> Vec<String> {
+pub(crate) fn how_scaled(prediction: &Prediction) -> Vec<String> {
     let Some(factor) = prediction.scaled_by else { return Vec::new() };
     let used = &prediction.points_used;
     if used.iter().all(|n| *n == 0) {
@@ -137,6 +138,21 @@ pub(crate) fn write(
     stack(&rows.iter().collect::<Vec<_>>()).write_png(out.join("overview.png"))?;
     weaver_io::write_ply(out.join("scene.ply"), &prediction.gaussians.to_stored())?;
     write_cameras(out, &names, &prediction.cameras)
+}
+
+/// Writes how the scene is drawn, for those who draw it from its file; a run's folder keeps its own summary.
+pub(crate) fn write_summary(out: &Path, predictor: &dyn Predictor) -> Result<(), Error> {
+    if RunFolder::at(out).config_path().exists() {
+        return Ok(());
+    }
+    let settings = predictor.raster_settings();
+    let summary = serde_json::json!({
+        "antialiased": settings.antialiased,
+        "near": settings.near,
+        "alpha_max": settings.alpha_max,
+        "background": predictor.background(),
+    });
+    Ok(weaver_io::write_text(out.join("summary.json"), &format!("{summary:#}\n"))?)
 }
 
 /// Writes pictures of depth, and cameras, where there are no Gaussians.

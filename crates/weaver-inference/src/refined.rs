@@ -172,6 +172,10 @@ impl Predictor for Refined {
         Ok(prediction)
     }
 
+    fn remark(&self, density: Density) -> Option<String> {
+        self.inner.remark(density)
+    }
+
     fn density(&self, asked: Density) -> Result<Density, Error> {
         self.inner.density(asked)
     }

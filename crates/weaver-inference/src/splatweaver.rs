@@ -22,6 +22,8 @@ pub struct SplatWeaverPredictor {
     params: Params<f32>,
     allocation: AllocationKind,
     budget: f64,
+    /// Experts that training used; empty where that is not known.
+    trained: Vec<u8>,
     tape: Tape<f32>,
     workspace: Workspace<f32>,
 }
@@ -37,7 +39,14 @@ impl SplatWeaverPredictor {
         allocation: AllocationKind,
         budget: f64,
     ) -> Self {
-        Self { model: model.into(), params, allocation, budget, tape: Tape::new(), workspace: Workspace::new() }
+        let (trained, tape, workspace) = (Vec::new(), Tape::new(), Workspace::new());
+        Self { model: model.into(), params, allocation, budget, trained, tape, workspace }
+    }
+
+    /// Says which experts the weights' training gave pixels to, so that [`Predictor::remark`] can tell which it did not.
+    #[must_use]
+    pub fn with_trained_experts(self, trained: Vec<u8>) -> Self {
+        Self { trained, ..self }
     }
 
     /// Opens the averaged weights of a training run's folder.
@@ -77,7 +86,8 @@ impl SplatWeaverPredictor {
         let defaults = checkpoint.defaults();
         let name = defaults.allocation.as_deref().unwrap_or("dithered");
         let allocation = name.parse::<AllocationKind>().map_err(|e| checkpoint.wrong(e.to_string()))?;
-        Ok(Self::new(model, params, allocation, defaults.budget.unwrap_or(1.0)))
+        let predictor = Self::new(model, params, allocation, defaults.budget.unwrap_or(1.0));
+        Ok(predictor.with_trained_experts(defaults.trained_experts.clone()))
     }
 
     /// The network.
@@ -180,6 +190,23 @@ impl Predictor for SplatWeaverPredictor {
                 Ok(Density { allocation: Some(allocation), budget })
             }
         }
+    }
+
+    fn remark(&self, density: Density) -> Option<String> {
+        let kind = density.allocation.unwrap_or(self.allocation);
+        let most = u8::try_from(self.max_per_pixel()).unwrap_or(u8::MAX);
+        let untrained: Vec<String> = kind
+            .experts(most)
+            .filter(|expert| !self.trained.contains(expert))
+            .map(|expert| expert.to_string())
+            .collect();
+        (!self.trained.is_empty() && !untrained.is_empty()).then(|| {
+            format!(
+                "allocation {kind} may give a pixel {} Gaussians, which these weights were never trained for: expect poor \
+                 pictures; dithered, grid and random give one",
+                untrained.join(" or ")
+            )
+        })
     }
 
     fn image_size(&self) -> [usize; 2] {

@@ -32,7 +32,11 @@ pub fn info(path: impl AsRef<Path>) -> Result<String> {
         (_, "spz" | "splat") => Ok(gaussians(&read_gaussians(path)?)),
         (_, "safetensors") => Ok(weights::weights(&Weights::open(path)?)),
         (_, "json") if name.ends_with(".index.json") => Ok(weights::weights(&Weights::open(path)?)),
-        (_, "json") => Ok(transforms(&Transforms::read(path)?)),
+        // The cameras are worth describing where the photos are not at hand.
+        (_, "json") => {
+            let scene = Transforms::read(path);
+            Ok(transforms(&scene.or_else(|error| Transforms::read_cameras(path).map_err(|_| error))?))
+        }
         ("cameras", "bin" | "txt") => Ok(cameras(colmap::read_cameras(path)?.values())),
         ("images", "bin" | "txt") => Ok(images(&colmap::read_images(path)?)),
         ("points3d", "bin" | "txt") => Ok(points(&colmap::read_points(path)?)),

@@ -89,6 +89,15 @@ pub struct CameraConfig {
     /// first refinement is the first code, as published.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub base_fov: Option<f64>,
+    /// Added to the tangent of half the field of view where focal lengths are decoded, 0 to 1: 0.001 as published with
+    /// SplatWeaver, 0 with VGGT.
+    #[serde(default = "tangent_offset")]
+    pub tangent_offset: f64,
+}
+
+/// What configurations mean that are older than the key.
+fn tangent_offset() -> f64 {
+    1e-3
 }
 
 /// The point of a pixel that its ray passes through.

@@ -24,6 +24,7 @@ impl ModelConfig {
             init: self.backbone_init(),
             camera_head: self.camera_head(),
             depth_head: self.depth_head(),
+            tangent_offset: self.camera.tangent_offset,
         }
     }
 

@@ -50,6 +50,7 @@ pub fn activate<T: Real>(code: Var<'_, T>) -> Var<'_, T> {
 struct Decode {
     height: f64,
     width: f64,
+    tangent_offset: f64,
 }
 
 impl RowMap<9, 16> for Decode {
@@ -58,7 +59,7 @@ impl RowMap<9, 16> for Decode {
     const OUTPUTS: &'static [&'static [usize]] = &[&[3, 4], &[4]];
     fn eval<T: Real>(&self, code: [Dual<T, 9>; 9]) -> [Dual<T, 9>; 16] {
         let r = matrix([code[3], code[4], code[5], code[6]]);
-        let focal = |size: f64, fov| focal_length(fov, size, TANGENT_OFFSET, Dual::tan);
+        let focal = |size: f64, fov| focal_length(fov, size, self.tangent_offset, Dual::tan);
         let (fx, fy) = (focal(self.width, code[8]), focal(self.height, code[7]));
         let (cx, cy) = (Dual::from(0.5 * self.width), Dual::from(0.5 * self.height));
         let [t, u, v] = [code[0], code[1], code[2]];
@@ -74,7 +75,26 @@ impl RowMap<9, 16> for Decode {
 /// 2503.11651) with AnySplat's margin on the tangent.
 #[track_caller]
 pub fn cameras<T: Real>(code: Var<'_, T>, height: usize, width: usize) -> CameraVars<'_, T> {
-    let decode = Decode { height: height as f64, width: width as f64 };
+    cameras_with(code, [height, width], TANGENT_OFFSET)
+}
+
+/// As [`cameras`], for images of `size` (H, W), with another margin than 1e-3 on the tangent of half the field of view: f = (size
+/// / 2) / (tan(fov / 2) + `tangent_offset`).
+///
+/// VGGT's own weights have none, and 0 inverts [`encode`]; a field of view of 0 then has an infinite focal length.
+///
+/// ```
+/// use weaver_autograd::Tape;
+/// let tape = Tape::<f64>::new();
+/// let code = tape.leaf(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.9, 1.2], [1, 9]);
+/// let focal = |offset| weaver_pose::cameras_with(code, [48, 64], offset).intrinsics.to_vec()[0];
+/// assert!((focal(0.0) - 32.0 / 0.6_f64.tan()).abs() < 1e-12);
+/// assert!((32.0 / focal(1e-3) - 32.0 / focal(0.0) - 1e-3).abs() < 1e-12);
+/// ```
+#[track_caller]
+pub fn cameras_with<T: Real>(code: Var<'_, T>, size: [usize; 2], tangent_offset: f64) -> CameraVars<'_, T> {
+    let [height, width] = size.map(|side| side as f64);
+    let decode = Decode { height, width, tangent_offset };
     let [viewmats, intrinsics] = code.tape().apply(RowMapOp(decode), &[code]);
     CameraVars { viewmats, intrinsics }
 }

@@ -12,7 +12,7 @@ mod rotation;
 mod row_map;
 mod unproject;
 
-pub use code::{CameraVars, activate, cameras, encode};
+pub use code::{CameraVars, activate, cameras, cameras_with, encode};
 pub use gauge::first_camera_gauge;
 pub use metrics::{PoseErrors, auc};
 pub use rotation::{quaternion_product, rotation_from_xyzw, xyzw_from_rotation};

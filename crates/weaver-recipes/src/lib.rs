@@ -4,6 +4,7 @@ mod splatweaver;
 
 pub use splatweaver::{BudgetForm, Losses, Objective, RouterLosses, SplatWeaverRecipe, StageAllocation, StageSettings};
 
+use std::path::Path;
 use weaver_inference::{Checkpoint, SplatWeaverPredictor};
 use weaver_trainer::{CameraMode, DataConfig, Error, EvaluationConfig, OpenRun, Registry};
 
@@ -30,6 +31,32 @@ pub fn built_in() -> Result<OpenRun, Error> {
         seed: checkpoint.defaults().seed,
         data: DataConfig::default(),
         evaluation: EvaluationConfig { cameras: CameraMode::Given, allocation: None, budget: None },
+    })
+}
+
+/// A file of weights, as if it were a run's: a run's checkpoint, small weights made of one, or a published checkpoint that makes
+/// Gaussians.
+///
+/// # Errors
+/// When it cannot be read, is of another model, or makes no Gaussians.
+pub fn open_weights(path: &Path) -> Result<OpenRun, Error> {
+    let evaluation = |cameras| EvaluationConfig { cameras, allocation: None, budget: None };
+    if !weaver_inference::is_of_run(path)? {
+        return Ok(OpenRun {
+            predictor: Box::new(SplatWeaverPredictor::open_published(path)?),
+            step: 0,
+            seed: 0,
+            data: DataConfig::default(),
+            evaluation: evaluation(CameraMode::Predicted),
+        });
+    }
+    let checkpoint = Checkpoint::read(path)?;
+    Ok(OpenRun {
+        predictor: Box::new(SplatWeaverPredictor::from_checkpoint(&checkpoint)?),
+        step: checkpoint.step,
+        seed: checkpoint.defaults().seed,
+        data: DataConfig::default(),
+        evaluation: evaluation(CameraMode::Predicted),
     })
 }
 

@@ -1,5 +1,6 @@
 //! SplatWeaver's recipe.
 
+mod check;
 mod objective;
 mod presets;
 mod sections;
@@ -7,6 +8,7 @@ mod sections;
 pub use objective::Objective;
 pub use sections::{BudgetForm, Losses, RouterLosses, StageAllocation, StageSettings};
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 use weaver_autograd::{ParamId, Params};
@@ -47,10 +49,8 @@ impl Recipe for SplatWeaverRecipe {
 
     fn check(config: &Config<Self>) -> Result<(), String> {
         config.model.check()?;
-        for (i, stage) in config.stages.iter().enumerate() {
-            sections::check(stage, config.model.gaussians.max_per_pixel, &format!("stages.{i}"))?;
-        }
-        Ok(())
+        check::stages(config)?;
+        check::evaluation(config)
     }
 
     fn image_size(model: &ModelConfig) -> [usize; 2] {
@@ -77,8 +77,7 @@ impl Recipe for SplatWeaverRecipe {
             return vec!["depth_head", "gaussian_param_head"];
         }
         let router = &stage.losses.router;
-        let learned =
-            matches!(stage.model.allocation, StageAllocation::Kind(AllocationKind::Sampled | AllocationKind::Argmax));
+        let learned = stage.model.allocation.is_routed();
         if learned || router.rank > 0.0 || router.error_regression > 0.0 {
             Vec::new()
         } else {
@@ -90,6 +89,13 @@ impl Recipe for SplatWeaverRecipe {
         }
     }
 
+    fn trained_experts(config: &Config<Self>) -> Vec<u8> {
+        let most = u8::try_from(config.model.gaussians.max_per_pixel).unwrap_or(u8::MAX);
+        let rendered = config.stages.iter().filter(|stage| stage.tuples > 0 && stage.steps > 0);
+        let used = rendered.flat_map(|stage| stage.model.allocation.experts(most));
+        used.collect::<BTreeSet<u8>>().into_iter().collect()
+    }
+
     fn tuples(stage: &StageConfig<Self>) -> usize {
         stage.tuples + stage.model.pose_tuples
     }
@@ -98,9 +104,8 @@ impl Recipe for SplatWeaverRecipe {
         format!("{} rendered and {} posed tuples", stage.tuples, stage.model.pose_tuples)
     }
 
-    fn lpips_weights(config: &Config<Self>) -> Option<&Path> {
-        let images = config.stages.iter().map(|stage| &stage.losses.image);
-        images.filter(|image| image.lpips > 0.0).find_map(|image| image.lpips_weights.as_deref())
+    fn lpips_weights(stage: &StageConfig<Self>) -> Option<&Path> {
+        stage.losses.image.lpips_file()
     }
 
     fn objective<'t>(
@@ -135,6 +140,7 @@ impl Recipe for SplatWeaverRecipe {
         let evaluation = &config.evaluation;
         let allocation = evaluation.allocation.unwrap_or(AllocationKind::Dithered);
         let budget = evaluation.budget.unwrap_or(1.0);
-        Ok(Box::new(SplatWeaverPredictor::new(network, params, allocation, budget)))
+        let predictor = SplatWeaverPredictor::new(network, params, allocation, budget);
+        Ok(Box::new(predictor.with_trained_experts(Self::trained_experts(config))))
     }
 }

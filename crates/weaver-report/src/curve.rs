@@ -4,6 +4,8 @@ use std::fmt::Write;
 
 const WIDTH: f64 = 400.0;
 const HEIGHT: f64 = 140.0;
+/// Room for numbers beside the chart.
+const LEFT: f64 = 64.0;
 
 /// A small line chart of the finite points (step, value), and whether its axis is logarithmic, which it is if all values are
 /// positive, and the last value; none without points.
@@ -16,16 +18,51 @@ pub(crate) fn svg(points: impl IntoIterator<Item = (usize, f64)>) -> Option<(Str
     let scale = |v: f64| if logarithmic { v.log10() } else { v };
     let (low, high) = points.iter().map(|p| scale(p.1)).fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
     let span = (high - low).max(1e-9);
+    let (smallest, largest) = points.iter().map(|p| p.1).fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
     let mut path = String::new();
     for (step, v) in &points {
         let (x, y) = ((step - first) / (last - first) * WIDTH, HEIGHT - (scale(*v) - low) / span * HEIGHT);
         let _ = write!(path, "{x:.1},{y:.1} ");
     }
     let svg = format!(
-        "<svg width=\"{WIDTH}\" height=\"{HEIGHT}\" viewBox=\"-2 -2 {} {}\"><rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#fafafa\"/>\
-         <polyline points=\"{path}\" fill=\"none\" stroke=\"#2563eb\" stroke-width=\"1.2\"/></svg>",
-        WIDTH + 4.0,
-        HEIGHT + 4.0,
+        "<svg width=\"{}\" height=\"{}\" viewBox=\"-{LEFT} -8 {0} {1}\" font-size=\"11\" fill=\"#666\">\
+         <rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#fafafa\"/>\
+         <polyline points=\"{path}\" fill=\"none\" stroke=\"#2563eb\" stroke-width=\"1.2\"/>{}</svg>",
+        LEFT + WIDTH + 24.0,
+        HEIGHT + 28.0,
+        numbers([first, last], [smallest, largest]),
     );
     Some((svg, logarithmic, end))
+}
+
+/// The numbers at the ends of both axes: the largest value at the top, the smallest at the bottom, steps below.
+fn numbers([first, last]: [f64; 2], [smallest, largest]: [f64; 2]) -> String {
+    let mut text = String::new();
+    let mut put = |x: f64, y: f64, anchor: &str, number: String| {
+        let _ = write!(text, "<text x=\"{x}\" y=\"{y}\" text-anchor=\"{anchor}\">{number}</text>");
+    };
+    put(-4.0, 4.0, "end", short(largest));
+    if smallest < largest {
+        put(-4.0, HEIGHT, "end", short(smallest));
+    }
+    put(0.0, HEIGHT + 14.0, "start", format!("{first}"));
+    put(WIDTH, HEIGHT + 14.0, "end", format!("{last}"));
+    text
+}
+
+/// A number in few characters.
+fn short(value: f64) -> String {
+    let size = value.abs();
+    if value == 0.0 || (1e-3..1e5).contains(&size) {
+        let digits = if size >= 100.0 {
+            0
+        } else if size >= 1.0 {
+            2
+        } else {
+            4
+        };
+        format!("{value:.digits$}")
+    } else {
+        format!("{value:.1e}")
+    }
 }

@@ -1,6 +1,7 @@
 //! Laying one TOML tree over another: every key must be known, and a wrong one gets the nearest name.
 
-use crate::schema::{is_number, is_optional, properties, property, schema, variant};
+use crate::ranges;
+use crate::schema::{is_number, is_optional, join, properties, property, schema, variant};
 use crate::{Error, Settings, nearest};
 use serde_json::Value as Schema;
 use std::marker::PhantomData;
@@ -19,7 +20,13 @@ pub fn resolve<S: Settings>(defaults: &S, file: Option<&Path>, sets: &[String]) 
     for setting in sets {
         layers.set(setting)?;
     }
-    layers.finish(&file.map_or_else(|| sets.join(", "), |f| f.display().to_string()))
+    layers.finish(&source(file, sets))
+}
+
+/// What a file and settings are called together in errors.
+pub fn source(file: Option<&Path>, sets: &[String]) -> String {
+    let file = file.map(|file| file.display().to_string());
+    file.into_iter().chain(sets.iter().cloned()).collect::<Vec<_>>().join(", ")
 }
 
 /// Settings while layers are laid over their defaults.
@@ -61,9 +68,10 @@ impl<S: Settings> Layers<S> {
     /// The settings; `source` names the last layer in errors.
     ///
     /// # Errors
-    /// When a value is not one that its key can have.
+    /// When a value is not one that its key can have, or a number is out of its range.
     pub fn finish(self, source: &str) -> Result<S, Error> {
-        deserialize(self.tree, source)
+        let Self { tree, schema, .. } = self;
+        deserialize(tree, &schema, source)
     }
 }
 
@@ -79,9 +87,18 @@ pub fn read_table(path: impl AsRef<Path>) -> Result<Table, Error> {
 /// Parses settings that are complete, without defaults; `source` names the text in errors.
 ///
 /// # Errors
-/// When the text is not TOML, or a key or value is wrong.
+/// When the text is not TOML, a key or value is wrong, or a number is out of its range.
 pub fn parse<S: Settings>(text: &str, source: &str) -> Result<S, Error> {
-    deserialize(Value::Table(parse_table(text, source)?), source)
+    deserialize(Value::Table(parse_table(text, source)?), &schema::<S>(), source)
+}
+
+/// Checks the range of every number of settings that were made in code; `source` names them in errors.
+///
+/// # Errors
+/// When a number is out of its range, not finite, or beyond what TOML can hold.
+pub fn check<S: Settings>(settings: &S, source: &str) -> Result<(), Error> {
+    let tree = Value::try_from(settings).map_err(|e| Error::invalid(source, e.to_string()))?;
+    ranges::check(&tree, &schema::<S>(), "").map_err(|message| Error::invalid(source, message))
 }
 
 /// Settings as TOML text.
@@ -96,13 +113,13 @@ fn parse_table(text: &str, source: &str) -> Result<Table, Error> {
     text.parse().map_err(|e: toml::de::Error| Error::invalid(source, e.to_string()))
 }
 
-fn deserialize<S: Settings>(tree: Value, source: &str) -> Result<S, Error> {
+fn deserialize<S: Settings>(tree: Value, schema: &Schema, source: &str) -> Result<S, Error> {
+    let ranges = ranges::check(&tree, schema, "");
     // The error names the key on a line of its own; a message is one line.
-    tree.try_into().map_err(|e: toml::de::Error| Error::invalid(source, e.to_string().trim().replace('\n', " ")))
-}
-
-fn join(path: &str, key: &str) -> String {
-    if path.is_empty() { key.into() } else { format!("{path}.{key}") }
+    let wrong = |e: toml::de::Error| Error::invalid(source, e.to_string().trim().replace('\n', " "));
+    let settings = tree.try_into().map_err(wrong)?;
+    ranges.map_err(|message| Error::invalid(source, message))?;
+    Ok(settings)
 }
 
 fn unknown(schema: &Schema, key: &str, source: &str, path: &str) -> Error {

@@ -2,7 +2,8 @@
 //!
 //! Settings are a struct that serde and schemars derive for: the fields are the keys, the doc comments their documentation. An
 //! unknown key is refused with the nearest name there is, a wrong value with what was expected; optional keys are set by name
-//! and unset by `none`. [`resolve`] is all that most programs need; [`Layers`] is the same in steps.
+//! and unset by `none`. The range of a number is beside its key, as the schema has it (`#[schemars(range(min = 0, max = 1))]`,
+//! `#[schemars(extend("exclusiveMinimum" = 0))]`): a number out of it, or one that is not finite, is refused with both. [`resolve`] is all that most programs need; [`Layers`] is the same in steps.
 //!
 //! Settings may hold numbers, words, paths, lists, structs, lists of structs, and enums whose variants have no fields or are
 //! told apart by a key `kind`. They may not hold maps or contain themselves.
@@ -10,11 +11,12 @@
 mod error;
 mod layers;
 mod names;
+mod ranges;
 mod reference;
 mod schema;
 
 pub use error::Error;
-pub use layers::{Layers, parse, read_table, resolve, to_toml};
+pub use layers::{Layers, check, parse, read_table, resolve, source, to_toml};
 pub use names::nearest;
 pub use reference::annotate;
 pub use toml::{Table, Value};

@@ -1,5 +1,6 @@
 //! Settings with their documentation.
 
+use crate::ranges::Range;
 use crate::schema::{is_optional, properties, schema, variant};
 use crate::{Error, Settings, to_toml};
 use serde_json::Value as Schema;
@@ -74,6 +75,10 @@ fn comment(out: &mut String, schema: &Schema) {
     let text = schema["description"].as_str().unwrap_or("").replace('\n', " ");
     let choices: Vec<String> = schema["oneOf"].as_array().into_iter().flatten().filter_map(choice).collect();
     let text = if choices.is_empty() { text } else { format!("{text} One of: {}.", choices.join("; ")) };
+    let text = match Range::stated(schema) {
+        Some(range) => format!("{text} Range: {range}."),
+        None => text,
+    };
     let mut line = String::from("#");
     for word in text.split_whitespace() {
         if line.len() + word.len() >= WIDTH {

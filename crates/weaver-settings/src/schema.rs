@@ -37,3 +37,8 @@ pub(crate) fn variant<'s>(table: &'s Schema, kind: &str) -> &'s Schema {
     let mut variants = table["oneOf"].as_array().into_iter().flatten();
     variants.find(|schema| schema["properties"]["kind"]["const"] == kind).unwrap_or(table)
 }
+
+/// The path of a key in the table at `path`.
+pub(crate) fn join(path: &str, key: &str) -> String {
+    if path.is_empty() { key.into() } else { format!("{path}.{key}") }
+}

@@ -26,8 +26,10 @@ use weaver_trainer::{
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct CnnConfig {
     /// Width and height of the photos, pixels.
+    #[schemars(inner(range(max = 16_384)))]
     size: [usize; 2],
     /// Channels of the hidden layers.
+    #[schemars(range(min = 1, max = 4096))]
     channels: usize,
 }
 
@@ -113,6 +115,10 @@ impl Recipe for PixelCnnRecipe {
 
     fn check(config: &Config<Self>) -> Result<(), String> {
         config.stages.iter().enumerate().try_for_each(|(i, s)| s.losses.check(&format!("stages.{i}.losses")))
+    }
+
+    fn lpips_weights(stage: &StageConfig<Self>) -> Option<&Path> {
+        stage.losses.lpips_file()
     }
 
     fn image_size(model: &CnnConfig) -> [usize; 2] {
@@ -227,7 +233,7 @@ fn main() -> Result<(), Error> {
     session.train(&folder, &mut StopAt(half, &stop), &stop)?;
     // As after Ctrl-C: the name in the folder finds the recipe, and the run goes on to the same bits.
     stop.store(false, Ordering::Relaxed);
-    let mut session = registry.of_run(&folder)?.resume(&folder)?;
+    let mut session = registry.of_run(&folder)?.resume(&folder, None)?;
     println!("resumed at step {} of {}", session.steps().0, session.steps().1);
     session.train(&folder, &mut StopAt(usize::MAX, &stop), &stop)?;
     let evaluation =

@@ -34,6 +34,7 @@ impl TrainingState<'_> {
             seed: config.seed,
             allocation: config.evaluation.allocation.map(|kind| kind.to_string()),
             budget: config.evaluation.budget,
+            trained_experts: R::trained_experts(config),
         };
         let json = |value: serde_json::Result<String>| value.expect("a configuration is plain data");
         let mut tensors = Tensors::default();
@@ -65,7 +66,26 @@ impl TrainingState<'_> {
         Ok(tensors.write(path)?)
     }
 
-    /// Checks that a checkpoint is one of a run with this configuration.
+    /// Checks that a run with this configuration goes on from a checkpoint as it began.
+    ///
+    /// # Errors
+    /// Names the key that differs.
+    pub fn check_resumed<R: Recipe>(checkpoint: &Checkpoint, config: &Config<R>) -> Result<(), Error> {
+        Self::check(checkpoint, config)?;
+        let text = checkpoint.tensors().metadata.get("config").map_or("", String::as_str);
+        let earlier = Config::from_toml(text, "metadata config").map_err(|e| checkpoint.wrong(e.to_string()))?;
+        match config.difference(&earlier) {
+            None => Ok(()),
+            Some((key, found, expected)) => {
+                let message = format!(
+                    "the run began with another configuration: {key}: expected {expected}, found {found} in config.toml"
+                );
+                Err(checkpoint.wrong(message).into())
+            }
+        }
+    }
+
+    /// Checks that a checkpoint is one of a run with this preset and network.
     ///
     /// # Errors
     /// Names the entry that differs.

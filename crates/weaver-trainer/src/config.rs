@@ -1,11 +1,19 @@
 //! The configuration of a run: defaults < preset < file < settings, with unknown keys refused.
 
+mod check;
+mod difference;
+
 use crate::{Error, Recipe};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use weaver_router::AllocationKind;
 use weaver_settings::{Error as Wrong, Layers, Value};
+
+/// Steps and counts of steps are at most so many, which no run comes near; sums and products of them do not overflow.
+const MOST: u64 = 1_000_000_000;
+/// The most views or tuples of one step.
+const MOST_VIEWS: u64 = 10_000;
 
 /// Everything that determines a run, beside the code. Saved in the run folder as `config.toml`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -19,7 +27,12 @@ pub struct Config<R: Recipe> {
     /// Seed of initial weights, of the order of the data and of the noise.
     pub seed: u64,
     /// Threads; 0 takes one per core. The result does not depend on it.
+    #[schemars(range(max = 1024))]
     pub threads: usize,
+    /// Checkpoint of a run that training starts from, in place of random weights: of what both networks have in equal sizes, its
+    /// averaged weights are taken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub init: Option<PathBuf>,
     /// The network.
     pub model: R::Model,
     /// Where scenes come from, and which views make a tuple.
@@ -43,16 +56,21 @@ pub struct DataConfig {
     /// Procedural scenes only: train on varied scenes without end in place of the fixed default set. Sixteen are kept; every
     /// so many steps a fresh one takes the place of the oldest.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = MOST))]
     pub endless: Option<usize>,
     /// Captures without points: the mean distance from camera 0 to what the cameras see, in the capture's units. Without
     /// it, such a capture is an error where its scale is needed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub scene_scale: Option<f64>,
     /// Context views of a tuple: the photos that the network sees.
+    #[schemars(range(min = 2, max = MOST_VIEWS))]
     pub context_views: usize,
     /// Target views of a tuple: rendered and compared, not seen.
+    #[schemars(range(min = 1, max = MOST_VIEWS))]
     pub target_views: usize,
     /// How many of its nearest training views a view's context is drawn from.
+    #[schemars(range(min = 2, max = MOST))]
     pub pool: usize,
 }
 
@@ -66,17 +84,23 @@ impl Default for DataConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OptimizerConfig {
-    /// Decay of the first moment, 0 to below 1.
+    /// Decay of the first moment.
+    #[schemars(range(min = 0.0), extend("exclusiveMaximum" = 1))]
     pub beta1: f64,
-    /// Decay of the second moment, 0 to below 1.
+    /// Decay of the second moment.
+    #[schemars(range(min = 0.0), extend("exclusiveMaximum" = 1))]
     pub beta2: f64,
     /// Added to the root of the second moment.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub epsilon: f64,
     /// Decoupled weight decay, on all parameters.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub weight_decay: f64,
-    /// Largest global norm of the gradient; larger gradients are scaled down to it.
+    /// Largest global norm of the gradient; larger gradients are scaled down to it. A huge one clips nothing.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub clip: f64,
     /// Decay of the weights' exponential moving average; 0 evaluates the weights themselves.
+    #[schemars(range(min = 0.0), extend("exclusiveMaximum" = 1))]
     pub ema: f64,
 }
 
@@ -124,14 +148,19 @@ pub struct StageConfig<R: Recipe> {
     /// Its name in logs.
     pub name: String,
     /// Optimizer steps.
+    #[schemars(range(max = MOST))]
     pub steps: usize,
     /// Tuples per step.
+    #[schemars(range(max = MOST_VIEWS))]
     pub tuples: usize,
     /// Peak learning rate.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub rate: f64,
     /// Steps of linear warm-up.
+    #[schemars(range(max = MOST))]
     pub warmup: usize,
     /// Where the cosine of the learning rate ends, as a fraction of the peak.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub floor: f64,
     /// What the model does in this stage.
     pub model: R::Stage,
@@ -144,10 +173,13 @@ pub struct StageConfig<R: Recipe> {
 #[serde(deny_unknown_fields)]
 pub struct OutputConfig {
     /// Steps between lines of metrics.jsonl.
+    #[schemars(range(min = 1, max = MOST))]
     pub log_every: usize,
     /// Steps between checkpoints.
+    #[schemars(range(min = 1, max = MOST))]
     pub checkpoint_every: usize,
     /// Steps between sample pictures.
+    #[schemars(range(min = 1, max = MOST))]
     pub sample_every: usize,
 }
 
@@ -169,6 +201,7 @@ pub struct EvaluationConfig {
     pub allocation: Option<AllocationKind>,
     /// Gaussians per context pixel, for allocations that have a budget.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub budget: Option<f64>,
 }
 
@@ -206,6 +239,7 @@ impl<R: Recipe> Config<R> {
             preset: preset.into(),
             seed: 0,
             threads: 0,
+            init: None,
             model,
             data: DataConfig::default(),
             optimizer: OptimizerConfig::default(),
@@ -236,16 +270,26 @@ impl<R: Recipe> Config<R> {
     /// When the file cannot be read, or a key or value is wrong.
     pub fn resolve(preset: Option<&str>, file: Option<&Path>, settings: &[String]) -> Result<Self, Error> {
         let mut table = file.map(weaver_settings::read_table).transpose()?.unwrap_or_default();
-        let named = table.get("preset").and_then(Value::as_str);
-        let mut layers = Layers::new(&Self::preset(preset.or(named).unwrap_or(R::PRESETS[0]))?)?;
+        let source = weaver_settings::source(file, settings);
+        if let Some(setting) = settings.iter().find(|s| s.split('=').next().is_some_and(|key| key.trim() == "preset")) {
+            let message = "expected a preset to be chosen by --preset or in a file: all other values start from it";
+            return Err(Wrong::invalid(setting, format!("preset: {message}")).into());
+        }
+        let named = match table.remove("preset") {
+            None => None,
+            Some(Value::String(name)) => Some(name),
+            Some(other) => {
+                let message = format!("preset: expected string, found {} `{other}`", other.type_str());
+                return Err(Wrong::invalid(&source, message).into());
+            }
+        };
+        let mut layers = Layers::new(&Self::preset(preset.or(named.as_deref()).unwrap_or(R::PRESETS[0]))?)?;
         if let Some(path) = file {
-            table.remove("preset");
             layers.merge(table, &path.display().to_string())?;
         }
         for setting in settings {
             layers.set(setting)?;
         }
-        let source = file.map_or_else(|| settings.join(", "), |f| f.display().to_string());
         Self::settled(layers.finish(&source)?, &source)
     }
 
@@ -277,13 +321,29 @@ impl<R: Recipe> Config<R> {
 
     fn settled(mut config: Self, source: &str) -> Result<Self, Error> {
         R::settle(&mut config);
-        config.check().map_err(|message| Wrong::invalid(source, message))?;
+        config.check_combinations().map_err(|message| Wrong::invalid(source, message))?;
         Ok(config)
     }
 
     /// Steps of all stages.
     pub fn steps(&self) -> usize {
         self.stages.iter().map(|s| s.steps).sum()
+    }
+
+    /// Prolongs the last stage until there are `total` steps. The rate follows the longer stage's cosine from then on.
+    ///
+    /// # Errors
+    /// When more steps are planned already.
+    pub fn prolong(&mut self, total: usize) -> Result<(), Error> {
+        let planned = self.steps();
+        match self.stages.last_mut() {
+            Some(last) if total >= planned => last.steps += total - planned,
+            _ => {
+                let message = format!("steps: expected at least the {planned} that are planned, found {total}");
+                return Err(Error::Input(message));
+            }
+        }
+        self.check()
     }
 
     /// Rescales the stages to `total` steps in proportion; warm-ups shrink along, but do not grow.
@@ -298,36 +358,5 @@ impl<R: Recipe> Config<R> {
             stage.steps = steps;
             assigned = end;
         }
-    }
-
-    fn check(&self) -> Result<(), String> {
-        if self.architecture != R::ARCHITECTURE {
-            return Err(format!("architecture: expected `{}`, found `{}`", R::ARCHITECTURE, self.architecture));
-        }
-        if self.stages.is_empty() {
-            return Err("stages: expected at least one".into());
-        }
-        let d = &self.data;
-        if d.context_views < 2 || d.target_views == 0 || d.pool < d.context_views {
-            return Err(format!(
-                "data: expected context_views >= 2, target_views >= 1 and pool >= context_views, found {}, {} and {}",
-                d.context_views, d.target_views, d.pool
-            ));
-        }
-        if d.endless == Some(0) {
-            return Err("data.endless: expected a positive number of steps, found 0".into());
-        }
-        if let Some(scale) = d.scene_scale.filter(|scale| !(*scale > 0.0 && scale.is_finite())) {
-            return Err(format!("data.scene_scale: expected a positive number, found {scale}"));
-        }
-        for (i, stage) in self.stages.iter().enumerate() {
-            if R::tuples(stage) == 0 {
-                return Err(format!("stages.{i}.tuples: expected a step to have tuples, found none"));
-            }
-            if !(stage.rate > 0.0 && stage.rate.is_finite()) {
-                return Err(format!("stages.{i}.rate: expected a positive number, found {}", stage.rate));
-            }
-        }
-        R::check(self)
     }
 }

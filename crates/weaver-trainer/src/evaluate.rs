@@ -17,6 +17,9 @@ use weaver_losses::{Lpips, metrics};
 use weaver_pose::PoseErrors;
 use weaver_wavelet::{EnergyMap, Wavelet};
 
+/// The least side of an image, pixels: SSIM, which every evaluation measures, has windows of so many.
+pub(crate) const LEAST_SIDE: usize = 11;
+
 /// How to evaluate.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -68,6 +71,18 @@ pub fn load_lpips(path: &Path) -> Result<Lpips<f32>, Error> {
     Lpips::from_tensors(network, &weights, &path.display().to_string()).map_err(|e| wrong(e.to_string()))
 }
 
+/// Reads LPIPS weights, if asked for, and checks that images of the model's size (H, W) are large enough for them.
+pub(crate) fn lpips_for(path: Option<&Path>, [height, width]: [usize; 2]) -> Result<Option<Lpips<f32>>, Error> {
+    let Some(path) = path else { return Ok(None) };
+    let lpips = load_lpips(path)?;
+    let least = lpips.least_side();
+    if height.min(width) >= least {
+        return Ok(Some(lpips));
+    }
+    let message = format!("expected images of at least {least} x {least} pixels, found {width} x {height}");
+    Err(Error::Checkpoint { path: path.to_path_buf(), message })
+}
+
 /// Evaluates a predictor on loaded scenes; `progress` is told how many views of how many are done.
 ///
 /// # Errors
@@ -84,6 +99,11 @@ pub fn evaluate(
     let measure = Measure { experts: predictor.max_per_pixel() + 1, lpips };
     if options.points && options.matching.is_none() && cameras == CameraMode::Predicted {
         return Err(Error::Input("points: expected given cameras, found predicted ones".into()));
+    }
+    let [height, width] = predictor.image_size();
+    if height.min(width) < LEAST_SIDE {
+        let least = format!("expected a network for images of at least {LEAST_SIDE} x {LEAST_SIDE} pixels");
+        return Err(Error::Input(format!("{least}, the window of SSIM, found {width} x {height}")));
     }
     if context == 0 {
         return Err(Error::Input("expected at least 1 context view, found 0".into()));

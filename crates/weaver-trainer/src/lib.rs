@@ -11,6 +11,7 @@ mod error;
 pub mod evaluate;
 mod evaluation;
 pub mod example;
+mod initial;
 pub mod losses;
 pub mod observe;
 mod recipe;

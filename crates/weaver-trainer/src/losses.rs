@@ -4,7 +4,7 @@ use crate::example::{Example, rotation_row, translation_row};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use smallvec::SmallVec;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use weaver_autograd::{List, Shape, Var};
 use weaver_geometry::{Camera, pose_code};
 use weaver_losses::{self as losses, Lpips};
@@ -60,10 +60,13 @@ impl<'t> Terms<'t> {
 #[serde(deny_unknown_fields, default)]
 pub struct ImageLosses {
     /// Weight of the mean squared error of the renders.
+    #[schemars(range(min = 0.0))]
     pub mse: f64,
     /// Weight of (1 - SSIM) / 2 of the renders.
+    #[schemars(range(min = 0.0))]
     pub ssim: f64,
     /// Weight of LPIPS of the renders; needs `lpips_weights`.
+    #[schemars(range(min = 0.0))]
     pub lpips: f64,
     /// File with the VGG or AlexNet weights of LPIPS.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -87,7 +90,12 @@ impl ImageLosses {
         }
     }
 
-    /// Checks the weights; `key` is where they are in the configuration.
+    /// The file with the weights of LPIPS, if that has a weight.
+    pub fn lpips_file(&self) -> Option<&Path> {
+        self.lpips_weights.as_deref().filter(|_| self.lpips > 0.0)
+    }
+
+    /// Checks that LPIPS has what it needs; `key` is where the weights are in the configuration.
     ///
     /// # Errors
     /// When LPIPS has a weight and no file.
@@ -104,11 +112,14 @@ impl ImageLosses {
 #[serde(deny_unknown_fields, default)]
 pub struct PoseLosses {
     /// Weight of the L1 distance of translation, quaternion and field of view of the emitted cameras.
+    #[schemars(range(min = 0.0))]
     pub l1: f64,
     /// Weight of the Huber loss on the pose codes over all iterations, as published.
+    #[schemars(range(min = 0.0))]
     pub huber: f64,
     /// Weight of the L1 distance of the codes, before they are made relative to the first camera, to the cameras in the
     /// scene's own frame; off with endless scenes, which do not come back.
+    #[schemars(range(min = 0.0))]
     pub absolute: f64,
 }
 
@@ -157,8 +168,10 @@ impl PoseLosses {
 #[serde(deny_unknown_fields, default)]
 pub struct DepthLosses {
     /// Weight of the L1 distance of the logarithms of predicted and known depth.
+    #[schemars(range(min = 0.0))]
     pub log_l1: f64,
     /// Weight of the squared error of the rendered depth, as published.
+    #[schemars(range(min = 0.0))]
     pub rendered: f64,
 }
 

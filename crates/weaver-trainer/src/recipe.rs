@@ -78,6 +78,11 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
         Vec::new()
     }
 
+    /// For models with experts: those that training gives pixels to.
+    fn trained_experts(_config: &Config<Self>) -> Vec<u8> {
+        Vec::new()
+    }
+
     /// Tuples that a step of the stage needs.
     fn tuples(stage: &StageConfig<Self>) -> usize {
         stage.tuples
@@ -93,8 +98,8 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
         format!("{}, loss {:.4}", report.stage, report.loss)
     }
 
-    /// The file with the weights of LPIPS, if some stage needs it.
-    fn lpips_weights(_config: &Config<Self>) -> Option<&std::path::Path> {
+    /// The file with the weights of LPIPS, if the stage needs it; the same in all stages.
+    fn lpips_weights(_stage: &StageConfig<Self>) -> Option<&std::path::Path> {
         None
     }
 

@@ -25,6 +25,8 @@ pub struct Setup {
     pub settings: Vec<String>,
     /// Folders of captures.
     pub data: Vec<PathBuf>,
+    /// A run's folder or checkpoint, whose weights training starts from.
+    pub init: Option<PathBuf>,
     /// The seed.
     pub seed: Option<u64>,
     /// Threads; 0 takes one per core.
@@ -42,6 +44,8 @@ pub struct Resolved {
     pub preset: String,
     /// Threads; 0 takes one per core.
     pub threads: usize,
+    /// Steps of all stages.
+    pub steps: usize,
     /// All of it.
     pub toml: String,
 }
@@ -78,11 +82,12 @@ pub trait Architecture: Debug + Send + Sync {
     /// When the data cannot be read or has too few views.
     fn start(&self, config: &Resolved) -> Result<Box<dyn Training>, Error>;
 
-    /// Continues the run of a folder.
+    /// Continues the run of a folder, to so many steps in all if its last stage is to be longer, which is then recorded in the
+    /// folder's configuration.
     ///
     /// # Errors
-    /// When the folder or the data cannot be read, or do not fit together.
-    fn resume(&self, folder: &RunFolder) -> Result<Box<dyn Training>, Error>;
+    /// When the folder or the data cannot be read, or do not fit together, or more steps were planned already.
+    fn resume(&self, folder: &RunFolder, steps: Option<usize>) -> Result<Box<dyn Training>, Error>;
 
     /// Opens the averaged weights of a run's folder.
     ///
@@ -222,7 +227,7 @@ impl OpenRun {
             }
             None => None,
         };
-        let lpips = overrides.lpips.as_deref().map(evaluate::load_lpips).transpose()?;
+        let lpips = evaluate::lpips_for(overrides.lpips.as_deref(), size)?;
         let options = Options {
             context_views: overrides.context_views.unwrap_or(self.data.context_views),
             cameras: overrides.cameras.unwrap_or(self.evaluation.cameras),
@@ -254,8 +259,12 @@ impl<R: Recipe> Architecture for Named<R> {
         if !setup.data.is_empty() {
             config.data.folders.clone_from(&setup.data);
         }
+        if let Some(path) = &setup.init {
+            let folder = RunFolder::at(path);
+            config.init = Some(if path.is_dir() { folder.checkpoint_path() } else { path.clone() });
+        }
         // The run may be resumed or evaluated from elsewhere.
-        for folder in &mut config.data.folders {
+        for folder in config.data.folders.iter_mut().chain(&mut config.init) {
             let absolute = std::path::absolute(&folder);
             *folder = absolute.map_err(|e| Error::Input(format!("{}: {e}", folder.display())))?;
         }
@@ -264,6 +273,7 @@ impl<R: Recipe> Architecture for Named<R> {
         if let Some(steps) = setup.steps {
             config.rescale(steps);
         }
+        config.check()?;
         Ok(resolved(&config))
     }
 
@@ -279,9 +289,17 @@ impl<R: Recipe> Architecture for Named<R> {
         Ok(Box::new(Session::<R>::new(Config::from_toml(&config.toml, "configuration")?)?))
     }
 
-    fn resume(&self, folder: &RunFolder) -> Result<Box<dyn Training>, Error> {
-        let config = Config::<R>::read(&folder.config_path())?;
-        Ok(Box::new(Session::resume(config, &folder.checkpoint_path())?))
+    fn resume(&self, folder: &RunFolder, steps: Option<usize>) -> Result<Box<dyn Training>, Error> {
+        let mut config = Config::<R>::read(&folder.config_path())?;
+        if let Some(steps) = steps {
+            config.prolong(steps)?;
+        }
+        let session = Session::resume(config, &folder.checkpoint_path())?;
+        if steps.is_some() {
+            // Only now that the run is known to go on.
+            weaver_io::write_text(folder.config_path(), &session.config().to_toml())?;
+        }
+        Ok(Box::new(session))
     }
 
     fn open(&self, folder: &RunFolder) -> Result<OpenRun, Error> {
@@ -306,6 +324,7 @@ fn resolved<R: Recipe>(config: &Config<R>) -> Resolved {
         architecture: R::ARCHITECTURE.into(),
         preset: config.preset.clone(),
         threads: config.threads,
+        steps: config.steps(),
         toml: config.to_toml(),
     }
 }

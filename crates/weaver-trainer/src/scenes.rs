@@ -32,6 +32,39 @@ pub fn load_captures(
     folders.iter().map(|folder| Ok(capture::load(folder, &options)?)).collect()
 }
 
+/// Checks that tuples of a scene tell how large it is, by the points that their context sees or by its own scale; remarks on
+/// photos that see none.
+///
+/// # Errors
+/// When no tuple that training could draw tells it.
+pub fn check_scale(scene: &Scene, data: &DataConfig) -> Result<Option<String>, Error> {
+    let training = scene.training_views();
+    let blind: Vec<usize> = training.iter().copied().filter(|&view| scene.visible[view].is_empty()).collect();
+    if scene.scale.is_some() || blind.is_empty() {
+        return Ok(None);
+    }
+    let tells = |target: usize| scene.nearest(target, &training, data.pool).iter().any(|view| !blind.contains(view));
+    if blind.len() == training.len() || !training.iter().any(|&target| tells(target)) {
+        let context = training[..data.context_views.min(training.len())].to_vec();
+        return Err(weaver_data::Error::Scale { scene: scene.name.clone(), context, found: None }.into());
+    }
+    let mut names: Vec<&str> = blind.iter().take(LISTED).map(|&view| scene.views[view].name.as_str()).collect();
+    if blind.len() > LISTED {
+        names.push("...");
+    }
+    Ok(Some(format!(
+        "warning: scene {}: {} of {} training photos see no points: {}; tuples of nothing but such photos tell no scale and are left \
+         out, unless data.scene_scale does",
+        scene.name,
+        blind.len(),
+        training.len(),
+        names.join(", ")
+    )))
+}
+
+/// Photos that a remark lists.
+const LISTED: usize = 10;
+
 /// Procedural scenes without end: some are kept, and every so many steps a fresh one takes the place of the oldest.
 ///
 /// Which ones are kept is a function of the seed and the step alone, so that a run can go on from any step.

@@ -1,16 +1,19 @@
 //! The training loop.
 
+mod examples;
+mod plan;
+
 use crate::dry_run::{DryRun, Probe};
 use crate::evaluate::{self, Options};
 use crate::evaluation::Summary;
 use crate::observe::{Logs, Observer, StepReport, write_report};
-use crate::{Config, Error, Example, Recipe, StageConfig, Step, TrainingState, samples, scenes};
+use crate::{Config, Error, Recipe, StageConfig, Step, TrainingState, initial, samples, scenes};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use weaver_autograd::{OpTime, Params, Tape};
-use weaver_data::{Scene, Tuple, training_tuple};
+use weaver_data::Scene;
 use weaver_inference::{Checkpoint, Density, Predictor, RunFolder};
 use weaver_kernels::random::Stream;
 use weaver_losses::Lpips;
@@ -27,6 +30,8 @@ pub struct Session<R: Recipe> {
     ema: Ema<f32>,
     scenes: Vec<Scene>,
     fresh: scenes::Endless,
+    /// What a reader of the plan should know.
+    remarks: Vec<String>,
     tape: Tape<f32>,
     /// The most that the tape took in stages before this one.
     earlier_tape_bytes: usize,
@@ -58,23 +63,31 @@ impl<R: Recipe> Session<R> {
     /// Starts a new run: loads its scenes and draws its weights.
     ///
     /// # Errors
-    /// When the data cannot be read or has too few views.
+    /// When the configuration is wrong, or the data cannot be read or has too few views.
     pub fn new(config: Config<R>) -> Result<Self, Error> {
+        let mut session = Self::prepare(config)?;
+        if let Some(path) = session.config.init.clone() {
+            session.remarks.push(initial::weights(&path, R::ARCHITECTURE, &mut session.params)?);
+            session.ema = Ema::new(&session.params, session.config.optimizer.ema);
+        }
+        Ok(session)
+    }
+
+    /// A run before its first step, with random weights.
+    fn prepare(config: Config<R>) -> Result<Self, Error> {
+        config.check()?;
         let size = R::image_size(&config.model);
+        let lpips = evaluate::lpips_for(config.lpips_weights().map_err(Error::Input)?, size)?;
         let scenes = scenes::load(&config.data, size)?;
-        for (index, scene) in scenes.iter().enumerate() {
+        let mut remarks = Vec::new();
+        for scene in &scenes {
             scene.check_training(config.data.context_views)?;
-            if scene.points.is_empty() {
-                // The scale of such a scene must be configured: report it before anything is written.
-                let context = scene.training_views()[..config.data.context_views].to_vec();
-                scene.normalized(&Tuple { scene: index, context, targets: Vec::new() })?;
-            }
+            remarks.extend(scenes::check_scale(scene, &config.data)?);
         }
         let mut params = Params::new();
         let network = Arc::new(R::build(&config.model, &mut params, config.seed));
         let optimizer = new_optimizer(&config, &params);
         let ema = Ema::new(&params, config.optimizer.ema);
-        let lpips = R::lpips_weights(&config).map(evaluate::load_lpips).transpose()?;
         let fresh = scenes::Endless::new(&config.data, size, config.seed);
         let (tape, workspaces) = (Tape::new(), WorkspacePool::new());
         Ok(Self {
@@ -85,6 +98,7 @@ impl<R: Recipe> Session<R> {
             ema,
             scenes,
             fresh,
+            remarks,
             tape,
             earlier_tape_bytes: 0,
             workspaces,
@@ -97,11 +111,11 @@ impl<R: Recipe> Session<R> {
     /// Continues a run from a checkpoint.
     ///
     /// # Errors
-    /// When it does not fit the configuration, or the data cannot be read.
+    /// When the run began with another configuration ([`Config::difference`]), or the data cannot be read.
     pub fn resume(config: Config<R>, checkpoint: &Path) -> Result<Self, Error> {
         let checkpoint = Checkpoint::read(checkpoint)?;
-        TrainingState::check(&checkpoint, &config)?;
-        let mut session = Self::new(config)?;
+        TrainingState::check_resumed(&checkpoint, &config)?;
+        let mut session = Self::prepare(config)?;
         TrainingState::restore(&checkpoint, &mut session.params, &mut session.optimizer, &mut session.ema)?;
         session.step = checkpoint.step;
         Ok(session)
@@ -169,26 +183,6 @@ impl<R: Recipe> Session<R> {
         self.evaluate_some(1)?;
         let [parameters, optimizer, average] = [1, 2, 1].map(|copies| copies * 4 * self.params.count());
         Ok(DryRun { parameters, optimizer, average, tape: self.tape_bytes(), stages })
-    }
-
-    /// A description of the run for people.
-    pub fn plan(&self) -> String {
-        let views: usize = self.scenes.iter().map(|s| s.views.len()).sum();
-        let [height, width] = R::image_size(&self.config.model);
-        let mut text = format!(
-            "preset {}, {width} x {height}, {:.2} M parameters; {} scenes, {views} views{}\n",
-            self.config.preset,
-            self.params.count() as f64 / 1e6,
-            self.scenes.len(),
-            if self.fresh.is_some() { ", for samples and evaluation only; fresh scenes for training" } else { "" }
-        );
-        for stage in &self.config.stages {
-            let untrained = R::untrained(stage);
-            let note =
-                if untrained.is_empty() { String::new() } else { format!("; untrained: {}", untrained.join(", ")) };
-            text.push_str(&format!("stage {}: {} steps of {}{note}\n", stage.name, stage.steps, R::describe(stage)));
-        }
-        text
     }
 
     /// The stage of the next step; `None` when the run is finished.
@@ -320,23 +314,6 @@ impl<R: Recipe> Session<R> {
         Error::Numeric { step: self.step + 1, term: term.into(), value, last_good: None }
     }
 
-    /// The step's examples.
-    fn examples(&mut self, stage: &StageConfig<R>) -> Result<Vec<Example>, Error> {
-        let d = &self.config.data;
-        let count = R::tuples(stage);
-        let scenes = match self.fresh.scenes(self.step) {
-            Some(fresh) => fresh,
-            None => &self.scenes,
-        };
-        let stream = Stream::new(self.config.seed, self.step as u64, "tuples");
-        (0..count as u64)
-            .map(|i| {
-                let tuple = training_tuple(scenes, stream, i, d.pool, d.context_views, d.target_views);
-                Example::new(&scenes[tuple.scene], tuple)
-            })
-            .collect()
-    }
-
     /// Every parameter that the stage can train must have a gradient; zero is a gradient.
     fn check_gradients(&self, stage: &StageConfig<R>) -> Result<(), Error> {
         let untrained = R::untrained(stage);
@@ -359,6 +336,7 @@ impl<R: Recipe> Session<R> {
     ) -> Result<Summary, Error> {
         let started = Instant::now();
         let o = self.config.output.clone();
+        weaver_io::create_folder(folder.path().join("samples"))?;
         let mut logs = Logs::open(folder, self.step, o.log_every)?;
         let checkpoint = folder.checkpoint_path();
         if !checkpoint.exists() {
@@ -377,11 +355,11 @@ impl<R: Recipe> Session<R> {
             let report = StepReport { seconds: started.elapsed().as_secs_f64(), ..report };
             logs.step(&report)?;
             observer.step(&report)?;
-            if self.step.is_multiple_of(o.checkpoint_every.max(1)) {
+            if self.step.is_multiple_of(o.checkpoint_every) {
                 self.save(&checkpoint)?;
                 saved = self.step;
             }
-            if self.step.is_multiple_of(o.sample_every.max(1)) {
+            if self.step.is_multiple_of(o.sample_every) {
                 self.sample(folder)?;
             }
         }
@@ -405,7 +383,7 @@ impl<R: Recipe> Session<R> {
         };
         let json = serde_json::to_string_pretty(&summary).expect("a summary is plain data");
         weaver_io::write_text(folder.summary_path(), &json)?;
-        write_report(folder, &summary)?;
+        write_report::<R>(folder, &summary)?;
         Ok(summary)
     }
 

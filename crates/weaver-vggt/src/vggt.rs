@@ -19,6 +19,8 @@ pub struct VggtConfig {
     pub camera_head: CameraHeadConfig,
     /// Depth head, which reads the aggregator's layers.
     pub depth_head: DepthHeadConfig,
+    /// Added to the tangent of half the field of view where focal lengths are decoded: 0 in VGGT, 1e-3 in SplatWeaver.
+    pub tangent_offset: f64,
 }
 
 /// VGGT (Wang et al. 2025, arXiv 2503.11651): patch encoder, aggregator, camera head and depth head.
@@ -29,6 +31,7 @@ pub struct Vggt {
     aggregator: Aggregator,
     camera_head: CameraHead,
     depth_head: DepthHead,
+    tangent_offset: f64,
 }
 
 /// The outputs of backbone and camera head for B scenes of V views.
@@ -84,6 +87,7 @@ impl Vggt {
             aggregator: Aggregator::new(root.scope("aggregator"), config.aggregator, config.init),
             camera_head: CameraHead::new(root.scope("camera_head"), config.camera_head),
             depth_head: DepthHead::new(root.scope("depth_head"), config.depth_head),
+            tangent_offset: config.tangent_offset,
         }
     }
 
@@ -96,7 +100,7 @@ impl Vggt {
         let raw = estimates.iter().map(|e| e.raw).collect();
         let codes: List<_> = estimates.iter().map(|e| e.code).collect();
         let last = *codes.last().expect("a camera head has at least one iteration");
-        let cameras = weaver_pose::cameras(last, height, width);
+        let cameras = weaver_pose::cameras_with(last, [height, width], self.tangent_offset);
         let (special, grid) = (aggregated.special, aggregated.grid);
         Encoded { tokens: aggregated.layers.into_iter().collect(), special, grid, raw, codes, cameras }
     }

@@ -16,6 +16,7 @@ use std::path::PathBuf;
   splatweaver eval --run runs/mine --data ramen --cameras given --points
   splatweaver eval --run runs/mine --data ramen --cameras estimated --refine-steps 60
   splatweaver eval --data ramen --points
+  splatweaver eval --weights mine.safetensors --data ramen --cameras given
   splatweaver eval --run runs/mine --unseen --json > unseen.json
   splatweaver eval --scene fits/garden-1/scene.ply --data garden --lpips alex.safetensors
   splatweaver eval --scene scene.spz --data garden --size 1600 --background black")]
@@ -23,6 +24,9 @@ pub struct Eval {
     /// The run folder [default: the weights that come with the program]
     #[arg(long, conflicts_with = "scene")]
     pub run: Option<PathBuf>,
+    /// A file of weights instead: a run's checkpoint.safetensors, small weights made of one, or a published checkpoint
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["run", "scene"])]
+    pub weights: Option<PathBuf>,
     /// A file of Gaussians (PLY, splat, SPZ), whose world is that of one --data
     #[arg(long, value_name = "SCENE", requires = "data", conflicts_with_all = ["unseen", "views", "cameras", "unknown_focal", "match_size", "points", "allocation", "budget", "refine", "refine_steps", "refine_size"])]
     pub scene: Option<PathBuf>,
@@ -91,12 +95,23 @@ pub struct Drawing {
     /// Gaussians nearer to a camera than this are not drawn, world units [default: what summary.json says, or 0.01]
     #[arg(long, value_name = "DISTANCE", requires = "scene", value_parser = distance)]
     pub near: Option<f64>,
+    /// Largest opacity of a single Gaussian at a pixel, above 0 and below 1 [default: what summary.json says, or 0.99]
+    #[arg(long, value_name = "ALPHA", requires = "scene", value_parser = fraction)]
+    pub alpha_max: Option<f64>,
 }
 
 /// A distance before a camera.
-fn distance(text: &str) -> Result<f64, String> {
+pub(super) fn distance(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(distance) if distance > 0.0 && f64::is_finite(distance) => Ok(distance),
         _ => Err("expected a positive number".into()),
+    }
+}
+
+/// A number between 0 and 1.
+pub(super) fn fraction(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(number) if number > 0.0 && number < 1.0 => Ok(number),
+        _ => Err("expected a number above 0 and below 1".into()),
     }
 }

@@ -1,6 +1,6 @@
 //! The command line of `splatweaver fit`.
 
-use super::{CONFIGURATION, RUN, color};
+use super::{CONFIGURATION, RUN};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -162,6 +162,14 @@ pub fn background(text: &str) -> Result<Rgb, String> {
     }
 }
 
+fn color(text: &str) -> Result<[f32; 3], String> {
+    let numbers: Result<Vec<f32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    let color = numbers.ok().and_then(|n| <[f32; 3]>::try_from(n).ok());
+    color
+        .filter(|c| c.iter().all(|x| (0.0..=1.0).contains(x)))
+        .ok_or_else(|| "expected three numbers from 0 to 1, as in 1,1,1".into())
+}
+
 fn pause(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(seconds) if (0.0..=1e6).contains(&seconds) => Ok(seconds),
@@ -185,6 +193,14 @@ mod tests {
         assert_eq!(background("black"), Ok(Rgb([0.0; 3])));
         assert_eq!(background("0,0.5,1"), Ok(Rgb([0.0, 0.5, 1.0])));
         assert!(background("gray").is_err() && background("2,0,0").is_err());
+    }
+
+    #[test]
+    fn colors_are_three_numbers_from_0_to_1() {
+        assert_eq!(color("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
+        for wrong in ["1,1", "1,1,1,1", "a,b,c", "0,0,256", "NaN,0,0", ""] {
+            assert!(color(wrong).is_err(), "{wrong}");
+        }
     }
 
     #[test]

@@ -71,7 +71,7 @@ impl Opened {
             let count = weights.iter().len();
             return Err(wrong(path, format!("{expected}; found {count} others, such as {}{hint}", first.join(", "))));
         };
-        let config = match weights.metadata().get(CONFIG) {
+        let mut config = match weights.metadata().get(CONFIG) {
             Some(text) => serde_json::from_str::<ModelConfig>(text)
                 .map_err(|e| e.to_string())
                 .and_then(|config| config.check().map(|()| config))
@@ -85,7 +85,12 @@ impl Opened {
             return Err(wrong(path, format!("metadata {CONFIG}: {most} layers, and there are only {tensors} tensors")));
         }
         let head = format!("{prefix}gaussian_param_head.");
-        let has_gaussians = gaussians && weights.iter().any(|w| w.name().starts_with(&head));
+        let is_splatweaver = weights.iter().any(|w| w.name().starts_with(&head));
+        if !is_splatweaver {
+            // VGGT's own decoding of focal lengths.
+            config.camera.tangent_offset = 0.0;
+        }
+        let has_gaussians = gaussians && is_splatweaver;
         Ok(Self { weights, prefix, config, has_gaussians })
     }
 

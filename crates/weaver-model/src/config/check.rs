@@ -105,6 +105,7 @@ impl ModelConfig {
             let inside = fov > 0.0 && fov < std::f64::consts::PI;
             ensure(inside, "camera.base_fov", "radians between 0 and pi", fov)?;
         }
+        ensure((0.0..=1.0).contains(&c.tangent_offset), "camera.tangent_offset", "0 to 1", c.tangent_offset)?;
         self.dense.log_depth_limit.map_or(Ok(()), |limit| positive("dense.log_depth_limit", limit))?;
         positive("gaussians.temperature", g.temperature)?;
         not_negative("gaussians.expert_gain", g.expert_gain)?;
@@ -146,7 +147,8 @@ mod tests {
     #[test]
     fn each_key_has_a_range() {
         type Change = fn(&mut ModelConfig);
-        let cases: [(Change, &str); 16] = [
+        let cases: [(Change, &str); 17] = [
+            (|c| c.camera.tangent_offset = -1e-3, "model.camera.tangent_offset: expected 0 to 1, found -0.001"),
             (|c| c.width = 63, "model.width: expected a positive multiple of 8, found 63"),
             (|c| c.patch = 0, "model.patch: expected 1 to 1000000, found 0"),
             (|c| c.backbone.dim = usize::MAX, "model.backbone.dim: expected 1 to 1000000, found 18446744073709551615"),

@@ -50,6 +50,7 @@ impl ModelConfig {
                 layer_scale: 0.2,
                 pose_frame: PoseFrame::FirstCamera,
                 base_fov: Some(1.0),
+                tangent_offset: 1e-3,
             },
             dense: DenseConfig {
                 layers: [0, 1, 2, 3],

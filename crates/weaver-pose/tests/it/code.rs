@@ -4,7 +4,7 @@ use weaver_autograd::Tape;
 use weaver_autograd::gradcheck::{Input, gradcheck};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, Pose, pose_code};
-use weaver_pose::{cameras, encode};
+use weaver_pose::{cameras, cameras_with, encode};
 
 /// fx, fy, cx, cy of 3x3 matrices.
 fn four_of(matrices: &[f32]) -> Vec<f32> {
@@ -90,5 +90,30 @@ proptest! {
             let expected = pose_code::encode(&Camera { pose, intrinsics, width: 64, height: 48 });
             prop_assert!(code.iter().zip(expected).all(|(c, e)| (c - e).abs() < 1e-12), "{code:?} {expected:?}");
         }
+    }
+}
+
+/// VGGT's decoding, which has no margin, and SplatWeaver's, against the formula; the margin is all that differs.
+#[test]
+fn both_margins_on_the_tangent() {
+    let tape = Tape::<f64>::new();
+    let code = tape.leaf(&[0.1, 0.2, 0.3, 0.0, 0.6, 0.0, 0.8, 0.7, 1.1], [1, 9]);
+    for (offset, found) in [(0.0, cameras_with(code, [48, 64], 0.0)), (1e-3, cameras(code, 48, 64))] {
+        let focal = [32.0 / (0.55_f64.tan() + offset), 24.0 / (0.35_f64.tan() + offset)];
+        let intrinsics = found.intrinsics.to_vec();
+        assert!((0..2).all(|i| (intrinsics[i] - focal[i]).abs() < 1e-10), "{intrinsics:?} {focal:?}");
+        assert_eq!(found.viewmats.to_vec(), cameras(code, 48, 64).viewmats.to_vec());
+    }
+    // Without it, decoding and encoding are inverse.
+    let plain = cameras_with(code, [48, 64], 0.0);
+    let back = encode(plain.viewmats, plain.intrinsics, 48, 64).to_vec();
+    assert!(back.iter().zip(code.to_vec()).all(|(a, b)| (a - b).abs() < 1e-10), "{back:?}");
+}
+
+#[test]
+fn the_margin_reaches_the_gradient() {
+    let code = Input::new(&[0.1, 0.2, 0.3, 0.1, 0.6, 0.2, 0.8, 0.7, 1.1], [1, 9]);
+    for offset in [0.0, 1e-3, 0.2] {
+        gradcheck(std::slice::from_ref(&code), |x| vec![cameras_with(x[0], [48, 64], offset).intrinsics]);
     }
 }

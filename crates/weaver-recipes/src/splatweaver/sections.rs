@@ -1,27 +1,30 @@
 //! SplatWeaver's sections of a stage's configuration.
 
-use super::SplatWeaverRecipe;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 use weaver_router::AllocationKind;
+use weaver_trainer::CameraMode;
 use weaver_trainer::losses::{DepthLosses, ImageLosses, PoseLosses};
-use weaver_trainer::{CameraMode, StageConfig};
 
 /// What SplatWeaver does in a stage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StageSettings {
     /// Further tuples per step that only train the poses.
+    #[schemars(range(max = 10_000))]
     pub pose_tuples: usize,
     /// The learning rate of the backbone and the camera head, as a fraction of the stage's rate.
+    #[schemars(range(min = 0.0))]
     pub backbone_rate: f64,
     /// Which pixels get Gaussians: mix (random budgets, densities and thresholds, so that the budget can be chosen at test
     /// time), sampled, argmax, dithered, grid, random or fixed:K.
     #[schemars(with = "String")]
     pub allocation: StageAllocation,
     /// Gaussians per context pixel, for allocations that have a budget.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub budget: f64,
     /// Cameras of the context views, for unprojection and rendering.
     pub cameras: CameraMode,
@@ -37,6 +40,21 @@ pub enum StageAllocation {
     Mix,
     /// An allocation of evaluation.
     Kind(AllocationKind),
+}
+
+impl StageAllocation {
+    /// Whether the router itself chooses each pixel's expert, so that losses on its choice reach it.
+    pub fn is_routed(self) -> bool {
+        matches!(self, Self::Kind(AllocationKind::Sampled | AllocationKind::Argmax))
+    }
+
+    /// The experts that pixels may get, of a model whose largest is `most`; expert 0 aside.
+    pub fn experts(self, most: u8) -> RangeInclusive<u8> {
+        match self {
+            Self::Mix => 1..=1,
+            Self::Kind(kind) => kind.experts(most),
+        }
+    }
 }
 
 impl FromStr for StageAllocation {
@@ -105,22 +123,30 @@ pub enum BudgetForm {
 #[serde(deny_unknown_fields, default)]
 pub struct RouterLosses {
     /// Weight of the cross entropy of the router against the frequency ranking.
+    #[schemars(range(min = 0.0))]
     pub rank: f64,
     /// Ranking classes: quantiles of wavelet energy at which E_1, E_2, ... E_M begin.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub rank_quantiles: Vec<f64>,
-    /// Label smoothing of the ranking, 0 to 1.
+    /// Label smoothing of the ranking.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub label_smoothing: f64,
     /// Fraction of the stage after which the ranking loss is off.
+    #[schemars(range(min = 0.0, max = 1.0))]
     pub rank_until: f64,
-    /// Weight of the budget of the router's own allocations, in the form of `budget_form`.
+    /// Weight of the budget of the router's own allocations, sampled and argmax, in the form of `budget_form`.
+    #[schemars(range(min = 0.0))]
     pub budget: f64,
     /// What the budget asks for.
     pub budget_form: BudgetForm,
     /// Shares of pixels of E_1, E_2, ... E_M.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     pub budget_shares: Vec<f64>,
     /// Gaussians per pixel above which the budget's limit acts.
+    #[schemars(range(min = 0.0))]
     pub budget_limit: f64,
     /// Weight of the regression of the router onto the log error of the context renders.
+    #[schemars(range(min = 0.0))]
     pub error_regression: f64,
 }
 
@@ -138,21 +164,4 @@ impl Default for RouterLosses {
             error_regression: 0.0,
         }
     }
-}
-
-/// Checks a stage of a model whose pixels get at most `most` Gaussians; `key` is where the stage is in the configuration.
-pub(super) fn check(stage: &StageConfig<SplatWeaverRecipe>, most: usize, key: &str) -> Result<(), String> {
-    if !(0.0..=3.0).contains(&stage.model.budget) {
-        let found = stage.model.budget;
-        return Err(format!("{key}.model.budget: expected 0 to 3 Gaussians per pixel, found {found}"));
-    }
-    let router = &stage.losses.router;
-    for (name, list) in [("rank_quantiles", &router.rank_quantiles), ("budget_shares", &router.budget_shares)] {
-        if list.len() != most || list.iter().any(|x| !(0.0..=1.0).contains(x)) {
-            return Err(format!(
-                "{key}.losses.router.{name}: expected {most} numbers between 0 and 1, one for each expert from E_1 on, found {list:?}"
-            ));
-        }
-    }
-    stage.losses.image.check(&format!("{key}.losses.image"))
 }

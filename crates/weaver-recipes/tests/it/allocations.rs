@@ -100,6 +100,7 @@ fn no_loss_allocates() {
         NO_SEARCH,
         "stages.1.losses.pose.huber=10",
         "stages.1.losses.depth.rendered=0.1",
+        "stages.1.model.allocation=sampled",
         "stages.1.losses.router.rank=0.01",
         "stages.1.losses.router.budget=0.01",
     ]);

@@ -3,4 +3,6 @@
 mod allocations;
 mod configuration;
 mod determinism;
+mod experts;
+mod ranges;
 mod switch_off;

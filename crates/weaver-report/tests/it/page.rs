@@ -102,3 +102,14 @@ fn curves_without_extent_are_drawn_or_left_out() {
     page.curve("none", []).curve("nothing finite", [(1, f64::INFINITY)]);
     assert_eq!(page.html(), Page::new("t").html());
 }
+
+#[test]
+fn a_curve_has_numbers_at_the_ends_of_its_axes() {
+    let mut page = Page::new("t");
+    page.curve("loss", [(10, 0.5), (20, 0.00002), (250, 12.5)]);
+    let html = page.html();
+    for number in [">12.50</text>", ">2.0e-5</text>", ">10</text>", ">250</text>"] {
+        assert!(html.contains(number), "{number}: {html}");
+    }
+    assert_eq!(html.matches("<text").count(), 4);
+}

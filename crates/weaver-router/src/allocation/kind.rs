@@ -2,6 +2,7 @@
 
 use super::{Allocation, Argmax, Dithered, Fixed, Grid, Random, Sampled};
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::str::FromStr;
 use weaver_autograd::Real;
 
@@ -60,6 +61,22 @@ impl AllocationKind {
     /// Whether the number of Gaussians is set by a budget, not by the router or the kind itself.
     pub fn has_budget(self) -> bool {
         matches!(self, Self::Dithered | Self::Grid | Self::Random)
+    }
+
+    /// The experts that pixels may get from this allocation, of a model whose largest is `most`; expert 0, which makes nothing, aside.
+    ///
+    /// ```
+    /// use weaver_router::AllocationKind;
+    /// assert_eq!(AllocationKind::Argmax.experts(3), 1..=3);
+    /// assert_eq!((AllocationKind::Dithered.experts(3), AllocationKind::Fixed(2).experts(3)), (1..=1, 2..=2));
+    /// assert!(AllocationKind::Fixed(0).experts(3).is_empty());
+    /// ```
+    pub fn experts(self, most: u8) -> RangeInclusive<u8> {
+        match self {
+            Self::Sampled | Self::Argmax => 1..=most,
+            Self::Dithered | Self::Grid | Self::Random => 1..=1,
+            Self::Fixed(expert) => expert.max(1)..=expert,
+        }
     }
 
     /// The allocation of this name, for a model of `experts` experts (expert 0 included); `budget` is the number of

@@ -1,6 +1,7 @@
 //! Tests of settings in layers.
 
 mod layers;
+mod ranges;
 mod reference;
 
 use schemars::JsonSchema;
@@ -14,13 +15,16 @@ struct Settings {
     /// Seed of the random numbers.
     seed: u64,
     /// Learning rate.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     rate: f64,
     /// Where results go.
     folder: PathBuf,
     /// Color behind the scene.
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
     background: [f64; 3],
     /// Seconds after which to stop.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0))]
     limit: Option<f64>,
     /// Which cameras are used.
     cameras: Cameras,
@@ -49,6 +53,7 @@ enum Strategy {
         /// Steps between looks.
         every: usize,
         /// From which gradient on.
+        #[schemars(range(min = 0.0), extend("exclusiveMaximum" = 1))]
         threshold: f64,
     },
     /// By moving dead ones.
@@ -68,6 +73,7 @@ struct Stage {
     /// Its name in logs.
     name: String,
     /// Optimizer steps.
+    #[schemars(range(min = 1, max = 1000))]
     steps: usize,
 }
 

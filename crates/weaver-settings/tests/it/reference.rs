@@ -6,15 +6,15 @@ fn every_key_stands_below_its_documentation() {
     let expected = "\
 # Seed of the random numbers.
 seed = 0
-# Learning rate.
+# Learning rate. Range: more than 0.
 rate = 0.5
 # Where results go.
 folder = \"runs/a\"
-# Color behind the scene.
+# Color behind the scene. Range: 0 to 1.
 background = [1.0, 1.0, 1.0]
 # Which cameras are used. One of: given: Those of the data; found: Those that are found.
 cameras = \"given\"
-# Seconds after which to stop.
+# Seconds after which to stop. Range: at least 0.
 # limit =
 
 # How Gaussians are added. One of: split: Where the gradient is large; relocate: By moving dead ones.
@@ -22,14 +22,14 @@ cameras = \"given\"
 kind = \"split\"
 # Steps between looks.
 every = 100
-# From which gradient on.
+# From which gradient on. Range: 0 to less than 1.
 threshold = 0.0002
 
 # A part of a run.
 [[stages]]
 # Its name in logs.
 name = \"coarse\"
-# Optimizer steps.
+# Optimizer steps. Range: 1 to 1000.
 steps = 10
 ";
     let text = annotate(&defaults()).unwrap();

@@ -1,7 +1,7 @@
 //! report.html: the whole run in one file.
 
 use super::StepReport;
-use crate::{Error, Summary};
+use crate::{Error, Recipe, Summary};
 use weaver_inference::RunFolder;
 use weaver_report::{Page, Span, read_metrics};
 
@@ -9,17 +9,17 @@ use weaver_report::{Page, Span, read_metrics};
 ///
 /// # Errors
 /// When the log or the pictures cannot be read, or the report cannot be written.
-pub fn write_report(folder: &RunFolder, summary: &Summary) -> Result<(), Error> {
+pub fn write_report<R: Recipe>(folder: &RunFolder, summary: &Summary) -> Result<(), Error> {
     let metrics: Vec<StepReport> = read_metrics(folder.metrics_path())?;
-    let mut page = Page::new("SplatWeaver run");
-    page.heading(1, &format!("SplatWeaver: {}", folder.path().display()));
+    let mut page = Page::new(&format!("{} run", R::ARCHITECTURE));
+    page.heading(1, &format!("{}: {}", R::ARCHITECTURE, folder.path().display()));
     let course = format!(", seed {}, {} steps in {}.", summary.seed, summary.steps, duration(summary.seconds));
     page.spans(&[Span::Plain("Preset "), Span::Bold(&summary.preset), Span::Plain(&course)]);
     if let Some(evaluation) = &summary.evaluation {
         page.heading(2, "Held-out views").preformatted(&evaluation.table());
     }
     page.heading(2, "Samples").paragraph(
-        "Rows: context views. Columns: input, render, depth, expert map (dark: no Gaussian; brighter: more).",
+        "Rows: context views. Columns: input, render, depth, Gaussians per pixel (dark: none; brighter: more).",
     );
     let samples = weaver_io::list_files(folder.path().join("samples"), &["png"])?;
     for path in pick(&samples, 6) {

@@ -4,6 +4,9 @@
 #[allow(dead_code, reason = "the example's own main is not called here")]
 mod pixel_cnn;
 
+mod resuming;
+mod scale;
+
 use pixel_cnn::PixelCnnRecipe;
 use std::sync::atomic::AtomicBool;
 use weaver_trainer::{
@@ -141,7 +144,7 @@ fn optional_keys_are_set_unset_and_documented() {
         let at = lines.iter().position(|line| line.starts_with(key)).unwrap();
         lines[at - 1].to_string()
     };
-    assert_eq!(above("steps ="), "# Optimizer steps.");
+    assert_eq!(above("steps ="), "# Optimizer steps. Range: 0 to 1000000000.");
     assert!(above("# lpips_weights =").starts_with("# File with"), "{text}");
     assert!(text.contains("One of: predicted: The network's own; given: The data's."), "{text}");
 }

@@ -1,0 +1,61 @@
+//! Experts that training never used are spoken of before they are.
+
+use weaver_inference::{Checkpoint, Density, Predictor, SplatWeaverPredictor};
+use weaver_recipes::SplatWeaverRecipe;
+use weaver_trainer::{Config, Recipe, Session};
+
+fn resolve(settings: &[&str]) -> Config<SplatWeaverRecipe> {
+    Config::resolve(Some("micro"), None, &settings.iter().map(|s| (*s).to_string()).collect::<Vec<_>>()).unwrap()
+}
+
+fn of(allocation: &str) -> Density {
+    Density { allocation: Some(allocation.parse().unwrap()), budget: None }
+}
+
+#[test]
+fn a_checkpoint_tells_which_experts_were_trained() {
+    for (settings, trained) in [
+        (&[][..], vec![1]),
+        (&["stages.1.model.allocation=sampled"], vec![1, 2, 3]),
+        (&["stages.1.model.allocation=fixed:2"], vec![2]),
+        (&["stages.1.model.allocation=fixed:0"], vec![]),
+        // A stage that renders nothing, or has no steps, trains none.
+        (&["stages.0.model.allocation=sampled"], vec![1]),
+        (&["stages.1.model.allocation=sampled", "stages.1.steps=0"], vec![]),
+    ] {
+        let config = resolve(settings);
+        assert_eq!(SplatWeaverRecipe::trained_experts(&config), trained, "{settings:?}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.safetensors");
+    Session::new(resolve(&["stages.1.model.allocation=sampled"])).unwrap().save(&path).unwrap();
+    assert_eq!(Checkpoint::read(&path).unwrap().defaults().trained_experts, [1, 2, 3]);
+}
+
+#[test]
+fn untrained_experts_are_named_and_trained_ones_pass() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.safetensors");
+    Session::new(resolve(&[])).unwrap().save(&path).unwrap();
+    let of_run = SplatWeaverPredictor::from_checkpoint(&Checkpoint::read(&path).unwrap()).unwrap();
+    for predictor in [of_run, SplatWeaverPredictor::built_in().unwrap()] {
+        for (allocation, said) in
+            [("fixed:2", "2 Gaussians"), ("fixed:3", "3 Gaussians"), ("argmax", "2 or 3"), ("sampled", "2 or 3")]
+        {
+            let remark = predictor.remark(of(allocation)).unwrap();
+            assert!(remark.contains(allocation) && remark.contains(said), "{remark}");
+        }
+        for allocation in ["fixed:0", "fixed:1", "dithered", "grid", "random"] {
+            assert_eq!(predictor.remark(of(allocation)), None, "{allocation}");
+        }
+        assert_eq!(predictor.remark(Density::default()), None);
+    }
+}
+
+#[test]
+fn a_run_that_is_evaluated_by_what_it_does_not_train_says_so_before_it_begins() {
+    let plan = |settings: &[&str]| Session::new(resolve(settings)).unwrap().plan();
+    assert!(plan(&["evaluation.allocation=sampled"]).contains("warning: allocation sampled"));
+    assert!(!plan(&["evaluation.allocation=sampled", "stages.1.model.allocation=sampled"]).contains("warning"));
+    assert!(!plan(&[]).contains("warning"));
+}

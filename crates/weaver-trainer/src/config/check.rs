@@ -1,0 +1,71 @@
+//! What a configuration must be before anything is loaded or written: the ranges of single numbers are beside the keys, what
+//! depends on several keys is here.
+
+use super::Config;
+use crate::evaluate::LEAST_SIDE;
+use crate::{Error, Recipe, StageConfig};
+use std::path::Path;
+use weaver_settings::Error as Wrong;
+
+impl<R: Recipe> Config<R> {
+    /// Checks every number and what must fit together, for configurations that were made in code.
+    ///
+    /// # Errors
+    /// The first key that is wrong: its range or what was expected, and what was found.
+    pub fn check(&self) -> Result<(), Error> {
+        weaver_settings::check(self, "configuration")?;
+        Ok(self.check_combinations().map_err(|message| Wrong::invalid("configuration", message))?)
+    }
+
+    pub(super) fn check_combinations(&self) -> Result<(), String> {
+        if self.architecture != R::ARCHITECTURE {
+            return Err(format!("architecture: expected `{}`, found `{}`", R::ARCHITECTURE, self.architecture));
+        }
+        if self.stages.is_empty() {
+            return Err("stages: expected at least one".into());
+        }
+        let d = &self.data;
+        if d.pool < d.context_views {
+            let least = d.context_views;
+            return Err(format!("data.pool: expected at least data.context_views, {least}, found {}", d.pool));
+        }
+        if d.endless.is_some() && !d.folders.is_empty() {
+            return Err("data.endless: expected none beside data.folders, which it does not apply to; \
+                        `--set data.endless=none` trains on the captures"
+                .into());
+        }
+        for (i, stage) in self.stages.iter().enumerate() {
+            if R::tuples(stage) == 0 {
+                return Err(format!("stages.{i}.tuples: expected a step to have tuples, found none"));
+            }
+        }
+        // Sizes that the model does not allow are its own to explain.
+        R::check(self)?;
+        let [height, width] = R::image_size(&self.model);
+        if height.min(width) < LEAST_SIDE {
+            return Err(format!(
+                "model: expected images of at least {LEAST_SIDE} x {LEAST_SIDE} pixels, the window of SSIM, found {width} x {height}"
+            ));
+        }
+        self.lpips_weights().map(|_| ())
+    }
+
+    /// The file with the weights of LPIPS, if some stage needs it: one for all stages.
+    pub(crate) fn lpips_weights(&self) -> Result<Option<&Path>, String> {
+        let weights = |stage| R::lpips_weights(stage);
+        let mut files = self
+            .stages
+            .iter()
+            .enumerate()
+            .filter_map(|(i, stage): (_, &StageConfig<R>)| weights(stage).map(|file| (i, file)));
+        let Some((first, file)) = files.next() else { return Ok(None) };
+        match files.find(|(_, other)| *other != file) {
+            None => Ok(Some(file)),
+            Some((i, other)) => Err(format!(
+                "stages.{i}: lpips_weights: expected the file of stages.{first}, {}, found {}",
+                file.display(),
+                other.display()
+            )),
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! Whether two configurations give the same bits.
+
+use super::Config;
+use crate::Recipe;
+use std::collections::BTreeMap;
+use std::path::Path;
+use weaver_settings::{Table, Value};
+
+/// Keys that change no weight of a run that has begun: how many threads, what is written, how the result is used, and what the
+/// first weights were.
+const WITHOUT_EFFECT: [&str; 4] = ["threads", "output", "evaluation", "init"];
+
+impl<R: Recipe> Config<R> {
+    /// The first key that determines the weights and differs from an `earlier` configuration, with both values; `None` where a run
+    /// under either goes on in the same way.
+    ///
+    /// Files and folders count by their names, for they may have been moved. The last stage may be longer here: that is how a
+    /// run is prolonged.
+    pub fn difference(&self, earlier: &Self) -> Option<(String, String, String)> {
+        let (own, mut before) = (keys_of(self), keys_of(earlier));
+        let last = self.stages.len().saturating_sub(1);
+        if let (Some(stage), Some(shorter)) = (self.stages.get(last), earlier.stages.get(last))
+            && stage.steps > shorter.steps
+        {
+            before.insert(format!("stages.{last}.steps"), stage.steps.to_string());
+        }
+        let key = own.keys().chain(before.keys()).find(|key| own.get(*key) != before.get(*key))?;
+        let value = |keys: &BTreeMap<String, String>| keys.get(key).cloned().unwrap_or_else(|| "nothing".into());
+        Some((key.clone(), value(&own), value(&before)))
+    }
+}
+
+/// Every key that determines the weights, as a dotted path, with its value.
+fn keys_of<R: Recipe>(config: &Config<R>) -> BTreeMap<String, String> {
+    let mut table: Table = config.to_toml().parse().expect("a configuration is TOML");
+    WITHOUT_EFFECT.iter().for_each(|key| _ = table.remove(*key));
+    let mut keys = BTreeMap::new();
+    flatten(&Value::Table(table), "", &mut keys);
+    keys
+}
+
+fn flatten(value: &Value, path: &str, keys: &mut BTreeMap<String, String>) {
+    let inner = |key: &str| if path.is_empty() { key.to_string() } else { format!("{path}.{key}") };
+    match value {
+        Value::Table(table) => table.iter().for_each(|(key, value)| flatten(value, &inner(key), keys)),
+        Value::Array(list) => {
+            list.iter().enumerate().for_each(|(i, value)| flatten(value, &inner(&i.to_string()), keys));
+        }
+        Value::String(text) if path.starts_with("data.folders") || path.ends_with("lpips_weights") => {
+            let name = Path::new(text).file_name().map_or(text.clone(), |name| name.display().to_string());
+            keys.insert(path.into(), name);
+        }
+        value => _ = keys.insert(path.into(), value.to_string()),
+    }
+}

@@ -1,0 +1,33 @@
+//! The weights that a run starts from, where they are not random.
+
+use crate::Error;
+use std::path::Path;
+use weaver_autograd::Params;
+use weaver_inference::{Checkpoint, Partly};
+
+/// Names that a remark lists of each kind.
+const LISTED: usize = 20;
+
+/// Takes what fits of a checkpoint's averaged weights, and says what that is.
+///
+/// # Errors
+/// When the checkpoint cannot be read, is of another model, or has nothing that fits.
+pub fn weights(path: &Path, architecture: &str, params: &mut Params<f32>) -> Result<String, Error> {
+    let checkpoint = Checkpoint::read(path)?;
+    let found = checkpoint.architecture();
+    if found != architecture {
+        let message = format!("metadata architecture: expected `{architecture}`, found `{found}`");
+        return Err(checkpoint.wrong(message).into());
+    }
+    let Partly { taken, fresh, unused } = checkpoint.fill_partly(params)?;
+    let of = taken.len() + fresh.len();
+    let mut text = format!("weights of {}: {} of {of} parameters taken", path.display(), taken.len());
+    for (what, names) in [("random", fresh), ("of the checkpoint not taken", unused)] {
+        if !names.is_empty() {
+            let shown = names.iter().take(LISTED).map(String::as_str).collect::<Vec<_>>().join(", ");
+            let more = if names.len() > LISTED { ", ..." } else { "" };
+            text.push_str(&format!("; {} {what}: {shown}{more}", names.len()));
+        }
+    }
+    Ok(text)
+}

@@ -1,0 +1,40 @@
+//! The tuples of a step.
+
+use super::Session;
+use crate::{Error, Example, Recipe, StageConfig};
+use weaver_data::training_tuple;
+use weaver_kernels::random::Stream;
+
+/// Tuples that are drawn for one that tells the scale, before that is given up.
+const MOST_DRAWN: usize = 1000;
+
+impl<R: Recipe> Session<R> {
+    /// The step's examples.
+    pub(super) fn examples(&mut self, stage: &StageConfig<R>) -> Result<Vec<Example>, Error> {
+        let d = &self.config.data;
+        let count = R::tuples(stage);
+        let scenes = match self.fresh.scenes(self.step) {
+            Some(fresh) => fresh,
+            None => &self.scenes,
+        };
+        let stream = Stream::new(self.config.seed, self.step as u64, "tuples");
+        // A tuple that tells no scale is left out, and the next one that the step would have drawn takes its place.
+        let drawn = (0..count * MOST_DRAWN).map(|i| {
+            let tuple = training_tuple(scenes, stream, i as u64, d.pool, d.context_views, d.target_views);
+            Example::new(&scenes[tuple.scene], tuple)
+        });
+        let mut without_scale = None;
+        let told = drawn.filter_map(|example| match example {
+            Err(Error::Data(error @ weaver_data::Error::Scale { .. })) => {
+                without_scale = Some(error);
+                None
+            }
+            example => Some(example),
+        });
+        let examples = told.take(count).collect::<Result<Vec<_>, Error>>()?;
+        match without_scale {
+            Some(error) if examples.len() < count => Err(error.into()),
+            _ => Ok(examples),
+        }
+    }
+}

@@ -1,0 +1,32 @@
+//! What a run is about to do.
+
+use super::Session;
+use crate::Recipe;
+use weaver_inference::Density;
+
+impl<R: Recipe> Session<R> {
+    /// A description of the run for people.
+    pub fn plan(&self) -> String {
+        let views: usize = self.scenes.iter().map(|s| s.views.len()).sum();
+        let [height, width] = R::image_size(&self.config.model);
+        let mut text = format!(
+            "preset {}, {width} x {height}, {:.2} M parameters; {} scenes, {views} views{}\n",
+            self.config.preset,
+            self.params.count() as f64 / 1e6,
+            self.scenes.len(),
+            if self.fresh.is_some() { ", for samples and evaluation only; fresh scenes for training" } else { "" }
+        );
+        for stage in &self.config.stages {
+            let untrained = R::untrained(stage);
+            let note =
+                if untrained.is_empty() { String::new() } else { format!("; untrained: {}", untrained.join(", ")) };
+            text.push_str(&format!("stage {}: {} steps of {}{note}\n", stage.name, stage.steps, R::describe(stage)));
+        }
+        let untrained = self.predictor().ok().and_then(|predictor| predictor.remark(Density::default()));
+        let warning = untrained.map(|remark| format!("warning: {remark}"));
+        for remark in self.remarks.iter().chain(&warning) {
+            text.push_str(&format!("{remark}\n"));
+        }
+        text
+    }
+}
