@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use std::collections::BTreeSet;
 use std::path::Path;
-use weaver_geometry::Camera;
+use weaver_geometry::{Camera, Undistortion};
 use weaver_scene::Frame;
 
 /// The size that was asked for; what is missing follows from the file.
@@ -40,8 +40,21 @@ pub fn read(path: &Path, size: Size) -> Result<Vec<Frame>, Failure> {
         let found = "a RealEstate10K file, which does not tell the size of its images";
         return Err(Failure::Usage(format!("{}: expected --width and --height with {found}", path.display())));
     }
-    frames.iter_mut().for_each(|f| f.camera = size.apply(f.camera));
+    for frame in &mut frames {
+        frame.camera = size.apply(pinhole(frame, path)?);
+    }
     Ok(frames)
+}
+
+/// The camera of a frame's photo, whose distortion is undone as it is in captures.
+fn pinhole(frame: &Frame, path: &Path) -> Result<Camera, Failure> {
+    let Some(distortion) = frame.distortion else { return Ok(frame.camera) };
+    let undone = Undistortion::new(frame.camera, distortion).ok_or_else(|| {
+        let (path, name) = (path.display(), &frame.name);
+        let expected = "expected a lens distortion that leaves a photo without blank borders";
+        Failure::message(format!("{path}: {name}: {expected}, found {distortion:?}"))
+    })?;
+    Ok(undone.to)
 }
 
 /// File names for pictures of these cameras: the stems of their photos where those are distinct, else numbers.
