@@ -69,7 +69,8 @@ pub fn stems(cameras: &[Frame]) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use weaver_geometry::{Intrinsics, Pose};
+    use weaver_geometry::{Distortion, Intrinsics, Pose};
+    use weaver_io::Transforms;
 
     fn camera() -> Camera {
         let intrinsics = Intrinsics { fx: 100.0, fy: 110.0, cx: 40.0, cy: 30.0 };
@@ -83,6 +84,23 @@ mod tests {
         let low = Size { width: None, height: Some(30) }.apply(camera());
         assert_eq!((low.width, low.height, low.intrinsics.fx), (40, 30, 50.0));
         assert_eq!(Size::default().apply(camera()), camera());
+    }
+
+    #[test]
+    fn a_distorted_photo_is_drawn_as_it_is_loaded() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("transforms.json");
+        let write = |k1: f64| {
+            let frame = Frame { distortion: Some(Distortion::radial(k1)), ..Frame::new("a.png", camera()) };
+            Transforms { frames: vec![frame], ..Transforms::default() }.write(&path).unwrap();
+        };
+        write(-0.1);
+        let read = super::read(&path, Size { width: Some(160), height: None }).unwrap();
+        let undone = Undistortion::new(camera(), Distortion::radial(-0.1)).unwrap().to.intrinsics;
+        assert!((read[0].camera.intrinsics.fx - 2.0 * undone.fx).abs() < 1e-9 && undone.fx != 100.0);
+        write(-50.0);
+        let message = format!("{:?}", super::read(&path, Size::default()).unwrap_err());
+        assert!(message.contains("a.png: expected a lens distortion"), "{message}");
     }
 
     #[test]

@@ -182,6 +182,9 @@ impl<R: Recipe> Session<R> {
             self.scenes.len(),
             if self.fresh.is_some() { ", for samples and evaluation only; fresh scenes for training" } else { "" }
         );
+        for remark in self.scenes.iter().flat_map(|scene| &scene.remarks) {
+            text.push_str(&format!("warning: {remark}\n"));
+        }
         for stage in &self.config.stages {
             let untrained = R::untrained(stage);
             let note =

@@ -7,6 +7,7 @@ use std::path::Path;
 use weaver_data::capture::{CaptureOptions, HoldOut, load, load_cameras, load_images};
 use weaver_data::posed::{self, PosedOptions};
 use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_data::{EstimateOptions, estimate_photos};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Distortion, Intrinsics, Pose};
 use weaver_io::colmap::Model;
@@ -175,8 +176,15 @@ fn turn(path: &Path, orientation: Orientation) {
         Orientation::Rotate270 => Orientation::Rotate90,
         same => same,
     });
-    let mut exif = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
-    exif.extend([orientation.to_exif(), 0, 0, 0, 0, 0, 0, 0]);
+    let mut exif = b"II*\0\x08\0\0\0".to_vec();
+    // A directory with the orientation and a pointer, and behind it one with a focal length of 30 mm.
+    let directories: [&[[u16; 6]]; 2] =
+        [&[[0x112, 3, 1, 0, orientation.to_exif().into(), 0], [0x8769, 4, 1, 0, 38, 0]], &[[0xa405, 3, 1, 0, 30, 0]]];
+    for directory in directories {
+        exif.extend((directory.len() as u16).to_le_bytes());
+        directory.iter().flatten().for_each(|word| exif.extend(word.to_le_bytes()));
+        exif.extend([0; 4]);
+    }
     let mut encoder = PngEncoder::new(fs::File::create(path).unwrap());
     encoder.set_exif_metadata(exif).unwrap();
     encoder.write_image(stored.as_bytes(), stored.width(), stored.height(), stored.color().into()).unwrap();
@@ -208,6 +216,37 @@ fn photos_turned_by_exif_are_loaded_like_upright_ones() {
         (load_images(&paths, 20, 20).unwrap(), load_cameras(&folder.join("transforms.json"), &paths, 20, 20).unwrap())
     };
     assert_eq!(images(clean.path()), images(turned.path()));
+}
+
+#[test]
+fn cameras_are_estimated_of_turned_photos_as_of_upright_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let truth = scene(3, &ProceduralOptions { width: 128, height: 96, views: 8 });
+    let found = [false, true].map(|turned| {
+        let paths: Vec<_> = (0..5).map(|i| folder.path().join(format!("{turned}{i}.png"))).collect();
+        for (i, path) in paths.iter().enumerate() {
+            truth.views[i].image.write_png(path).unwrap();
+            let orientation = if turned && i % 2 == 0 { Orientation::Rotate90 } else { Orientation::NoTransforms };
+            turn(path, orientation);
+        }
+        estimate_photos(&paths, &[false; 5], &EstimateOptions::default()).unwrap()
+    });
+    let [upright, turned] = &found;
+    assert!(upright.placed().len() >= 3, "{:?}", upright.left_out());
+    assert_eq!(upright.estimate.cameras, turned.estimate.cameras);
+    // EXIF's 30 mm, for the diagonal of 160 pixels: what matching may change by a little.
+    let focal = 30.0 / 43.27 * 160.0 / 128.0;
+    assert!((upright.focal() / focal).ln().abs() < 0.3, "{} instead of {focal}", upright.focal());
+    // What is written is a capture of them.
+    turned.write(&folder.path().join("found")).unwrap();
+    let capture = posed::load(folder.path().join("found"), &PosedOptions::default()).unwrap();
+    assert_eq!(capture.photos.len(), turned.placed().len());
+    for photo in capture.photos {
+        assert_eq!((photo.camera.width, photo.camera.height), (128, 96));
+        let clean =
+            photo.path.with_file_name(photo.path.file_name().unwrap().to_str().unwrap().replace("true", "false"));
+        assert_eq!(photo.rgb, image::open(clean).unwrap().into_rgb8().into_raw());
+    }
 }
 
 #[test]

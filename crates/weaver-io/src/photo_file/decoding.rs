@@ -12,6 +12,8 @@ use std::sync::{Condvar, Mutex, PoisonError};
 
 /// Bytes of decoded photos at a time, unless a single one has more.
 const MOST: u64 = 160 << 20;
+/// Bytes of a single decoded photo: a header may claim anything.
+const LARGEST: u64 = 512 << 20;
 const EXPECTED: &str = "a JPEG, PNG, TIFF or WebP image";
 
 /// What a photo says before its pixels.
@@ -43,6 +45,10 @@ pub(super) fn decode(path: &Path) -> Result<((usize, usize), Vec<u8>, usize)> {
         return Err(Error::invalid(path, "image", "a whole JPEG image", "one that was cut short"));
     }
     let decoder = decoder(path, "image", Cursor::new(&bytes))?;
+    let total = decoder.total_bytes();
+    if total > LARGEST {
+        return Err(Error::invalid(path, "image", format!("at most {LARGEST} bytes once it is decoded"), total));
+    }
     let decoded = DynamicImage::from_decoder(decoder).map_err(|e| Error::invalid(path, "image", EXPECTED, e))?;
     let size = (decoded.width() as usize, decoded.height() as usize);
     let has_alpha = decoded.color().has_alpha();
@@ -101,11 +107,19 @@ pub(super) struct Decoded {
 impl Decoded {
     /// A row of what is read, `[width, 3]`.
     pub fn row(&self, y: usize, row: &mut [u8]) {
+        if self.is_plain() {
+            return row.copy_from_slice(&self.pixels[y * row.len()..(y + 1) * row.len()]);
+        }
         for (x, color) in row.as_chunks_mut::<3>().0.iter_mut().enumerate() {
             let (x, y) = orientation::stored(self.orientation, self.stored, (x, y));
             let at = (y * self.stored.0 + x) * self.channels;
             *color = self.color(&self.pixels[at..at + self.channels]);
         }
+    }
+
+    /// Whether what is read is what is stored.
+    fn is_plain(&self) -> bool {
+        self.orientation == Orientation::NoTransforms && self.channels == 3 && matches!(self.layer, Layer::Over(_))
     }
 
     fn color(&self, pixel: &[u8]) -> [u8; 3] {
@@ -126,7 +140,7 @@ impl Decoded {
 
     /// All of what is read, `[height, width, 3]`.
     pub fn into_pixels(self) -> Vec<u8> {
-        if self.orientation == Orientation::NoTransforms && self.channels == 3 && matches!(self.layer, Layer::Over(_)) {
+        if self.is_plain() {
             return self.pixels;
         }
         let (width, height) = orientation::turned(self.orientation, self.stored);

@@ -137,6 +137,22 @@ fn what_cannot_be_read_says_why_and_how_to_convert_it() {
 }
 
 #[test]
+fn a_header_that_claims_too_much_is_refused_before_any_allocation() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    dynamic(&ramp()).save(&path).unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    // Width and height, and the checksum of the header's chunk.
+    bytes[16..24].copy_from_slice(&[0, 0, 0xf0, 0, 0, 0, 0xf0, 0]);
+    let mut crc = flate2::Crc::new();
+    crc.update(&bytes[12..29]);
+    bytes[29..33].copy_from_slice(&crc.sum().to_be_bytes());
+    std::fs::write(&path, &bytes).unwrap();
+    let message = PhotoFile::open(&path).unwrap().resize(4, 4, [0.0, 0.0, 9.0, 9.0]).unwrap_err().to_string();
+    assert!(message.contains("a.png: image: expected at most 536870912 bytes"), "{message}");
+}
+
+#[test]
 fn a_photo_that_changes_after_it_was_opened_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.png");
