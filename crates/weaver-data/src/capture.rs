@@ -96,7 +96,7 @@ pub fn load_images(paths: &[PathBuf], width: usize, height: usize) -> Result<Vec
         return Err(Error::unexpected(Path::new("photos"), "paths", "at least one", "none"));
     }
     let read = |path: &PathBuf| -> Result<Image, Error> {
-        let photo = PhotoFile::open(path)?;
+        let photo = PhotoFile::at(path)?;
         let (w, h) = photo.size();
         Ok(Crop::centered(w, h, width, height).read(&photo)?.to_image())
     };

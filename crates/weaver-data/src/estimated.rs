@@ -132,7 +132,7 @@ fn load(path: &Path, options: &EstimateOptions) -> Result<Loaded, Error> {
 
 /// Opens a photo as it will be opened again with the camera that is found for it: upright, if its size can tell.
 fn open(path: &Path) -> Result<PhotoFile, Error> {
-    let file = PhotoFile::open(path)?;
+    let file = PhotoFile::at(path)?;
     let (width, height) = file.size();
     Ok(file.for_camera(width, height))
 }

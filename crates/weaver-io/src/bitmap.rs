@@ -1,9 +1,7 @@
 //! Images of 8 bits.
 
+use crate::image::encode_png;
 use crate::{Image, Result, atomic_write};
-use image::codecs::png::PngEncoder;
-use image::{ExtendedColorType, ImageEncoder};
-use std::io::Write;
 use std::path::Path;
 
 /// An RGB image of 8 bits, `[height, width, 3]` row-major, sRGB: a quarter of the memory of an [`Image`].
@@ -28,12 +26,6 @@ impl Bitmap {
     /// # Errors
     /// When the file cannot be written, or the image has no pixels.
     pub fn write_png(&self, path: impl AsRef<Path>) -> Result<()> {
-        atomic_write(path, |w| self.encode_png(w))
-    }
-
-    pub(crate) fn encode_png(&self, w: &mut dyn Write) -> std::io::Result<()> {
-        PngEncoder::new(w)
-            .write_image(&self.pixels, self.width as u32, self.height as u32, ExtendedColorType::Rgb8)
-            .map_err(std::io::Error::other)
+        atomic_write(path, |w| encode_png(w, self.width, self.height, &self.pixels))
     }
 }

@@ -1,6 +1,8 @@
 //! RGB images: reading, writing, cropping, mosaics.
 
-use crate::{Bitmap, PhotoFile, Result, atomic_write};
+use crate::{Result, atomic_write};
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder};
 use std::io::Write;
 use std::path::Path;
 
@@ -31,26 +33,6 @@ impl Image {
         Self { width, height, pixels: rgb.repeat(width * height) }
     }
 
-    /// Reads a photo of any kind that [`PhotoFile`] reads, upright, over a background, with values of 8 bits.
-    ///
-    /// # Errors
-    /// When the file is missing or no photo.
-    pub fn read(path: impl AsRef<Path>, background: Background) -> Result<Self> {
-        let behind = match background {
-            Background::White => 1.0,
-            Background::Black => 0.0,
-        };
-        Ok(PhotoFile::open(path)?.over([behind; 3]).read()?.to_image())
-    }
-
-    /// Width and height of a photo, upright, from its header alone.
-    ///
-    /// # Errors
-    /// When the file is missing or no photo.
-    pub fn dimensions(path: impl AsRef<Path>) -> Result<(usize, usize)> {
-        Ok(PhotoFile::open(path)?.size())
-    }
-
     /// Writes an 8-bit RGB PNG file, atomically.
     pub fn write_png(&self, path: impl AsRef<Path>) -> Result<()> {
         atomic_write(path, |w| self.encode_png(w))
@@ -67,7 +49,7 @@ impl Image {
     }
 
     fn encode_png(&self, w: &mut dyn Write) -> std::io::Result<()> {
-        Bitmap { width: self.width, height: self.height, pixels: self.to_bytes() }.encode_png(w)
+        encode_png(w, self.width, self.height, &self.to_bytes())
     }
 
     /// The values as 8-bit numbers, clamped and rounded to the nearest.
@@ -118,4 +100,11 @@ impl Image {
         }
         out
     }
+}
+
+/// Writes `[height, width, 3]` as a PNG file.
+pub(crate) fn encode_png(w: &mut dyn Write, width: usize, height: usize, pixels: &[u8]) -> std::io::Result<()> {
+    PngEncoder::new(w)
+        .write_image(pixels, width as u32, height as u32, ExtendedColorType::Rgb8)
+        .map_err(std::io::Error::other)
 }

@@ -4,7 +4,7 @@ mod decoding;
 mod orientation;
 
 use crate::resize::{self, Filter};
-use crate::{Bitmap, Error, Result};
+use crate::{Background, Bitmap, Error, Image, Result};
 use decoding::Decoded;
 use image::metadata::Orientation;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ const TO_CONVERT: [&str; 3] = ["heic", "heif", "avif"];
 
 /// A photo on disk: JPEG (also progressive, gray or CMYK), PNG, TIFF or WebP, of 8 or 16 bits, with or without alpha.
 ///
-/// Opening it reads the header; pixels are decoded when they are asked for, to 8 bits, and are only kept in the size that was asked
+/// Making one reads the header; pixels are decoded when they are asked for, to 8 bits, and are only kept in the size that was asked
 /// for. Large photos are decoded one after the other, whatever the number of threads: several of 48 megapixels take little more memory
 /// than one.
 ///
@@ -47,7 +47,7 @@ impl PhotoFile {
     ///
     /// # Errors
     /// When the file is missing or no photo.
-    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+    pub fn at(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let decoding::Header { stored, orientation, has_alpha } = decoding::header(path)?;
         Ok(Self { path: path.to_path_buf(), stored, orientation, layer: Layer::Over([1.0; 3]), has_alpha })
@@ -140,6 +140,28 @@ impl PhotoFile {
             return Err(Error::invalid(&self.path, "image size", format!("{width}x{height} as before"), found));
         }
         Ok(consume(Decoded { pixels, channels, stored, orientation: self.orientation, layer: self.layer }))
+    }
+}
+
+impl Image {
+    /// Reads a photo of any kind that [`PhotoFile`] reads, upright, over a background, with values of 8 bits.
+    ///
+    /// # Errors
+    /// When the file is missing or no photo.
+    pub fn read(path: impl AsRef<Path>, background: Background) -> Result<Self> {
+        let behind = match background {
+            Background::White => 1.0,
+            Background::Black => 0.0,
+        };
+        Ok(PhotoFile::at(path)?.over([behind; 3]).read()?.to_image())
+    }
+
+    /// Width and height of a photo, upright, from its header alone.
+    ///
+    /// # Errors
+    /// When the file is missing or no photo.
+    pub fn dimensions(path: impl AsRef<Path>) -> Result<(usize, usize)> {
+        Ok(PhotoFile::at(path)?.size())
     }
 }
 

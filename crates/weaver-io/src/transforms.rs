@@ -196,7 +196,7 @@ impl FrameReader<'_> {
         let path = self.image_file(&name)?;
         let (width, height) = match (self.size("w")?, self.size("h")?) {
             (Some(width), Some(height)) => (width, height),
-            _ => PhotoFile::open(&path)?.stored_size(),
+            _ => PhotoFile::at(&path)?.stored_size(),
         };
         let intrinsics = self.intrinsics(width, height)?;
         let camera = Camera { pose: self.pose()?, intrinsics, width, height };

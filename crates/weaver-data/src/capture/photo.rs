@@ -37,7 +37,7 @@ impl Photo {
     pub fn open(&self) -> Result<PhotoFile, Error> {
         let Frame { path, camera, .. } = &self.frame;
         self.check_camera()?;
-        let file = PhotoFile::open(path)?.for_camera(camera.width, camera.height);
+        let file = PhotoFile::at(path)?.for_camera(camera.width, camera.height);
         check_size(path, file.size(), camera)?;
         Ok(file)
     }

@@ -148,7 +148,7 @@ fn mask(
     let Camera { width, height, .. } = photo.frame.camera;
     let mask = match file {
         Some(path) => {
-            let mask = PhotoFile::open(path)?.for_camera(width, height).over([0.0; 3]);
+            let mask = PhotoFile::at(path)?.for_camera(width, height).over([0.0; 3]);
             check_size(path, mask.size(), &photo.frame.camera)?;
             mask
         }

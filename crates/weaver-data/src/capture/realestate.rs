@@ -32,7 +32,7 @@ pub(super) fn read(folder: &Path, cameras: &Path) -> Result<Photos, Error> {
                 Error::unexpected(cameras, format!("frame {name}"), expected, "no such file")
             })?;
         // The file gives intrinsics as fractions of the image's size, so that they fit any.
-        let (width, height) = PhotoFile::open(&file)?.stored_size();
+        let (width, height) = PhotoFile::at(&file)?.stored_size();
         let frame = Frame { path: file, ..frame.sized(width, height) };
         Ok(Photo { frame, held_out: false, track: Vec::new() })
     });

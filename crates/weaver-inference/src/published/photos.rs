@@ -33,7 +33,7 @@ pub fn size_of(paths: &[PathBuf], size: [usize; 2], patch: usize, fit: Fit) -> R
 /// When a file is missing or no image.
 pub fn read(paths: &[PathBuf], size: [usize; 2], patch: usize, fit: Fit) -> Result<Vec<Image>, Error> {
     let read = |path: &PathBuf| -> Result<Image, Error> {
-        let photo = PhotoFile::open(path)?;
+        let photo = PhotoFile::at(path)?;
         let whole = fit == Fit::KeepAspect && whole_patches(photo.size(), size, patch) == size;
         if whole { Ok(photo.resize_bicubic(size[1], size[0])?.to_image()) } else { cover(&photo, size) }
     };
@@ -86,7 +86,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
         image.write_png(&path).unwrap();
-        let photo = PhotoFile::open(&path).unwrap();
+        let photo = PhotoFile::at(&path).unwrap();
         let cut = cover(&photo, [10, 10]).unwrap();
         assert_eq!((cut.width, cut.height), (10, 10));
         assert_eq!((&cut.pixels[..3], &cut.pixels[27..30]), (&[1.0, 0.0, 0.0][..], &[0.0, 0.0, 1.0][..]));

@@ -51,7 +51,7 @@ fn photos_are_read_upright_unless_a_camera_says_otherwise() {
         upright.apply_orientation(orientation);
         let size = (upright.width() as usize, upright.height() as usize);
         let upright = Bitmap { width: size.0, height: size.1, pixels: upright.into_rgb8().into_raw() };
-        let photo = PhotoFile::open(&path).unwrap();
+        let photo = PhotoFile::at(&path).unwrap();
         assert_eq!((photo.size(), photo.stored_size()), (size, (24, 16)), "{orientation:?}");
         assert_eq!(Image::dimensions(&path).unwrap(), size);
         assert_eq!(photo.read().unwrap(), upright, "{orientation:?}");
@@ -73,7 +73,7 @@ fn a_square_photo_with_a_camera_is_left_as_it_is_stored() {
     let path = folder.path().join("a.png");
     let image = dynamic(&ramp()).crop_imm(0, 0, 16, 16);
     write_oriented(&path, &image, Orientation::Rotate90);
-    let photo = PhotoFile::open(&path).unwrap();
+    let photo = PhotoFile::at(&path).unwrap();
     assert_ne!(photo.read().unwrap().pixels, image.as_bytes());
     assert_eq!(photo.for_camera(16, 16).read().unwrap().pixels, image.as_bytes());
 }
@@ -90,14 +90,14 @@ fn every_kind_of_photo_is_read() {
             }
             let path = folder.path().join(name);
             image.save(&path).unwrap();
-            let photo = PhotoFile::open(&path).unwrap();
+            let photo = PhotoFile::at(&path).unwrap();
             assert_eq!(photo.read().unwrap(), ramp(), "{name} {kind}");
             assert_eq!(photo.alpha().is_some(), kind == "rgba8", "{name} {kind}");
         }
     }
     let fixtures = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
     for (name, most) in [("progressive.jpg", 4), ("cmyk.jpg", 4), ("lossy.webp", 12)] {
-        let photo = PhotoFile::open(fixtures.join(name)).unwrap();
+        let photo = PhotoFile::at(fixtures.join(name)).unwrap();
         assert!(most_apart(&photo.read().unwrap(), &ramp()) <= most, "{name}");
     }
 }
@@ -107,7 +107,7 @@ fn alpha_is_composited_or_read_by_itself() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.png");
     image::RgbaImage::from_raw(3, 1, vec![9, 8, 7, 255, 200, 100, 0, 0, 200, 100, 0, 51]).unwrap().save(&path).unwrap();
-    let photo = || PhotoFile::open(&path).unwrap();
+    let photo = || PhotoFile::at(&path).unwrap();
     assert_eq!(photo().read().unwrap().pixels, [9, 8, 7, 255, 255, 255, 244, 224, 204]);
     assert_eq!(photo().over([0.0, 0.0, 1.0]).read().unwrap().pixels, [9, 8, 7, 0, 0, 255, 40, 20, 204]);
     let alpha = photo().alpha().unwrap().read().unwrap();
@@ -120,7 +120,7 @@ fn what_cannot_be_read_says_why_and_how_to_convert_it() {
     let says = |name: &str, bytes: &[u8], parts: &[&str]| {
         let path = folder.path().join(name);
         std::fs::write(&path, bytes).unwrap();
-        let message = PhotoFile::open(&path).unwrap_err().to_string();
+        let message = PhotoFile::at(&path).unwrap_err().to_string();
         parts.iter().chain([&name]).for_each(|part| assert!(message.contains(part), "{part}: {message}"));
     };
     says("a.heic", b"\0\0\0\x18ftypheic\0\0\0\0mif1heic", &["found HEIC: convert it to JPEG", "heif-convert"]);
@@ -128,7 +128,7 @@ fn what_cannot_be_read_says_why_and_how_to_convert_it() {
     says("b.jpg", b"\0\0\0\x18ftypmif1\0\0\0\0mif1heic", &["HEIC"]);
     says("c.avif", b"\0\0\0\x18ftypavif\0\0\0\0avif", &["AVIF"]);
     says("d.png", b"no photo at all", &["expected a JPEG, PNG, TIFF or WebP image"]);
-    assert!(PhotoFile::open(folder.path().join("none.png")).unwrap_err().to_string().contains("none.png"));
+    assert!(PhotoFile::at(folder.path().join("none.png")).unwrap_err().to_string().contains("none.png"));
     // What has to be converted is listed, so that it is not left out without a word.
     std::fs::write(folder.path().join("notes.txt"), "").unwrap();
     let names: Vec<_> = list_photos(folder.path()).unwrap();
@@ -148,7 +148,7 @@ fn a_header_that_claims_too_much_is_refused_before_any_allocation() {
     crc.update(&bytes[12..29]);
     bytes[29..33].copy_from_slice(&crc.sum().to_be_bytes());
     std::fs::write(&path, &bytes).unwrap();
-    let message = PhotoFile::open(&path).unwrap().resize(4, 4, [0.0, 0.0, 9.0, 9.0]).unwrap_err().to_string();
+    let message = PhotoFile::at(&path).unwrap().resize(4, 4, [0.0, 0.0, 9.0, 9.0]).unwrap_err().to_string();
     assert!(message.contains("a.png: image: expected at most 536870912 bytes"), "{message}");
 }
 
@@ -157,7 +157,7 @@ fn a_photo_that_changes_after_it_was_opened_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.png");
     dynamic(&ramp()).save(&path).unwrap();
-    let photo = PhotoFile::open(&path).unwrap();
+    let photo = PhotoFile::at(&path).unwrap();
     Image::filled(3, 3, [0.0; 3]).write_png(&path).unwrap();
     let message = photo.read().unwrap_err().to_string();
     assert!(message.contains("expected 24x16 as before, found 3x3"), "{message}");
