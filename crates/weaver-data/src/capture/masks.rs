@@ -39,7 +39,10 @@ pub(super) fn files(photos: &[Photo], folder: &Path) -> Result<Vec<Option<PathBu
 
 /// Where a photo's mask was looked for, for messages.
 pub(super) fn expected(photo: &Path, folder: &Path) -> String {
-    let last = candidates(photo, folder).split_off(candidates(photo, folder).len().saturating_sub(3));
+    let mut all = candidates(photo, folder);
+    let mut last = all.split_off(all.len().saturating_sub(3));
+    // The photo's extension may be the mask's.
+    last.dedup();
     last.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(" or ") + ", or a photo with alpha"
 }
 

@@ -154,7 +154,7 @@ fn mask(
         }
         None => alpha.alpha().ok_or_else(|| {
             let path = &photo.frame.path;
-            Error::unexpected(path, "mask", masks::expected(path, folder), "none of them")
+            Error::unexpected(path, "mask", masks::expected(path, folder), "no such file, and no alpha")
         })?,
     };
     Ok(read(&mask)?.chunks_exact(3).map(|p| if p[0] >= 128 { 255 } else { 0 }).collect())
