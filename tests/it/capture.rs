@@ -43,7 +43,7 @@ pub fn colmap(folder: &Path, views: usize) -> PathBuf {
     let mut model = Model::default();
     for (id, (name, view)) in (1..).zip(names.iter().zip(&scene.views)) {
         let Camera { pose, intrinsics, width, height } = view.camera;
-        model.cameras.insert(id, CameraModel { width, height, intrinsics });
+        model.cameras.insert(id, CameraModel { width, height, intrinsics, distortion: None });
         let seen = scene.visible[id as usize - 1].iter().map(|&p| {
             let pixel = intrinsics.project(pose.apply(scene.points[p as usize]));
             (pixel.x, pixel.y, Some(u64::from(p)))

@@ -52,6 +52,6 @@ fn what_is_no_photo_is_named() {
     let infer = |photo: &Path| splatweaver(&[&"infer", &"--run", &run.path(), &photo, &"-o", &out]);
     infer(&photo).refused(1, &["a.png"]);
     std::fs::write(&photo, "no picture").unwrap();
-    infer(&photo).refused(1, &["a.png", "PNG or JPEG"]);
+    infer(&photo).refused(1, &["a.png", "JPEG, PNG, TIFF or WebP"]);
     assert!(!out.exists());
 }

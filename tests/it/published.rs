@@ -337,7 +337,8 @@ fn everything_that_does_not_fit_is_listed() {
     assert!(!out.exists());
     let photo = folder.path().join("a.png");
     std::fs::write(&photo, "no picture").unwrap();
-    splatweaver(&[&"infer", &"--weights", &scene.weights(), &photo, &"-o", &out]).refused(1, &["a.png", "PNG or JPEG"]);
+    splatweaver(&[&"infer", &"--weights", &scene.weights(), &photo, &"-o", &out])
+        .refused(1, &["a.png", "JPEG, PNG, TIFF or WebP"]);
     assert!(!out.exists());
 }
 

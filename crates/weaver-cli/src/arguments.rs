@@ -187,7 +187,7 @@ pub struct Infer {
     /// the same on others
     #[arg(long, requires = "weights", help_heading = PUBLISHED)]
     pub bf16_products: bool,
-    /// Photos (PNG, JPEG), or folders of photos; the first one's camera becomes the origin
+    /// Photos (JPEG, PNG, TIFF, WebP), or folders of photos; the first one's camera becomes the origin
     #[arg(required = true)]
     pub images: Vec<PathBuf>,
     /// Cameras of the photos, matched by the ends of their paths: transforms.json or a folder with a COLMAP model, whose points

@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use std::collections::BTreeSet;
 use std::path::Path;
-use weaver_geometry::Camera;
+use weaver_geometry::{Camera, Undistortion};
 use weaver_scene::Frame;
 
 /// The size that was asked for; what is missing follows from the file.
@@ -40,8 +40,21 @@ pub fn read(path: &Path, size: Size) -> Result<Vec<Frame>, Failure> {
         let found = "a RealEstate10K file, which does not tell the size of its images";
         return Err(Failure::Usage(format!("{}: expected --width and --height with {found}", path.display())));
     }
-    frames.iter_mut().for_each(|f| f.camera = size.apply(f.camera));
+    for frame in &mut frames {
+        frame.camera = size.apply(pinhole(frame, path)?);
+    }
     Ok(frames)
+}
+
+/// The camera of a frame's photo, whose distortion is undone as it is in captures.
+fn pinhole(frame: &Frame, path: &Path) -> Result<Camera, Failure> {
+    let Some(distortion) = frame.distortion else { return Ok(frame.camera) };
+    let undone = Undistortion::new(frame.camera, distortion).ok_or_else(|| {
+        let (path, name) = (path.display(), &frame.name);
+        let expected = "expected a lens distortion that leaves a photo without blank borders";
+        Failure::message(format!("{path}: {name}: {expected}, found {distortion:?}"))
+    })?;
+    Ok(undone.to)
 }
 
 /// File names for pictures of these cameras: the stems of their photos where those are distinct, else numbers.
@@ -56,7 +69,8 @@ pub fn stems(cameras: &[Frame]) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use weaver_geometry::{Intrinsics, Pose};
+    use weaver_geometry::{Distortion, Intrinsics, Pose};
+    use weaver_io::Transforms;
 
     fn camera() -> Camera {
         let intrinsics = Intrinsics { fx: 100.0, fy: 110.0, cx: 40.0, cy: 30.0 };
@@ -70,6 +84,23 @@ mod tests {
         let low = Size { width: None, height: Some(30) }.apply(camera());
         assert_eq!((low.width, low.height, low.intrinsics.fx), (40, 30, 50.0));
         assert_eq!(Size::default().apply(camera()), camera());
+    }
+
+    #[test]
+    fn a_distorted_photo_is_drawn_as_it_is_loaded() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("transforms.json");
+        let write = |k1: f64| {
+            let frame = Frame { distortion: Some(Distortion::radial(k1)), ..Frame::new("a.png", camera()) };
+            Transforms { frames: vec![frame], ..Transforms::default() }.write(&path).unwrap();
+        };
+        write(-0.1);
+        let read = super::read(&path, Size { width: Some(160), height: None }).unwrap();
+        let undone = Undistortion::new(camera(), Distortion::radial(-0.1)).unwrap().to.intrinsics;
+        assert!((read[0].camera.intrinsics.fx - 2.0 * undone.fx).abs() < 1e-9 && undone.fx != 100.0);
+        write(-50.0);
+        let message = format!("{:?}", super::read(&path, Size::default()).unwrap_err());
+        assert!(message.contains("a.png: expected a lens distortion"), "{message}");
     }
 
     #[test]

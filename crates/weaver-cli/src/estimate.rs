@@ -221,9 +221,12 @@ pub fn photos(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
             photos.push(path.clone());
             continue;
         }
-        let found = weaver_io::list_files(path, &["png", "jpg", "jpeg"])?;
+        let found = weaver_io::list_photos(path)?;
         if found.is_empty() {
-            return Err(Failure::message(format!("{}: expected photos (PNG or JPEG), found none", path.display())));
+            return Err(Failure::message(format!(
+                "{}: expected photos (JPEG, PNG, TIFF or WebP), found none",
+                path.display()
+            )));
         }
         photos.extend(found);
     }

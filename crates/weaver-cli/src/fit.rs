@@ -78,6 +78,7 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
         console.note(&format!("matching {} photos", plan.training + plan.held_out));
     }
     let run = Run::create(&folder, settings, given.as_ref(), judge)?;
+    run.remarks().iter().for_each(|remark| console.note(&format!("warning: {remark}")));
     if let Some(found) = run.matching() {
         let (points, pixels) = (found.points, found.pixels);
         console

@@ -2,33 +2,41 @@
 //!
 //! | the folder holds | cameras | points | held out |
 //! |---|---|---|---|
-//! | `transforms.json` | nerfstudio, instant-ngp | COLMAP's in `sparse/0`, if there | `test_filenames`, else every 8th |
+//! | `transforms.json` | nerfstudio, instant-ngp | COLMAP's in `sparse/0`, else a PLY file | `test_filenames`, else every 8th |
 //! | `transforms_train.json`, `transforms_test.json` | NeRF-synthetic | none | the test file's frames |
 //! | `sparse/0`, `images/` | COLMAP | COLMAP | every 8th |
 //! | `cameras.txt` or `<16 hex digits>.txt`, `images/` | RealEstate10K | none | every 8th |
 //!
 //! Photos are sorted by path. The largest centered crop of the network's aspect ratio is shrunk with a Lanczos
 //! filter; intrinsics follow exactly.
+//!
+//! - **Distortion** is undone after shrinking ([`Undistortion`](weaver_geometry::Undistortion)): the photo keeps its size, and is taken as
+//!   if with the shortest focal length that leaves no blank border. Intrinsics are those of the result.
+//! - **EXIF orientation**: photos without cameras are turned upright. With a camera they are if only that gives them its size
+//!   ([`PhotoFile::for_camera`](weaver_io::PhotoFile::for_camera)); else, as always if they are square, they stay as they are stored.
+//! - **Points** of a PLY file are the one that a transforms.json names (`ply_file_path`), `sparse_pc.ply` or `points3D.ply` beside it, or
+//!   `points3D.ply` in place of COLMAP's. Which photos see them is told by what is nearest there.
 
 mod by_name;
 mod crop;
+mod masks;
 mod nerf;
 mod photo;
 mod photo_cameras;
 pub mod posed;
 mod realestate;
 mod sparse;
+mod visible;
 
 use crate::{Error, Scene, View};
 pub use crop::Crop;
-use photo::{Photo, Photos};
+use photo::{Photo, Photos, straight, straight_camera};
 pub use photo_cameras::{PhotoCameras, load_camera_files, load_cameras};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
-use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Camera, Intrinsics};
-use weaver_io::{Background, Image};
-use weaver_scene::Frame;
+use visible::visible_points;
+use weaver_geometry::Camera;
+use weaver_io::{Image, PhotoFile};
 
 /// Which views are kept from training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -71,11 +79,12 @@ impl Default for CaptureOptions {
 /// [`Scene::check_evaluation`].
 pub fn load(path: impl AsRef<Path>, options: &CaptureOptions) -> Result<Scene, Error> {
     let path = path.as_ref();
-    let Photos { photos, points, .. } = read_split_photos(path, options.hold_out)?;
+    let capture = read_split_photos(path, options.hold_out)?;
     let loaded: Vec<Result<(View, Vec<u32>), Error>> =
-        photos.par_iter().map(|photo| load_photo(photo, &points, options)).collect();
+        capture.photos.par_iter().map(|photo| load_photo(photo, &capture, options)).collect();
     let (views, visible) = loaded.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
-    Ok(Scene { name: name(folder(path)), views, points, visible, scale: options.scene_scale })
+    let Photos { points, remarks, .. } = capture;
+    Ok(Scene { name: name(folder(path)), views, points, visible, scale: options.scene_scale, remarks })
 }
 
 /// Loads photos without cameras, each cropped and shrunk as [`load`] does, in the order given.
@@ -87,8 +96,9 @@ pub fn load_images(paths: &[PathBuf], width: usize, height: usize) -> Result<Vec
         return Err(Error::unexpected(Path::new("photos"), "paths", "at least one", "none"));
     }
     let read = |path: &PathBuf| -> Result<Image, Error> {
-        let image = Image::read(path, Background::White)?;
-        Ok(Crop::centered(image.width, image.height, width, height).apply(&image))
+        let photo = PhotoFile::at(path)?;
+        let (w, h) = photo.size();
+        Ok(Crop::centered(w, h, width, height).read(&photo)?.to_image())
     };
     let images: Vec<Result<Image, Error>> = paths.par_iter().map(read).collect();
     images.into_iter().collect()
@@ -147,68 +157,29 @@ fn read_photos(folder: &Path) -> Result<Photos, Error> {
     }
 }
 
-/// Reads a photo, brings it to the network's size, and finds the points it sees.
-fn load_photo(photo: &Photo, points: &[DVec3], options: &CaptureOptions) -> Result<(View, Vec<u32>), Error> {
-    let (width, height) = (options.width, options.height);
-    let frame = &photo.frame;
-    check_camera(frame)?;
-    let image = Image::read(&frame.path, Background::White)?;
-    check_size(&frame.path, (image.width, image.height), &frame.camera)?;
-    let crop = Crop::centered(image.width, image.height, width, height);
-    let camera =
-        Camera { pose: frame.camera.pose, intrinsics: crop.intrinsics(&frame.camera.intrinsics), width, height };
-    let (visible, depth) = visible_points(&camera, points, &photo.track);
+/// Reads a photo and finds the points it sees.
+fn load_photo(photo: &Photo, capture: &Photos, options: &CaptureOptions) -> Result<(View, Vec<u32>), Error> {
+    let (image, camera) = read_cropped(photo, options.width, options.height)?;
+    let (visible, depth) = visible_points(&camera, capture, photo);
     let view = View {
-        name: frame.name.clone(),
-        image: crop.apply(&image),
+        name: photo.frame.name.clone(),
+        image,
         camera,
-        depth: (!points.is_empty()).then_some(depth),
-        time: frame.time,
-        number: frame.number,
+        depth: (!capture.points.is_empty()).then_some(depth),
+        time: photo.frame.time,
+        number: photo.frame.number,
         held_out: photo.held_out,
     };
     Ok((view, visible))
 }
 
-fn check_size(path: &Path, (width, height): (usize, usize), camera: &Camera) -> Result<(), Error> {
-    if (width, height) == (camera.width, camera.height) {
-        return Ok(());
-    }
-    let expected = format!("{}x{}, its camera's", camera.width, camera.height);
-    Err(Error::unexpected(path, "image size", expected, format!("{width}x{height}")))
-}
-
-fn check_camera(frame: &Frame) -> Result<(), Error> {
-    let Camera { pose, intrinsics: Intrinsics { fx, fy, cx, cy }, .. } = frame.camera;
-    if !(pose.rotation.is_finite() && pose.translation.is_finite()) {
-        return Err(Error::unexpected(&frame.path, "pose", "finite numbers", format!("{pose:?}")));
-    }
-    let valid = fx > 0.0 && fy > 0.0 && [fx, fy, cx, cy].iter().all(|x| x.is_finite());
-    if !valid {
-        let found = format!("fx {fx} fy {fy} cx {cx} cy {cy}");
-        return Err(Error::unexpected(&frame.path, "intrinsics", "finite numbers, focal lengths above 0", found));
-    }
-    Ok(())
-}
-
-/// Which tracked points lie inside the image and in front of the camera, and a depth map of them with the nearest point of
-/// each pixel.
-fn visible_points(camera: &Camera, points: &[DVec3], track: &[u32]) -> (Vec<u32>, Vec<f32>) {
-    let mut visible = Vec::with_capacity(track.len());
-    let mut depth = vec![0.0_f32; camera.width * camera.height];
-    for &index in track {
-        let local = camera.pose.apply(points[index as usize]);
-        let pixel = camera.intrinsics.project(local).floor();
-        let inside =
-            pixel.x >= 0.0 && pixel.x < camera.width as f64 && pixel.y >= 0.0 && pixel.y < camera.height as f64;
-        if local.z > 0.0 && inside {
-            visible.push(index);
-            let cell = &mut depth[pixel.y as usize * camera.width + pixel.x as usize];
-            let z = local.z as f32;
-            if *cell == 0.0 || z < *cell {
-                *cell = z;
-            }
-        }
-    }
-    (visible, depth)
+/// Reads a photo, brings it to the network's size, and undoes its distortion.
+fn read_cropped(photo: &Photo, width: usize, height: usize) -> Result<(Image, Camera), Error> {
+    let file = photo.open()?;
+    let Camera { pose, intrinsics, width: w, height: h } = photo.frame.camera;
+    let crop = Crop::centered(w, h, width, height);
+    let camera = Camera { pose, intrinsics: crop.intrinsics(&intrinsics), width, height };
+    let lens = photo.lens(camera)?;
+    let image = straight(crop.read(&file)?, lens.as_ref()).to_image();
+    Ok((image, straight_camera(camera, lens.as_ref())))
 }

@@ -1,18 +1,17 @@
 //! Photos without cameras: cameras by matching, as a capture on disk.
 
 mod context;
-mod undistorted;
 
 use crate::Error;
+use crate::undistorted::undistorted;
 pub use context::EstimatedContext;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use undistorted::Undistortion;
-use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec2;
+use weaver_geometry::{Camera, Distortion, Undistortion};
 use weaver_io::colmap::{Model, Point};
-use weaver_io::{Background, Image, Transforms};
+use weaver_io::{Image, PhotoFile, Transforms};
 use weaver_scene::Frame;
 use weaver_sfm::{Confidence, Estimate, EstimateSettings, LeftOut, Observation, Photo, estimate};
 
@@ -103,7 +102,7 @@ pub fn estimate_photos(
     let estimate = estimate(&photos, &settings);
     let (images, sizes) = loaded.into_iter().map(|loaded| (loaded.image, loaded.size)).unzip();
     let lens = |(camera, k1): (&Result<Camera, LeftOut>, &f64)| {
-        camera.ok().filter(|_| *k1 != 0.0).map(|camera| Undistortion::new(camera, *k1))
+        Undistortion::new(camera.ok()?, Distortion::radial(*k1).or_none()?)
     };
     let lenses = estimate.cameras.iter().zip(&estimate.k1).map(lens).collect();
     Ok(EstimatedPhotos { paths: paths.to_vec(), images, sizes, located: located.to_vec(), lenses, estimate })
@@ -119,17 +118,23 @@ struct Loaded {
 }
 
 fn load(path: &Path, options: &EstimateOptions) -> Result<Loaded, Error> {
-    let mut image = Image::read(path, Background::White)?;
-    let size = (image.width, image.height);
+    let file = open(path)?;
+    let size = file.size();
     let longest = size.0.max(size.1);
-    if longest > options.long_side {
-        let shrunk = |side: usize| ((side * options.long_side) as f64 / longest as f64).round().max(1.0) as usize;
-        image = image.resize(shrunk(size.0), shrunk(size.1), [0.0, 0.0, size.0 as f64, size.1 as f64]);
-    }
+    let to = longest.min(options.long_side);
+    let shrunk = |side: usize| ((side * to) as f64 / longest as f64).round().max(1.0) as usize;
+    let image = file.resize_whole(shrunk(size.0), shrunk(size.1))?.to_image();
     let (w, h) = (image.width as f64, image.height as f64);
     let told = if options.exif { weaver_io::focal_35mm(path)? } else { None };
     let focal = options.focal.map(|f| f * w.max(h)).or(told.map(|mm| mm / FILM * w.hypot(h)));
     Ok(Loaded { image, size, focal })
+}
+
+/// Opens a photo as it will be opened again with the camera that is found for it: upright, if its size can tell.
+fn open(path: &Path) -> Result<PhotoFile, Error> {
+    let file = PhotoFile::at(path)?;
+    let (width, height) = file.size();
+    Ok(file.for_camera(width, height))
 }
 
 impl EstimatedPhotos {
@@ -173,7 +178,7 @@ impl EstimatedPhotos {
                     return Err(Error::unexpected(&frame.path, "photo", "a new file", "a photo that is matched"));
                 }
                 weaver_io::create_folder(folder.join(IMAGES))?;
-                lens.apply(&Image::read(&self.paths[*number], Background::White)?).write_png(&frame.path)?;
+                undistorted(lens, &open(&self.paths[*number])?.read()?).write_png(&frame.path)?;
             }
         }
         self.model(&frames).write_binary(&sparse)?;
@@ -207,8 +212,10 @@ impl EstimatedPhotos {
     /// Where an observation is in its photo without distortion, and how far off; `None` in photos without a camera.
     fn seen(&self, o: &Observation) -> Option<(DVec2, f64)> {
         let camera = self.estimate.cameras[o.camera].ok()?;
-        let lens = self.lenses[o.camera];
-        let (camera, pixel) = lens.map_or((camera, o.pixel), |lens| (lens.to, lens.undistorted(o.pixel)));
+        let (camera, pixel) = match &self.lenses[o.camera] {
+            Some(lens) => (lens.to, lens.undistorted(o.pixel)?),
+            None => (camera, o.pixel),
+        };
         let at = camera.intrinsics.project(camera.pose.apply(self.estimate.points[o.point]));
         Some((pixel, at.distance(pixel)))
     }

@@ -12,6 +12,7 @@ mod sampler;
 mod scene;
 mod sparse_points;
 mod tuple;
+mod undistorted;
 
 pub use capture::posed;
 pub use error::Error;

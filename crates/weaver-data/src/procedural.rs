@@ -122,7 +122,7 @@ impl Plan {
             .par_iter()
             .map(|camera| (0..points.len() as u32).filter(|&p| sees(&world, camera, points[p as usize])).collect())
             .collect();
-        Scene { name, views, points, visible, scale: None }
+        Scene { name, views, points, visible, scale: None, remarks: Vec::new() }
     }
 }
 

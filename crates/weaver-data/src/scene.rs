@@ -38,6 +38,8 @@ pub struct Scene {
     pub visible: Vec<Vec<u32>>,
     /// The length that becomes 1 in training where no points determine it (the `scene_scale` option).
     pub scale: Option<f64>,
+    /// What the user should know about how it was loaded.
+    pub remarks: Vec<String>,
 }
 
 /// The poses of a [`Tuple`] in the frame and the scale of training.

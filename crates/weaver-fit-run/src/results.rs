@@ -4,6 +4,7 @@ use crate::judged::Judged;
 use crate::outcome::{Outcome, PoseChange, Views};
 use crate::run::Origin;
 use crate::{Run, RunError, report};
+use std::path::PathBuf;
 use std::time::Instant;
 use weaver_fit::{Photo, Quality};
 use weaver_geometry::{Camera, Pose, Similarity};
@@ -102,19 +103,22 @@ impl Run {
         Ok(cameras)
     }
 
-    /// Writes transforms.json and a COLMAP model, with intrinsics for the photos as they are on disk.
+    /// Writes transforms.json and a COLMAP model, with intrinsics and distortion of the photos as they are on disk.
     fn write_cameras(&self, test: &[Camera]) -> Result<(), RunError> {
         let fitted = (0..self.fit.photos()).map(|i| self.fit.camera(i)).chain(test.iter().copied());
         let cameras: Vec<Camera> = fitted
             .zip(&self.origins)
             .map(|(camera, origin)| Camera { pose: camera.pose, ..origin.file_camera })
             .collect();
+        let absolute = |path: &PathBuf| std::path::absolute(path).unwrap_or(path.clone());
         let frames = |name: &dyn Fn(&Origin) -> String| -> Vec<Frame> {
-            self.origins.iter().zip(&cameras).map(|(origin, camera)| Frame::new(name(origin), *camera)).collect()
+            let frame = |(origin, camera): (&Origin, &Camera)| {
+                let (distortion, mask) = (origin.distortion, origin.mask_file.as_ref().map(absolute));
+                Frame { distortion, mask, ..Frame::new(name(origin), *camera) }
+            };
+            self.origins.iter().zip(&cameras).map(frame).collect()
         };
-        let absolute =
-            |origin: &Origin| std::path::absolute(&origin.path).unwrap_or(origin.path.clone()).display().to_string();
-        let frames_on_disk = frames(&absolute);
+        let frames_on_disk = frames(&|origin| absolute(&origin.path).display().to_string());
         let test_filenames = frames_on_disk[self.fit.photos()..].iter().map(|frame| frame.name.clone()).collect();
         Transforms { frames: frames_on_disk, test_filenames, ..Transforms::default() }
             .write(self.folder.join("transforms.json"))?;

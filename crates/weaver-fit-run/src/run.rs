@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use weaver_data::posed::{self, PosedPhoto};
 use weaver_fit::{Fit, Judge, Photo, StepReport, init, steps_in};
-use weaver_geometry::Camera;
+use weaver_geometry::{Camera, Distortion};
 use weaver_io::checkpoint::Tensors;
 use weaver_report::{MetricsLog, TensorBoard};
 use weaver_scene::Gaussians;
@@ -19,6 +19,10 @@ pub(crate) struct Origin {
     pub path: PathBuf,
     /// The camera of the photo as it is on disk.
     pub file_camera: Camera,
+    /// The distortion of the photo as it is on disk.
+    pub distortion: Option<Distortion>,
+    /// The file of the photo's mask.
+    pub mask_file: Option<PathBuf>,
     /// The camera of the photo as it is fitted, before refinement.
     pub given: Camera,
 }
@@ -33,6 +37,7 @@ pub struct Run {
     /// Of the training photos, then of the held-out ones.
     pub(crate) origins: Vec<Origin>,
     pub(crate) matching: Option<Matching>,
+    remarks: Vec<String>,
     pub(crate) judge: Judge,
     /// Seconds of earlier sessions.
     before: f64,
@@ -65,9 +70,19 @@ impl Run {
         }
         settings.fit.check()?;
         settings.capture = std::path::absolute(&settings.capture).unwrap_or(settings.capture);
-        let Loaded { fit, held_out, origins, matching } = load(&settings, given)?;
-        let mut run =
-            Self { folder: folder.into(), settings, fit, held_out, origins, matching, judge, before: 0.0, started };
+        let Loaded { fit, held_out, origins, matching, remarks } = load(&settings, given)?;
+        let mut run = Self {
+            folder: folder.into(),
+            settings,
+            fit,
+            held_out,
+            origins,
+            matching,
+            remarks,
+            judge,
+            before: 0.0,
+            started,
+        };
         if let Some(minutes) = run.settings.minutes {
             let reserve = run.seconds_of_results()?;
             let left = 60.0 * minutes - started.elapsed().as_secs_f64() - reserve;
@@ -103,9 +118,19 @@ impl Run {
         let checkpoint = checkpoint_path(folder);
         let given = init_path(folder);
         let given = given.exists().then(|| weaver_io::read_gaussians(&given)).transpose()?;
-        let Loaded { fit, held_out, origins, matching } = load(&settings, given.as_ref())?;
-        let mut run =
-            Self { folder: folder.into(), settings, fit, held_out, origins, matching, judge, before: 0.0, started };
+        let Loaded { fit, held_out, origins, matching, remarks } = load(&settings, given.as_ref())?;
+        let mut run = Self {
+            folder: folder.into(),
+            settings,
+            fit,
+            held_out,
+            origins,
+            matching,
+            remarks,
+            judge,
+            before: 0.0,
+            started,
+        };
         if checkpoint.exists() {
             let state = Tensors::read(&checkpoint)?;
             run.fit.restore(&state)?;
@@ -135,6 +160,11 @@ impl Run {
     /// What photos were found to agree about, if cameras are refined.
     pub fn matching(&self) -> Option<Matching> {
         self.matching
+    }
+
+    /// What the user should know about how the capture was loaded.
+    pub fn remarks(&self) -> &[String] {
+        &self.remarks
     }
 
     /// The photos that are held out.
@@ -208,13 +238,15 @@ struct Loaded {
     held_out: Vec<Photo>,
     origins: Vec<Origin>,
     matching: Option<Matching>,
+    remarks: Vec<String>,
 }
 
 fn load(settings: &RunSettings, given: Option<&Gaussians>) -> Result<Loaded, RunError> {
     let mut capture = posed::load(&settings.capture, &settings.posed_options())?;
     let (mut training, mut held_out) = (Vec::new(), Vec::new());
     let (mut origins, mut held_out_origins) = (Vec::new(), Vec::new());
-    for PosedPhoto { name, path, camera, file_camera, rgb, mask, held_out: out } in capture.photos {
+    for photo in capture.photos {
+        let PosedPhoto { name, path, camera, file_camera, distortion, mask_file, rgb, mask, held_out: out } = photo;
         let photo = Photo { name: name.clone(), camera, rgb, mask };
         // The optimization leaves out photos without a pixel that counts.
         if photo.is_masked() {
@@ -222,7 +254,7 @@ fn load(settings: &RunSettings, given: Option<&Gaussians>) -> Result<Loaded, Run
         }
         let (photos, places) = if out { (&mut held_out, &mut held_out_origins) } else { (&mut training, &mut origins) };
         photos.push(photo);
-        places.push(Origin { name, path, file_camera, given: camera });
+        places.push(Origin { name, path, file_camera, distortion, mask_file, given: camera });
     }
     if let Some(views) = settings.views {
         let chosen = weaver_data::uniform(training.len(), views.clamp(1, training.len().max(1)));
@@ -240,15 +272,16 @@ fn load(settings: &RunSettings, given: Option<&Gaussians>) -> Result<Loaded, Run
             found,
         });
     }
-    let matching = settings
-        .fit
-        .poses
-        .refine
-        .then(|| Matching::refine(&mut training, &mut held_out, &mut capture.points, settings.focal));
-    if let Some(Matching { focal, .. }) = matching {
+    // The file of a fisheye's photo with another focal length would have no distortion that can be written.
+    let refocusable = |origin: &Origin| origin.distortion.is_none_or(|d| d.refocused(1.0).is_some());
+    let refocus = settings.focal && origins.iter().all(refocusable);
+    let matching =
+        settings.fit.poses.refine.then(|| Matching::refine(&mut training, &mut held_out, &mut capture.points, refocus));
+    if let Some(Matching { focal, .. }) = matching.filter(|_| refocus) {
         for origin in &mut origins {
             origin.file_camera.intrinsics.fx *= focal;
             origin.file_camera.intrinsics.fy *= focal;
+            origin.distortion = origin.distortion.and_then(|distortion| distortion.refocused(focal));
         }
     }
     let initial = match (settings.init, capture.points.is_empty()) {
@@ -256,5 +289,6 @@ fn load(settings: &RunSettings, given: Option<&Gaussians>) -> Result<Loaded, Run
         (Initial::Random, _) | (Initial::Auto, true) => init::random(&training, &settings.fit)?,
         (Initial::Points | Initial::Auto, _) => init::from_points(&capture.points, &settings.fit)?,
     };
-    Ok(Loaded { fit: Fit::new(training, &initial, settings.fit.clone())?, held_out, origins, matching })
+    let remarks = capture.remarks;
+    Ok(Loaded { fit: Fit::new(training, &initial, settings.fit.clone())?, held_out, origins, matching, remarks })
 }

@@ -20,7 +20,7 @@ pub struct RunSettings {
     /// Whether masks are read.
     pub masks: bool,
     /// Whether the focal length is refined with the cameras ([`Poses::refine`](weaver_fit::Poses::refine)), one factor for
-    /// all photos.
+    /// all photos; it stays as given where a lens is a fisheye.
     pub focal: bool,
     /// Where the Gaussians begin.
     pub init: Initial,

@@ -1,4 +1,4 @@
-//! Poses, cameras, intrinsics, pose encodings, spherical harmonics and alignment; no tensors.
+//! Poses, cameras, intrinsics, lens distortion, pose encodings, spherical harmonics and alignment; no tensors.
 //!
 //! Conventions: world-to-camera poses, OpenCV axes (x right, y down, z forward), pixel centers at +0.5,
 //! quaternions in wxyz order.
@@ -6,6 +6,7 @@
 mod align;
 pub mod axes;
 mod camera;
+mod distortion;
 pub mod fov;
 mod pose;
 pub mod pose_code;
@@ -13,11 +14,14 @@ pub mod se3;
 pub mod sh;
 pub mod so3;
 pub mod trajectory;
+mod undistortion;
 
 pub use align::Similarity;
 pub use camera::{Camera, Intrinsics};
+pub use distortion::Distortion;
 pub use glam;
 pub use pose::{NotRigid, Pose};
+pub use undistortion::Undistortion;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -111,15 +111,15 @@ pub fn run(
     let gaussians = opened.has_gaussians;
     let needed = estimate::bytes(&opened, images.len(), size);
     estimate::check(needed, weaver_io::available_memory(), gaussians)?;
-    let given = match &options.cameras {
+    let mut given = match &options.cameras {
         Some(file) if !gaussians => {
             let file = file.display();
             return Err(Error::Input(format!("cameras {file}: expected a network that makes Gaussians with them")));
         }
         file => file.as_deref().map(|file| capture::load_cameras(file, images, size[1], size[0])).transpose()?,
     };
-    let photos = match given {
-        Some(_) => capture::load_images(images, size[1], size[0])?,
+    let photos = match &mut given {
+        Some(given) => std::mem::take(&mut given.images),
         None => photos::read(images, size, config.patch, options.fit)?,
     };
     let (network, params) = opened.load(options.bf16_products)?;
@@ -168,7 +168,7 @@ impl Scene<'_> {
         let stream = Stream::new(options.seed, 0, "inference");
         let photos = Photos { planes: self.planes, height, width };
         let source = match self.given {
-            Some(PhotoCameras { cameras, points }) => CameraSource::GivenWithPoints { cameras, points },
+            Some(PhotoCameras { cameras, points, .. }) => CameraSource::GivenWithPoints { cameras, points },
             None => CameraSource::Predicted,
         };
         let prediction = predictor.predict(photos, source, density, stream)?;

@@ -48,18 +48,21 @@ pub fn reconstruct(
     out: &Path,
 ) -> Result<Report, Error> {
     let [height, width] = predictor.image_size();
-    let photos = capture::load_images(images, width, height)?;
+    let mut given =
+        options.cameras.as_deref().map(|file| capture::load_cameras(file, images, width, height)).transpose()?;
+    let photos = match &mut given {
+        Some(given) => std::mem::take(&mut given.images),
+        None => capture::load_images(images, width, height)?,
+    };
     let mut remarks = Vec::new();
     if photos.len() == 1 {
         remarks.push(ONE_PHOTO.to_string());
     }
-    let given =
-        options.cameras.as_deref().map(|file| capture::load_cameras(file, images, width, height)).transpose()?;
     let density = predictor.density(options.density)?;
     let mut planes = Vec::new();
     photos.iter().for_each(|photo| push_planar(&mut planes, photo));
     let source = match &given {
-        Some(PhotoCameras { cameras, points }) => CameraSource::GivenWithPoints { cameras, points },
+        Some(PhotoCameras { cameras, points, .. }) => CameraSource::GivenWithPoints { cameras, points },
         None => CameraSource::Predicted,
     };
     let stream = Stream::new(options.seed, 0, "inference");

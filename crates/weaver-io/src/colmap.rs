@@ -1,12 +1,13 @@
 //! Sparse models of COLMAP: cameras, images with their poses, and points.
 
 mod binary;
+mod camera;
 mod text;
 
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use weaver_geometry::{Camera, Intrinsics, Pose};
+use weaver_geometry::{Camera, Distortion, Intrinsics, Pose};
 use weaver_scene::Frame;
 
 /// A sparse model: the result of structure from motion.
@@ -20,7 +21,7 @@ pub struct Model {
     pub points: Vec<Point>,
 }
 
-/// A pinhole camera that took one or more images.
+/// A camera that took one or more images.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraModel {
     /// Image width, pixels.
@@ -29,6 +30,8 @@ pub struct CameraModel {
     pub height: usize,
     /// Intrinsics in pixels, pixel centers at half-integers.
     pub intrinsics: Intrinsics,
+    /// How the lens departs from the pinhole camera, if it does.
+    pub distortion: Option<Distortion>,
 }
 
 /// A registered image.
@@ -64,17 +67,18 @@ pub struct Point {
 impl Model {
     /// Reads `cameras`, `images` and `points3D` from a folder: the `.bin` files where they exist, else the `.txt` files.
     ///
-    /// Camera models with lens distortion are accepted when every distortion coefficient is exactly zero.
+    /// A `points3D.ply` takes the place of points that are in neither form; its points have no observations.
     ///
     /// # Errors
-    /// When a file is missing or malformed, or an image refers to a camera that is not in the model.
+    /// When a file is missing or malformed, a camera's model is FOV or THIN_PRISM_FISHEYE, or an image refers to a camera that is not
+    /// in the model.
     pub fn read(folder: impl AsRef<Path>) -> Result<Self> {
         let folder = folder.as_ref();
         let extension = if folder.join("cameras.bin").is_file() { "bin" } else { "txt" };
         let model = Self {
             cameras: read_cameras(&file(folder, "cameras", extension))?,
             images: read_images(&file(folder, "images", extension))?,
-            points: read_points(&file(folder, "points3D", extension))?,
+            points: points(folder, extension)?,
         };
         if let Some(image) = model.images.iter().find(|i| !model.cameras.contains_key(&i.camera_id)) {
             let place = format!("image {} ({})", image.id, image.name);
@@ -89,7 +93,8 @@ impl Model {
         let mut model = Self::default();
         for (id, frame) in (1..).zip(frames) {
             let Camera { pose, intrinsics, width, height } = frame.camera;
-            model.cameras.insert(id, CameraModel { width, height, intrinsics });
+            let distortion = frame.distortion;
+            model.cameras.insert(id, CameraModel { width, height, intrinsics, distortion });
             let name = frame.name.clone();
             model.images.push(ImageRecord { id, name, camera_id: id, pose, points: Vec::new() });
         }
@@ -101,18 +106,21 @@ impl Model {
     /// Images whose camera is missing are left out; there are none in a model that was read from files.
     pub fn frames(&self) -> Vec<Frame> {
         let frame = |image: &ImageRecord| {
-            let CameraModel { width, height, intrinsics } = *self.cameras.get(&image.camera_id)?;
-            Some(Frame::new(&image.name, Camera { pose: image.pose, intrinsics, width, height }))
+            let CameraModel { width, height, intrinsics, distortion } = *self.cameras.get(&image.camera_id)?;
+            let camera = Camera { pose: image.pose, intrinsics, width, height };
+            Some(Frame { distortion, ..Frame::new(&image.name, camera) })
         };
         self.images.iter().filter_map(frame).collect()
     }
 
-    /// Writes `cameras.bin`, `images.bin` and `points3D.bin` into an existing folder; cameras become PINHOLE.
+    /// Writes `cameras.bin`, `images.bin` and `points3D.bin` into an existing folder; cameras become PINHOLE, OPENCV,
+    /// FULL_OPENCV or OPENCV_FISHEYE, whichever is enough.
     pub fn write_binary(&self, folder: impl AsRef<Path>) -> Result<()> {
         binary::write(self, folder.as_ref())
     }
 
-    /// Writes `cameras.txt`, `images.txt` and `points3D.txt` into an existing folder; cameras become PINHOLE.
+    /// Writes `cameras.txt`, `images.txt` and `points3D.txt` into an existing folder; cameras become PINHOLE, OPENCV,
+    /// FULL_OPENCV or OPENCV_FISHEYE, whichever is enough.
     pub fn write_text(&self, folder: impl AsRef<Path>) -> Result<()> {
         text::write(self, folder.as_ref())
     }
@@ -125,69 +133,6 @@ pub fn model_folder(folder: impl AsRef<Path>) -> PathBuf {
     let holds_model = |f: &&PathBuf| f.join("cameras.bin").is_file() || f.join("cameras.txt").is_file();
     let found = candidates.iter().find(holds_model).or(candidates.iter().find(|f| f.is_dir()));
     found.cloned().unwrap_or_else(|| folder.to_path_buf())
-}
-
-/// How the parameters of a camera model begin.
-#[derive(Clone, Copy)]
-enum Focal {
-    /// f, cx, cy.
-    One,
-    /// fx, fy, cx, cy.
-    Two,
-}
-
-/// COLMAP's camera models: number, name, count of parameters, and how they begin; `None` when the model is no
-/// pinhole even without distortion.
-const MODELS: [(u32, &str, usize, Option<Focal>); 11] = [
-    (0, "SIMPLE_PINHOLE", 3, Some(Focal::One)),
-    (1, "PINHOLE", 4, Some(Focal::Two)),
-    (2, "SIMPLE_RADIAL", 4, Some(Focal::One)),
-    (3, "RADIAL", 5, Some(Focal::One)),
-    (4, "OPENCV", 8, Some(Focal::Two)),
-    (5, "OPENCV_FISHEYE", 8, None),
-    (6, "FULL_OPENCV", 12, Some(Focal::Two)),
-    (7, "FOV", 5, None),
-    (8, "SIMPLE_RADIAL_FISHEYE", 4, None),
-    (9, "RADIAL_FISHEYE", 5, None),
-    (10, "THIN_PRISM_FISHEYE", 12, None),
-];
-
-/// The number of PINHOLE, which is what gets written.
-const PINHOLE: u32 = 1;
-
-/// A camera as a file has it, before its model is interpreted.
-struct RawCamera<'a> {
-    path: &'a Path,
-    id: u32,
-    model: &'a str,
-    focal: Option<Focal>,
-    size: [u64; 2],
-    parameters: &'a [f64],
-}
-
-impl RawCamera<'_> {
-    fn check(&self) -> Result<CameraModel> {
-        let invalid = |expected: &str, found: String| {
-            Error::invalid(self.path, format!("camera {} ({})", self.id, self.model), expected, found)
-        };
-        let [width, height] = self.size;
-        if !(1..=1 << 20).contains(&width) || !(1..=1 << 20).contains(&height) {
-            return Err(invalid("an image size in pixels", format!("{width}x{height}")));
-        }
-        let (intrinsics, distortion) = match (self.focal, self.parameters) {
-            (Some(Focal::One), &[f, cx, cy, ref rest @ ..]) => (Intrinsics { fx: f, fy: f, cx, cy }, rest),
-            (Some(Focal::Two), &[fx, fy, cx, cy, ref rest @ ..]) => (Intrinsics { fx, fy, cx, cy }, rest),
-            _ => return Err(invalid("a pinhole camera", "another model".into())),
-        };
-        let Intrinsics { fx, fy, cx, cy } = intrinsics;
-        if ![fx, fy, cx, cy].iter().all(|x| x.is_finite()) || fx <= 0.0 || fy <= 0.0 {
-            return Err(invalid("finite intrinsics, focal lengths positive", format!("{:?}", self.parameters)));
-        }
-        if distortion.iter().any(|&k| k != 0.0) {
-            return Err(invalid("distortion 0 (undistort the images first)", format!("{distortion:?}")));
-        }
-        Ok(CameraModel { width: width as usize, height: height as usize, intrinsics })
-    }
 }
 
 /// The pose of an image record, or what is wrong with it.
@@ -204,6 +149,23 @@ fn pose(wxyz: [f64; 4], t: [f64; 3]) -> std::result::Result<Pose, String> {
 
 /// What a pose must be, for messages.
 const POSE: &str = "a unit quaternion and a finite translation";
+
+/// The points of a model.
+fn points(folder: &Path, extension: &str) -> Result<Vec<Point>> {
+    let (own, cloud) = (file(folder, "points3D", extension), file(folder, "points3D", "ply"));
+    if own.exists() || !cloud.is_file() {
+        return read_points(&own);
+    }
+    let cloud = crate::ply::read_points(cloud)?;
+    let point = |(id, (xyz, rgb)): (u64, (&[f32; 3], &[u8; 3]))| Point {
+        id,
+        xyz: xyz.map(f64::from),
+        rgb: *rgb,
+        error: 0.0,
+        track: Vec::new(),
+    };
+    Ok((1..).zip(cloud.positions.iter().zip(&cloud.colors)).map(point).collect())
+}
 
 /// Reads the cameras of a model, binary or text by the extension.
 pub(crate) fn read_cameras(path: &Path) -> Result<BTreeMap<u32, CameraModel>> {

@@ -1,10 +1,9 @@
 //! RGB images: reading, writing, cropping, mosaics.
 
-use crate::file::read_bytes;
-use crate::{Error, Result, atomic_write};
+use crate::{Result, atomic_write};
 use image::codecs::png::PngEncoder;
-use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageReader};
-use std::io::{Cursor, Write};
+use image::{ExtendedColorType, ImageEncoder};
+use std::io::Write;
 use std::path::Path;
 
 /// An RGB image, `[height, width, 3]` row-major. Values are sRGB divided by 255, in [0, 1], never linearized.
@@ -34,48 +33,6 @@ impl Image {
         Self { width, height, pixels: rgb.repeat(width * height) }
     }
 
-    /// Reads a PNG or JPEG file (8 or 16 bits, gray or RGB, with or without alpha).
-    ///
-    /// Straight alpha is composited over `background` in sRGB values. The EXIF orientation is *not* applied: cameras
-    /// from structure from motion refer to the pixels as stored.
-    pub fn read(path: impl AsRef<Path>, background: Background) -> Result<Self> {
-        Ok(Self::from_decoded(decode(path.as_ref())?, background))
-    }
-
-    /// Reads a file as [`read`](Self::read) does over [`Background::Black`], and its alpha `[height, width]` if it has one:
-    /// colors are multiplied by alpha, so that `color + (1 - alpha) background` is the photo over any background.
-    pub fn read_with_alpha(path: impl AsRef<Path>) -> Result<(Self, Option<Vec<f32>>)> {
-        let decoded = decode(path.as_ref())?;
-        let alpha = decoded.color().has_alpha().then(|| decoded.to_rgba32f().pixels().map(|p| p.0[3]).collect());
-        Ok((Self::from_decoded(decoded, Background::Black), alpha))
-    }
-
-    fn from_decoded(decoded: DynamicImage, background: Background) -> Self {
-        let (width, height) = (decoded.width() as usize, decoded.height() as usize);
-        let behind = match background {
-            Background::White => 1.0,
-            Background::Black => 0.0,
-        };
-        let pixels = if decoded.color().has_alpha() {
-            let rgba = decoded.into_rgba32f();
-            rgba.pixels().flat_map(|p| [0, 1, 2].map(|c| p.0[c] * p.0[3] + behind * (1.0 - p.0[3]))).collect()
-        } else {
-            decoded.into_rgb32f().into_raw()
-        };
-        Self { width, height, pixels }
-    }
-
-    /// Width and height of a PNG or JPEG file, from its header alone.
-    pub fn dimensions(path: impl AsRef<Path>) -> Result<(usize, usize)> {
-        let path = path.as_ref();
-        let (width, height) = ImageReader::open(path)
-            .and_then(ImageReader::with_guessed_format)
-            .map_err(Error::io(path))?
-            .into_dimensions()
-            .map_err(|e| Error::invalid(path, "header", "a PNG or JPEG image", e))?;
-        Ok((width as usize, height as usize))
-    }
-
     /// Writes an 8-bit RGB PNG file, atomically.
     pub fn write_png(&self, path: impl AsRef<Path>) -> Result<()> {
         atomic_write(path, |w| self.encode_png(w))
@@ -92,9 +49,7 @@ impl Image {
     }
 
     fn encode_png(&self, w: &mut dyn Write) -> std::io::Result<()> {
-        PngEncoder::new(w)
-            .write_image(&self.to_bytes(), self.width as u32, self.height as u32, ExtendedColorType::Rgb8)
-            .map_err(std::io::Error::other)
+        encode_png(w, self.width, self.height, &self.to_bytes())
     }
 
     /// The values as 8-bit numbers, clamped and rounded to the nearest.
@@ -147,34 +102,9 @@ impl Image {
     }
 }
 
-fn decode(path: &Path) -> Result<DynamicImage> {
-    let bytes = read_bytes(path)?;
-    if is_cut_jpeg(&bytes) {
-        return Err(Error::invalid(path, "image", "a whole JPEG image", "one that was cut short"));
-    }
-    ImageReader::new(Cursor::new(&bytes))
-        .with_guessed_format()
-        .map_err(Error::io(path))?
-        .decode()
-        .map_err(|e| Error::invalid(path, "image", "a PNG or JPEG image", e))
-}
-
-/// Whether these are the bytes of a JPEG whose picture has a beginning and no end. Decoders fill the rest with gray.
-fn is_cut_jpeg(bytes: &[u8]) -> bool {
-    const START: [u8; 2] = [0xff, 0xd8];
-    const SCAN: u8 = 0xda;
-    const END: [u8; 2] = [0xff, 0xd9];
-    if !bytes.starts_with(&START) {
-        return false;
-    }
-    // Segments up to the first scan have a length; one of them may hold a smaller picture with an end of its own.
-    let mut at = 2;
-    while let Some([0xff, kind, high, low]) = bytes.get(at..at + 4) {
-        if *kind == SCAN {
-            return !bytes[at..].windows(2).any(|pair| pair == END);
-        }
-        at += 2 + usize::from(u16::from_be_bytes([*high, *low]));
-    }
-    // No scan: for the decoder to say.
-    false
+/// Writes `[height, width, 3]` as a PNG file.
+pub(crate) fn encode_png(w: &mut dyn Write, width: usize, height: usize, pixels: &[u8]) -> std::io::Result<()> {
+    PngEncoder::new(w)
+        .write_image(pixels, width as u32, height as u32, ExtendedColorType::Rgb8)
+        .map_err(std::io::Error::other)
 }

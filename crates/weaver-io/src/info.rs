@@ -3,18 +3,19 @@
 mod weights;
 
 use crate::colmap::{self, CameraModel, Model, Point};
+use crate::photo_file::EXTENSIONS;
 use crate::ply::Table;
 use crate::realestate::Clip;
 use crate::{Background, Error, Image, Result, Transforms, Weights, read_gaussians, read_ply};
 use std::fmt::Display;
 use std::path::Path;
 use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Camera, Pose};
+use weaver_geometry::{Camera, Distortion, Intrinsics, Pose};
 use weaver_scene::Gaussians;
 
 /// Describes a file, or a folder with a COLMAP model: its format, how much it holds, and ranges of values.
 ///
-/// Supports PNG and JPEG images, PLY, `.splat` and `.spz` Gaussians and point clouds, safetensors, transforms.json, COLMAP
+/// Supports photos (JPEG, PNG, TIFF, WebP), PLY, `.splat` and `.spz` Gaussians and point clouds, safetensors, transforms.json, COLMAP
 /// models (a folder, a scene with `sparse/0`, or one of the files) and RealEstate10K camera files.
 pub fn info(path: impl AsRef<Path>) -> Result<String> {
     let path = path.as_ref();
@@ -27,7 +28,7 @@ pub fn info(path: impl AsRef<Path>) -> Result<String> {
     let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("").to_lowercase();
     let (stem, extension) = name.rsplit_once('.').unwrap_or((&name, ""));
     match (stem, extension) {
-        (_, "png" | "jpg" | "jpeg") => image(path),
+        (_, extension) if EXTENSIONS.contains(&extension) => image(path),
         (_, "ply") => ply(path),
         (_, "spz" | "splat") => Ok(gaussians(&read_gaussians(path)?)),
         (_, "safetensors") => Ok(weights::weights(&Weights::open(path)?)),
@@ -83,8 +84,8 @@ fn transforms(scene: &Transforms) -> String {
     let splits = splits.map(|(name, names)| format!("{} {name}", names.len())).join(", ");
     let mut lines = format!("transforms.json, {} frames (split: {splits})", scene.frames.len());
     if let Some(frame) = scene.frames.first() {
-        let Camera { intrinsics: k, width, height, .. } = frame.camera;
-        lines += &format!("\nfirst: {}, {}", frame.name, camera(width, height, [k.fx, k.fy, k.cx, k.cy]));
+        let Camera { intrinsics, width, height, .. } = frame.camera;
+        lines += &format!("\nfirst: {}, {}", frame.name, camera([width, height], &intrinsics, frame.distortion));
     }
     lines + &centers(scene.frames.iter().map(|f| f.camera.pose))
 }
@@ -106,8 +107,8 @@ fn model(model: &Model) -> String {
 
 fn cameras<'a>(cameras: impl ExactSizeIterator<Item = &'a CameraModel>) -> String {
     let mut lines = format!("COLMAP cameras, {}", cameras.len());
-    for CameraModel { width, height, intrinsics: k } in cameras.take(5) {
-        lines += &format!("\n{}", camera(*width, *height, [k.fx, k.fy, k.cx, k.cy]));
+    for CameraModel { width, height, intrinsics, distortion } in cameras.take(5) {
+        lines += &format!("\n{}", camera([*width, *height], intrinsics, *distortion));
     }
     lines
 }
@@ -126,8 +127,14 @@ fn points(points: &[Point]) -> String {
     lines + &format!("\nerror    {} pixels", Range::of(points.iter().map(|p| p.error)))
 }
 
-fn camera(width: usize, height: usize, [fx, fy, cx, cy]: [f64; 4]) -> String {
-    format!("{width}x{height} pixels, fx {fx:.3} fy {fy:.3} cx {cx:.3} cy {cy:.3}")
+fn camera([width, height]: [usize; 2], k: &Intrinsics, distortion: Option<Distortion>) -> String {
+    let Intrinsics { fx, fy, cx, cy } = k;
+    let lens = match distortion {
+        None => String::new(),
+        Some(Distortion::Radial { k, p }) => format!(", distorted by k {k:?} p {p:?}"),
+        Some(Distortion::Fisheye { k }) => format!(", a fisheye of k {k:?}"),
+    };
+    format!("{width}x{height} pixels, fx {fx:.3} fy {fy:.3} cx {cx:.3} cy {cy:.3}{lens}")
 }
 
 fn centers(poses: impl Iterator<Item = Pose>) -> String {

@@ -7,6 +7,7 @@
 
 mod append;
 mod atomic;
+mod bitmap;
 mod bytes;
 mod cameras;
 pub mod checkpoint;
@@ -23,6 +24,7 @@ mod image;
 mod info;
 mod mapped_file;
 mod memory;
+mod photo_file;
 pub mod ply;
 pub mod realestate;
 mod resize;
@@ -36,6 +38,7 @@ mod weights_writer;
 
 pub use append::Appender;
 pub use atomic::atomic_write;
+pub use bitmap::Bitmap;
 pub use cameras::read_cameras;
 pub use color::{false_color, label_color};
 pub use error::{Error, Result};
@@ -46,6 +49,7 @@ pub use gaussians::{read_gaussians, write_gaussians};
 pub use image::{Background, Image};
 pub use info::info;
 pub use memory::available_memory;
+pub use photo_file::{PhotoFile, list_photos};
 pub use ply::{read_ply, write_ply};
 pub use splat::{read_splat, write_splat};
 pub use spz::{read_spz, write_spz};

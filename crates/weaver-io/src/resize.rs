@@ -18,54 +18,74 @@ impl Image {
     /// # Panics
     /// When the box is empty or extends beyond the image.
     pub fn resize(&self, width: usize, height: usize, part: [f64; 4]) -> Self {
-        self.resample(width, height, part, lanczos3, 3.0)
+        self.resample(width, height, part, LANCZOS)
     }
 
     /// Resizes the whole image with a cubic filter (Keys, a = -0.5), widened when shrinking: Pillow's `BICUBIC`, the default of
     /// its `resize`.
     pub fn resize_bicubic(&self, width: usize, height: usize) -> Self {
-        self.resample(width, height, [0.0, 0.0, self.width as f64, self.height as f64], bicubic, 2.0)
+        self.resample(width, height, [0.0, 0.0, self.width as f64, self.height as f64], BICUBIC)
     }
 
     /// Resizes the whole image by averaging the area that each new pixel covers.
     pub fn resize_area(&self, width: usize, height: usize) -> Self {
-        self.resample(width, height, [0.0, 0.0, self.width as f64, self.height as f64], box_filter, 0.5)
+        self.resample(width, height, [0.0, 0.0, self.width as f64, self.height as f64], AREA)
     }
 
-    fn resample(
-        &self,
-        width: usize,
-        height: usize,
-        [x0, y0, x1, y1]: [f64; 4],
-        filter: fn(f64) -> f64,
-        support: f64,
-    ) -> Self {
-        assert!(
-            0.0 <= x0 && x0 < x1 && x1 <= self.width as f64 && 0.0 <= y0 && y0 < y1 && y1 <= self.height as f64,
-            "box [{x0}, {y0}, {x1}, {y1}] sticks out of {}x{} or is empty",
-            self.width,
-            self.height
-        );
-        let columns = taps(self.width, x0, x1, width, filter, support);
-        let rows = taps(self.height, y0, y1, height, filter, support);
-        let source = self.to_bytes();
-
-        let mut wide = vec![0; width * self.height * 3];
-        for (from, to) in source.chunks_exact(self.width * 3).zip(wide.chunks_exact_mut(width.max(1) * 3)) {
-            for (tap, pixel) in columns.iter().zip(to.chunks_exact_mut(3)) {
-                for (c, value) in pixel.iter_mut().enumerate() {
-                    *value = tap.apply(|i| from[i * 3 + c]);
-                }
-            }
-        }
-        let mut out = vec![0; width * height * 3];
-        for (tap, to) in rows.iter().zip(out.chunks_exact_mut(width.max(1) * 3)) {
-            for (x, value) in to.iter_mut().enumerate() {
-                *value = tap.apply(|i| wide[i * width * 3 + x]);
-            }
-        }
-        Self::from_bytes(width, height, &out)
+    fn resample(&self, width: usize, height: usize, part: [f64; 4], filter: Filter) -> Self {
+        let (source, length) = (self.to_bytes(), 3 * self.width);
+        let row = |y: usize, row: &mut [u8]| row.copy_from_slice(&source[y * length..(y + 1) * length]);
+        let pixels = resample((self.width, self.height), row, [width, height], part, filter);
+        Self::from_bytes(width, height, &pixels)
     }
+}
+
+/// A filter, and how far it reaches.
+#[derive(Clone, Copy)]
+pub(crate) struct Filter(fn(f64) -> f64, f64);
+
+pub(crate) const LANCZOS: Filter = Filter(lanczos3, 3.0);
+pub(crate) const BICUBIC: Filter = Filter(bicubic, 2.0);
+const AREA: Filter = Filter(box_filter, 0.5);
+
+/// The part `[x0, y0, x1, y1]` of an image that is read row by row, `[from_width, 3]`, from the top; returns `[height, width, 3]`.
+///
+/// # Panics
+/// When the part is empty or extends beyond the image.
+pub(crate) fn resample(
+    (from_width, from_height): (usize, usize),
+    row: impl Fn(usize, &mut [u8]),
+    [width, height]: [usize; 2],
+    [x0, y0, x1, y1]: [f64; 4],
+    filter: Filter,
+) -> Vec<u8> {
+    assert!(
+        0.0 <= x0 && x0 < x1 && x1 <= from_width as f64 && 0.0 <= y0 && y0 < y1 && y1 <= from_height as f64,
+        "box [{x0}, {y0}, {x1}, {y1}] sticks out of {from_width}x{from_height} or is empty"
+    );
+    let columns = taps(from_width, x0, x1, width, filter);
+    let rows = taps(from_height, y0, y1, height, filter);
+    // Rows that nothing is made of are not read.
+    let first = rows.first().map_or(0, |tap| tap.first);
+    let end = rows.last().map_or(0, |tap| tap.first + tap.weights.len());
+
+    let mut wide = vec![0; width * (end - first) * 3];
+    let mut from = vec![0; from_width * 3];
+    for (y, to) in (first..end).zip(wide.chunks_exact_mut(width.max(1) * 3)) {
+        row(y, &mut from);
+        for (tap, pixel) in columns.iter().zip(to.chunks_exact_mut(3)) {
+            for (c, value) in pixel.iter_mut().enumerate() {
+                *value = tap.apply(|i| from[i * 3 + c]);
+            }
+        }
+    }
+    let mut out = vec![0; width * height * 3];
+    for (tap, to) in rows.iter().zip(out.chunks_exact_mut(width.max(1) * 3)) {
+        for (x, value) in to.iter_mut().enumerate() {
+            *value = tap.apply(|i| wide[(i - first) * width * 3 + x]);
+        }
+    }
+    out
 }
 
 /// The source samples of one output sample: from `first` on, with fixed-point weights.
@@ -84,7 +104,7 @@ impl Tap {
     }
 }
 
-fn taps(size: usize, from: f64, to: f64, out: usize, filter: fn(f64) -> f64, support: f64) -> Vec<Tap> {
+fn taps(size: usize, from: f64, to: f64, out: usize, Filter(filter, support): Filter) -> Vec<Tap> {
     let scale = (to - from) / out as f64;
     let stretch = scale.max(1.0);
     let reach = support * stretch;

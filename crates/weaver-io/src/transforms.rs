@@ -1,7 +1,10 @@
 //! transforms.json of nerfstudio, instant-ngp and NeRF-synthetic scenes.
 
+mod lens;
+
 use crate::file::read_bytes;
-use crate::{Error, Image, Result, atomic_write};
+use crate::photo_file::EXTENSIONS;
+use crate::{Error, PhotoFile, Result, atomic_write};
 use serde_json::{Map, Value, json};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
@@ -13,6 +16,8 @@ use weaver_scene::Frame;
 pub struct Transforms {
     /// The photographs, in the order of the file.
     pub frames: Vec<Frame>,
+    /// A file of points on surfaces (`ply_file_path`), relative to this file.
+    pub point_cloud: Option<PathBuf>,
     /// Names of the frames to train on; empty when the file does not split.
     pub train_filenames: Vec<String>,
     /// Names of the frames to validate on.
@@ -22,7 +27,7 @@ pub struct Transforms {
 }
 
 /// Keys of a frame that [`Frame`] has fields for.
-const KNOWN: [&str; 13] = [
+const KNOWN: [&str; 15] = [
     "file_path",
     "transform_matrix",
     "fl_x",
@@ -34,25 +39,31 @@ const KNOWN: [&str; 13] = [
     "camera_angle_x",
     "camera_angle_y",
     "camera_model",
+    "is_fisheye",
+    "mask_path",
     "time",
     "number",
 ];
 
-const DISTORTION: [&str; 6] = ["k1", "k2", "k3", "k4", "p1", "p2"];
+/// Whether [`Frame`] has a field for a key.
+fn is_known(key: &str) -> bool {
+    KNOWN.contains(&key) || lens::KEYS.contains(&key)
+}
 
 impl Transforms {
     /// Reads the file and locates its images.
     ///
-    /// A frame's `time` becomes [`Frame::time`], its `number` [`Frame::number`]; unknown keys are kept in
-    /// [`Frame::extras`].
+    /// A frame's `time` becomes [`Frame::time`], its `number` [`Frame::number`], its `mask_path` [`Frame::mask`]; unknown keys are kept
+    /// in [`Frame::extras`].
     ///
     /// Intrinsics may stand in the frame or, for all frames, at the top: `fl_x` `fl_y` `cx` `cy` `w` `h`, or
     /// `camera_angle_x` (and `_y`). Missing `fl_y` is `fl_x`, a missing principal point is the image's center, a
-    /// missing size is read from the image's header. A `file_path` without extension gets `.png`, `.jpg` or `.jpeg`,
-    /// whichever exists.
+    /// missing size is read from the image's header, as it is stored. Likewise the lens: k1, k2, k3, p1 and p2 are OpenCV's; with the
+    /// `camera_model` FULL_OPENCV k4, k5 and k6 are, too; with OPENCV_FISHEYE, or `is_fisheye`, k1 to k4 are those of a fisheye. A
+    /// `file_path` without extension gets that of a photo, whichever exists.
     ///
     /// # Errors
-    /// When the file is malformed, an image is missing, a lens has distortion, or a matrix is not rigid.
+    /// When the file is malformed, an image is missing, a lens is of another model, or a matrix is not rigid.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         Self::parse(path.as_ref(), true)
     }
@@ -80,7 +91,13 @@ impl Transforms {
                 None => Err(Error::invalid(path, place, "an object", kind(value))),
             }
         };
+        let point_cloud = match top.get("ply_file_path") {
+            None | Some(Value::Null) => None,
+            Some(Value::String(name)) => Some(PathBuf::from(name)),
+            Some(other) => return Err(Error::invalid(path, "ply_file_path", "a string", kind(other))),
+        };
         Ok(Self {
+            point_cloud,
             frames: list.iter().enumerate().map(frame).collect::<Result<_>>()?,
             train_filenames: names(path, top, "train_filenames")?,
             val_filenames: names(path, top, "val_filenames")?,
@@ -94,9 +111,20 @@ impl Transforms {
     /// When an entry of [`Frame::extras`] is not JSON or has the name of a key with its own field, or the file cannot be written.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
-        let frame = |(i, frame)| to_json(path, i, frame);
+        let model = lens::model(self.frames.first().and_then(|frame| frame.distortion));
+        let frame = |(i, frame): (usize, &Frame)| -> Result<Value> {
+            let mut value = to_json(path, i, frame)?;
+            let own = lens::model(frame.distortion);
+            if own != model {
+                value["camera_model"] = json!(own);
+            }
+            Ok(value)
+        };
         let frames: Vec<Value> = self.frames.iter().enumerate().map(frame).collect::<Result<_>>()?;
-        let mut root = json!({ "camera_model": "PINHOLE", "frames": frames });
+        let mut root = json!({ "camera_model": model, "frames": frames });
+        if let Some(points) = &self.point_cloud {
+            root["ply_file_path"] = json!(points.to_string_lossy());
+        }
         let splits = [
             ("train_filenames", &self.train_filenames),
             ("val_filenames", &self.val_filenames),
@@ -125,6 +153,10 @@ fn to_json(path: &Path, index: usize, frame: &Frame) -> Result<Value> {
         "h": height,
         "transform_matrix": [a, b, c, [0.0, 0.0, 0.0, 1.0]],
     });
+    lens::write(frame.distortion, &mut value);
+    if let Some(mask) = &frame.mask {
+        value["mask_path"] = json!(mask.to_string_lossy());
+    }
     if let Some(time) = frame.time {
         value["time"] = json!(time);
     }
@@ -135,7 +167,7 @@ fn to_json(path: &Path, index: usize, frame: &Frame) -> Result<Value> {
         let invalid = |expected: &str, found: &dyn Display| {
             Error::invalid(path, format!("frames[{index}].{key} to write"), expected, found)
         };
-        if KNOWN.contains(&key.as_str()) {
+        if is_known(key) {
             return Err(invalid("a key without a field of its own", key));
         }
         value[key] = serde_json::from_str(text).map_err(|e| invalid("JSON", &e))?;
@@ -164,16 +196,17 @@ impl FrameReader<'_> {
         let path = self.image_file(&name)?;
         let (width, height) = match (self.size("w")?, self.size("h")?) {
             (Some(width), Some(height)) => (width, height),
-            _ => Image::dimensions(&path)?,
+            _ => PhotoFile::at(&path)?.stored_size(),
         };
         let intrinsics = self.intrinsics(width, height)?;
         let camera = Camera { pose: self.pose()?, intrinsics, width, height };
-        let known = |key: &str| KNOWN.contains(&key) || DISTORTION.contains(&key);
         let extras = (self.own.iter())
-            .filter(|(key, _)| !known(key))
+            .filter(|(key, _)| !is_known(key))
             .map(|(key, value)| (key.clone(), value.to_string()))
             .collect();
-        Ok(Frame { path, time: self.time()?, number: self.photo_number()?, extras, ..Frame::new(name, camera) })
+        let (distortion, mask) = (self.distortion()?, self.mask()?);
+        let (time, number) = (self.time()?, self.photo_number()?);
+        Ok(Frame { path, distortion, mask, time, number, extras, ..Frame::new(name, camera) })
     }
 
     fn image_file(&self, name: &str) -> Result<PathBuf> {
@@ -183,8 +216,8 @@ impl FrameReader<'_> {
             full.push(extension);
             PathBuf::from(full)
         };
-        let candidates = ["", ".png", ".jpg", ".jpeg"].map(with_extension);
-        let there = candidates.into_iter().find(|f| f.is_file());
+        let extensions = EXTENSIONS.iter().map(|extension| with_extension(&format!(".{extension}")));
+        let there = std::iter::once(file.clone()).chain(extensions).find(|f| f.is_file());
         there
             .or_else(|| (!self.with_images).then(|| file.clone()))
             .ok_or_else(|| self.invalid("file_path", "an image file", format!("no file {}", file.display())))
@@ -220,16 +253,6 @@ impl FrameReader<'_> {
     }
 
     fn intrinsics(&self, width: usize, height: usize) -> Result<Intrinsics> {
-        for key in DISTORTION {
-            if let Some(value) = self.number(key)?.filter(|&x| x != 0.0) {
-                return Err(self.invalid(key, "0 (an undistorted pinhole camera)", value));
-            }
-        }
-        if let Some(model) = self.get("camera_model").and_then(Value::as_str)
-            && !["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"].contains(&model)
-        {
-            return Err(self.invalid("camera_model", "a pinhole camera", model));
-        }
         let from_angle = |key, size: usize| -> Result<Option<f64>> {
             Ok(self.number(key)?.map(|angle| size as f64 / 2.0 / (angle / 2.0).tan()))
         };
@@ -256,6 +279,14 @@ impl FrameReader<'_> {
     fn time(&self) -> Result<Option<f64>> {
         let read = |value: &Value| value.as_f64().ok_or_else(|| self.invalid("time", "a number", value));
         self.own.get("time").map(read).transpose()
+    }
+
+    fn mask(&self) -> Result<Option<PathBuf>> {
+        match self.own.get("mask_path") {
+            None | Some(Value::Null) => Ok(None),
+            Some(Value::String(path)) => Ok(Some(PathBuf::from(path))),
+            Some(other) => Err(self.invalid("mask_path", "a string", kind(other))),
+        }
     }
 
     fn photo_number(&self) -> Result<Option<u64>> {

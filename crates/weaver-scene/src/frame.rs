@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use weaver_geometry::Camera;
+use weaver_geometry::{Camera, Distortion};
 
 /// One photo and its camera, as a camera file (transforms.json, COLMAP, RealEstate10K) describes them.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,6 +13,10 @@ pub struct Frame {
     pub path: PathBuf,
     /// Pose, intrinsics and image size.
     pub camera: Camera,
+    /// How the lens departs from the pinhole camera, if it does.
+    pub distortion: Option<Distortion>,
+    /// The photo's mask, as the file names it.
+    pub mask: Option<PathBuf>,
     /// When the photo was taken, in the unit of the file.
     pub time: Option<f64>,
     /// A number that the file gives to the photo, such as its exposure group or its place in a video.
@@ -25,6 +29,7 @@ impl Frame {
     /// A frame of which only the name and the camera are known.
     pub fn new(name: impl Into<String>, camera: Camera) -> Self {
         let name = name.into();
-        Self { path: PathBuf::from(&name), name, camera, time: None, number: None, extras: BTreeMap::new() }
+        let path = PathBuf::from(&name);
+        Self { name, path, camera, distortion: None, mask: None, time: None, number: None, extras: BTreeMap::new() }
     }
 }

@@ -66,7 +66,7 @@ pub struct Fit {
     /// At most so many photos to fit to, evenly spread
     #[arg(long, value_name = "V", value_parser = clap::value_parser!(u32).range(1..), help_heading = PHOTOS)]
     pub views: Option<u32>,
-    /// Leaves out what is black in masks: masks/NAME.png beside the photos, or mask_path of transforms.json
+    /// Leaves out what is black in masks: mask_path of transforms.json, a file in masks/ named as the photo, or its alpha
     #[arg(long, help_heading = PHOTOS)]
     pub masks: bool,
     /// The color behind everything, and behind transparent pixels: white, black or R,G,B from 0 to 1 [default: white]

@@ -30,7 +30,9 @@ pub fn run(arguments: &Eval, scene: &Path, console: &mut Console) -> Result<(), 
     let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);
     let gaussians = read_gaussians(scene)?;
     let long_side = arguments.drawing.size.map(|size| size as usize);
-    let mut photos = posed::load(data, &PosedOptions { long_side, background, ..PosedOptions::default() })?.photos;
+    let capture = posed::load(data, &PosedOptions { long_side, background, ..PosedOptions::default() })?;
+    capture.remarks.iter().for_each(|remark| console.note(&format!("warning: {remark}")));
+    let mut photos = capture.photos;
     let held_out = photos.iter().any(|photo| photo.held_out);
     if held_out {
         photos.retain(|photo| photo.held_out);

@@ -167,3 +167,29 @@ fn what_cannot_be_solved_is_refused_with_a_reason() {
         assert_eq!(output.status.code(), Some(2), "{wrong}: {}", said(&output));
     }
 }
+
+#[test]
+fn what_is_not_used_is_said() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    photos(folder, 12);
+    // A model of COLMAP that lacks a photo.
+    let mut frames = Transforms::read(folder.join("truth/transforms.json")).unwrap().frames;
+    frames.truncate(5);
+    frames.iter_mut().for_each(|frame| frame.name = frame.name.replace("../photos/", ""));
+    std::fs::create_dir_all(folder.join("capture/sparse/0")).unwrap();
+    std::fs::rename(folder.join("photos"), folder.join("capture/images")).unwrap();
+    weaver_io::colmap::Model::from_frames(&frames).write_binary(folder.join("capture/sparse/0")).unwrap();
+    let output = run(folder, "fit capture -o out --steps 2 --gaussians 100 --size 48");
+    let text = said(&output);
+    assert!(output.status.success() && text.contains("capture/sparse/0: photos that are not"), "{text}");
+    assert!(text.contains("capture/images/05.png"), "{text}");
+    let text = said(&run(folder, "eval --scene out/scene.ply --data capture --size 48"));
+    assert!(text.contains("capture/sparse/0: photos that are not") && text.contains("05.png"), "{text}");
+
+    // A photo that cannot be read is not left out of a folder.
+    std::fs::write(folder.join("capture/images/06.heic"), b"\0\0\0\x18ftypheic\0\0\0\0mif1heic").unwrap();
+    let output = run(folder, "cameras capture/images -o found");
+    let text = said(&output);
+    assert!(output.status.code() == Some(1) && text.contains("06.heic") && text.contains("convert it"), "{text}");
+}

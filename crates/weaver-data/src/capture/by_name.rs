@@ -58,7 +58,7 @@ fn common_end(photo: &[&OsStr], name: &[&OsStr]) -> usize {
 }
 
 /// The first of the items, and how many more there are: a capture can have a thousand photos.
-fn list(items: impl ExactSizeIterator<Item = impl ToString>) -> String {
+pub(super) fn list(items: impl ExactSizeIterator<Item = impl ToString>) -> String {
     const LISTED: usize = 12;
     let more = items.len().saturating_sub(LISTED);
     let listed = items.take(LISTED).map(|item| item.to_string()).collect::<Vec<_>>().join(", ");

@@ -1,7 +1,7 @@
 //! The largest centered part of a photo that has the network's aspect ratio.
 
 use weaver_geometry::Intrinsics;
-use weaver_io::Image;
+use weaver_io::{Bitmap, PhotoFile};
 
 /// A part of a photo, in pixels with fractions, and the size it is brought to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,9 +26,12 @@ impl Crop {
         Self { left, top, right, bottom, width, height }
     }
 
-    /// The part of `image`, shrunk or enlarged.
-    pub fn apply(&self, image: &Image) -> Image {
-        image.resize(self.width, self.height, [self.left, self.top, self.right, self.bottom])
+    /// The part of a photo, shrunk or enlarged.
+    ///
+    /// # Errors
+    /// When the photo cannot be read.
+    pub fn read(&self, photo: &PhotoFile) -> Result<Bitmap, weaver_io::Error> {
+        photo.resize(self.width, self.height, [self.left, self.top, self.right, self.bottom])
     }
 
     /// The photo's intrinsics carried over to the part.

@@ -1,10 +1,11 @@
 //! Captures described by `transforms.json` files.
 
 use super::photo::{Photo, Photos};
-use super::sparse;
+use super::{by_name, sparse};
 use crate::Error;
 use std::path::Path;
 use weaver_geometry::Pose;
+use weaver_geometry::glam::DVec3;
 use weaver_io::Transforms;
 use weaver_io::colmap::Model;
 use weaver_scene::Frame;
@@ -31,14 +32,16 @@ fn with_points(path: &Path, transforms: &Transforms) -> Result<Photos, Error> {
     }
     let mut capture = Photos {
         photos: transforms.frames.iter().map(|f| photo(f, held_out.contains(&f.name))).collect(),
-        points: Vec::new(),
-        colors: Vec::new(),
         split: !held_out.is_empty(),
+        ..Photos::default()
     };
     if folder.join("sparse").exists() {
         let sparse_folder = sparse::folder(folder);
         let model = Model::read(&sparse_folder)?;
         add_points(&mut capture, &model, &sparse_folder)?;
+    }
+    if capture.points.is_empty() {
+        add_point_cloud(&mut capture, transforms.point_cloud.as_deref(), folder)?;
     }
     Ok(capture)
 }
@@ -49,7 +52,7 @@ pub(super) fn read_split(folder: &Path) -> Result<Photos, Error> {
     let test = Transforms::read(folder.join("transforms_test.json"))?;
     let photos = training.frames.iter().map(|f| photo(f, false));
     let photos = photos.chain(test.frames.iter().map(|f| photo(f, true))).collect();
-    Ok(Photos { photos, points: Vec::new(), colors: Vec::new(), split: true })
+    Ok(Photos { photos, split: true, ..Photos::default() })
 }
 
 fn photo(frame: &Frame, held_out: bool) -> Photo {
@@ -60,9 +63,11 @@ fn photo(frame: &Frame, held_out: bool) -> Photo {
 fn add_points(capture: &mut Photos, model: &Model, folder: &Path) -> Result<(), Error> {
     let extent = extent(capture.photos.iter().map(|photo| &photo.frame.camera.pose));
     let index = sparse::index(model);
+    let mut unknown = Vec::new();
     for photo in &mut capture.photos {
         let named = model.images.iter().filter(|record| photo.frame.path.ends_with(&record.name));
         let Some(record) = named.max_by_key(|record| record.name.len()) else {
+            unknown.push(photo.frame.name.clone());
             continue;
         };
         let (ours, theirs) = (&photo.frame.camera.pose, &record.pose);
@@ -74,7 +79,27 @@ fn add_points(capture: &mut Photos, model: &Model, folder: &Path) -> Result<(), 
         }
         photo.track = sparse::track(record, &index);
     }
+    if !unknown.is_empty() {
+        let (folder, unknown) = (folder.display(), by_name::list(unknown.iter()));
+        capture
+            .remarks
+            .push(format!("{folder}: photos that are not in the model, and see none of its points: {unknown}"));
+    }
     (capture.points, capture.colors) = (sparse::points(model), sparse::colors(model));
+    Ok(())
+}
+
+/// Gives the capture the points of a PLY file: the one that its transforms.json names, `sparse_pc.ply` or `points3D.ply`.
+fn add_point_cloud(capture: &mut Photos, named: Option<&Path>, folder: &Path) -> Result<(), Error> {
+    let named = named.map(|path| folder.join(path));
+    if let Some(path) = named.as_ref().filter(|path| !path.is_file()) {
+        capture.remarks.push(format!("{}: no such file, although transforms.json names it: no points", path.display()));
+    }
+    let usual = ["sparse_pc.ply", "points3D.ply"].map(|name| folder.join(name));
+    let Some(file) = named.into_iter().chain(usual).find(|path| path.is_file()) else { return Ok(()) };
+    let cloud = weaver_io::ply::read_points(file)?;
+    capture.points = cloud.positions.iter().map(|p| DVec3::from(p.map(f64::from))).collect();
+    capture.colors = cloud.colors;
     Ok(())
 }
 

@@ -1,5 +1,11 @@
 //! What every kind of capture comes down to before its photos are read.
 
+use crate::Error;
+use crate::undistorted::undistorted;
+use weaver_geometry::{Camera, Intrinsics, Undistortion};
+use weaver_io::{Bitmap, PhotoFile};
+
+use std::path::Path;
 use weaver_geometry::glam::DVec3;
 use weaver_scene::Frame;
 
@@ -9,12 +15,12 @@ pub(super) struct Photo {
     /// Name, image file, camera, time and number.
     pub frame: Frame,
     pub held_out: bool,
-    /// Indices of the points it observes, ascending, each once.
+    /// Indices of the points it observes, ascending, each once; of none if [`Photos::tracked`] is false.
     pub track: Vec<u32>,
 }
 
 /// The photos and points of a capture.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Photos {
     pub photos: Vec<Photo>,
     pub points: Vec<DVec3>,
@@ -22,12 +28,76 @@ pub(super) struct Photos {
     pub colors: Vec<[u8; 3]>,
     /// Whether the capture itself says which photos are held out.
     pub split: bool,
+    /// What the user should know.
+    pub remarks: Vec<String>,
+}
+
+impl Photo {
+    /// Opens the photo, turned as its camera is, after its camera was checked.
+    pub fn open(&self) -> Result<PhotoFile, Error> {
+        let Frame { path, camera, .. } = &self.frame;
+        self.check_camera()?;
+        let file = PhotoFile::at(path)?.for_camera(camera.width, camera.height);
+        check_size(path, file.size(), camera)?;
+        Ok(file)
+    }
+
+    /// How its distortion is undone where it has the size of `camera`; `None` if it has none.
+    pub fn lens(&self, camera: Camera) -> Result<Option<Undistortion>, Error> {
+        let Some(distortion) = self.frame.distortion else { return Ok(None) };
+        let lens = Undistortion::new(camera, distortion).ok_or_else(|| {
+            let expected = "one that leaves a photo without blank borders";
+            Error::unexpected(&self.frame.path, "lens distortion", expected, format!("{distortion:?}"))
+        })?;
+        Ok(Some(lens))
+    }
+
+    fn check_camera(&self) -> Result<(), Error> {
+        let Frame { path, camera, .. } = &self.frame;
+        let Camera { pose, intrinsics: Intrinsics { fx, fy, cx, cy }, .. } = camera;
+        if !(pose.rotation.is_finite() && pose.translation.is_finite()) {
+            return Err(Error::unexpected(path, "pose", "finite numbers", format!("{pose:?}")));
+        }
+        let valid = *fx > 0.0 && *fy > 0.0 && [fx, fy, cx, cy].iter().all(|x| x.is_finite());
+        if !valid {
+            let found = format!("fx {fx} fy {fy} cx {cx} cy {cy}");
+            return Err(Error::unexpected(path, "intrinsics", "finite numbers, focal lengths above 0", found));
+        }
+        Ok(())
+    }
+}
+
+/// A photo without distortion, if its lens has one.
+pub(super) fn straight(photo: Bitmap, lens: Option<&Undistortion>) -> Bitmap {
+    match lens {
+        Some(lens) => undistorted(lens, &photo),
+        None => photo,
+    }
+}
+
+/// The camera of a photo without distortion, if its lens has one.
+pub(super) fn straight_camera(camera: Camera, lens: Option<&Undistortion>) -> Camera {
+    lens.map_or(camera, |lens| lens.to)
+}
+
+/// Checks that a file has the size of its photo's camera.
+pub(super) fn check_size(path: &Path, (width, height): (usize, usize), camera: &Camera) -> Result<(), Error> {
+    if (width, height) == (camera.width, camera.height) {
+        return Ok(());
+    }
+    let expected = format!("{}x{}, its camera's", camera.width, camera.height);
+    Err(Error::unexpected(path, "image size", expected, format!("{width}x{height}")))
 }
 
 impl Photos {
     /// Photos of which only names and cameras are known.
     pub fn without_points(frames: Vec<Frame>) -> Self {
         let photos = frames.into_iter().map(|frame| Photo { frame, held_out: false, track: Vec::new() }).collect();
-        Self { photos, points: Vec::new(), colors: Vec::new(), split: false }
+        Self { photos, ..Self::default() }
+    }
+
+    /// Whether it is known which photos observe which points.
+    pub fn tracked(&self) -> bool {
+        self.photos.iter().any(|photo| !photo.track.is_empty())
     }
 }

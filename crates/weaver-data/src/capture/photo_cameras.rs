@@ -1,24 +1,28 @@
 //! The cameras of some photos, out of a file that describes those of many.
 
+use super::photo::Photo;
 use super::photo::Photos;
-use super::{Crop, by_name, check_camera, check_size, nerf, sparse, visible_points};
+use super::{by_name, nerf, read_cropped, sparse, visible_points};
 use crate::{Error, SparsePoints};
+use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use weaver_geometry::Camera;
 use weaver_io::Image;
 use weaver_io::colmap::{Model, model_folder};
 use weaver_scene::Frame;
 
-/// Cameras of photos and the points that these show, in the frame of the first camera and in units of their own.
+/// Photos with their cameras and the points that they show, in the frame of the first camera and in units of their own.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PhotoCameras {
-    /// One for each photo, cropped and resized as the photo.
+    /// The photos, without distortion.
+    pub images: Vec<Image>,
+    /// One for each photo, with intrinsics for it.
     pub cameras: Vec<Camera>,
     /// The points that at least one photo shows; empty where the file has none.
     pub points: SparsePoints,
 }
 
-/// Reads the cameras of photos that are cropped and shrunk to `width` x `height` as [`load_images`](super::load_images) does.
+/// Reads photos with their cameras, cropped, shrunk to `width` x `height` and without distortion as [`load`](super::load) does.
 ///
 /// `file` is a transforms.json, with the points of a COLMAP model in `sparse/0` or `sparse` beside it where there is one; a folder
 /// with a COLMAP model, itself or in `sparse/0` or `sparse`; or a RealEstate10K file. A photo's camera is the one whose name has most
@@ -27,30 +31,30 @@ pub struct PhotoCameras {
 ///
 /// # Errors
 /// When the file is missing or malformed; when photos have no camera, several, or one that another photo has, too: all of them are
-/// listed; when a photo's size is not its camera's.
+/// listed; when a photo cannot be read, or its size is not its camera's.
 pub fn load_cameras(file: &Path, photos: &[PathBuf], width: usize, height: usize) -> Result<PhotoCameras, Error> {
-    let Photos { photos: known, points, .. } = read(file)?;
+    let capture = read(file)?;
+    let Photos { photos: known, points, .. } = &capture;
     let names: Vec<&str> = known.iter().map(|photo| photo.frame.name.as_str()).collect();
-    let (mut cameras, mut visible) = (Vec::new(), Vec::new());
-    for (path, at) in photos.iter().zip(by_name::cameras(file, &names, photos)?) {
-        let found = &known[at];
-        let frame = Frame { path: path.clone(), ..found.frame.clone() };
-        check_camera(&frame)?;
-        check_size(path, Image::dimensions(path)?, &frame.camera)?;
-        let Camera { pose, intrinsics, width: w, height: h } = frame.camera;
-        let intrinsics = Crop::centered(w, h, width, height).intrinsics(&intrinsics);
-        let camera = Camera { pose, intrinsics, width, height };
-        visible.push(visible_points(&camera, &points, &found.track).0);
-        cameras.push(camera);
-    }
+    let found: Vec<(&PathBuf, usize)> = photos.iter().zip(by_name::cameras(file, &names, photos)?).collect();
+    let load = |(path, at): &(&PathBuf, usize)| {
+        let found = known[*at].clone();
+        let photo = Photo { frame: Frame { path: path.to_path_buf(), ..found.frame }, ..found };
+        let (image, camera) = read_cropped(&photo, width, height)?;
+        Ok((image, (camera, visible_points(&camera, &capture, &photo).0)))
+    };
+    let loaded: Vec<Result<_, Error>> = found.par_iter().map(load).collect();
+    let loaded: Vec<_> = loaded.into_iter().collect::<Result<_, Error>>()?;
+    let (images, seen): (Vec<Image>, Vec<_>) = loaded.into_iter().unzip();
+    let (mut cameras, visible): (Vec<Camera>, Vec<_>) = seen.into_iter().unzip();
     let Some(Camera { pose: first, .. }) = cameras.first().copied() else { return Ok(PhotoCameras::default()) };
     let visible: Vec<&[u32]> = visible.iter().map(Vec::as_slice).collect();
-    let points = SparsePoints::seen_from(&first, 1.0, &points, &visible);
+    let points = SparsePoints::seen_from(&first, 1.0, points, &visible);
     cameras.iter_mut().for_each(|camera| camera.pose = camera.pose.relative_to(&first));
-    Ok(PhotoCameras { cameras, points })
+    Ok(PhotoCameras { images, cameras, points })
 }
 
-/// The cameras of photos as they are on disk, matched by name as [`load_cameras`] does, in the world of the file.
+/// The cameras of photos as they are on disk, distortion aside, matched by name as [`load_cameras`] does, in the world of the file.
 ///
 /// # Errors
 /// As [`load_cameras`].

@@ -1,13 +1,13 @@
 //! Photos at their own size with their cameras: what fitting a scene, or judging one, needs of a capture.
 
-use super::photo::Photos;
-use super::{HoldOut, check_camera, check_size, folder, name, read_split_photos};
+use super::photo::{Photo, Photos, check_size, straight, straight_camera};
+use super::{HoldOut, folder, masks, name, read_split_photos};
 use crate::Error;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
-use weaver_geometry::Camera;
-use weaver_io::Image;
-use weaver_scene::{Frame, PointCloud};
+use weaver_geometry::{Camera, Distortion};
+use weaver_io::PhotoFile;
+use weaver_scene::PointCloud;
 
 /// How to load photos with their cameras.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,8 +16,8 @@ pub struct PosedOptions {
     pub long_side: Option<usize>,
     /// Which photos are held out.
     pub hold_out: HoldOut,
-    /// Whether to read masks: `mask_path` of a frame, or the photo's name in `masks/` beside the camera file, with its own
-    /// extension, `.png` in its place, or `.png` behind it. Black is masked.
+    /// Whether to read masks: `mask_path` of a frame, or a file in `masks/` beside the camera file with the photo's path or the end of
+    /// it, with its own extension, `.png` in its place, or `.png` behind it; else the photo's alpha. Black is masked, and transparent.
     pub masks: bool,
     /// The color behind transparent pixels.
     pub background: [f32; 3],
@@ -38,8 +38,12 @@ pub struct PosedPhoto {
     pub path: PathBuf,
     /// Pose, and intrinsics for [`rgb`](Self::rgb).
     pub camera: Camera,
-    /// The same camera, with intrinsics for the image file.
+    /// The same camera, with intrinsics for the image file: with distortion, if there is one.
     pub file_camera: Camera,
+    /// The distortion of the image file, which [`rgb`](Self::rgb) is without.
+    pub distortion: Option<Distortion>,
+    /// The file of its mask, if masks were asked for and it has one.
+    pub mask_file: Option<PathBuf>,
     /// sRGB, `[height, width, 3]`.
     pub rgb: Vec<u8>,
     /// What of the photo counts, `[height, width]`: 0 where masked; `None` if all does.
@@ -57,6 +61,8 @@ pub struct PosedPhotos {
     pub photos: Vec<PosedPhoto>,
     /// Points on surfaces; empty if the capture has none.
     pub points: PointCloud,
+    /// What the user should know about how they were loaded.
+    pub remarks: Vec<String>,
 }
 
 /// Loads the photos of a capture, which is what [`capture::load`](super::load) takes.
@@ -65,25 +71,32 @@ pub struct PosedPhotos {
 /// As [`capture::load`](super::load); also a mask that is missing or of another size than its photo.
 pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhotos, Error> {
     let path = path.as_ref();
-    let Photos { photos, points, colors, .. } = read_split_photos(path, options.hold_out)?;
+    let Photos { photos, points, colors, remarks, .. } = read_split_photos(path, options.hold_out)?;
     let folder = folder(path);
-    let loaded: Vec<Result<PosedPhoto, Error>> =
-        (photos.par_iter()).map(|photo| load_photo(&photo.frame, photo.held_out, folder, options)).collect();
+    let masks = if options.masks { masks::files(&photos, folder)? } else { vec![None; photos.len()] };
+    let loaded: Vec<Result<PosedPhoto, Error>> = (photos.par_iter().zip(masks))
+        .map(|(photo, mask_file)| load_photo(photo, mask_file, folder, options))
+        .collect();
     let canonical = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     Ok(PosedPhotos {
         name: name(&canonical),
         photos: loaded.into_iter().collect::<Result<_, _>>()?,
         points: PointCloud { positions: points.iter().map(|p| p.as_vec3().to_array()).collect(), colors },
+        remarks,
     })
 }
 
 /// The cameras that [`load`] would give the photos, and which of those are held out, without reading a photo.
 ///
 /// # Errors
-/// When the capture's camera files are missing or malformed.
+/// When the capture's camera files are missing or malformed, or a distortion leaves no photo.
 pub fn cameras(path: impl AsRef<Path>, options: &PosedOptions) -> Result<Vec<(Camera, bool)>, Error> {
     let photos = read_split_photos(path.as_ref(), options.hold_out)?.photos;
-    Ok(photos.iter().map(|photo| (resized(&photo.frame.camera, options.long_side), photo.held_out)).collect())
+    let camera = |photo: &Photo| {
+        let camera = resized(&photo.frame.camera, options.long_side);
+        Ok((straight_camera(camera, photo.lens(camera)?.as_ref()), photo.held_out))
+    };
+    photos.iter().map(camera).collect()
 }
 
 /// The camera of the photo shrunk to a longest side.
@@ -96,51 +109,53 @@ fn resized(camera: &Camera, long_side: Option<usize>) -> Camera {
     Camera { intrinsics: camera.intrinsics.resized(sx, sy), width, height, ..*camera }
 }
 
-fn load_photo(frame: &Frame, held_out: bool, folder: &Path, options: &PosedOptions) -> Result<PosedPhoto, Error> {
-    check_camera(frame)?;
-    let (mut image, alpha) = Image::read_with_alpha(&frame.path)?;
-    check_size(&frame.path, (image.width, image.height), &frame.camera)?;
-    if let Some(alpha) = alpha {
-        for (pixel, alpha) in image.pixels.chunks_exact_mut(3).zip(alpha) {
-            (0..3).for_each(|c| pixel[c] += (1.0 - alpha) * options.background[c]);
-        }
-    }
+fn load_photo(
+    photo: &Photo,
+    mask_file: Option<PathBuf>,
+    folder: &Path,
+    options: &PosedOptions,
+) -> Result<PosedPhoto, Error> {
+    let frame = &photo.frame;
+    let file = photo.open()?.over(options.background);
     let camera = resized(&frame.camera, options.long_side);
-    let mask = options.masks.then(|| mask(frame, folder, &camera)).transpose()?;
-    let (name, path) = (frame.name.clone(), frame.path.clone());
-    let rgb = fitted(&image, &camera).to_bytes();
-    Ok(PosedPhoto { name, path, camera, file_camera: frame.camera, rgb, mask, held_out })
-}
-
-/// An image brought to its camera's size.
-fn fitted(image: &Image, camera: &Camera) -> Image {
-    if (image.width, image.height) == (camera.width, camera.height) {
-        return image.clone();
-    }
-    image.resize(camera.width, camera.height, [0.0, 0.0, image.width as f64, image.height as f64])
-}
-
-/// The mask of a photo, at the photo's size.
-fn mask(frame: &Frame, folder: &Path, camera: &Camera) -> Result<Vec<u8>, Error> {
-    let path = mask_path(frame, folder)?;
-    let image = Image::read(&path, weaver_io::Background::Black)?;
-    check_size(&path, (image.width, image.height), &frame.camera)?;
-    Ok(fitted(&image, camera).pixels.chunks_exact(3).map(|p| if p[0] >= 0.5 { 255 } else { 0 }).collect())
-}
-
-fn mask_path(frame: &Frame, folder: &Path) -> Result<PathBuf, Error> {
-    // Extras are JSON; a path is a string in it.
-    let named = frame.extras.get("mask_path").map(|json| folder.join(json.trim_matches('"')));
-    let masks = folder.join("masks");
-    let photo = Path::new(frame.path.file_name().unwrap_or(frame.path.as_os_str()));
-    let behind = format!("{}.png", photo.display());
-    let candidates: Vec<PathBuf> = named
-        .into_iter()
-        .chain([masks.join(photo), masks.join(photo.with_extension("png")), masks.join(behind)])
-        .collect();
-    let found = candidates.iter().find(|path| path.is_file()).cloned();
-    found.ok_or_else(|| {
-        let expected = candidates.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(" or ");
-        Error::unexpected(&frame.path, "mask", expected, "no such file")
+    let lens = photo.lens(camera)?;
+    let read = |file: &PhotoFile| -> Result<Vec<u8>, Error> {
+        Ok(straight(file.resize_whole(camera.width, camera.height)?, lens.as_ref()).pixels)
+    };
+    let rgb = read(&file)?;
+    let mask = options.masks.then(|| mask(photo, mask_file.as_deref(), file, folder, &read)).transpose()?;
+    Ok(PosedPhoto {
+        name: frame.name.clone(),
+        path: frame.path.clone(),
+        camera: straight_camera(camera, lens.as_ref()),
+        file_camera: frame.camera,
+        distortion: frame.distortion,
+        mask_file,
+        rgb,
+        mask,
+        held_out: photo.held_out,
     })
+}
+
+/// The mask of a photo, at its size: of a file, or its alpha.
+fn mask(
+    photo: &Photo,
+    file: Option<&Path>,
+    alpha: PhotoFile,
+    folder: &Path,
+    read: &dyn Fn(&PhotoFile) -> Result<Vec<u8>, Error>,
+) -> Result<Vec<u8>, Error> {
+    let Camera { width, height, .. } = photo.frame.camera;
+    let mask = match file {
+        Some(path) => {
+            let mask = PhotoFile::at(path)?.for_camera(width, height).over([0.0; 3]);
+            check_size(path, mask.size(), &photo.frame.camera)?;
+            mask
+        }
+        None => alpha.alpha().ok_or_else(|| {
+            let path = &photo.frame.path;
+            Error::unexpected(path, "mask", masks::expected(path, folder), "no such file, and no alpha")
+        })?,
+    };
+    Ok(read(&mask)?.chunks_exact(3).map(|p| if p[0] >= 128 { 255 } else { 0 }).collect())
 }

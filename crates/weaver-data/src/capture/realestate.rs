@@ -3,7 +3,7 @@
 use super::photo::{Photo, Photos};
 use crate::Error;
 use std::path::{Path, PathBuf};
-use weaver_io::Image;
+use weaver_io::PhotoFile;
 use weaver_io::realestate::Clip;
 use weaver_scene::Frame;
 
@@ -23,18 +23,18 @@ pub(super) fn read(folder: &Path, cameras: &Path) -> Result<Photos, Error> {
     let images = if images.is_dir() { images } else { folder.to_path_buf() };
     let photos = clip.frames.iter().map(|frame| {
         let name = frame.timestamp.to_string();
-        let file = ["png", "jpg", "jpeg"]
+        let file = ["png", "jpg", "jpeg", "webp"]
             .map(|extension| images.join(format!("{name}.{extension}")))
             .into_iter()
             .find(|file| file.is_file())
             .ok_or_else(|| {
-                let expected = format!("{name}.png, .jpg or .jpeg in {}", images.display());
+                let expected = format!("{name}.png, .jpg, .jpeg or .webp in {}", images.display());
                 Error::unexpected(cameras, format!("frame {name}"), expected, "no such file")
             })?;
         // The file gives intrinsics as fractions of the image's size, so that they fit any.
-        let (width, height) = Image::dimensions(&file)?;
+        let (width, height) = PhotoFile::at(&file)?.stored_size();
         let frame = Frame { path: file, ..frame.sized(width, height) };
         Ok(Photo { frame, held_out: false, track: Vec::new() })
     });
-    Ok(Photos { photos: photos.collect::<Result<_, Error>>()?, points: Vec::new(), colors: Vec::new(), split: false })
+    Ok(Photos { photos: photos.collect::<Result<_, Error>>()?, ..Photos::default() })
 }

@@ -1,8 +1,9 @@
 //! Captures described by a COLMAP model, and the points of such a model.
 
+use super::by_name;
 use super::photo::{Photo, Photos};
 use crate::Error;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use weaver_geometry::glam::DVec3;
 use weaver_io::colmap::{ImageRecord, Model};
@@ -10,7 +11,25 @@ use weaver_scene::Frame;
 
 /// Photos in `images/`, cameras and points in `sparse/0`.
 pub(super) fn read(capture: &Path) -> Result<Photos, Error> {
-    Ok(photos(&Model::read(folder(capture))?, &capture.join("images")))
+    let (model, images) = (folder(capture), capture.join("images"));
+    let mut photos = photos(&Model::read(&model)?, &images);
+    let unused = unused(&photos, &images)?;
+    if !unused.is_empty() {
+        let (model, unused) = (model.display(), by_name::list(unused.iter().map(|path| path.display())));
+        photos.remarks.push(format!("{model}: photos that are not in the model, and are not used: {unused}"));
+    }
+    Ok(photos)
+}
+
+/// The photos beside those of a model.
+fn unused(capture: &Photos, images: &Path) -> Result<Vec<PathBuf>, Error> {
+    let known: BTreeSet<&Path> = capture.photos.iter().map(|photo| photo.frame.path.as_path()).collect();
+    let folders: BTreeSet<&Path> = known.iter().filter_map(|path| path.parent()).chain([images]).collect();
+    let mut unused = Vec::new();
+    for folder in folders.into_iter().filter(|folder| folder.is_dir()) {
+        unused.extend(weaver_io::list_photos(folder)?.into_iter().filter(|path| !known.contains(path.as_path())));
+    }
+    Ok(unused)
 }
 
 /// The photos of a model, which lie in the folder `images`, and its points.
@@ -23,7 +42,7 @@ pub(super) fn photos(model: &Model, images: &Path) -> Photos {
     };
     // Reading the model made sure that every image has its camera.
     let photos = model.images.iter().zip(model.frames()).map(photo).collect();
-    Photos { photos, points: points(model), colors: colors(model), split: false }
+    Photos { photos, points: points(model), colors: colors(model), ..Photos::default() }
 }
 
 /// Where a capture keeps its model: `sparse/0`, or `sparse` itself.

@@ -25,15 +25,14 @@ fn write_transforms(scene: &Scene, path: &Path, views: &[usize], test: &[usize])
     let name = |i: &usize| format!("images/{i:02}.png");
     let frames = views.iter().map(|i| Frame::new(name(i), scene.views[*i].camera));
     let test_filenames = test.iter().map(name).collect();
-    Transforms { frames: frames.collect(), test_filenames, train_filenames: vec![], val_filenames: vec![] }
-        .write(path)
-        .unwrap();
+    Transforms { frames: frames.collect(), test_filenames, ..Transforms::default() }.write(path).unwrap();
 }
 
 fn write_sparse(scene: &Scene, folder: &Path) {
     fs::create_dir_all(folder).unwrap();
     let camera = &scene.views[0].camera;
-    let camera = CameraModel { width: camera.width, height: camera.height, intrinsics: camera.intrinsics };
+    let camera =
+        CameraModel { width: camera.width, height: camera.height, intrinsics: camera.intrinsics, distortion: None };
     let images = scene.views.iter().zip(&scene.visible).zip(0..).map(|((view, visible), i)| ImageRecord {
         id: i + 1,
         name: format!("{i:02}.png"),

@@ -1,6 +1,7 @@
 //! Integration tests of weaver-data.
 
 mod capture;
+mod own_photos;
 mod posed;
 mod procedural;
 mod quality;

@@ -87,7 +87,7 @@ fn masks_are_found_by_name_or_by_the_frame_and_their_lack_is_named() {
     let path = folder.join("transforms.json");
     let mut transforms = Transforms::read(&path).unwrap();
     transforms.frames.truncate(1);
-    transforms.frames[0].extras.insert("mask_path".into(), "\"other.png\"".into());
+    transforms.frames[0].mask = Some("other.png".into());
     transforms.frames[0].name = "images/0.png".into();
     transforms.write(&path).unwrap();
     Image::filled(40, 30, [0.0; 3]).write_png(folder.join("other.png")).unwrap();

@@ -27,7 +27,14 @@ pub fn view(name: &str, center: DVec3, turn: f64, held_out: bool) -> View {
 /// Cameras along a line at x = 0, 1, 2, ...; every fourth held out, from the first.
 pub fn line(n: usize) -> Scene {
     let views = (0..n).map(|i| view(&i.to_string(), DVec3::X * i as f64, 0.0, i.is_multiple_of(4))).collect();
-    Scene { name: "line".into(), views, points: Vec::new(), visible: vec![Vec::new(); n], scale: None }
+    Scene {
+        name: "line".into(),
+        views,
+        points: Vec::new(),
+        visible: vec![Vec::new(); n],
+        scale: None,
+        remarks: Vec::new(),
+    }
 }
 
 #[test]

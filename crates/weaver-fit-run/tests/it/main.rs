@@ -2,11 +2,12 @@
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
+use weaver_data::posed::{self, PosedOptions};
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_fit::{FitSettings, Judge};
 use weaver_fit_run::{Initial, Run, RunError, RunSettings, dry_run};
-use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Camera, Pose, Similarity, so3};
+use weaver_geometry::glam::{DVec2, DVec3};
+use weaver_geometry::{Camera, Distortion, Pose, Similarity, so3};
 use weaver_io::Transforms;
 use weaver_scene::Frame;
 
@@ -130,4 +131,63 @@ fn cameras_are_refined_and_written() {
     resumed.finish().unwrap();
     let bytes = |folder: &Path| std::fs::read(folder.join("scene.ply")).unwrap();
     assert_eq!(bytes(&out), bytes(&other));
+}
+
+/// What a fit of distorted photos writes is a capture of the same photos, masks and cameras, those that it refined.
+#[test]
+fn a_fit_of_distorted_photos_is_a_capture_of_them_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    let scene = scene(3, &ProceduralOptions { width: 96, height: 72, views: 9 });
+    for part in ["images", "masks"] {
+        std::fs::create_dir_all(data.join(part)).unwrap();
+    }
+    let radial = Distortion::Radial { k: [-0.06, 0.02, 0.0, 0.0, 0.01, 0.0], p: [0.001, -0.002] };
+    let fisheye = Distortion::Fisheye { k: [0.02, 0.01, 0.0, 0.0] };
+    for (lens, focal) in [(radial, true), (fisheye, false)] {
+        let frame = |(i, view): (usize, &weaver_data::View)| {
+            let name = format!("images/{i:02}.png");
+            view.image.write_png(data.join(&name)).unwrap();
+            let mut mask = view.image.clone();
+            mask.pixels.iter_mut().enumerate().for_each(|(at, m)| *m = f32::from(at > 3000));
+            mask.write_png(data.join(format!("masks/{i:02}.png"))).unwrap();
+            let mut camera = view.camera;
+            (camera.intrinsics.fx, camera.intrinsics.fy) = (1.06 * camera.intrinsics.fx, 1.06 * camera.intrinsics.fy);
+            Frame { distortion: Some(lens), ..Frame::new(name, camera) }
+        };
+        let frames = scene.views.iter().enumerate().map(frame).collect();
+        Transforms { frames, ..Transforms::default() }.write(data.join("transforms.json")).unwrap();
+        let out = folder.path().join(if focal { "radial" } else { "fisheye" });
+        let mut settings = RunSettings { masks: true, focal: true, ..settings(&data) };
+        settings.fit.steps = 2;
+        settings.fit.poses.refine = true;
+        let mut run = Run::create(&out, settings, None, Judge::default()).unwrap();
+        run.advance(&AtomicBool::new(false), |_| {}).unwrap();
+        let outcome = run.finish().unwrap();
+        assert_eq!((outcome.poses.focal - 1.0).abs() > 1e-3, focal, "{:?}", outcome.poses);
+
+        let options = PosedOptions { masks: true, ..PosedOptions::default() };
+        let again = posed::load(&out, &options).unwrap();
+        let (given, held_out): (Vec<_>, Vec<_>) = again.photos.into_iter().partition(|photo| !photo.held_out);
+        assert_eq!((given.len(), held_out.len()), (run.fit().photos(), run.held_out().len()));
+        let close = |a: f64, b: f64| (a - b).abs() < 1e-6 * b.abs();
+        for (i, loaded) in given.iter().enumerate() {
+            let (photo, camera) = (run.fit().photo(i), run.fit().camera(i));
+            let apart = loaded.rgb.iter().zip(&photo.rgb).map(|(a, b)| a.abs_diff(*b)).max();
+            assert!(apart.is_some_and(|apart| apart <= 1) && loaded.mask == photo.mask, "{}", photo.name);
+            let (k, l) = (loaded.camera.intrinsics, camera.intrinsics);
+            assert!(close(k.fx, l.fx) && close(k.fy, l.fy) && k.cx == l.cx && k.cy == l.cy, "{k:?} and {l:?}");
+            assert!(loaded.camera.pose.angle_to(&camera.pose) < 1e-6);
+        }
+        // COLMAP's form says the same of the lenses.
+        let of_colmap = weaver_io::read_cameras(out.join("sparse/0")).unwrap();
+        let of_json = Transforms::read(out.join("transforms.json")).unwrap().frames;
+        for frame in &of_json {
+            let same = of_colmap.iter().find(|other| frame.name.ends_with(&other.name)).unwrap();
+            let at = DVec2::new(0.3, -0.4);
+            let [a, b] =
+                [same, frame].map(|f| f.camera.intrinsics.project(f.distortion.unwrap().distort(at).extend(1.0)));
+            assert!(a.distance(b) < 1e-9, "{a} and {b}");
+        }
+    }
 }

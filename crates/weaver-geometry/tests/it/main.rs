@@ -1,6 +1,7 @@
 //! Integration tests.
 
 mod align;
+mod distortion;
 mod lie;
 mod poses;
 mod sh;

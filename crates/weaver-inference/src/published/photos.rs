@@ -2,8 +2,8 @@
 
 use crate::Error;
 use rayon::prelude::*;
-use std::path::{Path, PathBuf};
-use weaver_io::{Background, Image};
+use std::path::PathBuf;
+use weaver_io::{Image, PhotoFile};
 
 /// How photos are brought to the network's size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,9 +33,9 @@ pub fn size_of(paths: &[PathBuf], size: [usize; 2], patch: usize, fit: Fit) -> R
 /// When a file is missing or no image.
 pub fn read(paths: &[PathBuf], size: [usize; 2], patch: usize, fit: Fit) -> Result<Vec<Image>, Error> {
     let read = |path: &PathBuf| -> Result<Image, Error> {
-        let image = Image::read(path, Background::White)?;
-        let whole = fit == Fit::KeepAspect && whole_patches((image.width, image.height), size, patch) == size;
-        if whole { Ok(image.resize_bicubic(size[1], size[0])) } else { cover(&image, size, path) }
+        let photo = PhotoFile::at(path)?;
+        let whole = fit == Fit::KeepAspect && whole_patches(photo.size(), size, patch) == size;
+        if whole { Ok(photo.resize_bicubic(size[1], size[0])?.to_image()) } else { cover(&photo, size) }
     };
     let images: Vec<Result<Image, Error>> = paths.par_iter().map(read).collect();
     images.into_iter().collect()
@@ -53,14 +53,11 @@ fn whole_patches((width, height): (usize, usize), size: [usize; 2], patch: usize
 
 /// Resizes the photo until it covers the size, and cuts it about the middle: bicubic, rounding down, as Pillow and the
 /// official script do.
-fn cover(image: &Image, [height, width]: [usize; 2], path: &Path) -> Result<Image, Error> {
-    let (w, h) = (image.width, image.height);
-    if w == 0 || h == 0 {
-        return Err(Error::Input(format!("{}: expected an image with pixels, found none", path.display())));
-    }
+fn cover(photo: &PhotoFile, [height, width]: [usize; 2]) -> Result<Image, Error> {
+    let (w, h) = photo.size();
     let by_height = w * height >= h * width;
     let (new_width, new_height) = if by_height { (w * height / h, height) } else { (width, h * width / w) };
-    let resized = image.resize_bicubic(new_width.max(width), new_height.max(height));
+    let resized = photo.resize_bicubic(new_width.max(width), new_height.max(height))?.to_image();
     Ok(resized.crop((resized.width - width) / 2, (resized.height - height) / 2, width, height))
 }
 
@@ -86,10 +83,14 @@ mod tests {
             .enumerate()
             .filter(|(i, _)| i % 40 >= 20)
             .for_each(|(_, p)| p.copy_from_slice(&[0.0, 0.0, 1.0]));
-        let cut = cover(&image, [10, 10], Path::new("a.png")).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        image.write_png(&path).unwrap();
+        let photo = PhotoFile::at(&path).unwrap();
+        let cut = cover(&photo, [10, 10]).unwrap();
         assert_eq!((cut.width, cut.height), (10, 10));
         assert_eq!((&cut.pixels[..3], &cut.pixels[27..30]), (&[1.0, 0.0, 0.0][..], &[0.0, 0.0, 1.0][..]));
-        let same = cover(&image, [20, 40], Path::new("a.png")).unwrap();
+        let same = cover(&photo, [20, 40]).unwrap();
         assert_eq!(same.pixels, image.pixels);
     }
 }

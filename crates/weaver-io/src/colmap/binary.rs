@@ -1,6 +1,7 @@
 //! The binary form, little-endian.
 
-use super::{CameraModel, ImageRecord, MODELS, Model, PINHOLE, POSE, Point, RawCamera, file, pose};
+use super::camera::{MODELS, RawCamera};
+use super::{CameraModel, ImageRecord, Model, POSE, Point, file, pose};
 use crate::bytes::Bytes;
 use crate::{Result, atomic_write};
 use std::collections::BTreeMap;
@@ -15,12 +16,12 @@ pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, CameraModel>> {
     for _ in 0..bytes.count(24, "cameras")? {
         let id = bytes.u32("a camera id")?;
         let number = bytes.u32("a camera model")?;
-        let Some(&(_, model, count, focal)) = MODELS.iter().find(|m| m.0 == number) else {
+        let Some(&(_, model, count, one_focal)) = MODELS.iter().find(|m| m.0 == number) else {
             return Err(bytes.invalid("a camera model from 0 to 10", number));
         };
         let size = [bytes.u64("a width")?, bytes.u64("a height")?];
         let parameters: Vec<f64> = (0..count).map(|_| bytes.f64("camera parameters")).collect::<Result<_>>()?;
-        let camera = RawCamera { path, id, model, focal, size, parameters: &parameters }.check()?;
+        let camera = RawCamera { path, id, model, one_focal, size, parameters: &parameters }.check()?;
         if cameras.insert(id, camera).is_some() {
             return Err(bytes.invalid("each camera once", format!("camera {id} again")));
         }
@@ -79,11 +80,11 @@ pub(super) fn write(model: &Model, folder: &Path) -> Result<()> {
         w.write_all(&(model.cameras.len() as u64).to_le_bytes())?;
         for (id, camera) in &model.cameras {
             w.write_all(&id.to_le_bytes())?;
-            w.write_all(&PINHOLE.to_le_bytes())?;
+            let (number, _, parameters) = camera.written();
+            w.write_all(&number.to_le_bytes())?;
             w.write_all(&(camera.width as u64).to_le_bytes())?;
             w.write_all(&(camera.height as u64).to_le_bytes())?;
-            let k = camera.intrinsics;
-            for x in [k.fx, k.fy, k.cx, k.cy] {
+            for x in parameters {
                 w.write_all(&x.to_le_bytes())?;
             }
         }

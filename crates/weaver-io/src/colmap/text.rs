@@ -1,6 +1,7 @@
 //! The text form: one record per line (two for images), `#` begins a comment line.
 
-use super::{CameraModel, ImageRecord, MODELS, Model, POSE, Point, RawCamera, file, pose};
+use super::camera::{MODELS, RawCamera};
+use super::{CameraModel, ImageRecord, Model, POSE, Point, file, pose};
 use crate::file::read_text;
 use crate::{Error, Result, atomic_write};
 use std::collections::BTreeMap;
@@ -58,7 +59,7 @@ pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, CameraModel>> {
     for mut fields in lines(path, &text).filter(|f| !is_blank(f)) {
         let id = fields.next("a camera id")?;
         let name: String = fields.next("a camera model")?;
-        let Some(&(_, model, count, focal)) = MODELS.iter().find(|m| m.1 == name) else {
+        let Some(&(_, model, count, one_focal)) = MODELS.iter().find(|m| m.1 == name) else {
             return Err(fields.invalid("a camera model of COLMAP", name));
         };
         let size = [fields.next("a width")?, fields.next("a height")?];
@@ -66,7 +67,7 @@ pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, CameraModel>> {
         if parameters.len() != count {
             return Err(fields.invalid(format!("{count} parameters of {model}"), parameters.len()));
         }
-        let camera = RawCamera { path, id, model, focal, size, parameters: &parameters }.check()?;
+        let camera = RawCamera { path, id, model, one_focal, size, parameters: &parameters }.check()?;
         if cameras.insert(id, camera).is_some() {
             return Err(fields.invalid("each camera once", format!("camera {id} again")));
         }
@@ -128,8 +129,10 @@ pub(super) fn write(model: &Model, folder: &Path) -> Result<()> {
     atomic_write(file(folder, "cameras", "txt"), |w| {
         writeln!(w, "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]")?;
         for (id, camera) in &model.cameras {
-            let k = camera.intrinsics;
-            writeln!(w, "{id} PINHOLE {} {} {} {} {} {}", camera.width, camera.height, k.fx, k.fy, k.cx, k.cy)?;
+            let (_, name, parameters) = camera.written();
+            write!(w, "{id} {name} {} {}", camera.width, camera.height)?;
+            parameters.iter().try_for_each(|x| write!(w, " {x}"))?;
+            writeln!(w)?;
         }
         Ok(())
     })?;

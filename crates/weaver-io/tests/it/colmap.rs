@@ -3,12 +3,14 @@ use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::path::Path;
 use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Intrinsics, Pose};
+use weaver_geometry::{Distortion, Intrinsics, Pose};
 use weaver_io::colmap::{CameraModel, ImageRecord, Model, Point};
+use weaver_io::ply::write_points;
+use weaver_scene::PointCloud;
 
 fn model() -> Model {
     let intrinsics = Intrinsics { fx: 100.0, fy: 101.5, cx: 32.0, cy: 24.25 };
-    let cameras = BTreeMap::from([(3, CameraModel { width: 64, height: 48, intrinsics })]);
+    let cameras = BTreeMap::from([(3, CameraModel { width: 64, height: 48, intrinsics, distortion: None })]);
     let image = |id: u32, points| ImageRecord {
         id,
         name: format!("photo {id}.jpg"),
@@ -55,8 +57,8 @@ fn camera_models() {
     let opencv = camera_line("3 OPENCV 64 48 90 91 32 24 0 0 0 0").unwrap().cameras[&3];
     assert_eq!(opencv.intrinsics.fy, 91.0);
     let cases = [
-        ("3 SIMPLE_RADIAL 64 48 90 32 24 0.01", "camera 3 (SIMPLE_RADIAL): expected distortion 0"),
-        ("3 OPENCV_FISHEYE 64 48 90 91 32 24 0 0 0 0", "camera 3 (OPENCV_FISHEYE): expected a pinhole camera"),
+        ("3 FOV 64 48 90 91 32 24 0.1", "camera 3 (FOV): expected a camera model of OpenCV"),
+        ("3 RADIAL 64 48 90 32 24 0.1 inf", "camera 3 (RADIAL): expected finite distortion"),
         ("3 PINHOLE 64 48 90 91 32", "line 1: expected 4 parameters of PINHOLE, found 3"),
         ("3 PINHOLE 64 48 90 NaN 32 24", "expected finite intrinsics"),
         ("3 MAGIC 64 48 90 91 32", "line 1: expected a camera model of COLMAP, found MAGIC"),
@@ -67,6 +69,69 @@ fn camera_models() {
         let message = camera_line(line).unwrap_err();
         assert!(message.contains(expected), "{message}\n{expected}");
     }
+}
+
+#[test]
+fn distorted_cameras() {
+    let radial = |k, p| Some(Distortion::Radial { k, p });
+    let cases = [
+        ("SIMPLE_RADIAL", "90 32 24 0.01", Some(Distortion::radial(0.01)), "OPENCV"),
+        ("RADIAL", "90 32 24 0.01 -0.02", radial([0.01, -0.02, 0.0, 0.0, 0.0, 0.0], [0.0; 2]), "OPENCV"),
+        ("OPENCV", "90 91 32 24 0.1 0.2 0.3 0.4", radial([0.1, 0.2, 0.0, 0.0, 0.0, 0.0], [0.3, 0.4]), "OPENCV"),
+        (
+            "FULL_OPENCV",
+            "90 91 32 24 0.1 0.2 0.3 0.4 0.5 0.6 0.7 0.8",
+            radial([0.1, 0.2, 0.5, 0.6, 0.7, 0.8], [0.3, 0.4]),
+            "FULL_OPENCV",
+        ),
+        (
+            "OPENCV_FISHEYE",
+            "90 91 32 24 0.1 0.2 0.3 0.4",
+            Some(Distortion::Fisheye { k: [0.1, 0.2, 0.3, 0.4] }),
+            "OPENCV_FISHEYE",
+        ),
+        (
+            "SIMPLE_RADIAL_FISHEYE",
+            "90 32 24 0.1",
+            Some(Distortion::Fisheye { k: [0.1, 0.0, 0.0, 0.0] }),
+            "OPENCV_FISHEYE",
+        ),
+        ("RADIAL_FISHEYE", "90 32 24 0.1 0.2", Some(Distortion::Fisheye { k: [0.1, 0.2, 0.0, 0.0] }), "OPENCV_FISHEYE"),
+        ("OPENCV", "90 91 32 24 0 0 0 0", None, "PINHOLE"),
+    ];
+    for (name, parameters, expected, written) in cases {
+        let read = camera_line(&format!("3 {name} 64 48 {parameters}")).unwrap();
+        assert_eq!(read.cameras[&3].distortion, expected, "{name}");
+        assert!(read.frames().iter().all(|frame| frame.distortion == expected), "{name}");
+        // Both forms carry it on, also by way of frames.
+        let folder = tempfile::tempdir().unwrap();
+        read.write_text(folder.path()).unwrap();
+        let text = std::fs::read_to_string(folder.path().join("cameras.txt")).unwrap();
+        assert!(text.contains(&format!("\n3 {written} 64 48 90 9")), "{text}");
+        assert_close(&Model::read(folder.path()).unwrap(), &read);
+        let folder = tempfile::tempdir().unwrap();
+        Model::from_frames(&read.frames()).write_binary(folder.path()).unwrap();
+        let back = Model::read(folder.path()).unwrap();
+        assert!(back.cameras.values().all(|camera| *camera == read.cameras[&3]), "{name}");
+    }
+}
+
+#[test]
+fn a_point_cloud_takes_the_place_of_missing_points() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    model().write_binary(folder).unwrap();
+    let cloud = PointCloud { positions: vec![[1.0, 2.0, 3.0], [4.0, 5.0, 6.5]], colors: vec![[1, 2, 3], [4, 5, 6]] };
+    write_points(folder.join("points3D.ply"), &cloud).unwrap();
+    assert_eq!(Model::read(folder).unwrap().points, model().points, "points with observations are better");
+    std::fs::remove_file(folder.join("points3D.bin")).unwrap();
+    let points = Model::read(folder).unwrap().points;
+    assert_eq!(
+        points.iter().map(|p| (p.xyz, p.rgb)).collect::<Vec<_>>(),
+        [([1.0, 2.0, 3.0], [1, 2, 3]), ([4.0, 5.0, 6.5], [4, 5, 6])]
+    );
+    std::fs::remove_file(folder.join("points3D.ply")).unwrap();
+    assert!(Model::read(folder).unwrap_err().to_string().contains("points3D.bin"));
 }
 
 #[test]

@@ -42,7 +42,7 @@ fn messages_name_the_file() {
     let path = folder.path().join("broken.png");
     std::fs::write(&path, b"\x89PNG\r\n\x1a\nnot really").unwrap();
     let message = Image::read(&path, Background::White).unwrap_err().to_string();
-    assert!(message.contains("broken.png") && message.contains("expected a PNG or JPEG"), "{message}");
+    assert!(message.contains("broken.png") && message.contains("expected a JPEG, PNG, TIFF or WebP"), "{message}");
     let message = Image::read(folder.path().join("none.png"), Background::White).unwrap_err().to_string();
     assert!(message.contains("none.png"), "{message}");
 }
@@ -123,7 +123,7 @@ proptest! {
     #[test]
     fn hostile_images_never_panic(at in 0.0..1.0f64, byte in any::<u8>(), keep in 0.0..1.0f64) {
         let folder = tempfile::tempdir().unwrap();
-        for name in ["a.png", "a.jpg"] {
+        for name in ["a.png", "a.jpg", "a.tif", "a.webp"] {
             let path = folder.path().join(name);
             image::RgbImage::from_raw(21, 18, ramp(21, 18).to_bytes()).unwrap().save(&path).unwrap();
             let mut bytes = std::fs::read(&path).unwrap();

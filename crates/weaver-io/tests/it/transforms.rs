@@ -2,7 +2,7 @@ use crate::shared;
 use proptest::prelude::*;
 use std::path::Path;
 use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Camera, Intrinsics, Pose};
+use weaver_geometry::{Camera, Distortion, Intrinsics, Pose};
 use weaver_io::{Image, Transforms};
 use weaver_scene::Frame;
 
@@ -76,11 +76,85 @@ fn messages_name_file_and_key() {
             message(|r| drop(r["frames"][2].as_object_mut().unwrap().remove("fl_x"))),
             "frames[2].fl_x: expected fl_x or camera_angle_x, found neither",
         ),
-        (message(|r| r["k1"] = 0.1.into()), "frames[0].k1: expected 0"),
+        (message(|r| r["k4"] = 0.1.into()), "frames[0].k4: expected 0 for OPENCV; k4 to k6 belong to FULL_OPENCV"),
+        (
+            message(|r| r["camera_model"] = "EQUIRECTANGULAR".into()),
+            "frames[0].camera_model: expected PINHOLE, OPENCV,",
+        ),
+        (message(|r| r["camera_model"] = 3.into()), "frames[0].camera_model: expected a name"),
+        (message(|r| r["frames"][1]["mask_path"] = 3.into()), "frames[1].mask_path: expected a string"),
+        (message(|r| r["ply_file_path"] = 3.into()), "ply_file_path: expected a string"),
         (message(|r| r["frames"][0]["w"] = 0.5.into()), "frames[0].w: expected a size"),
     ];
     for (message, expected) in cases {
         assert!(message.contains("transforms.json: ") && message.contains(expected), "{message}\n{expected}");
+    }
+}
+
+/// What is read of a scene whose JSON was changed.
+fn changed(change: impl FnOnce(&mut serde_json::Value)) -> Transforms {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("transforms.json");
+    scene(folder.path()).write(&path).unwrap();
+    let mut root = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    change(&mut root);
+    std::fs::write(&path, root.to_string()).unwrap();
+    Transforms::read(&path).unwrap()
+}
+
+#[test]
+fn lenses_are_read_at_the_top_and_in_frames() {
+    let lenses = |scene: Transforms| scene.frames.iter().map(|frame| frame.distortion).collect::<Vec<_>>();
+    let opencv = changed(|r| {
+        r["camera_model"] = "OPENCV".into();
+        (r["k1"], r["k2"], r["p1"], r["p2"]) = (0.1.into(), (-0.2).into(), 0.01.into(), 0.02.into());
+        r["frames"][1]["k1"] = 0.3.into();
+        r["frames"][2]["k3"] = 0.5.into();
+    });
+    let radial = |k1, k3| Some(Distortion::Radial { k: [k1, -0.2, k3, 0.0, 0.0, 0.0], p: [0.01, 0.02] });
+    assert_eq!(lenses(opencv), [radial(0.1, 0.0), radial(0.3, 0.0), radial(0.1, 0.5)]);
+    let fisheye = Some(Distortion::Fisheye { k: [0.1, 0.0, 0.0, -0.2] });
+    for name in ["OPENCV_FISHEYE", "is_fisheye"] {
+        let read = changed(|r| {
+            if name == "is_fisheye" {
+                r[name] = true.into()
+            } else {
+                r["camera_model"] = name.into()
+            }
+            (r["k1"], r["k4"]) = (0.1.into(), (-0.2).into());
+        });
+        assert_eq!(lenses(read), [fisheye; 3]);
+    }
+    let full = changed(|r| (r["camera_model"], r["k6"]) = ("FULL_OPENCV".into(), 0.3.into()));
+    let k6 = Distortion::Radial { k: [0.0, 0.0, 0.0, 0.0, 0.0, 0.3], p: [0.0; 2] };
+    assert_eq!(lenses(full), [Some(k6); 3]);
+    let none = changed(|r| (r["camera_model"], r["k1"]) = ("OPENCV".into(), 0.into()));
+    assert_eq!(lenses(none), [None; 3]);
+}
+
+#[test]
+fn lenses_masks_and_points_are_carried_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("transforms.json");
+    let mut scene = scene(folder.path());
+    scene.point_cloud = Some("sparse_pc.ply".into());
+    scene.frames[1].mask = Some("masks/a \"b\".png".into());
+    let lenses = [
+        None,
+        Some(Distortion::radial(0.125)),
+        Some(Distortion::Radial { k: [0.1, 0.2, 0.3, 0.0, 0.0, 0.0], p: [0.4, 0.5] }),
+        Some(Distortion::Radial { k: [0.0, 0.0, 0.0, 0.1, 0.0, 0.2], p: [0.0; 2] }),
+        Some(Distortion::Fisheye { k: [0.1, -0.2, 0.0, 0.3] }),
+    ];
+    for first in 0..lenses.len() {
+        // Also where the first frame's lens is the odd one out.
+        (0..3).for_each(|i| scene.frames[i].distortion = lenses[(first + i) % lenses.len()]);
+        scene.write(&path).unwrap();
+        let back = Transforms::read(&path).unwrap();
+        assert_eq!(back.point_cloud, scene.point_cloud);
+        for (a, b) in scene.frames.iter().zip(&back.frames) {
+            assert_eq!((a.distortion, &a.mask, &a.extras), (b.distortion, &b.mask, &b.extras));
+        }
     }
 }
 

@@ -23,8 +23,9 @@ impl<R: Recipe> Session<R> {
             text.push_str(&format!("stage {}: {} steps of {}{note}\n", stage.name, stage.steps, R::describe(stage)));
         }
         let untrained = self.predictor().ok().and_then(|predictor| predictor.remark(Density::default()));
-        let warning = untrained.map(|remark| format!("warning: {remark}"));
-        for remark in self.remarks.iter().chain(&warning) {
+        let of_scenes = self.scenes.iter().flat_map(|scene| &scene.remarks);
+        let warnings: Vec<String> = of_scenes.chain(&untrained).map(|remark| format!("warning: {remark}")).collect();
+        for remark in self.remarks.iter().chain(&warnings) {
             text.push_str(&format!("{remark}\n"));
         }
         text

@@ -1,0 +1,174 @@
+//! Photos on disk: which way up they are, and their pixels, for as long as it takes to make them smaller.
+
+mod decoding;
+mod orientation;
+
+use crate::resize::{self, Filter};
+use crate::{Background, Bitmap, Error, Image, Result};
+use decoding::Decoded;
+use image::metadata::Orientation;
+use std::path::{Path, PathBuf};
+
+/// Extensions of the photos that can be read.
+pub(crate) const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "tif", "tiff", "webp"];
+
+/// Extensions of photos that cannot, but say how to convert them.
+const TO_CONVERT: [&str; 3] = ["heic", "heif", "avif"];
+
+/// A photo on disk: JPEG (also progressive, gray or CMYK), PNG, TIFF or WebP, of 8 or 16 bits, with or without alpha.
+///
+/// Making one reads the header; pixels are decoded when they are asked for, to 8 bits, and are only kept in the size that was asked
+/// for. Large photos are decoded one after the other, whatever the number of threads: several of 48 megapixels take little more memory
+/// than one.
+///
+/// A photo is turned upright as its EXIF orientation says, unless [`for_camera`](Self::for_camera) says otherwise. Straight alpha is
+/// composited over a background, white if nothing else is said, in sRGB values. Color profiles are ignored: values are taken for sRGB.
+#[derive(Clone, Debug)]
+pub struct PhotoFile {
+    path: PathBuf,
+    /// Width and height as stored.
+    stored: (usize, usize),
+    orientation: Orientation,
+    layer: Layer,
+    has_alpha: bool,
+}
+
+/// What is read of a photo.
+#[derive(Clone, Copy, Debug)]
+enum Layer {
+    /// Its colors over a background.
+    Over([f32; 3]),
+    /// Its alpha, in all three channels.
+    Alpha,
+}
+
+impl PhotoFile {
+    /// Reads the header of a photo.
+    ///
+    /// # Errors
+    /// When the file is missing or no photo.
+    pub fn at(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let decoding::Header { stored, orientation, has_alpha } = decoding::header(path)?;
+        Ok(Self { path: path.to_path_buf(), stored, orientation, layer: Layer::Over([1.0; 3]), has_alpha })
+    }
+
+    /// Width and height of what is read.
+    pub fn size(&self) -> (usize, usize) {
+        orientation::turned(self.orientation, self.stored)
+    }
+
+    /// Width and height of the pixels in the file, whatever its orientation.
+    pub fn stored_size(&self) -> (usize, usize) {
+        self.stored
+    }
+
+    /// The photo as a camera of this size belongs to it, whose file may have ignored its orientation: upright if it has that size
+    /// upright and not as it is stored, else as it is stored.
+    pub fn for_camera(mut self, width: usize, height: usize) -> Self {
+        if self.stored == (width, height) || self.size() != (width, height) {
+            self.orientation = Orientation::NoTransforms;
+        }
+        self
+    }
+
+    /// The photo over a background, where it is transparent.
+    pub fn over(self, background: [f32; 3]) -> Self {
+        Self { layer: Layer::Over(background), ..self }
+    }
+
+    /// Its alpha as a gray photo, if it has one.
+    pub fn alpha(self) -> Option<Self> {
+        self.has_alpha.then_some(Self { layer: Layer::Alpha, ..self })
+    }
+
+    /// All of the photo.
+    ///
+    /// # Errors
+    /// When the file cannot be read or decoded.
+    pub fn read(&self) -> Result<Bitmap> {
+        let (width, height) = self.size();
+        self.decoded(|decoded| Bitmap { width, height, pixels: decoded.into_pixels() })
+    }
+
+    /// The part `[x0, y0, x1, y1]` (pixels, may be fractional) resized as [`Image::resize`](crate::Image::resize) does.
+    ///
+    /// # Errors
+    /// When the file cannot be read or decoded.
+    ///
+    /// # Panics
+    /// When the part is empty or extends beyond the photo.
+    pub fn resize(&self, width: usize, height: usize, part: [f64; 4]) -> Result<Bitmap> {
+        self.resample(width, height, part, resize::LANCZOS)
+    }
+
+    /// All of the photo, resized as [`Image::resize`](crate::Image::resize) does; not touched if it has that size.
+    ///
+    /// # Errors
+    /// When the file cannot be read or decoded.
+    pub fn resize_whole(&self, width: usize, height: usize) -> Result<Bitmap> {
+        let (w, h) = self.size();
+        if (w, h) == (width, height) {
+            return self.read();
+        }
+        self.resize(width, height, [0.0, 0.0, w as f64, h as f64])
+    }
+
+    /// All of the photo, resized as [`Image::resize_bicubic`](crate::Image::resize_bicubic) does.
+    ///
+    /// # Errors
+    /// When the file cannot be read or decoded.
+    pub fn resize_bicubic(&self, width: usize, height: usize) -> Result<Bitmap> {
+        let (w, h) = self.size();
+        self.resample(width, height, [0.0, 0.0, w as f64, h as f64], resize::BICUBIC)
+    }
+
+    fn resample(&self, width: usize, height: usize, part: [f64; 4], filter: Filter) -> Result<Bitmap> {
+        let resampled = |decoded: Decoded| {
+            resize::resample(self.size(), |y, row| decoded.row(y, row), [width, height], part, filter)
+        };
+        Ok(Bitmap { width, height, pixels: self.decoded(resampled)? })
+    }
+
+    /// Decodes the photo for as long as `consume` takes.
+    fn decoded<R>(&self, consume: impl FnOnce(Decoded) -> R) -> Result<R> {
+        let (width, height) = self.stored;
+        let _permit = decoding::Permit::wait(width as u64 * height as u64 * 3);
+        let (stored, pixels, channels) = decoding::decode(&self.path)?;
+        if stored != self.stored {
+            let found = format!("{}x{}; did it change?", stored.0, stored.1);
+            return Err(Error::invalid(&self.path, "image size", format!("{width}x{height} as before"), found));
+        }
+        Ok(consume(Decoded { pixels, channels, stored, orientation: self.orientation, layer: self.layer }))
+    }
+}
+
+impl Image {
+    /// Reads a photo of any kind that [`PhotoFile`] reads, upright, over a background, with values of 8 bits.
+    ///
+    /// # Errors
+    /// When the file is missing or no photo.
+    pub fn read(path: impl AsRef<Path>, background: Background) -> Result<Self> {
+        let behind = match background {
+            Background::White => 1.0,
+            Background::Black => 0.0,
+        };
+        Ok(PhotoFile::at(path)?.over([behind; 3]).read()?.to_image())
+    }
+
+    /// Width and height of a photo, upright, from its header alone.
+    ///
+    /// # Errors
+    /// When the file is missing or no photo.
+    pub fn dimensions(path: impl AsRef<Path>) -> Result<(usize, usize)> {
+        Ok(PhotoFile::at(path)?.size())
+    }
+}
+
+/// The photos in a folder, sorted by path: what [`PhotoFile`] reads, and HEIC and AVIF, of which it says how to convert them.
+///
+/// # Errors
+/// When the folder cannot be read.
+pub fn list_photos(folder: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
+    crate::list_files(folder, &[&EXTENSIONS[..], &TO_CONVERT[..]].concat())
+}

@@ -1,0 +1,199 @@
+//! From the bytes of a file to pixels.
+
+use super::{Layer, orientation};
+use crate::file::read_bytes;
+use crate::{Error, Result};
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageDecoder, ImageReader};
+use std::fs::File;
+use std::io::{BufRead, BufReader, Cursor, Seek};
+use std::path::Path;
+use std::sync::{Condvar, Mutex, PoisonError};
+
+/// Bytes of decoded photos at a time, unless a single one has more.
+const MOST: u64 = 160 << 20;
+/// Bytes of a single decoded photo: a header may claim anything.
+const LARGEST: u64 = 512 << 20;
+const EXPECTED: &str = "a JPEG, PNG, TIFF or WebP image";
+
+/// What a photo says before its pixels.
+pub(super) struct Header {
+    /// Width and height.
+    pub stored: (usize, usize),
+    pub orientation: Orientation,
+    pub has_alpha: bool,
+}
+
+pub(super) fn header(path: &Path) -> Result<Header> {
+    let mut file = BufReader::new(File::open(path).map_err(Error::io(path))?);
+    check_kind(path, file.fill_buf().map_err(Error::io(path))?)?;
+    let mut decoder = decoder(path, "header", file)?;
+    let (width, height) = decoder.dimensions();
+    Ok(Header {
+        stored: (width as usize, height as usize),
+        // What is malformed says nothing.
+        orientation: decoder.orientation().unwrap_or(Orientation::NoTransforms),
+        has_alpha: decoder.color_type().has_alpha(),
+    })
+}
+
+/// Width and height of a photo, its pixels of 8 bits, and how many channels these have: 3, or 4 with alpha.
+pub(super) fn decode(path: &Path) -> Result<((usize, usize), Vec<u8>, usize)> {
+    let bytes = read_bytes(path)?;
+    check_kind(path, &bytes)?;
+    if is_cut_jpeg(&bytes) {
+        return Err(Error::invalid(path, "image", "a whole JPEG image", "one that was cut short"));
+    }
+    let decoder = decoder(path, "image", Cursor::new(&bytes))?;
+    let total = decoder.total_bytes();
+    if total > LARGEST {
+        return Err(Error::invalid(path, "image", format!("at most {LARGEST} bytes once it is decoded"), total));
+    }
+    let decoded = DynamicImage::from_decoder(decoder).map_err(|e| Error::invalid(path, "image", EXPECTED, e))?;
+    let size = (decoded.width() as usize, decoded.height() as usize);
+    let has_alpha = decoded.color().has_alpha();
+    // Neither is a copy of what has the form already.
+    let pixels = if has_alpha { decoded.into_rgba8().into_raw() } else { decoded.into_rgb8().into_raw() };
+    Ok((size, pixels, if has_alpha { 4 } else { 3 }))
+}
+
+fn decoder<'a>(path: &Path, place: &str, from: impl BufRead + Seek + 'a) -> Result<impl ImageDecoder + 'a> {
+    let reader = ImageReader::new(from).with_guessed_format().map_err(Error::io(path))?;
+    reader.into_decoder().map_err(|e| Error::invalid(path, place, EXPECTED, e))
+}
+
+/// Says how to convert what phones write and nothing here reads.
+fn check_kind(path: &Path, bytes: &[u8]) -> Result<()> {
+    let kind = match bytes.get(4..12) {
+        Some(b"ftypavif" | b"ftypavis") => "AVIF",
+        Some(b"ftypheic" | b"ftypheix" | b"ftyphevc" | b"ftyphevx" | b"ftypheim" | b"ftypheis" | b"ftypmif1") => "HEIC",
+        _ => return Ok(()),
+    };
+    let found = format!(
+        "{kind}: convert it to JPEG, for instance with `magick IN OUT.jpg`, `heif-convert IN OUT.jpg` or, on a Mac, `sips -s format jpeg IN --out OUT.jpg`"
+    );
+    Err(Error::invalid(path, "image", EXPECTED, found))
+}
+
+/// Whether these are the bytes of a JPEG whose picture has a beginning and no end. Decoders fill the rest with gray.
+fn is_cut_jpeg(bytes: &[u8]) -> bool {
+    const START: [u8; 2] = [0xff, 0xd8];
+    const SCAN: u8 = 0xda;
+    const END: [u8; 2] = [0xff, 0xd9];
+    if !bytes.starts_with(&START) {
+        return false;
+    }
+    // Segments up to the first scan have a length; one of them may hold a smaller picture with an end of its own.
+    let mut at = 2;
+    while let Some([0xff, kind, high, low]) = bytes.get(at..at + 4) {
+        if *kind == SCAN {
+            return !bytes[at..].windows(2).any(|pair| pair == END);
+        }
+        at += 2 + usize::from(u16::from_be_bytes([*high, *low]));
+    }
+    // No scan: for the decoder to say.
+    false
+}
+
+/// The pixels of a photo as they are stored.
+pub(super) struct Decoded {
+    pub pixels: Vec<u8>,
+    pub channels: usize,
+    pub stored: (usize, usize),
+    pub orientation: Orientation,
+    pub layer: Layer,
+}
+
+impl Decoded {
+    /// A row of what is read, `[width, 3]`.
+    pub fn row(&self, y: usize, row: &mut [u8]) {
+        if self.is_plain() {
+            return row.copy_from_slice(&self.pixels[y * row.len()..(y + 1) * row.len()]);
+        }
+        for (x, color) in row.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+            let (x, y) = orientation::stored(self.orientation, self.stored, (x, y));
+            let at = (y * self.stored.0 + x) * self.channels;
+            *color = self.color(&self.pixels[at..at + self.channels]);
+        }
+    }
+
+    /// Whether what is read is what is stored.
+    fn is_plain(&self) -> bool {
+        self.orientation == Orientation::NoTransforms && self.channels == 3 && matches!(self.layer, Layer::Over(_))
+    }
+
+    fn color(&self, pixel: &[u8]) -> [u8; 3] {
+        let opaque = [pixel[0], pixel[1], pixel[2]];
+        let alpha = pixel.get(3).copied().unwrap_or(255);
+        match self.layer {
+            Layer::Alpha => [alpha; 3],
+            Layer::Over(_) if alpha == 255 => opaque,
+            Layer::Over(background) => {
+                let alpha = f32::from(alpha) / 255.0;
+                std::array::from_fn(|c| {
+                    let over = f32::from(opaque[c]) / 255.0 * alpha + background[c] * (1.0 - alpha);
+                    (over * 255.0).round() as u8
+                })
+            }
+        }
+    }
+
+    /// All of what is read, `[height, width, 3]`.
+    pub fn into_pixels(self) -> Vec<u8> {
+        if self.is_plain() {
+            return self.pixels;
+        }
+        let (width, height) = orientation::turned(self.orientation, self.stored);
+        let mut pixels = vec![0; 3 * width * height];
+        pixels.chunks_exact_mut(3 * width.max(1)).enumerate().for_each(|(y, row)| self.row(y, row));
+        pixels
+    }
+}
+
+/// Bytes that are being decoded.
+static USED: Mutex<u64> = Mutex::new(0);
+static FREED: Condvar = Condvar::new();
+
+/// The right to decode a photo, until it is dropped. Whoever holds one must not wait for another, nor for other threads.
+pub(super) struct Permit {
+    bytes: u64,
+}
+
+impl Permit {
+    /// Waits until so many bytes fit beside the others, or there are no others.
+    pub fn wait(bytes: u64) -> Self {
+        let used = USED.lock().unwrap_or_else(PoisonError::into_inner);
+        let too_much = |used: &mut u64| *used > 0 && *used + bytes > MOST;
+        let mut used = FREED.wait_while(used, too_much).unwrap_or_else(PoisonError::into_inner);
+        *used += bytes;
+        Self { bytes }
+    }
+}
+
+impl Drop for Permit {
+    fn drop(&mut self) {
+        *USED.lock().unwrap_or_else(PoisonError::into_inner) -= self.bytes;
+        FREED.notify_all();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    #[test]
+    fn large_photos_are_decoded_one_after_the_other() {
+        let (now, most) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let decode = || {
+            let _permit = Permit::wait(144_000_000);
+            most.fetch_max(now.fetch_add(1, Ordering::SeqCst) + 1, Ordering::SeqCst);
+            std::thread::sleep(std::time::Duration::from_millis(5));
+            now.fetch_sub(1, Ordering::SeqCst);
+        };
+        std::thread::scope(|scope| (0..4).for_each(|_| drop(scope.spawn(decode))));
+        assert_eq!(most.into_inner(), 1);
+        // One alone is decoded, whatever its size.
+        drop(Permit::wait(10 * MOST));
+    }
+}

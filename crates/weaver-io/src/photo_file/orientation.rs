@@ -1,0 +1,29 @@
+//! Which way up a photo is.
+
+use image::metadata::Orientation::{self, *};
+
+/// The size of a photo once it is upright.
+pub(super) fn turned(orientation: Orientation, (width, height): (usize, usize)) -> (usize, usize) {
+    match orientation {
+        NoTransforms | FlipHorizontal | FlipVertical | Rotate180 => (width, height),
+        Rotate90 | Rotate270 | Rotate90FlipH | Rotate270FlipH => (height, width),
+    }
+}
+
+/// Where the pixel (x, y) of the upright photo is stored, in a file of `width` x `height`.
+pub(super) fn stored(
+    orientation: Orientation,
+    (width, height): (usize, usize),
+    (x, y): (usize, usize),
+) -> (usize, usize) {
+    match orientation {
+        NoTransforms => (x, y),
+        FlipHorizontal => (width - 1 - x, y),
+        FlipVertical => (x, height - 1 - y),
+        Rotate180 => (width - 1 - x, height - 1 - y),
+        Rotate90 => (y, height - 1 - x),
+        Rotate270 => (width - 1 - y, x),
+        Rotate90FlipH => (y, x),
+        Rotate270FlipH => (width - 1 - y, height - 1 - x),
+    }
+}

@@ -1,0 +1,164 @@
+//! Photos of every kind and every way up.
+
+use image::metadata::Orientation;
+use image::{DynamicImage, ImageEncoder, codecs::png::PngEncoder};
+use std::path::{Path, PathBuf};
+use weaver_io::{Bitmap, Image, PhotoFile, list_photos};
+
+/// The ramp of the fixtures: red grows to the right, green downward.
+fn ramp() -> Bitmap {
+    let pixels = (0..16u8).flat_map(|y| (0..24u8).flat_map(move |x| [20 + 9 * x, 30 + 12 * y, 128])).collect();
+    Bitmap { width: 24, height: 16, pixels }
+}
+
+fn dynamic(bitmap: &Bitmap) -> DynamicImage {
+    image::RgbImage::from_raw(bitmap.width as u32, bitmap.height as u32, bitmap.pixels.clone()).unwrap().into()
+}
+
+fn most_apart(a: &Bitmap, b: &Bitmap) -> u8 {
+    assert_eq!((a.width, a.height, a.pixels.len()), (b.width, b.height, b.pixels.len()));
+    a.pixels.iter().zip(&b.pixels).map(|(a, b)| a.abs_diff(*b)).max().unwrap()
+}
+
+/// A PNG with an EXIF orientation.
+fn write_oriented(path: &Path, stored: &DynamicImage, orientation: Orientation) {
+    let mut exif = b"II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0".to_vec();
+    exif.extend([orientation.to_exif(), 0, 0, 0, 0, 0, 0, 0]);
+    let mut encoder = PngEncoder::new(std::fs::File::create(path).unwrap());
+    encoder.set_exif_metadata(exif).unwrap();
+    encoder.write_image(stored.as_bytes(), stored.width(), stored.height(), stored.color().into()).unwrap();
+}
+
+const TURNS: [Orientation; 8] = [
+    Orientation::NoTransforms,
+    Orientation::FlipHorizontal,
+    Orientation::Rotate180,
+    Orientation::FlipVertical,
+    Orientation::Rotate90FlipH,
+    Orientation::Rotate90,
+    Orientation::Rotate270FlipH,
+    Orientation::Rotate270,
+];
+
+#[test]
+fn photos_are_read_upright_unless_a_camera_says_otherwise() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let stored = ramp();
+    for orientation in TURNS {
+        write_oriented(&path, &dynamic(&stored), orientation);
+        let mut upright = dynamic(&stored);
+        upright.apply_orientation(orientation);
+        let size = (upright.width() as usize, upright.height() as usize);
+        let upright = Bitmap { width: size.0, height: size.1, pixels: upright.into_rgb8().into_raw() };
+        let photo = PhotoFile::at(&path).unwrap();
+        assert_eq!((photo.size(), photo.stored_size()), (size, (24, 16)), "{orientation:?}");
+        assert_eq!(Image::dimensions(&path).unwrap(), size);
+        assert_eq!(photo.read().unwrap(), upright, "{orientation:?}");
+        // Resizing sees the same photo.
+        let part = [0.5, 1.0, 14.5, 15.0];
+        assert_eq!(photo.resize(5, 4, part).unwrap().to_image(), upright.to_image().resize(5, 4, part));
+        assert_eq!(photo.resize_bicubic(5, 4).unwrap().to_image(), upright.to_image().resize_bicubic(5, 4));
+        // Of a camera of the stored photo, of the upright one, and of neither.
+        assert_eq!(photo.clone().for_camera(24, 16).read().unwrap(), stored, "{orientation:?}");
+        let turned = if size == (16, 24) { &upright } else { &stored };
+        assert_eq!(&photo.clone().for_camera(16, 24).read().unwrap(), turned, "{orientation:?}");
+        assert_eq!(photo.for_camera(12, 8).size(), (24, 16), "{orientation:?}");
+    }
+}
+
+#[test]
+fn a_square_photo_with_a_camera_is_left_as_it_is_stored() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let image = dynamic(&ramp()).crop_imm(0, 0, 16, 16);
+    write_oriented(&path, &image, Orientation::Rotate90);
+    let photo = PhotoFile::at(&path).unwrap();
+    assert_ne!(photo.read().unwrap().pixels, image.as_bytes());
+    assert_eq!(photo.for_camera(16, 16).read().unwrap().pixels, image.as_bytes());
+}
+
+#[test]
+fn every_kind_of_photo_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let rgb = dynamic(&ramp());
+    for name in ["a.png", "a.tif", "a.webp"] {
+        for (kind, image) in [("rgb8", rgb.clone()), ("rgb16", rgb.to_rgb16().into()), ("rgba8", rgb.to_rgba8().into())]
+        {
+            if name == "a.webp" && kind == "rgb16" {
+                continue;
+            }
+            let path = folder.path().join(name);
+            image.save(&path).unwrap();
+            let photo = PhotoFile::at(&path).unwrap();
+            assert_eq!(photo.read().unwrap(), ramp(), "{name} {kind}");
+            assert_eq!(photo.alpha().is_some(), kind == "rgba8", "{name} {kind}");
+        }
+    }
+    let fixtures = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
+    for (name, most) in [("progressive.jpg", 4), ("cmyk.jpg", 4), ("lossy.webp", 12)] {
+        let photo = PhotoFile::at(fixtures.join(name)).unwrap();
+        assert!(most_apart(&photo.read().unwrap(), &ramp()) <= most, "{name}");
+    }
+}
+
+#[test]
+fn alpha_is_composited_or_read_by_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    image::RgbaImage::from_raw(3, 1, vec![9, 8, 7, 255, 200, 100, 0, 0, 200, 100, 0, 51]).unwrap().save(&path).unwrap();
+    let photo = || PhotoFile::at(&path).unwrap();
+    assert_eq!(photo().read().unwrap().pixels, [9, 8, 7, 255, 255, 255, 244, 224, 204]);
+    assert_eq!(photo().over([0.0, 0.0, 1.0]).read().unwrap().pixels, [9, 8, 7, 0, 0, 255, 40, 20, 204]);
+    let alpha = photo().alpha().unwrap().read().unwrap();
+    assert_eq!(alpha.pixels, [255, 255, 255, 0, 0, 0, 51, 51, 51]);
+}
+
+#[test]
+fn what_cannot_be_read_says_why_and_how_to_convert_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let says = |name: &str, bytes: &[u8], parts: &[&str]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        let message = PhotoFile::at(&path).unwrap_err().to_string();
+        parts.iter().chain([&name]).for_each(|part| assert!(message.contains(part), "{part}: {message}"));
+    };
+    says("a.heic", b"\0\0\0\x18ftypheic\0\0\0\0mif1heic", &["found HEIC: convert it to JPEG", "heif-convert"]);
+    // By content, whatever the name.
+    says("b.jpg", b"\0\0\0\x18ftypmif1\0\0\0\0mif1heic", &["HEIC"]);
+    says("c.avif", b"\0\0\0\x18ftypavif\0\0\0\0avif", &["AVIF"]);
+    says("d.png", b"no photo at all", &["expected a JPEG, PNG, TIFF or WebP image"]);
+    assert!(PhotoFile::at(folder.path().join("none.png")).unwrap_err().to_string().contains("none.png"));
+    // What has to be converted is listed, so that it is not left out without a word.
+    std::fs::write(folder.path().join("notes.txt"), "").unwrap();
+    let names: Vec<_> = list_photos(folder.path()).unwrap();
+    let names: Vec<_> = names.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
+    assert_eq!(names, ["a.heic", "b.jpg", "c.avif", "d.png"]);
+}
+
+#[test]
+fn a_header_that_claims_too_much_is_refused_before_any_allocation() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    dynamic(&ramp()).save(&path).unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    // Width and height, and the checksum of the header's chunk.
+    bytes[16..24].copy_from_slice(&[0, 0, 0xf0, 0, 0, 0, 0xf0, 0]);
+    let mut crc = flate2::Crc::new();
+    crc.update(&bytes[12..29]);
+    bytes[29..33].copy_from_slice(&crc.sum().to_be_bytes());
+    std::fs::write(&path, &bytes).unwrap();
+    let message = PhotoFile::at(&path).unwrap().resize(4, 4, [0.0, 0.0, 9.0, 9.0]).unwrap_err().to_string();
+    assert!(message.contains("a.png: image: expected at most 536870912 bytes"), "{message}");
+}
+
+#[test]
+fn a_photo_that_changes_after_it_was_opened_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    dynamic(&ramp()).save(&path).unwrap();
+    let photo = PhotoFile::at(&path).unwrap();
+    Image::filled(3, 3, [0.0; 3]).write_png(&path).unwrap();
+    let message = photo.read().unwrap_err().to_string();
+    assert!(message.contains("expected 24x16 as before, found 3x3"), "{message}");
+}
