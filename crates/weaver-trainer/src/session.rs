@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use weaver_autograd::{OpTime, Params, Tape};
-use weaver_data::{Scene, Tuple, training_tuple};
+use weaver_data::{Layout, Scene, Tuple, training_tuple};
 use weaver_inference::{Checkpoint, Density, Predictor, RunFolder};
 use weaver_kernels::random::Stream;
 use weaver_losses::Lpips;
@@ -26,6 +26,7 @@ pub struct Session<R: Recipe> {
     optimizer: AdamW<f32>,
     ema: Ema<f32>,
     scenes: Vec<Scene>,
+    layouts: Vec<Layout>,
     fresh: scenes::Endless,
     tape: Tape<f32>,
     /// The most that the tape took in stages before this one.
@@ -75,6 +76,7 @@ impl<R: Recipe> Session<R> {
         let optimizer = new_optimizer(&config, &params);
         let ema = Ema::new(&params, config.optimizer.ema);
         let lpips = R::lpips_weights(&config).map(evaluate::load_lpips).transpose()?;
+        let layouts = scenes.iter().map(Layout::of).collect();
         let fresh = scenes::Endless::new(&config.data, size, config.seed);
         let (tape, workspaces) = (Tape::new(), WorkspacePool::new());
         Ok(Self {
@@ -84,6 +86,7 @@ impl<R: Recipe> Session<R> {
             optimizer,
             ema,
             scenes,
+            layouts,
             fresh,
             tape,
             earlier_tape_bytes: 0,
@@ -324,15 +327,15 @@ impl<R: Recipe> Session<R> {
     fn examples(&mut self, stage: &StageConfig<R>) -> Result<Vec<Example>, Error> {
         let d = &self.config.data;
         let count = R::tuples(stage);
-        let scenes = match self.fresh.scenes(self.step) {
+        let (scenes, layouts) = match self.fresh.scenes(self.step) {
             Some(fresh) => fresh,
-            None => &self.scenes,
+            None => (&self.scenes[..], &self.layouts[..]),
         };
         let stream = Stream::new(self.config.seed, self.step as u64, "tuples");
         (0..count as u64)
             .map(|i| {
-                let tuple = training_tuple(scenes, stream, i, d.pool, d.context_views, d.target_views);
-                Example::new(&scenes[tuple.scene], tuple)
+                let tuple = training_tuple(layouts, stream, i, d.pool, d.context_views, d.target_views);
+                Example::new(&scenes[tuple.scene], &layouts[tuple.scene], tuple)
             })
             .collect()
     }

@@ -1,7 +1,7 @@
 //! The ranking loss that ends at half time, and the ablation switches.
 
 use weaver_autograd::{Params, Tape};
-use weaver_data::training_tuple;
+use weaver_data::{Layout, training_tuple};
 use weaver_kernels::random::Stream;
 use weaver_losses::{global_budget, ranking_cross_entropy, share_budget};
 use weaver_model::SplatWeaver;
@@ -62,8 +62,9 @@ fn ranking_and_budget_are_those_of_the_losses() {
     config.stages[0].model.pose_tuples = 0;
     let (stage, d, m) = (&config.stages[0], &config.data, &config.model);
     let scenes = scenes::load(&config.data, SplatWeaverRecipe::image_size(m)).unwrap();
-    let tuple = training_tuple(&scenes, Stream::new(0, 0, "tuples"), 0, d.pool, d.context_views, d.target_views);
-    let examples = [Example::new(&scenes[tuple.scene], tuple).unwrap()];
+    let layouts: Vec<Layout> = scenes.iter().map(Layout::of).collect();
+    let tuple = training_tuple(&layouts, Stream::new(0, 0, "tuples"), 0, d.pool, d.context_views, d.target_views);
+    let examples = [Example::new(&scenes[tuple.scene], &layouts[tuple.scene], tuple).unwrap()];
     let mut params = Params::new();
     let model = SplatWeaver::new(m.clone(), &mut params, 0);
     let (workspaces, stream) = (WorkspacePool::new(), Stream::new(0, 0, "allocation"));
