@@ -3,4 +3,6 @@
 mod allocations;
 mod configuration;
 mod determinism;
+mod presets;
 mod switch_off;
+mod switches;
