@@ -3,7 +3,7 @@
 use crate::file::read_bytes;
 use crate::{Error, Result, atomic_write};
 use image::codecs::png::PngEncoder;
-use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageReader};
+use image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageReader};
 use std::io::{Cursor, Write};
 use std::path::Path;
 
@@ -152,12 +152,21 @@ fn decode(path: &Path) -> Result<DynamicImage> {
     if is_cut_jpeg(&bytes) {
         return Err(Error::invalid(path, "image", "a whole JPEG image", "one that was cut short"));
     }
-    ImageReader::new(Cursor::new(&bytes))
-        .with_guessed_format()
-        .map_err(Error::io(path))?
-        .decode()
-        .map_err(|e| Error::invalid(path, "image", "a PNG or JPEG image", e))
+    let reader = || ImageReader::new(Cursor::new(&bytes)).with_guessed_format().map_err(Error::io(path));
+    let wrong = |e| Error::invalid(path, "image", "a PNG or JPEG image", e);
+    // Memory is taken for what the header says, which may be anything in a spoilt file.
+    let decoder = reader()?.into_decoder().map_err(wrong)?;
+    let ((width, height), size) = (decoder.dimensions(), decoder.total_bytes());
+    if size / MOST_DENSE > bytes.len() as u64 {
+        let found = format!("{} bytes", bytes.len());
+        return Err(Error::invalid(path, "image", format!("{width} x {height} pixels, as its header says"), found));
+    }
+    drop(decoder);
+    reader()?.decode().map_err(wrong)
 }
+
+/// Bytes of pixels that one byte of a file stands for at most: 1032 by deflate, some hundreds by JPEG.
+const MOST_DENSE: u64 = 1100;
 
 /// Whether these are the bytes of a JPEG whose picture has a beginning and no end. Decoders fill the rest with gray.
 fn is_cut_jpeg(bytes: &[u8]) -> bool {

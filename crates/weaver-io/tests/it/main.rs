@@ -9,6 +9,7 @@ mod files;
 mod formats;
 mod images;
 mod info;
+mod mutated;
 mod ply;
 mod realestate;
 mod shared;
