@@ -5,6 +5,7 @@
 
 mod embed;
 mod stress;
+mod test;
 mod tidy;
 mod valgrind;
 
@@ -13,6 +14,7 @@ use std::process::{Command, ExitCode};
 const USAGE: &str = "usage: cargo xtask <command>
 
   check           fmt, clippy, rustdoc and tidy: what must hold before a change lands
+  test            [-p CRATE ...]: all tests, and how many could not run here, and why
   tidy            the crates' edges and the other invariants of docs/architecture.md
   parity          DIR [--json] [--lenient]: every module against the files of reference numbers in DIR
   random-weights  --preset NAME FILE: a checkpoint of the published names and types, drawn at random
@@ -29,6 +31,7 @@ fn main() -> ExitCode {
         "check" => check(),
         "tidy" => tidy::run(),
         "parity" | "random-weights" => forward(command, rest),
+        "test" => test::run(rest),
         "stress" => stress::run(rest),
         "embed" => embed::run(),
         "valgrind" => valgrind::run(),
