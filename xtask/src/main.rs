@@ -16,7 +16,7 @@ const USAGE: &str = "usage: cargo xtask <command>
   check           fmt, clippy, rustdoc and tidy: what must hold before a change lands
   test            [-p CRATE ...]: all tests, and how many could not run here, and why
   tidy            the crates' edges and the other invariants of docs/architecture.md
-  parity          DIR [--json] [--lenient]: every module against the files of reference numbers in DIR
+  parity          DIR [--json] [--strict]: every module against the files of reference numbers in DIR
   random-weights  --preset NAME FILE: a checkpoint of the published names and types, drawn at random
   stress          [-p CRATE ...]: the tests with every sweep in full; before a release
   stress kill     [TIMES]: training killed at random moments and out of disk, then resumed: the same bits

@@ -8,24 +8,28 @@ const CASES: &str = "8192";
 /// How often training is killed, and how many files each reader is given, unless the command says another number.
 const KILLS: &str = "100";
 const FILES: &str = "1000000";
+/// Crates with readers of files.
+const READERS: [&str; 2] = ["weaver-io", "weaver-recipes"];
 
 pub fn run(arguments: &[String]) -> Result<(), String> {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments[..] {
-        ["kill"] => one("weaver-cli", "killed", ("WEAVER_KILLS", KILLS)),
-        ["kill", times] => one("weaver-cli", "killed", ("WEAVER_KILLS", times)),
-        ["parsers"] => one("weaver-io", "mutated", ("WEAVER_MUTATIONS", FILES)),
-        ["parsers", files] => one("weaver-io", "mutated", ("WEAVER_MUTATIONS", files)),
+        ["kill"] => one(&["weaver-cli"], "killed", ("WEAVER_KILLS", KILLS)),
+        ["kill", times] => one(&["weaver-cli"], "killed", ("WEAVER_KILLS", times)),
+        ["parsers"] => one(&READERS, "mutated", ("WEAVER_MUTATIONS", FILES)),
+        ["parsers", files] => one(&READERS, "mutated", ("WEAVER_MUTATIONS", files)),
         _ => all(&arguments),
     }
 }
 
-/// One module of a crate's tests, as often as an environment variable says.
-fn one(package: &str, module: &str, (name, number): (&str, &str)) -> Result<(), String> {
+/// One module of some crates' tests, as often as an environment variable says.
+fn one(packages: &[&str], module: &str, (name, number): (&str, &str)) -> Result<(), String> {
     if number.parse::<u64>().is_err() {
         return Err(format!("stress: expected a number of times, found {number}"));
     }
-    let test = ["test", "--release", "--locked", "-p", package, "--test", "it", module, "--", "--nocapture"];
+    let mut test = vec!["test", "--release", "--locked", "--test", "it"];
+    packages.iter().for_each(|package| test.extend(["-p", package]));
+    test.extend([module, "--", "--nocapture"]);
     cargo(&test, &[(name, number)])?;
     println!("stress: fine");
     Ok(())

@@ -88,6 +88,28 @@ impl Layout {
     }
 }
 
+/// One question at a time: all pairs of views are measured for each, which [`Layout`] does once.
+impl Scene {
+    /// How far apart two views are: the distance between their cameras over the scene's median pairwise distance, plus the
+    /// angle between them in radians.
+    pub fn separation(&self, a: usize, b: usize) -> f64 {
+        Layout::of(self).separation(a, b)
+    }
+
+    /// The `n` views of `among` nearest to view `to`, nearest first, ties by index; never `to` itself.
+    pub fn nearest(&self, to: usize, among: &[usize], n: usize) -> Vec<usize> {
+        Layout::of(self).nearest(to, among, n)
+    }
+
+    /// The training view with the smallest mean separation to the other training views: the scene's own frame.
+    ///
+    /// # Panics
+    /// If the scene has no training views; see [`Scene::check_training`].
+    pub fn central_view(&self) -> usize {
+        Layout::of(self).central_view()
+    }
+}
+
 fn median_distance(centers: &[DVec3]) -> f64 {
     let mut distances: Vec<f64> = Vec::with_capacity(centers.len() * centers.len() / 2);
     for (i, a) in centers.iter().enumerate() {

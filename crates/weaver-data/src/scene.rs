@@ -1,7 +1,7 @@
 //! Scenes: photos of one place with their cameras.
 
 use crate::sparse_points::mean_distance;
-use crate::{Error, Layout, SparsePoints, Tuple};
+use crate::{Error, SparsePoints, Tuple};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
 use weaver_io::Image;
@@ -62,27 +62,6 @@ impl Scene {
 
     fn indices(&self, held_out: bool) -> Vec<usize> {
         (0..self.views.len()).filter(|&i| self.views[i].held_out == held_out).collect()
-    }
-
-    /// How far apart two views are: the distance between their cameras over the scene's median pairwise distance, plus the
-    /// angle between them in radians.
-    pub fn separation(&self, a: usize, b: usize) -> f64 {
-        Layout::of(self).separation(a, b)
-    }
-
-    /// The `n` views of `among` nearest to view `to`, nearest first, ties by index; never `to` itself.
-    ///
-    /// All pairs of views are measured each time; [`Layout`] does that once.
-    pub fn nearest(&self, to: usize, among: &[usize], n: usize) -> Vec<usize> {
-        Layout::of(self).nearest(to, among, n)
-    }
-
-    /// The training view with the smallest mean separation to the other training views: the scene's own frame.
-    ///
-    /// # Panics
-    /// If the scene has no training views; see [`Scene::check_training`].
-    pub fn central_view(&self) -> usize {
-        Layout::of(self).central_view()
     }
 
     /// The poses of a tuple in the frame and the scale of training.

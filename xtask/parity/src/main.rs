@@ -30,19 +30,19 @@ use weaver_autograd::Real;
 struct Options {
     folder: PathBuf,
     json: bool,
-    lenient: bool,
+    strict: bool,
     weights: Option<PathBuf>,
     only: Option<String>,
 }
 
-const USAGE: &str = "usage: cargo xtask parity DIR [--json] [--lenient] [--weights DIR] [--only NAME]
+const USAGE: &str = "usage: cargo xtask parity DIR [--json] [--strict] [--weights DIR] [--only NAME]
 
 Compares every output and gradient of the reference files in DIR and its subfolders: relative L2 error, largest error,
 what f32 costs the file's own code, verdict. All runs in f32. Where something is beyond its bar, the file is run in f64 too,
 and the outputs of every rectifier are compared unit by unit. A gradient of LPIPS passes as `flip` if it is within the bar in f64
 and below 1e-2 in f32, and the runs differ in rectifiers whose sums are so close to 0 that rounding moves them over it, and in no
-others; any other fails, but with --lenient. So does a file about an item that does not exist here, which is listed as `not
-implemented`. LPIPS needs lpips_alex_f16.safetensors and lpips_vgg_f16.safetensors, looked for in --weights,
+others; any other gradient fails. A file about an item that does not exist here is listed as `not implemented`. With --strict
+that fails, too, and so does a flip in LPIPS. LPIPS needs lpips_alex_f16.safetensors and lpips_vgg_f16.safetensors, looked for in --weights,
 in WEAVER_SHARED/weights and in folders `weights` or `shared/weights` beside and above DIR.";
 
 fn main() -> ExitCode {
@@ -69,9 +69,10 @@ impl Comparison {
         self.lines.iter().filter(|line| line.verdict == verdict).count()
     }
 
-    /// Comparisons that fail the command. A file that nothing here can be compared with does, unless it is lenient.
-    fn failures(&self, lenient: bool) -> usize {
-        self.count(Verdict::Fail) + if lenient { 0 } else { self.count(Verdict::Unknown) }
+    /// Comparisons that fail the command. A file that nothing here can be compared with fails it only where every file must
+    /// be known.
+    fn failures(&self, strict: bool) -> usize {
+        self.count(Verdict::Fail) + if strict { self.count(Verdict::Unknown) } else { 0 }
     }
 }
 
@@ -83,7 +84,7 @@ pub fn command(arguments: &[String]) -> Result<(), String> {
         let mut value = || rest.next().ok_or_else(|| format!("{argument} needs a value\n{USAGE}"));
         match argument.as_str() {
             "--json" => options.json = true,
-            "--lenient" => options.lenient = true,
+            "--strict" => options.strict = true,
             "--weights" => options.weights = Some(value()?.into()),
             "--only" => options.only = Some(value()?.clone()),
             flag if flag.starts_with('-') => return Err(format!("unknown flag {flag}\n{USAGE}")),
@@ -102,14 +103,14 @@ pub fn command(arguments: &[String]) -> Result<(), String> {
     let results: Vec<(&PathBuf, Comparison)> = files
         .iter()
         .filter(wanted)
-        .map(|file| (file, compare(file, options.weights.as_deref(), options.lenient)))
+        .map(|file| (file, compare(file, options.weights.as_deref(), |key| !options.strict && of_lpips(key))))
         .collect();
     std::panic::set_hook(hook);
     if results.is_empty() {
         return Err(format!("{}: no reference files (.safetensors)", options.folder.display()));
     }
     report(&options, &results);
-    match results.iter().map(|(_, file)| file.failures(options.lenient)).sum() {
+    match results.iter().map(|(_, file)| file.failures(options.strict)).sum() {
         0 => Ok(()),
         failed => Err(format!("parity: {failed} comparisons failed")),
     }
@@ -123,7 +124,7 @@ fn report(options: &Options, results: &[(&PathBuf, Comparison)]) {
             let flips: Vec<_> = file.flips.iter().map(Flip::json).collect();
             json!({"file": short(path), "lines": lines, "flips": flips})
         };
-        let passed = results.iter().all(|(_, file)| file.failures(options.lenient) == 0);
+        let passed = results.iter().all(|(_, file)| file.failures(options.strict) == 0);
         format!("{:#}\n", json!({"files": results.iter().map(file).collect::<Vec<_>>(), "passed": passed}))
     } else {
         let lines = |(path, file): &(&PathBuf, Comparison)| {
@@ -172,9 +173,14 @@ fn files_below(folder: &Path) -> Result<Vec<PathBuf>, String> {
 /// Largest error in f32 that flipped rectifiers explain.
 const FLIPPED: f64 = 1e-2;
 
+/// Whether a comparison is of LPIPS, whose rectifiers and maxima are so many that some sum is always close to another.
+fn of_lpips(key: &str) -> bool {
+    key.contains("lpips")
+}
+
 /// All comparisons of one file in f32. What is beyond its bar is compared once more in f64, to tell what rounding did to
-/// rectifiers from another formula.
-fn compare(path: &Path, weights: Option<&Path>, lenient: bool) -> Comparison {
+/// rectifiers from another formula; a comparison that may flip is then excused.
+fn compare(path: &Path, weights: Option<&Path>, may_flip: impl Fn(&str) -> bool) -> Comparison {
     let (mut lines, rectified) = compare_in::<f32>(path, weights);
     if lines.iter().all(|line| matches!(line.verdict, Verdict::Pass | Verdict::Unknown)) {
         return Comparison { lines, flips: Vec::new() };
@@ -189,8 +195,7 @@ fn compare(path: &Path, weights: Option<&Path>, lenient: bool) -> Comparison {
         let given = (!line.remark.is_empty()).then(|| line.remark.clone());
         line.remark =
             given.into_iter().chain(rectifiers::remark(&flips)).chain([in_f64]).collect::<Vec<_>>().join("; ");
-        let may_flip = lenient || line.key.contains("lpips");
-        if may_flip && rounding && exact.verdict == Verdict::Pass && line.error <= FLIPPED {
+        if may_flip(&line.key) && rounding && exact.verdict == Verdict::Pass && line.error <= FLIPPED {
             line.verdict = Verdict::Flip;
         }
     }

@@ -10,6 +10,7 @@ mod formats;
 mod images;
 mod info;
 mod mutated;
+mod mutations;
 mod ply;
 mod realestate;
 mod shared;

@@ -3,6 +3,9 @@
 mod allocations;
 mod configuration;
 mod determinism;
+mod mutated;
+#[path = "../../../weaver-io/tests/it/mutations.rs"]
+mod mutations;
 mod presets;
 mod switch_off;
 mod switches;
