@@ -6,18 +6,24 @@ use crate::run::Run;
 use std::path::{Path, PathBuf};
 use weaver_data::capture::CaptureOptions;
 use weaver_data::{Scene, evaluation_tuples};
+use weaver_geometry::glam::DVec3;
 use weaver_inference::{Density, Prediction, Predictor, SplatWeaverPredictor};
 use weaver_io::{Background, Image, Transforms};
 use weaver_kernels::random::Stream;
 use weaver_scene::Frame;
 use weaver_trainer::{CameraMode, Example};
 
+/// A capture at the size of a run's network.
+fn loaded(run: &Path, capture: &Path) -> Scene {
+    let [height, width] = SplatWeaverPredictor::open(run).unwrap().image_size();
+    let options = CaptureOptions { width, height, ..CaptureOptions::default() };
+    weaver_data::capture::load(capture, &options).unwrap()
+}
+
 /// What an evaluation with points makes of the first held-out view's context, and the names of its photos.
 fn evaluated(run: &Path, capture: &Path) -> (Vec<PathBuf>, Prediction, Vec<Image>) {
     let mut predictor = SplatWeaverPredictor::open(run).unwrap();
-    let [height, width] = predictor.image_size();
-    let options = CaptureOptions { width, height, ..CaptureOptions::default() };
-    let scene: Scene = weaver_data::capture::load(capture, &options).unwrap();
+    let scene = loaded(run, capture);
     let tuple = evaluation_tuples(&scene, 0, 3).remove(0);
     let photos = tuple.context.iter().map(|v| capture.join("images").join(&scene.views[*v].name)).collect();
     let (example, measured) = Example::for_evaluation(&scene, tuple).unwrap();
@@ -46,6 +52,15 @@ fn infer_and_eval_make_the_same_of_the_same_photos() {
         let apart = frame.camera.pose.center().distance(camera.pose.center());
         assert!(apart < 1e-5, "{apart}");
     }
+    // The factor is from the capture's units to those in which the points that are seen lie at a mean distance of 1.
+    let scene = loaded(&run.path(), &run.data());
+    let [from, to] = [0, 1].map(|i| {
+        let name = photos[i].file_name().unwrap().to_string_lossy().into_owned();
+        scene.views.iter().find(|view| view.name == name).unwrap().camera.pose.center()
+    });
+    let used = written[0].camera.pose.center().distance(written[1].camera.pose.center());
+    let factor = said_factor(&done.stderr);
+    assert!((factor - used / from.distance(to)).abs() < 1e-3 * factor, "{factor} {used} {from} {to}");
     for (photo, render) in photos.iter().zip(&renders) {
         let written = Image::read(out.join("render").join(photo.file_name().unwrap()), Background::White).unwrap();
         let largest = written.pixels.iter().zip(&render.pixels).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
@@ -62,6 +77,24 @@ fn without_points_cameras_are_as_long_as_the_predicted_ones() {
     let done = splatweaver(&[&"infer", &"--run", &run.path(), &photos, &"--cameras", &transforms, &"-o", &out]).fine();
     assert!(done.stderr.contains("equals that of the predicted ones"), "{}", done.stderr);
     assert!(!done.stderr.contains("points"), "{}", done.stderr);
+    let centers = |path: &Path| -> Vec<DVec3> {
+        Transforms::read(path).unwrap().frames.iter().map(|frame| frame.camera.pose.center()).collect()
+    };
+    let mean = |centers: &[DVec3]| -> f64 {
+        centers[1..].iter().map(|center| center.distance(centers[0])).sum::<f64>() / (centers.len() - 1) as f64
+    };
+    let alone = folder.path().join("alone");
+    splatweaver(&[&"infer", &"--run", &run.path(), &photos, &"-o", &alone]).fine();
+    let [given, used, predicted] =
+        [transforms, out.join("transforms.json"), alone.join("transforms.json")].map(|path| mean(&centers(&path)));
+    assert!((used - predicted).abs() < 1e-4 * predicted, "{used} {predicted}");
+    assert!((said_factor(&done.stderr) - used / given).abs() < 1e-3, "{} {used} {given}", done.stderr);
+}
+
+/// The factor that `infer` says it scaled centers by.
+fn said_factor(stderr: &str) -> f64 {
+    let said = stderr.split("centers were scaled by ").nth(1).unwrap();
+    said.split(',').next().unwrap().parse().unwrap()
 }
 
 #[test]

@@ -11,6 +11,8 @@ mod given_cameras;
 mod help;
 mod info;
 mod inputs;
+mod left_behind;
+mod lpips;
 mod photos;
 mod published;
 mod render;

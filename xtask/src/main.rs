@@ -5,6 +5,7 @@
 
 mod embed;
 mod stress;
+mod test;
 mod tidy;
 mod valgrind;
 
@@ -13,10 +14,13 @@ use std::process::{Command, ExitCode};
 const USAGE: &str = "usage: cargo xtask <command>
 
   check           fmt, clippy, rustdoc and tidy: what must hold before a change lands
+  test            [-p CRATE ...]: all tests, and how many could not run here, and why
   tidy            the crates' edges and the other invariants of docs/architecture.md
   parity          DIR [--json] [--strict]: every module against the files of reference numbers in DIR
   random-weights  --preset NAME FILE: a checkpoint of the published names and types, drawn at random
   stress          [-p CRATE ...]: the tests with every sweep in full; before a release
+  stress kill     [TIMES]: training killed at random moments and out of disk, then resumed: the same bits
+  stress parsers  [FILES]: so many mutated files for each reader: no panic, little memory
   embed           the examples of tests/embedding, in a package outside of the workspace
   valgrind        the tests of kernels and tape under memcheck, by portable code and by AVX2";
 
@@ -27,6 +31,7 @@ fn main() -> ExitCode {
         "check" => check(),
         "tidy" => tidy::run(),
         "parity" | "random-weights" => forward(command, rest),
+        "test" => test::run(rest),
         "stress" => stress::run(rest),
         "embed" => embed::run(),
         "valgrind" => valgrind::run(),

@@ -5,12 +5,41 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Random cases per property; proptest draws 256 of itself. A test that takes long draws a part of them.
 const CASES: &str = "8192";
+/// How often training is killed, and how many files each reader is given, unless the command says another number.
+const KILLS: &str = "100";
+const FILES: &str = "1000000";
+/// Crates with readers of files.
+const READERS: [&str; 2] = ["weaver-io", "weaver-recipes"];
 
 pub fn run(arguments: &[String]) -> Result<(), String> {
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    match arguments[..] {
+        ["kill"] => one(&["weaver-cli"], "killed", ("WEAVER_KILLS", KILLS)),
+        ["kill", times] => one(&["weaver-cli"], "killed", ("WEAVER_KILLS", times)),
+        ["parsers"] => one(&READERS, "mutated", ("WEAVER_MUTATIONS", FILES)),
+        ["parsers", files] => one(&READERS, "mutated", ("WEAVER_MUTATIONS", files)),
+        _ => all(&arguments),
+    }
+}
+
+/// One module of some crates' tests, as often as an environment variable says.
+fn one(packages: &[&str], module: &str, (name, number): (&str, &str)) -> Result<(), String> {
+    if number.parse::<u64>().is_err() {
+        return Err(format!("stress: expected a number of times, found {number}"));
+    }
+    let mut test = vec!["test", "--release", "--locked", "--test", "it"];
+    packages.iter().for_each(|package| test.extend(["-p", package]));
+    test.extend([module, "--", "--nocapture"]);
+    cargo(&test, &[(name, number)])?;
+    println!("stress: fine");
+    Ok(())
+}
+
+fn all(which: &[&str]) -> Result<(), String> {
     let seed = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs()).to_string();
     println!("stress: PROPTEST_RNG_SEED={seed}");
-    let which = if arguments.is_empty() { vec!["--workspace"] } else { arguments.iter().map(String::as_str).collect() };
-    let test: Vec<&str> = ["test", "--release", "--locked", "--tests"].into_iter().chain(which).collect();
+    let which = if which.is_empty() { &["--workspace"] } else { which };
+    let test: Vec<&str> = ["test", "--release", "--locked", "--tests"].iter().chain(which).copied().collect();
     let environment = [("WEAVER_STRESS", "1"), ("PROPTEST_RNG_SEED", seed.as_str()), ("PROPTEST_CASES", CASES)];
     cargo(&test, &environment)?;
     println!("stress: fine");

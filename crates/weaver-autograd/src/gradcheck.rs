@@ -11,6 +11,9 @@
 use crate::{Shape, Tape, Var};
 use weaver_kernels::random::Stream;
 
+/// How many times the precision of `f64` the sums of a loss and of a gradient may be off, relative to their terms' magnitudes.
+const ROUNDING: f64 = 4.0;
+
 /// An input of the function under test.
 #[derive(Clone, Debug)]
 pub struct Input {
@@ -54,7 +57,8 @@ impl Input {
 pub struct Options {
     /// Step size of the central differences.
     pub step: f64,
-    /// Largest allowed error, relative to max(1, |derivative|, scale of the outputs).
+    /// Largest allowed error of a derivative, relative to the larger of it and the root mean square of the gradient that it
+    /// is part of. Beyond that only rounding is allowed: of the outputs, over `step`, and of sums over cotangents.
     pub tolerance: f64,
     /// Number of coordinates checked per input.
     pub coordinates: usize,
@@ -140,6 +144,13 @@ where
     }
 }
 
+/// The root mean square of the gradients of those inputs that a direction changes.
+fn typical(parts: &[(&Vec<f64>, &Vec<f64>)]) -> f64 {
+    let changed = parts.iter().filter(|(d, _)| d.iter().any(|d| *d != 0.0));
+    let (sum, count) = changed.fold((0.0, 0), |(sum, count), (_, g)| (sum + dot(g, g), count + g.len()));
+    (sum / count.max(1) as f64).sqrt()
+}
+
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
@@ -169,12 +180,19 @@ impl Check<'_> {
         (0..shape.len() as u64).map(|i| stream.normal(i)).collect()
     }
 
-    /// The value of the loss: the sum of cotangent * output over the tracked outputs.
-    fn loss(&self, inputs: &[Input]) -> f64 {
+    /// The loss, which is the sum of cotangent * output, and what rounding may make of a central difference of it and of its
+    /// gradient.
+    fn loss(&self, inputs: &[Input]) -> (f64, f64) {
         let tape = Tape::<f64>::new();
         let vars: Vec<_> = inputs.iter().map(|x| tape.constant(&x.data, x.shape)).collect();
-        let outputs = (self.f)(&vars);
-        outputs.iter().enumerate().map(|(o, y)| dot(&y.value(), &self.cotangent(o, y.shape()))).sum()
+        let (mut loss, mut magnitude) = (0.0, 0.0);
+        for (o, y) in (self.f)(&vars).iter().enumerate() {
+            for (y, cotangent) in y.value().iter().zip(self.cotangent(o, y.shape())) {
+                loss += y * cotangent;
+                magnitude += (y * cotangent).abs() / self.options.step + cotangent.abs();
+            }
+        }
+        (loss, ROUNDING * f64::EPSILON * magnitude)
     }
 
     fn gradient(&self, inputs: &[Input], mode: &Mode) -> Vec<Option<Vec<f64>>> {
@@ -248,13 +266,16 @@ impl Check<'_> {
             self.loss(&inputs)
         };
         for (place, direction) in directions {
-            let numeric = (moved(&direction, step) - moved(&direction, -step)) / (2.0 * step);
-            let analytic: f64 =
-                direction.iter().zip(gradient).map(|(d, g)| g.as_ref().map_or(0.0, |g| dot(d, g))).sum();
-            let error = (numeric - analytic).abs() / analytic.abs().max(1.0);
+            let ((above, rounding), (below, _)) = (moved(&direction, step), moved(&direction, -step));
+            let numeric = (above - below) / (2.0 * step);
+            let parts: Vec<_> = direction.iter().zip(gradient).filter_map(|(d, g)| Some((d, g.as_ref()?))).collect();
+            let analytic: f64 = parts.iter().map(|(d, g)| dot(d, g)).sum();
+            let scale = analytic.abs().max(numeric.abs()).max(typical(&parts));
+            let error = (numeric - analytic).abs();
             assert!(
-                error <= tolerance,
-                "gradient at {place}: {analytic} by the op, {numeric} by central differences (error {error:.2e})"
+                error <= tolerance * scale + rounding,
+                "gradient at {place}: {analytic} by the op, {numeric} by central differences (error {error:.2e}, where \
+                 gradients are {scale:.2e} and rounding is {rounding:.2e})"
             );
         }
     }

@@ -7,6 +7,7 @@
 pub mod capture;
 mod error;
 mod estimated;
+mod layout;
 pub mod procedural;
 mod sampler;
 mod scene;
@@ -17,6 +18,7 @@ mod undistorted;
 pub use capture::posed;
 pub use error::Error;
 pub use estimated::{EstimateOptions, EstimatedContext, EstimatedPhotos, estimate_photos};
+pub use layout::Layout;
 pub use sampler::{bounded_gap, evaluation_tuples, every, training_tuple, uniform};
 pub use scene::{NormalizedPoses, Scene, View};
 pub use sparse_points::SparsePoints;

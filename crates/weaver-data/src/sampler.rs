@@ -1,6 +1,6 @@
 //! Sampling of views: training tuples, evaluation tuples, and samplers over ordered frames.
 
-use crate::{Scene, Tuple};
+use crate::{Layout, Scene, Tuple};
 use weaver_kernels::random::Stream;
 
 /// Number `index` of an endless, random-access sequence of training tuples.
@@ -11,16 +11,24 @@ use weaver_kernels::random::Stream;
 ///
 /// # Panics
 /// If a scene has fewer than `context + 1` training views; see [`Scene::check_training`].
-pub fn training_tuple(scenes: &[Scene], rng: Stream, index: u64, pool: usize, context: usize, targets: usize) -> Tuple {
+pub fn training_tuple(
+    scenes: &[Layout],
+    rng: Stream,
+    index: u64,
+    pool: usize,
+    context: usize,
+    targets: usize,
+) -> Tuple {
     let rng = rng.fork(index);
     let scene = rng.below(0, scenes.len());
-    let training = scenes[scene].training_views();
+    let layout = &scenes[scene];
+    let training = layout.training_views();
     let target = training[rng.below(1, training.len())];
-    let near = scenes[scene].nearest(target, &training, pool);
+    let near = layout.nearest(target, training, pool);
     assert!(
         near.len() >= context,
         "scene {}: {} training views within the pool of {pool} cannot give {context} of context",
-        scenes[scene].name,
+        layout.scene(),
         near.len()
     );
     let shuffled: Vec<usize> = rng.fork(2).permutation(near.len()).into_iter().map(|i| near[i]).collect();
@@ -35,11 +43,12 @@ pub fn training_tuple(scenes: &[Scene], rng: Stream, index: u64, pool: usize, co
 /// The evaluation tuples of a scene, one per held-out view: the view is the target and its `context` nearest training views,
 /// nearest first, are the context. `index` is the scene's index in its set.
 pub fn evaluation_tuples(scene: &Scene, index: usize, context: usize) -> Vec<Tuple> {
-    let training = scene.training_views();
+    let layout = Layout::of(scene);
+    let nearest = |view| layout.nearest(view, layout.training_views(), context);
     scene
         .held_out_views()
         .into_iter()
-        .map(|view| Tuple { scene: index, context: scene.nearest(view, &training, context), targets: vec![view] })
+        .map(|view| Tuple { scene: index, context: nearest(view), targets: vec![view] })
         .collect()
 }
 

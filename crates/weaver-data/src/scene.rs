@@ -66,56 +66,6 @@ impl Scene {
         (0..self.views.len()).filter(|&i| self.views[i].held_out == held_out).collect()
     }
 
-    /// How far apart two views are: the distance between their cameras over the scene's median pairwise distance, plus the
-    /// angle between them in radians.
-    pub fn separation(&self, a: usize, b: usize) -> f64 {
-        self.separation_over(self.median_distance(), a, b)
-    }
-
-    fn separation_over(&self, median: f64, a: usize, b: usize) -> f64 {
-        let (a, b) = (&self.views[a].camera.pose, &self.views[b].camera.pose);
-        // Views that only turn on the spot differ by their angle alone.
-        let distance = if median > 0.0 { a.center().distance(b.center()) / median } else { 0.0 };
-        distance + a.angle_to(b)
-    }
-
-    /// Median over all pairs of views of the distance between their cameras; 0 for fewer than two views.
-    fn median_distance(&self) -> f64 {
-        let centers: Vec<DVec3> = self.views.iter().map(|view| view.camera.pose.center()).collect();
-        let mut distances: Vec<f64> = Vec::with_capacity(centers.len() * centers.len() / 2);
-        for (i, a) in centers.iter().enumerate() {
-            distances.extend(centers[..i].iter().map(|b| a.distance(*b)));
-        }
-        distances.sort_unstable_by(f64::total_cmp);
-        match distances.len() {
-            0 => 0.0,
-            n if n % 2 == 1 => distances[n / 2],
-            n => (distances[n / 2 - 1] + distances[n / 2]) / 2.0,
-        }
-    }
-
-    /// The `n` views of `among` nearest to view `to`, nearest first, ties by index; never `to` itself.
-    pub fn nearest(&self, to: usize, among: &[usize], n: usize) -> Vec<usize> {
-        let median = self.median_distance();
-        let mut ranked: Vec<(f64, usize)> =
-            among.iter().filter(|&&v| v != to).map(|&v| (self.separation_over(median, to, v), v)).collect();
-        ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        ranked.into_iter().take(n).map(|(_, v)| v).collect()
-    }
-
-    /// The training view with the smallest mean separation to the other training views: the scene's own frame.
-    ///
-    /// # Panics
-    /// If the scene has no training views; see [`Scene::check_training`].
-    pub fn central_view(&self) -> usize {
-        let median = self.median_distance();
-        let training = self.training_views();
-        let total = |v: usize| training.iter().map(|&w| self.separation_over(median, v, w)).sum::<f64>();
-        let ranked = training.iter().map(|&v| (total(v), v));
-        let central = ranked.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        central.expect("a scene with training views").1
-    }
-
     /// The poses of a tuple in the frame and the scale of training.
     ///
     /// The first context camera becomes the identity. Lengths are divided by the mean distance from its center to the points

@@ -1,7 +1,7 @@
 //! The Gaussians of a whole capture: many photos with cameras, a few at a time.
 
 use crate::{CameraSource, Density, Error, Photos, Predictor, push_planar};
-use weaver_data::{Scene, Tuple};
+use weaver_data::{Layout, Scene, Tuple};
 use weaver_geometry::{Camera, Similarity};
 use weaver_kernels::random::Stream;
 use weaver_scene::Gaussians;
@@ -21,11 +21,12 @@ pub fn predict_capture(
     seed: u64,
 ) -> Result<Gaussians, Error> {
     let density = predictor.density(Density::default())?;
+    let layout = Layout::of(scene);
     let mut left = views.to_vec();
     let mut all = Gaussians::default();
     while let Some(first) = left.first().copied() {
         let mut group = vec![first];
-        group.extend(scene.nearest(first, &left, context.max(1) - 1));
+        group.extend(layout.nearest(first, &left, context.max(1) - 1));
         left.retain(|view| !group.contains(view));
         let stream = Stream::new(seed, first as u64, "inference.capture");
         append(&mut all, predict_group(predictor, scene, group, density, stream)?);

@@ -1,7 +1,7 @@
 //! A training example: the photos, cameras and depth of one tuple of views.
 
 use crate::{CameraMode, Error};
-use weaver_data::{NormalizedPoses, Scene, SparsePoints, Tuple};
+use weaver_data::{Layout, NormalizedPoses, Scene, SparsePoints, Tuple};
 use weaver_geometry::{Camera, Pose};
 use weaver_inference::{CameraSource, Photos, push_planar};
 
@@ -18,18 +18,22 @@ pub struct Example {
     pub scale: f64,
     /// Depth of the context views `[C, H, W]` in training units, 0 where unknown.
     pub depth: Vec<f32>,
-    /// Poses of the context views in the scene's own frame, translations in training units.
+    /// Poses of the context views in the scene's own frame, translations in training units; none in evaluation, where no loss
+    /// asks for them.
     pub absolute: Vec<Pose>,
 }
 
 impl Example {
-    /// Gathers the views of a tuple.
+    /// Gathers the views of a tuple. `layout` is the scene's.
     ///
     /// # Errors
     /// When nothing tells the scene's scale.
-    pub fn new(scene: &Scene, tuple: Tuple) -> Result<Self, Error> {
+    pub fn new(scene: &Scene, layout: &Layout, tuple: Tuple) -> Result<Self, Error> {
+        let center = &scene.views[layout.central_view()].camera.pose;
         let posed = scene.normalized(&tuple)?;
-        Ok(Self::with(scene, tuple, &posed))
+        let context = tuple.context.iter().map(|&v| &scene.views[v].camera.pose);
+        let absolute = context.map(|pose| pose.relative_to(center).scaled(posed.scale)).collect();
+        Ok(Self { absolute, ..Self::with(scene, tuple, &posed) })
     }
 
     /// Gathers the views of a tuple for evaluation. Where the scale is unknown, lengths stay in the scene's own units and the
@@ -66,13 +70,7 @@ impl Example {
         }
         let cameras =
             views.iter().zip(&posed.poses).map(|(&v, pose)| Camera { pose: *pose, ..scene.views[v].camera }).collect();
-        let center = scene.views[scene.central_view()].camera.pose;
-        let absolute = tuple
-            .context
-            .iter()
-            .map(|&v| scene.views[v].camera.pose.relative_to(&center).scaled(posed.scale))
-            .collect();
-        Self { tuple, images, cameras, scale: posed.scale, depth, absolute }
+        Self { tuple, images, cameras, scale: posed.scale, depth, absolute: Vec::new() }
     }
 
     /// Cameras of the context views.

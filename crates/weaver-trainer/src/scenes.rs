@@ -4,7 +4,7 @@ use crate::{DataConfig, Error};
 use std::path::PathBuf;
 use weaver_data::capture::{self, CaptureOptions};
 use weaver_data::procedural::ProceduralOptions;
-use weaver_data::{Scene, procedural};
+use weaver_data::{Layout, Scene, procedural};
 use weaver_kernels::random::Stream;
 
 /// Loads the scenes of a run at the network's size (H, W): its captures, or the built-in procedural set.
@@ -76,6 +76,7 @@ pub struct Endless {
     /// The number of each scene in the sequence of all.
     numbers: Vec<usize>,
     scenes: Vec<Scene>,
+    layouts: Vec<Layout>,
 }
 
 /// Views of a fresh scene: enough for a tuple with some choice.
@@ -88,7 +89,14 @@ impl Endless {
     pub fn new(data: &DataConfig, [height, width]: [usize; 2], seed: u64) -> Self {
         let every = data.endless.filter(|_| data.folders.is_empty());
         let options = ProceduralOptions { width, height, views: FRESH_VIEWS };
-        Self { every, stream: Stream::new(seed, 0, "scenes"), options, numbers: Vec::new(), scenes: Vec::new() }
+        Self {
+            every,
+            stream: Stream::new(seed, 0, "scenes"),
+            options,
+            numbers: Vec::new(),
+            scenes: Vec::new(),
+            layouts: Vec::new(),
+        }
     }
 
     /// Whether there are any.
@@ -96,8 +104,8 @@ impl Endless {
         self.every.is_some()
     }
 
-    /// The scenes of a step; `None` when the set is fixed.
-    pub fn scenes(&mut self, step: usize) -> Option<&[Scene]> {
+    /// The scenes of a step and their layouts; `None` when the set is fixed.
+    pub fn scenes(&mut self, step: usize) -> Option<(&[Scene], &[Layout])> {
         let last = step / self.every? + KEPT - 1;
         for place in 0..KEPT {
             let number = last - (last - place) % KEPT;
@@ -105,14 +113,16 @@ impl Endless {
                 continue;
             }
             let fresh = self.fresh(number);
+            let layout = Layout::of(&fresh);
             if place < self.scenes.len() {
-                (self.numbers[place], self.scenes[place]) = (number, fresh);
+                (self.numbers[place], self.scenes[place], self.layouts[place]) = (number, fresh, layout);
             } else {
                 self.numbers.push(number);
                 self.scenes.push(fresh);
+                self.layouts.push(layout);
             }
         }
-        Some(&self.scenes)
+        Some((&self.scenes, &self.layouts))
     }
 
     fn fresh(&self, number: usize) -> Scene {

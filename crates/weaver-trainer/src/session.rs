@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use weaver_autograd::{OpTime, Params, Tape};
-use weaver_data::Scene;
+use weaver_data::{Layout, Scene};
 use weaver_inference::{Checkpoint, Density, Predictor, RunFolder};
 use weaver_kernels::random::Stream;
 use weaver_losses::Lpips;
@@ -29,6 +29,7 @@ pub struct Session<R: Recipe> {
     optimizer: AdamW<f32>,
     ema: Ema<f32>,
     scenes: Vec<Scene>,
+    layouts: Vec<Layout>,
     fresh: scenes::Endless,
     /// What a reader of the plan should know.
     remarks: Vec<String>,
@@ -88,6 +89,7 @@ impl<R: Recipe> Session<R> {
         let network = Arc::new(R::build(&config.model, &mut params, config.seed));
         let optimizer = new_optimizer(&config, &params);
         let ema = Ema::new(&params, config.optimizer.ema);
+        let layouts = scenes.iter().map(Layout::of).collect();
         let fresh = scenes::Endless::new(&config.data, size, config.seed);
         let (tape, workspaces) = (Tape::new(), WorkspacePool::new());
         Ok(Self {
@@ -97,6 +99,7 @@ impl<R: Recipe> Session<R> {
             optimizer,
             ema,
             scenes,
+            layouts,
             fresh,
             remarks,
             tape,

@@ -4,6 +4,7 @@ mod activations;
 mod adjoints;
 mod attention;
 mod convolution;
+mod gradcheck;
 mod losses;
 mod matmul;
 mod normalization;

@@ -12,7 +12,7 @@ const BINARY: &str = env!("CARGO_BIN_EXE_splatweaver");
 const STEPS: u64 = 1500;
 
 /// Writes a small capture to `capture/`.
-fn capture(folder: &Path) {
+pub fn capture(folder: &Path) {
     let scene = scene(3, &ProceduralOptions { width: 40, height: 32, views: 10 });
     let images = folder.join("capture/images");
     std::fs::create_dir_all(&images).unwrap();

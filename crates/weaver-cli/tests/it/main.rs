@@ -3,6 +3,8 @@
 mod eval_scene;
 #[cfg(unix)]
 mod fit;
+#[cfg(unix)]
+mod killed;
 mod photos;
 mod plan;
 mod process;

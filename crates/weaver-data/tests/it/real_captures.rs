@@ -13,7 +13,7 @@ fn data() -> Option<PathBuf> {
     });
     let data = shared.map(|shared| shared.join("data")).filter(|data| data.is_dir());
     if data.is_none() {
-        println!("skipped: no data");
+        println!("skipped: no data (captures)");
     }
     data
 }

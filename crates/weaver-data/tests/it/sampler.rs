@@ -1,19 +1,21 @@
 //! Tuples and frame samplers.
 
-use crate::scene::line;
+use crate::scene::{line, view};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
-use weaver_data::{bounded_gap, evaluation_tuples, every, training_tuple, uniform};
+use weaver_data::{Layout, Scene, Tuple, bounded_gap, evaluation_tuples, every, training_tuple, uniform};
+use weaver_geometry::glam::DVec3;
 use weaver_kernels::random::Stream;
 
 #[test]
 fn a_training_tuple_is_a_shuffle_of_the_nearest() {
     let scenes = [line(12), line(30)];
+    let layouts: Vec<Layout> = scenes.iter().map(Layout::of).collect();
     let rng = Stream::new(1, 0, "test.tuples");
     let (mut first, mut targets) = (BTreeSet::new(), BTreeSet::new());
     for index in 0..400 {
-        let tuple = training_tuple(&scenes, rng, index, 6, 4, 2);
-        assert_eq!(tuple, training_tuple(&scenes, rng, index, 6, 4, 2));
+        let tuple = training_tuple(&layouts, rng, index, 6, 4, 2);
+        assert_eq!(tuple, training_tuple(&layouts, rng, index, 6, 4, 2));
         let scene = &scenes[tuple.scene];
         let training = scene.training_views();
         let pool = scene.nearest(tuple.targets[0], &training, 6);
@@ -31,9 +33,76 @@ fn a_training_tuple_is_a_shuffle_of_the_nearest() {
     assert_eq!(first.len(), 6, "camera 0 is any of the pool");
 }
 
+/// A helix of cameras that look to all sides; every eighth held out. Pairs of them lie equally far apart.
+fn helix(views: usize) -> Scene {
+    let camera = |i: usize| {
+        let turn = 0.05 * i as f64;
+        view(&i.to_string(), DVec3::new(turn.cos(), 0.01 * (i / 2) as f64, turn.sin()), 1.7 * turn, i.is_multiple_of(8))
+    };
+    Scene { views: (0..views).map(camera).collect(), visible: vec![Vec::new(); views], ..line(0) }
+}
+
+/// The definition, as slow as it is: all separations from the cameras themselves, all sorted.
+struct Slow {
+    scene: Scene,
+    median: f64,
+}
+
+impl Slow {
+    fn of(scene: Scene) -> Self {
+        let center = |v: usize| scene.views[v].camera.pose.center();
+        let pairs = (0..scene.views.len()).flat_map(|a| (0..a).map(move |b| (a, b)));
+        let mut distances: Vec<f64> = pairs.map(|(a, b)| center(a).distance(center(b))).collect();
+        distances.sort_by(f64::total_cmp);
+        let n = distances.len();
+        let median = if n % 2 == 1 { distances[n / 2] } else { (distances[n / 2 - 1] + distances[n / 2]) / 2.0 };
+        Self { scene, median }
+    }
+
+    fn separation(&self, a: usize, b: usize) -> f64 {
+        let [a, b] = [a, b].map(|v| &self.scene.views[v].camera.pose);
+        a.center().distance(b.center()) / self.median + a.angle_to(b)
+    }
+
+    fn tuple(&self, rng: Stream, index: u64, pool: usize, context: usize) -> Tuple {
+        let rng = rng.fork(index);
+        let training = self.scene.training_views();
+        let target = training[rng.below(1, training.len())];
+        let mut near: Vec<usize> = training.into_iter().filter(|v| *v != target).collect();
+        near.sort_by(|a, b| self.separation(target, *a).total_cmp(&self.separation(target, *b)));
+        let order = rng.fork(2).permutation(pool.min(near.len()));
+        let shuffled: Vec<usize> = order.into_iter().map(|i| near[i]).collect();
+        let targets = std::iter::once(target).chain(shuffled[context..].iter().copied()).take(2).collect();
+        Tuple { scene: 0, context: shuffled[..context].to_vec(), targets }
+    }
+
+    fn central(&self) -> usize {
+        let training = self.scene.training_views();
+        let total = |v: usize| training.iter().map(|w| self.separation(v, *w)).sum::<f64>();
+        training.iter().map(|&v| (total(v), v)).min_by(|a, b| a.0.total_cmp(&b.0)).unwrap().1
+    }
+}
+
+#[test]
+fn tuples_and_frame_are_those_of_the_slow_definition() {
+    for (views, tuples) in [(9, 40), (50, 40), (301, 40), (2000, 4)] {
+        let slow = Slow::of(helix(views));
+        let layout = [Layout::of(&slow.scene)];
+        let rng = Stream::new(views as u64, 0, "test.tuples");
+        for index in 0..tuples {
+            let found = training_tuple(&layout, rng, index, 6, 4, 2);
+            assert_eq!(found, slow.tuple(rng, index, 6, 4), "{views} views, tuple {index}");
+        }
+        assert_eq!(layout[0].separation(1, 2).to_bits(), slow.separation(1, 2).to_bits());
+        if views < 2000 {
+            assert_eq!(layout[0].central_view(), slow.central(), "{views} views");
+        }
+    }
+}
+
 #[test]
 fn with_five_views_the_target_stands_in_for_the_second() {
-    let scenes = [line(7)];
+    let scenes = [Layout::of(&line(7))];
     let tuple = training_tuple(&scenes, Stream::new(1, 0, "test.tuples"), 0, 6, 4, 2);
     assert_eq!(tuple.targets[0], tuple.targets[1]);
 }
@@ -41,7 +110,7 @@ fn with_five_views_the_target_stands_in_for_the_second() {
 #[test]
 #[should_panic(expected = "scene line: 3 training views")]
 fn too_small_a_scene_is_refused() {
-    training_tuple(&[line(6)], Stream::new(1, 0, "test.tuples"), 0, 6, 4, 2);
+    training_tuple(&[Layout::of(&line(6))], Stream::new(1, 0, "test.tuples"), 0, 6, 4, 2);
 }
 
 #[test]

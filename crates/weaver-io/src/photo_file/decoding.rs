@@ -4,7 +4,7 @@ use super::{Layer, orientation};
 use crate::file::read_bytes;
 use crate::{Error, Result};
 use image::metadata::Orientation;
-use image::{DynamicImage, ImageDecoder, ImageReader};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
@@ -14,6 +14,8 @@ use std::sync::{Condvar, Mutex, PoisonError};
 const MOST: u64 = 160 << 20;
 /// Bytes of a single decoded photo: a header may claim anything.
 const LARGEST: u64 = 512 << 20;
+/// Bytes of pixels that one byte of a PNG or a JPEG stands for at most: 1032 by deflate, some hundreds by JPEG.
+const MOST_DENSE: u64 = 1100;
 const EXPECTED: &str = "a JPEG, PNG, TIFF or WebP image";
 
 /// What a photo says before its pixels.
@@ -48,6 +50,13 @@ pub(super) fn decode(path: &Path) -> Result<((usize, usize), Vec<u8>, usize)> {
     let total = decoder.total_bytes();
     if total > LARGEST {
         return Err(Error::invalid(path, "image", format!("at most {LARGEST} bytes once it is decoded"), total));
+    }
+    // Memory is taken for what the header says, which may be anything in a spoilt file.
+    let bounded = matches!(image::guess_format(&bytes), Ok(ImageFormat::Png | ImageFormat::Jpeg));
+    if bounded && total / MOST_DENSE > bytes.len() as u64 {
+        let (width, height) = decoder.dimensions();
+        let found = format!("{} bytes", bytes.len());
+        return Err(Error::invalid(path, "image", format!("{width} x {height} pixels, as its header says"), found));
     }
     let decoded = DynamicImage::from_decoder(decoder).map_err(|e| Error::invalid(path, "image", EXPECTED, e))?;
     let size = (decoded.width() as usize, decoded.height() as usize);

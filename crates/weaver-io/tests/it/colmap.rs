@@ -8,7 +8,8 @@ use weaver_io::colmap::{CameraModel, ImageRecord, Model, Point};
 use weaver_io::ply::write_points;
 use weaver_scene::PointCloud;
 
-fn model() -> Model {
+/// A small model.
+pub fn model() -> Model {
     let intrinsics = Intrinsics { fx: 100.0, fy: 101.5, cx: 32.0, cy: 24.25 };
     let cameras = BTreeMap::from([(3, CameraModel { width: 64, height: 48, intrinsics, distortion: None })]);
     let image = |id: u32, points| ImageRecord {

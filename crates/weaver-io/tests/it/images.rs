@@ -192,3 +192,24 @@ fn a_jpeg_that_was_cut_short_is_refused() {
         assert!(message.contains("a.jpg: image: expected a whole JPEG image"), "{message}");
     }
 }
+
+#[test]
+fn a_header_that_promises_more_than_the_file_can_hold_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.jpg");
+    image::RgbImage::from_raw(21, 18, ramp(21, 18).to_bytes()).unwrap().save(&path).unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    // The frame: marker, length, precision, height, width.
+    let frame = bytes.windows(2).position(|pair| pair == [0xff, 0xc0]).unwrap();
+    bytes[frame + 5..frame + 9].copy_from_slice(&[0x3f, 0xff, 0x3f, 0xff]);
+    std::fs::write(&path, &bytes).unwrap();
+    let used = allocation_counter::measure(|| {
+        let message = Image::read(&path, Background::White).unwrap_err().to_string();
+        assert!(message.contains("a.jpg: image: expected 16383 x 16383 pixels, as its header says"), "{message}");
+    });
+    assert!(used.bytes_max < 1 << 20, "{}", used.bytes_max);
+    // The densest there is: one color.
+    let plain = folder.path().join("plain.png");
+    Image::filled(4000, 500, [1.0; 3]).write_png(&plain).unwrap();
+    assert_eq!(Image::read(&plain, Background::White).unwrap().width, 4000);
+}

@@ -9,6 +9,8 @@ mod files;
 mod formats;
 mod images;
 mod info;
+mod mutated;
+mod mutations;
 mod photo_file;
 mod ply;
 mod realestate;

@@ -1,7 +1,7 @@
 //! A whole training step of fixed shape allocates nothing once it has run.
 
 use weaver_autograd::{Params, Pool, Tape};
-use weaver_data::training_tuple;
+use weaver_data::{Layout, training_tuple};
 use weaver_experts::Neighbors;
 use weaver_kernels::random::Stream;
 use weaver_model::SplatWeaver;
@@ -32,10 +32,11 @@ fn allocations(config: &Config, allocation: &str) -> [u64; 2] {
     pool.install(|| {
         let stage = &config.stages[1];
         let scenes = scenes::load(&config.data, SplatWeaverRecipe::image_size(&config.model)).unwrap();
+        let layouts: Vec<Layout> = scenes.iter().map(Layout::of).collect();
         let (d, tuples) = (&config.data, Stream::new(config.seed, 0, "tuples"));
         let example = |i: u64| {
-            let tuple = training_tuple(&scenes, tuples, i, d.pool, d.context_views, d.target_views);
-            Example::new(&scenes[tuple.scene], tuple).unwrap()
+            let tuple = training_tuple(&layouts, tuples, i, d.pool, d.context_views, d.target_views);
+            Example::new(&scenes[tuple.scene], &layouts[tuple.scene], tuple).unwrap()
         };
         let examples: Vec<Example> = (0..SplatWeaverRecipe::tuples(stage) as u64).map(example).collect();
         let kind: AllocationKind = allocation.parse().unwrap();

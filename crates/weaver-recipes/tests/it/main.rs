@@ -4,5 +4,10 @@ mod allocations;
 mod configuration;
 mod determinism;
 mod experts;
+mod mutated;
+#[path = "../../../weaver-io/tests/it/mutations.rs"]
+mod mutations;
+mod presets;
 mod ranges;
 mod switch_off;
+mod switches;

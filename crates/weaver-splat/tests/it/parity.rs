@@ -18,7 +18,7 @@ fn intrinsics(k: &[f64]) -> Vec<f64> {
 fn check(name: &str, antialiased: bool, degree: Option<usize>) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures/raster").join(name);
     let Ok(bytes) = std::fs::read(&path) else {
-        println!("skipped: no data at {}", path.display());
+        println!("skipped: no data ({})", path.display());
         return;
     };
     let file = SafeTensors::deserialize(&bytes).unwrap();

@@ -13,15 +13,15 @@ impl<R: Recipe> Session<R> {
     pub(super) fn examples(&mut self, stage: &StageConfig<R>) -> Result<Vec<Example>, Error> {
         let d = &self.config.data;
         let count = R::tuples(stage);
-        let scenes = match self.fresh.scenes(self.step) {
+        let (scenes, layouts) = match self.fresh.scenes(self.step) {
             Some(fresh) => fresh,
-            None => &self.scenes,
+            None => (&self.scenes[..], &self.layouts[..]),
         };
         let stream = Stream::new(self.config.seed, self.step as u64, "tuples");
         // A tuple that tells no scale is left out, and the next one that the step would have drawn takes its place.
         let drawn = (0..count * MOST_DRAWN).map(|i| {
-            let tuple = training_tuple(scenes, stream, i as u64, d.pool, d.context_views, d.target_views);
-            Example::new(&scenes[tuple.scene], tuple)
+            let tuple = training_tuple(layouts, stream, i as u64, d.pool, d.context_views, d.target_views);
+            Example::new(&scenes[tuple.scene], &layouts[tuple.scene], tuple)
         });
         let mut without_scale = None;
         let told = drawn.filter_map(|example| match example {

@@ -44,7 +44,7 @@ fn tuples_that_see_no_points_are_left_out_and_their_photos_named() {
 #[test]
 fn a_capture_none_of_whose_photos_sees_points_is_refused_at_once() {
     let folder = tempfile::tempdir().unwrap();
-    let message = Session::new(captured(folder.path(), 10)).err().expect("an error").to_string();
+    let message = Session::new(captured(folder.path(), 10)).expect_err("an error").to_string();
     assert!(message.contains("scene_scale"), "{message}");
 }
 

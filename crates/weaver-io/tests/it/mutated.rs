@@ -1,0 +1,196 @@
+//! Mutated files: every reader refuses them or reads what is left, without a panic, in little memory and time.
+//!
+//! `cargo xtask stress parsers` draws many more than an ordinary run. A file is drawn from the reader's name and a number alone, so
+//! that a failure that is printed can be repeated.
+
+use crate::colmap::model;
+use crate::mutations::{files, mutate};
+use flate2::read::GzDecoder;
+use flate2::write::GzEncoder;
+use flate2::{Compression, Crc};
+use std::io::{Read, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::time::{Duration, Instant};
+use weaver_io::checkpoint::Tensors;
+use weaver_io::realestate::Clip;
+use weaver_io::{Background, Image, TensorFile, TorchCheckpoint, Transforms, Weights, colmap, ply};
+use weaver_kernels::random::Stream;
+use weaver_scene::Gaussians;
+
+/// What a reader may hold at once: so many times its input, and some more for its tables and windows.
+const TIMES: u64 = 64;
+const MORE: u64 = 4 << 20;
+/// Long for a small file even on a busy machine in a debug build.
+const LONG: Duration = Duration::from_secs(10);
+
+/// A reader and what it reads: files by name, of which the first is the one to open.
+struct Reader {
+    name: &'static str,
+    files: Vec<(String, Vec<u8>)>,
+    /// What makes a file of mutated content, such as compression.
+    seal: fn(&[u8]) -> Vec<u8>,
+    /// Reads the file of this path; false if it was refused.
+    read: fn(&Path) -> bool,
+}
+
+fn one(name: &'static str, file: &'static str, bytes: Vec<u8>, read: fn(&Path) -> bool) -> Reader {
+    several(name, vec![(file.into(), bytes)], read)
+}
+
+fn several(name: &'static str, files: Vec<(String, Vec<u8>)>, read: fn(&Path) -> bool) -> Reader {
+    Reader { name, files, seal: <[u8]>::to_vec, read }
+}
+
+/// The bytes that something writes to a path.
+fn written(name: &str, write: impl FnOnce(&Path)) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    write(&folder.path().join(name));
+    std::fs::read(folder.path().join(name)).unwrap()
+}
+
+fn readers() -> Vec<Reader> {
+    let gaussians = |name: &str| written(name, |path| weaver_io::write_gaussians(path, &splats()).unwrap());
+    let gradient = |i: usize| (i % 97) as f32 / 97.0;
+    let image = Image { width: 13, height: 9, pixels: (0..13 * 9 * 3).map(gradient).collect() };
+    let png = written("a.png", |path| image.write_png(path).unwrap());
+    let rgb = image::load_from_memory(&png).unwrap();
+    let jpeg = written("a.jpg", |path| rgb.to_rgb8().save(path).unwrap());
+    let mut tensors = Tensors::default();
+    tensors.insert("weight", &[3, 4], vec![0.5_f32; 12]);
+    tensors.insert("bias", &[4], vec![1.5_f32; 4]);
+    let safetensors = written("a.safetensors", |path| tensors.write(path).unwrap());
+    let index =
+        r#"{"metadata": {"total_size": 64}, "weight_map": {"weight": "a.safetensors", "bias": "a.safetensors"}}"#;
+    let torch = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures/torch_checkpoint.ckpt"));
+    let points = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n0 1 2 255 0 0\n1 2.5 -3e-1 0 9 1\n";
+    let transforms = r#"{"fl_x": 40.0, "fl_y": 41.0, "cx": 20, "cy": 16.5, "w": 40, "h": 32, "frames": [
+        {"file_path": "a.png", "transform_matrix": [[1,0,0,0.5],[0,1,0,0],[0,0,1,2],[0,0,0,1]]},
+        {"file_path": "b.png", "w": 20, "transform_matrix": [[1,0,0,-1],[0,1,0,0],[0,0,1,2],[0,0,0,1]]}]}"#;
+    let frames = "https://www.youtube.com/watch?v=x\n1000 0.5 0.9 0.5 0.5 0 0 1 0 0 0.5 0 1 0 0 0 0 1 2\n2000 0.5 0.9 0.5 0.5 0 0 1 0 0 0.25 0 1 0 0 0 0 1 2\n";
+    let text = |text: &str| text.as_bytes().to_vec();
+    let spz: fn(&Path) -> bool = |path| weaver_io::read_spz(path).is_ok();
+    let photo: fn(&Path) -> bool = |path| Image::read(path, Background::White).is_ok();
+    let folder: fn(&Path) -> bool = |path| colmap::Model::read(path.parent().unwrap()).is_ok();
+    vec![
+        one("ply", "a.ply", gaussians("a.ply"), |path| weaver_io::read_ply(path).is_ok()),
+        one("ply points", "a.ply", text(points), |path| ply::read_points(path).is_ok()),
+        one("splat", "a.splat", gaussians("a.splat"), |path| weaver_io::read_splat(path).is_ok()),
+        one("spz", "a.spz", gaussians("a.spz"), spz),
+        Reader { seal: gzip, ..one("spz content", "a.spz", gunzip(&gaussians("a.spz")), spz) },
+        several("colmap binary", colmap_files("bin"), folder),
+        several("colmap text", colmap_files("txt"), folder),
+        one("transforms", "a.json", text(transforms), |path| Transforms::read_cameras(path).is_ok()),
+        one("realestate", "a.txt", text(frames), |path| Clip::read(path).is_ok()),
+        one("tensors", "a.safetensors", safetensors.clone(), |path| Tensors::read(path).is_ok()),
+        one("tensor file", "a.safetensors", safetensors.clone(), |path| TensorFile::open(path).is_ok()),
+        several(
+            "index",
+            vec![("model.safetensors.index.json".into(), text(index)), ("a.safetensors".into(), safetensors)],
+            |path| Weights::open(path).is_ok(),
+        ),
+        one("torch", "a.ckpt", torch.unwrap(), |path| TorchCheckpoint::open(path).is_ok()),
+        one("png", "a.png", png.clone(), photo),
+        Reader { seal: checksummed, ..one("png content", "a.png", png, photo) },
+        one("jpeg", "a.jpg", jpeg, photo),
+    ]
+}
+
+fn splats() -> Gaussians {
+    let number = |i: usize| (i % 7) as f32 * 0.25 - 0.5;
+    Gaussians {
+        means: (0..12).map(|i| [number(i), number(i + 1), number(i + 2)]).collect(),
+        log_scales: vec![[-3.0, -2.0, -1.0]; 12],
+        quats: vec![[1.0, 0.0, 0.5, 0.0]; 12],
+        opacity_logits: (0..12).map(number).collect(),
+        sh: (0..12 * 12).map(number).collect(),
+        degree: 1,
+    }
+}
+
+fn colmap_files(extension: &str) -> Vec<(String, Vec<u8>)> {
+    let folder = tempfile::tempdir().unwrap();
+    let write = if extension == "bin" { colmap::Model::write_binary } else { colmap::Model::write_text };
+    write(&model(), folder.path()).unwrap();
+    let names = ["cameras", "images", "points3D"].map(|name| format!("{name}.{extension}"));
+    names.map(|name| (name.clone(), std::fs::read(folder.path().join(name)).unwrap())).to_vec()
+}
+
+/// Compresses what a mutation has changed, which no checksum would let through otherwise.
+fn gzip(bytes: &[u8]) -> Vec<u8> {
+    let mut out = GzEncoder::new(Vec::new(), Compression::fast());
+    out.write_all(bytes).unwrap();
+    out.finish().unwrap()
+}
+
+fn gunzip(bytes: &[u8]) -> Vec<u8> {
+    let mut out = Vec::new();
+    GzDecoder::new(bytes).read_to_end(&mut out).unwrap();
+    out
+}
+
+/// Gives the chunks of a PNG the checksums of what is in them.
+fn checksummed(bytes: &[u8]) -> Vec<u8> {
+    let (mut out, mut at) = (bytes.to_vec(), 8);
+    while let Some(length) = out.get(at..at + 4) {
+        let length = u32::from_be_bytes([length[0], length[1], length[2], length[3]]) as usize;
+        let Some(end) = at.checked_add(8 + length).filter(|end| end + 4 <= out.len()) else { break };
+        let mut sum = Crc::new();
+        sum.update(&out[at + 4..end]);
+        out[end..end + 4].copy_from_slice(&sum.sum().to_be_bytes());
+        at = end + 4;
+    }
+    out
+}
+
+/// What is wrong with reading a file, if anything.
+fn fault(reader: &Reader, path: &Path, input: u64, refused: &mut u64) -> Option<String> {
+    let (started, mut done) = (Instant::now(), None);
+    let used = allocation_counter::measure(|| {
+        done = catch_unwind(AssertUnwindSafe(|| (reader.read)(path))).ok();
+    });
+    let (took, most) = (started.elapsed(), TIMES * input + MORE);
+    let Some(read) = done else { return Some("a panic".into()) };
+    *refused += u64::from(!read);
+    if used.bytes_max > most {
+        return Some(format!("{} bytes held for an input of {input}", used.bytes_max));
+    }
+    (took > LONG).then(|| format!("{took:?} for an input of {input} bytes"))
+}
+
+#[test]
+fn readers_bear_any_file() {
+    let files = files();
+    let mut faults = Vec::new();
+    for reader in readers() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(&reader.files[0].0);
+        let lay = |files: &[(String, Vec<u8>)]| -> u64 {
+            let sealed = files.iter().map(|(name, bytes)| (name, (reader.seal)(bytes)));
+            let write = |(name, bytes): (&String, Vec<u8>)| {
+                std::fs::write(folder.path().join(name), &bytes).unwrap();
+                bytes.len() as u64
+            };
+            sealed.map(write).sum()
+        };
+        lay(&reader.files);
+        assert!((reader.read)(&path), "{}: the unchanged file", reader.name);
+        let (mut refused, mut found) = (0, 0);
+        for number in 0..files {
+            let rng = Stream::new(number, 0, reader.name);
+            let mut changed = reader.files.clone();
+            let which = rng.below(0, changed.len());
+            mutate(&mut changed[which].1, rng.fork(1));
+            let input = lay(&changed);
+            if let Some(fault) = fault(&reader, &path, input, &mut refused) {
+                found += 1;
+                if found <= 3 {
+                    faults.push(format!("{}, file {number}: {fault}", reader.name));
+                }
+            }
+        }
+        println!("{}: {files} files, {refused} refused, {found} faults", reader.name);
+        assert!(refused * 10 > files, "{}: {refused} of {files} mutated files were refused", reader.name);
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
