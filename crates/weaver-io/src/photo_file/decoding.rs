@@ -48,15 +48,15 @@ pub(super) fn decode(path: &Path) -> Result<((usize, usize), Vec<u8>, usize)> {
     }
     let decoder = decoder(path, "image", Cursor::new(&bytes))?;
     let total = decoder.total_bytes();
-    if total > LARGEST {
-        return Err(Error::invalid(path, "image", format!("at most {LARGEST} bytes once it is decoded"), total));
-    }
     // Memory is taken for what the header says, which may be anything in a spoilt file.
     let bounded = matches!(image::guess_format(&bytes), Ok(ImageFormat::Png | ImageFormat::Jpeg));
     if bounded && total / MOST_DENSE > bytes.len() as u64 {
         let (width, height) = decoder.dimensions();
         let found = format!("{} bytes", bytes.len());
         return Err(Error::invalid(path, "image", format!("{width} x {height} pixels, as its header says"), found));
+    }
+    if total > LARGEST {
+        return Err(Error::invalid(path, "image", format!("at most {LARGEST} bytes once it is decoded"), total));
     }
     let decoded = DynamicImage::from_decoder(decoder).map_err(|e| Error::invalid(path, "image", EXPECTED, e))?;
     let size = (decoded.width() as usize, decoded.height() as usize);
