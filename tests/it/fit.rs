@@ -133,7 +133,7 @@ fn what_cannot_be_fitted_is_refused_in_one_line() {
     let single = folder.path().join("single");
     std::fs::create_dir(&single).unwrap();
     capture::transforms(&single, 1);
-    small(&single, &out, &[]).refused(1, &["photos", "--all", "1 held out"]);
+    small(&single, &out, &[]).refused(1, &["photos", "1 held out"]);
     // No points: they can be asked for in vain.
     small(&single, &out, &[&"--all", &"--init", &"points"]).refused(1, &["points", "none"]);
     // A pose that is no number.

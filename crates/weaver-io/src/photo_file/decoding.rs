@@ -47,17 +47,8 @@ pub(super) fn decode(path: &Path) -> Result<((usize, usize), Vec<u8>, usize)> {
         return Err(Error::invalid(path, "image", "a whole JPEG image", "one that was cut short"));
     }
     let decoder = decoder(path, "image", Cursor::new(&bytes))?;
-    let total = decoder.total_bytes();
-    // Memory is taken for what the header says, which may be anything in a spoilt file.
-    let bounded = matches!(image::guess_format(&bytes), Ok(ImageFormat::Png | ImageFormat::Jpeg));
-    if bounded && total / MOST_DENSE > bytes.len() as u64 {
-        let (width, height) = decoder.dimensions();
-        let found = format!("{} bytes", bytes.len());
-        return Err(Error::invalid(path, "image", format!("{width} x {height} pixels, as its header says"), found));
-    }
-    if total > LARGEST {
-        return Err(Error::invalid(path, "image", format!("at most {LARGEST} bytes once it is decoded"), total));
-    }
+    let kind = image::guess_format(&bytes).ok();
+    check_claim(path, kind, decoder.dimensions(), decoder.total_bytes(), bytes.len() as u64)?;
     let decoded = DynamicImage::from_decoder(decoder).map_err(|e| Error::invalid(path, "image", EXPECTED, e))?;
     let size = (decoded.width() as usize, decoded.height() as usize);
     let has_alpha = decoded.color().has_alpha();
@@ -69,6 +60,19 @@ pub(super) fn decode(path: &Path) -> Result<((usize, usize), Vec<u8>, usize)> {
 fn decoder<'a>(path: &Path, place: &str, from: impl BufRead + Seek + 'a) -> Result<impl ImageDecoder + 'a> {
     let reader = ImageReader::new(from).with_guessed_format().map_err(Error::io(path))?;
     reader.into_decoder().map_err(|e| Error::invalid(path, place, EXPECTED, e))
+}
+
+/// Refuses what a header claims and the file cannot hold, or what is too much: memory is taken for it before a pixel is decoded.
+fn check_claim(path: &Path, kind: Option<ImageFormat>, size: (u32, u32), total: u64, bytes: u64) -> Result<()> {
+    let bounded = matches!(kind, Some(ImageFormat::Png | ImageFormat::Jpeg));
+    if bounded && total / MOST_DENSE > bytes {
+        let expected = format!("{} x {} pixels, as its header says", size.0, size.1);
+        return Err(Error::invalid(path, "image", expected, format!("{bytes} bytes")));
+    }
+    if total > LARGEST {
+        return Err(Error::invalid(path, "image", format!("at most {LARGEST} bytes once it is decoded"), total));
+    }
+    Ok(())
 }
 
 /// Says how to convert what phones write and nothing here reads.
@@ -190,6 +194,21 @@ impl Drop for Permit {
 mod tests {
     use super::*;
     use std::sync::atomic::{AtomicUsize, Ordering};
+
+    #[test]
+    fn what_a_header_claims_is_bounded() {
+        let says = |kind, total, bytes| {
+            check_claim(Path::new("a"), Some(kind), (9, 9), total, bytes).err().map(|error| error.to_string())
+        };
+        assert_eq!(says(ImageFormat::Png, LARGEST, LARGEST / 1000), None);
+        assert_eq!(says(ImageFormat::WebP, LARGEST, 9), None);
+        assert!(
+            says(ImageFormat::Jpeg, 1 << 20, 900)
+                .unwrap()
+                .contains("9 x 9 pixels, as its header says, found 900 bytes")
+        );
+        assert!(says(ImageFormat::Tiff, LARGEST + 1, LARGEST).unwrap().contains("at most 536870912 bytes"));
+    }
 
     #[test]
     fn large_photos_are_decoded_one_after_the_other() {
