@@ -5,6 +5,11 @@ use super::{DensityFlags, RefineFlags, Threads};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
+/// What is judged, by which views, and the figures.
+const WHAT: &str = "What is judged";
+const VIEWS: &str = "Views";
+const FIGURES: &str = "Figures";
+
 /// Renders held-out views and compares them with the photos.
 ///
 /// From the Gaussians that a network makes of their nearest training views or, with --scene, from one file of Gaussians, at the
@@ -22,44 +27,44 @@ use std::path::PathBuf;
   splatweaver eval --scene scene.spz --data garden --size 1600 --background black")]
 pub struct Eval {
     /// The run folder [default: the weights that come with the program]
-    #[arg(long, conflicts_with = "scene")]
+    #[arg(long, conflicts_with = "scene", help_heading = WHAT)]
     pub run: Option<PathBuf>,
     /// A file of weights instead: a run's checkpoint.safetensors, small weights made of one, or a published checkpoint
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["run", "scene"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["run", "scene"], help_heading = WHAT)]
     pub weights: Option<PathBuf>,
     /// A file of Gaussians (PLY, splat, SPZ), whose world is that of one --data
-    #[arg(long, value_name = "SCENE", requires = "data", conflicts_with_all = ["unseen", "views", "cameras", "unknown_focal", "match_size", "points", "allocation", "budget", "refine", "refine_steps", "refine_size"])]
+    #[arg(long, value_name = "SCENE", requires = "data", conflicts_with_all = ["unseen", "views", "cameras", "unknown_focal", "match_size", "points", "allocation", "budget", "refine", "refine_steps", "refine_size"], help_heading = WHAT)]
     pub scene: Option<PathBuf>,
     /// Folder of a capture; may be repeated without --scene [default: the data of the run]
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", help_heading = VIEWS)]
     pub data: Vec<PathBuf>,
     /// The four built-in procedural scenes that are never trained on
-    #[arg(long, conflicts_with = "data")]
+    #[arg(long, conflicts_with = "data", help_heading = VIEWS)]
     pub unseen: bool,
     /// Context views for each held-out view [default: the run's]
-    #[arg(long, value_name = "V", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_name = "V", value_parser = clap::value_parser!(u32).range(1..=1024), help_heading = VIEWS)]
     pub views: Option<u32>,
     /// Cameras of the context views; `estimated` by matching these photos, the held-out view aside [default: the run's]
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, help_heading = VIEWS)]
     pub cameras: Option<ContextCameras>,
     /// With estimated cameras: focal lengths are not told, as by photos without EXIF
-    #[arg(long)]
+    #[arg(long, help_heading = VIEWS)]
     pub unknown_focal: bool,
     /// With estimated cameras: longest side of the photos while they are matched [default: 384]
-    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(64..=8192))]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(64..=8192), help_heading = VIEWS)]
     pub match_size: Option<u32>,
     /// Given cameras come with the points that the context photos see: depth is brought to these
-    #[arg(long)]
+    #[arg(long, help_heading = VIEWS)]
     pub points: bool,
     #[command(flatten)]
     pub density: DensityFlags,
     #[command(flatten)]
     pub refine: RefineFlags,
     /// Also LPIPS, with the weights in this safetensors file
-    #[arg(long, value_name = "WEIGHTS")]
+    #[arg(long, value_name = "WEIGHTS", help_heading = FIGURES)]
     pub lpips: Option<PathBuf>,
     /// Prints the figures as JSON, and nothing else on standard output
-    #[arg(long)]
+    #[arg(long, help_heading = FIGURES)]
     pub json: bool,
     #[command(flatten)]
     pub drawing: Drawing,

@@ -6,8 +6,9 @@ use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use weaver_data::EstimateOptions;
 
-/// How cameras are estimated.
+/// How cameras are estimated, and how Gaussians are fitted.
 const MATCHING: &str = "Estimated cameras";
+const FIT: &str = "Fit";
 
 /// A scene from a folder of photos and nothing else.
 ///
@@ -28,19 +29,19 @@ pub struct Reconstruct {
     #[arg(short, long, value_name = "OUT")]
     pub out: PathBuf,
     /// How long it takes and how large photos are
-    #[arg(long, value_enum, default_value_t = Quality::Normal)]
+    #[arg(long, value_enum, default_value_t = Quality::Normal, help_heading = FIT)]
     pub quality: Quality,
     /// Time for all of it, matching included [default: the quality's]
-    #[arg(long, value_name = "M", value_parser = super::fit::minutes)]
+    #[arg(long, value_name = "M", value_parser = super::fit::minutes, help_heading = FIT)]
     pub minutes: Option<f64>,
     /// The most Gaussians there may be [default: 0.4 for each pixel of a photo, 5000 to 1000000]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000), help_heading = FIT)]
     pub gaussians: Option<u32>,
     /// Every eighth photo is not shown to the fit, which is judged by them
-    #[arg(long)]
+    #[arg(long, help_heading = FIT)]
     pub hold_out: bool,
     /// Seed of everything that is drawn at random
-    #[arg(long, value_name = "S", default_value_t = 0)]
+    #[arg(long, value_name = "S", default_value_t = 0, help_heading = FIT)]
     pub seed: u64,
     #[command(flatten)]
     pub matching: MatchingFlags,
