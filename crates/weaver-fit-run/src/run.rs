@@ -70,19 +70,7 @@ impl Run {
         }
         settings.fit.check()?;
         settings.capture = std::path::absolute(&settings.capture).unwrap_or(settings.capture);
-        let Loaded { fit, held_out, origins, matching, remarks } = load(&settings, given)?;
-        let mut run = Self {
-            folder: folder.into(),
-            settings,
-            fit,
-            held_out,
-            origins,
-            matching,
-            remarks,
-            judge,
-            before: 0.0,
-            started,
-        };
+        let mut run = Self::loaded(folder, settings, given, judge, started)?;
         if let Some(minutes) = run.settings.minutes {
             let reserve = run.seconds_of_results()?;
             let left = 60.0 * minutes - started.elapsed().as_secs_f64() - reserve;
@@ -98,6 +86,19 @@ impl Run {
         }
         weaver_io::write_text(run_path(folder), &(text + "\n"))?;
         Ok(run)
+    }
+
+    /// A run at its first step.
+    fn loaded(
+        folder: &Path,
+        settings: RunSettings,
+        given: Option<&Gaussians>,
+        judge: Judge,
+        started: Instant,
+    ) -> Result<Self, RunError> {
+        let Loaded { fit, held_out, origins, matching, remarks } = load(&settings, given)?;
+        let folder = folder.into();
+        Ok(Self { folder, settings, fit, held_out, origins, matching, remarks, judge, before: 0.0, started })
     }
 
     /// Goes on with a run from its last checkpoint, or from the start if there is none.
@@ -118,19 +119,7 @@ impl Run {
         let checkpoint = checkpoint_path(folder);
         let given = init_path(folder);
         let given = given.exists().then(|| weaver_io::read_gaussians(&given)).transpose()?;
-        let Loaded { fit, held_out, origins, matching, remarks } = load(&settings, given.as_ref())?;
-        let mut run = Self {
-            folder: folder.into(),
-            settings,
-            fit,
-            held_out,
-            origins,
-            matching,
-            remarks,
-            judge,
-            before: 0.0,
-            started,
-        };
+        let mut run = Self::loaded(folder, settings, given.as_ref(), judge, started)?;
         if checkpoint.exists() {
             let state = Tensors::read(&checkpoint)?;
             run.fit.restore(&state)?;

@@ -236,3 +236,29 @@ impl EstimateSettings {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use weaver_geometry::glam::{DMat3, DVec3};
+
+    /// Sixteen photos, of which these are turned, in a world that is turned.
+    fn grown(turned: &[usize], world: f64) -> Grown {
+        let camera = |i: usize| {
+            let own = if turned.contains(&i) { 2.0 * DIFFERENT } else { 0.0 };
+            let rotation = DMat3::from_rotation_y(own + 0.05 * i as f64) * DMat3::from_rotation_x(world);
+            let intrinsics = Intrinsics { fx: 1.0, fy: 1.0, cx: 0.5, cy: 0.5 };
+            Camera { pose: Pose::new(rotation, DVec3::ZERO), intrinsics, width: 1, height: 1 }
+        };
+        let bundle = Bundle { cameras: (0..16).map(camera).collect(), ..Bundle::default() };
+        Grown { bundle, placed: vec![true; 16], support: 1.0 }
+    }
+
+    #[test]
+    fn explanations_differ_by_photos_and_not_by_their_world() {
+        let first = grown(&[], 0.0);
+        assert!(!first.differs(&grown(&[], 0.7)));
+        assert!(!first.differs(&grown(&[0], 0.7)), "one of many");
+        assert!(first.differs(&grown(&[0, 9], 0.7)) && grown(&[0, 9], 0.7).differs(&first));
+    }
+}
