@@ -35,6 +35,8 @@ fn head(c: &mut Criterion) {
     let request = AllocationRequest {
         logits: &logits,
         energy: &logits[..PIXELS],
+        photos: &[],
+        depth: None,
         views: VIEWS,
         height: HEIGHT,
         width: WIDTH,
@@ -56,7 +58,7 @@ fn head(c: &mut Criterion) {
                         height: HEIGHT,
                         width: WIDTH,
                     };
-                    let g = head.gaussians(Context::new(&tape, &params), &pixels, &assignment.expert, None).gaussians;
+                    let g = head.gaussians(Context::new(&tape, &params), &pixels, &assignment, None).gaussians;
                     if backward {
                         let outputs = [g.means, g.scales, g.quats, g.opacities, g.colors];
                         let loss = outputs.map(|x| x.sum()).into_iter().reduce(|a, b| a + b);

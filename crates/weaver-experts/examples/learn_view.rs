@@ -66,7 +66,7 @@ impl Photo {
             height: HEIGHT,
             width: WIDTH,
         };
-        let gaussians = head.gaussians(cx, &pixels, &assignment.expert, None).gaussians;
+        let gaussians = head.gaussians(cx, &pixels, &assignment, None).gaussians;
         let background = tape.constant(&[0.0; 3], [3]);
         let rasterize = Rasterize::new(WIDTH, HEIGHT, RasterSettings::default(), workspaces);
         rasterize.apply(&gaussians, &CameraVars { viewmats, intrinsics }, background).image
@@ -87,6 +87,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let assignment = Grid { budget: 0.25 }.allocate(&AllocationRequest {
         logits: &[0.0; 2 * PIXELS],
         energy: &[0.0; PIXELS],
+        photos: &[],
+        depth: None,
         views: 1,
         height: HEIGHT,
         width: WIDTH,

@@ -10,12 +10,28 @@ use weaver_splat::GaussianVars;
 const GRAIN: usize = 512;
 /// Added to a quaternion's norm before dividing by it.
 const NORM_EPSILON: f64 = 1e-8;
-/// Bounds of the raw scale under the footprint parametrization.
+/// Bounds of the raw scale under the relative parametrizations.
 const RAW_SCALE: (f64, f64) = (-3.0, 3.0);
 
 /// The factor of the coefficients of a degree: 1, 0.025, 0.00625, ...
 pub(crate) fn degree_factor(degree: usize) -> f64 {
     if degree == 0 { 1.0 } else { 0.1 * 0.25_f64.powi(degree as i32) }
+}
+
+/// exp of a raw scale within its bounds, and whether it is.
+fn bounded_exp<T: Real>(raw: T) -> (T, bool) {
+    let (low, high) = (T::from_f64(RAW_SCALE.0), T::from_f64(RAW_SCALE.1));
+    (raw.max(low).min(high).exp(), raw >= low && raw <= high)
+}
+
+/// The product of two quaternions wxyz.
+fn product<T: Real>([w, x, y, z]: [T; 4], q: [T; 4]) -> [T; 4] {
+    [
+        w * q[0] - x * q[1] - y * q[2] - z * q[3],
+        w * q[1] + x * q[0] + y * q[3] - z * q[2],
+        w * q[2] - x * q[3] + y * q[0] + z * q[1],
+        w * q[3] + x * q[2] - y * q[1] + z * q[0],
+    ]
 }
 
 fn softplus<T: Real>(x: T) -> T {
@@ -41,7 +57,7 @@ struct Scale<T> {
 }
 
 impl Decode {
-    fn scale<T: Real>(&self, raw: T, ins: &[View<'_, T>], i: usize) -> Scale<T> {
+    fn scale<T: Real>(&self, raw: T, ins: &[View<'_, T>], (i, axis): (usize, usize)) -> Scale<T> {
         match self.parametrization {
             Parametrization::Published { scale_multiplier, scale_max, .. } => {
                 let (multiplier, most) = (T::from_f64(scale_multiplier), T::from_f64(scale_max));
@@ -50,19 +66,29 @@ impl Decode {
                 Scale { value: value.min(most), by_raw, by_footprint: T::ZERO }
             }
             Parametrization::Footprint { scale, .. } => {
-                let (low, high) = (T::from_f64(RAW_SCALE.0), T::from_f64(RAW_SCALE.1));
-                let unit = T::from_f64(scale) * raw.max(low).min(high).exp() / ins[2][i].sqrt();
+                let (factor, inside) = bounded_exp(raw);
+                let unit = T::from_f64(scale) * factor / ins[2][i].sqrt();
                 let value = unit * ins[1][i];
-                let inside = raw >= low && raw <= high;
                 Scale { value, by_raw: if inside { value } else { T::ZERO }, by_footprint: unit }
+            }
+            Parametrization::Patch { scale, .. } => {
+                let (factor, inside) = bounded_exp(raw);
+                let value = T::from_f64(scale) * factor * ins[1][3 * i + axis];
+                Scale { value, by_raw: if inside { value } else { T::ZERO }, by_footprint: T::ZERO }
             }
         }
     }
 
     /// The raw quaternion xyzw, which starts at the identity where the parametrization says so.
     fn quaternion<T: Real>(&self, row: &[T]) -> [T; 4] {
-        let w = if self.parametrization.has_footprint() { T::ONE } else { T::ZERO };
+        let w = if self.parametrization.is_relative() { T::ONE } else { T::ZERO };
         [row[4], row[5], row[6], row[7] + w]
+    }
+
+    /// The rotation of the patch wxyz, where there is one.
+    fn frame<T: Real>(&self, ins: &[View<'_, T>], i: usize) -> Option<[T; 4]> {
+        let has_patch = matches!(self.parametrization, Parametrization::Patch { .. });
+        has_patch.then(|| [0, 1, 2, 3].map(|a| ins[2][4 * i + a]))
     }
 
     fn coefficient(&self, k: usize) -> f64 {
@@ -83,15 +109,22 @@ impl<T: Real> Op<T> for Decode {
         let (n, k) = (ins[0].rows(), harmonics(self.sh_degree));
         let width = BEFORE_HARMONICS + 3 * k;
         ensure_shape!(ins[0] == Shape::from([n, width]), "raw parameters [N, {width}]");
-        if self.parametrization.has_footprint() {
-            ensure_shape!(ins[1] == Shape::from([n]) && ins[2] == ins[1], "footprints and local counts [{n}]");
-            ensure_shape!(ins[3] == Shape::from([n, 3]), "colors [{n}, 3]");
+        match self.parametrization {
+            Parametrization::Published { .. } => {}
+            Parametrization::Footprint { .. } => {
+                ensure_shape!(ins[1] == Shape::from([n]) && ins[2] == ins[1], "footprints and local counts [{n}]");
+                ensure_shape!(ins[3] == Shape::from([n, 3]), "colors [{n}, 3]");
+            }
+            Parametrization::Patch { .. } => {
+                ensure_shape!(ins[1] == Shape::from([n, 3]) && ins[3] == ins[1], "extents and colors [{n}, 3]");
+                ensure_shape!(ins[2] == Shape::from([n, 4]), "rotations [{n}, 4]");
+            }
         }
         Ok(Shapes::one([n, 3]).and([n, 4]).and([n]).and([n, k, 3]))
     }
 
     fn differentiable(&self, index: usize) -> bool {
-        index < 2
+        index == 0 || (index == 1 && matches!(self.parametrization, Parametrization::Footprint { .. }))
     }
 
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
@@ -102,14 +135,16 @@ impl<T: Real> Op<T> for Decode {
         parallel::for_chunks(scales, GRAIN * 3, |chunk, out| {
             for (at, s) in out.iter_mut().enumerate() {
                 let i = chunk * GRAIN + at / 3;
-                *s = self.scale(row(i)[1 + at % 3], ins, i).value;
+                *s = self.scale(row(i)[1 + at % 3], ins, (i, at % 3)).value;
             }
         });
         parallel::for_chunks(quats, GRAIN * 4, |chunk, out| {
             for (at, quat) in out.chunks_exact_mut(4).enumerate() {
-                let q = self.quaternion(row(chunk * GRAIN + at));
+                let i = chunk * GRAIN + at;
+                let q = self.quaternion(row(i));
                 let length = norm(q) + T::from_f64(NORM_EPSILON);
-                quat.iter_mut().zip([q[3], q[0], q[1], q[2]]).for_each(|(out, q)| *out = q / length);
+                let own = [q[3], q[0], q[1], q[2]].map(|q| q / length);
+                quat.copy_from_slice(&self.frame(ins, i).map_or(own, |frame| product(frame, own)));
             }
         });
         opacities.iter_mut().enumerate().for_each(|(i, o)| *o = sigmoid(row(i)[0]));
@@ -152,11 +187,16 @@ impl<T: Real> Op<T> for Decode {
                     let opacity = outs[2][i];
                     dtheta[0] += dopacity[i] * opacity * (T::ONE - opacity);
                     for a in 0..3 {
-                        dtheta[1 + a] += dscale[3 * i + a] * self.scale(raw[1 + a], ins, i).by_raw;
+                        dtheta[1 + a] += dscale[3 * i + a] * self.scale(raw[1 + a], ins, (i, a)).by_raw;
                     }
                     // u = q / (|q| + e): dq = (du - q (q . du) / (|q| (|q| + e))) / (|q| + e)
                     let q = self.quaternion(raw);
-                    let du = [1, 2, 3, 0].map(|a| dquat[4 * i + a]);
+                    let mut du = [0, 1, 2, 3].map(|a| dquat[4 * i + a]);
+                    if let Some([w, x, y, z]) = self.frame(ins, i) {
+                        // The transpose of a product with a unit quaternion is that with its inverse.
+                        du = product([w, -x, -y, -z], du);
+                    }
+                    let du = [du[1], du[2], du[3], du[0]];
                     let length = norm(q);
                     let longer = length + T::from_f64(NORM_EPSILON);
                     let along: T = q.iter().zip(du).map(|(q, du)| *q * du).sum();
@@ -177,7 +217,7 @@ impl<T: Real> Op<T> for Decode {
         if let Some(Some(dfootprint)) = dins.get_mut(1) {
             dfootprint.add_each(|i| {
                 let raw = &theta[i * width + 1..i * width + 4];
-                raw.iter().enumerate().map(|(a, &s)| dscale[3 * i + a] * self.scale(s, ins, i).by_footprint).sum()
+                raw.iter().enumerate().map(|(a, &s)| dscale[3 * i + a] * self.scale(s, ins, (i, a)).by_footprint).sum()
             });
         }
     }
@@ -194,6 +234,35 @@ pub struct PixelOf<'t, T: Real = f32> {
     pub color: Var<'t, T>,
 }
 
+/// The patch of surface that a Gaussian stands for, which the patch parametrization uses; all of it is constant.
+#[derive(Clone, Copy, Debug)]
+pub struct PatchOf<'t, T: Real = f32> {
+    /// Extents along its axes `[N, 3]`, in world units.
+    pub extents: Var<'t, T>,
+    /// Rotation from its axes to the world as unit quaternions wxyz `[N, 4]`.
+    pub rotation: Var<'t, T>,
+    /// Mean color `[N, 3]`, 0 to 1.
+    pub color: Var<'t, T>,
+}
+
+/// What a Gaussian's raw numbers are relative to.
+#[derive(Clone, Copy, Debug)]
+pub enum Origin<'t, T: Real = f32> {
+    /// Its pixel.
+    Pixel(PixelOf<'t, T>),
+    /// Its patch.
+    Patch(PatchOf<'t, T>),
+}
+
+impl<T: Real> Outputs<T> for Origin<'_, T> {
+    fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
+        match self {
+            Self::Pixel(pixel) => pixel.for_each_var(visit),
+            Self::Patch(patch) => [patch.extents, patch.rotation, patch.color].for_each_var(visit),
+        }
+    }
+}
+
 impl<T: Real> Outputs<T> for PixelOf<'_, T> {
     fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
         [self.footprint, self.local_count, self.color].for_each_var(visit);
@@ -207,8 +276,8 @@ impl<T: Real> Outputs<T> for PixelOf<'_, T> {
 /// spherical harmonics `[N, K, 3]`; the `means` `[N, 3]` are passed on as they are.
 ///
 /// `theta` `[N, 8 + 3 K]` holds, per Gaussian, opacity 1, scale 3, quaternion xyzw 4 and harmonics 3 K (color-major),
-/// with K = (`sh_degree` + 1)^2. It and the footprints are differentiable. Where a scale is clamped its gradient is 0;
-/// at the bound itself it passes. Panics on other shapes, and if the parametrization needs `pixel` and there is none.
+/// with K = (`sh_degree` + 1)^2. It and footprints are differentiable. Where a scale is clamped its gradient is 0;
+/// at the bound itself it passes. Panics on other shapes, and if the parametrization needs an `origin` of another kind.
 /// Source: official SplatWeaver code, `UnifiedGaussianAdapter`.
 ///
 /// ```
@@ -227,15 +296,19 @@ pub fn decode<'t, T: Real>(
     means: Var<'t, T>,
     theta: Var<'t, T>,
     sh_degree: usize,
-    pixel: Option<PixelOf<'t, T>>,
+    origin: Option<Origin<'t, T>>,
     parametrization: Parametrization,
 ) -> GaussianVars<'t, T> {
-    let op = Decode { parametrization, sh_degree };
-    let [scales, quats, opacities, colors] = if parametrization.has_footprint() {
-        let pixel = pixel.expect("the footprint parametrization is given pixels");
-        theta.tape().apply(op, &[theta, pixel.footprint, pixel.local_count, pixel.color])
-    } else {
-        theta.tape().apply(op, &[theta])
+    let (tape, op) = (theta.tape(), Decode { parametrization, sh_degree });
+    let [scales, quats, opacities, colors] = match (parametrization, origin) {
+        (Parametrization::Published { .. }, _) => tape.apply(op, &[theta]),
+        (Parametrization::Footprint { .. }, Some(Origin::Pixel(pixel))) => {
+            tape.apply(op, &[theta, pixel.footprint, pixel.local_count, pixel.color])
+        }
+        (Parametrization::Patch { .. }, Some(Origin::Patch(patch))) => {
+            tape.apply(op, &[theta, patch.extents, patch.rotation, patch.color])
+        }
+        _ => panic!("{parametrization:?} is given what it is relative to"),
     };
     GaussianVars { means, quats, scales, opacities, colors }
 }

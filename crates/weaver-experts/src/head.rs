@@ -1,13 +1,14 @@
 //! The whole head, from pixel features to Gaussians.
 
+use crate::surface::{DESCRIPTORS, Frames, Surface};
 use crate::two_layers::TwoLayers;
 use crate::{
-    CardinalityExperts, NeighborPredictor, Neighbors, Parametrization, PixelOf, Routes, decode, local_count, place,
-    slot_width,
+    CardinalityExperts, NeighborPredictor, Neighbors, Origin, Parametrization, PatchOf, Patches, PixelOf, Routes,
+    decode, local_count, patch_mean, place, slot_width,
 };
 use weaver_autograd::{Buffer, Outputs, Real, Var};
-use weaver_nn::{Builder, Context};
-use weaver_router::Router;
+use weaver_nn::{Builder, Context, Linear, WeightInit};
+use weaver_router::{Assignment, Router};
 use weaver_splat::GaussianVars;
 
 /// Sizes and options of a [`CardinalityHead`].
@@ -77,14 +78,24 @@ pub struct PixelInputs<'t, T: Real = f32> {
     pub features: Var<'t, T>,
     /// Unprojected points `[P, 3]`, in world units; differentiable.
     pub points: Var<'t, T>,
-    /// depth / fx `[P]`, in world units; differentiable. Only for the footprint parametrization.
+    /// depth / fx `[P]`, in world units; differentiable by the footprint parametrization. Not for the published one.
     pub footprints: Option<Var<'t, T>>,
-    /// Colors `[P, 3]`, 0 to 1; held constant. Only for the footprint parametrization.
+    /// Colors `[P, 3]`, 0 to 1; held constant. Not for the published parametrization.
     pub colors: Option<Var<'t, T>>,
     /// Rows H of a view.
     pub height: usize,
     /// Columns W of a view.
     pub width: usize,
+}
+
+impl<'t, T: Real> PixelInputs<'t, T> {
+    fn footprint(&self) -> Var<'t, T> {
+        self.footprints.expect("relative parametrizations are given footprints")
+    }
+
+    fn color(&self) -> Var<'t, T> {
+        self.colors.expect("relative parametrizations are given colors")
+    }
 }
 
 /// The Gaussians of a scene, and the pixel of each.
@@ -111,22 +122,22 @@ pub struct Proposed<'t, T: Real = f32> {
     pub theta: Var<'t, T>,
     /// Projected features of the Gaussians' pixels `[N, c]`, where there is attention over neighbors.
     pub feature: Option<Var<'t, T>>,
-    /// Inputs of the footprint parametrization, if that is used.
-    pub pixel_of: Option<PixelOf<'t, T>>,
+    /// What the raw parameters are relative to, but under the published parametrization.
+    pub origin: Option<Origin<'t, T>>,
     /// The pixel that each Gaussian comes from `[N]`.
     pub pixel: Buffer<u32>,
 }
 
 impl<T: Real> Outputs<T> for Proposed<'_, T> {
     fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
-        (self.means, self.theta, self.feature, self.pixel_of).for_each_var(visit);
+        (self.means, self.theta, self.feature, self.origin).for_each_var(visit);
     }
 }
 
 /// Router, cardinality experts, neighbor attention and decoding.
 ///
 /// Parameters (below the builder's path, `gs_moe` in checkpoints): `gating.*` ([`Router`]), `experts.*`
-/// ([`CardinalityExperts`]), `pixel_projector.0`, `pixel_projector.2`, `gs_predictor.*` ([`NeighborPredictor`]).
+/// ([`CardinalityExperts`]), `patch_embedding` (of the patch parametrization), `pixel_projector.0`, `pixel_projector.2`, `gs_predictor.*` ([`NeighborPredictor`]).
 #[derive(Clone, Debug)]
 pub struct CardinalityHead {
     config: HeadConfig,
@@ -134,6 +145,8 @@ pub struct CardinalityHead {
     pub router: Router,
     /// Turn features of pixels into raw numbers of Gaussians.
     pub experts: CardinalityExperts,
+    /// Tells the experts about a cell's size and content.
+    embedding: Option<Linear>,
     attention: Option<(TwoLayers, NeighborPredictor)>,
 }
 
@@ -145,13 +158,15 @@ impl CardinalityHead {
         let router = Router::new(builder.scope("gating"), features, config.router_hidden, max_per_pixel + 1);
         let gain = config.expert_output_gain;
         let experts = CardinalityExperts::new(builder.scope("experts"), features, max_per_pixel, slot, gain);
+        let embedding = matches!(config.parametrization, Parametrization::Patch { .. })
+            .then(|| Linear::new(builder.scope("patch_embedding"), DESCRIPTORS, features, WeightInit::FanIn));
         let attention = config.neighbors.map(|neighbors| {
             let NeighborConfig { projector, width, zero_head, .. } = neighbors;
             let projection = TwoLayers::new(builder.scope("pixel_projector"), features, projector, projector);
             let builder = builder.scope("gs_predictor");
             (projection, NeighborPredictor::new(builder, slot - 3, projector, width, zero_head))
         });
-        Self { config, router, experts, attention }
+        Self { config, router, experts, embedding, attention }
     }
 
     /// The sizes and options that the head was built with.
@@ -159,7 +174,7 @@ impl CardinalityHead {
         &self.config
     }
 
-    /// The Gaussians of a scene whose pixels are assigned to `expert` `[P]`; a scene without Gaussians is fine.
+    /// The Gaussians of a scene whose pixels are assigned to experts; a scene without Gaussians is fine.
     ///
     /// With a `choice` `[P, E]` (see [`Assignment::choice`](weaver_router::Assignment::choice)) a gradient reaches the router.
     /// Every other parameter gets a gradient, too, which is zero for an expert without pixels. Panics on other shapes.
@@ -167,11 +182,11 @@ impl CardinalityHead {
         &self,
         cx: Context<'t, '_, T>,
         pixels: &PixelInputs<'t, T>,
-        expert: &[u8],
+        assignment: &Assignment<T>,
         choice: Option<Var<'t, T>>,
     ) -> PixelGaussians<'t, T> {
         cx.part("gs_moe", || {
-            let Proposed { means, mut theta, feature, pixel_of, pixel } = self.propose(cx, pixels, expert, choice);
+            let Proposed { means, mut theta, feature, origin, pixel } = self.propose(cx, pixels, assignment, choice);
             if !cx.tape.is_recording() {
                 // The experts' buffers have other sizes than those of the attention.
                 cx.tape.pool().trim::<T>();
@@ -183,7 +198,7 @@ impl CardinalityHead {
                 let neighbors = cx.tape.timed("nearest neighbors", search);
                 theta = predictor.forward(cx, means, theta, feature, &neighbors);
             }
-            let gaussians = decode(means, theta, self.config.sh_degree, pixel_of, self.config.parametrization);
+            let gaussians = decode(means, theta, self.config.sh_degree, origin, self.config.parametrization);
             PixelGaussians { gaussians, pixel }
         })
     }
@@ -193,17 +208,26 @@ impl CardinalityHead {
         &self,
         cx: Context<'t, '_, T>,
         pixels: &PixelInputs<'t, T>,
-        expert: &[u8],
+        assignment: &Assignment<T>,
         choice: Option<Var<'t, T>>,
     ) -> Proposed<'t, T> {
         cx.tape.outputs_of(|| {
-            let routes = Routes::new(expert, self.experts.max_per_pixel(), cx.tape.pool());
+            let routes = Routes::new(&assignment.expert, self.experts.max_per_pixel(), cx.tape.pool());
             let parametrization = self.config.parametrization;
-            let features = pixels.features.gather_rows(&routes.routed);
+            let (features, points, origin) = match self.embedding {
+                Some(embedding) => {
+                    let (features, points, patch) = self.patches(cx, pixels, assignment, &routes, embedding);
+                    (features, points, Some(Origin::Patch(patch)))
+                }
+                None => {
+                    let origin =
+                        parametrization.is_relative().then(|| self.pixel_of(cx, pixels, &assignment.expert, &routes));
+                    let features = pixels.features.gather_rows(&routes.routed);
+                    (features, pixels.points.gather_rows(&routes.pixel), origin.map(Origin::Pixel))
+                }
+            };
             let raw = self.experts.forward(cx, features, &routes, choice);
-            let points = pixels.points.gather_rows(&routes.pixel);
-            let pixel_of = parametrization.has_footprint().then(|| self.pixel_of(cx, pixels, expert, &routes));
-            let means = place(points, raw, pixel_of.map(|p| p.footprint), parametrization);
+            let means = place(points, raw, origin, parametrization);
             let feature = self.attention.as_ref().map(|(projection, _)| {
                 cx.part("pixel_projector", || {
                     let projected = projection.forward(cx, features);
@@ -211,8 +235,43 @@ impl CardinalityHead {
                 })
             });
             let theta = raw.slice(1, 3, raw.shape()[1] - 3);
-            Proposed { means, theta, feature, pixel_of, pixel: routes.pixel }
+            Proposed { means, theta, feature, origin, pixel: routes.pixel }
         })
+    }
+
+    /// Features of the routed cells `[R, F]`, points of the Gaussians `[N, 3]`, and their patches.
+    fn patches<'t, T: Real>(
+        &self,
+        cx: Context<'t, '_, T>,
+        pixels: &PixelInputs<'t, T>,
+        assignment: &Assignment<T>,
+        routes: &Routes,
+        embedding: Linear,
+    ) -> (Var<'t, T>, Var<'t, T>, PatchOf<'t, T>) {
+        let (tape, pool) = (cx.tape, cx.tape.pool());
+        let (height, width, cells) = (pixels.height, pixels.width, assignment.cells.as_ref());
+        let patches = Patches::new(routes, cells, [height, width], pool);
+        // Pixels that stand for more than themselves, without cells that say for which.
+        let stretch = cells.is_none().then(|| {
+            let mut stretch = local_count::<T>(&assignment.expert, height, width, pool);
+            for (stretch, &e) in stretch.iter_mut().zip(assignment.expert.iter()) {
+                *stretch = (T::from_f64(f64::from(e)) / *stretch).sqrt();
+            }
+            stretch
+        });
+        let Frames { extents, rotations, shifts, descriptors } = {
+            let (points, footprints, colors) =
+                (pixels.points.value(), pixels.footprint().value(), pixels.color().value());
+            let surface = Surface { points: &points, footprints: &footprints, colors: &colors, height, width };
+            surface.frames(routes, &patches, cells, stretch.as_deref())
+        };
+        let (cells, n) = (routes.routed.len(), routes.gaussians());
+        let described = embedding.forward(cx, tape.constant(&descriptors, [cells, DESCRIPTORS]));
+        let features = patch_mean(pixels.features, &patches.cell) + described;
+        let points = patch_mean(pixels.points, &patches.band) + tape.constant(&shifts, [n, 3]);
+        let color = patch_mean(pixels.color().detach(), &patches.band);
+        let [extents, rotation] = [(&extents, 3), (&rotations, 4)].map(|(values, k)| tape.constant(values, [n, k]));
+        (features, points, PatchOf { extents, rotation, color })
     }
 
     /// The attention over neighbors, if there is one.
@@ -228,8 +287,7 @@ impl CardinalityHead {
         expert: &[u8],
         routes: &Routes,
     ) -> PixelOf<'t, T> {
-        let footprints = pixels.footprints.expect("the footprint parametrization is given footprints");
-        let colors = pixels.colors.expect("the footprint parametrization is given colors");
+        let (footprints, colors) = (pixels.footprint(), pixels.color());
         let count = local_count::<T>(expert, pixels.height, pixels.width, cx.tape.pool());
         let n = routes.gaussians();
         let local_count = cx.tape.constant_with([n], |out| {

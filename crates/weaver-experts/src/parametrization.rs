@@ -28,6 +28,17 @@ pub enum Parametrization {
         /// Scale of a raw 0 at one Gaussian per pixel, in footprints.
         scale: f64,
     },
+    /// Lengths in the extents of the patch of surface that a Gaussian stands for, and axes along it.
+    ///
+    /// mean = point + R (`offset_reach` extents tanh(raw)); scale = `scale` extents exp(clamp(raw, -3, 3)); rotation = R times the raw
+    /// quaternion with 1 added to its w, normalized; the patch's mean color is added to the degree-0 harmonic. So a Gaussian starts
+    /// flat on its patch, as large as that and in its color. See [`PatchOf`](crate::PatchOf).
+    Patch {
+        /// Longest offset along each axis, in extents.
+        offset_reach: f64,
+        /// Scale of a raw 0, in extents.
+        scale: f64,
+    },
 }
 
 impl Parametrization {
@@ -41,9 +52,14 @@ impl Parametrization {
         Self::Footprint { offset_reach: 2.0, scale: 0.7 }
     }
 
-    /// Whether this parametrization needs the pixels' footprints.
-    pub fn has_footprint(self) -> bool {
-        matches!(self, Self::Footprint { .. })
+    /// The patch parametrization: offsets up to one extent, scale 0.6.
+    pub fn patch() -> Self {
+        Self::Patch { offset_reach: 1.0, scale: 0.6 }
+    }
+
+    /// Whether this parametrization needs the pixels' footprints and colors.
+    pub fn is_relative(self) -> bool {
+        !matches!(self, Self::Published { .. })
     }
 }
 

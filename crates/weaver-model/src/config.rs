@@ -137,6 +137,23 @@ pub struct DenseConfig {
     pub image_skip_hidden: usize,
     /// Hidden channels of the wavelet guidance: at least 1.
     pub guidance_hidden: usize,
+    /// Correction of depth by comparing the views. Without it the depth head has the last word, as published.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stereo: Option<StereoConfig>,
+}
+
+/// Correction of depth by comparing the views at multiples of it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StereoConfig {
+    /// Channels that are compared: at least 1.
+    pub channels: usize,
+    /// Hidden channels: at least 1.
+    pub hidden: usize,
+    /// Depths that are tried for each pixel: at least 2.
+    pub depths: usize,
+    /// Largest factor between a depth that is tried and the predicted one: above 1.
+    pub reach: f64,
 }
 
 /// The wavelet of the high-frequency prior.
@@ -169,6 +186,14 @@ pub enum ParametrizationConfig {
         /// Largest offset of a Gaussian from its pixel's point along each axis, in footprints: not negative.
         offset_reach: f64,
         /// Scale of a raw 0 where each pixel has one Gaussian, in footprints: positive.
+        scale: f64,
+    },
+    /// Offsets and scales in extents of the patch of surface that a Gaussian stands for, along its axes; colors relative to its
+    /// mean color.
+    Patch {
+        /// Largest offset of a Gaussian along each axis of its patch, in extents: not negative.
+        offset_reach: f64,
+        /// Scale of a raw 0, in extents: positive.
         scale: f64,
     },
 }

@@ -4,10 +4,11 @@ mod config;
 mod guidance;
 mod parts;
 mod splatweaver;
+mod stereo;
 
 pub use config::{
     BackboneConfig, CameraConfig, DenseConfig, GaussianConfig, ModelConfig, PRESETS, ParametrizationConfig, PixelPoint,
-    PoseFrame, RasterConfig, WaveletKind,
+    PoseFrame, RasterConfig, StereoConfig, WaveletKind,
 };
 pub use guidance::Guidance;
 pub use splatweaver::{Dense, PredictedGaussians, SplatWeaver};

@@ -136,6 +136,7 @@ impl ModelConfig {
                 ParametrizationConfig::Footprint { offset_reach, scale } => {
                     Parametrization::Footprint { offset_reach, scale }
                 }
+                ParametrizationConfig::Patch { offset_reach, scale } => Parametrization::Patch { offset_reach, scale },
             },
         }
     }

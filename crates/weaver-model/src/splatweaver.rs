@@ -1,5 +1,6 @@
 //! The whole network: photos to cameras and Gaussians.
 
+use crate::stereo::Stereo;
 use crate::{Guidance, ModelConfig, ParametrizationConfig};
 use weaver_autograd::{Buffer, Params, Real, Var};
 use weaver_experts::{CardinalityHead, PixelGaussians, PixelInputs};
@@ -23,6 +24,7 @@ pub struct SplatWeaver {
     features: FeatureHead,
     guidance: Option<Guidance>,
     head: CardinalityHead,
+    stereo: Option<Stereo>,
 }
 
 /// The dense heads' output for one scene: all that is predicted before pixels are given Gaussians.
@@ -45,6 +47,8 @@ pub struct Dense<'t, T: Real = f32> {
 pub struct PredictedGaussians<'t, T: Real = f32> {
     /// The N Gaussians, in the frame of the cameras that they were made with.
     pub gaussians: GaussianVars<'t, T>,
+    /// The depth `[V, H, W]` on which they lie: what was predicted, or what became of it by comparing the views.
+    pub depth: Var<'t, T>,
     /// The pixel that each Gaussian comes from `[N]`.
     pub pixel: Buffer<u32>,
     /// The number of Gaussians of each pixel.
@@ -80,13 +84,15 @@ impl SplatWeaver {
         config.check().unwrap_or_else(|message| panic!("{message}"));
         let vggt = Vggt::new(root.scope_here(), config.vggt());
         let features = FeatureHead::new(root.scope("gaussian_param_head"), config.feature_head());
+        let stereo =
+            config.dense.stereo.map(|sizes| Stereo::new(&mut root.scope("stereo"), sizes, config.dense.channels));
         let mut head = root.scope("gaussian_param_head");
         let guidance = config
             .gaussians
             .frequency_prior
             .then(|| Guidance::new(&mut head, config.wavelet(), config.dense.guidance_hidden, config.dense.channels));
         let head = CardinalityHead::new(head.scope("gs_moe"), config.head());
-        Self { config, vggt, features, guidance, head }
+        Self { config, vggt, features, guidance, head, stereo }
     }
 
     /// The dense network in it: backbone, camera head and depth head.
@@ -193,16 +199,21 @@ impl SplatWeaver {
     ) -> PredictedGaussians<'t, T> {
         let [views, height, width] = [photos.shape()[0], photos.shape()[2], photos.shape()[3]];
         let pixels = views * height * width;
-        let points =
-            weaver_pose::unproject(dense.depth, cameras.viewmats, cameras.intrinsics, self.config.pixel_offset());
-        let in_footprints = matches!(self.config.gaussians.parametrization, ParametrizationConfig::Footprint { .. });
+        let depth = self.stereo.as_ref().map_or(dense.depth, |stereo| {
+            let offset = self.config.pixel_offset();
+            cx.part("stereo", || stereo.forward(cx, photos, dense.features, dense.depth, cameras, offset))
+        });
+        let points = weaver_pose::unproject(depth, cameras.viewmats, cameras.intrinsics, self.config.pixel_offset());
+        let in_footprints = !matches!(self.config.gaussians.parametrization, ParametrizationConfig::Published { .. });
         let footprints = in_footprints.then(|| {
-            let focal = cameras.intrinsics.slice(1, 0, 1).reshape([views, 1, 1]).expand(dense.depth.shape());
-            (dense.depth / focal).reshape([pixels])
+            let focal = cameras.intrinsics.slice(1, 0, 1).reshape([views, 1, 1]).expand(depth.shape());
+            (depth / focal).reshape([pixels])
         });
         let assignment = allocation.allocate(&AllocationRequest {
             logits: &dense.logits.value(),
             energy: &dense.energy.value(),
+            photos: &photos.value(),
+            depth: Some(&depth.value()),
             views,
             height,
             width,
@@ -215,7 +226,7 @@ impl SplatWeaver {
         let points = points.reshape([pixels, 3]);
         let inputs = PixelInputs { features: dense.features, points, footprints, colors, height, width };
         let PixelGaussians { gaussians, pixel } =
-            cx.part("gaussian_param_head", || self.head.gaussians(cx, &inputs, &assignment.expert, choice));
-        PredictedGaussians { gaussians, pixel, assignment, choice }
+            cx.part("gaussian_param_head", || self.head.gaussians(cx, &inputs, &assignment, choice));
+        PredictedGaussians { gaussians, depth, pixel, assignment, choice }
     }
 }

@@ -27,5 +27,31 @@ fn unproject(c: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, unproject);
+fn plane_sweep(c: &mut Criterion) {
+    let (views, height, width, channels) = (4, 48, 64, 8);
+    let numbers =
+        |seed, n: usize| -> Vec<f32> { Input::uniform(seed, 0.5, 1.0, [n]).data.iter().map(|x| *x as f32).collect() };
+    let (features, depth) = (numbers(1, views * height * width * channels), numbers(2, views * height * width));
+    // Side by side: all of them see nearly everything.
+    let shift = |v: usize| [1.0, 0.0, 0.0, 0.05 * v as f32, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    let viewmats: Vec<f32> = (0..views).flat_map(shift).collect();
+    let intrinsics = [64.0, 64.0, 32.0, 24.0].repeat(views);
+    let factors: Vec<f64> = (0..17).map(|k| 1.05_f64.powi(k - 8)).collect();
+    let mut tape = Tape::<f32>::new();
+    c.bench_function("plane sweep 4 x 48 x 64, 8 channels, 17 depths, forward and backward", |b| {
+        b.iter(|| {
+            {
+                let features = tape.leaf(&features, [views, height, width, channels]);
+                let depth = tape.constant(&depth, [views, height, width]);
+                let viewmats = tape.constant(&viewmats, [views, 3, 4]);
+                let intrinsics = tape.constant(&intrinsics, [views, 4]);
+                weaver_pose::plane_sweep(features, depth, viewmats, intrinsics, &factors, 0.5).sum().backward();
+                black_box(features.grad());
+            }
+            tape.reset();
+        });
+    });
+}
+
+criterion_group!(benches, unproject, plane_sweep);
 criterion_main!(benches);

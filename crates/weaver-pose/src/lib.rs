@@ -8,6 +8,7 @@
 pub mod code;
 mod gauge;
 mod metrics;
+mod plane_sweep;
 mod rotation;
 mod row_map;
 mod unproject;
@@ -15,6 +16,7 @@ mod unproject;
 pub use code::{CameraVars, activate, cameras, cameras_with, encode};
 pub use gauge::first_camera_gauge;
 pub use metrics::{PoseErrors, auc};
+pub use plane_sweep::plane_sweep;
 pub use rotation::{quaternion_product, rotation_from_xyzw, xyzw_from_rotation};
 pub use unproject::unproject;
 

@@ -15,7 +15,7 @@ use weaver_autograd::{ParamId, Params};
 use weaver_inference::{Predictor, SplatWeaverPredictor};
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_nn::Context;
-use weaver_router::{Allocation, AllocationKind, TrainingMix};
+use weaver_router::{Allocation, AllocationKind, QuadtreeMix, TrainingMix};
 use weaver_trainer::{Config, Error, Example, Recipe, StageConfig, Step, Terms};
 
 /// Trains SplatWeaver, from photos with or without their cameras.
@@ -117,6 +117,8 @@ impl Recipe for SplatWeaverRecipe {
         let stage = step.stage;
         let allocation: Box<dyn Allocation<f32>> = match stage.model.allocation {
             StageAllocation::Mix => Box::new(TrainingMix::default()),
+            StageAllocation::QuadtreeMix => Box::new(QuadtreeMix::default()),
+            StageAllocation::QuadtreeGridMix => Box::new(QuadtreeMix { grid: true, ..QuadtreeMix::default() }),
             StageAllocation::Kind(kind) => kind
                 .allocation(stage.model.budget, network.config().gaussians.experts())
                 .map_err(|e| Error::Input(e.to_string()))?,

@@ -22,6 +22,8 @@ fn allocate(c: &mut Criterion) {
     let request = AllocationRequest {
         logits: &logits,
         energy: &logits[..PIXELS],
+        photos: &[],
+        depth: None,
         views: VIEWS,
         height: HEIGHT,
         width: WIDTH,

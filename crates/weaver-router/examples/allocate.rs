@@ -29,6 +29,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let request = AllocationRequest {
         logits: &logits,
         energy: &energy,
+        photos: &[],
+        depth: None,
         views: 1,
         height: HEIGHT,
         width: WIDTH,

@@ -3,12 +3,15 @@
 mod bayer;
 mod choice;
 mod kind;
+mod quadtree;
 mod thinning;
 
 pub use choice::{Argmax, Fixed, Sampled};
 pub use kind::{AllocationError, AllocationKind};
+pub use quadtree::{Quadtree, QuadtreeGrid, QuadtreeMix};
 pub use thinning::{Dithered, Grid, Random, TrainingMix};
 
+use crate::cell::Cells;
 use crate::gumbel::gumbel_softmax_straight_through;
 use std::fmt::Debug;
 use thinning::Place;
@@ -22,6 +25,10 @@ pub struct AllocationRequest<'a, T: Real = f32> {
     pub logits: &'a [T],
     /// High-frequency energy `[P]` of the images.
     pub energy: &'a [T],
+    /// The photos `[V, 3, H, W]`, 0 to 1.
+    pub photos: &'a [T],
+    /// Depth `[P]`, where it is known.
+    pub depth: Option<&'a [T]>,
     /// Number of views V.
     pub views: usize,
     /// Rows H of a view.
@@ -69,6 +76,8 @@ pub trait Allocation<T: Real = f32>: Debug + Send + Sync {
 pub struct Assignment<T: Real = f32> {
     /// The expert of each pixel `[P]`: expert e makes e Gaussians.
     pub expert: Buffer<u8>,
+    /// The cells whose first pixels these are; `None` where each pixel stands for itself.
+    pub cells: Option<Cells>,
     /// What the gradient of the choice needs, where the router itself made it; `None` where it had no part in it.
     pub gate: Option<GumbelGate<T>>,
 }
@@ -83,7 +92,7 @@ pub struct GumbelGate<T: Real = f32> {
 impl<T: Real> Assignment<T> {
     /// An assignment through which no gradient reaches the router.
     pub fn plain(expert: Buffer<u8>) -> Self {
-        Self { expert, gate: None }
+        Self { expert, cells: None, gate: None }
     }
 
     /// Number of Gaussians of all pixels together.

@@ -4,14 +4,16 @@
 //! Everything works on one scene: V views of H x W pixels, P = V H W pixels in (view, row, column) order.
 
 mod allocation;
+mod cell;
 mod gate;
 mod gumbel;
 mod router;
 
 pub use allocation::{
     Allocation, AllocationError, AllocationKind, AllocationRequest, Argmax, Assignment, Dithered, Fixed, Grid,
-    GumbelGate, Random, Sampled, TrainingMix,
+    GumbelGate, Quadtree, QuadtreeGrid, QuadtreeMix, Random, Sampled, TrainingMix,
 };
+pub use cell::{Bands, COARSEST, Cell, Cells};
 pub use gate::gate;
 pub use gumbel::gumbel_softmax_straight_through;
 pub use router::Router;

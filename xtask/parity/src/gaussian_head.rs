@@ -133,7 +133,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
         height,
         width,
     };
-    let proposed = head.propose(cx, &inputs, &assignment.expert, choice);
+    let proposed = head.propose(cx, &inputs, &assignment, choice);
     file.check_indices("out.gaussian_pixel", &proposed.pixel);
     let feature = proposed.feature.expect("the head has attention over neighbors");
     file.check("out.slots", &ops::concat(&[proposed.means, proposed.theta, feature], 1).value());

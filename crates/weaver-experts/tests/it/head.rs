@@ -64,6 +64,8 @@ impl Model {
             allocation.allocate(&AllocationRequest {
                 logits: &logits,
                 energy: &energy,
+                photos: &[0.3; 3 * PIXELS],
+                depth: None,
                 views,
                 height,
                 width,
@@ -80,7 +82,7 @@ impl Model {
             height,
             width,
         };
-        let gaussians = self.head.gaussians(cx, &pixels, &assignment.expert, assignment.choice(logits, 0.5));
+        let gaussians = self.head.gaussians(cx, &pixels, &assignment, assignment.choice(logits, 0.5));
         (logits, gaussians)
     }
 
@@ -97,7 +99,7 @@ impl Model {
 
 #[test]
 fn shapes_and_ranges() {
-    for parametrization in [Parametrization::published(), Parametrization::footprint()] {
+    for parametrization in [Parametrization::published(), Parametrization::footprint(), Parametrization::patch()] {
         let model = Model::new(config(parametrization));
         let tape = Tape::new();
         let (_, PixelGaussians { gaussians: g, pixel }) = model.run(&tape, &Fixed { expert: 3 });
@@ -111,7 +113,7 @@ fn shapes_and_ranges() {
             assert!((q.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-6);
         }
         let points = normal(2, PIXELS * 3);
-        let reach = if parametrization.has_footprint() { 0.1 } else { 0.005 };
+        let reach = if parametrization.is_relative() { 0.1 } else { 0.005 };
         for (mean, &pixel) in g.means.to_vec().chunks(3).zip(pixel.iter()) {
             let point = &points[3 * pixel as usize..];
             assert!((0..3).all(|a| (mean[a] - point[a]).abs() <= reach));
@@ -133,7 +135,7 @@ fn the_harmonics_are_damped_by_degree() {
 
 #[test]
 fn no_gaussians_at_all() {
-    for parametrization in [Parametrization::published(), Parametrization::footprint()] {
+    for parametrization in [Parametrization::published(), Parametrization::footprint(), Parametrization::patch()] {
         let model = Model::new(config(parametrization));
         let tape = Tape::new();
         let (_, PixelGaussians { gaussians: g, pixel }) = model.run(&tape, &Fixed { expert: 0 });

@@ -83,6 +83,8 @@ fn the_whole_head_and_all_its_gradients() {
     let assignment = Sampled.allocate(&AllocationRequest {
         logits: &logits.to_vec(),
         energy: &[],
+        photos: &[],
+        depth: None,
         views: VIEWS,
         height: HEIGHT,
         width: WIDTH,
@@ -95,7 +97,7 @@ fn the_whole_head_and_all_its_gradients() {
 
     let points = tape.leaf(&file.f32("in.points"), [PIXELS, 3]);
     let pixels = PixelInputs { features, points, footprints: None, colors: None, height: HEIGHT, width: WIDTH };
-    let predicted = head.gaussians(cx, &pixels, &assignment.expert, assignment.choice(logits, 0.5));
+    let predicted = head.gaussians(cx, &pixels, &assignment, assignment.choice(logits, 0.5));
     let g = &predicted.gaussians;
     assert_eq!(*predicted.pixel, file.indices("out.gaussian_pixel"));
     file.assert_close("out.means", &g.means.to_vec());

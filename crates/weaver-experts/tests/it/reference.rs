@@ -1,9 +1,10 @@
 //! Attention, placing and decoding against their formulas, one number at a time.
 
+use glam::{DQuat, DVec3};
 use proptest::prelude::*;
 use weaver_autograd::gradcheck::Input;
 use weaver_autograd::{Params, Pool, Tape};
-use weaver_experts::{NeighborFusion, Neighbors, Parametrization, PixelOf, decode, place};
+use weaver_experts::{NeighborFusion, Neighbors, Origin, Parametrization, PatchOf, PixelOf, decode, place};
 use weaver_nn::{Builder, Context};
 
 /// W x + b of the layer called `name`.
@@ -59,22 +60,31 @@ proptest! {
     }
 
     #[test]
-    fn placing_and_decoding_are_their_formulas(n in 1..6usize, published: bool, seed in 0..1000u64) {
-        let parametrization = if published { Parametrization::published() } else { Parametrization::footprint() };
+    fn placing_and_decoding_are_their_formulas(n in 1..6usize, kind in 0..3usize, seed in 0..1000u64) {
+        let all = [Parametrization::published(), Parametrization::footprint(), Parametrization::patch()];
+        let (parametrization, published, patch) = (all[kind], kind == 0, kind == 2);
         // Wide enough that both clamps of the raw scale are met.
         let slots = Input::uniform(seed, -5.0, 5.0, [n, 3 + 20]).data;
         let points = Input::normal(seed + 1, [n, 3]).data;
         let footprints = Input::uniform(seed + 2, 0.1, 1.0, [n]).data;
         let counts = Input::uniform(seed + 3, 0.04, 2.0, [n]).data;
         let colors = Input::uniform(seed + 4, 0.0, 1.0, [n, 3]).data;
+        let extents = Input::uniform(seed + 5, 0.1, 1.0, [n, 3]).data;
+        let turns: Vec<DQuat> = (Input::normal(seed + 6, [n, 4]).data.chunks(4))
+            .map(|q| DQuat::from_xyzw(q[0], q[1], q[2], q[3]).normalize())
+            .collect();
         let (mut means, mut scales, mut quats, mut opacities, mut sh) = (vec![], vec![], vec![], vec![], vec![]);
         for (i, raw) in slots.chunks(23).enumerate() {
             let f = footprints[i];
+            let offset = DVec3::new(raw[0].tanh(), raw[1].tanh(), raw[2].tanh());
+            let along = turns[i] * (DVec3::from_slice(&extents[3 * i..]) * offset);
             for a in 0..3 {
                 let reach = if published { 0.005 } else { 2.0 * f };
-                means.push(points[3 * i + a] + reach * raw[a].tanh());
+                means.push(points[3 * i + a] + if patch { along[a] } else { reach * offset[a] });
                 let s = raw[4 + a];
-                scales.push(if published {
+                scales.push(if patch {
+                    0.6 * extents[3 * i + a] * s.clamp(-3.0, 3.0).exp()
+                } else if published {
                     (0.001 * s.exp().ln_1p()).min(0.4)
                 } else {
                     0.7 * f * s.clamp(-3.0, 3.0).exp() / counts[i].sqrt()
@@ -83,6 +93,8 @@ proptest! {
             opacities.push(1.0 / (1.0 + (-raw[3]).exp()));
             let q = [raw[7], raw[8], raw[9], raw[10] + if published { 0.0 } else { 1.0 }];
             let norm = q.iter().map(|x| x * x).sum::<f64>().sqrt() + 1e-8;
+            let turned = turns[i] * DQuat::from_xyzw(q[0], q[1], q[2], q[3]);
+            let q = if patch { turned.to_array() } else { q };
             quats.extend([q[3], q[0], q[1], q[2]].map(|x| x / norm));
             for k in 0..4 {
                 for c in 0..3 {
@@ -95,10 +107,16 @@ proptest! {
         let slots = tape.constant(&slots, [n, 23]);
         let footprint = tape.constant(&footprints, [n]);
         let (local_count, color) = (tape.constant(&counts, [n]), tape.constant(&colors, [n, 3]));
-        let found = place(tape.constant(&points, [n, 3]), slots, Some(footprint), parametrization);
+        let origin = if patch {
+            let turns: Vec<f64> = turns.iter().flat_map(|q| [q.w, q.x, q.y, q.z]).collect();
+            let (extents, rotation) = (tape.constant(&extents, [n, 3]), tape.constant(&turns, [n, 4]));
+            Origin::Patch(PatchOf { extents, rotation, color })
+        } else {
+            Origin::Pixel(PixelOf { footprint, local_count, color })
+        };
+        let found = place(tape.constant(&points, [n, 3]), slots, Some(origin), parametrization);
         assert_near(&found.to_vec(), &means);
-        let pixel = PixelOf { footprint, local_count, color };
-        let d = decode(found, slots.slice(1, 3, 20), 1, Some(pixel), parametrization);
+        let d = decode(found, slots.slice(1, 3, 20), 1, Some(origin), parametrization);
         assert_near(&d.scales.to_vec(), &scales);
         assert_near(&d.quats.to_vec(), &quats);
         assert_near(&d.opacities.to_vec(), &opacities);

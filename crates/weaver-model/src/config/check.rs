@@ -107,6 +107,21 @@ impl ModelConfig {
         }
         ensure((0.0..=1.0).contains(&c.tangent_offset), "camera.tangent_offset", "0 to 1", c.tangent_offset)?;
         self.dense.log_depth_limit.map_or(Ok(()), |limit| positive("dense.log_depth_limit", limit))?;
+        if let Some(stereo) = self.dense.stereo {
+            ensure(
+                stereo.channels.min(stereo.hidden) >= 1,
+                "dense.stereo.channels",
+                "at least 1, as hidden",
+                stereo.channels,
+            )?;
+            ensure(stereo.depths >= 2, "dense.stereo.depths", "at least 2", stereo.depths)?;
+            ensure(
+                stereo.reach > 1.0 && stereo.reach.is_finite(),
+                "dense.stereo.reach",
+                "a factor above 1",
+                stereo.reach,
+            )?;
+        }
         positive("gaussians.temperature", g.temperature)?;
         not_negative("gaussians.expert_gain", g.expert_gain)?;
         let parametrization = |key: &str| format!("gaussians.parametrization.{key}");
@@ -116,7 +131,8 @@ impl ModelConfig {
                 positive(&parametrization("scale_multiplier"), scale_multiplier)?;
                 positive(&parametrization("scale_max"), scale_max)?;
             }
-            ParametrizationConfig::Footprint { offset_reach, scale } => {
+            ParametrizationConfig::Footprint { offset_reach, scale }
+            | ParametrizationConfig::Patch { offset_reach, scale } => {
                 not_negative(&parametrization("offset_reach"), offset_reach)?;
                 positive(&parametrization("scale"), scale)?;
             }

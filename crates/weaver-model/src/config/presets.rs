@@ -63,6 +63,7 @@ impl ModelConfig {
                 pixel_point: PixelPoint::Center,
                 image_skip_hidden: 8,
                 guidance_hidden: 8,
+                stereo: None,
             },
             gaussians: GaussianConfig {
                 max_per_pixel: 3,

@@ -7,6 +7,7 @@ mod code;
 mod fixture;
 mod gauge;
 mod metrics;
+mod plane_sweep;
 mod rotation;
 mod unproject;
 

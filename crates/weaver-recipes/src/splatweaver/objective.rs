@@ -67,6 +67,9 @@ impl Objective<'_> {
         };
         let stream = self.stream.fork(b as u64);
         let predicted = model.gaussians(cx, &dense, photos, &cameras, self.allocation, stream);
+        if model.config().dense.stereo.is_some() {
+            weights.depth.add_predicted(terms, share, predicted.depth, known);
+        }
         terms.gaussians_per_pixel +=
             (predicted.assignment.count() as f64 * share / (views * height * width) as f64) as f32;
 

@@ -38,6 +38,10 @@ pub struct StageSettings {
 pub enum StageAllocation {
     /// Random budgets, densities and thresholds, so that the budget can be chosen at test time.
     Mix,
+    /// Cells of quadtrees at random budgets.
+    QuadtreeMix,
+    /// Even cells at random budgets.
+    QuadtreeGridMix,
     /// An allocation of evaluation.
     Kind(AllocationKind),
 }
@@ -52,6 +56,7 @@ impl StageAllocation {
     pub fn experts(self, most: u8) -> RangeInclusive<u8> {
         match self {
             Self::Mix => 1..=1,
+            Self::QuadtreeMix | Self::QuadtreeGridMix => 1..=most,
             Self::Kind(kind) => kind.experts(most),
         }
     }
@@ -63,7 +68,9 @@ impl FromStr for StageAllocation {
     fn from_str(name: &str) -> Result<Self, String> {
         match name {
             "mix" => Ok(Self::Mix),
-            _ => name.parse().map(Self::Kind).map_err(|e| format!("{e}, or mix")),
+            "quadtree-mix" => Ok(Self::QuadtreeMix),
+            "quadtree-grid-mix" => Ok(Self::QuadtreeGridMix),
+            _ => name.parse().map(Self::Kind).map_err(|e| format!("{e}, or mix, quadtree-mix, quadtree-grid-mix")),
         }
     }
 }
@@ -86,6 +93,8 @@ impl fmt::Display for StageAllocation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Mix => f.write_str("mix"),
+            Self::QuadtreeMix => f.write_str("quadtree-mix"),
+            Self::QuadtreeGridMix => f.write_str("quadtree-grid-mix"),
             Self::Kind(kind) => kind.fmt(f),
         }
     }

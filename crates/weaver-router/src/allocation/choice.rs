@@ -11,7 +11,7 @@ fn choose<T: Real>(request: &AllocationRequest<'_, T>, noise: Option<Buffer<T>>)
         let row = p * experts..(p + 1) * experts;
         *chosen = argmax(&request.logits[row.clone()], noise.as_ref().map(|noise| &noise[row])) as u8;
     }
-    Assignment { expert, gate: Some(GumbelGate { noise }) }
+    Assignment { expert, cells: None, gate: Some(GumbelGate { noise }) }
 }
 
 /// The published allocation: every pixel's expert is a sample of softmax(logits).

@@ -1,6 +1,6 @@
 //! Names of allocations, as configurations and command lines give them.
 
-use super::{Allocation, Argmax, Dithered, Fixed, Grid, Random, Sampled};
+use super::{Allocation, Argmax, Dithered, Fixed, Grid, Quadtree, QuadtreeGrid, Random, Sampled};
 use std::fmt;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
@@ -9,7 +9,7 @@ use weaver_autograd::Real;
 /// The exponent of the learned density that measured best.
 const GAMMA: f64 = 0.7;
 
-/// An allocation by name: `sampled`, `argmax`, `dithered`, `grid`, `random` or `fixed:<Gaussians per pixel>`.
+/// An allocation by name: `sampled`, `argmax`, `quadtree`, `quadtree-grid`, `dithered`, `grid`, `random` or `fixed:<Gaussians per pixel>`.
 ///
 /// ```
 /// use weaver_router::AllocationKind;
@@ -22,6 +22,10 @@ pub enum AllocationKind {
     Sampled,
     /// [`Argmax`].
     Argmax,
+    /// [`Quadtree`].
+    Quadtree,
+    /// [`QuadtreeGrid`].
+    QuadtreeGrid,
     /// [`Dithered`].
     Dithered,
     /// [`Grid`].
@@ -37,13 +41,17 @@ pub enum AllocationKind {
 #[non_exhaustive]
 pub enum AllocationError {
     /// No allocation has this name.
-    #[error("allocation `{0}`: expected sampled, argmax, dithered, grid, random or fixed:<number>")]
+    #[error(
+        "allocation `{0}`: expected sampled, argmax, quadtree, quadtree-grid, dithered, grid, random or fixed:<number>"
+    )]
     Unknown(String),
-    /// A budget outside 0 to 1.
-    #[error("allocation {kind}: expected a budget of 0 to 1 Gaussians per pixel, found {found}")]
+    /// A budget outside its range.
+    #[error("allocation {kind}: expected a budget of 0 to {most} Gaussians per pixel, found {found}")]
     Budget {
         /// The allocation.
         kind: AllocationKind,
+        /// The largest budget that it can spend.
+        most: usize,
         /// The budget given.
         found: f64,
     },
@@ -60,7 +68,7 @@ pub enum AllocationError {
 impl AllocationKind {
     /// Whether the number of Gaussians is set by a budget, not by the router or the kind itself.
     pub fn has_budget(self) -> bool {
-        matches!(self, Self::Dithered | Self::Grid | Self::Random)
+        matches!(self, Self::Quadtree | Self::QuadtreeGrid | Self::Dithered | Self::Grid | Self::Random)
     }
 
     /// The experts that pixels may get from this allocation, of a model whose largest is `most`; expert 0, which makes nothing, aside.
@@ -73,22 +81,26 @@ impl AllocationKind {
     /// ```
     pub fn experts(self, most: u8) -> RangeInclusive<u8> {
         match self {
-            Self::Sampled | Self::Argmax => 1..=most,
+            Self::Sampled | Self::Argmax | Self::Quadtree => 1..=most,
+            Self::QuadtreeGrid => 1..=1,
             Self::Dithered | Self::Grid | Self::Random => 1..=1,
             Self::Fixed(expert) => expert.max(1)..=expert,
         }
     }
 
     /// The allocation of this name, for a model of `experts` experts (expert 0 included); `budget` is the number of
-    /// Gaussians per pixel where there is one to set. Fails on a budget outside 0 to 1 and on an expert that the model
+    /// Gaussians per pixel where there is one to set. Fails on a budget outside 0 to 1 (to M for `quadtree`) and on an expert that the model
     /// does not have.
     pub fn allocation<T: Real>(self, budget: f64, experts: usize) -> Result<Box<dyn Allocation<T>>, AllocationError> {
-        if self.has_budget() && !(0.0..=1.0).contains(&budget) {
-            return Err(AllocationError::Budget { kind: self, found: budget });
+        let most = if self == Self::Quadtree { experts.saturating_sub(1) } else { 1 };
+        if self.has_budget() && !(0.0..=most as f64).contains(&budget) {
+            return Err(AllocationError::Budget { kind: self, most, found: budget });
         }
         Ok(match self {
             Self::Sampled => Box::new(Sampled),
             Self::Argmax => Box::new(Argmax),
+            Self::Quadtree => Box::new(Quadtree { budget }),
+            Self::QuadtreeGrid => Box::new(QuadtreeGrid { budget }),
             Self::Dithered => Box::new(Dithered { budget, gamma: GAMMA }),
             Self::Grid => Box::new(Grid { budget }),
             Self::Random => Box::new(Random { budget }),
@@ -106,6 +118,8 @@ impl FromStr for AllocationKind {
         Ok(match name {
             "sampled" => Self::Sampled,
             "argmax" => Self::Argmax,
+            "quadtree" => Self::Quadtree,
+            "quadtree-grid" => Self::QuadtreeGrid,
             "dithered" => Self::Dithered,
             "grid" => Self::Grid,
             "random" => Self::Random,
@@ -122,6 +136,8 @@ impl fmt::Display for AllocationKind {
         match self {
             Self::Sampled => f.write_str("sampled"),
             Self::Argmax => f.write_str("argmax"),
+            Self::Quadtree => f.write_str("quadtree"),
+            Self::QuadtreeGrid => f.write_str("quadtree-grid"),
             Self::Dithered => f.write_str("dithered"),
             Self::Grid => f.write_str("grid"),
             Self::Random => f.write_str("random"),

@@ -15,7 +15,18 @@ static POOL: LazyLock<Pool> = LazyLock::new(Pool::new);
 fn request<'a>(logits: &'a [f64], energy: &'a [f64], size: [usize; 3], seed: u64) -> AllocationRequest<'a, f64> {
     let [views, height, width] = size;
     let stream = Stream::new(seed, 0, "allocation");
-    AllocationRequest { logits, energy, views, height, width, stream, gumbel: None, pool: &POOL }
+    AllocationRequest {
+        logits,
+        energy,
+        photos: &[],
+        depth: None,
+        views,
+        height,
+        width,
+        stream,
+        gumbel: None,
+        pool: &POOL,
+    }
 }
 
 fn normals(seed: u64, n: usize) -> Vec<f64> {
