@@ -13,6 +13,7 @@ mod info;
 mod inputs;
 mod left_behind;
 mod lpips;
+mod masks;
 mod photos;
 mod published;
 mod render;

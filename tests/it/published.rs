@@ -126,7 +126,7 @@ fn gaussians_are_stored_as_viewers_expect() {
         (0..3).for_each(|c| planes.extend(image.pixels.iter().skip(c).step_by(3)));
     }
     let stream = weaver_kernels::random::Stream::new(0, 0, "inference");
-    let photos = Photos { planes: &planes, height: HEIGHT, width: WIDTH };
+    let photos = Photos { planes: &planes, inside: None, height: HEIGHT, width: WIDTH };
     let mut predictor = SplatWeaverPredictor::new(model, params, weaver_router::AllocationKind::Sampled, 1.0);
     let prediction = predictor.predict(photos, CameraSource::Predicted, Density::default(), stream).unwrap();
     let expected = prediction.gaussians;

@@ -195,6 +195,10 @@ pub struct Infer {
     /// [default: what the network predicts]
     #[arg(long, value_name = "FILE|estimated")]
     pub cameras: Option<PathBuf>,
+    /// Gives no Gaussians to what is black in masks: mask_path of --cameras, a file in a folder masks beside the photo, or beside its
+    /// folder, named as the photo, or its alpha
+    #[arg(long)]
+    pub masks: bool,
     #[command(flatten)]
     pub matching: MatchingFlags,
     #[command(flatten)]

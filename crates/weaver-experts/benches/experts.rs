@@ -39,6 +39,7 @@ fn head(c: &mut Criterion) {
         height: HEIGHT,
         width: WIDTH,
         stream: Stream::new(1, 0, "allocation"),
+        inside: None,
         gumbel: None,
         pool: &pool,
     };

@@ -116,7 +116,9 @@ pub fn run(
             let file = file.display();
             return Err(Error::Input(format!("cameras {file}: expected a network that makes Gaussians with them")));
         }
-        file => file.as_deref().map(|file| capture::load_cameras(file, images, size[1], size[0])).transpose()?,
+        file => {
+            file.as_deref().map(|file| capture::load_cameras(file, images, [size[1], size[0]], false)).transpose()?
+        }
     };
     let photos = match &mut given {
         Some(given) => std::mem::take(&mut given.images),
@@ -166,7 +168,7 @@ impl Scene<'_> {
         predictor.watch(watcher);
         let [height, width] = self.size;
         let stream = Stream::new(options.seed, 0, "inference");
-        let photos = Photos { planes: self.planes, height, width };
+        let photos = Photos { planes: self.planes, inside: None, height, width };
         let source = match self.given {
             Some(PhotoCameras { cameras, points, .. }) => CameraSource::GivenWithPoints { cameras, points },
             None => CameraSource::Predicted,
@@ -181,7 +183,7 @@ impl Scene<'_> {
         let cameras = if self.given.is_some() { "given" } else { "predicted" };
         let mut remarks = reconstruct::how_scaled(&prediction);
         remarks.push(format!("cameras {cameras}, allocation {allocation}"));
-        Ok(reconstruct::report(self.photos, &renders, &prediction, remarks, self.out))
+        Ok(reconstruct::report([self.photos, &renders], None, &prediction, remarks, self.out))
     }
 
     /// Cameras, depth and points.

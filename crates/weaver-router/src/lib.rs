@@ -10,7 +10,7 @@ mod router;
 
 pub use allocation::{
     Allocation, AllocationError, AllocationKind, AllocationRequest, Argmax, Assignment, Dithered, Fixed, Grid,
-    GumbelGate, Random, Sampled, TrainingMix,
+    GumbelGate, Masked, Random, Sampled, TrainingMix,
 };
 pub use gate::gate;
 pub use gumbel::gumbel_softmax_straight_through;

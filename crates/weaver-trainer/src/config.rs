@@ -63,6 +63,10 @@ pub struct DataConfig {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub scene_scale: Option<f64>,
+    /// Captures only: leaves out what is black in masks (`mask_path` of transforms.json, a file in `masks/` named as the photo, or its
+    /// alpha): no loss counts it, and it gets no Gaussians.
+    #[serde(default)]
+    pub masks: bool,
     /// Context views of a tuple: the photos that the network sees.
     #[schemars(range(min = 2, max = MOST_VIEWS))]
     pub context_views: usize,
@@ -76,7 +80,15 @@ pub struct DataConfig {
 
 impl Default for DataConfig {
     fn default() -> Self {
-        Self { folders: Vec::new(), endless: None, scene_scale: None, context_views: 4, target_views: 2, pool: 6 }
+        Self {
+            folders: Vec::new(),
+            endless: None,
+            scene_scale: None,
+            masks: false,
+            context_views: 4,
+            target_views: 2,
+            pool: 6,
+        }
     }
 }
 

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use weaver_autograd::Params;
-use weaver_data::procedural;
+use weaver_data::{Scene, procedural};
 use weaver_inference::{Checkpoint, Density, Predictor, RunFolder, WeightSet};
 
 /// Where a configuration comes from; later fields win over earlier ones.
@@ -188,6 +188,8 @@ pub struct Overrides {
     pub matching: Option<MatchingOverride>,
     /// Which pixels get Gaussians, and how many.
     pub density: Density,
+    /// Whether photos have masks, as [`DataConfig::masks`] says; so they are where the run's do.
+    pub masks: bool,
     /// File with the weights of LPIPS, to measure that, too.
     pub lpips: Option<PathBuf>,
 }
@@ -213,9 +215,10 @@ impl OpenRun {
         progress: &mut dyn FnMut(usize, usize),
     ) -> Result<Evaluation, Error> {
         let size = self.predictor.image_size();
+        let data = DataConfig { masks: overrides.masks || self.data.masks, ..self.data.clone() };
         let load = |size: [usize; 2]| match source {
-            Source::Run => scenes::load(&self.data, size),
-            Source::Folders(folders) => scenes::load_captures(folders, self.data.scene_scale, size),
+            Source::Run => scenes::load(&data, size),
+            Source::Folders(folders) => scenes::load_captures(folders, &data, size),
             Source::Unseen => Ok(procedural::default_unseen_set(size[1], size[0])),
         };
         let scenes = load(size)?;
@@ -223,7 +226,9 @@ impl OpenRun {
             Some(MatchingOverride { long_side, focal_known }) => {
                 let scale = (long_side as f64 / size[0].max(size[1]) as f64).max(1.0);
                 let larger = size.map(|side| (side as f64 * scale).round() as usize);
-                Some(Matching { scenes: load(larger)?, focal_known })
+                let larger = load(larger)?;
+                same_views(&scenes, &larger)?;
+                Some(Matching { scenes: larger, focal_known })
             }
             None => None,
         };
@@ -239,6 +244,18 @@ impl OpenRun {
         };
         evaluate::evaluate(&mut *self.predictor, &scenes, &options, lpips.as_ref(), progress)
     }
+}
+
+/// Checks that scenes of two sizes have the same views: a mask may leave nothing of a photo in the smaller one alone.
+fn same_views(small: &[Scene], large: &[Scene]) -> Result<(), Error> {
+    for (small, large) in small.iter().zip(large) {
+        let [few, all] = [small, large].map(|scene| scene.views.iter().map(|view| &view.name));
+        if let Some(name) = all.clone().find(|name| !few.clone().any(|other| other == *name)) {
+            let expected = "expected masks that leave something of each photo at the network's size";
+            return Err(Error::Input(format!("scene {}: {name}: {expected}, found none of this one", small.name)));
+        }
+    }
+    Ok(())
 }
 
 /// The recipe `R` behind its name.

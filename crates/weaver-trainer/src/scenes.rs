@@ -15,20 +15,17 @@ pub fn load(data: &DataConfig, size: [usize; 2]) -> Result<Vec<Scene>, Error> {
     if data.folders.is_empty() {
         Ok(procedural::default_training_set(size[1], size[0]))
     } else {
-        load_captures(&data.folders, data.scene_scale, size)
+        load_captures(&data.folders, data, size)
     }
 }
 
-/// Loads captures at the network's size (H, W); `scene_scale` as in [`DataConfig::scene_scale`].
+/// Loads captures at the network's size (H, W), with the scale and the masks of `data`.
 ///
 /// # Errors
 /// When one cannot be read.
-pub fn load_captures(
-    folders: &[PathBuf],
-    scene_scale: Option<f64>,
-    [height, width]: [usize; 2],
-) -> Result<Vec<Scene>, Error> {
-    let options = CaptureOptions { width, height, scene_scale, ..CaptureOptions::default() };
+pub fn load_captures(folders: &[PathBuf], data: &DataConfig, [height, width]: [usize; 2]) -> Result<Vec<Scene>, Error> {
+    let (scene_scale, masks) = (data.scene_scale, data.masks);
+    let options = CaptureOptions { width, height, scene_scale, masks, ..CaptureOptions::default() };
     folders.iter().map(|folder| Ok(capture::load(folder, &options)?)).collect()
 }
 

@@ -68,6 +68,7 @@ impl Model {
                 height,
                 width,
                 stream,
+                inside: None,
                 gumbel: None,
                 pool: tape.pool(),
             })

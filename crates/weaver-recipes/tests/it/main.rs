@@ -4,6 +4,7 @@ mod allocations;
 mod configuration;
 mod determinism;
 mod experts;
+mod masks;
 mod mutated;
 #[path = "../../../weaver-io/tests/it/mutations.rs"]
 mod mutations;

@@ -34,6 +34,11 @@ impl<R: Recipe> Config<R> {
                         `--set data.endless=none` trains on the captures"
                 .into());
         }
+        if d.masks && d.folders.is_empty() {
+            return Err(
+                "data.masks: expected data.folders beside it, found none: procedural scenes have no masks".into()
+            );
+        }
         for (i, stage) in self.stages.iter().enumerate() {
             if R::tuples(stage) == 0 {
                 return Err(format!("stages.{i}.tuples: expected a step to have tuples, found none"));
