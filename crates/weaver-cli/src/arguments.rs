@@ -85,7 +85,7 @@ pub struct Train {
     /// The model to train [default: splatweaver]
     #[arg(long, value_name = "NAME", help_heading = CONFIGURATION)]
     pub model: Option<String>,
-    /// Where the configuration starts from: micro, tiny, tiny-endless, tiny-published or small [default: the file's, or tiny]
+    /// Where the configuration starts from: micro, tiny, tiny-endless, tiny-published, tiny-dagger or small [default: the file's, or tiny]
     #[arg(long, help_heading = CONFIGURATION)]
     pub preset: Option<String>,
     /// Configuration file (TOML) between the preset and the flags; `splatweaver config` prints one to start from

@@ -105,6 +105,8 @@ impl Recipe for PixelCnnRecipe {
             rate: 2e-3,
             warmup: 20,
             floor: 0.1,
+            frozen: Vec::new(),
+            recompute: false,
             model: NoChoices {},
             losses: ImageLosses { mse: 1.0, ssim: 0.15, ..ImageLosses::default() },
         };

@@ -7,6 +7,8 @@ use crate::{Error, Recipe};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
+use weaver_data::Sampler;
+use weaver_kernels::random::Stream;
 use weaver_router::AllocationKind;
 use weaver_settings::{Error as Wrong, Layers, Value};
 
@@ -73,9 +75,51 @@ pub struct DataConfig {
     /// Target views of a tuple: rendered and compared, not seen.
     #[schemars(range(min = 1, max = MOST_VIEWS))]
     pub target_views: usize,
-    /// How many of its nearest training views a view's context is drawn from.
+    /// With this, each step draws how many context views its tuples have, from `context_views` to so many, all equally likely.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 2, max = MOST_VIEWS))]
+    pub most_context_views: Option<usize>,
+    /// Which training views make a tuple.
+    #[serde(default)]
+    pub sampler: SamplerKind,
+    /// How many of its nearest training views a view's context is drawn from, by the sampler `nearest`.
     #[schemars(range(min = 2, max = MOST))]
     pub pool: usize,
+}
+
+/// Which training views make a tuple.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum SamplerKind {
+    /// Some of the views nearest to a random one, in random order.
+    #[default]
+    Nearest,
+    /// As published for videos: two views whose distance in the order of paths is bounded, and random ones between them.
+    BoundedGap,
+    /// Context views evenly spread over all, in the order of paths; targets are others.
+    Uniform,
+}
+
+impl DataConfig {
+    /// How tuples are drawn.
+    pub fn sampler(&self) -> Sampler {
+        match self.sampler {
+            SamplerKind::Nearest => Sampler::Nearest { pool: self.pool },
+            SamplerKind::BoundedGap => Sampler::BoundedGap,
+            SamplerKind::Uniform => Sampler::Uniform,
+        }
+    }
+
+    /// The most context views that a tuple may have.
+    pub fn most_context(&self) -> usize {
+        self.most_context_views.unwrap_or(self.context_views)
+    }
+
+    /// How many context views the tuples of a step have.
+    pub(crate) fn context_of(&self, seed: u64, step: usize) -> usize {
+        let more = self.most_context() - self.context_views;
+        self.context_views + Stream::new(seed, step as u64, "views").below(0, more + 1)
+    }
 }
 
 impl Default for DataConfig {
@@ -87,6 +131,8 @@ impl Default for DataConfig {
             masks: false,
             context_views: 4,
             target_views: 2,
+            most_context_views: None,
+            sampler: SamplerKind::Nearest,
             pool: 6,
         }
     }
@@ -174,6 +220,14 @@ pub struct StageConfig<R: Recipe> {
     /// Where the cosine of the learning rate ends, as a fraction of the peak.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub floor: f64,
+    /// Parts of the network that stay as they are, by the beginnings of their parameters' names: camera_head,
+    /// aggregator.patch_embed.
+    #[serde(default)]
+    pub frozen: Vec<String>,
+    /// Whether transformer blocks are computed again on the way back, in place of keeping what they computed: the same result with
+    /// less memory and more time.
+    #[serde(default)]
+    pub recompute: bool,
     /// What the model does in this stage.
     pub model: R::Stage,
     /// Weights of the losses; 0 leaves a loss out.

@@ -22,7 +22,8 @@ mod session;
 
 pub use checkpoint::TrainingState;
 pub use config::{
-    CameraMode, Config, DataConfig, EvaluationConfig, OptimizerConfig, OutputConfig, StageConfig, allocation_name,
+    CameraMode, Config, DataConfig, EvaluationConfig, OptimizerConfig, OutputConfig, SamplerKind, StageConfig,
+    allocation_name,
 };
 pub use dry_run::{DryRun, StageMemory};
 pub use error::Error;

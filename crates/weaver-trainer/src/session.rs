@@ -1,6 +1,7 @@
 //! The training loop.
 
 mod examples;
+mod frozen;
 mod plan;
 
 use crate::dry_run::{DryRun, Probe};
@@ -79,14 +80,15 @@ impl<R: Recipe> Session<R> {
         config.check()?;
         let size = R::image_size(&config.model);
         let lpips = evaluate::lpips_for(config.lpips_weights().map_err(Error::Input)?, size)?;
+        let mut params = Params::new();
+        let network = Arc::new(R::build(&config.model, &mut params, config.seed));
+        frozen::check(&config.stages, &params)?;
         let scenes = scenes::load(&config.data, size)?;
         let mut remarks = Vec::new();
         for scene in &scenes {
-            scene.check_training(config.data.context_views)?;
+            scene.check_training(config.data.most_context())?;
             remarks.extend(scenes::check_scale(scene, &config.data)?);
         }
-        let mut params = Params::new();
-        let network = Arc::new(R::build(&config.model, &mut params, config.seed));
         let optimizer = new_optimizer(&config, &params);
         let ema = Ema::new(&params, config.optimizer.ema);
         let layouts = scenes.iter().map(Layout::of).collect();
@@ -228,6 +230,7 @@ impl<R: Recipe> Session<R> {
             group.lr_scale = rate;
         }
         self.tape.reset();
+        frozen::apply(&stage.frozen, &mut self.params);
         if local == 0 {
             // Its buffers have other sizes than those of the stage before.
             self.earlier_tape_bytes = self.tape_bytes();
@@ -246,7 +249,8 @@ impl<R: Recipe> Session<R> {
             workspaces: &self.workspaces,
             stream: Stream::new(self.config.seed, self.step as u64, "allocation"),
         };
-        let terms = R::objective(Context::new(&self.tape, &self.params), &self.network, &step, &examples)?;
+        let cx = Context::new(&self.tape, &self.params).recomputing(stage.recompute);
+        let terms = R::objective(cx, &self.network, &step, &examples)?;
         let values: Vec<(String, f32)> = terms.values().map(|(name, value)| (name.to_string(), value)).collect();
         if let Some((name, value)) = values.iter().find(|(_, v)| !v.is_finite()) {
             return Err(self.diverged(name, *value));
@@ -259,6 +263,13 @@ impl<R: Recipe> Session<R> {
         if let Some(probe) = &mut self.probe {
             probe.done("forward");
             probe.held(&self.tape);
+        }
+        if !total.is_tracked() {
+            let message = format!(
+                "stages.{index}.frozen: expected a part to learn from the losses of stage `{}`, found none",
+                stage.name
+            );
+            return Err(Error::Input(message));
         }
         total.backward();
         self.probe.iter_mut().for_each(|probe| probe.done("backward"));

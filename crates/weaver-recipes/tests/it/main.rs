@@ -10,5 +10,6 @@ mod mutated;
 mod mutations;
 mod presets;
 mod ranges;
+mod stages;
 mod switch_off;
 mod switches;

@@ -3,7 +3,7 @@
 
 use super::Config;
 use crate::evaluate::LEAST_SIDE;
-use crate::{Error, Recipe, StageConfig};
+use crate::{Error, Recipe, SamplerKind, StageConfig};
 use std::path::Path;
 use weaver_settings::Error as Wrong;
 
@@ -25,9 +25,18 @@ impl<R: Recipe> Config<R> {
             return Err("stages: expected at least one".into());
         }
         let d = &self.data;
-        if d.pool < d.context_views {
-            let least = d.context_views;
-            return Err(format!("data.pool: expected at least data.context_views, {least}, found {}", d.pool));
+        if d.most_context() < d.context_views {
+            let (least, found) = (d.context_views, d.most_context());
+            return Err(format!(
+                "data.most_context_views: expected at least data.context_views, {least}, found {found}"
+            ));
+        }
+        if d.sampler == SamplerKind::Nearest && d.pool < d.most_context() {
+            let (most, key) = match d.most_context_views {
+                Some(most) => (most, "most_context_views"),
+                None => (d.context_views, "context_views"),
+            };
+            return Err(format!("data.pool: expected at least data.{key}, {most}, found {}", d.pool));
         }
         if d.endless.is_some() && !d.folders.is_empty() {
             return Err("data.endless: expected none beside data.folders, which it does not apply to; \
