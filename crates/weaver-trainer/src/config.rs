@@ -3,7 +3,7 @@
 mod check;
 mod difference;
 
-use crate::{Error, Recipe};
+use crate::{Augmentation, Error, Recipe};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -85,6 +85,9 @@ pub struct DataConfig {
     /// How many of its nearest training views a view's context is drawn from, by the sampler `nearest`.
     #[schemars(range(min = 2, max = MOST))]
     pub pool: usize,
+    /// How tuples vary from what was photographed.
+    #[serde(default)]
+    pub augmentation: Augmentation,
 }
 
 /// Which training views make a tuple.
@@ -134,6 +137,7 @@ impl Default for DataConfig {
             most_context_views: None,
             sampler: SamplerKind::Nearest,
             pool: 6,
+            augmentation: Augmentation::default(),
         }
     }
 }

@@ -18,10 +18,15 @@ impl<R: Recipe> Session<R> {
             None => (&self.scenes[..], &self.layouts[..]),
         };
         let stream = Stream::new(self.config.seed, self.step as u64, "tuples");
+        let variation = Stream::new(self.config.seed, self.step as u64, "augmentation");
         // A tuple that tells no scale is left out, and the next one that the step would have drawn takes its place.
         let drawn = (0..count * MOST_DRAWN).map(|i| {
+            let varied = variation.fork(i as u64);
             let tuple = sampler.tuple(layouts, stream, i as u64, context, d.target_views);
-            Example::new(&scenes[tuple.scene], &layouts[tuple.scene], tuple)
+            let tuple = d.augmentation.ordered(tuple, varied);
+            let mut example = Example::new(&scenes[tuple.scene], &layouts[tuple.scene], tuple)?;
+            d.augmentation.apply(&mut example, varied);
+            Ok(example)
         });
         let mut without_scale = None;
         let told = drawn.filter_map(|example| match example {
