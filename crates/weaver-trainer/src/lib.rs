@@ -20,6 +20,7 @@ mod registry;
 pub mod samples;
 pub mod scenes;
 mod session;
+mod sources;
 
 pub use augmentation::Augmentation;
 pub use checkpoint::TrainingState;

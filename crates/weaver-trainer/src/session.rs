@@ -8,6 +8,7 @@ use crate::dry_run::{DryRun, Probe};
 use crate::evaluate::{self, Options};
 use crate::evaluation::Summary;
 use crate::observe::{Logs, Observer, StepReport, write_report};
+use crate::sources::Sources;
 use crate::{Config, Error, Recipe, StageConfig, Step, TrainingState, initial, samples, scenes};
 use std::path::Path;
 use std::sync::Arc;
@@ -38,6 +39,8 @@ pub struct Session<R: Recipe> {
     /// The most that the tape took in stages before this one.
     earlier_tape_bytes: usize,
     workspaces: WorkspacePool<f32>,
+    /// What was read.
+    sources: Sources,
     lpips: Option<Lpips<f32>>,
     /// Steps done.
     step: usize,
@@ -84,6 +87,7 @@ impl<R: Recipe> Session<R> {
         let network = Arc::new(R::build(&config.model, &mut params, config.seed));
         frozen::check(&config.stages, &params)?;
         let scenes = scenes::load(&config.data, size)?;
+        let sources = Sources::of(&config, &scenes)?;
         let mut remarks = Vec::new();
         for scene in &scenes {
             scene.check_training(config.data.most_context())?;
@@ -107,6 +111,7 @@ impl<R: Recipe> Session<R> {
             tape,
             earlier_tape_bytes: 0,
             workspaces,
+            sources,
             lpips,
             step: 0,
             probe: None,
@@ -116,11 +121,12 @@ impl<R: Recipe> Session<R> {
     /// Continues a run from a checkpoint.
     ///
     /// # Errors
-    /// When the run began with another configuration ([`Config::difference`]), or the data cannot be read.
+    /// When the run began with another configuration ([`Config::difference`]) or other data, or the data cannot be read.
     pub fn resume(config: Config<R>, checkpoint: &Path) -> Result<Self, Error> {
         let checkpoint = Checkpoint::read(checkpoint)?;
         TrainingState::check_resumed(&checkpoint, &config)?;
         let mut session = Self::prepare(config)?;
+        session.sources.check(&checkpoint, &session.config)?;
         TrainingState::restore(&checkpoint, &mut session.params, &mut session.optimizer, &mut session.ema)?;
         session.step = checkpoint.step;
         Ok(session)
@@ -407,7 +413,7 @@ impl<R: Recipe> Session<R> {
     /// When it cannot be written; an earlier one is then left as it was.
     pub fn save(&self, path: &Path) -> Result<(), Error> {
         let state = TrainingState { params: &self.params, optimizer: &self.optimizer, ema: &self.ema };
-        state.write(path, &self.config, self.step)
+        state.write(path, &self.config, self.step, &self.sources)
     }
 
     fn sample(&self, folder: &RunFolder) -> Result<(), Error> {
