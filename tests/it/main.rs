@@ -18,5 +18,6 @@ mod photos;
 mod published;
 mod render;
 mod run;
+mod teacher;
 mod walkthrough;
 mod weights;

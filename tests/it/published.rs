@@ -33,7 +33,7 @@ fn config() -> ModelConfig {
 }
 
 /// A checkpoint as it is published: `encoder.` before every name, the aggregator in half precision.
-fn checkpoint(prefix: &str) -> Tensors {
+pub fn checkpoint(prefix: &str) -> Tensors {
     let mut params = Params::<f32>::new();
     SplatWeaver::new(config(), &mut params, 11);
     let mut tensors = Tensors::default();
@@ -52,13 +52,13 @@ fn checkpoint(prefix: &str) -> Tensors {
 }
 
 /// Photos and a checkpoint, made once.
-struct Scene {
+pub struct Scene {
     folder: tempfile::TempDir,
     photos: Vec<PathBuf>,
 }
 
 impl Scene {
-    fn shared() -> &'static Self {
+    pub fn shared() -> &'static Self {
         static SCENE: OnceLock<Scene> = OnceLock::new();
         SCENE.get_or_init(|| {
             let folder = tempfile::tempdir().unwrap();
@@ -79,7 +79,7 @@ impl Scene {
         })
     }
 
-    fn weights(&self) -> PathBuf {
+    pub fn weights(&self) -> PathBuf {
         self.folder.path().join("model.safetensors")
     }
 

@@ -191,6 +191,18 @@ fn read_split_photos(path: &Path, hold_out: HoldOut) -> Result<Photos, Error> {
     Ok(capture)
 }
 
+/// Whether a folder holds cameras of a kind that [`load`] reads, or is a file of them.
+///
+/// # Errors
+/// When the folder is missing or cannot be read.
+pub fn has_cameras(path: &Path) -> Result<bool, Error> {
+    if path.is_file() {
+        return Ok(true);
+    }
+    let known = ["transforms.json", "transforms_train.json", "sparse"];
+    Ok(known.iter().any(|name| path.join(name).exists()) || realestate::camera_file(path)?.is_some())
+}
+
 fn read_photos(folder: &Path) -> Result<Photos, Error> {
     if !folder.is_dir() {
         return Err(Error::unexpected(folder, "capture", "a folder or a transforms.json", "nothing"));
@@ -208,7 +220,7 @@ fn read_photos(folder: &Path) -> Result<Photos, Error> {
             folder,
             "cameras",
             "transforms.json, transforms_train.json, sparse/0 or a RealEstate10K camera file",
-            "none of them",
+            "none of them; `splatweaver cameras` estimates some, `train --teacher` takes those of published weights",
         ))
     }
 }

@@ -21,6 +21,7 @@ pub mod samples;
 pub mod scenes;
 mod session;
 mod sources;
+mod taught;
 
 pub use augmentation::Augmentation;
 pub use checkpoint::TrainingState;

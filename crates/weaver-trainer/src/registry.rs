@@ -27,6 +27,8 @@ pub struct Setup {
     pub data: Vec<PathBuf>,
     /// A run's folder or checkpoint, whose weights training starts from.
     pub init: Option<PathBuf>,
+    /// A published checkpoint that tells cameras and depth of photos without cameras.
+    pub teacher: Option<PathBuf>,
     /// The seed.
     pub seed: Option<u64>,
     /// Threads; 0 takes one per core.
@@ -280,8 +282,12 @@ impl<R: Recipe> Architecture for Named<R> {
             let folder = RunFolder::at(path);
             config.init = Some(if path.is_dir() { folder.checkpoint_path() } else { path.clone() });
         }
+        if let Some(path) = &setup.teacher {
+            config.data.teacher = Some(path.clone());
+        }
         // The run may be resumed or evaluated from elsewhere.
-        for folder in config.data.folders.iter_mut().chain(&mut config.init) {
+        let data = &mut config.data;
+        for folder in data.folders.iter_mut().chain(&mut config.init).chain(&mut data.teacher) {
             let absolute = std::path::absolute(&folder);
             *folder = absolute.map_err(|e| Error::Input(format!("{}: {e}", folder.display())))?;
         }

@@ -1,6 +1,6 @@
 //! The scenes that a configuration names.
 
-use crate::{DataConfig, Error};
+use crate::{DataConfig, Error, taught};
 use std::path::PathBuf;
 use weaver_data::capture::{self, CaptureOptions};
 use weaver_data::procedural::ProceduralOptions;
@@ -19,14 +19,18 @@ pub fn load(data: &DataConfig, size: [usize; 2]) -> Result<Vec<Scene>, Error> {
     }
 }
 
-/// Loads captures at the network's size (H, W), with the scale and the masks of `data`.
+/// Loads captures at the network's size (H, W), with the scale, the masks and the teacher of `data`.
 ///
 /// # Errors
 /// When one cannot be read.
 pub fn load_captures(folders: &[PathBuf], data: &DataConfig, [height, width]: [usize; 2]) -> Result<Vec<Scene>, Error> {
     let (scene_scale, masks) = (data.scene_scale, data.masks);
     let options = CaptureOptions { width, height, scene_scale, masks, ..CaptureOptions::default() };
-    folders.iter().map(|folder| Ok(capture::load(folder, &options)?)).collect()
+    let load = |folder: &PathBuf| match &data.teacher {
+        Some(teacher) if !capture::has_cameras(folder)? => taught::load(folder, teacher, data, [height, width]),
+        _ => Ok(capture::load(folder, &options)?),
+    };
+    folders.iter().map(load).collect()
 }
 
 /// Checks that tuples of a scene tell how large it is, by the points that their context sees or by its own scale; remarks on

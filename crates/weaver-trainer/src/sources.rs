@@ -4,6 +4,7 @@ use crate::{Config, Error, Recipe};
 use std::collections::BTreeMap;
 use weaver_data::Scene;
 use weaver_inference::Checkpoint;
+use weaver_io::Checksum;
 use weaver_io::checkpoint::Tensors;
 
 /// The entry of a checkpoint's metadata.
@@ -85,36 +86,4 @@ fn of_scene(scene: &Scene) -> String {
         visible.iter().for_each(|point| sum.word(u64::from(*point)));
     }
     sum.to_string()
-}
-
-/// FNV-1a, whole words at a time: not against forgery, but against what is another capture or was changed.
-struct Checksum(u64);
-
-impl Default for Checksum {
-    fn default() -> Self {
-        Self(0xcbf2_9ce4_8422_2325)
-    }
-}
-
-impl Checksum {
-    fn word(&mut self, word: u64) {
-        // Folded, so that high bits, too, reach low ones.
-        let mixed = (self.0 ^ word).wrapping_mul(0x0000_0100_0000_01b3);
-        self.0 = mixed ^ (mixed >> 32);
-    }
-
-    fn bytes(&mut self, bytes: &[u8]) {
-        bytes.iter().for_each(|byte| self.word(u64::from(*byte)));
-    }
-
-    fn floats(&mut self, values: &[f32]) {
-        self.word(values.len() as u64);
-        values.iter().for_each(|x| self.word(u64::from(x.to_bits())));
-    }
-}
-
-impl std::fmt::Display for Checksum {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{:016x}", self.0)
-    }
 }

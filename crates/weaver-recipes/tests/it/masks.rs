@@ -171,8 +171,13 @@ fn image_losses_have_no_gradient_outside_and_are_per_pixel_inside() {
 }
 
 #[test]
-fn masks_without_captures_are_refused() {
-    let settings = ["data.masks=true".to_string()];
-    let message = Config::resolve(Some("micro"), None, &settings).unwrap_err().to_string();
-    assert!(message.contains("data.masks: expected data.folders"), "{message}");
+fn masks_and_teachers_without_captures_are_refused() {
+    for key in ["masks=true", "teacher=model.safetensors"] {
+        let mut config = Config::resolve(Some("micro"), None, &[format!("data.{key}")]).unwrap();
+        let message = Session::new(config.clone()).expect_err("an error").to_string();
+        let name = key.split('=').next().unwrap();
+        assert!(message.contains(&format!("data.{name}: expected")) && message.contains("data.folders"), "{message}");
+        config.data.folders = vec!["capture".into()];
+        assert!(config.check().is_ok());
+    }
 }

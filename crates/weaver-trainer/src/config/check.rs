@@ -14,7 +14,22 @@ impl<R: Recipe> Config<R> {
     /// The first key that is wrong: its range or what was expected, and what was found.
     pub fn check(&self) -> Result<(), Error> {
         weaver_settings::check(self, "configuration")?;
-        Ok(self.check_combinations().map_err(|message| Wrong::invalid("configuration", message))?)
+        let checked = self.check_combinations().and_then(|()| self.check_folders());
+        Ok(checked.map_err(|message| Wrong::invalid("configuration", message))?)
+    }
+
+    /// What is of use with captures alone. They may be named after all else was set.
+    fn check_folders(&self) -> Result<(), String> {
+        let d = &self.data;
+        if d.teacher.is_some() && d.folders.is_empty() {
+            return Err("data.teacher: expected folders of photos in data.folders beside it, found none".into());
+        }
+        if d.masks && d.folders.is_empty() {
+            return Err(
+                "data.masks: expected data.folders beside it, found none: procedural scenes have no masks".into()
+            );
+        }
+        Ok(())
     }
 
     pub(super) fn check_combinations(&self) -> Result<(), String> {
@@ -42,11 +57,6 @@ impl<R: Recipe> Config<R> {
             return Err("data.endless: expected none beside data.folders, which it does not apply to; \
                         `--set data.endless=none` trains on the captures"
                 .into());
-        }
-        if d.masks && d.folders.is_empty() {
-            return Err(
-                "data.masks: expected data.folders beside it, found none: procedural scenes have no masks".into()
-            );
         }
         for (i, stage) in self.stages.iter().enumerate() {
             if R::tuples(stage) == 0 {

@@ -13,7 +13,7 @@ impl<R: Recipe> Config<R> {
     /// The first key that determines the weights and differs from an `earlier` configuration, with both values; `None` where a run
     /// under either goes on in the same way.
     ///
-    /// Where captures and the weights of LPIPS are does not count: a resumed run compares their content. The last stage may be longer here: that is how a
+    /// Where captures, their teacher and the weights of LPIPS are does not count: a resumed run compares the content. The last stage may be longer here: that is how a
     /// run is prolonged.
     pub fn difference(&self, earlier: &Self) -> Option<(String, String, String)> {
         let (own, mut before) = (keys_of(self), keys_of(earlier));
@@ -45,7 +45,9 @@ fn flatten(value: &Value, path: &str, keys: &mut BTreeMap<String, String>) {
         Value::Array(list) => {
             list.iter().enumerate().for_each(|(i, value)| flatten(value, &inner(&i.to_string()), keys));
         }
-        Value::String(_) if path.starts_with("data.folders") || path.ends_with("lpips_weights") => {
+        Value::String(_)
+            if path.starts_with("data.folders") || path == "data.teacher" || path.ends_with("lpips_weights") =>
+        {
             // Its content counts.
         }
         value => _ = keys.insert(path.into(), value.to_string()),
