@@ -61,30 +61,29 @@ pub fn ssim<T: Real>(a: &[T], b: &[T], size: [usize; 3]) -> f64 {
 
 /// The structural similarity over the pixels of a mask, or `None` if the mask is empty.
 ///
-/// As [`ssim`], where the mask `[H, W]` is false `a` is taken to be `b`, and only windows that hold pixels of the mask count.
+/// As [`ssim`], where the mask `[H, W]` is false both are taken to be white, and only windows that hold pixels of the mask count.
 pub fn ssim_masked<T: Real>(a: &[T], b: &[T], size: [usize; 3], mask: &[bool]) -> Option<f64> {
     let [_, height, width] = size;
     assert_eq!(mask.len(), height * width, "ssim_masked: a mask of the images' size");
     let seen = |(y, x): (usize, usize)| (y..y + WINDOW).any(|y| mask[y * width + x..][..WINDOW].contains(&true));
     let windows = (0..=height - WINDOW).flat_map(|y| (0..=width - WINDOW).map(move |x| (y, x)));
     let (all, counted) = (windows.clone().count(), windows.filter(|at| seen(*at)).count());
-    let apart = 1.0 - ssim(&inside(a, b, mask), b, size);
+    let apart = 1.0 - ssim(&inside(a, mask), &inside(b, mask), size);
     (counted > 0).then(|| 1.0 - apart * all as f64 / counted as f64)
 }
 
 /// The perceptual distance over the pixels of a mask, or `None` if the mask is empty.
 ///
-/// As [`lpips`], where the mask `[H, W]` is false `a` is taken to be `b`, and the distance is per pixel of the mask.
+/// As [`lpips`], where the mask `[H, W]` is false both are taken to be white, and the distance is per pixel of the mask.
 pub fn lpips_masked<T: Real>(network: &Lpips<T>, a: &[T], b: &[T], size: [usize; 2], mask: &[bool]) -> Option<f64> {
     let counted = mask.iter().filter(|inside| **inside).count();
-    let distance = || lpips(network, &inside(a, b, mask), b, size);
+    let distance = || lpips(network, &inside(a, mask), &inside(b, mask), size);
     (counted > 0).then(|| distance() * mask.len() as f64 / counted as f64)
 }
 
-/// `a` `[C, H, W]` where a mask `[H, W]` is true, and `b` elsewhere.
-fn inside<T: Real>(a: &[T], b: &[T], mask: &[bool]) -> Vec<T> {
-    let pixels = a.iter().zip(b).enumerate();
-    pixels.map(|(i, (a, b))| if mask[i % mask.len()] { *a } else { *b }).collect()
+/// An image `[C, H, W]` where a mask `[H, W]` is true, and white elsewhere.
+fn inside<T: Real>(image: &[T], mask: &[bool]) -> Vec<T> {
+    image.iter().enumerate().map(|(i, x)| if mask[i % mask.len()] { *x } else { T::ONE }).collect()
 }
 
 /// The perceptual distance of two images `[3, H, W]` in [0, 1], in the network's own precision; see [`Lpips::distance`].
