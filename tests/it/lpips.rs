@@ -18,7 +18,7 @@ const ALEX: [(&str, [usize; 4]); 5] = [
     ("net.slice5.10", [256, 256, 3, 3]),
 ];
 
-fn random_weights(path: &Path) {
+pub fn random_weights(path: &Path) {
     let mut file = Tensors::default();
     for (i, (name, shape)) in ALEX.into_iter().enumerate() {
         let stream = Stream::new(i as u64, 0, "test.lpips");

@@ -78,3 +78,43 @@ fn photos_without_masks_are_refused_with_what_was_looked_for() {
         .refused(1, &["00.png: mask: expected", "masks", "no such file, and no alpha"]);
     assert!(!out.exists());
 }
+
+#[test]
+fn training_sees_nothing_of_what_masks_leave_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let weights = folder.path().join("alex.safetensors");
+    crate::lpips::random_weights(&weights);
+    let file = format!("stages.1.losses.image.lpips_weights={:?}", weights.display().to_string());
+    let trained = |garbage: f32, masks: bool| {
+        let name = format!("{garbage}-{masks}");
+        let (capture, out) = (folder.path().join(&name).join("capture"), folder.path().join(&name).join("run"));
+        masked(&capture, garbage);
+        let masks = format!("data.masks={masks}");
+        let line: [&dyn AsRef<std::ffi::OsStr>; 15] = [
+            &"train",
+            &"--preset",
+            &"micro",
+            &"--steps",
+            &"3",
+            &"--data",
+            &capture,
+            &"--out",
+            &out,
+            &"--set",
+            &file,
+            &"--set",
+            &"stages.1.losses.image.lpips=0.1",
+            &"--set",
+            &masks,
+        ];
+        splatweaver(&line).fine();
+        checksum(&out)
+    };
+    assert_eq!(trained(0.37, true), trained(0.81, true));
+    assert_ne!(trained(0.37, false), trained(0.81, false));
+}
+
+fn checksum(run: &Path) -> String {
+    let text = std::fs::read_to_string(run.join("summary.json")).unwrap();
+    serde_json::from_str::<serde_json::Value>(&text).unwrap()["checksum"].as_str().unwrap().into()
+}

@@ -217,6 +217,10 @@ impl OpenRun {
         progress: &mut dyn FnMut(usize, usize),
     ) -> Result<Evaluation, Error> {
         let size = self.predictor.image_size();
+        let procedural = *source == Source::Unseen || *source == Source::Run && self.data.folders.is_empty();
+        if overrides.masks && procedural {
+            return Err(Error::Input("masks: expected captures, found procedural scenes, which have none".into()));
+        }
         let data = DataConfig { masks: overrides.masks || self.data.masks, ..self.data.clone() };
         let load = |size: [usize; 2]| match source {
             Source::Run => scenes::load(&data, size),

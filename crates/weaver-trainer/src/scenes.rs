@@ -81,7 +81,7 @@ pub struct Endless {
 }
 
 /// Views of a fresh scene: enough for a tuple with some choice.
-const FRESH_VIEWS: usize = 8;
+pub(crate) const FRESH_VIEWS: usize = 8;
 /// Scenes that are kept: drawing one costs as much as some of a step, so that each serves more than one step.
 const KEPT: usize = 16;
 

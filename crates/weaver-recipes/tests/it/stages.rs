@@ -30,6 +30,8 @@ fn moved(before: &Params<f32>, after: &Params<f32>) -> Vec<String> {
 fn frozen_parts_stay_as_they_are_in_their_stage_alone() {
     let frozen = "stages.1.frozen=[\"aggregator.patch_embed\", \"camera_head\"]";
     let mut session = Session::new(config(10, &[frozen])).unwrap();
+    let plan = session.plan();
+    assert!(plan.contains("frozen: aggregator.patch_embed, camera_head\n"), "{plan}");
     let random = session.params().clone();
     for _ in 0..2 {
         session.advance().unwrap();
@@ -115,6 +117,8 @@ fn samplers_and_numbers_of_views_change_what_is_trained() {
     };
     let message = refused(&["data.context_views=3", "data.most_context_views=2"]);
     assert!(message.contains("data.most_context_views: expected at least data.context_views, 3, found 2"), "{message}");
+    let message = refused(&["data.endless=2", "data.most_context_views=8", "data.pool=9"]);
+    assert!(message.contains("data.endless: expected at most 7 context views"), "{message}");
     let message = refused(&["data.most_context_views=5"]);
     assert!(message.contains("data.pool: expected at least data.most_context_views, 5, found 4"), "{message}");
 }

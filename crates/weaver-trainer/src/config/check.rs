@@ -3,6 +3,7 @@
 
 use super::Config;
 use crate::evaluate::LEAST_SIDE;
+use crate::scenes::FRESH_VIEWS;
 use crate::{Error, Recipe, SamplerKind, StageConfig};
 use std::path::Path;
 use weaver_settings::Error as Wrong;
@@ -52,6 +53,12 @@ impl<R: Recipe> Config<R> {
                 None => (d.context_views, "context_views"),
             };
             return Err(format!("data.pool: expected at least data.{key}, {most}, found {}", d.pool));
+        }
+        if d.endless.is_some() && d.most_context() >= FRESH_VIEWS {
+            let (most, found) = (FRESH_VIEWS - 1, d.most_context());
+            return Err(format!(
+                "data.endless: expected at most {most} context views of scenes with {FRESH_VIEWS}, found {found}"
+            ));
         }
         if d.endless.is_some() && !d.folders.is_empty() {
             return Err("data.endless: expected none beside data.folders, which it does not apply to; \
