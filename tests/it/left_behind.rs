@@ -144,7 +144,7 @@ fn a_sample_is_input_render_depth_and_gaussians_per_pixel() {
     let mut planes = Vec::new();
     context.iter().for_each(|view| push_planar(&mut planes, &scene.views[*view].image));
     let density = predictor.density(Density::default()).unwrap();
-    let photos = Photos { planes: &planes, height, width };
+    let photos = Photos { planes: &planes, inside: None, height, width };
     let prediction = predictor.predict(photos, CameraSource::Predicted, density, Stream::new(0, 0, "samples")).unwrap();
     let render = predictor.render(&prediction.gaussians, &prediction.cameras).unwrap().remove(0);
 

@@ -18,7 +18,7 @@ const ALEX: [(&str, [usize; 4]); 5] = [
     ("net.slice5.10", [256, 256, 3, 3]),
 ];
 
-fn random_weights(path: &Path) {
+pub fn random_weights(path: &Path) {
     let mut file = Tensors::default();
     for (i, (name, shape)) in ALEX.into_iter().enumerate() {
         let stream = Stream::new(i as u64, 0, "test.lpips");
@@ -87,4 +87,11 @@ fn lpips_is_a_loss_and_a_figure() {
     };
     let figure = format!("{:.3}", with["mean"]["lpips"].as_f64().unwrap());
     assert_eq!([lpips(&eval(&[])), lpips(&eval(&[&"--lpips", &weights]))], ["-".to_string(), figure]);
+
+    // Other weights in the same place: the run would not go on as it began.
+    let mut other = Tensors::read(&weights).unwrap();
+    other.insert("lin0.model.1.weight", &[1, 64, 1, 1], vec![0.5_f32; 64]);
+    other.write(&weights).unwrap();
+    let said = ["lpips_weights: expected the weights that the run began with", "alex.safetensors"];
+    splatweaver(&[&"train", &"--resume", &run, &"--steps", &"5"]).refused(1, &said);
 }

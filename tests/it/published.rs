@@ -33,7 +33,7 @@ fn config() -> ModelConfig {
 }
 
 /// A checkpoint as it is published: `encoder.` before every name, the aggregator in half precision.
-fn checkpoint(prefix: &str) -> Tensors {
+pub fn checkpoint(prefix: &str) -> Tensors {
     let mut params = Params::<f32>::new();
     SplatWeaver::new(config(), &mut params, 11);
     let mut tensors = Tensors::default();
@@ -52,13 +52,13 @@ fn checkpoint(prefix: &str) -> Tensors {
 }
 
 /// Photos and a checkpoint, made once.
-struct Scene {
+pub struct Scene {
     folder: tempfile::TempDir,
     photos: Vec<PathBuf>,
 }
 
 impl Scene {
-    fn shared() -> &'static Self {
+    pub fn shared() -> &'static Self {
         static SCENE: OnceLock<Scene> = OnceLock::new();
         SCENE.get_or_init(|| {
             let folder = tempfile::tempdir().unwrap();
@@ -79,7 +79,7 @@ impl Scene {
         })
     }
 
-    fn weights(&self) -> PathBuf {
+    pub fn weights(&self) -> PathBuf {
         self.folder.path().join("model.safetensors")
     }
 
@@ -126,7 +126,7 @@ fn gaussians_are_stored_as_viewers_expect() {
         (0..3).for_each(|c| planes.extend(image.pixels.iter().skip(c).step_by(3)));
     }
     let stream = weaver_kernels::random::Stream::new(0, 0, "inference");
-    let photos = Photos { planes: &planes, height: HEIGHT, width: WIDTH };
+    let photos = Photos { planes: &planes, inside: None, height: HEIGHT, width: WIDTH };
     let mut predictor = SplatWeaverPredictor::new(model, params, weaver_router::AllocationKind::Sampled, 1.0);
     let prediction = predictor.predict(photos, CameraSource::Predicted, Density::default(), stream).unwrap();
     let expected = prediction.gaussians;

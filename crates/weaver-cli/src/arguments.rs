@@ -76,16 +76,21 @@ pub enum Command {
   splatweaver train --resume runs/tiny-1
   splatweaver train --resume runs/tiny-1 --steps 8000
   splatweaver train --init runs/tiny-1 --data fox --steps 1000
+  splatweaver train --data photos --teacher model.safetensors --preset tiny-published
   splatweaver train --preset small --dry-run
   splatweaver train --steps 20 --trace step.json")]
 pub struct Train {
     /// Folder of a capture (COLMAP, transforms.json, NeRF-synthetic, RealEstate10K); may be repeated
     #[arg(long, value_name = "DIR", help_heading = "Data")]
     pub data: Vec<PathBuf>,
+    /// For --data of photos without cameras: a published checkpoint, VGGT's or SplatWeaver's, from which they get cameras and depth;
+    /// what it says is kept beside the photos, in teacher.safetensors
+    #[arg(long, value_name = "FILE", requires = "data", help_heading = "Data")]
+    pub teacher: Option<PathBuf>,
     /// The model to train [default: splatweaver]
     #[arg(long, value_name = "NAME", help_heading = CONFIGURATION)]
     pub model: Option<String>,
-    /// Where the configuration starts from: micro, tiny, tiny-endless, tiny-published or small [default: the file's, or tiny]
+    /// Where the configuration starts from: micro, tiny, tiny-endless, tiny-published, tiny-dagger or small [default: the file's, or tiny]
     #[arg(long, help_heading = CONFIGURATION)]
     pub preset: Option<String>,
     /// Configuration file (TOML) between the preset and the flags; `splatweaver config` prints one to start from
@@ -108,7 +113,7 @@ pub struct Train {
     #[arg(long, value_name = "RUN|FILE", help_heading = RUN)]
     pub init: Option<PathBuf>,
     /// Goes on with this run, with its own configuration
-    #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["model", "preset", "data", "out", "init", "seed", "settings", "config"])]
+    #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["model", "preset", "data", "teacher", "out", "init", "seed", "settings", "config"])]
     pub resume: Option<PathBuf>,
     /// Threads; 0 takes one per core. Does not change results [default: the configuration's, which is 0]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(..=MOST_THREADS), help_heading = RUN)]
@@ -195,6 +200,10 @@ pub struct Infer {
     /// [default: what the network predicts]
     #[arg(long, value_name = "FILE|estimated")]
     pub cameras: Option<PathBuf>,
+    /// Gives no Gaussians to what is black in masks: mask_path of --cameras, a file in a folder masks beside the photo, or beside its
+    /// folder, named as the photo, or its alpha
+    #[arg(long)]
+    pub masks: bool,
     #[command(flatten)]
     pub matching: MatchingFlags,
     #[command(flatten)]

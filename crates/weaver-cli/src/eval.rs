@@ -46,6 +46,7 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
         points: arguments.points,
         matching: estimated.then_some(MatchingOverride { long_side, focal_known: !arguments.unknown_focal }),
         density: arguments.density.into(),
+        masks: arguments.masks,
         lpips: arguments.lpips.clone(),
     };
     let mut run = match (arguments.run.as_ref().map(RunFolder::at), &arguments.weights) {

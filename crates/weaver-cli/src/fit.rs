@@ -173,7 +173,7 @@ fn predicted(folder: Option<&RunFolder>, settings: &RunSettings) -> Result<Gauss
     };
     let [height, width] = run.predictor.image_size();
     let hold_out = if settings.all { HoldOut::Nothing } else { HoldOut::Listed };
-    let options = CaptureOptions { width, height, hold_out, ..CaptureOptions::default() };
+    let options = CaptureOptions { width, height, hold_out, masks: settings.masks, ..CaptureOptions::default() };
     let scene = capture::load(&settings.capture, &options)?;
     let mut views = scene.training_views();
     if let Some(most) = settings.views {

@@ -39,6 +39,9 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
     let of_run = arguments.weights.as_deref().map(is_of_run).transpose()?.unwrap_or(false);
     let report = match &arguments.weights {
         Some(weights) if !of_run => {
+            if arguments.masks {
+                return Err(Failure::Usage("--masks: expected weights of a run, found a published checkpoint".into()));
+            }
             if arguments.refine.is_asked() {
                 let message = "--refine: expected weights of a run; published checkpoints are not refined yet";
                 return Err(Failure::Usage(message.into()));
@@ -91,7 +94,7 @@ fn own(
         console.note(&format!("warning: {remark}"));
     }
     let mut predictor = refined(predictor, &arguments.refine, images)?;
-    let options = Options { cameras, density: arguments.density.into(), seed };
+    let options = Options { cameras, masks: arguments.masks, density: arguments.density.into(), seed };
     Ok(reconstruct(&mut *predictor, images, &options, &arguments.out)?)
 }
 

@@ -30,6 +30,7 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
         settings: arguments.settings.clone(),
         data: arguments.data.clone(),
         init: arguments.init.clone(),
+        teacher: arguments.teacher.clone(),
         seed: arguments.seed,
         threads: arguments.threads.map(usize::from),
         steps: arguments.steps.map(|steps| steps as usize),

@@ -30,6 +30,7 @@ mod visible;
 
 use crate::{Error, Scene, View};
 pub use crop::Crop;
+use masks::Mask;
 use photo::{Photo, Photos, straight, straight_camera};
 pub use photo_cameras::{PhotoCameras, load_camera_files, load_cameras};
 use rayon::prelude::*;
@@ -62,11 +63,14 @@ pub struct CaptureOptions {
     pub scene_scale: Option<f64>,
     /// Which views are kept from training.
     pub hold_out: HoldOut,
+    /// Whether photos have masks ([`PosedOptions::masks`](posed::PosedOptions::masks)), outside of which they are white and do not
+    /// count.
+    pub masks: bool,
 }
 
 impl Default for CaptureOptions {
     fn default() -> Self {
-        Self { width: 64, height: 48, scene_scale: None, hold_out: HoldOut::Listed }
+        Self { width: 64, height: 48, scene_scale: None, hold_out: HoldOut::Listed, masks: false }
     }
 }
 
@@ -80,10 +84,22 @@ impl Default for CaptureOptions {
 pub fn load(path: impl AsRef<Path>, options: &CaptureOptions) -> Result<Scene, Error> {
     let path = path.as_ref();
     let capture = read_split_photos(path, options.hold_out)?;
-    let loaded: Vec<Result<(View, Vec<u32>), Error>> =
-        capture.photos.par_iter().map(|photo| load_photo(photo, &capture, options)).collect();
-    let (views, visible) = loaded.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
-    let Photos { points, remarks, .. } = capture;
+    let masks = options.masks.then(|| masks::of_capture(&capture.photos, folder(path))).transpose()?;
+    let load = |(i, photo)| load_photo(photo, masks.as_ref().map(|masks| &masks[i]), &capture, options);
+    let loaded: Vec<Result<(View, Vec<u32>), Error>> = capture.photos.par_iter().enumerate().map(load).collect();
+    let mut loaded = loaded.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let Photos { points, mut remarks, .. } = capture;
+    let masked: Vec<&str> =
+        loaded.iter().filter(|(view, _)| view.is_masked()).map(|(view, _)| view.name.as_str()).collect();
+    if !masked.is_empty() {
+        remarks.push(format!(
+            "{}: photos that are masked altogether are not used: {}",
+            path.display(),
+            masked.join(", ")
+        ));
+    }
+    loaded.retain(|(view, _)| !view.is_masked());
+    let (views, visible) = loaded.into_iter().unzip();
     Ok(Scene { name: name(folder(path)), views, points, visible, scale: options.scene_scale, remarks })
 }
 
@@ -92,16 +108,56 @@ pub fn load(path: impl AsRef<Path>, options: &CaptureOptions) -> Result<Scene, E
 /// # Errors
 /// If there is no path or a file is missing or not an image.
 pub fn load_images(paths: &[PathBuf], width: usize, height: usize) -> Result<Vec<Image>, Error> {
+    let read = |path: &PathBuf| -> Result<Image, Error> { Ok(uncut(path, None, width, height)?.0) };
+    let images: Vec<Result<Image, Error>> = at_least_one(paths)?.par_iter().map(read).collect();
+    images.into_iter().collect()
+}
+
+/// Loads photos as [`load_images`] does, each with what of it counts by its mask: a file in a folder `masks` beside it or beside its
+/// folder, named as [`PosedOptions::masks`](posed::PosedOptions::masks) says, or its alpha.
+///
+/// # Errors
+/// As [`load_images`]; when a photo has no mask, or one of another size.
+pub fn load_masked_images(paths: &[PathBuf], width: usize, height: usize) -> Result<Vec<MaskedImage>, Error> {
+    let masks = masks::of_photos(at_least_one(paths)?)?;
+    let read = |(path, mask): (&PathBuf, &Mask)| uncut(path, Some(mask), width, height);
+    let images: Vec<Result<MaskedImage, Error>> = paths.par_iter().zip(&masks).map(read).collect();
+    images.into_iter().collect()
+}
+
+fn at_least_one(paths: &[PathBuf]) -> Result<&[PathBuf], Error> {
     if paths.is_empty() {
         return Err(Error::unexpected(Path::new("photos"), "paths", "at least one", "none"));
     }
-    let read = |path: &PathBuf| -> Result<Image, Error> {
-        let photo = PhotoFile::at(path)?;
-        let (w, h) = photo.size();
-        Ok(Crop::centered(w, h, width, height).read(&photo)?.to_image())
-    };
-    let images: Vec<Result<Image, Error>> = paths.par_iter().map(read).collect();
-    images.into_iter().collect()
+    Ok(paths)
+}
+
+/// A photo of which nothing but the file is known.
+fn uncut(path: &Path, mask: Option<&Mask>, width: usize, height: usize) -> Result<MaskedImage, Error> {
+    let photo = PhotoFile::at(path)?;
+    let (w, h) = photo.size();
+    let crop = Crop::centered(w, h, width, height);
+    masked(path, photo, mask, |file| Ok(crop.read(file)?.to_image()))
+}
+
+/// A photo, white where its mask is dark, and which of its pixels count, `[height, width]`: `None` if all do.
+pub type MaskedImage = (Image, Option<Vec<bool>>);
+
+/// Reads a photo and its mask, if it has one, in the same way.
+fn masked(
+    path: &Path,
+    photo: PhotoFile,
+    mask: Option<&Mask>,
+    read: impl Fn(&PhotoFile) -> Result<Image, Error>,
+) -> Result<MaskedImage, Error> {
+    let Some(mask) = mask else { return Ok((read(&photo)?, None)) };
+    let in_file = mask.file.is_some();
+    let mask = mask.open(path, photo.clone())?;
+    let inside = read(&mask)?;
+    // Masked before it is resized, so that no pixel inside is mixed with what is outside.
+    let mut image = read(&if in_file { photo.masked(mask) } else { photo })?;
+    let inside = masks::cut(&mut image, &inside);
+    Ok((image, inside))
 }
 
 /// The folder of a capture that is a folder or a transforms.json.
@@ -135,6 +191,18 @@ fn read_split_photos(path: &Path, hold_out: HoldOut) -> Result<Photos, Error> {
     Ok(capture)
 }
 
+/// Whether a folder holds cameras of a kind that [`load`] reads, or is a file of them.
+///
+/// # Errors
+/// When the folder is missing or cannot be read.
+pub fn has_cameras(path: &Path) -> Result<bool, Error> {
+    if path.is_file() {
+        return Ok(true);
+    }
+    let known = ["transforms.json", "transforms_train.json", "sparse"];
+    Ok(known.iter().any(|name| path.join(name).exists()) || realestate::camera_file(path)?.is_some())
+}
+
 fn read_photos(folder: &Path) -> Result<Photos, Error> {
     if !folder.is_dir() {
         return Err(Error::unexpected(folder, "capture", "a folder or a transforms.json", "nothing"));
@@ -152,19 +220,28 @@ fn read_photos(folder: &Path) -> Result<Photos, Error> {
             folder,
             "cameras",
             "transforms.json, transforms_train.json, sparse/0 or a RealEstate10K camera file",
-            "none of them",
+            "none of them; `splatweaver cameras` estimates some, `train --teacher` takes those of published weights",
         ))
     }
 }
 
 /// Reads a photo and finds the points it sees.
-fn load_photo(photo: &Photo, capture: &Photos, options: &CaptureOptions) -> Result<(View, Vec<u32>), Error> {
-    let (image, camera) = read_cropped(photo, options.width, options.height)?;
-    let (visible, depth) = visible_points(&camera, capture, photo);
+fn load_photo(
+    photo: &Photo,
+    mask: Option<&Mask>,
+    capture: &Photos,
+    options: &CaptureOptions,
+) -> Result<(View, Vec<u32>), Error> {
+    let ((image, inside), camera) = read_cropped(photo, mask, options.width, options.height)?;
+    let (visible, mut depth) = visible_points(&camera, capture, photo);
+    for (depth, inside) in depth.iter_mut().zip(inside.iter().flatten()) {
+        *depth *= f32::from(*inside);
+    }
     let view = View {
         name: photo.frame.name.clone(),
         image,
         camera,
+        inside,
         depth: (!capture.points.is_empty()).then_some(depth),
         time: photo.frame.time,
         number: photo.frame.number,
@@ -174,12 +251,17 @@ fn load_photo(photo: &Photo, capture: &Photos, options: &CaptureOptions) -> Resu
 }
 
 /// Reads a photo, brings it to the network's size, and undoes its distortion.
-fn read_cropped(photo: &Photo, width: usize, height: usize) -> Result<(Image, Camera), Error> {
+fn read_cropped(
+    photo: &Photo,
+    mask: Option<&Mask>,
+    width: usize,
+    height: usize,
+) -> Result<(MaskedImage, Camera), Error> {
     let file = photo.open()?;
     let Camera { pose, intrinsics, width: w, height: h } = photo.frame.camera;
     let crop = Crop::centered(w, h, width, height);
     let camera = Camera { pose, intrinsics: crop.intrinsics(&intrinsics), width, height };
     let lens = photo.lens(camera)?;
-    let image = straight(crop.read(&file)?, lens.as_ref()).to_image();
-    Ok((image, straight_camera(camera, lens.as_ref())))
+    let read = |file: &PhotoFile| Ok(straight(crop.read(file)?, lens.as_ref()).to_image());
+    Ok((masked(&photo.frame.path, file, mask, read)?, straight_camera(camera, lens.as_ref())))
 }

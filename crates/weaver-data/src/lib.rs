@@ -19,7 +19,7 @@ pub use capture::posed;
 pub use error::Error;
 pub use estimated::{EstimateOptions, EstimatedContext, EstimatedPhotos, estimate_photos};
 pub use layout::Layout;
-pub use sampler::{bounded_gap, evaluation_tuples, every, training_tuple, uniform};
+pub use sampler::{Sampler, bounded_gap, evaluation_tuples, training_tuple, uniform};
 pub use scene::{NormalizedPoses, Scene, View};
 pub use sparse_points::SparsePoints;
 pub use tuple::Tuple;

@@ -108,6 +108,7 @@ impl Plan {
                     name: format!("{i:04}"),
                     image,
                     camera: *camera,
+                    inside: None,
                     depth: Some(depth),
                     time: None,
                     number: None,

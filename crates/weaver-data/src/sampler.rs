@@ -3,6 +3,54 @@
 use crate::{Layout, Scene, Tuple};
 use weaver_kernels::random::Stream;
 
+/// How training tuples are drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sampler {
+    /// [`training_tuple`].
+    Nearest {
+        /// How many of its nearest training views a view's context is drawn from.
+        pool: usize,
+    },
+    /// Two training views with a bounded number of others between them in the order of paths, and random ones of these
+    /// ([`bounded_gap`]): the two and what comes first between them are the context, the rest the targets. For videos, as published.
+    BoundedGap,
+    /// The context is spread evenly over the training views in the order of paths ([`uniform`]), the targets are random others.
+    Uniform,
+}
+
+impl Sampler {
+    /// Number `index` of an endless, random-access sequence of training tuples, of `context` and `targets` views; targets are
+    /// repeated where there are not as many.
+    ///
+    /// # Panics
+    /// If a scene has fewer than `context + 1` training views; see [`Scene::check_training`].
+    pub fn tuple(self, scenes: &[Layout], rng: Stream, index: u64, context: usize, targets: usize) -> Tuple {
+        if let Self::Nearest { pool } = self {
+            return training_tuple(scenes, rng, index, pool, context, targets);
+        }
+        let rng = rng.fork(index);
+        let scene = rng.below(0, scenes.len());
+        let training = scenes[scene].training_views();
+        let found = training.len();
+        assert!(
+            found > context,
+            "scene {}: {found} training views cannot give {context} of context",
+            scenes[scene].scene()
+        );
+        let mut chosen = match self {
+            Self::Uniform => uniform(found, context),
+            _ => bounded_gap(found, (context + targets).min(found), rng.fork(1)).expect("no more views than there are"),
+        };
+        let others: Vec<usize> = match self {
+            Self::Uniform => rng.fork(2).permutation(found).into_iter().filter(|v| !chosen.contains(v)).collect(),
+            _ => chosen.drain(context - 1..chosen.len() - 1).collect(),
+        };
+        let views = |places: &[usize]| -> Vec<usize> { places.iter().map(|place| training[*place]).collect() };
+        let targets = others.iter().copied().cycle().take(targets).collect::<Vec<_>>();
+        Tuple { scene, context: views(&chosen), targets: views(&targets) }
+    }
+}
+
 /// Number `index` of an endless, random-access sequence of training tuples.
 ///
 /// The scene and a training view `t` in it are drawn uniformly. The `pool` training views nearest to `t` are put in random
@@ -64,15 +112,6 @@ pub fn uniform(frames: usize, views: usize) -> Vec<usize> {
         return Vec::new();
     }
     (0..views).map(|i| i * (frames - 1) / (views - 1).max(1)).collect()
-}
-
-/// Chooses every `step`-th of `frames` ordered frames, starting with number `first`.
-///
-/// ```
-/// assert_eq!(weaver_data::every(20, 8, 0), [0, 8, 16]);
-/// ```
-pub fn every(frames: usize, step: usize, first: usize) -> Vec<usize> {
-    (first..frames).step_by(step.max(1)).collect()
 }
 
 /// Chooses `views` distinct frames of a video of `frames`: two ends that are a bounded number of frames apart, and random

@@ -15,6 +15,8 @@ pub struct View {
     pub image: Image,
     /// Its camera, with intrinsics for `image`.
     pub camera: Camera,
+    /// Which pixels count, `[height * width]`; `None` if all do. What does not is white in `image`, and has no depth.
+    pub inside: Option<Vec<bool>>,
     /// Depth along the optical axis, `[height * width]`, scene units; 0 where unknown.
     pub depth: Option<Vec<f32>>,
     /// When the photo was taken, where the capture says so, in its own unit.
@@ -49,6 +51,13 @@ pub struct NormalizedPoses {
     pub poses: Vec<Pose>,
     /// The factor from scene units to training units.
     pub scale: f64,
+}
+
+impl View {
+    /// Whether no pixel counts.
+    pub fn is_masked(&self) -> bool {
+        self.inside.as_ref().is_some_and(|inside| !inside.contains(&true))
+    }
 }
 
 impl Scene {

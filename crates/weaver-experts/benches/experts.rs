@@ -41,6 +41,7 @@ fn head(c: &mut Criterion) {
         height: HEIGHT,
         width: WIDTH,
         stream: Stream::new(1, 0, "allocation"),
+        inside: None,
         gumbel: None,
         pool: &pool,
     };

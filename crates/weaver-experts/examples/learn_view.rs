@@ -93,6 +93,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         height: HEIGHT,
         width: WIDTH,
         stream: Stream::new(0, 0, "learn_view"),
+        inside: None,
         gumbel: None,
         pool: tape.pool(),
     });

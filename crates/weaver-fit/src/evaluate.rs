@@ -44,18 +44,34 @@ impl Judge {
     }
 
     /// Judges an image `[H, W, 3]` by the photo's bytes; `size` is height, width.
-    pub fn compare(&self, image: &[f32], photo: &[u8], [height, width]: [usize; 2]) -> Quality {
+    pub fn compare(&self, image: &[f32], photo: &[u8], size: [usize; 2]) -> Quality {
+        self.compare_inside(image, photo, size, None)
+    }
+
+    /// Judges an image as [`compare`](Self::compare) does, by what a mask `[H, W]` is not 0 of; NaN where that is nothing.
+    pub fn compare_inside(&self, image: &[f32], photo: &[u8], size: [usize; 2], mask: Option<&[u8]>) -> Quality {
+        let [height, width] = size;
         let target: Vec<f32> = photo.iter().map(|b| f32::from(*b) / 255.0).collect();
+        let planes = |pixels: &[f32]| -> Vec<f32> {
+            (0..3).flat_map(|c| pixels.iter().skip(c).step_by(3).map(|x| x.clamp(0.0, 1.0))).collect()
+        };
+        let network = self.lpips.as_ref().filter(|network| height.min(width) >= network.least_side());
+        if let Some(mask) = mask {
+            let inside: Vec<bool> = mask.iter().map(|m| *m != 0).collect();
+            let large = height.min(width) >= LEAST_SIDE;
+            let (image, target) = (planes(image), planes(&target));
+            return Quality {
+                psnr: metrics::psnr_masked(&image, &target, &inside).unwrap_or(f64::NAN),
+                ssim: large.then(|| metrics::ssim_masked(&image, &target, [3, height, width], &inside)).flatten(),
+                lpips: network.and_then(|network| metrics::lpips_masked(network, &image, &target, size, &inside)),
+            };
+        }
         let psnr = metrics::psnr(image, &target);
         if height.min(width) < LEAST_SIDE {
             return Quality { psnr, ssim: None, lpips: None };
         }
-        let planes = |pixels: &[f32]| -> Vec<f32> {
-            (0..3).flat_map(|c| pixels.iter().skip(c).step_by(3).map(|x| x.clamp(0.0, 1.0))).collect()
-        };
         let (image, target) = (planes(image), planes(&target));
         let ssim = Some(metrics::ssim(&image, &target, [3, height, width]));
-        let network = self.lpips.as_ref().filter(|network| height.min(width) >= network.least_side());
         let lpips = network.map(|network| metrics::lpips(network, &image, &target, [height, width]));
         Quality { psnr, ssim, lpips }
     }

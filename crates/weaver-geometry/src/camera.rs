@@ -59,6 +59,24 @@ pub struct Camera {
 }
 
 impl Camera {
+    /// The camera that takes the mirror image of what this one takes, if the world is mirrored at its plane x = 0.
+    ///
+    /// ```
+    /// use weaver_geometry::glam::{DMat3, DVec3};
+    /// use weaver_geometry::{Camera, Intrinsics, Pose};
+    /// let intrinsics = Intrinsics { fx: 9.0, fy: 9.0, cx: 3.0, cy: 4.0 };
+    /// let pose = Pose::new(DMat3::from_rotation_y(0.3), DVec3::new(0.1, 0.2, 2.0));
+    /// let camera = Camera { pose, intrinsics, width: 8, height: 8 };
+    /// let seen = |camera: &Camera, point: DVec3| camera.intrinsics.project(camera.pose.apply(point));
+    /// let (a, b) = (seen(&camera, DVec3::new(0.5, 0.1, 1.0)), seen(&camera.mirrored(), DVec3::new(-0.5, 0.1, 1.0)));
+    /// assert!((a.x + b.x - 8.0).abs() < 1e-12 && (a.y - b.y).abs() < 1e-12);
+    /// ```
+    #[must_use]
+    pub fn mirrored(&self) -> Self {
+        let intrinsics = Intrinsics { cx: self.width as f64 - self.intrinsics.cx, ..self.intrinsics };
+        Self { pose: self.pose.mirrored(), intrinsics, ..*self }
+    }
+
     /// The world point at `pixel` with depth `z` along the optical axis: `R^T (K^-1 (u, v, 1) z - t)`.
     pub fn unproject(&self, pixel: DVec2, z: f64) -> DVec3 {
         self.pose.rotation.transpose() * (self.intrinsics.unproject(pixel, z) - self.pose.translation)

@@ -29,6 +29,13 @@ impl Pose {
         Self { rotation, translation }
     }
 
+    /// The pose with the world and the camera's own axes mirrored at their planes x = 0: `M R M` and `M t`, M = diag(-1, 1, 1).
+    #[must_use]
+    pub fn mirrored(&self) -> Self {
+        let mirror = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0));
+        Self { rotation: mirror * self.rotation * mirror, translation: mirror * self.translation }
+    }
+
     /// A pose from a quaternion in wxyz order, which is normalized, and a translation.
     pub fn from_wxyz(q: [f64; 4], translation: DVec3) -> Self {
         let q = DQuat::from_xyzw(q[1], q[2], q[3], q[0]).normalize();

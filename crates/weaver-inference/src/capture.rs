@@ -1,5 +1,6 @@
 //! The Gaussians of a whole capture: many photos with cameras, a few at a time.
 
+use crate::predictor::inside_of;
 use crate::{CameraSource, Density, Error, Photos, Predictor, push_planar};
 use weaver_data::{Layout, Scene, Tuple};
 use weaver_geometry::{Camera, Similarity};
@@ -44,6 +45,7 @@ fn predict_group(
     let [height, width] = predictor.image_size();
     let mut planes = Vec::new();
     group.iter().for_each(|v| push_planar(&mut planes, &scene.views[*v].image));
+    let inside = inside_of(group.iter().map(|v| scene.views[*v].inside.as_deref()), height * width);
     let tuple = Tuple { scene: 0, context: group, targets: Vec::new() };
     let origin = scene.views[tuple.context[0]].camera.pose;
     // Without points or a stated scale nothing says how large the scene is; the predictor then chooses the factor.
@@ -60,7 +62,12 @@ fn predict_group(
         Some(_) => CameraSource::Given(&cameras),
         None => CameraSource::GivenUnscaled(&cameras),
     };
-    let prediction = predictor.predict(Photos { planes: &planes, height, width }, source, density, stream)?;
+    let prediction = predictor.predict(
+        Photos { planes: &planes, inside: inside.as_deref(), height, width },
+        source,
+        density,
+        stream,
+    )?;
     let scale = 1.0 / (scale * prediction.scaled_by.unwrap_or(1.0));
     let to_world = Similarity { scale, rotation: origin.rotation.transpose(), translation: origin.center() };
     Ok(prediction.gaussians.to_stored().transformed(&to_world))

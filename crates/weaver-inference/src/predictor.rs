@@ -16,6 +16,8 @@ use weaver_splat::{RasterSettings, Workspace};
 pub struct Photos<'a> {
     /// Colors from 0 to 1, `[V, 3, H, W]`.
     pub planes: &'a [f32],
+    /// Which pixels count `[V, H, W]`, so that others get no Gaussians; `None` if all do.
+    pub inside: Option<&'a [bool]>,
     /// Height H, pixels.
     pub height: usize,
     /// Width W, pixels.
@@ -193,6 +195,19 @@ pub(crate) fn spread_ratio(predicted: &[Camera], given: &[Camera]) -> f64 {
     };
     let ratio = spread(predicted) / spread(given);
     if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 }
+}
+
+/// Which pixels count of views of so many pixels `[V, H, W]`, of those of each; `None` if all do.
+pub(crate) fn inside_of<'a>(
+    views: impl Iterator<Item = Option<&'a [bool]>> + Clone,
+    pixels: usize,
+) -> Option<Vec<bool>> {
+    let mut all = views.clone().any(|inside| inside.is_some()).then(Vec::new)?;
+    views.for_each(|inside| match inside {
+        Some(inside) => all.extend(inside),
+        None => all.resize(all.len() + pixels, true),
+    });
+    Some(all)
 }
 
 /// Appends an image as planes `[3, H, W]`.

@@ -3,24 +3,25 @@
 mod estimate;
 mod load;
 mod photos;
+mod teacher;
 
 pub use load::{CONFIG, Network, Opened};
 pub use photos::Fit;
+pub use teacher::{Geometry, Teacher};
 
 use crate::reconstruct::{self, ONE_PHOTO, Report};
 use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, SplatWeaverPredictor, push_planar};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use weaver_autograd::{Params, Tape};
+use weaver_autograd::Params;
 use weaver_data::capture::{self, PhotoCameras};
 use weaver_geometry::glam::DVec2;
 use weaver_io::checkpoint::Tensors;
 use weaver_io::{Image, Weights};
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
-use weaver_nn::Context;
 use weaver_router::AllocationKind;
-use weaver_scene::{CameraSlices, PointCloud};
+use weaver_scene::PointCloud;
 use weaver_vggt::Vggt;
 
 /// How to run a published checkpoint.
@@ -116,7 +117,9 @@ pub fn run(
             let file = file.display();
             return Err(Error::Input(format!("cameras {file}: expected a network that makes Gaussians with them")));
         }
-        file => file.as_deref().map(|file| capture::load_cameras(file, images, size[1], size[0])).transpose()?,
+        file => {
+            file.as_deref().map(|file| capture::load_cameras(file, images, [size[1], size[0]], false)).transpose()?
+        }
     };
     let photos = match &mut given {
         Some(given) => std::mem::take(&mut given.images),
@@ -166,7 +169,7 @@ impl Scene<'_> {
         predictor.watch(watcher);
         let [height, width] = self.size;
         let stream = Stream::new(options.seed, 0, "inference");
-        let photos = Photos { planes: self.planes, height, width };
+        let photos = Photos { planes: self.planes, inside: None, height, width };
         let source = match self.given {
             Some(PhotoCameras { cameras, points, .. }) => CameraSource::GivenWithPoints { cameras, points },
             None => CameraSource::Predicted,
@@ -181,7 +184,7 @@ impl Scene<'_> {
         let cameras = if self.given.is_some() { "given" } else { "predicted" };
         let mut remarks = reconstruct::how_scaled(&prediction);
         remarks.push(format!("cameras {cameras}, allocation {allocation}"));
-        Ok(reconstruct::report(self.photos, &renders, &prediction, remarks, self.out))
+        Ok(reconstruct::report([self.photos, &renders], None, &prediction, remarks, self.out))
     }
 
     /// Cameras, depth and points.
@@ -193,28 +196,7 @@ impl Scene<'_> {
         writing: impl FnOnce(),
     ) -> Result<Report, Error> {
         let ([height, width], views) = (self.size, self.photos.len());
-        let tape = Tape::<f32>::new();
-        tape.watch(watcher);
-        let cx = Context::new(&tape, params);
-        let mut depth = Vec::with_capacity(views * height * width);
-        let mut confidence = Vec::with_capacity(views * height * width);
-        let cameras = tape.without_gradient(|| {
-            let encoded = vggt.encode(cx, tape.constant(self.planes, [1, views, 3, height, width]));
-            tape.pool().trim::<f32>();
-            for view in 0..views {
-                tape.outputs_of(|| {
-                    let maps = vggt.depth(cx, &encoded, 0, [view, 1], self.size);
-                    depth.extend_from_slice(&maps.depth.value());
-                    confidence.extend_from_slice(&maps.confidence.value());
-                });
-            }
-            let cameras = encoded.scene_cameras(0);
-            let (viewmats, intrinsics) = (&cameras.viewmats.value(), &cameras.intrinsics.value());
-            CameraSlices { viewmats, intrinsics, background: &[], width, height }.to_cameras()
-        });
-        if depth.iter().chain(&confidence).any(|x| !x.is_finite()) {
-            return Err(Error::Numeric { what: "the depth".into() });
-        }
+        let Geometry { cameras, depth, confidence } = Geometry::of(vggt, params, self.planes, self.size, watcher)?;
         let prediction = Prediction { cameras: cameras.clone(), predicted: cameras, depth, ..Prediction::default() };
         writing();
         let points = self.write_points(&prediction, &confidence)?;

@@ -1,6 +1,7 @@
 //! From photo files to a scene on disk: Gaussians, cameras, renders, maps of depth and of Gaussians per pixel.
 
 use crate::pictures::{count_picture, depth_picture, row, stack};
+use crate::predictor::inside_of;
 use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, RunFolder, push_planar};
 use std::path::{Path, PathBuf};
 use weaver_data::capture::{self, PhotoCameras};
@@ -8,6 +9,7 @@ use weaver_geometry::Camera;
 use weaver_io::colmap::Model;
 use weaver_io::{Image, Transforms};
 use weaver_kernels::random::Stream;
+use weaver_losses::metrics;
 use weaver_scene::Frame;
 
 /// How to reconstruct.
@@ -16,6 +18,9 @@ pub struct Options {
     /// Cameras of the photos: a transforms.json, or a folder with a COLMAP model. Photos are matched by the ends of their paths; points
     /// of the model scale the cameras and repair depth ([`load_cameras`](weaver_data::capture::load_cameras)).
     pub cameras: Option<PathBuf>,
+    /// Whether photos have masks ([`load_masked_images`](weaver_data::capture::load_masked_images)): pixels outside get no
+    /// Gaussians, and do not count in the PSNR.
+    pub masks: bool,
     /// Which pixels get Gaussians, and how many.
     pub density: Density,
     /// Seed of allocations that draw random numbers.
@@ -48,12 +53,14 @@ pub fn reconstruct(
     out: &Path,
 ) -> Result<Report, Error> {
     let [height, width] = predictor.image_size();
-    let mut given =
-        options.cameras.as_deref().map(|file| capture::load_cameras(file, images, width, height)).transpose()?;
-    let photos = match &mut given {
-        Some(given) => std::mem::take(&mut given.images),
-        None => capture::load_images(images, width, height)?,
+    let with_cameras = |file| capture::load_cameras(file, images, [width, height], options.masks);
+    let mut given = options.cameras.as_deref().map(with_cameras).transpose()?;
+    let (photos, inside): (Vec<Image>, Vec<Option<Vec<bool>>>) = match &mut given {
+        Some(given) => (std::mem::take(&mut given.images), std::mem::take(&mut given.inside)),
+        None if options.masks => capture::load_masked_images(images, width, height)?.into_iter().unzip(),
+        None => (capture::load_images(images, width, height)?, Vec::new()),
     };
+    let inside = inside_of(inside.iter().map(Option::as_deref), height * width);
     let mut remarks = Vec::new();
     if photos.len() == 1 {
         remarks.push(ONE_PHOTO.to_string());
@@ -66,7 +73,12 @@ pub fn reconstruct(
         None => CameraSource::Predicted,
     };
     let stream = Stream::new(options.seed, 0, "inference");
-    let prediction = predictor.predict(Photos { planes: &planes, height, width }, source, density, stream)?;
+    let prediction = predictor.predict(
+        Photos { planes: &planes, inside: inside.as_deref(), height, width },
+        source,
+        density,
+        stream,
+    )?;
     remarks.extend(how_scaled(&prediction));
     let cameras = if given.is_some() { "given" } else { "predicted" };
     let allocation = density.allocation.map_or(String::new(), |kind| format!(", allocation {kind}"));
@@ -74,7 +86,7 @@ pub fn reconstruct(
     let renders = predictor.render(&prediction.gaussians, &prediction.cameras)?;
     write(out, images, &photos, &renders, &prediction)?;
     write_summary(out, predictor)?;
-    Ok(report(&photos, &renders, &prediction, remarks, out))
+    Ok(report([&photos, &renders], inside.as_deref(), &prediction, remarks, out))
 }
 
 /// What was done to given cameras and to depth.
@@ -100,18 +112,28 @@ pub(crate) const ONE_PHOTO: &str = "warning: one photo only: depth rests on a si
 
 /// The figures of a scene.
 pub(crate) fn report(
-    photos: &[Image],
-    renders: &[Image],
+    [photos, renders]: [&[Image]; 2],
+    inside: Option<&[bool]>,
     prediction: &Prediction,
     remarks: Vec<String>,
     out: &Path,
 ) -> Report {
-    let psnr = |(photo, render): (&Image, &Image)| weaver_losses::metrics::psnr(&render.pixels, &photo.pixels);
+    let psnr = |(v, (photo, render)): (usize, (&Image, &Image))| {
+        let Some(inside) = inside else { return Some(metrics::psnr(&render.pixels, &photo.pixels)) };
+        let pixels = photo.width * photo.height;
+        let planes = [render, photo].map(|image| {
+            let mut planes = Vec::new();
+            push_planar(&mut planes, image);
+            planes
+        });
+        metrics::psnr_masked(&planes[0], &planes[1], &inside[v * pixels..][..pixels])
+    };
+    let measured: Vec<f64> = photos.iter().zip(renders).enumerate().filter_map(psnr).collect();
     let gaussians = prediction.gaussians.opacities.len();
     Report {
         gaussians,
         gaussians_per_pixel: gaussians as f64 / prediction.counts.len() as f64,
-        psnr: Some(photos.iter().zip(renders).map(psnr).sum::<f64>() / photos.len() as f64),
+        psnr: (!measured.is_empty()).then(|| measured.iter().sum::<f64>() / measured.len() as f64),
         remarks,
         overview: out.join("overview.png"),
     }

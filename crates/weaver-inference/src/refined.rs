@@ -112,13 +112,17 @@ fn first_as_origin(pose: &Pose) -> Similarity {
 }
 
 fn views(photos: Photos<'_>, cameras: &[Camera]) -> Vec<Photo> {
-    let Photos { planes, height, width } = photos;
+    let Photos { planes, inside, height, width } = photos;
     let pixels = height * width;
+    let mask = |i: usize| {
+        let inside = &inside?[i * pixels..][..pixels];
+        Some(inside.iter().map(|inside| if *inside { 255 } else { 0 }).collect())
+    };
     let rgb = |planes: &[f32]| -> Vec<u8> {
         (0..3 * pixels).map(|i| (planes[i % 3 * pixels + i / 3] * 255.0).round() as u8).collect()
     };
     (planes.chunks_exact(3 * pixels).zip(cameras).enumerate())
-        .map(|(i, (planes, camera))| Photo { name: i.to_string(), camera: *camera, rgb: rgb(planes), mask: None })
+        .map(|(i, (planes, camera))| Photo { name: i.to_string(), camera: *camera, rgb: rgb(planes), mask: mask(i) })
         .collect()
 }
 
@@ -130,7 +134,7 @@ fn resized(camera: &Camera, [height, width]: [usize; 2]) -> Camera {
 
 /// Photos `[V, 3, H, W]` shrunk to `size`.
 fn shrunk(photos: Photos<'_>, [height, width]: [usize; 2]) -> Vec<f32> {
-    let Photos { planes, height: h, width: w } = photos;
+    let Photos { planes, height: h, width: w, .. } = photos;
     let mut small = Vec::new();
     for photo in planes.chunks_exact(3 * h * w) {
         let pixels = (0..3 * h * w).map(|i| photo[i % 3 * h * w + i / 3]).collect();
@@ -161,8 +165,10 @@ impl Predictor for Refined {
         let kept: Vec<Camera> = given.unwrap_or_default().iter().map(|c| resized(c, small)).collect();
         let (source, moving) = (cameras.with_cameras(&kept), given.is_none());
         let planes = shrunk(photos, small);
-        let mut prediction = self.inner.predict(Photos { planes: &planes, height, width }, source, density, stream)?;
         let large = [photos.height, photos.width];
+        let inside = photos.inside.map(|inside| spread(inside, large, small));
+        let small_photos = Photos { planes: &planes, inside: inside.as_deref(), height, width };
+        let mut prediction = self.inner.predict(small_photos, source, density, stream)?;
         for cameras in [&mut prediction.cameras, &mut prediction.predicted] {
             cameras.iter_mut().for_each(|camera| *camera = resized(camera, large));
         }

@@ -11,7 +11,7 @@ use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
-use weaver_router::AllocationKind;
+use weaver_router::{AllocationKind, Masked};
 use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices};
 use weaver_splat::{RasterSettings, Workspace};
 
@@ -119,7 +119,7 @@ impl Predictor for SplatWeaverPredictor {
         let kind = density.allocation.unwrap_or(self.allocation);
         let experts = self.max_per_pixel() + 1;
         let allocation = kind.allocation::<f32>(density.budget.unwrap_or(self.budget), experts)?;
-        let Photos { planes, height, width } = photos;
+        let Photos { planes, inside, height, width } = photos;
         let patch = self.model.config().patch;
         if planes.is_empty() || !height.is_multiple_of(patch) || !width.is_multiple_of(patch) {
             return Err(Error::Input(format!(
@@ -159,7 +159,7 @@ impl Predictor for SplatWeaverPredictor {
                 dense.depth = dense.depth * tape.constant(&correction.factors(), [views, height, width]);
                 points_used = correction.points;
             }
-            let made = model.gaussians(cx, &dense, photos, &vars, &*allocation, stream);
+            let made = model.gaussians(cx, &dense, photos, &vars, &Masked { among: &*allocation, inside }, stream);
             let g = &made.gaussians;
             Prediction {
                 gaussians: ActivatedGaussians {

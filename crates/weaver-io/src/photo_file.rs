@@ -31,6 +31,8 @@ pub struct PhotoFile {
     orientation: Orientation,
     layer: Layer,
     has_alpha: bool,
+    /// A gray photo of the same size that is its alpha.
+    mask: Option<Box<PhotoFile>>,
 }
 
 /// What is read of a photo.
@@ -50,7 +52,7 @@ impl PhotoFile {
     pub fn at(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let decoding::Header { stored, orientation, has_alpha } = decoding::header(path)?;
-        Ok(Self { path: path.to_path_buf(), stored, orientation, layer: Layer::Over([1.0; 3]), has_alpha })
+        Ok(Self { path: path.to_path_buf(), stored, orientation, layer: Layer::Over([1.0; 3]), has_alpha, mask: None })
     }
 
     /// Width and height of what is read.
@@ -80,6 +82,12 @@ impl PhotoFile {
     /// Its alpha as a gray photo, if it has one.
     pub fn alpha(self) -> Option<Self> {
         self.has_alpha.then_some(Self { layer: Layer::Alpha, ..self })
+    }
+
+    /// The photo over its background where `mask` is dark, in proportion: white takes the photo, black nothing of it. The mask has the
+    /// photo's size.
+    pub fn masked(self, mask: Self) -> Self {
+        Self { mask: Some(Box::new(mask)), ..self }
     }
 
     /// All of the photo.
@@ -133,13 +141,29 @@ impl PhotoFile {
     /// Decodes the photo for as long as `consume` takes.
     fn decoded<R>(&self, consume: impl FnOnce(Decoded) -> R) -> Result<R> {
         let (width, height) = self.stored;
-        let _permit = decoding::Permit::wait(width as u64 * height as u64 * 3);
+        // One permit for both: whoever waits for a second one may wait forever.
+        let planes = if self.mask.is_some() { 6 } else { 3 };
+        let _permit = decoding::Permit::wait(width as u64 * height as u64 * planes);
+        let mut decoded = self.decoded_alone()?;
+        if let Some(mask) = &self.mask {
+            if mask.size() != self.size() {
+                let [(w, h), (found_w, found_h)] = [self.size(), mask.size()];
+                let expected = format!("{w}x{h}, its photo's");
+                return Err(Error::invalid(&mask.path, "mask size", expected, format!("{found_w}x{found_h}")));
+            }
+            decoded.mask = Some(Box::new(mask.decoded_alone()?));
+        }
+        Ok(consume(decoded))
+    }
+
+    fn decoded_alone(&self) -> Result<Decoded> {
         let (stored, pixels, channels) = decoding::decode(&self.path)?;
         if stored != self.stored {
+            let (width, height) = self.stored;
             let found = format!("{}x{}; did it change?", stored.0, stored.1);
             return Err(Error::invalid(&self.path, "image size", format!("{width}x{height} as before"), found));
         }
-        Ok(consume(Decoded { pixels, channels, stored, orientation: self.orientation, layer: self.layer }))
+        Ok(Decoded { pixels, channels, stored, orientation: self.orientation, layer: self.layer, mask: None })
     }
 }
 

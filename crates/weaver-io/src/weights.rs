@@ -1,5 +1,6 @@
 //! The weights of a network: a safetensors file or several, mapped into memory and not copied.
 
+use crate::Checksum;
 use crate::header_fault::header_fault;
 use crate::mapped_file::MappedFile;
 use crate::{Error, Result};
@@ -185,6 +186,14 @@ impl Weights {
     /// Releases the memory of everything read so far. It stays readable: the system reads it from the files again when needed.
     pub fn forget(&self) {
         self.files.iter().for_each(|file| file.forget());
+    }
+
+    /// The checksum of all files, which are read for it.
+    pub fn checksum(&self) -> String {
+        let mut sum = Checksum::default();
+        self.files.iter().for_each(|file| sum.bytes(file));
+        self.forget();
+        sum.to_string()
     }
 
     /// All tensors, by name.

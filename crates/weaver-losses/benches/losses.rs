@@ -28,7 +28,7 @@ fn losses(criterion: &mut Criterion) {
         bencher.iter(|| {
             let pixels = 4 * 48 * 64;
             let score = tape.leaf(&render[..pixels], [4, 48, 64]);
-            error_regression(score, tape.constant(&target[..pixels], [4, 48, 64])).backward();
+            error_regression(score, tape.constant(&target[..pixels], [4, 48, 64]), None).backward();
             tape.reset();
         });
     });

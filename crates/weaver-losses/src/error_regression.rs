@@ -32,9 +32,14 @@ pub fn error_target<T: Real>(squared_error: &[T], size: [usize; 2], target: &mut
 ///
 /// `score` `[V, H, W]` (or `[P]` with as many pixels) is the router's logit of expert 1 minus that of expert 0;
 /// `squared_error` `[V, H, W]` belongs to the context views of the same scene. Differentiable in the score; the error
-/// is held constant. Give one scene at a time: the target is centered over all pixels given.
+/// is held constant. Give one scene at a time: the target is centered over all pixels given; with `among`, over these alone, which
+/// then are all that count.
 #[track_caller]
-pub fn error_regression<'t, T: Real>(score: Var<'t, T>, squared_error: Var<'t, T>) -> Var<'t, T> {
+pub fn error_regression<'t, T: Real>(
+    score: Var<'t, T>,
+    squared_error: Var<'t, T>,
+    among: Option<&[u32]>,
+) -> Var<'t, T> {
     let shape = squared_error.shape();
     let fits = shape.rank() == 3 && score.shape().len() == shape.len();
     let found = [score.shape(), shape];
@@ -42,5 +47,8 @@ pub fn error_regression<'t, T: Real>(score: Var<'t, T>, squared_error: Var<'t, T
     let target = score.tape().constant_with(shape, |target| {
         error_target(&squared_error.value(), [shape[1], shape[2]], target);
     });
-    crate::mse(score.reshape(shape), target)
+    let Some(among) = among else { return crate::mse(score.reshape(shape), target) };
+    let center = among.iter().map(|p| target.value()[*p as usize].to_f64()).sum::<f64>() / among.len().max(1) as f64;
+    let [score, target] = [score, target].map(|x| x.reshape([shape.len()]).gather_rows(among));
+    crate::mse(score, target - center)
 }

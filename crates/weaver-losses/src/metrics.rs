@@ -59,6 +59,33 @@ pub fn ssim<T: Real>(a: &[T], b: &[T], size: [usize; 3]) -> f64 {
     planes.map(|(a, b)| windows.similarity(&widen(a), &widen(b), &mut workspace)).sum::<f64>() / channels as f64
 }
 
+/// The structural similarity over the pixels of a mask, or `None` if the mask is empty.
+///
+/// As [`ssim`], where the mask `[H, W]` is false both are taken to be white, and only windows that hold pixels of the mask count.
+pub fn ssim_masked<T: Real>(a: &[T], b: &[T], size: [usize; 3], mask: &[bool]) -> Option<f64> {
+    let [_, height, width] = size;
+    assert_eq!(mask.len(), height * width, "ssim_masked: a mask of the images' size");
+    let seen = |(y, x): (usize, usize)| (y..y + WINDOW).any(|y| mask[y * width + x..][..WINDOW].contains(&true));
+    let windows = (0..=height - WINDOW).flat_map(|y| (0..=width - WINDOW).map(move |x| (y, x)));
+    let (all, counted) = (windows.clone().count(), windows.filter(|at| seen(*at)).count());
+    let apart = 1.0 - ssim(&inside(a, mask), &inside(b, mask), size);
+    (counted > 0).then(|| 1.0 - apart * all as f64 / counted as f64)
+}
+
+/// The perceptual distance over the pixels of a mask, or `None` if the mask is empty.
+///
+/// As [`lpips`], where the mask `[H, W]` is false both are taken to be white, and the distance is per pixel of the mask.
+pub fn lpips_masked<T: Real>(network: &Lpips<T>, a: &[T], b: &[T], size: [usize; 2], mask: &[bool]) -> Option<f64> {
+    let counted = mask.iter().filter(|inside| **inside).count();
+    let distance = || lpips(network, &inside(a, mask), &inside(b, mask), size);
+    (counted > 0).then(|| distance() * mask.len() as f64 / counted as f64)
+}
+
+/// An image `[C, H, W]` where a mask `[H, W]` is true, and white elsewhere.
+fn inside<T: Real>(image: &[T], mask: &[bool]) -> Vec<T> {
+    image.iter().enumerate().map(|(i, x)| if mask[i % mask.len()] { *x } else { T::ONE }).collect()
+}
+
 /// The perceptual distance of two images `[3, H, W]` in [0, 1], in the network's own precision; see [`Lpips::distance`].
 ///
 /// `size` is (H, W). Panics unless both images have three planes of that size.
@@ -70,10 +97,16 @@ pub fn lpips<T: Real>(network: &Lpips<T>, a: &[T], b: &[T], size: [usize; 2]) ->
 
 /// The mask of a view's energetic pixels: those whose high-frequency energy is at or above its 0.75 quantile.
 ///
-/// It holds the quarter of the pixels with most detail, and all pixels of a view without contrast.
-pub fn energetic_mask<T: Real>(energy: &[T]) -> Vec<bool> {
-    let threshold = quantile(&mut energy.to_vec(), 0.75);
-    energy.iter().map(|e| *e >= threshold).collect()
+/// It holds the quarter of the pixels with most detail, and all pixels of a view without contrast; with `among`, of these pixels
+/// alone.
+pub fn energetic_mask<T: Real>(energy: &[T], among: Option<&[bool]>) -> Vec<bool> {
+    let counts = |i: usize| among.is_none_or(|among| among[i]);
+    let mut counted: Vec<T> = energy.iter().enumerate().filter(|(i, _)| counts(*i)).map(|(_, e)| *e).collect();
+    if counted.is_empty() {
+        return vec![false; energy.len()];
+    }
+    let threshold = quantile(&mut counted, 0.75);
+    energy.iter().enumerate().map(|(i, e)| counts(i) && *e >= threshold).collect()
 }
 
 fn squared_difference<T: Real>(a: T, b: T) -> f64 {

@@ -218,6 +218,7 @@ impl SplatWeaver {
             height,
             width,
             stream,
+            inside: None,
             gumbel: None,
             pool: cx.tape.pool(),
         });

@@ -1,6 +1,7 @@
 //! The transformer block.
 
 use crate::{Attention, Builder, Context, Init, LayerNorm, Mlp, WeightInit};
+use std::sync::Arc;
 use weaver_autograd::ops::{self, RopeTable};
 use weaver_autograd::{ParamId, Real, Var};
 
@@ -75,17 +76,28 @@ impl Block {
     }
 
     /// Applies it to x `[B, N, D]`, which gives the same shape; `rope` rotates queries and keys by their tokens' positions.
-    /// Differentiable in x and the parameters; the table is constant.
+    /// Differentiable in x and the parameters; the table is constant. With [`Context::recompute`] the block keeps x alone, and is
+    /// computed again on the way back: the same bits for less memory and more time.
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,
         x: Var<'t, T>,
-        rope: Option<&RopeTable<T>>,
+        rope: Option<&Arc<RopeTable<T>>>,
     ) -> Var<'t, T> {
         cx.layer(self.norm1.weight, "norm1.weight", || {
-            let attend = || add(cx, x, self.ls1, self.attn.forward(cx, self.norm1.forward(cx, x), rope));
-            let x = cx.tape.outputs_of(attend);
-            add(cx, x, self.ls2, self.mlp.forward(cx, self.norm2.forward(cx, x)))
+            if !(cx.recompute && cx.tape.is_recording()) {
+                return self.branches(cx, x, rope.map(Arc::as_ref));
+            }
+            let (block, rope) = (*self, rope.cloned());
+            ops::checkpoint(cx.params, &[x], move |tape, params, x| {
+                block.branches(Context::new(tape, params), x[0], rope.as_deref())
+            })
         })
+    }
+
+    fn branches<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>, rope: Option<&RopeTable<T>>) -> Var<'t, T> {
+        let attend = || add(cx, x, self.ls1, self.attn.forward(cx, self.norm1.forward(cx, x), rope));
+        let x = cx.tape.outputs_of(attend);
+        add(cx, x, self.ls2, self.mlp.forward(cx, self.norm2.forward(cx, x)))
     }
 }

@@ -20,12 +20,20 @@ pub struct Context<'t, 'p, T: Real = f32> {
     pub tape: &'t Tape<T>,
     /// The model's parameters.
     pub params: &'p Params<T>,
+    /// Whether transformer blocks keep nothing but their input, and are computed again on the way back.
+    pub recompute: bool,
 }
 
 impl<'t, 'p, T: Real> Context<'t, 'p, T> {
     /// Pairs a tape with parameters.
     pub fn new(tape: &'t Tape<T>, params: &'p Params<T>) -> Self {
-        Self { tape, params }
+        Self { tape, params, recompute: false }
+    }
+
+    /// The same, with transformer blocks that are computed again on the way back, or not.
+    #[must_use]
+    pub fn recomputing(self, recompute: bool) -> Self {
+        Self { recompute, ..self }
     }
 
     /// A parameter as a leaf of the tape.

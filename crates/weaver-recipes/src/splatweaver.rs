@@ -30,7 +30,8 @@ const DENSE: [&str; 2] = ["depth_head.", "gaussian_param_head."];
 
 impl Recipe for SplatWeaverRecipe {
     const ARCHITECTURE: &'static str = SplatWeaverPredictor::ARCHITECTURE;
-    const PRESETS: &'static [&'static str] = &["tiny", "micro", "tiny-endless", "tiny-published", "small"];
+    const PRESETS: &'static [&'static str] =
+        &["tiny", "micro", "tiny-endless", "tiny-published", "tiny-dagger", "small"];
     type Network = SplatWeaver;
     type Model = ModelConfig;
     type Stage = StageSettings;

@@ -28,6 +28,7 @@ fn allocate(c: &mut Criterion) {
         height: HEIGHT,
         width: WIDTH,
         stream: Stream::new(1, 0, "allocation"),
+        inside: None,
         gumbel: None,
         pool: &pool,
     };

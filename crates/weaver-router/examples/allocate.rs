@@ -35,6 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         height: HEIGHT,
         width: WIDTH,
         stream: Stream::new(0, 0, "allocate"),
+        inside: None,
         gumbel: None,
         pool: &pool,
     };

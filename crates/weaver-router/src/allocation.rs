@@ -3,11 +3,13 @@
 mod bayer;
 mod choice;
 mod kind;
+mod masked;
 mod quadtree;
 mod thinning;
 
 pub use choice::{Argmax, Fixed, Sampled};
 pub use kind::{AllocationError, AllocationKind};
+pub use masked::Masked;
 pub use quadtree::{Quadtree, QuadtreeGrid, QuadtreeMix};
 pub use thinning::{Dithered, Grid, Random, TrainingMix};
 
@@ -35,6 +37,8 @@ pub struct AllocationRequest<'a, T: Real = f32> {
     pub height: usize,
     /// Columns W of a view.
     pub width: usize,
+    /// Which pixels count `[P]`: a budget is for these, and only they get Gaussians ([`Masked`]). `None` if all do.
+    pub inside: Option<&'a [bool]>,
     /// Source of the noise.
     pub stream: Stream,
     /// Gumbel noise `[P, E]` to use instead of the stream's, so that a known sample can be repeated.
@@ -52,6 +56,11 @@ impl<T: Real> AllocationRequest<'_, T> {
     /// Number of experts E, expert 0 included.
     pub fn experts(&self) -> usize {
         self.logits.len() / self.pixels().max(1)
+    }
+
+    /// Number of pixels that count.
+    pub fn pixels_inside(&self) -> usize {
+        self.inside.map_or(self.pixels(), |inside| inside.iter().filter(|inside| **inside).count())
     }
 
     fn places(&self) -> impl Iterator<Item = Place> {

@@ -11,7 +11,7 @@ mod router;
 
 pub use allocation::{
     Allocation, AllocationError, AllocationKind, AllocationRequest, Argmax, Assignment, Dithered, Fixed, Grid,
-    GumbelGate, Quadtree, QuadtreeGrid, QuadtreeMix, Random, Sampled, TrainingMix,
+    GumbelGate, Masked, Quadtree, QuadtreeGrid, QuadtreeMix, Random, Sampled, TrainingMix,
 };
 pub use cell::{Bands, COARSEST, Cell, Cells};
 pub use gate::gate;

@@ -105,6 +105,8 @@ impl Recipe for PixelCnnRecipe {
             rate: 2e-3,
             warmup: 20,
             floor: 0.1,
+            frozen: Vec::new(),
+            recompute: false,
             model: NoChoices {},
             losses: ImageLosses { mse: 1.0, ssim: 0.15, ..ImageLosses::default() },
         };
@@ -147,7 +149,13 @@ impl Recipe for PixelCnnRecipe {
             let image = op.apply(&gaussians, &all, background).image.permute(&[0, 3, 1, 2]).clamp(0.0, 1.0);
             let truth = cx.tape.constant(&example.images, image.shape());
             let share = 1.0 / examples.len() as f64;
-            step.stage.losses.add(&mut terms, share, step.lpips, image, truth);
+            step.stage.losses.add(
+                &mut terms,
+                share,
+                step.lpips,
+                [image, truth],
+                example.inside_of(example.cameras.len()),
+            );
             terms.gaussians_per_pixel = 1.0;
         }
         Ok(terms)
@@ -185,7 +193,7 @@ impl Predictor for CnnPredictor {
         };
         self.tape.reset();
         let (views, cx) = (photos.views(), Context::new(&self.tape, &self.params));
-        let Photos { planes, height, width } = photos;
+        let Photos { planes, height, width, .. } = photos;
         Ok(self.tape.without_gradient(|| {
             let photos = self.tape.constant(planes, [views, 3, height, width]);
             let (depth, g) = self.network.forward(cx, photos, &camera_constants(cx, cameras));

@@ -1,5 +1,6 @@
 //! Checkpoints: everything that a run needs to go on to the same bits.
 
+use crate::sources::{self, Sources};
 use crate::{Config, Error, Recipe};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -28,7 +29,13 @@ impl TrainingState<'_> {
     ///
     /// # Errors
     /// When the file cannot be written; an earlier one is then left as it was.
-    pub fn write<R: Recipe>(&self, path: &Path, config: &Config<R>, step: usize) -> Result<(), Error> {
+    pub(crate) fn write<R: Recipe>(
+        &self,
+        path: &Path,
+        config: &Config<R>,
+        step: usize,
+        sources: &Sources,
+    ) -> Result<(), Error> {
         let Self { params, optimizer, ema } = *self;
         let defaults = Defaults {
             seed: config.seed,
@@ -47,6 +54,7 @@ impl TrainingState<'_> {
         note("step", step.to_string());
         note("ema_step", ema.steps().to_string());
         note("config", config.to_toml());
+        note(sources::ENTRY, sources.to_json());
         let shape_of = |name: &str| params.find(name).map_or(Shape::SCALAR, |id| params.get(id).shape());
         for (_, param) in params.iter() {
             tensors.insert(format!("param.{}", param.name()), param.shape().dims(), param.value().to_vec());

@@ -1,9 +1,11 @@
 //! The configuration of a run: defaults < preset < file < settings, with unknown keys refused.
 
 mod check;
+mod data;
 mod difference;
 
 use crate::{Error, Recipe};
+pub use data::{DataConfig, SamplerKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -45,39 +47,6 @@ pub struct Config<R: Recipe> {
     pub output: OutputConfig,
     /// How the model is evaluated, and used unless a call says otherwise.
     pub evaluation: EvaluationConfig,
-}
-
-/// Where scenes come from, and which views make a tuple.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct DataConfig {
-    /// Folders of captures; empty trains on the built-in procedural scenes.
-    pub folders: Vec<PathBuf>,
-    /// Procedural scenes only: train on varied scenes without end in place of the fixed default set. Sixteen are kept; every
-    /// so many steps a fresh one takes the place of the oldest.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 1, max = MOST))]
-    pub endless: Option<usize>,
-    /// Captures without points: the mean distance from camera 0 to what the cameras see, in the capture's units. Without
-    /// it, such a capture is an error where its scale is needed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub scene_scale: Option<f64>,
-    /// Context views of a tuple: the photos that the network sees.
-    #[schemars(range(min = 2, max = MOST_VIEWS))]
-    pub context_views: usize,
-    /// Target views of a tuple: rendered and compared, not seen.
-    #[schemars(range(min = 1, max = MOST_VIEWS))]
-    pub target_views: usize,
-    /// How many of its nearest training views a view's context is drawn from.
-    #[schemars(range(min = 2, max = MOST))]
-    pub pool: usize,
-}
-
-impl Default for DataConfig {
-    fn default() -> Self {
-        Self { folders: Vec::new(), endless: None, scene_scale: None, context_views: 4, target_views: 2, pool: 6 }
-    }
 }
 
 /// AdamW and weight averaging.
@@ -162,6 +131,14 @@ pub struct StageConfig<R: Recipe> {
     /// Where the cosine of the learning rate ends, as a fraction of the peak.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub floor: f64,
+    /// Parts of the network that stay as they are, by the beginnings of their parameters' names: camera_head,
+    /// aggregator.patch_embed.
+    #[serde(default)]
+    pub frozen: Vec<String>,
+    /// Whether transformer blocks are computed again on the way back, in place of keeping what they computed: the same result with
+    /// less memory and more time.
+    #[serde(default)]
+    pub recompute: bool,
     /// What the model does in this stage.
     pub model: R::Stage,
     /// Weights of the losses; 0 leaves a loss out.

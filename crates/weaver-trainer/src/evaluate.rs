@@ -9,7 +9,7 @@ use std::borrow::Borrow;
 use std::collections::BTreeMap;
 use std::path::Path;
 use weaver_autograd::Pool;
-use weaver_data::{Scene, Tuple, evaluation_tuples};
+use weaver_data::{Scene, Tuple, View, evaluation_tuples};
 use weaver_inference::{Density, Predictor, push_planar};
 use weaver_io::Image;
 use weaver_losses::lpips::Network;
@@ -160,25 +160,40 @@ struct Measure<'a> {
 impl Measure<'_> {
     fn view(&self, scene: &Scene, tuple: &Tuple, drawn: &Drawn, mean_color: [f32; 3]) -> SceneFigures {
         let Drawn { prediction, render, strict, errors, .. } = drawn;
-        let truth = &scene.views[tuple.targets[0]].image;
+        let target = &scene.views[tuple.targets[0]];
+        let truth = &target.image;
         let nearest = &scene.views[tuple.context[0]].image;
-        let flat: Vec<f32> = mean_color.iter().copied().cycle().take(truth.pixels.len()).collect();
+        let flat = mean_color.iter().copied().cycle().take(truth.pixels.len()).collect();
+        let flat = Image { width: truth.width, height: truth.height, pixels: flat };
         let (shown, true_planes) = (planes(render), planes(truth));
         let size = [3, truth.height, truth.width];
         let mut energy = vec![0.0; truth.width * truth.height];
         EnergyMap::new(Wavelet::Db2, [truth.height, truth.width]).compute(&true_planes, &Pool::new(), &mut energy);
-        let mask = metrics::energetic_mask(&energy);
+        let inside = target.inside.as_deref();
+        let energetic = metrics::energetic_mask(&energy, inside);
+        let psnr = |image: &Image| match inside {
+            None => metrics::psnr(&image.pixels, &truth.pixels),
+            Some(inside) => metrics::psnr_masked(&planes(image), &true_planes, inside).unwrap_or(f64::NAN),
+        };
+        let ssim = match inside {
+            None => metrics::ssim(&shown, &true_planes, size),
+            Some(inside) => metrics::ssim_masked(&shown, &true_planes, size, inside).unwrap_or(f64::NAN),
+        };
+        let lpips = |network: &Lpips<f32>| match inside {
+            None => Some(metrics::lpips(network, &shown, &true_planes, [size[1], size[2]])),
+            Some(inside) => metrics::lpips_masked(network, &shown, &true_planes, [size[1], size[2]], inside),
+        };
         let pixels = prediction.counts.len() as f64;
         SceneFigures {
             name: None,
             views: 1,
-            psnr: metrics::psnr(&shown, &true_planes),
-            psnr_strict: strict.as_ref().map(|strict| metrics::psnr(&strict.pixels, &truth.pixels)),
-            psnr_energetic: metrics::psnr_masked(&shown, &true_planes, &mask).unwrap_or(f64::NAN),
-            ssim: metrics::ssim(&shown, &true_planes, size),
-            lpips: self.lpips.map(|l| metrics::lpips(l, &shown, &true_planes, [truth.height, truth.width])),
-            psnr_nearest: metrics::psnr(&nearest.pixels, &truth.pixels),
-            psnr_mean_color: metrics::psnr(&flat, &truth.pixels),
+            psnr: if inside.is_some() { psnr(render) } else { metrics::psnr(&shown, &true_planes) },
+            psnr_strict: strict.as_ref().map(psnr),
+            psnr_energetic: metrics::psnr_masked(&shown, &true_planes, &energetic).unwrap_or(f64::NAN),
+            ssim,
+            lpips: self.lpips.and_then(lpips),
+            psnr_nearest: psnr(nearest),
+            psnr_mean_color: psnr(&flat),
             gaussians_per_pixel: prediction.gaussians.opacities.len() as f64 / pixels,
             expert_share: (0..self.experts)
                 .map(|e| prediction.counts.iter().filter(|&&x| usize::from(x) == e).count() as f64 / pixels)
@@ -215,7 +230,9 @@ fn planes(image: &Image) -> Vec<f32> {
 fn mean_color(scene: &Scene) -> [f32; 3] {
     let (mut sum, mut count) = ([0.0f64; 3], 0.0);
     for view in scene.training_views() {
-        for pixel in scene.views[view].image.pixels.chunks_exact(3) {
+        let View { image, inside, .. } = &scene.views[view];
+        let counts = |i: usize| inside.as_ref().is_none_or(|inside| inside[i]);
+        for (_, pixel) in image.pixels.chunks_exact(3).enumerate().filter(|(i, _)| counts(*i)) {
             sum.iter_mut().zip(pixel).for_each(|(s, p)| *s += f64::from(*p));
             count += 1.0;
         }

@@ -12,6 +12,8 @@ pub struct Example {
     pub tuple: Tuple,
     /// Photos `[V, 3, H, W]`, values in [0, 1].
     pub images: Vec<f32>,
+    /// Which pixels count `[V, H, W]`; `None` if all do.
+    pub inside: Option<Vec<bool>>,
     /// Cameras in the tuple's frame: camera 0 is the identity, lengths in training units.
     pub cameras: Vec<Camera>,
     /// Training units per scene unit.
@@ -58,9 +60,16 @@ impl Example {
         let views: Vec<usize> = tuple.context.iter().chain(&tuple.targets).copied().collect();
         let mut images = Vec::new();
         let mut depth = Vec::new();
+        let mut inside = views.iter().any(|&v| scene.views[v].inside.is_some()).then(Vec::new);
         for (i, &v) in views.iter().enumerate() {
             let view = &scene.views[v];
             push_planar(&mut images, &view.image);
+            if let Some(inside) = &mut inside {
+                match &view.inside {
+                    Some(own) => inside.extend(own),
+                    None => inside.resize(inside.len() + view.image.width * view.image.height, true),
+                }
+            }
             if i < tuple.context.len() {
                 match &view.depth {
                     Some(d) => depth.extend(d.iter().map(|z| (f64::from(*z) * posed.scale) as f32)),
@@ -70,7 +79,7 @@ impl Example {
         }
         let cameras =
             views.iter().zip(&posed.poses).map(|(&v, pose)| Camera { pose: *pose, ..scene.views[v].camera }).collect();
-        Self { tuple, images, cameras, scale: posed.scale, depth, absolute: Vec::new() }
+        Self { tuple, images, inside, cameras, scale: posed.scale, depth, absolute: Vec::new() }
     }
 
     /// Cameras of the context views.
@@ -87,7 +96,14 @@ impl Example {
     pub fn context_photos(&self) -> Photos<'_> {
         let view = self.images.len() / self.cameras.len();
         let Camera { width, height, .. } = self.cameras[0];
-        Photos { planes: &self.images[..view * self.tuple.context.len()], height, width }
+        let views = self.tuple.context.len();
+        Photos { planes: &self.images[..view * views], inside: self.inside_of(views), height, width }
+    }
+
+    /// Which pixels of the first `views` views count; `None` if all of them do.
+    pub fn inside_of(&self, views: usize) -> Option<&[bool]> {
+        let pixels = self.images.len() / 3 / self.cameras.len();
+        self.inside.as_deref().map(|inside| &inside[..views * pixels])
     }
 
     /// The points that the context views see, in the frame and the units of the cameras; `None` where they see none.

@@ -4,6 +4,7 @@
 //! The trainer knows no model. A model says by a [`Recipe`] what its configuration is, how it is built, what its losses are
 //! and how it predicts; [`Session`] does the rest, and a [`Registry`] finds recipes by name.
 
+mod augmentation;
 mod checkpoint;
 mod config;
 mod dry_run;
@@ -19,10 +20,14 @@ mod registry;
 pub mod samples;
 pub mod scenes;
 mod session;
+mod sources;
+mod taught;
 
+pub use augmentation::Augmentation;
 pub use checkpoint::TrainingState;
 pub use config::{
-    CameraMode, Config, DataConfig, EvaluationConfig, OptimizerConfig, OutputConfig, StageConfig, allocation_name,
+    CameraMode, Config, DataConfig, EvaluationConfig, OptimizerConfig, OutputConfig, SamplerKind, StageConfig,
+    allocation_name,
 };
 pub use dry_run::{DryRun, StageMemory};
 pub use error::Error;

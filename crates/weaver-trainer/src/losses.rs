@@ -74,19 +74,25 @@ pub struct ImageLosses {
 }
 
 impl ImageLosses {
-    /// Adds the losses of one tuple's renders `image` against `truth`, both `[V, 3, H, W]`; the tuple counts `share`.
+    /// Adds the losses of one tuple's renders `image` against `truth`, both `[V, 3, H, W]`; the tuple counts `share`. Of pixels
+    /// that do not count (`inside` `[V, H, W]`) the render is taken to be right, and losses are per pixel that does.
     pub fn add<'t>(
         &self,
         terms: &mut Terms<'t>,
         share: f64,
         lpips: Option<&Lpips<f32>>,
-        image: Var<'t, f32>,
-        truth: Var<'t, f32>,
+        [image, truth]: [Var<'t, f32>; 2],
+        inside: Option<&[bool]>,
     ) {
-        terms.add("mse", self.mse, share, || losses::mse(image, truth));
-        terms.add("ssim", self.ssim, share, || (losses::ssim(image, truth).mean() * -1.0 + 1.0) * 0.5);
+        let image = inside.map_or(image, |inside| right_outside(image, truth, inside));
+        let per_pixel = |loss: Var<'t, f32>| match inside {
+            Some(inside) => loss * (inside.len() as f64 / inside.iter().filter(|i| **i).count().max(1) as f64),
+            None => loss,
+        };
+        terms.add("mse", self.mse, share, || per_pixel(losses::mse(image, truth)));
+        terms.add("ssim", self.ssim, share, || per_pixel((losses::ssim(image, truth).mean() * -1.0 + 1.0) * 0.5));
         if let Some(lpips) = lpips {
-            terms.add("lpips", self.lpips, share, || lpips.distance(image, truth).mean());
+            terms.add("lpips", self.lpips, share, || per_pixel(lpips.distance(image, truth).mean()));
         }
     }
 
@@ -201,6 +207,18 @@ impl DepthLosses {
             losses::masked_depth_mse(own, known, rows(cx, confidence, known.shape()), 0.3)
         });
     }
+}
+
+/// An image `[V, 3, H, W]` where `inside` `[V, H, W]`, and `truth` elsewhere.
+fn right_outside<'t>(image: Var<'t, f32>, truth: Var<'t, f32>, inside: &[bool]) -> Var<'t, f32> {
+    let shape = image.shape();
+    let pixels = shape[2] * shape[3];
+    let weights = image.tape().constant_with(shape, |all| {
+        for (planes, inside) in all.chunks_mut(3 * pixels).zip(inside.chunks(pixels)) {
+            planes.iter_mut().enumerate().for_each(|(i, x)| *x = f32::from(inside[i % pixels]));
+        }
+    });
+    image * weights + truth * (weights * -1.0 + 1.0)
 }
 
 /// The data's cameras as constants on the tape.

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use weaver_autograd::Params;
-use weaver_data::procedural;
+use weaver_data::{Scene, procedural};
 use weaver_inference::{Checkpoint, Density, Predictor, RunFolder, WeightSet};
 
 /// Where a configuration comes from; later fields win over earlier ones.
@@ -27,6 +27,8 @@ pub struct Setup {
     pub data: Vec<PathBuf>,
     /// A run's folder or checkpoint, whose weights training starts from.
     pub init: Option<PathBuf>,
+    /// A published checkpoint that tells cameras and depth of photos without cameras.
+    pub teacher: Option<PathBuf>,
     /// The seed.
     pub seed: Option<u64>,
     /// Threads; 0 takes one per core.
@@ -188,6 +190,8 @@ pub struct Overrides {
     pub matching: Option<MatchingOverride>,
     /// Which pixels get Gaussians, and how many.
     pub density: Density,
+    /// Whether photos have masks, as [`DataConfig::masks`] says; so they are where the run's do.
+    pub masks: bool,
     /// File with the weights of LPIPS, to measure that, too.
     pub lpips: Option<PathBuf>,
 }
@@ -213,9 +217,14 @@ impl OpenRun {
         progress: &mut dyn FnMut(usize, usize),
     ) -> Result<Evaluation, Error> {
         let size = self.predictor.image_size();
+        let procedural = *source == Source::Unseen || *source == Source::Run && self.data.folders.is_empty();
+        if overrides.masks && procedural {
+            return Err(Error::Input("masks: expected captures, found procedural scenes, which have none".into()));
+        }
+        let data = DataConfig { masks: overrides.masks || self.data.masks, ..self.data.clone() };
         let load = |size: [usize; 2]| match source {
-            Source::Run => scenes::load(&self.data, size),
-            Source::Folders(folders) => scenes::load_captures(folders, self.data.scene_scale, size),
+            Source::Run => scenes::load(&data, size),
+            Source::Folders(folders) => scenes::load_captures(folders, &data, size),
             Source::Unseen => Ok(procedural::default_unseen_set(size[1], size[0])),
         };
         let scenes = load(size)?;
@@ -223,7 +232,9 @@ impl OpenRun {
             Some(MatchingOverride { long_side, focal_known }) => {
                 let scale = (long_side as f64 / size[0].max(size[1]) as f64).max(1.0);
                 let larger = size.map(|side| (side as f64 * scale).round() as usize);
-                Some(Matching { scenes: load(larger)?, focal_known })
+                let larger = load(larger)?;
+                same_views(&scenes, &larger)?;
+                Some(Matching { scenes: larger, focal_known })
             }
             None => None,
         };
@@ -239,6 +250,18 @@ impl OpenRun {
         };
         evaluate::evaluate(&mut *self.predictor, &scenes, &options, lpips.as_ref(), progress)
     }
+}
+
+/// Checks that scenes of two sizes have the same views: a mask may leave nothing of a photo in the smaller one alone.
+fn same_views(small: &[Scene], large: &[Scene]) -> Result<(), Error> {
+    for (small, large) in small.iter().zip(large) {
+        let [few, all] = [small, large].map(|scene| scene.views.iter().map(|view| &view.name));
+        if let Some(name) = all.clone().find(|name| !few.clone().any(|other| other == *name)) {
+            let expected = "expected masks that leave something of each photo at the network's size";
+            return Err(Error::Input(format!("scene {}: {name}: {expected}, found none of this one", small.name)));
+        }
+    }
+    Ok(())
 }
 
 /// The recipe `R` behind its name.
@@ -263,8 +286,12 @@ impl<R: Recipe> Architecture for Named<R> {
             let folder = RunFolder::at(path);
             config.init = Some(if path.is_dir() { folder.checkpoint_path() } else { path.clone() });
         }
+        if let Some(path) = &setup.teacher {
+            config.data.teacher = Some(path.clone());
+        }
         // The run may be resumed or evaluated from elsewhere.
-        for folder in config.data.folders.iter_mut().chain(&mut config.init) {
+        let data = &mut config.data;
+        for folder in data.folders.iter_mut().chain(&mut config.init).chain(&mut data.teacher) {
             let absolute = std::path::absolute(&folder);
             *folder = absolute.map_err(|e| Error::Input(format!("{}: {e}", folder.display())))?;
         }

@@ -1,6 +1,6 @@
 //! The scenes that a configuration names.
 
-use crate::{DataConfig, Error};
+use crate::{DataConfig, Error, taught};
 use std::path::PathBuf;
 use weaver_data::capture::{self, CaptureOptions};
 use weaver_data::procedural::ProceduralOptions;
@@ -15,21 +15,22 @@ pub fn load(data: &DataConfig, size: [usize; 2]) -> Result<Vec<Scene>, Error> {
     if data.folders.is_empty() {
         Ok(procedural::default_training_set(size[1], size[0]))
     } else {
-        load_captures(&data.folders, data.scene_scale, size)
+        load_captures(&data.folders, data, size)
     }
 }
 
-/// Loads captures at the network's size (H, W); `scene_scale` as in [`DataConfig::scene_scale`].
+/// Loads captures at the network's size (H, W), with the scale, the masks and the teacher of `data`.
 ///
 /// # Errors
 /// When one cannot be read.
-pub fn load_captures(
-    folders: &[PathBuf],
-    scene_scale: Option<f64>,
-    [height, width]: [usize; 2],
-) -> Result<Vec<Scene>, Error> {
-    let options = CaptureOptions { width, height, scene_scale, ..CaptureOptions::default() };
-    folders.iter().map(|folder| Ok(capture::load(folder, &options)?)).collect()
+pub fn load_captures(folders: &[PathBuf], data: &DataConfig, [height, width]: [usize; 2]) -> Result<Vec<Scene>, Error> {
+    let (scene_scale, masks) = (data.scene_scale, data.masks);
+    let options = CaptureOptions { width, height, scene_scale, masks, ..CaptureOptions::default() };
+    let load = |folder: &PathBuf| match &data.teacher {
+        Some(teacher) if !capture::has_cameras(folder)? => taught::load(folder, teacher, data, [height, width]),
+        _ => Ok(capture::load(folder, &options)?),
+    };
+    folders.iter().map(load).collect()
 }
 
 /// Checks that tuples of a scene tell how large it is, by the points that their context sees or by its own scale; remarks on
@@ -80,7 +81,7 @@ pub struct Endless {
 }
 
 /// Views of a fresh scene: enough for a tuple with some choice.
-const FRESH_VIEWS: usize = 8;
+pub(crate) const FRESH_VIEWS: usize = 8;
 /// Scenes that are kept: drawing one costs as much as some of a step, so that each serves more than one step.
 const KEPT: usize = 16;
 

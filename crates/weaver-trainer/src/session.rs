@@ -1,12 +1,14 @@
 //! The training loop.
 
 mod examples;
+mod frozen;
 mod plan;
 
 use crate::dry_run::{DryRun, Probe};
 use crate::evaluate::{self, Options};
 use crate::evaluation::Summary;
 use crate::observe::{Logs, Observer, StepReport, write_report};
+use crate::sources::Sources;
 use crate::{Config, Error, Recipe, StageConfig, Step, TrainingState, initial, samples, scenes};
 use std::path::Path;
 use std::sync::Arc;
@@ -37,6 +39,8 @@ pub struct Session<R: Recipe> {
     /// The most that the tape took in stages before this one.
     earlier_tape_bytes: usize,
     workspaces: WorkspacePool<f32>,
+    /// What was read.
+    sources: Sources,
     lpips: Option<Lpips<f32>>,
     /// Steps done.
     step: usize,
@@ -79,14 +83,16 @@ impl<R: Recipe> Session<R> {
         config.check()?;
         let size = R::image_size(&config.model);
         let lpips = evaluate::lpips_for(config.lpips_weights().map_err(Error::Input)?, size)?;
-        let scenes = scenes::load(&config.data, size)?;
-        let mut remarks = Vec::new();
-        for scene in &scenes {
-            scene.check_training(config.data.context_views)?;
-            remarks.extend(scenes::check_scale(scene, &config.data)?);
-        }
         let mut params = Params::new();
         let network = Arc::new(R::build(&config.model, &mut params, config.seed));
+        frozen::check(&config.stages, &params)?;
+        let scenes = scenes::load(&config.data, size)?;
+        let sources = Sources::of(&config, &scenes)?;
+        let mut remarks = Vec::new();
+        for scene in &scenes {
+            scene.check_training(config.data.most_context())?;
+            remarks.extend(scenes::check_scale(scene, &config.data)?);
+        }
         let optimizer = new_optimizer(&config, &params);
         let ema = Ema::new(&params, config.optimizer.ema);
         let layouts = scenes.iter().map(Layout::of).collect();
@@ -105,6 +111,7 @@ impl<R: Recipe> Session<R> {
             tape,
             earlier_tape_bytes: 0,
             workspaces,
+            sources,
             lpips,
             step: 0,
             probe: None,
@@ -114,11 +121,12 @@ impl<R: Recipe> Session<R> {
     /// Continues a run from a checkpoint.
     ///
     /// # Errors
-    /// When the run began with another configuration ([`Config::difference`]), or the data cannot be read.
+    /// When the run began with another configuration ([`Config::difference`]) or other data, or the data cannot be read.
     pub fn resume(config: Config<R>, checkpoint: &Path) -> Result<Self, Error> {
         let checkpoint = Checkpoint::read(checkpoint)?;
         TrainingState::check_resumed(&checkpoint, &config)?;
         let mut session = Self::prepare(config)?;
+        session.sources.check(&checkpoint, &session.config)?;
         TrainingState::restore(&checkpoint, &mut session.params, &mut session.optimizer, &mut session.ema)?;
         session.step = checkpoint.step;
         Ok(session)
@@ -228,6 +236,7 @@ impl<R: Recipe> Session<R> {
             group.lr_scale = rate;
         }
         self.tape.reset();
+        frozen::apply(&stage.frozen, &mut self.params);
         if local == 0 {
             // Its buffers have other sizes than those of the stage before.
             self.earlier_tape_bytes = self.tape_bytes();
@@ -246,7 +255,8 @@ impl<R: Recipe> Session<R> {
             workspaces: &self.workspaces,
             stream: Stream::new(self.config.seed, self.step as u64, "allocation"),
         };
-        let terms = R::objective(Context::new(&self.tape, &self.params), &self.network, &step, &examples)?;
+        let cx = Context::new(&self.tape, &self.params).recomputing(stage.recompute);
+        let terms = R::objective(cx, &self.network, &step, &examples)?;
         let values: Vec<(String, f32)> = terms.values().map(|(name, value)| (name.to_string(), value)).collect();
         if let Some((name, value)) = values.iter().find(|(_, v)| !v.is_finite()) {
             return Err(self.diverged(name, *value));
@@ -259,6 +269,13 @@ impl<R: Recipe> Session<R> {
         if let Some(probe) = &mut self.probe {
             probe.done("forward");
             probe.held(&self.tape);
+        }
+        if !total.is_tracked() {
+            let message = format!(
+                "stages.{index}.frozen: expected a part to learn from the losses of stage `{}`, found none",
+                stage.name
+            );
+            return Err(Error::Input(message));
         }
         total.backward();
         self.probe.iter_mut().for_each(|probe| probe.done("backward"));
@@ -396,7 +413,7 @@ impl<R: Recipe> Session<R> {
     /// When it cannot be written; an earlier one is then left as it was.
     pub fn save(&self, path: &Path) -> Result<(), Error> {
         let state = TrainingState { params: &self.params, optimizer: &self.optimizer, ema: &self.ema };
-        state.write(path, &self.config, self.step)
+        state.write(path, &self.config, self.step, &self.sources)
     }
 
     fn sample(&self, folder: &RunFolder) -> Result<(), Error> {

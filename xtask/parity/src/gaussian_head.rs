@@ -113,6 +113,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
         height,
         width,
         stream: Stream::new(0, 0, "unused"),
+        inside: None,
         gumbel: None,
         pool: tape.pool(),
     };

@@ -56,6 +56,10 @@ pub struct Eval {
     /// Given cameras come with the points that the context photos see: depth is brought to these
     #[arg(long, help_heading = VIEWS)]
     pub points: bool,
+    /// Does not count what is black in masks: mask_path of transforms.json, a file in masks/ named as the photo, or its alpha; without
+    /// it, what the run leaves out is left out
+    #[arg(long, conflicts_with = "unseen", help_heading = VIEWS)]
+    pub masks: bool,
     #[command(flatten)]
     pub density: DensityFlags,
     #[command(flatten)]

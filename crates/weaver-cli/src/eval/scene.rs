@@ -30,10 +30,13 @@ pub fn run(arguments: &Eval, scene: &Path, console: &mut Console) -> Result<(), 
     let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);
     let gaussians = read_gaussians(scene)?;
     let long_side = arguments.drawing.size.map(|size| size as usize);
-    let capture = posed::load(data, &PosedOptions { long_side, background, ..PosedOptions::default() })?;
+    let capture =
+        posed::load(data, &PosedOptions { long_side, background, masks: arguments.masks, ..PosedOptions::default() })?;
     capture.remarks.iter().for_each(|remark| console.note(&format!("warning: {remark}")));
     let mut photos = capture.photos;
     let held_out = photos.iter().any(|photo| photo.held_out);
+    // Of a photo that is masked altogether, nothing can be judged.
+    photos.retain(|photo| photo.mask.as_ref().is_none_or(|mask| mask.iter().any(|m| *m != 0)));
     if held_out {
         photos.retain(|photo| photo.held_out);
     } else {
@@ -46,7 +49,10 @@ pub fn run(arguments: &Eval, scene: &Path, console: &mut Console) -> Result<(), 
         let images = render(&activated, &[photo.camera], background, &settings, &mut workspace)
             .map_err(|e| Failure::message(format!("{}: {e}", scene.display())))?;
         let size = [photo.camera.height, photo.camera.width];
-        views.push((photo.name.as_str(), judge.compare(&images.concat(), &photo.rgb, size)));
+        views.push((
+            photo.name.as_str(),
+            judge.compare_inside(&images.concat(), &photo.rgb, size, photo.mask.as_deref()),
+        ));
         progress.at(views.len(), photos.len(), String::new, console);
     }
     progress.finish();

@@ -4,41 +4,121 @@ use super::photo::Photo;
 use crate::Error;
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
+use weaver_io::{Image, PhotoFile};
 
-/// Where each photo's mask is; `None` where there is no file, so that only the photo's alpha may say.
-///
-/// `mask_path` of the frame, relative to the capture's folder; else a file in `masks/` with the photo's path, or with the end of it:
-/// `masks/images/a/1.png`, `masks/a/1.png` and `masks/1.png` may be that of `images/a/1.png`. It has the photo's extension, `.png` in its
-/// place, or `.png` behind it.
+/// A photo's mask.
+#[derive(Clone, Debug)]
+pub(super) struct Mask {
+    /// Its file; `None` where only the photo's alpha may be one.
+    pub file: Option<PathBuf>,
+    folder: PathBuf,
+}
+
+/// Where the masks of a capture's photos are: `mask_path` of the frame, relative to the capture's folder; else [`beside`] the photo.
 ///
 /// # Errors
-/// When a `mask_path` is not there, or a file in `masks/` would be that of several photos.
-pub(super) fn files(photos: &[Photo], folder: &Path) -> Result<Vec<Option<PathBuf>>, Error> {
+/// When a `mask_path` is not there, or as [`beside`].
+pub(super) fn of_capture(photos: &[Photo], folder: &Path) -> Result<Vec<Mask>, Error> {
+    let named = |photo: &Photo| photo.frame.mask.as_ref().map(|mask| folder.join(mask));
+    beside(photos.iter().map(|photo| (photo.frame.path.as_path(), folder.to_path_buf(), named(photo))))
+}
+
+/// Where the masks of photos are that belong to no capture: in a folder `masks` beside the photo, or beside the photo's folder.
+///
+/// # Errors
+/// As [`beside`].
+pub(super) fn of_photos(photos: &[PathBuf]) -> Result<Vec<Mask>, Error> {
+    beside(photos.iter().map(|photo| (photo.as_path(), folder_of(photo), None)))
+}
+
+/// Where the masks of photos are whose cameras a file of many describes: as the file says, else as [`of_photos`].
+///
+/// # Errors
+/// As [`of_capture`].
+pub(super) fn of_known(photos: &[Photo], cameras: &Path) -> Result<Vec<Mask>, Error> {
+    let named = |photo: &Photo| photo.frame.mask.as_ref().map(|mask| super::folder(cameras).join(mask));
+    beside(photos.iter().map(|photo| (photo.frame.path.as_path(), folder_of(&photo.frame.path), named(photo))))
+}
+
+fn folder_of(photo: &Path) -> PathBuf {
+    let above = photo.ancestors().skip(1).take(2);
+    let with_masks = above.clone().find(|folder| folder.join("masks").is_dir());
+    with_masks.or(photo.parent()).unwrap_or(Path::new("")).to_path_buf()
+}
+
+/// Where each photo's mask is, of photos, the folders of their captures, and the files that are named.
+///
+/// Without a name it is a file in `masks/` with the photo's path, or with the end of it: `masks/images/a/1.png`, `masks/a/1.png` and
+/// `masks/1.png` may be that of `images/a/1.png`. It has the photo's extension, `.png` in its place, or `.png` behind it.
+///
+/// # Errors
+/// When a file that is named is not there, or a file in `masks/` would be that of several photos.
+fn beside<'a>(photos: impl Iterator<Item = (&'a Path, PathBuf, Option<PathBuf>)>) -> Result<Vec<Mask>, Error> {
     let mut owners: BTreeMap<PathBuf, &Path> = BTreeMap::new();
-    let mut files = Vec::new();
-    for Photo { frame, .. } in photos {
-        if let Some(mask) = &frame.mask {
-            let file = folder.join(mask);
+    let mut masks = Vec::new();
+    for (photo, folder, named) in photos {
+        if let Some(file) = named {
             if !file.is_file() {
-                return Err(Error::unexpected(&frame.path, "mask_path", file.display().to_string(), "no such file"));
+                return Err(Error::unexpected(photo, "mask_path", file.display().to_string(), "no such file"));
             }
-            files.push(Some(file));
+            masks.push(Mask { file: Some(file), folder });
             continue;
         }
-        let found = candidates(&frame.path, folder).into_iter().find(|file| file.is_file());
-        if let Some(file) = &found
-            && let Some(other) = owners.insert(file.clone(), &frame.path)
+        let file = candidates(photo, &folder).into_iter().find(|file| file.is_file());
+        if let Some(file) = &file
+            && let Some(other) = owners.insert(file.clone(), photo)
         {
-            let both = format!("{} and {}", other.display(), frame.path.display());
+            let both = format!("{} and {}", other.display(), photo.display());
             return Err(Error::unexpected(file, "mask", "one photo of this name, or masks in folders", both));
         }
-        files.push(found);
+        masks.push(Mask { file, folder });
     }
-    Ok(files)
+    Ok(masks)
+}
+
+impl Mask {
+    /// The mask of a photo, bright where the photo counts.
+    ///
+    /// # Errors
+    /// When there is none, it cannot be read, or it has not the photo's size.
+    pub fn open(&self, path: &Path, photo: PhotoFile) -> Result<PhotoFile, Error> {
+        let (width, height) = photo.size();
+        let Some(file) = &self.file else {
+            let expected = || expected(path, &self.folder);
+            return photo
+                .alpha()
+                .ok_or_else(|| Error::unexpected(path, "mask", expected(), "no such file, and no alpha"));
+        };
+        let mask = PhotoFile::at(file)?.for_camera(width, height).over([0.0; 3]);
+        if mask.size() != (width, height) {
+            let (w, h) = mask.size();
+            let expected = format!("{width}x{height}, its photo's");
+            return Err(Error::unexpected(file, "image size", expected, format!("{w}x{h}")));
+        }
+        Ok(mask)
+    }
+}
+
+/// A photo whose mask takes more than so much of a pixel has no color of its own there.
+const LEAST_INSIDE: f32 = 0.5;
+
+/// What counts of a photo that was read over white, by its mask that was read in the same way; `None` if all of it does.
+///
+/// What is masked becomes white. Pixels on the border, which are part white, get the color of what is inside.
+pub(super) fn cut(photo: &mut Image, mask: &Image) -> Option<Vec<bool>> {
+    let mut inside = Vec::with_capacity(photo.width * photo.height);
+    for (color, part) in photo.pixels.chunks_exact_mut(3).zip(mask.pixels.chunks_exact(3)) {
+        let part = part[0];
+        inside.push(part >= LEAST_INSIDE);
+        color.iter_mut().for_each(|c| {
+            *c = if part >= LEAST_INSIDE { ((*c - (1.0 - part)) / part).clamp(0.0, 1.0) } else { 1.0 };
+        });
+    }
+    inside.contains(&false).then_some(inside)
 }
 
 /// Where a photo's mask was looked for, for messages.
-pub(super) fn expected(photo: &Path, folder: &Path) -> String {
+fn expected(photo: &Path, folder: &Path) -> String {
     let mut all = candidates(photo, folder);
     let mut last = all.split_off(all.len().saturating_sub(3));
     // The photo's extension may be the mask's.

@@ -2,7 +2,7 @@
 
 use super::photo::Photo;
 use super::photo::Photos;
-use super::{by_name, nerf, read_cropped, sparse, visible_points};
+use super::{MaskedImage, by_name, masks, nerf, read_cropped, sparse, visible_points};
 use crate::{Error, SparsePoints};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -16,6 +16,8 @@ use weaver_scene::Frame;
 pub struct PhotoCameras {
     /// The photos, without distortion.
     pub images: Vec<Image>,
+    /// Which pixels of each photo count, `[height, width]`; `None` for a photo that has no mask, or one that leaves nothing out.
+    pub inside: Vec<Option<Vec<bool>>>,
     /// One for each photo, with intrinsics for it.
     pub cameras: Vec<Camera>,
     /// The points that at least one photo shows; empty where the file has none.
@@ -27,31 +29,41 @@ pub struct PhotoCameras {
 /// `file` is a transforms.json, with the points of a COLMAP model in `sparse/0` or `sparse` beside it where there is one; a folder
 /// with a COLMAP model, itself or in `sparse/0` or `sparse`; or a RealEstate10K file. A photo's camera is the one whose name has most
 /// parts in common with the end of the photo's path: `a/1.jpg` and `b/1.jpg` are told apart, and `1.jpg` is enough where it is the
-/// only one.
+/// only one. With `masked`, photos are white outside of their masks: those that the file names, else as
+/// [`load_masked_images`](super::load_masked_images) finds them.
 ///
 /// # Errors
 /// When the file is missing or malformed; when photos have no camera, several, or one that another photo has, too: all of them are
-/// listed; when a photo cannot be read, or its size is not its camera's.
-pub fn load_cameras(file: &Path, photos: &[PathBuf], width: usize, height: usize) -> Result<PhotoCameras, Error> {
+/// listed; when a photo cannot be read, its size is not its camera's, or a mask is missing that was asked for.
+pub fn load_cameras(
+    file: &Path,
+    photos: &[PathBuf],
+    [width, height]: [usize; 2],
+    masked: bool,
+) -> Result<PhotoCameras, Error> {
     let capture = read(file)?;
     let Photos { photos: known, points, .. } = &capture;
     let names: Vec<&str> = known.iter().map(|photo| photo.frame.name.as_str()).collect();
-    let found: Vec<(&PathBuf, usize)> = photos.iter().zip(by_name::cameras(file, &names, photos)?).collect();
-    let load = |(path, at): &(&PathBuf, usize)| {
-        let found = known[*at].clone();
-        let photo = Photo { frame: Frame { path: path.to_path_buf(), ..found.frame }, ..found };
-        let (image, camera) = read_cropped(&photo, width, height)?;
-        Ok((image, (camera, visible_points(&camera, &capture, &photo).0)))
+    let named = |(path, at): (&PathBuf, usize)| {
+        let found = known[at].clone();
+        Photo { frame: Frame { path: path.clone(), ..found.frame }, ..found }
     };
-    let loaded: Vec<Result<_, Error>> = found.par_iter().map(load).collect();
+    let found: Vec<Photo> = photos.iter().zip(by_name::cameras(file, &names, photos)?).map(named).collect();
+    let masks = masked.then(|| masks::of_known(&found, file)).transpose()?;
+    let load = |(i, photo): (usize, &Photo)| {
+        let (image, camera) = read_cropped(photo, masks.as_ref().map(|masks| &masks[i]), width, height)?;
+        Ok((image, (camera, visible_points(&camera, &capture, photo).0)))
+    };
+    let loaded: Vec<Result<_, Error>> = found.par_iter().enumerate().map(load).collect();
     let loaded: Vec<_> = loaded.into_iter().collect::<Result<_, Error>>()?;
-    let (images, seen): (Vec<Image>, Vec<_>) = loaded.into_iter().unzip();
+    let (images, seen): (Vec<MaskedImage>, Vec<_>) = loaded.into_iter().unzip();
+    let (images, inside) = images.into_iter().unzip();
     let (mut cameras, visible): (Vec<Camera>, Vec<_>) = seen.into_iter().unzip();
     let Some(Camera { pose: first, .. }) = cameras.first().copied() else { return Ok(PhotoCameras::default()) };
     let visible: Vec<&[u32]> = visible.iter().map(Vec::as_slice).collect();
     let points = SparsePoints::seen_from(&first, 1.0, points, &visible);
     cameras.iter_mut().for_each(|camera| camera.pose = camera.pose.relative_to(&first));
-    Ok(PhotoCameras { images, cameras, points })
+    Ok(PhotoCameras { images, inside, cameras, points })
 }
 
 /// The cameras of photos as they are on disk, distortion aside, matched by name as [`load_cameras`] does, in the world of the file.

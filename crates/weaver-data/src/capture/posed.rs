@@ -1,7 +1,8 @@
 //! Photos at their own size with their cameras: what fitting a scene, or judging one, needs of a capture.
 
-use super::photo::{Photo, Photos, check_size, straight, straight_camera};
-use super::{HoldOut, folder, masks, name, read_split_photos};
+use super::masks::{self, Mask};
+use super::photo::{Photo, Photos, straight, straight_camera};
+use super::{HoldOut, folder, name, read_split_photos};
 use crate::Error;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -73,10 +74,10 @@ pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhoto
     let path = path.as_ref();
     let Photos { photos, points, colors, remarks, .. } = read_split_photos(path, options.hold_out)?;
     let folder = folder(path);
-    let masks = if options.masks { masks::files(&photos, folder)? } else { vec![None; photos.len()] };
-    let loaded: Vec<Result<PosedPhoto, Error>> = (photos.par_iter().zip(masks))
-        .map(|(photo, mask_file)| load_photo(photo, mask_file, folder, options))
-        .collect();
+    let masks = options.masks.then(|| masks::of_capture(&photos, folder)).transpose()?;
+    let mask = |i: usize| masks.as_ref().map(|masks| &masks[i]);
+    let loaded: Vec<Result<PosedPhoto, Error>> =
+        photos.par_iter().enumerate().map(|(i, photo)| load_photo(photo, mask(i), options)).collect();
     let canonical = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     Ok(PosedPhotos {
         name: name(&canonical),
@@ -109,12 +110,7 @@ fn resized(camera: &Camera, long_side: Option<usize>) -> Camera {
     Camera { intrinsics: camera.intrinsics.resized(sx, sy), width, height, ..*camera }
 }
 
-fn load_photo(
-    photo: &Photo,
-    mask_file: Option<PathBuf>,
-    folder: &Path,
-    options: &PosedOptions,
-) -> Result<PosedPhoto, Error> {
+fn load_photo(photo: &Photo, mask: Option<&Mask>, options: &PosedOptions) -> Result<PosedPhoto, Error> {
     let frame = &photo.frame;
     let file = photo.open()?.over(options.background);
     let camera = resized(&frame.camera, options.long_side);
@@ -123,39 +119,17 @@ fn load_photo(
         Ok(straight(file.resize_whole(camera.width, camera.height)?, lens.as_ref()).pixels)
     };
     let rgb = read(&file)?;
-    let mask = options.masks.then(|| mask(photo, mask_file.as_deref(), file, folder, &read)).transpose()?;
+    let inside = mask.map(|mask| read(&mask.open(&frame.path, file)?)).transpose()?;
+    let threshold = |mask: Vec<u8>| mask.chunks_exact(3).map(|p| if p[0] >= 128 { 255 } else { 0 }).collect();
     Ok(PosedPhoto {
         name: frame.name.clone(),
         path: frame.path.clone(),
         camera: straight_camera(camera, lens.as_ref()),
         file_camera: frame.camera,
         distortion: frame.distortion,
-        mask_file,
+        mask_file: mask.and_then(|mask| mask.file.clone()),
         rgb,
-        mask,
+        mask: inside.map(threshold),
         held_out: photo.held_out,
     })
-}
-
-/// The mask of a photo, at its size: of a file, or its alpha.
-fn mask(
-    photo: &Photo,
-    file: Option<&Path>,
-    alpha: PhotoFile,
-    folder: &Path,
-    read: &dyn Fn(&PhotoFile) -> Result<Vec<u8>, Error>,
-) -> Result<Vec<u8>, Error> {
-    let Camera { width, height, .. } = photo.frame.camera;
-    let mask = match file {
-        Some(path) => {
-            let mask = PhotoFile::at(path)?.for_camera(width, height).over([0.0; 3]);
-            check_size(path, mask.size(), &photo.frame.camera)?;
-            mask
-        }
-        None => alpha.alpha().ok_or_else(|| {
-            let path = &photo.frame.path;
-            Error::unexpected(path, "mask", masks::expected(path, folder), "no such file, and no alpha")
-        })?,
-    };
-    Ok(read(&mask)?.chunks_exact(3).map(|p| if p[0] >= 128 { 255 } else { 0 }).collect())
 }

@@ -12,7 +12,8 @@ use weaver_io::realestate::{Clip, ClipFrame};
 use weaver_scene::Frame;
 
 const SIZE: ProceduralOptions = ProceduralOptions { width: 40, height: 30, views: 10 };
-const OPTIONS: CaptureOptions = CaptureOptions { width: 40, height: 30, scene_scale: None, hold_out: HoldOut::Listed };
+const OPTIONS: CaptureOptions =
+    CaptureOptions { width: 40, height: 30, scene_scale: None, hold_out: HoldOut::Listed, masks: false };
 
 fn write_photos(scene: &Scene, folder: &Path, name: impl Fn(usize) -> String) {
     fs::create_dir_all(folder).unwrap();
@@ -189,7 +190,7 @@ fn cameras_of_some_photos_are_those_of_the_capture() {
     let photos: Vec<_> = views.iter().map(|v| folder.path().join(format!("images/{v:02}.png"))).collect();
     let first = scene.views[views[0]].camera.pose;
     for file in [folder.path().join("transforms.json"), folder.path().to_path_buf(), folder.path().join("sparse/0")] {
-        let found = load_cameras(&file, &photos, 16, 16).unwrap();
+        let found = load_cameras(&file, &photos, [16, 16], false).unwrap();
         for (camera, v) in found.cameras.iter().zip(views) {
             let expected = scene.views[v].camera;
             let pose = expected.pose.relative_to(&first);
@@ -203,7 +204,7 @@ fn cameras_of_some_photos_are_those_of_the_capture() {
     }
     // Without the model beside it, a transforms.json has no points.
     fs::remove_dir_all(folder.path().join("sparse")).unwrap();
-    let found = load_cameras(&folder.path().join("transforms.json"), &photos, 16, 16).unwrap();
+    let found = load_cameras(&folder.path().join("transforms.json"), &photos, [16, 16], false).unwrap();
     assert!(found.points.positions.is_empty() && found.points.visible == vec![Vec::<u32>::new(); 3]);
 }
 

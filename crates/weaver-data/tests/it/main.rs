@@ -1,6 +1,7 @@
 //! Integration tests of weaver-data.
 
 mod capture;
+mod masked;
 mod own_photos;
 mod posed;
 mod procedural;

@@ -108,7 +108,7 @@ fn distorted_photos_are_loaded_as_those_of_a_lens_without_distortion() {
             }
             let paths: Vec<_> = (0..lenses().len()).map(|i| folder.join(format!("images/{i}.png"))).collect();
             let file = if kind == "COLMAP" { folder.to_path_buf() } else { folder.join("transforms.json") };
-            let found = load_cameras(&file, &paths, width, height).unwrap();
+            let found = load_cameras(&file, &paths, [width, height], false).unwrap();
             for (i, view) in scene.views.iter().enumerate() {
                 assert_eq!(found.images[i], view.image);
                 assert_eq!(found.cameras[i].intrinsics, view.camera.intrinsics);
@@ -213,7 +213,10 @@ fn photos_turned_by_exif_are_loaded_like_upright_ones() {
     // Without cameras, too.
     let images = |folder: &Path| {
         let paths: Vec<_> = (0..6).map(|i| folder.join(format!("images/{i}.png"))).collect();
-        (load_images(&paths, 20, 20).unwrap(), load_cameras(&folder.join("transforms.json"), &paths, 20, 20).unwrap())
+        (
+            load_images(&paths, 20, 20).unwrap(),
+            load_cameras(&folder.join("transforms.json"), &paths, [20, 20], false).unwrap(),
+        )
     };
     assert_eq!(images(clean.path()), images(turned.path()));
 }

@@ -3,7 +3,7 @@
 use crate::scene::{line, view};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
-use weaver_data::{Layout, Scene, Tuple, bounded_gap, evaluation_tuples, every, training_tuple, uniform};
+use weaver_data::{Layout, Sampler, Scene, Tuple, bounded_gap, evaluation_tuples, training_tuple, uniform};
 use weaver_geometry::glam::DVec3;
 use weaver_kernels::random::Stream;
 
@@ -123,12 +123,44 @@ fn evaluation_shows_the_nearest_training_views() {
 }
 
 #[test]
-fn uniform_and_every() {
+fn ordered_samplers_take_distinct_views_as_they_say() {
+    let scene = line(41);
+    let layouts = [Layout::of(&scene)];
+    let training = scene.training_views();
+    let place = |view: &usize| training.iter().position(|v| v == view).unwrap();
+    let mut spans = BTreeSet::new();
+    for index in 0..200 {
+        let rng = Stream::new(4, 0, "test.samplers");
+        let gap = Sampler::BoundedGap.tuple(&layouts, rng, index, 4, 3);
+        let (first, last) = (place(&gap.context[0]), place(&gap.context[3]));
+        let all: BTreeSet<usize> = gap.context.iter().chain(&gap.targets).copied().collect();
+        assert_eq!((gap.context.len(), gap.targets.len(), all.len()), (4, 3, 7));
+        assert!(all.iter().all(|view| (first..=last).contains(&place(view))), "{gap:?}");
+        assert!(last - first >= 21, "{gap:?}");
+        spans.insert((first, last));
+        let even = Sampler::Uniform.tuple(&layouts, rng, index, 4, 3);
+        let places: Vec<usize> = even.context.iter().map(place).collect();
+        assert_eq!(places, uniform(training.len(), 4));
+        assert!(even.targets.len() == 3 && even.targets.iter().all(|view| !even.context.contains(view)), "{even:?}");
+        let nearest = Sampler::Nearest { pool: 6 }.tuple(&layouts, rng, index, 4, 2);
+        assert_eq!(nearest, training_tuple(&layouts, rng, index, 6, 4, 2));
+    }
+    assert!(spans.len() > 20, "{spans:?}");
+    // Three training views: two of context, and the third as often as it is asked for.
+    let few = [Layout::of(&line(4))];
+    for sampler in [Sampler::BoundedGap, Sampler::Uniform] {
+        let tuple = sampler.tuple(&few, Stream::new(0, 0, "test.samplers"), 0, 2, 2);
+        assert_eq!(tuple.targets[0], tuple.targets[1], "{tuple:?}");
+        assert!(!tuple.context.contains(&tuple.targets[0]));
+    }
+}
+
+#[test]
+fn uniform_is_even() {
     assert_eq!(uniform(100, 16)[..4], [0, 6, 13, 19]);
     assert_eq!(uniform(100, 16)[15], 99);
     assert_eq!(uniform(5, 1), [0]);
     assert_eq!(uniform(0, 3), [0_usize; 0]);
-    assert_eq!(every(20, 8, 7), [7, 15]);
 }
 
 proptest! {

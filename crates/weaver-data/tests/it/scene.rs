@@ -17,6 +17,7 @@ pub fn view(name: &str, center: DVec3, turn: f64, held_out: bool) -> View {
             width: 4,
             height: 3,
         },
+        inside: None,
         depth: None,
         time: None,
         number: None,

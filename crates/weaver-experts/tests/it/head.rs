@@ -70,6 +70,7 @@ impl Model {
                 height,
                 width,
                 stream,
+                inside: None,
                 gumbel: None,
                 pool: tape.pool(),
             })

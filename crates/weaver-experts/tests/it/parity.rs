@@ -89,6 +89,7 @@ fn the_whole_head_and_all_its_gradients() {
         height: HEIGHT,
         width: WIDTH,
         stream: Stream::new(0, 0, "unused"),
+        inside: None,
         gumbel: Some(&gumbel),
         pool: tape.pool(),
     });

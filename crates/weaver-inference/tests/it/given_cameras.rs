@@ -38,7 +38,12 @@ fn untrained(unit: f64) -> (SplatWeaverPredictor, Vec<f32>, Vec<Camera>, SparseP
 
 fn predict(predictor: &mut dyn Predictor, planes: &[f32], source: CameraSource<'_>) -> Result<Prediction, Error> {
     let [height, width] = predictor.image_size();
-    predictor.predict(Photos { planes, height, width }, source, Density::default(), Stream::new(0, 0, "test"))
+    predictor.predict(
+        Photos { planes, inside: None, height, width },
+        source,
+        Density::default(),
+        Stream::new(0, 0, "test"),
+    )
 }
 
 #[test]

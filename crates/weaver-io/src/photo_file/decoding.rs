@@ -115,6 +115,8 @@ pub(super) struct Decoded {
     pub stored: (usize, usize),
     pub orientation: Orientation,
     pub layer: Layer,
+    /// Of the same size once both are turned.
+    pub mask: Option<Box<Decoded>>,
 }
 
 impl Decoded {
@@ -124,15 +126,26 @@ impl Decoded {
             return row.copy_from_slice(&self.pixels[y * row.len()..(y + 1) * row.len()]);
         }
         for (x, color) in row.as_chunks_mut::<3>().0.iter_mut().enumerate() {
-            let (x, y) = orientation::stored(self.orientation, self.stored, (x, y));
-            let at = (y * self.stored.0 + x) * self.channels;
-            *color = self.color(&self.pixels[at..at + self.channels]);
+            let seen = self.color(self.pixel((x, y)));
+            *color = match &self.mask {
+                Some(mask) => self.color(&[seen[0], seen[1], seen[2], mask.color(mask.pixel((x, y)))[0]]),
+                None => seen,
+            };
         }
+    }
+
+    /// The pixel as it is stored, of a place as it is read.
+    fn pixel(&self, at: (usize, usize)) -> &[u8] {
+        let (x, y) = orientation::stored(self.orientation, self.stored, at);
+        &self.pixels[(y * self.stored.0 + x) * self.channels..][..self.channels]
     }
 
     /// Whether what is read is what is stored.
     fn is_plain(&self) -> bool {
-        self.orientation == Orientation::NoTransforms && self.channels == 3 && matches!(self.layer, Layer::Over(_))
+        self.mask.is_none()
+            && self.orientation == Orientation::NoTransforms
+            && self.channels == 3
+            && matches!(self.layer, Layer::Over(_))
     }
 
     fn color(&self, pixel: &[u8]) -> [u8; 3] {

@@ -146,3 +146,31 @@ fn a_photo_that_changes_after_it_was_opened_is_an_error() {
     let message = photo.read().unwrap_err().to_string();
     assert!(message.contains("expected 24x16 as before, found 3x3"), "{message}");
 }
+
+#[test]
+fn a_mask_covers_the_photo_as_it_is_seen_whichever_way_up_either_is_stored() {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, mask] = ["a.png", "m.png"].map(|name| folder.path().join(name));
+    for orientation in TURNS {
+        write_oriented(&path, &dynamic(&ramp()), orientation);
+        let upright = PhotoFile::at(&path).unwrap().read().unwrap();
+        let (width, height) = (upright.width, upright.height);
+        let part = |i: usize| [0, 255, 102][(i % width + i / width) % 3];
+        image::GrayImage::from_fn(width as u32, height as u32, |x, y| {
+            image::Luma([part((y as usize) * width + x as usize)])
+        })
+        .save(&mask)
+        .unwrap();
+        let photo = PhotoFile::at(&path).unwrap().over([0.0, 0.0, 1.0]);
+        let masked = photo.masked(PhotoFile::at(&mask).unwrap()).read().unwrap();
+        for (i, (found, color)) in masked.pixels.chunks(3).zip(upright.pixels.chunks(3)).enumerate() {
+            let share = f32::from(part(i)) / 255.0;
+            let over = |c: usize| (f32::from(color[c]) * share + [0.0, 0.0, 255.0][c] * (1.0 - share)).round() as u8;
+            assert!((0..3).all(|c| found[c].abs_diff(over(c)) <= 1), "{orientation:?} {i}: {found:?}");
+        }
+    }
+    image::GrayImage::new(5, 7).save(&mask).unwrap();
+    let other = PhotoFile::at(&path).unwrap().masked(PhotoFile::at(&mask).unwrap()).read();
+    let message = other.unwrap_err().to_string();
+    assert!(message.contains("m.png") && message.contains("its photo's") && message.contains("5x7"), "{message}");
+}

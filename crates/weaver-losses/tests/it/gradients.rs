@@ -54,7 +54,7 @@ proptest! {
     #[test]
     fn of_error_regression(v in 1..3usize, h in 1..5usize, w in 1..5usize, seed in any::<u64>()) {
         let inputs = [Input::normal(seed, [v, h, w]), image(!seed, [v, h, w]).constant()];
-        gradcheck(&inputs, |x| vec![error_regression(x[0], x[1])]);
+        gradcheck(&inputs, |x| vec![error_regression(x[0], x[1], None)]);
     }
 
     #[test]
@@ -97,7 +97,7 @@ fn everything<'t, T: Real>(tape: &'t Tape<T>) -> (Var<'t, T>, Vec<Var<'t, T>>) {
         huber_pose(&[code, code], &[target, target], 1.0) + l1_pose(&[code], target),
         share_budget(logits, &[0.2, 0.02, 0.02]) + global_budget(logits, 0.3),
         ranking_cross_entropy(logits, known.reshape([1920]), &[0.76, 0.96, 0.98], 0.1),
-        error_regression(score, known),
+        error_regression(score, known, None),
         quantiles(depth, &[0.3, 0.9]).sum(),
     ];
     let sum = terms.into_iter().reduce(|sum, term| sum + term).unwrap();

@@ -150,3 +150,25 @@ fn error_targets_are_centered_logarithms_of_smoothed_errors() {
     error_target(&[1.0, 1.0, 0.0, 0.0], [1, 2], &mut both);
     assert!(both[0] > 2.0 && (both[0] + both[2]).abs() < 1e-12);
 }
+
+#[test]
+fn errors_of_some_pixels_teach_these_alone() {
+    let tape = Tape::<f64>::new();
+    let score: Vec<f64> = (0..16).map(|i| f64::from(i) * 0.1).collect();
+    let error = |outside: f64| -> Vec<f64> {
+        (0..16).map(|i| if i % 4 < 1 { 0.01 * f64::from(i + 1) } else { outside }).collect()
+    };
+    let among: Vec<u32> = (0..16).filter(|i| i % 4 < 1).collect();
+    let score = tape.leaf(&score, [1, 4, 4]);
+    let loss = error_regression(score, tape.constant(&error(0.0), [1, 4, 4]), Some(&among));
+    loss.backward();
+    let gradient = score.grad().unwrap();
+    assert!((0..16).all(|i| (gradient[i] != 0.0) == (i % 4 < 1)), "{gradient:?}");
+    // A score that is the target up to its mean over these pixels costs nothing but that mean.
+    let mut target = vec![0.0; 16];
+    error_target(&error(0.0), [4, 4], &mut target);
+    let center = among.iter().map(|p| target[*p as usize]).sum::<f64>() / 4.0;
+    let met = tape.constant(&target.iter().map(|t| t - center).collect::<Vec<_>>(), [1, 4, 4]);
+    let loss = error_regression(met, tape.constant(&error(0.0), [1, 4, 4]), Some(&among));
+    assert!(loss.item() < 1e-20);
+}

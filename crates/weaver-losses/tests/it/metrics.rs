@@ -2,7 +2,7 @@
 
 use crate::fixture::Fixture;
 use weaver_autograd::Tape;
-use weaver_losses::metrics::{energetic_mask, psnr, psnr_masked, ssim};
+use weaver_losses::metrics::{energetic_mask, psnr, psnr_masked, ssim, ssim_masked};
 use weaver_losses::{Covariance, mse, ssim_with};
 
 #[test]
@@ -51,7 +51,28 @@ fn psnr_clamps_and_masks() {
 #[test]
 fn a_quarter_of_the_pixels_is_energetic() {
     let energy: Vec<f64> = (0..48).map(|i| f64::from(i * 29 % 48)).collect();
-    let mask = energetic_mask(&energy);
+    let mask = energetic_mask(&energy, None);
     assert_eq!(mask.iter().filter(|m| **m).count(), 12);
     assert!(energy.iter().zip(&mask).all(|(e, m)| *m == (*e >= 36.0)));
+}
+
+#[test]
+fn what_a_mask_leaves_out_is_not_compared() {
+    let size = [3, 16, 20];
+    let image = |seed: usize, outside: f32| -> Vec<f32> {
+        let value = |i: usize| ((i * 31 + seed * 17) % 97) as f32 / 97.0;
+        (0..960).map(|i| if i % 20 < 5 { value(i) } else { outside }).collect()
+    };
+    let inside: Vec<bool> = (0..320).map(|i| i % 20 < 5).collect();
+    let of = |a: f32, b: f32| ssim_masked(&image(1, a), &image(2, b), size, &inside).unwrap();
+    assert_eq!([of(0.0, 0.4), of(0.7, 0.4)], [of(0.7, 0.1); 2]);
+    assert_eq!(ssim_masked(&image(1, 0.2), &image(1, 1.0), size, &inside), Some(1.0));
+    assert_eq!(ssim_masked(&image(1, 0.2), &image(1, 1.0), size, &[false; 320]), None);
+    // Where every window holds pixels inside, it is the whole.
+    let all = vec![true; 320];
+    let (a, b) = (image(1, 0.5), image(2, 0.5));
+    assert!((ssim_masked(&a, &b, size, &all).unwrap() - ssim(&a, &b, size)).abs() < 1e-12);
+    let energy: Vec<f32> = (0..320).map(|i| if i % 20 < 5 { i as f32 } else { 1e6 }).collect();
+    let mask = energetic_mask(&energy, Some(&inside));
+    assert_eq!((mask.iter().filter(|m| **m).count(), mask[304], mask[319]), (20, true, false));
 }

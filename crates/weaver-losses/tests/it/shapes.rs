@@ -11,8 +11,8 @@ type Case = (&'static str, &'static [&'static [usize]], fn(&[Var<'_, f64>]));
 
 /// The loss's name, shapes that do not fit it, and the call.
 const CASES: &[Case] = &[
-    ("error_regression", &[&[4, 4], &[2, 8]], |x| done(error_regression(x[0], x[1]))),
-    ("error_regression", &[&[15], &[1, 4, 4]], |x| done(error_regression(x[0], x[1]))),
+    ("error_regression", &[&[4, 4], &[2, 8]], |x| done(error_regression(x[0], x[1], None))),
+    ("error_regression", &[&[15], &[1, 4, 4]], |x| done(error_regression(x[0], x[1], None))),
     ("masked_depth_mse", &[&[4, 4], &[4, 4], &[4, 4]], |x| done(masked_depth_mse(x[0], x[1], x[2], 0.3))),
     ("masked_depth_mse", &[&[1, 4, 4], &[1, 4, 4], &[1, 4, 5]], |x| done(masked_depth_mse(x[0], x[1], x[2], 0.3))),
     ("share_budget", &[&[6, 3]], |x| done(share_budget(x[0], &[0.2, 0.02, 0.02]))),

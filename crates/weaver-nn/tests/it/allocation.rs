@@ -20,7 +20,7 @@ fn a_repeated_step_allocates_nothing() {
         let block = Block::new(builder.scope("block"), &config);
         let norm = LayerNorm::new(builder.scope("norm"), 8, 1e-5);
         let up = ConvTranspose2d::new(builder.scope("up"), 8, 4, 2, init);
-        let table = ops::RopeTable::new(&[[1, 1], [1, 2], [2, 1], [2, 2]], 4, 100.0);
+        let table = std::sync::Arc::new(ops::RopeTable::new(&[[1, 1], [1, 2], [2, 1], [2, 2]], 4, 100.0));
         let group = Group { params: params.ids().collect(), lr_scale: 1.0, weight_decay: 0.01 };
         let mut optimizer = AdamW::new(vec![group], 0.9, 0.99, 1e-8);
         let mut ema = Ema::new(&params, 0.99);

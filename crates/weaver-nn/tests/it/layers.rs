@@ -164,7 +164,7 @@ proptest! {
         let config = BlockConfig { layer_scale: scaled.then_some(0.3), qk_norm: normed, ..CONFIG };
         let block = Block::new(Builder::new(&mut params, seed), &config);
         let positions: Vec<_> = (0..tokens).map(|t| [t / 2, t % 2]).collect();
-        let table = RopeTable::new(&positions, 4, 100.0);
+        let table = std::sync::Arc::new(RopeTable::new(&positions, 4, 100.0));
         check(params, Input::normal(seed, [batch, tokens, 8]), |cx, x| block.forward(cx, x, Some(&table)));
     }
 

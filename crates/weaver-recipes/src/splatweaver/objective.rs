@@ -7,7 +7,7 @@ use weaver_losses::{self as losses, Lpips};
 use weaver_model::{Dense, PredictedGaussians, SplatWeaver};
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
-use weaver_router::Allocation;
+use weaver_router::{Allocation, Masked};
 use weaver_splat::{Rasterize, WorkspacePool};
 use weaver_trainer::losses::{PoseCodes, camera_constants, photo_constants};
 use weaver_trainer::{CameraMode, Example, StageConfig, Terms};
@@ -66,7 +66,8 @@ impl Objective<'_> {
             CameraMode::Given => camera_constants(cx, example.context()),
         };
         let stream = self.stream.fork(b as u64);
-        let predicted = model.gaussians(cx, &dense, photos, &cameras, self.allocation, stream);
+        let allocation = Masked { among: self.allocation, inside: example.inside_of(views) };
+        let predicted = model.gaussians(cx, &dense, photos, &cameras, &allocation, stream);
         if model.config().dense.stereo.is_some() {
             weights.depth.add_predicted(terms, share, predicted.depth, known);
         }
@@ -77,9 +78,15 @@ impl Objective<'_> {
         let rendered = self.render(cx, model, &predicted, &cameras, example);
         let image = rendered.image.permute(&[0, 3, 1, 2]).clamp(0.0, 1.0);
         let truth = cx.tape.constant(&example.images[..shown * 3 * height * width], image.shape());
-        weights.image.add(terms, share, self.lpips, image, truth);
+        weights.image.add(terms, share, self.lpips, [image, truth], example.inside_of(shown));
         weights.depth.add_rendered(terms, cx, share, || rendered.depth, example);
-        self.routing_terms(terms, cx, (&dense, &predicted), image.slice(0, 0, views), photos);
+        self.routing_terms(
+            terms,
+            cx,
+            (&dense, &predicted),
+            [image.slice(0, 0, views), photos],
+            example.inside_of(views),
+        );
     }
 
     fn render<'t>(
@@ -112,22 +119,25 @@ impl Objective<'_> {
         terms: &mut Terms<'t>,
         cx: Context<'t, '_, f32>,
         (dense, predicted): (&Dense<'t>, &PredictedGaussians<'t>),
-        own: Var<'t, f32>,
-        photos: Var<'t, f32>,
+        [own, photos]: [Var<'t, f32>; 2],
+        inside: Option<&[bool]>,
     ) {
+        let among: Option<Vec<u32>> =
+            inside.map(|inside| (0..).zip(inside).filter(|(_, inside)| **inside).map(|(pixel, _)| pixel).collect());
+        let counted = |rows: Var<'t, f32>| among.as_ref().map_or(rows, |among| rows.gather_rows(among));
         let share = 1.0 / self.stage.tuples as f64;
         let weights = &self.stage.losses.router;
         if self.ranking {
             terms.add("rank", weights.rank, share, || {
                 losses::ranking_cross_entropy(
-                    dense.logits,
-                    dense.energy,
+                    counted(dense.logits),
+                    counted(dense.energy),
                     &weights.rank_quantiles,
                     weights.label_smoothing,
                 )
             });
         }
-        if let Some(choice) = predicted.choice {
+        if let Some(choice) = predicted.choice.map(counted) {
             terms.add("budget", weights.budget, share, || {
                 let shares = match weights.budget_form {
                     BudgetForm::Shares => true,
@@ -144,7 +154,7 @@ impl Objective<'_> {
         terms.add("error_regression", weights.error_regression, share, || {
             let score = dense.logits.slice(1, 1, 1) - dense.logits.slice(1, 0, 1);
             let error = cx.tape.without_gradient(|| (own.detach() - photos).square().mean_axis(1));
-            losses::error_regression(score.reshape(error.shape()), error.detach())
+            losses::error_regression(score.reshape(error.shape()), error.detach(), among.as_deref())
         });
     }
 }

@@ -4,10 +4,12 @@ mod allocations;
 mod configuration;
 mod determinism;
 mod experts;
+mod masks;
 mod mutated;
 #[path = "../../../weaver-io/tests/it/mutations.rs"]
 mod mutations;
 mod presets;
 mod ranges;
+mod stages;
 mod switch_off;
 mod switches;

@@ -61,7 +61,7 @@ fn every_preset_trains() {
             assert_eq!(report.gaussians_per_pixel > 0.0, report.stage != "poses", "{preset}: {report:?}");
         }
         let published = names(found.last().unwrap()).contains(&"rank") || names(&found[0]).contains(&"rank");
-        assert_eq!(published, *preset == "tiny-published", "{preset}");
+        assert_eq!(published, ["tiny-published", "tiny-dagger"].contains(preset), "{preset}");
     }
 }
 
@@ -136,4 +136,17 @@ fn every_form_of_the_budget_trains() {
     let [shares, limit, both] = ["shares", "limit", "shares-then-limit"].map(budgets);
     assert!(shares.iter().zip(&limit).all(|(a, b)| a != b && *a > 0.0 && *b > 0.0), "{shares:?} {limit:?}");
     assert_eq!((&both[..2], &both[2..]), (&shares[..2], &limit[2..]));
+}
+
+#[test]
+fn the_dagger_asks_for_a_third_of_the_gaussians() {
+    let router = |preset: &str| shrunk(preset, &[]).stages[0].losses.router.clone();
+    let (all, few) = (router("tiny-published"), router("tiny-dagger"));
+    let asked = |shares: &[f64]| (1..).zip(shares).map(|(count, share)| f64::from(count) * share).sum::<f64>();
+    let ranked = |quantiles: &[f64]| quantiles.iter().map(|q| 1.0 - q).sum::<f64>();
+    for (router, count) in [(&all, 0.3), (&few, 0.1)] {
+        assert!((asked(&router.budget_shares) - count).abs() < 1e-9, "{router:?}");
+        assert!((ranked(&router.rank_quantiles) - count).abs() < 1e-9, "{router:?}");
+        assert_eq!(router.budget_limit, count);
+    }
 }

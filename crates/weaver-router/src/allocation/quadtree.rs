@@ -19,7 +19,7 @@ const MOST: usize = 8;
 /// at the given count.
 ///
 /// What a cell loses with e Gaussians is the squared deviation of colors and log depths from the means of e bands, over the cell and
-/// a quarter of its side around, which is where its Gaussians show. Of all divisions with floor(budget P) Gaussians in all views together,
+/// a quarter of its side around, which is where its Gaussians show. Of all divisions with floor(budget P) Gaussians in all views together (P counts what is inside the masks),
 /// that of the least sum is taken, up to the last few (see the module on pruning). No pixel is left without a cell; a budget
 /// below one Gaussian per coarsest cell is raised to that.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,12 +67,31 @@ fn even(forest: &Forest) -> (Vec<f32>, Vec<f32>) {
     (vec![0.0; forest.nodes()], (0..forest.nodes()).flat_map(losses).collect())
 }
 
+/// Forbids cells that hold both pixels that count and others, and lets cells of others alone go without Gaussians.
+fn exclude(forest: &Forest, inside: &[bool], [height, width]: [usize; 2], losses: &mut [f32]) {
+    let per_node = losses.len() / forest.nodes();
+    for (node, losses) in losses.chunks_exact_mut(per_node).enumerate() {
+        let (view, cell) = forest.cell(node);
+        let columns = cell.columns(width);
+        let rows = cell.rows(height).map(|row| (view * height + row) * width);
+        let mut pixels = rows.flat_map(|row| &inside[row + columns.start..row + columns.end]);
+        let (any, all) = (pixels.clone().any(|inside| *inside), pixels.all(|inside| *inside));
+        if !all {
+            losses.fill(f32::INFINITY);
+            losses[0] = if any { f32::INFINITY } else { 0.0 };
+        }
+    }
+}
+
 fn allocate<T: Real>(request: &AllocationRequest<'_, T>, budget: f64, grid: bool) -> Assignment<T> {
     let (height, width, pool) = (request.height, request.width, request.pool);
     let forest = Forest::new(request.views, height, width);
     let most = if grid { 1 } else { (request.experts() - 1).clamp(1, MOST) };
-    let (angles, losses) = if grid { even(&forest) } else { Picture::new(request).measure(&forest, most) };
-    let count = (budget * request.pixels() as f64).floor() as usize;
+    let (angles, mut losses) = if grid { even(&forest) } else { Picture::new(request).measure(&forest, most) };
+    if let Some(inside) = request.inside {
+        exclude(&forest, inside, [height, width], &mut losses);
+    }
+    let count = (budget * request.pixels_inside() as f64).floor() as usize;
     let mut expert = pool.filled(request.pixels(), 0);
     let mut cells = Cells { level: pool.filled(request.pixels(), 0), angle: pool.filled(request.pixels(), 0.0) };
     for (node, gaussians) in Pruning::new(&forest, &losses, most).leaves(count) {

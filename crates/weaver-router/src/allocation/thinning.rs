@@ -3,8 +3,9 @@
 use super::{Allocation, AllocationRequest, Assignment, bayer};
 use weaver_autograd::Real;
 
-/// floor(budget P), the number of pixels that a budget of Gaussians per pixel keeps.
-fn kept(budget: f64, pixels: usize) -> usize {
+/// floor(budget P), the number of pixels that a budget of Gaussians per pixel keeps, of P that count.
+fn kept<T: Real>(budget: f64, request: &AllocationRequest<'_, T>) -> usize {
+    let pixels = request.pixels_inside();
     ((budget * pixels as f64).floor() as usize).min(pixels)
 }
 
@@ -18,6 +19,12 @@ fn keep_highest<T: Real>(
     let mut expert = request.pool.filled(pixels, 0);
     let mut scores = request.pool.buffer::<f64>(pixels);
     scores.iter_mut().zip(request.places()).for_each(|(s, at)| *s = score(at));
+    for (score, inside) in scores.iter_mut().zip(request.inside.into_iter().flatten()) {
+        if !inside {
+            // Behind all others, of which there are as many as are kept.
+            *score = f64::NEG_INFINITY;
+        }
+    }
     let mut order = request.pool.buffer::<u32>(pixels);
     order.iter_mut().zip(0..).for_each(|(o, pixel)| *o = pixel);
     if count > 0 && count < pixels {
@@ -60,7 +67,7 @@ pub struct Dithered {
 impl<T: Real> Allocation<T> for Dithered {
     fn allocate(&self, request: &AllocationRequest<'_, T>) -> Assignment<T> {
         let experts = request.experts();
-        keep_highest(request, kept(self.budget, request.pixels()), |at| {
+        keep_highest(request, kept(self.budget, request), |at| {
             let threshold = bayer::threshold(at.row, at.column, bayer::view_shift(at.view));
             let preference = if self.gamma == 0.0 {
                 0.0
@@ -95,7 +102,7 @@ pub struct Random {
 
 impl<T: Real> Allocation<T> for Random {
     fn allocate(&self, request: &AllocationRequest<'_, T>) -> Assignment<T> {
-        let count = kept(self.budget, request.pixels());
+        let count = kept(self.budget, request);
         keep_highest(request, count, |at| request.stream.uniform(at.pixel as u64))
     }
 }
@@ -130,7 +137,7 @@ impl<T: Real> Allocation<T> for TrainingMix {
         let gamma = if step.uniform::<f64>(1) < self.uniform { 0.0 } else { self.strongest * step.uniform::<f64>(2) };
         let noisy = step.uniform::<f64>(3) < 0.5;
         let shift = (step.below(4, bayer::SIDE), step.below(5, bayer::SIDE));
-        keep_highest(request, kept(budget, request.pixels()), |at| {
+        keep_highest(request, kept(budget, request), |at| {
             let index = at.pixel as u64;
             let threshold =
                 if noisy { noise.uniform::<f64>(index) } else { bayer::threshold(at.row, at.column, shift) };

@@ -5,8 +5,8 @@ use std::sync::LazyLock;
 use weaver_autograd::Pool;
 use weaver_kernels::random::Stream;
 use weaver_router::{
-    Allocation, AllocationError, AllocationKind, AllocationRequest, Argmax, Dithered, Fixed, Grid, Random, Sampled,
-    TrainingMix,
+    Allocation, AllocationError, AllocationKind, AllocationRequest, Argmax, Dithered, Fixed, Grid, Masked, Random,
+    Sampled, TrainingMix,
 };
 
 /// Shared by all tests: memory that was used before must not change a result.
@@ -24,6 +24,7 @@ fn request<'a>(logits: &'a [f64], energy: &'a [f64], size: [usize; 3], seed: u64
         height,
         width,
         stream,
+        inside: None,
         gumbel: None,
         pool: &POOL,
     }
@@ -54,6 +55,30 @@ proptest! {
             prop_assert_eq!(assignment.count(), expected, "{:?}", allocation);
             prop_assert!(assignment.expert.iter().all(|&e| e <= 1) && assignment.gate.is_none());
             prop_assert_eq!(&*allocation.allocate(&request).expert, &*assignment.expert);
+        }
+    }
+
+    #[test]
+    fn only_pixels_that_count_get_gaussians_and_the_budget_is_for_these(
+        size in size(), budget in 0.0..=1.0f64, part in 0.0..=1.0f64, seed in 0..1000u64
+    ) {
+        let pixels = size.iter().product::<usize>();
+        let (logits, energy) = (normals(seed, 4 * pixels), vec![1.0; pixels]);
+        let inside: Vec<bool> = (0..pixels as u64).map(|p| Stream::new(seed, 2, "mask").uniform::<f64>(p) < part).collect();
+        let counted = inside.iter().filter(|inside| **inside).count();
+        let request = request(&logits, &energy, size, seed);
+        let exact: [&dyn Allocation<f64>; 3] = [&Dithered { budget, gamma: 0.7 }, &Grid { budget }, &Random { budget }];
+        for among in exact {
+            let assignment = Masked { among, inside: Some(&inside) }.allocate(&request);
+            prop_assert!(assignment.expert.iter().zip(&inside).all(|(e, inside)| *inside || *e == 0), "{:?}", among);
+            prop_assert_eq!(assignment.count(), (budget * counted as f64).floor() as usize, "{:?}", among);
+        }
+        let others: [&dyn Allocation<f64>; 4] = [&Sampled, &Argmax, &Fixed { expert: 2 }, &TrainingMix::default()];
+        for among in others {
+            let masked = Masked { among, inside: Some(&inside) }.allocate(&request);
+            prop_assert!(masked.expert.iter().zip(&inside).all(|(e, inside)| *inside || *e == 0), "{:?}", among);
+            let free = Masked { among, inside: None }.allocate(&request);
+            prop_assert_eq!(&*free.expert, &*among.allocate(&request).expert);
         }
     }
 

@@ -17,6 +17,7 @@ fn photos([views, height, width]: [usize; 3], seed: u64, detail: impl Fn(usize, 
 
 struct Scene {
     photos: Vec<f64>,
+    inside: Option<Vec<bool>>,
     logits: Vec<f64>,
     size: [usize; 3],
     pool: Pool,
@@ -25,7 +26,7 @@ struct Scene {
 impl Scene {
     fn new(size: [usize; 3], photos: Vec<f64>) -> Self {
         let logits = vec![0.0; 4 * size.iter().product::<usize>()];
-        Self { photos, logits, size, pool: Pool::new() }
+        Self { photos, inside: None, logits, size, pool: Pool::new() }
     }
 
     fn allocate(&self, allocation: &dyn Allocation<f64>, seed: u64) -> Assignment<f64> {
@@ -39,6 +40,7 @@ impl Scene {
             height,
             width,
             stream: Stream::new(seed, 0, "allocation"),
+            inside: self.inside.as_deref(),
             gumbel: None,
             pool: &self.pool,
         })
@@ -88,6 +90,34 @@ let count = assignment.count();
         prop_assert!(count <= expected && count + spare >= expected, "{count}, not {expected}");
         prop_assert!(scene.owners(&assignment).iter().all(|&owners| owners == 1));
         prop_assert_eq!(&*scene.allocate(&*allocation, seed + 1).expert, &*assignment.expert);
+    }
+
+    #[test]
+    fn what_a_mask_hides_gets_nothing_and_has_no_say(
+        size in size(), budget in 0.0..3.0f64, part in 0.0..1.0f64, grid: bool, seed in 0..1000u64
+    ) {
+        let mut scene = Scene::new(size, photos(size, seed, |_, _| 1.0));
+        let [_, height, width] = size;
+        // Blocks of 5 x 5 pixels.
+        let block = |p: usize| (p / (height * width) * 64 + p / width % height / 5 * 8 + p % width / 5) as u64;
+        let stream = Stream::new(seed, 1, "mask");
+        let inside: Vec<bool> = (0..size.iter().product()).map(|p| stream.uniform::<f64>(block(p)) < part).collect();
+        scene.inside = Some(inside.clone());
+        let allocation: Box<dyn Allocation<f64>> =
+            if grid { Box::new(QuadtreeGrid { budget }) } else { Box::new(Quadtree { budget }) };
+        let assignment = scene.allocate(&*allocation, seed);
+        for (owners, inside) in scene.owners(&assignment).into_iter().zip(&inside) {
+            prop_assert_eq!(owners, u32::from(*inside));
+        }
+        let counted = inside.iter().filter(|inside| **inside).count();
+        prop_assert!(grid || assignment.count() <= 3 * counted);
+        let plane = height * width;
+        for (i, value) in scene.photos.iter_mut().enumerate() {
+            if !inside[i / (3 * plane) * plane + i % plane] {
+                *value = 1.0 - *value;
+            }
+        }
+        prop_assert_eq!(&*scene.allocate(&*allocation, seed).expert, &*assignment.expert);
     }
 
     #[test]

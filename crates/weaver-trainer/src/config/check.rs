@@ -3,7 +3,8 @@
 
 use super::Config;
 use crate::evaluate::LEAST_SIDE;
-use crate::{Error, Recipe, StageConfig};
+use crate::scenes::FRESH_VIEWS;
+use crate::{Error, Recipe, SamplerKind, StageConfig};
 use std::path::Path;
 use weaver_settings::Error as Wrong;
 
@@ -14,7 +15,22 @@ impl<R: Recipe> Config<R> {
     /// The first key that is wrong: its range or what was expected, and what was found.
     pub fn check(&self) -> Result<(), Error> {
         weaver_settings::check(self, "configuration")?;
-        Ok(self.check_combinations().map_err(|message| Wrong::invalid("configuration", message))?)
+        let checked = self.check_combinations().and_then(|()| self.check_folders());
+        Ok(checked.map_err(|message| Wrong::invalid("configuration", message))?)
+    }
+
+    /// What is of use with captures alone. They may be named after all else was set.
+    fn check_folders(&self) -> Result<(), String> {
+        let d = &self.data;
+        if d.teacher.is_some() && d.folders.is_empty() {
+            return Err("data.teacher: expected folders of photos in data.folders beside it, found none".into());
+        }
+        if d.masks && d.folders.is_empty() {
+            return Err(
+                "data.masks: expected data.folders beside it, found none: procedural scenes have no masks".into()
+            );
+        }
+        Ok(())
     }
 
     pub(super) fn check_combinations(&self) -> Result<(), String> {
@@ -25,9 +41,24 @@ impl<R: Recipe> Config<R> {
             return Err("stages: expected at least one".into());
         }
         let d = &self.data;
-        if d.pool < d.context_views {
-            let least = d.context_views;
-            return Err(format!("data.pool: expected at least data.context_views, {least}, found {}", d.pool));
+        if d.most_context() < d.context_views {
+            let (least, found) = (d.context_views, d.most_context());
+            return Err(format!(
+                "data.most_context_views: expected at least data.context_views, {least}, found {found}"
+            ));
+        }
+        if d.sampler == SamplerKind::Nearest && d.pool < d.most_context() {
+            let (most, key) = match d.most_context_views {
+                Some(most) => (most, "most_context_views"),
+                None => (d.context_views, "context_views"),
+            };
+            return Err(format!("data.pool: expected at least data.{key}, {most}, found {}", d.pool));
+        }
+        if d.endless.is_some() && d.most_context() >= FRESH_VIEWS {
+            let (most, found) = (FRESH_VIEWS - 1, d.most_context());
+            return Err(format!(
+                "data.endless: expected at most {most} context views of scenes with {FRESH_VIEWS}, found {found}"
+            ));
         }
         if d.endless.is_some() && !d.folders.is_empty() {
             return Err("data.endless: expected none beside data.folders, which it does not apply to; \

@@ -3,7 +3,6 @@
 use super::Config;
 use crate::Recipe;
 use std::collections::BTreeMap;
-use std::path::Path;
 use weaver_settings::{Table, Value};
 
 /// Keys that change no weight of a run that has begun: how many threads, what is written, how the result is used, and what the
@@ -14,7 +13,7 @@ impl<R: Recipe> Config<R> {
     /// The first key that determines the weights and differs from an `earlier` configuration, with both values; `None` where a run
     /// under either goes on in the same way.
     ///
-    /// Files and folders count by their names, for they may have been moved. The last stage may be longer here: that is how a
+    /// Where captures, their teacher and the weights of LPIPS are does not count: a resumed run compares the content. The last stage may be longer here: that is how a
     /// run is prolonged.
     pub fn difference(&self, earlier: &Self) -> Option<(String, String, String)> {
         let (own, mut before) = (keys_of(self), keys_of(earlier));
@@ -46,9 +45,10 @@ fn flatten(value: &Value, path: &str, keys: &mut BTreeMap<String, String>) {
         Value::Array(list) => {
             list.iter().enumerate().for_each(|(i, value)| flatten(value, &inner(&i.to_string()), keys));
         }
-        Value::String(text) if path.starts_with("data.folders") || path.ends_with("lpips_weights") => {
-            let name = Path::new(text).file_name().map_or(text.clone(), |name| name.display().to_string());
-            keys.insert(path.into(), name);
+        Value::String(_)
+            if path.starts_with("data.folders") || path == "data.teacher" || path.ends_with("lpips_weights") =>
+        {
+            // Its content counts.
         }
         value => _ = keys.insert(path.into(), value.to_string()),
     }

@@ -2,7 +2,6 @@
 
 use super::Session;
 use crate::{Error, Example, Recipe, StageConfig};
-use weaver_data::training_tuple;
 use weaver_kernels::random::Stream;
 
 /// Tuples that are drawn for one that tells the scale, before that is given up.
@@ -13,15 +12,21 @@ impl<R: Recipe> Session<R> {
     pub(super) fn examples(&mut self, stage: &StageConfig<R>) -> Result<Vec<Example>, Error> {
         let d = &self.config.data;
         let count = R::tuples(stage);
+        let (sampler, context) = (d.sampler(), d.context_of(self.config.seed, self.step));
         let (scenes, layouts) = match self.fresh.scenes(self.step) {
             Some(fresh) => fresh,
             None => (&self.scenes[..], &self.layouts[..]),
         };
         let stream = Stream::new(self.config.seed, self.step as u64, "tuples");
+        let variation = Stream::new(self.config.seed, self.step as u64, "augmentation");
         // A tuple that tells no scale is left out, and the next one that the step would have drawn takes its place.
         let drawn = (0..count * MOST_DRAWN).map(|i| {
-            let tuple = training_tuple(layouts, stream, i as u64, d.pool, d.context_views, d.target_views);
-            Example::new(&scenes[tuple.scene], &layouts[tuple.scene], tuple)
+            let varied = variation.fork(i as u64);
+            let tuple = sampler.tuple(layouts, stream, i as u64, context, d.target_views);
+            let tuple = d.augmentation.ordered(tuple, varied);
+            let mut example = Example::new(&scenes[tuple.scene], &layouts[tuple.scene], tuple)?;
+            d.augmentation.apply(&mut example, varied);
+            Ok(example)
         });
         let mut without_scale = None;
         let told = drawn.filter_map(|example| match example {

@@ -18,9 +18,11 @@ impl<R: Recipe> Session<R> {
         );
         for stage in &self.config.stages {
             let untrained = R::untrained(stage);
-            let note =
-                if untrained.is_empty() { String::new() } else { format!("; untrained: {}", untrained.join(", ")) };
-            text.push_str(&format!("stage {}: {} steps of {}{note}\n", stage.name, stage.steps, R::describe(stage)));
+            let frozen: Vec<&str> = stage.frozen.iter().map(String::as_str).collect();
+            let parts =
+                [("untrained", untrained), ("frozen", frozen)].into_iter().filter(|(_, parts)| !parts.is_empty());
+            let notes: String = parts.map(|(why, parts)| format!("; {why}: {}", parts.join(", "))).collect();
+            text.push_str(&format!("stage {}: {} steps of {}{notes}\n", stage.name, stage.steps, R::describe(stage)));
         }
         let untrained = self.predictor().ok().and_then(|predictor| predictor.remark(Density::default()));
         let of_scenes = self.scenes.iter().flat_map(|scene| &scene.remarks);

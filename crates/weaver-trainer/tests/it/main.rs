@@ -4,6 +4,7 @@
 #[allow(dead_code, reason = "the example's own main is not called here")]
 mod pixel_cnn;
 
+mod augmentation;
 mod resuming;
 mod scale;
 
@@ -100,6 +101,11 @@ fn a_name_finds_the_model_from_training_to_evaluation() {
 
     let mut run = registry.of_run(&folder).unwrap().open(&folder).unwrap();
     let found = run.evaluate(&Source::Unseen, &Overrides::default(), &mut |_, _| {}).unwrap();
+    let masks = Overrides { masks: true, ..Overrides::default() };
+    for source in [Source::Unseen, Source::Run] {
+        let message = run.evaluate(&source, &masks, &mut |_, _| {}).unwrap_err().to_string();
+        assert!(message.contains("masks: expected captures"), "{message}");
+    }
     assert_eq!((found.mean.gaussians_per_pixel, &found.mean.expert_share[..]), (1.0, &[0.0, 1.0][..]));
     let refused = create_run(folder.path(), &config).unwrap_err();
     assert!(matches!(refused, Error::RunExists { .. }), "{refused}");

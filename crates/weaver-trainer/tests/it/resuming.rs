@@ -1,5 +1,6 @@
 //! A run goes on with the configuration that it began with, or with a longer one.
 
+use crate::scale::captured;
 use crate::{PixelCnnRecipe, Silent, config};
 use std::sync::atomic::AtomicBool;
 use weaver_trainer::{Config, Registry, Session, Setup, create_run};
@@ -40,15 +41,42 @@ fn another_configuration_than_the_checkpoints_is_refused_with_its_key() {
 }
 
 #[test]
-fn captures_may_have_been_moved_but_not_exchanged() {
-    let at = |folder: &str| {
-        let mut config = config(6);
-        config.data.folders = vec![folder.into()];
-        config
-    };
-    assert_eq!(at("/here/fox").difference(&at("/there/fox")), None);
-    let expected = ("data.folders.0".to_string(), "fern".to_string(), "fox".to_string());
-    assert_eq!(at("/here/fern").difference(&at("/here/fox")), Some(expected));
+fn captures_may_have_been_moved_and_renamed_but_not_changed() {
+    let parent = tempfile::tempdir().unwrap();
+    let [here, there] = ["here/fox", "there/fern"].map(|name| parent.path().join(name));
+    let path = parent.path().join("checkpoint.safetensors");
+    let first = captured(&here, 0);
+    let mut session = Session::new(first.clone()).unwrap();
+    session.advance().unwrap();
+    session.save(&path).unwrap();
+    let resumed = |config: &Pixel| Session::resume(config.clone(), &path).map(|s| s.steps()).map_err(|e| e.to_string());
+    assert_eq!(resumed(&first), Ok((1, 4)));
+    std::fs::create_dir_all(there.parent().unwrap()).unwrap();
+    std::fs::rename(&here, &there).unwrap();
+    let mut moved = first.clone();
+    moved.data.folders = vec![there.clone()];
+    assert_eq!((moved.difference(&first), resumed(&moved)), (None, Ok((1, 4))));
+
+    // Another capture of the same name, in the same place.
+    let exchanged = captured(&here, 0);
+    let photo = here.join("images/3.png");
+    let mut image = weaver_io::Image::read(&photo, weaver_io::Background::White).unwrap();
+    image.pixels[5] = 1.0 - image.pixels[5];
+    image.write_png(&photo).unwrap();
+    let message = resumed(&exchanged).unwrap_err();
+    let said = "data.folders.0: expected the photos, cameras and points that the run began with";
+    assert!(message.contains(said) && message.contains("checkpoint.safetensors"), "{message}");
+    assert!(message.contains(&format!("found others in {}", here.display())), "{message}");
+    let camera = there.join("sparse/0/cameras.txt");
+    std::fs::write(&camera, "1 PINHOLE 16 16 17 16 8 8\n").unwrap();
+    assert!(resumed(&moved).unwrap_err().contains(said));
+    let mut two = first.clone();
+    two.data.folders = vec![there.clone(), here];
+    std::fs::write(&camera, "1 PINHOLE 16 16 16 16 8 8\n").unwrap();
+    let message = resumed(&two).unwrap_err();
+    assert!(message.contains("data.folders.1") && message.contains("which it began without"), "{message}");
+    let message = resumed(&Pixel { data: config(4).data, ..first }).unwrap_err();
+    assert!(message.contains("data."), "{message}");
 }
 
 /// A finished run goes on under a longer cosine, and an interrupted one comes to the same bits.

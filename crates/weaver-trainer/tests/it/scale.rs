@@ -7,7 +7,7 @@ use weaver_trainer::{Config, Session};
 
 /// A capture of ten photos on a line, of which the first `blind` see none of its two points; they are behind all cameras if no
 /// photo does, for points that no photo is said to see are seen by those that they are before.
-fn captured(folder: &Path, blind: usize) -> Config<PixelCnnRecipe> {
+pub fn captured(folder: &Path, blind: usize) -> Config<PixelCnnRecipe> {
     let (images, model) = (folder.join("images"), folder.join("sparse/0"));
     std::fs::create_dir_all(&images).unwrap();
     std::fs::create_dir_all(&model).unwrap();

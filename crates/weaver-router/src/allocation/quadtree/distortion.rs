@@ -36,6 +36,10 @@ impl Picture {
         let (height, width) = (request.height, request.width);
         let plane = height * width;
         let value = |p: usize| {
+            if request.inside.is_some_and(|inside| !inside[p]) {
+                // What a mask hides has no say.
+                return [0.0; CHANNELS];
+            }
             let photo = &request.photos[p / plane * 3 * plane + p % plane..];
             let color = |c: usize| photo[c * plane].to_f64() as f32;
             let depth = request.depth.map_or(0.0, |depth| depth[p].to_f64().max(1e-6).ln() as f32);

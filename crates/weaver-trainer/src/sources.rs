@@ -1,0 +1,89 @@
+//! What a run learns from, recognized by its content.
+
+use crate::{Config, Error, Recipe};
+use std::collections::BTreeMap;
+use weaver_data::Scene;
+use weaver_inference::Checkpoint;
+use weaver_io::Checksum;
+use weaver_io::checkpoint::Tensors;
+
+/// The entry of a checkpoint's metadata.
+pub(crate) const ENTRY: &str = "sources";
+
+/// Checksums of what a run has read, by the configuration's key for it.
+///
+/// What was read decides the bits, and not where it lay: captures as they were loaded (photos at the network's size, cameras, depth,
+/// points), and the tensors of LPIPS. Folders may have been moved and renamed; their content may not have changed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Sources(BTreeMap<String, String>);
+
+impl Sources {
+    pub fn of<R: Recipe>(config: &Config<R>, scenes: &[Scene]) -> Result<Self, Error> {
+        let mut all = BTreeMap::new();
+        if !config.data.folders.is_empty() {
+            let sums = scenes.iter().enumerate().map(|(i, scene)| (format!("data.folders.{i}"), of_scene(scene)));
+            all.extend(sums);
+        }
+        if let Some(file) = config.lpips_weights().map_err(Error::Input)? {
+            let mut sum = Checksum::default();
+            for (name, tensor) in &Tensors::read(file)?.tensors {
+                sum.bytes(name.as_bytes());
+                sum.floats(&tensor.data.widened().unwrap_or_default());
+            }
+            all.insert("lpips_weights".into(), sum.to_string());
+        }
+        Ok(Self(all))
+    }
+
+    /// As a checkpoint has them.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string(&self.0).expect("text by text is plain data")
+    }
+
+    /// Checks that a run which is resumed has read what it began with. Checkpoints that do not say what that was pass.
+    ///
+    /// # Errors
+    /// Names the first key that has other content.
+    pub fn check<R: Recipe>(&self, checkpoint: &Checkpoint, config: &Config<R>) -> Result<(), Error> {
+        let Some(text) = checkpoint.tensors().metadata.get(ENTRY) else { return Ok(()) };
+        let began: BTreeMap<String, String> =
+            serde_json::from_str(text).map_err(|e| checkpoint.wrong(format!("metadata {ENTRY}: {e}")))?;
+        let Some(key) = began.keys().chain(self.0.keys()).find(|key| began.get(*key) != self.0.get(*key)) else {
+            return Ok(());
+        };
+        let number = key.strip_prefix("data.folders.").and_then(|number| number.parse::<usize>().ok());
+        let (what, path) = match number {
+            Some(i) => ("photos, cameras and points", config.data.folders.get(i).cloned()),
+            None => ("weights", config.lpips_weights().ok().flatten().map(Into::into)),
+        };
+        let found = match (path, began.contains_key(key)) {
+            (Some(path), true) => format!("others in {}", path.display()),
+            (Some(path), false) => format!("{}, which it began without", path.display()),
+            (None, _) => "nothing".into(),
+        };
+        let message =
+            format!("{key}: expected the {what} that the run began with, wherever they are now, found {found}");
+        Err(checkpoint.wrong(message).into())
+    }
+}
+
+fn of_scene(scene: &Scene) -> String {
+    let mut sum = Checksum::default();
+    for view in &scene.views {
+        sum.word(view.image.width as u64);
+        sum.floats(&view.image.pixels);
+        let camera = &view.camera;
+        let k = &camera.intrinsics;
+        let pose = camera.pose.rotation.to_cols_array().into_iter().chain(camera.pose.translation.to_array());
+        pose.chain([k.fx, k.fy, k.cx, k.cy]).for_each(|x| sum.word(x.to_bits()));
+        sum.word(u64::from(view.held_out));
+        view.inside.iter().flatten().for_each(|inside| sum.word(u64::from(*inside)));
+        sum.floats(view.depth.as_deref().unwrap_or_default());
+    }
+    scene.points.iter().flat_map(|p| p.to_array()).for_each(|x| sum.word(x.to_bits()));
+    for visible in &scene.visible {
+        sum.word(visible.len() as u64);
+        visible.iter().for_each(|point| sum.word(u64::from(*point)));
+    }
+    sum.to_string()
+}
