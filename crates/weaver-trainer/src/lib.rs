@@ -16,6 +16,7 @@ pub mod losses;
 pub mod observe;
 mod recipe;
 mod registry;
+mod rows;
 pub mod samples;
 pub mod scenes;
 mod session;
@@ -34,6 +35,7 @@ pub use recipe::{Recipe, Section, Step};
 pub use registry::{
     Architecture, MatchingOverride, OpenRun, Overrides, Registry, Resolved, Setup, Source, Training, create_run,
 };
+pub use rows::TrainedRows;
 pub use session::{PendingStep, Session};
 
 /// The example of the README, compiled and run.

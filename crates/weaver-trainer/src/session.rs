@@ -7,7 +7,7 @@ use crate::dry_run::{DryRun, Probe};
 use crate::evaluate::{self, Options};
 use crate::evaluation::Summary;
 use crate::observe::{Logs, Observer, StepReport, write_report};
-use crate::{Config, Error, Recipe, StageConfig, Step, TrainingState, initial, samples, scenes};
+use crate::{Config, Error, Recipe, StageConfig, Step, TrainedRows, TrainingState, initial, samples, scenes};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -283,7 +283,8 @@ impl<R: Recipe> Session<R> {
     /// The last part of a step: clips the gradients and updates parameters and averages.
     ///
     /// # Errors
-    /// When the gradients' norm is not a number; the weights are then those of the step before.
+    /// When the gradients' norm is not a number; the weights are then those of the step before. When rows that the model
+    /// changes do not fit.
     pub fn update(&mut self, step: PendingStep) -> Result<StepReport, Error> {
         let PendingStep { position: Position { stage, local }, loss, terms, gaussians_per_pixel } = step;
         let norm = global_norm(&self.params, &self.tape);
@@ -301,6 +302,8 @@ impl<R: Recipe> Session<R> {
             probe.end(&self.tape)?;
         }
         self.step += 1;
+        let Self { params, optimizer, ema, tape, .. } = self;
+        R::resize(&self.network, &self.config, self.step, &mut TrainedRows { params, optimizer, ema, tape })?;
         Ok(StepReport {
             step: self.step,
             stage: stage.name.clone(),

@@ -4,6 +4,7 @@
 #[allow(dead_code, reason = "the example's own main is not called here")]
 mod pixel_cnn;
 
+mod growing;
 mod resuming;
 mod scale;
 
