@@ -26,9 +26,10 @@ pub struct Config<R: Recipe> {
     pub preset: String,
     /// Seed of initial weights, of the order of the data and of the noise.
     pub seed: u64,
-    /// Threads; 0 takes one per core. The result does not depend on it.
-    #[schemars(range(max = 1024))]
-    pub threads: usize,
+    /// Threads; none takes one per core. The result does not depend on it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 1024))]
+    pub threads: Option<usize>,
     /// Checkpoint of a run that training starts from, in place of random weights: of what both networks have in equal sizes, its
     /// averaged weights are taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -99,14 +100,15 @@ pub struct OptimizerConfig {
     /// Largest global norm of the gradient; larger gradients are scaled down to it. A huge one clips nothing.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub clip: f64,
-    /// Decay of the weights' exponential moving average; 0 evaluates the weights themselves.
-    #[schemars(range(min = 0.0), extend("exclusiveMaximum" = 1))]
-    pub ema: f64,
+    /// Decay of the weights' exponential moving average; none evaluates the weights themselves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
+    pub ema: Option<f64>,
 }
 
 impl Default for OptimizerConfig {
     fn default() -> Self {
-        Self { beta1: 0.9, beta2: 0.99, epsilon: 1e-8, weight_decay: 0.02, clip: 1.0, ema: 0.998 }
+        Self { beta1: 0.9, beta2: 0.99, epsilon: 1e-8, weight_decay: 0.02, clip: 1.0, ema: Some(0.998) }
     }
 }
 
@@ -238,7 +240,7 @@ impl<R: Recipe> Config<R> {
             architecture: R::ARCHITECTURE.into(),
             preset: preset.into(),
             seed: 0,
-            threads: 0,
+            threads: None,
             init: None,
             model,
             data: DataConfig::default(),

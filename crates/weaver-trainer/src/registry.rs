@@ -29,7 +29,7 @@ pub struct Setup {
     pub init: Option<PathBuf>,
     /// The seed.
     pub seed: Option<u64>,
-    /// Threads; 0 takes one per core.
+    /// Threads, instead of the configuration's.
     pub threads: Option<usize>,
     /// Steps in all; the stages are rescaled in proportion.
     pub steps: Option<usize>,
@@ -42,8 +42,8 @@ pub struct Resolved {
     pub architecture: String,
     /// The preset.
     pub preset: String,
-    /// Threads; 0 takes one per core.
-    pub threads: usize,
+    /// Threads; `None` takes one per core.
+    pub threads: Option<usize>,
     /// Steps of all stages.
     pub steps: usize,
     /// All of it.
@@ -269,7 +269,7 @@ impl<R: Recipe> Architecture for Named<R> {
             *folder = absolute.map_err(|e| Error::Input(format!("{}: {e}", folder.display())))?;
         }
         config.seed = setup.seed.unwrap_or(config.seed);
-        config.threads = setup.threads.unwrap_or(config.threads);
+        config.threads = setup.threads.or(config.threads);
         if let Some(steps) = setup.steps {
             config.rescale(steps);
         }

@@ -69,7 +69,7 @@ impl<R: Recipe> Session<R> {
         let mut session = Self::prepare(config)?;
         if let Some(path) = session.config.init.clone() {
             session.remarks.push(initial::weights(&path, R::ARCHITECTURE, &mut session.params)?);
-            session.ema = Ema::new(&session.params, session.config.optimizer.ema);
+            session.ema = new_average(&session.config, &session.params);
         }
         Ok(session)
     }
@@ -88,7 +88,7 @@ impl<R: Recipe> Session<R> {
         let mut params = Params::new();
         let network = Arc::new(R::build(&config.model, &mut params, config.seed));
         let optimizer = new_optimizer(&config, &params);
-        let ema = Ema::new(&params, config.optimizer.ema);
+        let ema = new_average(&config, &params);
         let layouts = scenes.iter().map(Layout::of).collect();
         let fresh = scenes::Endless::new(&config.data, size, config.seed);
         let (tape, workspaces) = (Tape::new(), WorkspacePool::new());
@@ -222,7 +222,7 @@ impl<R: Recipe> Session<R> {
         if local == 0 {
             // A stage starts from the weights as they are, with fresh moments and a fresh average.
             self.optimizer = new_optimizer(&self.config, &self.params);
-            self.ema = Ema::new(&self.params, self.config.optimizer.ema);
+            self.ema = new_average(&self.config, &self.params);
         }
         for (group, rate) in self.optimizer.groups.iter_mut().zip(R::group_rates(&stage)) {
             group.lr_scale = rate;
@@ -457,4 +457,9 @@ fn new_optimizer<R: Recipe>(config: &Config<R>, params: &Params<f32>) -> AdamW<f
     let o = &config.optimizer;
     let group = |params| Group { params, lr_scale: 1.0, weight_decay: o.weight_decay };
     AdamW::new(R::groups(params).into_iter().map(group).collect(), o.beta1, o.beta2, o.epsilon)
+}
+
+/// The average that is evaluated; without one, what follows the parameters with a decay of 0.
+fn new_average<R: Recipe>(config: &Config<R>, params: &Params<f32>) -> Ema<f32> {
+    Ema::new(params, config.optimizer.ema.unwrap_or(0.0))
 }

@@ -27,14 +27,14 @@ pub(super) fn preset(name: &str) -> Option<Config<SplatWeaverRecipe>> {
         "tiny-endless" => {
             config.data.endless = Some(2);
             // Over a thousand steps of so many.
-            config.optimizer.ema = 0.999;
+            config.optimizer.ema = Some(0.999);
             config.stages = vec![given(40_000)];
             config.evaluation.cameras = CameraMode::Given;
             config.output = OutputConfig { log_every: 100, checkpoint_every: 1000, sample_every: 10_000 };
         }
         "tiny-published" => {
             config.optimizer =
-                OptimizerConfig { beta2: 0.95, weight_decay: 0.05, clip: 0.5, ema: 0.0, ..config.optimizer };
+                OptimizerConfig { beta2: 0.95, weight_decay: 0.05, clip: 0.5, ema: None, ..config.optimizer };
             config.stages = vec![published(1500)];
             config.evaluation.allocation = Some(AllocationKind::Sampled);
         }

@@ -57,6 +57,28 @@ fn a_resumed_run_on_endless_scenes_equals_an_uninterrupted_one() {
     assert!(first.plan().contains("fresh scenes for training") && !fixed.plan().contains("fresh scenes"));
 }
 
+/// A decay is not 0 where there is no average: there is none, and the weights themselves are evaluated.
+#[test]
+fn without_an_average_the_weights_themselves_are_stored_for_evaluation() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.safetensors");
+    let stored = |ema| {
+        let settings: [String; 2] = [format!("optimizer.ema={ema}"), "threads=none".into()];
+        let config = Config::resolve(None, None, &settings).unwrap();
+        let mut session = Session::<PixelCnnRecipe>::new(Config { model: self::config(1).model, ..config }).unwrap();
+        (0..2).for_each(|_| _ = session.advance().unwrap().unwrap());
+        session.save(&path).unwrap();
+        let tensors = weaver_io::checkpoint::Tensors::read(&path).unwrap().tensors;
+        let values = |set: &str| tensors[&format!("{set}.layers.0.weight")].data.clone();
+        values("ema") == values("param")
+    };
+    assert!(stored("none") && !stored("0.9"));
+    let text = config(1).to_toml();
+    assert!(!text.contains("threads"), "{text}");
+    let message = Config::<PixelCnnRecipe>::resolve(None, None, &["optimizer.ema=0".into()]).unwrap_err().to_string();
+    assert!(message.contains("optimizer.ema") && message.contains("found 0"), "{message}");
+}
+
 #[test]
 fn the_parts_of_a_step_make_a_step() {
     let (mut whole, mut parts) = (Session::new(config(2)).unwrap(), Session::new(config(2)).unwrap());
