@@ -170,8 +170,8 @@ impl CardinalityHead {
         expert: &[u8],
         choice: Option<Var<'t, T>>,
     ) -> PixelGaussians<'t, T> {
-        cx.part("gs_moe", || {
-            let Proposed { means, mut theta, feature, pixel_of, pixel } = self.propose(cx, pixels, expert, choice);
+        let decoded = |proposed: Proposed<'t, T>| {
+            let Proposed { means, mut theta, feature, pixel_of, pixel } = proposed;
             if !cx.tape.is_recording() {
                 // The experts' buffers have other sizes than those of the attention.
                 cx.tape.pool().trim::<T>();
@@ -185,7 +185,8 @@ impl CardinalityHead {
             }
             let gaussians = decode(means, theta, self.config.sh_degree, pixel_of, self.config.parametrization);
             PixelGaussians { gaussians, pixel }
-        })
+        };
+        cx.part("gs_moe", || cx.tape.steps(|| self.propose(cx, pixels, expert, choice)).then(decoded).end())
     }
 
     /// The experts' output for a scene, before the attention over neighbors.
@@ -196,23 +197,21 @@ impl CardinalityHead {
         expert: &[u8],
         choice: Option<Var<'t, T>>,
     ) -> Proposed<'t, T> {
-        cx.tape.outputs_of(|| {
-            let routes = Routes::new(expert, self.experts.max_per_pixel(), cx.tape.pool());
-            let parametrization = self.config.parametrization;
-            let features = pixels.features.gather_rows(&routes.routed);
-            let raw = self.experts.forward(cx, features, &routes, choice);
-            let points = pixels.points.gather_rows(&routes.pixel);
-            let pixel_of = parametrization.has_footprint().then(|| self.pixel_of(cx, pixels, expert, &routes));
-            let means = place(points, raw, pixel_of.map(|p| p.footprint), parametrization);
-            let feature = self.attention.as_ref().map(|(projection, _)| {
-                cx.part("pixel_projector", || {
-                    let projected = projection.forward(cx, features);
-                    if routes.is_single() { projected } else { projected.gather_rows(&routes.source) }
-                })
-            });
-            let theta = raw.slice(1, 3, raw.shape()[1] - 3);
-            Proposed { means, theta, feature, pixel_of, pixel: routes.pixel }
-        })
+        let routes = Routes::new(expert, self.experts.max_per_pixel(), cx.tape.pool());
+        let parametrization = self.config.parametrization;
+        let features = pixels.features.gather_rows(&routes.routed);
+        let raw = self.experts.forward(cx, features, &routes, choice);
+        let points = pixels.points.gather_rows(&routes.pixel);
+        let pixel_of = parametrization.has_footprint().then(|| self.pixel_of(cx, pixels, expert, &routes));
+        let means = place(points, raw, pixel_of.map(|p| p.footprint), parametrization);
+        let feature = self.attention.as_ref().map(|(projection, _)| {
+            cx.part("pixel_projector", || {
+                let projected = projection.forward(cx, features);
+                if routes.is_single() { projected } else { projected.gather_rows(&routes.source) }
+            })
+        });
+        let theta = raw.slice(1, 3, raw.shape()[1] - 3);
+        Proposed { means, theta, feature, pixel_of, pixel: routes.pixel }
     }
 
     /// The attention over neighbors, if there is one.

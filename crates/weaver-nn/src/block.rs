@@ -84,8 +84,8 @@ impl Block {
     ) -> Var<'t, T> {
         cx.layer(self.norm1.weight, "norm1.weight", || {
             let attend = || add(cx, x, self.ls1, self.attn.forward(cx, self.norm1.forward(cx, x), rope));
-            let x = cx.tape.outputs_of(attend);
-            add(cx, x, self.ls2, self.mlp.forward(cx, self.norm2.forward(cx, x)))
+            let transform = |x| add(cx, x, self.ls2, self.mlp.forward(cx, self.norm2.forward(cx, x)));
+            cx.tape.steps(attend).then(transform).end()
         })
     }
 }
