@@ -168,6 +168,7 @@ fn load_photo(photo: &Photo, capture: &Photos, options: &CaptureOptions) -> Resu
         depth: (!capture.points.is_empty()).then_some(depth),
         time: photo.frame.time,
         number: photo.frame.number,
+        extras: photo.frame.extras.clone(),
         held_out: photo.held_out,
     };
     Ok((view, visible))

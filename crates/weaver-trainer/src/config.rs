@@ -7,7 +7,6 @@ use crate::{Error, Recipe};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-use weaver_router::AllocationKind;
 use weaver_settings::{Error as Wrong, Layers, Value};
 
 /// Steps and counts of steps are at most so many, which no run comes near; sums and products of them do not overflow.
@@ -45,7 +44,7 @@ pub struct Config<R: Recipe> {
     /// What is written while training.
     pub output: OutputConfig,
     /// How the model is evaluated, and used unless a call says otherwise.
-    pub evaluation: EvaluationConfig,
+    pub evaluation: R::Evaluation,
 }
 
 /// Where scenes come from, and which views make a tuple.
@@ -191,51 +190,20 @@ impl Default for OutputConfig {
     }
 }
 
-/// How the model is evaluated, and used unless a call says otherwise.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct EvaluationConfig {
-    /// Whose cameras.
-    pub cameras: CameraMode,
-    /// Which pixels get Gaussians, for models with a choice: sampled, argmax, dithered, grid, random or fixed:K.
-    #[serde(default, skip_serializing_if = "Option::is_none", with = "allocation_name")]
-    #[schemars(with = "Option<String>")]
-    pub allocation: Option<AllocationKind>,
-    /// Gaussians per context pixel, for allocations that have a budget.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub budget: Option<f64>,
-}
-
-/// Allocations by their names, as configuration files have them.
-pub mod allocation_name {
-    use serde::{Deserialize, Deserializer, Serializer};
-    use weaver_router::AllocationKind;
-
-    /// Writes the name.
-    ///
-    /// # Errors
-    /// Those of the serializer.
-    pub fn serialize<S: Serializer>(kind: &Option<AllocationKind>, serializer: S) -> Result<S::Ok, S::Error> {
-        match kind {
-            Some(kind) => serializer.collect_str(kind),
-            None => serializer.serialize_none(),
-        }
-    }
-
-    /// Reads a name.
-    ///
-    /// # Errors
-    /// When no allocation has it.
-    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<AllocationKind>, D::Error> {
-        let name = Option::<String>::deserialize(deserializer)?;
-        name.map(|name| name.parse().map_err(serde::de::Error::custom)).transpose()
+impl<R: Recipe> StageConfig<R> {
+    /// A stage of one tuple a step: warm-up over a fifteenth of it, then a cosine down to a tenth of `rate`.
+    pub fn new(name: &str, steps: usize, rate: f64, losses: R::Losses) -> Self
+    where
+        R::Stage: Default,
+    {
+        let (name, warmup) = (name.into(), steps / 15);
+        Self { name, steps, tuples: 1, rate, warmup, floor: 0.1, model: R::Stage::default(), losses }
     }
 }
 
 impl<R: Recipe> Config<R> {
     /// A configuration with this network and these stages, the rest as it is by default.
-    pub fn new(preset: &str, model: R::Model, stages: Vec<StageConfig<R>>, evaluation: EvaluationConfig) -> Self {
+    pub fn new(preset: &str, model: R::Model, stages: Vec<StageConfig<R>>, evaluation: R::Evaluation) -> Self {
         Self {
             architecture: R::ARCHITECTURE.into(),
             preset: preset.into(),

@@ -14,6 +14,10 @@ pub struct Example {
     pub images: Vec<f32>,
     /// Cameras in the tuple's frame: camera 0 is the identity, lengths in training units.
     pub cameras: Vec<Camera>,
+    /// When each photo was taken, in the capture's unit, where the capture says so.
+    pub times: Vec<Option<f64>>,
+    /// The number that the capture gives to each photo, where it does.
+    pub numbers: Vec<Option<u64>>,
     /// Training units per scene unit.
     pub scale: f64,
     /// Depth of the context views `[C, H, W]` in training units, 0 where unknown.
@@ -70,7 +74,9 @@ impl Example {
         }
         let cameras =
             views.iter().zip(&posed.poses).map(|(&v, pose)| Camera { pose: *pose, ..scene.views[v].camera }).collect();
-        Self { tuple, images, cameras, scale: posed.scale, depth, absolute: Vec::new() }
+        let times = views.iter().map(|&v| scene.views[v].time).collect();
+        let numbers = views.iter().map(|&v| scene.views[v].number).collect();
+        Self { tuple, images, cameras, times, numbers, scale: posed.scale, depth, absolute: Vec::new() }
     }
 
     /// Cameras of the context views.
@@ -83,11 +89,16 @@ impl Example {
         &self.cameras[self.tuple.context.len()..]
     }
 
+    /// Photos of all views.
+    pub fn photos(&self) -> Photos<'_> {
+        let Camera { width, height, .. } = self.cameras[0];
+        Photos { planes: &self.images, height, width }
+    }
+
     /// Photos of the context views.
     pub fn context_photos(&self) -> Photos<'_> {
         let view = self.images.len() / self.cameras.len();
-        let Camera { width, height, .. } = self.cameras[0];
-        Photos { planes: &self.images[..view * self.tuple.context.len()], height, width }
+        Photos { planes: &self.images[..view * self.tuple.context.len()], ..self.photos() }
     }
 
     /// The points that the context views see, in the frame and the units of the cameras; `None` where they see none.

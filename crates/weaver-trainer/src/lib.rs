@@ -22,16 +22,14 @@ pub mod scenes;
 mod session;
 
 pub use checkpoint::TrainingState;
-pub use config::{
-    CameraMode, Config, DataConfig, EvaluationConfig, OptimizerConfig, OutputConfig, StageConfig, allocation_name,
-};
+pub use config::{CameraMode, Config, DataConfig, OptimizerConfig, OutputConfig, StageConfig};
 pub use dry_run::{DryRun, StageMemory};
 pub use error::Error;
 pub use evaluation::{Evaluation, SceneFigures, Summary};
 pub use example::Example;
 pub use losses::Terms;
 pub use observe::{Observer, StepReport};
-pub use recipe::{Recipe, Section, Step};
+pub use recipe::{LossSection, NoSettings, Recipe, Section, Step};
 pub use registry::{
     Architecture, MatchingOverride, OpenRun, Overrides, Registry, Resolved, Setup, Source, Training, create_run,
 };

@@ -2,7 +2,7 @@
 
 use crate::evaluate::{Matching, Options};
 use crate::{
-    Config, DataConfig, DryRun, Error, Evaluation, EvaluationConfig, Observer, Recipe, Session, StepReport, Summary,
+    CameraMode, Config, DataConfig, DryRun, Error, Evaluation, Observer, Recipe, Session, StepReport, Summary,
     TrainingState, evaluate, scenes,
 };
 use std::fmt::Debug;
@@ -160,8 +160,8 @@ pub struct OpenRun {
     pub seed: u64,
     /// The run's data.
     pub data: DataConfig,
-    /// How the run is evaluated.
-    pub evaluation: EvaluationConfig,
+    /// Whose cameras are used, unless a call says otherwise.
+    pub cameras: CameraMode,
 }
 
 /// Which scenes to evaluate on.
@@ -230,7 +230,7 @@ impl OpenRun {
         let lpips = evaluate::lpips_for(overrides.lpips.as_deref(), size)?;
         let options = Options {
             context_views: overrides.context_views.unwrap_or(self.data.context_views),
-            cameras: overrides.cameras.unwrap_or(self.evaluation.cameras),
+            cameras: overrides.cameras.unwrap_or(self.cameras),
             points: overrides.points,
             matching,
             density: overrides.density,
@@ -314,7 +314,7 @@ impl<R: Recipe> Architecture for Named<R> {
             step: checkpoint.step,
             seed: config.seed,
             data: config.data,
-            evaluation: config.evaluation,
+            cameras: R::cameras(&config.evaluation),
         })
     }
 }

@@ -418,7 +418,7 @@ impl<R: Recipe> Session<R> {
     fn options(&self) -> Options {
         Options {
             context_views: self.config.data.context_views,
-            cameras: self.config.evaluation.cameras,
+            cameras: R::cameras(&self.config.evaluation),
             points: false,
             matching: None,
             density: Density::default(),

@@ -1,17 +1,17 @@
 //! The presets: what is trained, for how long, with which losses.
 
-use super::{Losses, RouterLosses, SplatWeaverRecipe, StageAllocation, StageSettings};
+use super::{EvaluationSettings, Losses, RouterLosses, SplatWeaverRecipe, StageAllocation, StageSettings};
 use weaver_model::ModelConfig;
 use weaver_router::AllocationKind;
 use weaver_trainer::losses::{DepthLosses, ImageLosses, PoseLosses};
-use weaver_trainer::{CameraMode, Config, EvaluationConfig, OptimizerConfig, OutputConfig, Recipe, StageConfig};
+use weaver_trainer::{CameraMode, Config, OptimizerConfig, OutputConfig, Recipe, StageConfig};
 
 pub(super) fn preset(name: &str) -> Option<Config<SplatWeaverRecipe>> {
     if !SplatWeaverRecipe::PRESETS.contains(&name) {
         return None;
     }
     let model = ModelConfig::preset(if name == "tiny-endless" { "tiny" } else { name })?;
-    let evaluation = EvaluationConfig {
+    let evaluation = EvaluationSettings {
         cameras: CameraMode::Predicted,
         allocation: Some(AllocationKind::Dithered),
         budget: Some(0.4),

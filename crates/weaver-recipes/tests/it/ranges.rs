@@ -115,6 +115,12 @@ const EDGES: [(&str, &str, &str); 35] = [
 ];
 
 #[test]
+fn closed_choices_are_listed_beside_their_key() {
+    let text = Config::<SplatWeaverRecipe>::preset("tiny").unwrap().to_annotated_toml();
+    assert!(text.contains("One of: predicted: The network's own; given: The data's."), "{text}");
+}
+
+#[test]
 fn ranges_end_where_they_should() {
     for (key, wrong, right) in EDGES {
         let said = message(&[&format!("{key}={wrong}")]);

@@ -9,9 +9,7 @@ use weaver_autograd::{ParamId, Params};
 use weaver_inference::{Checkpoint, Predictor, WeightSet};
 use weaver_kernels::random::Stream;
 use weaver_nn::{Context, RowMap, RowSource};
-use weaver_trainer::{
-    CameraMode, Config, Error, EvaluationConfig, Example, Recipe, Session, StageConfig, Step, Terms, TrainedRows,
-};
+use weaver_trainer::{Config, Error, Example, NoSettings, Recipe, Session, StageConfig, Step, Terms, TrainedRows};
 
 const WIDTH: usize = 3;
 
@@ -20,9 +18,6 @@ struct CloudConfig {
     /// Whether the rows of the points vary.
     rows_vary: bool,
 }
-
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-struct Nothing {}
 
 /// Points `[N, 3]` that are drawn to the colors of photos, and one factor on all of them.
 #[derive(Debug)]
@@ -39,15 +34,13 @@ impl Recipe for CloudRecipe {
     const PRESETS: &'static [&'static str] = &["small"];
     type Network = Cloud;
     type Model = CloudConfig;
-    type Stage = Nothing;
-    type Losses = Nothing;
+    type Stage = NoSettings;
+    type Losses = NoSettings;
+    type Evaluation = NoSettings;
 
     fn preset(name: &str) -> Option<Config<Self>> {
-        let (model, losses) = (Nothing {}, Nothing {});
-        let (name, steps, tuples, rate, warmup, floor) = (name.to_string(), 8, 1, 0.02, 0, 0.1);
-        let stage = StageConfig { name: name.clone(), steps, tuples, rate, warmup, floor, model, losses };
-        let evaluation = EvaluationConfig { cameras: CameraMode::Given, allocation: None, budget: None };
-        Some(Config::new(&name, CloudConfig { rows_vary: true }, vec![stage], evaluation))
+        let stage = StageConfig::new(name, 8, 0.02, NoSettings {});
+        Some(Config::new(name, CloudConfig { rows_vary: true }, vec![stage], NoSettings {}))
     }
 
     fn image_size(_: &CloudConfig) -> [usize; 2] {
