@@ -33,7 +33,7 @@ fn the_version_is_the_package_s() {
 
 #[test]
 fn wrong_usage_is_code_2() {
-    let wrong: [&[&dyn AsRef<std::ffi::OsStr>]; 15] = [
+    let wrong: [&[&dyn AsRef<std::ffi::OsStr>]; 16] = [
         &[],
         &[&"trian"],
         &[&"eval"],
@@ -41,6 +41,7 @@ fn wrong_usage_is_code_2() {
         &[&"eval", &"--run", &"x", &"--unseen", &"--data", &"y"],
         &[&"train", &"--resume", &"x", &"--init", &"y"],
         &[&"eval", &"--run", &"x", &"--threads", &"100000"],
+        &[&"eval", &"--run", &"x", &"--threads", &"0"],
         &[&"render", &"x.ply", &"-o", &"y"],
         &[&"render", &"x.ply", &"-o", &"y", &"--orbit", &"3", &"--cameras", &"c.json"],
         &[&"render", &"x.ply", &"-o", &"y", &"--orbit", &"3", &"--background", &"red"],

@@ -23,6 +23,6 @@ pub use pointwise::{Pointwise, PointwiseOp};
 pub use pool::{Buffer, Pool};
 pub use profile::{OpMemory, OpTime, Phase, TraceEvent};
 pub use shape::{MAX_OUTPUTS, MAX_RANK, Shape, ShapeError, Shapes};
-pub use tape::{List, NodeView, Outputs, Tape};
+pub use tape::{List, NodeView, Outputs, Steps, Tape};
 pub use var::Var;
 pub use weaver_kernels::Real;

@@ -107,6 +107,7 @@ pub struct Param<T: Real> {
     shape: Shape,
     values: ParamValues<T>,
     frozen: bool,
+    rows_vary: bool,
 }
 
 impl<T: Real> Param<T> {
@@ -143,6 +144,11 @@ impl<T: Real> Param<T> {
     pub fn is_frozen(&self) -> bool {
         self.frozen
     }
+
+    /// Whether the parameter may have other rows than it was added with; see [`Params::set_rows_vary`].
+    pub fn rows_vary(&self) -> bool {
+        self.rows_vary
+    }
 }
 
 /// The parameters of a model: an ordered list of named tensors. A clone shares the values until either copy changes.
@@ -162,14 +168,14 @@ impl<T: Real> Params<T> {
         let (name, shape) = (name.into(), shape.into());
         assert_eq!(value.len(), shape.len(), "parameter {name} of shape {shape}");
         assert!(self.find(&name).is_none(), "two parameters are named {name}");
-        self.push(Param { name, shape, values: ParamValues::Owned(Arc::new(value)), frozen: false })
+        self.push(Param { name, shape, values: ParamValues::Owned(Arc::new(value)), frozen: false, rows_vary: false })
     }
 
     /// Adds a parameter whose values must be [set](Params::set) before it is used. Panics if the name is taken.
     pub fn declare(&mut self, name: impl Into<String>, shape: impl Into<Shape>) -> ParamId {
         let (name, shape) = (name.into(), shape.into());
         assert!(self.find(&name).is_none(), "two parameters are named {name}");
-        self.push(Param { name, shape, values: ParamValues::Absent, frozen: false })
+        self.push(Param { name, shape, values: ParamValues::Absent, frozen: false, rows_vary: false })
     }
 
     fn push(&mut self, param: Param<T>) -> ParamId {
@@ -188,12 +194,14 @@ impl<T: Real> Params<T> {
     /// same. State of the same shape, such as the moments of an optimizer or averages, must be changed as well. Reset
     /// the tape first.
     ///
-    /// Panics if the parameter is a scalar, which has no rows.
+    /// Panics unless the rows of the parameter [vary](Params::set_rows_vary): a checkpoint that was written after it grew
+    /// could not be read into a new model otherwise.
     ///
     /// ```
     /// use weaver_autograd::Params;
     /// let mut params = Params::<f32>::new();
     /// let points = params.add("points", [1, 3], vec![0.0; 3]);
+    /// params.set_rows_vary(points);
     /// params.replace(points, 2, vec![1.0; 6])?;
     /// assert_eq!(params.get(points).shape(), [2, 3].into());
     /// let error = params.replace(points, 2, vec![1.0; 7]).unwrap_err();
@@ -205,7 +213,7 @@ impl<T: Real> Params<T> {
     /// If the number of values is not that of the rows; the parameter is then unchanged.
     pub fn replace(&mut self, id: ParamId, rows: usize, values: Vec<T>) -> Result<(), ReplaceError> {
         let param = &mut Arc::make_mut(&mut self.list)[id.index()];
-        assert!(param.shape.rank() > 0, "parameter {} is a scalar, which has no rows", param.name);
+        assert!(param.rows_vary, "the rows of parameter {} were not said to vary", param.name);
         let shape = param.shape.with_axis(0, rows);
         if values.len() != shape.len() {
             let (name, expected, found) = (param.name.clone(), shape.len(), values.len());
@@ -252,6 +260,14 @@ impl<T: Real> Params<T> {
     /// Excludes a parameter from training (`true`) or includes it again: a frozen parameter is a constant on the tape.
     pub fn set_frozen(&mut self, id: ParamId, frozen: bool) {
         Arc::make_mut(&mut self.list)[id.index()].frozen = frozen;
+    }
+
+    /// Lets a parameter grow and shrink by [`Params::replace`]: its first dimension is where it starts from, and a
+    /// checkpoint of a model may have another. Panics if the parameter is a scalar, which has no rows.
+    pub fn set_rows_vary(&mut self, id: ParamId) {
+        let param = &mut Arc::make_mut(&mut self.list)[id.index()];
+        assert!(param.shape.rank() > 0, "parameter {} is a scalar, which has no rows", param.name);
+        param.rows_vary = true;
     }
 
     /// All parameters in order.

@@ -19,7 +19,7 @@ mod path;
 
 pub use measure::NodeView;
 pub(crate) use nested::Surroundings;
-pub use part::Outputs;
+pub use part::{Outputs, Steps};
 
 /// Index of a value on the tape.
 pub(crate) type ValueId = u32;
@@ -31,7 +31,7 @@ enum Storage<T: Real> {
     Pooled(Buffer<T>),
     Shared(Arc<dyn AsRef<[T]> + Send + Sync>),
     Half(HalfValues),
-    /// Given back; see [`Tape::outputs_of`].
+    /// Given back; see [`Tape::part`].
     Released,
 }
 

@@ -115,8 +115,8 @@ pub struct Train {
     /// Goes on with this run, with its own configuration
     #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["model", "preset", "data", "teacher", "out", "init", "seed", "settings", "config"])]
     pub resume: Option<PathBuf>,
-    /// Threads; 0 takes one per core. Does not change results [default: the configuration's, which is 0]
-    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(..=MOST_THREADS), help_heading = RUN)]
+    /// Threads. Does not change results [default: the configuration's, or one per core]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS), help_heading = RUN)]
     pub threads: Option<u16>,
     /// Measures what the run would take (parameters, activations, optimizer, peak) on a few steps of each stage, and writes
     /// nothing
@@ -381,9 +381,16 @@ pub struct Completions {
 /// How many threads work.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct Threads {
-    /// Threads; 0 takes one per core. Does not change results
-    #[arg(long, value_name = "T", default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=MOST_THREADS))]
-    pub threads: u16,
+    /// Threads. Does not change results [default: one per core]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
+    pub threads: Option<u16>,
+}
+
+impl Threads {
+    /// So many; one per core where nothing was said.
+    pub fn count(self) -> Option<usize> {
+        self.threads.map(usize::from)
+    }
 }
 
 /// Height and width from `N` or `WxH`.

@@ -14,9 +14,9 @@ use crate::in_pool;
 
 pub fn run(arguments: &Bench, console: &mut Console) -> Result<(), Failure> {
     match &arguments.subject {
-        Subject::Engine(engine) => in_pool(engine.threads.threads.into(), || engine::run(engine, console)),
-        Subject::Fit(fit) => in_pool(fit.threads.threads.into(), || fit::run(fit, console)),
-        Subject::Raster(raster) => in_pool(raster.threads.threads.into(), || raster::run(raster, console)),
+        Subject::Engine(engine) => in_pool(engine.threads.count(), || engine::run(engine, console)),
+        Subject::Fit(fit) => in_pool(fit.threads.count(), || fit::run(fit, console)),
+        Subject::Raster(raster) => in_pool(raster.threads.count(), || raster::run(raster, console)),
     }
 }
 

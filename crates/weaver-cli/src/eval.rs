@@ -55,7 +55,7 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
         (None, None) => weaver_recipes::built_in()?,
     };
     run.predictor = refined(run.predictor, &arguments.refine, &[])?;
-    if arguments.points && (estimated || cameras.unwrap_or(run.evaluation.cameras) != CameraMode::Given) {
+    if arguments.points && (estimated || cameras.unwrap_or(run.cameras) != CameraMode::Given) {
         return Err(Failure::Usage("--points: expected --cameras given, found other ones".into()));
     }
     if let Some(remark) = run.predictor.remark(overrides.density) {

@@ -57,16 +57,16 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
 fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     match command {
         Command::Reconstruct(arguments) => {
-            in_pool(arguments.threads.threads.into(), || reconstruct::run(&arguments, console, interrupt))
+            in_pool(arguments.threads.count(), || reconstruct::run(&arguments, console, interrupt))
         }
-        Command::Cameras(arguments) => in_pool(arguments.threads.threads.into(), || estimate::run(&arguments, console)),
+        Command::Cameras(arguments) => in_pool(arguments.threads.count(), || estimate::run(&arguments, console)),
         Command::Train(arguments) => train::run(&arguments, console, interrupt),
-        Command::Eval(arguments) => in_pool(arguments.threads.threads.into(), || eval::run(&arguments, console)),
-        Command::Infer(arguments) => {
-            in_pool(arguments.threads.threads.into(), || infer::run(&arguments, console, interrupt))
+        Command::Eval(arguments) => in_pool(arguments.threads.count(), || eval::run(&arguments, console)),
+        Command::Infer(arguments) => in_pool(arguments.threads.count(), || infer::run(&arguments, console, interrupt)),
+        Command::Fit(arguments) => {
+            in_pool(arguments.threads.map(usize::from), || fit::run(&arguments, console, interrupt))
         }
-        Command::Fit(arguments) => in_pool(arguments.threads.into(), || fit::run(&arguments, console, interrupt)),
-        Command::Render(arguments) => in_pool(arguments.threads.threads.into(), || render::run(&arguments, console)),
+        Command::Render(arguments) => in_pool(arguments.threads.count(), || render::run(&arguments, console)),
         Command::Info(arguments) => info::run(&arguments, console),
         Command::ConvertWeights(arguments) => convert_weights::run(&arguments, console, interrupt),
         Command::Config(arguments) => config::run(&arguments, console),
@@ -75,7 +75,7 @@ fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> R
     }
 }
 
-/// Runs `job` where parallel loops use `threads` threads; 0 takes one per core.
-fn in_pool<R: Send>(threads: usize, job: impl FnOnce() -> Result<R, Failure> + Send) -> Result<R, Failure> {
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build()?.install(job)
+/// Runs `job` where parallel loops use `threads` threads, or one per core.
+fn in_pool<R: Send>(threads: Option<usize>, job: impl FnOnce() -> Result<R, Failure> + Send) -> Result<R, Failure> {
+    rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build()?.install(job)
 }

@@ -15,7 +15,7 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
         let folder = RunFolder::at(path);
         let architecture = registry.of_run(&folder)?;
         let config = architecture.read(&folder)?;
-        return crate::in_pool(arguments.threads.map_or(config.threads, usize::from), || {
+        return crate::in_pool(arguments.threads.map(usize::from).or(config.threads), || {
             let session = architecture.resume(&folder, arguments.steps.map(|steps| steps as usize))?;
             if arguments.dry_run {
                 return dry_run(session, &config, console);

@@ -245,6 +245,7 @@ fn load_photo(
         depth: (!capture.points.is_empty()).then_some(depth),
         time: photo.frame.time,
         number: photo.frame.number,
+        extras: photo.frame.extras.clone(),
         held_out: photo.held_out,
     };
     Ok((view, visible))

@@ -20,6 +20,7 @@ use draws::Draws;
 use path::Path;
 use rayon::prelude::*;
 use render::Film;
+use std::collections::BTreeMap;
 use std::ops::Range;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::{DVec2, DVec3};
@@ -112,6 +113,7 @@ impl Plan {
                     depth: Some(depth),
                     time: None,
                     number: None,
+                    extras: BTreeMap::new(),
                     // Not the first of four: every held-out camera then stands between training cameras.
                     held_out: i % HOLD_OUT == 2,
                 }

@@ -2,6 +2,7 @@
 
 use crate::sparse_points::mean_distance;
 use crate::{Error, SparsePoints, Tuple};
+use std::collections::BTreeMap;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
 use weaver_io::Image;
@@ -23,6 +24,8 @@ pub struct View {
     pub time: Option<f64>,
     /// A number that the capture gives to the photo, such as its exposure group.
     pub number: Option<u64>,
+    /// Further entries of the camera file about the photo: JSON text by key.
+    pub extras: BTreeMap<String, String>,
     /// Kept from training, for evaluation.
     pub held_out: bool,
 }

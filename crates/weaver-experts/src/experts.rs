@@ -55,11 +55,11 @@ impl CardinalityExperts {
         routes: &Routes,
         choice: Option<Var<'t, T>>,
     ) -> Var<'t, T> {
-        cx.tape.outputs_of(|| {
+        cx.part("experts", || {
             let parts = ops::split(features, 0, &routes.counts);
             let mut raw: List<Var<'t, T>> = List::with_capacity(self.experts.len());
             for (((expert, rows), pixels), e) in self.experts.iter().zip(parts).zip(routes.by_expert()).zip(1..) {
-                let output = cx.part(format_args!("experts.{e}"), || {
+                let output = cx.part(e, || {
                     let output = expert.forward(cx, rows);
                     choice.map_or(output, |choice| gate(output, choice, pixels, e))
                 });

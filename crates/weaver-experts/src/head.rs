@@ -185,8 +185,8 @@ impl CardinalityHead {
         assignment: &Assignment<T>,
         choice: Option<Var<'t, T>>,
     ) -> PixelGaussians<'t, T> {
-        cx.part("gs_moe", || {
-            let Proposed { means, mut theta, feature, origin, pixel } = self.propose(cx, pixels, assignment, choice);
+        let decoded = |proposed: Proposed<'t, T>| {
+            let Proposed { means, mut theta, feature, origin, pixel } = proposed;
             if !cx.tape.is_recording() {
                 // The experts' buffers have other sizes than those of the attention.
                 cx.tape.pool().trim::<T>();
@@ -200,7 +200,8 @@ impl CardinalityHead {
             }
             let gaussians = decode(means, theta, self.config.sh_degree, origin, self.config.parametrization);
             PixelGaussians { gaussians, pixel }
-        })
+        };
+        cx.part("gs_moe", || cx.tape.steps(|| self.propose(cx, pixels, assignment, choice)).then(decoded).end())
     }
 
     /// The experts' output for a scene, before the attention over neighbors.
@@ -211,32 +212,30 @@ impl CardinalityHead {
         assignment: &Assignment<T>,
         choice: Option<Var<'t, T>>,
     ) -> Proposed<'t, T> {
-        cx.tape.outputs_of(|| {
-            let routes = Routes::new(&assignment.expert, self.experts.max_per_pixel(), cx.tape.pool());
-            let parametrization = self.config.parametrization;
-            let (features, points, origin) = match self.embedding {
-                Some(embedding) => {
-                    let (features, points, patch) = self.patches(cx, pixels, assignment, &routes, embedding);
-                    (features, points, Some(Origin::Patch(patch)))
-                }
-                None => {
-                    let origin =
-                        parametrization.is_relative().then(|| self.pixel_of(cx, pixels, &assignment.expert, &routes));
-                    let features = pixels.features.gather_rows(&routes.routed);
-                    (features, pixels.points.gather_rows(&routes.pixel), origin.map(Origin::Pixel))
-                }
-            };
-            let raw = self.experts.forward(cx, features, &routes, choice);
-            let means = place(points, raw, origin, parametrization);
-            let feature = self.attention.as_ref().map(|(projection, _)| {
-                cx.part("pixel_projector", || {
-                    let projected = projection.forward(cx, features);
-                    if routes.is_single() { projected } else { projected.gather_rows(&routes.source) }
-                })
-            });
-            let theta = raw.slice(1, 3, raw.shape()[1] - 3);
-            Proposed { means, theta, feature, origin, pixel: routes.pixel }
-        })
+        let routes = Routes::new(&assignment.expert, self.experts.max_per_pixel(), cx.tape.pool());
+        let parametrization = self.config.parametrization;
+        let (features, points, origin) = match self.embedding {
+            Some(embedding) => {
+                let (features, points, patch) = self.patches(cx, pixels, assignment, &routes, embedding);
+                (features, points, Some(Origin::Patch(patch)))
+            }
+            None => {
+                let origin =
+                    parametrization.is_relative().then(|| self.pixel_of(cx, pixels, &assignment.expert, &routes));
+                let features = pixels.features.gather_rows(&routes.routed);
+                (features, pixels.points.gather_rows(&routes.pixel), origin.map(Origin::Pixel))
+            }
+        };
+        let raw = self.experts.forward(cx, features, &routes, choice);
+        let means = place(points, raw, origin, parametrization);
+        let feature = self.attention.as_ref().map(|(projection, _)| {
+            cx.part("pixel_projector", || {
+                let projected = projection.forward(cx, features);
+                if routes.is_single() { projected } else { projected.gather_rows(&routes.source) }
+            })
+        });
+        let theta = raw.slice(1, 3, raw.shape()[1] - 3);
+        Proposed { means, theta, feature, origin, pixel: routes.pixel }
     }
 
     /// Features of the routed cells `[R, F]`, points of the Gaussians `[N, 3]`, and their patches.

@@ -57,10 +57,10 @@ impl NeighborFusion {
             // independent, so the bits are the same.
             let width = x.shape().last();
             let mut attended = cx.tape.pool().buffer(n * width);
-            for (part, out) in attended.chunks_mut(Self::PART * width).enumerate() {
+            cx.tape.for_each(attended.chunks_mut(Self::PART * width).enumerate(), |(part, out)| {
                 let some = neighbors.part(part * Self::PART..((part + 1) * Self::PART).min(n));
-                cx.tape.outputs_of(|| out.copy_from_slice(&self.attend(cx, projected, means, &some).value()));
-            }
+                out.copy_from_slice(&self.attend(cx, projected, means, &some).value());
+            });
             cx.tape.constant_of(attended, [n, width])
         })
     }
@@ -73,12 +73,12 @@ impl NeighborFusion {
         means: Var<'t, T>,
         neighbors: &Neighbors,
     ) -> Var<'t, T> {
-        let (displacement, score) = cx.tape.outputs_of(|| {
-            let offset = || self.displacement.forward(cx, neighbor_offset(means, neighbors));
-            let displacement = cx.tape.outputs_of(offset);
-            (displacement, self.attention.forward(cx, neighbor_relation(query, key, displacement, neighbors)))
-        });
-        neighbor_average(score, value, displacement, neighbors)
+        let score = |displacement| neighbor_relation(query, key, displacement, neighbors);
+        cx.tape
+            .steps(|| self.displacement.forward(cx, neighbor_offset(means, neighbors)))
+            .then(|displacement| (displacement, self.attention.forward(cx, score(displacement))))
+            .then(|(displacement, score)| neighbor_average(score, value, displacement, neighbors))
+            .end()
     }
 }
 
@@ -120,8 +120,10 @@ impl NeighborPredictor {
         feature: Var<'t, T>,
         neighbors: &Neighbors,
     ) -> Var<'t, T> {
-        let x = cx.tape.outputs_of(|| self.input.forward(cx, ops::concat(&[means, raw, feature], 1)));
-        self.fusion.forward(cx, x, means, neighbors)
+        cx.tape
+            .steps(|| self.input.forward(cx, ops::concat(&[means, raw, feature], 1)))
+            .then(|x| self.fusion.forward(cx, x, means, neighbors))
+            .end()
     }
 
     /// The refined parameters `[N, S - 3]`. Differentiable in all inputs (through the means, but not through the choice
@@ -135,8 +137,10 @@ impl NeighborPredictor {
         neighbors: &Neighbors,
     ) -> Var<'t, T> {
         cx.part("gs_predictor", || {
-            let attended = cx.tape.outputs_of(|| self.attend(cx, means, raw, feature, neighbors));
-            self.head.forward(cx, attended) + raw
+            cx.tape
+                .steps(|| self.attend(cx, means, raw, feature, neighbors))
+                .then(|attended| self.head.forward(cx, attended) + raw)
+                .end()
         })
     }
 }

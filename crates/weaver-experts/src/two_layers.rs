@@ -29,6 +29,8 @@ impl TwoLayers {
 
     /// Applies them to rows `[N, inputs]`.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
-        cx.tape.outputs_of(|| self.output.forward(cx, self.hidden.forward_with(cx, x, Activation::Relu)))
+        cx.layer(self.hidden.weight, "0.weight", || {
+            self.output.forward(cx, self.hidden.forward_with(cx, x, Activation::Relu))
+        })
     }
 }

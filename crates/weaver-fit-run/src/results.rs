@@ -114,7 +114,13 @@ impl Run {
         let frames = |name: &dyn Fn(&Origin) -> String| -> Vec<Frame> {
             let frame = |(origin, camera): (&Origin, &Camera)| {
                 let (distortion, mask) = (origin.distortion, origin.mask_file.as_ref().map(absolute));
-                Frame { distortion, mask, ..Frame::new(name(origin), *camera) }
+                Frame {
+                    distortion,
+                    mask,
+                    time: origin.time,
+                    number: origin.number,
+                    ..Frame::new(name(origin), *camera)
+                }
             };
             self.origins.iter().zip(&cameras).map(frame).collect()
         };

@@ -23,6 +23,10 @@ pub(crate) struct Origin {
     pub distortion: Option<Distortion>,
     /// The file of the photo's mask.
     pub mask_file: Option<PathBuf>,
+    /// When the photo was taken, where the capture says so.
+    pub time: Option<f64>,
+    /// The number that the capture gives to the photo.
+    pub number: Option<u64>,
     /// The camera of the photo as it is fitted, before refinement.
     pub given: Camera,
 }
@@ -235,7 +239,20 @@ fn load(settings: &RunSettings, given: Option<&Gaussians>) -> Result<Loaded, Run
     let (mut training, mut held_out) = (Vec::new(), Vec::new());
     let (mut origins, mut held_out_origins) = (Vec::new(), Vec::new());
     for photo in capture.photos {
-        let PosedPhoto { name, path, camera, file_camera, distortion, mask_file, rgb, mask, held_out: out } = photo;
+        let PosedPhoto {
+            name,
+            path,
+            camera,
+            file_camera,
+            distortion,
+            mask_file,
+            rgb,
+            mask,
+            time,
+            number,
+            held_out: out,
+            ..
+        } = photo;
         let photo = Photo { name: name.clone(), camera, rgb, mask };
         // The optimization leaves out photos without a pixel that counts.
         if photo.is_masked() {
@@ -243,7 +260,7 @@ fn load(settings: &RunSettings, given: Option<&Gaussians>) -> Result<Loaded, Run
         }
         let (photos, places) = if out { (&mut held_out, &mut held_out_origins) } else { (&mut training, &mut origins) };
         photos.push(photo);
-        places.push(Origin { name, path, file_camera, distortion, mask_file, given: camera });
+        places.push(Origin { name, path, file_camera, distortion, mask_file, time, number, given: camera });
     }
     if let Some(views) = settings.views {
         let chosen = weaver_data::uniform(training.len(), views.clamp(1, training.len().max(1)));

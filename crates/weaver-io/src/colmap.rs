@@ -10,6 +10,9 @@ use std::path::{Path, PathBuf};
 use weaver_geometry::{Camera, Distortion, Intrinsics, Pose};
 use weaver_scene::Frame;
 
+/// The key under which [`Model::frames`] keeps the id of a photo's camera.
+pub const CAMERA_ID: &str = "colmap_camera_id";
+
 /// A sparse model: the result of structure from motion.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
@@ -101,14 +104,17 @@ impl Model {
         model
     }
 
-    /// The images with their cameras, in the order of the file.
+    /// The images with their cameras, in the order of the file: an image's id is the frame's number, that of its camera, which
+    /// photos share, is among [`Frame::extras`] as [`CAMERA_ID`].
     ///
     /// Images whose camera is missing are left out; there are none in a model that was read from files.
     pub fn frames(&self) -> Vec<Frame> {
         let frame = |image: &ImageRecord| {
             let CameraModel { width, height, intrinsics, distortion } = *self.cameras.get(&image.camera_id)?;
             let camera = Camera { pose: image.pose, intrinsics, width, height };
-            Some(Frame { distortion, ..Frame::new(&image.name, camera) })
+            let number = Some(image.id.into());
+            let extras = BTreeMap::from([(CAMERA_ID.to_string(), image.camera_id.to_string())]);
+            Some(Frame { distortion, number, extras, ..Frame::new(&image.name, camera) })
         };
         self.images.iter().filter_map(frame).collect()
     }

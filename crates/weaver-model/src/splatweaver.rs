@@ -9,7 +9,7 @@ use weaver_nn::{Builder, Context};
 use weaver_pose::CameraVars;
 use weaver_router::{Allocation, AllocationRequest, Assignment};
 use weaver_splat::GaussianVars;
-use weaver_vggt::{Encoded, FeatureHead, Vggt};
+use weaver_vggt::{Encoded, FeatureHead, PixelFeatures, Vggt};
 use weaver_wavelet::EnergyMap;
 
 /// SplatWeaver: predicts cameras and a compact set of Gaussians from a few photos without poses.
@@ -131,14 +131,12 @@ impl SplatWeaver {
             let [channels, experts] = [self.config.dense.channels, self.config.gaussians.experts()];
             let widths = [1, 1, channels, experts];
             let mut all = widths.map(|width| pool.buffer(pixels * width));
-            for view in 0..views {
-                cx.tape.outputs_of(|| {
-                    let parts = self.dense_views(cx, encoded, b, view, photos.slice(0, view, 1));
-                    for ((all, part), width) in all.iter_mut().zip(parts).zip(widths) {
-                        all[view * plane * width..][..plane * width].copy_from_slice(&part.value());
-                    }
-                });
-            }
+            cx.tape.for_each(0..views, |view| {
+                let parts = self.dense_views(cx, encoded, b, view, photos.slice(0, view, 1));
+                for ((all, part), width) in all.iter_mut().zip(parts).zip(widths) {
+                    all[view * plane * width..][..plane * width].copy_from_slice(&part.value());
+                }
+            });
             pool.trim::<T>();
             let [depth, confidence, features, logits] = all;
             [
@@ -167,19 +165,19 @@ impl SplatWeaver {
     ) -> [Var<'t, T>; 4] {
         let [views, height, width] = [photos.shape()[0], photos.shape()[2], photos.shape()[3]];
         let maps = self.vggt.depth(cx, encoded, b, [first, views], [height, width]);
+        let seen = || {
+            let layers = encoded.view_tokens(b, first, views);
+            self.features.forward(cx, encoded.dense_tokens(&layers, [height, width]), photos)
+        };
+        let routed = |pixels: PixelFeatures<'t, T>| {
+            let routed = match &self.guidance {
+                Some(guidance) => pixels.features + pixels.embedding * guidance.forward(cx, photos),
+                None => pixels.features,
+            };
+            (pixels.features, self.head.router.forward(cx, pixel_rows(routed)))
+        };
         let (features, logits) = cx.part("gaussian_param_head", || {
-            let pixels = cx.tape.outputs_of(|| {
-                let layers = encoded.view_tokens(b, first, views);
-                self.features.forward(cx, encoded.dense_tokens(&layers, [height, width]), photos)
-            });
-            let logits = cx.tape.outputs_of(|| {
-                let routed = match &self.guidance {
-                    Some(guidance) => pixels.features + pixels.embedding * guidance.forward(cx, photos),
-                    None => pixels.features,
-                };
-                self.head.router.forward(cx, pixel_rows(routed))
-            });
-            (pixel_rows(pixels.features), logits)
+            cx.tape.steps(seen).then(routed).then(|(features, logits)| (pixel_rows(features), logits)).end()
         });
         [maps.depth, maps.confidence, features, logits]
     }

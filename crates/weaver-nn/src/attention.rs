@@ -2,7 +2,7 @@
 
 use crate::{Builder, Context, LayerNorm, Linear, WeightInit};
 use weaver_autograd::ops::{self, RopeTable};
-use weaver_autograd::{Real, Var};
+use weaver_autograd::{List, Real, Var};
 
 /// Multi-head self-attention with one matrix for queries, keys and values; parameters `qkv` (rows q, then k, then v, each
 /// heads x head width), `proj`, and with normalized queries and keys `q_norm`, `k_norm`.
@@ -57,11 +57,11 @@ impl Attention {
         rope: Option<&RopeTable<T>>,
     ) -> Var<'t, T> {
         cx.layer(self.qkv.weight, "qkv.weight", || {
-            let heads = cx.tape.outputs_of(|| {
-                let (q, k, v) = self.queries_keys_values(cx, x, rope);
-                ops::attention(q, k, v, 1.0 / (q.shape().last() as f64).sqrt())
-            });
-            self.proj.forward(cx, heads.reshape(x.shape()))
+            cx.tape
+                .steps(|| self.queries_keys_values(cx, x, rope))
+                .then(|(q, k, v)| ops::attention(q, k, v, 1.0 / (q.shape().last() as f64).sqrt()))
+                .then(|heads| self.proj.forward(cx, heads.reshape(x.shape())))
+                .end()
         })
     }
 
@@ -76,8 +76,8 @@ impl Attention {
         let fits = shape.rank() == 3 && shape[2] == width;
         cx.tape.ensure_shapes(fits, "attention", format_args!("x [B, N, {width}]"), &[shape]);
         let (batch, tokens) = (shape[0], shape[1]);
-        cx.tape.outputs_of(|| {
-            let qkv = cx.tape.outputs_of(|| ops::split(self.qkv.forward(cx, x), 2, &[width; 3]));
+        let split = || ops::split(self.qkv.forward(cx, x), 2, &[width; 3]);
+        let rotated = |qkv: List<Var<'t, T>>| {
             let [q, k, v] = [0, 1, 2].map(|i| qkv[i].reshape([batch, tokens, self.heads, width / self.heads]));
             let (q, k) = match &self.norms {
                 Some((q_norm, k_norm)) => (q_norm.forward(cx, q), k_norm.forward(cx, k)),
@@ -87,6 +87,7 @@ impl Attention {
                 Some(table) => (q.rope2d(table), k.rope2d(table), v),
                 None => (q, k, v),
             }
-        })
+        };
+        cx.tape.steps(split).then(rotated).end()
     }
 }

@@ -97,7 +97,7 @@ impl Block {
 
     fn branches<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>, rope: Option<&RopeTable<T>>) -> Var<'t, T> {
         let attend = || add(cx, x, self.ls1, self.attn.forward(cx, self.norm1.forward(cx, x), rope));
-        let x = cx.tape.outputs_of(attend);
-        add(cx, x, self.ls2, self.mlp.forward(cx, self.norm2.forward(cx, x)))
+        let transform = |x| add(cx, x, self.ls2, self.mlp.forward(cx, self.norm2.forward(cx, x)));
+        cx.tape.steps(attend).then(transform).end()
     }
 }

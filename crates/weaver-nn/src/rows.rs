@@ -77,6 +77,7 @@ pub enum RowSource {
 /// use weaver_nn::{RowMap, RowSource};
 /// let mut params = Params::<f32>::new();
 /// let w = params.add("w", [3, 2], vec![0.0, 0.1, 1.0, 1.1, 2.0, 2.1]);
+/// params.set_rows_vary(w);
 /// let map = RowMap::new(3, vec![RowSource::Keep(2), RowSource::Copy(2), RowSource::New, RowSource::Keep(0)])?;
 /// map.apply(&mut params, w)?;
 /// assert_eq!(params.get(w).value(), [2.0, 2.1, 2.0, 2.1, 0.0, 0.0, 0.0, 0.1]);
@@ -119,7 +120,8 @@ impl RowMap {
         self.old_rows
     }
 
-    /// Gives a parameter its new rows. Panics if it has no values or has them in half precision.
+    /// Gives a parameter its new rows. Panics unless its rows [vary](Params::set_rows_vary), or if it has no values or has
+    /// them in half precision.
     ///
     /// # Errors
     /// When the parameter does not have the rows that the map begins with.

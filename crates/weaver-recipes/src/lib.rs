@@ -2,11 +2,13 @@
 
 mod splatweaver;
 
-pub use splatweaver::{BudgetForm, Losses, Objective, RouterLosses, SplatWeaverRecipe, StageAllocation, StageSettings};
+pub use splatweaver::{
+    BudgetForm, EvaluationSettings, Losses, Objective, RouterLosses, SplatWeaverRecipe, StageAllocation, StageSettings,
+};
 
 use std::path::Path;
 use weaver_inference::{Checkpoint, SplatWeaverPredictor};
-use weaver_trainer::{CameraMode, DataConfig, Error, EvaluationConfig, OpenRun, Registry};
+use weaver_trainer::{CameraMode, DataConfig, Error, OpenRun, Registry};
 
 /// The models that the command line knows.
 pub fn registry() -> Registry {
@@ -30,7 +32,7 @@ pub fn built_in() -> Result<OpenRun, Error> {
         step: checkpoint.step,
         seed: checkpoint.defaults().seed,
         data: DataConfig::default(),
-        evaluation: EvaluationConfig { cameras: CameraMode::Given, allocation: None, budget: None },
+        cameras: CameraMode::Given,
     })
 }
 
@@ -40,14 +42,13 @@ pub fn built_in() -> Result<OpenRun, Error> {
 /// # Errors
 /// When it cannot be read, is of another model, or makes no Gaussians.
 pub fn open_weights(path: &Path) -> Result<OpenRun, Error> {
-    let evaluation = |cameras| EvaluationConfig { cameras, allocation: None, budget: None };
     if !weaver_inference::is_of_run(path)? {
         return Ok(OpenRun {
             predictor: Box::new(SplatWeaverPredictor::open_published(path)?),
             step: 0,
             seed: 0,
             data: DataConfig::default(),
-            evaluation: evaluation(CameraMode::Predicted),
+            cameras: CameraMode::Predicted,
         });
     }
     let checkpoint = Checkpoint::read(path)?;
@@ -56,7 +57,7 @@ pub fn open_weights(path: &Path) -> Result<OpenRun, Error> {
         step: checkpoint.step,
         seed: checkpoint.defaults().seed,
         data: DataConfig::default(),
-        evaluation: evaluation(CameraMode::Predicted),
+        cameras: CameraMode::Predicted,
     })
 }
 

@@ -6,17 +6,16 @@ mod presets;
 mod sections;
 
 pub use objective::Objective;
-pub use sections::{BudgetForm, Losses, RouterLosses, StageAllocation, StageSettings};
+pub use sections::{BudgetForm, EvaluationSettings, Losses, RouterLosses, StageAllocation, StageSettings};
 
 use std::collections::BTreeSet;
-use std::path::Path;
 use std::sync::Arc;
 use weaver_autograd::{ParamId, Params};
-use weaver_inference::{Predictor, SplatWeaverPredictor};
+use weaver_inference::{Defaults, Predictor, SplatWeaverPredictor};
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_nn::Context;
 use weaver_router::{Allocation, AllocationKind, QuadtreeMix, TrainingMix};
-use weaver_trainer::{Config, Error, Example, Recipe, StageConfig, Step, Terms};
+use weaver_trainer::{CameraMode, Config, Error, Example, Recipe, StageConfig, Step, Terms};
 
 /// Trains SplatWeaver, from photos with or without their cameras.
 ///
@@ -28,6 +27,16 @@ pub struct SplatWeaverRecipe;
 /// Leading parts of the names of the parameters that learn at the full rate: the dense heads and everything after them.
 const DENSE: [&str; 2] = ["depth_head.", "gaussian_param_head."];
 
+impl SplatWeaverRecipe {
+    /// The experts that training with this configuration gives pixels to.
+    pub fn trained_experts(config: &Config<Self>) -> Vec<u8> {
+        let most = u8::try_from(config.model.gaussians.max_per_pixel).unwrap_or(u8::MAX);
+        let rendered = config.stages.iter().filter(|stage| stage.tuples > 0 && stage.steps > 0);
+        let used = rendered.flat_map(|stage| stage.model.allocation.experts(most));
+        used.collect::<BTreeSet<u8>>().into_iter().collect()
+    }
+}
+
 impl Recipe for SplatWeaverRecipe {
     const ARCHITECTURE: &'static str = SplatWeaverPredictor::ARCHITECTURE;
     const PRESETS: &'static [&'static str] =
@@ -36,6 +45,7 @@ impl Recipe for SplatWeaverRecipe {
     type Model = ModelConfig;
     type Stage = StageSettings;
     type Losses = Losses;
+    type Evaluation = EvaluationSettings;
 
     fn preset(name: &str) -> Option<Config<Self>> {
         presets::preset(name)
@@ -90,11 +100,14 @@ impl Recipe for SplatWeaverRecipe {
         }
     }
 
-    fn trained_experts(config: &Config<Self>) -> Vec<u8> {
-        let most = u8::try_from(config.model.gaussians.max_per_pixel).unwrap_or(u8::MAX);
-        let rendered = config.stages.iter().filter(|stage| stage.tuples > 0 && stage.steps > 0);
-        let used = rendered.flat_map(|stage| stage.model.allocation.experts(most));
-        used.collect::<BTreeSet<u8>>().into_iter().collect()
+    fn cameras(evaluation: &EvaluationSettings) -> CameraMode {
+        evaluation.cameras
+    }
+
+    fn defaults(config: &Config<Self>) -> Defaults {
+        let EvaluationSettings { allocation, budget, .. } = config.evaluation;
+        let allocation = allocation.map(|kind| kind.to_string());
+        Defaults { seed: config.seed, allocation, budget, trained_experts: Self::trained_experts(config) }
     }
 
     fn tuples(stage: &StageConfig<Self>) -> usize {
@@ -103,10 +116,6 @@ impl Recipe for SplatWeaverRecipe {
 
     fn describe(stage: &StageConfig<Self>) -> String {
         format!("{} rendered and {} posed tuples", stage.tuples, stage.model.pose_tuples)
-    }
-
-    fn lpips_weights(stage: &StageConfig<Self>) -> Option<&Path> {
-        stage.losses.image.lpips_file()
     }
 
     fn objective<'t>(

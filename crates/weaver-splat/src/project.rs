@@ -203,8 +203,8 @@ pub(crate) fn splats<V: Lanes>(
     let in_range = z.ge(V::constant(settings.near)).and(V::constant(settings.far).ge(z));
     let opacity = group.opacity * shape.compensation;
     let mut seen = sound.and(in_range).and(shape.det.gt(V::zero())).and(opacity.ge(V::constant(ALPHA_MIN)));
-    if settings.radius_clip > 0.0 {
-        seen = seen.and(three_deviations(&shape).ge(V::constant(settings.radius_clip)));
+    if let Some(least) = settings.radius_clip {
+        seen = seen.and(three_deviations(&shape).ge(V::constant(least)));
     }
 
     let eps = <V::Scalar as Real>::EPSILON.to_f64();

@@ -16,9 +16,9 @@ pub struct RasterSettings {
     pub alpha_max: f64,
     /// Whether the opacity is lowered by `sqrt(det S / det(S + eps2d I))`, which undoes the gain in size by the blur.
     pub antialiased: bool,
-    /// Gaussians with three standard deviations of their longest image axis below this many pixels are not drawn; 0
+    /// Gaussians with three standard deviations of their longest image axis below this many pixels are not drawn; `None`
     /// draws all.
-    pub radius_clip: f64,
+    pub radius_clip: Option<f64>,
     /// Side of the square tiles. A choice of speed: images do not depend on it.
     pub tile: TileSide,
     /// The part of each view to draw; `None` draws all of it.
@@ -36,7 +36,7 @@ impl Default for RasterSettings {
             eps2d: 0.3,
             alpha_max: 0.99,
             antialiased: false,
-            radius_clip: 0.0,
+            radius_clip: None,
             tile: TileSide::Sixteen,
             region: None,
         }

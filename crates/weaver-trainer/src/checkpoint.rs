@@ -5,7 +5,7 @@ use crate::{Config, Error, Recipe};
 use std::collections::BTreeMap;
 use std::path::Path;
 use weaver_autograd::{Params, Shape};
-use weaver_inference::{Checkpoint, Defaults, FORMAT, WeightSet};
+use weaver_inference::{Checkpoint, FORMAT, WeightSet};
 use weaver_io::checkpoint::Tensors;
 use weaver_nn::{AdamW, Ema, Moments};
 
@@ -37,19 +37,13 @@ impl TrainingState<'_> {
         sources: &Sources,
     ) -> Result<(), Error> {
         let Self { params, optimizer, ema } = *self;
-        let defaults = Defaults {
-            seed: config.seed,
-            allocation: config.evaluation.allocation.map(|kind| kind.to_string()),
-            budget: config.evaluation.budget,
-            trained_experts: R::trained_experts(config),
-        };
         let json = |value: serde_json::Result<String>| value.expect("a configuration is plain data");
         let mut tensors = Tensors::default();
         let mut note = |key: &str, value: String| tensors.metadata.insert(key.into(), value);
         note("format", FORMAT.into());
         note("architecture", R::ARCHITECTURE.into());
         note("model", json(serde_json::to_string(&config.model)));
-        note("defaults", json(serde_json::to_string(&defaults)));
+        note("defaults", json(serde_json::to_string(&R::defaults(config))));
         note("preset", config.preset.clone());
         note("step", step.to_string());
         note("ema_step", ema.steps().to_string());

@@ -9,7 +9,6 @@ pub use data::{DataConfig, SamplerKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-use weaver_router::AllocationKind;
 use weaver_settings::{Error as Wrong, Layers, Value};
 
 /// Steps and counts of steps are at most so many, which no run comes near; sums and products of them do not overflow.
@@ -28,9 +27,10 @@ pub struct Config<R: Recipe> {
     pub preset: String,
     /// Seed of initial weights, of the order of the data and of the noise.
     pub seed: u64,
-    /// Threads; 0 takes one per core. The result does not depend on it.
-    #[schemars(range(max = 1024))]
-    pub threads: usize,
+    /// Threads; none takes one per core. The result does not depend on it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 1024))]
+    pub threads: Option<usize>,
     /// Checkpoint of a run that training starts from, in place of random weights: of what both networks have in equal sizes, its
     /// averaged weights are taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -46,7 +46,7 @@ pub struct Config<R: Recipe> {
     /// What is written while training.
     pub output: OutputConfig,
     /// How the model is evaluated, and used unless a call says otherwise.
-    pub evaluation: EvaluationConfig,
+    pub evaluation: R::Evaluation,
 }
 
 /// AdamW and weight averaging.
@@ -68,14 +68,15 @@ pub struct OptimizerConfig {
     /// Largest global norm of the gradient; larger gradients are scaled down to it. A huge one clips nothing.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub clip: f64,
-    /// Decay of the weights' exponential moving average; 0 evaluates the weights themselves.
-    #[schemars(range(min = 0.0), extend("exclusiveMaximum" = 1))]
-    pub ema: f64,
+    /// Decay of the weights' exponential moving average; none evaluates the weights themselves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 1))]
+    pub ema: Option<f64>,
 }
 
 impl Default for OptimizerConfig {
     fn default() -> Self {
-        Self { beta1: 0.9, beta2: 0.99, epsilon: 1e-8, weight_decay: 0.02, clip: 1.0, ema: 0.998 }
+        Self { beta1: 0.9, beta2: 0.99, epsilon: 1e-8, weight_decay: 0.02, clip: 1.0, ema: Some(0.998) }
     }
 }
 
@@ -166,56 +167,36 @@ impl Default for OutputConfig {
     }
 }
 
-/// How the model is evaluated, and used unless a call says otherwise.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct EvaluationConfig {
-    /// Whose cameras.
-    pub cameras: CameraMode,
-    /// Which pixels get Gaussians, for models with a choice: sampled, argmax, dithered, grid, random or fixed:K.
-    #[serde(default, skip_serializing_if = "Option::is_none", with = "allocation_name")]
-    #[schemars(with = "Option<String>")]
-    pub allocation: Option<AllocationKind>,
-    /// Gaussians per context pixel, for allocations that have a budget.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub budget: Option<f64>,
-}
-
-/// Allocations by their names, as configuration files have them.
-pub mod allocation_name {
-    use serde::{Deserialize, Deserializer, Serializer};
-    use weaver_router::AllocationKind;
-
-    /// Writes the name.
-    ///
-    /// # Errors
-    /// Those of the serializer.
-    pub fn serialize<S: Serializer>(kind: &Option<AllocationKind>, serializer: S) -> Result<S::Ok, S::Error> {
-        match kind {
-            Some(kind) => serializer.collect_str(kind),
-            None => serializer.serialize_none(),
+impl<R: Recipe> StageConfig<R> {
+    /// A stage of one tuple a step: warm-up over a fifteenth of it, then a cosine down to a tenth of `rate`.
+    pub fn new(name: &str, steps: usize, rate: f64, losses: R::Losses) -> Self
+    where
+        R::Stage: Default,
+    {
+        let (name, warmup) = (name.into(), steps / 15);
+        Self {
+            name,
+            steps,
+            tuples: 1,
+            rate,
+            warmup,
+            floor: 0.1,
+            frozen: Vec::new(),
+            recompute: false,
+            model: R::Stage::default(),
+            losses,
         }
-    }
-
-    /// Reads a name.
-    ///
-    /// # Errors
-    /// When no allocation has it.
-    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<AllocationKind>, D::Error> {
-        let name = Option::<String>::deserialize(deserializer)?;
-        name.map(|name| name.parse().map_err(serde::de::Error::custom)).transpose()
     }
 }
 
 impl<R: Recipe> Config<R> {
     /// A configuration with this network and these stages, the rest as it is by default.
-    pub fn new(preset: &str, model: R::Model, stages: Vec<StageConfig<R>>, evaluation: EvaluationConfig) -> Self {
+    pub fn new(preset: &str, model: R::Model, stages: Vec<StageConfig<R>>, evaluation: R::Evaluation) -> Self {
         Self {
             architecture: R::ARCHITECTURE.into(),
             preset: preset.into(),
             seed: 0,
-            threads: 0,
+            threads: None,
             init: None,
             model,
             data: DataConfig::default(),

@@ -16,6 +16,10 @@ pub struct Example {
     pub inside: Option<Vec<bool>>,
     /// Cameras in the tuple's frame: camera 0 is the identity, lengths in training units.
     pub cameras: Vec<Camera>,
+    /// When each photo was taken, in the capture's unit, where the capture says so.
+    pub times: Vec<Option<f64>>,
+    /// The number that the capture gives to each photo, where it does.
+    pub numbers: Vec<Option<u64>>,
     /// Training units per scene unit.
     pub scale: f64,
     /// Depth of the context views `[C, H, W]` in training units, 0 where unknown.
@@ -79,7 +83,9 @@ impl Example {
         }
         let cameras =
             views.iter().zip(&posed.poses).map(|(&v, pose)| Camera { pose: *pose, ..scene.views[v].camera }).collect();
-        Self { tuple, images, inside, cameras, scale: posed.scale, depth, absolute: Vec::new() }
+        let times = views.iter().map(|&v| scene.views[v].time).collect();
+        let numbers = views.iter().map(|&v| scene.views[v].number).collect();
+        Self { tuple, images, inside, cameras, times, numbers, scale: posed.scale, depth, absolute: Vec::new() }
     }
 
     /// Cameras of the context views.
@@ -92,12 +98,20 @@ impl Example {
         &self.cameras[self.tuple.context.len()..]
     }
 
+    /// Photos of all views.
+    pub fn photos(&self) -> Photos<'_> {
+        let Camera { width, height, .. } = self.cameras[0];
+        Photos { planes: &self.images, inside: self.inside.as_deref(), height, width }
+    }
+
     /// Photos of the context views.
     pub fn context_photos(&self) -> Photos<'_> {
         let view = self.images.len() / self.cameras.len();
-        let Camera { width, height, .. } = self.cameras[0];
-        let views = self.tuple.context.len();
-        Photos { planes: &self.images[..view * views], inside: self.inside_of(views), height, width }
+        Photos {
+            planes: &self.images[..view * self.tuple.context.len()],
+            inside: self.inside_of(self.tuple.context.len()),
+            ..self.photos()
+        }
     }
 
     /// Which pixels of the first `views` views count; `None` if all of them do.

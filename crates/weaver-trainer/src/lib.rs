@@ -17,6 +17,7 @@ pub mod losses;
 pub mod observe;
 mod recipe;
 mod registry;
+mod rows;
 pub mod samples;
 pub mod scenes;
 mod session;
@@ -25,20 +26,18 @@ mod taught;
 
 pub use augmentation::Augmentation;
 pub use checkpoint::TrainingState;
-pub use config::{
-    CameraMode, Config, DataConfig, EvaluationConfig, OptimizerConfig, OutputConfig, SamplerKind, StageConfig,
-    allocation_name,
-};
+pub use config::{CameraMode, Config, DataConfig, OptimizerConfig, OutputConfig, SamplerKind, StageConfig};
 pub use dry_run::{DryRun, StageMemory};
 pub use error::Error;
 pub use evaluation::{Evaluation, SceneFigures, Summary};
 pub use example::Example;
 pub use losses::Terms;
 pub use observe::{Observer, StepReport};
-pub use recipe::{Recipe, Section, Step};
+pub use recipe::{LossSection, NoSettings, Recipe, Section, Step};
 pub use registry::{
     Architecture, MatchingOverride, OpenRun, Overrides, Registry, Resolved, Setup, Source, Training, create_run,
 };
+pub use rows::TrainedRows;
 pub use session::{PendingStep, Session};
 
 /// The example of the README, compiled and run.

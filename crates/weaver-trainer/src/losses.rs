@@ -7,6 +7,7 @@ use smallvec::SmallVec;
 use std::path::{Path, PathBuf};
 use weaver_autograd::{List, Shape, Var};
 use weaver_geometry::{Camera, pose_code};
+use weaver_inference::Photos;
 use weaver_losses::{self as losses, Lpips};
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
@@ -227,6 +228,11 @@ pub fn camera_constants<'t>(cx: Context<'t, '_, f32>, cameras: &[Camera]) -> Cam
         viewmats: rows(cx, cameras.iter().map(|c| viewmat(&c.pose)), [cameras.len(), 3, 4]),
         intrinsics: rows(cx, cameras.iter().map(intrinsics_row), [cameras.len(), 4]),
     }
+}
+
+/// Photos as a constant `[V, 3, H, W]`.
+pub fn photo_constant<'t>(cx: Context<'t, '_, f32>, photos: Photos<'_>) -> Var<'t, f32> {
+    cx.tape.constant(photos.planes, [photos.views(), 3, photos.height, photos.width])
 }
 
 /// The context photos of some examples as one constant `[B, V, 3, H, W]`.

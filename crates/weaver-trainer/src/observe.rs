@@ -38,3 +38,9 @@ pub trait Observer {
     /// When its output cannot be written; training then stops, after a checkpoint.
     fn step(&mut self, report: &StepReport) -> Result<(), Error>;
 }
+
+impl<F: FnMut(&StepReport) -> Result<(), Error>> Observer for F {
+    fn step(&mut self, report: &StepReport) -> Result<(), Error> {
+        self(report)
+    }
+}

@@ -1,17 +1,19 @@
 //! What a model says about its training.
 
-use crate::{Config, Error, Example, StageConfig, Terms};
+use crate::losses::ImageLosses;
+use crate::{CameraMode, Config, Error, Example, StageConfig, Terms, TrainedRows};
 use schemars::JsonSchema;
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use std::fmt::Debug;
 use std::sync::Arc;
-use weaver_autograd::{ParamId, Params};
-use weaver_inference::Predictor;
+use weaver_autograd::{ParamId, Params, Var};
+use weaver_inference::{Defaults, Predictor};
 use weaver_kernels::random::Stream;
 use weaver_losses::Lpips;
 use weaver_nn::Context;
-use weaver_splat::WorkspacePool;
+use weaver_pose::CameraVars;
+use weaver_splat::{GaussianVars, RasterSettings, Rasterize, WorkspacePool};
 
 /// A section of the configuration: plain data whose fields have documentation.
 pub trait Section:
@@ -22,6 +24,30 @@ pub trait Section:
 impl<S> Section for S where
     S: Clone + Debug + PartialEq + Serialize + DeserializeOwned + JsonSchema + Send + Sync + 'static
 {
+}
+
+/// The section `stages.N.losses`: weights of the losses.
+pub trait LossSection: Section {
+    /// The losses on rendered images, and the key of their table in this section, empty if they are the section itself; the
+    /// trainer checks them and loads what LPIPS needs. None for a model that renders nothing.
+    fn image(&self) -> Option<(&'static str, &ImageLosses)>;
+}
+
+impl LossSection for ImageLosses {
+    fn image(&self) -> Option<(&'static str, &ImageLosses)> {
+        Some(("", self))
+    }
+}
+
+/// A section without keys, for models that leave nothing to choose there.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct NoSettings {}
+
+impl LossSection for NoSettings {
+    fn image(&self) -> Option<(&'static str, &ImageLosses)> {
+        None
+    }
 }
 
 /// How a model is configured, built, trained and used.
@@ -40,7 +66,9 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// The section `stages.N.model`: what this model does in a stage.
     type Stage: Section;
     /// The section `stages.N.losses`: weights of the losses.
-    type Losses: Section;
+    type Losses: LossSection;
+    /// The section `evaluation`: how the model is evaluated, and used unless a call says otherwise.
+    type Evaluation: Section;
 
     /// The configuration of a preset; `None` for an unknown name.
     fn preset(name: &str) -> Option<Config<Self>>;
@@ -78,9 +106,14 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
         Vec::new()
     }
 
-    /// For models with experts: those that training gives pixels to.
-    fn trained_experts(_config: &Config<Self>) -> Vec<u8> {
-        Vec::new()
+    /// Whose cameras the model is evaluated with; the data's, unless a model says otherwise.
+    fn cameras(_evaluation: &Self::Evaluation) -> CameraMode {
+        CameraMode::Given
+    }
+
+    /// What a checkpoint says of how the model is used unless a call says otherwise.
+    fn defaults(config: &Config<Self>) -> Defaults {
+        Defaults { seed: config.seed, ..Defaults::default() }
     }
 
     /// Tuples that a step of the stage needs.
@@ -98,11 +131,6 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
         format!("{}, loss {:.4}", report.stage, report.loss)
     }
 
-    /// The file with the weights of LPIPS, if the stage needs it; the same in all stages.
-    fn lpips_weights(_stage: &StageConfig<Self>) -> Option<&std::path::Path> {
-        None
-    }
-
     /// Runs the network on a step's examples and collects the loss.
     ///
     /// # Errors
@@ -113,6 +141,20 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
         step: &Step<'_, Self>,
         examples: &[Example],
     ) -> Result<Terms<'t>, Error>;
+
+    /// Lets parameters whose rows [vary](Params::set_rows_vary) grow and shrink after a step, the run's `step`-th. What it
+    /// does must follow from its arguments alone, so that a resumed run comes to the same bits.
+    ///
+    /// # Errors
+    /// When rows do not fit.
+    fn resize(
+        _network: &Self::Network,
+        _config: &Config<Self>,
+        _step: usize,
+        _rows: &mut TrainedRows<'_>,
+    ) -> Result<(), Error> {
+        Ok(())
+    }
 
     /// The network as a predictor, with the settings of `config.evaluation`.
     ///
@@ -140,4 +182,14 @@ pub struct Step<'a, R: Recipe> {
     pub workspaces: &'a WorkspacePool<f32>,
     /// Random numbers of this step.
     pub stream: Stream,
+}
+
+impl<R: Recipe> Step<'_, R> {
+    /// Draws Gaussians for V cameras on white: images `[V, 3, H, W]` of the configured size, clamped to [0, 1].
+    pub fn render<'t>(&self, gaussians: &GaussianVars<'t, f32>, cameras: &CameraVars<'t>) -> Var<'t, f32> {
+        let [height, width] = R::image_size(&self.config.model);
+        let background = gaussians.means.tape().constant(&[1.0; 3], [3]);
+        let op = Rasterize::new(width, height, RasterSettings::default(), self.workspaces).without_depth();
+        op.apply(gaussians, cameras, background).image.permute(&[0, 3, 1, 2]).clamp(0.0, 1.0)
+    }
 }

@@ -2,7 +2,7 @@
 
 use crate::evaluate::{Matching, Options};
 use crate::{
-    Config, DataConfig, DryRun, Error, Evaluation, EvaluationConfig, Observer, Recipe, Session, StepReport, Summary,
+    CameraMode, Config, DataConfig, DryRun, Error, Evaluation, Observer, Recipe, Session, StepReport, Summary,
     TrainingState, evaluate, scenes,
 };
 use std::fmt::Debug;
@@ -31,7 +31,7 @@ pub struct Setup {
     pub teacher: Option<PathBuf>,
     /// The seed.
     pub seed: Option<u64>,
-    /// Threads; 0 takes one per core.
+    /// Threads, instead of the configuration's.
     pub threads: Option<usize>,
     /// Steps in all; the stages are rescaled in proportion.
     pub steps: Option<usize>,
@@ -44,8 +44,8 @@ pub struct Resolved {
     pub architecture: String,
     /// The preset.
     pub preset: String,
-    /// Threads; 0 takes one per core.
-    pub threads: usize,
+    /// Threads; `None` takes one per core.
+    pub threads: Option<usize>,
     /// Steps of all stages.
     pub steps: usize,
     /// All of it.
@@ -162,8 +162,8 @@ pub struct OpenRun {
     pub seed: u64,
     /// The run's data.
     pub data: DataConfig,
-    /// How the run is evaluated.
-    pub evaluation: EvaluationConfig,
+    /// Whose cameras are used, unless a call says otherwise.
+    pub cameras: CameraMode,
 }
 
 /// Which scenes to evaluate on.
@@ -241,7 +241,7 @@ impl OpenRun {
         let lpips = evaluate::lpips_for(overrides.lpips.as_deref(), size)?;
         let options = Options {
             context_views: overrides.context_views.unwrap_or(self.data.context_views),
-            cameras: overrides.cameras.unwrap_or(self.evaluation.cameras),
+            cameras: overrides.cameras.unwrap_or(self.cameras),
             points: overrides.points,
             matching,
             density: overrides.density,
@@ -296,7 +296,7 @@ impl<R: Recipe> Architecture for Named<R> {
             *folder = absolute.map_err(|e| Error::Input(format!("{}: {e}", folder.display())))?;
         }
         config.seed = setup.seed.unwrap_or(config.seed);
-        config.threads = setup.threads.unwrap_or(config.threads);
+        config.threads = setup.threads.or(config.threads);
         if let Some(steps) = setup.steps {
             config.rescale(steps);
         }
@@ -341,7 +341,7 @@ impl<R: Recipe> Architecture for Named<R> {
             step: checkpoint.step,
             seed: config.seed,
             data: config.data,
-            evaluation: config.evaluation,
+            cameras: R::cameras(&config.evaluation),
         })
     }
 }

@@ -9,7 +9,7 @@ use crate::evaluate::{self, Options};
 use crate::evaluation::Summary;
 use crate::observe::{Logs, Observer, StepReport, write_report};
 use crate::sources::Sources;
-use crate::{Config, Error, Recipe, StageConfig, Step, TrainingState, initial, samples, scenes};
+use crate::{Config, Error, Recipe, StageConfig, Step, TrainedRows, TrainingState, initial, samples, scenes};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -73,7 +73,7 @@ impl<R: Recipe> Session<R> {
         let mut session = Self::prepare(config)?;
         if let Some(path) = session.config.init.clone() {
             session.remarks.push(initial::weights(&path, R::ARCHITECTURE, &mut session.params)?);
-            session.ema = Ema::new(&session.params, session.config.optimizer.ema);
+            session.ema = new_average(&session.config, &session.params);
         }
         Ok(session)
     }
@@ -94,7 +94,7 @@ impl<R: Recipe> Session<R> {
             remarks.extend(scenes::check_scale(scene, &config.data)?);
         }
         let optimizer = new_optimizer(&config, &params);
-        let ema = Ema::new(&params, config.optimizer.ema);
+        let ema = new_average(&config, &params);
         let layouts = scenes.iter().map(Layout::of).collect();
         let fresh = scenes::Endless::new(&config.data, size, config.seed);
         let (tape, workspaces) = (Tape::new(), WorkspacePool::new());
@@ -230,7 +230,7 @@ impl<R: Recipe> Session<R> {
         if local == 0 {
             // A stage starts from the weights as they are, with fresh moments and a fresh average.
             self.optimizer = new_optimizer(&self.config, &self.params);
-            self.ema = Ema::new(&self.params, self.config.optimizer.ema);
+            self.ema = new_average(&self.config, &self.params);
         }
         for (group, rate) in self.optimizer.groups.iter_mut().zip(R::group_rates(&stage)) {
             group.lr_scale = rate;
@@ -300,7 +300,8 @@ impl<R: Recipe> Session<R> {
     /// The last part of a step: clips the gradients and updates parameters and averages.
     ///
     /// # Errors
-    /// When the gradients' norm is not a number; the weights are then those of the step before.
+    /// When the gradients' norm is not a number; the weights are then those of the step before. When rows that the model
+    /// changes do not fit.
     pub fn update(&mut self, step: PendingStep) -> Result<StepReport, Error> {
         let PendingStep { position: Position { stage, local }, loss, terms, gaussians_per_pixel } = step;
         let norm = global_norm(&self.params, &self.tape);
@@ -318,6 +319,8 @@ impl<R: Recipe> Session<R> {
             probe.end(&self.tape)?;
         }
         self.step += 1;
+        let Self { params, optimizer, ema, tape, .. } = self;
+        R::resize(&self.network, &self.config, self.step, &mut TrainedRows { params, optimizer, ema, tape })?;
         Ok(StepReport {
             step: self.step,
             stage: stage.name.clone(),
@@ -432,7 +435,7 @@ impl<R: Recipe> Session<R> {
     fn options(&self) -> Options {
         Options {
             context_views: self.config.data.context_views,
-            cameras: self.config.evaluation.cameras,
+            cameras: R::cameras(&self.config.evaluation),
             points: false,
             matching: None,
             density: Density::default(),
@@ -471,4 +474,9 @@ fn new_optimizer<R: Recipe>(config: &Config<R>, params: &Params<f32>) -> AdamW<f
     let o = &config.optimizer;
     let group = |params| Group { params, lr_scale: 1.0, weight_decay: o.weight_decay };
     AdamW::new(R::groups(params).into_iter().map(group).collect(), o.beta1, o.beta2, o.epsilon)
+}
+
+/// The average that is evaluated; without one, what follows the parameters with a decay of 0.
+fn new_average<R: Recipe>(config: &Config<R>, params: &Params<f32>) -> Ema<f32> {
+    Ema::new(params, config.optimizer.ema.unwrap_or(0.0))
 }

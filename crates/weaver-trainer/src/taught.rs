@@ -145,6 +145,7 @@ fn scene(
             depth: Some(depth),
             time: None,
             number: None,
+            extras: std::collections::BTreeMap::new(),
             held_out: i % HOLD_OUT == 0,
         });
     }

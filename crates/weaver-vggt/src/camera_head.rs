@@ -111,7 +111,7 @@ impl CameraHead {
                 Some(estimate) => estimate.raw.detach(),
                 None => cx.param(self.empty_pose_tokens).expand([scenes, views, LENGTH]),
             };
-            let increment = cx.tape.outputs_of(|| self.increment(cx, tokens, normalized, seen));
+            let increment = self.increment(cx, tokens, normalized, seen);
             let raw = match code {
                 Some(code) => code + increment,
                 None => increment,
@@ -132,15 +132,19 @@ impl CameraHead {
         code: Var<'t, T>,
     ) -> Var<'t, T> {
         let dim = self.config.dim;
-        let modulation = self.modulation.forward(cx, self.embed_pose.forward(cx, code).silu());
-        let parts = ops::split(modulation, 2, &[dim, dim, dim]);
-        let (shift, scale, gate) = (parts[0], parts[1], parts[2]);
-        let modulated = || tokens + gate * (normalized * (scale + 1.0) + shift);
-        let x = cx.tape.fold(modulated, self.trunk.iter().enumerate(), |x, (i, block)| {
-            cx.part(format_args!("trunk.{i}"), || block.forward(cx, x, None))
-        });
+        let modulated = || {
+            let modulation = self.modulation.forward(cx, self.embed_pose.forward(cx, code).silu());
+            let parts = ops::split(modulation, 2, &[dim, dim, dim]);
+            let (shift, scale, gate) = (parts[0], parts[1], parts[2]);
+            tokens + gate * (normalized * (scale + 1.0) + shift)
+        };
+        let blocks = self.trunk.iter().enumerate();
+        let run = |x, (i, block): (usize, &Block)| cx.part(format_args!("trunk.{i}"), || block.forward(cx, x, None));
         let [fc1, fc2] = &self.pose_branch;
-        fc2.forward(cx, fc1.forward(cx, self.trunk_norm.forward(cx, x)).gelu())
+        cx.tape
+            .steps(|| cx.tape.fold(modulated, blocks, run))
+            .then(|x| fc2.forward(cx, fc1.forward(cx, self.trunk_norm.forward(cx, x)).gelu()))
+            .end()
     }
 
     /// The code of cameras at the origin with this field of view.

@@ -60,17 +60,19 @@ impl DepthHead {
     /// Predicts for the N views that the leading dimensions of the tokens hold.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> DepthMaps<'t, T> {
         let [height, width] = tokens.image;
-        cx.tape.outputs_of(|| {
-            let x = cx.tape.outputs_of(|| add_position(self.trunk.forward(cx, tokens), height, width));
+        let maps = |raw: Var<'t, T>| {
+            let channel = |c: usize| raw.slice(1, c, 1).reshape([raw.shape()[0], height, width]);
+            let log_depth = match self.config.log_depth_bounds {
+                Some((lo, hi)) => channel(0).clamp(lo, hi),
+                None => channel(0),
+            };
+            DepthMaps { depth: log_depth.exp(), confidence: channel(1).exp() + 1.0 }
+        };
+        let output = |x| {
             cx.part("scratch.output_conv2", || {
-                let raw = cx.tape.outputs_of(|| self.last.forward(cx, self.hidden.forward(cx, x).relu()));
-                let channel = |c: usize| raw.slice(1, c, 1).reshape([raw.shape()[0], height, width]);
-                let log_depth = match self.config.log_depth_bounds {
-                    Some((lo, hi)) => channel(0).clamp(lo, hi),
-                    None => channel(0),
-                };
-                DepthMaps { depth: log_depth.exp(), confidence: channel(1).exp() + 1.0 }
+                cx.tape.steps(|| self.last.forward(cx, self.hidden.forward(cx, x).relu())).then(maps).end()
             })
-        })
+        };
+        cx.tape.steps(|| self.trunk.forward(cx, tokens)).then(|x| add_position(x, height, width)).then(output).end()
     }
 }

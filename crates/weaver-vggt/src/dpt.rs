@@ -89,15 +89,12 @@ impl DptHead {
 
     /// Maps `[N, width, H, W]`, one for each of the N views that the leading dimensions hold.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> Var<'t, T> {
-        cx.tape.outputs_of(|| resized(self.trunk(cx, tokens), tokens.image))
+        cx.tape.steps(|| self.trunk(cx, tokens)).then(|maps| resized(maps, tokens.image)).end()
     }
 
     /// Maps `[N, width, 8 h, 8 w]` of a grid of h x w patches: [`forward`](Self::forward) before the last resize.
     pub fn trunk<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>) -> Var<'t, T> {
-        cx.tape.outputs_of(|| {
-            let finest = cx.tape.outputs_of(|| self.fuse(cx, tokens)[0]);
-            self.output_conv1.forward(cx, finest)
-        })
+        cx.tape.steps(|| self.fuse(cx, tokens)[0]).then(|finest| self.output_conv1.forward(cx, finest)).end()
     }
 
     /// The fused maps `[N, features, ..]` from the finest to the coarsest, each at the size of the next finer level.
@@ -118,8 +115,8 @@ impl DptHead {
     /// One layer's tokens as maps `[N, features, h, w]` of that level's size.
     fn level<'t, T: Real>(&self, cx: Context<'t, '_, T>, tokens: DenseTokens<'_, 't, T>, i: usize) -> Var<'t, T> {
         cx.part(format_args!("projects.{i}"), || {
-            let resized = cx.tape.outputs_of(|| self.resized_level(cx, tokens, i));
-            self.layer_rn[i].forward(cx, resized)
+            let steps = cx.tape.steps(|| self.resized_level(cx, tokens, i));
+            steps.then(|resized| self.layer_rn[i].forward(cx, resized)).end()
         })
     }
 

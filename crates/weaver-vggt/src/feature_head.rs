@@ -65,7 +65,7 @@ impl FeatureHead {
         images: Var<'t, T>,
     ) -> PixelFeatures<'t, T> {
         let [height, width] = tokens.image;
-        let embedding = cx.tape.outputs_of(|| {
+        let embed = || {
             let maps = self.trunk.forward(cx, tokens);
             let images = images.reshape([maps.shape()[0], 3, height, width]);
             let seen = cx.part("input_merger", || {
@@ -73,8 +73,8 @@ impl FeatureHead {
                 self.merger[1].forward(cx, x).relu()
             });
             add_position(maps + seen, height, width)
-        });
-        let features = cx.part("scratch.output_conv2", || self.last.forward(cx, embedding).relu());
-        PixelFeatures { embedding, features }
+        };
+        let features = |embedding| cx.part("scratch.output_conv2", || self.last.forward(cx, embedding).relu());
+        cx.tape.steps(embed).then(|embedding| PixelFeatures { embedding, features: features(embedding) }).end()
     }
 }

@@ -24,10 +24,12 @@ impl ResidualConvUnit {
 
     /// Maps `[N, C, h, w]` to the same shape.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
-        cx.tape.outputs_of(|| {
-            let x = x.relu();
-            let hidden = cx.tape.outputs_of(|| self.conv1.forward(cx, x).relu());
-            self.conv2.forward(cx, hidden) + x
+        cx.layer(self.conv1.weight, "conv1.weight", || {
+            cx.tape
+                .steps(|| x.relu())
+                .then(|x| (x, self.conv1.forward(cx, x).relu()))
+                .then(|(x, hidden)| self.conv2.forward(cx, hidden) + x)
+                .end()
         })
     }
 }
@@ -62,8 +64,7 @@ impl FusionBlock {
             (Some(unit), Some(coarser)) => self.of_sum.forward(cx, coarser + unit.forward(cx, map)),
             _ => self.of_sum.forward(cx, map),
         };
-        let fuse = || resized(cx.tape.outputs_of(refine), size);
-        cx.tape.outputs_of(|| self.out_conv.forward(cx, cx.tape.outputs_of(fuse)))
+        cx.tape.steps(refine).then(|sum| resized(sum, size)).then(|sum| self.out_conv.forward(cx, sum)).end()
     }
 }
 

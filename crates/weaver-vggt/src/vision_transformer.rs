@@ -98,15 +98,9 @@ impl VisionTransformer {
 
     /// Patch tokens `[N, h w, D]`, row by row, of normalized images `[N, 3, H, W]`.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, images: Var<'t, T>) -> Var<'t, T> {
-        cx.tape.outputs_of(|| {
-            let blocks = self.blocks.iter().enumerate();
-            let x = cx.tape.fold(
-                || self.embed(cx, images),
-                blocks,
-                |x, (i, block)| cx.part(format_args!("blocks.{i}"), || block.forward(cx, x, None)),
-            );
-            self.read_out(cx, x)
-        })
+        let blocks = self.blocks.iter().enumerate();
+        let run = |x, (i, block): (usize, &Block)| cx.part(format_args!("blocks.{i}"), || block.forward(cx, x, None));
+        cx.tape.steps(|| cx.tape.fold(|| self.embed(cx, images), blocks, run)).then(|x| self.read_out(cx, x)).end()
     }
 
     /// The first block's input: class token, registers and patches `[N, 1 + R + h w, D]`, with positions on all but the

@@ -109,6 +109,8 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     let request = AllocationRequest {
         logits: &logits.to_vec(),
         energy: &[],
+        photos: &[],
+        depth: None,
         views,
         height,
         width,

@@ -87,9 +87,37 @@ macro_rules! tuples {
 
 tuples!(()(A 0)(A 0, B 1)(A 0, B 1, C 2)(A 0, B 1, C 2, D 3)(A 0, B 1, C 2, D 3, E 4)(A 0, B 1, C 2, D 3, E 4, F 5));
 
+/// Steps of a computation one behind the other; made by [`Tape::steps`].
+#[derive(Debug)]
+#[must_use = "`end` returns what the last step did"]
+pub struct Steps<'t, T: Real, R> {
+    tape: &'t Tape<T>,
+    /// How many values the tape had before the first step.
+    start: usize,
+    latest: R,
+}
+
+impl<'t, T: Real, R> Steps<'t, T, R> {
+    /// Runs the next step on what the latest one returned. While nothing is recorded, the memory of everything that was computed
+    /// since the first step is then given back, but for what this one returns.
+    pub fn then<S: Outputs<T>>(self, step: impl FnOnce(R) -> S) -> Steps<'t, T, S> {
+        let Self { tape, start, latest } = self;
+        let latest = step(latest);
+        tape.release_since(start, &latest);
+        Steps { tape, start, latest }
+    }
+
+    /// What the last step returned.
+    pub fn end(self) -> R {
+        self.latest
+    }
+}
+
 impl<T: Real> Tape<T> {
     /// Runs a part of a model: `name` is appended to the model path that messages and profiles show (`encoder`, then
-    /// `encoder.block`, ...), and of the part's memory only its outputs stay ([`outputs_of`](Self::outputs_of)).
+    /// `encoder.block`, ...). While nothing is recorded ([`without_gradient`](Self::without_gradient)), what the part returns
+    /// is all that stays of it in memory; reading anything else that it computed then panics. While recording, everything
+    /// stays for the backward pass.
     ///
     /// ```
     /// use weaver_autograd::Tape;
@@ -100,24 +128,30 @@ impl<T: Real> Tape<T> {
     /// ```
     pub fn part<R: Outputs<T>>(&self, name: impl Display, f: impl FnOnce() -> R) -> R {
         let _path = self.append_path(name);
-        self.outputs_of(f)
+        self.steps(f).end()
     }
 
     /// Runs a part of a model that knows its full path, which is put in place of the model path; an empty one changes
-    /// nothing. Of the part's memory only its outputs stay ([`outputs_of`](Self::outputs_of)).
+    /// nothing. Of the part's memory only its outputs stay, as of [`part`](Self::part)'s.
     pub fn part_at<R: Outputs<T>>(&self, path: &str, f: impl FnOnce() -> R) -> R {
         let _path = self.replace_path(path);
-        self.outputs_of(f)
+        self.steps(f).end()
     }
 
-    /// Runs `f`; while nothing is recorded ([`without_gradient`](Self::without_gradient)), what it returns is all that
-    /// stays of it in memory. Reading anything else that it computed then panics. While recording, everything stays for
-    /// the backward pass.
-    pub fn outputs_of<R: Outputs<T>>(&self, f: impl FnOnce() -> R) -> R {
+    /// Runs the first of some steps one behind the other, each of which gets what the one before returned
+    /// ([`Steps::then`]). While nothing is recorded, that is all that stays of the steps before: what a later step needs is
+    /// handed on, and what is not cannot be forgotten in memory.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// let tape = Tape::<f32>::new();
+    /// let x = tape.constant(&[1.0, 2.0], [2]);
+    /// let y = tape.without_gradient(|| tape.steps(|| x * x).then(|y| (y, y + 1.0)).then(|(y, z)| y * z).end());
+    /// assert_eq!(y.to_vec(), [2.0, 20.0]);
+    /// ```
+    pub fn steps<R: Outputs<T>>(&self, first: impl FnOnce() -> R) -> Steps<'_, T, R> {
         let start = self.record.borrow().values.len();
-        let outputs = f();
-        self.release_since(start, &outputs);
-        outputs
+        Steps { tape: self, start, latest: () }.then(|()| first())
     }
 
     /// Runs `f` for each item on the result for the item before, as [`Iterator::fold`] does, beginning with what
@@ -137,12 +171,13 @@ impl<T: Real> Tape<T> {
         items: I,
         mut f: impl FnMut(R, I::Item) -> R,
     ) -> R {
-        let start = self.record.borrow().values.len();
-        let settled = |result: R| {
-            self.release_since(start, &result);
-            result
-        };
-        items.into_iter().fold(settled(first()), |result, item| settled(f(result, item)))
+        items.into_iter().fold(self.steps(first), |steps, item| steps.then(|latest| f(latest, item))).end()
+    }
+
+    /// Runs `f` for each item; while nothing is recorded, nothing of it stays in memory: for results that are copied
+    /// elsewhere piece by piece.
+    pub fn for_each<I: IntoIterator>(&self, items: I, mut f: impl FnMut(I::Item)) {
+        self.fold(|| (), items, |(), item| f(item));
     }
 
     /// While nothing is recorded, gives back the memory of every value from index `start` on but those in `outputs`.

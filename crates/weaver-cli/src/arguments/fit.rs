@@ -54,9 +54,9 @@ pub struct Fit {
     /// What draws; only the processor so far
     #[arg(long, value_enum, default_value_t = Device::Cpu, help_heading = RUN)]
     pub device: Device,
-    /// Threads; 0 takes one per core. Does not change results
-    #[arg(long, value_name = "T", default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=super::MOST_THREADS), help_heading = RUN)]
-    pub threads: u16,
+    /// Threads. Does not change results [default: one per core]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=super::MOST_THREADS), help_heading = RUN)]
+    pub threads: Option<u16>,
     /// Longest side of the photos in pixels; larger ones are shrunk [default: as they are]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..=65_536), help_heading = PHOTOS)]
     pub size: Option<u32>,

@@ -13,7 +13,6 @@ use weaver_fit_run::{Run, RunSettings};
 use weaver_geometry::sh::coefficients;
 use weaver_kernels::peak;
 use weaver_kernels::random::Stream;
-use weaver_scene::Gaussians;
 use weaver_splat::{Images, RasterSettings, Workspace, rasterize};
 
 /// Vector operations per lane that a part needs about: of a Gaussian at a pixel forward (the exponent, its exponential, the
@@ -87,7 +86,7 @@ fn settings(gaussians: usize, steps: usize, runs: usize) -> FitSettings {
 fn synthetic(scene: Synthetic, mut settings: FitSettings) -> Result<Fit, Failure> {
     settings.background = [0.0; 3];
     let workload = Workload::synthetic(scene, false);
-    let pixels = workload.width * workload.height;
+    let pixels = workload.camera.width * workload.camera.height;
     let (mut image, mut alpha) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
     let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
     let cameras = workload.camera();
@@ -100,14 +99,7 @@ fn synthetic(scene: Synthetic, mut settings: FitSettings) -> Result<Fit, Failure
         rgb: image.iter().enumerate().map(byte).collect(),
         mask: None,
     };
-    let initial = Gaussians {
-        means: workload.means.as_chunks().0.to_vec(),
-        quats: workload.quats.as_chunks().0.to_vec(),
-        log_scales: workload.scales.as_chunks().0.iter().map(|s: &[f32; 3]| s.map(f32::ln)).collect(),
-        opacity_logits: workload.opacities.iter().map(|o| (o / (1.0 - o)).ln()).collect(),
-        degree: workload.degree.unwrap_or(0),
-        sh: workload.colors,
-    };
+    let initial = workload.gaussians.to_stored();
     Ok(Fit::new(vec![photo], &initial, settings)?)
 }
 

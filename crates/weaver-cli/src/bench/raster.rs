@@ -85,16 +85,16 @@ struct Sample {
 
 impl<'a> Frame<'a> {
     fn new(workload: &'a Workload, with_depth: bool) -> Self {
-        let pixels = workload.width * workload.height;
+        let pixels = workload.camera.width * workload.camera.height;
         let depth = with_depth || workload.cotangents.as_ref().is_some_and(|c| c.depth.is_some());
         let like = |values: &[f32]| vec![0.0; values.len()];
         let gradients = workload.cotangents.is_some().then(|| GradientBuffers {
-            means: like(&workload.means),
-            quats: like(&workload.quats),
-            scales: like(&workload.scales),
-            opacities: like(&workload.opacities),
-            colors: like(&workload.colors),
-            viewmat: like(&workload.viewmat),
+            means: like(&workload.gaussians.means),
+            quats: like(&workload.gaussians.quats),
+            scales: like(&workload.gaussians.scales),
+            opacities: like(&workload.gaussians.opacities),
+            colors: like(workload.colors()),
+            viewmat: like(&workload.camera.viewmats),
             intrinsics: [0.0; 4],
             background: like(&workload.background),
         });
@@ -192,8 +192,8 @@ impl Report<'_> {
             "workload": workload.name,
             "mode": self.mode(),
             "n": workload.len(),
-            "width": workload.width,
-            "height": workload.height,
+            "width": workload.camera.width,
+            "height": workload.camera.height,
             "pairs": stats.pairs,
             "evaluated": stats.evaluated,
             "forward_ms": self.ms(|s| s.forward),
@@ -207,14 +207,14 @@ impl Report<'_> {
 
     fn table(&self) -> String {
         let (workload, stats) = (self.frame.workload, self.stats());
-        let colors = workload.degree.map_or("plain colors".into(), |degree| format!("SH degree {degree}"));
+        let colors = workload.degree().map_or("plain colors".into(), |degree| format!("SH degree {degree}"));
         let threads = if self.threads == 1 { "1 thread".into() } else { format!("{} threads", self.threads) };
         let mut text = format!(
             "{}: {} Gaussians, {colors}, {}x{} pixels, {}, {threads}\n\n{:<18}{:>10}\n",
             workload.name,
             workload.len(),
-            workload.width,
-            workload.height,
+            workload.camera.width,
+            workload.camera.height,
             self.mode(),
             "stage",
             "ms"

@@ -7,7 +7,7 @@ use weaver_geometry::sh::MAX_DEGREE;
 use weaver_io::TensorFile;
 use weaver_kernels::parallel;
 use weaver_kernels::random::Stream;
-use weaver_scene::{CameraSlices, Color, GaussianSlices};
+use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices, Color, GaussianSlices};
 
 /// Largest width and height.
 const LARGEST: usize = 1 << 20;
@@ -19,25 +19,13 @@ const ROUNDING: f32 = 1e-5;
 pub struct Workload {
     /// The file's name, or a description of the synthetic scene.
     pub name: String,
-    pub width: usize,
-    pub height: usize,
     pub antialiased: bool,
-    /// `[N, 3]`
-    pub means: Vec<f32>,
-    /// `[N, 4]`
-    pub quats: Vec<f32>,
-    /// `[N, 3]`
-    pub scales: Vec<f32>,
-    /// `[N]`
-    pub opacities: Vec<f32>,
-    /// `[N, 3]`, or `[N, K, 3]` with a degree.
-    pub colors: Vec<f32>,
-    /// Of the spherical harmonics; `None` for plain colors.
-    pub degree: Option<usize>,
-    /// `[4, 4]`
-    pub viewmat: Vec<f32>,
-    /// fx, fy, cx, cy.
-    pub intrinsics: [f32; 4],
+    /// Without coefficients where colors are plain.
+    pub gaussians: ActivatedGaussians,
+    /// Colors `[N, 3]` in place of spherical harmonics.
+    pub plain: Option<Vec<f32>>,
+    /// One camera.
+    pub camera: CameraRows,
     /// `[3]`
     pub background: Vec<f32>,
     /// `None` where only the images are wanted.
@@ -107,19 +95,23 @@ impl Workload {
             }),
             false => None,
         };
-        Ok(Self {
-            name: path.display().to_string(),
-            width,
-            height,
-            antialiased,
+        let colors = file.f32s(key)?;
+        let (sh, plain) = if degree.is_some() { (colors, None) } else { (Vec::new(), Some(colors)) };
+        let gaussians = ActivatedGaussians {
             means: file.f32s("means")?,
             quats: file.f32s("quats")?,
             scales: file.f32s("scales")?,
             opacities: file.f32s("opacities")?,
-            colors: file.f32s(key)?,
-            degree,
-            viewmat: viewmat(&mut file)?,
-            intrinsics: intrinsics(&mut file)?,
+            sh,
+            degree: degree.unwrap_or(0),
+        };
+        let (viewmats, intrinsics) = (viewmat(&mut file)?, intrinsics(&mut file)?.to_vec());
+        Ok(Self {
+            name: path.display().to_string(),
+            antialiased,
+            gaussians,
+            plain,
+            camera: CameraRows { viewmats, intrinsics, width, height },
             background: file.f32s("background")?,
             cotangents,
         })
@@ -160,56 +152,54 @@ impl Workload {
             depth: None,
         });
         let rows = axes.into_iter().zip(shift).flat_map(|([x, y, z], t)| [x, y, z, t]);
-        Self {
-            name: format!("synthetic {n},{width},{height}"),
+        let camera = CameraRows {
+            viewmats: rows.map(|x| x as f32).collect(),
+            intrinsics: [focal, focal, width as f64 / 2.0, height as f64 / 2.0].map(|x| x as f32).to_vec(),
             width,
             height,
-            antialiased: false,
+        };
+        let gaussians = ActivatedGaussians {
             means,
             quats: normal("bench.quats", 4 * n, |x| x),
             scales: filled(3 * n, |i| (median.ln() + 0.6 * scale.normal::<f64>(i as u64)).exp()),
             opacities: normal("bench.opacities", n, |x| 1.0 / (1.0 + (-1.5 * x).exp())),
-            colors: filled(3 * terms * n, |i| {
+            sh: filled(3 * terms * n, |i| {
                 let band = (i / 3 % terms).isqrt();
                 0.5 * harmonics.normal::<f64>(i as u64) / (1 << band) as f64
             }),
-            degree: Some(DEGREE),
-            viewmat: rows.chain([0.0, 0.0, 0.0, 1.0]).map(|x| x as f32).collect(),
-            intrinsics: [focal, focal, width as f64 / 2.0, height as f64 / 2.0].map(|x| x as f32),
-            background: vec![0.0; 3],
-            cotangents,
-        }
+            degree: DEGREE,
+        };
+        let name = format!("synthetic {n},{width},{height}");
+        Self { name, antialiased: false, gaussians, plain: None, camera, background: vec![0.0; 3], cotangents }
     }
 
     /// Number of Gaussians.
     pub fn len(&self) -> usize {
-        self.opacities.len()
+        self.gaussians.len()
+    }
+
+    /// Degree of the spherical harmonics; `None` for plain colors.
+    pub fn degree(&self) -> Option<usize> {
+        self.plain.is_none().then_some(self.gaussians.degree)
+    }
+
+    /// The numbers that colors are made of, in the file's shape.
+    pub fn colors(&self) -> &[f32] {
+        self.plain.as_deref().unwrap_or(&self.gaussians.sh)
     }
 
     /// As the rasterizer takes them.
     pub fn gaussians(&self) -> GaussianSlices<'_, f32> {
-        GaussianSlices {
-            means: &self.means,
-            quats: &self.quats,
-            scales: &self.scales,
-            opacities: &self.opacities,
-            color: match self.degree {
-                Some(degree) => Color::Sh { coefficients: &self.colors, degree },
-                None => Color::Plain(&self.colors),
-            },
-            features: None,
+        let gaussians = self.gaussians.as_slices();
+        match &self.plain {
+            Some(colors) => GaussianSlices { color: Color::Plain(colors), ..gaussians },
+            None => gaussians,
         }
     }
 
     /// As the rasterizer takes it.
     pub fn camera(&self) -> CameraSlices<'_, f32> {
-        CameraSlices {
-            viewmats: &self.viewmat,
-            intrinsics: &self.intrinsics,
-            background: &self.background,
-            width: self.width,
-            height: self.height,
-        }
+        self.camera.as_slices(&self.background)
     }
 }
 
@@ -246,12 +236,14 @@ fn colors(file: &TensorFile, n: usize) -> Result<(&'static str, Option<usize>), 
     }
 }
 
+/// The rows of the matrix that are not constant, `[3, 4]`.
 fn viewmat(file: &mut TensorFile) -> Result<Vec<f32>, Failure> {
-    let values = file.f32s("viewmat")?;
+    let mut values = file.f32s("viewmat")?;
     let last = &values[12..];
     if !near(last, &[0.0, 0.0, 0.0, 1.0]) {
         return Err(file.invalid("tensor viewmat", "0 0 0 1 as the last row", format!("{last:?}")).into());
     }
+    values.truncate(12);
     Ok(values)
 }
 
@@ -289,21 +281,21 @@ mod tests {
     fn made_up_gaussians_are_in_view() {
         let scene = Synthetic { gaussians: 2000, width: 64, height: 48 };
         let workload = Workload::synthetic(scene, true);
-        let m = &workload.viewmat;
+        let m = &workload.camera.viewmats;
         let seen = |p: &[f32], row: usize| (0..3).map(|i| m[4 * row + i] * p[i]).sum::<f32>() + m[4 * row + 3];
         let mut farthest = [0.0_f32; 2];
-        for mean in workload.means.chunks(3) {
+        for mean in workload.gaussians.means.chunks(3) {
             let z = seen(mean, 2);
             assert!((1.49..8.01).contains(&z), "{z}");
             for (axis, pixels) in [64.0, 48.0].into_iter().enumerate() {
-                let place = seen(mean, axis) / z * workload.intrinsics[axis] / pixels;
+                let place = seen(mean, axis) / z * workload.camera.intrinsics[axis] / pixels;
                 farthest[axis] = farthest[axis].max(place.abs());
             }
         }
         assert!(farthest.iter().all(|x| (0.54..0.551).contains(x)), "{farthest:?}");
-        let mean_log = workload.scales.iter().map(|s| f64::from(s.ln())).sum::<f64>() / 6000.0;
+        let mean_log = workload.gaussians.scales.iter().map(|s| f64::from(s.ln())).sum::<f64>() / 6000.0;
         assert!((mean_log - (0.005 * 500.0_f64.sqrt()).ln()).abs() < 0.03, "{mean_log}");
-        let band = |k: usize| workload.colors.chunks(3).skip(k).step_by(16).flatten().map(|x| x * x).sum::<f32>();
+        let band = |k: usize| workload.colors().chunks(3).skip(k).step_by(16).flatten().map(|x| x * x).sum::<f32>();
         assert!((3.6..4.4).contains(&(band(0) / band(1))) && (3.6..4.4).contains(&(band(3) / band(4))));
         assert_eq!(workload.cotangents.unwrap().image.len(), 3 * 64 * 48);
     }

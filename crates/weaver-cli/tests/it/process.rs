@@ -16,7 +16,15 @@ fn text(bytes: &[u8]) -> String {
 #[test]
 fn exit_codes_tell_what_happened() {
     let folder = tempfile::tempdir().unwrap();
-    let cases: [(&[&str], i32); 3] = [(&["--version"], 0), (&["info", "nothing.ply"], 1), (&["info"], 2)];
+    let cases: [(&[&str], i32); 6] = [
+        (&["--version"], 0),
+        (&["info", "nothing.ply"], 1),
+        (&["info"], 2),
+        // No number means one per core, not 0.
+        (&["train", "--threads", "0"], 2),
+        (&["eval", "--threads", "0"], 2),
+        (&["fit", "nothing", "--threads", "0"], 2),
+    ];
     for (arguments, code) in cases {
         let done = splatweaver(folder.path(), arguments);
         assert_eq!(done.status.code(), Some(code), "{arguments:?}: {}", text(&done.stderr));

@@ -5,6 +5,7 @@ use super::photo::{Photo, Photos, straight, straight_camera};
 use super::{HoldOut, folder, name, read_split_photos};
 use crate::Error;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use weaver_geometry::{Camera, Distortion};
 use weaver_io::PhotoFile;
@@ -49,6 +50,12 @@ pub struct PosedPhoto {
     pub rgb: Vec<u8>,
     /// What of the photo counts, `[height, width]`: 0 where masked; `None` if all does.
     pub mask: Option<Vec<u8>>,
+    /// When the photo was taken, where the capture says so, in its own unit.
+    pub time: Option<f64>,
+    /// A number that the capture gives to the photo, such as its exposure group.
+    pub number: Option<u64>,
+    /// Further entries of the camera file about the photo: JSON text by key.
+    pub extras: BTreeMap<String, String>,
     /// Kept from training, for evaluation.
     pub held_out: bool,
 }
@@ -130,6 +137,9 @@ fn load_photo(photo: &Photo, mask: Option<&Mask>, options: &PosedOptions) -> Res
         mask_file: mask.and_then(|mask| mask.file.clone()),
         rgb,
         mask: inside.map(threshold),
+        time: frame.time,
+        number: frame.number,
+        extras: frame.extras.clone(),
         held_out: photo.held_out,
     })
 }

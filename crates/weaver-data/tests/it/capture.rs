@@ -5,9 +5,10 @@ use std::path::Path;
 use tempfile::TempDir;
 use weaver_data::Scene;
 use weaver_data::capture::{CaptureOptions, HoldOut, load, load_cameras, load_images};
+use weaver_data::posed;
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_io::Transforms;
-use weaver_io::colmap::{CameraModel, ImageRecord, Model, Point};
+use weaver_io::colmap::{CAMERA_ID, CameraModel, ImageRecord, Model, Point};
 use weaver_io::realestate::{Clip, ClipFrame};
 use weaver_scene::Frame;
 
@@ -278,13 +279,14 @@ fn mistakes_in_sparse_models() {
 }
 
 #[test]
-fn times_and_numbers_reach_the_views() {
+fn times_numbers_and_further_entries_reach_views_and_photos() {
     let truth = scene(3, &SIZE);
     let folder = tempfile::tempdir().unwrap();
     write_photos(&truth, folder.path(), |i| format!("{i:02}.png"));
     let frame = |(i, view): (usize, &weaver_data::View)| Frame {
         time: Some(i as f64 / 10.0),
         number: (i % 2 == 0).then_some(i as u64),
+        extras: [("sharpness".to_string(), format!("{i}.5"))].into(),
         ..Frame::new(format!("{i:02}.png"), view.camera)
     };
     let frames = truth.views.iter().enumerate().map(frame).collect();
@@ -292,5 +294,32 @@ fn times_and_numbers_reach_the_views() {
     let scene = load(folder.path(), &OPTIONS).unwrap();
     for (i, view) in scene.views.iter().enumerate() {
         assert_eq!((view.time, view.number), (Some(i as f64 / 10.0), (i % 2 == 0).then_some(i as u64)));
+        assert_eq!(view.extras["sharpness"], format!("{i}.5"));
     }
+    for (photo, view) in posed::load(folder.path(), &Default::default()).unwrap().photos.iter().zip(&scene.views) {
+        assert_eq!((photo.time, photo.number, &photo.extras), (view.time, view.number, &view.extras));
+    }
+}
+
+#[test]
+fn ids_of_a_colmap_model_reach_views_and_photos() {
+    let truth = scene(3, &SIZE);
+    let folder = tempfile::tempdir().unwrap();
+    write_photos(&truth, &folder.path().join("images"), |i| format!("{i:02}.png"));
+    let frames = truth.views.iter().enumerate().map(|(i, view)| Frame::new(format!("{i:02}.png"), view.camera));
+    let mut model = Model::from_frames(&frames.collect::<Vec<_>>());
+    // Two photos of one camera, and numbers that are not in the order of the names.
+    for (image, (id, camera)) in model.images.iter_mut().zip([(31, 1), (70, 1)]) {
+        (image.id, image.camera_id) = (id, camera);
+    }
+    std::fs::create_dir_all(folder.path().join("sparse/0")).unwrap();
+    model.write_text(folder.path().join("sparse/0")).unwrap();
+    let scene = load(folder.path(), &OPTIONS).unwrap();
+    let photos = posed::load(folder.path(), &Default::default()).unwrap().photos;
+    let found = |i: usize| {
+        let (view, photo) = (&scene.views[i], &photos[i]);
+        assert_eq!((view.number, &view.extras), (photo.number, &photo.extras));
+        (view.number.unwrap(), view.extras[CAMERA_ID].as_str())
+    };
+    assert_eq!([found(0), found(1), found(2)], [(31, "1"), (70, "1"), (3, "3")]);
 }

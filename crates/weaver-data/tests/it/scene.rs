@@ -21,6 +21,7 @@ pub fn view(name: &str, center: DVec3, turn: f64, held_out: bool) -> View {
         depth: None,
         time: None,
         number: None,
+        extras: Default::default(),
         held_out,
     }
 }

@@ -153,7 +153,8 @@ fn a_fit_of_distorted_photos_is_a_capture_of_them_again() {
             mask.write_png(data.join(format!("masks/{i:02}.png"))).unwrap();
             let mut camera = view.camera;
             (camera.intrinsics.fx, camera.intrinsics.fy) = (1.06 * camera.intrinsics.fx, 1.06 * camera.intrinsics.fy);
-            Frame { distortion: Some(lens), ..Frame::new(name, camera) }
+            let (time, number) = (Some(i as f64 / 30.0), (i != 4).then_some(i as u64));
+            Frame { distortion: Some(lens), time, number, ..Frame::new(name, camera) }
         };
         let frames = scene.views.iter().enumerate().map(frame).collect();
         Transforms { frames, ..Transforms::default() }.write(data.join("transforms.json")).unwrap();
@@ -183,6 +184,8 @@ fn a_fit_of_distorted_photos_is_a_capture_of_them_again() {
         let of_colmap = weaver_io::read_cameras(out.join("sparse/0")).unwrap();
         let of_json = Transforms::read(out.join("transforms.json")).unwrap().frames;
         for frame in &of_json {
+            let i: u64 = Path::new(&frame.name).file_stem().unwrap().to_str().unwrap().parse().unwrap();
+            assert_eq!((frame.time, frame.number), (Some(i as f64 / 30.0), (i != 4).then_some(i)));
             let same = of_colmap.iter().find(|other| frame.name.ends_with(&other.name)).unwrap();
             let at = DVec2::new(0.3, -0.4);
             let [a, b] =

@@ -40,13 +40,11 @@ impl Geometry {
         let cameras = tape.without_gradient(|| {
             let encoded = vggt.encode(cx, tape.constant(planes, [1, views, 3, height, width]));
             tape.pool().trim::<f32>();
-            for view in 0..views {
-                tape.outputs_of(|| {
-                    let maps = vggt.depth(cx, &encoded, 0, [view, 1], size);
-                    depth.extend_from_slice(&maps.depth.value());
-                    confidence.extend_from_slice(&maps.confidence.value());
-                });
-            }
+            tape.for_each(0..views, |view| {
+                let maps = vggt.depth(cx, &encoded, 0, [view, 1], size);
+                depth.extend_from_slice(&maps.depth.value());
+                confidence.extend_from_slice(&maps.confidence.value());
+            });
             let cameras = encoded.scene_cameras(0);
             let (viewmats, intrinsics) = (&cameras.viewmats.value(), &cameras.intrinsics.value());
             CameraSlices { viewmats, intrinsics, background: &[], width, height }.to_cameras()

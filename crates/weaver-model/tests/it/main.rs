@@ -5,6 +5,7 @@
 #[path = "../../../weaver-wavelet/tests/it/fixture.rs"]
 mod fixture;
 mod guidance;
+mod memory;
 
 use safetensors as _;
 use serde_json as _;

@@ -37,6 +37,7 @@ impl Run {
     fn new(rows: usize) -> Self {
         let mut params = Params::new();
         let id = params.add("w", [rows, WIDTH], numbers(rows * WIDTH, 0));
+        params.set_rows_vary(id);
         let group = Group { params: vec![id], lr_scale: 0.5, weight_decay: 0.1 };
         let ema = Ema::new(&params, DECAY);
         Self { params, id, optimizer: AdamW::new(vec![group], BETAS[0], BETAS[1], 1e-8), ema, tape: Tape::new() }
@@ -339,4 +340,12 @@ fn a_dense_step_with_the_moments_of_other_rows_is_loud() {
     run.params.replace(run.id, 4, vec![0.0; 12]).expect("whole rows");
     run.gradient(&[1.0; 12]);
     run.optimizer.step(&mut run.params, &mut run.tape, 0.1);
+}
+
+#[test]
+#[should_panic(expected = "the rows of parameter w were not said to vary")]
+fn a_parameter_that_does_not_vary_keeps_its_rows() {
+    let mut params = Params::<f64>::new();
+    let id = params.add("w", [2, WIDTH], vec![0.0; 2 * WIDTH]);
+    _ = RowMap::keeping(&RowSet::from_mask(&[true, false])).apply(&mut params, id);
 }

@@ -1,10 +1,10 @@
 //! The presets: what is trained, for how long, with which losses.
 
-use super::{Losses, RouterLosses, SplatWeaverRecipe, StageAllocation, StageSettings};
+use super::{EvaluationSettings, Losses, RouterLosses, SplatWeaverRecipe, StageAllocation, StageSettings};
 use weaver_model::ModelConfig;
 use weaver_router::AllocationKind;
 use weaver_trainer::losses::{DepthLosses, ImageLosses, PoseLosses};
-use weaver_trainer::{CameraMode, Config, EvaluationConfig, OptimizerConfig, OutputConfig, Recipe, StageConfig};
+use weaver_trainer::{CameraMode, Config, OptimizerConfig, OutputConfig, Recipe, StageConfig};
 
 pub(super) fn preset(name: &str) -> Option<Config<SplatWeaverRecipe>> {
     if !SplatWeaverRecipe::PRESETS.contains(&name) {
@@ -15,7 +15,7 @@ pub(super) fn preset(name: &str) -> Option<Config<SplatWeaverRecipe>> {
         "tiny-dagger" => "tiny-published",
         name => name,
     })?;
-    let evaluation = EvaluationConfig {
+    let evaluation = EvaluationSettings {
         cameras: CameraMode::Predicted,
         allocation: Some(AllocationKind::Dithered),
         budget: Some(0.4),
@@ -31,14 +31,14 @@ pub(super) fn preset(name: &str) -> Option<Config<SplatWeaverRecipe>> {
         "tiny-endless" => {
             config.data.endless = Some(2);
             // Over a thousand steps of so many.
-            config.optimizer.ema = 0.999;
+            config.optimizer.ema = Some(0.999);
             config.stages = vec![given(40_000)];
             config.evaluation.cameras = CameraMode::Given;
             config.output = OutputConfig { log_every: 100, checkpoint_every: 1000, sample_every: 10_000 };
         }
         "tiny-published" | "tiny-dagger" => {
             config.optimizer =
-                OptimizerConfig { beta2: 0.95, weight_decay: 0.05, clip: 0.5, ema: 0.0, ..config.optimizer };
+                OptimizerConfig { beta2: 0.95, weight_decay: 0.05, clip: 0.5, ema: None, ..config.optimizer };
             config.stages = vec![published(1500)];
             if name == "tiny-dagger" {
                 few(&mut config.stages[0].losses.router);

@@ -6,8 +6,8 @@ use std::fmt;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 use weaver_router::AllocationKind;
-use weaver_trainer::CameraMode;
 use weaver_trainer::losses::{DepthLosses, ImageLosses, PoseLosses};
+use weaver_trainer::{CameraMode, LossSection};
 
 /// What SplatWeaver does in a stage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -100,6 +100,40 @@ impl fmt::Display for StageAllocation {
     }
 }
 
+/// How SplatWeaver is evaluated, and used unless a call says otherwise.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EvaluationSettings {
+    /// Whose cameras.
+    pub cameras: CameraMode,
+    /// Which pixels get Gaussians: sampled, argmax, dithered, grid, random or fixed:K. Without it dithered.
+    #[serde(default, skip_serializing_if = "Option::is_none", with = "allocation_name")]
+    #[schemars(with = "Option<String>")]
+    pub allocation: Option<AllocationKind>,
+    /// Gaussians per context pixel, for allocations that have a budget.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub budget: Option<f64>,
+}
+
+/// Allocations by their names.
+mod allocation_name {
+    use serde::{Deserialize, Deserializer, Serializer};
+    use weaver_router::AllocationKind;
+
+    pub fn serialize<S: Serializer>(kind: &Option<AllocationKind>, serializer: S) -> Result<S::Ok, S::Error> {
+        match kind {
+            Some(kind) => serializer.collect_str(kind),
+            None => serializer.serialize_none(),
+        }
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<AllocationKind>, D::Error> {
+        let name = Option::<String>::deserialize(deserializer)?;
+        name.map(|name| name.parse().map_err(serde::de::Error::custom)).transpose()
+    }
+}
+
 /// Weights of SplatWeaver's losses; 0 leaves a loss out.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -112,6 +146,12 @@ pub struct Losses {
     pub depth: DepthLosses,
     /// Losses on the router.
     pub router: RouterLosses,
+}
+
+impl LossSection for Losses {
+    fn image(&self) -> Option<(&'static str, &ImageLosses)> {
+        Some(("image", &self.image))
+    }
 }
 
 /// What the budget loss asks for.

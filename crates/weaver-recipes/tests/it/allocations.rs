@@ -47,7 +47,7 @@ fn allocations(config: &Config, allocation: &str) -> [u64; 2] {
         let o = &config.optimizer;
         let group = Group { params: params.ids().collect(), lr_scale: 1.0, weight_decay: o.weight_decay };
         let mut optimizer = AdamW::new(vec![group], o.beta1, o.beta2, o.epsilon);
-        let mut ema = Ema::new(&params, o.ema);
+        let mut ema = Ema::new(&params, o.ema.expect("an average"));
         let schedule = WarmupCosine { warmup: stage.warmup as u64, total: stage.steps as u64, floor: stage.floor };
         let (mut tape, workspaces) = (Tape::new(), WorkspacePool::new());
         let start = params.clone();

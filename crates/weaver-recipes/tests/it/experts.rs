@@ -2,7 +2,7 @@
 
 use weaver_inference::{Checkpoint, Density, Predictor, SplatWeaverPredictor};
 use weaver_recipes::SplatWeaverRecipe;
-use weaver_trainer::{Config, Recipe, Session};
+use weaver_trainer::{Config, Session};
 
 fn resolve(settings: &[&str]) -> Config<SplatWeaverRecipe> {
     Config::resolve(Some("micro"), None, &settings.iter().map(|s| (*s).to_string()).collect::<Vec<_>>()).unwrap()

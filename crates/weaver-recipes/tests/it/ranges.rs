@@ -76,13 +76,14 @@ fn every_number_has_a_range_that_is_named_with_its_key() {
 }
 
 /// The nearest value that is out of a range, and one that is in it.
-const EDGES: [(&str, &str, &str); 33] = [
+const EDGES: [(&str, &str, &str); 35] = [
     ("optimizer.beta1", "1", "0"),
     ("optimizer.beta2", "1.5", "0"),
     ("optimizer.epsilon", "0", "1e-12"),
     ("optimizer.weight_decay", "1.5", "0"),
     ("optimizer.clip", "0", "1e9"),
-    ("optimizer.ema", "1", "0"),
+    ("optimizer.ema", "1", "0.5"),
+    ("optimizer.ema", "0", "none"),
     ("stages.0.rate", "0", "1e-9"),
     ("stages.0.floor", "1.1", "1"),
     ("stages.0.steps", "1000000001", "0"),
@@ -110,7 +111,14 @@ const EDGES: [(&str, &str, &str); 33] = [
     ("data.endless", "0", "1"),
     ("output.log_every", "0", "1"),
     ("threads", "1025", "1024"),
+    ("threads", "0", "none"),
 ];
+
+#[test]
+fn closed_choices_are_listed_beside_their_key() {
+    let text = Config::<SplatWeaverRecipe>::preset("tiny").unwrap().to_annotated_toml();
+    assert!(text.contains("One of: predicted: The network's own; given: The data's."), "{text}");
+}
 
 #[test]
 fn ranges_end_where_they_should() {

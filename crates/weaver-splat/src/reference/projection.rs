@@ -129,7 +129,7 @@ fn see(
     }
     let spread = (0.5 * (xx.value - yy.value)).hypot(xy.value);
     let longest = (0.5 * (xx.value + yy.value) + spread).sqrt();
-    if settings.radius_clip > 0.0 && 3.0 * longest < settings.radius_clip {
+    if settings.radius_clip.is_some_and(|least| 3.0 * longest < least) {
         return None;
     }
     let opacity = if settings.antialiased {

@@ -6,6 +6,7 @@ mod hostile;
 mod invariance;
 mod op;
 mod parity;
+mod readme;
 mod render;
 mod rules;
 mod scene;

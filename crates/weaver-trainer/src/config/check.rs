@@ -4,7 +4,7 @@
 use super::Config;
 use crate::evaluate::LEAST_SIDE;
 use crate::scenes::FRESH_VIEWS;
-use crate::{Error, Recipe, SamplerKind, StageConfig};
+use crate::{Error, LossSection, Recipe, SamplerKind, StageConfig};
 use std::path::Path;
 use weaver_settings::Error as Wrong;
 
@@ -70,6 +70,12 @@ impl<R: Recipe> Config<R> {
                 return Err(format!("stages.{i}.tuples: expected a step to have tuples, found none"));
             }
         }
+        for (i, stage) in self.stages.iter().enumerate() {
+            if let Some((table, image)) = stage.losses.image() {
+                let separator = if table.is_empty() { "" } else { "." };
+                image.check(&format!("stages.{i}.losses{separator}{table}"))?;
+            }
+        }
         // Sizes that the model does not allow are its own to explain.
         R::check(self)?;
         let [height, width] = R::image_size(&self.model);
@@ -83,12 +89,11 @@ impl<R: Recipe> Config<R> {
 
     /// The file with the weights of LPIPS, if some stage needs it: one for all stages.
     pub(crate) fn lpips_weights(&self) -> Result<Option<&Path>, String> {
-        let weights = |stage| R::lpips_weights(stage);
         let mut files = self
             .stages
             .iter()
             .enumerate()
-            .filter_map(|(i, stage): (_, &StageConfig<R>)| weights(stage).map(|file| (i, file)));
+            .filter_map(|(i, stage): (_, &StageConfig<R>)| Some((i, stage.losses.image()?.1.lpips_file()?)));
         let Some((first, file)) = files.next() else { return Ok(None) };
         match files.find(|(_, other)| *other != file) {
             None => Ok(Some(file)),

@@ -5,13 +5,14 @@
 mod pixel_cnn;
 
 mod augmentation;
+mod growing;
 mod resuming;
 mod scale;
 
 use pixel_cnn::PixelCnnRecipe;
 use std::sync::atomic::AtomicBool;
 use weaver_trainer::{
-    Config, DataConfig, Error, Observer, Overrides, Registry, Session, Setup, Source, StepReport, create_run,
+    Config, DataConfig, Error, Example, Observer, Overrides, Registry, Session, Setup, Source, StepReport, create_run,
 };
 
 /// A configuration of so many steps on photos of 16 x 16 pixels.
@@ -55,6 +56,28 @@ fn a_resumed_run_on_endless_scenes_equals_an_uninterrupted_one() {
     assert_ne!(first.checksum(), faster.checksum());
     assert_ne!(first.checksum(), fixed.checksum());
     assert!(first.plan().contains("fresh scenes for training") && !fixed.plan().contains("fresh scenes"));
+}
+
+/// A decay is not 0 where there is no average: there is none, and the weights themselves are evaluated.
+#[test]
+fn without_an_average_the_weights_themselves_are_stored_for_evaluation() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.safetensors");
+    let stored = |ema| {
+        let settings: [String; 2] = [format!("optimizer.ema={ema}"), "threads=none".into()];
+        let config = Config::resolve(None, None, &settings).unwrap();
+        let mut session = Session::<PixelCnnRecipe>::new(Config { model: self::config(1).model, ..config }).unwrap();
+        (0..2).for_each(|_| _ = session.advance().unwrap().unwrap());
+        session.save(&path).unwrap();
+        let tensors = weaver_io::checkpoint::Tensors::read(&path).unwrap().tensors;
+        let values = |set: &str| tensors[&format!("{set}.layers.0.weight")].data.clone();
+        values("ema") == values("param")
+    };
+    assert!(stored("none") && !stored("0.9"));
+    let text = config(1).to_toml();
+    assert!(!text.contains("threads"), "{text}");
+    let message = Config::<PixelCnnRecipe>::resolve(None, None, &["optimizer.ema=0".into()]).unwrap_err().to_string();
+    assert!(message.contains("optimizer.ema") && message.contains("found 0"), "{message}");
 }
 
 #[test]
@@ -152,5 +175,40 @@ fn optional_keys_are_set_unset_and_documented() {
     };
     assert_eq!(above("steps ="), "# Optimizer steps. Range: 0 to 1000000000.");
     assert!(above("# lpips_weights =").starts_with("# File with"), "{text}");
-    assert!(text.contains("One of: predicted: The network's own; given: The data's."), "{text}");
+}
+
+/// What a capture says of its photos is there for a loss to use, context first, then targets.
+#[test]
+fn times_and_numbers_reach_the_examples() {
+    let mut scene = weaver_data::procedural::default_unseen_set(16, 16).swap_remove(0);
+    for (view, i) in scene.views.iter_mut().zip(0_u64..) {
+        (view.time, view.number) = ((i % 2 == 1).then_some(i as f64 / 4.0), (i != 5).then_some(10 + i));
+    }
+    let tuple = weaver_data::Tuple { scene: 0, context: vec![4, 1], targets: vec![5, 3] };
+    let layout = weaver_data::Layout::of(&scene);
+    let training = Example::new(&scene, &layout, tuple.clone()).unwrap();
+    let (evaluation, _) = Example::for_evaluation(&scene, tuple).unwrap();
+    for example in [training, evaluation] {
+        assert_eq!(example.times, [None, Some(0.25), Some(1.25), Some(0.75)]);
+        assert_eq!(example.numbers, [Some(14), Some(11), None, Some(13)]);
+        assert_eq!(example.photos().views(), 4);
+    }
+}
+
+/// A predictor that needs cameras says so, and which photos it takes.
+#[test]
+fn predictors_of_one_gaussian_for_every_pixel_say_what_they_need() {
+    use weaver_inference::{CameraSource, Density, Photos, PixelAlignedPredictor, Predictor};
+    let config = config(1);
+    let mut params = weaver_autograd::Params::new();
+    let network = <PixelCnnRecipe as weaver_trainer::Recipe>::build(&config.model, &mut params, 0);
+    let mut predictor = PixelAlignedPredictor::new(std::sync::Arc::new(network), params);
+    let mut refused = |planes: &[f32], width| {
+        let (photos, stream) =
+            (Photos { planes, inside: None, height: 16, width }, weaver_kernels::random::Stream::new(0, 0, ""));
+        predictor.predict(photos, CameraSource::Predicted, Density::default(), stream).unwrap_err().to_string()
+    };
+    let planes = vec![0.5; 3 * 16 * 32];
+    assert!(refused(&planes, 32).contains("expected photos of 16x16 pixels, found 1 of 32x16"));
+    assert!(refused(&planes, 16).contains("expected given cameras"));
 }

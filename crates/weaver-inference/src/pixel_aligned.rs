@@ -1,0 +1,104 @@
+//! The predictor of any network that makes one Gaussian of every pixel, with cameras that are given.
+
+use crate::given_cameras::{self, GivenCameras};
+use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor};
+use std::fmt::Debug;
+use std::sync::Arc;
+use weaver_autograd::{Params, Tape, Var};
+use weaver_kernels::random::Stream;
+use weaver_nn::Context;
+use weaver_pose::CameraVars;
+use weaver_scene::{ActivatedGaussians, CameraRows};
+use weaver_splat::{GaussianVars, Workspace};
+
+/// What such a network makes of V photos.
+#[derive(Clone, Copy, Debug)]
+pub struct PixelAligned<'t> {
+    /// Depth along the optical axis `[V, H, W]`.
+    pub depth: Var<'t, f32>,
+    /// A Gaussian for each pixel, V H W of them, in the frame of the cameras.
+    pub gaussians: GaussianVars<'t, f32>,
+}
+
+/// A network that turns photos and their cameras into one Gaussian for every pixel.
+pub trait PixelAlignedNetwork: Debug + Send + Sync {
+    /// Height and width of the photos, pixels.
+    fn image_size(&self) -> [usize; 2];
+
+    /// Runs the network on photos `[V, 3, H, W]` in [0, 1] that `cameras` took.
+    fn forward<'t>(
+        &self,
+        cx: Context<'t, '_, f32>,
+        photos: Var<'t, f32>,
+        cameras: &CameraVars<'t, f32>,
+    ) -> PixelAligned<'t>;
+}
+
+/// A [`PixelAlignedNetwork`] with its weights, ready to run without gradients. It needs given cameras; where these come with
+/// points, the points set their scale, and depth stays the network's own.
+#[derive(Debug)]
+pub struct PixelAlignedPredictor<N> {
+    network: Arc<N>,
+    params: Params<f32>,
+    tape: Tape<f32>,
+    workspace: Workspace<f32>,
+}
+
+impl<N: PixelAlignedNetwork> PixelAlignedPredictor<N> {
+    /// Pairs a network with weights.
+    pub fn new(network: Arc<N>, params: Params<f32>) -> Self {
+        Self { network, params, tape: Tape::new(), workspace: Workspace::new() }
+    }
+}
+
+impl<N: PixelAlignedNetwork> Predictor for PixelAlignedPredictor<N> {
+    fn predict(
+        &mut self,
+        photos: Photos<'_>,
+        source: CameraSource<'_>,
+        density: Density,
+        _stream: Stream,
+    ) -> Result<Prediction, Error> {
+        self.density(density)?;
+        let (views, size) = (photos.views(), [photos.height, photos.width]);
+        let [height, width] = self.network.image_size();
+        if views == 0 || size != [height, width] {
+            let found = format!("{views} of {}x{}", photos.width, photos.height);
+            return Err(Error::Input(format!("expected photos of {width}x{height} pixels, found {found}")));
+        }
+        given_cameras::check(source, views)?;
+        let Some(GivenCameras { cameras, scaled_by, .. }) = GivenCameras::of(source, &[]) else {
+            return Err(Error::Input("expected given cameras, for this model predicts none, found none".into()));
+        };
+        self.tape.reset();
+        let cx = Context::new(&self.tape, &self.params);
+        Ok(self.tape.without_gradient(|| {
+            let rows = CameraRows::new(&cameras);
+            let vars = CameraVars {
+                viewmats: self.tape.constant(&rows.viewmats, [views, 3, 4]),
+                intrinsics: self.tape.constant(&rows.intrinsics, [views, 4]),
+            };
+            let photos = self.tape.constant(photos.planes, [views, 3, height, width]);
+            let PixelAligned { depth, gaussians: g } = self.network.forward(cx, photos, &vars);
+            let [means, scales, quats, opacities, sh] =
+                [g.means, g.scales, g.quats, g.opacities, g.colors].map(|x| x.to_vec());
+            let degree = g.colors.shape()[1].isqrt() - 1;
+            Prediction {
+                gaussians: ActivatedGaussians { means, scales, quats, opacities, sh, degree },
+                cameras,
+                scaled_by,
+                depth: depth.to_vec(),
+                counts: vec![1; views * height * width],
+                ..Prediction::default()
+            }
+        }))
+    }
+
+    fn image_size(&self) -> [usize; 2] {
+        self.network.image_size()
+    }
+
+    fn workspace(&mut self) -> &mut Workspace<f32> {
+        &mut self.workspace
+    }
+}
