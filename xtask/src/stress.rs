@@ -1,6 +1,7 @@
 //! The long sweeps: the ordinary tests, optimized and told to leave nothing out.
 
 use crate::cargo;
+use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Random cases per property; proptest draws 256 of itself. A test that takes long draws a part of them.
@@ -8,6 +9,8 @@ const CASES: &str = "8192";
 /// How often training is killed, and how many files each reader is given, unless the command says another number.
 const KILLS: &str = "100";
 const FILES: &str = "1000000";
+/// A folder that Linux keeps in memory.
+const MEMORY: &str = "/dev/shm";
 /// Crates with readers of files.
 const READERS: [&str; 2] = ["weaver-io", "weaver-recipes"];
 
@@ -30,7 +33,11 @@ fn one(packages: &[&str], module: &str, (name, number): (&str, &str)) -> Result<
     let mut test = vec!["test", "--release", "--locked", "--test", "it"];
     packages.iter().for_each(|package| test.extend(["-p", package]));
     test.extend([module, "--", "--nocapture"]);
-    cargo(&test, &[(name, number)])?;
+    // Small files are written millions of times: in memory, unless the user says otherwise.
+    let memory = std::env::var("TMPDIR").is_err() && Path::new(MEMORY).is_dir();
+    let folder = memory.then_some(("TMPDIR", MEMORY));
+    let environment: Vec<_> = [(name, number)].into_iter().chain(folder).collect();
+    cargo(&test, &environment)?;
     println!("stress: fine");
     Ok(())
 }

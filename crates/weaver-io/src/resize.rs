@@ -1,7 +1,8 @@
 //! Resizing with the filters of Pillow, on 8-bit values.
 //!
 //! Separable, horizontal pass first; each pass rounds to 8 bits, with filter weights in fixed point, so that
-//! results equal those of Pillow (`Image.resize(size, LANCZOS, box=...)`), which prepares most training data.
+//! results equal those of Pillow (`Image.resize(size, LANCZOS, box=...)`), which prepares most training data. Pillow 13 makes
+//! the vertical pass first where it shrinks the height more than the width, so that other values are clamped; we do not.
 
 use crate::Image;
 use std::f64::consts::PI;
@@ -27,7 +28,7 @@ impl Image {
         self.resample(width, height, [0.0, 0.0, self.width as f64, self.height as f64], BICUBIC)
     }
 
-    /// Resizes the whole image by averaging the area that each new pixel covers.
+    /// Resizes the whole image by averaging the pixels whose centers lie in the area that each new pixel covers: Pillow's `BOX`.
     pub fn resize_area(&self, width: usize, height: usize) -> Self {
         self.resample(width, height, [0.0, 0.0, self.width as f64, self.height as f64], AREA)
     }

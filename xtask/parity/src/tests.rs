@@ -35,6 +35,17 @@ fn everything_equals_its_reference() {
     }
 }
 
+/// So that no comparison is left out where there is nothing but the repository.
+#[test]
+fn every_module_has_a_file_in_the_repository() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures");
+    let modules =
+        ["dinov2", "aggregator", "camera_head", "dpt_depth", "splatweaver_head"].map(|name| format!("{name}_micro"));
+    let files = modules.iter().map(String::as_str).chain(["end_to_end_tiny"]);
+    let bytes: u64 = files.map(|name| folder.join(format!("{name}.safetensors")).metadata().expect(name).len()).sum();
+    assert!(bytes < 3_000_000, "{bytes} bytes");
+}
+
 #[test]
 fn a_difference_is_found_and_so_is_what_was_left_out() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures/wavelet.safetensors");

@@ -1,34 +1,33 @@
-//! Reference numbers, on machines that have them.
+//! Reference numbers from `tests/fixtures`, and how close to them is close enough.
 
-use safetensors::SafeTensors;
-use std::path::{Path, PathBuf};
+use half::f16;
+use safetensors::{Dtype, SafeTensors};
+use std::path::Path;
 
 /// A file of reference numbers.
 pub struct Fixture {
     bytes: Vec<u8>,
     errors: serde_json::Value,
-}
-
-/// `shared/fixtures/<name>` in `WEAVER_SHARED`, or beside one of the folders above this crate.
-fn find(name: &str) -> Option<PathBuf> {
-    let roots = match std::env::var_os("WEAVER_SHARED") {
-        Some(root) => vec![PathBuf::from(root)],
-        None => Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().map(|a| a.join("shared")).collect(),
-    };
-    roots.into_iter().map(|r| r.join("fixtures").join(name)).find(|p| p.exists())
+    /// What single precision costs the sums of a gradient, relative to its norm.
+    pub gradstat_error: f64,
+    exact_zeros: serde_json::Value,
 }
 
 impl Fixture {
-    /// Reads a file; `None`, with a remark, where there is none.
-    pub fn open(name: &str) -> Option<Self> {
-        let Some(path) = find(name) else {
-            println!("skipped: no data ({name})");
-            return None;
-        };
-        let bytes = std::fs::read(path).unwrap();
+    /// Reads a file of the repository.
+    pub fn open(name: &str) -> Self {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures").join(name);
+        let bytes = std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
-        let errors = serde_json::from_str(&header.metadata().as_ref().unwrap()["f32_error"]).unwrap();
-        Some(Self { bytes, errors })
+        let metadata = header.metadata().as_ref().unwrap();
+        let json = |key: &str| -> serde_json::Value { serde_json::from_str(&metadata[key]).unwrap() };
+        let gradstat_error = json("f32_error_gradstat_max")[0].as_f64().unwrap();
+        Self { errors: json("f32_error"), gradstat_error, exact_zeros: json("exact_zeros"), bytes }
+    }
+
+    /// What single precision leaves of a gradient that vanishes in exact arithmetic; `None` for any other.
+    pub fn exact_zero(&self, key: &str) -> Option<f64> {
+        self.exact_zeros.get(key).map(|left| left.as_f64().unwrap())
     }
 
     /// The shape of a tensor.
@@ -36,10 +35,17 @@ impl Fixture {
         SafeTensors::deserialize(&self.bytes).unwrap().tensor(key).unwrap().shape().to_vec()
     }
 
-    /// A tensor of F32.
+    /// A tensor of F32 or F16.
     pub fn f32(&self, key: &str) -> Vec<f32> {
         let file = SafeTensors::deserialize(&self.bytes).unwrap();
-        file.tensor(key).unwrap().data().chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect()
+        let tensor = file.tensor(key).unwrap();
+        match tensor.dtype() {
+            Dtype::F32 => tensor.data().chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect(),
+            Dtype::F16 => {
+                tensor.data().chunks_exact(2).map(|b| f16::from_le_bytes(b.try_into().unwrap()).into()).collect()
+            }
+            other => panic!("{key}: numbers of type {other:?}"),
+        }
     }
 
     /// A tensor of I32 that holds indices.

@@ -12,6 +12,8 @@ mod info;
 mod mutated;
 mod mutations;
 mod photo_file;
+mod photo_memory;
+mod pillow;
 mod ply;
 mod realestate;
 mod shared;

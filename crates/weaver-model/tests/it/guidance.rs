@@ -44,7 +44,7 @@ fn every_parameter_gets_a_gradient() {
 
 #[test]
 fn parity() {
-    let Some(fixture) = Fixture::shared("splatweaver_head_tiny.safetensors") else { return };
+    let fixture = Fixture::open("splatweaver_head_micro.safetensors");
     let (images, shape) = fixture.tensor("in.images");
     let mut params = Params::<f32>::new();
     let guidance = Guidance::new(&mut Builder::new(&mut params, 0), Wavelet::Db2, 8, 8);

@@ -1,12 +1,13 @@
 //! The network put together: the published sizes, and the two ways to run it.
 
-// The wavelet's own tests read files with it, too; it needs these two crates.
+// The wavelet's own tests read files with it, too; it needs these three crates.
 #[allow(dead_code)]
 #[path = "../../../weaver-wavelet/tests/it/fixture.rs"]
 mod fixture;
 mod guidance;
 mod memory;
 
+use half as _;
 use safetensors as _;
 use serde_json as _;
 use weaver_autograd::{Params, Tape};

@@ -1,7 +1,7 @@
 //! Pose codes, cameras, rotations and unprojection, against references and finite differences.
 
 mod code;
-// Networks read weights with it, too; it needs these two crates.
+// Networks read weights with it, too; it needs these three crates.
 #[allow(dead_code)]
 #[path = "../../../weaver-vggt/tests/it/fixture.rs"]
 mod fixture;

@@ -64,6 +64,8 @@ mod tests {
         let mut all: Vec<u8> = RANKS.concat();
         all.sort_unstable();
         assert!(all.into_iter().eq(0..64));
+        // The middles of 64 equal parts of [0, 1].
+        assert_eq!([threshold(0, 0, (0, 0)), threshold(1, 0, (0, 0))], [0.5 / 64.0, 48.5 / 64.0]);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use std::sync::LazyLock;
-use weaver_autograd::Pool;
+use weaver_autograd::{Pool, Tape};
 use weaver_kernels::random::Stream;
 use weaver_router::{
     Allocation, AllocationError, AllocationKind, AllocationRequest, Argmax, Dithered, Fixed, Grid, Masked, Random,
@@ -137,6 +137,19 @@ fn equal_scores_go_to_the_first_pixels() {
     assert_eq!(expert.iter().map(|&e| usize::from(e)).sum::<usize>(), 4);
 }
 
+/// In views whose height is no multiple of the pattern's.
+#[test]
+fn every_view_starts_with_its_first_row() {
+    let size = [5, 5, 7];
+    let (logits, energy) = (vec![0.0; 4 * 175], vec![1.0; 175]);
+    for budget in [0.2, 0.5, 0.8] {
+        let expert = Grid { budget }.allocate(&request(&logits, &energy, size, 0)).expert;
+        // Views 0 and 4 have the same pattern; at one threshold at most, budget may be left for the first alone.
+        let differ = (0..35).filter(|pixel| expert[*pixel] != expert[4 * 35 + pixel]).count();
+        assert!(differ <= 1, "budget {budget}: {differ} pixels");
+    }
+}
+
 #[test]
 fn a_grid_keeps_no_hole_wider_than_its_spacing() {
     let size = [1, 16, 16];
@@ -182,6 +195,19 @@ fn samples_follow_the_softmax_and_given_noise_is_used() {
     assert_eq!(*Sampled.allocate(&request).expert, *Argmax.allocate(&request).expert);
     assert!(Argmax.allocate(&request).expert.iter().all(|&e| e == 0));
     assert_eq!(Fixed { expert: 2 }.allocate(&request).count(), 2 * pixels);
+
+    // The choice that a gradient passes is the sampled one; a fixed one passes none.
+    let tape = Tape::new();
+    let logits = tape.constant(request.logits, [pixels, 4]);
+    let choice = sampled.choice(logits, 0.5).unwrap().to_vec();
+    assert!(choice.chunks(4).zip(sampled.expert.iter()).all(|(row, e)| row[usize::from(*e)] == 1.0));
+    assert!(Fixed { expert: 2 }.allocate(&request).choice(logits, 0.5).is_none());
+}
+
+#[test]
+fn of_equal_logits_the_first_wins() {
+    let (logits, energy) = ([0.5, 2.0, 2.0, 1.0, 0.0, 0.0, 0.0, 0.0], [1.0; 2]);
+    assert_eq!(*Argmax.allocate(&request(&logits, &energy, [1, 1, 2], 0)).expert, [1, 0]);
 }
 
 #[test]
@@ -205,6 +231,45 @@ fn training_draws_budget_energy_and_pattern() {
     assert!(counts.keys().copied().eq(expected));
     assert!((80..120).contains(&counts[&expected[1]]), "two of the four draws are 40 %: {counts:?}");
     assert!(even > 40 && uneven > 80, "{even} even, {uneven} uneven");
+}
+
+/// What each step draws, and the pixels with the highest ln(energy + 0.02)^gamma / threshold, written out pixel by pixel.
+#[test]
+fn training_is_the_recipe() {
+    let [views, height, width] = [2, 11, 13];
+    let pixels = views * height * width;
+    let (logits, energy) = (vec![0.0; 4 * pixels], normals(1, pixels).iter().map(|x| x.abs()).collect::<Vec<_>>());
+    let mix = TrainingMix { strongest: 0.9, ..TrainingMix::default() };
+    for seed in 0..20 {
+        let request = request(&logits, &energy, [views, height, width], seed);
+        let [step, noise, ties] = [0, 1, 2].map(|purpose| request.stream.fork(purpose));
+        let count = (mix.budgets[step.below(0, 4)] * pixels as f64) as usize;
+        let gamma = if step.uniform::<f64>(1) < 0.3 { 0.0 } else { 0.9 * step.uniform::<f64>(2) };
+        let (down, right) = (step.below(4, 8), step.below(5, 8));
+        let score = |pixel: usize| {
+            let (row, column) = (pixel / width % height, pixel % width);
+            let pattern = (0..3).fold(0, |rank, bit| {
+                let [r, c] = [row + 8 - down, column + 8 - right].map(|at| at >> bit & 1);
+                4 * rank + [[0, 2], [3, 1]][r][c]
+            });
+            let noisy = step.uniform::<f64>(3) < 0.5;
+            let threshold = if noisy { noise.uniform(pixel as u64) } else { (f64::from(pattern) + 0.5) / 64.0 };
+            gamma * (energy[pixel] + 0.02).ln() - (threshold + 1e-6 * ties.uniform::<f64>(pixel as u64)).ln()
+        };
+        let mut order: Vec<usize> = (0..pixels).collect();
+        order.sort_by(|a, b| score(*b).total_cmp(&score(*a)));
+        let mut expected = vec![0; pixels];
+        order[..count].iter().for_each(|pixel| expected[*pixel] = 1);
+        assert_eq!(&*mix.allocate(&request).expert, &*expected, "seed {seed}");
+    }
+}
+
+#[test]
+fn a_budget_of_nothing_or_all_is_met() {
+    let (logits, energy) = (normals(1, 4 * 12), vec![1.0; 12]);
+    for (budget, expected) in [(0.0, 0), (1.0, 12)] {
+        assert_eq!(Grid { budget }.allocate(&request(&logits, &energy, [1, 3, 4], 0)).count(), expected);
+    }
 }
 
 #[test]

@@ -45,3 +45,23 @@ proptest! {
         }
     }
 }
+
+/// Logits that the exponential of none would fit into a number.
+#[test]
+fn large_logits_have_the_gradient_of_their_differences() {
+    let gradient = |by: f64| {
+        let tape = Tape::<f64>::new();
+        let logits = tape.leaf(&[by + 1.0, by, by - 0.5], [1, 3]);
+        gumbel_softmax_straight_through(logits, None, 0.5).backward_with(&[1.0, -2.0, 0.5]);
+        logits.grad().unwrap().to_vec()
+    };
+    let (small, large) = (gradient(0.0), gradient(800.0));
+    assert!(small.iter().zip(&large).all(|(a, b)| (a - b).abs() < 1e-9 && *a != 0.0), "{small:?} {large:?}");
+}
+
+#[test]
+#[should_panic(expected = "of pixel 3")]
+fn a_choice_without_the_last_pixel_is_refused() {
+    let tape = Tape::<f64>::new();
+    gate(tape.constant(&[1.0], [1, 1]), tape.constant(&[1.0; 4], [2, 2]), &[2], 1);
+}

@@ -6,10 +6,10 @@ use weaver_vggt::{Aggregator, AggregatorConfig, BackboneInit, VisionTransformerC
 
 #[test]
 fn parity() {
-    let Some(file) = Fixture::named("aggregator_tiny.safetensors") else { return };
+    let file = Fixture::named("aggregator_micro.safetensors");
     let encoder =
-        VisionTransformerConfig { patch: 14, dim: 48, depth: 1, heads: 3, mlp_ratio: 4, registers: 4, table: [5, 5] };
-    let config = AggregatorConfig { encoder, rounds: 3, heads: 3, mlp_ratio: 4, registers: 4, layers: vec![0, 1, 2] };
+        VisionTransformerConfig { patch: 14, dim: 24, depth: 1, heads: 2, mlp_ratio: 2, registers: 4, table: [5, 5] };
+    let config = AggregatorConfig { encoder, rounds: 3, heads: 2, mlp_ratio: 2, registers: 4, layers: vec![0, 1, 2] };
     let mut params = Params::<f32>::new();
     let mut b = Builder::new(&mut params, 0);
     let aggregator = Aggregator::new(b.scope("aggregator"), config, BackboneInit::PUBLISHED);
@@ -22,7 +22,7 @@ fn parity() {
         file.check(&format!("out.round{round}"), &tokens.value());
         loss = loss + (*tokens * file.constant(&tape, &format!("cot.round{round}"))).sum();
     }
-    let last: Vec<f32> = file.array("out.round2").data.chunks(17 * 96).flat_map(|view| view[..96].to_vec()).collect();
+    let last: Vec<f32> = file.array("out.round2").data.chunks(11 * 48).flat_map(|view| view[..48].to_vec()).collect();
     let worst = out.camera.value().iter().zip(&last).fold(0.0, |m: f32, (a, b)| m.max((a - b).abs()));
     assert!(worst < 1e-4, "camera tokens differ by {worst}");
     loss.backward();

@@ -7,19 +7,19 @@ use weaver_vggt::{DenseTokens, DepthHead, DepthHeadConfig, DptConfig, DptHead, F
 
 #[test]
 fn parity() {
-    let Some(file) = Fixture::named("dpt_depth_tiny.safetensors") else { return };
-    let dpt = DptConfig { dim: 96, out_channels: [12, 16, 20, 24], features: 16, width: 8 };
+    let file = Fixture::named("dpt_depth_micro.safetensors");
+    let dpt = DptConfig { dim: 48, out_channels: [12, 16, 20, 24], features: 16, width: 8 };
     let config = DepthHeadConfig { dpt, hidden: 32, log_depth_bounds: None, last: WeightInit::FanIn };
     let mut params = Params::<f32>::new();
     let head = DepthHead::new(Builder::new(&mut params, 0).scope("depth_head"), config);
     file.load(&mut params);
     let tape = Tape::new();
     let layers = [0, 1, 2, 3].map(|i| file.leaf(&tape, &format!("in.tokens{i}")));
-    let tokens = DenseTokens { layers: &layers, special: 5, grid: [3, 5], image: [42, 70] };
+    let tokens = DenseTokens { layers: &layers, special: 5, grid: [2, 3], image: [28, 42] };
     let maps = head.forward(Context::new(&tape, &params), tokens);
-    let depth = maps.depth.reshape([1, 2, 42, 70]);
+    let depth = maps.depth.reshape([1, 2, 28, 42]);
     let pose = file.leaf(&tape, "in.pose");
-    let c = cameras(pose, 42, 70);
+    let c = cameras(pose, 28, 42);
     let points = unproject(depth, c.viewmats, c.intrinsics, 0.0);
     file.check("out.extrinsics", &c.viewmats.value());
     file.check("out.depth", &depth.value());
@@ -39,15 +39,15 @@ fn parity() {
 
 #[test]
 fn feature_parity() {
-    let Some(file) = Fixture::named("splatweaver_head_tiny.safetensors") else { return };
-    let dpt = DptConfig { dim: 64, out_channels: [8, 12, 16, 16], features: 16, width: 8 };
+    let file = Fixture::named("splatweaver_head_micro.safetensors");
+    let dpt = DptConfig { dim: 32, out_channels: [8, 12, 16, 16], features: 16, width: 8 };
     let mut params = Params::<f32>::new();
     let config = FeatureHeadConfig { dpt, merger: 8 };
     let head = FeatureHead::new(Builder::new(&mut params, 0).scope("gaussian_param_head"), config);
     file.load(&mut params);
     let tape = Tape::new();
     let layers = [0, 1, 2, 3].map(|i| file.constant(&tape, &format!("in.tokens{i}")));
-    let tokens = DenseTokens { layers: &layers, special: 5, grid: [3, 2], image: [42, 28] };
+    let tokens = DenseTokens { layers: &layers, special: 5, grid: [2, 1], image: [28, 14] };
     let maps = head.forward(Context::new(&tape, &params), tokens, file.constant(&tape, "in.images"));
     file.check("out.E", &maps.embedding.value());
     file.check("out.F", &maps.features.value());

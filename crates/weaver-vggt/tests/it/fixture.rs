@@ -3,9 +3,10 @@
 //! A file holds inputs, weights, cotangents, outputs and gradients computed in f64, and in its metadata what the
 //! same code loses in f32 (`f32_error`). A result passes within twenty times that, or 1e-5 if that is more.
 
-use safetensors::SafeTensors;
+use half::f16;
+use safetensors::{Dtype, SafeTensors};
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use weaver_autograd::{Params, Tape, Var};
 
 /// One tensor of a file.
@@ -24,36 +25,25 @@ pub struct Fixture {
     exact_zeros: Vec<String>,
 }
 
-/// Where a file lies: in the repository, if it is small, or in the folder of shared data.
-fn locate(name: &str) -> Option<PathBuf> {
-    let above = || Path::new(env!("CARGO_MANIFEST_DIR")).ancestors();
-    let folders = std::env::var_os("WEAVER_SHARED")
-        .map(|folder| PathBuf::from(folder).join("fixtures"))
-        .into_iter()
-        .chain(above().map(|p| p.join("tests/fixtures")))
-        .chain(above().map(|p| p.join("shared/fixtures")));
-    folders.map(|folder| folder.join(name)).find(|path| path.is_file())
-}
-
 impl Fixture {
-    /// The named file; `None`, after saying so, where there is no such file.
-    pub fn named(name: &str) -> Option<Self> {
-        let path = locate(name);
-        if path.is_none() {
-            println!("skipped: no data ({name})");
-        }
-        path.map(|path| Self::read(&path))
-    }
-
-    fn read(path: &Path) -> Self {
-        let bytes = std::fs::read(path).unwrap();
+    /// The named file of the repository.
+    pub fn named(name: &str) -> Self {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures").join(name);
+        let bytes = std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         let file = SafeTensors::deserialize(&bytes).unwrap();
         let arrays = file
             .iter()
-            .filter(|(_, view)| view.dtype() == safetensors::Dtype::F32)
-            .map(|(name, view)| {
-                let data = view.data().chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
-                (name.to_string(), Array { shape: view.shape().to_vec(), data })
+            .filter_map(|(name, view)| {
+                let data = match view.dtype() {
+                    Dtype::F32 => {
+                        view.data().chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect()
+                    }
+                    Dtype::F16 => {
+                        view.data().chunks_exact(2).map(|b| f16::from_le_bytes(b.try_into().unwrap()).into()).collect()
+                    }
+                    _ => return None,
+                };
+                Some((name.to_string(), Array { shape: view.shape().to_vec(), data }))
             })
             .collect();
         let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();

@@ -1,7 +1,8 @@
 //! Reference numbers from `tests/fixtures`, and how close to them is close enough.
 
-use safetensors::SafeTensors;
-use std::path::{Path, PathBuf};
+use half::f16;
+use safetensors::{Dtype, SafeTensors};
+use std::path::Path;
 
 pub struct Fixture {
     bytes: Vec<u8>,
@@ -10,23 +11,8 @@ pub struct Fixture {
 
 impl Fixture {
     pub fn open(name: &str) -> Self {
-        Self::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures").join(name))
-    }
-
-    /// A file too large for the repository: in `$WEAVER_SHARED/fixtures`, or in `shared/fixtures` beside or above.
-    pub fn shared(name: &str) -> Option<Self> {
-        let named = std::env::var_os("WEAVER_SHARED").map(PathBuf::from);
-        let above = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().map(|folder| folder.join("shared"));
-        let mut files = named.into_iter().chain(above).map(|folder| folder.join("fixtures").join(name));
-        let found = files.find(|path| path.exists());
-        if found.is_none() {
-            println!("skipped: no data ({name})");
-        }
-        found.map(|path| Self::read(&path))
-    }
-
-    fn read(path: &Path) -> Self {
-        let bytes = std::fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures").join(name);
+        let bytes = std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         let (_, header) = SafeTensors::read_metadata(&bytes).unwrap();
         let errors = &header.metadata().as_ref().unwrap()["f32_error"];
         let f32_error = serde_json::from_str(errors).unwrap();
@@ -36,8 +22,13 @@ impl Fixture {
     pub fn tensor(&self, key: &str) -> (Vec<f32>, Vec<usize>) {
         let file = SafeTensors::deserialize(&self.bytes).unwrap();
         let tensor = file.tensor(key).unwrap();
-        assert_eq!(tensor.dtype(), safetensors::Dtype::F32, "{key}");
-        let numbers = tensor.data().chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
+        let numbers = match tensor.dtype() {
+            Dtype::F32 => tensor.data().chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect(),
+            Dtype::F16 => {
+                tensor.data().chunks_exact(2).map(|b| f16::from_le_bytes(b.try_into().unwrap()).into()).collect()
+            }
+            other => panic!("{key}: numbers of type {other:?}"),
+        };
         (numbers, tensor.shape().to_vec())
     }
 

@@ -1,0 +1,50 @@
+//! How much memory photos take that are much larger than what is kept of them.
+
+use image::codecs::jpeg::JpegEncoder;
+use std::path::Path;
+use std::process::Command;
+use weaver_io::PhotoFile;
+
+/// The photo that a process of its own is to read, so that nothing but reading it counts.
+const PHOTO: &str = "WEAVER_IO_LARGE_PHOTO";
+
+/// The most memory that this process has had, in MB.
+fn peak() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? / 1000)
+}
+
+/// Four photos of 48 megapixels, as cameras write them, read and resized by four threads.
+///
+/// Under stress alone, for a photo takes many seconds to make and to read where nothing is optimized.
+#[test]
+fn four_large_photos_fit_into_300_mb() {
+    if let Some(photo) = std::env::var_os(PHOTO) {
+        let resize = || PhotoFile::at(&photo).unwrap().resize_whole(512, 384).unwrap();
+        std::thread::scope(|scope| (0..4).for_each(|_| drop(scope.spawn(resize))));
+        if let Some(peak) = peak() {
+            println!("peak {peak} MB");
+            assert!(peak < 300, "{peak} MB");
+        }
+        return;
+    }
+    if std::env::var_os("WEAVER_STRESS").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.jpg");
+    write_large(&path);
+    let test = ["--exact", "photo_memory::four_large_photos_fit_into_300_mb", "--nocapture"];
+    let output = Command::new(std::env::current_exe().unwrap()).args(test).env(PHOTO, &path).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8_lossy(&output.stdout);
+    println!("{}", text.lines().find(|line| line.starts_with("peak")).unwrap_or("this machine does not tell"));
+}
+
+/// 8000 x 6000 pixels with detail everywhere.
+fn write_large(path: &Path) {
+    let pixel = |x: u32, y: u32| image::Rgb([(x * y >> 6) as u8, (x ^ y) as u8, (x / 8 + y / 4) as u8]);
+    let photo = image::RgbImage::from_fn(8000, 6000, pixel);
+    JpegEncoder::new_with_quality(std::fs::File::create(path).unwrap(), 90).encode_image(&photo).unwrap();
+}
