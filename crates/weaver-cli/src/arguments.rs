@@ -220,10 +220,10 @@ pub struct Infer {
 /// Which pixels get Gaussians, and how many.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct DensityFlags {
-    /// Gaussians per pixel, 0 to 1, for dithered, grid and random [default: the run's]
+    /// Gaussians per pixel, 0 to 1, for dithered, quadtree, quadtree-grid, grid and random [default: the run's]
     #[arg(long, value_name = "G", help_heading = DENSITY)]
     pub budget: Option<f64>,
-    /// sampled, argmax, dithered, grid, random or fixed:K [default: the run's]
+    /// sampled, argmax, dithered, quadtree, quadtree-grid, grid, random or fixed:K [default: the run's]
     #[arg(long, value_name = "A", help_heading = DENSITY)]
     pub allocation: Option<AllocationKind>,
 }

@@ -3,10 +3,10 @@
 use criterion::Criterion;
 use std::time::Duration;
 use weaver_autograd::{Params, Pool, Tape};
-use weaver_experts::{CardinalityHead, HeadConfig, PixelInputs};
+use weaver_experts::{CardinalityHead, HeadConfig, Parametrization, PixelInputs};
 use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
-use weaver_router::{Allocation, AllocationRequest, Dithered};
+use weaver_router::{Allocation, AllocationRequest, Dithered, Quadtree};
 
 const VIEWS: usize = 4;
 const HEIGHT: usize = 48;
@@ -25,17 +25,25 @@ fn surface(n: usize) -> Vec<f32> {
     points
 }
 
-fn head(c: &mut Criterion) {
+/// Gaussians of pixels, and of cells.
+fn heads(c: &mut Criterion) {
+    head(c, "head", HeadConfig::tiny(), &Dithered { budget: 0.4, gamma: 0.7 });
+    let patches = HeadConfig { parametrization: Parametrization::patch(), ..HeadConfig::tiny() };
+    head(c, "head of cells", patches, &Quadtree { budget: 0.4 });
+}
+
+fn head(c: &mut Criterion, name: &str, config: HeadConfig, allocation: &dyn Allocation) {
     let mut params = Params::<f32>::new();
-    let head = CardinalityHead::new(Builder::new(&mut params, 1).scope("gs_moe"), HeadConfig::tiny());
+    let head = CardinalityHead::new(Builder::new(&mut params, 1).scope("gs_moe"), config);
     let features = numbers(PIXELS * 32, "features");
     let (points, colors) = (surface(PIXELS), numbers(PIXELS * 3, "colors"));
     let logits = numbers(PIXELS * 4, "logits");
     let pool = Pool::new();
+    let photos = numbers(3 * PIXELS, "photos");
     let request = AllocationRequest {
         logits: &logits,
         energy: &logits[..PIXELS],
-        photos: &[],
+        photos: &photos,
         depth: None,
         views: VIEWS,
         height: HEIGHT,
@@ -45,10 +53,11 @@ fn head(c: &mut Criterion) {
         gumbel: None,
         pool: &pool,
     };
-    let assignment = Dithered { budget: 0.4, gamma: 0.7 }.allocate(&request);
+    let assignment = allocation.allocate(&request);
     let mut tape = Tape::new();
     for backward in [false, true] {
-        c.bench_function(if backward { "head/backward" } else { "head/forward" }, |b| {
+        let pass = if backward { "backward" } else { "forward" };
+        c.bench_function(&format!("{name}/{pass}"), |b| {
             b.iter(|| {
                 {
                     let pixels = PixelInputs {
@@ -78,6 +87,6 @@ fn main() {
         .warm_up_time(Duration::from_millis(300))
         .measurement_time(Duration::from_secs(1))
         .configure_from_args();
-    head(&mut criterion);
+    heads(&mut criterion);
     criterion.final_summary();
 }

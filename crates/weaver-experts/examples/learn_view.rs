@@ -66,7 +66,7 @@ impl Photo {
             height: HEIGHT,
             width: WIDTH,
         };
-        let gaussians = head.gaussians(cx, &pixels, &assignment, None).gaussians;
+        let gaussians = head.gaussians(cx, &pixels, assignment, None).gaussians;
         let background = tape.constant(&[0.0; 3], [3]);
         let rasterize = Rasterize::new(WIDTH, HEIGHT, RasterSettings::default(), workspaces);
         rasterize.apply(&gaussians, &CameraVars { viewmats, intrinsics }, background).image

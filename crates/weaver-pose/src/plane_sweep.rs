@@ -125,7 +125,7 @@ impl<T: Real> Op<T> for PlaneSweep {
     }
 
     fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
-        ensure_shape!(ins[0].rank() == 4 && ins[0].len() > 0, "features [V, H, W, C]");
+        ensure_shape!(ins[0].rank() == 4 && !ins[0].is_empty(), "features [V, H, W, C]");
         let [views, height, width] = [ins[0][0], ins[0][1], ins[0][2]];
         ensure_shape!(ins[1] == Shape::from([views, height, width]), "depth [{views}, {height}, {width}]");
         ensure_shape!(

@@ -5,7 +5,9 @@ use std::time::Duration;
 use weaver_autograd::{Params, Pool, Tape};
 use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
-use weaver_router::{Allocation, AllocationRequest, Dithered, Router, Sampled, gumbel_softmax_straight_through};
+use weaver_router::{
+    Allocation, AllocationRequest, Dithered, Quadtree, QuadtreeGrid, Router, Sampled, gumbel_softmax_straight_through,
+};
 
 const VIEWS: usize = 4;
 const HEIGHT: usize = 48;
@@ -19,10 +21,11 @@ fn numbers(n: usize, purpose: &str) -> Vec<f32> {
 
 fn allocate(c: &mut Criterion) {
     let (logits, pool) = (numbers(PIXELS * 4, "logits"), Pool::new());
+    let photos = numbers(3 * PIXELS, "photos");
     let request = AllocationRequest {
         logits: &logits,
         energy: &logits[..PIXELS],
-        photos: &[],
+        photos: &photos,
         depth: None,
         views: VIEWS,
         height: HEIGHT,
@@ -32,8 +35,12 @@ fn allocate(c: &mut Criterion) {
         gumbel: None,
         pool: &pool,
     };
-    let strategies: [(&str, &dyn Allocation); 2] =
-        [("allocate/dithered", &Dithered { budget: 0.4, gamma: 0.7 }), ("allocate/sampled", &Sampled)];
+    let strategies: [(&str, &dyn Allocation); 4] = [
+        ("allocate/dithered", &Dithered { budget: 0.4, gamma: 0.7 }),
+        ("allocate/sampled", &Sampled),
+        ("allocate/quadtree", &Quadtree { budget: 0.1 }),
+        ("allocate/quadtree grid", &QuadtreeGrid { budget: 0.1 }),
+    ];
     for (name, strategy) in strategies {
         c.bench_function(name, |b| b.iter(|| strategy.allocate(&request)));
     }

@@ -44,7 +44,7 @@ fn four_large_photos_fit_into_300_mb() {
 
 /// 8000 x 6000 pixels with detail everywhere.
 fn write_large(path: &Path) {
-    let pixel = |x: u32, y: u32| image::Rgb([(x * y >> 6) as u8, (x ^ y) as u8, (x / 8 + y / 4) as u8]);
+    let pixel = |x: u32, y: u32| image::Rgb([((x * y) >> 6) as u8, (x ^ y) as u8, (x / 8 + y / 4) as u8]);
     let photo = image::RgbImage::from_fn(8000, 6000, pixel);
     JpegEncoder::new_with_quality(std::fs::File::create(path).unwrap(), 90).encode_image(&photo).unwrap();
 }

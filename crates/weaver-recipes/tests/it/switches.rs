@@ -113,6 +113,32 @@ fn the_frequency_prior_is_what_the_router_sees_of_wavelets() {
 }
 
 #[test]
+fn comparing_the_views_starts_without_effect_and_learns() {
+    let stereo = "model.dense.stereo={channels=2,hidden=4,depths=5,reach=1.5}";
+    let [off, on] = [&[][..], &[stereo][..]].map(|settings| seen(settings, "argmax", 1.0));
+    let more: Vec<&String> = on.names.iter().filter(|name| !off.names.contains(name)).collect();
+    assert_eq!(more.len(), 10);
+    assert!(more.iter().all(|name| name.starts_with("stereo.")), "{more:?}");
+    assert_eq!((&off.logits, off.scale, off.offset), (&on.logits, on.scale, on.offset));
+    assert_ne!(trains(&[]).0, trains(&[stereo]).0);
+}
+
+#[test]
+fn cells_get_a_budget_in_training_and_experts_above_the_first() {
+    let patch = "model.gaussians.parametrization={kind=\"patch\",offset_reach=1.0,scale=0.6}";
+    let allocation = |name: &str| format!("stages.1.model.allocation={name}");
+    let budget = "stages.1.model.budget=0.125";
+    assert_eq!(trains(&[patch, &allocation("quadtree"), budget]).1, 0.125);
+    for mix in ["quadtree-mix", "quadtree-grid-mix"] {
+        let (_, count) = trains(&[patch, &allocation(mix)]);
+        assert!((0.004..=3.0).contains(&count), "{mix}: {count}");
+    }
+    let sparse = seen(&[patch], "quadtree", 0.05);
+    assert_eq!(sparse.expert.iter().map(|e| usize::from(*e)).sum::<usize>(), (0.05 * 2048.0) as usize);
+    assert!(sparse.expert.contains(&2) && sparse.gate.is_none(), "some cells get two");
+}
+
+#[test]
 fn the_neighbor_attention_is_there_or_not() {
     let setting = |on: bool| format!("model.gaussians.neighbor_attention={on}");
     let [off, on] = [false, true].map(|on| seen(&[&setting(on)], "argmax", 1.0));
