@@ -84,6 +84,7 @@ impl<T: Real> LaneKernel<T> for Forward<'_, T> {
 
 /// The forward pass of the first R rows.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "R rows in registers go side by side through several arrays")]
 fn forward<V: Lanes, const R: usize>(
     cols: usize,
     eps: V::Scalar,

@@ -113,6 +113,7 @@ pub(crate) fn splat_backward<V: Lanes>(
     }
     let drotation: Mat33<V> = each!(3, |i| each!(3, |j| dproduct[i][j] * group.scale[j]));
     let dquat = rotation_backward(shape.unit, shape.inverse_length, &drotation);
+    #[expect(clippy::needless_range_loop, reason = "components in registers, as in every loop here")]
     for i in 0..4 {
         add(&mut out.quat[i], here!(dquat[i]));
     }

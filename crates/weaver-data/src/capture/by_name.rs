@@ -35,10 +35,10 @@ pub(super) fn cameras(file: &Path, names: &[&str], photos: &[PathBuf]) -> Result
         return wrong("one camera for every photo", format!("several for {}", list(several.iter())));
     }
     let mut shared = Vec::new();
-    for at in 0..names.len() {
+    for (at, name) in names.iter().enumerate() {
         let of: Vec<usize> = (0..photos.len()).filter(|&photo| chosen[photo] == at).collect();
         if of.len() > 1 {
-            shared.push(format!("{} for {}", names[at], list(of.iter().map(|&photo| photos[photo].display()))));
+            shared.push(format!("{name} for {}", list(of.iter().map(|&photo| photos[photo].display()))));
         }
     }
     if shared.is_empty() { Ok(chosen) } else { wrong("a camera for every photo", list(shared.iter())) }

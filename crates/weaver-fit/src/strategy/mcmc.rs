@@ -51,13 +51,11 @@ impl Mcmc {
     fn place(&self, population: &mut Population, drawn: &[usize], dead: &[usize]) {
         let mut copies = vec![0usize; population.len()];
         drawn.iter().for_each(|n| copies[*n] += 1);
-        for n in 0..copies.len() {
-            if copies[n] > 0 {
-                let (opacity, factor) = relocated(population.opacity(n), copies[n] + 1);
-                population.set_opacity(n, opacity.clamp(self.settings.least_opacity, 1.0 - 1e-5));
-                population.log_scales.row_mut(n).iter_mut().for_each(|s| *s += factor.ln());
-                population.forget(n);
-            }
+        for (n, copies) in copies.into_iter().enumerate().filter(|(_, copies)| *copies > 0) {
+            let (opacity, factor) = relocated(population.opacity(n), copies + 1);
+            population.set_opacity(n, opacity.clamp(self.settings.least_opacity, 1.0 - 1e-5));
+            population.log_scales.row_mut(n).iter_mut().for_each(|s| *s += factor.ln());
+            population.forget(n);
         }
         for (i, n) in drawn.iter().enumerate() {
             match dead.get(i) {

@@ -100,8 +100,8 @@ pub(crate) fn split(population: &mut Population, n: usize) {
     population.set_opacity(n, opacity);
     population.forget(n);
     let other = population.duplicate(n);
-    for i in 0..3 {
-        population.means.row_mut(n)[i] += offset * axis[i];
-        population.means.row_mut(other)[i] -= offset * axis[i];
+    for (i, along) in axis.into_iter().enumerate() {
+        population.means.row_mut(n)[i] += offset * along;
+        population.means.row_mut(other)[i] -= offset * along;
     }
 }

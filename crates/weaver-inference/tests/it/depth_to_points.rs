@@ -140,9 +140,9 @@ fn slowly(depth: &[f32], seen: &[Vec<SeenPoint>]) -> Vec<f64> {
         |v: usize| -> Vec<f64> { seen[v].iter().map(|p| p.depth.ln() - log(v, p.pixel[0], p.pixel[1])).collect() };
     let global = median((0..seen.len()).flat_map(errors).collect());
     let mut all = Vec::new();
-    for v in 0..seen.len() {
-        let (n, errors) = (seen[v].len() as f64, errors(v));
-        let logs: Vec<f64> = seen[v].iter().map(|p| log(v, p.pixel[0], p.pixel[1])).collect();
+    for (v, points) in seen.iter().enumerate() {
+        let (n, errors) = (points.len() as f64, errors(v));
+        let logs: Vec<f64> = points.iter().map(|p| log(v, p.pixel[0], p.pixel[1])).collect();
         let a = (n * median(errors.clone()) + 5.0 * global) / (n + 5.0);
         let mean = logs.iter().sum::<f64>() / n;
         let deviation = (logs.iter().map(|l| (l - mean).powi(2)).sum::<f64>() / n).sqrt();
@@ -166,7 +166,7 @@ fn slowly(depth: &[f32], seen: &[Vec<SeenPoint>]) -> Vec<f64> {
             let (x, y) = ((i % SIZE[1]) as f64 + 0.5, (i / SIZE[1]) as f64 + 0.5);
             let line = |l: f64| a + q[0] + q[1] * s(l);
             let (mut sum, mut weights) = (0.0, 0.0);
-            for ((p, l), e) in seen[v].iter().zip(&logs).zip(&errors) {
+            for ((p, l), e) in points.iter().zip(&logs).zip(&errors) {
                 let squared = (p.pixel[0] - x).powi(2) + (p.pixel[1] - y).powi(2);
                 let w = (-squared / 50.0).exp() * (-(log(v, x, y) - l).powi(2) / 0.125).exp();
                 sum += w * (e - line(*l)).clamp(-0.5, 0.5);

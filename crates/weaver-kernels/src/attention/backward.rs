@@ -96,6 +96,7 @@ impl<T: Real> Backward<'_, T> {
             for first in (0..queries).step_by(block.max(1)) {
                 let rows = block.min(queries - first);
                 let (out_at, lse) = (out.1.at(b, h, first), &lse[plane * queries + first..][..rows]);
+                #[expect(clippy::needless_range_loop, reason = "the row's number is also where it lies in the output")]
                 for i in 0..rows {
                     let at = out_at + i * out.1.token;
                     along[i] = reduce::lanes([&out.0[at..at + dim], &dout[at..at + dim]], |[x, y]| x * y);

@@ -150,12 +150,12 @@ fn transposed_is_the_adjoint() {
         for (at, e) in expected.iter_mut().enumerate() {
             *e = b[at / (s.h * s.w) % s.c];
         }
-        for at in 0..x.len() {
+        for (at, x) in x.iter().enumerate() {
             let (n, o, i, j) = (at / (s.o * pixels), at / pixels % s.o, at / s.out_w() % s.out_h(), at % s.out_w());
             for k in 0..s.c * s.kh * s.kw {
                 let (c, p, q) = (k / (s.kh * s.kw), k / s.kw % s.kh, k % s.kw);
                 expected[((n * s.c + c) * s.h + i * s.stride + p) * s.w + j * s.stride + q] +=
-                    x[at] * w[o * s.c * s.kh * s.kw + k];
+                    x * w[o * s.c * s.kh * s.kw + k];
             }
         }
         assert_close(&y, &expected, 1e-12, "transposed");

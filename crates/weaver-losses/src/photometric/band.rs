@@ -115,6 +115,7 @@ fn ring_rows<T>(ring: &[T], vectors: usize, y: usize) -> [&[T]; WINDOW] {
 
 /// The K sums of `taps[k] x(k)`, by pairs of equal weight.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "K sums in registers go side by side through three arrays")]
 fn filter<V: Lanes, const K: usize>(taps: &[V; WINDOW / 2 + 1], x: impl Fn(usize) -> [V; K]) -> [V; K] {
     const MIDDLE: usize = WINDOW / 2;
     let mut sums = x(MIDDLE);

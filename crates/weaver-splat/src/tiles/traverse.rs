@@ -176,9 +176,9 @@ mod tests {
     fn bits_are_transposed() {
         let words: [u16; LANES] = std::array::from_fn(|i| (i as u16 + 1).wrapping_mul(40503));
         let turned = transpose_bits(words);
-        for i in 0..LANES {
-            for j in 0..LANES {
-                assert_eq!(turned[j] >> i & 1, words[i] >> j & 1);
+        for (i, word) in words.into_iter().enumerate() {
+            for (j, turned) in turned.into_iter().enumerate() {
+                assert_eq!(turned >> i & 1, word >> j & 1);
             }
         }
     }

@@ -11,8 +11,9 @@ fn loss(scene: &Scene<f64>, cotangents: &Planes<f64>) -> f64 {
 /// Checks every coordinate of every input.
 fn check(scene: &Scene<f64>, cotangents: &Planes<f64>, gradients: &[Vec<f64>; 10]) {
     let scale: f64 = cotangents.flat().iter().map(|x| x.abs()).sum();
-    for part in 0..9 {
-        for at in 0..scene.clone().parts()[part].len() {
+    for (part, gradients) in gradients.iter().enumerate().take(9) {
+        assert_eq!(gradients.len(), scene.clone().parts()[part].len());
+        for (at, &gradient) in gradients.iter().enumerate() {
             let slope = |step: f64| {
                 let moved = |by: f64| {
                     let mut moved = scene.clone();
@@ -22,7 +23,6 @@ fn check(scene: &Scene<f64>, cotangents: &Planes<f64>, gradients: &[Vec<f64>; 10
                 // Fourth order, so that the step can be large enough for the rounding.
                 (8.0 * (moved(step) - moved(-step)) - (moved(2.0 * step) - moved(-2.0 * step))) / (12.0 * step)
             };
-            let gradient = gradients[part][at];
             let close = |slope: f64| (slope - gradient).abs() <= 1e-6 * gradient.abs() + 1e-9 * scale;
             // A long step may cross a branch that a short one does not.
             assert!(

@@ -233,9 +233,8 @@ proptest! {
             sphere.spots[n][k] = before;
             sum
         };
-        for n in 0..n.min(6) {
+        for (n, spot) in spots.into_iter().enumerate().take(6) {
             let ([x, y, z, away, g, _], color, depth) = tiles.sums(0, n);
-            let spot = spots[n];
             let along = LN_2 * spot[3];
             let [red, green, blue] = color;
             let own = [along * x, along * y, along * z, -LN_2 * away, g / spot[4], red, green, blue, depth];
