@@ -27,9 +27,9 @@ pub struct AllocationRequest<'a, T: Real = f32> {
     pub logits: &'a [T],
     /// High-frequency energy `[P]` of the images.
     pub energy: &'a [T],
-    /// The photos `[V, 3, H, W]`, 0 to 1.
+    /// The photos `[V, 3, H, W]`, 0 to 1. Only [`Quadtree`] looks at them, for all others they may be empty.
     pub photos: &'a [T],
-    /// Depth `[P]`, where it is known.
+    /// Depth `[P]`, where it is known; only [`Quadtree`] looks at it.
     pub depth: Option<&'a [T]>,
     /// Number of views V.
     pub views: usize,
