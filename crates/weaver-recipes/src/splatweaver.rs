@@ -85,7 +85,7 @@ impl Recipe for SplatWeaverRecipe {
 
     fn untrained(stage: &StageConfig<Self>) -> Vec<&'static str> {
         if stage.tuples == 0 {
-            return vec!["depth_head", "gaussian_param_head"];
+            return vec!["depth_head", "gaussian_param_head", "stereo"];
         }
         let router = &stage.losses.router;
         let learned = stage.model.allocation.is_routed();

@@ -108,12 +108,8 @@ impl ModelConfig {
         ensure((0.0..=1.0).contains(&c.tangent_offset), "camera.tangent_offset", "0 to 1", c.tangent_offset)?;
         self.dense.log_depth_limit.map_or(Ok(()), |limit| positive("dense.log_depth_limit", limit))?;
         if let Some(stereo) = self.dense.stereo {
-            ensure(
-                stereo.channels.min(stereo.hidden) >= 1,
-                "dense.stereo.channels",
-                "at least 1, as hidden",
-                stereo.channels,
-            )?;
+            ensure(stereo.channels >= 1, "dense.stereo.channels", "at least 1", stereo.channels)?;
+            ensure(stereo.hidden >= 1, "dense.stereo.hidden", "at least 1", stereo.hidden)?;
             ensure(stereo.depths >= 2, "dense.stereo.depths", "at least 2", stereo.depths)?;
             ensure(
                 stereo.reach > 1.0 && stereo.reach.is_finite(),

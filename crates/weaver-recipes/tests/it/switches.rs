@@ -121,6 +121,11 @@ fn comparing_the_views_starts_without_effect_and_learns() {
     assert!(more.iter().all(|name| name.starts_with("stereo.")), "{more:?}");
     assert_eq!((&off.logits, off.scale, off.offset), (&on.logits, on.scale, on.offset));
     assert_ne!(trains(&[]).0, trains(&[stereo]).0);
+    // A stage of poses alone, which leaves it untrained, comes first.
+    let mut config =
+        weaver_trainer::Config::<SplatWeaverRecipe>::resolve(Some("micro"), None, &[stereo.into()]).unwrap();
+    config.stages.iter_mut().for_each(|stage| stage.steps = 2);
+    assert_eq!(reports(config).len(), 4);
 }
 
 #[test]
