@@ -162,7 +162,7 @@ fn a_sample_is_input_render_depth_and_gaussians_per_pixel() {
         let of = |image: &Image| std::array::from_fn(|c| image.pixels[3 * i + c].clamp(0.0, 1.0));
         assert!(near(at(0, x, y), of(&scene.views[context[0]].image)), "input at {x}, {y}");
         assert!(near(at(1, x, y), of(&render)), "render at {x}, {y}");
-        assert!(near(at(3, x, y), [f32::from(prediction.counts[i]) / f32::from(most); 3]), "expert map at {x}, {y}");
+        assert!(near(at(3, x, y), [(prediction.density[i] / f32::from(most)).sqrt(); 3]), "expert map at {x}, {y}");
         let (depth, light) = (prediction.depth[i], at(2, x, y).iter().sum::<f32>());
         nearest = if depth < nearest.0 { (depth, light) } else { nearest };
         farthest = if depth > farthest.0 { (depth, light) } else { farthest };

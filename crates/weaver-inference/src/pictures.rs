@@ -8,9 +8,9 @@ const LEAST_WIDTH: usize = 256;
 
 /// Input, render, depth and Gaussians per pixel of view `v`, side by side, enlarged until they can be seen.
 pub fn row(input: &Image, render: &Image, prediction: &Prediction, v: usize) -> Image {
-    let (depth, counts) = (depth_picture(prediction, v, input), count_picture(prediction, v, input));
+    let (depth, density) = (depth_picture(prediction, v, input), density_picture(prediction, v, input));
     let times = LEAST_WIDTH.div_ceil(input.width.max(1));
-    let large = [input, render, &depth, &counts].map(|image| enlarged(image, times));
+    let large = [input, render, &depth, &density].map(|image| enlarged(image, times));
     Image::mosaic(&large.each_ref())
 }
 
@@ -30,12 +30,13 @@ pub fn depth_picture(prediction: &Prediction, v: usize, like: &Image) -> Image {
     false_color(&nearness, like.width, like.height, low, high)
 }
 
-/// How many Gaussians each pixel of view `v` got: black is none, the brighter the more.
-pub fn count_picture(prediction: &Prediction, v: usize, like: &Image) -> Image {
+/// How dense the Gaussians of view `v` are: black is none, the brighter the more. Brightness follows the root of the number per pixel, which is
+/// the number along a line, so that cells of very different sizes can be told apart.
+pub fn density_picture(prediction: &Prediction, v: usize, like: &Image) -> Image {
     let pixels = like.width * like.height;
-    let most = prediction.counts.iter().copied().max().unwrap_or(1).max(1);
-    let gray = |e: &u8| [f32::from(*e) / f32::from(most); 3];
-    let pixels = prediction.counts[v * pixels..][..pixels].iter().flat_map(gray).collect();
+    let most = prediction.density.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
+    let gray = |density: &f32| [(density / most).sqrt(); 3];
+    let pixels = prediction.density[v * pixels..][..pixels].iter().flat_map(gray).collect();
     Image { width: like.width, height: like.height, pixels }
 }
 

@@ -89,6 +89,7 @@ impl<N: PixelAlignedNetwork> Predictor for PixelAlignedPredictor<N> {
                 scaled_by,
                 depth: depth.to_vec(),
                 counts: vec![1; views * height * width],
+                density: vec![1.0; views * height * width],
                 ..Prediction::default()
             }
         }))

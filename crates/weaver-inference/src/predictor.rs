@@ -95,8 +95,10 @@ pub struct Prediction {
     pub predicted: Vec<Camera>,
     /// Depth along the optical axis `[V, H, W]`.
     pub depth: Vec<f32>,
-    /// Gaussians of each pixel `[V, H, W]`.
+    /// Gaussians of each pixel `[V, H, W]`; those of a cell at its first pixel.
     pub counts: Vec<u8>,
+    /// Gaussians per pixel around each pixel `[V, H, W]`: of a cell, its number over its pixels.
+    pub density: Vec<f32>,
     /// The factor that given cameras in units of their own were multiplied by.
     pub scaled_by: Option<f64>,
     /// For each view, how many points its depth was brought to; empty where cameras came without points.

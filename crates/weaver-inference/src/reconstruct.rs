@@ -1,6 +1,6 @@
 //! From photo files to a scene on disk: Gaussians, cameras, renders, maps of depth and of Gaussians per pixel.
 
-use crate::pictures::{count_picture, depth_picture, row, stack};
+use crate::pictures::{density_picture, depth_picture, row, stack};
 use crate::predictor::inside_of;
 use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, RunFolder, push_planar};
 use std::path::{Path, PathBuf};
@@ -157,7 +157,7 @@ pub(crate) fn write(
         photo.write_png(out.join("input").join(name))?;
         render.write_png(out.join("render").join(name))?;
         depth_picture(prediction, v, photo).write_png(out.join("depth").join(name))?;
-        count_picture(prediction, v, photo).write_png(out.join("experts").join(name))?;
+        density_picture(prediction, v, photo).write_png(out.join("experts").join(name))?;
         rows.push(row(photo, render, prediction, v));
     }
     stack(&rows.iter().collect::<Vec<_>>()).write_png(out.join("overview.png"))?;

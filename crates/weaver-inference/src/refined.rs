@@ -175,6 +175,7 @@ impl Predictor for Refined {
         self.refine(photos, &mut prediction, moving)?;
         prediction.depth = spread(&prediction.depth, small, large);
         prediction.counts = spread(&prediction.counts, small, large);
+        prediction.density = spread(&prediction.density, small, large);
         Ok(prediction)
     }
 

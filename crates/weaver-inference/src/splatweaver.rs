@@ -173,8 +173,9 @@ impl Predictor for SplatWeaverPredictor {
                 scaled_by: given.as_ref().and_then(|given| given.scaled_by),
                 cameras: given.map_or_else(|| predicted.clone(), |given| given.cameras),
                 predicted,
-                depth: dense.depth.to_vec(),
+                depth: made.depth.to_vec(),
                 counts: made.assignment.expert.to_vec(),
+                density: made.assignment.density([height, width]),
                 points_used,
             }
         }))

@@ -1,7 +1,7 @@
 //! Agreement of views about depths: features of a pixel against those where other views see it, for several depths.
 
 use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
-use weaver_kernels::parallel;
+use weaver_kernels::{parallel, simd};
 
 /// Smallest depth in another view at which a point is seen, as a fraction of the depth in its own.
 const NEAREST: f64 = 1e-3;
@@ -20,9 +20,9 @@ struct Pair {
 
 /// Where a view is sampled: four rows of its features and their weights.
 #[derive(Clone, Copy)]
-struct Sample {
+struct Sample<T> {
     rows: [usize; 4],
-    weights: [f64; 4],
+    weights: [T; 4],
 }
 
 /// Sizes of the maps.
@@ -61,24 +61,32 @@ impl PlaneSweep {
         }
     }
 
-    /// Calls `visit` with the view, the number of the depth and the samples of the other views for each depth of each pixel of an
+    /// Calls `visit` with the pixel, the number of the depth and the samples of the other views for each depth of each pixel of an
     /// image row.
-    fn for_row<T: Real>(&self, ins: &[View<'_, T>], image_row: usize, mut visit: impl FnMut(usize, usize, &[Sample])) {
+    #[inline(always)]
+    fn for_row<T: Real>(
+        &self,
+        ins: &[View<'_, T>],
+        image_row: usize,
+        mut visit: impl FnMut(usize, usize, &[Sample<T>]),
+    ) {
         let Size { views, height, width, .. } = Self::size(ins);
         let (view, row) = (image_row / height, image_row % height);
         let others = (0..views).filter(|&u| u != view);
         let pairs: Vec<(usize, Pair)> = others.map(|u| (u, Self::pair(ins, view, u))).collect();
+        let mut lines = vec![[0.0; 3]; pairs.len()];
         let mut samples = Vec::with_capacity(views);
         for column in 0..width {
             let pixel = image_row * width + column;
             let depth = ins[1][pixel].to_f64();
             let at = [column as f64 + self.pixel_offset, row as f64 + self.pixel_offset, 1.0];
+            for (line, (_, pair)) in lines.iter_mut().zip(&pairs) {
+                *line = pair.matrix.map(|m| depth * (m[0] * at[0] + m[1] * at[1] + m[2] * at[2]));
+            }
             for (number, factor) in self.factors.iter().enumerate() {
                 samples.clear();
-                for (u, pair) in &pairs {
-                    let q: [f64; 3] = std::array::from_fn(|i| {
-                        depth * factor * (0..3).map(|j| pair.matrix[i][j] * at[j]).sum::<f64>() + pair.shift[i]
-                    });
+                for (line, (u, pair)) in lines.iter().zip(&pairs) {
+                    let q: [f64; 3] = std::array::from_fn(|i| factor * line[i] + pair.shift[i]);
                     let (x, y) = (q[0] / q[2], q[1] / q[2]);
                     let seen =
                         q[2] > NEAREST * depth && (0.0..width as f64).contains(&x) && (0.0..height as f64).contains(&y);
@@ -92,7 +100,7 @@ impl PlaneSweep {
     }
 
     /// Bilinear interpolation between the centers of pixels, and of the outermost ones beyond.
-    fn sample(&self, view: usize, x: f64, y: f64, [height, width]: [usize; 2]) -> Sample {
+    fn sample<T: Real>(&self, view: usize, x: f64, y: f64, [height, width]: [usize; 2]) -> Sample<T> {
         let split = |x: f64, length: usize| {
             let x = (x - self.pixel_offset).clamp(0.0, (length - 1) as f64);
             let low = (x as usize).min(length.saturating_sub(2));
@@ -102,16 +110,31 @@ impl PlaneSweep {
         let row = |r: usize, c: usize| (view * height + r) * width + c;
         Sample {
             rows: [row(top, left), row(top, right), row(bottom, left), row(bottom, right)],
-            weights: [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy],
+            weights: [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy].map(T::from_f64),
         }
     }
 }
 
-impl Sample {
-    /// The taps with their weights.
-    fn taps<T: Real>(&self) -> impl Iterator<Item = (usize, T)> {
-        self.rows.into_iter().zip(self.weights.map(T::from_f64))
+/// Sums the features `[P, C]` of all samples.
+#[inline(always)]
+fn gather<T: Real>(samples: &[Sample<T>], features: &[T], sum: &mut [T]) {
+    let channels = sum.len();
+    sum.fill(T::ZERO);
+    for (row, weight) in samples.iter().flat_map(|sample| sample.rows.into_iter().zip(sample.weights)) {
+        add_scaled(sum, weight, &features[row * channels..][..channels]);
     }
+}
+
+/// y += a x, in blocks that the compiler turns into vectors however short the rows are.
+#[inline(always)]
+fn add_scaled<T: Real>(y: &mut [T], a: T, x: &[T]) {
+    let ((y, y_rest), (x, x_rest)) = (y.as_chunks_mut::<8>(), x.as_chunks::<8>());
+    for (y, x) in y.iter_mut().zip(x) {
+        for (y, x) in y.iter_mut().zip(x) {
+            *y += a * *x;
+        }
+    }
+    y_rest.iter_mut().zip(x_rest).for_each(|(y, x)| *y += a * *x);
 }
 
 /// The factor of a sum over so many samples.
@@ -142,18 +165,26 @@ impl<T: Real> Op<T> for PlaneSweep {
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
         let Size { width, channels, .. } = Self::size(ins);
         let depths = self.factors.len();
-        let features = |p: usize| &ins[0][p * channels..][..channels];
+        let features: &[T] = &ins[0];
         let this = &*self;
         parallel::for_chunks(&mut outs[0], width * depths, |image_row, out| {
-            this.for_row(ins, image_row, |pixel, number, samples| {
-                let own = features(pixel);
-                let mut sum = T::ZERO;
-                for (row, weight) in samples.iter().flat_map(Sample::taps::<T>) {
-                    sum += weight * own.iter().zip(features(row)).map(|(a, b)| *a * *b).sum();
-                }
-                let at = (pixel - image_row * width) * depths + number;
-                out[at] = if samples.is_empty() { T::ZERO } else { sum * share(samples.len(), channels) };
-            });
+            simd::dispatch(
+                #[inline(always)]
+                || {
+                    let mut seen = vec![T::ZERO; channels];
+                    this.for_row(ins, image_row, |pixel, number, samples| {
+                        let at = (pixel - image_row * width) * depths + number;
+                        if samples.is_empty() {
+                            out[at] = T::ZERO;
+                            return;
+                        }
+                        gather(samples, features, &mut seen);
+                        let own = &features[pixel * channels..][..channels];
+                        let product: T = own.iter().zip(&seen).map(|(a, b)| *a * *b).sum();
+                        out[at] = product * share(samples.len(), channels);
+                    });
+                },
+            );
         });
     }
 
@@ -168,24 +199,31 @@ impl<T: Real> Op<T> for PlaneSweep {
         let Some(dfeatures) = &mut dins[0] else { return };
         let Size { views, height, channels, .. } = Self::size(ins);
         let (depths, all) = (self.factors.len(), ins[0].len());
-        let features = |p: usize| &ins[0][p * channels..][..channels];
+        let (features, dagreement): (&[T], &[T]) = (&ins[0], &douts[0]);
         // What the pixels of each view pull at, apart, so that views can be walked at once and added up in order.
         let mut pulls = pool.filled(views * all, T::ZERO);
         parallel::for_chunks(&mut pulls, all, |view, pull| {
-            for image_row in view * height..(view + 1) * height {
-                self.for_row(ins, image_row, |pixel, number, samples| {
-                    if samples.is_empty() {
-                        return;
+            simd::dispatch(
+                #[inline(always)]
+                || {
+                    let mut seen = vec![T::ZERO; channels];
+                    for image_row in view * height..(view + 1) * height {
+                        self.for_row(ins, image_row, |pixel, number, samples| {
+                            if samples.is_empty() {
+                                return;
+                            }
+                            let d = dagreement[pixel * depths + number] * share(samples.len(), channels);
+                            gather(samples, features, &mut seen);
+                            add_scaled(&mut pull[pixel * channels..][..channels], d, &seen);
+                            let own = &features[pixel * channels..][..channels];
+                            let taps = samples.iter().flat_map(|sample| sample.rows.into_iter().zip(sample.weights));
+                            for (row, weight) in taps {
+                                add_scaled(&mut pull[row * channels..][..channels], d * weight, own);
+                            }
+                        });
                     }
-                    let d = douts[0][pixel * depths + number] * share(samples.len(), channels);
-                    for (row, weight) in samples.iter().flat_map(Sample::taps::<T>) {
-                        for c in 0..channels {
-                            pull[pixel * channels + c] += d * weight * features(row)[c];
-                            pull[row * channels + c] += d * weight * features(pixel)[c];
-                        }
-                    }
-                });
-            }
+                },
+            );
         });
         let dfeatures = dfeatures.accumulator();
         for pull in pulls.chunks_exact(all) {

@@ -13,7 +13,7 @@ pub use masked::Masked;
 pub use quadtree::{Quadtree, QuadtreeGrid, QuadtreeMix};
 pub use thinning::{Dithered, Grid, Random, TrainingMix};
 
-use crate::cell::Cells;
+use crate::cell::{Cell, Cells};
 use crate::gumbel::gumbel_softmax_straight_through;
 use std::fmt::Debug;
 use thinning::Place;
@@ -107,6 +107,22 @@ impl<T: Real> Assignment<T> {
     /// Number of Gaussians of all pixels together.
     pub fn count(&self) -> usize {
         self.expert.iter().map(|&e| usize::from(e)).sum()
+    }
+
+    /// Gaussians per pixel around each pixel `[P]` of views of this size: of a cell, its number over its pixels.
+    pub fn density(&self, [height, width]: [usize; 2]) -> Vec<f32> {
+        let Some(cells) = &self.cells else { return self.expert.iter().map(|&e| f32::from(e)).collect() };
+        let mut density = vec![0.0; self.expert.len()];
+        for (pixel, &e) in self.expert.iter().enumerate().filter(|(_, e)| **e > 0) {
+            let first = pixel / (height * width) * height;
+            let cell = Cell { row: pixel / width % height, column: pixel % width, level: cells.level[pixel] };
+            let (rows, columns) = (cell.rows(height), cell.columns(width));
+            let own = f32::from(e) / (rows.len() * columns.len()) as f32;
+            for row in rows {
+                density[(first + row) * width..][columns.clone()].fill(own);
+            }
+        }
+        density
     }
 
     /// The one-hot choice `[P, E]`, whose straight-through gradient with respect to `logits` is that of a softmax at this

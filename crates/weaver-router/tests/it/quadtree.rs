@@ -86,9 +86,12 @@ proptest! {
         let pixels = size.iter().product::<usize>();
         let (most, spare) = if grid { (1, 2) } else { (3, 0) };
         let expected = ((budget * pixels as f64).floor() as usize).clamp(scene.roots(), most * pixels);
-let count = assignment.count();
+        let count = assignment.count();
         prop_assert!(count <= expected && count + spare >= expected, "{count}, not {expected}");
         prop_assert!(scene.owners(&assignment).iter().all(|&owners| owners == 1));
+        let density = assignment.density([size[1], size[2]]);
+        let sum = density.iter().map(|d| f64::from(*d)).sum::<f64>();
+        prop_assert!(density.iter().all(|d| *d > 0.0) && (sum - count as f64).abs() < 1e-3, "{sum}, not {count}");
         prop_assert_eq!(&*scene.allocate(&*allocation, seed + 1).expert, &*assignment.expert);
     }
 
