@@ -93,6 +93,7 @@ impl RunSettings {
             hold_out: if self.all { HoldOut::Nothing } else { HoldOut::Listed },
             masks: self.masks,
             background: self.fit.background,
+            ..PosedOptions::default()
         }
     }
 }

@@ -30,16 +30,15 @@ pub fn run(arguments: &Eval, scene: &Path, console: &mut Console) -> Result<(), 
     let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);
     let gaussians = read_gaussians(scene)?;
     let long_side = arguments.drawing.size.map(|size| size as usize);
-    let capture =
-        posed::load(data, &PosedOptions { long_side, background, masks: arguments.masks, ..PosedOptions::default() })?;
+    let masks = arguments.masks;
+    let options = PosedOptions { long_side, background, masks, held_out_only: true, ..PosedOptions::default() };
+    let capture = posed::load(data, &options)?;
     capture.remarks.iter().for_each(|remark| console.note(&format!("warning: {remark}")));
     let mut photos = capture.photos;
     let held_out = photos.iter().any(|photo| photo.held_out);
     // Of a photo that is masked altogether, nothing can be judged.
     photos.retain(|photo| photo.mask.as_ref().is_none_or(|mask| mask.iter().any(|m| *m != 0)));
-    if held_out {
-        photos.retain(|photo| photo.held_out);
-    } else {
+    if !held_out {
         console.note(&format!("{}: no photo is held out; these are all of them", data.display()));
     }
     let (activated, mut workspace) = (gaussians.to_activated(), Workspace::new());

@@ -162,6 +162,17 @@ fn photos_are_shrunk_and_every_format_is_read() {
 }
 
 #[test]
+fn photos_that_are_not_judged_are_not_decoded() {
+    let folder = folder(&RasterSettings::default(), &["03.png"]);
+    let whole = evaluate(folder.path(), SCENE);
+    // The header is whole, so that cameras and sizes fit; the pixels are gone.
+    let other = folder.path().join("capture/04.png");
+    let bytes = std::fs::read(&other).unwrap();
+    std::fs::write(&other, &bytes[..64]).unwrap();
+    assert_eq!(evaluate(folder.path(), SCENE), whole);
+}
+
+#[test]
 fn every_view_counts_where_none_is_held_out() {
     let folder = folder(&RasterSettings::default(), &[]);
     // An eighth is held out where nothing is said ...

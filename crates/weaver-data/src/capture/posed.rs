@@ -18,6 +18,8 @@ pub struct PosedOptions {
     pub long_side: Option<usize>,
     /// Which photos are held out.
     pub hold_out: HoldOut,
+    /// Whether to leave out the photos that are not held out; where none is held out, all are loaded.
+    pub held_out_only: bool,
     /// Whether to read masks: `mask_path` of a frame, or a file in `masks/` beside the camera file with the photo's path or the end of
     /// it, with its own extension, `.png` in its place, or `.png` behind it; else the photo's alpha. Black is masked, and transparent.
     pub masks: bool,
@@ -27,7 +29,7 @@ pub struct PosedOptions {
 
 impl Default for PosedOptions {
     fn default() -> Self {
-        Self { long_side: None, hold_out: HoldOut::Listed, masks: false, background: [1.0; 3] }
+        Self { long_side: None, hold_out: HoldOut::Listed, held_out_only: false, masks: false, background: [1.0; 3] }
     }
 }
 
@@ -79,7 +81,10 @@ pub struct PosedPhotos {
 /// As [`capture::load`](super::load); also a mask that is missing or of another size than its photo.
 pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhotos, Error> {
     let path = path.as_ref();
-    let Photos { photos, points, colors, remarks, .. } = read_split_photos(path, options.hold_out)?;
+    let Photos { mut photos, points, colors, remarks, .. } = read_split_photos(path, options.hold_out)?;
+    if options.held_out_only && photos.iter().any(|photo| photo.held_out) {
+        photos.retain(|photo| photo.held_out);
+    }
     let folder = folder(path);
     let masks = options.masks.then(|| masks::of_capture(&photos, folder)).transpose()?;
     let mask = |i: usize| masks.as_ref().map(|masks| &masks[i]);
