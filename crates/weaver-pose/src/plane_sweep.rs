@@ -115,20 +115,32 @@ impl PlaneSweep {
     }
 }
 
+/// Channels that are summed at a time, in registers.
+const BLOCK: usize = 8;
+
 /// Sums the features `[P, C]` of all samples.
 #[inline(always)]
 fn gather<T: Real>(samples: &[Sample<T>], features: &[T], sum: &mut [T]) {
     let channels = sum.len();
-    sum.fill(T::ZERO);
-    for (row, weight) in samples.iter().flat_map(|sample| sample.rows.into_iter().zip(sample.weights)) {
-        add_scaled(sum, weight, &features[row * channels..][..channels]);
+    for (block, sum) in sum.chunks_mut(BLOCK).enumerate() {
+        let mut all = [T::ZERO; BLOCK];
+        for sample in samples {
+            for (row, weight) in sample.rows.into_iter().zip(sample.weights) {
+                let x = &features[row * channels + block * BLOCK..][..sum.len()];
+                match x.first_chunk::<BLOCK>() {
+                    Some(x) => all.iter_mut().zip(x).for_each(|(all, x)| *all += weight * *x),
+                    None => all.iter_mut().zip(x).for_each(|(all, x)| *all += weight * *x),
+                }
+            }
+        }
+        sum.copy_from_slice(&all[..sum.len()]);
     }
 }
 
 /// y += a x, in blocks that the compiler turns into vectors however short the rows are.
 #[inline(always)]
 fn add_scaled<T: Real>(y: &mut [T], a: T, x: &[T]) {
-    let ((y, y_rest), (x, x_rest)) = (y.as_chunks_mut::<8>(), x.as_chunks::<8>());
+    let ((y, y_rest), (x, x_rest)) = (y.as_chunks_mut::<BLOCK>(), x.as_chunks::<BLOCK>());
     for (y, x) in y.iter_mut().zip(x) {
         for (y, x) in y.iter_mut().zip(x) {
             *y += a * *x;
