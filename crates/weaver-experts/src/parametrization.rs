@@ -32,7 +32,8 @@ pub enum Parametrization {
     ///
     /// mean = point + R (`offset_reach` extents tanh(raw)); scale = `scale` extents exp(clamp(raw, -3, 3)); rotation = R times the raw
     /// quaternion with 1 added to its w, normalized; the patch's mean color is added to the degree-0 harmonic. So a Gaussian starts
-    /// flat on its patch, as large as that and in its color. See [`PatchOf`](crate::PatchOf).
+    /// flat on its patch, as large as that and in its color; the only one of a single pixel starts as a ball, as under
+    /// [`Footprint`](Self::Footprint). See [`PatchOf`](crate::PatchOf).
     Patch {
         /// Longest offset along each axis, in extents.
         offset_reach: f64,
@@ -52,9 +53,10 @@ impl Parametrization {
         Self::Footprint { offset_reach: 2.0, scale: 0.7 }
     }
 
-    /// The patch parametrization: offsets up to one extent, scale 0.6.
+    /// The patch parametrization with the constants of [`footprint`](Self::footprint), so that weights can go from one to the other:
+    /// offsets up to 2 extents, scale 0.7.
     pub fn patch() -> Self {
-        Self::Patch { offset_reach: 1.0, scale: 0.6 }
+        Self::Patch { offset_reach: 2.0, scale: 0.7 }
     }
 
     /// Whether this parametrization needs the pixels' footprints and colors.

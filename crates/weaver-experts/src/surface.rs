@@ -38,7 +38,8 @@ pub(crate) struct Surface<'a, T> {
 /// Where Gaussians start: constants of the decoding.
 #[derive(Debug)]
 pub(crate) struct Frames<T> {
-    /// Extents along the three axes `[N, 3]`, in world units: along the cell's bands, across them, along the normal.
+    /// Extents along the three axes `[N, 3]`, in world units: along the cell's bands, across them, along the normal; of the only
+    /// Gaussian of a single pixel, its footprint along all three.
     pub extents: Vec<T>,
     /// Rotations from the axes to the world as unit quaternions wxyz `[N, 4]`.
     pub rotations: Vec<T>,
@@ -161,8 +162,15 @@ impl<T: Real> Surface<'_, T> {
             descriptors: facets.iter().flat_map(|(_, described)| described.map(T::from_f64)).collect(),
         };
         for (i, (&cell, &pixel)) in routes.source.iter().zip(routes.pixel.iter()).enumerate() {
-            let Facet { axes, steps, .. } = facets[cell as usize].0;
+            let Facet { axes, steps, footprint } = facets[cell as usize].0;
             let wider = stretch.map_or(1.0, |stretch| stretch[pixel as usize].to_f64());
+            if patches.cell.of(cell as usize).len() == 1 && experts[cell as usize] == 1 {
+                // A pixel's neighbors say little of how its own surface lies; and so it is what the footprint parametrization makes of it.
+                frames.extents.extend([T::from_f64(footprint * wider); 3]);
+                frames.rotations.extend([T::ONE, T::ZERO, T::ZERO, T::ZERO]);
+                frames.shifts.extend([T::ZERO; 3]);
+                continue;
+            }
             let side = f64::from(1 << level(pixel)) * wider;
             let [along, across] = [steps[0] * side, steps[1] * side / experts[cell as usize] as f64];
             let rotation = DQuat::from_mat3(&axes).normalize();
@@ -250,6 +258,21 @@ mod tests {
         assert!((right - 2.0 * 2.0 / FOCAL).abs() < 1e-9, "two columns apart, not {right}");
         assert!((frames.extents[1] / frames.extents[0] - 0.5).abs() < 1e-9);
         assert!(frames.shifts.iter().all(|s| *s == 0.0));
+    }
+
+    #[test]
+    fn the_only_gaussian_of_a_pixel_is_a_ball() {
+        let slanted = DVec3::new(0.4, -0.2, 1.0).normalize();
+        let (points, footprints, colors) = plane(slanted);
+        let surface = Surface { points: &points, footprints: &footprints, colors: &colors, height: 16, width: 32 };
+        let pool = Pool::new();
+        let routes = Routes::new(&[1; 512], 3, &pool);
+        let patches = Patches::new(&routes, None, SIZE, &pool);
+        let frames = surface.frames(&routes, &patches, None, None);
+        for (i, footprint) in footprints.iter().enumerate() {
+            assert_eq!(frames.extents[3 * i..3 * i + 3], [*footprint; 3]);
+            assert_eq!(frames.rotations[4 * i..4 * i + 4], [1.0, 0.0, 0.0, 0.0]);
+        }
     }
 
     #[test]

@@ -114,7 +114,12 @@ fn shapes_and_ranges() {
             assert!((q.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-6);
         }
         let points = normal(2, PIXELS * 3);
-        let reach = if parametrization.is_relative() { 0.1 } else { 0.005 };
+        let reach = match parametrization {
+            Parametrization::Published { .. } => 0.005,
+            Parametrization::Footprint { .. } => 0.1,
+            // Two extents, of at most three footprints, in any direction.
+            Parametrization::Patch { .. } => 0.3 * 3.0_f64.sqrt(),
+        };
         for (mean, &pixel) in g.means.to_vec().chunks(3).zip(pixel.iter()) {
             let point = &points[3 * pixel as usize..];
             assert!((0..3).all(|a| (mean[a] - point[a]).abs() <= reach));

@@ -77,13 +77,13 @@ proptest! {
         for (i, raw) in slots.chunks(23).enumerate() {
             let f = footprints[i];
             let offset = DVec3::new(raw[0].tanh(), raw[1].tanh(), raw[2].tanh());
-            let along = turns[i] * (DVec3::from_slice(&extents[3 * i..]) * offset);
+            let along = turns[i] * (2.0 * DVec3::from_slice(&extents[3 * i..]) * offset);
             for a in 0..3 {
                 let reach = if published { 0.005 } else { 2.0 * f };
                 means.push(points[3 * i + a] + if patch { along[a] } else { reach * offset[a] });
                 let s = raw[4 + a];
                 scales.push(if patch {
-                    0.6 * extents[3 * i + a] * s.clamp(-3.0, 3.0).exp()
+                    0.7 * extents[3 * i + a] * s.clamp(-3.0, 3.0).exp()
                 } else if published {
                     (0.001 * s.exp().ln_1p()).min(0.4)
                 } else {

@@ -130,7 +130,7 @@ fn comparing_the_views_starts_without_effect_and_learns() {
 
 #[test]
 fn cells_get_a_budget_in_training_and_experts_above_the_first() {
-    let patch = "model.gaussians.parametrization={kind=\"patch\",offset_reach=1.0,scale=0.6}";
+    let patch = "model.gaussians.parametrization={kind=\"patch\",offset_reach=2.0,scale=0.7}";
     let allocation = |name: &str| format!("stages.1.model.allocation={name}");
     let budget = "stages.1.model.budget=0.125";
     assert_eq!(trains(&[patch, &allocation("quadtree"), budget]).1, 0.125);
