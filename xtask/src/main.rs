@@ -5,6 +5,7 @@
 
 mod embed;
 mod stress;
+mod study;
 mod test;
 mod tidy;
 mod valgrind;
@@ -21,6 +22,7 @@ const USAGE: &str = "usage: cargo xtask <command>
   stress          [-p CRATE ...]: the tests with every sweep in full; before a release
   stress kill     [TIMES]: training killed at random moments and out of disk, then resumed: the same bits
   stress parsers  [FILES]: so many mutated files for each reader: no panic, little memory
+  study density   DIR CAPTURE ...: what adaptive density is worth, trained in DIR, where it goes on after an interruption
   embed           the examples of tests/embedding, in a package outside of the workspace
   valgrind        the tests of kernels and tape under memcheck, by portable code and by AVX2";
 
@@ -33,6 +35,7 @@ fn main() -> ExitCode {
         "parity" | "random-weights" => forward(command, rest),
         "test" => test::run(rest),
         "stress" => stress::run(rest),
+        "study" => study::run(rest),
         "embed" => embed::run(),
         "valgrind" => valgrind::run(),
         _ => Err(USAGE.into()),

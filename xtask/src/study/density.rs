@@ -1,0 +1,141 @@
+//! What adaptive density is worth: the same training with cells that follow the photos, with even ones, and with one Gaussian for every
+//! pixel; and what each part of the method brings.
+
+use super::{Study, mean_and_spread};
+use serde_json::Value;
+use std::path::Path;
+
+/// Gaussians per pixel at which runs are compared.
+const BUDGETS: [f64; 7] = [1.0, 0.4, 0.3, 0.25, 0.1, 0.05, 0.02];
+/// Which of them an arm without a budget is compared at.
+const SPARSE: usize = 2;
+/// Seeds of the arms that are compared with each other.
+const SEEDS: u64 = 3;
+/// The preset of all runs.
+const PRESET: &str = "small";
+/// The arm that the others are compared with.
+const ADAPTIVE: &str = "adaptive";
+
+/// One way to train, and how that is evaluated.
+struct Arm {
+    name: &'static str,
+    /// What it sets in the configuration.
+    settings: &'static [&'static str],
+    allocation: &'static str,
+    seeds: u64,
+}
+
+/// Gaussians that stand for patches, which cells need.
+const PATCH: &str = "model.gaussians.parametrization={kind=\"patch\",offset_reach=2.0,scale=0.7}";
+const CELLS: &str = "stages.0.model.allocation=quadtree-mix";
+
+const ARMS: [Arm; 9] = [
+    Arm { name: ADAPTIVE, settings: &[PATCH, CELLS], allocation: "quadtree", seeds: SEEDS },
+    Arm {
+        name: "even",
+        settings: &[PATCH, "stages.0.model.allocation=quadtree-grid-mix"],
+        allocation: "quadtree-grid",
+        seeds: SEEDS,
+    },
+    Arm {
+        name: "one-per-pixel",
+        settings: &["stages.0.model.allocation=fixed:1"],
+        allocation: "fixed:1",
+        seeds: SEEDS,
+    },
+    Arm { name: "no-stereo", settings: &[PATCH, CELLS, "model.dense.stereo=none"], allocation: "quadtree", seeds: 1 },
+    Arm {
+        name: "no-neighbor-attention",
+        settings: &[PATCH, CELLS, "model.gaussians.neighbor_attention=false"],
+        allocation: "quadtree",
+        seeds: 1,
+    },
+    // Cells do not ask the router; density by pixels does.
+    Arm { name: "dithered", settings: &[], allocation: "dithered", seeds: 1 },
+    Arm {
+        name: "dithered-no-frequency-prior",
+        settings: &["model.gaussians.frequency_prior=false"],
+        allocation: "dithered",
+        seeds: 1,
+    },
+    Arm { name: "dithered-haar", settings: &["model.gaussians.wavelet=haar"], allocation: "dithered", seeds: 1 },
+    Arm {
+        name: "sampled",
+        settings: &[
+            "stages.0.model.allocation=sampled",
+            "stages.0.losses.router.rank=0.3",
+            "stages.0.losses.router.budget=0.3",
+            "stages.0.losses.router.error_regression=0",
+        ],
+        allocation: "sampled",
+        seeds: 1,
+    },
+];
+
+impl Arm {
+    fn budgets(&self) -> Vec<Option<f64>> {
+        match self.allocation {
+            "fixed:1" | "sampled" => vec![None],
+            _ => BUDGETS.map(Some).to_vec(),
+        }
+    }
+}
+
+pub fn run(out: &Path, captures: &[&str]) -> Result<(), String> {
+    let study = Study::new(out)?;
+    let data: Vec<String> =
+        captures.iter().flat_map(|capture| ["--data".to_string(), (*capture).to_string()]).collect();
+    let head = "| trained with | evaluated at | Gaussians per pixel | PSNR | energetic | SSIM | against adaptive |";
+    let mut rows = vec![String::new(), head.into(), "|---|---|---|---|---|---|---|".into()];
+    let mut adaptive: Vec<Vec<f64>> = Vec::new();
+    for arm in &ARMS {
+        let runs = (0..arm.seeds).map(|seed| {
+            let mut arguments: Vec<String> =
+                ["--preset", PRESET, "--init", "built-in", "--seed", &seed.to_string()].map(String::from).to_vec();
+            arguments.extend(data.clone());
+            arguments.extend(arm.settings.iter().flat_map(|setting| ["--set", setting].map(String::from)));
+            study.train(&format!("{}-{seed}", arm.name), &arguments)
+        });
+        let runs: Vec<_> = runs.collect::<Result<_, _>>()?;
+        for (i, budget) in arm.budgets().into_iter().enumerate() {
+            let evaluations = runs.iter().map(|run| study.evaluate(run, arm.allocation, budget, &[]));
+            let evaluations: Vec<Value> = evaluations.collect::<Result<_, _>>()?;
+            let psnr = figures(&evaluations, "psnr");
+            if arm.name == ADAPTIVE {
+                adaptive.push(psnr.clone());
+            }
+            let same = if budget.is_some() { i } else { SPARSE };
+            rows.push(row(arm, budget, &evaluations, &against(&adaptive[same], &psnr)));
+        }
+    }
+    rows.iter().for_each(|row| println!("{row}"));
+    Ok(())
+}
+
+fn figures(evaluations: &[Value], key: &str) -> Vec<f64> {
+    evaluations.iter().map(|evaluation| evaluation["mean"][key].as_f64().unwrap_or(f64::NAN)).collect()
+}
+
+/// Differences seed by seed.
+fn against(adaptive: &[f64], other: &[f64]) -> Vec<f64> {
+    other.iter().zip(adaptive).map(|(other, adaptive)| other - adaptive).collect()
+}
+
+fn row(arm: &Arm, budget: Option<f64>, evaluations: &[Value], difference: &[f64]) -> String {
+    let text = |values: &[f64], digits: usize| match mean_and_spread(values) {
+        (mean, Some(spread)) => format!("{mean:.digits$} ± {spread:.digits$}"),
+        (mean, None) => format!("{mean:.digits$}"),
+    };
+    let [psnr, energetic, ssim, count] =
+        ["psnr", "psnr_energetic", "ssim", "gaussians_per_pixel"].map(|key| figures(evaluations, key));
+    format!(
+        "| {} | {} | {:.3} | {} | {} | {} | {} |",
+        arm.name,
+        budget.map_or(arm.allocation.to_string(), |budget| format!("{} {budget}", arm.allocation)),
+        mean_and_spread(&count).0,
+        text(&psnr, 2),
+        text(&energetic, 2),
+        text(&ssim, 3),
+        text(difference, 2),
+    )
+}
