@@ -88,6 +88,9 @@ fn training_starts_from_a_run_as_far_as_it_fits() {
     let moved = folder.path().join("partly/config.toml");
     crate::capture::edit(&moved, |text| text.replace("checkpoint.safetensors\"", "gone.safetensors\""));
     with(&[&"train", &"--resume", &folder.path().join("partly")], &["--steps", "2"]).fine();
+    // What comes with the program, by name: of this small network, hardly anything fits.
+    let known = train(&folder.path().join("built-in"), Path::new("built-in"), &[]).fine();
+    assert!(known.stderr.contains("weights of built-in: ") && known.stderr.contains(" random: "), "{}", known.stderr);
     train(&folder.path().join("none"), &folder.path().join("missing"), &[]).refused(1, &["missing"]);
     assert!(!folder.path().join("none").exists());
 }

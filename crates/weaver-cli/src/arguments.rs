@@ -76,6 +76,7 @@ pub enum Command {
   splatweaver train --resume runs/tiny-1
   splatweaver train --resume runs/tiny-1 --steps 8000
   splatweaver train --init runs/tiny-1 --data fox --steps 1000
+  splatweaver train --preset tiny-endless --set data.endless=none --init built-in --data fox --steps 1500
   splatweaver train --data photos --teacher model.safetensors --preset tiny-published
   splatweaver train --preset small --dry-run
   splatweaver train --steps 20 --trace step.json")]
@@ -90,7 +91,7 @@ pub struct Train {
     /// The model to train [default: splatweaver]
     #[arg(long, value_name = "NAME", help_heading = CONFIGURATION)]
     pub model: Option<String>,
-    /// Where the configuration starts from: micro, tiny, tiny-endless, tiny-published, tiny-dagger or small [default: the file's, or tiny]
+    /// Where the configuration starts from: micro, tiny, tiny-endless, tiny-published, tiny-dagger, small or medium [default: the file's, or tiny]
     #[arg(long, help_heading = CONFIGURATION)]
     pub preset: Option<String>,
     /// Configuration file (TOML) between the preset and the flags; `splatweaver config` prints one to start from
@@ -109,8 +110,9 @@ pub struct Train {
     /// Folder of the run [default: the first free runs/PRESET-N]
     #[arg(long, value_name = "RUN", help_heading = RUN)]
     pub out: Option<PathBuf>,
-    /// Starts from the averaged weights of this run or checkpoint, as far as they fit; what was taken is said
-    #[arg(long, value_name = "RUN|FILE", help_heading = RUN)]
+    /// Starts from the averaged weights of this run or checkpoint, or with `built-in` from those that come with the program, as far as
+    /// they fit; what was taken is said
+    #[arg(long, value_name = "RUN|FILE|built-in", help_heading = RUN)]
     pub init: Option<PathBuf>,
     /// Goes on with this run, with its own configuration
     #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["model", "preset", "data", "teacher", "out", "init", "seed", "settings", "config"])]

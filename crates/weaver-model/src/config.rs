@@ -144,7 +144,7 @@ pub struct DenseConfig {
 
 /// Correction of depth by comparing the views at multiples of it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct StereoConfig {
     /// Channels that are compared: at least 1.
     pub channels: usize,
@@ -154,6 +154,13 @@ pub struct StereoConfig {
     pub depths: usize,
     /// Largest factor between a depth that is tried and the predicted one: above 1.
     pub reach: f64,
+}
+
+impl Default for StereoConfig {
+    /// Eight channels compared at seventeen depths, from two thirds to one and a half of the predicted one.
+    fn default() -> Self {
+        Self { channels: 8, hidden: 24, depths: 17, reach: 1.5 }
+    }
 }
 
 /// The wavelet of the high-frequency prior.

@@ -5,6 +5,8 @@ use std::path::Path;
 use weaver_autograd::Params;
 use weaver_inference::{Checkpoint, Partly};
 
+/// In place of a file: the weights that come with the program.
+pub const BUILT_IN: &str = "built-in";
 /// Names that a remark lists of each kind.
 const LISTED: usize = 20;
 
@@ -13,7 +15,7 @@ const LISTED: usize = 20;
 /// # Errors
 /// When the checkpoint cannot be read, is of another model, or has nothing that fits.
 pub fn weights(path: &Path, architecture: &str, params: &mut Params<f32>) -> Result<String, Error> {
-    let checkpoint = Checkpoint::read(path)?;
+    let checkpoint = if path == Path::new(BUILT_IN) { Checkpoint::built_in()? } else { Checkpoint::read(path)? };
     let found = checkpoint.architecture();
     if found != architecture {
         let message = format!("metadata architecture: expected `{architecture}`, found `{found}`");

@@ -3,7 +3,7 @@
 use crate::evaluate::{Matching, Options};
 use crate::{
     CameraMode, Config, DataConfig, DryRun, Error, Evaluation, Observer, Recipe, Session, StepReport, Summary,
-    TrainingState, evaluate, scenes,
+    TrainingState, evaluate, initial, scenes,
 };
 use std::fmt::Debug;
 use std::marker::PhantomData;
@@ -25,7 +25,7 @@ pub struct Setup {
     pub settings: Vec<String>,
     /// Folders of captures.
     pub data: Vec<PathBuf>,
-    /// A run's folder or checkpoint, whose weights training starts from.
+    /// A run's folder or checkpoint, whose weights training starts from, or `built-in`.
     pub init: Option<PathBuf>,
     /// A published checkpoint that tells cameras and depth of photos without cameras.
     pub teacher: Option<PathBuf>,
@@ -291,7 +291,8 @@ impl<R: Recipe> Architecture for Named<R> {
         }
         // The run may be resumed or evaluated from elsewhere.
         let data = &mut config.data;
-        for folder in data.folders.iter_mut().chain(&mut config.init).chain(&mut data.teacher) {
+        let init = config.init.as_mut().filter(|path| *path != Path::new(initial::BUILT_IN));
+        for folder in data.folders.iter_mut().chain(init).chain(&mut data.teacher) {
             let absolute = std::path::absolute(&folder);
             *folder = absolute.map_err(|e| Error::Input(format!("{}: {e}", folder.display())))?;
         }

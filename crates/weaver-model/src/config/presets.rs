@@ -2,24 +2,27 @@
 
 use super::{
     BackboneConfig, CameraConfig, DenseConfig, GaussianConfig, ModelConfig, ParametrizationConfig, PixelPoint,
-    PoseFrame, RasterConfig, WaveletKind,
+    PoseFrame, RasterConfig, StereoConfig, WaveletKind,
 };
 
 /// Names of the presets, which are what [`ModelConfig::preset`] takes. The last one is the published network: it is loaded
 /// rather than trained.
-pub const PRESETS: [&str; 5] = ["micro", "tiny", "tiny-published", "small", "splatweaver-1b"];
+pub const PRESETS: [&str; 7] = ["micro", "tiny", "tiny-endless", "tiny-published", "small", "medium", "splatweaver-1b"];
 
 impl ModelConfig {
     /// The network of a preset, if there is one of this name.
     ///
     /// `micro` is for tests and runs in seconds; `tiny` (64x48 pixels) learns on a CPU; `tiny-published` has its size and the
-    /// published parametrization; `small` (128x96) is wider; `splatweaver-1b` is the published network.
+    /// published parametrization; `tiny-endless`, `small` (128x96) and `medium` (256x192) have its size, too, and compare views to correct
+    /// depth; `splatweaver-1b` is the published network.
     pub fn preset(name: &str) -> Option<Self> {
         match name {
             "tiny" => Some(Self::tiny()),
             "tiny-published" => Some(Self::tiny_published()),
             "micro" => Some(Self::micro()),
-            "small" => Some(Self::small()),
+            "tiny-endless" => Some(Self::tiny_endless()),
+            "small" => Some(Self::larger(128, 96, 8)),
+            "medium" => Some(Self::larger(256, 192, 16)),
             "splatweaver-1b" => Some(Self::splatweaver_1b()),
             _ => None,
         }
@@ -136,23 +139,16 @@ impl ModelConfig {
         config
     }
 
-    fn small() -> Self {
-        let mut config = Self::tiny();
-        (config.width, config.height) = (128, 96);
-        config.backbone =
-            BackboneConfig { dim: 192, encoder_depth: 4, encoder_heads: 6, heads: 6, registers: 4, ..config.backbone };
-        config.camera = CameraConfig { heads: 12, ..config.camera };
-        config.dense = DenseConfig {
-            out_channels: [48, 96, 192, 192],
-            features: 64,
-            channels: 64,
-            image_skip_hidden: 16,
-            guidance_hidden: 16,
-            ..config.dense
-        };
-        config.gaussians =
-            GaussianConfig { sh_degree: 2, router_hidden: 32, projector: 32, predictor: 32, ..config.gaussians };
-        config
+    fn tiny_endless() -> Self {
+        let tiny = Self::tiny();
+        Self { dense: DenseConfig { stereo: Some(StereoConfig::default()), ..tiny.dense }, ..tiny }
+    }
+
+    /// `tiny-endless` for larger photos. Its table of positions is that of 64 x 48 pixels, so that it can start from weights for these.
+    fn larger(width: usize, height: usize, patch: usize) -> Self {
+        let tiny = Self::tiny_endless();
+        let backbone = BackboneConfig { position_table: Some([6, 8]), ..tiny.backbone };
+        Self { width, height, patch, backbone, ..tiny }
     }
 
     /// The published network: VGGT-1B and the Gaussian head.

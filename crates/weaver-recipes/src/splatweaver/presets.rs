@@ -11,7 +11,6 @@ pub(super) fn preset(name: &str) -> Option<Config<SplatWeaverRecipe>> {
         return None;
     }
     let model = ModelConfig::preset(match name {
-        "tiny-endless" => "tiny",
         "tiny-dagger" => "tiny-published",
         name => name,
     })?;
@@ -45,7 +44,10 @@ pub(super) fn preset(name: &str) -> Option<Config<SplatWeaverRecipe>> {
             }
             config.evaluation.allocation = Some(AllocationKind::Sampled);
         }
-        "small" => config.stages[1].model.render_targets = false,
+        "small" | "medium" => {
+            config.stages = vec![given(4000)];
+            config.evaluation.cameras = CameraMode::Given;
+        }
         _ => {}
     }
     Some(config)
