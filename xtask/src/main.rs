@@ -22,7 +22,8 @@ const USAGE: &str = "usage: cargo xtask <command>
   stress          [-p CRATE ...]: the tests with every sweep in full; before a release
   stress kill     [TIMES]: training killed at random moments and out of disk, then resumed: the same bits
   stress parsers  [FILES]: so many mutated files for each reader: no panic, little memory
-  study density   DIR CAPTURE ...: what adaptive density is worth, trained in DIR, where it goes on after an interruption
+  study density   DIR CAPTURE ... [-- FLAGS]: what adaptive density is worth, trained (with more flags) in DIR, where it goes on
+                  after an interruption
   embed           the examples of tests/embedding, in a package outside of the workspace
   valgrind        the tests of kernels and tape under memcheck, by portable code and by AVX2";
 

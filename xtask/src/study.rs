@@ -8,8 +8,13 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 pub fn run(arguments: &[String]) -> Result<(), String> {
-    match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        ["density", out, ref captures @ ..] if !captures.is_empty() => density::run(Path::new(out), captures),
+    // What follows -- is for every training.
+    let (own, more) = match arguments.iter().position(|argument| argument == "--") {
+        Some(at) => (&arguments[..at], &arguments[at + 1..]),
+        None => (arguments, &[][..]),
+    };
+    match own.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        ["density", out, ref captures @ ..] if !captures.is_empty() => density::run(Path::new(out), captures, more),
         ["density", ..] => Err("study density: expected a folder for its runs and at least one capture".into()),
         _ => Err(format!("study: expected density, found {arguments:?}")),
     }

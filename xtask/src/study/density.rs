@@ -81,7 +81,7 @@ impl Arm {
     }
 }
 
-pub fn run(out: &Path, captures: &[&str]) -> Result<(), String> {
+pub fn run(out: &Path, captures: &[&str], more: &[String]) -> Result<(), String> {
     let study = Study::new(out)?;
     let data: Vec<String> =
         captures.iter().flat_map(|capture| ["--data".to_string(), (*capture).to_string()]).collect();
@@ -92,7 +92,7 @@ pub fn run(out: &Path, captures: &[&str]) -> Result<(), String> {
         let runs = (0..arm.seeds).map(|seed| {
             let mut arguments: Vec<String> =
                 ["--preset", PRESET, "--init", "built-in", "--seed", &seed.to_string()].map(String::from).to_vec();
-            arguments.extend(data.clone());
+            arguments.extend(data.iter().chain(more).cloned());
             arguments.extend(arm.settings.iter().flat_map(|setting| ["--set", setting].map(String::from)));
             study.train(&format!("{}-{seed}", arm.name), &arguments)
         });
