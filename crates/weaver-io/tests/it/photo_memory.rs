@@ -35,8 +35,7 @@ fn four_large_photos_fit_into_300_mb() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let write: [(&str, fn(&Path)); 2] = [("baseline", write_large), ("progressive", write_progressive)];
-    for (name, write) in write {
+    for (name, write) in [("baseline", write_large as fn(&Path)), ("progressive", write_progressive)] {
         let path = folder.path().join("large.jpg");
         write(&path);
         let test = ["--exact", "photo_memory::four_large_photos_fit_into_300_mb", "--nocapture"];
