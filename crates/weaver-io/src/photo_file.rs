@@ -200,7 +200,8 @@ impl PhotoFile {
     }
 
     fn decoded_alone(&self, shrink: usize) -> Result<Decoded> {
-        let shrunk = self.jpeg.filter(|_| shrink > 1).and_then(|jpeg| jpeg::decode(&self.path, jpeg, shrink));
+        let shrunk = self.jpeg.filter(|_| shrink > 1 && decoding::may_hold(&self.path, self.stored));
+        let shrunk = shrunk.and_then(|jpeg| jpeg::decode(&self.path, jpeg, self.stored, shrink));
         // The whole also where the other decoder has refused it: this one knows more kinds, and says what is wrong.
         let pixels = shrunk.map_or_else(|| decoding::decode(&self.path), Ok)?;
         if pixels.whole != self.stored {

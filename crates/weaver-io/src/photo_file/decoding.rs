@@ -70,6 +70,14 @@ fn decoder<'a>(path: &Path, place: &str, from: impl BufRead + Seek + 'a) -> Resu
     reader.into_decoder().map_err(|e| Error::invalid(path, place, EXPECTED, e))
 }
 
+/// Whether a JPEG may hold the pixels that its header claims.
+pub(super) fn may_hold(path: &Path, (width, height): (usize, usize)) -> bool {
+    let size = (width as u32, height as u32);
+    let total = 3 * width as u64 * height as u64;
+    std::fs::metadata(path)
+        .is_ok_and(|file| check_claim(path, Some(ImageFormat::Jpeg), size, total, file.len()).is_ok())
+}
+
 /// Refuses what a header claims and the file cannot hold, or what is too much: memory is taken for it before a pixel is decoded.
 fn check_claim(path: &Path, kind: Option<ImageFormat>, size: (u32, u32), total: u64, bytes: u64) -> Result<()> {
     let bounded = matches!(kind, Some(ImageFormat::Png | ImageFormat::Jpeg));

@@ -77,11 +77,13 @@ fn colors(frame: &[u8], adobe: Option<u8>) -> Option<ColorTransform> {
 }
 
 /// Decodes a photo so that `shrink` x `shrink` of its pixels, 2 or 4 each way, become one; `None` if that fails, for whatever reason.
-pub(super) fn decode(path: &Path, segments: Segments, shrink: usize) -> Option<Pixels> {
+///
+/// `whole` is its width and height, for which memory is taken.
+pub(super) fn decode(path: &Path, segments: Segments, whole: (usize, usize), shrink: usize) -> Option<Pixels> {
     let mut decoder = Decoder::new(BufReader::with_capacity(1 << 16, File::open(path).ok()?));
     decoder.set_color_transform(segments.colors?);
     decoder.read_info().ok()?;
-    let info = decoder.info()?;
+    let info = decoder.info().filter(|info| (usize::from(info.width), usize::from(info.height)) == whole)?;
     let of = |side: u16| usize::from(side).div_ceil(shrink) as u16;
     let (width, height) = decoder.scale(of(info.width), of(info.height)).ok()?;
     let decoded = decoder.decode().ok()?;
@@ -90,7 +92,7 @@ pub(super) fn decode(path: &Path, segments: Segments, shrink: usize) -> Option<P
         PixelFormat::L8 => decoded.into_iter().flat_map(|gray| [gray; 3]).collect(),
         _ => return None,
     };
-    let [whole, size] = [(info.width, info.height), (width, height)].map(|(w, h)| (usize::from(w), usize::from(h)));
+    let size = (usize::from(width), usize::from(height));
     let as_expected = (width, height) == (of(info.width), of(info.height)) && values.len() == 3 * size.0 * size.1;
     as_expected.then_some(Pixels { whole, shrink, size, values, channels: 3 })
 }

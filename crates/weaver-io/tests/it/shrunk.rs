@@ -111,6 +111,22 @@ fn colors_stored_as_they_are_stay_what_they_are() {
     assert_eq!(shrunk(&photo).resize_whole(5, 5).unwrap(), whole(&photo).resize_whole(5, 5).unwrap());
 }
 
+/// A header that promises more than the file can hold takes no memory, at a reduced scale neither.
+#[test]
+fn a_header_that_promises_too_much_is_refused_at_any_scale() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.jpg");
+    let mut bytes = std::fs::read(fixture("progressive.jpg")).unwrap();
+    let frame = bytes.windows(2).position(|pair| pair == [0xff, 0xc2]).unwrap();
+    bytes[frame + 5..frame + 9].copy_from_slice(&[0x20, 0, 0x20, 0]);
+    std::fs::write(&path, bytes).unwrap();
+    let photo = shrunk(&PhotoFile::at(&path).unwrap());
+    let mut message = String::new();
+    let used = allocation_counter::measure(|| message = photo.resize_whole(4, 4).unwrap_err().to_string());
+    assert!(message.contains("8192 x 8192 pixels, as its header says"), "{message}");
+    assert!(used.bytes_max < 1 << 20, "{} bytes", used.bytes_max);
+}
+
 #[test]
 fn a_photo_that_was_cut_short_is_an_error_at_any_scale() {
     let folder = tempfile::tempdir().unwrap();
