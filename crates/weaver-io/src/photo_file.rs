@@ -1,7 +1,9 @@
 //! Photos on disk: which way up they are, and their pixels, for as long as it takes to make them smaller.
 
 mod decoding;
+mod jpeg;
 mod orientation;
+mod pixels;
 
 use crate::resize::{self, Filter};
 use crate::{Background, Bitmap, Error, Image, Result};
@@ -18,9 +20,10 @@ const TO_CONVERT: [&str; 3] = ["heic", "heif", "avif"];
 /// A photo on disk: JPEG (also progressive, gray or CMYK), PNG, TIFF or WebP, of 8 or 16 bits, with or without alpha.
 ///
 /// Making one reads the header; pixels are decoded when they are asked for, to 8 bits, and are only kept in the size that was asked
-/// for. Large photos are decoded one after the other, whatever the number of threads: four of 48 megapixels take no more memory
-/// than one, 210 to 280 MB as a JPEG from a camera. A progressive JPEG takes more, for its decoder holds all coefficients at once: 350 MB where its
-/// colors have half the resolution, else 510 MB. The decoder has no reduced scales.
+/// for. Large photos are decoded one after the other, whatever the number of threads, so that several take little more memory than one.
+/// A JPEG of [16 megapixels](Self::shrink_from) or more that is to become much smaller is decoded at a half or a quarter of its sides, the
+/// least that is still three times what is asked for: four of 48 megapixels take 70 MB. If they are progressive, the decoder holds all
+/// coefficients of one at once: 175 MB where its colors have half the resolution, else 335 MB.
 ///
 /// A photo is turned upright as its EXIF orientation says, unless [`for_camera`](Self::for_camera) says otherwise. Straight alpha is
 /// composited over a background, white if nothing else is said, in sRGB values. Color profiles are ignored: values are taken for sRGB.
@@ -34,7 +37,16 @@ pub struct PhotoFile {
     has_alpha: bool,
     /// A gray photo of the same size that is its alpha.
     mask: Option<Box<PhotoFile>>,
+    /// What it says before its pixels if it is a JPEG.
+    jpeg: Option<jpeg::Segments>,
+    shrink_from: usize,
 }
+
+/// Pixels of a photo from which it is decoded at a reduced scale. Below, it takes less memory than a network, and its pixels are those
+/// that it always had.
+const SHRINK_FROM: usize = 16_000_000;
+/// How many times what is asked for a reduced scale must have: less would cost colors of half the resolution some of theirs.
+const ENOUGH: f64 = 3.0;
 
 /// What is read of a photo.
 #[derive(Clone, Copy, Debug)]
@@ -52,8 +64,10 @@ impl PhotoFile {
     /// When the file is missing or no photo.
     pub fn at(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let decoding::Header { stored, orientation, has_alpha } = decoding::header(path)?;
-        Ok(Self { path: path.to_path_buf(), stored, orientation, layer: Layer::Over([1.0; 3]), has_alpha, mask: None })
+        let decoding::Header { stored, orientation, has_alpha, jpeg } = decoding::header(path)?;
+        let layer = Layer::Over([1.0; 3]);
+        let path = path.to_path_buf();
+        Ok(Self { path, stored, orientation, layer, has_alpha, mask: None, jpeg, shrink_from: SHRINK_FROM })
     }
 
     /// Width and height of what is read.
@@ -91,13 +105,20 @@ impl PhotoFile {
         Self { mask: Some(Box::new(mask)), ..self }
     }
 
+    /// From how many pixels on a JPEG may be decoded at a reduced scale, where it is resized to half its sides or less: 16 million, unless
+    /// this says otherwise. Resized pixels then differ a little from those of the whole photo. A photo with a [mask](Self::masked) or
+    /// of CMYK is decoded whole.
+    pub fn shrink_from(self, pixels: usize) -> Self {
+        Self { shrink_from: pixels, ..self }
+    }
+
     /// All of the photo.
     ///
     /// # Errors
     /// When the file cannot be read or decoded.
     pub fn read(&self) -> Result<Bitmap> {
         let (width, height) = self.size();
-        self.decoded(|decoded| Bitmap { width, height, pixels: decoded.into_pixels() })
+        self.decoded(1, |decoded| Bitmap { width, height, pixels: decoded.into_pixels() })
     }
 
     /// The part `[x0, y0, x1, y1]` (pixels, may be fractional) resized as [`Image::resize`](crate::Image::resize) does.
@@ -133,38 +154,62 @@ impl PhotoFile {
     }
 
     fn resample(&self, width: usize, height: usize, part: [f64; 4], filter: Filter) -> Result<Bitmap> {
+        let [x0, y0, x1, y1] = part;
+        let shrink = self.shrink(((x1 - x0) / width as f64).min((y1 - y0) / height as f64));
         let resampled = |decoded: Decoded| {
-            resize::resample(self.size(), |y, row| decoded.row(y, row), [width, height], part, filter)
+            let part = decoded.part(part);
+            resize::resample(decoded.size(), |y, row| decoded.row(y, row), [width, height], part, filter)
         };
-        Ok(Bitmap { width, height, pixels: self.decoded(resampled)? })
+        Ok(Bitmap { width, height, pixels: self.decoded(shrink, resampled)? })
     }
 
-    /// Decodes the photo for as long as `consume` takes.
-    fn decoded<R>(&self, consume: impl FnOnce(Decoded) -> R) -> Result<R> {
-        let (width, height) = self.stored;
+    /// How many pixels each way become one while the photo is decoded, of which so many will become one in the end.
+    fn shrink(&self, in_the_end: f64) -> usize {
+        let large = self.stored.0 * self.stored.1 >= self.shrink_from;
+        if !large || self.mask.is_some() || !self.jpeg.is_some_and(|jpeg| jpeg.can_shrink()) {
+            return 1;
+        }
+        // At an eighth the decoder rounds down, which darkens by 0.7 of 255.
+        [4, 2].into_iter().find(|shrink| in_the_end >= ENOUGH * *shrink as f64).unwrap_or(1)
+    }
+
+    /// Decodes the photo, at a reduced scale if `shrink` is more than 1, for as long as `consume` takes.
+    fn decoded<R>(&self, shrink: usize, consume: impl FnOnce(Decoded) -> R) -> Result<R> {
         // One permit for both: whoever waits for a second one may wait forever.
-        let planes = if self.mask.is_some() { 6 } else { 3 };
-        let _permit = decoding::Permit::wait(width as u64 * height as u64 * planes);
-        let mut decoded = self.decoded_alone()?;
+        let _permit = decoding::Permit::wait(self.takes(shrink));
+        let mut decoded = self.decoded_alone(shrink)?;
         if let Some(mask) = &self.mask {
             if mask.size() != self.size() {
                 let [(w, h), (found_w, found_h)] = [self.size(), mask.size()];
                 let expected = format!("{w}x{h}, its photo's");
                 return Err(Error::invalid(&mask.path, "mask size", expected, format!("{found_w}x{found_h}")));
             }
-            decoded.mask = Some(Box::new(mask.decoded_alone()?));
+            decoded.mask = Some(Box::new(mask.decoded_alone(1)?));
         }
         Ok(consume(decoded))
     }
 
-    fn decoded_alone(&self) -> Result<Decoded> {
-        let (stored, pixels, channels) = decoding::decode(&self.path)?;
-        if stored != self.stored {
-            let (width, height) = self.stored;
-            let found = format!("{}x{}; did it change?", stored.0, stored.1);
+    /// About how many bytes decoding takes: for pixels, channels while they are apart, and coefficients that are held at once.
+    fn takes(&self, shrink: usize) -> u64 {
+        let (width, height) = self.stored;
+        let pixels = (width * height) as u64;
+        let coefficients = if self.jpeg.is_some_and(|jpeg| jpeg.progressive) { 6 * pixels } else { 0 };
+        let channels = if shrink > 1 { 6 } else { 3 };
+        let mask = if self.mask.is_some() { 3 * pixels } else { 0 };
+        coefficients + mask + channels * pixels / (shrink * shrink) as u64
+    }
+
+    fn decoded_alone(&self, shrink: usize) -> Result<Decoded> {
+        let shrunk = self.jpeg.filter(|_| shrink > 1 && decoding::may_hold(&self.path, self.stored));
+        let shrunk = shrunk.and_then(|jpeg| jpeg::decode(&self.path, jpeg, self.stored, shrink));
+        // The whole also where the other decoder has refused it: this one knows more kinds, and says what is wrong.
+        let pixels = shrunk.map_or_else(|| decoding::decode(&self.path), Ok)?;
+        if pixels.whole != self.stored {
+            let [(width, height), found] = [self.stored, pixels.whole];
+            let found = format!("{}x{}; did it change?", found.0, found.1);
             return Err(Error::invalid(&self.path, "image size", format!("{width}x{height} as before"), found));
         }
-        Ok(Decoded { pixels, channels, stored, orientation: self.orientation, layer: self.layer, mask: None })
+        Ok(Decoded { pixels, orientation: self.orientation, layer: self.layer, mask: None })
     }
 }
 

@@ -33,7 +33,7 @@ pub fn source(file: Option<&Path>, sets: &[String]) -> String {
 #[derive(Clone, Debug)]
 pub struct Layers<S> {
     tree: Value,
-    schema: Schema,
+    schema: &'static Schema,
     settings: PhantomData<fn() -> S>,
 }
 
@@ -53,7 +53,7 @@ impl<S: Settings> Layers<S> {
     /// # Errors
     /// When a key is unknown or a value has another type.
     pub fn merge(&mut self, over: Table, source: &str) -> Result<(), Error> {
-        merge_at(&mut self.tree, Value::Table(over), &self.schema, source, "")
+        merge_at(&mut self.tree, Value::Table(over), self.schema, source, "")
     }
 
     /// Applies one `key=value`: the key is a dotted path (list entries by number), the value TOML or a bare word; the word
@@ -62,7 +62,7 @@ impl<S: Settings> Layers<S> {
     /// # Errors
     /// When the key is unknown or the value has another type.
     pub fn set(&mut self, setting: &str) -> Result<(), Error> {
-        set(&mut self.tree, &self.schema, setting)
+        set(&mut self.tree, self.schema, setting)
     }
 
     /// The settings; `source` names the last layer in errors.
@@ -71,7 +71,7 @@ impl<S: Settings> Layers<S> {
     /// When a value is not one that its key can have, or a number is out of its range.
     pub fn finish(self, source: &str) -> Result<S, Error> {
         let Self { tree, schema, .. } = self;
-        deserialize(tree, &schema, source)
+        deserialize(tree, schema, source)
     }
 }
 
@@ -89,7 +89,7 @@ pub fn read_table(path: impl AsRef<Path>) -> Result<Table, Error> {
 /// # Errors
 /// When the text is not TOML, a key or value is wrong, or a number is out of its range.
 pub fn parse<S: Settings>(text: &str, source: &str) -> Result<S, Error> {
-    deserialize(Value::Table(parse_table(text, source)?), &schema::<S>(), source)
+    deserialize(Value::Table(parse_table(text, source)?), schema::<S>(), source)
 }
 
 /// Checks the range of every number of settings that were made in code; `source` names them in errors.
@@ -98,7 +98,7 @@ pub fn parse<S: Settings>(text: &str, source: &str) -> Result<S, Error> {
 /// When a number is out of its range, not finite, or beyond what TOML can hold.
 pub fn check<S: Settings>(settings: &S, source: &str) -> Result<(), Error> {
     let tree = Value::try_from(settings).map_err(|e| Error::invalid(source, e.to_string()))?;
-    ranges::check(&tree, &schema::<S>(), "").map_err(|message| Error::invalid(source, message))
+    ranges::check(&tree, schema::<S>(), "").map_err(|message| Error::invalid(source, message))
 }
 
 /// Settings as TOML text.

@@ -25,9 +25,9 @@ use schemars::JsonSchema;
 use serde::{Serialize, de::DeserializeOwned};
 
 /// What can be resolved from layers, and explained. Every type that serde and schemars derive for is one.
-pub trait Settings: Serialize + DeserializeOwned + JsonSchema {}
+pub trait Settings: Serialize + DeserializeOwned + JsonSchema + 'static {}
 
-impl<S: Serialize + DeserializeOwned + JsonSchema> Settings for S {}
+impl<S: Serialize + DeserializeOwned + JsonSchema + 'static> Settings for S {}
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -16,7 +16,7 @@ const WIDTH: usize = 110;
 /// # Errors
 /// When TOML has no form for a value, such as a list of optional values of which one is missing.
 pub fn annotate<S: Settings>(settings: &S) -> Result<String, Error> {
-    Ok(annotated(&to_toml(settings)?, &schema::<S>()))
+    Ok(annotated(&to_toml(settings)?, schema::<S>()))
 }
 
 fn annotated(toml: &str, root: &Schema) -> String {

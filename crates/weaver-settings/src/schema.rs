@@ -2,11 +2,18 @@
 
 use crate::Settings;
 use serde_json::Value as Schema;
+use std::any::TypeId;
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
 
-/// The schema of settings, with no references in it.
-pub(crate) fn schema<S: Settings>() -> Schema {
-    let settings = schemars::generate::SchemaSettings::default().with(|s| s.inline_subschemas = true);
-    settings.into_generator().into_root_schema_for::<S>().to_value()
+/// The schema of settings, with no references in it: derived once for each type, which takes longer than all that is done with it.
+pub(crate) fn schema<S: Settings>() -> &'static Schema {
+    static DERIVED: Mutex<BTreeMap<TypeId, &'static Schema>> = Mutex::new(BTreeMap::new());
+    let mut derived = DERIVED.lock().unwrap_or_else(PoisonError::into_inner);
+    derived.entry(TypeId::of::<S>()).or_insert_with(|| {
+        let settings = schemars::generate::SchemaSettings::default().with(|s| s.inline_subschemas = true);
+        Box::leak(Box::new(settings.into_generator().into_root_schema_for::<S>().to_value()))
+    })
 }
 
 /// The keys of a table with their schemas, those of all its variants if it has several.
@@ -17,7 +24,8 @@ pub(crate) fn properties(schema: &Schema) -> Vec<(&str, &Schema)> {
 }
 
 pub(crate) fn property<'s>(schema: &'s Schema, key: &str) -> Option<&'s Schema> {
-    properties(schema).into_iter().find(|(name, _)| *name == key).map(|(_, schema)| schema)
+    let variants = || ["oneOf", "anyOf"].into_iter().filter_map(|k| schema[k].as_array()).flatten();
+    schema["properties"].get(key).or_else(|| variants().find_map(|variant| property(variant, key)))
 }
 
 /// Whether a key may be left out.

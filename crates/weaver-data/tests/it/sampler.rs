@@ -163,6 +163,16 @@ fn uniform_is_even() {
     assert_eq!(uniform(0, 3), [0_usize; 0]);
 }
 
+/// The distance between the ends takes both bounds, of few views and of so many that their square is the larger one.
+#[test]
+fn gaps_reach_both_bounds() {
+    for (views, least, most) in [(4, 12, 40), (14, 32, 196)] {
+        let draw = |seed| bounded_gap(400, views, Stream::new(seed, 0, "test.gap")).unwrap();
+        let gaps: BTreeSet<usize> = (0..4000).map(draw).map(|chosen| chosen[views - 1] - chosen[0]).collect();
+        assert_eq!((gaps.first(), gaps.last()), (Some(&least), Some(&most)));
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 4))]
 

@@ -1,12 +1,14 @@
 //! From the bytes of a file to pixels.
 
+use super::jpeg::Segments;
+use super::pixels::Pixels;
 use super::{Layer, orientation};
 use crate::file::read_bytes;
 use crate::{Error, Result};
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use std::fs::File;
-use std::io::{BufRead, BufReader, Cursor, Seek};
+use std::io::{BufRead, BufReader, Cursor, Read, Seek};
 use std::path::Path;
 use std::sync::{Condvar, Mutex, PoisonError};
 
@@ -24,11 +26,16 @@ pub(super) struct Header {
     pub stored: (usize, usize),
     pub orientation: Orientation,
     pub has_alpha: bool,
+    pub jpeg: Option<Segments>,
 }
 
 pub(super) fn header(path: &Path) -> Result<Header> {
     let mut file = BufReader::new(File::open(path).map_err(Error::io(path))?);
     check_kind(path, file.fill_buf().map_err(Error::io(path))?)?;
+    let jpeg = Segments::read(&mut file);
+    file.rewind().map_err(Error::io(path))?;
+    // The decoder reads all it is given, and of a JPEG it needs no pixels.
+    let file = file.take(jpeg.map_or(u64::MAX, |jpeg| jpeg.end));
     let mut decoder = decoder(path, "header", file)?;
     let (width, height) = decoder.dimensions();
     Ok(Header {
@@ -36,11 +43,12 @@ pub(super) fn header(path: &Path) -> Result<Header> {
         // What is malformed says nothing.
         orientation: decoder.orientation().unwrap_or(Orientation::NoTransforms),
         has_alpha: decoder.color_type().has_alpha(),
+        jpeg,
     })
 }
 
-/// Width and height of a photo, its pixels of 8 bits, and how many channels these have: 3, or 4 with alpha.
-pub(super) fn decode(path: &Path) -> Result<((usize, usize), Vec<u8>, usize)> {
+/// The pixels of a photo.
+pub(super) fn decode(path: &Path) -> Result<Pixels> {
     let bytes = read_bytes(path)?;
     check_kind(path, &bytes)?;
     if is_cut_jpeg(&bytes) {
@@ -53,13 +61,21 @@ pub(super) fn decode(path: &Path) -> Result<((usize, usize), Vec<u8>, usize)> {
     let size = (decoded.width() as usize, decoded.height() as usize);
     let has_alpha = decoded.color().has_alpha();
     // Neither is a copy of what has the form already.
-    let pixels = if has_alpha { decoded.into_rgba8().into_raw() } else { decoded.into_rgb8().into_raw() };
-    Ok((size, pixels, if has_alpha { 4 } else { 3 }))
+    let values = if has_alpha { decoded.into_rgba8().into_raw() } else { decoded.into_rgb8().into_raw() };
+    Ok(Pixels { whole: size, shrink: 1, size, values, channels: if has_alpha { 4 } else { 3 } })
 }
 
 fn decoder<'a>(path: &Path, place: &str, from: impl BufRead + Seek + 'a) -> Result<impl ImageDecoder + 'a> {
     let reader = ImageReader::new(from).with_guessed_format().map_err(Error::io(path))?;
     reader.into_decoder().map_err(|e| Error::invalid(path, place, EXPECTED, e))
+}
+
+/// Whether a JPEG may hold the pixels that its header claims.
+pub(super) fn may_hold(path: &Path, (width, height): (usize, usize)) -> bool {
+    let size = (width as u32, height as u32);
+    let total = 3 * width as u64 * height as u64;
+    std::fs::metadata(path)
+        .is_ok_and(|file| check_claim(path, Some(ImageFormat::Jpeg), size, total, file.len()).is_ok())
 }
 
 /// Refuses what a header claims and the file cannot hold, or what is too much: memory is taken for it before a pixel is decoded.
@@ -110,9 +126,7 @@ fn is_cut_jpeg(bytes: &[u8]) -> bool {
 
 /// The pixels of a photo as they are stored.
 pub(super) struct Decoded {
-    pub pixels: Vec<u8>,
-    pub channels: usize,
-    pub stored: (usize, usize),
+    pub pixels: Pixels,
     pub orientation: Orientation,
     pub layer: Layer,
     /// Of the same size once both are turned.
@@ -120,10 +134,27 @@ pub(super) struct Decoded {
 }
 
 impl Decoded {
+    /// Width and height of what is read.
+    pub fn size(&self) -> (usize, usize) {
+        orientation::turned(self.orientation, self.pixels.size)
+    }
+
+    /// Where a part `[x0, y0, x1, y1]` of the whole photo is.
+    pub fn part(&self, part: [f64; 4]) -> [f64; 4] {
+        let Pixels { whole, size, shrink, .. } = self.pixels;
+        let shrink = shrink as f64;
+        // The last of the smaller pixels may reach beyond the file.
+        let beyond = [size.0 as f64 - whole.0 as f64 / shrink, size.1 as f64 - whole.1 as f64 / shrink];
+        let [left, top] = orientation::margin(self.orientation, beyond);
+        let (width, height) = self.size();
+        let [x0, y0, x1, y1] = part.map(|x| x / shrink);
+        [x0 + left, y0 + top, (x1 + left).min(width as f64), (y1 + top).min(height as f64)]
+    }
+
     /// A row of what is read, `[width, 3]`.
     pub fn row(&self, y: usize, row: &mut [u8]) {
         if self.is_plain() {
-            return row.copy_from_slice(&self.pixels[y * row.len()..(y + 1) * row.len()]);
+            return row.copy_from_slice(&self.pixels.values[y * row.len()..(y + 1) * row.len()]);
         }
         for (x, color) in row.as_chunks_mut::<3>().0.iter_mut().enumerate() {
             let seen = self.color(self.pixel((x, y)));
@@ -136,15 +167,16 @@ impl Decoded {
 
     /// The pixel as it is stored, of a place as it is read.
     fn pixel(&self, at: (usize, usize)) -> &[u8] {
-        let (x, y) = orientation::stored(self.orientation, self.stored, at);
-        &self.pixels[(y * self.stored.0 + x) * self.channels..][..self.channels]
+        let Pixels { size, values, channels, .. } = &self.pixels;
+        let (x, y) = orientation::stored(self.orientation, *size, at);
+        &values[(y * size.0 + x) * channels..][..*channels]
     }
 
     /// Whether what is read is what is stored.
     fn is_plain(&self) -> bool {
         self.mask.is_none()
             && self.orientation == Orientation::NoTransforms
-            && self.channels == 3
+            && self.pixels.channels == 3
             && matches!(self.layer, Layer::Over(_))
     }
 
@@ -167,9 +199,9 @@ impl Decoded {
     /// All of what is read, `[height, width, 3]`.
     pub fn into_pixels(self) -> Vec<u8> {
         if self.is_plain() {
-            return self.pixels;
+            return self.pixels.values;
         }
-        let (width, height) = orientation::turned(self.orientation, self.stored);
+        let (width, height) = self.size();
         let mut pixels = vec![0; 3 * width * height];
         pixels.chunks_exact_mut(3 * width.max(1)).enumerate().for_each(|(y, row)| self.row(y, row));
         pixels

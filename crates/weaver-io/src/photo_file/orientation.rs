@@ -27,3 +27,17 @@ pub(super) fn stored(
         Rotate270FlipH => (width - 1 - y, height - 1 - x),
     }
 }
+
+/// How far the upright photo begins inside of what is decoded, at the left and at the top, where that reaches so far beyond what is stored
+/// at its right and its bottom.
+pub(super) fn margin(orientation: Orientation, [right, bottom]: [f64; 2]) -> [f64; 2] {
+    match orientation {
+        NoTransforms | Rotate90FlipH => [0.0, 0.0],
+        FlipHorizontal => [right, 0.0],
+        FlipVertical => [0.0, bottom],
+        Rotate180 => [right, bottom],
+        Rotate90 => [bottom, 0.0],
+        Rotate270 => [0.0, right],
+        Rotate270FlipH => [bottom, right],
+    }
+}

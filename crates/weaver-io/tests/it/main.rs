@@ -17,6 +17,7 @@ mod pillow;
 mod ply;
 mod realestate;
 mod shared;
+mod shrunk;
 mod spz;
 mod tensor_file;
 mod torch;

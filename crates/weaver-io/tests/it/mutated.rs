@@ -14,7 +14,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use weaver_io::checkpoint::Tensors;
 use weaver_io::realestate::Clip;
-use weaver_io::{Background, Image, TensorFile, TorchCheckpoint, Transforms, Weights, colmap, ply};
+use weaver_io::{Background, Image, PhotoFile, TensorFile, TorchCheckpoint, Transforms, Weights, colmap, ply};
 use weaver_kernels::random::Stream;
 use weaver_scene::Gaussians;
 
@@ -56,12 +56,16 @@ fn readers() -> Vec<Reader> {
     let png = written("a.png", |path| image.write_png(path).unwrap());
     let rgb = image::load_from_memory(&png).unwrap();
     let jpeg = written("a.jpg", |path| rgb.to_rgb8().save(path).unwrap());
+    // Wide enough for the threads that a decoder of reduced scales starts.
+    let wide = rgb.resize_exact(272, 24, image::imageops::FilterType::Triangle).to_rgb8();
+    let wide = written("a.jpg", |path| wide.save(path).unwrap());
     let mut tensors = Tensors::default();
     tensors.insert("weight", &[3, 4], vec![0.5_f32; 12]);
     tensors.insert("bias", &[4], vec![1.5_f32; 4]);
     let safetensors = written("a.safetensors", |path| tensors.write(path).unwrap());
     let index =
         r#"{"metadata": {"total_size": 64}, "weight_map": {"weight": "a.safetensors", "bias": "a.safetensors"}}"#;
+    let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
     let torch = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures/torch_checkpoint.ckpt"));
     let points = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n0 1 2 255 0 0\n1 2.5 -3e-1 0 9 1\n";
     let transforms = r#"{"fl_x": 40.0, "fl_y": 41.0, "cx": 20, "cy": 16.5, "w": 40, "h": 32, "frames": [
@@ -71,6 +75,8 @@ fn readers() -> Vec<Reader> {
     let text = |text: &str| text.as_bytes().to_vec();
     let spz: fn(&Path) -> bool = |path| weaver_io::read_spz(path).is_ok();
     let photo: fn(&Path) -> bool = |path| Image::read(path, Background::White).is_ok();
+    let shrunk: fn(&Path) -> bool =
+        |path| PhotoFile::at(path).and_then(|photo| photo.shrink_from(0).resize_whole(44, 4)).is_ok();
     let folder: fn(&Path) -> bool = |path| colmap::Model::read(path.parent().unwrap()).is_ok();
     vec![
         one("ply", "a.ply", gaussians("a.ply"), |path| weaver_io::read_ply(path).is_ok()),
@@ -93,6 +99,10 @@ fn readers() -> Vec<Reader> {
         one("png", "a.png", png.clone(), photo),
         Reader { seal: checksummed, ..one("png content", "a.png", png, photo) },
         one("jpeg", "a.jpg", jpeg, photo),
+        one("jpeg, shrunk", "a.jpg", wide, shrunk),
+        one("jpeg, progressive", "a.jpg", std::fs::read(fixtures.join("progressive.jpg")).unwrap(), |path| {
+            PhotoFile::at(path).and_then(|photo| photo.shrink_from(0).resize_whole(4, 2)).is_ok()
+        }),
     ]
 }
 

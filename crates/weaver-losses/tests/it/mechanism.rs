@@ -146,9 +146,11 @@ fn error_targets_are_centered_logarithms_of_smoothed_errors() {
         assert!((t - (r - mean)).abs() < 1e-12);
     }
     // Centered over the views of a scene together, not one by one.
-    let mut both = [0.0_f64; 4];
-    error_target(&[1.0, 1.0, 0.0, 0.0], [1, 2], &mut both);
-    assert!(both[0] > 2.0 && (both[0] + both[2]).abs() < 1e-12);
+    for size in [[1, 2], [2, 1]] {
+        let mut both = [0.0_f64; 4];
+        error_target(&[1.0, 1.0, 0.0, 0.0], size, &mut both);
+        assert!(both[0] > 2.0 && (both[0] + both[2]).abs() < 1e-12);
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@ use weaver_autograd::Tape;
 use weaver_autograd::gradcheck::{Input, gradcheck};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, Pose, pose_code};
-use weaver_pose::{cameras, cameras_with, encode};
+use weaver_pose::{activate, cameras, cameras_with, encode};
 
 /// fx, fy, cx, cy of 3x3 matrices.
 fn four_of(matrices: &[f32]) -> Vec<f32> {
@@ -108,6 +108,15 @@ fn both_margins_on_the_tangent() {
     let plain = cameras_with(code, [48, 64], 0.0);
     let back = encode(plain.viewmats, plain.intrinsics, 48, 64).to_vec();
     assert!(back.iter().zip(code.to_vec()).all(|(a, b)| (a - b).abs() < 1e-10), "{back:?}");
+}
+
+/// As a rectifier, whose derivative at 0 is 0.
+#[test]
+fn a_field_of_view_of_0_has_no_gradient() {
+    let tape = Tape::<f64>::new();
+    let code = tape.leaf(&[0.1, 0.2, 0.3, 0.0, 0.6, 0.0, 0.8, 0.0, 0.0], [1, 9]);
+    activate(code).sum().backward();
+    assert_eq!(code.grad().unwrap().to_vec()[7..], [0.0, 0.0]);
 }
 
 #[test]

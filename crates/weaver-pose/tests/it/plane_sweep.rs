@@ -111,6 +111,24 @@ proptest! {
     }
 }
 
+/// What lies nearer to the other camera than a thousandth of the depth is not seen; depth and cameras get no gradient.
+#[test]
+fn what_is_too_near_is_not_seen() {
+    for (in_front, seen) in [(0.001, 0.0), (0.003, 1.0)] {
+        let tape = Tape::<f64>::new();
+        let features = tape.leaf(&[1.0, 1.0], [2, 1, 1, 1]);
+        let depth = tape.leaf(&[2.0, 2.0], [2, 1, 1]);
+        let row = |i: usize, t: f64| std::array::from_fn::<f64, 4, _>(|j| if j == 3 { t } else { f64::from(i == j) });
+        let along = |z: f64| [row(0, 0.0), row(1, 0.0), row(2, z)].concat();
+        let viewmats = tape.leaf(&[along(0.0), along(in_front - 2.0)].concat(), [2, 3, 4]);
+        let lenses = tape.leaf(&[1.0, 1.0, 0.5, 0.5].repeat(2), [2, 4]);
+        let found = plane_sweep(features, depth, viewmats, lenses, &[1.0], 0.5);
+        found.sum().backward();
+        assert!((found.to_vec()[0] - seen).abs() < 1e-12, "{in_front}: {:?}", found.to_vec());
+        assert!([depth, viewmats, lenses].iter().all(|x| x.grad().is_none()));
+    }
+}
+
 /// The same bits on one thread and on four, gradient included.
 #[test]
 fn any_number_of_threads() {

@@ -69,6 +69,27 @@ proptest! {
     }
 }
 
+/// Where w is 0, nothing is turned around.
+#[test]
+fn a_half_turn_keeps_its_sign() {
+    let tape = Tape::<f64>::new();
+    for axis in 0..3 {
+        let turn: Vec<f64> = (0..9)
+            .map(|i| {
+                if i % 4 > 0 {
+                    0.0
+                } else if i / 4 == axis {
+                    1.0
+                } else {
+                    -1.0
+                }
+            })
+            .collect();
+        let q = xyzw_from_rotation(tape.constant(&turn, [3, 3])).to_vec();
+        assert!((0..4).all(|i| q[i] == if i == axis { 1.0 } else { 0.0 }), "{axis}: {q:?}");
+    }
+}
+
 /// Half turns, where w vanishes and each of the other components in turn is the largest.
 #[test]
 fn every_branch_of_the_inverse() {
