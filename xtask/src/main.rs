@@ -1,6 +1,6 @@
 //! Automation for the workspace.
 //!
-//! `cargo xtask check` is the definition of green: formatting, lints, documentation, and the invariants of
+//! `cargo xtask check` is the definition of green: formatting, lints, documentation, shaders, and the invariants of
 //! docs/architecture.md (`cargo xtask tidy`).
 
 mod embed;
@@ -14,7 +14,7 @@ use std::process::{Command, ExitCode};
 
 const USAGE: &str = "usage: cargo xtask <command>
 
-  check           fmt, clippy, rustdoc and tidy: what must hold before a change lands
+  check           fmt, clippy, rustdoc, shaders and tidy: what must hold before a change lands
   test            [-p CRATE ...]: all tests, and how many could not run here, and why
   tidy            the crates' edges and the other invariants of docs/architecture.md
   parity          DIR [--json] [--strict]: every module against the files of reference numbers in DIR
@@ -56,6 +56,8 @@ fn check() -> Result<(), String> {
     cargo(&["fmt", "--all", "--check"], &[])?;
     cargo(&["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"], &[])?;
     cargo(&["doc", "--workspace", "--no-deps", "--locked"], &[("RUSTDOCFLAGS", "-D warnings")])?;
+    // The shaders by their text; no device is needed.
+    cargo(&["test", "--quiet", "--locked", "--package", "weaver-gpu", "--test", "it", "shaders::"], &[])?;
     tidy::run()?;
     println!("check: fine");
     Ok(())

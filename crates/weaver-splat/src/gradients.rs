@@ -43,7 +43,7 @@ impl<'a, T: Real> Target<'a, T> {
     }
 
     /// Writes, or adds to, one number; 0 for what is not finite.
-    pub(crate) fn put(&mut self, at: usize, value: T) {
+    pub fn put(&mut self, at: usize, value: T) {
         put(&mut self.values[at], self.add, value);
     }
 

@@ -41,6 +41,7 @@ mod workspace;
 pub use covariance::covariance;
 pub use cpu_rasterizer::CpuRasterizer;
 pub use depth::{expected_depth, expected_depth_backward};
+pub use extent::Extent;
 pub use gradients::{Cotangents, Gradients, Target};
 pub use op::{GaussianVars, Rasterize, RenderedVars, WorkspacePool};
 pub use rasterize::rasterize;
@@ -50,6 +51,7 @@ pub use render::render;
 pub use settings::{RasterError, RasterSettings};
 pub use statistics::{GaussianStatistics, SharedStatistics};
 pub use tiles::{Region, TileSide};
+pub use view::{CAMERA_SUMS, View};
 pub use workspace::{Timings, Workspace};
 
 /// The example of the README, compiled and run.

@@ -4,15 +4,12 @@
 use crate::columns::finite;
 use crate::each::each;
 use crate::ewa::{BITS, moment as shape_sum};
-use crate::matrix::{
-    Mat23, Mat33, Vec3, apply_transposed, cross, dot, inverse, product_transposed, transposed_product,
-};
+use crate::matrix::{Mat23, Mat33, Vec3, apply_transposed, cross, dot, product_transposed, transposed_product};
 use crate::project::{Group, Projection};
 use crate::rotation::rotation_backward;
 use crate::settings::RasterSettings;
 use crate::tiles::moment;
-use crate::view::View;
-use weaver_kernels::Real;
+use crate::view::{CAMERA_SUMS, View};
 use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
 
 /// Gradients of sixteen Gaussians but for their colors.
@@ -32,9 +29,6 @@ impl<V: Lanes> GroupGradient<V> {
         Self { mean: [zero; 3], quat: [zero; 4], scale: [zero; 3], opacity: zero }
     }
 }
-
-/// Gradients of a camera's axes (9), shift (3), focal lengths (2), principal point (2) and center (3).
-pub(crate) const CAMERA_SUMS: usize = 19;
 
 #[inline(always)]
 fn add<V: Lanes>(sum: &mut V, x: V) {
@@ -153,20 +147,4 @@ pub(crate) fn splat_backward<V: Lanes>(
         add(&mut camera[16 + i], here!(-dsight[i]));
         add(&mut out.mean[i], here!(dmean[i] + dsight[i]));
     }
-}
-
-/// Gradients of view matrix (12, row-major) and intrinsics (4) from the sums over all splats: the center is -A^-1 t.
-pub(crate) fn camera_gradient<T: Real>(view: &View<T>, sums: &[f64; CAMERA_SUMS]) -> ([T; 12], [T; 4]) {
-    let dcenter: Vec3<f64> = [sums[16], sums[17], sums[18]];
-    // Plain colors do not look at the center, which need not exist then.
-    let moved = if dcenter == [0.0; 3] { [0.0; 3] } else { apply_transposed(&inverse(&view.axes), dcenter) };
-    let mut matrix = [T::ZERO; 12];
-    for i in 0..3 {
-        for j in 0..3 {
-            let through_center = if moved[i] == 0.0 { 0.0 } else { moved[i] * view.center[j].to_f64() };
-            matrix[4 * i + j] = T::from_f64(sums[3 * i + j] - through_center);
-        }
-        matrix[4 * i + 3] = T::from_f64(sums[9 + i] - moved[i]);
-    }
-    (matrix, [12, 13, 14, 15].map(|i| T::from_f64(sums[i])))
 }

@@ -1,7 +1,7 @@
 //! Forward of the CPU rasterizer.
 
 use crate::ewa::EwaGaussian;
-use crate::extent::{Extent, expect_len, extent};
+use crate::extent::Extent;
 use crate::project::EwaProjection;
 use crate::rasterizer::{Images, RasterStats};
 use crate::settings::{RasterError, RasterSettings};
@@ -9,7 +9,7 @@ use crate::tiles::{Blending, Grid};
 use crate::workspace::{Timings, Workspace};
 use std::time::Instant;
 use weaver_kernels::Real;
-use weaver_scene::{CameraSlices, Color, GaussianSlices};
+use weaver_scene::{CameraSlices, GaussianSlices};
 
 /// Draws Gaussians in several views: image, alpha and depth.
 ///
@@ -69,8 +69,8 @@ pub fn rasterize<T: Real>(
     workspace: &mut Workspace<T>,
     images: Images<'_, T>,
 ) -> Result<RasterStats, RasterError> {
-    let extent = extent(gaussians, cameras, settings, images.depth.is_some())?;
-    check(gaussians, &extent, &images)?;
+    let extent = Extent::of(gaussians, cameras, settings, images.depth.is_some())?;
+    extent.check_images(&images)?;
     workspace.drawn = None;
     let start = Instant::now();
     let tiles = &mut workspace.tiles;
@@ -97,18 +97,4 @@ pub(crate) fn blending<'a, T: Real>(
     extent: &Extent,
 ) -> Blending<'a, T> {
     Blending { alpha_max: settings.alpha_max, depth: extent.depth, features: gaussians.features }
-}
-
-fn check<T: Real>(
-    gaussians: &GaussianSlices<'_, T>,
-    extent: &Extent,
-    images: &Images<'_, T>,
-) -> Result<(), RasterError> {
-    let pixels = extent.pixels();
-    let color = usize::from(!matches!(gaussians.color, Color::None));
-    expect_len("image", images.image.len(), 3 * pixels * color)?;
-    expect_len("alpha", images.alpha.len(), pixels)?;
-    images.depth.as_ref().map_or(Ok(()), |depth| expect_len("depth", depth.len(), pixels))?;
-    let features = images.features.as_ref().map_or(0, |features| features.len());
-    expect_len("image of the features", features, pixels * extent.channels)
 }

@@ -1,16 +1,15 @@
 //! Backward of the CPU rasterizer: blend backward tile by tile, then the projection Gaussian by Gaussian.
 
 use crate::ewa::EwaGaussian;
-use crate::extent::{Extent, expect_len, extent};
+use crate::extent::Extent;
 use crate::gaussian_pass::GaussianPass;
 use crate::gradients::{Cotangents, Gradients};
 use crate::memory::grown;
-use crate::project_backward::{CAMERA_SUMS, camera_gradient};
 use crate::rasterize::blending;
 use crate::settings::{RasterError, RasterSettings};
 use crate::statistics_pass;
 use crate::tiles::{BackwardPass, CHUNK, Tiles};
-use crate::view::View;
+use crate::view::{CAMERA_SUMS, View};
 use crate::workspace::Workspace;
 use std::time::Instant;
 use weaver_kernels::Real;
@@ -41,11 +40,11 @@ pub fn rasterize_backward<T: Real>(
     mut gradients: Gradients<'_, T>,
 ) -> Result<(), RasterError> {
     let depth = workspace.drawn.is_some_and(|(extent, _)| extent.depth);
-    let extent = extent(gaussians, cameras, settings, depth)?;
+    let extent = Extent::of(gaussians, cameras, settings, depth)?;
     if workspace.drawn != Some((extent, *settings)) {
         return Err(RasterError::new("backward needs the workspace of a forward with the same sizes and settings"));
     }
-    check(cameras, &extent, cotangents, &gradients)?;
+    extent.check_backward(cameras, cotangents, &gradients)?;
     let start = Instant::now();
     let Workspace { tiles, camera_sums, .. } = workspace;
     let pass = BackwardPass {
@@ -64,44 +63,6 @@ pub fn rasterize_backward<T: Real>(
     GaussianPass { gaussians, cameras, settings, extent: &extent, tiles }.run(&mut gradients, sums);
     camera_gradients(cameras, &extent, sums, &mut gradients);
     workspace.timings.backward = start.elapsed();
-    Ok(())
-}
-
-fn check<T: Real>(
-    cameras: &CameraSlices<'_, T>,
-    extent: &Extent,
-    cotangents: &Cotangents<'_, T>,
-    gradients: &Gradients<'_, T>,
-) -> Result<(), RasterError> {
-    let (n, v) = (extent.gaussians, extent.views);
-    let pixels = extent.pixels();
-    let inputs = [
-        ("cotangent of the image", cotangents.image, if extent.color_len > 0 { 3 * pixels } else { 0 }),
-        ("cotangent of alpha", cotangents.alpha, pixels),
-        ("cotangent of the depth", cotangents.depth, if extent.depth { pixels } else { 0 }),
-        ("cotangent of the features", cotangents.features, extent.channels * pixels),
-    ];
-    for (name, values, expected) in inputs {
-        values.map_or(Ok(()), |values| expect_len(name, values.len(), expected))?;
-    }
-    let outputs = [
-        ("gradient of the means", &gradients.means, 3 * n),
-        ("gradient of the quats", &gradients.quats, 4 * n),
-        ("gradient of the scales", &gradients.scales, 3 * n),
-        ("gradient of the opacities", &gradients.opacities, n),
-        ("gradient of the colors", &gradients.colors, extent.color_len * n),
-        ("gradient of the features", &gradients.features, extent.channels * n),
-        ("gradient of the viewmats", &gradients.viewmats, cameras.viewmats.len()),
-        ("gradient of the intrinsics", &gradients.intrinsics, 4 * v),
-        ("gradient of the background", &gradients.background, cameras.background.len()),
-    ];
-    gradients.statistics.as_ref().map_or(Ok(()), |all| match all.len() == n {
-        true => Ok(()),
-        false => Err(RasterError::new(format!("statistics of {} Gaussians, expected {n}", all.len()))),
-    })?;
-    for (name, target, expected) in outputs {
-        target.as_ref().map_or(Ok(()), |target| expect_len(name, target.values.len(), expected))?;
-    }
     Ok(())
 }
 
@@ -134,7 +95,7 @@ fn camera_gradients<T: Real>(
                 *total += row.0.iter().map(|x| x.to_f64()).sum::<f64>();
             }
         }
-        let (matrix, intrinsics) = camera_gradient(&View::of(cameras, v), &total);
+        let (matrix, intrinsics) = View::of(cameras, v).gradient(&total);
         if let Some(target) = &mut gradients.viewmats {
             (0..matrix_len).for_each(|i| target.put(v * matrix_len + i, matrix.get(i).copied().unwrap_or(T::ZERO)));
         }

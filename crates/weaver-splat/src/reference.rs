@@ -4,7 +4,7 @@
 
 mod projection;
 
-use crate::extent::extent;
+use crate::extent::Extent;
 use crate::gradients::Cotangents;
 use crate::settings::{RasterError, RasterSettings};
 use crate::statistics::GaussianStatistics;
@@ -122,7 +122,7 @@ pub fn rasterize(
     cameras: &CameraSlices<'_, f64>,
     settings: &RasterSettings,
 ) -> Result<Rendered, RasterError> {
-    let extent = extent(gaussians, cameras, settings, true)?;
+    let extent = Extent::of(gaussians, cameras, settings, true)?;
     let mut out = Rendered::default();
     let mut features = vec![0.0; extent.channels];
     for v in 0..extent.views {
@@ -162,7 +162,7 @@ pub fn rasterize_backward(
     settings: &RasterSettings,
     cotangents: &Cotangents<'_, f64>,
 ) -> Result<RenderedBackward, RasterError> {
-    let extent = extent(gaussians, cameras, settings, true)?;
+    let extent = Extent::of(gaussians, cameras, settings, true)?;
     let (n, views, pixels) = (extent.gaussians, extent.views, extent.region.pixels());
     let mut out = RenderedBackward {
         means: vec![0.0; 3 * n],

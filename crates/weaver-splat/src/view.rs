@@ -6,15 +6,18 @@ use weaver_kernels::Real;
 use weaver_kernels::lanes::Lanes;
 use weaver_scene::CameraSlices;
 
-/// One camera, in numbers or in lanes that all hold the same.
+/// Gradients of a camera's axes (9), shift (3), focal lengths (2), principal point (2) and center (3), in this order.
+pub const CAMERA_SUMS: usize = 19;
+
+/// One camera as projection uses it, in numbers or in lanes that all hold the same; names are those of docs/rasterizer.md.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct View<X> {
-    /// A.
-    pub axes: Mat33<X>,
+pub struct View<X> {
+    /// A, the rows of the view matrix.
+    pub axes: [[X; 3]; 3],
     /// t.
-    pub shift: Vec3<X>,
-    /// -A^-1 t.
-    pub center: Vec3<X>,
+    pub shift: [X; 3],
+    /// -A^-1 t, in world coordinates.
+    pub center: [X; 3],
     /// fx, fy.
     pub focal: [X; 2],
     /// cx, cy.
@@ -42,9 +45,28 @@ impl<T: Real> View<T> {
         Self { axes, shift, center, focal, principal, low, high }
     }
 
+    /// Gradients of view matrix (12, row-major) and intrinsics (4) from the sums over all splats.
+    ///
+    /// The sums treat the center as if it were free; it is -A^-1 t.
+    pub fn gradient(&self, sums: &[f64; CAMERA_SUMS]) -> ([T; 12], [T; 4]) {
+        let dcenter: Vec3<f64> = [sums[16], sums[17], sums[18]];
+        // Plain colors do not look at the center, which need not exist then.
+        let still = dcenter == [0.0; 3];
+        let moved = if still { [0.0; 3] } else { matrix::apply_transposed(&matrix::inverse(&self.axes), dcenter) };
+        let mut matrix = [T::ZERO; 12];
+        for i in 0..3 {
+            for j in 0..3 {
+                let through_center = if moved[i] == 0.0 { 0.0 } else { moved[i] * self.center[j].to_f64() };
+                matrix[4 * i + j] = T::from_f64(sums[3 * i + j] - through_center);
+            }
+            matrix[4 * i + 3] = T::from_f64(sums[9 + i] - moved[i]);
+        }
+        (matrix, [12, 13, 14, 15].map(|i| T::from_f64(sums[i])))
+    }
+
     /// The camera with each of its numbers in all lanes.
     #[inline(always)]
-    pub fn in_lanes<V: Lanes<Scalar = T>>(&self) -> View<V> {
+    pub(crate) fn in_lanes<V: Lanes<Scalar = T>>(&self) -> View<V> {
         let Self { axes, shift, center, focal, principal, low, high } = *self;
         View {
             axes: each!(3, |i| each!(3, |j| V::splat(axes[i][j]))),

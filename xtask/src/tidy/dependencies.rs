@@ -26,6 +26,9 @@ const ABOVE: &[&str] = &[
     "weaver-cli",
 ];
 
+/// What weaver-gpu reaches a device with; nothing below it does, so that nobody gets it who does not ask for it.
+const DEVICE: &[&str] = &["wgpu", "pollster", "bytemuck"];
+
 pub fn check(workspace: &Workspace, faults: &mut Vec<String>) {
     let lock = required(&workspace.root, "Cargo.lock", faults);
     for line in lock.lines().filter(|l| l.contains("\"git+")) {
@@ -34,7 +37,8 @@ pub fn check(workspace: &Workspace, faults: &mut Vec<String>) {
     for package in &workspace.packages {
         check_unused(package, &workspace.others, faults);
         if !package.exempt() && !ABOVE.contains(&package.name.as_str()) {
-            for name in outside(package).filter(|name| !OUTSIDE.contains(name)) {
+            let device = |name: &str| package.name == "weaver-gpu" && DEVICE.contains(&name);
+            for name in outside(package).filter(|name| !OUTSIDE.contains(name) && !device(name)) {
                 let rule = format!("below the formats there are only {OUTSIDE:?}");
                 faults.push(format!("{} may not depend on {name}: {rule}", package.name));
             }

@@ -1,0 +1,78 @@
+//! What can go wrong with a device.
+
+use crate::adapter::Adapter;
+use std::fmt::Write;
+use thiserror::Error;
+use weaver_splat::RasterError;
+
+/// What can go wrong with a device.
+#[derive(Clone, Debug, Error)]
+#[non_exhaustive]
+pub enum GpuError {
+    /// The machine has no adapter that was asked for.
+    #[error("device {asked}: {}", offered(.found))]
+    NoAdapter {
+        /// What was asked for.
+        asked: String,
+        /// All that there are.
+        found: Vec<Adapter>,
+    },
+    /// An adapter offers less than is needed.
+    #[error("{adapter} allows {limit} of {found}, {needed} are needed: {what}")]
+    Limit {
+        /// The adapter.
+        adapter: String,
+        /// WebGPU's name of the limit.
+        limit: &'static str,
+        /// What the adapter allows.
+        found: u64,
+        /// What is needed.
+        needed: u64,
+        /// What for.
+        what: String,
+    },
+    /// An adapter refuses to be opened.
+    #[error("{adapter} cannot be opened: {message}")]
+    Refused {
+        /// The adapter.
+        adapter: String,
+        /// Its reason.
+        message: String,
+    },
+    /// An adapter refuses a shader.
+    #[error("{adapter} refuses shaders/{file}: {message}")]
+    Shader {
+        /// The file that the entry point is in.
+        file: &'static str,
+        /// The adapter.
+        adapter: String,
+        /// Its reason.
+        message: String,
+    },
+    /// Work that was under way failed: the device is lost, or its memory exhausted.
+    #[error("{adapter} failed: {message}")]
+    Failed {
+        /// The adapter.
+        adapter: String,
+        /// What happened.
+        message: String,
+    },
+}
+
+/// What there is instead, and how to name it.
+fn offered(found: &[Adapter]) -> String {
+    if found.is_empty() {
+        return "no adapter, neither a GPU nor a software one; is a Vulkan driver installed?".into();
+    }
+    let mut text = String::from("no such adapter; a software one has to be asked for by number or name. There are:");
+    for adapter in found {
+        let _ = write!(text, "\n  gpu:{} {adapter}", adapter.number);
+    }
+    text
+}
+
+impl From<GpuError> for RasterError {
+    fn from(error: GpuError) -> Self {
+        RasterError::new(error.to_string())
+    }
+}

@@ -1,0 +1,76 @@
+//! Passes recorded one behind the other, then run at once.
+
+use crate::context::Context;
+use crate::error::GpuError;
+use crate::profile::Profile;
+use crate::room::{Room, mapped};
+use crate::shader::{Kernel, SHADERS};
+
+/// Passes that are being recorded.
+pub(crate) struct Passes<'a> {
+    context: &'a Context,
+    encoder: wgpu::CommandEncoder,
+    profile: Option<&'a mut Profile>,
+}
+
+/// Work groups along one dimension that every device allows.
+const ACROSS: u32 = 65_535;
+
+impl<'a> Passes<'a> {
+    pub fn new(context: &'a Context, profile: Option<&'a mut Profile>) -> Self {
+        let encoder = context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        Self { context, encoder, profile }
+    }
+
+    /// Records a pass of so many work groups; none is no pass. Bindings are by their numbers in the shader.
+    pub fn run(&mut self, kernel: Kernel, groups: usize, bindings: &[(u32, wgpu::BindingResource<'_>)]) {
+        if groups == 0 {
+            return;
+        }
+        let pipeline = self.context.pipeline(kernel);
+        let entries: Vec<wgpu::BindGroupEntry<'_>> = bindings
+            .iter()
+            .map(|(binding, resource)| wgpu::BindGroupEntry { binding: *binding, resource: resource.clone() })
+            .collect();
+        let bind_group = self.context.device().create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &entries,
+        });
+        let name = SHADERS[kernel as usize].entry;
+        let timestamp_writes = self.profile.as_mut().and_then(|profile| profile.next(name));
+        let descriptor = wgpu::ComputePassDescriptor { label: Some(name), timestamp_writes };
+        let mut pass = self.encoder.begin_compute_pass(&descriptor);
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &bind_group, &[]);
+        // Folded into two dimensions where one would not do.
+        let groups = u32::try_from(groups).unwrap_or(u32::MAX);
+        pass.dispatch_workgroups(groups.min(ACROSS), groups.div_ceil(ACROSS), 1);
+    }
+
+    /// Runs what was recorded.
+    pub fn submit(mut self) -> Result<(), GpuError> {
+        if let Some(profile) = &mut self.profile {
+            profile.resolve(&mut self.encoder);
+        }
+        self.context.queue().submit([self.encoder.finish()]);
+        match self.profile {
+            Some(profile) => profile.collect(self.context),
+            None => self.context.check(),
+        }
+    }
+
+    /// Runs what was recorded, and reads the first bytes of some buffers, one behind the other.
+    pub fn read(mut self, staging: &mut Room, parts: &[(&wgpu::Buffer, u64)]) -> Result<Vec<u8>, GpuError> {
+        let bytes = parts.iter().map(|(_, bytes)| bytes).sum();
+        staging.read(self.context, bytes)?;
+        let mut at = 0;
+        for (buffer, bytes) in parts.iter().filter(|(_, bytes)| *bytes > 0) {
+            self.encoder.copy_buffer_to_buffer(buffer, 0, staging.buffer(), at, *bytes);
+            at += bytes;
+        }
+        let context = self.context;
+        self.submit()?;
+        mapped(context, staging.buffer(), bytes)
+    }
+}

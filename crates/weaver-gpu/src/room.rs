@@ -1,0 +1,110 @@
+//! Memory on the device that only grows.
+
+use crate::context::Context;
+use crate::error::GpuError;
+use wgpu::util::DeviceExt;
+
+/// A buffer that grows to what is asked for and stays: calls of sizes seen before allocate nothing.
+#[derive(Debug, Default)]
+pub(crate) struct Room {
+    buffer: Option<wgpu::Buffer>,
+    bytes: u64,
+}
+
+/// What storage buffers are used for.
+const STORAGE: wgpu::BufferUsages =
+    wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_SRC).union(wgpu::BufferUsages::COPY_DST);
+/// What buffers that the host reads are used for.
+const READ: wgpu::BufferUsages = wgpu::BufferUsages::MAP_READ.union(wgpu::BufferUsages::COPY_DST);
+
+impl Room {
+    /// Room for `count` elements of `each` bytes that shaders see; `what` they are is for the error.
+    ///
+    /// # Errors
+    ///
+    /// More than the adapter allows in a buffer.
+    pub fn storage(&mut self, context: &Context, what: &str, count: usize, each: u64) -> Result<(), GpuError> {
+        self.grow(context, what, count as u64 * each, STORAGE)
+    }
+
+    /// Room for `bytes` that the host reads.
+    pub fn read(&mut self, context: &Context, bytes: u64) -> Result<(), GpuError> {
+        self.grow(context, "what is read back", bytes, READ)
+    }
+
+    fn grow(&mut self, context: &Context, what: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<(), GpuError> {
+        // No binding is empty, and none of vectors shorter than one of them.
+        self.bytes = bytes.max(16).next_multiple_of(4);
+        if self.buffer.as_ref().is_none_or(|buffer| buffer.size() < self.bytes) {
+            let most = context.device().limits().max_buffer_size;
+            context.at_most("max_buffer_size", self.bytes, most, || what.into())?;
+            // The old one first: there may be no room for both.
+            self.buffer = None;
+            let descriptor = wgpu::BufferDescriptor { label: None, size: self.bytes, usage, mapped_at_creation: false };
+            self.buffer = Some(context.device().create_buffer(&descriptor));
+        }
+        Ok(())
+    }
+
+    /// The buffer.
+    ///
+    /// # Panics
+    ///
+    /// Before room was made.
+    pub fn buffer(&self) -> &wgpu::Buffer {
+        self.buffer.as_ref().expect("room is made before it is used")
+    }
+
+    /// What was asked for last, as a shader sees it.
+    pub fn all(&self) -> wgpu::BindingResource<'_> {
+        self.part(0, self.bytes)
+    }
+
+    /// A part of it; `from` is a multiple of 256.
+    pub fn part(&self, from: u64, bytes: u64) -> wgpu::BindingResource<'_> {
+        let size = wgpu::BufferSize::new(bytes.max(16).min(self.bytes.max(16)));
+        wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer: self.buffer(), offset: from, size })
+    }
+
+    /// Fills it with ones, as leftovers of another drawing might.
+    pub fn spoil(&self, context: &Context) {
+        if let Some(buffer) = self.buffer.as_ref().filter(|buffer| buffer.usage().contains(STORAGE)) {
+            context.queue().write_buffer(buffer, 0, &vec![0xff; buffer.size() as usize]);
+        }
+    }
+}
+
+/// A small buffer of numbers that all threads read.
+pub(crate) fn uniform(context: &Context, words: &[u32]) -> wgpu::Buffer {
+    context.device().create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        label: None,
+        contents: bytemuck::cast_slice(words),
+        usage: wgpu::BufferUsages::UNIFORM,
+    })
+}
+
+/// The first bytes of a buffer that the host may read, once all work is done.
+pub(crate) fn mapped(context: &Context, buffer: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, GpuError> {
+    if bytes == 0 {
+        return Ok(Vec::new());
+    }
+    let slice = buffer.slice(..bytes);
+    let (sender, receiver) = std::sync::mpsc::channel();
+    slice.map_async(wgpu::MapMode::Read, move |result| {
+        // The receiver waits below.
+        let _ = sender.send(result);
+    });
+    let waited = context.device().poll(wgpu::PollType::wait_indefinitely());
+    context.check()?;
+    waited.map_err(|error| context.failure(error.to_string()))?;
+    match receiver.recv() {
+        Ok(Ok(())) => {}
+        Ok(Err(error)) => return Err(context.failure(error.to_string())),
+        Err(_) => return Err(context.failure("the device does not answer")),
+    }
+    let view = slice.get_mapped_range().map_err(|error| context.failure(error.to_string()))?;
+    let copy = view.to_vec();
+    drop(view);
+    buffer.unmap();
+    Ok(copy)
+}

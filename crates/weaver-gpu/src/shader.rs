@@ -1,0 +1,106 @@
+//! The shaders: which files make up each, and where it is entered.
+//!
+//! The files are in `shaders/` at the top of the repository, one for each pass and some that passes share. WGSL has no
+//! imports: what a pass needs is put in front of it.
+
+/// A file of WGSL.
+#[derive(Clone, Copy, Debug)]
+pub struct File {
+    /// Its name in `shaders/`.
+    pub name: &'static str,
+    /// What is in it.
+    pub text: &'static str,
+}
+
+macro_rules! file {
+    ($name:literal) => {
+        File { name: $name, text: include_str!(concat!("../../../shaders/", $name)) }
+    };
+}
+
+const DISPATCH: File = file!("dispatch.wgsl");
+const FINITE: File = file!("finite.wgsl");
+const VIEW: File = file!("view.wgsl");
+const SPLAT: File = file!("splat.wgsl");
+const OUTLINE: File = file!("outline.wgsl");
+const PROJECTION: File = file!("projection.wgsl");
+const HARMONICS: File = file!("harmonics.wgsl");
+const SCAN: File = file!("scan.wgsl");
+const SORT: File = file!("sort.wgsl");
+const SUM: File = file!("sum.wgsl");
+
+/// A pass: files one behind the other, and the function that the device starts.
+#[derive(Clone, Copy, Debug)]
+pub struct Shader {
+    /// The function.
+    pub entry: &'static str,
+    /// The files; the last one has the function.
+    pub files: &'static [File],
+}
+
+impl Shader {
+    /// The text that is compiled.
+    pub fn source(&self) -> String {
+        self.files.iter().flat_map(|file| [file.text, "\n"]).collect()
+    }
+
+    /// The file that holds the pass.
+    pub fn file(&self) -> &'static str {
+        self.files.last().map_or("", |file| file.name)
+    }
+}
+
+/// The passes, by their places in [`SHADERS`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(usize)]
+pub enum Kernel {
+    /// Gaussians to splats, depth keys and numbers of tiles.
+    Project,
+    /// Digits of keys counted.
+    Count,
+    /// Where the keys of each digit go.
+    ScanCounts,
+    /// Keys and values to their places.
+    Scatter,
+    /// Tiles of groups of Gaussians summed.
+    SumGroups,
+    /// The groups' sums made running ones.
+    ScanGroups,
+    /// Where the entries of each Gaussian begin.
+    Place,
+    /// The entries.
+    Emit,
+    /// Where the list of each tile starts.
+    Start,
+    /// Lists to pixels.
+    Composite,
+    /// Pixels' cotangents to sums per entry.
+    Moments,
+    /// Sums to gradients of Gaussians.
+    Gaussian,
+    /// The camera's gradient from its parts.
+    Camera,
+    /// By-products for density control.
+    Statistics,
+}
+
+/// All shaders, in the order of [`Kernel`].
+pub const SHADERS: [Shader; 14] = [
+    Shader {
+        entry: "project",
+        files: &[DISPATCH, FINITE, VIEW, SPLAT, OUTLINE, PROJECTION, HARMONICS, file!("project.wgsl")],
+    },
+    Shader { entry: "count", files: &[DISPATCH, SCAN, SORT] },
+    Shader { entry: "scan_counts", files: &[DISPATCH, SCAN, SORT] },
+    Shader { entry: "scatter", files: &[DISPATCH, SCAN, SORT] },
+    Shader { entry: "sum_groups", files: &[DISPATCH, SCAN, SUM] },
+    Shader { entry: "scan_groups", files: &[DISPATCH, SCAN, SUM] },
+    Shader { entry: "place", files: &[DISPATCH, SCAN, SUM] },
+    Shader { entry: "emit", files: &[DISPATCH, VIEW, SPLAT, OUTLINE, file!("emit.wgsl")] },
+    Shader { entry: "start", files: &[DISPATCH, file!("start.wgsl")] },
+    Shader { entry: "composite", files: &[DISPATCH, VIEW, SPLAT, file!("composite.wgsl")] },
+    Shader { entry: "sum_moments", files: &[DISPATCH, VIEW, SPLAT, file!("moments.wgsl")] },
+    Shader { entry: "differentiate", files: &[DISPATCH, FINITE, VIEW, PROJECTION, HARMONICS, file!("gaussian.wgsl")] },
+    Shader { entry: "sum_parts", files: &[file!("camera.wgsl")] },
+    Shader { entry: "tally", files: &[DISPATCH, FINITE, VIEW, file!("statistics.wgsl")] },
+];

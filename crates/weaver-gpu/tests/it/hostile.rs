@@ -1,0 +1,117 @@
+//! Numbers and arguments that nobody should pass, and somebody will.
+
+use crate::device::{gradients, rasterizer, render, with_limits};
+use crate::scene::{Planes, Scene};
+use weaver_gpu::{Choice, Context, GpuError, GpuWorkspace, adapters, wgpu};
+use weaver_splat::{Cotangents, Gradients, Images, Rasterizer, Workspace};
+
+/// Whatever is not finite is left out and counted, as on the CPU, and spoils nothing else.
+#[test]
+fn what_is_not_finite_is_left_out() {
+    let Some(rasterizer) = rasterizer() else { return };
+    let mut workspace = GpuWorkspace::default();
+    for bad in [f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
+        for part in 0..5 {
+            let mut scene = Scene::random(21, 40, 1, (24, 17), Some(1)).with_channels(0).to_f32();
+            let numbers = match part {
+                0 => &mut scene.means,
+                1 => &mut scene.quats,
+                2 => &mut scene.scales,
+                3 => &mut scene.opacities,
+                _ => &mut scene.colors,
+            };
+            let len = numbers.len();
+            numbers.iter_mut().step_by(len / 7).for_each(|x| *x = bad);
+            let (own, stats) = render(&rasterizer, &mut workspace, &scene);
+            let (expected, on_cpu) = scene.render_in(&mut Workspace::new());
+            // The largest number is finite; what it leads to may be so in one place and not in another.
+            if bad != f32::MAX {
+                assert_eq!(stats.rejected, on_cpu.rejected, "{bad} in part {part}");
+                let error = own.flat().iter().zip(expected.flat()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                assert!(error < 2e-2, "{bad} in part {part}: {error:e}");
+            }
+            assert!(own.flat().iter().all(|x| x.is_finite()), "{bad} in part {part}");
+            let ones = Planes {
+                image: vec![1.0; own.image.len()],
+                alpha: own.alpha.clone(),
+                depth: own.depth,
+                features: Vec::new(),
+            };
+            let own = gradients(&rasterizer, &mut workspace, &scene, &ones);
+            assert!(own.iter().flatten().all(|x| x.is_finite()), "{bad} in part {part}");
+        }
+    }
+}
+
+#[test]
+fn quaternions_of_zeros_are_left_out() {
+    let Some(rasterizer) = rasterizer() else { return };
+    let mut scene = Scene::random(22, 30, 1, (20, 20), None).with_channels(0).to_f32();
+    scene.quats[..20].fill(0.0);
+    let (_, stats) = render(&rasterizer, &mut GpuWorkspace::default(), &scene);
+    assert_eq!(stats.rejected, scene.render_in(&mut Workspace::new()).1.rejected);
+    assert!(stats.rejected >= 5);
+}
+
+#[test]
+fn arguments_that_do_not_fit_are_refused() {
+    let Some(rasterizer) = rasterizer() else { return };
+    let scene = Scene::random(23, 3, 1, (4, 4), None);
+    let features = scene.clone().with_channels(2).to_f32();
+    let scene = scene.with_channels(0).to_f32();
+    let mut workspace = rasterizer.workspace();
+    let mut drawn = |scene: &Scene<f32>, pixels: usize| {
+        let (mut image, mut alpha) = (vec![0.0; 3 * pixels], vec![0.0; pixels]);
+        let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
+        let (gaussians, cameras) = (scene.gaussians(), scene.cameras());
+        let result = rasterizer.forward(&gaussians, &cameras, &scene.settings, &mut workspace, images);
+        let none = (&Cotangents::default(), Gradients::default());
+        let back = rasterizer.backward(&gaussians, &cameras, &scene.settings, &mut workspace, none.0, none.1);
+        (result.map_err(|error| error.to_string()), back.map_err(|error| error.to_string()))
+    };
+    let (forward, backward) = drawn(&scene, 15);
+    assert!(forward.unwrap_err().contains("image has 45 numbers, expected 48"));
+    assert!(backward.unwrap_err().contains("backward needs the workspace of a forward"));
+    let (forward, backward) = drawn(&scene, 16);
+    assert!(forward.is_ok() && backward.is_ok());
+    let (mut image, mut alpha, mut drawn) = (vec![0.0; 48], vec![0.0; 16], vec![0.0; 32]);
+    let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: Some(&mut drawn) };
+    let error = rasterizer
+        .forward(&features.gaussians(), &features.cameras(), &features.settings, &mut workspace, images)
+        .unwrap_err();
+    assert!(error.to_string().contains("features are drawn on the CPU only"), "{error}");
+}
+
+#[test]
+fn limits_that_are_too_small_are_named() {
+    let limits = wgpu::Limits { max_storage_buffer_binding_size: 16 << 10, ..wgpu::Limits::default() };
+    let Some(narrow) = with_limits(limits) else { return println!("skipped: no adapter") };
+    let refused = |scene: &Scene<f32>| {
+        let (mut image, mut alpha) = (vec![0.0; 3 * scene.pixels()], vec![0.0; scene.pixels()]);
+        let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
+        let mut workspace = narrow.workspace();
+        let (gaussians, cameras) = (scene.gaussians(), scene.cameras());
+        narrow.forward(&gaussians, &cameras, &scene.settings, &mut workspace, images).unwrap_err().to_string()
+    };
+    let error = refused(&Scene::random(24, 300, 1, (8, 8), None).with_channels(0).to_f32());
+    assert!(error.contains("max_storage_buffer_binding_size of 16384, 19200 are needed: 300 splats"), "{error}");
+    let mut wide = Scene::random(24, 200, 1, (300, 16), None).with_channels(0).to_f32();
+    wide.scales.iter_mut().for_each(|scale| *scale *= 10.0);
+    let error = refused(&wide);
+    assert!(error.contains("in one row of tiles"), "{error}");
+}
+
+#[test]
+fn an_adapter_that_is_not_there_is_named_with_those_that_are() {
+    let asked = [Choice::Number(99), Choice::Name("no such device".into()), Choice::Name(String::new())];
+    for choice in asked {
+        let error = Context::open(&choice).unwrap_err();
+        let GpuError::NoAdapter { found, .. } = &error else { panic!("{error}") };
+        assert_eq!(*found, adapters());
+        let text = error.to_string();
+        assert!(text.contains(&choice.to_string()), "{text}");
+        for adapter in found {
+            assert!(text.contains(&adapter.name), "{text}");
+        }
+    }
+}

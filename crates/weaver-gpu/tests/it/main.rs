@@ -1,0 +1,14 @@
+//! Tests of the rasterizer on a device: an adapter of any kind, software ones included. Without one they are skipped.
+
+mod backward;
+mod bits;
+mod device;
+mod fixtures;
+mod forward;
+mod hostile;
+#[path = "../../../weaver-splat/tests/it/scene.rs"]
+#[allow(dead_code, reason = "the scenes of the CPU's tests, which need more of them")]
+mod scene;
+mod shaders;
+mod sorting;
+mod uniformity;
