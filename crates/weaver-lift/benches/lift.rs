@@ -54,7 +54,7 @@ fn clusters(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("3000 points of 50 numbers");
     group.sample_size(10);
     group.bench_function("principal components", |b| b.iter(|| black_box(Pca::of(&points, 50, 50))));
-    let options = HdbscanOptions { smallest: 30, samples: 10 };
+    let options = HdbscanOptions { smallest: 30, samples: 10, resolution: 0.0 };
     group.bench_function("hdbscan", |b| b.iter(|| black_box(hdbscan(&points, 50, &options))));
     group.finish();
 }

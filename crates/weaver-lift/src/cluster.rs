@@ -6,7 +6,7 @@ use crate::pca::Pca;
 use weaver_kernels::Real;
 
 /// How Gaussians are clustered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClusterOptions {
     /// Principal components of the features that are looked at, or all where there are fewer.
     pub components: usize,

@@ -7,18 +7,21 @@ use condensed::condensed;
 use tree::{core_distances, merges, spanning_tree};
 
 /// What counts as a cluster.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HdbscanOptions {
     /// Fewest points of a cluster, at least 2.
     pub smallest: usize,
     /// How many neighbors say how dense it is around a point.
     pub samples: usize,
+    /// Points that are nearer to each other than this count as this far apart, so that no cluster falls into clusters of points that
+    /// only rounding tells apart; 0 for none of it.
+    pub resolution: f64,
 }
 
 impl Default for HdbscanOptions {
     /// As published for lifted features.
     fn default() -> Self {
-        Self { smallest: 500, samples: 10 }
+        Self { smallest: 500, samples: 10, resolution: 0.0 }
     }
 }
 
@@ -35,7 +38,7 @@ impl Default for HdbscanOptions {
 /// ```
 /// use weaver_lift::{HdbscanOptions, hdbscan};
 /// let points = [0.0, 0.1, 0.2, 5.0, 5.1, 5.2, 50.0];
-/// let labels = hdbscan(&points, 1, &HdbscanOptions { smallest: 3, samples: 1 });
+/// let labels = hdbscan(&points, 1, &HdbscanOptions { smallest: 3, samples: 1, resolution: 0.0 });
 /// assert_eq!(labels, [Some(0), Some(0), Some(0), Some(1), Some(1), Some(1), None]);
 /// ```
 pub fn hdbscan(points: &[f64], dimensions: usize, options: &HdbscanOptions) -> Vec<Option<u32>> {
@@ -43,7 +46,9 @@ pub fn hdbscan(points: &[f64], dimensions: usize, options: &HdbscanOptions) -> V
     if count < 2 {
         return vec![None; count];
     }
-    let core = core_distances(points, dimensions, options.samples);
+    let mut core = core_distances(points, dimensions, options.samples);
+    // Neighbors are never nearer than a core distance.
+    core.iter_mut().for_each(|core| *core = core.max(options.resolution));
     let edges = spanning_tree(points, dimensions, &core);
     let merges = merges(edges, count);
     let clusters = condensed(&merges, count, options.smallest.max(2));

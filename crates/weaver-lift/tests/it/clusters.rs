@@ -27,13 +27,13 @@ fn components_are_those_of_scikit_learn() {
         let worst = found.iter().zip(expected).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, f64::max);
         assert!(worst < bar, "{key}: {worst}");
     };
-    close(&pca.mean, "pca.mean", 1e-6);
-    close(&pca.variances, "pca.variances", 1e-6);
-    close(&pca.axes, "pca.axes", 1e-5);
-    close(&pca.project(&points), "pca.projected", 1e-5);
+    close(&pca.mean, "out.pca.mean", 1e-6);
+    close(&pca.variances, "out.pca.variances", 1e-6);
+    close(&pca.axes, "out.pca.axes", 1e-5);
+    close(&pca.project(&points), "out.pca.projected", 1e-5);
     // In single precision, too.
     let single: Vec<f32> = points.iter().map(|x| *x as f32).collect();
-    close(&Pca::of(&single, 12, 5).axes, "pca.axes", 1e-5);
+    close(&Pca::of(&single, 12, 5).axes, "out.pca.axes", 1e-5);
 }
 
 #[test]
@@ -48,14 +48,14 @@ fn clusters_are_those_of_hdbscan() {
         let points = file.numbers(&format!("in.{set}"));
         for &(smallest, samples) in options {
             let expected: Vec<Option<u32>> = file
-                .numbers(&format!("labels.{set}.{smallest}.{samples}"))
+                .numbers(&format!("out.labels.{set}.{smallest}.{samples}"))
                 .iter()
                 .map(|x| (*x >= 0.0).then_some(*x as u32))
                 .collect();
-            let found = hdbscan(&points, dimensions, &HdbscanOptions { smallest, samples });
+            let found = hdbscan(&points, dimensions, &HdbscanOptions { smallest, samples, resolution: 0.0 });
             let count = |labels: &[Option<u32>]| labels.iter().flatten().max().map_or(0, |most| most + 1);
             let (ours, theirs) = (count(&found), count(&expected));
-            assert!(same(&found, &expected), "{set} {smallest} {samples}: {ours} clusters, expected {theirs}");
+            assert!(found == expected, "{set} {smallest} {samples}: {ours} clusters, expected {theirs}");
         }
     }
 }
@@ -69,7 +69,7 @@ proptest! {
         let stream = Stream::new(seed, 0, "clusters");
         let at = |i: u64| stream.normal::<f64>(i) + 6.0 * (i / 2 % 3) as f64;
         let points: Vec<f64> = (0..2 * count as u64).map(at).collect();
-        let options = HdbscanOptions { smallest: 4, samples: 3 };
+        let options = HdbscanOptions { smallest: 4, samples: 3, resolution: 0.0 };
         let labels = hdbscan(&points, 2, &options);
         let order = stream.fork(1).permutation(count);
         let shuffled: Vec<f64> = order.iter().flat_map(|i| points[2 * i..2 * i + 2].to_vec()).collect();
@@ -102,15 +102,27 @@ proptest! {
 
 #[test]
 fn few_points_and_equal_points_are_no_trouble() {
-    let options = HdbscanOptions { smallest: 3, samples: 10 };
+    let options = HdbscanOptions { smallest: 3, samples: 10, resolution: 0.0 };
     assert_eq!(hdbscan(&[], 2, &options), []);
     assert_eq!(hdbscan(&[1.0, 2.0], 2, &options), [None]);
     // All in two places: two clusters; all in one: no cluster falls apart from it.
     let two: Vec<f64> = (0..20).map(|i| f64::from(i % 2)).collect();
-    let labels = hdbscan(&two, 1, &HdbscanOptions { smallest: 3, samples: 3 });
+    let labels = hdbscan(&two, 1, &HdbscanOptions { smallest: 3, samples: 3, resolution: 0.0 });
     assert!((0..20).all(|i| labels[i] == Some(i as u32 % 2)), "{labels:?}");
     assert!(hdbscan(&[4.0; 20], 1, &options).iter().all(Option::is_none));
     assert_eq!(Pca::of::<f32>(&[], 3, 2).variances, [0.0; 2]);
+}
+
+/// Points that only rounding tells apart are no clusters of their own.
+#[test]
+fn resolution_keeps_rounding_from_making_clusters() {
+    // Two places, in each of which there are two groups a hair apart.
+    let points: Vec<f64> = (0..80).map(|i| f64::from(i % 2) + f64::from(i / 2 % 2) * 1e-7).collect();
+    let found = |resolution| {
+        let labels = hdbscan(&points, 1, &HdbscanOptions { smallest: 5, samples: 4, resolution });
+        labels.iter().flatten().max().map_or(0, |most| most + 1)
+    };
+    assert_eq!((found(0.0), found(1e-3)), (4, 2));
 }
 
 /// What nobody sees is no cluster, however much of it there is.
@@ -121,7 +133,10 @@ fn unseen_gaussians_are_noise() {
         .map(|i| if i < 60 { 0.0 } else { f64::from(i % 2) * 9.0 + 0.1 * stream.normal::<f64>(i as u64) })
         .collect();
     let seen: Vec<f64> = (0..120).map(|i| if i < 60 { 0.0 } else { 1.0 }).collect();
-    let options = ClusterOptions { hdbscan: HdbscanOptions { smallest: 5, samples: 4 }, ..ClusterOptions::default() };
+    let options = ClusterOptions {
+        hdbscan: HdbscanOptions { smallest: 5, samples: 4, resolution: 0.0 },
+        ..ClusterOptions::default()
+    };
     let labels = cluster(&features, 1, &seen, &options).unwrap();
     assert!(labels[..60].iter().all(Option::is_none));
     assert!(labels[60..].chunks(2).all(|pair| pair == [Some(0), Some(1)]), "{labels:?}");
