@@ -61,7 +61,7 @@ fn clusters_are_those_of_hdbscan() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 16, failure_persistence: None, ..Default::default() })]
+    #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 16, failure_persistence: None, ..Default::default() })]
 
     /// Neither the order of points nor the number of threads decides.
     #[test]

@@ -84,7 +84,7 @@ fn converged(descent: Descent) -> Solver {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, failure_persistence: None, ..Default::default() })]
+    #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 20, failure_persistence: None, ..Default::default() })]
 
     #[test]
     fn row_sum_is_the_smoothed_least_squares(seed: u64, splats in 2_usize..9, channels in 1_usize..4) {

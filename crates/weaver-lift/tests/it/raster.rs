@@ -22,7 +22,7 @@ fn maps(cameras: &[weaver_geometry::Camera], channels: usize) -> Vec<Vec<f64>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, failure_persistence: None, ..Default::default() })]
+    #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 20, failure_persistence: None, ..Default::default() })]
 
     #[test]
     fn adjoint_and_forward_fit_together(seed: u64, count in 1_usize..40, channels in 1_usize..6) {
