@@ -80,7 +80,7 @@ fn depth_and_poses_explain_the_photos() {
 #[test]
 fn instances_are_the_same_things_in_all_views() {
     for scene in [scene(3, &SMALL), varied_scene(3, &SMALL)] {
-        let (mut same, mut other, mut things) = (0, 0, std::collections::BTreeSet::new());
+        let (mut same, mut other, mut things) = (0, 0, std::collections::BTreeSet::<u16>::new());
         for (view, next) in scene.views.iter().zip(&scene.views[1..]) {
             let (depth, instances) = (view.depth.as_ref().unwrap(), view.instances.as_ref().unwrap());
             assert!(depth.iter().zip(instances).all(|(z, thing)| (*z > 0.0) == (*thing > 0)));
