@@ -2,12 +2,14 @@
 
 mod eval;
 mod fit;
+mod lift;
 mod photos;
 mod refine;
 mod render;
 
 pub use eval::{ContextCameras, Eval};
 pub use fit::{Fit, Format, Origin, PoseMode, StrategyName};
+pub use lift::{Lift, Query, SolverName};
 pub use photos::{Cameras, MatchingFlags, Reconstruct};
 pub use refine::RefineFlags;
 pub use render::Render;
@@ -37,6 +39,7 @@ const MOST_SEED: u64 = i64::MAX as u64;
   splatweaver infer --run runs/mine a.jpg b.jpg c.jpg d.jpg -o result
   splatweaver fit capture --minutes 2 -o scene
   splatweaver render result/scene.ply --orbit 60 -o turn
+  splatweaver lift scene.ply --cameras transforms.json --features dino -o lifted.safetensors
   splatweaver info result/scene.ply
   splatweaver bench raster --synthetic 100000,640,480
 
@@ -57,6 +60,8 @@ pub enum Command {
     Infer(Infer),
     Fit(Fit),
     Render(Render),
+    Lift(Lift),
+    Query(Query),
     Info(Info),
     ConvertWeights(ConvertWeights),
     Bench(Bench),

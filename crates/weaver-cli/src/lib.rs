@@ -17,7 +17,9 @@ mod fit;
 mod infer;
 mod info;
 mod interrupt;
+mod lift;
 mod progress;
+mod query;
 mod reconstruct;
 mod refine;
 mod render;
@@ -67,6 +69,8 @@ fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> R
             in_pool(arguments.threads.map(usize::from), || fit::run(&arguments, console, interrupt))
         }
         Command::Render(arguments) => in_pool(arguments.threads.count(), || render::run(&arguments, console)),
+        Command::Lift(arguments) => in_pool(arguments.threads.count(), || lift::run(&arguments, console)),
+        Command::Query(arguments) => in_pool(arguments.threads.count(), || query::run(&arguments, console)),
         Command::Info(arguments) => info::run(&arguments, console),
         Command::ConvertWeights(arguments) => convert_weights::run(&arguments, console, interrupt),
         Command::Config(arguments) => config::run(&arguments, console),

@@ -246,6 +246,7 @@ fn load_photo(
         time: photo.frame.time,
         number: photo.frame.number,
         extras: photo.frame.extras.clone(),
+        instances: None,
         held_out: photo.held_out,
     };
     Ok((view, visible))

@@ -19,7 +19,7 @@ use crate::{Scene, View};
 use draws::Draws;
 use path::Path;
 use rayon::prelude::*;
-use render::Film;
+use render::{Exposure, Film};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use weaver_geometry::Camera;
@@ -49,7 +49,7 @@ pub struct ProceduralOptions {
 /// Generates the scene of a seed: a patterned ground, walls, three to six objects and a flat sky, photographed along an
 /// arc with a field of view near 60 degrees; every fourth view is held out.
 ///
-/// Depth is exact at every pixel's center (0 for sky); points are surface points with exact visibility.
+/// Depth and instances are exact at every pixel's center (0 for sky); points are surface points with exact visibility.
 ///
 /// ```
 /// use weaver_data::procedural::{ProceduralOptions, scene};
@@ -104,13 +104,14 @@ impl Plan {
             .par_iter()
             .enumerate()
             .map(|(i, camera)| {
-                let (image, depth) = film.photograph(&world, camera, stream_of(i).fork(0));
+                let Exposure { image, depth, instances } = film.photograph(&world, camera, stream_of(i).fork(0));
                 View {
                     name: format!("{i:04}"),
                     image,
                     camera: *camera,
                     inside: None,
                     depth: Some(depth),
+                    instances: Some(instances),
                     time: None,
                     number: None,
                     extras: BTreeMap::new(),

@@ -20,6 +20,9 @@ pub struct View {
     pub inside: Option<Vec<bool>>,
     /// Depth along the optical axis, `[height * width]`, scene units; 0 where unknown.
     pub depth: Option<Vec<f32>>,
+    /// Which thing each pixel's center shows, `[height * width]`, where that is known: 0 for the sky, else a number from 1 that the
+    /// thing has in all views of the scene.
+    pub instances: Option<Vec<u16>>,
     /// When the photo was taken, where the capture says so, in its own unit.
     pub time: Option<f64>,
     /// A number that the capture gives to the photo, such as its exposure group.

@@ -1,4 +1,4 @@
-//! File formats: images, PLY, splat, SPZ, COLMAP, transforms.json, RealEstate10K, safetensors.
+//! File formats: images, PLY, splat, SPZ, COLMAP, transforms.json, RealEstate10K, safetensors, NPY.
 //!
 //! [`read_gaussians`] and [`read_cameras`] read every supported format of scenes and of cameras into the types of
 //! `weaver-scene`. Poses are world-to-camera with OpenCV axes, intrinsics are in pixels with pixel centers at half-integers.
@@ -6,6 +6,7 @@
 //! written atomically ([`atomic_write`]).
 
 mod append;
+mod array;
 mod atomic;
 mod bitmap;
 mod bytes;
@@ -25,6 +26,7 @@ mod image;
 mod info;
 mod mapped_file;
 mod memory;
+mod npy;
 mod photo_file;
 pub mod ply;
 pub mod realestate;
@@ -38,6 +40,7 @@ mod weights;
 mod weights_writer;
 
 pub use append::Appender;
+pub use array::open_array;
 pub use atomic::atomic_write;
 pub use bitmap::Bitmap;
 pub use cameras::read_cameras;

@@ -203,6 +203,17 @@ impl Weights {
 }
 
 impl Weight {
+    /// Numbers at `range` of a file; as many as the shape says.
+    pub(crate) fn new(
+        name: String,
+        dtype: Dtype,
+        shape: Vec<usize>,
+        file: Arc<MappedFile>,
+        range: Range<usize>,
+    ) -> Self {
+        Self { name, dtype, shape, file, range }
+    }
+
     /// Its name in the file.
     pub fn name(&self) -> &str {
         &self.name

@@ -158,6 +158,11 @@ fn benches(c: &mut Criterion) {
         });
         let [mut sums, mut largest] = [(); 2].map(|()| vec![0.0; load.intrinsics.len() / 4 * load.opacities.len()]);
         group.bench_function("contributions", |b| b.iter(|| load.workspace.contributions(&mut sums, &mut largest)));
+        let mut squared = vec![0.0; load.opacities.len()];
+        let ones = vec![1.0; load.intrinsics.len() / 4 * load.size.0 * load.size.1];
+        group.bench_function("squared contributions", |b| {
+            b.iter(|| load.workspace.squared_contributions(&ones, 1, Target::write(&mut squared)));
+        });
         group.finish();
     }
 }

@@ -14,6 +14,7 @@ mod blend;
 mod blend_backward;
 mod coverage;
 mod forward;
+mod gather;
 mod grid;
 mod hits;
 mod lists;

@@ -2,6 +2,7 @@
 
 use crate::ewa::EwaGaussian;
 use crate::extent::{Extent, expect_len};
+use crate::gradients::Target;
 use crate::settings::{RasterError, RasterSettings};
 use crate::tiles::Tiles;
 use std::time::Duration;
@@ -103,6 +104,28 @@ impl<T: Real> Workspace<T> {
         expect_len("sums of the contributions", sums.len(), extent.views * extent.gaussians)?;
         expect_len("largest contributions", largest.len(), extent.views * extent.gaussians)?;
         self.tiles.contributions(&EwaGaussian, settings.alpha_max, sums, largest);
+        Ok(())
+    }
+
+    /// What each Gaussian gathers from the pixels of the last image drawn with this workspace by the squares of its weights: the
+    /// sums of w^2 times `values` `[V, H, W, C]`, w = alpha T, over pixels and views, `[N, C]`.
+    ///
+    /// Linear in `values`. By the weights themselves, the gradient with respect to features gathers
+    /// ([`rasterize_backward`](crate::rasterize_backward())). Same bits at any number of threads.
+    ///
+    /// # Errors
+    ///
+    /// Lengths that do not fit, or a workspace that nothing was drawn with.
+    pub fn squared_contributions(
+        &mut self,
+        values: &[T],
+        channels: usize,
+        sums: Target<'_, T>,
+    ) -> Result<(), RasterError> {
+        let (extent, settings) = self.last()?;
+        expect_len("values to gather", values.len(), extent.pixels() * channels)?;
+        expect_len("sums of the squared contributions", sums.values.len(), extent.gaussians * channels)?;
+        self.tiles.squared_contributions(&EwaGaussian, settings.alpha_max, (values, channels), sums);
         Ok(())
     }
 }

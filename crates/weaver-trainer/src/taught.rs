@@ -143,6 +143,7 @@ fn scene(
             camera,
             inside,
             depth: Some(depth),
+            instances: None,
             time: None,
             number: None,
             extras: std::collections::BTreeMap::new(),

@@ -7,6 +7,7 @@ mod camera_head;
 mod dense;
 mod end_to_end;
 mod gaussian_head;
+mod lifting;
 mod losses;
 mod metrics;
 mod operations;
@@ -223,6 +224,8 @@ fn compare_in<T: Real>(path: &Path, weights: Option<&Path>) -> (Vec<Line>, Vec<R
             i if i.starts_with("dpt") => dense::run::<T>(file),
             i if i.starts_with("splatweaver_head") => gaussian_head::run::<T>(file),
             i if i.starts_with("losses") => losses::run::<T>(file),
+            i if i.starts_with("clusters") => lifting::clusters::<T>(file),
+            i if i.starts_with("lifting") => lifting::run::<T>(file),
             i if i.starts_with("wavelet") => wavelet::run::<T>(file),
             i if i.starts_with("ops") => operations::run::<T>(file),
             i if i.starts_with("metrics") => metrics::run::<T>(file, weights().as_deref()),

@@ -5,6 +5,7 @@ mod eval_scene;
 mod fit;
 #[cfg(unix)]
 mod killed;
+mod lift;
 mod photos;
 mod plan;
 mod process;

@@ -14,6 +14,15 @@ const TILE: usize = 8;
 /// Angles and lengths that only rounding makes.
 const ROUNDING: f64 = 1e-6;
 
+/// A photo and what is exact about it at every pixel's center, 0 where there is only sky.
+pub(super) struct Exposure {
+    pub image: Image,
+    /// Along the optical axis.
+    pub depth: Vec<f32>,
+    /// The number of the solid that is seen, from 1.
+    pub instances: Vec<u16>,
+}
+
 /// How photos come out.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Film {
@@ -31,19 +40,23 @@ impl Film {
     /// Sixteen rays per pixel, and nothing between light and photo.
     pub const PLAIN: Self = Self { grid: 4, gain: DVec3::ONE, exposure: 0.0, noise: 0.0 };
 
-    /// The photo that `camera` takes, and depth along the optical axis at every pixel's center, 0 where there is only sky;
-    /// `stream` is exposure and noise.
-    pub fn photograph(&self, world: &World, camera: &Camera, stream: Stream) -> (Image, Vec<f32>) {
+    /// The photo that `camera` takes; `stream` is exposure and noise.
+    pub fn photograph(&self, world: &World, camera: &Camera, stream: Stream) -> Exposure {
         let gain = self.gain * (self.exposure * stream.normal::<f64>(0)).exp();
         let mut image = Image::filled(camera.width, camera.height, [0.0; 3]);
         let mut depth = vec![0.0; camera.width * camera.height];
+        let mut instances = vec![0; depth.len()];
         for top in (0..camera.height).step_by(TILE) {
             for left in (0..camera.width).step_by(TILE) {
                 let tile =
                     Tile { left, top, right: camera.width.min(left + TILE), bottom: camera.height.min(top + TILE) };
-                for (at, color, z) in self.tile(world, camera, tile, gain) {
+                for Pixel { at, color, center } in self.tile(world, camera, tile, gain) {
                     image.pixels[3 * at..3 * at + 3].copy_from_slice(&color.as_vec3().to_array());
-                    depth[at] = z as f32;
+                    if let Some(hit) = center {
+                        depth[at] = hit.t as f32;
+                        let number = world.solids.iter().position(|solid| std::ptr::eq(solid, hit.solid));
+                        instances[at] = number.map_or(0, |number| number as u16 + 1);
+                    }
                 }
             }
         }
@@ -55,11 +68,11 @@ impl Film {
                 *value = (*value + noise as f32).clamp(0.0, 1.0);
             }
         }
-        (image, depth)
+        Exposure { image, depth, instances }
     }
 
-    /// Index, color and depth of each pixel of a tile.
-    fn tile(&self, world: &World, camera: &Camera, tile: Tile, gain: DVec3) -> Vec<(usize, DVec3, f64)> {
+    /// The pixels of a tile.
+    fn tile<'a>(&self, world: &'a World, camera: &Camera, tile: Tile, gain: DVec3) -> Vec<Pixel<'a>> {
         let samples = self.grid * self.grid;
         let seen = tile.seen(world, camera);
         let pixels = || (tile.top..tile.bottom).flat_map(|y| (tile.left..tile.right).map(move |x| (x, y)));
@@ -85,8 +98,8 @@ impl Film {
                     sum += shading.color(*ray, *hit, self.grid_point(sample * 7 % samples));
                 }
                 let center = Ray::through(camera, DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
-                let depth = world::trace(&seen, center.origin, center.direction).map_or(0.0, |hit| hit.t);
-                (y * camera.width + x, sum / samples as f64, depth)
+                let center = world::trace(&seen, center.origin, center.direction);
+                Pixel { at: y * camera.width + x, color: sum / samples as f64, center }
             })
             .collect()
     }
@@ -95,6 +108,13 @@ impl Film {
     fn grid_point(&self, index: usize) -> DVec2 {
         DVec2::new((index % self.grid) as f64 + 0.5, (index / self.grid) as f64 + 0.5) / self.grid as f64
     }
+}
+
+/// A pixel: its index, its color and what its center shows.
+struct Pixel<'a> {
+    at: usize,
+    color: DVec3,
+    center: Option<Hit<'a>>,
 }
 
 /// Part of an image, pixels; `right` and `bottom` are beyond it.

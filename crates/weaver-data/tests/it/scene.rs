@@ -18,6 +18,7 @@ pub fn view(name: &str, center: DVec3, turn: f64, held_out: bool) -> View {
             height: 3,
         },
         inside: None,
+        instances: None,
         depth: None,
         time: None,
         number: None,

@@ -1,5 +1,6 @@
 //! Integration tests: round trips, real files, hostile bytes.
 
+mod array;
 mod atomic;
 mod cameras;
 mod checkpoint;

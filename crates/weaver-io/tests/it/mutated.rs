@@ -3,6 +3,7 @@
 //! `cargo xtask stress parsers` draws many more than an ordinary run. A file is drawn from the reader's name and a number alone, so
 //! that a failure that is printed can be repeated.
 
+use crate::array::{HEADER, npy};
 use crate::colmap::model;
 use crate::mutations::{files, mutate};
 use flate2::read::GzDecoder;
@@ -95,6 +96,7 @@ fn readers() -> Vec<Reader> {
             vec![("model.safetensors.index.json".into(), text(index)), ("a.safetensors".into(), safetensors)],
             |path| Weights::open(path).is_ok(),
         ),
+        one("npy", "a.npy", npy(1, HEADER, &[7; 24]), |path| weaver_io::open_array(path).is_ok()),
         one("torch", "a.ckpt", torch.unwrap(), |path| TorchCheckpoint::open(path).is_ok()),
         one("png", "a.png", png.clone(), photo),
         Reader { seal: checksummed, ..one("png content", "a.png", png, photo) },

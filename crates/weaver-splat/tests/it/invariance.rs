@@ -41,16 +41,17 @@ fn hits<T: Real>(workspace: &Workspace<T>) -> Vec<Hit<T>> {
     hits
 }
 
-/// All that a scene gives: images, counts, gradients, hits, and sums and maxima of contributions.
-fn everything(scene: &Scene<f32>, cotangents: &Planes<f32>) -> (Outcome<f32>, Vec<Hit<f32>>, [Vec<f32>; 2]) {
+/// All that a scene gives: images, counts, gradients, hits, sums and maxima of contributions, and what squared ones gather.
+fn everything(scene: &Scene<f32>, cotangents: &Planes<f32>) -> (Outcome<f32>, Vec<Hit<f32>>, [Vec<f32>; 3]) {
     let outcome = outcome(scene, cotangents);
     let mut workspace = Workspace::new();
     scene.render_in(&mut workspace);
     let hits = hits(&workspace);
     let len = scene.views() * scene.opacities.len();
-    let mut contributions = [vec![f32::NAN; len], vec![f32::NAN; len]];
-    let [sums, largest] = &mut contributions;
+    let mut contributions = [len, len, 2 * scene.opacities.len()].map(|len| vec![f32::NAN; len]);
+    let [sums, largest, squared] = &mut contributions;
     workspace.contributions(sums, largest).unwrap();
+    workspace.squared_contributions(&cotangents.features, 2, Target::write(squared)).unwrap();
     (outcome, hits, contributions)
 }
 

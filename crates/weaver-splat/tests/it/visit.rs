@@ -3,7 +3,7 @@
 use crate::scene::{Scene, relative};
 use proptest::prelude::*;
 use std::sync::Mutex;
-use weaver_splat::{TileSide, Workspace, expected_depth, expected_depth_backward};
+use weaver_splat::{Target, TileSide, Workspace, expected_depth, expected_depth_backward};
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: ProptestConfig::default().cases / 16, failure_persistence: None, ..Default::default() })]
@@ -42,6 +42,18 @@ proptest! {
         workspace.contributions(&mut own_sums, &mut own_largest).unwrap();
         prop_assert!(relative(&own_sums, &sums, 1.0) < 1e-12);
         prop_assert_eq!(own_largest, largest);
+        // What is gathered by squared weights, alone and on top of something.
+        let values = scene.cotangents(seed).features;
+        let mut gathered = vec![0.0; 2 * n];
+        for &(pixel, n_, weight, _) in &hits {
+            (0..2).for_each(|c| gathered[2 * n_ + c] += weight * weight * values[2 * pixel + c]);
+        }
+        let mut own = vec![f64::NAN; 2 * n];
+        workspace.squared_contributions(&values, 2, Target::write(&mut own)).unwrap();
+        prop_assert!(relative(&own, &gathered, 1.0) < 1e-12);
+        workspace.squared_contributions(&values, 2, Target::add(&mut own)).unwrap();
+        gathered.iter_mut().for_each(|x| *x *= 2.0);
+        prop_assert!(relative(&own, &gathered, 1.0) < 1e-12);
         // The gradients after it are those without it.
         let cotangents = scene.cotangents(seed);
         prop_assert_eq!(scene.gradients_in(&cotangents, &mut workspace), scene.gradients(&cotangents));
@@ -85,4 +97,5 @@ fn nothing_drawn_is_nothing_to_visit() {
     let mut workspace = Workspace::<f64>::new();
     assert!(workspace.for_each_hit(|_, _, _, _| ()).unwrap_err().to_string().contains("nothing was drawn"));
     assert!(workspace.contributions(&mut [], &mut []).is_err());
+    assert!(workspace.squared_contributions(&[], 1, Target::write(&mut [])).is_err());
 }

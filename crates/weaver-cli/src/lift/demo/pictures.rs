@@ -1,0 +1,48 @@
+//! Pictures of what was lifted, of one scene.
+
+use super::figures::drawn_labels;
+use super::noise::Noise;
+use super::stage::Stage;
+use crate::failure::Failure;
+use crate::lift::pca::PcaColors;
+use std::path::Path;
+use weaver_geometry::Camera;
+use weaver_io::{Image, label_color};
+use weaver_lift::{LiftOptions, Raster, Solver, lift};
+use weaver_splat::RasterSettings;
+
+/// Writes the pictures of a view that was held out, and of one with a wrong mask.
+pub fn write(stage: &Stage, noise: &Noise, out: &Path) -> Result<(), Failure> {
+    weaver_io::create_folder(out)?;
+    let save = |name: &str, image: &Image| image.write_png(out.join(format!("{name}.png")));
+    let settings = RasterSettings::default();
+    let mut training = Raster::new(stage.splats.as_slices(), &stage.training.cameras, settings);
+    let mut held_out = Raster::new(stage.splats.as_slices(), &stage.held_out.cameras, settings);
+    let labels = |camera: &Camera, ids: &[u32]| label_color(ids, camera.width, camera.height);
+    let camera = &stage.held_out.cameras[0];
+    save("ids", &labels(camera, &stage.held_out.ids[0]))?;
+    for (name, solver) in [("row-sum", Solver::RowSum), ("exact-5", Solver::exact(5))] {
+        let lifted = lift(&mut training, &mut stage.one_hot(), &LiftOptions::with(solver), &mut || ())?;
+        let drawn = drawn_labels(&mut held_out, &lifted.features, 0, stage.classes)?;
+        save(&format!("labels-{name}"), &labels(camera, &drawn))?;
+    }
+    let channels = noise.features[0].len() / stage.labels.len();
+    for (name, features) in ["lifted", "aggregated"].iter().zip(&noise.features) {
+        let colors = PcaColors::of(features, channels, &vec![1.0; stage.labels.len()]);
+        save(&format!("pca-{name}"), &colors.draw(&mut held_out, 0, camera)?)?;
+    }
+    // The masks of a view with a wrong one, and those of them that were kept.
+    let view = noise.masks.iter().zip(&noise.wrong).find(|(_, wrong)| **wrong).map_or(0, |(mask, _)| mask.view);
+    let camera = &stage.training.cameras[view];
+    let of_masks = |counts: &dyn Fn(usize) -> bool| {
+        let mut ids = vec![0; camera.width * camera.height];
+        let masks = noise.masks.iter().enumerate().filter(|(_, mask)| mask.view == view);
+        for (number, (i, mask)) in (1..).zip(masks) {
+            mask.pixels.iter().filter(|_| counts(i)).for_each(|pixel| ids[*pixel as usize] = number);
+        }
+        labels(camera, &ids)
+    };
+    save("masks", &of_masks(&|_| true))?;
+    save("masks-kept", &of_masks(&|i| noise.kept[i]))?;
+    Ok(())
+}

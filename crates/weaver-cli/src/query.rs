@@ -1,0 +1,93 @@
+//! `splatweaver query`.
+
+use crate::Console;
+use crate::arguments::Query;
+use crate::cameras::{self, Size};
+use crate::failure::Failure;
+use crate::lift::{Drawn, refused};
+use crate::progress::Progress;
+use std::path::Path;
+use weaver_geometry::Camera;
+use weaver_io::checkpoint::{TensorData, Tensors};
+use weaver_io::{Storage, false_color, open_array};
+use weaver_lift::{Operator, Raster, guide, scores, to_unit_length};
+
+pub fn run(arguments: &Query, console: &mut Console) -> Result<(), Failure> {
+    let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
+    let frames = cameras::read(&arguments.cameras, size)?;
+    let stems = cameras::stems(&frames);
+    let cameras: Vec<Camera> = frames.iter().map(|frame| frame.camera).collect();
+    let mut drawn = Drawn::read(&arguments.scene)?;
+    let splats = drawn.gaussians.len();
+
+    let path = &arguments.features;
+    let lifted = Tensors::read(path)?;
+    let tensor = lifted.get("features")?;
+    let (TensorData::F32(features), &[rows, channels]) = (&tensor.data, &tensor.shape[..]) else {
+        let found = format!("{} {:?}", tensor.data.dtype(), tensor.shape);
+        return Err(refused(path, "features of type F32 [Gaussians, channels]", &found));
+    };
+    if rows != splats {
+        let expected = format!("features of {splats} Gaussians, as {} has", arguments.scene.display());
+        return Err(refused(path, &expected, &rows.to_string()));
+    }
+    let checksum = drawn.checksum();
+    if lifted.metadata.get("scene_checksum").is_some_and(|other| *other != checksum) {
+        console.note(&format!(
+            "warning: {}: features were lifted to other Gaussians than those of {}",
+            path.display(),
+            arguments.scene.display()
+        ));
+    }
+    let lambda = match lifted.metadata.get("lambda") {
+        None => 1.0,
+        Some(text) => text.parse().map_err(|_| refused(path, "lambda: a number", text))?,
+    };
+    guide(&mut drawn.gaussians.opacities, lambda).map_err(|e| Failure::message(format!("{}: {e}", path.display())))?;
+    let prompts = prompts(&arguments.prompts, channels)?;
+    let count = prompts.len() / channels;
+    let scores = scores(features, &prompts, channels)?;
+
+    weaver_io::check_writable(&arguments.out)?;
+    weaver_io::create_folder(&arguments.out)?;
+    let mut raster = Raster::new(drawn.gaussians.as_slices(), &cameras, drawn.settings);
+    let mut progress = Progress::new("query", 0, cameras.len(), console);
+    for (view, (camera, stem)) in cameras.iter().zip(&stems).enumerate() {
+        let mut map = vec![0.0; raster.rays(view) * count];
+        raster.forward(view, &scores, count, &mut map)?;
+        for prompt in 0..count {
+            let of_prompt: Vec<f32> = map.iter().skip(prompt).step_by(count).copied().collect();
+            let picture = false_color(&of_prompt, camera.width, camera.height, 0.0, 1.0);
+            picture.write_png(arguments.out.join(format!("{stem}-{prompt}.png")))?;
+        }
+        let mut tensors = Tensors::default();
+        tensors.insert("scores", &[camera.height, camera.width, count], map);
+        tensors.write(arguments.out.join(format!("{stem}.safetensors")))?;
+        progress.at(view + 1, cameras.len(), String::new, console);
+    }
+    progress.finish();
+    console.print(&format!("maps: {} prompts in {} views, in {}", count, cameras.len(), arguments.out.display()))
+}
+
+/// A table of prompts, each of length 1.
+fn prompts(path: &Path, channels: usize) -> Result<Vec<f32>, Failure> {
+    let array = open_array(path)?;
+    let shape = format!("{:?}", array.shape());
+    if array.shape().len() != 2 || array.shape()[1] != channels || array.is_empty() {
+        return Err(refused(path, &format!("prompts [prompts, {channels}]"), &shape));
+    }
+    let mut values = match array.storage()? {
+        Storage::F32(slice) => slice.as_ref().to_vec(),
+        Storage::Widened(values) => values,
+        Storage::F16(slice) => slice.as_ref().iter().map(|x| x.to_f32()).collect(),
+        Storage::Bf16(slice) => slice.as_ref().iter().map(|x| x.to_f32()).collect(),
+    };
+    for (number, prompt) in values.chunks_exact(channels).enumerate() {
+        let length = prompt.iter().map(|x| x * x).sum::<f32>();
+        if !(length.is_finite() && length > 0.0) {
+            return Err(refused(path, "prompts of some length", &format!("{length} for prompt {number}")));
+        }
+    }
+    to_unit_length(&mut values, channels);
+    Ok(values)
+}

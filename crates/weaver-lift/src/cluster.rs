@@ -1,0 +1,43 @@
+//! Clusters of Gaussians by their features.
+
+use crate::error::{LiftError, expect_len};
+use crate::hdbscan::{HdbscanOptions, hdbscan};
+use crate::pca::Pca;
+use weaver_kernels::Real;
+
+/// How Gaussians are clustered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClusterOptions {
+    /// Principal components of the features that are looked at, or all where there are fewer.
+    pub components: usize,
+    /// What counts as a cluster.
+    pub hdbscan: HdbscanOptions,
+}
+
+impl Default for ClusterOptions {
+    /// As published: 50 components, 500 Gaussians, 10 neighbors.
+    fn default() -> Self {
+        Self { components: 50, hdbscan: HdbscanOptions::default() }
+    }
+}
+
+/// The clusters of Gaussians by their `features` `[P, channels]`: [`Pca`], then [`hdbscan`]. `None` is noise, and what is not seen
+/// (`seen` `[P]` is 0), which is no part of it.
+///
+/// # Errors
+/// Lengths that do not fit.
+pub fn cluster<T: Real>(
+    features: &[T],
+    channels: usize,
+    seen: &[T],
+    options: &ClusterOptions,
+) -> Result<Vec<Option<u32>>, LiftError> {
+    expect_len("features", features.len(), seen.len() * channels)?;
+    let of_seen: Vec<usize> = (0..seen.len()).filter(|j| seen[*j] > T::ZERO).collect();
+    let points: Vec<T> = of_seen.iter().flat_map(|j| &features[j * channels..(j + 1) * channels]).copied().collect();
+    let pca = Pca::of(&points, channels, options.components);
+    let found = hdbscan(&pca.project(&points), pca.components(), &options.hdbscan);
+    let mut labels = vec![None; seen.len()];
+    of_seen.iter().zip(found).for_each(|(j, label)| labels[*j] = label);
+    Ok(labels)
+}

@@ -1,0 +1,66 @@
+//! Clusters of points by density, as many as there are.
+
+mod condensed;
+mod tree;
+
+use condensed::condensed;
+use tree::{core_distances, merges, spanning_tree};
+
+/// What counts as a cluster.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HdbscanOptions {
+    /// Fewest points of a cluster, at least 2.
+    pub smallest: usize,
+    /// How many neighbors say how dense it is around a point.
+    pub samples: usize,
+    /// Points that are nearer to each other than this count as this far apart, so that no cluster falls into clusters of points that
+    /// only rounding tells apart; 0 for none of it.
+    pub resolution: f64,
+}
+
+impl Default for HdbscanOptions {
+    /// As published for lifted features.
+    fn default() -> Self {
+        Self { smallest: 500, samples: 10, resolution: 0.0 }
+    }
+}
+
+/// The clusters of `points` `[N, dimensions]` by HDBSCAN with Euclidean distances: a number from 0 for each point, in the order
+/// of the clusters' first points, or `None` for noise.
+///
+/// A point's core distance is that to its `samples`-th neighbor; points are joined by the tree that spans the larger of both core
+/// distances and their own; of the clusters that fall apart from it, those with the most excess of mass stay, never all points as
+/// one. Takes time of N^2, and memory of N. Same bits at any number of threads.
+///
+/// # Source
+/// Campello, Moulavi, Zimek and Sander, 2015; McInnes, Healy and Astels, 2017.
+///
+/// ```
+/// use weaver_lift::{HdbscanOptions, hdbscan};
+/// let points = [0.0, 0.1, 0.2, 5.0, 5.1, 5.2, 50.0];
+/// let labels = hdbscan(&points, 1, &HdbscanOptions { smallest: 3, samples: 1, resolution: 0.0 });
+/// assert_eq!(labels, [Some(0), Some(0), Some(0), Some(1), Some(1), Some(1), None]);
+/// ```
+pub fn hdbscan(points: &[f64], dimensions: usize, options: &HdbscanOptions) -> Vec<Option<u32>> {
+    let count = points.len() / dimensions.max(1);
+    if count < 2 {
+        return vec![None; count];
+    }
+    let mut core = core_distances(points, dimensions, options.samples);
+    // Neighbors are never nearer than a core distance.
+    core.iter_mut().for_each(|core| *core = core.max(options.resolution));
+    let edges = spanning_tree(points, dimensions, &core);
+    let merges = merges(edges, count);
+    let clusters = condensed(&merges, count, options.smallest.max(2));
+    let chosen = clusters.chosen();
+    let mut numbers = vec![None; chosen.len()];
+    let mut next = 0;
+    let mut number = |cluster: usize| {
+        *numbers[cluster].get_or_insert_with(|| {
+            next += 1;
+            next - 1
+        })
+    };
+    let of_point = |cluster: &usize| clusters.ancestors(*cluster).find(|at| chosen[*at]).map(&mut number);
+    clusters.of_points.iter().map(of_point).collect()
+}

@@ -1,0 +1,122 @@
+//! Principal components.
+
+use weaver_kernels::{Real, parallel};
+
+/// Points whose products are summed before the next ones are looked at: few enough to stay in a cache.
+const BLOCK: usize = 256;
+/// Rounds of rotations; ten are enough for hundreds of channels.
+const MOST_SWEEPS: usize = 60;
+
+/// The directions in which points differ most.
+///
+/// Axes are eigenvectors of the covariance, largest variance first, each with its largest component positive.
+///
+/// ```
+/// use weaver_lift::Pca;
+/// let pca = Pca::of(&[0.0, 0.0, 1.0, 2.0, 2.0, 4.0], 2, 1);
+/// assert!((pca.axes[1] / pca.axes[0] - 2.0).abs() < 1e-12);
+/// assert!((pca.project(&[2.0, 4.0])[0] - 5.0_f64.sqrt()).abs() < 1e-12);
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pca {
+    /// The mean of the points, `[F]`.
+    pub mean: Vec<f64>,
+    /// Unit vectors, `[components, F]`.
+    pub axes: Vec<f64>,
+    /// Variance along each axis, with N - 1 in the denominator, `[components]`.
+    pub variances: Vec<f64>,
+}
+
+impl Pca {
+    /// The first `components` axes of `points` `[N, channels]`, or all there are. Time grows with N F^2 + F^3.
+    pub fn of<T: Real>(points: &[T], channels: usize, components: usize) -> Self {
+        let count = points.len() / channels.max(1);
+        let mut mean = vec![0.0; channels];
+        for point in points.chunks_exact(channels.max(1)) {
+            mean.iter_mut().zip(point).for_each(|(sum, x)| *sum += x.to_f64());
+        }
+        mean.iter_mut().for_each(|sum| *sum /= count.max(1) as f64);
+        let mut covariance = vec![0.0; channels * channels];
+        for points in points.chunks((BLOCK * channels).max(1)) {
+            let centered: Vec<f64> = points.iter().enumerate().map(|(i, x)| x.to_f64() - mean[i % channels]).collect();
+            parallel::for_chunks(&mut covariance, channels, |i, row| {
+                for point in centered.chunks_exact(channels) {
+                    row.iter_mut().zip(point).for_each(|(sum, x)| *sum += point[i] * x);
+                }
+            });
+        }
+        covariance.iter_mut().for_each(|x| *x /= count.max(2) as f64 - 1.0);
+        let (values, vectors) = symmetric_eigen(covariance, channels);
+        let mut order: Vec<usize> = (0..channels).collect();
+        order.sort_by(|a, b| values[*b].total_cmp(&values[*a]));
+        order.truncate(components);
+        let mut axes = Vec::with_capacity(order.len() * channels);
+        for &at in &order {
+            let axis = &vectors[at * channels..(at + 1) * channels];
+            let largest = axis.iter().fold(0.0_f64, |most, x| if x.abs() > most.abs() { *x } else { most });
+            axes.extend(axis.iter().map(|x| x * largest.signum()));
+        }
+        Self { mean, axes, variances: order.iter().map(|at| values[*at].max(0.0)).collect() }
+    }
+
+    /// Number of axes.
+    pub fn components(&self) -> usize {
+        self.variances.len()
+    }
+
+    /// Coordinates of `points` `[N, F]` along the axes, from the mean: `[N, components]`.
+    pub fn project<T: Real>(&self, points: &[T]) -> Vec<f64> {
+        let (channels, components) = (self.mean.len().max(1), self.components());
+        let mut out = vec![0.0; points.len() / channels * components];
+        parallel::for_chunks(&mut out, (BLOCK * components).max(1), |chunk, out| {
+            let points = points[chunk * BLOCK * channels..].chunks_exact(channels);
+            for (out, point) in out.chunks_exact_mut(components).zip(points) {
+                for (x, axis) in out.iter_mut().zip(self.axes.chunks_exact(channels)) {
+                    let terms = point.iter().zip(&self.mean).zip(axis);
+                    *x = terms.map(|((x, mean), axis)| (x.to_f64() - mean) * axis).sum();
+                }
+            }
+        });
+        out
+    }
+}
+
+/// Eigenvalues and eigenvectors (as rows) of a symmetric matrix `[n, n]`, in no order, by Jacobi's rotations.
+fn symmetric_eigen(mut a: Vec<f64>, n: usize) -> (Vec<f64>, Vec<f64>) {
+    let mut vectors = vec![0.0; n * n];
+    (0..n).for_each(|i| vectors[i * n + i] = 1.0);
+    let scale: f64 = a.iter().map(|x| x * x).sum::<f64>() * f64::EPSILON * f64::EPSILON;
+    for _ in 0..MOST_SWEEPS {
+        let off: f64 = (0..n).flat_map(|i| (0..i).map(move |j| i * n + j)).map(|at| a[at] * a[at]).sum();
+        if off <= scale {
+            break;
+        }
+        for p in 0..n {
+            for q in p + 1..n {
+                let apq = a[p * n + q];
+                if apq == 0.0 {
+                    continue;
+                }
+                // The angle that zeroes a_pq, the smaller of the two.
+                let theta = (a[q * n + q] - a[p * n + p]) / (2.0 * apq);
+                let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
+                let c = 1.0 / t.hypot(1.0);
+                let s = t * c;
+                for k in 0..n {
+                    let (x, y) = (a[k * n + p], a[k * n + q]);
+                    (a[k * n + p], a[k * n + q]) = (c * x - s * y, s * x + c * y);
+                }
+                rotate_rows(&mut a, n, (p, q), (c, s));
+                rotate_rows(&mut vectors, n, (p, q), (c, s));
+            }
+        }
+    }
+    ((0..n).map(|i| a[i * n + i]).collect(), vectors)
+}
+
+fn rotate_rows(a: &mut [f64], n: usize, (p, q): (usize, usize), (c, s): (f64, f64)) {
+    let (above, below) = a.split_at_mut(q * n);
+    for (x, y) in above[p * n..(p + 1) * n].iter_mut().zip(&mut below[..n]) {
+        (*x, *y) = (c * *x - s * *y, s * *x + c * *y);
+    }
+}
