@@ -114,7 +114,7 @@ impl<T: Real, O: Operator<T>, B: Observations<T>> Passes<'_, T, O, B> {
                 match *factor == T::ZERO {
                     // What a pixel that does not count holds may be no number.
                     true => row.fill(T::ZERO),
-                    false => row.iter_mut().for_each(|x| *x = *x * *factor),
+                    false => row.iter_mut().for_each(|x| *x *= *factor),
                 }
             }
         });

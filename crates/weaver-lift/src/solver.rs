@@ -108,7 +108,7 @@ fn inverse<T: Real>(d: T) -> T {
 fn divide<T: Real>(x: &mut [T], weights: &[T], channels: usize) {
     for_rows(x, channels, |j, row| {
         let weight = inverse(weights[j]);
-        row.iter_mut().for_each(|x| *x = *x * weight);
+        row.iter_mut().for_each(|x| *x *= weight);
     });
 }
 

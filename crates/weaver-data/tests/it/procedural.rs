@@ -89,7 +89,7 @@ fn instances_are_the_same_things_in_all_views() {
                 let center = DVec2::new((i % SMALL.width) as f64 + 0.5, (i / SMALL.width) as f64 + 0.5);
                 let there = next.camera.pose.apply(view.camera.unproject(center, f64::from(*z)));
                 let pixel = next.camera.intrinsics.project(there);
-                let seen = (pixel.x >= 0.0 && pixel.y >= 0.0).then(|| (pixel.x as usize, pixel.y as usize));
+                let seen = (pixel.x >= 0.0 && pixel.y >= 0.0).then_some((pixel.x as usize, pixel.y as usize));
                 let Some((x, y)) = seen.filter(|(x, y)| *x < SMALL.width && *y < SMALL.height) else { continue };
                 let at = y * SMALL.width + x;
                 if (f64::from(next.depth.as_ref().unwrap()[at]) / there.z - 1.0).abs() < 0.01 {

@@ -36,10 +36,13 @@ fn components_are_those_of_scikit_learn() {
     close(&Pca::of(&single, 12, 5).axes, "out.pca.axes", 1e-5);
 }
 
+/// A set of points, their dimensions, and smallest clusters with numbers of samples.
+type Case = (&'static str, usize, &'static [(usize, usize)]);
+
 #[test]
 fn clusters_are_those_of_hdbscan() {
     let file = Fixture::open("clusters.safetensors");
-    let cases: [(&str, usize, &[(usize, usize)]); 3] = [
+    let cases: [Case; 3] = [
         ("points", 12, &[(10, 10), (25, 10)]),
         ("moons", 2, &[(8, 5), (10, 10), (25, 10), (40, 3)]),
         ("rings", 3, &[(10, 10), (25, 10), (40, 3)]),
