@@ -38,6 +38,7 @@ impl ModelConfig {
     fn check_sizes(&self) -> Result<(), String> {
         let (b, c, d, g) = (&self.backbone, &self.camera, &self.dense, &self.gaussians);
         let [rows, columns] = b.position_table.unwrap_or([1; 2]);
+        let s = d.stereo.unwrap_or_default();
         let at_least_one = [
             ("width", self.width),
             ("height", self.height),
@@ -55,6 +56,9 @@ impl ModelConfig {
             ("dense.depth_hidden", d.depth_hidden),
             ("dense.image_skip_hidden", d.image_skip_hidden),
             ("dense.guidance_hidden", d.guidance_hidden),
+            ("dense.stereo.channels", s.channels),
+            ("dense.stereo.hidden", s.hidden),
+            ("dense.stereo.depths", s.depths),
             ("gaussians.router_hidden", g.router_hidden),
             ("gaussians.projector", g.projector),
             ("gaussians.predictor", g.predictor),
@@ -108,8 +112,6 @@ impl ModelConfig {
         ensure((0.0..=1.0).contains(&c.tangent_offset), "camera.tangent_offset", "0 to 1", c.tangent_offset)?;
         self.dense.log_depth_limit.map_or(Ok(()), |limit| positive("dense.log_depth_limit", limit))?;
         if let Some(stereo) = self.dense.stereo {
-            ensure(stereo.channels >= 1, "dense.stereo.channels", "at least 1", stereo.channels)?;
-            ensure(stereo.hidden >= 1, "dense.stereo.hidden", "at least 1", stereo.hidden)?;
             ensure(stereo.depths >= 2, "dense.stereo.depths", "at least 2", stereo.depths)?;
             ensure(
                 stereo.reach > 1.0 && stereo.reach.is_finite(),

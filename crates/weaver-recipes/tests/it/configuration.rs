@@ -72,9 +72,11 @@ fn endless_scenes_have_no_frame_of_their_own() {
 }
 
 #[test]
-fn the_endless_preset_trains_the_tiny_network_with_given_cameras() {
+fn the_endless_preset_trains_the_tiny_network_with_given_cameras_and_views_compared() {
     let [endless, tiny] = ["tiny-endless", "tiny"].map(|name| Config::<SplatWeaverRecipe>::preset(name).unwrap());
-    assert_eq!(endless.model, tiny.model);
+    let mut without_stereo = endless.model.clone();
+    assert!(without_stereo.dense.stereo.take().is_some(), "it compares views");
+    assert_eq!(without_stereo, tiny.model);
     assert!(endless.data.endless.is_some() && tiny.data.endless.is_none());
     for stage in &endless.stages {
         assert_eq!((stage.model.cameras, stage.model.pose_tuples), (CameraMode::Given, 0));
