@@ -51,7 +51,8 @@ fn everything(scene: &Scene<f32>, cotangents: &Planes<f32>) -> (Outcome<f32>, Ve
     let mut contributions = [len, len, 2 * scene.opacities.len()].map(|len| vec![f32::NAN; len]);
     let [sums, largest, squared] = &mut contributions;
     workspace.contributions(sums, largest).unwrap();
-    workspace.squared_contributions(&cotangents.features, 2, Target::write(squared)).unwrap();
+    let values: Vec<f32> = (0..2 * scene.pixels()).map(|i| (0.37 * i as f32).sin()).collect();
+    workspace.squared_contributions(&values, 2, Target::write(squared)).unwrap();
     (outcome, hits, contributions)
 }
 

@@ -17,8 +17,8 @@ pub struct Size {
 }
 
 impl Size {
-    /// Nine photos to lift from, three to judge by, some 3000 splats.
-    pub const DEMO: Self = Self { photos: ProceduralOptions { width: 96, height: 72, views: 12 }, step: 3 };
+    /// Nine photos to lift from, three to judge by, some 12,000 splats.
+    pub const DEMO: Self = Self { photos: ProceduralOptions { width: 192, height: 144, views: 12 }, step: 3 };
 }
 
 /// Cameras, and what their pixels show.
