@@ -1,5 +1,7 @@
 //! The command line and its help texts.
 
+mod align;
+mod drawing;
 mod eval;
 mod fit;
 mod lift;
@@ -7,6 +9,8 @@ mod photos;
 mod refine;
 mod render;
 
+pub use align::{Align, MethodName, Switch};
+pub use drawing::DrawingFlags;
 pub use eval::{ContextCameras, Eval};
 pub use fit::{Fit, Format, Origin, PoseMode, StrategyName};
 pub use lift::{Lift, Query, SolverName};
@@ -39,6 +43,7 @@ const MOST_SEED: u64 = i64::MAX as u64;
   splatweaver infer --run runs/mine a.jpg b.jpg c.jpg d.jpg -o result
   splatweaver fit capture --minutes 2 -o scene
   splatweaver render result/scene.ply --orbit 60 -o turn
+  splatweaver align scene.ply --photos later --cameras guess.json -o aligned
   splatweaver lift scene.ply --cameras transforms.json --features dino -o lifted.safetensors
   splatweaver info result/scene.ply
   splatweaver bench raster --synthetic 100000,640,480
@@ -60,6 +65,7 @@ pub enum Command {
     Infer(Infer),
     Fit(Fit),
     Render(Render),
+    Align(Align),
     Lift(Lift),
     Query(Query),
     Info(Info),

@@ -3,6 +3,7 @@
 mod scene;
 
 use crate::Console;
+use crate::align::options;
 use crate::arguments::{ContextCameras, Eval};
 use crate::failure::Failure;
 use crate::progress::Progress;
@@ -46,6 +47,7 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
         points: arguments.points,
         matching: estimated.then_some(MatchingOverride { long_side, focal_known: !arguments.unknown_focal }),
         density: arguments.density.into(),
+        align: arguments.align.align.then(|| options(arguments.align.align_as, arguments.align.align_steps)),
         masks: arguments.masks,
         lpips: arguments.lpips.clone(),
     };

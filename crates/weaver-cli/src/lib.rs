@@ -2,6 +2,7 @@
 //!
 //! [`run`] is the whole program except for signals and panics, so that tests can call it.
 
+mod align;
 mod arguments;
 mod bench;
 mod cameras;
@@ -70,6 +71,7 @@ fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> R
         }
         Command::Render(arguments) => in_pool(arguments.threads.count(), || render::run(&arguments, console)),
         Command::Lift(arguments) => in_pool(arguments.threads.count(), || lift::run(&arguments, console)),
+        Command::Align(arguments) => in_pool(arguments.threads.count(), || align::run(&arguments, console)),
         Command::Query(arguments) => in_pool(arguments.threads.count(), || query::run(&arguments, console)),
         Command::Info(arguments) => info::run(&arguments, console),
         Command::ConvertWeights(arguments) => convert_weights::run(&arguments, console, interrupt),

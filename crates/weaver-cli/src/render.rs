@@ -28,13 +28,7 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
             Failure::message(format!("{}: expected Gaussians to turn around, found none", arguments.scene.display()))
         })?,
     };
-    let asked = Asked {
-        background: arguments.background.map(|color| color.0),
-        antialiased: arguments.antialiased,
-        near: arguments.near,
-        alpha_max: arguments.alpha_max,
-    };
-    let (background, settings) = asked.beside(&arguments.scene)?;
+    let (background, settings) = Asked::from(arguments.drawing).beside(&arguments.scene)?;
     let mut output = Output::create(arguments, &cameras)?;
     let (activated, mut workspace) = (gaussians.to_activated(), Workspace::new());
     let mut progress = Progress::new("render", 0, cameras.len(), console);

@@ -1,9 +1,11 @@
 //! Evaluation on held-out views, beside two baselines: the nearest context view copied, and the mean color.
 
+mod aligned;
 mod drawn;
 
-use crate::evaluation::{Evaluation, SceneFigures};
+use crate::evaluation::{AlignedFigures, Evaluation, SceneFigures};
 use crate::{CameraMode, Error};
+use aligned::AlignedView;
 use drawn::{Drawing, Drawn, Remark};
 use std::borrow::Borrow;
 use std::collections::BTreeMap;
@@ -34,6 +36,8 @@ pub struct Options {
     pub matching: Option<Matching>,
     /// Which pixels get Gaussians, and how many; the predictor fills what is left open.
     pub density: Density,
+    /// How the cameras of held-out views are aligned with their photos, for figures beside the others.
+    pub align: Option<weaver_align::Options>,
     /// Seed of allocations that draw random numbers.
     pub seed: u64,
     /// Optimizer steps that the weights were trained for.
@@ -128,7 +132,15 @@ pub fn evaluate(
             if let Some(remark) = drawn.remark {
                 remarked.entry(remark).or_default().push(&scene.name);
             }
-            views.push(measure.view(scene, &tuple, &drawn, mean_color));
+            let mut figures = measure.view(scene, &tuple, &drawn, mean_color);
+            if let Some(align) = &options.align {
+                let target = &scene.views[tuple.targets[0]];
+                let found = aligned::aligned(drawing.predictor, &drawn, target, align)?;
+                let [before, after] =
+                    aligned::control(&mut drawing, scene, &tuple, align)?.map(|i| measure.psnr(&i, target));
+                figures.aligned = Some(measure.aligned(&found, target, figures.psnr, after - before));
+            }
+            views.push(figures);
             done += 1;
             progress(done, total);
         }
@@ -165,41 +177,68 @@ impl Measure<'_> {
         let nearest = &scene.views[tuple.context[0]].image;
         let flat = mean_color.iter().copied().cycle().take(truth.pixels.len()).collect();
         let flat = Image { width: truth.width, height: truth.height, pixels: flat };
-        let (shown, true_planes) = (planes(render), planes(truth));
-        let size = [3, truth.height, truth.width];
         let mut energy = vec![0.0; truth.width * truth.height];
+        let true_planes = planes(truth);
         EnergyMap::new(Wavelet::Db2, [truth.height, truth.width]).compute(&true_planes, &Pool::new(), &mut energy);
-        let inside = target.inside.as_deref();
-        let energetic = metrics::energetic_mask(&energy, inside);
-        let psnr = |image: &Image| match inside {
-            None => metrics::psnr(&image.pixels, &truth.pixels),
-            Some(inside) => metrics::psnr_masked(&planes(image), &true_planes, inside).unwrap_or(f64::NAN),
-        };
-        let ssim = match inside {
-            None => metrics::ssim(&shown, &true_planes, size),
-            Some(inside) => metrics::ssim_masked(&shown, &true_planes, size, inside).unwrap_or(f64::NAN),
-        };
-        let lpips = |network: &Lpips<f32>| match inside {
-            None => Some(metrics::lpips(network, &shown, &true_planes, [size[1], size[2]])),
-            Some(inside) => metrics::lpips_masked(network, &shown, &true_planes, [size[1], size[2]], inside),
-        };
+        let energetic = metrics::energetic_mask(&energy, target.inside.as_deref());
         let pixels = prediction.counts.len() as f64;
         SceneFigures {
             name: None,
             views: 1,
-            psnr: if inside.is_some() { psnr(render) } else { metrics::psnr(&shown, &true_planes) },
-            psnr_strict: strict.as_ref().map(psnr),
-            psnr_energetic: metrics::psnr_masked(&shown, &true_planes, &energetic).unwrap_or(f64::NAN),
-            ssim,
-            lpips: self.lpips.and_then(lpips),
-            psnr_nearest: psnr(nearest),
-            psnr_mean_color: psnr(&flat),
+            psnr: self.psnr(render, target),
+            psnr_strict: strict.as_ref().map(|image| self.psnr(image, target)),
+            psnr_energetic: metrics::psnr_masked(&planes(render), &true_planes, &energetic).unwrap_or(f64::NAN),
+            ssim: self.ssim(render, target),
+            lpips: self.lpips(render, target),
+            psnr_nearest: self.psnr(nearest, target),
+            psnr_mean_color: self.psnr(&flat, target),
+            aligned: None,
             gaussians_per_pixel: prediction.gaussians.opacities.len() as f64 / pixels,
             expert_share: (0..self.experts)
                 .map(|e| prediction.counts.iter().filter(|&&x| usize::from(x) == e).count() as f64 / pixels)
                 .collect(),
             pose_rotation_deg: errors.as_ref().and_then(PoseErrors::mean_rotation),
             pose_translation_deg: errors.as_ref().and_then(PoseErrors::mean_translation),
+        }
+    }
+
+    /// `before` is the PSNR of the view as it was drawn.
+    fn aligned(&self, found: &AlignedView, target: &View, before: f64, gain_given: f64) -> AlignedFigures {
+        let psnr = self.psnr(&found.render, target);
+        AlignedFigures {
+            psnr,
+            ssim: self.ssim(&found.render, target),
+            lpips: self.lpips(&found.render, target),
+            gain_given,
+            degrees: found.moved[0],
+            distance: found.moved[1],
+            found: f64::from(u8::from(found.found)),
+            better: f64::from(u8::from(psnr > before)),
+        }
+    }
+
+    fn psnr(&self, image: &Image, view: &View) -> f64 {
+        let (shown, truth) = (planes(image), planes(&view.image));
+        match view.inside.as_deref() {
+            None => metrics::psnr(&shown, &truth),
+            Some(inside) => metrics::psnr_masked(&shown, &truth, inside).unwrap_or(f64::NAN),
+        }
+    }
+
+    fn ssim(&self, image: &Image, view: &View) -> f64 {
+        let (shown, truth, size) = (planes(image), planes(&view.image), [3, image.height, image.width]);
+        match view.inside.as_deref() {
+            None => metrics::ssim(&shown, &truth, size),
+            Some(inside) => metrics::ssim_masked(&shown, &truth, size, inside).unwrap_or(f64::NAN),
+        }
+    }
+
+    fn lpips(&self, image: &Image, view: &View) -> Option<f64> {
+        let (shown, truth, size) = (planes(image), planes(&view.image), [image.height, image.width]);
+        let network = self.lpips?;
+        match view.inside.as_deref() {
+            None => Some(metrics::lpips(network, &shown, &truth, size)),
+            Some(inside) => metrics::lpips_masked(network, &shown, &truth, size, inside),
         }
     }
 }

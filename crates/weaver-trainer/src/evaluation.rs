@@ -35,6 +35,46 @@ pub struct SceneFigures {
     pub pose_rotation_deg: Option<f64>,
     /// Mean angle between predicted and true direction of the centers from camera 0, degrees.
     pub pose_translation_deg: Option<f64>,
+    /// The same views from cameras that were aligned with the held-out photos, if asked for.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub aligned: Option<AlignedFigures>,
+}
+
+/// Figures of views whose cameras were aligned with the held-out photos, or their mean.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AlignedFigures {
+    /// PSNR, dB.
+    pub psnr: f64,
+    /// Structural similarity.
+    pub ssim: f64,
+    /// LPIPS, when its weights are given.
+    pub lpips: Option<f64>,
+    /// What alignment gains with given cameras, dB, where the camera is right: six numbers fitted to the photo.
+    pub gain_given: f64,
+    /// How far cameras turned, degrees.
+    pub degrees: f64,
+    /// How far cameras moved, in parts of the mean depth that they see.
+    pub distance: f64,
+    /// Share of views for which anything better than the guess was found.
+    pub found: f64,
+    /// Share of views whose PSNR rose.
+    pub better: f64,
+}
+
+impl AlignedFigures {
+    fn mean_of(all: &[Self]) -> Option<Self> {
+        let of = |f: fn(&Self) -> f64| mean(all.iter().map(|s| Some(f(s))));
+        Some(Self {
+            psnr: of(|s| s.psnr)?,
+            ssim: of(|s| s.ssim)?,
+            lpips: mean(all.iter().map(|s| s.lpips)),
+            gain_given: of(|s| s.gain_given)?,
+            degrees: of(|s| s.degrees)?,
+            distance: of(|s| s.distance)?,
+            found: of(|s| s.found)?,
+            better: of(|s| s.better)?,
+        })
+    }
 }
 
 /// An evaluation on the held-out views of some scenes.
@@ -95,6 +135,7 @@ impl SceneFigures {
                 .collect(),
             pose_rotation_deg: mean(all.iter().map(|s| s.pose_rotation_deg)),
             pose_translation_deg: mean(all.iter().map(|s| s.pose_translation_deg)),
+            aligned: AlignedFigures::mean_of(&all.iter().filter_map(|s| s.aligned).collect::<Vec<_>>()),
         }
     }
 }
@@ -142,8 +183,39 @@ impl Evaluation {
         if !strict.is_empty() {
             let _ = writeln!(out, "PSNR with the held-out camera's own scale and lens: {}", strict.join(", "));
         }
+        out += &self.aligned_table();
         for remark in &self.remarks {
             let _ = writeln!(out, "note: {remark}");
+        }
+        out
+    }
+
+    /// The figures from aligned cameras; nothing where none were.
+    fn aligned_table(&self) -> String {
+        let mut out = String::new();
+        if self.mean.aligned.is_none() {
+            return out;
+        }
+        let _ = writeln!(
+            out,
+            "\nheld-out cameras aligned with the held-out photos, which looks at them:\n{:<16} {:>7} {:>7} {:>7} {:>6} {:>11} {:>8} {:>12} {:>7}",
+            "scene", "PSNR", "aligned", "gain", "SSIM", "gain, given", "degrees", "of the depth", "better"
+        );
+        for scene in self.scenes.iter().chain([&self.mean]) {
+            let Some(aligned) = &scene.aligned else { continue };
+            let _ = writeln!(
+                out,
+                "{:<16} {:>7.2} {:>7.2} {:>+7.2} {:>6.3} {:>+11.2} {:>8.3} {:>12.4} {:>5.0} %",
+                scene.name.as_deref().unwrap_or("mean"),
+                scene.psnr,
+                aligned.psnr,
+                aligned.psnr - scene.psnr,
+                aligned.ssim,
+                aligned.gain_given,
+                aligned.degrees,
+                aligned.distance,
+                100.0 * aligned.better
+            );
         }
         out
     }

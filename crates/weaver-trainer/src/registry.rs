@@ -190,6 +190,8 @@ pub struct Overrides {
     pub matching: Option<MatchingOverride>,
     /// Which pixels get Gaussians, and how many.
     pub density: Density,
+    /// How the cameras of held-out views are aligned with their photos, for figures beside the others.
+    pub align: Option<weaver_align::Options>,
     /// Whether photos have masks, as [`DataConfig::masks`] says; so they are where the run's do.
     pub masks: bool,
     /// File with the weights of LPIPS, to measure that, too.
@@ -245,6 +247,7 @@ impl OpenRun {
             points: overrides.points,
             matching,
             density: overrides.density,
+            align: overrides.align,
             seed: self.seed,
             step: self.step,
         };

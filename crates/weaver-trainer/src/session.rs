@@ -439,6 +439,7 @@ impl<R: Recipe> Session<R> {
             points: false,
             matching: None,
             density: Density::default(),
+            align: None,
             seed: self.config.seed,
             step: self.step,
         }

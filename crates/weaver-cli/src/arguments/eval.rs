@@ -1,7 +1,7 @@
 //! The command line of `splatweaver eval`.
 
 use super::fit::{Rgb, background};
-use super::{DensityFlags, RefineFlags, Threads};
+use super::{DensityFlags, MethodName, RefineFlags, Threads};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -22,6 +22,7 @@ const FIGURES: &str = "Figures";
   splatweaver eval --run runs/mine --data ramen --cameras estimated --refine-steps 60
   splatweaver eval --data ramen --points
   splatweaver eval --weights mine.safetensors --data ramen --cameras given
+  splatweaver eval --run runs/mine --data ramen --align
   splatweaver eval --run runs/mine --unseen --json > unseen.json
   splatweaver eval --scene fits/garden-1/scene.ply --data garden --lpips alex.safetensors
   splatweaver eval --scene scene.spz --data garden --size 1600 --background black")]
@@ -64,6 +65,8 @@ pub struct Eval {
     pub density: DensityFlags,
     #[command(flatten)]
     pub refine: RefineFlags,
+    #[command(flatten)]
+    pub align: AlignFlags,
     /// Also LPIPS, with the weights in this safetensors file
     #[arg(long, value_name = "WEIGHTS", help_heading = FIGURES)]
     pub lpips: Option<PathBuf>,
@@ -74,6 +77,22 @@ pub struct Eval {
     pub drawing: Drawing,
     #[command(flatten)]
     pub threads: Threads,
+}
+
+/// Cameras of held-out views aligned with their photos.
+#[derive(Args, Clone, Copy, Debug)]
+#[command(next_help_heading = "Alignment")]
+pub struct AlignFlags {
+    /// Moves the camera of each held-out view until the render is most like its photo, for figures beside the others: they have looked at
+    /// what they are judged by. What that gains with given cameras, where there is nothing to move, is printed with them
+    #[arg(long, conflicts_with_all = ["scene", "refine", "refine_steps"])]
+    pub align: bool,
+    /// Which numbers of the camera move, and at what rate
+    #[arg(long, value_enum, default_value = "own", requires = "align")]
+    pub align_as: MethodName,
+    /// Steps at most [default: 200, or 100 as published]
+    #[arg(long, value_name = "N", requires = "align", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub align_steps: Option<u32>,
 }
 
 /// Whose cameras the context views have.

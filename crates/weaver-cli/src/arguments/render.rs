@@ -1,12 +1,8 @@
 //! The command line of `splatweaver render`.
 
-use super::Threads;
-use super::eval::{distance, fraction};
-use super::fit::{Rgb, background};
+use super::{DrawingFlags, Threads};
 use clap::{ArgGroup, Args};
 use std::path::PathBuf;
-
-const DRAWING: &str = "Drawing";
 
 /// Draws a file of Gaussians from given cameras or along an orbit.
 ///
@@ -45,18 +41,8 @@ pub struct Render {
     /// Height in pixels; intrinsics follow [default: the cameras' aspect ratio, or 3/4 of the width]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub height: Option<u32>,
-    /// Color where nothing is: white, black or R,G,B from 0 to 1 [default: what summary.json beside the scene says, or white]
-    #[arg(long, value_name = "COLOR", value_parser = background, help_heading = DRAWING)]
-    pub background: Option<Rgb>,
-    /// Opacities are lowered where a Gaussian is widened to a pixel; =false if not [default: what summary.json says, or false]
-    #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", help_heading = DRAWING)]
-    pub antialiased: Option<bool>,
-    /// Gaussians nearer to a camera than this are not drawn, world units [default: what summary.json says, or 0.01]
-    #[arg(long, value_name = "DISTANCE", value_parser = distance, help_heading = DRAWING)]
-    pub near: Option<f64>,
-    /// Largest opacity of a single Gaussian at a pixel, above 0 and below 1 [default: what summary.json says, or 0.99]
-    #[arg(long, value_name = "ALPHA", value_parser = fraction, help_heading = DRAWING)]
-    pub alpha_max: Option<f64>,
+    #[command(flatten)]
+    pub drawing: DrawingFlags,
     #[command(flatten)]
     pub threads: Threads,
 }

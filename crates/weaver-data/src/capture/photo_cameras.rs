@@ -42,13 +42,7 @@ pub fn load_cameras(
     masked: bool,
 ) -> Result<PhotoCameras, Error> {
     let capture = read(file)?;
-    let Photos { photos: known, points, .. } = &capture;
-    let names: Vec<&str> = known.iter().map(|photo| photo.frame.name.as_str()).collect();
-    let named = |(path, at): (&PathBuf, usize)| {
-        let found = known[at].clone();
-        Photo { frame: Frame { path: path.clone(), ..found.frame }, ..found }
-    };
-    let found: Vec<Photo> = photos.iter().zip(by_name::cameras(file, &names, photos)?).map(named).collect();
+    let found = of_photos(capture.photos.clone(), file, photos)?;
     let masks = masked.then(|| masks::of_known(&found, file)).transpose()?;
     let load = |(i, photo): (usize, &Photo)| {
         let (image, camera) = read_cropped(photo, masks.as_ref().map(|masks| &masks[i]), width, height)?;
@@ -61,7 +55,7 @@ pub fn load_cameras(
     let (mut cameras, visible): (Vec<Camera>, Vec<_>) = seen.into_iter().unzip();
     let Some(Camera { pose: first, .. }) = cameras.first().copied() else { return Ok(PhotoCameras::default()) };
     let visible: Vec<&[u32]> = visible.iter().map(Vec::as_slice).collect();
-    let points = SparsePoints::seen_from(&first, 1.0, points, &visible);
+    let points = SparsePoints::seen_from(&first, 1.0, &capture.points, &visible);
     cameras.iter_mut().for_each(|camera| camera.pose = camera.pose.relative_to(&first));
     Ok(PhotoCameras { images, inside, cameras, points })
 }
@@ -71,9 +65,22 @@ pub fn load_cameras(
 /// # Errors
 /// As [`load_cameras`].
 pub fn load_camera_files(file: &Path, photos: &[PathBuf]) -> Result<Vec<Camera>, Error> {
-    let known = read(file)?.photos;
+    Ok(frames(file, photos)?.into_iter().map(|frame| frame.camera).collect())
+}
+
+/// The frames of photos, matched by name, with the photos as their paths.
+pub(super) fn frames(file: &Path, photos: &[PathBuf]) -> Result<Vec<Frame>, Error> {
+    Ok(of_photos(read(file)?.photos, file, photos)?.into_iter().map(|photo| photo.frame).collect())
+}
+
+/// Of all photos that a file knows those that are asked for, with the paths that they have here.
+fn of_photos(known: Vec<Photo>, file: &Path, photos: &[PathBuf]) -> Result<Vec<Photo>, Error> {
     let names: Vec<&str> = known.iter().map(|photo| photo.frame.name.as_str()).collect();
-    Ok(by_name::cameras(file, &names, photos)?.into_iter().map(|at| known[at].frame.camera).collect())
+    let named = |(path, at): (&PathBuf, usize)| {
+        let found = known[at].clone();
+        Photo { frame: Frame { path: path.clone(), ..found.frame }, ..found }
+    };
+    Ok(photos.iter().zip(by_name::cameras(file, &names, photos)?).map(named).collect())
 }
 
 fn read(file: &Path) -> Result<Photos, Error> {

@@ -2,14 +2,14 @@
 
 use super::masks::{self, Mask};
 use super::photo::{Photo, Photos, straight, straight_camera};
-use super::{HoldOut, folder, name, read_split_photos};
+use super::{HoldOut, folder, name, photo_cameras, read_split_photos};
 use crate::Error;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use weaver_geometry::{Camera, Distortion};
 use weaver_io::PhotoFile;
-use weaver_scene::PointCloud;
+use weaver_scene::{Frame, PointCloud};
 
 /// How to load photos with their cameras.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,16 +87,61 @@ pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhoto
     }
     let folder = folder(path);
     let masks = options.masks.then(|| masks::of_capture(&photos, folder)).transpose()?;
-    let mask = |i: usize| masks.as_ref().map(|masks| &masks[i]);
-    let loaded: Vec<Result<PosedPhoto, Error>> =
-        photos.par_iter().enumerate().map(|(i, photo)| load_photo(photo, mask(i), options)).collect();
+    let loaded = load_photos(&photos, masks.as_deref(), options)?;
     let canonical = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     Ok(PosedPhotos {
         name: name(&canonical),
-        photos: loaded.into_iter().collect::<Result<_, _>>()?,
+        photos: loaded,
         points: PointCloud { positions: points.iter().map(|p| p.as_vec3().to_array()).collect(), colors },
         remarks,
     })
+}
+
+/// Loads photos with the cameras that a file gives their names, in the world of the file: a transforms.json, a folder with a COLMAP
+/// model, or a RealEstate10K file, matched as [`load_cameras`](super::load_cameras) does.
+///
+/// A camera of another size takes that of its photo if their proportions agree to 1 %.
+///
+/// # Errors
+/// As [`load_cameras`](super::load_cameras); when proportions differ.
+pub fn load_named(file: &Path, photos: &[PathBuf], options: &PosedOptions) -> Result<Vec<PosedPhoto>, Error> {
+    load_frames(photo_cameras::frames(file, photos)?, file, options)
+}
+
+/// Loads photos, the frames' paths, with the frames' cameras, as [`load_named`] does. Masks are looked for beside `file`.
+///
+/// # Errors
+/// As [`load_named`].
+pub fn load_frames(frames: Vec<Frame>, file: &Path, options: &PosedOptions) -> Result<Vec<PosedPhoto>, Error> {
+    let Photos { mut photos, .. } = Photos::without_points(frames);
+    for photo in &mut photos {
+        take_size(photo)?;
+    }
+    let masks = options.masks.then(|| masks::of_known(&photos, file)).transpose()?;
+    load_photos(&photos, masks.as_deref(), options)
+}
+
+/// How far a camera's proportions may be from its photo's.
+const SAME_PROPORTIONS: f64 = 0.01;
+
+/// Gives a photo's camera the size of the file.
+fn take_size(photo: &mut Photo) -> Result<(), Error> {
+    let Frame { path, camera, .. } = &mut photo.frame;
+    let (width, height) = PhotoFile::at(&*path)?.for_camera(camera.width, camera.height).size();
+    let (sx, sy) = (width as f64 / camera.width as f64, height as f64 / camera.height as f64);
+    // A file without sizes has units of the image's sides.
+    let sized = (camera.width, camera.height) != (1, 1);
+    if sized && (sx / sy).ln().abs() > SAME_PROPORTIONS {
+        let expected = format!("the proportions of its camera, {}x{}, within 1 %", camera.width, camera.height);
+        return Err(Error::unexpected(path, "image size", expected, format!("{width}x{height}")));
+    }
+    *camera = Camera { intrinsics: camera.intrinsics.resized(sx, sy), width, height, ..*camera };
+    Ok(())
+}
+
+fn load_photos(photos: &[Photo], masks: Option<&[Mask]>, options: &PosedOptions) -> Result<Vec<PosedPhoto>, Error> {
+    let load = |(i, photo)| load_photo(photo, masks.map(|masks| &masks[i]), options);
+    photos.par_iter().enumerate().map(load).collect::<Vec<_>>().into_iter().collect()
 }
 
 /// The cameras that [`load`] would give the photos, and which of those are held out, without reading a photo.

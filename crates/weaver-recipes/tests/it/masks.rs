@@ -89,6 +89,7 @@ fn garbage_that_is_masked_changes_no_bit_of_training_nor_of_evaluation() {
         points: false,
         matching: None,
         density: weaver_inference::Density::default(),
+        align: None,
         seed: 0,
         step: 0,
     };

@@ -224,6 +224,7 @@ fn an_evaluation_refuses_a_network_for_images_smaller_than_its_windows() {
         points: false,
         matching: None,
         density: Density::default(),
+        align: None,
         seed: 0,
         step: 0,
     };

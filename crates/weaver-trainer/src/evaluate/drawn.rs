@@ -13,6 +13,8 @@ use weaver_pose::PoseErrors;
 pub(super) struct Drawn {
     pub prediction: Prediction,
     pub render: Image,
+    /// Where it was drawn from.
+    pub camera: Camera,
     /// With estimated cameras: the same in the capture's own scale and through its own lens.
     pub strict: Option<Image>,
     /// How far the context's cameras are off, unless they were given.
@@ -57,33 +59,32 @@ impl Drawing<'_> {
         let factor = prediction.scale_to_used(example.context());
         // Who estimated the lens would look through it, too.
         let longer = found.cameras[0].intrinsics.fx / example.context()[0].intrinsics.fx;
-        let target = example.targets().iter().map(|c| {
-            let mut camera = Camera { pose: c.pose.scaled(factor), ..*c };
-            (camera.intrinsics.fx, camera.intrinsics.fy) = (longer * c.intrinsics.fx, longer * c.intrinsics.fy);
-            camera
-        });
-        let render = self.first(&prediction, &target.collect::<Vec<_>>())?;
-        let strict = if measured { Some(self.first(&prediction, example.targets())?) } else { None };
+        let target = example.targets()[0];
+        let mut camera = Camera { pose: target.pose.scaled(factor), ..target };
+        (camera.intrinsics.fx, camera.intrinsics.fy) = (longer * target.intrinsics.fx, longer * target.intrinsics.fy);
+        let render = self.render(&prediction, camera)?;
+        let strict = if measured { Some(self.render(&prediction, target)?) } else { None };
         let errors = errors(&prediction.cameras, &example);
-        Ok(Drawn { prediction, render, strict, errors, remark })
+        Ok(Drawn { prediction, render, camera, strict, errors, remark })
     }
 
-    fn with(&mut self, scene: &Scene, tuple: &Tuple, cameras: CameraMode) -> Result<Drawn, Error> {
+    pub fn with(&mut self, scene: &Scene, tuple: &Tuple, cameras: CameraMode) -> Result<Drawn, Error> {
         let (example, measured) = Example::for_evaluation(scene, tuple.clone())?;
         let asked = self.options.points && cameras == CameraMode::Given;
         let points = asked.then(|| example.points(scene)).flatten();
         let source = example.camera_source(cameras, measured, points.as_ref());
         let prediction = self.predict(&example, source)?;
         let factor = if measured { 1.0 } else { prediction.scale_to_predicted(example.context()) };
-        let target = example.targets().iter().map(|c| Camera { pose: c.pose.scaled(factor), ..*c });
-        let render = self.first(&prediction, &target.collect::<Vec<_>>())?;
+        let target = example.targets()[0];
+        let camera = Camera { pose: target.pose.scaled(factor), ..target };
+        let render = self.render(&prediction, camera)?;
         let remark = match (measured, asked && points.is_none()) {
             (false, _) => Some(Remark::Rescaled),
             (true, true) => Some(Remark::WithoutPoints),
             (true, false) => None,
         };
         let errors = errors(&prediction.predicted, &example).filter(|_| cameras == CameraMode::Predicted);
-        Ok(Drawn { prediction, render, strict: None, errors, remark })
+        Ok(Drawn { prediction, render, camera, strict: None, errors, remark })
     }
 
     fn predict(&mut self, example: &Example, cameras: CameraSource<'_>) -> Result<Prediction, Error> {
@@ -92,8 +93,8 @@ impl Drawing<'_> {
         Ok(self.predictor.predict(example.context_photos(), cameras, self.density, stream)?)
     }
 
-    fn first(&mut self, prediction: &Prediction, cameras: &[Camera]) -> Result<Image, Error> {
-        Ok(self.predictor.render(&prediction.gaussians, &cameras[..1])?.remove(0))
+    fn render(&mut self, prediction: &Prediction, camera: Camera) -> Result<Image, Error> {
+        Ok(self.predictor.render(&prediction.gaussians, &[camera])?.remove(0))
     }
 }
 

@@ -1,0 +1,25 @@
+//! Where a photo of a finished scene of Gaussians was taken: its camera descends through the rasterizer, the scene stays.
+//!
+//! - [`align`] finds the cameras of photos from first guesses, on slices, with any [`Rasterizer`](weaver_splat::Rasterizer).
+//! - [`Descent`] is the bare descent of one camera under gradients of anybody's loss; [`Method`] its published variants and ours.
+//! - [`twist_gradient`] turns a rasterizer's gradient by a view matrix into one by a rigid motion.
+//!
+//! A photo that was aligned has been looked at: what its render gains belongs beside the figures without, never in their place.
+//!
+//! Sources: NoPoSplat (Ye et al., arXiv 2410.24207), 2Xplat (Jeong et al., arXiv 2603.21064), both of which align poses before they
+//! judge held-out views.
+
+mod align;
+mod descent;
+mod drawing;
+mod error;
+
+pub use align::{Aligned, Options, Outcome, align};
+pub use descent::{Descent, Method, twist_gradient};
+pub use drawing::{Photo, Scene, mean_square};
+pub use error::AlignError;
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

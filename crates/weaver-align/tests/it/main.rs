@@ -1,0 +1,8 @@
+//! Tests of the crate as a whole.
+
+mod cloud;
+mod descent;
+mod fixture;
+mod oracles;
+mod planted;
+mod refusals;

@@ -1,0 +1,87 @@
+//! `splatweaver align`.
+
+mod guess;
+mod results;
+
+use crate::Console;
+use crate::arguments::{Align, MethodName, Switch};
+use crate::drawing::Asked;
+use crate::failure::Failure;
+use crate::progress::Progress;
+use results::{Results, Row};
+use std::path::PathBuf;
+use weaver_align::{AlignError, Method, Options, Photo, Scene, align, mean_square};
+use weaver_data::posed::{PosedOptions, PosedPhoto, load_frames, load_named};
+use weaver_geometry::Pose;
+use weaver_geometry::glam::DVec3;
+use weaver_io::read_gaussians;
+use weaver_splat::CpuRasterizer;
+
+pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
+    let (background, settings) = Asked::from(arguments.drawing).beside(&arguments.scene)?;
+    let gaussians = read_gaussians(&arguments.scene)?.to_activated();
+    let paths = paths(&arguments.photos)?;
+    let loading = PosedOptions {
+        long_side: arguments.size.map(|size| size as usize),
+        masks: arguments.masks,
+        background,
+        ..PosedOptions::default()
+    };
+    let photos = match &arguments.cameras {
+        Some(file) => load_named(file, &paths, &loading)?,
+        None => {
+            let (frames, file) = guess::nearest(&arguments.scene, &gaussians, &paths, background, &settings)?;
+            load_frames(frames, &file, &loading)?
+        }
+    };
+    let options = Options {
+        blur: arguments.blur == Switch::On,
+        intrinsics: arguments.refine_intrinsics,
+        ..options(arguments.method, arguments.steps)
+    };
+    let mut results = Results::create(&arguments.out)?;
+    let scene = Scene { gaussians: gaussians.as_slices(), background, settings, unit: unit(&photos) };
+    let mut progress = Progress::new("align", 0, photos.len(), console);
+    for (done, photo) in photos.iter().enumerate() {
+        let pixels: Vec<f32> = photo.rgb.iter().map(|b| f32::from(*b) / 255.0).collect();
+        let asked = [Photo { pixels: &pixels, mask: photo.mask.as_deref(), camera: photo.camera }];
+        let named = |error: AlignError| Failure::message(format!("{}: {error}", photo.path.display()));
+        let aligned = align(&CpuRasterizer, &scene, &asked, &options, mean_square).map_err(named)?;
+        for aligned in aligned {
+            results.push(Row { photo, aligned })?;
+        }
+        progress.at(done + 1, photos.len(), || photo.name.clone(), console);
+    }
+    progress.finish();
+    console.print(&results.finish()?)
+}
+
+/// The photos; of a folder those in it. None is no mistake: then there is nothing to do.
+fn paths(asked: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+    let mut paths = Vec::new();
+    for path in asked {
+        match path.is_dir() {
+            true => paths.extend(weaver_io::list_photos(path)?),
+            false => paths.push(path.clone()),
+        }
+    }
+    Ok(paths)
+}
+
+/// How cameras descend by a method, in so many steps or as many as it usually has.
+pub fn options(method: MethodName, steps: Option<u32>) -> Options {
+    let options = Options::of(match method {
+        MethodName::Own => Method::Own,
+        MethodName::TwoXplat => Method::TwoXplat,
+        MethodName::NoPoSplat => Method::NoPoSplat,
+    });
+    Options { steps: steps.map_or(options.steps, |steps| steps as usize), ..options }
+}
+
+/// The length that 2Xplat divides by: the largest coordinate of a camera, from the middle of all; 1 for one camera.
+fn unit(photos: &[PosedPhoto]) -> f64 {
+    let centers = || photos.iter().map(|photo| Pose::center(&photo.camera.pose));
+    let middle = centers().sum::<DVec3>() / photos.len().max(1) as f64;
+    let largest = centers().map(|center| (center - middle).abs().max_element()).fold(0.0, f64::max);
+    if largest > 0.0 { largest } else { 1.0 }
+}
