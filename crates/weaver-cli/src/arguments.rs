@@ -6,6 +6,7 @@ mod lift;
 mod photos;
 mod refine;
 mod render;
+mod vad;
 
 pub use eval::{ContextCameras, Eval};
 pub use fit::{Fit, Format, Origin, PoseMode, StrategyName};
@@ -13,6 +14,7 @@ pub use lift::{Lift, Query, SolverName};
 pub use photos::{Cameras, MatchingFlags, Reconstruct};
 pub use refine::RefineFlags;
 pub use render::Render;
+pub use vad::{EncoderName, Vad, VadCommand, VadEval, VadMetrics, VadScore, VadTrain};
 
 use clap::{ArgGroup, Args, Parser, Subcommand};
 use std::path::PathBuf;
@@ -62,6 +64,7 @@ pub enum Command {
     Render(Render),
     Lift(Lift),
     Query(Query),
+    Vad(Vad),
     Info(Info),
     ConvertWeights(ConvertWeights),
     Bench(Bench),

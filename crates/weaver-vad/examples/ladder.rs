@@ -1,7 +1,8 @@
 //! What each part of the method is worth on planted anomalies: all rows from the same encoder, videos and number of steps.
 //!
 //! `cargo run --release -p weaver-vad --example ladder -- [urdmu|convolutions] [SEEDS] [RATE] [short]` prints AUC and AUC over abnormal videos of
-//! every row, means over the seeds with standard errors, and paired differences with intervals of 95 %. `short` plants only short events.
+//! every row, means over the seeds with standard errors, and paired differences with intervals of 95 %. SEEDS is a number of them or a range such
+//! as 2..4; `short` plants only short events. One thread.
 
 use std::collections::BTreeMap;
 use weaver_vad::metrics::{FrameMetrics, SNIPPET, ScoredVideo, frame_metrics};
@@ -19,17 +20,25 @@ type Table = BTreeMap<(usize, String), Vec<[f64; 2]>>;
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let encoder = arguments.first().map_or("urdmu", String::as_str).to_string();
-    let seeds: u64 = arguments.get(1).and_then(|text| text.parse().ok()).unwrap_or(6);
+    // Whoever works in the pool need not wait for it.
+    match rayon::ThreadPoolBuilder::new().num_threads(1).build() {
+        Ok(pool) => pool.install(|| run(&arguments)),
+        Err(_) => run(&arguments),
+    }
+}
+
+fn run(arguments: &[String]) -> Result<()> {
+    let encoder = arguments.first().map_or("urdmu", String::as_str);
+    let seeds = arguments.get(1).map_or("6", String::as_str);
+    let (first, end) = seeds.split_once("..").unwrap_or(("0", seeds));
     let rate: f64 = arguments.get(2).and_then(|text| text.parse().ok()).unwrap_or(RATE);
     let short = arguments.iter().any(|argument| argument == "short");
     let mut table = Table::new();
-    for seed in 0..seeds {
+    for seed in first.parse().unwrap_or(0)..end.parse().unwrap_or(6) {
         let half_lengths = if short { [2.0; 4] } else { Planted::new(seed).half_lengths };
-        let mut ladder = Ladder::new(Planted { half_lengths, ..Planted::new(seed) }, &encoder, rate);
+        let mut ladder = Ladder::new(Planted { half_lengths, ..Planted::new(seed) }, encoder, rate);
         ladder.run(short)?;
         for (rank, (name, metrics)) in ladder.rows.into_iter().enumerate() {
-            println!("seed {seed}  {name:<44} {:.3}  {:.3}", metrics[0], metrics[1]);
             table.entry((rank, name)).or_default().push(metrics);
         }
     }
@@ -157,9 +166,9 @@ impl Ladder {
             lost.push(whole - judged(&videos, masked)?.auc_abnormal.unwrap_or(f64::NAN));
         }
         let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
-        self.rows.push(("an expert on its own class".into(), [f64::NAN, mean(&own)]));
-        self.rows.push(("an expert on other classes".into(), [f64::NAN, mean(&other)]));
-        self.rows.push(("what the gate loses without an expert".into(), [f64::NAN, mean(&lost)]));
+        self.note("an expert on its own class", [f64::NAN, mean(&own)]);
+        self.note("an expert on other classes", [f64::NAN, mean(&other)]);
+        self.note("what the gate loses without an expert", [f64::NAN, mean(&lost)]);
         Ok(())
     }
 
@@ -196,7 +205,12 @@ impl Ladder {
 
     fn push(&mut self, name: &str, metrics: &FrameMetrics) {
         let number = |x: Option<f64>| x.unwrap_or(f64::NAN);
-        self.rows.push((name.to_string(), [number(metrics.auc), number(metrics.auc_abnormal)]));
+        self.note(name, [number(metrics.auc), number(metrics.auc_abnormal)]);
+    }
+
+    fn note(&mut self, name: &str, [auc, abnormal]: [f64; 2]) {
+        println!("seed {}  {name:<52} {auc:.4}  {abnormal:.4}", self.planted.seed);
+        self.rows.push((name.to_string(), [auc, abnormal]));
     }
 
     fn judged(&self, detector: &Detector, scores: impl Fn(Curves) -> Vec<f32>) -> Result<FrameMetrics> {

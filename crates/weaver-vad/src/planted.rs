@@ -122,7 +122,7 @@ impl Planted {
             return PlantedVideo { name, class: None, features: in_memory(&x), labels };
         };
         let events = if next() < 0.25 { 2 } else { 1 };
-        let mut flanks = vec![false; SNIPPETS];
+        let mut flanks = [false; SNIPPETS];
         for _ in 0..events {
             let half = self.half_lengths[class] * (0.75 + 0.5 * next());
             // The core lies within the video.
@@ -154,19 +154,20 @@ impl Planted {
             (0..SNIPPETS).map(value).collect()
         };
         let tag = project(directions.tag());
-        let cores: Vec<_> = (0..CLASSES).map(|class| project(directions.core(class))).collect();
+        let classes: Vec<[Vec<f64>; 2]> =
+            (0..CLASSES).map(|class| [directions.core(class), directions.flank(class)].map(project)).collect();
         let mut hypotheses: Vec<(f64, std::ops::Range<usize>)> = vec![(0.0, 0..0)];
         for at in 0..SNIPPETS {
             let core = bump(at);
-            hypotheses.push((ratio(&cores[0], &core) + ratio(&tag, &core), 0..0));
-            for class in 0..CLASSES {
-                let seen = project(directions.flank(class));
+            hypotheses.push((ratio(&classes[0][0], &core) + ratio(&tag, &core), 0..0));
+            for ([seen_core, seen_flank], half_length) in classes.iter().zip(self.half_lengths) {
+                let of_core = ratio(seen_core, &core);
                 for share in [0.8, 0.9, 1.0, 1.1, 1.2] {
-                    let half = (self.half_lengths[class] * share) as usize;
+                    let half = (half_length * share) as usize;
                     let range = at.saturating_sub(half)..(at + half + 1).min(SNIPPETS);
                     let flank: Vec<f64> =
                         (0..SNIPPETS).map(|t| if range.contains(&t) { self.flank } else { 0.0 }).collect();
-                    hypotheses.push((ratio(&cores[class], &core) + ratio(&seen, &flank), range));
+                    hypotheses.push((of_core + ratio(seen_flank, &flank), range));
                 }
             }
         }
