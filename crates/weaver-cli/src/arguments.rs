@@ -8,6 +8,7 @@ mod lift;
 mod photos;
 mod refine;
 mod render;
+mod vad;
 
 pub use align::{Align, MethodName, Switch};
 pub use drawing::DrawingFlags;
@@ -17,6 +18,7 @@ pub use lift::{Lift, Query, SolverName};
 pub use photos::{Cameras, MatchingFlags, Reconstruct};
 pub use refine::RefineFlags;
 pub use render::Render;
+pub use vad::{EncoderName, Vad, VadCommand, VadEval, VadMetrics, VadScore, VadTrain};
 
 use clap::{ArgGroup, Args, Parser, Subcommand};
 use std::path::PathBuf;
@@ -68,6 +70,7 @@ pub enum Command {
     Align(Align),
     Lift(Lift),
     Query(Query),
+    Vad(Vad),
     Info(Info),
     ConvertWeights(ConvertWeights),
     Bench(Bench),

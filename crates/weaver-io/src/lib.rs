@@ -54,6 +54,7 @@ pub use gaussians::{read_gaussians, write_gaussians};
 pub use image::{Background, Image};
 pub use info::info;
 pub use memory::available_memory;
+pub use npy::{Npy, write_npy};
 pub use photo_file::{PhotoFile, list_photos};
 pub use ply::{read_ply, write_ply};
 pub use splat::{read_splat, write_splat};

@@ -52,6 +52,27 @@ pub fn clip_global_norm<T: Real>(params: &Params<T>, tape: &mut Tape<T>, max_nor
     norm
 }
 
+/// Adds `factor * p` to the gradient of every parameter p that has one: an L2 penalty of `factor / 2 |p|^2`, which Adam then scales as it does
+/// the rest of the gradient. PyTorch's `Adam(weight_decay=factor)` is [`AdamW`](crate::AdamW) without decay behind this.
+///
+/// ```
+/// use weaver_autograd::{Params, Tape};
+/// let mut params = Params::<f64>::new();
+/// let w = params.add("w", [1], vec![4.0]);
+/// let mut tape = Tape::new();
+/// tape.param(&params, w).sum().backward();
+/// weaver_nn::add_l2_gradient(&params, &mut tape, 0.5);
+/// assert_eq!(tape.param_grad(w).unwrap()[0], 3.0);
+/// ```
+pub fn add_l2_gradient<T: Real>(params: &Params<T>, tape: &mut Tape<T>, factor: f64) {
+    let factor = T::from_f64(factor);
+    for (id, param) in params.iter() {
+        if let Some(gradient) = tape.param_grad_mut(id) {
+            gradient.iter_mut().zip(param.value()).for_each(|(g, p)| *g += factor * *p);
+        }
+    }
+}
+
 /// The names of all parameters that are to be trained but received no gradient.
 ///
 /// A gradient of zeros counts as received; only a parameter that the backward pass did not reach is missing one.

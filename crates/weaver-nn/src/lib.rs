@@ -23,7 +23,7 @@ pub use builder::{Builder, Init, WeightInit};
 pub use context::Context;
 pub use conv::{Conv2d, ConvTranspose2d};
 pub use ema::Ema;
-pub use gradients::{clip_factor, clip_global_norm, global_norm, missing_gradients};
+pub use gradients::{add_l2_gradient, clip_factor, clip_global_norm, global_norm, missing_gradients};
 pub use layer_norm::LayerNorm;
 pub use linear::Linear;
 pub use mlp::Mlp;

@@ -3,6 +3,7 @@
 //! A package of its own, so that `cargo xtask tidy` need not compile the model.
 
 mod aggregator;
+mod anomaly;
 mod camera_head;
 mod dense;
 mod end_to_end;
@@ -226,6 +227,9 @@ fn compare_in<T: Real>(path: &Path, weights: Option<&Path>) -> (Vec<Line>, Vec<R
             i if i.starts_with("losses") => losses::run::<T>(file),
             i if i.starts_with("clusters") => lifting::clusters::<T>(file),
             i if i.starts_with("lifting") => lifting::run::<T>(file),
+            i if i.starts_with("vad_urdmu") => anomaly::urdmu::<T>(file),
+            i if i.starts_with("vad_experts") => anomaly::experts::<T>(file),
+            i if i.starts_with("vad_splat_metrics") => anomaly::splatting_and_metrics::<T>(file),
             i if i.starts_with("wavelet") => wavelet::run::<T>(file),
             i if i.starts_with("ops") => operations::run::<T>(file),
             i if i.starts_with("metrics") => metrics::run::<T>(file, weights().as_deref()),

@@ -1,0 +1,194 @@
+//! The command lines of `splatweaver vad`.
+
+use super::{MOST_SEED, Threads};
+use clap::{Args, Subcommand, ValueEnum};
+use std::path::PathBuf;
+use weaver_vad::{Length, Rule};
+
+/// Finds anomalies in videos of which only is known whether there are any (UR-DMU, temporal Gaussian splatting, GS-MoE).
+///
+/// Videos are .npy files of features, a row for each snippet of 16 frames. Without any, videos with planted anomalies are used.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver vad train --out runs/planted
+  splatweaver vad eval --run runs/planted
+  splatweaver vad train --features UCF-I3D --list UCF_Train.list --out runs/ucf
+  splatweaver vad eval --run runs/ucf --features UCF-I3D --list UCF_Test.list --annotation UCF_Annotation.txt
+  splatweaver vad score --run urdmu.safetensors Abuse028_x264__0.npy -o curves
+  splatweaver vad metrics --scores curves --annotation UCF_Annotation.txt --json")]
+pub struct Vad {
+    #[command(subcommand)]
+    pub command: VadCommand,
+}
+
+/// What is to be done.
+#[derive(Debug, Subcommand)]
+pub enum VadCommand {
+    Train(VadTrain),
+    Eval(VadEval),
+    Score(VadScore),
+    Metrics(VadMetrics),
+}
+
+/// Trains a detector and writes a run folder: model.safetensors, training.jsonl and, of planted videos, report.html.
+#[derive(Args, Debug)]
+pub struct VadTrain {
+    /// Folder of .npy features; without it, planted videos
+    #[arg(long, value_name = "DIR", requires = "list")]
+    pub features: Option<PathBuf>,
+    /// List of feature files, one to a line, as UR-DMU, RTFM and XD-Violence have it
+    #[arg(long, value_name = "FILE", requires = "features")]
+    pub list: Option<PathBuf>,
+    /// How many videos, the first of the list, are abnormal, where their names do not say
+    #[arg(long, value_name = "N", requires = "list", value_parser = clap::value_parser!(u32).range(1..))]
+    pub abnormal: Option<u32>,
+    /// The network
+    #[arg(long, value_enum, default_value = "urdmu")]
+    pub encoder: EncoderName,
+    /// An expert for each class, and heads of the encoder for classes [default, where names tell classes]
+    #[arg(long, conflicts_with_all = ["clusters", "plain"])]
+    pub classes: bool,
+    /// An expert for each of so many clusters of abnormal videos; classes are not looked at
+    #[arg(long, value_name = "K", conflicts_with = "plain", value_parser = clap::value_parser!(u16).range(1..=256))]
+    pub clusters: Option<u16>,
+    /// No experts
+    #[arg(long)]
+    pub plain: bool,
+    /// What peaks of the score curve become: labels by Gaussians over time (T), over the score (S), over the video (H), spikes (L), or nothing
+    #[arg(long, value_enum, default_value = "T", ignore_case = true)]
+    pub splat: SplatName,
+    /// Steps of the encoder; the other stages follow in proportion [default: 3000, planted 300]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    pub steps: Option<u32>,
+    /// Seed of weights, order and noise
+    #[arg(long, value_name = "S", default_value = "0", value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
+    pub seed: u64,
+    /// Folder of the run
+    #[arg(short, long, value_name = "RUN", default_value = "runs/vad")]
+    pub out: PathBuf,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+/// Judges a run as the published evaluators do, and writes report.html into it.
+#[derive(Args, Debug)]
+pub struct VadEval {
+    /// Run folder, or a file of weights: that of a run, or UR-DMU's from `splatweaver convert-weights`
+    #[arg(long, value_name = "RUN")]
+    pub run: PathBuf,
+    /// Folder of .npy features; without it, planted videos
+    #[arg(long, value_name = "DIR", requires_all = ["list", "annotation"])]
+    pub features: Option<PathBuf>,
+    /// List of feature files
+    #[arg(long, value_name = "FILE", requires = "features")]
+    pub list: Option<PathBuf>,
+    /// UCF_Annotation.txt, XD-Violence's annotations, or an .npy file of frame labels in the order of the list
+    #[arg(long, value_name = "FILE", requires = "features")]
+    pub annotation: Option<PathBuf>,
+    /// Frames of a video: 16 for each snippet of its features, or all whole (floor) or begun (ceil) snippets of the annotated length
+    #[arg(long, value_enum, default_value = "features")]
+    pub length: LengthName,
+    /// Writes the report here [default: the run folder]
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Prints one line of JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+/// Scores videos: NAME.npy, NAME.csv and a picture of the curve, NAME.png, for each.
+#[derive(Args, Debug)]
+pub struct VadScore {
+    /// Run folder or file of weights
+    #[arg(long, value_name = "RUN")]
+    pub run: PathBuf,
+    /// Feature files; crops of one video in several files (NAME__0.npy, NAME__1.npy) count together
+    #[arg(required = true, value_name = "FILE.npy")]
+    pub files: Vec<PathBuf>,
+    /// Draws what is anomalous by this annotation behind the curves
+    #[arg(long, value_name = "FILE")]
+    pub annotation: Option<PathBuf>,
+    /// Folder for the results
+    #[arg(short, long, value_name = "DIR")]
+    pub out: PathBuf,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+/// Judges scores that are there already.
+#[derive(Args, Debug)]
+pub struct VadMetrics {
+    /// Folder of scores, NAME.npy with a number for each snippet
+    #[arg(long, value_name = "DIR")]
+    pub scores: PathBuf,
+    /// UCF_Annotation.txt, XD-Violence's annotations, or an .npy file of frame labels of the videos in alphabetical order
+    #[arg(long, value_name = "FILE")]
+    pub annotation: PathBuf,
+    /// Frames of a video: 16 for each score, or all whole (floor) or begun (ceil) snippets of the annotated length
+    #[arg(long, value_enum, default_value = "features")]
+    pub length: LengthName,
+    /// Prints one line of JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// The networks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum EncoderName {
+    /// UR-DMU
+    Urdmu,
+    /// Two convolutions along time
+    Convolutions,
+    /// DeepMIL, without experts
+    Deepmil,
+    /// RTFM, without experts
+    Rtfm,
+}
+
+/// Rules of splatting.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum SplatName {
+    #[value(name = "T")]
+    Time,
+    #[value(name = "S")]
+    Score,
+    #[value(name = "H")]
+    Video,
+    #[value(name = "L")]
+    Literal,
+    None,
+}
+
+impl SplatName {
+    /// The rule, if there is one.
+    pub fn rule(self) -> Option<Rule> {
+        match self {
+            Self::Time => Some(Rule::Time),
+            Self::Score => Some(Rule::Score),
+            Self::Video => Some(Rule::Video),
+            Self::Literal => Some(Rule::Literal),
+            Self::None => None,
+        }
+    }
+}
+
+/// Which frames count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LengthName {
+    Features,
+    Floor,
+    Ceil,
+}
+
+impl LengthName {
+    /// As weaver-vad calls it.
+    pub fn length(self) -> Length {
+        match self {
+            Self::Features => Length::Features,
+            Self::Floor => Length::Floor,
+            Self::Ceil => Length::Ceil,
+        }
+    }
+}

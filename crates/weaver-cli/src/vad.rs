@@ -1,0 +1,44 @@
+//! `splatweaver vad`.
+
+mod judge;
+mod metrics;
+mod report;
+mod score;
+mod train;
+
+use crate::arguments::VadCommand;
+use crate::failure::Failure;
+use crate::{Console, in_pool};
+use std::path::{Path, PathBuf};
+use weaver_vad::Detector;
+
+pub fn run(command: &VadCommand, console: &mut Console) -> Result<(), Failure> {
+    match command {
+        VadCommand::Train(arguments) => in_pool(arguments.threads.count(), || train::run(arguments, console)),
+        VadCommand::Eval(arguments) => in_pool(arguments.threads.count(), || judge::run(arguments, console)),
+        VadCommand::Score(arguments) => in_pool(arguments.threads.count(), || score::run(arguments, console)),
+        VadCommand::Metrics(arguments) => metrics::run(arguments, console),
+    }
+}
+
+/// The file of weights in a run folder.
+const MODEL: &str = "model.safetensors";
+
+/// The detector of a run folder or a file of weights, the file, and what was kept with it.
+fn open(run: &Path) -> Result<(Detector, PathBuf, String), Failure> {
+    let path = if run.is_dir() { run.join(MODEL) } else { run.to_path_buf() };
+    let (detector, told) = Detector::read(&path)?;
+    Ok((detector, path, told))
+}
+
+/// Fails unless features have the width that a detector takes.
+fn check_width(detector: &Detector, width: usize, of: &str, model: &Path) -> Result<(), Failure> {
+    let expected = detector.kind().features();
+    if width == expected {
+        return Ok(());
+    }
+    let model = model.display();
+    Err(Failure::message(format!(
+        "{of}: expected {expected} features for each snippet, as {model} takes, found {width}"
+    )))
+}

@@ -1,0 +1,74 @@
+//! `splatweaver vad eval`.
+
+use super::{check_width, metrics, open, report};
+use crate::Console;
+use crate::arguments::VadEval;
+use crate::failure::Failure;
+use crate::progress::Progress;
+use weaver_vad::metrics::{FrameMetrics, SNIPPET, ScoredVideo, frame_metrics};
+use weaver_vad::{Annotation, Curves, Detector, Planted, read_list};
+
+/// Test videos with all their curves and their truth.
+pub struct Judged {
+    pub names: Vec<String>,
+    pub curves: Vec<Curves>,
+    pub scored: Vec<ScoredVideo>,
+}
+
+impl Judged {
+    pub fn metrics(&self) -> FrameMetrics {
+        frame_metrics(&self.scored)
+    }
+}
+
+pub fn run(arguments: &VadEval, console: &mut Console) -> Result<(), Failure> {
+    let (detector, model, told) = open(&arguments.run)?;
+    let judged = match (&arguments.features, &arguments.list, &arguments.annotation) {
+        (Some(features), Some(list), Some(annotation)) => {
+            let annotation = Annotation::read(annotation)?;
+            let videos = read_list(list, features)?;
+            let (mut names, mut curves) = (Vec::new(), Vec::new());
+            let mut progress = Progress::new("eval", 0, videos.len(), console);
+            let total = videos.len();
+            for (i, video) in videos.into_iter().enumerate() {
+                check_width(&detector, video.features.width(), &video.name, &model)?;
+                curves.push(detector.curves(&video.features)?);
+                progress.at(i + 1, total, || video.name.clone(), console);
+                names.push(video.name);
+            }
+            progress.finish();
+            let scores = names.iter().cloned().zip(curves.iter().map(|curves| curves.scores().to_vec())).collect();
+            let scored = annotation.join(scores, arguments.length.length())?;
+            Judged { names, curves, scored }
+        }
+        _ => {
+            let seed = told.parse().map_err(|_| {
+                let model = model.display();
+                Failure::Usage(format!(
+                    "{model}: not trained on planted videos; give --features, --list and --annotation"
+                ))
+            })?;
+            planted(&detector, &Planted::new(seed))?
+        }
+    };
+    let found = judged.metrics();
+    console.print(&if arguments.json { metrics::json(&found) } else { metrics::text(&found) })?;
+    let beside = model.parent().filter(|_| arguments.run.is_dir()).map(|folder| folder.join("report.html"));
+    let Some(path) = arguments.report.clone().or(beside) else { return Ok(()) };
+    report::write(&judged, detector.experts(), &path)?;
+    console.note(&format!("report: {}", path.display()));
+    Ok(())
+}
+
+/// The planted test videos.
+pub fn planted(detector: &Detector, planted: &Planted) -> Result<Judged, Failure> {
+    let (mut names, mut curves, mut scored) = (Vec::new(), Vec::new(), Vec::new());
+    for video in planted.test() {
+        let of = detector.curves(&video.features)?;
+        let labels = video.labels.iter().flat_map(|label| [*label; SNIPPET]).collect();
+        scored.push(ScoredVideo { scores: of.scores().to_vec(), labels });
+        curves.push(of);
+        names.push(video.name);
+    }
+    Ok(Judged { names, curves, scored })
+}

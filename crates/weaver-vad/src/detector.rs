@@ -1,0 +1,203 @@
+//! A detector of anomalies: an encoder and, where it has been trained so far, experts and their gate.
+
+use crate::encoded::Encoded;
+use crate::encoder::{Encoder, EncoderKind};
+use crate::expert::{Expert, ExpertSizes};
+use crate::gate::{Gate, GateSizes};
+use crate::{Features, Result};
+use weaver_autograd::{Params, Real, Tape, Var, ops};
+use weaver_nn::{Builder, Context};
+
+/// Where the parameters of experts and gate are; all others are the encoder's.
+pub(crate) const EXPERT: &str = "expert";
+pub(crate) const GATE: &str = "gate";
+
+/// An encoder, experts and a gate, with their parameters.
+#[derive(Clone, Debug)]
+pub struct Detector {
+    pub(crate) params: Params<f32>,
+    pub(crate) kind: EncoderKind,
+    pub(crate) encoder: Encoder,
+    pub(crate) experts: Vec<Expert>,
+    /// What each expert is for.
+    pub(crate) names: Vec<String>,
+    pub(crate) gate: Option<Gate>,
+}
+
+/// The curves of a video, each with a score for every snippet.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Curves {
+    /// The encoder's.
+    pub encoder: Vec<f32>,
+    /// Of the encoder's heads for classes.
+    pub classes: Vec<Vec<f32>>,
+    /// Of the experts.
+    pub experts: Vec<Vec<f32>>,
+    /// The gate's.
+    pub gate: Option<Vec<f32>>,
+}
+
+impl Curves {
+    /// The curve that counts: the gate's if there is one.
+    pub fn scores(&self) -> &[f32] {
+        self.gate.as_deref().unwrap_or(&self.encoder)
+    }
+}
+
+/// All that a detector makes of a batch.
+#[derive(Clone, Debug)]
+pub(crate) struct Judged<'t, T: Real> {
+    pub encoded: Encoded<'t, T>,
+    /// `[B, T, experts]`.
+    pub experts: Option<Var<'t, T>>,
+    /// `[B, T]`.
+    pub gate: Option<Var<'t, T>>,
+}
+
+impl Detector {
+    /// An encoder with initial weights, without experts.
+    pub fn new(kind: EncoderKind, seed: u64) -> Self {
+        let mut params = Params::new();
+        let encoder = Encoder::new(Builder::new(&mut params, seed), &kind);
+        Self { params, kind, encoder, experts: Vec::new(), names: Vec::new(), gate: None }
+    }
+
+    /// Adds an expert for each name, with initial weights, and no gate yet.
+    ///
+    /// # Panics
+    /// When there are experts already.
+    pub fn add_experts(&mut self, names: Vec<String>, seed: u64) {
+        assert!(self.experts.is_empty(), "experts are added once");
+        let sizes = ExpertSizes::of(self.width());
+        for e in 0..names.len() {
+            let mut builder = Builder::new(&mut self.params, seed);
+            self.experts.push(Expert::new(builder.scope(format!("{EXPERT}{e}")), &sizes));
+        }
+        self.names = names;
+    }
+
+    /// Adds a gate with initial weights.
+    ///
+    /// # Panics
+    /// When there is one already.
+    pub fn add_gate(&mut self, seed: u64) {
+        assert!(self.gate.is_none(), "a gate is added once");
+        let sizes = GateSizes::of(self.width(), self.experts.len());
+        self.gate = Some(Gate::new(Builder::new(&mut self.params, seed).scope(GATE), &sizes));
+    }
+
+    /// Which encoder it has.
+    pub fn kind(&self) -> &EncoderKind {
+        &self.kind
+    }
+
+    /// What its experts are for.
+    pub fn experts(&self) -> &[String] {
+        &self.names
+    }
+
+    /// Its parameters.
+    pub fn params(&self) -> &Params<f32> {
+        &self.params
+    }
+
+    /// Numbers of the task-aware features.
+    fn width(&self) -> usize {
+        match self.kind {
+            EncoderKind::UrDmu(sizes) => sizes.task_aware(),
+            EncoderKind::Convolutions(sizes) => sizes.width,
+            EncoderKind::DeepMil(sizes) => sizes.hidden[1],
+            EncoderKind::Rtfm(sizes) => sizes.features,
+        }
+    }
+
+    /// The curves of a video at its full length, means over its crops.
+    ///
+    /// # Errors
+    /// When a number of the features is not finite.
+    ///
+    /// # Panics
+    /// When the features are of another width than the encoder takes.
+    pub fn curves(&self, features: &Features) -> Result<Curves> {
+        self.curves_without(features, None)
+    }
+
+    /// The same where the gate sees 0 for one of the experts.
+    ///
+    /// # Errors
+    /// As [`curves`](Self::curves).
+    ///
+    /// # Panics
+    /// As [`curves`](Self::curves).
+    pub fn curves_without(&self, features: &Features, masked: Option<usize>) -> Result<Curves> {
+        let snippets = features.snippets();
+        let mut sum = Curves::default();
+        let mut tape = Tape::<f32>::new();
+        for c in 0..features.crops() {
+            let crop = features.crop(c)?;
+            let one = tape.without_gradient(|| {
+                let x = tape.constant(&crop, [1, snippets, features.width()]);
+                let judged = self.judge(Context::new(&tape, &self.params), x, masked);
+                Curves {
+                    encoder: judged.encoded.scores.to_vec(),
+                    classes: judged.encoded.class_scores.map_or(Vec::new(), columns),
+                    experts: judged.experts.map_or(Vec::new(), columns),
+                    gate: judged.gate.map(|gate| gate.to_vec()),
+                }
+            });
+            tape.reset();
+            add(&mut sum, one);
+        }
+        let share = 1.0 / features.crops() as f32;
+        let Curves { encoder, classes, experts, gate } = &mut sum;
+        let all = [encoder].into_iter().chain(classes).chain(experts).chain(gate.iter_mut());
+        all.flatten().for_each(|score| *score *= share);
+        Ok(sum)
+    }
+
+    /// What it makes of x `[B, T, features]`.
+    pub(crate) fn judge<'t>(&self, cx: Context<'t, '_>, x: Var<'t, f32>, masked: Option<usize>) -> Judged<'t, f32> {
+        let encoded = cx.tape.steps(|| self.encoder.encode(cx, x)).end();
+        let experts = self.expert_scores(cx, encoded.features, masked);
+        let gate = self.gate.as_ref().zip(experts).map(|(gate, experts)| gate.forward(cx, encoded.features, experts));
+        Judged { encoded, experts, gate }
+    }
+
+    /// Scores of all experts, `[B, T, experts]`, of features `[B, T, width]`; none where there are none.
+    pub(crate) fn expert_scores<'t>(
+        &self,
+        cx: Context<'t, '_>,
+        features: Var<'t, f32>,
+        masked: Option<usize>,
+    ) -> Option<Var<'t, f32>> {
+        let shape = features.shape();
+        let scores = self.experts.iter().enumerate().map(|(e, expert)| {
+            let scores = cx.tape.steps(|| expert.forward(cx, features)).end();
+            let scores = if masked == Some(e) { scores * 0.0 } else { scores };
+            scores.reshape([shape[0], shape[1], 1])
+        });
+        let scores: Vec<_> = scores.collect();
+        (!scores.is_empty()).then(|| ops::concat(&scores, 2))
+    }
+}
+
+/// The columns of `[1, T, C]`.
+fn columns(x: Var<'_, f32>) -> Vec<Vec<f32>> {
+    let (values, count) = (x.value(), x.shape().last());
+    (0..count).map(|c| values.iter().skip(c).step_by(count).copied().collect()).collect()
+}
+
+/// Adds curves to the sum of earlier ones, which is empty at first.
+fn add(sum: &mut Curves, one: Curves) {
+    if sum.encoder.is_empty() {
+        *sum = one;
+        return;
+    }
+    let plus = |sum: &mut Vec<f32>, one: &[f32]| sum.iter_mut().zip(one).for_each(|(sum, x)| *sum += x);
+    plus(&mut sum.encoder, &one.encoder);
+    sum.classes.iter_mut().zip(&one.classes).for_each(|(sum, one)| plus(sum, one));
+    sum.experts.iter_mut().zip(&one.experts).for_each(|(sum, one)| plus(sum, one));
+    if let (Some(sum), Some(one)) = (&mut sum.gate, &one.gate) {
+        plus(sum, one);
+    }
+}

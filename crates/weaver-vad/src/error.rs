@@ -1,0 +1,48 @@
+//! What can go wrong with lists, features and annotations.
+
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
+
+/// Result with [`Error`].
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Why features, lists or annotations cannot be used; the message names the file, what was expected and what was found.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file that could not be read or written.
+    #[error(transparent)]
+    File(#[from] weaver_io::Error),
+    /// Content that does not fit.
+    #[error("{}: {place}: expected {expected}, found {found}", path.display())]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// The line, key or video.
+        place: String,
+        /// What should have been there.
+        expected: String,
+        /// What was there.
+        found: String,
+    },
+    /// The loss is no longer a finite number.
+    #[error("{stage}: the loss of step {step} is not finite; a smaller rate may help")]
+    Diverged {
+        /// What was being trained.
+        stage: String,
+        /// The step, from 1.
+        step: usize,
+    },
+}
+
+impl Error {
+    /// Content of `path` that is not as it should be.
+    pub(crate) fn invalid(path: &Path, place: impl Display, expected: impl Display, found: impl Display) -> Self {
+        Self::Invalid {
+            path: path.to_path_buf(),
+            place: place.to_string(),
+            expected: expected.to_string(),
+            found: found.to_string(),
+        }
+    }
+}

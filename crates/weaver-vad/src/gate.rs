@@ -1,0 +1,87 @@
+//! The gate that makes one score of those of all experts.
+
+use crate::expert::{Block, Tower};
+use weaver_autograd::{ParamId, Real, Var, ops};
+use weaver_nn::{Builder, Context, Init, Linear, WeightInit};
+
+/// Sizes of the gate.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct GateSizes {
+    /// Numbers of the task-aware features.
+    pub width: usize,
+    /// Experts.
+    pub experts: usize,
+    /// Hidden numbers of the block.
+    pub hidden: usize,
+    /// Attention heads of the block.
+    pub heads: usize,
+    /// Hidden numbers of the layers that end in the score.
+    pub tower: Vec<usize>,
+}
+
+impl GateSizes {
+    /// The published sizes at width 1024, others in proportion.
+    pub fn of(width: usize, experts: usize) -> Self {
+        let tower = [1, 2, 4, 8].map(|part| (width / part).max(8)).to_vec();
+        Self { width, experts, hidden: width, heads: 4, tower }
+    }
+}
+
+/// A matrix `[width, width]` that is applied as x W^T.
+#[derive(Clone, Copy, Debug)]
+struct Projection(ParamId);
+
+impl Projection {
+    fn new<T: Real>(builder: &mut Builder<'_, T>, name: &str, width: usize) -> Self {
+        Self(builder.add(name, [width, width], Init::fan_in(width)))
+    }
+
+    /// x `[B, T, width]` gives `[B, T, 1, width]`, as attention with one head takes it.
+    fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
+        let shape = x.shape();
+        x.matmul_with(cx.param(self.0), false, true).reshape([shape[0], shape[1], 1, shape[2]])
+    }
+}
+
+/// Attention in both directions between features and expert scores, a block and a score (D'Amicantonio et al., arXiv 2508.06318, section
+/// 3.4). There is no softmax over experts: the gate makes a score of its own.
+#[derive(Clone, Debug)]
+pub struct Gate {
+    input: Linear,
+    /// q1, k1, v1, q2, k2, v2.
+    projections: [Projection; 6],
+    block: Block,
+    tower: Tower,
+}
+
+impl Gate {
+    /// Builds the gate.
+    pub fn new<T: Real>(mut builder: Builder<'_, T>, sizes: &GateSizes) -> Self {
+        let names = ["q1", "k1", "v1", "q2", "k2", "v2"];
+        Self {
+            input: Linear::new(builder.scope("in"), sizes.experts, sizes.width, WeightInit::FanIn),
+            projections: names.map(|name| Projection::new(&mut builder, name, sizes.width)),
+            block: Block::new(builder.scope_here(), 2 * sizes.width, sizes.hidden, sizes.heads),
+            tower: Tower::new(builder.scope("score"), 2 * sizes.width, &sizes.tower),
+        }
+    }
+
+    /// The layer that takes in expert scores; column i of its weight belongs to expert i.
+    pub fn input(&self) -> Linear {
+        self.input
+    }
+
+    /// z `[B, T, width]` and expert scores `[B, T, experts]` give scores `[B, T]` in (0, 1):
+    /// with `B = in(E)`, `[softmax(Q1 z (K1 z)^T / sqrt d) V1 B ; softmax(Q2 B (K2 B)^T / sqrt d) V2 z]` goes through block and layers.
+    /// Differentiable in both and the parameters.
+    pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, z: Var<'t, T>, experts: Var<'t, T>) -> Var<'t, T> {
+        let b = self.input.forward(cx, experts);
+        let [q1, k1, v1, q2, k2, v2] = self.projections;
+        let scale = 1.0 / (z.shape().last() as f64).sqrt();
+        let attend = |q: Var<'t, T>, k, v| ops::attention(q, k, v, scale).reshape(z.shape());
+        let of_scores = attend(q1.forward(cx, z), k1.forward(cx, z), v1.forward(cx, b));
+        let of_features = attend(q2.forward(cx, b), k2.forward(cx, b), v2.forward(cx, z));
+        let both = ops::concat(&[of_scores, of_features], 2);
+        self.tower.forward(cx, cx.tape.steps(|| self.block.forward(cx, both)).end())
+    }
+}

@@ -1,0 +1,106 @@
+//! A whole training: which parts, for how long.
+
+use crate::Result;
+use crate::detector::Detector;
+use crate::encoder::EncoderKind;
+use crate::training::{Labels, Stage, StepReport, Trainer};
+use crate::training_set::TrainingSet;
+
+/// What experts are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Experts {
+    /// There are none: the encoder alone.
+    None,
+    /// One for each class.
+    Classes,
+    /// One for each of so many clusters; classes are not looked at.
+    Clusters(usize),
+}
+
+/// A training from nothing to the gate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Schedule {
+    /// Segments that every video is brought to.
+    pub segments: usize,
+    /// Videos of each half of a batch.
+    pub batch: usize,
+    /// The encoder by itself.
+    pub encoder: Stage,
+    /// The encoder with labels of snippets.
+    pub splatting: Stage,
+    /// Each expert.
+    pub expert: Stage,
+    /// The gate.
+    pub gate: Stage,
+    /// Labels of snippets.
+    pub labels: Labels,
+    /// What experts are for.
+    pub experts: Experts,
+    /// Of everything random.
+    pub seed: u64,
+}
+
+impl Schedule {
+    /// UR-DMU's published training, and experts and gate by its rate (ours; nothing is published of their length).
+    pub fn published(labels: Labels, experts: Experts, seed: u64) -> Self {
+        let encoder = Stage { steps: 3000, rate: 1e-4, l2: 5e-5, decay: 0.0, dropout: 0.5 };
+        let later = Stage { steps: 1000, rate: 1e-4, l2: 0.0, decay: 0.01, dropout: 0.0 };
+        let splatting = Stage { steps: 1000, ..encoder };
+        Self { segments: 200, batch: 64, encoder, splatting, expert: later, gate: later, labels, experts, seed }
+    }
+
+    /// For the planted videos.
+    pub fn planted(labels: Labels, experts: Experts, seed: u64) -> Self {
+        let encoder = Stage { steps: 300, rate: 1e-3, l2: 5e-5, decay: 0.0, dropout: 0.1 };
+        let later = Stage { steps: 150, rate: 1e-3, l2: 0.0, decay: 0.01, dropout: 0.0 };
+        let (splatting, gate) = (Stage { steps: 200, ..encoder }, Stage { steps: 200, ..later });
+        Self { segments: 64, batch: 12, encoder, splatting, expert: later, gate, labels, experts, seed }
+    }
+
+    /// The same, all stages longer or shorter.
+    #[must_use]
+    pub fn scaled(mut self, factor: f64) -> Self {
+        for stage in [&mut self.encoder, &mut self.splatting, &mut self.expert, &mut self.gate] {
+            stage.steps = ((stage.steps as f64 * factor).round() as usize).max(1);
+        }
+        self
+    }
+
+    /// Steps of all stages together; with clusters, of which there may be fewer, at most.
+    pub fn steps(&self, set: &TrainingSet) -> usize {
+        let labeled = if self.labels == Labels::None { 0 } else { self.splatting.steps };
+        let experts = match self.experts {
+            Experts::None => return self.encoder.steps + labeled,
+            Experts::Classes => set.classes.len(),
+            Experts::Clusters(k) => k,
+        };
+        self.encoder.steps + labeled + experts * self.expert.steps + self.gate.steps
+    }
+
+    /// Trains a detector.
+    ///
+    /// # Errors
+    /// When features cannot be read or the loss is no longer finite.
+    pub fn train(
+        &self,
+        set: &TrainingSet,
+        kind: EncoderKind,
+        observe: &mut dyn FnMut(&StepReport),
+    ) -> Result<Detector> {
+        let Self { segments, batch, seed, labels, .. } = *self;
+        let mut detector = Detector::new(kind, seed);
+        let mut trainer = Trainer { set, segments, batch, seed, observe };
+        trainer.encoder(&mut detector, &self.encoder, Labels::None)?;
+        if labels != Labels::None {
+            trainer.encoder(&mut detector, &self.splatting, labels)?;
+        }
+        let groups = match self.experts {
+            Experts::None => return Ok(detector),
+            Experts::Classes => trainer.by_class(),
+            Experts::Clusters(k) => trainer.by_cluster(&detector, k)?,
+        };
+        trainer.experts(&mut detector, &groups, &self.expert, labels)?;
+        trainer.gate(&mut detector, &self.gate, labels)?;
+        Ok(detector)
+    }
+}

@@ -1,0 +1,274 @@
+//! Training in stages: encoder, encoder on labels of its own curves, experts, gate.
+
+use crate::detector::{Detector, EXPERT, GATE};
+use crate::kmeans::{cluster_centers, nearest_center};
+use crate::losses::{abnormal, bag_loss, class_loss, curve_loss};
+use crate::sampler::Sampler;
+use crate::splatting::Splatting;
+use crate::top_k::{mean_at_top_k, top_k};
+use crate::training_set::TrainingSet;
+use crate::{Error, Result};
+use weaver_autograd::{ParamId, Tape, Var};
+use weaver_kernels::random::Stream;
+use weaver_nn::{AdamW, Context, Group, add_l2_gradient};
+
+/// What the snippets of abnormal videos are labeled with, from the curve that is being trained; constant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Labels {
+    /// Nothing: only the bags' labels count.
+    None,
+    /// Gaussians at the curve's peaks.
+    Splat(Splatting),
+    /// The curve itself.
+    Scores,
+    /// 1 where the curve is above this, else 0.
+    Above(f64),
+}
+
+impl Labels {
+    /// Labels of `scores` `[b, T]`.
+    fn of(self, scores: Var<'_, f32>) -> Option<Vec<f32>> {
+        let values = scores.value();
+        let each = |f: &dyn Fn(f32) -> f32| Some(values.iter().map(|s| f(*s)).collect());
+        match self {
+            Self::None => None,
+            Self::Scores => each(&|s| s),
+            Self::Above(least) => each(&|s| f32::from(u8::from(f64::from(s) > least))),
+            Self::Splat(splatting) => {
+                let rows = values.chunks_exact(scores.shape()[1]).flat_map(|row| {
+                    let row: Vec<f64> = row.iter().map(|s| f64::from(*s)).collect();
+                    splatting.labels(&row)
+                });
+                Some(rows.map(|y| y as f32).collect())
+            }
+        }
+    }
+}
+
+/// How one part of a detector is trained.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stage {
+    /// Steps.
+    pub steps: usize,
+    /// Learning rate of Adam.
+    pub rate: f64,
+    /// L2 penalty within the gradient.
+    pub l2: f64,
+    /// Decoupled weight decay.
+    pub decay: f64,
+    /// Share of numbers that dropout takes, where the network has it.
+    pub dropout: f64,
+}
+
+/// What is done at each step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StepReport {
+    /// What is trained.
+    pub stage: String,
+    /// Steps of the stage done.
+    pub step: usize,
+    /// Steps of the stage in all.
+    pub steps: usize,
+    /// The loss of the step.
+    pub loss: f64,
+}
+
+/// Trains detectors on a set of videos. The same seed gives the same bits at any number of threads.
+pub struct Trainer<'a> {
+    /// The videos.
+    pub set: &'a TrainingSet,
+    /// Segments that every video is brought to.
+    pub segments: usize,
+    /// Videos of each half of a batch.
+    pub batch: usize,
+    /// Of the order of videos, noise and initial weights.
+    pub seed: u64,
+    /// Is told of every step.
+    pub observe: &'a mut dyn FnMut(&StepReport),
+}
+
+impl std::fmt::Debug for Trainer<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { segments, batch, seed, .. } = self;
+        f.debug_struct("Trainer").field("segments", segments).field("batch", batch).field("seed", seed).finish()
+    }
+}
+
+/// A batch on the tape: videos `[2 b, T, features]`, the normal half first.
+struct Batch<'t> {
+    x: Var<'t, f32>,
+    /// `[2 b, classes]`.
+    classes: Var<'t, f32>,
+}
+
+impl Trainer<'_> {
+    /// Trains the encoder by its own loss, its heads for classes on the classes and, with labels, its curve on them.
+    ///
+    /// # Errors
+    /// When features cannot be read or the loss is no longer finite.
+    pub fn encoder(&mut self, detector: &mut Detector, stage: &Stage, labels: Labels) -> Result<()> {
+        let encoder = detector.encoder.clone();
+        let name = if labels == Labels::None { "encoder" } else { "encoder on labels" };
+        let stream = |seed, step| Stream::new(seed, step as u64, name);
+        let (seed, dropout) = (self.seed, stage.dropout);
+        let everyone = self.set.abnormal();
+        let trained = |name: &str| !name.starts_with(EXPERT) && !name.starts_with(GATE);
+        self.run(detector, (name, stage), everyone, trained, |cx, batch, step| {
+            let (encoded, mut loss) = encoder.train(cx, batch.x, stream(seed, step), dropout);
+            if let Some(scores) = encoded.class_scores {
+                loss = loss + class_loss(scores, batch.classes);
+            }
+            if labels != Labels::None {
+                loss = loss + curve_loss(encoded.scores, labels.of(abnormal(encoded.scores)).as_deref());
+            }
+            loss
+        })
+    }
+
+    /// Adds an expert for each group of abnormal videos and trains it on these and all normal ones; the encoder stays. The first time
+    /// through a group's videos there are no labels of snippets.
+    ///
+    /// # Errors
+    /// As [`encoder`](Self::encoder).
+    pub fn experts(
+        &mut self,
+        detector: &mut Detector,
+        groups: &[(String, Vec<usize>)],
+        stage: &Stage,
+        labels: Labels,
+    ) -> Result<()> {
+        detector.add_experts(groups.iter().map(|(name, _)| name.clone()).collect(), self.seed);
+        for (e, (name, videos)) in groups.iter().enumerate() {
+            let (encoder, expert) = (detector.encoder.clone(), detector.experts[e].clone());
+            let first_round = videos.len().div_ceil(self.batch);
+            let scope = format!("{EXPERT}{e}.");
+            let stage = (format!("expert {name}"), stage);
+            self.run(
+                detector,
+                (&stage.0, stage.1),
+                videos.clone(),
+                |name| name.starts_with(&scope),
+                |cx, batch, step| {
+                    let features = cx.tape.without_gradient(|| encoder.encode(cx, batch.x).features);
+                    curve_stage_loss(expert.forward(cx, features), labels, step >= first_round)
+                },
+            )?;
+        }
+        Ok(())
+    }
+
+    /// Adds a gate and trains it; encoder and experts stay.
+    ///
+    /// # Errors
+    /// As [`encoder`](Self::encoder).
+    pub fn gate(&mut self, detector: &mut Detector, stage: &Stage, labels: Labels) -> Result<()> {
+        detector.add_gate(self.seed);
+        let all = detector.clone();
+        let everyone = self.set.abnormal();
+        let first_round = everyone.len().div_ceil(self.batch);
+        self.run(
+            detector,
+            ("gate", stage),
+            everyone,
+            |name| name.starts_with(GATE),
+            |cx, batch, step| {
+                let (features, experts) = cx.tape.without_gradient(|| {
+                    let features = all.encoder.encode(cx, batch.x).features;
+                    (features, all.expert_scores(cx, features, None))
+                });
+                let (Some(gate), Some(experts)) = (&all.gate, experts) else { return cx.tape.scalar(0.0) };
+                curve_stage_loss(gate.forward(cx, features, experts), labels, step >= first_round)
+            },
+        )
+    }
+
+    /// Groups of abnormal videos by their classes; a video with several is in each.
+    pub fn by_class(&self) -> Vec<(String, Vec<usize>)> {
+        let of = |c: usize| {
+            let videos = self.set.videos.iter().enumerate();
+            videos.filter(|(_, video)| video.classes.contains(&c)).map(|(i, _)| i).collect()
+        };
+        self.set.classes.iter().enumerate().map(|(c, name)| (name.clone(), of(c))).collect()
+    }
+
+    /// At most `k` groups of abnormal videos by K-means of the mean features, of unit length, at their highest scores. Classes are not
+    /// looked at.
+    ///
+    /// # Errors
+    /// When features cannot be read.
+    pub fn by_cluster(&self, detector: &Detector, k: usize) -> Result<Vec<(String, Vec<usize>)>> {
+        let videos = self.set.abnormal();
+        let mut points = Vec::new();
+        let mut tape = Tape::<f32>::new();
+        for &video in &videos {
+            let x = self.set.bag(video, 0, self.segments)?;
+            points.extend(tape.without_gradient(|| {
+                let x = tape.constant(&x, [1, self.segments, self.set.width()]);
+                let encoded = detector.encoder.encode(Context::new(&tape, &detector.params), x);
+                mean_at_top_k(encoded.features, encoded.scores, top_k(self.segments)).normalize_rows(0.0).to_vec()
+            }));
+            tape.reset();
+        }
+        let width = points.len() / videos.len().max(1);
+        let centers = cluster_centers(&points, width, k, self.seed);
+        let mut groups = vec![Vec::new(); centers.len() / width.max(1)];
+        for (point, video) in points.chunks_exact(width.max(1)).zip(videos) {
+            groups[nearest_center(&centers, point)].push(video);
+        }
+        groups.retain(|group| !group.is_empty());
+        Ok(groups.into_iter().enumerate().map(|(i, group)| (format!("cluster {i}"), group)).collect())
+    }
+
+    /// Steps of Adam on the parameters whose names are `trained`, each on a batch of all normal and the given abnormal videos.
+    fn run(
+        &mut self,
+        detector: &mut Detector,
+        (name, stage): (&str, &Stage),
+        videos: Vec<usize>,
+        trained: impl Fn(&str) -> bool,
+        loss: impl for<'t> Fn(Context<'t, '_>, &Batch<'t>, usize) -> Var<'t, f32>,
+    ) -> Result<()> {
+        let params = &mut detector.params;
+        let ids: Vec<ParamId> = params.iter().filter(|(_, param)| trained(param.name())).map(|(id, _)| id).collect();
+        params.ids().for_each(|id| params.set_frozen(id, !ids.contains(&id)));
+        let group = Group { params: ids.clone(), lr_scale: 1.0, weight_decay: stage.decay };
+        let mut optimizer = AdamW::new(vec![group], 0.9, 0.999, 1e-8);
+        let mut normal = Sampler::new(self.set.samples(&self.set.normal()), self.seed, &format!("{name}.normal"));
+        let mut abnormal = Sampler::new(self.set.samples(&videos), self.seed, &format!("{name}.abnormal"));
+        let mut tape = Tape::<f32>::new();
+        for step in 0..stage.steps {
+            let halves = normal.next(self.batch).into_iter().chain(abnormal.next(self.batch));
+            let chosen: Vec<(usize, usize)> = halves.collect();
+            let mut x = Vec::with_capacity(chosen.len() * self.segments * self.set.width());
+            for (video, crop) in &chosen {
+                x.extend(self.set.bag(*video, *crop, self.segments)?);
+            }
+            let classes = self.set.class_labels(chosen.iter().map(|(video, _)| *video));
+            let batch = Batch {
+                x: tape.constant(&x, [chosen.len(), self.segments, self.set.width()]),
+                classes: tape.constant(&classes, [chosen.len(), self.set.classes.len()]),
+            };
+            let value = loss(Context::new(&tape, params), &batch, step);
+            let reached = f64::from(value.item());
+            if !reached.is_finite() {
+                return Err(Error::Diverged { stage: name.to_string(), step: step + 1 });
+            }
+            value.backward();
+            if stage.l2 > 0.0 {
+                add_l2_gradient(params, &mut tape, stage.l2);
+            }
+            optimizer.step(params, &mut tape, stage.rate);
+            tape.reset();
+            let stage = StepReport { stage: name.to_string(), step: step + 1, steps: stage.steps, loss: reached };
+            (self.observe)(&stage);
+        }
+        params.ids().for_each(|id| params.set_frozen(id, false));
+        Ok(())
+    }
+}
+
+/// The splatting loss of experts and gate.
+fn curve_stage_loss<'t>(scores: Var<'t, f32>, labels: Labels, labeled: bool) -> Var<'t, f32> {
+    let labels = if labeled { labels.of(abnormal(scores)) } else { None };
+    bag_loss(scores) + curve_loss(scores, labels.as_deref())
+}
