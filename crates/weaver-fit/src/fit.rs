@@ -17,8 +17,8 @@ use weaver_geometry::{Camera, Pose};
 use weaver_kernels::random::Stream;
 use weaver_scene::{CameraSlices, Gaussians, intrinsics_row, viewmat};
 use weaver_splat::{
-    Cotangents, CpuRasterizer, GaussianStatistics, Gradients as RasterGradients, Images, RasterSettings, Rasterizer,
-    Target,
+    AnyRasterizer, AnyWorkspace, Cotangents, GaussianStatistics, Gradients as RasterGradients, Images, RasterSettings,
+    Rasterizer, Target,
 };
 
 /// What happened in a step.
@@ -59,10 +59,10 @@ pub struct StepTimings {
 /// camera and color correction) down the gradient by Adam. Photos come in an order drawn anew for every round. Sources: Kerbl et al., 3D Gaussian
 /// Splatting, 2023, section 5; schedules are with [`FitSettings`].
 #[derive(Debug)]
-pub struct Fit<R: Rasterizer<f32> = CpuRasterizer> {
+pub struct Fit {
     pub(crate) settings: FitSettings,
-    pub(crate) rasterizer: R,
-    pub(crate) workspace: R::Workspace,
+    pub(crate) rasterizer: AnyRasterizer<f32>,
+    pub(crate) workspace: AnyWorkspace<f32>,
     photos: Vec<Pyramid>,
     /// The photos in the order of this round.
     order: Vec<usize>,
@@ -88,18 +88,16 @@ impl Fit {
     /// See [`Fit::with`].
     pub fn new(photos: Vec<Photo>, initial: &Gaussians, settings: FitSettings) -> Result<Self, FitError> {
         let strategy = settings.density.strategy();
-        Self::with(CpuRasterizer, strategy, photos, initial, settings)
+        Self::with(AnyRasterizer::default(), strategy, photos, initial, settings)
     }
-}
 
-impl<R: Rasterizer<f32>> Fit<R> {
     /// A fit with this rasterizer and this way to control density.
     ///
     /// # Errors
     /// When a setting is out of range, there are no photos, photos do not fit their cameras or are masked altogether, or
     /// `initial` holds no Gaussians or more than the budget.
     pub fn with(
-        rasterizer: R,
+        rasterizer: AnyRasterizer<f32>,
         strategy: Box<dyn Strategy>,
         photos: Vec<Photo>,
         initial: &Gaussians,

@@ -8,7 +8,7 @@ use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::sh::{MAX_DEGREE, coefficients};
 use weaver_io::checkpoint::{Element, Tensors};
 use weaver_io::{Error, Result};
-use weaver_splat::{GaussianStatistics, Rasterizer};
+use weaver_splat::GaussianStatistics;
 
 /// Numbers of a row of statistics.
 const STATISTICS: usize = 6;
@@ -17,7 +17,7 @@ const POSE: usize = 9 + 3;
 /// Numbers of a row of exposures: matrix, two moments, steps.
 const EXPOSURE: usize = 3 * 12 + 1;
 
-impl<R: Rasterizer<f32>> Fit<R> {
+impl Fit {
     /// All that changes in a fit: with the same photos and settings, a fit that [`restore`](Self::restore)s it goes on to the
     /// same bits as one that was never interrupted.
     pub fn state(&self) -> Tensors {

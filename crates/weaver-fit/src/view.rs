@@ -11,7 +11,7 @@ use weaver_splat::{Images, Rasterizer};
 /// Halvings of the photo at the beginning.
 const HALVINGS: usize = 2;
 
-impl<R: Rasterizer<f32>> Fit<R> {
+impl Fit {
     /// The camera near `start` from which the scene looks most like the photo, after this many Gauss-Newton steps; they begin
     /// at a quarter of the photo's size and end at its own. Nothing in the fit changes.
     ///

@@ -64,7 +64,7 @@ impl<'a> Backward<'a> {
     /// Brings the cotangents of a drawing to the device.
     fn pack(&mut self, i: usize, cotangents: &Cotangents<'_, f32>) {
         let whole = self.call.3.region;
-        let GpuWorkspace { drawings, gradients, host, .. } = &mut *self.workspace;
+        let GpuWorkspace { drawings, gradients, host, staging, .. } = &mut *self.workspace;
         host.clear();
         for at in pixels_of(&drawings[i], &whole) {
             let image = cotangents.image.filter(|image| !image.is_empty());
@@ -72,7 +72,7 @@ impl<'a> Backward<'a> {
             host.push(cotangents.alpha.map_or(0.0, |alpha| alpha[at]));
             host.push(cotangents.depth.filter(|depth| !depth.is_empty()).map_or(0.0, |depth| depth[at]));
         }
-        self.context.queue().write_buffer(gradients.cotangents.buffer(), 0, bytemuck::cast_slice(host));
+        staging.write(self.context, &gradients.cotangents, host);
     }
 
     /// Adds the gradients of a drawing on the device; returns those of the camera.

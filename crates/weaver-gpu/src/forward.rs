@@ -77,7 +77,7 @@ impl<'a> Forward<'a> {
     /// Brings the Gaussians to the device.
     fn upload(&mut self) -> Result<(), GpuError> {
         let (gaussians, _, _, extent) = self.call;
-        let GpuWorkspace { params, color, host, .. } = &mut *self.workspace;
+        let GpuWorkspace { params, color, host, staging, .. } = &mut *self.workspace;
         params.storage(self.context, "parameters of the Gaussians", extent.gaussians, PARAMS)?;
         color.storage(self.context, "colors of the Gaussians", extent.gaussians, 4 * extent.color_len as u64)?;
         host.clear();
@@ -87,8 +87,8 @@ impl<'a> Forward<'a> {
             host.extend_from_slice(&gaussians.scales[3 * n..][..3]);
             host.extend_from_slice(&[gaussians.opacities[n], 0.0]);
         }
-        self.context.queue().write_buffer(params.buffer(), 0, bytemuck::cast_slice(host));
-        self.context.queue().write_buffer(color.buffer(), 0, bytemuck::cast_slice(gaussians.color.values().0));
+        staging.write(self.context, params, host);
+        staging.write(self.context, color, gaussians.color.values().0);
         Ok(())
     }
 

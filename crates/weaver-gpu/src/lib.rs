@@ -19,6 +19,7 @@ mod rasterizer;
 mod room;
 mod shader;
 mod sort;
+mod staging;
 mod uniforms;
 mod workspace;
 
@@ -29,6 +30,7 @@ pub use profile::PassTime;
 pub use rasterizer::GpuRasterizer;
 pub use shader::{File, Kernel, SHADERS, Shader};
 pub use sort::sort_pairs;
+pub use staging::Transfers;
 pub use wgpu;
 pub use workspace::GpuWorkspace;
 

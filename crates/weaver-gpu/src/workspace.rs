@@ -4,6 +4,7 @@ use crate::context::Context;
 use crate::profile::{PassTime, Profile};
 use crate::room::Room;
 use crate::sort::RadixSort;
+use crate::staging::{Staging, Transfers};
 use weaver_splat::{Extent, RasterSettings, Region};
 
 /// What forward leaves on the device for backward, and room to work in. It only grows.
@@ -22,7 +23,7 @@ pub struct GpuWorkspace {
     pub(crate) gradients: GradientRooms,
     /// Numbers on their way to or from the device.
     pub(crate) host: Vec<f32>,
-    pub(crate) staging: Room,
+    pub(crate) staging: Staging,
     pub(crate) profile: Option<Profile>,
 }
 
@@ -87,6 +88,11 @@ impl GpuWorkspace {
     /// rasterizer does not [measure](crate::GpuRasterizer::measured).
     pub fn pass_times(&mut self) -> Vec<PassTime> {
         self.profile.as_mut().map(Profile::take).unwrap_or_default()
+    }
+
+    /// What was copied since this was last asked, but for the few numbers of a view.
+    pub fn transfers(&mut self) -> Transfers {
+        std::mem::take(&mut self.staging.transfers)
     }
 
     /// Fills all memory on the device with ones: what a test does to show that nothing is read before it is written.

@@ -6,7 +6,7 @@ use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
 use weaver_scene::Gaussians;
-use weaver_splat::{RasterSettings, Workspace};
+use weaver_splat::{RasterSettings, Renderer};
 
 /// For how long a prediction is refined.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,7 +57,8 @@ impl Refined {
         if let Effort::Steps(steps) = effort {
             settings.steps = steps;
         }
-        let mut fit = Fit::new(photos, &initial, settings)?;
+        let rasterizer = self.inner.renderer().rasterizer().clone();
+        let mut fit = Fit::with(rasterizer, settings.density.strategy(), photos, &initial, settings)?;
         fit.set_raster_settings(self.inner.raster_settings());
         if let Effort::Seconds(seconds) = effort {
             let steps = steps_in(&mut fit, seconds)?;
@@ -203,7 +204,7 @@ impl Predictor for Refined {
         self.inner.background()
     }
 
-    fn workspace(&mut self) -> &mut Workspace<f32> {
-        self.inner.workspace()
+    fn renderer(&mut self) -> &mut Renderer {
+        self.inner.renderer()
     }
 }

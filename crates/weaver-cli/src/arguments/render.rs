@@ -1,8 +1,8 @@
 //! The command line of `splatweaver render`.
 
-use super::Threads;
 use super::eval::{distance, fraction};
 use super::fit::{Rgb, background};
+use super::{DeviceFlag, Threads};
 use clap::{ArgGroup, Args};
 use std::path::PathBuf;
 
@@ -57,6 +57,8 @@ pub struct Render {
     /// Largest opacity of a single Gaussian at a pixel, above 0 and below 1 [default: what summary.json says, or 0.99]
     #[arg(long, value_name = "ALPHA", value_parser = fraction, help_heading = DRAWING)]
     pub alpha_max: Option<f64>,
+    #[command(flatten)]
+    pub device: DeviceFlag,
     #[command(flatten)]
     pub threads: Threads,
 }

@@ -4,6 +4,7 @@ use super::workload::Workload;
 use super::{median, memory};
 use crate::Console;
 use crate::arguments::{BenchFit, Synthetic};
+use crate::device;
 use crate::failure::Failure;
 use crate::progress::Progress;
 use serde_json::{Value, json};
@@ -13,7 +14,7 @@ use weaver_fit_run::{Run, RunSettings};
 use weaver_geometry::sh::coefficients;
 use weaver_kernels::peak;
 use weaver_kernels::random::Stream;
-use weaver_splat::{Images, RasterSettings, Workspace, rasterize};
+use weaver_splat::{AnyRasterizer, Images, RasterSettings, Workspace, rasterize};
 
 /// Vector operations per lane that a part needs about: of a Gaussian at a pixel forward (the exponent, its exponential, the
 /// comparisons, the blending of three colors) and backward, of a pixel for the loss (seven maps under eleven taps in two
@@ -28,15 +29,24 @@ const NOISE: f64 = 25.0;
 
 pub fn run(arguments: &BenchFit, console: &mut Console) -> Result<(), Failure> {
     let runs = arguments.runs as usize;
+    let rasterizer = device::rasterizer(&arguments.device)?;
     let (mut fit, warm, name) = match &arguments.capture {
         Some(capture) => {
             let settings = settings(FitSettings::default().gaussians, 4 * runs, runs);
-            (Run::optimization(&RunSettings::new(capture, settings))?, 3 * runs, capture.display().to_string())
+            (
+                Run::optimization(&RunSettings::new(capture, settings), rasterizer)?,
+                3 * runs,
+                capture.display().to_string(),
+            )
         }
         None => {
             let Synthetic { gaussians, width, height } = arguments.synthetic;
             let settings = settings(gaussians, WARM + runs, runs);
-            (synthetic(arguments.synthetic, settings)?, WARM, format!("synthetic {gaussians},{width},{height}"))
+            (
+                synthetic(arguments.synthetic, settings, rasterizer)?,
+                WARM,
+                format!("synthetic {gaussians},{width},{height}"),
+            )
         }
     };
     let interval = (fit.settings().steps / fit.settings().density.rounds).max(1);
@@ -83,7 +93,7 @@ fn settings(gaussians: usize, steps: usize, runs: usize) -> FitSettings {
 }
 
 /// A fit of a synthetic scene to its own picture with noise.
-fn synthetic(scene: Synthetic, mut settings: FitSettings) -> Result<Fit, Failure> {
+fn synthetic(scene: Synthetic, mut settings: FitSettings, rasterizer: AnyRasterizer<f32>) -> Result<Fit, Failure> {
     settings.background = [0.0; 3];
     let workload = Workload::synthetic(scene, false);
     let pixels = workload.camera.width * workload.camera.height;
@@ -100,7 +110,7 @@ fn synthetic(scene: Synthetic, mut settings: FitSettings) -> Result<Fit, Failure
         mask: None,
     };
     let initial = workload.gaussians.to_stored();
-    Ok(Fit::new(vec![photo], &initial, settings)?)
+    Ok(Fit::with(rasterizer, settings.density.strategy(), vec![photo], &initial, settings)?)
 }
 
 /// A step that counts.
