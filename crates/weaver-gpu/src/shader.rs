@@ -1,6 +1,6 @@
 //! The shaders: which files make up each, and where it is entered.
 //!
-//! The files are in `shaders/` at the top of the repository, one for each pass and some that passes share. WGSL has no
+//! The files are in `shaders/`, one for each pass and some that passes share. WGSL has no
 //! imports: what a pass needs is put in front of it.
 
 /// A file of WGSL.
@@ -14,7 +14,7 @@ pub struct File {
 
 macro_rules! file {
     ($name:literal) => {
-        File { name: $name, text: include_str!(concat!("../../../shaders/", $name)) }
+        File { name: $name, text: include_str!(concat!("../shaders/", $name)) }
     };
 }
 
