@@ -208,7 +208,8 @@ impl Run {
     ///
     /// # Errors
     /// When it cannot be written; the last one then stays as it was.
-    pub fn save(&self) -> Result<(), RunError> {
+    pub fn save(&mut self) -> Result<(), RunError> {
+        self.fit.fetch()?;
         let mut state = self.fit.state();
         state.metadata.insert("seconds".into(), format!("{:.3}", self.seconds()));
         Ok(state.write(checkpoint_path(&self.folder))?)

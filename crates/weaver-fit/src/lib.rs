@@ -20,6 +20,7 @@ pub mod init;
 mod objective;
 mod photos;
 mod population;
+mod resident;
 mod settings;
 mod state;
 pub mod strategy;
@@ -36,7 +37,7 @@ pub use objective::{L1Ssim, Objective};
 pub use photos::Photo;
 pub use population::{Field, Population};
 pub use settings::{Density, FitSettings, Poses, Rates, StrategyKind};
-pub use strategy::{Moment, Strategy};
+pub use strategy::{Moment, Regularizer, Strategy};
 pub use timing::steps_in;
 
 /// The example of the README, compiled and run.

@@ -17,11 +17,13 @@ const PART: f64 = 0.05;
 /// As [`Fit::step`].
 pub fn steps_in(fit: &mut Fit, seconds: f64) -> Result<usize, FitError> {
     let start = Instant::now();
+    fit.fetch()?;
     let kept = (fit.population.clone(), fit.statistics.clone(), fit.exposures.clone(), fit.poses.clone());
     let settings = fit.settings.clone();
     let result = timed(fit, seconds);
     (fit.population, fit.statistics, fit.exposures, fit.poses) = kept;
     (fit.settings, fit.step) = (settings, 0);
+    fit.changed();
     let step = result?;
     let left = seconds - start.elapsed().as_secs_f64();
     Ok(((left / step) as usize).max(1))

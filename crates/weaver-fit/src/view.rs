@@ -47,6 +47,7 @@ impl Fit {
         let (mut image, mut alpha, mut depth) = (vec![0.0; 3 * pixels], vec![0.0; pixels], vec![0.0; pixels]);
         let rows = CameraRows::new(&[*camera]);
         let raster = self.raster;
+        self.fetch()?;
         self.activated.update(&self.population);
         let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None };
         let cameras = rows.as_slices(&self.settings.background);

@@ -1,5 +1,5 @@
-// Pass: what each splat receives from the pixels of a tile, a thread per entry. Sixty-four entries walk over the pixels one behind
-// the other, so that each pixel sees them front to back, and each entry keeps its sums in registers: one row, one writer.
+// Pass: what each splat receives from the pixels of a tile, two entries a thread. The threads walk over the pixels one behind the
+// other, so that each pixel sees the entries front to back, and each entry keeps its sums in registers: one row, one writer.
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<storage, read> splats: array<vec4<f32>>;
@@ -14,7 +14,9 @@
 // With statistics: sum w and max w.
 @group(0) @binding(8) var<storage, read_write> weights: array<vec2<f32>>;
 
-const ENTRIES: u32 = 64u;
+const THREADS: u32 = 64u;
+// Entries that walk together.
+const ENTRIES: u32 = 2u * THREADS;
 const PIXELS: u32 = 256u;
 
 // Of each pixel: transmittance, negative where the pixel has ended; rest; and its cotangents of color and depth.
@@ -22,6 +24,86 @@ var<workgroup> light: array<vec2<f32>, PIXELS>;
 var<workgroup> dpixel: array<vec4<f32>, PIXELS>;
 var<workgroup> ended: atomic<u32>;
 var<workgroup> all_ended: bool;
+
+// What a thread knows of one of its splats.
+struct Entry {
+    // Its row; none if this is not present.
+    row: u32,
+    present: bool,
+    center: vec2<f32>,
+    pq: vec2<f32>,
+    r: f32,
+    opacity: f32,
+    // Red, green, blue, Z.
+    value: vec4<f32>,
+}
+
+// Sums over the pixels.
+struct Sums {
+    // G, Gu, Gv, Guu.
+    shape: vec4<f32>,
+    // Guv, Gvv.
+    second: vec2<f32>,
+    // Of w times the cotangents.
+    value: vec4<f32>,
+    pull: vec2<f32>,
+    // sum w, max w.
+    weight: vec2<f32>,
+}
+
+fn entry_at(place: u32, end: u32) -> Entry {
+    var entry = Entry();
+    if (place < end) {
+        entry.row = entries[place];
+        let n = owners[entry.row];
+        let a = splats[4u * n];
+        let b = splats[4u * n + 1u];
+        entry.present = true;
+        entry.center = a.xy;
+        entry.pq = a.zw;
+        entry.r = b.x;
+        entry.opacity = b.y;
+        entry.value = vec4<f32>(splats[4u * n + 2u].xyz, b.w);
+    }
+    return entry;
+}
+
+// What the splat receives from a pixel, and what it leaves of the pixel's light to those behind.
+fn meet(entry: Entry, middle: vec2<f32>, d: vec4<f32>, before: vec2<f32>, sums: ptr<function, Sums>) -> vec2<f32> {
+    let sample = sample_at(entry.center, entry.pq, entry.r, entry.opacity, middle);
+    let alpha = min(view.alpha_max, sample.raw);
+    // Nothing is seen by a pixel that has ended, nor of an entry that is not there: its opacity is zero.
+    if (alpha < ALPHA_MIN || before.x <= 0.0) {
+        return before;
+    }
+    let after = before.x - alpha * before.x;
+    if (after <= TRANSMITTANCE_END) {
+        return vec2<f32>(-before.x, before.y);
+    }
+    let weight = alpha * before.x;
+    let kappa = weight * dot(d, entry.value);
+    let rest = before.y - kappa;
+    let g = select(0.0, kappa - alpha / (1.0 - alpha) * rest, view.alpha_max >= sample.raw);
+    let gu = g * sample.u;
+    let gv = g * sample.v;
+    (*sums).shape += vec4<f32>(g, gu, gv, gu * sample.u);
+    (*sums).second += vec2<f32>(gu, gv) * sample.v;
+    (*sums).value += weight * d;
+    (*sums).pull += abs(vec2<f32>(entry.pq.x * gu, entry.pq.y * gu + entry.r * gv));
+    (*sums).weight = vec2<f32>((*sums).weight.x + weight, max((*sums).weight.y, weight));
+    return vec2<f32>(after, rest);
+}
+
+fn store(entry: Entry, sums: Sums) {
+    if (entry.present) {
+        moments[3u * entry.row] = sums.shape;
+        moments[3u * entry.row + 1u] = vec4<f32>(sums.second, sums.value.xy);
+        moments[3u * entry.row + 2u] = vec4<f32>(sums.value.zw, sums.pull / (BITS * BITS));
+        if (view.statistics != 0u) {
+            weights[entry.row] = sums.weight;
+        }
+    }
+}
 
 // Puts a pixel at its start: all light, and as rest what the whole list gives.
 fn begin_pixel(tile: u32, i: u32) {
@@ -58,7 +140,7 @@ fn sum_moments(
         atomicStore(&ended, 0u);
     }
     workgroupBarrier();
-    for (var i = lane; i < PIXELS; i += ENTRIES) {
+    for (var i = lane; i < PIXELS; i += THREADS) {
         begin_pixel(tile, i);
     }
     let corner = vec2<f32>(corner_of(tile)) + 0.5;
@@ -68,62 +150,31 @@ fn sum_moments(
             all_ended = atomicLoad(&ended) == PIXELS;
         }
         let nothing_left = workgroupUniformLoad(&all_ended);
-        let present = at + lane < end;
-        var entry = 0u;
-        var a = vec4<f32>(0.0);
-        var b = vec4<f32>(0.0);
-        var color = vec4<f32>(0.0);
-        if (present) {
-            entry = entries[at + lane];
-            let n = owners[entry];
-            a = splats[4u * n];
-            b = splats[4u * n + 1u];
-            color = vec4<f32>(splats[4u * n + 2u].xyz, b.w);
-        }
-        var shape = vec4<f32>(0.0);
-        var second = vec2<f32>(0.0);
-        var tint = vec4<f32>(0.0);
-        var pull = vec2<f32>(0.0);
-        var weights_here = vec2<f32>(0.0);
+        let front = entry_at(at + 2u * lane, end);
+        let back = entry_at(at + 2u * lane + 1u, end);
+        var front_sums = Sums();
+        var back_sums = Sums();
         // Where no pixel is open there is nothing to add.
-        let steps = select(PIXELS + ENTRIES - 1u, 0u, nothing_left);
+        let steps = select(PIXELS + THREADS - 1u, 0u, nothing_left);
         for (var step = 0u; step < steps; step++) {
             // Below zero it wraps to beyond all pixels.
             let i = step - lane;
-            if (present && i < PIXELS && light[i].x > 0.0) {
-                let middle = corner + vec2<f32>(f32(i % SIDE), f32(i / SIDE));
-                let sample = sample_at(a.xy, a.zw, b.x, b.y, middle);
-                let alpha = min(view.alpha_max, sample.raw);
-                let before = light[i].x;
-                let after = before - alpha * before;
-                if (alpha >= ALPHA_MIN && after > TRANSMITTANCE_END) {
-                    let weight = alpha * before;
+            if (front.present && i < PIXELS) {
+                let before = light[i];
+                if (before.x > 0.0) {
                     let d = dpixel[i];
-                    let kappa = weight * dot(d, color);
-                    let rest = light[i].y - kappa;
-                    light[i] = vec2<f32>(after, rest);
-                    let g = select(0.0, kappa - alpha / (1.0 - alpha) * rest, view.alpha_max >= sample.raw);
-                    let gu = g * sample.u;
-                    let gv = g * sample.v;
-                    shape += vec4<f32>(g, gu, gv, gu * sample.u);
-                    second += vec2<f32>(gu, gv) * sample.v;
-                    tint += weight * d;
-                    pull += abs(vec2<f32>(a.z * gu, a.w * gu + b.x * gv));
-                    weights_here = vec2<f32>(weights_here.x + weight, max(weights_here.y, weight));
-                } else if (alpha >= ALPHA_MIN) {
-                    light[i].x = -before;
-                    atomicAdd(&ended, 1u);
+                    let middle = corner + vec2<f32>(f32(i % SIDE), f32(i / SIDE));
+                    let between = meet(front, middle, d, before, &front_sums);
+                    let after = meet(back, middle, d, between, &back_sums);
+                    light[i] = after;
+                    if (after.x < 0.0) {
+                        atomicAdd(&ended, 1u);
+                    }
                 }
             }
             workgroupBarrier();
         }
-        if (present) {
-            moments[3u * entry] = shape;
-            moments[3u * entry + 1u] = vec4<f32>(second, tint.xy);
-            moments[3u * entry + 2u] = vec4<f32>(tint.zw, pull / (BITS * BITS));
-            if (view.statistics != 0u) {
-                weights[entry] = weights_here;
-            }
-        }
+        store(front, front_sums);
+        store(back, back_sums);
     }
 }

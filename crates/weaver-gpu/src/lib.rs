@@ -12,7 +12,9 @@ mod adapter;
 mod backward;
 mod context;
 mod error;
+mod fit;
 mod forward;
+mod loss;
 mod passes;
 mod profile;
 mod rasterizer;
@@ -32,7 +34,7 @@ pub use shader::{File, Kernel, SHADERS, Shader};
 pub use sort::sort_pairs;
 pub use staging::Transfers;
 pub use wgpu;
-pub use workspace::GpuWorkspace;
+pub use workspace::{GpuWorkspace, Lists};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

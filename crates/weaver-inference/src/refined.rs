@@ -67,6 +67,7 @@ impl Refined {
         while fit.steps_done() < fit.settings().steps {
             fit.step()?;
         }
+        fit.fetch()?;
         self.steps = fit.steps_done();
         let refined: Vec<Camera> = (0..fit.photos()).map(|i| fit.camera(i)).collect();
         let origin = first_as_origin(&refined[0].pose);

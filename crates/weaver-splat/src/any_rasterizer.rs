@@ -3,6 +3,7 @@
 use crate::cpu_rasterizer::CpuRasterizer;
 use crate::gradients::{Cotangents, Gradients};
 use crate::rasterizer::{Images, RasterStats, Rasterizer};
+use crate::resident::ResidentFit;
 use crate::settings::{RasterError, RasterSettings};
 use std::fmt::Debug;
 use std::sync::Arc;
@@ -28,6 +29,8 @@ pub struct AnyWorkspace<T: Real>(Box<dyn Drawing<T>>);
 /// A rasterizer whose workspace is not named.
 trait Choice<T: Real>: Debug + Send + Sync {
     fn drawing(self: Arc<Self>) -> Box<dyn Drawing<T>>;
+
+    fn fit(&self) -> Option<Box<dyn ResidentFit>>;
 }
 
 /// A rasterizer with its workspace.
@@ -59,6 +62,10 @@ struct With<R, W> {
 impl<T: Real, R: Rasterizer<T>> Choice<T> for R {
     fn drawing(self: Arc<Self>) -> Box<dyn Drawing<T>> {
         Box::new(With { workspace: self.workspace(), rasterizer: self })
+    }
+
+    fn fit(&self) -> Option<Box<dyn ResidentFit>> {
+        self.resident()
     }
 }
 
@@ -127,5 +134,9 @@ impl<T: Real> Rasterizer<T> for AnyRasterizer<T> {
         gradients: Gradients<'_, T>,
     ) -> Result<(), RasterError> {
         workspace.0.backward(gaussians, cameras, settings, cotangents, gradients)
+    }
+
+    fn resident(&self) -> Option<Box<dyn ResidentFit>> {
+        self.0.fit()
     }
 }
