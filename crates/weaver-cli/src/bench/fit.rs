@@ -4,10 +4,11 @@ use super::workload::Workload;
 use super::{median, memory};
 use crate::Console;
 use crate::arguments::{BenchFit, Synthetic};
-use crate::device;
+use crate::device::{self, Device};
 use crate::failure::Failure;
 use crate::progress::Progress;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::time::Duration;
 use weaver_fit::{Fit, FitSettings, Photo, StepTimings};
 use weaver_fit_run::{Run, RunSettings};
@@ -29,7 +30,10 @@ const NOISE: f64 = 25.0;
 
 pub fn run(arguments: &BenchFit, console: &mut Console) -> Result<(), Failure> {
     let runs = arguments.runs as usize;
-    let rasterizer = device::rasterizer(&arguments.device)?;
+    let rasterizer = match device::name(&arguments.device) {
+        Some(name) => Device::open(name)?.measured().into_rasterizer(),
+        None => AnyRasterizer::default(),
+    };
     let (mut fit, warm, name) = match &arguments.capture {
         Some(capture) => {
             let settings = settings(FitSettings::default().gaussians, 4 * runs, runs);
@@ -53,6 +57,10 @@ pub fn run(arguments: &BenchFit, console: &mut Console) -> Result<(), Failure> {
     let mut progress = Progress::new("bench", 0, warm + runs, console);
     let mut samples = Vec::with_capacity(runs);
     for done in 1..=warm + runs {
+        if done == warm + 1 {
+            // Those of steps that do not count.
+            fit.pass_times();
+        }
         let step = fit.step()?;
         let photo = fit.photo(step.photo).camera;
         let round = done % interval == 0;
@@ -68,6 +76,8 @@ pub fn run(arguments: &BenchFit, console: &mut Console) -> Result<(), Failure> {
         progress.at(done, warm + runs, || format!("{} Gaussians", step.gaussians), console);
     }
     progress.finish();
+    let passes = fit.pass_times().into_iter().map(|(name, time)| (name, ms(time) / runs as f64)).collect();
+    fit.fetch()?;
     let threads = rayon::current_num_threads();
     let report = Report {
         name,
@@ -75,6 +85,7 @@ pub fn run(arguments: &BenchFit, console: &mut Console) -> Result<(), Failure> {
         // Before the machine is measured, which takes memory, too.
         peak_rss_mb: memory::peak_mb(),
         samples,
+        passes,
         threads,
         peak_gflops: peak::fma_gflops_f32(threads),
         copy_gbs: peak::copy_gbs(threads),
@@ -142,6 +153,8 @@ struct Report {
     name: String,
     degree: usize,
     samples: Vec<Sample>,
+    /// Milliseconds a step of the passes on a device.
+    passes: Vec<(&'static str, f64)>,
     threads: usize,
     peak_gflops: f64,
     copy_gbs: f64,
@@ -202,6 +215,7 @@ impl Report {
             "step_ms": parts.iter().map(|part| part.ms).sum::<f64>(),
             "parts": parts.iter().map(part).collect::<Value>(),
             "density_round_ms": self.round_ms(),
+            "passes_ms": self.passes.iter().copied().collect::<BTreeMap<_, _>>(),
             "threads": self.threads,
             "peak_gflops": self.peak_gflops,
             "copy_gbs": self.copy_gbs,
@@ -244,6 +258,9 @@ impl Report {
             self.round_ms(),
             interval()
         );
+        for (name, ms) in &self.passes {
+            text += &format!("\n{name:<18}{ms:>10.3} ms a step on the device");
+        }
         if let Some(mb) = self.peak_rss_mb {
             text += &format!("\nPeak memory {mb:.0} MB.");
         }
