@@ -24,6 +24,7 @@ mod resident;
 mod settings;
 mod state;
 pub mod strategy;
+mod there;
 mod timing;
 mod view;
 

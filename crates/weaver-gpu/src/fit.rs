@@ -215,7 +215,7 @@ impl ResidentFit for GpuFit {
                 (1.0 - step.ssim_weight) * l1 + step.ssim_weight * dissimilarity
             }
         };
-        Ok(PhotoLoss { loss, mse, stats })
+        Ok(PhotoLoss { loss, mse, pairs: stats.pairs })
     }
 
     fn pass_times(&mut self) -> Vec<(&'static str, Duration)> {

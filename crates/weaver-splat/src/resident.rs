@@ -1,6 +1,5 @@
 //! Gaussians that are fitted where a rasterizer keeps them.
 
-use crate::rasterizer::RasterStats;
 use crate::settings::{RasterError, RasterSettings};
 use crate::statistics::GaussianStatistics;
 use std::fmt::Debug;
@@ -108,6 +107,6 @@ pub struct PhotoLoss {
     pub loss: f64,
     /// The mean squared difference of the image, brought into [0, 1], and the photo.
     pub mse: f64,
-    /// What was drawn.
-    pub stats: RasterStats,
+    /// Splats over pixels that they add to; 0 where they are not counted.
+    pub pairs: u64,
 }
