@@ -54,7 +54,10 @@ fn main() -> ExitCode {
 
 fn check() -> Result<(), String> {
     cargo(&["fmt", "--all", "--check"], &[])?;
-    cargo(&["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"], &[])?;
+    let lints = ["--locked", "--", "-D", "warnings"];
+    cargo(&[&["clippy", "--workspace", "--all-targets", "--features", "weaver-cli/gpu"], &lints[..]].concat(), &[])?;
+    // As it is built by default, too.
+    cargo(&[&["clippy", "--package", "weaver-cli"], &lints[..]].concat(), &[])?;
     cargo(&["doc", "--workspace", "--no-deps", "--locked"], &[("RUSTDOCFLAGS", "-D warnings")])?;
     // The shaders by their text; no device is needed.
     cargo(&["test", "--quiet", "--locked", "--package", "weaver-gpu", "--test", "it", "shaders::"], &[])?;

@@ -7,7 +7,11 @@ use std::process::{Command, Stdio};
 const SKIPPED: &str = "skipped: ";
 
 pub fn run(arguments: &[String]) -> Result<(), String> {
-    let which = if arguments.is_empty() { vec!["--workspace"] } else { arguments.iter().map(String::as_str).collect() };
+    let which = if arguments.is_empty() {
+        vec!["--workspace", "--features", "weaver-cli/gpu"]
+    } else {
+        arguments.iter().map(String::as_str).collect()
+    };
     let line: Vec<&str> = ["test", "--locked"].into_iter().chain(which).chain(["--", "--show-output"]).collect();
     println!("cargo {}", line.join(" "));
     let failed = |e: std::io::Error| format!("cargo could not be run: {e}");

@@ -141,6 +141,8 @@ pub struct Train {
     /// Writes every op of one step of each stage into this file, in Chrome's trace format (chrome://tracing, Perfetto)
     #[arg(long, value_name = "FILE", help_heading = MEASURING)]
     pub trace: Option<PathBuf>,
+    #[command(flatten)]
+    pub device: DeviceFlag,
 }
 
 /// Headings of groups of flags.
@@ -226,6 +228,8 @@ pub struct Infer {
     pub density: DensityFlags,
     #[command(flatten)]
     pub refine: RefineFlags,
+    #[command(flatten)]
+    pub device: DeviceFlag,
     /// Folder for the results
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
@@ -258,10 +262,18 @@ impl From<DensityFlags> for Density {
   splatweaver info runs/mine
   splatweaver info runs/mine/checkpoint.safetensors
   splatweaver info model.safetensors
-  splatweaver info capture/sparse/0")]
+  splatweaver info capture/sparse/0
+  splatweaver info --devices")]
 pub struct Info {
     /// The file, a run's folder, or a folder with a COLMAP model
-    pub file: PathBuf,
+    #[arg(required_unless_present = "devices")]
+    pub file: Option<PathBuf>,
+    /// Lists what Gaussians can be drawn on, for --device of other commands
+    #[arg(long, conflicts_with = "file")]
+    pub devices: bool,
+    /// Lists it as JSON
+    #[arg(long, requires = "devices")]
+    pub json: bool,
 }
 
 /// Measures how fast parts of this program are on this machine, beside the machine's own peak.
@@ -295,7 +307,8 @@ pub enum Subject {
 #[command(after_help = "Examples:
   splatweaver bench raster --synthetic 1000000,1280,720 --threads 2
   splatweaver bench raster --workload scene.safetensors --runs 20 --json
-  splatweaver bench raster --workload scene.safetensors --runs 1 --dump gradients.safetensors")]
+  splatweaver bench raster --workload scene.safetensors --runs 1 --dump gradients.safetensors
+  splatweaver bench raster --synthetic 100000,640,480 --device gpu")]
 pub struct BenchRaster {
     /// The scene, a safetensors file
     #[arg(long, value_name = "F")]
@@ -312,6 +325,8 @@ pub struct BenchRaster {
     /// Leaves the backward pass out
     #[arg(long)]
     pub forward_only: bool,
+    #[command(flatten)]
+    pub device: DeviceFlag,
     /// Prints the figures as JSON, and nothing else on standard output
     #[arg(long)]
     pub json: bool,
@@ -341,6 +356,8 @@ pub struct BenchFit {
     /// Prints the figures as JSON, and nothing else on standard output
     #[arg(long)]
     pub json: bool,
+    #[command(flatten)]
+    pub device: DeviceFlag,
     #[command(flatten)]
     pub threads: Threads,
 }
@@ -392,6 +409,15 @@ pub struct ConvertWeights {
 pub struct Completions {
     /// The shell
     pub shell: clap_complete::Shell,
+}
+
+/// Where Gaussians are drawn.
+#[derive(Args, Clone, Debug, Default)]
+pub struct DeviceFlag {
+    /// Where Gaussians are drawn and differentiated: on the processor, on the fastest GPU, or on one that `splatweaver info
+    /// --devices` lists, by its number or a part of its name [default: cpu]
+    #[arg(long, value_name = "cpu|gpu|gpu:N|NAME")]
+    pub device: Option<String>,
 }
 
 /// How many threads work.

@@ -1,9 +1,11 @@
 //! `splatweaver bench`: speed of the main parts on this machine, beside the machine's own peak.
 
+mod draws;
 mod dump;
 mod engine;
 mod fit;
 pub(crate) mod memory;
+mod processor;
 mod raster;
 mod workload;
 

@@ -2,6 +2,7 @@
 
 use crate::arguments::{Fit, Format, MatchingFlags, Origin, PoseMode, StrategyName};
 use crate::bench::memory::peak_mb;
+use crate::device;
 use crate::estimate::{estimated_capture, photos};
 use crate::failure::Failure;
 use crate::progress::{Progress, duration};
@@ -26,8 +27,9 @@ const FEW: f64 = 0.005;
 
 pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);
+    let rasterizer = device::rasterizer(&arguments.device)?;
     if let Some(folder) = &arguments.resume {
-        return finish(Run::resume(folder, judge)?, folder, console, interrupt);
+        return finish(Run::resume(folder, judge, rasterizer)?, folder, console, interrupt);
     }
     let capture = arguments.capture.clone().ok_or_else(|| Failure::Usage("expected a capture".into()))?;
     let initial = initial(arguments.init.as_deref())?;
@@ -77,7 +79,7 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
     if settings.fit.poses.refine {
         console.note(&format!("matching {} photos", plan.training + plan.held_out));
     }
-    let run = Run::create(&folder, settings, given.as_ref(), judge)?;
+    let run = Run::create(&folder, settings, given.as_ref(), judge, rasterizer)?;
     run.remarks().iter().for_each(|remark| console.note(&format!("warning: {remark}")));
     if let Some(found) = run.matching() {
         let (points, pixels) = (found.points, found.pixels);

@@ -1,6 +1,7 @@
 //! `splatweaver infer`.
 
 use crate::arguments::Infer;
+use crate::device;
 use crate::estimate::{estimated, photos};
 use crate::failure::Failure;
 use crate::progress::Progress;
@@ -12,8 +13,10 @@ use std::sync::mpsc;
 use weaver_inference::published::{self, Fit};
 use weaver_inference::reconstruct::{Options, Report, reconstruct};
 use weaver_inference::{Predictor, RunFolder, SplatWeaverPredictor, is_of_run};
+use weaver_splat::{AnyRasterizer, Renderer};
 
 pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let rasterizer = device::rasterizer(&arguments.device)?;
     let mut images = photos(&arguments.images)?;
     let mut cameras = arguments.cameras.clone();
     let built_in = arguments.run.is_none() && arguments.weights.is_none();
@@ -46,9 +49,9 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
                 let message = "--refine: expected weights of a run; published checkpoints are not refined yet";
                 return Err(Failure::Usage(message.into()));
             }
-            published(weights, &images, cameras, arguments, console, interrupt)?
+            published(weights, &images, (cameras, rasterizer), arguments, console, interrupt)?
         }
-        _ => own(&images, cameras, arguments, console)?,
+        _ => own(&images, (cameras, rasterizer), arguments, console)?,
     };
     for remark in &report.remarks {
         console.note(remark);
@@ -69,7 +72,7 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
 /// Runs the network of a run, of a file of a run's weights, or the one that comes with the program.
 fn own(
     images: &[PathBuf],
-    cameras: Option<PathBuf>,
+    (cameras, rasterizer): (Option<PathBuf>, AnyRasterizer<f32>),
     arguments: &Infer,
     console: &mut Console,
 ) -> Result<Report, Failure> {
@@ -78,7 +81,7 @@ fn own(
         let message = "--size, --keep-aspect, --geometry, --bf16-products: expected a published checkpoint, found weights of a run";
         return Err(Failure::Usage(message.into()));
     }
-    let (predictor, seed): (Box<dyn Predictor>, u64) = match (&arguments.run, &arguments.weights) {
+    let (mut predictor, seed): (Box<dyn Predictor>, u64) = match (&arguments.run, &arguments.weights) {
         (Some(run), _) => {
             let folder = RunFolder::at(run);
             let run = weaver_recipes::registry().of_run(&folder)?.open(&folder)?;
@@ -90,6 +93,7 @@ fn own(
         }
         (None, None) => (Box::new(SplatWeaverPredictor::built_in()?), 0),
     };
+    *predictor.renderer() = Renderer::new(rasterizer);
     if let Some(remark) = predictor.remark(arguments.density.into()) {
         console.note(&format!("warning: {remark}"));
     }
@@ -102,7 +106,7 @@ fn own(
 fn published(
     weights: &Path,
     images: &[PathBuf],
-    cameras: Option<PathBuf>,
+    (cameras, rasterizer): (Option<PathBuf>, AnyRasterizer<f32>),
     arguments: &Infer,
     console: &mut Console,
     interrupt: &Interrupt,
@@ -114,6 +118,7 @@ fn published(
         geometry: arguments.geometry,
         density: arguments.density.into(),
         seed: arguments.seed.unwrap_or(0),
+        rasterizer,
         bf16_products: arguments.bf16_products,
     };
     let (sender, receiver) = mpsc::channel::<published::Progress>();

@@ -2,6 +2,7 @@
 
 use crate::Console;
 use crate::arguments::Info;
+use crate::device;
 use crate::failure::Failure;
 use serde_json::Value;
 use std::fmt::Write;
@@ -11,7 +12,10 @@ use weaver_io::TorchCheckpoint;
 use weaver_trainer::Summary;
 
 pub fn run(arguments: &Info, console: &mut Console) -> Result<(), Failure> {
-    console.print(described(&arguments.file)?.trim_end())
+    match &arguments.file {
+        Some(file) => console.print(described(file)?.trim_end()),
+        None => device::list(arguments.json, console),
+    }
 }
 
 /// Files of this program's own, and else what weaver-io knows.

@@ -10,6 +10,7 @@ mod completions;
 mod config;
 mod console;
 mod convert_weights;
+mod device;
 mod drawing;
 mod estimate;
 mod eval;

@@ -3,6 +3,7 @@
 use crate::Console;
 use crate::arguments::Render;
 use crate::cameras::{self, Size};
+use crate::device;
 use crate::drawing::Asked;
 use crate::failure::Failure;
 use crate::progress::Progress;
@@ -14,7 +15,7 @@ use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
 use weaver_io::{Image, read_gaussians};
 use weaver_scene::{Frame, Gaussians};
-use weaver_splat::{Workspace, render};
+use weaver_splat::Renderer;
 
 /// Width of an orbit's pictures.
 const WIDTH: usize = 640;
@@ -29,8 +30,9 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
         })?,
     };
     let (background, settings) = Asked::from(arguments.drawing).beside(&arguments.scene)?;
+    let mut renderer = Renderer::new(device::rasterizer(&arguments.device)?);
     let mut output = Output::create(arguments, &cameras)?;
-    let (activated, mut workspace) = (gaussians.to_activated(), Workspace::new());
+    let activated = gaussians.to_activated();
     let mut progress = Progress::new("render", 0, cameras.len(), console);
     let stems = cameras::stems(&cameras);
     let jobs: Vec<_> = cameras.iter().zip(&stems).collect();
@@ -41,7 +43,7 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
             let mut drawn = Vec::new();
             for (view, stem) in group {
                 let camera = std::slice::from_ref(&view.camera);
-                let pixels = render(&activated, camera, background, &settings, &mut workspace)?;
+                let pixels = renderer.render(&activated, camera, background, &settings)?;
                 let Camera { width, height, .. } = view.camera;
                 drawn.push((stem.as_str(), Image { width, height, pixels: pixels.concat() }));
                 done += 1;

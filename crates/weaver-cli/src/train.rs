@@ -2,6 +2,7 @@
 
 use crate::arguments::Train;
 use crate::bench::memory::peak_mb;
+use crate::device;
 use crate::failure::Failure;
 use crate::progress::{Progress, duration};
 use crate::{Console, Interrupt};
@@ -11,12 +12,14 @@ use weaver_trainer::{Error, Observer, Resolved, Setup, StepReport, Summary, Trai
 
 pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let registry = weaver_recipes::registry();
+    let rasterizer = device::rasterizer(&arguments.device)?;
     if let Some(path) = &arguments.resume {
         let folder = RunFolder::at(path);
         let architecture = registry.of_run(&folder)?;
         let config = architecture.read(&folder)?;
         return crate::in_pool(arguments.threads.map(usize::from).or(config.threads), || {
-            let session = architecture.resume(&folder, arguments.steps.map(|steps| steps as usize))?;
+            let mut session = architecture.resume(&folder, arguments.steps.map(|steps| steps as usize))?;
+            session.draw_by(rasterizer);
             if arguments.dry_run {
                 return dry_run(session, &config, console);
             }
@@ -38,7 +41,8 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
     let path = arguments.out.clone().unwrap_or_else(|| free_folder(Path::new("runs"), &config.preset));
     crate::in_pool(config.threads, || {
         // The folder is created second, so that nothing is left behind when the data cannot be read.
-        let session = architecture.start(&config)?;
+        let mut session = architecture.start(&config)?;
+        session.draw_by(rasterizer);
         if arguments.dry_run {
             return dry_run(session, &config, console);
         }

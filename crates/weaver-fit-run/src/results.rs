@@ -23,6 +23,7 @@ impl Run {
     /// # Errors
     /// When a file cannot be written, or the rasterizer refuses.
     pub fn finish(&mut self) -> Result<Outcome, RunError> {
+        self.fit.fetch()?;
         let gaussians = self.fit.gaussians();
         write_gaussians(self.folder.join("scene.ply"), &gaussians)?;
         for format in &self.settings.formats {

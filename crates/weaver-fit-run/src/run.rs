@@ -11,6 +11,7 @@ use weaver_geometry::{Camera, Distortion};
 use weaver_io::checkpoint::Tensors;
 use weaver_report::{MetricsLog, TensorBoard};
 use weaver_scene::Gaussians;
+use weaver_splat::AnyRasterizer;
 
 /// A photo's place on disk.
 #[derive(Clone, Debug)]
@@ -54,7 +55,7 @@ const RECORDS: usize = 500;
 const SAVING: u32 = 30;
 
 impl Run {
-    /// Begins a run in a new folder. `given` are the Gaussians of [`Initial::Given`].
+    /// Begins a run in a new folder. `given` are the Gaussians of [`Initial::Given`]; `rasterizer` draws.
     ///
     /// With [`RunSettings::minutes`], the number of steps is chosen now, such that the run, results included, ends in time if
     /// the machine goes on as fast; it is written down, so that the run can be repeated to the same bits.
@@ -67,6 +68,7 @@ impl Run {
         mut settings: RunSettings,
         given: Option<&Gaussians>,
         judge: Judge,
+        rasterizer: AnyRasterizer<f32>,
     ) -> Result<Self, RunError> {
         let started = Instant::now();
         if run_path(folder).exists() || folder.join("scene.ply").exists() {
@@ -74,7 +76,7 @@ impl Run {
         }
         settings.fit.check()?;
         settings.capture = std::path::absolute(&settings.capture).unwrap_or(settings.capture);
-        let mut run = Self::loaded(folder, settings, given, judge, started)?;
+        let mut run = Self::loaded(folder, settings, given, (judge, rasterizer), started)?;
         if let Some(minutes) = run.settings.minutes {
             let reserve = run.seconds_of_results()?;
             let left = 60.0 * minutes - started.elapsed().as_secs_f64() - reserve;
@@ -97,10 +99,10 @@ impl Run {
         folder: &Path,
         settings: RunSettings,
         given: Option<&Gaussians>,
-        judge: Judge,
+        (judge, rasterizer): (Judge, AnyRasterizer<f32>),
         started: Instant,
     ) -> Result<Self, RunError> {
-        let Loaded { fit, held_out, origins, matching, remarks } = load(&settings, given)?;
+        let Loaded { fit, held_out, origins, matching, remarks } = load(&settings, given, rasterizer)?;
         let folder = folder.into();
         Ok(Self { folder, settings, fit, held_out, origins, matching, remarks, judge, before: 0.0, started })
     }
@@ -109,7 +111,7 @@ impl Run {
     ///
     /// # Errors
     /// When there is no run, its files or its capture cannot be read, or they no longer belong together.
-    pub fn resume(folder: &Path, judge: Judge) -> Result<Self, RunError> {
+    pub fn resume(folder: &Path, judge: Judge, rasterizer: AnyRasterizer<f32>) -> Result<Self, RunError> {
         let started = Instant::now();
         let path = run_path(folder);
         let settings: RunSettings = serde_json::from_str(&weaver_io::read_text(&path)?).map_err(|e| {
@@ -123,7 +125,7 @@ impl Run {
         let checkpoint = checkpoint_path(folder);
         let given = init_path(folder);
         let given = given.exists().then(|| weaver_io::read_gaussians(&given)).transpose()?;
-        let mut run = Self::loaded(folder, settings, given.as_ref(), judge, started)?;
+        let mut run = Self::loaded(folder, settings, given.as_ref(), (judge, rasterizer), started)?;
         if checkpoint.exists() {
             let state = Tensors::read(&checkpoint)?;
             run.fit.restore(&state)?;
@@ -132,12 +134,12 @@ impl Run {
         Ok(run)
     }
 
-    /// The optimization alone, at its beginning: nothing is written.
+    /// The optimization alone, at its beginning, drawn by `rasterizer`: nothing is written.
     ///
     /// # Errors
     /// When the capture cannot be read or gives nothing to fit, or a setting is out of range.
-    pub fn optimization(settings: &RunSettings) -> Result<Fit, RunError> {
-        Ok(load(settings, None)?.fit)
+    pub fn optimization(settings: &RunSettings, rasterizer: AnyRasterizer<f32>) -> Result<Fit, RunError> {
+        Ok(load(settings, None, rasterizer)?.fit)
     }
 
     /// What was asked for, with the number of steps.
@@ -206,7 +208,8 @@ impl Run {
     ///
     /// # Errors
     /// When it cannot be written; the last one then stays as it was.
-    pub fn save(&self) -> Result<(), RunError> {
+    pub fn save(&mut self) -> Result<(), RunError> {
+        self.fit.fetch()?;
         let mut state = self.fit.state();
         state.metadata.insert("seconds".into(), format!("{:.3}", self.seconds()));
         Ok(state.write(checkpoint_path(&self.folder))?)
@@ -234,7 +237,7 @@ struct Loaded {
     remarks: Vec<String>,
 }
 
-fn load(settings: &RunSettings, given: Option<&Gaussians>) -> Result<Loaded, RunError> {
+fn load(settings: &RunSettings, given: Option<&Gaussians>, rasterizer: AnyRasterizer<f32>) -> Result<Loaded, RunError> {
     let mut capture = posed::load(&settings.capture, &settings.posed_options())?;
     let (mut training, mut held_out) = (Vec::new(), Vec::new());
     let (mut origins, mut held_out_origins) = (Vec::new(), Vec::new());
@@ -296,5 +299,7 @@ fn load(settings: &RunSettings, given: Option<&Gaussians>) -> Result<Loaded, Run
         (Initial::Points | Initial::Auto, _) => init::from_points(&capture.points, &settings.fit)?,
     };
     let remarks = capture.remarks;
-    Ok(Loaded { fit: Fit::new(training, &initial, settings.fit.clone())?, held_out, origins, matching, remarks })
+    let strategy = settings.fit.density.strategy();
+    let fit = Fit::with(rasterizer, strategy, training, &initial, settings.fit.clone())?;
+    Ok(Loaded { fit, held_out, origins, matching, remarks })
 }

@@ -9,6 +9,7 @@ use crate::init::{first_depth, looked_at};
 use crate::objective::{L1Ssim, Objective};
 use crate::photos::{Photo, Pyramid, at_level};
 use crate::population::Population;
+use crate::resident::Resident;
 use crate::settings::FitSettings;
 use crate::strategy::{Moment, Strategy};
 use std::time::{Duration, Instant};
@@ -17,8 +18,8 @@ use weaver_geometry::{Camera, Pose};
 use weaver_kernels::random::Stream;
 use weaver_scene::{CameraSlices, Gaussians, intrinsics_row, viewmat};
 use weaver_splat::{
-    Cotangents, CpuRasterizer, GaussianStatistics, Gradients as RasterGradients, Images, RasterSettings, Rasterizer,
-    Target,
+    AnyRasterizer, AnyWorkspace, Cotangents, GaussianStatistics, Gradients as RasterGradients, Images, RasterSettings,
+    Rasterizer, Target,
 };
 
 /// What happened in a step.
@@ -59,18 +60,20 @@ pub struct StepTimings {
 /// camera and color correction) down the gradient by Adam. Photos come in an order drawn anew for every round. Sources: Kerbl et al., 3D Gaussian
 /// Splatting, 2023, section 5; schedules are with [`FitSettings`].
 #[derive(Debug)]
-pub struct Fit<R: Rasterizer<f32> = CpuRasterizer> {
+pub struct Fit {
     pub(crate) settings: FitSettings,
-    pub(crate) rasterizer: R,
-    pub(crate) workspace: R::Workspace,
-    photos: Vec<Pyramid>,
+    pub(crate) rasterizer: AnyRasterizer<f32>,
+    pub(crate) workspace: AnyWorkspace<f32>,
+    /// Where the rasterizer keeps the Gaussians itself.
+    pub(crate) resident: Option<Resident>,
+    pub(crate) photos: Vec<Pyramid>,
     /// The photos in the order of this round.
     order: Vec<usize>,
     pub(crate) poses: Vec<Pose>,
     pub(crate) exposures: Vec<Exposure>,
     pub(crate) population: Population,
     pub(crate) statistics: Vec<GaussianStatistics<f32>>,
-    strategy: Box<dyn Strategy>,
+    pub(crate) strategy: Box<dyn Strategy>,
     pub(crate) step: usize,
     extent: f64,
     pub(crate) raster: RasterSettings,
@@ -88,18 +91,16 @@ impl Fit {
     /// See [`Fit::with`].
     pub fn new(photos: Vec<Photo>, initial: &Gaussians, settings: FitSettings) -> Result<Self, FitError> {
         let strategy = settings.density.strategy();
-        Self::with(CpuRasterizer, strategy, photos, initial, settings)
+        Self::with(AnyRasterizer::default(), strategy, photos, initial, settings)
     }
-}
 
-impl<R: Rasterizer<f32>> Fit<R> {
     /// A fit with this rasterizer and this way to control density.
     ///
     /// # Errors
     /// When a setting is out of range, there are no photos, photos do not fit their cameras or are masked altogether, or
     /// `initial` holds no Gaussians or more than the budget.
     pub fn with(
-        rasterizer: R,
+        rasterizer: AnyRasterizer<f32>,
         strategy: Box<dyn Strategy>,
         photos: Vec<Photo>,
         initial: &Gaussians,
@@ -125,6 +126,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
         };
         Ok(Self {
             workspace: rasterizer.workspace(),
+            resident: rasterizer.resident().map(Resident::new),
             rasterizer,
             poses: photos.iter().map(|photo| photo.camera.pose).collect(),
             exposures: if settings.exposure { vec![Exposure::default(); photos.len()] } else { Vec::new() },
@@ -161,13 +163,20 @@ impl<R: Rasterizer<f32>> Fit<R> {
     }
 
     /// The Gaussians as they are, with the optimizer's memory.
+    ///
+    /// # Panics
+    /// Where a device has newer ones, which [`fetch`](Self::fetch) brings here.
     pub fn population(&self) -> &Population {
+        assert!(self.is_fetched(), "the Gaussians are on the device and were not fetched");
         &self.population
     }
 
     /// The Gaussians, in the form that files hold.
+    ///
+    /// # Panics
+    /// As [`population`](Self::population).
     pub fn gaussians(&self) -> Gaussians {
-        self.population.to_gaussians(self.settings.sh_degree)
+        self.population().to_gaussians(self.settings.sh_degree)
     }
 
     /// Number of photos.
@@ -207,6 +216,8 @@ impl<R: Rasterizer<f32>> Fit<R> {
 
     /// Compares views with photos by another loss than [`L1Ssim`] with [`FitSettings::ssim_weight`].
     pub fn set_objective(&mut self, objective: Box<dyn Objective>) {
+        // What a device compares by is its own.
+        self.resident = None;
         self.objective = objective;
     }
 
@@ -223,26 +234,40 @@ impl<R: Rasterizer<f32>> Fit<R> {
         let (step, settings) = (self.step, &self.settings);
         let fraction = step as f64 / settings.steps.max(1) as f64;
         let degree = (fraction / settings.sh_interval.max(1e-9)) as usize;
-        self.population.raise_degree(degree.min(settings.sh_degree));
+        let degree = degree.min(settings.sh_degree);
+        if degree > self.population.degree() {
+            self.fetch()?;
+            self.population.raise_degree(degree);
+            self.changed();
+        }
         let moment = self.moment();
         let photo = self.photo_of(step);
         let level = self.settings.level(fraction);
-        let (loss, mse, pairs) = self.gradients_of(photo, level, &moment)?;
-        let start = Instant::now();
-        self.gradients.apply(
-            step as u64 + 1,
-            &mut self.population,
-            &self.activated,
-            &self.settings.rates.in_run_of(self.settings.steps),
-            moment.mean_rate,
-        );
-        self.timings.optimizer = start.elapsed();
+        let (loss, mse, pairs) = if self.is_resident() {
+            self.step_there(photo, level, &moment)?
+        } else {
+            let found = self.gradients_of(photo, level, &moment)?;
+            let start = Instant::now();
+            self.gradients.apply(
+                step as u64 + 1,
+                &mut self.population,
+                &self.activated,
+                &self.settings.rates.in_run_of(self.settings.steps),
+                moment.mean_rate,
+            );
+            self.timings.optimizer = start.elapsed();
+            found
+        };
         self.step += 1;
         let start = Instant::now();
         let moment = self.moment();
-        if self.strategy.adapt(&moment, &mut self.population, &self.statistics) {
-            self.statistics.clear();
-            self.statistics.resize(self.population.len(), GaussianStatistics::default());
+        if self.strategy.is_due(&moment) {
+            self.fetch()?;
+            if self.strategy.adapt(&moment, &mut self.population, &self.statistics) {
+                self.statistics.clear();
+                self.statistics.resize(self.population.len(), GaussianStatistics::default());
+            }
+            self.changed();
         }
         debug_assert!(self.population.len() <= self.settings.gaussians, "a strategy beyond the budget");
         self.timings.density = start.elapsed();
@@ -274,6 +299,11 @@ impl<R: Rasterizer<f32>> Fit<R> {
         self.order[step % n]
     }
 
+    /// The error of a loss that is no number.
+    pub(crate) fn diverged(&self, loss: f64, photo: usize, moment: &Moment) -> FitError {
+        FitError::Diverged { step: moment.step, photo: self.photo(photo).name.clone(), loss }
+    }
+
     /// Draws a photo's view and finds all gradients; camera and correction take their steps. Returns the loss, the mean
     /// squared difference and the pairs.
     fn gradients_of(&mut self, index: usize, level: usize, moment: &Moment) -> Result<(f64, f64, u64), FitError> {
@@ -301,8 +331,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
         let size = [height, width];
         let (loss, mse) = buffers.compare(photo, exposure, &self.settings, self.objective.as_mut(), size);
         if !loss.is_finite() {
-            let photo = self.photo(index).name.clone();
-            return Err(FitError::Diverged { step: moment.step, photo, loss });
+            return Err(self.diverged(loss, index, moment));
         }
         self.timings.loss = start.elapsed();
 
@@ -321,7 +350,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
         };
         let cotangents = Cotangents { image: Some(&buffers.gradient), ..Cotangents::default() };
         self.rasterizer.backward(&gaussians, &cameras, &raster, &mut self.workspace, &cotangents, targets)?;
-        self.strategy.regularize(moment, &self.population, &mut self.gradients);
+        self.strategy.regularizer(moment, self.population.len()).add(&mut self.gradients);
         if rate > 0.0 {
             let Buffers { target, image, corrected, alpha, depth, .. } = &self.buffers;
             let image = if self.exposures.is_empty() { image } else { corrected };

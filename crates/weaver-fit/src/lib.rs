@@ -20,9 +20,11 @@ pub mod init;
 mod objective;
 mod photos;
 mod population;
+mod resident;
 mod settings;
 mod state;
 pub mod strategy;
+mod there;
 mod timing;
 mod view;
 
@@ -36,7 +38,7 @@ pub use objective::{L1Ssim, Objective};
 pub use photos::Photo;
 pub use population::{Field, Population};
 pub use settings::{Density, FitSettings, Poses, Rates, StrategyKind};
-pub use strategy::{Moment, Strategy};
+pub use strategy::{Moment, Regularizer, Strategy};
 pub use timing::steps_in;
 
 /// The example of the README, compiled and run.

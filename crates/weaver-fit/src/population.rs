@@ -37,6 +37,16 @@ impl Field {
         &mut self.values[n * self.width..][..self.width]
     }
 
+    /// Values, first and second moments.
+    pub(crate) fn slices(&self) -> [&[f32]; 3] {
+        [&self.values, &self.first, &self.second]
+    }
+
+    /// Values, first and second moments, to change.
+    pub(crate) fn slices_mut(&mut self) -> [&mut [f32]; 3] {
+        [&mut self.values, &mut self.first, &mut self.second]
+    }
+
     fn arrays(&mut self) -> [&mut Vec<f32>; 3] {
         [&mut self.values, &mut self.first, &mut self.second]
     }

@@ -8,7 +8,7 @@ use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::sh::{MAX_DEGREE, coefficients};
 use weaver_io::checkpoint::{Element, Tensors};
 use weaver_io::{Error, Result};
-use weaver_splat::{GaussianStatistics, Rasterizer};
+use weaver_splat::GaussianStatistics;
 
 /// Numbers of a row of statistics.
 const STATISTICS: usize = 6;
@@ -17,15 +17,18 @@ const POSE: usize = 9 + 3;
 /// Numbers of a row of exposures: matrix, two moments, steps.
 const EXPOSURE: usize = 3 * 12 + 1;
 
-impl<R: Rasterizer<f32>> Fit<R> {
+impl Fit {
     /// All that changes in a fit: with the same photos and settings, a fit that [`restore`](Self::restore)s it goes on to the
     /// same bits as one that was never interrupted.
+    ///
+    /// # Panics
+    /// As [`population`](Self::population).
     pub fn state(&self) -> Tensors {
         let mut state = Tensors::default();
         fn put<E: Element>(state: &mut Tensors, name: &str, width: usize, values: Vec<E>) {
             state.insert(name, &[values.len() / width, width], values);
         }
-        for (name, field) in self.population.fields() {
+        for (name, field) in self.population().fields() {
             for (part, values) in [("values", &field.values), ("first", &field.first), ("second", &field.second)] {
                 put(&mut state, &format!("{name}.{part}"), field.width(), values.clone());
             }
@@ -72,6 +75,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
         self.statistics = statistics.chunks_exact(STATISTICS).map(statistics_of).collect();
         self.exposures = exposures.chunks_exact(EXPOSURE).map(exposure_of).collect();
         self.poses = poses.chunks_exact(POSE).map(pose_of).collect();
+        self.changed();
         Ok(())
     }
 }

@@ -40,16 +40,41 @@ impl Moment {
     }
 }
 
+/// Regularizers: a sum over the Gaussians of these multiples of the opacity, and of each of the three scales.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Regularizer {
+    /// What the opacity counts by.
+    pub opacity: f32,
+    /// What a standard deviation counts by.
+    pub scale: f32,
+}
+
+impl Regularizer {
+    /// Adds the gradients.
+    pub(crate) fn add(self, gradients: &mut Gradients) {
+        gradients.opacities.iter_mut().for_each(|g| *g += self.opacity);
+        gradients.scales.iter_mut().for_each(|g| *g += self.scale);
+    }
+}
+
 /// A way to control density.
 ///
 /// A strategy never makes more Gaussians than [`Moment::budget`]. It is a function of what it is given: a run that is resumed
 /// goes on with a new strategy of the same settings.
 pub trait Strategy: Debug + Send {
-    /// Adds the gradients of regularizers, before a step.
-    fn regularize(&self, _moment: &Moment, _population: &Population, _gradients: &mut Gradients) {}
+    /// What is added to the loss of a step with so many Gaussians.
+    fn regularizer(&self, _moment: &Moment, _gaussians: usize) -> Regularizer {
+        Regularizer::default()
+    }
 
     /// Whether the statistics of backward passes are wanted at this moment; they cost a little.
     fn wants_statistics(&self, moment: &Moment) -> bool;
+
+    /// Whether [`adapt`](Self::adapt) may change anything at this moment; where it says no, it is not called, and a device keeps the
+    /// Gaussians.
+    fn is_due(&self, _moment: &Moment) -> bool {
+        true
+    }
 
     /// Changes the Gaussians after a step, and returns whether any was added, removed or moved; statistics, which are
     /// sums since the last such change, then begin anew.
@@ -66,12 +91,10 @@ impl Density {
         }
     }
 
-    /// Adds the gradients of `opacity_weight mean(opacity) + scale_weight mean(scale) / extent`.
-    fn regularize(&self, moment: &Moment, population: &Population, gradients: &mut Gradients) {
-        let n = population.len() as f32;
-        let (by_opacity, by_scale) = (self.opacity_weight / n, self.scale_weight / (3.0 * n * moment.extent));
-        gradients.opacities.iter_mut().for_each(|g| *g += by_opacity);
-        gradients.scales.iter_mut().for_each(|g| *g += by_scale);
+    /// `opacity_weight mean(opacity) + scale_weight mean(scale) / extent`.
+    fn regularizer(&self, moment: &Moment, gaussians: usize) -> Regularizer {
+        let n = gaussians as f32;
+        Regularizer { opacity: self.opacity_weight / n, scale: self.scale_weight / (3.0 * n * moment.extent) }
     }
 
     /// Steps between two rounds of a run of so many steps.

@@ -3,7 +3,6 @@
 use crate::FitError;
 use crate::fit::Fit;
 use std::time::Instant;
-use weaver_splat::Rasterizer;
 
 /// Steps of the run that is timed, at least and at most, and the part of the time that it may take in between.
 const STEPS: (usize, usize) = (30, 1000);
@@ -16,20 +15,22 @@ const PART: f64 = 0.05;
 ///
 /// # Errors
 /// As [`Fit::step`].
-pub fn steps_in<R: Rasterizer<f32>>(fit: &mut Fit<R>, seconds: f64) -> Result<usize, FitError> {
+pub fn steps_in(fit: &mut Fit, seconds: f64) -> Result<usize, FitError> {
     let start = Instant::now();
+    fit.fetch()?;
     let kept = (fit.population.clone(), fit.statistics.clone(), fit.exposures.clone(), fit.poses.clone());
     let settings = fit.settings.clone();
     let result = timed(fit, seconds);
     (fit.population, fit.statistics, fit.exposures, fit.poses) = kept;
     (fit.settings, fit.step) = (settings, 0);
+    fit.changed();
     let step = result?;
     let left = seconds - start.elapsed().as_secs_f64();
     Ok(((left / step) as usize).max(1))
 }
 
 /// Mean seconds of a step.
-fn timed<R: Rasterizer<f32>>(fit: &mut Fit<R>, seconds: f64) -> Result<f64, FitError> {
+fn timed(fit: &mut Fit, seconds: f64) -> Result<f64, FitError> {
     // The first step meets cold memory.
     fit.step()?;
     let start = Instant::now();

@@ -11,7 +11,7 @@ use weaver_splat::{Images, Rasterizer};
 /// Halvings of the photo at the beginning.
 const HALVINGS: usize = 2;
 
-impl<R: Rasterizer<f32>> Fit<R> {
+impl Fit {
     /// The camera near `start` from which the scene looks most like the photo, after this many Gauss-Newton steps; they begin
     /// at a quarter of the photo's size and end at its own. Nothing in the fit changes.
     ///
@@ -47,6 +47,7 @@ impl<R: Rasterizer<f32>> Fit<R> {
         let (mut image, mut alpha, mut depth) = (vec![0.0; 3 * pixels], vec![0.0; pixels], vec![0.0; pixels]);
         let rows = CameraRows::new(&[*camera]);
         let raster = self.raster;
+        self.fetch()?;
         self.activated.update(&self.population);
         let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None };
         let cameras = rows.as_slices(&self.settings.background);

@@ -13,18 +13,21 @@ use weaver_splat::{CAMERA_SUMS, Cotangents, GaussianStatistics, Gradients, Regio
 /// Bytes of a part of the camera's gradient.
 const CAMERA: u64 = 80;
 /// Numbers of a Gaussian's statistics, behind as many that are summed over the bands of a view.
-const STATISTICS: usize = 6;
+pub(crate) const STATISTICS: usize = 6;
 
 /// A backward pass under way.
 pub(crate) struct Backward<'a> {
     context: &'a Context,
     call: Call<'a>,
     workspace: &'a mut GpuWorkspace,
+    /// Whether gradients stay on the device, and statistics of earlier calls with them.
+    stays: bool,
+    kept_statistics: bool,
 }
 
 impl<'a> Backward<'a> {
     pub fn new(context: &'a Context, call: Call<'a>, workspace: &'a mut GpuWorkspace) -> Self {
-        Self { context, call, workspace }
+        Self { context, call, workspace, stays: false, kept_statistics: false }
     }
 
     /// Differentiates all views.
@@ -41,6 +44,14 @@ impl<'a> Backward<'a> {
         self.background(cotangents, &mut gradients);
         self.cameras(&cameras, &mut gradients);
         self.gaussians(&mut gradients)
+    }
+
+    /// Differentiates the one view that is drawn, by cotangents that are on the device, and leaves the gradients there. Statistics
+    /// are added to earlier ones, if these are kept.
+    pub fn resident(mut self, statistics: bool, kept: bool) -> Result<(), GpuError> {
+        (self.stays, self.kept_statistics) = (true, kept);
+        self.rooms(statistics)?;
+        self.differentiate(0, statistics).map(|_| ())
     }
 
     fn rooms(&mut self, statistics: bool) -> Result<(), GpuError> {
@@ -64,7 +75,7 @@ impl<'a> Backward<'a> {
     /// Brings the cotangents of a drawing to the device.
     fn pack(&mut self, i: usize, cotangents: &Cotangents<'_, f32>) {
         let whole = self.call.3.region;
-        let GpuWorkspace { drawings, gradients, host, .. } = &mut *self.workspace;
+        let GpuWorkspace { drawings, gradients, host, staging, .. } = &mut *self.workspace;
         host.clear();
         for at in pixels_of(&drawings[i], &whole) {
             let image = cotangents.image.filter(|image| !image.is_empty());
@@ -72,7 +83,7 @@ impl<'a> Backward<'a> {
             host.push(cotangents.alpha.map_or(0.0, |alpha| alpha[at]));
             host.push(cotangents.depth.filter(|depth| !depth.is_empty()).map_or(0.0, |depth| depth[at]));
         }
-        self.context.queue().write_buffer(gradients.cotangents.buffer(), 0, bytemuck::cast_slice(host));
+        staging.write(self.context, &gradients.cotangents, host);
     }
 
     /// Adds the gradients of a drawing on the device; returns those of the camera.
@@ -88,7 +99,7 @@ impl<'a> Backward<'a> {
         let statistics = statistics.then_some(band);
         let region = drawing.region.unwrap_or(extent.region);
         let words = view_words(cameras, drawing.view, settings, &gaussians.color, extent, &region);
-        let all = Share { first: 0, count: n, add: i > 0, statistics };
+        let all = Share { first: 0, count: n, add: i > 0 || self.kept_statistics, statistics };
         let view = uniform(context, &with_share(words, all));
         let view = || (0, view.as_entire_binding());
         let GradientRooms { cotangents, moments, weights, dparams, dcolor, camera, camera_sums, statistics: tallies } =
@@ -133,6 +144,9 @@ impl<'a> Backward<'a> {
                 (8, camera.all()),
             ];
             passes.run(Kernel::Gaussian, share.count.div_ceil(GROUP), &bindings);
+        }
+        if self.stays {
+            return passes.submit().map(|()| [0.0; CAMERA_SUMS]);
         }
         let parts = uniform(context, &[n.div_ceil(GROUP) as u32, 0, 0, 0]);
         let bindings = [(0, parts.as_entire_binding()), (1, camera.all()), (2, camera_sums.all())];
@@ -226,7 +240,7 @@ fn pixels_of(drawing: &Drawing, whole: &Region) -> std::ops::Range<usize> {
     first..first + region.pixels()
 }
 
-fn add_statistics(
+pub(crate) fn add_statistics(
     to: &mut GaussianStatistics<f32>,
     [screen_gradient, absgrad, views, radius, contribution, largest_weight]: [f32; STATISTICS],
 ) {

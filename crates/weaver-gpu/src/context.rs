@@ -2,7 +2,7 @@
 
 use crate::adapter::{Adapter, Choice, Kind, all, described};
 use crate::error::GpuError;
-use crate::shader::{Kernel, SHADERS};
+use crate::shader::{Kernel, SHADERS, Shader};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// An open device, its queue, and all passes compiled for it. Cloning shares them.
@@ -14,6 +14,9 @@ pub struct Context {
     pipelines: Arc<[wgpu::ComputePipeline]>,
     fault: Fault,
 }
+
+/// The text that is compiled of a shader.
+type Source = dyn Fn(&Shader) -> String;
 
 /// What the driver reported since it was last asked.
 type Fault = Arc<Mutex<Option<String>>>;
@@ -37,7 +40,7 @@ impl Context {
             max_storage_buffer_binding_size: offered.max_storage_buffer_binding_size,
             ..wgpu::Limits::default()
         };
-        Self::opened(adapter, &handle, limits)
+        Self::opened(adapter, &handle, limits, &Shader::source)
     }
 
     /// The same with these limits, such as [`wgpu::Limits::default`], what WebGPU promises everywhere.
@@ -46,11 +49,38 @@ impl Context {
     ///
     /// As for [`open`](Self::open).
     pub fn open_with(choice: &Choice, limits: wgpu::Limits) -> Result<Self, GpuError> {
-        let (adapter, handle) = find(choice)?;
-        Self::opened(adapter, &handle, limits)
+        Self::open_edited(choice, limits, &Shader::source)
     }
 
-    fn opened(adapter: Adapter, handle: &wgpu::Adapter, limits: wgpu::Limits) -> Result<Self, GpuError> {
+    /// On a device that is open already, such as that of a program which shows what is drawn: its limits hold, and what goes wrong on
+    /// it goes to its own handler of errors.
+    ///
+    /// # Errors
+    ///
+    /// A shader that is refused.
+    pub fn on(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Result<Self, GpuError> {
+        let adapter = described(0, adapter);
+        let pipelines = compile(&device, &adapter, &Shader::source)?;
+        Ok(Self { device, queue, adapter, pipelines, fault: Fault::default() })
+    }
+
+    /// The same with other texts in place of the shaders': what a test does to show that a wrong shader is noticed.
+    ///
+    /// # Errors
+    ///
+    /// As for [`open`](Self::open).
+    #[doc(hidden)]
+    pub fn open_edited(choice: &Choice, limits: wgpu::Limits, source: &Source) -> Result<Self, GpuError> {
+        let (adapter, handle) = find(choice)?;
+        Self::opened(adapter, &handle, limits, source)
+    }
+
+    fn opened(
+        adapter: Adapter,
+        handle: &wgpu::Adapter,
+        limits: wgpu::Limits,
+        source: &Source,
+    ) -> Result<Self, GpuError> {
         let mut short = None;
         limits.check_limits_with_fail_fn(&handle.limits(), true, |limit, needed, found| {
             short.get_or_insert((limit, needed, found));
@@ -75,7 +105,7 @@ impl Context {
             }
         });
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| report(&failed, error.to_string())));
-        let pipelines = compile(&device, &adapter)?;
+        let pipelines = compile(&device, &adapter, source)?;
         Ok(Self { device, queue, adapter, pipelines, fault })
     }
 
@@ -130,12 +160,16 @@ impl Context {
     }
 }
 
-fn compile(device: &wgpu::Device, adapter: &Adapter) -> Result<Arc<[wgpu::ComputePipeline]>, GpuError> {
+fn compile(
+    device: &wgpu::Device,
+    adapter: &Adapter,
+    source: &Source,
+) -> Result<Arc<[wgpu::ComputePipeline]>, GpuError> {
     let compiled = SHADERS.iter().map(|shader| {
         let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
         let internal = device.push_error_scope(wgpu::ErrorFilter::Internal);
-        let source = wgpu::ShaderSource::Wgsl(shader.source().into());
-        let descriptor = wgpu::ShaderModuleDescriptor { label: Some(shader.entry), source };
+        let text = wgpu::ShaderSource::Wgsl(source(shader).into());
+        let descriptor = wgpu::ShaderModuleDescriptor { label: Some(shader.entry), source: text };
         let module = device.create_shader_module(descriptor);
         let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(shader.entry),

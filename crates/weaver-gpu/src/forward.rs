@@ -30,6 +30,8 @@ pub(crate) struct Forward<'a> {
     call: Call<'a>,
     workspace: &'a mut GpuWorkspace,
     stats: RasterStats,
+    /// Whether images stay on the device.
+    stays: bool,
 }
 
 /// The Gaussians of a view, at most so many that their parameters and colors fit into a binding each.
@@ -43,7 +45,7 @@ pub(crate) fn shares(context: &Context, extent: &Extent) -> Vec<Share> {
 
 impl<'a> Forward<'a> {
     pub fn new(context: &'a Context, call: Call<'a>, workspace: &'a mut GpuWorkspace) -> Self {
-        Self { context, call, workspace, stats: RasterStats::default() }
+        Self { context, call, workspace, stats: RasterStats::default(), stays: false }
     }
 
     /// Draws all views.
@@ -74,10 +76,23 @@ impl<'a> Forward<'a> {
         Ok(self.stats)
     }
 
+    /// Draws the one view of Gaussians that are on the device, and leaves the image there.
+    pub fn resident(mut self) -> Result<RasterStats, GpuError> {
+        self.stays = true;
+        self.workspace.used = 0;
+        self.draw(0, self.call.3.region)?;
+        if self.workspace.used > 1 {
+            let (entries, found) = (self.stats.entries, self.context.binding_bytes());
+            let what = || format!("{entries} splats over tiles, for a fit on the device; smaller photos have fewer");
+            self.context.at_most("max_storage_buffer_binding_size", MOMENTS * entries as u64, found, what)?;
+        }
+        Ok(self.stats)
+    }
+
     /// Brings the Gaussians to the device.
     fn upload(&mut self) -> Result<(), GpuError> {
         let (gaussians, _, _, extent) = self.call;
-        let GpuWorkspace { params, color, host, .. } = &mut *self.workspace;
+        let GpuWorkspace { params, color, host, staging, .. } = &mut *self.workspace;
         params.storage(self.context, "parameters of the Gaussians", extent.gaussians, PARAMS)?;
         color.storage(self.context, "colors of the Gaussians", extent.gaussians, 4 * extent.color_len as u64)?;
         host.clear();
@@ -87,8 +102,8 @@ impl<'a> Forward<'a> {
             host.extend_from_slice(&gaussians.scales[3 * n..][..3]);
             host.extend_from_slice(&[gaussians.opacities[n], 0.0]);
         }
-        self.context.queue().write_buffer(params.buffer(), 0, bytemuck::cast_slice(host));
-        self.context.queue().write_buffer(color.buffer(), 0, bytemuck::cast_slice(gaussians.color.values().0));
+        staging.write(self.context, params, host);
+        staging.write(self.context, color, gaussians.color.values().0);
         Ok(())
     }
 
@@ -222,6 +237,9 @@ impl<'a> Forward<'a> {
             (5, drawing.pixels.all()),
         ];
         passes.run(Kernel::Composite, tiles, &bindings);
+        if self.stays {
+            return passes.submit();
+        }
         let read = passes.read(staging, &[(drawing.pixels.buffer(), 20 * region.pixels() as u64)])?;
         drawing.drawn.clear();
         drawing.drawn.extend(read.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)));

@@ -12,13 +12,16 @@ mod adapter;
 mod backward;
 mod context;
 mod error;
+mod fit;
 mod forward;
+mod loss;
 mod passes;
 mod profile;
 mod rasterizer;
 mod room;
 mod shader;
 mod sort;
+mod staging;
 mod uniforms;
 mod workspace;
 
@@ -29,8 +32,9 @@ pub use profile::PassTime;
 pub use rasterizer::GpuRasterizer;
 pub use shader::{File, Kernel, SHADERS, Shader};
 pub use sort::sort_pairs;
+pub use staging::Transfers;
 pub use wgpu;
-pub use workspace::GpuWorkspace;
+pub use workspace::{GpuWorkspace, Lists};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

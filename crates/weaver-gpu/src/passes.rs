@@ -3,8 +3,9 @@
 use crate::context::Context;
 use crate::error::GpuError;
 use crate::profile::Profile;
-use crate::room::{Room, mapped};
+use crate::room::mapped;
 use crate::shader::{Kernel, SHADERS};
+use crate::staging::Staging;
 
 /// Passes that are being recorded.
 pub(crate) struct Passes<'a> {
@@ -61,16 +62,17 @@ impl<'a> Passes<'a> {
     }
 
     /// Runs what was recorded, and reads the first bytes of some buffers, one behind the other.
-    pub fn read(mut self, staging: &mut Room, parts: &[(&wgpu::Buffer, u64)]) -> Result<Vec<u8>, GpuError> {
+    pub fn read(mut self, staging: &mut Staging, parts: &[(&wgpu::Buffer, u64)]) -> Result<Vec<u8>, GpuError> {
         let bytes = parts.iter().map(|(_, bytes)| bytes).sum();
-        staging.read(self.context, bytes)?;
+        staging.room.read(self.context, bytes)?;
         let mut at = 0;
         for (buffer, bytes) in parts.iter().filter(|(_, bytes)| *bytes > 0) {
-            self.encoder.copy_buffer_to_buffer(buffer, 0, staging.buffer(), at, *bytes);
+            self.encoder.copy_buffer_to_buffer(buffer, 0, staging.room.buffer(), at, *bytes);
             at += bytes;
         }
         let context = self.context;
         self.submit()?;
-        mapped(context, staging.buffer(), bytes)
+        staging.transfers.from_device += bytes;
+        mapped(context, staging.room.buffer(), bytes)
     }
 }

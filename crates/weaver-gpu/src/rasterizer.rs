@@ -2,11 +2,14 @@
 
 use crate::backward::Backward;
 use crate::context::Context;
+use crate::fit::GpuFit;
 use crate::forward::Forward;
 use crate::profile::Profile;
 use crate::workspace::GpuWorkspace;
 use weaver_scene::{CameraSlices, GaussianSlices};
-use weaver_splat::{Cotangents, Extent, Gradients, Images, RasterError, RasterSettings, RasterStats, Rasterizer};
+use weaver_splat::{
+    Cotangents, Extent, Gradients, Images, RasterError, RasterSettings, RasterStats, Rasterizer, ResidentFit,
+};
 
 /// Draws and differentiates on an open device by the rules of [`weaver_splat::rasterize`]. Cloning shares the device.
 ///
@@ -52,6 +55,10 @@ impl Rasterizer<f32> for GpuRasterizer {
     fn workspace(&self) -> GpuWorkspace {
         let profile = if self.measured { Profile::new(&self.context) } else { None };
         GpuWorkspace { profile, ..GpuWorkspace::default() }
+    }
+
+    fn resident(&self) -> Option<Box<dyn ResidentFit>> {
+        Some(Box::new(GpuFit::new(self.context.clone(), self.workspace())))
     }
 
     fn forward(

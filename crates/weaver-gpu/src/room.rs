@@ -55,6 +55,11 @@ impl Room {
         self.buffer.as_ref().expect("room is made before it is used")
     }
 
+    /// Bytes that were asked for last.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
     /// What was asked for last, as a shader sees it.
     pub fn all(&self) -> wgpu::BindingResource<'_> {
         self.part(0, self.bytes)

@@ -1,6 +1,6 @@
 //! The shaders: which files make up each, and where it is entered.
 //!
-//! The files are in `shaders/` at the top of the repository, one for each pass and some that passes share. WGSL has no
+//! The files are in `shaders/`, one for each pass and some that passes share. WGSL has no
 //! imports: what a pass needs is put in front of it.
 
 /// A file of WGSL.
@@ -14,7 +14,7 @@ pub struct File {
 
 macro_rules! file {
     ($name:literal) => {
-        File { name: $name, text: include_str!(concat!("../../../shaders/", $name)) }
+        File { name: $name, text: include_str!(concat!("../shaders/", $name)) }
     };
 }
 
@@ -28,6 +28,8 @@ const HARMONICS: File = file!("harmonics.wgsl");
 const SCAN: File = file!("scan.wgsl");
 const SORT: File = file!("sort.wgsl");
 const SUM: File = file!("sum.wgsl");
+const LOSS: File = file!("loss.wgsl");
+const ADAM: File = file!("adam.wgsl");
 
 /// A pass: files one behind the other, and the function that the device starts.
 #[derive(Clone, Copy, Debug)]
@@ -82,10 +84,24 @@ pub enum Kernel {
     Camera,
     /// By-products for density control.
     Statistics,
+    /// Means of windows along rows.
+    WindowRows,
+    /// Similarity of windows, and its derivatives.
+    WindowMaps,
+    /// Derivatives of windows to the rows below them.
+    SpreadMaps,
+    /// The loss of an image, and its gradient.
+    Compare,
+    /// The loss from its parts.
+    SumLosses,
+    /// A step of the optimizer on parameters of Gaussians.
+    DescendParams,
+    /// A step of the optimizer on their colors.
+    DescendColor,
 }
 
 /// All shaders, in the order of [`Kernel`].
-pub const SHADERS: [Shader; 14] = [
+pub const SHADERS: [Shader; 21] = [
     Shader {
         entry: "project",
         files: &[DISPATCH, FINITE, VIEW, SPLAT, OUTLINE, PROJECTION, HARMONICS, file!("project.wgsl")],
@@ -103,4 +119,11 @@ pub const SHADERS: [Shader; 14] = [
     Shader { entry: "differentiate", files: &[DISPATCH, FINITE, VIEW, PROJECTION, HARMONICS, file!("gaussian.wgsl")] },
     Shader { entry: "sum_parts", files: &[file!("camera.wgsl")] },
     Shader { entry: "tally", files: &[DISPATCH, FINITE, VIEW, file!("statistics.wgsl")] },
+    Shader { entry: "window_rows", files: &[DISPATCH, LOSS] },
+    Shader { entry: "window_maps", files: &[DISPATCH, LOSS] },
+    Shader { entry: "spread_maps", files: &[DISPATCH, LOSS] },
+    Shader { entry: "compare", files: &[DISPATCH, LOSS] },
+    Shader { entry: "sum_losses", files: &[DISPATCH, LOSS] },
+    Shader { entry: "descend_params", files: &[DISPATCH, ADAM] },
+    Shader { entry: "descend_color", files: &[DISPATCH, ADAM] },
 ];

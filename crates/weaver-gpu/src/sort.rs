@@ -5,6 +5,7 @@ use crate::error::GpuError;
 use crate::passes::Passes;
 use crate::room::{Room, uniform};
 use crate::shader::Kernel;
+use crate::staging::Staging;
 
 /// Pairs that a work group sorts.
 const GROUP: usize = 2048;
@@ -107,7 +108,7 @@ pub fn sort_pairs(context: &Context, keys: &mut [u32], values: &mut [u32], bits:
     let sorted = if RadixSort::passes(bits).is_multiple_of(2) { from } else { to };
     let bytes = 4 * len as u64;
     let parts = [(sorted.keys.buffer(), bytes), (sorted.values.buffer(), bytes)];
-    let read = passes.read(&mut Room::default(), &parts)?;
+    let read = passes.read(&mut Staging::default(), &parts)?;
     let words = read.as_chunks::<4>().0.iter().map(|bytes| u32::from_le_bytes(*bytes));
     keys.iter_mut().chain(values).zip(words).for_each(|(to, word)| *to = word);
     Ok(())

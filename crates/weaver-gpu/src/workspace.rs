@@ -1,9 +1,12 @@
 //! Memory of the rasterizer on the device, kept between calls.
 
 use crate::context::Context;
+use crate::error::GpuError;
+use crate::passes::Passes;
 use crate::profile::{PassTime, Profile};
 use crate::room::Room;
 use crate::sort::RadixSort;
+use crate::staging::{Staging, Transfers};
 use weaver_splat::{Extent, RasterSettings, Region};
 
 /// What forward leaves on the device for backward, and room to work in. It only grows.
@@ -22,7 +25,7 @@ pub struct GpuWorkspace {
     pub(crate) gradients: GradientRooms,
     /// Numbers on their way to or from the device.
     pub(crate) host: Vec<f32>,
-    pub(crate) staging: Room,
+    pub(crate) staging: Staging,
     pub(crate) profile: Option<Profile>,
 }
 
@@ -82,11 +85,47 @@ pub(crate) struct GradientRooms {
     pub statistics: Room,
 }
 
+/// Splats, Gaussians by depth with their keys, and the lists of the tiles: entries `entry[starts[t]..starts[t + 1]]`, whose Gaussians
+/// are in `owners`.
+#[doc(hidden)]
+#[derive(Clone, Debug)]
+#[allow(missing_docs, reason = "named as in docs/gpu.md; for tests")]
+pub struct Lists {
+    pub splats: Vec<[f32; 16]>,
+    pub keys: Vec<u32>,
+    pub ids: Vec<u32>,
+    pub owners: Vec<u32>,
+    pub entry: Vec<u32>,
+    pub starts: Vec<u32>,
+}
+
 impl GpuWorkspace {
     /// How long each pass took since this was last asked, by the device's clock; nothing where it has none, or where the
     /// rasterizer does not [measure](crate::GpuRasterizer::measured).
     pub fn pass_times(&mut self) -> Vec<PassTime> {
         self.profile.as_mut().map(Profile::take).unwrap_or_default()
+    }
+
+    /// What was copied since this was last asked, but for the few numbers of a view.
+    pub fn transfers(&mut self) -> Transfers {
+        std::mem::take(&mut self.staging.transfers)
+    }
+
+    /// What the first drawing has left on the device: what a test compares.
+    ///
+    /// # Errors
+    ///
+    /// A device that fails.
+    #[doc(hidden)]
+    pub fn lists(&mut self, context: &Context) -> Result<Lists, GpuError> {
+        let (drawing, Scratch { keys, ids, .. }) = (&self.drawings[0], &self.scratch);
+        let mut read = |room: &Room| -> Result<Vec<u32>, GpuError> {
+            let bytes = Passes::new(context, None).read(&mut self.staging, &[(room.buffer(), room.bytes())])?;
+            Ok(bytes.as_chunks::<4>().0.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect())
+        };
+        let splats = read(&drawing.splats)?.as_chunks::<16>().0.iter().map(|row| row.map(f32::from_bits)).collect();
+        let (owners, entry, starts) = (read(&drawing.owners)?, read(&drawing.entry)?, read(&drawing.starts)?);
+        Ok(Lists { splats, keys: read(&keys[0])?, ids: read(&ids[0])?, owners, entry, starts })
     }
 
     /// Fills all memory on the device with ones: what a test does to show that nothing is read before it is written.

@@ -9,7 +9,7 @@ use weaver_kernels::random::Stream;
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
 use weaver_scene::{ActivatedGaussians, CameraRows};
-use weaver_splat::{GaussianVars, Workspace};
+use weaver_splat::{GaussianVars, Renderer};
 
 /// What such a network makes of V photos.
 #[derive(Clone, Copy, Debug)]
@@ -41,13 +41,13 @@ pub struct PixelAlignedPredictor<N> {
     network: Arc<N>,
     params: Params<f32>,
     tape: Tape<f32>,
-    workspace: Workspace<f32>,
+    renderer: Renderer,
 }
 
 impl<N: PixelAlignedNetwork> PixelAlignedPredictor<N> {
     /// Pairs a network with weights.
     pub fn new(network: Arc<N>, params: Params<f32>) -> Self {
-        Self { network, params, tape: Tape::new(), workspace: Workspace::new() }
+        Self { network, params, tape: Tape::new(), renderer: Renderer::default() }
     }
 }
 
@@ -99,7 +99,7 @@ impl<N: PixelAlignedNetwork> Predictor for PixelAlignedPredictor<N> {
         self.network.image_size()
     }
 
-    fn workspace(&mut self) -> &mut Workspace<f32> {
-        &mut self.workspace
+    fn renderer(&mut self) -> &mut Renderer {
+        &mut self.renderer
     }
 }

@@ -9,7 +9,7 @@ use weaver_io::Image;
 use weaver_kernels::random::Stream;
 use weaver_router::AllocationKind;
 use weaver_scene::ActivatedGaussians;
-use weaver_splat::{RasterSettings, Workspace};
+use weaver_splat::{RasterSettings, Renderer};
 
 /// Photos of one size, in the layout of the networks.
 #[derive(Clone, Copy, Debug)]
@@ -171,8 +171,8 @@ pub trait Predictor: fmt::Debug + Send {
         [1.0; 3]
     }
 
-    /// The rasterizer's memory.
-    fn workspace(&mut self) -> &mut Workspace<f32>;
+    /// What draws Gaussians; another one may be put in its place.
+    fn renderer(&mut self) -> &mut Renderer;
 
     /// Renders Gaussians with the model's settings: one image per camera, values clamped to [0, 1].
     ///
@@ -180,7 +180,7 @@ pub trait Predictor: fmt::Debug + Send {
     /// When sizes do not fit or there are too many Gaussians for one call.
     fn render(&mut self, gaussians: &ActivatedGaussians, cameras: &[Camera]) -> Result<Vec<Image>, Error> {
         let (background, settings) = (self.background(), self.raster_settings());
-        let rendered = weaver_splat::render(gaussians, cameras, background, &settings, self.workspace())?;
+        let rendered = self.renderer().render(gaussians, cameras, background, &settings)?;
         let image = |(mut pixels, camera): (Vec<f32>, &Camera)| {
             pixels.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0));
             Image { width: camera.width, height: camera.height, pixels }

@@ -22,6 +22,7 @@ use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_router::AllocationKind;
 use weaver_scene::PointCloud;
+use weaver_splat::{AnyRasterizer, Renderer};
 use weaver_vggt::Vggt;
 
 /// How to run a published checkpoint.
@@ -40,6 +41,8 @@ pub struct Options {
     pub density: Density,
     /// Seed of the router's noise.
     pub seed: u64,
+    /// What draws the Gaussians.
+    pub rasterizer: AnyRasterizer<f32>,
     /// Whether products with bf16 matrices round the other factor to bf16, too, where the processor is faster at that.
     pub bf16_products: bool,
 }
@@ -165,6 +168,7 @@ impl Scene<'_> {
         writing: impl FnOnce(),
     ) -> Result<Report, Error> {
         let mut predictor = SplatWeaverPredictor::new(*model, params, AllocationKind::Sampled, PUBLISHED_BUDGET);
+        *predictor.renderer() = Renderer::new(options.rasterizer.clone());
         let density = predictor.density(options.density)?;
         predictor.watch(watcher);
         let [height, width] = self.size;

@@ -6,7 +6,7 @@ use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
 use weaver_scene::Gaussians;
-use weaver_splat::{RasterSettings, Workspace};
+use weaver_splat::{RasterSettings, Renderer};
 
 /// For how long a prediction is refined.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,7 +57,8 @@ impl Refined {
         if let Effort::Steps(steps) = effort {
             settings.steps = steps;
         }
-        let mut fit = Fit::new(photos, &initial, settings)?;
+        let rasterizer = self.inner.renderer().rasterizer().clone();
+        let mut fit = Fit::with(rasterizer, settings.density.strategy(), photos, &initial, settings)?;
         fit.set_raster_settings(self.inner.raster_settings());
         if let Effort::Seconds(seconds) = effort {
             let steps = steps_in(&mut fit, seconds)?;
@@ -66,6 +67,7 @@ impl Refined {
         while fit.steps_done() < fit.settings().steps {
             fit.step()?;
         }
+        fit.fetch()?;
         self.steps = fit.steps_done();
         let refined: Vec<Camera> = (0..fit.photos()).map(|i| fit.camera(i)).collect();
         let origin = first_as_origin(&refined[0].pose);
@@ -203,7 +205,7 @@ impl Predictor for Refined {
         self.inner.background()
     }
 
-    fn workspace(&mut self) -> &mut Workspace<f32> {
-        self.inner.workspace()
+    fn renderer(&mut self) -> &mut Renderer {
+        self.inner.renderer()
     }
 }

@@ -13,7 +13,7 @@ use weaver_nn::Context;
 use weaver_pose::CameraVars;
 use weaver_router::{AllocationKind, Masked};
 use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices};
-use weaver_splat::{RasterSettings, Workspace};
+use weaver_splat::{RasterSettings, Renderer};
 
 /// SplatWeaver with its weights, ready to run without gradients.
 #[derive(Debug)]
@@ -25,7 +25,7 @@ pub struct SplatWeaverPredictor {
     /// Experts that training used; empty where that is not known.
     trained: Vec<u8>,
     tape: Tape<f32>,
-    workspace: Workspace<f32>,
+    renderer: Renderer,
 }
 
 impl SplatWeaverPredictor {
@@ -39,8 +39,8 @@ impl SplatWeaverPredictor {
         allocation: AllocationKind,
         budget: f64,
     ) -> Self {
-        let (trained, tape, workspace) = (Vec::new(), Tape::new(), Workspace::new());
-        Self { model: model.into(), params, allocation, budget, trained, tape, workspace }
+        let (trained, tape, renderer) = (Vec::new(), Tape::new(), Renderer::default());
+        Self { model: model.into(), params, allocation, budget, trained, tape, renderer }
     }
 
     /// Says which experts the weights' training gave pixels to, so that [`Predictor::remark`] can tell which it did not.
@@ -227,7 +227,7 @@ impl Predictor for SplatWeaverPredictor {
         self.model.config().raster.background.map(|c| c as f32)
     }
 
-    fn workspace(&mut self) -> &mut Workspace<f32> {
-        &mut self.workspace
+    fn renderer(&mut self) -> &mut Renderer {
+        &mut self.renderer
     }
 }

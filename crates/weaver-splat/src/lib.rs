@@ -1,7 +1,7 @@
 //! A differentiable rasterizer of 3-D Gaussians on the CPU, with gradients with respect to every parameter and the camera.
 //!
 //! - [`rasterize`] and [`rasterize_backward`] are plain functions on slices; a [`Workspace`] is all the memory they use.
-//! - [`Rasterize`] is an operation on the tape, for this rasterizer and for any other [`Rasterizer`].
+//! - [`Rasterize`] is an operation on the tape, for this rasterizer and, by [`AnyRasterizer`], for any other [`Rasterizer`].
 //! - [`RasterSettings`] holds the rules of drawing, and the [`Region`] of the image to draw.
 //! - [`GaussianStatistics`] are by-products of a backward pass that density control decides by.
 //! - [`tiles`] sorts, bins and blends primitives of any shape, seen by any camera.
@@ -10,6 +10,7 @@
 //! Conventions: world-to-camera matrices, OpenCV axes (x right, y down, z forward), pixel centers at +0.5, quaternions
 //! wxyz, spherical harmonics as in the reference 3DGS implementation.
 
+mod any_rasterizer;
 mod columns;
 mod covariance;
 mod cpu_rasterizer;
@@ -29,6 +30,7 @@ mod rasterize_backward;
 mod rasterizer;
 pub mod reference;
 mod render;
+mod resident;
 mod rotation;
 mod settings;
 mod sh;
@@ -38,6 +40,7 @@ pub mod tiles;
 mod view;
 mod workspace;
 
+pub use any_rasterizer::{AnyRasterizer, AnyWorkspace};
 pub use covariance::covariance;
 pub use cpu_rasterizer::CpuRasterizer;
 pub use depth::{expected_depth, expected_depth_backward};
@@ -47,7 +50,8 @@ pub use op::{GaussianVars, Rasterize, RenderedVars, WorkspacePool};
 pub use rasterize::rasterize;
 pub use rasterize_backward::rasterize_backward;
 pub use rasterizer::{Images, RasterStats, Rasterizer};
-pub use render::render;
+pub use render::{Renderer, render};
+pub use resident::{Fitted, FittedRates, PhotoLoss, PhotoStep, ResidentFit};
 pub use settings::{RasterError, RasterSettings};
 pub use statistics::{GaussianStatistics, SharedStatistics};
 pub use tiles::{Region, TileSide};

@@ -1,10 +1,10 @@
 //! The rasterizer as an operation on the tape.
 
-use crate::cpu_rasterizer::CpuRasterizer;
+use crate::any_rasterizer::{AnyRasterizer, AnyWorkspace};
 use crate::depth::LEAST_ALPHA;
 use crate::gradients::{Cotangents, Gradients, Target};
 use crate::rasterizer::{Images, Rasterizer};
-use crate::settings::RasterSettings;
+use crate::settings::{RasterError, RasterSettings};
 use crate::statistics::SharedStatistics;
 use crate::tiles::Region;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -17,46 +17,43 @@ use weaver_scene::{CameraSlices, Color, Features, GaussianSlices};
 /// A rasterizer, and its workspaces that are kept from step to step. Cloning shares them.
 ///
 /// A [`Rasterize`] on the tape holds a workspace until the tape is reset.
-#[derive(Debug)]
-pub struct WorkspacePool<T: Real, R: Rasterizer<T> = CpuRasterizer> {
-    shared: Arc<Shared<T, R>>,
-}
-
-#[derive(Debug)]
-struct Shared<T: Real, R: Rasterizer<T>> {
-    rasterizer: R,
-    free: Mutex<Vec<R::Workspace>>,
+#[derive(Clone, Debug, Default)]
+pub struct WorkspacePool<T: Real> {
+    rasterizer: AnyRasterizer<T>,
+    free: Arc<Mutex<Vec<AnyWorkspace<T>>>>,
+    failure: Arc<Mutex<Option<RasterError>>>,
 }
 
 impl<T: Real> WorkspacePool<T> {
     /// An empty pool of the rasterizer of this crate.
     pub fn new() -> Self {
-        Self::of(CpuRasterizer)
+        Self::default()
     }
-}
 
-impl<T: Real, R: Rasterizer<T>> WorkspacePool<T, R> {
     /// An empty pool of any rasterizer.
-    pub fn of(rasterizer: R) -> Self {
-        Self { shared: Arc::new(Shared { rasterizer, free: Mutex::default() }) }
+    pub fn of(rasterizer: AnyRasterizer<T>) -> Self {
+        Self { rasterizer, ..Self::default() }
     }
 
-    fn take(&self) -> R::Workspace {
-        let free = self.shared.free.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        free.unwrap_or_else(|| self.shared.rasterizer.workspace())
+    /// The rasterizer.
+    pub fn rasterizer(&self) -> &AnyRasterizer<T> {
+        &self.rasterizer
     }
-}
 
-// Derived, it would ask for rasterizers that can be cloned.
-impl<T: Real, R: Rasterizer<T>> Clone for WorkspacePool<T, R> {
-    fn clone(&self) -> Self {
-        Self { shared: self.shared.clone() }
+    /// What went wrong since this was last asked: arguments that the rasterizer refused, or a device that failed. Whatever was
+    /// drawn since then is NaN.
+    pub fn failure(&self) -> Option<RasterError> {
+        self.failure.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
-}
 
-impl<T: Real> Default for WorkspacePool<T> {
-    fn default() -> Self {
-        Self::new()
+    fn fail(&self, error: RasterError) {
+        // The first is the cause, the rest follow from it.
+        self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+    }
+
+    fn take(&self) -> AnyWorkspace<T> {
+        let free = self.free.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        free.unwrap_or_else(|| self.rasterizer.workspace())
     }
 }
 
@@ -93,15 +90,15 @@ impl<T: Real> Default for WorkspacePool<T> {
 /// assert!(gaussians.opacities.grad().unwrap()[0] > 0.0);
 /// ```
 #[derive(Debug)]
-pub struct Rasterize<T: Real, R: Rasterizer<T> = CpuRasterizer> {
+pub struct Rasterize<T: Real> {
     width: usize,
     height: usize,
     settings: RasterSettings,
     depth: bool,
     statistics: Option<SharedStatistics<T>>,
-    pool: WorkspacePool<T, R>,
+    pool: WorkspacePool<T>,
     /// Set by forward; backward works in it too.
-    workspace: Mutex<Option<R::Workspace>>,
+    workspace: Mutex<Option<AnyWorkspace<T>>>,
 }
 
 /// The Gaussians as tensors; shapes are with [`Rasterize`].
@@ -151,10 +148,10 @@ impl<'t, T: Real> RenderedVars<'t, T> {
     }
 }
 
-impl<T: Real, R: Rasterizer<T>> Rasterize<T, R> {
+impl<T: Real> Rasterize<T> {
     /// For views of `width` x `height` pixels. The rasterizer is that of `workspaces`, where memory comes from and returns
     /// to.
-    pub fn new(width: usize, height: usize, settings: RasterSettings, workspaces: &WorkspacePool<T, R>) -> Self {
+    pub fn new(width: usize, height: usize, settings: RasterSettings, workspaces: &WorkspacePool<T>) -> Self {
         let (pool, workspace) = (workspaces.clone(), Mutex::new(None));
         Self { width, height, settings, depth: true, statistics: None, pool, workspace }
     }
@@ -180,7 +177,7 @@ impl<T: Real, R: Rasterizer<T>> Rasterize<T, R> {
     ///
     /// # Panics
     ///
-    /// If shapes do not fit, or the rasterizer refuses its arguments.
+    /// If shapes do not fit. Where the rasterizer refuses or fails, what is drawn is NaN, and [`WorkspacePool::failure`] says why.
     #[track_caller]
     pub fn apply<'t>(
         self,
@@ -196,7 +193,7 @@ impl<T: Real, R: Rasterizer<T>> Rasterize<T, R> {
     ///
     /// # Panics
     ///
-    /// If shapes do not fit, or the rasterizer refuses its arguments.
+    /// If shapes do not fit. Where the rasterizer refuses or fails, what is drawn is NaN, and [`WorkspacePool::failure`] says why.
     #[track_caller]
     pub fn apply_with_features<'t>(
         self,
@@ -252,16 +249,16 @@ fn degree_of(terms: usize) -> Option<usize> {
     (0..=MAX_DEGREE).find(|degree| (degree + 1) * (degree + 1) == terms)
 }
 
-impl<T: Real, R: Rasterizer<T>> Drop for Rasterize<T, R> {
+impl<T: Real> Drop for Rasterize<T> {
     fn drop(&mut self) {
         let held = self.workspace.get_mut().unwrap_or_else(PoisonError::into_inner).take();
         if let Some(workspace) = held {
-            self.pool.shared.free.lock().unwrap_or_else(PoisonError::into_inner).push(workspace);
+            self.pool.free.lock().unwrap_or_else(PoisonError::into_inner).push(workspace);
         }
     }
 }
 
-impl<T: Real, R: Rasterizer<T>> Op<T> for Rasterize<T, R> {
+impl<T: Real> Op<T> for Rasterize<T> {
     fn name(&self) -> &'static str {
         "rasterize"
     }
@@ -302,10 +299,15 @@ impl<T: Real, R: Rasterizer<T>> Op<T> for Rasterize<T, R> {
         let mut workspace = self.pool.take();
         let depth = self.depth.then_some(&mut **depth);
         let images = Images { image, alpha, depth, features: features.first_mut().map(|features| &mut **features) };
-        let rasterizer = &self.pool.shared.rasterizer;
-        let stats = rasterizer
-            .forward(&gaussians, &cameras, &self.settings, &mut workspace, images)
-            .unwrap_or_else(|error| panic!("{error}"));
+        let rasterizer = &self.pool.rasterizer;
+        let drawn = rasterizer.forward(&gaussians, &cameras, &self.settings, &mut workspace, images);
+        let stats = match drawn {
+            Ok(stats) => stats,
+            Err(error) => {
+                self.pool.fail(error);
+                return outs.iter_mut().for_each(|out| out.fill(T::from_f64(f64::NAN)));
+            }
+        };
         for (out, count) in counts.iter_mut().zip([stats.splats, stats.entries, stats.rejected]) {
             *out = T::from_usize(count);
         }
@@ -322,7 +324,6 @@ impl<T: Real, R: Rasterizer<T>> Op<T> for Rasterize<T, R> {
     ) {
         let (gaussians, cameras) = self.scene(ins);
         let mut held = self.workspace.lock().unwrap_or_else(PoisonError::into_inner);
-        let workspace = held.as_mut().expect("forward runs before backward");
         let cotangents = Cotangents {
             image: Some(&douts[0]),
             alpha: Some(&douts[1]),
@@ -349,9 +350,13 @@ impl<T: Real, R: Rasterizer<T>> Op<T> for Rasterize<T, R> {
             features: next(),
             statistics: statistics.as_deref_mut().map(Vec::as_mut_slice),
         };
-        let rasterizer = &self.pool.shared.rasterizer;
-        rasterizer
-            .backward(&gaussians, &cameras, &self.settings, workspace, &cotangents, gradients)
-            .unwrap_or_else(|error| panic!("{error}"));
+        let rasterizer = &self.pool.rasterizer;
+        // There is no workspace where forward failed.
+        if let Some(workspace) = held.as_mut()
+            && let Err(error) =
+                rasterizer.backward(&gaussians, &cameras, &self.settings, workspace, &cotangents, gradients)
+        {
+            self.pool.fail(error);
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! What every rasterizer offers, whatever it runs on.
 
 use crate::gradients::{Cotangents, Gradients};
+use crate::resident::ResidentFit;
 use crate::settings::{RasterError, RasterSettings};
 use std::fmt::Debug;
 use weaver_kernels::Real;
@@ -48,6 +49,11 @@ pub trait Rasterizer<T: Real>: Debug + Send + Sync + 'static {
         cotangents: &Cotangents<'_, T>,
         gradients: Gradients<'_, T>,
     ) -> Result<(), RasterError>;
+
+    /// A fit that lies where this rasterizer works; `None` where copies cost nothing.
+    fn resident(&self) -> Option<Box<dyn ResidentFit>> {
+        None
+    }
 }
 
 /// Where the images go. `H` and `W` are those of the region that is drawn.

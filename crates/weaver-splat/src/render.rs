@@ -1,7 +1,8 @@
 //! Pictures of a scene, for those who want no gradients.
 
-use crate::rasterize::rasterize;
-use crate::rasterizer::Images;
+use crate::any_rasterizer::{AnyRasterizer, AnyWorkspace};
+use crate::cpu_rasterizer::CpuRasterizer;
+use crate::rasterizer::{Images, Rasterizer};
 use crate::settings::{RasterError, RasterSettings};
 use crate::workspace::Workspace;
 use weaver_geometry::Camera;
@@ -10,7 +11,7 @@ use weaver_scene::{ActivatedGaussians, CameraRows};
 /// Draws Gaussians from cameras: for each camera an image `[H, W, 3]` over `background`, values not clamped.
 ///
 /// Cameras may differ in image size; neighbors of equal size are drawn together. `workspace` keeps its memory from call to
-/// call. For gradients, alpha, depth or features see [`rasterize`] and [`Rasterize`](crate::Rasterize).
+/// call. For gradients, alpha, depth or features see [`rasterize`](crate::rasterize()) and [`Rasterize`](crate::Rasterize).
 ///
 /// # Errors
 /// When the lengths of fields disagree, an image has no pixels, or there are too many Gaussians for one call.
@@ -41,6 +42,54 @@ pub fn render(
     settings: &RasterSettings,
     workspace: &mut Workspace<f32>,
 ) -> Result<Vec<Vec<f32>>, RasterError> {
+    render_by(&CpuRasterizer, workspace, (gaussians, cameras, background), settings)
+}
+
+/// Draws one scene after the other by any rasterizer, whose memory it keeps.
+#[derive(Debug)]
+pub struct Renderer {
+    rasterizer: AnyRasterizer<f32>,
+    workspace: AnyWorkspace<f32>,
+}
+
+impl Default for Renderer {
+    fn default() -> Self {
+        Self::new(AnyRasterizer::default())
+    }
+}
+
+impl Renderer {
+    /// Draws by this rasterizer.
+    pub fn new(rasterizer: AnyRasterizer<f32>) -> Self {
+        Self { workspace: rasterizer.workspace(), rasterizer }
+    }
+
+    /// The rasterizer.
+    pub fn rasterizer(&self) -> &AnyRasterizer<f32> {
+        &self.rasterizer
+    }
+
+    /// Draws as [`render`] does.
+    ///
+    /// # Errors
+    /// As [`render`], and whatever fails where the rasterizer runs.
+    pub fn render(
+        &mut self,
+        gaussians: &ActivatedGaussians,
+        cameras: &[Camera],
+        background: [f32; 3],
+        settings: &RasterSettings,
+    ) -> Result<Vec<Vec<f32>>, RasterError> {
+        render_by(&self.rasterizer, &mut self.workspace, (gaussians, cameras, background), settings)
+    }
+}
+
+fn render_by<R: Rasterizer<f32>>(
+    rasterizer: &R,
+    workspace: &mut R::Workspace,
+    (gaussians, cameras, background): (&ActivatedGaussians, &[Camera], [f32; 3]),
+    settings: &RasterSettings,
+) -> Result<Vec<Vec<f32>>, RasterError> {
     let mut rendered = Vec::with_capacity(cameras.len());
     for group in cameras.chunk_by(|a, b| (a.width, a.height) == (b.width, b.height)) {
         let (width, height) = (group[0].width, group[0].height);
@@ -50,7 +99,7 @@ pub fn render(
         let mut alpha = vec![0.0; pixels * group.len()];
         let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
         let rows = CameraRows::new(group);
-        rasterize(&gaussians.as_slices(), &rows.as_slices(&background), settings, workspace, images)?;
+        rasterizer.forward(&gaussians.as_slices(), &rows.as_slices(&background), settings, workspace, images)?;
         if group.len() == 1 {
             rendered.push(image);
         } else {

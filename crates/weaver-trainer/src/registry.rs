@@ -13,6 +13,7 @@ use std::sync::atomic::AtomicBool;
 use weaver_autograd::Params;
 use weaver_data::{Scene, procedural};
 use weaver_inference::{Checkpoint, Density, Predictor, RunFolder, WeightSet};
+use weaver_splat::AnyRasterizer;
 
 /// Where a configuration comes from; later fields win over earlier ones.
 #[derive(Clone, Debug, Default)]
@@ -106,6 +107,9 @@ pub trait Training: Send {
     /// A description of the run for people.
     fn plan(&self) -> String;
 
+    /// See [`Session::draw_by`].
+    fn draw_by(&mut self, rasterizer: AnyRasterizer<f32>);
+
     /// See [`Session::trace_to`].
     fn trace_to(&mut self, path: &Path);
 
@@ -132,6 +136,10 @@ impl<R: Recipe> Training for Session<R> {
 
     fn plan(&self) -> String {
         self.plan()
+    }
+
+    fn draw_by(&mut self, rasterizer: AnyRasterizer<f32>) {
+        self.draw_by(rasterizer);
     }
 
     fn trace_to(&mut self, path: &Path) {

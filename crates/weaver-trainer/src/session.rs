@@ -20,7 +20,7 @@ use weaver_inference::{Checkpoint, Density, Predictor, RunFolder};
 use weaver_kernels::random::Stream;
 use weaver_losses::Lpips;
 use weaver_nn::{AdamW, Context, Ema, Group, WarmupCosine, clip_factor, global_norm, missing_gradients};
-use weaver_splat::WorkspacePool;
+use weaver_splat::{AnyRasterizer, Renderer, WorkspacePool};
 
 /// A training run: the model, its data, and how far it is.
 #[derive(Debug)]
@@ -147,6 +147,11 @@ impl<R: Recipe> Session<R> {
         &self.params
     }
 
+    /// Draws by this rasterizer from now on, in training and in evaluation.
+    pub fn draw_by(&mut self, rasterizer: AnyRasterizer<f32>) {
+        self.workspaces = WorkspacePool::of(rasterizer);
+    }
+
     /// Starts or stops measuring where the time of steps goes.
     pub fn set_profiling(&mut self, on: bool) {
         self.tape.set_profiling(on);
@@ -257,6 +262,7 @@ impl<R: Recipe> Session<R> {
         };
         let cx = Context::new(&self.tape, &self.params).recomputing(stage.recompute);
         let terms = R::objective(cx, &self.network, &step, &examples)?;
+        self.check_drawing()?;
         let values: Vec<(String, f32)> = terms.values().map(|(name, value)| (name.to_string(), value)).collect();
         if let Some((name, value)) = values.iter().find(|(_, v)| !v.is_finite()) {
             return Err(self.diverged(name, *value));
@@ -278,6 +284,7 @@ impl<R: Recipe> Session<R> {
             return Err(Error::Input(message));
         }
         total.backward();
+        self.check_drawing()?;
         self.probe.iter_mut().for_each(|probe| probe.done("backward"));
         if local == 0 {
             self.check_gradients(&stage)?;
@@ -331,6 +338,11 @@ impl<R: Recipe> Session<R> {
             gaussians_per_pixel,
             seconds: 0.0,
         })
+    }
+
+    /// What the rasterizer failed with.
+    fn check_drawing(&self) -> Result<(), Error> {
+        self.workspaces.failure().map_or(Ok(()), |error| Err(weaver_inference::Error::from(error).into()))
     }
 
     fn diverged(&self, term: &str, value: f32) -> Error {
@@ -447,7 +459,9 @@ impl<R: Recipe> Session<R> {
 
     /// The network with the averaged weights, which are what is evaluated.
     fn predictor(&self) -> Result<Box<dyn Predictor>, Error> {
-        R::predictor(self.network.clone(), self.averaged(), &self.config)
+        let mut predictor = R::predictor(self.network.clone(), self.averaged(), &self.config)?;
+        *predictor.renderer() = Renderer::new(self.workspaces.rasterizer().clone());
+        Ok(predictor)
     }
 
     fn averaged(&self) -> Params<f32> {

@@ -1,6 +1,6 @@
 //! The command line of `splatweaver fit`.
 
-use super::{CONFIGURATION, RUN};
+use super::{CONFIGURATION, DeviceFlag, RUN};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -51,9 +51,8 @@ pub struct Fit {
     /// Time between checkpoints, at least
     #[arg(long, value_name = "SECONDS", default_value_t = 20.0, value_parser = pause, help_heading = RUN)]
     pub save_every: f64,
-    /// What draws; only the processor so far
-    #[arg(long, value_enum, default_value_t = Device::Cpu, help_heading = RUN)]
-    pub device: Device,
+    #[command(flatten)]
+    pub device: DeviceFlag,
     /// Threads. Does not change results [default: one per core]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=super::MOST_THREADS), help_heading = RUN)]
     pub threads: Option<u16>,
@@ -122,12 +121,6 @@ const SCENE: &str = "Scene";
 /// A color; a type of its own, for the command line takes lists apart.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rgb(pub [f32; 3]);
-
-/// What draws.
-#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
-pub enum Device {
-    Cpu,
-}
 
 /// What becomes of cameras.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]

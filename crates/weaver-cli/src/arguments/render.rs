@@ -1,6 +1,6 @@
 //! The command line of `splatweaver render`.
 
-use super::{DrawingFlags, Threads};
+use super::{DeviceFlag, DrawingFlags, Threads};
 use clap::{ArgGroup, Args};
 use std::path::PathBuf;
 
@@ -43,6 +43,8 @@ pub struct Render {
     pub height: Option<u32>,
     #[command(flatten)]
     pub drawing: DrawingFlags,
+    #[command(flatten)]
+    pub device: DeviceFlag,
     #[command(flatten)]
     pub threads: Threads,
 }

@@ -4,16 +4,18 @@ use super::workload::Workload;
 use super::{median, memory};
 use crate::Console;
 use crate::arguments::{BenchFit, Synthetic};
+use crate::device::{self, Device};
 use crate::failure::Failure;
 use crate::progress::Progress;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::time::Duration;
 use weaver_fit::{Fit, FitSettings, Photo, StepTimings};
 use weaver_fit_run::{Run, RunSettings};
 use weaver_geometry::sh::coefficients;
 use weaver_kernels::peak;
 use weaver_kernels::random::Stream;
-use weaver_splat::{Images, RasterSettings, Workspace, rasterize};
+use weaver_splat::{AnyRasterizer, Images, RasterSettings, Workspace, rasterize};
 
 /// Vector operations per lane that a part needs about: of a Gaussian at a pixel forward (the exponent, its exponential, the
 /// comparisons, the blending of three colors) and backward, of a pixel for the loss (seven maps under eleven taps in two
@@ -28,21 +30,37 @@ const NOISE: f64 = 25.0;
 
 pub fn run(arguments: &BenchFit, console: &mut Console) -> Result<(), Failure> {
     let runs = arguments.runs as usize;
+    let rasterizer = match device::name(&arguments.device) {
+        Some(name) => Device::open(name)?.measured().into_rasterizer(),
+        None => AnyRasterizer::default(),
+    };
     let (mut fit, warm, name) = match &arguments.capture {
         Some(capture) => {
             let settings = settings(FitSettings::default().gaussians, 4 * runs, runs);
-            (Run::optimization(&RunSettings::new(capture, settings))?, 3 * runs, capture.display().to_string())
+            (
+                Run::optimization(&RunSettings::new(capture, settings), rasterizer)?,
+                3 * runs,
+                capture.display().to_string(),
+            )
         }
         None => {
             let Synthetic { gaussians, width, height } = arguments.synthetic;
             let settings = settings(gaussians, WARM + runs, runs);
-            (synthetic(arguments.synthetic, settings)?, WARM, format!("synthetic {gaussians},{width},{height}"))
+            (
+                synthetic(arguments.synthetic, settings, rasterizer)?,
+                WARM,
+                format!("synthetic {gaussians},{width},{height}"),
+            )
         }
     };
     let interval = (fit.settings().steps / fit.settings().density.rounds).max(1);
     let mut progress = Progress::new("bench", 0, warm + runs, console);
     let mut samples = Vec::with_capacity(runs);
     for done in 1..=warm + runs {
+        if done == warm + 1 {
+            // Those of steps that do not count.
+            fit.pass_times();
+        }
         let step = fit.step()?;
         let photo = fit.photo(step.photo).camera;
         let round = done % interval == 0;
@@ -58,6 +76,8 @@ pub fn run(arguments: &BenchFit, console: &mut Console) -> Result<(), Failure> {
         progress.at(done, warm + runs, || format!("{} Gaussians", step.gaussians), console);
     }
     progress.finish();
+    let passes = fit.pass_times().into_iter().map(|(name, time)| (name, ms(time) / runs as f64)).collect();
+    fit.fetch()?;
     let threads = rayon::current_num_threads();
     let report = Report {
         name,
@@ -65,6 +85,7 @@ pub fn run(arguments: &BenchFit, console: &mut Console) -> Result<(), Failure> {
         // Before the machine is measured, which takes memory, too.
         peak_rss_mb: memory::peak_mb(),
         samples,
+        passes,
         threads,
         peak_gflops: peak::fma_gflops_f32(threads),
         copy_gbs: peak::copy_gbs(threads),
@@ -83,7 +104,7 @@ fn settings(gaussians: usize, steps: usize, runs: usize) -> FitSettings {
 }
 
 /// A fit of a synthetic scene to its own picture with noise.
-fn synthetic(scene: Synthetic, mut settings: FitSettings) -> Result<Fit, Failure> {
+fn synthetic(scene: Synthetic, mut settings: FitSettings, rasterizer: AnyRasterizer<f32>) -> Result<Fit, Failure> {
     settings.background = [0.0; 3];
     let workload = Workload::synthetic(scene, false);
     let pixels = workload.camera.width * workload.camera.height;
@@ -100,7 +121,7 @@ fn synthetic(scene: Synthetic, mut settings: FitSettings) -> Result<Fit, Failure
         mask: None,
     };
     let initial = workload.gaussians.to_stored();
-    Ok(Fit::new(vec![photo], &initial, settings)?)
+    Ok(Fit::with(rasterizer, settings.density.strategy(), vec![photo], &initial, settings)?)
 }
 
 /// A step that counts.
@@ -132,6 +153,8 @@ struct Report {
     name: String,
     degree: usize,
     samples: Vec<Sample>,
+    /// Milliseconds a step of the passes on a device.
+    passes: Vec<(&'static str, f64)>,
     threads: usize,
     peak_gflops: f64,
     copy_gbs: f64,
@@ -192,6 +215,7 @@ impl Report {
             "step_ms": parts.iter().map(|part| part.ms).sum::<f64>(),
             "parts": parts.iter().map(part).collect::<Value>(),
             "density_round_ms": self.round_ms(),
+            "passes_ms": self.passes.iter().copied().collect::<BTreeMap<_, _>>(),
             "threads": self.threads,
             "peak_gflops": self.peak_gflops,
             "copy_gbs": self.copy_gbs,
@@ -234,6 +258,9 @@ impl Report {
             self.round_ms(),
             interval()
         );
+        for (name, ms) in &self.passes {
+            text += &format!("\n{name:<18}{ms:>10.3} ms a step on the device");
+        }
         if let Some(mb) = self.peak_rss_mb {
             text += &format!("\nPeak memory {mb:.0} MB.");
         }

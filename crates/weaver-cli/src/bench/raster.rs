@@ -1,18 +1,17 @@
 //! `splatweaver bench raster`.
 
+use super::draws::Draws;
 use super::workload::Workload;
-use super::{dump, median, memory};
+use super::{dump, median, memory, processor};
 use crate::Console;
 use crate::arguments::BenchRaster;
+use crate::device::{self, Device};
 use crate::failure::Failure;
 use crate::progress::Progress;
 use serde_json::json;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use weaver_kernels::peak;
-use weaver_splat::{
-    Cotangents, Gradients, Images, RasterSettings, RasterStats, Target, Timings, Workspace, rasterize,
-    rasterize_backward,
-};
+use weaver_splat::{Cotangents, Gradients, Images, RasterSettings, RasterStats, Target, Workspace};
 
 /// About as many operations as compositing one Gaussian at one pixel takes in forward: the exponent, its exponential, the
 /// comparisons, the blending of three colors.
@@ -25,7 +24,11 @@ pub fn run(arguments: &BenchRaster, console: &mut Console) -> Result<(), Failure
         (None, Some(scene)) => Workload::synthetic(scene, backward),
         (None, None) => return Err(Failure::Usage("expected --workload or --synthetic".into())),
     };
-    let mut frame = Frame::new(&workload, arguments.dump.is_some());
+    let draws = match device::name(&arguments.device) {
+        Some(name) => Draws::Device(Box::new(Device::open(name)?.measured())),
+        None => Draws::Processor(Box::new(Workspace::new())),
+    };
+    let mut frame = Frame::new(&workload, draws, arguments.dump.is_some());
     // An untimed run allocates and touches all memory.
     frame.draw()?;
     let threads = rayon::current_num_threads();
@@ -50,7 +53,7 @@ pub fn run(arguments: &BenchRaster, console: &mut Console) -> Result<(), Failure
 pub struct Frame<'a> {
     pub workload: &'a Workload,
     settings: RasterSettings,
-    workspace: Workspace<f32>,
+    draws: Draws,
     /// `[H, W, 3]`
     pub image: Vec<f32>,
     /// `[H, W]`
@@ -74,17 +77,45 @@ pub struct GradientBuffers {
     pub background: Vec<f32>,
 }
 
-/// Times of drawing once.
+/// Times of drawing once, milliseconds.
 struct Sample {
-    forward: Duration,
+    forward: Times,
     /// Forward and backward; `None` without backward.
-    whole: Option<Duration>,
-    timings: Timings,
+    whole: Option<Times>,
+    stages: Vec<(&'static str, f64)>,
+    /// Bytes to the device and from it.
+    transfers: Option<[u64; 2]>,
     stats: RasterStats,
 }
 
+/// What went by, milliseconds.
+#[derive(Clone, Copy)]
+struct Times {
+    wall: f64,
+    /// Of all threads; NaN where it is not known.
+    processor: f64,
+}
+
+/// Times since it was made.
+struct Clock {
+    start: Instant,
+    processor: Option<f64>,
+}
+
+impl Clock {
+    fn start() -> Self {
+        Self { processor: processor::seconds(), start: Instant::now() }
+    }
+
+    fn times(&self) -> Times {
+        let wall = 1e3 * self.start.elapsed().as_secs_f64();
+        let spent = self.processor.zip(processor::seconds()).map(|(begin, end)| 1e3 * (end - begin));
+        Times { wall, processor: spent.unwrap_or(f64::NAN) }
+    }
+}
+
 impl<'a> Frame<'a> {
-    fn new(workload: &'a Workload, with_depth: bool) -> Self {
+    fn new(workload: &'a Workload, draws: Draws, with_depth: bool) -> Self {
         let pixels = workload.camera.width * workload.camera.height;
         let depth = with_depth || workload.cotangents.as_ref().is_some_and(|c| c.depth.is_some());
         let like = |values: &[f32]| vec![0.0; values.len()];
@@ -101,7 +132,7 @@ impl<'a> Frame<'a> {
         Self {
             workload,
             settings: RasterSettings { antialiased: workload.antialiased, ..RasterSettings::default() },
-            workspace: Workspace::new(),
+            draws,
             image: vec![0.0; 3 * pixels],
             alpha: vec![0.0; pixels],
             depth: depth.then(|| vec![0.0; pixels]),
@@ -111,12 +142,12 @@ impl<'a> Frame<'a> {
 
     /// Forward, and backward where there are cotangents.
     fn draw(&mut self) -> Result<Sample, Failure> {
-        let Self { workload, settings, workspace, image, alpha, depth, gradients } = self;
+        let Self { workload, settings, draws, image, alpha, depth, gradients } = self;
         let (gaussians, camera) = (workload.gaussians(), workload.camera());
-        let start = Instant::now();
+        let clock = Clock::start();
         let images = Images { image, alpha, depth: depth.as_deref_mut(), features: None };
-        let stats = rasterize(&gaussians, &camera, settings, workspace, images)?;
-        let forward = start.elapsed();
+        let stats = draws.forward((&gaussians, &camera), settings, images)?;
+        let forward = clock.times();
         let mut whole = None;
         if let (Some(cotangents), Some(into)) = (&workload.cotangents, gradients) {
             let cotangents = Cotangents {
@@ -136,10 +167,11 @@ impl<'a> Frame<'a> {
                 background: Some(Target::write(&mut into.background)),
                 ..Gradients::default()
             };
-            rasterize_backward(&gaussians, &camera, settings, workspace, &cotangents, gradients)?;
-            whole = Some(start.elapsed());
+            draws.backward((&gaussians, &camera), settings, &cotangents, gradients)?;
+            whole = Some(clock.times());
         }
-        Ok(Sample { forward, whole, timings: workspace.timings(), stats })
+        let stages = draws.stages(whole.is_some());
+        Ok(Sample { forward, whole, stages, transfers: draws.transfers(), stats })
     }
 }
 
@@ -153,27 +185,28 @@ struct Report<'a> {
 }
 
 impl Report<'_> {
-    fn ms(&self, of: impl Fn(&Sample) -> Duration) -> f64 {
-        median(self.samples.iter().map(|sample| of(sample).as_secs_f64() * 1e3))
+    fn forward(&self, of: fn(Times) -> f64) -> f64 {
+        median(self.samples.iter().map(|sample| of(sample.forward)))
     }
 
     /// `None` without backward.
-    fn backward_ms(&self, of: impl Fn(&Sample) -> Duration) -> Option<f64> {
-        self.frame.gradients.as_ref().map(|_| self.ms(of))
+    fn whole(&self, of: fn(Times) -> f64) -> Option<f64> {
+        self.frame.gradients.as_ref().map(|_| median(self.samples.iter().filter_map(|sample| sample.whole).map(of)))
     }
 
-    fn forward_backward_ms(&self) -> Option<f64> {
-        self.backward_ms(|s| s.whole.unwrap_or_default())
+    /// Medians of the parts, by their names.
+    fn stages(&self) -> Vec<(&'static str, f64)> {
+        let names = self.samples.first().map_or(&[][..], |sample| &sample.stages).iter().map(|(name, _)| *name);
+        let ms = |name| self.samples.iter().flat_map(|s| &s.stages).filter(move |s| s.0 == name).map(|s| s.1);
+        names.map(|name| (name, median(ms(name)))).collect()
     }
 
-    /// Names as in JSON and in the table, and medians.
-    fn stages(&self) -> [(&'static str, &'static str, Option<f64>); 4] {
-        [
-            ("project", "project", Some(self.ms(|s| s.timings.project))),
-            ("bin", "bin and sort", Some(self.ms(|s| s.timings.bin))),
-            ("composite", "composite", Some(self.ms(|s| s.timings.blend))),
-            ("backward", "backward", self.backward_ms(|s| s.timings.backward)),
-        ]
+    fn stage(&self, name: &str) -> f64 {
+        self.stages().into_iter().find(|stage| stage.0 == name).map_or(f64::NAN, |stage| stage.1)
+    }
+
+    fn transfers(&self) -> Option<[u64; 2]> {
+        self.samples.first().and_then(|sample| sample.transfers)
     }
 
     /// Drawing again gives the same bits.
@@ -187,7 +220,12 @@ impl Report<'_> {
 
     fn json(&self) -> serde_json::Value {
         let (workload, stats) = (self.frame.workload, self.stats());
-        let stages = self.stages().map(|(name, _, ms)| (name.to_string(), json!(ms)));
+        let mut stages =
+            serde_json::Map::from_iter(self.stages().into_iter().map(|(name, ms)| (name.into(), json!(ms))));
+        let device = self.frame.draws.device();
+        if device.is_none() && self.frame.gradients.is_none() {
+            stages.insert("backward".into(), json!(null));
+        }
         json!({
             "workload": workload.name,
             "mode": self.mode(),
@@ -196,9 +234,15 @@ impl Report<'_> {
             "height": workload.camera.height,
             "pairs": stats.pairs,
             "evaluated": stats.evaluated,
-            "forward_ms": self.ms(|s| s.forward),
-            "forward_backward_ms": self.forward_backward_ms(),
-            "stages_ms": serde_json::Map::from_iter(stages),
+            "forward_ms": self.forward(|times| times.wall),
+            "forward_backward_ms": self.whole(|times| times.wall),
+            "processor_forward_ms": self.forward(|times| times.processor),
+            "processor_forward_backward_ms": self.whole(|times| times.processor),
+            "stages_ms": stages,
+            "device": device.map(Device::json),
+            "bytes_to_device": self.transfers().map(|[to, _]| to),
+            "bytes_from_device": self.transfers().map(|[_, from]| from),
+            "entries": stats.entries,
             "threads": self.threads,
             "peak_gflops": self.peak_gflops,
             "peak_rss_mb": self.peak_rss_mb,
@@ -209,8 +253,9 @@ impl Report<'_> {
         let (workload, stats) = (self.frame.workload, self.stats());
         let colors = workload.degree().map_or("plain colors".into(), |degree| format!("SH degree {degree}"));
         let threads = if self.threads == 1 { "1 thread".into() } else { format!("{} threads", self.threads) };
+        let device = self.frame.draws.device().map_or(String::new(), |device| device.title() + "\n");
         let mut text = format!(
-            "{}: {} Gaussians, {colors}, {}x{} pixels, {}, {threads}\n\n{:<18}{:>10}\n",
+            "{device}{}: {} Gaussians, {colors}, {}x{} pixels, {}, {threads}\n\n{:<18}{:>10}\n",
             workload.name,
             workload.len(),
             workload.camera.width,
@@ -219,15 +264,29 @@ impl Report<'_> {
             "stage",
             "ms"
         );
-        let totals =
-            [("", "forward", Some(self.ms(|s| s.forward))), ("", "forward + backward", self.forward_backward_ms())];
-        for (_, name, ms) in self.stages().into_iter().chain(totals) {
-            if let Some(ms) = ms {
-                text += &format!("{name:<18}{ms:>10.2}\n");
-            }
+        for (name, ms) in self.stages() {
+            let name = if name == "bin" { "bin and sort" } else { name };
+            text += &format!("{name:<18}{ms:>10.2}\n");
         }
+        let mut total = |name: &str, forward: f64, whole: Option<f64>| {
+            text += &format!("{:<18}{forward:>10.2}\n", format!("forward{name}"));
+            if let Some(whole) = whole {
+                text += &format!("{:<18}{whole:>10.2}\n", format!("forward + backward{name}"));
+            }
+        };
+        total("", self.forward(|times| times.wall), self.whole(|times| times.wall));
         let (pairs, lanes) = (stats.pairs as f64, stats.evaluated as f64);
-        text += &format!("\npairs composited {:.2} M, lanes evaluated for them {:.2} M", pairs / 1e6, lanes / 1e6);
+        if let Some([to, from]) = self.transfers() {
+            total(", processor", self.forward(|times| times.processor), self.whole(|times| times.processor));
+            text += &format!(
+                "\nentries of tiles {:.2} M; {:.1} MB to the device, {:.1} MB from it each time",
+                stats.entries as f64 / 1e6,
+                to as f64 / 1e6,
+                from as f64 / 1e6
+            );
+        } else {
+            text += &format!("\npairs composited {:.2} M, lanes evaluated for them {:.2} M", pairs / 1e6, lanes / 1e6);
+        }
         if lanes > 0.0 {
             // An FMA counts as two operations.
             let floor = lanes * OPERATIONS / (self.peak_gflops / 2.0 * 1e9) * 1e3;
@@ -235,7 +294,7 @@ impl Report<'_> {
                 "\npeak {:.0} GFLOP/s (f32 FMA, measured in this run); at the rate of its FMAs, {OPERATIONS} operations on every \
                  lane take {floor:.2} ms, {:.0} % of the time of composite",
                 self.peak_gflops,
-                100.0 * floor / self.ms(|s| s.timings.blend)
+                100.0 * floor / self.stage("composite")
             );
         }
         if stats.rejected > 0 {

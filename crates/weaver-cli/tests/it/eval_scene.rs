@@ -33,7 +33,7 @@ fn psnr(report: &Value) -> f64 {
 }
 
 /// Large and small Gaussians in several colors, at depths of 2 to 3.
-fn gaussians() -> Gaussians {
+pub fn gaussians() -> Gaussians {
     let mut scene = Gaussians { degree: 0, ..Gaussians::default() };
     for i in 0..24 {
         let at = |step: usize| (i * step % 24) as f32 / 24.0;

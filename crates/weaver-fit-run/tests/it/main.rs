@@ -10,6 +10,7 @@ use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Distortion, Pose, Similarity, so3};
 use weaver_io::Transforms;
 use weaver_scene::Frame;
+use weaver_splat::AnyRasterizer;
 
 fn capture(folder: &Path, views: usize) {
     let scene = scene(2, &ProceduralOptions { width: 40, height: 32, views });
@@ -48,17 +49,20 @@ fn a_run_of_another_capture_is_not_gone_on_with() {
     let folder = tempfile::tempdir().unwrap();
     let (data, out) = (folder.path().join("data"), folder.path().join("out"));
     capture(&data, 10);
-    let mut run = Run::create(&out, settings(&data), None, Judge::default()).unwrap();
+    let mut run = Run::create(&out, settings(&data), None, Judge::default(), AnyRasterizer::default()).unwrap();
     run.advance(&AtomicBool::new(false), |_| {}).unwrap();
     drop(run);
-    assert!(Run::resume(&out, Judge::default()).is_ok());
-    assert!(matches!(Run::create(&out, settings(&data), None, Judge::default()), Err(RunError::RunExists { .. })));
+    assert!(Run::resume(&out, Judge::default(), AnyRasterizer::default()).is_ok());
+    assert!(matches!(
+        Run::create(&out, settings(&data), None, Judge::default(), AnyRasterizer::default()),
+        Err(RunError::RunExists { .. })
+    ));
     // A photo less.
     capture(&data, 9);
-    let error = Run::resume(&out, Judge::default()).unwrap_err().to_string();
+    let error = Run::resume(&out, Judge::default(), AnyRasterizer::default()).unwrap_err().to_string();
     assert!(error.contains("checkpoint.safetensors") && error.contains("poses"), "{error}");
     std::fs::write(out.join("run.json"), "{}").unwrap();
-    let error = Run::resume(&out, Judge::default()).unwrap_err().to_string();
+    let error = Run::resume(&out, Judge::default(), AnyRasterizer::default()).unwrap_err().to_string();
     assert!(error.contains("run.json") && error.contains("capture"), "{error}");
 }
 
@@ -68,17 +72,18 @@ fn gaussians_that_were_given_are_there_again() {
     let (data, out) = (folder.path().join("data"), folder.path().join("out"));
     capture(&data, 10);
     let given = {
-        let mut run = Run::create(&out, settings(&data), None, Judge::default()).unwrap();
+        let mut run = Run::create(&out, settings(&data), None, Judge::default(), AnyRasterizer::default()).unwrap();
         run.advance(&AtomicBool::new(false), |_| {}).unwrap();
         run.fit().gaussians()
     };
     let again = RunSettings { init: Initial::Given, ..settings(&data) };
     let other = folder.path().join("other");
-    let error = Run::create(&other, again.clone(), None, Judge::default()).unwrap_err().to_string();
+    let error =
+        Run::create(&other, again.clone(), None, Judge::default(), AnyRasterizer::default()).unwrap_err().to_string();
     assert!(error.contains("init"), "{error}");
     assert!(!other.exists());
-    Run::create(&other, again, Some(&given), Judge::default()).unwrap();
-    let resumed = Run::resume(&other, Judge::default()).unwrap();
+    Run::create(&other, again, Some(&given), Judge::default(), AnyRasterizer::default()).unwrap();
+    let resumed = Run::resume(&other, Judge::default(), AnyRasterizer::default()).unwrap();
     assert_eq!(resumed.fit().gaussians().means, given.means);
 }
 
@@ -111,7 +116,7 @@ fn cameras_are_refined_and_written() {
     Transforms { frames, ..Transforms::default() }.write(data.join("transforms.json")).unwrap();
     let mut settings = settings(&data);
     settings.fit.poses.refine = true;
-    let mut run = Run::create(&out, settings.clone(), None, Judge::default()).unwrap();
+    let mut run = Run::create(&out, settings.clone(), None, Judge::default(), AnyRasterizer::default()).unwrap();
     run.advance(&AtomicBool::new(false), |_| {}).unwrap();
     let outcome = run.finish().unwrap();
     assert!(outcome.poses.refined && outcome.poses.points > 50 && outcome.poses.degrees > 0.3, "{:?}", outcome.poses);
@@ -125,8 +130,8 @@ fn cameras_are_refined_and_written() {
     let (before, after) = (error(&data.join("given.json"), &truth), error(&out.join("transforms.json"), &truth));
     assert!(after < 0.6 * before, "from {before} to {after} degrees");
 
-    Run::create(&other, settings, None, Judge::default()).unwrap();
-    let mut resumed = Run::resume(&other, Judge::default()).unwrap();
+    Run::create(&other, settings, None, Judge::default(), AnyRasterizer::default()).unwrap();
+    let mut resumed = Run::resume(&other, Judge::default(), AnyRasterizer::default()).unwrap();
     resumed.advance(&AtomicBool::new(false), |_| {}).unwrap();
     resumed.finish().unwrap();
     let bytes = |folder: &Path| std::fs::read(folder.join("scene.ply")).unwrap();
@@ -162,7 +167,7 @@ fn a_fit_of_distorted_photos_is_a_capture_of_them_again() {
         let mut settings = RunSettings { masks: true, focal: true, ..settings(&data) };
         settings.fit.steps = 2;
         settings.fit.poses.refine = true;
-        let mut run = Run::create(&out, settings, None, Judge::default()).unwrap();
+        let mut run = Run::create(&out, settings, None, Judge::default(), AnyRasterizer::default()).unwrap();
         run.advance(&AtomicBool::new(false), |_| {}).unwrap();
         let outcome = run.finish().unwrap();
         assert_eq!((outcome.poses.focal - 1.0).abs() > 1e-3, focal, "{:?}", outcome.poses);

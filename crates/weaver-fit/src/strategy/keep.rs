@@ -13,6 +13,10 @@ impl Strategy for Keep {
         false
     }
 
+    fn is_due(&self, _: &Moment) -> bool {
+        false
+    }
+
     fn adapt(&mut self, _: &Moment, _: &mut Population, _: &[GaussianStatistics<f32>]) -> bool {
         false
     }

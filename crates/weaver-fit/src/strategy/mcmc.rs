@@ -1,7 +1,6 @@
 //! Relocation, growth and noise of 3DGS-MCMC.
 
-use super::{Moment, Strategy};
-use crate::gradients::Gradients;
+use super::{Moment, Regularizer, Strategy};
 use crate::population::Population;
 use crate::settings::Density;
 use weaver_kernels::parallel;
@@ -85,8 +84,8 @@ pub fn relocated(opacity: f32, copies: usize) -> (f32, f32) {
 }
 
 impl Strategy for Mcmc {
-    fn regularize(&self, moment: &Moment, population: &Population, gradients: &mut Gradients) {
-        self.settings.regularize(moment, population, gradients);
+    fn regularizer(&self, moment: &Moment, gaussians: usize) -> Regularizer {
+        self.settings.regularizer(moment, gaussians)
     }
 
     fn wants_statistics(&self, _: &Moment) -> bool {

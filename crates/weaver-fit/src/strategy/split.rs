@@ -1,7 +1,6 @@
 //! Splitting along the longest axis, guided by absolute screen gradients.
 
-use super::{Moment, Strategy};
-use crate::gradients::Gradients;
+use super::{Moment, Regularizer, Strategy};
 use crate::population::Population;
 use crate::settings::Density;
 use weaver_splat::GaussianStatistics;
@@ -51,16 +50,20 @@ impl Split {
 }
 
 impl Strategy for Split {
-    fn regularize(&self, moment: &Moment, population: &Population, gradients: &mut Gradients) {
-        self.settings.regularize(moment, population, gradients);
+    fn regularizer(&self, moment: &Moment, gaussians: usize) -> Regularizer {
+        self.settings.regularizer(moment, gaussians)
     }
 
     fn wants_statistics(&self, moment: &Moment) -> bool {
         moment.fraction() <= self.settings.until
     }
 
+    fn is_due(&self, moment: &Moment) -> bool {
+        self.settings.due(moment)
+    }
+
     fn adapt(&mut self, moment: &Moment, population: &mut Population, statistics: &[GaussianStatistics<f32>]) -> bool {
-        if !self.settings.due(moment) {
+        if !self.is_due(moment) {
             return false;
         }
         self.fade(population);

@@ -6,7 +6,7 @@ use weaver_fit::strategy::{Split, relocated};
 use weaver_fit::{Density, Fit, FitSettings, Moment, Population, Strategy as Control, StrategyKind};
 use weaver_kernels::random::Stream;
 use weaver_scene::Gaussians;
-use weaver_splat::{CpuRasterizer, GaussianStatistics};
+use weaver_splat::{AnyRasterizer, GaussianStatistics};
 
 const ALL: [StrategyKind; 3] = [StrategyKind::Split, StrategyKind::Mcmc, StrategyKind::Keep];
 
@@ -156,7 +156,8 @@ impl Control for EveryTenth {
 fn a_strategy_of_ones_own() {
     let scene = cloud(20, 2);
     let settings: FitSettings = plain(StrategyKind::Keep, 45, 23);
-    let mut fit = Fit::with(CpuRasterizer, Box::new(EveryTenth), photos(2, &scene), &scene, settings).expect("a fit");
+    let mut fit =
+        Fit::with(AnyRasterizer::default(), Box::new(EveryTenth), photos(2, &scene), &scene, settings).expect("a fit");
     finish(&mut fit);
     assert_eq!(fit.population().len(), 23);
 }

@@ -2,7 +2,7 @@
 
 use crate::device::{gradients, rasterizer, render, with_limits};
 use crate::scene::{Planes, Scene};
-use weaver_gpu::{Choice, Context, GpuError, GpuWorkspace, adapters, wgpu};
+use weaver_gpu::{Choice, Context, GpuError, GpuRasterizer, GpuWorkspace, adapters, wgpu};
 use weaver_splat::{Cotangents, Gradients, Images, Rasterizer, Workspace};
 
 /// Whatever is not finite is left out and counted, as on the CPU, and spoils nothing else.
@@ -114,4 +114,57 @@ fn an_adapter_that_is_not_there_is_named_with_those_that_are() {
             assert!(text.contains(&adapter.name), "{text}");
         }
     }
+}
+
+/// What a machine without a driver gets: an empty list, and an error that says what may be missing. The process is another one, for
+/// drivers are looked for once.
+#[test]
+fn a_machine_without_a_driver_has_no_adapters() {
+    const CHILD: &str = "WEAVER_GPU_WITHOUT_DRIVER";
+    if std::env::var_os(CHILD).is_some() {
+        assert!(adapters().is_empty());
+        for choice in [Choice::Fastest, Choice::Number(0), Choice::Name("llvmpipe".into())] {
+            let error = Context::open(&choice).unwrap_err().to_string();
+            assert!(error.contains("no adapter") && error.contains("driver"), "{error}");
+        }
+        return;
+    }
+    let mut child = std::process::Command::new(std::env::current_exe().unwrap());
+    child.args(["--exact", "hostile::a_machine_without_a_driver_has_no_adapters"]).env(CHILD, "1");
+    for variable in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
+        child.env(variable, "/nowhere/driver.json");
+    }
+    let done = child.output().unwrap();
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stdout));
+}
+
+/// A device that goes away is an error of the next call, and of all that follow.
+#[test]
+fn a_device_that_is_lost_is_an_error() {
+    let Some(lost) = with_limits(wgpu::Limits::default()) else { return println!("skipped: no adapter") };
+    let scene = Scene::random(25, 20, 1, (20, 20), None).with_channels(0).to_f32();
+    let mut workspace = lost.workspace();
+    render(&lost, &mut workspace, &scene);
+    lost.context().device().destroy();
+    for _ in 0..2 {
+        let (mut image, mut alpha) = (vec![0.0; 3 * scene.pixels()], vec![0.0; scene.pixels()]);
+        let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
+        let (gaussians, cameras) = (scene.gaussians(), scene.cameras());
+        let error =
+            lost.forward(&gaussians, &cameras, &scene.settings, &mut workspace, images).unwrap_err().to_string();
+        assert!(error.contains("failed") && error.contains(&lost.context().adapter().name), "{error}");
+    }
+}
+
+/// A device that somebody else has opened.
+#[test]
+fn a_device_of_ones_own_draws_the_same() {
+    let Some(rasterizer) = rasterizer() else { return };
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapter = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY)).remove(0);
+    let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor::default())).unwrap();
+    let own = GpuRasterizer::new(Context::on(&adapter, device, queue).unwrap());
+    let scene = Scene::random(26, 50, 1, (33, 20), Some(1)).with_channels(0).to_f32();
+    let drawn = |rasterizer: &GpuRasterizer| render(rasterizer, &mut GpuWorkspace::default(), &scene);
+    assert!(drawn(&own) == drawn(&rasterizer));
 }

@@ -6,6 +6,9 @@ mod device;
 mod fixtures;
 mod forward;
 mod hostile;
+mod mutations;
+mod records;
+mod resident;
 #[path = "../../../weaver-splat/tests/it/scene.rs"]
 #[allow(dead_code, reason = "the scenes of the CPU's tests, which need more of them")]
 mod scene;

@@ -11,7 +11,7 @@ use weaver_inference::{
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_router::AllocationKind;
-use weaver_splat::Workspace;
+use weaver_splat::Renderer;
 
 const VIEWS: usize = 3;
 
@@ -116,7 +116,7 @@ fn what_does_not_fit_together_is_refused() {
 #[derive(Debug)]
 struct Listener {
     heard: Sender<(Vec<Camera>, SparsePoints)>,
-    workspace: Workspace<f32>,
+    renderer: Renderer,
 }
 
 impl Predictor for Listener {
@@ -130,8 +130,8 @@ impl Predictor for Listener {
         [6, 8]
     }
 
-    fn workspace(&mut self) -> &mut Workspace<f32> {
-        &mut self.workspace
+    fn renderer(&mut self) -> &mut Renderer {
+        &mut self.renderer
     }
 }
 
@@ -140,7 +140,7 @@ fn refinement_passes_points_on() {
     let (_, _, cameras, points) = untrained(1.0);
     let large: Vec<Camera> = cameras.iter().map(|camera| Camera { width: 16, height: 12, ..*camera }).collect();
     let (heard, listened) = channel();
-    let listener = Listener { heard, workspace: Workspace::new() };
+    let listener = Listener { heard, renderer: Renderer::default() };
     let mut refined = Refined::new(Box::new(listener), [12, 16], Effort::Steps(1));
     let planes = vec![0.5; VIEWS * 3 * 12 * 16];
     let source = CameraSource::GivenWithPoints { cameras: &large, points: &points };

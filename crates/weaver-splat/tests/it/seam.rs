@@ -7,8 +7,8 @@ use weaver_autograd::gradcheck::{Options, gradcheck_with};
 use weaver_autograd::{Tape, Var};
 use weaver_scene::{CameraSlices, GaussianSlices};
 use weaver_splat::{
-    Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats, Rasterize, Rasterizer, Region,
-    SharedStatistics, Target, TileSide, WorkspacePool, reference,
+    AnyRasterizer, Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats, Rasterize, Rasterizer,
+    Region, SharedStatistics, Target, TileSide, WorkspacePool, reference,
 };
 
 /// The slow reference as a rasterizer.
@@ -79,10 +79,10 @@ fn weighted<'t>(tape: &'t Tape<f64>, image: Var<'t, f64>, weights: &[f64]) -> Va
 }
 
 /// Images, gradients of a weighted sum of them, and statistics, of a rasterizer on the tape.
-fn on_the_tape<R: Rasterizer<f64>>(
+fn on_the_tape(
     scene: &Scene<f64>,
     cotangents: &Planes<f64>,
-    workspaces: &WorkspacePool<f64, R>,
+    workspaces: &WorkspacePool<f64>,
 ) -> (Planes<f64>, Vec<Vec<f64>>) {
     let (tape, statistics) = (Tape::<f64>::new(), SharedStatistics::new());
     let x: Vec<_> = inputs(scene).iter().map(|input| tape.leaf(&input.data, input.shape)).collect();
@@ -191,7 +191,7 @@ proptest! {
         let cotangents = scene.cotangents(seed);
         let (planes, gradients) = on_the_tape(&scene, &cotangents, &WorkspacePool::new());
         prop_assert_eq!(&planes, &scene.render());
-        let (slow, expected) = on_the_tape(&scene, &cotangents, &WorkspacePool::of(Slow));
+        let (slow, expected) = on_the_tape(&scene, &cotangents, &WorkspacePool::of(AnyRasterizer::new(Slow)));
         prop_assert!(relative(&planes.flat(), &slow.flat(), 1e-3) < 1e-11);
         for ((name, own), expected) in TAPE_NAMES.iter().zip(&gradients).zip(&expected) {
             let error = relative(own, expected, 1e-3);

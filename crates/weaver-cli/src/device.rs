@@ -1,0 +1,26 @@
+//! Where Gaussians are drawn: `--device`.
+
+#[cfg(feature = "gpu")]
+mod gpu;
+#[cfg(not(feature = "gpu"))]
+#[path = "device/no_gpu.rs"]
+mod gpu;
+
+pub use gpu::{Device, list};
+
+use crate::arguments::DeviceFlag;
+use crate::failure::Failure;
+use weaver_splat::AnyRasterizer;
+
+/// The rasterizer that is asked for.
+pub fn rasterizer(flag: &DeviceFlag) -> Result<AnyRasterizer<f32>, Failure> {
+    Ok(match name(flag) {
+        Some(name) => Device::open(name)?.into_rasterizer(),
+        None => AnyRasterizer::default(),
+    })
+}
+
+/// The device that is asked for; `None` is the processor.
+pub fn name(flag: &DeviceFlag) -> Option<&str> {
+    flag.device.as_deref().filter(|device| *device != "cpu")
+}

@@ -1,0 +1,98 @@
+//! Steps where the rasterizer keeps the Gaussians.
+
+use crate::FitError;
+use crate::fit::Fit;
+use crate::photos::at_level;
+use crate::population::Field;
+use crate::resident::Newer;
+use crate::strategy::Moment;
+use std::time::{Duration, Instant};
+use weaver_scene::{CameraSlices, intrinsics_row, viewmat};
+use weaver_splat::{Fitted, FittedRates, PhotoLoss, PhotoStep};
+
+impl Fit {
+    /// Brings the Gaussians and their statistics from where the rasterizer keeps them.
+    ///
+    /// A rasterizer on a device keeps them there from step to step; before [`population`](Self::population),
+    /// [`gaussians`](Self::gaussians) and [`state`](Self::state) are asked for, they have to be fetched. With the rasterizer for CPUs
+    /// there is nothing to fetch.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn fetch(&mut self) -> Result<(), FitError> {
+        let Some(resident) = self.resident.as_mut().filter(|resident| resident.newer == Newer::There) else {
+            return Ok(());
+        };
+        let degree = self.population.degree();
+        let [means, log_scales, quats, logits, sh] = self.population.fields_mut().map(Field::slices_mut);
+        resident.there.store(Fitted { means, quats, log_scales, logits, sh, degree }, &mut self.statistics)?;
+        resident.newer = Newer::Neither;
+        Ok(())
+    }
+
+    /// Says that the Gaussians were changed here.
+    pub(crate) fn changed(&mut self) {
+        self.resident.iter_mut().for_each(|resident| resident.newer = Newer::Here);
+    }
+
+    /// Whether what is here is as new as what there is.
+    pub(crate) fn is_fetched(&self) -> bool {
+        self.resident.as_ref().is_none_or(|resident| resident.newer != Newer::There)
+    }
+
+    /// Whether steps are taken where the rasterizer keeps the Gaussians: what else they need is here.
+    pub(crate) fn is_resident(&self) -> bool {
+        self.resident.is_some() && self.exposures.is_empty() && !self.settings.poses.refine
+    }
+
+    /// How long each pass on the device took since this was last asked; nothing where that is not measured.
+    pub fn pass_times(&mut self) -> Vec<(&'static str, Duration)> {
+        self.resident.as_mut().map(|resident| resident.there.pass_times()).unwrap_or_default()
+    }
+
+    /// One step toward a photo. Returns the loss, the mean squared difference and the pairs.
+    pub(crate) fn step_there(
+        &mut self,
+        index: usize,
+        level: usize,
+        moment: &Moment,
+    ) -> Result<(f64, f64, u64), FitError> {
+        let start = Instant::now();
+        let camera = self.camera(index);
+        let (photo, level) = self.photos[index].level(level);
+        let camera = at_level(&camera, level);
+        let (viewmats, intrinsics) = (viewmat(&camera.pose), intrinsics_row(&camera));
+        let background = &self.settings.background;
+        let (width, height) = (camera.width, camera.height);
+        let rates = self.settings.rates.in_run_of(self.settings.steps);
+        let regularizer = self.strategy.regularizer(moment, self.population.len());
+        let Some(resident) = &mut self.resident else { return Ok((f64::NAN, f64::NAN, 0)) };
+        if resident.newer == Newer::Here {
+            resident.load(&self.population)?;
+        }
+        let PhotoLoss { loss, mse, pairs } = resident.there.step(&PhotoStep {
+            camera: CameraSlices { viewmats: &viewmats, intrinsics: &intrinsics, background, width, height },
+            settings: &self.raster,
+            rgb: &photo.rgb,
+            mask: photo.mask.as_deref(),
+            ssim_weight: self.settings.ssim_weight,
+            regularizer: [regularizer.opacity, regularizer.scale],
+            step: moment.step as u64 + 1,
+            rates: FittedRates {
+                means: moment.mean_rate,
+                quats: rates.quats as f32,
+                scales: rates.scales as f32,
+                opacities: rates.opacities as f32,
+                sh: rates.sh as f32,
+                sh_rest: (rates.sh * rates.sh_rest) as f32,
+            },
+            statistics: self.strategy.wants_statistics(moment),
+        })?;
+        resident.newer = Newer::There;
+        if !loss.is_finite() {
+            return Err(self.diverged(loss, index, moment));
+        }
+        self.timings.forward = start.elapsed();
+        Ok((loss, mse, pairs))
+    }
+}
