@@ -9,7 +9,7 @@ mod render;
 
 pub use eval::{ContextCameras, Eval};
 pub use fit::{Fit, Format, Origin, PoseMode, StrategyName};
-pub use lift::{Lift, Query, SolverName};
+pub use lift::{DemoGaussians, Lift, Query, SolverName};
 pub use photos::{Cameras, MatchingFlags, Reconstruct};
 pub use refine::RefineFlags;
 pub use render::Render;
