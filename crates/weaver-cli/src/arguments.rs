@@ -14,7 +14,7 @@ pub use align::{Align, MethodName, Switch};
 pub use drawing::DrawingFlags;
 pub use eval::{ContextCameras, Eval};
 pub use fit::{Fit, Format, Origin, PoseMode, StrategyName};
-pub use lift::{Lift, Query, SolverName};
+pub use lift::{DemoGaussians, Lift, Query, SolverName};
 pub use photos::{Cameras, MatchingFlags, Reconstruct};
 pub use refine::RefineFlags;
 pub use render::Render;

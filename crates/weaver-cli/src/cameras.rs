@@ -31,7 +31,13 @@ impl Size {
 
 /// Reads the cameras of a transforms.json, of a folder with a COLMAP model, or of a RealEstate10K file.
 pub fn read(path: &Path, size: Size) -> Result<Vec<Frame>, Failure> {
-    let mut frames = weaver_io::read_cameras(path)?;
+    Ok(read_with_lenses(path, size)?.into_iter().map(|(frame, _)| frame).collect())
+}
+
+/// The same, each with the distortion of its photo where there is one; the cameras are those of photos whose distortion is undone, as
+/// it is in captures.
+pub fn read_with_lenses(path: &Path, size: Size) -> Result<Vec<(Frame, Option<Undistortion>)>, Failure> {
+    let frames = weaver_io::read_cameras(path)?;
     if frames.is_empty() {
         return Err(Failure::message(format!("{}: expected at least one camera, found none", path.display())));
     }
@@ -40,21 +46,25 @@ pub fn read(path: &Path, size: Size) -> Result<Vec<Frame>, Failure> {
         let found = "a RealEstate10K file, which does not tell the size of its images";
         return Err(Failure::Usage(format!("{}: expected --width and --height with {found}", path.display())));
     }
-    for frame in &mut frames {
-        frame.camera = size.apply(pinhole(frame, path)?);
-    }
-    Ok(frames)
+    let sized = |mut frame: Frame| {
+        let lens = lens(&frame, path)?;
+        frame.camera = size.apply(lens.map_or(frame.camera, |lens| lens.to));
+        // The factor on the focal length does not depend on the size.
+        let lens = lens.and_then(|lens| Undistortion::new(size.apply(lens.from), lens.distortion));
+        Ok((frame, lens))
+    };
+    frames.into_iter().map(sized).collect()
 }
 
-/// The camera of a frame's photo, whose distortion is undone as it is in captures.
-fn pinhole(frame: &Frame, path: &Path) -> Result<Camera, Failure> {
-    let Some(distortion) = frame.distortion else { return Ok(frame.camera) };
+/// How the distortion of a frame's photo is undone.
+fn lens(frame: &Frame, path: &Path) -> Result<Option<Undistortion>, Failure> {
+    let Some(distortion) = frame.distortion else { return Ok(None) };
     let undone = Undistortion::new(frame.camera, distortion).ok_or_else(|| {
         let (path, name) = (path.display(), &frame.name);
         let expected = "expected a lens distortion that leaves a photo without blank borders";
         Failure::message(format!("{path}: {name}: {expected}, found {distortion:?}"))
     })?;
-    Ok(undone.to)
+    Ok(Some(undone))
 }
 
 /// File names for pictures of these cameras: the stems of their photos where those are distinct, else numbers.

@@ -5,6 +5,8 @@ mod features;
 mod masks;
 mod pca;
 mod plan;
+mod sampling;
+mod valid;
 
 use crate::Console;
 use crate::arguments::{Lift, SolverName};
@@ -16,6 +18,7 @@ use features::FeatureFiles;
 pub use features::refused;
 use pca::PcaColors;
 use plan::Plan;
+use sampling::Lens;
 use std::path::{Path, PathBuf};
 use weaver_geometry::Camera;
 use weaver_io::checkpoint::Tensors;
@@ -29,16 +32,22 @@ use weaver_splat::RasterSettings;
 
 pub fn run(arguments: &Lift, console: &mut Console) -> Result<(), Failure> {
     if !arguments.demo.is_empty() {
-        return demo::run(&arguments.demo, arguments.out.as_deref(), console);
+        return demo::run(arguments, console);
     }
     let [scene, cameras, folder, out] = required(arguments)?;
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
-    let frames = cameras::read(cameras, size)?;
+    let (frames, distortions): (Vec<_>, Vec<_>) = cameras::read_with_lenses(cameras, size)?.into_iter().unzip();
     let stems = cameras::stems(&frames);
     let cameras: Vec<Camera> = frames.iter().map(|frame| frame.camera).collect();
-    let mut features = FeatureFiles::open(folder, &stems, &cameras)?;
+    let lens = |(camera, distortion): (&Camera, _)| Lens { camera: *camera, distortion };
+    let lenses: Vec<Lens> = cameras.iter().zip(distortions).map(lens).collect();
+    let counts = match &arguments.masks {
+        Some(folder) => valid::read(folder, &stems, &lenses)?,
+        None => vec![None; stems.len()],
+    };
+    let mut features = FeatureFiles::open(folder, &stems, &lenses, counts)?;
     let masks = arguments.aggregate.as_deref();
-    let masks = masks.map(|folder| masks::read(folder, &stems, &cameras, features.channels())).transpose()?;
+    let masks = masks.map(|folder| masks::read(folder, &stems, &lenses, features.channels())).transpose()?;
     let mut drawn = Drawn::read(scene)?;
     let options = options(arguments);
     let plan = Plan::of(&drawn, &cameras, features.channels(), &options)?;
@@ -67,7 +76,8 @@ pub fn run(arguments: &Lift, console: &mut Console) -> Result<(), Failure> {
             let hdbscan = HdbscanOptions { smallest: arguments.smallest as usize, ..HdbscanOptions::default() };
             let options = ClusterOptions { hdbscan, ..ClusterOptions::default() };
             let labels = cluster(&lifted.features, lifted.channels, &lifted.seen, &options)?;
-            Some(aggregate(&mut raster, &labels, &masks, &mut lifted.features, &AggregateOptions::default())?)
+            let options = AggregateOptions { overlap: arguments.overlap, ..AggregateOptions::default() };
+            Some(aggregate(&mut raster, &labels, &masks, &mut lifted.features, &options)?)
         }
     };
     let stem = out.file_stem().map_or("lifted".into(), |stem| stem.to_string_lossy());
@@ -150,7 +160,7 @@ fn report(lifted: &Lifted<f32>, cleaned: Option<&Aggregation>) -> String {
         coverage.mean_alpha(),
         coverage.off_diagonal()
     );
-    if let Some(Aggregation { kept, clusters, without }) = cleaned {
+    if let Some(Aggregation { kept, clusters, without, .. }) = cleaned {
         let agree = kept.iter().filter(|kept| **kept).count();
         text += &format!(
             "aggregated: {clusters} clusters, {without} of them without a mask; {agree} of {} masks agree with one\n",

@@ -30,15 +30,22 @@ pub fn predict_capture(
         group.extend(layout.nearest(first, &left, context.max(1) - 1));
         left.retain(|view| !group.contains(view));
         let stream = Stream::new(seed, first as u64, "inference.capture");
-        append(&mut all, predict_group(predictor, scene, group, density, stream)?);
+        append(&mut all, predict_group(predictor, scene, &group, density, stream)?);
     }
     Ok(all)
 }
 
-fn predict_group(
+/// Predicts the Gaussians of a few views of a scene together, with the scene's cameras and in its world.
+///
+/// Where the density gives one Gaussian to each pixel, they come in the order of views, rows and columns. Depth is brought to points
+/// where views see some. The photos must have the predictor's size.
+///
+/// # Errors
+/// No views, and when the predictor refuses photos, cameras or density.
+pub fn predict_group(
     predictor: &mut dyn Predictor,
     scene: &Scene,
-    group: Vec<usize>,
+    group: &[usize],
     density: Density,
     stream: Stream,
 ) -> Result<Gaussians, Error> {
@@ -46,8 +53,9 @@ fn predict_group(
     let mut planes = Vec::new();
     group.iter().for_each(|v| push_planar(&mut planes, &scene.views[*v].image));
     let inside = inside_of(group.iter().map(|v| scene.views[*v].inside.as_deref()), height * width);
-    let tuple = Tuple { scene: 0, context: group, targets: Vec::new() };
-    let origin = scene.views[tuple.context[0]].camera.pose;
+    let tuple = Tuple { scene: 0, context: group.to_vec(), targets: Vec::new() };
+    let Some(first) = group.first() else { return Err(Error::Input("expected views, found none".into())) };
+    let origin = scene.views[*first].camera.pose;
     // Without points or a stated scale nothing says how large the scene is; the predictor then chooses the factor.
     let known = scene.normalized(&tuple).ok().map(|posed| posed.scale);
     let scale = known.unwrap_or(1.0);

@@ -21,7 +21,7 @@ mod run_folder;
 mod splatweaver;
 mod weights;
 
-pub use capture::predict_capture;
+pub use capture::{predict_capture, predict_group};
 pub use checkpoint::{Checkpoint, Defaults, FORMAT, Partly, WeightSet};
 pub use depth_to_points::{DepthCorrection, SeenPoint, depth_to_points};
 pub use error::Error;

@@ -34,8 +34,11 @@ impl Default for AggregateOptions {
 }
 
 /// What became of masks and clusters.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Aggregation {
+    /// For each mask its intersection over union with the cluster that most of it shows; 0 where most of it shows none.
+    pub overlaps: Vec<f64>,
     /// For each mask whether it was kept.
     pub kept: Vec<bool>,
     /// Number of clusters.
@@ -112,7 +115,7 @@ pub fn aggregate<T: Real>(
         map.iter().for_each(|label| *sizes.entry(*label).or_default() += 1);
     }
     let (mut sums, mut counts) = (vec![0.0; clusters * channels], vec![0_usize; clusters]);
-    let mut kept = Vec::with_capacity(masks.len());
+    let (mut overlaps, mut kept) = (Vec::with_capacity(masks.len()), Vec::with_capacity(masks.len()));
     for mask in masks {
         expect_len("feature of a mask", mask.feature.len(), channels)?;
         let map = maps.get(mask.view).map_or(&[][..], Vec::as_slice);
@@ -120,12 +123,15 @@ pub fn aggregate<T: Real>(
         if most > map.len() {
             return Err(LiftError::Length { what: "pixels of a mask", expected: map.len(), found: most });
         }
-        let cluster = agreeing(mask, map, &sizes[mask.view], options.overlap);
+        let found = sizes.get(mask.view).and_then(|sizes| shown(mask, map, sizes));
+        let overlap = found.map_or(0.0, |(_, overlap)| overlap);
+        let cluster = found.filter(|(_, overlap)| *overlap > options.overlap).map(|(cluster, _)| cluster);
         if let Some(cluster) = cluster {
             counts[cluster] += 1;
             let sum = sums[cluster * channels..][..channels].iter_mut();
             sum.zip(&mask.feature).for_each(|(sum, x)| *sum += x.to_f64());
         }
+        overlaps.push(overlap);
         kept.push(cluster.is_some());
     }
     for_rows(features, channels.max(1), |j, row| {
@@ -138,17 +144,15 @@ pub fn aggregate<T: Real>(
     });
     to_unit_length(features, channels.max(1));
     let without = counts.iter().filter(|count| **count == 0).count();
-    Ok(Aggregation { kept, clusters, without })
+    Ok(Aggregation { overlaps, kept, clusters, without })
 }
 
-/// The cluster that a mask shows, if it overlaps with it so far.
-fn agreeing<T>(mask: &Mask<T>, map: &[u32], sizes: &BTreeMap<u32, usize>, overlap: f64) -> Option<usize> {
+/// The cluster that most of a mask shows, and how far they overlap; `None` where that is noise.
+fn shown<T>(mask: &Mask<T>, map: &[u32], sizes: &BTreeMap<u32, usize>) -> Option<(usize, f64)> {
     let mut counts: BTreeMap<u32, usize> = BTreeMap::new();
     mask.pixels.iter().for_each(|pixel| *counts.entry(map[*pixel as usize]).or_default() += 1);
     // The smallest of equally frequent labels.
     let (&label, &both) = counts.iter().rev().max_by_key(|(_, count)| **count)?;
     let either = mask.pixels.len() + sizes[&label] - both;
-    let agrees = both as f64 > overlap * either as f64;
-    // Noise is no cluster.
-    (label as usize).checked_sub(1).filter(|_| agrees)
+    Some(((label as usize).checked_sub(1)?, both as f64 / either as f64))
 }

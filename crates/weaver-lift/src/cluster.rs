@@ -35,7 +35,8 @@ pub fn cluster<T: Real>(
     expect_len("features", features.len(), seen.len() * channels)?;
     let of_seen: Vec<usize> = (0..seen.len()).filter(|j| seen[*j] > T::ZERO).collect();
     let points: Vec<T> = of_seen.iter().flat_map(|j| &features[j * channels..(j + 1) * channels]).copied().collect();
-    let pca = Pca::of(&points, channels, options.components);
+    let mut pca = Pca::of(&points, channels, options.components);
+    pca.drop_rounding();
     let found = hdbscan(&pca.project(&points), pca.components(), &options.hdbscan);
     let mut labels = vec![None; seen.len()];
     of_seen.iter().zip(found).for_each(|(j, label)| labels[*j] = label);

@@ -4,7 +4,7 @@ mod condensed;
 mod tree;
 
 use condensed::condensed;
-use tree::{core_distances, merges, spanning_tree};
+use tree::{Points, core_distances, merges, spanning_tree};
 
 /// What counts as a cluster.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,10 +46,11 @@ pub fn hdbscan(points: &[f64], dimensions: usize, options: &HdbscanOptions) -> V
     if count < 2 {
         return vec![None; count];
     }
-    let mut core = core_distances(points, dimensions, options.samples);
+    let points = Points::of(points, dimensions);
+    let mut core = core_distances(&points, options.samples);
     // Neighbors are never nearer than a core distance.
     core.iter_mut().for_each(|core| *core = core.max(options.resolution));
-    let edges = spanning_tree(points, dimensions, &core);
+    let edges = spanning_tree(&points, &core);
     let merges = merges(edges, count);
     let clusters = condensed(&merges, count, options.smallest.max(2));
     let chosen = clusters.chosen();

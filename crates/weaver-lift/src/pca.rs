@@ -6,6 +6,8 @@ use weaver_kernels::{Real, parallel};
 const BLOCK: usize = 256;
 /// Rounds of rotations; ten are enough for hundreds of channels.
 const MOST_SWEEPS: usize = 60;
+/// Deviations below this part of the largest are those of rounding in `f32`.
+const ROUNDING: f64 = 1e-6;
 
 /// The directions in which points differ most.
 ///
@@ -57,6 +59,14 @@ impl Pca {
             axes.extend(axis.iter().map(|x| x * largest.signum()));
         }
         Self { mean, axes, variances: order.iter().map(|at| values[*at].max(0.0)).collect() }
+    }
+
+    /// Drops the axes along which nothing but rounding tells points apart.
+    pub(crate) fn drop_rounding(&mut self) {
+        let least = ROUNDING * ROUNDING * self.variances.first().copied().unwrap_or(0.0);
+        let kept = self.variances.iter().take_while(|variance| **variance > least).count();
+        self.axes.truncate(kept * self.mean.len());
+        self.variances.truncate(kept);
     }
 
     /// Number of axes.

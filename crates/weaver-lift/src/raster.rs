@@ -5,10 +5,10 @@ use crate::operator::Operator;
 use weaver_geometry::Camera;
 use weaver_kernels::Real;
 use weaver_scene::{CameraSlices, Color, Features, GaussianSlices};
-use weaver_splat::{Cotangents, Gradients, Images, RasterSettings, Target, Workspace, rasterize, rasterize_backward};
+use weaver_splat::{Images, RasterSettings, Target, Workspace, rasterize};
 
 /// The weights with which Gaussians are drawn: [`forward`](Operator::forward) is [`rasterize`] with features,
-/// [`adjoint`](Operator::adjoint) their gradient in [`rasterize_backward`]. There is no second drawing.
+/// [`adjoint`](Operator::adjoint) their gradient, [`Workspace::feature_gradients`]. There is no second drawing.
 ///
 /// Same bits at any number of threads, and of channels at a time.
 #[derive(Debug)]
@@ -17,12 +17,10 @@ pub struct Raster<'a, T> {
     cameras: &'a [Camera],
     settings: RasterSettings,
     workspace: Workspace<T>,
-    /// The view and the number of channels that the workspace holds.
-    drawn: Option<(usize, usize)>,
-    /// Features that stand in where only the weights matter, and images that nobody looks at.
-    zeros: Vec<T>,
+    /// The view that the workspace holds.
+    drawn: Option<usize>,
+    /// An image that nobody looks at.
     alpha: Vec<T>,
-    image: Vec<T>,
 }
 
 impl<'a, T: Real> Raster<'a, T> {
@@ -34,35 +32,26 @@ impl<'a, T: Real> Raster<'a, T> {
             settings: RasterSettings { region: None, ..settings },
             workspace: Workspace::new(),
             drawn: None,
-            zeros: Vec::new(),
             alpha: Vec::new(),
-            image: Vec::new(),
         }
     }
 
-    /// Draws a view with features, or with zeros for them where there are none.
-    fn draw(&mut self, view: usize, x: Option<&[T]>, channels: usize, y: Option<&mut [T]>) -> Result<(), LiftError> {
-        let rays = self.rays(view);
-        self.alpha.resize(rays, T::ZERO);
-        if x.is_none() {
-            self.zeros.resize(self.splats() * channels, T::ZERO);
-        }
-        if y.is_none() {
-            self.image.resize(rays * channels, T::ZERO);
-        }
-        let features = Features { values: x.unwrap_or(&self.zeros), channels };
-        let gaussians = GaussianSlices { features: Some(features), ..self.gaussians };
-        let images = Images {
-            image: &mut [],
-            alpha: &mut self.alpha,
-            depth: None,
-            features: Some(y.unwrap_or(&mut self.image)),
-        };
+    /// Draws a view with features, or with none of them.
+    fn draw(&mut self, view: usize, features: Option<(Features<'_, T>, &mut [T])>) -> Result<(), LiftError> {
+        self.alpha.resize(self.rays(view), T::ZERO);
+        let (features, image) = features.unzip();
+        let gaussians = GaussianSlices { features, ..self.gaussians };
+        let images = Images { image: &mut [], alpha: &mut self.alpha, depth: None, features: image };
         self.drawn = None;
         let camera = Numbers::of(&self.cameras[view]);
         rasterize(&gaussians, &camera.as_slices(), &self.settings, &mut self.workspace, images)?;
-        self.drawn = Some((view, channels));
+        self.drawn = Some(view);
         Ok(())
+    }
+
+    /// Draws a view, unless it was the last to be drawn: only the weights matter.
+    fn hold(&mut self, view: usize) -> Result<(), LiftError> {
+        if self.drawn == Some(view) { Ok(()) } else { self.draw(view, None) }
     }
 
     fn check(&self, view: usize, x: usize, y: usize, channels: usize) -> Result<(), LiftError> {
@@ -86,33 +75,19 @@ impl<T: Real> Operator<T> for Raster<'_, T> {
 
     fn forward(&mut self, view: usize, x: &[T], channels: usize, y: &mut [T]) -> Result<(), LiftError> {
         self.check(view, x.len(), y.len(), channels)?;
-        self.draw(view, Some(x), channels, Some(y))
+        self.draw(view, Some((Features { values: x, channels }, y)))
     }
 
     fn adjoint(&mut self, view: usize, y: &[T], channels: usize, x: &mut [T]) -> Result<(), LiftError> {
         self.check(view, x.len(), y.len(), channels)?;
-        if self.drawn != Some((view, channels)) {
-            self.draw(view, None, channels, None)?;
-        }
-        // What features a Gaussian has does not matter to what it receives.
-        self.zeros.resize(self.splats() * channels, T::ZERO);
-        let features = Features { values: &self.zeros, channels };
-        let gaussians = GaussianSlices { features: Some(features), ..self.gaussians };
-        let cotangents = Cotangents { features: Some(y), ..Cotangents::default() };
-        let gradients = Gradients { features: Some(Target::add(x)), ..Gradients::default() };
-        let camera = Numbers::of(&self.cameras[view]);
-        let cameras = camera.as_slices();
-        rasterize_backward(&gaussians, &cameras, &self.settings, &mut self.workspace, &cotangents, gradients)?;
-        Ok(())
+        self.hold(view)?;
+        Ok(self.workspace.feature_gradients(y, channels, Target::add(x))?)
     }
 
     fn adjoint_squared(&mut self, view: usize, y: &[T], channels: usize, x: &mut [T]) -> Result<(), LiftError> {
         self.check(view, x.len(), y.len(), channels)?;
-        if self.drawn.is_none_or(|(drawn, _)| drawn != view) {
-            self.draw(view, None, 0, None)?;
-        }
-        self.workspace.squared_contributions(y, channels, Target::add(x))?;
-        Ok(())
+        self.hold(view)?;
+        Ok(self.workspace.squared_contributions(y, channels, Target::add(x))?)
     }
 }
 

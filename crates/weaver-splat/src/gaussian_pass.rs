@@ -3,7 +3,7 @@
 use crate::columns::{prefetch_rows, put_columns, put_wide_columns, wide_columns};
 use crate::each::each;
 use crate::extent::Extent;
-use crate::gradients::{self, Gradients, Target};
+use crate::gradients::{Gradients, Target};
 use crate::project::{Coefficients, Group, projection};
 use crate::project_backward::{GroupGradient, Upstream, splat_backward};
 use crate::settings::RasterSettings;
@@ -12,9 +12,9 @@ use crate::tiles::{CHUNK, Chunk, Tiles, moment};
 use crate::view::{CAMERA_SUMS, View};
 use std::ops::Range;
 use std::sync::atomic::Ordering::Relaxed;
+use weaver_kernels::Real;
 use weaver_kernels::lanes::{self, LANES, LaneKernel, LaneMask, Lanes, Row};
 use weaver_kernels::simd::prefetch;
-use weaver_kernels::{Real, parallel};
 use weaver_scene::{CameraSlices, Color, GaussianSlices};
 
 /// What the pass works on.
@@ -73,8 +73,8 @@ impl<T: Real> GaussianPass<'_, T> {
     /// Writes the gradients of Gaussians, and those of the cameras in parts: `camera_sums` is `[chunks, V,
     /// CAMERA_SUMS]`.
     pub fn run(&self, gradients: &mut Gradients<'_, T>, camera_sums: &mut [Row<T>]) {
-        if let Some(target) = &mut gradients.features {
-            self.features(target);
+        if let Some(target) = gradients.features.take() {
+            self.tiles.sum_features(target, self.extent.channels);
         }
         let share = Share {
             means: gradients.means.take(),
@@ -98,25 +98,6 @@ impl<T: Real> GaussianPass<'_, T> {
                 rayon::join(|| self.split(chunks.start..middle, a), || self.split(middle..chunks.end, b));
             }
         }
-    }
-
-    /// The gradients of features, summed over views.
-    fn features(&self, target: &mut Target<'_, T>) {
-        let channels = self.extent.channels.max(1);
-        let add = target.add;
-        parallel::for_chunks(target.values, CHUNK * channels, |chunk, out| {
-            for (i, out) in out.chunks_exact_mut(channels).enumerate() {
-                let n = chunk * CHUNK + i;
-                let rows = (0..self.extent.views).flat_map(|v| self.tiles.feature_entries(v, n, channels));
-                for (block, out) in out.chunks_mut(LANES).enumerate() {
-                    let mut sums = [T::ZERO; LANES];
-                    for row in rows.clone() {
-                        sums.iter_mut().zip(&row[block * LANES..]).for_each(|(sum, x)| *sum += *x);
-                    }
-                    out.iter_mut().zip(sums).for_each(|(out, sum)| gradients::put(out, add, sum));
-                }
-            }
-        });
     }
 }
 

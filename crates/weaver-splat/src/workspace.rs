@@ -107,11 +107,32 @@ impl<T: Real> Workspace<T> {
         Ok(())
     }
 
+    /// The gradients with respect to features alone, from those with respect to the image of the features `[V, H, W, C]`: for the
+    /// last image drawn with this workspace, with whatever features or none, `[N, C]`.
+    ///
+    /// The same bits as those of [`rasterize_backward`](crate::rasterize_backward()), which also looks at what shapes receive.
+    ///
+    /// # Errors
+    ///
+    /// Lengths that do not fit, or a workspace that nothing was drawn with.
+    pub fn feature_gradients(
+        &mut self,
+        cotangent: &[T],
+        channels: usize,
+        target: Target<'_, T>,
+    ) -> Result<(), RasterError> {
+        let (extent, settings) = self.last()?;
+        expect_len("cotangent of the features", cotangent.len(), extent.pixels() * channels)?;
+        expect_len("gradient of the features", target.values.len(), extent.gaussians * channels)?;
+        self.tiles.feature_gradients(&EwaGaussian, settings.alpha_max, (cotangent, channels), target);
+        Ok(())
+    }
+
     /// What each Gaussian gathers from the pixels of the last image drawn with this workspace by the squares of its weights: the
     /// sums of w^2 times `values` `[V, H, W, C]`, w = alpha T, over pixels and views, `[N, C]`.
     ///
-    /// Linear in `values`. By the weights themselves, the gradient with respect to features gathers
-    /// ([`rasterize_backward`](crate::rasterize_backward())). Same bits at any number of threads.
+    /// Linear in `values`. By the weights themselves, [`feature_gradients`](Self::feature_gradients) gathers. Same bits at any number of
+    /// threads.
     ///
     /// # Errors
     ///

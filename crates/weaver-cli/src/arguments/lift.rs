@@ -16,7 +16,8 @@ const AGGREGATING: &str = "Features of masks";
   splatweaver lift scene.ply --cameras transforms.json --features dino -o lifted.safetensors
   splatweaver lift scene.spz --cameras sparse/0 --width 640 --features clip --dry-run -o lifted.safetensors
   splatweaver lift scene.ply --cameras transforms.json --features clip --solver row-sum --aggregate masks -o lifted.safetensors
-  splatweaver lift --demo 1000 -o pictures")]
+  splatweaver lift --demo 1000 -o pictures
+  splatweaver lift --demo 1000 1001 1002 --gaussians predicted -o pictures")]
 pub struct Lift {
     /// The Gaussians: PLY as 3DGS stores them, .splat or .spz
     #[arg(value_name = "SCENE.ply", required_unless_present = "demo")]
@@ -27,13 +28,22 @@ pub struct Lift {
     /// Folder of features, one file for each camera
     #[arg(long, value_name = "DIR", required_unless_present = "demo")]
     pub features: Option<PathBuf>,
+    /// Folder of pictures, one for each photo that has one: what is dark in them does not count
+    #[arg(long, value_name = "DIR")]
+    pub masks: Option<PathBuf>,
     /// File for the lifted features; pictures of them go into a folder beside it. With --demo: folder for pictures
     #[arg(short, long, value_name = "FILE", required_unless_present = "demo")]
     pub out: Option<PathBuf>,
     /// Shows what the solvers do on built-in scenes of these seeds, where the truth is known
     #[arg(long, value_name = "SEED", num_args = 1.., value_parser = clap::value_parser!(u64).range(..=MOST_SEED),
-        conflicts_with_all = ["scene", "cameras", "features", "aggregate", "dry_run"])]
+        conflicts_with_all = ["scene", "cameras", "features", "masks", "aggregate", "dry_run"])]
     pub demo: Vec<u64>,
+    /// Whose Gaussians the demonstration lifts to
+    #[arg(long, value_enum, default_value = "surface", requires = "demo")]
+    pub gaussians: DemoGaussians,
+    /// With --gaussians predicted: the folder of a run of `train` [default: the weights that come with the program]
+    #[arg(long, value_name = "RUN", requires = "demo")]
+    pub run: Option<PathBuf>,
     /// How features of Gaussians are found
     #[arg(long, value_enum, default_value = "exact", help_heading = SOLVING)]
     pub solver: SolverName,
@@ -68,11 +78,25 @@ pub struct Lift {
     /// Fewest Gaussians of a cluster
     #[arg(long, value_name = "N", default_value = "500", requires = "aggregate", value_parser = clap::value_parser!(u32).range(2..), help_heading = AGGREGATING)]
     pub smallest: u32,
+    /// A mask agrees with a cluster if more than this part of both together, in pixels, is common to both
+    #[arg(long, value_name = "PART", default_value = "0.8", requires = "aggregate", value_parser = part, help_heading = AGGREGATING)]
+    pub overlap: f64,
     /// Says what it would take, and writes nothing
     #[arg(long)]
     pub dry_run: bool,
     #[command(flatten)]
     pub threads: Threads,
+}
+
+/// Where the Gaussians of a demonstration come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum DemoGaussians {
+    /// Balls on the surfaces, of known places
+    Surface,
+    /// A network's, from the photos
+    Predicted,
+    /// Those of a short fit to the photos
+    Fitted,
 }
 
 /// The solvers of weaver-lift.
@@ -130,6 +154,13 @@ pub struct Query {
     pub height: Option<u32>,
     #[command(flatten)]
     pub threads: Threads,
+}
+
+fn part(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(x) if (0.0..1.0).contains(&x) => Ok(x),
+        _ => Err("expected a number of at least 0 and below 1".into()),
+    }
 }
 
 fn positive(text: &str) -> Result<f64, String> {

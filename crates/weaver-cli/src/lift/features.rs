@@ -1,13 +1,12 @@
 //! Features of photos, one file per camera.
 
+use super::sampling::{Lens, Sampling};
 use crate::failure::Failure;
 use half::{bf16, f16};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use weaver_geometry::Camera;
 use weaver_io::{Storage, Weight, open_array};
-use weaver_kernels::resample::Resample;
 use weaver_lift::{LiftError, Observations};
 
 /// Channels that are looked at together to find the lengths of pixels.
@@ -15,7 +14,7 @@ const BLOCK: usize = 64;
 /// Names in a message, at most.
 const NAMED: usize = 8;
 
-/// The features of the cameras' photos: mapped files, resized to the cameras' images.
+/// The features of the cameras' photos: mapped files, resized to the cameras' images, of lenses without distortion.
 #[derive(Debug)]
 pub struct FeatureFiles {
     views: Vec<View>,
@@ -25,14 +24,20 @@ pub struct FeatureFiles {
 #[derive(Debug)]
 struct View {
     array: Weight,
-    /// `[height, width]` of the file, and of the camera's image.
-    from: [usize; 2],
-    to: [usize; 2],
+    sampling: Sampling,
+    /// Which pixels of the camera's image count, if not all.
+    counts: Option<Vec<bool>>,
 }
 
 impl FeatureFiles {
-    /// Opens the files of a folder and matches them with cameras by their stems.
-    pub fn open(folder: &Path, stems: &[String], cameras: &[Camera]) -> Result<Self, Failure> {
+    /// Opens the files of a folder and matches them with photos by their stems; `counts` says for each photo which pixels of its
+    /// camera's image count, if not all.
+    pub fn open(
+        folder: &Path,
+        stems: &[String],
+        lenses: &[Lens],
+        counts: Vec<Option<Vec<bool>>>,
+    ) -> Result<Self, Failure> {
         let files = by_stem(folder, &["npy", "safetensors"])?;
         unmatched(folder, &files, stems)?;
         let missing: Vec<&str> = stems.iter().map(String::as_str).filter(|stem| !files.contains_key(*stem)).collect();
@@ -41,7 +46,7 @@ impl FeatureFiles {
         }
         let mut views = Vec::with_capacity(stems.len());
         let mut first: Option<(PathBuf, usize)> = None;
-        for (stem, camera) in stems.iter().zip(cameras) {
+        for ((stem, lens), counts) in stems.iter().zip(lenses).zip(counts) {
             let path = &files[stem];
             let array = open_array(path)?;
             let &[height, width, channels] = array.shape() else {
@@ -57,7 +62,7 @@ impl FeatureFiles {
                 let expected = format!("{expected} channels, as {} has", other.display());
                 return Err(refused(path, &expected, &channels.to_string()));
             }
-            views.push(View { array, from: [height, width], to: [camera.height, camera.width] });
+            views.push(View { array, sampling: Sampling { from: [height, width], lens: *lens }, counts });
         }
         let channels = first.map_or(0, |(_, channels)| channels);
         Ok(Self { views, channels })
@@ -98,42 +103,28 @@ pub fn refused(path: &Path, expected: &str, found: &str) -> Failure {
 }
 
 impl View {
-    /// Some channels as planes `[channels, height, width]` of the file; zeros for what is not a number.
-    fn planes(&self, channels: Range<usize>) -> Result<Vec<f32>, LiftError> {
+    /// Some channels of all pixels of the file, `[pixels, channels]`; zeros for what is not a number.
+    fn rows(&self, channels: Range<usize>) -> Result<Vec<f32>, LiftError> {
         let storage = self.array.storage().map_err(|e| LiftError::Source(Box::new(e)))?;
-        let (pixels, all) = (self.from[0] * self.from[1], self.array.shape()[2]);
-        let mut planes = vec![0.0; pixels * channels.len()];
-        each(&storage, all, |pixel, row| {
-            for (plane, channel) in channels.clone().enumerate() {
-                let x = row(channel);
-                planes[plane * pixels + pixel] = if x.is_finite() { x } else { 0.0 };
-            }
+        let all = self.array.shape()[2];
+        let mut rows = Vec::with_capacity(self.array.len() / all * channels.len());
+        each(&storage, all, |_, row| {
+            rows.extend(channels.clone().map(row).map(|x| if x.is_finite() { x } else { 0.0 }));
         });
-        Ok(planes)
+        Ok(rows)
     }
 
     /// For each pixel of the file 1 if any of its channels is not a number, else 0.
     fn broken(&self) -> Result<Vec<f32>, LiftError> {
         let storage = self.array.storage().map_err(|e| LiftError::Source(Box::new(e)))?;
         let all = self.array.shape()[2];
-        let mut broken = vec![0.0; self.from[0] * self.from[1]];
+        let mut broken = vec![0.0; self.array.len() / all];
         if !storage.is_finite() {
             each(&storage, all, |pixel, row| {
                 broken[pixel] = if (0..all).all(|channel| row(channel).is_finite()) { 0.0 } else { 1.0 };
             });
         }
         Ok(broken)
-    }
-
-    /// Planes at the size of the camera's image: bilinear, corners not aligned.
-    fn resized(&self, planes: Vec<f32>) -> Vec<f32> {
-        if self.from == self.to {
-            return planes;
-        }
-        let count = planes.len() / (self.from[0] * self.from[1]);
-        let mut resized = vec![0.0; count * self.to[0] * self.to[1]];
-        Resample::bilinear(self.from, self.to, false).forward(&planes, &mut resized);
-        resized
     }
 }
 
@@ -162,7 +153,7 @@ impl Observations<f32> for FeatureFiles {
         self.channels
     }
 
-    /// One over the length of each pixel's features; 0 where any number that it is made of is none.
+    /// One over the length of each pixel's features; 0 where a pixel does not count, or any number that it is made of is none.
     fn factors(&mut self, view: usize, factors: &mut [f32]) -> Result<(), LiftError> {
         let mut squares = vec![0.0_f64; factors.len()];
         let mut out = Vec::new();
@@ -175,12 +166,15 @@ impl Observations<f32> for FeatureFiles {
             }
         }
         let view = &self.views[view];
-        let broken = view.resized(view.broken()?);
-        for ((factor, squares), broken) in factors.iter_mut().zip(squares).zip(broken) {
-            *factor = match broken > 0.0 {
-                true => 0.0,
-                false if squares > 0.0 => squares.sqrt().recip() as f32,
-                false => 1.0,
+        let mut broken = vec![0.0; factors.len()];
+        view.sampling.sample(&view.broken()?, 1, &mut broken);
+        for (pixel, (factor, (squares, broken))) in factors.iter_mut().zip(squares.into_iter().zip(broken)).enumerate()
+        {
+            let counts = view.counts.as_ref().is_none_or(|counts| counts[pixel]);
+            *factor = match counts && broken == 0.0 {
+                false => 0.0,
+                true if squares > 0.0 => squares.sqrt().recip() as f32,
+                true => 1.0,
             };
         }
         Ok(())
@@ -189,14 +183,7 @@ impl Observations<f32> for FeatureFiles {
     fn read(&mut self, view: usize, channels: Range<usize>, out: &mut [f32]) -> Result<(), LiftError> {
         let view = &self.views[view];
         let width = channels.len();
-        let planes = view.resized(view.planes(channels)?);
-        let pixels = view.to[0] * view.to[1];
-        weaver_kernels::parallel::for_chunks(out, 1024 * width, |chunk, rows| {
-            for (i, row) in rows.chunks_exact_mut(width).enumerate() {
-                let pixel = chunk * 1024 + i;
-                row.iter_mut().enumerate().for_each(|(c, x)| *x = planes[c * pixels + pixel]);
-            }
-        });
+        view.sampling.sample(&view.rows(channels)?, width, out);
         Ok(())
     }
 }

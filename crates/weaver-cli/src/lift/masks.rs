@@ -1,22 +1,22 @@
 //! Masks of photos and their features, one file per camera.
 
 use super::features::{by_stem, refused, unmatched};
+use super::sampling::Lens;
 use crate::failure::Failure;
 use std::path::Path;
-use weaver_geometry::Camera;
 use weaver_io::checkpoint::{TensorData, Tensors};
 use weaver_lift::Mask;
 
 /// Reads the masks of a folder: per camera `masks` `[M, height, width]` (U8, not 0 inside), at any size, and `features`
 /// `[M, channels]`. A camera may have none.
-pub fn read(folder: &Path, stems: &[String], cameras: &[Camera], channels: usize) -> Result<Vec<Mask<f32>>, Failure> {
+pub fn read(folder: &Path, stems: &[String], lenses: &[Lens], channels: usize) -> Result<Vec<Mask<f32>>, Failure> {
     let files = by_stem(folder, &["safetensors"])?;
     unmatched(folder, &files, stems)?;
     if files.is_empty() {
         return Err(refused(folder, "NAME.safetensors with masks for some cameras", "none"));
     }
     let mut all = Vec::new();
-    for (view, (stem, camera)) in stems.iter().zip(cameras).enumerate() {
+    for (view, (stem, lens)) in stems.iter().zip(lenses).enumerate() {
         let Some(path) = files.get(stem) else { continue };
         let tensors = Tensors::read(path)?;
         let masks = tensors.get("masks")?;
@@ -35,13 +35,9 @@ pub fn read(folder: &Path, stems: &[String], cameras: &[Camera], channels: usize
                 &format!("{} for mask {}", features[at], at / channels),
             ));
         }
+        let places: Vec<usize> = (0..lens.pixels()).map(|pixel| lens.nearest(pixel, [height, width])).collect();
         for (inside, feature) in inside.chunks_exact(height * width).zip(features.chunks_exact(channels)) {
-            let nearest = |pixel: usize| {
-                let (x, y) =
-                    (pixel % camera.width * width / camera.width, pixel / camera.width * height / camera.height);
-                inside[y * width + x] != 0
-            };
-            let pixels = (0..camera.width * camera.height).filter(|pixel| nearest(*pixel)).map(|p| p as u32).collect();
+            let pixels = (0..).zip(&places).filter(|(_, at)| inside[**at] != 0).map(|(pixel, _)| pixel).collect();
             all.push(Mask { view, pixels, feature: feature.to_vec() });
         }
     }

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 use std::process::{Command, Output};
-use weaver_geometry::{Camera, Intrinsics, Pose};
+use weaver_geometry::glam::DVec3;
+use weaver_geometry::{Camera, Distortion, Intrinsics, Pose, Undistortion};
 use weaver_io::checkpoint::Tensors;
-use weaver_io::{Transforms, write_gaussians};
+use weaver_io::{Image, Transforms, write_gaussians};
 use weaver_scene::{Frame, Gaussians};
 
 const WIDTH: usize = 32;
@@ -170,6 +171,12 @@ fn masks_clean_features() {
     write("2.safetensors", vec![vec![1; HEIGHT * WIDTH]], vec![-1.0, 0.0]);
     let report = printed(folder.path(), &format!("{LIFT} --solver row-sum --aggregate masks --smallest 5"));
     assert!(report.contains("of 3 masks agree"), "{report}");
+    let kept = |flags: &str| {
+        let report = printed(folder.path(), &format!("{LIFT} --solver row-sum --aggregate masks --smallest 5 {flags}"));
+        let before = report.split(" of 3 masks agree").next().unwrap().to_string();
+        before.rsplit(' ').next().unwrap().parse::<usize>().unwrap()
+    };
+    assert!(kept("--overlap 0.99") < kept("--overlap 0.1"));
     assert_eq!(lifted(folder.path()).metadata["aggregated"], "true");
 
     let refused = |part: &str| {
@@ -212,6 +219,78 @@ fn pixels_without_numbers_do_not_count() {
     }
     printed(folder.path(), LIFT);
     assert!(lifted(folder.path()).values::<f32>("features", &[SPLATS, 2]).unwrap().iter().all(|x| *x == 0.0));
+}
+
+/// What is dark in a picture beside the features does not count, at whatever size the picture has.
+#[test]
+fn masked_pixels_do_not_count() {
+    let folder = folder();
+    let masks = folder.path().join("valid");
+    std::fs::create_dir(&masks).unwrap();
+    let flags = format!("{LIFT} --masks valid");
+    let refused = |part: &str| {
+        let message = refused(folder.path(), &flags, 1);
+        assert!(message.contains(part) && message.lines().count() == 1, "{message}");
+    };
+    refused("valid: expected pictures that are white where photos count, found none");
+    // The left half counts in the first photo, nothing in the second, all in the third, which has no picture.
+    let picture = |width: usize, height: usize, white: &dyn Fn(usize) -> bool| Image {
+        width,
+        height,
+        pixels: (0..3 * width * height).map(|i| f32::from(u8::from(white(i / 3 % width)))).collect(),
+    };
+    picture(4, 2, &|x| x < 2).write_png(masks.join("0.png")).unwrap();
+    picture(WIDTH, HEIGHT, &|_| false).write_png(masks.join("1.png")).unwrap();
+    let report = printed(folder.path(), &flags);
+    let masked = HEIGHT * WIDTH * 3 / 2;
+    assert!(report.contains(&format!("of which {masked} masked")), "{report}");
+    let with_masks = lifted(folder.path()).values::<f32>("seen", &[SPLATS]).unwrap().to_vec();
+    printed(folder.path(), LIFT);
+    let without = lifted(folder.path()).values::<f32>("seen", &[SPLATS]).unwrap().to_vec();
+    for (i, (with_masks, without)) in with_masks.iter().zip(&without).enumerate() {
+        let part = if i % 6 < 3 { 2.0 / 3.0 } else { 1.0 / 3.0 };
+        assert!((with_masks / without - part).abs() < 0.07, "{i}: {with_masks} of {without}");
+    }
+    picture(2, 2, &|_| true).write_png(masks.join("7.png")).unwrap();
+    refused("valid: expected files named as the cameras (0, 1, 2), found also 7");
+    std::fs::rename(masks.join("7.png"), masks.join("2.png")).unwrap();
+    std::fs::write(masks.join("2.png"), b"no picture").unwrap();
+    refused("2.png");
+}
+
+/// Features are those of photos as they were taken; the cameras are those of straightened ones.
+#[test]
+fn features_are_taken_from_where_the_lens_saw_them() {
+    let folder = folder();
+    let path = folder.path().join("transforms.json");
+    let mut cameras = Transforms::read(&path).unwrap();
+    for frame in &mut cameras.frames {
+        frame.distortion = Some(Distortion::radial(-0.25));
+    }
+    cameras.write(&path).unwrap();
+    let lens = Undistortion::new(cameras.frames[0].camera, Distortion::radial(-0.25)).unwrap();
+    let size = ["--width 32", "--width 64"];
+    for (flags, width) in size.into_iter().zip([32, 64]) {
+        // A feature in the second column of the photo alone.
+        let column = (0..HEIGHT * WIDTH).flat_map(|pixel| if pixel % WIDTH < 4 { [1.0, 0.0] } else { [0.0, 1.0] });
+        let values: Vec<f32> = column.collect();
+        for name in ["0.npy", "2.npy"] {
+            floats(&folder.path().join("features").join(name), &[HEIGHT, WIDTH, 2], &values);
+        }
+        let mut tensors = Tensors::default();
+        tensors.insert("clip", &[HEIGHT, WIDTH, 2], values);
+        tensors.write(folder.path().join("features/1.safetensors")).unwrap();
+        printed(folder.path(), &format!("{LIFT} --solver row-sum --conjugate {flags}"));
+        let features = lifted(folder.path()).values::<f32>("features", &[SPLATS, 2]).unwrap().to_vec();
+        for (row, mean) in features.chunks_exact(2).zip(&gaussians().means) {
+            let point = DVec3::from(mean.map(f64::from));
+            // Where the photo shows it; the camera of the straight photo is another.
+            let seen = lens.distorted(lens.to.intrinsics.project(point)).x;
+            assert!(seen < 2.0 || seen > 6.0 || (0.1..0.9).contains(&row[0]), "{width} {seen}: {row:?}");
+            assert!(seen > 2.0 || row[0] > 0.5, "{width} {seen}: {row:?}");
+            assert!(seen < 7.0 || row[0] < 0.3, "{width} {seen}: {row:?}");
+        }
+    }
 }
 
 #[test]
@@ -261,9 +340,14 @@ fn features_that_do_not_fit_the_cameras_are_refused() {
 #[test]
 fn scenes_and_settings_that_make_no_sense_are_refused() {
     let folder = folder();
-    for (flags, part) in
-        [("--tikhonov 0", "positive"), ("--mu=-1", "--mu"), ("--passes 0", "--passes"), ("--smallest 9", "--aggregate")]
-    {
+    for (flags, part) in [
+        ("--tikhonov 0", "positive"),
+        ("--mu=-1", "--mu"),
+        ("--passes 0", "--passes"),
+        ("--smallest 9", "--aggregate"),
+        ("--overlap 0.5", "--aggregate"),
+        ("--aggregate masks --overlap 1", "expected a number of at least 0 and below 1"),
+    ] {
         let message = refused(folder.path(), &format!("{LIFT} {flags}"), 2);
         assert!(message.contains(part), "{message}");
     }

@@ -2,26 +2,67 @@
 
 use weaver_kernels::parallel;
 
-/// Points of a parallel task.
-const GRAIN: usize = 512;
+/// Points of a block, and of a parallel task.
+const BLOCK: usize = 512;
 
-fn squared_distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+/// Points in blocks, each coordinate by coordinate, so that distances to all points of a block are found together.
+pub(super) struct Points {
+    /// `[blocks, dimensions, BLOCK]`, zeros beyond the last point.
+    blocks: Vec<f64>,
+    dimensions: usize,
+    count: usize,
+}
+
+impl Points {
+    /// Of `rows` `[N, dimensions]`.
+    pub fn of(rows: &[f64], dimensions: usize) -> Self {
+        let count = rows.len() / dimensions.max(1);
+        let mut blocks = vec![0.0; count.div_ceil(BLOCK) * dimensions * BLOCK];
+        for (n, row) in rows.chunks_exact(dimensions.max(1)).enumerate() {
+            let first = n / BLOCK * dimensions * BLOCK + n % BLOCK;
+            row.iter().enumerate().for_each(|(d, x)| blocks[first + d * BLOCK] = *x);
+        }
+        Self { blocks, dimensions, count }
+    }
+
+    /// Coordinates of a point.
+    fn point(&self, n: usize) -> Vec<f64> {
+        let first = n / BLOCK * self.dimensions * BLOCK + n % BLOCK;
+        (0..self.dimensions).map(|d| self.blocks[first + d * BLOCK]).collect()
+    }
+
+    /// Squared distances from `at` to the points of a block.
+    fn squared_distances(&self, block: usize, at: &[f64]) -> [f64; BLOCK] {
+        let mut sums = [0.0; BLOCK];
+        let block = &self.blocks[block * self.dimensions * BLOCK..][..self.dimensions * BLOCK];
+        for (xs, at) in block.as_chunks::<BLOCK>().0.iter().zip(at) {
+            sums.iter_mut().zip(xs).for_each(|(sum, x)| *sum += (x - at) * (x - at));
+        }
+        sums
+    }
 }
 
 /// The distance from each point to its `samples`-th nearest other, or to the farthest where there are not so many.
-pub(super) fn core_distances(points: &[f64], dimensions: usize, samples: usize) -> Vec<f64> {
-    let count = points.len() / dimensions;
-    let mut core = vec![0.0; count];
+pub(super) fn core_distances(points: &Points, samples: usize) -> Vec<f64> {
+    let mut core = vec![0.0; points.count];
     // The point itself is the nearest.
-    let rank = samples.min(count - 1);
-    parallel::for_chunks(&mut core, GRAIN / 16, |chunk, core| {
-        let mut distances = vec![0.0; count];
+    let rank = samples.min(points.count - 1);
+    parallel::for_chunks(&mut core, BLOCK / 16, |chunk, core| {
+        let mut nearest = Vec::with_capacity(rank + 2);
         for (i, core) in core.iter_mut().enumerate() {
-            let point = &points[(chunk * (GRAIN / 16) + i) * dimensions..][..dimensions];
-            let others = points.chunks_exact(dimensions);
-            distances.iter_mut().zip(others).for_each(|(d, other)| *d = squared_distance(point, other));
-            *core = distances.select_nth_unstable_by(rank, f64::total_cmp).1.sqrt();
+            let at = points.point(chunk * (BLOCK / 16) + i);
+            nearest.clear();
+            nearest.resize(rank + 1, f64::INFINITY);
+            for block in 0..points.count.div_ceil(BLOCK) {
+                let distances = points.squared_distances(block, &at);
+                for &distance in &distances[..BLOCK.min(points.count - block * BLOCK)] {
+                    if distance < nearest[rank] {
+                        nearest.insert(nearest.partition_point(|other| *other <= distance), distance);
+                        nearest.pop();
+                    }
+                }
+            }
+            *core = nearest[rank].sqrt();
         }
     });
     core
@@ -34,43 +75,35 @@ pub(super) struct Edge {
     length: f64,
 }
 
-/// How near the tree is to a point.
-#[derive(Clone, Copy)]
-struct Reach {
-    distance: f64,
-    joined: bool,
-}
+/// Stands for the distance from the tree to a point that is in it.
+const JOINED: f64 = -1.0;
 
 /// The smallest tree that spans all points by mutual reachability, `max(core a, core b, |a - b|)`: Prim's, from point 0.
 ///
 /// Each edge is to the point that joined before, not to the one that was near: what hangs together up to any distance joins in one
 /// go, so that the same parts merge.
-pub(super) fn spanning_tree(points: &[f64], dimensions: usize, core: &[f64]) -> Vec<Edge> {
-    let count = core.len();
-    let mut reach = vec![Reach { distance: f64::INFINITY, joined: false }; count];
-    let mut nearest = vec![(f64::INFINITY, 0); count.div_ceil(GRAIN)];
+pub(super) fn spanning_tree(points: &Points, core: &[f64]) -> Vec<Edge> {
+    let count = points.count;
+    let mut reach = vec![f64::MAX; count];
+    let mut nearest = vec![(f64::INFINITY, 0); count.div_ceil(BLOCK)];
     let mut edges = Vec::with_capacity(count - 1);
     let mut last = 0;
-    reach[0].joined = true;
+    reach[0] = JOINED;
     for _ in 1..count {
-        let at = &points[last * dimensions..][..dimensions];
-        parallel::for_chunks2(&mut reach, GRAIN, &mut nearest, 1, |chunk, reach, nearest| {
-            let mut best = (f64::INFINITY, usize::MAX);
-            for (i, reach) in reach.iter_mut().enumerate().filter(|(_, reach)| !reach.joined) {
-                let n = chunk * GRAIN + i;
-                let distance = squared_distance(at, &points[n * dimensions..][..dimensions]).sqrt();
-                let distance = distance.max(core[n]).max(core[last]);
-                reach.distance = reach.distance.min(distance);
-                if reach.distance < best.0 || best.1 == usize::MAX {
-                    best = (reach.distance, n);
-                }
+        let at = points.point(last);
+        parallel::for_chunks2(&mut reach, BLOCK, &mut nearest, 1, |block, reach, nearest| {
+            let distances = points.squared_distances(block, &at);
+            let mut least = f64::INFINITY;
+            for ((reach, distance), core_of) in reach.iter_mut().zip(distances).zip(&core[block * BLOCK..]) {
+                *reach = reach.min(distance.sqrt().max(*core_of).max(core[last]));
+                least = least.min(if *reach < 0.0 { f64::INFINITY } else { *reach });
             }
-            nearest[0] = best;
+            let first = reach.iter().position(|reach| *reach == least).unwrap_or(0);
+            nearest[0] = (least, block * BLOCK + first);
         });
-        let open = nearest.iter().filter(|(_, n)| *n != usize::MAX);
-        let Some(&(length, next)) = open.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
+        let Some(&(length, next)) = nearest.iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
         edges.push(Edge { ends: [last, next], length });
-        reach[next].joined = true;
+        reach[next] = JOINED;
         last = next;
     }
     edges

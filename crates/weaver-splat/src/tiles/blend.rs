@@ -27,10 +27,19 @@ pub(crate) struct Blend<'a, V: Lanes, const C: usize, const MORE: bool> {
     sums: &'a mut [Plane<V::Scalar>; C],
     /// Sums of features.
     more: &'a mut [Plane<V::Scalar>],
+    /// What each block met whose features are not added yet.
+    met: [Met<'a, V>; LANES],
     /// The primitive's numbers for the planes.
     values: [V; C],
     /// Its features.
     row: &'a [V::Scalar],
+}
+
+/// Primitives that a block met: their weights and features.
+#[derive(Clone, Copy)]
+struct Met<'a, V: Lanes> {
+    hits: [(V, &'a [V::Scalar]); LANES],
+    count: usize,
 }
 
 impl<'a, V: Lanes, const C: usize, const MORE: bool> Blend<'a, V, C, MORE> {
@@ -40,7 +49,49 @@ impl<'a, V: Lanes, const C: usize, const MORE: bool> Blend<'a, V, C, MORE> {
         planes.as_flattened_mut().fill(Row::default());
         let (sums, more) = planes.split_first_chunk_mut().expect("planes of colors and depth");
         let features = features.unwrap_or(Features { values: &[], channels: 0 });
-        Self { features, per_view, sums, more, values: [V::zero(); C], row: &[] }
+        let met = [Met { hits: [(V::zero(), &[][..]); LANES], count: 0 }; LANES];
+        Self { features, per_view, sums, more, met, values: [V::zero(); C], row: &[] }
+    }
+
+    /// Adds the features that are not added yet.
+    #[inline(always)]
+    pub fn finish(&mut self) {
+        if MORE {
+            (0..LANES).for_each(
+                #[inline(always)]
+                |block| self.add_features(block),
+            );
+        }
+    }
+
+    /// Adds the features of what a block met; sixteen channels stay in registers meanwhile.
+    #[inline(always)]
+    fn add_features(&mut self, block: usize) {
+        let channels = self.more.len();
+        let whole = channels / LANES * LANES;
+        for first in (0..whole).step_by(LANES) {
+            self.add_channels::<LANES>(block, first);
+        }
+        for first in whole..channels {
+            self.add_channels::<1>(block, first);
+        }
+        self.met[block].count = 0;
+    }
+
+    #[inline(always)]
+    fn add_channels<const N: usize>(&mut self, block: usize, first: usize) {
+        let planes = &mut self.more[first..][..N];
+        let mut sums = each!(N, |i| V::load(&planes[i][block].0));
+        let Met { hits, count } = &self.met[block];
+        for (weight, row) in &hits[..*count] {
+            let row = &row[first..][..N];
+            for (sum, value) in sums.iter_mut().zip(row) {
+                *sum = weight.mul_add(V::splat(*value), *sum);
+            }
+        }
+        for (plane, sum) in planes.iter_mut().zip(sums) {
+            sum.store(&mut plane[block].0);
+        }
     }
 }
 
@@ -60,9 +111,11 @@ impl<V: Lanes, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for 
             hit.weight.mul_add(self.values[i], V::load(sum)).store(sum);
         }
         if MORE {
-            for (plane, &value) in self.more.iter_mut().zip(self.row) {
-                let sum = &mut plane[hit.block].0;
-                hit.weight.mul_add(V::splat(value), V::load(sum)).store(sum);
+            let Met { hits, count } = &mut self.met[hit.block];
+            hits[*count % LANES] = (hit.weight, self.row);
+            *count += 1;
+            if *count == LANES {
+                self.add_features(hit.block);
             }
         }
     }

@@ -259,9 +259,10 @@ impl<V: Lanes, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for 
                 *largest = self.largest.to_array().into_iter().fold(*largest, V::Scalar::max);
             }
             let channels = self.row.len();
-            let totals = self.sums.features[place * channels..][..channels].iter_mut();
-            for (total, sums) in totals.zip(self.row_sums.iter()) {
-                *total += V::sums(&[V::load(&sums.0); LANES]).to_array()[0];
+            let totals = self.sums.features[place * channels..][..channels].chunks_mut(LANES);
+            for (totals, rows) in totals.zip(self.row_sums.chunks(LANES)) {
+                let sums = V::sums(&each!(LANES, |i| if i < rows.len() { V::load(&rows[i].0) } else { zero }));
+                totals.iter_mut().zip(sums.to_array()).for_each(|(total, sum)| *total += sum);
             }
         }
     }

@@ -1,18 +1,34 @@
-//! Pixels gathered into primitives by the squares of their weights.
+//! Pixels gathered into primitives, by their weights or the squares of these.
 
 use super::backward::{TileParts, for_tiles};
 use super::coverage::CHUNK;
 use super::primitive::{Footprint, Response};
 use super::traverse::{Hit, Visitor, traverse};
-use super::window::{Plane, Window, windows_of};
+use super::window::{Window, windows_of};
 use super::{Record, Tiles};
-use crate::gradients::Target;
+use crate::gradients::{Target, put};
 use crate::memory::grown;
 use std::sync::atomic::AtomicU32;
 use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes, Row};
 use weaver_kernels::{Real, parallel};
 
 impl<T: Real> Tiles<T> {
+    /// The sums over all pixels of w times `values` `[V, h, w, channels]`, w = alpha T, for each primitive, `[N, channels]`: the
+    /// gradients with respect to features, by the bits of [`backward`](Self::backward), without the other gradients.
+    ///
+    /// # Panics
+    ///
+    /// If a length does not fit.
+    pub fn feature_gradients<P: Footprint + Response>(
+        &mut self,
+        primitive: &P,
+        alpha_max: f64,
+        values: (&[T], usize),
+        sums: Target<'_, T>,
+    ) {
+        self.gather::<P, false>(primitive, alpha_max, values, sums);
+    }
+
     /// The sums over all pixels of w^2 times `values` `[V, h, w, channels]`, w = alpha T, for each primitive, `[N, channels]`.
     ///
     /// Entries are summed in the order of views and tiles, so that the bits are the same at any number of threads.
@@ -24,14 +40,23 @@ impl<T: Real> Tiles<T> {
         &mut self,
         primitive: &P,
         alpha_max: f64,
+        values: (&[T], usize),
+        sums: Target<'_, T>,
+    ) {
+        self.gather::<P, true>(primitive, alpha_max, values, sums);
+    }
+
+    fn gather<P: Footprint + Response, const SQUARED: bool>(
+        &mut self,
+        primitive: &P,
+        alpha_max: f64,
         (values, channels): (&[T], usize),
         sums: Target<'_, T>,
     ) {
-        let (tiles, per_view) = (self.tiles(), self.per_view);
+        let tiles = self.tiles();
         let Self { grid, lists, feature_sums, records, views, .. } = self;
         let pixels = grid.region.pixels();
-        assert_eq!(values.len(), *views * pixels * channels, "squared contributions: values of each pixel");
-        assert_eq!(sums.values.len(), per_view * channels, "squared contributions: sums of each primitive");
+        assert_eq!(values.len(), *views * pixels * channels, "gathering: values of each pixel");
         let parts = Entries { sums: grown(feature_sums, lists.len() * channels), channels };
         for_tiles(lists, 0..tiles, parts, &|tile, Entries { sums, .. }| {
             sums.fill(T::ZERO);
@@ -40,17 +65,30 @@ impl<T: Real> Tiles<T> {
             let list = lists.of_tile(tile);
             for (_, window) in windows_of(grid, tile) {
                 let values = (values, channels);
-                lanes::run(Gather { primitive, alpha_max, window, list, records, values, sums });
+                lanes::run(Gather::<T, P, SQUARED> { primitive, alpha_max, window, list, records, values, sums });
             }
         });
-        let (add, views) = (sums.add, self.views);
-        parallel::for_chunks(sums.values, CHUNK * channels.max(1), |chunk, out| {
+        self.sum_features(sums, channels);
+    }
+
+    /// Sums features over the entries of each primitive, `[N, channels]`; 0 for what is not finite.
+    ///
+    /// # Panics
+    ///
+    /// If the length does not fit.
+    pub(crate) fn sum_features(&self, target: Target<'_, T>, channels: usize) {
+        assert_eq!(target.values.len(), self.per_view * channels, "sums of features of each primitive");
+        let (add, channels) = (target.add, channels.max(1));
+        parallel::for_chunks(target.values, CHUNK * channels, |chunk, out| {
             for (i, out) in out.chunks_exact_mut(channels).enumerate() {
-                if !add {
-                    out.fill(T::ZERO);
-                }
-                for row in (0..views).flat_map(|v| self.feature_entries(v, chunk * CHUNK + i, channels)) {
-                    out.iter_mut().zip(row).for_each(|(sum, x)| *sum += *x);
+                let n = chunk * CHUNK + i;
+                let rows = (0..self.views).flat_map(|v| self.feature_entries(v, n, channels));
+                for (block, out) in out.chunks_mut(LANES).enumerate() {
+                    let mut sums = [T::ZERO; LANES];
+                    for row in rows.clone() {
+                        sums.iter_mut().zip(&row[block * LANES..]).for_each(|(sum, x)| *sum += *x);
+                    }
+                    out.iter_mut().zip(sums).for_each(|(out, sum)| put(out, add, sum));
                 }
             }
         });
@@ -72,7 +110,7 @@ impl<T: Send> TileParts for Entries<'_, T> {
 }
 
 /// Gathers the pixels of a window.
-struct Gather<'a, T, P> {
+struct Gather<'a, T, P, const SQUARED: bool> {
     primitive: &'a P,
     alpha_max: f64,
     window: Window,
@@ -84,48 +122,72 @@ struct Gather<'a, T, P> {
     sums: &'a mut [T],
 }
 
-struct Gatherer<'a, V: Lanes> {
-    values: &'a [Plane<V::Scalar>],
-    row: Vec<Row<V::Scalar>>,
+struct Gatherer<'a, V: Lanes, const SQUARED: bool> {
+    /// Of the window, `[blocks, channels]`.
+    values: &'a [Row<V::Scalar>],
+    channels: usize,
+    /// What a primitive met: blocks and its weights there.
+    met: [(usize, V); LANES],
+    count: usize,
     sums: &'a mut [V::Scalar],
 }
 
-impl<V: Lanes, R: Response> Visitor<V, R> for Gatherer<'_, V> {
+impl<V: Lanes, const SQUARED: bool> Gatherer<'_, V, SQUARED> {
+    /// The products of the weights with channels from `first` on, summed over blocks.
+    #[inline(always)]
+    fn products<const N: usize>(&self, first: usize) -> [V; N] {
+        let mut sums = [V::zero(); N];
+        for (block, weight) in &self.met[..self.count] {
+            let rows = &self.values[block * self.channels + first..][..N];
+            for (sum, row) in sums.iter_mut().zip(rows) {
+                *sum = weight.mul_add(V::load(&row.0), *sum);
+            }
+        }
+        sums
+    }
+}
+
+impl<V: Lanes, R: Response, const SQUARED: bool> Visitor<V, R> for Gatherer<'_, V, SQUARED> {
     #[inline(always)]
     fn begin(&mut self, _primitive: usize, _record: &[V::Scalar; LANES]) {
-        self.row.fill(Row::default());
+        self.count = 0;
     }
 
     #[inline(always)]
     fn hit(&mut self, hit: &Hit<V, R::Sample<V>>) {
-        let squared = hit.weight * hit.weight;
-        for (plane, sum) in self.values.iter().zip(&mut self.row) {
-            squared.mul_add(V::load(&plane[hit.block].0), V::load(&sum.0)).store(&mut sum.0);
-        }
+        let weight = if SQUARED { hit.weight * hit.weight } else { hit.weight };
+        self.met[self.count % LANES] = (hit.block, weight);
+        self.count += 1;
     }
 
     #[inline(always)]
     fn end(&mut self, place: usize) {
-        let channels = self.row.len();
-        for (total, sum) in self.sums[place * channels..][..channels].iter_mut().zip(&self.row) {
-            *total += sum.0.iter().copied().sum::<V::Scalar>();
+        // Sixteen channels stay in registers while blocks pass.
+        for first in (0..self.channels).step_by(LANES) {
+            let width = LANES.min(self.channels - first);
+            let mut rows = [V::zero(); LANES];
+            match width == LANES {
+                true => rows = self.products(first),
+                false => (0..width).for_each(|c| [rows[c]] = self.products(first + c)),
+            }
+            let totals = &mut self.sums[place * self.channels + first..][..width];
+            totals.iter_mut().zip(V::sums(&rows).to_array()).for_each(|(total, sum)| *total += sum);
         }
     }
 }
 
-impl<T: Real, P: Footprint + Response> LaneKernel<T> for Gather<'_, T, P> {
+impl<T: Real, P: Footprint + Response, const SQUARED: bool> LaneKernel<T> for Gather<'_, T, P, SQUARED> {
     type Output = ();
 
     #[inline(always)]
     fn run<V: Lanes<Scalar = T>>(self) {
         let Self { primitive, alpha_max, window, list, records, values: (values, channels), sums } = self;
-        let mut planes = vec![[Row([T::ZERO; LANES]); LANES]; channels];
-        for (channel, plane) in planes.iter_mut().enumerate() {
-            for (block, row) in plane.iter_mut().enumerate() {
-                window.gather::<V>(block, values, channels, channel).store(&mut row.0);
-            }
+        let mut planes = vec![Row([T::ZERO; LANES]); LANES * channels];
+        for (block, rows) in planes.chunks_exact_mut(channels.max(1)).enumerate() {
+            window.gather_all::<V>(block, values, rows);
         }
-        let mut gatherer = Gatherer::<V> { values: &planes, row: vec![Row::default(); channels], sums };
+        let met = [(0, V::zero()); LANES];
+        let mut gatherer = Gatherer::<V, SQUARED> { values: &planes, channels, met, count: 0, sums };
         let mut left = [Row([T::ZERO; LANES]); LANES];
         traverse::<V, P>(primitive, alpha_max, &window, list, records, &mut left, &mut gatherer);
     }

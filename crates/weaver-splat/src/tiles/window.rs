@@ -86,6 +86,33 @@ impl Window {
     }
 }
 
+impl Window {
+    /// All channels of the region's image `[h, w, channels]` at the pixels of a block, `rows` `[channels]`; 0 beyond its edge.
+    #[inline(always)]
+    pub fn gather_all<V: Lanes>(&self, block: usize, image: &[V::Scalar], rows: &mut [Row<V::Scalar>]) {
+        let channels = rows.len();
+        for (group, rows) in rows.chunks_mut(LANES).enumerate() {
+            let first = group * LANES;
+            if rows.len() < LANES {
+                for (c, row) in rows.iter_mut().enumerate() {
+                    self.gather::<V>(block, image, channels, first + c).store(&mut row.0);
+                }
+                continue;
+            }
+            // Sixteen channels of each pixel lie together.
+            let mut pixels = each!(LANES, |lane| {
+                let index = self.index(self.pixel(block, lane));
+                match index {
+                    Some(index) => V::load(image[index * channels + first..].first_chunk().expect("sixteen channels")),
+                    None => V::zero(),
+                }
+            });
+            V::transpose(&mut pixels);
+            rows.iter_mut().zip(pixels).for_each(|(row, x)| x.store(&mut row.0));
+        }
+    }
+}
+
 /// The windows of tile `t` (of all views) that meet the region, with their place among the tile's.
 pub(crate) fn windows_of(grid: &Grid, t: usize) -> impl Iterator<Item = (usize, Window)> + use<> {
     let (side, region) = (grid.side, grid.region);

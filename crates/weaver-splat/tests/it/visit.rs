@@ -59,6 +59,21 @@ proptest! {
         prop_assert_eq!(scene.gradients_in(&cotangents, &mut workspace), scene.gradients(&cotangents));
     }
 
+    /// The gradients of features alone are those that come with all others, to the bit.
+    #[test]
+    fn features_alone_have_the_same_gradients(seed: u64, n in 0_usize..80, channels in 1_usize..40) {
+        let scene = Scene::random(seed, n, 2, (33, 21), None).with_channels(channels);
+        let (cotangents, scene) = (scene.cotangents(seed).to_f32(), scene.to_f32());
+        let mut workspace = Workspace::new();
+        scene.render_in(&mut workspace);
+        let with_others = &scene.gradients_in(&cotangents, &mut workspace)[8];
+        let mut alone = vec![f32::NAN; channels * n];
+        workspace.feature_gradients(&cotangents.features, channels, Target::write(&mut alone)).unwrap();
+        prop_assert_eq!(&alone, with_others);
+        workspace.feature_gradients(&cotangents.features, channels, Target::add(&mut alone)).unwrap();
+        prop_assert_eq!(&alone, &with_others.iter().map(|x| 2.0 * x).collect::<Vec<_>>());
+    }
+
     #[test]
     fn expected_depth_is_differentiated(seed: u64) {
         let scene = Scene::random(seed, 10, 1, (6, 5), None);
@@ -97,5 +112,6 @@ fn nothing_drawn_is_nothing_to_visit() {
     let mut workspace = Workspace::<f64>::new();
     assert!(workspace.for_each_hit(|_, _, _, _| ()).unwrap_err().to_string().contains("nothing was drawn"));
     assert!(workspace.contributions(&mut [], &mut []).is_err());
+    assert!(workspace.feature_gradients(&[], 1, Target::write(&mut [])).is_err());
     assert!(workspace.squared_contributions(&[], 1, Target::write(&mut [])).is_err());
 }

@@ -7,28 +7,38 @@ use weaver_lift::{
     AggregateOptions, ClusterOptions, HdbscanOptions, LiftError, LiftOptions, Maps, Mask, Raster, Solver, aggregate,
     cluster, lift, to_unit_length,
 };
-use weaver_splat::RasterSettings;
 
 /// Numbers of a thing's feature.
 const CHANNELS: usize = 64;
 /// Pixels below which a thing has no mask in a view.
 const LEAST_PIXELS: usize = 8;
+/// Bounds on a mask's overlap with a cluster: the published one, and a lower one.
+pub const BOUNDS: [f64; 2] = [0.8, 0.6];
 
 #[derive(Clone, Debug)]
 pub struct Noise {
     pub masks: Vec<Mask<f32>>,
     /// Whether each mask is of two things.
     pub wrong: Vec<bool>,
+    /// Features of the splats before aggregation.
+    pub features: Vec<f32>,
+    /// Mean cosine of the two things' splats to their own feature.
+    pub lifted: f64,
+    /// By the [`BOUNDS`].
+    pub cleaned: Vec<Cleaned>,
+}
+
+/// What aggregation does with one bound.
+#[derive(Clone, Debug)]
+pub struct Cleaned {
     pub kept: Vec<bool>,
-    /// Features of the splats before and after aggregation.
-    pub features: [Vec<f32>; 2],
+    pub features: Vec<f32>,
     /// Part of the wrong masks that were rejected, and part of the rejected ones that were wrong.
     pub recall: f64,
     pub precision: f64,
-    /// Mean cosine of the two things' splats to their own feature: lifted, aggregated, and with as many masks rejected by chance.
-    pub lifted: f64,
-    pub aggregated: f64,
-    pub random: f64,
+    /// As [`Noise::lifted`], afterward, and with as many masks rejected by chance.
+    pub cosine: f64,
+    pub by_chance: f64,
 }
 
 impl Noise {
@@ -38,53 +48,56 @@ impl Noise {
         to_unit_length(&mut vectors, CHANNELS);
         let pair = largest_pair(stage);
         let (masks, wrong) = masks(stage, &vectors, pair);
-        let mut maps = Maps { views: Vec::new(), channels: CHANNELS };
-        for (view, ids) in stage.training.ids.iter().enumerate() {
-            let mut map = vec![0.0; ids.len() * CHANNELS];
-            for mask in masks.iter().filter(|mask| mask.view == view) {
-                for pixel in &mask.pixels {
-                    map[*pixel as usize * CHANNELS..][..CHANNELS].copy_from_slice(&mask.feature);
-                }
-            }
-            maps.views.push(map);
-        }
-        let mut raster = Raster::new(stage.splats.as_slices(), &stage.training.cameras, RasterSettings::default());
+        let mut maps = maps(stage, &masks);
+        let mut raster = Raster::new(stage.splats.as_slices(), &stage.training.cameras, stage.settings);
         let options = LiftOptions { unit: true, ..LiftOptions::with(Solver::RowSum) };
         let lifted = lift(&mut raster, &mut maps, &options, &mut || ())?;
         let smallest = (stage.labels.len() / 100).max(5);
         let hdbscan = HdbscanOptions { smallest, ..HdbscanOptions::default() };
         let options = ClusterOptions { hdbscan, ..ClusterOptions::default() };
         let labels = cluster(&lifted.features, CHANNELS, &lifted.seen, &options)?;
-        let mut cleaned = lifted.features.clone();
-        let kept = aggregate(&mut raster, &labels, &masks, &mut cleaned, &AggregateOptions::default())?.kept;
-
-        let rejected = kept.iter().filter(|kept| !**kept).count();
-        let order = stream.fork(1).permutation(masks.len());
-        let chosen: Vec<Mask<f32>> = order[rejected..].iter().map(|i| masks[*i].clone()).collect();
-        let mut by_chance = lifted.features.clone();
-        let any = AggregateOptions { overlap: -1.0, ..AggregateOptions::default() };
-        aggregate(&mut raster, &labels, &chosen, &mut by_chance, &any)?;
-
-        let own = |features: &[f32]| {
+        let cosine = |features: &[f32]| {
             let of_pair = (0..stage.labels.len()).filter(|j| pair.contains(&stage.labels[*j]) && lifted.seen[*j] > 0.0);
             let vector = |label: u32| &vectors[label as usize * CHANNELS..][..CHANNELS];
             let cosines: Vec<f64> =
                 of_pair.map(|j| cosine(&features[j * CHANNELS..(j + 1) * CHANNELS], vector(stage.labels[j]))).collect();
             cosines.iter().sum::<f64>() / cosines.len().max(1) as f64
         };
-        let both = wrong.iter().zip(&kept).filter(|(wrong, kept)| **wrong && !**kept).count() as f64;
-        Ok(Self {
-            recall: both / wrong.iter().filter(|wrong| **wrong).count().max(1) as f64,
-            precision: both / rejected.max(1) as f64,
-            lifted: own(&lifted.features),
-            aggregated: own(&cleaned),
-            random: own(&by_chance),
-            features: [lifted.features, cleaned],
-            masks,
-            wrong,
-            kept,
-        })
+        let mut cleaned = Vec::new();
+        for overlap in BOUNDS {
+            let mut features = lifted.features.clone();
+            let options = AggregateOptions { overlap, ..AggregateOptions::default() };
+            let kept = aggregate(&mut raster, &labels, &masks, &mut features, &options)?.kept;
+            let rejected = kept.iter().filter(|kept| !**kept).count();
+            let order = stream.fork(1).permutation(masks.len());
+            let chosen: Vec<Mask<f32>> = order[rejected..].iter().map(|i| masks[*i].clone()).collect();
+            let mut by_chance = lifted.features.clone();
+            let any = AggregateOptions { overlap: -1.0, ..AggregateOptions::default() };
+            aggregate(&mut raster, &labels, &chosen, &mut by_chance, &any)?;
+            let both = wrong.iter().zip(&kept).filter(|(wrong, kept)| **wrong && !**kept).count() as f64;
+            cleaned.push(Cleaned {
+                recall: both / wrong.iter().filter(|wrong| **wrong).count().max(1) as f64,
+                precision: both / rejected.max(1) as f64,
+                cosine: cosine(&features),
+                by_chance: cosine(&by_chance),
+                kept,
+                features,
+            });
+        }
+        let before = cosine(&lifted.features);
+        Ok(Self { masks, wrong, lifted: before, features: lifted.features, cleaned })
     }
+}
+
+/// What pixels show by the masks; zeros where there is none.
+fn maps(stage: &Stage, masks: &[Mask<f32>]) -> Maps<f32> {
+    let mut views: Vec<Vec<f32>> = stage.training.ids.iter().map(|ids| vec![0.0; ids.len() * CHANNELS]).collect();
+    for mask in masks {
+        for pixel in &mask.pixels {
+            views[mask.view][*pixel as usize * CHANNELS..][..CHANNELS].copy_from_slice(&mask.feature);
+        }
+    }
+    Maps { views, channels: CHANNELS }
 }
 
 /// Of the four largest things beside the ground the two neighbors by size that are most alike: a mask of both is then clearly more

@@ -9,13 +9,12 @@ use std::path::Path;
 use weaver_geometry::Camera;
 use weaver_io::{Image, label_color};
 use weaver_lift::{LiftOptions, Raster, Solver, lift};
-use weaver_splat::RasterSettings;
 
 /// Writes the pictures of a view that was held out, and of one with a wrong mask.
 pub fn write(stage: &Stage, noise: &Noise, out: &Path) -> Result<(), Failure> {
     weaver_io::create_folder(out)?;
     let save = |name: &str, image: &Image| image.write_png(out.join(format!("{name}.png")));
-    let settings = RasterSettings::default();
+    let settings = stage.settings;
     let mut training = Raster::new(stage.splats.as_slices(), &stage.training.cameras, settings);
     let mut held_out = Raster::new(stage.splats.as_slices(), &stage.held_out.cameras, settings);
     let labels = |camera: &Camera, ids: &[u32]| label_color(ids, camera.width, camera.height);
@@ -26,8 +25,9 @@ pub fn write(stage: &Stage, noise: &Noise, out: &Path) -> Result<(), Failure> {
         let drawn = drawn_labels(&mut held_out, &lifted.features, 0, stage.classes)?;
         save(&format!("labels-{name}"), &labels(camera, &drawn))?;
     }
-    let channels = noise.features[0].len() / stage.labels.len();
-    for (name, features) in ["lifted", "aggregated"].iter().zip(&noise.features) {
+    let channels = noise.features.len() / stage.labels.len();
+    let Some(cleaned) = noise.cleaned.last() else { return Ok(()) };
+    for (name, features) in [("lifted", &noise.features), ("aggregated", &cleaned.features)] {
         let colors = PcaColors::of(features, channels, &vec![1.0; stage.labels.len()]);
         save(&format!("pca-{name}"), &colors.draw(&mut held_out, 0, camera)?)?;
     }
@@ -43,6 +43,6 @@ pub fn write(stage: &Stage, noise: &Noise, out: &Path) -> Result<(), Failure> {
         labels(camera, &ids)
     };
     save("masks", &of_masks(&|_| true))?;
-    save("masks-kept", &of_masks(&|i| noise.kept[i]))?;
+    save("masks-kept", &of_masks(&|i| cleaned.kept[i]))?;
     Ok(())
 }
