@@ -1,5 +1,7 @@
 //! Time of an alignment: a photo of 64 x 48, 300 Gaussians, 20 steps of each method.
 
+#![allow(missing_docs)] // criterion_group! makes an undocumented function
+
 use criterion::{Criterion, criterion_group, criterion_main};
 use weaver_align::{Method, Options, Photo, Scene, align, mean_square};
 use weaver_geometry::glam::DVec3;
