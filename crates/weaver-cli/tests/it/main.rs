@@ -1,5 +1,6 @@
 //! The binary as a process: exit codes, signals, pipes, and what it starts itself.
 
+mod align;
 mod device;
 mod eval_scene;
 #[cfg(unix)]
