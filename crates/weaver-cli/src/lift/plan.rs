@@ -27,11 +27,11 @@ impl Plan {
         let most = cameras.iter().map(|camera| camera.width * camera.height).max().unwrap_or(0);
         let all: usize = cameras.iter().map(|camera| camera.width * camera.height).sum();
         let entries = entries(drawn, &cameras[cameras.len() / 2])?;
-        // Block by block: features, and what each solver has beside them; the rasterizer holds one more.
+        // Block by block: features, and what each solver has beside them.
         let vectors = match options.solver {
-            Solver::Exact { descent: Descent::Iteration, .. } => 3,
-            Solver::Exact { .. } | Solver::Damped { .. } => 5,
-            _ => 2,
+            Solver::Exact { descent: Descent::Iteration, .. } => 2,
+            Solver::Exact { .. } | Solver::Damped { .. } => 4,
+            _ => 1,
         };
         let parts = vec![
             ("features of all Gaussians", NUMBER * splats * channels),

@@ -2,8 +2,7 @@
 
 use std::path::Path;
 use std::process::{Command, Output};
-use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Camera, Distortion, Intrinsics, Pose, Undistortion};
+use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_io::checkpoint::Tensors;
 use weaver_io::{Image, Transforms, write_gaussians};
 use weaver_scene::{Frame, Gaussians};
@@ -256,41 +255,6 @@ fn masked_pixels_do_not_count() {
     std::fs::rename(masks.join("7.png"), masks.join("2.png")).unwrap();
     std::fs::write(masks.join("2.png"), b"no picture").unwrap();
     refused("2.png");
-}
-
-/// Features are those of photos as they were taken; the cameras are those of straightened ones.
-#[test]
-fn features_are_taken_from_where_the_lens_saw_them() {
-    let folder = folder();
-    let path = folder.path().join("transforms.json");
-    let mut cameras = Transforms::read(&path).unwrap();
-    for frame in &mut cameras.frames {
-        frame.distortion = Some(Distortion::radial(-0.25));
-    }
-    cameras.write(&path).unwrap();
-    let lens = Undistortion::new(cameras.frames[0].camera, Distortion::radial(-0.25)).unwrap();
-    let size = ["--width 32", "--width 64"];
-    for (flags, width) in size.into_iter().zip([32, 64]) {
-        // A feature in the second column of the photo alone.
-        let column = (0..HEIGHT * WIDTH).flat_map(|pixel| if pixel % WIDTH < 4 { [1.0, 0.0] } else { [0.0, 1.0] });
-        let values: Vec<f32> = column.collect();
-        for name in ["0.npy", "2.npy"] {
-            floats(&folder.path().join("features").join(name), &[HEIGHT, WIDTH, 2], &values);
-        }
-        let mut tensors = Tensors::default();
-        tensors.insert("clip", &[HEIGHT, WIDTH, 2], values);
-        tensors.write(folder.path().join("features/1.safetensors")).unwrap();
-        printed(folder.path(), &format!("{LIFT} --solver row-sum --conjugate {flags}"));
-        let features = lifted(folder.path()).values::<f32>("features", &[SPLATS, 2]).unwrap().to_vec();
-        for (row, mean) in features.chunks_exact(2).zip(&gaussians().means) {
-            let point = DVec3::from(mean.map(f64::from));
-            // Where the photo shows it; the camera of the straight photo is another.
-            let seen = lens.distorted(lens.to.intrinsics.project(point)).x;
-            assert!(seen < 2.0 || seen > 6.0 || (0.1..0.9).contains(&row[0]), "{width} {seen}: {row:?}");
-            assert!(seen > 2.0 || row[0] > 0.5, "{width} {seen}: {row:?}");
-            assert!(seen < 7.0 || row[0] < 0.3, "{width} {seen}: {row:?}");
-        }
-    }
 }
 
 #[test]

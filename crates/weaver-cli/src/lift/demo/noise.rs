@@ -13,7 +13,7 @@ const CHANNELS: usize = 64;
 /// Pixels below which a thing has no mask in a view.
 const LEAST_PIXELS: usize = 8;
 /// Bounds on a mask's overlap with a cluster: the published one, and a lower one.
-pub const BOUNDS: [f64; 2] = [0.8, 0.6];
+pub const BOUNDS: [f64; 2] = [0.8, 0.7];
 
 #[derive(Clone, Debug)]
 pub struct Noise {
