@@ -21,9 +21,10 @@ const USAGE: &str = "usage: cargo xtask <command>
   random-weights  --preset NAME FILE: a checkpoint of the published names and types, drawn at random
   stress          [-p CRATE ...]: the tests with every sweep in full; before a release
   stress kill     [TIMES]: training killed at random moments and out of disk, then resumed: the same bits
-  stress parsers  [FILES]: so many mutated files for each reader: no panic, little memory
+  stress parsers  [FILES [READER]]: so many mutated files for each reader, or for those with this in their names: no panic, little memory
   study density   DIR CAPTURE ... [-- FLAGS]: what adaptive density is worth, trained (with more flags) in DIR, where it goes on
                   after an interruption
+  study own-photos  DIR CAPTURE ... [-- FLAGS]: what lens distortion, orientation and masks cost, trained in the same way
   embed           the examples of tests/embedding, in a package outside of the workspace
   valgrind        the tests of kernels and tape under memcheck, by portable code and by AVX2";
 

@@ -17,16 +17,24 @@ const READERS: [&str; 2] = ["weaver-io", "weaver-recipes"];
 pub fn run(arguments: &[String]) -> Result<(), String> {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     match arguments[..] {
-        ["kill"] => one(&["weaver-cli"], "killed", ("WEAVER_KILLS", KILLS)),
-        ["kill", times] => one(&["weaver-cli"], "killed", ("WEAVER_KILLS", times)),
-        ["parsers"] => one(&READERS, "mutated", ("WEAVER_MUTATIONS", FILES)),
-        ["parsers", files] => one(&READERS, "mutated", ("WEAVER_MUTATIONS", files)),
+        ["kill"] => one(&["weaver-cli"], "killed", ("WEAVER_KILLS", KILLS), None),
+        ["kill", times] => one(&["weaver-cli"], "killed", ("WEAVER_KILLS", times), None),
+        ["parsers"] => one(&READERS, "mutated", ("WEAVER_MUTATIONS", FILES), None),
+        ["parsers", files] => one(&READERS, "mutated", ("WEAVER_MUTATIONS", files), None),
+        ["parsers", files, reader] => {
+            one(&READERS, "mutated", ("WEAVER_MUTATIONS", files), Some(("WEAVER_READER", reader)))
+        }
         _ => all(&arguments),
     }
 }
 
-/// One module of some crates' tests, as often as an environment variable says.
-fn one(packages: &[&str], module: &str, (name, number): (&str, &str)) -> Result<(), String> {
+/// One module of some crates' tests, as often as an environment variable says, and with another one.
+fn one(
+    packages: &[&str],
+    module: &str,
+    (name, number): (&str, &str),
+    other: Option<(&str, &str)>,
+) -> Result<(), String> {
     if number.parse::<u64>().is_err() {
         return Err(format!("stress: expected a number of times, found {number}"));
     }
@@ -36,7 +44,7 @@ fn one(packages: &[&str], module: &str, (name, number): (&str, &str)) -> Result<
     // Small files are written millions of times: in memory, unless the user says otherwise.
     let memory = std::env::var("TMPDIR").is_err() && Path::new(MEMORY).is_dir();
     let folder = memory.then_some(("TMPDIR", MEMORY));
-    let environment: Vec<_> = [(name, number)].into_iter().chain(folder).collect();
+    let environment: Vec<_> = [(name, number)].into_iter().chain(other).chain(folder).collect();
     cargo(&test, &environment)?;
     println!("stress: fine");
     Ok(())

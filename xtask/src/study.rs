@@ -1,6 +1,7 @@
 //! Studies: trainings and evaluations too long for a test, which write the tables of docs/results.md.
 
 mod density;
+mod own_photos;
 
 use crate::cargo;
 use serde_json::Value;
@@ -15,8 +16,11 @@ pub fn run(arguments: &[String]) -> Result<(), String> {
     };
     match own.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["density", out, ref captures @ ..] if !captures.is_empty() => density::run(Path::new(out), captures, more),
-        ["density", ..] => Err("study density: expected a folder for its runs and at least one capture".into()),
-        _ => Err(format!("study: expected density, found {arguments:?}")),
+        ["own-photos", out, ref captures @ ..] if !captures.is_empty() => {
+            own_photos::run(Path::new(out), captures, more)
+        }
+        ["density" | "own-photos", ..] => Err("study: expected a folder for its runs and at least one capture".into()),
+        _ => Err(format!("study: expected density or own-photos, found {arguments:?}")),
     }
 }
 
@@ -48,22 +52,16 @@ impl Study {
         Ok(run)
     }
 
-    /// The means over all held-out views of a run.
-    fn evaluate(&self, run: &Path, allocation: &str, budget: Option<f64>, more: &[String]) -> Result<Value, String> {
-        let budget = budget.map(|budget| budget.to_string());
-        let name = format!("{allocation}-{}.json", budget.as_deref().unwrap_or("all")).replace(':', "-");
-        let file = run.join(name);
+    /// What an evaluation says as JSON, which is kept in a file.
+    fn evaluate(&self, file: &Path, arguments: &[String]) -> Result<Value, String> {
         if !file.exists() {
-            let words = ["--run", &run.display().to_string(), "--allocation", allocation, "--json"].map(String::from);
-            let budget = budget.iter().flat_map(|budget| ["--budget".to_string(), budget.clone()]);
-            let arguments: Vec<String> = words.into_iter().chain(budget).chain(more.iter().cloned()).collect();
-            let text = self.call("eval", &arguments, Stdio::piped())?;
+            let text = self.call("eval", arguments, Stdio::piped())?;
             let part = file.with_extension("part");
             std::fs::write(&part, text)
-                .and_then(|()| std::fs::rename(&part, &file))
+                .and_then(|()| std::fs::rename(&part, file))
                 .map_err(|e| format!("{}: {e}", file.display()))?;
         }
-        let text = std::fs::read_to_string(&file).map_err(|e| format!("{}: {e}", file.display()))?;
+        let text = std::fs::read_to_string(file).map_err(|e| format!("{}: {e}", file.display()))?;
         serde_json::from_str(&text).map_err(|e| format!("{}: {e}", file.display()))
     }
 

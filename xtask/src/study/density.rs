@@ -98,7 +98,7 @@ pub fn run(out: &Path, captures: &[&str], more: &[String]) -> Result<(), String>
         });
         let runs: Vec<_> = runs.collect::<Result<_, _>>()?;
         for (i, budget) in arm.budgets().into_iter().enumerate() {
-            let evaluations = runs.iter().map(|run| study.evaluate(run, arm.allocation, budget, &[]));
+            let evaluations = runs.iter().map(|run| evaluate(&study, run, arm.allocation, budget));
             let evaluations: Vec<Value> = evaluations.collect::<Result<_, _>>()?;
             let psnr = figures(&evaluations, "psnr");
             if arm.name == ADAPTIVE {
@@ -110,6 +110,14 @@ pub fn run(out: &Path, captures: &[&str], more: &[String]) -> Result<(), String>
     }
     rows.iter().for_each(|row| println!("{row}"));
     Ok(())
+}
+
+fn evaluate(study: &Study, run: &Path, allocation: &str, budget: Option<f64>) -> Result<Value, String> {
+    let budget = budget.map(|budget| budget.to_string());
+    let name = format!("{allocation}-{}.json", budget.as_deref().unwrap_or("all")).replace(':', "-");
+    let words = ["--run", &run.display().to_string(), "--allocation", allocation, "--json"].map(String::from);
+    let budget = budget.iter().flat_map(|budget| ["--budget".to_string(), budget.clone()]);
+    study.evaluate(&run.join(name), &words.into_iter().chain(budget).collect::<Vec<_>>())
 }
 
 fn figures(evaluations: &[Value], key: &str) -> Vec<f64> {

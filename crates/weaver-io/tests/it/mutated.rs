@@ -1,15 +1,14 @@
 //! Mutated files: every reader refuses them or reads what is left, without a panic, in little memory and time.
 //!
-//! `cargo xtask stress parsers` draws many more than an ordinary run. A file is drawn from the reader's name and a number alone, so
+//! `cargo xtask stress parsers` draws many more than an ordinary run, for all readers or those whose name contains `WEAVER_READER`. A file is drawn from the reader's name and a number alone, so
 //! that a failure that is printed can be repeated.
 
 use crate::array::{HEADER, npy};
 use crate::colmap::model;
 use crate::mutations::{files, mutate};
+use flate2::Crc;
 use flate2::read::GzDecoder;
-use flate2::write::GzEncoder;
-use flate2::{Compression, Crc};
-use std::io::{Read, Write};
+use std::io::Read;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -58,7 +57,7 @@ fn readers() -> Vec<Reader> {
     let rgb = image::load_from_memory(&png).unwrap();
     let jpeg = written("a.jpg", |path| rgb.to_rgb8().save(path).unwrap());
     // Wide enough for the threads that a decoder of reduced scales starts.
-    let wide = rgb.resize_exact(272, 24, image::imageops::FilterType::Triangle).to_rgb8();
+    let wide = rgb.resize_exact(272, 8, image::imageops::FilterType::Triangle).to_rgb8();
     let wide = written("a.jpg", |path| wide.save(path).unwrap());
     let mut tensors = Tensors::default();
     tensors.insert("weight", &[3, 4], vec![0.5_f32; 12]);
@@ -77,7 +76,7 @@ fn readers() -> Vec<Reader> {
     let spz: fn(&Path) -> bool = |path| weaver_io::read_spz(path).is_ok();
     let photo: fn(&Path) -> bool = |path| Image::read(path, Background::White).is_ok();
     let shrunk: fn(&Path) -> bool =
-        |path| PhotoFile::at(path).and_then(|photo| photo.shrink_from(0).resize_whole(44, 4)).is_ok();
+        |path| PhotoFile::at(path).and_then(|photo| photo.shrink_from(0).resize_whole(44, 1)).is_ok();
     let folder: fn(&Path) -> bool = |path| colmap::Model::read(path.parent().unwrap()).is_ok();
     vec![
         one("ply", "a.ply", gaussians("a.ply"), |path| weaver_io::read_ply(path).is_ok()),
@@ -128,11 +127,17 @@ fn colmap_files(extension: &str) -> Vec<(String, Vec<u8>)> {
     names.map(|name| (name.clone(), std::fs::read(folder.path().join(name)).unwrap())).to_vec()
 }
 
-/// Compresses what a mutation has changed, which no checksum would let through otherwise.
+/// A gzip file of what a mutation has changed, which no checksum would let through otherwise; as it is, for compressing takes longer than
+/// reading.
 fn gzip(bytes: &[u8]) -> Vec<u8> {
-    let mut out = GzEncoder::new(Vec::new(), Compression::fast());
-    out.write_all(bytes).unwrap();
-    out.finish().unwrap()
+    let mut sum = Crc::new();
+    sum.update(bytes);
+    let length = u16::try_from(bytes.len()).expect("small enough for one block");
+    let header = [0x1f, 0x8b, 8, 0, 0, 0, 0, 0, 0, 255];
+    let mut out = [&header[..], &[1], &length.to_le_bytes(), &(!length).to_le_bytes(), bytes].concat();
+    out.extend(sum.sum().to_le_bytes());
+    out.extend(u32::from(length).to_le_bytes());
+    out
 }
 
 fn gunzip(bytes: &[u8]) -> Vec<u8> {
@@ -167,14 +172,21 @@ fn fault(reader: &Reader, path: &Path, input: u64, refused: &mut u64) -> Option<
     if used.bytes_max > most {
         return Some(format!("{} bytes held for an input of {input}", used.bytes_max));
     }
-    (took > LONG).then(|| format!("{took:?} for an input of {input} bytes"))
+    // Twice in a row, for the machine may have done something else meanwhile.
+    let again = || {
+        let started = Instant::now();
+        (reader.read)(path);
+        started.elapsed()
+    };
+    (took > LONG && again() > LONG).then(|| format!("{took:?} for an input of {input} bytes"))
 }
 
 #[test]
 fn readers_bear_any_file() {
     let files = files();
     let mut faults = Vec::new();
-    for reader in readers() {
+    let some = std::env::var("WEAVER_READER").unwrap_or_default();
+    for reader in readers().into_iter().filter(|reader| reader.name.contains(&some)) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(&reader.files[0].0);
         let lay = |files: &[(String, Vec<u8>)]| -> u64 {

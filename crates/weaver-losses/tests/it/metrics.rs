@@ -72,6 +72,13 @@ fn what_a_mask_leaves_out_is_not_compared() {
     let all = vec![true; 320];
     let (a, b) = (image(1, 0.5), image(2, 0.5));
     assert!((ssim_masked(&a, &b, size, &all).unwrap() - ssim(&a, &b, size)).abs() < 1e-12);
+    // Elsewhere, windows that hold nothing of the mask, in which both are white, do not count.
+    let corner: Vec<bool> = (0..320).map(|i| i % 20 > 16 && i / 20 > 13).collect();
+    let windows = (0..6 * 10).map(|w| (w / 10, w % 10));
+    let counted = windows.filter(|(y, x)| (0..121).any(|i| corner[(y + i / 11) * 20 + x + i % 11])).count();
+    let white = |image: &[f32]| (0..960).map(|i| if corner[i % 320] { image[i] } else { 1.0 }).collect::<Vec<_>>();
+    let expected = 1.0 - (1.0 - ssim(&white(&a), &white(&b), size)) * 60.0 / counted as f64;
+    assert!((ssim_masked(&a, &b, size, &corner).unwrap() - expected).abs() < 1e-12 && (1..60).contains(&counted));
     let energy: Vec<f32> = (0..320).map(|i| if i % 20 < 5 { i as f32 } else { 1e6 }).collect();
     let mask = energetic_mask(&energy, Some(&inside));
     assert_eq!((mask.iter().filter(|m| **m).count(), mask[304], mask[319]), (20, true, false));

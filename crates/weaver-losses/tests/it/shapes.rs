@@ -17,6 +17,9 @@ const CASES: &[Case] = &[
     ("masked_depth_mse", &[&[1, 4, 4], &[1, 4, 4], &[1, 4, 5]], |x| done(masked_depth_mse(x[0], x[1], x[2], 0.3))),
     ("share_budget", &[&[6, 3]], |x| done(share_budget(x[0], &[0.2, 0.02, 0.02]))),
     ("global_budget", &[&[2, 3, 4]], |x| done(global_budget(x[0], 0.5))),
+    ("max_pool2d", &[&[1, 2, 2, 3]], |x| done(max_pool2d(x[0], 3, 2))),
+    ("max_pool2d", &[&[1, 2, 3, 2]], |x| done(max_pool2d(x[0], 3, 2))),
+    ("max_pool2d", &[&[2, 3, 3]], |x| done(max_pool2d(x[0], 3, 2))),
     ("huber_pose", &[&[1, 2, 9], &[1, 2, 9], &[1, 2, 9]], |x| done(huber_pose(&x[..2], &x[2..], 1.0))),
     ("absolute_pose", &[&[1, 3, 3], &[1, 3], &[1, 3]], |x| done(absolute_pose(&x[..1], &x[1..], x[0], x[1]))),
 ];

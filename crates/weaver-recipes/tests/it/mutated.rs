@@ -12,6 +12,9 @@ const MORE: u64 = 4 << 20;
 
 #[test]
 fn configurations_bear_any_text() {
+    if std::env::var("WEAVER_READER").is_ok_and(|reader| !"toml".contains(&reader)) {
+        return;
+    }
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.toml");
     let whole = Config::<SplatWeaverRecipe>::resolve(Some("micro"), None, &[]).unwrap().to_toml();
