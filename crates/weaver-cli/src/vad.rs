@@ -1,6 +1,7 @@
 //! `splatweaver vad`.
 
 mod judge;
+mod judged;
 mod metrics;
 mod report;
 mod score;

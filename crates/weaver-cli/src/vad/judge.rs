@@ -1,25 +1,12 @@
 //! `splatweaver vad eval`.
 
+use super::judged::{Judged, planted};
 use super::{check_width, metrics, open, report};
 use crate::Console;
 use crate::arguments::VadEval;
 use crate::failure::Failure;
 use crate::progress::Progress;
-use weaver_vad::metrics::{FrameMetrics, SNIPPET, ScoredVideo, frame_metrics};
-use weaver_vad::{Annotation, Curves, Detector, Planted, read_list};
-
-/// Test videos with all their curves and their truth.
-pub struct Judged {
-    pub names: Vec<String>,
-    pub curves: Vec<Curves>,
-    pub scored: Vec<ScoredVideo>,
-}
-
-impl Judged {
-    pub fn metrics(&self) -> FrameMetrics {
-        frame_metrics(&self.scored)
-    }
-}
+use weaver_vad::{Annotation, Planted, read_list};
 
 pub fn run(arguments: &VadEval, console: &mut Console) -> Result<(), Failure> {
     let (detector, model, told) = open(&arguments.run)?;
@@ -58,17 +45,4 @@ pub fn run(arguments: &VadEval, console: &mut Console) -> Result<(), Failure> {
     report::write(&judged, detector.experts(), &path)?;
     console.note(&format!("report: {}", path.display()));
     Ok(())
-}
-
-/// The planted test videos.
-pub fn planted(detector: &Detector, planted: &Planted) -> Result<Judged, Failure> {
-    let (mut names, mut curves, mut scored) = (Vec::new(), Vec::new(), Vec::new());
-    for video in planted.test() {
-        let of = detector.curves(&video.features)?;
-        let labels = video.labels.iter().flat_map(|label| [*label; SNIPPET]).collect();
-        scored.push(ScoredVideo { scores: of.scores().to_vec(), labels });
-        curves.push(of);
-        names.push(video.name);
-    }
-    Ok(Judged { names, curves, scored })
 }

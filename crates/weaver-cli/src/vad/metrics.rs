@@ -26,7 +26,8 @@ pub fn run(arguments: &VadMetrics, console: &mut Console) -> Result<(), Failure>
     if scores.is_empty() {
         return Err(Failure::message(format!("{}: expected files NAME.npy, found none", arguments.scores.display())));
     }
-    for name in annotation.videos().filter(|name| !scores.iter().any(|(other, _)| other == name)) {
+    let missing = annotation.videos().find(|name| !scores.iter().any(|(other, _)| other == name));
+    if let Some(name) = missing {
         let folder = arguments.scores.display();
         return Err(Failure::message(format!("{folder}: expected scores of {name}, which is annotated, found none")));
     }

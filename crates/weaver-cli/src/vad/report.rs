@@ -1,6 +1,6 @@
 //! The page about a run's test videos.
 
-use super::judge::Judged;
+use super::judged::Judged;
 use super::metrics::text;
 use super::score::{others, shares};
 use crate::failure::Failure;

@@ -69,7 +69,7 @@ pub fn run(arguments: &VadTrain, console: &mut Console) -> Result<(), Failure> {
     match planted {
         None => Ok(()),
         Some(planted) => {
-            let judged = super::judge::planted(&detector, &planted)?;
+            let judged = super::judged::planted(&detector, &planted)?;
             console.print(&super::metrics::text(&judged.metrics()))?;
             let path = out.join("report.html");
             report::write(&judged, detector.experts(), &path)?;
