@@ -2,7 +2,6 @@
 
 use crate::context::Context;
 use crate::error::GpuError;
-use wgpu::util::DeviceExt;
 
 /// A buffer that grows to what is asked for and stays: calls of sizes seen before allocate nothing.
 #[derive(Debug, Default)]
@@ -81,11 +80,15 @@ impl Room {
 
 /// A small buffer of numbers that all threads read.
 pub(crate) fn uniform(context: &Context, words: &[u32]) -> wgpu::Buffer {
-    context.device().create_buffer_init(&wgpu::util::BufferInitDescriptor {
+    // Not mapped at its creation: on a device that is lost, that would be a panic.
+    let buffer = context.device().create_buffer(&wgpu::BufferDescriptor {
         label: None,
-        contents: bytemuck::cast_slice(words),
-        usage: wgpu::BufferUsages::UNIFORM,
-    })
+        size: 4 * words.len() as u64,
+        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    context.queue().write_buffer(&buffer, 0, bytemuck::cast_slice(words));
+    buffer
 }
 
 /// The first bytes of a buffer that the host may read, once all work is done.

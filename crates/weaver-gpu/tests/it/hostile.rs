@@ -138,24 +138,6 @@ fn a_machine_without_a_driver_has_no_adapters() {
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stdout));
 }
 
-/// A device that goes away is an error of the next call, and of all that follow.
-#[test]
-fn a_device_that_is_lost_is_an_error() {
-    let Some(lost) = with_limits(wgpu::Limits::default()) else { return println!("skipped: no adapter") };
-    let scene = Scene::random(25, 20, 1, (20, 20), None).with_channels(0).to_f32();
-    let mut workspace = lost.workspace();
-    render(&lost, &mut workspace, &scene);
-    lost.context().device().destroy();
-    for _ in 0..2 {
-        let (mut image, mut alpha) = (vec![0.0; 3 * scene.pixels()], vec![0.0; scene.pixels()]);
-        let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
-        let (gaussians, cameras) = (scene.gaussians(), scene.cameras());
-        let error =
-            lost.forward(&gaussians, &cameras, &scene.settings, &mut workspace, images).unwrap_err().to_string();
-        assert!(error.contains("failed") && error.contains(&lost.context().adapter().name), "{error}");
-    }
-}
-
 /// A device that somebody else has opened.
 #[test]
 fn a_device_of_ones_own_draws_the_same() {
