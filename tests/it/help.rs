@@ -4,9 +4,9 @@ use crate::command::splatweaver;
 
 #[test]
 fn every_command_explains_itself_with_an_example() {
-    let commands =
-        ["train", "eval", "infer", "fit", "cameras", "reconstruct", "render", "info", "bench", "config", "completions"];
-    for command in commands {
+    let photos = ["train", "eval", "infer", "fit", "cameras", "reconstruct"];
+    let scenes = ["render", "align", "lift", "query", "vad", "info", "bench", "config", "completions"];
+    for command in photos.into_iter().chain(scenes) {
         let done = splatweaver(&[&command, &"--help"]).fine();
         assert!(done.stdout.contains(&format!("Usage: splatweaver {command}")), "{}", done.stdout);
         assert!(done.stdout.contains(&format!("  splatweaver {command} ")) || command == "train", "{}", done.stdout);

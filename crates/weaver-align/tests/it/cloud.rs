@@ -25,7 +25,9 @@ impl Cloud {
         let stream = Stream::new(seed, 0, "cloud");
         let draw = |k: u64, i: usize| stream.fork(k).uniform::<f64>(i as u64);
         let coefficients = sh::coefficients(degree);
-        let color = |i: usize| if i / 3 % coefficients == 0 { 3.0 * draw(4, i) - 1.5 } else { 0.4 * draw(4, i) - 0.2 };
+        let color = |i: usize| {
+            if (i / 3).is_multiple_of(coefficients) { 3.0 * draw(4, i) - 1.5 } else { 0.4 * draw(4, i) - 0.2 }
+        };
         Self {
             means: (0..3 * n).map(|i| 2.0 * draw(0, i) - 1.0).collect(),
             quats: (0..4 * n).map(|i| draw(1, i) - 0.5).collect(),

@@ -1,6 +1,5 @@
 //! How a file of Gaussians is drawn.
 
-use super::eval::{distance, fraction};
 use super::fit::{Rgb, background};
 use crate::drawing::Asked;
 use clap::Args;
@@ -27,5 +26,21 @@ impl From<DrawingFlags> for Asked {
     fn from(flags: DrawingFlags) -> Self {
         let DrawingFlags { background, antialiased, near, alpha_max } = flags;
         Self { background: background.map(|color| color.0), antialiased, near, alpha_max }
+    }
+}
+
+/// A distance before a camera.
+pub(super) fn distance(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(distance) if distance > 0.0 && f64::is_finite(distance) => Ok(distance),
+        _ => Err("expected a positive number".into()),
+    }
+}
+
+/// A number between 0 and 1.
+pub(super) fn fraction(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(number) if number > 0.0 && number < 1.0 => Ok(number),
+        _ => Err("expected a number above 0 and below 1".into()),
     }
 }

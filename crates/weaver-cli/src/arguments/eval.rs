@@ -1,5 +1,6 @@
 //! The command line of `splatweaver eval`.
 
+use super::drawing::{distance, fraction};
 use super::fit::{Rgb, background};
 use super::{DensityFlags, MethodName, RefineFlags, Threads};
 use clap::{Args, ValueEnum};
@@ -126,20 +127,4 @@ pub struct Drawing {
     /// Largest opacity of a single Gaussian at a pixel, above 0 and below 1 [default: what summary.json says, or 0.99]
     #[arg(long, value_name = "ALPHA", requires = "scene", value_parser = fraction)]
     pub alpha_max: Option<f64>,
-}
-
-/// A distance before a camera.
-pub(super) fn distance(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(distance) if distance > 0.0 && f64::is_finite(distance) => Ok(distance),
-        _ => Err("expected a positive number".into()),
-    }
-}
-
-/// A number between 0 and 1.
-pub(super) fn fraction(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(number) if number > 0.0 && number < 1.0 => Ok(number),
-        _ => Err("expected a number above 0 and below 1".into()),
-    }
 }

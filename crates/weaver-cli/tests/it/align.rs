@@ -107,7 +107,10 @@ fn the_scenes_own_cameras_are_guesses() {
     assert!(frames[0].camera.pose.angle_to(&camera(1).pose) < 1e-3);
     std::fs::remove_file(folder.path().join("transforms.json")).unwrap();
     let message = refused(folder.path(), "align scene.ply --photos photos -o aligned", 2);
-    assert!(message.contains("--cameras: expected first guesses, or the scene's own cameras in transforms.json"), "{message}");
+    assert!(
+        message.contains("--cameras: expected first guesses, or the scene's own cameras in transforms.json"),
+        "{message}"
+    );
 }
 
 #[test]
