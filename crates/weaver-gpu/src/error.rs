@@ -1,7 +1,6 @@
 //! What can go wrong with a device.
 
 use crate::adapter::Adapter;
-use std::fmt::Write;
 use thiserror::Error;
 use weaver_splat::RasterError;
 
@@ -64,11 +63,9 @@ fn offered(found: &[Adapter]) -> String {
     if found.is_empty() {
         return "no adapter, neither a GPU nor a software one; is a Vulkan driver installed?".into();
     }
-    let mut text = String::from("no such adapter; a software one has to be asked for by number or name. There are:");
-    for adapter in found {
-        let _ = write!(text, "\n  gpu:{} {adapter}", adapter.number);
-    }
-    text
+    let named: Vec<String> = found.iter().map(|adapter| format!("gpu:{} {adapter}", adapter.number)).collect();
+    let listed = named.join(", ");
+    format!("no such adapter; a software one has to be asked for by number or name. Found: {listed}")
 }
 
 impl From<GpuError> for RasterError {

@@ -48,9 +48,10 @@ pub struct Align {
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=65_536), help_heading = DESCENT)]
     pub size: Option<u32>,
     #[command(flatten)]
-    pub drawing: DrawingFlags,
-    #[command(flatten)]
     pub threads: Threads,
+    // Last: its heading would be that of what follows.
+    #[command(flatten)]
+    pub drawing: DrawingFlags,
 }
 
 /// How a camera descends.

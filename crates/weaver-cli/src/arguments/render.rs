@@ -42,11 +42,12 @@ pub struct Render {
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub height: Option<u32>,
     #[command(flatten)]
-    pub drawing: DrawingFlags,
-    #[command(flatten)]
     pub device: DeviceFlag,
     #[command(flatten)]
     pub threads: Threads,
+    // Last: its heading would be that of what follows.
+    #[command(flatten)]
+    pub drawing: DrawingFlags,
 }
 
 /// Pictures per second.

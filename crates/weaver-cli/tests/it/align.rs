@@ -82,7 +82,8 @@ fn error(file: &Path) -> f64 {
 fn photos_are_located() {
     let folder = folder();
     let at = |name: &str| folder.path().join(name);
-    let table = printed(folder.path(), ALIGN);
+    // All is about as far away, where a turn and a shift look alike: it takes many steps to tell.
+    let table = printed(folder.path(), &format!("{ALIGN} --steps 1000"));
     assert!(error(&at("guess.json")) > 0.9);
     assert!(error(&at("aligned/transforms.json")) < 0.1, "{}", error(&at("aligned/transforms.json")));
     assert!(error(&at("aligned/sparse/0")) < 0.1);
