@@ -22,13 +22,14 @@ struct Descent {
 // As they are drawn: mean 3, quaternion 4, scale 3, opacity 1, nothing.
 @group(0) @binding(5) var<storage, read_write> params: array<f32>;
 
-const BETA1: f32 = 0.9;
-const BETA2: f32 = 0.999;
+// What is kept of the moments, and what is taken of the gradient: 1 - 0.999 is not 0.001 in single precision.
+const KEEP: vec2<f32> = vec2<f32>(0.9, 0.999);
+const TAKE: vec2<f32> = vec2<f32>(0.1, 0.001);
 const EPSILON: f32 = 1e-15;
 
 fn descended(i: u32, gradient: f32, rate: f32) -> f32 {
-    let m = BETA1 * first[i] + (1.0 - BETA1) * gradient;
-    let v = BETA2 * second[i] + (1.0 - BETA2) * gradient * gradient;
+    let m = KEEP.x * first[i] + TAKE.x * gradient;
+    let v = KEEP.y * second[i] + TAKE.y * gradient * gradient;
     first[i] = m;
     second[i] = v;
     let value = values[i] - rate * m / (sqrt(v) * descent.root + EPSILON);
