@@ -20,9 +20,9 @@ use weaver_splat::{
 ///
 /// ```no_run
 /// use weaver_gpu::{Choice, Context, GpuRasterizer};
-/// use weaver_splat::{Rasterizer, WorkspacePool};
+/// use weaver_splat::{AnyRasterizer, WorkspacePool};
 /// let rasterizer = GpuRasterizer::new(Context::open(&Choice::Fastest)?);
-/// let on_the_tape = WorkspacePool::of(rasterizer); // for weaver_splat::Rasterize
+/// let on_the_tape = WorkspacePool::<f32>::of(AnyRasterizer::new(rasterizer)); // for weaver_splat::Rasterize
 /// # Ok::<(), weaver_gpu::GpuError>(())
 /// ```
 #[derive(Clone, Debug)]
