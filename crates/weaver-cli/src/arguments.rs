@@ -18,7 +18,7 @@ pub use lift::{DemoGaussians, Lift, Query, SolverName};
 pub use photos::{Cameras, MatchingFlags, Reconstruct};
 pub use refine::RefineFlags;
 pub use render::Render;
-pub use vad::{EncoderName, Vad, VadCommand, VadEval, VadMetrics, VadScore, VadTrain};
+pub use vad::{EncoderName, Vad, VadCommand, VadEval, VadMetrics, VadPlan, VadScore, VadTrain};
 
 use clap::{ArgGroup, Args, Parser, Subcommand};
 use std::path::PathBuf;

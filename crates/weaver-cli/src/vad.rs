@@ -9,13 +9,15 @@ mod train;
 
 use crate::arguments::VadCommand;
 use crate::failure::Failure;
-use crate::{Console, in_pool};
+use crate::{Console, Interrupt, in_pool};
 use std::path::{Path, PathBuf};
 use weaver_vad::Detector;
 
-pub fn run(command: &VadCommand, console: &mut Console) -> Result<(), Failure> {
+pub fn run(command: &VadCommand, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     match command {
-        VadCommand::Train(arguments) => in_pool(arguments.threads.count(), || train::run(arguments, console)),
+        VadCommand::Train(arguments) => {
+            in_pool(arguments.threads.count(), || train::run(arguments, console, interrupt))
+        }
         VadCommand::Eval(arguments) => in_pool(arguments.threads.count(), || judge::run(arguments, console)),
         VadCommand::Score(arguments) => in_pool(arguments.threads.count(), || score::run(arguments, console)),
         VadCommand::Metrics(arguments) => metrics::run(arguments, console),

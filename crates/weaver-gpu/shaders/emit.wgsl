@@ -30,12 +30,18 @@ fn emit(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let place = group_index(group, groups) * 256u + lane;
+    // Room that is left over belongs to the tile behind the last.
+    let threads = groups.x * groups.y * 256u;
+    for (var unused = first[view.total] + place; unused < view.capacity; unused += threads) {
+        put(unused, view.grid.z * view.grid.w, 0u);
+    }
     if (place >= view.total) {
         return;
     }
     var entry = first[place];
-    let end = first[place + 1u];
-    if (entry == end) {
+    // The farthest Gaussians find no room first.
+    let end = min(first[place + 1u], view.capacity);
+    if (entry >= end) {
         return;
     }
     let n = ids[place];

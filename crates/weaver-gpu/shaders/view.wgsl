@@ -34,6 +34,8 @@ struct View {
     add: u32,
     // Whether by-products of the backward pass are summed, and whether this band of the view is its first or last.
     statistics: u32,
+    // Entries that there is room for.
+    capacity: u32,
 }
 
 // Pixels per side of a tile.

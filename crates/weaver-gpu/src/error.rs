@@ -48,6 +48,16 @@ pub enum GpuError {
         /// Its reason.
         message: String,
     },
+    /// A buffer of an embedder's is too small.
+    #[error("a buffer of {found} bytes, {needed} are needed: {what}")]
+    Buffer {
+        /// What is in it.
+        what: String,
+        /// Bytes that are needed.
+        needed: u64,
+        /// Bytes that it has.
+        found: u64,
+    },
     /// Work that was under way failed: the device is lost, or its memory exhausted.
     #[error("{adapter} failed: {message}")]
     Failed {

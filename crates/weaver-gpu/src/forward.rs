@@ -6,7 +6,7 @@ use crate::passes::Passes;
 use crate::room::{Room, uniform};
 use crate::shader::Kernel;
 use crate::sort::{Pairs, RadixSort};
-use crate::uniforms::{Grid, SIDE, Share, view_words, with_share};
+use crate::uniforms::{Grid, SIDE, Share, view_words, with_capacity, with_share};
 use crate::workspace::{Drawing, GpuWorkspace, Scratch};
 use weaver_scene::{CameraSlices, GaussianSlices};
 use weaver_splat::{Extent, Images, RasterSettings, RasterStats, Region};
@@ -30,8 +30,17 @@ pub(crate) struct Forward<'a> {
     call: Call<'a>,
     workspace: &'a mut GpuWorkspace,
     stats: RasterStats,
-    /// Whether images stay on the device.
-    stays: bool,
+    end: End<'a>,
+}
+
+/// Where the image ends.
+enum End<'a> {
+    /// On the host.
+    Host,
+    /// On the device.
+    Device,
+    /// On the device, once an embedder submits what is recorded.
+    Later(&'a mut wgpu::CommandEncoder),
 }
 
 /// The Gaussians of a view, at most so many that their parameters and colors fit into a binding each.
@@ -45,7 +54,7 @@ pub(crate) fn shares(context: &Context, extent: &Extent) -> Vec<Share> {
 
 impl<'a> Forward<'a> {
     pub fn new(context: &'a Context, call: Call<'a>, workspace: &'a mut GpuWorkspace) -> Self {
-        Self { context, call, workspace, stats: RasterStats::default(), stays: false }
+        Self { context, call, workspace, stats: RasterStats::default(), end: End::Host }
     }
 
     /// Draws all views.
@@ -78,7 +87,7 @@ impl<'a> Forward<'a> {
 
     /// Draws the one view of Gaussians that are on the device, and leaves the image there.
     pub fn resident(mut self) -> Result<RasterStats, GpuError> {
-        self.stays = true;
+        self.end = End::Device;
         self.workspace.used = 0;
         self.draw(0, self.call.3.region)?;
         if self.workspace.used > 1 {
@@ -87,6 +96,27 @@ impl<'a> Forward<'a> {
             self.context.at_most("max_storage_buffer_binding_size", MOMENTS * entries as u64, found, what)?;
         }
         Ok(self.stats)
+    }
+
+    /// Records the drawing of the one view of Gaussians that are on the device, as far as `capacity` entries go, and waits for nothing.
+    pub fn record(mut self, encoder: &'a mut wgpu::CommandEncoder, capacity: usize) -> Result<(), GpuError> {
+        let (region, found) = (self.call.3.region, self.context.binding_bytes());
+        let what = || format!("a capacity of {capacity} entries");
+        self.context.at_most("max_storage_buffer_binding_size", 4 * capacity as u64, found, what)?;
+        self.end = End::Later(encoder);
+        self.workspace.used = 0;
+        self.prepare();
+        self.project(0, region)?;
+        self.composite(capacity)?;
+        self.workspace.used = 1;
+        Ok(())
+    }
+
+    /// Makes room for one more drawing.
+    fn prepare(&mut self) {
+        if self.workspace.used == self.workspace.drawings.len() {
+            self.workspace.drawings.push(Drawing::default());
+        }
     }
 
     /// Brings the Gaussians to the device.
@@ -110,9 +140,7 @@ impl<'a> Forward<'a> {
     /// Draws a region of a view, in bands where it has more entries than fit into a binding.
     fn draw(&mut self, v: usize, region: Region) -> Result<(), GpuError> {
         let (.., extent) = self.call;
-        if self.workspace.used == self.workspace.drawings.len() {
-            self.workspace.drawings.push(Drawing::default());
-        }
+        self.prepare();
         let [seen, entries, rejected] = self.project(v, region)?;
         if region == extent.region {
             self.stats.splats += seen as usize;
@@ -137,7 +165,7 @@ impl<'a> Forward<'a> {
         self.draw(v, Region { y: middle, height: bottom - middle, ..region })
     }
 
-    /// Projects and sorts by depth: splats that some tile sees, entries, rejected Gaussians.
+    /// Projects and sorts by depth: splats that some tile sees, entries, rejected Gaussians; zeros where nothing is waited for.
     fn project(&mut self, v: usize, region: Region) -> Result<[u32; 3], GpuError> {
         let (gaussians, cameras, settings, extent) = self.call;
         let (context, n) = (self.context, extent.gaussians);
@@ -159,7 +187,11 @@ impl<'a> Forward<'a> {
         sums.storage(context, "sums of tiles", groups, 12)?;
         totals.storage(context, "totals", 3, 4)?;
 
-        let mut passes = Passes::new(context, profile.as_mut());
+        let waits = !matches!(self.end, End::Later(..));
+        let mut passes = match &mut self.end {
+            End::Later(encoder) => Passes::into(context, encoder),
+            _ => Passes::new(context, profile.as_mut()),
+        };
         for share in shares(context, extent) {
             let view = uniform(context, &with_share(words, share));
             let bindings = [
@@ -183,12 +215,15 @@ impl<'a> Forward<'a> {
         passes.run(Kernel::ScanGroups, 1, &[length(), (3, sums.all()), (4, totals.all())]);
         let places = [(3, sums.all()), (5, drawing.first.all()), (6, drawing.rank.all())];
         passes.run(Kernel::Place, groups, &[&[length(), ids, tiles], &places[..]].concat());
+        if !waits {
+            return Ok([0; 3]);
+        }
         let read = passes.read(staging, &[(totals.buffer(), 12)])?;
         let words = read.as_chunks::<4>().0;
         Ok([0, 1, 2].map(|i| u32::from_le_bytes(words[i])))
     }
 
-    /// Lists the entries by tile and blends them.
+    /// Lists the entries by tile and blends them; `entries` is how many there are, or what there is room for.
     fn composite(&mut self, entries: usize) -> Result<(), GpuError> {
         let (gaussians, cameras, settings, extent) = self.call;
         let context = self.context;
@@ -211,9 +246,13 @@ impl<'a> Forward<'a> {
         let (kept, other) =
             (Pairs { keys: &tile_of[0], values: &drawing.entry }, Pairs { keys: &tile_of[1], values: &*spare });
         let (from, to) = if even { (kept, other) } else { (other, kept) };
-        let view = uniform(context, &words);
+        let view = uniform(context, &with_capacity(words, entries));
         let view = || (0, view.as_entire_binding());
-        let mut passes = Passes::new(context, profile.as_mut());
+        let comes_back = matches!(self.end, End::Host);
+        let mut passes = match &mut self.end {
+            End::Later(encoder) => Passes::into(context, encoder),
+            _ => Passes::new(context, profile.as_mut()),
+        };
         let bindings = [
             view(),
             (1, drawing.splats.all()),
@@ -223,7 +262,8 @@ impl<'a> Forward<'a> {
             (5, from.values.all()),
             (6, drawing.owners.all()),
         ];
-        passes.run(Kernel::Emit, extent.gaussians.div_ceil(GROUP), &bindings);
+        // What room is left over belongs to no tile, and is filled even where there are no Gaussians.
+        passes.run(Kernel::Emit, extent.gaussians.div_ceil(GROUP).max(entries.min(1)), &bindings);
         sort.encode(context, &mut passes, (entries, bits), from, to)?;
         let lists = uniform(context, &[entries as u32, tiles as u32, 0, 0]);
         let bindings = [(0, lists.as_entire_binding()), (1, kept.keys.all()), (2, drawing.starts.all())];
@@ -237,7 +277,7 @@ impl<'a> Forward<'a> {
             (5, drawing.pixels.all()),
         ];
         passes.run(Kernel::Composite, tiles, &bindings);
-        if self.stays {
+        if !comes_back {
             return passes.submit();
         }
         let read = passes.read(staging, &[(drawing.pixels.buffer(), 20 * region.pixels() as u64)])?;

@@ -2,6 +2,7 @@
 //!
 //! - [`adapters`] lists what there is to run on; [`Context`] opens one and compiles the shaders.
 //! - [`GpuRasterizer`] implements [`weaver_splat::Rasterizer`]: slices in, slices out, the rules and formulas of the CPU's.
+//! - [`GpuRasterizer::encode`] records a drawing into commands of one's own, of buffers that are on the device already.
 //! - [`SHADERS`] are the passes, as text that other programs may run too.
 //! - [`sort_pairs`] is the sort by itself.
 //!
@@ -11,6 +12,7 @@
 mod adapter;
 mod backward;
 mod context;
+mod encode;
 mod error;
 mod fit;
 mod forward;
@@ -27,6 +29,7 @@ mod workspace;
 
 pub use adapter::{Adapter, Choice, Kind, adapters};
 pub use context::Context;
+pub use encode::{DeviceGaussians, Recorded};
 pub use error::GpuError;
 pub use profile::PassTime;
 pub use rasterizer::GpuRasterizer;

@@ -10,8 +10,24 @@ use crate::staging::Staging;
 /// Passes that are being recorded.
 pub(crate) struct Passes<'a> {
     context: &'a Context,
-    encoder: wgpu::CommandEncoder,
+    encoder: Encoder<'a>,
     profile: Option<&'a mut Profile>,
+}
+
+/// What passes are recorded into.
+enum Encoder<'a> {
+    Own(wgpu::CommandEncoder),
+    /// An embedder's, who submits it.
+    Theirs(&'a mut wgpu::CommandEncoder),
+}
+
+impl Encoder<'_> {
+    fn get(&mut self) -> &mut wgpu::CommandEncoder {
+        match self {
+            Self::Own(encoder) => encoder,
+            Self::Theirs(encoder) => encoder,
+        }
+    }
 }
 
 /// Work groups along one dimension that every device allows.
@@ -20,7 +36,12 @@ const ACROSS: u32 = 65_535;
 impl<'a> Passes<'a> {
     pub fn new(context: &'a Context, profile: Option<&'a mut Profile>) -> Self {
         let encoder = context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        Self { context, encoder, profile }
+        Self { context, encoder: Encoder::Own(encoder), profile }
+    }
+
+    /// Passes of an embedder's, who submits them.
+    pub fn into(context: &'a Context, encoder: &'a mut wgpu::CommandEncoder) -> Self {
+        Self { context, encoder: Encoder::Theirs(encoder), profile: None }
     }
 
     /// Records a pass of so many work groups; none is no pass. Bindings are by their numbers in the shader.
@@ -41,7 +62,7 @@ impl<'a> Passes<'a> {
         let name = SHADERS[kernel as usize].entry;
         let timestamp_writes = self.profile.as_mut().and_then(|profile| profile.next(name));
         let descriptor = wgpu::ComputePassDescriptor { label: Some(name), timestamp_writes };
-        let mut pass = self.encoder.begin_compute_pass(&descriptor);
+        let mut pass = self.encoder.get().begin_compute_pass(&descriptor);
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &bind_group, &[]);
         // Folded into two dimensions where one would not do.
@@ -49,12 +70,14 @@ impl<'a> Passes<'a> {
         pass.dispatch_workgroups(groups.min(ACROSS), groups.div_ceil(ACROSS), 1);
     }
 
-    /// Runs what was recorded.
+    /// Runs what was recorded; an embedder's waits for him.
     pub fn submit(mut self) -> Result<(), GpuError> {
         if let Some(profile) = &mut self.profile {
-            profile.resolve(&mut self.encoder);
+            profile.resolve(self.encoder.get());
         }
-        self.context.queue().submit([self.encoder.finish()]);
+        if let Encoder::Own(encoder) = self.encoder {
+            self.context.queue().submit([encoder.finish()]);
+        }
         match self.profile {
             Some(profile) => profile.collect(self.context),
             None => self.context.check(),
@@ -67,7 +90,7 @@ impl<'a> Passes<'a> {
         staging.room.read(self.context, bytes)?;
         let mut at = 0;
         for (buffer, bytes) in parts.iter().filter(|(_, bytes)| *bytes > 0) {
-            self.encoder.copy_buffer_to_buffer(buffer, 0, staging.room.buffer(), at, *bytes);
+            self.encoder.get().copy_buffer_to_buffer(buffer, 0, staging.room.buffer(), at, *bytes);
             at += bytes;
         }
         let context = self.context;

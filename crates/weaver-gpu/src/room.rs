@@ -17,6 +17,11 @@ const STORAGE: wgpu::BufferUsages =
 const READ: wgpu::BufferUsages = wgpu::BufferUsages::MAP_READ.union(wgpu::BufferUsages::COPY_DST);
 
 impl Room {
+    /// The first bytes of an embedder's buffer.
+    pub fn of(buffer: &wgpu::Buffer, bytes: u64) -> Self {
+        Self { buffer: Some(buffer.clone()), bytes: bytes.max(16) }
+    }
+
     /// Room for `count` elements of `each` bytes that shaders see; `what` they are is for the error.
     ///
     /// # Errors

@@ -96,6 +96,12 @@ pub(crate) fn with_share(mut words: [u32; WORDS], share: Share) -> [u32; WORDS] 
     words
 }
 
+/// The words with the room there is for entries.
+pub(crate) fn with_capacity(mut words: [u32; WORDS], entries: usize) -> [u32; WORDS] {
+    words[47] = entries as u32;
+    words
+}
+
 /// The nearest number that shaders may meet.
 fn finite(x: f64) -> f32 {
     (x as f32).clamp(f32::MIN, f32::MAX)

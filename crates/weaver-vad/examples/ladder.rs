@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use weaver_vad::metrics::{FrameMetrics, SNIPPET, ScoredVideo, frame_metrics};
 use weaver_vad::{
     ConvolutionSizes, Curves, DeepMilSizes, Detector, EncoderKind, Labels, Planted, PlantedVideo, Result, Rule,
-    Splatting, Stage, Trainer, TrainingSet, UrDmuSizes,
+    Splatting, Stage, StepReport, Trainer, TrainingSet, UrDmuSizes,
 };
 
 const FEATURES: usize = 32;
@@ -109,8 +109,14 @@ impl Ladder {
     }
 
     fn trained(&self, segments: usize, f: impl FnOnce(&mut Trainer<'_>) -> Result<()>) -> Result<()> {
-        let mut trainer =
-            Trainer { set: &self.set, segments, batch: 12, seed: self.planted.seed, observe: &mut |_| () };
+        let mut trainer = Trainer {
+            set: &self.set,
+            segments,
+            batch: 12,
+            seed: self.planted.seed,
+            observe: &mut |_: &StepReport| (),
+            resume: None,
+        };
         f(&mut trainer)
     }
 

@@ -22,6 +22,11 @@ impl Detector {
     /// # Errors
     /// When the file cannot be written.
     pub fn write(&self, path: &Path, told: &str) -> Result<()> {
+        Ok(self.tensors(told).write(path)?)
+    }
+
+    /// What is written.
+    pub(crate) fn tensors(&self, told: &str) -> Tensors {
         let mut tensors = Tensors::default();
         for (_, param) in self.params.iter() {
             tensors.insert(param.name(), param.shape().dims(), param.value().to_vec());
@@ -36,7 +41,7 @@ impl Detector {
         for (key, value) in [(ENCODER, encoder), (HEADS, &heads.to_string()), (EXPERTS, &names), (TOLD, told)] {
             tensors.metadata.insert(key.into(), value.into());
         }
-        Ok(tensors.write(path)?)
+        tensors
     }
 
     /// Reads a detector, or the weights of the public UR-DMU, and what was kept with it.
@@ -44,8 +49,12 @@ impl Detector {
     /// # Errors
     /// When the file cannot be read, lacks a weight or has one of another shape, or a weight is not finite.
     pub fn read(path: &Path) -> Result<(Self, String)> {
-        let tensors = Tensors::read(path)?;
-        let mut detector = Self::new(kind(&tensors, path)?, 0);
+        Self::of_tensors(&Tensors::read(path)?, path)
+    }
+
+    /// The detector, and what was kept with it.
+    pub(crate) fn of_tensors(tensors: &Tensors, path: &Path) -> Result<(Self, String)> {
+        let mut detector = Self::new(kind(tensors, path)?, 0);
         let told = |key: &str| tensors.metadata.get(key).map_or("", String::as_str);
         let names: Vec<String> = told(EXPERTS).split(',').filter(|name| !name.is_empty()).map(str::to_string).collect();
         if !names.is_empty() {

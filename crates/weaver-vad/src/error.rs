@@ -33,6 +33,14 @@ pub enum Error {
         /// The step, from 1.
         step: usize,
     },
+    /// Whoever looked on ended the training.
+    #[error("{stage}: stopped after step {step}")]
+    Stopped {
+        /// What was being trained.
+        stage: String,
+        /// Steps of it done.
+        step: usize,
+    },
 }
 
 impl Error {

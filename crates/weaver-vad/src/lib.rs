@@ -8,6 +8,7 @@
 mod annotation;
 mod binary_cross_entropy;
 mod chart;
+mod checkpoint;
 mod conv1d;
 mod decay_attention;
 mod detector;
@@ -38,6 +39,7 @@ mod urdmu;
 
 pub use annotation::{Annotation, Length};
 pub use chart::Chart;
+pub use checkpoint::{Checkpoint, Snapshot};
 pub use detector::{Curves, Detector};
 pub use dropout::Dropout;
 pub use encoded::Encoded;
@@ -53,7 +55,7 @@ pub use resample::resample;
 pub use schedule::{Experts, Schedule};
 pub use splatting::{Peak, Rule, Splatting, topographic_peaks, window_peaks};
 pub use temporal_transformer::UrDmuSizes;
-pub use training::{Labels, Stage, StepReport, Trainer};
+pub use training::{Labels, Observe, Stage, StepReport, Trainer};
 pub use training_set::{TrainingSet, TrainingVideo};
 pub use urdmu::{UrDmu, UrDmuPass, UrDmuTerms};
 

@@ -1,9 +1,10 @@
 //! A whole training: which parts, for how long.
 
 use crate::Result;
+use crate::checkpoint::Checkpoint;
 use crate::detector::Detector;
 use crate::encoder::EncoderKind;
-use crate::training::{Labels, Stage, StepReport, Trainer};
+use crate::training::{Labels, Observe, Stage, Trainer};
 use crate::training_set::TrainingSet;
 
 /// What experts are for.
@@ -80,27 +81,47 @@ impl Schedule {
     /// Trains a detector.
     ///
     /// # Errors
-    /// When features cannot be read or the loss is no longer finite.
-    pub fn train(
+    /// When features cannot be read, the loss is no longer finite, or whoever looks on ends it.
+    pub fn train(&self, set: &TrainingSet, kind: EncoderKind, observe: &mut dyn Observe) -> Result<Detector> {
+        self.go_on(set, Detector::new(kind, self.seed), None, observe)
+    }
+
+    /// Goes on from a checkpoint of a training on the same videos by the same schedule; the result has the bits of one that was never
+    /// interrupted.
+    ///
+    /// # Errors
+    /// As [`train`](Self::train), and when the checkpoint is of another training.
+    pub fn resume(
         &self,
         set: &TrainingSet,
-        kind: EncoderKind,
-        observe: &mut dyn FnMut(&StepReport),
+        (detector, checkpoint): (Detector, Checkpoint),
+        observe: &mut dyn Observe,
+    ) -> Result<Detector> {
+        self.go_on(set, detector, Some(checkpoint), observe)
+    }
+
+    fn go_on(
+        &self,
+        set: &TrainingSet,
+        mut detector: Detector,
+        resume: Option<Checkpoint>,
+        observe: &mut dyn Observe,
     ) -> Result<Detector> {
         let Self { segments, batch, seed, labels, .. } = *self;
-        let mut detector = Detector::new(kind, seed);
-        let mut trainer = Trainer { set, segments, batch, seed, observe };
+        let mut trainer = Trainer { set, segments, batch, seed, observe, resume };
         trainer.encoder(&mut detector, &self.encoder, Labels::None)?;
         if labels != Labels::None {
             trainer.encoder(&mut detector, &self.splatting, labels)?;
         }
         let groups = match self.experts {
-            Experts::None => return Ok(detector),
+            Experts::None => Vec::new(),
             Experts::Classes => trainer.by_class(),
             Experts::Clusters(k) => trainer.by_cluster(&detector, k)?,
         };
-        trainer.experts(&mut detector, &groups, &self.expert, labels)?;
-        trainer.gate(&mut detector, &self.gate, labels)?;
-        Ok(detector)
+        if !groups.is_empty() {
+            trainer.experts(&mut detector, &groups, &self.expert, labels)?;
+            trainer.gate(&mut detector, &self.gate, labels)?;
+        }
+        trainer.resume.map_or(Ok(detector), |checkpoint| Err(checkpoint.strange()))
     }
 }

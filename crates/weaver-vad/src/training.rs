@@ -1,5 +1,6 @@
 //! Training in stages: encoder, encoder on labels of its own curves, experts, gate.
 
+use crate::checkpoint::{Checkpoint, Snapshot};
 use crate::detector::{Detector, EXPERT, GATE};
 use crate::kmeans::{cluster_centers, nearest_center};
 use crate::losses::{abnormal, bag_loss, class_loss, curve_loss};
@@ -8,6 +9,7 @@ use crate::splatting::Splatting;
 use crate::top_k::{mean_at_top_k, top_k};
 use crate::training_set::TrainingSet;
 use crate::{Error, Result};
+use std::ops::ControlFlow;
 use weaver_autograd::{ParamId, Tape, Var};
 use weaver_kernels::random::Stream;
 use weaver_nn::{AdamW, Context, Group, add_l2_gradient};
@@ -73,7 +75,23 @@ pub struct StepReport {
     pub loss: f64,
 }
 
-/// Trains detectors on a set of videos. The same seed gives the same bits at any number of threads.
+/// Looks on while a detector is trained, and may end it.
+pub trait Observe {
+    /// Is told of a step; the snapshot is what has been learned up to it. Training ends with [`Error::Stopped`] where this breaks.
+    ///
+    /// # Errors
+    /// What ends training as well, such as a file that cannot be written.
+    fn step(&mut self, report: &StepReport, snapshot: &Snapshot<'_>) -> Result<ControlFlow<()>>;
+}
+
+impl<F: FnMut(&StepReport)> Observe for F {
+    fn step(&mut self, report: &StepReport, _snapshot: &Snapshot<'_>) -> Result<ControlFlow<()>> {
+        self(report);
+        Ok(ControlFlow::Continue(()))
+    }
+}
+
+/// Trains detectors on a set of videos. The same seed gives the same bits at any number of threads, interrupted or not.
 pub struct Trainer<'a> {
     /// The videos.
     pub set: &'a TrainingSet,
@@ -84,7 +102,9 @@ pub struct Trainer<'a> {
     /// Of the order of videos, noise and initial weights.
     pub seed: u64,
     /// Is told of every step.
-    pub observe: &'a mut dyn FnMut(&StepReport),
+    pub observe: &'a mut dyn Observe,
+    /// Where to go on: stages before it are passed over, since the detector has been through them.
+    pub resume: Option<Checkpoint>,
 }
 
 impl std::fmt::Debug for Trainer<'_> {
@@ -137,7 +157,10 @@ impl Trainer<'_> {
         stage: &Stage,
         labels: Labels,
     ) -> Result<()> {
-        detector.add_experts(groups.iter().map(|(name, _)| name.clone()).collect(), self.seed);
+        // Of a checkpoint they are there.
+        if detector.experts.is_empty() {
+            detector.add_experts(groups.iter().map(|(name, _)| name.clone()).collect(), self.seed);
+        }
         for (e, (name, videos)) in groups.iter().enumerate() {
             let (encoder, expert) = (detector.encoder.clone(), detector.experts[e].clone());
             let first_round = videos.len().div_ceil(self.batch);
@@ -162,7 +185,9 @@ impl Trainer<'_> {
     /// # Errors
     /// As [`encoder`](Self::encoder).
     pub fn gate(&mut self, detector: &mut Detector, stage: &Stage, labels: Labels) -> Result<()> {
-        detector.add_gate(self.seed);
+        if detector.gate.is_none() {
+            detector.add_gate(self.seed);
+        }
         let all = detector.clone();
         let everyone = self.set.abnormal();
         let first_round = everyone.len().div_ceil(self.batch);
@@ -228,6 +253,9 @@ impl Trainer<'_> {
         trained: impl Fn(&str) -> bool,
         loss: impl for<'t> Fn(Context<'t, '_>, &Batch<'t>, usize) -> Var<'t, f32>,
     ) -> Result<()> {
+        if self.resume.as_ref().is_some_and(|checkpoint| checkpoint.stage != name) {
+            return Ok(());
+        }
         let params = &mut detector.params;
         let ids: Vec<ParamId> = params.iter().filter(|(_, param)| trained(param.name())).map(|(id, _)| id).collect();
         params.ids().for_each(|id| params.set_frozen(id, !ids.contains(&id)));
@@ -235,8 +263,17 @@ impl Trainer<'_> {
         let mut optimizer = AdamW::new(vec![group], 0.9, 0.999, 1e-8);
         let mut normal = Sampler::new(self.set.samples(&self.set.normal()), self.seed, &format!("{name}.normal"));
         let mut abnormal = Sampler::new(self.set.samples(&videos), self.seed, &format!("{name}.abnormal"));
+        let mut done = 0;
+        if let Some(checkpoint) = self.resume.take() {
+            done = checkpoint.step;
+            checkpoint.restore(params, &mut optimizer)?;
+            (0..done).for_each(|_| {
+                normal.next(self.batch);
+                abnormal.next(self.batch);
+            });
+        }
         let mut tape = Tape::<f32>::new();
-        for step in 0..stage.steps {
+        for step in done..stage.steps {
             let halves = normal.next(self.batch).into_iter().chain(abnormal.next(self.batch));
             let chosen: Vec<(usize, usize)> = halves.collect();
             let mut x = Vec::with_capacity(chosen.len() * self.segments * self.set.width());
@@ -248,20 +285,24 @@ impl Trainer<'_> {
                 x: tape.constant(&x, [chosen.len(), self.segments, self.set.width()]),
                 classes: tape.constant(&classes, [chosen.len(), self.set.classes.len()]),
             };
-            let value = loss(Context::new(&tape, params), &batch, step);
+            let value = loss(Context::new(&tape, &detector.params), &batch, step);
             let reached = f64::from(value.item());
             if !reached.is_finite() {
                 return Err(Error::Diverged { stage: name.to_string(), step: step + 1 });
             }
             value.backward();
             if stage.l2 > 0.0 {
-                add_l2_gradient(params, &mut tape, stage.l2);
+                add_l2_gradient(&detector.params, &mut tape, stage.l2);
             }
-            optimizer.step(params, &mut tape, stage.rate);
+            optimizer.step(&mut detector.params, &mut tape, stage.rate);
             tape.reset();
-            let stage = StepReport { stage: name.to_string(), step: step + 1, steps: stage.steps, loss: reached };
-            (self.observe)(&stage);
+            let report = StepReport { stage: name.to_string(), step: step + 1, steps: stage.steps, loss: reached };
+            let snapshot = Snapshot { detector, optimizer: &optimizer, stage: name, step: step + 1 };
+            if self.observe.step(&report, &snapshot)?.is_break() {
+                return Err(Error::Stopped { stage: report.stage, step: report.step });
+            }
         }
+        let params = &mut detector.params;
         params.ids().for_each(|id| params.set_frozen(id, false));
         Ok(())
     }

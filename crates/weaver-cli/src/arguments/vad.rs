@@ -2,6 +2,7 @@
 
 use super::{MOST_SEED, Threads};
 use clap::{Args, Subcommand, ValueEnum};
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use weaver_vad::{Length, Rule};
 
@@ -31,8 +32,29 @@ pub enum VadCommand {
 }
 
 /// Trains a detector and writes a run folder: model.safetensors, training.jsonl and, of planted videos, report.html.
+///
+/// Ctrl-C saves a checkpoint and ends; --resume goes on to the same bits as an uninterrupted run.
 #[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver vad train --out runs/planted
+  splatweaver vad train --features UCF-I3D --list UCF_Train.list --out runs/ucf
+  splatweaver vad train --resume runs/ucf")]
 pub struct VadTrain {
+    #[command(flatten)]
+    pub plan: VadPlan,
+    /// Folder of the run
+    #[arg(short, long, value_name = "RUN", default_value = "runs/vad")]
+    pub out: PathBuf,
+    /// Goes on from the checkpoint of a run that was stopped, with what it was started with
+    #[arg(long, value_name = "RUN", conflicts_with_all = ["VadPlan", "out"])]
+    pub resume: Option<PathBuf>,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+/// What is trained on what: kept beside a checkpoint.
+#[derive(Args, Clone, Debug, Serialize, Deserialize)]
+pub struct VadPlan {
     /// Folder of .npy features; without it, planted videos
     #[arg(long, value_name = "DIR", requires = "list")]
     pub features: Option<PathBuf>,
@@ -63,15 +85,13 @@ pub struct VadTrain {
     /// Seed of weights, order and noise
     #[arg(long, value_name = "S", default_value = "0", value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
     pub seed: u64,
-    /// Folder of the run
-    #[arg(short, long, value_name = "RUN", default_value = "runs/vad")]
-    pub out: PathBuf,
-    #[command(flatten)]
-    pub threads: Threads,
 }
 
 /// Judges a run as the published evaluators do, and writes report.html into it.
 #[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver vad eval --run runs/planted
+  splatweaver vad eval --run runs/ucf --features UCF-I3D --list UCF_Test.list --annotation UCF_Annotation.txt --json")]
 pub struct VadEval {
     /// Run folder, or a file of weights: that of a run, or UR-DMU's from `splatweaver convert-weights`
     #[arg(long, value_name = "RUN")]
@@ -100,6 +120,9 @@ pub struct VadEval {
 
 /// Scores videos: NAME.npy, NAME.csv and a picture of the curve, NAME.png, for each.
 #[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver vad score --run runs/ucf Abuse028_x264__0.npy -o curves
+  splatweaver vad score --run urdmu.safetensors *.npy --annotation UCF_Annotation.txt -o curves")]
 pub struct VadScore {
     /// Run folder or file of weights
     #[arg(long, value_name = "RUN")]
@@ -119,6 +142,8 @@ pub struct VadScore {
 
 /// Judges scores that are there already.
 #[derive(Args, Debug)]
+#[command(after_help = "Example:
+  splatweaver vad metrics --scores curves --annotation UCF_Annotation.txt --json")]
 pub struct VadMetrics {
     /// Folder of scores, NAME.npy with a number for each snippet
     #[arg(long, value_name = "DIR")]
@@ -135,7 +160,7 @@ pub struct VadMetrics {
 }
 
 /// The networks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub enum EncoderName {
     /// UR-DMU
     Urdmu,
@@ -148,7 +173,7 @@ pub enum EncoderName {
 }
 
 /// Rules of splatting.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 pub enum SplatName {
     #[value(name = "T")]
     Time,

@@ -1,92 +1,215 @@
 //! `splatweaver vad train`.
 
 use super::{MODEL, report};
-use crate::Console;
-use crate::arguments::{EncoderName, VadTrain};
+use crate::arguments::{EncoderName, VadPlan, VadTrain};
 use crate::failure::Failure;
 use crate::progress::Progress;
-use std::path::Path;
+use crate::{Console, Interrupt};
+use serde::{Deserialize, Serialize};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 use weaver_io::{Appender, create_folder};
 use weaver_vad::{
-    ConvolutionSizes, DeepMilSizes, EncoderKind, Experts, Labels, Planted, Schedule, Splatting, TrainingSet,
-    UrDmuSizes, read_list,
+    Checkpoint, ConvolutionSizes, DeepMilSizes, Detector, EncoderKind, Error, Experts, Labels, Observe, Planted,
+    Schedule, Snapshot, Splatting, StepReport, TrainingSet, UrDmuSizes, read_list,
 };
 
-pub fn run(arguments: &VadTrain, console: &mut Console) -> Result<(), Failure> {
-    let out = &arguments.out;
-    if out.join(MODEL).exists() {
-        let path = out.join(MODEL);
-        return Err(Failure::Usage(format!("{}: a run is there already; give another --out", path.display())));
+/// The file to go on from in a run folder, and how often it is written.
+const CHECKPOINT: &str = "checkpoint.safetensors";
+const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(300);
+
+pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let Some(folder) = &arguments.resume else {
+        let folder = &arguments.out;
+        for (file, advice) in
+            [(MODEL, "give another --out"), (CHECKPOINT, "go on with --resume, or give another --out")]
+        {
+            if folder.join(file).exists() {
+                let path = folder.join(file);
+                return Err(Failure::Usage(format!("{}: a run is there already; {advice}", path.display())));
+            }
+        }
+        weaver_io::check_writable(folder)?;
+        let job = Job::new(arguments.plan.clone())?;
+        create_folder(folder)?;
+        return job.train(folder, None, console, interrupt);
+    };
+    let path = folder.join(CHECKPOINT);
+    if !path.exists() && folder.join(MODEL).exists() {
+        return Err(Failure::Usage(format!("{}: the run is complete", folder.display())));
     }
-    weaver_io::check_writable(out)?;
-    let (set, planted) = match (&arguments.features, &arguments.list) {
-        (Some(folder), Some(list)) => {
-            let videos = read_list(list, folder)?;
-            (TrainingSet::listed(list, videos, arguments.abnormal.map(|n| n as usize))?, None)
-        }
-        _ => {
-            let planted = Planted::new(arguments.seed);
-            (TrainingSet::planted(&planted), Some(planted))
-        }
-    };
-    let experts = experts(arguments, &set)?;
-    let kind = kind(arguments.encoder, &set, experts == Experts::Classes, planted.is_some());
-    let labels = arguments.splat.rule().map_or(Labels::None, |rule| Labels::Splat(Splatting::with(rule)));
-    let schedule = match planted {
-        Some(_) => Schedule::planted(labels, experts, arguments.seed),
-        None => Schedule::published(labels, experts, arguments.seed),
-    };
-    let schedule = match arguments.steps {
-        Some(steps) => {
+    let (detector, checkpoint, told) = Checkpoint::read(&path)?;
+    let kept: Kept = serde_json::from_str(&told)
+        .map_err(|error| Failure::message(format!("{}: what was trained: {error}", path.display())))?;
+    let job = Job::new(kept.plan)?;
+    if job.videos() != kept.videos {
+        let (expected, found) = (kept.videos, job.videos());
+        let list = job.plan.list.as_deref().unwrap_or(&path).display();
+        return Err(Failure::message(format!(
+            "{list}: expected {} normal and {} abnormal videos as when the run began, found {} and {}",
+            expected[0], expected[1], found[0], found[1]
+        )));
+    }
+    job.train(folder, Some((detector, checkpoint, kept.done)), console, interrupt)
+}
+
+/// What a checkpoint keeps beside the weights.
+#[derive(Serialize, Deserialize)]
+struct Kept {
+    plan: VadPlan,
+    /// Normal and abnormal videos.
+    videos: [usize; 2],
+    /// Steps of all stages.
+    done: usize,
+}
+
+/// A training, all that it needs at hand.
+struct Job {
+    plan: VadPlan,
+    set: TrainingSet,
+    planted: Option<Planted>,
+    kind: EncoderKind,
+    schedule: Schedule,
+}
+
+impl Job {
+    fn new(plan: VadPlan) -> Result<Self, Failure> {
+        // Wherever it is resumed from.
+        let absolute = |path: Option<PathBuf>| path.map(std::path::absolute).transpose();
+        let plan = VadPlan { features: absolute(plan.features)?, list: absolute(plan.list)?, ..plan };
+        let (set, planted) = match (&plan.features, &plan.list) {
+            (Some(folder), Some(list)) => {
+                let videos = read_list(list, folder)?;
+                (TrainingSet::listed(list, videos, plan.abnormal.map(|n| n as usize))?, None)
+            }
+            _ => {
+                let planted = Planted::new(plan.seed);
+                (TrainingSet::planted(&planted), Some(planted))
+            }
+        };
+        let experts = experts(&plan, &set)?;
+        let kind = kind(plan.encoder, &set, experts == Experts::Classes, planted.is_some());
+        let labels = plan.splat.rule().map_or(Labels::None, |rule| Labels::Splat(Splatting::with(rule)));
+        let mut schedule = match planted {
+            Some(_) => Schedule::planted(labels, experts, plan.seed),
+            None => Schedule::published(labels, experts, plan.seed),
+        };
+        if let Some(steps) = plan.steps {
             let factor = f64::from(steps) / schedule.encoder.steps as f64;
-            schedule.scaled(factor)
+            schedule = schedule.scaled(factor);
         }
-        None => schedule,
-    };
-    let total = schedule.steps(&set);
-    let (normal, abnormal) = (set.normal().len(), set.abnormal().len());
-    console
-        .note(&format!("{normal} normal and {abnormal} abnormal videos, {} classes; {total} steps", set.classes.len()));
-    create_folder(out)?;
-    let mut log = Appender::open(out.join("training.jsonl"))?;
-    let mut progress = Progress::new("train", 0, total, console);
-    let (mut done, mut failed) = (0, None);
-    let detector = schedule.train(&set, kind, &mut |step| {
-        done += 1;
-        progress.at(done, total, || format!("{}, loss {:.4}", step.stage, step.loss), console);
-        let record = serde_json::json!({"step": done, "stage": step.stage, "loss": step.loss});
-        if failed.is_none() {
-            failed = log.append(format!("{record}\n").as_bytes()).err();
+        Ok(Self { plan, set, planted, kind, schedule })
+    }
+
+    fn videos(&self) -> [usize; 2] {
+        [self.set.normal().len(), self.set.abnormal().len()]
+    }
+
+    fn train(
+        self,
+        folder: &Path,
+        from: Option<(Detector, Checkpoint, usize)>,
+        console: &mut Console,
+        interrupt: &Interrupt,
+    ) -> Result<(), Failure> {
+        let total = self.schedule.steps(&self.set);
+        let ([normal, abnormal], classes) = (self.videos(), self.set.classes.len());
+        console.note(&format!("{normal} normal and {abnormal} abnormal videos, {classes} classes; {total} steps"));
+        let done = from.as_ref().map_or(0, |(.., done)| *done);
+        let path = folder.join("training.jsonl");
+        if done > 0 {
+            keep_lines(&path, done)?;
         }
-    });
-    progress.finish();
-    let detector = detector?;
-    failed.map_or(Ok(()), Err)?;
-    // What `vad eval` is to judge it on where it is given no list.
-    let told = planted.map_or(String::new(), |planted| planted.seed.to_string());
-    detector.write(&out.join(MODEL), &told)?;
-    console.note(&format!("{total} steps done: {}", out.join(MODEL).display()));
-    match planted {
-        None => Ok(()),
-        Some(planted) => {
-            let judged = super::judged::planted(&detector, &planted)?;
-            console.print(&super::metrics::text(&judged.metrics()))?;
-            let path = out.join("report.html");
-            report::write(&judged, detector.experts(), &path)?;
-            console.print(&format!("report: {}", path.display()))
-        }
+        let mut watch = Watch {
+            job: &self,
+            folder,
+            log: Appender::open(path)?,
+            progress: Progress::new("train", done, total, console),
+            console,
+            stop: interrupt.watch(),
+            saved: Instant::now(),
+            done,
+            total,
+        };
+        let trained = match from {
+            None => self.schedule.train(&self.set, self.kind, &mut watch),
+            Some((detector, checkpoint, _)) => self.schedule.resume(&self.set, (detector, checkpoint), &mut watch),
+        };
+        let done = watch.done;
+        watch.progress.finish();
+        let detector = match trained {
+            Err(Error::Stopped { .. }) => {
+                let folder = folder.display();
+                console.note(&format!(
+                    "saved at step {done} of {total}; to go on: splatweaver vad train --resume {folder}"
+                ));
+                return Ok(());
+            }
+            trained => trained?,
+        };
+        // What `vad eval` is to judge it on where it is given no list.
+        let told = self.planted.map_or(String::new(), |planted| planted.seed.to_string());
+        detector.write(&folder.join(MODEL), &told)?;
+        let _ = std::fs::remove_file(folder.join(CHECKPOINT));
+        console.note(&format!("{total} steps done: {}", folder.join(MODEL).display()));
+        let Some(planted) = self.planted else { return Ok(()) };
+        let judged = super::judged::planted(&detector, &planted)?;
+        console.print(&super::metrics::text(&judged.metrics()))?;
+        let path = folder.join("report.html");
+        report::write(&judged, detector.experts(), &path)?;
+        console.print(&format!("report: {}", path.display()))
     }
 }
 
+/// Logs steps, shows them, and writes checkpoints.
+struct Watch<'a, 'c> {
+    job: &'a Job,
+    folder: &'a Path,
+    log: Appender,
+    progress: Progress,
+    console: &'a mut Console<'c>,
+    stop: &'a AtomicBool,
+    saved: Instant,
+    done: usize,
+    total: usize,
+}
+
+impl Observe for Watch<'_, '_> {
+    fn step(&mut self, step: &StepReport, snapshot: &Snapshot<'_>) -> weaver_vad::Result<ControlFlow<()>> {
+        self.done += 1;
+        let shown = || format!("{}, loss {:.4}", step.stage, step.loss);
+        self.progress.at(self.done, self.total, shown, self.console);
+        let record = serde_json::json!({"step": self.done, "stage": step.stage, "loss": step.loss});
+        self.log.append(format!("{record}\n").as_bytes())?;
+        let stopped = self.stop.load(Ordering::Relaxed);
+        if stopped || self.saved.elapsed() > BETWEEN_CHECKPOINTS {
+            let kept = Kept { plan: self.job.plan.clone(), videos: self.job.videos(), done: self.done };
+            let told = serde_json::to_string(&kept).unwrap_or_default();
+            snapshot.write(&self.folder.join(CHECKPOINT), &told)?;
+            self.saved = Instant::now();
+        }
+        Ok(if stopped { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+    }
+}
+
+/// Takes back what was logged after a checkpoint.
+fn keep_lines(path: &Path, count: usize) -> Result<(), Failure> {
+    let text = weaver_io::read_text(path)?;
+    let kept: String = text.split_inclusive('\n').take(count).collect();
+    Ok(weaver_io::write_text(path, &kept)?)
+}
+
 /// What experts are for.
-fn experts(arguments: &VadTrain, set: &TrainingSet) -> Result<Experts, Failure> {
-    let plain = arguments.plain || matches!(arguments.encoder, EncoderName::Deepmil | EncoderName::Rtfm);
-    match arguments.clusters {
+fn experts(plan: &VadPlan, set: &TrainingSet) -> Result<Experts, Failure> {
+    let plain = plan.plain || matches!(plan.encoder, EncoderName::Deepmil | EncoderName::Rtfm);
+    match plan.clusters {
         Some(k) => Ok(Experts::Clusters(usize::from(k))),
         None if plain => Ok(Experts::None),
         None if !set.classes.is_empty() => Ok(Experts::Classes),
         None => {
-            let list = arguments.list.as_deref().unwrap_or(Path::new("the list")).display();
+            let list = plan.list.as_deref().unwrap_or(Path::new("the list")).display();
             Err(Failure::Usage(format!("{list}: names tell no classes; give --clusters K or --plain")))
         }
     }

@@ -1,34 +1,13 @@
 //! Photos of a scene on disk are located in it; what does not fit together is refused by name.
 
+use crate::command::{printed, refused};
 use std::path::Path;
-use std::process::{Command, Output};
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_io::{Image, Transforms, read_cameras, write_gaussians};
 use weaver_scene::{Frame, Gaussians};
 
 const ALIGN: &str = "align scene.ply --photos photos --cameras guess.json --background black -o aligned";
-
-fn splatweaver(folder: &Path, line: &str) -> Output {
-    let arguments = line.split_whitespace();
-    Command::new(env!("CARGO_BIN_EXE_splatweaver")).current_dir(folder).args(arguments).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-fn printed(folder: &Path, line: &str) -> String {
-    let done = splatweaver(folder, line);
-    assert!(done.status.success(), "{line}: {}", text(&done.stderr));
-    text(&done.stdout)
-}
-
-fn refused(folder: &Path, line: &str, code: i32) -> String {
-    let done = splatweaver(folder, line);
-    assert_eq!(done.status.code(), Some(code), "{line}: {}", text(&done.stdout));
-    text(&done.stderr)
-}
 
 /// Gaussians of many colors in a box before the camera.
 fn gaussians() -> Gaussians {

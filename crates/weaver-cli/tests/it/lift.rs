@@ -1,7 +1,7 @@
 //! Features of files lifted to a file of Gaussians, and queries; what does not fit together is refused by name.
 
+use crate::command::{printed, refused, splatweaver, text};
 use std::path::Path;
-use std::process::{Command, Output};
 use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_io::checkpoint::Tensors;
 use weaver_io::{Image, Transforms, write_gaussians};
@@ -12,32 +12,9 @@ const HEIGHT: usize = 24;
 const CAMERAS: usize = 3;
 const SPLATS: usize = 24;
 
-fn splatweaver(folder: &Path, line: &str) -> Output {
-    let arguments = line.split_whitespace();
-    Command::new(env!("CARGO_BIN_EXE_splatweaver")).current_dir(folder).args(arguments).output().unwrap()
-}
-
 const LIFT: &str = "lift scene.ply --cameras transforms.json --features features -o lifted.safetensors";
 const QUERY: &str =
     "query scene.ply --features lifted.safetensors --prompts prompts.npy --cameras transforms.json -o maps";
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-/// What a command prints that succeeds.
-fn printed(folder: &Path, line: &str) -> String {
-    let done = splatweaver(folder, line);
-    assert!(done.status.success(), "{line}: {}", text(&done.stderr));
-    text(&done.stdout)
-}
-
-/// The message of a command that fails with this exit code.
-fn refused(folder: &Path, line: &str, code: i32) -> String {
-    let done = splatweaver(folder, line);
-    assert_eq!(done.status.code(), Some(code), "{line}: {}", text(&done.stdout));
-    text(&done.stderr)
-}
 
 fn npy(path: &Path, shape: &[usize], kind: &str, data: &[u8]) {
     let shape: String = shape.iter().map(|side| format!("{side}, ")).collect();

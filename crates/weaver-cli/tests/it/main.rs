@@ -1,6 +1,7 @@
 //! The binary as a process: exit codes, signals, pipes, and what it starts itself.
 
 mod align;
+mod command;
 mod device;
 mod eval_scene;
 #[cfg(unix)]
@@ -11,4 +12,5 @@ mod lift;
 mod photos;
 mod plan;
 mod process;
+mod vad;
 mod video;

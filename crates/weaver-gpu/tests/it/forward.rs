@@ -96,6 +96,9 @@ fn many_gaussians() {
     let mut scene = Scene::random(4, 5000, 1, (301, 203), Some(1)).with_channels(0);
     scene.scales.iter_mut().for_each(|scale| *scale *= 0.1);
     check(&rasterizer, &scene).unwrap();
+    let decided = decided(&rounded(&scene));
+    let share = decided.iter().filter(|decided| **decided).count() as f64 / decided.len() as f64;
+    assert!(share >= 0.995, "{share}");
 }
 
 /// Equal depths stay in the order of their indices.

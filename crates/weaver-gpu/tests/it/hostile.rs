@@ -150,3 +150,39 @@ fn a_device_of_ones_own_draws_the_same() {
     let drawn = |rasterizer: &GpuRasterizer| render(rasterizer, &mut GpuWorkspace::default(), &scene);
     assert!(drawn(&own) == drawn(&rasterizer));
 }
+
+/// A device that is gone, and one whose memory does not suffice, are errors that name the adapter.
+#[test]
+fn a_lost_device_is_an_error() {
+    let Some(lost) = with_limits(wgpu::Limits::default()) else { return println!("skipped: no adapter") };
+    let scene = Scene::random(27, 50, 1, (33, 20), Some(1)).with_channels(0).to_f32();
+    let mut workspace = GpuWorkspace::default();
+    render(&lost, &mut workspace, &scene);
+    lost.context().device().destroy();
+    let mut drawn = || {
+        let (mut image, mut alpha) = (vec![0.0; 3 * scene.pixels()], vec![0.0; scene.pixels()]);
+        let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
+        let (gaussians, cameras) = (scene.gaussians(), scene.cameras());
+        lost.forward(&gaussians, &cameras, &scene.settings, &mut workspace, images).unwrap_err().to_string()
+    };
+    // The second time as well, when buffers have to be made anew.
+    for _ in 0..2 {
+        let error = drawn();
+        assert!(error.contains("failed:") && error.contains(&lost.context().adapter().name), "{error}");
+    }
+}
+
+#[test]
+fn memory_that_no_buffer_may_have_is_an_error() {
+    let limits =
+        wgpu::Limits { max_buffer_size: 256 << 10, max_storage_buffer_binding_size: 256 << 10, ..Default::default() };
+    let Some(small) = with_limits(limits) else { return println!("skipped: no adapter") };
+    // The image itself is what does not fit.
+    let scene = Scene::random(28, 5, 1, (200, 150), None).with_channels(0).to_f32();
+    let (mut image, mut alpha) = (vec![0.0; 3 * scene.pixels()], vec![0.0; scene.pixels()]);
+    let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
+    let (gaussians, cameras) = (scene.gaussians(), scene.cameras());
+    let mut workspace = small.workspace();
+    let error = small.forward(&gaussians, &cameras, &scene.settings, &mut workspace, images).unwrap_err().to_string();
+    assert!(error.contains("max_buffer_size of 262144, 600000 are needed: pixels"), "{error}");
+}

@@ -3,6 +3,7 @@
 mod backward;
 mod bits;
 mod device;
+mod encode;
 mod fixtures;
 mod forward;
 mod hostile;

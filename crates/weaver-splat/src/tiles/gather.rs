@@ -6,6 +6,7 @@ use super::primitive::{Footprint, Response};
 use super::traverse::{Hit, Visitor, traverse};
 use super::window::{Window, windows_of};
 use super::{Record, Tiles};
+use crate::columns::prefetch_rows;
 use crate::gradients::{Target, put};
 use crate::memory::grown;
 use std::sync::atomic::AtomicU32;
@@ -78,14 +79,24 @@ impl<T: Real> Tiles<T> {
     /// If the length does not fit.
     pub(crate) fn sum_features(&self, target: Target<'_, T>, channels: usize) {
         assert_eq!(target.values.len(), self.per_view * channels, "sums of features of each primitive");
+        /// How many primitives ahead rows are fetched, which are anywhere in memory.
+        const AHEAD: usize = 4;
         let (add, channels) = (target.add, channels.max(1));
+        let rows = |n: usize| (0..self.views).flat_map(move |v| self.feature_entries(v, n, channels));
         parallel::for_chunks(target.values, CHUNK * channels, |chunk, out| {
+            let end = chunk * CHUNK + out.len() / channels;
             for (i, out) in out.chunks_exact_mut(channels).enumerate() {
                 let n = chunk * CHUNK + i;
-                let rows = (0..self.views).flat_map(|v| self.feature_entries(v, n, channels));
+                if n + AHEAD < end {
+                    rows(n + AHEAD).for_each(|row| prefetch_rows(row, 0, channels));
+                }
+                // Most of a large scene is not in a view: nothing of it is touched.
+                if add && rows(n).next().is_none() {
+                    continue;
+                }
                 for (block, out) in out.chunks_mut(LANES).enumerate() {
                     let mut sums = [T::ZERO; LANES];
-                    for row in rows.clone() {
+                    for row in rows(n) {
                         sums.iter_mut().zip(&row[block * LANES..]).for_each(|(sum, x)| *sum += *x);
                     }
                     out.iter_mut().zip(sums).for_each(|(out, sum)| put(out, add, sum));

@@ -1,10 +1,12 @@
 //! Training: it learns, the same seed gives the same bits, and files keep what was learned.
 
+use std::ops::ControlFlow;
+use std::path::PathBuf;
 use weaver_kernels::random::Stream;
 use weaver_vad::metrics::{SNIPPET, ScoredVideo, frame_metrics};
 use weaver_vad::{
-    ConvolutionSizes, Detector, EncoderKind, Error, Experts, Features, Labels, Planted, Rule, Schedule, Splatting,
-    TrainingSet, UrDmuSizes,
+    Checkpoint, ConvolutionSizes, Detector, EncoderKind, Error, Experts, Features, Labels, Observe, Planted, Result,
+    Rule, Schedule, Snapshot, Splatting, StepReport, TrainingSet, UrDmuSizes,
 };
 
 fn schedule(experts: Experts, steps: usize) -> Schedule {
@@ -23,8 +25,9 @@ fn an_encoder_learns_where_anomalies_are() {
     let mut losses = Vec::new();
     let mut schedule = Schedule { labels: Labels::None, ..schedule(Experts::None, 60) };
     schedule.encoder.rate = 1e-2;
-    let detector =
-        schedule.train(&TrainingSet::planted(&planted), convolutions(4), &mut |step| losses.push(step.loss)).unwrap();
+    let detector = schedule
+        .train(&TrainingSet::planted(&planted), convolutions(4), &mut |step: &StepReport| losses.push(step.loss))
+        .unwrap();
     assert_eq!(losses.len(), 60);
     assert!(losses[50..].iter().sum::<f64>() < 0.8 * losses[..10].iter().sum::<f64>(), "{losses:?}");
     let scored = planted.test().into_iter().map(|video| ScoredVideo {
@@ -44,7 +47,7 @@ fn whole_trainings_repeat_to_the_bit_and_are_kept_in_files() {
     let train = |experts| {
         let schedule = schedule(experts, 6);
         let mut steps = 0;
-        let detector = schedule.train(&set, kind, &mut |_| steps += 1).unwrap();
+        let detector = schedule.train(&set, kind, &mut |_: &StepReport| steps += 1).unwrap();
         assert_eq!(steps, schedule.steps(&set));
         detector
     };
@@ -69,7 +72,8 @@ fn whole_trainings_repeat_to_the_bit_and_are_kept_in_files() {
 fn a_loss_that_is_not_finite_ends_training() {
     let mut schedule = Schedule { labels: Labels::None, ..schedule(Experts::None, 20) };
     schedule.encoder.rate = f64::INFINITY;
-    let error = schedule.train(&TrainingSet::planted(&Planted::new(0)), convolutions(0), &mut |_| ()).unwrap_err();
+    let error =
+        schedule.train(&TrainingSet::planted(&Planted::new(0)), convolutions(0), &mut |_: &StepReport| ()).unwrap_err();
     assert!(matches!(error, Error::Diverged { .. }), "{error}");
 }
 
@@ -85,4 +89,54 @@ fn equal_crops_give_the_curve_of_one() {
     let all = detector.curves(&Features::open(&[path]).unwrap()).unwrap();
     let single = detector.curves(&Features::in_memory(one, 32)).unwrap();
     assert!(all.scores().iter().zip(single.scores()).all(|(a, b)| (a - b).abs() < 1e-6));
+}
+
+/// Ends training after so many steps, having written a checkpoint.
+struct Stop {
+    left: usize,
+    path: PathBuf,
+}
+
+impl Observe for Stop {
+    fn step(&mut self, _report: &StepReport, snapshot: &Snapshot<'_>) -> Result<ControlFlow<()>> {
+        self.left -= 1;
+        if self.left > 0 {
+            return Ok(ControlFlow::Continue(()));
+        }
+        snapshot.write(&self.path, "kept")?;
+        Ok(ControlFlow::Break(()))
+    }
+}
+
+/// Wherever training is stopped, going on from its checkpoint gives the bits of one that was not.
+#[test]
+fn a_stopped_training_goes_on_to_the_same_bits() {
+    let planted = Planted::new(6);
+    let set = TrainingSet::planted(&planted);
+    let (schedule, kind) = (schedule(Experts::Clusters(2), 4), convolutions(0));
+    let whole = schedule.train(&set, kind, &mut |_: &StepReport| ()).unwrap();
+    let features = &planted.test()[1].features;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.safetensors");
+    let total = schedule.steps(&set);
+    // In the encoder, between stages, in the second expert, in the gate, at the very end.
+    for at in [2, 4, 6, total - 4, total - 1, total] {
+        let stopped = schedule.train(&set, kind, &mut Stop { left: at, path: path.clone() }).unwrap_err();
+        assert!(matches!(stopped, Error::Stopped { .. }), "{stopped}");
+        let (detector, checkpoint, told) = Checkpoint::read(&path).unwrap();
+        assert_eq!(told, "kept");
+        let mut rest = 0;
+        let resumed = schedule.resume(&set, (detector, checkpoint), &mut |_: &StepReport| rest += 1).unwrap();
+        assert_eq!(rest, total - at);
+        assert_eq!(resumed.curves(features).unwrap(), whole.curves(features).unwrap(), "stopped after {at}");
+    }
+    // Weights are no checkpoint, and a schedule without the stage is another training.
+    let (detector, checkpoint, _) = Checkpoint::read(&path).unwrap();
+    assert_eq!(checkpoint.place().0, "gate");
+    let plain = Schedule { experts: Experts::None, ..schedule };
+    let error = plain.resume(&set, (detector.clone(), checkpoint), &mut |_: &StepReport| ()).unwrap_err();
+    assert!(error.to_string().contains("stage: expected one of this training, found gate"), "{error}");
+    detector.write(&path, "").unwrap();
+    let error = Checkpoint::read(&path).unwrap_err().to_string();
+    assert!(error.contains("checkpoint.safetensors") && error.contains("vad."), "{error}");
 }

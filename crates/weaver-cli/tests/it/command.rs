@@ -1,0 +1,28 @@
+//! The binary as a user calls it: a line of arguments in a folder.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+pub const BINARY: &str = env!("CARGO_BIN_EXE_splatweaver");
+
+pub fn splatweaver(folder: &Path, line: &str) -> Output {
+    Command::new(BINARY).current_dir(folder).args(line.split_whitespace()).output().unwrap()
+}
+
+pub fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// What a command prints that succeeds.
+pub fn printed(folder: &Path, line: &str) -> String {
+    let done = splatweaver(folder, line);
+    assert!(done.status.success(), "{line}: {}", text(&done.stderr));
+    text(&done.stdout)
+}
+
+/// The message of a command that fails with this exit code.
+pub fn refused(folder: &Path, line: &str, code: i32) -> String {
+    let done = splatweaver(folder, line);
+    assert_eq!(done.status.code(), Some(code), "{line}: {}", text(&done.stdout));
+    text(&done.stderr)
+}

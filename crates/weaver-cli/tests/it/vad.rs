@@ -1,0 +1,104 @@
+//! Detectors of anomalies are trained, stopped, judged and used; what does not fit together is refused by name.
+
+use crate::command::{BINARY, printed, refused, text};
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use weaver_io::{Background, Image, write_npy};
+
+const TRAIN: &str = "vad train --encoder convolutions --steps 30 --threads 1";
+
+/// The numbers that a command prints as JSON.
+fn json(folder: &Path, line: &str) -> serde_json::Value {
+    serde_json::from_str(&printed(folder, line)).unwrap()
+}
+
+#[test]
+fn planted_anomalies_are_learned_and_judged() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let out = printed(folder, &format!("{TRAIN} --out run"));
+    assert!(out.contains("AUC") && out.contains("report: run/report.html"), "{out}");
+    let log = fs::read_to_string(folder.join("run/training.jsonl")).unwrap();
+    // 30 steps, 20 on labels, 15 of each of four experts, 20 of the gate.
+    assert_eq!(log.lines().count(), 30 + 20 + 4 * 15 + 20);
+    assert!(!folder.join("run/checkpoint.safetensors").exists());
+    let report = fs::read_to_string(folder.join("run/report.html")).unwrap();
+    assert_eq!(report.matches("<img").count() + report.matches("<svg").count(), 10, "ten videos");
+    let metrics = json(folder, "vad eval --run run --json");
+    let auc = metrics["auc"].as_f64().unwrap();
+    assert!(auc > 0.5 && auc <= 1.0, "{metrics}");
+    let error = refused(folder, &format!("{TRAIN} --out run"), 2);
+    assert!(error.contains("run/model.safetensors: a run is there already"), "{error}");
+    let error = refused(folder, "vad train --resume run", 2);
+    assert!(error.contains("run: the run is complete"), "{error}");
+    let error = refused(folder, "vad train --resume run --steps 5", 2);
+    assert!(error.contains("cannot be used with"), "{error}");
+    let error = refused(folder, "vad train --resume nowhere", 1);
+    assert!(error.contains("nowhere/checkpoint.safetensors"), "{error}");
+}
+
+/// The scores of a video, its curve and picture; scores that are judged again.
+#[test]
+fn videos_are_scored() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    printed(folder, &format!("{TRAIN} --plain --splat none --out run"));
+    let snippets = 20;
+    let numbers: Vec<f32> = (0..snippets * 32).map(|i| ((i * 37) % 101) as f32 / 50.0 - 1.0).collect();
+    for name in ["Abuse001_x264", "Normal_Videos_002_x264"] {
+        write_npy(folder.join(format!("{name}.npy")), &[snippets, 32], &numbers).unwrap();
+    }
+    let annotation = "Abuse001_x264.mp4 320 Abuse 32 95 -1 -1\nNormal_Videos_002_x264.mp4 320 Normal -1 -1 -1 -1\n";
+    fs::write(folder.join("annotation.txt"), annotation).unwrap();
+    let files = "Abuse001_x264.npy Normal_Videos_002_x264.npy";
+    printed(folder, &format!("vad score --run run {files} --annotation annotation.txt -o curves"));
+    let table = fs::read_to_string(folder.join("curves/Abuse001_x264.csv")).unwrap();
+    assert_eq!(table.lines().count(), 1 + snippets);
+    let picture = Image::read(folder.join("curves/Abuse001_x264.png"), Background::Black).unwrap();
+    assert!(picture.width > 200);
+    let metrics = json(folder, "vad metrics --scores curves --annotation annotation.txt --json");
+    assert!(metrics["auc"].as_f64().is_some_and(|auc| (0.0..=1.0).contains(&auc)), "{metrics}");
+
+    write_npy(folder.join("narrow.npy"), &[4, 8], &[0.0; 32]).unwrap();
+    let error = refused(folder, "vad score --run run narrow.npy -o curves", 1);
+    assert!(error.contains("narrow.npy: expected 32 features") && error.contains("found 8"), "{error}");
+    let mut spoiled = numbers;
+    spoiled[40] = f32::NAN;
+    write_npy(folder.join("nan.npy"), &[snippets, 32], &spoiled).unwrap();
+    let error = refused(folder, "vad score --run run nan.npy -o curves", 1);
+    assert!(error.contains("nan.npy") && error.to_lowercase().contains("nan"), "{error}");
+}
+
+/// Ctrl-C keeps what was learned, and the run goes on to the bits of one that was left alone.
+#[cfg(unix)]
+#[test]
+fn a_training_that_is_interrupted_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    printed(folder, &format!("{TRAIN} --out whole"));
+    let line = format!("{TRAIN} --out parts");
+    let child = Command::new(BINARY)
+        .current_dir(folder)
+        .args(line.split_whitespace())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let log = folder.join("parts/training.jsonl");
+    while fs::read_to_string(&log).map_or(0, |text| text.lines().count()) < 35 {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let id = child.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    let done = child.wait_with_output().unwrap();
+    let said = text(&done.stderr);
+    assert!(done.status.success() && said.contains("to go on: splatweaver vad train --resume parts"), "{said}");
+    let error = refused(folder, &line, 2);
+    assert!(error.contains("go on with --resume"), "{error}");
+    printed(folder, "vad train --resume parts --threads 2");
+    for file in ["model.safetensors", "training.jsonl"] {
+        let read = |run: &str| fs::read(folder.join(run).join(file)).unwrap();
+        assert!(read("parts") == read("whole"), "{file}");
+    }
+}
