@@ -7,13 +7,11 @@
 use std::collections::BTreeMap;
 use weaver_vad::metrics::{FrameMetrics, SNIPPET, ScoredVideo, frame_metrics};
 use weaver_vad::{
-    ConvolutionSizes, Curves, DeepMilSizes, Detector, EncoderKind, Labels, Planted, PlantedVideo, Result, Rule,
-    Splatting, Stage, StepReport, Trainer, TrainingSet, UrDmuSizes,
+    ConvolutionSizes, Curves, DeepMilSizes, Detector, EncoderKind, Experts, Labels, Planted, PlantedVideo, Result,
+    Rule, Schedule, Splatting, Stage, StepReport, Trainer, TrainingSet, UrDmuSizes,
 };
 
 const FEATURES: usize = 32;
-/// Learning rate of encoders.
-const RATE: f64 = 3e-3;
 
 /// AUC and AUC over abnormal videos, by row and seed.
 type Table = BTreeMap<(usize, String), Vec<[f64; 2]>>;
@@ -31,7 +29,10 @@ fn run(arguments: &[String]) -> Result<()> {
     let encoder = arguments.first().map_or("urdmu", String::as_str);
     let seeds = arguments.get(1).map_or("6", String::as_str);
     let (first, end) = seeds.split_once("..").unwrap_or(("0", seeds));
-    let rate: f64 = arguments.get(2).and_then(|text| text.parse().ok()).unwrap_or(RATE);
+    let rate = arguments
+        .get(2)
+        .and_then(|text| text.parse().ok())
+        .unwrap_or(Schedule::planted(Labels::None, Experts::None, 0).encoder.rate);
     let short = arguments.iter().any(|argument| argument == "short");
     let mut table = Table::new();
     for seed in first.parse().unwrap_or(0)..end.parse().unwrap_or(6) {
@@ -86,6 +87,8 @@ impl Ladder {
             self.row(name, &detector)?;
             on_labels.push(detector);
         }
+        self.note("the same steps: of events and of the rest above half the peak", self.above_half(&on_labels[0])?);
+        self.note("+ T: of events and of the rest above half the peak", self.above_half(&on_labels[1])?);
         if short {
             return Ok(());
         }
@@ -93,6 +96,8 @@ impl Ladder {
         self.experts("cluster", &on_labels[1], t, Some(4))?;
         let heads = self.begun(self.kinds[1])?;
         self.row("class heads", &heads)?;
+        let metrics = self.judged(&heads, |curves| highest(&curves.classes))?;
+        self.push("class heads, the highest", &metrics);
         let same = self.continued(&heads, Labels::None)?;
         self.row("class heads, the same steps", &same)?;
         let splatted = self.continued(&heads, t)?;
@@ -136,22 +141,18 @@ impl Ladder {
 
     /// Rows with experts, and with their gate.
     fn experts(&mut self, name: &str, from: &Detector, labels: Labels, clusters: Option<usize>) -> Result<Detector> {
-        let stage = |steps| Stage { steps, rate: 1e-3, l2: 0.0, decay: 0.01, dropout: 0.0 };
+        let Schedule { expert, gate, .. } = Schedule::planted(labels, Experts::Classes, self.planted.seed);
         let mut detector = from.clone();
         self.trained(64, |trainer| {
             let groups = match clusters {
                 None => trainer.by_class(),
                 Some(k) => trainer.by_cluster(&detector, k)?,
             };
-            trainer.experts(&mut detector, &groups, &stage(150), labels)
+            trainer.experts(&mut detector, &groups, &expert, labels)
         })?;
-        let highest = |curves: Curves| {
-            let of = |i: usize| curves.experts.iter().map(|curve| curve[i]).fold(0.0, f32::max);
-            (0..curves.encoder.len()).map(of).collect()
-        };
-        let metrics = self.judged(&detector, highest)?;
+        let metrics = self.judged(&detector, |curves| highest(&curves.experts))?;
         self.push(&format!("{name} experts, the highest"), &metrics);
-        self.trained(64, |trainer| trainer.gate(&mut detector, &stage(200), labels))?;
+        self.trained(64, |trainer| trainer.gate(&mut detector, &gate, labels))?;
         self.row(&format!("{name} experts + gate"), &detector)?;
         Ok(detector)
     }
@@ -203,6 +204,21 @@ impl Ladder {
         }
     }
 
+    /// Of the snippets of events, and of the others of their videos, the shares with more than half of the video's highest score.
+    fn above_half(&self, detector: &Detector) -> Result<[f64; 2]> {
+        let (mut above, mut all) = ([0.0; 2], [0.0; 2]);
+        for video in self.test.iter().filter(|video| video.class.is_some()) {
+            let curves = detector.curves(&video.features)?;
+            let half = 0.5 * curves.scores().iter().fold(0.0, |most: f32, s| most.max(*s));
+            for (score, label) in curves.scores().iter().zip(&video.labels) {
+                let side = usize::from(!label);
+                all[side] += 1.0;
+                above[side] += f64::from(u8::from(*score > half));
+            }
+        }
+        Ok([0, 1].map(|side| above[side] / all[side]))
+    }
+
     fn row(&mut self, name: &str, detector: &Detector) -> Result<()> {
         let metrics = self.judged(detector, |curves| curves.scores().to_vec())?;
         self.push(name, &metrics);
@@ -242,6 +258,13 @@ fn summary(table: &Table) {
         let ((auc, _), (abnormal, error)) = (mean_and_error(&column(0)), mean_and_error(&column(1)));
         println!("{name:<46} {auc:>6.3} {abnormal:>7.3} +- {error:.3}");
     }
+    // Nobody knows more than the matched filter.
+    if let Some(filter) = of("matched filter").map(|values| mean_and_error(&values).0) {
+        for ((_, name), values) in table.iter().filter(|((_, name), _)| !name.contains("half the peak")) {
+            let abnormal = mean_and_error(&values.iter().map(|v| v[1]).collect::<Vec<f64>>()).0;
+            assert!(abnormal <= filter + 0.01, "{name} is above the matched filter: {abnormal}");
+        }
+    }
     println!("\npaired differences of AUC_A, 95 % intervals");
     for (name, against) in [
         ("+ T", "the same steps"),
@@ -253,6 +276,8 @@ fn summary(table: &Table) {
         ("class experts + gate", "+ T"),
         ("cluster experts + gate", "+ T"),
         ("class heads + T", "class heads, the same steps"),
+        ("class heads + T, class experts + gate", "class heads + T"),
+        ("class heads + T, class experts + gate", "class heads, class experts + gate"),
         ("class heads + T, class experts + gate", "class heads, the same steps"),
         ("class heads + T, class experts + gate", "plain"),
         ("class heads + T, class experts + gate", "class heads + T, class, no labels, experts + gate"),
@@ -263,6 +288,12 @@ fn summary(table: &Table) {
         let reach = error * student(difference.len());
         println!("{name} - {against}: {mean:+.4} [{:+.4}, {:+.4}]", mean - reach, mean + reach);
     }
+}
+
+/// The highest of several curves, snippet by snippet.
+fn highest(curves: &[Vec<f32>]) -> Vec<f32> {
+    let snippets = curves.first().map_or(0, Vec::len);
+    (0..snippets).map(|i| curves.iter().map(|curve| curve[i]).fold(0.0, f32::max)).collect()
 }
 
 /// The mean and its standard error.

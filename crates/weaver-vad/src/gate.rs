@@ -17,13 +17,16 @@ pub struct GateSizes {
     pub heads: usize,
     /// Hidden numbers of the layers that end in the score.
     pub tower: Vec<usize>,
+    /// Whether both attentions are added to what they attend from. Without it, as published, nothing but sharp attention tells one snippet
+    /// from another, and a gate learns to tell videos apart instead.
+    pub residual: bool,
 }
 
 impl GateSizes {
-    /// The published sizes at width 1024, others in proportion.
+    /// The published sizes at width 1024, others in proportion; residual.
     pub fn of(width: usize, experts: usize) -> Self {
         let tower = [1, 2, 4, 8].map(|part| (width / part).max(8)).to_vec();
-        Self { width, experts, hidden: width, heads: 4, tower }
+        Self { width, experts, hidden: width, heads: 4, tower, residual: true }
     }
 }
 
@@ -52,6 +55,7 @@ pub struct Gate {
     projections: [Projection; 6],
     block: Block,
     tower: Tower,
+    residual: bool,
 }
 
 impl Gate {
@@ -63,6 +67,7 @@ impl Gate {
             projections: names.map(|name| Projection::new(&mut builder, name, sizes.width)),
             block: Block::new(builder.scope_here(), 2 * sizes.width, sizes.hidden, sizes.heads),
             tower: Tower::new(builder.scope("score"), 2 * sizes.width, &sizes.tower),
+            residual: sizes.residual,
         }
     }
 
@@ -72,7 +77,7 @@ impl Gate {
     }
 
     /// z `[B, T, width]` and expert scores `[B, T, experts]` give scores `[B, T]` in (0, 1):
-    /// with `B = in(E)`, `[softmax(Q1 z (K1 z)^T / sqrt d) V1 B ; softmax(Q2 B (K2 B)^T / sqrt d) V2 z]` goes through block and layers.
+    /// with `B = in(E)`, `[softmax(Q1 z (K1 z)^T / sqrt d) V1 B ; softmax(Q2 B (K2 B)^T / sqrt d) V2 z]`, plus `[B ; z]` if it is residual, goes through block and layers.
     /// Differentiable in both and the parameters.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, z: Var<'t, T>, experts: Var<'t, T>) -> Var<'t, T> {
         let b = self.input.forward(cx, experts);
@@ -81,6 +86,8 @@ impl Gate {
         let attend = |q: Var<'t, T>, k, v| ops::attention(q, k, v, scale).reshape(z.shape());
         let of_scores = attend(q1.forward(cx, z), k1.forward(cx, z), v1.forward(cx, b));
         let of_features = attend(q2.forward(cx, b), k2.forward(cx, b), v2.forward(cx, z));
+        let (of_scores, of_features) =
+            if self.residual { (b + of_scores, z + of_features) } else { (of_scores, of_features) };
         let both = ops::concat(&[of_scores, of_features], 2);
         self.tower.forward(cx, cx.tape.steps(|| self.block.forward(cx, both)).end())
     }

@@ -52,10 +52,11 @@ impl Schedule {
 
     /// For the planted videos.
     pub fn planted(labels: Labels, experts: Experts, seed: u64) -> Self {
-        let encoder = Stage { steps: 300, rate: 1e-3, l2: 5e-5, decay: 0.0, dropout: 0.1 };
-        let later = Stage { steps: 150, rate: 1e-3, l2: 0.0, decay: 0.01, dropout: 0.0 };
-        let (splatting, gate) = (Stage { steps: 200, ..encoder }, Stage { steps: 200, ..later });
-        Self { segments: 64, batch: 12, encoder, splatting, expert: later, gate, labels, experts, seed }
+        let encoder = Stage { steps: 300, rate: 3e-3, l2: 5e-5, decay: 0.0, dropout: 0.1 };
+        let expert = Stage { steps: 150, rate: 2e-3, l2: 0.0, decay: 0.01, dropout: 0.0 };
+        let gate = Stage { steps: 200, rate: 1e-3, ..expert };
+        let splatting = Stage { steps: 200, ..encoder };
+        Self { segments: 64, batch: 12, encoder, splatting, expert, gate, labels, experts, seed }
     }
 
     /// The same, all stages longer or shorter.

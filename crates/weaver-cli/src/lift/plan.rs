@@ -33,10 +33,12 @@ impl Plan {
             Solver::Exact { .. } | Solver::Damped { .. } => 4,
             _ => 1,
         };
+        // Given and as the file has them; drawn, and the difference.
+        let copies = if options.solver.draws() { 4 } else { 2 };
         let parts = vec![
             ("features of all Gaussians", NUMBER * splats * channels),
             ("a block of them, and steps", vectors * NUMBER * splats * block),
-            ("a view's pixels", NUMBER * (most * (4 * block + 6) + all)),
+            ("a view's pixels", NUMBER * (most * (copies * block + 6) + all)),
             ("lists of the rasterizer", entries * (PER_ENTRY + NUMBER * block) + splats * PER_SPLAT),
         ];
         let (views, blocks) = (cameras.len(), channels.div_ceil(block));

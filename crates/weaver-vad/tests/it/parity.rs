@@ -74,7 +74,7 @@ fn experts_and_gate_equal_the_reference() {
     let sizes = ExpertSizes { width: 16, hidden: 8, heads: 2, tower: vec![12, 8, 6, 4] };
     let experts: Vec<Expert> =
         (0..3).map(|e| Expert::new(Builder::new(&mut params, 0).scope(format!("expert{e}")), &sizes)).collect();
-    let sizes = GateSizes { width: 16, experts: 3, hidden: 16, heads: 4, tower: vec![16, 12, 8, 6] };
+    let sizes = GateSizes { width: 16, experts: 3, hidden: 16, heads: 4, tower: vec![16, 12, 8, 6], residual: false };
     let gate = Gate::new(Builder::new(&mut params, 0).scope("gate"), &sizes);
     file.load(&mut params);
     let tape = Tape::<f64>::new();
