@@ -106,6 +106,8 @@ impl Ladder {
         self.specialists(&gated)?;
         self.experts("class heads + T, class, no labels,", &splatted, Labels::None, None)?;
         self.experts("class heads, class", &heads, t, None)?;
+        let published = splatted.clone().with_published_experts();
+        self.experts("class heads + T, class, as published,", &published, t, None)?;
         self.baselines()
     }
 

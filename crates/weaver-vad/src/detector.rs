@@ -22,6 +22,8 @@ pub struct Detector {
     /// What each expert is for.
     pub(crate) names: Vec<String>,
     pub(crate) gate: Option<Gate>,
+    /// Whether experts and gate are as published.
+    pub(crate) published: bool,
 }
 
 /// The curves of a video, each with a score for every snippet.
@@ -59,7 +61,19 @@ impl Detector {
     pub fn new(kind: EncoderKind, seed: u64) -> Self {
         let mut params = Params::new();
         let encoder = Encoder::new(Builder::new(&mut params, seed), &kind);
-        Self { params, kind, encoder, experts: Vec::new(), names: Vec::new(), gate: None }
+        Self { params, kind, encoder, experts: Vec::new(), names: Vec::new(), gate: None, published: false }
+    }
+
+    /// The same, whose experts and gate will be as published: with attention in their blocks, and a gate without residual paths. Either lets a
+    /// curve depend on the whole video at every snippet; on planted anomalies it then tells videos apart, not snippets.
+    ///
+    /// # Panics
+    /// When there are experts already.
+    #[must_use]
+    pub fn with_published_experts(mut self) -> Self {
+        assert!(self.experts.is_empty(), "there are experts already");
+        self.published = true;
+        self
     }
 
     /// Adds an expert for each name, with initial weights, and no gate yet.
@@ -68,7 +82,7 @@ impl Detector {
     /// When there are experts already.
     pub fn add_experts(&mut self, names: Vec<String>, seed: u64) {
         assert!(self.experts.is_empty(), "experts are added once");
-        let sizes = ExpertSizes::of(self.width());
+        let sizes = if self.published { ExpertSizes::published } else { ExpertSizes::local }(self.width());
         for e in 0..names.len() {
             let mut builder = Builder::new(&mut self.params, seed);
             self.experts.push(Expert::new(builder.scope(format!("{EXPERT}{e}")), &sizes));
@@ -82,7 +96,8 @@ impl Detector {
     /// When there is one already.
     pub fn add_gate(&mut self, seed: u64) {
         assert!(self.gate.is_none(), "a gate is added once");
-        let sizes = GateSizes::of(self.width(), self.experts.len());
+        let sizes = if self.published { GateSizes::published } else { GateSizes::local };
+        let sizes = sizes(self.width(), self.experts.len());
         self.gate = Some(Gate::new(Builder::new(&mut self.params, seed).scope(GATE), &sizes));
     }
 

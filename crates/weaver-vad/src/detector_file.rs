@@ -14,6 +14,7 @@ const PUBLISHED_HEAD: usize = 128;
 const ENCODER: &str = "vad.encoder";
 const HEADS: &str = "vad.heads";
 const EXPERTS: &str = "vad.experts";
+const PUBLISHED: &str = "vad.experts.published";
 const TOLD: &str = "vad.told";
 
 impl Detector {
@@ -38,7 +39,10 @@ impl Detector {
             EncoderKind::Rtfm(_) => ("rtfm", 0),
         };
         let names = self.names.join(",");
-        for (key, value) in [(ENCODER, encoder), (HEADS, &heads.to_string()), (EXPERTS, &names), (TOLD, told)] {
+        let (heads, published) = (heads.to_string(), self.published.to_string());
+        for (key, value) in
+            [(ENCODER, encoder), (HEADS, &heads), (EXPERTS, &names), (PUBLISHED, &published), (TOLD, told)]
+        {
             tensors.metadata.insert(key.into(), value.into());
         }
         tensors
@@ -57,6 +61,7 @@ impl Detector {
         let mut detector = Self::new(kind(tensors, path)?, 0);
         let told = |key: &str| tensors.metadata.get(key).map_or("", String::as_str);
         let names: Vec<String> = told(EXPERTS).split(',').filter(|name| !name.is_empty()).map(str::to_string).collect();
+        detector.published = told(PUBLISHED) == "true";
         if !names.is_empty() {
             detector.add_experts(names, 0);
         }

@@ -7,19 +7,22 @@ use weaver_nn::{Attention, Builder, Context, LayerNorm, Linear, WeightInit};
 /// A transformer block with a narrow ReLU network: x += proj(attention(norm1 x)), x += mlp.1(ReLU(mlp.0(norm2 x))).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Block {
-    norm1: LayerNorm,
-    attention: Attention,
+    attention: Option<(LayerNorm, Attention)>,
     norm2: LayerNorm,
     narrow: Linear,
     wide: Linear,
 }
 
 impl Block {
-    pub fn new<T: Real>(mut builder: Builder<'_, T>, width: usize, hidden: usize, heads: usize) -> Self {
+    /// Without heads there is no attention.
+    pub fn new<T: Real>(mut builder: Builder<'_, T>, width: usize, hidden: usize, heads: Option<usize>) -> Self {
         let init = WeightInit::FanIn;
+        let attention = heads.map(|heads| {
+            let norm = LayerNorm::new(builder.scope("norm1"), width, 1e-5);
+            (norm, Attention::new(builder.scope_here(), width, heads, false, init))
+        });
         Self {
-            norm1: LayerNorm::new(builder.scope("norm1"), width, 1e-5),
-            attention: Attention::new(builder.scope_here(), width, heads, false, init),
+            attention,
             norm2: LayerNorm::new(builder.scope("norm2"), width, 1e-5),
             narrow: Linear::new(builder.scope("mlp.0"), width, hidden, init),
             wide: Linear::new(builder.scope("mlp.1"), hidden, width, init),
@@ -28,7 +31,10 @@ impl Block {
 
     /// x `[B, T, width]` gives the same shape.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
-        let attend = || x + self.attention.forward(cx, self.norm1.forward(cx, x), None);
+        let attend = || match &self.attention {
+            Some((norm, attention)) => x + attention.forward(cx, norm.forward(cx, x), None),
+            None => x,
+        };
         let transform = |x: Var<'t, T>| {
             let hidden = self.narrow.forward_with(cx, self.norm2.forward(cx, x), Activation::Relu);
             x + self.wide.forward(cx, hidden)
@@ -67,17 +73,22 @@ pub struct ExpertSizes {
     pub width: usize,
     /// Hidden numbers of the block.
     pub hidden: usize,
-    /// Attention heads.
-    pub heads: usize,
+    /// Attention heads; `None` for no attention.
+    pub heads: Option<usize>,
     /// Hidden numbers of the layers that end in the score.
     pub tower: Vec<usize>,
 }
 
 impl ExpertSizes {
     /// The published sizes at width 1024, others in proportion.
-    pub fn of(width: usize) -> Self {
+    pub fn published(width: usize) -> Self {
         let tower = [2, 4, 8, 16].map(|part| (width / part).max(8)).to_vec();
-        Self { width, hidden: width / 2, heads: 2, tower }
+        Self { width, hidden: width / 2, heads: Some(2), tower }
+    }
+
+    /// The same without attention, by which an expert comes to tell videos apart, not snippets.
+    pub fn local(width: usize) -> Self {
+        Self { heads: None, ..Self::published(width) }
     }
 }
 

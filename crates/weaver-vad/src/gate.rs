@@ -13,20 +13,25 @@ pub struct GateSizes {
     pub experts: usize,
     /// Hidden numbers of the block.
     pub hidden: usize,
-    /// Attention heads of the block.
-    pub heads: usize,
+    /// Attention heads of the block; `None` for no attention there.
+    pub heads: Option<usize>,
     /// Hidden numbers of the layers that end in the score.
     pub tower: Vec<usize>,
-    /// Whether both attentions are added to what they attend from. Without it, as published, nothing but sharp attention tells one snippet
-    /// from another, and a gate learns to tell videos apart instead.
+    /// Whether both attentions, which then begin at zero, are added to what they attend from.
     pub residual: bool,
 }
 
 impl GateSizes {
-    /// The published sizes at width 1024, others in proportion; residual.
-    pub fn of(width: usize, experts: usize) -> Self {
+    /// The published sizes at width 1024, others in proportion.
+    pub fn published(width: usize, experts: usize) -> Self {
         let tower = [1, 2, 4, 8].map(|part| (width / part).max(8)).to_vec();
-        Self { width, experts, hidden: width, heads: 4, tower, residual: true }
+        Self { width, experts, hidden: width, heads: Some(4), tower, residual: false }
+    }
+
+    /// The same, residual and without attention in its block: as published, nothing but sharp attention tells one snippet from another, and
+    /// a gate comes to tell videos apart.
+    pub fn local(width: usize, experts: usize) -> Self {
+        Self { heads: None, residual: true, ..Self::published(width, experts) }
     }
 }
 
@@ -35,8 +40,8 @@ impl GateSizes {
 struct Projection(ParamId);
 
 impl Projection {
-    fn new<T: Real>(builder: &mut Builder<'_, T>, name: &str, width: usize) -> Self {
-        Self(builder.add(name, [width, width], Init::fan_in(width)))
+    fn new<T: Real>(builder: &mut Builder<'_, T>, name: &str, width: usize, init: Init) -> Self {
+        Self(builder.add(name, [width, width], init))
     }
 
     /// x `[B, T, width]` gives `[B, T, 1, width]`, as attention with one head takes it.
@@ -64,7 +69,11 @@ impl Gate {
         let names = ["q1", "k1", "v1", "q2", "k2", "v2"];
         Self {
             input: Linear::new(builder.scope("in"), sizes.experts, sizes.width, WeightInit::FanIn),
-            projections: names.map(|name| Projection::new(&mut builder, name, sizes.width)),
+            projections: names.map(|name| {
+                let starts_at_zero = sizes.residual && name.starts_with('v');
+                let init = if starts_at_zero { Init::Constant(0.0) } else { Init::fan_in(sizes.width) };
+                Projection::new(&mut builder, name, sizes.width, init)
+            }),
             block: Block::new(builder.scope_here(), 2 * sizes.width, sizes.hidden, sizes.heads),
             tower: Tower::new(builder.scope("score"), 2 * sizes.width, &sizes.tower),
             residual: sizes.residual,

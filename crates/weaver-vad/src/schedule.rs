@@ -54,7 +54,7 @@ impl Schedule {
     pub fn planted(labels: Labels, experts: Experts, seed: u64) -> Self {
         let encoder = Stage { steps: 300, rate: 3e-3, l2: 5e-5, decay: 0.0, dropout: 0.1 };
         let expert = Stage { steps: 150, rate: 2e-3, l2: 0.0, decay: 0.01, dropout: 0.0 };
-        let gate = Stage { steps: 200, rate: 1e-3, ..expert };
+        let gate = Stage { steps: 100, rate: 5e-4, ..expert };
         let splatting = Stage { steps: 200, ..encoder };
         Self { segments: 64, batch: 12, encoder, splatting, expert, gate, labels, experts, seed }
     }

@@ -70,16 +70,17 @@ pub fn experts<T: Real>(file: Reference) -> Reference {
     let sizes = ExpertSizes {
         width,
         hidden: rows("expert0.mlp.0".into()),
-        heads: file.size("expert_heads"),
+        heads: Some(file.size("expert_heads")),
         tower: tower("expert0"),
     };
     let experts: Vec<Expert> =
         (0..count).map(|e| Expert::new(Builder::new(&mut params, 0).scope(format!("expert{e}")), &sizes)).collect();
     let sizes = GateSizes {
+        residual: false,
         width,
         experts: count,
         hidden: rows("gate.mlp.0".into()),
-        heads: file.size("gate_heads"),
+        heads: Some(file.size("gate_heads")),
         tower: tower("gate"),
     };
     let gate = Gate::new(Builder::new(&mut params, 0).scope("gate"), &sizes);

@@ -20,8 +20,8 @@ fn planted_anomalies_are_learned_and_judged() {
     let out = printed(folder, &format!("{TRAIN} --out run"));
     assert!(out.contains("AUC") && out.contains("report: run/report.html"), "{out}");
     let log = fs::read_to_string(folder.join("run/training.jsonl")).unwrap();
-    // 30 steps, 20 on labels, 15 of each of four experts, 20 of the gate.
-    assert_eq!(log.lines().count(), 30 + 20 + 4 * 15 + 20);
+    // 30 steps, 20 on labels, 15 of each of four experts, 10 of the gate.
+    assert_eq!(log.lines().count(), 30 + 20 + 4 * 15 + 10);
     assert!(!folder.join("run/checkpoint.safetensors").exists());
     let report = fs::read_to_string(folder.join("run/report.html")).unwrap();
     assert_eq!(report.matches("<img").count() + report.matches("<svg").count(), 10, "ten videos");

@@ -63,7 +63,7 @@ fn the_published_sizes_have_the_published_number_of_parameters() {
     UrDmu::new(Builder::declaring(&mut params), &UrDmuSizes::published(1024));
     assert_eq!(params.count(), 6_492_929);
     let mut params = Params::<f32>::new();
-    Expert::new(Builder::declaring(&mut params), &ExpertSizes::of(1024));
+    Expert::new(Builder::declaring(&mut params), &ExpertSizes::published(1024));
     assert_eq!(params.count(), 5_949_953);
 }
 
@@ -71,10 +71,11 @@ fn the_published_sizes_have_the_published_number_of_parameters() {
 fn experts_and_gate_equal_the_reference() {
     let file = Fixture::open("vad_experts.safetensors");
     let mut params = Params::<f64>::new();
-    let sizes = ExpertSizes { width: 16, hidden: 8, heads: 2, tower: vec![12, 8, 6, 4] };
+    let sizes = ExpertSizes { width: 16, hidden: 8, heads: Some(2), tower: vec![12, 8, 6, 4] };
     let experts: Vec<Expert> =
         (0..3).map(|e| Expert::new(Builder::new(&mut params, 0).scope(format!("expert{e}")), &sizes)).collect();
-    let sizes = GateSizes { width: 16, experts: 3, hidden: 16, heads: 4, tower: vec![16, 12, 8, 6], residual: false };
+    let sizes =
+        GateSizes { width: 16, experts: 3, hidden: 16, heads: Some(4), tower: vec![16, 12, 8, 6], residual: false };
     let gate = Gate::new(Builder::new(&mut params, 0).scope("gate"), &sizes);
     file.load(&mut params);
     let tape = Tape::<f64>::new();
@@ -120,7 +121,7 @@ fn experts_and_gate_equal_the_reference() {
 #[test]
 fn the_gate_does_not_care_for_the_order_of_experts() {
     let mut params = Params::<f64>::new();
-    let gate = Gate::new(Builder::new(&mut params, 3), &GateSizes::of(16, 3));
+    let gate = Gate::new(Builder::new(&mut params, 3), &GateSizes::published(16, 3));
     let mut permuted = params.clone();
     let order = [2, 0, 1];
     for (row, from) in permuted

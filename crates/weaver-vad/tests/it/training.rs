@@ -64,6 +64,15 @@ fn whole_trainings_repeat_to_the_bit_and_are_kept_in_files() {
     assert_eq!((read.curves(features).unwrap(), told.as_str()), (curves, "told"));
     assert_eq!(read.experts(), ["ClassA", "ClassB", "ClassC", "ClassD"]);
 
+    // Experts as published have other weights, and files know.
+    let mut published = Detector::new(convolutions(0), 1).with_published_experts();
+    published.add_experts(vec!["one".into(), "other".into()], 1);
+    published.add_gate(1);
+    published.write(&path, "").unwrap();
+    let (read, _) = Detector::read(&path).unwrap();
+    assert_eq!(read.curves(features).unwrap(), published.curves(features).unwrap());
+    assert!(read.params().len() > Detector::new(convolutions(0), 1).params().len() + 2 * 12);
+
     let clusters = train(Experts::Clusters(3));
     assert!((1..=3).contains(&clusters.experts().len()));
 }
