@@ -157,9 +157,12 @@ impl Trainer<'_> {
         stage: &Stage,
         labels: Labels,
     ) -> Result<()> {
-        // Of a checkpoint they are there.
-        if detector.experts.is_empty() {
-            detector.add_experts(groups.iter().map(|(name, _)| name.clone()).collect(), self.seed);
+        let names: Vec<String> = groups.iter().map(|(name, _)| name.clone()).collect();
+        match &self.resume {
+            // Of a checkpoint they are there.
+            Some(checkpoint) if detector.names != names => return Err(checkpoint.strange()),
+            Some(_) => {}
+            None => detector.add_experts(names, self.seed),
         }
         for (e, (name, videos)) in groups.iter().enumerate() {
             let (encoder, expert) = (detector.encoder.clone(), detector.experts[e].clone());
@@ -185,8 +188,11 @@ impl Trainer<'_> {
     /// # Errors
     /// As [`encoder`](Self::encoder).
     pub fn gate(&mut self, detector: &mut Detector, stage: &Stage, labels: Labels) -> Result<()> {
-        if detector.gate.is_none() {
+        if self.resume.is_none() {
             detector.add_gate(self.seed);
+        }
+        if detector.gate.is_none() {
+            return self.resume.as_ref().map_or(Ok(()), |checkpoint| Err(checkpoint.strange()));
         }
         let all = detector.clone();
         let everyone = self.set.abnormal();

@@ -142,9 +142,13 @@ fn a_stopped_training_goes_on_to_the_same_bits() {
     // Weights are no checkpoint, and a schedule without the stage is another training.
     let (detector, checkpoint, _) = Checkpoint::read(&path).unwrap();
     assert_eq!(checkpoint.place().0, "gate");
-    let plain = Schedule { experts: Experts::None, ..schedule };
-    let error = plain.resume(&set, (detector.clone(), checkpoint), &mut |_: &StepReport| ()).unwrap_err();
-    assert!(error.to_string().contains("stage: expected one of this training, found gate"), "{error}");
+    let plain = Schedule { experts: Experts::None, ..schedule.clone() };
+    let others = Schedule { experts: Experts::Classes, ..schedule };
+    for other in [plain, others] {
+        let from = (detector.clone(), checkpoint.clone());
+        let error = other.resume(&set, from, &mut |_: &StepReport| ()).unwrap_err();
+        assert!(error.to_string().contains("stage: expected one of this training, found gate"), "{error}");
+    }
     detector.write(&path, "").unwrap();
     let error = Checkpoint::read(&path).unwrap_err().to_string();
     assert!(error.contains("checkpoint.safetensors") && error.contains("vad."), "{error}");
