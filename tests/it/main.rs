@@ -19,5 +19,6 @@ mod published;
 mod render;
 mod run;
 mod teacher;
+mod two_experts;
 mod walkthrough;
 mod weights;

@@ -36,6 +36,8 @@ fn layers(c: &mut Criterion) {
     step(c, "scale_residual 220 x 96", &shapes, |x| ops::scale_residual(x[0], x[1], x[2]));
     let shapes = [[220, 96].into(), [96].into(), [96].into()];
     step(c, "layer_norm 220 x 96", &shapes, |x| x[0].layer_norm(Some((x[1], x[2])), 1e-5));
+    let shapes = [[660, 32].into(), [32].into()];
+    step(c, "rms_norm 660 x 32", &shapes, |x| x[0].rms_norm(x[1], 1e-5));
     let mut params = Params::new();
     let w = params.add("w", [96, 96], vec![0.01; 96 * 96]);
     step(c, "checkpoint of a linear layer 220 x 96 -> 96", &[[220, 96].into()], |x| {

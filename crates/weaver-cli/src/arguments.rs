@@ -12,7 +12,7 @@ mod vad;
 
 pub use align::{Align, MethodName, Switch};
 pub use drawing::DrawingFlags;
-pub use eval::{ContextCameras, Eval};
+pub use eval::{ContextCameras, Eval, Targets};
 pub use fit::{Fit, Format, Origin, PoseMode, StrategyName};
 pub use lift::{DemoGaussians, Lift, Query, SolverName};
 pub use photos::{Cameras, MatchingFlags, Reconstruct};

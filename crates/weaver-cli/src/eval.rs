@@ -4,12 +4,14 @@ mod scene;
 
 use crate::Console;
 use crate::align::options;
-use crate::arguments::{ContextCameras, Eval};
+use crate::arguments::{ContextCameras, Eval, Targets};
 use crate::failure::Failure;
 use crate::progress::Progress;
 use crate::refine::refined;
+use serde_json::json;
+use std::path::PathBuf;
 use weaver_inference::RunFolder;
-use weaver_trainer::{CameraMode, MatchingOverride, Overrides, Source};
+use weaver_trainer::{CameraMode, MatchingOverride, OpenRun, Overrides, Source, comparison};
 
 /// Longest side of photos while they are matched, when nothing is said.
 const MATCHED: usize = 384;
@@ -23,8 +25,10 @@ pub fn run(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
 
 /// Evaluates the network of a run, or the one that comes with the program.
 fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
-    if arguments.run.is_none() && arguments.data.is_empty() && !arguments.unseen {
-        return Err(Failure::Usage("expected --run, --scene, or what to evaluate on: --data or --unseen".into()));
+    let several = arguments.run.len() > 1;
+    if arguments.data.is_empty() && !arguments.unseen && (several || arguments.run.is_empty()) {
+        let runs = if several { "one --run" } else { "--run, --scene" };
+        return Err(Failure::Usage(format!("expected {runs}, or what to evaluate on: --data or --unseen")));
     }
     let source = match (arguments.unseen, arguments.data.is_empty()) {
         (true, _) => Source::Unseen,
@@ -44,6 +48,7 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
     let overrides = Overrides {
         context_views: arguments.views.map(|views| views as usize),
         cameras,
+        joint: arguments.targets == Targets::Joint,
         points: arguments.points,
         matching: estimated.then_some(MatchingOverride { long_side, focal_known: !arguments.unknown_focal }),
         density: arguments.density.into(),
@@ -51,26 +56,48 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
         masks: arguments.masks,
         lpips: arguments.lpips.clone(),
     };
-    let mut run = match (arguments.run.as_ref().map(RunFolder::at), &arguments.weights) {
-        (Some(folder), _) => weaver_recipes::registry().of_run(&folder)?.open(&folder)?,
-        (None, Some(weights)) => weaver_recipes::open_weights(weights)?,
-        (None, None) => weaver_recipes::built_in()?,
+    let mut found = Vec::new();
+    for (name, mut run) in opened(arguments)? {
+        run.predictor = refined(run.predictor, &arguments.refine, &[])?;
+        if arguments.points && (estimated || cameras.unwrap_or(run.cameras) != CameraMode::Given) {
+            return Err(Failure::Usage("--points: expected --cameras given, found other ones".into()));
+        }
+        if overrides.joint && (estimated || cameras.unwrap_or(run.cameras) != CameraMode::Predicted) {
+            return Err(Failure::Usage("--targets joint: expected --cameras predicted, found other ones".into()));
+        }
+        if let Some(remark) = run.predictor.remark(overrides.density) {
+            console.note(&format!("warning: {remark}"));
+        }
+        let mut progress = Progress::new("eval", 0, 0, console);
+        let mut show = |done, total| progress.at(done, total, String::new, console);
+        let evaluation = run.evaluate(&source, &overrides, &mut show);
+        progress.finish();
+        found.push((name, evaluation?));
+    }
+    match (&found[..], arguments.json) {
+        ([(_, evaluation)], true) => console.print(&serde_json::to_string_pretty(evaluation)?),
+        ([(_, evaluation)], false) => console.print(&evaluation.table()),
+        (all, true) => {
+            let rows: Vec<_> =
+                all.iter().map(|(run, evaluation)| json!({"run": run, "evaluation": evaluation})).collect();
+            console.print(&serde_json::to_string_pretty(&rows)?)
+        }
+        (all, false) => console.print(&comparison(all)),
+    }
+}
+
+/// What is judged, with its name.
+fn opened(arguments: &Eval) -> Result<Vec<(String, OpenRun)>, Failure> {
+    if let Some(weights) = &arguments.weights {
+        return Ok(vec![(weights.display().to_string(), weaver_recipes::open_weights(weights)?)]);
+    }
+    if arguments.run.is_empty() {
+        return Ok(vec![("built-in".into(), weaver_recipes::built_in()?)]);
+    }
+    let registry = weaver_recipes::registry();
+    let open = |path: &PathBuf| {
+        let folder = RunFolder::at(path);
+        Ok((path.display().to_string(), registry.of_run(&folder)?.open(&folder)?))
     };
-    run.predictor = refined(run.predictor, &arguments.refine, &[])?;
-    if arguments.points && (estimated || cameras.unwrap_or(run.cameras) != CameraMode::Given) {
-        return Err(Failure::Usage("--points: expected --cameras given, found other ones".into()));
-    }
-    if let Some(remark) = run.predictor.remark(overrides.density) {
-        console.note(&format!("warning: {remark}"));
-    }
-    let mut progress = Progress::new("eval", 0, 0, console);
-    let mut show = |done, total| progress.at(done, total, String::new, console);
-    let evaluation = run.evaluate(&source, &overrides, &mut show);
-    progress.finish();
-    let evaluation = evaluation?;
-    if arguments.json {
-        console.print(&serde_json::to_string_pretty(&evaluation)?)
-    } else {
-        console.print(&evaluation.table())
-    }
+    arguments.run.iter().map(open).collect()
 }

@@ -110,7 +110,8 @@ fn options(arguments: &Lift) -> LiftOptions {
         SolverName::Exact => Solver::Exact { descent, stop },
         SolverName::Damped => Solver::Damped { mu: arguments.mu, stop },
     };
-    LiftOptions { block: arguments.block as usize, unit: arguments.unit, ..LiftOptions::with(solver) }
+    let (block, least_alpha) = (arguments.block as usize, Some(arguments.least_alpha));
+    LiftOptions { block, least_alpha, unit: arguments.unit, ..LiftOptions::with(solver) }
 }
 
 /// A file of Gaussians, and how it is drawn.

@@ -1,7 +1,7 @@
 //! Photos to cameras and 3-D Gaussians with trained weights, on a CPU.
 //!
 //! [`Predictor`] is what every model can do; [`SplatWeaverPredictor`] is SplatWeaver with its weights, opened from the
-//! folder of a training run. [`Refined`] optimizes what it
+//! folder of a training run, [`TwoExpertsPredictor`] is 2Xplat. [`Refined`] optimizes what it
 //! predicts; [`reconstruct`](mod@reconstruct) runs a predictor on photo files and writes a scene;
 //! [`published`] runs the published checkpoints of SplatWeaver and VGGT-1B. Nothing here needs a training run's
 //! configuration file, and nothing here trains.
@@ -19,6 +19,7 @@ pub mod reconstruct;
 mod refined;
 mod run_folder;
 mod splatweaver;
+mod two_experts;
 mod weights;
 
 pub use capture::{predict_capture, predict_group};
@@ -26,10 +27,11 @@ pub use checkpoint::{Checkpoint, Defaults, FORMAT, Partly, WeightSet};
 pub use depth_to_points::{DepthCorrection, SeenPoint, depth_to_points};
 pub use error::Error;
 pub use pixel_aligned::{PixelAligned, PixelAlignedNetwork, PixelAlignedPredictor};
-pub use predictor::{CameraSource, Density, Photos, Prediction, Predictor, push_planar};
+pub use predictor::{CameraSource, Density, JointPrediction, Photos, Prediction, Predictor, push_planar};
 pub use refined::{Effort, Refined};
 pub use run_folder::RunFolder;
 pub use splatweaver::SplatWeaverPredictor;
+pub use two_experts::TwoExpertsPredictor;
 pub use weights::is_of_run;
 
 /// The example of the README, compiled and run.

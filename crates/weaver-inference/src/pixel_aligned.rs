@@ -70,6 +70,7 @@ impl<N: PixelAlignedNetwork> Predictor for PixelAlignedPredictor<N> {
         let Some(GivenCameras { cameras, scaled_by, .. }) = GivenCameras::of(source, &[]) else {
             return Err(Error::Input("expected given cameras, for this model predicts none, found none".into()));
         };
+        let inside = photos.inside;
         self.tape.reset();
         let cx = Context::new(&self.tape, &self.params);
         Ok(self.tape.without_gradient(|| {
@@ -83,15 +84,8 @@ impl<N: PixelAlignedNetwork> Predictor for PixelAlignedPredictor<N> {
             let [means, scales, quats, opacities, sh] =
                 [g.means, g.scales, g.quats, g.opacities, g.colors].map(|x| x.to_vec());
             let degree = g.colors.shape()[1].isqrt() - 1;
-            Prediction {
-                gaussians: ActivatedGaussians { means, scales, quats, opacities, sh, degree },
-                cameras,
-                scaled_by,
-                depth: depth.to_vec(),
-                counts: vec![1; views * height * width],
-                density: vec![1.0; views * height * width],
-                ..Prediction::default()
-            }
+            let gaussians = ActivatedGaussians { means, scales, quats, opacities, sh, degree };
+            Prediction { cameras, scaled_by, ..one_for_each(gaussians, depth.to_vec(), inside) }
         }))
     }
 
@@ -102,4 +96,20 @@ impl<N: PixelAlignedNetwork> Predictor for PixelAlignedPredictor<N> {
     fn renderer(&mut self) -> &mut Renderer {
         &mut self.renderer
     }
+}
+
+/// What there is to say of one Gaussian for each pixel, of those pixels that count; its cameras are still missing.
+pub(crate) fn one_for_each(mut gaussians: ActivatedGaussians, depth: Vec<f32>, inside: Option<&[bool]>) -> Prediction {
+    let mut counts = vec![1; depth.len()];
+    if let Some(inside) = inside {
+        counts.iter_mut().zip(inside).for_each(|(count, inside)| *count = u8::from(*inside));
+        let ActivatedGaussians { means, scales, quats, opacities, sh, .. } = &mut gaussians;
+        for rows in [means, scales, quats, opacities, sh] {
+            let width = rows.len() / inside.len().max(1);
+            let kept = rows.chunks(width.max(1)).zip(inside).filter(|(_, inside)| **inside);
+            *rows = kept.flat_map(|(row, _)| row.iter().copied()).collect();
+        }
+    }
+    let density = counts.iter().map(|count| f32::from(*count)).collect();
+    Prediction { gaussians, depth, counts, density, ..Prediction::default() }
 }

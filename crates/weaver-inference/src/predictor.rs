@@ -29,6 +29,12 @@ impl Photos<'_> {
     pub fn views(&self) -> usize {
         self.planes.len() / (3 * self.width * self.height).max(1)
     }
+
+    /// The first of them.
+    pub fn first(self, views: usize) -> Self {
+        let pixels = views * self.width * self.height;
+        Self { planes: &self.planes[..3 * pixels], inside: self.inside.map(|inside| &inside[..pixels]), ..self }
+    }
 }
 
 /// Whose cameras the Gaussians are built with.
@@ -119,6 +125,15 @@ impl Prediction {
     }
 }
 
+/// A prediction from some photos, and where further ones were taken.
+#[derive(Clone, Debug)]
+pub struct JointPrediction {
+    /// What the model makes of the first photos.
+    pub prediction: Prediction,
+    /// The cameras of the others, in the same frame.
+    pub targets: Vec<Camera>,
+}
+
 /// A trained model with its weights.
 ///
 /// A predictor owns what it needs, so that a server or a binding to another language can hold one for as long as it
@@ -135,6 +150,21 @@ pub trait Predictor: fmt::Debug + Send {
         density: Density,
         stream: Stream,
     ) -> Result<Prediction, Error>;
+
+    /// Predicts the Gaussians of a scene from the first `context` photos, and the cameras of all of them at once: the model has then seen
+    /// the photos that its pictures are compared with, though nothing of them is in the Gaussians but what they say about cameras.
+    ///
+    /// # Errors
+    /// As [`Predictor::predict`], and for models that predict no cameras.
+    fn predict_jointly(
+        &mut self,
+        _photos: Photos<'_>,
+        _context: usize,
+        _density: Density,
+        _stream: Stream,
+    ) -> Result<JointPrediction, Error> {
+        Err(Error::Input("this model does not say where further photos were taken".into()))
+    }
 
     /// The density that [`Predictor::predict`] would use when asked for this one: gaps filled, the whole checked. Both
     /// fields are `None` for a model without that choice.

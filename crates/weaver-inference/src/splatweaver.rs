@@ -2,11 +2,12 @@
 
 use crate::given_cameras::{self, GivenCameras};
 use crate::{
-    CameraSource, Checkpoint, Density, Error, Photos, Prediction, Predictor, RunFolder, WeightSet, depth_to_points,
+    CameraSource, Checkpoint, Density, Error, JointPrediction, Photos, Prediction, Predictor, RunFolder, WeightSet,
+    depth_to_points,
 };
 use std::path::Path;
 use std::sync::Arc;
-use weaver_autograd::{Params, Tape};
+use weaver_autograd::{Params, Tape, Var};
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_nn::Context;
@@ -107,19 +108,22 @@ impl SplatWeaverPredictor {
     }
 }
 
-impl Predictor for SplatWeaverPredictor {
-    fn predict(
+impl SplatWeaverPredictor {
+    /// Predicts from the first `context` photos, while the backbone sees all of them; the cameras of the others come apart.
+    fn run(
         &mut self,
         photos: Photos<'_>,
+        context: usize,
         source: CameraSource<'_>,
         density: Density,
         stream: Stream,
-    ) -> Result<Prediction, Error> {
+    ) -> Result<JointPrediction, Error> {
         let density = self.density(density)?;
         let kind = density.allocation.unwrap_or(self.allocation);
         let experts = self.max_per_pixel() + 1;
         let allocation = kind.allocation::<f32>(density.budget.unwrap_or(self.budget), experts)?;
-        let Photos { planes, inside, height, width } = photos;
+        let Photos { planes, height, width, .. } = photos;
+        let inside = photos.first(context).inside;
         let patch = self.model.config().patch;
         if planes.is_empty() || !height.is_multiple_of(patch) || !width.is_multiple_of(patch) {
             return Err(Error::Input(format!(
@@ -128,40 +132,45 @@ impl Predictor for SplatWeaverPredictor {
             )));
         }
         let views = photos.views();
-        given_cameras::check(source, views)?;
+        given_cameras::check(source, context)?;
         self.tape.reset();
         let (model, tape) = (&self.model, &self.tape);
         let cx = Context::new(tape, &self.params);
         Ok(tape.without_gradient(|| {
-            let photos = tape.constant(planes, [views, 3, height, width]);
-            let encoded = model.encode(cx, photos.reshape([1, views, 3, height, width]));
+            let all = tape.constant(planes, [views, 3, height, width]);
+            let encoded = model.encode(cx, all.reshape([1, views, 3, height, width]));
             let read = |cameras: &CameraVars<'_, f32>| {
                 let (viewmats, intrinsics) = (&cameras.viewmats.value(), &cameras.intrinsics.value());
                 CameraSlices { viewmats, intrinsics, background: &[], width, height }.to_cameras()
             };
-            let predicted = read(&encoded.cameras);
+            let mut predicted = read(&encoded.cameras);
+            let targets = predicted.split_off(context);
+            let photos = first_of(all, context);
             let given = GivenCameras::of(source, &predicted);
             let vars = match &given {
                 Some(given) => {
                     let rows = CameraRows::new(&given.cameras);
                     CameraVars {
-                        viewmats: tape.constant(&rows.viewmats, [views, 3, 4]),
-                        intrinsics: tape.constant(&rows.intrinsics, [views, 4]),
+                        viewmats: tape.constant(&rows.viewmats, [context, 3, 4]),
+                        intrinsics: tape.constant(&rows.intrinsics, [context, 4]),
                     }
                 }
-                None => encoded.scene_cameras(0),
+                None => {
+                    let CameraVars { viewmats, intrinsics } = encoded.scene_cameras(0);
+                    CameraVars { viewmats: first_of(viewmats, context), intrinsics: first_of(intrinsics, context) }
+                }
             };
             let mut dense = model.dense(cx, &encoded, 0, photos);
             let seen = given.as_ref().map_or(&[][..], |given| &given.seen);
             let mut points_used = Vec::new();
             if !seen.is_empty() {
                 let correction = depth_to_points(&dense.depth.value(), [height, width], seen);
-                dense.depth = dense.depth * tape.constant(&correction.factors(), [views, height, width]);
+                dense.depth = dense.depth * tape.constant(&correction.factors(), [context, height, width]);
                 points_used = correction.points;
             }
             let made = model.gaussians(cx, &dense, photos, &vars, &Masked { among: &*allocation, inside }, stream);
             let g = &made.gaussians;
-            Prediction {
+            let prediction = Prediction {
                 gaussians: ActivatedGaussians {
                     means: g.means.to_vec(),
                     scales: g.scales.to_vec(),
@@ -177,8 +186,31 @@ impl Predictor for SplatWeaverPredictor {
                 counts: made.assignment.expert.to_vec(),
                 density: made.assignment.density([height, width]),
                 points_used,
-            }
+            };
+            JointPrediction { prediction, targets }
         }))
+    }
+}
+
+impl Predictor for SplatWeaverPredictor {
+    fn predict(
+        &mut self,
+        photos: Photos<'_>,
+        source: CameraSource<'_>,
+        density: Density,
+        stream: Stream,
+    ) -> Result<Prediction, Error> {
+        Ok(self.run(photos, photos.views(), source, density, stream)?.prediction)
+    }
+
+    fn predict_jointly(
+        &mut self,
+        photos: Photos<'_>,
+        context: usize,
+        density: Density,
+        stream: Stream,
+    ) -> Result<JointPrediction, Error> {
+        self.run(photos, context, CameraSource::Predicted, density, stream)
     }
 
     fn density(&self, asked: Density) -> Result<Density, Error> {
@@ -230,4 +262,9 @@ impl Predictor for SplatWeaverPredictor {
     fn renderer(&mut self) -> &mut Renderer {
         &mut self.renderer
     }
+}
+
+/// The rows of the first views.
+fn first_of(all: Var<'_, f32>, views: usize) -> Var<'_, f32> {
+    if all.shape()[0] == views { all } else { all.slice(0, 0, views) }
 }

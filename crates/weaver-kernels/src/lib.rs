@@ -27,6 +27,7 @@ pub mod random;
 mod real;
 pub mod reduce;
 pub mod resample;
+pub mod rms_norm;
 pub mod rope;
 pub mod rows;
 pub mod simd;

@@ -46,6 +46,13 @@ impl<T: Real> Rope2d<T> {
         Self { dim, angles: angles.collect() }
     }
 
+    /// The rotations the other way: what undoes these.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        let back = |[y_cos, y_sin, x_cos, x_sin]: &[T; 4]| [*y_cos, -*y_sin, *x_cos, -*x_sin];
+        Self { dim: self.dim, angles: self.angles.iter().map(back).collect() }
+    }
+
     /// Number of tokens.
     pub fn tokens(&self) -> usize {
         if self.dim == 0 { 0 } else { self.angles.len() / (self.dim / 4) }

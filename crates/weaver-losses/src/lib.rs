@@ -16,6 +16,7 @@ mod photometric;
 mod pose;
 mod quantile;
 mod ranking;
+mod relative_pose;
 mod ssim;
 mod ssim_window;
 
@@ -29,6 +30,7 @@ pub use photometric::{Photometric, PhotometricValue};
 pub use pose::{absolute_pose, huber_pose, iteration_weights, l1_pose};
 pub use quantile::{quantile, quantiles};
 pub use ranking::{frequency_targets, ranking_cross_entropy};
+pub use relative_pose::{focal_error, rotation_angles};
 pub use ssim::{ssim, ssim_with};
 pub use ssim_window::Covariance;
 

@@ -1,6 +1,6 @@
 //! Everything about the network that can be set.
 
-mod check;
+pub(crate) mod check;
 mod presets;
 
 pub use presets::PRESETS;

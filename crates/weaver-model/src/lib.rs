@@ -1,10 +1,11 @@
-//! The SplatWeaver network: its configuration, its presets, and the forward pass from photos to cameras and Gaussians.
+//! The networks from photos to cameras and Gaussians, SplatWeaver and 2Xplat: configurations, presets, forward passes.
 
 mod config;
 mod guidance;
 mod parts;
 mod splatweaver;
 mod stereo;
+mod two_experts;
 
 pub use config::{
     BackboneConfig, CameraConfig, DenseConfig, GaussianConfig, ModelConfig, PRESETS, ParametrizationConfig, PixelPoint,
@@ -12,6 +13,7 @@ pub use config::{
 };
 pub use guidance::Guidance;
 pub use splatweaver::{Dense, PredictedGaussians, SplatWeaver};
+pub use two_experts::{AppearanceConfig, GeometryConfig, PixelGaussians, TwoExperts, TwoExpertsConfig};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -1,11 +1,11 @@
 //! The configurations of the network's parts, from that of the whole.
 
-use crate::{ModelConfig, ParametrizationConfig, PixelPoint, PoseFrame, WaveletKind};
+use crate::{BackboneConfig, CameraConfig, ModelConfig, ParametrizationConfig, PixelPoint, PoseFrame, WaveletKind};
 use weaver_experts::{HeadConfig, NeighborConfig, Parametrization};
 use weaver_nn::{Init, WeightInit};
 use weaver_vggt::{
-    AggregatorConfig, BackboneInit, CameraHeadConfig, DepthHeadConfig, DptConfig, FeatureHeadConfig, VggtConfig,
-    VisionTransformerConfig,
+    AggregatorConfig, BackboneInit, CameraHeadConfig, CameraNetworkConfig, DepthHeadConfig, DptConfig,
+    FeatureHeadConfig, VggtConfig, VisionTransformerConfig,
 };
 use weaver_wavelet::Wavelet;
 
@@ -14,64 +14,73 @@ const MLP_RATIO: usize = 4;
 /// Standard deviation of the depth head's last weights: depth then starts near 1.
 const LAST_DEPTH_STD: f64 = 0.02;
 
+impl BackboneConfig {
+    fn aggregator(&self, patch: usize, [height, width]: [usize; 2], layers: Vec<usize>) -> AggregatorConfig {
+        AggregatorConfig {
+            encoder: VisionTransformerConfig {
+                patch,
+                dim: self.dim,
+                depth: self.encoder_depth,
+                heads: self.encoder_heads,
+                mlp_ratio: MLP_RATIO,
+                registers: self.registers,
+                table: self.position_table.unwrap_or([height / patch, width / patch]),
+            },
+            rounds: self.rounds,
+            heads: self.heads,
+            mlp_ratio: MLP_RATIO,
+            registers: self.registers,
+            layers,
+        }
+    }
+
+    fn init(&self) -> BackboneInit {
+        BackboneInit {
+            weight: WeightInit::TruncatedNormal(self.weight_std),
+            position: Init::Normal(self.position_std),
+            token: Init::Normal(self.token_std),
+            layer_scale: self.layer_scale,
+        }
+    }
+}
+
+impl CameraConfig {
+    /// Backbone and camera head for images of `size` (H, W) in patches; `layers` are the rounds that dense heads read.
+    pub(crate) fn network(
+        &self,
+        backbone: &BackboneConfig,
+        patch: usize,
+        size: [usize; 2],
+        layers: Vec<usize>,
+    ) -> CameraNetworkConfig {
+        CameraNetworkConfig {
+            aggregator: backbone.aggregator(patch, size, layers),
+            init: backbone.init(),
+            camera_head: CameraHeadConfig {
+                dim: 2 * backbone.dim,
+                depth: self.depth,
+                heads: self.heads,
+                mlp_ratio: MLP_RATIO,
+                iterations: self.iterations,
+                layer_scale: self.layer_scale,
+                weight: WeightInit::TruncatedNormal(backbone.weight_std),
+                token: Init::Normal(backbone.token_std),
+                base_fov: self.base_fov,
+                relative: self.pose_frame == PoseFrame::FirstCamera,
+            },
+            tangent_offset: self.tangent_offset,
+        }
+    }
+}
+
 impl ModelConfig {
     /// The configuration of the dense network: backbone, camera head and depth head.
     ///
     /// The configuration should have passed [`check`](Self::check).
     pub fn vggt(&self) -> VggtConfig {
-        VggtConfig {
-            aggregator: self.aggregator(),
-            init: self.backbone_init(),
-            camera_head: self.camera_head(),
-            depth_head: self.depth_head(),
-            tangent_offset: self.camera.tangent_offset,
-        }
-    }
-
-    fn aggregator(&self) -> AggregatorConfig {
-        let b = &self.backbone;
-        AggregatorConfig {
-            encoder: VisionTransformerConfig {
-                patch: self.patch,
-                dim: b.dim,
-                depth: b.encoder_depth,
-                heads: b.encoder_heads,
-                mlp_ratio: MLP_RATIO,
-                registers: b.registers,
-                table: b.position_table.unwrap_or([self.height / self.patch, self.width / self.patch]),
-            },
-            rounds: b.rounds,
-            heads: b.heads,
-            mlp_ratio: MLP_RATIO,
-            registers: b.registers,
-            layers: self.dense.layers.to_vec(),
-        }
-    }
-
-    fn backbone_init(&self) -> BackboneInit {
-        let b = &self.backbone;
-        BackboneInit {
-            weight: WeightInit::TruncatedNormal(b.weight_std),
-            position: Init::Normal(b.position_std),
-            token: Init::Normal(b.token_std),
-            layer_scale: b.layer_scale,
-        }
-    }
-
-    fn camera_head(&self) -> CameraHeadConfig {
-        let c = &self.camera;
-        CameraHeadConfig {
-            dim: 2 * self.backbone.dim,
-            depth: c.depth,
-            heads: c.heads,
-            mlp_ratio: MLP_RATIO,
-            iterations: c.iterations,
-            layer_scale: c.layer_scale,
-            weight: WeightInit::TruncatedNormal(self.backbone.weight_std),
-            token: Init::Normal(self.backbone.token_std),
-            base_fov: c.base_fov,
-            relative: c.pose_frame == PoseFrame::FirstCamera,
-        }
+        let layers = self.dense.layers.to_vec();
+        let cameras = self.camera.network(&self.backbone, self.patch, [self.height, self.width], layers);
+        VggtConfig { cameras, depth_head: self.depth_head() }
     }
 
     pub(crate) fn wavelet(&self) -> Wavelet {

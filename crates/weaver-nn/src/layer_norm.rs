@@ -3,8 +3,8 @@
 use crate::{Builder, Context, Init};
 use weaver_autograd::{ParamId, Real, Var};
 
-/// Layer normalization over the last axis, (x - mean) / sqrt(variance + eps) * weight + bias; parameters `weight` and `bias`
-/// `[D]`, at first 1 and 0.
+/// Layer normalization over the last axis, (x - mean) / sqrt(variance + eps) * weight + bias; parameters `weight` and, unless
+/// left out, `bias` `[D]`, at first 1 and 0.
 ///
 /// ```
 /// use weaver_autograd::{Params, Tape};
@@ -19,8 +19,8 @@ use weaver_autograd::{ParamId, Real, Var};
 pub struct LayerNorm {
     /// `weight`, `[D]`.
     pub weight: ParamId,
-    /// `bias`, `[D]`.
-    pub bias: ParamId,
+    /// `bias`, `[D]`, if there is one.
+    pub bias: Option<ParamId>,
     /// Added to the variance.
     pub eps: f64,
 }
@@ -29,11 +29,20 @@ impl LayerNorm {
     /// A layer for rows of `width` numbers.
     pub fn new<T: Real>(mut builder: Builder<'_, T>, width: usize, eps: f64) -> Self {
         let weight = builder.add("weight", [width], Init::Constant(1.0));
-        Self { weight, bias: builder.add("bias", [width], Init::Constant(0.0)), eps }
+        Self { weight, bias: Some(builder.add("bias", [width], Init::Constant(0.0))), eps }
     }
 
-    /// Applies it to x `[.., D]`, which gives the same shape. Differentiable in x and both parameters.
+    /// A layer for rows of `width` numbers that scales and does not shift.
+    pub fn without_bias<T: Real>(mut builder: Builder<'_, T>, width: usize, eps: f64) -> Self {
+        Self { weight: builder.add("weight", [width], Init::Constant(1.0)), bias: None, eps }
+    }
+
+    /// Applies it to x `[.., D]`, which gives the same shape. Differentiable in x and the parameters.
     pub fn forward<'t, T: Real>(&self, cx: Context<'t, '_, T>, x: Var<'t, T>) -> Var<'t, T> {
-        cx.layer(self.weight, "weight", || x.layer_norm(Some((cx.param(self.weight), cx.param(self.bias))), self.eps))
+        cx.layer(self.weight, "weight", || {
+            let weight = cx.param(self.weight);
+            let zeros = || cx.tape.constant_with(weight.shape(), |_| ());
+            x.layer_norm(Some((weight, self.bias.map_or_else(zeros, |bias| cx.param(bias)))), self.eps)
+        })
     }
 }

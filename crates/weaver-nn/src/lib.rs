@@ -13,6 +13,8 @@ mod gradients;
 mod layer_norm;
 mod linear;
 mod mlp;
+mod projective;
+mod rms_norm;
 mod rows;
 mod schedule;
 
@@ -27,6 +29,8 @@ pub use gradients::{add_l2_gradient, clip_factor, clip_global_norm, global_norm,
 pub use layer_norm::LayerNorm;
 pub use linear::Linear;
 pub use mlp::Mlp;
+pub use projective::{Projections, projective_attention, turned_attention};
+pub use rms_norm::RmsNorm;
 pub use rows::{RowError, RowMap, RowSet, RowSource};
 pub use schedule::{PublishedSchedule, WarmupCosine};
 

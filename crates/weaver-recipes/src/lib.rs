@@ -1,10 +1,12 @@
 //! How the models of this workspace are trained, and where they are found by name.
 
 mod splatweaver;
+mod two_experts;
 
 pub use splatweaver::{
     BudgetForm, EvaluationSettings, Losses, Objective, RouterLosses, SplatWeaverRecipe, StageAllocation, StageSettings,
 };
+pub use two_experts::{TwoExpertsEvaluation, TwoExpertsLosses, TwoExpertsRecipe, TwoExpertsStage};
 
 use std::path::Path;
 use weaver_inference::{Checkpoint, SplatWeaverPredictor};
@@ -12,7 +14,7 @@ use weaver_trainer::{CameraMode, DataConfig, Error, OpenRun, Registry};
 
 /// The models that the command line knows.
 pub fn registry() -> Registry {
-    Registry::new().with::<SplatWeaverRecipe>()
+    Registry::new().with::<SplatWeaverRecipe>().with::<TwoExpertsRecipe>()
 }
 
 /// The weights that come with the program, as if they were a run's. They are for cameras that are given or estimated.

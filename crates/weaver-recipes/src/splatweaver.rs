@@ -40,7 +40,7 @@ impl SplatWeaverRecipe {
 impl Recipe for SplatWeaverRecipe {
     const ARCHITECTURE: &'static str = SplatWeaverPredictor::ARCHITECTURE;
     const PRESETS: &'static [&'static str] =
-        &["tiny", "micro", "tiny-endless", "tiny-published", "tiny-dagger", "small", "medium"];
+        &["tiny", "micro", "tiny-endless", "tiny-published", "tiny-dagger", "generalist", "small", "medium"];
     type Network = SplatWeaver;
     type Model = ModelConfig;
     type Stage = StageSettings;

@@ -29,6 +29,9 @@ pub struct Options {
     pub context_views: usize,
     /// Whose cameras.
     pub cameras: CameraMode,
+    /// Whether the cameras of held-out photos are predicted along with the context's, from these photos themselves; with predicted
+    /// cameras only.
+    pub joint: bool,
     /// Whether depth is brought to the points that the context views see; with given cameras only.
     pub points: bool,
     /// Estimates the cameras of context views, in place of others, from these photos; depth is brought to the points that come
@@ -104,6 +107,9 @@ pub fn evaluate(
     if options.points && options.matching.is_none() && cameras == CameraMode::Predicted {
         return Err(Error::Input("points: expected given cameras, found predicted ones".into()));
     }
+    if options.joint && (options.matching.is_some() || cameras != CameraMode::Predicted) {
+        return Err(Error::Input("joint targets: expected predicted cameras, found other ones".into()));
+    }
     let [height, width] = predictor.image_size();
     if height.min(width) < LEAST_SIDE {
         let least = format!("expected a network for images of at least {LEAST_SIDE} x {LEAST_SIDE} pixels");
@@ -147,7 +153,11 @@ pub fn evaluate(
         figures.push(SceneFigures::mean_of(&views, Some(scene.name.clone())));
     }
     let remarks = remarked.into_iter().map(|(remark, scenes)| explained(remark, &scenes)).collect();
-    let cameras = options.matching.as_ref().map_or(cameras.to_string(), |_| "estimated".into());
+    let cameras = match (&options.matching, options.joint) {
+        (Some(_), _) => "estimated".into(),
+        (None, true) => "predicted, of held-out photos as well (which it has then seen)".into(),
+        (None, false) => cameras.to_string(),
+    };
     Ok(Evaluation {
         cameras,
         points: options.points,

@@ -221,6 +221,55 @@ impl Evaluation {
     }
 }
 
+/// Evaluations of several runs on the same views, one row each: the means over scenes, then PSNR scene by scene.
+///
+/// ```
+/// use weaver_trainer::{Evaluation, comparison};
+/// let text = comparison(&[("runs/a".into(), Evaluation::default()), ("runs/b".into(), Evaluation::default())]);
+/// assert_eq!(text.lines().filter(|line| line.starts_with("runs/")).count(), 2);
+/// ```
+pub fn comparison(all: &[(String, Evaluation)]) -> String {
+    let mut out = String::new();
+    let Some((_, first)) = all.first() else { return out };
+    let width = all.iter().map(|(name, _)| name.len()).max().unwrap_or(0).max(16);
+    let _ =
+        writeln!(out, "cameras {}, {} context views, {} views", first.cameras, first.context_views, first.mean.views);
+    let heads = ["PSNR", "energ.", "SSIM", "LPIPS", "G/px", "rot deg", "tr deg"].into_iter().map(String::from);
+    let names = first.scenes.iter().map(|scene| scene.name.clone().unwrap_or_default());
+    let row = |out: &mut String, name: &str, cells: &mut dyn Iterator<Item = String>| {
+        let _ = write!(out, "{name:<width$}");
+        cells.for_each(|cell| {
+            let _ = write!(out, " {cell:>8}");
+        });
+        out.push('\n');
+    };
+    row(&mut out, "run", &mut heads.chain(names));
+    for (name, Evaluation { mean, scenes, .. }) in all {
+        let optional = |v: Option<f64>, digits: usize| v.map_or("-".into(), |v| format!("{v:.digits$}"));
+        let figures = [
+            format!("{:.2}", mean.psnr),
+            format!("{:.2}", mean.psnr_energetic),
+            format!("{:.3}", mean.ssim),
+            optional(mean.lpips, 3),
+            format!("{:.3}", mean.gaussians_per_pixel),
+            optional(mean.pose_rotation_deg, 2),
+            optional(mean.pose_translation_deg, 2),
+        ];
+        row(&mut out, name, &mut figures.into_iter().chain(scenes.iter().map(|scene| format!("{:.2}", scene.psnr))));
+    }
+    row(
+        &mut out,
+        "nearest photo",
+        &mut [format!("{:.2}", first.mean.psnr_nearest)].into_iter().chain(
+            ["-"; 6].map(String::from).into_iter().chain(first.scenes.iter().map(|s| format!("{:.2}", s.psnr_nearest))),
+        ),
+    );
+    for remark in all.iter().flat_map(|(_, evaluation)| &evaluation.remarks) {
+        let _ = writeln!(out, "note: {remark}");
+    }
+    out
+}
+
 /// The outcome of a training run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {

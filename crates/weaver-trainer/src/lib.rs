@@ -29,7 +29,7 @@ pub use checkpoint::TrainingState;
 pub use config::{CameraMode, Config, DataConfig, OptimizerConfig, OutputConfig, SamplerKind, StageConfig};
 pub use dry_run::{DryRun, StageMemory};
 pub use error::Error;
-pub use evaluation::{Evaluation, SceneFigures, Summary};
+pub use evaluation::{Evaluation, SceneFigures, Summary, comparison};
 pub use example::Example;
 pub use losses::Terms;
 pub use observe::{Observer, StepReport};

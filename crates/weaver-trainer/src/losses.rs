@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use smallvec::SmallVec;
 use std::path::{Path, PathBuf};
-use weaver_autograd::{List, Shape, Var};
+use weaver_autograd::{List, Shape, Var, ops};
 use weaver_geometry::{Camera, pose_code};
 use weaver_inference::Photos;
 use weaver_losses::{self as losses, Lpips};
@@ -124,15 +124,26 @@ pub struct PoseLosses {
     /// Weight of the Huber loss on the pose codes over all iterations, as published.
     #[schemars(range(min = 0.0))]
     pub huber: f64,
+    /// Weight of the mean angle in radians between the predicted and the true rotation from one camera to another, over all pairs.
+    #[schemars(range(min = 0.0))]
+    pub rotation: f64,
+    /// Weight of the Huber loss (0.1) on the translation from one camera to another, over all pairs.
+    #[schemars(range(min = 0.0))]
+    pub translation: f64,
+    /// Weight of the squared error of the focal lengths in image widths.
+    #[schemars(range(min = 0.0))]
+    pub focal: f64,
     /// Weight of the L1 distance of the codes, before they are made relative to the first camera, to the cameras in the
     /// scene's own frame; off with endless scenes, which do not come back.
     #[schemars(range(min = 0.0))]
     pub absolute: f64,
 }
 
-/// What a camera head emits: for each refinement, pose codes `[B, V, 9]`.
+/// What a camera head emits: for each refinement, pose codes `[B, V, 9]`, and the cameras of the last one.
 #[derive(Clone, Copy, Debug)]
 pub struct PoseCodes<'a, 't> {
+    /// The cameras of the last refinement: viewmats `[B, V, 3, 4]`, intrinsics `[B, V, 4]`.
+    pub cameras: CameraVars<'t>,
     /// The codes as the head emits them.
     pub emitted: &'a List<Var<'t, f32>>,
     /// The codes in the frame of the network's own choice.
@@ -140,7 +151,13 @@ pub struct PoseCodes<'a, 't> {
 }
 
 impl PoseLosses {
-    /// Adds the losses of all examples' context cameras.
+    /// The sum of the weights: 0 where cameras learn nothing.
+    pub fn sum(&self) -> f64 {
+        self.l1 + self.huber + self.absolute + self.rotation + self.translation + self.focal
+    }
+
+    /// Adds the losses of the examples' cameras, of as many views as there are codes: the context's, or the targets' as well. Of
+    /// the scene's own frame the context alone knows.
     pub fn add<'t>(
         &self,
         terms: &mut Terms<'t>,
@@ -151,20 +168,38 @@ impl PoseLosses {
         let shape = codes.emitted[0].shape();
         let [scenes, views] = [shape[0], shape[1]];
         let code = |camera: &Camera| pose_code::encode(camera).map(|x| x as f32);
-        let truth = || rows(cx, examples.iter().flat_map(|e| e.context()).map(code), shape);
+        let true_cameras = || examples.iter().flat_map(|e| &e.cameras[..views]);
+        let truth = || rows(cx, true_cameras().map(code), shape);
         terms.add("pose", self.l1, 1.0, || losses::l1_pose(codes.emitted, truth()));
         terms.add("pose_huber", self.huber, 1.0, || {
             let truth = truth();
             let teacher: List<_> = codes.emitted.iter().map(|_| truth).collect();
             losses::huber_pose(codes.emitted, &teacher, 1.0)
         });
+        let CameraVars { viewmats, intrinsics } = codes.cameras;
+        let true_viewmats = || rows(cx, true_cameras().map(|c| viewmat(&c.pose)), [scenes, views, 3, 4]);
+        terms.add("pose_rotation", self.rotation, 1.0, || {
+            let [[found, _], [truth, _]] = [viewmats, true_viewmats()].map(weaver_pose::relative_poses);
+            losses::rotation_angles(found, truth).mean()
+        });
+        terms.add("pose_translation", self.translation, 1.0, || {
+            let [[_, found], [_, truth]] = [viewmats, true_viewmats()].map(weaver_pose::relative_poses);
+            ops::huber(found, truth, 0.1).mean()
+        });
+        terms.add("pose_focal", self.focal, 1.0, || {
+            let truth = rows(cx, true_cameras().map(intrinsics_row), [scenes, views, 4]);
+            losses::focal_error(intrinsics, truth, examples[0].cameras[0].width)
+        });
         terms.add("pose_absolute", self.absolute, 1.0, || {
             let poses = || examples.iter().flat_map(|e| &e.absolute);
-            let rotations = rows(cx, poses().map(rotation_row), [scenes, views, 3, 3]);
-            let translations = rows(cx, poses().map(translation_row), [scenes, views, 3]);
-            let own_rotations: List<_> =
-                codes.raw.iter().map(|c| weaver_pose::rotation_from_xyzw(c.slice(2, 3, 4))).collect();
-            let own_translations: List<_> = codes.raw.iter().map(|c| c.slice(2, 0, 3)).collect();
+            let context = examples[0].context().len();
+            let rotations = rows(cx, poses().map(rotation_row), [scenes, context, 3, 3]);
+            let translations = rows(cx, poses().map(translation_row), [scenes, context, 3]);
+            let of_context = |first: usize, count: usize| {
+                codes.raw.iter().map(move |c| c.slice(1, 0, context).slice(2, first, count))
+            };
+            let own_rotations: List<_> = of_context(3, 4).map(weaver_pose::rotation_from_xyzw).collect();
+            let own_translations: List<_> = of_context(0, 3).collect();
             losses::absolute_pose(&own_rotations, &own_translations, rotations, translations)
         });
     }

@@ -192,6 +192,8 @@ pub struct Overrides {
     pub context_views: Option<usize>,
     /// Whose cameras.
     pub cameras: Option<crate::CameraMode>,
+    /// Whether the cameras of held-out photos are predicted along with the context's; with predicted cameras only.
+    pub joint: bool,
     /// Whether depth is brought to the points that the context views see; with given cameras only.
     pub points: bool,
     /// Estimates the cameras of context views from photos of this longest side, pixels, in place of others.
@@ -252,6 +254,7 @@ impl OpenRun {
         let options = Options {
             context_views: overrides.context_views.unwrap_or(self.data.context_views),
             cameras: overrides.cameras.unwrap_or(self.cameras),
+            joint: overrides.joint,
             points: overrides.points,
             matching,
             density: overrides.density,

@@ -448,6 +448,7 @@ impl<R: Recipe> Session<R> {
         Options {
             context_views: self.config.data.context_views,
             cameras: R::cameras(&self.config.evaluation),
+            joint: false,
             points: false,
             matching: None,
             density: Density::default(),

@@ -24,7 +24,7 @@ pub use fusion::{FusionBlock, ResidualConvUnit};
 pub use init::BackboneInit;
 pub use normalize::{IMAGENET_MEAN, IMAGENET_STD, normalize_image};
 pub use position::{POSITION_WEIGHT, add_position};
-pub use vggt::{Encoded, Vggt, VggtConfig};
+pub use vggt::{CameraNetwork, CameraNetworkConfig, Encoded, Vggt, VggtConfig};
 pub use vision_transformer::{PatchEmbed, VisionTransformer, VisionTransformerConfig};
 
 /// The example of the README, compiled and run.

@@ -8,19 +8,34 @@ use weaver_autograd::{List, Real, Var};
 use weaver_nn::{Builder, Context};
 use weaver_pose::CameraVars;
 
-/// Sizes and initial values of a [`Vggt`].
+/// Sizes and initial values of a [`CameraNetwork`].
 #[derive(Clone, Debug, PartialEq)]
-pub struct VggtConfig {
+pub struct CameraNetworkConfig {
     /// Patch encoder and aggregator.
     pub aggregator: AggregatorConfig,
     /// Initial values of patch encoder and aggregator.
     pub init: BackboneInit,
     /// Camera head; its tokens are twice as wide as those of the aggregator.
     pub camera_head: CameraHeadConfig,
-    /// Depth head, which reads the aggregator's layers.
-    pub depth_head: DepthHeadConfig,
     /// Added to the tangent of half the field of view where focal lengths are decoded: 0 in VGGT, 1e-3 in SplatWeaver.
     pub tangent_offset: f64,
+}
+
+/// Sizes and initial values of a [`Vggt`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct VggtConfig {
+    /// Backbone and camera head.
+    pub cameras: CameraNetworkConfig,
+    /// Depth head, which reads the aggregator's layers.
+    pub depth_head: DepthHeadConfig,
+}
+
+/// The part of VGGT that says where photos were taken: patch encoder, aggregator and camera head.
+#[derive(Clone, Debug)]
+pub struct CameraNetwork {
+    aggregator: Aggregator,
+    camera_head: CameraHead,
+    tangent_offset: f64,
 }
 
 /// VGGT (Wang et al. 2025, arXiv 2503.11651): patch encoder, aggregator, camera head and depth head.
@@ -28,16 +43,14 @@ pub struct VggtConfig {
 /// Parameter names are those of its checkpoints.
 #[derive(Clone, Debug)]
 pub struct Vggt {
-    aggregator: Aggregator,
-    camera_head: CameraHead,
+    cameras: CameraNetwork,
     depth_head: DepthHead,
-    tangent_offset: f64,
 }
 
 /// The outputs of backbone and camera head for B scenes of V views.
 #[derive(Clone, Debug)]
 pub struct Encoded<'t, T: Real = f32> {
-    /// Tokens `[B, V, T, 2 D]` of the four levels that feed the dense heads.
+    /// Tokens `[B, V, T, 2 D]` of the levels that feed the dense heads, four of them where there are any.
     pub tokens: List<Var<'t, T>>,
     /// Tokens of a view before its first patch.
     special: usize,
@@ -80,18 +93,17 @@ fn entry<T: Real>(x: Var<'_, T>, b: usize) -> Var<'_, T> {
     one.reshape(&rest.dims()[1..])
 }
 
-impl Vggt {
-    /// Adds the parameters `aggregator`, `camera_head` and `depth_head`.
-    pub fn new<T: Real>(mut root: Builder<'_, T>, config: VggtConfig) -> Self {
+impl CameraNetwork {
+    /// Adds the parameters `aggregator` and `camera_head`.
+    pub fn new<T: Real>(root: &mut Builder<'_, T>, config: CameraNetworkConfig) -> Self {
         Self {
             aggregator: Aggregator::new(root.scope("aggregator"), config.aggregator, config.init),
             camera_head: CameraHead::new(root.scope("camera_head"), config.camera_head),
-            depth_head: DepthHead::new(root.scope("depth_head"), config.depth_head),
             tangent_offset: config.tangent_offset,
         }
     }
 
-    /// Backbone and camera head: photos `[B, V, 3, H, W]` in `[0, 1]` to tokens and cameras.
+    /// Photos `[B, V, 3, H, W]` in `[0, 1]` to tokens and cameras.
     pub fn encode<'t, T: Real>(&self, cx: Context<'t, '_, T>, photos: Var<'t, T>) -> Encoded<'t, T> {
         let shape = photos.shape();
         let [height, width] = [shape[3], shape[4]];
@@ -103,6 +115,21 @@ impl Vggt {
         let cameras = weaver_pose::cameras_with(last, [height, width], self.tangent_offset);
         let (special, grid) = (aggregated.special, aggregated.grid);
         Encoded { tokens: aggregated.layers.into_iter().collect(), special, grid, raw, codes, cameras }
+    }
+}
+
+impl Vggt {
+    /// Adds the parameters `aggregator`, `camera_head` and `depth_head`.
+    pub fn new<T: Real>(mut root: Builder<'_, T>, config: VggtConfig) -> Self {
+        Self {
+            cameras: CameraNetwork::new(&mut root, config.cameras),
+            depth_head: DepthHead::new(root.scope("depth_head"), config.depth_head),
+        }
+    }
+
+    /// Backbone and camera head: photos `[B, V, 3, H, W]` in `[0, 1]` to tokens and cameras.
+    pub fn encode<'t, T: Real>(&self, cx: Context<'t, '_, T>, photos: Var<'t, T>) -> Encoded<'t, T> {
+        self.cameras.encode(cx, photos)
     }
 
     /// Depth and confidence of `count` views of scene `b` from the view `first` on, images of `image` (H, W).

@@ -3,6 +3,7 @@
 //! A package of its own, so that `cargo xtask tidy` need not compile the model.
 
 mod aggregator;
+mod alignment;
 mod anomaly;
 mod camera_head;
 mod dense;
@@ -16,6 +17,7 @@ mod patch_encoder;
 mod raster;
 mod rectifiers;
 mod reference;
+mod two_experts;
 mod wavelet;
 
 use rectifiers::{Flip, Rectified};
@@ -226,10 +228,15 @@ fn compare_in<T: Real>(path: &Path, weights: Option<&Path>) -> (Vec<Line>, Vec<R
             i if i.starts_with("splatweaver_head") => gaussian_head::run::<T>(file),
             i if i.starts_with("losses") => losses::run::<T>(file),
             i if i.starts_with("clusters") => lifting::clusters::<T>(file),
+            i if i.starts_with("align") => alignment::run(file),
             i if i.starts_with("lifting") => lifting::run::<T>(file),
             i if i.starts_with("vad_urdmu") => anomaly::urdmu::<T>(file),
             i if i.starts_with("vad_experts") => anomaly::experts::<T>(file),
             i if i.starts_with("vad_splat_metrics") => anomaly::splatting_and_metrics::<T>(file),
+            i if i.starts_with("prope") => two_experts::attention::<T>(file),
+            i if i.starts_with("rays") => two_experts::rays::<T>(file),
+            i if i.starts_with("camera_loss") => two_experts::cameras::<T>(file),
+            i if i.starts_with("pyramid") => two_experts::pyramid::<T>(file),
             i if i.starts_with("wavelet") => wavelet::run::<T>(file),
             i if i.starts_with("ops") => operations::run::<T>(file),
             i if i.starts_with("metrics") => metrics::run::<T>(file, weights().as_deref()),

@@ -2,7 +2,6 @@
 
 mod cloud;
 mod descent;
-mod fixture;
 mod oracles;
 mod planted;
 mod refusals;

@@ -22,6 +22,7 @@ mod normalize_rows;
 mod permute;
 pub mod pointwise_ops;
 mod resample;
+mod rms_norm;
 mod rope2d;
 mod scale_residual;
 mod scatter_add_rows;

@@ -22,6 +22,19 @@ impl<T: Real> RopeTable<T> {
         Self { rope: Arc::new(Rope2d::new(positions, dim, base)), dim }
     }
 
+    /// The rotations the other way: `x.rope2d(&table).rope2d(&table.inverse())` is x.
+    ///
+    /// ```
+    /// use weaver_autograd::{Tape, ops::RopeTable};
+    /// let (tape, table) = (Tape::<f64>::new(), RopeTable::new(&[[1, 0]], 4, 100.0));
+    /// let y = tape.constant(&[1.0, 0.0, 0.0, 0.0], [1, 1, 1, 4]).rope2d(&table.inverse()).to_vec();
+    /// assert_eq!(y, [1_f64.cos(), -1_f64.sin(), 0.0, 0.0]);
+    /// ```
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        Self { rope: Arc::new(self.rope.inverse()), dim: self.dim }
+    }
+
     /// Number of tokens.
     pub fn tokens(&self) -> usize {
         self.rope.tokens()

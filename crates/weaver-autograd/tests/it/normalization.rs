@@ -1,4 +1,4 @@
-//! Softmax and layer normalization.
+//! Softmax, layer and root-mean-square normalization.
 
 use crate::strategies::{cases, length, shape_and_axis};
 use proptest::prelude::*;
@@ -36,6 +36,27 @@ proptest! {
             prop_assert!(mean.abs() < 1e-12 && (after - before / (before + 0.1)).abs() < 1e-12);
         }
     }
+
+    #[test]
+    fn rms_norm(rows in 0usize..4, width in length(), seed: u64) {
+        let inputs = [Input::normal(seed, [rows, 1, width]), Input::normal(seed ^ 1, [width])];
+        gradcheck(&inputs, |x| vec![x[0].rms_norm(x[1], 0.1)]);
+        let tape = Tape::<f64>::new();
+        let [x, w] = [0, 1].map(|i| tape.constant(&inputs[i].data, inputs[i].shape));
+        for (x, y) in inputs[0].data.chunks(width).zip(x.rms_norm(w, 0.1).to_vec().chunks(width)) {
+            let root = (x.iter().map(|x| x * x).sum::<f64>() / width as f64 + 0.1).sqrt();
+            for ((x, y), w) in x.iter().zip(y).zip(&inputs[1].data) {
+                prop_assert!((x / root * w - y).abs() < 1e-12);
+            }
+        }
+    }
+}
+
+/// The weights' gradient is summed in parts.
+#[test]
+fn rms_norm_of_many_rows() {
+    let inputs = [Input::normal(3, [700, 5]), Input::normal(4, [5])];
+    gradcheck(&inputs, |x| vec![x[0].rms_norm(x[1], 1e-5)]);
 }
 
 #[test]

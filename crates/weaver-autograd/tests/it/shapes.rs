@@ -27,6 +27,7 @@ const CASES: &[Case] = &[
     ("conv2d", &[&[1, 3, 8, 8], &[4, 3, 3, 3], &[3]], |x| done(ops::conv2d(x[0], x[1], Some(x[2]), 1, 1))),
     ("conv_transpose2d", &[&[1, 3, 4, 4], &[2, 3, 2, 2]], |x| done(ops::conv_transpose2d(x[0], x[1], None, 2))),
     ("layer_norm", &[&[2, 6], &[5], &[5]], |x| done(x[0].layer_norm(Some((x[1], x[2])), 1e-5))),
+    ("rms_norm", &[&[2, 6], &[5]], |x| done(x[0].rms_norm(x[1], 1e-5))),
     ("scale_residual", &[&[2, 6], &[6], &[2, 5]], |x| done(ops::scale_residual(x[0], x[1], x[2]))),
     ("concat", &[&[2, 3], &[2, 4]], |x| done(ops::concat(&[x[0], x[1]], 0))),
     ("slice", &[&[2, 3]], |x| done(x[0].slice(1, 2, 2))),

@@ -11,6 +11,15 @@ const WHAT: &str = "What is judged";
 const VIEWS: &str = "Views";
 const FIGURES: &str = "Figures";
 
+/// Where held-out photos are drawn from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Targets {
+    /// The data's cameras
+    Data,
+    /// The model's own, which it predicts together with the context's
+    Joint,
+}
+
 /// Renders held-out views and compares them with the photos.
 ///
 /// From the Gaussians that a network makes of their nearest training views or, with --scene, from one file of Gaussians, at the
@@ -24,18 +33,19 @@ const FIGURES: &str = "Figures";
   splatweaver eval --data ramen --points
   splatweaver eval --weights mine.safetensors --data ramen --cameras given
   splatweaver eval --run runs/mine --data ramen --align
+  splatweaver eval --run runs/mine --run runs/two-experts --data ramen --targets joint
   splatweaver eval --run runs/mine --unseen --json > unseen.json
   splatweaver eval --scene fits/garden-1/scene.ply --data garden --lpips alex.safetensors
   splatweaver eval --scene scene.spz --data garden --size 1600 --background black")]
 pub struct Eval {
-    /// The run folder [default: the weights that come with the program]
+    /// The run folder; several are told apart in one table, on the same --data [default: the weights that come with the program]
     #[arg(long, conflicts_with = "scene", help_heading = WHAT)]
-    pub run: Option<PathBuf>,
+    pub run: Vec<PathBuf>,
     /// A file of weights instead: a run's checkpoint.safetensors, small weights made of one, or a published checkpoint
     #[arg(long, value_name = "FILE", conflicts_with_all = ["run", "scene"], help_heading = WHAT)]
     pub weights: Option<PathBuf>,
     /// A file of Gaussians (PLY, splat, SPZ), whose world is that of one --data
-    #[arg(long, value_name = "SCENE", requires = "data", conflicts_with_all = ["unseen", "views", "cameras", "unknown_focal", "match_size", "points", "allocation", "budget", "refine", "refine_steps", "refine_size"], help_heading = WHAT)]
+    #[arg(long, value_name = "SCENE", requires = "data", conflicts_with_all = ["unseen", "views", "cameras", "targets", "unknown_focal", "match_size", "points", "allocation", "budget", "refine", "refine_steps", "refine_size"], help_heading = WHAT)]
     pub scene: Option<PathBuf>,
     /// Folder of a capture; may be repeated without --scene [default: the data of the run]
     #[arg(long, value_name = "DIR", help_heading = VIEWS)]
@@ -49,6 +59,10 @@ pub struct Eval {
     /// Cameras of the context views; `estimated` by matching these photos, the held-out view aside [default: the run's]
     #[arg(long, value_enum, help_heading = VIEWS)]
     pub cameras: Option<ContextCameras>,
+    /// Where held-out photos are drawn from: from the data's cameras, or from where the model says that they were taken, having seen
+    /// them beside the context photos, as 2Xplat is published; with predicted cameras
+    #[arg(long, value_enum, default_value_t = Targets::Data, help_heading = VIEWS)]
+    pub targets: Targets,
     /// With estimated cameras: focal lengths are not told, as by photos without EXIF
     #[arg(long, help_heading = VIEWS)]
     pub unknown_focal: bool,

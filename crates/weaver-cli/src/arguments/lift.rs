@@ -59,6 +59,9 @@ pub struct Lift {
     /// Tikhonov guidance: opacities become sigmoid(LAMBDA logit) while lifting, and in queries; 1 is none
     #[arg(long, value_name = "LAMBDA", default_value = "1", value_parser = positive, help_heading = SOLVING)]
     pub tikhonov: f64,
+    /// With exact and damped: pixels of which Gaussians cover less than this part do not count, since there is little to draw features with
+    #[arg(long, value_name = "PART", default_value = "0.5", value_parser = part, help_heading = SOLVING)]
+    pub least_alpha: f64,
     /// Divides the features of each Gaussian by their length
     #[arg(long, help_heading = SOLVING)]
     pub unit: bool,

@@ -31,7 +31,7 @@ pub fn run(arguments: &Lift, console: &mut Console) -> Result<(), Failure> {
     let mut outcomes = Vec::new();
     for &seed in seeds {
         let stage = Stage::new(seed, Size::DEMO, &mut source)?;
-        let figures = Figures::of(&stage)?;
+        let figures = Figures::of(&stage, arguments.least_alpha)?;
         let noise = Noise::of(&stage, seed)?;
         if let (Some(out), true) = (out, outcomes.is_empty()) {
             pictures::write(&stage, &noise, out)?;
@@ -177,7 +177,7 @@ mod tests {
     fn a_scene_shows_what_is_claimed() {
         let photos = ProceduralOptions { width: 48, height: 36, views: 8 };
         let stage = Stage::new(1000, Size { photos, step: 2 }, &mut Source::Surface).unwrap();
-        let figures = Figures::of(&stage).unwrap();
+        let figures = Figures::of(&stage, 0.5).unwrap();
         let Figures { planted, held_out, .. } = figures;
         assert!(planted[4] > planted[1] && planted[1] > planted[0], "{planted:?}");
         assert!(held_out[4] > held_out[1] && held_out[1] > held_out[0], "{held_out:?}");

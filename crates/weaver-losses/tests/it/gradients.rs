@@ -31,6 +31,15 @@ proptest! {
     }
 
     #[test]
+    fn of_relative_poses(pairs in 1..5usize, seed in any::<u64>()) {
+        // Rows near rotations by small angles: the cosine is far from its bounds.
+        let mut rotations = [Input::uniform(seed, -0.2, 0.2, [pairs, 9]), Input::uniform(!seed, -0.2, 0.2, [pairs, 9])];
+        rotations.iter_mut().for_each(|r| r.data.chunks_mut(9).for_each(|r| [0, 4, 8].into_iter().for_each(|i| r[i] += 0.7)));
+        gradcheck(&rotations, |x| vec![rotation_angles(x[0], x[1])]);
+        gradcheck(&[Input::normal(seed, [pairs, 4]), Input::normal(!seed, [pairs, 4])], |x| vec![focal_error(x[0], x[1], 3)]);
+    }
+
+    #[test]
     fn of_poses(n in 1..5usize, v in 1..4usize, seed in any::<u64>()) {
         let one = |i: usize, shape: &[usize]| Input::normal(seed.wrapping_add(i as u64), shape);
         let of = |shape: &[usize]| (0..2 * n).map(|i| one(i, shape)).collect::<Vec<_>>();
@@ -128,4 +137,16 @@ fn the_bits_do_not_depend_on_the_number_of_threads() {
         })
     };
     assert_eq!(run(1), run(3));
+}
+
+/// At the truth the clamp holds the angle at its floor, and lets no gradient through.
+#[test]
+fn equal_rotations_have_the_least_angle_and_no_gradient() {
+    let tape = Tape::<f64>::new();
+    let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+    let a = tape.leaf(&identity, [1, 9]);
+    let angle = rotation_angles(a, tape.constant(&identity, [1, 9]));
+    assert!((angle.item() - (1.0 - 1e-6_f64).acos()).abs() < 1e-12, "{}", angle.item());
+    angle.sum().backward();
+    assert_eq!(a.grad().unwrap(), [0.0; 9]);
 }

@@ -1,27 +1,86 @@
 //! The valid range of every setting.
 
-use super::{ModelConfig, ParametrizationConfig};
+use super::{BackboneConfig, CameraConfig, ModelConfig, ParametrizationConfig, RasterConfig};
 use std::fmt::Display;
 use weaver_kernels::nearest_neighbors::MAX_NEIGHBORS;
 
 /// No size of a network is larger: products of two of them do not overflow.
-const MAX_SIZE: usize = 1_000_000;
+pub(crate) const MAX_SIZE: usize = 1_000_000;
 
 /// The key that is wrong, what was expected and what was found.
-fn ensure(holds: bool, key: &str, expected: impl Display, found: impl Display) -> Result<(), String> {
+pub(crate) fn ensure(holds: bool, key: &str, expected: impl Display, found: impl Display) -> Result<(), String> {
     if holds { Ok(()) } else { Err(format!("model.{key}: expected {expected}, found {found}")) }
 }
 
-fn positive(key: &str, value: f64) -> Result<(), String> {
+pub(crate) fn positive(key: &str, value: f64) -> Result<(), String> {
     ensure(value > 0.0 && value.is_finite(), key, "a positive number", value)
 }
 
-fn not_negative(key: &str, value: f64) -> Result<(), String> {
+pub(crate) fn not_negative(key: &str, value: f64) -> Result<(), String> {
     ensure(value >= 0.0 && value.is_finite(), key, "a number that is not negative", value)
 }
 
-fn multiple(key: &str, value: usize, of: usize) -> Result<(), String> {
+pub(crate) fn multiple(key: &str, value: usize, of: usize) -> Result<(), String> {
     ensure(value > 0 && value.is_multiple_of(of), key, format_args!("a positive multiple of {of}"), value)
+}
+
+/// Checks backbone and camera head, whose keys begin with `at`, for images in patches.
+pub(crate) fn cameras(
+    at: &str,
+    (b, c): (&BackboneConfig, &CameraConfig),
+    patch: [(&str, usize); 3],
+) -> Result<(), String> {
+    let key = |name: &str| format!("{at}{name}");
+    let [rows, columns] = b.position_table.unwrap_or([1; 2]);
+    let at_least_one = [
+        ("backbone.dim", b.dim),
+        ("backbone.encoder_heads", b.encoder_heads),
+        ("backbone.heads", b.heads),
+        ("backbone.rounds", b.rounds),
+        ("backbone.position_table", rows),
+        ("backbone.position_table", columns),
+        ("camera.heads", c.heads),
+        ("camera.iterations", c.iterations),
+    ];
+    for (name, value) in at_least_one {
+        ensure((1..=MAX_SIZE).contains(&value), &key(name), format_args!("1 to {MAX_SIZE}"), value)?;
+    }
+    for (name, value) in
+        [("backbone.encoder_depth", b.encoder_depth), ("backbone.registers", b.registers), ("camera.depth", c.depth)]
+    {
+        ensure(value <= MAX_SIZE, &key(name), format_args!("0 to {MAX_SIZE}"), value)?;
+    }
+    let [patch, sides @ ..] = patch;
+    for (name, side) in [patch].iter().chain(&sides) {
+        ensure((1..=MAX_SIZE).contains(side), name, format_args!("1 to {MAX_SIZE}"), side)?;
+    }
+    sides.into_iter().try_for_each(|(name, side)| multiple(name, side, patch.1))?;
+    multiple(&key("backbone.dim"), b.dim, b.encoder_heads)?;
+    multiple(&key("backbone.dim"), b.dim, 4 * b.heads)?;
+    let expected = format_args!("a divisor of twice backbone.dim, {}", 2 * b.dim);
+    ensure((2 * b.dim).is_multiple_of(c.heads), &key("camera.heads"), expected, c.heads)?;
+    not_negative(&key("backbone.layer_scale"), b.layer_scale)?;
+    not_negative(&key("backbone.weight_std"), b.weight_std)?;
+    not_negative(&key("backbone.position_std"), b.position_std)?;
+    not_negative(&key("backbone.token_std"), b.token_std)?;
+    not_negative(&key("camera.layer_scale"), c.layer_scale)?;
+    if let Some(fov) = c.base_fov {
+        let inside = fov > 0.0 && fov < std::f64::consts::PI;
+        ensure(inside, &key("camera.base_fov"), "radians between 0 and pi", fov)?;
+    }
+    ensure((0.0..=1.0).contains(&c.tangent_offset), &key("camera.tangent_offset"), "0 to 1", c.tangent_offset)
+}
+
+impl RasterConfig {
+    pub(crate) fn check(&self) -> Result<(), String> {
+        positive("raster.near", self.near)?;
+        let alpha = self.alpha_max;
+        ensure(alpha > 0.0 && alpha < 1.0, "raster.alpha_max", "a number between 0 and 1", alpha)?;
+        for color in self.background {
+            ensure((0.0..=1.0).contains(&color), "raster.background", "colors of 0 to 1", color)?;
+        }
+        Ok(())
+    }
 }
 
 impl ModelConfig {
@@ -30,27 +89,17 @@ impl ModelConfig {
     /// # Errors
     /// The first setting that is wrong: its key, what was expected and what was found.
     pub fn check(&self) -> Result<(), String> {
+        let sides = [("patch", self.patch), ("width", self.width), ("height", self.height)];
+        cameras("", (&self.backbone, &self.camera), sides)?;
         self.check_sizes()?;
         self.check_multiples()?;
         self.check_numbers()
     }
 
     fn check_sizes(&self) -> Result<(), String> {
-        let (b, c, d, g) = (&self.backbone, &self.camera, &self.dense, &self.gaussians);
-        let [rows, columns] = b.position_table.unwrap_or([1; 2]);
+        let (b, d, g) = (&self.backbone, &self.dense, &self.gaussians);
         let s = d.stereo.unwrap_or_default();
         let at_least_one = [
-            ("width", self.width),
-            ("height", self.height),
-            ("patch", self.patch),
-            ("backbone.dim", b.dim),
-            ("backbone.encoder_heads", b.encoder_heads),
-            ("backbone.heads", b.heads),
-            ("backbone.rounds", b.rounds),
-            ("backbone.position_table", rows),
-            ("backbone.position_table", columns),
-            ("camera.heads", c.heads),
-            ("camera.iterations", c.iterations),
             ("dense.features", d.features),
             ("dense.channels", d.channels),
             ("dense.depth_hidden", d.depth_hidden),
@@ -67,9 +116,6 @@ impl ModelConfig {
             ensure((1..=MAX_SIZE).contains(&value), key, format_args!("1 to {MAX_SIZE}"), value)?;
         }
         let bounded = [
-            ("backbone.encoder_depth", b.encoder_depth, MAX_SIZE),
-            ("backbone.registers", b.registers, MAX_SIZE),
-            ("camera.depth", c.depth, MAX_SIZE),
             ("dense.depth_features", d.depth_features.unwrap_or(0), MAX_SIZE),
             ("gaussians.sh_degree", g.sh_degree, 4),
             ("gaussians.neighbors", g.neighbors, MAX_NEIGHBORS),
@@ -86,30 +132,14 @@ impl ModelConfig {
     }
 
     fn check_multiples(&self) -> Result<(), String> {
-        let (b, d) = (&self.backbone, &self.dense);
-        multiple("width", self.width, self.patch)?;
-        multiple("height", self.height, self.patch)?;
-        multiple("backbone.dim", b.dim, b.encoder_heads)?;
-        multiple("backbone.dim", b.dim, 4 * b.heads)?;
-        let expected = format_args!("a divisor of twice backbone.dim, {}", 2 * b.dim);
-        ensure((2 * b.dim).is_multiple_of(self.camera.heads), "camera.heads", expected, self.camera.heads)?;
+        let d = &self.dense;
         multiple("dense.channels", d.channels, 4)?;
         d.depth_features.map_or(Ok(()), |n| multiple("dense.depth_features", n, 8))?;
         d.out_channels.into_iter().try_for_each(|n| multiple("dense.out_channels", n, 4))
     }
 
     fn check_numbers(&self) -> Result<(), String> {
-        let (b, c, g) = (&self.backbone, &self.camera, &self.gaussians);
-        not_negative("backbone.layer_scale", b.layer_scale)?;
-        not_negative("backbone.weight_std", b.weight_std)?;
-        not_negative("backbone.position_std", b.position_std)?;
-        not_negative("backbone.token_std", b.token_std)?;
-        not_negative("camera.layer_scale", c.layer_scale)?;
-        if let Some(fov) = c.base_fov {
-            let inside = fov > 0.0 && fov < std::f64::consts::PI;
-            ensure(inside, "camera.base_fov", "radians between 0 and pi", fov)?;
-        }
-        ensure((0.0..=1.0).contains(&c.tangent_offset), "camera.tangent_offset", "0 to 1", c.tangent_offset)?;
+        let g = &self.gaussians;
         self.dense.log_depth_limit.map_or(Ok(()), |limit| positive("dense.log_depth_limit", limit))?;
         if let Some(stereo) = self.dense.stereo {
             ensure(stereo.depths >= 2, "dense.stereo.depths", "at least 2", stereo.depths)?;
@@ -135,13 +165,7 @@ impl ModelConfig {
                 positive(&parametrization("scale"), scale)?;
             }
         }
-        positive("raster.near", self.raster.near)?;
-        let alpha = self.raster.alpha_max;
-        ensure(alpha > 0.0 && alpha < 1.0, "raster.alpha_max", "a number between 0 and 1", alpha)?;
-        for color in self.raster.background {
-            ensure((0.0..=1.0).contains(&color), "raster.background", "colors of 0 to 1", color)?;
-        }
-        Ok(())
+        self.raster.check()
     }
 }
 

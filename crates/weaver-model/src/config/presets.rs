@@ -7,18 +7,20 @@ use super::{
 
 /// Names of the presets, which are what [`ModelConfig::preset`] takes. The last one is the published network: it is loaded
 /// rather than trained.
-pub const PRESETS: [&str; 7] = ["micro", "tiny", "tiny-endless", "tiny-published", "small", "medium", "splatweaver-1b"];
+pub const PRESETS: [&str; 8] =
+    ["micro", "tiny", "tiny-endless", "tiny-published", "generalist", "small", "medium", "splatweaver-1b"];
 
 impl ModelConfig {
     /// The network of a preset, if there is one of this name.
     ///
     /// `micro` is for tests and runs in seconds; `tiny` (64x48 pixels) learns on a CPU; `tiny-published` has its size and the
-    /// published parametrization; `tiny-endless`, `small` (128x96) and `medium` (256x192) have its size, too, and compare views to correct
-    /// depth; `splatweaver-1b` is the published network.
+    /// published parametrization; `generalist` makes one Gaussian of each pixel, to be compared with two experts; `tiny-endless`, `small`
+    /// (128x96) and `medium` (256x192) have its size, too, and compare views to correct depth; `splatweaver-1b` is the published network.
     pub fn preset(name: &str) -> Option<Self> {
         match name {
             "tiny" => Some(Self::tiny()),
             "tiny-published" => Some(Self::tiny_published()),
+            "generalist" => Some(Self::generalist()),
             "micro" => Some(Self::micro()),
             "tiny-endless" => Some(Self::tiny_endless()),
             "small" => Some(Self::larger(128, 96, 8)),
@@ -85,6 +87,15 @@ impl ModelConfig {
             },
             raster: RasterConfig { near: 0.02, alpha_max: 0.99, background: [1.0; 3] },
         }
+    }
+
+    /// One network for everything, one Gaussian for each pixel: as many parameters as two experts have.
+    fn generalist() -> Self {
+        let mut config = Self::tiny();
+        config.dense.features = 36;
+        config.gaussians =
+            GaussianConfig { max_per_pixel: 1, neighbor_attention: false, frequency_prior: false, ..config.gaussians };
+        config
     }
 
     fn tiny_published() -> Self {

@@ -83,7 +83,7 @@ fn attention_twin(attention: &Attention, params: &Params<f64>, x: &[f64], tokens
         let mean = x.iter().sum::<f64>() / head as f64;
         let variance = x.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / head as f64;
         let scaled = x.iter().map(|x| (x - mean) / (variance + layer.eps).sqrt());
-        scaled.zip(value(layer.weight)).zip(value(layer.bias)).map(|((x, w), b)| x * w + b).collect()
+        scaled.zip(value(layer.weight)).zip(value(layer.bias.expect("a bias"))).map(|((x, w), b)| x * w + b).collect()
     };
     let qkv = apply(&attention.qkv, x);
     let part = |token: usize, which: usize, h: usize| &qkv[(token * 3 + which) * width + h * head..][..head];

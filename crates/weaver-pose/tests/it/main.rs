@@ -1,5 +1,6 @@
 //! Pose codes, cameras, rotations and unprojection, against references and finite differences.
 
+mod cameras;
 mod code;
 // Networks read weights with it, too; it needs these three crates.
 #[allow(dead_code)]

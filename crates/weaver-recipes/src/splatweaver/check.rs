@@ -75,7 +75,7 @@ fn losses(stage: &StageConfig<SplatWeaverRecipe>, key: &str) -> Check {
         ));
     }
     let lasts = |(name, weight): &(&str, f64)| *weight > 0.0 && (*name != "router.rank" || router.rank_until >= 1.0);
-    if rendered.iter().any(lasts) || pose.l1 + pose.huber + pose.absolute > 0.0 {
+    if rendered.iter().any(lasts) || pose.sum() > 0.0 {
         return Ok(());
     }
     Err(format!("{key}.losses: expected a loss with a weight above 0 at every step, found none"))

@@ -35,7 +35,7 @@ impl Objective<'_> {
     pub fn terms<'t>(&self, cx: Context<'t, '_, f32>, model: &SplatWeaver, examples: &[Example]) -> Terms<'t> {
         let encoded = model.encode(cx, photo_constants(cx, examples));
         let mut terms = Terms::default();
-        let codes = PoseCodes { emitted: &encoded.codes, raw: &encoded.raw };
+        let codes = PoseCodes { cameras: encoded.cameras, emitted: &encoded.codes, raw: &encoded.raw };
         self.stage.losses.pose.add(&mut terms, cx, codes, examples);
         for (b, example) in examples.iter().take(self.stage.tuples).enumerate() {
             self.scene_terms(&mut terms, cx, model, (&encoded, b), example);

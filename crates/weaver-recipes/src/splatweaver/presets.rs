@@ -1,6 +1,7 @@
 //! The presets: what is trained, for how long, with which losses.
 
 use super::{EvaluationSettings, Losses, RouterLosses, SplatWeaverRecipe, StageAllocation, StageSettings};
+use crate::two_experts::pose_losses;
 use weaver_model::ModelConfig;
 use weaver_router::AllocationKind;
 use weaver_trainer::losses::{DepthLosses, ImageLosses, PoseLosses};
@@ -43,6 +44,15 @@ pub(super) fn preset(name: &str) -> Option<Config<SplatWeaverRecipe>> {
                 few(&mut config.stages[0].losses.router);
             }
             config.evaluation.allocation = Some(AllocationKind::Sampled);
+        }
+        "generalist" => {
+            let even = AllocationKind::Fixed(1);
+            config.stages = vec![with_pairs(poses(1300)), appearance(3000), joint(2000)];
+            config.stages.iter_mut().for_each(|stage| {
+                stage.model.allocation = StageAllocation::Kind(even);
+                stage.losses.router = one_expert(&stage.losses.router);
+            });
+            (config.evaluation.allocation, config.evaluation.budget) = (Some(even), None);
         }
         "small" | "medium" => {
             config.stages = vec![given(4000)];
@@ -102,6 +112,46 @@ fn everything(steps: usize) -> StageConfig<SplatWeaverRecipe> {
             router: RouterLosses { error_regression: 0.02, ..RouterLosses::default() },
             ..poses.losses
         },
+    }
+}
+
+/// With 2Xplat's losses on the cameras of pairs.
+fn with_pairs(stage: StageConfig<SplatWeaverRecipe>) -> StageConfig<SplatWeaverRecipe> {
+    let pairs = pose_losses(stage.losses.pose.absolute);
+    StageConfig { losses: Losses { pose: pairs, ..stage.losses }, ..stage }
+}
+
+/// What a single expert leaves of the router's lists.
+fn one_expert(router: &RouterLosses) -> RouterLosses {
+    RouterLosses {
+        rank_quantiles: router.rank_quantiles[..1].to_vec(),
+        budget_shares: router.budget_shares[..1].to_vec(),
+        error_regression: 0.0,
+        ..router.clone()
+    }
+}
+
+/// As the appearance expert of two learns, from given cameras and pictures alone; here the backbone must keep its cameras in mind.
+fn appearance(steps: usize) -> StageConfig<SplatWeaverRecipe> {
+    let everything = everything(steps);
+    StageConfig {
+        name: "appearance".into(),
+        floor: 0.1,
+        model: StageSettings { cameras: CameraMode::Given, ..everything.model },
+        losses: Losses { pose: pose_losses(1.0), depth: DepthLosses::default(), ..everything.losses },
+        ..everything
+    }
+}
+
+/// As two experts learn through each other.
+fn joint(steps: usize) -> StageConfig<SplatWeaverRecipe> {
+    let appearance = appearance(steps);
+    StageConfig {
+        name: "joint".into(),
+        rate: 3e-4,
+        floor: 0.05,
+        model: StageSettings { cameras: CameraMode::Predicted, ..appearance.model },
+        ..appearance
     }
 }
 

@@ -13,3 +13,4 @@ mod ranges;
 mod stages;
 mod switch_off;
 mod switches;
+mod two_experts;

@@ -87,6 +87,7 @@ fn garbage_that_is_masked_changes_no_bit_of_training_nor_of_evaluation() {
         context_views: 2,
         cameras: CameraMode::Given,
         points: false,
+        joint: false,
         matching: None,
         density: weaver_inference::Density::default(),
         align: None,

@@ -222,6 +222,7 @@ fn an_evaluation_refuses_a_network_for_images_smaller_than_its_windows() {
         context_views: 2,
         cameras: CameraMode::Predicted,
         points: false,
+        joint: false,
         matching: None,
         density: Density::default(),
         align: None,

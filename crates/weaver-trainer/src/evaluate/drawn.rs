@@ -4,7 +4,7 @@ use super::{Matching, Options};
 use crate::{CameraMode, Error, Example};
 use weaver_data::{Scene, Tuple};
 use weaver_geometry::{Camera, Pose};
-use weaver_inference::{CameraSource, Density, Prediction, Predictor};
+use weaver_inference::{CameraSource, Density, JointPrediction, Prediction, Predictor};
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
 use weaver_pose::PoseErrors;
@@ -46,7 +46,13 @@ impl Drawing<'_> {
         let found = matching.map(|Matching { scenes, focal_known }| {
             scenes[number].estimated_context(&tuple.context, size, *focal_known)
         });
-        let Some(found) = found else { return self.with(scene, tuple, self.options.cameras) };
+        let Some(found) = found else {
+            return if self.options.joint {
+                self.jointly(scene, tuple)
+            } else {
+                self.with(scene, tuple, self.options.cameras)
+            };
+        };
         let Some(found) = found else {
             let drawn = self.with(scene, tuple, CameraMode::Predicted)?;
             return Ok(Drawn { remark: Some(Remark::NotPlaced), ..drawn });
@@ -87,9 +93,25 @@ impl Drawing<'_> {
         Ok(Drawn { prediction, render, camera, strict: None, errors, remark })
     }
 
-    fn predict(&mut self, example: &Example, cameras: CameraSource<'_>) -> Result<Prediction, Error> {
+    /// From where the model says that the held-out photo was taken, having seen it.
+    fn jointly(&mut self, scene: &Scene, tuple: &Tuple) -> Result<Drawn, Error> {
+        let (example, _) = Example::for_evaluation(scene, tuple.clone())?;
+        let (stream, context) = (self.stream(&example), example.context().len());
+        let JointPrediction { prediction, targets } =
+            self.predictor.predict_jointly(example.photos(), context, self.density, stream)?;
+        let camera = targets[0];
+        let render = self.render(&prediction, camera)?;
+        let errors = errors(&prediction.predicted, &example);
+        Ok(Drawn { prediction, render, camera, strict: None, errors, remark: None })
+    }
+
+    fn stream(&self, example: &Example) -> Stream {
         let Tuple { scene, targets, .. } = &example.tuple;
-        let stream = Stream::new(self.options.seed, targets[0] as u64, "evaluation").fork(*scene as u64);
+        Stream::new(self.options.seed, targets[0] as u64, "evaluation").fork(*scene as u64)
+    }
+
+    fn predict(&mut self, example: &Example, cameras: CameraSource<'_>) -> Result<Prediction, Error> {
+        let stream = self.stream(example);
         Ok(self.predictor.predict(example.context_photos(), cameras, self.density, stream)?)
     }
 

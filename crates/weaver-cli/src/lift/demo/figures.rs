@@ -38,7 +38,7 @@ pub struct Figures {
 }
 
 impl Figures {
-    pub fn of(stage: &Stage) -> Result<Self, LiftError> {
+    pub fn of(stage: &Stage, least_alpha: f64) -> Result<Self, LiftError> {
         let settings = stage.settings;
         let mut training = Raster::new(stage.splats.as_slices(), &stage.training.cameras, settings);
         let mut held_out = Raster::new(stage.splats.as_slices(), &stage.held_out.cameras, settings);
@@ -70,11 +70,12 @@ impl Figures {
             figures.counts = [stage.labels.len() as f64, (classes - 1) as f64, coverage.unseen as f64];
 
             let start = Instant::now();
-            let lifted = lift(&mut training, &mut ids, &LiftOptions::with(solver), &mut || ())?;
+            let options = LiftOptions { least_alpha: Some(least_alpha), ..LiftOptions::with(solver) };
+            let lifted = lift(&mut training, &mut ids, &options, &mut || ())?;
             let per = (training.views() * classes) as f64;
             figures.milliseconds[column] = 1e3 * start.elapsed().as_secs_f64() / per;
             (figures.splats[column], figures.splats_iou[column]) = (right(&lifted.features), iou(&lifted.features));
-            let with_loss = LiftOptions { loss: true, ..LiftOptions::with(solver) };
+            let with_loss = LiftOptions { loss: true, ..options };
             figures.loss[column] = lift(&mut training, &mut ids, &with_loss, &mut || ())?.loss.unwrap_or(f64::NAN);
             figures.held_out[column] = drawn_iou(&mut held_out, &lifted.features, &stage.held_out, classes)?;
         }

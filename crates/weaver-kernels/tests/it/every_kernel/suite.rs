@@ -13,6 +13,7 @@ use weaver_kernels::permute::permute;
 use weaver_kernels::random::Stream;
 use weaver_kernels::reduce::*;
 use weaver_kernels::resample::Resample;
+use weaver_kernels::rms_norm::*;
 use weaver_kernels::rope::Rope2d;
 use weaver_kernels::rows::*;
 use weaver_kernels::softmax::*;
@@ -216,6 +217,14 @@ impl<T: Real> Suite<T> {
                 let mut scratch = vec![T::ZERO; layer_norm_scratch_len(rows, cols)];
                 layer_norm_backward(cols, &x[0], Some(w), &stats, &x[3], targets, &mut scratch);
                 [y, dx, dw, db].concat()
+            });
+            self.curved(format!("rms_norm {rows}x{cols}"), [n, cols, n], move |x| {
+                let (eps, w) = (T::from_f64(1e-5), &x[1][..]);
+                let (mut y, mut dx, mut dw) = (vec![T::ZERO; n], vec![T::ZERO; n], vec![T::ZERO; cols]);
+                rms_norm_forward(eps, &x[0], w, &mut y);
+                let targets = [&mut dx, &mut dw].map(|target| Some((&mut target[..], T::ZERO)));
+                rms_norm_backward(eps, &x[0], w, &x[2], targets, &mut vec![T::ZERO; rms_norm_scratch_len(rows, cols)]);
+                [y, dx, dw].concat()
             });
             let inner = if round == 1 { 1 } else { self.size(20) };
             let (len, all) = (cols, n * inner);

@@ -1,0 +1,215 @@
+//! 2Xplat through the trainer, on its micro preset: what each stage trains, what flows from where to where, bits and refusals.
+
+use std::sync::Arc;
+use weaver_data::Layout;
+use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_inference::{CameraSource, Density, Predictor, SplatWeaverPredictor, TwoExpertsPredictor};
+use weaver_kernels::random::Stream;
+use weaver_recipes::{SplatWeaverRecipe, TwoExpertsRecipe, registry};
+use weaver_trainer::evaluate::{Options, evaluate};
+use weaver_trainer::{CameraMode, Example, Recipe, Session, StepReport};
+
+type Config = weaver_trainer::Config<TwoExpertsRecipe>;
+
+fn config(steps: usize, settings: &[&str]) -> Config {
+    let settings: Vec<String> = settings.iter().map(|s| s.to_string()).collect();
+    let mut config = Config::resolve(Some("micro"), None, &settings).unwrap();
+    config.rescale(steps);
+    config
+}
+
+fn reports(config: Config) -> (Vec<StepReport>, String) {
+    let mut session = Session::new(config).unwrap();
+    let mut found = Vec::new();
+    while let Some(report) = session.advance().unwrap() {
+        found.push(report);
+    }
+    (found, session.checksum())
+}
+
+fn message(settings: &[&str]) -> String {
+    let settings: Vec<String> = settings.iter().map(|s| s.to_string()).collect();
+    Config::resolve(Some("micro"), None, &settings).unwrap_err().to_string()
+}
+
+/// Which expert moves in which stage, and which losses each has.
+#[test]
+fn stages_train_what_they_name() {
+    let mut session = Session::new(config(15, &[])).unwrap();
+    let mut moved = Vec::new();
+    while session.steps().0 < 15 {
+        let before = session.params().clone();
+        let report = session.advance().unwrap().unwrap();
+        let changed = |appearance: bool| {
+            let mut pairs = before.iter().zip(session.params().iter());
+            pairs.any(|((_, a), (_, b))| a.name().starts_with("appearance.") == appearance && a.value() != b.value())
+        };
+        let names: Vec<&str> = report.terms.iter().map(|(name, _)| name.as_str()).collect();
+        let expected: &[&str] = match report.stage.as_str() {
+            "poses" => &["pose", "pose_rotation", "pose_translation", "pose_focal", "pose_absolute"],
+            "appearance" => &["mse", "ssim", "opacity"],
+            _ => &["pose", "pose_rotation", "pose_translation", "pose_focal", "mse", "ssim", "opacity"],
+        };
+        assert_eq!(names, expected, "{}", report.stage);
+        moved.push((report.stage.clone(), changed(false), changed(true)));
+    }
+    moved.dedup();
+    let of = |stage: &str, geometry, appearance| (stage.to_string(), geometry, appearance);
+    assert_eq!(moved, [of("poses", true, false), of("appearance", false, true), of("joint", true, true)]);
+}
+
+/// Without a loss on cameras, pictures alone move the geometry expert: their gradient comes through the cameras.
+#[test]
+fn pictures_teach_cameras() {
+    let only_pictures = [
+        "stages.2.losses.pose.l1=0",
+        "stages.2.losses.pose.rotation=0",
+        "stages.2.losses.pose.translation=0",
+        "stages.2.losses.pose.focal=0",
+        "stages.2.losses.opacity=0",
+    ];
+    let mut session = Session::new(config(5, &only_pictures)).unwrap();
+    while session.steps().0 < 4 {
+        session.advance().unwrap();
+    }
+    let before = session.params().clone();
+    session.advance().unwrap();
+    let last = |params: &weaver_autograd::Params<f32>| {
+        let all: Vec<Vec<f32>> = params
+            .iter()
+            .filter(|(_, p)| p.name().starts_with("camera_head.") || p.name().starts_with("aggregator."))
+            .map(|(_, p)| p.value().to_vec())
+            .collect();
+        all
+    };
+    let moved = last(&before).iter().zip(&last(session.params())).filter(|(a, b)| a != b).count();
+    assert!(moved > 20, "{moved}");
+}
+
+#[test]
+fn bits_do_not_depend_on_threads_or_interruptions() {
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| reports(config(15, &[])).1)
+    };
+    let whole = on(1);
+    assert_eq!(whole, on(3));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.safetensors");
+    for stop in [2, 7, 12] {
+        let mut first = Session::new(config(15, &[])).unwrap();
+        (0..stop).for_each(|_| drop(first.advance().unwrap()));
+        first.save(&path).unwrap();
+        let mut second = Session::resume(config(15, &[]), &path).unwrap();
+        while second.advance().unwrap().is_some() {}
+        assert_eq!(second.checksum(), whole, "stopped after {stop}");
+    }
+}
+
+/// Predicts with the context alone and with a further photo: Gaussians and cameras of the context stay as many, and the
+/// further photo has a camera.
+#[test]
+fn cameras_of_further_photos_are_predicted_along() {
+    let config = config(1, &[]);
+    let [height, width] = TwoExpertsRecipe::image_size(&config.model);
+    let scene = scene(3, &ProceduralOptions { width, height, views: 6 });
+    let tuple = weaver_data::Tuple { scene: 0, context: vec![0, 2], targets: vec![1] };
+    let example = Example::new(&scene, &Layout::of(&scene), tuple).unwrap();
+    let mut params = weaver_autograd::Params::new();
+    let network = Arc::new(TwoExpertsRecipe::build(&config.model, &mut params, 1));
+    let mut two = TwoExpertsPredictor::new(network, params);
+    let mut params = weaver_autograd::Params::new();
+    let model = weaver_model::ModelConfig::preset("micro").unwrap();
+    let network = Arc::new(SplatWeaverRecipe::build(&model, &mut params, 1));
+    let mut one = SplatWeaverPredictor::new(network, params, "fixed:1".parse().unwrap(), 1.0);
+    let stream = Stream::new(0, 0, "test");
+    for predictor in [&mut two as &mut dyn Predictor, &mut one] {
+        let joint = predictor.predict_jointly(example.photos(), 2, Density::default(), stream).unwrap();
+        assert_eq!((joint.prediction.cameras.len(), joint.targets.len()), (2, 1));
+        assert_eq!(joint.prediction.counts.len(), 2 * height * width);
+        assert_eq!(joint.prediction.gaussians.opacities.len(), 2 * height * width);
+        // Camera 0 is the frame.
+        assert_eq!(joint.prediction.cameras[0].pose.center().length(), 0.0);
+        let alone =
+            predictor.predict(example.context_photos(), CameraSource::Predicted, Density::default(), stream).unwrap();
+        assert_ne!(alone.predicted[1].pose, joint.prediction.predicted[1].pose, "the further photo was not seen");
+        // With given cameras, the geometry expert has no say.
+        let given = CameraSource::Given(example.context());
+        let made = predictor.predict(example.context_photos(), given, Density::default(), stream).unwrap();
+        assert_eq!(made.cameras[1].pose, example.context()[1].pose);
+    }
+    let three = Example::new(
+        &scene,
+        &Layout::of(&scene),
+        weaver_data::Tuple { scene: 0, context: vec![0, 2, 3], targets: vec![1] },
+    );
+    let three = three.unwrap();
+    let refused = two.predict(three.context_photos(), CameraSource::Predicted, Density::default(), stream);
+    let refused = refused.unwrap_err().to_string();
+    assert!(refused.contains("expected photos in multiples of 2, or one alone, found 3"), "{refused}");
+}
+
+#[test]
+fn held_out_photos_are_drawn_from_either_camera() {
+    let config = config(1, &[]);
+    let [height, width] = TwoExpertsRecipe::image_size(&config.model);
+    let scenes = [scene(4, &ProceduralOptions { width, height, views: 8 })];
+    let mut params = weaver_autograd::Params::new();
+    let network = Arc::new(TwoExpertsRecipe::build(&config.model, &mut params, 1));
+    let mut predictor = TwoExpertsPredictor::new(network, params);
+    let options = |joint: bool, cameras: CameraMode| Options {
+        context_views: 2,
+        cameras,
+        joint,
+        points: false,
+        matching: None,
+        density: Density::default(),
+        align: None,
+        seed: 0,
+        step: 0,
+    };
+    let mut psnr = |joint: bool| {
+        let found = evaluate(&mut predictor, &scenes, &options(joint, CameraMode::Predicted), None, &mut |_, _| {});
+        let found = found.unwrap();
+        (found.cameras, found.mean.psnr)
+    };
+    let ((data, a), (joint, b)) = (psnr(false), psnr(true));
+    assert!(data == "predicted" && joint.contains("held-out photos as well"), "{data} {joint}");
+    assert!(a.is_finite() && b.is_finite() && a != b);
+    let wrong = evaluate(&mut predictor, &scenes, &options(true, CameraMode::Given), None, &mut |_, _| {});
+    assert!(wrong.unwrap_err().to_string().contains("expected predicted cameras"));
+}
+
+#[test]
+fn what_does_not_fit_is_named_with_both_numbers() {
+    let cases = [
+        (
+            &["data.context_views=3"][..],
+            "data.context_views: expected a multiple of model.appearance.group, 2, found 3",
+        ),
+        (&["model.width=40"], "model.width: expected a positive multiple of 16, four times appearance.patch, found 40"),
+        (&["model.appearance.head=12"], "model.appearance.head: expected a positive multiple of 8, found 12"),
+        (&["stages.0.losses.opacity=1"], "stages.0.losses.opacity: expected 0 in a stage without rendered tuples"),
+        (
+            &["stages.1.losses.image.mse=0", "stages.1.losses.image.ssim=0", "stages.1.losses.opacity=0"],
+            "stages.1.losses: expected a loss with a weight above 0, found none",
+        ),
+    ];
+    for (settings, expected) in cases {
+        let found = message(settings);
+        assert!(found.contains(expected), "{found}");
+    }
+}
+
+/// The two models that the command line knows, each by its name.
+#[test]
+fn models_are_found_by_name() {
+    let registry = registry();
+    let names: Vec<&str> = registry.iter().map(|entry| entry.name()).collect();
+    assert_eq!(names, ["splatweaver", "two-experts"]);
+    for entry in registry.iter() {
+        for preset in entry.presets() {
+            assert!(entry.annotated(preset).unwrap().contains("architecture"), "{preset}");
+        }
+    }
+}
