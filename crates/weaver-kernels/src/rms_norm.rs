@@ -46,7 +46,7 @@ fn scale<T: Real>(x: &[T], eps: T) -> T {
 /// ```
 pub fn rms_norm_forward<T: Real>(eps: T, x: &[T], w: &[T], y: &mut [T]) {
     let cols = w.len();
-    assert!(x.len() == y.len() && x.len() % cols.max(1) == 0, "rms_norm: lengths");
+    assert!(x.len() == y.len() && x.len().is_multiple_of(cols.max(1)), "rms_norm: lengths");
     for_chunks(y, CHUNK * cols.max(1), |chunk, y| {
         let x = &x[chunk * CHUNK * cols..][..y.len()];
         simd::dispatch(
@@ -86,7 +86,7 @@ pub fn rms_norm_backward<T: Real>(
     if cols == 0 {
         return;
     }
-    assert!(x.len() == dy.len() && x.len() % cols == 0, "rms_norm: lengths");
+    assert!(x.len() == dy.len() && x.len().is_multiple_of(cols), "rms_norm: lengths");
     let scratch = &mut scratch[..rms_norm_scratch_len(x.len() / cols, cols)];
     let part = |chunk: usize| chunk * CHUNK * cols..((chunk + 1) * CHUNK * cols).min(x.len());
     let pass = |chunk: usize, dx: Option<(&mut [T], T)>, sums: &mut [T]| {

