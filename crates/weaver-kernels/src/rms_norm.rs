@@ -41,8 +41,8 @@ fn scale<T: Real>(x: &[T], eps: T) -> T {
 ///
 /// ```
 /// let mut y = [0.0; 2];
-/// weaver_kernels::rms_norm::rms_norm_forward(0.0, &[7.0, 1.0], &[1.0, 2.0], &mut y);
-/// assert_eq!(y, [1.4, 0.4]);
+/// weaver_kernels::rms_norm::rms_norm_forward(0.0, &[2.0, -2.0], &[1.0, 3.0], &mut y);
+/// assert_eq!(y, [1.0, -3.0]);
 /// ```
 pub fn rms_norm_forward<T: Real>(eps: T, x: &[T], w: &[T], y: &mut [T]) {
     let cols = w.len();

@@ -11,8 +11,8 @@ use weaver_autograd::{ParamId, Real, Var};
 /// let mut params = Params::<f64>::new();
 /// let layer = RmsNorm::new(Builder::new(&mut params, 0).scope("norm"), 2, 0.0);
 /// let tape = Tape::new();
-/// let y = layer.forward(Context::new(&tape, &params), tape.constant(&[7.0, 1.0], [1, 2]));
-/// assert_eq!(y.to_vec(), [1.4, 0.2]);
+/// let y = layer.forward(Context::new(&tape, &params), tape.constant(&[2.0, -2.0], [1, 2]));
+/// assert_eq!(y.to_vec(), [1.0, -1.0]);
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct RmsNorm {

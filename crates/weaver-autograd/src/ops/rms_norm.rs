@@ -47,8 +47,8 @@ impl<'t, T: Real> Var<'t, T> {
     /// ```
     /// use weaver_autograd::Tape;
     /// let tape = Tape::<f64>::new();
-    /// let (x, w) = (tape.constant(&[7.0, 1.0], [1, 2]), tape.constant(&[1.0, 2.0], [2]));
-    /// assert_eq!(x.rms_norm(w, 0.0).to_vec(), [1.4, 0.4]);
+    /// let (x, w) = (tape.constant(&[2.0, -2.0], [1, 2]), tape.constant(&[1.0, 3.0], [2]));
+    /// assert_eq!(x.rms_norm(w, 0.0).to_vec(), [1.0, -3.0]);
     /// ```
     #[track_caller]
     pub fn rms_norm(self, w: Self, eps: f64) -> Self {
