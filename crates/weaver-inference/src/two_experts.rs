@@ -15,7 +15,7 @@ use weaver_splat::{RasterSettings, Renderer};
 
 /// 2Xplat with its weights, ready to run without gradients.
 ///
-/// Its geometry expert runs unless all that it could say is given. Photos come in multiples of the appearance expert's group, or one
+/// The geometry expert runs with given cameras, too: what it says sets their scale where nothing else does. Photos come in multiples of the appearance expert's group, or one
 /// alone.
 #[derive(Debug)]
 pub struct TwoExpertsPredictor {
