@@ -9,7 +9,7 @@ pub use splatweaver::{
 pub use two_experts::{TwoExpertsEvaluation, TwoExpertsLosses, TwoExpertsRecipe, TwoExpertsStage};
 
 use std::path::Path;
-use weaver_inference::{Checkpoint, SplatWeaverPredictor};
+use weaver_inference::{Checkpoint, Predictor, SplatWeaverPredictor, TwoExpertsPredictor};
 use weaver_trainer::{CameraMode, DataConfig, Error, OpenRun, Registry};
 
 /// The models that the command line knows.
@@ -54,8 +54,12 @@ pub fn open_weights(path: &Path) -> Result<OpenRun, Error> {
         });
     }
     let checkpoint = Checkpoint::read(path)?;
+    let predictor: Box<dyn Predictor> = match checkpoint.architecture() {
+        TwoExpertsPredictor::ARCHITECTURE => Box::new(TwoExpertsPredictor::from_checkpoint(&checkpoint)?),
+        _ => Box::new(SplatWeaverPredictor::from_checkpoint(&checkpoint)?),
+    };
     Ok(OpenRun {
-        predictor: Box::new(SplatWeaverPredictor::from_checkpoint(&checkpoint)?),
+        predictor,
         step: checkpoint.step,
         seed: checkpoint.defaults().seed,
         data: DataConfig::default(),

@@ -201,6 +201,24 @@ fn what_does_not_fit_is_named_with_both_numbers() {
     }
 }
 
+/// A checkpoint alone is enough to open the model.
+#[test]
+fn weights_alone_are_opened_by_the_model_that_they_are_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("checkpoint.safetensors");
+    let mut session = Session::new(config(5, &[])).unwrap();
+    while session.advance().unwrap().is_some() {}
+    session.save(&path).unwrap();
+    let mut opened = weaver_recipes::open_weights(&path).unwrap();
+    assert_eq!((opened.step, opened.predictor.max_per_pixel()), (5, 1));
+    let [height, width] = opened.predictor.image_size();
+    let planes = vec![0.5; 2 * 3 * height * width];
+    let photos = weaver_inference::Photos { planes: &planes, inside: None, height, width };
+    let stream = Stream::new(0, 0, "test");
+    let made = opened.predictor.predict(photos, CameraSource::Predicted, Density::default(), stream).unwrap();
+    assert_eq!(made.gaussians.opacities.len(), 2 * height * width);
+}
+
 /// The two models that the command line knows, each by its name.
 #[test]
 fn models_are_found_by_name() {
