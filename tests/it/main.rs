@@ -22,3 +22,4 @@ mod teacher;
 mod two_experts;
 mod walkthrough;
 mod weights;
+mod wild;

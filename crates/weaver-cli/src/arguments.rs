@@ -5,6 +5,7 @@ mod drawing;
 mod eval;
 mod fit;
 mod lift;
+mod light;
 mod photos;
 mod refine;
 mod render;
@@ -15,6 +16,7 @@ pub use drawing::DrawingFlags;
 pub use eval::{ContextCameras, Eval, Targets};
 pub use fit::{Fit, Format, Origin, PoseMode, StrategyName};
 pub use lift::{DemoGaussians, Lift, Query, SolverName};
+pub use light::LightFlags;
 pub use photos::{Cameras, MatchingFlags, Reconstruct};
 pub use refine::RefineFlags;
 pub use render::Render;
@@ -183,6 +185,7 @@ pub struct Config {
   splatweaver infer --run runs/mine photos --budget 0.2 -o compact
   splatweaver infer --run runs/mine photos --refine 30 -o better
   splatweaver infer --run runs/mine photos/*.jpg --cameras transforms.json -o posed
+  splatweaver infer --run runs/wild photos --look sunset.jpg --to noon.jpg -o lights
   splatweaver infer --weights model.safetensors photos -o scene
   splatweaver infer --weights model.safetensors photos --cameras transforms.json -o posed
   splatweaver infer --weights model.safetensors photos --keep-aspect --size 448 -o wide")]
@@ -228,6 +231,8 @@ pub struct Infer {
     pub density: DensityFlags,
     #[command(flatten)]
     pub refine: RefineFlags,
+    #[command(flatten)]
+    pub light: LightFlags,
     #[command(flatten)]
     pub device: DeviceFlag,
     /// Folder for the results

@@ -53,6 +53,8 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
         matching: estimated.then_some(MatchingOverride { long_side, focal_known: !arguments.unknown_focal }),
         density: arguments.density.into(),
         align: arguments.align.align.then(|| options(arguments.align.align_as, arguments.align.align_steps)),
+        look: arguments.look,
+        plain: arguments.plain,
         masks: arguments.masks,
         lpips: arguments.lpips.clone(),
     };

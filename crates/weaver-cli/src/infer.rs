@@ -12,7 +12,7 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc;
 use weaver_inference::published::{self, Fit};
 use weaver_inference::reconstruct::{Options, Report, reconstruct};
-use weaver_inference::{Predictor, RunFolder, SplatWeaverPredictor, is_of_run};
+use weaver_inference::{Density, Looks, Predictor, RunFolder, SplatWeaverPredictor, is_of_run};
 use weaver_splat::{AnyRasterizer, Renderer};
 
 pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
@@ -45,6 +45,11 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
             if arguments.masks {
                 return Err(Failure::Usage("--masks: expected weights of a run, found a published checkpoint".into()));
             }
+            if arguments.light.look.is_some() {
+                return Err(Failure::Usage(
+                    "--look: expected a run that knows about light, found a published checkpoint".into(),
+                ));
+            }
             if arguments.refine.is_asked() {
                 let message = "--refine: expected weights of a run; published checkpoints are not refined yet";
                 return Err(Failure::Usage(message.into()));
@@ -66,7 +71,8 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
         ),
         None => format!("points: {}\ncameras: {}", out("points.ply"), out("transforms.json")),
     };
-    console.print(&format!("{result}\noverview: {}", report.overview.display()))
+    let looks = arguments.light.look.as_ref().map_or(String::new(), |_| format!("\nlooks: {}", out("looks.png")));
+    console.print(&format!("{result}\noverview: {}{looks}", report.overview.display()))
 }
 
 /// Runs the network of a run, of a file of a run's weights, or the one that comes with the program.
@@ -94,11 +100,21 @@ fn own(
         (None, None) => (Box::new(SplatWeaverPredictor::built_in()?), 0),
     };
     *predictor.renderer() = Renderer::new(rasterizer);
-    if let Some(remark) = predictor.remark(arguments.density.into()) {
+    let density: Density = arguments.density.into();
+    if let Some(remark) = predictor.remark(density) {
         console.note(&format!("warning: {remark}"));
     }
     let mut predictor = refined(predictor, &arguments.refine, images)?;
-    let options = Options { cameras, masks: arguments.masks, density: arguments.density.into(), seed };
+    if arguments.light.look.is_some() && (density != Density::default() || arguments.refine.is_asked()) {
+        let message = "--look: expected neither --allocation nor --budget nor --refine with it, found one of them";
+        return Err(Failure::Usage(message.into()));
+    }
+    let looks = arguments
+        .light
+        .look
+        .clone()
+        .map(|from| Looks { from, to: arguments.light.to.clone().map(|to| (to, arguments.light.frames as usize)) });
+    let options = Options { cameras, masks: arguments.masks, density, looks, seed };
     Ok(reconstruct(&mut *predictor, images, &options, &arguments.out)?)
 }
 

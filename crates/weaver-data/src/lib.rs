@@ -1,9 +1,10 @@
 //! Scenes, captures, view sampling, and the procedural scene generator.
 //!
 //! A [`Scene`] is photos of one place with their cameras and, where known, depth and surface points.
-//! [`capture`] loads scenes from photos on disk, [`procedural`] generates them from a seed. [`training_tuple`] and
-//! [`evaluation_tuples`] choose the views that the network is given and those that it must render.
+//! [`capture`] loads scenes from photos on disk, [`procedural`] generates them from a seed, [`appearance`] gives their photos light and
+//! passers-by. [`training_tuple`] and [`evaluation_tuples`] choose the views that the network is given and those that it must render.
 
+pub mod appearance;
 pub mod capture;
 mod error;
 mod estimated;

@@ -62,7 +62,24 @@ pub fn scene(seed: u64, options: &ProceduralOptions) -> Scene {
     let world = World::compose(&mut Draws::new(stream.fork(0)));
     let mut draws = Draws::new(stream.fork(1));
     let cameras = Path::around(options.views, &mut draws).cameras(options, &mut draws);
-    Plan { world, cameras, film: Film::PLAIN }.carried_out(format!("procedural-seed-{seed}"), stream)
+    Plan { world, cameras, film: Film::PLAIN, moving_sun: false }.carried_out(format!("procedural-seed-{seed}"), stream)
+}
+
+/// The scene of a seed as [`scene`] makes it, but for the sun, which is elsewhere in every photo: shadows move, and shades with them. No single
+/// change of colors makes one photo's light of another's.
+///
+/// ```
+/// use weaver_data::procedural::{ProceduralOptions, scene, scene_under_moving_sun};
+/// let options = ProceduralOptions { width: 16, height: 12, views: 2 };
+/// let [plain, moving] = [scene(7, &options), scene_under_moving_sun(7, &options)];
+/// assert!(plain.views[1].depth == moving.views[1].depth && plain.views[1].image.pixels != moving.views[1].image.pixels);
+/// ```
+pub fn scene_under_moving_sun(seed: u64, options: &ProceduralOptions) -> Scene {
+    let stream = Stream::new(seed, 0, "data.procedural");
+    let world = World::compose(&mut Draws::new(stream.fork(0)));
+    let mut draws = Draws::new(stream.fork(1));
+    let cameras = Path::around(options.views, &mut draws).cameras(options, &mut draws);
+    Plan { world, cameras, film: Film::PLAIN, moving_sun: true }.carried_out(format!("moving-sun-{seed}"), stream)
 }
 
 /// Generates the varied scene of a seed, for training that is to carry over to real photos: a room or an open place with
@@ -85,7 +102,7 @@ pub fn varied_scene(seed: u64, options: &ProceduralOptions) -> Scene {
     let cameras = Path::varied(options.views, &mut draws).cameras(options, &mut draws);
     let world = World::around(&cameras, &mut Draws::new(stream.fork(1)));
     let film = Film::varied(&mut draws);
-    Plan { world, cameras, film }.carried_out(format!("varied-seed-{seed}"), stream)
+    Plan { world, cameras, film, moving_sun: false }.carried_out(format!("varied-seed-{seed}"), stream)
 }
 
 /// A scene before its photos are taken.
@@ -93,18 +110,22 @@ struct Plan {
     world: World,
     cameras: Vec<Camera>,
     film: Film,
+    /// Whether the sun is elsewhere in every photo.
+    moving_sun: bool,
 }
 
 impl Plan {
     fn carried_out(self, name: String, stream: Stream) -> Scene {
-        let Self { world, cameras, film } = self;
+        let Self { world, cameras, film, moving_sun } = self;
         // What is drawn for a view has its own stream, apart from those of world and cameras, 0 and 1.
         let stream_of = |view: usize| stream.fork(2 + view as u64);
         let views: Vec<View> = cameras
             .par_iter()
             .enumerate()
             .map(|(i, camera)| {
-                let Exposure { image, depth, instances } = film.photograph(&world, camera, stream_of(i).fork(0));
+                let lit = moving_sun.then(|| world.under_another_sun(&mut Draws::new(stream_of(i).fork(1))));
+                let Exposure { image, depth, instances } =
+                    film.photograph(lit.as_ref().unwrap_or(&world), camera, stream_of(i).fork(0));
                 View {
                     name: format!("{i:04}"),
                     image,
@@ -133,6 +154,11 @@ impl Plan {
 /// The default training set: sixteen scenes of 24 views, always the same.
 pub fn default_training_set(width: usize, height: usize) -> Vec<Scene> {
     set("procedural", scene, TRAINING_SEED..TRAINING_SEED + 16, width, height)
+}
+
+/// The scenes of [`default_training_set`] with the sun elsewhere in every photo.
+pub fn moving_sun_set(width: usize, height: usize) -> Vec<Scene> {
+    set("moving-sun", scene_under_moving_sun, TRAINING_SEED..TRAINING_SEED + 16, width, height)
 }
 
 /// The default set for evaluation on unseen scenes: four scenes of 24 views that [`default_training_set`] does not contain.

@@ -45,6 +45,42 @@ impl Similarity {
         Some(Self { scale, rotation, translation: to_mean - rotation * from_mean * scale })
     }
 
+    /// The transform without rotation that minimizes `sum weight_i |to_i - (scale from_i + translation)|^2 + ridge (scale^2 +
+    /// |translation|^2)`.
+    ///
+    /// `None` when it is not determined, as by a single point without ridge, or when a number is not finite. The scale may come out
+    /// negative. Source: Fujimura et al., WildSplatter, arXiv 2604.21182, which lays predicted points over those of the data with a
+    /// ridge of 1e-6.
+    ///
+    /// # Panics
+    /// When the numbers of points and weights differ.
+    ///
+    /// ```
+    /// use weaver_geometry::{Similarity, glam::DVec3};
+    /// let from = [DVec3::ZERO, DVec3::X, DVec3::new(0.0, 2.0, 1.0)];
+    /// let to = from.map(|x| x * 1.5 + DVec3::Y);
+    /// let found = Similarity::fit_scale_and_shift(&from, &to, &[1.0, 0.5, 2.0], 0.0).unwrap();
+    /// assert!((found.scale - 1.5).abs() < 1e-12 && (found.translation - DVec3::Y).length() < 1e-12);
+    /// ```
+    pub fn fit_scale_and_shift(from: &[DVec3], to: &[DVec3], weights: &[f64], ridge: f64) -> Option<Self> {
+        assert!(
+            from.len() == to.len() && from.len() == weights.len(),
+            "as many points from as to, and as many weights"
+        );
+        let all = || from.iter().zip(to).zip(weights).map(|((from, to), weight)| (*from, *to, *weight));
+        let weight = weights.iter().sum::<f64>() + ridge;
+        let from_sum: DVec3 = all().map(|(from, _, w)| from * w).sum();
+        let to_sum: DVec3 = all().map(|(_, to, w)| to * w).sum();
+        let spread = all().map(|(from, _, w)| w * from.length_squared()).sum::<f64>() + ridge;
+        let along: f64 = all().map(|(from, to, w)| w * from.dot(to)).sum();
+        // The shift is eliminated: what is left is one equation for the scale.
+        let left = spread - from_sum.length_squared() / weight;
+        let scale = (along - from_sum.dot(to_sum) / weight) / left;
+        let translation = (to_sum - from_sum * scale) / weight;
+        let determined = left > f64::EPSILON * spread && scale.is_finite() && translation.is_finite();
+        determined.then_some(Self { scale, rotation: DMat3::IDENTITY, translation })
+    }
+
     /// The transform from one reconstruction's world to another's, found from the poses of their cameras: the rotation
     /// minimizes `sum |R_to rotation - R_from|^2`, scale and translation then lay the centers on one another.
     ///

@@ -1,7 +1,7 @@
 //! Photos to cameras and 3-D Gaussians with trained weights, on a CPU.
 //!
 //! [`Predictor`] is what every model can do; [`SplatWeaverPredictor`] is SplatWeaver with its weights, opened from the
-//! folder of a training run, [`TwoExpertsPredictor`] is 2Xplat. [`Refined`] optimizes what it
+//! folder of a training run, [`TwoExpertsPredictor`] is 2Xplat, [`WildPredictor`] WildSplatter. [`Refined`] optimizes what it
 //! predicts; [`reconstruct`](mod@reconstruct) runs a predictor on photo files and writes a scene;
 //! [`published`] runs the published checkpoints of SplatWeaver and VGGT-1B. Nothing here needs a training run's
 //! configuration file, and nothing here trains.
@@ -11,6 +11,7 @@ mod checkpoint;
 mod depth_to_points;
 mod error;
 mod given_cameras;
+mod looks;
 pub mod pictures;
 mod pixel_aligned;
 mod predictor;
@@ -21,18 +22,23 @@ mod run_folder;
 mod splatweaver;
 mod two_experts;
 mod weights;
+mod wild;
 
 pub use capture::{predict_capture, predict_group};
 pub use checkpoint::{Checkpoint, Defaults, FORMAT, Partly, WeightSet};
 pub use depth_to_points::{DepthCorrection, SeenPoint, depth_to_points};
 pub use error::Error;
+pub use looks::Looks;
 pub use pixel_aligned::{PixelAligned, PixelAlignedNetwork, PixelAlignedPredictor};
-pub use predictor::{CameraSource, Density, JointPrediction, Photos, Prediction, Predictor, push_planar};
+pub use predictor::{
+    CameraSource, Density, JointPrediction, Look, LookPrediction, Photos, Prediction, Predictor, push_planar,
+};
 pub use refined::{Effort, Refined};
 pub use run_folder::RunFolder;
 pub use splatweaver::SplatWeaverPredictor;
 pub use two_experts::TwoExpertsPredictor;
 pub use weights::is_of_run;
+pub use wild::WildPredictor;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

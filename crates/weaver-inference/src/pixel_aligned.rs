@@ -105,11 +105,16 @@ pub(crate) fn one_for_each(mut gaussians: ActivatedGaussians, depth: Vec<f32>, i
         counts.iter_mut().zip(inside).for_each(|(count, inside)| *count = u8::from(*inside));
         let ActivatedGaussians { means, scales, quats, opacities, sh, .. } = &mut gaussians;
         for rows in [means, scales, quats, opacities, sh] {
-            let width = rows.len() / inside.len().max(1);
-            let kept = rows.chunks(width.max(1)).zip(inside).filter(|(_, inside)| **inside);
-            *rows = kept.flat_map(|(row, _)| row.iter().copied()).collect();
+            *rows = of_pixels(rows, inside);
         }
     }
     let density = counts.iter().map(|count| f32::from(*count)).collect();
     Prediction { gaussians, depth, counts, density, ..Prediction::default() }
+}
+
+/// The rows of pixels that count.
+pub(crate) fn of_pixels(rows: &[f32], inside: &[bool]) -> Vec<f32> {
+    let width = rows.len() / inside.len().max(1);
+    let kept = rows.chunks(width.max(1)).zip(inside).filter(|(_, inside)| **inside);
+    kept.flat_map(|(row, _)| row.iter().copied()).collect()
 }

@@ -134,6 +134,26 @@ pub struct JointPrediction {
     pub targets: Vec<Camera>,
 }
 
+/// Whose light a place is shown in, for models that know about light.
+#[derive(Clone, Copy, Debug)]
+pub enum Look<'a> {
+    /// Nobody's: of the light nothing is said.
+    Unknown,
+    /// That of a photo.
+    Of(Photos<'a>),
+    /// Between that of two photos: a part of the second, 0 to 1.
+    Between(Photos<'a>, Photos<'a>, f32),
+}
+
+/// A prediction, and what its Gaussians look like in different light.
+#[derive(Clone, Debug)]
+pub struct LookPrediction {
+    /// The Gaussians, with the first look's colors.
+    pub prediction: Prediction,
+    /// For each look, colors as [`ActivatedGaussians::sh`] has them.
+    pub colors: Vec<Vec<f32>>,
+}
+
 /// A trained model with its weights.
 ///
 /// A predictor owns what it needs, so that a server or a binding to another language can hold one for as long as it
@@ -164,6 +184,26 @@ pub trait Predictor: fmt::Debug + Send {
         _stream: Stream,
     ) -> Result<JointPrediction, Error> {
         Err(Error::Input("this model does not say where further photos were taken".into()))
+    }
+
+    /// Predicts the Gaussians of a scene once, and their colors under each of some looks, at least one. Without being asked,
+    /// [`Predictor::predict`] shows a place in the light of the first photo.
+    ///
+    /// # Errors
+    /// As [`Predictor::predict`], for photos of a look that do not suit the model, and for models that know nothing of light.
+    fn predict_looks(
+        &mut self,
+        _photos: Photos<'_>,
+        _cameras: CameraSource<'_>,
+        _looks: &[Look<'_>],
+        _stream: Stream,
+    ) -> Result<LookPrediction, Error> {
+        Err(Error::Input("this model does not know about light: it has no looks".into()))
+    }
+
+    /// Whether the model knows about light: whether [`Predictor::predict_looks`] is of use.
+    fn has_looks(&self) -> bool {
+        false
     }
 
     /// The density that [`Predictor::predict`] would use when asked for this one: gaps filled, the whole checked. Both

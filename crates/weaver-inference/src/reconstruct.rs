@@ -2,7 +2,7 @@
 
 use crate::pictures::{density_picture, depth_picture, row, stack};
 use crate::predictor::inside_of;
-use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, RunFolder, push_planar};
+use crate::{CameraSource, Density, Error, Looks, Photos, Prediction, Predictor, RunFolder, push_planar};
 use std::path::{Path, PathBuf};
 use weaver_data::capture::{self, PhotoCameras};
 use weaver_geometry::Camera;
@@ -23,6 +23,8 @@ pub struct Options {
     pub masks: bool,
     /// Which pixels get Gaussians, and how many.
     pub density: Density,
+    /// In whose light the place is shown, for models that know about light.
+    pub looks: Option<Looks>,
     /// Seed of allocations that draw random numbers.
     pub seed: u64,
 }
@@ -73,12 +75,12 @@ pub fn reconstruct(
         None => CameraSource::Predicted,
     };
     let stream = Stream::new(options.seed, 0, "inference");
-    let prediction = predictor.predict(
-        Photos { planes: &planes, inside: inside.as_deref(), height, width },
-        source,
-        density,
-        stream,
-    )?;
+    let all = Photos { planes: &planes, inside: inside.as_deref(), height, width };
+    let shown = options.looks.as_ref().map(|looks| looks.predict(predictor, all, source, stream)).transpose()?;
+    let prediction = match &shown {
+        Some(shown) => shown.prediction.prediction.clone(),
+        None => predictor.predict(all, source, density, stream)?,
+    };
     remarks.extend(how_scaled(&prediction));
     let cameras = if given.is_some() { "given" } else { "predicted" };
     let allocation = density.allocation.map_or(String::new(), |kind| format!(", allocation {kind}"));
@@ -86,6 +88,10 @@ pub fn reconstruct(
     let renders = predictor.render(&prediction.gaussians, &prediction.cameras)?;
     write(out, images, &photos, &renders, &prediction)?;
     write_summary(out, predictor)?;
+    if let (Some(looks), Some(shown)) = (&options.looks, shown) {
+        remarks.push(format!("in the light of {}, which the photos may not have", looks.from.display()));
+        shown.write(predictor, out)?;
+    }
     Ok(report([&photos, &renders], inside.as_deref(), &prediction, remarks, out))
 }
 

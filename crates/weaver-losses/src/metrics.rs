@@ -56,7 +56,7 @@ pub fn ssim<T: Real>(a: &[T], b: &[T], size: [usize; 3]) -> f64 {
     let mut workspace = vec![0.0; windows.workspace_len()];
     let widen = |plane: &[T]| plane.iter().map(|x| x.to_f64()).collect::<Vec<_>>();
     let planes = a.chunks(pixels).zip(b.chunks(pixels));
-    planes.map(|(a, b)| windows.similarity(&widen(a), &widen(b), &mut workspace)).sum::<f64>() / channels as f64
+    planes.map(|(a, b)| windows.similarity(&widen(a), &widen(b), None, &mut workspace)).sum::<f64>() / channels as f64
 }
 
 /// The structural similarity over the pixels of a mask, or `None` if the mask is empty.

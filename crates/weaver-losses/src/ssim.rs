@@ -1,6 +1,7 @@
 //! Structural similarity as a differentiable op.
 
-use crate::ssim_window::{Covariance, WINDOW, Windows};
+use crate::masked::inside_of;
+use crate::ssim_window::{Covariance, Kept, WINDOW, Windows};
 use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 
@@ -8,17 +9,19 @@ use weaver_kernels::parallel;
 const PLANES_AT_ONCE: usize = 8;
 
 #[derive(Debug)]
-struct Ssim {
+struct Ssim<T> {
     covariance: Covariance,
+    /// Which windows of each image count; empty if all do.
+    kept: Vec<Kept<T>>,
 }
 
-impl Ssim {
-    fn windows<T: Real>(&self, shape: Shape) -> Windows<T> {
+impl<T: Real> Ssim<T> {
+    fn windows(&self, shape: Shape) -> Windows<T> {
         Windows::new([shape[2], shape[3]], self.covariance)
     }
 
     /// Runs `body(plane, result, workspace)` on every plane; `done(first plane, results)` takes a group's results.
-    fn for_planes<T: Real>(
+    fn for_planes(
         &self,
         shape: Shape,
         result_len: usize,
@@ -26,7 +29,7 @@ impl Ssim {
         body: impl Fn(usize, &mut [T], &mut [T]) + Sync,
         mut done: impl FnMut(usize, &[T]),
     ) {
-        let (planes, workspace_len) = (shape[0] * shape[1], self.windows::<T>(shape).workspace_len());
+        let (planes, workspace_len) = (shape[0] * shape[1], self.windows(shape).workspace_len());
         let each = result_len + workspace_len;
         let mut scratch = pool.buffer::<T>(planes.min(PLANES_AT_ONCE) * each);
         for first in (0..planes).step_by(PLANES_AT_ONCE) {
@@ -42,7 +45,7 @@ impl Ssim {
     }
 }
 
-impl<T: Real> Op<T> for Ssim {
+impl<T: Real> Op<T> for Ssim<T> {
     fn name(&self) -> &'static str {
         "ssim"
     }
@@ -64,7 +67,9 @@ impl<T: Real> Op<T> for Ssim {
             1,
             pool,
             |i, result, workspace| {
-                result[0] = T::from_f64(windows.similarity(plane(0, i), plane(1, i), workspace) / channels as f64);
+                let kept = self.kept.get(i / channels);
+                result[0] =
+                    T::from_f64(windows.similarity(plane(0, i), plane(1, i), kept, workspace) / channels as f64);
             },
             |i, result| outs[0][i / channels] += result[0],
         );
@@ -89,7 +94,8 @@ impl<T: Real> Op<T> for Ssim {
                 pool,
                 |i, result, workspace| {
                     let scale = douts[0][i / channels] / T::from_usize(channels);
-                    windows.gradient(plane(of, i), plane(1 - of, i), scale, result, workspace);
+                    let kept = self.kept.get(i / channels);
+                    windows.gradient([plane(of, i), plane(1 - of, i)], kept, scale, result, workspace);
                 },
                 |i, result| {
                     let dx = &mut dx[i * pixels..(i + 1) * pixels];
@@ -125,6 +131,31 @@ pub fn ssim<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>) -> Var<'t, T> {
 /// The structural similarity of each pair of images, as [`ssim`], with a choice of how variances are normalized.
 #[track_caller]
 pub fn ssim_with<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>, covariance: Covariance) -> Var<'t, T> {
-    let [similarity] = a.tape().apply(Ssim { covariance }, &[a, b]);
+    let [similarity] = a.tape().apply(Ssim { covariance, kept: Vec::new() }, &[a, b]);
+    similarity
+}
+
+/// The structural similarity of each pair of images over the windows all of whose pixels are in a mask, as [`ssim`].
+///
+/// `a` and `b` `[N, C, H, W]` with a mask `inside` `[N, H, W]` give `[N]`: 1 where no window is whole. Differentiable in both; what lies
+/// outside has no influence and no gradient, NaN included. Panics as [`ssim`], and unless the mask has a value for each pixel.
+///
+/// ```
+/// use weaver_autograd::Tape;
+/// let tape = Tape::<f64>::new();
+/// let mut hidden = vec![0.3; 3 * 144];
+/// let truth = tape.constant(&hidden, [1, 3, 12, 12]);
+/// hidden[0] = f64::NAN;
+/// let mut inside = vec![true; 144];
+/// inside[0] = false;
+/// assert_eq!(weaver_losses::masked_ssim(tape.constant(&hidden, [1, 3, 12, 12]), truth, &inside).item(), 1.0);
+/// ```
+#[track_caller]
+pub fn masked_ssim<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>, inside: &[bool]) -> Var<'t, T> {
+    let size = [a.shape()[2], a.shape()[3]];
+    assert!(size.iter().all(|side| *side >= WINDOW), "masked_ssim: images of at least {WINDOW} x {WINDOW}");
+    let [a, b] = [a, b].map(|image| inside_of(image, inside));
+    let kept = inside.chunks(size[0] * size[1]).map(|mask| Kept::whole(mask, size)).collect();
+    let [similarity] = a.tape().apply(Ssim { covariance: Covariance::Population, kept }, &[a, b]);
     similarity
 }

@@ -31,6 +31,39 @@ pub(crate) struct Windows<T> {
     width: usize,
 }
 
+/// Which windows count.
+#[derive(Clone, Debug)]
+pub(crate) struct Kept<T> {
+    /// 1 for each window that does, `[h, w]`, and 0 for each that does not.
+    weights: Vec<T>,
+    /// How many do.
+    count: usize,
+}
+
+impl<T: Real> Kept<T> {
+    /// The windows all of whose pixels are in the mask `[H, W]`.
+    pub fn whole(mask: &[bool], [height, width]: [usize; 2]) -> Self {
+        let [h, w] = [height - BORDER, width - BORDER];
+        // For each pixel, how many of the mask end there, along x; then the same along y.
+        let mut runs = vec![0_usize; mask.len()];
+        for (i, inside) in mask.iter().enumerate() {
+            let before = if i % width == 0 { 0 } else { runs[i - 1] };
+            runs[i] = if *inside { before + 1 } else { 0 };
+        }
+        let mut rows = vec![0_usize; width];
+        let mut weights = vec![T::ZERO; h * w];
+        for (i, run) in runs.iter().enumerate() {
+            let (y, x) = (i / width, i % width);
+            rows[x] = if *run >= WINDOW { rows[x] + 1 } else { 0 };
+            if rows[x] >= WINDOW {
+                weights[(y - BORDER) * w + x - BORDER] = T::ONE;
+            }
+        }
+        let count = weights.iter().filter(|weight| **weight == T::ONE).count();
+        Self { weights, count }
+    }
+}
+
 /// The parts of a workspace.
 struct Parts<'a, T> {
     /// E over x of a, b, aa, bb, ab, each `[H, w]`; later the three maps spread over the rows.
@@ -87,29 +120,29 @@ impl<T: Real> Windows<T> {
         Parts { moments, maps, row, line: &mut rest[..self.width] }
     }
 
-    /// The mean similarity over all windows inside the planes `a` and `b`, each `[H, W]`.
-    pub fn similarity(&self, a: &[T], b: &[T], workspace: &mut [T]) -> f64 {
+    /// The mean similarity over all windows inside the planes `a` and `b`, each `[H, W]`, or over those of `kept`.
+    pub fn similarity(&self, a: &[T], b: &[T], kept: Option<&Kept<T>>, workspace: &mut [T]) -> f64 {
         simd::dispatch(
             #[inline(always)]
             || {
                 let parts = self.parts(workspace);
                 self.moments(a, b, parts.moments, parts.line);
-                self.windows(parts.moments, parts.row, None)
+                self.windows(parts.moments, parts.row, None, kept)
             },
         )
     }
 
     /// Writes the derivative of [`similarity`](Self::similarity) with respect to `a`, times `scale`, to `da` `[H, W]`.
-    pub fn gradient(&self, a: &[T], b: &[T], scale: T, da: &mut [T], workspace: &mut [T]) {
+    pub fn gradient(&self, [a, b]: [&[T]; 2], kept: Option<&Kept<T>>, scale: T, da: &mut [T], workspace: &mut [T]) {
         simd::dispatch(
             #[inline(always)]
             || {
                 let Parts { moments, maps, row, line } = self.parts(workspace);
                 self.moments(a, b, moments, line);
-                self.windows(moments, row, Some(maps));
+                self.windows(moments, row, Some(maps), kept);
                 self.spread(maps, moments);
                 let [h, w] = self.inside();
-                let scale = scale / T::from_usize(h * w);
+                let scale = scale / T::from_usize(kept.map_or(h * w, |kept| kept.count.max(1)));
                 self.collect(a, b, scale, moments, line, da);
             },
         );
@@ -144,7 +177,19 @@ impl<T: Real> Windows<T> {
 
     /// The mean similarity; and, on request, the derivatives of every window's similarity with respect to `E[a]`, `E[aa]`, `E[ab]`.
     #[inline(always)]
-    fn windows(&self, moments: &[T], row: &mut [T], mut maps: Option<&mut [T]>) -> f64 {
+    fn windows(&self, moments: &[T], row: &mut [T], maps: Option<&mut [T]>, kept: Option<&Kept<T>>) -> f64 {
+        let [h, w] = self.inside();
+        match kept {
+            None => self.weighted(moments, row, maps, |_| T::ONE) / (h * w) as f64,
+            // Images of which nothing is kept are as similar as can be.
+            Some(kept) if kept.count == 0 => self.weighted(moments, row, maps, |_| T::ZERO) + 1.0,
+            Some(kept) => self.weighted(moments, row, maps, |i| kept.weights[i]) / kept.count as f64,
+        }
+    }
+
+    /// The sum of similarities, each times the weight of its window.
+    #[inline(always)]
+    fn weighted(&self, moments: &[T], row: &mut [T], mut maps: Option<&mut [T]>, weight: impl Fn(usize) -> T) -> f64 {
         let [h, w] = self.inside();
         let (c1, c2, center) = (T::from_f64(C1), T::from_f64(C2), T::from_f64(CENTER));
         let (two, correction) = (T::from_f64(2.0), self.correction);
@@ -166,19 +211,20 @@ impl<T: Real> Windows<T> {
                 let brightness = (two * mean_a * mean_b + c1) * brightness_scale;
                 let structure_scale = T::ONE / (variances + c2);
                 let structure = (two * covariance + c2) * structure_scale;
-                sum += brightness * structure;
+                let weight = weight(y * w + x);
+                sum += weight * (brightness * structure);
                 if let Some(maps) = &mut maps {
                     let by_aa = -correction * brightness * structure * structure_scale;
                     let by_ab = two * correction * brightness * structure_scale;
                     let by_mean = two * structure * (mean_b - mean_a * brightness) * brightness_scale;
-                    maps[y * w + x] = by_mean - two * ma * by_aa - mb * by_ab;
-                    maps[(h + y) * w + x] = by_aa;
-                    maps[(2 * h + y) * w + x] = by_ab;
+                    maps[y * w + x] = weight * (by_mean - two * ma * by_aa - mb * by_ab);
+                    maps[(h + y) * w + x] = weight * by_aa;
+                    maps[(2 * h + y) * w + x] = weight * by_ab;
                 }
             }
             total += sum.to_f64();
         }
-        total / (h * w) as f64
+        total
     }
 
     /// Spreads the maps `[3, h, w]` over the rows that each window covers: `[3, H, w]`.

@@ -1,4 +1,4 @@
-//! The networks from photos to cameras and Gaussians, SplatWeaver and 2Xplat: configurations, presets, forward passes.
+//! The networks from photos to cameras and Gaussians, SplatWeaver, 2Xplat and WildSplatter: configurations, presets, forward passes.
 
 mod config;
 mod guidance;
@@ -6,6 +6,7 @@ mod parts;
 mod splatweaver;
 mod stereo;
 mod two_experts;
+mod wild;
 
 pub use config::{
     BackboneConfig, CameraConfig, DenseConfig, GaussianConfig, ModelConfig, PRESETS, ParametrizationConfig, PixelPoint,
@@ -14,6 +15,7 @@ pub use config::{
 pub use guidance::Guidance;
 pub use splatweaver::{Dense, PredictedGaussians, SplatWeaver};
 pub use two_experts::{AppearanceConfig, GeometryConfig, PixelGaussians, TwoExperts, TwoExpertsConfig};
+pub use wild::{LookConfig, Surface, Wild, WildConfig, WildDenseConfig, WildGaussianConfig};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -121,7 +121,7 @@ impl ModelConfig {
     }
 
     pub(crate) fn feature_head(&self) -> FeatureHeadConfig {
-        FeatureHeadConfig { dpt: self.dpt(), merger: self.dense.image_skip_hidden }
+        FeatureHeadConfig { dpt: self.dpt(), merger: Some(self.dense.image_skip_hidden) }
     }
 
     pub(crate) fn head(&self) -> HeadConfig {

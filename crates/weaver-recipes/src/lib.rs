@@ -2,19 +2,21 @@
 
 mod splatweaver;
 mod two_experts;
+mod wild;
 
 pub use splatweaver::{
     BudgetForm, EvaluationSettings, Losses, Objective, RouterLosses, SplatWeaverRecipe, StageAllocation, StageSettings,
 };
 pub use two_experts::{TwoExpertsEvaluation, TwoExpertsLosses, TwoExpertsRecipe, TwoExpertsStage};
+pub use wild::{WildEvaluation, WildLosses, WildRecipe, WildStage};
 
 use std::path::Path;
-use weaver_inference::{Checkpoint, Predictor, SplatWeaverPredictor, TwoExpertsPredictor};
+use weaver_inference::{Checkpoint, Predictor, SplatWeaverPredictor, TwoExpertsPredictor, WildPredictor};
 use weaver_trainer::{CameraMode, DataConfig, Error, OpenRun, Registry};
 
 /// The models that the command line knows.
 pub fn registry() -> Registry {
-    Registry::new().with::<SplatWeaverRecipe>().with::<TwoExpertsRecipe>()
+    Registry::new().with::<SplatWeaverRecipe>().with::<TwoExpertsRecipe>().with::<WildRecipe>()
 }
 
 /// The weights that come with the program, as if they were a run's. They are for cameras that are given or estimated.
@@ -56,6 +58,7 @@ pub fn open_weights(path: &Path) -> Result<OpenRun, Error> {
     let checkpoint = Checkpoint::read(path)?;
     let predictor: Box<dyn Predictor> = match checkpoint.architecture() {
         TwoExpertsPredictor::ARCHITECTURE => Box::new(TwoExpertsPredictor::from_checkpoint(&checkpoint)?),
+        WildPredictor::ARCHITECTURE => Box::new(WildPredictor::from_checkpoint(&checkpoint)?),
         _ => Box::new(SplatWeaverPredictor::from_checkpoint(&checkpoint)?),
     };
     Ok(OpenRun {

@@ -116,6 +116,20 @@ pub struct GaussianVars<'t, T: Real> {
     pub colors: Var<'t, T>,
 }
 
+impl<T: Real> GaussianVars<'_, T> {
+    /// Those of them for which `kept` `[N]` is true.
+    ///
+    /// # Panics
+    /// If there are fewer Gaussians than that.
+    #[must_use]
+    pub fn kept(&self, kept: &[bool]) -> Self {
+        let rows: Vec<u32> = (0..).zip(kept).filter(|(_, kept)| **kept).map(|(row, _)| row).collect();
+        let [means, quats, scales, opacities, colors] =
+            [self.means, self.quats, self.scales, self.opacities, self.colors].map(|all| all.gather_rows(&rows));
+        Self { means, quats, scales, opacities, colors }
+    }
+}
+
 impl<T: Real> Outputs<T> for GaussianVars<'_, T> {
     fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
         [self.means, self.quats, self.scales, self.opacities, self.colors].for_each_var(visit);

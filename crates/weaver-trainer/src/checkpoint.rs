@@ -98,11 +98,14 @@ impl TrainingState<'_> {
             return Err(checkpoint.wrong(format!("metadata preset: expected `{expected}`, found `{found}`")).into());
         }
         let model: R::Model = checkpoint.model_config(R::ARCHITECTURE)?;
-        if model != config.model {
-            let message = "metadata model: expected the network of the run's configuration, found another";
-            return Err(checkpoint.wrong(message).into());
+        match config.difference(&Config { model, ..config.clone() }) {
+            None => Ok(()),
+            Some((key, expected, found)) => {
+                let message =
+                    format!("metadata {key}: expected {expected}, as the run's configuration says, found {found}");
+                Err(checkpoint.wrong(message).into())
+            }
         }
-        Ok(())
     }
 
     /// Puts the state of a checkpoint back into a run.

@@ -2,11 +2,14 @@
 
 mod aligned;
 mod drawn;
+mod looks;
 
 use crate::evaluation::{AlignedFigures, Evaluation, SceneFigures};
-use crate::{CameraMode, Error};
+use crate::{CameraMode, Error, LooksConfig};
 use aligned::AlignedView;
 use drawn::{Drawing, Drawn, Remark};
+pub use looks::LookOf;
+use looks::Recovery;
 use std::borrow::Borrow;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -41,10 +44,33 @@ pub struct Options {
     pub density: Density,
     /// How the cameras of held-out views are aligned with their photos, for figures beside the others.
     pub align: Option<weaver_align::Options>,
+    /// Light and passers-by that photos are given, as the run's were.
+    pub planted: Option<LooksConfig>,
+    /// In whose light held-out views are drawn, for models that know about light.
+    pub look: Option<LookOf>,
     /// Seed of allocations that draw random numbers.
     pub seed: u64,
     /// Optimizer steps that the weights were trained for.
     pub step: usize,
+}
+
+impl Default for Options {
+    /// Four context views with given cameras, and nothing out of the ordinary.
+    fn default() -> Self {
+        Self {
+            context_views: 4,
+            cameras: CameraMode::Given,
+            joint: false,
+            points: false,
+            matching: None,
+            density: Density::default(),
+            align: None,
+            planted: None,
+            look: None,
+            seed: 0,
+            step: 0,
+        }
+    }
 }
 
 /// What cameras are estimated from.
@@ -115,13 +141,23 @@ pub fn evaluate(
         let least = format!("expected a network for images of at least {LEAST_SIDE} x {LEAST_SIDE} pixels");
         return Err(Error::Input(format!("{least}, the window of SSIM, found {width} x {height}")));
     }
+    if options.look.is_some() && (options.joint || options.matching.is_some()) {
+        return Err(Error::Input(
+            "look: expected predicted or given cameras of context views, found other ones".into(),
+        ));
+    }
     if context == 0 {
         return Err(Error::Input("expected at least 1 context view, found 0".into()));
     }
 
     let mut all = Vec::new();
-    let scenes = || scenes.iter().map(Borrow::borrow);
-    for (index, scene) in scenes().enumerate() {
+    let plain: Vec<&Scene> = scenes.iter().map(Borrow::borrow).collect();
+    let varied: Option<Vec<Scene>> = options
+        .planted
+        .as_ref()
+        .map(|looks| plain.iter().enumerate().map(|(number, scene)| looks.of_scene(scene, number)).collect());
+    let scenes: Vec<&Scene> = varied.as_ref().map_or_else(|| plain.clone(), |varied| varied.iter().collect());
+    for (index, scene) in scenes.iter().enumerate() {
         scene.check_evaluation(context)?;
         all.push(evaluation_tuples(scene, index, context));
     }
@@ -130,17 +166,30 @@ pub fn evaluate(
     let mut remarked: BTreeMap<Remark, Vec<&str>> = BTreeMap::new();
     let mut figures = Vec::new();
     let mut drawing = Drawing { predictor, options, density };
-    for ((index, scene), tuples) in scenes().enumerate().zip(all) {
+    for ((index, scene), tuples) in scenes.iter().enumerate().zip(all) {
         let mean_color = mean_color(scene);
         let mut views = Vec::new();
+        let mut recovery = Recovery::default();
         for tuple in tuples {
+            let target = &looks::judged(scene, &tuple, options);
+            if target.is_masked() {
+                remarked.entry(Remark::Masked).or_default().push(&scene.name);
+                done += 1;
+                continue;
+            }
             let drawn = drawing.draw(scene, index, &tuple)?;
             if let Some(remark) = drawn.remark {
                 remarked.entry(remark).or_default().push(&scene.name);
             }
-            let mut figures = measure.view(scene, &tuple, &drawn, mean_color);
+            let mut figures = measure.view(scene, &tuple, target, &drawn, mean_color);
+            if options.look.is_some() {
+                figures.look = Some(looks::figures(&drawn.render, target));
+                if let Some(planted) = &options.planted {
+                    let (photos, renders) = drawing.in_two_lights(planted, plain[index], scene, index, &tuple)?;
+                    recovery.add(photos.each_ref(), renders.each_ref(), target);
+                }
+            }
             if let Some(align) = &options.align {
-                let target = &scene.views[tuple.targets[0]];
                 let found = aligned::aligned(drawing.predictor, &drawn, target, align)?;
                 let [before, after] =
                     aligned::control(&mut drawing, scene, &tuple, align)?.map(|i| measure.psnr(&i, target));
@@ -150,7 +199,11 @@ pub fn evaluate(
             done += 1;
             progress(done, total);
         }
-        figures.push(SceneFigures::mean_of(&views, Some(scene.name.clone())));
+        let mut of_scene = SceneFigures::mean_of(&views, Some(scene.name.clone()));
+        if let (Some(look), Some([slope, correlation])) = (&mut of_scene.look, recovery.slope_and_correlation()) {
+            (look.slope, look.correlation) = (Some(slope), Some(correlation));
+        }
+        figures.push(of_scene);
     }
     let remarks = remarked.into_iter().map(|(remark, scenes)| explained(remark, &scenes)).collect();
     let cameras = match (&options.matching, options.joint) {
@@ -163,6 +216,7 @@ pub fn evaluate(
         points: options.points,
         allocation: density.allocation.map(|kind| kind.to_string()),
         budget: density.budget,
+        look: options.look.map(|look| look.to_string()),
         context_views: context,
         seed,
         step,
@@ -180,9 +234,8 @@ struct Measure<'a> {
 }
 
 impl Measure<'_> {
-    fn view(&self, scene: &Scene, tuple: &Tuple, drawn: &Drawn, mean_color: [f32; 3]) -> SceneFigures {
+    fn view(&self, scene: &Scene, tuple: &Tuple, target: &View, drawn: &Drawn, mean_color: [f32; 3]) -> SceneFigures {
         let Drawn { prediction, render, strict, errors, .. } = drawn;
-        let target = &scene.views[tuple.targets[0]];
         let truth = &target.image;
         let nearest = &scene.views[tuple.context[0]].image;
         let flat = mean_color.iter().copied().cycle().take(truth.pixels.len()).collect();
@@ -203,6 +256,7 @@ impl Measure<'_> {
             psnr_nearest: self.psnr(nearest, target),
             psnr_mean_color: self.psnr(&flat, target),
             aligned: None,
+            look: None,
             gaussians_per_pixel: prediction.gaussians.opacities.len() as f64 / pixels,
             expert_share: (0..self.experts)
                 .map(|e| prediction.counts.iter().filter(|&&x| usize::from(x) == e).count() as f64 / pixels)
@@ -266,6 +320,7 @@ fn explained(remark: Remark, scenes: &[&str]) -> String {
         Remark::NotPlaced => {
             format!("{names}: no cameras could be estimated for {views} views, and predicted ones were taken")
         }
+        Remark::Masked => format!("{names}: left out {views} views of which no pixel counts"),
         Remark::PartlyPlaced => format!("{names}: not all context views have an estimated camera for {views} views"),
     }
 }

@@ -38,6 +38,41 @@ pub struct SceneFigures {
     /// The same views from cameras that were aligned with the held-out photos, if asked for.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub aligned: Option<AlignedFigures>,
+    /// What there is to say of the light that views were drawn in, if one was asked for.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub look: Option<LookFigures>,
+}
+
+/// How well the light of held-out views is met, or the mean of that.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LookFigures {
+    /// PSNR after the best gain and offset of each channel: what structure alone is worth, dB.
+    pub psnr_fitted: f64,
+    /// |difference of the mean color|, mean over channels.
+    pub color_error: f64,
+    /// Of planted looks: the slope of log(mean of the render in one light / in another) by log(mean of the photo in the one / in the
+    /// other), over a scene's views, red, green and blue.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub slope: Option<[f64; 3]>,
+    /// The correlation of the two.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub correlation: Option<[f64; 3]>,
+}
+
+impl LookFigures {
+    fn mean_of(all: &[Self]) -> Option<Self> {
+        let of = |f: &dyn Fn(&Self) -> Option<f64>| mean(all.iter().map(f));
+        let channels = |f: fn(&Self) -> Option<[f64; 3]>| {
+            let [r, g, b] = [0, 1, 2].map(|c| of(&|s| Some(f(s)?[c])));
+            Some([r?, g?, b?])
+        };
+        Some(Self {
+            psnr_fitted: of(&|s| Some(s.psnr_fitted))?,
+            color_error: of(&|s| Some(s.color_error))?,
+            slope: channels(|s| s.slope),
+            correlation: channels(|s| s.correlation),
+        })
+    }
 }
 
 /// Figures of views whose cameras were aligned with the held-out photos, or their mean.
@@ -89,6 +124,9 @@ pub struct Evaluation {
     pub allocation: Option<String>,
     /// Gaussians per context pixel that were asked for, if the allocation has a budget.
     pub budget: Option<f64>,
+    /// In whose light held-out views were drawn, if that was asked for; all figures are then of the views' right halves.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub look: Option<String>,
     /// Context views for each held-out view.
     pub context_views: usize,
     /// Seed of the run, and of sampled allocations.
@@ -136,6 +174,7 @@ impl SceneFigures {
             pose_rotation_deg: mean(all.iter().map(|s| s.pose_rotation_deg)),
             pose_translation_deg: mean(all.iter().map(|s| s.pose_translation_deg)),
             aligned: AlignedFigures::mean_of(&all.iter().filter_map(|s| s.aligned).collect::<Vec<_>>()),
+            look: LookFigures::mean_of(&all.iter().filter_map(|s| s.look).collect::<Vec<_>>()),
         }
     }
 }
@@ -184,8 +223,36 @@ impl Evaluation {
             let _ = writeln!(out, "PSNR with the held-out camera's own scale and lens: {}", strict.join(", "));
         }
         out += &self.aligned_table();
+        out += &self.look_table();
         for remark in &self.remarks {
             let _ = writeln!(out, "note: {remark}");
+        }
+        out
+    }
+
+    /// The figures of light; nothing where none was asked for.
+    fn look_table(&self) -> String {
+        let mut out = String::new();
+        let Some(which) = &self.look else { return out };
+        let _ = writeln!(
+            out,
+            "\nlight: {which}; all figures are of the right half of each held-out view\n{:<16} {:>7} {:>15} {:>9} {:>20} {:>20}",
+            "scene", "PSNR", "gain and offset", "color off", "slope r g b", "correlation r g b"
+        );
+        for scene in self.scenes.iter().chain([&self.mean]) {
+            let Some(look) = &scene.look else { continue };
+            let channels =
+                |all: Option<[f64; 3]>| all.map_or("-".into(), |all| all.map(|x| format!("{x:.2}")).join(" "));
+            let _ = writeln!(
+                out,
+                "{:<16} {:>7.2} {:>15.2} {:>9.4} {:>20} {:>20}",
+                scene.name.as_deref().unwrap_or("mean"),
+                scene.psnr,
+                look.psnr_fitted,
+                look.color_error,
+                channels(look.slope),
+                channels(look.correlation)
+            );
         }
         out
     }

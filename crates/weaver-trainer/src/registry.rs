@@ -2,7 +2,7 @@
 
 use crate::evaluate::{Matching, Options};
 use crate::{
-    CameraMode, Config, DataConfig, DryRun, Error, Evaluation, Observer, Recipe, Session, StepReport, Summary,
+    CameraMode, Config, DataConfig, DryRun, Error, Evaluation, LookOf, Observer, Recipe, Session, StepReport, Summary,
     TrainingState, evaluate, initial, scenes,
 };
 use std::fmt::Debug;
@@ -202,6 +202,10 @@ pub struct Overrides {
     pub density: Density,
     /// How the cameras of held-out views are aligned with their photos, for figures beside the others.
     pub align: Option<weaver_align::Options>,
+    /// In whose light held-out views are drawn; without it, in that of the first context photo by models that know about light.
+    pub look: Option<LookOf>,
+    /// Whether photos are left as they were taken, where the run's were given light and passers-by.
+    pub plain: bool,
     /// Whether photos have masks, as [`DataConfig::masks`] says; so they are where the run's do.
     pub masks: bool,
     /// File with the weights of LPIPS, to measure that, too.
@@ -259,6 +263,8 @@ impl OpenRun {
             matching,
             density: overrides.density,
             align: overrides.align,
+            planted: self.data.looks.clone().filter(|_| !overrides.plain),
+            look: overrides.look,
             seed: self.seed,
             step: self.step,
         };

@@ -12,7 +12,9 @@ use weaver_kernels::random::Stream;
 /// # Errors
 /// When a capture cannot be read.
 pub fn load(data: &DataConfig, size: [usize; 2]) -> Result<Vec<Scene>, Error> {
-    if data.folders.is_empty() {
+    if data.folders.is_empty() && data.looks.as_ref().is_some_and(|looks| looks.moving_sun) {
+        Ok(procedural::moving_sun_set(size[1], size[0]))
+    } else if data.folders.is_empty() {
         Ok(procedural::default_training_set(size[1], size[0]))
     } else {
         load_captures(&data.folders, data, size)

@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use weaver_autograd::{OpTime, Params, Tape};
 use weaver_data::{Layout, Scene};
-use weaver_inference::{Checkpoint, Density, Predictor, RunFolder};
+use weaver_inference::{Checkpoint, Predictor, RunFolder};
 use weaver_kernels::random::Stream;
 use weaver_losses::Lpips;
 use weaver_nn::{AdamW, Context, Ema, Group, WarmupCosine, clip_factor, global_norm, missing_gradients};
@@ -448,13 +448,10 @@ impl<R: Recipe> Session<R> {
         Options {
             context_views: self.config.data.context_views,
             cameras: R::cameras(&self.config.evaluation),
-            joint: false,
-            points: false,
-            matching: None,
-            density: Density::default(),
-            align: None,
+            planted: self.config.data.looks.clone(),
             seed: self.config.seed,
             step: self.step,
+            ..Options::default()
         }
     }
 

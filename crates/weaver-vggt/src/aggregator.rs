@@ -121,9 +121,7 @@ impl Aggregator {
         let count = special + grid[0] * grid[1];
         let (of_view, of_scene) = (self.rope(cx, grid, 1), self.rope(cx, grid, views));
         let embed = || {
-            let images = images.reshape([scenes * views, channels, height, width]);
-            let normalized = normalize_image(images);
-            let patches = cx.part("patch_embed", || self.patch_embed.forward(cx, normalized));
+            let patches = self.patches(cx, images.reshape([scenes * views, channels, height, width]));
             let x = ops::concat(&[self.special_tokens(cx, scenes, views), patches], 1);
             (x, SmallVec::from_elem(None, self.config.layers.len()), None)
         };
@@ -157,6 +155,11 @@ impl Aggregator {
             special,
             grid,
         }
+    }
+
+    /// The patch encoder's tokens `[N, rows columns, D]` of images `[N, 3, H, W]` in `[0, 1]`.
+    pub fn patches<'t, T: Real>(&self, cx: Context<'t, '_, T>, images: Var<'t, T>) -> Var<'t, T> {
+        cx.part("patch_embed", || self.patch_embed.forward(cx, normalize_image(images)))
     }
 
     /// Camera and register tokens of every view `[B V, 1 + R, D]`.

@@ -10,8 +10,8 @@ use weaver_nn::{Builder, Context, Conv2d, WeightInit};
 pub struct FeatureHeadConfig {
     /// The trunk; its `width` is that of both outputs.
     pub dpt: DptConfig,
-    /// Channels between the two convolutions that look at the image itself.
-    pub merger: usize,
+    /// Channels between the two convolutions that look at the image itself; none without them.
+    pub merger: Option<usize>,
 }
 
 /// The outputs of a [`FeatureHead`]: two maps `[N, width, H, W]`.
@@ -33,21 +33,23 @@ impl<T: Real> Outputs<T> for PixelFeatures<'_, T> {
 #[derive(Clone, Debug)]
 pub struct FeatureHead {
     trunk: DptHead,
-    merger: [Conv2d; 2],
+    merger: Option<[Conv2d; 2]>,
     last: Conv2d,
 }
 
 impl FeatureHead {
-    /// Builds the trunk, `input_merger.0`, `input_merger.2` and `scratch.output_conv2.0`.
+    /// Builds the trunk, `input_merger.0` and `input_merger.2` if it looks at the image, and `scratch.output_conv2.0`.
     pub fn new<T: Real>(mut b: Builder<'_, T>, config: FeatureHeadConfig) -> Self {
         let width = config.dpt.width;
         let init = WeightInit::FanIn;
         Self {
             trunk: DptHead::new(&mut b, config.dpt),
-            merger: [
-                Conv2d::new(b.scope("input_merger.0"), 3, config.merger, 7, init),
-                Conv2d::new(b.scope("input_merger.2"), config.merger, width, 5, init),
-            ],
+            merger: config.merger.map(|hidden| {
+                [
+                    Conv2d::new(b.scope("input_merger.0"), 3, hidden, 7, init),
+                    Conv2d::new(b.scope("input_merger.2"), hidden, width, 5, init),
+                ]
+            }),
             last: Conv2d::new(b.scope("scratch.output_conv2.0"), width, width, 3, init),
         }
     }
@@ -57,7 +59,7 @@ impl FeatureHead {
         &self.trunk
     }
 
-    /// Runs on tokens and their images `[.., 3, H, W]` in `[0, 1]` (not normalized).
+    /// Runs on tokens and their images `[.., 3, H, W]` in `[0, 1]` (not normalized), which a head that does not look at them ignores.
     pub fn forward<'t, T: Real>(
         &self,
         cx: Context<'t, '_, T>,
@@ -67,11 +69,9 @@ impl FeatureHead {
         let [height, width] = tokens.image;
         let embed = || {
             let maps = self.trunk.forward(cx, tokens);
+            let Some([first, second]) = &self.merger else { return add_position(maps, height, width) };
             let images = images.reshape([maps.shape()[0], 3, height, width]);
-            let seen = cx.part("input_merger", || {
-                let x = self.merger[0].forward(cx, images).relu();
-                self.merger[1].forward(cx, x).relu()
-            });
+            let seen = cx.part("input_merger", || second.forward(cx, first.forward(cx, images).relu()).relu());
             add_position(maps + seen, height, width)
         };
         let features = |embedding| cx.part("scratch.output_conv2", || self.last.forward(cx, embedding).relu());

@@ -119,6 +119,11 @@ impl CameraNetwork {
 }
 
 impl Vggt {
+    /// The patch encoder alone: tokens `[T, rows columns, D]` of photos `[T, 3, H, W]` in `[0, 1]`, before any attention across views.
+    pub fn patches<'t, T: Real>(&self, cx: Context<'t, '_, T>, photos: Var<'t, T>) -> Var<'t, T> {
+        cx.part("aggregator", || self.cameras.aggregator.patches(cx, photos))
+    }
+
     /// Adds the parameters `aggregator`, `camera_head` and `depth_head`.
     pub fn new<T: Real>(mut root: Builder<'_, T>, config: VggtConfig) -> Self {
         Self {

@@ -74,7 +74,7 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     };
     let mut params = Params::<T>::new();
     let mut root = Builder::new(&mut params, 0);
-    let feature_config = FeatureHeadConfig { dpt, merger: file.size("merger_hidden") };
+    let feature_config = FeatureHeadConfig { dpt, merger: Some(file.size("merger_hidden")) };
     let features = FeatureHead::new(root.scope("gaussian_param_head"), feature_config);
     let mut scope = root.scope("gaussian_param_head");
     let guidance = Guidance::new(&mut scope, Wavelet::Db2, file.size("wave_hidden"), dpt.width);

@@ -19,6 +19,7 @@ mod rectifiers;
 mod reference;
 mod two_experts;
 mod wavelet;
+mod wild;
 
 use rectifiers::{Flip, Rectified};
 use reference::{Line, Reference, Verdict};
@@ -236,6 +237,7 @@ fn compare_in<T: Real>(path: &Path, weights: Option<&Path>) -> (Vec<Line>, Vec<R
             i if i.starts_with("prope") => two_experts::attention::<T>(file),
             i if i.starts_with("rays") => two_experts::rays::<T>(file),
             i if i.starts_with("camera_loss") => two_experts::cameras::<T>(file),
+            i if i.starts_with("looks") => wild::run::<T>(file),
             i if i.starts_with("pyramid") => two_experts::pyramid::<T>(file),
             i if i.starts_with("wavelet") => wavelet::run::<T>(file),
             i if i.starts_with("ops") => operations::run::<T>(file),

@@ -215,6 +215,13 @@ impl Reference {
         (y * y.tape().constant(&self.data(key), y.shape())).sum()
     }
 
+    /// The file with another word for one in its keys.
+    pub fn with_word(mut self, from: &str, to: &str) -> Self {
+        let tensors = std::mem::take(&mut self.tensors.tensors);
+        self.tensors.tensors = tensors.into_iter().map(|(key, tensor)| (key.replace(from, to), tensor)).collect();
+        self
+    }
+
     /// Overwrites every parameter with the file's `w.NAME`.
     pub fn load<T: Real>(&self, params: &mut Params<T>) {
         for id in params.ids() {

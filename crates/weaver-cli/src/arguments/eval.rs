@@ -5,6 +5,7 @@ use super::fit::{Rgb, background};
 use super::{DensityFlags, MethodName, RefineFlags, Threads};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
+use weaver_trainer::LookOf;
 
 /// What is judged, by which views, and the figures.
 const WHAT: &str = "What is judged";
@@ -34,6 +35,7 @@ pub enum Targets {
   splatweaver eval --weights mine.safetensors --data ramen --cameras given
   splatweaver eval --run runs/mine --data ramen --align
   splatweaver eval --run runs/mine --run runs/two-experts --data ramen --targets joint
+  splatweaver eval --run runs/wild --look half
   splatweaver eval --run runs/mine --unseen --json > unseen.json
   splatweaver eval --scene fits/garden-1/scene.ply --data garden --lpips alex.safetensors
   splatweaver eval --scene scene.spz --data garden --size 1600 --background black")]
@@ -76,6 +78,14 @@ pub struct Eval {
     /// it, what the run leaves out is left out
     #[arg(long, conflicts_with = "unseen", help_heading = VIEWS)]
     pub masks: bool,
+    /// In whose light held-out views are drawn, for runs of --model wild: told by the left `half` of the photo, by all of it (`own`), by
+    /// nobody (`none`), or by another photo (`wrong`); all figures are then of the right halves [default: the first context photo's, and
+    /// all of each view]
+    #[arg(long, value_name = "half|own|none|wrong", conflicts_with_all = ["scene", "refine", "refine_steps", "align"], help_heading = VIEWS)]
+    pub look: Option<LookOf>,
+    /// Leaves photos as they were taken, where the run was trained with data.looks
+    #[arg(long, conflicts_with = "scene", help_heading = VIEWS)]
+    pub plain: bool,
     #[command(flatten)]
     pub density: DensityFlags,
     #[command(flatten)]

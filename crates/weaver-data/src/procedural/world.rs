@@ -5,6 +5,7 @@ use super::draws::Draws;
 use super::solid::{Shape, Solid};
 use super::texture::Texture;
 use std::borrow::Borrow;
+use std::f64::consts::PI;
 use weaver_geometry::glam::{DVec2, DVec3};
 
 /// Objects stand within this distance of the origin.
@@ -71,6 +72,13 @@ pub(super) struct Hit<'a> {
 }
 
 impl World {
+    /// The same place with its sun elsewhere, higher or lower, on any side.
+    pub fn under_another_sun(&self, draws: &mut Draws) -> Self {
+        let source = Source::Sun(direction(draws.within(-PI, PI), draws.within(0.3, 1.3)));
+        let light = Light { source, ..self.light };
+        Self { solids: self.solids.clone(), light, sky: self.sky }
+    }
+
     /// The world of a default scene; its cameras stand on the -y side.
     pub fn compose(draws: &mut Draws) -> Self {
         let mut solids = vec![Solid {
@@ -180,7 +188,7 @@ fn objects(draws: &mut Draws) -> Vec<Solid> {
             let aspect = draws.within(0.5, 1.1);
             let flat = DVec2::from_angle(aspect) * footprint;
             let half = flat.extend(draws.within(0.2, 0.8));
-            block(place.extend(half.z), half, draws.within(0.0, std::f64::consts::PI))
+            block(place.extend(half.z), half, draws.within(0.0, PI))
         };
         solids.push(Solid { shape, texture: Texture::small(draws) });
     }

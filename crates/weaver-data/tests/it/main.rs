@@ -1,5 +1,6 @@
 //! Integration tests of weaver-data.
 
+mod appearance;
 mod capture;
 mod masked;
 mod own_photos;

@@ -70,3 +70,34 @@ fn two_cameras_determine_a_similarity() {
     assert_eq!(Similarity::fit_poses(&poses[..1], &moved[..1]), None);
     assert_eq!(Similarity::fit_poses(&[], &[]), None);
 }
+
+#[test]
+fn a_planted_scale_and_shift_is_found_and_is_the_least_of_its_cost() {
+    let point = |i: usize| DVec3::new((1.3 * i as f64).sin(), (0.7 * i as f64).cos(), (2.1 * i as f64).sin());
+    let from: Vec<DVec3> = (0..40).map(point).collect();
+    let weights: Vec<f64> = (0..40).map(|i| 0.1 + (i % 5) as f64).collect();
+    let shift = DVec3::new(0.3, -0.2, 5.0);
+    let exact: Vec<DVec3> = from.iter().map(|x| *x * 1.7 + shift).collect();
+    let found = Similarity::fit_scale_and_shift(&from, &exact, &weights, 0.0).unwrap();
+    assert!((found.scale - 1.7).abs() < 1e-5 && (found.translation - shift).length() < 1e-5, "{found:?}");
+
+    // With noise and ridge: no neighbor costs less.
+    let noisy: Vec<DVec3> = exact.iter().enumerate().map(|(i, x)| *x + point(7 * i + 3) * 0.2).collect();
+    let cost = |scale: f64, shift: DVec3| {
+        let errors = from.iter().zip(&noisy).zip(&weights);
+        let sum: f64 = errors.map(|((from, to), w)| w * (*from * scale + shift - *to).length_squared()).sum();
+        sum + 0.5 * (scale * scale + shift.length_squared())
+    };
+    let found = Similarity::fit_scale_and_shift(&from, &noisy, &weights, 0.5).unwrap();
+    let least = cost(found.scale, found.translation);
+    for (by, to) in [(1e-4, DVec3::ZERO), (0.0, DVec3::X * 1e-4), (0.0, DVec3::Y * 1e-4), (0.0, DVec3::Z * 1e-4)] {
+        assert!(cost(found.scale + by, found.translation + to) > least);
+        assert!(cost(found.scale - by, found.translation - to) > least);
+    }
+
+    // What one point, no weight or no number says.
+    let one = [DVec3::X];
+    assert_eq!(Similarity::fit_scale_and_shift(&one, &one, &[1.0], 0.0), None);
+    assert_eq!(Similarity::fit_scale_and_shift(&from, &exact, &[0.0; 40], 0.0), None);
+    assert_eq!(Similarity::fit_scale_and_shift(&from, &exact, &[f64::NAN; 40], 1e-6), None);
+}

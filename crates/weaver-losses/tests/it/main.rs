@@ -3,6 +3,7 @@
 mod fixture;
 mod gradients;
 mod lpips;
+mod masked;
 mod mechanism;
 mod metrics;
 mod parity;

@@ -6,6 +6,7 @@
 mod fixture;
 mod guidance;
 mod memory;
+mod wild;
 
 use half as _;
 use safetensors as _;

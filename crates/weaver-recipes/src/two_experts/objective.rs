@@ -6,7 +6,7 @@ use weaver_autograd::{List, Var, ops};
 use weaver_model::TwoExperts;
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
-use weaver_splat::{GaussianVars, Rasterize};
+use weaver_splat::Rasterize;
 use weaver_trainer::losses::{PoseCodes, camera_constants, photo_constant};
 use weaver_trainer::{CameraMode, Example, StageConfig, Step, Terms};
 
@@ -79,7 +79,7 @@ fn rendered<'t>(
         CameraVars { viewmats: cameras.viewmats.slice(0, 0, views), intrinsics: cameras.intrinsics.slice(0, 0, views) };
     let made = network.gaussians(cx, photo_constant(cx, example.context_photos()), &context).gaussians;
     let all = made.opacities.shape()[0];
-    let made = example.inside_of(views).map_or(made, |inside| of_pixels(made, inside));
+    let made = example.inside_of(views).map_or(made, |inside| made.kept(inside));
     terms.gaussians_per_pixel += (share * made.opacities.shape()[0] as f64 / all as f64) as f32;
     let config = network.config();
     // Intrinsics are held constant in the rasterizer, as in gsplat; they learn through rays and footprints.
@@ -90,12 +90,4 @@ fn rendered<'t>(
     let (truth, inside) = (photo_constant(cx, example.photos()), example.inside_of(example.cameras.len()));
     stage.losses.image.add(terms, share, step.lpips, [image, truth], inside);
     terms.add("opacity", stage.losses.opacity, share, || made.opacities.mean());
-}
-
-/// The Gaussians of those pixels that count.
-fn of_pixels<'t>(all: GaussianVars<'t, f32>, inside: &[bool]) -> GaussianVars<'t, f32> {
-    let kept: Vec<u32> = (0..).zip(inside).filter(|(_, inside)| **inside).map(|(pixel, _)| pixel).collect();
-    let [means, quats, scales, opacities, colors] =
-        [all.means, all.quats, all.scales, all.opacities, all.colors].map(|rows| rows.gather_rows(&kept));
-    GaussianVars { means, quats, scales, opacities, colors }
 }

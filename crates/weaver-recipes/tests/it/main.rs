@@ -14,3 +14,4 @@ mod stages;
 mod switch_off;
 mod switches;
 mod two_experts;
+mod wild;

@@ -14,7 +14,7 @@ use weaver_router::AllocationKind;
 use weaver_scene::{Frame, PointCloud};
 use weaver_trainer::evaluate::{Options, evaluate};
 use weaver_trainer::losses::{ImageLosses, Terms};
-use weaver_trainer::{CameraMode, Example, Recipe, Session, scenes};
+use weaver_trainer::{Example, Recipe, Session, scenes};
 
 type Config = weaver_trainer::Config<SplatWeaverRecipe>;
 
@@ -83,17 +83,7 @@ fn garbage_that_is_masked_changes_no_bit_of_training_nor_of_evaluation() {
     let [first, second] = folders.each_ref().map(|folder| trained(on(folder.path(), false, 2, &[])));
     assert_ne!(first, second);
 
-    let options = Options {
-        context_views: 2,
-        cameras: CameraMode::Given,
-        points: false,
-        joint: false,
-        matching: None,
-        density: weaver_inference::Density::default(),
-        align: None,
-        seed: 0,
-        step: 0,
-    };
+    let options = Options { context_views: 2, ..Options::default() };
     let figures = |folder: &Path, masks: bool| {
         let config = on(folder, masks, 1, &[]);
         let scenes = scenes::load(&config.data, SplatWeaverRecipe::image_size(&config.model)).unwrap();

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use weaver_autograd::Params;
 use weaver_data::Scene;
-use weaver_inference::{Density, SplatWeaverPredictor};
+use weaver_inference::SplatWeaverPredictor;
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_recipes::SplatWeaverRecipe;
 use weaver_router::AllocationKind;
@@ -218,17 +218,7 @@ fn an_evaluation_refuses_a_network_for_images_smaller_than_its_windows() {
     let mut params = Params::new();
     let model = SplatWeaver::new(config, &mut params, 0);
     let mut predictor = SplatWeaverPredictor::new(model, params, AllocationKind::Dithered, 0.5);
-    let options = Options {
-        context_views: 2,
-        cameras: CameraMode::Predicted,
-        points: false,
-        joint: false,
-        matching: None,
-        density: Density::default(),
-        align: None,
-        seed: 0,
-        step: 0,
-    };
+    let options = Options { context_views: 2, cameras: CameraMode::Predicted, ..Options::default() };
     let none: [Scene; 0] = [];
     let said = evaluate(&mut predictor, &none, &options, None, &mut |_, _| {}).unwrap_err().to_string();
     assert!(said.contains("at least 11 x 11") && said.contains("10 x 32"), "{said}");

@@ -157,17 +157,7 @@ fn held_out_photos_are_drawn_from_either_camera() {
     let mut params = weaver_autograd::Params::new();
     let network = Arc::new(TwoExpertsRecipe::build(&config.model, &mut params, 1));
     let mut predictor = TwoExpertsPredictor::new(network, params);
-    let options = |joint: bool, cameras: CameraMode| Options {
-        context_views: 2,
-        cameras,
-        joint,
-        points: false,
-        matching: None,
-        density: Density::default(),
-        align: None,
-        seed: 0,
-        step: 0,
-    };
+    let options = |joint: bool, cameras: CameraMode| Options { context_views: 2, cameras, joint, ..Options::default() };
     let mut psnr = |joint: bool| {
         let found = evaluate(&mut predictor, &scenes, &options(joint, CameraMode::Predicted), None, &mut |_, _| {});
         let found = found.unwrap();
@@ -219,12 +209,12 @@ fn weights_alone_are_opened_by_the_model_that_they_are_of() {
     assert_eq!(made.gaussians.opacities.len(), 2 * height * width);
 }
 
-/// The two models that the command line knows, each by its name.
+/// The models that the command line knows, each by its name.
 #[test]
 fn models_are_found_by_name() {
     let registry = registry();
     let names: Vec<&str> = registry.iter().map(|entry| entry.name()).collect();
-    assert_eq!(names, ["splatweaver", "two-experts"]);
+    assert_eq!(names, ["splatweaver", "two-experts", "wild"]);
     for entry in registry.iter() {
         for preset in entry.presets() {
             assert!(entry.annotated(preset).unwrap().contains("architecture"), "{preset}");

@@ -25,6 +25,11 @@ impl<R: Recipe> Config<R> {
         if d.teacher.is_some() && d.folders.is_empty() {
             return Err("data.teacher: expected folders of photos in data.folders beside it, found none".into());
         }
+        if d.looks.as_ref().is_some_and(|looks| looks.moving_sun) && !d.folders.is_empty() {
+            return Err(
+                "data.looks.moving_sun: expected no data.folders beside it: photos have the sun that they have".into(),
+            );
+        }
         if d.masks && d.folders.is_empty() {
             return Err(
                 "data.masks: expected data.folders beside it, found none: procedural scenes have no masks".into()
@@ -59,6 +64,11 @@ impl<R: Recipe> Config<R> {
             return Err(format!(
                 "data.endless: expected at most {most} context views of scenes with {FRESH_VIEWS}, found {found}"
             ));
+        }
+        if d.looks.as_ref().is_some_and(|looks| looks.moving_sun) && d.endless.is_some() {
+            return Err(
+                "data.looks.moving_sun: expected no data.endless beside it, whose scenes have suns of their own".into(),
+            );
         }
         if d.endless.is_some() && !d.folders.is_empty() {
             return Err("data.endless: expected none beside data.folders, which it does not apply to; \

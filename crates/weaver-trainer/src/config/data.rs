@@ -1,7 +1,7 @@
 //! Where scenes come from, and which views make a tuple.
 
 use super::{MOST, MOST_VIEWS};
-use crate::Augmentation;
+use crate::{Augmentation, LooksConfig};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -51,6 +51,9 @@ pub struct DataConfig {
     /// How tuples vary from what was photographed.
     #[serde(default)]
     pub augmentation: Augmentation,
+    /// Light and passers-by that photos are given; none leaves photos as they were taken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub looks: Option<LooksConfig>,
 }
 
 /// Which training views make a tuple.
@@ -102,6 +105,7 @@ impl Default for DataConfig {
             sampler: SamplerKind::Nearest,
             pool: 6,
             augmentation: Augmentation::default(),
+            looks: None,
         }
     }
 }

@@ -1,10 +1,12 @@
 //! A held-out view drawn from what a predictor makes of its context.
 
-use super::{Matching, Options};
-use crate::{CameraMode, Error, Example};
+use super::looks::{as_photos, photo_of};
+use super::{Matching, Options, planes};
+use crate::{CameraMode, Error, Example, LooksConfig};
+use weaver_data::appearance::Appearance;
 use weaver_data::{Scene, Tuple};
 use weaver_geometry::{Camera, Pose};
-use weaver_inference::{CameraSource, Density, JointPrediction, Prediction, Predictor};
+use weaver_inference::{CameraSource, Density, JointPrediction, Look, LookPrediction, Prediction, Predictor};
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
 use weaver_pose::PoseErrors;
@@ -30,6 +32,7 @@ pub(super) enum Remark {
     WithoutPoints,
     NotPlaced,
     PartlyPlaced,
+    Masked,
 }
 
 /// Who draws, and how.
@@ -59,9 +62,9 @@ impl Drawing<'_> {
         };
         let context: Vec<usize> = found.placed.iter().map(|i| tuple.context[*i]).collect();
         let remark = (context.len() < tuple.context.len()).then_some(Remark::PartlyPlaced);
-        let (example, measured) = Example::for_evaluation(scene, Tuple { context, ..tuple.clone() })?;
+        let (example, measured) = self.example(scene, Tuple { context, ..tuple.clone() })?;
         let source = CameraSource::GivenWithPoints { cameras: &found.cameras, points: &found.points };
-        let prediction = self.predict(&example, source)?;
+        let prediction = self.predict(scene, &example, source)?;
         let factor = prediction.scale_to_used(example.context());
         // Who estimated the lens would look through it, too.
         let longer = found.cameras[0].intrinsics.fx / example.context()[0].intrinsics.fx;
@@ -75,11 +78,11 @@ impl Drawing<'_> {
     }
 
     pub fn with(&mut self, scene: &Scene, tuple: &Tuple, cameras: CameraMode) -> Result<Drawn, Error> {
-        let (example, measured) = Example::for_evaluation(scene, tuple.clone())?;
+        let (example, measured) = self.example(scene, tuple.clone())?;
         let asked = self.options.points && cameras == CameraMode::Given;
         let points = asked.then(|| example.points(scene)).flatten();
         let source = example.camera_source(cameras, measured, points.as_ref());
-        let prediction = self.predict(&example, source)?;
+        let prediction = self.predict(scene, &example, source)?;
         let factor = if measured { 1.0 } else { prediction.scale_to_predicted(example.context()) };
         let target = example.targets()[0];
         let camera = Camera { pose: target.pose.scaled(factor), ..target };
@@ -95,7 +98,7 @@ impl Drawing<'_> {
 
     /// From where the model says that the held-out photo was taken, having seen it.
     fn jointly(&mut self, scene: &Scene, tuple: &Tuple) -> Result<Drawn, Error> {
-        let (example, _) = Example::for_evaluation(scene, tuple.clone())?;
+        let (example, _) = self.example(scene, tuple.clone())?;
         let (stream, context) = (self.stream(&example), example.context().len());
         let JointPrediction { prediction, targets } =
             self.predictor.predict_jointly(example.photos(), context, self.density, stream)?;
@@ -110,9 +113,60 @@ impl Drawing<'_> {
         Stream::new(self.options.seed, targets[0] as u64, "evaluation").fork(*scene as u64)
     }
 
-    fn predict(&mut self, example: &Example, cameras: CameraSource<'_>) -> Result<Prediction, Error> {
-        let stream = self.stream(example);
-        Ok(self.predictor.predict(example.context_photos(), cameras, self.density, stream)?)
+    /// An evaluation's example, of whose planted rectangles the model is told only if the run's was.
+    fn example(&self, scene: &Scene, tuple: Tuple) -> Result<(Example, bool), Error> {
+        let (mut example, measured) = Example::for_evaluation(scene, tuple)?;
+        if self.options.planted.as_ref().is_some_and(|planted| !planted.masks) {
+            example.inside = None;
+        }
+        Ok((example, measured))
+    }
+
+    fn predict(&mut self, scene: &Scene, example: &Example, cameras: CameraSource<'_>) -> Result<Prediction, Error> {
+        let (stream, photos) = (self.stream(example), example.context_photos());
+        let Some(asked) = self.options.look else {
+            return Ok(self.predictor.predict(photos, cameras, self.density, stream)?);
+        };
+        let photo = photo_of(asked, scene, &example.tuple);
+        let size = [photos.width, photos.height];
+        let look = photo.as_ref().map_or(Look::Unknown, |photo| Look::Of(as_photos(photo, size)));
+        Ok(self.predictor.predict_looks(photos, cameras, &[look], stream)?.prediction)
+    }
+
+    /// The photo of a tuple's target in the light that it was given and in another one, and renders in these lights.
+    pub fn in_two_lights(
+        &mut self,
+        planted: &LooksConfig,
+        plain: &Scene,
+        scene: &Scene,
+        number: usize,
+        tuple: &Tuple,
+    ) -> Result<([Image; 2], [Image; 2]), Error> {
+        let (example, measured) = self.example(scene, tuple.clone())?;
+        let target = tuple.targets[0];
+        let view = &plain.views[target];
+        let size = [view.image.width, view.image.height];
+        // Light alone: what a rectangle covers is not compared.
+        let photos = [0, 1].map(|which| {
+            let drawn = planted.of_view(number, target, which, size);
+            Appearance { occluders: Vec::new(), ..drawn }.photo(&view.image, view.inside.as_deref())
+        });
+        let shown = photos.each_ref().map(planes);
+        let looks = shown.each_ref().map(|planes| Look::Of(as_photos(planes, size)));
+        let source = example.camera_source(self.options.cameras, measured, None);
+        let stream = self.stream(&example);
+        let LookPrediction { mut prediction, colors } =
+            self.predictor.predict_looks(example.context_photos(), source, &looks, stream)?;
+        let factor = if measured { 1.0 } else { prediction.scale_to_predicted(example.context()) };
+        let camera = example.targets()[0];
+        let camera = Camera { pose: camera.pose.scaled(factor), ..camera };
+        let mut renders = Vec::new();
+        for sh in colors {
+            prediction.gaussians.sh = sh;
+            renders.push(self.render(&prediction, camera)?);
+        }
+        let renders = renders.try_into().expect("a render for each of two looks");
+        Ok((photos, renders))
     }
 
     fn render(&mut self, prediction: &Prediction, camera: Camera) -> Result<Image, Error> {

@@ -19,7 +19,9 @@ pub fn write_report<R: Recipe>(folder: &RunFolder, summary: &Summary) -> Result<
         page.heading(2, "Held-out views").preformatted(&evaluation.table());
     }
     page.heading(2, "Samples").paragraph(
-        "Rows: context views. Columns: input, render, depth, Gaussians per pixel (dark: none; brighter: more).",
+        "Rows: context views. Columns: input, render, depth, Gaussians per pixel (dark: none; brighter: more). Where a model makes one of \
+         each pixel, the last column is a plan of the cameras instead: gray the data's, dark the model's. Where it knows about light, a second \
+         row shows the view in that of two photos: photo, render, render, photo.",
     );
     let samples = weaver_io::list_files(folder.path().join("samples"), &["png"])?;
     for path in pick(&samples, 6) {

@@ -19,12 +19,17 @@ impl<R: Recipe> Session<R> {
         };
         let stream = Stream::new(self.config.seed, self.step as u64, "tuples");
         let variation = Stream::new(self.config.seed, self.step as u64, "augmentation");
+        let looks = Stream::new(self.config.seed, self.step as u64, "looks");
         // A tuple that tells no scale is left out, and the next one that the step would have drawn takes its place.
         let drawn = (0..count * MOST_DRAWN).map(|i| {
             let varied = variation.fork(i as u64);
             let tuple = sampler.tuple(layouts, stream, i as u64, context, d.target_views);
             let tuple = d.augmentation.ordered(tuple, varied);
             let mut example = Example::new(&scenes[tuple.scene], &layouts[tuple.scene], tuple)?;
+            if let Some(given) = &d.looks {
+                let scene = &scenes[example.tuple.scene];
+                given.vary(&mut example, scene, looks.fork(i as u64));
+            }
             d.augmentation.apply(&mut example, varied);
             Ok(example)
         });

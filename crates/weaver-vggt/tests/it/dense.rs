@@ -42,7 +42,7 @@ fn feature_parity() {
     let file = Fixture::named("splatweaver_head_micro.safetensors");
     let dpt = DptConfig { dim: 32, out_channels: [8, 12, 16, 16], features: 16, width: 8 };
     let mut params = Params::<f32>::new();
-    let config = FeatureHeadConfig { dpt, merger: 8 };
+    let config = FeatureHeadConfig { dpt, merger: Some(8) };
     let head = FeatureHead::new(Builder::new(&mut params, 0).scope("gaussian_param_head"), config);
     file.load(&mut params);
     let tape = Tape::new();
@@ -68,7 +68,7 @@ fn gradients_of_tokens_images_and_every_weight() {
     let bounds = Some((-4.0, 4.0));
     let depth = DepthHeadConfig { dpt: MICRO, hidden: 4, log_depth_bounds: bounds, last: WeightInit::FanIn };
     let depth = DepthHead::new(b.scope("depth_head"), depth);
-    let features = FeatureHead::new(b.scope("gaussian_param_head"), FeatureHeadConfig { dpt: MICRO, merger: 4 });
+    let features = FeatureHead::new(b.scope("gaussian_param_head"), FeatureHeadConfig { dpt: MICRO, merger: Some(4) });
     let params = &params;
     let mut inputs = layers(grid);
     inputs.push(Input::uniform(20, 0.0, 1.0, [2, 3, image[0], image[1]]));

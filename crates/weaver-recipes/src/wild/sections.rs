@@ -1,0 +1,58 @@
+//! WildSplatter's sections of a configuration.
+
+use super::WildRecipe;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use weaver_trainer::losses::{ImageLosses, PoseLosses};
+use weaver_trainer::{CameraMode, LossSection, StageConfig};
+
+/// What WildSplatter does in a stage.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WildStage {
+    /// Whose cameras Gaussians are made with: given, or predicted. Targets are drawn from given ones.
+    pub cameras: CameraMode,
+    /// Whether colors follow the embedding of the target's photo; `false`, with an embedding of zeros, is for ablations.
+    pub embed: bool,
+}
+
+/// How WildSplatter is evaluated, and used unless a call says otherwise.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WildEvaluation {
+    /// Whose cameras.
+    pub cameras: CameraMode,
+}
+
+/// Weights of WildSplatter's losses; 0 leaves a loss out.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct WildLosses {
+    /// Losses on rendered targets against photos, where these show what a context photo shows: the mean squared error over all pixels, as
+    /// published, SSIM over whole windows.
+    pub image: ImageLosses,
+    /// Losses on predicted cameras against those of the data.
+    pub pose: PoseLosses,
+    /// Weight of the difference of log depth, where depth is known.
+    #[schemars(range(min = 0.0))]
+    pub depth: f64,
+}
+
+impl LossSection for WildLosses {
+    fn image(&self) -> Option<(&'static str, &ImageLosses)> {
+        Some(("image", &self.image))
+    }
+}
+
+/// What follows from a stage's settings.
+pub(super) trait Runs {
+    /// Whether pictures are drawn in it.
+    fn renders(&self) -> bool;
+}
+
+impl Runs for StageConfig<WildRecipe> {
+    fn renders(&self) -> bool {
+        let image = &self.losses.image;
+        image.mse + image.ssim + image.lpips > 0.0
+    }
+}
