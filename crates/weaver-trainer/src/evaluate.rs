@@ -193,7 +193,17 @@ pub fn evaluate(
                 let found = aligned::aligned(drawing.predictor, &drawn, target, align)?;
                 let [before, after] =
                     aligned::control(&mut drawing, scene, &tuple, align)?.map(|i| measure.psnr(&i, target));
-                figures.aligned = Some(measure.aligned(&found, target, figures.psnr, after - before));
+                let mut of_view = measure.aligned(&found, target, figures.psnr, after - before);
+                // Once for each scene: what alignment makes of a photo that the scene has nothing to do with.
+                let next = scenes[(index + 1) % scenes.len()];
+                if let (true, Some(other)) = (views.is_empty() && scenes.len() > 1, next.held_out_views().first()) {
+                    let other = &next.views[*other];
+                    let shown = aligned::with_another_scenes_photo(drawing.predictor, &drawn, other, align)?;
+                    let flat = mean_color_of(&other.image);
+                    of_view.elsewhere =
+                        Some([&shown, &flat].map(|image| metrics::psnr(&image.pixels, &other.image.pixels)));
+                }
+                figures.aligned = Some(of_view);
             }
             views.push(figures);
             done += 1;
@@ -276,6 +286,7 @@ impl Measure<'_> {
             gain_given,
             degrees: found.moved[0],
             distance: found.moved[1],
+            elsewhere: None,
             found: f64::from(u8::from(found.found)),
             better: f64::from(u8::from(psnr > before)),
         }
@@ -329,6 +340,16 @@ fn planes(image: &Image) -> Vec<f32> {
     let mut planes = Vec::with_capacity(image.pixels.len());
     push_planar(&mut planes, image);
     planes
+}
+
+/// A photo's mean color, everywhere.
+fn mean_color_of(image: &Image) -> Image {
+    let mut sum = [0.0f64; 3];
+    for pixel in image.pixels.chunks_exact(3) {
+        sum.iter_mut().zip(pixel).for_each(|(s, p)| *s += f64::from(*p));
+    }
+    let count = (image.pixels.len() / 3) as f64;
+    Image::filled(image.width, image.height, sum.map(|s| (s / count) as f32))
 }
 
 fn mean_color(scene: &Scene) -> [f32; 3] {

@@ -86,6 +86,10 @@ pub struct AlignedFigures {
     pub lpips: Option<f64>,
     /// What alignment gains with given cameras, dB, where the camera is right: six numbers fitted to the photo.
     pub gain_given: f64,
+    /// PSNR after alignment with a photo of another scene, one view of each scene, and that of this photo's mean color, dB: what the scene has
+    /// nothing to do with must not be met.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub elsewhere: Option<[f64; 2]>,
     /// How far cameras turned, degrees.
     pub degrees: f64,
     /// How far cameras moved, in parts of the mean depth that they see.
@@ -104,6 +108,9 @@ impl AlignedFigures {
             ssim: of(|s| s.ssim)?,
             lpips: mean(all.iter().map(|s| s.lpips)),
             gain_given: of(|s| s.gain_given)?,
+            elsewhere: mean(all.iter().map(|s| s.elsewhere.map(|e| e[0])))
+                .zip(mean(all.iter().map(|s| s.elsewhere.map(|e| e[1]))))
+                .map(|(aligned, flat)| [aligned, flat]),
             degrees: of(|s| s.degrees)?,
             distance: of(|s| s.distance)?,
             found: of(|s| s.found)?,
@@ -282,6 +289,12 @@ impl Evaluation {
                 aligned.degrees,
                 aligned.distance,
                 100.0 * aligned.better
+            );
+        }
+        if let Some([aligned, flat]) = self.mean.aligned.and_then(|aligned| aligned.elsewhere) {
+            let _ = writeln!(
+                out,
+                "aligned with a photo of another scene: {aligned:.2} dB, where that photo's mean color is worth {flat:.2}"
             );
         }
         out

@@ -12,6 +12,7 @@ mod gaussian_head;
 mod lifting;
 mod losses;
 mod metrics;
+mod motion;
 mod operations;
 mod patch_encoder;
 mod raster;
@@ -237,6 +238,7 @@ fn compare_in<T: Real>(path: &Path, weights: Option<&Path>) -> (Vec<Line>, Vec<R
             i if i.starts_with("prope") => two_experts::attention::<T>(file),
             i if i.starts_with("rays") => two_experts::rays::<T>(file),
             i if i.starts_with("camera_loss") => two_experts::cameras::<T>(file),
+            i if i.starts_with("moegs_motion") => motion::run::<T>(file),
             i if i.starts_with("looks") => wild::run::<T>(file),
             i if i.starts_with("pyramid") => two_experts::pyramid::<T>(file),
             i if i.starts_with("wavelet") => wavelet::run::<T>(file),

@@ -45,6 +45,17 @@ pub(super) fn aligned(
     Ok(AlignedView { render, moved: found.moved, found: found.outcome == Outcome::Found })
 }
 
+/// A view aligned with a photo of another scene, which nothing in it shows.
+pub(super) fn with_another_scenes_photo(
+    predictor: &dyn Predictor,
+    drawn: &Drawn,
+    other: &View,
+    options: &Options,
+) -> Result<Image, Error> {
+    let view = View { inside: None, ..other.clone() };
+    Ok(aligned(predictor, drawn, &view, options)?.render)
+}
+
 /// The same view with given cameras: as it was drawn, and aligned, from where the data says that it was taken.
 pub(super) fn control(
     drawing: &mut Drawing<'_>,

@@ -1,0 +1,21 @@
+//! Gaussians that move: four models of motion, each a complete representation of a dynamic scene, behind one trait.
+//!
+//! [`Field`], [`Code`], [`Keys`] and [`Poly`] are the experts that MoE-GS (Jin et al., arXiv 2510.19210) mixes. Each is a file that follows its
+//! own paper; [`Motion`] is what they have in common, and [`Expert`] one of them with colors.
+
+mod expert;
+mod motion;
+mod plane_sample;
+
+pub use expert::Expert;
+pub use motion::code::{Code, CodeConfig};
+pub use motion::field::{Field, FieldConfig};
+pub use motion::keys::{Drift, Keys, KeysConfig};
+pub use motion::poly::Poly;
+pub use motion::{Motion, Moved, Start};
+pub use plane_sample::plane_sample;
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
