@@ -1,11 +1,14 @@
 //! Gaussians that move: four models of motion, each a complete representation of a dynamic scene, behind one trait.
 //!
 //! [`Field`], [`Code`], [`Keys`] and [`Poly`] are the experts that MoE-GS (Jin et al., arXiv 2510.19210) mixes. Each is a file that follows its
-//! own paper; [`Motion`] is what they have in common, and [`Expert`] one of them with colors.
+//! own paper; [`Motion`] is what they have in common, and [`Expert`] one of them with colors. [`PixelRouter`] says which of several frozen experts
+//! to believe at each pixel, [`scores`] which of their Gaussians are worth keeping.
 
 mod expert;
 mod motion;
 mod plane_sample;
+mod pruning;
+mod router;
 
 pub use expert::Expert;
 pub use motion::code::{Code, CodeConfig};
@@ -14,6 +17,8 @@ pub use motion::keys::{Drift, Keys, KeysConfig};
 pub use motion::poly::Poly;
 pub use motion::{Motion, Moved, Start};
 pub use plane_sample::plane_sample;
+pub use pruning::{Drawn, Score, best, scores};
+pub use router::{Gated, PixelRouter, RouterConfig, Shot, distillation, photometric};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

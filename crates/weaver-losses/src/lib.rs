@@ -33,7 +33,7 @@ pub use pose::{absolute_pose, huber_pose, iteration_weights, l1_pose};
 pub use quantile::{quantile, quantiles};
 pub use ranking::{frequency_targets, ranking_cross_entropy};
 pub use relative_pose::{focal_error, rotation_angles};
-pub use ssim::{masked_ssim, ssim, ssim_with};
+pub use ssim::{masked_ssim, ssim, ssim_with, ssim_zero_padded};
 pub use ssim_window::Covariance;
 
 /// The example of the README, compiled and run.

@@ -2,7 +2,7 @@
 
 use crate::masked::inside_of;
 use crate::ssim_window::{Covariance, Kept, WINDOW, Windows};
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape, ops};
 use weaver_kernels::parallel;
 
 /// Planes worked on together, which bounds the scratch memory for any batch and number of threads.
@@ -133,6 +133,29 @@ pub fn ssim<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>) -> Var<'t, T> {
 pub fn ssim_with<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>, covariance: Covariance) -> Var<'t, T> {
     let [similarity] = a.tape().apply(Ssim { covariance, kept: Vec::new() }, &[a, b]);
     similarity
+}
+
+/// The structural similarity of each pair of images over windows around every pixel, with zeros outside the images, as most training code of
+/// Gaussians has it; otherwise as [`ssim`].
+///
+/// ```
+/// use weaver_autograd::Tape;
+/// let tape = Tape::<f64>::new();
+/// let image = tape.constant(&[0.5; 12], [1, 3, 2, 2]);
+/// assert!((weaver_losses::ssim_zero_padded(image, image).item() - 1.0).abs() < 1e-12);
+/// ```
+#[track_caller]
+pub fn ssim_zero_padded<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>) -> Var<'t, T> {
+    let [a, b] = [a, b].map(|image| padded(padded(image, 2), 3));
+    ssim(a, b)
+}
+
+/// Zeros before and after, half a window each.
+fn padded<T: Real>(x: Var<'_, T>, axis: usize) -> Var<'_, T> {
+    let shape = x.shape();
+    let sides = [0, 1, 2, 3].map(|i| if i == axis { WINDOW / 2 } else { shape[i] });
+    let zeros = x.tape().constant_with(sides, |all| all.fill(T::ZERO));
+    ops::concat(&[zeros, x, zeros], axis)
 }
 
 /// The structural similarity of each pair of images over the windows all of whose pixels are in a mask, as [`ssim`].

@@ -124,8 +124,17 @@ impl<T: Real> GaussianVars<'_, T> {
     #[must_use]
     pub fn kept(&self, kept: &[bool]) -> Self {
         let rows: Vec<u32> = (0..).zip(kept).filter(|(_, kept)| **kept).map(|(row, _)| row).collect();
+        self.gathered(&rows)
+    }
+
+    /// These of them, in this order.
+    ///
+    /// # Panics
+    /// If there is no Gaussian of a number.
+    #[must_use]
+    pub fn gathered(&self, rows: &[u32]) -> Self {
         let [means, quats, scales, opacities, colors] =
-            [self.means, self.quats, self.scales, self.opacities, self.colors].map(|all| all.gather_rows(&rows));
+            [self.means, self.quats, self.scales, self.opacities, self.colors].map(|all| all.gather_rows(rows));
         Self { means, quats, scales, opacities, colors }
     }
 }

@@ -18,6 +18,7 @@ mod patch_encoder;
 mod raster;
 mod rectifiers;
 mod reference;
+mod router;
 mod two_experts;
 mod wavelet;
 mod wild;
@@ -238,6 +239,7 @@ fn compare_in<T: Real>(path: &Path, weights: Option<&Path>) -> (Vec<Line>, Vec<R
             i if i.starts_with("prope") => two_experts::attention::<T>(file),
             i if i.starts_with("rays") => two_experts::rays::<T>(file),
             i if i.starts_with("camera_loss") => two_experts::cameras::<T>(file),
+            i if i.starts_with("moegs_router") => router::run::<T>(file),
             i if i.starts_with("moegs_motion") => motion::run::<T>(file),
             i if i.starts_with("looks") => wild::run::<T>(file),
             i if i.starts_with("pyramid") => two_experts::pyramid::<T>(file),

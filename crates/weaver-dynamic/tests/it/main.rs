@@ -1,5 +1,7 @@
 //! Models of motion: gradients, slow twins, and what each can and cannot do.
 
+mod router;
+
 use proptest::prelude::*;
 use weaver_autograd::gradcheck::{Input, Options, gradcheck_with};
 use weaver_autograd::{Params, Real, Tape};

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use weaver_autograd::Tape;
 use weaver_autograd::gradcheck::{Input, Options, gradcheck_with};
-use weaver_losses::{Covariance, metrics, ssim, ssim_with};
+use weaver_losses::{Covariance, metrics, ssim, ssim_with, ssim_zero_padded};
 
 /// One window after the other, means first and then centered variances.
 fn slow_twin(a: &[f64], b: &[f64], [height, width]: [usize; 2], correction: f64) -> f64 {
@@ -43,6 +43,27 @@ proptest! {
         let metric = metrics::ssim(&a.data, &b.data, [1, h, w]);
         prop_assert!((metric - slow_twin(&a.data, &b.data, [h, w], 121.0 / 120.0)).abs() < 1e-12);
     }
+}
+
+/// Windows around every pixel are those inside the image with five zeros on each side.
+#[test]
+fn zero_padding_is_what_it_says() {
+    let (h, w) = (4, 7);
+    let [a, b] = [1, 2].map(|seed| Input::uniform(seed, 0.0, 1.0, [1, 1, h, w]));
+    let larger = |image: &Input| -> Vec<f64> {
+        let inside = |i: usize| {
+            let (y, x) = ((i / (w + 10)).wrapping_sub(5), (i % (w + 10)).wrapping_sub(5));
+            if y < h && x < w { image.data[y * w + x] } else { 0.0 }
+        };
+        (0..(h + 10) * (w + 10)).map(inside).collect()
+    };
+    let tape = Tape::<f64>::new();
+    let [x, y] = [&a, &b].map(|image| tape.constant(&image.data, image.shape));
+    let expected = slow_twin(&larger(&a), &larger(&b), [h + 10, w + 10], 1.0);
+    assert!((ssim_zero_padded(x, y).item() - expected).abs() < 1e-12);
+    let images = [a, b];
+    let options = Options { tolerance: 1e-7, ..Options::default() };
+    gradcheck_with(options, &images, |x| vec![ssim_zero_padded(x[0], x[1])]);
 }
 
 #[test]

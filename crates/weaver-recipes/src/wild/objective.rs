@@ -54,7 +54,7 @@ pub(super) fn terms<'t>(
         let surface = network.surface(cx, (&encoded, b), photos, inside, depth, &cameras);
         let targets = photo_constant(cx, example.photos()).slice(0, views, example.targets().len());
         let looks = if stage.model.embed {
-            network.embed(cx, targets)
+            network.embed(cx, told(cx, step, targets, b))
         } else {
             network.no_look(cx).expand([example.targets().len(), network.config().looks.embedding])
         };
@@ -69,6 +69,37 @@ pub(super) fn terms<'t>(
         }
     }
     terms
+}
+
+/// The photos `[T, 3, H, W]` of tuple `b` as they tell their light: some with one half in place of the whole.
+fn told<'t>(cx: Context<'t, '_, f32>, step: &Step<'_, WildRecipe>, photos: Var<'t, f32>, b: usize) -> Var<'t, f32> {
+    let fraction = step.stage.model.halves;
+    if fraction == 0.0 {
+        return photos;
+    }
+    let (shape, stream) = (photos.shape(), step.stream.fork(b as u64));
+    let (width, half) = (shape[3], shape[3] / 2);
+    let mut all = photos.to_vec();
+    for (t, photo) in all.chunks_mut(3 * shape[2] * width).enumerate() {
+        let drawn = stream.fork(t as u64);
+        if drawn.uniform::<f64>(0) >= fraction {
+            continue;
+        }
+        let left = drawn.uniform::<f64>(1) < 0.5;
+        for plane in photo.chunks_mut(shape[2] * width) {
+            fill_half(plane, width, if left { 0..half } else { half..width });
+        }
+    }
+    cx.tape.constant(&all, shape)
+}
+
+/// Fills what is beside some columns of a plane with the mean of these columns.
+fn fill_half(plane: &mut [f32], width: usize, kept: std::ops::Range<usize>) {
+    let sum: f64 = plane.chunks(width).flat_map(|row| &row[kept.clone()]).map(|x| f64::from(*x)).sum();
+    let mean = (sum / (kept.len() * plane.len() / width).max(1) as f64) as f32;
+    for row in plane.chunks_mut(width) {
+        row.iter_mut().enumerate().filter(|(x, _)| !kept.contains(x)).for_each(|(_, x)| *x = mean);
+    }
 }
 
 /// Losses on the picture of an example's target `t` against its photo `[1, 3, H, W]`, each a mean over tuples and targets.

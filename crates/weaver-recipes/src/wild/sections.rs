@@ -14,6 +14,11 @@ pub struct WildStage {
     pub cameras: CameraMode,
     /// Whether colors follow the embedding of the target's photo; `false`, with an embedding of zeros, is for ablations.
     pub embed: bool,
+    /// Fraction of the targets whose photos tell their light with one half, the left or the right one: the other is filled with its mean, so
+    /// that no embedding can rest on the whole picture.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub halves: f64,
 }
 
 /// How WildSplatter is evaluated, and used unless a call says otherwise.
