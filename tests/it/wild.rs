@@ -57,7 +57,7 @@ fn a_place_is_shown_in_the_light_of_photos() {
     }
     assert!(scenes[0] != scenes[1] && scenes[1] != scenes[2]);
     // Photo, three renders, photo: two rows, each picture enlarged to at least 128 pixels.
-    let strip = weaver_io::Image::read(out.join("looks.png")).unwrap();
+    let strip = weaver_io::Image::read(out.join("looks.png"), weaver_io::Background::White).unwrap();
     assert_eq!((strip.width, strip.height), (5 * 128, 2 * 128));
 }
 

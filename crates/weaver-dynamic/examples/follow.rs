@@ -14,7 +14,7 @@ fn truth(i: usize, t: f64) -> [f64; 3] {
         "cubic" => t * t * t - 0.5 * t,
         "wave" => 0.3 * (12.0 * t).sin(),
         "jump" => f64::from(u8::from(t > 0.5)) * 0.4,
-        _ => (if i % 2 == 0 { 0.3 } else { -0.3 }) * (6.0 * t).sin(),
+        _ => (if i.is_multiple_of(2) { 0.3 } else { -0.3 }) * (6.0 * t).sin(),
     };
     [base[0], base[1] + shift, base[2]]
 }

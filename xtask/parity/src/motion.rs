@@ -52,14 +52,14 @@ pub fn run<T: Real>(file: Reference) -> Reference {
     let of_keys: Vec<Moved<'_, T>> = frames.iter().map(|frame| keys.at_frame(cx, *frame as f64)).collect();
     let mut loss = tape.scalar(T::ZERO);
     for (name, all) in [("field", at(&field)), ("code", at(&code)), ("keys", of_keys), ("poly", at(&poly))] {
-        let parts: [(&str, for<'v> fn(&Moved<'v, T>) -> Var<'v, T>); 4] = [
-            ("means", |m| m.means),
-            ("scales", |m| m.scales),
-            ("quats", |m| m.quats),
-            ("opacities", |m| m.opacities.reshape([m.opacities.shape()[0], 1])),
-        ];
-        for (part, of) in parts {
-            let rows: Vec<Var<'_, T>> = all.iter().map(of).collect();
+        for part in ["means", "scales", "quats", "opacities"] {
+            let rows = all.iter().map(|moved| match part {
+                "means" => moved.means,
+                "scales" => moved.scales,
+                "quats" => moved.quats,
+                _ => moved.opacities.reshape([count, 1]),
+            });
+            let rows: Vec<Var<'_, T>> = rows.collect();
             let shape = file.shape(&format!("out.{name}.{part}"));
             let stacked = ops::concat(&rows, 0).reshape(shape.as_slice());
             file.check(&format!("out.{name}.{part}"), &stacked.value());

@@ -42,7 +42,7 @@ proptest! {
         let images = [Input::uniform(seed, 0.0, 1.0, [n, 2, h, w]), Input::uniform(!seed, 0.0, 1.0, [n, 2, h, w])];
         let (holes, rare) = (mask(seed, n * h * w, 3.0), mask(seed, n * h * w, 200.0));
         let options = Options { tolerance: 1e-7, ..Options::default() };
-        gradcheck_with(options.clone(), &images, |x| vec![masked_mse(x[0], x[1], &holes)]);
+        gradcheck_with(options, &images, |x| vec![masked_mse(x[0], x[1], &holes)]);
         gradcheck_with(options, &images, |x| vec![masked_ssim(x[0], x[1], &rare)]);
     }
 
