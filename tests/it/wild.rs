@@ -72,7 +72,8 @@ fn what_does_not_know_about_light_says_so() {
     splatweaver(&[&"eval", &"--run", &run, &"--look", &"left"]).refused(2, &["expected half, own, none or wrong"]);
     splatweaver(&[&"infer", &"--run", &run, photo, &"--look", photo, &"-o", &out])
         .refused(1, &["does not know about light"]);
-    splatweaver(&[&"infer", &"--run", &run, photo, &"--to", photo, &"-o", &out]).refused(2, &["--look"]);
+    splatweaver(&[&"infer", &"--run", &run, photo, &"--to", photo, &"-o", &out])
+        .refused(2, &["required arguments were not provided"]);
     splatweaver(&[&"infer", &"--run", &run, photo, &"--look", photo, &"--to", photo, &"--frames", &"1", &"-o", &out])
         .refused(2, &["--frames"]);
     splatweaver(&[&"infer", &"--run", &run, photo, &"--look", photo, &"--budget", &"0.4", &"-o", &out])
