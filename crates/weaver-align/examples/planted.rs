@@ -51,7 +51,7 @@ impl Cloud {
     fn slices(&self) -> GaussianSlices<'_, f64> {
         let Self { means, quats, scales, opacities, sh, degree } = self;
         let color = Color::Sh { coefficients: sh, degree: *degree };
-        GaussianSlices { means, quats, scales, opacities, color, features: None }
+        GaussianSlices { means, quats, scales, opacities, color, features: None, groups: None }
     }
 }
 
@@ -68,7 +68,7 @@ fn draw(scene: &Scene<'_, f64>, camera: &Camera) -> Result<(Vec<f64>, f64), Box<
         height: camera.height,
     };
     let mut workspace = Rasterizer::<f64>::workspace(&CpuRasterizer);
-    let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None };
+    let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None, groups: None };
     CpuRasterizer.forward(&scene.gaussians, &cameras, &scene.settings, &mut workspace, images)?;
     Ok((image, depth.iter().sum::<f64>() / alpha.iter().sum::<f64>()))
 }

@@ -52,6 +52,7 @@ impl Activated {
             opacities: &self.opacities,
             color: Color::Sh { coefficients: &population.sh.values, degree: population.degree() },
             features: None,
+            groups: None,
         }
     }
 }

@@ -153,6 +153,7 @@ impl Scene {
                 None => Color::Plain(&self.colors),
             },
             features: None,
+            groups: None,
         };
         let cameras = CameraSlices {
             viewmats: &self.viewmat,

@@ -190,7 +190,7 @@ impl GpuFit {
 /// No Gaussians, with harmonics.
 fn nothing(degree: usize) -> GaussianSlices<'static, f32> {
     let color = Color::Sh { coefficients: &[], degree };
-    GaussianSlices { means: &[], quats: &[], scales: &[], opacities: &[], color, features: None }
+    GaussianSlices { means: &[], quats: &[], scales: &[], opacities: &[], color, features: None, groups: None }
 }
 
 impl ResidentFit for GpuFit {

@@ -74,6 +74,9 @@ impl Rasterizer<f32> for GpuRasterizer {
         if gaussians.features.is_some_and(|features| features.channels > 0) {
             return Err(RasterError::new("features are drawn on the CPU only"));
         }
+        if gaussians.groups.is_some() {
+            return Err(RasterError::new("groups are drawn on the CPU only"));
+        }
         workspace.drawn = None;
         let forward = Forward::new(&self.context, (gaussians, cameras, settings, &extent), workspace);
         let stats = forward.run(images)?;

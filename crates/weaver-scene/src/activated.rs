@@ -44,6 +44,7 @@ impl ActivatedGaussians {
             opacities: &self.opacities,
             color: Color::Sh { coefficients: &self.sh, degree: self.degree },
             features: None,
+            groups: None,
         }
     }
 

@@ -26,7 +26,7 @@ pub use cameras::{CameraRows, CameraSlices, intrinsics_row, viewmat};
 pub use frame::Frame;
 pub use gaussians::Gaussians;
 pub use points::PointCloud;
-pub use slices::{Color, Features, GaussianSlices};
+pub use slices::{Color, Features, GaussianSlices, Groups};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -17,6 +17,17 @@ pub struct GaussianSlices<'a, T> {
     pub color: Color<'a, T>,
     /// Further numbers to blend, if any.
     pub features: Option<Features<'a, T>>,
+    /// Which picture each Gaussian belongs to, where a view is several pictures.
+    pub groups: Option<Groups<'a>>,
+}
+
+/// Gaussians in groups that do not see each other: a view of K groups is K pictures, each drawn as if its Gaussians were alone.
+#[derive(Clone, Copy, Debug)]
+pub struct Groups<'a> {
+    /// The group of each Gaussian, 0 to K - 1, `[N]`.
+    pub of: &'a [u32],
+    /// K, at least 1.
+    pub count: usize,
 }
 
 /// Numbers of any meaning that are blended as colors are, over a background of zeros.

@@ -78,6 +78,7 @@ impl Load {
             opacities: &self.opacities,
             color: Color::Sh { coefficients: &self.colors, degree: self.degree },
             features: None,
+            groups: None,
         };
         let cameras = CameraSlices {
             viewmats: &self.viewmats,

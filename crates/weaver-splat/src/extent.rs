@@ -6,7 +6,7 @@ use crate::settings::{RasterError, RasterSettings};
 use crate::tiles::Region;
 use weaver_geometry::sh;
 use weaver_kernels::Real;
-use weaver_scene::{CameraSlices, Color, GaussianSlices};
+use weaver_scene::{CameraSlices, Color, GaussianSlices, Groups};
 
 /// The sizes of a call, for those who implement a [`Rasterizer`](crate::Rasterizer): checked once, then relied on.
 ///
@@ -20,6 +20,7 @@ use weaver_scene::{CameraSlices, Color, GaussianSlices};
 ///     opacities: &[0.8; 2],
 ///     color: Color::Plain(&[0.5; 6]),
 ///     features: None,
+///     groups: None,
 /// };
 /// let intrinsics = [10.0, 10.0, 1.5, 1.5];
 /// let cameras = CameraSlices { viewmats: &[0.0; 12], intrinsics: &intrinsics, background: &[0.0; 3], width: 3, height: 2 };
@@ -36,6 +37,8 @@ pub struct Extent {
     pub views: usize,
     /// Numbers per Gaussian's color.
     pub color_len: usize,
+    /// K, pictures of each view; 1 for Gaussians without groups.
+    pub groups: usize,
     /// C.
     pub channels: usize,
     /// Whether depth was asked for.
@@ -50,6 +53,19 @@ pub(crate) fn expect_len(name: &str, length: usize, expected: usize) -> Result<(
         return Ok(());
     }
     Err(RasterError::new(format!("{name} has {length} numbers, expected {expected}")))
+}
+
+/// How many groups there are.
+fn checked(groups: Groups<'_>, n: usize) -> Result<usize, RasterError> {
+    let Groups { of, count } = groups;
+    expect_len("groups", of.len(), n)?;
+    if count == 0 {
+        return Err(RasterError::new("Gaussians in 0 groups, expected at least 1"));
+    }
+    if let Some((row, group)) = of.iter().enumerate().find(|(_, group)| **group as usize >= count) {
+        return Err(RasterError::new(format!("Gaussian {row} is in group {group}, the last of {count} is {}", count - 1)));
+    }
+    Ok(count)
 }
 
 impl Extent {
@@ -82,6 +98,7 @@ impl Extent {
         let channels = gaussians.features.map_or(0, |features| features.channels);
         let features = gaussians.features.map_or(0, |features| features.values.len());
         expect_len("features", features, channels.saturating_mul(n))?;
+        let groups = gaussians.groups.map_or(Ok(1), |groups| checked(groups, n))?;
         expect_len("intrinsics", cameras.intrinsics.len(), 4 * v)?;
         if cameras.viewmats.len() != 16 * v {
             expect_len("viewmats", cameras.viewmats.len(), 12 * v)?;
@@ -106,12 +123,12 @@ impl Extent {
         if v.checked_mul(n).is_none_or(|all| all >= u32::MAX as usize) {
             return Err(RasterError::new(format!("{v} views of {n} Gaussians are too many for one call")));
         }
-        Ok(Self { gaussians: n, views: v, color_len, channels, depth, region })
+        Ok(Self { gaussians: n, views: v, color_len, groups, channels, depth, region })
     }
 
     /// Pixels of all images together.
     pub fn pixels(&self) -> usize {
-        self.views * self.region.pixels()
+        self.views * self.groups * self.region.pixels()
     }
 
     /// Whether the images have these sizes.

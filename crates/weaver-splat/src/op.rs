@@ -12,7 +12,7 @@ use weaver_autograd::{Grad, Op, Outputs, Pool, Shape, ShapeError, Shapes, Var, V
 use weaver_geometry::sh::MAX_DEGREE;
 use weaver_kernels::Real;
 use weaver_pose::CameraVars;
-use weaver_scene::{CameraSlices, Color, Features, GaussianSlices};
+use weaver_scene::{CameraSlices, Color, Features, GaussianSlices, Groups};
 
 /// A rasterizer, and its workspaces that are kept from step to step. Cloning shares them.
 ///
@@ -95,6 +95,7 @@ pub struct Rasterize<T: Real> {
     height: usize,
     settings: RasterSettings,
     depth: bool,
+    groups: Option<(Arc<[u32]>, usize)>,
     statistics: Option<SharedStatistics<T>>,
     pool: WorkspacePool<T>,
     /// Set by forward; backward works in it too.
@@ -176,12 +177,19 @@ impl<T: Real> Rasterize<T> {
     /// to.
     pub fn new(width: usize, height: usize, settings: RasterSettings, workspaces: &WorkspacePool<T>) -> Self {
         let (pool, workspace) = (workspaces.clone(), Mutex::new(None));
-        Self { width, height, settings, depth: true, statistics: None, pool, workspace }
+        Self { width, height, settings, depth: true, groups: None, statistics: None, pool, workspace }
     }
 
     /// Adds the by-products of the backward pass to `statistics`.
     pub fn with_statistics(mut self, statistics: &SharedStatistics<T>) -> Self {
         self.statistics = Some(statistics.clone());
+        self
+    }
+
+    /// Draws K pictures of each view, each of the Gaussians of one group, as if they were alone: `of` `[N]` has their groups, 0 to
+    /// K - 1. Images are `[V K, ..]` instead of `[V, ..]`, the pictures of a view one after the other.
+    pub fn in_groups(mut self, of: Arc<[u32]>, count: usize) -> Self {
+        self.groups = Some((of, count));
         self
     }
 
@@ -230,7 +238,7 @@ impl<T: Real> Rasterize<T> {
         (RenderedVars { image, alpha, depth, counts }, features)
     }
 
-    fn scene<'a>(&self, ins: &[View<'a, T>]) -> (GaussianSlices<'a, T>, CameraSlices<'a, T>) {
+    fn scene<'a>(&'a self, ins: &[View<'a, T>]) -> (GaussianSlices<'a, T>, CameraSlices<'a, T>) {
         let colors = ins[4];
         let color = match colors.shape().rank() {
             2 if colors.shape()[1] == 0 => Color::None,
@@ -244,6 +252,7 @@ impl<T: Real> Rasterize<T> {
             opacities: ins[3].data(),
             color,
             features: ins.get(8).map(|f| Features { values: f.data(), channels: f.shape()[1] }),
+            groups: self.groups.as_ref().map(|(of, count)| Groups { of, count: *count }),
         };
         let cameras = CameraSlices {
             viewmats: ins[5].data(),
@@ -302,12 +311,13 @@ impl<T: Real> Op<T> for Rasterize<T> {
         let region = self.region();
         ensure_shape!(region.is_within(self.width, self.height), "an image, or a region of it, of at least one pixel");
         let (h, w) = (region.height, region.width);
+        let pictures = v * self.groups.as_ref().map_or(1, |(_, count)| *count);
         let channels = if is(4, &[n, 0]) { 0 } else { 3 };
-        let drawn = Shapes::one([v, h, w, channels]).and([v, h, w]);
-        let drawn = if self.depth { drawn.and([v, h, w]) } else { drawn.and([0]) };
+        let drawn = Shapes::one([pictures, h, w, channels]).and([pictures, h, w]);
+        let drawn = if self.depth { drawn.and([pictures, h, w]) } else { drawn.and([0]) };
         let Some(features) = ins.get(8) else { return Ok(drawn.and([3])) };
         ensure_shape!(features.rank() == 2 && features[0] == n, "features [N, C]");
-        Ok(drawn.and([v, h, w, features[1]]).and([3]))
+        Ok(drawn.and([pictures, h, w, features[1]]).and([3]))
     }
 
     fn auxiliary_outputs(&self) -> usize {

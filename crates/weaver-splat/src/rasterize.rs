@@ -19,6 +19,9 @@ use weaver_scene::{CameraSlices, GaussianSlices};
 /// frustum widened by 30 % of half its size. Alphas below 1/255 are skipped. `w_i = alpha_i T_i`, `T_i` the product
 /// of `1 - alpha_j` over the splats in front; a pixel ends before the splat that would bring T to 1e-4 or less.
 ///
+/// Gaussians in [groups](weaver_scene::Groups) do not see each other: each group has a transmittance of its own, and images, of the same
+/// bits as if it were drawn alone. One projection and one sort serve all of them.
+///
 /// Shapes are with the fields of [`GaussianSlices`], [`CameraSlices`] and [`Images`]. `workspace` keeps what
 /// [`rasterize_backward`](crate::rasterize_backward()) needs. Images have the same bits at any number of threads, any tile
 /// side, and whatever region of the views is drawn.
@@ -47,6 +50,7 @@ use weaver_scene::{CameraSlices, GaussianSlices};
 ///     opacities: &[0.8],
 ///     color: Color::Plain(&[1.0, 0.5, 0.0]),
 ///     features: None,
+///     groups: None,
 /// };
 /// let cameras = CameraSlices {
 ///     viewmats: &[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0],

@@ -56,7 +56,7 @@ pub trait Rasterizer<T: Real>: Debug + Send + Sync + 'static {
     }
 }
 
-/// Where the images go. `H` and `W` are those of the region that is drawn.
+/// Where the images go. `H` and `W` are those of the region that is drawn. Of Gaussians in K groups each is `[V, K, ..]`.
 #[derive(Debug)]
 pub struct Images<'a, T> {
     /// sum of w c + T background, `[V, H, W, 3]`; empty for Gaussians without colors.

@@ -88,6 +88,24 @@ fn blend(seen: &[Seen], settings: &RasterSettings, x: f64, y: f64) -> (Vec<Touch
     (touches, transmittance)
 }
 
+/// The views of all pictures, and the groups that these show.
+fn pictures(extent: &Extent) -> impl Iterator<Item = (usize, usize)> {
+    let groups = extent.groups;
+    (0..extent.views).flat_map(move |v| (0..groups).map(move |group| (v, group)))
+}
+
+/// What a view sees of a group.
+fn see_group(
+    gaussians: &GaussianSlices<'_, f64>,
+    cameras: &CameraSlices<'_, f64>,
+    settings: &RasterSettings,
+    (v, group): (usize, usize),
+) -> Vec<Seen> {
+    let mut seen = see_all(gaussians, cameras, settings, v);
+    seen.retain(|splat| gaussians.groups.is_none_or(|groups| groups.of[splat.index] as usize == group));
+    seen
+}
+
 /// The center of a pixel of a region.
 fn center(region: &Region, pixel: usize) -> (f64, f64) {
     ((region.x + pixel % region.width) as f64 + 0.5, (region.y + pixel / region.width) as f64 + 0.5)
@@ -125,8 +143,8 @@ pub fn rasterize(
     let extent = Extent::of(gaussians, cameras, settings, true)?;
     let mut out = Rendered::default();
     let mut features = vec![0.0; extent.channels];
-    for v in 0..extent.views {
-        let seen = see_all(gaussians, cameras, settings, v);
+    for (v, group) in pictures(&extent) {
+        let seen = see_group(gaussians, cameras, settings, (v, group));
         let background = cameras.background_of(v);
         for pixel in 0..extent.region.pixels() {
             let (x, y) = center(&extent.region, pixel);
@@ -177,13 +195,13 @@ pub fn rasterize_backward(
         statistics: vec![GaussianStatistics::default(); n],
     };
     let shared_background = cameras.background.len() == 3;
-    for v in 0..views {
-        let seen = see_all(gaussians, cameras, settings, v);
+    for (picture, (v, group)) in pictures(&extent).enumerate() {
+        let seen = see_group(gaussians, cameras, settings, (v, group));
         let background = cameras.background_of(v);
         let mut gradients: Vec<SeenGradient> = vec![[0.0; 10]; seen.len()];
         let mut tallies = vec![Tally::default(); seen.len()];
         for pixel in 0..pixels {
-            let at = v * pixels + pixel;
+            let at = picture * pixels + pixel;
             let dimages = cotangents.image.filter(|d| !d.is_empty());
             let dimage: [f64; 3] = std::array::from_fn(|i| dimages.map_or(0.0, |d| d[3 * at + i]));
             let dalpha = cotangents.alpha.map_or(0.0, |d| d[at]);

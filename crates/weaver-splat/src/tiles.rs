@@ -63,6 +63,8 @@ pub struct Tiles<T> {
     views: usize,
     /// Primitives, the same number in each view.
     per_view: usize,
+    /// Pictures of each view, one for each group of primitives.
+    groups: usize,
     /// `[V, N]`; what covers no tile holds leftovers.
     records: Vec<Record<T>>,
     /// The tiles of the primitives, `[V, chunks]`.
@@ -72,13 +74,13 @@ pub struct Tiles<T> {
     /// Counts of digits.
     counts: Vec<u32>,
     lists: Lists,
-    /// What blending left in each window, `[V * tiles * windows, planes]`.
+    /// What blending left in each window, `[V * K * tiles * windows, planes]`.
     planes: Vec<Plane<T>>,
     /// Sums over pixels of each list entry.
     moments: Vec<Row<T>>,
     /// Sums of features of each list entry, `[entries, C]`.
     feature_sums: Vec<T>,
-    /// Background gradients of the tiles, `[V * tiles, 3]`.
+    /// Background gradients of the tiles, `[V * K * tiles, 3]`.
     background_sums: Vec<[T; 3]>,
 }
 
@@ -89,6 +91,7 @@ impl<T: Real> Tiles<T> {
             grid: Grid::new(Region::whole(0, 0), TileSide::Sixteen),
             views: 0,
             per_view: 0,
+            groups: 1,
             records: Vec::new(),
             chunks: Vec::new(),
             keys: [Vec::new(), Vec::new()],
@@ -103,7 +106,7 @@ impl<T: Real> Tiles<T> {
 
     /// Number of tiles of all views.
     fn tiles(&self) -> usize {
-        self.views * self.grid.tiles()
+        self.views * self.tiles_per_view()
     }
 
     /// Chunks of primitives in a view.
@@ -141,14 +144,14 @@ impl<T: Real> Tiles<T> {
             .map(move |place| &self.feature_sums[place.load(Relaxed) as usize * channels..][..channels])
     }
 
-    /// Background gradients of the tiles of the views, in order, `[V * tiles]`.
+    /// Background gradients of the tiles of the views, in order, `[V * K * tiles]`.
     pub(crate) fn background_sums(&self) -> &[[T; 3]] {
         &self.background_sums[..self.tiles()]
     }
 
-    /// Tiles of a view.
+    /// Tiles of a view, those of all its pictures.
     pub(crate) fn tiles_per_view(&self) -> usize {
-        self.grid.tiles()
+        self.groups * self.grid.tiles()
     }
 }
 

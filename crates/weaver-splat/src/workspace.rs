@@ -52,7 +52,7 @@ impl<T: Real> Workspace<T> {
     /// Calls `visit(pixel, gaussian, weight, transmittance)` for every Gaussian at every pixel that it adds to, in the
     /// last image drawn with this workspace.
     ///
-    /// `pixel` indexes `[V, H, W]`, `gaussian` is 0 to N - 1, `transmittance` T is the light that arrives there, `weight`
+    /// `pixel` indexes `[V, H, W]` (`[V, K, H, W]` of Gaussians in K groups, here and below), `gaussian` is 0 to N - 1, `transmittance` T is the light that arrives there, `weight`
     /// is alpha T, the same numbers that the image is made of. At each pixel hits come front to back. Tiles are visited in parallel,
     /// so that hits of different pixels come in no fixed order.
     ///
@@ -70,6 +70,7 @@ impl<T: Real> Workspace<T> {
     /// #     opacities: &[0.8],
     /// #     color: Color::None,
     /// #     features: None,
+    /// #     groups: None,
     /// # };
     /// # let cameras = CameraSlices {
     /// #     viewmats: &[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0],

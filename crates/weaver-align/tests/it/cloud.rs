@@ -41,7 +41,7 @@ impl Cloud {
     pub fn scene(&self) -> Scene<'_, f64> {
         let Self { means, quats, scales, opacities, sh, degree } = self;
         let color = Color::Sh { coefficients: sh, degree: *degree };
-        let gaussians = GaussianSlices { means, quats, scales, opacities, color, features: None };
+        let gaussians = GaussianSlices { means, quats, scales, opacities, color, features: None, groups: None };
         Scene { gaussians, background: BACKGROUND, settings: RasterSettings::default(), unit: 1.0 }
     }
 
@@ -59,7 +59,7 @@ impl Cloud {
             width: camera.width,
             height: camera.height,
         };
-        let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
+        let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None, groups: None };
         let mut workspace = Rasterizer::<f64>::workspace(&CpuRasterizer);
         CpuRasterizer.forward(&scene.gaussians, &cameras, &scene.settings, &mut workspace, images).unwrap();
         image

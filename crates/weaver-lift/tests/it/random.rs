@@ -32,7 +32,7 @@ impl<T: Real> Splats<T> {
 
     pub fn as_slices(&self) -> GaussianSlices<'_, T> {
         let Self { means, quats, scales, opacities } = self;
-        GaussianSlices { means, quats, scales, opacities, color: Color::None, features: None }
+        GaussianSlices { means, quats, scales, opacities, color: Color::None, features: None, groups: None }
     }
 
     /// The same Gaussians in another order.

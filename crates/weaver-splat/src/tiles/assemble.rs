@@ -7,7 +7,7 @@ use weaver_kernels::{Real, parallel};
 
 impl<T: Real> Tiles<T> {
     /// Writes the images of the last [`blend`](Self::blend), which had the same `blending`, over a background color per
-    /// view. Images are those of the grid's region, `[V, h, w, channels]`.
+    /// view. Images are those of the grid's region, `[V, h, w, channels]`, or `[V, K, h, w, channels]` of K groups.
     pub fn images(
         &self,
         blending: &Blending<'_, T>,
@@ -19,9 +19,9 @@ impl<T: Real> Tiles<T> {
             out.iter_mut().zip(&window[0][block].0[lane..]).for_each(|(out, &left)| *out = T::ONE - left);
         });
         if !images.image.is_empty() {
-            self.assemble(images.image, (planes, 3), |v, window, block, lane, out| {
+            self.assemble(images.image, (planes, 3), |picture, window, block, lane, out| {
                 let [left, red, green, blue] = [0, 1, 2, 3].map(|plane| &window[plane][block].0[lane..]);
-                let background = background(v);
+                let background = background(picture / self.groups);
                 for (i, pixel) in out.as_chunks_mut::<3>().0.iter_mut().enumerate() {
                     *pixel = [
                         red[i] + left[i] * background[0],
@@ -46,8 +46,8 @@ impl<T: Real> Tiles<T> {
         }
     }
 
-    /// Runs `body(view, planes of the window, block, first lane, pixels)` on each row of each block, in parallel; `out`
-    /// is `[V, h, w, channels]`, a window has `per_window` planes.
+    /// Runs `body(picture, planes of the window, block, first lane, pixels)` on each row of each block, in parallel; `out`
+    /// is `[V, K, h, w, channels]`, a window has `per_window` planes.
     fn assemble(
         &self,
         out: &mut [T],
@@ -58,14 +58,14 @@ impl<T: Real> Tiles<T> {
         let (side, region) = (grid.side, grid.region);
         let across = side / SIDE;
         parallel::for_chunks(out, region.width * channels, |row, out| {
-            let (v, y) = (row / region.height, region.y + row % region.height);
+            let (picture, y) = (row / region.height, region.y + row % region.height);
             for (x, out) in cuts(region.x, SIDE, channels, out) {
-                let tile = v * grid.tiles() + grid.tile((x / side) as u32, (y / side) as u32) as usize;
+                let tile = picture * grid.tiles() + grid.tile((x / side) as u32, (y / side) as u32) as usize;
                 let window = tile * across * across + y % side / SIDE * across + x % side / SIDE;
                 let planes = &self.planes[window * per_window..][..per_window];
                 for (x, out) in cuts(x, BLOCK, channels, out) {
                     let block = y % SIDE / BLOCK * BLOCK + x % SIDE / BLOCK;
-                    body(v, planes, block, y % BLOCK * BLOCK + x % BLOCK, out);
+                    body(picture, planes, block, y % BLOCK * BLOCK + x % BLOCK, out);
                 }
             }
         });

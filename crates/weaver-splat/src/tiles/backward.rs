@@ -1,7 +1,7 @@
 //! Backward: from cotangents of the images to sums over pixels for each list entry.
 
 use super::blend::planes;
-use super::blend_backward::{Attributes, BlendBackward, EntrySums, ViewCotangents, prepare};
+use super::blend_backward::{Attributes, BlendBackward, EntrySums, PictureCotangents, prepare};
 use super::lists::Lists;
 use super::primitive::{Footprint, Response};
 use super::traverse::traverse;
@@ -57,6 +57,7 @@ impl<T: Real> Tiles<T> {
         background: impl Fn(usize) -> [T; 3] + Sync,
     ) {
         let tiles = self.tiles();
+        let groups = self.groups;
         let Self { grid, records, lists, planes, moments, feature_sums, background_sums, per_view, .. } = self;
         let channels = pass.blending.channels();
         let per_tile = windows_per_tile(grid) * pass.blending.planes();
@@ -69,7 +70,7 @@ impl<T: Real> Tiles<T> {
         };
         let pixels = grid.region.pixels();
         for_tiles(lists, 0..tiles, sums, &|tile, sums: Sums<'_, T>| {
-            let v = tile / grid.tiles();
+            let picture = tile / grid.tiles();
             sums.background[0] = lanes::run(BackwardTile::<T, P, C, MORE> {
                 primitive,
                 alpha_max: pass.blending.alpha_max,
@@ -82,8 +83,8 @@ impl<T: Real> Tiles<T> {
                     per_view: *per_view,
                     statistics: pass.statistics,
                 },
-                background: background(v),
-                cotangents: pass.cotangents.of_view(v, pixels, channels),
+                background: background(picture / groups),
+                cotangents: pass.cotangents.of_picture(picture, pixels, channels),
                 blended: &planes[tile * per_tile..][..per_tile],
                 sums: EntrySums { moments: sums.moments, features: sums.features },
             });
@@ -112,7 +113,7 @@ struct BackwardTile<'a, T, P, const C: usize, const MORE: bool> {
     records: &'a [Record<T>],
     attributes: Attributes<'a, T>,
     background: [T; 3],
-    cotangents: ViewCotangents<'a, T>,
+    cotangents: PictureCotangents<'a, T>,
     /// What the forward pass left, of all windows.
     blended: &'a [Plane<T>],
     sums: EntrySums<'a, T>,

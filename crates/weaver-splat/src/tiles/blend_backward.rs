@@ -34,7 +34,7 @@ pub(crate) mod moment {
 
 /// Gradients that arrive at one view's outputs; `None` is zero.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct ViewCotangents<'a, T> {
+pub(crate) struct PictureCotangents<'a, T> {
     /// `[H, W, 3]`
     pub image: Option<&'a [T]>,
     /// `[H, W]`
@@ -46,13 +46,13 @@ pub(crate) struct ViewCotangents<'a, T> {
 }
 
 impl<T> Cotangents<'_, T> {
-    /// The cotangents of view `v`, whose images have `pixels` pixels.
-    pub(crate) fn of_view(&self, v: usize, pixels: usize, channels: usize) -> ViewCotangents<'_, T> {
-        ViewCotangents {
-            image: part(self.image, 3 * v * pixels),
-            alpha: part(self.alpha, v * pixels),
-            depth: part(self.depth, v * pixels),
-            features: part(self.features, channels * v * pixels),
+    /// The cotangents of a picture of `pixels` pixels.
+    pub(crate) fn of_picture(&self, picture: usize, pixels: usize, channels: usize) -> PictureCotangents<'_, T> {
+        PictureCotangents {
+            image: part(self.image, 3 * picture * pixels),
+            alpha: part(self.alpha, picture * pixels),
+            depth: part(self.depth, picture * pixels),
+            features: part(self.features, channels * picture * pixels),
         }
     }
 }
@@ -70,7 +70,7 @@ pub(crate) fn prepare<V: Lanes>(
     window: &Window,
     depth: bool,
     background: [V::Scalar; 3],
-    cotangents: &ViewCotangents<'_, V::Scalar>,
+    cotangents: &PictureCotangents<'_, V::Scalar>,
     drawn: &[Plane<V::Scalar>],
     planes: &mut [Plane<V::Scalar>],
 ) -> [V::Scalar; 3] {

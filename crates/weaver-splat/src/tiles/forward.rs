@@ -62,7 +62,7 @@ impl<T: Real> Tiles<T> {
         projection: &P,
         footprint: &F,
     ) -> Result<TileStats, RasterError> {
-        (self.grid, self.views, self.per_view) = (grid, views, per_view);
+        (self.grid, self.views, self.per_view, self.groups) = (grid, views, per_view, projection.groups());
         let chunks = self.chunks_per_view();
         // Chunks of an earlier, larger call would be counted; their memory goes.
         self.chunks.truncate(views * chunks);
@@ -94,13 +94,14 @@ impl<T: Real> Tiles<T> {
     pub fn bin(&mut self) {
         let (per_view, chunks) = (self.per_view, self.chunks_per_view());
         let entries = self.chunks.iter().map(Chunk::len).sum();
-        self.lists.prepare(self.views * self.grid.tiles(), entries);
+        let tiles = self.tiles_per_view();
+        self.lists.prepare(self.views * tiles, entries);
         let [keys, sorted] = &mut self.keys;
         for v in 0..self.views {
             let part = v * per_view..(v + 1) * per_view;
             let seen = sort(&mut keys[part.clone()], &mut sorted[part.clone()], &mut self.counts);
             let sorted: &[AtomicU64] = &sorted[part][..seen];
-            self.lists.bin((v, per_view), self.grid.tiles(), sorted, &self.chunks[v * chunks..(v + 1) * chunks]);
+            self.lists.bin((v, per_view), tiles, sorted, &self.chunks[v * chunks..(v + 1) * chunks]);
         }
     }
 
@@ -122,9 +123,10 @@ impl<T: Real> Tiles<T> {
         primitive: &P,
         blending: &Blending<'_, T>,
     ) -> Work {
+        let tiles = self.tiles();
         let Self { grid, lists, records, per_view, .. } = self;
         let per_tile = windows_per_tile(grid) * blending.planes();
-        let planes = grown(&mut self.planes, self.views * grid.tiles() * per_tile);
+        let planes = grown(&mut self.planes, tiles * per_tile);
         let (pairs, evaluated) = (AtomicU64::new(0), AtomicU64::new(0));
         parallel::for_chunks(planes, per_tile, |tile, planes| {
             let work = lanes::run(BlendTile::<T, P, C, MORE> {

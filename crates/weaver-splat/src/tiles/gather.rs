@@ -55,14 +55,14 @@ impl<T: Real> Tiles<T> {
         sums: Target<'_, T>,
     ) {
         let tiles = self.tiles();
-        let Self { grid, lists, feature_sums, records, views, .. } = self;
+        let Self { grid, lists, feature_sums, records, .. } = self;
         let pixels = grid.region.pixels();
-        assert_eq!(values.len(), *views * pixels * channels, "gathering: values of each pixel");
+        assert_eq!(values.len(), tiles / grid.tiles() * pixels * channels, "gathering: values of each pixel");
         let parts = Entries { sums: grown(feature_sums, lists.len() * channels), channels };
         for_tiles(lists, 0..tiles, parts, &|tile, Entries { sums, .. }| {
             sums.fill(T::ZERO);
-            let view = tile / grid.tiles();
-            let values = &values[view * pixels * channels..][..pixels * channels];
+            let picture = tile / grid.tiles();
+            let values = &values[picture * pixels * channels..][..pixels * channels];
             let list = lists.of_tile(tile);
             for (_, window) in windows_of(grid, tile) {
                 let values = (values, channels);

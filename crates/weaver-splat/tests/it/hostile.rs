@@ -289,6 +289,7 @@ fn a_million_on_one_pixel() {
             opacities: &opacities,
             color: Color::Plain(&colors),
             features: None,
+            groups: None,
         };
         let cameras = CameraSlices {
             viewmats: &[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0],

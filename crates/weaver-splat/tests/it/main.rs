@@ -2,6 +2,7 @@
 
 mod covariance;
 mod differences;
+mod groups;
 mod hostile;
 mod invariance;
 mod op;

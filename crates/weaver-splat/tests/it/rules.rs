@@ -15,6 +15,7 @@ fn on_axis(splats: &[(f64, f64, f64)]) -> Scene<f64> {
         colorless: false,
         features: Vec::new(),
         channels: 0,
+        groups: None,
         viewmats: vec![1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0],
         intrinsics: vec![10.0, 10.0, 0.5, 0.5],
         background: vec![0.0; 3],

@@ -1,7 +1,7 @@
 //! Random scenes, and one call that renders and differentiates them.
 
 use weaver_kernels::{Real, random::Stream};
-use weaver_scene::{CameraSlices, Color, Features, GaussianSlices};
+use weaver_scene::{CameraSlices, Color, Features, GaussianSlices, Groups};
 use weaver_splat::{
     Cotangents, GaussianStatistics, Gradients, Images, RasterSettings, RasterStats, Region, Target, Workspace,
     rasterize, rasterize_backward,
@@ -21,6 +21,8 @@ pub struct Scene<T> {
     /// `[N, channels]`
     pub features: Vec<T>,
     pub channels: usize,
+    /// The group of each Gaussian, and how many there are.
+    pub groups: Option<(Vec<u32>, usize)>,
     pub viewmats: Vec<T>,
     pub intrinsics: Vec<T>,
     pub background: Vec<T>,
@@ -71,6 +73,7 @@ impl Scene<f64> {
             colorless: false,
             features: (0..2 * n).map(|i| normal(11, i)).collect(),
             channels: 2,
+            groups: None,
             viewmats: Vec::new(),
             intrinsics: Vec::new(),
             background: (0..3 * views).map(|i| uniform(4, i)).collect(),
@@ -117,6 +120,14 @@ impl Scene<f64> {
         let stream = Stream::new(self.means.len() as u64, 2, "splat.test");
         self.channels = channels;
         self.features = (0..(channels * self.opacities.len()) as u64).map(|i| stream.normal(i)).collect();
+        self
+    }
+
+    /// In so many groups, not all of the same size.
+    pub fn in_groups(mut self, count: usize) -> Self {
+        let stream = Stream::new(self.means.len() as u64, 3, "splat.test");
+        let of = (0..self.opacities.len() as u64).map(|i| stream.below(i, count).min(stream.below(!i, count)) as u32);
+        self.groups = Some((of.collect(), count));
         self
     }
 
@@ -168,6 +179,7 @@ impl Scene<f64> {
             colorless: self.colorless,
             features: round(&self.features),
             channels: self.channels,
+            groups: self.groups.clone(),
             viewmats: round(&self.viewmats),
             intrinsics: round(&self.intrinsics),
             background: round(&self.background),
@@ -189,7 +201,7 @@ impl<T: Real> Scene<T> {
     }
 
     pub fn pixels(&self) -> usize {
-        self.views() * self.region().pixels()
+        self.views() * self.groups.as_ref().map_or(1, |(_, count)| *count) * self.region().pixels()
     }
 
     pub fn image_channels(&self) -> usize {
@@ -208,6 +220,7 @@ impl<T: Real> Scene<T> {
                 Some(degree) => Color::Sh { coefficients: &self.colors, degree },
             },
             features: (self.channels > 0).then_some(Features { values: &self.features, channels: self.channels }),
+            groups: self.groups.as_ref().map(|(of, count)| Groups { of, count: *count }),
         }
     }
 

@@ -33,10 +33,14 @@ proptest! {
         channels in prop::sample::select(vec![0_usize, 1, 2, 5, 17]),
         colorless: bool,
         region in prop::option::of(any::<(prop::sample::Index, prop::sample::Index)>()),
+        groups in prop::option::of(1_usize..4),
     ) {
         let mut scene = Scene::random(seed, n, views, size, degree).with_channels(channels);
         if colorless {
             scene = scene.without_colors();
+        }
+        if let Some(count) = groups {
+            scene = scene.in_groups(count);
         }
         scene.settings = RasterSettings { antialiased, tile, alpha_max, ..RasterSettings::default() };
         if let Some((x, y)) = region {
