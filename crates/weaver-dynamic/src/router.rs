@@ -1,5 +1,6 @@
 //! The volume-aware pixel router of MoE-GS (Jin et al., ICLR 2026, arXiv 2510.19210, equations 6 to 8): which expert to believe, pixel by pixel.
 
+use std::sync::Arc;
 use weaver_autograd::ops::{self, Activation};
 use weaver_autograd::{ParamId, Real, Var};
 use weaver_nn::{Builder, Context, Init};
@@ -39,6 +40,8 @@ pub struct PixelRouter {
     base: ParamId,
     time: ParamId,
     phi: [ParamId; 3],
+    /// Whose each Gaussian is.
+    owners: Arc<[u32]>,
     /// The rows of each expert's Gaussians.
     rows: Vec<Vec<u32>>,
 }
@@ -93,7 +96,8 @@ impl PixelRouter {
             b.add(format_args!("phi.{i}"), [to, from], Init::fan_in(from))
         });
         let base = b.add("base", [owners.len(), 2], Init::Constant(START));
-        Self { config, base, time: b.add("time", [owners.len()], Init::Constant(0.0)), phi, rows }
+        let time = b.add("time", [owners.len()], Init::Constant(0.0));
+        Self { config, base, time, phi, owners: owners.iter().map(|owner| *owner as u32).collect(), rows }
     }
 
     /// The rows of each expert's Gaussians in the list.
@@ -101,7 +105,7 @@ impl PixelRouter {
         &self.rows
     }
 
-    /// Draws all experts and gates them. `gaussians` is the list at the shot's time; each expert is drawn by itself, with light of its own.
+    /// Draws all experts in one pass, each with light of its own (equation 9), and gates them. `gaussians` is the list at the shot's time.
     ///
     /// Differentiable in the router's parameters and in the Gaussians; pass these [detached](Var::detach) where experts are frozen.
     #[track_caller]
@@ -115,27 +119,16 @@ impl PixelRouter {
         let pixels = height * width;
         let n = gaussians.means.shape()[0];
         let carried = ops::concat(&[cx.param(self.base), cx.param(self.time).reshape([n, 1]) * shot.time], 1);
-        let drawn: Vec<[Var<'t, T>; 3]> = self
-            .rows
-            .iter()
-            .map(|rows| {
-                let own = gaussians.gathered(rows);
-                let op = Rasterize::new(width, height, shot.settings, shot.workspaces).without_depth();
-                let carried = carried.gather_rows(rows);
-                let (seen, features) = op.apply_with_features(&own, &shot.camera, shot.background, carried);
-                let left = seen.alpha * -self.config.background_weight + self.config.background_weight;
-                let left = left.reshape([1, pixels, 1]).expand([1, pixels, CARRIED]);
-                [
-                    seen.image.reshape([1, pixels, 3]),
-                    seen.alpha.reshape([1, pixels]),
-                    features.reshape([1, pixels, CARRIED]) + left,
-                ]
-            })
-            .collect();
-        let all = |part: usize| ops::concat(&drawn.iter().map(|parts| parts[part]).collect::<Vec<_>>(), 0);
-        let [images, alphas, maps] = [0, 1, 2].map(all);
-        let logits = self.logits(cx, maps, &shot.camera, shot.size);
         let experts = self.rows.len();
+        let op = Rasterize::new(width, height, shot.settings, shot.workspaces).without_depth();
+        let op = op.in_groups(self.owners.clone(), experts);
+        let (seen, features) = op.apply_with_features(gaussians, &shot.camera, shot.background, carried);
+        let left = seen.alpha * -self.config.background_weight + self.config.background_weight;
+        let left = left.reshape([experts, pixels, 1]).expand([experts, pixels, CARRIED]);
+        let images = seen.image.reshape([experts, pixels, 3]);
+        let alphas = seen.alpha.reshape([experts, pixels]);
+        let maps = features.reshape([experts, pixels, CARRIED]) + left;
+        let logits = self.logits(cx, maps, &shot.camera, shot.size);
         let gate = (logits * (1.0 / self.config.temperature)).softmax(0);
         let shares = gate.reshape([experts, pixels, 1]).expand([experts, pixels, 3]);
         let image = (images * shares).sum_axis(0);
