@@ -18,6 +18,23 @@ pub fn list_files(folder: impl AsRef<Path>, extensions: &[&str]) -> Result<Vec<P
     Ok(files)
 }
 
+/// The folders in `folder`, sorted by path.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn list_folders(folder: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
+    let folder = folder.as_ref();
+    let mut folders = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(Error::io(folder))? {
+        let path = entry.map_err(Error::io(folder))?.path();
+        if path.is_dir() {
+            folders.push(path);
+        }
+    }
+    folders.sort();
+    Ok(folders)
+}
+
 /// Checks that files can be written into a folder, which need not exist yet. Leaves nothing behind.
 ///
 /// Meant to be called before long work whose result is written there.

@@ -1,4 +1,5 @@
-//! File formats: images, PLY, splat, SPZ, COLMAP, transforms.json, RealEstate10K, safetensors, NPY.
+//! File formats: images, PLY, splat, SPZ, COLMAP, transforms.json, RealEstate10K, LLFF, Nerfies, safetensors,
+//! NPY.
 //!
 //! [`read_gaussians`] and [`read_cameras`] read every supported format of scenes and of cameras into the types of
 //! `weaver-scene`. Poses are world-to-camera with OpenCV axes, intrinsics are in pixels with pixel centers at half-integers.
@@ -24,8 +25,11 @@ mod gaussians;
 mod header_fault;
 mod image;
 mod info;
+mod json;
+pub mod llff;
 mod mapped_file;
 mod memory;
+pub mod nerfies;
 mod npy;
 mod photo_file;
 pub mod ply;
@@ -49,7 +53,7 @@ pub use color::{false_color, label_color};
 pub use error::{Error, Result};
 pub use exif::focal_35mm;
 pub use file::{read_bytes, read_text, write_text};
-pub use folder::{check_writable, create_folder, list_files};
+pub use folder::{check_writable, create_folder, list_files, list_folders};
 pub use gaussians::{read_gaussians, write_gaussians};
 pub use image::{Background, Image};
 pub use info::info;

@@ -76,7 +76,8 @@ impl Npy {
         let descr = value("descr").and_then(|text| text.strip_prefix('\'')?.split_once('\''));
         let descr = descr.ok_or_else(|| missing("descr"))?.0;
         let Some(&(_, dtype, width)) = kinds.iter().find(|(name, ..)| *name == descr) else {
-            return Err(invalid("descr", expected, descr.into()));
+            let pickled = if descr.contains('O') { ", Python objects, which are pickled" } else { "" };
+            return Err(invalid("descr", expected, format!("{descr}{pickled}")));
         };
         let order = value("fortran_order").ok_or_else(|| missing("fortran_order"))?;
         if !order.starts_with("False") {
@@ -115,14 +116,29 @@ impl Npy {
     /// # Panics
     /// When the range ends beyond [`len`](Self::len).
     pub fn numbers(&self, range: Range<usize>) -> Vec<f32> {
-        let width = self.data.len() / self.len().max(1);
-        let bytes = &self.file[self.data.clone()][range.start * width..range.end * width];
+        let bytes = self.bytes(range);
         match self.dtype {
             Dtype::F16 => bytes.as_chunks().0.iter().map(|b| f16::from_le_bytes(*b).to_f32()).collect(),
             Dtype::F32 => bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect(),
             Dtype::F64 => bytes.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b) as f32).collect(),
             _ => bytes.iter().map(|b| f32::from(*b)).collect(),
         }
+    }
+
+    /// Numbers `range` of it, row-major, none of them rounded.
+    ///
+    /// # Panics
+    /// When the range ends beyond [`len`](Self::len).
+    pub fn doubles(&self, range: Range<usize>) -> Vec<f64> {
+        match self.dtype {
+            Dtype::F64 => self.bytes(range).as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)).collect(),
+            _ => self.numbers(range).into_iter().map(f64::from).collect(),
+        }
+    }
+
+    fn bytes(&self, range: Range<usize>) -> &[u8] {
+        let width = self.data.len() / self.len().max(1);
+        &self.file[self.data.clone()][range.start * width..range.end * width]
     }
 }
 

@@ -2,7 +2,7 @@
 
 mod lens;
 
-use crate::file::read_bytes;
+use crate::json::{self, kind};
 use crate::photo_file::EXTENSIONS;
 use crate::{Error, PhotoFile, Result, atomic_write};
 use serde_json::{Map, Value, json};
@@ -76,8 +76,7 @@ impl Transforms {
     }
 
     fn parse(path: &Path, with_images: bool) -> Result<Self> {
-        let root: Value = serde_json::from_slice(&read_bytes(path)?)
-            .map_err(|e| Error::invalid(path, format!("line {} column {}", e.line(), e.column()), "JSON", e))?;
+        let root = json::read(path)?;
         let Some(top) = root.as_object() else {
             return Err(Error::invalid(path, "top level", "an object", kind(&root)));
         };
@@ -328,15 +327,4 @@ fn names(path: &Path, top: &Map<String, Value>, key: &str) -> Result<Vec<String>
     };
     let list = value.as_array().and_then(|l| l.iter().map(|n| n.as_str().map(String::from)).collect());
     list.ok_or_else(|| Error::invalid(path, key, "a list of strings", kind(value)))
-}
-
-fn kind(value: &Value) -> &'static str {
-    match value {
-        Value::Null => "null",
-        Value::Bool(_) => "a boolean",
-        Value::Number(_) => "a number",
-        Value::String(_) => "a string",
-        Value::Array(_) => "a list",
-        Value::Object(_) => "an object",
-    }
 }

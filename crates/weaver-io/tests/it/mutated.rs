@@ -87,6 +87,10 @@ fn readers() -> Vec<Reader> {
         several("colmap binary", colmap_files("bin"), folder),
         several("colmap text", colmap_files("txt"), folder),
         one("transforms", "a.json", text(transforms), |path| Transforms::read_cameras(path).is_ok()),
+        one("llff", "poses_bounds.npy", crate::llff::bytes(&[crate::llff::ROW; 2]), |path| {
+            weaver_io::llff::read_poses_bounds(path).is_ok()
+        }),
+        several("nerfies", nerfies_files(), |path| weaver_io::nerfies::Capture::read(path.parent().unwrap()).is_ok()),
         one("realestate", "a.txt", text(frames), |path| Clip::read(path).is_ok()),
         one("tensors", "a.safetensors", safetensors.clone(), |path| Tensors::read(path).is_ok()),
         one("tensor file", "a.safetensors", safetensors.clone(), |path| TensorFile::open(path).is_ok()),
@@ -125,6 +129,13 @@ fn colmap_files(extension: &str) -> Vec<(String, Vec<u8>)> {
     write(&model(), folder.path()).unwrap();
     let names = ["cameras", "images", "points3D"].map(|name| format!("{name}.{extension}"));
     names.map(|name| (name.clone(), std::fs::read(folder.path().join(name)).unwrap())).to_vec()
+}
+
+fn nerfies_files() -> Vec<(String, Vec<u8>)> {
+    let folder = tempfile::tempdir().unwrap();
+    crate::nerfies::written(folder.path());
+    let names = ["scene.json", "camera/a.json", "camera/b.json", "dataset.json", "metadata.json"];
+    names.map(|name| (name.into(), std::fs::read(folder.path().join(name)).unwrap())).to_vec()
 }
 
 /// A gzip file of what a mutation has changed, which no checksum would let through otherwise; as it is, for compressing takes longer than
@@ -192,7 +203,9 @@ fn readers_bear_any_file() {
         let lay = |files: &[(String, Vec<u8>)]| -> u64 {
             let sealed = files.iter().map(|(name, bytes)| (name, (reader.seal)(bytes)));
             let write = |(name, bytes): (&String, Vec<u8>)| {
-                std::fs::write(folder.path().join(name), &bytes).unwrap();
+                let path = folder.path().join(name);
+                std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+                std::fs::write(path, &bytes).unwrap();
                 bytes.len() as u64
             };
             sealed.map(write).sum()
