@@ -7,6 +7,7 @@
 
 mod color;
 mod draws;
+pub(crate) mod moving;
 mod path;
 mod pyramid;
 mod render;

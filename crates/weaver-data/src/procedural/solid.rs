@@ -81,6 +81,23 @@ impl Shape {
         }
     }
 
+    /// The shape moved by a vector and, but for a ball, turned about the vertical through its center, radians.
+    pub fn moved(&self, by: DVec3, angle: f64) -> Self {
+        let mut moved = *self;
+        match &mut moved {
+            Self::Ball { center, .. } => *center += by,
+            Self::Block { center, turn, .. } => {
+                *center += by;
+                *turn = DVec2::from_angle(angle).rotate(*turn);
+            }
+            Self::Turned { center, into, .. } => {
+                *center += by;
+                *into *= DMat3::from_rotation_z(-angle);
+            }
+        }
+        moved
+    }
+
     /// The smallest `t > 0` with `origin + t direction` on the surface, for an origin outside.
     pub fn hit(&self, origin: DVec3, direction: DVec3) -> Option<f64> {
         match *self {

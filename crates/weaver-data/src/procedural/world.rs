@@ -81,6 +81,13 @@ impl World {
 
     /// The world of a default scene; its cameras stand on the -y side.
     pub fn compose(draws: &mut Draws) -> Self {
+        let mut solids = Self::surroundings(draws);
+        solids.extend(objects(draws));
+        Self::outdoors(solids, draws)
+    }
+
+    /// A patterned ground, a wall behind, and mostly one at a side.
+    pub fn surroundings(draws: &mut Draws) -> Vec<Solid> {
         let mut solids = vec![Solid {
             shape: block(DVec3::new(0.0, 0.0, -0.1), DVec3::new(7.0, 7.0, 0.1), 0.0),
             texture: Texture::wide(draws),
@@ -106,7 +113,11 @@ impl World {
                 texture: Texture::wide(draws),
             });
         }
-        solids.extend(objects(draws));
+        solids
+    }
+
+    /// Some solids under a sun and a sky.
+    pub fn outdoors(solids: Vec<Solid>, draws: &mut Draws) -> Self {
         let sky_hue = draws.within(0.5, 0.68);
         Self {
             solids,

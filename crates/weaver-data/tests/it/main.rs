@@ -2,6 +2,8 @@
 
 mod appearance;
 mod capture;
+mod film;
+mod film_layouts;
 mod masked;
 mod own_photos;
 mod posed;
