@@ -211,22 +211,31 @@ impl<T: Real> AdamW<T> {
         params: &Params<T>,
         state: BTreeMap<String, (u64, Moments<T>)>,
     ) -> Result<(), StateError> {
-        let mut list = vec![Default::default(); params.len()];
-        for (name, (steps, moments)) in state {
-            let Some(id) = params.find(&name) else { return Err(StateError::Unknown { name }) };
-            let expected = params.get(id).shape().len();
-            if let Some(found) = [moments.first.len(), moments.second.len()].into_iter().find(|len| *len != expected) {
-                return Err(StateError::Size { name, expected, found });
-            }
-            let (expected, found) = (extent(params.get(id).shape()).0, moments.row_steps.len());
-            if found > 0 && found != expected {
-                return Err(StateError::RowSteps { name, expected, found });
-            }
-            list[id.index()] = (steps, moments);
-        }
-        self.state = list;
+        self.state = checked(params, state, true)?;
         Ok(())
     }
+}
+
+/// A stored state by parameter index. `rows` says whether the optimizer knows steps of rows.
+pub(crate) fn checked<T: Real>(
+    params: &Params<T>,
+    state: BTreeMap<String, (u64, Moments<T>)>,
+    rows: bool,
+) -> Result<Vec<(u64, Moments<T>)>, StateError> {
+    let mut list = vec![Default::default(); params.len()];
+    for (name, (steps, moments)) in state {
+        let Some(id) = params.find(&name) else { return Err(StateError::Unknown { name }) };
+        let expected = params.get(id).shape().len();
+        if let Some(found) = [moments.first.len(), moments.second.len()].into_iter().find(|len| *len != expected) {
+            return Err(StateError::Size { name, expected, found });
+        }
+        let (expected, found) = (if rows { extent(params.get(id).shape()).0 } else { 0 }, moments.row_steps.len());
+        if found > 0 && found != expected {
+            return Err(StateError::RowSteps { name, expected, found });
+        }
+        list[id.index()] = (steps, moments);
+    }
+    Ok(list)
 }
 
 /// Why a stored state does not fit a model.

@@ -1,4 +1,4 @@
-//! Layers, the AdamW optimizer, learning-rate schedules and weight averaging on the `weaver-autograd` tape.
+//! Layers, the optimizers AdamW and RAdam, learning-rate schedules and weight averaging on the `weaver-autograd` tape.
 //!
 //! A layer is a small struct of [`ParamId`](weaver_autograd::ParamId)s: it is built with a [`Builder`] and run with a [`Context`].
 
@@ -14,6 +14,7 @@ mod layer_norm;
 mod linear;
 mod mlp;
 mod projective;
+mod radam;
 mod rms_norm;
 mod rows;
 mod schedule;
@@ -30,6 +31,7 @@ pub use layer_norm::LayerNorm;
 pub use linear::Linear;
 pub use mlp::Mlp;
 pub use projective::{Projections, projective_attention, turned_attention};
+pub use radam::RAdam;
 pub use rms_norm::RmsNorm;
 pub use rows::{RowError, RowMap, RowSet, RowSource};
 pub use schedule::{PublishedSchedule, WarmupCosine};

@@ -3,5 +3,6 @@
 mod allocation;
 mod layers;
 mod messages;
+mod radam;
 mod rows;
 mod training;
