@@ -1,6 +1,9 @@
 //! Models of motion: gradients, slow twins, and what each can and cannot do.
 
+mod alternatives;
+mod halves;
 mod router;
+mod wall;
 
 use proptest::prelude::*;
 use weaver_autograd::gradcheck::{Input, Options, gradcheck_with};

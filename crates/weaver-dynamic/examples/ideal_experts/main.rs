@@ -1,0 +1,158 @@
+//! What mixing is worth where every expert is right about something: four experts that are the truth on their own kind of motion, and as near
+//! to it as they can come on the others. Tables of what the router makes of them on a camera that was held out, beside everything that it is
+//! compared with, at three seeds; and what remains of it when Gaussians are dropped. `-- patches` or `-- corners` for one layout alone.
+
+mod family;
+mod study;
+mod world;
+
+use study::{Held, Routed, View, by_pixels, by_volume, held, views};
+use weaver_dynamic::{RouterConfig, Score, best, blend, convex_oracle, hard_oracle};
+use weaver_kernels::random::Stream;
+use world::{EXPERTS, HELD_OUT, Layout, PIXELS, World};
+
+const SEEDS: u64 = 3;
+const STEPS: u64 = 300;
+const MORE: u64 = 150;
+/// Rates tried for what the router is compared with.
+const PIXEL_RATES: [f64; 2] = [0.01, 0.003];
+const VOLUME_RATES: [f64; 2] = [0.2, 0.05];
+
+/// Rows of a table, in the order of their first seed.
+#[derive(Default)]
+struct Table(Vec<(String, Vec<Held>)>);
+
+impl Table {
+    fn add(&mut self, name: impl Into<String>, row: Held) {
+        let name = name.into();
+        eprintln!("{name}: {:.2} {:.2} {:?}", row.seen, row.unseen, row.right);
+        match self.0.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, rows)) => rows.push(row),
+            None => self.0.push((name, vec![row])),
+        }
+    }
+
+    fn print(&self) {
+        println!("| | seen frames, dB | unseen frames, dB | right, % |\n|---|---|---|---|");
+        for (name, rows) in &self.0 {
+            let of = |value: &dyn Fn(&Held) -> Option<f64>| {
+                let all: Vec<String> = rows.iter().filter_map(value).map(|x| format!("{x:.1}")).collect();
+                let mean = rows.iter().filter_map(value).sum::<f64>() / all.len().max(1) as f64;
+                if all.is_empty() { String::from("-") } else { format!("**{mean:.1}** ({})", all.join(", ")) }
+            };
+            let right = |row: &Held| row.right.map(|share| 100.0 * share);
+            println!("| {name} | {} | {} | {} |", of(&|r| Some(r.seen)), of(&|r| Some(r.unseen)), of(&right));
+        }
+    }
+}
+
+/// What needs no training.
+fn bounds(table: &mut Table, views: &[View]) {
+    let hard = |choice: &dyn Fn(usize, usize) -> usize, frame: usize| {
+        let mut gate = vec![0.0; EXPERTS.len() * PIXELS];
+        (0..PIXELS).for_each(|pixel| gate[choice(frame, pixel) * PIXELS + pixel] = 1.0);
+        gate
+    };
+    let shown = |frame: usize, gate: Vec<f64>| (blend(&views[frame].images, &gate, PIXELS), gate);
+    for (k, name) in EXPERTS.iter().enumerate() {
+        table.add(*name, held(views, |frame| shown(frame, hard(&|_, _| k, frame))));
+    }
+    let equal = vec![1.0 / EXPERTS.len() as f64; EXPERTS.len() * PIXELS];
+    let mean = held(views, |frame| shown(frame, equal.clone()));
+    table.add("uniform mean", Held { right: None, ..mean });
+    let best: Vec<Vec<usize>> = views.iter().map(|view| hard_oracle(&view.images, &view.photo)).collect();
+    table.add("hard oracle", held(views, |frame| shown(frame, hard(&|frame, pixel| best[frame][pixel], frame))));
+    table.add(
+        "best convex blend",
+        held(views, |frame| shown(frame, convex_oracle(&views[frame].images, &views[frame].photo))),
+    );
+}
+
+fn config(temperature: f64) -> RouterConfig {
+    RouterConfig { temperature, ..RouterConfig::default() }
+}
+
+/// The router and its variants; the first one is returned.
+fn routers(table: &mut Table, world: &World, views: &[Vec<View>], seed: u64) -> Routed {
+    let held_out = &views[HELD_OUT];
+    let trained = |temperature: f64, w_alone: bool| {
+        let mut routed = Routed::new(world, config(temperature), seed);
+        routed.train(world, views, 0..STEPS, seed, w_alone);
+        routed
+    };
+    let ours = trained(1.0, false);
+    table.add("this router", held(held_out, ours.shown(world, 1.0)));
+    let warm = trained(0.1, false);
+    table.add("tau 0.1", held(held_out, warm.shown(world, 0.1)));
+    let cold = trained(0.01, false);
+    table.add("tau 0.01", held(held_out, cold.shown(world, 0.01)));
+    table.add("tau 0.01, shown at 1", held(held_out, cold.shown(world, 1.0)));
+    let alone = trained(1.0, true);
+    table.add("w alone", held(held_out, alone.shown(world, 1.0)));
+    ours
+}
+
+/// What remains when the lowest share of the Gaussians is dropped, at once and after more steps.
+fn pruned(table: &mut Table, world: &World, views: &[Vec<View>], (routed, seed): (&Routed, u64)) {
+    let count = routed.rows.len();
+    let random = Stream::new(seed, 0, "dropped");
+    let judged = [
+        ("contribution", routed.scores(world, Score::Contribution)),
+        ("sensitivity", routed.scores(world, Score::Sensitivity)),
+        ("chance", (0..count as u64).map(|i| random.uniform(i)).collect()),
+    ];
+    for (share, (name, scores)) in [0.5, 0.25].into_iter().flat_map(|share| judged.iter().map(move |by| (share, by))) {
+        let mut left = routed.pruned(world, &best(scores, share));
+        let dropped = format!("{} % dropped by {name}", 100.0 * (1.0 - share));
+        table.add(&dropped, held(&views[HELD_OUT], left.shown(world, 1.0)));
+        left.train(world, views, STEPS..STEPS + MORE, seed, false);
+        table.add(format!("{dropped}, {MORE} steps later"), held(&views[HELD_OUT], left.shown(world, 1.0)));
+    }
+}
+
+/// How far the experts' Gaussians are from the truth.
+fn distances(world: &World) {
+    println!("| |{}|\n|---|---|---|---|---|", EXPERTS.join("|"));
+    for (k, name) in EXPERTS.iter().enumerate() {
+        let cells: Vec<String> = (0..EXPERTS.len()).map(|group| format!("{:.3}", world.distance(k, group))).collect();
+        println!("| {name} | {} |", cells.join(" | "));
+    }
+}
+
+fn main() {
+    // A layout by name, or both.
+    let named = std::env::args().nth(1);
+    for layout in [Layout::Patches, Layout::Corners] {
+        if named.as_ref().is_some_and(|name| !format!("{layout:?}").eq_ignore_ascii_case(name)) {
+            continue;
+        }
+        let (mut quality, mut pruning) = (Table::default(), Table::default());
+        for seed in 0..SEEDS {
+            let world = World::new(seed, layout);
+            if seed == 0 {
+                println!("{layout:?}. Root mean square of the distance from the truth, by groups:\n");
+                distances(&world);
+            }
+            let views = views(&world);
+            bounds(&mut quality, &views[HELD_OUT]);
+            for rate in PIXEL_RATES {
+                let row = by_pixels(&world, &views, [rate, STEPS as f64], seed);
+                quality.add(format!("pixel router, rate {rate}"), row);
+            }
+            for rate in VOLUME_RATES {
+                let row = by_volume(&world, &views, [rate, STEPS as f64], seed);
+                quality.add(format!("volume router, rate {rate}"), row);
+            }
+            let ours = routers(&mut quality, &world, &views, seed);
+            if layout == Layout::Patches {
+                pruned(&mut pruning, &world, &views, (&ours, seed));
+            }
+        }
+        println!("\n{layout:?}, a camera that was held out:\n");
+        quality.print();
+        if layout == Layout::Patches {
+            println!("\n{layout:?}, this router with fewer Gaussians:\n");
+            pruning.print();
+        }
+    }
+}

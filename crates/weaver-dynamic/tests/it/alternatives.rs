@@ -1,0 +1,237 @@
+//! What the router is compared with: gradients, certificates of the best blends, and gradients and scores of the router by sparse products.
+
+use crate::wall::{self, COUNT, Moment, PIXELS, SIZE};
+use proptest::prelude::*;
+use std::sync::Mutex;
+use weaver_autograd::gradcheck::Input;
+use weaver_autograd::{Params, Tape, Var};
+use weaver_dynamic::{
+    MlpRouter, PixelRouter, RouterConfig, Score, VolumeRouter, blend, convex_oracle, hard_oracle, photometric, scores,
+    uniform,
+};
+use weaver_nn::{Builder, Context};
+use weaver_scene::{CameraSlices, Color, GaussianSlices};
+use weaver_splat::{GaussianVars, Images, Rasterize, Workspace, WorkspacePool, rasterize};
+
+const AT: Moment = Moment { angle: 15.0, time: 0.4 };
+
+/// Differences of the loss of what `draw` makes of parameters, against gradients, at some of the numbers of each.
+fn check(mut params: Params<f64>, draw: impl for<'t> Fn(Context<'t, '_, f64>) -> Var<'t, f64>) {
+    for id in params.ids().collect::<Vec<_>>() {
+        let noise = Input::uniform(id.index() as u64, -0.3, 0.3, params.get(id).shape()).data;
+        params.value_mut(id).iter_mut().zip(noise).for_each(|(x, n)| *x += n);
+    }
+    let target = Input::uniform(9, 0.0, 1.0, [PIXELS, 3]).data;
+    let loss = |params: &Params<f64>| {
+        let tape = Tape::new();
+        photometric(draw(Context::new(&tape, params)), tape.constant(&target, [PIXELS, 3]), SIZE).item()
+    };
+    let tape = Tape::new();
+    photometric(draw(Context::new(&tape, &params)), tape.constant(&target, [PIXELS, 3]), SIZE).backward();
+    for id in params.ids() {
+        let gradient = tape.param_grad(id).expect("a gradient").to_vec();
+        for i in (0..gradient.len()).step_by(gradient.len() / 9 + 1) {
+            let shifted = |by: f64| {
+                let mut other = params.clone();
+                other.value_mut(id)[i] += by;
+                loss(&other)
+            };
+            let difference = (shifted(1e-5) - shifted(-1e-5)) / 2e-5;
+            let name = params.get(id).name();
+            assert!((difference - gradient[i]).abs() < 1e-8, "{name}[{i}]: {difference} {}", gradient[i]);
+        }
+    }
+}
+
+#[test]
+fn gradients_of_the_perceptron_on_pixels() {
+    let mut params = Params::new();
+    let router = MlpRouter::new(Builder::new(&mut params, 3), 3, 5);
+    let (images, workspaces) = (Input::uniform(4, 0.0, 1.0, [3, PIXELS, 3]), WorkspacePool::new());
+    check(params, |cx| {
+        let images = cx.tape.constant(&images.data, images.shape);
+        router.gated(cx, images, &wall::shot(cx.tape, &workspaces, AT)).image
+    });
+}
+
+#[test]
+fn gradients_of_numbers_of_a_merged_scene() {
+    let mut params = Params::new();
+    let router = VolumeRouter::new(Builder::new(&mut params, 3), 2 * COUNT);
+    let workspaces = WorkspacePool::new();
+    check(params, |cx| {
+        let shot = wall::shot(cx.tape, &workspaces, AT);
+        router.image(cx, &wall::experts(cx.tape, wall::left, AT), &shot)
+    });
+}
+
+/// One expert let through and the other shut out: the first expert's picture.
+#[test]
+fn a_merged_scene_can_be_one_expert() {
+    let mut params = Params::<f64>::new();
+    let router = VolumeRouter::new(Builder::new(&mut params, 3), 2 * COUNT);
+    let id = params.find("logit").unwrap();
+    (0..2 * COUNT).for_each(|i| params.value_mut(id)[i] = if i < COUNT { 60.0 } else { -60.0 });
+    let (tape, workspaces) = (Tape::new(), WorkspacePool::new());
+    let shot = wall::shot(&tape, &workspaces, AT);
+    let gaussians = wall::experts(&tape, wall::left, AT);
+    let found = router.image(Context::new(&tape, &params), &gaussians, &shot).to_vec();
+    let own = gaussians.gathered(&(0..COUNT as u32).collect::<Vec<_>>());
+    let op = Rasterize::new(SIZE[1], SIZE[0], shot.settings, &workspaces).without_depth();
+    assert_eq!(found, op.apply(&own, &shot.camera, shot.background).image.to_vec());
+}
+
+/// What a perceptron sees at each pixel is that pixel's: pictures that agree in one row of pixels are gated alike there.
+#[test]
+fn a_perceptron_on_pixels_sees_each_pixel_alone() {
+    let mut params = Params::<f64>::new();
+    let router = MlpRouter::new(Builder::new(&mut params, 3), 2, 5);
+    let workspaces = WorkspacePool::new();
+    let mut images = Input::uniform(4, 0.0, 1.0, [2, PIXELS, 3]).data;
+    let gate = |images: &[f64]| {
+        let tape = Tape::new();
+        let shot = wall::shot(&tape, &workspaces, AT);
+        router.gated(Context::new(&tape, &params), tape.constant(images, [2, PIXELS, 3]), &shot).gate.to_vec()
+    };
+    let before = gate(&images);
+    images[3 * 40] += 0.5;
+    let after = gate(&images);
+    let changed: Vec<usize> = (0..2 * PIXELS).filter(|i| before[*i] != after[*i]).collect();
+    assert_eq!(changed, [40, PIXELS + 40]);
+    assert!((0..PIXELS).all(|i| (before[i] + before[PIXELS + i] - 1.0).abs() < 1e-14));
+    let tape = Tape::new();
+    let mean = uniform(tape.constant(&images, [2, PIXELS, 3])).to_vec();
+    let halves = blend(&images, &[0.5; 2 * PIXELS], PIXELS);
+    assert!(mean.iter().zip(halves).all(|(a, b)| (a - b).abs() < 1e-15));
+}
+
+proptest! {
+    /// r, the blend minus the photo, is the shortest vector in the hull of the differences d_k exactly where d_k r >= r r for all of them.
+    #[test]
+    fn best_blends_have_their_certificate(
+        experts in 1..5usize, seed in any::<u64>(), coarse in any::<bool>(),
+    ) {
+        let pixels = 6;
+        let values = |seed: u64, n: usize| {
+            // Coarse numbers make equal experts, colors on a line, and photos inside a hull.
+            let round = |x: f64| if coarse { (2.0 * x).round() / 2.0 } else { x };
+            Input::uniform(seed, 0.0, 1.0, [n, 3]).data.into_iter().map(round).collect::<Vec<f64>>()
+        };
+        let (images, photo) = (values(seed, experts * pixels), values(!seed, pixels));
+        let shares = convex_oracle(&images, &photo);
+        let blended = blend(&images, &shares, pixels);
+        let hard = hard_oracle(&images, &photo);
+        for pixel in 0..pixels {
+            let own: Vec<f64> = (0..experts).map(|k| shares[k * pixels + pixel]).collect();
+            prop_assert!(own.iter().all(|share| *share >= 0.0));
+            prop_assert!((own.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+            let minus = |color: &[f64]| [0, 1, 2].map(|c| color[c] - photo[3 * pixel + c]);
+            let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|c| a[c] * b[c]).sum::<f64>();
+            let left = minus(&blended[3 * pixel..]);
+            let errors: Vec<[f64; 3]> = (0..experts).map(|k| minus(&images[3 * (k * pixels + pixel)..])).collect();
+            for error in &errors {
+                prop_assert!(dot(*error, left) >= dot(left, left) - 1e-7, "{own:?}");
+            }
+            let best = errors[hard[pixel]];
+            prop_assert!(errors.iter().all(|error| dot(best, best) <= dot(*error, *error)));
+        }
+    }
+}
+
+/// The gradient by w is sum_u b_k T_i alpha_i, b_k = G_k / tau (g_k - sum_j G_j g_j), g_k = dl/dI I_k.
+#[test]
+fn the_gradient_by_weights_is_a_sparse_product() {
+    let tau = 0.5;
+    let config = RouterConfig { temperature: tau, ..RouterConfig::default() };
+    let mut params = Params::<f64>::new();
+    let router = PixelRouter::new(Builder::new(&mut params, 3), &wall::owners(), config);
+    let noise = Input::uniform(5, -0.5, 0.5, [4 * COUNT]).data;
+    params.value_mut(router.base()).iter_mut().zip(noise).for_each(|(x, n)| *x += n);
+    let (tape, pool) = (Tape::new(), WorkspacePool::new());
+    let shot = wall::shot(&tape, &pool, AT);
+    let gaussians = wall::experts(&tape, wall::left, AT);
+    let gated = router.gated(Context::new(&tape, &params), &gaussians, &shot);
+    let image = gated.image.retain_grad();
+    photometric(image, tape.constant(&wall::photo(&shot), [PIXELS, 3]), SIZE).backward();
+    let (by_image, gate, images) = (image.grad().unwrap(), gated.gate.to_vec(), gated.images.to_vec());
+    let along =
+        |k: usize, u: usize| (0..3).map(|c| by_image[3 * u + c] * images[3 * (k * PIXELS + u) + c]).sum::<f64>();
+    let mixed = |u: usize| (0..2).map(|k| gate[k * PIXELS + u] * along(k, u)).sum::<f64>();
+    let found = tape.param_grad(router.base()).unwrap().to_vec();
+    for (k, rows) in router.rows().iter().enumerate() {
+        let b: Vec<f64> = (0..PIXELS).map(|u| gate[k * PIXELS + u] / tau * (along(k, u) - mixed(u))).collect();
+        let own = gaussians.gathered(rows);
+        let [means, quats, scales, opacities] =
+            [own.means, own.quats, own.scales, own.opacities].map(|values| values.to_vec());
+        let scene = GaussianSlices {
+            means: &means,
+            quats: &quats,
+            scales: &scales,
+            opacities: &opacities,
+            color: Color::None,
+            features: None,
+        };
+        let [viewmats, intrinsics] = [shot.camera.viewmats, shot.camera.intrinsics].map(|values| values.to_vec());
+        let cameras = CameraSlices {
+            viewmats: &viewmats,
+            intrinsics: &intrinsics,
+            background: &[0.0; 3],
+            width: SIZE[1],
+            height: SIZE[0],
+        };
+        let (mut workspace, mut alpha) = (Workspace::new(), [0.0; PIXELS]);
+        let drawn = Images { image: &mut [], alpha: &mut alpha, depth: None, features: None };
+        rasterize(&scene, &cameras, &shot.settings, &mut workspace, drawn).unwrap();
+        let sums = Mutex::new(vec![0.0; rows.len()]);
+        workspace.for_each_hit(|pixel, i, weight, _| sums.lock().unwrap()[i] += b[pixel] * weight).unwrap();
+        for (row, sum) in rows.iter().zip(sums.into_inner().unwrap()) {
+            let found = found[2 * *row as usize];
+            assert!((found - sum).abs() < 1e-15 + 1e-11 * sum.abs(), "{row}: {found} {sum}");
+        }
+    }
+    assert!(found.iter().step_by(2).filter(|g| g.abs() > 1e-7).count() > COUNT, "most of them are seen");
+}
+
+/// One Gaussian behind the camera and one too faint to be drawn.
+const BEHIND: usize = 6;
+const FAINT: usize = COUNT + 30;
+
+fn with_hidden(tape: &Tape<f32>) -> GaussianVars<'_, f32> {
+    let all = wall::experts(tape, wall::left, AT);
+    let (mut means, mut opacities) = (all.means.to_vec(), all.opacities.to_vec());
+    means[3 * BEHIND + 2] = -30.0;
+    opacities[FAINT] = 0.99 / 255.0;
+    let (means, opacities) = (tape.constant(&means, [2 * COUNT, 3]), tape.constant(&opacities, [2 * COUNT]));
+    GaussianVars { means, opacities, ..all }
+}
+
+/// Gaussians out of sight, and those too faint to be drawn: worth nothing, and without them no bit changes.
+#[test]
+fn what_is_worth_nothing_can_go() {
+    let workspaces = WorkspacePool::new();
+    let mut params = Params::<f32>::new();
+    let router = PixelRouter::new(Builder::new(&mut params, 3), &wall::owners(), RouterConfig::default());
+    let noise = Input::uniform(5, -0.5, 0.5, [4 * COUNT]).data;
+    params.value_mut(router.base()).iter_mut().zip(noise).for_each(|(x, n)| *x += n as f32);
+    for score in [Score::Contribution, Score::Sensitivity] {
+        let found = scores(&router, &params, score, &|cx| (with_hidden(cx.tape), wall::shot(cx.tape, &workspaces, AT)));
+        assert_eq!([found[BEHIND], found[FAINT]], [0.0, 0.0], "{score:?}");
+        assert!(found.iter().filter(|score| **score > 0.0).count() > COUNT, "{score:?}");
+    }
+    let kept: Vec<u32> = (0..2 * COUNT as u32).filter(|row| ![BEHIND, FAINT].contains(&(*row as usize))).collect();
+    let owners: Vec<usize> = kept.iter().map(|row| *row as usize / COUNT).collect();
+    let mut fewer_params = Params::<f32>::new();
+    let fewer = PixelRouter::new(Builder::new(&mut fewer_params, 3), &owners, RouterConfig::default());
+    let own: Vec<f32> =
+        kept.iter().flat_map(|row| params.get(router.base()).value()[2 * *row as usize..][..2].to_vec()).collect();
+    fewer_params.value_mut(fewer.base()).copy_from_slice(&own);
+    let bits = |router: &PixelRouter, params: &Params<f32>, rows: &[u32]| {
+        let tape = Tape::new();
+        let gaussians = with_hidden(&tape).gathered(rows);
+        let shot = wall::shot(&tape, &workspaces, AT);
+        let gated = router.gated(Context::new(&tape, params), &gaussians, &shot);
+        [gated.gate.to_vec(), gated.image.to_vec()]
+    };
+    let everything: Vec<u32> = (0..2 * COUNT as u32).collect();
+    assert_eq!(bits(&router, &params, &everything), bits(&fewer, &fewer_params, &kept));
+}
