@@ -36,7 +36,7 @@ pub struct FilmOptions {
     pub cameras: usize,
     /// Number of photos by each camera.
     pub frames: usize,
-    /// Surface points at each of four times.
+    /// Surface points at each of four times, or of as many as are trained on.
     pub points: usize,
 }
 
@@ -54,9 +54,9 @@ impl Default for FilmOptions {
 ///
 /// ```
 /// use weaver_data::film::{FilmOptions, procedural};
-/// let film = procedural(7, &FilmOptions { width: 16, height: 12, cameras: 3, frames: 4, points: 5 });
-/// assert_eq!((film.shots.len(), film.training().len(), film.points.len()), (12, 6, 20));
-/// assert_eq!(film.times(), [0.0, 0.25, 0.5, 0.75]);
+/// let film = procedural(7, &FilmOptions { width: 16, height: 12, cameras: 3, frames: 8, points: 5 });
+/// assert_eq!((film.shots.len(), film.training().len(), film.points.len()), (24, 12, 20));
+/// assert_eq!(film.times()[..3], [0.0, 0.125, 0.25]);
 /// ```
 pub fn procedural(seed: u64, options: &FilmOptions) -> Film {
     let FilmOptions { width, height, cameras: views, frames, points } = *options;
