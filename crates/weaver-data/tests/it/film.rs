@@ -1,6 +1,7 @@
 //! Procedural films: the same bits everywhere, and motion that every camera sees.
 
-use weaver_data::film::{Film, FilmOptions, MOTIONS, procedural};
+use weaver_data::film::{Film, FilmOptions, FilmPoint, MOTIONS, procedural};
+use weaver_geometry::glam::DVec3;
 
 const SMALL: FilmOptions = FilmOptions { width: 40, height: 30, cameras: 4, frames: 6, points: 20 };
 
@@ -53,4 +54,15 @@ fn every_camera_sees_every_kind_of_motion() {
             assert!(least[1..5].iter().all(|&n| n >= 6) && least[5] == 0, "seed {seed}, camera {viewpoint}: {least:?}");
         }
     }
+}
+
+/// Where a single camera stands still, points tell the size of the scene.
+#[test]
+fn a_single_viewpoint_has_the_extent_of_its_points() {
+    let mut film = procedural(1, &FilmOptions { width: 4, height: 3, cameras: 1, frames: 2, points: 0 });
+    assert_eq!(film.extent(), 1.0);
+    let eye = film.shots[0].camera.pose.center();
+    let point = |distance: f64| FilmPoint { position: eye + DVec3::X * distance, color: [0.5; 3], time: 0.0 };
+    film.points = [7.0, 2.0, 3.0].map(point).to_vec();
+    assert!((film.extent() - 3.0).abs() < 1e-12, "{}", film.extent());
 }
