@@ -5,6 +5,7 @@ mod dump;
 mod engine;
 mod fit;
 pub(crate) mod memory;
+mod mixture;
 mod processor;
 mod raster;
 mod workload;
@@ -18,6 +19,7 @@ pub fn run(arguments: &Bench, console: &mut Console) -> Result<(), Failure> {
     match &arguments.subject {
         Subject::Engine(engine) => in_pool(engine.threads.count(), || engine::run(engine, console)),
         Subject::Fit(fit) => in_pool(fit.threads.count(), || fit::run(fit, console)),
+        Subject::Mixture(mixture) => in_pool(mixture.threads.count(), || mixture::run(mixture, console)),
         Subject::Raster(raster) => in_pool(raster.threads.count(), || raster::run(raster, console)),
     }
 }

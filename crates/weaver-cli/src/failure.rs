@@ -66,6 +66,12 @@ fn explained(error: &(dyn Error + 'static)) -> Option<(u8, String)> {
     if let Some(weaver_fit_run::RunError::RunExists { .. }) = error.downcast_ref() {
         return Some((2, format!("{error}; give another --out, or continue it with --resume")));
     }
+    if let Some(weaver_dynamic_run::RunError::RunExists { .. }) = error.downcast_ref() {
+        return Some((2, format!("{error}; give another --out, or continue it with --resume")));
+    }
+    if let Some(weaver_dynamic_run::RunError::Setting { .. }) = error.downcast_ref() {
+        return Some((2, format!("--{error}")));
+    }
     let inference = match training {
         Some(Training::Inference(error)) => Some(error),
         _ => error.downcast_ref::<Inference>(),

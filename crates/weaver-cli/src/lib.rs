@@ -12,6 +12,7 @@ mod console;
 mod convert_weights;
 mod device;
 mod drawing;
+mod dynamic;
 mod estimate;
 mod eval;
 mod failure;
@@ -75,6 +76,7 @@ fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> R
         Command::Lift(arguments) => in_pool(arguments.threads.count(), || lift::run(&arguments, console)),
         Command::Align(arguments) => in_pool(arguments.threads.count(), || align::run(&arguments, console)),
         Command::Query(arguments) => in_pool(arguments.threads.count(), || query::run(&arguments, console)),
+        Command::Dynamic(arguments) => dynamic::run(&arguments.command, console, interrupt),
         Command::Vad(arguments) => vad::run(&arguments.command, console, interrupt),
         Command::Info(arguments) => info::run(&arguments, console),
         Command::ConvertWeights(arguments) => convert_weights::run(&arguments, console, interrupt),

@@ -25,6 +25,16 @@ impl<T: Real> Expert<T> {
         &*self.motion
     }
 
+    /// The parameters that have a row for each Gaussian.
+    pub fn rows(&self) -> Vec<ParamId> {
+        [self.motion.rows(), vec![self.color]].concat()
+    }
+
+    /// The parameter of the colors `[N, 3]`.
+    pub fn color(&self) -> ParamId {
+        self.color
+    }
+
     /// The Gaussians at a time, 0 to 1.
     pub fn at<'t>(&self, cx: Context<'t, '_, T>, time: f64) -> GaussianVars<'t, T> {
         self.motion.at(cx, time).with_colors(cx.param(self.color))

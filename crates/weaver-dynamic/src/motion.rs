@@ -18,6 +18,9 @@ pub trait Motion<T: Real>: Debug + Send + Sync {
     /// The Gaussians at a time. Differentiable in all parameters of the model.
     fn at<'t>(&self, cx: Context<'t, '_, T>, time: f64) -> Moved<'t, T>;
 
+    /// The parameters that have a row for each Gaussian, so that one can be left out.
+    fn rows(&self) -> Vec<ParamId>;
+
     /// What is added to the loss of pictures, with its published weights; `None` for models without.
     fn regularizer<'t>(&self, _cx: Context<'t, '_, T>) -> Option<Var<'t, T>> {
         None
@@ -101,6 +104,11 @@ impl RawGaussians {
     /// Mean, scale, quaternion, opacity.
     pub fn vars<'t, T: Real>(&self, cx: Context<'t, '_, T>) -> [Var<'t, T>; 4] {
         self.0.map(|id| cx.param(id))
+    }
+
+    /// All four.
+    pub fn ids(&self) -> Vec<ParamId> {
+        self.0.to_vec()
     }
 
     /// Mean.

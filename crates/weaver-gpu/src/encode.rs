@@ -63,7 +63,8 @@ impl GpuRasterizer {
     ) -> Result<Recorded<'w>, RasterError> {
         let DeviceGaussians { count, params, colors, degree } = gaussians;
         let color = degree.map_or(Color::Plain(&[]), |degree| Color::Sh { coefficients: &[], degree });
-        let nothing = GaussianSlices { means: &[], quats: &[], scales: &[], opacities: &[], color, features: None, groups: None };
+        let nothing =
+            GaussianSlices { means: &[], quats: &[], scales: &[], opacities: &[], color, features: None, groups: None };
         let mut extent = Extent::of(&nothing, camera, settings, true)?;
         extent.gaussians = count;
         if extent.views != 1 {

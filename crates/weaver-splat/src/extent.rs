@@ -63,7 +63,10 @@ fn checked(groups: Groups<'_>, n: usize) -> Result<usize, RasterError> {
         return Err(RasterError::new("Gaussians in 0 groups, expected at least 1"));
     }
     if let Some((row, group)) = of.iter().enumerate().find(|(_, group)| **group as usize >= count) {
-        return Err(RasterError::new(format!("Gaussian {row} is in group {group}, the last of {count} is {}", count - 1)));
+        return Err(RasterError::new(format!(
+            "Gaussian {row} is in group {group}, the last of {count} is {}",
+            count - 1
+        )));
     }
     Ok(count)
 }

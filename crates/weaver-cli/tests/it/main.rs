@@ -3,6 +3,7 @@
 mod align;
 mod command;
 mod device;
+mod dynamic;
 mod eval_scene;
 #[cfg(unix)]
 mod fit;

@@ -97,6 +97,10 @@ impl Code {
 }
 
 impl<T: Real> Motion<T> for Code {
+    fn rows(&self) -> Vec<ParamId> {
+        [self.raw.ids(), vec![self.z]].concat()
+    }
+
     fn at<'t>(&self, cx: Context<'t, '_, T>, time: f64) -> Moved<'t, T> {
         let z = cx.param(self.z);
         let n = z.shape()[0];

@@ -99,6 +99,10 @@ impl Field {
 }
 
 impl<T: Real> Motion<T> for Field {
+    fn rows(&self) -> Vec<ParamId> {
+        self.raw.ids()
+    }
+
     fn at<'t>(&self, cx: Context<'t, '_, T>, time: f64) -> Moved<'t, T> {
         let raw = self.raw.vars(cx);
         let n = raw[0].shape()[0];

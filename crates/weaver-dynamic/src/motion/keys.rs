@@ -145,6 +145,10 @@ impl Keys {
 }
 
 impl<T: Real> Motion<T> for Keys {
+    fn rows(&self) -> Vec<ParamId> {
+        vec![self.position, self.quat, self.scale, self.opacity, self.center, self.width]
+    }
+
     fn at<'t>(&self, cx: Context<'t, '_, T>, time: f64) -> Moved<'t, T> {
         self.at_frame(cx, time * self.config.frames as f64)
     }
@@ -174,6 +178,10 @@ impl Drift {
 }
 
 impl<T: Real> Motion<T> for Drift {
+    fn rows(&self) -> Vec<ParamId> {
+        [self.raw.ids(), vec![self.displacement]].concat()
+    }
+
     fn at<'t>(&self, cx: Context<'t, '_, T>, time: f64) -> Moved<'t, T> {
         let [mean, scale, quat, opacity] = self.raw.vars(cx);
         Moved::activated([mean + cx.param(self.displacement) * time, scale, quat, opacity])

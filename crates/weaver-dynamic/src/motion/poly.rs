@@ -45,6 +45,10 @@ impl Poly {
 }
 
 impl<T: Real> Motion<T> for Poly {
+    fn rows(&self) -> Vec<ParamId> {
+        [self.raw.ids(), vec![self.motion, self.spin, self.center, self.width]].concat()
+    }
+
     fn at<'t>(&self, cx: Context<'t, '_, T>, time: f64) -> Moved<'t, T> {
         let [mean, scale, quat, opacity] = self.raw.vars(cx);
         let n = mean.shape()[0];

@@ -1,0 +1,68 @@
+//! What can go wrong with a run.
+
+use std::path::PathBuf;
+
+/// Why a run cannot begin, go on, or be shown.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RunError {
+    /// A file could not be read or written.
+    #[error(transparent)]
+    File(#[from] weaver_io::Error),
+    /// The film could not be read.
+    #[error(transparent)]
+    Film(#[from] weaver_data::Error),
+    /// The rasterizer refused.
+    #[error(transparent)]
+    Raster(#[from] weaver_splat::RasterError),
+    /// A setting is out of range.
+    #[error("{key}: expected {expected}, found {found}")]
+    Setting {
+        /// The setting.
+        key: &'static str,
+        /// What it may be.
+        expected: String,
+        /// What it was.
+        found: String,
+    },
+    /// The folder of a run is in use.
+    #[error("{}: a run exists there already", folder.display())]
+    RunExists {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// There is no trained router, so that nothing can be mixed.
+    #[error("{}: expected a complete run, found one in stage {stage}, step {step}; go on with --resume", folder.display())]
+    Incomplete {
+        /// The folder.
+        folder: PathBuf,
+        /// The stage it is in, from 1.
+        stage: usize,
+        /// The step of it.
+        step: usize,
+    },
+    /// The run has nothing left to train.
+    #[error("{}: the run is complete", folder.display())]
+    Complete {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// A loss is no number.
+    #[error("{}: the loss is {loss} in stage {stage}, step {step}", folder.display())]
+    Diverged {
+        /// The folder.
+        folder: PathBuf,
+        /// The stage, from 1.
+        stage: usize,
+        /// The step of it.
+        step: usize,
+        /// What was found.
+        loss: f32,
+    },
+}
+
+impl RunError {
+    pub(crate) fn setting(key: &'static str, expected: impl Into<String>, found: impl ToString) -> Self {
+        Self::Setting { key, expected: expected.into(), found: found.to_string() }
+    }
+}

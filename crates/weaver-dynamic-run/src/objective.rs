@@ -1,0 +1,58 @@
+//! What the stages minimize.
+
+use crate::mixture::Mixture;
+use crate::{ExpertKind, RunSettings, Stage};
+use weaver_autograd::{Params, Tape, Var};
+use weaver_data::film::Shot;
+use weaver_dynamic::{distillation, photometric};
+use weaver_nn::Context;
+use weaver_splat::Rasterize;
+
+/// The loss of a stage on one photo. Experts by photos: mean |a - b| for a field, with a share of structural similarity for the others, and what
+/// each regularizes. The router: both, of the mixture. Distillation: [`distillation`], and what the expert regularizes.
+pub(crate) fn objective<'t>(
+    tape: &'t Tape<f32>,
+    (mixture, params, teacher): (&Mixture, &Params<f32>, Option<&Params<f32>>),
+    settings: &RunSettings,
+    stage: Stage,
+    shot: &Shot,
+) -> Var<'t, f32> {
+    let cx = Context::new(tape, params);
+    let size = [shot.camera.height, shot.camera.width];
+    let pixels = size[0] * size[1];
+    let photo = tape.constant_with([pixels, 3], |to| {
+        to.iter_mut().zip(&shot.pixels).for_each(|(to, byte)| *to = f32::from(*byte) / 255.0);
+    });
+    match stage {
+        Stage::Router { .. } => photometric(mixture.gated(cx, &shot.camera, shot.time).image, photo, size),
+        Stage::Expert { index, .. } => {
+            let image = expert(cx, mixture, index, shot);
+            let by_photo = match settings.experts[index] {
+                ExpertKind::Field => (image - photo).abs().mean(),
+                _ => photometric(image, photo, size),
+            };
+            regularized(cx, mixture, index, by_photo)
+        }
+        Stage::Distil { index, lambda, .. } => {
+            let teacher = teacher.unwrap_or(params);
+            let told = tape.without_gradient(|| mixture.gated(Context::new(tape, teacher), &shot.camera, shot.time));
+            let gate = told.gate.slice(0, index, 1).reshape([pixels]);
+            let image = expert(cx, mixture, index, shot);
+            regularized(cx, mixture, index, distillation(image, gate, [photo, told.image], lambda, size))
+        }
+    }
+}
+
+/// An expert's picture `[P, 3]`.
+fn expert<'t>(cx: Context<'t, '_, f32>, mixture: &Mixture, index: usize, shot: &Shot) -> Var<'t, f32> {
+    let drawn = mixture.shot(cx.tape, &shot.camera, shot.time);
+    let [height, width] = drawn.size;
+    let op = Rasterize::new(width, height, drawn.settings, drawn.workspaces).without_depth();
+    let gaussians = mixture.experts()[index].at(cx, shot.time);
+    op.apply(&gaussians, &drawn.camera, drawn.background).image.reshape([height * width, 3])
+}
+
+fn regularized<'t>(cx: Context<'t, '_, f32>, mixture: &Mixture, index: usize, loss: Var<'t, f32>) -> Var<'t, f32> {
+    let regularizer = mixture.experts()[index].motion().regularizer(cx);
+    regularizer.map_or(loss, |regularizer| loss + regularizer)
+}

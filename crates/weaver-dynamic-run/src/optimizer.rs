@@ -1,0 +1,140 @@
+//! What moves the parameters of a stage.
+
+use crate::{ExpertKind, Preset};
+use std::collections::BTreeMap;
+use weaver_autograd::{ParamId, Params, Tape};
+use weaver_io::checkpoint::Tensors;
+use weaver_nn::{AdamW, Group, Moments, RAdam, StateError};
+
+/// Positions slow down by this factor over a stage.
+const SLOWER: f64 = 0.01;
+/// Weights of the router slow down to this over so many steps, and on.
+const ROUTER_SLOWER: (f64, f64) = (0.01, 10_000.0);
+/// Networks and planes of the small experts learn this much faster than those of the published ones, which take ten times the steps.
+const TINY: f64 = 10.0;
+
+/// The optimizer of a stage with its rates: Adam for experts, rectified Adam for the router.
+#[derive(Debug)]
+pub(crate) enum Optimizer {
+    Expert(AdamW<f32>, Vec<Rate>),
+    Router(RAdam<f32>, [ParamId; 2]),
+}
+
+/// How fast a group of parameters learns.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rate {
+    first: f64,
+    /// Whether it slows down.
+    slows: bool,
+}
+
+impl Optimizer {
+    /// For the parameters of one expert, whose names begin with `label`. Rates are those of the publications; `extent` is the film's.
+    pub fn of_expert(params: &Params<f32>, label: &str, kind: ExpertKind, preset: Preset, extent: f64) -> Self {
+        let prefix = format!("{label}.");
+        let own = params.iter().filter_map(|(id, param)| param.name().strip_prefix(&prefix).map(|name| (id, name)));
+        let (groups, rates) = own
+            .map(|(id, name)| {
+                let rate = rate(kind, name, preset, extent);
+                (Group { params: vec![id], lr_scale: rate.first, weight_decay: 0.0 }, rate)
+            })
+            .unzip();
+        Self::Expert(AdamW::new(groups, 0.9, 0.999, 1e-15), rates)
+    }
+
+    /// For the router's parameters; `rows` are its weights and those of time.
+    pub fn of_router(params: &Params<f32>, rows: [ParamId; 2]) -> Self {
+        let own = params.iter().filter(|(_, param)| param.name().starts_with("router.")).map(|(id, _)| id);
+        Self::Router(RAdam::new(own.collect(), 0.9, 0.999, 1e-8), rows)
+    }
+
+    /// The parameters that it moves.
+    pub fn params(&self) -> Vec<ParamId> {
+        match self {
+            Self::Expert(adam, _) => adam.groups.iter().flat_map(|group| group.params.clone()).collect(),
+            Self::Router(radam, _) => radam.params.clone(),
+        }
+    }
+
+    /// Step `step` of `steps`, from 0, along the gradients of a tape.
+    pub fn step(&mut self, params: &mut Params<f32>, tape: &mut Tape<f32>, step: usize, steps: usize) {
+        match self {
+            Self::Expert(adam, rates) => {
+                let slower = SLOWER.powf(step as f64 / steps as f64);
+                for (group, rate) in adam.groups.iter_mut().zip(rates) {
+                    group.lr_scale = rate.first * if rate.slows { slower } else { 1.0 };
+                }
+                adam.step(params, tape, 1.0);
+            }
+            Self::Router(radam, [base, _]) => {
+                let (factor, over) = ROUTER_SLOWER;
+                let weights = 0.5 * factor.powf((step as f64 / over).min(1.0));
+                radam.step(params, tape, |id| if id == *base { weights } else { 0.05 });
+            }
+        }
+    }
+
+    /// Puts the state into a checkpoint.
+    pub fn write(&self, params: &Params<f32>, into: &mut Tensors) {
+        let state: Vec<(&str, u64, &Moments<f32>)> = match self {
+            Self::Expert(adam, _) => adam.state(params).collect(),
+            Self::Router(radam, _) => radam.state(params).collect(),
+        };
+        for (name, steps, moments) in state {
+            into.insert(format!("{FIRST}{name}"), &[moments.first.len()], moments.first.clone());
+            into.insert(format!("{SECOND}{name}"), &[moments.second.len()], moments.second.clone());
+            into.insert(format!("{STEPS}{name}"), &[1], vec![steps]);
+        }
+    }
+
+    /// Takes the state from a checkpoint.
+    pub fn read(&mut self, params: &Params<f32>, from: &Tensors) -> Result<(), weaver_io::Error> {
+        let mut state = BTreeMap::new();
+        for name in from.tensors.keys().filter_map(|key| key.strip_prefix(STEPS)) {
+            let moments = |prefix: &str| {
+                let key = format!("{prefix}{name}");
+                let shape = from.get(&key)?.shape.clone();
+                Ok::<_, weaver_io::Error>(from.values::<f32>(&key, &shape)?.to_vec())
+            };
+            let (first, second) = (moments(FIRST)?, moments(SECOND)?);
+            let steps = from.values::<u64>(&format!("{STEPS}{name}"), &[1])?[0];
+            state.insert(name.to_string(), (steps, Moments { first, second, row_steps: Vec::new() }));
+        }
+        let set: Result<(), StateError> = match self {
+            Self::Expert(adam, _) => adam.set_state(params, state),
+            Self::Router(radam, _) => radam.set_state(params, state),
+        };
+        let misfit = |error: StateError| weaver_io::Error::Invalid {
+            path: from.origin().into(),
+            place: "optimizer".into(),
+            expected: "the state of this stage".into(),
+            found: error.to_string(),
+        };
+        set.map_err(misfit)
+    }
+}
+
+const FIRST: &str = "optimizer.first.";
+const SECOND: &str = "optimizer.second.";
+const STEPS: &str = "optimizer.steps.";
+
+/// The rate of an expert's parameter.
+fn rate(kind: ExpertKind, name: &str, preset: Preset, extent: f64) -> Rate {
+    let place = Rate { first: 1.6e-4 * extent, slows: true };
+    let fixed = |first: f64| Rate { first, slows: false };
+    let learned = |first: f64| fixed(if preset == Preset::Tiny { first * TINY } else { first });
+    match (kind, name) {
+        (_, "mean" | "position") => place,
+        (_, "color") => fixed(2.5e-3),
+        (_, "opacity") => fixed(0.05),
+        (_, "scale") => fixed(0.005),
+        (_, "quat" | "spin") => fixed(0.001),
+        // A path of one unit over the clip takes coefficients of one.
+        (ExpertKind::Poly, "motion") => Rate { first: 10.0 * place.first, slows: true },
+        (ExpertKind::Poly | ExpertKind::Keys, "center") => fixed(1e-3),
+        (ExpertKind::Poly | ExpertKind::Keys, "width") => fixed(0.01),
+        (ExpertKind::Code, "z") => fixed(2.5e-3),
+        (ExpertKind::Field, name) if name.starts_with("plane") => learned(1.6e-3),
+        _ => learned(1.6e-4),
+    }
+}

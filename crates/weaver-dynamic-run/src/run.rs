@@ -1,0 +1,324 @@
+//! A run, under way.
+
+use crate::beginning::Beginning;
+use crate::log::Log;
+use crate::mixture::{Mixture, bounds};
+use crate::objective::objective;
+use crate::optimizer::Optimizer;
+use crate::{FilmSource, RunError, RunSettings, Stage};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+use weaver_autograd::{Params, Tape};
+use weaver_data::film::Film;
+use weaver_io::checkpoint::Tensors;
+use weaver_kernels::random::Stream;
+
+/// A mixture in a folder, trained or under way.
+#[derive(Debug)]
+pub struct Run {
+    pub(crate) folder: PathBuf,
+    pub(crate) settings: RunSettings,
+    pub(crate) film: Film,
+    pub(crate) params: Params<f32>,
+    pub(crate) mixture: Mixture,
+    /// What a distilled expert learns from: the numbers that the run began with.
+    teacher: Option<Params<f32>>,
+    place: Place,
+    /// What a checkpoint says of the optimizer of the stage at hand.
+    pending: Option<Tensors>,
+    /// Seconds of each stage so far.
+    pub(crate) seconds: Vec<f64>,
+}
+
+/// Where a run is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// Stages done.
+    pub stage: usize,
+    /// Steps done of the one at hand.
+    pub step: usize,
+}
+
+/// What an observer is told of a step.
+#[derive(Clone, Debug)]
+pub struct StepReport<'a> {
+    /// Steps done, and of all stages together.
+    pub steps: [usize; 2],
+    /// The stage's name.
+    pub stage: &'a str,
+    /// The loss.
+    pub loss: f32,
+}
+
+const SETTINGS: &str = "run.json";
+const INIT: &str = "init.safetensors";
+const CHECKPOINT: &str = "checkpoint.safetensors";
+const MODEL: &str = "model.safetensors";
+
+impl Run {
+    /// Begins a run in a new folder. `init` are the numbers that it begins with instead of its own.
+    ///
+    /// # Errors
+    /// When the film cannot be read, a setting is out of range, or the folder holds a run or cannot be written; nothing is then left behind.
+    pub fn create(folder: &Path, mut settings: RunSettings, init: Option<Tensors>) -> Result<Self, RunError> {
+        settings.check()?;
+        if folder.join(SETTINGS).exists() {
+            return Err(RunError::RunExists { folder: folder.into() });
+        }
+        if let FilmSource::Folder { path, .. } = &mut settings.film {
+            *path = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
+        }
+        let film = settings.film.open()?;
+        let run = Self::of(folder, settings, film, init.as_ref())?;
+        weaver_io::create_folder(folder)?;
+        weaver_io::check_writable(folder)?;
+        if let Some(init) = init {
+            init.write(folder.join(INIT))?;
+        }
+        let text = serde_json::to_string_pretty(&run.settings).expect("settings are plain data");
+        weaver_io::write_text(folder.join(SETTINGS), &(text + "\n"))?;
+        Ok(run)
+    }
+
+    /// Goes on with a run from its last checkpoint, or from the start if there is none.
+    ///
+    /// # Errors
+    /// When there is no run, it is complete, or its files cannot be read.
+    pub fn resume(folder: &Path) -> Result<Self, RunError> {
+        let settings = Self::read_settings(folder)?;
+        if folder.join(MODEL).exists() {
+            return Err(RunError::Complete { folder: folder.into() });
+        }
+        let film = settings.film.open()?;
+        let init = folder.join(INIT);
+        let init = init.exists().then(|| Tensors::read(init)).transpose()?;
+        let mut run = Self::of(folder, settings, film, init.as_ref())?;
+        let checkpoint = folder.join(CHECKPOINT);
+        if checkpoint.exists() {
+            let tensors = Tensors::read(checkpoint)?;
+            load(&mut run.params, &tensors)?;
+            let place = tensors.values::<u64>("place", &[2])?;
+            run.place = Place { stage: place[0] as usize, step: place[1] as usize };
+            run.seconds = tensors.values::<f64>("seconds", &[run.settings.stages.len()])?.to_vec();
+            run.pending = Some(tensors);
+        }
+        Ok(run)
+    }
+
+    /// A complete run, to be looked at.
+    ///
+    /// # Errors
+    /// When there is no run, it is not complete, or its files cannot be read.
+    pub fn open(folder: &Path) -> Result<Self, RunError> {
+        let settings = Self::read_settings(folder)?;
+        let (model, checkpoint) = (folder.join(MODEL), folder.join(CHECKPOINT));
+        if !model.exists() {
+            let place = match checkpoint.exists() {
+                true => Tensors::read(checkpoint)?.values::<u64>("place", &[2])?.to_vec(),
+                false => vec![0, 0],
+            };
+            let (stage, step) = (place[0] as usize + 1, place[1] as usize);
+            return Err(RunError::Incomplete { folder: folder.into(), stage, step });
+        }
+        let film = settings.film.open()?;
+        let tensors = Tensors::read(model)?;
+        let mut run = Self::of(folder, settings, film, Some(&tensors))?;
+        run.place.stage = run.settings.stages.len();
+        run.seconds = tensors.values::<f64>("seconds", &[run.settings.stages.len()])?.to_vec();
+        Ok(run)
+    }
+
+    /// What was asked of the run in a folder.
+    ///
+    /// # Errors
+    /// When there is none, or it cannot be read.
+    pub fn read_settings(folder: &Path) -> Result<RunSettings, RunError> {
+        let path = folder.join(SETTINGS);
+        let invalid = |error: serde_json::Error| weaver_io::Error::Invalid {
+            path: path.clone(),
+            place: "settings".into(),
+            expected: "those of a mixture of moving Gaussians".into(),
+            found: error.to_string(),
+        };
+        let settings: RunSettings = serde_json::from_str(&weaver_io::read_text(&path)?).map_err(invalid)?;
+        settings.check()?;
+        Ok(settings)
+    }
+
+    fn of(folder: &Path, settings: RunSettings, film: Film, init: Option<&Tensors>) -> Result<Self, RunError> {
+        let stream = Stream::new(settings.seed, 0, "dynamic.beginning");
+        let begin = |(i, label): (usize, &String)| match init {
+            // Its numbers are read.
+            Some(tensors) => Ok(Beginning::blank(tensors.get(&format!("{label}.color"))?.shape[0])),
+            None => Ok(Beginning::of(&film, settings.gaussians, stream.fork(i as u64))),
+        };
+        let beginnings: Vec<Beginning> =
+            settings.labels().iter().enumerate().map(begin).collect::<Result<_, weaver_io::Error>>()?;
+        // A field keeps the box that it was trained with.
+        let bounds = match init {
+            Some(tensors) => {
+                let sides = tensors.values::<f64>("bounds", &[2, 3])?;
+                [0, 3].map(|first| [0, 1, 2].map(|axis| sides[first + axis]))
+            }
+            None => bounds(&beginnings),
+        };
+        let mut params = Params::new();
+        let mixture = Mixture::new(&mut params, &settings, &film, &beginnings, bounds);
+        if let Some(tensors) = init {
+            load(&mut params, tensors)?;
+        }
+        let distils = settings.stages.iter().any(|stage| matches!(stage, Stage::Distil { .. }));
+        let teacher = distils.then(|| params.clone());
+        let seconds = vec![0.0; settings.stages.len()];
+        let place = Place::default();
+        Ok(Self { folder: folder.into(), settings, film, params, mixture, teacher, place, pending: None, seconds })
+    }
+
+    /// What was asked for.
+    pub fn settings(&self) -> &RunSettings {
+        &self.settings
+    }
+
+    /// What is trained on.
+    pub fn film(&self) -> &Film {
+        &self.film
+    }
+
+    /// Experts and router.
+    pub fn mixture(&self) -> &Mixture {
+        &self.mixture
+    }
+
+    /// Their numbers.
+    pub fn params(&self) -> &Params<f32> {
+        &self.params
+    }
+
+    /// The file to go on from, of which a complete run has no more need.
+    pub fn checkpoint_path(&self) -> PathBuf {
+        self.folder.join(CHECKPOINT)
+    }
+
+    /// Where the run is.
+    pub fn place(&self) -> Place {
+        self.place
+    }
+
+    /// Steps done, and of all stages together.
+    pub fn steps(&self) -> [usize; 2] {
+        let of = |stages: &[Stage]| stages.iter().map(Stage::steps).sum::<usize>();
+        let stages = &self.settings.stages;
+        [of(&stages[..self.place.stage.min(stages.len())]) + self.place.step, of(stages)]
+    }
+
+    /// Runs to the last step, or until `stop` is set, and leaves a checkpoint, or the model; says whether it came to the end. `observe` is
+    /// called after every step.
+    ///
+    /// # Errors
+    /// When the rasterizer refuses, a loss is no number, or a file cannot be written; the last checkpoint then stays as it was.
+    pub fn advance(&mut self, stop: &AtomicBool, mut observe: impl FnMut(&StepReport<'_>)) -> Result<bool, RunError> {
+        let mut log = Log::open(&self.folder, self.steps())?;
+        let labels = self.settings.labels();
+        let (least, mut saved) = (Duration::from_secs_f64(self.settings.save_every), Instant::now());
+        while self.place.stage < self.settings.stages.len() {
+            let stage = self.settings.stages[self.place.stage];
+            let name = stage.name(&labels);
+            let mut optimizer = self.optimizer(stage)?;
+            self.freeze_all_but(&optimizer);
+            let mut tape = Tape::new();
+            while self.place.step < stage.steps() {
+                if stop.load(Ordering::Relaxed) {
+                    self.save(&optimizer)?;
+                    return Ok(false);
+                }
+                let start = Instant::now();
+                let loss = self.step(&mut tape, &mut optimizer, stage)?;
+                self.place.step += 1;
+                self.seconds[self.place.stage] += start.elapsed().as_secs_f64();
+                log.add(self.steps(), &name, loss)?;
+                observe(&StepReport { steps: self.steps(), stage: &name, loss });
+                if saved.elapsed() >= least {
+                    self.save(&optimizer)?;
+                    saved = Instant::now();
+                }
+            }
+            self.place = Place { stage: self.place.stage + 1, step: 0 };
+        }
+        self.tensors().write(self.folder.join(MODEL))?;
+        Ok(true)
+    }
+
+    fn optimizer(&mut self, stage: Stage) -> Result<Optimizer, RunError> {
+        let mut optimizer = match stage {
+            Stage::Expert { index, .. } | Stage::Distil { index, .. } => {
+                let (label, kind) = (&self.settings.labels()[index], self.settings.experts[index]);
+                Optimizer::of_expert(&self.params, label, kind, self.settings.preset, self.film.extent())
+            }
+            Stage::Router { .. } => Optimizer::of_router(&self.params, self.mixture.rows().1),
+        };
+        if let Some(tensors) = self.pending.take() {
+            optimizer.read(&self.params, &tensors)?;
+        }
+        Ok(optimizer)
+    }
+
+    fn freeze_all_but(&mut self, optimizer: &Optimizer) {
+        let trained = optimizer.params();
+        for id in self.params.ids().collect::<Vec<_>>() {
+            self.params.set_frozen(id, !trained.contains(&id));
+        }
+    }
+
+    /// One step on one photo.
+    fn step(&mut self, tape: &mut Tape<f32>, optimizer: &mut Optimizer, stage: Stage) -> Result<f32, RunError> {
+        let shots = self.film.training();
+        let Place { stage: number, step } = self.place;
+        let stream = Stream::new(self.settings.seed, step as u64, "dynamic.shot").fork(number as u64);
+        let shot = &self.film.shots[shots[stream.below(0, shots.len())]];
+        let loss = {
+            let loss =
+                objective(tape, (&self.mixture, &self.params, self.teacher.as_ref()), &self.settings, stage, shot);
+            let value = loss.item();
+            if value.is_finite() {
+                loss.backward();
+            }
+            value
+        };
+        self.mixture.check()?;
+        if !loss.is_finite() {
+            return Err(RunError::Diverged { folder: self.folder.clone(), stage: number + 1, step, loss });
+        }
+        optimizer.step(&mut self.params, tape, step, stage.steps());
+        tape.reset();
+        Ok(loss)
+    }
+
+    fn save(&self, optimizer: &Optimizer) -> Result<(), RunError> {
+        let mut tensors = self.tensors();
+        tensors.insert("place", &[2], vec![self.place.stage as u64, self.place.step as u64]);
+        optimizer.write(&self.params, &mut tensors);
+        Ok(tensors.write(self.folder.join(CHECKPOINT))?)
+    }
+
+    /// All numbers, for a file or for another run to begin with.
+    pub fn tensors(&self) -> Tensors {
+        let mut tensors = Tensors::default();
+        for (_, param) in self.params.iter() {
+            let shape: Vec<usize> = param.shape().dims().to_vec();
+            tensors.insert(param.name(), &shape, param.value().to_vec());
+        }
+        tensors.insert("bounds", &[2, 3], self.mixture.bounds().concat());
+        tensors.insert("seconds", &[self.seconds.len()], self.seconds.clone());
+        tensors
+    }
+}
+
+/// Gives parameters the values of a file.
+fn load(params: &mut Params<f32>, tensors: &Tensors) -> Result<(), weaver_io::Error> {
+    for id in params.ids().collect::<Vec<_>>() {
+        let (name, shape) = (params.get(id).name().to_string(), params.get(id).shape());
+        params.value_mut(id).copy_from_slice(tensors.values::<f32>(&name, shape.dims())?);
+    }
+    Ok(())
+}

@@ -1,0 +1,181 @@
+//! Runs of small mixtures on small films.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use weaver_dynamic_run::{
+    Evaluation, ExpertKind, FilmSource, KeepBy, Made, Preset, Run, RunError, RunSettings, Scores, Stage,
+};
+
+fn settings(experts: &[ExpertKind], steps: usize) -> RunSettings {
+    let stages = (0..experts.len()).map(|index| Stage::Expert { index, steps }).chain([Stage::Router { steps }]);
+    RunSettings {
+        film: FilmSource::Procedural { seed: 3, size: [32, 24], shots: [3, 8] },
+        experts: experts.to_vec(),
+        preset: Preset::Tiny,
+        gaussians: 150,
+        stages: stages.collect(),
+        temperature: 1.0,
+        background_weight: 1.0,
+        seed: 5,
+        save_every: 1e9,
+        made: None,
+    }
+}
+
+fn trained(folder: &Path, settings: RunSettings) -> Run {
+    let mut run = Run::create(folder, settings, None).unwrap();
+    assert!(run.advance(&AtomicBool::new(false), |_| {}).unwrap());
+    run
+}
+
+/// All numbers of a run, as bits.
+fn bits(run: &Run) -> Vec<u32> {
+    run.params().iter().flat_map(|(_, param)| param.value().iter().map(|x| x.to_bits()).collect::<Vec<_>>()).collect()
+}
+
+fn evaluation(run: &Run) -> Evaluation {
+    run.evaluate(|_, _| {}).unwrap()
+}
+
+/// A stop in the middle of every stage, and another number of threads: the same bits.
+#[test]
+fn a_run_that_was_stopped_goes_on_to_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let settings = settings(&ExpertKind::ALL, 4);
+    let whole = trained(&folder.path().join("whole"), settings.clone());
+    let parts = folder.path().join("parts");
+    Run::create(&parts, settings, None).unwrap();
+    let threads = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+    let mut stops = 0;
+    let resumed = threads.install(|| {
+        loop {
+            let mut run = Run::resume(&parts).unwrap();
+            let (stop, mut seen) = (AtomicBool::new(false), 0);
+            let complete = run.advance(&stop, |_| {
+                seen += 1;
+                stop.store(seen == 3, Ordering::Relaxed);
+            });
+            if complete.unwrap() {
+                return run;
+            }
+            stops += 1;
+        }
+    });
+    assert!(stops >= 6 && bits(&whole) == bits(&resumed));
+    assert!(matches!(Run::resume(&parts), Err(RunError::Complete { .. })));
+    assert_eq!(bits(&Run::open(&parts).unwrap()), bits(&whole));
+}
+
+/// Every stage lowers its loss, and a stage changes the numbers of its own expert only.
+#[test]
+fn each_stage_trains_what_it_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let settings = settings(&[ExpertKind::Keys, ExpertKind::Poly], 60);
+    let mut run = Run::create(&path, settings, None).unwrap();
+    let mut losses: Vec<(String, f32)> = Vec::new();
+    run.advance(&AtomicBool::new(false), |step| losses.push((step.stage.into(), step.loss))).unwrap();
+    for (name, most) in [("keys", 0.8), ("poly", 0.8), ("router", 1.02)] {
+        let own: Vec<f32> = losses.iter().filter(|(stage, _)| stage == name).map(|(_, loss)| *loss).collect();
+        let mean = |part: &[f32]| part.iter().sum::<f32>() / part.len() as f32;
+        let [first, last] = [mean(&own[..12]), mean(&own[48..])];
+        assert!(own.len() == 60 && last < most * first, "{name}: {first} {last}");
+    }
+    let before = Run::open(&path).unwrap();
+    let stages = vec![Stage::Distil { index: 1, steps: 2, lambda: 0.5 }];
+    let settings = RunSettings { stages, ..before.settings().clone() };
+    let mut other = Run::create(&folder.path().join("on"), settings, Some(before.tensors())).unwrap();
+    other.advance(&AtomicBool::new(false), |_| {}).unwrap();
+    for ((_, a), (_, b)) in before.params().iter().zip(other.params().iter()) {
+        assert_eq!(a.value() != b.value(), a.name().starts_with("poly."), "{}", a.name());
+    }
+}
+
+#[test]
+fn figures_fit_together_and_a_report_shows_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let run = trained(&path, settings(&[ExpertKind::Keys, ExpertKind::Keys], 30));
+    let found = evaluation(&run);
+    assert_eq!(found.experts, ["keys", "keys-2"]);
+    // Three cameras, the middle one held out; eight frames, of which the third and the seventh are.
+    let shots = |scores: &Option<Scores>| scores.as_ref().unwrap().shots;
+    let all = [&found.held_out_cameras, &found.held_out_times, &found.held_out_both, &found.trained];
+    assert_eq!(all.map(shots), [6, 4, 2, 12]);
+    for scores in all.into_iter().flatten() {
+        assert!((scores.shares.iter().sum::<f64>() - 1.0).abs() < 1e-5);
+        let best = scores.experts.iter().map(|quality| quality.psnr).fold(0.0, f64::max);
+        assert!(scores.oracle.psnr >= best && scores.mixture.psnr > best - 3.0);
+        assert!((0.0..=1.0).contains(&scores.right));
+    }
+    let pixels: usize = found.motions.iter().map(|motion| motion.pixels).sum();
+    assert_eq!(pixels, 12 * 32 * 24);
+    run.report(&found).unwrap();
+    let page = std::fs::read_to_string(path.join("report.html")).unwrap();
+    for text in ["keys-2", "oracle", "held-out cameras", "loss, router", "In the gate: keys orange, keys-2 blue"] {
+        assert!(page.contains(text), "{text}");
+    }
+    // Photos, mixture, differences, gate, and each expert.
+    assert_eq!(page.matches("<img ").count(), 6);
+    let told: Evaluation = serde_json::from_str(&std::fs::read_to_string(path.join("summary.json")).unwrap()).unwrap();
+    assert_eq!(told, found);
+}
+
+#[test]
+fn pruning_keeps_what_is_worth_most() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = trained(&folder.path().join("run"), settings(&[ExpertKind::Code, ExpertKind::Poly], 40));
+    let before = evaluation(&run).trained.unwrap().mixture.psnr;
+    let smaller = |keep: f64, by: KeepBy| {
+        let made = Some(Made { from: "run".into(), by: by.to_string() });
+        let settings = RunSettings { stages: vec![Stage::Router { steps: 2 }], made, ..run.settings().clone() };
+        let tensors = run.pruned(keep, by, |_, _| {}).unwrap();
+        let folder = folder.path().join(format!("{by}-{keep}"));
+        let mut smaller = Run::create(&folder, settings, Some(tensors)).unwrap();
+        let psnr = evaluation(&smaller).trained.unwrap().mixture.psnr;
+        smaller.advance(&AtomicBool::new(false), |_| {}).unwrap();
+        (smaller.mixture().counts().iter().sum::<usize>(), psnr)
+    };
+    assert_eq!(smaller(1.0, KeepBy::Contribution), (300, before));
+    let (half, by_worth) = smaller(0.5, KeepBy::Contribution);
+    let (_, by_chance) = smaller(0.5, KeepBy::Chance);
+    assert_eq!((half, smaller(0.5, KeepBy::Sensitivity).0), (150, 150));
+    assert!(by_worth > by_chance && by_worth > before - 3.0, "{before} {by_worth} {by_chance}");
+    for keep in [0.0, -1.0, 1.5, f64::NAN] {
+        let error = run.pruned(keep, KeepBy::Contribution, |_, _| {}).unwrap_err().to_string();
+        assert!(error.contains("keep: expected above 0, at most 1"), "{error}");
+    }
+}
+
+#[test]
+fn what_cannot_be_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let good = settings(&[ExpertKind::Keys, ExpertKind::Poly], 2);
+    let refused = |settings: RunSettings| {
+        let error = Run::create(&path, settings, None).unwrap_err().to_string();
+        assert!(!path.exists(), "{error}");
+        error
+    };
+    let single = RunSettings { experts: vec![ExpertKind::Keys], ..good.clone() };
+    assert_eq!(refused(single), "experts: expected at least two, found keys");
+    let cold = RunSettings { temperature: 0.0, ..good.clone() };
+    assert_eq!(refused(cold), "temperature: expected a positive number, found 0");
+    let few = RunSettings { gaussians: 3, ..good.clone() };
+    assert_eq!(refused(few), "gaussians: expected at least 32, found 3");
+    let stage = Stage::Distil { index: 0, steps: 1, lambda: 2.0 };
+    assert_eq!(refused(RunSettings { stages: vec![stage], ..good.clone() }), "lambda: expected 0 to 1, found 2");
+    let nowhere = FilmSource::Folder { path: folder.path().join("none"), long_side: None };
+    assert!(refused(RunSettings { film: nowhere, ..good.clone() }).contains("none"));
+    assert!(good.expert("poly").is_ok());
+    assert_eq!(good.expert("field").unwrap_err().to_string(), "expert: expected one of keys, poly, found field");
+
+    let mut run = Run::create(&path, good.clone(), None).unwrap();
+    assert!(matches!(Run::create(&path, good, None), Err(RunError::RunExists { .. })));
+    run.advance(&AtomicBool::new(true), |_| {}).unwrap();
+    let error = Run::open(&path).unwrap_err().to_string();
+    assert!(error.contains("expected a complete run, found one in stage 1, step 0"), "{error}");
+    std::fs::write(path.join("run.json"), "{\"film\":3}").unwrap();
+    let error = Run::resume(&path).unwrap_err().to_string();
+    assert!(error.contains("run.json") && error.contains("expected those of a mixture"), "{error}");
+}
