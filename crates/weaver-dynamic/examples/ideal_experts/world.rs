@@ -156,7 +156,8 @@ impl Layout {
     fn patch(self, group: usize, i: usize) -> ([f64; 3], [f64; 3]) {
         match self {
             Self::Corners => {
-                let middle = [if group % 2 == 0 { -0.42 } else { 0.42 }, if group < 2 { -0.3 } else { 0.3 }, DEPTH];
+                let middle =
+                    [if group.is_multiple_of(2) { -0.42 } else { 0.42 }, if group < 2 { -0.3 } else { 0.3 }, DEPTH];
                 (middle, [0.36, 0.24, 0.1])
             }
             Self::Patches => {
