@@ -92,8 +92,8 @@ impl Mixture {
         (self.experts.iter().map(Expert::rows).collect(), [self.router.base(), self.router.time()])
     }
 
-    /// All Gaussians at a time, expert by expert.
-    pub(crate) fn list<'t>(&self, cx: Context<'t, '_, f32>, time: f64) -> GaussianVars<'t, f32> {
+    /// All Gaussians at a time, expert by expert, without gradients.
+    pub fn list<'t>(&self, cx: Context<'t, '_, f32>, time: f64) -> GaussianVars<'t, f32> {
         let all: Vec<GaussianVars<'t, f32>> = self.experts.iter().map(|expert| expert.at(cx, time)).collect();
         let joined = |part: fn(&GaussianVars<'t, f32>) -> weaver_autograd::Var<'t, f32>| {
             ops::concat(&all.iter().map(part).collect::<Vec<_>>(), 0).detach()
@@ -107,8 +107,8 @@ impl Mixture {
         }
     }
 
-    /// A camera at a time, on a tape.
-    pub(crate) fn shot<'t>(&self, tape: &'t Tape<f32>, camera: &Camera, time: f64) -> Shot<'_, 't, f32> {
+    /// A camera at a time, on a tape, for routers.
+    pub fn shot<'t>(&self, tape: &'t Tape<f32>, camera: &Camera, time: f64) -> Shot<'_, 't, f32> {
         let rows = CameraRows::new(std::slice::from_ref(camera));
         Shot {
             camera: CameraVars {

@@ -10,8 +10,12 @@ use weaver_nn::{AdamW, Group, Moments, RAdam, StateError};
 const SLOWER: f64 = 0.01;
 /// Weights of the router slow down to this over so many steps, and on.
 const ROUTER_SLOWER: (f64, f64) = (0.01, 10_000.0);
-/// Networks and planes of the small experts learn this much faster than those of the published ones, which take ten times the steps.
+/// Networks and planes of the small experts learn this much faster than those of the published ones, which take ten times the steps; so do paths.
 const TINY: f64 = 10.0;
+/// Means of the small experts whose Gaussians are moved by a network do so by this.
+const TINY_MEANS: f64 = 4.0;
+/// Coefficients of a path over those of its middle.
+const PATH: f64 = 4.0;
 
 /// The optimizer of a stage with its rates: Adam for experts, rectified Adam for the router.
 #[derive(Debug)]
@@ -120,17 +124,19 @@ const STEPS: &str = "optimizer.steps.";
 
 /// The rate of an expert's parameter.
 fn rate(kind: ExpertKind, name: &str, preset: Preset, extent: f64) -> Rate {
-    let place = Rate { first: 1.6e-4 * extent, slows: true };
+    let tiny = |factor: f64| if preset == Preset::Tiny { factor } else { 1.0 };
+    let moves_itself = matches!(kind, ExpertKind::Keys | ExpertKind::Poly);
+    let factor = tiny(if moves_itself { TINY } else { TINY_MEANS });
+    let place = Rate { first: 1.6e-4 * extent * factor, slows: true };
     let fixed = |first: f64| Rate { first, slows: false };
-    let learned = |first: f64| fixed(if preset == Preset::Tiny { first * TINY } else { first });
+    let learned = |first: f64| fixed(first * tiny(TINY));
     match (kind, name) {
         (_, "mean" | "position") => place,
         (_, "color") => fixed(2.5e-3),
         (_, "opacity") => fixed(0.05),
         (_, "scale") => fixed(0.005),
         (_, "quat" | "spin") => fixed(0.001),
-        // A path of one unit over the clip takes coefficients of one.
-        (ExpertKind::Poly, "motion") => Rate { first: 10.0 * place.first, slows: true },
+        (ExpertKind::Poly, "motion") => Rate { first: PATH * place.first, slows: true },
         (ExpertKind::Poly | ExpertKind::Keys, "center") => fixed(1e-3),
         (ExpertKind::Poly | ExpertKind::Keys, "width") => fixed(0.01),
         (ExpertKind::Code, "z") => fixed(2.5e-3),
