@@ -1,7 +1,7 @@
 //! What the stages minimize.
 
 use crate::mixture::Mixture;
-use crate::{ExpertKind, RunSettings, Stage};
+use crate::{ExpertKind, RunError, RunSettings, Stage};
 use weaver_autograd::{Params, Tape, Var};
 use weaver_data::film::Shot;
 use weaver_dynamic::{distillation, photometric};
@@ -16,14 +16,14 @@ pub(crate) fn objective<'t>(
     settings: &RunSettings,
     stage: Stage,
     shot: &Shot,
-) -> Var<'t, f32> {
+) -> Result<Var<'t, f32>, RunError> {
     let cx = Context::new(tape, params);
     let size = [shot.camera.height, shot.camera.width];
     let pixels = size[0] * size[1];
     let photo = tape.constant_with([pixels, 3], |to| {
         to.iter_mut().zip(&shot.pixels).for_each(|(to, byte)| *to = f32::from(*byte) / 255.0);
     });
-    match stage {
+    Ok(match stage {
         Stage::Router { .. } => photometric(mixture.gated(cx, &shot.camera, shot.time).image, photo, size),
         Stage::Expert { index, .. } => {
             let image = expert(cx, mixture, index, shot);
@@ -34,13 +34,14 @@ pub(crate) fn objective<'t>(
             regularized(cx, mixture, index, by_photo)
         }
         Stage::Distil { index, lambda, .. } => {
-            let teacher = teacher.unwrap_or(params);
-            let told = tape.without_gradient(|| mixture.gated(Context::new(tape, teacher), &shot.camera, shot.time));
-            let gate = told.gate.slice(0, index, 1).reshape([pixels]);
+            // Of other numbers, and so on another tape: this one knows the student's.
+            let told = mixture.pictures(teacher.unwrap_or(params), &shot.camera, shot.time)?;
+            let gate = tape.constant(&told.gate[index * pixels..][..pixels], [pixels]);
+            let mixed = tape.constant(&told.mixture, [pixels, 3]);
             let image = expert(cx, mixture, index, shot);
-            regularized(cx, mixture, index, distillation(image, gate, [photo, told.image], lambda, size))
+            regularized(cx, mixture, index, distillation(image, gate, [photo, mixed], lambda, size))
         }
-    }
+    })
 }
 
 /// An expert's picture `[P, 3]`.

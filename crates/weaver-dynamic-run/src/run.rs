@@ -278,7 +278,7 @@ impl Run {
         let shot = &self.film.shots[shots[stream.below(0, shots.len())]];
         let loss = {
             let loss =
-                objective(tape, (&self.mixture, &self.params, self.teacher.as_ref()), &self.settings, stage, shot);
+                objective(tape, (&self.mixture, &self.params, self.teacher.as_ref()), &self.settings, stage, shot)?;
             let value = loss.item();
             if value.is_finite() {
                 loss.backward();

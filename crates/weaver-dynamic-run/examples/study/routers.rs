@@ -8,6 +8,7 @@ use weaver_dynamic_run::Run;
 use weaver_kernels::random::Stream;
 use weaver_losses::metrics::psnr;
 use weaver_nn::{AdamW, Builder, Context, Group};
+use weaver_splat::GaussianVars;
 
 /// Rates of the two, the better of two that were tried with ideal experts.
 const RATES: [f64; 2] = [0.01, 0.2];
@@ -20,15 +21,29 @@ enum Router {
 impl Router {
     /// The mixture `[P, 3]`; experts are frozen.
     fn image<'t>(&self, tape: &'t Tape<f32>, params: &Params<f32>, run: &Run, shot: &Shot) -> Var<'t, f32> {
-        let (cx, experts) = (Context::new(tape, params), Context::new(tape, run.params()));
         let drawn = run.mixture().shot(tape, &shot.camera, shot.time);
-        let list = tape.without_gradient(|| run.mixture().list(experts, shot.time));
+        // Frozen, and of other numbers than this tape's.
+        let (other, cx) = (Tape::new(), Context::new(tape, params));
+        let copied = |x: Var<'_, f32>| tape.constant(&x.value(), x.shape());
+        let list = other.without_gradient(|| run.mixture().list(Context::new(&other, run.params()), shot.time));
         match self {
             Self::Pixel(router) => {
-                let gated = tape.without_gradient(|| run.mixture().router().gated(experts, &list, &drawn));
-                router.gated(cx, gated.images, &drawn).image
+                let experts = other.without_gradient(|| {
+                    let own = run.mixture().shot(&other, &shot.camera, shot.time);
+                    run.mixture().router().gated(Context::new(&other, run.params()), &list, &own).images
+                });
+                router.gated(cx, copied(experts), &drawn).image
             }
-            Self::Volume(router) => router.image(cx, &list, &drawn),
+            Self::Volume(router) => {
+                let list = GaussianVars {
+                    means: copied(list.means),
+                    quats: copied(list.quats),
+                    scales: copied(list.scales),
+                    opacities: copied(list.opacities),
+                    colors: copied(list.colors),
+                };
+                router.image(cx, &list, &drawn)
+            }
         }
     }
 }

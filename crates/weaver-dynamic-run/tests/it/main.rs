@@ -81,6 +81,17 @@ fn each_stage_trains_what_it_names() {
         let [first, last] = [mean(&own[..12]), mean(&own[48..])];
         assert!(own.len() == 60 && last < most * first, "{name}: {first} {last}");
     }
+    // A student leaves its teacher behind: what is learned is drawn in the next step.
+    let green = RunSettings { stages: vec![Stage::Router { steps: 30 }], ..run.settings().clone() };
+    let green = trained(&folder.path().join("green"), green);
+    let stages = vec![Stage::Distil { index: 0, steps: 60, lambda: 0.5 }];
+    let settings = RunSettings { stages, ..green.settings().clone() };
+    let mut student = Run::create(&folder.path().join("student"), settings, Some(green.tensors())).unwrap();
+    let mut losses = Vec::new();
+    student.advance(&AtomicBool::new(false), |step| losses.push(step.loss)).unwrap();
+    let mean = |part: &[f32]| part.iter().sum::<f32>() / part.len() as f32;
+    assert!(mean(&losses[48..]) < 0.8 * mean(&losses[..12]), "{losses:?}");
+
     let before = Run::open(&path).unwrap();
     let stages = vec![Stage::Distil { index: 1, steps: 2, lambda: 0.5 }];
     let settings = RunSettings { stages, ..before.settings().clone() };

@@ -2,6 +2,7 @@
 
 mod alternatives;
 mod halves;
+mod recovery;
 mod router;
 mod wall;
 

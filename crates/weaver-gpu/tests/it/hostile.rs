@@ -80,6 +80,12 @@ fn arguments_that_do_not_fit_are_refused() {
         .forward(&features.gaussians(), &features.cameras(), &features.settings, &mut workspace, images)
         .unwrap_err();
     assert!(error.to_string().contains("features are drawn on the CPU only"), "{error}");
+    let grouped = scene.clone().in_groups(1);
+    let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
+    let error = rasterizer
+        .forward(&grouped.gaussians(), &grouped.cameras(), &grouped.settings, &mut workspace, images)
+        .unwrap_err();
+    assert!(error.to_string().contains("groups are drawn on the CPU only"), "{error}");
 }
 
 #[test]

@@ -123,14 +123,6 @@ impl Scene<f64> {
         self
     }
 
-    /// In so many groups, not all of the same size.
-    pub fn in_groups(mut self, count: usize) -> Self {
-        let stream = Stream::new(self.means.len() as u64, 3, "splat.test");
-        let of = (0..self.opacities.len() as u64).map(|i| stream.below(i, count).min(stream.below(!i, count)) as u32);
-        self.groups = Some((of.collect(), count));
-        self
-    }
-
     /// Without colors.
     pub fn without_colors(mut self) -> Self {
         (self.degree, self.colorless) = (None, true);
@@ -191,6 +183,14 @@ impl Scene<f64> {
 }
 
 impl<T: Real> Scene<T> {
+    /// In so many groups, not all of the same size.
+    pub fn in_groups(mut self, count: usize) -> Self {
+        let stream = Stream::new(self.means.len() as u64, 3, "splat.test");
+        let of = (0..self.opacities.len() as u64).map(|i| stream.below(i, count).min(stream.below(!i, count)) as u32);
+        self.groups = Some((of.collect(), count));
+        self
+    }
+
     pub fn views(&self) -> usize {
         self.intrinsics.len() / 4
     }
