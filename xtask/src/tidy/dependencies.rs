@@ -17,6 +17,7 @@ const ABOVE: &[&str] = &[
     "weaver-report",
     "weaver-fit",
     "weaver-fit-run",
+    "weaver-dynamic-run",
     "weaver-settings",
     "weaver-data",
     "weaver-model",
