@@ -68,7 +68,7 @@ fn draw(scene: &Scene<'_, f64>, camera: &Camera) -> Result<(Vec<f64>, f64), Box<
         height: camera.height,
     };
     let mut workspace = Rasterizer::<f64>::workspace(&CpuRasterizer);
-    let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None, groups: None };
+    let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None };
     CpuRasterizer.forward(&scene.gaussians, &cameras, &scene.settings, &mut workspace, images)?;
     Ok((image, depth.iter().sum::<f64>() / alpha.iter().sum::<f64>()))
 }

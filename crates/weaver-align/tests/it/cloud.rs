@@ -59,7 +59,7 @@ impl Cloud {
             width: camera.width,
             height: camera.height,
         };
-        let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None, groups: None };
+        let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
         let mut workspace = Rasterizer::<f64>::workspace(&CpuRasterizer);
         CpuRasterizer.forward(&scene.gaussians, &cameras, &scene.settings, &mut workspace, images).unwrap();
         image

@@ -170,6 +170,7 @@ fn the_gradient_by_weights_is_a_sparse_product() {
             opacities: &opacities,
             color: Color::None,
             features: None,
+            groups: None,
         };
         let [viewmats, intrinsics] = [shot.camera.viewmats, shot.camera.intrinsics].map(|values| values.to_vec());
         let cameras = CameraSlices {
