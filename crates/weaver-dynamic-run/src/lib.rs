@@ -24,6 +24,7 @@ mod report;
 mod run;
 mod settings;
 mod show;
+mod views;
 
 pub use error::RunError;
 pub use evaluate::{Evaluation, MotionScores, Quality, Scores};

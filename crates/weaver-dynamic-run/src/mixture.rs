@@ -5,13 +5,14 @@ use crate::{ExpertKind, Preset, RunError, RunSettings};
 use weaver_autograd::{ParamId, Params, Tape, ops};
 use weaver_data::film::Film;
 use weaver_dynamic::{
-    Code, CodeConfig, Expert, Field, FieldConfig, Gated, Keys, KeysConfig, PixelRouter, Poly, RouterConfig, Shot, Start,
+    Code, CodeConfig, Expert, Field, FieldConfig, Gated, Keys, KeysConfig, PixelRouter, Poly, RouterConfig, Seen, Shot,
+    Start,
 };
 use weaver_geometry::Camera;
 use weaver_nn::{Builder, Context};
 use weaver_pose::CameraVars;
 use weaver_scene::CameraRows;
-use weaver_splat::{GaussianVars, RasterSettings, WorkspacePool};
+use weaver_splat::{GaussianVars, RasterSettings, Workspace, WorkspacePool};
 
 /// Opacity of all Gaussians to begin with.
 const OPACITY: f64 = 0.1;
@@ -126,6 +127,21 @@ impl Mixture {
     /// Draws and gates all experts.
     pub(crate) fn gated<'t>(&self, cx: Context<'t, '_, f32>, camera: &Camera, time: f64) -> Gated<'t, f32> {
         self.router.gated(cx, &self.list(cx, time), &self.shot(cx.tape, camera, time))
+    }
+
+    /// Draws all experts once, for the router's steps.
+    pub(crate) fn see(
+        &self,
+        params: &Params<f32>,
+        (camera, time): (&Camera, f64),
+        workspace: &mut Workspace<f32>,
+    ) -> Result<Seen<f32>, RunError> {
+        let tape = Tape::new();
+        let seen = tape.without_gradient(|| {
+            let gaussians = self.list(Context::new(&tape, params), time);
+            self.router.see(&gaussians, &self.shot(&tape, camera, time), workspace)
+        });
+        Ok(seen?)
     }
 
     /// What is seen from a camera at a time.

@@ -2,20 +2,22 @@
 
 use crate::mixture::Mixture;
 use crate::{ExpertKind, RunError, RunSettings, Stage};
+use std::sync::Arc;
 use weaver_autograd::{Params, Tape, Var};
 use weaver_data::film::Shot;
-use weaver_dynamic::{distillation, photometric};
+use weaver_dynamic::{Seen, distillation, photometric};
 use weaver_nn::Context;
 use weaver_splat::Rasterize;
 
 /// The loss of a stage on one photo. Experts by photos: mean |a - b| for a field, with a share of structural similarity for the others, and what
-/// each regularizes. The router: both, of the mixture. Distillation: [`distillation`], and what the expert regularizes.
+/// each regularizes. The router: both, of the mixture of what is `seen` of the photo. Distillation: [`distillation`], and what the expert regularizes.
 pub(crate) fn objective<'t>(
     tape: &'t Tape<f32>,
     (mixture, params, teacher): (&Mixture, &Params<f32>, Option<&Params<f32>>),
     settings: &RunSettings,
     stage: Stage,
     shot: &Shot,
+    seen: impl FnOnce() -> Result<Arc<Seen<f32>>, RunError>,
 ) -> Result<Var<'t, f32>, RunError> {
     let cx = Context::new(tape, params);
     let size = [shot.camera.height, shot.camera.width];
@@ -24,7 +26,11 @@ pub(crate) fn objective<'t>(
         to.iter_mut().zip(&shot.pixels).for_each(|(to, byte)| *to = f32::from(*byte) / 255.0);
     });
     Ok(match stage {
-        Stage::Router { .. } => photometric(mixture.gated(cx, &shot.camera, shot.time).image, photo, size),
+        Stage::Router { .. } => {
+            let seen = seen()?;
+            let gated = mixture.router().gated_again(cx, &seen, &mixture.shot(tape, &shot.camera, shot.time));
+            photometric(gated.image, photo, size)
+        }
         Stage::Expert { index, .. } => {
             let image = expert(cx, mixture, index, shot);
             let by_photo = match settings.experts[index] {

@@ -5,6 +5,7 @@ use crate::log::Log;
 use crate::mixture::{Mixture, bounds};
 use crate::objective::objective;
 use crate::optimizer::Optimizer;
+use crate::views::Views;
 use crate::{FilmSource, RunError, RunSettings, Stage};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,6 +14,7 @@ use weaver_autograd::{Params, Tape};
 use weaver_data::film::Film;
 use weaver_io::checkpoint::Tensors;
 use weaver_kernels::random::Stream;
+use weaver_splat::Workspace;
 
 /// A mixture in a folder, trained or under way.
 #[derive(Debug)]
@@ -227,13 +229,14 @@ impl Run {
             let mut optimizer = self.optimizer(stage)?;
             self.freeze_all_but(&optimizer);
             let mut tape = Tape::new();
+            let (mut views, mut workspace) = (Views::default(), Workspace::new());
             while self.place.step < stage.steps() {
                 if stop.load(Ordering::Relaxed) {
                     self.save(&optimizer)?;
                     return Ok(false);
                 }
                 let start = Instant::now();
-                let loss = self.step(&mut tape, &mut optimizer, stage)?;
+                let loss = self.step(&mut tape, &mut optimizer, stage, (&mut views, &mut workspace))?;
                 self.place.step += 1;
                 self.seconds[self.place.stage] += start.elapsed().as_secs_f64();
                 log.add(self.steps(), &name, loss)?;
@@ -271,14 +274,22 @@ impl Run {
     }
 
     /// One step on one photo.
-    fn step(&mut self, tape: &mut Tape<f32>, optimizer: &mut Optimizer, stage: Stage) -> Result<f32, RunError> {
+    fn step(
+        &mut self,
+        tape: &mut Tape<f32>,
+        optimizer: &mut Optimizer,
+        stage: Stage,
+        (views, workspace): (&mut Views, &mut Workspace<f32>),
+    ) -> Result<f32, RunError> {
         let shots = self.film.training();
-        let Place { stage: number, step } = self.place;
-        let stream = Stream::new(self.settings.seed, step as u64, "dynamic.shot").fork(number as u64);
-        let shot = &self.film.shots[shots[stream.below(0, shots.len())]];
+        let Place { stage: at, step } = self.place;
+        let stream = Stream::new(self.settings.seed, step as u64, "dynamic.shot").fork(at as u64);
+        let number = shots[stream.below(0, shots.len())];
+        let shot = &self.film.shots[number];
+        let seen = || views.of(number, || self.mixture.see(&self.params, (&shot.camera, shot.time), workspace));
         let loss = {
-            let loss =
-                objective(tape, (&self.mixture, &self.params, self.teacher.as_ref()), &self.settings, stage, shot)?;
+            let models = (&self.mixture, &self.params, self.teacher.as_ref());
+            let loss = objective(tape, models, &self.settings, stage, shot, seen)?;
             let value = loss.item();
             if value.is_finite() {
                 loss.backward();
@@ -287,7 +298,7 @@ impl Run {
         };
         self.mixture.check()?;
         if !loss.is_finite() {
-            return Err(RunError::Diverged { folder: self.folder.clone(), stage: number + 1, step, loss });
+            return Err(RunError::Diverged { folder: self.folder.clone(), stage: at + 1, step, loss });
         }
         optimizer.step(&mut self.params, tape, step, stage.steps());
         tape.reset();

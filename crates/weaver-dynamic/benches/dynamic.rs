@@ -1,11 +1,17 @@
-//! Ten thousand Gaussians of each model at one time, forward and backward.
+//! Ten thousand Gaussians of each model at one time, and a step of a router of two experts, forward and backward.
 // The macros of criterion define functions without documentation.
 #![allow(missing_docs)]
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use weaver_autograd::{Params, Tape};
-use weaver_dynamic::{Code, CodeConfig, Field, FieldConfig, Keys, KeysConfig, Motion, Poly, Start};
+use weaver_dynamic::{
+    Code, CodeConfig, Field, FieldConfig, Keys, KeysConfig, Motion, PixelRouter, Poly, RouterConfig, Shot, Start,
+    photometric,
+};
+use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
+use weaver_pose::CameraVars;
+use weaver_splat::{GaussianVars, RasterSettings, Workspace, WorkspacePool};
 
 const COUNT: usize = 10_000;
 
@@ -37,5 +43,65 @@ fn bench(c: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, bench);
+/// A step on 96 x 72 pixels, by drawing and by what was kept.
+fn router(c: &mut Criterion) {
+    let owners: Vec<usize> = (0..COUNT).map(|i| i % 2).collect();
+    let mut params = Params::<f32>::new();
+    let router = PixelRouter::new(Builder::new(&mut params, 0), &owners, RouterConfig::default());
+    let (mut tape, workspaces) = (Tape::new(), WorkspacePool::new());
+    let stream = Stream::new(3, 0, "dynamic.bench");
+    let uniform = |purpose: u64, len: usize| (0..len as u64).map(|i| stream.fork(purpose).uniform::<f32>(i)).collect();
+    let (places, colors): (Vec<f32>, Vec<f32>) = (uniform(0, 3 * COUNT), uniform(1, 3 * COUNT));
+    let means: Vec<f32> = places.chunks(3).flat_map(|p| [2.0 * p[0] - 1.0, 1.5 * p[1] - 0.75, 2.0 + p[2]]).collect();
+    let kept = {
+        let (gaussians, shot) = scene(&tape, &workspaces, &means, &colors);
+        router.see(&gaussians, &shot, &mut Workspace::new()).expect("a scene that fits together")
+    };
+    let mut group = c.benchmark_group("a router's step");
+    for (name, again) in [("by drawing", false), ("by what was kept", true)] {
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                tape.reset();
+                let cx = Context::new(&tape, &params);
+                let (gaussians, shot) = scene(&tape, &workspaces, &means, &colors);
+                let gated = match again {
+                    true => router.gated_again(cx, &kept, &shot),
+                    false => router.gated(cx, &gaussians, &shot),
+                };
+                photometric(gated.image, gated.images.slice(0, 0, 1).reshape([72 * 96, 3]), [72, 96]).backward();
+            });
+        });
+    }
+}
+
+/// Constant Gaussians in front of a camera.
+fn scene<'a, 't>(
+    tape: &'t Tape<f32>,
+    workspaces: &'a WorkspacePool<f32>,
+    means: &[f32],
+    colors: &[f32],
+) -> (GaussianVars<'t, f32>, Shot<'a, 't, f32>) {
+    let gaussians = GaussianVars {
+        means: tape.constant(means, [COUNT, 3]),
+        quats: tape.constant(&[1.0, 0.0, 0.0, 0.0].repeat(COUNT), [COUNT, 4]),
+        scales: tape.constant(&[0.03; 3 * COUNT], [COUNT, 3]),
+        opacities: tape.constant(&[0.3; COUNT], [COUNT]),
+        colors: tape.constant(colors, [COUNT, 3]),
+    };
+    let viewmat = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    let shot = Shot {
+        camera: CameraVars {
+            viewmats: tape.constant(&viewmat, [1, 3, 4]),
+            intrinsics: tape.constant(&[96.0, 96.0, 48.0, 36.0], [1, 4]),
+        },
+        time: 0.3,
+        size: [72, 96],
+        background: tape.constant(&[0.0; 3], [3]),
+        settings: RasterSettings::default(),
+        workspaces,
+    };
+    (gaussians, shot)
+}
+
+criterion_group!(benches, bench, router);
 criterion_main!(benches);

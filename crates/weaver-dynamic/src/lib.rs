@@ -2,7 +2,7 @@
 //!
 //! [`Field`], [`Code`], [`Keys`] and [`Poly`] are the experts that MoE-GS (Jin et al., arXiv 2510.19210) mixes. Each is a file that follows its
 //! own paper; [`Motion`] is what they have in common, and [`Expert`] one of them with colors. [`PixelRouter`] says which of several frozen experts
-//! to believe at each pixel, [`scores`] which of their Gaussians are worth keeping.
+//! to believe at each pixel ([`Seen`] keeps what a step of its training needs), [`scores`] which of their Gaussians are worth keeping.
 //! [`MlpRouter`], [`VolumeRouter`] and [`uniform`] are what it is compared with, [`hard_oracle`] and [`convex_oracle`] what no router passes.
 
 mod alternatives;
@@ -12,6 +12,7 @@ mod oracle;
 mod plane_sample;
 mod pruning;
 mod router;
+mod seen;
 
 pub use alternatives::{Blended, MlpRouter, VolumeRouter, uniform};
 pub use expert::Expert;
@@ -24,6 +25,7 @@ pub use oracle::{blend, convex_oracle, hard_oracle};
 pub use plane_sample::plane_sample;
 pub use pruning::{Drawn, Score, best, scores};
 pub use router::{Gated, PixelRouter, RouterConfig, Shot, distillation, photometric};
+pub use seen::Seen;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -1,11 +1,13 @@
 //! The volume-aware pixel router of MoE-GS (Jin et al., ICLR 2026, arXiv 2510.19210, equations 6 to 8): which expert to believe, pixel by pixel.
 
+use crate::Seen;
 use std::sync::Arc;
 use weaver_autograd::ops::{self, Activation};
 use weaver_autograd::{ParamId, Real, Var};
 use weaver_nn::{Builder, Context, Init};
 use weaver_pose::{CameraVars, Rays};
-use weaver_splat::{GaussianVars, RasterSettings, Rasterize, WorkspacePool};
+use weaver_scene::Groups;
+use weaver_splat::{GaussianVars, RasterError, RasterSettings, Rasterize, Workspace, WorkspacePool};
 
 /// Numbers that every Gaussian carries, drawn as features: its weight, that of directions, that of time.
 const CARRIED: usize = 3;
@@ -116,18 +118,59 @@ impl PixelRouter {
         shot: &Shot<'_, 't, T>,
     ) -> Gated<'t, T> {
         let [height, width] = shot.size;
-        let pixels = height * width;
-        let n = gaussians.means.shape()[0];
-        let carried = ops::concat(&[cx.param(self.base), cx.param(self.time).reshape([n, 1]) * shot.time], 1);
-        let experts = self.rows.len();
         let op = Rasterize::new(width, height, shot.settings, shot.workspaces).without_depth();
-        let op = op.in_groups(self.owners.clone(), experts);
+        let op = op.in_groups(self.owners.clone(), self.rows.len());
+        let carried = self.carried(cx, shot.time);
         let (seen, features) = op.apply_with_features(gaussians, &shot.camera, shot.background, carried);
-        let left = seen.alpha * -self.config.background_weight + self.config.background_weight;
-        let left = left.reshape([experts, pixels, 1]).expand([experts, pixels, CARRIED]);
-        let images = seen.image.reshape([experts, pixels, 3]);
-        let alphas = seen.alpha.reshape([experts, pixels]);
-        let maps = features.reshape([experts, pixels, CARRIED]) + left;
+        self.gate(cx, [seen.image, seen.alpha, features], shot)
+    }
+
+    /// Draws all experts once, for [`gated_again`](Self::gated_again).
+    ///
+    /// # Errors
+    /// When the rasterizer refuses.
+    pub fn see<T: Real>(
+        &self,
+        gaussians: &GaussianVars<'_, T>,
+        shot: &Shot<'_, '_, T>,
+        workspace: &mut Workspace<T>,
+    ) -> Result<Seen<T>, RasterError> {
+        let groups = Groups { of: &self.owners, count: self.rows.len() };
+        Seen::of(gaussians, groups, shot, workspace)
+    }
+
+    /// Gates what was [seen](Self::see) of frozen experts at this shot: [`gated`](Self::gated) without drawing, up to rounding, W by a
+    /// sparse product. Differentiable in the router's parameters.
+    #[track_caller]
+    pub fn gated_again<'t, T: Real>(
+        &self,
+        cx: Context<'t, '_, T>,
+        seen: &Seen<T>,
+        shot: &Shot<'_, 't, T>,
+    ) -> Gated<'t, T> {
+        let pixels = seen.alphas.len();
+        let images = cx.tape.constant(&seen.images, [pixels, 3]);
+        let alphas = cx.tape.constant(&seen.alphas, [pixels]);
+        self.gate(cx, [images, alphas, seen.weights.blend(self.carried(cx, shot.time))], shot)
+    }
+
+    /// What the Gaussians carry at a time `[N, 3]`.
+    fn carried<'t, T: Real>(&self, cx: Context<'t, '_, T>, time: f64) -> Var<'t, T> {
+        ops::concat(&[cx.param(self.base), cx.param(self.time).reshape([self.owners.len(), 1]) * time], 1)
+    }
+
+    /// Gates pictures, by what was drawn of the carried numbers over zeros.
+    fn gate<'t, T: Real>(
+        &self,
+        cx: Context<'t, '_, T>,
+        [images, alphas, drawn]: [Var<'t, T>; 3],
+        shot: &Shot<'_, 't, T>,
+    ) -> Gated<'t, T> {
+        let (experts, pixels) = (self.rows.len(), shot.size[0] * shot.size[1]);
+        let [images, drawn] = [images, drawn].map(|all| all.reshape([experts, pixels, 3]));
+        let alphas = alphas.reshape([experts, pixels]);
+        let left = alphas * -self.config.background_weight + self.config.background_weight;
+        let maps = drawn + left.reshape([experts, pixels, 1]).expand([experts, pixels, CARRIED]);
         let logits = self.logits(cx, maps, &shot.camera, shot.size);
         let gate = (logits * (1.0 / self.config.temperature)).softmax(0);
         let shares = gate.reshape([experts, pixels, 1]).expand([experts, pixels, 3]);

@@ -4,12 +4,14 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
+use std::sync::Arc;
 use std::time::Duration;
+use weaver_autograd::Tape;
 use weaver_kernels::random::Stream;
 use weaver_scene::{CameraSlices, Color, GaussianSlices};
 use weaver_splat::{
-    Cotangents, GaussianStatistics, Gradients, Images, RasterSettings, Region, Target, Timings, Workspace, rasterize,
-    rasterize_backward,
+    BlendWeights, Cotangents, GaussianStatistics, Gradients, Images, RasterSettings, Region, Target, Timings,
+    Workspace, rasterize, rasterize_backward,
 };
 
 /// Gaussians of about a pixel and a half in a frustum; plain arrays, reused by every iteration.
@@ -163,6 +165,15 @@ fn benches(c: &mut Criterion) {
         let ones = vec![1.0; load.intrinsics.len() / 4 * load.size.0 * load.size.1];
         group.bench_function("squared contributions", |b| {
             b.iter(|| load.workspace.squared_contributions(&ones, 1, Target::write(&mut squared)));
+        });
+        let weights = Arc::new(BlendWeights::of(&load.workspace).expect("something was drawn"));
+        group.bench_function("keeping weights", |b| b.iter(|| BlendWeights::of(&load.workspace)));
+        let (mut tape, features) = (Tape::new(), &load.colors[..3 * load.opacities.len()]);
+        group.bench_function("three features by kept weights, forward and backward", |b| {
+            b.iter(|| {
+                weights.blend(tape.leaf(features, [features.len() / 3, 3])).sum().backward();
+                tape.reset();
+            });
         });
         group.finish();
     }

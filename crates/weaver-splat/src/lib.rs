@@ -3,6 +3,7 @@
 //! - [`rasterize`] and [`rasterize_backward`] are plain functions on slices; a [`Workspace`] is all the memory they use.
 //! - [`Rasterize`] is an operation on the tape, for this rasterizer and, by [`AnyRasterizer`], for any other [`Rasterizer`].
 //! - [`RasterSettings`] holds the rules of drawing, and the [`Region`] of the image to draw.
+//! - [`BlendWeights`] are the weights of an image, kept: other features are then blended by a sparse product.
 //! - [`GaussianStatistics`] are by-products of a backward pass that density control decides by.
 //! - [`tiles`] sorts, bins and blends primitives of any shape, seen by any camera.
 //! - [`mod@reference`] computes images and gradients again, slowly and in another way, to test against.
@@ -11,6 +12,7 @@
 //! wxyz, spherical harmonics as in the reference 3DGS implementation.
 
 mod any_rasterizer;
+mod blend_weights;
 mod columns;
 mod covariance;
 mod cpu_rasterizer;
@@ -41,6 +43,7 @@ mod view;
 mod workspace;
 
 pub use any_rasterizer::{AnyRasterizer, AnyWorkspace};
+pub use blend_weights::BlendWeights;
 pub use covariance::covariance;
 pub use cpu_rasterizer::CpuRasterizer;
 pub use depth::{expected_depth, expected_depth_backward};

@@ -182,16 +182,6 @@ impl<T: Real> tiles::Projection<T> for EwaProjection<'_, T> {
         let (view, coefficients) = state;
         splats(view, self.settings, self.gaussians, (first, count), coefficients)
     }
-
-    #[inline(always)]
-    fn groups(&self) -> usize {
-        self.gaussians.groups.map_or(1, |groups| groups.count)
-    }
-
-    #[inline(always)]
-    fn group(&self, gaussian: usize) -> usize {
-        self.gaussians.groups.map_or(0, |groups| groups.of[gaussian] as usize)
-    }
 }
 
 /// Projects Gaussians `first..first + count`. Colors and features count only where a Gaussian may be seen: those of one

@@ -82,7 +82,7 @@ pub fn rasterize<T: Real>(
     let projection = EwaProjection { gaussians, cameras, settings };
     let stats = tiles.project(grid, (extent.views, extent.gaussians), &projection, &EwaGaussian)?;
     let projected = Instant::now();
-    tiles.bin();
+    tiles.bin(gaussians.groups);
     let binned = Instant::now();
     let blending = blending(gaussians, settings, &extent);
     let [pairs, evaluated] = tiles.blend(&EwaGaussian, &blending);

@@ -73,6 +73,8 @@ pub struct Tiles<T> {
     keys: [Vec<AtomicU64>; 2],
     /// Counts of digits.
     counts: Vec<u32>,
+    /// Where the sorted groups of a view end, `[K]`.
+    ends: Vec<u32>,
     lists: Lists,
     /// What blending left in each window, `[V * K * tiles * windows, planes]`.
     planes: Vec<Plane<T>>,
@@ -96,6 +98,7 @@ impl<T: Real> Tiles<T> {
             chunks: Vec::new(),
             keys: [Vec::new(), Vec::new()],
             counts: Vec::new(),
+            ends: Vec::new(),
             lists: Lists::default(),
             planes: Vec::new(),
             moments: Vec::new(),

@@ -40,7 +40,7 @@ impl<T: Real> Workspace<T> {
     }
 
     /// The sizes and settings of the last forward.
-    fn last(&self) -> Result<(Extent, RasterSettings), RasterError> {
+    pub(crate) fn last(&self) -> Result<(Extent, RasterSettings), RasterError> {
         self.drawn.ok_or_else(|| RasterError::new("nothing was drawn with this workspace"))
     }
 

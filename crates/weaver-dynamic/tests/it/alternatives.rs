@@ -193,6 +193,41 @@ fn the_gradient_by_weights_is_a_sparse_product() {
     assert!(found.iter().step_by(2).filter(|g| g.abs() > 1e-7).count() > COUNT, "most of them are seen");
 }
 
+/// What was drawn once and kept is gated as what is drawn: pictures, and gradients by all that the router has.
+#[test]
+fn what_was_seen_is_gated_as_what_is_drawn() {
+    let mut params = Params::<f64>::new();
+    let router = PixelRouter::new(Builder::new(&mut params, 3), &wall::owners(), RouterConfig::default());
+    for id in params.ids().collect::<Vec<_>>() {
+        let noise = Input::uniform(5, -0.5, 0.5, params.get(id).shape()).data;
+        params.value_mut(id).iter_mut().zip(noise).for_each(|(x, n)| *x += n);
+    }
+    let pool = WorkspacePool::new();
+    let run = |again: bool| {
+        let tape = Tape::new();
+        let cx = Context::new(&tape, &params);
+        let (gaussians, shot) = (wall::experts(&tape, wall::left, AT), wall::shot(&tape, &pool, AT));
+        let gated = if again {
+            let seen = router.see(&gaussians, &shot, &mut Workspace::new()).unwrap();
+            assert!(seen.bytes() > 8 * (8 * PIXELS));
+            router.gated_again(cx, &seen, &shot)
+        } else {
+            router.gated(cx, &gaussians, &shot)
+        };
+        photometric(gated.image, tape.constant(&wall::photo(&shot), [PIXELS, 3]), SIZE).backward();
+        let mut all = [gated.image, gated.images, gated.alphas, gated.maps, gated.gate].map(|x| x.to_vec()).to_vec();
+        all.extend(params.ids().map(|id| tape.param_grad(id).expect("a gradient").to_vec()));
+        all
+    };
+    for (part, (drawn, again)) in run(false).iter().zip(run(true)).enumerate() {
+        assert_eq!(drawn.len(), again.len(), "{part}");
+        assert!(drawn.iter().any(|x| *x != 0.0), "{part}");
+        for (a, b) in drawn.iter().zip(again) {
+            assert!((a - b).abs() < 1e-13 + 1e-11 * a.abs(), "{part}: {a} {b}");
+        }
+    }
+}
+
 /// One Gaussian behind the camera and one too faint to be drawn.
 const BEHIND: usize = 6;
 const FAINT: usize = COUNT + 30;

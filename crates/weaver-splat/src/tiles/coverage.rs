@@ -17,7 +17,7 @@ pub(crate) const CHUNK: usize = 512;
 /// The sort key of a primitive that covers no tile; above all other keys.
 pub(crate) const UNSEEN: u64 = u64::MAX;
 
-/// The tiles of consecutive primitives of a view, counted through its pictures.
+/// The tiles of consecutive primitives of a view.
 #[derive(Debug, Default)]
 pub(crate) struct Chunk {
     /// Where the tiles of each primitive begin, and where those of the last end, `[primitives + 1]`.
@@ -102,9 +102,8 @@ impl<T: Real, P: Projection<T>, F: Footprint> LaneKernel<T> for Coverage<'_, P, 
             for lane in 0..out.len() {
                 records[lane].store(&mut out[lane].0);
                 let before = chunk.places.len();
-                let picture = (projection.group(first + lane) * grid.tiles()) as u32;
                 for (row, span) in rows[lane].clone().zip(&chunk.spans) {
-                    let tiles = span[lane].clone().map(|column| AtomicU32::new(picture + grid.tile(column, row)));
+                    let tiles = span[lane].clone().map(|column| AtomicU32::new(grid.tile(column, row)));
                     chunk.places.extend(tiles);
                 }
                 let after = chunk.places.len();

@@ -3,7 +3,7 @@
 use super::blend::{Blend, planes};
 use super::coverage::{CHUNK, Chunk, Coverage};
 use super::primitive::{Footprint, Projection, Response};
-use super::sort::sort;
+use super::sort::{sort, split};
 use super::traverse::{Work, traverse};
 use super::window::{Plane, windows_of, windows_per_tile};
 use super::{Grid, Record, Tiles};
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use weaver_kernels::lanes::{self, LaneKernel, Lanes};
 use weaver_kernels::{Real, parallel};
-use weaver_scene::Features;
+use weaver_scene::{Features, Groups};
 
 /// How primitives are blended.
 #[derive(Clone, Copy, Debug)]
@@ -62,7 +62,7 @@ impl<T: Real> Tiles<T> {
         projection: &P,
         footprint: &F,
     ) -> Result<TileStats, RasterError> {
-        (self.grid, self.views, self.per_view, self.groups) = (grid, views, per_view, projection.groups());
+        (self.grid, self.views, self.per_view, self.groups) = (grid, views, per_view, 1);
         let chunks = self.chunks_per_view();
         // Chunks of an earlier, larger call would be counted; their memory goes.
         self.chunks.truncate(views * chunks);
@@ -90,18 +90,37 @@ impl<T: Real> Tiles<T> {
         Ok(stats)
     }
 
-    /// Sorts the projected primitives of each view by depth, ties by index, and puts them into the lists of their tiles.
-    pub fn bin(&mut self) {
+    /// Sorts the projected primitives of each picture by depth, ties by index, and puts them into the lists of its tiles. A view has one
+    /// picture, or one for each of `groups` of primitives.
+    pub fn bin(&mut self, groups: Option<Groups<'_>>) {
+        self.groups = groups.map_or(1, |groups| groups.count);
         let (per_view, chunks) = (self.per_view, self.chunks_per_view());
         let entries = self.chunks.iter().map(Chunk::len).sum();
-        let tiles = self.tiles_per_view();
-        self.lists.prepare(self.views * tiles, entries);
+        self.lists.prepare(self.tiles(), entries);
         let [keys, sorted] = &mut self.keys;
         for v in 0..self.views {
             let part = v * per_view..(v + 1) * per_view;
-            let seen = sort(&mut keys[part.clone()], &mut sorted[part.clone()], &mut self.counts);
-            let sorted: &[AtomicU64] = &sorted[part][..seen];
-            self.lists.bin((v, per_view), tiles, sorted, &self.chunks[v * chunks..(v + 1) * chunks]);
+            let chunks = &self.chunks[v * chunks..(v + 1) * chunks];
+            let (mut keys, mut sorted) = (&mut keys[part.clone()], &mut sorted[part]);
+            match groups {
+                Some(groups) => {
+                    split(keys, sorted, groups, &mut self.counts, &mut self.ends);
+                    std::mem::swap(&mut keys, &mut sorted);
+                }
+                None => {
+                    self.ends.clear();
+                    self.ends.push(per_view as u32);
+                }
+            }
+            let mut start = 0;
+            for (group, end) in self.ends.iter().enumerate() {
+                let part = start..*end as usize;
+                start = part.end;
+                let (keys, sorted) = (&mut keys[part.clone()], &mut sorted[part]);
+                let seen = sort(keys, sorted, &mut self.counts);
+                let picture = (v * self.groups + group, v * per_view);
+                self.lists.bin(picture, self.grid.tiles(), &sorted[..seen], chunks);
+            }
         }
     }
 

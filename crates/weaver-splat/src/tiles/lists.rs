@@ -1,6 +1,6 @@
 //! Binning: which primitives each tile has to look at, in drawing order.
 //!
-//! Primitives are sorted by depth once per view, then put into the lists of the tiles in that order: a stable counting sort,
+//! Primitives are sorted by depth once per picture, then put into the lists of the tiles in that order: a stable counting sort,
 //! parallel over parts of the sorted sequence.
 
 use super::coverage::{CHUNK, Chunk};
@@ -9,12 +9,12 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use weaver_kernels::parallel;
 
-/// The lists of all tiles of all views, one after the other.
+/// The lists of all tiles of all pictures, one after the other.
 #[derive(Debug, Default)]
 pub(crate) struct Lists {
     /// Entries of each part of the sorted sequence in each tile, then where the next of them goes: `[parts, tiles]`.
     cursors: Vec<u32>,
-    /// Where each tile's list starts, `[V * tiles + 1]`.
+    /// Where each tile's list starts, `[V * K * tiles + 1]`.
     starts: Vec<u32>,
     /// Primitives (v N + n), tile by tile, front to back.
     entries: Vec<AtomicU32>,
@@ -40,7 +40,7 @@ fn for_each_places(sorted: &[AtomicU64], chunks: &[Chunk], mut body: impl FnMut(
 }
 
 impl Lists {
-    /// Makes room for `entries` entries in `tiles` tiles, those of all views.
+    /// Makes room for `entries` entries in `tiles` tiles, those of all pictures.
     pub fn prepare(&mut self, tiles: usize, entries: usize) {
         grown(&mut self.starts, tiles + 1);
         grown(&mut self.entries, entries);
@@ -48,9 +48,9 @@ impl Lists {
         self.len = entries;
     }
 
-    /// Bins the primitives of view `v` of `per_view` primitives, after those of the views before; `sorted` are their keys
-    /// by depth, `chunks` their tiles. A view has `tiles` tiles.
-    pub fn bin(&mut self, (v, per_view): (usize, usize), tiles: usize, sorted: &[AtomicU64], chunks: &[Chunk]) {
+    /// Bins the primitives of a picture, after those of the pictures before; `sorted` are their keys by depth, `chunks` the tiles of
+    /// all primitives of its view, of which the first is `first`. A picture has `tiles` tiles.
+    pub fn bin(&mut self, (picture, first): (usize, usize), tiles: usize, sorted: &[AtomicU64], chunks: &[Chunk]) {
         // Enough parts for many threads, few enough for the cursors to stay in the cache. The result does not depend
         // on them.
         let parts = (sorted.len() / 4096).clamp(1, 32);
@@ -66,7 +66,7 @@ impl Lists {
                 places.iter().for_each(|tile| counts[tile.load(Relaxed) as usize] += 1);
             });
         });
-        let starts = &mut self.starts[v * tiles..];
+        let starts = &mut self.starts[picture * tiles..];
         let mut next = starts[0];
         for tile in 0..tiles {
             starts[tile] = next;
@@ -79,7 +79,7 @@ impl Lists {
         let list = &self.entries[..];
         parallel::for_chunks(cursors, tiles, |part, cursors| {
             for_each_places(ids(part), chunks, |n, places| {
-                let id = (v * per_view + n) as u32;
+                let id = (first + n) as u32;
                 for place in places {
                     let cursor = &mut cursors[place.load(Relaxed) as usize];
                     list[*cursor as usize].store(id, Relaxed);
@@ -95,7 +95,7 @@ impl Lists {
         self.len
     }
 
-    /// Where tile `t` (of all views) has its entries.
+    /// Where tile `t` (of all pictures) has its entries.
     pub fn range(&self, t: usize) -> Range<usize> {
         self.starts[t] as usize..self.starts[t + 1] as usize
     }

@@ -19,18 +19,6 @@ pub trait Projection<T: Real>: Sync {
     /// Projects primitives `first..first + count`, `count` from 1 to 16; lanes beyond `count` must not be seen or
     /// rejected.
     fn project<V: Lanes<Scalar = T>>(&self, state: &mut Self::State<V>, first: usize, count: usize) -> Projected<V>;
-
-    /// Into how many groups primitives fall, each with a picture of its own in every view.
-    #[inline(always)]
-    fn groups(&self) -> usize {
-        1
-    }
-
-    /// The group of a primitive, less than [`groups`](Self::groups).
-    #[inline(always)]
-    fn group(&self, _primitive: usize) -> usize {
-        0
-    }
 }
 
 /// Sixteen primitives as one view sees them, made by a [`Projection`].

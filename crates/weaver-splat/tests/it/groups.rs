@@ -105,6 +105,24 @@ proptest! {
         }
     }
 
+    /// One light for all groups, by which each may hide the others: colors that only a group has, drawn as features, sum to the picture
+    /// of all.
+    #[test]
+    fn groups_of_one_light_sum_to_one_picture(seed: u64, n in 1_usize..200, count in 1_usize..5) {
+        let mut scene = Scene::random(seed, n, 2, (20, 15), None).with_channels(3 * count);
+        scene.background.fill(0.0);
+        scene.features = (0..n * 3 * count)
+            .map(|i| if i / 3 % count == i / (3 * count) % count { scene.colors[i / (3 * count) * 3 + i % 3] } else { 0.0 })
+            .collect();
+        let drawn = scene.render();
+        for (parts, whole) in drawn.features.chunks(3 * count).zip(drawn.image.chunks(3)) {
+            for channel in 0..3 {
+                let sum: f64 = parts.iter().skip(channel).step_by(3).sum();
+                prop_assert!((sum - whole[channel]).abs() < 1e-12);
+            }
+        }
+    }
+
     #[test]
     fn groups_pass_gradcheck(seed: u64, n in 1_usize..5, views in 1_usize..3, count in 1_usize..4) {
         let scene = Scene::smooth(seed, n, views, (4, 3), None).in_groups(count);

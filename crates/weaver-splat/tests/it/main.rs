@@ -1,5 +1,6 @@
 //! Tests of the rasterizer.
 
+mod blend_weights;
 mod covariance;
 mod differences;
 mod groups;

@@ -204,7 +204,7 @@ proptest! {
         let mut tiles = Tiles::<f64>::new();
         let stats = tiles.project(Grid::new(Region::whole(size.0, size.1), side), (1, n), &sphere, &sphere).unwrap();
         prop_assert!(stats.covered <= n && stats.rejected == 0);
-        tiles.bin();
+        tiles.bin(None);
         let blending = Blending { alpha_max: 0.99, depth: true, features: None };
         tiles.blend(&sphere, &blending);
         let [mut image, mut alpha, mut depth] = [3, 1, 1].map(|channels| vec![f64::NAN; channels * pixels]);

@@ -1,0 +1,56 @@
+//! What frozen experts show of a shot, kept: a router's step is then a sparse product.
+
+use crate::Shot;
+use std::sync::Arc;
+use weaver_autograd::Real;
+use weaver_scene::{CameraSlices, Color, GaussianSlices, Groups};
+use weaver_splat::{BlendWeights, GaussianVars, Images, RasterError, Workspace, rasterize};
+
+/// What K frozen experts show of one view at one time, P pixels: all that a router's step needs of them, made by [`PixelRouter::see`](crate::PixelRouter::see).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Seen<T> {
+    /// Each expert's picture `[K, P, 3]`.
+    pub images: Vec<T>,
+    /// What each expert covers `[K, P]`.
+    pub alphas: Vec<T>,
+    /// How much of which Gaussian each of the K P pixels shows.
+    pub weights: Arc<BlendWeights<T>>,
+}
+
+impl<T: Real> Seen<T> {
+    /// Draws the list of all Gaussians, each in the picture of its owner.
+    pub(crate) fn of(
+        gaussians: &GaussianVars<'_, T>,
+        groups: Groups<'_>,
+        shot: &Shot<'_, '_, T>,
+        workspace: &mut Workspace<T>,
+    ) -> Result<Self, RasterError> {
+        let GaussianVars { means, quats, scales, opacities, colors } = *gaussians;
+        let [means, quats, scales, opacities, colors] =
+            [means, quats, scales, opacities, colors].map(|all| all.to_vec());
+        let [viewmats, intrinsics, background] =
+            [shot.camera.viewmats, shot.camera.intrinsics, shot.background].map(|all| all.to_vec());
+        let [height, width] = shot.size;
+        let pictures = groups.count * height * width;
+        let gaussians = GaussianSlices {
+            means: &means,
+            quats: &quats,
+            scales: &scales,
+            opacities: &opacities,
+            color: Color::Plain(&colors),
+            features: None,
+            groups: Some(groups),
+        };
+        let cameras =
+            CameraSlices { viewmats: &viewmats, intrinsics: &intrinsics, background: &background, width, height };
+        let (mut images, mut alphas) = (vec![T::ZERO; 3 * pictures], vec![T::ZERO; pictures]);
+        let drawn = Images { image: &mut images, alpha: &mut alphas, depth: None, features: None };
+        rasterize(&gaussians, &cameras, &shot.settings, workspace, drawn)?;
+        Ok(Self { images, alphas, weights: Arc::new(BlendWeights::of(workspace)?) })
+    }
+
+    /// Bytes of memory.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.images) + size_of_val(&*self.alphas) + self.weights.bytes()
+    }
+}

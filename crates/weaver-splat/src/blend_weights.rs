@@ -1,0 +1,184 @@
+//! The weights that pictures are made of, kept, so that other features are blended without drawing anew.
+
+use crate::settings::RasterError;
+use crate::workspace::Workspace;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
+use weaver_autograd::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_kernels::{Real, parallel};
+
+/// Pixels that are worked on together.
+const GRAIN: usize = 256;
+/// The most parts of the pixels that are gathered from at once, each into sums of its own.
+const PARTS: usize = 16;
+
+/// Which Gaussians each pixel shows, front to back, and how much of each: its weight alpha T.
+///
+/// A sparse matrix W `[P, N]` of the P pixels of all pictures of a drawing. Where Gaussians and cameras stay, features F `[N, C]` that
+/// change are blended by W F and gather gradients by its transpose, for far less than a drawing: 8 bytes for each hit instead.
+///
+/// ```
+/// # use std::sync::Arc;
+/// # use weaver_autograd::Tape;
+/// # use weaver_scene::{CameraSlices, Color, GaussianSlices};
+/// # use weaver_splat::{BlendWeights, Images, RasterSettings, Workspace, rasterize};
+/// # let gaussians = GaussianSlices {
+/// #     means: &[0.0_f32, 0.0, 2.0, 0.0, 0.0, 3.0],
+/// #     quats: &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
+/// #     scales: &[0.5; 6],
+/// #     opacities: &[0.5, 0.5],
+/// #     color: Color::None,
+/// #     features: None,
+/// #     groups: None,
+/// # };
+/// # let cameras = CameraSlices {
+/// #     viewmats: &[1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+/// #     intrinsics: &[10.0, 10.0, 0.5, 0.5],
+/// #     background: &[0.0; 3],
+/// #     width: 1,
+/// #     height: 1,
+/// # };
+/// # let mut alpha = [0.0];
+/// # let images = Images { image: &mut [], alpha: &mut alpha, depth: None, features: None };
+/// let mut workspace = Workspace::new();
+/// rasterize(&gaussians, &cameras, &RasterSettings::default(), &mut workspace, images)?;
+/// let weights = Arc::new(BlendWeights::of(&workspace)?);
+/// let tape = Tape::new();
+/// let features = tape.leaf(&[1.0, 10.0, 2.0, 20.0], [2, 2]);
+/// assert_eq!(weights.blend(features).to_vec(), [1.0, 10.0]); // 0.5 of the first, 0.25 of the second
+/// # Ok::<(), weaver_splat::RasterError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct BlendWeights<T> {
+    /// Where the hits of each pixel begin, and where those of the last end, `[P + 1]`.
+    starts: Vec<u32>,
+    /// The Gaussian of each hit, 0 to N - 1.
+    hits: Vec<u32>,
+    /// alpha T of each hit.
+    weights: Vec<T>,
+    gaussians: usize,
+}
+
+impl<T: Real> BlendWeights<T> {
+    /// Those of the last image drawn with a workspace.
+    ///
+    /// # Errors
+    /// A workspace that nothing was drawn with, or more than 2^32 hits.
+    pub fn of(workspace: &Workspace<T>) -> Result<Self, RasterError> {
+        let (extent, _) = workspace.last()?;
+        // The hits of a pixel come one after the other, on one thread: relaxed counts keep their order.
+        let cursors: Vec<AtomicU32> = (0..extent.pixels()).map(|_| AtomicU32::new(0)).collect();
+        workspace.for_each_hit(|pixel, _, _, _| {
+            cursors[pixel].fetch_add(1, Relaxed);
+        })?;
+        let count: u64 = cursors.iter().map(|count| u64::from(count.load(Relaxed))).sum();
+        if count > u64::from(u32::MAX) {
+            return Err(RasterError::new(format!("{count} hits are too many to be kept")));
+        }
+        let mut starts = vec![0];
+        for (pixel, cursor) in cursors.iter().enumerate() {
+            let start = starts[pixel];
+            starts.push(start + cursor.swap(start, Relaxed));
+        }
+        let hits: Vec<AtomicU32> = (0..count).map(|_| AtomicU32::new(0)).collect();
+        let bits: Vec<AtomicU64> = (0..count).map(|_| AtomicU64::new(0)).collect();
+        workspace.for_each_hit(|pixel, gaussian, weight, _| {
+            let place = cursors[pixel].fetch_add(1, Relaxed) as usize;
+            hits[place].store(gaussian as u32, Relaxed);
+            bits[place].store(weight.to_f64().to_bits(), Relaxed);
+        })?;
+        let weight = |bits: AtomicU64| T::from_f64(f64::from_bits(bits.into_inner()));
+        let (hits, weights) = (hits.into_iter().map(AtomicU32::into_inner), bits.into_iter().map(weight));
+        Ok(Self { starts, hits: hits.collect(), weights: weights.collect(), gaussians: extent.gaussians })
+    }
+
+    /// P, the pixels of all pictures: `[V, H, W]`, `[V, K, H, W]` of Gaussians in groups.
+    pub fn pixels(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// N, the Gaussians that were drawn.
+    pub fn gaussians(&self) -> usize {
+        self.gaussians
+    }
+
+    /// The hits of a pixel, front to back: Gaussians and their weights.
+    pub fn of_pixel(&self, pixel: usize) -> impl Iterator<Item = (usize, T)> {
+        let range = self.starts[pixel] as usize..self.starts[pixel + 1] as usize;
+        self.hits[range.clone()].iter().map(|hit| *hit as usize).zip(self.weights[range].iter().copied())
+    }
+
+    /// Bytes of memory.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.starts) + size_of_val(&*self.hits) + size_of_val(&*self.weights)
+    }
+
+    /// Features `[N, C]` as the pixels show them `[P, C]`, W F, over zeros. Differentiable in the features. Same bits at any number of
+    /// threads.
+    ///
+    /// # Panics
+    /// If there are not N rows.
+    #[track_caller]
+    pub fn blend<'t>(self: &Arc<Self>, features: Var<'t, T>) -> Var<'t, T> {
+        let [blended] = features.tape().apply(Blend(self.clone()), &[features]);
+        blended
+    }
+}
+
+#[derive(Debug)]
+struct Blend<T>(Arc<BlendWeights<T>>);
+
+impl<T: Real> Op<T> for Blend<T> {
+    fn name(&self) -> &'static str {
+        "blend_weights"
+    }
+
+    fn shapes(&self, ins: &[Shape]) -> Result<Shapes, ShapeError> {
+        let n = self.0.gaussians;
+        ensure_shape!(ins.len() == 1 && ins[0].rank() == 2 && ins[0][0] == n, "features [{n}, C]");
+        Ok(Shapes::one([self.0.pixels(), ins[0][1]]))
+    }
+
+    fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
+        let (features, channels) = (&*ins[0], ins[0].shape()[1]);
+        parallel::for_chunks(&mut outs[0], GRAIN * channels, |chunk, out| {
+            for (i, out) in out.chunks_exact_mut(channels).enumerate() {
+                out.fill(T::ZERO);
+                for (gaussian, weight) in self.0.of_pixel(chunk * GRAIN + i) {
+                    let feature = &features[gaussian * channels..][..channels];
+                    out.iter_mut().zip(feature).for_each(|(out, x)| *out += weight * *x);
+                }
+            }
+        });
+    }
+
+    fn backward(
+        &self,
+        _ins: &[View<'_, T>],
+        _outs: &[View<'_, T>],
+        douts: &[View<'_, T>],
+        dins: &mut [Option<Grad<'_, T>>],
+        pool: &Pool,
+    ) {
+        let [Some(gradient)] = dins else { return };
+        let (slopes, channels) = (&*douts[0], douts[0].shape()[1]);
+        let len = self.0.gaussians * channels;
+        if len == 0 {
+            return gradient.add_zero();
+        }
+        // As many parts as are worth their sums, and they do not depend on threads.
+        let parts = (self.0.hits.len() / (4 * self.0.gaussians)).clamp(1, PARTS);
+        let pixels = self.0.pixels().div_ceil(parts);
+        let mut sums = pool.filled(parts * len, T::ZERO);
+        parallel::for_chunks(&mut sums, len, |part, sums| {
+            for pixel in part * pixels..((part + 1) * pixels).min(self.0.pixels()) {
+                let slope = &slopes[pixel * channels..][..channels];
+                for (gaussian, weight) in self.0.of_pixel(pixel) {
+                    let sum = &mut sums[gaussian * channels..][..channels];
+                    sum.iter_mut().zip(slope).for_each(|(sum, x)| *sum += weight * *x);
+                }
+            }
+        });
+        gradient.add_each(|i| sums.iter().skip(i).step_by(len).copied().sum());
+    }
+}
