@@ -69,7 +69,7 @@ impl Run {
             KeepBy::Contribution => Some(Score::Contribution),
             KeepBy::Sensitivity => Some(Score::Sensitivity),
         };
-        let shots = self.film.training();
+        let shots = self.training();
         for (done, shot) in shots.iter().map(|i| &self.film.shots[*i]).enumerate() {
             let Some(score) = score else { break };
             let of_shot = scores(self.mixture.router(), &self.params, score, &|cx| {

@@ -148,7 +148,7 @@ impl Run {
         Ok(settings)
     }
 
-    fn of(folder: &Path, settings: RunSettings, film: Film, init: Option<&Tensors>) -> Result<Self, RunError> {
+    fn of(folder: &Path, settings: RunSettings, mut film: Film, init: Option<&Tensors>) -> Result<Self, RunError> {
         let stream = Stream::new(settings.seed, 0, "dynamic.beginning");
         let begin = |(i, label): (usize, &String)| match init {
             // Its numbers are read.
@@ -170,6 +170,9 @@ impl Run {
         if let Some(tensors) = init {
             load(&mut params, tensors)?;
         }
+        if settings.all {
+            film.remarks.push("trained on all photos: the figures of those that are held out judge nothing".into());
+        }
         let distils = settings.stages.iter().any(|stage| matches!(stage, Stage::Distil { .. }));
         let teacher = distils.then(|| params.clone());
         let seconds = vec![0.0; settings.stages.len()];
@@ -185,6 +188,11 @@ impl Run {
     /// What is trained on.
     pub fn film(&self) -> &Film {
         &self.film
+    }
+
+    /// Indices of the photos that are trained on.
+    pub fn training(&self) -> Vec<usize> {
+        if self.settings.all { (0..self.film.shots.len()).collect() } else { self.film.training() }
     }
 
     /// Experts and router.
@@ -281,7 +289,7 @@ impl Run {
         stage: Stage,
         (views, workspace): (&mut Views, &mut Workspace<f32>),
     ) -> Result<f32, RunError> {
-        let shots = self.film.training();
+        let shots = self.training();
         let Place { stage: at, step } = self.place;
         let stream = Stream::new(self.settings.seed, step as u64, "dynamic.shot").fork(at as u64);
         let number = shots[stream.below(0, shots.len())];

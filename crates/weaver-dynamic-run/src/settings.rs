@@ -19,6 +19,9 @@ pub struct RunSettings {
     pub preset: Preset,
     /// Gaussians of each expert to begin with.
     pub gaussians: usize,
+    /// Trains on the photos that are held out, too. Their figures then judge nothing.
+    #[serde(default)]
+    pub all: bool,
     /// What is trained, in order.
     pub stages: Vec<Stage>,
     /// What the gate's logits are divided by, in training and in use.

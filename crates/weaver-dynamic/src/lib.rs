@@ -24,8 +24,8 @@ pub use motion::{Motion, Moved, Start};
 pub use oracle::{blend, convex_oracle, hard_oracle};
 pub use plane_sample::plane_sample;
 pub use pruning::{Drawn, Score, best, scores};
-pub use router::{Gated, PixelRouter, RouterConfig, Shot, distillation, photometric};
-pub use seen::Seen;
+pub use router::{Gated, PixelRouter, RouterConfig, distillation, photometric};
+pub use seen::{Seen, Shot};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

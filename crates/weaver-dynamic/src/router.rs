@@ -1,13 +1,13 @@
 //! The volume-aware pixel router of MoE-GS (Jin et al., ICLR 2026, arXiv 2510.19210, equations 6 to 8): which expert to believe, pixel by pixel.
 
-use crate::Seen;
+use crate::{Seen, Shot};
 use std::sync::Arc;
 use weaver_autograd::ops::{self, Activation};
 use weaver_autograd::{ParamId, Real, Var};
 use weaver_nn::{Builder, Context, Init};
 use weaver_pose::{CameraVars, Rays};
 use weaver_scene::Groups;
-use weaver_splat::{GaussianVars, RasterError, RasterSettings, Rasterize, Workspace, WorkspacePool};
+use weaver_splat::{GaussianVars, RasterError, Rasterize, Workspace};
 
 /// Numbers that every Gaussian carries, drawn as features: its weight, that of directions, that of time.
 const CARRIED: usize = 3;
@@ -63,23 +63,6 @@ pub struct Gated<'t, T: Real = f32> {
     pub gate: Var<'t, T>,
     /// The mixture, sum_k G_k I_k `[P, 3]`.
     pub image: Var<'t, T>,
-}
-
-/// One view at one time.
-#[derive(Debug)]
-pub struct Shot<'a, 't, T: Real> {
-    /// The camera: viewmats `[1, 3, 4]`, intrinsics `[1, 4]`.
-    pub camera: CameraVars<'t, T>,
-    /// Time, 0 to 1.
-    pub time: f64,
-    /// H, W in pixels.
-    pub size: [usize; 2],
-    /// The color behind each expert, `[3]`.
-    pub background: Var<'t, T>,
-    /// The rules of drawing.
-    pub settings: RasterSettings,
-    /// Memory of the rasterizer.
-    pub workspaces: &'a WorkspacePool<T>,
 }
 
 impl PixelRouter {

@@ -1,10 +1,29 @@
-//! What frozen experts show of a shot, kept: a router's step is then a sparse product.
+//! Shots, and what frozen experts show of them, kept: a router's step is then a sparse product.
 
-use crate::Shot;
 use std::sync::Arc;
-use weaver_autograd::Real;
+use weaver_autograd::{Real, Var};
+use weaver_pose::CameraVars;
 use weaver_scene::{CameraSlices, Color, GaussianSlices, Groups};
-use weaver_splat::{BlendWeights, GaussianVars, Images, RasterError, Workspace, rasterize};
+use weaver_splat::{
+    BlendWeights, GaussianVars, Images, RasterError, RasterSettings, Workspace, WorkspacePool, rasterize,
+};
+
+/// One view at one time.
+#[derive(Debug)]
+pub struct Shot<'a, 't, T: Real> {
+    /// The camera: viewmats `[1, 3, 4]`, intrinsics `[1, 4]`.
+    pub camera: CameraVars<'t, T>,
+    /// Time, 0 to 1.
+    pub time: f64,
+    /// H, W in pixels.
+    pub size: [usize; 2],
+    /// The color behind each expert, `[3]`.
+    pub background: Var<'t, T>,
+    /// The rules of drawing.
+    pub settings: RasterSettings,
+    /// Memory of the rasterizer.
+    pub workspaces: &'a WorkspacePool<T>,
+}
 
 /// What K frozen experts show of one view at one time, P pixels: all that a router's step needs of them, made by [`PixelRouter::see`](crate::PixelRouter::see).
 #[derive(Clone, Debug, PartialEq)]

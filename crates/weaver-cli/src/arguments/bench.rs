@@ -112,6 +112,9 @@ pub struct BenchMixture {
     /// Draws in one of the ways only, to see what memory it takes
     #[arg(long, value_enum)]
     pub only: Option<Passes>,
+    /// Adds the backward pass, with the gradients of everything that the Gaussians have
+    #[arg(long)]
+    pub backward: bool,
     /// How often it is drawn in each way; medians are over these
     #[arg(long, value_name = "R", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub runs: u32,

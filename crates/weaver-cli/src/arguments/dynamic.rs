@@ -65,6 +65,9 @@ pub struct DynamicTrain {
     /// Steps of the router
     #[arg(long, value_name = "N", default_value = "2000", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     pub router_steps: u32,
+    /// Trains on the photos that are held out, too: nothing is left to judge by
+    #[arg(long)]
+    pub all: bool,
     /// What the gate's logits are divided by, in training and in use
     #[arg(long, value_name = "T", default_value = "1")]
     pub temperature: f64,
@@ -79,8 +82,8 @@ pub struct DynamicTrain {
     pub out: PathBuf,
     /// Goes on from the checkpoint of a run that was stopped, with what it was started with
     #[arg(long, value_name = "RUN", conflicts_with_all = [
-        "data", "size", "shots", "experts", "preset", "gaussians", "steps", "router_steps", "temperature",
-        "background_weight", "seed", "out",
+        "data", "size", "shots", "experts", "preset", "gaussians", "steps", "router_steps", "all",
+        "temperature", "background_weight", "seed", "out",
     ])]
     pub resume: Option<PathBuf>,
     #[command(flatten)]

@@ -12,7 +12,7 @@ use std::time::Instant;
 use weaver_geometry::sh;
 use weaver_kernels::random::Stream;
 use weaver_scene::{CameraRows, Color, Features, GaussianSlices, Groups};
-use weaver_splat::{Images, RasterSettings, Workspace, rasterize};
+use weaver_splat::{Cotangents, Gradients, Images, RasterSettings, Target, Workspace, rasterize, rasterize_backward};
 
 /// Numbers that a router draws of each Gaussian.
 const CARRIED: usize = 3;
@@ -30,7 +30,7 @@ pub fn run(arguments: &BenchMixture, console: &mut Console) -> Result<(), Failur
         Some(only) => vec![only],
         None => vec![Passes::One, Passes::Each, Passes::Apart],
     };
-    let mut frames: Vec<Frame> = ways.iter().map(|way| Frame::new(&scene, *way)).collect();
+    let mut frames: Vec<Frame> = ways.iter().map(|way| Frame::new(&scene, *way, arguments.backward)).collect();
     // An untimed run allocates and touches all memory.
     frames.iter_mut().try_for_each(|frame| frame.draw(&scene).map(|_| ()))?;
     let same = frames.windows(2).all(|pair| pair[0].same_as(&pair[1]));
@@ -47,12 +47,12 @@ pub fn run(arguments: &BenchMixture, console: &mut Console) -> Result<(), Failur
     progress.finish();
     let found: Vec<(Passes, f64)> = ways.iter().copied().zip(times.into_iter().map(median)).collect();
     if !same {
-        return Err(Failure::message("the ways of drawing a mixture differ in their pictures"));
+        return Err(Failure::message("the ways of drawing a mixture differ in their pictures or gradients"));
     }
     let pairs = frames.first().map_or(0, |frame| frame.pairs);
     console.print(&match arguments.json {
-        true => serde_json::to_string_pretty(&figures(&scene, &found, pairs))?,
-        false => table(&scene, &found, pairs),
+        true => serde_json::to_string_pretty(&figures(&scene, &found, pairs, arguments.backward))?,
+        false => table(&scene, &found, pairs, arguments.backward),
     })
 }
 
@@ -97,7 +97,7 @@ impl Scene {
 
     /// The Gaussians that the pictures have most of.
     fn kept(self, share: f64) -> Result<Self, Failure> {
-        let mut frame = Frame::new(&self, Passes::One);
+        let mut frame = Frame::new(&self, Passes::One, false);
         frame.draw(&self)?;
         let [mut sums, mut largest] = [0, 1].map(|_| vec![0.0; self.owners.len()]);
         frame.workspaces[0].contributions(&mut sums, &mut largest)?;
@@ -121,15 +121,15 @@ impl Scene {
         self.camera.width * self.camera.height
     }
 
+    /// The rows of an expert, or of all.
+    fn rows(&self, expert: Option<usize>) -> Range<usize> {
+        let before = |k: usize| self.owners.partition_point(|owner| (*owner as usize) < k);
+        expert.map_or(0..self.owners.len(), |k| before(k)..before(k + 1))
+    }
+
     /// The Gaussians of an expert, or all of them in groups.
-    fn slices(&self, expert: Option<usize>, colors: bool, carried: bool) -> GaussianSlices<'_, f32> {
-        let rows = match expert {
-            Some(expert) => {
-                let before = |k: usize| self.owners.partition_point(|owner| (*owner as usize) < k);
-                before(expert)..before(expert + 1)
-            }
-            None => 0..self.owners.len(),
-        };
+    fn slices(&self, Pass { expert, colors, carried }: Pass) -> GaussianSlices<'_, f32> {
+        let rows = self.rows(expert);
         GaussianSlices {
             means: part(&self.means, 3, &rows),
             quats: part(&self.quats, 4, &rows),
@@ -146,82 +146,125 @@ fn part<'a>(values: &'a [f32], width: usize, rows: &Range<usize>) -> &'a [f32] {
     &values[rows.start * width..rows.end * width]
 }
 
+fn part_mut<'a>(values: &'a mut [f32], width: usize, rows: &Range<usize>) -> &'a mut [f32] {
+    &mut values[rows.start * width..rows.end * width]
+}
+
 fn gathered(values: &[f32], width: usize, rows: &[usize]) -> Vec<f32> {
     rows.iter().flat_map(|row| &values[row * width..][..width]).copied().collect()
 }
 
+/// One drawing: of an expert or of all, of colors and of what is carried.
+#[derive(Clone, Copy)]
+struct Pass {
+    expert: Option<usize>,
+    colors: bool,
+    carried: bool,
+}
+
+/// The drawings of a frame.
+fn passes(way: Passes, experts: usize) -> Vec<Pass> {
+    let both = |expert| Pass { expert, colors: true, carried: true };
+    match way {
+        Passes::One => vec![both(None)],
+        Passes::Each => (0..experts).map(|k| both(Some(k))).collect(),
+        Passes::Apart => {
+            let parts = |k| [true, false].map(|colors| Pass { expert: Some(k), colors, carried: !colors });
+            (0..experts).flat_map(parts).collect()
+        }
+    }
+}
+
 /// A way of drawing, and all memory that it takes.
 struct Frame {
-    passes: Passes,
+    way: Passes,
     workspaces: Vec<Workspace<f32>>,
-    /// `[K, H, W, 3]`
-    images: Vec<f32>,
-    /// `[K, H, W]`
-    alphas: Vec<f32>,
-    /// `[K, H, W, CARRIED]`
-    maps: Vec<f32>,
+    /// Images `[K, H, W, 3]`, what is covered `[K, H, W]`, what is carried `[K, H, W, CARRIED]`.
+    planes: [Vec<f32>; 3],
+    /// The gradients that arrive at them, where gradients are asked for.
+    slopes: Option<[Vec<f32>; 3]>,
+    /// Gradients of means, quaternions, scales, opacities, colors and what is carried, expert by expert.
+    gradients: [Vec<f32>; 6],
     /// Gaussians over pixels that they add to.
     pairs: u64,
 }
 
 impl Frame {
-    fn new(scene: &Scene, passes: Passes) -> Self {
+    fn new(scene: &Scene, way: Passes, backward: bool) -> Self {
         let pictures = scene.experts * scene.pixels();
-        let workspaces = match passes {
-            Passes::One => 1,
-            Passes::Each | Passes::Apart => scene.experts,
-        };
+        let workspaces = if way == Passes::One { 1 } else { scene.experts };
+        let sizes = [3, 1, CARRIED].map(|width| width * pictures);
+        let stream = Stream::new(5, 0, "bench.slopes");
+        let slopes = |part: usize| (0..sizes[part] as u64).map(|i| stream.fork(part as u64).normal(i)).collect();
+        let widths = if backward { [3, 4, 3, 1, 3, CARRIED] } else { [0; 6] };
         Self {
-            passes,
+            way,
             workspaces: (0..workspaces).map(|_| Workspace::new()).collect(),
-            images: vec![0.0; 3 * pictures],
-            alphas: vec![0.0; pictures],
-            maps: vec![0.0; CARRIED * pictures],
+            planes: sizes.map(|size| vec![0.0; size]),
+            slopes: backward.then(|| [0, 1, 2].map(slopes)),
+            gradients: widths.map(|width| vec![0.0; width * scene.owners.len()]),
             pairs: 0,
         }
     }
 
     /// Draws everything once; milliseconds.
     fn draw(&mut self, scene: &Scene) -> Result<f64, Failure> {
-        let pixels = scene.pixels();
-        let cameras = scene.camera.as_slices(&[0.0; 3]);
-        let settings = RasterSettings::default();
         let start = Instant::now();
         self.pairs = 0;
-        if self.passes == Passes::One {
-            let images = Images {
-                image: &mut self.images,
-                alpha: &mut self.alphas,
-                depth: None,
-                features: Some(&mut self.maps),
-            };
-            let gaussians = scene.slices(None, true, true);
-            self.pairs = rasterize(&gaussians, &cameras, &settings, &mut self.workspaces[0], images)?.pairs;
-            return Ok(1e3 * start.elapsed().as_secs_f64());
-        }
-        let pictures = self.images.chunks_mut(3 * pixels).zip(self.alphas.chunks_mut(pixels));
-        let pictures = pictures.zip(self.maps.chunks_mut(CARRIED * pixels)).zip(&mut self.workspaces);
-        for (expert, (((image, alpha), maps), workspace)) in pictures.enumerate() {
-            if self.passes == Passes::Each {
-                let images = Images { image, alpha, depth: None, features: Some(maps) };
-                let gaussians = scene.slices(Some(expert), true, true);
-                self.pairs += rasterize(&gaussians, &cameras, &settings, workspace, images)?.pairs;
-                continue;
-            }
-            let images = Images { image, alpha: &mut *alpha, depth: None, features: None };
-            let gaussians = scene.slices(Some(expert), true, false);
-            self.pairs += rasterize(&gaussians, &cameras, &settings, workspace, images)?.pairs;
-            let images = Images { image: &mut [], alpha, depth: None, features: Some(maps) };
-            rasterize(&scene.slices(Some(expert), false, true), &cameras, &settings, workspace, images)?;
-        }
+        passes(self.way, scene.experts).into_iter().try_for_each(|pass| self.pass(scene, pass))?;
         Ok(1e3 * start.elapsed().as_secs_f64())
     }
 
-    /// Whether both hold the same pictures, to the bit.
+    fn pass(&mut self, scene: &Scene, pass: Pass) -> Result<(), Failure> {
+        let (gaussians, cameras) = (scene.slices(pass), scene.camera.as_slices(&[0.0; 3]));
+        let settings = RasterSettings::default();
+        let workspace = &mut self.workspaces[pass.expert.unwrap_or(0)];
+        let pixels = scene.pixels();
+        let pixels = pass.expert.map_or(0..scene.experts * pixels, |k| k * pixels..(k + 1) * pixels);
+        let [image, alpha, maps] = &mut self.planes;
+        let images = Images {
+            image: if pass.colors { part_mut(image, 3, &pixels) } else { &mut [] },
+            alpha: part_mut(alpha, 1, &pixels),
+            depth: None,
+            features: pass.carried.then(|| part_mut(maps, CARRIED, &pixels)),
+        };
+        let stats = rasterize(&gaussians, &cameras, &settings, workspace, images)?;
+        if pass.colors {
+            self.pairs += stats.pairs;
+        }
+        let Some([of_image, of_alpha, of_maps]) = &self.slopes else { return Ok(()) };
+        let cotangents = Cotangents {
+            image: pass.colors.then(|| part(of_image, 3, &pixels)),
+            alpha: pass.carried.then(|| part(of_alpha, 1, &pixels)),
+            depth: None,
+            features: pass.carried.then(|| part(of_maps, CARRIED, &pixels)),
+        };
+        let rows = scene.rows(pass.expert);
+        let [means, quats, scales, opacities, colors, carried] = &mut self.gradients;
+        // What both drawings of an expert have gradients for, the second adds to.
+        let shape = |values, width| {
+            let values = part_mut(values, width, &rows);
+            Some(if pass.colors { Target::write(values) } else { Target::add(values) })
+        };
+        let gradients = Gradients {
+            means: shape(means, 3),
+            quats: shape(quats, 4),
+            scales: shape(scales, 3),
+            opacities: shape(opacities, 1),
+            colors: pass.colors.then(|| Target::write(part_mut(colors, 3, &rows))),
+            features: pass.carried.then(|| Target::write(part_mut(carried, CARRIED, &rows))),
+            ..Gradients::default()
+        };
+        rasterize_backward(&gaussians, &cameras, &settings, workspace, &cotangents, gradients)?;
+        Ok(())
+    }
+
+    /// Whether both hold the same pictures, to the bit, and the same gradients unless one sums those of two drawings.
     fn same_as(&self, other: &Self) -> bool {
-        let bits = |values: &[f32]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-        let all = |frame: &Self| [&frame.images, &frame.alphas, &frame.maps].map(|values| bits(values));
-        all(self) == all(other)
+        let bits = |values: &Vec<f32>| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        let sums = [self, other].iter().any(|frame| frame.way == Passes::Apart);
+        self.planes.each_ref().map(bits) == other.planes.each_ref().map(bits)
+            && (sums || self.gradients.each_ref().map(bits) == other.gradients.each_ref().map(bits))
     }
 }
 
@@ -233,7 +276,7 @@ fn name(passes: Passes) -> &'static str {
     }
 }
 
-fn figures(scene: &Scene, found: &[(Passes, f64)], pairs: u64) -> serde_json::Value {
+fn figures(scene: &Scene, found: &[(Passes, f64)], pairs: u64, backward: bool) -> serde_json::Value {
     let ways = found.iter().map(|(passes, ms)| json!({"passes": name(*passes), "ms": ms, "per_second": 1e3 / ms}));
     json!({
         "n": scene.owners.len(),
@@ -241,18 +284,20 @@ fn figures(scene: &Scene, found: &[(Passes, f64)], pairs: u64) -> serde_json::Va
         "width": scene.camera.width,
         "height": scene.camera.height,
         "pairs": pairs,
+        "backward": backward,
         "ways": ways.collect::<Vec<_>>(),
         "threads": rayon::current_num_threads(),
         "peak_rss_mb": memory::peak_mb(),
     })
 }
 
-fn table(scene: &Scene, found: &[(Passes, f64)], pairs: u64) -> String {
+fn table(scene: &Scene, found: &[(Passes, f64)], pairs: u64, backward: bool) -> String {
     let (n, experts) = (scene.owners.len(), scene.experts);
     let CameraRows { width, height, .. } = scene.camera;
     let threads = rayon::current_num_threads();
+    let what = if backward { ", with gradients" } else { "" };
     let mut text = format!(
-        "{n} Gaussians of {experts} experts, {width}x{height} pixels, {threads} threads\n\n{:<28}{:>10}{:>12}{:>10}\n",
+        "{n} Gaussians of {experts} experts, {width}x{height} pixels{what}, {threads} threads\n\n{:<28}{:>10}{:>12}{:>10}\n",
         "", "ms", "frames/s", "times"
     );
     let first = found.first().map_or(f64::NAN, |(_, ms)| *ms);

@@ -8,6 +8,7 @@ use weaver_dynamic_run::{Evaluation, Run};
 
 pub fn run(arguments: &DynamicEval, console: &mut Console) -> Result<(), Failure> {
     let run = Run::open(&arguments.run)?;
+    run.film().remarks.iter().for_each(|remark| console.note(&format!("note: {remark}")));
     let evaluation = judge(&run, console)?;
     if arguments.json {
         return console.print(&serde_json::to_string(&evaluation)?);

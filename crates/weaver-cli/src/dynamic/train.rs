@@ -39,6 +39,7 @@ pub fn run(arguments: &DynamicTrain, console: &mut Console, interrupt: &Interrup
             PresetName::Published => Preset::Published,
         },
         gaussians: arguments.gaussians as usize,
+        all: arguments.all,
         stages: experts.chain([Stage::Router { steps: arguments.router_steps as usize }]).collect(),
         temperature: arguments.temperature,
         background_weight: arguments.background_weight,
@@ -51,7 +52,7 @@ pub fn run(arguments: &DynamicTrain, console: &mut Console, interrupt: &Interrup
 
 pub fn prune(arguments: &DynamicPrune, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let run = Run::open(&arguments.run)?;
-    let mut progress = Progress::new("prune", 0, run.film().training().len(), console);
+    let mut progress = Progress::new("prune", 0, run.training().len(), console);
     let observe = |done, all| progress.at(done, all, String::new, console);
     let tensors = run.pruned(arguments.keep, arguments.by, observe)?;
     progress.finish();
@@ -100,8 +101,8 @@ fn begin(
     console.note(&format!(
         "{}: {} photos of {width} x {height} to train on, {} held out; {counts} Gaussians",
         film.name,
-        film.training().len(),
-        film.held_out().len()
+        run.training().len(),
+        film.shots.len() - run.training().len()
     ));
     film.remarks.iter().for_each(|remark| console.note(&format!("note: {remark}")));
     finish(run, folder, console, interrupt)

@@ -13,6 +13,7 @@ fn settings(experts: &[ExpertKind], steps: usize) -> RunSettings {
         experts: experts.to_vec(),
         preset: Preset::Tiny,
         gaussians: 150,
+        all: false,
         stages: stages.collect(),
         temperature: 1.0,
         background_weight: 1.0,
@@ -157,6 +158,20 @@ fn pruning_keeps_what_is_worth_most() {
         let error = run.pruned(keep, KeepBy::Contribution, |_, _| {}).unwrap_err().to_string();
         assert!(error.contains("keep: expected above 0, at most 1"), "{error}");
     }
+}
+
+/// On all photos: what is held out is trained on, and the run says so.
+#[test]
+fn nothing_is_held_out_where_all_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let some = settings(&[ExpertKind::Keys, ExpertKind::Poly], 5);
+    let all = RunSettings { all: true, ..some.clone() };
+    let [some, all] =
+        [("some", some), ("all", all)].map(|(name, settings)| trained(&folder.path().join(name), settings));
+    assert_eq!([some.training(), all.training()], [some.film().training(), (0..some.film().shots.len()).collect()]);
+    assert!(some.film().remarks.is_empty() && all.film().remarks[0].contains("judge nothing"));
+    // Other photos are drawn, and so other numbers are learned.
+    assert!(bits(&some) != bits(&all));
 }
 
 #[test]
