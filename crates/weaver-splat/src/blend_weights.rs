@@ -2,6 +2,7 @@
 
 use crate::settings::RasterError;
 use crate::workspace::Workspace;
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use weaver_autograd::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
@@ -125,6 +126,54 @@ impl<T: Real> BlendWeights<T> {
     }
 }
 
+/// The products. A few channels, known when compiled, stay in registers.
+impl<T: Real> BlendWeights<T> {
+    /// Rows of W F from pixel `first` on.
+    fn spread<const C: usize>(&self, (features, first, out): (&[T], usize, &mut [T])) {
+        let (features, out) = (features.as_chunks::<C>().0, out.as_chunks_mut::<C>().0);
+        for (i, out) in out.iter_mut().enumerate() {
+            let mut sum = [T::ZERO; C];
+            for (gaussian, weight) in self.of_pixel(first + i) {
+                let x = &features[gaussian];
+                (0..C).for_each(|c| sum[c] += weight * x[c]);
+            }
+            *out = sum;
+        }
+    }
+
+    fn spread_many(&self, (features, first, out): (&[T], usize, &mut [T]), channels: usize) {
+        for (i, out) in out.chunks_exact_mut(channels).enumerate() {
+            out.fill(T::ZERO);
+            for (gaussian, weight) in self.of_pixel(first + i) {
+                let x = &features[gaussian * channels..][..channels];
+                out.iter_mut().zip(x).for_each(|(out, x)| *out += weight * *x);
+            }
+        }
+    }
+
+    /// Adds the rows of some pixels to what the Gaussians gather.
+    fn gather<const C: usize>(&self, (slopes, pixels, sums): (&[T], Range<usize>, &mut [T])) {
+        let (slopes, sums) = (slopes.as_chunks::<C>().0, sums.as_chunks_mut::<C>().0);
+        for pixel in pixels {
+            let slope = slopes[pixel];
+            for (gaussian, weight) in self.of_pixel(pixel) {
+                let sum = &mut sums[gaussian];
+                (0..C).for_each(|c| sum[c] += weight * slope[c]);
+            }
+        }
+    }
+
+    fn gather_many(&self, (slopes, pixels, sums): (&[T], Range<usize>, &mut [T]), channels: usize) {
+        for pixel in pixels {
+            let slope = &slopes[pixel * channels..][..channels];
+            for (gaussian, weight) in self.of_pixel(pixel) {
+                let sum = &mut sums[gaussian * channels..][..channels];
+                sum.iter_mut().zip(slope).for_each(|(sum, x)| *sum += weight * *x);
+            }
+        }
+    }
+}
+
 #[derive(Debug)]
 struct Blend<T>(Arc<BlendWeights<T>>);
 
@@ -142,12 +191,13 @@ impl<T: Real> Op<T> for Blend<T> {
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
         let (features, channels) = (&*ins[0], ins[0].shape()[1]);
         parallel::for_chunks(&mut outs[0], GRAIN * channels, |chunk, out| {
-            for (i, out) in out.chunks_exact_mut(channels).enumerate() {
-                out.fill(T::ZERO);
-                for (gaussian, weight) in self.0.of_pixel(chunk * GRAIN + i) {
-                    let feature = &features[gaussian * channels..][..channels];
-                    out.iter_mut().zip(feature).for_each(|(out, x)| *out += weight * *x);
-                }
+            let of_chunk = (features, chunk * GRAIN, out);
+            match channels {
+                1 => self.0.spread::<1>(of_chunk),
+                2 => self.0.spread::<2>(of_chunk),
+                3 => self.0.spread::<3>(of_chunk),
+                4 => self.0.spread::<4>(of_chunk),
+                _ => self.0.spread_many(of_chunk, channels),
             }
         });
     }
@@ -171,12 +221,14 @@ impl<T: Real> Op<T> for Blend<T> {
         let pixels = self.0.pixels().div_ceil(parts);
         let mut sums = pool.filled(parts * len, T::ZERO);
         parallel::for_chunks(&mut sums, len, |part, sums| {
-            for pixel in part * pixels..((part + 1) * pixels).min(self.0.pixels()) {
-                let slope = &slopes[pixel * channels..][..channels];
-                for (gaussian, weight) in self.0.of_pixel(pixel) {
-                    let sum = &mut sums[gaussian * channels..][..channels];
-                    sum.iter_mut().zip(slope).for_each(|(sum, x)| *sum += weight * *x);
-                }
+            let pixels = part * pixels..((part + 1) * pixels).min(self.0.pixels());
+            let of_part = (slopes, pixels, sums);
+            match channels {
+                1 => self.0.gather::<1>(of_part),
+                2 => self.0.gather::<2>(of_part),
+                3 => self.0.gather::<3>(of_part),
+                4 => self.0.gather::<4>(of_part),
+                _ => self.0.gather_many(of_part, channels),
             }
         });
         gradient.add_each(|i| sums.iter().skip(i).step_by(len).copied().sum());
