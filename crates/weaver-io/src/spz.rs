@@ -35,39 +35,71 @@ pub fn read_spz(path: impl AsRef<Path>) -> Result<Gaussians> {
     if packed.starts_with(&MAGIC.to_le_bytes()) {
         return Err(Error::invalid(path, "byte 0", "gzip (version 2 or 3)", "a later version of SPZ"));
     }
-    let mut data = Vec::new();
     let limit = packed.len() as u64 * LARGEST_RATIO;
-    GzDecoder::new(packed.as_slice())
-        .take(limit)
-        .read_to_end(&mut data)
-        .map_err(|e| Error::invalid(path, "compressed data", "gzip", e))?;
-    unpack(path, Bytes::new(path, data))
+    let invalid = |e| Error::invalid(path, "compressed data", "gzip", e);
+    let mut data = Vec::new();
+    let mut unpacked = GzDecoder::new(packed.as_slice()).take(HEADER);
+    unpacked.read_to_end(&mut data).map_err(invalid)?;
+    let header = Header::read(&mut Bytes::new(path, data.clone()))?;
+    // What a file unpacks to is up to the file: no more is unpacked than its header speaks of, and a byte to see that there is more.
+    unpacked.set_limit(limit.min(header.bytes().saturating_add(1)));
+    unpacked.read_to_end(&mut data).map_err(invalid)?;
+    let mut bytes = Bytes::new(path, data);
+    bytes.take::<{ HEADER as usize }>("a header")?;
+    unpack(path, &header, bytes)
 }
 
-fn unpack(path: &Path, mut bytes: Bytes) -> Result<Gaussians> {
-    let magic = bytes.u32("a header")?;
-    if magic != MAGIC {
-        return Err(bytes.invalid("NGSP at the start of the unpacked data", format!("{magic:#010x}")));
-    }
-    let version = bytes.u32("a version")?;
-    if !(2..=3).contains(&version) {
-        return Err(bytes.invalid("version 2 or 3", version));
-    }
-    let n = bytes.u32("a number of Gaussians")? as usize;
-    let [degree, fraction, _flags, _reserved] = bytes.take("a header")?;
-    if degree > 4 || fraction > 24 {
-        let found = format!("{degree} and {fraction}");
-        return Err(bytes.invalid("an SH degree up to 4 and up to 24 fractional bits", found));
-    }
-    let degree = usize::from(degree);
-    let rest = sh::coefficients(degree) - 1;
-    let rotation = if version == 2 { 3 } else { 4 };
-    let expected = n * (9 + 1 + 3 + 3 + rotation + 3 * rest);
-    if bytes.rest().len() != expected {
-        return Err(bytes.invalid(format!("{expected} bytes for {n} Gaussians"), bytes.rest().len()));
+/// Bytes of a header.
+const HEADER: u64 = 16;
+
+struct Header {
+    version: u32,
+    gaussians: u32,
+    degree: u8,
+    /// Bits after the point of positions.
+    fraction: u8,
+}
+
+impl Header {
+    fn read(bytes: &mut Bytes) -> Result<Self> {
+        let magic = bytes.u32("a header")?;
+        if magic != MAGIC {
+            return Err(bytes.invalid("NGSP at the start of the unpacked data", format!("{magic:#010x}")));
+        }
+        let version = bytes.u32("a version")?;
+        if !(2..=3).contains(&version) {
+            return Err(bytes.invalid("version 2 or 3", version));
+        }
+        let gaussians = bytes.u32("a number of Gaussians")?;
+        let [degree, fraction, _flags, _reserved] = bytes.take("a header")?;
+        if degree > 4 || fraction > 24 {
+            let found = format!("{degree} and {fraction}");
+            return Err(bytes.invalid("an SH degree up to 4 and up to 24 fractional bits", found));
+        }
+        Ok(Self { version, gaussians, degree, fraction })
     }
 
-    let mut gaussians = Gaussians { degree, ..Gaussians::default() };
+    /// Coefficients of each color beyond the first.
+    fn rest(&self) -> usize {
+        sh::coefficients(usize::from(self.degree)) - 1
+    }
+
+    /// Bytes of the Gaussians.
+    fn bytes(&self) -> u64 {
+        let rotation = if self.version == 2 { 3 } else { 4 };
+        u64::from(self.gaussians) * (9 + 1 + 3 + 3 + rotation + 3 * self.rest() as u64)
+    }
+}
+
+fn unpack(path: &Path, header: &Header, mut bytes: Bytes) -> Result<Gaussians> {
+    let (n, rest, expected) = (header.gaussians as usize, header.rest(), header.bytes());
+    let found = bytes.rest().len() as u64;
+    if found != expected {
+        let found = if found > expected { "more".to_string() } else { found.to_string() };
+        return Err(bytes.invalid(format!("{expected} bytes for {n} Gaussians"), found));
+    }
+    let Header { version, degree, fraction, .. } = *header;
+    let mut gaussians = Gaussians { degree: usize::from(degree), ..Gaussians::default() };
     let unit = f64::from(1u32 << fraction).recip();
     for _ in 0..n {
         let p: [u8; 9] = bytes.take("a position")?;

@@ -64,6 +64,15 @@ fn messages_say_what() {
     }
 }
 
+/// A small file that would unpack to much more than it speaks of is refused before it does.
+#[test]
+fn no_more_is_unpacked_than_the_header_speaks_of() {
+    let mut data = unpacked();
+    data.resize(32 << 20, 0);
+    let message = read(&data).unwrap_err().to_string();
+    assert!(message.contains("expected 29 bytes for 1 Gaussians, found more"), "{message}");
+}
+
 fn median(mut values: Vec<f32>) -> f32 {
     values.sort_by(f32::total_cmp);
     values[values.len() / 2]
