@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let mut row = Vec::new();
         for camera in [0, options.cameras / 2, options.cameras - 1] {
             let shot = &film.shots[frame * options.cameras + camera];
-            row.push(shot.image(film.size));
+            row.push(shot.image(film.size)?);
             row.extend(shot.motion.as_deref().map(kinds));
         }
         let row = Image::mosaic(&row.iter().collect::<Vec<_>>());

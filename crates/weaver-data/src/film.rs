@@ -8,7 +8,8 @@
 //! | `poses_bounds.npy`, `cam00/*.png`, `cam01/*.png` ... | Neural 3D Video | number of the frame, over how many there are | the first camera |
 //! | `dataset.json`, `metadata.json`, `scene.json`, `camera/`, `rgb/` | HyperNeRF | `warp_id`, over the largest | `val_ids` |
 //!
-//! Photos are shrunk with a Lanczos filter, as those of [captures](crate::capture), and all of them are kept in memory, as bytes.
+//! Photos are shrunk with a Lanczos filter, as those of [captures](crate::capture), and kept in memory, as bytes: up to
+//! 2 GiB of them, and what does not fit is read from its file whenever it is needed.
 //!
 //! - **D-NeRF**: transparent pixels are white. Axes are OpenGL's.
 //! - **Neural 3D Video**: cameras in the order of their names; photos may lie in `cam00/images`. A size is half that of the calibration if
@@ -18,11 +19,13 @@
 mod dnerf;
 mod hypernerf;
 mod n3v;
+pub(crate) mod pixels;
 mod roll;
 pub(crate) mod shots;
 
 use crate::Error;
 pub use crate::procedural::moving::{FilmOptions, MOTIONS, procedural};
+pub use pixels::Pixels;
 pub use shots::{Film, FilmPoint, HeldOut, Shot};
 use std::path::Path;
 
@@ -81,6 +84,17 @@ impl FilmLayout {
 /// negative or not finite; photos have different sizes, or cameras different numbers of them. The message names the file, the entry, what
 /// was expected and what was found.
 pub fn open(path: impl AsRef<Path>, size: Option<usize>) -> Result<Film, Error> {
+    open_keeping(path, size, MOST_KEPT)
+}
+
+/// Bytes of photos that are kept in memory if nothing else is said.
+const MOST_KEPT: usize = 2 << 30;
+
+/// Reads the film in a folder as [`open`] does, and keeps at most so many bytes of its photos in memory.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_keeping(path: impl AsRef<Path>, size: Option<usize>, most: usize) -> Result<Film, Error> {
     let path = path.as_ref();
     if size == Some(0) {
         return Err(Error::unexpected(path, "size", "at least one pixel", "0"));
@@ -90,5 +104,5 @@ pub fn open(path: impl AsRef<Path>, size: Option<usize>) -> Result<Film, Error> 
         FilmLayout::N3v => n3v::read(path)?,
         FilmLayout::HyperNerf => hypernerf::read(path)?,
     };
-    roll.developed(path, size)
+    roll.developed(path, size, most)
 }

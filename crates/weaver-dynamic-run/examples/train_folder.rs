@@ -17,6 +17,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         experts: vec![ExpertKind::Keys, ExpertKind::Poly],
         preset: Preset::Tiny,
         gaussians: 1000,
+        all: false,
         stages: vec![expert(0), expert(1), Stage::Router { steps: 200 }],
         temperature: 1.0,
         background_weight: 1.0,

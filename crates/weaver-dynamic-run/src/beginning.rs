@@ -1,5 +1,6 @@
 //! Where the Gaussians of experts begin.
 
+use crate::RunError;
 use weaver_data::film::{Film, FilmPoint};
 use weaver_geometry::glam::{DMat3, DVec2, DVec3};
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
@@ -27,12 +28,15 @@ const BETWEEN: [f64; 2] = [0.5, 1.5];
 
 impl Beginning {
     /// So many of a film's points; where there are too few, further ones under random pixels at random depths.
-    pub fn of(film: &Film, count: usize, stream: Stream) -> Self {
+    ///
+    /// # Errors
+    /// When a photo cannot be read any more.
+    pub fn of(film: &Film, count: usize, stream: Stream) -> Result<Self, RunError> {
         let order = stream.fork(0).permutation(film.points.len());
         let mut points: Vec<FilmPoint> = order.iter().take(count).map(|i| film.points[*i]).collect();
         let missing = count - points.len();
-        points.extend(somewhere(film, missing, stream.fork(1)));
-        Self::at(&points, film.extent())
+        points.extend(somewhere(film, missing, stream.fork(1))?);
+        Ok(Self::at(&points, film.extent()))
     }
 
     fn at(points: &[FilmPoint], extent: f64) -> Self {
@@ -64,22 +68,34 @@ fn sizes(positions: &[f64], least: f64) -> Vec<f64> {
 }
 
 /// Points under random pixels of photos that are trained on, around the distance at which the cameras' axes meet.
-fn somewhere(film: &Film, count: usize, stream: Stream) -> Vec<FilmPoint> {
+fn somewhere(film: &Film, count: usize, stream: Stream) -> Result<Vec<FilmPoint>, RunError> {
     let shots = film.training();
+    if shots.is_empty() {
+        return Ok(Vec::new());
+    }
     let focus = focus(film).unwrap_or_else(|| 4.0 * film.extent());
-    let point = |i: u64| {
-        let stream = stream.fork(i);
-        let shot = &film.shots[shots[stream.below(0, shots.len())]];
-        let [height, width] = film.size;
-        let pixel = [stream.below(1, width), stream.below(2, height)];
-        let depth = focus * (BETWEEN[0] + (BETWEEN[1] - BETWEEN[0]) * stream.uniform::<f64>(3));
-        let center = DVec2::new(pixel[0] as f64 + 0.5, pixel[1] as f64 + 0.5);
-        let position = shot.camera.pose.inverse().apply(shot.camera.intrinsics.unproject(center, depth));
-        let at = 3 * (pixel[1] * width + pixel[0]);
-        let color = [0, 1, 2].map(|channel| f32::from(shot.pixels[at + channel]) / 255.0);
-        FilmPoint { position, color, time: shot.time }
-    };
-    if shots.is_empty() { Vec::new() } else { (0..count as u64).map(point).collect() }
+    let [height, width] = film.size;
+    // By photo, each of which is looked at once: it may have to be read.
+    let mut drawn: Vec<(usize, usize)> =
+        (0..count).map(|i| (shots[stream.fork(i as u64).below(0, shots.len())], i)).collect();
+    drawn.sort_unstable();
+    let mut points = Vec::with_capacity(count);
+    for of_photo in drawn.chunk_by(|a, b| a.0 == b.0) {
+        let shot = &film.shots[of_photo[0].0];
+        let bytes = shot.pixels.bytes()?;
+        for (_, i) in of_photo {
+            let stream = stream.fork(*i as u64);
+            let pixel = [stream.below(1, width), stream.below(2, height)];
+            let depth = focus * (BETWEEN[0] + (BETWEEN[1] - BETWEEN[0]) * stream.uniform::<f64>(3));
+            let center = DVec2::new(pixel[0] as f64 + 0.5, pixel[1] as f64 + 0.5);
+            let position = shot.camera.pose.inverse().apply(shot.camera.intrinsics.unproject(center, depth));
+            let at = 3 * (pixel[1] * width + pixel[0]);
+            let color = [0, 1, 2].map(|channel| f32::from(bytes[at + channel]) / 255.0);
+            points.push((*i, FilmPoint { position, color, time: shot.time }));
+        }
+    }
+    points.sort_unstable_by_key(|(i, _)| *i);
+    Ok(points.into_iter().map(|(_, point)| point).collect())
 }
 
 /// The median distance of the cameras from the point that is nearest to all optical axes; `None` where these are parallel.

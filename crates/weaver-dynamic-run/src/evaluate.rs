@@ -99,7 +99,7 @@ impl Run {
             let mut sums = Sums::new(experts);
             for shot in shots {
                 let pictures = self.mixture.pictures(&self.params, &shot.camera, shot.time)?;
-                let photo = shot.image(self.film.size).pixels;
+                let photo = shot.image(self.film.size)?.pixels;
                 sums.add(&pictures, &photo, self.film.size);
                 // What was trained on says nothing.
                 if let Some(motion) = shot.motion.as_ref().filter(|_| group < 3) {

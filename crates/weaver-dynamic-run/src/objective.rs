@@ -22,8 +22,9 @@ pub(crate) fn objective<'t>(
     let cx = Context::new(tape, params);
     let size = [shot.camera.height, shot.camera.width];
     let pixels = size[0] * size[1];
+    let bytes = shot.pixels.bytes()?;
     let photo = tape.constant_with([pixels, 3], |to| {
-        to.iter_mut().zip(&shot.pixels).for_each(|(to, byte)| *to = f32::from(*byte) / 255.0);
+        to.iter_mut().zip(&*bytes).for_each(|(to, byte)| *to = f32::from(*byte) / 255.0);
     });
     Ok(match stage {
         Stage::Router { .. } => {

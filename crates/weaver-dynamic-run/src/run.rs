@@ -153,10 +153,10 @@ impl Run {
         let begin = |(i, label): (usize, &String)| match init {
             // Its numbers are read.
             Some(tensors) => Ok(Beginning::blank(tensors.get(&format!("{label}.color"))?.shape[0])),
-            None => Ok(Beginning::of(&film, settings.gaussians, stream.fork(i as u64))),
+            None => Beginning::of(&film, settings.gaussians, stream.fork(i as u64)),
         };
         let beginnings: Vec<Beginning> =
-            settings.labels().iter().enumerate().map(begin).collect::<Result<_, weaver_io::Error>>()?;
+            settings.labels().iter().enumerate().map(begin).collect::<Result<_, RunError>>()?;
         // A field keeps the box that it was trained with.
         let bounds = match init {
             Some(tensors) => {

@@ -62,14 +62,14 @@ impl Run {
     /// where there is one, and the times are `count` of those that there are photos of.
     ///
     /// # Errors
-    /// When the rasterizer refuses.
+    /// When the rasterizer refuses, or a photo cannot be read any more.
     pub fn strips(&self, count: usize) -> Result<Vec<Strip>, RunError> {
         let shots = self.shown(count);
         let size = self.film.size;
         let mut columns = Vec::new();
         for shot in &shots {
             let pictures = self.mixture.pictures(&self.params, &shot.camera, shot.time)?;
-            let photo = shot.image(size);
+            let photo = shot.image(size)?;
             let mut column = vec![pictures.mixture(size), pictures.error(&photo), pictures.gate(size)];
             column.extend((0..self.settings.experts.len()).map(|k| pictures.expert(k, size)));
             column.insert(0, photo);

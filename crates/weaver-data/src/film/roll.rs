@@ -1,5 +1,6 @@
 //! What every layout comes down to before its photos are read.
 
+use super::pixels::Pixels;
 use super::shots::{Film, FilmPoint, HeldOut, SAME_TIME, Shot};
 use crate::Error;
 use rayon::prelude::*;
@@ -55,23 +56,29 @@ pub(super) fn last_moment(takes: &[Take]) -> f64 {
 }
 
 impl Roll {
-    /// Reads the photos, shrunk to a longer side of `size` if they are larger.
+    /// Reads the photos, shrunk to a longer side of `size` if they are larger; no more than `most` bytes of them stay in memory.
     ///
     /// # Errors
     /// When there are not two cameras and two times, nothing is trained on, or a photo is missing or not of the size of the others or the
     /// shape of its camera.
-    pub fn developed(self, folder: &Path, size: Option<usize>) -> Result<Film, Error> {
+    pub fn developed(self, folder: &Path, size: Option<usize>, most: usize) -> Result<Film, Error> {
         let viewpoints = self.viewpoints();
         self.check(folder, &viewpoints)?;
         let files = self.files()?;
         let whole = files[0].size();
         let [height, width] = shrunk(whole, size.or(self.usual_size));
         let times: Vec<f64> = self.takes.iter().map(|take| take.moment / self.duration).collect();
+        let kept = (most / (3 * height * width)).min(files.len());
         let mut trained: Vec<f64> = self.of_takes(false).map(|i| times[i]).collect();
         trained.sort_by(f64::total_cmp);
         let read = |i: usize| -> Result<Shot, Error> {
             let (take, time) = (&self.takes[i], times[i]);
-            let pixels = files[i].clone().over(self.background).resize_whole(width, height)?.pixels;
+            let file = files[i].clone().over(self.background);
+            // Which of them are kept is the same at any number of threads.
+            let pixels = match i < kept {
+                true => Pixels::Kept(file.resize_whole(width, height)?.pixels),
+                false => Pixels::Stored { file, size: [height, width] },
+            };
             let Camera { pose, intrinsics, width: w, height: h } = take.camera;
             let intrinsics = intrinsics.resized(width as f64 / w as f64, height as f64 / h as f64);
             let camera = Camera { pose, intrinsics, width, height };
@@ -86,6 +93,10 @@ impl Roll {
         if whole != (width, height) {
             let (w, h) = whole;
             remarks.push(format!("{}: photos of {w}x{h} are shrunk to {width}x{height}", folder.display()));
+        }
+        if kept < files.len() {
+            let (others, all) = (files.len() - kept, files.len());
+            remarks.push(format!("{}: {others} of {all} photos are read whenever they are needed", folder.display()));
         }
         let name = folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy().into_owned();
         let Self { points, background, .. } = self;

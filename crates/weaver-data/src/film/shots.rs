@@ -1,5 +1,7 @@
 //! What a film is made of.
 
+use super::pixels::Pixels;
+use crate::Error;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec3;
 use weaver_io::Image;
@@ -35,8 +37,8 @@ pub struct Shot {
     pub viewpoint: usize,
     /// When it was taken, from 0 to 1.
     pub time: f64,
-    /// `[H, W, 3]`, sRGB as displayed.
-    pub pixels: Vec<u8>,
+    /// Its pixels.
+    pub pixels: Pixels,
     /// Which kind of motion each pixel's center shows, `[H, W]`, of a procedural film: 0 is nothing that moves, others are numbers into
     /// [`MOTIONS`](super::MOTIONS).
     pub motion: Option<Vec<u8>>,
@@ -79,10 +81,13 @@ impl HeldOut {
 impl Shot {
     /// The photo of a film of this size (height and width), values divided by 255.
     ///
+    /// # Errors
+    /// When it is in a file that cannot be read any more.
+    ///
     /// # Panics
     /// When the size is not its own.
-    pub fn image(&self, [height, width]: [usize; 2]) -> Image {
-        Image::from_bytes(width, height, &self.pixels)
+    pub fn image(&self, [height, width]: [usize; 2]) -> Result<Image, Error> {
+        Ok(Image::from_bytes(width, height, &self.pixels.bytes()?))
     }
 }
 

@@ -7,6 +7,7 @@ use super::ProceduralOptions;
 use super::draws::Draws;
 use super::path::Path;
 use super::render;
+use crate::film::pixels::Pixels;
 use crate::film::shots::{Film, FilmPoint, HeldOut, Shot};
 use rayon::prelude::*;
 use stage::Stage;
@@ -93,7 +94,7 @@ pub fn procedural(seed: u64, options: &FilmOptions) -> Film {
 
 fn unexposed(camera: Camera, viewpoint: usize, time: f64) -> Shot {
     let held_out = HeldOut::default();
-    Shot { name: String::new(), camera, viewpoint, time, pixels: Vec::new(), motion: None, held_out }
+    Shot { name: String::new(), camera, viewpoint, time, pixels: Pixels::Kept(Vec::new()), motion: None, held_out }
 }
 
 /// The photo of what is on stage at the time of the shot, and its depth.
@@ -103,7 +104,7 @@ fn photograph(stage: &Stage, shot: Shot) -> (Shot, Vec<f32>) {
     let exposure = render::Film::PLAIN.photograph(&world, &shot.camera, Stream::new(0, 0, "data.film.exposure"));
     let kind = |&instance: &u16| if instance == 0 { 0 } else { kinds[usize::from(instance) - 1] };
     let motion = Some(exposure.instances.iter().map(kind).collect());
-    (Shot { pixels: exposure.image.to_bytes(), motion, ..shot }, exposure.depth)
+    (Shot { pixels: Pixels::Kept(exposure.image.to_bytes()), motion, ..shot }, exposure.depth)
 }
 
 /// The frames at which points are marked: in the middles of equal parts of the clip, none of them held out.
@@ -131,7 +132,8 @@ fn surface_points(shots: &[&(Shot, Vec<f32>)], wanted: usize, stream: Stream) ->
         let pixel = pixel % depth.len();
         let z = f64::from(depth[pixel]);
         let center = DVec2::new((pixel % shot.camera.width) as f64 + 0.5, (pixel / shot.camera.width) as f64 + 0.5);
-        let color = [0, 1, 2].map(|c| f32::from(shot.pixels[3 * pixel + c]) / 255.0);
+        let Pixels::Kept(bytes) = &shot.pixels else { unreachable!("generated photos are in memory") };
+        let color = [0, 1, 2].map(|c| f32::from(bytes[3 * pixel + c]) / 255.0);
         (z > 0.0).then(|| FilmPoint { position: shot.camera.unproject(center, z), color, time: shot.time })
     });
     marked.take(wanted).collect()
@@ -178,13 +180,13 @@ mod tests {
             for shot in &film.shots {
                 let (shot, depth) = photograph(&stage(seed), shot.clone());
                 // No solid is so small that it reaches into a pixel and is seen at none of the nine centers around.
-                let width = SMALL.width;
+                let (width, photo) = (SMALL.width, shot.image(film.size).unwrap());
                 let empty = |at: usize| {
                     let near = [at - width, at, at + width].into_iter().flat_map(|at| at - 1..=at + 1);
                     (1..width - 1).contains(&(at % width)) && near.into_iter().all(|i| depth[i] == 0.0)
                 };
                 for at in (width + 1..width * 12).filter(|&at| empty(at)) {
-                    assert_eq!(shot.image(film.size).pixels[3 * at..3 * at + 3], film.background, "seed {seed}");
+                    assert_eq!(photo.pixels[3 * at..3 * at + 3], film.background, "seed {seed}");
                     sky += 1;
                 }
             }
@@ -207,7 +209,8 @@ mod tests {
                 let hit = trace(&solids, eye, point.position - eye).filter(|hit| (hit.t - 1.0).abs() < 1e-5)?;
                 let pixel = shot.camera.intrinsics.project(shot.camera.pose.apply(point.position));
                 let at = pixel.y as usize * SMALL.width + pixel.x as usize;
-                let shown = shot.pixels.get(3 * at..3 * at + 3)?;
+                let bytes = shot.pixels.bytes().unwrap();
+                let shown = bytes.get(3 * at..3 * at + 3)?;
                 let color = [0, 1, 2].map(|c| f32::from(shown[c]) / 255.0);
                 let kind = kinds[world.solids.iter().position(|solid| std::ptr::eq(solid, hit.solid))?];
                 (color == point.color).then_some(kind)

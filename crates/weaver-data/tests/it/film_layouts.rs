@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use weaver_data::film::{Film, FilmLayout, HeldOut, Shot, open};
+use weaver_data::film::{Film, FilmLayout, HeldOut, Pixels, Shot, open, open_keeping};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_io::{Image, write_npy};
 
@@ -75,7 +75,7 @@ fn a_dnerf_film_is_read() {
     assert_eq!(held_out(&film), [trained, camera, both, trained, camera, trained]);
     assert_eq!(film.training(), [0, 3, 5]);
     for shot in &film.shots {
-        assert_eq!(shot.pixels, [(shot.time * 200.0) as u8; 8 * 6 * 3], "{}", shot.name);
+        assert_eq!(*shot.pixels.bytes().unwrap(), [(shot.time * 200.0) as u8; 8 * 6 * 3], "{}", shot.name);
     }
     // The camera at time 1 stands at x = 2. A point 0.5 to its right, 0.25 above, and 2 before it.
     let last = &film.shots[5];
@@ -85,11 +85,31 @@ fn a_dnerf_film_is_read() {
     assert!((film.extent() - 1.1).abs() < 1e-9);
 
     let small = open(folder.path(), Some(4)).unwrap();
-    assert_eq!((small.size, small.shots[5].pixels.len()), ([3, 4], 36));
+    assert_eq!((small.size, small.shots[5].pixels.bytes().unwrap().len()), ([3, 4], 36));
     near(seen(&small.shots[5], [2.5, 0.25, 2.0]), [2.0 + 2.0 * 0.25, 1.5 - 2.0 * 0.125]);
     assert!(small.remarks.iter().any(|remark| remark.contains("8x6 are shrunk to 4x3")), "{:?}", small.remarks);
     // Photos are not made larger.
     assert_eq!(open(folder.path(), Some(100)).unwrap(), film);
+}
+
+/// What memory has no room for is read from its file: the same pixels, and an error that names a file that went away.
+#[test]
+fn photos_that_are_not_kept_are_read_when_needed() {
+    let folder = tempfile::tempdir().unwrap();
+    dnerf(folder.path());
+    let film = open(folder.path(), None).unwrap();
+    assert!(film.remarks.is_empty(), "{:?}", film.remarks);
+    for kept in [0, 2] {
+        let other = open_keeping(folder.path(), None, kept * 3 * 8 * 6 + 7).unwrap();
+        assert_eq!(other.shots, film.shots);
+        assert_eq!(other.shots.iter().filter(|shot| matches!(shot.pixels, Pixels::Kept(_))).count(), kept);
+        assert!(other.remarks[0].contains(&format!("{} of 6 photos are read", 6 - kept)), "{:?}", other.remarks);
+    }
+    let stored = open_keeping(folder.path(), None, 0).unwrap();
+    fs::remove_file(folder.path().join("train/r_000.png")).unwrap();
+    let gone: Vec<String> =
+        stored.shots.iter().filter_map(|shot| shot.image(stored.size).err()).map(|error| error.to_string()).collect();
+    assert!(gone.len() == 1 && gone[0].contains("r_000.png"), "{gone:?}");
 }
 
 #[test]
@@ -99,8 +119,8 @@ fn transparent_pixels_of_dnerf_are_white() {
     let half = image::RgbaImage::from_fn(8, 6, |x, _| image::Rgba([10, 20, 30, if x < 4 { 0 } else { 255 }]));
     half.save(folder.path().join("train/r_000.png")).unwrap();
     let film = open(folder.path(), None).unwrap();
-    assert_eq!(film.shots[0].pixels[..3], [255; 3]);
-    assert_eq!(film.shots[0].pixels[8 * 3 - 3..8 * 3], [10, 20, 30]);
+    assert_eq!(film.shots[0].pixels.bytes().unwrap()[..3], [255; 3]);
+    assert_eq!(film.shots[0].pixels.bytes().unwrap()[8 * 3 - 3..8 * 3], [10, 20, 30]);
 }
 
 #[test]
@@ -187,7 +207,12 @@ fn a_neural_3d_video_is_read() {
     for (i, shot) in film.shots.iter().enumerate() {
         let (frame, camera) = (i / 3, i % 3);
         assert_eq!((shot.viewpoint, shot.held_out), (camera, HeldOut { camera: camera == 0, time: false }));
-        assert_eq!(shot.pixels[0], (50 * camera + 10 * frame) as u8, "{}: 9.png is before 10.png", shot.name);
+        assert_eq!(
+            shot.pixels.bytes().unwrap()[0],
+            (50 * camera + 10 * frame) as u8,
+            "{}: 9.png is before 10.png",
+            shot.name
+        );
         // A point 0.5 to the right of the camera, 0.25 below, 4 before it: the focal length is 10 at half size.
         near(seen(shot, [camera as f64 + 0.5, 0.25, 2.0]), [4.0 + 10.0 * 0.125, 3.0 + 10.0 * 0.0625]);
     }
@@ -273,7 +298,7 @@ fn a_hypernerf_film_is_read() {
     let film = open(folder.path(), None).unwrap();
     assert_eq!((film.size, film.times()), ([6, 8], vec![0.0, 0.25, 0.5, 1.0]));
     assert_eq!(held_out(&film), [(false, false), (true, true), (false, false), (false, false)]);
-    assert_eq!(film.shots.iter().map(|shot| shot.pixels[0]).collect::<Vec<_>>(), [0, 20, 40, 60]);
+    assert_eq!(film.shots.iter().map(|shot| shot.pixels.bytes().unwrap()[0]).collect::<Vec<_>>(), [0, 20, 40, 60]);
     for (i, shot) in film.shots.iter().enumerate() {
         // A point 1 to the right of the camera and 4 before it, centered and scaled as the camera is.
         let right = (i as f64 + 1.0 - 1.0) * 0.5;

@@ -65,25 +65,25 @@ pub fn compared(run: &Run) -> Outcome<()> {
             let shot = &film.shots[training[stream.below(0, training.len())]];
             {
                 let image = router.image(&tape, &params, run, shot);
-                let photo = tape.constant(&shot.image(size).pixels, [size[0] * size[1], 3]);
+                let photo = tape.constant(&shot.image(size)?.pixels, [size[0] * size[1], 3]);
                 photometric(image, photo, size).backward();
             }
             optimizer.step(&mut params, &mut tape, rate);
             tape.reset();
         }
-        let mean = |camera: bool, time: bool| {
+        let mean = |camera: bool, time: bool| -> Outcome<f64> {
             let asked = film.shots.iter().filter(|shot| (shot.held_out.camera, shot.held_out.time) == (camera, time));
             // Of the photos trained on, as many as are judged elsewhere.
             let step = if camera || time { 1 } else { training.len().div_ceil(32) };
             let all = asked.step_by(step).map(|shot| {
                 let tape = Tape::new();
                 let image = tape.without_gradient(|| router.image(&tape, &params, run, shot).to_vec());
-                psnr(&image, &shot.image(size).pixels)
+                shot.image(size).map(|photo| psnr(&image, &photo.pixels))
             });
-            let all: Vec<f64> = all.collect();
-            all.iter().sum::<f64>() / all.len() as f64
+            let all: Vec<f64> = all.collect::<Result<_, _>>()?;
+            Ok(all.iter().sum::<f64>() / all.len() as f64)
         };
-        println!("| {name} | {:.2} | {:.2} | {:.2} |", mean(true, false), mean(false, true), mean(false, false));
+        println!("| {name} | {:.2} | {:.2} | {:.2} |", mean(true, false)?, mean(false, true)?, mean(false, false)?);
     }
     Ok(())
 }

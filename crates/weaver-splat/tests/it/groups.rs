@@ -116,9 +116,9 @@ proptest! {
             .collect();
         let drawn = scene.render();
         for (parts, whole) in drawn.features.chunks(3 * count).zip(drawn.image.chunks(3)) {
-            for channel in 0..3 {
+            for (channel, whole) in whole.iter().enumerate() {
                 let sum: f64 = parts.iter().skip(channel).step_by(3).sum();
-                prop_assert!((sum - whole[channel]).abs() < 1e-12);
+                prop_assert!((sum - whole).abs() < 1e-12);
             }
         }
     }
