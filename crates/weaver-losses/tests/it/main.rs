@@ -3,6 +3,7 @@
 mod fixture;
 mod gradients;
 mod lpips;
+mod lpips_twin;
 mod masked;
 mod mechanism;
 mod metrics;
