@@ -6,12 +6,16 @@ use weaver_autograd::{ParamId, Params, Tape};
 use weaver_io::checkpoint::Tensors;
 use weaver_nn::{AdamW, Group, Moments, RAdam, StateError};
 
-/// Positions slow down by this factor over a stage.
+/// Positions slow down to this part over a stage.
 const SLOWER: f64 = 0.01;
+/// Networks and planes do to this. A field that went on at its first rate would lose what it has won.
+const NETWORK_SLOWER: f64 = 0.1;
 /// Weights of the router slow down to this over so many steps, and on.
 const ROUTER_SLOWER: (f64, f64) = (0.01, 10_000.0);
 /// Networks and planes of the small experts learn this much faster than those of the published ones, which take ten times the steps; so do paths.
 const TINY: f64 = 10.0;
+/// The codes of Gaussians and the network on them do so by this much more: with less, neighbors hardly come to move apart.
+const TINY_CODE: f64 = 4.0;
 /// Means of the small experts whose Gaussians are moved by a network do so by this.
 const TINY_MEANS: f64 = 4.0;
 /// Coefficients of a path over those of its middle.
@@ -28,8 +32,8 @@ pub(crate) enum Optimizer {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rate {
     first: f64,
-    /// Whether it slows down.
-    slows: bool,
+    /// The part of it that is left at the end of the stage.
+    left: f64,
 }
 
 impl Optimizer {
@@ -64,9 +68,8 @@ impl Optimizer {
     pub fn step(&mut self, params: &mut Params<f32>, tape: &mut Tape<f32>, step: usize, steps: usize) {
         match self {
             Self::Expert(adam, rates) => {
-                let slower = SLOWER.powf(step as f64 / steps as f64);
                 for (group, rate) in adam.groups.iter_mut().zip(rates) {
-                    group.lr_scale = rate.first * if rate.slows { slower } else { 1.0 };
+                    group.lr_scale = rate.first * rate.left.powf(step as f64 / steps as f64);
                 }
                 adam.step(params, tape, 1.0);
             }
@@ -127,19 +130,20 @@ fn rate(kind: ExpertKind, name: &str, preset: Preset, extent: f64) -> Rate {
     let tiny = |factor: f64| if preset == Preset::Tiny { factor } else { 1.0 };
     let moves_itself = matches!(kind, ExpertKind::Keys | ExpertKind::Poly);
     let factor = tiny(if moves_itself { TINY } else { TINY_MEANS });
-    let place = Rate { first: 1.6e-4 * extent * factor, slows: true };
-    let fixed = |first: f64| Rate { first, slows: false };
-    let learned = |first: f64| fixed(first * tiny(TINY));
+    let place = Rate { first: 1.6e-4 * extent * factor, left: SLOWER };
+    let fixed = |first: f64| Rate { first, left: 1.0 };
+    let learned = |first: f64| Rate { first: first * tiny(TINY), left: NETWORK_SLOWER };
     match (kind, name) {
         (_, "mean" | "position") => place,
         (_, "color") => fixed(2.5e-3),
         (_, "opacity") => fixed(0.05),
         (_, "scale") => fixed(0.005),
         (_, "quat" | "spin") => fixed(0.001),
-        (ExpertKind::Poly, "motion") => Rate { first: PATH * place.first, slows: true },
+        (ExpertKind::Poly, "motion") => Rate { first: PATH * place.first, ..place },
         (ExpertKind::Poly | ExpertKind::Keys, "center") => fixed(1e-3),
         (ExpertKind::Poly | ExpertKind::Keys, "width") => fixed(0.01),
-        (ExpertKind::Code, "z") => fixed(2.5e-3),
+        (ExpertKind::Code, "z") => fixed(2.5e-3 * tiny(TINY_CODE)),
+        (ExpertKind::Code, _) => learned(1.6e-4 * tiny(TINY_CODE)),
         (ExpertKind::Field, name) if name.starts_with("plane") => learned(1.6e-3),
         _ => learned(1.6e-4),
     }
