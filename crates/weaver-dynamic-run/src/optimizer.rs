@@ -148,3 +148,41 @@ fn rate(kind: ExpertKind, name: &str, preset: Preset, extent: f64) -> Rate {
         _ => learned(1.6e-4),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use weaver_nn::Context;
+
+    /// How far a parameter goes in a step, under a gradient that is the same in all steps: its rate.
+    fn moved(kind: ExpertKind, name: &str, step: usize) -> f64 {
+        const STEPS: usize = 1000;
+        let mut params = Params::new();
+        let label = kind.name();
+        let id = params.add(format!("{label}.{name}"), [1], vec![0.0]);
+        let mut optimizer = Optimizer::of_expert(&params, label, kind, Preset::Published, 2.0);
+        let mut tape = Tape::new();
+        Context::new(&tape, &params).param(id).sum().backward();
+        optimizer.step(&mut params, &mut tape, step, STEPS);
+        -f64::from(params.get(id).value()[0])
+    }
+
+    #[test]
+    fn rates_are_published_ones_and_slow_down_as_these_do() {
+        let all = [
+            (ExpertKind::Field, "mean", 3.2e-4, 0.01),
+            (ExpertKind::Field, "plane1.xt", 1.6e-3, 0.1),
+            (ExpertKind::Field, "trunk.weight", 1.6e-4, 0.1),
+            (ExpertKind::Code, "fine.trunk.weight", 1.6e-4, 0.1),
+            (ExpertKind::Code, "z", 2.5e-3, 1.0),
+            (ExpertKind::Keys, "opacity", 0.05, 1.0),
+            (ExpertKind::Poly, "position", 3.2e-4, 0.01),
+        ];
+        for (kind, name, first, left) in all {
+            for (step, expected) in [(0, first), (500, first * f64::sqrt(left)), (1000, first * left)] {
+                let found = moved(kind, name, step);
+                assert!((found - expected).abs() < 1e-5 * expected, "{kind} {name}, step {step}: {found}");
+            }
+        }
+    }
+}
