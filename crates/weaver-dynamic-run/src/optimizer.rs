@@ -14,7 +14,7 @@ const NETWORK_SLOWER: f64 = 0.1;
 const ROUTER_SLOWER: (f64, f64) = (0.01, 10_000.0);
 /// Networks and planes of the small experts learn this much faster than those of the published ones, which take ten times the steps; so do paths.
 const TINY: f64 = 10.0;
-/// The codes of Gaussians and the network on them do so by this much more: with less, neighbors hardly come to move apart.
+/// The codes of Gaussians and the network on them do so by this much more, by what they make of the photos in as many steps.
 const TINY_CODE: f64 = 4.0;
 /// Means of the small experts whose Gaussians are moved by a network do so by this.
 const TINY_MEANS: f64 = 4.0;
@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn rates_are_published_ones_and_slow_down_as_these_do() {
+    fn published_rates_slow_down_over_a_stage() {
         let all = [
             (ExpertKind::Field, "mean", 3.2e-4, 0.01),
             (ExpertKind::Field, "plane1.xt", 1.6e-3, 0.1),
