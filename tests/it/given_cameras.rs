@@ -31,7 +31,7 @@ fn evaluated(run: &Path, capture: &Path) -> (Vec<PathBuf>, Prediction, Vec<Image
     let source = example.camera_source(CameraMode::Given, measured, points.as_ref());
     let stream = Stream::new(0, 0, "test");
     let prediction = predictor.predict(example.context_photos(), source, Density::default(), stream).unwrap();
-    let renders = predictor.render(&prediction.gaussians, &prediction.cameras).unwrap();
+    let renders = predictor.render(&prediction, &prediction.cameras).unwrap();
     (photos, prediction, renders)
 }
 

@@ -146,7 +146,7 @@ fn a_sample_is_input_render_depth_and_gaussians_per_pixel() {
     let density = predictor.density(Density::default()).unwrap();
     let photos = Photos { planes: &planes, inside: None, height, width };
     let prediction = predictor.predict(photos, CameraSource::Predicted, density, Stream::new(0, 0, "samples")).unwrap();
-    let render = predictor.render(&prediction.gaussians, &prediction.cameras).unwrap().remove(0);
+    let render = predictor.render(&prediction, &prediction.cameras).unwrap().remove(0);
 
     let times = picture.height / height;
     assert_eq!((picture.width, picture.height), (4 * width * times, height * times));

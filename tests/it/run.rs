@@ -188,3 +188,15 @@ fn a_budget_needs_an_allocation_that_has_one() {
     .refused(2, &["--budget", "fixed:1"]);
     assert!(!out.exists());
 }
+
+#[test]
+fn flags_of_refinement_need_one() {
+    let run = Run::shared();
+    let (photo, out) = (run.data().join("images/01.png"), run.path().join("never"));
+    let infer = [&"infer" as &dyn AsRef<std::ffi::OsStr>, &"--run", &run.path(), &photo, &"-o", &out];
+    splatweaver(&[&infer[..], &[&"--refine-in-place"]].concat())
+        .refused(2, &["--refine-in-place: expected --refine or --refine-steps with it"]);
+    splatweaver(&[&infer[..], &[&"--refine-size", &"64"]].concat())
+        .refused(2, &["--refine-size: expected --refine or --refine-steps with it"]);
+    assert!(!out.exists());
+}

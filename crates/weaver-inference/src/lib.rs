@@ -21,6 +21,7 @@ mod refined;
 mod run_folder;
 mod splatweaver;
 mod two_experts;
+mod view_opacity;
 mod weights;
 mod wild;
 
@@ -37,6 +38,7 @@ pub use refined::{Effort, Refined};
 pub use run_folder::RunFolder;
 pub use splatweaver::SplatWeaverPredictor;
 pub use two_experts::TwoExpertsPredictor;
+pub use view_opacity::ViewOpacity;
 pub use weights::is_of_run;
 pub use wild::WildPredictor;
 

@@ -71,7 +71,7 @@ impl Shown {
         for (i, sh) in colors.into_iter().enumerate() {
             prediction.gaussians.sh = sh;
             let cameras = &prediction.cameras[..prediction.cameras.len().min(SHOWN)];
-            columns.push(predictor.render(&prediction.gaussians, cameras)?);
+            columns.push(predictor.render(&prediction, cameras)?);
             if several {
                 let path = out.join("looks").join(format!("{i:02}.ply"));
                 weaver_io::write_ply(path, &prediction.gaussians.to_stored())?;

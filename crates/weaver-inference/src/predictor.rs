@@ -1,6 +1,7 @@
 //! What every trained model can do: photos to Gaussians, and Gaussians to pictures.
 
-use crate::Error;
+use crate::{Error, ViewOpacity};
+use std::borrow::Cow;
 use std::fmt;
 use weaver_data::SparsePoints;
 use weaver_geometry::Camera;
@@ -95,6 +96,8 @@ pub struct Density {
 pub struct Prediction {
     /// The Gaussians, in the frame of camera 0.
     pub gaussians: ActivatedGaussians,
+    /// Their opacities, where these depend on the view; those of the Gaussians are then of the mean logit over the cameras.
+    pub view_opacity: Option<ViewOpacity>,
     /// The cameras that the Gaussians were built with: the network's, or the given ones.
     pub cameras: Vec<Camera>,
     /// The network's own cameras; empty for a model that predicts none.
@@ -112,6 +115,11 @@ pub struct Prediction {
 }
 
 impl Prediction {
+    /// The Gaussians as a camera sees them.
+    pub fn seen_by(&self, camera: &Camera) -> Cow<'_, ActivatedGaussians> {
+        ViewOpacity::of(self.view_opacity.as_ref(), &self.gaussians, camera)
+    }
+
     /// The factor that gives cameras in units of their own the predicted cameras' mean distance to camera 0; 1 where
     /// nothing was predicted or a camera stands still.
     pub fn scale_to_predicted(&self, cameras: &[Camera]) -> f64 {
@@ -244,13 +252,19 @@ pub trait Predictor: fmt::Debug + Send {
     /// What draws Gaussians; another one may be put in its place.
     fn renderer(&mut self) -> &mut Renderer;
 
-    /// Renders Gaussians with the model's settings: one image per camera, values clamped to [0, 1].
+    /// Renders what was predicted with the model's settings: one image per camera, values clamped to [0, 1].
     ///
     /// # Errors
     /// When sizes do not fit or there are too many Gaussians for one call.
-    fn render(&mut self, gaussians: &ActivatedGaussians, cameras: &[Camera]) -> Result<Vec<Image>, Error> {
+    fn render(&mut self, prediction: &Prediction, cameras: &[Camera]) -> Result<Vec<Image>, Error> {
         let (background, settings) = (self.background(), self.raster_settings());
-        let rendered = self.renderer().render(gaussians, cameras, background, &settings)?;
+        // All cameras in one drawing, but where each sees other opacities.
+        let at_once = if prediction.view_opacity.is_some() { 1 } else { cameras.len().max(1) };
+        let mut rendered = Vec::with_capacity(cameras.len());
+        for cameras in cameras.chunks(at_once) {
+            let seen = prediction.seen_by(&cameras[0]);
+            rendered.extend(self.renderer().render(&seen, cameras, background, &settings)?);
+        }
         let image = |(mut pixels, camera): (Vec<f32>, &Camera)| {
             pixels.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0));
             Image { width: camera.width, height: camera.height, pixels }

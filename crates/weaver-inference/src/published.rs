@@ -180,7 +180,7 @@ impl Scene<'_> {
         };
         let prediction = predictor.predict(photos, source, density, stream)?;
         predictor.release();
-        let renders = predictor.render(&prediction.gaussians, &prediction.cameras)?;
+        let renders = predictor.render(&prediction, &prediction.cameras)?;
         writing();
         reconstruct::write(self.out, self.paths, self.photos, &renders, &prediction)?;
         reconstruct::write_summary(self.out, &predictor)?;

@@ -85,7 +85,8 @@ pub fn reconstruct(
     let cameras = if given.is_some() { "given" } else { "predicted" };
     let allocation = density.allocation.map_or(String::new(), |kind| format!(", allocation {kind}"));
     remarks.push(format!("cameras {cameras}{allocation}"));
-    let renders = predictor.render(&prediction.gaussians, &prediction.cameras)?;
+    remarks.extend(prediction.view_opacity.is_some().then(|| ONE_OPACITY.to_string()));
+    let renders = predictor.render(&prediction, &prediction.cameras)?;
     write(out, images, &photos, &renders, &prediction)?;
     write_summary(out, predictor)?;
     if let (Some(looks), Some(shown)) = (&options.looks, shown) {
@@ -115,6 +116,9 @@ pub(crate) fn how_scaled(prediction: &Prediction) -> Vec<String> {
 
 /// The remark on a single photo.
 pub(crate) const ONE_PHOTO: &str = "warning: one photo only: depth rests on a single view";
+
+/// The remark on a file that cannot hold opacities that depend on the view.
+const ONE_OPACITY: &str = "opacities depend on the view: scene.ply has those of the mean logit over the photos' cameras, scene.safetensors all numbers";
 
 /// The figures of a scene.
 pub(crate) fn report(
@@ -168,6 +172,9 @@ pub(crate) fn write(
     }
     stack(&rows.iter().collect::<Vec<_>>()).write_png(out.join("overview.png"))?;
     weaver_io::write_ply(out.join("scene.ply"), &prediction.gaussians.to_stored())?;
+    if let Some(opacity) = &prediction.view_opacity {
+        opacity.write(&prediction.gaussians, &out.join("scene.safetensors"))?;
+    }
     write_cameras(out, &names, &prediction.cameras)
 }
 

@@ -186,6 +186,7 @@ impl SplatWeaverPredictor {
                 counts: made.assignment.expert.to_vec(),
                 density: made.assignment.density([height, width]),
                 points_used,
+                ..Prediction::default()
             };
             JointPrediction { prediction, targets }
         }))

@@ -1,8 +1,10 @@
 //! 2Xplat with its weights.
 
 use crate::given_cameras::{self, GivenCameras};
-use crate::pixel_aligned::one_for_each;
-use crate::{CameraSource, Checkpoint, Density, Error, JointPrediction, Photos, Prediction, Predictor, WeightSet};
+use crate::pixel_aligned::{of_pixels, one_for_each};
+use crate::{
+    CameraSource, Checkpoint, Density, Error, JointPrediction, Photos, Prediction, Predictor, ViewOpacity, WeightSet,
+};
 use std::sync::Arc;
 use weaver_autograd::{Params, Tape};
 use weaver_geometry::Camera;
@@ -76,24 +78,36 @@ impl TwoExpertsPredictor {
         CameraSlices { viewmats, intrinsics, background: &[], width, height }.to_cameras()
     }
 
-    /// What the appearance expert makes of photos with these cameras.
-    fn gaussians(&self, photos: Photos<'_>, cameras: &[Camera]) -> (ActivatedGaussians, Vec<f32>) {
+    /// What the appearance expert makes of photos with these cameras, of the pixels that count.
+    fn gaussians(&self, photos: Photos<'_>, cameras: &[Camera]) -> Prediction {
         let Photos { planes, height, width, .. } = photos;
         let (views, rows) = (photos.views(), CameraRows::new(cameras));
-        let cameras = CameraVars {
+        let vars = CameraVars {
             viewmats: self.tape.constant(&rows.viewmats, [views, 3, 4]),
             intrinsics: self.tape.constant(&rows.intrinsics, [views, 4]),
         };
         let all = self.tape.constant(planes, [views, 3, height, width]);
-        let made = self.model.gaussians(Context::new(&self.tape, &self.params), all, &cameras);
+        let made = self.model.gaussians(Context::new(&self.tape, &self.params), all, &vars);
         let g = made.gaussians;
         let [means, scales, quats, opacities, sh] =
             [g.means, g.scales, g.quats, g.opacities, g.colors].map(|x| x.to_vec());
         let degree = g.colors.shape()[1].isqrt() - 1;
-        (ActivatedGaussians { means, scales, quats, opacities, sh, degree }, made.depth.to_vec())
+        let plain = ActivatedGaussians { means, scales, quats, opacities, sh, degree };
+        let mut prediction = one_for_each(plain, made.depth.to_vec(), photos.inside);
+        if made.opacities.depend_on_view() {
+            let all = made.opacities.numbers.to_vec();
+            let harmonics = match photos.inside {
+                Some(inside) => of_pixels(&all, inside),
+                None => all,
+            };
+            let opacity = ViewOpacity { harmonics };
+            prediction.gaussians.opacities = opacity.over(&prediction.gaussians.means, cameras);
+            prediction.view_opacity = Some(opacity);
+        }
+        prediction
     }
 
-    /// A prediction of the pixels that count.
+    /// A prediction with its cameras.
     fn prediction(
         &self,
         photos: Photos<'_>,
@@ -101,8 +115,8 @@ impl TwoExpertsPredictor {
         predicted: Vec<Camera>,
         scaled_by: Option<f64>,
     ) -> Prediction {
-        let (gaussians, depth) = self.gaussians(photos, &cameras);
-        Prediction { cameras, predicted, scaled_by, ..one_for_each(gaussians, depth, photos.inside) }
+        let made = self.gaussians(photos, &cameras);
+        Prediction { cameras, predicted, scaled_by, ..made }
     }
 }
 

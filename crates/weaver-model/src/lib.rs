@@ -15,7 +15,7 @@ pub use config::{
 pub use guidance::Guidance;
 pub use splatweaver::{Dense, PredictedGaussians, SplatWeaver};
 pub use two_experts::{AppearanceConfig, GeometryConfig, PixelGaussians, TwoExperts, TwoExpertsConfig};
-pub use wild::{LookConfig, Surface, Wild, WildConfig, WildDenseConfig, WildGaussianConfig};
+pub use wild::{LookConfig, Surface, Wild, WildConfig, WildDenseConfig, WildGaussianConfig, WildParametrization};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -4,10 +4,10 @@ mod config;
 
 pub use config::{AppearanceConfig, GeometryConfig, TwoExpertsConfig};
 
-use weaver_autograd::{Params, Real, Var};
+use weaver_autograd::{Outputs, Params, Real, Var};
 use weaver_nn::{Builder, Context};
 use weaver_pose::CameraVars;
-use weaver_pyramid::Pyramid;
+use weaver_pyramid::{Opacities, Pyramid};
 use weaver_splat::GaussianVars;
 use weaver_vggt::{CameraNetwork, Encoded};
 
@@ -26,10 +26,34 @@ pub struct TwoExperts {
 /// One Gaussian for each pixel of V photos, and the depth on which it lies.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelGaussians<'t, T: Real = f32> {
-    /// V H W Gaussians, in the frame of the cameras that they were made with.
+    /// V H W Gaussians, in the frame of the cameras that they were made with; where opacity depends on the view, without regard to it.
     pub gaussians: GaussianVars<'t, T>,
+    /// Their opacities, seen from anywhere.
+    pub opacities: Opacities<'t, T>,
     /// Depth along the optical axis `[V, H, W]`.
     pub depth: Var<'t, T>,
+}
+
+impl<T: Real> Outputs<T> for PixelGaussians<'_, T> {
+    fn for_each_var(&self, visit: &mut dyn FnMut(Var<'_, T>)) {
+        let Self { gaussians, opacities, depth } = self;
+        gaussians.for_each_var(visit);
+        opacities.for_each_var(visit);
+        visit(*depth);
+    }
+}
+
+impl<'t, T: Real> PixelGaussians<'t, T> {
+    /// The Gaussians as a camera at `center` `[3]` sees them.
+    pub fn seen_from(&self, center: Var<'t, T>) -> GaussianVars<'t, T> {
+        GaussianVars { opacities: self.opacities.seen_from(self.gaussians.means, center), ..self.gaussians }
+    }
+
+    /// Those of the pixels for which `kept` `[V H W]` is true; depth is of all.
+    #[must_use]
+    pub fn kept(&self, kept: &[bool]) -> Self {
+        Self { gaussians: self.gaussians.kept(kept), opacities: self.opacities.kept(kept), ..*self }
+    }
 }
 
 impl TwoExperts {
@@ -73,10 +97,10 @@ impl TwoExperts {
         photos: Var<'t, T>,
         cameras: &CameraVars<'t, T>,
     ) -> PixelGaussians<'t, T> {
-        let (gaussians, depth) = cx.part("appearance", || {
+        cx.part("appearance", || {
             let (raw, _) = self.appearance.forward(cx, photos, cameras);
-            raw.gaussians(self.config.parametrization(), cameras.intrinsics, photos)
-        });
-        PixelGaussians { gaussians, depth }
+            let (gaussians, depth) = raw.gaussians(self.config.parametrization(), cameras.intrinsics, photos);
+            PixelGaussians { gaussians, opacities: raw.opacities(), depth }
+        })
     }
 }

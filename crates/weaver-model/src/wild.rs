@@ -2,22 +2,24 @@
 
 mod config;
 
-pub use config::{LookConfig, WildConfig, WildDenseConfig, WildGaussianConfig};
+pub use config::{LookConfig, WildConfig, WildDenseConfig, WildGaussianConfig, WildParametrization};
 
 use weaver_appearance::{AppearanceEncoder, LookDecoder, standardized};
 use weaver_autograd::{Params, Real, Var, ops};
-use weaver_geometry::glam::DMat3;
+use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::sh;
 use weaver_nn::{Builder, Context, Conv2d, WeightInit};
 use weaver_pose::CameraVars;
 use weaver_splat::GaussianVars;
 use weaver_vggt::{Encoded, FeatureHead, Vggt};
 
-/// Numbers of a pixel's Gaussian: scales 3, quaternion 4 (xyzw), opacity, offset along the ray.
+/// Numbers of a pixel's Gaussian: scales 3, quaternion 4 (xyzw), opacity, and offset along the ray but where that has its own decoder.
 const NUMBERS: usize = 9;
 const QUATERNION: usize = 3;
 const OPACITY: usize = 7;
 const OFFSET: usize = 8;
+/// Smallest and largest published scale, in tenths of the sum of a pixel's width and height at its depth.
+const SCALES: [f64; 2] = [1e-5, 30.0];
 
 /// WildSplatter (Fujimura et al., arXiv 2604.21182): Gaussians of context photos, and their colors under the look of any photo.
 ///
@@ -31,6 +33,7 @@ pub struct Wild {
     vggt: Vggt,
     features: FeatureHead,
     geometry: Conv2d,
+    offset: Option<[Conv2d; 2]>,
     encoder: AppearanceEncoder,
     decoder: LookDecoder,
 }
@@ -62,6 +65,14 @@ impl<'t, T: Real> Surface<'t, T> {
         let Self { means, quats, scales, opacities, .. } = *self;
         GaussianVars { means, quats, scales, opacities, colors }
     }
+
+    /// The same elsewhere and of another size: s means + b, s scales.
+    #[must_use]
+    pub fn placed(&self, scale: f64, shift: DVec3) -> Self {
+        let n = self.means.shape()[0];
+        let shift = self.means.tape().constant(&shift.to_array().map(T::from_f64), [1, 3]);
+        Self { means: self.means * scale + shift.expand([n, 3]), scales: self.scales * scale, ..*self }
+    }
 }
 
 impl Wild {
@@ -86,12 +97,19 @@ impl Wild {
         let vggt = Vggt::new(root.scope_here(), config.vggt());
         let features = FeatureHead::new(root.scope("gaussian_param_head"), config.feature_head());
         let mut head = root.scope("gaussian_param_head");
-        let geometry = Conv2d::new(head.scope("geometry"), config.dense.channels, NUMBERS, 1, WeightInit::FanIn);
+        let published = config.gaussians.parametrization == WildParametrization::Published;
+        let (channels, numbers) = (config.dense.channels, if published { OFFSET } else { NUMBERS });
+        let geometry = Conv2d::new(head.scope("geometry"), channels, numbers, 1, WeightInit::FanIn);
+        let offset = published.then(|| {
+            [("offset.0", channels, 3), ("offset.2", 1, 1)].map(|(name, outputs, kernel)| {
+                Conv2d::new(head.scope(name), channels, outputs, kernel, WeightInit::FanIn)
+            })
+        });
         let gain = T::from_f64(config.gaussians.gain);
         head.value_mut(geometry.weight).iter_mut().for_each(|weight| *weight *= gain);
         let encoder = AppearanceEncoder::new(root.scope("appearance"), &config.encoder());
         let decoder = LookDecoder::new(root.scope("looks"), config.decoder());
-        Self { config, vggt, features, geometry, encoder, decoder }
+        Self { config, vggt, features, geometry, offset, encoder, decoder }
     }
 
     /// The configuration that the model was built with.
@@ -133,22 +151,36 @@ impl Wild {
         let pixels = height * width;
         let plain = standardized(&photos.value(), inside, pixels);
         let plain = cx.tape.constant(&plain, photos.shape());
-        let (features, raw) = cx.part("gaussian_param_head", || {
+        let (features, raw, farther) = cx.part("gaussian_param_head", || {
             let layers = encoded.view_tokens(b, 0, views);
             let tokens = encoded.dense_tokens(&layers, [height, width]);
             let features = self.features.forward(cx, tokens, plain).features;
-            (features, self.geometry.forward(cx, features))
+            let farther =
+                self.offset.as_ref().map(|[first, last]| last.forward(cx, first.forward(cx, features).relu()));
+            (features, self.geometry.forward(cx, features), farther)
         });
         let n = views * pixels;
-        let raw = raw.permute(&[0, 2, 3, 1]).reshape([n, NUMBERS]);
+        let raw = raw.permute(&[0, 2, 3, 1]).reshape([n, raw.shape()[1]]);
         let gaussians = &self.config.gaussians;
         let part = |first: usize, count: usize| raw.slice(1, first, count);
         let of_each = |axis: usize| cameras.intrinsics.slice(1, axis, 1).expand([views, pixels]).reshape([n]);
-        let shift = part(OFFSET, 1).reshape([n]).tanh() * gaussians.offset_reach / of_each(0) + 1.0;
-        let depth = (depth.reshape([n]) * shift).reshape([views, height, width]);
+        let depth = depth.reshape([n]);
+        let depth = match farther {
+            Some(farther) => depth + farther.reshape([n]).sigmoid(),
+            None => depth * (part(OFFSET, 1).reshape([n]).tanh() * gaussians.offset_reach / of_each(0) + 1.0),
+        };
+        let (width_there, raw_scales) = (depth / of_each(0), part(0, 3));
+        let scales = match gaussians.parametrization {
+            WildParametrization::Published => {
+                let size = (width_there + depth / of_each(1)) * 0.1;
+                size.reshape([n, 1]).expand([n, 3]) * (raw_scales.sigmoid() * (SCALES[1] - SCALES[0]) + SCALES[0])
+            }
+            WildParametrization::Footprint => {
+                width_there.reshape([n, 1]).expand([n, 3]) * raw_scales.clamp(-3.0, 3.0).exp() * gaussians.scale
+            }
+        };
+        let depth = depth.reshape([views, height, width]);
         let means = weaver_pose::unproject(depth, cameras.viewmats, cameras.intrinsics, 0.5).reshape([n, 3]);
-        let footprints = (depth.reshape([n]) / of_each(0)).reshape([n, 1]).expand([n, 3]);
-        let scales = footprints * part(0, 3).clamp(-3.0, 3.0).exp() * gaussians.scale;
         let to_world = cameras.viewmats.slice(2, 0, 3).permute(&[0, 2, 1]);
         let turn = weaver_pose::xyzw_from_rotation(to_world).reshape([views, 1, 4]).expand([views, pixels, 4]);
         let one = cx.tape.constant_with([n, 4], |q| q.iter_mut().skip(3).step_by(4).for_each(|w| *w = T::ONE));

@@ -18,6 +18,32 @@ pub struct CameraVars<'t, T: Real = f32> {
     pub intrinsics: Var<'t, T>,
 }
 
+impl<'t, T: Real> CameraVars<'t, T> {
+    /// Some of V cameras in a row, for viewmats `[V, 3, 4]` and intrinsics `[V, 4]`.
+    #[must_use]
+    #[track_caller]
+    pub fn slice(&self, first: usize, count: usize) -> Self {
+        let [viewmats, intrinsics] = [self.viewmats, self.intrinsics].map(|all| all.slice(0, first, count));
+        Self { viewmats, intrinsics }
+    }
+
+    /// Where V cameras stand, o = -R^T t, for viewmats `[V, 3, 4]`: `[V, 3]`. Differentiable, the entries of R taken as independent.
+    ///
+    /// ```
+    /// use weaver_autograd::Tape;
+    /// use weaver_pose::CameraVars;
+    /// let tape = Tape::<f64>::new();
+    /// let viewmats = tape.constant(&[1.0, 0.0, 0.0, 5.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 2.0], [1, 3, 4]);
+    /// let cameras = CameraVars { viewmats, intrinsics: tape.constant(&[1.0, 1.0, 0.5, 0.5], [1, 4]) };
+    /// assert_eq!(cameras.centers().to_vec(), [-5.0, 0.0, -2.0]);
+    /// ```
+    #[track_caller]
+    pub fn centers(&self) -> Var<'t, T> {
+        let [rotations, translations] = [(0, 3), (3, 1)].map(|(first, count)| self.viewmats.slice(2, first, count));
+        rotations.matmul_with(translations, true, false).reshape([self.viewmats.shape()[0], 3]) * -1.0
+    }
+}
+
 fn rectified<T: Real, const N: usize>(x: Dual<T, N>) -> Dual<T, N> {
     if x.value > T::ZERO { x } else { x * 0.0 }
 }

@@ -36,14 +36,13 @@ impl<'t, T: Real> Rays<'t, T> {
         let CameraVars { viewmats, intrinsics } = *cameras;
         let views = viewmats.shape()[0];
         let (tape, rotations) = (viewmats.tape(), viewmats.slice(2, 0, 3));
-        let origins = rotations.matmul_with(viewmats.slice(2, 3, 1), true, false).reshape([views, 3]) * -1.0;
         let one = tape.constant_with([views, height, width], |all| all.fill(T::ONE));
         let own = tape.constant_with(viewmats.shape(), |all| {
             all.chunks_exact_mut(12).for_each(|e| [0, 5, 10].into_iter().for_each(|i| e[i] = T::ONE));
         });
         // Unit vectors before they are turned: a turn keeps lengths, and its gradient is that of a turn.
         let local = unproject(one, own, intrinsics, 0.5).reshape([views, height * width, 3]).normalize_rows(0.0);
-        Self { origins, directions: local.matmul(rotations), cosines: local.slice(2, 2, 1), size }
+        Self { origins: cameras.centers(), directions: local.matmul(rotations), cosines: local.slice(2, 2, 1), size }
     }
 
     /// The points at a distance from where rays begin, o + rho d, for `distance` `[V, H W, 1]`: `[V, H W, 3]`.

@@ -1,8 +1,9 @@
 //! Raw numbers of pixels to Gaussians.
 
+use crate::opacity::{Opacities, OpacityDegree};
 use weaver_autograd::{Real, Var, ops};
 use weaver_geometry::sh;
-use weaver_pose::{Rays, harmonics};
+use weaver_pose::Rays;
 use weaver_splat::GaussianVars;
 
 /// Where the numbers of a pixel begin: position 3, color 12, scales 3, quaternion 4, opacity.
@@ -12,19 +13,6 @@ const QUATERNION: usize = 18;
 const OPACITY: usize = 22;
 /// Degree-1 harmonics of a color.
 const COLOR_HARMONICS: usize = 4;
-/// Numbers of an opacity of degree 2.
-const OPACITY_HARMONICS: usize = 9;
-
-/// How the opacity of a Gaussian depends on the direction from which it is seen.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum OpacityDegree {
-    /// It does not.
-    #[default]
-    Constant,
-    /// By harmonics up to degree 2, as published: one drawing for each camera.
-    Two,
-}
-
 /// How raw numbers become Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Parametrization {
@@ -53,16 +41,12 @@ pub struct RawGaussians<'t, T: Real = f32> {
 impl<'t, T: Real> RawGaussians<'t, T> {
     /// Numbers of a pixel.
     pub fn numbers(opacity: OpacityDegree) -> usize {
-        OPACITY
-            + match opacity {
-                OpacityDegree::Constant => 1,
-                OpacityDegree::Two => OPACITY_HARMONICS,
-            }
+        OPACITY + opacity.numbers()
     }
 
     /// The Gaussians, in the frame of the rays, and the depth on which they lie `[V, H, W]`. `intrinsics` `[V, 4]` and `photos` `[V, 3,
-    /// H, W]` are those of the rays. Opacity that depends on the view is the harmonics' mean, of degree 0; [`RawGaussians::opacity_from`]
-    /// has it as a camera sees it.
+    /// H, W]` are those of the rays. Opacity that depends on the view is that of the mean logit;
+    /// [`RawGaussians::opacities`] has it as a camera sees it.
     #[track_caller]
     pub fn gaussians(
         &self,
@@ -98,39 +82,13 @@ impl<'t, T: Real> RawGaussians<'t, T> {
         };
         let distance = distance.reshape([views, pixels, 1]);
         let means = self.rays.points(distance).reshape([n, 3]);
-        let even = part(OPACITY, 1).reshape([n]);
-        let opacities = match self.opacity {
-            OpacityDegree::Constant => even,
-            OpacityDegree::Two => (even - 2.0) * sh::DC,
-        };
-        let gaussians = GaussianVars { means, quats, scales, opacities: opacities.sigmoid(), colors };
+        let gaussians = GaussianVars { means, quats, scales, opacities: self.opacities().mean(), colors };
         (gaussians, self.rays.depth(distance))
     }
 
-    /// Opacities `[V H W]` of Gaussians at `means` `[V H W, 3]` as a camera at `center` `[3]` sees them: sigmoid(sum_k Y_k(direction) a_k),
-    /// 2 taken off a_0. The same for every camera where the degree is constant.
+    /// The Gaussians' opacities, seen from anywhere.
     #[track_caller]
-    pub fn opacity_from(&self, means: Var<'t, T>, center: Var<'t, T>) -> Var<'t, T> {
-        let n = means.shape()[0];
-        match self.opacity {
-            OpacityDegree::Constant => self.raw.slice(1, OPACITY, 1).reshape([n]).sigmoid(),
-            OpacityDegree::Two => {
-                let directions = (means - center.reshape([1, 3]).expand([n, 3])).normalize_rows(0.0);
-                self.opacity_along(directions)
-            }
-        }
-    }
-
-    /// The same along unit vectors `[V H W, 3]`: what the published loss on opacities takes random ones for.
-    #[track_caller]
-    pub fn opacity_along(&self, directions: Var<'t, T>) -> Var<'t, T> {
-        let n = directions.shape()[0];
-        if self.opacity == OpacityDegree::Constant {
-            return self.raw.slice(1, OPACITY, 1).reshape([n]).sigmoid();
-        }
-        let numbers = self.raw.slice(1, OPACITY, OPACITY_HARMONICS);
-        let even = numbers.slice(1, 0, 1) - 2.0;
-        let numbers = ops::concat(&[even, numbers.slice(1, 1, OPACITY_HARMONICS - 1)], 1);
-        (harmonics(directions) * numbers).sum_axis(1).sigmoid()
+    pub fn opacities(&self) -> Opacities<'t, T> {
+        Opacities::of_raw(self.raw.slice(1, OPACITY, self.opacity.numbers()))
     }
 }

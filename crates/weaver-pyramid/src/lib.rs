@@ -4,8 +4,10 @@ mod aggregation;
 mod block;
 mod gaussians;
 mod merge;
+mod opacity;
 mod positions;
 mod pyramid;
 
-pub use gaussians::{OpacityDegree, Parametrization, RawGaussians};
+pub use gaussians::{Parametrization, RawGaussians};
+pub use opacity::{Opacities, OpacityDegree};
 pub use pyramid::{Features, Pyramid, PyramidConfig};

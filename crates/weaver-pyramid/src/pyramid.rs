@@ -2,8 +2,9 @@
 
 use crate::aggregation::{Aggregation, LEVELS};
 use crate::block::{Block, Known};
-use crate::gaussians::{OpacityDegree, RawGaussians};
+use crate::gaussians::RawGaussians;
 use crate::merge::Merge;
+use crate::opacity::OpacityDegree;
 use crate::positions::Positions;
 use weaver_autograd::{List, ParamId, Real, Var, ops};
 use weaver_nn::{Builder, Context, Init, LayerNorm, Linear, Projections, WeightInit};

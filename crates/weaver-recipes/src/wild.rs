@@ -1,5 +1,6 @@
 //! WildSplatter's recipe.
 
+mod frame;
 mod objective;
 mod presets;
 mod sections;

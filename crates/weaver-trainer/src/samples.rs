@@ -31,7 +31,7 @@ pub fn write(predictor: &mut dyn Predictor, options: &Options, scenes: &[Scene],
         let source = example.camera_source(options.cameras, measured, points.as_ref());
         let stream = Stream::new(options.seed, index as u64, "samples");
         let prediction = predictor.predict(example.context_photos(), source, options.density, stream)?;
-        let renders = predictor.render(&prediction.gaussians, &prediction.cameras)?;
+        let renders = predictor.render(&prediction, &prediction.cameras)?;
         let first = &scene.views[example.tuple.context[0]].image;
         let one_each = predictor.max_per_pixel() == 1 && prediction.predicted.len() > 1;
         rows.extend(renders.first().map(|render| match one_each {
@@ -71,7 +71,7 @@ fn in_two_lights(
     let mut renders = Vec::new();
     for sh in made.colors {
         prediction.gaussians.sh = sh;
-        renders.extend(predictor.render(&prediction.gaussians, &prediction.cameras[..1])?);
+        renders.extend(predictor.render(&prediction, &prediction.cameras[..1])?);
     }
     Ok(side_by_side(&[own, &renders[0], &renders[1], other]))
 }

@@ -163,7 +163,7 @@ pub fn pyramid<T: Real>(file: Reference) -> Reference {
     file.check("out.means", &gaussians.means.value());
     file.check("out.scales", &gaussians.scales.value());
     file.check("out.sh", &gaussians.colors.value());
-    let opacities = raw.opacity_from(gaussians.means, raw.rays.origins.slice(0, 0, 1));
+    let opacities = raw.opacities().seen_from(gaussians.means, raw.rays.origins.slice(0, 0, 1));
     file.check("out.opacities", &opacities.value());
     let loss = file.weighted(raw.raw, "cot.raw")
         + file.weighted(opacities, "cot.opacities")

@@ -59,6 +59,9 @@ pub struct AppearanceConfig {
     pub camera_attention: bool,
     /// Whether rays are given in the world; `false`, in the frame of their own camera, is for ablations.
     pub world_rays: bool,
+    /// Degree of the harmonics by which opacity depends on where a Gaussian is seen from: 0, where it does not, or 2 as published.
+    #[serde(default)]
+    pub opacity_degree: usize,
     /// Scale of a raw 0, in footprints (a pixel's width at its distance): positive.
     pub scale: f64,
     /// Factor on the initial weights of the last layer: not negative.
@@ -88,6 +91,7 @@ impl TwoExpertsConfig {
             features: 48,
             camera_attention: true,
             world_rays: true,
+            opacity_degree: 0,
             scale: 0.7,
             gain: 0.3,
         };
@@ -131,6 +135,7 @@ impl TwoExpertsConfig {
         multiple("appearance.width", a.width, a.head)?;
         // Positions are added to tokens of all levels.
         multiple("appearance.features", a.features, 4)?;
+        ensure([0, 2].contains(&a.opacity_degree), "appearance.opacity_degree", "0 or 2", a.opacity_degree)?;
         positive("appearance.scale", a.scale)?;
         not_negative("appearance.gain", a.gain)?;
         self.raster.check()
@@ -154,7 +159,7 @@ impl TwoExpertsConfig {
             features: a.features,
             cameras: a.camera_attention,
             world_rays: a.world_rays,
-            opacity: OpacityDegree::Constant,
+            opacity: if a.opacity_degree == 0 { OpacityDegree::Constant } else { OpacityDegree::Two },
             gain: a.gain,
         }
     }

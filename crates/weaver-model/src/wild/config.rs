@@ -50,15 +50,31 @@ pub struct WildDenseConfig {
     pub log_depth_limit: f64,
 }
 
+/// How the numbers of a pixel become a Gaussian.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum WildParametrization {
+    /// Relative to what a pixel covers at its depth: offsets along the ray and scales in footprints.
+    #[default]
+    Footprint,
+    /// As published: a decoder of its own says how much farther than its depth a Gaussian lies, 0 to 1, and scales are (1e-5 + (30 - 1e-5)
+    /// sigmoid(raw)) depth 0.1 (1/fx + 1/fy).
+    Published,
+}
+
 /// One Gaussian for each pixel.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WildGaussianConfig {
     /// Degree of the spherical harmonics of color, 0 to 4: 2 as published.
     pub sh_degree: usize,
-    /// Largest offset of a Gaussian from its pixel's depth along the ray, in footprints (a pixel's width at its depth): not negative.
+    /// How the numbers of a pixel become a Gaussian.
+    #[serde(default)]
+    pub parametrization: WildParametrization,
+    /// Largest offset of a Gaussian from its pixel's depth along the ray, in footprints (a pixel's width at its depth): not negative. Not
+    /// of the published parametrization.
     pub offset_reach: f64,
-    /// Scale of a raw 0, in footprints: positive.
+    /// Scale of a raw 0, in footprints: positive. Not of the published parametrization.
     pub scale: f64,
     /// Factor on the initial weights of the last layer: not negative.
     pub gain: f64,
@@ -112,6 +128,7 @@ impl WildConfig {
         };
         let gaussians = WildGaussianConfig {
             sh_degree: 1,
+            parametrization: WildParametrization::Footprint,
             offset_reach: 2.0,
             scale: 0.7,
             gain: 0.3,

@@ -2,7 +2,8 @@
 
 use weaver_autograd::gradcheck::Input;
 use weaver_autograd::{Params, Tape, Var};
-use weaver_model::{Surface, Wild, WildConfig};
+use weaver_geometry::glam::DVec3;
+use weaver_model::{Surface, Wild, WildConfig, WildParametrization};
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
 
@@ -16,8 +17,12 @@ fn config(recolor: bool) -> WildConfig {
 
 /// A network none of whose parameters is zero.
 fn network(recolor: bool) -> (Wild, Params<f32>) {
+    configured(config(recolor))
+}
+
+fn configured(config: WildConfig) -> (Wild, Params<f32>) {
     let mut params = Params::new();
-    let network = Wild::new(config(recolor), &mut params, 3);
+    let network = Wild::new(config, &mut params, 3);
     for id in params.ids().collect::<Vec<_>>() {
         let values = params.value_mut(id);
         let noise = Input::uniform(values.len() as u64, -0.05, 0.05, [values.len()]).data;
@@ -79,14 +84,52 @@ fn looks_change_colors_and_nothing_else() {
     }
 }
 
+/// As published, Gaussians lie behind the depth, by less than 1, and their scales are in bounds of what a pixel covers there.
 #[test]
-fn a_look_of_nobody_is_zero_and_pictures_teach_all_that_makes_colors() {
-    let (network, params) = network(true);
+fn published_gaussians_lie_behind_the_depth() {
+    let mut published = config(true);
+    published.gaussians.parametrization = WildParametrization::Published;
+    let (network, params) = configured(published);
     let tape = Tape::new();
     let cx = Context::new(&tape, &params);
-    let made = surface(cx, &network);
+    let shown = photos(&tape, &network, VIEWS, 1);
+    let size = [network.config().height, network.config().width];
+    let encoded = network.encode(cx, shown.reshape([1, VIEWS, 3, size[0], size[1]]));
+    let depth = network.depth(cx, &encoded, 0, VIEWS, size);
+    let made = network.surface(cx, (&encoded, 0), shown, None, depth, &cameras(&tape, &network));
+    let (before, after, scales) = (depth.to_vec(), made.depth.to_vec(), made.scales.to_vec());
+    assert!(before.iter().zip(&after).all(|(a, b)| a < b && *b < a + 1.0));
+    let pixel = 2.0 / size[1] as f32 * 0.1;
+    assert!(scales.iter().enumerate().all(|(i, s)| *s > 0.0 && *s < 30.0 * pixel * after[i / 3]));
+}
+
+#[test]
+fn surfaces_are_placed_elsewhere() {
+    let (network, params) = network(true);
+    let tape = Tape::new();
+    let made = surface(Context::new(&tape, &params), &network);
+    let placed = made.placed(2.0, DVec3::new(1.0, 0.0, -3.0));
+    let (before, after) = (made.means.to_vec(), placed.means.to_vec());
+    assert!(before.iter().zip(&after).enumerate().all(|(i, (a, b))| 2.0 * a + [1.0, 0.0, -3.0][i % 3] == *b));
+    assert!(made.scales.to_vec().iter().zip(placed.scales.to_vec()).all(|(a, b)| 2.0 * a == b));
+    assert_eq!(made.quats.to_vec(), placed.quats.to_vec());
+}
+
+#[test]
+fn a_look_of_nobody_is_zero_and_pictures_teach_all_that_makes_colors() {
+    for parametrization in [WildParametrization::Footprint, WildParametrization::Published] {
+        let mut config = config(true);
+        config.gaussians.parametrization = parametrization;
+        pictures_teach_all_that_makes_colors(&configured(config));
+    }
+}
+
+fn pictures_teach_all_that_makes_colors((network, params): &(Wild, Params<f32>)) {
+    let tape = Tape::new();
+    let cx = Context::new(&tape, params);
+    let made = surface(cx, network);
     assert!(network.no_look(cx).to_vec().iter().all(|x| *x == 0.0));
-    let colors = network.colors(cx, &made, network.embed(cx, photos(&tape, &network, 1, 9)));
+    let colors = network.colors(cx, &made, network.embed(cx, photos(&tape, network, 1, 9)));
     (colors.square().sum() + made.scales.square().sum() + made.means.square().sum() + made.opacities.square().sum())
         .backward();
     for (id, param) in params.iter() {

@@ -80,7 +80,7 @@ proptest! {
             let cx = Context::new(x[0].tape(), &params);
             let (raw, _) = network.forward(cx, x[0], &cameras);
             let (gaussians, depth) = raw.gaussians(kind, x[2], x[0]);
-            let opacities = raw.opacity_from(gaussians.means, raw.rays.origins.slice(0, 1, 1));
+            let opacities = raw.opacities().seen_from(gaussians.means, raw.rays.origins.slice(0, 1, 1));
             vec![gaussians.means, gaussians.colors, gaussians.scales, opacities, depth]
         });
     }
@@ -144,7 +144,7 @@ fn every_parameter_learns() {
         };
         let (raw, _) = network.forward(Context::new(&tape, &params), photos, &cameras);
         let (gaussians, _) = raw.gaussians(Parametrization::Footprint { scale: 0.7 }, cameras.intrinsics, photos);
-        let opacities = raw.opacity_from(gaussians.means, raw.rays.origins.slice(0, 0, 1));
+        let opacities = raw.opacities().seen_from(gaussians.means, raw.rays.origins.slice(0, 0, 1));
         let all = [gaussians.means, gaussians.quats, gaussians.scales, gaussians.colors, opacities];
         let sums = all.map(|x| (x * x).sum());
         sums.into_iter().reduce(|a, b| a + b).unwrap().backward();

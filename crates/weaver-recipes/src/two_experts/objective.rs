@@ -3,10 +3,11 @@
 use super::TwoExpertsRecipe;
 use super::sections::Runs;
 use weaver_autograd::{List, Var, ops};
+use weaver_kernels::random::Stream;
 use weaver_model::TwoExperts;
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
-use weaver_splat::Rasterize;
+use weaver_splat::{GaussianVars, Rasterize};
 use weaver_trainer::losses::{PoseCodes, camera_constants, photo_constant};
 use weaver_trainer::{CameraMode, Example, StageConfig, Step, Terms};
 
@@ -49,7 +50,7 @@ pub(super) fn terms<'t>(
             (CameraMode::Predicted, Some(encoded)) => encoded.scene_cameras(b),
             _ => camera_constants(cx, &example.cameras),
         };
-        rendered(&mut terms, cx, network, step, example, &cameras);
+        rendered(&mut terms, cx, network, step, (b, example), &cameras);
     }
     terms
 }
@@ -70,24 +71,48 @@ fn rendered<'t>(
     cx: Context<'t, '_, f32>,
     network: &TwoExperts,
     step: &Step<'_, TwoExpertsRecipe>,
-    example: &Example,
+    (b, example): (usize, &Example),
     cameras: &CameraVars<'t>,
 ) {
     let (stage, views) = (step.stage, example.context().len());
     let share = 1.0 / stage.tuples as f64;
-    let context =
-        CameraVars { viewmats: cameras.viewmats.slice(0, 0, views), intrinsics: cameras.intrinsics.slice(0, 0, views) };
-    let made = network.gaussians(cx, photo_constant(cx, example.context_photos()), &context).gaussians;
-    let all = made.opacities.shape()[0];
+    let made = network.gaussians(cx, photo_constant(cx, example.context_photos()), &cameras.slice(0, views));
+    let all = made.gaussians.opacities.shape()[0];
     let made = example.inside_of(views).map_or(made, |inside| made.kept(inside));
-    terms.gaussians_per_pixel += (share * made.opacities.shape()[0] as f64 / all as f64) as f32;
+    let kept = made.gaussians.opacities.shape()[0];
+    terms.gaussians_per_pixel += (share * kept as f64 / all as f64) as f32;
     let config = network.config();
     // Intrinsics are held constant in the rasterizer, as in gsplat; they learn through rays and footprints.
     let shown = CameraVars { viewmats: cameras.viewmats, intrinsics: cameras.intrinsics.detach() };
     let background = cx.tape.constant(&config.raster.background.map(|c| c as f32), [3]);
-    let op = Rasterize::new(config.width, config.height, config.raster.settings(), step.workspaces).without_depth();
-    let image = op.apply(&made, &shown, background).image.permute(&[0, 3, 1, 2]).clamp(0.0, 1.0);
+    let draw = |gaussians: &GaussianVars<'t, f32>, cameras: &CameraVars<'t>| {
+        let op = Rasterize::new(config.width, config.height, config.raster.settings(), step.workspaces).without_depth();
+        op.apply(gaussians, cameras, background).image
+    };
+    let images = if made.opacities.depend_on_view() {
+        let centers = cameras.centers();
+        let seen = |i: usize| draw(&made.seen_from(centers.slice(0, i, 1)), &shown.slice(i, 1));
+        let images: List<_> = (0..example.cameras.len()).map(seen).collect();
+        ops::concat(&images, 0)
+    } else {
+        draw(&made.gaussians, &shown)
+    };
+    let image = images.permute(&[0, 3, 1, 2]).clamp(0.0, 1.0);
     let (truth, inside) = (photo_constant(cx, example.photos()), example.inside_of(example.cameras.len()));
     stage.losses.image.add(terms, share, step.lpips, [image, truth], inside);
-    terms.add("opacity", stage.losses.opacity, share, || made.opacities.mean());
+    terms.add("opacity", stage.losses.opacity, share, || {
+        if made.opacities.depend_on_view() {
+            made.opacities.along(random_directions(cx, kept, step.stream.fork(b as u64))).mean()
+        } else {
+            made.gaussians.opacities.mean()
+        }
+    });
+}
+
+/// Unit vectors `[N, 3]` of all directions alike.
+fn random_directions<'t>(cx: Context<'t, '_, f32>, n: usize, stream: Stream) -> Var<'t, f32> {
+    let normal = cx.tape.constant_with([n, 3], |all| {
+        (0..).zip(all).for_each(|(i, x)| *x = stream.normal(i));
+    });
+    normal.normalize_rows(0.0)
 }

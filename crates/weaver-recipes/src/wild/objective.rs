@@ -1,6 +1,7 @@
 //! WildSplatter's loss of one step.
 
 use super::WildRecipe;
+use super::frame::KnownDepth;
 use super::sections::Runs;
 use weaver_autograd::Var;
 use weaver_losses as losses;
@@ -13,6 +14,9 @@ use weaver_trainer::{CameraMode, Example, StageConfig, Step, Terms};
 
 /// That there is a loss with a weight.
 pub(super) fn check(stage: &StageConfig<WildRecipe>, key: &str) -> Result<(), String> {
+    if stage.model.aligned && stage.model.cameras == CameraMode::Given {
+        return Err(format!("{key}.model.aligned: expected model.cameras = \"predicted\" with it, found \"given\""));
+    }
     if stage.renders() || stage.losses.pose.sum() + stage.losses.depth > 0.0 {
         return Ok(());
     }
@@ -51,7 +55,14 @@ pub(super) fn terms<'t>(
             CameraMode::Given => camera_constants(cx, example.context()),
         };
         let (photos, inside) = (photo_constant(cx, example.context_photos()), example.inside_of(views));
-        let surface = network.surface(cx, (&encoded, b), photos, inside, depth, &cameras);
+        let mut surface = network.surface(cx, (&encoded, b), photos, inside, depth, &cameras);
+        if stage.model.aligned {
+            let points =
+                weaver_pose::unproject(depth.detach(), cameras.viewmats.detach(), cameras.intrinsics.detach(), 0.5);
+            let known = KnownDepth { depth: &example.depth, cameras: example.context() };
+            let Some(frame) = known.frame(&points.value()) else { continue };
+            surface = surface.placed(frame.scale, frame.translation);
+        }
         let targets = photo_constant(cx, example.photos()).slice(0, views, example.targets().len());
         let looks = if stage.model.embed {
             network.embed(cx, told(cx, step, targets, b))

@@ -32,7 +32,7 @@ fn poses(steps: usize) -> Stage {
         floor: 0.4,
         frozen: Vec::new(),
         recompute: false,
-        model: WildStage { cameras: CameraMode::Given, embed: true, halves: 0.0 },
+        model: WildStage { cameras: CameraMode::Given, aligned: false, embed: true, halves: 0.0 },
         losses: WildLosses {
             pose: PoseLosses { l1: 2.0, absolute: 1.0, ..PoseLosses::default() },
             ..WildLosses::default()
@@ -61,7 +61,7 @@ fn looks(steps: usize) -> Stage {
         rate: 1e-3,
         floor: 0.05,
         frozen: ["aggregator", "camera_head", "depth_head"].map(String::from).to_vec(),
-        model: WildStage { cameras: CameraMode::Given, embed: true, halves: 0.5 },
+        model: WildStage { halves: 0.5, ..poses(steps).model },
         losses: WildLosses {
             image: ImageLosses { mse: 1.0, ssim: 0.15, ..ImageLosses::default() },
             ..WildLosses::default()

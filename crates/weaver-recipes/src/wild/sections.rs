@@ -12,6 +12,10 @@ use weaver_trainer::{CameraMode, LossSection, StageConfig};
 pub struct WildStage {
     /// Whose cameras Gaussians are made with: given, or predicted. Targets are drawn from given ones.
     pub cameras: CameraMode,
+    /// With predicted cameras: whether Gaussians are laid over the data's points by a scale and a shift of each tuple, without gradient,
+    /// before they are drawn, as published. Tuples on which that fails teach nothing by their pictures.
+    #[serde(default)]
+    pub aligned: bool,
     /// Whether colors follow the embedding of the target's photo; `false`, with an embedding of zeros, is for ablations.
     pub embed: bool,
     /// Fraction of the targets whose photos tell their light with one half, the left or the right one: the other is filled with its mean, so

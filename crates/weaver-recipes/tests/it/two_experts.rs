@@ -3,10 +3,12 @@
 use std::sync::Arc;
 use weaver_data::Layout;
 use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_inference::reconstruct::{Options as ReconstructOptions, reconstruct};
 use weaver_inference::{CameraSource, Density, Predictor, SplatWeaverPredictor, TwoExpertsPredictor};
 use weaver_kernels::random::Stream;
 use weaver_recipes::{SplatWeaverRecipe, TwoExpertsRecipe, registry};
 use weaver_trainer::evaluate::{Options, evaluate};
+use weaver_trainer::losses::{camera_constants, photo_constant};
 use weaver_trainer::{CameraMode, Example, Recipe, Session, StepReport};
 
 type Config = weaver_trainer::Config<TwoExpertsRecipe>;
@@ -170,6 +172,56 @@ fn held_out_photos_are_drawn_from_either_camera() {
     assert!(wrong.unwrap_err().to_string().contains("expected predicted cameras"));
 }
 
+/// Opacities that depend on the view: other bits, the same at any number of threads; each camera sees its own, as the network means them,
+/// and a scene on disk keeps all numbers.
+#[test]
+fn opacities_may_depend_on_the_view() {
+    let config = || config(8, &["model.appearance.opacity_degree=2"]);
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| reports(config()).1)
+    };
+    let bits = on(1);
+    assert_eq!(bits, on(3));
+    assert_ne!(bits, reports(self::config(8, &[])).1);
+
+    let config = config();
+    let [height, width] = TwoExpertsRecipe::image_size(&config.model);
+    let scene = scene(5, &ProceduralOptions { width, height, views: 6 });
+    let tuple = weaver_data::Tuple { scene: 0, context: vec![0, 2], targets: vec![1] };
+    let example = Example::new(&scene, &Layout::of(&scene), tuple).unwrap();
+    let mut params = weaver_autograd::Params::new();
+    let network = Arc::new(TwoExpertsRecipe::build(&config.model, &mut params, 1));
+    let mut predictor = TwoExpertsPredictor::new(network.clone(), params.clone());
+    let (stream, given) = (Stream::new(0, 0, "test"), CameraSource::Given(example.context()));
+    let made = predictor.predict(example.context_photos(), given, Density::default(), stream).unwrap();
+    let [first, target] =
+        [example.context()[0], example.targets()[0]].map(|camera| made.seen_by(&camera).opacities.clone());
+    assert!(first != target && first != made.gaussians.opacities);
+
+    let tape = weaver_autograd::Tape::new();
+    let cx = weaver_nn::Context::new(&tape, &params);
+    let photos = photo_constant(cx, example.context_photos());
+    let on_tape = network.gaussians(cx, photos, &camera_constants(cx, example.context()));
+    let center = camera_constants(cx, example.targets()).centers();
+    let expected = on_tape.seen_from(center).opacities.to_vec();
+    assert!(expected.iter().zip(&target).all(|(a, b)| (a - b).abs() < 1e-5));
+
+    let folder = tempfile::tempdir().unwrap();
+    let names = [0, 2].map(|view| folder.path().join(format!("{view}.png")));
+    for (name, view) in names.iter().zip([0, 2]) {
+        scene.views[view].image.write_png(name).unwrap();
+    }
+    let report = reconstruct(&mut predictor, &names, &ReconstructOptions::default(), folder.path()).unwrap();
+    assert!(
+        report.remarks.iter().any(|remark| remark.starts_with("opacities depend on the view")),
+        "{:?}",
+        report.remarks
+    );
+    let described = weaver_io::info(folder.path().join("scene.safetensors")).unwrap();
+    assert!(described.contains("opacity_harmonics"), "{described}");
+}
+
 #[test]
 fn what_does_not_fit_is_named_with_both_numbers() {
     let cases = [
@@ -179,6 +231,7 @@ fn what_does_not_fit_is_named_with_both_numbers() {
         ),
         (&["model.width=40"], "model.width: expected a positive multiple of 16, four times appearance.patch, found 40"),
         (&["model.appearance.head=12"], "model.appearance.head: expected a positive multiple of 8, found 12"),
+        (&["model.appearance.opacity_degree=1"], "model.appearance.opacity_degree: expected 0 or 2, found 1"),
         (&["stages.0.losses.opacity=1"], "stages.0.losses.opacity: expected 0 in a stage without rendered tuples"),
         (
             &["stages.1.losses.image.mse=0", "stages.1.losses.image.ssim=0", "stages.1.losses.opacity=0"],

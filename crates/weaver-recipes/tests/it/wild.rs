@@ -121,6 +121,28 @@ fn looks_masks_and_occluders_each_change_the_run() {
     assert_eq!(found.len(), all.len());
 }
 
+/// Published Gaussians, and predicted cameras with Gaussians laid over the data's points: other runs, each with the same bits at any number
+/// of threads.
+#[test]
+fn published_parametrization_and_frame_each_change_the_run() {
+    let predicted = "stages.2.model.cameras=predicted";
+    let all: [&[&str]; 4] = [
+        &[],
+        &["model.gaussians.parametrization=published"],
+        &[predicted],
+        &[predicted, "stages.2.model.aligned=true", "model.gaussians.parametrization=published"],
+    ];
+    let on = |threads: usize, settings: &[&str]| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| trained(config(8, settings)).checksum())
+    };
+    let mut found: Vec<String> = all.iter().map(|settings| on(2, settings)).collect();
+    assert_eq!(found[3], on(1, all[3]));
+    found.sort();
+    found.dedup();
+    assert_eq!(found.len(), all.len());
+}
+
 /// One geometry, whatever the look: predictions under two photos, between them, and of nobody.
 #[test]
 fn geometry_is_the_same_under_every_look() {
@@ -225,6 +247,10 @@ fn what_does_not_fit_is_named() {
         (&["stages.0.losses.pose.l1=0", "stages.0.losses.pose.absolute=0"], "stages.0.losses: expected a loss"),
         (&["model.looks.embedding=0"], "model.looks.embedding: expected 1 to 1000000, found 0"),
         (&["data.looks.masked=true"], "masked"),
+        (
+            &["stages.2.model.aligned=true"],
+            "stages.2.model.aligned: expected model.cameras = \"predicted\" with it, found \"given\"",
+        ),
     ];
     for (settings, expected) in cases {
         let found = message(settings);

@@ -30,8 +30,10 @@ pub(super) fn aligned(
     options: &Options,
 ) -> Result<AlignedView, Error> {
     let prediction = &drawn.prediction;
+    // Opacities that depend on the view stay as they are at the guess.
+    let seen = prediction.seen_by(&drawn.camera);
     let scene = AlignScene {
-        gaussians: prediction.gaussians.as_slices(),
+        gaussians: seen.as_slices(),
         background: predictor.background(),
         settings: predictor.raster_settings(),
         unit: unit(prediction.cameras.iter().map(|camera| camera.pose.center())),

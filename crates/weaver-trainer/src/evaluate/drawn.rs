@@ -170,7 +170,7 @@ impl Drawing<'_> {
     }
 
     fn render(&mut self, prediction: &Prediction, camera: Camera) -> Result<Image, Error> {
-        Ok(self.predictor.render(&prediction.gaussians, &[camera])?.remove(0))
+        Ok(self.predictor.render(prediction, &[camera])?.remove(0))
     }
 }
 
