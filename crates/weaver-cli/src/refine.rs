@@ -15,8 +15,9 @@ pub fn refined(
     let effort = match (flags.refine, flags.refine_steps) {
         (Some(seconds), _) => Effort::Seconds(seconds),
         (None, Some(steps)) => Effort::Steps(steps as usize),
-        (None, None) if flags.refine_size.is_some() => {
-            return Err(Failure::Usage("--refine-size: expected --refine or --refine-steps with it".into()));
+        (None, None) if flags.refine_size.is_some() || flags.refine_in_place => {
+            let flag = if flags.refine_in_place { "--refine-in-place" } else { "--refine-size" };
+            return Err(Failure::Usage(format!("{flag}: expected --refine or --refine-steps with it")));
         }
         (None, None) => return Ok(predictor),
     };
@@ -26,7 +27,8 @@ pub fn refined(
         None => own_scale(photos, [height, width])?,
     };
     let size = [height, width].map(|side| (side as f64 * scale).round().max(1.0) as usize);
-    Ok(Box::new(Refined::new(predictor, size, effort)))
+    let refined = Refined::new(predictor, size, effort);
+    Ok(Box::new(if flags.refine_in_place { refined.in_place() } else { refined }))
 }
 
 /// How much larger than the network's size the smallest photo is; at least 1, and 1 of no photos.

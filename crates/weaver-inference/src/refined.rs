@@ -19,20 +19,27 @@ pub enum Effort {
 
 /// A predictor whose Gaussians, and predicted cameras, are optimized to meet the photos that it was given.
 ///
-/// The number of Gaussians stays what the predictor made. Cameras that were given stay; predicted ones move, and the first
+/// There are never more Gaussians than the predictor made. Cameras that were given stay; predicted ones move, and the first
 /// stays the origin. Photos may be larger than the network's: it sees them shrunk, the optimization as they are.
 #[derive(Debug)]
 pub struct Refined {
     inner: Box<dyn Predictor>,
     size: [usize; 2],
     effort: Effort,
+    adapts: bool,
     steps: usize,
 }
 
 impl Refined {
     /// Refines the predictions of `inner` on photos of `size` (height, width), which has the shape of the network's.
     pub fn new(inner: Box<dyn Predictor>, size: [usize; 2], effort: Effort) -> Self {
-        Self { inner, size, effort, steps: 0 }
+        Self { inner, size, effort, adapts: true, steps: 0 }
+    }
+
+    /// The same, but that no Gaussian is given up for another elsewhere: what was predicted is only adjusted.
+    #[must_use]
+    pub fn in_place(self) -> Self {
+        Self { adapts: false, ..self }
     }
 
     /// Steps of the last refinement.
@@ -46,7 +53,10 @@ impl Refined {
             return Ok(());
         }
         let photos = views(photos, &prediction.cameras);
-        let mut settings = settings(gaussians.len(), gaussians.degree);
+        let mut settings = settings(&gaussians, prediction.counts.len());
+        if !self.adapts {
+            settings.density.strategy = StrategyKind::Keep;
+        }
         // Larger photos are met less well by as many Gaussians: with the same weight, whole scenes fade.
         let shrinking = (self.inner.image_size()[1] as f32 / self.size[1] as f32).min(1.0);
         settings.density.opacity_weight *= shrinking;
@@ -56,6 +66,8 @@ impl Refined {
         let (initial, effort) = (finite(gaussians), self.effort);
         if let Effort::Steps(steps) = effort {
             settings.steps = steps;
+            // A short run has fewer rounds: what was split is to be optimized before the next.
+            settings.density.rounds = settings.density.rounds.min(steps.div_ceil(STEPS_OF_A_ROUND));
         }
         let rasterizer = self.inner.renderer().rasterizer().clone();
         let mut fit = Fit::with(rasterizer, settings.density.strategy(), photos, &initial, settings)?;
@@ -72,6 +84,7 @@ impl Refined {
         let refined: Vec<Camera> = (0..fit.photos()).map(|i| fit.camera(i)).collect();
         let origin = first_as_origin(&refined[0].pose);
         prediction.gaussians = fit.gaussians().transformed(&origin).to_activated();
+        prediction.view_opacity = None;
         if moving {
             prediction.cameras =
                 refined.iter().map(|camera| Camera { pose: origin.apply_to_pose(&camera.pose), ..*camera }).collect();
@@ -81,23 +94,28 @@ impl Refined {
     }
 }
 
-/// How predictions are refined: so that few photos are not met by whatever looks right from them alone.
+/// Steps between rounds of density control, at least.
+const STEPS_OF_A_ROUND: usize = 10;
+
+/// How predictions for so many pixels are refined: so that few photos are not met by whatever looks right from them alone.
 ///
-/// What counts is that Gaussians which the photos do not need become transparent and move to where they are needed, with
-/// noise on the way: relocation with a strong weight on opacities, and scales that follow quickly.
-fn settings(gaussians: usize, degree: usize) -> FitSettings {
+/// What counts is that Gaussians which the photos do not need become transparent, and that others are split in their place where the
+/// error is. How strongly opacities are pulled down is the same for each Gaussian, whatever their number: where they are scarce, all
+/// are needed.
+fn settings(gaussians: &Gaussians, pixels: usize) -> FitSettings {
+    let density = gaussians.len() as f32 / pixels.max(1) as f32;
     let mut settings = FitSettings {
-        gaussians,
-        sh_degree: degree,
+        gaussians: gaussians.len(),
+        sh_degree: gaussians.degree,
         sh_interval: 0.0,
         coarse_until: 0.0,
         halvings: 0,
         ..FitSettings::default()
     };
-    settings.density.strategy = StrategyKind::Mcmc;
-    settings.density.opacity_weight = 0.3;
-    settings.density.scale_weight = 0.01;
-    settings.density.noise = 3e5;
+    settings.density.strategy = StrategyKind::Split;
+    settings.density.opacity_decay = 0.01;
+    settings.density.opacity_weight = 0.25 * density;
+    settings.density.scale_weight = 0.0075 * density;
     settings.rates.scales *= 3.0;
     settings
 }

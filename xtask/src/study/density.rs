@@ -11,6 +11,8 @@ const BUDGETS: [f64; 7] = [1.0, 0.4, 0.3, 0.25, 0.1, 0.05, 0.02];
 const SPARSE: usize = 2;
 /// Seeds of the arms that are compared with each other.
 const SEEDS: u64 = 3;
+/// Steps by which predictions of these arms are refined on their own photos as well.
+const REFINED: &str = "300";
 /// The preset of all runs.
 const PRESET: &str = "small";
 /// The arm that the others are compared with.
@@ -73,6 +75,16 @@ const ARMS: [Arm; 9] = [
 ];
 
 impl Arm {
+    /// Whether predictions are judged refined, too.
+    fn refined(&self) -> bool {
+        self.seeds > 1
+    }
+
+    /// Whether refinement may give up Gaussians for others where the error is; controls stay where they are.
+    fn adapts(&self) -> bool {
+        self.name == ADAPTIVE
+    }
+
     fn budgets(&self) -> Vec<Option<f64>> {
         match self.allocation {
             "fixed:1" | "sampled" => vec![None],
@@ -85,9 +97,11 @@ pub fn run(out: &Path, captures: &[&str], more: &[String]) -> Result<(), String>
     let study = Study::new(out)?;
     let data: Vec<String> =
         captures.iter().flat_map(|capture| ["--data".to_string(), (*capture).to_string()]).collect();
-    let head = "| trained with | evaluated at | Gaussians per pixel | PSNR | energetic | SSIM | against adaptive |";
-    let mut rows = vec![String::new(), head.into(), "|---|---|---|---|---|---|---|".into()];
-    let mut adaptive: Vec<Vec<f64>> = Vec::new();
+    let head =
+        "| trained with | evaluated at | refined | Gaussians per pixel | PSNR | energetic | SSIM | against adaptive |";
+    let mut rows = vec![String::new(), head.into(), "|---|---|---|---|---|---|---|---|".into()];
+    // By refinement, then by budget.
+    let mut adaptive: [Vec<Vec<f64>>; 2] = Default::default();
     for arm in &ARMS {
         let runs = (0..arm.seeds).map(|seed| {
             let mut arguments: Vec<String> =
@@ -97,27 +111,36 @@ pub fn run(out: &Path, captures: &[&str], more: &[String]) -> Result<(), String>
             study.train(&format!("{}-{seed}", arm.name), &arguments)
         });
         let runs: Vec<_> = runs.collect::<Result<_, _>>()?;
-        for (i, budget) in arm.budgets().into_iter().enumerate() {
-            let evaluations = runs.iter().map(|run| evaluate(&study, run, arm.allocation, budget));
-            let evaluations: Vec<Value> = evaluations.collect::<Result<_, _>>()?;
-            let psnr = figures(&evaluations, "psnr");
-            if arm.name == ADAPTIVE {
-                adaptive.push(psnr.clone());
+        for refined in [false, true].into_iter().filter(|refined| !refined || arm.refined()) {
+            let adaptive = &mut adaptive[usize::from(refined)];
+            for (i, budget) in arm.budgets().into_iter().enumerate() {
+                let evaluations = runs.iter().map(|run| evaluate(&study, run, arm, budget, refined));
+                let evaluations: Vec<Value> = evaluations.collect::<Result<_, _>>()?;
+                let psnr = figures(&evaluations, "psnr");
+                if arm.adapts() {
+                    adaptive.push(psnr.clone());
+                }
+                let same = if budget.is_some() { i } else { SPARSE };
+                rows.push(row(arm, budget, refined, &evaluations, &against(&adaptive[same], &psnr)));
             }
-            let same = if budget.is_some() { i } else { SPARSE };
-            rows.push(row(arm, budget, &evaluations, &against(&adaptive[same], &psnr)));
         }
     }
     rows.iter().for_each(|row| println!("{row}"));
     Ok(())
 }
 
-fn evaluate(study: &Study, run: &Path, allocation: &str, budget: Option<f64>) -> Result<Value, String> {
+fn evaluate(study: &Study, run: &Path, arm: &Arm, budget: Option<f64>, refined: bool) -> Result<Value, String> {
     let budget = budget.map(|budget| budget.to_string());
-    let name = format!("{allocation}-{}.json", budget.as_deref().unwrap_or("all")).replace(':', "-");
-    let words = ["--run", &run.display().to_string(), "--allocation", allocation, "--json"].map(String::from);
-    let budget = budget.iter().flat_map(|budget| ["--budget".to_string(), budget.clone()]);
-    study.evaluate(&run.join(name), &words.into_iter().chain(budget).collect::<Vec<_>>())
+    let mut name = format!("{}-{}", arm.allocation, budget.as_deref().unwrap_or("all")).replace(':', "-");
+    let mut words =
+        ["--run", &run.display().to_string(), "--allocation", arm.allocation, "--json"].map(String::from).to_vec();
+    words.extend(budget.iter().flat_map(|budget| ["--budget".to_string(), budget.clone()]));
+    if refined {
+        name += "-refined";
+        words.extend(["--refine-steps", REFINED].map(String::from));
+        words.extend((!arm.adapts()).then(|| "--refine-in-place".to_string()));
+    }
+    study.evaluate(&run.join(name + ".json"), &words)
 }
 
 fn figures(evaluations: &[Value], key: &str) -> Vec<f64> {
@@ -129,7 +152,7 @@ fn against(adaptive: &[f64], other: &[f64]) -> Vec<f64> {
     other.iter().zip(adaptive).map(|(other, adaptive)| other - adaptive).collect()
 }
 
-fn row(arm: &Arm, budget: Option<f64>, evaluations: &[Value], difference: &[f64]) -> String {
+fn row(arm: &Arm, budget: Option<f64>, refined: bool, evaluations: &[Value], difference: &[f64]) -> String {
     let text = |values: &[f64], digits: usize| match mean_and_spread(values) {
         (mean, Some(spread)) => format!("{mean:.digits$} ± {spread:.digits$}"),
         (mean, None) => format!("{mean:.digits$}"),
@@ -137,9 +160,14 @@ fn row(arm: &Arm, budget: Option<f64>, evaluations: &[Value], difference: &[f64]
     let [psnr, energetic, ssim, count] =
         ["psnr", "psnr_energetic", "ssim", "gaussians_per_pixel"].map(|key| figures(evaluations, key));
     format!(
-        "| {} | {} | {:.3} | {} | {} | {} | {} |",
+        "| {} | {} | {} | {:.3} | {} | {} | {} | {} |",
         arm.name,
         budget.map_or(arm.allocation.to_string(), |budget| format!("{} {budget}", arm.allocation)),
+        match (refined, arm.adapts()) {
+            (false, _) => "",
+            (true, true) => "yes",
+            (true, false) => "in place",
+        },
         mean_and_spread(&count).0,
         text(&psnr, 2),
         text(&energetic, 2),

@@ -47,7 +47,7 @@ pub struct Eval {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["run", "scene"], help_heading = WHAT)]
     pub weights: Option<PathBuf>,
     /// A file of Gaussians (PLY, splat, SPZ), whose world is that of one --data
-    #[arg(long, value_name = "SCENE", requires = "data", conflicts_with_all = ["unseen", "views", "cameras", "targets", "unknown_focal", "match_size", "points", "allocation", "budget", "refine", "refine_steps", "refine_size"], help_heading = WHAT)]
+    #[arg(long, value_name = "SCENE", requires = "data", conflicts_with_all = ["unseen", "views", "cameras", "targets", "unknown_focal", "match_size", "points", "allocation", "budget", "refine", "refine_steps", "refine_size", "refine_in_place"], help_heading = WHAT)]
     pub scene: Option<PathBuf>,
     /// Folder of a capture; may be repeated without --scene [default: the data of the run]
     #[arg(long, value_name = "DIR", help_heading = VIEWS)]

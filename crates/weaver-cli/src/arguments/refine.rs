@@ -5,7 +5,7 @@ use clap::Args;
 /// For how long, and at which size, predictions are refined on the photos that they were made from.
 #[derive(Args, Clone, Copy, Debug, Default)]
 pub struct RefineFlags {
-    /// Refines the Gaussians on the photos for so many seconds, and cameras that were predicted; the number of Gaussians stays
+    /// Refines the Gaussians on the photos for so many seconds, and cameras that were predicted; never to more Gaussians than were predicted
     #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "10", value_parser = seconds, help_heading = REFINEMENT)]
     pub refine: Option<f64>,
     /// Refines for so many steps, instead of a time
@@ -14,12 +14,15 @@ pub struct RefineFlags {
     /// Long side of the photos for refinement [default: infer: as they are; eval: the network's]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..=16_384), help_heading = REFINEMENT)]
     pub refine_size: Option<u32>,
+    /// Leaves every Gaussian where it was predicted, but for what the photos move it: none is given up for another where the error is
+    #[arg(long, help_heading = REFINEMENT)]
+    pub refine_in_place: bool,
 }
 
 impl RefineFlags {
     /// Whether anything is said about refinement.
     pub fn is_asked(&self) -> bool {
-        self.refine.is_some() || self.refine_steps.is_some() || self.refine_size.is_some()
+        self.refine.is_some() || self.refine_steps.is_some() || self.refine_size.is_some() || self.refine_in_place
     }
 }
 

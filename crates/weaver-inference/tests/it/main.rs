@@ -3,3 +3,4 @@
 mod compact;
 mod depth_to_points;
 mod given_cameras;
+mod refined;

@@ -1,0 +1,36 @@
+//! Refinement of predictions on their own photos: what it gains there, and what it leaves.
+
+use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_inference::{
+    CameraSource, Density, Effort, Photos, Prediction, Predictor, Refined, SplatWeaverPredictor, push_planar,
+};
+use weaver_kernels::random::Stream;
+use weaver_losses::metrics;
+
+#[test]
+fn photos_are_met_better_with_no_more_gaussians_moved_or_in_place() {
+    let mut plain = SplatWeaverPredictor::built_in().unwrap();
+    let [height, width] = plain.image_size();
+    let scene = scene(8, &ProceduralOptions { width, height, views: 4 });
+    let mut planes = Vec::new();
+    scene.views.iter().for_each(|view| push_planar(&mut planes, &view.image));
+    let photos = Photos { planes: &planes, inside: None, height, width };
+    let density = Density { budget: Some(0.1), ..Density::default() };
+    let predict = |predictor: &mut dyn Predictor| -> (Prediction, f64) {
+        let made = predictor.predict(photos, CameraSource::Predicted, density, Stream::new(0, 0, "test")).unwrap();
+        let renders = predictor.render(&made, &made.cameras).unwrap();
+        let psnr =
+            renders.iter().zip(&scene.views).map(|(render, view)| metrics::psnr(&render.pixels, &view.image.pixels));
+        let mean = psnr.sum::<f64>() / renders.len() as f64;
+        (made, mean)
+    };
+    let (made, before) = predict(&mut plain);
+    let refined =
+        || Refined::new(Box::new(SplatWeaverPredictor::built_in().unwrap()), [height, width], Effort::Steps(60));
+    let (moved, with_moves) = predict(&mut refined());
+    let (adjusted, in_place) = predict(&mut refined().in_place());
+    assert!(with_moves > before + 1.0 && in_place > before + 1.0, "{before} {with_moves} {in_place}");
+    assert_eq!(adjusted.gaussians.len(), made.gaussians.len());
+    assert!(moved.gaussians.len() <= made.gaussians.len());
+    assert_ne!(moved.gaussians.means, adjusted.gaussians.means);
+}
