@@ -5,8 +5,10 @@ use crate::fit::Fit;
 use std::time::Instant;
 
 /// Steps of the run that is timed, at least and at most, and the part of the time that it may take in between.
-const STEPS: (usize, usize) = (30, 1000);
+const STEPS: (usize, usize) = (30, 3000);
 const PART: f64 = 0.05;
+/// Part of the time that is left over, for no machine is equally fast all the time.
+const RESERVE: f64 = 0.04;
 
 /// How many steps a fit can do in this many seconds, the timed run included, which leaves no trace in it. At least 1.
 ///
@@ -25,7 +27,7 @@ pub fn steps_in(fit: &mut Fit, seconds: f64) -> Result<usize, FitError> {
     (fit.settings, fit.step) = (settings, 0);
     fit.changed();
     let step = result?;
-    let left = seconds - start.elapsed().as_secs_f64();
+    let left = (1.0 - RESERVE) * seconds - start.elapsed().as_secs_f64();
     Ok(((left / step) as usize).max(1))
 }
 
