@@ -13,7 +13,8 @@ pub fn run(arguments: &[String]) -> Result<(), String> {
         arguments.iter().map(String::as_str).collect()
     };
     // One failure must not hide others.
-    let line: Vec<&str> = ["test", "--locked", "--no-fail-fast"].into_iter().chain(which).chain(["--", "--show-output"]).collect();
+    let line: Vec<&str> =
+        ["test", "--locked", "--no-fail-fast"].into_iter().chain(which).chain(["--", "--show-output"]).collect();
     println!("cargo {}", line.join(" "));
     let failed = |e: std::io::Error| format!("cargo could not be run: {e}");
     let mut child = Command::new(env!("CARGO")).args(&line).stdout(Stdio::piped()).spawn().map_err(failed)?;

@@ -81,6 +81,12 @@ impl Run {
             let reserve = run.seconds_of_results()?;
             let left = 60.0 * minutes - started.elapsed().as_secs_f64() - reserve;
             let steps = steps_in(&mut run.fit, left.max(0.0))?;
+            if steps < run.fit.photos() {
+                run.remarks.push(format!(
+                    "{minutes} minutes are enough for {steps} steps, fewer than there are photos; judging them at the end is \
+                     counted as {reserve:.1} s"
+                ));
+            }
             run.fit.set_steps(steps);
             run.settings.fit.steps = steps;
         }
