@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use weaver_data::capture::{CaptureOptions, load};
 use weaver_data::evaluation_tuples;
-use weaver_inference::{CameraSource, Density, Photos, Predictor, SplatWeaverPredictor, push_planar};
+use weaver_inference::{CameraSource, Density, Photos, Predictor, SplatWeaverPredictor, planar};
 use weaver_io::{Background, Image};
 use weaver_kernels::random::Stream;
 use weaver_report::read_metrics;
@@ -141,8 +141,7 @@ fn a_sample_is_input_render_depth_and_gaussians_per_pixel() {
     let [height, width] = predictor.image_size();
     let scene = load(Run::shared().data(), &CaptureOptions { width, height, ..CaptureOptions::default() }).unwrap();
     let context = evaluation_tuples(&scene, 0, 2).remove(0).context;
-    let mut planes = Vec::new();
-    context.iter().for_each(|view| push_planar(&mut planes, &scene.views[*view].image));
+    let planes = planar(context.iter().map(|view| &scene.views[*view].image));
     let density = predictor.density(Density::default()).unwrap();
     let photos = Photos { planes: &planes, inside: None, height, width };
     let prediction = predictor.predict(photos, CameraSource::Predicted, density, Stream::new(0, 0, "samples")).unwrap();

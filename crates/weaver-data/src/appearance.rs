@@ -1,6 +1,7 @@
 //! Drawn light and passers-by: what differs between photos of one place that were taken at different times.
 
 use crate::Scene;
+use std::ops::Range;
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
@@ -53,6 +54,25 @@ impl Look {
     /// A value of channel `channel` in this light.
     pub fn of(&self, value: f32, channel: usize) -> f32 {
         (self.gain[channel] * f64::from(value).powf(self.gamma)).clamp(0.0, 1.0) as f32
+    }
+}
+
+/// Fills the columns of an image's plane `[H, W]` beside those that are `kept` with the mean of these.
+///
+/// What is left tells its light and, of what was beside, nothing. Panics unless `width` divides the plane.
+///
+/// ```
+/// let mut plane = [1.0, 3.0, 9.0, 9.0];
+/// weaver_data::appearance::keep_columns(&mut plane, 4, 0..2);
+/// assert_eq!(plane, [1.0, 3.0, 2.0, 2.0]);
+/// ```
+pub fn keep_columns(plane: &mut [f32], width: usize, kept: Range<usize>) {
+    assert_eq!(plane.len() % width, 0, "keep_columns: expected rows of {width} numbers, found {} numbers", plane.len());
+    let sum: f64 = plane.chunks(width).flat_map(|row| &row[kept.clone()]).map(|x| f64::from(*x)).sum();
+    let mean = (sum / (kept.len() * plane.len() / width).max(1) as f64) as f32;
+    for row in plane.chunks_mut(width) {
+        row[..kept.start].fill(mean);
+        row[kept.end..].fill(mean);
     }
 }
 

@@ -1,7 +1,7 @@
 //! The Gaussians of a whole capture: many photos with cameras, a few at a time.
 
 use crate::predictor::inside_of;
-use crate::{CameraSource, Density, Error, Photos, Predictor, push_planar};
+use crate::{CameraSource, Density, Error, Photos, Predictor, planar};
 use weaver_data::{Layout, Scene, Tuple};
 use weaver_geometry::{Camera, Similarity};
 use weaver_kernels::random::Stream;
@@ -50,8 +50,7 @@ pub fn predict_group(
     stream: Stream,
 ) -> Result<Gaussians, Error> {
     let [height, width] = predictor.image_size();
-    let mut planes = Vec::new();
-    group.iter().for_each(|v| push_planar(&mut planes, &scene.views[*v].image));
+    let planes = planar(group.iter().map(|v| &scene.views[*v].image));
     let inside = inside_of(group.iter().map(|v| scene.views[*v].inside.as_deref()), height * width);
     let tuple = Tuple { scene: 0, context: group.to_vec(), targets: Vec::new() };
     let Some(first) = group.first() else { return Err(Error::Input("expected views, found none".into())) };

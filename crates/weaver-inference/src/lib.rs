@@ -32,7 +32,7 @@ pub use error::Error;
 pub use looks::Looks;
 pub use pixel_aligned::{PixelAligned, PixelAlignedNetwork, PixelAlignedPredictor};
 pub use predictor::{
-    CameraSource, Density, JointPrediction, Look, LookPrediction, Photos, Prediction, Predictor, push_planar,
+    CameraSource, Density, JointPrediction, Look, LookPrediction, Photos, Prediction, Predictor, planar,
 };
 pub use refined::{Effort, Refined};
 pub use run_folder::RunFolder;

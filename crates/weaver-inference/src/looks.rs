@@ -1,7 +1,7 @@
 //! A place in the light of photos: which, and the pictures and files of it.
 
 use crate::pictures::{enlarged, stack};
-use crate::{CameraSource, Error, Look, LookPrediction, Photos, Predictor, push_planar};
+use crate::{CameraSource, Error, Look, LookPrediction, Photos, Predictor, planar};
 use std::path::{Path, PathBuf};
 use weaver_data::capture;
 use weaver_io::Image;
@@ -39,7 +39,7 @@ impl Looks {
         let Photos { width, height, .. } = photos;
         let ends: Vec<PathBuf> = std::iter::once(&self.from).chain(self.to.iter().map(|(to, _)| to)).cloned().collect();
         let told = capture::load_images(&ends, width, height)?;
-        let planes: Vec<Vec<f32>> = told.iter().map(planes).collect();
+        let planes: Vec<Vec<f32>> = told.iter().map(|image| planar([image])).collect();
         let one = |planes| Photos { planes, inside: None, height, width };
         let looks: Vec<Look<'_>> = match (&planes[..], &self.to) {
             ([from, to], Some((_, frames))) if *frames >= 2 => {
@@ -95,10 +95,4 @@ fn strip(photos: &[Image], columns: &[Vec<Image>]) -> Image {
     };
     let rows: Vec<Image> = (0..columns.first().map_or(0, Vec::len)).map(row).collect();
     stack(&rows.iter().collect::<Vec<_>>())
-}
-
-fn planes(image: &Image) -> Vec<f32> {
-    let mut planes = Vec::with_capacity(image.pixels.len());
-    push_planar(&mut planes, image);
-    planes
 }

@@ -296,9 +296,18 @@ pub(crate) fn inside_of<'a>(
     Some(all)
 }
 
-/// Appends an image as planes `[3, H, W]`.
-pub fn push_planar(planes: &mut Vec<f32>, image: &Image) {
-    for channel in 0..3 {
-        planes.extend(image.pixels.iter().skip(channel).step_by(3));
+/// Images of one size as planes `[V, 3, H, W]`, as [`Photos`] have them.
+///
+/// ```
+/// use weaver_inference::planar;
+/// use weaver_io::Image;
+/// let image = Image { width: 2, height: 1, pixels: vec![0.1, 0.2, 0.3, 0.4, 0.5, 0.6] };
+/// assert_eq!(planar([&image]), [0.1, 0.4, 0.2, 0.5, 0.3, 0.6]);
+/// ```
+pub fn planar<'a>(images: impl IntoIterator<Item = &'a Image>) -> Vec<f32> {
+    let mut planes = Vec::new();
+    for image in images {
+        (0..3).for_each(|channel| planes.extend(image.pixels.iter().skip(channel).step_by(3)));
     }
+    planes
 }

@@ -10,7 +10,7 @@ pub use photos::Fit;
 pub use teacher::{Geometry, Teacher};
 
 use crate::reconstruct::{self, ONE_PHOTO, Report};
-use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, SplatWeaverPredictor, push_planar};
+use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, SplatWeaverPredictor, planar};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use weaver_autograd::Params;
@@ -129,8 +129,7 @@ pub fn run(
         None => photos::read(images, size, config.patch, options.fit)?,
     };
     let (network, params) = opened.load(options.bf16_products)?;
-    let mut planes = Vec::new();
-    photos.iter().for_each(|photo| push_planar(&mut planes, photo));
+    let planes = planar(&photos);
     let watcher = watcher(&config, photos.len(), gaussians, opened.weights().clone(), observer);
     let mut remarks = vec![format!("{} photos at {}x{}", photos.len(), size[1], size[0])];
     if photos.len() == 1 {

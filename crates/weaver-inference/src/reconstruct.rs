@@ -2,7 +2,7 @@
 
 use crate::pictures::{density_picture, depth_picture, row, stack};
 use crate::predictor::inside_of;
-use crate::{CameraSource, Density, Error, Looks, Photos, Prediction, Predictor, RunFolder, push_planar};
+use crate::{CameraSource, Density, Error, Looks, Photos, Prediction, Predictor, RunFolder, planar};
 use std::path::{Path, PathBuf};
 use weaver_data::capture::{self, PhotoCameras};
 use weaver_geometry::Camera;
@@ -68,8 +68,7 @@ pub fn reconstruct(
         remarks.push(ONE_PHOTO.to_string());
     }
     let density = predictor.density(options.density)?;
-    let mut planes = Vec::new();
-    photos.iter().for_each(|photo| push_planar(&mut planes, photo));
+    let planes = planar(&photos);
     let source = match &given {
         Some(PhotoCameras { cameras, points, .. }) => CameraSource::GivenWithPoints { cameras, points },
         None => CameraSource::Predicted,
@@ -131,11 +130,7 @@ pub(crate) fn report(
     let psnr = |(v, (photo, render)): (usize, (&Image, &Image))| {
         let Some(inside) = inside else { return Some(metrics::psnr(&render.pixels, &photo.pixels)) };
         let pixels = photo.width * photo.height;
-        let planes = [render, photo].map(|image| {
-            let mut planes = Vec::new();
-            push_planar(&mut planes, image);
-            planes
-        });
+        let planes = [render, photo].map(|image| planar([image]));
         metrics::psnr_masked(&planes[0], &planes[1], &inside[v * pixels..][..pixels])
     };
     let measured: Vec<f64> = photos.iter().zip(renders).enumerate().filter_map(psnr).collect();

@@ -1,6 +1,6 @@
 //! A model's predictions, refined on the photos that they were made from.
 
-use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, push_planar};
+use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, planar};
 use weaver_fit::{Fit, FitSettings, Photo, StrategyKind, steps_in};
 use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_io::Image;
@@ -155,13 +155,11 @@ fn resized(camera: &Camera, [height, width]: [usize; 2]) -> Camera {
 /// Photos `[V, 3, H, W]` shrunk to `size`.
 fn shrunk(photos: Photos<'_>, [height, width]: [usize; 2]) -> Vec<f32> {
     let Photos { planes, height: h, width: w, .. } = photos;
-    let mut small = Vec::new();
-    for photo in planes.chunks_exact(3 * h * w) {
+    let small = planes.chunks_exact(3 * h * w).map(|photo| {
         let pixels = (0..3 * h * w).map(|i| photo[i % 3 * h * w + i / 3]).collect();
-        let image = Image { width: w, height: h, pixels };
-        push_planar(&mut small, &image.resize(width, height, [0.0, 0.0, w as f64, h as f64]));
-    }
-    small
+        Image { width: w, height: h, pixels }.resize(width, height, [0.0, 0.0, w as f64, h as f64])
+    });
+    planar(&small.collect::<Vec<_>>())
 }
 
 /// Values `[V, h, w]` of the nearest pixels, `[V, H, W]`.

@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use weaver_autograd::Pool;
 use weaver_data::{Scene, Tuple, View, evaluation_tuples};
-use weaver_inference::{Density, Predictor, push_planar};
+use weaver_inference::{Density, Predictor, planar};
 use weaver_io::Image;
 use weaver_losses::lpips::Network;
 use weaver_losses::{Lpips, metrics};
@@ -251,7 +251,7 @@ impl Measure<'_> {
         let flat = mean_color.iter().copied().cycle().take(truth.pixels.len()).collect();
         let flat = Image { width: truth.width, height: truth.height, pixels: flat };
         let mut energy = vec![0.0; truth.width * truth.height];
-        let true_planes = planes(truth);
+        let true_planes = planar([truth]);
         EnergyMap::new(Wavelet::Db2, [truth.height, truth.width]).compute(&true_planes, &Pool::new(), &mut energy);
         let energetic = metrics::energetic_mask(&energy, target.inside.as_deref());
         let pixels = prediction.counts.len() as f64;
@@ -260,7 +260,7 @@ impl Measure<'_> {
             views: 1,
             psnr: self.psnr(render, target),
             psnr_strict: strict.as_ref().map(|image| self.psnr(image, target)),
-            psnr_energetic: metrics::psnr_masked(&planes(render), &true_planes, &energetic).unwrap_or(f64::NAN),
+            psnr_energetic: metrics::psnr_masked(&planar([render]), &true_planes, &energetic).unwrap_or(f64::NAN),
             ssim: self.ssim(render, target),
             lpips: self.lpips(render, target),
             psnr_nearest: self.psnr(nearest, target),
@@ -293,7 +293,7 @@ impl Measure<'_> {
     }
 
     fn psnr(&self, image: &Image, view: &View) -> f64 {
-        let (shown, truth) = (planes(image), planes(&view.image));
+        let (shown, truth) = (planar([image]), planar([&view.image]));
         match view.inside.as_deref() {
             None => metrics::psnr(&shown, &truth),
             Some(inside) => metrics::psnr_masked(&shown, &truth, inside).unwrap_or(f64::NAN),
@@ -301,7 +301,7 @@ impl Measure<'_> {
     }
 
     fn ssim(&self, image: &Image, view: &View) -> f64 {
-        let (shown, truth, size) = (planes(image), planes(&view.image), [3, image.height, image.width]);
+        let (shown, truth, size) = (planar([image]), planar([&view.image]), [3, image.height, image.width]);
         match view.inside.as_deref() {
             None => metrics::ssim(&shown, &truth, size),
             Some(inside) => metrics::ssim_masked(&shown, &truth, size, inside).unwrap_or(f64::NAN),
@@ -309,7 +309,7 @@ impl Measure<'_> {
     }
 
     fn lpips(&self, image: &Image, view: &View) -> Option<f64> {
-        let (shown, truth, size) = (planes(image), planes(&view.image), [image.height, image.width]);
+        let (shown, truth, size) = (planar([image]), planar([&view.image]), [image.height, image.width]);
         let network = self.lpips?;
         match view.inside.as_deref() {
             None => Some(metrics::lpips(network, &shown, &truth, size)),
@@ -334,12 +334,6 @@ fn explained(remark: Remark, scenes: &[&str]) -> String {
         Remark::Masked => format!("{names}: left out {views} views of which no pixel counts"),
         Remark::PartlyPlaced => format!("{names}: not all context views have an estimated camera for {views} views"),
     }
-}
-
-fn planes(image: &Image) -> Vec<f32> {
-    let mut planes = Vec::with_capacity(image.pixels.len());
-    push_planar(&mut planes, image);
-    planes
 }
 
 /// A photo's mean color, everywhere.

@@ -3,7 +3,7 @@
 use crate::{CameraMode, Error};
 use weaver_data::{Layout, NormalizedPoses, Scene, SparsePoints, Tuple};
 use weaver_geometry::{Camera, Pose};
-use weaver_inference::{CameraSource, Photos, push_planar};
+use weaver_inference::{CameraSource, Photos, planar};
 
 /// The photos, cameras and depth of one tuple of views: context first, then targets.
 #[derive(Clone, Debug)]
@@ -62,12 +62,11 @@ impl Example {
 
     fn with(scene: &Scene, tuple: Tuple, posed: &NormalizedPoses) -> Self {
         let views: Vec<usize> = tuple.context.iter().chain(&tuple.targets).copied().collect();
-        let mut images = Vec::new();
+        let images = planar(views.iter().map(|&v| &scene.views[v].image));
         let mut depth = Vec::new();
         let mut inside = views.iter().any(|&v| scene.views[v].inside.is_some()).then(Vec::new);
         for (i, &v) in views.iter().enumerate() {
             let view = &scene.views[v];
-            push_planar(&mut images, &view.image);
             if let Some(inside) = &mut inside {
                 match &view.inside {
                     Some(own) => inside.extend(own),

@@ -1,7 +1,7 @@
 //! What a published checkpoint says of photos, for others to learn from.
 
 use super::{Opened, estimate};
-use crate::{Error, push_planar};
+use crate::{Error, planar};
 use std::path::Path;
 use weaver_autograd::{Params, Tape};
 use weaver_geometry::Camera;
@@ -94,8 +94,7 @@ impl Teacher {
         let size = [first.height, first.width];
         estimate::check(estimate::bytes(&self.opened, photos.len(), size), weaver_io::available_memory(), false)?;
         let (network, params) = self.opened.load(false)?;
-        let mut planes = Vec::new();
-        photos.iter().for_each(|photo| push_planar(&mut planes, photo));
+        let planes = planar(photos);
         Geometry::of(network.vggt(), &params, &planes, size, |_| {})
     }
 }

@@ -6,7 +6,7 @@ use weaver_data::SparsePoints;
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_geometry::Camera;
 use weaver_inference::{
-    CameraSource, Density, Effort, Error, Photos, Prediction, Predictor, Refined, SplatWeaverPredictor, push_planar,
+    CameraSource, Density, Effort, Error, Photos, Prediction, Predictor, Refined, SplatWeaverPredictor, planar,
 };
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
@@ -23,8 +23,7 @@ fn untrained(unit: f64) -> (SplatWeaverPredictor, Vec<f32>, Vec<Camera>, SparseP
     let model = SplatWeaver::new(config, &mut params, 1);
     let predictor = SplatWeaverPredictor::new(model, params, AllocationKind::Dithered, 0.5);
     let scene = scene(3, &ProceduralOptions { width, height, views: VIEWS });
-    let mut planes = Vec::new();
-    scene.views.iter().for_each(|view| push_planar(&mut planes, &view.image));
+    let planes = planar(scene.views.iter().map(|view| &view.image));
     let views: Vec<usize> = (0..VIEWS).collect();
     let distance = scene.points_seen(&views, 1.0).mean_distance(weaver_geometry::glam::DVec3::ZERO).unwrap();
     let scale = 1.0 / distance / unit;

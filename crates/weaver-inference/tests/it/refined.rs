@@ -2,7 +2,7 @@
 
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_inference::{
-    CameraSource, Density, Effort, Photos, Prediction, Predictor, Refined, SplatWeaverPredictor, push_planar,
+    CameraSource, Density, Effort, Photos, Prediction, Predictor, Refined, SplatWeaverPredictor, planar,
 };
 use weaver_kernels::random::Stream;
 use weaver_losses::metrics;
@@ -12,8 +12,7 @@ fn photos_are_met_better_with_no_more_gaussians_moved_or_in_place() {
     let mut plain = SplatWeaverPredictor::built_in().unwrap();
     let [height, width] = plain.image_size();
     let scene = scene(8, &ProceduralOptions { width, height, views: 4 });
-    let mut planes = Vec::new();
-    scene.views.iter().for_each(|view| push_planar(&mut planes, &view.image));
+    let planes = planar(scene.views.iter().map(|view| &view.image));
     let photos = Photos { planes: &planes, inside: None, height, width };
     let density = Density { budget: Some(0.1), ..Density::default() };
     let predict = |predictor: &mut dyn Predictor| -> (Prediction, f64) {

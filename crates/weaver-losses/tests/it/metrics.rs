@@ -54,6 +54,7 @@ fn a_quarter_of_the_pixels_is_energetic() {
     let mask = energetic_mask(&energy, None);
     assert_eq!(mask.iter().filter(|m| **m).count(), 12);
     assert!(energy.iter().zip(&mask).all(|(e, m)| *m == (*e >= 36.0)));
+    assert_eq!(energetic_mask(&[0.3; 5], None), [true; 5], "a view without contrast");
 }
 
 #[test]

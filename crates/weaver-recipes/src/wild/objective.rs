@@ -4,6 +4,7 @@ use super::WildRecipe;
 use super::frame::KnownDepth;
 use super::sections::Runs;
 use weaver_autograd::Var;
+use weaver_data::appearance::keep_columns;
 use weaver_losses as losses;
 use weaver_model::Wild;
 use weaver_nn::Context;
@@ -98,19 +99,10 @@ fn told<'t>(cx: Context<'t, '_, f32>, step: &Step<'_, WildRecipe>, photos: Var<'
         }
         let left = drawn.uniform::<f64>(1) < 0.5;
         for plane in photo.chunks_mut(shape[2] * width) {
-            fill_half(plane, width, if left { 0..half } else { half..width });
+            keep_columns(plane, width, if left { 0..half } else { half..width });
         }
     }
     cx.tape.constant(&all, shape)
-}
-
-/// Fills what is beside some columns of a plane with the mean of these columns.
-fn fill_half(plane: &mut [f32], width: usize, kept: std::ops::Range<usize>) {
-    let sum: f64 = plane.chunks(width).flat_map(|row| &row[kept.clone()]).map(|x| f64::from(*x)).sum();
-    let mean = (sum / (kept.len() * plane.len() / width).max(1) as f64) as f32;
-    for row in plane.chunks_mut(width) {
-        row.iter_mut().enumerate().filter(|(x, _)| !kept.contains(x)).for_each(|(_, x)| *x = mean);
-    }
 }
 
 /// Losses on the picture of an example's target `t` against its photo `[1, 3, H, W]`, each a mean over tuples and targets.

@@ -1,12 +1,12 @@
 //! A held-out view drawn from what a predictor makes of its context.
 
 use super::looks::{as_photos, photo_of};
-use super::{Matching, Options, planes};
+use super::{Matching, Options};
 use crate::{CameraMode, Error, Example, LooksConfig};
 use weaver_data::appearance::Appearance;
 use weaver_data::{Scene, Tuple};
 use weaver_geometry::{Camera, Pose};
-use weaver_inference::{CameraSource, Density, JointPrediction, Look, LookPrediction, Prediction, Predictor};
+use weaver_inference::{CameraSource, Density, JointPrediction, Look, LookPrediction, Prediction, Predictor, planar};
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
 use weaver_pose::PoseErrors;
@@ -151,7 +151,7 @@ impl Drawing<'_> {
             let drawn = planted.of_view(number, target, which, size);
             Appearance { occluders: Vec::new(), ..drawn }.photo(&view.image, view.inside.as_deref())
         });
-        let shown = photos.each_ref().map(planes);
+        let shown = photos.each_ref().map(|photo| planar([photo]));
         let looks = shown.each_ref().map(|planes| Look::Of(as_photos(planes, size)));
         let source = example.camera_source(self.options.cameras, measured, None);
         let stream = self.stream(&example);

@@ -1,12 +1,12 @@
 //! Held-out views in the light of a photo: whose, what of it the model is shown, and how well it is met.
 
-use super::{Options, planes};
+use super::Options;
 use crate::evaluation::LookFigures;
 use std::fmt;
 use std::str::FromStr;
-use weaver_data::appearance::seen;
+use weaver_data::appearance::{keep_columns, seen};
 use weaver_data::{Scene, Tuple, View};
-use weaver_inference::Photos;
+use weaver_inference::{Photos, planar};
 use weaver_io::Image;
 
 /// In whose light a held-out view is drawn. All figures are then of its right half, whatever the model was shown.
@@ -56,14 +56,10 @@ pub(super) fn photo_of(look: LookOf, scene: &Scene, tuple: &Tuple) -> Option<Vec
         }
     };
     let image = &scene.views[view].image;
-    let mut all = planes(image);
+    let mut all = planar([image]);
     if look == LookOf::Half {
-        let (width, left) = (image.width, image.width / 2);
-        for plane in all.chunks_mut(width * image.height) {
-            let sum: f64 = plane.chunks(width).flat_map(|row| &row[..left]).map(|x| f64::from(*x)).sum();
-            let mean = (sum / (left * image.height).max(1) as f64) as f32;
-            plane.chunks_mut(width).for_each(|row| row[left..].fill(mean));
-        }
+        let planes = all.chunks_mut(image.width * image.height);
+        planes.for_each(|plane| keep_columns(plane, image.width, 0..image.width / 2));
     }
     Some(all)
 }
