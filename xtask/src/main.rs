@@ -3,6 +3,7 @@
 //! `cargo xtask check` is the definition of green: formatting, lints, documentation, shaders, and the invariants of
 //! docs/architecture.md (`cargo xtask tidy`).
 
+mod dial;
 mod embed;
 mod stress;
 mod study;
@@ -25,6 +26,7 @@ const USAGE: &str = "usage: cargo xtask <command>
   study density   DIR CAPTURE ... [-- FLAGS]: what adaptive density is worth, trained (with more flags) in DIR, where it goes on
                   after an interruption
   study own-photos  DIR CAPTURE ... [-- FLAGS]: what lens distortion, orientation and masks cost, trained in the same way
+  dial            the picture of the README's dial, drawn anew from its table in docs/results.md
   embed           the examples of tests/embedding, in a package outside of the workspace
   valgrind        the tests of kernels and tape under memcheck, by portable code and by AVX2";
 
@@ -38,6 +40,7 @@ fn main() -> ExitCode {
         "test" => test::run(rest),
         "stress" => stress::run(rest),
         "study" => study::run(rest),
+        "dial" => dial::run(),
         "embed" => embed::run(),
         "valgrind" => valgrind::run(),
         _ => Err(USAGE.into()),
