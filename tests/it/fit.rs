@@ -81,8 +81,6 @@ fn the_same_seed_gives_the_same_bits_at_any_number_of_threads_and_another_seed_o
     fit(&capture, &again, &[&"--steps", &steps, &"--gaussians", &"300"]).fine();
     let read = |folder: &Path| std::fs::read(folder.join("scene.ply")).unwrap();
     assert!(read(&timed) == read(&again));
-    let hurried = fit(&capture, &folder.path().join("hurried"), &[&"--minutes", &"0.0001"]).fine();
-    assert!(hurried.stderr.contains("enough for 1 steps, fewer than there are photos"), "{}", hurried.stderr);
 }
 
 #[test]

@@ -33,6 +33,23 @@ fn an_energy_at_a_threshold_belongs_to_the_upper_class() {
 }
 
 #[test]
+fn pose_losses_have_the_values_of_their_formulas() {
+    let tape = Tape::<f64>::new();
+    let rotation = |scale: f64| {
+        let rows: Vec<f64> = (0..9).map(|i| if i % 4 == 0 { scale } else { 0.0 }).collect();
+        tape.constant(&rows, [1, 3, 3])
+    };
+    let center = |x: f64| tape.constant(&[x, 2.0 * x, 3.0 * x], [1, 3]);
+    let loss = absolute_pose(&[rotation(2.0), rotation(1.0)], &[center(1.0), center(-1.0)], rotation(0.0), center(0.0));
+    assert!((loss.item() - (0.6 * (2.0 / 3.0 + 2.0) + (1.0 / 3.0 + 2.0)) / 2.0).abs() < 1e-12);
+    let [identity, quarter] = [[1.0, 0.0, 0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 1.0, 0.0, 0.0]]
+        .map(|two| tape.constant(&[&two[..], &[0.0, 0.0, 1.0]].concat(), [1, 9]));
+    assert!((rotation_angles(identity, quarter).item() - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+    let [found, truth] = [[6.0, 5.0, 0.0, 0.0], [5.0, 3.0, 9.0, 9.0]].map(|k| tape.constant(&k, [1, 4]));
+    assert!((focal_error(found, truth, 10).item() - (0.01 + 0.04) / 2.0).abs() < 1e-12);
+}
+
+#[test]
 fn a_weighted_mean_divides_by_the_number_of_images() {
     let tape = Tape::<f64>::new();
     let (a, b) = (tape.constant(&[1.0, 3.0, 0.0, 0.5], [2, 2]), tape.constant(&[0.0; 4], [2, 2]));
