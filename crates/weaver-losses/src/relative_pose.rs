@@ -34,7 +34,7 @@ pointwise!(
 #[track_caller]
 pub fn rotation_angles<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>) -> Var<'t, T> {
     let shape = a.shape();
-    let fits = shape.rank() > 0 && shape.last() == 9 && shape == b.shape();
+    let fits = shape.last() == 9 && shape == b.shape();
     a.tape().ensure_shapes(fits, "rotation_angles", "rotations [.., 9] twice", &[shape, b.shape()]);
     let trace = (a * b).sum_axis(shape.rank() - 1);
     apply_pointwise(Angle, [trace])
@@ -54,7 +54,7 @@ pub fn rotation_angles<'t, T: Real>(a: Var<'t, T>, b: Var<'t, T>) -> Var<'t, T> 
 #[track_caller]
 pub fn focal_error<'t, T: Real>(predicted: Var<'t, T>, truth: Var<'t, T>, width: usize) -> Var<'t, T> {
     let shape: Shape = predicted.shape();
-    let fits = shape.rank() > 0 && shape.last() == 4 && shape == truth.shape();
+    let fits = shape.last() == 4 && shape == truth.shape();
     predicted.tape().ensure_shapes(fits, "focal_error", "intrinsics [.., 4] twice", &[shape, truth.shape()]);
     let [predicted, truth] = [predicted, truth].map(|k| k.slice(shape.rank() - 1, 0, 2));
     apply_pointwise(SquaredError, [predicted, truth]).mean() * (1.0 / (width * width) as f64)
