@@ -4,6 +4,7 @@ mod decoding;
 mod jpeg;
 mod orientation;
 mod pixels;
+mod tiff;
 
 use crate::resize::{self, Filter};
 use crate::{Background, Bitmap, Error, Image, Result};

@@ -6,7 +6,7 @@ use super::{Layer, orientation};
 use crate::file::read_bytes;
 use crate::{Error, Result};
 use image::metadata::Orientation;
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Cursor, Read, Seek};
 use std::path::Path;
@@ -17,7 +17,11 @@ const MOST: u64 = 160 << 20;
 /// Bytes of a single decoded photo: a header may claim anything.
 const LARGEST: u64 = 512 << 20;
 /// Bytes of pixels that one byte of a PNG or a JPEG stands for at most: 1032 by deflate, some hundreds by JPEG.
-const MOST_DENSE: u64 = 1100;
+const DENSE: u64 = 1100;
+/// Likewise of a TIFF or a lossy WebP: 2559 by LZW; 2400 by VP8, where 16 x 16 pixels take 3.4 bits at least.
+const DENSER: u64 = 2600;
+/// Bytes that a decoder may take for tables and windows of its own.
+const MARGIN: u64 = 1 << 20;
 const EXPECTED: &str = "a JPEG, PNG, TIFF or WebP image";
 
 /// What a photo says before its pixels.
@@ -33,6 +37,7 @@ pub(super) fn header(path: &Path) -> Result<Header> {
     let mut file = BufReader::new(File::open(path).map_err(Error::io(path))?);
     check_kind(path, file.fill_buf().map_err(Error::io(path))?)?;
     let jpeg = Segments::read(&mut file);
+    check_values(path, &mut file)?;
     file.rewind().map_err(Error::io(path))?;
     // The decoder reads all it is given, and of a JPEG it needs no pixels.
     let file = file.take(jpeg.map_or(u64::MAX, |jpeg| jpeg.end));
@@ -54,9 +59,14 @@ pub(super) fn decode(path: &Path) -> Result<Pixels> {
     if is_cut_jpeg(&bytes) {
         return Err(Error::invalid(path, "image", "a whole JPEG image", "one that was cut short"));
     }
-    let decoder = decoder(path, "image", Cursor::new(&bytes))?;
-    let kind = image::guess_format(&bytes).ok();
-    check_claim(path, kind, decoder.dimensions(), decoder.total_bytes(), bytes.len() as u64)?;
+    check_values(path, &mut Cursor::new(&bytes))?;
+    let mut decoder = decoder(path, "image", Cursor::new(&bytes))?;
+    let (total, length) = (decoder.total_bytes(), bytes.len() as u64);
+    check_claim(path, density(&bytes), decoder.dimensions(), total, length)?;
+    // What is compressed is no longer than the file.
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(2 * total + length + MARGIN);
+    decoder.set_limits(limits).map_err(|e| Error::invalid(path, "image", EXPECTED, e))?;
     let decoded = DynamicImage::from_decoder(decoder).map_err(|e| Error::invalid(path, "image", EXPECTED, e))?;
     let size = (decoded.width() as usize, decoded.height() as usize);
     let has_alpha = decoded.color().has_alpha();
@@ -74,14 +84,22 @@ fn decoder<'a>(path: &Path, place: &str, from: impl BufRead + Seek + 'a) -> Resu
 pub(super) fn may_hold(path: &Path, (width, height): (usize, usize)) -> bool {
     let size = (width as u32, height as u32);
     let total = 3 * width as u64 * height as u64;
-    std::fs::metadata(path)
-        .is_ok_and(|file| check_claim(path, Some(ImageFormat::Jpeg), size, total, file.len()).is_ok())
+    std::fs::metadata(path).is_ok_and(|file| check_claim(path, Some(DENSE), size, total, file.len()).is_ok())
 }
 
-/// Refuses what a header claims and the file cannot hold, or what is too much: memory is taken for it before a pixel is decoded.
-fn check_claim(path: &Path, kind: Option<ImageFormat>, size: (u32, u32), total: u64, bytes: u64) -> Result<()> {
-    let bounded = matches!(kind, Some(ImageFormat::Png | ImageFormat::Jpeg));
-    if bounded && total / MOST_DENSE > bytes {
+/// Bytes of pixels that one byte of a file stands for at most; `None` for lossless WebP, where one color takes no bits at all.
+fn density(bytes: &[u8]) -> Option<u64> {
+    const LOSSLESS: &[u8] = b"VP8L";
+    match image::guess_format(bytes).ok()? {
+        ImageFormat::Png | ImageFormat::Jpeg => Some(DENSE),
+        ImageFormat::WebP if bytes.windows(LOSSLESS.len()).any(|chunk| chunk == LOSSLESS) => None,
+        _ => Some(DENSER),
+    }
+}
+
+/// Refuses what a header claims and a file of this density cannot hold, or what is too much: memory is taken for it before a pixel is decoded.
+fn check_claim(path: &Path, density: Option<u64>, size: (u32, u32), total: u64, bytes: u64) -> Result<()> {
+    if density.is_some_and(|density| total / density > bytes) {
         let expected = format!("{} x {} pixels, as its header says", size.0, size.1);
         return Err(Error::invalid(path, "image", expected, format!("{bytes} bytes")));
     }
@@ -89,6 +107,12 @@ fn check_claim(path: &Path, kind: Option<ImageFormat>, size: (u32, u32), total: 
         return Err(Error::invalid(path, "image", format!("at most {LARGEST} bytes once it is decoded"), total));
     }
     Ok(())
+}
+
+/// Refuses what claims values that are longer than the file.
+fn check_values(path: &Path, file: &mut (impl Read + Seek)) -> Result<()> {
+    let found = super::tiff::too_long(file);
+    found.map_or(Ok(()), |found| Err(Error::invalid(path, "directory", "values that the file can hold", found)))
 }
 
 /// Says how to convert what phones write and nothing here reads.
@@ -242,17 +266,19 @@ mod tests {
 
     #[test]
     fn what_a_header_claims_is_bounded() {
-        let says = |kind, total, bytes| {
-            check_claim(Path::new("a"), Some(kind), (9, 9), total, bytes).err().map(|error| error.to_string())
+        let says = |start: &[u8], total, bytes| {
+            check_claim(Path::new("a"), density(start), (9, 9), total, bytes).err().map(|error| error.to_string())
         };
-        assert_eq!(says(ImageFormat::Png, LARGEST, LARGEST / 1000), None);
-        assert_eq!(says(ImageFormat::WebP, LARGEST, 9), None);
-        assert!(
-            says(ImageFormat::Jpeg, 1 << 20, 900)
-                .unwrap()
-                .contains("9 x 9 pixels, as its header says, found 900 bytes")
-        );
-        assert!(says(ImageFormat::Tiff, LARGEST + 1, LARGEST).unwrap().contains("at most 536870912 bytes"));
+        let [png, jpeg, tiff] = [&b"\x89PNG\r\n\x1a\n"[..], b"\xff\xd8\xff", b"II*\0"];
+        let [lossy, lossless] = [b"RIFF\x40\0\0\0WEBPVP8 ", b"RIFF\x40\0\0\0WEBPVP8L"];
+        assert_eq!(says(png, LARGEST, LARGEST / 1000), None);
+        assert_eq!(says(lossless, LARGEST, 9), None);
+        let too_much = "9 x 9 pixels, as its header says, found 900 bytes";
+        for (start, most) in [(jpeg, 900 * DENSE), (tiff, 900 * DENSER), (lossy, 900 * DENSER)] {
+            assert_eq!(says(start, most, 900), None);
+            assert!(says(start, most + DENSER, 900).unwrap().contains(too_much));
+        }
+        assert!(says(tiff, LARGEST + 1, LARGEST).unwrap().contains("at most 536870912 bytes"));
     }
 
     #[test]

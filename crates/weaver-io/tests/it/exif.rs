@@ -2,8 +2,11 @@
 
 use weaver_io::focal_35mm;
 
+/// The tag of the focal length that a lens would have on 35 mm film.
+pub const FOCAL: u16 = 0xa405;
+
 /// EXIF with one number under a tag of its own directory, after the header of a JPEG file.
-fn photo(tag: u16, focal: u16) -> Vec<u8> {
+pub fn photo(tag: u16, focal: u16) -> Vec<u8> {
     let mut tiff = b"II*\0\x08\0\0\0".to_vec();
     let mut directory = |entries: &[[u16; 6]]| {
         tiff.extend((entries.len() as u16).to_le_bytes());
@@ -19,7 +22,6 @@ fn photo(tag: u16, focal: u16) -> Vec<u8> {
 
 #[test]
 fn the_focal_length_is_what_the_file_tells() {
-    const FOCAL: u16 = 0xa405;
     let folder = tempfile::tempdir().unwrap();
     let told = |name: &str, bytes: &[u8]| {
         let path = folder.path().join(name);

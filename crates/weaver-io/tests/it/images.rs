@@ -208,6 +208,24 @@ fn a_header_that_promises_more_than_the_file_can_hold_is_refused() {
         assert!(message.contains("a.jpg: image: expected 16383 x 16383 pixels, as its header says"), "{message}");
     });
     assert!(used.bytes_max < 1 << 20, "{}", used.bytes_max);
+    // A TIFF's first directory: values under a tag, a strip's length.
+    let path = folder.path().join("a.tif");
+    image::RgbImage::from_raw(21, 18, ramp(21, 18).to_bytes()).unwrap().save(&path).unwrap();
+    let whole = std::fs::read(&path).unwrap();
+    let entry = |tag: u16| {
+        let start = [tag.to_le_bytes(), 4u16.to_le_bytes()].concat();
+        whole.windows(4).position(|four| four == start).unwrap()
+    };
+    for (at, found) in [(entry(273) + 4, "found 50331648 values under tag 273"), (entry(279) + 8, "a.tif: image: ")] {
+        let mut bytes = whole.clone();
+        bytes[at..at + 4].copy_from_slice(&(3u32 << 24).to_le_bytes());
+        std::fs::write(&path, &bytes).unwrap();
+        let used = allocation_counter::measure(|| {
+            let message = Image::read(&path, Background::White).unwrap_err().to_string();
+            assert!(message.contains(found), "{message}");
+        });
+        assert!(used.bytes_max < 1 << 20, "{found}: {}", used.bytes_max);
+    }
     // The densest there is: one color.
     let plain = folder.path().join("plain.png");
     Image::filled(4000, 500, [1.0; 3]).write_png(&plain).unwrap();

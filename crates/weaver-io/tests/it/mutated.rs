@@ -21,6 +21,8 @@ use weaver_scene::Gaussians;
 /// What a reader may hold at once: so many times its input, and some more for its tables and windows.
 const TIMES: u64 = 64;
 const MORE: u64 = 4 << 20;
+/// A decoded photo, beside a copy of it in another form.
+const LARGEST: u64 = 3 * (512 << 20);
 /// Long for a small file even on a busy machine in a debug build.
 const LONG: Duration = Duration::from_secs(10);
 
@@ -32,6 +34,8 @@ struct Reader {
     seal: fn(&[u8]) -> Vec<u8>,
     /// Reads the file of this path; false if it was refused.
     read: fn(&Path) -> bool,
+    /// Bytes that it may hold beyond a multiple of its input.
+    more: u64,
 }
 
 fn one(name: &'static str, file: &'static str, bytes: Vec<u8>, read: fn(&Path) -> bool) -> Reader {
@@ -39,7 +43,7 @@ fn one(name: &'static str, file: &'static str, bytes: Vec<u8>, read: fn(&Path) -
 }
 
 fn several(name: &'static str, files: Vec<(String, Vec<u8>)>, read: fn(&Path) -> bool) -> Reader {
-    Reader { name, files, seal: <[u8]>::to_vec, read }
+    Reader { name, files, seal: <[u8]>::to_vec, read, more: MORE }
 }
 
 /// The bytes that something writes to a path.
@@ -55,6 +59,7 @@ fn readers() -> Vec<Reader> {
     let image = Image { width: 13, height: 9, pixels: (0..13 * 9 * 3).map(gradient).collect() };
     let png = written("a.png", |path| image.write_png(path).unwrap());
     let rgb = image::load_from_memory(&png).unwrap();
+    let [tiff, webp] = ["a.tif", "a.webp"].map(|name| written(name, |path| rgb.to_rgb8().save(path).unwrap()));
     let jpeg = written("a.jpg", |path| rgb.to_rgb8().save(path).unwrap());
     // Wide enough for the threads that a decoder of reduced scales starts.
     let wide = rgb.resize_exact(272, 8, image::imageops::FilterType::Triangle).to_rgb8();
@@ -66,6 +71,7 @@ fn readers() -> Vec<Reader> {
     let index =
         r#"{"metadata": {"total_size": 64}, "weight_map": {"weight": "a.safetensors", "bias": "a.safetensors"}}"#;
     let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
+    let fixture = |name: &str| std::fs::read(fixtures.join(name)).unwrap();
     let torch = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures/torch_checkpoint.ckpt"));
     let points = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n0 1 2 255 0 0\n1 2.5 -3e-1 0 9 1\n";
     let transforms = r#"{"fl_x": 40.0, "fl_y": 41.0, "cx": 20, "cy": 16.5, "w": 40, "h": 32, "frames": [
@@ -105,7 +111,16 @@ fn readers() -> Vec<Reader> {
         Reader { seal: checksummed, ..one("png content", "a.png", png, photo) },
         one("jpeg", "a.jpg", jpeg, photo),
         one("jpeg, shrunk", "a.jpg", wide, shrunk),
-        one("jpeg, progressive", "a.jpg", std::fs::read(fixtures.join("progressive.jpg")).unwrap(), |path| {
+        one("jpeg, cmyk", "a.jpg", fixture("cmyk.jpg"), photo),
+        one("tiff", "a.tif", tiff, photo),
+        // Of one color it takes no bits, so that any size may be true.
+        Reader { more: LARGEST, ..one("webp, lossless", "a.webp", webp, photo) },
+        // Its decoder takes the length of a partition, of 24 bits, at its word.
+        Reader { more: MORE + (16 << 20), ..one("webp, lossy", "a.webp", fixture("lossy.webp"), photo) },
+        one("exif", "a.jpg", crate::exif::photo(crate::exif::FOCAL, 26), |path| {
+            weaver_io::focal_35mm(path).is_ok_and(|focal| focal.is_some())
+        }),
+        one("jpeg, progressive", "a.jpg", fixture("progressive.jpg"), |path| {
             PhotoFile::at(path).and_then(|photo| photo.shrink_from(0).resize_whole(4, 2)).is_ok()
         }),
     ]
@@ -177,7 +192,7 @@ fn fault(reader: &Reader, path: &Path, input: u64, refused: &mut u64) -> Option<
     let used = allocation_counter::measure(|| {
         done = catch_unwind(AssertUnwindSafe(|| (reader.read)(path))).ok();
     });
-    let (took, most) = (started.elapsed(), TIMES * input + MORE);
+    let (took, most) = (started.elapsed(), TIMES * input + reader.more);
     let Some(read) = done else { return Some("a panic".into()) };
     *refused += u64::from(!read);
     if used.bytes_max > most {
