@@ -10,7 +10,7 @@
 //! Photos are sorted by path. The largest centered crop of the network's aspect ratio is shrunk with a Lanczos
 //! filter; intrinsics follow exactly.
 //!
-//! - **Distortion** is undone after shrinking ([`Undistortion`](weaver_geometry::Undistortion)): the photo keeps its size, and is taken as
+//! - **Distortion** is undone at up to three times the final size ([`Undistortion`](weaver_geometry::Undistortion)): the photo keeps its size, and is taken as
 //!   if with the shortest focal length that leaves no blank border. Intrinsics are those of the result.
 //! - **EXIF orientation**: photos without cameras are turned upright. With a camera they are if only that gives them its size
 //!   ([`PhotoFile::for_camera`](weaver_io::PhotoFile::for_camera)); else, as always if they are square, they stay as they are stored.
@@ -264,6 +264,8 @@ fn read_cropped(
     let crop = Crop::centered(w, h, width, height);
     let camera = Camera { pose, intrinsics: crop.intrinsics(&intrinsics), width, height };
     let lens = photo.lens(camera)?;
-    let read = |file: &PhotoFile| Ok(straight(crop.read(file)?, lens.as_ref()).to_image());
+    let read = |file: &PhotoFile| {
+        Ok(straight(lens.as_ref(), crop.shrink(), |times| crop.enlarged(times).read(file))?.to_image())
+    };
     Ok((masked(&photo.frame.path, file, mask, read)?, straight_camera(camera, lens.as_ref())))
 }

@@ -4,7 +4,7 @@
 //! results equal those of Pillow (`Image.resize(size, LANCZOS, box=...)`), which prepares most training data. Pillow 13 makes
 //! the vertical pass first where it shrinks the height more than the width, so that other values are clamped; we do not.
 
-use crate::Image;
+use crate::{Bitmap, Image};
 use std::f64::consts::PI;
 
 /// Bits after the point: 8 bits of value, 2 of head-room for the filter's negative lobes, in 32.
@@ -34,10 +34,25 @@ impl Image {
     }
 
     fn resample(&self, width: usize, height: usize, part: [f64; 4], filter: Filter) -> Self {
-        let (source, length) = (self.to_bytes(), 3 * self.width);
-        let row = |y: usize, row: &mut [u8]| row.copy_from_slice(&source[y * length..(y + 1) * length]);
-        let pixels = resample((self.width, self.height), row, [width, height], part, filter);
-        Self::from_bytes(width, height, &pixels)
+        Bitmap { width: self.width, height: self.height, pixels: self.to_bytes() }
+            .resample(width, height, part, filter)
+            .to_image()
+    }
+}
+
+impl Bitmap {
+    /// Resizes the whole image as [`Image::resize`] does.
+    ///
+    /// # Panics
+    /// When it has no pixels.
+    pub fn resize(&self, width: usize, height: usize) -> Self {
+        self.resample(width, height, [0.0, 0.0, self.width as f64, self.height as f64], LANCZOS)
+    }
+
+    fn resample(&self, width: usize, height: usize, part: [f64; 4], filter: Filter) -> Self {
+        let length = 3 * self.width;
+        let row = |y: usize, row: &mut [u8]| row.copy_from_slice(&self.pixels[y * length..(y + 1) * length]);
+        Self { width, height, pixels: resample((self.width, self.height), row, [width, height], part, filter) }
     }
 }
 

@@ -34,6 +34,16 @@ impl Crop {
         photo.resize(self.width, self.height, [self.left, self.top, self.right, self.bottom])
     }
 
+    /// The same part so many times as large.
+    pub(crate) fn enlarged(&self, times: usize) -> Self {
+        Self { width: self.width * times, height: self.height * times, ..*self }
+    }
+
+    /// How many times wider the part is than what it is brought to.
+    pub(crate) fn shrink(&self) -> f64 {
+        (self.right - self.left) / self.width as f64
+    }
+
     /// The photo's intrinsics carried over to the part.
     pub fn intrinsics(&self, photo: &Intrinsics) -> Intrinsics {
         let sx = self.width as f64 / (self.right - self.left);

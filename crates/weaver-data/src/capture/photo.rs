@@ -67,12 +67,21 @@ impl Photo {
     }
 }
 
-/// A photo without distortion, if its lens has one.
-pub(super) fn straight(photo: Bitmap, lens: Option<&Undistortion>) -> Bitmap {
-    match lens {
-        Some(lens) => undistorted(lens, &photo),
-        None => photo,
-    }
+/// How many times larger than it will be a photo is at most while its distortion is undone: between pixels of the final size,
+/// interpolation would cost detail.
+const FINER: f64 = 3.0;
+
+/// A photo without distortion, if its lens has one. `read` gives the photo so many times larger than it will be, where `shrink` is how
+/// many times larger its file is.
+pub(super) fn straight<E>(
+    lens: Option<&Undistortion>,
+    shrink: f64,
+    read: impl Fn(usize) -> Result<Bitmap, E>,
+) -> Result<Bitmap, E> {
+    let Some(lens) = lens else { return read(1) };
+    let times = shrink.ceil().clamp(1.0, FINER) as usize;
+    let large = undistorted(lens, &read(times)?);
+    Ok(if times == 1 { large } else { large.resize(large.width / times, large.height / times) })
 }
 
 /// The camera of a photo without distortion, if its lens has one.

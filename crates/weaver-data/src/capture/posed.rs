@@ -172,8 +172,10 @@ fn load_photo(photo: &Photo, mask: Option<&Mask>, options: &PosedOptions) -> Res
     let file = photo.open()?.over(options.background);
     let camera = resized(&frame.camera, options.long_side);
     let lens = photo.lens(camera)?;
+    let shrink = frame.camera.width as f64 / camera.width as f64;
     let read = |file: &PhotoFile| -> Result<Vec<u8>, Error> {
-        Ok(straight(file.resize_whole(camera.width, camera.height)?, lens.as_ref()).pixels)
+        let at = |times: usize| file.resize_whole(camera.width * times, camera.height * times);
+        Ok(straight(lens.as_ref(), shrink, at)?.pixels)
     };
     let rgb = read(&file)?;
     let inside = mask.map(|mask| read(&mask.open(&frame.path, file)?)).transpose()?;

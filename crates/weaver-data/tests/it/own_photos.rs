@@ -118,6 +118,27 @@ fn distorted_photos_are_loaded_as_those_of_a_lens_without_distortion() {
 }
 
 #[test]
+fn undoing_a_distortion_costs_no_detail() {
+    // Waves of three pixels once the photo is shrunk to a quarter.
+    let fine = |at: DVec2| [(127.5 + 100.0 * (160.0 * at.x).sin() * (150.0 * at.y).cos()).round() as u8; 3];
+    let larger = |camera: Camera| {
+        let (width, height) = (4 * camera.width, 4 * camera.height);
+        Camera { intrinsics: camera.intrinsics.resized(4.0, 4.0), width, height, ..camera }
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let (camera, lens) = (larger(camera(0)), lenses()[2]);
+    photo(&camera, Some(lens), fine).write_png(folder.path().join("a.png")).unwrap();
+    let frames = vec![Frame { distortion: Some(lens), ..Frame::new("a.png", camera) }];
+    Transforms { frames, ..Transforms::default() }.write(folder.path().join("transforms.json")).unwrap();
+    let options = PosedOptions { long_side: Some(SIZE.0), ..PosedOptions::default() };
+    let loaded = &posed::load(folder.path(), &options).unwrap().photos[0];
+    let truth = photo(&larger(loaded.camera), None, fine).resize(SIZE.0, SIZE.1);
+    let apart = loaded.rgb.iter().zip(&truth.pixels).map(|(a, b)| f64::from(a.abs_diff(*b)));
+    let mean = apart.sum::<f64>() / truth.pixels.len() as f64;
+    assert!(mean < 1.0, "{mean} of 255 apart");
+}
+
+#[test]
 fn a_distortion_that_leaves_nothing_is_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     distorted_capture(folder.path());
