@@ -1,7 +1,6 @@
 //! The picture of the dial in the README, drawn from the table that tells its figures.
 
 use std::fmt::Write;
-use std::path::Path;
 
 const TABLE: &str = "docs/results.md";
 const SECTION: &str = "### Density where the error is";
@@ -32,7 +31,7 @@ const DECIBELS: [f64; 2] = [19.0, 28.0];
 pub fn run() -> Result<(), String> {
     let text = std::fs::read_to_string(TABLE).map_err(|e| format!("{TABLE}: {e}"))?;
     let picture = draw(&text).map_err(|e| format!("{TABLE}: {SECTION}: {e}"))?;
-    std::fs::write(Path::new(PICTURE), picture).map_err(|e| format!("{PICTURE}: {e}"))
+    std::fs::write(PICTURE, picture).map_err(|e| format!("{PICTURE}: {e}"))
 }
 
 /// The picture of the table in a document.
@@ -108,8 +107,8 @@ fn put(svg: &mut String, line: std::fmt::Arguments<'_>) {
 /// The first number in each cell of the row with this label.
 fn row(section: &str, label: &str) -> Result<Vec<f64>, String> {
     let cells = |line: &str| line.trim_matches('|').split('|').map(|cell| cell.trim().to_string()).collect::<Vec<_>>();
-    let rows = section.lines().filter(|line| line.starts_with('|')).map(cells);
-    let row = rows.into_iter().find(|row| row[0] == label).ok_or_else(|| format!("no row {label}"))?;
+    let mut rows = section.lines().filter(|line| line.starts_with('|')).map(cells);
+    let row = rows.find(|row| row[0] == label).ok_or_else(|| format!("no row {label}"))?;
     let number = |cell: &String| {
         let word = cell.trim_start_matches('*').split([' ', '*']).next().unwrap_or("").to_string();
         word.parse().map_err(|_| format!("{label}: expected a number, found {cell}"))
@@ -120,6 +119,7 @@ fn row(section: &str, label: &str) -> Result<Vec<f64>, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::Path;
 
     #[test]
     fn numbers_are_read_from_rows() {

@@ -177,11 +177,10 @@ mod with {
             let line = format!("bench raster --synthetic 10,8,8 --device {device}");
             let done = command(folder.path(), &line).output().unwrap();
             assert_eq!(done.status.code(), Some(1), "{}", said(&done));
-            let expected: &[&str] =
-                if any() { &["no such adapter", "Found: gpu:0 "] } else { &["no adapter", "driver"] };
+            let (fault, more) = if any() { ("no such adapter", "Found: gpu:0 ") } else { ("no adapter", "driver") };
             // Drivers may have said something of their own before.
-            assert!(said(&done).contains(&format!("error: device {device}: {}", expected[0])), "{}", said(&done));
-            assert!(said(&done).contains(expected[1]), "{}", said(&done));
+            assert!(said(&done).contains(&format!("error: device {device}: {fault}")), "{}", said(&done));
+            assert!(said(&done).contains(more), "{}", said(&done));
         }
         let without = |line: &str| {
             let mut command = command(folder.path(), line);
