@@ -23,7 +23,7 @@ const USAGE: &str = "usage: cargo xtask <command>
   stress          [-p CRATE ...]: the tests with every sweep in full; before a release
   stress kill     [TIMES]: training killed at random moments and out of disk, then resumed: the same bits
   stress parsers  [FILES [READER]]: so many mutated files for each reader, or for those with this in their names: no panic, little memory
-  study density   DIR CAPTURE ... [-- FLAGS]: what adaptive density is worth, trained (with more flags) in DIR, where it goes on
+  study density   DIR CAPTURE ... [--lpips WEIGHTS] [-- FLAGS]: what adaptive density is worth, trained (with more flags) in DIR, where it goes on
                   after an interruption
   study own-photos  DIR CAPTURE ... [-- FLAGS]: what lens distortion, orientation and masks cost, trained in the same way
   dial            the picture of the README's dial, drawn anew from its table in docs/results.md

@@ -14,8 +14,14 @@ pub fn run(arguments: &[String]) -> Result<(), String> {
         Some(at) => (&arguments[..at], &arguments[at + 1..]),
         None => (arguments, &[][..]),
     };
+    let (own, lpips) = match own {
+        [own @ .., flag, weights] if flag == "--lpips" => (own, Some(weights.as_str())),
+        own => (own, None),
+    };
     match own.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        ["density", out, ref captures @ ..] if !captures.is_empty() => density::run(Path::new(out), captures, more),
+        ["density", out, ref captures @ ..] if !captures.is_empty() => {
+            density::run(Path::new(out), captures, lpips, more)
+        }
         ["own-photos", out, ref captures @ ..] if !captures.is_empty() => {
             own_photos::run(Path::new(out), captures, more)
         }

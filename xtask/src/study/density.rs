@@ -93,13 +93,12 @@ impl Arm {
     }
 }
 
-pub fn run(out: &Path, captures: &[&str], more: &[String]) -> Result<(), String> {
+pub fn run(out: &Path, captures: &[&str], lpips: Option<&str>, more: &[String]) -> Result<(), String> {
     let study = Study::new(out)?;
     let data: Vec<String> =
         captures.iter().flat_map(|capture| ["--data".to_string(), (*capture).to_string()]).collect();
-    let head =
-        "| trained with | evaluated at | refined | Gaussians per pixel | PSNR | energetic | SSIM | against adaptive |";
-    let mut rows = vec![String::new(), head.into(), "|---|---|---|---|---|---|---|---|".into()];
+    let head = "| trained with | evaluated at | refined | Gaussians per pixel | PSNR | energetic | SSIM | LPIPS | against adaptive |";
+    let mut rows = vec![String::new(), head.into(), "|---|---|---|---|---|---|---|---|---|".into()];
     // By refinement, then by budget.
     let mut adaptive: [Vec<Vec<f64>>; 2] = Default::default();
     for arm in &ARMS {
@@ -114,7 +113,7 @@ pub fn run(out: &Path, captures: &[&str], more: &[String]) -> Result<(), String>
         for refined in [false, true].into_iter().filter(|refined| !refined || arm.refined()) {
             let adaptive = &mut adaptive[usize::from(refined)];
             for (i, budget) in arm.budgets().into_iter().enumerate() {
-                let evaluations = runs.iter().map(|run| evaluate(&study, run, arm, budget, refined));
+                let evaluations = runs.iter().map(|run| evaluate(&study, run, arm, budget, refined, lpips));
                 let evaluations: Vec<Value> = evaluations.collect::<Result<_, _>>()?;
                 let psnr = figures(&evaluations, "psnr");
                 if arm.adapts() {
@@ -129,11 +128,19 @@ pub fn run(out: &Path, captures: &[&str], more: &[String]) -> Result<(), String>
     Ok(())
 }
 
-fn evaluate(study: &Study, run: &Path, arm: &Arm, budget: Option<f64>, refined: bool) -> Result<Value, String> {
+fn evaluate(
+    study: &Study,
+    run: &Path,
+    arm: &Arm,
+    budget: Option<f64>,
+    refined: bool,
+    lpips: Option<&str>,
+) -> Result<Value, String> {
     let budget = budget.map(|budget| budget.to_string());
     let mut name = format!("{}-{}", arm.allocation, budget.as_deref().unwrap_or("all")).replace(':', "-");
     let mut words =
         ["--run", &run.display().to_string(), "--allocation", arm.allocation, "--json"].map(String::from).to_vec();
+    words.extend(lpips.iter().flat_map(|weights| ["--lpips", weights].map(String::from)));
     words.extend(budget.iter().flat_map(|budget| ["--budget".to_string(), budget.clone()]));
     if refined {
         name += "-refined";
@@ -157,10 +164,10 @@ fn row(arm: &Arm, budget: Option<f64>, refined: bool, evaluations: &[Value], dif
         (mean, Some(spread)) => format!("{mean:.digits$} ± {spread:.digits$}"),
         (mean, None) => format!("{mean:.digits$}"),
     };
-    let [psnr, energetic, ssim, count] =
-        ["psnr", "psnr_energetic", "ssim", "gaussians_per_pixel"].map(|key| figures(evaluations, key));
+    let [psnr, energetic, ssim, lpips, count] =
+        ["psnr", "psnr_energetic", "ssim", "lpips", "gaussians_per_pixel"].map(|key| figures(evaluations, key));
     format!(
-        "| {} | {} | {} | {:.3} | {} | {} | {} | {} |",
+        "| {} | {} | {} | {:.3} | {} | {} | {} | {} | {} |",
         arm.name,
         budget.map_or(arm.allocation.to_string(), |budget| format!("{} {budget}", arm.allocation)),
         match (refined, arm.adapts()) {
@@ -172,6 +179,7 @@ fn row(arm: &Arm, budget: Option<f64>, refined: bool, evaluations: &[Value], dif
         text(&psnr, 2),
         text(&energetic, 2),
         text(&ssim, 3),
+        if lpips.iter().all(|x| x.is_nan()) { String::new() } else { text(&lpips, 3) },
         text(difference, 2),
     )
 }
