@@ -72,7 +72,8 @@ impl Default for FitSettings {
 /// Learning rates of Adam in a run of 6000 steps (3DGS's, doubled).
 ///
 /// Gaussians have to come as far in a short run as in a long one: all rates but that of color corrections are multiplied by
-/// (6000 / steps)^power, at most by 2.5.
+/// (6000 / steps)^power, at most by 2.5. A longer run has the rates of 6000 steps: with lower ones it
+/// stays in the first optimum that it meets, and is overfitted there.
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rates {
@@ -92,7 +93,7 @@ pub struct Rates {
     pub sh_rest: f64,
     /// Rate of the color corrections of photos.
     pub exposure: f64,
-    /// How strongly rates depend on the length of the run; 0 for the same rates in all.
+    /// How strongly rates of shorter runs depend on their length; 0 for the same rates in all.
     pub power: f64,
 }
 
@@ -112,13 +113,14 @@ impl Default for Rates {
     }
 }
 
-/// The largest factor of rates in short runs: that of 1000 steps, the shortest run it was measured in.
+/// The run that rates are meant for, and their largest factor in shorter ones: that of 1000 steps, the shortest it was measured in.
+const STEPS: f64 = 6000.0;
 const FASTEST: f64 = 2.5;
 
 impl Rates {
     /// The rates in a run of so many steps.
     pub(crate) fn in_run_of(&self, steps: usize) -> Self {
-        let factor = (6000.0 / steps.max(1) as f64).powf(self.power).min(FASTEST);
+        let factor = (STEPS / steps.max(1) as f64).max(1.0).powf(self.power).min(FASTEST);
         Self {
             means: self.means * factor,
             scales: self.scales * factor,
@@ -279,5 +281,21 @@ impl FitSettings {
             return Err(FitError::setting("sh_degree", "0 to 3", self.sh_degree));
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn short_runs_go_in_longer_steps_and_long_ones_in_the_same() {
+        let rates = Rates::default();
+        let means = |steps| rates.in_run_of(steps).means / rates.means;
+        assert!((means(1500) - 2.0).abs() < 1e-12);
+        assert_eq!([100, 6000, 60_000].map(means), [FASTEST, 1.0, 1.0]);
+        let constant = Rates { power: 0.0, ..rates.clone() };
+        assert_eq!(constant.in_run_of(1500), constant);
+        assert_eq!(rates.in_run_of(1500).exposure, rates.exposure);
     }
 }
