@@ -12,8 +12,12 @@ use weaver_kernels::{pages, parallel};
 /// Bytes of a cache line. Every buffer begins at one, so that no aligned vector straddles two.
 const LINE: usize = 64;
 
-/// The size class of a length. There are four classes per power of two: at most a quarter of a buffer is wasted, and
-/// lengths that vary a little from step to step, such as a number of Gaussians, find the same buffer again.
+/// Classes above its own that a request may be served from: buffers up to twice as large. Lengths that vary a lot from step to
+/// step, such as the number of Gaussians of a drawn budget, would else leave buffers of every size that they ever had.
+const REACH: usize = 4;
+
+/// The size class of a length. There are four classes per power of two: a new buffer wastes a fifth at most, and
+/// lengths that vary a little from step to step find the same buffer again.
 fn class_of(len: usize) -> usize {
     let len = len.max(16);
     let octave = len.ilog2() as usize;
@@ -87,7 +91,7 @@ impl Pool {
         let class = class_of(len);
         let mut shelves = self.shelves.lock().unwrap_or_else(PoisonError::into_inner);
         let shelf: &mut Shelf<U> = shelves.of_type();
-        let free = shelf.classes.get_mut(class).and_then(Vec::pop);
+        let free = shelf.classes.iter_mut().skip(class).take(1 + REACH).find_map(Vec::pop);
         let data = free.unwrap_or_else(|| {
             let capacity = class_capacity(class);
             let mut data = vec![U::default(); capacity + margin::<U>()];
@@ -155,7 +159,7 @@ impl Pool {
     }
 
     /// The most bytes that have been in use at one time. The pool may have allocated more, since a free buffer serves only
-    /// requests of its own size class.
+    /// requests of about its own size.
     pub fn peak_bytes(&self) -> usize {
         self.shelves.lock().unwrap_or_else(PoisonError::into_inner).peak_bytes
     }
@@ -243,6 +247,18 @@ mod tests {
         let pool = Pool::new();
         let squares = || pool.table("squares", || pool.filled::<f32>(4, 2.0).to_vec());
         assert!(Arc::ptr_eq(&squares(), &squares()));
+    }
+
+    #[test]
+    fn lengths_that_vary_share_their_buffers() {
+        let pool = Pool::new();
+        let lengths = || (0..40).map(|i| 1000 + 25 * ((i * 17) % 40));
+        drop(pool.buffer::<f32>(2000));
+        let before = pool.allocated_bytes();
+        lengths().for_each(|len| drop(pool.buffer::<f32>(len)));
+        assert_eq!(pool.allocated_bytes(), before);
+        drop(pool.buffer::<f32>(800)); // less than half of it
+        assert!(pool.allocated_bytes() > before);
     }
 
     #[test]
