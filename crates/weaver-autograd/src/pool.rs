@@ -36,6 +36,11 @@ fn class_capacity(class: usize) -> usize {
     (1 << octave) + step * (1 << (octave - 2))
 }
 
+/// Bytes that a request counts for while it is in use: those of a buffer of its own class, whichever serves it.
+fn counted<U>(len: usize) -> usize {
+    (class_capacity(class_of(len)) + margin::<U>()) * size_of::<U>()
+}
+
 /// The free vectors of one element type, by size class.
 struct Shelf<U> {
     classes: Vec<Vec<Vec<U>>>,
@@ -93,13 +98,12 @@ impl Pool {
         let shelf: &mut Shelf<U> = shelves.of_type();
         let free = shelf.classes.iter_mut().skip(class).take(1 + REACH).find_map(Vec::pop);
         let data = free.unwrap_or_else(|| {
-            let capacity = class_capacity(class);
-            let mut data = vec![U::default(); capacity + margin::<U>()];
+            let mut data = vec![U::default(); class_capacity(class) + margin::<U>()];
             pages::prefer_huge(&mut data);
             shelves.allocated_bytes += size_of_val(&data[..]);
             data
         });
-        shelves.used_bytes += size_of_val(&data[..]);
+        shelves.used_bytes += counted::<U>(len);
         shelves.peak_bytes = shelves.peak_bytes.max(shelves.used_bytes);
         let start = data.as_ptr().align_offset(LINE).min(data.len() - len);
         Buffer { data, range: start..start + len, pool: self.clone() }
@@ -159,7 +163,7 @@ impl Pool {
     }
 
     /// The most bytes that have been in use at one time. The pool may have allocated more, since a free buffer serves only
-    /// requests of about its own size.
+    /// requests of its own size to half of it, and counts as one of the size that was asked for.
     pub fn peak_bytes(&self) -> usize {
         self.shelves.lock().unwrap_or_else(PoisonError::into_inner).peak_bytes
     }
@@ -179,9 +183,9 @@ pub struct Buffer<U: Copy + Send + 'static> {
 }
 
 impl<U: Copy + Send + 'static> Buffer<U> {
-    /// Bytes of the memory, a little more than the elements need.
-    pub(crate) fn capacity_bytes(&self) -> usize {
-        size_of_val(&self.data[..])
+    /// Bytes that it counts for, a little more than the elements need.
+    pub(crate) fn counted_bytes(&self) -> usize {
+        counted::<U>(self.range.len())
     }
 }
 
@@ -190,7 +194,7 @@ impl<U: Copy + Send + 'static> Drop for Buffer<U> {
         let data = std::mem::take(&mut self.data);
         let class = class_of(data.len() - margin::<U>());
         let mut shelves = self.pool.shelves.lock().unwrap_or_else(PoisonError::into_inner);
-        shelves.used_bytes -= size_of_val(&data[..]);
+        shelves.used_bytes -= counted::<U>(self.range.len());
         let classes = &mut shelves.of_type::<Shelf<U>>().classes;
         if classes.len() <= class {
             classes.resize_with(class + 1, Vec::new);

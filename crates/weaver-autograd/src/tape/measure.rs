@@ -144,7 +144,7 @@ const SOURCES: &str = "leaves and constants";
 impl<T: Real> Storage<T> {
     fn pooled_bytes(&self) -> usize {
         match self {
-            Self::Pooled(buffer) => buffer.capacity_bytes(),
+            Self::Pooled(buffer) => buffer.counted_bytes(),
             _ => 0,
         }
     }
