@@ -23,7 +23,7 @@ pub fn run(arguments: &[String]) -> Result<(), String> {
             density::run(Path::new(out), captures, lpips, more)
         }
         ["own-photos", out, ref captures @ ..] if !captures.is_empty() => {
-            own_photos::run(Path::new(out), captures, more)
+            own_photos::run(Path::new(out), captures, lpips, more)
         }
         ["density" | "own-photos", ..] => Err("study: expected a folder for its runs and at least one capture".into()),
         _ => Err(format!("study: expected density or own-photos, found {arguments:?}")),
@@ -34,14 +34,17 @@ pub fn run(arguments: &[String]) -> Result<(), String> {
 struct Study {
     program: PathBuf,
     out: PathBuf,
+    /// Weights of LPIPS, which evaluations then tell as well.
+    lpips: Option<String>,
 }
 
 impl Study {
-    fn new(out: &Path) -> Result<Self, String> {
+    fn new(out: &Path, lpips: Option<&str>) -> Result<Self, String> {
         cargo(&["build", "--release", "--locked", "-p", "weaver-cli"], &[])?;
         std::fs::create_dir_all(out).map_err(|e| format!("{}: {e}", out.display()))?;
         let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| "target".into(), PathBuf::from);
-        Ok(Self { program: target.join("release/splatweaver"), out: out.to_path_buf() })
+        let lpips = lpips.map(String::from);
+        Ok(Self { program: target.join("release/splatweaver"), out: out.to_path_buf(), lpips })
     }
 
     /// Trains, or goes on with what was begun, in a folder of this name.
@@ -61,7 +64,9 @@ impl Study {
     /// What an evaluation says as JSON, which is kept in a file.
     fn evaluate(&self, file: &Path, arguments: &[String]) -> Result<Value, String> {
         if !file.exists() {
-            let text = self.call("eval", arguments, Stdio::piped())?;
+            let lpips = self.lpips.iter().flat_map(|weights| ["--lpips".to_string(), weights.clone()]);
+            let arguments: Vec<String> = arguments.iter().cloned().chain(lpips).collect();
+            let text = self.call("eval", &arguments, Stdio::piped())?;
             let part = file.with_extension("part");
             std::fs::write(&part, text)
                 .and_then(|()| std::fs::rename(&part, file))

@@ -94,7 +94,7 @@ impl Arm {
 }
 
 pub fn run(out: &Path, captures: &[&str], lpips: Option<&str>, more: &[String]) -> Result<(), String> {
-    let study = Study::new(out)?;
+    let study = Study::new(out, lpips)?;
     let data: Vec<String> =
         captures.iter().flat_map(|capture| ["--data".to_string(), (*capture).to_string()]).collect();
     let head = "| trained with | evaluated at | refined | Gaussians per pixel | PSNR | energetic | SSIM | LPIPS | against adaptive |";
@@ -113,7 +113,7 @@ pub fn run(out: &Path, captures: &[&str], lpips: Option<&str>, more: &[String]) 
         for refined in [false, true].into_iter().filter(|refined| !refined || arm.refined()) {
             let adaptive = &mut adaptive[usize::from(refined)];
             for (i, budget) in arm.budgets().into_iter().enumerate() {
-                let evaluations = runs.iter().map(|run| evaluate(&study, run, arm, budget, refined, lpips));
+                let evaluations = runs.iter().map(|run| evaluate(&study, run, arm, budget, refined));
                 let evaluations: Vec<Value> = evaluations.collect::<Result<_, _>>()?;
                 let psnr = figures(&evaluations, "psnr");
                 if arm.adapts() {
@@ -128,19 +128,11 @@ pub fn run(out: &Path, captures: &[&str], lpips: Option<&str>, more: &[String]) 
     Ok(())
 }
 
-fn evaluate(
-    study: &Study,
-    run: &Path,
-    arm: &Arm,
-    budget: Option<f64>,
-    refined: bool,
-    lpips: Option<&str>,
-) -> Result<Value, String> {
+fn evaluate(study: &Study, run: &Path, arm: &Arm, budget: Option<f64>, refined: bool) -> Result<Value, String> {
     let budget = budget.map(|budget| budget.to_string());
     let mut name = format!("{}-{}", arm.allocation, budget.as_deref().unwrap_or("all")).replace(':', "-");
     let mut words =
         ["--run", &run.display().to_string(), "--allocation", arm.allocation, "--json"].map(String::from).to_vec();
-    words.extend(lpips.iter().flat_map(|weights| ["--lpips", weights].map(String::from)));
     words.extend(budget.iter().flat_map(|budget| ["--budget".to_string(), budget.clone()]));
     if refined {
         name += "-refined";

@@ -26,8 +26,8 @@ const PAIRS: [Pair; 4] = [
     Pair { what: "the same, against photos without masks", copy: "masked", with: "whole", masks: true },
 ];
 
-pub fn run(out: &Path, captures: &[&str], more: &[String]) -> Result<(), String> {
-    let study = Study::new(out)?;
+pub fn run(out: &Path, captures: &[&str], lpips: Option<&str>, more: &[String]) -> Result<(), String> {
+    let study = Study::new(out, lpips)?;
     let head =
         "| capture | photos | built-in weights: clean | copy | difference | trained: clean | copy | difference |";
     let mut rows = vec![String::new(), head.into(), "|---|---|---|---|---|---|---|---|".into()];
