@@ -109,12 +109,31 @@ fn a_run_is_prolonged() {
 fn experts_that_were_not_trained_are_spoken_of() {
     let run = Run::shared();
     let folder = tempfile::tempdir().unwrap();
-    let (photos, out) = (run.data().join("images"), folder.path().join("out"));
+    let (data, all) = (run.data(), run.path());
+    let (photos, out, one) = (data.join("images"), folder.path().join("out"), folder.path().join("one"));
+    let line: &[&dyn AsRef<OsStr>] = &[&"train", &"--data", &data, &"--out", &one];
+    with(line, &["--preset", "micro", "--steps", "4", "--set", "stages.1.model.dense=0"]).fine();
     let infer = |allocation: &str| {
-        with(&[&"infer", &"--run", &run.path(), &photos, &"-o", &out], &["--allocation", allocation]).fine().stderr
+        with(&[&"infer", &"--run", &one, &photos, &"-o", &out], &["--allocation", allocation]).fine().stderr
     };
     assert!(infer("fixed:2").contains("warning: allocation fixed:2"));
     assert!(!infer("fixed:1").contains("warning"));
-    let said = with(&[&"eval", &"--run", &run.path()], &["--allocation", "sampled", "--json"]).fine().stderr;
-    assert!(said.contains("warning: allocation sampled"), "{said}");
+    let eval = |run: &Path, more: &[&str]| with(&[&"eval", &"--run", &run, &"--json"], more).fine();
+    let said = |run: &Path| eval(run, &["--allocation", "sampled"]).stderr;
+    assert!(said(&one).contains("warning: allocation sampled"), "{}", said(&one));
+    assert!(!said(&all).contains("warning"), "{}", said(&all));
+}
+
+#[test]
+fn the_photos_that_gaussians_were_made_of_judge_them() {
+    let run = Run::shared();
+    let figures = |targets: &str| -> serde_json::Value {
+        let line: &[&dyn AsRef<OsStr>] = &[&"eval", &"--run", &run.path(), &"--cameras", &"given", &"--json"];
+        serde_json::from_str(&with(line, &["--targets", targets]).fine().stdout).unwrap()
+    };
+    let (held_out, own) = (figures("data"), figures("context"));
+    let views = |found: &serde_json::Value| found["mean"]["views"].as_u64().unwrap();
+    assert_eq!(views(&own), views(&held_out) * held_out["context_views"].as_u64().unwrap());
+    assert!(own["cameras"].as_str().unwrap().contains("judged by the context photos"), "{own}");
+    assert!(own["mean"]["psnr_nearest"].as_f64().unwrap() < 60.0, "no photo is copied to itself: {own}");
 }

@@ -48,7 +48,7 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
     let overrides = Overrides {
         context_views: arguments.views.map(|views| views as usize),
         cameras,
-        joint: arguments.targets == Targets::Joint,
+        targets: arguments.targets.into(),
         points: arguments.points,
         matching: estimated.then_some(MatchingOverride { long_side, focal_known: !arguments.unknown_focal }),
         density: arguments.density.into(),
@@ -64,7 +64,8 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
         if arguments.points && (estimated || cameras.unwrap_or(run.cameras) != CameraMode::Given) {
             return Err(Failure::Usage("--points: expected --cameras given, found other ones".into()));
         }
-        if overrides.joint && (estimated || cameras.unwrap_or(run.cameras) != CameraMode::Predicted) {
+        if arguments.targets == Targets::Joint && (estimated || cameras.unwrap_or(run.cameras) != CameraMode::Predicted)
+        {
             return Err(Failure::Usage("--targets joint: expected --cameras predicted, found other ones".into()));
         }
         if let Some(remark) = run.predictor.remark(overrides.density) {

@@ -32,7 +32,7 @@ impl SplatWeaverRecipe {
     pub fn trained_experts(config: &Config<Self>) -> Vec<u8> {
         let most = u8::try_from(config.model.gaussians.max_per_pixel).unwrap_or(u8::MAX);
         let rendered = config.stages.iter().filter(|stage| stage.tuples > 0 && stage.steps > 0);
-        let used = rendered.flat_map(|stage| stage.model.allocation.experts(most));
+        let used = rendered.flat_map(|stage| stage.model.experts(most));
         used.collect::<BTreeSet<u8>>().into_iter().collect()
     }
 }
@@ -125,10 +125,11 @@ impl Recipe for SplatWeaverRecipe {
         examples: &[Example],
     ) -> Result<Terms<'t>, Error> {
         let stage = step.stage;
-        let allocation: Box<dyn Allocation<f32>> = match stage.model.allocation {
-            StageAllocation::Mix => Box::new(TrainingMix::default()),
-            StageAllocation::QuadtreeMix => Box::new(QuadtreeMix::default()),
-            StageAllocation::QuadtreeGridMix => Box::new(QuadtreeMix { grid: true, ..QuadtreeMix::default() }),
+        let StageSettings { allocation, dense, .. } = stage.model;
+        let allocation: Box<dyn Allocation<f32>> = match allocation {
+            StageAllocation::Mix => Box::new(TrainingMix { dense, ..TrainingMix::default() }),
+            StageAllocation::QuadtreeMix => Box::new(QuadtreeMix { dense, ..QuadtreeMix::default() }),
+            StageAllocation::QuadtreeGridMix => Box::new(QuadtreeMix { grid: true, dense, ..QuadtreeMix::default() }),
             StageAllocation::Kind(kind) => kind
                 .allocation(stage.model.budget, network.config().gaussians.experts())
                 .map_err(|e| Error::Input(e.to_string()))?,

@@ -25,6 +25,19 @@ use weaver_wavelet::{EnergyMap, Wavelet};
 /// The least side of an image, pixels: SSIM, which every evaluation measures, has windows of so many.
 pub(crate) const LEAST_SIDE: usize = 11;
 
+/// Which photos judge, and where they are drawn from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Targets {
+    /// Held-out photos, from the data's cameras.
+    #[default]
+    Data,
+    /// Held-out photos, from cameras that are predicted along with the context's, from these photos themselves; with predicted cameras
+    /// only.
+    Joint,
+    /// The context photos, from their own cameras: how well what was made of them shows them.
+    Context,
+}
+
 /// How to evaluate.
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -32,9 +45,8 @@ pub struct Options {
     pub context_views: usize,
     /// Whose cameras.
     pub cameras: CameraMode,
-    /// Whether the cameras of held-out photos are predicted along with the context's, from these photos themselves; with predicted
-    /// cameras only.
-    pub joint: bool,
+    /// Which photos judge.
+    pub targets: Targets,
     /// Whether depth is brought to the points that the context views see; with given cameras only.
     pub points: bool,
     /// Estimates the cameras of context views, in place of others, from these photos; depth is brought to the points that come
@@ -60,7 +72,7 @@ impl Default for Options {
         Self {
             context_views: 4,
             cameras: CameraMode::Given,
-            joint: false,
+            targets: Targets::Data,
             points: false,
             matching: None,
             density: Density::default(),
@@ -127,13 +139,13 @@ pub fn evaluate(
     lpips: Option<&Lpips<f32>>,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Evaluation, Error> {
-    let Options { context_views: context, cameras, seed, step, .. } = *options;
+    let Options { context_views: context, cameras, targets, seed, step, .. } = *options;
     let density = predictor.density(options.density)?;
     let measure = Measure { experts: predictor.max_per_pixel() + 1, lpips };
     if options.points && options.matching.is_none() && cameras == CameraMode::Predicted {
         return Err(Error::Input("points: expected given cameras, found predicted ones".into()));
     }
-    if options.joint && (options.matching.is_some() || cameras != CameraMode::Predicted) {
+    if targets == Targets::Joint && (options.matching.is_some() || cameras != CameraMode::Predicted) {
         return Err(Error::Input("joint targets: expected predicted cameras, found other ones".into()));
     }
     let [height, width] = predictor.image_size();
@@ -141,9 +153,9 @@ pub fn evaluate(
         let least = format!("expected a network for images of at least {LEAST_SIDE} x {LEAST_SIDE} pixels");
         return Err(Error::Input(format!("{least}, the window of SSIM, found {width} x {height}")));
     }
-    if options.look.is_some() && (options.joint || options.matching.is_some()) {
+    if options.look.is_some() && (targets != Targets::Data || options.matching.is_some()) {
         return Err(Error::Input(
-            "look: expected predicted or given cameras of context views, found other ones".into(),
+            "look: expected held-out views and predicted or given cameras of context views, found other ones".into(),
         ));
     }
     if context == 0 {
@@ -159,7 +171,8 @@ pub fn evaluate(
     let scenes: Vec<&Scene> = varied.as_ref().map_or_else(|| plain.clone(), |varied| varied.iter().collect());
     for (index, scene) in scenes.iter().enumerate() {
         scene.check_evaluation(context)?;
-        all.push(evaluation_tuples(scene, index, context));
+        let tuples = evaluation_tuples(scene, index, context);
+        all.push(if targets == Targets::Context { of_context(&tuples) } else { tuples });
     }
     let total: usize = all.iter().map(Vec::len).sum();
     let mut done = 0;
@@ -216,10 +229,11 @@ pub fn evaluate(
         figures.push(of_scene);
     }
     let remarks = remarked.into_iter().map(|(remark, scenes)| explained(remark, &scenes)).collect();
-    let cameras = match (&options.matching, options.joint) {
-        (Some(_), _) => "estimated".into(),
-        (None, true) => "predicted, of held-out photos as well (which it has then seen)".into(),
-        (None, false) => cameras.to_string(),
+    let mut cameras = if options.matching.is_some() { "estimated".into() } else { cameras.to_string() };
+    cameras += match targets {
+        Targets::Data => "",
+        Targets::Joint => ", of held-out photos as well (which it has then seen)",
+        Targets::Context => ", judged by the context photos themselves",
     };
     Ok(Evaluation {
         cameras,
@@ -236,6 +250,16 @@ pub fn evaluate(
     })
 }
 
+/// Each of these tuples once for each view of its context, which is then the target.
+fn of_context(tuples: &[Tuple]) -> Vec<Tuple> {
+    let of = |tuple: &Tuple| {
+        let targets = tuple.context.clone().into_iter();
+        let tuple = tuple.clone();
+        targets.map(move |view| Tuple { targets: vec![view], ..tuple.clone() })
+    };
+    tuples.iter().flat_map(of).collect()
+}
+
 /// What is measured of a rendered view.
 struct Measure<'a> {
     /// Counts of Gaussians that a pixel can have, 0 included.
@@ -247,7 +271,9 @@ impl Measure<'_> {
     fn view(&self, scene: &Scene, tuple: &Tuple, target: &View, drawn: &Drawn, mean_color: [f32; 3]) -> SceneFigures {
         let Drawn { prediction, render, strict, errors, .. } = drawn;
         let truth = &target.image;
-        let nearest = &scene.views[tuple.context[0]].image;
+        // A view of the context is not copied to itself, unless it is the only one.
+        let other = tuple.context.iter().find(|view| **view != tuple.targets[0]);
+        let nearest = &scene.views[*other.unwrap_or(&tuple.context[0])].image;
         let flat = mean_color.iter().copied().cycle().take(truth.pixels.len()).collect();
         let flat = Image { width: truth.width, height: truth.height, pixels: flat };
         let mut energy = vec![0.0; truth.width * truth.height];

@@ -30,7 +30,7 @@ pub use checkpoint::TrainingState;
 pub use config::{CameraMode, Config, DataConfig, OptimizerConfig, OutputConfig, SamplerKind, StageConfig};
 pub use dry_run::{DryRun, StageMemory};
 pub use error::Error;
-pub use evaluate::LookOf;
+pub use evaluate::{LookOf, Targets};
 pub use evaluation::{Evaluation, LookFigures, SceneFigures, Summary, comparison};
 pub use example::Example;
 pub use looks::LooksConfig;

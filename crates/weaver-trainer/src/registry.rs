@@ -3,7 +3,7 @@
 use crate::evaluate::{Matching, Options};
 use crate::{
     CameraMode, Config, DataConfig, DryRun, Error, Evaluation, LookOf, Observer, Recipe, Session, StepReport, Summary,
-    TrainingState, evaluate, initial, scenes,
+    Targets, TrainingState, evaluate, initial, scenes,
 };
 use std::fmt::Debug;
 use std::marker::PhantomData;
@@ -192,8 +192,8 @@ pub struct Overrides {
     pub context_views: Option<usize>,
     /// Whose cameras.
     pub cameras: Option<crate::CameraMode>,
-    /// Whether the cameras of held-out photos are predicted along with the context's; with predicted cameras only.
-    pub joint: bool,
+    /// Which photos judge.
+    pub targets: Targets,
     /// Whether depth is brought to the points that the context views see; with given cameras only.
     pub points: bool,
     /// Estimates the cameras of context views from photos of this longest side, pixels, in place of others.
@@ -258,7 +258,7 @@ impl OpenRun {
         let options = Options {
             context_views: overrides.context_views.unwrap_or(self.data.context_views),
             cameras: overrides.cameras.unwrap_or(self.cameras),
-            joint: overrides.joint,
+            targets: overrides.targets,
             points: overrides.points,
             matching,
             density: overrides.density,

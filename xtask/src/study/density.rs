@@ -3,7 +3,7 @@
 
 use super::{Study, mean_and_spread};
 use serde_json::Value;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Gaussians per pixel at which runs are compared.
 const BUDGETS: [f64; 7] = [1.0, 0.4, 0.3, 0.25, 0.1, 0.05, 0.02];
@@ -23,55 +23,63 @@ struct Arm {
     name: &'static str,
     /// What it sets in the configuration.
     settings: &'static [&'static str],
-    allocation: &'static str,
+    /// Allocations that it is evaluated with.
+    allocations: &'static [&'static str],
     seeds: u64,
 }
 
-/// Gaussians that stand for patches, which cells need.
-const PATCH: &str = "model.gaussians.parametrization={kind=\"patch\",offset_reach=2.0,scale=0.7}";
-const CELLS: &str = "stages.0.model.allocation=quadtree-mix";
+/// Gaussians that stand for pixels.
+const PIXELS: &str = "model.gaussians.parametrization={kind=\"footprint\",offset_reach=2.0,scale=0.7}";
+const MIX: &str = "stages.0.model.allocation=mix";
+const SAMPLED: [&str; 4] = [
+    PIXELS,
+    "stages.0.model.allocation=sampled",
+    "stages.0.losses.router.budget=0.3",
+    "stages.0.losses.router.error_regression=0",
+];
 
-const ARMS: [Arm; 9] = [
-    Arm { name: ADAPTIVE, settings: &[PATCH, CELLS], allocation: "quadtree", seeds: SEEDS },
+const ARMS: [Arm; 10] = [
+    Arm { name: ADAPTIVE, settings: &[], allocations: &["quadtree"], seeds: SEEDS },
     Arm {
         name: "even",
-        settings: &[PATCH, "stages.0.model.allocation=quadtree-grid-mix"],
-        allocation: "quadtree-grid",
+        settings: &["stages.0.model.allocation=quadtree-grid-mix"],
+        allocations: &["quadtree-grid"],
         seeds: SEEDS,
     },
     Arm {
         name: "one-per-pixel",
-        settings: &["stages.0.model.allocation=fixed:1"],
-        allocation: "fixed:1",
+        settings: &[PIXELS, "stages.0.model.allocation=fixed:1"],
+        allocations: &["fixed:1"],
         seeds: SEEDS,
     },
-    Arm { name: "no-stereo", settings: &[PATCH, CELLS, "model.dense.stereo=none"], allocation: "quadtree", seeds: 1 },
+    Arm { name: "no-stereo", settings: &["model.dense.stereo=none"], allocations: &["quadtree"], seeds: 1 },
     Arm {
         name: "no-neighbor-attention",
-        settings: &[PATCH, CELLS, "model.gaussians.neighbor_attention=false"],
-        allocation: "quadtree",
+        settings: &["model.gaussians.neighbor_attention=false"],
+        allocations: &["quadtree"],
         seeds: 1,
     },
     // Cells do not ask the router; density by pixels does.
-    Arm { name: "dithered", settings: &[], allocation: "dithered", seeds: 1 },
+    Arm { name: "dithered", settings: &[PIXELS, MIX], allocations: &["dithered", "grid"], seeds: 1 },
     Arm {
         name: "dithered-no-frequency-prior",
-        settings: &["model.gaussians.frequency_prior=false"],
-        allocation: "dithered",
+        settings: &[PIXELS, MIX, "model.gaussians.frequency_prior=false"],
+        allocations: &["dithered"],
         seeds: 1,
     },
-    Arm { name: "dithered-haar", settings: &["model.gaussians.wavelet=haar"], allocation: "dithered", seeds: 1 },
+    Arm {
+        name: "dithered-haar",
+        settings: &[PIXELS, MIX, "model.gaussians.wavelet=haar"],
+        allocations: &["dithered"],
+        seeds: 1,
+    },
     Arm {
         name: "sampled",
-        settings: &[
-            "stages.0.model.allocation=sampled",
-            "stages.0.losses.router.rank=0.3",
-            "stages.0.losses.router.budget=0.3",
-            "stages.0.losses.router.error_regression=0",
-        ],
-        allocation: "sampled",
+        settings: &[SAMPLED[0], SAMPLED[1], SAMPLED[2], SAMPLED[3], "stages.0.losses.router.rank=0.3"],
+        allocations: &["sampled", "argmax"],
         seeds: 1,
     },
+    Arm { name: "sampled-no-ranking", settings: &SAMPLED, allocations: &["sampled", "argmax"], seeds: 1 },
 ];
 
 impl Arm {
@@ -84,12 +92,12 @@ impl Arm {
     fn adapts(&self) -> bool {
         self.name == ADAPTIVE
     }
+}
 
-    fn budgets(&self) -> Vec<Option<f64>> {
-        match self.allocation {
-            "fixed:1" | "sampled" => vec![None],
-            _ => BUDGETS.map(Some).to_vec(),
-        }
+fn budgets(allocation: &str) -> Vec<Option<f64>> {
+    match allocation {
+        "fixed:1" | "sampled" | "argmax" => vec![None],
+        _ => BUDGETS.map(Some).to_vec(),
     }
 }
 
@@ -98,6 +106,7 @@ pub fn run(out: &Path, captures: &[&str], lpips: Option<&str>, more: &[String]) 
     let data: Vec<String> =
         captures.iter().flat_map(|capture| ["--data".to_string(), (*capture).to_string()]).collect();
     let head = "| trained with | evaluated at | refined | Gaussians per pixel | PSNR | energetic | SSIM | LPIPS | against adaptive |";
+    let mut rows_of_experts = Vec::new();
     let mut rows = vec![String::new(), head.into(), "|---|---|---|---|---|---|---|---|---|".into()];
     // By refinement, then by budget.
     let mut adaptive: [Vec<Vec<f64>>; 2] = Default::default();
@@ -112,27 +121,66 @@ pub fn run(out: &Path, captures: &[&str], lpips: Option<&str>, more: &[String]) 
         let runs: Vec<_> = runs.collect::<Result<_, _>>()?;
         for refined in [false, true].into_iter().filter(|refined| !refined || arm.refined()) {
             let adaptive = &mut adaptive[usize::from(refined)];
-            for (i, budget) in arm.budgets().into_iter().enumerate() {
-                let evaluations = runs.iter().map(|run| evaluate(&study, run, arm, budget, refined));
-                let evaluations: Vec<Value> = evaluations.collect::<Result<_, _>>()?;
-                let psnr = figures(&evaluations, "psnr");
-                if arm.adapts() {
-                    adaptive.push(psnr.clone());
+            for allocation in arm.allocations {
+                for (i, budget) in budgets(allocation).into_iter().enumerate() {
+                    let evaluations = runs.iter().map(|run| evaluate(&study, run, arm, (allocation, budget), refined));
+                    let evaluations: Vec<Value> = evaluations.collect::<Result<_, _>>()?;
+                    let psnr = figures(&evaluations, "psnr");
+                    if arm.adapts() {
+                        adaptive.push(psnr.clone());
+                    }
+                    let same = if budget.is_some() { i } else { SPARSE };
+                    let difference = against(&adaptive[same], &psnr);
+                    rows.push(row(arm, (allocation, budget), refined, &evaluations, &difference));
                 }
-                let same = if budget.is_some() { i } else { SPARSE };
-                rows.push(row(arm, budget, refined, &evaluations, &against(&adaptive[same], &psnr)));
             }
         }
+        if arm.adapts() {
+            experts(&study, &runs, &mut rows_of_experts)?;
+        }
     }
-    rows.iter().for_each(|row| println!("{row}"));
+    rows.iter().chain(&rows_of_experts).for_each(|row| println!("{row}"));
     Ok(())
 }
 
-fn evaluate(study: &Study, run: &Path, arm: &Arm, budget: Option<f64>, refined: bool) -> Result<Value, String> {
+/// What each expert makes of every pixel, judged by held-out photos and by those that it was made of.
+fn experts(study: &Study, runs: &[PathBuf], rows: &mut Vec<String>) -> Result<(), String> {
+    rows.extend(
+        ["", "| Gaussians for every pixel | held-out photos, PSNR | context photos |", "|---|---|---|"]
+            .map(String::from),
+    );
+    for expert in 1..=3 {
+        let allocation = format!("fixed:{expert}");
+        let mut columns = Vec::new();
+        for targets in ["data", "context"] {
+            let words = |run: &Path| {
+                ["--run", &run.display().to_string(), "--allocation", &allocation, "--targets", targets, "--json"]
+                    .map(String::from)
+            };
+            let of_run =
+                |run: &PathBuf| study.evaluate(&run.join(format!("expert-{expert}-{targets}.json")), &words(run));
+            let evaluations: Vec<Value> = runs.iter().map(of_run).collect::<Result<_, _>>()?;
+            columns.push(text(&figures(&evaluations, "psnr"), 2));
+        }
+        rows.push(format!("| {expert} | {} |", columns.join(" | ")));
+    }
+    Ok(())
+}
+
+/// By allocation and budget.
+type Density<'a> = (&'a str, Option<f64>);
+
+fn evaluate(
+    study: &Study,
+    run: &Path,
+    arm: &Arm,
+    (allocation, budget): Density<'_>,
+    refined: bool,
+) -> Result<Value, String> {
     let budget = budget.map(|budget| budget.to_string());
-    let mut name = format!("{}-{}", arm.allocation, budget.as_deref().unwrap_or("all")).replace(':', "-");
+    let mut name = format!("{allocation}-{}", budget.as_deref().unwrap_or("all")).replace(':', "-");
     let mut words =
-        ["--run", &run.display().to_string(), "--allocation", arm.allocation, "--json"].map(String::from).to_vec();
+        ["--run", &run.display().to_string(), "--allocation", allocation, "--json"].map(String::from).to_vec();
     words.extend(budget.iter().flat_map(|budget| ["--budget".to_string(), budget.clone()]));
     if refined {
         name += "-refined";
@@ -151,17 +199,26 @@ fn against(adaptive: &[f64], other: &[f64]) -> Vec<f64> {
     other.iter().zip(adaptive).map(|(other, adaptive)| other - adaptive).collect()
 }
 
-fn row(arm: &Arm, budget: Option<f64>, refined: bool, evaluations: &[Value], difference: &[f64]) -> String {
-    let text = |values: &[f64], digits: usize| match mean_and_spread(values) {
+fn text(values: &[f64], digits: usize) -> String {
+    match mean_and_spread(values) {
         (mean, Some(spread)) => format!("{mean:.digits$} ± {spread:.digits$}"),
         (mean, None) => format!("{mean:.digits$}"),
-    };
+    }
+}
+
+fn row(
+    arm: &Arm,
+    (allocation, budget): Density<'_>,
+    refined: bool,
+    evaluations: &[Value],
+    difference: &[f64],
+) -> String {
     let [psnr, energetic, ssim, lpips, count] =
         ["psnr", "psnr_energetic", "ssim", "lpips", "gaussians_per_pixel"].map(|key| figures(evaluations, key));
     format!(
         "| {} | {} | {} | {:.3} | {} | {} | {} | {} | {} |",
         arm.name,
-        budget.map_or(arm.allocation.to_string(), |budget| format!("{} {budget}", arm.allocation)),
+        budget.map_or(allocation.to_string(), |budget| format!("{allocation} {budget}")),
         match (refined, arm.adapts()) {
             (false, _) => "",
             (true, true) => "yes",

@@ -19,6 +19,18 @@ pub enum Targets {
     Data,
     /// The model's own, which it predicts together with the context's
     Joint,
+    /// The context photos themselves judge, from their own cameras: how well what was made of them shows them
+    Context,
+}
+
+impl From<Targets> for weaver_trainer::Targets {
+    fn from(targets: Targets) -> Self {
+        match targets {
+            Targets::Data => Self::Data,
+            Targets::Joint => Self::Joint,
+            Targets::Context => Self::Context,
+        }
+    }
 }
 
 /// Renders held-out views and compares them with the photos.
@@ -62,7 +74,7 @@ pub struct Eval {
     #[arg(long, value_enum, help_heading = VIEWS)]
     pub cameras: Option<ContextCameras>,
     /// Where held-out photos are drawn from: from the data's cameras, or from where the model says that they were taken, having seen
-    /// them beside the context photos, as 2Xplat is published; with predicted cameras
+    /// them beside the context photos, as 2Xplat is published, with predicted cameras; or `context`, whose photos then judge instead
     #[arg(long, value_enum, default_value_t = Targets::Data, help_heading = VIEWS)]
     pub targets: Targets,
     /// With estimated cameras: focal lengths are not told, as by photos without EXIF

@@ -15,7 +15,8 @@ impl ModelConfig {
     ///
     /// `micro` is for tests and runs in seconds; `tiny` (64x48 pixels) learns on a CPU; `tiny-published` has its size and the
     /// published parametrization; `generalist` makes one Gaussian of each pixel, to be compared with two experts; `tiny-endless`, `small`
-    /// (128x96) and `medium` (256x192) have its size, too, and compare views to correct depth; `splatweaver-1b` is the published network.
+    /// (128x96) and `medium` (256x192) have its size, too, and compare views to correct depth, and the latter two's Gaussians stand for
+    /// patches of surface; `splatweaver-1b` is the published network.
     pub fn preset(name: &str) -> Option<Self> {
         match name {
             "tiny" => Some(Self::tiny()),
@@ -155,11 +156,14 @@ impl ModelConfig {
         Self { dense: DenseConfig { stereo: Some(StereoConfig::default()), ..tiny.dense }, ..tiny }
     }
 
-    /// `tiny-endless` for larger photos. Its table of positions is that of 64 x 48 pixels, so that it can start from weights for these.
+    /// `tiny-endless` for larger photos, and for cells of all sizes. Its table of positions is that of 64 x 48 pixels, so that it can start
+    /// from weights for these.
     fn larger(width: usize, height: usize, patch: usize) -> Self {
         let tiny = Self::tiny_endless();
         let backbone = BackboneConfig { position_table: Some([6, 8]), ..tiny.backbone };
-        Self { width, height, patch, backbone, ..tiny }
+        let parametrization = ParametrizationConfig::Patch { offset_reach: 2.0, scale: 0.7 };
+        let gaussians = GaussianConfig { parametrization, ..tiny.gaussians };
+        Self { width, height, patch, backbone, gaussians, ..tiny }
     }
 
     /// The published network: VGGT-1B and the Gaussian head.

@@ -49,14 +49,19 @@ pub(super) fn preset(name: &str) -> Option<Config<SplatWeaverRecipe>> {
             let even = AllocationKind::Fixed(1);
             config.stages = vec![with_pairs(poses(1300)), appearance(3000), joint(2000)];
             config.stages.iter_mut().for_each(|stage| {
-                stage.model.allocation = StageAllocation::Kind(even);
+                (stage.model.allocation, stage.model.dense) = (StageAllocation::Kind(even), 0.0);
                 stage.losses.router = one_expert(&stage.losses.router);
             });
             (config.evaluation.allocation, config.evaluation.budget) = (Some(even), None);
         }
         "small" | "medium" => {
             config.stages = vec![given(4000)];
-            config.evaluation.cameras = CameraMode::Given;
+            config.stages[0].model.allocation = StageAllocation::QuadtreeMix;
+            config.evaluation = EvaluationSettings {
+                cameras: CameraMode::Given,
+                allocation: Some(AllocationKind::Quadtree),
+                budget: Some(0.3),
+            };
         }
         _ => {}
     }
@@ -85,6 +90,7 @@ fn poses(steps: usize) -> StageConfig<SplatWeaverRecipe> {
             pose_tuples: 4,
             backbone_rate: 1.0,
             allocation: StageAllocation::Mix,
+            dense: 1.0 / 16.0,
             budget: 0.4,
             cameras: CameraMode::Predicted,
             render_targets: false,
@@ -185,6 +191,7 @@ fn published(steps: usize) -> StageConfig<SplatWeaverRecipe> {
         model: StageSettings {
             pose_tuples: 0,
             allocation: StageAllocation::Kind(AllocationKind::Sampled),
+            dense: 0.0,
             ..poses(steps).model
         },
         losses: Losses {

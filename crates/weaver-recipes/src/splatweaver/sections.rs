@@ -20,9 +20,14 @@ pub struct StageSettings {
     #[schemars(range(min = 0.0))]
     pub backbone_rate: f64,
     /// Which pixels get Gaussians: mix (random budgets, densities and thresholds, so that the budget can be chosen at test
-    /// time), sampled, argmax, dithered, grid, random or fixed:K.
+    /// time), quadtree-mix, quadtree-grid-mix (cells at random budgets), or an allocation of evaluation: sampled, argmax, dithered, quadtree,
+    /// quadtree-grid, grid, random or fixed:K.
     #[schemars(with = "String")]
     pub allocation: StageAllocation,
+    /// Share of the steps of a mix in which all pixels have as many Gaussians, one number after another at random, so that all experts learn.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub dense: f64,
     /// Gaussians per context pixel, for allocations that have a budget.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub budget: f64,
@@ -30,6 +35,17 @@ pub struct StageSettings {
     pub cameras: CameraMode,
     /// Whether held-out target views are rendered too, with the data's cameras.
     pub render_targets: bool,
+}
+
+impl StageSettings {
+    /// The experts that pixels may get, of a model whose largest is `most`; expert 0 aside.
+    pub fn experts(&self, most: u8) -> RangeInclusive<u8> {
+        match self.allocation {
+            StageAllocation::Mix | StageAllocation::QuadtreeGridMix => 1..=if self.dense > 0.0 { most } else { 1 },
+            StageAllocation::QuadtreeMix => 1..=most,
+            StageAllocation::Kind(kind) => kind.experts(most),
+        }
+    }
 }
 
 /// Which pixels get Gaussians in training.
@@ -50,15 +66,6 @@ impl StageAllocation {
     /// Whether the router itself chooses each pixel's expert, so that losses on its choice reach it.
     pub fn is_routed(self) -> bool {
         matches!(self, Self::Kind(AllocationKind::Sampled | AllocationKind::Argmax))
-    }
-
-    /// The experts that pixels may get, of a model whose largest is `most`; expert 0 aside.
-    pub fn experts(self, most: u8) -> RangeInclusive<u8> {
-        match self {
-            Self::Mix => 1..=1,
-            Self::QuadtreeMix | Self::QuadtreeGridMix => 1..=most,
-            Self::Kind(kind) => kind.experts(most),
-        }
     }
 }
 
@@ -106,7 +113,7 @@ impl fmt::Display for StageAllocation {
 pub struct EvaluationSettings {
     /// Whose cameras.
     pub cameras: CameraMode,
-    /// Which pixels get Gaussians: sampled, argmax, dithered, grid, random or fixed:K. Without it dithered.
+    /// Which pixels get Gaussians: sampled, argmax, dithered, quadtree, quadtree-grid, grid, random or fixed:K. Without it dithered.
     #[serde(default, skip_serializing_if = "Option::is_none", with = "allocation_name")]
     #[schemars(with = "Option<String>")]
     pub allocation: Option<AllocationKind>,

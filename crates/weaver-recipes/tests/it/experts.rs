@@ -15,12 +15,13 @@ fn of(allocation: &str) -> Density {
 #[test]
 fn a_checkpoint_tells_which_experts_were_trained() {
     for (settings, trained) in [
-        (&[][..], vec![1]),
+        (&[][..], vec![1, 2, 3]),
+        (&["stages.1.model.dense=0"], vec![1]),
         (&["stages.1.model.allocation=sampled"], vec![1, 2, 3]),
         (&["stages.1.model.allocation=fixed:2"], vec![2]),
         (&["stages.1.model.allocation=fixed:0"], vec![]),
         // A stage that renders nothing, or has no steps, trains none.
-        (&["stages.0.model.allocation=sampled"], vec![1]),
+        (&["stages.0.model.allocation=sampled", "stages.1.model.dense=0"], vec![1]),
         (&["stages.1.model.allocation=sampled", "stages.1.steps=0"], vec![]),
     ] {
         let config = resolve(settings);
@@ -36,26 +37,28 @@ fn a_checkpoint_tells_which_experts_were_trained() {
 fn untrained_experts_are_named_and_trained_ones_pass() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint.safetensors");
-    Session::new(resolve(&[])).unwrap().save(&path).unwrap();
+    Session::new(resolve(&["stages.1.model.dense=0"])).unwrap().save(&path).unwrap();
     let of_run = SplatWeaverPredictor::from_checkpoint(&Checkpoint::read(&path).unwrap()).unwrap();
-    for predictor in [of_run, SplatWeaverPredictor::built_in().unwrap()] {
-        for (allocation, said) in
-            [("fixed:2", "2 Gaussians"), ("fixed:3", "3 Gaussians"), ("argmax", "2 or 3"), ("sampled", "2 or 3")]
-        {
-            let remark = predictor.remark(of(allocation)).unwrap();
-            assert!(remark.contains(allocation) && remark.contains(said), "{remark}");
-        }
-        for allocation in ["fixed:0", "fixed:1", "dithered", "grid", "random"] {
-            assert_eq!(predictor.remark(of(allocation)), None, "{allocation}");
-        }
-        assert_eq!(predictor.remark(Density::default()), None);
+    let built_in = SplatWeaverPredictor::built_in().unwrap();
+    for (allocation, said) in
+        [("fixed:2", "2 Gaussians"), ("fixed:3", "3 Gaussians"), ("argmax", "2 or 3"), ("sampled", "2 or 3")]
+    {
+        let remark = of_run.remark(of(allocation)).unwrap();
+        assert!(remark.contains(allocation) && remark.contains(said), "{remark}");
+        assert_eq!(built_in.remark(of(allocation)), None, "{allocation}");
     }
+    for allocation in ["fixed:0", "fixed:1", "dithered", "grid", "random"] {
+        assert_eq!(of_run.remark(of(allocation)), None, "{allocation}");
+    }
+    assert_eq!(of_run.remark(Density::default()), None);
 }
 
 #[test]
 fn a_run_that_is_evaluated_by_what_it_does_not_train_says_so_before_it_begins() {
     let plan = |settings: &[&str]| Session::new(resolve(settings)).unwrap().plan();
-    assert!(plan(&["evaluation.allocation=sampled"]).contains("warning: allocation sampled"));
+    let without = "stages.1.model.dense=0";
+    assert!(plan(&["evaluation.allocation=sampled", without]).contains("warning: allocation sampled"));
+    assert!(!plan(&["evaluation.allocation=sampled"]).contains("warning"));
     assert!(!plan(&["evaluation.allocation=sampled", "stages.1.model.allocation=sampled"]).contains("warning"));
     assert!(!plan(&[]).contains("warning"));
 }

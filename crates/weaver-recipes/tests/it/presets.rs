@@ -35,6 +35,15 @@ fn shrunk(preset: &str, settings: &[&str]) -> Config {
     config
 }
 
+#[test]
+fn every_preset_trains_all_its_experts() {
+    for preset in SplatWeaverRecipe::PRESETS {
+        let config = Config::resolve(Some(preset), None, &[]).unwrap();
+        let experts: Vec<u8> = (1..=config.model.gaussians.max_per_pixel as u8).collect();
+        assert_eq!(SplatWeaverRecipe::trained_experts(&config), experts, "{preset}");
+    }
+}
+
 fn names(report: &StepReport) -> Vec<&str> {
     report.terms.iter().map(|(name, _)| name.as_str()).collect()
 }

@@ -9,7 +9,7 @@ use weaver_kernels::random::Stream;
 use weaver_recipes::{SplatWeaverRecipe, TwoExpertsRecipe, registry};
 use weaver_trainer::evaluate::{Options, evaluate};
 use weaver_trainer::losses::{camera_constants, photo_constant};
-use weaver_trainer::{CameraMode, Example, Recipe, Session, StepReport};
+use weaver_trainer::{CameraMode, Example, Recipe, Session, StepReport, Targets};
 
 type Config = weaver_trainer::Config<TwoExpertsRecipe>;
 
@@ -159,16 +159,19 @@ fn held_out_photos_are_drawn_from_either_camera() {
     let mut params = weaver_autograd::Params::new();
     let network = Arc::new(TwoExpertsRecipe::build(&config.model, &mut params, 1));
     let mut predictor = TwoExpertsPredictor::new(network, params);
-    let options = |joint: bool, cameras: CameraMode| Options { context_views: 2, cameras, joint, ..Options::default() };
-    let mut psnr = |joint: bool| {
-        let found = evaluate(&mut predictor, &scenes, &options(joint, CameraMode::Predicted), None, &mut |_, _| {});
+    let options =
+        |targets: Targets, cameras: CameraMode| Options { context_views: 2, cameras, targets, ..Options::default() };
+    let mut psnr = |targets: Targets| {
+        let found = evaluate(&mut predictor, &scenes, &options(targets, CameraMode::Predicted), None, &mut |_, _| {});
         let found = found.unwrap();
         (found.cameras, found.mean.psnr)
     };
-    let ((data, a), (joint, b)) = (psnr(false), psnr(true));
+    let ((data, a), (joint, b)) = (psnr(Targets::Data), psnr(Targets::Joint));
     assert!(data == "predicted" && joint.contains("held-out photos as well"), "{data} {joint}");
     assert!(a.is_finite() && b.is_finite() && a != b);
-    let wrong = evaluate(&mut predictor, &scenes, &options(true, CameraMode::Given), None, &mut |_, _| {});
+    let (context, c) = psnr(Targets::Context);
+    assert!(context.contains("judged by the context photos") && c.is_finite() && c != a, "{context}");
+    let wrong = evaluate(&mut predictor, &scenes, &options(Targets::Joint, CameraMode::Given), None, &mut |_, _| {});
     assert!(wrong.unwrap_err().to_string().contains("expected predicted cameras"));
 }
 

@@ -8,7 +8,7 @@ use weaver_inference::{CameraSource, Density, Look, Photos, Predictor, WildPredi
 use weaver_kernels::random::Stream;
 use weaver_recipes::WildRecipe;
 use weaver_trainer::evaluate::{Options, evaluate};
-use weaver_trainer::{CameraMode, Evaluation, Example, LookOf, LooksConfig, Recipe, Session, StageConfig};
+use weaver_trainer::{CameraMode, Evaluation, Example, LookOf, LooksConfig, Recipe, Session, StageConfig, Targets};
 
 type Config = weaver_trainer::Config<WildRecipe>;
 
@@ -235,7 +235,8 @@ fn models_without_looks_say_so() {
     let scenes = [scene(4, &ProceduralOptions { width, height, views: 8 })];
     let found = evaluate(&mut other, &scenes, &options(Some(LookOf::Half), None), None, &mut |_, _| {}).unwrap_err();
     assert!(found.to_string().contains("does not know about light"), "{found}");
-    let joint = Options { joint: true, cameras: CameraMode::Predicted, ..options(Some(LookOf::Half), None) };
+    let joint =
+        Options { targets: Targets::Joint, cameras: CameraMode::Predicted, ..options(Some(LookOf::Half), None) };
     let found = evaluate(&mut other, &scenes, &joint, None, &mut |_, _| {}).unwrap_err();
     assert!(found.to_string().contains("look: expected"), "{found}");
 }

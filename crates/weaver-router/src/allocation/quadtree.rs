@@ -4,7 +4,7 @@ mod distortion;
 mod forest;
 mod pruning;
 
-use super::{Allocation, AllocationRequest, Assignment, bayer};
+use super::{Allocation, AllocationRequest, Assignment, Fixed, bayer};
 use crate::cell::Cells;
 use distortion::Picture;
 use forest::Forest;
@@ -45,7 +45,7 @@ pub struct QuadtreeMix {
     pub budgets: [f64; 2],
     /// Whether cells are those of [`QuadtreeGrid`].
     pub grid: bool,
-    /// Share of the steps in which every pixel is a cell of its own, with 1 to M Gaussians.
+    /// Share of the steps in which every pixel is a cell of its own and all have as many Gaussians, 1 to M.
     pub dense: f64,
 }
 
@@ -118,8 +118,7 @@ impl<T: Real> Allocation<T> for QuadtreeMix {
     fn allocate(&self, request: &AllocationRequest<'_, T>) -> Assignment<T> {
         let step: Stream = request.stream.fork(0);
         if step.uniform::<f64>(0) < self.dense {
-            let expert = 1 + step.below(1, request.experts() - 1);
-            return Assignment::plain(request.pool.filled(request.pixels(), expert as u8));
+            return Fixed { expert: 1 + step.below(1, request.experts() - 1) as u8 }.allocate(request);
         }
         let [low, high] = self.budgets.map(f64::ln);
         let budget = (low + (high - low) * step.uniform::<f64>(2)).exp();

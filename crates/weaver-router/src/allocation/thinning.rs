@@ -1,6 +1,6 @@
 //! Allocation by score: the highest-scoring pixels of a scene get one Gaussian each, in an exact number.
 
-use super::{Allocation, AllocationRequest, Assignment, bayer};
+use super::{Allocation, AllocationRequest, Assignment, Fixed, bayer};
 use weaver_autograd::Real;
 
 /// floor(budget P), the number of pixels that a budget of Gaussians per pixel keeps, of P that count.
@@ -112,7 +112,7 @@ impl<T: Real> Allocation<T> for Random {
 /// The budget is one of `budgets`. The score is gamma ln(energy + 0.02) - ln(threshold), with gamma 0 in the share `uniform` of
 /// the steps and otherwise uniform between 0 and `strongest`. Thresholds are noise in half of the steps, and in the other half
 /// the Bayer matrix at one random shift for all views; noise of a millionth breaks ties. The pixels of highest score get one
-/// Gaussian. A model trained in this way accepts any budget and density at test time.
+/// Gaussian. A model trained in this way accepts any budget and density at test time, and knows all its experts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrainingMix {
     /// Budgets in Gaussians per pixel, one of which each step draws.
@@ -121,18 +121,23 @@ pub struct TrainingMix {
     pub uniform: f64,
     /// Largest exponent of the energy.
     pub strongest: f64,
+    /// Share of the steps in which all pixels have as many Gaussians, 1 to M.
+    pub dense: f64,
 }
 
 impl Default for TrainingMix {
-    /// Budgets of 25, 40, 40 and 70 %; gamma 0 in 30 % of the steps, otherwise up to 1.3.
+    /// Budgets of 25, 40, 40 and 70 %; gamma 0 in 30 % of the steps, otherwise up to 1.3; every pixel in one step of sixteen.
     fn default() -> Self {
-        Self { budgets: vec![0.25, 0.4, 0.4, 0.7], uniform: 0.3, strongest: 1.3 }
+        Self { budgets: vec![0.25, 0.4, 0.4, 0.7], uniform: 0.3, strongest: 1.3, dense: 1.0 / 16.0 }
     }
 }
 
 impl<T: Real> Allocation<T> for TrainingMix {
     fn allocate(&self, request: &AllocationRequest<'_, T>) -> Assignment<T> {
         let [step, noise, ties] = [0, 1, 2].map(|purpose| request.stream.fork(purpose));
+        if step.uniform::<f64>(6) < self.dense {
+            return Fixed { expert: 1 + step.below(7, request.experts() - 1) as u8 }.allocate(request);
+        }
         let budget = self.budgets[step.below(0, self.budgets.len())];
         let gamma = if step.uniform::<f64>(1) < self.uniform { 0.0 } else { self.strongest * step.uniform::<f64>(2) };
         let noisy = step.uniform::<f64>(3) < 0.5;

@@ -216,7 +216,7 @@ fn training_draws_budget_energy_and_pattern() {
     let pixels = 4 * 24 * 32;
     let energy: Vec<f64> = (0..pixels).map(|p| if p % 32 < 16 { 0.0 } else { 0.5 }).collect();
     let logits = vec![0.0; 4 * pixels];
-    let mix = TrainingMix::default();
+    let mix = TrainingMix { dense: 0.0, ..TrainingMix::default() };
     let mut counts = std::collections::BTreeMap::new();
     let (mut even, mut uneven) = (0, 0);
     for seed in 0..200 {
@@ -233,13 +233,30 @@ fn training_draws_budget_energy_and_pattern() {
     assert!(even > 40 && uneven > 80, "{even} even, {uneven} uneven");
 }
 
+#[test]
+fn some_steps_of_training_give_every_pixel_as_many() {
+    let (logits, energy) = (vec![0.0; 4 * 12], vec![1.0; 12]);
+    let counts = |dense: f64| -> Vec<usize> {
+        let mix = TrainingMix { dense, ..TrainingMix::default() };
+        (0..300).map(|seed| mix.allocate(&request(&logits, &energy, [1, 3, 4], seed)).count()).collect()
+    };
+    let (never, some, always) = (counts(0.0), counts(0.25), counts(1.0));
+    assert!(never.iter().all(|count| *count < 12));
+    for expert in 1..=3 {
+        let of = |counts: &[usize]| counts.iter().filter(|count| **count == 12 * expert).count();
+        assert!((70..130).contains(&of(&always)) && (10..40).contains(&of(&some)), "{} {}", of(&always), of(&some));
+    }
+    // The other steps are what they would have been.
+    assert!(never.iter().zip(&some).all(|(never, some)| never == some || some % 12 == 0));
+}
+
 /// What each step draws, and the pixels with the highest ln(energy + 0.02)^gamma / threshold, written out pixel by pixel.
 #[test]
 fn training_is_the_recipe() {
     let [views, height, width] = [2, 11, 13];
     let pixels = views * height * width;
     let (logits, energy) = (vec![0.0; 4 * pixels], normals(1, pixels).iter().map(|x| x.abs()).collect::<Vec<_>>());
-    let mix = TrainingMix { strongest: 0.9, ..TrainingMix::default() };
+    let mix = TrainingMix { strongest: 0.9, dense: 0.0, ..TrainingMix::default() };
     for seed in 0..20 {
         let request = request(&logits, &energy, [views, height, width], seed);
         let [step, noise, ties] = [0, 1, 2].map(|purpose| request.stream.fork(purpose));

@@ -1,7 +1,7 @@
 //! A held-out view drawn from what a predictor makes of its context.
 
 use super::looks::{as_photos, photo_of};
-use super::{Matching, Options};
+use super::{Matching, Options, Targets};
 use crate::{CameraMode, Error, Example, LooksConfig};
 use weaver_data::appearance::Appearance;
 use weaver_data::{Scene, Tuple};
@@ -50,7 +50,7 @@ impl Drawing<'_> {
             scenes[number].estimated_context(&tuple.context, size, *focal_known)
         });
         let Some(found) = found else {
-            return if self.options.joint {
+            return if self.options.targets == Targets::Joint {
                 self.jointly(scene, tuple)
             } else {
                 self.with(scene, tuple, self.options.cameras)
