@@ -114,6 +114,14 @@ impl Recipe for SplatWeaverRecipe {
         stage.tuples + stage.model.pose_tuples
     }
 
+    fn enlarge(stage: &mut StageConfig<Self>, model: &ModelConfig) {
+        let settings = &mut stage.model;
+        if !matches!(settings.allocation, StageAllocation::Kind(_)) {
+            let most = if settings.dense > 0.0 { model.gaussians.max_per_pixel } else { 1 };
+            settings.allocation = StageAllocation::Kind(AllocationKind::Fixed(most as u8));
+        }
+    }
+
     fn describe(stage: &StageConfig<Self>) -> String {
         format!("{} rendered and {} posed tuples", stage.tuples, stage.model.pose_tuples)
     }

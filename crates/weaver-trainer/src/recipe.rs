@@ -121,6 +121,9 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
         stage.tuples
     }
 
+    /// Makes the steps of a stage that draws their size as large as they get, for a dry run to measure one.
+    fn enlarge(_stage: &mut StageConfig<Self>, _model: &Self::Model) {}
+
     /// What a step of the stage does, in a few words for people.
     fn describe(stage: &StageConfig<Self>) -> String {
         format!("{} tuples", Self::tuples(stage))

@@ -181,14 +181,18 @@ impl<R: Recipe> Session<R> {
     pub fn dry_run(mut self, folder: &RunFolder) -> Result<DryRun, Error> {
         let mut start = self.step;
         let (mut stages, mut first) = (Vec::new(), 0);
-        for stage in self.config.stages.clone() {
+        for (index, stage) in self.config.stages.clone().into_iter().enumerate() {
             first += stage.steps;
             if start >= first {
                 continue;
             }
             self.step = start;
             self.probe = Some(Probe::memory());
-            for _ in 0..DRY_RUN_STEPS.min(first - start) {
+            let steps = DRY_RUN_STEPS.min(first - start);
+            for step in 1..=steps {
+                if step == steps {
+                    R::enlarge(&mut self.config.stages[index], &self.config.model);
+                }
                 self.advance()?;
             }
             stages.extend(self.probe.take().and_then(Probe::into_stage));
@@ -480,7 +484,7 @@ impl<R: Recipe> Session<R> {
     }
 }
 
-/// Steps of each stage in a dry run: random budgets differ, and so does the memory.
+/// Steps of each stage in a dry run: the first ones allocate and are slower, the last one is as large as steps get.
 const DRY_RUN_STEPS: usize = 8;
 
 fn new_optimizer<R: Recipe>(config: &Config<R>, params: &Params<f32>) -> AdamW<f32> {

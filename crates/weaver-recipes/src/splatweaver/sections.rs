@@ -24,7 +24,8 @@ pub struct StageSettings {
     /// quadtree-grid, grid, random or fixed:K.
     #[schemars(with = "String")]
     pub allocation: StageAllocation,
-    /// Share of the steps of a mix in which all pixels have as many Gaussians, one number after another at random, so that all experts learn.
+    /// Share of a mix's steps in which every pixel has the same number of Gaussians, drawn from 1 to the most that it can have, so that all
+    /// experts learn.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub dense: f64,
