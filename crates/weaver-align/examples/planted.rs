@@ -8,11 +8,15 @@ use weaver_align::{Method, Options, Photo, Scene, align, mean_square};
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::{Camera, Intrinsics, Pose, so3, trajectory::look_at};
 use weaver_kernels::random::Stream;
+use weaver_losses::Photometric;
 use weaver_scene::{ActivatedGaussians, CameraSlices, Color, GaussianSlices};
 use weaver_splat::{CpuRasterizer, Images, RasterSettings, Rasterizer};
 
 /// Width of the photos.
 const WIDTH: usize = 64;
+
+/// What photos are compared by.
+type Loss<'a> = dyn FnMut(&[f64], &[f64], [usize; 2], &mut [f64]) -> f64 + 'a;
 
 /// Gaussians in f64.
 struct Cloud {
@@ -109,14 +113,19 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let settings = RasterSettings::default();
     let scene = Scene { gaussians: cloud.slices(), background: [1.0; 3], settings, unit: largest };
     let own = Options::of(Method::Own);
-    let methods = [
-        ("own", own),
-        ("own, no blur", Options { blur: false, ..own }),
-        ("NoPoSplat", Options::of(Method::NoPoSplat)),
-        ("2Xplat", Options::of(Method::TwoXplat)),
+    let mut photometric = Photometric::new();
+    let mut dissimilarity = |image: &[f64], photo: &[f64], size, gradient: &mut [f64]| {
+        photometric.value_and_gradient(image, photo, size, 1.0, gradient).loss
+    };
+    let methods: [(_, _, &mut Loss<'_>); 5] = [
+        ("own", own, &mut mean_square),
+        ("own, no blur", Options { blur: false, ..own }, &mut mean_square),
+        ("own, SSIM", own, &mut dissimilarity),
+        ("NoPoSplat", Options::of(Method::NoPoSplat), &mut mean_square),
+        ("2Xplat", Options::of(Method::TwoXplat), &mut mean_square),
     ];
     println!("{:<14} {}", "degrees off", [1, 2, 4, 8, 16].map(|r| format!("{r:>20}")).concat());
-    for (name, options) in methods {
+    for (name, options, loss) in methods {
         let mut line = format!("{name:<14} ");
         for degrees in [1.0, 2.0, 4.0, 8.0, 16.0] {
             let (mut near, mut nearest, mut left) = (0, 0, Vec::new());
@@ -125,7 +134,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 let (photo, depth) = draw(&scene, &truth)?;
                 let camera = disturbed(&truth, degrees, degrees / 60.0 * depth, &Stream::new(seed, 0, "off"));
                 let photo = Photo { pixels: &photo, mask: None, camera };
-                let found = &align(&CpuRasterizer, &scene, &[photo], &options, mean_square)?[0];
+                let found = &align(&CpuRasterizer, &scene, &[photo], &options, &mut *loss)?[0];
                 let angle = so3::log(&found.camera.pose.relative_to(&truth.pose).rotation).length().to_degrees();
                 let distance = found.camera.pose.center().distance(truth.pose.center()) / depth;
                 near += usize::from(angle < 0.3 && distance < 0.005);

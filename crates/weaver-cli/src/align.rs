@@ -4,18 +4,22 @@ mod guess;
 mod results;
 
 use crate::Console;
-use crate::arguments::{Align, MethodName, Switch};
+use crate::arguments::{Align, LossName, MethodName, Switch};
 use crate::drawing::Asked;
 use crate::failure::Failure;
 use crate::progress::Progress;
 use results::{Results, Row};
 use std::path::PathBuf;
-use weaver_align::{AlignError, Method, Options, Photo, Scene, align, mean_square};
+use weaver_align::{AlignError, Method, Options, Photo, Scene, align};
 use weaver_data::posed::{PosedOptions, PosedPhoto, load_frames, load_named};
-use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
+use weaver_geometry::{Camera, Pose};
 use weaver_io::read_gaussians;
 use weaver_splat::CpuRasterizer;
+use weaver_trainer::AlignLoss;
+
+/// Structural similarity is of windows of so many pixels.
+const WINDOW: usize = 11;
 
 pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
     let (background, settings) = Asked::from(arguments.drawing).beside(&arguments.scene)?;
@@ -39,14 +43,22 @@ pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
         intrinsics: arguments.refine_intrinsics,
         ..options(arguments.method, arguments.steps)
     };
-    let mut results = Results::create(&arguments.out)?;
+    let loss = AlignLoss::from(arguments.loss);
+    let mut compare = loss.function();
+    let small = |photo: &&PosedPhoto| photo.camera.width.min(photo.camera.height) < WINDOW;
+    if let (AlignLoss::Similarity, Some(photo)) = (loss, photos.iter().find(small)) {
+        let (name, Camera { width, height, .. }) = (photo.path.display(), photo.camera);
+        let expected = format!("--loss ssim: expected photos of at least {WINDOW} x {WINDOW} pixels");
+        return Err(Failure::message(format!("{name}: {expected}, found {width} x {height}")));
+    }
+    let mut results = Results::create(&arguments.out, loss)?;
     let scene = Scene { gaussians: gaussians.as_slices(), background, settings, unit: unit(&photos) };
     let mut progress = Progress::new("align", 0, photos.len(), console);
     for (done, photo) in photos.iter().enumerate() {
         let pixels: Vec<f32> = photo.rgb.iter().map(|b| f32::from(*b) / 255.0).collect();
         let asked = [Photo { pixels: &pixels, mask: photo.mask.as_deref(), camera: photo.camera }];
         let named = |error: AlignError| Failure::message(format!("{}: {error}", photo.path.display()));
-        let aligned = align(&CpuRasterizer, &scene, &asked, &options, mean_square).map_err(named)?;
+        let aligned = align(&CpuRasterizer, &scene, &asked, &options, &mut compare).map_err(named)?;
         for aligned in aligned {
             results.push(Row { photo, aligned })?;
         }
@@ -66,6 +78,15 @@ fn paths(asked: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
         }
     }
     Ok(paths)
+}
+
+impl From<LossName> for AlignLoss {
+    fn from(name: LossName) -> Self {
+        match name {
+            LossName::Mse => Self::MeanSquare,
+            LossName::Ssim => Self::Similarity,
+        }
+    }
 }
 
 /// How cameras descend by a method, in so many steps or as many as it usually has.

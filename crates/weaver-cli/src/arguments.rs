@@ -13,7 +13,7 @@ mod refine;
 mod render;
 mod vad;
 
-pub use align::{Align, MethodName, Switch};
+pub use align::{Align, LossName, MethodName, Switch};
 pub use bench::{Bench, BenchEngine, BenchFit, BenchMixture, BenchRaster, Passes, Subject, Synthetic};
 pub use drawing::DrawingFlags;
 pub use dynamic::{

@@ -3,15 +3,16 @@
 mod scene;
 
 use crate::Console;
-use crate::align::options;
+use crate::align;
 use crate::arguments::{ContextCameras, Eval, Targets};
 use crate::failure::Failure;
 use crate::progress::Progress;
 use crate::refine::refined;
+use clap::ValueEnum;
 use serde_json::json;
 use std::path::PathBuf;
 use weaver_inference::RunFolder;
-use weaver_trainer::{CameraMode, MatchingOverride, OpenRun, Overrides, Source, comparison};
+use weaver_trainer::{Alignment, CameraMode, MatchingOverride, OpenRun, Overrides, Source, comparison};
 
 /// Longest side of photos while they are matched, when nothing is said.
 const MATCHED: usize = 384;
@@ -45,6 +46,7 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
         ContextCameras::Estimated => None,
     });
     let long_side = arguments.match_size.map_or(MATCHED, |side| side as usize);
+    let flags = &arguments.align;
     let overrides = Overrides {
         context_views: arguments.views.map(|views| views as usize),
         cameras,
@@ -52,7 +54,10 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
         points: arguments.points,
         matching: estimated.then_some(MatchingOverride { long_side, focal_known: !arguments.unknown_focal }),
         density: arguments.density.into(),
-        align: arguments.align.align.then(|| options(arguments.align.align_as, arguments.align.align_steps)),
+        align: flags.align.then(|| Alignment {
+            options: align::options(flags.align_as, flags.align_steps),
+            loss: flags.align_loss.into(),
+        }),
         look: arguments.look,
         plain: arguments.plain,
         masks: arguments.masks,
@@ -64,9 +69,10 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
         if arguments.points && (estimated || cameras.unwrap_or(run.cameras) != CameraMode::Given) {
             return Err(Failure::Usage("--points: expected --cameras given, found other ones".into()));
         }
-        if arguments.targets == Targets::Joint && (estimated || cameras.unwrap_or(run.cameras) != CameraMode::Predicted)
-        {
-            return Err(Failure::Usage("--targets joint: expected --cameras predicted, found other ones".into()));
+        let of_own_frame = matches!(arguments.targets, Targets::Joint | Targets::Centers);
+        if of_own_frame && (estimated || cameras.unwrap_or(run.cameras) != CameraMode::Predicted) {
+            let named = arguments.targets.to_possible_value().map_or(String::new(), |value| value.get_name().into());
+            return Err(Failure::Usage(format!("--targets {named}: expected --cameras predicted, found other ones")));
         }
         if let Some(remark) = run.predictor.remark(overrides.density) {
             console.note(&format!("warning: {remark}"));

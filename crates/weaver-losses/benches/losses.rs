@@ -3,7 +3,7 @@
 use criterion::Criterion;
 use weaver_autograd::Tape;
 use weaver_autograd::gradcheck::Input;
-use weaver_losses::{Photometric, error_regression, mse, ssim};
+use weaver_losses::{Perceptual, Photometric, error_regression, mse, ssim};
 
 fn losses(criterion: &mut Criterion) {
     let image =
@@ -29,6 +29,34 @@ fn losses(criterion: &mut Criterion) {
             let pixels = 4 * 48 * 64;
             let score = tape.leaf(&render[..pixels], [4, 48, 64]);
             error_regression(score, tape.constant(&target[..pixels], [4, 48, 64]), None).backward();
+            tape.reset();
+        });
+    });
+}
+
+/// By features of VGG-19, with weights that stand for the published ones.
+fn perceptual(criterion: &mut Criterion) {
+    let tensors =
+        [[0, 64, 3], [2, 64, 64], [5, 128, 64], [7, 128, 128], [10, 256, 128], [12, 256, 256], [14, 256, 256]]
+            .into_iter()
+            .chain([[16, 256, 256], [19, 512, 256], [21, 512, 512], [23, 512, 512], [25, 512, 512], [28, 512, 512]])
+            .chain([[30, 512, 512]])
+            .flat_map(|[index, outputs, inputs]| {
+                let tensor = |what: &str, shape: Vec<usize>| {
+                    let numbers = vec![1e-3; shape.iter().product()];
+                    (format!("features.{index}.{what}"), (shape, numbers))
+                };
+                [tensor("weight", vec![outputs, inputs, 3, 3]), tensor("bias", vec![outputs])]
+            });
+    let network = Perceptual::from_tensors(&tensors.collect(), "drawn").expect("the shapes of VGG-19");
+    let image =
+        |seed| Input::uniform(seed, 0.0, 1.0, [2, 3, 48, 64]).data.iter().map(|x| *x as f32).collect::<Vec<_>>();
+    let (render, target) = (image(1), image(2));
+    let mut tape = Tape::<f32>::new();
+    criterion.bench_function("perceptual loss of 2 x 64 x 48, forward and backward", |bencher| {
+        bencher.iter(|| {
+            let (a, b) = (tape.leaf(&render, [2, 3, 48, 64]), tape.constant(&target, [2, 3, 48, 64]));
+            network.loss(a, b).backward();
             tape.reset();
         });
     });
@@ -61,5 +89,6 @@ fn main() {
     let mut criterion = Criterion::default().configure_from_args();
     losses(&mut criterion);
     photometric(&mut criterion);
+    perceptual(&mut criterion);
     criterion.final_summary();
 }

@@ -103,18 +103,39 @@ pub struct LpipsError {
 
 /// A constant tensor, put on any tape without a copy.
 #[derive(Debug)]
-struct Weight<T> {
+pub(crate) struct Weight<T> {
     shape: Vec<usize>,
     data: Arc<Vec<T>>,
 }
 
 impl<T: Real> Weight<T> {
-    fn new(shape: &[usize], data: Vec<T>) -> Self {
+    pub fn new(shape: &[usize], data: Vec<T>) -> Self {
         Self { shape: shape.to_vec(), data: Arc::new(data) }
     }
 
-    fn on<'t>(&self, tape: &'t Tape<T>) -> Var<'t, T> {
+    pub fn on<'t>(&self, tape: &'t Tape<T>) -> Var<'t, T> {
         tape.shared_constant(&self.data, &self.shape[..])
+    }
+}
+
+/// A tensor of an expected shape; `file` names the origin of all.
+pub(crate) fn take<T: Real>(
+    tensors: &Tensors,
+    file: &str,
+    key: String,
+    expected: &[usize],
+) -> Result<Weight<T>, LpipsError> {
+    let found = tensors.get(&key);
+    match found {
+        Some((shape, data)) if shape == expected && data.len() == expected.iter().product() => {
+            Ok(Weight::new(expected, data.iter().map(|x| T::from_f32(*x)).collect()))
+        }
+        _ => Err(LpipsError {
+            file: file.to_owned(),
+            key,
+            expected: expected.to_vec(),
+            found: found.map(|(shape, _)| shape.clone()),
+        }),
     }
 }
 
@@ -135,20 +156,7 @@ impl<T: Real> Lpips<T> {
     /// `lin{0..4}.model.1.weight`, as the lpips package names them. `file` names their origin in
     /// errors.
     pub fn from_tensors(network: Network, tensors: &Tensors, file: &str) -> Result<Self, LpipsError> {
-        let take = |key: String, expected: &[usize]| {
-            let found = tensors.get(&key);
-            match found {
-                Some((shape, data)) if shape == expected && data.len() == expected.iter().product() => {
-                    Ok(Weight::new(expected, data.iter().map(|x| T::from_f32(*x)).collect()))
-                }
-                _ => Err(LpipsError {
-                    file: file.to_owned(),
-                    key,
-                    expected: expected.to_vec(),
-                    found: found.map(|(shape, _)| shape.clone()),
-                }),
-            }
-        };
+        let take = |key: String, expected: &[usize]| take(tensors, file, key, expected);
         let (mut convolutions, mut channels) = (Vec::new(), Vec::new());
         for (i, stage) in network.stages().iter().enumerate() {
             let mut features = 0;

@@ -146,7 +146,7 @@ impl Recipe for SplatWeaverRecipe {
             stage,
             ranking: (step.local as f64) < stage.losses.router.rank_until * stage.steps as f64,
             allocation: &*allocation,
-            lpips: step.lpips,
+            networks: step.networks,
             workspaces: step.workspaces,
             stream: step.stream,
         };

@@ -122,7 +122,7 @@ impl Recipe for PixelCnnRecipe {
             step.stage.losses.add(
                 &mut terms,
                 share,
-                step.lpips,
+                step.networks,
                 [image, truth],
                 example.inside_of(example.cameras.len()),
             );

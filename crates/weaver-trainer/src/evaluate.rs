@@ -4,9 +4,11 @@ mod aligned;
 mod drawn;
 mod looks;
 
-use crate::evaluation::{AlignedFigures, Evaluation, SceneFigures};
+use crate::evaluation::{AlignedFigures, CameraFigures, Evaluation, SceneFigures, areas};
+use crate::losses::ImageNetworks;
 use crate::{CameraMode, Error, LooksConfig};
 use aligned::AlignedView;
+pub use aligned::{AlignLoss, Alignment};
 use drawn::{Drawing, Drawn, Remark};
 pub use looks::LookOf;
 use looks::Recovery;
@@ -17,8 +19,8 @@ use weaver_autograd::Pool;
 use weaver_data::{Scene, Tuple, View, evaluation_tuples};
 use weaver_inference::{Density, Predictor, planar};
 use weaver_io::Image;
-use weaver_losses::lpips::Network;
-use weaver_losses::{Lpips, metrics};
+use weaver_losses::lpips::{Network, Tensors};
+use weaver_losses::{Lpips, Perceptual, metrics};
 use weaver_pose::PoseErrors;
 use weaver_wavelet::{EnergyMap, Wavelet};
 
@@ -34,6 +36,9 @@ pub enum Targets {
     /// Held-out photos, from cameras that are predicted along with the context's, from these photos themselves; with predicted cameras
     /// only.
     Joint,
+    /// Held-out photos, from the data's cameras carried over by the similarity between the context's centers, the data's and the predicted; as
+    /// [`Data`](Self::Data) where these do not determine one. With predicted cameras only.
+    Centers,
     /// The context photos, from their own cameras: how well what was made of them shows them.
     Context,
 }
@@ -55,7 +60,7 @@ pub struct Options {
     /// Which pixels get Gaussians, and how many; the predictor fills what is left open.
     pub density: Density,
     /// How the cameras of held-out views are aligned with their photos, for figures beside the others.
-    pub align: Option<weaver_align::Options>,
+    pub align: Option<Alignment>,
     /// Light and passers-by that photos are given, as the run's were.
     pub planted: Option<LooksConfig>,
     /// In whose light held-out views are drawn, for models that know about light.
@@ -99,33 +104,52 @@ pub struct Matching {
 /// # Errors
 /// When the file is not one, or lacks a tensor.
 pub fn load_lpips(path: &Path) -> Result<Lpips<f32>, Error> {
-    let tensors = weaver_io::checkpoint::Tensors::read(path)?;
-    let wrong = |message: String| Error::Checkpoint { path: path.to_path_buf(), message };
-    let weights = tensors
-        .tensors
-        .iter()
-        .map(|(name, tensor)| {
-            let values = tensor.data.widened().ok_or_else(|| {
-                wrong(format!("tensor {name}: expected F16, BF16 or F32, found {}", tensor.data.dtype()))
-            })?;
-            Ok((name.clone(), (tensor.shape.clone(), values.into_owned())))
-        })
-        .collect::<Result<BTreeMap<_, _>, Error>>()?;
-    let first: Option<&(Vec<usize>, Vec<f32>)> = BTreeMap::get(&weights, "net.slice1.0.weight");
+    let weights = tensors_of(path)?;
+    let first = weights.get("net.slice1.0.weight");
     let network = if first.is_some_and(|(shape, _)| shape.last() == Some(&11)) { Network::Alex } else { Network::Vgg };
-    Lpips::from_tensors(network, &weights, &path.display().to_string()).map_err(|e| wrong(e.to_string()))
+    Lpips::from_tensors(network, &weights, &path.display().to_string()).map_err(|e| wrong(path, e.to_string()))
+}
+
+fn wrong(path: &Path, message: String) -> Error {
+    Error::Checkpoint { path: path.to_path_buf(), message }
+}
+
+fn tensors_of(path: &Path) -> Result<Tensors, Error> {
+    let tensors = weaver_io::checkpoint::Tensors::read(path)?.tensors;
+    let widened = tensors.iter().map(|(name, tensor)| {
+        let values = tensor.data.widened().ok_or_else(|| {
+            wrong(path, format!("tensor {name}: expected F16, BF16 or F32, found {}", tensor.data.dtype()))
+        })?;
+        Ok((name.clone(), (tensor.shape.clone(), values.into_owned())))
+    });
+    widened.collect()
 }
 
 /// Reads LPIPS weights, if asked for, and checks that images of the model's size (H, W) are large enough for them.
 pub(crate) fn lpips_for(path: Option<&Path>, [height, width]: [usize; 2]) -> Result<Option<Lpips<f32>>, Error> {
     let Some(path) = path else { return Ok(None) };
     let lpips = load_lpips(path)?;
-    let least = lpips.least_side();
-    if height.min(width) >= least {
-        return Ok(Some(lpips));
-    }
-    let message = format!("expected images of at least {least} x {least} pixels, found {width} x {height}");
-    Err(Error::Checkpoint { path: path.to_path_buf(), message })
+    large_enough(path, lpips.least_side(), [height, width])?;
+    Ok(Some(lpips))
+}
+
+fn large_enough(path: &Path, least: usize, [height, width]: [usize; 2]) -> Result<(), Error> {
+    let message = || format!("expected images of at least {least} x {least} pixels, found {width} x {height}");
+    if height.min(width) >= least { Ok(()) } else { Err(wrong(path, message())) }
+}
+
+/// Reads the networks of training, where there are files for them, LPIPS first, and checks that images of the model's size (H, W) are large
+/// enough.
+pub(crate) fn image_networks(
+    [(_, lpips), (_, perceptual)]: [(&str, Option<&Path>); 2],
+    size: [usize; 2],
+) -> Result<ImageNetworks, Error> {
+    let read = |path: &Path| {
+        let network = Perceptual::from_tensors(&tensors_of(path)?, &path.display().to_string());
+        large_enough(path, Perceptual::<f32>::LEAST_SIDE, size)?;
+        network.map_err(|e| wrong(path, e.to_string()))
+    };
+    Ok(ImageNetworks { lpips: lpips_for(lpips, size)?, perceptual: perceptual.map(read).transpose()? })
 }
 
 /// Evaluates a predictor on loaded scenes; `progress` is told how many views of how many are done.
@@ -145,8 +169,12 @@ pub fn evaluate(
     if options.points && options.matching.is_none() && cameras == CameraMode::Predicted {
         return Err(Error::Input("points: expected given cameras, found predicted ones".into()));
     }
-    if targets == Targets::Joint && (options.matching.is_some() || cameras != CameraMode::Predicted) {
-        return Err(Error::Input("joint targets: expected predicted cameras, found other ones".into()));
+    if matches!(targets, Targets::Joint | Targets::Centers)
+        && (options.matching.is_some() || cameras != CameraMode::Predicted)
+    {
+        return Err(Error::Input(
+            "joint targets and those by centers: expected predicted cameras, found other ones".into(),
+        ));
     }
     let [height, width] = predictor.image_size();
     if height.min(width) < LEAST_SIDE {
@@ -206,7 +234,9 @@ pub fn evaluate(
                 let found = aligned::aligned(drawing.predictor, &drawn, target, align)?;
                 let [before, after] =
                     aligned::control(&mut drawing, scene, &tuple, align)?.map(|i| measure.psnr(&i, target));
-                let mut of_view = measure.aligned(&found, target, figures.psnr, after - before);
+                let cameras = [&drawn.camera, &found.camera].map(|camera| aligned::off(&drawn, camera, scene, &tuple));
+                let mut of_view = measure.aligned(&found, target, cameras, figures.psnr);
+                of_view.gain_given = after - before;
                 // Once for each scene: what alignment makes of a photo that the scene has nothing to do with.
                 let next = scenes[(index + 1) % scenes.len()];
                 if let (true, Some(other)) = (views.is_empty() && scenes.len() > 1, next.held_out_views().first()) {
@@ -233,6 +263,7 @@ pub fn evaluate(
     cameras += match targets {
         Targets::Data => "",
         Targets::Joint => ", of held-out photos as well (which it has then seen)",
+        Targets::Centers => ", held-out ones by the context's centers",
         Targets::Context => ", judged by the context photos themselves",
     };
     Ok(Evaluation {
@@ -299,20 +330,23 @@ impl Measure<'_> {
                 .collect(),
             pose_rotation_deg: errors.as_ref().and_then(PoseErrors::mean_rotation),
             pose_translation_deg: errors.as_ref().and_then(PoseErrors::mean_translation),
+            pose_auc: errors.as_ref().and_then(areas),
         }
     }
 
     /// `before` is the PSNR of the view as it was drawn.
-    fn aligned(&self, found: &AlignedView, target: &View, before: f64, gain_given: f64) -> AlignedFigures {
+    fn aligned(&self, found: &AlignedView, target: &View, cameras: [CameraFigures; 2], before: f64) -> AlignedFigures {
         let psnr = self.psnr(&found.render, target);
         AlignedFigures {
             psnr,
             ssim: self.ssim(&found.render, target),
             lpips: self.lpips(&found.render, target),
-            gain_given,
+            gain_given: 0.0,
             degrees: found.moved[0],
             distance: found.moved[1],
             elsewhere: None,
+            steps: found.steps as f64,
+            cameras,
             found: f64::from(u8::from(found.found)),
             better: f64::from(u8::from(psnr > before)),
         }
@@ -352,6 +386,9 @@ fn explained(remark: Remark, scenes: &[&str]) -> String {
     match remark {
         Remark::Rescaled => format!(
             "{names}: no points tell the scale, so camera centers were scaled until their mean distance to camera 0 equalled that of the predicted ones"
+        ),
+        Remark::OnOneLine => format!(
+            "{names}: centers of {views} contexts that are fewer than three or on one line; camera 0's frame was taken"
         ),
         Remark::WithoutPoints => format!("{names}: context views without points, whose depth stays"),
         Remark::NotPlaced => {

@@ -1,5 +1,9 @@
 //! Results of an evaluation, as JSON and as a table.
 
+mod aligned;
+
+pub(crate) use aligned::areas;
+pub use aligned::{AlignedFigures, CameraFigures};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
 
@@ -35,6 +39,9 @@ pub struct SceneFigures {
     pub pose_rotation_deg: Option<f64>,
     /// Mean angle between predicted and true direction of the centers from camera 0, degrees.
     pub pose_translation_deg: Option<f64>,
+    /// Area under the recall curve of the larger of the two up to 5, 10 and 20 degrees, from 0 to 1.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub pose_auc: Option<[f64; 3]>,
     /// The same views from cameras that were aligned with the held-out photos, if asked for.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub aligned: Option<AlignedFigures>,
@@ -62,59 +69,11 @@ pub struct LookFigures {
 impl LookFigures {
     fn mean_of(all: &[Self]) -> Option<Self> {
         let of = |f: &dyn Fn(&Self) -> Option<f64>| mean(all.iter().map(f));
-        let channels = |f: fn(&Self) -> Option<[f64; 3]>| {
-            let [r, g, b] = [0, 1, 2].map(|c| of(&|s| Some(f(s)?[c])));
-            Some([r?, g?, b?])
-        };
         Some(Self {
             psnr_fitted: of(&|s| Some(s.psnr_fitted))?,
             color_error: of(&|s| Some(s.color_error))?,
-            slope: channels(|s| s.slope),
-            correlation: channels(|s| s.correlation),
-        })
-    }
-}
-
-/// Figures of views whose cameras were aligned with the held-out photos, or their mean.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct AlignedFigures {
-    /// PSNR, dB.
-    pub psnr: f64,
-    /// Structural similarity.
-    pub ssim: f64,
-    /// LPIPS, when its weights are given.
-    pub lpips: Option<f64>,
-    /// What alignment gains with given cameras, dB, where the camera is right: six numbers fitted to the photo.
-    pub gain_given: f64,
-    /// PSNR after alignment with a photo of another scene, one view of each scene, and that of this photo's mean color, dB: what the scene has
-    /// nothing to do with must not be met.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub elsewhere: Option<[f64; 2]>,
-    /// How far cameras turned, degrees.
-    pub degrees: f64,
-    /// How far cameras moved, in parts of the mean depth that they see.
-    pub distance: f64,
-    /// Share of views for which anything better than the guess was found.
-    pub found: f64,
-    /// Share of views whose PSNR rose.
-    pub better: f64,
-}
-
-impl AlignedFigures {
-    fn mean_of(all: &[Self]) -> Option<Self> {
-        let of = |f: fn(&Self) -> f64| mean(all.iter().map(|s| Some(f(s))));
-        Some(Self {
-            psnr: of(|s| s.psnr)?,
-            ssim: of(|s| s.ssim)?,
-            lpips: mean(all.iter().map(|s| s.lpips)),
-            gain_given: of(|s| s.gain_given)?,
-            elsewhere: mean(all.iter().map(|s| s.elsewhere.map(|e| e[0])))
-                .zip(mean(all.iter().map(|s| s.elsewhere.map(|e| e[1]))))
-                .map(|(aligned, flat)| [aligned, flat]),
-            degrees: of(|s| s.degrees)?,
-            distance: of(|s| s.distance)?,
-            found: of(|s| s.found)?,
-            better: of(|s| s.better)?,
+            slope: mean_of_three(all.iter().map(|s| s.slope)),
+            correlation: mean_of_three(all.iter().map(|s| s.correlation)),
         })
     }
 }
@@ -159,6 +118,12 @@ pub(crate) fn mean(values: impl IntoIterator<Item = Option<f64>>) -> Option<f64>
     (count > 0).then(|| sum / count as f64)
 }
 
+/// The same of three values that are present together.
+fn mean_of_three(all: impl Iterator<Item = Option<[f64; 3]>> + Clone) -> Option<[f64; 3]> {
+    let [a, b, c] = [0, 1, 2].map(|i| mean(all.clone().map(|three| Some(three?[i]))));
+    Some([a?, b?, c?])
+}
+
 impl SceneFigures {
     /// The unweighted mean of some figures; views are summed, or, when these are single views, counted.
     pub fn mean_of(all: &[Self], name: Option<String>) -> Self {
@@ -180,6 +145,7 @@ impl SceneFigures {
                 .collect(),
             pose_rotation_deg: mean(all.iter().map(|s| s.pose_rotation_deg)),
             pose_translation_deg: mean(all.iter().map(|s| s.pose_translation_deg)),
+            pose_auc: mean_of_three(all.iter().map(|s| s.pose_auc)),
             aligned: AlignedFigures::mean_of(&all.iter().filter_map(|s| s.aligned).collect::<Vec<_>>()),
             look: LookFigures::mean_of(&all.iter().filter_map(|s| s.look).collect::<Vec<_>>()),
         }
@@ -229,7 +195,10 @@ impl Evaluation {
         if !strict.is_empty() {
             let _ = writeln!(out, "PSNR with the held-out camera's own scale and lens: {}", strict.join(", "));
         }
-        out += &self.aligned_table();
+        if let Some([a, b, c]) = self.mean.pose_auc {
+            let _ = writeln!(out, "context cameras, area under the curve at 5, 10, 20 degrees: {a:.2} {b:.2} {c:.2}");
+        }
+        out += &aligned::table(self);
         out += &self.look_table();
         for remark in &self.remarks {
             let _ = writeln!(out, "note: {remark}");
@@ -259,42 +228,6 @@ impl Evaluation {
                 look.color_error,
                 channels(look.slope),
                 channels(look.correlation)
-            );
-        }
-        out
-    }
-
-    /// The figures from aligned cameras; nothing where none were.
-    fn aligned_table(&self) -> String {
-        let mut out = String::new();
-        if self.mean.aligned.is_none() {
-            return out;
-        }
-        let _ = writeln!(
-            out,
-            "\nheld-out cameras aligned with the held-out photos, which looks at them:\n{:<16} {:>7} {:>7} {:>7} {:>6} {:>11} {:>8} {:>12} {:>7}",
-            "scene", "PSNR", "aligned", "gain", "SSIM", "gain, given", "degrees", "of the depth", "better"
-        );
-        for scene in self.scenes.iter().chain([&self.mean]) {
-            let Some(aligned) = &scene.aligned else { continue };
-            let _ = writeln!(
-                out,
-                "{:<16} {:>7.2} {:>7.2} {:>+7.2} {:>6.3} {:>+11.2} {:>8.3} {:>12.4} {:>5.0} %",
-                scene.name.as_deref().unwrap_or("mean"),
-                scene.psnr,
-                aligned.psnr,
-                aligned.psnr - scene.psnr,
-                aligned.ssim,
-                aligned.gain_given,
-                aligned.degrees,
-                aligned.distance,
-                100.0 * aligned.better
-            );
-        }
-        if let Some([aligned, flat]) = self.mean.aligned.and_then(|aligned| aligned.elsewhere) {
-            let _ = writeln!(
-                out,
-                "aligned with a photo of another scene: {aligned:.2} dB, where that photo's mean color is worth {flat:.2}"
             );
         }
         out

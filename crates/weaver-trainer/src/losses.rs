@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use weaver_autograd::{List, Shape, Var, ops};
 use weaver_geometry::{Camera, pose_code};
 use weaver_inference::Photos;
-use weaver_losses::{self as losses, Lpips};
+use weaver_losses::{self as losses, Lpips, Perceptual};
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
 use weaver_scene::{intrinsics_row, viewmat};
@@ -72,6 +72,21 @@ pub struct ImageLosses {
     /// File with the VGG or AlexNet weights of LPIPS.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lpips_weights: Option<PathBuf>,
+    /// Weight of absolute differences in the features of VGG-19, as 2Xplat is published (0.2); needs `perceptual_weights`.
+    #[schemars(range(min = 0.0))]
+    pub perceptual: f64,
+    /// File with MatConvNet's weights of VGG-19 under torchvision's names.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub perceptual_weights: Option<PathBuf>,
+}
+
+/// The networks that renders and photos are compared by, where a stage needs them.
+#[derive(Debug, Default)]
+pub struct ImageNetworks {
+    /// Of LPIPS.
+    pub lpips: Option<Lpips<f32>>,
+    /// Of the perceptual loss.
+    pub perceptual: Option<Perceptual<f32>>,
 }
 
 impl ImageLosses {
@@ -81,7 +96,7 @@ impl ImageLosses {
         &self,
         terms: &mut Terms<'t>,
         share: f64,
-        lpips: Option<&Lpips<f32>>,
+        networks: &ImageNetworks,
         [image, truth]: [Var<'t, f32>; 2],
         inside: Option<&[bool]>,
     ) {
@@ -92,23 +107,43 @@ impl ImageLosses {
         };
         terms.add("mse", self.mse, share, || per_pixel(losses::mse(image, truth)));
         terms.add("ssim", self.ssim, share, || per_pixel((losses::ssim(image, truth).mean() * -1.0 + 1.0) * 0.5));
-        if let Some(lpips) = lpips {
+        if let Some(lpips) = &networks.lpips {
             terms.add("lpips", self.lpips, share, || per_pixel(lpips.distance(image, truth).mean()));
+        }
+        if let Some(perceptual) = &networks.perceptual {
+            terms.add("perceptual", self.perceptual, share, || per_pixel(perceptual.loss(image, truth)));
         }
     }
 
-    /// The file with the weights of LPIPS, if that has a weight.
-    pub fn lpips_file(&self) -> Option<&Path> {
-        self.lpips_weights.as_deref().filter(|_| self.lpips > 0.0)
+    /// The weights of all terms by their keys.
+    pub fn weights(&self) -> [(&'static str, f64); 4] {
+        [
+            ("image.mse", self.mse),
+            ("image.ssim", self.ssim),
+            ("image.lpips", self.lpips),
+            ("image.perceptual", self.perceptual),
+        ]
     }
 
-    /// Checks that LPIPS has what it needs; `key` is where the weights are in the configuration.
+    /// The files of networks, by their keys, of terms that have a weight.
+    pub fn files(&self) -> [(&'static str, Option<&Path>); 2] {
+        [
+            ("lpips_weights", self.lpips_weights.as_deref().filter(|_| self.lpips > 0.0)),
+            ("perceptual_weights", self.perceptual_weights.as_deref().filter(|_| self.perceptual > 0.0)),
+        ]
+    }
+
+    /// Checks that networks have files; `key` is where the weights are in the configuration.
     ///
     /// # Errors
-    /// When LPIPS has a weight and no file.
+    /// When a term has a weight and its network no file.
     pub fn check(&self, key: &str) -> Result<(), String> {
-        if self.lpips > 0.0 && self.lpips_weights.is_none() {
-            return Err(format!("{key}.lpips_weights: expected a file, since lpips is not 0, found nothing"));
+        for (name, weight, file) in
+            [("lpips", self.lpips, &self.lpips_weights), ("perceptual", self.perceptual, &self.perceptual_weights)]
+        {
+            if weight > 0.0 && file.is_none() {
+                return Err(format!("{key}.{name}_weights: expected a file, since {name} is not 0, found nothing"));
+            }
         }
         Ok(())
     }

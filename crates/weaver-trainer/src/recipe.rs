@@ -1,6 +1,6 @@
 //! What a model says about its training.
 
-use crate::losses::ImageLosses;
+use crate::losses::{ImageLosses, ImageNetworks};
 use crate::{CameraMode, Config, Error, Example, StageConfig, Terms, TrainedRows};
 use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
@@ -10,7 +10,6 @@ use std::sync::Arc;
 use weaver_autograd::{ParamId, Params, Var};
 use weaver_inference::{Defaults, Predictor};
 use weaver_kernels::random::Stream;
-use weaver_losses::Lpips;
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
 use weaver_splat::{GaussianVars, RasterSettings, Rasterize, WorkspacePool};
@@ -179,8 +178,8 @@ pub struct Step<'a, R: Recipe> {
     pub stage: &'a StageConfig<R>,
     /// Steps of this stage that were done before.
     pub local: usize,
-    /// LPIPS, where a stage needs it.
-    pub lpips: Option<&'a Lpips<f32>>,
+    /// Networks that images are compared by, where a stage needs them.
+    pub networks: &'a ImageNetworks,
     /// Memory of the rasterizer, kept from step to step.
     pub workspaces: &'a WorkspacePool<f32>,
     /// Random numbers of this step.

@@ -201,7 +201,7 @@ pub struct Overrides {
     /// Which pixels get Gaussians, and how many.
     pub density: Density,
     /// How the cameras of held-out views are aligned with their photos, for figures beside the others.
-    pub align: Option<weaver_align::Options>,
+    pub align: Option<crate::Alignment>,
     /// In whose light held-out views are drawn; without it, in that of the first context photo by models that know about light.
     pub look: Option<LookOf>,
     /// Whether photos are left as they were taken, where the run's were given light and passers-by.

@@ -7,6 +7,7 @@ mod plan;
 use crate::dry_run::{DryRun, Probe};
 use crate::evaluate::{self, Options};
 use crate::evaluation::Summary;
+use crate::losses::ImageNetworks;
 use crate::observe::{Logs, Observer, StepReport, write_report};
 use crate::sources::Sources;
 use crate::{Config, Error, Recipe, StageConfig, Step, TrainedRows, TrainingState, initial, samples, scenes};
@@ -18,7 +19,6 @@ use weaver_autograd::{OpTime, Params, Tape};
 use weaver_data::{Layout, Scene};
 use weaver_inference::{Checkpoint, Predictor, RunFolder};
 use weaver_kernels::random::Stream;
-use weaver_losses::Lpips;
 use weaver_nn::{AdamW, Context, Ema, Group, WarmupCosine, clip_factor, global_norm, missing_gradients};
 use weaver_splat::{AnyRasterizer, Renderer, WorkspacePool};
 
@@ -41,7 +41,7 @@ pub struct Session<R: Recipe> {
     workspaces: WorkspacePool<f32>,
     /// What was read.
     sources: Sources,
-    lpips: Option<Lpips<f32>>,
+    networks: ImageNetworks,
     /// Steps done.
     step: usize,
     /// What is being measured, if anything.
@@ -82,7 +82,7 @@ impl<R: Recipe> Session<R> {
     fn prepare(config: Config<R>) -> Result<Self, Error> {
         config.check()?;
         let size = R::image_size(&config.model);
-        let lpips = evaluate::lpips_for(config.lpips_weights().map_err(Error::Input)?, size)?;
+        let networks = evaluate::image_networks(config.network_files().map_err(Error::Input)?, size)?;
         let mut params = Params::new();
         let network = Arc::new(R::build(&config.model, &mut params, config.seed));
         frozen::check(&config.stages, &params)?;
@@ -112,7 +112,7 @@ impl<R: Recipe> Session<R> {
             earlier_tape_bytes: 0,
             workspaces,
             sources,
-            lpips,
+            networks,
             step: 0,
             probe: None,
         })
@@ -260,7 +260,7 @@ impl<R: Recipe> Session<R> {
             config: &self.config,
             stage: &stage,
             local,
-            lpips: self.lpips.as_ref(),
+            networks: &self.networks,
             workspaces: &self.workspaces,
             stream: Stream::new(self.config.seed, self.step as u64, "allocation"),
         };

@@ -13,7 +13,7 @@ pub(crate) const ENTRY: &str = "sources";
 /// Checksums of what a run has read, by the configuration's key for it.
 ///
 /// What was read decides the bits, and not where it lay: captures as they were loaded (photos at the network's size, cameras, depth,
-/// points), and the tensors of LPIPS. Folders may have been moved and renamed; their content may not have changed.
+/// points), and the tensors of networks that images are compared by. Folders may have been moved and renamed; their content may not have changed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Sources(BTreeMap<String, String>);
 
@@ -24,13 +24,14 @@ impl Sources {
             let sums = scenes.iter().enumerate().map(|(i, scene)| (format!("data.folders.{i}"), of_scene(scene)));
             all.extend(sums);
         }
-        if let Some(file) = config.lpips_weights().map_err(Error::Input)? {
+        for (key, file) in config.network_files().map_err(Error::Input)? {
+            let Some(file) = file else { continue };
             let mut sum = Checksum::default();
             for (name, tensor) in &Tensors::read(file)?.tensors {
                 sum.bytes(name.as_bytes());
                 sum.floats(&tensor.data.widened().unwrap_or_default());
             }
-            all.insert("lpips_weights".into(), sum.to_string());
+            all.insert(key.into(), sum.to_string());
         }
         Ok(Self(all))
     }
@@ -54,7 +55,10 @@ impl Sources {
         let number = key.strip_prefix("data.folders.").and_then(|number| number.parse::<usize>().ok());
         let (what, path) = match number {
             Some(i) => ("photos, cameras and points", config.data.folders.get(i).cloned()),
-            None => ("weights", config.lpips_weights().ok().flatten().map(Into::into)),
+            None => {
+                let files = config.network_files().map_err(Error::Input)?;
+                ("weights", files.iter().find(|(name, _)| name == key).and_then(|(_, file)| file.map(Into::into)))
+            }
         };
         let found = match (path, began.contains_key(key)) {
             (Some(path), true) => format!("others in {}", path.display()),

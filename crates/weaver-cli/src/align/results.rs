@@ -11,6 +11,7 @@ use weaver_geometry::{Camera, Intrinsics};
 use weaver_io::colmap::Model;
 use weaver_io::{Image, Transforms};
 use weaver_scene::Frame;
+use weaver_trainer::AlignLoss;
 
 /// A photo, and what was found.
 pub struct Row<'a> {
@@ -23,14 +24,15 @@ pub struct Results {
     folder: PathBuf,
     frames: Vec<Frame>,
     images: Vec<Image>,
+    loss: AlignLoss,
     rows: Vec<(String, [f64; 2], [f64; 2], String)>,
 }
 
 impl Results {
-    pub fn create(folder: &Path) -> Result<Self, Failure> {
+    pub fn create(folder: &Path, loss: AlignLoss) -> Result<Self, Failure> {
         weaver_io::create_folder(folder.join("renders"))?;
         weaver_io::create_folder(folder.join("sparse/0"))?;
-        Ok(Self { folder: folder.to_path_buf(), frames: Vec::new(), images: Vec::new(), rows: Vec::new() })
+        Ok(Self { folder: folder.to_path_buf(), frames: Vec::new(), images: Vec::new(), loss, rows: Vec::new() })
     }
 
     pub fn push(&mut self, Row { photo, aligned }: Row<'_>) -> Result<(), Failure> {
@@ -64,12 +66,19 @@ impl Results {
         weaver_io::write_text(self.folder.join("align.json"), &serde_json::to_string_pretty(&rows)?)?;
         Transforms { frames: self.frames, ..Transforms::default() }.write(self.folder.join("transforms.json"))?;
         let width = self.rows.iter().map(|(name, ..)| name.chars().count()).max().unwrap_or(0).max("photo".len());
-        let mut text = format!("{:<width$}  dB before   after  degrees  of the depth\n", "photo");
+        let (unit, figure): (_, fn(f64) -> f64) = match self.loss {
+            AlignLoss::MeanSquare => ("dB", decibels),
+            AlignLoss::Similarity => ("SSIM", |loss| 1.0 - loss),
+        };
+        let unit = format!("{unit} before");
+        let mut text = format!("{:<width$}  {unit:>11}   after  degrees  of the depth\n", "photo");
         for (name, loss, moved, kept) in &self.rows {
-            let [before, after] = loss.map(decibels);
+            let [before, after] = loss.map(figure);
             let [degrees, distance] = moved;
-            let _ =
-                writeln!(text, "{name:<width$}  {before:>9.2}  {after:>6.2}  {degrees:>7.3}  {distance:>12.4}  {kept}");
+            let _ = writeln!(
+                text,
+                "{name:<width$}  {before:>11.3}  {after:>6.3}  {degrees:>7.3}  {distance:>12.4}  {kept}"
+            );
         }
         Ok(format!("{text}cameras: {}", self.folder.join("transforms.json").display()))
     }

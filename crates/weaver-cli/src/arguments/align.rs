@@ -38,6 +38,9 @@ pub struct Align {
     /// Whether photo and render are blurred in the first half of the steps
     #[arg(long, value_enum, value_name = "on|off", default_value = "on", help_heading = DESCENT)]
     pub blur: Switch,
+    /// What photo and render are compared by
+    #[arg(long, value_enum, default_value = "mse", help_heading = DESCENT)]
+    pub loss: LossName,
     /// Focal lengths descend as well
     #[arg(long, help_heading = DESCENT)]
     pub refine_intrinsics: bool,
@@ -65,6 +68,15 @@ pub enum MethodName {
     /// As in NoPoSplat: rigid increments
     #[value(name = "noposplat")]
     NoPoSplat,
+}
+
+/// What photo and render are compared by.
+#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
+pub enum LossName {
+    /// The mean square of differences
+    Mse,
+    /// Structural similarity
+    Ssim,
 }
 
 /// On or off.

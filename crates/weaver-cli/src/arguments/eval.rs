@@ -2,7 +2,7 @@
 
 use super::drawing::{distance, fraction};
 use super::fit::{Rgb, background};
-use super::{DensityFlags, MethodName, RefineFlags, Threads};
+use super::{DensityFlags, LossName, MethodName, RefineFlags, Threads};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use weaver_trainer::LookOf;
@@ -19,6 +19,8 @@ pub enum Targets {
     Data,
     /// The model's own, which it predicts together with the context's
     Joint,
+    /// The data's, carried over by the similarity between the context's centers, the data's and the predicted, of three views or more
+    Centers,
     /// The context photos themselves judge, from their own cameras: how well what was made of them shows them
     Context,
 }
@@ -28,6 +30,7 @@ impl From<Targets> for weaver_trainer::Targets {
         match targets {
             Targets::Data => Self::Data,
             Targets::Joint => Self::Joint,
+            Targets::Centers => Self::Centers,
             Targets::Context => Self::Context,
         }
     }
@@ -73,8 +76,9 @@ pub struct Eval {
     /// Cameras of the context views; `estimated` by matching these photos, the held-out view aside [default: the run's]
     #[arg(long, value_enum, help_heading = VIEWS)]
     pub cameras: Option<ContextCameras>,
-    /// Where held-out photos are drawn from: from the data's cameras, or from where the model says that they were taken, having seen
-    /// them beside the context photos, as 2Xplat is published, with predicted cameras; or `context`, whose photos then judge instead
+    /// Where held-out photos are drawn from: from the data's cameras in the frame of the first, or in that which fits all of the context's
+    /// centers; from where the model says that they were taken, having seen them beside the context photos, as 2Xplat is published,
+    /// with predicted cameras; or `context`, whose photos then judge instead
     #[arg(long, value_enum, default_value_t = Targets::Data, help_heading = VIEWS)]
     pub targets: Targets,
     /// With estimated cameras: focal lengths are not told, as by photos without EXIF
@@ -127,6 +131,9 @@ pub struct AlignFlags {
     /// Which numbers of the camera move, and at what rate
     #[arg(long, value_enum, default_value = "own", requires = "align")]
     pub align_as: MethodName,
+    /// What photo and render are compared by
+    #[arg(long, value_enum, default_value = "mse", requires = "align")]
+    pub align_loss: LossName,
     /// Steps at most [default: 200, or 100 as published]
     #[arg(long, value_name = "N", requires = "align", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub align_steps: Option<u32>,

@@ -79,6 +79,17 @@ fn photos_are_located() {
 }
 
 #[test]
+fn photos_may_be_compared_by_their_structure() {
+    let folder = folder();
+    let table = printed(folder.path(), &format!("{ALIGN} --loss ssim --steps 1000"));
+    assert!(table.contains("SSIM before"), "{table}");
+    let error = error(&folder.path().join("aligned/transforms.json"));
+    assert!(error < 0.1, "{error}");
+    let message = refused(folder.path(), &format!("{ALIGN} --loss ssim --size 12"), 1);
+    assert!(message.contains("expected photos of at least 11 x 11 pixels, found 12 x 9"), "{message}");
+}
+
+#[test]
 fn the_scenes_own_cameras_are_guesses() {
     let folder = folder();
     printed(folder.path(), "align scene.ply --photos photos/1.png photos/0.png --background black --steps 20 -o again");

@@ -47,9 +47,9 @@ fn drawn() -> Tensors {
 }
 
 /// Planes of numbers: how many, their height and width.
-struct Planes {
-    x: Vec<f64>,
-    size: [usize; 3],
+pub struct Planes {
+    pub x: Vec<f64>,
+    pub size: [usize; 3],
 }
 
 fn places([a, b, c]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
@@ -57,12 +57,12 @@ fn places([a, b, c]: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
 }
 
 impl Planes {
-    fn new(size: [usize; 3], of: impl Fn([usize; 3]) -> f64) -> Self {
+    pub fn new(size: [usize; 3], of: impl Fn([usize; 3]) -> f64) -> Self {
         Self { x: places(size).map(of).collect(), size }
     }
 
     /// 0 outside.
-    fn at(&self, [plane, row, column]: [usize; 3]) -> f64 {
+    pub fn at(&self, [plane, row, column]: [usize; 3]) -> f64 {
         let [_, height, width] = self.size;
         if row < height && column < width { self.x[(plane * height + row) * width + column] } else { 0.0 }
     }
@@ -78,16 +78,20 @@ impl Planes {
     }
 
     /// A convolution, and a rectifier.
-    fn convolved(&self, layer: &Layer, weight: &[f32], bias: &[f32]) -> Self {
-        let ([outputs, inputs, kernel], padding) = (layer.shape, layer.padding);
-        let side = |side: usize| (side + 2 * padding - kernel) / layer.stride + 1;
+    pub fn convolved(
+        &self,
+        [outputs, inputs, kernel]: [usize; 3],
+        [stride, padding]: [usize; 2],
+        weight: &[f32],
+        bias: &[f32],
+    ) -> Self {
+        let side = |side: usize| (side + 2 * padding - kernel) / stride + 1;
         Self::new([outputs, side(self.size[1]), side(self.size[2])], |[output, row, column]| {
             let sum: f64 = places([inputs, kernel, kernel])
                 .map(|[input, i, j]| {
                     let weight = weight[((output * inputs + input) * kernel + i) * kernel + j];
                     // Before the first row is far beyond the last one.
-                    let [row, column] =
-                        [row * layer.stride + i, column * layer.stride + j].map(|x| x.wrapping_sub(padding));
+                    let [row, column] = [row * stride + i, column * stride + j].map(|x| x.wrapping_sub(padding));
                     f64::from(weight) * self.at([input, row, column])
                 })
                 .sum();
@@ -119,7 +123,7 @@ fn slow(tensors: &Tensors, a: &[f64], b: &[f64], [height, width]: [usize; 2]) ->
             if let Some(pool) = layer.pool {
                 *planes = planes.pooled(pool);
             }
-            *planes = planes.convolved(layer, weight, bias);
+            *planes = planes.convolved(layer.shape, [layer.stride, layer.padding], weight, bias);
         }
         let channels = &tensors[&format!("lin{stage}.model.1.weight")].1;
         let [_, height, width] = both[0].size;
@@ -131,7 +135,7 @@ fn slow(tensors: &Tensors, a: &[f64], b: &[f64], [height, width]: [usize; 2]) ->
     })
 }
 
-fn assert_near(found: f64, expected: f64) {
+pub fn assert_near(found: f64, expected: f64) {
     assert!(expected > 1e-3 && (found - expected).abs() < 1e-9 * expected, "{found} and {expected}");
 }
 

@@ -8,6 +8,7 @@ mod masked;
 mod mechanism;
 mod metrics;
 mod parity;
+mod perceptual;
 mod photometric;
 mod shapes;
 mod ssim;

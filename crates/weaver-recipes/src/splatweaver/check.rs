@@ -52,10 +52,12 @@ fn shares(stage: &StageConfig<SplatWeaverRecipe>, most: usize, key: &str) -> Che
 fn losses(stage: &StageConfig<SplatWeaverRecipe>, key: &str) -> Check {
     let (pose, image) = (&stage.losses.pose, &stage.losses.image);
     let (depth, router) = (&stage.losses.depth, &stage.losses.router);
+    let [mse, ssim, lpips, perceptual] = image.weights();
     let rendered = [
-        ("image.mse", image.mse),
-        ("image.ssim", image.ssim),
-        ("image.lpips", image.lpips),
+        mse,
+        ssim,
+        lpips,
+        perceptual,
         ("depth.log_l1", depth.log_l1),
         ("depth.rendered", depth.rendered),
         ("router.rank", router.rank),

@@ -3,13 +3,13 @@
 use super::{BudgetForm, SplatWeaverRecipe};
 use weaver_autograd::Var;
 use weaver_kernels::random::Stream;
-use weaver_losses::{self as losses, Lpips};
+use weaver_losses as losses;
 use weaver_model::{Dense, PredictedGaussians, SplatWeaver};
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
 use weaver_router::{Allocation, Masked};
 use weaver_splat::{Rasterize, WorkspacePool};
-use weaver_trainer::losses::{PoseCodes, camera_constants, photo_constants};
+use weaver_trainer::losses::{ImageNetworks, PoseCodes, camera_constants, photo_constants};
 use weaver_trainer::{CameraMode, Example, StageConfig, Terms};
 use weaver_vggt::Encoded;
 
@@ -22,8 +22,8 @@ pub struct Objective<'a> {
     pub ranking: bool,
     /// The stage's allocation.
     pub allocation: &'a dyn Allocation<f32>,
-    /// LPIPS, where the stage wants it.
-    pub lpips: Option<&'a Lpips<f32>>,
+    /// Networks that images are compared by, where the stage wants them.
+    pub networks: &'a ImageNetworks,
     /// Memory of the rasterizer.
     pub workspaces: &'a WorkspacePool<f32>,
     /// Noise of this step.
@@ -78,7 +78,7 @@ impl Objective<'_> {
         let rendered = self.render(cx, model, &predicted, &cameras, example);
         let image = rendered.image.permute(&[0, 3, 1, 2]).clamp(0.0, 1.0);
         let truth = cx.tape.constant(&example.images[..shown * 3 * height * width], image.shape());
-        weights.image.add(terms, share, self.lpips, [image, truth], example.inside_of(shown));
+        weights.image.add(terms, share, self.networks, [image, truth], example.inside_of(shown));
         weights.depth.add_rendered(terms, cx, share, || rendered.depth, example);
         self.routing_terms(
             terms,

@@ -14,12 +14,8 @@ use weaver_trainer::{CameraMode, Example, StageConfig, Step, Terms};
 /// That every loss with a weight is one that the stage has, and that there is one.
 pub(super) fn check(stage: &StageConfig<TwoExpertsRecipe>, key: &str) -> Result<(), String> {
     let (image, pose) = (&stage.losses.image, &stage.losses.pose);
-    let rendered = [
-        ("image.mse", image.mse),
-        ("image.ssim", image.ssim),
-        ("image.lpips", image.lpips),
-        ("opacity", stage.losses.opacity),
-    ];
+    let [mse, ssim, lpips, perceptual] = image.weights();
+    let rendered = [mse, ssim, lpips, perceptual, ("opacity", stage.losses.opacity)];
     if stage.tuples == 0
         && let Some((name, weight)) = rendered.iter().find(|(_, weight)| *weight > 0.0)
     {
@@ -99,7 +95,7 @@ fn rendered<'t>(
     };
     let image = images.permute(&[0, 3, 1, 2]).clamp(0.0, 1.0);
     let (truth, inside) = (photo_constant(cx, example.photos()), example.inside_of(example.cameras.len()));
-    stage.losses.image.add(terms, share, step.lpips, [image, truth], inside);
+    stage.losses.image.add(terms, share, step.networks, [image, truth], inside);
     terms.add("opacity", stage.losses.opacity, share, || {
         if made.opacities.depend_on_view() {
             made.opacities.along(random_directions(cx, kept, step.stream.fork(b as u64))).mean()

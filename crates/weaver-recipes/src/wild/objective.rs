@@ -128,9 +128,17 @@ fn rendered<'t>(
     let share = share / example.targets().len() as f64;
     terms.add("mse", weights.mse, share, || losses::masked_mse(image, truth, inside));
     terms.add("ssim", weights.ssim, share, || (losses::masked_ssim(image, truth, inside).mean() * -1.0 + 1.0) * 0.5);
-    if let Some(lpips) = step.lpips {
+    let seen = || [image, truth].map(|image| losses::inside_of(image, inside));
+    if let Some(lpips) = &step.networks.lpips {
         terms.add("lpips", weights.lpips, share, || {
-            lpips.distance(losses::inside_of(image, inside), losses::inside_of(truth, inside)).mean()
+            let [image, truth] = seen();
+            lpips.distance(image, truth).mean()
+        });
+    }
+    if let Some(perceptual) = &step.networks.perceptual {
+        terms.add("perceptual", weights.perceptual, share, || {
+            let [image, truth] = seen();
+            perceptual.loss(image, truth)
         });
     }
 }

@@ -61,7 +61,6 @@ pub(super) trait Runs {
 
 impl Runs for StageConfig<WildRecipe> {
     fn renders(&self) -> bool {
-        let image = &self.losses.image;
-        image.mse + image.ssim + image.lpips > 0.0
+        self.losses.image.weights().iter().any(|(_, weight)| *weight > 0.0)
     }
 }

@@ -9,6 +9,7 @@ use weaver_nn::{AdamW, Context, Ema, Group, WarmupCosine, clip_factor, global_no
 use weaver_recipes::{Objective, SplatWeaverRecipe};
 use weaver_router::AllocationKind;
 use weaver_splat::WorkspacePool;
+use weaver_trainer::losses::ImageNetworks;
 use weaver_trainer::{Example, Recipe, scenes};
 
 type Config = weaver_trainer::Config<SplatWeaverRecipe>;
@@ -61,7 +62,7 @@ fn allocations(config: &Config, allocation: &str) -> [u64; 2] {
                 stage,
                 ranking: true,
                 allocation: &*allocation,
-                lpips: None,
+                networks: &ImageNetworks::default(),
                 workspaces: &workspaces,
                 stream,
             };

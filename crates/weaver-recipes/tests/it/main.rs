@@ -8,6 +8,7 @@ mod masks;
 mod mutated;
 #[path = "../../../weaver-io/tests/it/mutations.rs"]
 mod mutations;
+mod perceptual;
 mod presets;
 mod ranges;
 mod stages;

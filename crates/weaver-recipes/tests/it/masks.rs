@@ -13,7 +13,7 @@ use weaver_recipes::SplatWeaverRecipe;
 use weaver_router::AllocationKind;
 use weaver_scene::{Frame, PointCloud};
 use weaver_trainer::evaluate::{Options, evaluate};
-use weaver_trainer::losses::{ImageLosses, Terms};
+use weaver_trainer::losses::{ImageLosses, ImageNetworks, Terms};
 use weaver_trainer::{Example, Recipe, Session, scenes};
 
 type Config = weaver_trainer::Config<SplatWeaverRecipe>;
@@ -147,7 +147,7 @@ fn image_losses_have_no_gradient_outside_and_are_per_pixel_inside() {
             (0..1536).map(|i| if inside[of_plane(i)] { stream.fork(1).uniform(i as u64) } else { fill }).collect();
         let (image, truth) = (tape.leaf(&image, shape), tape.constant(&truth, shape));
         let mut terms = Terms::default();
-        weights.add(&mut terms, 1.0, None, [image, truth], Some(&inside));
+        weights.add(&mut terms, 1.0, &ImageNetworks::default(), [image, truth], Some(&inside));
         let total = terms.total().unwrap();
         total.backward();
         let values: Vec<f32> = terms.values().map(|(_, value)| value).collect();

@@ -143,6 +143,7 @@ fn what_does_not_fit_together_is_refused_before_anything_begins() {
         (&["stages.0.losses.image.mse=1"], ["stages.0.losses.image.mse", "without rendered tuples", "found 1"]),
         (&["stages.0.losses.pose.l1=0", "stages.0.losses.pose.absolute=0"], ["stages.0.losses", "above 0", "none"]),
         (&["stages.1.losses.image.lpips=1"], ["stages.1.losses.image.lpips_weights", "file", "nothing"]),
+        (&["stages.1.losses.image.perceptual=1"], ["stages.1.losses.image.perceptual_weights", "file", "nothing"]),
         (&["data.pool=1"], ["data.pool", "2", "found 1"]),
         (&["data.endless=5", "data.folders=[\"fox\"]"], ["data.endless", "data.folders", "none"]),
         (

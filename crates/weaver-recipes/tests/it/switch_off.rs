@@ -9,6 +9,7 @@ use weaver_nn::Context;
 use weaver_recipes::{BudgetForm, Objective, SplatWeaverRecipe};
 use weaver_router::Sampled;
 use weaver_splat::WorkspacePool;
+use weaver_trainer::losses::ImageNetworks;
 use weaver_trainer::{Example, Recipe, Session, StepReport, scenes};
 
 type Config = weaver_trainer::Config<SplatWeaverRecipe>;
@@ -83,8 +84,14 @@ fn ranking_and_budget_are_those_of_the_losses() {
     assert!(rank > 0.0 && of_experts > 0.0 && of_all > 0.0 && of_experts != of_all);
 
     for (ranking, expected) in [(true, [Some(rank), Some(of_experts)]), (false, [None, Some(of_all)])] {
-        let objective =
-            Objective { stage, ranking, allocation: &Sampled, lpips: None, workspaces: &workspaces, stream };
+        let objective = Objective {
+            stage,
+            ranking,
+            allocation: &Sampled,
+            networks: &ImageNetworks::default(),
+            workspaces: &workspaces,
+            stream,
+        };
         let terms = objective.terms(cx, &model, &examples);
         let found = ["rank", "budget"].map(|name| terms.values().find(|(n, _)| *n == name).map(|(_, value)| value));
         assert_eq!(found, expected, "ranking: {ranking}");

@@ -9,7 +9,7 @@ use weaver_kernels::random::Stream;
 use weaver_recipes::{SplatWeaverRecipe, TwoExpertsRecipe, registry};
 use weaver_trainer::evaluate::{Options, evaluate};
 use weaver_trainer::losses::{camera_constants, photo_constant};
-use weaver_trainer::{CameraMode, Example, Recipe, Session, StepReport, Targets};
+use weaver_trainer::{AlignLoss, Alignment, CameraMode, Example, Recipe, Session, StepReport, Targets};
 
 type Config = weaver_trainer::Config<TwoExpertsRecipe>;
 
@@ -169,10 +169,40 @@ fn held_out_photos_are_drawn_from_either_camera() {
     let ((data, a), (joint, b)) = (psnr(Targets::Data), psnr(Targets::Joint));
     assert!(data == "predicted" && joint.contains("held-out photos as well"), "{data} {joint}");
     assert!(a.is_finite() && b.is_finite() && a != b);
+    // Two views are on one line: nothing but camera 0's frame is left.
+    let (centers, d) = psnr(Targets::Centers);
+    assert!(centers.contains("by the context's centers") && d == a, "{centers} {d}");
     let (context, c) = psnr(Targets::Context);
     assert!(context.contains("judged by the context photos") && c.is_finite() && c != a, "{context}");
     let wrong = evaluate(&mut predictor, &scenes, &options(Targets::Joint, CameraMode::Given), None, &mut |_, _| {});
     assert!(wrong.unwrap_err().to_string().contains("expected predicted cameras"));
+}
+
+/// Given cameras are right, so that all an alignment can do to them is harm, which its figures say.
+#[test]
+fn aligned_cameras_are_judged_by_the_datas() {
+    let config = config(1, &[]);
+    let [height, width] = TwoExpertsRecipe::image_size(&config.model);
+    let scenes = [scene(4, &ProceduralOptions { width, height, views: 8 })];
+    let mut params = weaver_autograd::Params::new();
+    let network = Arc::new(TwoExpertsRecipe::build(&config.model, &mut params, 1));
+    let mut predictor = TwoExpertsPredictor::new(network, params);
+    let mut aligned = |loss: AlignLoss| {
+        let steps = weaver_align::Options { steps: 4, ..weaver_align::Options::of(weaver_align::Method::NoPoSplat) };
+        let align = Some(Alignment { options: steps, loss });
+        let options = Options { context_views: 2, cameras: CameraMode::Given, align, ..Options::default() };
+        let found = evaluate(&mut predictor, &scenes, &options, None, &mut |_, _| {}).unwrap();
+        assert!(found.table().contains("held-out cameras, area under the curve"));
+        let figures = found.mean.aligned.unwrap();
+        let [before, after] = figures.cameras;
+        assert!(before.rotation_deg < 1e-5 && before.translation_deg.unwrap() < 1e-4, "{before:?}");
+        assert!(before.auc.iter().all(|area| *area > 0.999), "{before:?}");
+        assert!(figures.steps == 4.0 && (after.rotation_deg - figures.degrees).abs() < 1e-4, "{figures:?}");
+        assert!((figures.psnr - found.mean.psnr - figures.gain_given).abs() < 1e-9);
+        figures
+    };
+    let [squares, similarity] = [AlignLoss::MeanSquare, AlignLoss::Similarity].map(&mut aligned);
+    assert!(squares.degrees != similarity.degrees);
 }
 
 /// Opacities that depend on the view: other bits, the same at any number of threads; each camera sees its own, as the network means them,

@@ -3,8 +3,9 @@
 
 use super::Config;
 use crate::evaluate::LEAST_SIDE;
+use crate::losses::ImageLosses;
 use crate::scenes::FRESH_VIEWS;
-use crate::{Error, LossSection, Recipe, SamplerKind, StageConfig};
+use crate::{Error, LossSection, Recipe, SamplerKind};
 use std::path::Path;
 use weaver_settings::Error as Wrong;
 
@@ -94,24 +95,25 @@ impl<R: Recipe> Config<R> {
                 "model: expected images of at least {LEAST_SIDE} x {LEAST_SIDE} pixels, the window of SSIM, found {width} x {height}"
             ));
         }
-        self.lpips_weights().map(|_| ())
+        self.network_files().map(|_| ())
     }
 
-    /// The file with the weights of LPIPS, if some stage needs it: one for all stages.
-    pub(crate) fn lpips_weights(&self) -> Result<Option<&Path>, String> {
-        let mut files = self
-            .stages
-            .iter()
-            .enumerate()
-            .filter_map(|(i, stage): (_, &StageConfig<R>)| Some((i, stage.losses.image()?.1.lpips_file()?)));
-        let Some((first, file)) = files.next() else { return Ok(None) };
-        match files.find(|(_, other)| *other != file) {
-            None => Ok(Some(file)),
-            Some((i, other)) => Err(format!(
-                "stages.{i}: lpips_weights: expected the file of stages.{first}, {}, found {}",
-                file.display(),
-                other.display()
-            )),
+    /// The files of the networks that images are compared by, with their keys, where some stage needs them: one of each for all stages.
+    pub(crate) fn network_files(&self) -> Result<[(&'static str, Option<&Path>); 2], String> {
+        let mut found = ImageLosses::default().files().map(|(key, _)| (key, None::<(usize, &Path)>));
+        for (i, stage) in self.stages.iter().enumerate() {
+            let Some((_, image)) = stage.losses.image() else { continue };
+            for ((_, found), (key, file)) in found.iter_mut().zip(image.files()) {
+                let Some(file) = file else { continue };
+                let (first, other) = *found.get_or_insert((i, file));
+                if other != file {
+                    let (other, file) = (other.display(), file.display());
+                    return Err(format!(
+                        "stages.{i}: {key}: expected the file of stages.{first}, {other}, found {file}"
+                    ));
+                }
+            }
         }
+        Ok(found.map(|(key, found)| (key, found.map(|(_, file)| file))))
     }
 }

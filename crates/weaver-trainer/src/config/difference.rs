@@ -46,7 +46,7 @@ fn flatten(value: &Value, path: &str, keys: &mut BTreeMap<String, String>) {
             list.iter().enumerate().for_each(|(i, value)| flatten(value, &inner(&i.to_string()), keys));
         }
         Value::String(_)
-            if path.starts_with("data.folders") || path == "data.teacher" || path.ends_with("lpips_weights") =>
+            if path.starts_with("data.folders") || path == "data.teacher" || path.ends_with("_weights") =>
         {
             // Its content counts.
         }

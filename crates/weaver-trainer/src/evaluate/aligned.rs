@@ -5,17 +5,54 @@
 //! the camera is right, which is six numbers fitted to the photo and nothing else.
 
 use super::drawn::{Drawing, Drawn};
+use crate::evaluation::CameraFigures;
 use crate::{CameraMode, Error};
-use weaver_align::{Options, Outcome, Photo, Scene as AlignScene, align, mean_square};
+use weaver_align::{Aligned, Options, Outcome, Photo, Scene as AlignScene, align, mean_square};
 use weaver_data::{Scene, Tuple, View};
 use weaver_geometry::glam::DVec3;
+use weaver_geometry::{Camera, Pose};
 use weaver_inference::Predictor;
 use weaver_io::Image;
+use weaver_losses::Photometric;
+use weaver_pose::PoseErrors;
 use weaver_splat::CpuRasterizer;
+
+/// How held-out cameras are aligned.
+#[derive(Clone, Copy, Debug)]
+pub struct Alignment {
+    /// How cameras descend.
+    pub options: Options,
+    /// On what.
+    pub loss: AlignLoss,
+}
+
+/// What a render and a photo are compared by while a camera is aligned.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub enum AlignLoss {
+    /// The mean square of differences.
+    #[default]
+    MeanSquare,
+    /// `1 - SSIM`; of images with fewer than 11 rows or columns the mean absolute difference.
+    Similarity,
+}
+
+impl AlignLoss {
+    /// The loss as [`align`] wants it.
+    pub fn function(self) -> impl FnMut(&[f32], &[f32], [usize; 2], &mut [f32]) -> f64 {
+        let mut photometric = Photometric::new();
+        move |image: &[f32], photo: &[f32], size: [usize; 2], gradient: &mut [f32]| match self {
+            Self::MeanSquare => mean_square(image, photo, size, gradient),
+            Self::Similarity => photometric.value_and_gradient(image, photo, size, 1.0, gradient).loss,
+        }
+    }
+}
 
 /// A held-out view from where it was aligned to.
 pub(super) struct AlignedView {
     pub render: Image,
+    pub camera: Camera,
+    /// Steps of the descent.
+    pub steps: usize,
     /// How far its camera turned, degrees, and moved, in parts of the mean depth.
     pub moved: [f64; 2],
     /// Whether anything better than the guess was found.
@@ -27,7 +64,7 @@ pub(super) fn aligned(
     predictor: &dyn Predictor,
     drawn: &Drawn,
     view: &View,
-    options: &Options,
+    alignment: &Alignment,
 ) -> Result<AlignedView, Error> {
     let prediction = &drawn.prediction;
     // Opacities that depend on the view stay as they are at the guess.
@@ -40,11 +77,27 @@ pub(super) fn aligned(
     };
     let mask: Option<Vec<u8>> = view.inside.as_ref().map(|inside| inside.iter().map(|i| u8::from(*i)).collect());
     let photo = Photo { pixels: &view.image.pixels, mask: mask.as_deref(), camera: drawn.camera };
-    let found = align(&CpuRasterizer, &scene, &[photo], options, mean_square);
+    let found = align(&CpuRasterizer, &scene, &[photo], &alignment.options, alignment.loss.function());
     let found = found.map_err(|e| Error::Input(format!("{}: {e}", view.name)))?.remove(0);
+    let steps = found.losses.len().saturating_sub(1);
     let pixels = found.image.iter().map(|x| x.clamp(0.0, 1.0)).collect();
     let render = Image { width: drawn.camera.width, height: drawn.camera.height, pixels };
-    Ok(AlignedView { render, moved: found.moved, found: found.outcome == Outcome::Found })
+    let Aligned { camera, moved, outcome, .. } = found;
+    Ok(AlignedView { render, camera, steps, moved, found: outcome == Outcome::Found })
+}
+
+/// How far a held-out camera is off, seen from each camera that the Gaussians were made with as the data has both.
+pub(super) fn off(drawn: &Drawn, camera: &Camera, scene: &Scene, tuple: &Tuple) -> CameraFigures {
+    let truth = |view: usize| scene.views[view].camera.pose;
+    let target = truth(tuple.targets[0]);
+    let mut all = PoseErrors { rotation: Vec::new(), translation: Vec::new() };
+    for (seen_from, view) in drawn.prediction.cameras.iter().zip(&tuple.context) {
+        let found: [Pose; 2] = [seen_from.pose, camera.pose];
+        let PoseErrors { rotation, translation } = PoseErrors::between(&found, &[truth(*view), target]);
+        all.rotation.extend(rotation);
+        all.translation.extend(translation);
+    }
+    CameraFigures::of(&all)
 }
 
 /// A view aligned with a photo of another scene, which nothing in it shows.
@@ -52,10 +105,10 @@ pub(super) fn with_another_scenes_photo(
     predictor: &dyn Predictor,
     drawn: &Drawn,
     other: &View,
-    options: &Options,
+    alignment: &Alignment,
 ) -> Result<Image, Error> {
     let view = View { inside: None, ..other.clone() };
-    Ok(aligned(predictor, drawn, &view, options)?.render)
+    Ok(aligned(predictor, drawn, &view, alignment)?.render)
 }
 
 /// The same view with given cameras: as it was drawn, and aligned, from where the data says that it was taken.
@@ -63,10 +116,10 @@ pub(super) fn control(
     drawing: &mut Drawing<'_>,
     scene: &Scene,
     tuple: &Tuple,
-    options: &Options,
+    alignment: &Alignment,
 ) -> Result<[Image; 2], Error> {
     let drawn = drawing.with(scene, tuple, CameraMode::Given)?;
-    let aligned = aligned(drawing.predictor, &drawn, &scene.views[tuple.targets[0]], options)?;
+    let aligned = aligned(drawing.predictor, &drawn, &scene.views[tuple.targets[0]], alignment)?;
     Ok([drawn.render, aligned.render])
 }
 

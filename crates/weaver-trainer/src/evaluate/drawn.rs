@@ -5,7 +5,7 @@ use super::{Matching, Options, Targets};
 use crate::{CameraMode, Error, Example, LooksConfig};
 use weaver_data::appearance::Appearance;
 use weaver_data::{Scene, Tuple};
-use weaver_geometry::{Camera, Pose};
+use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_inference::{CameraSource, Density, JointPrediction, Look, LookPrediction, Prediction, Predictor, planar};
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
@@ -29,6 +29,7 @@ pub(super) struct Drawn {
 #[derive(Clone, Copy, Debug, Eq, Ord, PartialEq, PartialOrd)]
 pub(super) enum Remark {
     Rescaled,
+    OnOneLine,
     WithoutPoints,
     NotPlaced,
     PartlyPlaced,
@@ -85,12 +86,16 @@ impl Drawing<'_> {
         let prediction = self.predict(scene, &example, source)?;
         let factor = if measured { 1.0 } else { prediction.scale_to_predicted(example.context()) };
         let target = example.targets()[0];
-        let camera = Camera { pose: target.pose.scaled(factor), ..target };
+        let by_centers = self.options.targets == Targets::Centers && cameras == CameraMode::Predicted;
+        let carried = if by_centers { between(&prediction.predicted, example.context()) } else { None };
+        let pose = carried.map_or_else(|| target.pose.scaled(factor), |carried| carried.apply_to_pose(&target.pose));
+        let camera = Camera { pose, ..target };
         let render = self.render(&prediction, camera)?;
-        let remark = match (measured, asked && points.is_none()) {
-            (false, _) => Some(Remark::Rescaled),
-            (true, true) => Some(Remark::WithoutPoints),
-            (true, false) => None,
+        let remark = match carried {
+            Some(_) => None,
+            None if by_centers => Some(Remark::OnOneLine),
+            None if !measured => Some(Remark::Rescaled),
+            None => (asked && points.is_none()).then_some(Remark::WithoutPoints),
         };
         let errors = errors(&prediction.predicted, &example).filter(|_| cameras == CameraMode::Predicted);
         Ok(Drawn { prediction, render, camera, strict: None, errors, remark })
@@ -172,6 +177,12 @@ impl Drawing<'_> {
     fn render(&mut self, prediction: &Prediction, camera: Camera) -> Result<Image, Error> {
         Ok(self.predictor.render(prediction, &[camera])?.remove(0))
     }
+}
+
+/// The similarity that carries a context's centers to those that were predicted; `None` where they do not determine one.
+fn between(predicted: &[Camera], context: &[Camera]) -> Option<Similarity> {
+    let centers = |cameras: &[Camera]| -> Vec<_> { cameras.iter().map(|camera| camera.pose.center()).collect() };
+    (predicted.len() == context.len()).then(|| Similarity::fit(&centers(context), &centers(predicted)))?
 }
 
 /// How far cameras are from the context's own; `None` for a single one.
