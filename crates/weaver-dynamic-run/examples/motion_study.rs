@@ -1,6 +1,6 @@
-//! What a mixture of trained experts is worth on generated films, with its controls: `study FOLDER SEED...`. What is done already is not done again.
+//! What a mixture of trained experts is worth on generated films, with its controls: `motion_study FOLDER SEED...`. What is done already is not done again.
 
-#[path = "study/routers.rs"]
+#[path = "motion_study/routers.rs"]
 mod routers;
 
 use std::path::{Path, PathBuf};
