@@ -106,7 +106,7 @@ pub fn run(out: &Path, captures: &[&str], lpips: Option<&str>, more: &[String]) 
     let data: Vec<String> =
         captures.iter().flat_map(|capture| ["--data".to_string(), (*capture).to_string()]).collect();
     let head = "| trained with | evaluated at | refined | Gaussians per pixel | PSNR | energetic | SSIM | LPIPS | against adaptive |";
-    let mut rows_of_experts = Vec::new();
+    let mut of_experts = Vec::new();
     let mut rows = vec![String::new(), head.into(), "|---|---|---|---|---|---|---|---|---|".into()];
     // By refinement, then by budget.
     let mut adaptive: [Vec<Vec<f64>>; 2] = Default::default();
@@ -136,19 +136,17 @@ pub fn run(out: &Path, captures: &[&str], lpips: Option<&str>, more: &[String]) 
             }
         }
         if arm.adapts() {
-            experts(&study, &runs, &mut rows_of_experts)?;
+            of_experts = experts(&study, &runs)?;
         }
     }
-    rows.iter().chain(&rows_of_experts).for_each(|row| println!("{row}"));
+    rows.iter().chain(&of_experts).for_each(|row| println!("{row}"));
     Ok(())
 }
 
 /// What each expert makes of every pixel, judged by held-out photos and by those that it was made of.
-fn experts(study: &Study, runs: &[PathBuf], rows: &mut Vec<String>) -> Result<(), String> {
-    rows.extend(
-        ["", "| Gaussians for every pixel | held-out photos, PSNR | context photos |", "|---|---|---|"]
-            .map(String::from),
-    );
+fn experts(study: &Study, runs: &[PathBuf]) -> Result<Vec<String>, String> {
+    let head = ["", "| Gaussians for every pixel | held-out photos, PSNR | context photos |", "|---|---|---|"];
+    let mut rows = head.map(String::from).to_vec();
     for expert in 1..=3 {
         let allocation = format!("fixed:{expert}");
         let mut columns = Vec::new();
@@ -164,7 +162,7 @@ fn experts(study: &Study, runs: &[PathBuf], rows: &mut Vec<String>) -> Result<()
         }
         rows.push(format!("| {expert} | {} |", columns.join(" | ")));
     }
-    Ok(())
+    Ok(rows)
 }
 
 /// By allocation and budget.
