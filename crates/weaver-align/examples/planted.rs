@@ -113,14 +113,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let settings = RasterSettings::default();
     let scene = Scene { gaussians: cloud.slices(), background: [1.0; 3], settings, unit: largest };
     let own = Options::of(Method::Own);
-    let mut photometric = Photometric::new();
-    let mut dissimilarity = |image: &[f64], photo: &[f64], size, gradient: &mut [f64]| {
-        photometric.value_and_gradient(image, photo, size, 1.0, gradient).loss
+    // Absolute differences, and structure with this weight.
+    let by = |structure: f64| {
+        let mut photometric = Photometric::new();
+        move |image: &[f64], photo: &[f64], size: [usize; 2], gradient: &mut [f64]| {
+            photometric.value_and_gradient(image, photo, size, structure, gradient).loss
+        }
     };
-    let methods: [(_, _, &mut Loss<'_>); 5] = [
-        ("own", own, &mut mean_square),
-        ("own, no blur", Options { blur: false, ..own }, &mut mean_square),
-        ("own, SSIM", own, &mut dissimilarity),
+    let methods: [(_, _, &mut Loss<'_>); 6] = [
+        ("own", own, &mut by(0.2)),
+        ("own, no blur", Options { blur: false, ..own }, &mut by(0.2)),
+        ("own, squares", own, &mut mean_square),
+        ("own, SSIM", own, &mut by(1.0)),
         ("NoPoSplat", Options::of(Method::NoPoSplat), &mut mean_square),
         ("2Xplat", Options::of(Method::TwoXplat), &mut mean_square),
     ];

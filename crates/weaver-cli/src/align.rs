@@ -43,7 +43,7 @@ pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
         intrinsics: arguments.refine_intrinsics,
         ..options(arguments.method, arguments.steps)
     };
-    let loss = AlignLoss::from(arguments.loss);
+    let loss = loss(arguments.loss, arguments.method);
     let mut compare = loss.function();
     let small = |photo: &&PosedPhoto| photo.camera.width.min(photo.camera.height) < WINDOW;
     if let (AlignLoss::Similarity, Some(photo)) = (loss, photos.iter().find(small)) {
@@ -80,22 +80,29 @@ fn paths(asked: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     Ok(paths)
 }
 
-impl From<LossName> for AlignLoss {
-    fn from(name: LossName) -> Self {
+/// What photos are compared by, or what the method does.
+pub fn loss(asked: Option<LossName>, method: MethodName) -> AlignLoss {
+    match asked {
+        None => AlignLoss::of(method.into()),
+        Some(LossName::Mse) => AlignLoss::MeanSquare,
+        Some(LossName::Photometric) => AlignLoss::Photometric,
+        Some(LossName::Ssim) => AlignLoss::Similarity,
+    }
+}
+
+impl From<MethodName> for Method {
+    fn from(name: MethodName) -> Self {
         match name {
-            LossName::Mse => Self::MeanSquare,
-            LossName::Ssim => Self::Similarity,
+            MethodName::Own => Self::Own,
+            MethodName::TwoXplat => Self::TwoXplat,
+            MethodName::NoPoSplat => Self::NoPoSplat,
         }
     }
 }
 
 /// How cameras descend by a method, in so many steps or as many as it usually has.
 pub fn options(method: MethodName, steps: Option<u32>) -> Options {
-    let options = Options::of(match method {
-        MethodName::Own => Method::Own,
-        MethodName::TwoXplat => Method::TwoXplat,
-        MethodName::NoPoSplat => Method::NoPoSplat,
-    });
+    let options = Options::of(method.into());
     Options { steps: steps.map_or(options.steps, |steps| steps as usize), ..options }
 }
 

@@ -56,7 +56,7 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
         density: arguments.density.into(),
         align: flags.align.then(|| Alignment {
             options: align::options(flags.align_as, flags.align_steps),
-            loss: flags.align_loss.into(),
+            loss: align::loss(flags.align_loss, flags.align_as),
         }),
         look: arguments.look,
         plain: arguments.plain,

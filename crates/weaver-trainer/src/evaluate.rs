@@ -107,7 +107,7 @@ pub fn load_lpips(path: &Path) -> Result<Lpips<f32>, Error> {
     let weights = tensors_of(path)?;
     let first = weights.get("net.slice1.0.weight");
     let network = if first.is_some_and(|(shape, _)| shape.last() == Some(&11)) { Network::Alex } else { Network::Vgg };
-    Lpips::from_tensors(network, &weights, &path.display().to_string()).map_err(|e| wrong(path, e.to_string()))
+    Lpips::from_tensors(network, &weights, &path.display().to_string()).map_err(|e| Error::Input(e.to_string()))
 }
 
 fn wrong(path: &Path, message: String) -> Error {
@@ -147,7 +147,7 @@ pub(crate) fn image_networks(
     let read = |path: &Path| {
         let network = Perceptual::from_tensors(&tensors_of(path)?, &path.display().to_string());
         large_enough(path, Perceptual::<f32>::LEAST_SIDE, size)?;
-        network.map_err(|e| wrong(path, e.to_string()))
+        network.map_err(|e| Error::Input(e.to_string()))
     };
     Ok(ImageNetworks { lpips: lpips_for(lpips, size)?, perceptual: perceptual.map(read).transpose()? })
 }

@@ -68,6 +68,7 @@ impl Results {
         let width = self.rows.iter().map(|(name, ..)| name.chars().count()).max().unwrap_or(0).max("photo".len());
         let (unit, figure): (_, fn(f64) -> f64) = match self.loss {
             AlignLoss::MeanSquare => ("dB", decibels),
+            AlignLoss::Photometric => ("loss", |loss| loss),
             AlignLoss::Similarity => ("SSIM", |loss| 1.0 - loss),
         };
         let unit = format!("{unit} before");

@@ -38,9 +38,9 @@ pub struct Align {
     /// Whether photo and render are blurred in the first half of the steps
     #[arg(long, value_enum, value_name = "on|off", default_value = "on", help_heading = DESCENT)]
     pub blur: Switch,
-    /// What photo and render are compared by
-    #[arg(long, value_enum, default_value = "mse", help_heading = DESCENT)]
-    pub loss: LossName,
+    /// What photo and render are compared by [default: photometric, or mse as published]
+    #[arg(long, value_enum, help_heading = DESCENT)]
+    pub loss: Option<LossName>,
     /// Focal lengths descend as well
     #[arg(long, help_heading = DESCENT)]
     pub refine_intrinsics: bool,
@@ -75,7 +75,9 @@ pub enum MethodName {
 pub enum LossName {
     /// The mean square of differences
     Mse,
-    /// Structural similarity
+    /// Absolute differences and structure, as scenes are fitted
+    Photometric,
+    /// Structural similarity alone
     Ssim,
 }
 

@@ -131,9 +131,9 @@ pub struct AlignFlags {
     /// Which numbers of the camera move, and at what rate
     #[arg(long, value_enum, default_value = "own", requires = "align")]
     pub align_as: MethodName,
-    /// What photo and render are compared by
-    #[arg(long, value_enum, default_value = "mse", requires = "align")]
-    pub align_loss: LossName,
+    /// What photo and render are compared by [default: photometric, or mse as published]
+    #[arg(long, value_enum, requires = "align")]
+    pub align_loss: Option<LossName>,
     /// Steps at most [default: 200, or 100 as published]
     #[arg(long, value_name = "N", requires = "align", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub align_steps: Option<u32>,

@@ -78,6 +78,21 @@ fn photos_are_located() {
     assert!(report[0]["loss"][1].as_f64().unwrap() < 0.1 * report[0]["loss"][0].as_f64().unwrap());
 }
 
+/// As a fit leaves one: what lies beside the scene's own cameras is of their world, first guesses are of any.
+#[test]
+fn guesses_may_lie_beside_a_model_that_knows_better() {
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::create_dir_all(at("sparse/0")).unwrap();
+    let frames = read_cameras(at("transforms.json")).unwrap();
+    weaver_io::colmap::Model::from_frames(&frames).write_binary(at("sparse/0")).unwrap();
+    let table = printed(folder.path(), &format!("{ALIGN} --steps 10"));
+    assert!(table.contains("photos/1.png"), "{table}");
+    std::fs::rename(at("guess.json"), at("transforms.json")).unwrap();
+    let message = refused(folder.path(), &ALIGN.replace("guess", "transforms"), 1);
+    assert!(message.contains("sparse/0: photos/0.png: expected the pose in transforms.json"), "{message}");
+}
+
 #[test]
 fn photos_may_be_compared_by_their_structure() {
     let folder = folder();

@@ -7,12 +7,15 @@ use std::path::Path;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
 use weaver_io::Transforms;
-use weaver_io::colmap::Model;
+use weaver_io::colmap::{ImageRecord, Model};
 use weaver_scene::Frame;
 
 /// How far a camera may turn (radians) or move (of the cameras' extent) between `transforms.json` and the sparse
 /// model before they are taken for two different worlds.
 const SAME_WORLD: f64 = 0.02;
+
+/// The file that holds a folder's own cameras.
+const USUAL: &str = "transforms.json";
 
 /// One `transforms.json`, with the points of a COLMAP model beside it where there is one.
 pub(super) fn read(path: &Path) -> Result<Photos, Error> {
@@ -35,12 +38,24 @@ fn with_points(path: &Path, transforms: &Transforms) -> Result<Photos, Error> {
         split: !held_out.is_empty(),
         ..Photos::default()
     };
+    let mut foreign = false;
     if folder.join("sparse").exists() {
         let sparse_folder = sparse::folder(folder);
         let model = Model::read(&sparse_folder)?;
-        add_points(&mut capture, &model, &sparse_folder)?;
+        // What lies beside a folder's own cameras is of their world; first guesses and other cameras may be of any.
+        match another_world(&capture, &model) {
+            None => add_points(&mut capture, &model, &sparse_folder),
+            Some((name, found)) if path.ends_with(USUAL) => {
+                return Err(Error::unexpected(&sparse_folder, name, "the pose in transforms.json", found));
+            }
+            Some((name, found)) => {
+                foreign = true;
+                let (file, model) = (path.display(), sparse_folder.display());
+                capture.remarks.push(format!("{file}: {name}: {found} from its pose in {model}: no points"));
+            }
+        }
     }
-    if capture.points.is_empty() {
+    if capture.points.is_empty() && !foreign {
         add_point_cloud(&mut capture, transforms.point_cloud.as_deref(), folder)?;
     }
     Ok(capture)
@@ -59,25 +74,34 @@ fn photo(frame: &Frame, held_out: bool) -> Photo {
     Photo { frame: frame.clone(), held_out, track: Vec::new() }
 }
 
-/// Gives the photos the points that the model's images of the same name observe.
-fn add_points(capture: &mut Photos, model: &Model, folder: &Path) -> Result<(), Error> {
+/// The model's image of a photo.
+fn record_of<'m>(model: &'m Model, photo: &Photo) -> Option<&'m ImageRecord> {
+    let named = model.images.iter().filter(|record| photo.frame.path.ends_with(&record.name));
+    named.max_by_key(|record| record.name.len())
+}
+
+/// The first photo that was taken elsewhere in the model, and how far from there.
+fn another_world<'m>(capture: &Photos, model: &'m Model) -> Option<(&'m str, String)> {
     let extent = extent(capture.photos.iter().map(|photo| &photo.frame.camera.pose));
-    let index = sparse::index(model);
-    let mut unknown = Vec::new();
-    for photo in &mut capture.photos {
-        let named = model.images.iter().filter(|record| photo.frame.path.ends_with(&record.name));
-        let Some(record) = named.max_by_key(|record| record.name.len()) else {
-            unknown.push(photo.frame.name.clone());
-            continue;
-        };
+    capture.photos.iter().find_map(|photo| {
+        let record = record_of(model, photo)?;
         let (ours, theirs) = (&photo.frame.camera.pose, &record.pose);
         let moved = ours.center().distance(theirs.center());
         let turned = ours.angle_to(theirs);
-        if turned > SAME_WORLD || moved > SAME_WORLD * extent {
-            let found = format!("a camera turned by {turned:.3} rad and moved by {moved:.3}");
-            return Err(Error::unexpected(folder, record.name.as_str(), "the pose in transforms.json", found));
+        let differs = turned > SAME_WORLD || moved > SAME_WORLD * extent;
+        differs.then(|| (record.name.as_str(), format!("a camera turned by {turned:.3} rad and moved by {moved:.3}")))
+    })
+}
+
+/// Gives the photos the points that the model's images of the same name observe.
+fn add_points(capture: &mut Photos, model: &Model, folder: &Path) {
+    let index = sparse::index(model);
+    let mut unknown = Vec::new();
+    for photo in &mut capture.photos {
+        match record_of(model, photo) {
+            Some(record) => photo.track = sparse::track(record, &index),
+            None => unknown.push(photo.frame.name.clone()),
         }
-        photo.track = sparse::track(record, &index);
     }
     if !unknown.is_empty() {
         let (folder, unknown) = (folder.display(), by_name::list(unknown.iter()));
@@ -86,7 +110,6 @@ fn add_points(capture: &mut Photos, model: &Model, folder: &Path) -> Result<(), 
             .push(format!("{folder}: photos that are not in the model, and see none of its points: {unknown}"));
     }
     (capture.points, capture.colors) = (sparse::points(model), sparse::colors(model));
-    Ok(())
 }
 
 /// Gives the capture the points of a PLY file: the one that its transforms.json names, `sparse_pc.ply` or `points3D.ply`.

@@ -201,8 +201,9 @@ fn aligned_cameras_are_judged_by_the_datas() {
         assert!((figures.psnr - found.mean.psnr - figures.gain_given).abs() < 1e-9);
         figures
     };
-    let [squares, similarity] = [AlignLoss::MeanSquare, AlignLoss::Similarity].map(&mut aligned);
-    assert!(squares.degrees != similarity.degrees);
+    let losses = [AlignLoss::MeanSquare, AlignLoss::Photometric, AlignLoss::Similarity];
+    let [squares, both, similarity] = losses.map(&mut aligned).map(|figures| figures.degrees);
+    assert!(squares != both && squares != similarity && both != similarity);
 }
 
 /// Opacities that depend on the view: other bits, the same at any number of threads; each camera sees its own, as the network means them,

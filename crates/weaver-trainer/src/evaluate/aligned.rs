@@ -7,7 +7,7 @@
 use super::drawn::{Drawing, Drawn};
 use crate::evaluation::CameraFigures;
 use crate::{CameraMode, Error};
-use weaver_align::{Aligned, Options, Outcome, Photo, Scene as AlignScene, align, mean_square};
+use weaver_align::{Aligned, Method, Options, Outcome, Photo, Scene as AlignScene, align, mean_square};
 use weaver_data::{Scene, Tuple, View};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
@@ -27,22 +27,32 @@ pub struct Alignment {
 }
 
 /// What a render and a photo are compared by while a camera is aligned.
-#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum AlignLoss {
-    /// The mean square of differences.
-    #[default]
+    /// The mean square of differences, by which the published methods align.
     MeanSquare,
-    /// `1 - SSIM`; of images with fewer than 11 rows or columns the mean absolute difference.
+    /// Mean absolute differences and structure, `0.8 L1 + 0.2 (1 - SSIM)`: what scenes are fitted by.
+    Photometric,
+    /// Structure alone, `1 - SSIM`; of images with fewer than 11 rows or columns the mean absolute difference.
     Similarity,
 }
 
 impl AlignLoss {
+    /// What a method aligns by when nothing is said: the published ones as published, ours by what finds most cameras.
+    pub fn of(method: Method) -> Self {
+        if method == Method::Own { Self::Photometric } else { Self::MeanSquare }
+    }
+
     /// The loss as [`align`] wants it.
     pub fn function(self) -> impl FnMut(&[f32], &[f32], [usize; 2], &mut [f32]) -> f64 {
         let mut photometric = Photometric::new();
-        move |image: &[f32], photo: &[f32], size: [usize; 2], gradient: &mut [f32]| match self {
-            Self::MeanSquare => mean_square(image, photo, size, gradient),
-            Self::Similarity => photometric.value_and_gradient(image, photo, size, 1.0, gradient).loss,
+        move |image: &[f32], photo: &[f32], size: [usize; 2], gradient: &mut [f32]| {
+            let structure = match self {
+                Self::MeanSquare => return mean_square(image, photo, size, gradient),
+                Self::Photometric => 0.2,
+                Self::Similarity => 1.0,
+            };
+            photometric.value_and_gradient(image, photo, size, structure, gradient).loss
         }
     }
 }
