@@ -10,7 +10,7 @@ use crate::failure::Failure;
 use crate::progress::Progress;
 use results::{Results, Row};
 use std::path::PathBuf;
-use weaver_align::{AlignError, Method, Options, Photo, Scene, align};
+use weaver_align::{AlignError, Method, Options, Photo, Scene, align, mean_square};
 use weaver_data::posed::{PosedOptions, PosedPhoto, load_frames, load_named};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
@@ -51,7 +51,7 @@ pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
         let expected = format!("--loss ssim: expected photos of at least {WINDOW} x {WINDOW} pixels");
         return Err(Failure::message(format!("{name}: {expected}, found {width} x {height}")));
     }
-    let mut results = Results::create(&arguments.out, loss)?;
+    let mut results = Results::create(&arguments.out)?;
     let scene = Scene { gaussians: gaussians.as_slices(), background, settings, unit: unit(&photos) };
     let mut progress = Progress::new("align", 0, photos.len(), console);
     for (done, photo) in photos.iter().enumerate() {
@@ -59,8 +59,16 @@ pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
         let asked = [Photo { pixels: &pixels, mask: photo.mask.as_deref(), camera: photo.camera }];
         let named = |error: AlignError| Failure::message(format!("{}: {error}", photo.path.display()));
         let aligned = align(&CpuRasterizer, &scene, &asked, &options, &mut compare).map_err(named)?;
+        // Whatever was compared: decibels of all that masks leave, which users know.
+        let decibels = |camera: Camera| -> Result<f64, Failure> {
+            let still = Options { steps: 0, ..Options::of(Method::NoPoSplat) };
+            let there = [Photo { camera, ..asked[0] }];
+            let drawn = align(&CpuRasterizer, &scene, &there, &still, mean_square).map_err(named)?;
+            Ok(-10.0 * drawn[0].loss[0].max(1e-10).log10())
+        };
         for aligned in aligned {
-            results.push(Row { photo, aligned })?;
+            let psnr = [decibels(photo.camera)?, decibels(aligned.camera)?];
+            results.push(Row { photo, aligned, psnr })?;
         }
         progress.at(done + 1, photos.len(), || photo.name.clone(), console);
     }

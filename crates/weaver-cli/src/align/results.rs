@@ -11,12 +11,22 @@ use weaver_geometry::{Camera, Intrinsics};
 use weaver_io::colmap::Model;
 use weaver_io::{Image, Transforms};
 use weaver_scene::Frame;
-use weaver_trainer::AlignLoss;
 
 /// A photo, and what was found.
 pub struct Row<'a> {
     pub photo: &'a PosedPhoto,
     pub aligned: Aligned<f32>,
+    /// From the guess, and from where it was found.
+    pub psnr: [f64; 2],
+}
+
+/// What is said of a photo.
+struct Line {
+    name: String,
+    psnr: [f64; 2],
+    loss: [f64; 2],
+    moved: [f64; 2],
+    outcome: String,
 }
 
 /// The results of some photos, in a folder.
@@ -24,18 +34,17 @@ pub struct Results {
     folder: PathBuf,
     frames: Vec<Frame>,
     images: Vec<Image>,
-    loss: AlignLoss,
-    rows: Vec<(String, [f64; 2], [f64; 2], String)>,
+    rows: Vec<Line>,
 }
 
 impl Results {
-    pub fn create(folder: &Path, loss: AlignLoss) -> Result<Self, Failure> {
+    pub fn create(folder: &Path) -> Result<Self, Failure> {
         weaver_io::create_folder(folder.join("renders"))?;
         weaver_io::create_folder(folder.join("sparse/0"))?;
-        Ok(Self { folder: folder.to_path_buf(), frames: Vec::new(), images: Vec::new(), loss, rows: Vec::new() })
+        Ok(Self { folder: folder.to_path_buf(), frames: Vec::new(), images: Vec::new(), rows: Vec::new() })
     }
 
-    pub fn push(&mut self, Row { photo, aligned }: Row<'_>) -> Result<(), Failure> {
+    pub fn push(&mut self, Row { photo, aligned, psnr }: Row<'_>) -> Result<(), Failure> {
         let Camera { width, height, intrinsics, pose } = aligned.camera;
         // The photo on disk has a size and distortion of its own; its focal lengths change as those of the photo without.
         let (file, before) = (photo.file_camera, photo.camera.intrinsics);
@@ -52,7 +61,8 @@ impl Results {
         });
         let pixels = aligned.image.iter().map(|x| x.clamp(0.0, 1.0)).collect();
         self.images.push(Image { width, height, pixels });
-        self.rows.push((photo.name.clone(), aligned.loss, aligned.moved, kept(aligned.outcome)));
+        let Aligned { loss, moved, outcome, .. } = aligned;
+        self.rows.push(Line { name: photo.name.clone(), psnr, loss, moved, outcome: kept(outcome) });
         Ok(())
     }
 
@@ -65,33 +75,27 @@ impl Results {
         let rows: Vec<Value> = self.rows.iter().map(report).collect();
         weaver_io::write_text(self.folder.join("align.json"), &serde_json::to_string_pretty(&rows)?)?;
         Transforms { frames: self.frames, ..Transforms::default() }.write(self.folder.join("transforms.json"))?;
-        let width = self.rows.iter().map(|(name, ..)| name.chars().count()).max().unwrap_or(0).max("photo".len());
-        let (unit, figure): (_, fn(f64) -> f64) = match self.loss {
-            AlignLoss::MeanSquare => ("dB", decibels),
-            AlignLoss::Photometric => ("loss", |loss| loss),
-            AlignLoss::Similarity => ("SSIM", |loss| 1.0 - loss),
-        };
-        let unit = format!("{unit} before");
-        let mut text = format!("{:<width$}  {unit:>11}   after  degrees  of the depth\n", "photo");
-        for (name, loss, moved, kept) in &self.rows {
-            let [before, after] = loss.map(figure);
-            let [degrees, distance] = moved;
+        let width = self.rows.iter().map(|row| row.name.chars().count()).max().unwrap_or(0).max("photo".len());
+        let mut text = format!("{:<width$}  dB before   after  degrees  of the depth\n", "photo");
+        for Line { name, psnr: [before, after], moved: [degrees, distance], outcome, .. } in &self.rows {
             let _ = writeln!(
                 text,
-                "{name:<width$}  {before:>11.3}  {after:>6.3}  {degrees:>7.3}  {distance:>12.4}  {kept}"
+                "{name:<width$}  {before:>9.2}  {after:>6.2}  {degrees:>7.3}  {distance:>12.4}  {outcome}"
             );
         }
         Ok(format!("{text}cameras: {}", self.folder.join("transforms.json").display()))
     }
 }
 
-fn decibels(loss: f64) -> f64 {
-    -10.0 * loss.max(1e-10).log10()
-}
-
-fn report((name, loss, moved, kept): &(String, [f64; 2], [f64; 2], String)) -> Value {
-    let [degrees, distance] = moved;
-    json!({ "photo": name, "loss": loss, "degrees": degrees, "distance_over_depth": distance, "outcome": kept })
+fn report(Line { name, psnr, loss, moved: [degrees, distance], outcome }: &Line) -> Value {
+    json!({
+        "photo": name,
+        "psnr": psnr,
+        "loss": loss,
+        "degrees": degrees,
+        "distance_over_depth": distance,
+        "outcome": outcome,
+    })
 }
 
 fn kept(outcome: Outcome) -> String {

@@ -75,6 +75,7 @@ fn photos_are_located() {
     let report: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(at("aligned/align.json")).unwrap()).unwrap();
     assert_eq!(report[0]["outcome"], "kept");
+    assert!(report[0]["psnr"][1].as_f64().unwrap() > 10.0 + report[0]["psnr"][0].as_f64().unwrap());
     assert!(report[0]["loss"][1].as_f64().unwrap() < 0.1 * report[0]["loss"][0].as_f64().unwrap());
 }
 
@@ -97,7 +98,7 @@ fn guesses_may_lie_beside_a_model_that_knows_better() {
 fn photos_may_be_compared_by_their_structure() {
     let folder = folder();
     let table = printed(folder.path(), &format!("{ALIGN} --loss ssim --steps 1000"));
-    assert!(table.contains("SSIM before"), "{table}");
+    assert!(table.contains("dB before"), "{table}");
     let error = error(&folder.path().join("aligned/transforms.json"));
     assert!(error < 0.1, "{error}");
     let message = refused(folder.path(), &format!("{ALIGN} --loss ssim --size 12"), 1);
