@@ -18,9 +18,6 @@ use weaver_io::read_gaussians;
 use weaver_splat::CpuRasterizer;
 use weaver_trainer::AlignLoss;
 
-/// Structural similarity is of windows of so many pixels.
-const WINDOW: usize = 11;
-
 pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
     let (background, settings) = Asked::from(arguments.drawing).beside(&arguments.scene)?;
     let gaussians = read_gaussians(&arguments.scene)?.to_activated();
@@ -45,10 +42,10 @@ pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
     };
     let loss = loss(arguments.loss, arguments.method);
     let mut compare = loss.function();
-    let small = |photo: &&PosedPhoto| photo.camera.width.min(photo.camera.height) < WINDOW;
-    if let (AlignLoss::Similarity, Some(photo)) = (loss, photos.iter().find(small)) {
+    let least = loss.least_side();
+    if let Some(photo) = photos.iter().find(|photo| photo.camera.width.min(photo.camera.height) < least) {
         let (name, Camera { width, height, .. }) = (photo.path.display(), photo.camera);
-        let expected = format!("--loss ssim: expected photos of at least {WINDOW} x {WINDOW} pixels");
+        let expected = format!("--loss ssim: expected photos of at least {least} x {least} pixels");
         return Err(Failure::message(format!("{name}: {expected}, found {width} x {height}")));
     }
     let mut results = Results::create(&arguments.out)?;

@@ -1,8 +1,8 @@
 //! 2Xplat through the trainer, on its micro preset: what each stage trains, what flows from where to where, bits and refusals.
 
 use std::sync::Arc;
-use weaver_data::Layout;
 use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_data::{Layout, Scene};
 use weaver_inference::reconstruct::{Options as ReconstructOptions, reconstruct};
 use weaver_inference::{CameraSource, Density, Predictor, SplatWeaverPredictor, TwoExpertsPredictor};
 use weaver_kernels::random::Stream;
@@ -151,16 +151,29 @@ fn cameras_of_further_photos_are_predicted_along() {
     assert!(refused.contains("expected photos in multiples of 2, or one alone, found 3"), "{refused}");
 }
 
-#[test]
-fn held_out_photos_are_drawn_from_either_camera() {
+/// A predictor with random weights, and a scene for it.
+fn untrained() -> (TwoExpertsPredictor, [Scene; 1]) {
     let config = config(1, &[]);
     let [height, width] = TwoExpertsRecipe::image_size(&config.model);
     let scenes = [scene(4, &ProceduralOptions { width, height, views: 8 })];
     let mut params = weaver_autograd::Params::new();
     let network = Arc::new(TwoExpertsRecipe::build(&config.model, &mut params, 1));
-    let mut predictor = TwoExpertsPredictor::new(network, params);
+    let predictor = TwoExpertsPredictor::new(network, params);
+    (predictor, scenes)
+}
+
+#[test]
+fn held_out_photos_are_drawn_from_either_camera() {
+    let (mut predictor, scenes) = untrained();
     let options =
         |targets: Targets, cameras: CameraMode| Options { context_views: 2, cameras, targets, ..Options::default() };
+    let mut of_four = |targets: Targets| {
+        let options = Options { context_views: 4, ..options(targets, CameraMode::Predicted) };
+        let found = evaluate(&mut predictor, &scenes, &options, None, &mut |_, _| {}).unwrap();
+        (found.mean.psnr, found.remarks)
+    };
+    let ((data, _), (centers, remarks)) = (of_four(Targets::Data), of_four(Targets::Centers));
+    assert!(centers.is_finite() && centers != data && remarks.is_empty(), "{data} {centers} {remarks:?}");
     let mut psnr = |targets: Targets| {
         let found = evaluate(&mut predictor, &scenes, &options(targets, CameraMode::Predicted), None, &mut |_, _| {});
         let found = found.unwrap();
@@ -181,12 +194,7 @@ fn held_out_photos_are_drawn_from_either_camera() {
 /// Given cameras are right, so that all an alignment can do to them is harm, which its figures say.
 #[test]
 fn aligned_cameras_are_judged_by_the_datas() {
-    let config = config(1, &[]);
-    let [height, width] = TwoExpertsRecipe::image_size(&config.model);
-    let scenes = [scene(4, &ProceduralOptions { width, height, views: 8 })];
-    let mut params = weaver_autograd::Params::new();
-    let network = Arc::new(TwoExpertsRecipe::build(&config.model, &mut params, 1));
-    let mut predictor = TwoExpertsPredictor::new(network, params);
+    let (mut predictor, scenes) = untrained();
     let mut aligned = |loss: AlignLoss| {
         let steps = weaver_align::Options { steps: 4, ..weaver_align::Options::of(weaver_align::Method::NoPoSplat) };
         let align = Some(Alignment { options: steps, loss });

@@ -4,6 +4,7 @@
 //! punishes that more than blur. Alignment looks at the held-out photo: its figures stand beside the others, with what it gains where
 //! the camera is right, which is six numbers fitted to the photo and nothing else.
 
+use super::LEAST_SIDE;
 use super::drawn::{Drawing, Drawn};
 use crate::evaluation::CameraFigures;
 use crate::{CameraMode, Error};
@@ -41,6 +42,11 @@ impl AlignLoss {
     /// What a method aligns by when nothing is said: the published ones as published, ours by what finds most cameras.
     pub fn of(method: Method) -> Self {
         if method == Method::Own { Self::Photometric } else { Self::MeanSquare }
+    }
+
+    /// The smallest side of a photo that there is something to compare of, pixels.
+    pub fn least_side(self) -> usize {
+        if self == Self::Similarity { LEAST_SIDE } else { 1 }
     }
 
     /// The loss as [`align`] wants it.
