@@ -112,7 +112,7 @@ fn one<T: Real, R: Rasterizer<T>>(
 ) -> Result<Aligned<T>, AlignError> {
     let own = options.method == Method::Own;
     let guess = photo.camera;
-    drawing.draw(&guess)?;
+    drawing.draw(&guess, 1.0)?;
     let covered: Vec<bool> = drawing.alpha.iter().map(|alpha| alpha.to_f64() >= COVERED).collect();
     let [alpha, depth] = [&drawing.alpha, &drawing.depth].map(|plane| plane.iter().map(|x| x.to_f64()).sum::<f64>());
     let mean_depth = depth / alpha.max(f64::MIN_POSITIVE);
@@ -140,7 +140,7 @@ fn one<T: Real, R: Rasterizer<T>>(
     }
     let Path { best: (end, camera), losses, .. } = path;
     let camera = if end < start { camera } else { guess };
-    drawing.draw(&camera)?;
+    drawing.draw(&camera, 1.0)?;
     let turned = camera.pose.relative_to(&guess.pose);
     let shifted = (camera.pose.center() - guess.pose.center()).length();
     Ok(Aligned {
@@ -176,17 +176,16 @@ impl<T: Real, R: Rasterizer<T>> Path<'_, '_, T, R> {
             self.descend(&Level { blur, ..level.halved([height, width]) }, 0..middle)?;
         }
         self.descend(level, middle..self.options.steps)?;
-        self.look(level)?;
+        self.see(level)?;
         Ok(())
     }
 
-    /// Descends until it hardly helps any more. What the photo's own size shows is remembered; for a small one the place is enough
-    /// that a plateau is found at.
+    /// Descends until it hardly helps any more.
     fn descend(&mut self, level: &Level<T>, steps: Range<usize>) -> Result<(), AlignError> {
         let mut first = self.losses.len();
         let (mut pace, mut brake, mut last) = (1.0, 1.0_f64, None);
         for step in steps {
-            let value = if level.shrink == 1.0 { self.look(level)? } else { self.see(level)? };
+            let value = self.see(level)?;
             let fraction = step as f64 / self.options.steps as f64;
             let rate = pace * (RATE_END + (1.0 - RATE_END) * 0.5 * (1.0 + (PI * fraction).cos()));
             if let Some((before, descent, slopes)) = &last
@@ -231,19 +230,14 @@ impl<T: Real, R: Rasterizer<T>> Path<'_, '_, T, R> {
         self.descent.step(viewmat, if self.options.intrinsics { *focal } else { [0.0; 2] }, rate);
     }
 
-    /// The loss of where it is.
+    /// The loss of where it is, which is remembered if it is the least at the photo's own size.
     fn see(&mut self, level: &Level<T>) -> Result<f64, AlignError> {
-        let value = self.drawing.loss(self.descent.camera(), level, self.loss)?;
-        self.losses.push(value);
-        Ok(value)
-    }
-
-    /// The same, remembered if it is the least.
-    fn look(&mut self, level: &Level<T>) -> Result<f64, AlignError> {
-        let value = self.see(level)?;
-        if value < self.best.0 {
-            self.best = (value, *self.descent.camera());
+        let camera = *self.descent.camera();
+        let value = self.drawing.loss(&camera, level, self.loss)?;
+        if level.shrink == 1.0 && value < self.best.0 {
+            self.best = (value, camera);
         }
+        self.losses.push(value);
         Ok(value)
     }
 }

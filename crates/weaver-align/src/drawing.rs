@@ -56,13 +56,12 @@ impl<T: Real> Photo<'_, T> {
 /// `mean (image - photo)^2`, and its gradient by the image, which is written over `gradient`.
 pub fn mean_square<T: Real>(image: &[T], photo: &[T], _size: [usize; 2], gradient: &mut [T]) -> f64 {
     let factor = T::from_f64(2.0 / image.len() as f64);
-    let mut sum = 0.0;
-    for ((slope, a), b) in gradient.iter_mut().zip(image).zip(photo) {
+    let square = |((slope, a), b): ((&mut T, &T), &T)| {
         let difference = *a - *b;
         *slope = factor * difference;
-        sum += difference.to_f64() * difference.to_f64();
-    }
-    sum / image.len() as f64
+        difference.to_f64() * difference.to_f64()
+    };
+    gradient.iter_mut().zip(image).zip(photo).map(square).sum::<f64>() / image.len() as f64
 }
 
 /// A photo at its own size or at half of it, with what of it counts.
@@ -88,10 +87,9 @@ impl<T: Real> Level<T> {
 
     /// The camera of a photo, at this size.
     fn camera(&self, camera: &Camera) -> Camera {
-        let Camera { width, height, pose, intrinsics } = *camera;
-        let side = |side: usize| (side as f64 / self.shrink) as usize;
-        let intrinsics = intrinsics.resized(1.0 / self.shrink, 1.0 / self.shrink);
-        Camera { pose, intrinsics, width: side(width), height: side(height) }
+        let [width, height] = [camera.width, camera.height].map(|side| (side as f64 / self.shrink) as usize);
+        let scale = 1.0 / self.shrink;
+        Camera { pose: camera.pose, intrinsics: camera.intrinsics.resized(scale, scale), width, height }
     }
 }
 
@@ -118,14 +116,10 @@ impl<'a, T: Real, R: Rasterizer<T>> Drawing<'a, T, R> {
         Self { scene, rasterizer, workspace, settings, viewmat, intrinsics, image, alpha, depth, slopes }
     }
 
-    /// Image, alpha and depth.
-    pub fn draw(&mut self, camera: &Camera) -> Result<(), RasterError> {
-        self.draw_small(camera, 1.0)
-    }
-
-    /// The same of a view that is so many times smaller than its photo. What makes Gaussians as wide as pixels there is what it is in the
-    /// photo, with the spread of the means of its pixels: small renders and small photos would not meet at the right camera otherwise.
-    fn draw_small(&mut self, camera: &Camera, shrink: f64) -> Result<(), RasterError> {
+    /// Image, alpha and depth of a view that is so many times smaller than its photo. What makes Gaussians as wide as pixels there is what
+    /// it is in the photo, with the spread of the means of its pixels: small renders and small photos would not meet at the right camera
+    /// otherwise.
+    pub fn draw(&mut self, camera: &Camera, shrink: f64) -> Result<(), RasterError> {
         let eps2d = (self.scene.settings.eps2d + (shrink * shrink - 1.0) / 12.0) / (shrink * shrink);
         self.settings = RasterSettings { eps2d, ..self.scene.settings };
         let Camera { pose: Pose { rotation, translation }, intrinsics: k, width, height } = *camera;
@@ -147,7 +141,7 @@ impl<'a, T: Real, R: Rasterizer<T>> Drawing<'a, T, R> {
     pub fn loss(&mut self, camera: &Camera, level: &Level<T>, loss: &mut Loss<'_, T>) -> Result<f64, RasterError> {
         let camera = level.camera(camera);
         let size = [camera.height, camera.width];
-        self.draw_small(&camera, level.shrink)?;
+        self.draw(&camera, level.shrink)?;
         let mut photo = level.pixels.clone();
         let uncounted = || level.counts.iter().enumerate().filter(|(_, counts)| !**counts).map(|(at, _)| 3 * at);
         uncounted().for_each(|at| photo[at..at + 3].copy_from_slice(&self.image[at..at + 3]));

@@ -1,8 +1,8 @@
 //! Where a photo of a finished scene of Gaussians was taken: its camera descends through the rasterizer, the scene stays.
 //!
 //! - [`align`] finds the cameras of photos from first guesses, on slices, with any [`Rasterizer`](weaver_splat::Rasterizer).
-//! - [`Descent`] is the bare descent of one camera under gradients of anybody's loss; [`Method`] its published variants and ours.
-//! - [`twist_gradient`] turns a rasterizer's gradient by a view matrix into one by a rigid motion.
+//! - [`Descent`], of weaver-pose, is the bare descent of one camera under gradients of anybody's loss; [`Method`] its published variants
+//!   and ours.
 //!
 //! A photo that was aligned has been looked at: what its render gains belongs beside the figures without, never in their place.
 //!
@@ -10,14 +10,13 @@
 //! judge held-out views.
 
 mod align;
-mod descent;
 mod drawing;
 mod error;
 
 pub use align::{Aligned, Options, Outcome, align};
-pub use descent::{Descent, Method, twist_gradient};
 pub use drawing::{Photo, Scene, mean_square};
 pub use error::AlignError;
+pub use weaver_pose::descent::{Descent, Method};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

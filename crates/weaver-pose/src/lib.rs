@@ -1,11 +1,12 @@
 //! Differentiable camera geometry: pose codes, rotations, unprojection, and the change to the first camera's frame; and
-//! errors of estimated poses, without a tape.
+//! errors of estimated poses and the [`descent`] of a camera, without a tape.
 //!
 //! A pose code holds nine numbers, `[T (3) | quaternion xyzw (4) | field of view (vertical, horizontal)]`: a
 //! world-to-camera transform in OpenCV axes, and angles in radians. The quaternion's scalar comes last because the
 //! published models are trained with this order; outside of pose codes quaternions are wxyz.
 
 pub mod code;
+pub mod descent;
 mod frame;
 mod gauge;
 mod harmonics;

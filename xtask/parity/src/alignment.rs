@@ -1,9 +1,9 @@
 //! Alignment of cameras: the exponential map, the gradient by a twist, and three descents on a stand-in loss.
 
 use super::reference::Reference;
-use weaver_align::{Descent, Method, twist_gradient};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, Pose, se3};
+use weaver_pose::descent::{Descent, Method, twist_gradient};
 
 /// All of it is in f64, whatever the rest is compared in.
 pub fn run(file: Reference) -> Reference {

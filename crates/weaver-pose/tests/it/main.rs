@@ -2,6 +2,7 @@
 
 mod cameras;
 mod code;
+mod descent;
 // Networks read weights with it, too; it needs these three crates.
 #[allow(dead_code)]
 #[path = "../../../weaver-vggt/tests/it/fixture.rs"]

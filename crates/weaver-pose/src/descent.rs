@@ -1,7 +1,11 @@
-//! The descent of one camera, whatever its loss is.
+//! The descent of one camera, whatever its loss is and without a tape: on slopes by its world-to-camera transform, as rasterizers give
+//! them.
 
-use weaver_geometry::glam::{DMat3, DQuat, DVec3, DVec4};
+use crate::rotation::matrix;
+use weaver_autograd::Dual;
+use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, Pose, se3};
+use weaver_kernels::optim::AdamW;
 
 /// Which numbers of a camera descend, at what rate.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -9,9 +13,10 @@ pub enum Method {
     /// Increments `T <- exp(v, w) T` of the world-to-camera transform, v in units of the depth that the camera sees, both
     /// at 5e-3.
     Own,
-    /// As in NoPoSplat: the same increments in the units of the world.
+    /// As in NoPoSplat (Ye et al., arXiv 2410.24207): the same increments in the units of the world.
     NoPoSplat,
-    /// As in 2Xplat: quaternion and center of the camera-to-world transform, both at 1e-4, the center in units of the scene.
+    /// As in 2Xplat (Jeong et al., arXiv 2603.21064): quaternion and center of the camera-to-world transform, both at 1e-4, the center in
+    /// units of the scene.
     TwoXplat,
 }
 
@@ -27,74 +32,59 @@ impl Method {
 
 /// How far the logarithms of focal lengths go in a step, about.
 const FOCAL_RATE: f64 = 1e-3;
-/// Decay of Adam's first and second moments, and what keeps its quotient finite.
-const BETAS: [f64; 2] = [0.9, 0.999];
-const EPS: f64 = 1e-8;
 /// Length of a gradient below which it is rounding: Adam would take full steps by it.
 const NOISE: f64 = 1e-10;
+/// Adam, whose rate is that of the numbers.
+const ADAM: AdamW<f64> =
+    AdamW { rate: 1.0, beta1: 0.9, beta2: 0.999, eps: 1e-8, weight_decay: 0.0, gradient_scale: 1.0 };
 
 /// The gradient `(dl/dv, dl/dw)` at 0 of `l(exp(v, w) T)`, from `dl/d[A | t]` by the twelve numbers of `T = [A | t]`.
 ///
 /// `dl/dv = t'` and `dl/dw = sum over the columns y of [A | t] of y x y'`, primes for gradients. Rows of four numbers.
 ///
 /// ```
-/// use weaver_align::twist_gradient;
 /// use weaver_geometry::Pose;
+/// use weaver_pose::descent::twist_gradient;
 /// // The loss is the first coordinate of the world's origin, before the camera at depth 2.
 /// let pose = Pose { translation: [0.0, 0.0, 2.0].into(), ..Pose::IDENTITY };
 /// let gradient = [0., 0., 0., 1., 0., 0., 0., 0., 0., 0., 0., 0.];
 /// assert_eq!(twist_gradient(&pose, &gradient), [1., 0., 0., 0., 2., 0.]);
 /// ```
 pub fn twist_gradient(pose: &Pose, gradient: &[f64; 12]) -> [f64; 6] {
-    let [columns, slopes] = [numbers(pose), *gradient].map(columns);
+    let slopes: [DVec3; 4] = std::array::from_fn(|j| DVec3::new(gradient[j], gradient[4 + j], gradient[8 + j]));
+    let columns = [pose.rotation.x_axis, pose.rotation.y_axis, pose.rotation.z_axis, pose.translation];
     let turn: DVec3 = columns.iter().zip(&slopes).map(|(y, slope)| y.cross(*slope)).sum();
     let shift = slopes[3];
     [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z]
 }
 
-fn numbers(pose: &Pose) -> [f64; 12] {
-    let rows = pose.rows();
-    std::array::from_fn(|i| rows[i / 4][i % 4])
-}
-
-fn columns(m: [f64; 12]) -> [DVec3; 4] {
-    std::array::from_fn(|j| DVec3::new(m[j], m[4 + j], m[8 + j]))
-}
-
-/// Adam (Kingma and Ba, 2015) of a few numbers.
+/// Moments of a few numbers, and how many steps they are of.
 #[derive(Clone, Debug)]
-struct Adam<const N: usize> {
-    moments: [[f64; 2]; N],
-    /// What is left of the moments' start, `beta^steps`.
-    left: [f64; 2],
+struct Moments<const N: usize> {
+    first: [f64; N],
+    second: [f64; N],
+    steps: u64,
 }
 
-impl<const N: usize> Adam<N> {
-    fn new() -> Self {
-        Self { moments: [[0.0; 2]; N], left: [1.0; 2] }
-    }
+impl<const N: usize> Moments<N> {
+    const NONE: Self = Self { first: [0.0; N], second: [0.0; N], steps: 0 };
 
-    /// The step, for a rate of 1.
+    /// Adam's step, for a rate of 1.
     fn step(&mut self, gradient: [f64; N]) -> [f64; N] {
-        if gradient.iter().map(|g| g * g).sum::<f64>().sqrt() < NOISE {
-            return [0.0; N];
+        let mut step = [0.0; N];
+        if gradient.iter().map(|g| g * g).sum::<f64>().sqrt() >= NOISE {
+            self.steps += 1;
+            ADAM.step(self.steps, &mut step, &gradient, &mut self.first, &mut self.second);
         }
-        self.left = [self.left[0] * BETAS[0], self.left[1] * BETAS[1]];
-        let [first, second] = self.left.map(|left| 1.0 - left);
-        std::array::from_fn(|i| {
-            let (g, [m, v]) = (gradient[i], self.moments[i]);
-            let (m, v) = (BETAS[0] * m + (1.0 - BETAS[0]) * g, BETAS[1] * v + (1.0 - BETAS[1]) * g * g);
-            self.moments[i] = [m, v];
-            -(m / first) / ((v / second).sqrt() + EPS)
-        })
+        step
     }
 }
 
-/// A camera on its way down.
+/// A camera on its way down, by Adam (Kingma and Ba, 2015).
 ///
 /// ```
-/// use weaver_align::{Descent, Method};
 /// use weaver_geometry::{Camera, Intrinsics, Pose};
+/// use weaver_pose::descent::{Descent, Method};
 /// let intrinsics = Intrinsics { fx: 40.0, fy: 40.0, cx: 32.0, cy: 24.0 };
 /// let camera = Camera { pose: Pose::IDENTITY, intrinsics, width: 64, height: 48 };
 /// let mut descent = Descent::new(Method::NoPoSplat, camera, 1.0);
@@ -110,21 +100,21 @@ pub struct Descent {
     method: Method,
     camera: Camera,
     unit: f64,
-    /// Of the quaternion xyzw and the center.
-    coordinates: ([f64; 4], DVec3),
-    pose: Adam<7>,
-    focal: Adam<2>,
+    /// The quaternion xyzw of the camera-to-world transform, of any length, and the center in units.
+    coordinates: [f64; 7],
+    pose: Moments<7>,
+    focal: Moments<2>,
 }
 
 impl Descent {
     /// From a first guess. `unit` is the length that translations are measured in: the mean depth of what the camera sees, or the scene's
     /// size; [`Method::NoPoSplat`] knows none.
     pub fn new(method: Method, camera: Camera, unit: f64) -> Self {
-        let center = camera.pose.inverse();
-        let [w, x, y, z] = center.wxyz();
         let unit = if method == Method::NoPoSplat { 1.0 } else { unit };
-        let coordinates = ([x, y, z, w], center.translation);
-        Self { method, camera, unit, coordinates, pose: Adam::new(), focal: Adam::new() }
+        let to_world = camera.pose.inverse();
+        let ([w, x, y, z], center) = (to_world.wxyz(), to_world.translation / unit);
+        let coordinates = [x, y, z, w, center.x, center.y, center.z];
+        Self { method, camera, unit, coordinates, pose: Moments::NONE, focal: Moments::NONE }
     }
 
     /// The camera as it is now.
@@ -155,40 +145,20 @@ impl Descent {
     }
 
     fn step_coordinates(&mut self, viewmat: &[f64; 12], rate: f64) {
-        let (q, center) = self.coordinates;
-        let [r1, r2, r3, t] = columns(*viewmat);
-        let rotation = self.camera.pose.rotation.transpose();
-        // A = R^T and t = -R^T c.
-        let by_rotation = DMat3::from_cols(r1, r2, r3).transpose() - outer(center, t);
-        let by_center = -(rotation * t) * self.unit;
-        let [x, y, z, w] = quaternion_gradient(q, &by_rotation);
-        let steps = self.pose.step([x, y, z, w, by_center.x, by_center.y, by_center.z]).map(|step| rate * step);
-        let q = std::array::from_fn(|i| q[i] + steps[i]);
-        let center = center + self.unit * DVec3::new(steps[4], steps[5], steps[6]);
-        self.coordinates = (q, center);
-        let [x, y, z, w] = q;
-        self.camera.pose = Pose::from_wxyz([w, x, y, z], center).inverse();
+        let [x, y, z, w, center @ ..] = Dual::inputs(self.coordinates);
+        let to_world = matrix([x, y, z, w]);
+        let mut gradient = [0.0; 7];
+        for (j, slopes) in viewmat.as_chunks::<4>().0.iter().enumerate() {
+            // A = R^T and t = -R^T c.
+            let row = [to_world[j], to_world[3 + j], to_world[6 + j]];
+            let t = -(row[0] * center[0] + row[1] * center[1] + row[2] * center[2]) * self.unit;
+            for (number, slope) in row.into_iter().chain([t]).zip(slopes) {
+                gradient.iter_mut().zip(number.partial).for_each(|(sum, partial)| *sum += slope * partial);
+            }
+        }
+        let steps = self.pose.step(gradient);
+        self.coordinates.iter_mut().zip(steps).for_each(|(x, step)| *x += rate * step);
+        let [x, y, z, w, center @ ..] = self.coordinates;
+        self.camera.pose = Pose::from_wxyz([w, x, y, z], self.unit * DVec3::from(center)).inverse();
     }
-}
-
-fn outer(a: DVec3, b: DVec3) -> DMat3 {
-    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
-}
-
-/// The gradient by a quaternion xyzw of any length, from that by the rotation that it stands for.
-fn quaternion_gradient(q: [f64; 4], by_rotation: &DMat3) -> [f64; 4] {
-    let q = DVec4::from_array(q);
-    let DQuat { x, y, z, w } = DQuat::from_vec4(q / q.length());
-    // g[column][row]
-    let g = by_rotation.to_cols_array_2d();
-    let sum = |i: usize, j: usize| g[j][i] + g[i][j];
-    let turn = |i: usize, j: usize| g[j][i] - g[i][j];
-    let unit = DVec4::new(
-        2.0 * (y * sum(0, 1) + z * sum(0, 2) - 2.0 * x * (g[1][1] + g[2][2]) + w * turn(2, 1)),
-        2.0 * (x * sum(0, 1) + z * sum(1, 2) - 2.0 * y * (g[0][0] + g[2][2]) + w * turn(0, 2)),
-        2.0 * (x * sum(0, 2) + y * sum(1, 2) - 2.0 * z * (g[0][0] + g[1][1]) + w * turn(1, 0)),
-        2.0 * (x * turn(2, 1) + y * turn(0, 2) + z * turn(1, 0)),
-    );
-    let axis = q / q.length();
-    ((unit - axis * axis.dot(unit)) / q.length()).to_array()
 }
