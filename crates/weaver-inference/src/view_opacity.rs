@@ -1,12 +1,17 @@
 //! Opacities that depend on where Gaussians are seen from.
 
+mod rasterizer;
+
+pub use rasterizer::{ViewOpacityRasterizer, ViewOpacityWorkspace};
+
 use crate::Error;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
-use weaver_geometry::glam::{DVec3, Vec3};
+use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, sh};
 use weaver_io::Planned;
+use weaver_kernels::Real;
 use weaver_scene::ActivatedGaussians;
 
 /// Degree of the harmonics.
@@ -23,8 +28,8 @@ pub struct ViewOpacity {
 
 impl ViewOpacity {
     /// Opacities `[N]` of Gaussians at `means` `[N, 3]`, seen from `center`.
-    pub fn seen_from(&self, means: &[f32], center: DVec3) -> Vec<f32> {
-        self.logits(means, center).map(sigmoid).collect()
+    pub fn seen_from<T: Real>(&self, means: &[T], center: DVec3) -> Vec<T> {
+        self.logits(means, center).map(|logit| T::from_f64(sigmoid(logit))).collect()
     }
 
     /// Opacities `[N]` of the mean logit over cameras: what files have that know only one.
@@ -33,14 +38,12 @@ impl ViewOpacity {
         for camera in cameras {
             sums.iter_mut().zip(self.logits(means, camera.pose.center())).for_each(|(sum, logit)| *sum += logit);
         }
-        sums.into_iter().map(|sum| sigmoid(sum / cameras.len().max(1) as f64)).collect()
+        sums.into_iter().map(|sum| sigmoid(sum / cameras.len().max(1) as f64) as f32).collect()
     }
 
-    fn logits(&self, means: &[f32], center: DVec3) -> impl Iterator<Item = f64> {
-        let gaussians = means.as_chunks::<3>().0.iter().zip(self.harmonics.as_chunks::<HARMONICS>().0);
-        gaussians.map(move |(mean, numbers)| {
-            let direction = (Vec3::from_array(*mean).as_dvec3() - center).normalize_or(DVec3::Z);
-            let basis = sh::basis(DEGREE, direction.to_array(), |x| x);
+    fn logits<'a, T: Real>(&'a self, means: &'a [T], center: DVec3) -> impl Iterator<Item = f64> + use<'a, T> {
+        gaussians(means, &self.harmonics).map(move |(mean, numbers)| {
+            let basis = sh::basis(DEGREE, direction(mean, center).0.to_array(), |x| x);
             basis.iter().zip(numbers).map(|(y, a)| y * f64::from(*a)).sum()
         })
     }
@@ -81,6 +84,17 @@ impl ViewOpacity {
     }
 }
 
-fn sigmoid(logit: f64) -> f32 {
-    (1.0 / (1.0 + (-logit).exp())) as f32
+/// The mean and the coefficients of each.
+fn gaussians<'a, T>(means: &'a [T], harmonics: &'a [f32]) -> impl Iterator<Item = (&'a [T; 3], &'a [f32; HARMONICS])> {
+    means.as_chunks::<3>().0.iter().zip(harmonics.as_chunks::<HARMONICS>().0)
+}
+
+/// The unit direction from a center to a mean, and how far that is; z where they are one.
+fn direction<T: Real>(mean: &[T; 3], center: DVec3) -> (DVec3, f64) {
+    let way = DVec3::from(mean.map(T::to_f64)) - center;
+    (way.normalize_or(DVec3::Z), way.length())
+}
+
+fn sigmoid(logit: f64) -> f64 {
+    1.0 / (1.0 + (-logit).exp())
 }

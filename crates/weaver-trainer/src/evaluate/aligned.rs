@@ -12,7 +12,7 @@ use weaver_align::{Aligned, Method, Options, Outcome, Photo, Scene as AlignScene
 use weaver_data::{Scene, Tuple, View};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
-use weaver_inference::Predictor;
+use weaver_inference::{Predictor, ViewOpacityRasterizer};
 use weaver_io::Image;
 use weaver_losses::Photometric;
 use weaver_pose::PoseErrors;
@@ -83,17 +83,16 @@ pub(super) fn aligned(
     alignment: &Alignment,
 ) -> Result<AlignedView, Error> {
     let prediction = &drawn.prediction;
-    // Opacities that depend on the view stay as they are at the guess.
-    let seen = prediction.seen_by(&drawn.camera);
+    let rasterizer = ViewOpacityRasterizer { rasterizer: CpuRasterizer, opacity: prediction.view_opacity.clone() };
     let scene = AlignScene {
-        gaussians: seen.as_slices(),
+        gaussians: prediction.gaussians.as_slices(),
         background: predictor.background(),
         settings: predictor.raster_settings(),
         unit: unit(prediction.cameras.iter().map(|camera| camera.pose.center())),
     };
     let mask: Option<Vec<u8>> = view.inside.as_ref().map(|inside| inside.iter().map(|i| u8::from(*i)).collect());
     let photo = Photo { pixels: &view.image.pixels, mask: mask.as_deref(), camera: drawn.camera };
-    let found = align(&CpuRasterizer, &scene, &[photo], &alignment.options, alignment.loss.function());
+    let found = align(&rasterizer, &scene, &[photo], &alignment.options, alignment.loss.function());
     let found = found.map_err(|e| Error::Input(format!("{}: {e}", view.name)))?.remove(0);
     let steps = found.losses.len().saturating_sub(1);
     let pixels = found.image.iter().map(|x| x.clamp(0.0, 1.0)).collect();
