@@ -65,6 +65,12 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
     };
     let mut found = Vec::new();
     for (name, mut run) in opened(arguments)? {
+        if run.step < run.planned {
+            let (done, planned) = (run.step, run.planned);
+            console.note(&format!(
+                "warning: {name} is at step {done} of {planned}; to go on: splatweaver train --resume {name}"
+            ));
+        }
         run.predictor = refined(run.predictor, &arguments.refine, &[])?;
         if arguments.points && (estimated || cameras.unwrap_or(run.cameras) != CameraMode::Given) {
             return Err(Failure::Usage("--points: expected --cameras given, found other ones".into()));

@@ -34,6 +34,7 @@ pub fn built_in() -> Result<OpenRun, Error> {
     Ok(OpenRun {
         predictor: Box::new(SplatWeaverPredictor::from_checkpoint(&checkpoint)?),
         step: checkpoint.step,
+        planned: checkpoint.step,
         seed: checkpoint.defaults().seed,
         data: DataConfig::default(),
         cameras: CameraMode::Given,
@@ -50,6 +51,7 @@ pub fn open_weights(path: &Path) -> Result<OpenRun, Error> {
         return Ok(OpenRun {
             predictor: Box::new(SplatWeaverPredictor::open_published(path)?),
             step: 0,
+            planned: 0,
             seed: 0,
             data: DataConfig::default(),
             cameras: CameraMode::Predicted,
@@ -64,6 +66,7 @@ pub fn open_weights(path: &Path) -> Result<OpenRun, Error> {
     Ok(OpenRun {
         predictor,
         step: checkpoint.step,
+        planned: checkpoint.step,
         seed: checkpoint.defaults().seed,
         data: DataConfig::default(),
         cameras: CameraMode::Predicted,

@@ -166,6 +166,8 @@ pub struct OpenRun {
     pub predictor: Box<dyn Predictor>,
     /// Steps that the weights were trained for.
     pub step: usize,
+    /// Steps that the run was to have, as many where nobody knows.
+    pub planned: usize,
     /// The run's seed.
     pub seed: u64,
     /// The run's data.
@@ -360,6 +362,7 @@ impl<R: Recipe> Architecture for Named<R> {
         Ok(OpenRun {
             predictor: R::predictor(network, params, &config)?,
             step: checkpoint.step,
+            planned: config.steps(),
             seed: config.seed,
             data: config.data,
             cameras: R::cameras(&config.evaluation),

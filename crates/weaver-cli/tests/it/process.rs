@@ -105,6 +105,9 @@ mod unix {
         let stderr = text(&done.stderr);
         assert_eq!(done.status.code(), Some(0), "{stderr}");
         assert!(stderr.contains("splatweaver train --resume parts"), "{stderr}");
+        let judged = |run: &str| text(&splatweaver(folder.path(), &["eval", "--run", run]).stderr);
+        assert!(judged("parts").contains("warning: parts is at step "), "{}", judged("parts"));
+        assert!(!judged("whole").contains("warning"), "{}", judged("whole"));
         assert!(splatweaver(folder.path(), &["train", "--resume", "parts"]).status.success());
         let checksum = |run: &str| {
             let summary = std::fs::read_to_string(folder.path().join(run).join("summary.json")).unwrap();
