@@ -133,9 +133,9 @@ impl Recipe for SplatWeaverRecipe {
         examples: &[Example],
     ) -> Result<Terms<'t>, Error> {
         let stage = step.stage;
-        let StageSettings { allocation, dense, .. } = stage.model;
+        let StageSettings { allocation, dense, ref budgets, .. } = stage.model;
         let allocation: Box<dyn Allocation<f32>> = match allocation {
-            StageAllocation::Mix => Box::new(TrainingMix { dense, ..TrainingMix::default() }),
+            StageAllocation::Mix => Box::new(TrainingMix { dense, budgets: budgets.clone(), ..TrainingMix::default() }),
             StageAllocation::QuadtreeMix => Box::new(QuadtreeMix { dense, ..QuadtreeMix::default() }),
             StageAllocation::QuadtreeGridMix => Box::new(QuadtreeMix { grid: true, dense, ..QuadtreeMix::default() }),
             StageAllocation::Kind(kind) => kind

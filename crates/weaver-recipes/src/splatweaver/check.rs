@@ -13,6 +13,9 @@ pub(super) fn stages(config: &Config<SplatWeaverRecipe>) -> Check {
         if let StageAllocation::Kind(kind) = stage.model.allocation {
             allocation(kind, stage.model.budget, gaussians.experts(), &format!("{key}.model.allocation"))?;
         }
+        if stage.model.budgets.is_empty() {
+            return Err(format!("{key}.model.budgets: expected at least one number to draw, found none"));
+        }
         shares(stage, gaussians.max_per_pixel, &key)?;
         losses(stage, &key)
     })

@@ -3,7 +3,7 @@
 use super::{EvaluationSettings, Losses, RouterLosses, SplatWeaverRecipe, StageAllocation, StageSettings};
 use crate::two_experts::pose_losses;
 use weaver_model::ModelConfig;
-use weaver_router::AllocationKind;
+use weaver_router::{AllocationKind, TrainingMix};
 use weaver_trainer::losses::{DepthLosses, ImageLosses, PoseLosses};
 use weaver_trainer::{CameraMode, Config, OptimizerConfig, OutputConfig, Recipe, StageConfig};
 
@@ -92,6 +92,7 @@ fn poses(steps: usize) -> StageConfig<SplatWeaverRecipe> {
             allocation: StageAllocation::Mix,
             dense: 1.0 / 16.0,
             budget: 0.4,
+            budgets: TrainingMix::default().budgets,
             cameras: CameraMode::Predicted,
             render_targets: false,
         },

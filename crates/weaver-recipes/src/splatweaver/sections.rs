@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
-use weaver_router::AllocationKind;
+use weaver_router::{AllocationKind, TrainingMix};
 use weaver_trainer::losses::{DepthLosses, ImageLosses, PoseLosses};
 use weaver_trainer::{CameraMode, LossSection};
 
@@ -32,10 +32,19 @@ pub struct StageSettings {
     /// Gaussians per context pixel, for allocations that have a budget.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub budget: f64,
+    /// Gaussians per context pixel, one of which `mix` draws each step; as often as they stand here.
+    #[serde(default = "budgets")]
+    #[schemars(inner(range(min = 0.0, max = 1.0)))]
+    pub budgets: Vec<f64>,
     /// Cameras of the context views, for unprojection and rendering.
     pub cameras: CameraMode,
     /// Whether held-out target views are rendered too, with the data's cameras.
     pub render_targets: bool,
+}
+
+/// What runs drew from before it was a setting.
+fn budgets() -> Vec<f64> {
+    TrainingMix::default().budgets
 }
 
 impl StageSettings {

@@ -76,7 +76,7 @@ fn every_number_has_a_range_that_is_named_with_its_key() {
 }
 
 /// The nearest value that is out of a range, and one that is in it.
-const EDGES: [(&str, &str, &str); 35] = [
+const EDGES: [(&str, &str, &str); 36] = [
     ("optimizer.beta1", "1", "0"),
     ("optimizer.beta2", "1.5", "0"),
     ("optimizer.epsilon", "0", "1e-12"),
@@ -104,6 +104,7 @@ const EDGES: [(&str, &str, &str); 35] = [
     ("stages.1.losses.router.rank_quantiles", "[0.5, 0.6, 1.1]", "[0, 0.5, 1]"),
     ("stages.1.losses.router.budget_shares", "[-0.1, 0, 0]", "[0, 0, 1]"),
     ("stages.1.losses.router.budget_limit", "-0.1", "0"),
+    ("stages.1.model.budgets", "[0.5, 1.1]", "[0, 1]"),
     ("evaluation.budget", "1.1", "0"),
     ("data.context_views", "1", "3"),
     ("data.target_views", "0", "1"),
@@ -135,6 +136,7 @@ fn what_does_not_fit_together_is_refused_before_anything_begins() {
     for (settings, parts) in [
         (&["stages.1.model.allocation=fixed:9"][..], ["stages.1.model.allocation", "at most 3", "fixed:9"]),
         (&["evaluation.allocation=fixed:4"], ["evaluation.allocation", "at most 3", "fixed:4"]),
+        (&["stages.1.model.budgets=[]"], ["stages.1.model.budgets", "at least one", "none"]),
         (&["stages.1.losses.router.budget=0.01"], ["stages.1.losses.router.budget", "mix", "found 0.01"]),
         (
             &["stages.1.model.allocation=dithered", "stages.1.losses.router.budget=0.01"],

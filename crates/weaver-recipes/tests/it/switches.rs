@@ -241,6 +241,14 @@ fn allocations_with_a_budget_keep_it_each_in_its_way() {
 }
 
 #[test]
+fn the_mix_draws_of_the_budgets_that_it_is_given() {
+    let config = everything(12, &["stages.1.model.dense=0", "stages.1.model.budgets=[0.125, 0.5]"]);
+    let counts: Vec<f32> = reports(config).iter().map(|report| report.gaussians_per_pixel).collect();
+    let near = |budget: f32| counts.iter().filter(|count| (*count - budget).abs() < 0.01).count();
+    assert!(near(0.125) > 0 && near(0.5) > 0 && near(0.125) + near(0.5) == 12, "{counts:?}");
+}
+
+#[test]
 fn terms_are_there_where_they_have_a_weight() {
     let sampled = "stages.1.model.allocation=sampled";
     let found = |settings: &[&str]| -> Vec<String> {
