@@ -95,6 +95,40 @@ fn training_starts_from_a_run_as_far_as_it_fits() {
     assert!(!folder.path().join("none").exists());
 }
 
+/// Backbones have the same names in every model, as in published files.
+#[test]
+fn training_starts_from_published_weights_and_from_another_model() {
+    let run = Run::shared();
+    let folder = tempfile::tempdir().unwrap();
+    let data = run.data();
+    let train = |init: &Path, name: &str| {
+        let out = folder.path().join(name);
+        let line: &[&dyn AsRef<OsStr>] = &[&"train", &"--data", &data, &"--init", &init, &"--out", &out];
+        with(line, &["--model", "wild", "--preset", "micro", "--steps", "3"])
+    };
+    let taken = |said: &Outcome| -> usize {
+        let line = said.stderr.lines().find(|line| line.starts_with("weights of ")).expect("it says what it took");
+        line.split(' ').find_map(|word| word.parse().ok()).unwrap()
+    };
+    let other = train(&run.path(), "other").fine();
+    let mut tensors = crate::published::checkpoint("encoder.");
+    let published = folder.path().join("published.safetensors");
+    tensors.write(&published).unwrap();
+    let said = train(&published, "published").fine();
+    assert!(
+        said.stderr.contains(" random: ") && said.stderr.contains("aggregator.patch_embed.pos_embed ("),
+        "{}",
+        said.stderr
+    );
+    // Of the table of positions, which is of another size there, nothing.
+    assert!(taken(&said) > 40 && taken(&said) < taken(&other), "{} {}", taken(&said), taken(&other));
+
+    tensors.insert("encoder.aggregator.camera_token", &[1, 2, 1, 32], vec![f32::NAN; 64]);
+    tensors.write(&published).unwrap();
+    train(&published, "nan").refused(1, &["published.safetensors", "encoder.aggregator.camera_token", "NaN"]);
+    train(&data.join("transforms.json"), "cameras").refused(1, &["transforms.json"]);
+}
+
 #[test]
 fn a_run_is_prolonged() {
     let run = Run::shared().copy();

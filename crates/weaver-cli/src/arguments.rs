@@ -133,8 +133,8 @@ pub struct Train {
     /// Folder of the run [default: the first free runs/PRESET-N]
     #[arg(long, value_name = "RUN", help_heading = RUN)]
     pub out: Option<PathBuf>,
-    /// Starts from the averaged weights of this run or checkpoint, or with `built-in` from those that come with the program, as far as
-    /// they fit; what was taken is said
+    /// Starts from the averaged weights of this run or checkpoint, of whichever model, from a published checkpoint, or with `built-in` from
+    /// those that come with the program, as far as they fit; what was taken is said
     #[arg(long, value_name = "RUN|FILE|built-in", help_heading = RUN)]
     pub init: Option<PathBuf>,
     /// Goes on with this run, with its own configuration
@@ -252,7 +252,7 @@ pub struct Infer {
 /// Which pixels get Gaussians, and how many.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct DensityFlags {
-    /// Gaussians per pixel, 0 to 1, for dithered, quadtree, quadtree-grid, grid and random [default: the run's]
+    /// Gaussians per pixel, 0 to 1, for dithered, quadtree (0 to 3), quadtree-grid, grid and random [default: the run's]
     #[arg(long, value_name = "G", help_heading = DENSITY)]
     pub budget: Option<f64>,
     /// sampled, argmax, dithered, quadtree, quadtree-grid, grid, random or fixed:K [default: the run's]

@@ -57,6 +57,18 @@ pub struct Partly {
     pub unused: Vec<String>,
 }
 
+impl Partly {
+    /// Itself, or an error that names the file if nothing was taken.
+    pub(crate) fn some(self, path: &Path) -> Result<Self, Error> {
+        if self.taken.is_empty() {
+            let message =
+                "expected weights of parameters that this model has, found none of its names and shapes".into();
+            return Err(Error::Checkpoint { path: path.to_path_buf(), message });
+        }
+        Ok(self)
+    }
+}
+
 /// A training run's checkpoint: weights, and what says how to build the network for them.
 ///
 /// | metadata | content |
@@ -197,12 +209,7 @@ impl Checkpoint {
         let prefix = format!("{}.", WeightSet::Averaged.prefix());
         let of_parameter = self.tensors.tensors.keys().filter_map(|key| key.strip_prefix(&prefix));
         partly.unused = of_parameter.filter(|name| params.find(name).is_none()).map(String::from).collect();
-        if partly.taken.is_empty() {
-            return Err(
-                self.wrong("expected weights of parameters that this model has, found none of its names and shapes")
-            );
-        }
-        Ok(partly)
+        partly.some(&self.path)
     }
 
     /// What is needed to run the network and nothing else: the averaged weights, rounded to 16 bits. An eighth of a checkpoint.

@@ -31,8 +31,8 @@ pub struct Config<R: Recipe> {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 1024))]
     pub threads: Option<usize>,
-    /// Checkpoint of a run that training starts from, or `built-in` for the weights that come with the program, in place of random
-    /// weights: of what both networks have in equal sizes, the averaged weights are taken.
+    /// Checkpoint of a run that training starts from, a published checkpoint, or `built-in` for the weights that come with the program, in
+    /// place of random weights: of what both networks have in equal sizes, the averaged weights are taken.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub init: Option<PathBuf>,
     /// The network.

@@ -3,25 +3,28 @@
 use crate::Error;
 use std::path::Path;
 use weaver_autograd::Params;
-use weaver_inference::{Checkpoint, Partly};
+use weaver_inference::published::Opened;
+use weaver_inference::{Checkpoint, Partly, is_of_run};
 
 /// In place of a file: the weights that come with the program.
 pub const BUILT_IN: &str = "built-in";
 /// Names that a remark lists of each kind.
 const LISTED: usize = 20;
 
-/// Takes what fits of a checkpoint's averaged weights, and says what that is.
+/// Takes what fits of a checkpoint, the averaged weights of a run or published ones, and says what that is.
+///
+/// Models of different kinds may share parts: a parameter is what it is called.
 ///
 /// # Errors
-/// When the checkpoint cannot be read, is of another model, or has nothing that fits.
-pub fn weights(path: &Path, architecture: &str, params: &mut Params<f32>) -> Result<String, Error> {
-    let checkpoint = if path == Path::new(BUILT_IN) { Checkpoint::built_in()? } else { Checkpoint::read(path)? };
-    let found = checkpoint.architecture();
-    if found != architecture {
-        let message = format!("metadata architecture: expected `{architecture}`, found `{found}`");
-        return Err(checkpoint.wrong(message).into());
-    }
-    let Partly { taken, fresh, unused } = checkpoint.fill_partly(params)?;
+/// When the checkpoint cannot be read, or has nothing that fits.
+pub fn weights(path: &Path, params: &mut Params<f32>) -> Result<String, Error> {
+    let Partly { taken, fresh, unused } = if path == Path::new(BUILT_IN) {
+        Checkpoint::built_in()?.fill_partly(params)?
+    } else if is_of_run(path)? {
+        Checkpoint::read(path)?.fill_partly(params)?
+    } else {
+        Opened::new(path, true)?.fill_partly(params)?
+    };
     let of = taken.len() + fresh.len();
     let mut text = format!("weights of {}: {} of {of} parameters taken", path.display(), taken.len());
     for (what, names) in [("random", fresh), ("of the checkpoint not taken", unused)] {

@@ -26,7 +26,7 @@ pub struct Setup {
     pub settings: Vec<String>,
     /// Folders of captures.
     pub data: Vec<PathBuf>,
-    /// A run's folder or checkpoint, whose weights training starts from, or `built-in`.
+    /// A run's folder or checkpoint, or a published one, whose weights training starts from, or `built-in`.
     pub init: Option<PathBuf>,
     /// A published checkpoint that tells cameras and depth of photos without cameras.
     pub teacher: Option<PathBuf>,

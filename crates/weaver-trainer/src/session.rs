@@ -72,7 +72,7 @@ impl<R: Recipe> Session<R> {
     pub fn new(config: Config<R>) -> Result<Self, Error> {
         let mut session = Self::prepare(config)?;
         if let Some(path) = session.config.init.clone() {
-            session.remarks.push(initial::weights(&path, R::ARCHITECTURE, &mut session.params)?);
+            session.remarks.push(initial::weights(&path, &mut session.params)?);
             session.ema = new_average(&session.config, &session.params);
         }
         Ok(session)

@@ -1,6 +1,6 @@
 //! Recognizes a published checkpoint and maps its weights.
 
-use crate::Error;
+use crate::{Error, Partly};
 use std::path::Path;
 use std::sync::Arc;
 use weaver_autograd::{HalfValues, ParamId, ParamValues, Params};
@@ -163,6 +163,37 @@ impl Opened {
         if messages.is_empty() { Ok((network, params)) } else { Err(wrong(self.weights.path(), messages.join("; "))) }
     }
 
+    /// Gives those declared parameters the checkpoint's weights that have their name and shape, widened to `f32`, and leaves the others: a
+    /// network of another kind may have the published backbone.
+    ///
+    /// # Errors
+    /// When none fits, or one that does is not finite.
+    pub fn fill_partly(&self, params: &mut Params<f32>) -> Result<Partly, Error> {
+        let mut partly = Partly::default();
+        for id in params.ids().collect::<Vec<_>>() {
+            let name = params.get(id).name().to_string();
+            match self.values(params, id, false) {
+                Ok(values) => {
+                    params.set(id, ParamValues::Owned(Arc::new(wide(&values))));
+                    partly.taken.push(name);
+                }
+                Err(Fault::Missing) => partly.fresh.push(format!("{name} (not there)")),
+                Err(Fault::Shape { expected, found }) => {
+                    partly.fresh.push(format!("{name} ({expected}, there {found})"));
+                }
+                Err(Fault::NotFinite) => {
+                    let message =
+                        format!("tensor {}{name}: expected finite numbers, found NaN or infinity", self.prefix);
+                    return Err(wrong(self.weights.path(), message));
+                }
+            }
+        }
+        let others = self.weights.iter().filter(|weight| !self.is_unused(weight.name()));
+        let others = others.map(|weight| weight.name().strip_prefix(self.prefix).unwrap_or(weight.name()));
+        partly.unused = others.filter(|name| params.find(name).is_none()).map(String::from).collect();
+        partly.some(self.weights.path())
+    }
+
     /// The values for a parameter.
     fn values(&self, params: &Params<f32>, id: ParamId, bf16_products: bool) -> Result<ParamValues<f32>, Fault> {
         let param = params.get(id);
@@ -187,9 +218,21 @@ impl Opened {
         if shape.rank() == 2 {
             return Ok(ParamValues::Half(values));
         }
-        let mut wide = vec![0.0; shape.len()];
-        values.view().widen(&mut wide);
-        Ok(ParamValues::Owned(Arc::new(wide)))
+        Ok(ParamValues::Owned(Arc::new(wide(&ParamValues::Half(values)))))
+    }
+}
+
+/// A copy of values that are there, in full precision.
+fn wide(values: &ParamValues<f32>) -> Vec<f32> {
+    match values {
+        ParamValues::Owned(values) => values.to_vec(),
+        ParamValues::Shared(values) => (**values).as_ref().to_vec(),
+        ParamValues::Half(values) => {
+            let mut wide = vec![0.0; values.view().len()];
+            values.view().widen(&mut wide);
+            wide
+        }
+        ParamValues::Absent => Vec::new(),
     }
 }
 
