@@ -8,8 +8,10 @@ use clap::Parser;
 use std::path::Path;
 use std::time::Instant;
 
-/// The least time for the fit, minutes, whatever matching took.
+/// The least time for the fit, minutes, whatever there is in all.
 const LEAST: f64 = 0.1;
+/// The least share of the time that is the fit's, whatever matching took: of a few steps nothing comes that is worth to be seen.
+const SHARE: f64 = 0.5;
 
 pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let start = Instant::now();
@@ -24,7 +26,13 @@ pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt
     };
     let (minutes, size) = arguments.quality.effort();
     let spent = start.elapsed().as_secs_f64() / 60.0;
-    let minutes = (arguments.minutes.unwrap_or(minutes) - spent).max(LEAST);
+    let minutes = arguments.minutes.unwrap_or(minutes);
+    let (left, least) = (minutes - spent, (SHARE * minutes).max(LEAST));
+    if left < least {
+        let [spent, more] = [spent, least].map(|minutes| 60.0 * minutes);
+        console.note(&format!("cameras took {spent:.0} s; the fit gets {more:.0} s all the same"));
+    }
+    let minutes = left.max(least);
     let text = |x: &Path| x.to_string_lossy().into_owned();
     let mut words = ["splatweaver", "fit"].map(String::from).to_vec();
     words.extend([text(&capture), "--out".into(), text(out), "--minutes".into(), format!("{minutes:.3}")]);

@@ -31,7 +31,7 @@ pub struct Reconstruct {
     /// How long it takes and how large photos are
     #[arg(long, value_enum, default_value_t = Quality::Normal, help_heading = FIT)]
     pub quality: Quality,
-    /// Time for all of it, matching included [default: the quality's]
+    /// Time for all of it, matching included; the fit gets at least half of it, whatever matching took [default: the quality's]
     #[arg(long, value_name = "M", value_parser = super::fit::minutes, help_heading = FIT)]
     pub minutes: Option<f64>,
     /// The most Gaussians there may be [default: 0.4 for each pixel of a photo, 5000 to 1000000]
