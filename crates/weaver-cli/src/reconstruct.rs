@@ -10,7 +10,7 @@ use std::time::Instant;
 
 /// The least time for the fit, minutes, whatever there is in all.
 const LEAST: f64 = 0.1;
-/// The least share of the time that is the fit's, whatever matching took: of a few steps nothing comes that is worth to be seen.
+/// The least share of the time that is the fit's, whatever matching took: a few steps make nothing worth seeing.
 const SHARE: f64 = 0.5;
 
 pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
