@@ -56,6 +56,7 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
         focal: arguments.focal,
         init: initial.kind(),
         minutes: arguments.steps.is_none().then(|| arguments.minutes.unwrap_or(MINUTES)),
+        least_steps: arguments.least_steps as usize,
         save_every: arguments.save_every,
         formats: arguments.formats.iter().map(format).collect(),
         fit: FitSettings::default(),

@@ -8,10 +8,12 @@ use clap::Parser;
 use std::path::Path;
 use std::time::Instant;
 
-/// The least time for the fit, minutes, whatever there is in all.
-const LEAST: f64 = 0.1;
-/// The least share of the time that is the fit's, whatever matching took: a few steps make nothing worth seeing.
+/// The shortest time that `fit` takes, minutes.
+const SHORTEST: f64 = 0.05;
+/// The least share of the time that is the fit's, whatever matching took.
 const SHARE: f64 = 0.5;
+/// The least steps of a fit, whatever the time: fewer make nothing worth seeing.
+const LEAST_STEPS: u32 = 200;
 
 pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let start = Instant::now();
@@ -27,7 +29,7 @@ pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt
     let (minutes, size) = arguments.quality.effort();
     let spent = start.elapsed().as_secs_f64() / 60.0;
     let minutes = arguments.minutes.unwrap_or(minutes);
-    let (left, least) = (minutes - spent, (SHARE * minutes).max(LEAST));
+    let (left, least) = (minutes - spent, (SHARE * minutes).max(SHORTEST));
     if left < least {
         let [spent, more] = [spent, least].map(|minutes| 60.0 * minutes);
         console.note(&format!("cameras took {spent:.0} s; the fit gets {more:.0} s all the same"));
@@ -36,6 +38,7 @@ pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt
     let text = |x: &Path| x.to_string_lossy().into_owned();
     let mut words = ["splatweaver", "fit"].map(String::from).to_vec();
     words.extend([text(&capture), "--out".into(), text(out), "--minutes".into(), format!("{minutes:.3}")]);
+    words.extend(["--least-steps".into(), LEAST_STEPS.to_string()]);
     words.extend(["--size".into(), size.to_string(), "--seed".into(), arguments.seed.to_string()]);
     words.extend(arguments.gaussians.into_iter().flat_map(|n| ["--gaussians".into(), n.to_string()]));
     words.extend((!arguments.hold_out).then(|| "--all".into()));

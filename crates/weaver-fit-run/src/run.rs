@@ -58,7 +58,7 @@ impl Run {
     /// Begins a run in a new folder. `given` are the Gaussians of [`Initial::Given`]; `rasterizer` draws.
     ///
     /// With [`RunSettings::minutes`], the number of steps is chosen now, such that the run, results included, ends in time if
-    /// the machine goes on as fast; it is written down, so that the run can be repeated to the same bits.
+    /// the machine goes on as fast, but for [`RunSettings::least_steps`]; it is written down, so that the run can be repeated to the same bits.
     ///
     /// # Errors
     /// When the capture cannot be read or gives nothing to fit, a setting is out of range, or the folder holds a run or
@@ -80,11 +80,14 @@ impl Run {
         if let Some(minutes) = run.settings.minutes {
             let reserve = run.seconds_of_results()?;
             let left = 60.0 * minutes - started.elapsed().as_secs_f64() - reserve;
-            let steps = steps_in(&mut run.fit, left.max(0.0))?;
-            if steps < run.fit.photos() {
+            let enough = steps_in(&mut run.fit, left.max(0.0))?;
+            let steps = enough.max(run.settings.least_steps);
+            let few = format!("{minutes} minutes are enough for {enough} steps");
+            if steps > enough {
+                run.remarks.push(format!("{few}; {steps} are made, which takes longer"));
+            } else if steps < run.fit.photos() {
                 run.remarks.push(format!(
-                    "{minutes} minutes are enough for {steps} steps, fewer than there are photos; judging them at the end is \
-                     counted as {reserve:.1} s"
+                    "{few}, fewer than there are photos; judging them at the end is counted as {reserve:.1} s"
                 ));
             }
             run.fit.set_steps(steps);

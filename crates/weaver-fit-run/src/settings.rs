@@ -26,6 +26,8 @@ pub struct RunSettings {
     pub init: Initial,
     /// Time for all of it, minutes; the number of steps follows from the speed. `None` takes [`FitSettings::steps`].
     pub minutes: Option<f64>,
+    /// With [`minutes`](Self::minutes), at least so many steps, however long they take.
+    pub least_steps: usize,
     /// Seconds between checkpoints, at least.
     pub save_every: f64,
     /// Further files of the scene.
@@ -80,6 +82,7 @@ impl RunSettings {
             focal: false,
             init: Initial::Auto,
             minutes: None,
+            least_steps: 1,
             save_every: 20.0,
             formats: Vec::new(),
             fit,

@@ -32,6 +32,9 @@ pub struct Fit {
     /// Time for all of it; the number of steps follows from the measured speed [default: 2]
     #[arg(long, value_name = "M", value_parser = minutes, help_heading = RUN)]
     pub minutes: Option<f64>,
+    /// At least so many steps, whatever the time: they may take longer
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["steps", "resume"], help_heading = RUN)]
+    pub least_steps: u32,
     /// Steps, instead of a time; each looks at one photo
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "minutes", help_heading = RUN)]
     pub steps: Option<u32>,

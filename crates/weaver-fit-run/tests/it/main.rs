@@ -70,18 +70,21 @@ fn a_run_of_another_capture_is_not_gone_on_with() {
 fn a_time_that_is_too_short_is_spoken_of() {
     let folder = tempfile::tempdir().unwrap();
     capture(&folder.path().join("data"), 10);
-    let in_time = |out: &str, minutes: f64| {
-        let settings = RunSettings { minutes: Some(minutes), ..settings(&folder.path().join("data")) };
+    let in_time = |out: &str, minutes: f64, least_steps: usize| {
+        let settings = RunSettings { minutes: Some(minutes), least_steps, ..settings(&folder.path().join("data")) };
         Run::create(&folder.path().join(out), settings, None, Judge::default(), AnyRasterizer::default()).unwrap()
     };
-    let hurried = in_time("hurried", 1e-6);
+    let hurried = in_time("hurried", 1e-6, 1);
     assert_eq!((hurried.settings().fit.steps, hurried.remarks().len()), (1, 1));
     assert!(
         hurried.remarks()[0].contains("enough for 1 steps, fewer than there are photos"),
         "{:?}",
         hurried.remarks()
     );
-    let calm = in_time("calm", 0.2);
+    let patient = in_time("patient", 1e-6, 20);
+    assert_eq!((patient.settings().fit.steps, patient.fit().settings().steps), (20, 20));
+    assert!(patient.remarks()[0].contains("enough for 1 steps; 20 are made"), "{:?}", patient.remarks());
+    let calm = in_time("calm", 0.2, 5);
     assert!(calm.settings().fit.steps > 8 && calm.remarks().is_empty(), "{:?}", calm.remarks());
 }
 
