@@ -28,6 +28,17 @@ fn a_place_is_shown_in_the_light_of_photos() {
     // Photos as they were taken are others.
     assert_ne!(judged(&["--plain"])["mean"]["psnr_nearest"], judged(&[])["mean"]["psnr_nearest"]);
 
+    // In one table with a model that knows no light they are what both are judged by.
+    let other = one.path();
+    let both: [&dyn AsRef<std::ffi::OsStr>; 8] =
+        [&"eval", &"--run", &other, &"--run", &run, &"--data", &data, &"--json"];
+    let said = splatweaver(&both).fine();
+    assert!(said.stderr.contains("photos as they were taken"), "{}", said.stderr);
+    let rows: serde_json::Value = serde_json::from_str(&said.stdout).unwrap();
+    let alone = judged(&["--plain", "--data", data.to_str().unwrap()]);
+    assert_eq!(rows[1]["evaluation"]["mean"], alone["mean"]);
+    assert_eq!(rows[0]["evaluation"]["mean"]["psnr_nearest"], alone["mean"]["psnr_nearest"]);
+
     let mut names: Vec<_> = std::fs::read_dir(data.join("images")).unwrap().map(|e| e.unwrap().path()).collect();
     names.sort();
     let out = folder.path().join("lights");

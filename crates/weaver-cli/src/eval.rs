@@ -47,6 +47,12 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
     });
     let long_side = arguments.match_size.map_or(MATCHED, |side| side as usize);
     let flags = &arguments.align;
+    let runs = opened(arguments)?;
+    // One table is of the same photos: in drawn light only if all runs draw it alike.
+    let alike = runs.iter().all(|(_, run)| run.data.looks == runs[0].1.data.looks);
+    if !alike && !arguments.plain {
+        console.note("photos as they were taken: these runs do not know the same light");
+    }
     let overrides = Overrides {
         context_views: arguments.views.map(|views| views as usize),
         cameras,
@@ -59,12 +65,12 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
             loss: align::loss(flags.align_loss, flags.align_as),
         }),
         look: arguments.look,
-        plain: arguments.plain,
+        plain: arguments.plain || !alike,
         masks: arguments.masks,
         lpips: arguments.lpips.clone(),
     };
     let mut found = Vec::new();
-    for (name, mut run) in opened(arguments)? {
+    for (name, mut run) in runs {
         if run.step < run.planned {
             let (done, planned) = (run.step, run.planned);
             console.note(&format!(

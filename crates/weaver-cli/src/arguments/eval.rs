@@ -99,7 +99,7 @@ pub struct Eval {
     /// all of each view]
     #[arg(long, value_name = "half|own|none|wrong", conflicts_with_all = ["scene", "refine", "refine_steps", "align"], help_heading = VIEWS)]
     pub look: Option<LookOf>,
-    /// Leaves photos as they were taken, where the run was trained with data.looks
+    /// Leaves photos as they were taken, where the run was trained with data.looks; a table of runs not all of which were does so, too
     #[arg(long, conflicts_with = "scene", help_heading = VIEWS)]
     pub plain: bool,
     #[command(flatten)]
