@@ -27,6 +27,7 @@ pub struct RunSettings {
     /// Time for all of it, minutes; the number of steps follows from the speed. `None` takes [`FitSettings::steps`].
     pub minutes: Option<f64>,
     /// With [`minutes`](Self::minutes), at least so many steps, however long they take.
+    #[serde(default)]
     pub least_steps: usize,
     /// Seconds between checkpoints, at least.
     pub save_every: f64,

@@ -11,7 +11,12 @@ use std::path::{Path, PathBuf};
 /// When it cannot be read or is not JSON.
 pub(crate) fn read(path: &Path) -> Result<Value> {
     serde_json::from_slice(&read_bytes(path)?)
-        .map_err(|e| Error::invalid(path, format!("line {} column {}", e.line(), e.column()), "JSON", e))
+        .map_err(|e| Error::invalid(path, format!("line {} column {}", e.line(), e.column()), "JSON", not_json(&e)))
+}
+
+/// What text that is not JSON is called in errors.
+pub(crate) fn not_json(error: &serde_json::Error) -> String {
+    format!("what is not ({error})")
 }
 
 /// What a value is called in errors.

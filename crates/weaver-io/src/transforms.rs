@@ -169,7 +169,7 @@ fn to_json(path: &Path, index: usize, frame: &Frame) -> Result<Value> {
         if is_known(key) {
             return Err(invalid("a key without a field of its own", key));
         }
-        value[key] = serde_json::from_str(text).map_err(|e| invalid("JSON", &e))?;
+        value[key] = serde_json::from_str(text).map_err(|e| invalid("JSON", &json::not_json(&e)))?;
     }
     Ok(value)
 }

@@ -2,6 +2,7 @@
 
 use crate::Checksum;
 use crate::header_fault::header_fault;
+use crate::json::not_json;
 use crate::mapped_file::MappedFile;
 use crate::{Error, Result};
 use half::{bf16, f16};
@@ -137,7 +138,7 @@ impl Weights {
     fn add_index(&mut self, path: &Path) -> Result<()> {
         let text = crate::read_text(path)?;
         let json: serde_json::Value =
-            serde_json::from_str(&text).map_err(|e| Error::invalid(path, "index", "JSON", e))?;
+            serde_json::from_str(&text).map_err(|e| Error::invalid(path, "index", "JSON", not_json(&e)))?;
         let map = json["weight_map"].as_object();
         let map = map.ok_or_else(|| Error::invalid(path, "weight_map", "files by tensor name", "none"))?;
         let folder = path.parent().unwrap_or(Path::new(""));

@@ -62,6 +62,10 @@ pub(super) fn preset(name: &str) -> Option<Config<SplatWeaverRecipe>> {
                 allocation: Some(AllocationKind::Quadtree),
                 budget: Some(0.3),
             };
+            if name == "medium" {
+                let cells = config.stages[0].clone();
+                config.stages.push(experts(cells, 200));
+            }
         }
         _ => {}
     }
@@ -175,6 +179,18 @@ fn given(steps: usize) -> StageConfig<SplatWeaverRecipe> {
             ..everything.losses
         },
         ..everything
+    }
+}
+
+/// What was learned by one Gaussian for most, evened out: the first of the experts has learned more than the others where pixels are many.
+fn experts(stage: StageConfig<SplatWeaverRecipe>, steps: usize) -> StageConfig<SplatWeaverRecipe> {
+    StageConfig {
+        name: "experts".into(),
+        steps,
+        rate: 3e-4,
+        warmup: 20,
+        model: StageSettings { dense: 0.3, ..stage.model },
+        ..stage
     }
 }
 
