@@ -32,6 +32,8 @@ fn shrunk(preset: &str, settings: &[&str]) -> Config {
     let settings: Vec<String> = SMALL.iter().chain(settings).map(|s| s.to_string()).collect();
     let mut config = Config::resolve(Some(preset), None, &settings).unwrap();
     config.rescale(4);
+    // In proportion a short stage would have none.
+    config.stages.iter_mut().for_each(|stage| stage.steps = stage.steps.max(1));
     config
 }
 
