@@ -89,6 +89,20 @@ fn a_time_that_is_too_short_is_spoken_of() {
 }
 
 #[test]
+fn runs_from_before_there_was_a_least_number_of_steps_go_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out) = (folder.path().join("data"), folder.path().join("out"));
+    capture(&data, 10);
+    Run::create(&out, settings(&data), None, Judge::default(), AnyRasterizer::default()).unwrap();
+    let path = out.join("run.json");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let mut written: serde_json::Value = serde_json::from_str(&text).unwrap();
+    written.as_object_mut().unwrap().remove("least_steps").unwrap();
+    std::fs::write(&path, written.to_string()).unwrap();
+    Run::resume(&out, Judge::default(), AnyRasterizer::default()).unwrap();
+}
+
+#[test]
 fn gaussians_that_were_given_are_there_again() {
     let folder = tempfile::tempdir().unwrap();
     let (data, out) = (folder.path().join("data"), folder.path().join("out"));

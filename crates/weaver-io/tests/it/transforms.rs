@@ -246,8 +246,10 @@ fn a_time_a_number_and_unknown_keys_survive() {
     for (a, b) in scene.frames.iter().zip(&back.frames) {
         assert_eq!((a.time, a.number, &a.extras), (b.time, b.number, &b.extras));
     }
-    let cases =
-        [("mask", "{", "frames[2].mask to write: expected JSON"), ("cx", "1", "frames[2].cx to write: expected a key")];
+    let cases = [
+        ("mask", "{", "frames[2].mask to write: expected JSON, found what is not ("),
+        ("cx", "1", "frames[2].cx to write: expected a key"),
+    ];
     for (key, text, expected) in cases {
         scene.frames[2].extras = [(key.to_string(), text.to_string())].into();
         let message = scene.write(&path).unwrap_err().to_string();

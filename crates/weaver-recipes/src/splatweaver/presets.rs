@@ -182,7 +182,7 @@ fn given(steps: usize) -> StageConfig<SplatWeaverRecipe> {
     }
 }
 
-/// What was learned by one Gaussian for most, evened out: the first of the experts has learned more than the others where pixels are many.
+/// The same with equal counts in three steps of ten: most cells ask for one Gaussian, so that the first expert has learned more than the others.
 fn experts(stage: StageConfig<SplatWeaverRecipe>, steps: usize) -> StageConfig<SplatWeaverRecipe> {
     StageConfig {
         name: "experts".into(),
