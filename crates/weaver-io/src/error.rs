@@ -31,6 +31,16 @@ pub enum Error {
         /// What was there.
         found: String,
     },
+    /// Results cannot be written where they are asked for: something would be lost.
+    #[error("{}: output: expected {expected}, found {found}", path.display())]
+    Output {
+        /// The file or folder.
+        path: PathBuf,
+        /// What should have been there.
+        expected: String,
+        /// What was there.
+        found: String,
+    },
 }
 
 impl Error {

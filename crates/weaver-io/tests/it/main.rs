@@ -14,6 +14,7 @@ mod llff;
 mod mutated;
 mod mutations;
 mod nerfies;
+mod output_folder;
 mod photo_file;
 mod photo_memory;
 mod pillow;

@@ -1,0 +1,139 @@
+//! Folders of results: whose files they are.
+
+use std::fs;
+use std::path::Path;
+use weaver_io::{OutputFolder, check_output_file, write_text};
+
+const NOTHING: [&str; 0] = [];
+
+/// The message of a refusal, which names this.
+fn refused<T: std::fmt::Debug>(result: weaver_io::Result<T>, named: &[&str]) {
+    let message = result.unwrap_err().to_string();
+    named.iter().for_each(|part| assert!(message.contains(part), "{part}: {message}"));
+}
+
+fn claim(folder: &Path, command: &str) -> OutputFolder {
+    OutputFolder::claim(folder, command, NOTHING).unwrap()
+}
+
+#[test]
+fn files_are_replaced_only_by_the_command_that_wrote_them() {
+    let parent = tempfile::tempdir().unwrap();
+    let folder = parent.path().join("capture");
+    fs::create_dir_all(folder.join("sparse/0")).unwrap();
+    fs::write(folder.join("sparse/0/points3D.bin"), "somebody's").unwrap();
+    let out = claim(&folder, "cameras");
+    refused(out.check(["transforms.json", "sparse/0/points3D.bin"]), &["points3D.bin", "output", "written.jsonl"]);
+    refused(out.files("sparse/0", ["cameras.bin", "points3D.bin"]), &["points3D.bin"]);
+    write_text(out.file("transforms.json").unwrap(), "{}").unwrap();
+    drop(out);
+    let again = claim(&folder, "cameras");
+    again.check(["transforms.json"]).unwrap();
+    again.file("transforms.json").unwrap();
+    drop(again);
+    let other = claim(&folder, "infer");
+    refused(other.check(["transforms.json"]), &["transforms.json", "`infer`", "`cameras`"]);
+    assert_eq!(fs::read_to_string(folder.join("sparse/0/points3D.bin")).unwrap(), "somebody's");
+}
+
+#[test]
+fn nothing_is_written_where_something_is_read() {
+    let parent = tempfile::tempdir().unwrap();
+    let photos = parent.path().join("photos");
+    fs::create_dir(&photos).unwrap();
+    fs::write(photos.join("notes.txt"), "mine").unwrap();
+    refused(OutputFolder::claim(&photos, "fit", [&photos]), &["photos", "apart from what is read"]);
+    refused(OutputFolder::claim(photos.join("a/b"), "fit", [&photos]), &["a/b", "a place in", "photos"]);
+    assert!(!photos.join("a").exists());
+    #[cfg(unix)]
+    {
+        let link = parent.path().join("link");
+        std::os::unix::fs::symlink(&photos, &link).unwrap();
+        refused(OutputFolder::claim(link.join("new"), "fit", [&photos]), &["link/new"]);
+        refused(OutputFolder::claim(photos.join("new"), "fit", [&link]), &["photos/new"]);
+    }
+    // Beside what is read: but not in it.
+    let out = OutputFolder::claim(parent.path(), "fit", [&photos]).unwrap();
+    out.check(["photo"]).unwrap();
+    refused(out.file("photos/new.png"), &["photos/new.png", "apart from what is read"]);
+    // A file that this command wrote, and now reads.
+    write_text(out.file("given.txt").unwrap(), "cameras").unwrap();
+    drop(out);
+    let out = OutputFolder::claim(parent.path(), "fit", [parent.path().join("given.txt")]).unwrap();
+    refused(out.check(["given.txt"]), &["given.txt", "what is read"]);
+
+    refused(check_output_file(photos.join("notes.txt"), [&photos]), &["notes.txt"]);
+    refused(check_output_file(photos.join("notes.txt"), [photos.join("notes.txt")]), &["notes.txt", "what is read"]);
+    refused(check_output_file(&photos, NOTHING), &["photos", "the name of a file", "a folder"]);
+    check_output_file(photos.join("new.txt"), NOTHING).unwrap();
+}
+
+#[test]
+fn results_stay_apart_from_photos() {
+    let parent = tempfile::tempdir().unwrap();
+    let folder = parent.path().join("holiday");
+    fs::create_dir(&folder).unwrap();
+    fs::write(folder.join("b.JPG"), "a photo").unwrap();
+    refused(OutputFolder::claim(&folder, "render", NOTHING), &["b.JPG", "apart from photos"]);
+    assert_eq!(fs::read_dir(&folder).unwrap().count(), 1, "nothing is left behind");
+    fs::remove_file(folder.join("b.JPG")).unwrap();
+    // Pictures of one's own are no photos.
+    let out = claim(&folder, "render");
+    write_text(out.file("0000.png").unwrap(), "a picture").unwrap();
+    drop(out);
+    claim(&folder, "render").check(["0000.png", "0001.png"]).unwrap();
+    fs::write(folder.join("0001.png"), "a photo").unwrap();
+    refused(OutputFolder::claim(&folder, "render", NOTHING), &["0001.png"]);
+}
+
+#[test]
+fn a_folder_is_written_by_one_run_at_a_time() {
+    let parent = tempfile::tempdir().unwrap();
+    let folder = parent.path().join("run");
+    let first = claim(&folder, "fit");
+    refused(OutputFolder::claim(&folder, "fit", NOTHING), &["run", "nothing else writes into", "in use"]);
+    refused(OutputFolder::reopen(&folder, "fit", NOTHING), &["in use"]);
+    first.file("scene.ply").unwrap();
+    drop(first);
+    OutputFolder::reopen(&folder, "fit", NOTHING).unwrap();
+}
+
+#[test]
+fn a_folder_that_nothing_was_written_into_leaves_no_trace() {
+    let parent = tempfile::tempdir().unwrap();
+    drop(claim(&parent.path().join("a/b/c"), "fit"));
+    assert_eq!(fs::read_dir(parent.path()).unwrap().count(), 0);
+    let kept = parent.path().join("kept");
+    fs::create_dir(&kept).unwrap();
+    drop(claim(&kept, "fit"));
+    assert!(kept.is_dir() && fs::read_dir(&kept).unwrap().count() == 0);
+    fs::write(parent.path().join("file"), "").unwrap();
+    refused(OutputFolder::claim(parent.path().join("file/out"), "fit", NOTHING), &["file"]);
+}
+
+#[test]
+fn a_record_that_a_kill_cut_short_goes_on() {
+    let parent = tempfile::tempdir().unwrap();
+    let out = claim(parent.path(), "fit");
+    write_text(out.file("scene.ply").unwrap(), "").unwrap();
+    drop(out);
+    let record = parent.path().join("written.jsonl");
+    let text = fs::read_to_string(&record).unwrap();
+    fs::write(&record, format!("{text}{{\"file\":\"summary.js")).unwrap();
+    let out = claim(parent.path(), "fit");
+    out.check(["scene.ply"]).unwrap();
+    write_text(out.file("a \"name\"\n.txt").unwrap(), "").unwrap();
+    drop(out);
+    claim(parent.path(), "fit").check(["scene.ply", "a \"name\"\n.txt"]).unwrap();
+}
+
+#[test]
+fn runs_from_before_there_was_a_record_go_on() {
+    let parent = tempfile::tempdir().unwrap();
+    for name in ["scene.ply", "notes.txt"] {
+        fs::write(parent.path().join(name), "").unwrap();
+    }
+    let out = OutputFolder::reopen(parent.path(), "fit", ["scene.ply", "report.html"]).unwrap();
+    out.file("scene.ply").unwrap();
+    refused(out.file("notes.txt"), &["notes.txt"]);
+}
