@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use weaver_geometry::glam::DVec2;
 use weaver_geometry::{Camera, Distortion, Undistortion};
 use weaver_io::colmap::{Model, Point};
-use weaver_io::{Image, PhotoFile, Transforms};
+use weaver_io::{Image, OutputFolder, PhotoFile, Transforms};
 use weaver_scene::Frame;
 use weaver_sfm::{Confidence, Estimate, EstimateSettings, LeftOut, Observation, Photo, estimate};
 
@@ -66,12 +66,12 @@ pub struct EstimatedPhotos {
 /// Estimates the cameras of photo files by matching them.
 ///
 /// ```no_run
-/// use weaver_data::{EstimateOptions, estimate_photos};
+/// use weaver_data::{EstimateOptions, OutputFolder, estimate_photos};
 ///
 /// let photos = ["a.jpg", "b.jpg", "c.jpg"].map(Into::into);
 /// let found = estimate_photos(&photos, &[false; 3], &EstimateOptions::default())?;
 /// println!("{} of 3 photos have a camera: {:?}", found.placed().len(), found.confidence());
-/// found.write("capture".as_ref())?;
+/// found.write(&OutputFolder::claim("capture", "example", &photos)?)?;
 /// # Ok::<(), weaver_data::Error>(())
 /// ```
 ///
@@ -161,32 +161,30 @@ impl EstimatedPhotos {
         first.map_or(f64::NAN, |c| c.intrinsics.fx / c.width.max(c.height) as f64)
     }
 
+    /// The files of a capture, but for photos, which depend on what is found.
+    pub const FILES: [&str; 5] =
+        ["transforms.json", "points.png", "sparse/0/cameras.bin", "sparse/0/images.bin", "sparse/0/points3D.bin"];
+
     /// Writes a capture into a folder: transforms.json, which names the located photos as those for testing, and a COLMAP model
-    /// with points in sparse/0. Photos stay where they are, unless a distortion was found: they are then written to
+    /// with points in sparse/0, and [`picture`](Self::picture) as points.png. Photos stay where they are, unless a distortion was found: they are then written to
     /// undistorted/ without it. Returns the photos that the cameras are of.
     ///
     /// # Errors
-    /// When the folder cannot be written, or photos cannot be read again.
-    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, Error> {
-        let frames = self.frames(folder);
-        let sparse = folder.join("sparse/0");
-        weaver_io::create_folder(&sparse)?;
+    /// When a file cannot be written, or is not to be replaced; when photos cannot be read again.
+    pub fn write(&self, out: &OutputFolder) -> Result<Vec<PathBuf>, Error> {
+        let frames = self.frames(out.path());
         for (number, frame) in &frames {
             if let Some(lens) = &self.lenses[*number] {
-                if self.paths.iter().any(|path| std::path::absolute(path).ok() == std::path::absolute(&frame.path).ok())
-                {
-                    return Err(Error::unexpected(&frame.path, "photo", "a new file", "a photo that is matched"));
-                }
-                weaver_io::create_folder(folder.join(IMAGES))?;
-                undistorted(lens, &open(&self.paths[*number])?.read()?).write_png(&frame.path)?;
+                undistorted(lens, &open(&self.paths[*number])?.read()?).write_png(out.file(&frame.name)?)?;
             }
         }
-        self.model(&frames).write_binary(&sparse)?;
+        self.model(&frames).write_binary(out.files("sparse/0", Model::FILES)?)?;
+        self.picture().write_png(out.file("points.png")?)?;
         let tested = |(number, frame): &(usize, Frame)| self.located[*number].then(|| frame.name.clone());
         let test_filenames: Vec<String> = frames.iter().filter_map(tested).collect();
         let frames: Vec<Frame> = frames.into_iter().map(|(_, frame)| frame).collect();
         let paths = frames.iter().map(|frame| frame.path.clone()).collect();
-        Transforms { frames, test_filenames, ..Transforms::default() }.write(folder.join("transforms.json"))?;
+        Transforms { frames, test_filenames, ..Transforms::default() }.write(out.file("transforms.json")?)?;
         Ok(paths)
     }
 

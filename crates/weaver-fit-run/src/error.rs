@@ -31,6 +31,18 @@ pub enum RunError {
         /// What was there.
         found: String,
     },
+    /// The capture is no longer what the run began with.
+    #[error("{}: {key}: expected {expected}, found {found}", capture.display())]
+    Changed {
+        /// The capture.
+        capture: PathBuf,
+        /// What has changed.
+        key: String,
+        /// What should have been there.
+        expected: String,
+        /// What was there.
+        found: String,
+    },
     /// The folder of a run is in use.
     #[error("{}: a run exists there already", folder.display())]
     RunExists {

@@ -2,19 +2,21 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `run.json` | what was asked for, with the number of steps once it is known |
+//! | `run.json` | what was asked for, with the number of steps once it is known, and checksums of what was read |
 //! | `init.ply` | the Gaussians it began with, if they were given |
 //! | `checkpoint.safetensors` | everything needed to go on |
 //! | `scene.ply` | the Gaussians; also `scene.splat`, `scene.spz` if asked for |
-//! | `transforms.json`, `sparse/0` | the cameras, refined ones too, of the photos as they are on disk |
+//! | `transforms.json`, `sparse/0` | the cameras, refined ones too, of the photos as they are on disk; the points, moved with them |
 //! | `summary.json` | the outcome |
 //! | `metrics.jsonl`, `events/` | logged values, also for TensorBoard |
 //! | `report.html` | held-out photos beside renders, maps, curves |
+//! | `written.jsonl` | which of these files the fit wrote, and may replace |
 //!
 //! [`Run`] is such a fit, [`RunSettings`] what is asked of it, [`dry_run`] what it would take.
 
 mod error;
 mod judged;
+mod loaded;
 mod maps;
 mod matching;
 mod outcome;
@@ -24,6 +26,7 @@ mod report;
 mod results;
 mod run;
 mod settings;
+mod sources;
 
 pub use error::RunError;
 pub use matching::Matching;
@@ -31,7 +34,9 @@ pub use outcome::{Outcome, PoseChange, Views};
 pub use plan::{Plan, dry_run};
 pub use record::Record;
 pub use run::Run;
+use settings::RunFile;
 pub use settings::{Initial, RunSettings, SceneFormat};
+pub use weaver_io::OutputFolder;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -67,7 +67,7 @@ pub fn write(run: &Run, outcome: &Outcome, train: &[Judged], test: &[Judged]) ->
     let all = test.iter().map(|j| ("held out", j)).chain(train.iter().map(|j| ("fitted", j)));
     page.table(&["photo", "", "PSNR, dB", "SSIM", "LPIPS"], &all.map(quality).collect::<Vec<_>>());
     page.heading(2, "Curves");
-    let records: Vec<Record> = read_metrics(run.folder.join("metrics.jsonl"))?;
+    let records: Vec<Record> = read_metrics(run.out.path().join("metrics.jsonl"))?;
     let curves: [(&str, Value); 5] = [
         ("loss", |r| r.loss),
         ("PSNR of the photos looked at, dB", |r| r.psnr),
@@ -78,15 +78,15 @@ pub fn write(run: &Run, outcome: &Outcome, train: &[Judged], test: &[Judged]) ->
     for (name, of) in curves {
         page.curve(name, records.iter().map(|r| (r.step, of(r))));
     }
-    Ok(page.write(run.folder.join("report.html"))?)
+    Ok(page.write(run.out.file("report.html")?)?)
 }
 
 fn pictures(run: &Run, shown: &[Judged], training: bool, page: &mut Page) -> Result<(), RunError> {
-    let gaussians = run.fit.gaussians().to_activated();
-    let (settings, mut workspace) = (run.fit.raster_settings(), Workspace::new());
+    let gaussians = run.fit().gaussians().to_activated();
+    let (settings, mut workspace) = (run.fit().raster_settings(), Workspace::new());
     for i in pictured(shown.len()) {
         let Judged { name, camera, image: Some(image), quality } = &shown[i] else { continue };
-        let photo = if training { run.fit.photo(i) } else { &run.held_out[i] };
+        let photo = if training { run.fit().photo(i) } else { &run.held_out()[i] };
         let (count, most) = maps::count(&gaussians, camera, &settings, &mut workspace)?;
         let (density, densest) = maps::density(&gaussians, camera, settings.near);
         let given = Image::from_bytes(camera.width, camera.height, &photo.rgb);

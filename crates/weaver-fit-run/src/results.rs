@@ -1,16 +1,19 @@
 //! The end of a run: scene, cameras, judgment, report.
 
 use crate::judged::Judged;
+use crate::loaded::{Loaded, Origin};
 use crate::outcome::{Outcome, PoseChange, Views};
-use crate::run::Origin;
+use crate::run::MODEL;
 use crate::{Run, RunError, report};
 use std::path::PathBuf;
 use std::time::Instant;
-use weaver_fit::{Photo, Quality};
+use weaver_fit::{Judge, Photo, Quality};
+use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose, Similarity};
-use weaver_io::colmap::Model;
+use weaver_io::colmap::{Model, Point};
 use weaver_io::{Transforms, write_gaussians};
 use weaver_scene::Frame;
+use weaver_sfm::carried;
 
 /// Decibels below the median from which a photo is called a stranger.
 const STRANGE: f64 = 8.0;
@@ -23,11 +26,11 @@ impl Run {
     /// # Errors
     /// When a file cannot be written, or the rasterizer refuses.
     pub fn finish(&mut self) -> Result<Outcome, RunError> {
-        self.fit.fetch()?;
-        let gaussians = self.fit.gaussians();
-        write_gaussians(self.folder.join("scene.ply"), &gaussians)?;
+        self.capture.fit.fetch()?;
+        let gaussians = self.fit().gaussians();
+        write_gaussians(self.out.file("scene.ply")?, &gaussians)?;
         for format in &self.settings.formats {
-            write_gaussians(self.folder.join(format.file_name()), &gaussians)?;
+            write_gaussians(self.out.file(format.file_name())?, &gaussians)?;
         }
         let test_cameras = self.held_out_cameras()?;
         self.write_cameras(&test_cameras)?;
@@ -36,7 +39,7 @@ impl Run {
         let test = self.judge_held_out(&test_cameras)?;
         let outcome = self.outcome(seconds, &train, &test);
         let text = serde_json::to_string_pretty(&outcome).expect("an outcome is plain data");
-        weaver_io::write_text(self.folder.join("summary.json"), &(text + "\n"))?;
+        weaver_io::write_text(self.out.file("summary.json")?, &(text + "\n"))?;
         report::write(self, &outcome, &train, &test)?;
         Ok(outcome)
     }
@@ -47,13 +50,13 @@ impl Run {
             Quality::mean(&all).map(|quality| Views { views: all.len(), quality })
         };
         let nothing = Views { views: 0, quality: Quality { psnr: f64::NAN, ssim: None, lpips: None } };
-        let raster = self.fit.raster_settings();
-        let camera = &self.fit.photo(0).camera;
+        let raster = self.fit().raster_settings();
+        let camera = &self.fit().photo(0).camera;
         Outcome {
-            steps: self.fit.steps_done(),
+            steps: self.fit().steps_done(),
             planned: self.settings.fit.steps,
             seconds,
-            gaussians: self.fit.population().len(),
+            gaussians: self.fit().population().len(),
             size: [camera.width, camera.height],
             train: views(train).unwrap_or(nothing),
             test: views(test),
@@ -68,7 +71,7 @@ impl Run {
 
     fn pose_change(&self) -> PoseChange {
         let pairs: Vec<(Pose, Pose)> =
-            (0..self.fit.photos()).map(|i| (self.origins[i].given.pose, self.fit.camera(i).pose)).collect();
+            (0..self.fit().photos()).map(|i| (self.capture.origins[i].given.pose, self.fit().camera(i).pose)).collect();
         let median = |of: &dyn Fn(&(Pose, Pose)) -> f64| {
             let mut all: Vec<f64> = pairs.iter().map(of).collect();
             all.sort_unstable_by(f64::total_cmp);
@@ -77,38 +80,38 @@ impl Run {
         PoseChange {
             refined: self.settings.fit.poses.refine,
             degrees: median(&|(a, b)| a.angle_to(b).to_degrees()),
-            distance: median(&|(a, b)| a.center().distance(b.center())) / self.fit.extent(),
-            focal: self.fit.camera(0).intrinsics.fx / self.origins[0].given.intrinsics.fx,
-            points: self.matching.map_or(0, |m| m.points),
-            pixels: self.matching.and_then(|m| m.pixels.is_finite().then_some(m.pixels)),
+            distance: median(&|(a, b)| a.center().distance(b.center())) / self.fit().extent(),
+            focal: self.fit().camera(0).intrinsics.fx / self.capture.origins[0].given.intrinsics.fx,
+            points: self.capture.matching.map_or(0, |m| m.points),
+            pixels: self.capture.matching.and_then(|m| m.pixels.is_finite().then_some(m.pixels)),
         }
     }
 
     /// The cameras that held-out photos are judged with: as given; where cameras were refined, as matched, carried along
     /// with those of the training photos, and located in the scene, which is frozen.
     fn held_out_cameras(&mut self) -> Result<Vec<Camera>, RunError> {
-        let given: Vec<Camera> = self.held_out.iter().map(|photo| photo.camera).collect();
+        let given: Vec<Camera> = self.capture.held_out.iter().map(|photo| photo.camera).collect();
         if !self.settings.fit.poses.refine {
             return Ok(given);
         }
-        let poses = |of: &dyn Fn(usize) -> Camera| (0..self.fit.photos()).map(|i| of(i).pose).collect::<Vec<_>>();
-        let (before, after) = (poses(&|i| self.fit.photo(i).camera), poses(&|i| self.fit.camera(i)));
+        let poses = |of: &dyn Fn(usize) -> Camera| (0..self.fit().photos()).map(|i| of(i).pose).collect::<Vec<_>>();
+        let (before, after) = (poses(&|i| self.fit().photo(i).camera), poses(&|i| self.fit().camera(i)));
         let carried = Similarity::fit_poses(&before, &after);
         let mut cameras = Vec::with_capacity(given.len());
-        for (photo, mut camera) in self.held_out.iter().zip(given) {
+        for (photo, mut camera) in self.capture.held_out.iter().zip(given) {
             if let Some(carried) = &carried {
                 camera.pose = carried.apply_to_pose(&camera.pose);
             }
-            cameras.push(self.fit.locate(photo, camera, LOCATE)?);
+            cameras.push(self.capture.fit.locate(photo, camera, LOCATE)?);
         }
         Ok(cameras)
     }
 
     /// Writes transforms.json and a COLMAP model, with intrinsics and distortion of the photos as they are on disk.
     fn write_cameras(&self, test: &[Camera]) -> Result<(), RunError> {
-        let fitted = (0..self.fit.photos()).map(|i| self.fit.camera(i)).chain(test.iter().copied());
+        let fitted = (0..self.fit().photos()).map(|i| self.fit().camera(i)).chain(test.iter().copied());
         let cameras: Vec<Camera> = fitted
-            .zip(&self.origins)
+            .zip(&self.capture.origins)
             .map(|(camera, origin)| Camera { pose: camera.pose, ..origin.file_camera })
             .collect();
         let absolute = |path: &PathBuf| std::path::absolute(path).unwrap_or(path.clone());
@@ -123,29 +126,42 @@ impl Run {
                     ..Frame::new(name(origin), *camera)
                 }
             };
-            self.origins.iter().zip(&cameras).map(frame).collect()
+            self.capture.origins.iter().zip(&cameras).map(frame).collect()
         };
         let frames_on_disk = frames(&|origin| absolute(&origin.path).display().to_string());
-        let test_filenames = frames_on_disk[self.fit.photos()..].iter().map(|frame| frame.name.clone()).collect();
+        let test_filenames = frames_on_disk[self.fit().photos()..].iter().map(|frame| frame.name.clone()).collect();
         Transforms { frames: frames_on_disk, test_filenames, ..Transforms::default() }
-            .write(self.folder.join("transforms.json"))?;
-        weaver_io::create_folder(self.folder.join("sparse/0"))?;
-        Model::from_frames(&frames(&|origin| origin.name.clone())).write_binary(self.folder.join("sparse/0"))?;
-        Ok(())
+            .write(self.out.file("transforms.json")?)?;
+        let model = Model { points: self.points(), ..Model::from_frames(&frames(&|origin| origin.name.clone())) };
+        Ok(model.write_binary(self.out.files(MODEL, Model::FILES)?)?)
+    }
+
+    /// The capture's points, moved with the cameras that see them where the fit refined these.
+    fn points(&self) -> Vec<Point> {
+        let cameras = |of: &dyn Fn(usize) -> Camera| (0..self.fit().photos()).map(of).collect::<Vec<_>>();
+        let (before, after) = (cameras(&|i| self.fit().photo(i).camera), cameras(&|i| self.fit().camera(i)));
+        let points = &self.capture.points;
+        let point = |(id, (position, rgb)): (u64, (&[f32; 3], &[u8; 3]))| {
+            let position = DVec3::from(position.map(f64::from));
+            let moved = if before == after { position } else { carried(position, &before, &after) };
+            Point { id, xyz: moved.to_array(), rgb: *rgb, error: 0.0, track: Vec::new() }
+        };
+        (1..).zip(points.positions.iter().zip(&points.colors)).map(point).collect()
     }
 
     fn judge_training(&mut self) -> Result<Vec<Judged>, RunError> {
-        let photos = self.fit.photos();
-        let shown: Vec<usize> = if self.held_out.is_empty() { report::pictured(photos).collect() } else { Vec::new() };
+        let photos = self.fit().photos();
+        let shown: Vec<usize> =
+            if self.capture.held_out.is_empty() { report::pictured(photos).collect() } else { Vec::new() };
         let judge = |i: usize| {
-            let camera = self.fit.camera(i);
-            let mut image = self.fit.render(&camera)?;
-            if let Some(exposure) = self.fit.exposure(i) {
+            let camera = self.fit().camera(i);
+            let mut image = self.capture.fit.render(&camera)?;
+            if let Some(exposure) = self.fit().exposure(i) {
                 let drawn = image.clone();
                 exposure.apply(&drawn, &mut image);
             }
-            let photo = self.fit.photo(i);
-            let quality = self.judge.compare(&image, &photo.rgb, [camera.height, camera.width]);
+            let photo = self.fit().photo(i);
+            let quality = quality(&self.judge, &image, photo, &camera);
             Ok(Judged { name: photo.name.clone(), camera, image: shown.contains(&i).then_some(image), quality })
         };
         (0..photos).map(judge).collect()
@@ -153,30 +169,36 @@ impl Run {
 
     fn judge_held_out(&mut self, cameras: &[Camera]) -> Result<Vec<Judged>, RunError> {
         let shown: Vec<usize> = report::pictured(cameras.len()).collect();
-        let judge = |(i, (photo, camera)): (usize, (&Photo, &Camera))| {
-            let image = self.fit.render(camera)?;
-            let quality = self.judge.compare(&image, &photo.rgb, [camera.height, camera.width]);
+        let Self { capture: Loaded { fit, held_out, .. }, judge, .. } = self;
+        let judged = |(i, (photo, camera)): (usize, (&Photo, &Camera))| {
+            let image = fit.render(camera)?;
+            let quality = quality(judge, &image, photo, camera);
             let image = shown.contains(&i).then_some(image);
             Ok(Judged { name: photo.name.clone(), camera: *camera, image, quality })
         };
-        self.held_out.iter().zip(cameras).enumerate().map(judge).collect()
+        held_out.iter().zip(cameras).enumerate().map(judged).collect()
     }
 
     /// Seconds that the results will take, from judging one photo now; with a budget full of Gaussians and pictures for the
     /// report it takes longer than with the few that there are.
     pub(crate) fn seconds_of_results(&mut self) -> Result<f64, RunError> {
-        let camera = self.fit.camera(0);
+        let camera = self.fit().camera(0);
         let mut seconds = 0.0;
         // The first photo meets cold memory.
         for _ in 0..2 {
             let start = Instant::now();
-            let image = self.fit.render(&camera)?;
-            self.judge.compare(&image, &self.fit.photo(0).rgb, [camera.height, camera.width]);
+            let image = self.capture.fit.render(&camera)?;
+            quality(&self.judge, &image, self.fit().photo(0), &camera);
             seconds = start.elapsed().as_secs_f64();
         }
-        let views = self.fit.photos() + self.held_out.len();
+        let views = self.fit().photos() + self.capture.held_out.len();
         Ok(0.3 + 1.3 * seconds * views as f64)
     }
+}
+
+/// How well an image meets what counts of a photo.
+fn quality(judge: &Judge, image: &[f32], photo: &Photo, camera: &Camera) -> Quality {
+    judge.compare_inside(image, &photo.rgb, [camera.height, camera.width], photo.mask.as_deref())
 }
 
 /// Photos whose PSNR is far below the median.

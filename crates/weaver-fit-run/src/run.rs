@@ -1,143 +1,135 @@
 //! A fit of a capture, under way.
 
-use crate::matching::Matching;
-use crate::{Initial, Record, RunError, RunSettings};
-use std::path::{Path, PathBuf};
+use crate::loaded::{Loaded, load};
+use crate::{Matching, Record, RunError, RunFile, RunSettings};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use weaver_data::posed::{self, PosedPhoto};
-use weaver_fit::{Fit, Judge, Photo, StepReport, init, steps_in};
-use weaver_geometry::{Camera, Distortion};
+use weaver_fit::{Fit, Judge, Photo, StepReport, steps_in};
 use weaver_io::checkpoint::Tensors;
+use weaver_io::{OutputFolder, colmap};
 use weaver_report::{MetricsLog, TensorBoard};
 use weaver_scene::Gaussians;
 use weaver_splat::AnyRasterizer;
 
-/// A photo's place on disk.
-#[derive(Clone, Debug)]
-pub(crate) struct Origin {
-    pub name: String,
-    pub path: PathBuf,
-    /// The camera of the photo as it is on disk.
-    pub file_camera: Camera,
-    /// The distortion of the photo as it is on disk.
-    pub distortion: Option<Distortion>,
-    /// The file of the photo's mask.
-    pub mask_file: Option<PathBuf>,
-    /// When the photo was taken, where the capture says so.
-    pub time: Option<f64>,
-    /// The number that the capture gives to the photo.
-    pub number: Option<u64>,
-    /// The camera of the photo as it is fitted, before refinement.
-    pub given: Camera,
-}
-
-/// A run under way.
+/// A run under way. Its folder is its own until this value is dropped.
 #[derive(Debug)]
 pub struct Run {
-    pub(crate) folder: PathBuf,
+    pub(crate) out: OutputFolder,
     pub(crate) settings: RunSettings,
-    pub(crate) fit: Fit,
-    pub(crate) held_out: Vec<Photo>,
-    /// Of the training photos, then of the held-out ones.
-    pub(crate) origins: Vec<Origin>,
-    pub(crate) matching: Option<Matching>,
-    remarks: Vec<String>,
+    pub(crate) capture: Loaded,
     pub(crate) judge: Judge,
     /// Seconds of earlier sessions.
     before: f64,
     started: Instant,
 }
 
+/// What a run's folder says that its files were written by.
+pub(crate) const COMMAND: &str = "fit";
+/// What was asked for and what of.
+pub(crate) const SETTINGS: &str = "run.json";
+/// The Gaussians that a run began with.
+const INIT: &str = "init.ply";
+const CHECKPOINT: &str = "checkpoint.safetensors";
+/// The folder of the cameras and points as COLMAP has them.
+pub(crate) const MODEL: &str = "sparse/0";
 /// Records of a run, whatever its length.
 const RECORDS: usize = 500;
 /// Time between two checkpoints over the time that one takes to write, at least.
 const SAVING: u32 = 30;
 
 impl Run {
-    /// Begins a run in a new folder. `given` are the Gaussians of [`Initial::Given`]; `rasterizer` draws.
+    /// Claims a folder for a run that reads these files and folders. Meant to be called before any other work.
+    ///
+    /// # Errors
+    /// When the folder holds a run, or as [`OutputFolder::claim`] and [`OutputFolder::check`].
+    pub fn claim<P: AsRef<Path>>(folder: &Path, inputs: impl IntoIterator<Item = P>) -> Result<OutputFolder, RunError> {
+        if folder.join(SETTINGS).exists() {
+            return Err(RunError::RunExists { folder: folder.into() });
+        }
+        let out = OutputFolder::claim(folder, COMMAND, inputs)?;
+        out.check(files())?;
+        Ok(out)
+    }
+
+    /// Claims a folder and begins a run in it: [`claim`](Self::claim), with the capture as what is read, and [`begin`](Self::begin).
+    ///
+    /// # Errors
+    /// As these two.
+    pub fn create(
+        folder: &Path,
+        settings: RunSettings,
+        given: Option<&Gaussians>,
+        judge: Judge,
+        rasterizer: AnyRasterizer<f32>,
+    ) -> Result<Self, RunError> {
+        Self::begin(Self::claim(folder, [&settings.capture])?, settings, given, judge, rasterizer)
+    }
+
+    /// Begins a run in a folder that was [claimed](Self::claim). `given` are the Gaussians of [`Initial::Given`](crate::Initial::Given); `rasterizer` draws.
     ///
     /// With [`RunSettings::minutes`], the number of steps is chosen now, such that the run, results included, ends in time if
     /// the machine goes on as fast, but for [`RunSettings::least_steps`]; it is written down, so that the run can be repeated to the same bits.
     ///
     /// # Errors
-    /// When the capture cannot be read or gives nothing to fit, a setting is out of range, or the folder holds a run or
-    /// cannot be written; nothing is then left behind.
-    pub fn create(
-        folder: &Path,
+    /// When the capture cannot be read or gives nothing to fit, a setting is out of range, or a file cannot be written; nothing is then
+    /// left behind.
+    pub fn begin(
+        out: OutputFolder,
         mut settings: RunSettings,
         given: Option<&Gaussians>,
         judge: Judge,
         rasterizer: AnyRasterizer<f32>,
     ) -> Result<Self, RunError> {
         let started = Instant::now();
-        if run_path(folder).exists() || folder.join("scene.ply").exists() {
-            return Err(RunError::RunExists { folder: folder.into() });
-        }
+        out.check(settings.formats.iter().map(|format| format.file_name()))?;
         settings.fit.check()?;
         settings.capture = std::path::absolute(&settings.capture).unwrap_or(settings.capture);
-        let mut run = Self::loaded(folder, settings, given, (judge, rasterizer), started)?;
+        let capture = load(&settings, given, rasterizer)?;
+        let mut run = Self { out, settings, capture, judge, before: 0.0, started };
         if let Some(minutes) = run.settings.minutes {
             let reserve = run.seconds_of_results()?;
             let left = 60.0 * minutes - started.elapsed().as_secs_f64() - reserve;
-            let enough = steps_in(&mut run.fit, left.max(0.0))?;
+            let enough = steps_in(&mut run.capture.fit, left.max(0.0))?;
             let steps = enough.max(run.settings.least_steps);
             let few = format!("{minutes} minutes are enough for {enough} steps");
             if steps > enough {
-                run.remarks.push(format!("{few}; {steps} are made, which takes longer"));
-            } else if steps < run.fit.photos() {
-                run.remarks.push(format!(
+                run.capture.remarks.push(format!("{few}; {steps} are made, which takes longer"));
+            } else if steps < run.fit().photos() {
+                run.capture.remarks.push(format!(
                     "{few}, fewer than there are photos; judging them at the end is counted as {reserve:.1} s"
                 ));
             }
-            run.fit.set_steps(steps);
+            run.capture.fit.set_steps(steps);
             run.settings.fit.steps = steps;
         }
-        weaver_io::create_folder(folder)?;
-        weaver_io::check_writable(folder)?;
-        let text = serde_json::to_string_pretty(&run.settings).expect("settings are plain data");
         if let Some(given) = given {
-            weaver_io::write_ply(init_path(folder), given)?;
+            weaver_io::write_ply(run.out.file(INIT)?, given)?;
         }
-        weaver_io::write_text(run_path(folder), &(text + "\n"))?;
+        let file = RunFile { settings: run.settings.clone(), sources: run.capture.sources.clone() };
+        file.write(&run.out.file(SETTINGS)?)?;
         Ok(run)
-    }
-
-    /// A run at its first step.
-    fn loaded(
-        folder: &Path,
-        settings: RunSettings,
-        given: Option<&Gaussians>,
-        (judge, rasterizer): (Judge, AnyRasterizer<f32>),
-        started: Instant,
-    ) -> Result<Self, RunError> {
-        let Loaded { fit, held_out, origins, matching, remarks } = load(&settings, given, rasterizer)?;
-        let folder = folder.into();
-        Ok(Self { folder, settings, fit, held_out, origins, matching, remarks, judge, before: 0.0, started })
     }
 
     /// Goes on with a run from its last checkpoint, or from the start if there is none.
     ///
     /// # Errors
-    /// When there is no run, its files or its capture cannot be read, or they no longer belong together.
+    /// When there is no run or it is under way elsewhere, its files or its capture cannot be read, or they no longer belong together.
     pub fn resume(folder: &Path, judge: Judge, rasterizer: AnyRasterizer<f32>) -> Result<Self, RunError> {
         let started = Instant::now();
-        let path = run_path(folder);
-        let settings: RunSettings = serde_json::from_str(&weaver_io::read_text(&path)?).map_err(|e| {
-            RunError::File(weaver_io::Error::Invalid {
-                path: path.clone(),
-                place: "settings".into(),
-                expected: "those of a fit".into(),
-                found: e.to_string(),
-            })
-        })?;
-        let checkpoint = checkpoint_path(folder);
-        let given = init_path(folder);
+        let path = folder.join(SETTINGS);
+        let RunFile { settings, sources } = RunFile::read(&path)?;
+        let formats = settings.formats.iter().map(|format| format.file_name().to_string());
+        let out = OutputFolder::reopen(folder, COMMAND, files().chain([INIT.into()]).chain(formats))?;
+        let given = folder.join(INIT);
         let given = given.exists().then(|| weaver_io::read_gaussians(&given)).transpose()?;
-        let mut run = Self::loaded(folder, settings, given.as_ref(), (judge, rasterizer), started)?;
+        let capture = load(&settings, given.as_ref(), rasterizer)?;
+        capture.sources.check(&sources, &settings.capture, &path)?;
+        let mut run = Self { out, settings, capture, judge, before: 0.0, started };
+        let checkpoint = folder.join(CHECKPOINT);
         if checkpoint.exists() {
             let state = Tensors::read(&checkpoint)?;
-            run.fit.restore(&state)?;
+            run.capture.fit.restore(&state)?;
             run.before = state.metadata.get("seconds").and_then(|s| s.parse().ok()).unwrap_or(0.0);
         }
         Ok(run)
@@ -158,22 +150,22 @@ impl Run {
 
     /// The optimization.
     pub fn fit(&self) -> &Fit {
-        &self.fit
+        &self.capture.fit
     }
 
     /// What photos were found to agree about, if cameras are refined.
     pub fn matching(&self) -> Option<Matching> {
-        self.matching
+        self.capture.matching
     }
 
     /// What the user should know about how the capture was loaded.
     pub fn remarks(&self) -> &[String] {
-        &self.remarks
+        &self.capture.remarks
     }
 
     /// The photos that are held out.
     pub fn held_out(&self) -> &[Photo] {
-        &self.held_out
+        &self.capture.held_out
     }
 
     /// Seconds since the run began, those of earlier sessions included.
@@ -186,15 +178,15 @@ impl Run {
     /// # Errors
     /// As [`Fit::step`], and when a file cannot be written; the last checkpoint then stays as it was.
     pub fn advance(&mut self, stop: &AtomicBool, mut observe: impl FnMut(&StepReport)) -> Result<(), RunError> {
-        let steps = self.fit.settings().steps;
+        let steps = self.fit().settings().steps;
         let every = steps.div_ceil(RECORDS);
-        let mut log = MetricsLog::open(self.folder.join("metrics.jsonl"), self.fit.steps_done())?;
-        let mut events = TensorBoard::create(self.folder.join("events"))?;
+        let mut log = MetricsLog::open(self.out.file("metrics.jsonl")?, self.fit().steps_done())?;
+        let mut events = TensorBoard::create(self.out.path().join("events"))?;
         let (mut sums, mut count) = (Record::default(), 0);
         let least = Duration::from_secs_f64(self.settings.save_every);
         let (mut saved, mut pause) = (Instant::now(), least);
-        while self.fit.steps_done() < steps && !stop.load(Ordering::Relaxed) {
-            let report = self.fit.step()?;
+        while self.fit().steps_done() < steps && !stop.load(Ordering::Relaxed) {
+            let report = self.capture.fit.step()?;
             observe(&report);
             sums.add(&report);
             count += 1;
@@ -218,97 +210,16 @@ impl Run {
     /// # Errors
     /// When it cannot be written; the last one then stays as it was.
     pub fn save(&mut self) -> Result<(), RunError> {
-        self.fit.fetch()?;
-        let mut state = self.fit.state();
+        self.capture.fit.fetch()?;
+        let mut state = self.fit().state();
         state.metadata.insert("seconds".into(), format!("{:.3}", self.seconds()));
-        Ok(state.write(checkpoint_path(&self.folder))?)
+        Ok(state.write(self.out.file(CHECKPOINT)?)?)
     }
 }
 
-fn run_path(folder: &Path) -> PathBuf {
-    folder.join("run.json")
-}
-
-fn init_path(folder: &Path) -> PathBuf {
-    folder.join("init.ply")
-}
-
-fn checkpoint_path(folder: &Path) -> PathBuf {
-    folder.join("checkpoint.safetensors")
-}
-
-/// A capture, ready to be fitted.
-struct Loaded {
-    fit: Fit,
-    held_out: Vec<Photo>,
-    origins: Vec<Origin>,
-    matching: Option<Matching>,
-    remarks: Vec<String>,
-}
-
-fn load(settings: &RunSettings, given: Option<&Gaussians>, rasterizer: AnyRasterizer<f32>) -> Result<Loaded, RunError> {
-    let mut capture = posed::load(&settings.capture, &settings.posed_options())?;
-    let (mut training, mut held_out) = (Vec::new(), Vec::new());
-    let (mut origins, mut held_out_origins) = (Vec::new(), Vec::new());
-    for photo in capture.photos {
-        let PosedPhoto {
-            name,
-            path,
-            camera,
-            file_camera,
-            distortion,
-            mask_file,
-            rgb,
-            mask,
-            time,
-            number,
-            held_out: out,
-            ..
-        } = photo;
-        let photo = Photo { name: name.clone(), camera, rgb, mask };
-        // The optimization leaves out photos without a pixel that counts.
-        if photo.is_masked() {
-            continue;
-        }
-        let (photos, places) = if out { (&mut held_out, &mut held_out_origins) } else { (&mut training, &mut origins) };
-        photos.push(photo);
-        places.push(Origin { name, path, file_camera, distortion, mask_file, time, number, given: camera });
-    }
-    if let Some(views) = settings.views {
-        let chosen = weaver_data::uniform(training.len(), views.clamp(1, training.len().max(1)));
-        training = chosen.iter().map(|i| training[*i].clone()).collect();
-        origins = chosen.iter().map(|i| origins[*i].clone()).collect();
-    }
-    origins.append(&mut held_out_origins);
-    if training.is_empty() {
-        let expected = "at least one that is not held out, with pixels that count";
-        let found = format!("{} held out, none other", held_out.len());
-        return Err(RunError::Photos {
-            capture: settings.capture.clone(),
-            key: "photos",
-            expected: expected.into(),
-            found,
-        });
-    }
-    // The file of a fisheye's photo with another focal length would have no distortion that can be written.
-    let refocusable = |origin: &Origin| origin.distortion.is_none_or(|d| d.refocused(1.0).is_some());
-    let refocus = settings.focal && origins.iter().all(refocusable);
-    let matching =
-        settings.fit.poses.refine.then(|| Matching::refine(&mut training, &mut held_out, &mut capture.points, refocus));
-    if let Some(Matching { focal, .. }) = matching.filter(|_| refocus) {
-        for origin in &mut origins {
-            origin.file_camera.intrinsics.fx *= focal;
-            origin.file_camera.intrinsics.fy *= focal;
-            origin.distortion = origin.distortion.and_then(|distortion| distortion.refocused(focal));
-        }
-    }
-    let initial = match (settings.init, capture.points.is_empty()) {
-        (Initial::Given, _) => init::from_gaussians(given.unwrap_or(&Gaussians::default()), &settings.fit)?,
-        (Initial::Random, _) | (Initial::Auto, true) => init::random(&training, &settings.fit)?,
-        (Initial::Points | Initial::Auto, _) => init::from_points(&capture.points, &settings.fit)?,
-    };
-    let remarks = capture.remarks;
-    let strategy = settings.fit.density.strategy();
-    let fit = Fit::with(rasterizer, strategy, training, &initial, settings.fit.clone())?;
-    Ok(Loaded { fit, held_out, origins, matching, remarks })
+/// The files of every run.
+fn files() -> impl Iterator<Item = String> {
+    let results = ["scene.ply", "transforms.json", "metrics.jsonl", "summary.json", "report.html"];
+    let model = colmap::Model::FILES.map(|name| format!("{MODEL}/{name}"));
+    [SETTINGS, CHECKPOINT].into_iter().chain(results).map(String::from).chain(model)
 }

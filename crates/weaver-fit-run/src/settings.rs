@@ -1,7 +1,9 @@
 //! What is asked of a run.
 
+use crate::RunError;
+use crate::sources::Sources;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use weaver_data::capture::HoldOut;
 use weaver_data::posed::PosedOptions;
 use weaver_fit::FitSettings;
@@ -99,5 +101,32 @@ impl RunSettings {
             background: self.fit.background,
             ..PosedOptions::default()
         }
+    }
+}
+
+/// The content of run.json: what was asked for, and what was read. Runs of earlier versions do not say the latter.
+#[derive(Debug, Deserialize, Serialize)]
+pub(crate) struct RunFile {
+    #[serde(flatten)]
+    pub settings: RunSettings,
+    #[serde(default)]
+    pub sources: Sources,
+}
+
+impl RunFile {
+    pub fn read(path: &Path) -> Result<Self, RunError> {
+        serde_json::from_str(&weaver_io::read_text(path)?).map_err(|e| {
+            RunError::File(weaver_io::Error::Invalid {
+                path: path.into(),
+                place: "settings".into(),
+                expected: "those of a fit".into(),
+                found: e.to_string(),
+            })
+        })
+    }
+
+    pub fn write(&self, path: &Path) -> Result<(), RunError> {
+        let text = serde_json::to_string_pretty(self).expect("settings are plain data");
+        Ok(weaver_io::write_text(path, &(text + "\n"))?)
     }
 }

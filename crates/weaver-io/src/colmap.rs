@@ -68,6 +68,9 @@ pub struct Point {
 }
 
 impl Model {
+    /// The files that [`write_binary`](Self::write_binary) writes.
+    pub const FILES: [&str; 3] = ["cameras.bin", "images.bin", "points3D.bin"];
+
     /// Reads `cameras`, `images` and `points3D` from a folder: the `.bin` files where they exist, else the `.txt` files.
     ///
     /// A `points3D.ply` takes the place of points that are in neither form; its points have no observations.

@@ -89,14 +89,18 @@ impl OutputFolder {
     ///
     /// # Errors
     /// When another command is writing into it, and when it cannot be written.
-    pub fn reopen<'a>(path: impl Into<PathBuf>, command: &str, own: impl IntoIterator<Item = &'a str>) -> Result<Self> {
+    pub fn reopen<S: AsRef<str>>(
+        path: impl Into<PathBuf>,
+        command: &str,
+        own: impl IntoIterator<Item = S>,
+    ) -> Result<Self> {
         let path = path.into();
         check_writable(&path)?;
         let mut claimed = Self::open(path, command, Vec::new(), Vec::new())?;
         let (folder, command) = (claimed.path.clone(), claimed.command.clone());
         let record = claimed.record.get_mut().unwrap_or_else(PoisonError::into_inner);
         if record.written.is_empty() {
-            own.into_iter().try_for_each(|name| record.add(&folder, name, &command))?;
+            own.into_iter().try_for_each(|name| record.add(&folder, name.as_ref(), &command))?;
         }
         Ok(claimed)
     }

@@ -1,0 +1,125 @@
+//! A capture, ready to be fitted.
+
+use crate::matching::Matching;
+use crate::sources::Sources;
+use crate::{Initial, RunError, RunSettings};
+use std::path::PathBuf;
+use weaver_data::posed::{self, PosedPhoto};
+use weaver_fit::{Fit, Photo, init};
+use weaver_geometry::{Camera, Distortion};
+use weaver_scene::{Gaussians, PointCloud};
+use weaver_splat::AnyRasterizer;
+
+/// A photo's place on disk.
+#[derive(Clone, Debug)]
+pub(crate) struct Origin {
+    pub name: String,
+    pub path: PathBuf,
+    /// The camera of the photo as it is on disk.
+    pub file_camera: Camera,
+    /// The distortion of the photo as it is on disk.
+    pub distortion: Option<Distortion>,
+    /// The file of the photo's mask.
+    pub mask_file: Option<PathBuf>,
+    /// When the photo was taken, where the capture says so.
+    pub time: Option<f64>,
+    /// The number that the capture gives to the photo.
+    pub number: Option<u64>,
+    /// The camera of the photo as it is fitted, before refinement.
+    pub given: Camera,
+}
+
+/// A capture, ready to be fitted.
+#[derive(Debug)]
+pub(crate) struct Loaded {
+    pub fit: Fit,
+    pub held_out: Vec<Photo>,
+    /// Of the training photos, then of the held-out ones.
+    pub origins: Vec<Origin>,
+    /// The capture's points, where its cameras are as they are before the fit.
+    pub points: PointCloud,
+    pub matching: Option<Matching>,
+    /// What was read.
+    pub sources: Sources,
+    /// What the user should know.
+    pub remarks: Vec<String>,
+}
+
+/// Loads what a run fits. `given` are the Gaussians of [`Initial::Given`].
+pub(crate) fn load(
+    settings: &RunSettings,
+    given: Option<&Gaussians>,
+    rasterizer: AnyRasterizer<f32>,
+) -> Result<Loaded, RunError> {
+    let mut capture = posed::load(&settings.capture, &settings.posed_options())?;
+    let sources = Sources::of(&capture);
+    let (mut training, mut held_out) = (Vec::new(), Vec::new());
+    let (mut origins, mut held_out_origins) = (Vec::new(), Vec::new());
+    for photo in capture.photos {
+        let PosedPhoto {
+            name,
+            path,
+            camera,
+            file_camera,
+            distortion,
+            mask_file,
+            rgb,
+            mask,
+            time,
+            number,
+            held_out: out,
+            ..
+        } = photo;
+        let photo = Photo { name: name.clone(), camera, rgb, mask };
+        // The optimization leaves out photos without a pixel that counts.
+        if photo.is_masked() {
+            continue;
+        }
+        let (photos, places) = if out { (&mut held_out, &mut held_out_origins) } else { (&mut training, &mut origins) };
+        photos.push(photo);
+        places.push(Origin { name, path, file_camera, distortion, mask_file, time, number, given: camera });
+    }
+    if let Some(views) = settings.views {
+        let chosen = weaver_data::uniform(training.len(), views.clamp(1, training.len().max(1)));
+        training = chosen.iter().map(|i| training[*i].clone()).collect();
+        origins = chosen.iter().map(|i| origins[*i].clone()).collect();
+    }
+    origins.append(&mut held_out_origins);
+    if training.is_empty() {
+        let expected = "at least one that is not held out, with pixels that count";
+        let found = format!("{} held out, none other", held_out.len());
+        return Err(RunError::Photos {
+            capture: settings.capture.clone(),
+            key: "photos",
+            expected: expected.into(),
+            found,
+        });
+    }
+    // The file of a fisheye's photo with another focal length would have no distortion that can be written.
+    let refocusable = |origin: &Origin| origin.distortion.is_none_or(|d| d.refocused(1.0).is_some());
+    let refocus = settings.focal && origins.iter().all(refocusable);
+    let matching =
+        settings.fit.poses.refine.then(|| Matching::refine(&mut training, &mut held_out, &mut capture.points, refocus));
+    if let Some(Matching { focal, .. }) = matching.filter(|_| refocus) {
+        for origin in &mut origins {
+            origin.file_camera.intrinsics.fx *= focal;
+            origin.file_camera.intrinsics.fy *= focal;
+            origin.distortion = origin.distortion.and_then(|distortion| distortion.refocused(focal));
+        }
+    }
+    let initial = match (settings.init, capture.points.is_empty()) {
+        (Initial::Given, _) => init::from_gaussians(given.unwrap_or(&Gaussians::default()), &settings.fit)?,
+        (Initial::Random, _) | (Initial::Auto, true) => init::random(&training, &settings.fit)?,
+        (Initial::Points | Initial::Auto, _) => init::from_points(&capture.points, &settings.fit)?,
+    };
+    let mut remarks = capture.remarks;
+    if settings.init == Initial::Auto && capture.points.is_empty() {
+        remarks.push(format!(
+            "{}: no points: Gaussians begin at random, which costs quality; `splatweaver cameras` finds points",
+            settings.capture.display()
+        ));
+    }
+    let strategy = settings.fit.density.strategy();
+    let fit = Fit::with(rasterizer, strategy, training, &initial, settings.fit.clone())?;
+    Ok(Loaded { fit, held_out, origins, points: capture.points, matching, sources, remarks })
+}

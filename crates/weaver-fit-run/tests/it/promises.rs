@@ -1,0 +1,176 @@
+//! What a fit says of itself, and what it leaves alone.
+
+use crate::{capture, settings, without};
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use weaver_data::posed::{self, PosedOptions};
+use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_fit::{Judge, Quality};
+use weaver_fit_run::{Outcome, Run, RunError, RunSettings};
+use weaver_io::{Image, Transforms};
+use weaver_scene::PointCloud;
+use weaver_splat::{AnyRasterizer, RasterSettings, Workspace, render};
+
+fn fitted(folder: &Path, settings: RunSettings) -> Outcome {
+    let mut run = Run::create(folder, settings, None, Judge::default(), AnyRasterizer::default()).unwrap();
+    run.advance(&AtomicBool::new(false), |_| {}).unwrap();
+    run.finish().unwrap()
+}
+
+fn resumed(folder: &Path) -> Result<Run, RunError> {
+    Run::resume(folder, Judge::default(), AnyRasterizer::default())
+}
+
+#[test]
+fn what_is_masked_is_not_judged() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out) = (folder.path().join("data"), folder.path().join("out"));
+    capture(&data, 10);
+    std::fs::create_dir(data.join("masks")).unwrap();
+    for i in 0..10 {
+        // A passer-by in red, where the mask is black.
+        let path = data.join(format!("images/{i:02}.png"));
+        let mut photo = Image::read(&path, Default::default()).unwrap();
+        let mut mask = Image::filled(40, 32, [1.0; 3]);
+        for y in 4..28 {
+            for x in 2 * i..2 * i + 12 {
+                let at = 3 * (y * 40 + x);
+                photo.pixels[at..at + 3].copy_from_slice(&[1.0, 0.0, 0.0]);
+                mask.pixels[at..at + 3].fill(0.0);
+            }
+        }
+        photo.write_png(&path).unwrap();
+        mask.write_png(data.join(format!("masks/{i:02}.png"))).unwrap();
+    }
+    let mut settings = RunSettings { masks: true, ..settings(&data) };
+    settings.fit.steps = 200;
+    let outcome = fitted(&out, settings);
+    let options = PosedOptions { masks: true, ..PosedOptions::default() };
+    let gaussians = weaver_io::read_gaussians(out.join("scene.ply")).unwrap().to_activated();
+    let raster = RasterSettings { near: outcome.near, ..RasterSettings::default() };
+    let photos = posed::load(&data, &options).unwrap().photos;
+    let judged = |held_out: bool, masked: bool| {
+        let quality = |photo: &posed::PosedPhoto| {
+            let image = render(&gaussians, &[photo.camera], [1.0; 3], &raster, &mut Workspace::new()).unwrap();
+            let mask = photo.mask.as_deref().filter(|_| masked);
+            Judge::default().compare_inside(&image.concat(), &photo.rgb, [32, 40], mask)
+        };
+        let all: Vec<Quality> = photos.iter().filter(|photo| photo.held_out == held_out).map(quality).collect();
+        Quality::mean(&all).unwrap().psnr
+    };
+    let (train, test) = (outcome.train.quality.psnr, outcome.test.unwrap().quality.psnr);
+    assert!((train - judged(false, true)).abs() < 0.05, "{train} and {}", judged(false, true));
+    assert!((test - judged(true, true)).abs() < 0.05, "{test} and {}", judged(true, true));
+    assert!(test > judged(true, false) + 2.0, "the passer-by would have counted: {}", judged(true, false));
+}
+
+/// Writes points on the surfaces of the capture's scene beside it.
+fn with_points(data: &Path) -> PointCloud {
+    let scene = scene(2, &ProceduralOptions { width: 40, height: 32, views: 10 });
+    let positions: Vec<[f32; 3]> = scene.points.iter().map(|p| p.as_vec3().to_array()).take(300).collect();
+    let cloud = PointCloud { colors: vec![[90, 120, 200]; positions.len()], positions };
+    weaver_io::ply::write_points(data.join("points3D.ply"), &cloud).unwrap();
+    cloud
+}
+
+#[test]
+fn what_a_fit_writes_is_a_capture_with_points() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out, again) = (folder.path().join("data"), folder.path().join("out"), folder.path().join("again"));
+    capture(&data, 10);
+    let cloud = with_points(&data);
+    let first = fitted(&out, settings(&data));
+    let loaded = posed::load(&out, &PosedOptions::default()).unwrap();
+    assert_eq!(loaded.points.colors, cloud.colors);
+    for (a, b) in loaded.points.positions.iter().zip(&cloud.positions) {
+        assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5), "{a:?} and {b:?}");
+    }
+    // The same photos, cameras and points, and so the same scene.
+    let second = fitted(&again, settings(&out));
+    let [a, b] = [first, second].map(|outcome| outcome.test.unwrap().quality.psnr);
+    assert!((a - b).abs() < 0.1, "{a} dB, then {b} dB");
+}
+
+#[test]
+fn a_capture_without_points_is_told_at_the_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out, other) = (folder.path().join("data"), folder.path().join("out"), folder.path().join("other"));
+    capture(&data, 10);
+    let begun =
+        |out: &Path| Run::create(out, settings(&data), None, Judge::default(), AnyRasterizer::default()).unwrap();
+    let remarks = begun(&out).remarks().to_vec();
+    assert!(remarks.iter().any(|remark| remark.contains("no points")), "{remarks:?}");
+    with_points(&data);
+    assert!(begun(&other).remarks().is_empty());
+}
+
+#[test]
+fn a_capture_that_changed_is_not_gone_on_with() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out) = (folder.path().join("data"), folder.path().join("out"));
+    capture(&data, 10);
+    with_points(&data);
+    drop(Run::create(&out, settings(&data), None, Judge::default(), AnyRasterizer::default()).unwrap());
+    drop(resumed(&out).unwrap());
+    let refused = |key: &str| {
+        let error = resumed(&out).unwrap_err().to_string();
+        assert!(error.contains(key) && error.contains("what the fit began with"), "{key}: {error}");
+    };
+    // Two photos exchanged: as many, as large, of the same names.
+    let [a, b] = ["03", "04"].map(|name| data.join(format!("images/{name}.png")));
+    let swap = || {
+        let between = data.join("between");
+        std::fs::rename(&a, &between).unwrap();
+        std::fs::rename(&b, &a).unwrap();
+        std::fs::rename(&between, &b).unwrap();
+    };
+    swap();
+    refused("photo 0003 03.png");
+    swap();
+    let path = data.join("transforms.json");
+    let given = std::fs::read(&path).unwrap();
+    let mut other = Transforms::read(&path).unwrap();
+    other.frames[5].camera.pose.translation.x += 1e-3;
+    other.write(&path).unwrap();
+    refused("camera of 00");
+    std::fs::write(&path, given).unwrap();
+    std::fs::remove_file(data.join("points3D.ply")).unwrap();
+    refused("points");
+    with_points(&data);
+    // Moved, but not changed.
+    let elsewhere = folder.path().join("elsewhere");
+    std::fs::rename(&data, &elsewhere).unwrap();
+    let run = out.join("run.json");
+    let text = std::fs::read_to_string(&run).unwrap();
+    std::fs::write(&run, text.replace(data.to_str().unwrap(), elsewhere.to_str().unwrap())).unwrap();
+    drop(resumed(&out).unwrap());
+    // Runs of earlier versions do not say what they began with.
+    without(&run, "sources");
+    drop(resumed(&out).unwrap());
+}
+
+#[test]
+fn a_folder_is_one_runs_alone_and_other_files_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out) = (folder.path().join("data"), folder.path().join("out"));
+    capture(&data, 10);
+    let create = |out: &Path| Run::create(out, settings(&data), None, Judge::default(), AnyRasterizer::default());
+    let before = std::fs::read(data.join("transforms.json")).unwrap();
+    for into in [data.clone(), data.join("fit")] {
+        let error = create(&into).unwrap_err().to_string();
+        assert!(error.contains("apart from what is read"), "{error}");
+    }
+    assert!(std::fs::read(data.join("transforms.json")).unwrap() == before && !data.join("fit").exists());
+    std::fs::create_dir(&out).unwrap();
+    std::fs::write(out.join("summary.json"), "mine").unwrap();
+    let error = create(&out).unwrap_err().to_string();
+    assert!(error.contains("summary.json") && error.contains("output"), "{error}");
+    std::fs::remove_file(out.join("summary.json")).unwrap();
+    let run = create(&out).unwrap();
+    for second in [create(&out), resumed(&out)] {
+        let error = second.unwrap_err().to_string();
+        assert!(error.contains("a run exists there") || error.contains("in use"), "{error}");
+    }
+    drop(run);
+    drop(resumed(&out).unwrap());
+}
