@@ -1,7 +1,7 @@
 //! Photos to a scene with the weights of a training run: `reconstruct RUN OUT`. The photos are drawn here.
 
 use std::path::{Path, PathBuf};
-use weaver_inference::SplatWeaverPredictor;
+use weaver_inference::{OutputFolder, SplatWeaverPredictor};
 use weaver_inference::reconstruct::{Options, reconstruct};
 use weaver_io::{Image, read_ply};
 
@@ -10,11 +10,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let [run, out] = arguments.as_slice() else { return Err("expected RUN OUT".into()) };
     let out = Path::new(out);
     let photos: Vec<PathBuf> = (0..3).map(|view| photo(out, view)).collect::<Result<_, _>>()?;
+    let out = OutputFolder::claim(out.join("result"), "example", &photos)?;
 
     let mut predictor = SplatWeaverPredictor::open(run)?;
-    let report = reconstruct(&mut predictor, &photos, &Options::default(), out)?;
+    let report = reconstruct(&mut predictor, &photos, &Options::default(), &out)?;
 
-    let scene = read_ply(out.join("scene.ply"))?;
+    let scene = read_ply(out.path().join("scene.ply"))?;
     assert_eq!(scene.len(), report.gaussians);
     println!("{} Gaussians from {} photos", report.gaussians, photos.len());
     Ok(())

@@ -19,6 +19,8 @@ use weaver_splat::CpuRasterizer;
 use weaver_trainer::AlignLoss;
 
 pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
+    let read = arguments.photos.iter().chain([&arguments.scene]).chain(&arguments.cameras);
+    let mut results = Results::claim(&arguments.out, read)?;
     let (background, settings) = Asked::from(arguments.drawing).beside(&arguments.scene)?;
     let gaussians = read_gaussians(&arguments.scene)?.to_activated();
     let paths = paths(&arguments.photos)?;
@@ -48,7 +50,7 @@ pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
         let expected = format!("--loss ssim: expected photos of at least {least} x {least} pixels");
         return Err(Failure::message(format!("{name}: {expected}, found {width} x {height}")));
     }
-    let mut results = Results::create(&arguments.out)?;
+    results.check(&photos)?;
     let scene = Scene { gaussians: gaussians.as_slices(), background, settings, unit: unit(&photos) };
     let mut progress = Progress::new("align", 0, photos.len(), console);
     for (done, photo) in photos.iter().enumerate() {

@@ -20,7 +20,7 @@ pub use dynamic::{
     Dynamic, DynamicCommand, DynamicDistil, DynamicEval, DynamicPrune, DynamicRender, DynamicTrain, PresetName,
 };
 pub use eval::{ContextCameras, Eval, Targets};
-pub use fit::{Fit, Format, Origin, PoseMode, StrategyName};
+pub use fit::{Fit, Format, Origin, PoseMode, SAVE_EVERY, StrategyName};
 pub use lift::{DemoGaussians, Lift, Query, SolverName};
 pub use light::LightFlags;
 pub use photos::{Cameras, MatchingFlags, Reconstruct};

@@ -41,8 +41,9 @@ pub fn read_with_lenses(path: &Path, size: Size) -> Result<Vec<(Frame, Option<Un
     if frames.is_empty() {
         return Err(Failure::message(format!("{}: expected at least one camera, found none", path.display())));
     }
-    let unsized_images = frames.iter().any(|f| (f.camera.width, f.camera.height) == (1, 1));
-    if unsized_images && (size.width.is_none() || size.height.is_none()) {
+    // Only these give intrinsics without a size: a transforms.json of 1 x 1 pixel says that its images have one.
+    let is_realestate = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("txt"));
+    if is_realestate && (size.width.is_none() || size.height.is_none()) {
         let found = "a RealEstate10K file, which does not tell the size of its images";
         return Err(Failure::Usage(format!("{}: expected --width and --height with {found}", path.display())));
     }

@@ -10,6 +10,7 @@ use weaver_inference::Checkpoint;
 use weaver_io::{TorchCheckpoint, write_weights};
 
 pub fn run(arguments: &ConvertWeights, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    weaver_io::check_output_file(&arguments.out, [&arguments.file])?;
     if arguments.file.extension().is_some_and(|e| e == "safetensors") {
         let compact = Checkpoint::read(&arguments.file)?.compact()?;
         compact.write(&arguments.out)?;

@@ -6,10 +6,12 @@ use crate::failure::Failure;
 use crate::progress::duration;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use weaver_data::{Confidence, EstimatedPhotos, LeftOut, estimate_photos};
+use weaver_data::{Confidence, EstimatedPhotos, LeftOut, OutputFolder, estimate_photos};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose, Similarity};
 
+/// What the folder of estimated cameras says that it was written by.
+const COMMAND: &str = "cameras";
 /// One photo in this many is held out.
 const HOLD_OUT: usize = 8;
 /// From this logarithm of a factor on a focal length is not what was told.
@@ -22,9 +24,11 @@ const ROUNDS: usize = 5;
 const NAMED: usize = 8;
 
 pub fn run(arguments: &Cameras, console: &mut Console) -> Result<(), Failure> {
+    let compare = arguments.compare.as_slice();
+    let claimed = OutputFolder::claim(&arguments.out, COMMAND, arguments.photos.iter().chain(compare))?;
     let photos = photos(&arguments.photos)?;
     let located = vec![false; photos.len()];
-    let Estimated { found, .. } = estimated(&photos, &located, arguments.matching, &arguments.out, console)?;
+    let Estimated { found, .. } = estimated(&photos, &located, arguments.matching, &claimed, console)?;
     let out = |name: &str| arguments.out.join(name).display().to_string();
     if let Some(file) = &arguments.compare {
         console.print(&compared(&found, file)?)?;
@@ -48,18 +52,18 @@ pub fn estimated(
     photos: &[PathBuf],
     located: &[bool],
     flags: MatchingFlags,
-    folder: &Path,
+    out: &OutputFolder,
     console: &mut Console,
 ) -> Result<Estimated, Failure> {
     let start = Instant::now();
+    out.check(EstimatedPhotos::FILES)?;
     console.note(&format!("cameras: matching {} photos", photos.len()));
     let found = estimate_photos(photos, located, &flags.into())?;
     let placed = found.placed().len();
     if placed < 2 {
         return Err(Failure::message(format!("cameras: {}", refusal(&found))));
     }
-    let photos_written = found.write(folder)?;
-    found.picture().write_png(folder.join("points.png"))?;
+    let photos_written = found.write(out)?;
     let e = &found.estimate;
     console.note(&format!(
         "cameras: {placed} of {} photos placed, {} points, off by {:.2} pixels in the median; focal length {:.3} of the longer side; {}",
@@ -72,7 +76,10 @@ pub fn estimated(
     console.note(&format!("cameras: {}", sureness(&found)));
     if flags.distortion {
         let k1 = e.k1.iter().copied().find(|k1| *k1 != 0.0).unwrap_or(0.0);
-        console.note(&format!("cameras: radial distortion k1 {k1:+.4}; photos without it are in {}", folder.display()));
+        console.note(&format!(
+            "cameras: radial distortion k1 {k1:+.4}; photos without it are in {}",
+            out.path().display()
+        ));
     }
     if (e.focal_factor.ln()).abs() > WRONG_FOCAL {
         let percent = 100.0 * (e.focal_factor - 1.0);
@@ -93,21 +100,23 @@ pub fn estimated(
 /// Estimates cameras into the folder `cameras` of a result, where every eighth photo may be held out, and returns the capture.
 ///
 /// # Errors
-/// As [`estimated`]; and when the folder holds a scene.
+/// As [`estimated`].
 pub fn estimated_capture(
     photos: &[PathBuf],
     hold_out: bool,
     flags: MatchingFlags,
-    out: &Path,
+    out: &OutputFolder,
     console: &mut Console,
 ) -> Result<PathBuf, Failure> {
-    if out.join("run.json").exists() || out.join("scene.ply").exists() {
-        return Err(Failure::message(format!("{}: expected a folder without a scene, found one", out.display())));
-    }
     let located: Vec<bool> = (0..photos.len()).map(|i| hold_out && i % HOLD_OUT == 0).collect();
-    let folder = out.join("cameras");
+    let folder = cameras_folder(out, photos)?;
     estimated(photos, &located, flags, &folder, console)?;
-    Ok(folder.join("transforms.json"))
+    Ok(folder.path().join("transforms.json"))
+}
+
+/// The folder `cameras` of a result, a capture of its own.
+pub fn cameras_folder(out: &OutputFolder, photos: &[PathBuf]) -> Result<OutputFolder, Failure> {
+    Ok(OutputFolder::claim(out.path().join("cameras"), COMMAND, photos)?)
 }
 
 fn sureness(found: &EstimatedPhotos) -> String {

@@ -69,6 +69,9 @@ fn explained(error: &(dyn Error + 'static)) -> Option<(u8, String)> {
     if let Some(weaver_dynamic_run::RunError::RunExists { .. }) = error.downcast_ref() {
         return Some((2, format!("{error}; give another --out, or continue it with --resume")));
     }
+    if let Some(output) = refused_output(error) {
+        return Some((2, format!("{output}; give another --out")));
+    }
     if let Some(weaver_dynamic_run::RunError::Setting { .. }) = error.downcast_ref() {
         return Some((2, format!("--{error}")));
     }
@@ -88,6 +91,28 @@ fn explained(error: &(dyn Error + 'static)) -> Option<(u8, String)> {
         }
         _ => None,
     }
+}
+
+/// The refusal to write where something would be lost, if an error is one.
+fn refused_output<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a weaver_io::Error> {
+    use weaver_dynamic_run::RunError as Dynamic;
+    use weaver_fit_run::RunError as Fit;
+    use weaver_inference::Error as Inference;
+    use weaver_trainer::Error as Training;
+    let file = if let Some(error) = error.downcast_ref() {
+        error
+    } else if let Some(Fit::File(error)) = error.downcast_ref() {
+        error
+    } else if let Some(Dynamic::File(error)) = error.downcast_ref() {
+        error
+    } else if let Some(Training::Io(error) | Training::Inference(Inference::Io(error))) = error.downcast_ref() {
+        error
+    } else if let Some(Inference::Io(error)) = error.downcast_ref() {
+        error
+    } else {
+        return None;
+    };
+    matches!(file, weaver_io::Error::Output { .. }).then_some(file)
 }
 
 /// The error and its causes in one line, without causes that its text already contains and without decoration.

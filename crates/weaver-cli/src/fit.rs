@@ -5,13 +5,14 @@ use crate::bench::memory::peak_mb;
 use crate::device;
 use crate::estimate::{estimated_capture, photos};
 use crate::failure::Failure;
+use crate::memory;
 use crate::progress::{Progress, duration};
 use crate::{Console, Interrupt};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weaver_data::capture::{self, CaptureOptions, HoldOut};
 use weaver_fit::{FitSettings, Judge, StrategyKind, init};
-use weaver_fit_run::{Initial, Outcome, Plan, Run, RunSettings, SceneFormat, Views, dry_run};
+use weaver_fit_run::{Initial, Outcome, OutputFolder, Plan, Run, RunSettings, SceneFormat, Views, dry_run};
 use weaver_inference::{RunFolder, predict_capture};
 use weaver_scene::Gaussians;
 use weaver_trainer::evaluate::load_lpips;
@@ -26,27 +27,40 @@ const FEW_POINTS: usize = 50;
 const FEW: f64 = 0.005;
 
 pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
-    let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);
-    let rasterizer = device::rasterizer(&arguments.device)?;
     if let Some(folder) = &arguments.resume {
-        return finish(Run::resume(folder, judge, rasterizer)?, folder, console, interrupt);
+        let run = Run::resume(folder, judge(arguments)?, device::rasterizer(&arguments.device)?)?;
+        return finish(run, folder, console, interrupt);
     }
     let capture = arguments.capture.clone().ok_or_else(|| Failure::Usage("expected a capture".into()))?;
-    let initial = initial(arguments.init.as_deref())?;
-    let folder = arguments.out.clone().unwrap_or_else(|| free_folder(&capture));
-    let capture = match arguments.cameras {
-        Origin::Given => capture,
-        Origin::Estimated if arguments.dry_run => {
+    if arguments.dry_run {
+        if arguments.cameras == Origin::Estimated {
             return Err(Failure::Usage(
                 "--dry-run: expected cameras that are there; `splatweaver cameras` estimates them".into(),
             ));
         }
+        let (settings, plan) = planned(arguments, capture, &initial(arguments.init.as_deref())?)?;
+        return tell(&plan, &settings, console);
+    }
+    let folder = arguments.out.clone().unwrap_or_else(|| free_folder(&capture));
+    let init = arguments.init.as_deref().map(PathBuf::from).filter(|path| path.is_file());
+    let out = Run::claim(&folder, std::iter::once(&capture).chain(&init).chain(&arguments.lpips))?;
+    let capture = match arguments.cameras {
+        Origin::Given => capture,
         Origin::Estimated => {
             let images = capture.join("images");
             let photos = photos(&[if images.is_dir() { images } else { capture }])?;
-            estimated_capture(&photos, !arguments.all, MatchingFlags::default(), &folder, console)?
+            estimated_capture(&photos, !arguments.all, MatchingFlags::default(), &out, console)?
         }
     };
+    begin(arguments, capture, out, console, interrupt)
+}
+
+fn judge(arguments: &Fit) -> Result<Judge, Failure> {
+    Ok(Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?))
+}
+
+/// What is asked for, and what it would take.
+fn planned(arguments: &Fit, capture: PathBuf, initial: &Begin) -> Result<(RunSettings, Plan), Failure> {
     let mut settings = RunSettings {
         capture,
         long_side: arguments.size.map(|size| size as usize),
@@ -64,10 +78,21 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
     let plan = dry_run(&settings)?;
     settings.fit = fit_settings(arguments, &plan)?;
     let plan = dry_run(&settings)?;
-    if arguments.dry_run {
-        return tell(&plan, &settings, console);
-    }
-    check_memory(&plan)?;
+    Ok((settings, plan))
+}
+
+/// Fits a capture with what is asked for otherwise, into a folder that was claimed.
+pub fn begin(
+    arguments: &Fit,
+    capture: PathBuf,
+    out: OutputFolder,
+    console: &mut Console,
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
+    let (judge, rasterizer) = (judge(arguments)?, device::rasterizer(&arguments.device)?);
+    let initial = initial(arguments.init.as_deref())?;
+    let (settings, plan) = planned(arguments, capture, &initial)?;
+    memory::check(plan.total(), "a smaller --size or fewer --gaussians reduce it")?;
     let pixels = (plan.size[0] * plan.size[1]) as f64;
     if (settings.fit.gaussians as f64) < FEW * pixels {
         console
@@ -80,7 +105,8 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
     if settings.fit.poses.refine {
         console.note(&format!("matching {} photos", plan.training + plan.held_out));
     }
-    let run = Run::create(&folder, settings, given.as_ref(), judge, rasterizer)?;
+    let folder = out.path().to_path_buf();
+    let run = Run::begin(out, settings, given.as_ref(), judge, rasterizer)?;
     run.remarks().iter().for_each(|remark| console.note(&format!("warning: {remark}")));
     if let Some(found) = run.matching() {
         let (points, pixels) = (found.points, found.pixels);
@@ -215,18 +241,6 @@ fn tell(plan: &Plan, settings: &RunSettings, console: &mut Console) -> Result<()
     ))
 }
 
-/// Refuses what would not fit into memory.
-fn check_memory(plan: &Plan) -> Result<(), Failure> {
-    match weaver_io::available_memory() {
-        Some(available) if available < plan.total() => Err(Failure::message(format!(
-            "memory: expected {:.1} GB, found {:.1} GB available; a smaller --size or fewer --gaussians reduce it",
-            plan.total() as f64 / 1e9,
-            available as f64 / 1e9
-        ))),
-        _ => Ok(()),
-    }
-}
-
 fn finish(mut run: Run, folder: &Path, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let settings = run.settings();
     let (steps, budget) = (settings.fit.steps, settings.fit.gaussians);
@@ -261,7 +275,10 @@ fn print(outcome: &Outcome, folder: &Path, console: &mut Console) -> Result<(), 
         let q = &views.quality;
         format!("{name:<10}{:>5}  {:>7.2}  {}  {}\n", views.views, q.psnr, number(q.ssim), number(q.lpips))
     };
-    let test = outcome.test.as_ref().map_or(String::new(), |test| views("held out", test));
+    let test = match &outcome.test {
+        Some(test) => views("held out", test),
+        None => "held out   none\n".into(),
+    };
     let memory = peak_mb().map_or(String::new(), |peak| format!(", at most {peak:.0} MB of memory"));
     console.note(&format!("{} steps, {}{memory}", outcome.steps, duration(outcome.seconds)));
     for name in &outcome.strangers {

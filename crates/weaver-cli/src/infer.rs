@@ -2,7 +2,7 @@
 
 use crate::arguments::Infer;
 use crate::device;
-use crate::estimate::{estimated, photos};
+use crate::estimate::{cameras_folder, estimated, photos};
 use crate::failure::Failure;
 use crate::progress::Progress;
 use crate::refine::refined;
@@ -12,21 +12,24 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc;
 use weaver_inference::published::{self, Fit};
 use weaver_inference::reconstruct::{Options, Report, reconstruct};
-use weaver_inference::{Density, Looks, Predictor, RunFolder, SplatWeaverPredictor, is_of_run};
+use weaver_inference::{Density, Looks, OutputFolder, Predictor, RunFolder, SplatWeaverPredictor, is_of_run};
 use weaver_splat::{AnyRasterizer, Renderer};
 
 pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let asked = arguments.cameras.as_deref() == Some(Path::new("estimated"));
+    let files = arguments.run.as_deref().map(|run| RunFolder::at(run).checkpoint_path());
+    let read = arguments.images.iter().chain(&files).chain(&arguments.weights);
+    let out = OutputFolder::claim(&arguments.out, "infer", read.chain(arguments.cameras.as_ref().filter(|_| !asked)))?;
     let rasterizer = device::rasterizer(&arguments.device)?;
     let mut images = photos(&arguments.images)?;
     let mut cameras = arguments.cameras.clone();
     let built_in = arguments.run.is_none() && arguments.weights.is_none();
-    let asked = cameras.as_deref() == Some(Path::new("estimated"));
     let estimating = asked || built_in && cameras.is_none();
     if estimating {
-        let folder = arguments.out.join("cameras");
+        let folder = cameras_folder(&out, &images)?;
         let located = vec![false; images.len()];
         match estimated(&images, &located, arguments.matching, &folder, console) {
-            Ok(found) => (images, cameras) = (found.photos, Some(folder.join("transforms.json"))),
+            Ok(found) => (images, cameras) = (found.photos, Some(folder.path().join("transforms.json"))),
             Err(failure) if asked => return Err(failure),
             Err(failure) => {
                 let reason = failure.line().unwrap_or_default();
@@ -54,24 +57,24 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
                 let message = "--refine: expected weights of a run; published checkpoints are not refined yet";
                 return Err(Failure::Usage(message.into()));
             }
-            published(weights, &images, (cameras, rasterizer), arguments, console, interrupt)?
+            published(weights, &images, (cameras, rasterizer), (arguments, &out), console, interrupt)?
         }
-        _ => own(&images, (cameras, rasterizer), arguments, console)?,
+        _ => own(&images, (cameras, rasterizer), (arguments, &out), console)?,
     };
     for remark in &report.remarks {
         console.note(remark);
     }
-    let out = |name: &str| arguments.out.join(name).display().to_string();
+    let file = |name: &str| arguments.out.join(name).display().to_string();
     let result = match report.psnr {
         Some(psnr) => format!(
             "{} Gaussians, {:.3} per pixel; the input views come back at {psnr:.2} dB\nscene: {}",
             report.gaussians,
             report.gaussians_per_pixel,
-            out("scene.ply")
+            file("scene.ply")
         ),
-        None => format!("points: {}\ncameras: {}", out("points.ply"), out("transforms.json")),
+        None => format!("points: {}\ncameras: {}", file("points.ply"), file("transforms.json")),
     };
-    let looks = arguments.light.look.as_ref().map_or(String::new(), |_| format!("\nlooks: {}", out("looks.png")));
+    let looks = arguments.light.look.as_ref().map_or(String::new(), |_| format!("\nlooks: {}", file("looks.png")));
     console.print(&format!("{result}\noverview: {}{looks}", report.overview.display()))
 }
 
@@ -79,7 +82,7 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
 fn own(
     images: &[PathBuf],
     (cameras, rasterizer): (Option<PathBuf>, AnyRasterizer<f32>),
-    arguments: &Infer,
+    (arguments, out): (&Infer, &OutputFolder),
     console: &mut Console,
 ) -> Result<Report, Failure> {
     let published = arguments.size.is_some() || arguments.keep_aspect || arguments.geometry || arguments.bf16_products;
@@ -115,7 +118,7 @@ fn own(
         .clone()
         .map(|from| Looks { from, to: arguments.light.to.clone().map(|to| (to, arguments.light.frames as usize)) });
     let options = Options { cameras, masks: arguments.masks, density, looks, seed };
-    Ok(reconstruct(&mut *predictor, images, &options, &arguments.out)?)
+    Ok(reconstruct(&mut *predictor, images, &options, out)?)
 }
 
 /// Runs a published checkpoint while another thread shows the progress.
@@ -123,7 +126,7 @@ fn published(
     weights: &Path,
     images: &[PathBuf],
     (cameras, rasterizer): (Option<PathBuf>, AnyRasterizer<f32>),
-    arguments: &Infer,
+    (arguments, out): (&Infer, &OutputFolder),
     console: &mut Console,
     interrupt: &Interrupt,
 ) -> Result<Report, Failure> {
@@ -154,7 +157,7 @@ fn published(
             let _ = sender.send(progress);
         };
         // Before the first file is written, Ctrl-C ends the process at once; afterward, once all files are written.
-        published::run(weights, images, &options, &arguments.out, tell, || {
+        published::run(weights, images, &options, out, tell, || {
             interrupt.watch();
         })
     })?;

@@ -21,6 +21,7 @@ mod infer;
 mod info;
 mod interrupt;
 mod lift;
+mod memory;
 mod progress;
 mod query;
 mod reconstruct;

@@ -22,7 +22,7 @@ use sampling::Lens;
 use std::path::{Path, PathBuf};
 use weaver_geometry::Camera;
 use weaver_io::checkpoint::Tensors;
-use weaver_io::{Checksum, read_gaussians};
+use weaver_io::{Checksum, OutputFolder, read_gaussians};
 use weaver_lift::{
     AggregateOptions, Aggregation, ClusterOptions, Descent, HdbscanOptions, LiftOptions, Lifted, Observations, Raster,
     Solver, Stop, aggregate, cluster, guide, lift,
@@ -35,6 +35,9 @@ pub fn run(arguments: &Lift, console: &mut Console) -> Result<(), Failure> {
         return demo::run(arguments, console);
     }
     let [scene, cameras, folder, out] = required(arguments)?;
+    let read: Vec<&PathBuf> =
+        [scene, cameras, folder].into_iter().chain(&arguments.masks).chain(&arguments.aggregate).collect();
+    let pictures = if arguments.dry_run { None } else { Some(pictures(out, &read)?) };
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
     let (frames, distortions): (Vec<_>, Vec<_>) = cameras::read_with_lenses(cameras, size)?.into_iter().unzip();
     let stems = cameras::stems(&frames);
@@ -56,7 +59,8 @@ pub fn run(arguments: &Lift, console: &mut Console) -> Result<(), Failure> {
     }
     plan.check()?;
     console.note(&plan.line());
-    weaver_io::check_writable(out.parent().unwrap_or(Path::new("")))?;
+    let pictures = pictures.expect("claimed unless this is a dry run");
+    pictures.check(stems.iter().map(|stem| format!("{stem}.png")))?;
 
     let checksum = drawn.checksum();
     guide(&mut drawn.gaussians.opacities, arguments.tikhonov)?;
@@ -80,16 +84,20 @@ pub fn run(arguments: &Lift, console: &mut Console) -> Result<(), Failure> {
             Some(aggregate(&mut raster, &labels, &masks, &mut lifted.features, &options)?)
         }
     };
-    let stem = out.file_stem().map_or("lifted".into(), |stem| stem.to_string_lossy());
-    let pictures = out.with_file_name(format!("{stem}-pictures"));
-    weaver_io::create_folder(&pictures)?;
     let colors = PcaColors::of(&lifted.features, lifted.channels, &lifted.seen);
     for (view, (camera, stem)) in cameras.iter().zip(&stems).enumerate() {
-        colors.draw(&mut raster, view, camera)?.write_png(pictures.join(format!("{stem}.png")))?;
+        colors.draw(&mut raster, view, camera)?.write_png(pictures.file(format!("{stem}.png"))?)?;
     }
     let text = report(&lifted, cleaned.as_ref());
     write(lifted, arguments, &checksum, out)?;
-    console.print(&format!("{text}features: {}\npictures: {}", out.display(), pictures.display()))
+    console.print(&format!("{text}features: {}\npictures: {}", out.display(), pictures.path().display()))
+}
+
+/// The folder for pictures beside the file for features, both of which can be written.
+fn pictures(out: &Path, read: &[&PathBuf]) -> Result<OutputFolder, Failure> {
+    weaver_io::check_output_file(out, read)?;
+    let stem = out.file_stem().map_or("lifted".into(), |stem| stem.to_string_lossy());
+    Ok(OutputFolder::claim(out.with_file_name(format!("{stem}-pictures")), "lift", read)?)
 }
 
 /// What is needed where there is no demonstration; the command line has seen to it.

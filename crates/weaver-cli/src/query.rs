@@ -5,14 +5,17 @@ use crate::arguments::Query;
 use crate::cameras::{self, Size};
 use crate::failure::Failure;
 use crate::lift::{Drawn, refused};
+use crate::memory;
 use crate::progress::Progress;
 use std::path::Path;
 use weaver_geometry::Camera;
 use weaver_io::checkpoint::{TensorData, Tensors};
-use weaver_io::{Storage, false_color, open_array};
+use weaver_io::{OutputFolder, Storage, false_color, open_array};
 use weaver_lift::{Operator, Raster, guide, scores, to_unit_length};
 
 pub fn run(arguments: &Query, console: &mut Console) -> Result<(), Failure> {
+    let read = [&arguments.scene, &arguments.cameras, &arguments.features, &arguments.prompts];
+    let out = OutputFolder::claim(&arguments.out, "query", read)?;
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
     let frames = cameras::read(&arguments.cameras, size)?;
     let stems = cameras::stems(&frames);
@@ -48,8 +51,13 @@ pub fn run(arguments: &Query, console: &mut Console) -> Result<(), Failure> {
     let count = prompts.len() / channels;
     let scores = scores(features, &prompts, channels)?;
 
-    weaver_io::check_writable(&arguments.out)?;
-    weaver_io::create_folder(&arguments.out)?;
+    for stem in &stems {
+        out.check((0..count).map(|prompt| format!("{stem}-{prompt}.png")).chain([numbers(stem)]))?;
+    }
+    memory::check(
+        memory::of_pictures(&frames, 1) * (1 + count as u64),
+        "a smaller --width and --height, or fewer prompts, reduce it",
+    )?;
     let mut raster = Raster::new(drawn.gaussians.as_slices(), &cameras, drawn.settings);
     let mut progress = Progress::new("query", 0, cameras.len(), console);
     for (view, (camera, stem)) in cameras.iter().zip(&stems).enumerate() {
@@ -58,15 +66,20 @@ pub fn run(arguments: &Query, console: &mut Console) -> Result<(), Failure> {
         for prompt in 0..count {
             let of_prompt: Vec<f32> = map.iter().skip(prompt).step_by(count).copied().collect();
             let picture = false_color(&of_prompt, camera.width, camera.height, 0.0, 1.0);
-            picture.write_png(arguments.out.join(format!("{stem}-{prompt}.png")))?;
+            picture.write_png(out.file(format!("{stem}-{prompt}.png"))?)?;
         }
         let mut tensors = Tensors::default();
         tensors.insert("scores", &[camera.height, camera.width, count], map);
-        tensors.write(arguments.out.join(format!("{stem}.safetensors")))?;
+        tensors.write(out.file(numbers(stem))?)?;
         progress.at(view + 1, cameras.len(), String::new, console);
     }
     progress.finish();
     console.print(&format!("maps: {} prompts in {} views, in {}", count, cameras.len(), arguments.out.display()))
+}
+
+/// The file of a view's maps.
+fn numbers(stem: &str) -> String {
+    format!("{stem}.safetensors")
 }
 
 /// A table of prompts, each of length 1.

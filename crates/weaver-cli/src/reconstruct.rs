@@ -1,12 +1,12 @@
 //! `splatweaver reconstruct`.
 
-use crate::arguments::{Command, CommandLine, Reconstruct};
+use crate::arguments::{Fit, Reconstruct, SAVE_EVERY};
 use crate::estimate::{estimated_capture, photos};
 use crate::failure::Failure;
 use crate::{Console, Interrupt, fit};
-use clap::Parser;
 use std::path::Path;
 use std::time::Instant;
+use weaver_fit_run::{Outcome, Run, RunError};
 
 /// The shortest time that `fit` takes, minutes.
 const SHORTEST: f64 = 0.05;
@@ -17,14 +17,17 @@ const LEAST_STEPS: u32 = 200;
 
 pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let start = Instant::now();
-    let out = &arguments.out;
+    let out = match Run::claim(&arguments.out, &arguments.photos) {
+        Err(RunError::RunExists { folder }) => return Err(exists(&folder)),
+        claimed => claimed?,
+    };
     let capture = match arguments.photos.as_slice() {
         [one] if is_capture(one) => {
             arguments.matching.check_unused("a capture with cameras of its own")?;
             console.note(&format!("cameras: those of {}", one.display()));
             one.clone()
         }
-        paths => estimated_capture(&photos(paths)?, arguments.hold_out, arguments.matching, out, console)?,
+        paths => estimated_capture(&photos(paths)?, arguments.hold_out, arguments.matching, &out, console)?,
     };
     let (minutes, size) = arguments.quality.effort();
     let spent = start.elapsed().as_secs_f64() / 60.0;
@@ -35,16 +38,30 @@ pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt
         console.note(&format!("cameras took {spent:.0} s; the fit gets {more:.0} s all the same"));
     }
     let minutes = left.max(least);
-    let text = |x: &Path| x.to_string_lossy().into_owned();
-    let mut words = ["splatweaver", "fit"].map(String::from).to_vec();
-    words.extend([text(&capture), "--out".into(), text(out), "--minutes".into(), format!("{minutes:.3}")]);
-    words.extend(["--least-steps".into(), LEAST_STEPS.to_string()]);
-    words.extend(["--size".into(), size.to_string(), "--seed".into(), arguments.seed.to_string()]);
-    words.extend(arguments.gaussians.into_iter().flat_map(|n| ["--gaussians".into(), n.to_string()]));
-    words.extend((!arguments.hold_out).then(|| "--all".into()));
-    console.note(&words.join(" "));
-    let Command::Fit(fitting) = CommandLine::try_parse_from(words)?.command else { unreachable!("words of a fit") };
-    fit::run(&fitting, console, interrupt)
+    let fitting = Fit {
+        minutes: Some(minutes),
+        least_steps: LEAST_STEPS,
+        size: Some(size),
+        seed: Some(arguments.seed),
+        gaussians: arguments.gaussians,
+        all: !arguments.hold_out,
+        save_every: SAVE_EVERY,
+        ..Fit::default()
+    };
+    console.note(&format!("fit: {}, {minutes:.2} minutes, photos of at most {size} pixels", capture.display()));
+    fit::begin(&fitting, capture, out, console, interrupt)
+}
+
+/// Why nothing is made in a folder with a run, and how to go on with one that did not come to its end.
+fn exists(folder: &Path) -> Failure {
+    let path = folder.display();
+    let outcome = weaver_io::read_text(folder.join("summary.json")).ok();
+    let outcome = outcome.and_then(|text| serde_json::from_str::<Outcome>(&text).ok());
+    Failure::Usage(if outcome.is_some_and(|outcome| outcome.steps >= outcome.planned) {
+        format!("{path}: a finished scene is there already; give another --out")
+    } else {
+        format!("{path}: a fit was begun there and did not come to its end; to go on: splatweaver fit --resume {path}")
+    })
 }
 
 /// Whether a folder or file tells its cameras.

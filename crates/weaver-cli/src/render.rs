@@ -6,14 +6,15 @@ use crate::cameras::{self, Size};
 use crate::device;
 use crate::drawing::Asked;
 use crate::failure::Failure;
+use crate::memory;
 use crate::progress::Progress;
 use crate::video::Video;
 use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_3;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
-use weaver_io::{Image, read_gaussians};
+use weaver_io::{Image, OutputFolder, check_output_file, read_gaussians};
 use weaver_scene::{Frame, Gaussians};
 use weaver_splat::Renderer;
 
@@ -21,6 +22,9 @@ use weaver_splat::Renderer;
 const WIDTH: usize = 640;
 
 pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
+    let read: Vec<&Path> = std::iter::once(&arguments.scene).chain(&arguments.cameras).map(PathBuf::as_path).collect();
+    let out = arguments.out.as_ref().map(|folder| OutputFolder::claim(folder, "render", &read)).transpose()?;
+    arguments.video.as_ref().map_or(Ok(()), |path| check_output_file(path, &read))?;
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
     let gaussians = read_gaussians(&arguments.scene)?;
     let cameras = match (&arguments.cameras, arguments.orbit) {
@@ -31,14 +35,20 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
     };
     let (background, settings) = Asked::from(arguments.drawing).beside(&arguments.scene)?;
     let mut renderer = Renderer::new(device::rasterizer(&arguments.device)?);
-    let mut output = Output::create(arguments, &cameras)?;
+    let stems = cameras::stems(&cameras);
+    out.as_ref().map_or(Ok(()), |out| out.check(stems.iter().map(|stem| format!("{stem}.png"))))?;
+    let at_once = rayon::current_num_threads().min(MOST_WAITING).min(cameras.len());
+    memory::check(
+        memory::of_pictures(&cameras, at_once),
+        "a smaller --width and --height, or fewer --threads, reduce it",
+    )?;
+    let mut output = Output::create(arguments, out.as_ref(), &cameras)?;
     let activated = gaussians.to_activated();
     let mut progress = Progress::new("render", 0, cameras.len(), console);
-    let stems = cameras::stems(&cameras);
     let jobs: Vec<_> = cameras.iter().zip(&stems).collect();
     let (mut done, mut waiting) = (0, Vec::new());
     // All threads draw one picture after the other, while earlier pictures are written, one per thread.
-    for group in jobs.chunks(rayon::current_num_threads().min(MOST_WAITING)) {
+    for group in jobs.chunks(at_once.max(1)) {
         let draw = || -> Result<Vec<_>, Failure> {
             let mut drawn = Vec::new();
             for (view, stem) in group {
@@ -65,12 +75,12 @@ const MOST_WAITING: usize = 8;
 
 /// Where the pictures go.
 struct Output<'a> {
-    folder: Option<&'a Path>,
+    folder: Option<&'a OutputFolder>,
     video: Option<Video>,
 }
 
 impl<'a> Output<'a> {
-    fn create(arguments: &'a Render, cameras: &[Frame]) -> Result<Self, Failure> {
+    fn create(arguments: &Render, folder: Option<&'a OutputFolder>, cameras: &[Frame]) -> Result<Self, Failure> {
         let size = |view: &Frame| (view.camera.width, view.camera.height);
         let video = match &arguments.video {
             None => None,
@@ -85,15 +95,13 @@ impl<'a> Output<'a> {
                 Some(Video::create(path, first, arguments.fps)?)
             }
         };
-        let folder = arguments.out.as_deref();
-        folder.map_or(Ok(()), weaver_io::create_folder)?;
         Ok(Self { folder, video })
     }
 
     /// Writes pictures with these names.
     fn write(&mut self, pictures: &[(&str, Image)]) -> Result<(), Failure> {
         if let Some(folder) = self.folder {
-            let write = |(stem, image): &(&str, Image)| image.write_png(folder.join(format!("{stem}.png")));
+            let write = |(stem, image): &(&str, Image)| image.write_png(folder.file(format!("{stem}.png"))?);
             pictures.par_iter().try_for_each(write)?;
         }
         self.video.as_mut().map_or(Ok(()), |video| pictures.iter().try_for_each(|(_, image)| video.push(image)))
@@ -101,7 +109,7 @@ impl<'a> Output<'a> {
 
     /// Prints where the results are.
     fn finish(self) -> Result<String, Failure> {
-        let folder = self.folder.map(|folder| folder.display().to_string());
+        let folder = self.folder.map(|folder| folder.path().display().to_string());
         let video = self.video.map(Video::finish).transpose()?.map(|path| path.display().to_string());
         Ok(folder.into_iter().chain(video).collect::<Vec<_>>().join(" and "))
     }

@@ -8,7 +8,9 @@ use crate::progress::{Progress, duration};
 use crate::{Console, Interrupt};
 use std::path::{Path, PathBuf};
 use weaver_inference::RunFolder;
-use weaver_trainer::{Error, Observer, Resolved, Setup, StepReport, Summary, Training, create_run};
+use weaver_trainer::{
+    Error, Observer, Resolved, Setup, StepReport, Summary, Training, claim_run, create_run, reclaim_run,
+};
 
 pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let registry = weaver_recipes::registry();
@@ -17,6 +19,8 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
         let folder = RunFolder::at(path);
         let architecture = registry.of_run(&folder)?;
         let config = architecture.read(&folder)?;
+        check_trace(arguments, &config)?;
+        let _out = if arguments.dry_run { None } else { Some(reclaim_run(path)?) };
         return crate::in_pool(arguments.threads.map(usize::from).or(config.threads), || {
             let mut session = architecture.resume(&folder, arguments.steps.map(|steps| steps as usize))?;
             session.draw_by(rasterizer);
@@ -39,24 +43,32 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
         steps: arguments.steps.map(|steps| steps as usize),
     })?;
     let path = arguments.out.clone().unwrap_or_else(|| free_folder(Path::new("runs"), &config.preset));
+    check_trace(arguments, &config)?;
+    // Claimed before anything is read; nothing is left behind when the data cannot be.
+    let out = if arguments.dry_run { None } else { Some(claim_run(&path, &config)?) };
     crate::in_pool(config.threads, || {
-        // The folder is created second, so that nothing is left behind when the data cannot be read.
         let mut session = architecture.start(&config)?;
         session.draw_by(rasterizer);
-        if arguments.dry_run {
+        let Some(out) = &out else {
             return dry_run(session, &config, console);
-        }
-        let folder = create_run(&path, &config)?;
+        };
+        let folder = create_run(out, &config)?;
         train(session, &folder, arguments, console, interrupt)
     })
+}
+
+/// Checks that the file of a trace can be written.
+fn check_trace(arguments: &Train, config: &Resolved) -> Result<(), Failure> {
+    Ok(arguments.trace.as_ref().map_or(Ok(()), |path| weaver_io::check_output_file(path, &config.inputs))?)
 }
 
 /// Measures what the run would take. Nothing is left behind.
 fn dry_run(session: Box<dyn Training>, config: &Resolved, console: &mut Console) -> Result<(), Failure> {
     console.print(session.plan().trim_end())?;
     let path = std::env::temp_dir().join(format!("splatweaver-dry-run-{}", std::process::id()));
-    let folder = create_run(&path, config)?;
-    let measured = session.dry_run(&folder);
+    let out = claim_run(&path, config)?;
+    let measured = session.dry_run(&create_run(&out, config)?);
+    drop(out);
     std::fs::remove_dir_all(&path)?;
     console.print(&measured?.to_string())?;
     if let Some(peak) = peak_mb() {

@@ -27,6 +27,7 @@ pub use sampler::{Sampler, bounded_gap, evaluation_tuples, training_tuple, unifo
 pub use scene::{NormalizedPoses, Scene, View};
 pub use sparse_points::SparsePoints;
 pub use tuple::Tuple;
+pub use weaver_io::OutputFolder;
 pub use weaver_sfm::{Confidence, LeftOut};
 
 /// The example of the README, compiled and run.

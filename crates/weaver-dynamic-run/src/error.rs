@@ -47,6 +47,14 @@ pub enum RunError {
         /// The folder.
         folder: PathBuf,
     },
+    /// The film is not the one that the run began with.
+    #[error("{film}: photos, cameras and times: expected those that the run in {} began with, found others", folder.display())]
+    FilmChanged {
+        /// The folder.
+        folder: PathBuf,
+        /// The film.
+        film: String,
+    },
     /// A loss is no number.
     #[error("{}: the loss is {loss} in stage {stage}, step {step}", folder.display())]
     Diverged {

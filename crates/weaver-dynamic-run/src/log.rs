@@ -30,8 +30,8 @@ pub(crate) struct Log {
 impl Log {
     pub const FILE: &'static str = "metrics.jsonl";
 
-    pub fn open(folder: &Path, [done, _]: [usize; 2]) -> Result<Self, RunError> {
-        Ok(Self { file: MetricsLog::open(folder.join(Self::FILE), done)?, sum: 0.0, count: 0 })
+    pub fn open(path: &Path, [done, _]: [usize; 2]) -> Result<Self, RunError> {
+        Ok(Self { file: MetricsLog::open(path, done)?, sum: 0.0, count: 0 })
     }
 
     pub fn add(&mut self, [step, steps]: [usize; 2], stage: &str, loss: f32) -> Result<(), RunError> {

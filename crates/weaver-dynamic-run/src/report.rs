@@ -15,7 +15,7 @@ impl Run {
     /// When a file cannot be written, or the rasterizer refuses.
     pub fn report(&self, evaluation: &Evaluation) -> Result<(), RunError> {
         let text = serde_json::to_string_pretty(evaluation).expect("figures are plain data");
-        weaver_io::write_text(self.folder.join("summary.json"), &(text + "\n"))?;
+        self.writing(|out| Ok(weaver_io::write_text(out.file("summary.json")?, &(text + "\n"))?))?;
         let mut page = Page::new(&format!("{}: a mixture of moving Gaussians", self.film.name));
         page.heading(1, &self.film.name);
         let [height, width] = self.film.size;
@@ -53,7 +53,7 @@ impl Run {
         }
         page.heading(2, "Settings");
         page.preformatted(&serde_json::to_string_pretty(&self.settings).expect("settings are plain data"));
-        Ok(page.write(self.folder.join("report.html"))?)
+        self.writing(|out| Ok(page.write(out.file("report.html")?)?))
     }
 }
 

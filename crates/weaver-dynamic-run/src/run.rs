@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use weaver_autograd::{Params, Tape};
 use weaver_data::film::Film;
+use weaver_io::OutputFolder;
 use weaver_io::checkpoint::Tensors;
 use weaver_kernels::random::Stream;
 use weaver_splat::Workspace;
@@ -20,6 +21,8 @@ use weaver_splat::Workspace;
 #[derive(Debug)]
 pub struct Run {
     pub(crate) folder: PathBuf,
+    /// The folder while it is the run's alone; a complete one that is looked at may be others', too.
+    out: Option<OutputFolder>,
     pub(crate) settings: RunSettings,
     pub(crate) film: Film,
     pub(crate) params: Params<f32>,
@@ -53,16 +56,23 @@ pub struct StepReport<'a> {
     pub loss: f32,
 }
 
+/// What a run's folder says that its files were written by.
+const COMMAND: &str = "dynamic";
 const SETTINGS: &str = "run.json";
 const INIT: &str = "init.safetensors";
 const CHECKPOINT: &str = "checkpoint.safetensors";
 const MODEL: &str = "model.safetensors";
+/// The files of a run.
+const FILES: [&str; 7] = [SETTINGS, INIT, CHECKPOINT, MODEL, Log::FILE, "summary.json", "report.html"];
+/// The entry of a checkpoint's metadata that tells the film.
+const FILM: &str = "film";
 
 impl Run {
     /// Begins a run in a new folder. `init` are the numbers that it begins with instead of its own.
     ///
     /// # Errors
-    /// When the film cannot be read, a setting is out of range, or the folder holds a run or cannot be written; nothing is then left behind.
+    /// When the film cannot be read, a setting is out of range, the folder holds a run, files of others are in the way, or it cannot be
+    /// written; nothing is then left behind.
     pub fn create(folder: &Path, mut settings: RunSettings, init: Option<Tensors>) -> Result<Self, RunError> {
         settings.check()?;
         if folder.join(SETTINGS).exists() {
@@ -71,27 +81,29 @@ impl Run {
         if let FilmSource::Folder { path, .. } = &mut settings.film {
             *path = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
         }
+        let inputs = settings.film.path().into_iter().chain(settings.made.as_ref().map(|made| made.from.as_path()));
+        let out = OutputFolder::claim(folder, COMMAND, inputs)?;
+        out.check(FILES)?;
         let film = settings.film.open()?;
         let run = Self::of(folder, settings, film, init.as_ref())?;
-        weaver_io::create_folder(folder)?;
-        weaver_io::check_writable(folder)?;
         if let Some(init) = init {
-            init.write(folder.join(INIT))?;
+            init.write(out.file(INIT)?)?;
         }
         let text = serde_json::to_string_pretty(&run.settings).expect("settings are plain data");
-        weaver_io::write_text(folder.join(SETTINGS), &(text + "\n"))?;
-        Ok(run)
+        weaver_io::write_text(out.file(SETTINGS)?, &(text + "\n"))?;
+        Ok(Self { out: Some(out), ..run })
     }
 
     /// Goes on with a run from its last checkpoint, or from the start if there is none.
     ///
     /// # Errors
-    /// When there is no run, it is complete, or its files cannot be read.
+    /// When there is no run, it is complete or under way elsewhere, its files cannot be read, or the film is another one.
     pub fn resume(folder: &Path) -> Result<Self, RunError> {
         let settings = Self::read_settings(folder)?;
         if folder.join(MODEL).exists() {
             return Err(RunError::Complete { folder: folder.into() });
         }
+        let out = OutputFolder::reopen(folder, COMMAND, FILES)?;
         let film = settings.film.open()?;
         let init = folder.join(INIT);
         let init = init.exists().then(|| Tensors::read(init)).transpose()?;
@@ -99,13 +111,37 @@ impl Run {
         let checkpoint = folder.join(CHECKPOINT);
         if checkpoint.exists() {
             let tensors = Tensors::read(checkpoint)?;
+            run.check_film(&tensors)?;
             load(&mut run.params, &tensors)?;
             let place = tensors.values::<u64>("place", &[2])?;
             run.place = Place { stage: place[0] as usize, step: place[1] as usize };
             run.seconds = tensors.values::<f64>("seconds", &[run.settings.stages.len()])?.to_vec();
             run.pending = Some(tensors);
         }
-        Ok(run)
+        Ok(Self { out: Some(out), ..run })
+    }
+
+    /// Checks that a checkpoint is of the film at hand. One of an earlier version does not say of which it is, and passes.
+    fn check_film(&self, checkpoint: &Tensors) -> Result<(), RunError> {
+        match checkpoint.metadata.get(FILM) {
+            Some(began) if *began != self.film.checksum()?.to_string() => Err(RunError::FilmChanged {
+                folder: self.folder.clone(),
+                film: self
+                    .settings
+                    .film
+                    .path()
+                    .map_or_else(|| self.film.name.clone(), |path| path.display().to_string()),
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Does something with the folder, which is the run's alone meanwhile.
+    pub(crate) fn writing<R>(&self, write: impl FnOnce(&OutputFolder) -> Result<R, RunError>) -> Result<R, RunError> {
+        match &self.out {
+            Some(out) => write(out),
+            None => write(&OutputFolder::reopen(&self.folder, COMMAND, FILES)?),
+        }
     }
 
     /// A complete run, to be looked at.
@@ -177,7 +213,18 @@ impl Run {
         let teacher = distils.then(|| params.clone());
         let seconds = vec![0.0; settings.stages.len()];
         let place = Place::default();
-        Ok(Self { folder: folder.into(), settings, film, params, mixture, teacher, place, pending: None, seconds })
+        Ok(Self {
+            folder: folder.into(),
+            out: None,
+            settings,
+            film,
+            params,
+            mixture,
+            teacher,
+            place,
+            pending: None,
+            seconds,
+        })
     }
 
     /// What was asked for.
@@ -228,7 +275,7 @@ impl Run {
     /// # Errors
     /// When the rasterizer refuses, a loss is no number, or a file cannot be written; the last checkpoint then stays as it was.
     pub fn advance(&mut self, stop: &AtomicBool, mut observe: impl FnMut(&StepReport<'_>)) -> Result<bool, RunError> {
-        let mut log = Log::open(&self.folder, self.steps())?;
+        let mut log = self.writing(|out| Log::open(&out.file(Log::FILE)?, self.steps()))?;
         let labels = self.settings.labels();
         let (least, mut saved) = (Duration::from_secs_f64(self.settings.save_every), Instant::now());
         while self.place.stage < self.settings.stages.len() {
@@ -256,7 +303,7 @@ impl Run {
             }
             self.place = Place { stage: self.place.stage + 1, step: 0 };
         }
-        self.tensors().write(self.folder.join(MODEL))?;
+        self.writing(|out| Ok(self.tensors().write(out.file(MODEL)?)?))?;
         Ok(true)
     }
 
@@ -316,8 +363,9 @@ impl Run {
     fn save(&self, optimizer: &Optimizer) -> Result<(), RunError> {
         let mut tensors = self.tensors();
         tensors.insert("place", &[2], vec![self.place.stage as u64, self.place.step as u64]);
+        tensors.metadata.insert(FILM.into(), self.film.checksum()?.to_string());
         optimizer.write(&self.params, &mut tensors);
-        Ok(tensors.write(self.folder.join(CHECKPOINT))?)
+        self.writing(|out| Ok(tensors.write(out.file(CHECKPOINT)?)?))
     }
 
     /// All numbers, for a file or for another run to begin with.

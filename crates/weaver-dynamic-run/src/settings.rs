@@ -3,7 +3,7 @@
 use crate::RunError;
 use serde::{Deserialize, Serialize};
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use weaver_data::film::{self, Film, FilmOptions};
 
@@ -181,6 +181,14 @@ impl RunSettings {
 const LEAST_GAUSSIANS: usize = 32;
 
 impl FilmSource {
+    /// Its folder, if it has one.
+    pub fn path(&self) -> Option<&Path> {
+        match self {
+            Self::Folder { path, .. } => Some(path),
+            Self::Procedural { .. } => None,
+        }
+    }
+
     /// Reads or generates the film.
     ///
     /// # Errors

@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 use weaver_inference::reconstruct::{Options, reconstruct};
-use weaver_inference::{Error, SplatWeaverPredictor};
+use weaver_inference::{Error, OutputFolder, SplatWeaverPredictor};
 
 fn main() -> Result<(), Error> {
     let arguments: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
@@ -11,7 +11,8 @@ fn main() -> Result<(), Error> {
         return Err(Error::Input("expected RUN OUT PHOTOS...".into()));
     };
     let mut predictor = SplatWeaverPredictor::open(run)?;
-    let report = reconstruct(&mut predictor, photos, &Options::default(), out)?;
+    let out = OutputFolder::claim(out, "reconstruct", photos)?;
+    let report = reconstruct(&mut predictor, photos, &Options::default(), &out)?;
     println!("{} Gaussians; see {}", report.gaussians, report.overview.display());
     Ok(())
 }

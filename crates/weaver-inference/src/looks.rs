@@ -2,9 +2,9 @@
 
 use crate::pictures::{enlarged, stack};
 use crate::{CameraSource, Error, Look, LookPrediction, Photos, Predictor, planar};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use weaver_data::capture;
-use weaver_io::Image;
+use weaver_io::{Image, OutputFolder};
 use weaver_kernels::random::Stream;
 
 /// Photos that a strip of renders shows.
@@ -61,23 +61,20 @@ impl Looks {
 impl Shown {
     /// Writes looks.png, a row for each of the first photos from the first look to the last, with the photos that told them at its ends,
     /// and, where there are several, looks/00.ply and so on: the same Gaussians in other colors.
-    pub(crate) fn write(self, predictor: &mut dyn Predictor, out: &Path) -> Result<(), Error> {
+    pub(crate) fn write(self, predictor: &mut dyn Predictor, out: &OutputFolder) -> Result<(), Error> {
         let LookPrediction { mut prediction, colors } = self.prediction;
         let several = colors.len() > 1;
-        if several {
-            weaver_io::create_folder(out.join("looks"))?;
-        }
         let mut columns = Vec::new();
         for (i, sh) in colors.into_iter().enumerate() {
             prediction.gaussians.sh = sh;
             let cameras = &prediction.cameras[..prediction.cameras.len().min(SHOWN)];
             columns.push(predictor.render(&prediction, cameras)?);
             if several {
-                let path = out.join("looks").join(format!("{i:02}.ply"));
+                let path = out.file(format!("looks/{i:02}.ply"))?;
                 weaver_io::write_ply(path, &prediction.gaussians.to_stored())?;
             }
         }
-        strip(&self.photos, &columns).write_png(out.join("looks.png"))?;
+        strip(&self.photos, &columns).write_png(out.file("looks.png")?)?;
         Ok(())
     }
 }

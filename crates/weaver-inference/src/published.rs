@@ -17,7 +17,7 @@ use weaver_autograd::Params;
 use weaver_data::capture::{self, PhotoCameras};
 use weaver_geometry::glam::DVec2;
 use weaver_io::checkpoint::Tensors;
-use weaver_io::{Image, Weights};
+use weaver_io::{Image, OutputFolder, Weights};
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_router::AllocationKind;
@@ -100,11 +100,12 @@ pub fn run(
     weights: &Path,
     images: &[PathBuf],
     options: &Options,
-    out: &Path,
+    out: &OutputFolder,
     observer: impl Fn(Progress) + Send + 'static,
     writing: impl FnOnce(),
 ) -> Result<Report, Error> {
-    weaver_io::check_writable(out)?;
+    out.check(reconstruct::FILES.into_iter().chain(["points.ply", "depth.safetensors"]))?;
+    out.check(reconstruct::pictures(images, &["input", "render", "depth", "experts"]))?;
     let opened = Opened::new(weights, !options.geometry)?;
     let config = opened.config.clone();
     let size = options.size.unwrap_or([config.height, config.width]);
@@ -153,7 +154,7 @@ struct Scene<'a> {
     /// Their cameras, where they were given.
     given: Option<&'a PhotoCameras>,
     size: [usize; 2],
-    out: &'a Path,
+    out: &'a OutputFolder,
 }
 
 impl Scene<'_> {
@@ -187,7 +188,7 @@ impl Scene<'_> {
         let cameras = if self.given.is_some() { "given" } else { "predicted" };
         let mut remarks = reconstruct::how_scaled(&prediction);
         remarks.push(format!("cameras {cameras}, allocation {allocation}"));
-        Ok(reconstruct::report([self.photos, &renders], None, &prediction, remarks, self.out))
+        Ok(reconstruct::report([self.photos, &renders], None, &prediction, remarks, self.out.path()))
     }
 
     /// Cameras, depth and points.
@@ -207,15 +208,14 @@ impl Scene<'_> {
         let mut tensors = Tensors::default();
         tensors.insert("confidence", &[views, height, width], confidence);
         tensors.insert("depth", &[views, height, width], prediction.depth);
-        tensors.write(self.out.join("depth.safetensors"))?;
+        tensors.write(self.out.file("depth.safetensors")?)?;
         let remarks = vec![format!("cameras, depth and {points} points; no Gaussians")];
-        let overview = self.out.join("overview.png");
+        let overview = self.out.path().join("overview.png");
         Ok(Report { gaussians: 0, gaussians_per_pixel: 0.0, psnr: None, remarks, overview })
     }
 
     /// Writes points.ply and returns the number of points.
     fn write_points(&self, prediction: &Prediction, confidence: &[f32]) -> Result<usize, Error> {
-        weaver_io::create_folder(self.out)?;
         let mut points = PointCloud::default();
         for (v, (photo, camera)) in self.photos.iter().zip(&prediction.cameras).enumerate() {
             let pixels = photo.width * photo.height;
@@ -229,7 +229,7 @@ impl Scene<'_> {
                 points.colors.push([0, 1, 2].map(|c| (photo.pixels[3 * i + c] * 255.0).round() as u8));
             }
         }
-        weaver_io::ply::write_points(self.out.join("points.ply"), &points)?;
+        weaver_io::ply::write_points(self.out.file("points.ply")?, &points)?;
         Ok(points.len())
     }
 }

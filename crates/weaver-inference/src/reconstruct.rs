@@ -2,12 +2,12 @@
 
 use crate::pictures::{density_picture, depth_picture, row, stack};
 use crate::predictor::inside_of;
-use crate::{CameraSource, Density, Error, Looks, Photos, Prediction, Predictor, RunFolder, planar};
+use crate::{CameraSource, Density, Error, Looks, Photos, Prediction, Predictor, planar};
 use std::path::{Path, PathBuf};
 use weaver_data::capture::{self, PhotoCameras};
 use weaver_geometry::Camera;
 use weaver_io::colmap::Model;
-use weaver_io::{Image, Transforms};
+use weaver_io::{Image, OutputFolder, Transforms};
 use weaver_kernels::random::Stream;
 use weaver_losses::metrics;
 use weaver_scene::Frame;
@@ -47,13 +47,16 @@ pub struct Report {
 /// Runs a predictor on photos and writes the scene into the folder `out`.
 ///
 /// # Errors
-/// When the photos or the cameras cannot be read or do not fit together, or the output cannot be written.
+/// When the photos or the cameras cannot be read or do not fit together, or the output cannot be written; before any work where a file
+/// is in the way.
 pub fn reconstruct(
     predictor: &mut dyn Predictor,
     images: &[PathBuf],
     options: &Options,
-    out: &Path,
+    out: &OutputFolder,
 ) -> Result<Report, Error> {
+    out.check(FILES)?;
+    out.check(pictures(images, &PARTS))?;
     let [height, width] = predictor.image_size();
     let with_cameras = |file| capture::load_cameras(file, images, [width, height], options.masks);
     let mut given = options.cameras.as_deref().map(with_cameras).transpose()?;
@@ -92,7 +95,7 @@ pub fn reconstruct(
         remarks.push(format!("in the light of {}, which the photos may not have", looks.from.display()));
         shown.write(predictor, out)?;
     }
-    Ok(report([&photos, &renders], inside.as_deref(), &prediction, remarks, out))
+    Ok(report([&photos, &renders], inside.as_deref(), &prediction, remarks, out.path()))
 }
 
 /// What was done to given cameras and to depth.
@@ -146,38 +149,32 @@ pub(crate) fn report(
 
 /// Writes pictures, Gaussians and cameras.
 pub(crate) fn write(
-    out: &Path,
+    out: &OutputFolder,
     paths: &[PathBuf],
     photos: &[Image],
     renders: &[Image],
     prediction: &Prediction,
 ) -> Result<(), Error> {
-    for part in ["input", "render", "depth", "experts", "sparse/0"] {
-        weaver_io::create_folder(out.join(part))?;
-    }
     let names = unique_names(paths);
     let mut rows = Vec::new();
     for (v, (photo, render)) in photos.iter().zip(renders).enumerate() {
-        let name = &names[v];
-        photo.write_png(out.join("input").join(name))?;
-        render.write_png(out.join("render").join(name))?;
-        depth_picture(prediction, v, photo).write_png(out.join("depth").join(name))?;
-        density_picture(prediction, v, photo).write_png(out.join("experts").join(name))?;
+        let picture = |part: &str| out.file(format!("{part}/{}", names[v]));
+        photo.write_png(picture("input")?)?;
+        render.write_png(picture("render")?)?;
+        depth_picture(prediction, v, photo).write_png(picture("depth")?)?;
+        density_picture(prediction, v, photo).write_png(picture("experts")?)?;
         rows.push(row(photo, render, prediction, v));
     }
-    stack(&rows.iter().collect::<Vec<_>>()).write_png(out.join("overview.png"))?;
-    weaver_io::write_ply(out.join("scene.ply"), &prediction.gaussians.to_stored())?;
+    stack(&rows.iter().collect::<Vec<_>>()).write_png(out.file("overview.png")?)?;
+    weaver_io::write_ply(out.file("scene.ply")?, &prediction.gaussians.to_stored())?;
     if let Some(opacity) = &prediction.view_opacity {
-        opacity.write(&prediction.gaussians, &out.join("scene.safetensors"))?;
+        opacity.write(&prediction.gaussians, &out.file("scene.safetensors")?)?;
     }
     write_cameras(out, &names, &prediction.cameras)
 }
 
-/// Writes how the scene is drawn, for those who draw it from its file; a run's folder keeps its own summary.
-pub(crate) fn write_summary(out: &Path, predictor: &dyn Predictor) -> Result<(), Error> {
-    if RunFolder::at(out).config_path().exists() {
-        return Ok(());
-    }
+/// Writes how the scene is drawn, for those who draw it from its file.
+pub(crate) fn write_summary(out: &OutputFolder, predictor: &dyn Predictor) -> Result<(), Error> {
     let settings = predictor.raster_settings();
     let summary = serde_json::json!({
         "antialiased": settings.antialiased,
@@ -185,39 +182,55 @@ pub(crate) fn write_summary(out: &Path, predictor: &dyn Predictor) -> Result<(),
         "alpha_max": settings.alpha_max,
         "background": predictor.background(),
     });
-    Ok(weaver_io::write_text(out.join("summary.json"), &format!("{summary:#}\n"))?)
+    Ok(weaver_io::write_text(out.file("summary.json")?, &format!("{summary:#}\n"))?)
 }
 
 /// Writes pictures of depth, and cameras, where there are no Gaussians.
 pub(crate) fn write_geometry(
-    out: &Path,
+    out: &OutputFolder,
     paths: &[PathBuf],
     photos: &[Image],
     prediction: &Prediction,
 ) -> Result<(), Error> {
-    for part in ["input", "depth", "sparse/0"] {
-        weaver_io::create_folder(out.join(part))?;
-    }
     let names = unique_names(paths);
     let mut rows = Vec::new();
     for (v, (photo, name)) in photos.iter().zip(&names).enumerate() {
         let depth = depth_picture(prediction, v, photo);
-        photo.write_png(out.join("input").join(name))?;
-        depth.write_png(out.join("depth").join(name))?;
+        photo.write_png(out.file(format!("input/{name}"))?)?;
+        depth.write_png(out.file(format!("depth/{name}"))?)?;
         rows.push(Image::mosaic(&[photo, &depth]));
     }
-    stack(&rows.iter().collect::<Vec<_>>()).write_png(out.join("overview.png"))?;
+    stack(&rows.iter().collect::<Vec<_>>()).write_png(out.file("overview.png")?)?;
     write_cameras(out, &names, &prediction.cameras)
 }
 
 /// Writes transforms.json and a COLMAP model.
-fn write_cameras(out: &Path, names: &[String], cameras: &[Camera]) -> Result<(), Error> {
+fn write_cameras(out: &OutputFolder, names: &[String], cameras: &[Camera]) -> Result<(), Error> {
     let frames = |folder: &str| -> Vec<Frame> {
         names.iter().zip(cameras).map(|(name, camera)| Frame::new(format!("{folder}{name}"), *camera)).collect()
     };
-    Transforms { frames: frames("input/"), ..Transforms::default() }.write(out.join("transforms.json"))?;
-    Model::from_frames(&frames("")).write_binary(out.join("sparse/0"))?;
+    Transforms { frames: frames("input/"), ..Transforms::default() }.write(out.file("transforms.json")?)?;
+    Model::from_frames(&frames("")).write_binary(out.files("sparse/0", Model::FILES)?)?;
     Ok(())
+}
+
+/// Files of a result that do not depend on the photos' names.
+pub(crate) const FILES: [&str; 7] = [
+    "transforms.json",
+    "scene.ply",
+    "overview.png",
+    "summary.json",
+    "sparse/0/cameras.bin",
+    "sparse/0/images.bin",
+    "sparse/0/points3D.bin",
+];
+/// Folders of pictures.
+const PARTS: [&str; 4] = ["input", "render", "depth", "experts"];
+
+/// The pictures of photos in some folders.
+pub(crate) fn pictures(paths: &[PathBuf], parts: &[&str]) -> Vec<String> {
+    let names = unique_names(paths);
+    parts.iter().flat_map(|part| names.iter().map(move |name| format!("{part}/{name}"))).collect()
 }
 
 /// File names for the photos' pictures, numbered where two photos have the same name.

@@ -19,6 +19,10 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
+    /// What a run writes; names that end with a slash are folders.
+    pub const FILES: [&str; 6] =
+        ["config.toml", "checkpoint.safetensors", "metrics.jsonl", "samples/", "summary.json", "report.html"];
+
     /// The run folder at a path, which need not exist.
     pub fn at(path: impl Into<PathBuf>) -> Self {
         Self { path: path.into() }

@@ -12,6 +12,15 @@ pub fn read_bytes(path: impl AsRef<Path>) -> Result<Vec<u8>> {
     std::fs::read(path).map_err(Error::io(path))
 }
 
+/// How many bytes a file has.
+///
+/// # Errors
+/// When it is not there.
+pub fn file_length(path: impl AsRef<Path>) -> Result<u64> {
+    let path = path.as_ref();
+    Ok(std::fs::metadata(path).map_err(Error::io(path))?.len())
+}
+
 /// Reads a text file.
 ///
 /// # Errors

@@ -71,6 +71,11 @@ impl PhotoFile {
         Ok(Self { path, stored, orientation, layer, has_alpha, mask: None, jpeg, shrink_from: SHRINK_FROM })
     }
 
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Width and height of what is read.
     pub fn size(&self) -> (usize, usize) {
         orientation::turned(self.orientation, self.stored)

@@ -16,7 +16,7 @@ use weaver_splat::GaussianVars;
 use weaver_trainer::losses::{ImageLosses, camera_constants, photo_constant};
 use weaver_trainer::{
     Config, Error, Example, NoSettings, Overrides, Recipe, Registry, Setup, Source, StageConfig, Step, StepReport,
-    Terms, create_run,
+    Terms, claim_run, create_run,
 };
 
 /// The section `model`.
@@ -140,7 +140,8 @@ fn main() -> Result<(), Error> {
     let recipe = registry.find(Some("pixel-cnn"))?;
     let steps = std::env::args().nth(1).and_then(|n| n.parse().ok());
     let config = recipe.resolve(&Setup { steps, ..Setup::default() })?;
-    let folder = create_run(&std::env::temp_dir().join(format!("pixel-cnn-{}", std::process::id())), &config)?;
+    let out = claim_run(&std::env::temp_dir().join(format!("pixel-cnn-{}", std::process::id())), &config)?;
+    let folder = create_run(&out, &config)?;
     let (mut session, stop) = (recipe.start(&config)?, AtomicBool::new(false));
     print!("{}", session.plan());
     let half = session.steps().1 / 2;

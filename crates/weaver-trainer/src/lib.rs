@@ -38,7 +38,8 @@ pub use losses::Terms;
 pub use observe::{Observer, StepReport};
 pub use recipe::{LossSection, NoSettings, Recipe, Section, Step};
 pub use registry::{
-    Architecture, MatchingOverride, OpenRun, Overrides, Registry, Resolved, Setup, Source, Training, create_run,
+    Architecture, MatchingOverride, OpenRun, Overrides, Registry, Resolved, Setup, Source, Training, claim_run,
+    create_run, reclaim_run,
 };
 pub use rows::TrainedRows;
 pub use session::{PendingStep, Session};

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use weaver_autograd::Params;
 use weaver_data::{Scene, procedural};
-use weaver_inference::{Checkpoint, Density, Predictor, RunFolder, WeightSet};
+use weaver_inference::{Checkpoint, Density, OutputFolder, Predictor, RunFolder, WeightSet};
 use weaver_splat::AnyRasterizer;
 
 /// Where a configuration comes from; later fields win over earlier ones.
@@ -49,6 +49,8 @@ pub struct Resolved {
     pub threads: Option<usize>,
     /// Steps of all stages.
     pub steps: usize,
+    /// The folders and files that the run reads.
+    pub inputs: Vec<PathBuf>,
     /// All of it.
     pub toml: String,
 }
@@ -376,6 +378,7 @@ fn resolved<R: Recipe>(config: &Config<R>) -> Resolved {
         preset: config.preset.clone(),
         threads: config.threads,
         steps: config.steps(),
+        inputs: config.data.folders.iter().chain(&config.init).chain(&config.data.teacher).cloned().collect(),
         toml: config.to_toml(),
     }
 }
@@ -431,16 +434,40 @@ impl Registry {
     }
 }
 
-/// Creates the folder of a new run and saves its configuration.
+/// What a run's folder says that its files were written by.
+const COMMAND: &str = "train";
+
+/// Claims the folder of a new run, in which nothing is written yet, and which is the run's alone as long as what is returned lives.
 ///
 /// # Errors
-/// [`Error::RunExists`] when there is a run in it already, or when it cannot be written.
-pub fn create_run(path: &Path, config: &Resolved) -> Result<RunFolder, Error> {
+/// [`Error::RunExists`] when there is a run in it already; as [`OutputFolder::claim`] and [`OutputFolder::check`].
+pub fn claim_run(path: &Path, config: &Resolved) -> Result<OutputFolder, Error> {
     let folder = RunFolder::at(path);
     if folder.config_path().exists() || folder.checkpoint_path().exists() {
         return Err(Error::RunExists { path: path.to_path_buf() });
     }
-    weaver_io::create_folder(path.join("samples"))?;
+    let out = OutputFolder::claim(path, COMMAND, &config.inputs)?;
+    out.check(RunFolder::FILES)?;
+    Ok(out)
+}
+
+/// Claims the folder of a run that goes on.
+///
+/// # Errors
+/// When it is under way elsewhere, or the folder cannot be written.
+pub fn reclaim_run(path: &Path) -> Result<OutputFolder, Error> {
+    let out = OutputFolder::reopen(path, COMMAND, RunFolder::FILES)?;
+    RunFolder::FILES.iter().try_for_each(|name| out.file(name).map(drop))?;
+    Ok(out)
+}
+
+/// Makes the folder of a new run out of one that was claimed, and saves its configuration.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn create_run(out: &OutputFolder, config: &Resolved) -> Result<RunFolder, Error> {
+    let folder = RunFolder::at(out.path());
+    RunFolder::FILES.iter().try_for_each(|name| out.file(name).map(drop))?;
     weaver_io::write_text(folder.config_path(), &config.toml)?;
     Ok(folder)
 }

@@ -5,6 +5,7 @@ use crate::planted::{Planted, PlantedVideo};
 use crate::resample::resample;
 use crate::{Error, Features, Result};
 use std::path::Path;
+use weaver_io::Checksum;
 
 /// A video to train on.
 #[derive(Clone, Debug)]
@@ -35,6 +36,20 @@ impl TrainingSet {
             features,
         };
         Self { videos: planted.training().into_iter().map(video).collect(), classes: Planted::classes() }
+    }
+
+    /// A checksum of labels and features, all of which are read for it.
+    ///
+    /// # Errors
+    /// When features cannot be read.
+    pub fn checksum(&self) -> Result<Checksum> {
+        let mut sum = Checksum::default();
+        for TrainingVideo { abnormal, classes, features } in &self.videos {
+            sum.word(u64::from(*abnormal));
+            classes.iter().for_each(|class| sum.word(*class as u64));
+            (0..features.crops()).try_for_each(|crop| features.crop(crop).map(|crop| sum.floats(&crop)))?;
+        }
+        Ok(sum)
     }
 
     /// The videos of a list, whose names tell their classes. Where they do not, the first `abnormal` videos are those with an anomaly.

@@ -9,8 +9,16 @@ use weaver_align::{Aligned, Outcome};
 use weaver_data::posed::PosedPhoto;
 use weaver_geometry::{Camera, Intrinsics};
 use weaver_io::colmap::Model;
-use weaver_io::{Image, Transforms};
+use weaver_io::{Image, OutputFolder, Transforms};
 use weaver_scene::Frame;
+
+const CAMERAS: &str = "transforms.json";
+const REPORT: &str = "align.json";
+const MODEL: &str = "sparse/0";
+
+fn picture(stem: &str) -> String {
+    format!("renders/{stem}.png")
+}
 
 /// A photo, and what was found.
 pub struct Row<'a> {
@@ -31,17 +39,26 @@ struct Line {
 
 /// The results of some photos, in a folder.
 pub struct Results {
-    folder: PathBuf,
+    out: OutputFolder,
     frames: Vec<Frame>,
     images: Vec<Image>,
     rows: Vec<Line>,
 }
 
 impl Results {
-    pub fn create(folder: &Path) -> Result<Self, Failure> {
-        weaver_io::create_folder(folder.join("renders"))?;
-        weaver_io::create_folder(folder.join("sparse/0"))?;
-        Ok(Self { folder: folder.to_path_buf(), frames: Vec::new(), images: Vec::new(), rows: Vec::new() })
+    /// Claims the folder of an alignment that reads these files.
+    pub fn claim<'a>(folder: &Path, read: impl Iterator<Item = &'a PathBuf>) -> Result<Self, Failure> {
+        let out = OutputFolder::claim(folder, "align", read)?;
+        out.check([CAMERAS, REPORT])?;
+        out.check(Model::FILES.map(|name| format!("{MODEL}/{name}")))?;
+        Ok(Self { out, frames: Vec::new(), images: Vec::new(), rows: Vec::new() })
+    }
+
+    /// Checks that there is a place for the pictures of these photos.
+    pub fn check(&self, photos: &[PosedPhoto]) -> Result<(), Failure> {
+        let frame = |photo: &PosedPhoto| Frame::new(photo.path.display().to_string(), photo.camera);
+        let frames: Vec<Frame> = photos.iter().map(frame).collect();
+        Ok(self.out.check(stems(&frames).iter().map(|stem| picture(stem)))?)
     }
 
     pub fn push(&mut self, Row { photo, aligned, psnr }: Row<'_>) -> Result<(), Failure> {
@@ -69,12 +86,12 @@ impl Results {
     /// Writes everything, and returns the table.
     pub fn finish(self) -> Result<String, Failure> {
         for (image, stem) in self.images.iter().zip(stems(&self.frames)) {
-            image.write_png(self.folder.join("renders").join(format!("{stem}.png")))?;
+            image.write_png(self.out.file(picture(&stem))?)?;
         }
-        Model::from_frames(&self.frames).write_binary(self.folder.join("sparse/0"))?;
+        Model::from_frames(&self.frames).write_binary(self.out.files(MODEL, Model::FILES)?)?;
         let rows: Vec<Value> = self.rows.iter().map(report).collect();
-        weaver_io::write_text(self.folder.join("align.json"), &serde_json::to_string_pretty(&rows)?)?;
-        Transforms { frames: self.frames, ..Transforms::default() }.write(self.folder.join("transforms.json"))?;
+        weaver_io::write_text(self.out.file(REPORT)?, &serde_json::to_string_pretty(&rows)?)?;
+        Transforms { frames: self.frames, ..Transforms::default() }.write(self.out.file(CAMERAS)?)?;
         let width = self.rows.iter().map(|row| row.name.chars().count()).max().unwrap_or(0).max("photo".len());
         let mut text = format!("{:<width$}  dB before   after  degrees  of the depth\n", "photo");
         for Line { name, psnr: [before, after], moved: [degrees, distance], outcome, .. } in &self.rows {
@@ -83,7 +100,7 @@ impl Results {
                 "{name:<width$}  {before:>9.2}  {after:>6.2}  {degrees:>7.3}  {distance:>12.4}  {outcome}"
             );
         }
-        Ok(format!("{text}cameras: {}", self.folder.join("transforms.json").display()))
+        Ok(format!("{text}cameras: {}", self.out.path().join(CAMERAS).display()))
     }
 }
 

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 /// those that the capture lists, are held out and say how good the scene is from elsewhere. Writes scene.ply,
 /// cameras, summary.json and report.html. Ctrl-C ends early, with results; --resume goes on to the same bits as an
 /// uninterrupted run.
-#[derive(Args, Debug)]
+#[derive(Args, Debug, Default)]
 #[command(after_help = "Examples:
   splatweaver fit capture
   splatweaver fit capture --minutes 5 --gaussians 100000 -o scene
@@ -52,7 +52,7 @@ pub struct Fit {
     #[arg(long, help_heading = RUN)]
     pub dry_run: bool,
     /// Time between checkpoints, at least
-    #[arg(long, value_name = "SECONDS", default_value_t = 20.0, value_parser = pause, help_heading = RUN)]
+    #[arg(long, value_name = "SECONDS", default_value_t = SAVE_EVERY, value_parser = pause, help_heading = RUN)]
     pub save_every: f64,
     #[command(flatten)]
     pub device: DeviceFlag,
@@ -110,13 +110,17 @@ pub struct Fit {
 }
 
 /// Where cameras come from.
-#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq, ValueEnum)]
 pub enum Origin {
     /// From the capture's files
+    #[default]
     Given,
     /// By matching the photos
     Estimated,
 }
+
+/// Seconds between checkpoints when nothing is said.
+pub const SAVE_EVERY: f64 = 20.0;
 
 const PHOTOS: &str = "Photos and cameras";
 const SCENE: &str = "Scene";

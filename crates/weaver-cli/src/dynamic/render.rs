@@ -4,12 +4,18 @@ use crate::Console;
 use crate::arguments::DynamicRender;
 use crate::cameras::{self, Size};
 use crate::failure::Failure;
+use crate::memory;
 use crate::progress::Progress;
 use crate::video::Video;
+use std::path::PathBuf;
 use weaver_dynamic_run::Run;
 use weaver_geometry::Camera;
+use weaver_io::OutputFolder;
 
 pub fn run(arguments: &DynamicRender, console: &mut Console) -> Result<(), Failure> {
+    let read: Vec<&PathBuf> = std::iter::once(&arguments.run).chain(&arguments.cameras).collect();
+    let out = arguments.out.as_ref().map(|out| OutputFolder::claim(out, "dynamic render", &read)).transpose()?;
+    arguments.video.as_ref().map_or(Ok(()), |path| weaver_io::check_output_file(path, &read))?;
     let run = Run::open(&arguments.run)?;
     let expert = arguments.expert.as_deref().map(|name| run.settings().expert(name)).transpose()?;
     let path = path(arguments, &run)?;
@@ -23,7 +29,10 @@ pub fn run(arguments: &DynamicRender, console: &mut Console) -> Result<(), Failu
         )));
     }
     let size = [first.height, first.width];
-    arguments.out.as_deref().map_or(Ok(()), weaver_io::create_folder)?;
+    let needed = memory::of_picture(first, run.settings().experts.len() + 2);
+    memory::check(needed, "cameras of smaller pictures reduce it")?;
+    let names = |i: usize| [format!("{i:04}.png"), format!("gate-{i:04}.png")];
+    out.as_ref().map_or(Ok(()), |out| out.check((0..count).flat_map(names)))?;
     let mut video = match &arguments.video {
         Some(file) => Some(Video::create(file, (first.width, first.height), arguments.fps)?),
         None => None,
@@ -34,10 +43,11 @@ pub fn run(arguments: &DynamicRender, console: &mut Console) -> Result<(), Failu
         let camera = &path[i * (path.len() - 1) / (count - 1).max(1)];
         let pictures = run.mixture().pictures(run.params(), camera, time)?;
         let image = expert.map_or_else(|| pictures.mixture(size), |index| pictures.expert(index, size));
-        if let Some(folder) = &arguments.out {
-            image.write_png(folder.join(format!("{i:04}.png")))?;
+        if let Some(out) = &out {
+            let [name, gate] = names(i);
+            image.write_png(out.file(name)?)?;
             if arguments.gate {
-                pictures.gate(size).write_png(folder.join(format!("gate-{i:04}.png")))?;
+                pictures.gate(size).write_png(out.file(gate)?)?;
             }
         }
         if let Some(video) = &mut video {

@@ -29,6 +29,9 @@ pub fn run(arguments: &Eval, scene: &Path, console: &mut Console) -> Result<(), 
     let (background, settings) = asked.beside(scene)?;
     let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);
     let gaussians = read_gaussians(scene)?;
+    if gaussians.is_empty() {
+        return Err(Failure::message(format!("{}: expected Gaussians to judge, found none", scene.display())));
+    }
     let long_side = arguments.drawing.size.map(|size| size as usize);
     let masks = arguments.masks;
     let options = PosedOptions { long_side, background, masks, held_out_only: true, ..PosedOptions::default() };

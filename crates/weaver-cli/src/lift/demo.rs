@@ -14,7 +14,7 @@ use figures::{COLUMNS, Figures, LAMBDA};
 use noise::{BOUNDS, Noise};
 use stage::{Size, Source, Stage};
 use std::fmt::Write;
-use weaver_inference::{Predictor, RunFolder, SplatWeaverPredictor};
+use weaver_inference::{OutputFolder, Predictor, RunFolder, SplatWeaverPredictor};
 
 /// What one scene gives.
 struct Outcome {
@@ -25,7 +25,8 @@ struct Outcome {
 /// Prints the table of some seeds, and writes the pictures of the first into `--out`.
 pub fn run(arguments: &Lift, console: &mut Console) -> Result<(), Failure> {
     let Lift { demo: seeds, out, .. } = arguments;
-    out.as_deref().map_or(Ok(()), weaver_io::check_writable)?;
+    let claimed = out.as_ref().map(|out| OutputFolder::claim(out, "lift --demo", &arguments.run)).transpose()?;
+    claimed.as_ref().map_or(Ok(()), |out| out.check(pictures::NAMES))?;
     let mut source = source(arguments)?;
     let mut progress = Progress::new("lift", 0, seeds.len(), console);
     let mut outcomes = Vec::new();
@@ -33,7 +34,7 @@ pub fn run(arguments: &Lift, console: &mut Console) -> Result<(), Failure> {
         let stage = Stage::new(seed, Size::DEMO, &mut source)?;
         let figures = Figures::of(&stage, arguments.least_alpha)?;
         let noise = Noise::of(&stage, seed)?;
-        if let (Some(out), true) = (out, outcomes.is_empty()) {
+        if let (Some(out), true) = (&claimed, outcomes.is_empty()) {
             pictures::write(&stage, &noise, out)?;
         }
         outcomes.push(Outcome { figures, noise });

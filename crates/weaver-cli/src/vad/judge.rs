@@ -1,6 +1,7 @@
 //! `splatweaver vad eval`.
 
 use super::judged::{Judged, planted};
+use super::train::{REPORT, reopened};
 use super::{check_width, metrics, open, report};
 use crate::Console;
 use crate::arguments::VadEval;
@@ -9,6 +10,8 @@ use crate::progress::Progress;
 use weaver_vad::{Annotation, Planted, read_list};
 
 pub fn run(arguments: &VadEval, console: &mut Console) -> Result<(), Failure> {
+    let read = [&arguments.features, &arguments.list, &arguments.annotation].into_iter().flatten();
+    arguments.report.as_ref().map_or(Ok(()), |path| weaver_io::check_output_file(path, read))?;
     let (detector, model, told) = open(&arguments.run)?;
     let judged = match (&arguments.features, &arguments.list, &arguments.annotation) {
         (Some(features), Some(list), Some(annotation)) => {
@@ -40,7 +43,8 @@ pub fn run(arguments: &VadEval, console: &mut Console) -> Result<(), Failure> {
     };
     let found = judged.metrics();
     console.print(&if arguments.json { metrics::json(&found) } else { metrics::text(&found) })?;
-    let beside = model.parent().filter(|_| arguments.run.is_dir()).map(|folder| folder.join("report.html"));
+    let run = if arguments.run.is_dir() { Some(reopened(&arguments.run)?) } else { None };
+    let beside = run.as_ref().map(|out| out.file(REPORT)).transpose()?;
     let Some(path) = arguments.report.clone().or(beside) else { return Ok(()) };
     report::write(&judged, detector.experts(), &path)?;
     console.note(&format!("report: {}", path.display()));

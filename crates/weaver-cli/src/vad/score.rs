@@ -7,11 +7,12 @@ use crate::failure::Failure;
 use crate::progress::Progress;
 use std::fmt::Write;
 use std::path::PathBuf;
-use weaver_io::{create_folder, write_npy, write_text};
+use weaver_io::{OutputFolder, write_npy, write_text};
 use weaver_vad::metrics::SNIPPET;
 use weaver_vad::{Annotation, Chart, Curves, Features, FileName, Length};
 
 pub fn run(arguments: &VadScore, console: &mut Console) -> Result<(), Failure> {
+    let out = OutputFolder::claim(&arguments.out, "vad score", arguments.files.iter().chain(&arguments.annotation))?;
     let (detector, model, _) = open(&arguments.run)?;
     let annotation = arguments.annotation.as_deref().map(Annotation::read).transpose()?;
     let mut videos: Vec<(String, Vec<(usize, PathBuf)>)> = Vec::new();
@@ -23,7 +24,8 @@ pub fn run(arguments: &VadScore, console: &mut Console) -> Result<(), Failure> {
             None => videos.push((video, vec![(crop, path.clone())])),
         }
     }
-    create_folder(&arguments.out)?;
+    let results = |name: &String| ["npy", "csv", "png"].map(|extension| format!("{name}.{extension}"));
+    out.check(videos.iter().flat_map(|(name, _)| results(name)))?;
     let total = videos.len();
     let mut progress = Progress::new("score", 0, total, console);
     for (i, (name, mut files)) in videos.into_iter().enumerate() {
@@ -39,11 +41,11 @@ pub fn run(arguments: &VadScore, console: &mut Console) -> Result<(), Failure> {
                 shares(&annotation.join(vec![(name.clone(), scores.clone())], Length::Features)?[0].labels)
             }
         };
-        let at = |extension: &str| arguments.out.join(format!("{name}.{extension}"));
-        write_npy(at("npy"), &[scores.len()], &scores)?;
-        write_text(at("csv"), &csv(&curves, detector.experts()))?;
+        let [npy, table, picture] = results(&name);
+        write_npy(out.file(npy)?, &[scores.len()], &scores)?;
+        write_text(out.file(table)?, &csv(&curves, detector.experts()))?;
         let others = others(&curves);
-        Chart { scores: &scores, others, anomalous }.draw().write_png(at("png"))?;
+        Chart { scores: &scores, others, anomalous }.draw().write_png(out.file(picture)?)?;
         progress.at(i + 1, total, || name.clone(), console);
     }
     progress.finish();

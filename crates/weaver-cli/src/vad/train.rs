@@ -10,7 +10,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use weaver_io::{Appender, create_folder};
+use weaver_io::{Appender, OutputFolder};
 use weaver_vad::{
     Checkpoint, ConvolutionSizes, DeepMilSizes, Detector, EncoderKind, Error, Experts, Labels, Observe, Planted,
     Schedule, Snapshot, Splatting, StepReport, TrainingSet, UrDmuSizes, read_list,
@@ -18,6 +18,12 @@ use weaver_vad::{
 
 /// The file to go on from in a run folder, and how often it is written.
 const CHECKPOINT: &str = "checkpoint.safetensors";
+/// The other files of a run.
+const LOG: &str = "training.jsonl";
+pub const REPORT: &str = "report.html";
+const FILES: [&str; 4] = [MODEL, CHECKPOINT, LOG, REPORT];
+/// What a run's folder says that its files were written by.
+const COMMAND: &str = "vad";
 const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(300);
 
 pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
@@ -31,15 +37,16 @@ pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -
                 return Err(Failure::Usage(format!("{}: a run is there already; {advice}", path.display())));
             }
         }
-        weaver_io::check_writable(folder)?;
+        let out = OutputFolder::claim(folder, COMMAND, arguments.plan.features.iter().chain(&arguments.plan.list))?;
+        out.check(FILES)?;
         let job = Job::new(arguments.plan.clone())?;
-        create_folder(folder)?;
-        return job.train(folder, None, console, interrupt);
+        return job.train(&out, None, console, interrupt);
     };
     let path = folder.join(CHECKPOINT);
     if !path.exists() && folder.join(MODEL).exists() {
         return Err(Failure::Usage(format!("{}: the run is complete", folder.display())));
     }
+    let out = reopened(folder)?;
     let (detector, checkpoint, told) = Checkpoint::read(&path)?;
     let kept: Kept = serde_json::from_str(&told)
         .map_err(|error| Failure::message(format!("{}: what was trained: {error}", path.display())))?;
@@ -52,7 +59,13 @@ pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -
             expected[0], expected[1], found[0], found[1]
         )));
     }
-    job.train(folder, Some((detector, checkpoint, kept.done)), console, interrupt)
+    if kept.features.is_some_and(|features| features != job.features) {
+        let features = job.plan.features.as_deref().unwrap_or(&path).display();
+        return Err(Failure::message(format!(
+            "{features}: features and labels: expected those that the run began with, found others"
+        )));
+    }
+    job.train(&out, Some((detector, checkpoint, kept.done)), console, interrupt)
 }
 
 /// What a checkpoint keeps beside the weights.
@@ -61,8 +74,16 @@ struct Kept {
     plan: VadPlan,
     /// Normal and abnormal videos.
     videos: [usize; 2],
+    /// A checksum of features and labels; runs of earlier versions have none.
+    #[serde(default)]
+    features: Option<String>,
     /// Steps of all stages.
     done: usize,
+}
+
+/// The folder of a run that is there already, claimed.
+pub fn reopened(folder: &Path) -> Result<OutputFolder, Failure> {
+    Ok(OutputFolder::reopen(folder, COMMAND, FILES)?)
 }
 
 /// A training, all that it needs at hand.
@@ -72,6 +93,8 @@ struct Job {
     planted: Option<Planted>,
     kind: EncoderKind,
     schedule: Schedule,
+    /// A checksum of features and labels.
+    features: String,
 }
 
 impl Job {
@@ -100,7 +123,8 @@ impl Job {
             let factor = f64::from(steps) / schedule.encoder.steps as f64;
             schedule = schedule.scaled(factor);
         }
-        Ok(Self { plan, set, planted, kind, schedule })
+        let features = set.checksum()?.to_string();
+        Ok(Self { plan, set, planted, kind, schedule, features })
     }
 
     fn videos(&self) -> [usize; 2] {
@@ -109,7 +133,7 @@ impl Job {
 
     fn train(
         self,
-        folder: &Path,
+        out: &OutputFolder,
         from: Option<(Detector, Checkpoint, usize)>,
         console: &mut Console,
         interrupt: &Interrupt,
@@ -118,13 +142,14 @@ impl Job {
         let ([normal, abnormal], classes) = (self.videos(), self.set.classes.len());
         console.note(&format!("{normal} normal and {abnormal} abnormal videos, {classes} classes; {total} steps"));
         let done = from.as_ref().map_or(0, |(.., done)| *done);
-        let path = folder.join("training.jsonl");
+        let folder = out.path();
+        let path = out.file(LOG)?;
         if done > 0 {
             keep_lines(&path, done)?;
         }
         let mut watch = Watch {
             job: &self,
-            folder,
+            out,
             log: Appender::open(path)?,
             progress: Progress::new("train", done, total, console),
             console,
@@ -151,13 +176,13 @@ impl Job {
         };
         // What `vad eval` is to judge it on where it is given no list.
         let told = self.planted.map_or(String::new(), |planted| planted.seed.to_string());
-        detector.write(&folder.join(MODEL), &told)?;
+        detector.write(&out.file(MODEL)?, &told)?;
         let _ = std::fs::remove_file(folder.join(CHECKPOINT));
         console.note(&format!("{total} steps done: {}", folder.join(MODEL).display()));
         let Some(planted) = self.planted else { return Ok(()) };
         let judged = super::judged::planted(&detector, &planted)?;
         console.print(&super::metrics::text(&judged.metrics()))?;
-        let path = folder.join("report.html");
+        let path = out.file(REPORT)?;
         report::write(&judged, detector.experts(), &path)?;
         console.print(&format!("report: {}", path.display()))
     }
@@ -166,7 +191,7 @@ impl Job {
 /// Logs steps, shows them, and writes checkpoints.
 struct Watch<'a, 'c> {
     job: &'a Job,
-    folder: &'a Path,
+    out: &'a OutputFolder,
     log: Appender,
     progress: Progress,
     console: &'a mut Console<'c>,
@@ -185,9 +210,11 @@ impl Observe for Watch<'_, '_> {
         self.log.append(format!("{record}\n").as_bytes())?;
         let stopped = self.stop.load(Ordering::Relaxed);
         if stopped || self.saved.elapsed() > BETWEEN_CHECKPOINTS {
-            let kept = Kept { plan: self.job.plan.clone(), videos: self.job.videos(), done: self.done };
+            let Job { plan, features, .. } = self.job;
+            let (plan, features) = (plan.clone(), Some(features.clone()));
+            let kept = Kept { plan, videos: self.job.videos(), features, done: self.done };
             let told = serde_json::to_string(&kept).unwrap_or_default();
-            snapshot.write(&self.folder.join(CHECKPOINT), &told)?;
+            snapshot.write(&self.out.file(CHECKPOINT)?, &told)?;
             self.saved = Instant::now();
         }
         Ok(if stopped { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })

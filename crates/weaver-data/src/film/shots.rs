@@ -4,7 +4,7 @@ use super::pixels::Pixels;
 use crate::Error;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec3;
-use weaver_io::Image;
+use weaver_io::{Checksum, Image};
 
 /// Times closer than this are the same.
 pub(super) const SAME_TIME: f64 = 1e-6;
@@ -75,6 +75,28 @@ impl HeldOut {
     /// ```
     pub fn trained(&self) -> bool {
         !self.camera && !self.time
+    }
+}
+
+impl Film {
+    /// A checksum of cameras, times, and pixels as they are trained on; of photos that are not kept in memory the length of the file takes
+    /// the place of the pixels.
+    ///
+    /// # Errors
+    /// When a file is there no more.
+    pub fn checksum(&self) -> Result<Checksum, Error> {
+        let mut sum = Checksum::default();
+        for shot in &self.shots {
+            let Camera { pose, intrinsics: k, .. } = &shot.camera;
+            let numbers = pose.rotation.to_cols_array().into_iter().chain(pose.translation.to_array());
+            numbers.chain([k.fx, k.fy, k.cx, k.cy, shot.time]).for_each(|x| sum.word(x.to_bits()));
+            sum.word(u64::from(shot.held_out.trained()));
+            match &shot.pixels {
+                Pixels::Kept(bytes) => sum.bytes(bytes),
+                Pixels::Stored { file, .. } => sum.word(weaver_io::file_length(file.path())?),
+            }
+        }
+        Ok(sum)
     }
 }
 

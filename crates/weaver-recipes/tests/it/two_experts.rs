@@ -4,7 +4,7 @@ use std::sync::Arc;
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_data::{Layout, Scene};
 use weaver_inference::reconstruct::{Options as ReconstructOptions, reconstruct};
-use weaver_inference::{CameraSource, Density, Predictor, SplatWeaverPredictor, TwoExpertsPredictor};
+use weaver_inference::{CameraSource, Density, OutputFolder, Predictor, SplatWeaverPredictor, TwoExpertsPredictor};
 use weaver_kernels::random::Stream;
 use weaver_recipes::{SplatWeaverRecipe, TwoExpertsRecipe, registry};
 use weaver_trainer::evaluate::{Options, evaluate};
@@ -254,13 +254,14 @@ fn opacities_may_depend_on_the_view() {
     for (name, view) in names.iter().zip([0, 2]) {
         scene.views[view].image.write_png(name).unwrap();
     }
-    let report = reconstruct(&mut predictor, &names, &ReconstructOptions::default(), folder.path()).unwrap();
+    let out = OutputFolder::claim(folder.path().join("out"), "test", &names).unwrap();
+    let report = reconstruct(&mut predictor, &names, &ReconstructOptions::default(), &out).unwrap();
     assert!(
         report.remarks.iter().any(|remark| remark.starts_with("opacities depend on the view")),
         "{:?}",
         report.remarks
     );
-    let described = weaver_io::info(folder.path().join("scene.safetensors")).unwrap();
+    let described = weaver_io::info(out.path().join("scene.safetensors")).unwrap();
     assert!(described.contains("opacity_harmonics"), "{described}");
 }
 

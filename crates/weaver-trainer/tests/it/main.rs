@@ -12,7 +12,8 @@ mod scale;
 use pixel_cnn::PixelCnnRecipe;
 use std::sync::atomic::AtomicBool;
 use weaver_trainer::{
-    Config, DataConfig, Error, Example, Observer, Overrides, Registry, Session, Setup, Source, StepReport, create_run,
+    Config, DataConfig, Error, Example, Observer, Overrides, Registry, Session, Setup, Source, StepReport, claim_run,
+    create_run,
 };
 
 /// A configuration of so many steps on photos of 16 x 16 pixels.
@@ -117,7 +118,8 @@ fn a_name_finds_the_model_from_training_to_evaluation() {
     let settings = ["model.size=[16, 16]", "model.channels=4"].map(String::from).to_vec();
     let recipe = registry.find(Some("pixel-cnn")).unwrap();
     let config = recipe.resolve(&Setup { settings, steps: Some(3), ..Setup::default() }).unwrap();
-    let folder = create_run(&parent.path().join("run"), &config).unwrap();
+    let out = claim_run(&parent.path().join("run"), &config).unwrap();
+    let folder = create_run(&out, &config).unwrap();
     let summary = recipe.start(&config).unwrap().train(&folder, &mut Silent, &AtomicBool::new(false)).unwrap();
     assert_eq!((summary.steps, summary.evaluation.unwrap().allocation), (3, None));
     assert!(folder.report_path().is_file());
@@ -130,7 +132,7 @@ fn a_name_finds_the_model_from_training_to_evaluation() {
         assert!(message.contains("masks: expected captures"), "{message}");
     }
     assert_eq!((found.mean.gaussians_per_pixel, &found.mean.expert_share[..]), (1.0, &[0.0, 1.0][..]));
-    let refused = create_run(folder.path(), &config).unwrap_err();
+    let refused = claim_run(folder.path(), &config).unwrap_err();
     assert!(matches!(refused, Error::RunExists { .. }), "{refused}");
 }
 

@@ -3,7 +3,7 @@
 use crate::scale::captured;
 use crate::{PixelCnnRecipe, Silent, config};
 use std::sync::atomic::AtomicBool;
-use weaver_trainer::{Config, Registry, Session, Setup, create_run};
+use weaver_trainer::{Config, Registry, Session, Setup, claim_run, create_run};
 
 type Pixel = Config<PixelCnnRecipe>;
 
@@ -88,7 +88,8 @@ fn more_steps_prolong_the_last_stage_and_are_recorded() {
     let settings = ["model.size=[16, 16]", "model.channels=4"].map(String::from).to_vec();
     let config = recipe.resolve(&Setup { settings, steps: Some(3), ..Setup::default() }).unwrap();
     let finished = || {
-        let folder = create_run(&tempfile::tempdir_in(&parent).unwrap().keep(), &config).unwrap();
+        let folder =
+            create_run(&claim_run(&tempfile::tempdir_in(&parent).unwrap().keep(), &config).unwrap(), &config).unwrap();
         recipe.start(&config).unwrap().train(&folder, &mut Silent, &AtomicBool::new(false)).unwrap();
         folder
     };

@@ -5,15 +5,24 @@ use super::noise::Noise;
 use super::stage::Stage;
 use crate::failure::Failure;
 use crate::lift::pca::PcaColors;
-use std::path::Path;
 use weaver_geometry::Camera;
-use weaver_io::{Image, label_color};
+use weaver_io::{Image, OutputFolder, label_color};
 use weaver_lift::{LiftOptions, Raster, Solver, lift};
 
+/// The files that are written.
+pub const NAMES: [&str; 7] = [
+    "ids.png",
+    "labels-row-sum.png",
+    "labels-exact-5.png",
+    "pca-lifted.png",
+    "pca-aggregated.png",
+    "masks.png",
+    "masks-kept.png",
+];
+
 /// Writes the pictures of a view that was held out, and of one with a wrong mask.
-pub fn write(stage: &Stage, noise: &Noise, out: &Path) -> Result<(), Failure> {
-    weaver_io::create_folder(out)?;
-    let save = |name: &str, image: &Image| image.write_png(out.join(format!("{name}.png")));
+pub fn write(stage: &Stage, noise: &Noise, out: &OutputFolder) -> Result<(), Failure> {
+    let save = |name: &str, image: &Image| image.write_png(out.file(format!("{name}.png"))?);
     let settings = stage.settings;
     let mut training = Raster::new(stage.splats.as_slices(), &stage.training.cameras, settings);
     let mut held_out = Raster::new(stage.splats.as_slices(), &stage.held_out.cameras, settings);
