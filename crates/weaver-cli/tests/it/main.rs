@@ -10,6 +10,7 @@ mod fit;
 #[cfg(unix)]
 mod killed;
 mod lift;
+mod outputs;
 mod photos;
 mod plan;
 mod process;
