@@ -126,7 +126,7 @@ impl Run {
             self.origins.iter().zip(&cameras).map(frame).collect()
         };
         let frames_on_disk = frames(&|origin| absolute(&origin.path).display().to_string());
-        let test_filenames = frames_on_disk[self.fit.photos()..].iter().map(|frame| frame.name.clone()).collect();
+        let test_filenames = Some(frames_on_disk[self.fit.photos()..].iter().map(|frame| frame.name.clone()).collect());
         Transforms { frames: frames_on_disk, test_filenames, ..Transforms::default() }
             .write(self.folder.join("transforms.json"))?;
         weaver_io::create_folder(self.folder.join("sparse/0"))?;

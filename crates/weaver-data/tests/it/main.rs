@@ -2,6 +2,8 @@
 
 mod appearance;
 mod capture;
+mod estimated;
+mod exif;
 mod film;
 mod film_layouts;
 mod masked;
@@ -12,4 +14,5 @@ mod quality;
 mod real_captures;
 mod sampler;
 mod scene;
+mod unreadable;
 mod varied;
