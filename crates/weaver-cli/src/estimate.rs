@@ -54,6 +54,7 @@ pub fn estimated(
     let start = Instant::now();
     console.note(&format!("cameras: matching {} photos", photos.len()));
     let found = estimate_photos(photos, located, &flags.into())?;
+    found.remarks.iter().for_each(|remark| console.note(&format!("warning: {remark}")));
     let placed = found.placed().len();
     if placed < 2 {
         return Err(Failure::message(format!("cameras: {}", refusal(&found))));
