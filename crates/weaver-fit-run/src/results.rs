@@ -112,25 +112,21 @@ impl Run {
             .map(|(camera, origin)| Camera { pose: camera.pose, ..origin.file_camera })
             .collect();
         let absolute = |path: &PathBuf| std::path::absolute(path).unwrap_or(path.clone());
-        let frames = |name: &dyn Fn(&Origin) -> String| -> Vec<Frame> {
-            let frame = |(origin, camera): (&Origin, &Camera)| {
-                let (distortion, mask) = (origin.distortion, origin.mask_file.as_ref().map(absolute));
-                Frame {
-                    distortion,
-                    mask,
-                    time: origin.time,
-                    number: origin.number,
-                    ..Frame::new(name(origin), *camera)
-                }
-            };
-            self.origins.iter().zip(&cameras).map(frame).collect()
+        // A name that no file of cameras can hold is no reason to lose a fit.
+        let name = |path: &PathBuf| {
+            weaver_io::relative_path(&self.folder, path).unwrap_or_else(|_| absolute(path).display().to_string())
         };
-        let frames_on_disk = frames(&|origin| absolute(&origin.path).display().to_string());
-        let test_filenames = Some(frames_on_disk[self.fit.photos()..].iter().map(|frame| frame.name.clone()).collect());
-        Transforms { frames: frames_on_disk, test_filenames, ..Transforms::default() }
-            .write(self.folder.join("transforms.json"))?;
+        let frame = |(origin, camera): (&Origin, &Camera)| {
+            let (distortion, mask) = (origin.distortion, origin.mask_file.as_ref().map(|file| name(file).into()));
+            let (time, number) = (origin.time, origin.number);
+            Frame { distortion, mask, time, number, ..Frame::new(name(&origin.path), *camera) }
+        };
+        let frames: Vec<Frame> = self.origins.iter().zip(&cameras).map(frame).collect();
         weaver_io::create_folder(self.folder.join("sparse/0"))?;
-        Model::from_frames(&frames(&|origin| origin.name.clone())).write_binary(self.folder.join("sparse/0"))?;
+        Model::from_frames(&frames).write_binary(self.folder.join("sparse/0"))?;
+        // A fit knows which photos are held out, also if none is.
+        let test_filenames = Some(frames[self.fit.photos()..].iter().map(|frame| frame.name.clone()).collect());
+        Transforms { frames, test_filenames, ..Transforms::default() }.write(self.folder.join("transforms.json"))?;
         Ok(())
     }
 
