@@ -98,7 +98,7 @@ impl PhotoFile {
 
     /// Whether EXIF turns or mirrors the photo without changing its size, so that [`for_camera`](Self::for_camera) cannot tell whether a
     /// camera is for the upright photo: one that is mirrored or turned by 180 degrees, or a square one.
-    pub fn is_ambiguous(&self) -> bool {
+    pub fn has_ambiguous_orientation(&self) -> bool {
         self.orientation != Orientation::NoTransforms && self.size() == self.stored
     }
 

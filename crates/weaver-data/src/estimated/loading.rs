@@ -29,6 +29,6 @@ pub(super) fn load(path: &Path, options: &EstimateOptions) -> Result<Loaded, Fau
     let image = file.resize_whole(shrunk(size.0), shrunk(size.1)).map_err(Fault::unreadable)?.to_image();
     let asked = options.exif && options.focal.is_none();
     let told = if asked { weaver_io::focal_35mm(path).map_err(Fault::unreadable)? } else { None };
-    let (ambiguous, transparent) = (file.is_ambiguous(), file.was_transparent());
+    let (ambiguous, transparent) = (file.has_ambiguous_orientation(), file.was_transparent());
     Ok(Loaded { image, size, ambiguous, transparent, told })
 }

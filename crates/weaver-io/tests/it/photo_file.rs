@@ -198,10 +198,10 @@ fn a_photo_says_whether_its_size_tells_which_way_up_it_is() {
         write_oriented(&path, &stored, orientation);
         let keeps_size =
             matches!(orientation, Orientation::FlipHorizontal | Orientation::FlipVertical | Orientation::Rotate180);
-        assert_eq!(PhotoFile::at(&path).unwrap().is_ambiguous(), keeps_size, "{orientation:?}");
+        assert_eq!(PhotoFile::at(&path).unwrap().has_ambiguous_orientation(), keeps_size, "{orientation:?}");
         write_oriented(&path, &stored.crop_imm(0, 0, 16, 16), orientation);
         let turned = orientation != Orientation::NoTransforms;
-        assert_eq!(PhotoFile::at(&path).unwrap().is_ambiguous(), turned, "{orientation:?}, square");
+        assert_eq!(PhotoFile::at(&path).unwrap().has_ambiguous_orientation(), turned, "{orientation:?}, square");
     }
 }
 
