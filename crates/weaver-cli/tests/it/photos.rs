@@ -187,9 +187,13 @@ fn what_is_not_used_is_said() {
     let text = said(&run(folder, "eval --scene out/scene.ply --data capture --size 48"));
     assert!(text.contains("capture/sparse/0: photos that are not") && text.contains("05.png"), "{text}");
 
-    // A photo that cannot be read is not left out of a folder.
+    // A photo that cannot be read is left out, with a word.
     std::fs::write(folder.join("capture/images/06.heic"), b"\0\0\0\x18ftypheic\0\0\0\0mif1heic").unwrap();
     let output = run(folder, "cameras capture/images -o found");
+    let text = said(&output);
+    assert!(output.status.success() && text.contains("6 of 7 photos placed"), "{text}");
+    assert!(text.contains("warning: 1 of 7 photos") && text.contains("06.heic: image: "), "{text}");
+    let output = run(folder, "cameras capture/images/00.png capture/images/06.heic -o found");
     let text = said(&output);
     assert!(output.status.code() == Some(1) && text.contains("06.heic") && text.contains("convert it"), "{text}");
 }
