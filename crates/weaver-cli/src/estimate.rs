@@ -56,9 +56,10 @@ pub fn estimated(
     console: &mut Console,
 ) -> Result<Estimated, Failure> {
     let start = Instant::now();
-    out.check(EstimatedPhotos::FILES)?;
+    EstimatedPhotos::check(out, photos, &flags.into())?;
     console.note(&format!("cameras: matching {} photos", photos.len()));
     let found = estimate_photos(photos, located, &flags.into())?;
+    found.remarks.iter().for_each(|remark| console.note(&format!("warning: {remark}")));
     let placed = found.placed().len();
     if placed < 2 {
         return Err(Failure::message(format!("cameras: {}", refusal(&found))));

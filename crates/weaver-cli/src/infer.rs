@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::sync::mpsc;
 use weaver_inference::published::{self, Fit};
-use weaver_inference::reconstruct::{Options, Report, reconstruct};
+use weaver_inference::reconstruct::{self, Options, Report, reconstruct};
 use weaver_inference::{Density, Looks, OutputFolder, Predictor, RunFolder, SplatWeaverPredictor, is_of_run};
 use weaver_splat::{AnyRasterizer, Renderer};
 
@@ -22,6 +22,7 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
     let out = OutputFolder::claim(&arguments.out, "infer", read.chain(arguments.cameras.as_ref().filter(|_| !asked)))?;
     let rasterizer = device::rasterizer(&arguments.device)?;
     let mut images = photos(&arguments.images)?;
+    reconstruct::check(&out, &images)?;
     let mut cameras = arguments.cameras.clone();
     let built_in = arguments.run.is_none() && arguments.weights.is_none();
     let estimating = asked || built_in && cameras.is_none();

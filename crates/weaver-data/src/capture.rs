@@ -2,7 +2,7 @@
 //!
 //! | the folder holds | cameras | points | held out |
 //! |---|---|---|---|
-//! | `transforms.json` | nerfstudio, instant-ngp | COLMAP's in `sparse/0`, else a PLY file | `test_filenames`, else every 8th |
+//! | `transforms.json` | nerfstudio, instant-ngp | COLMAP's in `sparse/0`, else a PLY file | `test_filenames`, none if that is empty; every 8th if it is missing |
 //! | `transforms_train.json`, `transforms_test.json` | NeRF-synthetic | none | the test file's frames |
 //! | `sparse/0`, `images/` | COLMAP | COLMAP | every 8th |
 //! | `cameras.txt` or `<16 hex digits>.txt`, `images/` | RealEstate10K | none | every 8th |
@@ -28,6 +28,7 @@ mod realestate;
 mod sparse;
 mod visible;
 
+use crate::unreadable::{Fault, Needed, without_unreadable};
 use crate::{Error, Scene, View};
 pub use crop::Crop;
 use masks::Mask;
@@ -77,18 +78,22 @@ impl Default for CaptureOptions {
 /// Loads a capture, a folder or a transforms.json of any name, with views in order of their paths.
 ///
 /// # Errors
-/// If the folder is missing or of no known kind, a file is missing, truncated or malformed, a pose or intrinsics
+/// If the folder is missing or of no known kind, a file of cameras is missing, truncated or malformed, a pose or intrinsics
 /// are missing or not finite, or a photo's size is not its camera's. The message names the file, the entry, what
-/// was expected and what was found. How many views a task needs is checked by [`Scene::check_training`] and
+/// was expected and what was found. Photos that cannot be read are left out and named in [`Scene::remarks`]; it is an error if these
+/// are more than a quarter, or all. How many views a task needs is checked by [`Scene::check_training`] and
 /// [`Scene::check_evaluation`].
 pub fn load(path: impl AsRef<Path>, options: &CaptureOptions) -> Result<Scene, Error> {
     let path = path.as_ref();
     let capture = read_split_photos(path, options.hold_out)?;
     let masks = options.masks.then(|| masks::of_capture(&capture.photos, folder(path))).transpose()?;
     let load = |(i, photo)| load_photo(photo, masks.as_ref().map(|masks| &masks[i]), &capture, options);
-    let loaded: Vec<Result<(View, Vec<u32>), Error>> = capture.photos.par_iter().enumerate().map(load).collect();
-    let mut loaded = loaded.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let loaded: Vec<Result<(View, Vec<u32>), Fault>> = capture.photos.par_iter().enumerate().map(load).collect();
+    let (paths, needed) = (capture.paths(), Needed { least: 1, all: loaded.len() });
+    let (loaded, unreadable) = without_unreadable(paths, loaded, needed)?;
+    let mut loaded: Vec<(View, Vec<u32>)> = loaded.into_iter().flatten().collect();
     let Photos { points, mut remarks, .. } = capture;
+    remarks.extend(unreadable);
     let masked: Vec<&str> =
         loaded.iter().filter(|(view, _)| view.is_masked()).map(|(view, _)| view.name.as_str()).collect();
     if !masked.is_empty() {
@@ -137,7 +142,7 @@ fn uncut(path: &Path, mask: Option<&Mask>, width: usize, height: usize) -> Resul
     let photo = PhotoFile::at(path)?;
     let (w, h) = photo.size();
     let crop = Crop::centered(w, h, width, height);
-    masked(path, photo, mask, |file| Ok(crop.read(file)?.to_image()))
+    Ok(masked(path, photo, mask, |file| Ok(crop.read(file)?.to_image()))?)
 }
 
 /// A photo, white where its mask is dark, and which of its pixels count, `[height, width]`: `None` if all do.
@@ -148,14 +153,15 @@ fn masked(
     path: &Path,
     photo: PhotoFile,
     mask: Option<&Mask>,
-    read: impl Fn(&PhotoFile) -> Result<Image, Error>,
-) -> Result<MaskedImage, Error> {
-    let Some(mask) = mask else { return Ok((read(&photo)?, None)) };
+    read: impl Fn(&PhotoFile) -> Result<Image, weaver_io::Error>,
+) -> Result<MaskedImage, Fault> {
+    let Some(mask) = mask else { return Ok((read(&photo).map_err(Fault::unreadable)?, None)) };
     let in_file = mask.file.is_some();
     let mask = mask.open(path, photo.clone())?;
-    let inside = read(&mask)?;
+    let fault = if in_file { |error: weaver_io::Error| Fault::Other(error.into()) } else { Fault::unreadable };
+    let inside = read(&mask).map_err(fault)?;
     // Masked before it is resized, so that no pixel inside is mixed with what is outside.
-    let mut image = read(&if in_file { photo.masked(mask) } else { photo })?;
+    let mut image = read(&if in_file { photo.masked(mask) } else { photo }).map_err(Fault::unreadable)?;
     let inside = masks::cut(&mut image, &inside);
     Ok((image, inside))
 }
@@ -231,7 +237,7 @@ fn load_photo(
     mask: Option<&Mask>,
     capture: &Photos,
     options: &CaptureOptions,
-) -> Result<(View, Vec<u32>), Error> {
+) -> Result<(View, Vec<u32>), Fault> {
     let ((image, inside), camera) = read_cropped(photo, mask, options.width, options.height)?;
     let (visible, mut depth) = visible_points(&camera, capture, photo);
     for (depth, inside) in depth.iter_mut().zip(inside.iter().flatten()) {
@@ -258,7 +264,7 @@ fn read_cropped(
     mask: Option<&Mask>,
     width: usize,
     height: usize,
-) -> Result<(MaskedImage, Camera), Error> {
+) -> Result<(MaskedImage, Camera), Fault> {
     let file = photo.open()?;
     let Camera { pose, intrinsics, width: w, height: h } = photo.frame.camera;
     let crop = Crop::centered(w, h, width, height);

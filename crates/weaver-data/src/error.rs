@@ -21,6 +21,21 @@ pub enum Error {
         /// What was there.
         found: String,
     },
+    /// Too many photos cannot be read.
+    #[error(
+        "photos: expected at least {least} that can be read, and at most a quarter that cannot; found {bad} of {all} \
+         that cannot: {reasons}"
+    )]
+    Unreadable {
+        /// How many must be readable.
+        least: usize,
+        /// How many are not.
+        bad: usize,
+        /// How many there are.
+        all: usize,
+        /// Which these are, and why.
+        reasons: String,
+    },
     /// A scene has too few views for what is asked of it.
     #[error("scene {scene}: {key}: expected {expected}, found {found}")]
     Views {

@@ -1,28 +1,31 @@
 //! Photos without cameras: cameras by matching, as a capture on disk.
 
 mod context;
+mod loading;
+mod model;
+mod picture;
+mod told;
 
-use crate::Error;
 use crate::undistorted::undistorted;
+use crate::unreadable::{Fault, Needed, without_unreadable};
+use crate::{Error, remarks};
 pub use context::EstimatedContext;
+use loading::{Loaded, load};
 use rayon::prelude::*;
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use weaver_geometry::glam::DVec2;
 use weaver_geometry::{Camera, Distortion, Undistortion};
-use weaver_io::colmap::{Model, Point};
+use weaver_io::colmap::Model;
 use weaver_io::{Image, OutputFolder, PhotoFile, Transforms};
 use weaver_scene::Frame;
 use weaver_sfm::{Confidence, Estimate, EstimateSettings, LeftOut, Observation, Photo, estimate};
 
+/// The folder of COLMAP's model.
+const SPARSE: &str = "sparse/0";
 /// The diagonal of the film that focal lengths are compared by, millimeters.
 const FILM: f64 = 43.266_615;
 /// Standard deviation of focal lengths that are told, as a part of them: cameras round them, and crop.
 const TOLD: f64 = 0.05;
-/// The folder of photos that are written without distortion.
-const IMAGES: &str = "undistorted";
-/// Width of a photo in the picture of points.
-const THUMBNAIL: usize = 240;
 
 /// How cameras of photo files are estimated.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,14 +52,20 @@ impl Default for EstimateOptions {
 /// Photos with estimated cameras.
 #[derive(Clone, Debug)]
 pub struct EstimatedPhotos {
-    /// The photos.
+    /// The photos that can be read.
     pub paths: Vec<PathBuf>,
+    /// What the user should know: which photos cannot be read, and what of the others was not taken as it is.
+    pub remarks: Vec<String>,
     /// The photos as they were matched.
     images: Vec<Image>,
-    /// Width and height of the files.
+    /// Width and height of the files once they are upright.
     sizes: Vec<(usize, usize)>,
+    /// Which have a size that does not tell that they have to be turned.
+    ambiguous: Vec<bool>,
     /// Which are only located.
     located: Vec<bool>,
+    /// Whether any was to be only located, also one that cannot be read.
+    holds_out: bool,
     /// Of each photo, how its distortion is undone, if one was found.
     lenses: Vec<Option<Undistortion>>,
     /// Cameras and points; pixels are those of the photos as they were matched.
@@ -77,8 +86,10 @@ pub struct EstimatedPhotos {
 ///
 /// Where `located` is true, a photo finds no points: its camera is found by those of the others.
 ///
+/// Photos that cannot be read, or whose path is not UTF-8, are left out and named in [`EstimatedPhotos::remarks`].
+///
 /// # Errors
-/// When a photo cannot be read.
+/// When these are more than a quarter, or fewer than two others are left.
 ///
 /// # Panics
 /// If `located` is not as long as `paths`.
@@ -88,53 +99,40 @@ pub fn estimate_photos(
     options: &EstimateOptions,
 ) -> Result<EstimatedPhotos, Error> {
     assert_eq!(paths.len(), located.len(), "as many photos as flags");
-    let loaded: Vec<Result<Loaded, Error>> = paths.par_iter().map(|path| load(path, options)).collect();
-    let loaded = loaded.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let photos: Vec<Photo<'_>> = (loaded.iter().zip(located))
-        .map(|(Loaded { image, focal, .. }, located)| {
+    let holds_out = located.contains(&true);
+    let loaded: Vec<Result<Loaded, Fault>> = paths.par_iter().map(|path| load(path, options)).collect();
+    let needed = Needed { least: 2, all: paths.len() };
+    let (loaded, unreadable) = without_unreadable(paths.iter().map(PathBuf::as_path), loaded, needed)?;
+    let of_readable = |i: usize| loaded[i].is_some();
+    let located: Vec<bool> = (0..paths.len()).filter(|i| of_readable(*i)).map(|i| located[i]).collect();
+    let paths: Vec<PathBuf> = (0..paths.len()).filter(|i| of_readable(*i)).map(|i| paths[i].clone()).collect();
+    let loaded: Vec<Loaded> = loaded.into_iter().flatten().collect();
+    let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
+    let told: Vec<Option<f64>> = loaded.iter().map(|loaded| loaded.told).collect();
+    let (told, outliers) = told::without_outliers(&names, &told);
+    let transparent = loaded.iter().zip(&names).filter(|(loaded, _)| loaded.transparent);
+    let transparent = remarks::transparent(&transparent.map(|(_, name)| name.clone()).collect::<Vec<_>>());
+    let remarks = [unreadable, outliers, transparent].into_iter().flatten().collect();
+    let photos: Vec<Photo<'_>> = (loaded.iter().zip(&told).zip(&located))
+        .map(|((Loaded { image, .. }, told), located)| {
             let photo = Photo::new(&image.to_bytes(), [image.height, image.width]);
-            Photo { focal: *focal, located: *located, ..photo }
+            let (w, h) = (image.width as f64, image.height as f64);
+            let focal = options.focal.map(|f| f * w.max(h)).or(told.map(|mm| mm / FILM * w.hypot(h)));
+            Photo { focal, located: *located, ..photo }
         })
         .collect();
     let focal_deviation = if options.focal.is_some() { 0.0 } else { TOLD };
     let EstimateOptions { shared, distortion, .. } = *options;
     let settings = EstimateSettings { focal_deviation, shared, distortion, ..EstimateSettings::default() };
     let estimate = estimate(&photos, &settings);
-    let (images, sizes) = loaded.into_iter().map(|loaded| (loaded.image, loaded.size)).unzip();
+    let sizes = loaded.iter().map(|loaded| loaded.size).collect();
+    let ambiguous = loaded.iter().map(|loaded| loaded.ambiguous).collect();
+    let images = loaded.into_iter().map(|loaded| loaded.image).collect();
     let lens = |(camera, k1): (&Result<Camera, LeftOut>, &f64)| {
         Undistortion::new(camera.ok()?, Distortion::radial(*k1).or_none()?)
     };
     let lenses = estimate.cameras.iter().zip(&estimate.k1).map(lens).collect();
-    Ok(EstimatedPhotos { paths: paths.to_vec(), images, sizes, located: located.to_vec(), lenses, estimate })
-}
-
-/// A photo for matching.
-struct Loaded {
-    image: Image,
-    /// Width and height of the file.
-    size: (usize, usize),
-    /// The focal length as far as it is told, pixels of the image.
-    focal: Option<f64>,
-}
-
-fn load(path: &Path, options: &EstimateOptions) -> Result<Loaded, Error> {
-    let file = open(path)?;
-    let size = file.size();
-    let longest = size.0.max(size.1);
-    let to = longest.min(options.long_side);
-    let shrunk = |side: usize| ((side * to) as f64 / longest as f64).round().max(1.0) as usize;
-    let image = file.resize_whole(shrunk(size.0), shrunk(size.1))?.to_image();
-    let (w, h) = (image.width as f64, image.height as f64);
-    let told = if options.exif { weaver_io::focal_35mm(path)? } else { None };
-    let focal = options.focal.map(|f| f * w.max(h)).or(told.map(|mm| mm / FILM * w.hypot(h)));
-    Ok(Loaded { image, size, focal })
-}
-
-/// Opens a photo as it will be opened again with the camera that is found for it: upright, if its size can tell.
-fn open(path: &Path) -> Result<PhotoFile, Error> {
-    let file = PhotoFile::at(path)?;
-    let (width, height) = file.size();
-    Ok(file.for_camera(width, height))
+    Ok(EstimatedPhotos { paths, remarks, images, sizes, ambiguous, located, holds_out, lenses, estimate })
 }
 
 impl EstimatedPhotos {
@@ -161,50 +159,43 @@ impl EstimatedPhotos {
         first.map_or(f64::NAN, |c| c.intrinsics.fx / c.width.max(c.height) as f64)
     }
 
-    /// The files of a capture, but for photos, which depend on what is found.
-    pub const FILES: [&str; 5] =
-        ["transforms.json", "points.png", "sparse/0/cameras.bin", "sparse/0/images.bin", "sparse/0/points3D.bin"];
+    /// Checks that a folder has a place for what [`write`](Self::write) will write of photos: to be called before they are matched.
+    ///
+    /// # Errors
+    /// Names the first file that is not to be replaced.
+    pub fn check(out: &OutputFolder, paths: &[PathBuf], options: &EstimateOptions) -> Result<(), Error> {
+        out.check(["transforms.json", "points.png"])?;
+        out.check(Model::FILES.map(|name| format!("{SPARSE}/{name}")))?;
+        let written = paths.iter().filter(|_| options.distortion).map(|path| model::written(model::STRAIGHT, path));
+        Ok(out.check(written)?)
+    }
 
     /// Writes a capture into a folder: transforms.json, which names the located photos as those for testing, and a COLMAP model
-    /// with points in sparse/0, and [`picture`](Self::picture) as points.png. Photos stay where they are, unless a distortion was found: they are then written to
-    /// undistorted/ without it. Returns the photos that the cameras are of.
+    /// with points in sparse/0, and [`picture`](Self::picture) as points.png. Returns the photos that the cameras are of.
+    ///
+    /// Photos stay where they are and are named relative to the folder, so that both can be moved together. If a distortion was found they
+    /// are written to undistorted/ without it; those that EXIF turns in a way that their size does not tell are written to upright/.
     ///
     /// # Errors
     /// When a file cannot be written, or is not to be replaced; when photos cannot be read again.
     pub fn write(&self, out: &OutputFolder) -> Result<Vec<PathBuf>, Error> {
-        let frames = self.frames(out.path());
+        let frames = self.frames(out.path())?;
         for (number, frame) in &frames {
-            if let Some(lens) = &self.lenses[*number] {
-                undistorted(lens, &open(&self.paths[*number])?.read()?).write_png(out.file(&frame.name)?)?;
+            if self.written_to(*number).is_some() {
+                let upright = PhotoFile::at(&self.paths[*number])?.read()?;
+                let straight = self.lenses[*number].map(|lens| undistorted(&lens, &upright));
+                straight.unwrap_or(upright).write_png(out.file(&frame.name)?)?;
             }
         }
-        self.model(&frames).write_binary(out.files("sparse/0", Model::FILES)?)?;
+        self.model(&frames).write_binary(out.files(SPARSE, Model::FILES)?)?;
         self.picture().write_png(out.file("points.png")?)?;
         let tested = |(number, frame): &(usize, Frame)| self.located[*number].then(|| frame.name.clone());
-        let test_filenames: Vec<String> = frames.iter().filter_map(tested).collect();
+        // Also if none of them could be placed: none of the others is to be held out in their place.
+        let test_filenames = self.holds_out.then(|| frames.iter().filter_map(tested).collect());
         let frames: Vec<Frame> = frames.into_iter().map(|(_, frame)| frame).collect();
         let paths = frames.iter().map(|frame| frame.path.clone()).collect();
         Transforms { frames, test_filenames, ..Transforms::default() }.write(out.file("transforms.json")?)?;
         Ok(paths)
-    }
-
-    /// Every photo with a camera, with the places of its points: green where these are exact, red where they are off by two pixels.
-    pub fn picture(&self) -> Image {
-        let [good, bad] = [[0.1, 0.9, 0.2], [1.0, 0.1, 0.1]];
-        let e = &self.estimate;
-        let mut shown: Vec<Option<Image>> = vec![None; self.images.len()];
-        for (number, image) in self.images.iter().enumerate().filter(|(number, _)| e.cameras[*number].is_ok()) {
-            let height = (image.height * THUMBNAIL / image.width).max(1);
-            shown[number] = Some(image.resize(THUMBNAIL, height, [0.0, 0.0, image.width as f64, image.height as f64]));
-        }
-        for o in &e.observations {
-            let (Some(shown), Some((_, off))) = (&mut shown[o.camera], self.seen(o)) else { continue };
-            let t = (off / 2.0).min(1.0) as f32;
-            let at = o.pixel * (shown.width as f64 / self.images[o.camera].width as f64);
-            dot(shown, at, std::array::from_fn(|c| good[c] * (1.0 - t) + bad[c] * t));
-        }
-        let shown: Vec<Image> = shown.into_iter().flatten().collect();
-        sheet(&shown)
     }
 
     /// Where an observation is in its photo without distortion, and how far off; `None` in photos without a camera.
@@ -217,82 +208,4 @@ impl EstimatedPhotos {
         let at = camera.intrinsics.project(camera.pose.apply(self.estimate.points[o.point]));
         Some((pixel, at.distance(pixel)))
     }
-
-    /// The photos with a camera by number, with cameras of the files.
-    fn frames(&self, folder: &Path) -> Vec<(usize, Frame)> {
-        let mut taken = BTreeSet::new();
-        let mut frame = |(number, camera): (usize, &Result<Camera, LeftOut>)| {
-            let (camera, (width, height)) = (camera.ok()?, self.sizes[number]);
-            let lens = self.lenses[number];
-            let camera = lens.map_or(camera, |lens| lens.to);
-            let (sx, sy) = (width as f64 / camera.width as f64, height as f64 / camera.height as f64);
-            let camera = Camera { intrinsics: camera.intrinsics.resized(sx, sy), width, height, ..camera };
-            let path = std::path::absolute(&self.paths[number]).unwrap_or_else(|_| self.paths[number].clone());
-            let Some(_) = lens else {
-                return Some((number, Frame { path: path.clone(), ..Frame::new(path.to_string_lossy(), camera) }));
-            };
-            let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            let mut name = format!("{IMAGES}/{stem}.png");
-            if !taken.insert(name.to_lowercase()) {
-                name = format!("{IMAGES}/{number:04}-{stem}.png");
-            }
-            Some((number, Frame { path: folder.join(&name), ..Frame::new(name, camera) }))
-        };
-        self.estimate.cameras.iter().enumerate().filter_map(&mut frame).collect()
-    }
-
-    /// The model of COLMAP, with points and tracks.
-    fn model(&self, frames: &[(usize, Frame)]) -> Model {
-        let e = &self.estimate;
-        let mut model = Model::from_frames(&frames.iter().map(|(_, frame)| frame.clone()).collect::<Vec<_>>());
-        let place = |number: usize| frames.iter().position(|(n, _)| *n == number);
-        for (id, group) in e.observations.chunk_by(|a, b| a.point == b.point).enumerate() {
-            let (mut track, mut errors, mut rgb) = (Vec::new(), 0.0, None);
-            for o in group {
-                let (Some(at), Some((pixel, off))) = (place(o.camera), self.seen(o)) else { continue };
-                let scale = self.sizes[o.camera].0 as f64 / self.images[o.camera].width as f64;
-                let image = &mut model.images[at];
-                track.push((image.id, image.points.len() as u32));
-                image.points.push((pixel.x * scale, pixel.y * scale, Some(id as u64 + 1)));
-                errors += scale * off;
-                rgb = rgb.or_else(|| color(&self.images[o.camera], o.pixel));
-            }
-            let error = errors / track.len().max(1) as f64;
-            let xyz = e.points[group[0].point].to_array();
-            model.points.push(Point { id: id as u64 + 1, xyz, rgb: rgb.unwrap_or_default(), error, track });
-        }
-        model
-    }
-}
-
-fn color(image: &Image, pixel: DVec2) -> Option<[u8; 3]> {
-    let at = 3 * ((pixel.y as usize).min(image.height - 1) * image.width + (pixel.x as usize).min(image.width - 1));
-    image.pixels.get(at..at + 3).map(|c| [0, 1, 2].map(|i| (c[i] * 255.0).round() as u8))
-}
-
-/// Draws a dot of three by three pixels.
-fn dot(image: &mut Image, at: DVec2, color: [f32; 3]) {
-    for (dx, dy) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy))) {
-        let (x, y) = (at.x as isize + dx, at.y as isize + dy);
-        if x >= 0 && y >= 0 && (x as usize) < image.width && (y as usize) < image.height {
-            let place = 3 * (y as usize * image.width + x as usize);
-            image.pixels[place..place + 3].copy_from_slice(&color);
-        }
-    }
-}
-
-/// Pictures side by side in rows.
-fn sheet(images: &[Image]) -> Image {
-    let columns = (images.len() as f64).sqrt().ceil().max(1.0) as usize;
-    let height = images.iter().map(|i| i.height).max().unwrap_or(1);
-    let rows = images.len().div_ceil(columns).max(1);
-    let mut sheet = Image::filled(columns * THUMBNAIL, rows * height, [1.0; 3]);
-    for (i, image) in images.iter().enumerate() {
-        let (left, top) = (i % columns * THUMBNAIL, i / columns * height);
-        for (y, row) in image.pixels.chunks_exact(3 * image.width).enumerate() {
-            let at = 3 * ((top + y) * sheet.width + left);
-            sheet.pixels[at..at + row.len()].copy_from_slice(row);
-        }
-    }
-    sheet
 }

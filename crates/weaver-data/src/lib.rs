@@ -13,11 +13,13 @@ mod estimated;
 pub mod film;
 mod layout;
 pub mod procedural;
+mod remarks;
 mod sampler;
 mod scene;
 mod sparse_points;
 mod tuple;
 mod undistorted;
+mod unreadable;
 
 pub use capture::posed;
 pub use error::Error;

@@ -13,7 +13,6 @@ use weaver_splat::AnyRasterizer;
 /// A photo's place on disk.
 #[derive(Clone, Debug)]
 pub(crate) struct Origin {
-    pub name: String,
     pub path: PathBuf,
     /// The camera of the photo as it is on disk.
     pub file_camera: Camera,
@@ -70,14 +69,14 @@ pub(crate) fn load(
             held_out: out,
             ..
         } = photo;
-        let photo = Photo { name: name.clone(), camera, rgb, mask };
+        let photo = Photo { name, camera, rgb, mask };
         // The optimization leaves out photos without a pixel that counts.
         if photo.is_masked() {
             continue;
         }
         let (photos, places) = if out { (&mut held_out, &mut held_out_origins) } else { (&mut training, &mut origins) };
         photos.push(photo);
-        places.push(Origin { name, path, file_camera, distortion, mask_file, time, number, given: camera });
+        places.push(Origin { path, file_camera, distortion, mask_file, time, number, given: camera });
     }
     if let Some(views) = settings.views {
         let chosen = weaver_data::uniform(training.len(), views.clamp(1, training.len().max(1)));

@@ -115,25 +115,22 @@ impl Run {
             .map(|(camera, origin)| Camera { pose: camera.pose, ..origin.file_camera })
             .collect();
         let absolute = |path: &PathBuf| std::path::absolute(path).unwrap_or(path.clone());
-        let frames = |name: &dyn Fn(&Origin) -> String| -> Vec<Frame> {
-            let frame = |(origin, camera): (&Origin, &Camera)| {
-                let (distortion, mask) = (origin.distortion, origin.mask_file.as_ref().map(absolute));
-                Frame {
-                    distortion,
-                    mask,
-                    time: origin.time,
-                    number: origin.number,
-                    ..Frame::new(name(origin), *camera)
-                }
-            };
-            self.capture.origins.iter().zip(&cameras).map(frame).collect()
+        // A name that no file of cameras can hold is no reason to lose a fit.
+        let name = |path: &PathBuf| {
+            weaver_io::relative_path(self.out.path(), path).unwrap_or_else(|_| absolute(path).display().to_string())
         };
-        let frames_on_disk = frames(&|origin| absolute(&origin.path).display().to_string());
-        let test_filenames = frames_on_disk[self.fit().photos()..].iter().map(|frame| frame.name.clone()).collect();
-        Transforms { frames: frames_on_disk, test_filenames, ..Transforms::default() }
-            .write(self.out.file("transforms.json")?)?;
-        let model = Model { points: self.points(), ..Model::from_frames(&frames(&|origin| origin.name.clone())) };
-        Ok(model.write_binary(self.out.files(MODEL, Model::FILES)?)?)
+        let frame = |(origin, camera): (&Origin, &Camera)| {
+            let (distortion, mask) = (origin.distortion, origin.mask_file.as_ref().map(|file| name(file).into()));
+            let (time, number) = (origin.time, origin.number);
+            Frame { distortion, mask, time, number, ..Frame::new(name(&origin.path), *camera) }
+        };
+        let frames: Vec<Frame> = self.capture.origins.iter().zip(&cameras).map(frame).collect();
+        let model = Model { points: self.points(), ..Model::from_frames(&frames) };
+        model.write_binary(self.out.files(MODEL, Model::FILES)?)?;
+        // A fit knows which photos are held out, also if none is.
+        let test_filenames = Some(frames[self.fit().photos()..].iter().map(|frame| frame.name.clone()).collect());
+        Transforms { frames, test_filenames, ..Transforms::default() }.write(self.out.file("transforms.json")?)?;
+        Ok(())
     }
 
     /// The capture's points, moved with the cameras that see them where the fit refined these.

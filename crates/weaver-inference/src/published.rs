@@ -104,8 +104,8 @@ pub fn run(
     observer: impl Fn(Progress) + Send + 'static,
     writing: impl FnOnce(),
 ) -> Result<Report, Error> {
-    out.check(reconstruct::FILES.into_iter().chain(["points.ply", "depth.safetensors"]))?;
-    out.check(reconstruct::pictures(images, &["input", "render", "depth", "experts"]))?;
+    reconstruct::check(out, images)?;
+    out.check(["points.ply", "depth.safetensors"])?;
     let opened = Opened::new(weights, !options.geometry)?;
     let config = opened.config.clone();
     let size = options.size.unwrap_or([config.height, config.width]);

@@ -55,8 +55,7 @@ pub fn reconstruct(
     options: &Options,
     out: &OutputFolder,
 ) -> Result<Report, Error> {
-    out.check(FILES)?;
-    out.check(pictures(images, &PARTS))?;
+    check(out, images)?;
     let [height, width] = predictor.image_size();
     let with_cameras = |file| capture::load_cameras(file, images, [width, height], options.masks);
     let mut given = options.cameras.as_deref().map(with_cameras).transpose()?;
@@ -209,13 +208,27 @@ fn write_cameras(out: &OutputFolder, names: &[String], cameras: &[Camera]) -> Re
     let frames = |folder: &str| -> Vec<Frame> {
         names.iter().zip(cameras).map(|(name, camera)| Frame::new(format!("{folder}{name}"), *camera)).collect()
     };
-    Transforms { frames: frames("input/"), ..Transforms::default() }.write(out.file("transforms.json")?)?;
+    // The network saw all of them.
+    let test_filenames = Some(Vec::new());
+    Transforms { frames: frames("input/"), test_filenames, ..Transforms::default() }
+        .write(out.file("transforms.json")?)?;
     Model::from_frames(&frames("")).write_binary(out.files("sparse/0", Model::FILES)?)?;
     Ok(())
 }
 
+/// Checks that a folder has a place for what [`reconstruct`] writes of photos: to be called before long work.
+///
+/// # Errors
+/// Names the first file that is not to be replaced.
+pub fn check(out: &OutputFolder, images: &[PathBuf]) -> Result<(), Error> {
+    out.check(FILES)?;
+    let names = unique_names(images);
+    PARTS.iter().try_for_each(|part| out.check(names.iter().map(|name| format!("{part}/{name}"))))?;
+    Ok(())
+}
+
 /// Files of a result that do not depend on the photos' names.
-pub(crate) const FILES: [&str; 7] = [
+const FILES: [&str; 7] = [
     "transforms.json",
     "scene.ply",
     "overview.png",
@@ -226,12 +239,6 @@ pub(crate) const FILES: [&str; 7] = [
 ];
 /// Folders of pictures.
 const PARTS: [&str; 4] = ["input", "render", "depth", "experts"];
-
-/// The pictures of photos in some folders.
-pub(crate) fn pictures(paths: &[PathBuf], parts: &[&str]) -> Vec<String> {
-    let names = unique_names(paths);
-    parts.iter().flat_map(|part| names.iter().map(move |name| format!("{part}/{name}"))).collect()
-}
 
 /// File names for the photos' pictures, numbered where two photos have the same name.
 fn unique_names(paths: &[PathBuf]) -> Vec<String> {

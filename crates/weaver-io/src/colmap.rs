@@ -94,15 +94,18 @@ impl Model {
         Ok(model)
     }
 
-    /// Makes a model of photos whose cameras are known: one camera for each image, no points.
+    /// Makes a model of photos whose cameras are known, without points. Frames whose size, intrinsics and distortion are equal to the
+    /// bit share a camera, so that other programs adjust one lens; ids count from 1 in the order of first appearance.
     pub fn from_frames(frames: &[Frame]) -> Self {
         let mut model = Self::default();
+        let mut known = BTreeMap::new();
         for (id, frame) in (1..).zip(frames) {
             let Camera { pose, intrinsics, width, height } = frame.camera;
-            let distortion = frame.distortion;
-            model.cameras.insert(id, CameraModel { width, height, intrinsics, distortion });
-            let name = frame.name.clone();
-            model.images.push(ImageRecord { id, name, camera_id: id, pose, points: Vec::new() });
+            let camera = CameraModel { width, height, intrinsics, distortion: frame.distortion };
+            let next = known.len() as u32 + 1;
+            let camera_id = *known.entry(camera.bits()).or_insert(next);
+            model.cameras.entry(camera_id).or_insert(camera);
+            model.images.push(ImageRecord { id, name: frame.name.clone(), camera_id, pose, points: Vec::new() });
         }
         model
     }
@@ -132,6 +135,20 @@ impl Model {
     /// FULL_OPENCV or OPENCV_FISHEYE, whichever is enough.
     pub fn write_text(&self, folder: impl AsRef<Path>) -> Result<()> {
         text::write(self, folder.as_ref())
+    }
+}
+
+impl CameraModel {
+    /// All that it is made of, to the bit.
+    fn bits(&self) -> Vec<u64> {
+        let Intrinsics { fx, fy, cx, cy } = self.intrinsics;
+        let numbers = match self.distortion {
+            None => vec![],
+            Some(Distortion::Radial { k, p }) => [&k[..], &p].concat(),
+            Some(Distortion::Fisheye { k }) => k.to_vec(),
+        };
+        let sizes = [self.width as u64, self.height as u64];
+        sizes.into_iter().chain([fx, fy, cx, cy].iter().chain(&numbers).map(|x| x.to_bits())).collect()
     }
 }
 

@@ -21,15 +21,25 @@ pub fn file_length(path: impl AsRef<Path>) -> Result<u64> {
     Ok(std::fs::metadata(path).map_err(Error::io(path))?.len())
 }
 
-/// Reads a text file.
+/// What some editors put before UTF-8 text. It is no part of the text.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// Text as bytes, without a byte order mark.
+pub(crate) fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes)
+}
+
+/// Reads a text file, without the byte order mark that it may begin with.
 ///
 /// # Errors
 /// When it cannot be read or is not UTF-8.
 pub fn read_text(path: impl AsRef<Path>) -> Result<String> {
     let path = path.as_ref();
-    String::from_utf8(read_bytes(path)?).map_err(|e| {
+    let mut text = String::from_utf8(read_bytes(path)?).map_err(|e| {
         Error::invalid(path, format!("byte {}", e.utf8_error().valid_up_to()), "UTF-8 text", "other bytes")
-    })
+    })?;
+    text.drain(..text.len() - without_mark(text.as_bytes()).len());
+    Ok(text)
 }
 
 /// Writes a text file atomically.

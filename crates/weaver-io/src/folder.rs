@@ -1,21 +1,27 @@
 //! Folders.
 
 use crate::{Error, Result};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// The files in `folder` with one of the `extensions` (without the dot, in either case), sorted by path.
 pub fn list_files(folder: impl AsRef<Path>, extensions: &[&str]) -> Result<Vec<PathBuf>> {
-    let folder = folder.as_ref();
-    let mut files = Vec::new();
+    let mut files = list_named(folder.as_ref(), extensions)?;
+    files.retain(|path| path.is_file());
+    Ok(files)
+}
+
+/// Whatever is in `folder` with one of the `extensions`, sorted by path: files, folders, and links that lead nowhere.
+pub(crate) fn list_named(folder: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>> {
+    let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(Error::io(folder))? {
         let path = entry.map_err(Error::io(folder))?.path();
         let wanted = |extension: &std::ffi::OsStr| extensions.iter().any(|e| extension.eq_ignore_ascii_case(e));
-        if path.extension().is_some_and(wanted) && path.is_file() {
-            files.push(path);
+        if path.extension().is_some_and(wanted) {
+            found.push(path);
         }
     }
-    files.sort();
-    Ok(files)
+    found.sort();
+    Ok(found)
 }
 
 /// The folders in `folder`, sorted by path.
@@ -55,6 +61,53 @@ pub fn check_writable(folder: impl AsRef<Path>) -> Result<()> {
     }
     let probe = tempfile::Builder::new().prefix(".weaver-").tempfile_in(existing);
     probe.map(drop).map_err(|source| Error::io(existing)(std::io::Error::from(source.kind())))
+}
+
+/// The path to a file from a folder, with forward slashes on every system: what files of cameras call a photo, so that both can be moved
+/// together. Neither needs to exist.
+///
+/// Symbolic links above the file are followed, because `..` leads out of the folder where they end. The file's own name is kept. Where no
+/// relative path exists, as between two drives, the absolute one is returned.
+///
+/// # Errors
+/// When the path is not UTF-8, which is all that such files can hold.
+pub fn relative_path(from_folder: impl AsRef<Path>, to_file: impl AsRef<Path>) -> Result<String> {
+    let to = to_file.as_ref();
+    let absolute = std::path::absolute(to).map_err(Error::io(to))?;
+    let file = match (absolute.parent(), absolute.file_name()) {
+        (Some(folder), Some(name)) => followed(folder).join(name),
+        _ => absolute.clone(),
+    };
+    // The parent of a file's name alone is a path without parts, which is the working directory.
+    let from = Path::new(".").join(from_folder);
+    let from = followed(&std::path::absolute(&from).map_err(Error::io(&from))?);
+    let shared = from.components().zip(file.components()).take_while(|(a, b)| a == b).count();
+    if shared == 0 {
+        return Ok(in_utf8(to, &absolute)?.replace(std::path::MAIN_SEPARATOR, "/"));
+    }
+    let up = std::iter::repeat_n("..", from.components().count() - shared).map(Path::new);
+    let down = file.components().skip(shared).map(|part| Path::new(part.as_os_str()));
+    let parts: Vec<&str> = up.chain(down).map(|part| in_utf8(to, part)).collect::<Result<_>>()?;
+    Ok(parts.join("/"))
+}
+
+/// A path without links and without `..`, as far as it exists, and its remaining parts.
+pub(crate) fn followed(path: &Path) -> PathBuf {
+    let found = path.ancestors().find_map(|above| Some((above.canonicalize().ok()?, path.strip_prefix(above).ok()?)));
+    let Some((mut followed, rest)) = found else { return path.to_path_buf() };
+    for part in rest.components() {
+        if part == Component::ParentDir {
+            followed.pop();
+        } else {
+            followed.push(part);
+        }
+    }
+    followed
+}
+
+/// A part of a path as text.
+fn in_utf8<'a>(path: &Path, part: &'a Path) -> Result<&'a str> {
+    part.to_str().ok_or_else(|| Error::invalid(path, "path", "UTF-8, for files that name it", "other bytes"))
 }
 
 /// Creates a folder and its parents.

@@ -80,8 +80,9 @@ fn gaussians(gaussians: &Gaussians) -> String {
 }
 
 fn transforms(scene: &Transforms) -> String {
-    let splits = [("train", &scene.train_filenames), ("val", &scene.val_filenames), ("test", &scene.test_filenames)];
-    let splits = splits.map(|(name, names)| format!("{} {name}", names.len())).join(", ");
+    let test = scene.test_filenames.as_ref().map_or(0, Vec::len);
+    let splits = [("train", scene.train_filenames.len()), ("val", scene.val_filenames.len()), ("test", test)];
+    let splits = splits.map(|(name, names)| format!("{names} {name}")).join(", ");
     let mut lines = format!("transforms.json, {} frames (split: {splits})", scene.frames.len());
     if let Some(frame) = scene.frames.first() {
         let Camera { intrinsics, width, height, .. } = frame.camera;

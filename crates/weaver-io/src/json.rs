@@ -1,16 +1,16 @@
 //! What JSON files are asked for.
 
-use crate::file::read_bytes;
+use crate::file::{read_bytes, without_mark};
 use crate::{Error, Result};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Reads a file.
+/// Reads a file, which may begin with a byte order mark.
 ///
 /// # Errors
 /// When it cannot be read or is not JSON.
 pub(crate) fn read(path: &Path) -> Result<Value> {
-    serde_json::from_slice(&read_bytes(path)?)
+    serde_json::from_slice(without_mark(&read_bytes(path)?))
         .map_err(|e| Error::invalid(path, format!("line {} column {}", e.line(), e.column()), "JSON", not_json(&e)))
 }
 

@@ -1,5 +1,6 @@
 //! Folders of results, in which nothing is replaced but what the same command wrote.
 
+use crate::folder::followed;
 use crate::{Error, Result, check_writable, list_photos};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -261,7 +262,7 @@ pub fn check_output_file<P: AsRef<Path>>(path: impl AsRef<Path>, inputs: impl In
 
 /// Refuses what is an input, or lies in one that is a folder.
 fn refuse_inputs(path: &Path, inputs: &[PathBuf]) -> Result<()> {
-    let output = canonical(path);
+    let output = std::path::absolute(path).map_or_else(|_| path.into(), |path| followed(&path));
     for input in inputs.iter().filter(|input| output.starts_with(input)) {
         let found = if output == *input {
             "what is read".into()
@@ -272,17 +273,6 @@ fn refuse_inputs(path: &Path, inputs: &[PathBuf]) -> Result<()> {
     }
     Ok(())
 }
-/// The path without links, as far as it exists.
-fn canonical(path: &Path) -> PathBuf {
-    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.into());
-    for above in absolute.ancestors() {
-        if let (Ok(real), Ok(rest)) = (above.canonicalize(), absolute.strip_prefix(above)) {
-            return real.join(rest);
-        }
-    }
-    absolute
-}
-
 fn refused(path: &Path, expected: impl Into<String>, found: impl Into<String>) -> Error {
     Error::Output { path: path.into(), expected: expected.into(), found: found.into() }
 }

@@ -6,11 +6,14 @@ mod orientation;
 mod pixels;
 mod tiff;
 
+use crate::folder::list_named;
 use crate::resize::{self, Filter};
 use crate::{Background, Bitmap, Error, Image, Result};
 use decoding::Decoded;
 use image::metadata::Orientation;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Extensions of the photos that can be read.
 pub(crate) const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "tif", "tiff", "webp"];
@@ -41,6 +44,8 @@ pub struct PhotoFile {
     /// What it says before its pixels if it is a JPEG.
     jpeg: Option<jpeg::Segments>,
     shrink_from: usize,
+    /// Whether a pixel was met that is not opaque, by this or by a clone.
+    transparent: Arc<AtomicBool>,
 }
 
 /// Pixels of a photo from which it is decoded at a reduced scale. Below, it takes less memory than a network, and its pixels are those
@@ -68,7 +73,8 @@ impl PhotoFile {
         let decoding::Header { stored, orientation, has_alpha, jpeg } = decoding::header(path)?;
         let layer = Layer::Over([1.0; 3]);
         let path = path.to_path_buf();
-        Ok(Self { path, stored, orientation, layer, has_alpha, mask: None, jpeg, shrink_from: SHRINK_FROM })
+        let (shrink_from, transparent) = (SHRINK_FROM, Arc::default());
+        Ok(Self { path, stored, orientation, layer, has_alpha, mask: None, jpeg, shrink_from, transparent })
     }
 
     /// The file.
@@ -93,6 +99,17 @@ impl PhotoFile {
             self.orientation = Orientation::NoTransforms;
         }
         self
+    }
+
+    /// Whether EXIF turns or mirrors the photo without changing its size, so that [`for_camera`](Self::for_camera) cannot tell whether a
+    /// camera is for the upright photo: one that is mirrored or turned by 180 degrees, or a square one.
+    pub fn has_ambiguous_orientation(&self) -> bool {
+        self.orientation != Orientation::NoTransforms && self.size() == self.stored
+    }
+
+    /// Whether reading the photo, by this or by what was made of it, has met pixels that are not opaque. Always false before it is read.
+    pub fn was_transparent(&self) -> bool {
+        self.transparent.load(Ordering::Relaxed)
     }
 
     /// The photo over a background, where it is transparent.
@@ -215,6 +232,9 @@ impl PhotoFile {
             let found = format!("{}x{}; did it change?", found.0, found.1);
             return Err(Error::invalid(&self.path, "image size", format!("{width}x{height} as before"), found));
         }
+        if pixels.is_transparent() {
+            self.transparent.store(true, Ordering::Relaxed);
+        }
         Ok(Decoded { pixels, orientation: self.orientation, layer: self.layer, mask: None })
     }
 }
@@ -241,10 +261,15 @@ impl Image {
     }
 }
 
-/// The photos in a folder, sorted by path: what [`PhotoFile`] reads, and HEIC and AVIF, of which it says how to convert them.
+/// The photos in a folder, sorted by path: what [`PhotoFile`] reads, and HEIC and AVIF, of which it says how to convert them. Links that
+/// lead nowhere are among them, so that whoever reads them says so; files whose names begin with a dot, as macOS keeps them beside
+/// photos, are not.
 ///
 /// # Errors
 /// When the folder cannot be read.
 pub fn list_photos(folder: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
-    crate::list_files(folder, &[&EXTENSIONS[..], &TO_CONVERT[..]].concat())
+    let mut photos = list_named(folder.as_ref(), &[&EXTENSIONS[..], &TO_CONVERT[..]].concat())?;
+    let hidden = |path: &Path| path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+    photos.retain(|path| !path.is_dir() && !hidden(path));
+    Ok(photos)
 }

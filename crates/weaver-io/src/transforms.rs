@@ -22,8 +22,8 @@ pub struct Transforms {
     pub train_filenames: Vec<String>,
     /// Names of the frames to validate on.
     pub val_filenames: Vec<String>,
-    /// Names of the frames to test on.
-    pub test_filenames: Vec<String>,
+    /// Names of the frames to test on. `None` where the file does not say; an empty list says that nothing is held out.
+    pub test_filenames: Option<Vec<String>>,
 }
 
 /// Keys of a frame that [`Frame`] has fields for.
@@ -98,8 +98,8 @@ impl Transforms {
         Ok(Self {
             point_cloud,
             frames: list.iter().enumerate().map(frame).collect::<Result<_>>()?,
-            train_filenames: names(path, top, "train_filenames")?,
-            val_filenames: names(path, top, "val_filenames")?,
+            train_filenames: names(path, top, "train_filenames")?.unwrap_or_default(),
+            val_filenames: names(path, top, "val_filenames")?.unwrap_or_default(),
             test_filenames: names(path, top, "test_filenames")?,
         })
     }
@@ -124,13 +124,12 @@ impl Transforms {
         if let Some(points) = &self.point_cloud {
             root["ply_file_path"] = json!(points.to_string_lossy());
         }
-        let splits = [
-            ("train_filenames", &self.train_filenames),
-            ("val_filenames", &self.val_filenames),
-            ("test_filenames", &self.test_filenames),
-        ];
+        let splits = [("train_filenames", &self.train_filenames), ("val_filenames", &self.val_filenames)];
         for (key, names) in splits.into_iter().filter(|(_, names)| !names.is_empty()) {
             root[key] = json!(names);
+        }
+        if let Some(names) = &self.test_filenames {
+            root["test_filenames"] = json!(names);
         }
         atomic_write(path, |w| {
             serde_json::to_writer_pretty(&mut *w, &root)?;
@@ -321,10 +320,11 @@ impl FrameReader<'_> {
     }
 }
 
-fn names(path: &Path, top: &Map<String, Value>, key: &str) -> Result<Vec<String>> {
+fn names(path: &Path, top: &Map<String, Value>, key: &str) -> Result<Option<Vec<String>>> {
     let Some(value) = top.get(key) else {
-        return Ok(Vec::new());
+        return Ok(None);
     };
-    let list = value.as_array().and_then(|l| l.iter().map(|n| n.as_str().map(String::from)).collect());
-    list.ok_or_else(|| Error::invalid(path, key, "a list of strings", kind(value)))
+    let list: Option<Vec<String>> =
+        value.as_array().and_then(|l| l.iter().map(|n| n.as_str().map(String::from)).collect());
+    list.map(Some).ok_or_else(|| Error::invalid(path, key, "a list of strings", kind(value)))
 }

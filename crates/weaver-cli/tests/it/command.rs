@@ -2,6 +2,9 @@
 
 use std::path::Path;
 use std::process::{Command, Output};
+use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_io::Transforms;
+use weaver_scene::Frame;
 
 pub const BINARY: &str = env!("CARGO_BIN_EXE_splatweaver");
 
@@ -25,4 +28,17 @@ pub fn refused(folder: &Path, line: &str, code: i32) -> String {
     let done = splatweaver(folder, line);
     assert_eq!(done.status.code(), Some(code), "{line}: {}", text(&done.stdout));
     text(&done.stderr)
+}
+
+/// Writes a small capture to `capture/`.
+pub fn capture(folder: &Path) {
+    let scene = scene(3, &ProceduralOptions { width: 40, height: 32, views: 10 });
+    let images = folder.join("capture/images");
+    std::fs::create_dir_all(&images).unwrap();
+    let frame = |(i, view): (usize, &weaver_data::View)| {
+        view.image.write_png(images.join(format!("{i:02}.png"))).unwrap();
+        Frame::new(format!("images/{i:02}.png"), view.camera)
+    };
+    let frames = scene.views.iter().enumerate().map(frame).collect();
+    Transforms { frames, ..Transforms::default() }.write(folder.join("capture/transforms.json")).unwrap();
 }

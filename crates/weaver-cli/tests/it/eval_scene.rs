@@ -69,7 +69,7 @@ fn folder(settings: &RasterSettings, held_out: &[&str]) -> tempfile::TempDir {
         let image = Image { width: WIDTH, height: HEIGHT, pixels: drawn.concat() };
         image.write_png(capture.join(&frame.name)).unwrap();
     }
-    let test_filenames = held_out.iter().map(|name| (*name).into()).collect();
+    let test_filenames = (!held_out.is_empty()).then(|| held_out.iter().map(|name| (*name).into()).collect());
     Transforms { frames, test_filenames, ..Transforms::default() }.write(capture.join("transforms.json")).unwrap();
     folder
 }

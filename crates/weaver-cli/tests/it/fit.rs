@@ -1,28 +1,13 @@
 //! A fit as a process: killed, interrupted, on a full disk.
 
+use crate::command::capture;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
-use weaver_data::procedural::{ProceduralOptions, scene};
-use weaver_io::Transforms;
 use weaver_io::checkpoint::Tensors;
-use weaver_scene::Frame;
 
 const BINARY: &str = env!("CARGO_BIN_EXE_splatweaver");
 const STEPS: u64 = 1500;
-
-/// Writes a small capture to `capture/`.
-pub fn capture(folder: &Path) {
-    let scene = scene(3, &ProceduralOptions { width: 40, height: 32, views: 10 });
-    let images = folder.join("capture/images");
-    std::fs::create_dir_all(&images).unwrap();
-    let frame = |(i, view): (usize, &weaver_data::View)| {
-        view.image.write_png(images.join(format!("{i:02}.png"))).unwrap();
-        Frame::new(format!("images/{i:02}.png"), view.camera)
-    };
-    let frames = scene.views.iter().enumerate().map(frame).collect();
-    Transforms { frames, ..Transforms::default() }.write(folder.join("capture/transforms.json")).unwrap();
-}
 
 fn arguments(out: &str) -> Vec<String> {
     let line = format!("fit capture -o {out} --steps {STEPS} --gaussians 500 --save-every 0.02 --exposure");

@@ -2,7 +2,7 @@
 //!
 //! `cargo xtask stress kill` does this a hundred times.
 
-use crate::fit::capture;
+use crate::command::capture;
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};

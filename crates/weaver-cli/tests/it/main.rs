@@ -5,6 +5,7 @@ mod command;
 mod device;
 mod dynamic;
 mod eval_scene;
+mod figures;
 #[cfg(unix)]
 mod fit;
 #[cfg(unix)]

@@ -63,8 +63,9 @@ fn a_distortion_is_taken_out_of_photos() {
     assert_eq!(capture.photos.len(), 6);
     assert!(folder.join("found/undistorted/00.png").exists());
     let again = run(folder, "cameras found/undistorted -o found --distortion");
-    assert_eq!(again.status.code(), Some(1), "{}", said(&again));
-    assert!(said(&again).contains("expected a new file"), "{}", said(&again));
+    assert_eq!(again.status.code(), Some(2), "{}", said(&again));
+    let message = said(&again);
+    assert!(message.contains("apart from what is read") && !message.contains("matching"), "{message}");
 }
 
 #[test]
@@ -106,8 +107,8 @@ fn a_scene_from_photos_alone() {
     }
     let before = std::fs::read(folder.join("scene/scene.ply")).unwrap();
     let again = run(folder, "reconstruct photos -o scene --minutes 0.1");
-    assert_eq!(again.status.code(), Some(1));
-    assert!(said(&again).contains("expected a folder without a scene"), "{}", said(&again));
+    assert_eq!(again.status.code(), Some(2));
+    assert!(said(&again).contains("a finished scene is there already"), "{}", said(&again));
     assert!(std::fs::read(folder.join("scene/scene.ply")).unwrap() == before);
     let capture = run(folder, "reconstruct truth -o posed --minutes 0.1 --gaussians 1000");
     assert!(capture.status.success() && said(&capture).contains("cameras: those of truth"), "{}", said(&capture));
@@ -187,9 +188,66 @@ fn what_is_not_used_is_said() {
     let text = said(&run(folder, "eval --scene out/scene.ply --data capture --size 48"));
     assert!(text.contains("capture/sparse/0: photos that are not") && text.contains("05.png"), "{text}");
 
-    // A photo that cannot be read is not left out of a folder.
+    // A photo that cannot be read is left out, with a word.
     std::fs::write(folder.join("capture/images/06.heic"), b"\0\0\0\x18ftypheic\0\0\0\0mif1heic").unwrap();
     let output = run(folder, "cameras capture/images -o found");
     let text = said(&output);
+    assert!(output.status.success() && text.contains("6 of 7 photos placed"), "{text}");
+    assert!(text.contains("warning: 1 of 7 photos") && text.contains("06.heic: image: "), "{text}");
+    let output = run(folder, "cameras capture/images/00.png capture/images/06.heic -o found");
+    let text = said(&output);
     assert!(output.status.code() == Some(1) && text.contains("06.heic") && text.contains("convert it"), "{text}");
+}
+
+#[test]
+fn photos_held_out_in_vain_are_not_replaced_by_others() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    photos(folder, 18);
+    // Those that would be held out show nothing, and cannot be placed.
+    for name in ["00", "08"] {
+        Image::filled(192, 144, [0.4; 3]).write_png(folder.join(format!("photos/{name}.png"))).unwrap();
+    }
+    let output = run(folder, "reconstruct photos -o scene --minutes 0.05 --gaussians 500 --hold-out");
+    let text = said(&output);
+    assert!(output.status.success() && text.contains("held out   none"), "{text}");
+    let summary = std::fs::read_to_string(folder.join("scene/summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    assert!(summary["test"].is_null() && summary["train"]["views"] == 7, "{summary}");
+    // What was written says so, too.
+    let text = said(&run(folder, "eval --scene scene/scene.ply --data scene"));
+    assert!(text.contains("no photo is held out") && text.contains("all, none held out"), "{text}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_reconstruction_that_was_killed_says_how_it_goes_on() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    photos(folder, 12);
+    let line = "reconstruct photos -o scene --minutes 3 --gaussians 500";
+    let mut child = Command::new(BINARY)
+        .current_dir(folder)
+        .args(line.split(' '))
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    while !folder.join("scene/run.json").exists() {
+        assert!(child.try_wait().unwrap().is_none(), "ended early");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let again = run(folder, line);
+    assert_eq!(again.status.code(), Some(2), "{}", said(&again));
+    assert!(said(&again).contains("to go on: splatweaver fit --resume scene"), "{}", said(&again));
+    // Fewer steps than were chosen for three minutes, and then to the end.
+    let path = folder.join("scene/run.json");
+    let mut run_file: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
+    run_file["fit"]["steps"] = 40.into();
+    std::fs::write(&path, run_file.to_string()).unwrap();
+    let _ = std::fs::remove_file(folder.join("scene/checkpoint.safetensors"));
+    let resumed = run(folder, "fit --resume scene");
+    assert!(resumed.status.success() && folder.join("scene/scene.ply").exists(), "{}", said(&resumed));
+    assert!(said(&run(folder, line)).contains("a finished scene is there already"));
 }

@@ -4,16 +4,23 @@ use crate::Error;
 use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
 
-/// For each photo, the position of its camera's name: the one with most parts in common with the end of the photo's path. A
-/// name without an extension, as synthetic captures have them, is that of a photo with any.
+/// For each photo, the position of its camera's name: the one of `files`, the photos of the names, that is this photo; else the one with
+/// most parts in common with the end of the photo's path. A name without an extension, as synthetic captures have them, is that of a
+/// photo with any.
 ///
 /// # Errors
 /// When photos have no camera, several, or one between them: they are listed.
-pub(super) fn cameras(file: &Path, names: &[&str], photos: &[PathBuf]) -> Result<Vec<usize>, Error> {
+pub(super) fn cameras(file: &Path, names: &[&str], files: &[&Path], photos: &[PathBuf]) -> Result<Vec<usize>, Error> {
+    let files: Vec<Option<PathBuf>> = files.iter().map(|file| file.canonicalize().ok()).collect();
     let named: Vec<Vec<&OsStr>> = names.iter().map(|name| parts(Path::new(name))).collect();
     let mut chosen = Vec::new();
     let (mut without, mut several) = (Vec::new(), Vec::new());
     for photo in photos {
+        let same = photo.canonicalize().ok().and_then(|photo| only(&files, &Some(photo)));
+        if let Some(same) = same {
+            chosen.push(same);
+            continue;
+        }
         // From the root, so that it does not matter in which folder a command is run.
         let path = std::path::absolute(photo).unwrap_or_else(|_| photo.clone());
         let path = parts(&path);
@@ -44,10 +51,25 @@ pub(super) fn cameras(file: &Path, names: &[&str], photos: &[PathBuf]) -> Result
     if shared.is_empty() { Ok(chosen) } else { wrong("a camera for every photo", list(shared.iter())) }
 }
 
-/// The names in a path, last first.
-fn parts(path: &Path) -> Vec<&OsStr> {
-    let name = |part| if let Component::Normal(name) = part { Some(name) } else { None };
-    path.components().rev().filter_map(name).collect()
+/// The position of an item that is there once.
+fn only<T: PartialEq>(items: &[T], item: &T) -> Option<usize> {
+    let mut found = items.iter().enumerate().filter(|(_, other)| *other == item);
+    let first = found.next()?.0;
+    found.next().is_none().then_some(first)
+}
+
+/// The names in a path, last first. A name that `..` leads out of is left out, as is `..` where the path begins.
+pub(super) fn parts(path: &Path) -> Vec<&OsStr> {
+    let mut names = Vec::new();
+    for part in path.components() {
+        match part {
+            Component::Normal(name) => names.push(name),
+            Component::ParentDir => drop(names.pop()),
+            _ => {}
+        }
+    }
+    names.reverse();
+    names
 }
 
 /// How many parts, from the last one on, a photo's path and a camera's name have in common.
@@ -72,7 +94,7 @@ mod tests {
 
     fn matched(names: &[&str], photos: &[&str]) -> Result<Vec<usize>, String> {
         let photos: Vec<PathBuf> = photos.iter().map(PathBuf::from).collect();
-        cameras(Path::new("cameras.json"), names, &photos).map_err(|error| error.to_string())
+        cameras(Path::new("cameras.json"), names, &[], &photos).map_err(|error| error.to_string())
     }
 
     #[test]

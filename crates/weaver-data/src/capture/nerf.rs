@@ -1,7 +1,8 @@
 //! Captures described by `transforms.json` files.
 
+use super::by_name::{self, parts};
 use super::photo::{Photo, Photos};
-use super::{by_name, sparse};
+use super::sparse;
 use crate::Error;
 use std::path::Path;
 use weaver_geometry::Pose;
@@ -17,6 +18,9 @@ const SAME_WORLD: f64 = 0.02;
 /// The file that holds a folder's own cameras.
 const USUAL: &str = "transforms.json";
 
+/// The files of synthetic scenes.
+const SYNTHETIC: [&str; 3] = ["transforms_train.json", "transforms_test.json", "transforms_val.json"];
+
 /// One `transforms.json`, with the points of a COLMAP model beside it where there is one.
 pub(super) fn read(path: &Path) -> Result<Photos, Error> {
     with_points(path, &Transforms::read(path)?)
@@ -29,13 +33,14 @@ pub(super) fn read_cameras(path: &Path) -> Result<Photos, Error> {
 
 fn with_points(path: &Path, transforms: &Transforms) -> Result<Photos, Error> {
     let folder = path.parent().unwrap_or(Path::new("."));
-    let held_out = &transforms.test_filenames;
+    let held_out = transforms.test_filenames.as_deref().unwrap_or_default();
     if let Some(name) = held_out.iter().find(|&name| transforms.frames.iter().all(|f| f.name != *name)) {
         return Err(Error::unexpected(path, "test_filenames", "the file_path of a frame", name.as_str()));
     }
     let mut capture = Photos {
         photos: transforms.frames.iter().map(|f| photo(f, held_out.contains(&f.name))).collect(),
-        split: !held_out.is_empty(),
+        split: transforms.test_filenames.is_some(),
+        synthetic: path.file_name().is_some_and(|name| SYNTHETIC.iter().any(|known| name == *known)),
         ..Photos::default()
     };
     let mut foreign = false;
@@ -63,11 +68,12 @@ fn with_points(path: &Path, transforms: &Transforms) -> Result<Photos, Error> {
 
 /// `transforms_train.json` and `transforms_test.json`: transparent pixels become white, the test file is held out.
 pub(super) fn read_split(folder: &Path) -> Result<Photos, Error> {
-    let training = Transforms::read(folder.join("transforms_train.json"))?;
-    let test = Transforms::read(folder.join("transforms_test.json"))?;
+    let [training, test, _] = SYNTHETIC;
+    let training = Transforms::read(folder.join(training))?;
+    let test = Transforms::read(folder.join(test))?;
     let photos = training.frames.iter().map(|f| photo(f, false));
     let photos = photos.chain(test.frames.iter().map(|f| photo(f, true))).collect();
-    Ok(Photos { photos, split: true, ..Photos::default() })
+    Ok(Photos { photos, split: true, synthetic: true, ..Photos::default() })
 }
 
 fn photo(frame: &Frame, held_out: bool) -> Photo {
@@ -76,8 +82,14 @@ fn photo(frame: &Frame, held_out: bool) -> Photo {
 
 /// The model's image of a photo.
 fn record_of<'m>(model: &'m Model, photo: &Photo) -> Option<&'m ImageRecord> {
-    let named = model.images.iter().filter(|record| photo.frame.path.ends_with(&record.name));
-    named.max_by_key(|record| record.name.len())
+    // What both files call alike is the same.
+    if let Some(record) = model.images.iter().find(|record| record.name == photo.frame.name) {
+        return Some(record);
+    }
+    let path = parts(&photo.frame.path);
+    let named = model.images.iter().map(|record| (parts(Path::new(&record.name)), record));
+    let named = named.filter(|(name, _)| !name.is_empty() && path.starts_with(name));
+    named.max_by_key(|(name, _)| name.len()).map(|(_, record)| record)
 }
 
 /// The first photo that was taken elsewhere in the model, and how far from there.

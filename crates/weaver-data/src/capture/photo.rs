@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::undistorted::undistorted;
+use crate::unreadable::Fault;
 use weaver_geometry::{Camera, Intrinsics, Undistortion};
 use weaver_io::{Bitmap, PhotoFile};
 
@@ -26,18 +27,20 @@ pub(super) struct Photos {
     pub points: Vec<DVec3>,
     /// sRGB colors of the points, as many.
     pub colors: Vec<[u8; 3]>,
-    /// Whether the capture itself says which photos are held out.
+    /// Whether the capture itself says which photos are held out, if any.
     pub split: bool,
+    /// Whether its photos are drawn, so that by convention white lies behind what is transparent.
+    pub synthetic: bool,
     /// What the user should know.
     pub remarks: Vec<String>,
 }
 
 impl Photo {
     /// Opens the photo, turned as its camera is, after its camera was checked.
-    pub fn open(&self) -> Result<PhotoFile, Error> {
+    pub fn open(&self) -> Result<PhotoFile, Fault> {
         let Frame { path, camera, .. } = &self.frame;
         self.check_camera()?;
-        let file = PhotoFile::at(path)?.for_camera(camera.width, camera.height);
+        let file = PhotoFile::at(path).map_err(Fault::unreadable)?.for_camera(camera.width, camera.height);
         check_size(path, file.size(), camera)?;
         Ok(file)
     }
@@ -103,6 +106,11 @@ impl Photos {
     pub fn without_points(frames: Vec<Frame>) -> Self {
         let photos = frames.into_iter().map(|frame| Photo { frame, held_out: false, track: Vec::new() }).collect();
         Self { photos, ..Self::default() }
+    }
+
+    /// The image files.
+    pub fn paths(&self) -> impl Iterator<Item = &Path> {
+        self.photos.iter().map(|photo| photo.frame.path.as_path())
     }
 
     /// Whether it is known which photos observe which points.

@@ -76,16 +76,17 @@ pub(super) fn frames(file: &Path, photos: &[PathBuf]) -> Result<Vec<Frame>, Erro
 /// Of all photos that a file knows those that are asked for, with the paths that they have here.
 fn of_photos(known: Vec<Photo>, file: &Path, photos: &[PathBuf]) -> Result<Vec<Photo>, Error> {
     let names: Vec<&str> = known.iter().map(|photo| photo.frame.name.as_str()).collect();
+    let files: Vec<&Path> = known.iter().map(|photo| photo.frame.path.as_path()).collect();
     let named = |(path, at): (&PathBuf, usize)| {
         let found = known[at].clone();
         Photo { frame: Frame { path: path.clone(), ..found.frame }, ..found }
     };
-    Ok(photos.iter().zip(by_name::cameras(file, &names, photos)?).map(named).collect())
+    Ok(photos.iter().zip(by_name::cameras(file, &names, &files, photos)?).map(named).collect())
 }
 
 fn read(file: &Path) -> Result<Photos, Error> {
     if file.is_dir() {
-        return Ok(sparse::photos(&Model::read(model_folder(file))?, Path::new("")));
+        return Ok(sparse::photos(&Model::read(model_folder(file))?, &[]));
     }
     if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("txt")) {
         let frames = weaver_io::read_cameras(file)?;

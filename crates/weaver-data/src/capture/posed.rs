@@ -3,7 +3,8 @@
 use super::masks::{self, Mask};
 use super::photo::{Photo, Photos, straight, straight_camera};
 use super::{HoldOut, folder, name, photo_cameras, read_split_photos};
-use crate::Error;
+use crate::unreadable::{Fault, Needed, without_unreadable};
+use crate::{Error, remarks};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -81,17 +82,27 @@ pub struct PosedPhotos {
 /// As [`capture::load`](super::load); also a mask that is missing or of another size than its photo.
 pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhotos, Error> {
     let path = path.as_ref();
-    let Photos { mut photos, points, colors, remarks, .. } = read_split_photos(path, options.hold_out)?;
-    if options.held_out_only && photos.iter().any(|photo| photo.held_out) {
-        photos.retain(|photo| photo.held_out);
+    let mut capture = read_split_photos(path, options.hold_out)?;
+    // Whether too many photos are unreadable is a question of the capture, whichever are asked for.
+    let needed = Needed { least: 1, all: capture.photos.len() };
+    if options.held_out_only && capture.photos.iter().any(|photo| photo.held_out) {
+        capture.photos.retain(|photo| photo.held_out);
     }
     let folder = folder(path);
-    let masks = options.masks.then(|| masks::of_capture(&photos, folder)).transpose()?;
-    let loaded = load_photos(&photos, masks.as_deref(), options)?;
+    let masks = options.masks.then(|| masks::of_capture(&capture.photos, folder)).transpose()?;
+    let loaded = load_photos(&capture.photos, masks.as_deref(), options);
+    let (loaded, unreadable) = without_unreadable(capture.paths(), loaded, needed)?;
+    let loaded: Vec<Loaded> = loaded.into_iter().flatten().collect();
+    let Photos { points, colors, synthetic, mut remarks, .. } = capture;
+    remarks.extend(unreadable);
+    if !options.masks && !synthetic {
+        let transparent = loaded.iter().filter(|loaded| loaded.transparent);
+        remarks.extend(remarks::transparent(&transparent.map(|loaded| loaded.photo.name.clone()).collect::<Vec<_>>()));
+    }
     let canonical = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     Ok(PosedPhotos {
         name: name(&canonical),
-        photos: loaded,
+        photos: loaded.into_iter().map(|loaded| loaded.photo).collect(),
         points: PointCloud { positions: points.iter().map(|p| p.as_vec3().to_array()).collect(), colors },
         remarks,
     })
@@ -118,7 +129,7 @@ pub fn load_frames(frames: Vec<Frame>, file: &Path, options: &PosedOptions) -> R
         take_size(photo)?;
     }
     let masks = options.masks.then(|| masks::of_known(&photos, file)).transpose()?;
-    load_photos(&photos, masks.as_deref(), options)
+    load_photos(&photos, masks.as_deref(), options).into_iter().map(|loaded| Ok(loaded?.photo)).collect()
 }
 
 /// How far a camera's proportions may be from its photo's.
@@ -139,12 +150,20 @@ fn take_size(photo: &mut Photo) -> Result<(), Error> {
     Ok(())
 }
 
-fn load_photos(photos: &[Photo], masks: Option<&[Mask]>, options: &PosedOptions) -> Result<Vec<PosedPhoto>, Error> {
-    let load = |(i, photo)| load_photo(photo, masks.map(|masks| &masks[i]), options);
-    photos.par_iter().enumerate().map(load).collect::<Vec<_>>().into_iter().collect()
+/// A photo that was read.
+struct Loaded {
+    photo: PosedPhoto,
+    /// Whether some of it is transparent.
+    transparent: bool,
 }
 
-/// The cameras that [`load`] would give the photos, and which of those are held out, without reading a photo.
+fn load_photos(photos: &[Photo], masks: Option<&[Mask]>, options: &PosedOptions) -> Vec<Result<Loaded, Fault>> {
+    let load = |(i, photo)| load_photo(photo, masks.map(|masks| &masks[i]), options);
+    photos.par_iter().enumerate().map(load).collect()
+}
+
+/// The cameras that [`load`] would give the photos, and which of those are held out, without reading a photo: also those of photos that
+/// cannot be read.
 ///
 /// # Errors
 /// When the capture's camera files are missing or malformed, or a distortion leaves no photo.
@@ -167,20 +186,21 @@ fn resized(camera: &Camera, long_side: Option<usize>) -> Camera {
     Camera { intrinsics: camera.intrinsics.resized(sx, sy), width, height, ..*camera }
 }
 
-fn load_photo(photo: &Photo, mask: Option<&Mask>, options: &PosedOptions) -> Result<PosedPhoto, Error> {
+fn load_photo(photo: &Photo, mask: Option<&Mask>, options: &PosedOptions) -> Result<Loaded, Fault> {
     let frame = &photo.frame;
     let file = photo.open()?.over(options.background);
     let camera = resized(&frame.camera, options.long_side);
     let lens = photo.lens(camera)?;
     let shrink = frame.camera.width as f64 / camera.width as f64;
-    let read = |file: &PhotoFile| -> Result<Vec<u8>, Error> {
+    let read = |file: &PhotoFile| -> Result<Vec<u8>, weaver_io::Error> {
         let at = |times: usize| file.resize_whole(camera.width * times, camera.height * times);
         Ok(straight(lens.as_ref(), shrink, at)?.pixels)
     };
-    let rgb = read(&file)?;
-    let inside = mask.map(|mask| read(&mask.open(&frame.path, file)?)).transpose()?;
+    let rgb = read(&file).map_err(Fault::unreadable)?;
+    let transparent = file.was_transparent();
+    let inside = mask.map(|mask| Ok::<_, Error>(read(&mask.open(&frame.path, file)?)?)).transpose()?;
     let threshold = |mask: Vec<u8>| mask.chunks_exact(3).map(|p| if p[0] >= 128 { 255 } else { 0 }).collect();
-    Ok(PosedPhoto {
+    let photo = PosedPhoto {
         name: frame.name.clone(),
         path: frame.path.clone(),
         camera: straight_camera(camera, lens.as_ref()),
@@ -193,5 +213,6 @@ fn load_photo(photo: &Photo, mask: Option<&Mask>, options: &PosedOptions) -> Res
         number: frame.number,
         extras: frame.extras.clone(),
         held_out: photo.held_out,
-    })
+    };
+    Ok(Loaded { photo, transparent })
 }

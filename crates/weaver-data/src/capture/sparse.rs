@@ -12,7 +12,7 @@ use weaver_scene::Frame;
 /// Photos in `images/`, cameras and points in `sparse/0`.
 pub(super) fn read(capture: &Path) -> Result<Photos, Error> {
     let (model, images) = (folder(capture), capture.join("images"));
-    let mut photos = photos(&Model::read(&model)?, &images);
+    let mut photos = photos(&Model::read(&model)?, &[&images, capture]);
     let unused = unused(&photos, &images)?;
     if !unused.is_empty() {
         let (model, unused) = (model.display(), by_name::list(unused.iter().map(|path| path.display())));
@@ -32,11 +32,16 @@ fn unused(capture: &Photos, images: &Path) -> Result<Vec<PathBuf>, Error> {
     Ok(unused)
 }
 
-/// The photos of a model, which lie in the folder `images`, and its points.
-pub(super) fn photos(model: &Model, images: &Path) -> Photos {
+/// The photos of a model, each in the first of the `folders` that has it, and its points. The names of estimated cameras are relative to
+/// the capture, those of COLMAP to a folder of images.
+pub(super) fn photos(model: &Model, folders: &[&Path]) -> Photos {
+    let path = |name: &str| {
+        let mut places = folders.iter().map(|folder| folder.join(name));
+        places.clone().find(|path| path.is_file()).or(places.next()).unwrap_or_else(|| name.into())
+    };
     let index = index(model);
     let photo = |(record, frame): (&ImageRecord, Frame)| Photo {
-        frame: Frame { path: images.join(&record.name), ..frame },
+        frame: Frame { path: path(&record.name), ..frame },
         held_out: false,
         track: track(record, &index),
     };

@@ -26,7 +26,7 @@ fn write_photos(scene: &Scene, folder: &Path, name: impl Fn(usize) -> String) {
 fn write_transforms(scene: &Scene, path: &Path, views: &[usize], test: &[usize]) {
     let name = |i: &usize| format!("images/{i:02}.png");
     let frames = views.iter().map(|i| Frame::new(name(i), scene.views[*i].camera));
-    let test_filenames = test.iter().map(name).collect();
+    let test_filenames = (!test.is_empty()).then(|| test.iter().map(name).collect());
     Transforms { frames: frames.collect(), test_filenames, ..Transforms::default() }.write(path).unwrap();
 }
 
@@ -227,8 +227,6 @@ fn mistakes_in_photos() {
     smaller.views[0].image.write_png(&photo).unwrap();
     let message = error(folder.path());
     assert!(message.contains("04.png") && message.contains("40x30") && message.contains("20x15"));
-    fs::write(&photo, b"not a picture").unwrap();
-    assert!(error(folder.path()).contains("04.png"));
     fs::remove_file(&photo).unwrap();
     assert!(error(folder.path()).contains("04.png"));
 }
@@ -309,7 +307,8 @@ fn ids_of_a_colmap_model_reach_views_and_photos() {
     let frames = truth.views.iter().enumerate().map(|(i, view)| Frame::new(format!("{i:02}.png"), view.camera));
     let mut model = Model::from_frames(&frames.collect::<Vec<_>>());
     // Two photos of one camera, and numbers that are not in the order of the names.
-    for (image, (id, camera)) in model.images.iter_mut().zip([(31, 1), (70, 1)]) {
+    model.cameras.insert(3, model.cameras[&1]);
+    for (image, (id, camera)) in model.images.iter_mut().zip([(31, 1), (70, 1), (3, 3)]) {
         (image.id, image.camera_id) = (id, camera);
     }
     std::fs::create_dir_all(folder.path().join("sparse/0")).unwrap();

@@ -2,6 +2,8 @@
 
 mod appearance;
 mod capture;
+mod estimated;
+mod exif;
 mod film;
 mod film_layouts;
 mod masked;
@@ -12,4 +14,10 @@ mod quality;
 mod real_captures;
 mod sampler;
 mod scene;
+mod unreadable;
 mod varied;
+
+/// A folder for results.
+fn claimed(folder: &std::path::Path) -> weaver_data::OutputFolder {
+    weaver_data::OutputFolder::claim(folder, "test", [""; 0]).unwrap()
+}

@@ -1,7 +1,9 @@
 //! Captures as users have them: distorted, turned by EXIF, masked. Each is loaded as the clean one would be.
 
+use crate::claimed;
+use crate::exif;
+use image::RgbImage;
 use image::metadata::Orientation;
-use image::{DynamicImage, ImageEncoder, RgbImage, codecs::png::PngEncoder};
 use std::fs;
 use std::path::Path;
 use weaver_data::capture::{CaptureOptions, HoldOut, load, load_cameras, load_images};
@@ -189,26 +191,9 @@ fn clean_capture(folder: &Path) -> Vec<Frame> {
     frames
 }
 
-/// Stores a photo turned, and says so in EXIF, so that it is upright what it was.
+/// Stores a photo turned, with a focal length of 30 mm.
 fn turn(path: &Path, orientation: Orientation) {
-    let mut stored = DynamicImage::from(image::open(path).unwrap().into_rgb8());
-    stored.apply_orientation(match orientation {
-        Orientation::Rotate90 => Orientation::Rotate270,
-        Orientation::Rotate270 => Orientation::Rotate90,
-        same => same,
-    });
-    let mut exif = b"II*\0\x08\0\0\0".to_vec();
-    // A directory with the orientation and a pointer, and behind it one with a focal length of 30 mm.
-    let directories: [&[[u16; 6]]; 2] =
-        [&[[0x112, 3, 1, 0, orientation.to_exif().into(), 0], [0x8769, 4, 1, 0, 38, 0]], &[[0xa405, 3, 1, 0, 30, 0]]];
-    for directory in directories {
-        exif.extend((directory.len() as u16).to_le_bytes());
-        directory.iter().flatten().for_each(|word| exif.extend(word.to_le_bytes()));
-        exif.extend([0; 4]);
-    }
-    let mut encoder = PngEncoder::new(fs::File::create(path).unwrap());
-    encoder.set_exif_metadata(exif).unwrap();
-    encoder.write_image(stored.as_bytes(), stored.width(), stored.height(), stored.color().into()).unwrap();
+    exif::store(path, orientation, Some(30));
 }
 
 #[test]
@@ -262,7 +247,7 @@ fn cameras_are_estimated_of_turned_photos_as_of_upright_ones() {
     let focal = 30.0 / 43.27 * 160.0 / 128.0;
     assert!((upright.focal() / focal).ln().abs() < 0.3, "{} instead of {focal}", upright.focal());
     // What is written is a capture of them.
-    turned.write(&folder.path().join("found")).unwrap();
+    turned.write(&claimed(&folder.path().join("found"))).unwrap();
     let capture = posed::load(folder.path().join("found"), &PosedOptions::default()).unwrap();
     assert_eq!(capture.photos.len(), turned.placed().len());
     for photo in capture.photos {

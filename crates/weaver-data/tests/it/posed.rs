@@ -96,6 +96,62 @@ fn masks_are_found_by_name_or_by_the_frame_and_their_lack_is_named() {
 }
 
 #[test]
+fn a_capture_that_lists_no_photos_for_testing_holds_none_out() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path());
+    let path = folder.path().join("transforms.json");
+    let held_out = |test_filenames: Option<Vec<String>>| {
+        Transforms { test_filenames, ..Transforms::read(&path).unwrap() }.write(&path).unwrap();
+        let photos = load(folder.path(), &PosedOptions::default()).unwrap().photos;
+        let options = weaver_data::capture::CaptureOptions::default();
+        let views = weaver_data::capture::load(folder.path(), &options).unwrap().views;
+        assert!(photos.iter().map(|p| p.held_out).eq(views.iter().map(|v| v.held_out)));
+        photos.iter().map(|p| p.held_out).collect::<Vec<_>>()
+    };
+    assert_eq!(held_out(None), [true, false, false, false, false, false], "every eighth where the file does not say");
+    assert_eq!(held_out(Some(vec![])), [false; 6]);
+    assert_eq!(held_out(Some(vec!["images/2.png".into()])), [false, false, true, false, false, false]);
+}
+
+/// Gives a photo alpha, which is `corner` in one pixel.
+fn with_alpha(path: &Path, corner: u8) {
+    let mut rgba = image::open(path).unwrap().into_rgba8();
+    rgba.get_pixel_mut(3, 2).0[3] = corner;
+    rgba.save(path).unwrap();
+}
+
+#[test]
+fn transparent_parts_are_spoken_of_where_masks_are_not_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = scene(1, &ProceduralOptions { width: 40, height: 30, views: 12 });
+    let mut frames = Vec::new();
+    for (i, view) in scene.views.iter().enumerate() {
+        let name = format!("{i:02}.png");
+        let path = folder.path().join(&name);
+        view.image.write_png(&path).unwrap();
+        with_alpha(&path, 255);
+        frames.push(Frame::new(name, view.camera));
+    }
+    let file = |name: &str| folder.path().join(name);
+    Transforms { frames, ..Transforms::default() }.write(file("transforms.json")).unwrap();
+    let remarks = |options: &PosedOptions| load(folder.path(), options).unwrap().remarks;
+    assert_eq!(remarks(&PosedOptions::default()), [""; 0], "alpha that is opaque everywhere");
+    with_alpha(&file("04.png"), 254);
+    let one = "04.png has transparent parts, which are laid over the background; --masks leaves these out";
+    assert_eq!(remarks(&PosedOptions::default()), [one]);
+    (0..10).for_each(|i| with_alpha(&file(&format!("{i:02}.png")), 0));
+    let [many] = &remarks(&PosedOptions::default())[..] else { panic!("one remark") };
+    let (first, last) = ("00.png, 01.png, ", "06.png, 07.png and 2 more have transparent parts, ");
+    assert!(many.starts_with(first) && many.contains(last), "{many}");
+    assert_eq!(remarks(&PosedOptions { masks: true, ..PosedOptions::default() }), [""; 0]);
+    // Synthetic scenes are over white by convention.
+    fs::copy(file("transforms.json"), file("transforms_train.json")).unwrap();
+    fs::rename(file("transforms.json"), file("transforms_test.json")).unwrap();
+    assert_eq!(remarks(&PosedOptions::default()), [""; 0]);
+    assert_eq!(load(file("transforms_train.json"), &PosedOptions::default()).unwrap().remarks, [""; 0]);
+}
+
+#[test]
 fn points_come_with_their_colors() {
     let folder = tempfile::tempdir().unwrap();
     let cameras = write(folder.path());

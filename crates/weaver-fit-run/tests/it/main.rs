@@ -246,3 +246,29 @@ fn a_fit_of_distorted_photos_is_a_capture_of_them_again() {
         }
     }
 }
+
+#[test]
+fn a_fit_is_a_capture_that_holds_out_the_same_photos_wherever_it_is_moved() {
+    let folder = tempfile::tempdir().unwrap();
+    for all in [false, true] {
+        let before = folder.path().join(format!("before-{all}"));
+        capture(&before.join("data"), 9);
+        let mut settings = RunSettings { all, ..settings(&before.join("data")) };
+        settings.fit.steps = 1;
+        let mut run =
+            Run::create(&before.join("out"), settings, None, Judge::default(), AnyRasterizer::default()).unwrap();
+        run.advance(&AtomicBool::new(false), |_| {}).unwrap();
+        run.finish().unwrap();
+        let after = folder.path().join(format!("after-{all}"));
+        std::fs::rename(&before, &after).unwrap();
+        let held_out = |name: &str| {
+            let photos = posed::load(after.join(name), &PosedOptions::default()).unwrap().photos;
+            assert_eq!(photos.len(), 9);
+            photos.into_iter().filter(|photo| photo.held_out).map(|photo| photo.rgb).collect::<Vec<_>>()
+        };
+        // All of them, where every eighth would be held out if the file did not say.
+        assert_eq!(held_out("out"), if all { vec![] } else { held_out("data") }, "all: {all}");
+        std::fs::remove_file(after.join("out/transforms.json")).unwrap();
+        held_out("out");
+    }
+}

@@ -13,3 +13,10 @@ pub(super) struct Pixels {
     /// 3, or 4 with alpha.
     pub channels: usize,
 }
+
+impl Pixels {
+    /// Whether a pixel is not opaque.
+    pub fn is_transparent(&self) -> bool {
+        self.channels == 4 && self.values.as_chunks::<4>().0.iter().any(|pixel| pixel[3] < 255)
+    }
+}

@@ -3,10 +3,10 @@ use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::path::Path;
 use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Distortion, Intrinsics, Pose};
+use weaver_geometry::{Camera, Distortion, Intrinsics, Pose};
 use weaver_io::colmap::{CameraModel, ImageRecord, Model, Point};
 use weaver_io::ply::write_points;
-use weaver_scene::PointCloud;
+use weaver_scene::{Frame, PointCloud};
 
 /// A small model.
 pub fn model() -> Model {
@@ -114,6 +114,39 @@ fn distorted_cameras() {
         Model::from_frames(&read.frames()).write_binary(folder.path()).unwrap();
         let back = Model::read(folder.path()).unwrap();
         assert!(back.cameras.values().all(|camera| *camera == read.cameras[&3]), "{name}");
+    }
+}
+
+#[test]
+fn frames_of_one_lens_share_a_camera() {
+    let intrinsics = Intrinsics { fx: 90.0, fy: 90.0, cx: 32.0, cy: 24.0 };
+    let camera = |view: f64, fx: f64, width: usize| {
+        let pose = Pose::from_wxyz([1.0, view, 0.0, 0.0], DVec3::new(view, 0.0, 0.0));
+        Camera { pose, intrinsics: Intrinsics { fx, ..intrinsics }, width, height: 48 }
+    };
+    let next = f64::from_bits(90.0_f64.to_bits() + 1);
+    let bent = |k1| Some(Distortion::radial(k1));
+    let frames: Vec<Frame> = [
+        (camera(0.0, 90.0, 64), None),
+        (camera(0.1, next, 64), None),
+        (camera(0.2, 90.0, 64), None),
+        (camera(0.3, 90.0, 65), None),
+        (camera(0.4, 90.0, 64), bent(0.1)),
+        (camera(0.5, 90.0, 64), Some(Distortion::Fisheye { k: [0.1, 0.0, 0.0, 0.0] })),
+        (camera(0.6, 90.0, 64), bent(0.1)),
+        (camera(0.7, next, 64), None),
+    ]
+    .into_iter()
+    .enumerate()
+    .map(|(i, (camera, distortion))| Frame { distortion, ..Frame::new(format!("{i}.jpg"), camera) })
+    .collect();
+    let model = Model::from_frames(&frames);
+    let of = model.images.iter().map(|image| image.camera_id).collect::<Vec<_>>();
+    assert_eq!(of, [1, 2, 1, 3, 4, 5, 4, 2]);
+    assert_eq!(model.cameras.keys().copied().collect::<Vec<_>>(), [1, 2, 3, 4, 5]);
+    assert_eq!(model.images.iter().map(|image| image.id).collect::<Vec<_>>(), [1, 2, 3, 4, 5, 6, 7, 8]);
+    for (back, frame) in model.frames().iter().zip(&frames) {
+        assert_eq!((&back.name, back.camera, back.distortion), (&frame.name, frame.camera, frame.distortion));
     }
 }
 

@@ -1,4 +1,4 @@
-use weaver_io::{Appender, check_writable, create_folder, list_files, read_text, write_text};
+use weaver_io::{Appender, check_writable, create_folder, list_files, read_text, relative_path, write_text};
 
 #[test]
 fn lists_sorted_files_of_some_extensions() {
@@ -46,4 +46,55 @@ fn text_must_be_utf8() {
     std::fs::write(&path, b"ab\xff").unwrap();
     let message = read_text(&path).unwrap_err().to_string();
     assert!(message.contains("text: byte 2: expected UTF-8 text"), "{message}");
+}
+
+#[test]
+fn a_byte_order_mark_is_no_part_of_a_text() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cameras.txt");
+    let text = "http://a\n33000 0.5 0.8 0.5 0.5 0 0 1 0 0 0 0 1 0 0 0 0 1 0\n";
+    std::fs::write(&path, format!("\u{feff}{text}")).unwrap();
+    assert_eq!(read_text(&path).unwrap(), text);
+    let clip = weaver_io::realestate::Clip::read(&path).unwrap();
+    assert_eq!((clip.url.as_str(), clip.frames.len()), ("http://a", 1));
+    // Only where it begins, and only one.
+    std::fs::write(&path, "\u{feff}\u{feff}a").unwrap();
+    assert_eq!(read_text(&path).unwrap(), "\u{feff}a");
+}
+
+#[test]
+fn a_relative_path_leads_from_a_folder_to_a_file() {
+    let root = tempfile::tempdir().unwrap();
+    let at = |name: &str| root.path().join(name);
+    for folder in ["photos/left", "out"] {
+        create_folder(at(folder)).unwrap();
+    }
+    let from_to = |from: &str, to: &str| relative_path(at(from), at(to)).unwrap();
+    assert_eq!(from_to("out", "photos/left/a b.jpg"), "../photos/left/a b.jpg");
+    assert_eq!(from_to("out", "out/upright/a.png"), "upright/a.png");
+    assert_eq!(from_to("out/../out", "photos/../photos/a.jpg"), "../photos/a.jpg");
+    // What does not exist yet is written to later.
+    assert_eq!(from_to("new/deep", "photos/a.jpg"), "../../photos/a.jpg");
+    assert_eq!(from_to("new/../gone", "elsewhere/./a.jpg"), "../elsewhere/a.jpg");
+    // From the working directory, whatever it is.
+    assert_eq!(relative_path("", "src/lib.rs").unwrap(), "src/lib.rs");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_relative_path_follows_links_but_keeps_the_name_of_the_file() {
+    use std::os::unix::{ffi::OsStrExt, fs::symlink};
+    let root = tempfile::tempdir().unwrap();
+    let at = |name: &str| root.path().join(name);
+    create_folder(at("far/away/results")).unwrap();
+    create_folder(at("photos")).unwrap();
+    write_text(at("photos/0.jpg"), "x").unwrap();
+    symlink(at("photos/0.jpg"), at("photos/first.jpg")).unwrap();
+    symlink(at("far/away/results"), at("out")).unwrap();
+    let path = relative_path(at("out"), at("photos/first.jpg")).unwrap();
+    assert_eq!(path, "../../../photos/first.jpg", "`..` leads out of where the link ends");
+    assert!(at("out").join(path).exists());
+    let named = at("photos").join(std::ffi::OsStr::from_bytes(b"\xff.jpg"));
+    let message = relative_path(at("out"), named).unwrap_err().to_string();
+    assert!(message.contains("photos") && message.contains("expected UTF-8"), "{message}");
 }

@@ -174,3 +174,49 @@ fn a_mask_covers_the_photo_as_it_is_seen_whichever_way_up_either_is_stored() {
     let message = other.unwrap_err().to_string();
     assert!(message.contains("m.png") && message.contains("its photo's") && message.contains("5x7"), "{message}");
 }
+
+#[test]
+fn hidden_files_are_no_photos_and_links_that_lead_nowhere_are_listed() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["a.jpg", "._a.jpg", ".b.png"] {
+        std::fs::write(folder.path().join(name), "").unwrap();
+    }
+    std::fs::create_dir(folder.path().join("folder.jpg")).unwrap();
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("gone.jpg", folder.path().join("link.jpg")).unwrap();
+    let names: Vec<_> = list_photos(folder.path()).unwrap();
+    let names: Vec<_> = names.iter().map(|path| path.file_name().unwrap().to_str().unwrap()).collect();
+    assert_eq!(names, if cfg!(unix) { vec!["a.jpg", "link.jpg"] } else { vec!["a.jpg"] });
+}
+
+#[test]
+fn a_photo_says_whether_its_size_tells_which_way_up_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let stored = dynamic(&ramp());
+    for orientation in TURNS {
+        write_oriented(&path, &stored, orientation);
+        let keeps_size =
+            matches!(orientation, Orientation::FlipHorizontal | Orientation::FlipVertical | Orientation::Rotate180);
+        assert_eq!(PhotoFile::at(&path).unwrap().has_ambiguous_orientation(), keeps_size, "{orientation:?}");
+        write_oriented(&path, &stored.crop_imm(0, 0, 16, 16), orientation);
+        let turned = orientation != Orientation::NoTransforms;
+        assert_eq!(PhotoFile::at(&path).unwrap().has_ambiguous_orientation(), turned, "{orientation:?}, square");
+    }
+}
+
+#[test]
+fn a_photo_that_was_read_says_whether_it_is_transparent() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let mut rgba = dynamic(&ramp()).into_rgba8();
+    for (alpha, transparent) in [(255, false), (254, true)] {
+        rgba.get_pixel_mut(20, 15).0[3] = alpha;
+        rgba.save(&path).unwrap();
+        let photo = PhotoFile::at(&path).unwrap();
+        assert!(!photo.was_transparent(), "nothing was read");
+        // Of all of the file, whatever is asked for.
+        photo.clone().resize(2, 2, [0.0, 0.0, 4.0, 4.0]).unwrap();
+        assert_eq!(photo.was_transparent(), transparent);
+    }
+}

@@ -19,7 +19,7 @@ fn scene(folder: &Path) -> Transforms {
             Frame { path, ..Frame::new(name, Camera { pose, intrinsics, width: 8, height: 6 }) }
         })
         .collect();
-    let test_filenames = vec!["images/1.png".to_string()];
+    let test_filenames = Some(vec!["images/1.png".to_string()]);
     Transforms { frames, test_filenames, ..Transforms::default() }
 }
 
@@ -39,6 +39,27 @@ fn round_trip() {
     }
     assert_eq!(back.frames.len(), 3);
     assert_eq!(back.test_filenames, scene.test_filenames);
+}
+
+#[test]
+fn a_file_may_say_that_nothing_is_held_out_or_not_say_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("transforms.json");
+    for said in [None, Some(vec![]), Some(vec!["images/2.png".to_string()])] {
+        Transforms { test_filenames: said.clone(), ..scene(folder.path()) }.write(&path).unwrap();
+        assert_eq!(Transforms::read(&path).unwrap().test_filenames, said);
+    }
+}
+
+#[test]
+fn a_byte_order_mark_is_no_part_of_json() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("transforms.json");
+    scene(folder.path()).write(&path).unwrap();
+    let plain = Transforms::read(&path).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, [b"\xef\xbb\xbf", &bytes[..]].concat()).unwrap();
+    assert_eq!(Transforms::read(&path).unwrap(), plain);
 }
 
 /// The error message for a scene whose JSON was changed.
@@ -199,7 +220,7 @@ fn real_scenes() {
     }
     if let Some(folder) = shared::data("fox") {
         let scene = Transforms::read(folder.join("transforms.json")).unwrap();
-        assert_eq!((scene.frames.len(), scene.test_filenames.len()), (50, 7));
+        assert_eq!((scene.frames.len(), scene.test_filenames.unwrap().len()), (50, 7));
     }
 }
 

@@ -1,0 +1,34 @@
+//! Photos as they are matched.
+
+use super::EstimateOptions;
+use crate::unreadable::Fault;
+use std::path::Path;
+use weaver_io::{Image, PhotoFile, relative_path};
+
+/// A photo for matching, upright.
+pub(super) struct Loaded {
+    pub image: Image,
+    /// Width and height of the file once it is upright.
+    pub size: (usize, usize),
+    /// Whether its size does not tell that it has to be turned.
+    pub ambiguous: bool,
+    /// Whether some of it is transparent.
+    pub transparent: bool,
+    /// The focal length that the file tells, if that is asked for, in millimeters on 35 mm film.
+    pub told: Option<f64>,
+}
+
+pub(super) fn load(path: &Path, options: &EstimateOptions) -> Result<Loaded, Fault> {
+    // All of its path, for it is not known yet from where it will be named.
+    relative_path("/", path).map_err(Fault::unreadable)?;
+    let file = PhotoFile::at(path).map_err(Fault::unreadable)?;
+    let size = file.size();
+    let longest = size.0.max(size.1);
+    let to = longest.min(options.long_side);
+    let shrunk = |side: usize| ((side * to) as f64 / longest as f64).round().max(1.0) as usize;
+    let image = file.resize_whole(shrunk(size.0), shrunk(size.1)).map_err(Fault::unreadable)?.to_image();
+    let asked = options.exif && options.focal.is_none();
+    let told = if asked { weaver_io::focal_35mm(path).map_err(Fault::unreadable)? } else { None };
+    let (ambiguous, transparent) = (file.has_ambiguous_orientation(), file.was_transparent());
+    Ok(Loaded { image, size, ambiguous, transparent, told })
+}

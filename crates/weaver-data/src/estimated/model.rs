@@ -1,0 +1,86 @@
+//! Cameras and points as files have them: of the photos in their own size.
+
+use super::EstimatedPhotos;
+use crate::Error;
+use std::collections::BTreeSet;
+use std::path::Path;
+use weaver_geometry::Camera;
+use weaver_geometry::glam::DVec2;
+use weaver_io::colmap::{Model, Point};
+use weaver_io::{Image, relative_path};
+use weaver_scene::Frame;
+
+/// The folder of photos that are written without distortion.
+pub(super) const STRAIGHT: &str = "undistorted";
+/// The folder of photos that are written because of their EXIF orientation alone.
+const UPRIGHT: &str = "upright";
+
+impl EstimatedPhotos {
+    /// The photos with a camera by number, with cameras of the files, named relative to the folder of the capture.
+    pub(super) fn frames(&self, folder: &Path) -> Result<Vec<(usize, Frame)>, Error> {
+        let mut taken = BTreeSet::new();
+        let mut frames = Vec::new();
+        for (number, camera) in self.estimate.cameras.iter().enumerate() {
+            let Ok(camera) = *camera else { continue };
+            let (lens, (width, height)) = (self.lenses[number], self.sizes[number]);
+            let camera = lens.map_or(camera, |lens| lens.to);
+            let (sx, sy) = (width as f64 / camera.width as f64, height as f64 / camera.height as f64);
+            let camera = Camera { intrinsics: camera.intrinsics.resized(sx, sy), width, height, ..camera };
+            let path = std::path::absolute(&self.paths[number]).unwrap_or_else(|_| self.paths[number].clone());
+            let (name, path) = match self.written_to(number) {
+                None => (relative_path(folder, &path)?, path),
+                Some(images) => {
+                    let mut name = written(images, &path);
+                    if !taken.insert(name.to_lowercase()) {
+                        name = name.replacen('/', &format!("/{number:04}-"), 1);
+                    }
+                    (name.clone(), folder.join(name))
+                }
+            };
+            frames.push((number, Frame { path, ..Frame::new(name, camera) }));
+        }
+        Ok(frames)
+    }
+
+    /// The folder in the capture's that a photo is written to, straight and upright; `None` if the file is that already, or every reader
+    /// can tell by its size that it has to be turned.
+    pub(super) fn written_to(&self, number: usize) -> Option<&'static str> {
+        match self.lenses[number] {
+            Some(_) => Some(STRAIGHT),
+            None => self.ambiguous[number].then_some(UPRIGHT),
+        }
+    }
+
+    /// The model of COLMAP, with points and tracks.
+    pub(super) fn model(&self, frames: &[(usize, Frame)]) -> Model {
+        let e = &self.estimate;
+        let mut model = Model::from_frames(&frames.iter().map(|(_, frame)| frame.clone()).collect::<Vec<_>>());
+        let place = |number: usize| frames.iter().position(|(n, _)| *n == number);
+        for (id, group) in e.observations.chunk_by(|a, b| a.point == b.point).enumerate() {
+            let (mut track, mut errors, mut rgb) = (Vec::new(), 0.0, None);
+            for o in group {
+                let (Some(at), Some((pixel, off))) = (place(o.camera), self.seen(o)) else { continue };
+                let scale = self.sizes[o.camera].0 as f64 / self.images[o.camera].width as f64;
+                let image = &mut model.images[at];
+                track.push((image.id, image.points.len() as u32));
+                image.points.push((pixel.x * scale, pixel.y * scale, Some(id as u64 + 1)));
+                errors += scale * off;
+                rgb = rgb.or_else(|| color(&self.images[o.camera], o.pixel));
+            }
+            let error = errors / track.len().max(1) as f64;
+            let xyz = e.points[group[0].point].to_array();
+            model.points.push(Point { id: id as u64 + 1, xyz, rgb: rgb.unwrap_or_default(), error, track });
+        }
+        model
+    }
+}
+
+/// What a photo is called in a folder of those that are written.
+pub(super) fn written(images: &str, path: &Path) -> String {
+    format!("{images}/{}.png", path.file_stem().unwrap_or_default().to_string_lossy())
+}
+
+fn color(image: &Image, pixel: DVec2) -> Option<[u8; 3]> {
+    let at = 3 * ((pixel.y as usize).min(image.height - 1) * image.width + (pixel.x as usize).min(image.width - 1));
+    image.pixels.get(at..at + 3).map(|c| [0, 1, 2].map(|i| (c[i] * 255.0).round() as u8))
+}

@@ -1,0 +1,69 @@
+//! Focal lengths that files tell, and which of them cannot be right.
+
+use crate::remarks::some_of;
+
+/// A focal length that is more times off those of the other photos is not one of theirs.
+const OFF: f64 = 3.0;
+
+/// The focal lengths without those that are more than three times off the median of the others, either way; and a remark that names
+/// the photos of these.
+///
+/// Where the others are an even number, it is the nearer of the two in the middle that counts.
+pub(super) fn without_outliers(names: &[String], told: &[Option<f64>]) -> (Vec<Option<f64>>, Option<String>) {
+    let kept = |(i, own): (usize, &Option<f64>)| {
+        let others = told.iter().enumerate().filter(|(j, _)| *j != i);
+        let mut others: Vec<f64> = others.filter_map(|(_, other)| *other).collect();
+        others.sort_by(f64::total_cmp);
+        let Some(last) = others.len().checked_sub(1) else { return *own };
+        let middle = [others[last / 2], others[others.len() / 2]];
+        own.filter(|own| middle.iter().any(|other| own / other <= OFF && other / own <= OFF))
+    };
+    let kept: Vec<Option<f64>> = told.iter().enumerate().map(kept).collect();
+    let ignored = told.iter().zip(&kept).zip(names).filter(|((told, kept), _)| told != kept);
+    let ignored: Vec<String> =
+        ignored.map(|((told, _), name)| format!("{name} ({} mm)", told.unwrap_or_default())).collect();
+    let none_left = kept.iter().all(Option::is_none);
+    let remark = match none_left {
+        true => "focal lengths in EXIF that are more than three times apart are not used",
+        false => "focal lengths in EXIF that are more than three times off those of the other photos are not used",
+    };
+    let remark = (!ignored.is_empty()).then(|| format!("{remark}: {}", some_of(&ignored)));
+    (kept, remark)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::without_outliers;
+
+    fn kept(told: &[Option<f64>]) -> (Vec<Option<f64>>, Option<String>) {
+        let names: Vec<String> = (0..told.len()).map(|i| format!("{i}.jpg")).collect();
+        without_outliers(&names, told)
+    }
+
+    #[test]
+    fn what_is_far_off_the_others_is_named_and_not_used() {
+        let told = [28.0, 28.0, 5000.0, 84.0, 26.0, 1.0].map(Some);
+        let (left, remark) = kept(&told);
+        assert_eq!(left, [Some(28.0), Some(28.0), None, Some(84.0), Some(26.0), None]);
+        let remark = remark.unwrap();
+        assert!(
+            remark.ends_with("off those of the other photos are not used: 2.jpg (5000 mm), 5.jpg (1 mm)"),
+            "{remark}"
+        );
+        // One in three; and photos that tell nothing.
+        let (left, remark) = kept(&[None, Some(28.0), Some(5000.0), None, Some(30.0)]);
+        assert_eq!(left, [None, Some(28.0), None, None, Some(30.0)]);
+        assert!(remark.unwrap().ends_with(": 2.jpg (5000 mm)"));
+    }
+
+    #[test]
+    fn two_that_disagree_are_both_not_used() {
+        let (left, remark) = kept(&[Some(28.0), None, Some(85.0)]);
+        assert_eq!(left, [None; 3]);
+        assert!(remark.unwrap().ends_with("apart are not used: 0.jpg (28 mm), 2.jpg (85 mm)"));
+        assert_eq!(kept(&[Some(28.0), Some(84.0)]), (vec![Some(28.0), Some(84.0)], None));
+        for few in [&[][..], &[None], &[Some(28.0)], &[None, Some(5000.0)]] {
+            assert_eq!(kept(few), (few.to_vec(), None));
+        }
+    }
+}

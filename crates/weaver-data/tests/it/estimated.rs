@@ -1,0 +1,263 @@
+//! Photos without cameras, from files as users have them to a capture.
+
+use crate::claimed;
+use crate::exif::store;
+use image::metadata::Orientation::{self, *};
+use std::fs;
+use std::path::{Path, PathBuf};
+use weaver_data::capture::{CaptureOptions, load, load_cameras};
+use weaver_data::posed::{self, PosedOptions};
+use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_data::{EstimateOptions, EstimatedPhotos, estimate_photos};
+use weaver_io::{Transforms, colmap::Model};
+
+/// Small, for matching is slow where nothing is optimized.
+const SIZE: [usize; 2] = [96, 72];
+
+/// Photos of one place, `[width, height]`, in a folder.
+fn photos(folder: &Path, count: usize, [width, height]: [usize; 2]) -> Vec<PathBuf> {
+    let truth = scene(3, &ProceduralOptions { width, height, views: 8 });
+    fs::create_dir_all(folder).unwrap();
+    let write = |i: usize| {
+        let path = folder.join(format!("{i}.png"));
+        truth.views[i].image.write_png(&path).unwrap();
+        path
+    };
+    (0..count).map(write).collect()
+}
+
+fn estimated(paths: &[PathBuf]) -> EstimatedPhotos {
+    estimate_photos(paths, &vec![false; paths.len()], &EstimateOptions::default()).unwrap()
+}
+
+fn test_names(folder: &Path) -> Option<Vec<String>> {
+    Transforms::read(folder.join("transforms.json")).unwrap().test_filenames
+}
+
+#[test]
+fn nothing_is_held_out_where_no_photo_that_was_to_be_could_be_placed() {
+    let temporary = tempfile::tempdir().unwrap();
+    let found = temporary.path().join("found");
+    let mut paths = photos(&temporary.path().join("photos"), 4, SIZE);
+    let held_out = |paths: &[PathBuf], located: &[bool]| {
+        let estimated = estimate_photos(paths, located, &EstimateOptions::default()).unwrap();
+        assert!(estimated.placed().len() >= 3, "{:?}", estimated.left_out());
+        estimated.write(&claimed(&found)).unwrap();
+        let capture = posed::load(&found, &PosedOptions::default()).unwrap();
+        capture.photos.iter().filter(|photo| photo.held_out).count()
+    };
+    // Nobody said anything about it: every eighth.
+    assert_eq!(held_out(&paths, &[false; 4]), 1);
+    assert_eq!(test_names(&found), None);
+    assert_eq!(held_out(&paths, &[false, true, false, false]), 1);
+    assert_eq!(test_names(&found).unwrap(), ["../photos/1.png"]);
+    // One without texture, and one that cannot be read.
+    for blank in [true, false] {
+        let path = temporary.path().join("photos/blank.png");
+        if blank {
+            image::RgbImage::new(96, 72).save(&path).unwrap();
+        } else {
+            fs::write(&path, "no photo").unwrap();
+        }
+        paths.truncate(4);
+        paths.push(path);
+        assert_eq!(held_out(&paths, &[false, false, false, false, true]), 0, "blank: {blank}");
+        assert_eq!(test_names(&found).unwrap(), [""; 0]);
+    }
+}
+
+#[test]
+fn an_absurd_focal_length_changes_no_camera_and_is_named() {
+    let temporary = tempfile::tempdir().unwrap();
+    let paths = photos(temporary.path(), 4, SIZE);
+    let tell = |told: [u16; 4]| {
+        paths.iter().zip(told).for_each(|(path, told)| store(path, NoTransforms, Some(told)));
+        estimated(&paths)
+    };
+    let expected = tell([30, 30, 0, 30]);
+    assert_eq!(expected.remarks, [""; 0]);
+    let absurd = tell([30, 30, 5000, 30]);
+    assert_eq!(absurd.estimate.cameras, expected.estimate.cameras);
+    let [remark] = &absurd.remarks[..] else { panic!("{:?}", absurd.remarks) };
+    assert!(remark.contains("2.png (5000 mm)") && !remark.contains("1.png"), "{remark}");
+    // Of two nobody knows which is right.
+    let (nothing, two) = (tell([0; 4]), tell([0, 30, 0, 300]));
+    assert_eq!(two.estimate.cameras, nothing.estimate.cameras);
+    assert!(two.remarks.len() == 1 && two.remarks[0].contains("1.png (30 mm), "), "{:?}", two.remarks);
+    // Where the user tells it, files are not asked.
+    let options = EstimateOptions { focal: Some(0.9), ..EstimateOptions::default() };
+    let two = [paths[1].clone(), paths[3].clone()];
+    assert_eq!(estimate_photos(&two, &[false; 2], &options).unwrap().remarks, [""; 0]);
+}
+
+/// Estimates photos as they are and stored by these orientations, and checks that both give the same cameras, and what is written.
+fn stored_like_upright(size: [usize; 2], orientations: [Orientation; 4], options: &EstimateOptions) {
+    let temporary = tempfile::tempdir().unwrap();
+    let [clean, stored] = ["clean", "stored"].map(|name| temporary.path().join(name));
+    let estimate = |paths: &[PathBuf]| estimate_photos(paths, &[false; 4], options).unwrap();
+    let upright = estimate(&photos(&clean, 4, size));
+    assert!(upright.placed().len() >= 3, "{:?}", upright.left_out());
+    let paths = photos(&stored, 4, size);
+    paths.iter().zip(orientations).for_each(|(path, orientation)| store(path, orientation, None));
+    let found = estimate(&paths);
+    assert_eq!(found.estimate.cameras, upright.estimate.cameras);
+    let capture = temporary.path().join("found");
+    found.write(&claimed(&capture)).unwrap();
+    upright.write(&claimed(&temporary.path().join("expected"))).unwrap();
+    let loaded = |name: &str| posed::load(temporary.path().join(name), &PosedOptions::default()).unwrap();
+    let (expected, mut loaded) = (loaded("expected"), loaded("found"));
+    // Folders decide about the order.
+    loaded.photos.sort_by(|a, b| a.path.file_stem().cmp(&b.path.file_stem()));
+    assert_eq!(loaded.photos.len(), upright.placed().len());
+    for (a, b) in loaded.photos.iter().zip(&expected.photos) {
+        assert!(a.rgb == b.rgb && a.camera == b.camera, "{} and {}", a.name, b.name);
+    }
+    let images = if options.distortion { "undistorted" } else { "upright" };
+    for photo in &loaded.photos {
+        let stem = photo.path.file_stem().unwrap().to_str().unwrap();
+        let orientation = orientations[stem.parse::<usize>().unwrap()];
+        let stays = !options.distortion && orientation == NoTransforms;
+        let name = if stays { format!("../stored/{stem}.png") } else { format!("{images}/{stem}.png") };
+        assert_eq!(photo.name, name);
+        // Readers that know nothing of EXIF see the same.
+        assert_eq!(image::open(&photo.path).unwrap().into_rgb8().into_raw(), photo.rgb);
+    }
+    let other = if options.distortion { "upright" } else { "undistorted" };
+    assert!(capture.join(images).exists() && !capture.join(other).exists());
+}
+
+#[test]
+fn mirrored_photos_and_those_upside_down_are_matched_and_written_upright() {
+    let orientations = [FlipHorizontal, Rotate180, FlipVertical, NoTransforms];
+    stored_like_upright(SIZE, orientations, &EstimateOptions::default());
+}
+
+#[test]
+fn square_photos_on_their_side_are_matched_and_written_upright() {
+    let orientations = [Rotate90, NoTransforms, Rotate270, FlipHorizontal];
+    stored_like_upright([80, 80], orientations, &EstimateOptions::default());
+}
+
+#[test]
+fn a_photo_that_must_be_written_is_written_once_straight_and_upright() {
+    let orientations = [FlipHorizontal, Rotate180, NoTransforms, FlipVertical];
+    let options = EstimateOptions { distortion: true, ..EstimateOptions::default() };
+    stored_like_upright(SIZE, orientations, &options);
+}
+
+#[test]
+fn transparent_parts_of_matched_photos_are_spoken_of() {
+    let temporary = tempfile::tempdir().unwrap();
+    let paths = photos(temporary.path(), 3, SIZE);
+    for (i, alpha) in [(0, 255), (2, 0)] {
+        let mut rgba = image::open(&paths[i]).unwrap().into_rgba8();
+        rgba.get_pixel_mut(7, 8).0[3] = alpha;
+        rgba.save(&paths[i]).unwrap();
+    }
+    let remarks = estimated(&paths).remarks;
+    let expected = "2.png has transparent parts, which are laid over the background; --masks leaves these out";
+    assert!(remarks.len() == 1 && remarks[0].ends_with(expected), "{remarks:?}");
+}
+
+#[test]
+fn a_capture_and_its_photos_can_be_moved_together() {
+    let temporary = tempfile::tempdir().unwrap();
+    let before = temporary.path().join("before");
+    // Two folders of one name, with photos of the same names.
+    let mut paths = photos(&before.join("photos"), 5, SIZE);
+    fs::create_dir_all(before.join("other/photos")).unwrap();
+    for (i, path) in paths.iter_mut().enumerate().skip(3) {
+        let to = before.join(format!("other/photos/{}.png", i - 3));
+        fs::rename(&path, &to).unwrap();
+        *path = to;
+    }
+    let found = estimated(&paths);
+    let written = found.write(&claimed(&before.join("found"))).unwrap();
+    assert_eq!(written, found.placed(), "where the photos are");
+    assert!(written.iter().any(|p| p.ends_with("other/photos/0.png")) && written.contains(&paths[0]), "{written:?}");
+    let transforms = Transforms::read(before.join("found/transforms.json")).unwrap();
+    let model = Model::read(before.join("found/sparse/0")).unwrap();
+    // All are of one lens.
+    assert_eq!((model.images.len(), model.cameras.len()), (found.placed().len(), 1));
+    let of_model: Vec<&str> = model.images.iter().map(|image| image.name.as_str()).collect();
+    let names: Vec<&str> = transforms.frames.iter().map(|frame| frame.name.as_str()).collect();
+    assert_eq!(names, of_model);
+    assert!(names.contains(&"../photos/0.png") && names.contains(&"../other/photos/0.png"), "{names:?}");
+    let everything = |root: &Path| {
+        let folder = root.join("found");
+        let capture = posed::load(&folder, &PosedOptions::default()).unwrap();
+        assert_eq!((capture.photos.len(), &capture.remarks[..]), (names.len(), &[][..]));
+        let scene = load(&folder, &CaptureOptions { width: 64, height: 48, ..CaptureOptions::default() }).unwrap();
+        assert!(scene.remarks.is_empty() && scene.visible.iter().all(|visible| visible.len() > 10));
+        let photos = capture.photos.into_iter().map(|p| (p.name, p.rgb, p.camera)).collect::<Vec<_>>();
+        (photos, scene.visible)
+    };
+    let expected = everything(&before);
+    let after = temporary.path().join("after");
+    fs::rename(&before, &after).unwrap();
+    assert_eq!(everything(&after), expected);
+    // A camera by a photo, although both folders have the same name.
+    let moved: Vec<PathBuf> =
+        written.iter().map(|path| after.join(path.strip_prefix(&before).unwrap())).rev().collect();
+    let cameras = load_cameras(&after.join("found/transforms.json"), &moved, [64, 48], false).unwrap();
+    assert_eq!(cameras.images.len(), moved.len());
+    // By the model alone, too: its cameras went through files of other digits.
+    fs::remove_file(after.join("found/transforms.json")).unwrap();
+    let (photos, visible) = everything(&after);
+    for (a, b) in photos.iter().zip(&expected.0) {
+        assert_eq!((&a.0, &a.1, a.2.intrinsics), (&b.0, &b.1, b.2.intrinsics));
+    }
+    assert_eq!(visible.iter().map(Vec::len).collect::<Vec<_>>(), expected.1.iter().map(Vec::len).collect::<Vec<_>>());
+}
+
+#[test]
+fn photos_that_cannot_be_matched_for_their_files_are_named_at_once_and_left_out() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path().join("photos");
+    let good = photos(&folder, 6, SIZE);
+    let heic = folder.join("a.heic");
+    fs::write(&heic, b"\0\0\0\x18ftypheic\0\0\0\0mif1heic").unwrap();
+    let cut = folder.join("cut.png");
+    let bytes = fs::read(&good[0]).unwrap();
+    fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
+    // The flags stay with their photos, and cameras are those of the good photos alone.
+    let mut paths = good.clone();
+    paths.insert(0, heic);
+    paths.insert(4, cut);
+    let of = |paths: &[PathBuf]| paths.iter().map(|path| path == &good[4]).collect::<Vec<bool>>();
+    let estimate = |paths: &[PathBuf]| estimate_photos(paths, &of(paths), &EstimateOptions::default());
+    let (expected, found) = (estimate(&good).unwrap(), estimate(&paths).unwrap());
+    assert_eq!(found.paths, good);
+    assert_eq!(found.estimate.cameras, expected.estimate.cameras);
+    let [remark] = &found.remarks[..] else { panic!("{:?}", found.remarks) };
+    for part in ["2 of 8 photos cannot be read", "a.heic: ", "HEIC: convert it", "cut.png: "] {
+        assert!(remark.contains(part), "{part}: {remark}");
+    }
+    found.write(&claimed(&temporary.path().join("found"))).unwrap();
+    assert_eq!(test_names(&temporary.path().join("found")).unwrap(), ["../photos/4.png"]);
+    // More than a quarter, and fewer than two that are good.
+    paths.push(folder.join("gone.jpg"));
+    let message = estimate(&paths).unwrap_err().to_string();
+    for part in ["expected at least 2", "3 of 9", "a.heic", "cut.png", "gone.jpg"] {
+        assert!(message.contains(part), "{part}: {message}");
+    }
+    let message = estimate(&[good[0].clone(), folder.join("gone.jpg")]).unwrap_err().to_string();
+    assert!(message.contains("1 of 2") && message.contains("gone.jpg"), "{message}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_photo_whose_name_is_not_utf8_is_left_out_and_named() {
+    use std::os::unix::ffi::OsStrExt;
+    let temporary = tempfile::tempdir().unwrap();
+    let mut paths = photos(temporary.path(), 4, SIZE);
+    let odd = temporary.path().join(std::ffi::OsStr::from_bytes(b"\xe4.png"));
+    // Some systems have no such names.
+    if fs::rename(&paths[3], &odd).is_err() {
+        return println!("skipped: no names that are not UTF-8");
+    }
+    paths[3] = odd;
+    let found = estimated(&paths);
+    assert_eq!(found.paths, paths[..3]);
+    assert!(found.remarks.len() == 1 && found.remarks[0].contains("expected UTF-8"), "{:?}", found.remarks);
+}

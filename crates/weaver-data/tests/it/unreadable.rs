@@ -1,0 +1,146 @@
+//! Captures with photos that cannot be read.
+
+use std::fs;
+use std::path::Path;
+use weaver_data::capture::{CaptureOptions, load};
+use weaver_data::posed::{self, PosedOptions};
+use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_io::Transforms;
+use weaver_io::colmap::Model;
+use weaver_scene::Frame;
+
+/// A capture as a transforms.json, or as a model of COLMAP.
+fn write(folder: &Path, views: usize, colmap: bool) {
+    let truth = scene(1, &ProceduralOptions { width: 40, height: 30, views });
+    fs::create_dir_all(folder.join("images")).unwrap();
+    let within = if colmap { "" } else { "images/" };
+    let mut frames = Vec::new();
+    for (i, view) in truth.views.iter().enumerate() {
+        view.image.write_png(folder.join(format!("images/{i}.png"))).unwrap();
+        frames.push(Frame::new(format!("{within}{i}.png"), view.camera));
+    }
+    if colmap {
+        fs::create_dir_all(folder.join("sparse/0")).unwrap();
+        Model::from_frames(&frames).write_binary(folder.join("sparse/0")).unwrap();
+    } else {
+        Transforms { frames, ..Transforms::default() }.write(folder.join("transforms.json")).unwrap();
+    }
+}
+
+fn cut_short(path: &Path) {
+    let bytes = fs::read(path).unwrap();
+    fs::write(path, &bytes[..bytes.len() / 2]).unwrap();
+}
+
+/// The numbers of the photos that are loaded and the remarks, or the error: the same of both ways to load.
+fn loaded(folder: &Path) -> Result<(Vec<usize>, Vec<String>), String> {
+    let number = |name: &str| name.trim_start_matches("images/").trim_end_matches(".png").parse().unwrap();
+    let photos = posed::load(folder, &PosedOptions::default()).map_err(|error| error.to_string());
+    let photos = photos.map(|found| (found.photos.iter().map(|p| number(&p.name)).collect(), found.remarks));
+    let views = load(folder, &CaptureOptions::default()).map_err(|error| error.to_string());
+    let views = views.map(|found| (found.views.iter().map(|v| number(&v.name)).collect(), found.remarks));
+    assert_eq!(photos, views);
+    photos
+}
+
+#[test]
+fn a_few_unreadable_photos_are_named_at_once_and_left_out() {
+    for colmap in [false, true] {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join("images").join(name);
+        write(folder.path(), 12, colmap);
+        cut_short(&at("3.png"));
+        fs::write(at("5.png"), "no photo").unwrap();
+        fs::write(at("8.png"), b"\0\0\0\x18ftypheic\0\0\0\0mif1heic").unwrap();
+        let (numbers, remarks) = loaded(folder.path()).unwrap();
+        assert_eq!(numbers.len(), 9, "colmap: {colmap}");
+        assert!(!numbers.iter().any(|i| [3, 5, 8].contains(i)), "{numbers:?}");
+        let [remark] = &remarks[..] else { panic!("{remarks:?}") };
+        for part in ["3 of 12 photos", "images/3.png: ", "images/5.png: ", "images/8.png: ", "HEIC: convert it"] {
+            assert!(remark.contains(part), "{part}: {remark}");
+        }
+        // A fourth is too much.
+        fs::write(at("9.png"), "").unwrap();
+        let message = loaded(folder.path()).unwrap_err();
+        for part in ["photos: expected at least 1", "4 of 12", "3.png", "5.png", "8.png", "9.png"] {
+            assert!(message.contains(part), "{part}: {message}");
+        }
+    }
+}
+
+#[test]
+fn one_unreadable_photo_in_four_is_left_out_and_two_are_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), 4, true);
+    let at = |name: &str| folder.path().join("images").join(name);
+    fs::remove_file(at("2.png")).unwrap();
+    #[cfg(unix)]
+    std::os::unix::fs::symlink("gone.png", at("2.png")).unwrap();
+    let (numbers, remarks) = loaded(folder.path()).unwrap();
+    assert_eq!((numbers, remarks.len()), (vec![0, 1, 3], 1));
+    assert!(remarks[0].contains("1 of 4 photos cannot be read") && remarks[0].contains("2.png"), "{remarks:?}");
+    // What is asked for may be fewer photos: the held-out one alone.
+    let held_out = PosedOptions { held_out_only: true, ..PosedOptions::default() };
+    assert_eq!(posed::load(folder.path(), &held_out).unwrap().photos.len(), 1);
+    cut_short(&at("0.png"));
+    let message = loaded(folder.path()).unwrap_err();
+    assert!(message.contains("0.png") && message.contains("2.png"), "{message}");
+    let message = posed::load(folder.path(), &held_out).unwrap_err().to_string();
+    assert!(message.contains("0.png"), "{message}");
+}
+
+#[test]
+fn held_out_photos_stay_the_same_where_others_are_unreadable() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), 9, false);
+    cut_short(&folder.path().join("images/1.png"));
+    let photos = posed::load(folder.path(), &PosedOptions::default()).unwrap().photos;
+    let held_out: Vec<&str> = photos.iter().filter(|p| p.held_out).map(|p| p.name.as_str()).collect();
+    assert_eq!(held_out, ["images/0.png", "images/8.png"]);
+}
+
+#[test]
+fn what_a_capture_says_wrongly_about_one_photo_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), 8, true);
+    let photo = folder.path().join("images/3.png");
+    image::RgbImage::new(20, 15).save(&photo).unwrap();
+    let message = loaded(folder.path()).unwrap_err();
+    assert!(message.contains("3.png: image size: expected 40x30, its camera's, found 20x15"), "{message}");
+    // Masks that are asked for.
+    write(folder.path(), 8, true);
+    fs::create_dir(folder.path().join("masks")).unwrap();
+    for i in 0..7 {
+        image::GrayImage::from_pixel(40, 30, image::Luma([255]))
+            .save(folder.path().join(format!("masks/{i}.png")))
+            .unwrap();
+    }
+    let masked = PosedOptions { masks: true, ..PosedOptions::default() };
+    let message = posed::load(folder.path(), &masked).unwrap_err().to_string();
+    assert!(message.contains("7.png: mask: expected"), "{message}");
+    fs::write(folder.path().join("masks/7.png"), "no mask").unwrap();
+    let message = posed::load(folder.path(), &masked).unwrap_err().to_string();
+    assert!(message.contains("masks/7.png"), "{message}");
+    let options = CaptureOptions { masks: true, ..CaptureOptions::default() };
+    assert!(load(folder.path(), &options).unwrap_err().to_string().contains("masks/7.png"));
+    // Of a missing file transforms.json itself is at fault.
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), 8, false);
+    fs::remove_file(folder.path().join("images/3.png")).unwrap();
+    assert!(loaded(folder.path()).unwrap_err().contains("frames[3].file_path: expected an image file"));
+}
+
+#[test]
+fn a_frame_of_realestate_that_is_no_photo_is_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("images")).unwrap();
+    let mut lines = String::from("http://a\n");
+    for i in 0..4 {
+        image::RgbImage::new(40, 30).save(folder.path().join(format!("images/{i}.png"))).unwrap();
+        lines += &format!("{i} 0.8 1.0 0.5 0.5 0 0 1 0 0 {i} 0 1 0 0 0 0 1 0\n");
+    }
+    fs::write(folder.path().join("cameras.txt"), lines).unwrap();
+    fs::write(folder.path().join("images/2.png"), "no photo").unwrap();
+    let (numbers, remarks) = loaded(folder.path()).unwrap();
+    assert!(numbers == [0, 1, 3] && remarks.len() == 1 && remarks[0].contains("2.png"), "{numbers:?}: {remarks:?}");
+}
