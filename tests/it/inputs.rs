@@ -68,8 +68,11 @@ fn one_corrupt_png_is_left_out_and_named() {
     let data = folder.path().join("capture");
     capture::transforms(&data, capture::VIEWS);
     halve(&data.join("images/03.png"));
+    let named = |text: &str| text.contains("1 of 10 photos cannot be read") && text.contains("03.png");
     let done = train(&data, &folder.path().join("run")).fine();
-    assert!(done.stderr.contains("1 of 10 photos cannot be read") && done.stderr.contains("03.png"), "{}", done.stderr);
+    assert!(named(&done.stderr), "{}", done.stderr);
+    let done = splatweaver(&[&"eval", &"--run", &Run::shared().path(), &"--data", &data]).fine();
+    assert!(named(&done.stdout), "{}", done.stdout);
 }
 
 #[test]
