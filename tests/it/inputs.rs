@@ -57,8 +57,22 @@ fn missing_folder() {
 }
 
 #[test]
-fn corrupt_png() {
-    spoilt(|data| halve(&data.join("images/03.png")), &["03.png"]);
+fn corrupt_pngs() {
+    let names = ["images/01.png", "images/03.png", "images/06.png"];
+    spoilt(|data| names.iter().for_each(|name| halve(&data.join(name))), &names);
+}
+
+#[test]
+fn one_corrupt_png_is_left_out_and_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("capture");
+    capture::transforms(&data, capture::VIEWS);
+    halve(&data.join("images/03.png"));
+    let named = |text: &str| text.contains("1 of 10 photos cannot be read") && text.contains("03.png");
+    let done = train(&data, &folder.path().join("run")).fine();
+    assert!(named(&done.stderr), "{}", done.stderr);
+    let done = splatweaver(&[&"eval", &"--run", &Run::shared().path(), &"--data", &data]).fine();
+    assert!(named(&done.stdout), "{}", done.stdout);
 }
 
 #[test]

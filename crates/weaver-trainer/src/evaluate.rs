@@ -258,7 +258,9 @@ pub fn evaluate(
         }
         figures.push(of_scene);
     }
-    let remarks = remarked.into_iter().map(|(remark, scenes)| explained(remark, &scenes)).collect();
+    // How a capture was loaded may say which of its photos are not judged.
+    let of_loading = plain.iter().flat_map(|scene| scene.remarks.iter().cloned());
+    let remarks = of_loading.chain(remarked.into_iter().map(|(remark, scenes)| explained(remark, &scenes))).collect();
     let mut cameras = if options.matching.is_some() { "estimated".into() } else { cameras.to_string() };
     cameras += match targets {
         Targets::Data => "",
