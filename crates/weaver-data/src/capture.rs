@@ -130,6 +130,45 @@ pub fn load_masked_images(paths: &[PathBuf], width: usize, height: usize) -> Res
     images.into_iter().collect()
 }
 
+/// Photos of which some could not be read.
+#[derive(Clone, Debug)]
+pub struct ReadableImages {
+    /// Those that could.
+    pub paths: Vec<PathBuf>,
+    /// What they show, and what of it counts.
+    pub images: Vec<MaskedImage>,
+    /// Which could not be read and why, if any.
+    pub remark: Option<String>,
+}
+
+/// Loads photos as [`load_images`] does, or with their masks as [`load_masked_images`] does, without those that cannot be read.
+///
+/// # Errors
+/// When these are more than a quarter, or all; for masks, as [`load_masked_images`].
+pub fn load_readable_images(
+    paths: &[PathBuf],
+    masked: bool,
+    width: usize,
+    height: usize,
+) -> Result<ReadableImages, Error> {
+    let masks = masked.then(|| masks::of_photos(at_least_one(paths)?)).transpose()?;
+    let read = |(i, path): (usize, &PathBuf)| -> Result<MaskedImage, Fault> {
+        let photo = PhotoFile::at(path).map_err(Fault::unreadable)?;
+        if let Some(masks) = &masks {
+            return Ok(uncut(path, Some(&masks[i]), width, height)?);
+        }
+        let (w, h) = photo.size();
+        let image = Crop::centered(w, h, width, height).read(&photo).map_err(Fault::unreadable)?;
+        Ok((image.to_image(), None))
+    };
+    let loaded: Vec<_> = at_least_one(paths)?.par_iter().enumerate().map(read).collect();
+    let needed = Needed { least: 1, all: paths.len() };
+    let (loaded, remark) = without_unreadable(paths.iter().map(PathBuf::as_path), loaded, needed)?;
+    let readable = paths.iter().zip(loaded).filter_map(|(path, image)| Some((path.clone(), image?)));
+    let (paths, images) = readable.unzip();
+    Ok(ReadableImages { paths, images, remark })
+}
+
 fn at_least_one(paths: &[PathBuf]) -> Result<&[PathBuf], Error> {
     if paths.is_empty() {
         return Err(Error::unexpected(Path::new("photos"), "paths", "at least one", "none"));

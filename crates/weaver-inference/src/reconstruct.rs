@@ -18,7 +18,7 @@ pub struct Options {
     /// Cameras of the photos: a transforms.json, or a folder with a COLMAP model. Photos are matched by the ends of their paths; points
     /// of the model scale the cameras and repair depth ([`load_cameras`](weaver_data::capture::load_cameras)).
     pub cameras: Option<PathBuf>,
-    /// Whether photos have masks ([`load_masked_images`](weaver_data::capture::load_masked_images)): pixels outside get no
+    /// Whether photos have masks ([`load_readable_images`](weaver_data::capture::load_readable_images)): pixels outside get no
     /// Gaussians, and do not count in the PSNR.
     pub masks: bool,
     /// Which pixels get Gaussians, and how many.
@@ -59,13 +59,18 @@ pub fn reconstruct(
     let [height, width] = predictor.image_size();
     let with_cameras = |file| capture::load_cameras(file, images, [width, height], options.masks);
     let mut given = options.cameras.as_deref().map(with_cameras).transpose()?;
+    let mut remarks = Vec::new();
+    let mut readable = images.to_vec();
     let (photos, inside): (Vec<Image>, Vec<Option<Vec<bool>>>) = match &mut given {
         Some(given) => (std::mem::take(&mut given.images), std::mem::take(&mut given.inside)),
-        None if options.masks => capture::load_masked_images(images, width, height)?.into_iter().unzip(),
-        None => (capture::load_images(images, width, height)?, Vec::new()),
+        None => {
+            let loaded = capture::load_readable_images(images, options.masks, width, height)?;
+            remarks.extend(loaded.remark.map(|remark| format!("warning: {remark}")));
+            readable = loaded.paths;
+            loaded.images.into_iter().unzip()
+        }
     };
     let inside = inside_of(inside.iter().map(Option::as_deref), height * width);
-    let mut remarks = Vec::new();
     if photos.len() == 1 {
         remarks.push(ONE_PHOTO.to_string());
     }
@@ -88,7 +93,7 @@ pub fn reconstruct(
     remarks.push(format!("cameras {cameras}{allocation}"));
     remarks.extend(prediction.view_opacity.is_some().then(|| ONE_OPACITY.to_string()));
     let renders = predictor.render(&prediction, &prediction.cameras)?;
-    write(out, images, &photos, &renders, &prediction)?;
+    write(out, &readable, &photos, &renders, &prediction)?;
     write_summary(out, predictor)?;
     if let (Some(looks), Some(shown)) = (&options.looks, shown) {
         remarks.push(format!("in the light of {}, which the photos may not have", looks.from.display()));

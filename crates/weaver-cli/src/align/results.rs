@@ -68,13 +68,14 @@ impl Results {
         let Intrinsics { fx, fy, .. } = file.intrinsics;
         let (fx, fy) = (fx * intrinsics.fx / before.fx, fy * intrinsics.fy / before.fy);
         let camera = Camera { pose, intrinsics: Intrinsics { fx, fy, ..file.intrinsics }, ..file };
-        let absolute = |path: &PathBuf| std::path::absolute(path).unwrap_or(path.clone());
+        // Relative, so that results and photos can be moved together.
+        let name = |path: &PathBuf| weaver_io::relative_path(self.out.path(), path);
         self.frames.push(Frame {
             distortion: photo.distortion,
-            mask: photo.mask_file.as_ref().map(absolute),
+            mask: photo.mask_file.as_ref().map(name).transpose()?.map(PathBuf::from),
             time: photo.time,
             number: photo.number,
-            ..Frame::new(absolute(&photo.path).display().to_string(), camera)
+            ..Frame::new(name(&photo.path)?, camera)
         });
         let pixels = aligned.image.iter().map(|x| x.clamp(0.0, 1.0)).collect();
         self.images.push(Image { width, height, pixels });

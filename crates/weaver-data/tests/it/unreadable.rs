@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::Path;
-use weaver_data::capture::{CaptureOptions, load};
+use weaver_data::capture::{CaptureOptions, load, load_readable_images};
 use weaver_data::posed::{self, PosedOptions};
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_io::Transforms;
@@ -143,4 +143,22 @@ fn a_frame_of_realestate_that_is_no_photo_is_left_out() {
     fs::write(folder.path().join("images/2.png"), "no photo").unwrap();
     let (numbers, remarks) = loaded(folder.path()).unwrap();
     assert!(numbers == [0, 1, 3] && remarks.len() == 1 && remarks[0].contains("2.png"), "{numbers:?}: {remarks:?}");
+}
+
+#[test]
+fn photos_without_cameras_are_loaded_without_those_that_cannot_be_read() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path(), 8, false);
+    let paths: Vec<_> = (0..8).map(|i| folder.path().join(format!("images/{i}.png"))).collect();
+    for bad in [2, 5] {
+        cut_short(&paths[bad]);
+    }
+    let found = load_readable_images(&paths, false, 20, 20).unwrap();
+    let kept: Vec<_> = (0..8).filter(|i| ![2, 5].contains(i)).map(|i| paths[i].clone()).collect();
+    assert_eq!((&found.paths, found.images.len()), (&kept, 6));
+    let remark = found.remark.unwrap();
+    assert!(remark.contains("2.png") && remark.contains("5.png") && remark.contains("left out"), "{remark}");
+    cut_short(&paths[6]);
+    let error = load_readable_images(&paths, false, 20, 20).unwrap_err().to_string();
+    assert!(["2.png", "5.png", "6.png"].iter().all(|name| error.contains(name)), "{error}");
 }
