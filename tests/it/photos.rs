@@ -22,8 +22,8 @@ fn few(views: usize, word: &str) {
 fn none() {
     few(0, "photos");
     let run = Run::shared().path();
-    let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().join("out");
+    let (folder, results) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let out = results.path().join("out");
     splatweaver(&[&"infer", &"--run", &run, &"-o", &out]).refused(2, &["required"]);
     splatweaver(&[&"infer", &"--run", &run, &folder.path(), &"-o", &out]).refused(1, &["photos", "found none"]);
     assert!(!out.exists());

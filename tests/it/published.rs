@@ -351,5 +351,7 @@ fn pytorch_checkpoints_are_converted() {
     assert!(done.stdout.contains("8 tensors"), "{done:?}");
     let info = splatweaver(&[&"info", &out]).fine().stdout;
     assert!(info.contains("b.narrow BF16 [3]"), "{info}");
-    splatweaver(&[&"convert-weights", &out, &"-o", &out]).refused(1, &["model.safetensors", "metadata format"]);
+    let other = folder.path().join("other.safetensors");
+    splatweaver(&[&"convert-weights", &out, &"-o", &other]).refused(1, &["model.safetensors", "metadata format"]);
+    splatweaver(&[&"convert-weights", &out, &"-o", &out]).refused(2, &["model.safetensors", "what is read"]);
 }

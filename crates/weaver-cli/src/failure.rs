@@ -95,6 +95,7 @@ fn explained(error: &(dyn Error + 'static)) -> Option<(u8, String)> {
 
 /// The refusal to write where something would be lost, if an error is one.
 fn refused_output<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a weaver_io::Error> {
+    use weaver_data::Error as Data;
     use weaver_dynamic_run::RunError as Dynamic;
     use weaver_fit_run::RunError as Fit;
     use weaver_inference::Error as Inference;
@@ -108,6 +109,8 @@ fn refused_output<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a weaver_io:
     } else if let Some(Training::Io(error) | Training::Inference(Inference::Io(error))) = error.downcast_ref() {
         error
     } else if let Some(Inference::Io(error)) = error.downcast_ref() {
+        error
+    } else if let Some(Data::Format(error)) = error.downcast_ref() {
         error
     } else {
         return None;
