@@ -78,20 +78,7 @@ fn a_training_that_is_interrupted_goes_on() {
     let folder = folder.path();
     printed(folder, &format!("{TRAIN} --out whole"));
     let line = format!("{TRAIN} --out parts");
-    let child = Command::new(BINARY)
-        .current_dir(folder)
-        .args(line.split_whitespace())
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let log = folder.join("parts/training.jsonl");
-    while fs::read_to_string(&log).map_or(0, |text| text.lines().count()) < 35 {
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
-    let id = child.id().to_string();
-    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
-    let done = child.wait_with_output().unwrap();
+    let done = interrupted(folder, &line, "parts");
     let said = text(&done.stderr);
     assert!(done.status.success() && said.contains("to go on: splatweaver vad train --resume parts"), "{said}");
     let error = refused(folder, &line, 2);
@@ -101,4 +88,55 @@ fn a_training_that_is_interrupted_goes_on() {
         let read = |run: &str| fs::read(folder.join(run).join(file)).unwrap();
         assert!(read("parts") == read("whole"), "{file}");
     }
+}
+
+/// Starts a training, and presses Ctrl-C after some steps.
+#[cfg(unix)]
+fn interrupted(folder: &Path, line: &str, run: &str) -> std::process::Output {
+    let mut child = Command::new(BINARY)
+        .current_dir(folder)
+        .args(line.split_whitespace())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let log = folder.join(run).join("training.jsonl");
+    let steps = || fs::read_to_string(&log).map_or(0, |text| text.lines().count());
+    let before = steps();
+    while steps() < before + 35 {
+        assert!(child.try_wait().unwrap().is_none(), "ended early");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let id = child.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    child.wait_with_output().unwrap()
+}
+
+#[cfg(unix)]
+#[test]
+fn a_training_on_other_features_does_not_go_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::create_dir(folder.join("features")).unwrap();
+    let mut list = String::new();
+    for i in 0..8 {
+        let values: Vec<f32> = (0..40 * 16).map(|at| ((at * (i + 3)) % 17) as f32 / 17.0).collect();
+        let kind = if i < 4 { "Abuse" } else { "Normal_Videos" };
+        let name = format!("{kind}{i:03}_x264.npy");
+        write_npy(folder.join("features").join(&name), &[40, 16], &values).unwrap();
+        list += &format!("{name}\n");
+    }
+    fs::write(folder.join("list.txt"), list).unwrap();
+    let line = "vad train --features features --list list.txt --encoder deepmil --plain --steps 1000000 --out run";
+    let done = interrupted(folder, line, "run");
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    // As many videos of the same names and lengths.
+    let [a, b] = ["Abuse000_x264.npy", "Abuse001_x264.npy"].map(|name| folder.join("features").join(name));
+    let first = fs::read(&a).unwrap();
+    fs::copy(&b, &a).unwrap();
+    let error = refused(folder, "vad train --resume run", 1);
+    assert!(error.contains("expected those that the run began with, found others"), "{error}");
+    fs::write(&a, first).unwrap();
+    let resumed = interrupted(folder, "vad train --resume run", "run");
+    assert!(resumed.status.success(), "{}", text(&resumed.stderr));
 }

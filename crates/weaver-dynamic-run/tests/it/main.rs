@@ -206,3 +206,27 @@ fn what_cannot_be_is_refused() {
     let error = Run::resume(&path).unwrap_err().to_string();
     assert!(error.contains("run.json") && error.contains("expected those of a mixture"), "{error}");
 }
+
+#[test]
+fn a_run_of_another_film_is_not_gone_on_with() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let mut run = Run::create(&path, settings(&[ExpertKind::Keys, ExpertKind::Poly], 3), None).unwrap();
+    let (stop, mut seen) = (AtomicBool::new(false), 0);
+    let stopped = run.advance(&stop, |_| {
+        seen += 1;
+        stop.store(seen == 2, Ordering::Relaxed);
+    });
+    assert!(!stopped.unwrap());
+    let message = Run::resume(&path).unwrap_err().to_string();
+    assert!(message.contains("in use"), "{message}");
+    drop(run);
+    let file = path.join("run.json");
+    let text = std::fs::read_to_string(&file).unwrap();
+    // As many photos by the same cameras, of another scene.
+    std::fs::write(&file, text.replace("\"seed\": 3", "\"seed\": 4")).unwrap();
+    let error = Run::resume(&path).unwrap_err();
+    assert!(matches!(error, RunError::FilmChanged { .. }), "{error}");
+    std::fs::write(&file, text).unwrap();
+    assert!(Run::resume(&path).unwrap().advance(&AtomicBool::new(false), |_| {}).unwrap());
+}
