@@ -19,6 +19,8 @@ use weaver_sfm::{Confidence, Estimate, EstimateSettings, LeftOut, Observation, P
 const FILM: f64 = 43.266_615;
 /// Standard deviation of focal lengths that are told, as a part of them: cameras round them, and crop.
 const TOLD: f64 = 0.05;
+/// Proportions of photos that differ by less than this part are the same: sizes are rounded.
+const SAME_PROPORTIONS: f64 = 0.01;
 /// The folder of photos that are written without distortion.
 const IMAGES: &str = "undistorted";
 /// Width of a photo in the picture of points.
@@ -34,7 +36,8 @@ pub struct EstimateOptions {
     pub focal: Option<f64>,
     /// Whether what files tell of their focal length is used.
     pub exif: bool,
-    /// Whether all photos have one focal length.
+    /// Whether photos have one lens, and with it one focal length over their longer side: those of the same proportions, since
+    /// of a crop the longer side is another one. Otherwise each has its own.
     pub shared: bool,
     /// Whether a radial distortion is found; photos are then written without it.
     pub distortion: bool,
@@ -57,6 +60,8 @@ pub struct EstimatedPhotos {
     sizes: Vec<(usize, usize)>,
     /// Which are only located.
     located: Vec<bool>,
+    /// The lens of each: a number, without gaps.
+    lens_of: Vec<usize>,
     /// Of each photo, how its distortion is undone, if one was found.
     lenses: Vec<Option<Undistortion>>,
     /// Cameras and points; pixels are those of the photos as they were matched.
@@ -90,22 +95,22 @@ pub fn estimate_photos(
     assert_eq!(paths.len(), located.len(), "as many photos as flags");
     let loaded: Vec<Result<Loaded, Error>> = paths.par_iter().map(|path| load(path, options)).collect();
     let loaded = loaded.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let photos: Vec<Photo<'_>> = (loaded.iter().zip(located))
-        .map(|(Loaded { image, focal, .. }, located)| {
+    let lens_of = lenses_of(&loaded, options.shared);
+    let photos: Vec<Photo<'_>> = (loaded.iter().zip(located).zip(&lens_of))
+        .map(|((Loaded { image, focal, .. }, located), lens)| {
             let photo = Photo::new(&image.to_bytes(), [image.height, image.width]);
-            Photo { focal: *focal, located: *located, ..photo }
+            Photo { focal: *focal, located: *located, lens: *lens, ..photo }
         })
         .collect();
     let focal_deviation = if options.focal.is_some() { 0.0 } else { TOLD };
-    let EstimateOptions { shared, distortion, .. } = *options;
-    let settings = EstimateSettings { focal_deviation, shared, distortion, ..EstimateSettings::default() };
+    let settings = EstimateSettings { focal_deviation, distortion: options.distortion, ..EstimateSettings::default() };
     let estimate = estimate(&photos, &settings);
     let (images, sizes) = loaded.into_iter().map(|loaded| (loaded.image, loaded.size)).unzip();
     let lens = |(camera, k1): (&Result<Camera, LeftOut>, &f64)| {
         Undistortion::new(camera.ok()?, Distortion::radial(*k1).or_none()?)
     };
     let lenses = estimate.cameras.iter().zip(&estimate.k1).map(lens).collect();
-    Ok(EstimatedPhotos { paths: paths.to_vec(), images, sizes, located: located.to_vec(), lenses, estimate })
+    Ok(EstimatedPhotos { paths: paths.to_vec(), images, sizes, located: located.to_vec(), lens_of, lenses, estimate })
 }
 
 /// A photo for matching.
@@ -128,6 +133,21 @@ fn load(path: &Path, options: &EstimateOptions) -> Result<Loaded, Error> {
     let told = if options.exif { weaver_io::focal_35mm(path)? } else { None };
     let focal = options.focal.map(|f| f * w.max(h)).or(told.map(|mm| mm / FILM * w.hypot(h)));
     Ok(Loaded { image, size, focal })
+}
+
+/// The number of each photo's lens: one for all photos of the same proportions if they share lenses, else one a photo.
+fn lenses_of(photos: &[Loaded], shared: bool) -> Vec<usize> {
+    let mut lenses: Vec<f64> = Vec::new();
+    let lens = |photo: &Loaded| {
+        let (width, height) = photo.size;
+        let proportions = width.max(height) as f64 / width.min(height) as f64;
+        let same = |lens: &f64| shared && (proportions / lens).ln().abs() < SAME_PROPORTIONS;
+        lenses.iter().position(same).unwrap_or_else(|| {
+            lenses.push(proportions);
+            lenses.len() - 1
+        })
+    };
+    photos.iter().map(lens).collect()
 }
 
 /// Opens a photo as it will be opened again with the camera that is found for it: upright, if its size can tell.
@@ -153,6 +173,11 @@ impl EstimatedPhotos {
     /// How much the cameras are to be believed.
     pub fn confidence(&self) -> Confidence {
         self.estimate.confidence()
+    }
+
+    /// How many lenses the photos were taken to have: one if all have the same proportions and share it.
+    pub fn lenses(&self) -> usize {
+        self.lens_of.iter().max().map_or(0, |last| last + 1)
     }
 
     /// The focal length of the first camera over the longer side of its photo; not a number without a camera.
