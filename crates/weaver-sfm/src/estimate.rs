@@ -71,7 +71,8 @@ pub struct Estimate {
 pub fn estimate(photos: &[Photo<'_>], settings: &EstimateSettings) -> Estimate {
     let features: Vec<Features> =
         photos.iter().map(|p| Features::new(&p.gray, p.size, p.mask, settings.keypoints)).collect();
-    let matched = pairs::matched(&features, &pairs::candidates(&features, settings.candidates));
+    let located: Vec<bool> = photos.iter().map(|p| p.located).collect();
+    let matched = pairs::matched(&features, &pairs::candidates(&features, &located, settings.candidates));
     let mut search = Search::new(photos, settings, &features, &matched);
     let posed = search.run();
     let Some(best) = search.best() else {

@@ -61,9 +61,16 @@ impl<'a> Search<'a> {
             posed = pairs::posed(self.features, &bundle.cameras, self.matched, tau);
             // Among many photos, pairs that are chance do more harm than those that are doubtful do good.
             let certain: &[f64] = if few { &[0.0] } else { &CERTAIN };
-            certain.iter().for_each(|share| self.grow(&bundle, &posed, *share));
+            // A photo that is only located links nothing: what it shows would otherwise join points of the others.
+            let between: Vec<Pair> = posed.iter().filter(|pair| !self.locates(&pair.photos)).cloned().collect();
+            certain.iter().for_each(|share| self.grow(&bundle, &between, *share));
         }
         posed
+    }
+
+    /// Whether one of two photos is only located.
+    fn locates(&self, pair: &[usize; 2]) -> bool {
+        pair.iter().any(|p| self.photos[*p].located)
     }
 
     /// Grows scenes by pairs of which at least this share of the matches agrees.
@@ -176,6 +183,7 @@ impl<'a> Search<'a> {
             return FOCAL.to_vec();
         }
         let mut voters = self.matched.to_vec();
+        voters.retain(|(pair, _)| !self.locates(pair));
         voters.sort_by_key(|(_, matches)| std::cmp::Reverse(matches.len()));
         voters.truncate(VOTERS);
         let score = |factor: &f64| -> f64 {
