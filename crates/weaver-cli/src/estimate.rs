@@ -74,6 +74,12 @@ pub fn estimated(
         found.focal(),
         duration(start.elapsed().as_secs_f64())
     ));
+    if found.lenses() > 1 && !flags.own_focal {
+        let lenses = found.lenses();
+        console.note(&format!(
+            "cameras: photos of {lenses} proportions, cropped or of several lenses: each has a focal length of its own; --own-focal finds one for every photo"
+        ));
+    }
     console.note(&format!("cameras: {}", sureness(&found)));
     if flags.distortion {
         let k1 = e.k1.iter().copied().find(|k1| *k1 != 0.0).unwrap_or(0.0);

@@ -10,7 +10,7 @@ use crate::undistorted::undistorted;
 use crate::unreadable::{Fault, Needed, without_unreadable};
 use crate::{Error, remarks};
 pub use context::EstimatedContext;
-use loading::{Loaded, load};
+use loading::{Loaded, lenses_of, load};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use weaver_geometry::glam::DVec2;
@@ -37,7 +37,8 @@ pub struct EstimateOptions {
     pub focal: Option<f64>,
     /// Whether what files tell of their focal length is used.
     pub exif: bool,
-    /// Whether all photos have one focal length.
+    /// Whether photos have one lens, and with it one focal length over their longer side: those of the same proportions, since
+    /// of a crop the longer side is another one. Otherwise each has its own.
     pub shared: bool,
     /// Whether a radial distortion is found; photos are then written without it.
     pub distortion: bool,
@@ -66,6 +67,8 @@ pub struct EstimatedPhotos {
     located: Vec<bool>,
     /// Whether any was to be only located, also one that cannot be read.
     holds_out: bool,
+    /// The lens of each: a number, without gaps.
+    lens_of: Vec<usize>,
     /// Of each photo, how its distortion is undone, if one was found.
     lenses: Vec<Option<Undistortion>>,
     /// Cameras and points; pixels are those of the photos as they were matched.
@@ -113,17 +116,17 @@ pub fn estimate_photos(
     let transparent = loaded.iter().zip(&names).filter(|(loaded, _)| loaded.transparent);
     let transparent = remarks::transparent(&transparent.map(|(_, name)| name.clone()).collect::<Vec<_>>());
     let remarks = [unreadable, outliers, transparent].into_iter().flatten().collect();
-    let photos: Vec<Photo<'_>> = (loaded.iter().zip(&told).zip(&located))
-        .map(|((Loaded { image, .. }, told), located)| {
+    let lens_of = lenses_of(&loaded, options.shared);
+    let photos: Vec<Photo<'_>> = (loaded.iter().zip(&told).zip(located.iter().zip(&lens_of)))
+        .map(|((Loaded { image, .. }, told), (located, lens))| {
             let photo = Photo::new(&image.to_bytes(), [image.height, image.width]);
             let (w, h) = (image.width as f64, image.height as f64);
             let focal = options.focal.map(|f| f * w.max(h)).or(told.map(|mm| mm / FILM * w.hypot(h)));
-            Photo { focal, located: *located, ..photo }
+            Photo { focal, located: *located, lens: *lens, ..photo }
         })
         .collect();
     let focal_deviation = if options.focal.is_some() { 0.0 } else { TOLD };
-    let EstimateOptions { shared, distortion, .. } = *options;
-    let settings = EstimateSettings { focal_deviation, shared, distortion, ..EstimateSettings::default() };
+    let settings = EstimateSettings { focal_deviation, distortion: options.distortion, ..EstimateSettings::default() };
     let estimate = estimate(&photos, &settings);
     let sizes = loaded.iter().map(|loaded| loaded.size).collect();
     let ambiguous = loaded.iter().map(|loaded| loaded.ambiguous).collect();
@@ -132,7 +135,7 @@ pub fn estimate_photos(
         Undistortion::new(camera.ok()?, Distortion::radial(*k1).or_none()?)
     };
     let lenses = estimate.cameras.iter().zip(&estimate.k1).map(lens).collect();
-    Ok(EstimatedPhotos { paths, remarks, images, sizes, ambiguous, located, holds_out, lenses, estimate })
+    Ok(EstimatedPhotos { paths, remarks, images, sizes, ambiguous, located, holds_out, lens_of, lenses, estimate })
 }
 
 impl EstimatedPhotos {
@@ -151,6 +154,11 @@ impl EstimatedPhotos {
     /// How much the cameras are to be believed.
     pub fn confidence(&self) -> Confidence {
         self.estimate.confidence()
+    }
+
+    /// How many lenses the photos were taken to have: one if all have the same proportions and share it.
+    pub fn lenses(&self) -> usize {
+        self.lens_of.iter().max().map_or(0, |last| last + 1)
     }
 
     /// The focal length of the first camera over the longer side of its photo; not a number without a camera.

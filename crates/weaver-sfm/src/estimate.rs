@@ -5,7 +5,7 @@ use crate::features::Features;
 use crate::grow::Grown;
 use crate::matching::Match;
 use crate::pairs::{self, Pair};
-use crate::photo::{EstimateSettings, Photo, told};
+use crate::photo::{EstimateSettings, Photo};
 use crate::search::Search;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose, Similarity};
@@ -47,7 +47,7 @@ pub struct Estimate {
     pub seen: Vec<usize>,
     /// How much the best explanation with other rotations explains, over the one that was taken: 0 if none was met.
     pub rival: f64,
-    /// How many times as long the focal length of the first lens is as it was told; 1 where none was.
+    /// How many times as long focal lengths are as they were told, by the lens of which that is farthest from 1; 1 where none was.
     pub focal_factor: f64,
     /// Whether focal lengths were not known, and there are too few photos to tell them.
     pub focal_guessed: bool,
@@ -71,7 +71,8 @@ pub struct Estimate {
 pub fn estimate(photos: &[Photo<'_>], settings: &EstimateSettings) -> Estimate {
     let features: Vec<Features> =
         photos.iter().map(|p| Features::new(&p.gray, p.size, p.mask, settings.keypoints)).collect();
-    let matched = pairs::matched(&features, &pairs::candidates(&features, settings.candidates));
+    let located: Vec<bool> = photos.iter().map(|p| p.located).collect();
+    let matched = pairs::matched(&features, &pairs::candidates(&features, &located, settings.candidates));
     let mut search = Search::new(photos, settings, &features, &matched);
     let posed = search.run();
     let Some(best) = search.best() else {
@@ -83,11 +84,13 @@ pub fn estimate(photos: &[Photo<'_>], settings: &EstimateSettings) -> Estimate {
     placed.iter_mut().zip(bundle.seen()).for_each(|(placed, seen)| *placed &= seen >= LEAST_SEEN);
     bundle.observations.retain(|o| placed[o.camera]);
     bundle.finish();
-    let told = told(photos).is_some();
+    let told = photos.iter().any(|p| p.focal.is_some());
     let focal_guessed = !told && placed.iter().filter(|placed| **placed).count() < 3;
     search.locate(&posed, &mut bundle, &mut placed);
     let (error, seen) = (bundle.median_error(), bundle.seen());
-    let focal_factor = if told { bundle.lenses[0].log_focal.exp() } else { 1.0 };
+    let tells = (0..photos.len()).filter(|i| placed[*i] && photos[*i].focal.is_some());
+    let off = tells.map(|photo| bundle.lenses[bundle.lens_of[photo]].log_focal);
+    let focal_factor = off.reduce(|a, b| if b.abs() > a.abs() { b } else { a }).map_or(1.0, f64::exp);
     let reasons = left_out(photos, &features, &matched, &posed, &placed);
     let mut estimate = Estimate { error, seen, rival, focal_guessed, focal_factor, ..reasons };
     for photo in (0..photos.len()).filter(|i| placed[*i]) {

@@ -58,7 +58,8 @@ impl Grown {
         loop {
             // Two cameras hardly say what their focal length is.
             let several = placed.iter().filter(|p| **p).count() > 2;
-            bundle.lenses.iter_mut().zip(&free).for_each(|(lens, free)| lens.free_focal = *free && several);
+            let freed: Vec<bool> = free.iter().map(|free| *free && several).collect();
+            bundle.free_focal(&freed, placed);
             let all = adjusted(evidence, bundle, placed);
             for photo in lost(bundle, placed) {
                 (placed[photo], refused[photo]) = (false, true);
@@ -73,9 +74,10 @@ impl Grown {
             joined.into_iter().for_each(|photo| placed[photo] = true);
             wrong.into_iter().for_each(|photo| placed[photo] = false);
         }
-        bundle.lenses.iter_mut().zip(&free).for_each(|(lens, free)| lens.free_focal = *free);
+        bundle.free_focal(&free, placed);
         adjusted(evidence, bundle, placed);
         *support = explained(bundle);
+        bundle.lenses.iter_mut().zip(free).for_each(|(lens, free)| lens.free_focal = free);
     }
 }
 

@@ -17,6 +17,7 @@ mod estimate;
 mod evidence;
 mod features;
 mod grow;
+mod lenses;
 mod matching;
 mod pairs;
 mod passes;

@@ -18,8 +18,9 @@ const CERTAIN: usize = 20;
 /// Fewer matches than this may be chance.
 const FEWEST: usize = 12;
 
-/// Photos that may show the same things: all pairs, or each photo with so many that look most alike.
-pub(crate) fn candidates(features: &[Features], most: usize) -> Vec<[usize; 2]> {
+/// Photos that may show the same things: all pairs, or each photo with so many that look most alike. Those that are `located`
+/// take nothing from the others' choice.
+pub(crate) fn candidates(features: &[Features], located: &[bool], most: usize) -> Vec<[usize; 2]> {
     let n = features.len();
     let all: Vec<[usize; 2]> = (0..n).flat_map(|b| (0..b).map(move |a| [a, b])).collect();
     if n <= most + 1 {
@@ -32,7 +33,8 @@ pub(crate) fn candidates(features: &[Features], most: usize) -> Vec<[usize; 2]> 
     });
     let mut chosen = vec![false; all.len()];
     for photo in 0..n {
-        let mut of: Vec<usize> = (0..all.len()).filter(|i| all[*i].contains(&photo)).collect();
+        let counts = |pair: &[usize; 2]| pair.contains(&photo) && (located[photo] || !pair.iter().any(|p| located[*p]));
+        let mut of: Vec<usize> = (0..all.len()).filter(|i| counts(&all[*i])).collect();
         of.sort_by_key(|i| std::cmp::Reverse(alike[*i]));
         of.into_iter().take(most).for_each(|i| chosen[i] = true);
     }

@@ -1,21 +1,18 @@
 //! Scenes that explain photos, of which the best is taken.
 
-use crate::bundle::{Bundle, Lens};
+use crate::bundle::Bundle;
 use crate::evidence::{Evidence, Trust};
 use crate::features::Features;
 use crate::grow::{Grown, beginnings};
+use crate::lenses::{PIXEL, USUAL};
 use crate::matching::Match;
 use crate::pairs::{self, Pair};
 use crate::passes::{Pass, neighbors};
-use crate::photo::{EstimateSettings, Photo, told};
+use crate::photo::{EstimateSettings, Photo};
 use crate::tracks::{Track, tracks};
-use weaver_geometry::{Camera, Intrinsics, Pose};
 
 /// Focal lengths that are tried where nothing is known, over the longer side of the photo.
 const FOCAL: [f64; 6] = [0.55, 0.75, 0.95, 1.2, 1.5, 1.9];
-/// What is expected where nothing is known, and the standard deviation of its logarithm.
-const USUAL: f64 = 0.9;
-const UNKNOWN: f64 = 0.4;
 /// Standard deviation of the principal point from the middle of a photo, over the longer side.
 const OFF_CENTER: f64 = 0.005;
 /// Pairs that the choice of a focal length is made by where there are many photos.
@@ -28,8 +25,6 @@ const SEVERAL: usize = 12;
 /// The share of the matches of a pair that must agree where there are many photos. What leads one scene astray need not lead the
 /// other.
 const CERTAIN: [f64; 2] = [0.5, 0.65];
-/// Standard deviation of where a keypoint is found, pixels.
-const PIXEL: f64 = 0.5;
 /// How far off a photo may be that pairs put in its place, in deviations of keypoints.
 const ASTRAY: f64 = 32.0;
 /// Rotations farther apart than this are different, radians; explanations are in which one of so many photos differs.
@@ -66,9 +61,16 @@ impl<'a> Search<'a> {
             posed = pairs::posed(self.features, &bundle.cameras, self.matched, tau);
             // Among many photos, pairs that are chance do more harm than those that are doubtful do good.
             let certain: &[f64] = if few { &[0.0] } else { &CERTAIN };
-            certain.iter().for_each(|share| self.grow(&bundle, &posed, *share));
+            // A photo that is only located links nothing: what it shows would otherwise join points of the others.
+            let between: Vec<Pair> = posed.iter().filter(|pair| !self.locates(&pair.photos)).cloned().collect();
+            certain.iter().for_each(|share| self.grow(&bundle, &between, *share));
         }
         posed
+    }
+
+    /// Whether one of two photos is only located.
+    fn locates(&self, pair: &[usize; 2]) -> bool {
+        pair.iter().any(|p| self.photos[*p].located)
     }
 
     /// Grows scenes by pairs of which at least this share of the matches agrees.
@@ -108,6 +110,8 @@ impl<'a> Search<'a> {
     /// Matches and adjusts by turns, until all that photos share is found.
     pub fn refine(&self, bundle: &mut Bundle, placed: &[bool]) {
         let several = placed.iter().filter(|placed| **placed).count() >= SEVERAL;
+        let free: Vec<bool> = bundle.lenses.iter().map(|lens| lens.free_focal).collect();
+        bundle.free_focal(&free, placed);
         for lens in &mut bundle.lenses {
             (lens.free_k1, lens.free_shift) = (self.settings.distortion, several);
             lens.shift_weight = (PIXEL / OFF_CENTER).powi(2);
@@ -172,13 +176,14 @@ impl<'a> Search<'a> {
 
     /// Focal lengths to begin with, over the longer side: what is known, every usual one, or the one that pairs like best.
     fn focal_lengths(&self, tau: f64) -> Vec<f64> {
-        if told(self.photos).is_some() {
+        if self.photos.iter().any(|p| p.focal.is_some()) {
             return vec![USUAL];
         }
         if self.photos.len() <= FEW {
             return FOCAL.to_vec();
         }
         let mut voters = self.matched.to_vec();
+        voters.retain(|(pair, _)| !self.locates(pair));
         voters.sort_by_key(|(_, matches)| std::cmp::Reverse(matches.len()));
         voters.truncate(VOTERS);
         let score = |factor: &f64| -> f64 {
@@ -209,38 +214,11 @@ impl Grown {
     }
 }
 
-impl EstimateSettings {
-    /// Cameras without poses. A photo that does not tell its focal length has that of the others or, where none does, this
-    /// factor of the longer side.
-    fn bundle(&self, photos: &[Photo<'_>], factor: f64) -> Bundle {
-        let told = told(photos);
-        let camera = |photo: &Photo<'_>| {
-            let [height, width] = photo.size;
-            let focal = photo.focal.unwrap_or(told.unwrap_or(factor) * height.max(width) as f64);
-            let [cx, cy] = [width as f64 / 2.0, height as f64 / 2.0];
-            let intrinsics = Intrinsics { fx: focal, fy: focal, cx, cy };
-            Camera { pose: Pose::IDENTITY, intrinsics, width, height }
-        };
-        let deviation = if told.is_some() { self.focal_deviation } else { UNKNOWN };
-        let free_focal = deviation > 0.0;
-        let weight = if free_focal { (PIXEL / deviation).powi(2) } else { 0.0 };
-        let expected = if told.is_some() { 0.0 } else { (USUAL / factor).ln() };
-        let lens = Lens { expected, weight, free_focal, ..Lens::default() };
-        let count = if self.shared { 1 } else { photos.len() };
-        Bundle {
-            cameras: photos.iter().map(camera).collect(),
-            lenses: vec![lens; count],
-            lens_of: (0..photos.len()).map(|i| if self.shared { 0 } else { i }).collect(),
-            fixed: vec![false; photos.len()],
-            ..Bundle::default()
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use weaver_geometry::glam::{DMat3, DVec3};
+    use weaver_geometry::{Camera, Intrinsics, Pose};
 
     /// Sixteen photos, of which these are turned, in a world that is turned.
     fn grown(turned: &[usize], world: f64) -> Grown {

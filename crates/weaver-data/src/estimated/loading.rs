@@ -32,3 +32,21 @@ pub(super) fn load(path: &Path, options: &EstimateOptions) -> Result<Loaded, Fau
     let (ambiguous, transparent) = (file.has_ambiguous_orientation(), file.was_transparent());
     Ok(Loaded { image, size, ambiguous, transparent, told })
 }
+
+/// Proportions of photos that differ by less than this part are the same: sizes are rounded.
+const SAME_PROPORTIONS: f64 = 0.01;
+
+/// The number of each photo's lens: one for all photos of the same proportions if they share lenses, else one a photo.
+pub(super) fn lenses_of(photos: &[Loaded], shared: bool) -> Vec<usize> {
+    let mut lenses: Vec<f64> = Vec::new();
+    let lens = |photo: &Loaded| {
+        let (width, height) = photo.size;
+        let proportions = width.max(height) as f64 / width.min(height) as f64;
+        let same = |lens: &f64| shared && (proportions / lens).ln().abs() < SAME_PROPORTIONS;
+        lenses.iter().position(same).unwrap_or_else(|| {
+            lenses.push(proportions);
+            lenses.len() - 1
+        })
+    };
+    photos.iter().map(lens).collect()
+}

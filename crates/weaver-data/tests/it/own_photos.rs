@@ -413,3 +413,20 @@ fn photos_that_a_model_lacks_are_named() {
     }
     assert_eq!(posed::load(folder, &PosedOptions::default()).unwrap().remarks, [""; 0]);
 }
+
+#[test]
+fn photos_of_the_same_proportions_share_a_lens() {
+    let folder = tempfile::tempdir().unwrap();
+    // Upright or not; a little off, as sizes are rounded; and two crops.
+    let sizes = [(64, 48), (48, 64), (400, 301), (64, 36), (48, 48)];
+    let paths = sizes.map(|(width, height)| {
+        let path = folder.path().join(format!("{width}x{height}.png"));
+        RgbImage::new(width, height).save(&path).unwrap();
+        path
+    });
+    let lenses = |shared: bool| {
+        let options = EstimateOptions { shared, ..EstimateOptions::default() };
+        estimate_photos(&paths, &[false; 5], &options).unwrap().lenses()
+    };
+    assert_eq!([lenses(true), lenses(false)], [3, 5]);
+}
