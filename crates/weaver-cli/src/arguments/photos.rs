@@ -105,7 +105,7 @@ pub struct MatchingFlags {
     /// Ignores the focal lengths that files tell
     #[arg(long, help_heading = MATCHING)]
     pub no_exif: bool,
-    /// Each photo has a focal length of its own
+    /// Each photo has a focal length of its own [default: photos of the same proportions share one]
     #[arg(long, help_heading = MATCHING)]
     pub own_focal: bool,
     /// Finds a radial distortion, for wide lenses; photos without it are written beside the cameras

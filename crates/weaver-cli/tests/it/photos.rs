@@ -200,6 +200,31 @@ fn what_is_not_used_is_said() {
 }
 
 #[test]
+fn photos_that_were_cropped_have_a_focal_length_of_their_own() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    photos(folder, 12);
+    for name in ["01", "04"] {
+        let path = folder.join(format!("photos/{name}.png"));
+        Image::read(&path, Default::default()).unwrap().crop(32, 8, 128, 128).write_png(&path).unwrap();
+    }
+    let text = said(&run(folder, "cameras photos -o found"));
+    assert!(text.contains("photos of 2 proportions") && text.contains("--own-focal"), "{text}");
+    assert!(text.contains("6 of 6 photos placed"), "{text}");
+    let frames = Transforms::read(folder.join("found/transforms.json")).unwrap().frames;
+    let truth = Transforms::read(folder.join("truth/transforms.json")).unwrap().frames;
+    for frame in &frames {
+        // In pixels, which cropping leaves as they are.
+        let name = Path::new(&frame.name).file_name().unwrap();
+        let of_truth = truth.iter().find(|other| Path::new(&other.name).file_name() == Some(name)).unwrap();
+        let longer = frame.camera.intrinsics.fx / of_truth.camera.intrinsics.fx;
+        assert!((longer - 1.0).abs() < 0.08, "{}: focal length {longer:.3} of the true one", frame.name);
+    }
+    let own = said(&run(folder, "cameras photos -o own --own-focal"));
+    assert!(!own.contains("proportions"), "{own}");
+}
+
+#[test]
 fn photos_held_out_in_vain_are_not_replaced_by_others() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
