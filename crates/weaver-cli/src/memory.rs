@@ -16,9 +16,9 @@ pub fn check(needed: u64, advice: &str) -> Result<(), Failure> {
     }
 }
 
-/// Bytes of a pixel while a picture is drawn, and while it waits to be written; measured, see docs/benchmarks.md.
-const DRAWN: u64 = 60;
-const WAITING: u64 = 30;
+/// Bytes of a pixel while a picture is drawn, and while it waits to be written: a little more than docs/benchmarks.md measured.
+const DRAWN: u64 = 36;
+const WAITING: u64 = 13;
 
 /// Bytes that pictures of these cameras take, of which so many are drawn before the first is written.
 pub fn of_pictures(cameras: &[Frame], at_once: usize) -> u64 {

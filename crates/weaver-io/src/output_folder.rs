@@ -220,15 +220,18 @@ impl Record {
         };
         let mut text = String::new();
         file.read_to_string(&mut text).map_err(Error::io(path))?;
-        if !text.is_empty() && !text.ends_with('\n') {
-            // The process was killed while it wrote a line.
-            file.write_all(b"\n").map_err(Error::io(path))?;
+        // Without the line that a kill cut short.
+        let whole = text.rfind('\n').map_or(0, |end| end + 1);
+        if whole < text.len() {
+            file.set_len(whole as u64).map_err(Error::io(path))?;
         }
-        let written = text.lines().filter_map(|line| {
+        let entry = |line: &str| -> Option<(String, String)> {
             let value: Value = serde_json::from_str(line).ok()?;
             Some((value["file"].as_str()?.to_string(), value["by"].as_str()?.to_string()))
-        });
-        Ok(Self { file, written: written.collect(), is_new: text.is_empty() })
+        };
+        let written: Option<BTreeMap<_, _>> = text[..whole].lines().map(entry).collect();
+        let written = written.ok_or_else(|| refused(path, "the record of what this program wrote", "another file"))?;
+        Ok(Self { file, is_new: written.is_empty(), written })
     }
 
     fn add(&mut self, folder: &Path, name: &str, command: &str) -> Result<()> {
