@@ -192,7 +192,7 @@ fn a_budget_needs_an_allocation_that_has_one() {
 #[test]
 fn flags_of_refinement_need_one() {
     let run = Run::shared();
-    let (photo, out) = (run.data().join("images/01.png"), run.path().join("never"));
+    let (photo, out) = (run.data().join("images/01.png"), run.path().join("unrefined"));
     let infer = [&"infer" as &dyn AsRef<std::ffi::OsStr>, &"--run", &run.path(), &photo, &"-o", &out];
     splatweaver(&[&infer[..], &[&"--refine-in-place"]].concat())
         .refused(2, &["--refine-in-place: expected --refine or --refine-steps with it"]);

@@ -89,7 +89,7 @@ pub struct EstimatedPhotos {
 ///
 /// Where `located` is true, a photo finds no points: its camera is found by those of the others.
 ///
-/// Photos that cannot be read, or whose path is not UTF-8, are left out and named in [`EstimatedPhotos::remarks`].
+/// Photos that cannot be read, or whose name is not UTF-8, are left out and named in [`EstimatedPhotos::remarks`].
 ///
 /// # Errors
 /// When these are more than a quarter, or fewer than two others are left.
@@ -170,10 +170,13 @@ impl EstimatedPhotos {
     /// Checks that a folder has a place for what [`write`](Self::write) will write of photos: to be called before they are matched.
     ///
     /// # Errors
-    /// Names the first file that is not to be replaced.
+    /// Names the first file that is not to be replaced, or the first folder of photos whose path from there is not UTF-8.
     pub fn check(out: &OutputFolder, paths: &[PathBuf], options: &EstimateOptions) -> Result<(), Error> {
         out.check(["transforms.json", "points.png"])?;
         out.check(Model::FILES.map(|name| format!("{SPARSE}/{name}")))?;
+        for folder in paths.iter().filter_map(|path| path.parent()) {
+            weaver_io::relative_path(out.path(), Path::new(".").join(folder))?;
+        }
         let written = paths.iter().filter(|_| options.distortion).map(|path| model::written(model::STRAIGHT, path));
         Ok(out.check(written)?)
     }

@@ -82,6 +82,7 @@ impl Run {
             *path = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
         }
         let inputs = settings.film.path().into_iter().chain(settings.made.as_ref().map(|made| made.from.as_path()));
+        inputs.clone().try_for_each(|path| weaver_io::path_in_utf8(path).map(drop))?;
         let out = OutputFolder::claim(folder, COMMAND, inputs)?;
         out.check(FILES)?;
         let film = settings.film.open()?;

@@ -26,8 +26,6 @@ pub struct Run {
 
 /// What a run's folder says that its files were written by.
 pub(crate) const COMMAND: &str = "fit";
-/// What was asked for and what of.
-pub(crate) const SETTINGS: &str = "run.json";
 /// The Gaussians that a run began with.
 const INIT: &str = "init.ply";
 const CHECKPOINT: &str = "checkpoint.safetensors";
@@ -44,7 +42,7 @@ impl Run {
     /// # Errors
     /// When the folder holds a run, or as [`OutputFolder::claim`] and [`OutputFolder::check`].
     pub fn claim<P: AsRef<Path>>(folder: &Path, inputs: impl IntoIterator<Item = P>) -> Result<OutputFolder, RunError> {
-        if folder.join(SETTINGS).exists() {
+        if folder.join(RunFile::NAME).exists() {
             return Err(RunError::RunExists { folder: folder.into() });
         }
         let out = OutputFolder::claim(folder, COMMAND, inputs)?;
@@ -107,7 +105,8 @@ impl Run {
             weaver_io::write_ply(run.out.file(INIT)?, given)?;
         }
         let file = RunFile { settings: run.settings.clone(), sources: run.capture.sources.clone() };
-        file.write(&run.out.file(SETTINGS)?)?;
+        let text = file.text(run.out.path())?;
+        weaver_io::write_text(run.out.file(RunFile::NAME)?, &text)?;
         Ok(run)
     }
 
@@ -117,14 +116,13 @@ impl Run {
     /// When there is no run or it is under way elsewhere, its files or its capture cannot be read, or they no longer belong together.
     pub fn resume(folder: &Path, judge: Judge, rasterizer: AnyRasterizer<f32>) -> Result<Self, RunError> {
         let started = Instant::now();
-        let path = folder.join(SETTINGS);
-        let RunFile { settings, sources } = RunFile::read(&path)?;
+        let RunFile { settings, sources } = RunFile::read(folder)?;
         let formats = settings.formats.iter().map(|format| format.file_name().to_string());
         let out = OutputFolder::reopen(folder, COMMAND, files().chain([INIT.into()]).chain(formats))?;
         let given = folder.join(INIT);
         let given = given.exists().then(|| weaver_io::read_gaussians(&given)).transpose()?;
         let capture = load(&settings, given.as_ref(), rasterizer)?;
-        capture.sources.check(&sources, &settings.capture, &path)?;
+        capture.sources.check(&sources, &settings.capture, &folder.join(RunFile::NAME))?;
         let mut run = Self { out, settings, capture, judge, before: 0.0, started };
         let checkpoint = folder.join(CHECKPOINT);
         if checkpoint.exists() {
@@ -221,5 +219,5 @@ impl Run {
 fn files() -> impl Iterator<Item = String> {
     let results = ["scene.ply", "transforms.json", "metrics.jsonl", "summary.json", "report.html"];
     let model = colmap::Model::FILES.map(|name| format!("{MODEL}/{name}"));
-    [SETTINGS, CHECKPOINT].into_iter().chain(results).map(String::from).chain(model)
+    [RunFile::NAME, CHECKPOINT].into_iter().chain(results).map(String::from).chain(model)
 }

@@ -114,19 +114,43 @@ pub(crate) struct RunFile {
 }
 
 impl RunFile {
-    pub fn read(path: &Path) -> Result<Self, RunError> {
-        serde_json::from_str(&weaver_io::read_text(path)?).map_err(|e| {
+    /// What the file is called.
+    pub const NAME: &str = "run.json";
+
+    pub fn read(folder: &Path) -> Result<Self, RunError> {
+        let path = folder.join(Self::NAME);
+        let mut file: Self = serde_json::from_str(&weaver_io::read_text(&path)?).map_err(|e| {
             RunError::File(weaver_io::Error::Invalid {
-                path: path.into(),
+                path,
                 place: "settings".into(),
                 expected: "those of a fit".into(),
                 found: e.to_string(),
             })
-        })
+        })?;
+        file.settings.capture = folder.join(file.settings.capture);
+        Ok(file)
     }
 
-    pub fn write(&self, path: &Path) -> Result<(), RunError> {
-        let text = serde_json::to_string_pretty(self).expect("settings are plain data");
-        Ok(weaver_io::write_text(path, &(text + "\n"))?)
+    /// The text of the file in a folder: a capture that lies in it, as estimated cameras do, is named relative to it, so that both may be
+    /// moved; so is one whose whole path is not UTF-8.
+    ///
+    /// # Errors
+    /// When no such path is UTF-8.
+    pub fn text(&self, folder: &Path) -> Result<String, RunError> {
+        let relative = weaver_io::relative_path(folder, &self.settings.capture);
+        let capture = match (weaver_io::path_in_utf8(&self.settings.capture), relative) {
+            (Ok(whole), Ok(relative)) => {
+                if relative.starts_with("..") {
+                    whole.to_string()
+                } else {
+                    relative
+                }
+            }
+            (Ok(whole), Err(_)) => whole.to_string(),
+            (Err(_), relative) => relative?,
+        };
+        let settings = RunSettings { capture: capture.into(), ..self.settings.clone() };
+        let file = Self { settings, sources: self.sources.clone() };
+        Ok(serde_json::to_string_pretty(&file).expect("settings are plain data") + "\n")
     }
 }

@@ -105,6 +105,14 @@ pub(crate) fn followed(path: &Path) -> PathBuf {
     followed
 }
 
+/// A path as text, for files that name it.
+///
+/// # Errors
+/// When it is not UTF-8.
+pub fn path_in_utf8(path: &Path) -> Result<&str> {
+    in_utf8(path, path)
+}
+
 /// A part of a path as text.
 fn in_utf8<'a>(path: &Path, part: &'a Path) -> Result<&'a str> {
     part.to_str().ok_or_else(|| Error::invalid(path, "path", "UTF-8, for files that name it", "other bytes"))

@@ -54,7 +54,7 @@ pub use color::{false_color, label_color};
 pub use error::{Error, Result};
 pub use exif::focal_35mm;
 pub use file::{file_length, read_bytes, read_text, write_text};
-pub use folder::{check_writable, create_folder, list_files, list_folders, relative_path};
+pub use folder::{check_writable, create_folder, list_files, list_folders, path_in_utf8, relative_path};
 pub use gaussians::{read_gaussians, write_gaussians};
 pub use image::{Background, Image};
 pub use info::info;

@@ -319,6 +319,7 @@ impl<R: Recipe> Architecture for Named<R> {
         for folder in data.folders.iter_mut().chain(init).chain(&mut data.teacher) {
             let absolute = std::path::absolute(&folder);
             *folder = absolute.map_err(|e| Error::Input(format!("{}: {e}", folder.display())))?;
+            weaver_io::path_in_utf8(folder)?;
         }
         config.seed = setup.seed.unwrap_or(config.seed);
         config.threads = setup.threads.or(config.threads);

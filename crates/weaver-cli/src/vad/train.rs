@@ -102,6 +102,9 @@ impl Job {
         // Wherever it is resumed from.
         let absolute = |path: Option<PathBuf>| path.map(std::path::absolute).transpose();
         let plan = VadPlan { features: absolute(plan.features)?, list: absolute(plan.list)?, ..plan };
+        for path in plan.features.iter().chain(&plan.list) {
+            weaver_io::path_in_utf8(path)?;
+        }
         let (set, planted) = match (&plan.features, &plan.list) {
             (Some(folder), Some(list)) => {
                 let videos = read_list(list, folder)?;

@@ -257,3 +257,27 @@ fn names_of_any_bytes_reach_the_fit() {
         assert!(folder.join(name).join("scene.ply").is_file(), "{name:?}");
     }
 }
+
+#[cfg(unix)]
+#[test]
+fn folders_of_any_bytes_can_be_worked_in() {
+    use std::os::unix::ffi::OsStrExt;
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path().join(std::ffi::OsStr::from_bytes(b"J\xfcrgen"));
+    if fs::create_dir(&folder).is_err() {
+        return println!("skipped: no names that are not UTF-8");
+    }
+    inputs(&folder);
+    // What files name is relative to them.
+    printed(&folder, "cameras capture/images -o cams");
+    printed(&folder, "fit cams --steps 5 --gaussians 200 -o fit");
+    printed(&folder, "fit --resume fit");
+    printed(&folder, "reconstruct capture/images --minutes 0.05 --gaussians 200 -o scene");
+    printed(&folder, "fit --resume scene");
+    printed(&folder, "eval --scene fit/scene.ply --data fit");
+    // What would be named by its whole path is refused.
+    for line in ["train --preset micro --data capture --out run", "dynamic train --data capture --out mix"] {
+        let message = refused(&folder, line, 1);
+        assert!(message.contains("path: expected UTF-8"), "{line}: {message}");
+    }
+}

@@ -1,9 +1,10 @@
 //! Photos as they are matched.
 
 use super::EstimateOptions;
+use crate::Error;
 use crate::unreadable::Fault;
 use std::path::Path;
-use weaver_io::{Image, PhotoFile, relative_path};
+use weaver_io::{Image, PhotoFile, path_in_utf8};
 
 /// A photo for matching, upright.
 pub(super) struct Loaded {
@@ -19,8 +20,8 @@ pub(super) struct Loaded {
 }
 
 pub(super) fn load(path: &Path, options: &EstimateOptions) -> Result<Loaded, Fault> {
-    // All of its path, for it is not known yet from where it will be named.
-    relative_path("/", path).map_err(Fault::unreadable)?;
+    // Its folder is another matter, which leaving a photo out would not mend.
+    path_in_utf8(Path::new(path.file_name().unwrap_or_default())).map_err(|_| not_utf8(path))?;
     let file = PhotoFile::at(path).map_err(Fault::unreadable)?;
     let size = file.size();
     let longest = size.0.max(size.1);
@@ -31,6 +32,10 @@ pub(super) fn load(path: &Path, options: &EstimateOptions) -> Result<Loaded, Fau
     let told = if asked { weaver_io::focal_35mm(path).map_err(Fault::unreadable)? } else { None };
     let (ambiguous, transparent) = (file.has_ambiguous_orientation(), file.was_transparent());
     Ok(Loaded { image, size, ambiguous, transparent, told })
+}
+
+fn not_utf8(path: &Path) -> Fault {
+    Fault::unreadable(Error::unexpected(path, "name", "UTF-8, for files that name it", "other bytes"))
 }
 
 /// Proportions of photos that differ by less than this part are the same: sizes are rounded.
