@@ -266,15 +266,12 @@ pub fn check_output_file<P: AsRef<Path>>(path: impl AsRef<Path>, inputs: impl In
 /// Refuses what is an input, or lies in one that is a folder.
 fn refuse_inputs(path: &Path, inputs: &[PathBuf]) -> Result<()> {
     let output = std::path::absolute(path).map_or_else(|_| path.into(), |path| followed(&path));
-    for input in inputs.iter().filter(|input| output.starts_with(input)) {
-        let found = if output == *input {
-            "what is read".into()
-        } else {
-            format!("a place in {}, which is read", input.display())
-        };
-        return Err(refused(path, "a place apart from what is read", found));
-    }
-    Ok(())
+    let Some(input) = inputs.iter().find(|input| output.starts_with(input)) else { return Ok(()) };
+    let found = match output == *input {
+        true => "what is read".into(),
+        false => format!("a place in {}, which is read", input.display()),
+    };
+    Err(refused(path, "a place apart from what is read", found))
 }
 fn refused(path: &Path, expected: impl Into<String>, found: impl Into<String>) -> Error {
     Error::Output { path: path.into(), expected: expected.into(), found: found.into() }
