@@ -55,7 +55,7 @@ pub fn run(arguments: &Query, console: &mut Console) -> Result<(), Failure> {
         out.check((0..count).map(|prompt| format!("{stem}-{prompt}.png")).chain([numbers(stem)]))?;
     }
     memory::check(
-        memory::of_pictures(&frames, 1) * (1 + count as u64),
+        memory::of_pictures(&frames, 1).saturating_mul(1 + count as u64),
         "a smaller --width and --height, or fewer prompts, reduce it",
     )?;
     let mut raster = Raster::new(drawn.gaussians.as_slices(), &cameras, drawn.settings);
