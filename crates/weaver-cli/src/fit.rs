@@ -15,6 +15,7 @@ use weaver_fit::{FitSettings, Judge, StrategyKind, init};
 use weaver_fit_run::{Initial, Outcome, OutputFolder, Plan, Run, RunSettings, SceneFormat, Views, dry_run};
 use weaver_inference::{RunFolder, predict_capture};
 use weaver_scene::Gaussians;
+use weaver_splat::AnyRasterizer;
 use weaver_trainer::evaluate::load_lpips;
 
 /// Time for a run when nothing is said about it, minutes.
@@ -28,8 +29,8 @@ const FEW: f64 = 0.005;
 
 pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     if let Some(folder) = &arguments.resume {
-        let run = Run::resume(folder, judge(arguments)?, device::rasterizer(&arguments.device)?)?;
-        return finish(run, folder, console, interrupt);
+        let Means { judge, rasterizer, .. } = Means::of(arguments)?;
+        return finish(Run::resume(folder, judge, rasterizer)?, folder, console, interrupt);
     }
     let capture = arguments.capture.clone().ok_or_else(|| Failure::Usage("expected a capture".into()))?;
     if arguments.dry_run {
@@ -43,6 +44,7 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
     }
     let folder = arguments.out.clone().unwrap_or_else(|| free_folder(&capture));
     let init = arguments.init.as_deref().map(PathBuf::from).filter(|path| path.is_file());
+    let means = Means::of(arguments)?;
     let out = Run::claim(&folder, std::iter::once(&capture).chain(&init).chain(&arguments.lpips))?;
     let capture = match arguments.cameras {
         Origin::Given => capture,
@@ -52,11 +54,22 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
             estimated_capture(&photos, !arguments.all, MatchingFlags::default(), &out, console)?
         }
     };
-    begin(arguments, capture, out, console, interrupt)
+    begin(arguments, means, (capture, out), console, interrupt)
 }
 
-fn judge(arguments: &Fit) -> Result<Judge, Failure> {
-    Ok(Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?))
+/// What a fit works with, opened before photos are matched: what is not there is then found at once.
+pub struct Means {
+    judge: Judge,
+    rasterizer: AnyRasterizer<f32>,
+    initial: Begin,
+}
+
+impl Means {
+    pub fn of(arguments: &Fit) -> Result<Self, Failure> {
+        let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);
+        let rasterizer = device::rasterizer(&arguments.device)?;
+        Ok(Self { judge, rasterizer, initial: initial(arguments.init.as_deref())? })
+    }
 }
 
 /// What is asked for, and what it would take.
@@ -84,13 +97,11 @@ fn planned(arguments: &Fit, capture: PathBuf, initial: &Begin) -> Result<(RunSet
 /// Fits a capture with what is asked for otherwise, into a folder that was claimed.
 pub fn begin(
     arguments: &Fit,
-    capture: PathBuf,
-    out: OutputFolder,
+    Means { judge, rasterizer, initial }: Means,
+    (capture, out): (PathBuf, OutputFolder),
     console: &mut Console,
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
-    let (judge, rasterizer) = (judge(arguments)?, device::rasterizer(&arguments.device)?);
-    let initial = initial(arguments.init.as_deref())?;
     let (settings, plan) = planned(arguments, capture, &initial)?;
     memory::check(plan.total(), "a smaller --size or fewer --gaussians reduce it")?;
     let pixels = (plan.size[0] * plan.size[1]) as f64;

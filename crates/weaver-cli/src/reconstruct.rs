@@ -49,7 +49,7 @@ pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt
         ..Fit::default()
     };
     console.note(&format!("fit: {}, {minutes:.2} minutes, photos of at most {size} pixels", capture.display()));
-    fit::begin(&fitting, capture, out, console, interrupt)
+    fit::begin(&fitting, fit::Means::of(&fitting)?, (capture, out), console, interrupt)
 }
 
 /// Why nothing is made in a folder with a run, and how to go on with one that did not come to its end.

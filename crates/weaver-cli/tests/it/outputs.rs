@@ -168,6 +168,8 @@ fn what_cannot_be_written_is_found_before_any_work() {
         "reconstruct capture/images -o file/out",
         "fit capture -o file/out",
         "fit capture --cameras estimated -o file/out",
+        "fit capture --cameras estimated --lpips file/lpips.safetensors -o run",
+        "fit capture --cameras estimated --init file/scene.ply -o run",
         "infer capture/images -o file/out",
         "render capture/scene.ply --orbit 2 -o file/out",
         "render capture/scene.ply --orbit 2 --video file/out.mp4",
