@@ -26,7 +26,7 @@ struct Term {
 }
 
 /// What all observations of a point say.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Of {
     cost: f64,
     matrix: DMat3,
@@ -53,7 +53,9 @@ impl System {
         let size = TWIST * bundle.cameras.len() + LENS * bundle.lenses.len();
         let mut groups: Vec<&[Observation]> = vec![&[]; bundle.points.len()];
         bundle.observations.chunk_by(|a, b| a.point == b.point).for_each(|group| groups[group[0].point] = group);
-        let mut of_points = vec![Of::default(); groups.len()];
+        // Not the default, which of a matrix is the identity.
+        let nothing = Of { cost: 0.0, matrix: DMat3::ZERO, right: DVec3::ZERO, terms: Vec::new() };
+        let mut of_points = vec![nothing; groups.len()];
         parallel::for_chunks(&mut of_points, GRAIN, |chunk, of_points| {
             for (i, of) in of_points.iter_mut().enumerate() {
                 groups[chunk * GRAIN + i].iter().for_each(|o| of.add(bundle, o, scale));
