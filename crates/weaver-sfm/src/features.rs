@@ -1,8 +1,9 @@
 //! Keypoints and their descriptors.
 
-use crate::descriptor::{DESCRIPTOR, describe, orientations};
-use crate::scale_space::{Gray, Octave, SCALES, SIGMA, octaves};
-use weaver_geometry::glam::{DVec2, Mat3, Vec3};
+use crate::descriptor::{DESCRIPTOR, Place, describe, orientations};
+use crate::scale_space::{Gray, Octave, SCALES, SIGMA};
+use weaver_geometry::glam::{DVec2, Mat3, Vec2, Vec3};
+use weaver_kernels::lanes::{self, LANES, LaneKernel, LaneMask, Lanes};
 use weaver_kernels::parallel;
 
 /// Least contrast of a keypoint, of a photo from 0 to 1, over the scales of an octave.
@@ -39,19 +40,22 @@ pub(crate) fn gray(rgb: &[u8]) -> Vec<f32> {
 pub struct Features {
     /// `N` keypoints, the ones that stand out most first.
     pub keypoints: Vec<Keypoint>,
-    /// `[N, 128]`, each of length 1: square roots of normalized histograms.
-    pub descriptors: Vec<f32>,
+    /// `[N, 128]`: square roots of normalized histograms, in whole numbers up to 127. Lengths are 250 up to rounding, so that
+    /// the product of two has 16 bits.
+    pub descriptors: Vec<u8>,
 }
 
-/// An extremum, in pixels of its octave.
+/// An extremum of the differences of blurred images.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Extremum {
-    pub octave: usize,
-    pub x: f32,
-    pub y: f32,
-    /// Number of the image in its octave, between images too.
-    pub layer: f32,
-    pub contrast: f32,
+struct Extremum {
+    /// Where it is in its image.
+    place: Place,
+    /// The image whose blur is nearest to its scale, among those of all octaves.
+    image: usize,
+    /// Where it is in the photo, and its scale there.
+    pixel: DVec2,
+    scale: f64,
+    contrast: f32,
 }
 
 impl Features {
@@ -81,27 +85,28 @@ impl Features {
         if width.min(height) < 8 {
             return Self::default();
         }
-        let octaves = octaves(Gray { width, height, values: gray.to_vec() });
-        let mut extrema: Vec<Extremum> = (0..octaves.len()).flat_map(|o| extrema(&octaves[o], o)).collect();
-        let pixel = |e: &Extremum| octaves[e.octave].place(e.x, e.y);
-        if let Some(mask) = mask {
-            extrema.retain(|e| {
-                let at = pixel(e);
+        let mut octave = Octave::first(Gray { width, height, values: gray.to_vec() });
+        let (mut extrema, mut gradients) = (Vec::new(), Vec::new());
+        loop {
+            let seen = |e: &Extremum| mask.is_none_or(|mask| {
+                let at = e.pixel;
                 mask[(at.y as usize).min(height - 1) * width + (at.x as usize).min(width - 1)] != 0
             });
+            extrema.extend(self::extrema(&octave, gradients.len()).into_iter().filter(seen));
+            gradients.extend(octave.images[1..=SCALES].iter().map(Gray::gradients));
+            if !octave.next() {
+                break;
+            }
         }
         extrema.sort_by(|a, b| b.contrast.total_cmp(&a.contrast));
         extrema.truncate(most);
-        let mut found: Vec<Vec<(Keypoint, [f32; DESCRIPTOR])>> = vec![Vec::new(); extrema.len()];
+        let mut found: Vec<Vec<(Keypoint, [u8; DESCRIPTOR])>> = vec![Vec::new(); extrema.len()];
         parallel::for_chunks(&mut found, GRAIN, |chunk, found| {
             for (found, e) in found.iter_mut().zip(&extrema[chunk * GRAIN..]) {
-                let octave = &octaves[e.octave];
-                let image = &octave.images[(e.layer.round() as usize).min(SCALES + 2)];
-                let sigma = SIGMA * (e.layer / SCALES as f32).exp2();
-                for angle in orientations(image, e.x, e.y, sigma) {
-                    let scale = f64::from(sigma) * octave.step;
-                    let keypoint = Keypoint { pixel: pixel(e), scale, angle, contrast: e.contrast };
-                    found.push((keypoint, describe(image, e.x, e.y, sigma, angle)));
+                let (image, place) = (&gradients[e.image], e.place);
+                for angle in orientations(image, place) {
+                    let keypoint = Keypoint { pixel: e.pixel, scale: e.scale, angle, contrast: e.contrast };
+                    found.push((keypoint, describe(image, place, angle)));
                 }
             }
         });
@@ -129,51 +134,69 @@ impl Features {
     }
 }
 
-impl Octave {
-    /// A place in the octave, in pixels of the photo.
-    fn place(&self, x: f32, y: f32) -> DVec2 {
-        DVec2::new(f64::from(x), f64::from(y)) * self.step + self.origin
-    }
-}
-
-/// The extrema of an octave, row by row.
-fn extrema(octave: &Octave, number: usize) -> Vec<Extremum> {
+/// The extrema of an octave, row by row; `images` come before its own.
+fn extrema(octave: &Octave, images: usize) -> Vec<Extremum> {
     let (width, height) = (octave.images[0].width, octave.images[0].height);
     if width.min(height) <= 2 * BORDER {
         return Vec::new();
     }
     let mut rows: Vec<Vec<Extremum>> = vec![Vec::new(); SCALES * (height - 2 * BORDER)];
     parallel::for_chunks(&mut rows, GRAIN, |chunk, rows| {
+        let mut places = Vec::new();
         for (i, row) in rows.iter_mut().enumerate() {
             let at = chunk * GRAIN + i;
             let (layer, y) = (1 + at / (height - 2 * BORDER), BORDER + at % (height - 2 * BORDER));
-            let places = (BORDER..width - BORDER).filter(|x| is_extremum(octave, layer, *x, y));
-            row.extend(places.filter_map(|x| refined(octave, number, layer, x, y)));
+            places.clear();
+            lanes::run(Row { differences: &octave.differences[layer - 1..=layer + 1], y, found: &mut places });
+            row.extend(places.iter().filter_map(|x| refined(octave, images, layer, *x, y)));
         }
     });
     rows.into_iter().flatten().collect()
 }
 
-fn is_extremum(octave: &Octave, layer: usize, x: usize, y: usize) -> bool {
-    let value = octave.differences[layer].at(x, y);
-    if value.abs() <= 0.5 * CONTRAST / SCALES as f32 {
-        return false;
-    }
-    // Neither of two equal neighbors is left out: the second is, by strictness on one side.
-    let beyond = |other: f32| if value > 0.0 { other > value } else { other < value };
-    for difference in &octave.differences[layer - 1..=layer + 1] {
-        for row in y - 1..=y + 1 {
-            let line = &difference.values[row * difference.width + x - 1..][..3];
-            if line.iter().any(|other| beyond(*other)) {
-                return false;
+/// The extrema of a row among the pixels around them in three images, and enough contrast to be refined.
+struct Row<'a> {
+    differences: &'a [Gray],
+    y: usize,
+    found: &'a mut Vec<usize>,
+}
+
+impl LaneKernel<f32> for Row<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<V: Lanes<Scalar = f32>>(self) {
+        let Self { differences: [before, here, after], y, found } = self else { return };
+        let (end, least) = (here.width - BORDER, V::splat(0.5 * CONTRAST / SCALES as f32));
+        let lines = [here, before, after].map(|image| [y, y - 1, y + 1].map(|y| image.row(y)));
+        for x in (BORDER..end).step_by(LANES) {
+            let value = lanes::at::<V>(lines[0][0], x);
+            let (mut high, mut low) = (value.gt(least), (-value).gt(least));
+            // Neither of two equal neighbors is left out.
+            for lines in &lines {
+                for line in lines {
+                    for x in [x - 1, x, x + 1] {
+                        let other = lanes::at::<V>(line, x);
+                        (high, low) = (value.ge_among(other, high), other.ge_among(value, low));
+                    }
+                }
+                if high.or(low).bits() == 0 {
+                    break;
+                }
+            }
+            let mut bits = high.or(low).bits();
+            while bits != 0 {
+                let lane = bits.trailing_zeros() as usize;
+                if x + lane < end {
+                    found.push(x + lane);
+                }
+                bits &= bits - 1;
             }
         }
     }
-    true
 }
 
 /// The extremum near a pixel, between pixels and scales; `None` if it has little contrast, lies on an edge, or leads away.
-fn refined(octave: &Octave, number: usize, mut layer: usize, mut x: usize, mut y: usize) -> Option<Extremum> {
+fn refined(octave: &Octave, images: usize, mut layer: usize, mut x: usize, mut y: usize) -> Option<Extremum> {
     let (width, height) = (octave.images[0].width, octave.images[0].height);
     for _ in 0..MOVES {
         let [below, here, above] = [-1, 0, 1].map(|i| &octave.differences[(layer as isize + i) as usize]);
@@ -202,8 +225,15 @@ fn refined(octave: &Octave, number: usize, mut layer: usize, mut x: usize, mut y
             if contrast < CONTRAST / SCALES as f32 || edge {
                 return None;
             }
-            let (x, y) = (x as f32 + offset.x, y as f32 + offset.y);
-            return Some(Extremum { octave: number, x, y, layer: layer as f32 + offset.z, contrast });
+            let at = Vec2::new(x as f32 + offset.x, y as f32 + offset.y);
+            let sigma = SIGMA * ((layer as f32 + offset.z) / SCALES as f32).exp2();
+            return Some(Extremum {
+                place: Place { at, sigma },
+                image: images + layer - 1,
+                pixel: at.as_dvec2() * octave.step + octave.origin,
+                scale: f64::from(sigma) * octave.step,
+                contrast,
+            });
         }
         let moved = |at: usize, by: f32| at as f32 + by.clamp(-2.0, 2.0).round();
         let (to_x, to_y, to_layer) = (moved(x, offset.x), moved(y, offset.y), moved(layer, offset.z));
