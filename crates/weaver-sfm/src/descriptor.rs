@@ -228,12 +228,16 @@ fn shares<V: Lanes<Scalar = f32>>(size: V, turned: V) -> [V; DIRECTIONS] {
 #[inline(always)]
 fn rounded<V: Lanes<Scalar = f32>>(histogram: &[f32; DESCRIPTOR]) -> [u8; DESCRIPTOR] {
     let vectors = histogram.as_chunks::<LANES>().0;
-    let total = |of: &dyn Fn(V) -> V| -> f32 {
-        let sum = vectors.iter().fold(V::zero(), |sum, v| sum + of(V::load(v)));
-        sum.to_array().iter().sum()
-    };
-    let most = V::splat(GLARE * total(&|v| v * v).sqrt());
-    let scale = V::splat(LENGTH * LENGTH / total(&|v| v.min(most)).max(f32::MIN_POSITIVE));
+    let mut squares = V::zero();
+    for v in vectors {
+        squares = V::load(v).mul_add(V::load(v), squares);
+    }
+    let most = V::splat(GLARE * squares.to_array().iter().sum::<f32>().sqrt());
+    let mut sum = V::zero();
+    for v in vectors {
+        sum = sum + V::load(v).min(most);
+    }
+    let scale = V::splat(LENGTH * LENGTH / sum.to_array().iter().sum::<f32>().max(f32::MIN_POSITIVE));
     let mut out = [0; DESCRIPTOR];
     for (from, to) in vectors.iter().zip(out.as_chunks_mut::<LANES>().0) {
         let root = (V::load(from).min(most) * scale).sqrt().min(V::splat(LARGEST)) + V::splat(0.5);

@@ -1,7 +1,7 @@
 //! Keypoints and their descriptors.
 
 use crate::descriptor::{DESCRIPTOR, Place, describe, orientations};
-use crate::scale_space::{Gray, Octave, SCALES, SIGMA};
+use crate::scale_space::{Gradients, IMAGES, Image, Octave, SCALES, SIGMA, octaves};
 use weaver_geometry::glam::{DVec2, Mat3, Vec2, Vec3};
 use weaver_kernels::lanes::{self, LANES, LaneKernel, LaneMask, Lanes};
 use weaver_kernels::parallel;
@@ -14,8 +14,10 @@ const EDGE: f32 = 12.0;
 const BORDER: usize = 5;
 /// Moves of a keypoint to the neighboring pixel while it is refined.
 const MOVES: usize = 5;
-/// Keypoints of a task.
+/// Keypoints or rows of a task.
 const GRAIN: usize = 16;
+/// Pixels of a vector and its neighbors.
+const WINDOW: usize = LANES + 2;
 
 /// A place that is found again in other photos.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,6 +58,8 @@ struct Extremum {
     pixel: DVec2,
     scale: f64,
     contrast: f32,
+    /// How many have more contrast.
+    rank: usize,
 }
 
 impl Features {
@@ -85,34 +89,39 @@ impl Features {
         if width.min(height) < 8 {
             return Self::default();
         }
-        let mut octave = Octave::first(Gray { width, height, values: gray.to_vec() });
-        let (mut extrema, mut gradients) = (Vec::new(), Vec::new());
-        loop {
-            let seen = |e: &Extremum| mask.is_none_or(|mask| {
-                let at = e.pixel;
-                mask[(at.y as usize).min(height - 1) * width + (at.x as usize).min(width - 1)] != 0
-            });
-            extrema.extend(self::extrema(&octave, gradients.len()).into_iter().filter(seen));
-            gradients.extend(octave.images[1..=SCALES].iter().map(Gray::gradients));
-            if !octave.next() {
-                break;
-            }
-        }
-        extrema.sort_by(|a, b| b.contrast.total_cmp(&a.contrast));
-        extrema.truncate(most);
+        let octaves = octaves(Image { width, height, values: gray });
+        let all = octaves.iter().enumerate().flat_map(|(number, octave)| extrema(octave, number * SCALES));
+        let mut extrema: Vec<Extremum> = match mask {
+            Some(mask) => all.filter(|e| mask[pixel(e.pixel.y, height) * width + pixel(e.pixel.x, width)] != 0).collect(),
+            None => all.collect(),
+        };
+        let mut order: Vec<usize> = (0..extrema.len()).collect();
+        order.sort_by(|a, b| extrema[*b].contrast.total_cmp(&extrema[*a].contrast));
+        order.iter().take(most).enumerate().for_each(|(rank, i)| extrema[*i].rank = rank);
+        extrema.retain(|e| e.rank < most);
+        extrema.sort_by_key(|e| e.image);
         let mut found: Vec<Vec<(Keypoint, [u8; DESCRIPTOR])>> = vec![Vec::new(); extrema.len()];
-        parallel::for_chunks(&mut found, GRAIN, |chunk, found| {
-            for (found, e) in found.iter_mut().zip(&extrema[chunk * GRAIN..]) {
-                let (image, place) = (&gradients[e.image], e.place);
-                for angle in orientations(image, place) {
-                    let keypoint = Keypoint { pixel: e.pixel, scale: e.scale, angle, contrast: e.contrast };
-                    found.push((keypoint, describe(image, place, angle)));
+        // One image after the other, and each row by row: what is read lies close together.
+        let mut gradients = Gradients::default();
+        let mut rest = &mut found[..];
+        for extrema in extrema.chunk_by(|a, b| a.image == b.image) {
+            let image = extrema[0].image;
+            gradients.set(octaves[image / SCALES].image(1 + image % SCALES));
+            let found = rest.split_off_mut(..extrema.len()).expect("as many as extrema");
+            parallel::for_chunks(found, GRAIN, |chunk, found| {
+                for (found, e) in found.iter_mut().zip(&extrema[chunk * GRAIN..]) {
+                    for angle in orientations(&gradients, e.place) {
+                        let keypoint = Keypoint { pixel: e.pixel, scale: e.scale, angle, contrast: e.contrast };
+                        found.push((keypoint, describe(&gradients, e.place, angle)));
+                    }
                 }
-            }
-        });
+            });
+        }
+        let mut ranked = vec![0; extrema.len()];
+        extrema.iter().enumerate().for_each(|(i, e)| ranked[e.rank] = i);
         let mut features = Self::default();
-        for (keypoint, descriptor) in found.into_iter().flatten().take(most) {
-            features.keypoints.push(keypoint);
+        for (keypoint, descriptor) in ranked.into_iter().flat_map(|i| &found[i]).take(most) {
+            features.keypoints.push(*keypoint);
             features.descriptors.extend(descriptor);
         }
         features
@@ -134,29 +143,69 @@ impl Features {
     }
 }
 
-/// The extrema of an octave, row by row; `images` come before its own.
+/// The pixel at a coordinate.
+fn pixel(at: f64, size: usize) -> usize {
+    (at as usize).min(size - 1)
+}
+
+/// The extrema of an octave, some rows after the others; `images` come before its own.
 fn extrema(octave: &Octave, images: usize) -> Vec<Extremum> {
-    let (width, height) = (octave.images[0].width, octave.images[0].height);
+    let (width, height) = (octave.width, octave.height);
     if width.min(height) <= 2 * BORDER {
         return Vec::new();
     }
-    let mut rows: Vec<Vec<Extremum>> = vec![Vec::new(); SCALES * (height - 2 * BORDER)];
-    parallel::for_chunks(&mut rows, GRAIN, |chunk, rows| {
+    let rows = height - 2 * BORDER;
+    let mut bands: Vec<Vec<Extremum>> = vec![Vec::new(); rows.div_ceil(GRAIN)];
+    parallel::for_chunks(&mut bands, 1, |band, found| {
+        let (first, count) = (BORDER + band * GRAIN, GRAIN.min(rows - band * GRAIN));
+        let differences = Differences::new(octave, first - 1, count + 2);
         let mut places = Vec::new();
-        for (i, row) in rows.iter_mut().enumerate() {
-            let at = chunk * GRAIN + i;
-            let (layer, y) = (1 + at / (height - 2 * BORDER), BORDER + at % (height - 2 * BORDER));
-            places.clear();
-            lanes::run(Row { differences: &octave.differences[layer - 1..=layer + 1], y, found: &mut places });
-            row.extend(places.iter().filter_map(|x| refined(octave, images, layer, *x, y)));
+        for layer in 1..=SCALES {
+            for y in first..first + count {
+                places.clear();
+                lanes::run(Row { differences: &differences, layer, y, found: &mut places });
+                found[0].extend(places.iter().filter_map(|x| refined(octave, images, layer, *x, y)));
+            }
         }
     });
-    rows.into_iter().flatten().collect()
+    bands.into_iter().flatten().collect()
 }
 
-/// The extrema of a row among the pixels around them in three images, and enough contrast to be refined.
+/// Some rows of the differences of an octave's images.
+struct Differences {
+    first: usize,
+    rows: usize,
+    width: usize,
+    /// Pixels from row to row: beyond the width lie zeros.
+    stride: usize,
+    values: Vec<f32>,
+}
+
+impl Differences {
+    fn new(octave: &Octave, first: usize, rows: usize) -> Self {
+        let (width, stride) = (octave.width, octave.width + WINDOW);
+        let mut values = vec![0.0; (IMAGES - 1) * rows * stride];
+        for (number, values) in values.chunks_exact_mut(rows * stride).enumerate() {
+            let (image, next) = (octave.image(number), octave.image(number + 1));
+            for (i, row) in values.chunks_exact_mut(stride).enumerate() {
+                let pair = next.row(first + i).iter().zip(image.row(first + i));
+                row.iter_mut().zip(pair).for_each(|(to, (b, a))| *to = b - a);
+            }
+        }
+        Self { first, rows, width, stride, values }
+    }
+
+    /// A row from pixel `x` on, beyond its end too.
+    #[inline(always)]
+    fn row(&self, number: usize, y: usize) -> &[f32] {
+        &self.values[(number * self.rows + y - self.first) * self.stride..][..self.stride]
+    }
+}
+
+/// The extrema of a row among the pixels around them in three images, with enough contrast to be refined.
 struct Row<'a> {
-    differences: &'a [Gray],
+    differences: &'a Differences,
+    layer: usize,
     y: usize,
     found: &'a mut Vec<usize>,
 }
@@ -165,17 +214,19 @@ impl LaneKernel<f32> for Row<'_> {
     type Output = ();
     #[inline(always)]
     fn run<V: Lanes<Scalar = f32>>(self) {
-        let Self { differences: [before, here, after], y, found } = self else { return };
-        let (end, least) = (here.width - BORDER, V::splat(0.5 * CONTRAST / SCALES as f32));
-        let lines = [here, before, after].map(|image| [y, y - 1, y + 1].map(|y| image.row(y)));
+        let Self { differences, layer, y, found } = self;
+        let (end, least) = (differences.width - BORDER, V::splat(0.5 * CONTRAST / SCALES as f32));
+        let lines = [layer, layer - 1, layer + 1].map(
+            #[inline(always)]
+            |layer| [y, y - 1, y + 1].map(|y| differences.row(layer, y)),
+        );
         for x in (BORDER..end).step_by(LANES) {
-            let value = lanes::at::<V>(lines[0][0], x);
+            let value: V = neighbors(lines[0][0], x)[1];
             let (mut high, mut low) = (value.gt(least), (-value).gt(least));
             // Neither of two equal neighbors is left out.
             for lines in &lines {
                 for line in lines {
-                    for x in [x - 1, x, x + 1] {
-                        let other = lanes::at::<V>(line, x);
+                    for other in neighbors(line, x) {
                         (high, low) = (value.ge_among(other, high), other.ge_among(value, low));
                     }
                 }
@@ -195,24 +246,28 @@ impl LaneKernel<f32> for Row<'_> {
     }
 }
 
+/// The vectors of a row that begin one pixel before `x`, at it, and after it.
+#[inline(always)]
+fn neighbors<V: Lanes<Scalar = f32>>(row: &[f32], x: usize) -> [V; 3] {
+    let row: &[f32; WINDOW] = row[x - 1..x - 1 + WINDOW].first_chunk().expect("a window");
+    let vector = |at: usize| V::load(row[at..at + LANES].first_chunk().expect("a vector"));
+    [vector(0), vector(1), vector(2)]
+}
+
 /// The extremum near a pixel, between pixels and scales; `None` if it has little contrast, lies on an edge, or leads away.
 fn refined(octave: &Octave, images: usize, mut layer: usize, mut x: usize, mut y: usize) -> Option<Extremum> {
-    let (width, height) = (octave.images[0].width, octave.images[0].height);
+    let (width, height) = (octave.width, octave.height);
     for _ in 0..MOVES {
-        let [below, here, above] = [-1, 0, 1].map(|i| &octave.differences[(layer as isize + i) as usize]);
-        let value = here.at(x, y);
-        let slope = 0.5
-            * Vec3::new(
-                here.at(x + 1, y) - here.at(x - 1, y),
-                here.at(x, y + 1) - here.at(x, y - 1),
-                above.at(x, y) - below.at(x, y),
-            );
-        let xx = here.at(x + 1, y) + here.at(x - 1, y) - 2.0 * value;
-        let yy = here.at(x, y + 1) + here.at(x, y - 1) - 2.0 * value;
-        let ss = above.at(x, y) + below.at(x, y) - 2.0 * value;
-        let xy = 0.25 * (here.at(x + 1, y + 1) + here.at(x - 1, y - 1) - here.at(x - 1, y + 1) - here.at(x + 1, y - 1));
-        let xs = 0.25 * (above.at(x + 1, y) + below.at(x - 1, y) - above.at(x - 1, y) - below.at(x + 1, y));
-        let ys = 0.25 * (above.at(x, y + 1) + below.at(x, y - 1) - above.at(x, y - 1) - below.at(x, y + 1));
+        let at = |by: isize, x: usize, y: usize| octave.difference(layer.wrapping_add_signed(by), x, y);
+        let value = at(0, x, y);
+        let slope =
+            0.5 * Vec3::new(at(0, x + 1, y) - at(0, x - 1, y), at(0, x, y + 1) - at(0, x, y - 1), at(1, x, y) - at(-1, x, y));
+        let xx = at(0, x + 1, y) + at(0, x - 1, y) - 2.0 * value;
+        let yy = at(0, x, y + 1) + at(0, x, y - 1) - 2.0 * value;
+        let ss = at(1, x, y) + at(-1, x, y) - 2.0 * value;
+        let xy = 0.25 * (at(0, x + 1, y + 1) + at(0, x - 1, y - 1) - at(0, x - 1, y + 1) - at(0, x + 1, y - 1));
+        let xs = 0.25 * (at(1, x + 1, y) + at(-1, x - 1, y) - at(1, x - 1, y) - at(-1, x + 1, y));
+        let ys = 0.25 * (at(1, x, y + 1) + at(-1, x, y - 1) - at(1, x, y - 1) - at(-1, x, y + 1));
         let curvature = Mat3::from_cols_array(&[xx, xy, xs, xy, yy, ys, xs, ys, ss]);
         let offset = -(curvature.inverse() * slope);
         if !offset.is_finite() {
@@ -233,6 +288,7 @@ fn refined(octave: &Octave, images: usize, mut layer: usize, mut x: usize, mut y
                 pixel: at.as_dvec2() * octave.step + octave.origin,
                 scale: f64::from(sigma) * octave.step,
                 contrast,
+                rank: usize::MAX,
             });
         }
         let moved = |at: usize, by: f32| at as f32 + by.clamp(-2.0, 2.0).round();
