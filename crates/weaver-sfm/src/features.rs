@@ -12,6 +12,10 @@ const CONTRAST: f32 = 0.01;
 const EDGE: f32 = 12.0;
 /// Pixels at the border in which there are no keypoints.
 const BORDER: usize = 5;
+/// How far from its pixel, in pixels and scales, a keypoint may be: more than half, so that one in the middle of two is not sent
+/// to and fro. After the last move it may be farther.
+const NEAR: f32 = 0.6;
+const AT_LAST: f32 = 1.0;
 /// Moves of a keypoint to the neighboring pixel while it is refined.
 const MOVES: usize = 5;
 /// Keypoints or rows of a task.
@@ -92,7 +96,9 @@ impl Features {
         let octaves = octaves(Image { width, height, values: gray });
         let all = octaves.iter().enumerate().flat_map(|(number, octave)| extrema(octave, number * SCALES));
         let mut extrema: Vec<Extremum> = match mask {
-            Some(mask) => all.filter(|e| mask[pixel(e.pixel.y, height) * width + pixel(e.pixel.x, width)] != 0).collect(),
+            Some(mask) => {
+                all.filter(|e| mask[pixel(e.pixel.y, height) * width + pixel(e.pixel.x, width)] != 0).collect()
+            }
             None => all.collect(),
         };
         let mut order: Vec<usize> = (0..extrema.len()).collect();
@@ -257,11 +263,15 @@ fn neighbors<V: Lanes<Scalar = f32>>(row: &[f32], x: usize) -> [V; 3] {
 /// The extremum near a pixel, between pixels and scales; `None` if it has little contrast, lies on an edge, or leads away.
 fn refined(octave: &Octave, images: usize, mut layer: usize, mut x: usize, mut y: usize) -> Option<Extremum> {
     let (width, height) = (octave.width, octave.height);
-    for _ in 0..MOVES {
+    for moves in 0..MOVES {
         let at = |by: isize, x: usize, y: usize| octave.difference(layer.wrapping_add_signed(by), x, y);
         let value = at(0, x, y);
-        let slope =
-            0.5 * Vec3::new(at(0, x + 1, y) - at(0, x - 1, y), at(0, x, y + 1) - at(0, x, y - 1), at(1, x, y) - at(-1, x, y));
+        let slope = 0.5
+            * Vec3::new(
+                at(0, x + 1, y) - at(0, x - 1, y),
+                at(0, x, y + 1) - at(0, x, y - 1),
+                at(1, x, y) - at(-1, x, y),
+            );
         let xx = at(0, x + 1, y) + at(0, x - 1, y) - 2.0 * value;
         let yy = at(0, x, y + 1) + at(0, x, y - 1) - 2.0 * value;
         let ss = at(1, x, y) + at(-1, x, y) - 2.0 * value;
@@ -273,7 +283,8 @@ fn refined(octave: &Octave, images: usize, mut layer: usize, mut x: usize, mut y
         if !offset.is_finite() {
             return None;
         }
-        if offset.abs().max_element() < 0.5 {
+        let farthest = if moves + 1 < MOVES { NEAR } else { AT_LAST };
+        if offset.abs().max_element() < farthest {
             let contrast = (value + 0.5 * slope.dot(offset)).abs();
             let (trace, determinant) = (xx + yy, xx * yy - xy * xy);
             let edge = determinant <= 0.0 || trace * trace * EDGE >= (EDGE + 1.0) * (EDGE + 1.0) * determinant;
