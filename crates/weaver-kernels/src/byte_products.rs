@@ -19,7 +19,7 @@ pub const STEP: usize = 32;
 /// Columns of a packed panel.
 const PANEL: usize = 16;
 /// Rows of a block: their bytes and their largest products stay in the first cache while panels pass by.
-const BLOCK: usize = 64;
+const BLOCK: usize = 72;
 /// Columns that are told apart by the 16 bits below a product.
 const NUMBERED: usize = 1 << 16;
 

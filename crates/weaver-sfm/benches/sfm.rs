@@ -1,26 +1,74 @@
 //! Features of a photo, matches of two, and adjustment.
 
-use criterion::Criterion;
+use criterion::{Criterion, Throughput};
 use std::hint::black_box;
 use weaver_data::procedural::{ProceduralOptions, scene};
-use weaver_geometry::glam::DVec2;
+use weaver_geometry::glam::{DVec2, DVec3};
+use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_kernels::random::Stream;
-use weaver_sfm::{Features, RefineSettings, View, matches, refine, two_view};
+use weaver_sfm::{Epipolar, Features, RefineSettings, View, matches, matches_along, refine, two_view};
 
 const SIZE: [usize; 2] = [288, 384];
 
 fn views(count: usize) -> Vec<View<'static>> {
-    let scene = scene(3, &ProceduralOptions { width: SIZE[1], height: SIZE[0], views: count });
+    let [height, width] = SIZE;
+    let scene = scene(3, &ProceduralOptions { width, height, views: count });
     (scene.views.iter()).map(|view| View::new(view.camera, &view.image.to_bytes(), None)).collect()
+}
+
+/// Noise of many scales from 0 to 1, as full of keypoints as photos are at best.
+fn texture([height, width]: [usize; 2]) -> Vec<f32> {
+    let level = |size: usize| {
+        let (columns, stream) = (width / size + 2, Stream::new(size as u64, 0, "bench.texture"));
+        let corners: Vec<f32> = (0..columns as u64 * (height / size + 2) as u64).map(|i| stream.uniform(i)).collect();
+        move |x: usize, y: usize| {
+            let (i, j) = (x / size, y / size);
+            let [u, v] = [x % size, y % size].map(|at| at as f32 / size as f32);
+            let at = |i: usize, j: usize| corners[j * columns + i];
+            (at(i, j) * (1.0 - u) + at(i + 1, j) * u) * (1.0 - v)
+                + (at(i, j + 1) * (1.0 - u) + at(i + 1, j + 1) * u) * v
+        }
+    };
+    let levels = [3, 6, 12, 24, 48].map(level);
+    (0..width * height).map(|i| levels.iter().map(|level| level(i % width, i / width)).sum::<f32>() / 5.0).collect()
+}
+
+/// Throughput in pixels.
+fn features(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("features");
+    for [height, width] in [[288, 384], [480, 640], [1200, 1600]] {
+        let photo = texture([height, width]);
+        let count = Features::new(&photo, [height, width], None, 3000).keypoints.len();
+        group.throughput(Throughput::Elements((width * height) as u64));
+        group.bench_function(format!("{width} x {height}, {count} keypoints"), |b| {
+            b.iter(|| black_box(Features::new(&photo, [height, width], None, 3000)));
+        });
+    }
+    group.finish();
+}
+
+/// Throughput in pairs of keypoints.
+fn pairs(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("matches");
+    let size = [600, 800];
+    let features = Features::new(&texture(size), size, None, 3000);
+    let count = features.keypoints.len();
+    let intrinsics = Intrinsics { fx: 800.0, fy: 800.0, cx: 400.0, cy: 300.0 };
+    let camera =
+        |move_by: DVec3| Camera { pose: Pose::new(Default::default(), move_by), intrinsics, width: 800, height: 600 };
+    let epipolar = Epipolar::new(&camera(DVec3::ZERO), &camera(DVec3::new(1.0, 0.4, 0.0)), 6.0);
+    group.throughput(Throughput::Elements((count * count) as u64));
+    group.bench_function(format!("{count} and {count} keypoints"), |b| {
+        b.iter(|| black_box(matches(&features, &features)));
+    });
+    group.bench_function(format!("{count} and {count} keypoints, 6 pixels from lines"), |b| {
+        b.iter(|| black_box(matches_along(&features, &features, &epipolar)));
+    });
+    group.finish();
 }
 
 fn sfm(criterion: &mut Criterion) {
     let views = views(8);
-    let features = |i: usize| Features::new(&views[i].gray, SIZE, None, 3000);
-    let (first, second) = (features(0), features(1));
-    criterion.bench_function("features, 384 x 288", |b| b.iter(|| black_box(features(0))));
-    let name = format!("matches, {} and {} keypoints", first.keypoints.len(), second.keypoints.len());
-    criterion.bench_function(&name, |b| b.iter(|| black_box(matches(&first, &second))));
     let stream = Stream::new(1, 0, "bench.pairs");
     let pairs: Vec<[DVec2; 2]> = (0..200)
         .map(|i| {
@@ -37,6 +85,8 @@ fn sfm(criterion: &mut Criterion) {
 
 fn main() {
     let mut criterion = Criterion::default().configure_from_args();
+    features(&mut criterion);
+    pairs(&mut criterion);
     sfm(&mut criterion);
     criterion.final_summary();
 }

@@ -44,15 +44,15 @@ pub fn matches_along(first: &Features, second: &Features, epipolar: &Epipolar) -
     let near = Near::new(second);
     let mut best = vec![TopTwo::default(); first.keypoints.len()];
     let mut of_second = vec![0; second.keypoints.len()];
-    let (mut candidates, mut products) = (Vec::new(), Vec::new());
+    let (mut candidates, mut products) = (Vec::new(), vec![0; second.keypoints.len()]);
     let descriptors = first.descriptors.chunks_exact(DESCRIPTOR);
     for ((keypoint, descriptor), best) in first.keypoints.iter().zip(descriptors).zip(&mut best) {
-        near.band(epipolar.line(keypoint.pixel), epipolar.farthest(), &mut candidates);
-        products.resize(candidates.len(), 0);
-        chosen_products(descriptor, &near.descriptors, &candidates, &mut products);
+        let count = near.band(epipolar.line(keypoint.pixel), epipolar.farthest(), &mut candidates);
+        let (candidates, products) = (&candidates[..count], &mut products[..count]);
+        chosen_products(descriptor, &near.descriptors, candidates, products);
         // The larger of two keys is that of the larger product, or of the first of equal ones.
         let mut top = [0_u64; 2];
-        for (at, product) in candidates.iter().zip(&products) {
+        for (at, product) in candidates.iter().zip(products) {
             let number = near.numbers[*at as usize];
             let key = u64::from(*product) << 32 | u64::from(u32::MAX - number);
             top = [top[0].max(key), top[1].max(top[0].min(key))];

@@ -2,10 +2,13 @@
 
 use crate::descriptor::DESCRIPTOR;
 use crate::features::Features;
+use std::ops::Range;
 use weaver_geometry::glam::{DVec2, DVec3};
 
 /// Keypoints of a cell, on average: fewer make more cells to go through, more make more keypoints that are not near.
 const PER_CELL: f64 = 2.0;
+/// Lines whose normals have less than this across or down are taken to be level or upright.
+const LEVEL: f64 = 1e-3;
 
 /// The keypoints of a photo in a grid of square cells.
 #[derive(Debug)]
@@ -16,10 +19,12 @@ pub(crate) struct Near {
     pub descriptors: Vec<u8>,
     /// The places in this order, pixels.
     places: Vec<[f32; 2]>,
-    /// The first corner of the first cell and a cell's side, pixels.
+    /// The first corner of the first cell, pixels.
     corner: DVec2,
+    /// A cell's side, pixels.
     side: f64,
     columns: usize,
+    rows: usize,
     /// Where each cell begins, row by row, and where the last ends.
     starts: Vec<u32>,
 }
@@ -52,54 +57,76 @@ impl Near {
             numbers[*at as usize] = number as u32;
             *at += 1;
         }
-        let of = |i: &u32| &features.descriptors[*i as usize * DESCRIPTOR..][..DESCRIPTOR];
-        Self {
-            descriptors: numbers.iter().flat_map(of).copied().collect(),
-            places: numbers.iter().map(|i| keypoints[*i as usize].pixel.as_vec2().to_array()).collect(),
-            numbers,
-            corner,
-            side,
-            columns,
-            starts,
+        let mut descriptors = Vec::with_capacity(features.descriptors.len());
+        for number in &numbers {
+            descriptors.extend_from_slice(&features.descriptors[*number as usize * DESCRIPTOR..][..DESCRIPTOR]);
         }
+        let places = numbers.iter().map(|i| keypoints[*i as usize].pixel.as_vec2().to_array()).collect();
+        Self { numbers, descriptors, places, corner, side, columns, rows, starts }
     }
 
     /// Where in this order the keypoints are that lie within `farthest` pixels of the line a u + b v + c = 0 with a^2 + b^2 = 1;
-    /// all where a = b = c = 0.
-    pub fn band(&self, line: DVec3, farthest: f64, found: &mut Vec<u32>) {
-        found.clear();
-        let rows = (self.starts.len() - 1) / self.columns;
+    /// all where a = b = c = 0. They are the first numbers of `found`, as many as are returned.
+    pub fn band(&self, line: DVec3, farthest: f64, found: &mut Vec<u32>) -> usize {
+        found.resize(self.places.len(), 0);
         let [a, b, c] = line.as_vec3().to_array();
-        // A little more than what is asked, so that rounding leaves none out.
-        let reach = farthest + 1e-3 * self.side;
-        for row in 0..rows {
-            let [top, bottom] = [0.0, 1.0].map(|k| line.y * (self.corner.y + self.side * (row as f64 + k)));
-            // a u must lie between these somewhere in the row.
-            let [least, most] = [-reach - line.z - top.max(bottom), reach - line.z - top.min(bottom)];
-            let Some([left, right]) = self.crossed(line.x, least, most) else { continue };
-            let first = self.starts[row * self.columns + left] as usize;
-            let last = self.starts[row * self.columns + right + 1] as usize;
-            for (i, [u, v]) in self.places[first..last].iter().enumerate() {
-                if (a * u + b * v + c).abs() <= farthest as f32 {
-                    found.push((first + i) as u32);
-                }
+        let near = farthest as f32;
+        let across = self.across(line, farthest);
+        let mut count = 0;
+        for row in self.down(line, farthest) {
+            let (first, last) = across.columns(row as f32);
+            let (first, last) = (first.min(self.columns), last.min(self.columns));
+            let row = row * self.columns;
+            let cells = self.starts[row + first] as usize..self.starts[row + last] as usize;
+            for (i, [u, v]) in cells.clone().zip(&self.places[cells]) {
+                // What is too far is written over by the next.
+                found[count] = i as u32;
+                count += usize::from((a * u + b * v + c).abs() <= near);
             }
         }
+        count
     }
 
-    /// The first and the last column of cells in which `a u` lies between two numbers somewhere.
-    fn crossed(&self, a: f64, least: f64, most: f64) -> Option<[usize; 2]> {
-        let last = self.columns - 1;
-        let width = self.side * self.columns as f64 + self.corner.x.abs();
-        if a.abs() * width < 1e-6 * self.side {
-            // The line hardly moves along a row.
-            return (least <= 1e-3 * self.side && most >= -1e-3 * self.side).then_some([0, last]);
+    /// The rows of cells that a band may pass through.
+    fn down(&self, line: DVec3, farthest: f64) -> Range<usize> {
+        // In cells, from the first corner, with a little more than what is asked, so that rounding leaves none out.
+        let reach = farthest / self.side + 1e-2;
+        let offset = (line.dot(self.corner.extend(1.0))) / self.side;
+        let ends = [0.0, line.x * self.columns as f64].map(|u| offset + u);
+        // b v lies between these.
+        let (least, most) = (-reach - ends[0].max(ends[1]), reach - ends[0].min(ends[1]));
+        if line.y.abs() < LEVEL {
+            return 0..self.rows;
         }
-        let ends = [least / a, most / a].map(|u| (u - self.corner.x) / self.side);
-        let (left, right) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
-        if right < 0.0 || left > self.columns as f64 {
-            return None;
+        let (top, bottom) = ((least / line.y).min(most / line.y), (least / line.y).max(most / line.y));
+        (top.max(0.0) as usize).min(self.rows)..((bottom + 1.0).max(0.0) as usize).min(self.rows)
+    }
+
+    /// What tells the columns of cells that a band passes through in a row.
+    fn across(&self, line: DVec3, farthest: f64) -> Across {
+        let offset = line.dot(self.corner.extend(1.0)) / self.side;
+        if line.x.abs() < LEVEL {
+            return Across { slope: 0.0, start: 0.0, width: self.columns as f32 };
         }
-        Some([(left.max(0.0) as usize).min(last), (right.max(0.0) as usize).min(last)])
+        // u = -(offset + b v) / a for v from the row to the next, in cells.
+        let (slope, reach) = (-line.y / line.x, (farthest / self.side + 1e-2) / line.x.abs());
+        let start = -offset / line.x + slope.min(0.0) - reach;
+        Across { slope: slope as f32, start: start as f32, width: (2.0 * reach + slope.abs()) as f32 }
+    }
+}
+
+/// A band in cells: in row v from start + slope v on.
+struct Across {
+    slope: f32,
+    start: f32,
+    width: f32,
+}
+
+impl Across {
+    /// The first column, and the one after the last.
+    #[inline(always)]
+    fn columns(&self, row: f32) -> (usize, usize) {
+        let first = self.start + self.slope * row;
+        (first.max(0.0) as usize, (first + self.width + 1.0).max(0.0) as usize)
     }
 }

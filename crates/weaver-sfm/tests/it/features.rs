@@ -195,10 +195,12 @@ fn slow(first: &Features, second: &Features, allows: impl Fn(DVec2, DVec2) -> bo
         all.fold(None, |best: Option<(usize, f32)>, (k, s)| best.filter(|b| b.1 >= s).or(Some((k, s))))
     };
     let distance = |s: f32| (2.0 - 2.0 * s).max(1e-12).sqrt();
+    let mut taken = vec![false; m];
     let found = (0..n).filter_map(|i| {
         let (j, s) = best(&|j| similarity(i, j), m)?;
         let next = best(&|k| similarity(i, k).filter(|_| k != j), m).map_or(0.3, |next| next.1.max(0.3));
-        let mutual = best(&|i| similarity(i, j), n)?.0 == i;
+        // Of two that are as similar to the same, the first is taken.
+        let mutual = best(&|i| similarity(i, j), n)?.1 == s && !std::mem::replace(&mut taken[j], true);
         let ratio = distance(s) / distance(next);
         (mutual && ratio < 0.85).then_some(Match { first: i, second: j, ratio })
     });
