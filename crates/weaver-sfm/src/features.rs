@@ -13,9 +13,8 @@ const EDGE: f32 = 12.0;
 /// Pixels at the border in which there are no keypoints.
 const BORDER: usize = 5;
 /// How far from its pixel, in pixels and scales, a keypoint may be: more than half, so that one in the middle of two is not sent
-/// to and fro. After the last move it may be farther.
+/// to and fro.
 const NEAR: f32 = 0.6;
-const AT_LAST: f32 = 1.0;
 /// Moves of a keypoint to the neighboring pixel while it is refined.
 const MOVES: usize = 5;
 /// Keypoints or rows of a task.
@@ -263,7 +262,7 @@ fn neighbors<V: Lanes<Scalar = f32>>(row: &[f32], x: usize) -> [V; 3] {
 /// The extremum near a pixel, between pixels and scales; `None` if it has little contrast, lies on an edge, or leads away.
 fn refined(octave: &Octave, images: usize, mut layer: usize, mut x: usize, mut y: usize) -> Option<Extremum> {
     let (width, height) = (octave.width, octave.height);
-    for moves in 0..MOVES {
+    for _ in 0..MOVES {
         let at = |by: isize, x: usize, y: usize| octave.difference(layer.wrapping_add_signed(by), x, y);
         let value = at(0, x, y);
         let slope = 0.5
@@ -283,8 +282,7 @@ fn refined(octave: &Octave, images: usize, mut layer: usize, mut x: usize, mut y
         if !offset.is_finite() {
             return None;
         }
-        let farthest = if moves + 1 < MOVES { NEAR } else { AT_LAST };
-        if offset.abs().max_element() < farthest {
+        if offset.abs().max_element() < NEAR {
             let contrast = (value + 0.5 * slope.dot(offset)).abs();
             let (trace, determinant) = (xx + yy, xx * yy - xy * xy);
             let edge = determinant <= 0.0 || trace * trace * EDGE >= (EDGE + 1.0) * (EDGE + 1.0) * determinant;
