@@ -142,9 +142,9 @@ impl LaneKernel<f32> for Directions<'_> {
         let columns = V::load(window);
         // Two histograms by turns: sums do not wait for one another. The last bin is the first again.
         let mut raw = [[0.0; BINS + 1]; 2];
-        for row in 0..SIDE {
-            let (size, angle) = polar(patch.across[row], patch.down[row], BINS as f32);
-            let size = (size * columns * V::splat(window[row])).to_array();
+        for ((across, down), weight) in patch.across.into_iter().zip(patch.down).zip(window) {
+            let (size, angle) = polar(across, down, BINS as f32);
+            let size = (size * columns * V::splat(*weight)).to_array();
             let bin = (angle + V::splat(0.5)).to_array();
             for i in 0..SIDE {
                 raw[i % 2][(bin[i] as usize).min(BINS)] += size[i];

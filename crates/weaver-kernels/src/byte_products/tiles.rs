@@ -112,7 +112,7 @@ mod x86 {
     pub const AVX2_ROWS: usize = 6;
     pub const VNNI_ROWS: usize = 8;
 
-    /// Eight products of 32 bits, halves of which are in two 16-bit lanes each, in the upper halves of lanes; 0 below.
+    /// Eight products, two parts of which are in 16-bit lanes side by side, in the upper halves of 32-bit lanes; 0 below.
     #[target_feature(enable = "avx2")]
     fn joined(halves: __m256i) -> __m256i {
         let upper = _mm256_and_si256(halves, _mm256_set1_epi32(-65536));
@@ -135,11 +135,11 @@ mod x86 {
             unsafe {
                 let b = panel.as_ptr().add(64 * k).cast::<__m256i>();
                 let b = [_mm256_loadu_si256(b), _mm256_loadu_si256(b.add(1))];
-                for r in 0..AVX2_ROWS {
+                for (r, sums) in sums.iter_mut().enumerate() {
                     let four = a.as_ptr().add(r * depth + 4 * k).cast::<i32>().read_unaligned();
                     let four = _mm256_set1_epi32(four);
-                    for h in 0..2 {
-                        sums[r][h] = _mm256_add_epi16(sums[r][h], _mm256_maddubs_epi16(b[h], four));
+                    for (sum, b) in sums.iter_mut().zip(b) {
+                        *sum = _mm256_add_epi16(*sum, _mm256_maddubs_epi16(b, four));
                     }
                 }
             }
@@ -150,9 +150,8 @@ mod x86 {
             unsafe {
                 let most = maxima.as_mut_ptr().add(8 * h).cast::<__m256i>();
                 let mut column = _mm256_loadu_si256(most);
-                for r in 0..AVX2_ROWS {
-                    let key = _mm256_or_si256(joined(sums[r][h]), numbers);
-                    let [first, second] = &mut largest[r];
+                for (sums, [first, second]) in sums.iter().zip(&mut *largest) {
+                    let key = _mm256_or_si256(joined(sums[h]), numbers);
                     let first = first.as_mut_ptr().add(8 * h).cast::<__m256i>();
                     let second = second.as_mut_ptr().add(8 * h).cast::<__m256i>();
                     let before = _mm256_loadu_si256(first);
@@ -175,9 +174,9 @@ mod x86 {
             // SAFETY: the panel has 64 bytes for every four of the depth, and each row of A has four.
             unsafe {
                 let b = _mm512_loadu_si512(panel.as_ptr().add(64 * k).cast());
-                for r in 0..VNNI_ROWS {
+                for (r, sum) in sums.iter_mut().enumerate() {
                     let four = a.as_ptr().add(r * depth + 4 * k).cast::<i32>().read_unaligned();
-                    sums[r] = _mm512_dpbusd_epi32(sums[r], b, _mm512_set1_epi32(four));
+                    *sum = _mm512_dpbusd_epi32(*sum, b, _mm512_set1_epi32(four));
                 }
             }
         }
@@ -186,9 +185,8 @@ mod x86 {
         // SAFETY: all arrays have sixteen numbers.
         unsafe {
             let mut column = _mm512_loadu_si512(maxima.as_ptr().cast());
-            for r in 0..VNNI_ROWS {
-                let key = _mm512_or_si512(_mm512_slli_epi32::<16>(sums[r]), numbers);
-                let [first, second] = &mut largest[r];
+            for (sum, [first, second]) in sums.iter().zip(&mut *largest) {
+                let key = _mm512_or_si512(_mm512_slli_epi32::<16>(*sum), numbers);
                 let before = _mm512_loadu_si512(first.as_ptr().cast());
                 let lesser = _mm512_min_epu32(before, key);
                 let lesser = _mm512_max_epu32(_mm512_loadu_si512(second.as_ptr().cast()), lesser);
