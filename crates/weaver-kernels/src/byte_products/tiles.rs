@@ -57,13 +57,19 @@ impl Tile {
 fn portable(a: &[u8], panel: &[u8], number: u32, largest: &mut [Largest], maxima: &mut [u32; PANEL]) {
     let depth = panel.len() / PANEL;
     for (a, [first, second]) in a.chunks_exact(depth).zip(largest) {
-        let mut sums = [0_u32; PANEL];
+        let mut parts = [0_u16; 4 * PANEL];
         for (a, b) in a.as_chunks::<4>().0.iter().zip(panel.as_chunks::<{ 4 * PANEL }>().0) {
-            for (sum, b) in sums.iter_mut().zip(b.as_chunks::<4>().0) {
-                for (a, b) in a.iter().zip(b) {
-                    *sum += u32::from(u16::from(*a) * u16::from(*b));
+            let eight: [u16; 8] = std::array::from_fn(|i| u16::from(a[i % 4]));
+            for (parts, b) in parts.as_chunks_mut::<8>().0.iter_mut().zip(b.as_chunks::<8>().0) {
+                for i in 0..8 {
+                    // Nothing wraps: a check would only keep the loop from becoming vectors.
+                    parts[i] = parts[i].wrapping_add(eight[i].wrapping_mul(u16::from(b[i])));
                 }
             }
+        }
+        let mut sums = [0_u32; PANEL];
+        for (sum, parts) in sums.iter_mut().zip(parts.as_chunks::<4>().0) {
+            *sum = parts.iter().map(|part| u32::from(*part)).sum();
         }
         for i in 0..PANEL {
             let key = sums[i] << 16 | (number - i as u32);
