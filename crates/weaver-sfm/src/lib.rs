@@ -19,6 +19,7 @@ mod features;
 mod grow;
 mod lenses;
 mod matching;
+mod minimal;
 mod pairs;
 mod passes;
 mod photo;
