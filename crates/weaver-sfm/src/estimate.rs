@@ -71,12 +71,22 @@ pub struct Estimate {
 pub fn estimate(photos: &[Photo<'_>], settings: &EstimateSettings) -> Estimate {
     let features: Vec<Features> =
         photos.iter().map(|p| Features::new(&p.gray, p.size, p.mask, settings.keypoints)).collect();
+    estimate_from(photos, &features, settings)
+}
+
+/// Estimates cameras as [`estimate`] does, from features that are there already: of each photo, at most as many as
+/// [`EstimateSettings::keypoints`] says.
+///
+/// # Panics
+/// If there are not as many as photos.
+pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &EstimateSettings) -> Estimate {
+    assert_eq!(photos.len(), features.len(), "features of each photo");
     let located: Vec<bool> = photos.iter().map(|p| p.located).collect();
-    let matched = pairs::matched(&features, &pairs::candidates(&features, &located, settings.candidates));
-    let mut search = Search::new(photos, settings, &features, &matched);
+    let matched = pairs::matched(features, &pairs::candidates(features, &located, settings.candidates));
+    let mut search = Search::new(photos, settings, features, &matched);
     let posed = search.run();
     let Some(best) = search.best() else {
-        return left_out(photos, &features, &matched, &posed, &[]);
+        return left_out(photos, features, &matched, &posed, &[]);
     };
     let rival = search.rival(best);
     let Grown { mut bundle, mut placed, .. } = search.found.swap_remove(best);
@@ -91,7 +101,7 @@ pub fn estimate(photos: &[Photo<'_>], settings: &EstimateSettings) -> Estimate {
     let tells = (0..photos.len()).filter(|i| placed[*i] && photos[*i].focal.is_some());
     let off = tells.map(|photo| bundle.lenses[bundle.lens_of[photo]].log_focal);
     let focal_factor = off.reduce(|a, b| if b.abs() > a.abs() { b } else { a }).map_or(1.0, f64::exp);
-    let reasons = left_out(photos, &features, &matched, &posed, &placed);
+    let reasons = left_out(photos, features, &matched, &posed, &placed);
     let mut estimate = Estimate { error, seen, rival, focal_guessed, focal_factor, ..reasons };
     for photo in (0..photos.len()).filter(|i| placed[*i]) {
         estimate.cameras[photo] = Ok(bundle.camera(photo));

@@ -3,6 +3,7 @@
 use crate::bundle::Bundle;
 use crate::evidence::{Evidence, Trust};
 use crate::features::Features;
+use crate::focal;
 use crate::grow::{Grown, beginnings};
 use crate::lenses::{PIXEL, USUAL};
 use crate::matching::Match;
@@ -11,17 +12,17 @@ use crate::passes::{Pass, neighbors};
 use crate::photo::{EstimateSettings, Photo};
 use crate::tracks::{Track, tracks};
 
-/// Focal lengths that are tried where nothing is known, over the longer side of the photo.
-const FOCAL: [f64; 6] = [0.55, 0.75, 0.95, 1.2, 1.5, 1.9];
+/// Focal lengths that are tried where nothing is known.
+const FOCAL_LENGTHS: usize = 2;
 /// Standard deviation of the principal point from the middle of a photo, over the longer side.
 const OFF_CENTER: f64 = 0.005;
-/// Pairs that the choice of a focal length is made by where there are many photos.
-const VOTERS: usize = 10;
 /// Photos of which many beginnings and every focal length can be tried.
 const FEW: usize = 8;
 /// Beginnings that are tried, and the most photos of which more than one is where the first reaches all.
 const BEGINNINGS: usize = 6;
 const SEVERAL: usize = 12;
+/// The part of what another scene explains that one explains from which on they confirm each other.
+const ALIKE: f64 = 0.9;
 /// The share of the matches of a pair that must agree where there are many photos. What leads one scene astray need not lead the
 /// other.
 const CERTAIN: [f64; 2] = [0.5, 0.65];
@@ -92,7 +93,8 @@ impl<'a> Search<'a> {
         for from in beginnings(&evidence).into_iter().map(|i| &certain[i]) {
             // Of many photos, the next beginning is in what the others did not reach.
             let reached = |grown: &Grown| from.photos.iter().all(|p| grown.placed[*p]);
-            if tried == BEGINNINGS || self.photos.len() > SEVERAL && self.found[first..].iter().any(reached) {
+            let grown = &self.found[first..];
+            if tried == BEGINNINGS || confirmed(grown) || self.photos.len() > SEVERAL && grown.iter().any(reached) {
                 continue;
             }
             tried += 1;
@@ -174,25 +176,31 @@ impl<'a> Search<'a> {
         others.map(|other| other.support / best.support).fold(0.0, f64::max)
     }
 
-    /// Focal lengths to begin with, over the longer side: what is known, every usual one, or the one that pairs like best.
+    /// Focal lengths to begin with, over the longer side: what is known, or those that pairs vote for.
     fn focal_lengths(&self, tau: f64) -> Vec<f64> {
         if self.photos.iter().any(|p| p.focal.is_some()) {
             return vec![USUAL];
         }
-        if self.photos.len() <= FEW {
-            return FOCAL.to_vec();
-        }
-        let mut voters = self.matched.to_vec();
-        voters.retain(|(pair, _)| !self.locates(pair));
-        voters.sort_by_key(|(_, matches)| std::cmp::Reverse(matches.len()));
-        voters.truncate(VOTERS);
-        let score = |factor: &f64| -> f64 {
-            let cameras = self.settings.bundle(self.photos, *factor).cameras;
-            pairs::posed(self.features, &cameras, &voters, tau).iter().map(|p: &Pair| p.score).sum()
-        };
-        let ranked = FOCAL.iter().map(|f| (score(f), *f));
-        ranked.max_by(|a, b| a.0.total_cmp(&b.0)).map(|best| best.1).into_iter().collect()
+        let mut between = self.matched.to_vec();
+        between.retain(|(pair, _)| !self.locates(pair));
+        let usual = self.settings.bundle(self.photos, USUAL).cameras;
+        let mut voted: Vec<f64> = focal::voted(self.features, &usual, &between, tau).into_iter().map(|f| f * USUAL).collect();
+        voted.truncate(FOCAL_LENGTHS);
+        if voted.is_empty() { vec![USUAL] } else { voted }
     }
+}
+
+/// Whether two scenes from different beginnings, and no better one, say the same.
+fn confirmed(found: &[Grown]) -> bool {
+    let Some(best) = (0..found.len()).reduce(|a, b| if found[b].value() > found[a].value() { b } else { a }) else {
+        return false;
+    };
+    let alike = |other: &Grown| {
+        other.value().0 == found[best].value().0
+            && other.support > ALIKE * found[best].support
+            && !found[best].differs(other)
+    };
+    (0..found.len()).any(|i| i != best && alike(&found[i]))
 }
 
 impl Grown {

@@ -46,7 +46,7 @@ pub struct TwoView {
 }
 
 /// The homogeneous normalized coordinates (x, y, 1) of a match in views i and j.
-type Rays = [DVec3; 2];
+pub(crate) type Rays = [DVec3; 2];
 
 /// Estimates the relative pose of two views by minimizing Sampson's distance
 /// r = x_j . E x_i / sqrt((E x_i)_1^2 + (E x_i)_2^2 + (E^T x_j)_1^2 + (E^T x_j)_2^2), E = \[t\]x R, robustly.
@@ -89,6 +89,11 @@ pub fn two_view(matches: &[[DVec2; 2]], tau: f64) -> Option<TwoView> {
     let rival = other.map(|other| descents(&[other], &rays, &[tau; 20], tau)[0]);
     let rival = rival.filter(|(rival, s)| *s > RIVAL * score && differ(&pose, rival)).map(|rival| rival.0);
     judge(pose, matches, tau).map(|view| TwoView { rival, ..view })
+}
+
+/// A pose followed to where it explains rays best that differ a little from those it was found by, and its support there.
+pub(crate) fn followed(pose: &Pose, rays: &[Rays], tau: f64) -> (Pose, f64) {
+    facing(&descend(*pose, rays, &[2.0 * tau, tau, tau]), rays, tau)
 }
 
 /// Whether two relative poses are different explanations.
@@ -171,7 +176,7 @@ pub(crate) fn judge(pose: Pose, matches: &[[DVec2; 2]], tau: f64) -> Option<TwoV
 }
 
 /// A match in homogeneous coordinates; `None` if it is NaN or at the horizon, where squares would overflow.
-fn homogeneous(x: &[DVec2; 2]) -> Option<Rays> {
+pub(crate) fn homogeneous(x: &[DVec2; 2]) -> Option<Rays> {
     x.iter().all(|x| x.length_squared() < 1e12).then(|| x.map(|x| x.extend(1.0)))
 }
 

@@ -1,6 +1,6 @@
 //! Essential matrices that many matches agree with, from five at a time.
 
-use super::{Rays, essential, sampson, support};
+use super::{Rays, sampson, support};
 use crate::minimal::five_points;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DMat3;
@@ -94,6 +94,7 @@ fn decomposed(matrix: &DMat3) -> Option<Pose> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::essential;
     use super::*;
     use weaver_geometry::glam::DVec3;
     use weaver_geometry::so3;
