@@ -1,0 +1,197 @@
+//! Which numbers are unknown, and how what was seen connects them.
+
+use super::linear::{Coupling, Sums};
+use super::{Bundle, Lens};
+use std::ops::Range;
+use weaver_geometry::glam::DVec3;
+
+/// What has no number.
+pub(super) const NONE: u32 = u32::MAX;
+/// Observations below which no further part of the points pays off, and most parts. Neither depends on the number of threads,
+/// so that sums never do.
+const OBSERVATIONS: usize = 4096;
+const PARTS: usize = 32;
+
+/// The unknowns, in blocks of six: a lens that is adjusted, or the twist of a camera that is. Lenses come first, so that what
+/// they share with cameras belongs to the rows of cameras and no row is much longer than the others.
+#[derive(Clone, Debug)]
+pub(super) struct Blocks {
+    /// The block of each camera, or [`NONE`].
+    pub of_camera: Vec<u32>,
+    /// The block of each lens, or [`NONE`].
+    pub of_lens: Vec<u32>,
+    /// The number of the sums of each camera that moves or whose lens is adjusted, or [`NONE`].
+    pub sums: Vec<u32>,
+    /// How many sums there are.
+    pub summed: usize,
+    /// How many blocks there are.
+    pub count: usize,
+}
+
+impl Blocks {
+    pub fn new(bundle: &Bundle) -> Self {
+        let mut seeing = vec![false; bundle.cameras.len()];
+        bundle.observations.iter().for_each(|o| seeing[o.camera] = true);
+        let mut used = vec![false; bundle.lenses.len()];
+        bundle.lens_of.iter().zip(&seeing).for_each(|(lens, seeing)| used[*lens] |= seeing);
+        let mut count = 0;
+        let mut number = |takes: bool| {
+            count += u32::from(takes);
+            if takes { count - 1 } else { NONE }
+        };
+        let adjusted = |(lens, used): (&Lens, &bool)| {
+            lens.free().contains(&true) && (*used || lens.priors().iter().any(|p| p.0 > 0.0))
+        };
+        let of_lens: Vec<u32> = bundle.lenses.iter().zip(&used).map(|lens| number(adjusted(lens))).collect();
+        let expected = |i: usize| bundle.expected.get(i).is_some_and(|(_, weights)| weights.iter().any(|w| *w > 0.0));
+        let moves = |i: usize| !bundle.fixed[i] && (seeing[i] || expected(i));
+        let of_camera: Vec<u32> = (0..seeing.len()).map(|i| number(moves(i))).collect();
+        let count = count as usize;
+        let mut summed = 0;
+        let sum = |i: usize| {
+            let takes = seeing[i] && (of_camera[i] != NONE || of_lens[bundle.lens_of[i]] != NONE);
+            summed += u32::from(takes);
+            if takes { summed - 1 } else { NONE }
+        };
+        let sums = (0..seeing.len()).map(sum).collect();
+        Self { of_camera, of_lens, sums, summed: summed as usize, count }
+    }
+}
+
+/// Where a camera saw a point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    pub pixel: [f64; 2],
+    /// One over the square of the deviation.
+    pub precision: f64,
+    pub camera: u32,
+    /// The entries of its point with the camera and with its lens, or [`NONE`].
+    pub camera_entry: u32,
+    pub lens_entry: u32,
+}
+
+/// Points that follow each other, with all that saw them and the part of the equations that is theirs.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Part {
+    /// Number of the first point.
+    pub first: usize,
+    pub seen: Vec<Seen>,
+    /// Where the observations of each point begin, and where the last end.
+    pub first_seen: Vec<u32>,
+    /// Where the entries of each point begin, and where the last end: one for every block that the point depends on, ascending.
+    pub first_entry: Vec<u32>,
+    /// The block of each entry.
+    pub block: Vec<u32>,
+    /// Where the list of each block begins, and where the last ends.
+    first_of_block: Vec<u32>,
+    /// The entries of each block, with their points.
+    of_block: Vec<[u32; 2]>,
+    pub points: Vec<DVec3>,
+    /// The points after the step that is tried.
+    pub tried: Vec<DVec3>,
+    /// Matrix of each point: xx, xy, xz, yy, yz, zz.
+    pub matrix: Vec<[f64; 6]>,
+    pub right: Vec<[f64; 3]>,
+    /// Inverse of the damped matrix; zero for a point that nothing holds.
+    pub inverse: Vec<[f64; 6]>,
+    /// What each entry has in common with its point.
+    pub coupling: Vec<Coupling>,
+    /// What its observations say of each camera and its lens.
+    pub sums: Vec<Sums>,
+    /// The cost of its observations, of the last pass, and the fall that was predicted.
+    pub cost: f64,
+    pub predicted: f64,
+}
+
+impl Part {
+    /// All parts of a bundle.
+    pub fn all(bundle: &Bundle, blocks: &Blocks) -> Vec<Self> {
+        let observations = &bundle.observations;
+        let last = observations.last().map_or(0, |o| o.point + 1);
+        assert!(last <= bundle.points.len(), "an observation of a point that is not there");
+        let count = (observations.len() / OBSERVATIONS).clamp(1, PARTS);
+        let start = |part: usize| match part {
+            0 => 0,
+            _ if part == count => bundle.points.len(),
+            _ => observations[part * observations.len() / count].point,
+        };
+        (0..count).map(|part| Self::new(bundle, blocks, start(part)..start(part + 1))).collect()
+    }
+
+    fn new(bundle: &Bundle, blocks: &Blocks, points: Range<usize>) -> Self {
+        let from = bundle.observations.partition_point(|o| o.point < points.start);
+        let to = bundle.observations.partition_point(|o| o.point < points.end);
+        let mut observations = &bundle.observations[from..to];
+        let mut part = Self { first: points.start, points: bundle.points[points.clone()].to_vec(), ..Self::default() };
+        part.seen.reserve_exact(observations.len());
+        let mut of_point: Vec<u32> = Vec::new();
+        for point in points.clone() {
+            part.first_seen.push(part.seen.len() as u32);
+            part.first_entry.push(part.block.len() as u32);
+            let (here, rest) = observations.split_at(observations.partition_point(|o| o.point == point));
+            observations = rest;
+            let block_of = |camera: usize| [blocks.of_camera[camera], blocks.of_lens[bundle.lens_of[camera]]];
+            of_point.clear();
+            if !bundle.fixed_points {
+                of_point.extend(here.iter().flat_map(|o| block_of(o.camera)).filter(|b| *b != NONE));
+                of_point.sort_unstable();
+                of_point.dedup();
+            }
+            let first = part.block.len();
+            let entry = |block: u32| of_point.binary_search(&block).map_or(NONE, |at| (first + at) as u32);
+            part.seen.extend(here.iter().map(|o| {
+                let [camera_entry, lens_entry] = block_of(o.camera).map(entry);
+                let (pixel, precision) = (o.pixel.to_array(), o.deviation.powi(-2));
+                Seen { pixel, precision, camera: o.camera as u32, camera_entry, lens_entry }
+            }));
+            part.block.extend_from_slice(&of_point);
+        }
+        part.first_seen.push(part.seen.len() as u32);
+        part.first_entry.push(part.block.len() as u32);
+        part.list(blocks.count);
+        let held = if bundle.fixed_points { 0 } else { points.len() };
+        part.tried = part.points[..held].to_vec();
+        part.matrix = vec![[0.0; 6]; held];
+        part.right = vec![[0.0; 3]; held];
+        part.inverse = vec![[0.0; 6]; held];
+        part.coupling = vec![Coupling::default(); part.block.len()];
+        part.sums = vec![Sums::default(); blocks.summed];
+        part
+    }
+
+    /// Lists the entries by block.
+    fn list(&mut self, blocks: usize) {
+        let mut next = vec![0; blocks + 1];
+        self.block.iter().for_each(|b| next[*b as usize + 1] += 1);
+        for b in 0..blocks {
+            next[b + 1] += next[b];
+        }
+        self.first_of_block = next.clone();
+        self.of_block = vec![[0; 2]; self.block.len()];
+        for point in 0..self.points.len() {
+            for entry in self.entries(point) {
+                let at = &mut next[self.block[entry] as usize];
+                self.of_block[*at as usize] = [entry as u32, point as u32];
+                *at += 1;
+            }
+        }
+    }
+
+    /// The observations of a point.
+    #[inline(always)]
+    pub fn sights(&self, point: usize) -> Range<usize> {
+        self.first_seen[point] as usize..self.first_seen[point + 1] as usize
+    }
+
+    /// The entries of a point.
+    #[inline(always)]
+    pub fn entries(&self, point: usize) -> Range<usize> {
+        self.first_entry[point] as usize..self.first_entry[point + 1] as usize
+    }
+
+    /// The entries of a block, each with its point.
+    #[inline(always)]
+    pub fn of_block(&self, block: usize) -> &[[u32; 2]] {
+        &self.of_block[self.first_of_block[block] as usize..self.first_of_block[block + 1] as usize]
+    }
+}
