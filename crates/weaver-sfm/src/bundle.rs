@@ -177,3 +177,8 @@ impl Bundle {
         camera
     }
 }
+
+// TEMPORARY
+#[derive(Clone, Debug)]
+pub struct Covariance { pub focal: Vec<f64>, pub k1: Vec<f64>, pub k2: Vec<f64>, pub rotation: Vec<f64>, pub center: Vec<f64> }
+impl Bundle { pub fn covariance(&self, _scale: f64) -> Option<Covariance> { None } }

@@ -19,6 +19,7 @@ mod features;
 mod focal;
 mod grow;
 mod lenses;
+mod locate;
 mod matching;
 mod minimal;
 mod pairs;
@@ -31,6 +32,7 @@ mod search;
 mod tracks;
 mod triangulation;
 mod two_view;
+mod uncertainty;
 
 pub use bundle::{Bundle, Lens, Observation, Solved};
 pub use confidence::Confidence;
@@ -39,10 +41,11 @@ pub use epipolar::Epipolar;
 pub use estimate::{Estimate, LeftOut, estimate, estimate_from};
 pub use features::{Features, Keypoint};
 pub use matching::{Match, matches, matches_along};
-pub use photo::{EstimateSettings, Photo};
+pub use photo::{EstimateSettings, Find, Photo};
 pub use refine::{RefineSettings, Refined, View, carried, refine};
 pub use tracks::{Track, tracks};
 pub use two_view::{TwoView, rotation_only, two_view};
+pub use uncertainty::Uncertainty;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

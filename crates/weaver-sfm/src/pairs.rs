@@ -2,6 +2,7 @@
 
 use crate::features::Features;
 use crate::matching::{Match, matches};
+use crate::tracks::{Track, tracks};
 use crate::two_view::{TwoView, judge, rotation_only, two_view};
 use weaver_geometry::glam::DVec2;
 use weaver_geometry::{Camera, Pose};
@@ -18,11 +19,14 @@ const CERTAIN: usize = 20;
 /// Fewer matches than this may be chance.
 const FEWEST: usize = 12;
 
-/// Photos that may show the same things: all pairs, or each photo with so many that look most alike. Those that are `located`
-/// take nothing from the others' choice.
-pub(crate) fn candidates(features: &[Features], located: &[bool], most: usize) -> Vec<[usize; 2]> {
+/// Photos that may show the same things: all pairs, or each photo with so many that look most alike. Where some are `present` only
+/// the others choose, each among these.
+pub(crate) fn candidates(features: &[Features], present: &[bool], most: usize) -> Vec<[usize; 2]> {
     let n = features.len();
+    let chooses = |photo: usize| !present[photo] || present.iter().all(|p| *p);
+    let other = |a: usize, b: usize| chooses(a) && (present[b] || !present.contains(&true));
     let all: Vec<[usize; 2]> = (0..n).flat_map(|b| (0..b).map(move |a| [a, b])).collect();
+    let all: Vec<[usize; 2]> = all.into_iter().filter(|[a, b]| other(*a, *b) || other(*b, *a)).collect();
     if n <= most + 1 {
         return all;
     }
@@ -32,13 +36,19 @@ pub(crate) fn candidates(features: &[Features], located: &[bool], most: usize) -
         alike[0] = matches(&coarse[all[i][0]], &coarse[all[i][1]]).len();
     });
     let mut chosen = vec![false; all.len()];
-    for photo in 0..n {
-        let counts = |pair: &[usize; 2]| pair.contains(&photo) && (located[photo] || !pair.iter().any(|p| located[*p]));
-        let mut of: Vec<usize> = (0..all.len()).filter(|i| counts(&all[*i])).collect();
+    for photo in (0..n).filter(|photo| chooses(*photo)) {
+        let mut of: Vec<usize> = (0..all.len()).filter(|i| all[*i].contains(&photo)).collect();
         of.sort_by_key(|i| std::cmp::Reverse(alike[*i]));
         of.into_iter().take(most).for_each(|i| chosen[i] = true);
     }
     all.into_iter().zip(chosen).filter_map(|(pair, chosen)| chosen.then_some(pair)).collect()
+}
+
+/// What pairs say to be the same.
+pub(crate) fn linked(features: &[Features], pairs: &[Pair]) -> Vec<Track> {
+    let links: Vec<([usize; 2], Vec<Match>)> = pairs.iter().map(|p| (p.photos, p.matches.clone())).collect();
+    let counts: Vec<usize> = features.iter().map(|f| f.keypoints.len()).collect();
+    tracks(&counts, &links)
 }
 
 /// What matches in each pair of photos, where enough does.
@@ -51,6 +61,24 @@ pub(crate) fn matched(features: &[Features], candidates: &[[usize; 2]]) -> Vec<(
     });
     found.retain(|(_, found)| found.len() >= FEWEST);
     found
+}
+
+/// What pairs of photos say.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Pairs {
+    /// What looks alike in them.
+    pub matched: Vec<([usize; 2], Vec<Match>)>,
+    /// How they stand to each other.
+    pub posed: Vec<Pair>,
+}
+
+impl Pairs {
+    /// The same, where the photos have these numbers, ascending.
+    pub fn renumbered(mut self, numbers: &[usize]) -> Self {
+        self.matched.iter_mut().for_each(|(photos, _)| *photos = photos.map(|p| numbers[p]));
+        self.posed.iter_mut().for_each(|pair| pair.photos = pair.photos.map(|p| numbers[p]));
+        self
+    }
 }
 
 /// Two photos with their relative pose.
