@@ -5,6 +5,7 @@ use half::{bf16, f16};
 use std::hint::black_box;
 use std::time::Duration;
 use weaver_kernels::attention::*;
+use weaver_kernels::byte_products::{TopTwo, chosen_products, top_products};
 use weaver_kernels::conv::{
     Conv2dShape, conv_transpose2d_dw, conv_transpose2d_dx, conv_transpose2d_forward, conv_transpose2d_scratch_len,
     conv2d_dw, conv2d_dw_scratch_len, conv2d_dx, conv2d_dx_scratch_len, conv2d_forward,
@@ -61,6 +62,26 @@ fn pointwise(c: &mut Criterion) {
     let stream = Stream::new(0, 0, "bench");
     group.bench_function("normal numbers", |b| {
         b.iter(|| y.iter_mut().enumerate().for_each(|(i, y)| *y = stream.normal(i as u64)));
+    });
+    group.finish();
+}
+
+/// The largest products of vectors of bytes; throughput in products of bytes.
+fn byte_products(c: &mut Criterion) {
+    let mut group = c.benchmark_group("byte products");
+    let (n, depth) = (3000, 128);
+    let bytes = |by: usize| -> Vec<u8> { (0..n * depth).map(|i| (i * by % 31) as u8).collect() };
+    let (a, b) = (bytes(7), bytes(11));
+    let (mut rows, mut columns) = (vec![TopTwo::default(); n], vec![0; n]);
+    group.throughput(Throughput::Elements((n * n * depth) as u64));
+    group.bench_function("3000x3000x128", |bench| {
+        bench.iter(|| top_products(depth, black_box(&a), &b, &mut rows, &mut columns));
+    });
+    let chosen: Vec<u32> = (0..200).map(|i| i * 13).collect();
+    let mut out = vec![0; chosen.len()];
+    group.throughput(Throughput::Elements((chosen.len() * depth) as u64));
+    group.bench_function("200 chosen of 3000", |bench| {
+        bench.iter(|| chosen_products(black_box(&a[..depth]), &b, &chosen, &mut out));
     });
     group.finish();
 }
@@ -295,6 +316,7 @@ fn main() {
         .measurement_time(Duration::from_millis(200))
         .configure_from_args();
     pointwise(&mut criterion);
+    byte_products(&mut criterion);
     products(&mut criterion);
     convolutions(&mut criterion);
     transposed(&mut criterion);

@@ -9,6 +9,7 @@
 //! one source is compiled for several instruction sets.
 
 pub mod attention;
+pub mod byte_products;
 pub mod conv;
 pub mod erf;
 pub mod exp;

@@ -1,8 +1,9 @@
 //! Keypoints and their descriptors.
 
-use crate::descriptor::{DESCRIPTOR, describe, orientations};
-use crate::scale_space::{Gray, Octave, SCALES, SIGMA, octaves};
-use weaver_geometry::glam::{DVec2, Mat3, Vec3};
+use crate::descriptor::{DESCRIPTOR, Place, describe, orientations};
+use crate::scale_space::{Gradients, IMAGES, Image, Octave, SCALES, SIGMA, octaves};
+use weaver_geometry::glam::{DVec2, Mat3, Vec2, Vec3};
+use weaver_kernels::lanes::{self, LANES, LaneKernel, LaneMask, Lanes};
 use weaver_kernels::parallel;
 
 /// Least contrast of a keypoint, of a photo from 0 to 1, over the scales of an octave.
@@ -13,8 +14,10 @@ const EDGE: f32 = 12.0;
 const BORDER: usize = 5;
 /// Moves of a keypoint to the neighboring pixel while it is refined.
 const MOVES: usize = 5;
-/// Keypoints of a task.
+/// Keypoints or rows of a task.
 const GRAIN: usize = 16;
+/// Pixels of a vector and its neighbors.
+const WINDOW: usize = LANES + 2;
 
 /// A place that is found again in other photos.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,19 +42,24 @@ pub(crate) fn gray(rgb: &[u8]) -> Vec<f32> {
 pub struct Features {
     /// `N` keypoints, the ones that stand out most first.
     pub keypoints: Vec<Keypoint>,
-    /// `[N, 128]`, each of length 1: square roots of normalized histograms.
-    pub descriptors: Vec<f32>,
+    /// `[N, 128]`: square roots of normalized histograms, in whole numbers up to 127. Lengths are 250 up to rounding, so that
+    /// the product of two has 16 bits.
+    pub descriptors: Vec<u8>,
 }
 
-/// An extremum, in pixels of its octave.
+/// An extremum of the differences of blurred images.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Extremum {
-    pub octave: usize,
-    pub x: f32,
-    pub y: f32,
-    /// Number of the image in its octave, between images too.
-    pub layer: f32,
-    pub contrast: f32,
+struct Extremum {
+    /// Where it is in its image.
+    place: Place,
+    /// The image whose blur is nearest to its scale, among those of all octaves.
+    image: usize,
+    /// Where it is in the photo, and its scale there.
+    pixel: DVec2,
+    scale: f64,
+    contrast: f32,
+    /// How many have more contrast.
+    rank: usize,
 }
 
 impl Features {
@@ -81,33 +89,39 @@ impl Features {
         if width.min(height) < 8 {
             return Self::default();
         }
-        let octaves = octaves(Gray { width, height, values: gray.to_vec() });
-        let mut extrema: Vec<Extremum> = (0..octaves.len()).flat_map(|o| extrema(&octaves[o], o)).collect();
-        let pixel = |e: &Extremum| octaves[e.octave].place(e.x, e.y);
-        if let Some(mask) = mask {
-            extrema.retain(|e| {
-                let at = pixel(e);
-                mask[(at.y as usize).min(height - 1) * width + (at.x as usize).min(width - 1)] != 0
+        let octaves = octaves(Image { width, height, values: gray });
+        let all = octaves.iter().enumerate().flat_map(|(number, octave)| extrema(octave, number * SCALES));
+        let mut extrema: Vec<Extremum> = match mask {
+            Some(mask) => all.filter(|e| mask[pixel(e.pixel.y, height) * width + pixel(e.pixel.x, width)] != 0).collect(),
+            None => all.collect(),
+        };
+        let mut order: Vec<usize> = (0..extrema.len()).collect();
+        order.sort_by(|a, b| extrema[*b].contrast.total_cmp(&extrema[*a].contrast));
+        order.iter().take(most).enumerate().for_each(|(rank, i)| extrema[*i].rank = rank);
+        extrema.retain(|e| e.rank < most);
+        extrema.sort_by_key(|e| e.image);
+        let mut found: Vec<Vec<(Keypoint, [u8; DESCRIPTOR])>> = vec![Vec::new(); extrema.len()];
+        // One image after the other, and each row by row: what is read lies close together.
+        let mut gradients = Gradients::default();
+        let mut rest = &mut found[..];
+        for extrema in extrema.chunk_by(|a, b| a.image == b.image) {
+            let image = extrema[0].image;
+            gradients.set(octaves[image / SCALES].image(1 + image % SCALES));
+            let found = rest.split_off_mut(..extrema.len()).expect("as many as extrema");
+            parallel::for_chunks(found, GRAIN, |chunk, found| {
+                for (found, e) in found.iter_mut().zip(&extrema[chunk * GRAIN..]) {
+                    for angle in orientations(&gradients, e.place) {
+                        let keypoint = Keypoint { pixel: e.pixel, scale: e.scale, angle, contrast: e.contrast };
+                        found.push((keypoint, describe(&gradients, e.place, angle)));
+                    }
+                }
             });
         }
-        extrema.sort_by(|a, b| b.contrast.total_cmp(&a.contrast));
-        extrema.truncate(most);
-        let mut found: Vec<Vec<(Keypoint, [f32; DESCRIPTOR])>> = vec![Vec::new(); extrema.len()];
-        parallel::for_chunks(&mut found, GRAIN, |chunk, found| {
-            for (found, e) in found.iter_mut().zip(&extrema[chunk * GRAIN..]) {
-                let octave = &octaves[e.octave];
-                let image = &octave.images[(e.layer.round() as usize).min(SCALES + 2)];
-                let sigma = SIGMA * (e.layer / SCALES as f32).exp2();
-                for angle in orientations(image, e.x, e.y, sigma) {
-                    let scale = f64::from(sigma) * octave.step;
-                    let keypoint = Keypoint { pixel: pixel(e), scale, angle, contrast: e.contrast };
-                    found.push((keypoint, describe(image, e.x, e.y, sigma, angle)));
-                }
-            }
-        });
+        let mut ranked = vec![0; extrema.len()];
+        extrema.iter().enumerate().for_each(|(i, e)| ranked[e.rank] = i);
         let mut features = Self::default();
-        for (keypoint, descriptor) in found.into_iter().flatten().take(most) {
-            features.keypoints.push(keypoint);
+        for (keypoint, descriptor) in ranked.into_iter().flat_map(|i| &found[i]).take(most) {
+            features.keypoints.push(*keypoint);
             features.descriptors.extend(descriptor);
         }
         features
@@ -129,67 +143,131 @@ impl Features {
     }
 }
 
-impl Octave {
-    /// A place in the octave, in pixels of the photo.
-    fn place(&self, x: f32, y: f32) -> DVec2 {
-        DVec2::new(f64::from(x), f64::from(y)) * self.step + self.origin
-    }
+/// The pixel at a coordinate.
+fn pixel(at: f64, size: usize) -> usize {
+    (at as usize).min(size - 1)
 }
 
-/// The extrema of an octave, row by row.
-fn extrema(octave: &Octave, number: usize) -> Vec<Extremum> {
-    let (width, height) = (octave.images[0].width, octave.images[0].height);
+/// The extrema of an octave, some rows after the others; `images` come before its own.
+fn extrema(octave: &Octave, images: usize) -> Vec<Extremum> {
+    let (width, height) = (octave.width, octave.height);
     if width.min(height) <= 2 * BORDER {
         return Vec::new();
     }
-    let mut rows: Vec<Vec<Extremum>> = vec![Vec::new(); SCALES * (height - 2 * BORDER)];
-    parallel::for_chunks(&mut rows, GRAIN, |chunk, rows| {
-        for (i, row) in rows.iter_mut().enumerate() {
-            let at = chunk * GRAIN + i;
-            let (layer, y) = (1 + at / (height - 2 * BORDER), BORDER + at % (height - 2 * BORDER));
-            let places = (BORDER..width - BORDER).filter(|x| is_extremum(octave, layer, *x, y));
-            row.extend(places.filter_map(|x| refined(octave, number, layer, x, y)));
+    let rows = height - 2 * BORDER;
+    let mut bands: Vec<Vec<Extremum>> = vec![Vec::new(); rows.div_ceil(GRAIN)];
+    parallel::for_chunks(&mut bands, 1, |band, found| {
+        let (first, count) = (BORDER + band * GRAIN, GRAIN.min(rows - band * GRAIN));
+        let differences = Differences::new(octave, first - 1, count + 2);
+        let mut places = Vec::new();
+        for layer in 1..=SCALES {
+            for y in first..first + count {
+                places.clear();
+                lanes::run(Row { differences: &differences, layer, y, found: &mut places });
+                found[0].extend(places.iter().filter_map(|x| refined(octave, images, layer, *x, y)));
+            }
         }
     });
-    rows.into_iter().flatten().collect()
+    bands.into_iter().flatten().collect()
 }
 
-fn is_extremum(octave: &Octave, layer: usize, x: usize, y: usize) -> bool {
-    let value = octave.differences[layer].at(x, y);
-    if value.abs() <= 0.5 * CONTRAST / SCALES as f32 {
-        return false;
+/// Some rows of the differences of an octave's images.
+struct Differences {
+    first: usize,
+    rows: usize,
+    width: usize,
+    /// Pixels from row to row: beyond the width lie zeros.
+    stride: usize,
+    values: Vec<f32>,
+}
+
+impl Differences {
+    fn new(octave: &Octave, first: usize, rows: usize) -> Self {
+        let (width, stride) = (octave.width, octave.width + WINDOW);
+        let mut values = vec![0.0; (IMAGES - 1) * rows * stride];
+        for (number, values) in values.chunks_exact_mut(rows * stride).enumerate() {
+            let (image, next) = (octave.image(number), octave.image(number + 1));
+            for (i, row) in values.chunks_exact_mut(stride).enumerate() {
+                let pair = next.row(first + i).iter().zip(image.row(first + i));
+                row.iter_mut().zip(pair).for_each(|(to, (b, a))| *to = b - a);
+            }
+        }
+        Self { first, rows, width, stride, values }
     }
-    // Neither of two equal neighbors is left out: the second is, by strictness on one side.
-    let beyond = |other: f32| if value > 0.0 { other > value } else { other < value };
-    for difference in &octave.differences[layer - 1..=layer + 1] {
-        for row in y - 1..=y + 1 {
-            let line = &difference.values[row * difference.width + x - 1..][..3];
-            if line.iter().any(|other| beyond(*other)) {
-                return false;
+
+    /// A row from pixel `x` on, beyond its end too.
+    #[inline(always)]
+    fn row(&self, number: usize, y: usize) -> &[f32] {
+        &self.values[(number * self.rows + y - self.first) * self.stride..][..self.stride]
+    }
+}
+
+/// The extrema of a row among the pixels around them in three images, with enough contrast to be refined.
+struct Row<'a> {
+    differences: &'a Differences,
+    layer: usize,
+    y: usize,
+    found: &'a mut Vec<usize>,
+}
+
+impl LaneKernel<f32> for Row<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<V: Lanes<Scalar = f32>>(self) {
+        let Self { differences, layer, y, found } = self;
+        let (end, least) = (differences.width - BORDER, V::splat(0.5 * CONTRAST / SCALES as f32));
+        let lines = [layer, layer - 1, layer + 1].map(
+            #[inline(always)]
+            |layer| [y, y - 1, y + 1].map(|y| differences.row(layer, y)),
+        );
+        for x in (BORDER..end).step_by(LANES) {
+            let value: V = neighbors(lines[0][0], x)[1];
+            let (mut high, mut low) = (value.gt(least), (-value).gt(least));
+            // Neither of two equal neighbors is left out.
+            for lines in &lines {
+                for line in lines {
+                    for other in neighbors(line, x) {
+                        (high, low) = (value.ge_among(other, high), other.ge_among(value, low));
+                    }
+                }
+                if high.or(low).bits() == 0 {
+                    break;
+                }
+            }
+            let mut bits = high.or(low).bits();
+            while bits != 0 {
+                let lane = bits.trailing_zeros() as usize;
+                if x + lane < end {
+                    found.push(x + lane);
+                }
+                bits &= bits - 1;
             }
         }
     }
-    true
+}
+
+/// The vectors of a row that begin one pixel before `x`, at it, and after it.
+#[inline(always)]
+fn neighbors<V: Lanes<Scalar = f32>>(row: &[f32], x: usize) -> [V; 3] {
+    let row: &[f32; WINDOW] = row[x - 1..x - 1 + WINDOW].first_chunk().expect("a window");
+    let vector = |at: usize| V::load(row[at..at + LANES].first_chunk().expect("a vector"));
+    [vector(0), vector(1), vector(2)]
 }
 
 /// The extremum near a pixel, between pixels and scales; `None` if it has little contrast, lies on an edge, or leads away.
-fn refined(octave: &Octave, number: usize, mut layer: usize, mut x: usize, mut y: usize) -> Option<Extremum> {
-    let (width, height) = (octave.images[0].width, octave.images[0].height);
+fn refined(octave: &Octave, images: usize, mut layer: usize, mut x: usize, mut y: usize) -> Option<Extremum> {
+    let (width, height) = (octave.width, octave.height);
     for _ in 0..MOVES {
-        let [below, here, above] = [-1, 0, 1].map(|i| &octave.differences[(layer as isize + i) as usize]);
-        let value = here.at(x, y);
-        let slope = 0.5
-            * Vec3::new(
-                here.at(x + 1, y) - here.at(x - 1, y),
-                here.at(x, y + 1) - here.at(x, y - 1),
-                above.at(x, y) - below.at(x, y),
-            );
-        let xx = here.at(x + 1, y) + here.at(x - 1, y) - 2.0 * value;
-        let yy = here.at(x, y + 1) + here.at(x, y - 1) - 2.0 * value;
-        let ss = above.at(x, y) + below.at(x, y) - 2.0 * value;
-        let xy = 0.25 * (here.at(x + 1, y + 1) + here.at(x - 1, y - 1) - here.at(x - 1, y + 1) - here.at(x + 1, y - 1));
-        let xs = 0.25 * (above.at(x + 1, y) + below.at(x - 1, y) - above.at(x - 1, y) - below.at(x + 1, y));
-        let ys = 0.25 * (above.at(x, y + 1) + below.at(x, y - 1) - above.at(x, y - 1) - below.at(x, y + 1));
+        let at = |by: isize, x: usize, y: usize| octave.difference(layer.wrapping_add_signed(by), x, y);
+        let value = at(0, x, y);
+        let slope =
+            0.5 * Vec3::new(at(0, x + 1, y) - at(0, x - 1, y), at(0, x, y + 1) - at(0, x, y - 1), at(1, x, y) - at(-1, x, y));
+        let xx = at(0, x + 1, y) + at(0, x - 1, y) - 2.0 * value;
+        let yy = at(0, x, y + 1) + at(0, x, y - 1) - 2.0 * value;
+        let ss = at(1, x, y) + at(-1, x, y) - 2.0 * value;
+        let xy = 0.25 * (at(0, x + 1, y + 1) + at(0, x - 1, y - 1) - at(0, x - 1, y + 1) - at(0, x + 1, y - 1));
+        let xs = 0.25 * (at(1, x + 1, y) + at(-1, x - 1, y) - at(1, x - 1, y) - at(-1, x + 1, y));
+        let ys = 0.25 * (at(1, x, y + 1) + at(-1, x, y - 1) - at(1, x, y - 1) - at(-1, x, y + 1));
         let curvature = Mat3::from_cols_array(&[xx, xy, xs, xy, yy, ys, xs, ys, ss]);
         let offset = -(curvature.inverse() * slope);
         if !offset.is_finite() {
@@ -202,8 +280,16 @@ fn refined(octave: &Octave, number: usize, mut layer: usize, mut x: usize, mut y
             if contrast < CONTRAST / SCALES as f32 || edge {
                 return None;
             }
-            let (x, y) = (x as f32 + offset.x, y as f32 + offset.y);
-            return Some(Extremum { octave: number, x, y, layer: layer as f32 + offset.z, contrast });
+            let at = Vec2::new(x as f32 + offset.x, y as f32 + offset.y);
+            let sigma = SIGMA * ((layer as f32 + offset.z) / SCALES as f32).exp2();
+            return Some(Extremum {
+                place: Place { at, sigma },
+                image: images + layer - 1,
+                pixel: at.as_dvec2() * octave.step + octave.origin,
+                scale: f64::from(sigma) * octave.step,
+                contrast,
+                rank: usize::MAX,
+            });
         }
         let moved = |at: usize, by: f32| at as f32 + by.clamp(-2.0, 2.0).round();
         let (to_x, to_y, to_layer) = (moved(x, offset.x), moved(y, offset.y), moved(layer, offset.z));

@@ -1,17 +1,18 @@
 //! Which keypoints of two photos are the same.
 
-use crate::descriptor::DESCRIPTOR;
+mod near;
+
+use crate::descriptor::{DESCRIPTOR, LENGTH};
 use crate::epipolar::Epipolar;
 use crate::features::Features;
-use weaver_kernels::gemm::{Mat, MatMut, gemm};
+use near::Near;
+use weaver_kernels::byte_products::{TopTwo, chosen_products, top_products};
 
 /// Largest distance to the best keypoint over that to the second best.
 const RATIO: f32 = 0.85;
 /// Similarity of keypoints that have nothing to do with each other: the second best is taken to be as similar at least, where
 /// few come into question.
 const STRANGERS: f32 = 0.3;
-/// Keypoints of the first photo that are compared at once: their similarities stay in the cache.
-const ROWS: usize = 128;
 
 /// Two keypoints that look alike.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,56 +28,60 @@ pub struct Match {
 /// The pairs of keypoints that are each other's best, and in the second photo clearly better than all others (distance
 /// below 0.85 of the second smallest); the clearest first.
 ///
+/// Products of descriptors are whole numbers, so that the matches are the same with every instruction set. Where two keypoints of
+/// the first photo have the same best one, as similar to both, the first of them is taken.
+///
 /// Source: Lowe, Distinctive image features from scale-invariant keypoints, 2004, section 7.1.
 pub fn matches(first: &Features, second: &Features) -> Vec<Match> {
-    found(first, second, None)
+    let (n, m) = (first.keypoints.len(), second.keypoints.len());
+    let (mut best, mut of_second) = (vec![TopTwo::default(); n], vec![0; m]);
+    top_products(DESCRIPTOR, &first.descriptors, &second.descriptors, &mut best, &mut of_second);
+    mutual(&best, of_second)
 }
 
 /// Matches as [`matches()`] finds them, among the keypoints near each other's epipolar lines alone: what cameras rule out is no rival.
 pub fn matches_along(first: &Features, second: &Features, epipolar: &Epipolar) -> Vec<Match> {
-    found(first, second, Some(epipolar))
+    let near = Near::new(second);
+    let mut best = vec![TopTwo::default(); first.keypoints.len()];
+    let mut of_second = vec![0; second.keypoints.len()];
+    let (mut candidates, mut products) = (Vec::new(), Vec::new());
+    let descriptors = first.descriptors.chunks_exact(DESCRIPTOR);
+    for ((keypoint, descriptor), best) in first.keypoints.iter().zip(descriptors).zip(&mut best) {
+        near.band(epipolar.line(keypoint.pixel), epipolar.farthest(), &mut candidates);
+        products.resize(candidates.len(), 0);
+        chosen_products(descriptor, &near.descriptors, &candidates, &mut products);
+        // The larger of two keys is that of the larger product, or of the first of equal ones.
+        let mut top = [0_u64; 2];
+        for (at, product) in candidates.iter().zip(&products) {
+            let number = near.numbers[*at as usize];
+            let key = u64::from(*product) << 32 | u64::from(u32::MAX - number);
+            top = [top[0].max(key), top[1].max(top[0].min(key))];
+            let most: &mut u32 = &mut of_second[number as usize];
+            *most = (*most).max(*product);
+        }
+        let column = if candidates.is_empty() { 0 } else { u32::MAX - top[0] as u32 };
+        *best = TopTwo { column, first: (top[0] >> 32) as u32, second: (top[1] >> 32) as u32 };
+    }
+    mutual(&best, of_second)
 }
 
-fn found(first: &Features, second: &Features, epipolar: Option<&Epipolar>) -> Vec<Match> {
-    let (n, m) = (first.keypoints.len(), second.keypoints.len());
-    if n == 0 || m == 0 {
-        return Vec::new();
-    }
-    let places: Vec<[f32; 2]> = second.keypoints.iter().map(|k| k.pixel.as_vec2().to_array()).collect();
-    let others = Mat::new(&second.descriptors, m, DESCRIPTOR).transposed();
-    let mut similar = vec![0.0; ROWS.min(n) * m];
-    let mut best = Vec::with_capacity(n);
-    let mut of_second = vec![f32::NEG_INFINITY; m];
-    for (keypoints, descriptors) in first.keypoints.chunks(ROWS).zip(first.descriptors.chunks(ROWS * DESCRIPTOR)) {
-        let rows = keypoints.len();
-        let similar = &mut similar[..rows * m];
-        gemm(1.0, Mat::new(descriptors, rows, DESCRIPTOR), others, 0.0, MatMut::new(similar, rows, m));
-        for (keypoint, row) in keypoints.iter().zip(similar.chunks_exact_mut(m)) {
-            if let Some(epipolar) = epipolar {
-                let (line, farthest) = (epipolar.line(keypoint.pixel).as_vec3(), epipolar.farthest() as f32);
-                for (s, [u, v]) in row.iter_mut().zip(&places) {
-                    let far = (line.x * u + line.y * v + line.z).abs() > farthest;
-                    *s = if far { f32::NEG_INFINITY } else { *s };
-                }
-            }
-            let mut top = (0, f32::NEG_INFINITY, STRANGERS);
-            for (j, s) in row.iter().enumerate() {
-                if *s > top.1 {
-                    top = (j, *s, top.1);
-                } else if *s > top.2 {
-                    top.2 = *s;
-                }
-            }
-            best.push(top);
-            of_second.iter_mut().zip(row).for_each(|(best, s)| *best = best.max(*s));
+/// The clear ones among the best of the first photo, which are best for the second photo's keypoints, too.
+fn mutual(best: &[TopTwo], mut of_second: Vec<u32>) -> Vec<Match> {
+    let distance = |similarity: f32| (2.0 - 2.0 * similarity).max(1e-12).sqrt();
+    let similarity = |product: u32| product as f32 / (LENGTH * LENGTH);
+    let mut matches = Vec::new();
+    for (first, top) in best.iter().enumerate() {
+        let Some(most) = of_second.get_mut(top.column as usize) else { continue };
+        // Nothing in common with anything is no match.
+        if top.first == 0 || *most != top.first {
+            continue;
+        }
+        *most = u32::MAX;
+        let ratio = distance(similarity(top.first)) / distance(similarity(top.second).max(STRANGERS));
+        if ratio < RATIO {
+            matches.push(Match { first, second: top.column as usize, ratio });
         }
     }
-    let distance = |similarity: f32| (2.0 - 2.0 * similarity).max(1e-12).sqrt();
-    let mut matches: Vec<Match> = (best.iter().enumerate())
-        .filter(|(_, (j, s, _))| *s > f32::NEG_INFINITY && of_second[*j] == *s)
-        .map(|(first, (second, s, next))| Match { first, second: *second, ratio: distance(*s) / distance(*next) })
-        .filter(|m| m.ratio < RATIO)
-        .collect();
     matches.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
     matches
 }

@@ -2,6 +2,7 @@
 
 mod allocation;
 mod attention;
+mod byte_products;
 mod conv;
 mod every_kernel;
 mod gemm;

@@ -1,0 +1,228 @@
+//! A few rows times a panel, for each instruction set.
+
+use super::{Largest, PANEL, STEP};
+use crate::simd::Level;
+
+/// The kernel that is used.
+#[derive(Clone, Copy, Debug)]
+pub enum Tile {
+    Portable,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    /// AVX-512 with sums of four products of bytes.
+    #[cfg(target_arch = "x86_64")]
+    Vnni,
+}
+
+impl Tile {
+    /// The best for a level, which the processor must support.
+    pub fn new(level: Level) -> Self {
+        #[cfg(target_arch = "x86_64")]
+        match level {
+            Level::Avx512 if is_x86_feature_detected!("avx512vnni") => return Self::Vnni,
+            Level::Avx512 | Level::Avx2 => return Self::Avx2,
+            Level::Portable => {}
+        }
+        let _ = level;
+        Self::Portable
+    }
+
+    /// Rows of a tile; they divide those of a block.
+    pub fn rows(self) -> usize {
+        match self {
+            Self::Portable => 4,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => x86::AVX2_ROWS,
+            #[cfg(target_arch = "x86_64")]
+            Self::Vnni => x86::VNNI_ROWS,
+        }
+    }
+
+    /// Takes the products of rows `a` with the columns of a panel into account; `number` is what the first column counts down from.
+    #[allow(unsafe_code)]
+    #[inline]
+    pub fn run(self, a: &[u8], panel: &[u8], number: u32, largest: &mut [Largest], maxima: &mut [u32; PANEL]) {
+        match self {
+            Self::Portable => portable(a, panel, number, largest, maxima),
+            // SAFETY: the tile was made for a level that the processor supports.
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => unsafe { x86::avx2(a, panel, number, largest, maxima) },
+            // SAFETY: the processor was asked for the instruction.
+            #[cfg(target_arch = "x86_64")]
+            Self::Vnni => unsafe { x86::vnni(a, panel, number, largest, maxima) },
+        }
+    }
+}
+
+fn portable(a: &[u8], panel: &[u8], number: u32, largest: &mut [Largest], maxima: &mut [u32; PANEL]) {
+    let depth = panel.len() / PANEL;
+    for (a, [first, second]) in a.chunks_exact(depth).zip(largest) {
+        let mut sums = [0_u32; PANEL];
+        for (a, b) in a.as_chunks::<4>().0.iter().zip(panel.as_chunks::<{ 4 * PANEL }>().0) {
+            for (sum, b) in sums.iter_mut().zip(b.as_chunks::<4>().0) {
+                for (a, b) in a.iter().zip(b) {
+                    *sum += u32::from(u16::from(*a) * u16::from(*b));
+                }
+            }
+        }
+        for i in 0..PANEL {
+            let key = sums[i] << 16 | (number - i as u32);
+            maxima[i] = maxima[i].max(key);
+            second[i] = second[i].max(first[i].min(key));
+            first[i] = first[i].max(key);
+        }
+    }
+}
+
+/// The products of a vector with chosen ones, which exist. `level` must be supported.
+#[allow(unsafe_code)]
+pub fn chosen(level: Level, query: &[u8], b: &[u8], chosen: &[u32], out: &mut [u32]) {
+    let depth = query.len();
+    let (mut ones, mut sums) = (chosen, out);
+    #[cfg(target_arch = "x86_64")]
+    if level >= Level::Avx2 {
+        let ((fours, rest), (totals, others)) = (chosen.as_chunks::<4>(), sums.as_chunks_mut::<4>());
+        for (four, total) in fours.iter().zip(totals) {
+            let vectors = four.map(|i| &b[i as usize * depth..][..depth]);
+            // SAFETY: the level is supported.
+            *total = unsafe { x86::four(query, vectors) };
+        }
+        (ones, sums) = (rest, others);
+    }
+    let _ = level;
+    for (i, sum) in ones.iter().zip(sums) {
+        let vector = &b[*i as usize * depth..][..depth];
+        let mut lanes = [0_u32; STEP];
+        for (a, b) in query.as_chunks::<STEP>().0.iter().zip(vector.as_chunks::<STEP>().0) {
+            for (lane, (a, b)) in lanes.iter_mut().zip(a.iter().zip(b)) {
+                *lane += u32::from(*a) * u32::from(*b);
+            }
+        }
+        *sum = lanes.iter().sum();
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[allow(unsafe_code)]
+mod x86 {
+    use super::{Largest, PANEL, STEP};
+    use std::arch::x86_64::*;
+
+    pub const AVX2_ROWS: usize = 4;
+    pub const VNNI_ROWS: usize = 8;
+
+    /// Eight products of 32 bits, halves of which are in two 16-bit lanes each, in the upper halves of lanes; 0 below.
+    #[target_feature(enable = "avx2")]
+    fn joined(halves: __m256i) -> __m256i {
+        let upper = _mm256_and_si256(halves, _mm256_set1_epi32(-65536));
+        _mm256_add_epi32(_mm256_slli_epi32::<16>(halves), upper)
+    }
+
+    /// Numbers counting down from that of the first lane.
+    #[target_feature(enable = "avx2")]
+    fn numbers(first: u32) -> __m256i {
+        _mm256_sub_epi32(_mm256_set1_epi32(first as i32), _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7))
+    }
+
+    #[target_feature(enable = "avx2")]
+    pub fn avx2(a: &[u8], panel: &[u8], number: u32, largest: &mut [Largest], maxima: &mut [u32; PANEL]) {
+        let depth = panel.len() / PANEL;
+        assert!(a.len() == AVX2_ROWS * depth && largest.len() == AVX2_ROWS && depth.is_multiple_of(4));
+        let mut sums = [[_mm256_setzero_si256(); 2]; AVX2_ROWS];
+        for k in 0..depth / 4 {
+            // SAFETY: the panel has 64 bytes for every four of the depth, and each row of A has four.
+            unsafe {
+                let b = panel.as_ptr().add(64 * k).cast::<__m256i>();
+                let b = [_mm256_loadu_si256(b), _mm256_loadu_si256(b.add(1))];
+                for r in 0..AVX2_ROWS {
+                    let four = a.as_ptr().add(r * depth + 4 * k).cast::<i32>().read_unaligned();
+                    let four = _mm256_set1_epi32(four);
+                    for h in 0..2 {
+                        sums[r][h] = _mm256_add_epi16(sums[r][h], _mm256_maddubs_epi16(b[h], four));
+                    }
+                }
+            }
+        }
+        for h in 0..2 {
+            let numbers = numbers(number - 8 * h as u32);
+            // SAFETY: half h of sixteen numbers begins at 8 h.
+            unsafe {
+                let most = maxima.as_mut_ptr().add(8 * h).cast::<__m256i>();
+                let mut column = _mm256_loadu_si256(most);
+                for r in 0..AVX2_ROWS {
+                    let key = _mm256_or_si256(joined(sums[r][h]), numbers);
+                    let [first, second] = &mut largest[r];
+                    let first = first.as_mut_ptr().add(8 * h).cast::<__m256i>();
+                    let second = second.as_mut_ptr().add(8 * h).cast::<__m256i>();
+                    let before = _mm256_loadu_si256(first);
+                    let lesser = _mm256_min_epu32(before, key);
+                    _mm256_storeu_si256(second, _mm256_max_epu32(_mm256_loadu_si256(second), lesser));
+                    _mm256_storeu_si256(first, _mm256_max_epu32(before, key));
+                    column = _mm256_max_epu32(column, key);
+                }
+                _mm256_storeu_si256(most, column);
+            }
+        }
+    }
+
+    #[target_feature(enable = "avx512f,avx512bw,avx512vnni")]
+    pub fn vnni(a: &[u8], panel: &[u8], number: u32, largest: &mut [Largest], maxima: &mut [u32; PANEL]) {
+        let depth = panel.len() / PANEL;
+        assert!(a.len() == VNNI_ROWS * depth && largest.len() == VNNI_ROWS && depth.is_multiple_of(4));
+        let mut sums = [_mm512_setzero_si512(); VNNI_ROWS];
+        for k in 0..depth / 4 {
+            // SAFETY: the panel has 64 bytes for every four of the depth, and each row of A has four.
+            unsafe {
+                let b = _mm512_loadu_si512(panel.as_ptr().add(64 * k).cast());
+                for r in 0..VNNI_ROWS {
+                    let four = a.as_ptr().add(r * depth + 4 * k).cast::<i32>().read_unaligned();
+                    sums[r] = _mm512_dpbusd_epi32(sums[r], b, _mm512_set1_epi32(four));
+                }
+            }
+        }
+        let lanes = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+        let numbers = _mm512_sub_epi32(_mm512_set1_epi32(number as i32), lanes);
+        // SAFETY: all arrays have sixteen numbers.
+        unsafe {
+            let mut column = _mm512_loadu_si512(maxima.as_ptr().cast());
+            for r in 0..VNNI_ROWS {
+                let key = _mm512_or_si512(_mm512_slli_epi32::<16>(sums[r]), numbers);
+                let [first, second] = &mut largest[r];
+                let before = _mm512_loadu_si512(first.as_ptr().cast());
+                let lesser = _mm512_min_epu32(before, key);
+                let lesser = _mm512_max_epu32(_mm512_loadu_si512(second.as_ptr().cast()), lesser);
+                _mm512_storeu_si512(second.as_mut_ptr().cast(), lesser);
+                _mm512_storeu_si512(first.as_mut_ptr().cast(), _mm512_max_epu32(before, key));
+                column = _mm512_max_epu32(column, key);
+            }
+            _mm512_storeu_si512(maxima.as_mut_ptr().cast(), column);
+        }
+    }
+
+    /// The products of a vector with four others.
+    #[target_feature(enable = "avx2")]
+    pub fn four(query: &[u8], vectors: [&[u8]; 4]) -> [u32; 4] {
+        assert!(vectors.iter().all(|v| v.len() == query.len()));
+        let mut sums = [_mm256_setzero_si256(); 4];
+        for k in 0..query.len() / STEP {
+            // SAFETY: all vectors have 32 bytes at 32 k.
+            unsafe {
+                let q = _mm256_loadu_si256(query.as_ptr().add(STEP * k).cast());
+                for (sum, vector) in sums.iter_mut().zip(vectors) {
+                    let v = _mm256_loadu_si256(vector.as_ptr().add(STEP * k).cast());
+                    *sum = _mm256_add_epi16(*sum, _mm256_maddubs_epi16(q, v));
+                }
+            }
+        }
+        let [a, b, c, d] = sums.map(|s| {
+            let low = _mm256_and_si256(s, _mm256_set1_epi32(0xffff));
+            _mm256_add_epi32(low, _mm256_srli_epi32::<16>(s))
+        });
+        let sums = _mm256_hadd_epi32(_mm256_hadd_epi32(a, b), _mm256_hadd_epi32(c, d));
+        let sums = _mm_add_epi32(_mm256_castsi256_si128(sums), _mm256_extracti128_si256::<1>(sums));
+        let mut out = [0_u32; 4];
+        // SAFETY: four numbers.
+        unsafe { _mm_storeu_si128(out.as_mut_ptr().cast(), sums) };
+        out
+    }
+}
