@@ -6,6 +6,7 @@ use crate::grow::Grown;
 use crate::matching::Match;
 use crate::pairs::{self, Pair};
 use crate::photo::{EstimateSettings, Photo};
+use crate::retrieval::candidates;
 use crate::search::Search;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose, Similarity};
@@ -71,8 +72,8 @@ pub struct Estimate {
 pub fn estimate(photos: &[Photo<'_>], settings: &EstimateSettings) -> Estimate {
     let features: Vec<Features> =
         photos.iter().map(|p| Features::new(&p.gray, p.size, p.mask, settings.keypoints)).collect();
-    let located: Vec<bool> = photos.iter().map(|p| p.located).collect();
-    let matched = pairs::matched(&features, &pairs::candidates(&features, &located, settings.candidates));
+    let present: Vec<bool> = photos.iter().map(|p| !p.located).collect();
+    let matched = pairs::matched(&features, &candidates(&features, &present, settings.candidates, false));
     let mut search = Search::new(photos, settings, &features, &matched);
     let posed = search.run();
     let Some(best) = search.best() else {
