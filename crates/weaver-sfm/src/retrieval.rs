@@ -53,9 +53,9 @@ pub fn candidates(features: &[Features], present: &[bool], most: usize, sequence
     let order = Order { inside: &inside, sequence };
     let mut pairs = BTreeSet::new();
     let mut wanted = vec![most; n];
-    for photo in 0..n {
+    for (photo, wanted) in wanted.iter_mut().enumerate() {
         let near: Vec<usize> = order.near(photo).take(most).collect();
-        wanted[photo] -= near.len();
+        *wanted -= near.len();
         pairs.extend(near.into_iter().map(|other| pair(photo, other)));
     }
     for (photo, alike) in alike(features, &order, &wanted).into_iter().enumerate() {
