@@ -2,6 +2,7 @@
 //!
 //! - [`Features`]: keypoints of a photo and what they look like. [`matches()`]: which of two photos are the same. [`tracks`]:
 //!   which of many.
+//! - [`candidates`]: which photos may show the same things, of up to thousands; [`expansion`]: which others then may.
 //! - [`two_view`]: how two cameras stand to each other, from matches.
 //! - [`Bundle`]: cameras, lenses and points adjusted to all that was seen.
 //! - [`estimate()`]: all of it for photos of which nothing else is known.
@@ -27,6 +28,7 @@ mod passes;
 mod photo;
 mod place;
 mod refine;
+mod retrieval;
 mod scale_space;
 mod search;
 mod tracks;
@@ -43,6 +45,7 @@ pub use features::{Features, Keypoint};
 pub use matching::{Match, matches, matches_along};
 pub use photo::{EstimateSettings, Find, Photo};
 pub use refine::{RefineSettings, Refined, View, carried, refine};
+pub use retrieval::{candidates, expansion};
 pub use tracks::{Track, tracks};
 pub use two_view::{TwoView, rotation_only, two_view};
 pub use uncertainty::Uncertainty;

@@ -8,6 +8,7 @@ use crate::lenses::{Taken, tau};
 use crate::pairs::{self, Pairs, linked};
 use crate::passes::{Pass, near};
 use crate::photo::EstimateSettings;
+use crate::retrieval::candidates;
 
 /// How far off a photo may be that pairs put in its place, in deviations of keypoints.
 const ASTRAY: f64 = 32.0;
@@ -28,7 +29,8 @@ pub(crate) fn locate(
         return (bundle, placed, pairs);
     }
     let absent: Vec<bool> = (0..taken.len()).map(|i| numbers.binary_search(&i).is_ok()).collect();
-    let with_located = pairs::candidates(features, &absent, settings.candidates);
+    let mut with_located = candidates(features, &absent, settings.candidates, settings.sequence);
+    with_located.retain(|pair| pair.iter().any(|photo| !absent[*photo]));
     let cameras: Vec<_> = (0..taken.len()).map(|i| bundle.camera(i)).collect();
     let matched = pairs::matched(features, &with_located);
     pairs.posed.extend(pairs::posed(features, &cameras, &matched, tau(taken)));

@@ -8,8 +8,6 @@ use weaver_geometry::glam::DVec2;
 use weaver_geometry::{Camera, Pose};
 use weaver_kernels::parallel;
 
-/// Keypoints of a photo, the largest, by which photos are compared roughly.
-const COARSE: usize = 300;
 /// Matches, the clearest, from which a pose is found; it is judged by all.
 const CLEAREST: usize = 200;
 /// The share of matches from which on a mere turn explains a pair.
@@ -18,31 +16,6 @@ const TURNED: f64 = 0.95;
 const CERTAIN: usize = 20;
 /// Fewer matches than this may be chance.
 const FEWEST: usize = 12;
-
-/// Photos that may show the same things: all pairs, or each photo with so many that look most alike. Where some are `present` only
-/// the others choose, each among these.
-pub(crate) fn candidates(features: &[Features], present: &[bool], most: usize) -> Vec<[usize; 2]> {
-    let n = features.len();
-    let chooses = |photo: usize| !present[photo] || present.iter().all(|p| *p);
-    let other = |a: usize, b: usize| chooses(a) && (present[b] || !present.contains(&true));
-    let all: Vec<[usize; 2]> = (0..n).flat_map(|b| (0..b).map(move |a| [a, b])).collect();
-    let all: Vec<[usize; 2]> = all.into_iter().filter(|[a, b]| other(*a, *b) || other(*b, *a)).collect();
-    if n <= most + 1 {
-        return all;
-    }
-    let coarse: Vec<Features> = features.iter().map(|f| f.largest(COARSE)).collect();
-    let mut alike = vec![0; all.len()];
-    parallel::for_chunks(&mut alike, 1, |i, alike| {
-        alike[0] = matches(&coarse[all[i][0]], &coarse[all[i][1]]).len();
-    });
-    let mut chosen = vec![false; all.len()];
-    for photo in (0..n).filter(|photo| chooses(*photo)) {
-        let mut of: Vec<usize> = (0..all.len()).filter(|i| all[*i].contains(&photo)).collect();
-        of.sort_by_key(|i| std::cmp::Reverse(alike[*i]));
-        of.into_iter().take(most).for_each(|i| chosen[i] = true);
-    }
-    all.into_iter().zip(chosen).filter_map(|(pair, chosen)| chosen.then_some(pair)).collect()
-}
 
 /// What pairs say to be the same.
 pub(crate) fn linked(features: &[Features], pairs: &[Pair]) -> Vec<Track> {

@@ -50,6 +50,8 @@ pub struct EstimateSettings {
     pub keypoints: usize,
     /// Photos that each is compared with, at most: those that look most alike.
     pub candidates: usize,
+    /// Whether photos were taken one after the other: each is then compared with its neighbors too.
+    pub sequence: bool,
     /// How wrong known focal lengths may be, as a part of them; 0 keeps them.
     pub focal_deviation: f64,
     /// Which radial distortion is found.
@@ -58,6 +60,6 @@ pub struct EstimateSettings {
 
 impl Default for EstimateSettings {
     fn default() -> Self {
-        Self { keypoints: 3000, candidates: 20, focal_deviation: 0.05, distortion: Find::Told }
+        Self { keypoints: 3000, candidates: 20, sequence: false, focal_deviation: 0.05, distortion: Find::Told }
     }
 }

@@ -9,6 +9,7 @@ use crate::lenses::{Taken, USUAL, tau};
 use crate::pairs::{self, Pair, Pairs, linked};
 use crate::passes::{Pass, near};
 use crate::photo::EstimateSettings;
+use crate::retrieval::candidates;
 
 /// Points that a photo with a camera must see at least.
 const LEAST_SEEN: usize = 25;
@@ -49,7 +50,7 @@ pub(crate) struct Search<'a> {
 
 impl<'a> Search<'a> {
     pub fn new(taken: &'a [Taken], features: &'a [Features], settings: &'a EstimateSettings) -> Self {
-        let candidates = pairs::candidates(features, &vec![true; taken.len()], settings.candidates);
+        let candidates = candidates(features, &vec![true; taken.len()], settings.candidates, settings.sequence);
         let matched = pairs::matched(features, &candidates);
         Self { taken, features, settings, pairs: Pairs { matched, posed: Vec::new() }, found: Vec::new() }
     }
