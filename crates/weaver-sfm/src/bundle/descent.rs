@@ -194,18 +194,14 @@ impl<'a> Descent<'a> {
         let sights = Sights { views: &tried.views, scale: self.scale };
         parallel::for_chunks(&mut self.parts, 1, |_, parts| {
             for part in parts {
-                part.predicted = 0.0;
-                let run = |part: &mut Part| {
-                    if simd::level() == Level::Portable {
-                        sights.attempt::<false>(part, step, damping, fixed_points);
-                    } else {
-                        simd::dispatch(
-                            #[inline(always)]
-                            || sights.attempt::<true>(part, step, damping, fixed_points),
-                        );
-                    }
-                };
-                run(part);
+                if simd::level() == Level::Portable {
+                    sights.attempt::<false>(part, step, damping, fixed_points);
+                } else {
+                    simd::dispatch(
+                        #[inline(always)]
+                        || sights.attempt::<true>(part, step, damping, fixed_points),
+                    );
+                }
             }
         });
         let expected = expectations(bundle, blocks, &tried.poses, &tried.lenses);
@@ -229,21 +225,18 @@ impl<'a> Descent<'a> {
 }
 
 impl Sights<'_> {
-    /// Moves the points of a part by what goes with a step of cameras and lenses; the cost then.
+    /// Moves the points of a part by what goes with a step of cameras and lenses; tells the cost then.
     #[inline(always)]
     fn attempt<const FUSED: bool>(&self, part: &mut Part, step: &[Row], damping: f64, fixed_points: bool) {
-        self.cost::<FUSED>(
-            part,
-            #[inline(always)]
-            |part, point| {
-                if fixed_points {
-                    return part.points[point];
-                }
-                let by = part.movement(point, step, damping);
-                part.tried[point] = part.points[point] + by;
-                part.tried[point]
-            },
-        );
+        part.predicted = 0.0;
+        if fixed_points {
+            part.cost = self.cost::<FUSED>(&part.points, &part.seen);
+            return;
+        }
+        for point in 0..part.points.len() {
+            part.tried[point] = part.points[point] + part.movement(point, step, damping);
+        }
+        part.cost = self.cost::<FUSED>(&part.tried, &part.seen);
     }
 }
 

@@ -157,12 +157,12 @@ impl Group {
                     let by_point = &part.right[point];
                     for b in 0..PADDED {
                         for k in 0..3 {
-                            right[b] = fma::<FUSED>(-solved[k][b], by_point[k], right[b]);
+                            right[b] = fma::<FUSED>(solved[k][b], by_point[k], right[b]);
                         }
                     }
                     for other in part.first_entry[point] as usize..=entry {
                         let place = self.place[part.block[other] as usize] as usize;
-                        subtract::<FUSED>(&mut self.values[place], &solved, &part.coupling[other]);
+                        add::<FUSED>(&mut self.values[place], &solved, &part.coupling[other]);
                     }
                 }
             }
@@ -171,11 +171,11 @@ impl Group {
     }
 }
 
-/// A coupling times the inverse matrix of its point.
+/// Minus a coupling times the inverse matrix of its point.
 #[inline(always)]
 fn solved<const FUSED: bool>(coupling: &Coupling, inverse: &[f64; 6]) -> [[f64; PADDED]; 3] {
     let [xx, xy, xz, yy, yz, zz] = *inverse;
-    let columns = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+    let columns = [[-xx, -xy, -xz], [-xy, -yy, -yz], [-xz, -yz, -zz]];
     let mut solved = [[0.0; PADDED]; 3];
     for k in 0..3 {
         for b in 0..PADDED {
@@ -186,12 +186,12 @@ fn solved<const FUSED: bool>(coupling: &Coupling, inverse: &[f64; 6]) -> [[f64; 
     solved
 }
 
-/// Subtracts the product of a solved coupling and another one.
+/// Adds the product of a solved coupling and another one.
 #[inline(always)]
-fn subtract<const FUSED: bool>(block: &mut Block, solved: &[[f64; PADDED]; 3], other: &Coupling) {
+fn add<const FUSED: bool>(block: &mut Block, solved: &[[f64; PADDED]; 3], other: &Coupling) {
     for a in 0..BLOCK {
         let row = &mut block.0[a];
-        let x = [-solved[0][a], -solved[1][a], -solved[2][a]];
+        let x = [solved[0][a], solved[1][a], solved[2][a]];
         for b in 0..PADDED {
             let sum = fma::<FUSED>(x[0], other.0[0][b], row[b]);
             row[b] = fma::<FUSED>(x[2], other.0[2][b], fma::<FUSED>(x[1], other.0[1][b], sum));

@@ -3,7 +3,7 @@
 use super::linear::{BLOCK, PADDED};
 use super::reduced::Reduced;
 use super::system::{Block, Row};
-use weaver_kernels::parallel;
+use weaver_kernels::{parallel, simd};
 
 /// Rows of a task.
 const ROWS: usize = 32;
@@ -108,7 +108,8 @@ impl Sparse {
     fn precondition(&mut self) {
         for ((solved, residual), inverse) in self.solved.iter_mut().zip(&self.residual).zip(&self.inverse) {
             *solved = [0.0; PADDED];
-            times(solved, inverse, residual);
+            // The inverse is symmetric.
+            times_transposed(solved, inverse, residual);
         }
     }
 
@@ -116,26 +117,43 @@ impl Sparse {
     fn multiply(&mut self, reduced: &Reduced) {
         let Self { first, below, direction, product, .. } = self;
         parallel::for_chunks(product, ROWS, |chunk, product| {
-            for (row, product) in (chunk * ROWS..).zip(product) {
-                *product = [0.0; PADDED];
-                let (columns, blocks) = reduced.row(row);
-                for (column, block) in columns.iter().zip(blocks) {
-                    times(product, block, &direction[*column as usize]);
-                }
-                for &[other, place] in &below[first[row] as usize..first[row + 1] as usize] {
-                    let block = &reduced.row(other as usize).1[place as usize];
-                    times_transposed(product, block, &direction[other as usize]);
-                }
-            }
+            simd::dispatch(
+                #[inline(always)]
+                || multiply_rows(reduced, (first, below), direction, chunk * ROWS, product),
+            );
         });
     }
 }
 
-/// y += block x.
+/// The product of some rows of the matrix and a direction.
 #[inline(always)]
-fn times(y: &mut Row, block: &Block, x: &Row) {
-    for (y, row) in y.iter_mut().zip(&block.0) {
-        *y += row.iter().zip(x).map(|(a, b)| a * b).sum::<f64>();
+fn multiply_rows(
+    reduced: &Reduced,
+    below: (&[u32], &[[u32; 2]]),
+    direction: &[Row],
+    first: usize,
+    product: &mut [Row],
+) {
+    let (start, below) = below;
+    for (row, product) in (first..).zip(product) {
+        *product = [0.0; PADDED];
+        let (columns, blocks) = reduced.row(row);
+        let mut sums = Block::default();
+        for (column, block) in columns.iter().zip(blocks) {
+            let x = &direction[*column as usize];
+            for a in 0..BLOCK {
+                for b in 0..PADDED {
+                    sums.0[a][b] += block.0[a][b] * x[b];
+                }
+            }
+        }
+        for a in 0..BLOCK {
+            product[a] = sums.0[a].iter().sum();
+        }
+        for &[other, place] in &below[start[row] as usize..start[row + 1] as usize] {
+            let block = &reduced.row(other as usize).1[place as usize];
+            times_transposed(product, block, &direction[other as usize]);
+        }
     }
 }
 

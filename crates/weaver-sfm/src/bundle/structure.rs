@@ -65,6 +65,8 @@ pub(super) struct Seen {
     /// One over the square of the deviation.
     pub precision: f64,
     pub camera: u32,
+    /// The number of the point among those of the part.
+    pub point: u32,
     /// The entries of its point with the camera and with its lens, or [`NONE`].
     pub camera_entry: u32,
     pub lens_entry: u32,
@@ -76,8 +78,6 @@ pub(super) struct Part {
     /// Number of the first point.
     pub first: usize,
     pub seen: Vec<Seen>,
-    /// Where the observations of each point begin, and where the last end.
-    pub first_seen: Vec<u32>,
     /// Where the entries of each point begin, and where the last end: one for every block that the point depends on, ascending.
     pub first_entry: Vec<u32>,
     /// The block of each entry.
@@ -126,9 +126,8 @@ impl Part {
         part.seen.reserve_exact(observations.len());
         let mut of_point: Vec<u32> = Vec::new();
         for point in points.clone() {
-            part.first_seen.push(part.seen.len() as u32);
             part.first_entry.push(part.block.len() as u32);
-            let (here, rest) = observations.split_at(observations.partition_point(|o| o.point == point));
+            let (here, rest) = observations.split_at(observations.iter().take_while(|o| o.point == point).count());
             observations = rest;
             let block_of = |camera: usize| [blocks.of_camera[camera], blocks.of_lens[bundle.lens_of[camera]]];
             of_point.clear();
@@ -142,11 +141,17 @@ impl Part {
             part.seen.extend(here.iter().map(|o| {
                 let [camera_entry, lens_entry] = block_of(o.camera).map(entry);
                 let (pixel, precision) = (o.pixel.to_array(), o.deviation.powi(-2));
-                Seen { pixel, precision, camera: o.camera as u32, camera_entry, lens_entry }
+                Seen {
+                    pixel,
+                    precision,
+                    camera: o.camera as u32,
+                    point: (point - points.start) as u32,
+                    camera_entry,
+                    lens_entry,
+                }
             }));
             part.block.extend_from_slice(&of_point);
         }
-        part.first_seen.push(part.seen.len() as u32);
         part.first_entry.push(part.block.len() as u32);
         part.list(blocks.count);
         let held = if bundle.fixed_points { 0 } else { points.len() };
@@ -175,12 +180,6 @@ impl Part {
                 *at += 1;
             }
         }
-    }
-
-    /// The observations of a point.
-    #[inline(always)]
-    pub fn sights(&self, point: usize) -> Range<usize> {
-        self.first_seen[point] as usize..self.first_seen[point + 1] as usize
     }
 
     /// The entries of a point.

@@ -7,7 +7,7 @@ use weaver_geometry::glam::DMat3;
 use weaver_kernels::random::Stream;
 
 /// Samples of five matches, at most and at least.
-const MOST: usize = 1000;
+const MOST: usize = 500;
 const LEAST: usize = 40;
 /// Probability to have drawn five right matches by the end.
 const SURE: f64 = 0.999;
