@@ -1,5 +1,6 @@
 //! Bundle adjustment: cameras, lenses and points that explain where points were seen.
 
+mod covariance;
 mod dense;
 mod descent;
 mod lens;
@@ -12,6 +13,7 @@ mod system;
 mod tests;
 
 use descent::{Descent, Limits};
+pub use covariance::Covariance;
 pub use lens::Lens;
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Pose};
@@ -177,8 +179,3 @@ impl Bundle {
         camera
     }
 }
-
-// TEMPORARY
-#[derive(Clone, Debug)]
-pub struct Covariance { pub focal: Vec<f64>, pub k1: Vec<f64>, pub k2: Vec<f64>, pub rotation: Vec<f64>, pub center: Vec<f64> }
-impl Bundle { pub fn covariance(&self, _scale: f64) -> Option<Covariance> { None } }

@@ -99,7 +99,7 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
     };
     let told = taken_of_those.iter().any(|t| t.focal.is_some());
     let focal_guessed = !told && placed.iter().filter(|placed| **placed).count() < 3;
-    let uncertainty = Uncertainty::of(&bundle, &placed, &taken_of_those);
+    let uncertainty = Uncertainty::of(&bundle, &placed);
     let focal_factor = focal_factor(&bundle, &placed, &taken_of_those);
     let (bundle, placed, pairs) = locate(&taken, features, settings, (&numbers, bundle, &placed), pairs);
     let (error, seen) = (bundle.median_error(), bundle.seen());

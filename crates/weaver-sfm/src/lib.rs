@@ -36,7 +36,7 @@ mod triangulation;
 mod two_view;
 mod uncertainty;
 
-pub use bundle::{Bundle, Lens, Observation, Solved};
+pub use bundle::{Bundle, Covariance, Lens, Observation, Solved};
 pub use confidence::Confidence;
 pub use descriptor::DESCRIPTOR;
 pub use epipolar::Epipolar;

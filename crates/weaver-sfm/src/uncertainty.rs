@@ -1,7 +1,7 @@
 //! How exact estimated cameras are expected to be.
 
 use crate::bundle::{Bundle, Covariance};
-use crate::lenses::{PIXEL, Taken};
+use crate::lenses::PIXEL;
 use crate::photo::Find;
 use weaver_geometry::glam::DVec3;
 
@@ -33,15 +33,14 @@ pub struct Uncertainty {
 
 impl Uncertainty {
     /// That of the cameras that have a place.
-    pub(crate) fn of(bundle: &Bundle, placed: &[bool], taken: &[Taken]) -> Option<Self> {
-        let _ = taken;
+    pub(crate) fn of(bundle: &Bundle, placed: &[bool]) -> Option<Self> {
         let Covariance { focal, rotation, center, .. } = bundle.of_placed(placed).covariance(1.0)?;
         let spread = spread(bundle, placed);
         let spread_out = |of: Vec<f64>| {
             let mut of = of.into_iter();
             placed.iter().map(|placed| placed.then(|| of.next()).flatten().unwrap_or(0.0)).collect()
         };
-        let focal = focal.into_iter().filter(|f| f.is_finite()).fold(0.0, f64::max);
+        let focal = focal.into_iter().fold(0.0, f64::max);
         Some(Self { focal, rotations: spread_out(rotation), centers: spread_out(center), spread })
     }
 
@@ -130,9 +129,9 @@ impl Bundle {
                 let [k1, k2] = [tried.lenses[lens].k1, tried.lenses[lens].k2];
                 let moved = |k: f64| corner * k.abs() > MOVED;
                 if coefficients[1] {
-                    k2.abs() > TOLD * covariance.k2[lens] && moved(k2 * r2 * r2)
+                    k2.abs() > TOLD * covariance.distortion[lens][1] && moved(k2 * r2 * r2)
                 } else {
-                    k1.abs() > TOLD * covariance.k1[lens] && moved(k1 * r2)
+                    k1.abs() > TOLD * covariance.distortion[lens][0] && moved(k1 * r2)
                 }
             };
             let told: Vec<bool> = (0..used.len()).map(|lens| used[lens] && told(lens)).collect();
