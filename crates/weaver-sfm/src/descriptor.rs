@@ -4,7 +4,7 @@ use crate::scale_space::Gradients;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::LazyLock;
 use weaver_geometry::glam::{Vec2, Vec4};
-use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes};
+use weaver_kernels::lanes::{self, LANES, LaneKernel, LaneMask, Lanes};
 
 /// Numbers of a descriptor: 4 x 4 cells of 8 directions.
 pub const DESCRIPTOR: usize = CELLS * CELLS * DIRECTIONS;
@@ -22,7 +22,7 @@ const PEAK: f32 = 0.8;
 /// Cells to a side of a descriptor, directions of a cell, and width of a cell over the keypoint's deviation.
 const CELLS: usize = 4;
 const DIRECTIONS: usize = 8;
-const CELL: f32 = 3.0;
+const CELL: f32 = 3.2;
 /// Largest part of a descriptor's length that the square of one number may have: glare counts for no more.
 const GLARE: f32 = 0.2;
 /// Samples to a side of a patch, as many as lanes: less than the keypoint's deviation apart, so that a blurred image has nothing
@@ -85,6 +85,7 @@ impl<V: Lanes<Scalar = f32>> Patch<V> {
             let off = row as f32 - middle;
             let x = lane.mul_add(V::splat(step.x), V::splat(at.x - off * step.y));
             let y = lane.mul_add(V::splat(step.y), V::splat(at.y + off * step.x));
+            let inside = x.ge(zero).and(right.ge(x)).and(y.ge(zero)).and(bottom.ge(y));
             let (x, y) = (x.max(zero).min(right), y.max(zero).min(bottom));
             // Rounding half a pixel less may leave a whole pixel between them: the same place.
             let (left, top) = (((x - half) + whole) - whole, ((y - half) + whole) - whole);
@@ -100,7 +101,7 @@ impl<V: Lanes<Scalar = f32>> Patch<V> {
                 let between = between + (Vec4::new(between.z, between.w, between.z, between.w) - between) * x[i];
                 (a[i], b[i]) = (between.x, between.y);
             }
-            (*across, *down) = (V::load(&a), V::load(&b));
+            (*across, *down) = (V::load(&a).only(inside), V::load(&b).only(inside));
         }
         Self { across, down }
     }
