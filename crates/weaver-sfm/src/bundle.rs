@@ -12,8 +12,8 @@ mod system;
 #[cfg(test)]
 mod tests;
 
-use descent::{Descent, Limits};
 pub use covariance::Covariance;
+use descent::{Descent, Limits};
 pub use lens::Lens;
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Pose};

@@ -92,7 +92,9 @@ impl Features {
         let octaves = octaves(Image { width, height, values: gray });
         let all = octaves.iter().enumerate().flat_map(|(number, octave)| extrema(octave, number * SCALES));
         let mut extrema: Vec<Extremum> = match mask {
-            Some(mask) => all.filter(|e| mask[pixel(e.pixel.y, height) * width + pixel(e.pixel.x, width)] != 0).collect(),
+            Some(mask) => {
+                all.filter(|e| mask[pixel(e.pixel.y, height) * width + pixel(e.pixel.x, width)] != 0).collect()
+            }
             None => all.collect(),
         };
         let mut order: Vec<usize> = (0..extrema.len()).collect();
@@ -260,8 +262,12 @@ fn refined(octave: &Octave, images: usize, mut layer: usize, mut x: usize, mut y
     for _ in 0..MOVES {
         let at = |by: isize, x: usize, y: usize| octave.difference(layer.wrapping_add_signed(by), x, y);
         let value = at(0, x, y);
-        let slope =
-            0.5 * Vec3::new(at(0, x + 1, y) - at(0, x - 1, y), at(0, x, y + 1) - at(0, x, y - 1), at(1, x, y) - at(-1, x, y));
+        let slope = 0.5
+            * Vec3::new(
+                at(0, x + 1, y) - at(0, x - 1, y),
+                at(0, x, y + 1) - at(0, x, y - 1),
+                at(1, x, y) - at(-1, x, y),
+            );
         let xx = at(0, x + 1, y) + at(0, x - 1, y) - 2.0 * value;
         let yy = at(0, x, y + 1) + at(0, x, y - 1) - 2.0 * value;
         let ss = at(1, x, y) + at(-1, x, y) - 2.0 * value;

@@ -50,7 +50,10 @@ pub(crate) fn voted(
     let mut peaks: Vec<usize> = (0..COUNT).filter(peak).collect();
     peaks.sort_by(|a, b| total[*b].total_cmp(&total[*a]));
     peaks.retain(|p| !voters.is_empty() && total[*p] >= RIVAL * total.iter().copied().fold(0.0, f64::max));
-    peaks.into_iter().map(|i| factor(i) * RATIO.powf(between([at(i as isize - 1), total[i], at(i as isize + 1)]))).collect()
+    peaks
+        .into_iter()
+        .map(|i| factor(i) * RATIO.powf(between([at(i as isize - 1), total[i], at(i as isize + 1)])))
+        .collect()
 }
 
 fn factor(number: usize) -> f64 {
@@ -84,10 +87,8 @@ impl Pixels {
             of.get(of.len() / 2).copied().unwrap_or(0.0)
         };
         let moved: Vec<DVec2> = matches.iter().map(|[x, y]| *y - *x).collect();
-        let center = DVec2::new(
-            middle(moved.iter().map(|d| d.x).collect()),
-            middle(moved.iter().map(|d| d.y).collect()),
-        );
+        let center =
+            DVec2::new(middle(moved.iter().map(|d| d.x).collect()), middle(moved.iter().map(|d| d.y).collect()));
         let spread = middle(moved.iter().map(|d| d.distance(center)).collect()) * USUAL;
         let focal = 0.5 * (cameras[*a].intrinsics.fx + cameras[*b].intrinsics.fx);
         Self { matches, focal, spread }
@@ -97,7 +98,9 @@ impl Pixels {
     fn profile(&self, tau: f64) -> [f64; COUNT] {
         let mut profile = [0.0; COUNT];
         for start in STARTS {
-            let Some(view) = two_view::two_view(&self.scaled(start), tau / (self.focal * factor(start))) else { continue };
+            let Some(view) = two_view::two_view(&self.scaled(start), tau / (self.focal * factor(start))) else {
+                continue;
+            };
             for numbers in [(start..COUNT).collect::<Vec<_>>(), (0..start).rev().collect()] {
                 let mut pose: Pose = view.pose;
                 for number in numbers {

@@ -115,9 +115,8 @@ impl EstimateSettings {
             }
         };
         let (focal, known): (Vec<f64>, Vec<Lens>) = (0..lenses.shown.len()).map(known).unzip();
-        let camera = |(photo, lens): (&Taken, &usize)| {
-            photo.camera(photo.focal.unwrap_or(focal[*lens] * photo.longer()))
-        };
+        let camera =
+            |(photo, lens): (&Taken, &usize)| photo.camera(photo.focal.unwrap_or(focal[*lens] * photo.longer()));
         Bundle {
             cameras: each().map(camera).collect(),
             lenses: known,

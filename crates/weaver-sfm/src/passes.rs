@@ -117,8 +117,7 @@ impl Bundle {
             for (position, track) in positions.iter_mut().zip(&tracks[chunk * GRAIN..]) {
                 let seen = seen(track);
                 let known = seen.iter().filter(|(v, _)| !located[*v]);
-                let known: Vec<(Camera, DVec2)> =
-                    known.map(|(v, k)| (cameras[*v], undistorted(*v, k.pixel))).collect();
+                let known: Vec<(Camera, DVec2)> = known.map(|(v, k)| (cameras[*v], undistorted(*v, k.pixel))).collect();
                 *position = agreed(&known, farthest);
             }
         });

@@ -67,11 +67,7 @@ fn by_points(bundle: &Bundle, seen: &[Observation], suggestions: &[Pose], photo:
         observations: (seen.iter().enumerate()).map(|(point, o)| Observation { camera: 0, point, ..*o }).collect(),
         ..Bundle::default()
     };
-    let sight = |o: &Observation| Sight {
-        point: bundle.points[o.point],
-        pixel: o.pixel,
-        within: FITS * o.deviation,
-    };
+    let sight = |o: &Observation| Sight { point: bundle.points[o.point], pixel: o.pixel, within: FITS * o.deviation };
     let sights: Vec<Sight> = seen.iter().map(sight).collect();
     let resected = resected(&sights, &alone.cameras[0]);
     let mut tried: Vec<(f64, Pose)> = Vec::new();

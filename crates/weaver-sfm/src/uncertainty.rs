@@ -4,6 +4,8 @@ use crate::bundle::{Bundle, Covariance};
 use crate::lenses::PIXEL;
 use crate::photo::Find;
 use weaver_geometry::glam::DVec3;
+use weaver_geometry::{Pose, Similarity};
+use weaver_kernels::parallel;
 
 /// Standard deviation of a distortion that is expected before anything is seen.
 const BENT: f64 = 0.2;
@@ -12,13 +14,18 @@ const TOLD: f64 = 4.0;
 const MOVED: f64 = 0.3;
 /// Photos from which on two coefficients of it are looked for.
 const MANY: usize = 20;
+/// Standard deviations of what is held: of the principal point from the middle of photos, over their longer sides, and of k1.
+const OFF_CENTER: f64 = 0.005;
+const UNSEEN: f64 = 0.01;
+/// Groups of photos that are left out, one after the other.
+const GROUPS: usize = 8;
 /// Steps of an adjustment.
 const STEPS: usize = 20;
 
-/// How exact cameras are expected to be: standard deviations from the normal equations of the adjustment, with the noise that its
-/// residuals show. Where the world's place, turn and scale are is left open.
+/// How exact cameras are expected to be: standard deviations, up to the world's place, turn and scale.
 ///
-/// Systematic errors, such as matches that are wrong alike, are not in it.
+/// Two parts are added by squares: that of the normal equations of the adjustment, with the noise that its residuals show; and how
+/// much the rest moves where photos are left out, which also shows errors that many observations have in common.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Uncertainty {
     /// Of focal lengths, as a part of them: the lens that is told least; 0 where all were given.
@@ -34,14 +41,26 @@ pub struct Uncertainty {
 impl Uncertainty {
     /// That of the cameras that have a place.
     pub(crate) fn of(bundle: &Bundle, placed: &[bool]) -> Option<Self> {
-        let Covariance { focal, rotation, center, .. } = bundle.of_placed(placed).covariance(1.0)?;
+        let mut of_placed = bundle.of_placed(placed);
+        let noise = of_placed.noise(1.0)?;
+        // What was held may yet be off, and the rest with it.
+        for lens in &mut of_placed.lenses {
+            (lens.free_shift, lens.shift_weight) = (true, (noise / OFF_CENTER).powi(2));
+            if !lens.free_k1 {
+                (lens.free_k1, lens.distortion_weight) = (true, (noise / UNSEEN).powi(2));
+            }
+        }
+        let Covariance { focal, rotation, center, .. } = of_placed.covariance(1.0)?;
+        let left_out = left_out(&bundle.of_placed(placed));
         let spread = spread(bundle, placed);
         let spread_out = |of: Vec<f64>| {
             let mut of = of.into_iter();
             placed.iter().map(|placed| placed.then(|| of.next()).flatten().unwrap_or(0.0)).collect()
         };
-        let focal = focal.into_iter().fold(0.0, f64::max);
-        Some(Self { focal, rotations: spread_out(rotation), centers: spread_out(center), spread })
+        let both = |a: Vec<f64>, b: Vec<f64>| a.into_iter().zip(b).map(|(a, b)| a.hypot(b)).collect::<Vec<f64>>();
+        let focal = both(focal, left_out.focal).into_iter().fold(0.0, f64::max);
+        let rotations = spread_out(both(rotation, left_out.rotation));
+        Some(Self { focal, rotations, centers: spread_out(both(center, left_out.center)), spread })
     }
 
     /// The same, where the photos have these numbers of so many.
@@ -64,6 +83,52 @@ impl Uncertainty {
     pub fn most(&self) -> [f64; 2] {
         let most = |of: &[f64]| of.iter().copied().fold(0.0, f64::max);
         [most(&self.rotations), most(&self.centers) / self.spread]
+    }
+}
+
+/// What moves where groups of photos are left out.
+struct LeftOut {
+    focal: Vec<f64>,
+    rotation: Vec<f64>,
+    center: Vec<f64>,
+}
+
+/// The deviations that leaving out each of some groups of photos shows.
+///
+/// Source: Efron, The jackknife, the bootstrap and other resampling plans, 1982, chapter 3.
+fn left_out(bundle: &Bundle) -> LeftOut {
+    let n = bundle.cameras.len();
+    let groups = n.min(GROUPS);
+    let mut without: Vec<Option<Bundle>> = vec![None; groups];
+    parallel::for_chunks(&mut without, 1, |group, without| {
+        let mut rest = bundle.clone();
+        rest.observations.retain(|o| o.camera % groups != group);
+        let agreed = rest.agreed();
+        rest.observations.retain(|o| agreed[o.point]);
+        rest.adjust(1.0, STEPS);
+        without[0] = Some(rest);
+    });
+    let mut squares = LeftOut { focal: vec![0.0; bundle.lenses.len()], rotation: vec![0.0; n], center: vec![0.0; n] };
+    for (group, rest) in without.into_iter().enumerate() {
+        let Some(rest) = rest else { continue };
+        let lenses = rest.lenses.iter().zip(&bundle.lenses).map(|(a, b)| (a.log_focal - b.log_focal).powi(2));
+        squares.focal.iter_mut().zip(lenses).for_each(|(sum, square)| *sum += square);
+        let kept: Vec<usize> = (0..n).filter(|i| i % groups != group).collect();
+        let poses = |of: &Bundle| -> Vec<Pose> { kept.iter().map(|i| of.cameras[*i].pose).collect() };
+        let (from, to) = (poses(&rest), poses(bundle));
+        let Some(onto) = Similarity::fit_poses(&from, &to) else { continue };
+        for ((i, from), to) in kept.iter().zip(&from).zip(&to) {
+            let moved = onto.apply_to_pose(from);
+            squares.rotation[*i] += moved.angle_to(to).powi(2);
+            squares.center[*i] += moved.center().distance_squared(to.center());
+        }
+    }
+    let deviations =
+        |squares: Vec<f64>| squares.into_iter().map(|sum| (sum * (groups - 1) as f64 / groups as f64).sqrt()).collect();
+    LeftOut {
+        focal: deviations(squares.focal),
+        rotation: deviations(squares.rotation),
+        center: deviations(squares.center),
     }
 }
 

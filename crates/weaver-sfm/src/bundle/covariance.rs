@@ -48,7 +48,14 @@ impl Bundle {
         let (blocks, size) = (&descent.blocks, BLOCK * descent.reduced.rows);
         let mut dense = Dense::new(size);
         dense.load(&descent.reduced);
-        let constraints = self.constraints(&blocks.of_camera, size);
+        let mut constraints = self.constraints(&blocks.of_camera, size);
+        // As large as what it is added to, so that neither drowns in the other's rounding.
+        let diagonals = (0..descent.reduced.rows).map(|row| {
+            let (_, of_row) = descent.reduced.row(row);
+            of_row.last().map_or(0.0, |block| (0..BLOCK).map(|k| block.0[k][k]).sum::<f64>())
+        });
+        let size_of = (diagonals.sum::<f64>() / size as f64).sqrt();
+        constraints.iter_mut().flatten().for_each(|x| *x *= size_of);
         for row in 0..descent.reduced.rows {
             for column in (0..=row).filter(|_| !constraints.is_empty()) {
                 let product = |a: usize, b: usize| {
@@ -106,7 +113,7 @@ impl Bundle {
 
     /// The standard deviation of observations over what is taken for it, so that the normal equations with the weights of the
     /// adjustment have the covariance of its estimates; `None` where nothing is left over to tell it.
-    fn noise(&self, scale: f64) -> Option<f64> {
+    pub(crate) fn noise(&self, scale: f64) -> Option<f64> {
         let (mut squares, mut weights, mut curvatures) = (0.0, 0.0, 0.0);
         for (error, o) in self.errors().into_iter().zip(&self.observations) {
             let far = (error / (scale * o.deviation)).powi(2);

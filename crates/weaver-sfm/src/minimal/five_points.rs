@@ -27,18 +27,8 @@ const CUBIC: [[u8; 3]; 20] = [
     [0, 0, 0],
 ];
 /// Of degree two at most, and one.
-const QUADRATIC: [[u8; 3]; 10] = [
-    [2, 0, 0],
-    [1, 1, 0],
-    [0, 2, 0],
-    [1, 0, 1],
-    [0, 1, 1],
-    [0, 0, 2],
-    [1, 0, 0],
-    [0, 1, 0],
-    [0, 0, 1],
-    [0, 0, 0],
-];
+const QUADRATIC: [[u8; 3]; 10] =
+    [[2, 0, 0], [1, 1, 0], [0, 2, 0], [1, 0, 1], [0, 1, 1], [0, 0, 2], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]];
 const LINEAR: [[u8; 3]; 4] = [[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]];
 /// Which monomial the product of two is.
 const LINEAR_SQUARED: [[usize; 4]; 4] = products(&LINEAR, &QUADRATIC);
