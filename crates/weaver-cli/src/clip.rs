@@ -23,6 +23,8 @@ const EXTENSIONS: [&str; 18] = [
     "mp4", "m4v", "mov", "mkv", "webm", "avi", "mpg", "mpeg", "m2ts", "mts", "ts", "3gp", "ogv", "wmv", "flv", "mxf",
     "y4m", "gif",
 ];
+/// How lists of clips begin that ffmpeg would follow.
+const LISTS: [&[u8]; 2] = [b"#EXTM3U", b"ffconcat"];
 /// The folder that frames are written to.
 const FRAMES: &str = "frames";
 /// The longest side of the pictures that are measured: blur that is not seen there costs a match little.
@@ -78,15 +80,21 @@ pub fn is_clip(path: &Path) -> bool {
         return false;
     }
     let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
-    if extension.as_ref().is_some_and(|extension| EXTENSIONS.contains(&extension.as_str())) {
-        return true;
-    }
-    let mut start = [0; 12];
-    let begun = File::open(path).and_then(|mut file| file.read_exact(&mut start));
-    begun.is_ok() && begins_as_a_clip(&start)
+    extension.is_some_and(|extension| EXTENSIONS.contains(&extension.as_str()))
+        || beginning(path).is_ok_and(|start| begins_as_a_clip(&start))
 }
 
-fn begins_as_a_clip(start: &[u8; 12]) -> bool {
+/// The first bytes of a file.
+fn beginning(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut start = Vec::new();
+    File::open(path)?.take(12).read_to_end(&mut start)?;
+    Ok(start)
+}
+
+fn begins_as_a_clip(start: &[u8]) -> bool {
+    if start.len() < 12 {
+        return false;
+    }
     const MATROSKA: &[u8] = &[0x1a, 0x45, 0xdf, 0xa3];
     // The same container as that of clips, of photos that are refused elsewhere with a word on how to convert them.
     let still = [&b"avi"[..], b"hei", b"hev", b"mif", b"msf"];
@@ -106,10 +114,13 @@ fn frames(
         let clip = clip.display();
         Failure::message(format!("{clip}: expected a clip of a camera that moves, found {found}"))
     };
-    // ffmpeg would say less.
-    let length = std::fs::metadata(clip).map_err(|error| Failure::message(format!("{}: {error}", clip.display())))?.len();
-    if length == 0 {
+    let start_of_file = beginning(clip).map_err(|error| Failure::message(format!("{}: {error}", clip.display())))?;
+    // Of the first ffmpeg would say less, and of the second wait for what the list names.
+    if start_of_file.is_empty() {
         return Err(refused("an empty file"));
+    }
+    if LISTS.iter().any(|list| start_of_file.starts_with(list)) {
+        return Err(refused("a list of other files"));
     }
     let measured = measured(clip, console)?;
     let (most, closest) = flags.frames.map_or((MOST, APART), |most| (most as usize, CLOSEST));
@@ -199,9 +210,22 @@ mod tests {
             is_clip(&path)
         };
         assert!(file("a.mp4", b"") && file("b.MOV", b"") && file("-c d.webm", b"x"));
-        assert!(!file("a.jpg", b"") && !file("b.png", b"\x89PNG\r\n\x1a\n0000") && !file("c", b"") && !file("d.txt", b"clip"));
-        assert!(file("e", b"\0\0\0\x20ftypisom0000") && file("f", b"RIFF0000AVI LIST") && file("g", b"\x1a\x45\xdf\xa30000000000"));
-        assert!(!file("h", b"\0\0\0\x20ftypheic0000") && !file("i.jpg", b"\0\0\0\x20ftypavif0000") && !file("j", b"RIFF0000WEBPVP8 "));
+        assert!(
+            !file("a.jpg", b"")
+                && !file("b.png", b"\x89PNG\r\n\x1a\n0000")
+                && !file("c", b"")
+                && !file("d.txt", b"clip")
+        );
+        assert!(
+            file("e", b"\0\0\0\x20ftypisom0000")
+                && file("f", b"RIFF0000AVI LIST")
+                && file("g", b"\x1a\x45\xdf\xa30000000000")
+        );
+        assert!(
+            !file("h", b"\0\0\0\x20ftypheic0000")
+                && !file("i.jpg", b"\0\0\0\x20ftypavif0000")
+                && !file("j", b"RIFF0000WEBPVP8 ")
+        );
         std::fs::create_dir(folder.path().join("k.mp4")).unwrap();
         assert!(!is_clip(&folder.path().join("k.mp4")));
         assert!(is_clip(&folder.path().join("missing.mp4")) && !is_clip(&folder.path().join("missing")));

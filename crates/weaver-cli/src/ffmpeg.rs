@@ -71,7 +71,8 @@ impl Ffmpeg {
     pub fn end(&mut self) -> Result<Ended, Failure> {
         // It is not locked while it is waited for, so that it can be killed meanwhile.
         let status = loop {
-            let status = locked(&self.process).try_wait().map_err(|error| Failure::message(format!("ffmpeg: {error}")))?;
+            let status =
+                locked(&self.process).try_wait().map_err(|error| Failure::message(format!("ffmpeg: {error}")))?;
             match status {
                 Some(status) => break status,
                 None => std::thread::sleep(PAUSE),

@@ -43,7 +43,8 @@ impl Video {
 
     /// Adds a picture; all have one size.
     pub fn push(&mut self, image: &Image) -> Result<(), Failure> {
-        let written = self.pipe.as_mut().map_or(Err(ErrorKind::BrokenPipe.into()), |pipe| pipe.write_all(&image.to_bytes()));
+        let written =
+            self.pipe.as_mut().map_or(Err(ErrorKind::BrokenPipe.into()), |pipe| pipe.write_all(&image.to_bytes()));
         match written {
             // The process has ended; its messages say why.
             Err(error) if error.kind() == ErrorKind::BrokenPipe => self.end(),

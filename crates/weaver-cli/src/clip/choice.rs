@@ -46,7 +46,8 @@ pub fn choose(frames: &[Measured], most: usize, closest: f32) -> Vec<usize> {
         };
         // Between two frames that are far apart there may be none.
         let near = best(from..to, score);
-        let next = || best(to.saturating_sub(1).max(first)..(to + 1).min(frames.len()), |i| -(places[i] - target).abs());
+        let next =
+            || best(to.saturating_sub(1).max(first)..(to + 1).min(frames.len()), |i| -(places[i] - target).abs());
         chosen.extend(near.or_else(next));
     }
     chosen
@@ -102,7 +103,7 @@ mod tests {
         assert!(chosen.iter().filter(|i| (60..90).contains(*i)).count() >= 2, "{chosen:?}");
         // What is sharp and far off its place is not worth as much as what is there.
         let mut measured = frames((0..=40).map(|i| i as f32 * 0.01));
-        measured[24].sharpness = 1.2;
+        measured[28].sharpness = 1.2;
         assert_eq!(choose(&measured, 3, 0.04), [0, 20, 40]);
     }
 

@@ -6,8 +6,10 @@ use super::pictures::Picture;
 const FOLLOWED: usize = 400;
 /// That of its smallest version, in which they are searched for.
 const SEARCHED: usize = 100;
-/// Pixels each way that are searched in the smallest version, and those by which larger ones correct it.
-const WIDE: i32 = 8;
+/// Pixels each way in the smallest version: that all points together are searched in, and each of them about there.
+const COMMON: i32 = 8;
+const OWN: i32 = 3;
+/// Pixels by which larger versions correct it.
 const NARROW: i32 = 2;
 /// A patch reaches so many pixels from its point.
 const RADIUS: i32 = 3;
@@ -86,7 +88,9 @@ impl Follower {
             return self.place;
         };
         let mut moved = anchor.moved_to(&now);
-        if moved.is_none() && let Some(previous) = self.previous.take() {
+        if moved.is_none()
+            && let Some(previous) = self.previous.take()
+        {
             *anchor = Anchor::new(previous);
             self.begun = self.place;
             moved = anchor.moved_to(&now);
@@ -119,8 +123,11 @@ impl Anchor {
         if self.points.len() < FEW || !self.versions.iter().zip(now).all(same) {
             return None;
         }
+        let common = self.common(now.last()?);
+        let smallest = now.len() - 1;
         for point in &mut self.points {
-            point.moved = point.moved.and_then(|moved| found(&self.versions, now, point.at, moved));
+            let about = point.moved.map(|moved| [0, 1].map(|i| (moved[i] >> smallest) + common[i]));
+            point.moved = about.and_then(|about| found(&self.versions, now, point.at, about));
         }
         let far = |[x, y]: [i32; 2]| f64::from(x).hypot(f64::from(y)) as f32;
         let mut far: Vec<f32> = self.points.iter().filter_map(|point| point.moved).map(far).collect();
@@ -129,6 +136,32 @@ impl Anchor {
         }
         far.sort_by(f32::total_cmp);
         Some(far[far.len() / 2] / now[0].width.max(now[0].height) as f32)
+    }
+}
+
+impl Anchor {
+    /// By how much more most points have moved in the smallest version: alone a point may be taken for one that looks alike.
+    fn common(&self, now: &Picture) -> [i32; 2] {
+        let smallest = self.versions.len() - 1;
+        let patch = |point: &Point| {
+            let moved = point.moved?.map(|x| x >> smallest);
+            Some((Patch::new(&self.versions[smallest], point.at.map(|x| x >> smallest))?, moved))
+        };
+        let patches: Vec<(Patch, [i32; 2])> = self.points.iter().filter_map(patch).collect();
+        let mut best = (f32::INFINITY, [0, 0]);
+        for y in -COMMON..=COMMON {
+            for x in -COMMON..=COMMON {
+                let part = |(patch, moved): &(Patch, [i32; 2])| {
+                    let difference = patch.difference(now, [moved[0] + x, moved[1] + y]);
+                    difference.map_or(1.0, |difference| (difference as f32 / patch.variance.max(1) as f32).min(1.0))
+                };
+                let sum: f32 = patches.iter().map(part).sum();
+                if sum < best.0 {
+                    best = (sum, [x, y]);
+                }
+            }
+        }
+        best.1
     }
 }
 
@@ -196,19 +229,18 @@ fn corner(picture: &Picture, [x, y]: [i32; 2]) -> f32 {
     0.5 * (xx + yy - ((xx - yy).powi(2) + 4.0 * xy * xy).sqrt())
 }
 
-/// How far a point has moved from one picture to another, when it had moved so far shortly before; `None` if it is not there.
-fn found(from: &[Picture], to: &[Picture], at: [i32; 2], before: [i32; 2]) -> Option<[i32; 2]> {
+/// How far a point has moved from one picture to another, by about so much in their smallest versions; `None` if it is not there.
+fn found(from: &[Picture], to: &[Picture], at: [i32; 2], mut about: [i32; 2]) -> Option<[i32; 2]> {
     let smallest = from.len() - 1;
-    let mut moved = before.map(|x| x >> smallest);
     for level in (0..=smallest).rev() {
-        let reach = if level == smallest { WIDE } else { NARROW };
+        let reach = if level == smallest { OWN } else { NARROW };
         let patch = Patch::new(&from[level], at.map(|x| x >> level))?;
-        let (difference, best) = patch.nearest(&to[level], moved, reach)?;
+        let (difference, best) = patch.nearest(&to[level], about, reach)?;
         if level == 0 {
             let most = DIFFERENT * patch.variance as f32 + NOISE * (SIDE * SIDE * SIDE * SIDE) as f32;
             return (difference as f32 <= most).then_some(best);
         }
-        moved = best.map(|x| 2 * x);
+        about = best.map(|x| 2 * x);
     }
     None
 }
@@ -233,29 +265,28 @@ impl Patch {
         Some(Self { at, values, variance: SIDE * SIDE * squares - sum * sum })
     }
 
-    /// The least variance of the difference to a square that has moved about so far, times the square of its number of pixels, and how
-    /// far that one has moved. What became brighter as a whole does not differ.
+    /// The least difference to a square that has moved about so far, and how far that one has moved.
     fn nearest(&self, picture: &Picture, about: [i32; 2], reach: i32) -> Option<(i32, [i32; 2])> {
-        let mut best = None;
-        for y in about[1] - reach..=about[1] + reach {
-            for x in about[0] - reach..=about[0] + reach {
-                let Some(corner) = corner_of(picture, [self.at[0] + x, self.at[1] + y]) else { continue };
-                let (mut sum, mut squares) = (0, 0);
-                for (row, values) in self.values.iter().enumerate() {
-                    let beside = &picture.pixels[corner + row * picture.width..][..SIDE as usize];
-                    for (a, b) in values.iter().zip(beside) {
-                        let difference = a - i32::from(*b);
-                        sum += difference;
-                        squares += difference * difference;
-                    }
-                }
-                let difference = SIDE * SIDE * squares - sum * sum;
-                if best.is_none_or(|(least, _)| difference < least) {
-                    best = Some((difference, [x, y]));
-                }
+        let rows = about[1] - reach..=about[1] + reach;
+        let all = rows.flat_map(|y| (about[0] - reach..=about[0] + reach).map(move |x| [x, y]));
+        all.filter_map(|moved| Some((self.difference(picture, moved)?, moved)))
+            .min_by_key(|(difference, _)| *difference)
+    }
+
+    /// The variance of the difference to a square that has moved so far, times the square of its number of pixels; `None` beyond the
+    /// picture. What became brighter as a whole does not differ.
+    fn difference(&self, picture: &Picture, [x, y]: [i32; 2]) -> Option<i32> {
+        let corner = corner_of(picture, [self.at[0] + x, self.at[1] + y])?;
+        let (mut sum, mut squares) = (0, 0);
+        for (row, values) in self.values.iter().enumerate() {
+            let beside = &picture.pixels[corner + row * picture.width..][..SIDE as usize];
+            for (a, b) in values.iter().zip(beside) {
+                let difference = a - i32::from(*b);
+                sum += difference;
+                squares += difference * difference;
             }
         }
-        best
+        Some(SIDE * SIDE * squares - sum * sum)
     }
 }
 
@@ -271,27 +302,23 @@ mod tests {
     use super::*;
     use weaver_kernels::random::Stream;
 
-    /// A texture of soft spots, moved by so many pixels.
+    /// A texture of spots of several sizes, moved by so many pixels.
     fn texture(width: usize, height: usize, moved: [f32; 2]) -> Picture {
         let draws = Stream::new(5, 0, "spots");
-        let spots: Vec<[f32; 3]> = (0..400)
-            .map(|i| {
-                let draw = |c: u64| draws.uniform::<f32>(3 * i + c);
-                [2.0 * draw(0) - 0.5, 2.0 * draw(1) - 0.5, draw(2)]
-            })
-            .collect();
-        let mut pixels = vec![20u8; width * height];
-        for [x, y, bright] in spots {
+        let mut pixels = vec![40i32; width * height];
+        for i in 0..4000 {
+            let draw = |c: u64| draws.uniform::<f32>(4 * i + c);
+            let [x, y] = [2.0 * draw(0) - 0.5, 2.0 * draw(1) - 0.5];
             let [x, y] = [x * width as f32 + moved[0], y * width as f32 + moved[1]];
+            let (bright, size) = (200.0 * draw(2) - 80.0, 0.5 + 6.0 * draw(3) * draw(3));
             for py in (y as i32 - 9).max(0)..(y as i32 + 9).min(height as i32) {
                 for px in (x as i32 - 9).max(0)..(x as i32 + 9).min(width as i32) {
                     let far = (px as f32 - x).hypot(py as f32 - y);
-                    let value = &mut pixels[py as usize * width + px as usize];
-                    *value = value.saturating_add((150.0 * bright * (-far * far / 12.0).exp()) as u8);
+                    pixels[py as usize * width + px as usize] += (bright * (-far * far / size).exp()) as i32;
                 }
             }
         }
-        Picture { width, height, pixels }
+        Picture { width, height, pixels: pixels.into_iter().map(|x| x.clamp(0, 255) as u8).collect() }
     }
 
     #[test]

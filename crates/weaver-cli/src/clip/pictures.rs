@@ -59,17 +59,20 @@ impl Pictures {
 
     /// Reads the next picture in place of another one; false after the last.
     pub fn next(&mut self, picture: &mut Picture) -> Result<bool, Failure> {
-        read(&mut self.pipe, picture).map_err(|error| Failure::message(format!("{}: ffmpeg: {error}", self.clip.display())))
+        read(&mut self.pipe, picture)
+            .map_err(|error| Failure::message(format!("{}: ffmpeg: {error}", self.clip.display())))
     }
 
     /// Waits for ffmpeg after the last picture, and returns what it complains about.
     pub fn finish(mut self) -> Result<Option<String>, Failure> {
         let ended: Ended = self.ffmpeg.end()?;
         match ended.fault() {
-            Some(fault) => Err(Failure::message(format!(
-                "{}: expected a clip with pictures that ffmpeg decodes, found another file; {fault}",
-                self.clip.display()
-            ))),
+            Some(fault) => {
+                let found = if fault.contains("matches no streams") { "no pictures in it" } else { "another file" };
+                let clip = self.clip.display();
+                let expected = "expected a clip with pictures that ffmpeg decodes";
+                Err(Failure::message(format!("{clip}: {expected}, found {found}; {fault}")))
+            }
             None => Ok(ended.complaints()),
         }
     }
@@ -159,7 +162,9 @@ mod tests {
         assert_eq!((picture.width, picture.height, picture.pixels.as_slice()), (1, 1, &b"abc"[..]));
         // The last one was cut off.
         assert!(!read(&mut stream, &mut picture).unwrap());
-        for wrong in [&b"P4\n1 1\n255\na"[..], b"P5\n0 1\n255\n", b"P5\n1 1\n65535\naa", b"<html>   ", b"P5\n70000 1\n255\n"] {
+        for wrong in
+            [&b"P4\n1 1\n255\na"[..], b"P5\n0 1\n255\n", b"P5\n1 1\n65535\naa", b"<html>   ", b"P5\n70000 1\n255\n"]
+        {
             assert!(read(&mut { wrong }, &mut picture).is_err(), "{}", String::from_utf8_lossy(wrong));
         }
         for end in [&b""[..], b"P5", b"P5\n1 ", b"P5\n1 1\n255\n"] {
