@@ -15,6 +15,8 @@ use weaver_scene::Frame;
 
 const BINARY: &str = env!("CARGO_BIN_EXE_splatweaver");
 const SIZE: (usize, usize) = (192, 144);
+/// Flags with which matching takes hardly any time.
+const QUICK: &str = "--focal 0.87 --match-size 64";
 
 /// Whether an ffmpeg is installed; says so where there is none.
 fn has_ffmpeg(test: &str) -> bool {
@@ -121,12 +123,12 @@ fn every_command_whose_cameras_are_estimated_takes_a_clip() {
         assert!(output.status.success(), "{line}: {}", said(&output));
         let out = folder.join(line.split("-o ").nth(1).unwrap().split(' ').next().unwrap());
         assert!(out.join("scene.ply").is_file() && out.join("cameras/points.png").is_file(), "{line}");
-        assert!(names(out.join("frames")).len() >= 6, "{line}: {:?}", names(out.join("frames")));
+        assert!(names(out.join("frames")).len() >= 4, "{line}: {:?}", names(out.join("frames")));
     }
     // With another clip, and with photos.
     fs::copy(folder.join("clip.mp4"), folder.join("again.mov")).unwrap();
     fs::copy(folder.join("scene/frames").join(&names(folder.join("scene/frames"))[2]), folder.join("a.jpg")).unwrap();
-    let output = run(folder, "cameras clip.mp4 a.jpg again.mov -o both --frames 3");
+    let output = run(folder, &format!("cameras clip.mp4 a.jpg again.mov -o both --frames 3 {QUICK}"));
     assert!(said(&output).contains("matching 7 photos"), "{}", said(&output));
     assert_eq!((names(folder.join("both/frames/1")).len(), names(folder.join("both/frames/2")).len()), (3, 3));
 }
@@ -145,7 +147,8 @@ fn frames_are_as_a_player_shows_them() {
     // Times that are far from even: a second after every third frame.
     ffmpeg(folder, "-i clip.mp4 -c:v mpeg4 -q:v 2 -vf setpts=N/25/TB+floor(N/3)/TB -vsync vfr uneven.mkv", &[]);
     for (name, size) in [("clip.mp4", plain), ("wide.mp4", wide), ("turned.mp4", turned), ("uneven.mkv", plain)] {
-        let output = run(folder, &format!("cameras {name} -o out-{name}"));
+        // Whether cameras are found of so little does not matter here.
+        let output = run(folder, &format!("cameras {name} -o out-{name} --frames 99 {QUICK}"));
         assert!(said(&output).contains(&format!("clip: 8 of 8 frames of {name}")), "{name}: {}", said(&output));
         let frame = folder.join(format!("out-{name}/frames/000005.jpg"));
         let found = PhotoFile::at(&frame).unwrap().size();
@@ -206,7 +209,7 @@ fn what_is_no_clip_of_a_moving_camera_is_refused() {
     ffmpeg(folder, "-i clip.mp4 -c copy whole.mkv", &[]);
     let whole = fs::read(folder.join("whole.mkv")).unwrap();
     fs::write(folder.join("cut.mkv"), &whole[..whole.len() * 6 / 10]).unwrap();
-    let text = said(&run(folder, "cameras cut.mkv -o out"));
+    let text = said(&run(folder, &format!("cameras cut.mkv -o out --frames 3 {QUICK}")));
     assert!(text.contains("warning: cut.mkv: ffmpeg: ") && text.contains("frames of cut.mkv"), "{text}");
 }
 
@@ -225,7 +228,8 @@ fn names_of_clips_may_be_anything() {
             continue;
         }
         let mut command = Command::new(BINARY);
-        command.current_dir(folder).args(["cameras", "--frames", "2", "-o", &format!("out{number}"), "--"]).arg(name);
+        let flags = format!("cameras --frames 2 {QUICK} -o out{number} --");
+        command.current_dir(folder).args(flags.split(' ')).arg(name);
         let text = said(&command.output().unwrap());
         assert!(text.contains("matching 2 photos"), "{name:?}: {text}");
     }
