@@ -57,7 +57,7 @@ pub fn photos(
     let (mut number, mut kept) = (0, Vec::new());
     for path in paths {
         if !is_clip(path) {
-            photos.extend(crate::estimate::photos(std::slice::from_ref(path))?);
+            photos.extend(in_folder(path)?);
             continue;
         }
         number += 1;
@@ -72,6 +72,19 @@ pub fn photos(
         out.remove_others(FRAMES, &kept)?;
     }
     Ok(photos)
+}
+
+/// A photo, or those in a folder.
+fn in_folder(path: &Path) -> Result<Vec<PathBuf>, Failure> {
+    if !path.is_dir() {
+        return Ok(vec![path.into()]);
+    }
+    let found = weaver_io::list_photos(path)?;
+    if found.is_empty() {
+        let expected = "expected photos (JPEG, PNG, TIFF or WebP), found none; clips are given by their own names";
+        return Err(Failure::message(format!("{}: {expected}", path.display())));
+    }
+    Ok(found)
 }
 
 /// Whether a path is that of a clip: by its extension, or by its first bytes where it has none that photos have.

@@ -228,23 +228,3 @@ fn aligned(from: &[Pose], to: &[Pose]) -> Option<Similarity> {
     }
     onto
 }
-
-/// The photos, with folders replaced by the photos in them.
-pub fn photos(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
-    let mut photos = Vec::new();
-    for path in paths {
-        if !path.is_dir() {
-            photos.push(path.clone());
-            continue;
-        }
-        let found = weaver_io::list_photos(path)?;
-        if found.is_empty() {
-            return Err(Failure::message(format!(
-                "{}: expected photos (JPEG, PNG, TIFF or WebP), found none; clips are given by their own names",
-                path.display()
-            )));
-        }
-        photos.extend(found);
-    }
-    Ok(photos)
-}
