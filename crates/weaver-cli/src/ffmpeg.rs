@@ -19,6 +19,8 @@ pub const INSTALL: &str = if cfg!(target_os = "macos") {
 const MOST: u64 = 4096;
 /// Messages that are quoted.
 const QUOTED: usize = 4;
+/// Characters of each that are.
+const LINE: usize = 200;
 /// Time between looks at whether it has ended.
 const PAUSE: Duration = Duration::from_millis(2);
 
@@ -100,7 +102,8 @@ impl Drop for Ffmpeg {
 impl Ended {
     /// Its messages in a line, if there were any.
     pub fn complaints(&self) -> Option<String> {
-        let lines: Vec<&str> = self.complaints.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
+        let lines = self.complaints.lines().map(str::trim).filter(|line| !line.is_empty());
+        let lines: Vec<String> = lines.map(|line| line.chars().take(LINE).collect()).collect();
         let more = if lines.len() > QUOTED { "; ..." } else { "" };
         (!lines.is_empty()).then(|| format!("{}{more}", lines[..lines.len().min(QUOTED)].join("; ")))
     }

@@ -40,9 +40,8 @@ impl Pictures {
 
     /// The pictures of these numbers, from 0 and rising, in color and at their own size.
     pub fn of(clip: &Path, numbers: &[usize]) -> Result<Self, Failure> {
-        let selected: Vec<String> = numbers.iter().map(|number| format!("eq(n,{number})")).collect();
         let scale = "scale=w='max(1,round(iw*sar))':h=ih:flags=bicubic+accurate_rnd+full_chroma_int,setsar=1";
-        Self::start(clip, &format!("select='{}',{scale},format=rgb24,{ONE_EACH}", selected.join("+")), "ppm")
+        Self::start(clip, &format!("select='{}',{scale},format=rgb24,{ONE_EACH}", one_of(numbers)), "ppm")
     }
 
     fn start(clip: &Path, filter: &str, codec: &str) -> Result<Self, Failure> {
@@ -74,6 +73,18 @@ impl Pictures {
                 Err(Failure::message(format!("{clip}: {expected}, found {found}; {fault}")))
             }
             None => Ok(ended.complaints()),
+        }
+    }
+}
+
+/// An expression of ffmpeg that is not 0 where `n` is one of some rising numbers. A tree, for a sum of a hundred terms is too deep for ffmpeg.
+fn one_of(numbers: &[usize]) -> String {
+    match numbers {
+        [] => "0".into(),
+        [number] => format!("eq(n,{number})"),
+        _ => {
+            let (below, from) = numbers.split_at(numbers.len() / 2);
+            format!("if(lt(n,{}),{},{})", from[0], one_of(below), one_of(from))
         }
     }
 }
@@ -151,6 +162,35 @@ fn unexpected() -> std::io::Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn any_number_of_pictures_is_selected() {
+        assert_eq!(one_of(&[3, 5, 8]), "if(lt(n,5),eq(n,3),if(lt(n,8),eq(n,5),eq(n,8)))");
+        if Command::new("ffmpeg").arg("-version").output().is_err() {
+            return println!("skipped: no ffmpeg (any_number_of_pictures_is_selected)");
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let clip = folder.path().join("clip.avi");
+        let mut command = Command::new("ffmpeg");
+        // As bright as its number, of 250.
+        let source = "color=black:s=16x16:r=25,format=gray,geq=lum=mod(N\\,250)";
+        command
+            .args(["-loglevel", "error", "-f", "lavfi", "-i", source, "-frames:v", "4100", "-c:v", "ffv1"])
+            .arg(&clip);
+        assert!(command.status().unwrap().success());
+        // As many as `--frames` may ask for, in two pieces with a gap between.
+        let numbers: Vec<usize> = (0..1500).chain(2700..4100).step_by(2).chain(4099..4100).collect();
+        let mut pictures = Pictures::of(&clip, &numbers).unwrap();
+        let mut picture = Picture::default();
+        for number in &numbers {
+            assert!(pictures.next(&mut picture).unwrap(), "{number}");
+            assert_eq!(usize::from(picture.pixels[0]), number % 250, "{number}");
+        }
+        assert!(!pictures.next(&mut picture).unwrap() && pictures.finish().unwrap().is_none());
+        let all: Vec<usize> = (0..2000).map(|i| 2 * i + 1).collect();
+        let mut pictures = Pictures::of(&clip, &all).unwrap();
+        assert!(all.iter().all(|_| pictures.next(&mut picture).unwrap()));
+    }
 
     #[test]
     fn a_stream_of_pictures_is_taken_apart() {
