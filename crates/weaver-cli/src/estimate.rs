@@ -1,9 +1,9 @@
 //! Cameras that are estimated: `splatweaver cameras`, and for the commands that need them.
 
-use crate::Console;
 use crate::arguments::{Cameras, MatchingFlags};
 use crate::failure::Failure;
 use crate::progress::duration;
+use crate::{Console, clip};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weaver_data::{Confidence, EstimatedPhotos, LeftOut, OutputFolder, estimate_photos};
@@ -26,7 +26,7 @@ const NAMED: usize = 8;
 pub fn run(arguments: &Cameras, console: &mut Console) -> Result<(), Failure> {
     let compare = arguments.compare.as_slice();
     let claimed = OutputFolder::claim(&arguments.out, COMMAND, arguments.photos.iter().chain(compare))?;
-    let photos = photos(&arguments.photos)?;
+    let photos = clip::photos(&arguments.photos, arguments.clip, &claimed, console)?;
     let located = vec![false; photos.len()];
     let Estimated { found, .. } = estimated(&photos, &located, arguments.matching, &claimed, console)?;
     let out = |name: &str| arguments.out.join(name).display().to_string();
@@ -227,24 +227,4 @@ fn aligned(from: &[Pose], to: &[Pose]) -> Option<Similarity> {
         onto = Some(fitted);
     }
     onto
-}
-
-/// The photos, with folders replaced by the photos in them.
-pub fn photos(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
-    let mut photos = Vec::new();
-    for path in paths {
-        if !path.is_dir() {
-            photos.push(path.clone());
-            continue;
-        }
-        let found = weaver_io::list_photos(path)?;
-        if found.is_empty() {
-            return Err(Failure::message(format!(
-                "{}: expected photos (JPEG, PNG, TIFF or WebP), found none",
-                path.display()
-            )));
-        }
-        photos.extend(found);
-    }
-    Ok(photos)
 }

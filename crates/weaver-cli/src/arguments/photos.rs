@@ -10,19 +10,21 @@ use weaver_data::EstimateOptions;
 const MATCHING: &str = "Estimated cameras";
 const FIT: &str = "Fit";
 
-/// A scene from a folder of photos and nothing else.
+/// A scene from a folder of photos, or a video, and nothing else.
 ///
 /// A capture's own cameras are taken where there are any; else they are estimated. Then Gaussians are fitted to the photos. Writes
 /// scene.ply, cameras, summary.json and report.html, and with estimated cameras the folder `cameras` as `splatweaver cameras` does.
-/// Photos overlap best when each place is seen in three of them or more, from places that are apart.
+/// Photos overlap best when each place is seen in three of them or more, from places that are apart. Of a clip (MP4, MOV, MKV, WebM, AVI
+/// and what else ffmpeg reads) sharp frames become photos, as many steps of the camera apart; they are written to the folder `frames`.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver reconstruct photos -o scene
   splatweaver reconstruct photos -o sketch --quality draft
+  splatweaver reconstruct clip.mp4 -o scene
   splatweaver reconstruct a.jpg b.jpg c.jpg d.jpg -o scene --minutes 1
   splatweaver reconstruct photos -o scene --hold-out           how good it is from elsewhere")]
 pub struct Reconstruct {
-    /// Photos (PNG, JPEG), folders of photos, or one capture
+    /// Photos (JPEG, PNG, TIFF, WebP), folders of photos, clips, or one capture
     #[arg(required = true)]
     pub photos: Vec<PathBuf>,
     /// Folder for the results
@@ -43,6 +45,8 @@ pub struct Reconstruct {
     /// Seed of everything that is drawn at random
     #[arg(long, value_name = "S", default_value_t = 0, help_heading = FIT)]
     pub seed: u64,
+    #[command(flatten)]
+    pub clip: ClipFlags,
     #[command(flatten)]
     pub matching: MatchingFlags,
     #[command(flatten)]
@@ -74,14 +78,16 @@ impl Quality {
 /// Estimates the cameras of photos by matching them.
 ///
 /// Writes transforms.json, a COLMAP model with points and tracks in sparse/0, and points.png: what of each photo was found in others, green
-/// where it is exact. The folder is a capture for fit, infer and train. No network is involved, and no random numbers.
+/// where it is exact. The folder is a capture for fit, infer and train. No network is involved, and no random numbers. Of a clip sharp
+/// frames become photos, as many steps of the camera apart; they are written to the folder `frames`.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver cameras photos -o capture
+  splatweaver cameras clip.mp4 -o capture --frames 60
   splatweaver cameras a.jpg b.jpg c.jpg -o capture --focal 1.2
   splatweaver cameras capture/images -o mine --compare capture/transforms.json")]
 pub struct Cameras {
-    /// Photos (PNG, JPEG), or folders of photos
+    /// Photos (JPEG, PNG, TIFF, WebP), folders of photos, or clips
     #[arg(required = true)]
     pub photos: Vec<PathBuf>,
     /// Folder for the results
@@ -91,9 +97,32 @@ pub struct Cameras {
     #[arg(long, value_name = "FILE")]
     pub compare: Option<PathBuf>,
     #[command(flatten)]
+    pub clip: ClipFlags,
+    #[command(flatten)]
     pub matching: MatchingFlags,
     #[command(flatten)]
     pub threads: Threads,
+}
+
+/// What becomes of clips.
+#[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
+pub struct ClipFlags {
+    /// At most so many frames of each clip, spread over the way of its camera [default: as many as show something new, at most 120]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=2000), help_heading = MATCHING)]
+    pub frames: Option<u32>,
+}
+
+impl ClipFlags {
+    /// That these say nothing, where there is no clip.
+    ///
+    /// # Errors
+    /// When they do; `found` says what there is.
+    pub fn check_unused(&self, found: &str) -> Result<(), Failure> {
+        match self.frames {
+            None => Ok(()),
+            Some(_) => Err(Failure::Usage(format!("--frames: expected a clip, found {found}"))),
+        }
+    }
 }
 
 /// How cameras are estimated.
