@@ -4,7 +4,7 @@ use super::Threads;
 use crate::failure::Failure;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
-use weaver_data::EstimateOptions;
+use weaver_data::{EstimateOptions, Find};
 
 /// How cameras are estimated, and how Gaussians are fitted.
 const MATCHING: &str = "Estimated cameras";
@@ -125,6 +125,17 @@ impl ClipFlags {
     }
 }
 
+/// Coefficients of a radial distortion.
+#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
+pub enum Coefficients {
+    /// None: lines stay straight
+    Off,
+    /// The first
+    K1,
+    /// Two
+    K1k2,
+}
+
 /// How cameras are estimated.
 #[derive(Args, Clone, Copy, Debug, PartialEq)]
 pub struct MatchingFlags {
@@ -137,9 +148,9 @@ pub struct MatchingFlags {
     /// Each photo has a focal length of its own [default: photos of the same proportions share one]
     #[arg(long, help_heading = MATCHING)]
     pub own_focal: bool,
-    /// Finds a radial distortion, for wide lenses; photos without it are written beside the cameras
-    #[arg(long, help_heading = MATCHING)]
-    pub distortion: bool,
+    /// The radial distortion that is found [default: k1, and of many photos k2, where photos tell them]
+    #[arg(long, value_name = "WHICH", value_enum, help_heading = MATCHING)]
+    pub distortion: Option<Coefficients>,
     /// Longest side of the photos while they are matched
     #[arg(long, value_name = "PIXELS", default_value_t = 640, value_parser = clap::value_parser!(u32).range(64..=8192), help_heading = MATCHING)]
     pub match_size: u32,
@@ -147,8 +158,8 @@ pub struct MatchingFlags {
 
 impl Default for MatchingFlags {
     fn default() -> Self {
-        let EstimateOptions { long_side, focal, exif, shared, distortion } = EstimateOptions::default();
-        Self { focal, no_exif: !exif, own_focal: !shared, distortion, match_size: long_side as u32 }
+        let EstimateOptions { long_side, focal, exif, shared, .. } = EstimateOptions::default();
+        Self { focal, no_exif: !exif, own_focal: !shared, distortion: None, match_size: long_side as u32 }
     }
 }
 
@@ -159,7 +170,12 @@ impl From<MatchingFlags> for EstimateOptions {
             focal: flags.focal,
             exif: !flags.no_exif,
             shared: !flags.own_focal,
-            distortion: flags.distortion,
+            distortion: match flags.distortion {
+                None => Find::Told,
+                Some(Coefficients::Off) => Find::Off,
+                Some(Coefficients::K1) => Find::K1,
+                Some(Coefficients::K1k2) => Find::K1K2,
+            },
         }
     }
 }
