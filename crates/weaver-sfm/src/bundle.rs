@@ -100,7 +100,9 @@ impl Bundle {
             camera.pose = pose;
         }
         self.lenses = state.lenses;
-        parts.iter().for_each(|part| self.points[part.first..][..part.points.len()].copy_from_slice(&part.points));
+        for part in &parts {
+            part.numbers.iter().zip(&part.points).for_each(|(number, point)| self.points[*number as usize] = *point);
+        }
         solved
     }
 

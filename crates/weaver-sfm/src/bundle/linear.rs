@@ -37,10 +37,6 @@ impl Sums {
         both.for_each(|(x, y)| *x += y);
     }
 
-    pub fn clear(&mut self) {
-        *self = Self::default();
-    }
-
     /// The element of a row and a column of the symmetric matrix.
     pub fn at(&self, row: usize, column: usize) -> f64 {
         let (row, column) = (row.max(column), row.min(column));
@@ -61,8 +57,6 @@ pub(super) struct View {
     /// Rows of the rotation.
     rows: [[f64; FOUR]; 3],
     optics: [f64; OPTICS],
-    /// The number of its sums, or [`NONE`].
-    sums: u32,
     /// Whether the lens is adjusted.
     wide: bool,
 }
@@ -86,7 +80,6 @@ impl View {
             pose: [column(0), column(1), column(2), pose.translation.extend(0.0).to_array()],
             rows: [row(0), row(1), row(2)],
             optics: [k.fx * factor, k.fy * factor, center.x, center.y, lens.k1, lens.k2, moves, focal, k1, k2, x, y],
-            sums: blocks.sums[camera],
             wide: blocks.of_lens[bundle.lens_of[camera]] != NONE,
         }
     }
@@ -348,14 +341,14 @@ impl Sights<'_> {
                 let view = &self.views[o.camera as usize];
                 if view.wide {
                     let rows = batch.rows::<FUSED, WIDE>(view, l);
-                    outer::<FUSED, WIDE>(&mut part.sums[view.sums as usize], &rows);
+                    outer::<FUSED, WIDE>(&mut part.sums[o.sums as usize], &rows);
                     if free {
                         couple::<FUSED, WIDE>(part, &rows, &o);
                     }
                 } else {
                     let rows = batch.rows::<FUSED, NARROW>(view, l);
-                    if view.sums != NONE {
-                        outer::<FUSED, NARROW>(&mut part.sums[view.sums as usize], &rows);
+                    if o.sums != NONE {
+                        outer::<FUSED, NARROW>(&mut part.sums[o.sums as usize], &rows);
                     }
                     if free {
                         couple::<FUSED, NARROW>(part, &rows, &o);

@@ -166,6 +166,7 @@ fn taken(descent: &mut Descent<'_>, bundle: &Bundle, at: usize, damping: Option<
     if at >= points {
         let (point, axis) = ((at - points) / 3, (at - points) % 3);
         let part = &mut descent.parts[0];
+        let point = part.numbers.iter().position(|number| *number as usize == point).expect("one part has all");
         return damping.map_or(part.right[point][axis], |damping| part.movement(point, &descent.step, damping)[axis]);
     }
     let (block, number) = if at >= lenses {
