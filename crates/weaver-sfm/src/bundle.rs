@@ -1,5 +1,6 @@
 //! Bundle adjustment: cameras, lenses and points that explain where points were seen.
 
+mod covariance;
 mod dense;
 mod descent;
 mod lens;
@@ -11,6 +12,7 @@ mod system;
 #[cfg(test)]
 mod tests;
 
+pub use covariance::Covariance;
 use descent::{Descent, Limits};
 pub use lens::Lens;
 use weaver_geometry::glam::{DVec2, DVec3};

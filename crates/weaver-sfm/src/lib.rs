@@ -30,7 +30,7 @@ mod tracks;
 mod triangulation;
 mod two_view;
 
-pub use bundle::{Bundle, Lens, Observation, Solved};
+pub use bundle::{Bundle, Covariance, Lens, Observation, Solved};
 pub use confidence::Confidence;
 pub use descriptor::DESCRIPTOR;
 pub use epipolar::Epipolar;

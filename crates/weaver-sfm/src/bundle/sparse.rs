@@ -71,10 +71,8 @@ impl Sparse {
     }
 
     fn solve_residual(&mut self, reduced: &Reduced, step: &mut [Row]) -> bool {
-        for (row, inverse) in self.inverse.iter_mut().enumerate() {
-            let diagonal = reduced.row(row).1.last().expect("a diagonal block");
-            let Some(found) = inverted(diagonal) else { return false };
-            *inverse = found;
+        if !self.invert(reduced) {
+            return false;
         }
         step.fill([0.0; PADDED]);
         self.precondition();
@@ -103,6 +101,22 @@ impl Sparse {
             }
         }
         now.is_finite()
+    }
+
+    /// The diagonals of the inverses of the diagonal blocks; `None` if one is not positive definite.
+    pub fn inverse_diagonals(&mut self, reduced: &Reduced) -> Option<Vec<Row>> {
+        let diagonal = |block: &Block| {
+            let mut row = [0.0; PADDED];
+            (0..BLOCK).for_each(|k| row[k] = block.0[k][k]);
+            row
+        };
+        self.invert(reduced).then(|| self.inverse.iter().map(diagonal).collect())
+    }
+
+    fn invert(&mut self, reduced: &Reduced) -> bool {
+        let diagonal = |row: usize| reduced.row(row).1.last().expect("a diagonal block");
+        let mut rows = self.inverse.iter_mut().enumerate();
+        rows.all(|(row, inverse)| inverted(diagonal(row)).map(|found| *inverse = found).is_some())
     }
 
     fn precondition(&mut self) {

@@ -20,8 +20,9 @@ pub(super) struct Blocks {
     pub of_camera: Vec<u32>,
     /// The block of each lens, or [`NONE`].
     pub of_lens: Vec<u32>,
-    /// How many blocks there are.
+    /// How many blocks there are, and how many of them are of lenses.
     pub count: usize,
+    lenses: usize,
 }
 
 impl Blocks {
@@ -42,7 +43,13 @@ impl Blocks {
         let expected = |i: usize| bundle.expected.get(i).is_some_and(|(_, weights)| weights.iter().any(|w| *w > 0.0));
         let moves = |i: usize| !bundle.fixed[i] && (seeing[i] || expected(i));
         let of_camera: Vec<u32> = (0..seeing.len()).map(|i| number(moves(i))).collect();
-        Self { of_camera, of_lens, count: count as usize }
+        let lenses = of_lens.iter().filter(|b| **b != NONE).count();
+        Self { of_camera, of_lens, count: count as usize, lenses }
+    }
+
+    /// Whether a block is of a camera: lenses come first.
+    pub fn is_camera(&self, block: usize) -> bool {
+        block >= self.lenses
     }
 
     /// The blocks of a camera and of its lens.
