@@ -8,6 +8,7 @@ mod linear;
 mod reduced;
 mod sparse;
 mod structure;
+mod sums;
 mod system;
 #[cfg(test)]
 mod tests;

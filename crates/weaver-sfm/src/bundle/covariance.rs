@@ -3,9 +3,9 @@
 use super::dense::Dense;
 use super::descent::{Descent, Limits};
 use super::lens::NUMBERS;
-use super::linear::{BLOCK, PADDED};
 use super::sparse::Sparse;
 use super::structure::NONE;
+use super::sums::{BLOCK, PADDED};
 use super::system::Row;
 use super::{Bundle, TWIST};
 use weaver_geometry::glam::DVec3;
@@ -258,10 +258,10 @@ impl<'a> Inner<'a> {
         let mut inverse = vec![[0.0; PADDED]; reduced.rows];
         parallel::for_chunks(&mut inverse, 1, |row, inverse| {
             let mut x = vec![0.0; BLOCK * reduced.rows];
-            for k in 0..BLOCK {
+            for (k, inverse) in inverse[0].iter_mut().enumerate().take(BLOCK) {
                 let at = BLOCK * row + k;
                 let untold: f64 = gauge.iter().map(|g| g[at] * g[at]).sum();
-                inverse[0][k] = dense.inverse_diagonal(at, &mut x) - untold / weight;
+                *inverse = dense.inverse_diagonal(at, &mut x) - untold / weight;
             }
         });
         Some(inverse)
@@ -312,9 +312,9 @@ fn eigen(mut m: Vec<Vec<f64>>) -> (Vec<f64>, Vec<Vec<f64>>) {
                 (row[p], row[q]) = (cos * row[p] - sin * row[q], sin * row[p] + cos * row[q]);
             }
             for rows in [&mut m, &mut vectors] {
-                for k in 0..n {
-                    let (a, b) = (rows[p][k], rows[q][k]);
-                    (rows[p][k], rows[q][k]) = (cos * a - sin * b, sin * a + cos * b);
+                let (upper, lower) = rows.split_at_mut(q);
+                for (a, b) in upper[p].iter_mut().zip(&mut lower[0]) {
+                    (*a, *b) = (cos * *a - sin * *b, sin * *a + cos * *b);
                 }
             }
         }

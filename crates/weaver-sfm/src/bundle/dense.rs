@@ -1,7 +1,7 @@
 //! Cholesky's factors of a dense matrix, by panels of columns.
 
-use super::linear::BLOCK;
 use super::reduced::Reduced;
+use super::sums::BLOCK;
 use super::system::Row;
 use weaver_kernels::gemm::{Mat, MatMut, gemm};
 use weaver_kernels::simd;
@@ -176,8 +176,7 @@ fn factor(matrix: &mut [f64], n: usize) -> bool {
             row[j] = (row[j] - dot(&row[..j], &other[..j])) / other[j];
         }
         let rest = row[i] - dot(&row[..i], &row[..i]);
-        // Also true for what is not a number.
-        if !(rest > 0.0) {
+        if rest.is_nan() || rest <= 0.0 {
             return false;
         }
         row[i] = rest.sqrt();

@@ -1,49 +1,20 @@
 //! What observations say: their cost, and its quadratic model. They are seen eight at a time, one in each lane.
 
+#![expect(clippy::needless_range_loop, reason = "numbers in registers go side by side through several arrays")]
+
 use super::lens::{Lens, NUMBERS};
 use super::structure::{Blocks, NONE, Part, Seen};
+use super::sums::{BLOCK, Coupling, FOUR, NARROW, Sums, WIDE};
 use super::{Bundle, longer};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
 
-/// Numbers of a block, and as many as fill a vector.
-pub(super) const BLOCK: usize = 6;
-pub(super) const PADDED: usize = 8;
 /// An observation behind its camera costs as much as one that is off by so many scales.
 const BEHIND: f64 = 100.0;
 /// Nearer than this, a point is behind.
 const NEAREST: f64 = 1e-12;
-/// Numbers of a row of an observation: those of its camera, of its lens if that is adjusted, and the difference; in fours.
-const WIDE: usize = 12;
-const NARROW: usize = 8;
 /// Numbers of a row, by place: those of the lens follow those of the camera.
 const DIFFERENCE: usize = WIDE - 1;
-/// Numbers that the compiler keeps in a register.
-const FOUR: usize = 4;
-
-/// What a block has in common with a point, one row for each coordinate of the point.
-#[derive(Clone, Copy, Debug, Default)]
-#[repr(C, align(64))]
-pub(super) struct Coupling(pub [[f64; PADDED]; 3]);
-
-/// Sum of the outer products of the rows of a camera, in columns of four; of the columns above the diagonal only those beside it.
-#[derive(Clone, Copy, Debug, Default)]
-#[repr(C, align(64))]
-pub(super) struct Sums([[[f64; FOUR]; WIDE]; WIDE / FOUR]);
-
-impl Sums {
-    pub fn add(&mut self, other: &Self) {
-        let both = self.0.as_flattened_mut().as_flattened_mut().iter_mut().zip(other.0.as_flattened().as_flattened());
-        both.for_each(|(x, y)| *x += y);
-    }
-
-    /// The element of a row and a column of the symmetric matrix.
-    pub fn at(&self, row: usize, column: usize) -> f64 {
-        let (row, column) = (row.max(column), row.min(column));
-        self.0[column / FOUR][row][column % FOUR]
-    }
-}
-
 /// Observations that are seen side by side.
 const LANES: usize = 8;
 type Lane = [f64; LANES];

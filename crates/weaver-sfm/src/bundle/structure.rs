@@ -1,9 +1,10 @@
 //! Which numbers are unknown, and how what was seen connects them.
 
-use super::linear::{Coupling, Sums};
+use super::sums::{Coupling, Sums};
 use super::{Bundle, Lens};
 use std::ops::Range;
 use weaver_geometry::glam::DVec3;
+use weaver_kernels::parallel;
 
 /// What has no number.
 pub(super) const NONE: u32 = u32::MAX;
@@ -127,7 +128,7 @@ impl Part {
         let mut order: Vec<u32> = (0..bundle.points.len() as u32).collect();
         order.sort_by_key(|point| keys[*point as usize]);
         let count = (observations.len() / OBSERVATIONS).clamp(1, PARTS);
-        let mut parts = Vec::with_capacity(count);
+        let mut parts: Vec<Self> = Vec::with_capacity(count);
         let (mut rest, mut before) = (&order[..], 0);
         for part in 1..=count {
             let enough = part * observations.len() / count;
@@ -137,20 +138,22 @@ impl Part {
                 end += 1;
             }
             let (these, others) = rest.split_at(end);
-            parts.push(Self::new(bundle, blocks, these, &of_point));
+            parts.push(Self { numbers: these.to_vec(), ..Self::default() });
             rest = others;
         }
+        parallel::for_chunks(&mut parts, 1, |_, parts| {
+            parts.iter_mut().for_each(|part| part.fill(bundle, blocks, &of_point));
+        });
         parts
     }
 
-    fn new(bundle: &Bundle, blocks: &Blocks, numbers: &[u32], of_point: &[Range<usize>]) -> Self {
+    /// Finds all that saw its points.
+    fn fill(&mut self, bundle: &Bundle, blocks: &Blocks, of_point: &[Range<usize>]) {
+        let numbers = std::mem::take(&mut self.numbers);
         let all = || numbers.iter().map(|point| &bundle.observations[of_point[*point as usize].clone()]);
-        let mut part = Self {
-            numbers: numbers.to_vec(),
-            points: numbers.iter().map(|point| bundle.points[*point as usize]).collect(),
-            seen: Vec::with_capacity(all().map(|seen| seen.len()).sum()),
-            ..Self::default()
-        };
+        let part = self;
+        part.points = numbers.iter().map(|point| bundle.points[*point as usize]).collect();
+        part.seen = Vec::with_capacity(all().map(|seen| seen.len()).sum());
         let mut sums = vec![NONE; bundle.cameras.len()];
         for o in all().flatten() {
             if blocks.of(bundle, o.camera) != [NONE; 2] && sums[o.camera] == NONE {
@@ -188,7 +191,7 @@ impl Part {
         part.inverse = vec![[0.0; 6]; held];
         part.coupling = vec![Coupling::default(); part.block.len()];
         part.sums = vec![Sums::default(); part.summed.len()];
-        part
+        part.numbers = numbers;
     }
 
     /// Lists the entries by block.

@@ -1,8 +1,10 @@
 //! The part of the normal equations that is of cameras and lenses alone.
 
+#![expect(clippy::needless_range_loop, reason = "numbers in registers go side by side through several arrays")]
+
 use super::lens::{Lens, NUMBERS};
-use super::linear::{BLOCK, PADDED, Sums};
 use super::structure::{Blocks, NONE, Part};
+use super::sums::{BLOCK, PADDED, Sums};
 use super::{Bundle, TWIST};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Pose, se3};

@@ -41,8 +41,8 @@ fn bundle(seed: u64) -> Bundle {
     Bundle {
         expected: cameras.iter().map(|c| (turned(c), [0.7, 0.6, 0.5, 0.4, 0.3, 0.2])).collect(),
         cameras,
-        lenses: vec![lens, Lens { free_k2: seed % 2 == 0, free_focal: false, ..lens }],
-        lens_of: vec![0, 1, 0, (seed % 3 == 0).into()],
+        lenses: vec![lens, Lens { free_k2: seed.is_multiple_of(2), free_focal: false, ..lens }],
+        lens_of: vec![0, 1, 0, seed.is_multiple_of(3).into()],
         fixed: vec![false, false, false, true],
         points: (0..6).map(|i| draw(500 + 3 * i)).collect(),
         fixed_points: false,
@@ -145,10 +145,8 @@ fn solved(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>) -> Vec<f64> {
         right.swap(i, pivot);
         for j in i + 1..n {
             let factor = matrix[j][i] / matrix[i][i];
-            for k in i..n {
-                let x = matrix[i][k];
-                matrix[j][k] -= factor * x;
-            }
+            let (above, below) = matrix.split_at_mut(j);
+            below[0].iter_mut().zip(&above[i]).for_each(|(x, y)| *x -= factor * y);
             right[j] -= factor * right[i];
         }
     }
