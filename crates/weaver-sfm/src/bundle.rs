@@ -8,6 +8,7 @@ mod linear;
 mod reduced;
 mod sparse;
 mod structure;
+mod sums;
 mod system;
 #[cfg(test)]
 mod tests;
@@ -102,7 +103,9 @@ impl Bundle {
             camera.pose = pose;
         }
         self.lenses = state.lenses;
-        parts.iter().for_each(|part| self.points[part.first..][..part.points.len()].copy_from_slice(&part.points));
+        for part in &parts {
+            part.numbers.iter().zip(&part.points).for_each(|(number, point)| self.points[*number as usize] = *point);
+        }
         solved
     }
 

@@ -11,7 +11,7 @@ const TURN: f64 = 2.0;
 const CENTER: f64 = 0.05;
 const FOCAL: f64 = 0.05;
 /// How many standard deviations must lie within that.
-const SURE: f64 = 2.5;
+const SURE: f64 = 3.0;
 
 /// How much an estimate is to be believed.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -38,7 +38,7 @@ impl Estimate {
     /// How much the cameras are to be believed.
     ///
     /// They are good where they are expected to be within 2 degrees, 5 % of the spread of their centers, and 5 % of the focal
-    /// length: two and a half of their standard deviations are.
+    /// length: three of their standard deviations are.
     pub fn confidence(&self) -> Confidence {
         let [turn, center] = self.uncertainty.as_ref().map_or([f64::INFINITY; 2], |u| u.most());
         let focal = self.uncertainty.as_ref().map_or(f64::INFINITY, |u| u.focal);

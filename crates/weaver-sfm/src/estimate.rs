@@ -33,7 +33,8 @@ pub enum LeftOut {
 /// Estimated cameras, and what they were found by.
 #[derive(Clone, Debug)]
 pub struct Estimate {
-    /// The camera of each photo, or why it has none. The first is the origin; the mean distance from it to the points is 1.
+    /// The camera of each photo, or why it has none. The first is the origin; the mean distance from it to the points is 1, the
+    /// farthest 2 % aside.
     pub cameras: Vec<Result<Camera, LeftOut>>,
     /// The radial distortion of each photo's lens, where one was found.
     pub distortion: Vec<Option<Distortion>>,

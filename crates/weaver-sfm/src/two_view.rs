@@ -79,7 +79,10 @@ pub fn two_view(matches: &[[DVec2; 2]], tau: f64) -> Option<TwoView> {
     if rays.len() < FEWEST {
         return None;
     }
-    let suggested: Vec<Pose> = search::hypotheses(&rays, tau).into_iter().map(|(pose, _)| pose).collect();
+    let mut suggested: Vec<Pose> = search::hypotheses(&rays, tau).into_iter().map(|(pose, _)| pose).collect();
+    // Of a mere turn, five matches leave too much open.
+    let turn = robust_kabsch(&rays);
+    suggested.extend([DVec3::X, DVec3::Y, DVec3::Z].map(|axis| Pose::new(turn, axis)));
     let fits = descents(&suggested, &rays, &annealing::<STEPS>(BRIDGED, tau), tau);
     // Along shallow valleys, the damped steps above end short of the optimum.
     let finalists: Vec<Pose> = fits.iter().map(|fit| fit.0).take(FINALISTS).collect();

@@ -42,7 +42,7 @@ impl Uncertainty {
     /// That of the cameras that have a place.
     pub(crate) fn of(bundle: &Bundle, placed: &[bool]) -> Option<Self> {
         let mut of_placed = bundle.of_placed(placed);
-        let noise = of_placed.noise(1.0)?;
+        let noise = of_placed.covariance(1.0)?.sigma;
         // What was held may yet be off, and the rest with it.
         for lens in &mut of_placed.lenses {
             (lens.free_shift, lens.shift_weight) = (true, (noise / OFF_CENTER).powi(2));
@@ -57,7 +57,9 @@ impl Uncertainty {
             let mut of = of.into_iter();
             placed.iter().map(|placed| placed.then(|| of.next()).flatten().unwrap_or(0.0)).collect()
         };
-        let both = |a: Vec<f64>, b: Vec<f64>| a.into_iter().zip(b).map(|(a, b)| a.hypot(b)).collect::<Vec<f64>>();
+        // Of what is not adjusted nothing is uncertain.
+        let known = |x: f64| if x.is_finite() { x } else { 0.0 };
+        let both = |a: Vec<f64>, b: Vec<f64>| a.into_iter().zip(b).map(|(a, b)| known(a).hypot(b)).collect::<Vec<f64>>();
         let focal = both(focal, left_out.focal).into_iter().fold(0.0, f64::max);
         let rotations = spread_out(both(rotation, left_out.rotation));
         Some(Self { focal, rotations, centers: spread_out(both(center, left_out.center)), spread })
@@ -194,9 +196,9 @@ impl Bundle {
                 let [k1, k2] = [tried.lenses[lens].k1, tried.lenses[lens].k2];
                 let moved = |k: f64| corner * k.abs() > MOVED;
                 if coefficients[1] {
-                    k2.abs() > TOLD * covariance.distortion[lens][1] && moved(k2 * r2 * r2)
+                    k2.abs() > TOLD * covariance.k2[lens] && moved(k2 * r2 * r2)
                 } else {
-                    k1.abs() > TOLD * covariance.distortion[lens][0] && moved(k1 * r2)
+                    k1.abs() > TOLD * covariance.k1[lens] && moved(k1 * r2)
                 }
             };
             let told: Vec<bool> = (0..used.len()).map(|lens| used[lens] && told(lens)).collect();

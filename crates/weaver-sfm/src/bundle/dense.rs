@@ -1,7 +1,7 @@
 //! Cholesky's factors of a dense matrix, by panels of columns.
 
-use super::linear::BLOCK;
 use super::reduced::Reduced;
+use super::sums::BLOCK;
 use super::system::Row;
 use weaver_kernels::gemm::{Mat, MatMut, gemm};
 use weaver_kernels::simd;
@@ -50,19 +50,20 @@ impl Dense {
     }
 
     /// Copies the lower triangle.
-    pub fn load(&mut self, reduced: &Reduced) {
+    fn load(&mut self, reduced: &Reduced) {
         self.panels.iter_mut().for_each(|panel| panel.fill(0.0));
         for row in 0..reduced.rows {
             let (columns, blocks) = reduced.row(row);
             for (column, block) in columns.iter().zip(blocks) {
-                self.add(row * BLOCK, *column as usize * BLOCK, |a, b| block.0[a][b]);
+                self.add(row, *column as usize, |a, b| block.0[a][b]);
             }
         }
     }
 
     /// Adds a block of the lower triangle.
+    #[inline]
     pub fn add(&mut self, row: usize, column: usize, block: impl Fn(usize, usize) -> f64) {
-        let (panel, column) = (column / WIDTH, column % WIDTH);
+        let (row, panel, column) = (row * BLOCK, column * BLOCK / WIDTH, column * BLOCK % WIDTH);
         let first = panel * WIDTH;
         let width = WIDTH.min(self.size - first);
         for a in 0..BLOCK {
@@ -106,17 +107,35 @@ impl Dense {
         true
     }
 
-    /// Solves by the factor and its transpose.
-    pub fn substitute(&self, x: &mut [f64]) {
+    /// An element of the diagonal of the inverse, from the factor: the square of a column of the inverse of the factor. `x` has as
+    /// many elements as the matrix has rows.
+    pub fn inverse_diagonal(&self, at: usize, x: &mut [f64]) -> f64 {
+        x.fill(0.0);
+        x[at] = 1.0;
         simd::dispatch(
             #[inline(always)]
-            || self.both(x),
+            || {
+                self.forward(at / WIDTH, x);
+                dot(&x[at..], &x[at..])
+            },
+        )
+    }
+
+    /// Solves by the factor and its transpose.
+    fn substitute(&self, x: &mut [f64]) {
+        simd::dispatch(
+            #[inline(always)]
+            || {
+                self.forward(0, x);
+                self.backward(x);
+            },
         );
     }
 
+    /// Solves by the factor; `x` is zero above a panel.
     #[inline(always)]
-    fn both(&self, x: &mut [f64]) {
-        for (panel, data) in self.panels.iter().enumerate() {
+    fn forward(&self, from: usize, x: &mut [f64]) {
+        for (panel, data) in self.panels.iter().enumerate().skip(from) {
             let width = WIDTH.min(self.size - panel * WIDTH);
             let (here, below) = x[panel * WIDTH..].split_at_mut(width);
             for (i, row) in data.chunks_exact(width).take(width).enumerate() {
@@ -126,6 +145,11 @@ impl Dense {
                 *x -= dot(row, here);
             }
         }
+    }
+
+    /// Solves by the transpose of the factor.
+    #[inline(always)]
+    fn backward(&self, x: &mut [f64]) {
         for (panel, data) in self.panels.iter().enumerate().rev() {
             let width = WIDTH.min(self.size - panel * WIDTH);
             let (here, below) = x[panel * WIDTH..].split_at_mut(width);
@@ -152,8 +176,7 @@ fn factor(matrix: &mut [f64], n: usize) -> bool {
             row[j] = (row[j] - dot(&row[..j], &other[..j])) / other[j];
         }
         let rest = row[i] - dot(&row[..i], &row[..i]);
-        // Also true for what is not a number.
-        if !(rest > 0.0) {
+        if rest.is_nan() || rest <= 0.0 {
             return false;
         }
         row[i] = rest.sqrt();

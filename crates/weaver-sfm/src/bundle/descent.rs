@@ -2,10 +2,11 @@
 
 use super::dense::Dense;
 use super::lens::Lens;
-use super::linear::{BLOCK, PADDED, Sights, View};
+use super::linear::{Sights, View};
 use super::reduced::Reduced;
 use super::sparse::Sparse;
 use super::structure::{Blocks, NONE, Part};
+use super::sums::{BLOCK, PADDED};
 use super::system::{Row, System, expectations};
 use super::{Bundle, Solved};
 use weaver_geometry::glam::DVec3;
@@ -112,8 +113,7 @@ impl<'a> Descent<'a> {
         let nothing = EXACT * EXACT * self.scale * self.scale * self.bundle.observations.len() as f64;
         let mut converged = cost <= nothing;
         for _ in 0..most_steps {
-            // Also true for what is not a number.
-            if converged || !(damping < largest) || !cost.is_finite() {
+            if converged || damping >= largest || !cost.is_finite() {
                 break;
             }
             let fall = if self.solve(damping) { self.attempt(damping) } else { None };

@@ -74,18 +74,17 @@ impl Lens {
             *(if off < 0.0 { &mut low } else { &mut high }) = r;
             let slope = 1.0 + r * r * (3.0 * self.k1 + 5.0 * r * r * self.k2);
             let next = r - off / slope;
+            if (next - r).abs() <= 2.0 * f64::EPSILON * r {
+                break;
+            }
             // Newton's step where it stays between what is too near and too far.
-            let next = if next > low && next < high {
+            r = if next > low && next < high {
                 next
             } else if high.is_finite() {
                 0.5 * (low + high)
             } else {
                 2.0 * low
             };
-            if next == r {
-                break;
-            }
-            r = next;
         }
         center + seen * (r / far) * focal
     }

@@ -1,53 +1,20 @@
 //! What observations say: their cost, and its quadratic model. They are seen eight at a time, one in each lane.
 
+#![expect(clippy::needless_range_loop, reason = "numbers in registers go side by side through several arrays")]
+
 use super::lens::{Lens, NUMBERS};
 use super::structure::{Blocks, NONE, Part, Seen};
+use super::sums::{BLOCK, Coupling, FOUR, NARROW, Sums, WIDE};
 use super::{Bundle, longer};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
 
-/// Numbers of a block, and as many as fill a vector.
-pub(super) const BLOCK: usize = 6;
-pub(super) const PADDED: usize = 8;
 /// An observation behind its camera costs as much as one that is off by so many scales.
 const BEHIND: f64 = 100.0;
 /// Nearer than this, a point is behind.
 const NEAREST: f64 = 1e-12;
-/// Numbers of a row of an observation: those of its camera, of its lens if that is adjusted, and the difference; in fours.
-const WIDE: usize = 12;
-const NARROW: usize = 8;
 /// Numbers of a row, by place: those of the lens follow those of the camera.
 const DIFFERENCE: usize = WIDE - 1;
-/// Numbers that the compiler keeps in a register.
-const FOUR: usize = 4;
-
-/// What a block has in common with a point, one row for each coordinate of the point.
-#[derive(Clone, Copy, Debug, Default)]
-#[repr(C, align(64))]
-pub(super) struct Coupling(pub [[f64; PADDED]; 3]);
-
-/// Sum of the outer products of the rows of a camera, in columns of four; of the columns above the diagonal only those beside it.
-#[derive(Clone, Copy, Debug, Default)]
-#[repr(C, align(64))]
-pub(super) struct Sums([[[f64; FOUR]; WIDE]; WIDE / FOUR]);
-
-impl Sums {
-    pub fn add(&mut self, other: &Self) {
-        let both = self.0.as_flattened_mut().as_flattened_mut().iter_mut().zip(other.0.as_flattened().as_flattened());
-        both.for_each(|(x, y)| *x += y);
-    }
-
-    pub fn clear(&mut self) {
-        *self = Self::default();
-    }
-
-    /// The element of a row and a column of the symmetric matrix.
-    pub fn at(&self, row: usize, column: usize) -> f64 {
-        let (row, column) = (row.max(column), row.min(column));
-        self.0[column / FOUR][row][column % FOUR]
-    }
-}
-
 /// Observations that are seen side by side.
 const LANES: usize = 8;
 type Lane = [f64; LANES];
@@ -61,8 +28,6 @@ pub(super) struct View {
     /// Rows of the rotation.
     rows: [[f64; FOUR]; 3],
     optics: [f64; OPTICS],
-    /// The number of its sums, or [`NONE`].
-    sums: u32,
     /// Whether the lens is adjusted.
     wide: bool,
 }
@@ -86,7 +51,6 @@ impl View {
             pose: [column(0), column(1), column(2), pose.translation.extend(0.0).to_array()],
             rows: [row(0), row(1), row(2)],
             optics: [k.fx * factor, k.fy * factor, center.x, center.y, lens.k1, lens.k2, moves, focal, k1, k2, x, y],
-            sums: blocks.sums[camera],
             wide: blocks.of_lens[bundle.lens_of[camera]] != NONE,
         }
     }
@@ -348,14 +312,14 @@ impl Sights<'_> {
                 let view = &self.views[o.camera as usize];
                 if view.wide {
                     let rows = batch.rows::<FUSED, WIDE>(view, l);
-                    outer::<FUSED, WIDE>(&mut part.sums[view.sums as usize], &rows);
+                    outer::<FUSED, WIDE>(&mut part.sums[o.sums as usize], &rows);
                     if free {
                         couple::<FUSED, WIDE>(part, &rows, &o);
                     }
                 } else {
                     let rows = batch.rows::<FUSED, NARROW>(view, l);
-                    if view.sums != NONE {
-                        outer::<FUSED, NARROW>(&mut part.sums[view.sums as usize], &rows);
+                    if o.sums != NONE {
+                        outer::<FUSED, NARROW>(&mut part.sums[o.sums as usize], &rows);
                     }
                     if free {
                         couple::<FUSED, NARROW>(part, &rows, &o);

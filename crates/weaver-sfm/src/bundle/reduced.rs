@@ -1,7 +1,10 @@
 //! The equations that are left for cameras and lenses once the points are eliminated.
 
-use super::linear::{BLOCK, Coupling, PADDED, fma};
+#![expect(clippy::needless_range_loop, reason = "numbers in registers go side by side through several arrays")]
+
+use super::linear::fma;
 use super::structure::{Blocks, NONE, Part};
+use super::sums::{BLOCK, Coupling, PADDED};
 use super::system::{Block, Row, System};
 use std::ops::Range;
 use weaver_kernels::parallel;
@@ -219,7 +222,8 @@ fn damped_inverse(matrix: &[f64; 6], damping: f64) -> [f64; 6] {
     let l21 = off / d1;
     let d2 = zz - l20 * xz - l21 * off;
     // False for what is not a number, too.
-    if !(xx > 0.0 && d1 > HELD * yy && d2 > HELD * zz) {
+    let held = xx > 0.0 && d1 > HELD * yy && d2 > HELD * zz;
+    if !held {
         return [0.0; 6];
     }
     // The inverse of the unit lower factor, and of the diagonal.

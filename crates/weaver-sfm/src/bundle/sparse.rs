@@ -1,7 +1,9 @@
 //! The reduced equations by conjugate gradients, of which only blocks with points in common are stored.
 
-use super::linear::{BLOCK, PADDED};
+#![expect(clippy::needless_range_loop, reason = "numbers in registers go side by side through several arrays")]
+
 use super::reduced::Reduced;
+use super::sums::{BLOCK, PADDED};
 use super::system::{Block, Row};
 use weaver_kernels::{parallel, simd};
 
@@ -71,10 +73,8 @@ impl Sparse {
     }
 
     fn solve_residual(&mut self, reduced: &Reduced, step: &mut [Row]) -> bool {
-        for (row, inverse) in self.inverse.iter_mut().enumerate() {
-            let diagonal = reduced.row(row).1.last().expect("a diagonal block");
-            let Some(found) = inverted(diagonal) else { return false };
-            *inverse = found;
+        if !self.invert(reduced) {
+            return false;
         }
         step.fill([0.0; PADDED]);
         self.precondition();
@@ -82,13 +82,12 @@ impl Sparse {
         let mut now = dot(&self.residual, &self.solved);
         let enough = self.tolerance * self.tolerance * now;
         for _ in 0..self.most {
-            // Also true for what is not a number.
-            if !(now > enough) {
+            if now.is_nan() || now <= enough {
                 break;
             }
             self.multiply(reduced);
             let curvature = dot(&self.direction, &self.product);
-            if !(curvature > 0.0) {
+            if curvature.is_nan() || curvature <= 0.0 {
                 return false;
             }
             let by = now / curvature;
@@ -103,6 +102,22 @@ impl Sparse {
             }
         }
         now.is_finite()
+    }
+
+    /// The diagonals of the inverses of the diagonal blocks; `None` if one is not positive definite.
+    pub fn inverse_diagonals(&mut self, reduced: &Reduced) -> Option<Vec<Row>> {
+        let diagonal = |block: &Block| {
+            let mut row = [0.0; PADDED];
+            (0..BLOCK).for_each(|k| row[k] = block.0[k][k]);
+            row
+        };
+        self.invert(reduced).then(|| self.inverse.iter().map(diagonal).collect())
+    }
+
+    fn invert(&mut self, reduced: &Reduced) -> bool {
+        let diagonal = |row: usize| reduced.row(row).1.last().expect("a diagonal block");
+        let mut rows = self.inverse.iter_mut().enumerate();
+        rows.all(|(row, inverse)| inverted(diagonal(row)).map(|found| *inverse = found).is_some())
     }
 
     fn precondition(&mut self) {
@@ -187,8 +202,7 @@ fn inverted(block: &Block) -> Option<Block> {
             let rest = block.0[i][j] - (0..j).map(|k| l[i][k] * l[j][k]).sum::<f64>();
             l[i][j] = if i > j { rest / l[j][j] } else { rest.sqrt() };
         }
-        // Also true for what is not a number.
-        if !(l[i][i] > 0.0) {
+        if l[i][i].is_nan() || l[i][i] <= 0.0 {
             return None;
         }
         // The row of the inverse of the factor.

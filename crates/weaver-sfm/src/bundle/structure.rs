@@ -1,9 +1,10 @@
 //! Which numbers are unknown, and how what was seen connects them.
 
-use super::linear::{Coupling, Sums};
+use super::sums::{Coupling, Sums};
 use super::{Bundle, Lens};
 use std::ops::Range;
 use weaver_geometry::glam::DVec3;
+use weaver_kernels::parallel;
 
 /// What has no number.
 pub(super) const NONE: u32 = u32::MAX;
@@ -20,12 +21,9 @@ pub(super) struct Blocks {
     pub of_camera: Vec<u32>,
     /// The block of each lens, or [`NONE`].
     pub of_lens: Vec<u32>,
-    /// The number of the sums of each camera that moves or whose lens is adjusted, or [`NONE`].
-    pub sums: Vec<u32>,
-    /// How many sums there are.
-    pub summed: usize,
-    /// How many blocks there are.
+    /// How many blocks there are, and how many of them are of lenses.
     pub count: usize,
+    lenses: usize,
 }
 
 impl Blocks {
@@ -46,15 +44,18 @@ impl Blocks {
         let expected = |i: usize| bundle.expected.get(i).is_some_and(|(_, weights)| weights.iter().any(|w| *w > 0.0));
         let moves = |i: usize| !bundle.fixed[i] && (seeing[i] || expected(i));
         let of_camera: Vec<u32> = (0..seeing.len()).map(|i| number(moves(i))).collect();
-        let count = count as usize;
-        let mut summed = 0;
-        let sum = |i: usize| {
-            let takes = seeing[i] && (of_camera[i] != NONE || of_lens[bundle.lens_of[i]] != NONE);
-            summed += u32::from(takes);
-            if takes { summed - 1 } else { NONE }
-        };
-        let sums = (0..seeing.len()).map(sum).collect();
-        Self { of_camera, of_lens, sums, summed: summed as usize, count }
+        let lenses = of_lens.iter().filter(|b| **b != NONE).count();
+        Self { of_camera, of_lens, count: count as usize, lenses }
+    }
+
+    /// Whether a block is of a camera: lenses come first.
+    pub fn is_camera(&self, block: usize) -> bool {
+        block >= self.lenses
+    }
+
+    /// The blocks of a camera and of its lens.
+    fn of(&self, bundle: &Bundle, camera: usize) -> [u32; 2] {
+        [self.of_camera[camera], self.of_lens[bundle.lens_of[camera]]]
     }
 }
 
@@ -65,18 +66,19 @@ pub(super) struct Seen {
     /// One over the square of the deviation.
     pub precision: f64,
     pub camera: u32,
-    /// The number of the point among those of the part.
+    /// The numbers of the point and of the sums of the camera among those of the part; [`NONE`] if the camera needs no sums.
     pub point: u32,
+    pub sums: u32,
     /// The entries of its point with the camera and with its lens, or [`NONE`].
     pub camera_entry: u32,
     pub lens_entry: u32,
 }
 
-/// Points that follow each other, with all that saw them and the part of the equations that is theirs.
+/// Some points, with all that saw them and the part of the equations that is theirs.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Part {
-    /// Number of the first point.
-    pub first: usize,
+    /// Numbers of the points.
+    pub numbers: Vec<u32>,
     pub seen: Vec<Seen>,
     /// Where the entries of each point begin, and where the last end: one for every block that the point depends on, ascending.
     pub first_entry: Vec<u32>,
@@ -96,7 +98,9 @@ pub(super) struct Part {
     pub inverse: Vec<[f64; 6]>,
     /// What each entry has in common with its point.
     pub coupling: Vec<Coupling>,
-    /// What its observations say of each camera and its lens.
+    /// The cameras of its observations that move or whose lens is adjusted, ascending.
+    pub summed: Vec<u32>,
+    /// What its observations say of each of these and its lens.
     pub sums: Vec<Sums>,
     /// The cost of its observations, of the last pass, and the fall that was predicted.
     pub cost: f64,
@@ -104,64 +108,90 @@ pub(super) struct Part {
 }
 
 impl Part {
-    /// All parts of a bundle.
+    /// All parts of a bundle. Points that the same cameras see are put side by side, as far as their first three cameras tell:
+    /// what is done camera by camera then finds them near each other.
     pub fn all(bundle: &Bundle, blocks: &Blocks) -> Vec<Self> {
         let observations = &bundle.observations;
-        let last = observations.last().map_or(0, |o| o.point + 1);
-        assert!(last <= bundle.points.len(), "an observation of a point that is not there");
+        let mut of_point = vec![0..0; bundle.points.len()];
+        let mut keys = vec![[u32::MAX; 3]; bundle.points.len()];
+        let mut first = 0;
+        for seen in observations.chunk_by(|a, b| a.point == b.point) {
+            let key = &mut keys[seen[0].point];
+            for mut camera in seen.iter().map(|o| o.camera as u32) {
+                for least in &mut *key {
+                    (*least, camera) = (camera.min(*least), camera.max(*least));
+                }
+            }
+            of_point[seen[0].point] = first..first + seen.len();
+            first += seen.len();
+        }
+        let mut order: Vec<u32> = (0..bundle.points.len() as u32).collect();
+        order.sort_by_key(|point| keys[*point as usize]);
         let count = (observations.len() / OBSERVATIONS).clamp(1, PARTS);
-        let start = |part: usize| match part {
-            0 => 0,
-            _ if part == count => bundle.points.len(),
-            _ => observations[part * observations.len() / count].point,
-        };
-        (0..count).map(|part| Self::new(bundle, blocks, start(part)..start(part + 1))).collect()
+        let mut parts: Vec<Self> = Vec::with_capacity(count);
+        let (mut rest, mut before) = (&order[..], 0);
+        for part in 1..=count {
+            let enough = part * observations.len() / count;
+            let mut end = 0;
+            while end < rest.len() && (before < enough || part == count) {
+                before += of_point[rest[end] as usize].len();
+                end += 1;
+            }
+            let (these, others) = rest.split_at(end);
+            parts.push(Self { numbers: these.to_vec(), ..Self::default() });
+            rest = others;
+        }
+        parallel::for_chunks(&mut parts, 1, |_, parts| {
+            parts.iter_mut().for_each(|part| part.fill(bundle, blocks, &of_point));
+        });
+        parts
     }
 
-    fn new(bundle: &Bundle, blocks: &Blocks, points: Range<usize>) -> Self {
-        let from = bundle.observations.partition_point(|o| o.point < points.start);
-        let to = bundle.observations.partition_point(|o| o.point < points.end);
-        let mut observations = &bundle.observations[from..to];
-        let mut part = Self { first: points.start, points: bundle.points[points.clone()].to_vec(), ..Self::default() };
-        part.seen.reserve_exact(observations.len());
+    /// Finds all that saw its points.
+    fn fill(&mut self, bundle: &Bundle, blocks: &Blocks, of_point: &[Range<usize>]) {
+        let numbers = std::mem::take(&mut self.numbers);
+        let all = || numbers.iter().map(|point| &bundle.observations[of_point[*point as usize].clone()]);
+        let part = self;
+        part.points = numbers.iter().map(|point| bundle.points[*point as usize]).collect();
+        part.seen = Vec::with_capacity(all().map(|seen| seen.len()).sum());
+        let mut sums = vec![NONE; bundle.cameras.len()];
+        for o in all().flatten() {
+            if blocks.of(bundle, o.camera) != [NONE; 2] && sums[o.camera] == NONE {
+                sums[o.camera] = 0;
+                part.summed.push(o.camera as u32);
+            }
+        }
+        part.summed.sort_unstable();
+        part.summed.iter().enumerate().for_each(|(number, camera)| sums[*camera as usize] = number as u32);
         let mut of_point: Vec<u32> = Vec::new();
-        for point in points.clone() {
-            part.first_entry.push(part.block.len() as u32);
-            let (here, rest) = observations.split_at(observations.iter().take_while(|o| o.point == point).count());
-            observations = rest;
-            let block_of = |camera: usize| [blocks.of_camera[camera], blocks.of_lens[bundle.lens_of[camera]]];
+        for (point, here) in all().enumerate() {
+            let first = part.block.len();
+            part.first_entry.push(first as u32);
             of_point.clear();
             if !bundle.fixed_points {
-                of_point.extend(here.iter().flat_map(|o| block_of(o.camera)).filter(|b| *b != NONE));
+                of_point.extend(here.iter().flat_map(|o| blocks.of(bundle, o.camera)).filter(|b| *b != NONE));
                 of_point.sort_unstable();
                 of_point.dedup();
             }
-            let first = part.block.len();
             let entry = |block: u32| of_point.binary_search(&block).map_or(NONE, |at| (first + at) as u32);
             part.seen.extend(here.iter().map(|o| {
-                let [camera_entry, lens_entry] = block_of(o.camera).map(entry);
-                let (pixel, precision) = (o.pixel.to_array(), o.deviation.powi(-2));
-                Seen {
-                    pixel,
-                    precision,
-                    camera: o.camera as u32,
-                    point: (point - points.start) as u32,
-                    camera_entry,
-                    lens_entry,
-                }
+                let [camera_entry, lens_entry] = blocks.of(bundle, o.camera).map(entry);
+                let (pixel, precision) = (o.pixel.to_array(), 1.0 / (o.deviation * o.deviation));
+                let (camera, point, sums) = (o.camera as u32, point as u32, sums[o.camera]);
+                Seen { pixel, precision, camera, point, sums, camera_entry, lens_entry }
             }));
             part.block.extend_from_slice(&of_point);
         }
         part.first_entry.push(part.block.len() as u32);
         part.list(blocks.count);
-        let held = if bundle.fixed_points { 0 } else { points.len() };
+        let held = if bundle.fixed_points { 0 } else { numbers.len() };
         part.tried = part.points[..held].to_vec();
         part.matrix = vec![[0.0; 6]; held];
         part.right = vec![[0.0; 3]; held];
         part.inverse = vec![[0.0; 6]; held];
         part.coupling = vec![Coupling::default(); part.block.len()];
-        part.sums = vec![Sums::default(); blocks.summed];
-        part
+        part.sums = vec![Sums::default(); part.summed.len()];
+        part.numbers = numbers;
     }
 
     /// Lists the entries by block.

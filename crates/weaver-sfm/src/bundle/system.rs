@@ -1,8 +1,10 @@
 //! The part of the normal equations that is of cameras and lenses alone.
 
+#![expect(clippy::needless_range_loop, reason = "numbers in registers go side by side through several arrays")]
+
 use super::lens::{Lens, NUMBERS};
-use super::linear::{BLOCK, PADDED, Sums};
 use super::structure::{Blocks, NONE, Part};
+use super::sums::{BLOCK, PADDED, Sums};
 use super::{Bundle, TWIST};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Pose, se3};
@@ -31,7 +33,8 @@ pub(super) struct System {
     pub right: Vec<Row>,
     /// The diagonal; 1 where nothing depends on a number, so that it stays where it is.
     pub diagonal: Vec<Row>,
-    sums: Sums,
+    /// Of each camera.
+    sums: Vec<Sums>,
 }
 
 impl System {
@@ -47,7 +50,7 @@ impl System {
             lens,
             right: vec![[0.0; PADDED]; n],
             diagonal: vec![[1.0; PADDED]; n],
-            sums: Sums::default(),
+            sums: vec![Sums::default(); bundle.cameras.len()],
         }
     }
 
@@ -56,10 +59,12 @@ impl System {
         self.matrix.fill(Block::default());
         self.with_lens.fill(Block::default());
         self.right.fill([0.0; PADDED]);
-        for (camera, number) in blocks.sums.iter().enumerate().filter(|(_, number)| **number != NONE) {
-            self.sums.clear();
-            parts.iter().for_each(|part| self.sums.add(&part.sums[*number as usize]));
-            self.of_camera(blocks.of_camera[camera], blocks.of_lens[bundle.lens_of[camera]]);
+        self.sums.fill(Sums::default());
+        for part in parts {
+            part.summed.iter().zip(&part.sums).for_each(|(camera, sums)| self.sums[*camera as usize].add(sums));
+        }
+        for camera in 0..self.sums.len() {
+            self.of_camera(camera, blocks.of_camera[camera], blocks.of_lens[bundle.lens_of[camera]]);
         }
         for (lens, block) in lenses.iter().zip(&blocks.of_lens).filter(|(_, block)| **block != NONE) {
             for (i, (weight, off)) in lens.priors().into_iter().enumerate() {
@@ -80,8 +85,8 @@ impl System {
         }
     }
 
-    fn of_camera(&mut self, camera: u32, lens: u32) {
-        let sums = &self.sums;
+    fn of_camera(&mut self, number: usize, camera: u32, lens: u32) {
+        let sums = &self.sums[number];
         let last = if lens == NONE { ALONE } else { WITH_LENS };
         if camera != NONE {
             let camera = camera as usize;

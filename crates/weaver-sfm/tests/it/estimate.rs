@@ -56,8 +56,11 @@ fn cameras_of_a_few_photos() {
         // The first camera is the origin, and what it sees is a unit away.
         let first = found.cameras[0].as_ref().expect("a camera");
         assert!(first.pose.angle_to(&Pose::IDENTITY) < 1e-6 && first.pose.center().length() < 1e-9);
-        let mean = found.points.iter().map(|p| p.length()).sum::<f64>() / found.points.len() as f64;
-        assert!((mean - 1.0).abs() < 0.2, "points are {mean} away");
+        let mut distances: Vec<f64> = found.points.iter().map(|p| p.length()).collect();
+        distances.sort_by(f64::total_cmp);
+        distances.truncate(distances.len() - distances.len() / 50);
+        let mean = distances.iter().sum::<f64>() / distances.len() as f64;
+        assert!((mean - 1.0).abs() < 1e-3, "points are {mean} away");
     }
 }
 
