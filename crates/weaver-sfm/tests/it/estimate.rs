@@ -20,15 +20,20 @@ fn photos(scene: &Scene, known: bool) -> Vec<Photo<'static>> {
     scene.views.iter().step_by(2).map(photo).collect()
 }
 
-/// The mean difference of rotations relative to the first camera, degrees.
+/// The mean difference of rotations after the best common one, degrees.
 fn off(found: &Estimate, scene: &Scene) -> f64 {
-    let cameras: Vec<&Camera> = found.cameras.iter().map(|c| c.as_ref().expect("a camera")).collect();
+    let found: Vec<Pose> = found.cameras.iter().map(|c| c.as_ref().expect("a camera").pose).collect();
     let truth: Vec<Pose> = scene.views.iter().step_by(2).map(|v| v.camera.pose).collect();
-    let angle = |i: usize| {
-        let turn = cameras[i].pose.relative_to(&cameras[0].pose);
-        turn.angle_to(&truth[i].relative_to(&truth[0])).to_degrees()
+    // Axes with their opposites, so that the best similarity is a rotation alone.
+    let axes = |poses: &[Pose]| -> Vec<DVec3> {
+        let of = |pose: &Pose| [0, 1, 2].map(|k| pose.rotation.row(k));
+        poses.iter().flat_map(of).flat_map(|axis| [axis, -axis]).collect()
     };
-    (1..cameras.len()).map(angle).sum::<f64>() / (cameras.len() - 1) as f64
+    let onto = Similarity::fit(&axes(&found), &axes(&truth)).expect("axes").rotation;
+    let angle = |(found, truth): (&Pose, &Pose)| {
+        Pose::new(found.rotation * onto.transpose(), DVec3::ZERO).angle_to(truth).to_degrees()
+    };
+    found.iter().zip(&truth).map(angle).sum::<f64>() / found.len() as f64
 }
 
 /// How far camera centers are off after the best similarity, the root of the mean square over that of their distances from their

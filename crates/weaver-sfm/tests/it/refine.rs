@@ -44,8 +44,8 @@ fn cameras_come_back_with_those_that_are_only_located() {
     let given: Vec<Camera> = views.iter().map(|v| v.camera).collect();
     let found = refine(&views, &RefineSettings::default());
     let (before, after) = (error(&given, &truth), error(&found.cameras, &truth));
-    // A narrow arc of eight photos hardly says how far it turns; the eight given cameras do, to a third of their errors.
-    assert!(before > 0.5 && after < 0.35 * before, "from {before} to {after} degrees");
+    // A narrow arc of eight photos hardly says how far it turns; the eight given cameras do: the mean of eight errors is 0.354 of one.
+    assert!(before > 0.5 && after < 0.4 * before, "from {before} to {after} degrees");
     assert!(found.error < 0.5 && found.points.len() > 100, "{} points, {} px", found.points.len(), found.error);
     let onto = |views: &[Camera]| -> f64 {
         let poses: Vec<Pose> = views.iter().map(|c| c.pose).collect();
