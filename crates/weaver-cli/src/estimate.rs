@@ -70,7 +70,8 @@ pub fn estimated(
         return Err(Failure::message(format!("cameras: {}", refusal(&found))));
     }
     let photos_written = found.write(out)?;
-    let summary = serde_json::to_string_pretty(&summary::summary(&found)).map_err(|e| Failure::message(e.to_string()))?;
+    let summary =
+        serde_json::to_string_pretty(&summary::summary(&found)).map_err(|e| Failure::message(e.to_string()))?;
     weaver_io::write_text(out.file(SUMMARY)?, &summary)?;
     let e = &found.estimate;
     console.note(&format!(

@@ -10,9 +10,10 @@ use weaver_kernels::parallel;
 /// Standard deviation of a distortion that is expected before anything is seen.
 const BENT: f64 = 0.2;
 /// A distortion is told that is so many of its standard deviations from 0, and moves a corner by so many pixels.
-const TOLD: f64 = 4.0;
+const TOLD: f64 = 6.0;
 const MOVED: f64 = 0.3;
-/// Photos from which on two coefficients of it are looked for.
+/// Photos from which on one coefficient of it is looked for, and two.
+const SEVERAL: usize = 6;
 const MANY: usize = 20;
 /// Standard deviations of what is held: of the principal point from the middle of photos, over their longer sides, and of k1.
 const OFF_CENTER: f64 = 0.005;
@@ -59,7 +60,8 @@ impl Uncertainty {
         };
         // Of what is not adjusted nothing is uncertain.
         let known = |x: f64| if x.is_finite() { x } else { 0.0 };
-        let both = |a: Vec<f64>, b: Vec<f64>| a.into_iter().zip(b).map(|(a, b)| known(a).hypot(b)).collect::<Vec<f64>>();
+        let both =
+            |a: Vec<f64>, b: Vec<f64>| a.into_iter().zip(b).map(|(a, b)| known(a).hypot(b)).collect::<Vec<f64>>();
         let focal = both(focal, left_out.focal).into_iter().fold(0.0, f64::max);
         let rotations = spread_out(both(rotation, left_out.rotation));
         Some(Self { focal, rotations, centers: spread_out(both(center, left_out.center)), spread })
@@ -166,9 +168,11 @@ impl Bundle {
 
     /// Frees the distortion of lenses as far as it is asked for and told, and adjusts it.
     pub(crate) fn free_distortion(&mut self, find: Find, placed: &[bool]) {
+        let count = placed.iter().filter(|placed| **placed).count();
         let [first, second] = match find {
+            Find::Told if count < SEVERAL => return,
             Find::Off => return,
-            Find::Told => [true, placed.iter().filter(|placed| **placed).count() >= MANY],
+            Find::Told => [true, count >= MANY],
             Find::K1 => [true, false],
             Find::K1K2 => [true, true],
         };
