@@ -142,6 +142,7 @@ impl LaneKernel<f32> for Directions<'_> {
         let columns = V::load(window);
         // Two histograms by turns: sums do not wait for one another. The last bin is the first again.
         let mut raw = [[0.0; BINS + 1]; 2];
+        #[expect(clippy::needless_range_loop, reason = "the row is also a place")]
         for row in 0..SIDE {
             let (size, angle) = polar(patch.across[row], patch.down[row], BINS as f32);
             let size = (size * columns * V::splat(window[row])).to_array();

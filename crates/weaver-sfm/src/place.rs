@@ -56,7 +56,8 @@ pub(crate) fn place(
 
 /// The suggestion that brings most points to where the photo sees them, adjusted to them.
 fn by_points(bundle: &Bundle, seen: &[Observation], suggestions: &[Pose], photo: usize) -> Option<(Pose, usize)> {
-    let lens = Lens { k1: bundle.lenses[bundle.lens_of[photo]].k1, ..Lens::default() };
+    let Lens { k1, k2, .. } = bundle.lenses[bundle.lens_of[photo]];
+    let lens = Lens { k1, k2, ..Lens::default() };
     let mut alone = Bundle {
         cameras: vec![bundle.camera(photo)],
         lenses: vec![lens],

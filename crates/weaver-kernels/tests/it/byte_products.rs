@@ -106,7 +106,8 @@ fn chosen_products_are_those_of_the_slow_twin() {
             let chosen: Vec<u32> = (0..n).map(|i| (i * 31 + 5) % 37).collect();
             let mut out = vec![7; n as usize];
             chosen_products(&query, &b, &chosen, &mut out);
-            let expected: Vec<u32> = chosen.iter().map(|i| product(&query, &b[*i as usize * depth..][..depth])).collect();
+            let expected: Vec<u32> =
+                chosen.iter().map(|i| product(&query, &b[*i as usize * depth..][..depth])).collect();
             assert_eq!(out, expected);
         }
     }
