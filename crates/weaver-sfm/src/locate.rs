@@ -28,15 +28,16 @@ pub(crate) fn locate(
     if numbers.len() == taken.len() {
         return (bundle, placed, pairs);
     }
-    let absent: Vec<bool> = (0..taken.len()).map(|i| numbers.binary_search(&i).is_ok()).collect();
-    let mut with_located = candidates(features, &absent, settings.candidates, settings.sequence);
-    with_located.retain(|pair| pair.iter().any(|photo| !absent[*photo]));
+    let others: Vec<bool> = (0..taken.len()).map(|i| numbers.binary_search(&i).is_ok()).collect();
+    let mut with_located = candidates(features, &others, settings.candidates, settings.sequence);
+    with_located.retain(|pair| pair.iter().any(|photo| !others[*photo]));
     let cameras: Vec<_> = (0..taken.len()).map(|i| bundle.camera(i)).collect();
     let matched = pairs::matched(features, &with_located);
     pairs.posed.extend(pairs::posed(features, &cameras, &matched, tau(taken)));
     pairs.matched.extend(matched);
     let tracks = linked(features, &pairs.posed);
-    let evidence = Evidence { features, pairs: &pairs.posed, tracks: &tracks, absent: &absent, trust: Trust::PAIRS };
+    // Of the others those without a place get none here.
+    let evidence = Evidence { features, pairs: &pairs.posed, tracks: &tracks, absent: &others, trust: Trust::PAIRS };
     let before = placed.clone();
     let mut found = Grown { bundle: bundle.clone(), placed: before.clone(), support: 0.0 };
     found.bundle.lenses.iter_mut().for_each(|lens| *lens = lens.held());

@@ -125,10 +125,10 @@ impl<'a> Search<'a> {
         bundle.free_focal(&free, placed);
         let missing: Vec<bool> = placed.iter().map(|placed| !placed).collect();
         let near = near(bundle, placed, self.settings.candidates);
-        for pass in Pass::FINE {
-            bundle.pass(self.features, &near, &missing, &pass);
-            bundle.free_distortion(self.settings.distortion, placed);
-        }
+        let [first, last] = Pass::FINE;
+        bundle.pass(self.features, &near, &missing, &first);
+        bundle.free_distortion(self.settings.distortion, placed);
+        bundle.pass(self.features, &near, &missing, &last);
         bundle.finish();
     }
 

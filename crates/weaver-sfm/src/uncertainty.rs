@@ -1,10 +1,10 @@
 //! How exact estimated cameras are expected to be.
 
-use crate::bundle::{Bundle, Covariance};
+use crate::bundle::{Bundle, Covariance, Observation};
 use crate::lenses::PIXEL;
 use crate::photo::Find;
 use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Pose, Similarity};
+use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_kernels::parallel;
 
 /// Standard deviation of a distortion that is expected before anything is seen.
@@ -42,29 +42,29 @@ pub struct Uncertainty {
 impl Uncertainty {
     /// That of the cameras that have a place.
     pub(crate) fn of(bundle: &Bundle, placed: &[bool]) -> Option<Self> {
-        let mut of_placed = bundle.of_placed(placed);
-        let noise = of_placed.covariance(1.0)?.sigma;
-        // What was held may yet be off, and the rest with it.
-        for lens in &mut of_placed.lenses {
+        let bundle = bundle.of_placed(placed);
+        let noise = bundle.covariance(1.0)?.sigma;
+        // What is held may yet be off, and the rest with it.
+        let mut freed = bundle.clone();
+        for lens in &mut freed.lenses {
             (lens.free_shift, lens.shift_weight) = (true, (noise / OFF_CENTER).powi(2));
             if !lens.free_k1 {
                 (lens.free_k1, lens.distortion_weight) = (true, (noise / UNSEEN).powi(2));
             }
         }
-        let Covariance { focal, rotation, center, .. } = of_placed.covariance(1.0)?;
-        let left_out = left_out(&bundle.of_placed(placed));
-        let spread = spread(bundle, placed);
-        let spread_out = |of: Vec<f64>| {
-            let mut of = of.into_iter();
-            placed.iter().map(|placed| placed.then(|| of.next()).flatten().unwrap_or(0.0)).collect()
+        let Covariance { focal, rotation, center, .. } = freed.covariance(1.0)?;
+        let left_out = left_out(&bundle);
+        // What has no variance although it is adjusted is not known at all.
+        let both = |of_all: f64, of_rest: f64| if of_all.is_nan() { f64::INFINITY } else { of_all.hypot(of_rest) };
+        let focals =
+            bundle.lenses.iter().zip(focal.into_iter().zip(left_out.focal)).filter(|(lens, _)| lens.free_focal);
+        let focal = focals.map(|(_, (of_all, of_rest))| both(of_all, of_rest)).fold(0.0, f64::max);
+        let of_photos = |of_all: Vec<f64>, of_rest: Vec<f64>| {
+            let mut each = of_all.into_iter().zip(of_rest).map(|(of_all, of_rest)| both(of_all, of_rest));
+            placed.iter().map(|placed| if *placed { each.next().unwrap_or(0.0) } else { 0.0 }).collect()
         };
-        // Of what is not adjusted nothing is uncertain.
-        let known = |x: f64| if x.is_finite() { x } else { 0.0 };
-        let both =
-            |a: Vec<f64>, b: Vec<f64>| a.into_iter().zip(b).map(|(a, b)| known(a).hypot(b)).collect::<Vec<f64>>();
-        let focal = both(focal, left_out.focal).into_iter().fold(0.0, f64::max);
-        let rotations = spread_out(both(rotation, left_out.rotation));
-        Some(Self { focal, rotations, centers: spread_out(both(center, left_out.center)), spread })
+        let rotations = of_photos(rotation, left_out.rotation);
+        Some(Self { focal, rotations, centers: of_photos(center, left_out.center), spread: spread(&bundle.cameras) })
     }
 
     /// The same, where the photos have these numbers of so many.
@@ -103,18 +103,16 @@ struct LeftOut {
 fn left_out(bundle: &Bundle) -> LeftOut {
     let n = bundle.cameras.len();
     let groups = n.min(GROUPS);
-    let mut without: Vec<Option<Bundle>> = vec![None; groups];
+    let mut without = vec![bundle.clone(); groups];
     parallel::for_chunks(&mut without, 1, |group, without| {
-        let mut rest = bundle.clone();
+        let rest = &mut without[0];
         rest.observations.retain(|o| o.camera % groups != group);
         let agreed = rest.agreed();
         rest.observations.retain(|o| agreed[o.point]);
         rest.adjust(1.0, STEPS);
-        without[0] = Some(rest);
     });
     let mut squares = LeftOut { focal: vec![0.0; bundle.lenses.len()], rotation: vec![0.0; n], center: vec![0.0; n] };
     for (group, rest) in without.into_iter().enumerate() {
-        let Some(rest) = rest else { continue };
         let lenses = rest.lenses.iter().zip(&bundle.lenses).map(|(a, b)| (a.log_focal - b.log_focal).powi(2));
         squares.focal.iter_mut().zip(lenses).for_each(|(sum, square)| *sum += square);
         let kept: Vec<usize> = (0..n).filter(|i| i % groups != group).collect();
@@ -137,9 +135,8 @@ fn left_out(bundle: &Bundle) -> LeftOut {
 }
 
 /// The root of the mean square distance of centers from their middle.
-fn spread(bundle: &Bundle, placed: &[bool]) -> f64 {
-    let placed = bundle.cameras.iter().zip(placed).filter(|(_, placed)| **placed);
-    let centers: Vec<DVec3> = placed.map(|(camera, _)| camera.pose.center()).collect();
+fn spread(cameras: &[Camera]) -> f64 {
+    let centers: Vec<DVec3> = cameras.iter().map(|camera| camera.pose.center()).collect();
     let n = centers.len().max(1) as f64;
     let middle = centers.iter().sum::<DVec3>() / n;
     (centers.iter().map(|c| c.distance_squared(middle)).sum::<f64>() / n).sqrt()
@@ -151,7 +148,7 @@ impl Bundle {
         let kept: Vec<usize> = (0..placed.len()).filter(|i| placed[*i]).collect();
         let observations = self.observations.iter().filter(|o| placed[o.camera]).map(|o| {
             let camera = kept.partition_point(|i| *i < o.camera);
-            crate::bundle::Observation { camera, ..*o }
+            Observation { camera, ..*o }
         });
         let used = |lens: usize| kept.iter().any(|i| self.lens_of[*i] == lens);
         let lens = |i: usize| if used(i) { self.lenses[i] } else { self.lenses[i].held() };
@@ -166,12 +163,12 @@ impl Bundle {
         }
     }
 
-    /// Frees the distortion of lenses as far as it is asked for and told, and adjusts it.
+    /// Frees the distortion of lenses as far as it is asked for and told.
     pub(crate) fn free_distortion(&mut self, find: Find, placed: &[bool]) {
         let count = placed.iter().filter(|placed| **placed).count();
         let [first, second] = match find {
-            Find::Told if count < SEVERAL => return,
             Find::Off => return,
+            Find::Told if count < SEVERAL => return,
             Find::Told => [true, count >= MANY],
             Find::K1 => [true, false],
             Find::K1K2 => [true, true],

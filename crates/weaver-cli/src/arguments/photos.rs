@@ -78,7 +78,7 @@ impl Quality {
 /// Estimates the cameras of photos by matching them.
 ///
 /// Writes transforms.json, a COLMAP model with points and tracks in sparse/0, and points.png: what of each photo was found in others, green
-/// where it is exact. The folder is a capture for fit, infer and train. No network is involved, and no random numbers. Of a clip sharp
+/// where it is exact. The folder is a capture for fit, infer and train. No network is involved, and the same photos give the same cameras. Of a clip sharp
 /// frames become photos, as many steps of the camera apart; they are written to the folder `frames`.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
