@@ -38,23 +38,28 @@ fn error(found: &[Camera], truth: &[View<'_>]) -> f64 {
 #[test]
 fn cameras_come_back_with_those_that_are_only_located() {
     let truth = photos();
-    let mut views = truth.clone();
-    disturb(&mut views, 1);
-    views[3].located = true;
-    let given: Vec<Camera> = views.iter().map(|v| v.camera).collect();
-    let found = refine(&views, &RefineSettings::default());
-    let (before, after) = (error(&given, &truth), error(&found.cameras, &truth));
+    let (mut all_before, mut all_after) = (0.0, 0.0);
+    for seed in 1..=8 {
+        let mut views = truth.clone();
+        disturb(&mut views, seed);
+        views[3].located = true;
+        let given: Vec<Camera> = views.iter().map(|v| v.camera).collect();
+        let found = refine(&views, &RefineSettings::default());
+        let before = error(&given, &truth);
+        assert!(found.error < 0.5 && found.points.len() > 100, "{} points, {} px", found.points.len(), found.error);
+        let onto = |views: &[Camera]| -> f64 {
+            let poses: Vec<Pose> = views.iter().map(|c| c.pose).collect();
+            let truth: Vec<Pose> = truth.iter().map(|v| v.camera.pose).collect();
+            let similarity = Similarity::fit_poses(&poses, &truth).expect("cameras");
+            similarity.apply_to_pose(&poses[3]).angle_to(&truth[3]).to_degrees()
+        };
+        assert!(onto(&found.cameras) < 0.35 * before, "located {} degrees off", onto(&found.cameras));
+        assert_eq!(found.seen[3], 0, "what is located finds no points");
+        all_before += before;
+        all_after += error(&found.cameras, &truth);
+    }
     // A narrow arc of eight photos hardly says how far it turns; the eight given cameras do: the mean of eight errors is 0.354 of one.
-    assert!(before > 0.5 && after < 0.4 * before, "from {before} to {after} degrees");
-    assert!(found.error < 0.5 && found.points.len() > 100, "{} points, {} px", found.points.len(), found.error);
-    let onto = |views: &[Camera]| -> f64 {
-        let poses: Vec<Pose> = views.iter().map(|c| c.pose).collect();
-        let truth: Vec<Pose> = truth.iter().map(|v| v.camera.pose).collect();
-        let similarity = Similarity::fit_poses(&poses, &truth).expect("cameras");
-        similarity.apply_to_pose(&poses[3]).angle_to(&truth[3]).to_degrees()
-    };
-    assert!(onto(&found.cameras) < 0.35 * before, "located {} degrees off", onto(&found.cameras));
-    assert_eq!(found.seen[3], 0, "what is located finds no points");
+    assert!(all_before > 4.0 && all_after < 0.4 * all_before, "from {all_before} to {all_after} degrees");
 }
 
 #[test]
