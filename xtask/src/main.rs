@@ -28,7 +28,9 @@ const USAGE: &str = "usage: cargo xtask <command>
   study own-photos  DIR CAPTURE ... [--lpips WEIGHTS] [-- FLAGS]: what lens distortion, orientation and masks cost, trained in the same way
   dial            the picture of the README's dial, drawn anew from its table in docs/results.md
   embed           the examples of tests/embedding, in a package outside of the workspace
-  valgrind        the tests of kernels and tape under memcheck, by portable code and by AVX2";
+  valgrind        the tests of kernels and tape under memcheck, by portable code and by AVX2
+  walk            --out DIR [--photos N] [--size PIXELS] [--seed N] [--facade]: photos along a generated street that comes back past its
+                  beginning, or along a building whose windows repeat, with exact cameras";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -42,6 +44,7 @@ fn main() -> ExitCode {
         "study" => study::run(rest),
         "dial" => dial::run(),
         "embed" => embed::run(),
+        "walk" => cargo_run(&["--release", "--package", "weaver-data", "--example", "walk"], rest),
         "valgrind" => valgrind::run(),
         _ => Err(USAGE.into()),
     };

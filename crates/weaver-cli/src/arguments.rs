@@ -23,7 +23,7 @@ pub use eval::{ContextCameras, Eval, Targets};
 pub use fit::{Fit, Format, Origin, PoseMode, SAVE_EVERY, StrategyName};
 pub use lift::{DemoGaussians, Lift, Query, SolverName};
 pub use light::LightFlags;
-pub use photos::{Cameras, MatchingFlags, Reconstruct};
+pub use photos::{Cameras, ClipFlags, MatchingFlags, Reconstruct};
 pub use refine::RefineFlags;
 pub use render::Render;
 pub use vad::{EncoderName, Vad, VadCommand, VadEval, VadMetrics, VadPlan, VadScore, VadTrain};
@@ -47,6 +47,7 @@ const MOST_SEED: u64 = i64::MAX as u64;
     about = "A few photos in, camera poses and compact 3-D Gaussians out; trained and run on a CPU.",
     after_help = "Examples:
   splatweaver reconstruct photos -o scene              a scene from photos and nothing else
+  splatweaver reconstruct clip.mp4 -o scene            the same from a video
   splatweaver train --preset tiny                      train on the built-in scenes
   splatweaver train --data fox --data fern --out runs/mine
   splatweaver eval --run runs/mine --json
@@ -220,7 +221,7 @@ pub struct Infer {
     /// the same on others
     #[arg(long, requires = "weights", help_heading = PUBLISHED)]
     pub bf16_products: bool,
-    /// Photos (JPEG, PNG, TIFF, WebP), or folders of photos; the first one's camera becomes the origin
+    /// Photos (JPEG, PNG, TIFF, WebP), folders of photos, or clips; the first one's camera becomes the origin
     #[arg(required = true)]
     pub images: Vec<PathBuf>,
     /// Cameras of the photos, matched by the ends of their paths: transforms.json or a folder with a COLMAP model, whose points

@@ -1,17 +1,21 @@
 //! Cameras that are estimated: `splatweaver cameras`, and for the commands that need them.
 
-use crate::Console;
+mod summary;
+
 use crate::arguments::{Cameras, MatchingFlags};
 use crate::failure::Failure;
 use crate::progress::duration;
+use crate::{Console, clip};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use weaver_data::{Confidence, EstimatedPhotos, LeftOut, OutputFolder, estimate_photos};
+use weaver_data::{Confidence, EstimatedPhotos, LeftOut, OutputFolder, Uncertainty, estimate_photos};
 use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Camera, Pose, Similarity};
+use weaver_geometry::{Camera, Distortion, Pose, Similarity};
 
 /// What the folder of estimated cameras says that it was written by.
 const COMMAND: &str = "cameras";
+/// What is known of the cameras, for programs.
+const SUMMARY: &str = "cameras.json";
 /// One photo in this many is held out.
 const HOLD_OUT: usize = 8;
 /// From this logarithm of a factor on a focal length is not what was told.
@@ -26,7 +30,7 @@ const NAMED: usize = 8;
 pub fn run(arguments: &Cameras, console: &mut Console) -> Result<(), Failure> {
     let compare = arguments.compare.as_slice();
     let claimed = OutputFolder::claim(&arguments.out, COMMAND, arguments.photos.iter().chain(compare))?;
-    let photos = photos(&arguments.photos)?;
+    let photos = clip::photos(&arguments.photos, arguments.clip, &claimed, console)?;
     let located = vec![false; photos.len()];
     let Estimated { found, .. } = estimated(&photos, &located, arguments.matching, &claimed, console)?;
     let out = |name: &str| arguments.out.join(name).display().to_string();
@@ -39,7 +43,7 @@ pub fn run(arguments: &Cameras, console: &mut Console) -> Result<(), Failure> {
 /// Photos with estimated cameras.
 pub struct Estimated {
     pub found: EstimatedPhotos,
-    /// The photos that the cameras are of: the files, or what was written of them without distortion.
+    /// The photos that the cameras are of: the files, or what was written of them upright.
     pub photos: Vec<PathBuf>,
 }
 
@@ -56,7 +60,8 @@ pub fn estimated(
     console: &mut Console,
 ) -> Result<Estimated, Failure> {
     let start = Instant::now();
-    EstimatedPhotos::check(out, photos, &flags.into())?;
+    EstimatedPhotos::check(out, photos)?;
+    out.check([SUMMARY])?;
     console.note(&format!("cameras: matching {} photos", photos.len()));
     let found = estimate_photos(photos, located, &flags.into())?;
     found.remarks.iter().for_each(|remark| console.note(&format!("warning: {remark}")));
@@ -65,13 +70,17 @@ pub fn estimated(
         return Err(Failure::message(format!("cameras: {}", refusal(&found))));
     }
     let photos_written = found.write(out)?;
+    let summary =
+        serde_json::to_string_pretty(&summary::summary(&found)).map_err(|e| Failure::message(e.to_string()))?;
+    weaver_io::write_text(out.file(SUMMARY)?, &summary)?;
     let e = &found.estimate;
     console.note(&format!(
-        "cameras: {placed} of {} photos placed, {} points, off by {:.2} pixels in the median; focal length {:.3} of the longer side; {}",
+        "cameras: {placed} of {} photos placed, {} points, off by {:.2} pixels in the median; focal length {:.3}{} of the longer side; {}",
         photos.len(),
         e.points.len(),
         e.error,
         found.focal(),
+        e.uncertainty.as_ref().map_or(String::new(), |u| format!(" +- {:.3}", u.focal * found.focal())),
         duration(start.elapsed().as_secs_f64())
     ));
     if found.lenses() > 1 && !flags.own_focal {
@@ -81,12 +90,8 @@ pub fn estimated(
         ));
     }
     console.note(&format!("cameras: {}", sureness(&found)));
-    if flags.distortion {
-        let k1 = e.k1.iter().copied().find(|k1| *k1 != 0.0).unwrap_or(0.0);
-        console.note(&format!(
-            "cameras: radial distortion k1 {k1:+.4}; photos without it are in {}",
-            out.path().display()
-        ));
+    if let Some(Distortion::Radial { k: [k1, k2, ..], .. }) = e.distortion.iter().flatten().next() {
+        console.note(&format!("cameras: the lens bends lines: radial distortion k1 {k1:+.4}, k2 {k2:+.4}"));
     }
     if (e.focal_factor.ln()).abs() > WRONG_FOCAL {
         let percent = 100.0 * (e.focal_factor - 1.0);
@@ -137,8 +142,29 @@ fn sureness(found: &EstimatedPhotos) -> String {
         Confidence::Guessed => {
             "doubtful: two photos hardly tell their focal length; a third one, or --focal, would".into()
         }
+        Confidence::LooseFocal => format!(
+            "doubtful: the focal length is told to {:.0} % only; photos from more different places, or --focal, would tell",
+            100.0 * found.estimate.uncertainty.as_ref().map_or(f64::INFINITY, |u| u.focal)
+        ),
+        Confidence::LooseRotation => format!(
+            "doubtful: {} may be turned by some degrees; photos between it and the others would tell",
+            least_told(found, |u| &u.rotations)
+        ),
+        Confidence::LooseCenter => format!(
+            "doubtful: where {} was taken is told badly; photos between it and the others would tell",
+            least_told(found, |u| &u.centers)
+        ),
         Confidence::None => "none".into(),
     }
+}
+
+/// The photo of which something is told least.
+fn least_told(found: &EstimatedPhotos, of: impl Fn(&Uncertainty) -> &Vec<f64>) -> String {
+    let most = found.estimate.uncertainty.as_ref().and_then(|u| {
+        let deviations = of(u).iter().enumerate();
+        deviations.max_by(|a, b| a.1.total_cmp(b.1)).map(|(photo, _)| found.paths[photo].display().to_string())
+    });
+    most.unwrap_or_else(|| "a photo".into())
 }
 
 fn explained(reason: LeftOut) -> &'static str {
@@ -227,24 +253,4 @@ fn aligned(from: &[Pose], to: &[Pose]) -> Option<Similarity> {
         onto = Some(fitted);
     }
     onto
-}
-
-/// The photos, with folders replaced by the photos in them.
-pub fn photos(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
-    let mut photos = Vec::new();
-    for path in paths {
-        if !path.is_dir() {
-            photos.push(path.clone());
-            continue;
-        }
-        let found = weaver_io::list_photos(path)?;
-        if found.is_empty() {
-            return Err(Failure::message(format!(
-                "{}: expected photos (JPEG, PNG, TIFF or WebP), found none",
-                path.display()
-            )));
-        }
-        photos.extend(found);
-    }
-    Ok(photos)
 }

@@ -1,13 +1,13 @@
 //! `splatweaver fit`.
 
-use crate::arguments::{Fit, Format, MatchingFlags, Origin, PoseMode, StrategyName};
+use crate::arguments::{ClipFlags, Fit, Format, MatchingFlags, Origin, PoseMode, StrategyName};
 use crate::bench::memory::peak_mb;
 use crate::device;
-use crate::estimate::{estimated_capture, photos};
+use crate::estimate::estimated_capture;
 use crate::failure::Failure;
 use crate::memory;
 use crate::progress::{Progress, duration};
-use crate::{Console, Interrupt};
+use crate::{Console, Interrupt, clip};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weaver_data::capture::{self, CaptureOptions, HoldOut};
@@ -50,7 +50,8 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
         Origin::Given => capture,
         Origin::Estimated => {
             let images = capture.join("images");
-            let photos = photos(&[if images.is_dir() { images } else { capture }])?;
+            let images = [if images.is_dir() { images } else { capture }];
+            let photos = clip::photos(&images, ClipFlags::default(), &out, console)?;
             estimated_capture(&photos, !arguments.all, MatchingFlags::default(), &out, console)?
         }
     };

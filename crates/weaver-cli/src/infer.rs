@@ -1,12 +1,12 @@
 //! `splatweaver infer`.
 
-use crate::arguments::Infer;
+use crate::arguments::{ClipFlags, Infer};
 use crate::device;
-use crate::estimate::{cameras_folder, estimated, photos};
+use crate::estimate::{cameras_folder, estimated};
 use crate::failure::Failure;
 use crate::progress::Progress;
 use crate::refine::refined;
-use crate::{Console, Interrupt};
+use crate::{Console, Interrupt, clip};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::sync::mpsc;
@@ -21,7 +21,7 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
     let read = arguments.images.iter().chain(&files).chain(&arguments.weights);
     let out = OutputFolder::claim(&arguments.out, "infer", read.chain(arguments.cameras.as_ref().filter(|_| !asked)))?;
     let rasterizer = device::rasterizer(&arguments.device)?;
-    let mut images = photos(&arguments.images)?;
+    let mut images = clip::photos(&arguments.images, ClipFlags::default(), &out, console)?;
     reconstruct::check(&out, &images)?;
     let mut cameras = arguments.cameras.clone();
     let built_in = arguments.run.is_none() && arguments.weights.is_none();

@@ -6,6 +6,7 @@ mod align;
 mod arguments;
 mod bench;
 mod cameras;
+mod clip;
 mod completions;
 mod config;
 mod console;
@@ -16,6 +17,7 @@ mod dynamic;
 mod estimate;
 mod eval;
 mod failure;
+mod ffmpeg;
 mod fit;
 mod infer;
 mod info;
@@ -32,6 +34,7 @@ mod vad;
 mod video;
 
 pub use console::Console;
+pub use ffmpeg::end_all as end_programs;
 pub use interrupt::Interrupt;
 
 use arguments::{Command, CommandLine};

@@ -17,6 +17,7 @@ fn main() -> ExitCode {
     }));
     let handler = || {
         if !INTERRUPT.request() {
+            weaver_cli::end_programs();
             process::exit(INTERRUPTED);
         }
         say("stopping after this step; again to stop at once");

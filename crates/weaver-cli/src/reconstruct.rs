@@ -1,9 +1,9 @@
 //! `splatweaver reconstruct`.
 
 use crate::arguments::{Fit, Reconstruct, SAVE_EVERY};
-use crate::estimate::{estimated_capture, photos};
+use crate::estimate::estimated_capture;
 use crate::failure::Failure;
-use crate::{Console, Interrupt, fit};
+use crate::{Console, Interrupt, clip, fit};
 use std::path::Path;
 use std::time::Instant;
 use weaver_fit_run::{Outcome, Run, RunError};
@@ -24,10 +24,14 @@ pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt
     let capture = match arguments.photos.as_slice() {
         [one] if is_capture(one) => {
             arguments.matching.check_unused("a capture with cameras of its own")?;
+            arguments.clip.check_unused("a capture with cameras of its own")?;
             console.note(&format!("cameras: those of {}", one.display()));
             one.clone()
         }
-        paths => estimated_capture(&photos(paths)?, arguments.hold_out, arguments.matching, &out, console)?,
+        paths => {
+            let photos = clip::photos(paths, arguments.clip, &out, console)?;
+            estimated_capture(&photos, arguments.hold_out, arguments.matching, &out, console)?
+        }
     };
     let (minutes, size) = arguments.quality.effort();
     let spent = start.elapsed().as_secs_f64() / 60.0;

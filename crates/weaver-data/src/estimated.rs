@@ -6,7 +6,6 @@ mod model;
 mod picture;
 mod told;
 
-use crate::undistorted::undistorted;
 use crate::unreadable::{Fault, Needed, without_unreadable};
 use crate::{Error, remarks};
 pub use context::EstimatedContext;
@@ -14,11 +13,10 @@ use loading::{Loaded, lenses_of, load};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use weaver_geometry::glam::DVec2;
-use weaver_geometry::{Camera, Distortion, Undistortion};
 use weaver_io::colmap::Model;
 use weaver_io::{Image, OutputFolder, PhotoFile, Transforms};
 use weaver_scene::Frame;
-use weaver_sfm::{Confidence, Estimate, EstimateSettings, LeftOut, Observation, Photo, estimate};
+use weaver_sfm::{Confidence, Estimate, EstimateSettings, Find, LeftOut, Observation, Photo, estimate};
 
 /// The folder of COLMAP's model.
 const SPARSE: &str = "sparse/0";
@@ -40,13 +38,13 @@ pub struct EstimateOptions {
     /// Whether photos have one lens, and with it one focal length over their longer side: those of the same proportions, since
     /// of a crop the longer side is another one. Otherwise each has its own.
     pub shared: bool,
-    /// Whether a radial distortion is found; photos are then written without it.
-    pub distortion: bool,
+    /// Which radial distortion is found.
+    pub distortion: Find,
 }
 
 impl Default for EstimateOptions {
     fn default() -> Self {
-        Self { long_side: 640, focal: None, exif: true, shared: true, distortion: false }
+        Self { long_side: 640, focal: None, exif: true, shared: true, distortion: Find::Told }
     }
 }
 
@@ -69,8 +67,6 @@ pub struct EstimatedPhotos {
     holds_out: bool,
     /// The lens of each: a number, without gaps.
     lens_of: Vec<usize>,
-    /// Of each photo, how its distortion is undone, if one was found.
-    lenses: Vec<Option<Undistortion>>,
     /// Cameras and points; pixels are those of the photos as they were matched.
     pub estimate: Estimate,
 }
@@ -131,11 +127,7 @@ pub fn estimate_photos(
     let sizes = loaded.iter().map(|loaded| loaded.size).collect();
     let ambiguous = loaded.iter().map(|loaded| loaded.ambiguous).collect();
     let images = loaded.into_iter().map(|loaded| loaded.image).collect();
-    let lens = |(camera, k1): (&Result<Camera, LeftOut>, &f64)| {
-        Undistortion::new(camera.ok()?, Distortion::radial(*k1).or_none()?)
-    };
-    let lenses = estimate.cameras.iter().zip(&estimate.k1).map(lens).collect();
-    Ok(EstimatedPhotos { paths, remarks, images, sizes, ambiguous, located, holds_out, lens_of, lenses, estimate })
+    Ok(EstimatedPhotos { paths, remarks, images, sizes, ambiguous, located, holds_out, lens_of, estimate })
 }
 
 impl EstimatedPhotos {
@@ -171,21 +163,20 @@ impl EstimatedPhotos {
     ///
     /// # Errors
     /// Names the first file that is not to be replaced, or the first folder of photos whose path from there is not UTF-8.
-    pub fn check(out: &OutputFolder, paths: &[PathBuf], options: &EstimateOptions) -> Result<(), Error> {
+    pub fn check(out: &OutputFolder, paths: &[PathBuf]) -> Result<(), Error> {
         out.check(["transforms.json", "points.png"])?;
         out.check(Model::FILES.map(|name| format!("{SPARSE}/{name}")))?;
         for folder in paths.iter().filter_map(|path| path.parent()) {
             weaver_io::relative_path(out.path(), Path::new(".").join(folder))?;
         }
-        let written = paths.iter().filter(|_| options.distortion).map(|path| model::written(model::STRAIGHT, path));
-        Ok(out.check(written)?)
+        Ok(())
     }
 
     /// Writes a capture into a folder: transforms.json, which names the located photos as those for testing, and a COLMAP model
     /// with points in sparse/0, and [`picture`](Self::picture) as points.png. Returns the photos that the cameras are of.
     ///
-    /// Photos stay where they are and are named relative to the folder, so that both can be moved together. If a distortion was found they
-    /// are written to undistorted/ without it; those that EXIF turns in a way that their size does not tell are written to upright/.
+    /// Photos stay where they are and are named relative to the folder, so that both can be moved together; a distortion that was found
+    /// is named with their cameras. Those that EXIF turns in a way that their size does not tell are written to upright/.
     ///
     /// # Errors
     /// When a file cannot be written, or is not to be replaced; when photos cannot be read again.
@@ -193,9 +184,7 @@ impl EstimatedPhotos {
         let frames = self.frames(out.path())?;
         for (number, frame) in &frames {
             if self.written_to(*number).is_some() {
-                let upright = PhotoFile::at(&self.paths[*number])?.read()?;
-                let straight = self.lenses[*number].map(|lens| undistorted(&lens, &upright));
-                straight.unwrap_or(upright).write_png(out.file(&frame.name)?)?;
+                PhotoFile::at(&self.paths[*number])?.read()?.write_png(out.file(&frame.name)?)?;
             }
         }
         self.model(&frames).write_binary(out.files(SPARSE, Model::FILES)?)?;
@@ -209,14 +198,12 @@ impl EstimatedPhotos {
         Ok(paths)
     }
 
-    /// Where an observation is in its photo without distortion, and how far off; `None` in photos without a camera.
-    fn seen(&self, o: &Observation) -> Option<(DVec2, f64)> {
+    /// How far off an observation is, pixels; `None` in photos without a camera.
+    fn off(&self, o: &Observation) -> Option<f64> {
         let camera = self.estimate.cameras[o.camera].ok()?;
-        let (camera, pixel) = match &self.lenses[o.camera] {
-            Some(lens) => (lens.to, lens.undistorted(o.pixel)?),
-            None => (camera, o.pixel),
-        };
-        let at = camera.intrinsics.project(camera.pose.apply(self.estimate.points[o.point]));
-        Some((pixel, at.distance(pixel)))
+        let p = camera.pose.apply(self.estimate.points[o.point]);
+        let at = DVec2::new(p.x, p.y) / p.z;
+        let at = self.estimate.distortion[o.camera].map_or(at, |distortion| distortion.distort(at));
+        Some(camera.intrinsics.project(at.extend(1.0)).distance(o.pixel))
     }
 }

@@ -30,7 +30,7 @@ pub use scene::{NormalizedPoses, Scene, View};
 pub use sparse_points::SparsePoints;
 pub use tuple::Tuple;
 pub use weaver_io::OutputFolder;
-pub use weaver_sfm::{Confidence, LeftOut};
+pub use weaver_sfm::{Confidence, Find, LeftOut, Uncertainty};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -1,6 +1,7 @@
 //! Scenes generated from a seed: ray-cast planes, boxes and balls with exact cameras, depth and surface points.
 //!
-//! [`scene`] is plain and always the same; [`varied_scene`] is for training on scenes without end.
+//! [`scene`] is plain and always the same; [`varied_scene`] is for training on scenes without end; a [`Walk`] has hundreds of
+//! photos of any size.
 //!
 //! The ray caster shares no code with the Gaussian rasterizer, so these scenes are an independent test of it. A scene is a
 //! pure function of its seed and options, whatever the number of threads.
@@ -14,7 +15,10 @@ mod render;
 mod solid;
 mod texture;
 mod varied;
+mod walk;
 mod world;
+
+pub use walk::{Walk, walk};
 
 use crate::{Scene, View};
 use draws::Draws;

@@ -2,6 +2,8 @@
 
 use crate::image::encode_png;
 use crate::{Image, Result, atomic_write};
+use image::ExtendedColorType;
+use image::codecs::jpeg::JpegEncoder;
 use std::path::Path;
 
 /// An RGB image of 8 bits, `[height, width, 3]` row-major, sRGB: a quarter of the memory of an [`Image`].
@@ -27,5 +29,17 @@ impl Bitmap {
     /// When the file cannot be written, or the image has no pixels.
     pub fn write_png(&self, path: impl AsRef<Path>) -> Result<()> {
         atomic_write(path, |w| encode_png(w, self.width, self.height, &self.pixels))
+    }
+
+    /// Writes a baseline JPEG file, atomically, of a quality from 1 to 100 as libjpeg counts it.
+    ///
+    /// # Errors
+    /// When the file cannot be written, or the image has no pixels, or more than 65535 on a side.
+    pub fn write_jpeg(&self, path: impl AsRef<Path>, quality: u8) -> Result<()> {
+        let (width, height) = (self.width as u32, self.height as u32);
+        atomic_write(path, |w| {
+            let encoder = &mut JpegEncoder::new_with_quality(w, quality);
+            encoder.encode(&self.pixels, width, height, ExtendedColorType::Rgb8).map_err(std::io::Error::other)
+        })
     }
 }

@@ -3,7 +3,7 @@
 use crate::folder::followed;
 use crate::{Error, Result, check_writable, list_photos};
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
@@ -151,6 +151,24 @@ impl OutputFolder {
     pub fn files<const N: usize>(&self, folder: &str, names: [&str; N]) -> Result<PathBuf> {
         names.iter().try_for_each(|name| self.file(format!("{folder}/{name}")).map(drop))?;
         Ok(self.path.join(folder))
+    }
+
+    /// Removes what the same command wrote into a folder in it, now or before, but for files of these names, relative to this folder.
+    ///
+    /// # Errors
+    /// When a file cannot be removed.
+    pub fn remove_others<S: AsRef<str>>(&self, folder: &str, kept: &[S]) -> Result<()> {
+        let kept: BTreeSet<&str> = kept.iter().map(AsRef::as_ref).collect();
+        let record = self.record();
+        let own = record.written.iter().filter(|(_, command)| **command == self.command).map(|(name, _)| name);
+        let within = |name: &&String| name.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/'));
+        for path in own.filter(within).filter(|name| !kept.contains(name.as_str())).map(|name| self.path.join(name)) {
+            if path.is_file() {
+                refuse_inputs(&path, &self.inputs)?;
+                std::fs::remove_file(&path).map_err(Error::io(&path))?;
+            }
+        }
+        Ok(())
     }
 
     fn record(&self) -> MutexGuard<'_, Record> {

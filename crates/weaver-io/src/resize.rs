@@ -87,37 +87,81 @@ pub(crate) fn resample(
 
     let mut wide = vec![0; width * (end - first) * 3];
     let mut from = vec![0; from_width * 3];
+    // A row with its channels apart, and zeros behind it for the last of the chunks.
+    let mut apart = [(); 3].map(|()| vec![0i16; from_width + CHUNK]);
     for (y, to) in (first..end).zip(wide.chunks_exact_mut(width.max(1) * 3)) {
         row(y, &mut from);
-        for (tap, pixel) in columns.iter().zip(to.chunks_exact_mut(3)) {
-            for (c, value) in pixel.iter_mut().enumerate() {
-                *value = tap.apply(|i| from[i * 3 + c]);
-            }
+        let [red, green, blue] = &mut apart;
+        let values = red.iter_mut().zip(green).zip(blue);
+        for (((red, green), blue), pixel) in values.zip(from.as_chunks::<3>().0) {
+            [*red, *green, *blue] = pixel.map(i16::from);
+        }
+        for (tap, pixel) in columns.iter().zip(to.as_chunks_mut::<3>().0) {
+            *pixel = std::array::from_fn(|c| tap.apply(&apart[c]));
         }
     }
     let mut out = vec![0; width * height * 3];
+    let mut sums = vec![0; width * 3];
     for (tap, to) in rows.iter().zip(out.chunks_exact_mut(width.max(1) * 3)) {
-        for (x, value) in to.iter_mut().enumerate() {
-            *value = tap.apply(|i| wide[(i - first) * width * 3 + x]);
+        sums.fill(HALF);
+        let beside = wide[(tap.first - first) * width * 3..].chunks_exact(width.max(1) * 3);
+        for (weight, beside) in tap.weights.iter().zip(beside) {
+            sums.iter_mut().zip(beside).for_each(|(sum, value)| *sum += weight * i32::from(*value));
         }
+        to.iter_mut().zip(&sums).for_each(|(value, sum)| *value = rounded(*sum));
     }
     out
 }
+
+/// Half of the last bit that is kept.
+const HALF: i32 = 1 << (FRACTION - 1);
+/// Samples that are weighted at a time.
+const CHUNK: usize = 16;
+/// Bits of the lower part of a weight.
+const LOW: u32 = 14;
 
 /// The source samples of one output sample: from `first` on, with fixed-point weights.
 struct Tap {
     first: usize,
     weights: Vec<i32>,
+    /// The same in two parts of 16 bits, `high * 2^LOW + low`, with zeros up to a whole chunk: processors multiply such numbers in pairs.
+    high: Vec<[i16; CHUNK]>,
+    low: Vec<[i16; CHUNK]>,
 }
 
 impl Tap {
-    fn apply(&self, sample: impl Fn(usize) -> u8) -> u8 {
-        let mut sum = 1 << (FRACTION - 1);
-        for (i, &w) in self.weights.iter().enumerate() {
-            sum += i32::from(sample(self.first + i)) * w;
-        }
-        (sum >> FRACTION).clamp(0, 255) as u8
+    fn new(first: usize, weights: Vec<i32>) -> Self {
+        let parts = |part: fn(i32) -> i16| {
+            let chunk = |chunk: &[i32]| std::array::from_fn(|i| part(chunk.get(i).copied().unwrap_or(0)));
+            weights.chunks(CHUNK).map(chunk).collect()
+        };
+        let (high, low) = (parts(|weight| (weight >> LOW) as i16), parts(|weight| (weight & ((1 << LOW) - 1)) as i16));
+        Self { first, weights, high, low }
     }
+
+    /// The weighted sum of samples, of which there is a chunk more than are weighted.
+    fn apply(&self, samples: &[i16]) -> u8 {
+        let samples = &samples[self.first..];
+        // Modulo 2^32, in which the whole has its place whatever its parts are.
+        let sum = product(samples, &self.low).wrapping_add(product(samples, &self.high) << LOW);
+        rounded(HALF.wrapping_add(sum))
+    }
+}
+
+/// The sum of the products of samples with the weights of whole chunks. By itself it becomes instructions that multiply in pairs, within a larger
+/// function it does not.
+#[inline(never)]
+fn product(samples: &[i16], weights: &[[i16; CHUNK]]) -> i32 {
+    let mut sum = 0i32;
+    for (samples, weights) in samples.as_chunks::<CHUNK>().0.iter().zip(weights) {
+        let products = samples.iter().zip(weights).map(|(a, b)| i32::from(*a) * i32::from(*b));
+        sum = sum.wrapping_add(products.fold(0, i32::wrapping_add));
+    }
+    sum
+}
+
+fn rounded(sum: i32) -> u8 {
+    (sum >> FRACTION).clamp(0, 255) as u8
 }
 
 fn taps(size: usize, from: f64, to: f64, out: usize, Filter(filter, support): Filter) -> Vec<Tap> {
@@ -131,8 +175,7 @@ fn taps(size: usize, from: f64, to: f64, out: usize, Filter(filter, support): Fi
         let weight = |i: usize| filter((i as f64 + 0.5 - center) / stretch);
         let total: f64 = (first..end).map(weight).sum();
         let one = f64::from(1 << FRACTION);
-        let weights = (first..end).map(|i| (weight(i) / total * one).round() as i32).collect();
-        Tap { first, weights }
+        Tap::new(first, (first..end).map(|i| (weight(i) / total * one).round() as i32).collect())
     };
     (0..out).map(tap).collect()
 }

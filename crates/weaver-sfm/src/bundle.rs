@@ -1,62 +1,26 @@
 //! Bundle adjustment: cameras, lenses and points that explain where points were seen.
 
-mod equations;
+mod covariance;
+mod dense;
+mod descent;
+mod lens;
+mod linear;
+mod reduced;
+mod sparse;
+mod structure;
+mod sums;
+mod system;
+#[cfg(test)]
+mod tests;
 
-use equations::System;
+pub use covariance::Covariance;
+use descent::{Descent, Limits};
+pub use lens::Lens;
 use weaver_geometry::glam::{DVec2, DVec3};
-use weaver_geometry::{Camera, Pose, se3};
+use weaver_geometry::{Camera, Pose};
 
 /// Numbers of a camera's movement: translation, then rotation.
 pub(crate) const TWIST: usize = 6;
-/// Numbers of a lens: focal length, distortion, principal point.
-pub(crate) const LENS: usize = 4;
-/// Damping of the first step over the diagonal; what a success divides it by, and a failure multiplies it by; the largest.
-const DAMPING: [f64; 4] = [1e-3, 4.0, 6.0, 1e9];
-/// Relative fall of the cost below which nothing more is expected.
-const CONVERGED: f64 = 1e-6;
-
-/// What several cameras share.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Lens {
-    /// Logarithm of a factor of the focal lengths.
-    pub log_focal: f64,
-    /// Radial distortion: a point at distance r from the axis, over its depth, is seen at `r (1 + k1 r^2)`.
-    pub k1: f64,
-    /// How far the principal point is from the cameras' own, over the longer sides of their photos.
-    pub shift: DVec2,
-    /// What [`log_focal`](Self::log_focal) is expected to be.
-    pub expected: f64,
-    /// Weight of the square of the difference from that, squared pixels.
-    pub weight: f64,
-    /// Weight of the square of the [`shift`](Self::shift), squared pixels.
-    pub shift_weight: f64,
-    /// Whether the factor is adjusted.
-    pub free_focal: bool,
-    /// Whether the distortion is adjusted.
-    pub free_k1: bool,
-    /// Whether the principal point is adjusted.
-    pub free_shift: bool,
-}
-
-impl Lens {
-    /// Where a camera with this lens sees a point of camera coordinates.
-    pub fn project(&self, camera: &Camera, p: DVec3) -> DVec2 {
-        let k = &camera.intrinsics;
-        let at = DVec2::new(p.x, p.y) / p.z;
-        let scale = self.log_focal.exp() * (1.0 + self.k1 * at.length_squared());
-        DVec2::new(k.fx * at.x, k.fy * at.y) * scale + self.center(camera)
-    }
-
-    /// The principal point of a camera with this lens, pixels.
-    pub(crate) fn center(&self, camera: &Camera) -> DVec2 {
-        DVec2::new(camera.intrinsics.cx, camera.intrinsics.cy) + self.shift * longer(camera)
-    }
-
-    /// The same lens, that nothing adjusts.
-    pub(crate) fn held(self) -> Self {
-        Self { free_focal: false, free_k1: false, free_shift: false, ..self }
-    }
-}
 
 /// The longer side of a camera's photo, pixels.
 pub(crate) fn longer(camera: &Camera) -> f64 {
@@ -78,9 +42,9 @@ pub struct Observation {
 
 /// Cameras, lenses and points, with where points were seen.
 ///
-/// [`Bundle::adjust`] minimizes `sum c^2 log(1 + |pi(p) - u|^2 / (c d)^2) + sum w x^2 + sum v (ln s - e)^2 + sum u |h|^2` over poses, points and, where asked, lenses:
+/// [`Bundle::adjust`] minimizes `sum c^2 log(1 + |pi(p) - u|^2 / (c d)^2) + sum w x^2 + sum v (ln s - e)^2 + sum b (k1^2 + k2^2) + sum u |h|^2` over poses, points and, where asked, lenses:
 /// pi(p) is where a point is seen by its camera, u where it was, d its [deviation](Observation::deviation), c (`scale` of `adjust`) the
-/// difference, in deviations, beyond which an observation counts for less and less; x are the movements of cameras from where they were [expected](Self::expected); s is the factor of focal lengths of a [`Lens`], e its expected logarithm and v the weight; h is the shift of its principal point and u the weight.
+/// difference, in deviations, beyond which an observation counts for less and less; x are the movements of cameras from where they were [expected](Self::expected); s is the factor of focal lengths of a [`Lens`], e its expected logarithm and v the weight; k1 and k2 are its distortion and b the weight; h is the shift of its principal point and u the weight.
 #[derive(Clone, Debug, Default)]
 pub struct Bundle {
     /// The cameras, one a photo.
@@ -108,59 +72,41 @@ pub struct Solved {
     pub cost: f64,
     /// Steps that lowered it.
     pub steps: usize,
+    /// Whether no further step would have lowered it by much; `false` if there were not enough steps, or none was possible.
+    pub converged: bool,
 }
 
 impl Bundle {
     /// At most this many steps of Levenberg and Marquardt, points eliminated by the Schur complement. The same bits at any
-    /// number of threads. The matrix of the cameras is dense: for some hundreds of them.
+    /// number of threads.
     ///
-    /// Source: Triggs et al., Bundle adjustment, a modern synthesis, 1999, section 6.
+    /// Only cameras that are not fixed, and lenses that are free, take part: some cameras among many that are fixed cost as
+    /// much as they would alone. Up to 200 of them, the matrix that is left is dense and its solution direct; beyond, only
+    /// cameras that see the same points meet in it, and it is solved by conjugate gradients. A fall of the cost by less than
+    /// 1e-7 ends it.
+    ///
+    /// Sources: Triggs et al., Bundle adjustment, a modern synthesis, 1999, section 6; Agarwal et al., Bundle adjustment in the
+    /// large, 2010; Nielsen, Damping parameter in Marquardt's method, 1999.
     ///
     /// # Panics
     /// If numbers of cameras, lenses or points are out of range, or observations are not ascending by point.
     pub fn adjust(&mut self, scale: f64, most_steps: usize) -> Solved {
-        assert!(self.observations.is_sorted_by_key(|o| o.point), "observations are not ascending by point");
-        let [mut damping, less, more, largest] = DAMPING;
-        let mut system = System::new(self, scale);
-        let mut steps = 0;
-        let mut tries = 0;
-        while tries < most_steps && damping < largest {
-            tries += 1;
-            let Some(step) = system.solve(damping) else {
-                damping *= more;
-                continue;
-            };
-            let next = self.moved(&system, &step, damping);
-            let next_system = System::new(&next, scale);
-            if next_system.cost < system.cost {
-                let converged = system.cost - next_system.cost < CONVERGED * system.cost;
-                (*self, system) = (next, next_system);
-                damping = (damping / less).max(1e-12);
-                steps += 1;
-                if converged {
-                    break;
-                }
-            } else {
-                damping *= more;
-            }
-        }
-        Solved { cost: system.cost, steps }
+        self.adjust_within(scale, most_steps, &Limits::USUAL)
     }
 
-    fn moved(&self, system: &System, step: &[f64], damping: f64) -> Self {
-        let mut next = self.clone();
-        for (camera, twist) in next.cameras.iter_mut().zip(step.as_chunks::<TWIST>().0) {
-            let [a, b, c, d, e, f] = *twist;
-            camera.pose = se3::exp(DVec3::new(a, b, c), DVec3::new(d, e, f)).compose(&camera.pose);
+    fn adjust_within(&mut self, scale: f64, most_steps: usize, limits: &Limits) -> Solved {
+        assert!(self.observations.is_sorted_by_key(|o| o.point), "observations are not ascending by point");
+        let mut descent = Descent::new(self, scale, limits);
+        let solved = descent.run(most_steps);
+        let Descent { state, parts, .. } = descent;
+        for (camera, pose) in self.cameras.iter_mut().zip(state.poses) {
+            camera.pose = pose;
         }
-        for (lens, by) in next.lenses.iter_mut().zip(step[TWIST * self.cameras.len()..].as_chunks::<LENS>().0) {
-            let [focal, k1, x, y] = *by;
-            lens.log_focal += focal;
-            lens.k1 += k1;
-            lens.shift += DVec2::new(x, y);
+        self.lenses = state.lenses;
+        for part in &parts {
+            part.numbers.iter().zip(&part.points).for_each(|(number, point)| self.points[*number as usize] = *point);
         }
-        system.move_points(&mut next.points, step, damping);
-        next
+        solved
     }
 
     /// The difference of every observation from where its point is seen, pixels; infinite behind the camera.

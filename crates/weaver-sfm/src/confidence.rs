@@ -3,9 +3,15 @@
 use crate::estimate::Estimate;
 
 /// From this part of what the best explanation explains, another one is a rival.
-const RIVAL: f64 = 0.9;
+const RIVAL: f64 = 0.8;
 /// An estimate is doubtful whose points are this far off in the median, pixels.
 const OFF: f64 = 1.0;
+/// What cameras are good for: degrees, part of the spread of centers, part of the focal length.
+const TURN: f64 = 2.0;
+const CENTER: f64 = 0.05;
+const FOCAL: f64 = 0.05;
+/// How many standard deviations must lie within that.
+const SURE: f64 = 3.0;
 
 /// How much an estimate is to be believed.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -18,6 +24,12 @@ pub enum Confidence {
     Inexact,
     /// The focal length is not known, and two photos hardly tell it.
     Guessed,
+    /// The focal length may be more than 5 % off.
+    LooseFocal,
+    /// A photo's rotation may be more than 2 degrees off.
+    LooseRotation,
+    /// A photo's place may be off by more than 5 % of how far photos are apart.
+    LooseCenter,
     /// There are no cameras.
     None,
 }
@@ -25,9 +37,11 @@ pub enum Confidence {
 impl Estimate {
     /// How much the cameras are to be believed.
     ///
-    /// Of four photos each, 45 times from eleven captures, at 128 x 96 pixels with known focal lengths, 35 are good, all of these within
-    /// 1.1 degrees; of the other ten four are more than 5 degrees off.
+    /// They are good where they are expected to be within 2 degrees, 5 % of the spread of their centers, and 5 % of the focal
+    /// length: three of their standard deviations are.
     pub fn confidence(&self) -> Confidence {
+        let [turn, center] = self.uncertainty.as_ref().map_or([f64::INFINITY; 2], |u| u.most());
+        let focal = self.uncertainty.as_ref().map_or(f64::INFINITY, |u| u.focal);
         if self.observations.is_empty() {
             Confidence::None
         } else if self.error > OFF {
@@ -36,6 +50,12 @@ impl Estimate {
             Confidence::Guessed
         } else if self.rival > RIVAL {
             Confidence::Ambiguous
+        } else if SURE * focal > FOCAL {
+            Confidence::LooseFocal
+        } else if SURE * turn.to_degrees() > TURN {
+            Confidence::LooseRotation
+        } else if SURE * center > CENTER {
+            Confidence::LooseCenter
         } else {
             Confidence::Good
         }

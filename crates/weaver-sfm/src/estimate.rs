@@ -1,17 +1,17 @@
 //! Cameras of photos of which nothing else is known.
 
-use crate::bundle::Observation;
+use crate::bundle::{Bundle, Observation};
 use crate::features::Features;
-use crate::grow::Grown;
-use crate::matching::Match;
-use crate::pairs::{self, Pair};
+use crate::lenses::Taken;
+use crate::locate::locate;
+use crate::pairs::{Pair, Pairs};
 use crate::photo::{EstimateSettings, Photo};
-use crate::search::Search;
+use crate::search::{Scene, Search};
+use crate::uncertainty::Uncertainty;
+use std::borrow::Cow;
 use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Camera, Pose, Similarity};
+use weaver_geometry::{Camera, Distortion, Pose, Similarity};
 
-/// Points that a photo with a camera must see at least.
-const LEAST_SEEN: usize = 25;
 /// The part of the points, the farthest, that says nothing about the size of a scene.
 const FARTHEST: f64 = 0.02;
 /// A photo with fewer keypoints has no texture.
@@ -33,18 +33,21 @@ pub enum LeftOut {
 /// Estimated cameras, and what they were found by.
 #[derive(Clone, Debug)]
 pub struct Estimate {
-    /// The camera of each photo, or why it has none. The first is the origin; the mean distance from it to the points is 1.
+    /// The camera of each photo, or why it has none. The first is the origin; the mean distance from it to the points is 1, the
+    /// farthest 2 % aside.
     pub cameras: Vec<Result<Camera, LeftOut>>,
-    /// Radial distortion of each.
-    pub k1: Vec<f64>,
+    /// The radial distortion of each photo's lens, where one was found.
+    pub distortion: Vec<Option<Distortion>>,
     /// The points that photos agree about.
     pub points: Vec<DVec3>,
-    /// Where they were seen, ascending by point; cameras by number of the photo.
+    /// Where they were seen, ascending by point; cameras by number of the photo, pixels those of the photo as it is.
     pub observations: Vec<Observation>,
     /// Median difference between where points are and were seen, pixels.
     pub error: f64,
     /// Points that each photo sees.
     pub seen: Vec<usize>,
+    /// How exact focal lengths, rotations and centers are expected to be; `None` without cameras, or where nothing holds them.
+    pub uncertainty: Option<Uncertainty>,
     /// How much the best explanation with other rotations explains, over the one that was taken: 0 if none was met.
     pub rival: f64,
     /// How many times as long focal lengths are as they were told, by the lens of which that is farthest from 1; 1 where none was.
@@ -56,8 +59,9 @@ pub struct Estimate {
 /// Estimates the cameras of photos and the points that they show: features, matches, relative poses of pairs, a scene that
 /// grows photo by photo from the best pair, and adjustment of all of it.
 ///
-/// Where focal lengths are not known, several are tried. With few photos every good pair is tried for a beginning, and what
-/// explains most is taken. The same bits at any number of threads.
+/// Where focal lengths are not known, pairs vote for them. Beginnings are tried until two lead to the same, and what explains
+/// most is taken. Photos that are only [located](Photo::located) change nothing of what the others find, to the bit. The same
+/// bits at any number of threads.
 ///
 /// Sources: Schönberger and Frahm, Structure-from-Motion Revisited, 2016, for the order of growth; relative poses as in
 /// [`two_view`](crate::two_view()).
@@ -69,67 +73,81 @@ pub struct Estimate {
 /// assert_eq!(found.cameras, [Err(LeftOut::Textureless), Err(LeftOut::Textureless)]);
 /// ```
 pub fn estimate(photos: &[Photo<'_>], settings: &EstimateSettings) -> Estimate {
-    let features: Vec<Features> =
-        photos.iter().map(|p| Features::new(&p.gray, p.size, p.mask, settings.keypoints)).collect();
-    let located: Vec<bool> = photos.iter().map(|p| p.located).collect();
-    let matched = pairs::matched(&features, &pairs::candidates(&features, &located, settings.candidates));
-    let mut search = Search::new(photos, settings, &features, &matched);
-    let posed = search.run();
-    let Some(best) = search.best() else {
-        return left_out(photos, &features, &matched, &posed, &[]);
+    let of = |p: &Photo<'_>| Features::new(&p.gray, p.size, p.mask, settings.keypoints);
+    estimate_from(photos, &photos.iter().map(of).collect::<Vec<_>>(), settings)
+}
+
+/// Estimates cameras as [`estimate`] does, from features that are there already: of each photo, at most as many as
+/// [`EstimateSettings::keypoints`] says.
+///
+/// # Panics
+/// If there are not as many as photos.
+pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &EstimateSettings) -> Estimate {
+    assert_eq!(photos.len(), features.len(), "features of each photo");
+    let taken: Vec<Taken> = photos.iter().map(Taken::of).collect();
+    // Those that are only located are not there at all while the others are found.
+    let numbers: Vec<usize> = (0..photos.len()).filter(|i| !photos[*i].located).collect();
+    let of_those = if numbers.len() == photos.len() {
+        Cow::Borrowed(features)
+    } else {
+        Cow::Owned(numbers.iter().map(|i| features[*i].clone()).collect())
     };
-    let rival = search.rival(best);
-    let Grown { mut bundle, mut placed, .. } = search.found.swap_remove(best);
-    search.refine(&mut bundle, &placed);
-    placed.iter_mut().zip(bundle.seen()).for_each(|(placed, seen)| *placed &= seen >= LEAST_SEEN);
-    bundle.observations.retain(|o| placed[o.camera]);
-    bundle.finish();
-    let told = photos.iter().any(|p| p.focal.is_some());
+    let taken_of_those: Vec<Taken> = numbers.iter().map(|i| taken[*i]).collect();
+    let Scene { found, pairs, rival } = Search::new(&taken_of_those, &of_those, settings).scene();
+    let pairs = pairs.renumbered(&numbers);
+    let Some((bundle, placed)) = found else {
+        return without_cameras(features, &pairs, &vec![false; photos.len()]);
+    };
+    let told = taken_of_those.iter().any(|t| t.focal.is_some());
     let focal_guessed = !told && placed.iter().filter(|placed| **placed).count() < 3;
-    search.locate(&posed, &mut bundle, &mut placed);
+    let uncertainty = Uncertainty::of(&bundle, &placed);
+    let focal_factor = focal_factor(&bundle, &placed, &taken_of_those);
+    let (bundle, placed, pairs) = locate(&taken, features, settings, (&numbers, bundle, &placed), pairs);
     let (error, seen) = (bundle.median_error(), bundle.seen());
-    let tells = (0..photos.len()).filter(|i| placed[*i] && photos[*i].focal.is_some());
-    let off = tells.map(|photo| bundle.lenses[bundle.lens_of[photo]].log_focal);
-    let focal_factor = off.reduce(|a, b| if b.abs() > a.abs() { b } else { a }).map_or(1.0, f64::exp);
-    let reasons = left_out(photos, &features, &matched, &posed, &placed);
-    let mut estimate = Estimate { error, seen, rival, focal_guessed, focal_factor, ..reasons };
+    let reasons = without_cameras(features, &pairs, &placed);
+    let uncertainty = uncertainty.map(|u| u.renumbered(&numbers, photos.len()));
+    let mut estimate = Estimate { error, seen, uncertainty, rival, focal_guessed, focal_factor, ..reasons };
     for photo in (0..photos.len()).filter(|i| placed[*i]) {
+        let lens = &bundle.lenses[bundle.lens_of[photo]];
         estimate.cameras[photo] = Ok(bundle.camera(photo));
-        estimate.k1[photo] = bundle.lenses[bundle.lens_of[photo]].k1;
+        estimate.distortion[photo] =
+            Distortion::Radial { k: [lens.k1, lens.k2, 0.0, 0.0, 0.0, 0.0], p: [0.0; 2] }.or_none();
     }
     (estimate.points, estimate.observations) = (bundle.points, bundle.observations);
     estimate.normalize();
     estimate
 }
 
+/// How many times as long as they were told focal lengths are, by the lens of which that is farthest from 1.
+fn focal_factor(bundle: &Bundle, placed: &[bool], taken: &[Taken]) -> f64 {
+    let tells = (0..placed.len()).filter(|i| placed[*i] && taken[*i].focal.is_some());
+    let off = tells.map(|photo| bundle.lenses[bundle.lens_of[photo]].log_focal);
+    off.reduce(|a, b| if b.abs() > a.abs() { b } else { a }).map_or(1.0, f64::exp)
+}
+
 /// No cameras, and why, for photos without a place.
-fn left_out(
-    photos: &[Photo<'_>],
-    features: &[Features],
-    matched: &[([usize; 2], Vec<Match>)],
-    posed: &[Pair],
-    placed: &[bool],
-) -> Estimate {
+fn without_cameras(features: &[Features], pairs: &Pairs, placed: &[bool]) -> Estimate {
     let reason = |photo: usize| {
-        let mut pairs = posed.iter().filter(|pair| pair.photos.contains(&photo)).peekable();
+        let mut posed = pairs.posed.iter().filter(|pair| pair.photos.contains(&photo)).peekable();
         if features[photo].keypoints.len() < TEXTURE {
             LeftOut::Textureless
-        } else if !matched.iter().any(|(pair, _)| pair.contains(&photo)) {
+        } else if !pairs.matched.iter().any(|(pair, _)| pair.contains(&photo)) {
             LeftOut::Unmatched
-        } else if !placed.contains(&true) && pairs.peek().is_some() && pairs.all(Pair::turned) {
+        } else if !placed.contains(&true) && posed.peek().is_some() && posed.all(Pair::turned) {
             LeftOut::OnePlace
         } else {
             LeftOut::Unplaced
         }
     };
-    let n = photos.len();
+    let n = features.len();
     Estimate {
         cameras: (0..n).map(|i| Err(reason(i))).collect(),
-        k1: vec![0.0; n],
+        distortion: vec![None; n],
         error: f64::NAN,
         seen: vec![0; n],
         points: Vec::new(),
         observations: Vec::new(),
+        uncertainty: None,
         rival: 0.0,
         focal_factor: 1.0,
         focal_guessed: false,
@@ -147,6 +165,7 @@ impl Estimate {
         let mean = distances.iter().sum::<f64>() / distances.len().max(1) as f64;
         let scale = if mean > 0.0 { 1.0 / mean } else { 1.0 };
         let Pose { rotation, translation } = origin.pose;
+        self.uncertainty.iter_mut().for_each(|u| u.scale(scale));
         let onto = Similarity { scale, rotation, translation: translation * scale };
         self.points.iter_mut().for_each(|p| *p = onto.apply(*p));
         for camera in self.cameras.iter_mut().flatten() {

@@ -7,8 +7,9 @@ use crate::place::{by_pixel, place, tally};
 use weaver_geometry::Pose;
 use weaver_kernels::parallel;
 
-/// Scales of an adjustment while the scene grows, in deviations of keypoints.
-const SCALES: [f64; 2] = [4.0, 2.0];
+/// Scales of an adjustment while the scene grows and in the end, in deviations of keypoints, and its steps.
+const GROWING: [(f64, usize); 1] = [(4.0, 8)];
+const GROWN: [(f64, usize); 2] = [(4.0, STEPS), (2.0, STEPS)];
 /// Cameras join together that see at least this part of what the best one sees.
 const TOGETHER: f64 = 0.4;
 /// A camera that sees fewer points is lost again.
@@ -60,7 +61,7 @@ impl Grown {
             let several = placed.iter().filter(|p| **p).count() > 2;
             let freed: Vec<bool> = free.iter().map(|free| *free && several).collect();
             bundle.free_focal(&freed, placed);
-            let all = adjusted(evidence, bundle, placed);
+            let all = adjusted(evidence, bundle, placed, &GROWING);
             for photo in lost(bundle, placed) {
                 (placed[photo], refused[photo]) = (false, true);
             }
@@ -75,7 +76,7 @@ impl Grown {
             wrong.into_iter().for_each(|photo| placed[photo] = false);
         }
         bundle.free_focal(&free, placed);
-        adjusted(evidence, bundle, placed);
+        adjusted(evidence, bundle, placed, &GROWN);
         *support = explained(bundle);
         bundle.lenses.iter_mut().zip(free).for_each(|(lens, free)| lens.free_focal = free);
     }
@@ -93,12 +94,17 @@ impl Grown {
 }
 
 /// Finds points and adjusts them with the cameras; returns what all photos see of them.
-fn adjusted(evidence: &Evidence<'_>, bundle: &mut Bundle, placed: &[bool]) -> Vec<Observation> {
+fn adjusted(
+    evidence: &Evidence<'_>,
+    bundle: &mut Bundle,
+    placed: &[bool],
+    scales: &[(f64, usize)],
+) -> Vec<Observation> {
     let missing: Vec<bool> = placed.iter().map(|placed| !placed).collect();
     let all = bundle.observe(evidence.features, evidence.tracks, &missing, 2.0 * FITS);
     bundle.observations = all.iter().filter(|o| placed[o.camera]).copied().collect();
-    for scale in SCALES {
-        bundle.adjust(scale, STEPS);
+    for (scale, steps) in scales {
+        bundle.adjust(*scale, *steps);
     }
     bundle.leave_out(FITS);
     all

@@ -4,6 +4,35 @@ use crate::bundle::{Bundle, Lens};
 use crate::photo::{EstimateSettings, Photo};
 use weaver_geometry::{Camera, Intrinsics, Pose};
 
+/// What is known of how a photo was taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Taken {
+    /// Height and width, pixels.
+    pub size: [usize; 2],
+    /// As in [`Photo`].
+    pub focal: Option<f64>,
+    pub lens: usize,
+}
+
+impl Taken {
+    pub fn of(photo: &Photo<'_>) -> Self {
+        Self { size: photo.size, focal: photo.focal, lens: photo.lens }
+    }
+
+    /// Its camera with a focal length, pixels, without a pose.
+    fn camera(&self, focal: f64) -> Camera {
+        let [height, width] = self.size;
+        let [cx, cy] = [width as f64 / 2.0, height as f64 / 2.0];
+        let intrinsics = Intrinsics { fx: focal, fy: focal, cx, cy };
+        Camera { pose: Pose::IDENTITY, intrinsics, width, height }
+    }
+
+    /// The longer side, pixels.
+    pub fn longer(&self) -> f64 {
+        self.size[0].max(self.size[1]) as f64
+    }
+}
+
 /// What is expected where nothing is known, over the longer side, and the standard deviation of its logarithm.
 pub(crate) const USUAL: f64 = 0.9;
 const UNKNOWN: f64 = 0.4;
@@ -11,6 +40,11 @@ const UNKNOWN: f64 = 0.4;
 pub(crate) const PIXEL: f64 = 0.5;
 /// How long sensors are over their other side: from those of phones to those of cameras. Other proportions are crops.
 const SENSOR: [f64; 2] = [4.0 / 3.0, 1.5];
+
+/// How exact keypoints are, pixels of the photo that has most.
+pub(crate) fn tau(photos: &[Taken]) -> f64 {
+    photos.iter().map(|p| p.size[1] as f64 / 384.0).fold(0.5, f64::max)
+}
 
 /// Which lens took which photo, numbered without gaps.
 struct Lenses {
@@ -24,7 +58,7 @@ struct Lenses {
 }
 
 impl Lenses {
-    fn new(photos: &[Photo<'_>]) -> Self {
+    fn new(photos: &[Taken]) -> Self {
         let mut numbers: Vec<usize> = photos.iter().map(|p| p.lens).collect();
         numbers.sort_unstable();
         numbers.dedup();
@@ -33,7 +67,7 @@ impl Lenses {
         let mut proportions = vec![1.0; numbers.len()];
         for (photo, lens) in photos.iter().zip(&of).rev() {
             counts[*lens] += 1;
-            proportions[*lens] = longer(photo) / photo.size[0].min(photo.size[1]) as f64;
+            proportions[*lens] = photo.longer() / photo.size[0].min(photo.size[1]) as f64;
         }
         let common = (0..counts.len()).rev().max_by_key(|lens| counts[*lens]).unwrap_or(0);
         let sensor = proportions.get(common).map_or(SENSOR[0], |p| p.clamp(SENSOR[0], SENSOR[1]));
@@ -47,10 +81,6 @@ impl Lenses {
     }
 }
 
-fn longer(photo: &Photo<'_>) -> f64 {
-    photo.size[0].max(photo.size[1]) as f64
-}
-
 fn median(mut of: Vec<f64>) -> Option<f64> {
     of.sort_by(f64::total_cmp);
     of.get(of.len() / 2).copied()
@@ -60,14 +90,14 @@ impl EstimateSettings {
     /// Cameras without poses. A photo that does not tell its focal length has that of the others of its lens. Where these do
     /// not either, it has that of all others or, where none does, this factor of the longer side; what of the sensor it shows
     /// is taken into account.
-    pub(crate) fn bundle(&self, photos: &[Photo<'_>], factor: f64) -> Bundle {
+    pub(crate) fn bundle(&self, photos: &[Taken], factor: f64) -> Bundle {
         let lenses = Lenses::new(photos);
         let each = || photos.iter().zip(&lenses.of);
         let told_by = |lens: usize| {
-            median(each().filter(|(_, of)| **of == lens).filter_map(|(p, _)| Some(p.focal? / longer(p))).collect())
+            median(each().filter(|(_, of)| **of == lens).filter_map(|(p, _)| Some(p.focal? / p.longer())).collect())
         };
         let told_by_others = |lens: usize| {
-            let other = |(p, of): (&Photo<'_>, &usize)| Some(p.focal? / longer(p) * lenses.ratio(lens, *of));
+            let other = |(p, of): (&Taken, &usize)| Some(p.focal? / p.longer() * lenses.ratio(lens, *of));
             median(each().filter_map(other).collect())
         };
         let known = |lens: usize| {
@@ -85,13 +115,8 @@ impl EstimateSettings {
             }
         };
         let (focal, known): (Vec<f64>, Vec<Lens>) = (0..lenses.shown.len()).map(known).unzip();
-        let camera = |(photo, lens): (&Photo<'_>, &usize)| {
-            let [height, width] = photo.size;
-            let focal = photo.focal.unwrap_or(focal[*lens] * longer(photo));
-            let [cx, cy] = [width as f64 / 2.0, height as f64 / 2.0];
-            let intrinsics = Intrinsics { fx: focal, fy: focal, cx, cy };
-            Camera { pose: Pose::IDENTITY, intrinsics, width, height }
-        };
+        let camera =
+            |(photo, lens): (&Taken, &usize)| photo.camera(photo.focal.unwrap_or(focal[*lens] * photo.longer()));
         Bundle {
             cameras: each().map(camera).collect(),
             lenses: known,
@@ -103,6 +128,41 @@ impl EstimateSettings {
 }
 
 impl Bundle {
+    /// The cameras of `photos`, of which those with these numbers, ascending, are this bundle's. The others have the lens of one of
+    /// these where they share it, with the focal length that they tell; or one of their own, as long as they tell or as these are.
+    pub(crate) fn among(self, numbers: &[usize], photos: &[Taken]) -> Self {
+        let lenses = Lenses::new(photos);
+        let of_longer = |i: usize| self.camera(i).intrinsics.fx / photos[numbers[i]].longer();
+        let mut all = Self { lenses: self.lenses.clone(), ..Self::default() };
+        for (photo, taken) in photos.iter().enumerate() {
+            if let Ok(i) = numbers.binary_search(&photo) {
+                all.cameras.push(self.cameras[i]);
+                all.lens_of.push(self.lens_of[i]);
+                continue;
+            }
+            let same = (0..numbers.len()).find(|i| lenses.of[numbers[*i]] == lenses.of[photo]);
+            let as_these = |i: usize| of_longer(i) * lenses.ratio(lenses.of[photo], lenses.of[numbers[i]]);
+            let focal = taken.focal.or_else(|| {
+                let factor = same.map_or(1.0, |i| self.lenses[self.lens_of[i]].log_focal.exp());
+                let those: Vec<f64> = match same {
+                    Some(i) => vec![of_longer(i) / factor],
+                    None => (0..numbers.len()).map(as_these).collect(),
+                };
+                Some(median(those)? * taken.longer())
+            });
+            all.cameras.push(taken.camera(focal.unwrap_or(USUAL * taken.longer())));
+            all.lens_of.push(same.map_or(all.lenses.len(), |i| self.lens_of[i]));
+            if same.is_none() {
+                all.lenses.push(Lens::default());
+            }
+        }
+        all.fixed = vec![false; photos.len()];
+        all.observations = self.observations;
+        all.observations.iter_mut().for_each(|o| o.camera = numbers[o.camera]);
+        all.points = self.points;
+        all
+    }
+
     /// Of each lens, whether a photo with a place has it.
     fn in_use(&self, placed: &[bool]) -> Vec<bool> {
         let mut used = vec![false; self.lenses.len()];

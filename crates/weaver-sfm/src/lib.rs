@@ -2,6 +2,7 @@
 //!
 //! - [`Features`]: keypoints of a photo and what they look like. [`matches()`]: which of two photos are the same. [`tracks`]:
 //!   which of many.
+//! - [`candidates`]: which photos may show the same things, of up to thousands; [`expansion`]: which others then may.
 //! - [`two_view`]: how two cameras stand to each other, from matches.
 //! - [`Bundle`]: cameras, lenses and points adjusted to all that was seen.
 //! - [`estimate()`]: all of it for photos of which nothing else is known.
@@ -16,31 +17,38 @@ mod epipolar;
 mod estimate;
 mod evidence;
 mod features;
+mod focal;
 mod grow;
 mod lenses;
+mod locate;
 mod matching;
+mod minimal;
 mod pairs;
 mod passes;
 mod photo;
 mod place;
 mod refine;
+mod retrieval;
 mod scale_space;
 mod search;
 mod tracks;
 mod triangulation;
 mod two_view;
+mod uncertainty;
 
-pub use bundle::{Bundle, Lens, Observation, Solved};
+pub use bundle::{Bundle, Covariance, Lens, Observation, Solved};
 pub use confidence::Confidence;
 pub use descriptor::DESCRIPTOR;
 pub use epipolar::Epipolar;
-pub use estimate::{Estimate, LeftOut, estimate};
+pub use estimate::{Estimate, LeftOut, estimate, estimate_from};
 pub use features::{Features, Keypoint};
 pub use matching::{Match, matches, matches_along};
-pub use photo::{EstimateSettings, Photo};
+pub use photo::{EstimateSettings, Find, Photo};
 pub use refine::{RefineSettings, Refined, View, carried, refine};
+pub use retrieval::{candidates, expansion};
 pub use tracks::{Track, tracks};
 pub use two_view::{TwoView, rotation_only, two_view};
+pub use uncertainty::Uncertainty;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -2,13 +2,12 @@
 
 use crate::features::Features;
 use crate::matching::{Match, matches};
+use crate::tracks::{Track, tracks};
 use crate::two_view::{TwoView, judge, rotation_only, two_view};
 use weaver_geometry::glam::DVec2;
 use weaver_geometry::{Camera, Pose};
 use weaver_kernels::parallel;
 
-/// Keypoints of a photo, the largest, by which photos are compared roughly.
-const COARSE: usize = 300;
 /// Matches, the clearest, from which a pose is found; it is judged by all.
 const CLEAREST: usize = 200;
 /// The share of matches from which on a mere turn explains a pair.
@@ -18,27 +17,11 @@ const CERTAIN: usize = 20;
 /// Fewer matches than this may be chance.
 const FEWEST: usize = 12;
 
-/// Photos that may show the same things: all pairs, or each photo with so many that look most alike. Those that are `located`
-/// take nothing from the others' choice.
-pub(crate) fn candidates(features: &[Features], located: &[bool], most: usize) -> Vec<[usize; 2]> {
-    let n = features.len();
-    let all: Vec<[usize; 2]> = (0..n).flat_map(|b| (0..b).map(move |a| [a, b])).collect();
-    if n <= most + 1 {
-        return all;
-    }
-    let coarse: Vec<Features> = features.iter().map(|f| f.largest(COARSE)).collect();
-    let mut alike = vec![0; all.len()];
-    parallel::for_chunks(&mut alike, 1, |i, alike| {
-        alike[0] = matches(&coarse[all[i][0]], &coarse[all[i][1]]).len();
-    });
-    let mut chosen = vec![false; all.len()];
-    for photo in 0..n {
-        let counts = |pair: &[usize; 2]| pair.contains(&photo) && (located[photo] || !pair.iter().any(|p| located[*p]));
-        let mut of: Vec<usize> = (0..all.len()).filter(|i| counts(&all[*i])).collect();
-        of.sort_by_key(|i| std::cmp::Reverse(alike[*i]));
-        of.into_iter().take(most).for_each(|i| chosen[i] = true);
-    }
-    all.into_iter().zip(chosen).filter_map(|(pair, chosen)| chosen.then_some(pair)).collect()
+/// What pairs say to be the same.
+pub(crate) fn linked(features: &[Features], pairs: &[Pair]) -> Vec<Track> {
+    let links: Vec<([usize; 2], Vec<Match>)> = pairs.iter().map(|p| (p.photos, p.matches.clone())).collect();
+    let counts: Vec<usize> = features.iter().map(|f| f.keypoints.len()).collect();
+    tracks(&counts, &links)
 }
 
 /// What matches in each pair of photos, where enough does.
@@ -51,6 +34,24 @@ pub(crate) fn matched(features: &[Features], candidates: &[[usize; 2]]) -> Vec<(
     });
     found.retain(|(_, found)| found.len() >= FEWEST);
     found
+}
+
+/// What pairs of photos say.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Pairs {
+    /// What looks alike in them.
+    pub matched: Vec<([usize; 2], Vec<Match>)>,
+    /// How they stand to each other.
+    pub posed: Vec<Pair>,
+}
+
+impl Pairs {
+    /// The same, where the photos have these numbers, ascending.
+    pub fn renumbered(mut self, numbers: &[usize]) -> Self {
+        self.matched.iter_mut().for_each(|(photos, _)| *photos = photos.map(|p| numbers[p]));
+        self.posed.iter_mut().for_each(|pair| pair.photos = pair.photos.map(|p| numbers[p]));
+        self
+    }
 }
 
 /// Two photos with their relative pose.

@@ -1,12 +1,13 @@
 //! Matching and adjusting by turns, with cameras that are nearly right.
 
-use crate::bundle::{Bundle, Observation};
+use crate::bundle::{Bundle, Lens, Observation};
 use crate::epipolar::Epipolar;
 use crate::evidence::EXACT;
 use crate::features::{Features, Keypoint};
 use crate::matching::{Match, matches, matches_along};
 use crate::tracks::{Track, tracks};
 use crate::triangulation::{agreed, error};
+use std::borrow::Cow;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_kernels::parallel;
@@ -63,7 +64,8 @@ impl Bundle {
     /// Finds points anew with the cameras as they are, and adjusts both. Cameras that are `located` find no points: they
     /// move to where they see those of the others.
     pub(crate) fn pass(&mut self, features: &[Features], near: &[[usize; 2]], located: &[bool], pass: &Pass) {
-        let pairs = paired(self, features, near, pass);
+        let straight = self.straight(features);
+        let pairs = paired(self, &straight, near, pass);
         let counts: Vec<usize> = features.iter().map(|f| f.keypoints.len()).collect();
         let all = self.observe(features, &tracks(&counts, &pairs), located, pass.farthest);
         self.observations = all.iter().filter(|o| !located[o.camera]).copied().collect();
@@ -72,6 +74,19 @@ impl Bundle {
             self.leave_out(FARTHEST * scale);
         }
         self.locate(located, all);
+    }
+
+    /// Keypoints where cameras without distortion would see them.
+    fn straight<'a>(&self, features: &'a [Features]) -> Cow<'a, [Features]> {
+        if self.lenses.iter().all(|lens| lens.k1 == 0.0 && lens.k2 == 0.0) {
+            return Cow::Borrowed(features);
+        }
+        let mut straight = features.to_vec();
+        for (photo, features) in straight.iter_mut().enumerate() {
+            let lens = &self.lenses[self.lens_of[photo]];
+            features.keypoints.iter_mut().for_each(|k| k.pixel = lens.undistort(&self.cameras[photo], k.pixel));
+        }
+        Cow::Owned(straight)
     }
 
     /// Leaves out what is not certain in the end.
@@ -88,9 +103,12 @@ impl Bundle {
         farthest: f64,
     ) -> Vec<Observation> {
         const GRAIN: usize = 64;
+        let cameras_as_told = self.cameras.clone();
         let cameras: Vec<Camera> = (0..self.cameras.len()).map(|i| self.camera(i)).collect();
         let sharpest: Vec<f64> = cameras.iter().map(sharpest).collect();
         let farthest = farthest * sharpest.iter().copied().fold(0.0, f64::max);
+        let lenses: Vec<Lens> = self.lens_of.iter().map(|lens| self.lenses[*lens]).collect();
+        let undistorted = |v: usize, pixel: DVec2| lenses[v].undistort(&cameras_as_told[v], pixel);
         let seen = |track: &Track| -> Vec<(usize, Keypoint)> {
             track.iter().map(|(v, k)| (*v, features[*v].keypoints[*k])).collect()
         };
@@ -99,7 +117,7 @@ impl Bundle {
             for (position, track) in positions.iter_mut().zip(&tracks[chunk * GRAIN..]) {
                 let seen = seen(track);
                 let known = seen.iter().filter(|(v, _)| !located[*v]);
-                let known: Vec<(Camera, DVec2)> = known.map(|(v, k)| (cameras[*v], k.pixel)).collect();
+                let known: Vec<(Camera, DVec2)> = known.map(|(v, k)| (cameras[*v], undistorted(*v, k.pixel))).collect();
                 *position = agreed(&known, farthest);
             }
         });
@@ -109,7 +127,9 @@ impl Bundle {
             let Some(position) = position else { continue };
             let point = self.points.len();
             // Cameras that are located only now may still be far off.
-            let near = |(v, k): &(usize, Keypoint)| located[*v] || error(&cameras[*v], position, k.pixel) < farthest;
+            let near = |(v, k): &(usize, Keypoint)| {
+                located[*v] || error(&cameras[*v], position, undistorted(*v, k.pixel)) < farthest
+            };
             let observation = |(camera, k): (usize, Keypoint)| Observation {
                 camera,
                 point,
@@ -164,6 +184,13 @@ fn paired(bundle: &Bundle, features: &[Features], near: &[[usize; 2]], pass: &Pa
         }
     });
     pairs
+}
+
+/// Pairs of placed cameras that look in similar directions, each with the nearest others.
+pub(crate) fn near(bundle: &Bundle, placed: &[bool], most: usize) -> Vec<[usize; 2]> {
+    let mut near = neighbors(&bundle.cameras, most);
+    near.retain(|pair| pair.iter().all(|p| placed[*p]));
+    near
 }
 
 /// Pairs of cameras that look in similar directions, each with the nearest others.

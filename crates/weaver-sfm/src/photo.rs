@@ -29,6 +29,20 @@ impl Photo<'_> {
     }
 }
 
+/// Which radial distortion is found: a point at distance r from the axis, over its depth, is seen at `r (1 + k1 r^2 + k2 r^4)`.
+#[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
+pub enum Find {
+    /// None: both are 0.
+    Off,
+    /// k1, and of many photos k2, where photos tell them: where they are several of their standard deviations from 0.
+    #[default]
+    Told,
+    /// k1.
+    K1,
+    /// k1 and k2.
+    K1K2,
+}
+
 /// How cameras are estimated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EstimateSettings {
@@ -36,14 +50,16 @@ pub struct EstimateSettings {
     pub keypoints: usize,
     /// Photos that each is compared with, at most: those that look most alike.
     pub candidates: usize,
+    /// Whether photos were taken one after the other: each is then compared with its neighbors too.
+    pub sequence: bool,
     /// How wrong known focal lengths may be, as a part of them; 0 keeps them.
     pub focal_deviation: f64,
-    /// Whether a radial distortion is found.
-    pub distortion: bool,
+    /// Which radial distortion is found.
+    pub distortion: Find,
 }
 
 impl Default for EstimateSettings {
     fn default() -> Self {
-        Self { keypoints: 3000, candidates: 20, focal_deviation: 0.05, distortion: false }
+        Self { keypoints: 3000, candidates: 20, sequence: false, focal_deviation: 0.05, distortion: Find::Told }
     }
 }

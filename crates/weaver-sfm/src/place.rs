@@ -1,17 +1,20 @@
 //! Where a photo belongs in a scene that others made.
 
+mod resection;
+
 use crate::bundle::{Bundle, Lens, Observation};
 use crate::epipolar::Epipolar;
 use crate::evidence::{Evidence, FITS, STEPS, Trust};
 use crate::pairs::Pair;
 use crate::passes::sharpest;
+use resection::{Sight, resected};
 use std::cmp::Ordering;
 use weaver_geometry::glam::DVec2;
 use weaver_geometry::{Camera, Pose};
 
 /// Scales by which a camera is brought to the points that it sees.
 const LOCATING: [f64; 4] = [16.0, 8.0, 4.0, 2.0];
-/// Poses that are tried for a camera, the best of those that pairs suggest.
+/// Poses that are tried for a camera, the best of those that points and pairs suggest.
 const TRIED: usize = 4;
 /// The share of its matches with placed photos that must agree with a pose.
 const ENOUGH: f64 = 0.35;
@@ -53,7 +56,8 @@ pub(crate) fn place(
 
 /// The suggestion that brings most points to where the photo sees them, adjusted to them.
 fn by_points(bundle: &Bundle, seen: &[Observation], suggestions: &[Pose], photo: usize) -> Option<(Pose, usize)> {
-    let lens = Lens { k1: bundle.lenses[bundle.lens_of[photo]].k1, ..Lens::default() };
+    let Lens { k1, k2, .. } = bundle.lenses[bundle.lens_of[photo]];
+    let lens = Lens { k1, k2, ..Lens::default() };
     let mut alone = Bundle {
         cameras: vec![bundle.camera(photo)],
         lenses: vec![lens],
@@ -64,8 +68,11 @@ fn by_points(bundle: &Bundle, seen: &[Observation], suggestions: &[Pose], photo:
         observations: (seen.iter().enumerate()).map(|(point, o)| Observation { camera: 0, point, ..*o }).collect(),
         ..Bundle::default()
     };
+    let sight = |o: &Observation| Sight { point: bundle.points[o.point], pixel: o.pixel, within: FITS * o.deviation };
+    let sights: Vec<Sight> = seen.iter().map(sight).collect();
+    let resected = resected(&sights, &alone.cameras[0]);
     let mut tried: Vec<(f64, Pose)> = Vec::new();
-    for pose in suggestions {
+    for pose in resected.iter().chain(suggestions) {
         alone.cameras[0].pose = *pose;
         tried.push((fitting(&alone, LOCATING[0]).0, *pose));
     }

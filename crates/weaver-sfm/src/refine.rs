@@ -8,8 +8,8 @@ use weaver_geometry::glam::{DMat3, DVec3};
 
 /// How often as wrong as expected cameras may be for a match to be believed.
 const BELIEVED: f64 = 3.0;
-/// Standard deviation of where a keypoint is found, pixels.
-const PIXEL: f64 = 0.5;
+/// Standard deviation of where a keypoint is found, pixels, beside that of cameras: twice that of one alone, as neighbors err alike.
+const PIXEL: f64 = 1.0;
 
 /// A photo and its camera, which may be a little wrong.
 #[derive(Clone, Debug)]

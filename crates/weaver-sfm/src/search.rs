@@ -3,82 +3,93 @@
 use crate::bundle::Bundle;
 use crate::evidence::{Evidence, Trust};
 use crate::features::Features;
+use crate::focal;
 use crate::grow::{Grown, beginnings};
-use crate::lenses::{PIXEL, USUAL};
-use crate::matching::Match;
-use crate::pairs::{self, Pair};
-use crate::passes::{Pass, neighbors};
-use crate::photo::{EstimateSettings, Photo};
-use crate::tracks::{Track, tracks};
+use crate::lenses::{Taken, USUAL, tau};
+use crate::pairs::{self, Pair, Pairs, linked};
+use crate::passes::{Pass, near};
+use crate::photo::EstimateSettings;
+use crate::retrieval::candidates;
 
-/// Focal lengths that are tried where nothing is known, over the longer side of the photo.
-const FOCAL: [f64; 6] = [0.55, 0.75, 0.95, 1.2, 1.5, 1.9];
-/// Standard deviation of the principal point from the middle of a photo, over the longer side.
-const OFF_CENTER: f64 = 0.005;
-/// Pairs that the choice of a focal length is made by where there are many photos.
-const VOTERS: usize = 10;
-/// Photos of which many beginnings and every focal length can be tried.
+/// Points that a photo with a camera must see at least.
+const LEAST_SEEN: usize = 25;
+/// Focal lengths that are tried where nothing is known.
+const FOCAL_LENGTHS: usize = 2;
+/// Photos of which many beginnings can be tried.
 const FEW: usize = 8;
 /// Beginnings that are tried, and the most photos of which more than one is where the first reaches all.
 const BEGINNINGS: usize = 6;
 const SEVERAL: usize = 12;
+/// The part of what another scene explains that one explains from which on they confirm each other.
+const ALIKE: f64 = 0.9;
 /// The share of the matches of a pair that must agree where there are many photos. What leads one scene astray need not lead the
 /// other.
 const CERTAIN: [f64; 2] = [0.5, 0.65];
-/// How far off a photo may be that pairs put in its place, in deviations of keypoints.
-const ASTRAY: f64 = 32.0;
 /// Rotations farther apart than this are different, radians; explanations are in which one of so many photos differs.
 const DIFFERENT: f64 = 0.1;
 const ONE_IN: usize = 8;
 
-/// What was tried.
+/// What was found.
+pub(crate) struct Scene {
+    /// Cameras and points, and which photos have a place.
+    pub found: Option<(Bundle, Vec<bool>)>,
+    pub pairs: Pairs,
+    /// How much the best explanation explains that is different, over the one that was taken.
+    pub rival: f64,
+}
+
+/// What is tried.
 pub(crate) struct Search<'a> {
-    photos: &'a [Photo<'a>],
-    settings: &'a EstimateSettings,
+    taken: &'a [Taken],
     features: &'a [Features],
-    matched: &'a [([usize; 2], Vec<Match>)],
+    settings: &'a EstimateSettings,
+    pairs: Pairs,
     /// The scenes that were grown.
-    pub found: Vec<Grown>,
+    found: Vec<Grown>,
 }
 
 impl<'a> Search<'a> {
-    pub fn new(
-        photos: &'a [Photo<'a>],
-        settings: &'a EstimateSettings,
-        features: &'a [Features],
-        matched: &'a [([usize; 2], Vec<Match>)],
-    ) -> Self {
-        Self { photos, settings, features, matched, found: Vec::new() }
+    pub fn new(taken: &'a [Taken], features: &'a [Features], settings: &'a EstimateSettings) -> Self {
+        let candidates = candidates(features, &vec![true; taken.len()], settings.candidates, settings.sequence);
+        let matched = pairs::matched(features, &candidates);
+        Self { taken, features, settings, pairs: Pairs { matched, posed: Vec::new() }, found: Vec::new() }
     }
 
-    /// Grows scenes; returns the pairs' poses with the last focal length.
-    pub fn run(&mut self) -> Vec<Pair> {
-        let tau = self.photos.iter().map(|p| p.size[1] as f64 / 384.0).fold(0.5, f64::max);
-        let few = self.photos.len() <= FEW;
-        let mut posed = Vec::new();
+    /// The scene that explains most.
+    pub fn scene(mut self) -> Scene {
+        self.run();
+        let value = |i: usize| self.found[i].value();
+        let best = (0..self.found.len()).reduce(|a, b| if value(b) > value(a) { b } else { a });
+        let Some(best) = best else { return Scene { found: None, pairs: self.pairs, rival: 0.0 } };
+        let rival = self.rival(best);
+        let Grown { mut bundle, mut placed, .. } = self.found.swap_remove(best);
+        self.refine(&mut bundle, &placed);
+        placed.iter_mut().zip(bundle.seen()).for_each(|(placed, seen)| *placed &= seen >= LEAST_SEEN);
+        bundle.observations.retain(|o| placed[o.camera]);
+        bundle.finish();
+        Scene { found: Some((bundle, placed)), pairs: self.pairs, rival }
+    }
+
+    /// Grows scenes.
+    fn run(&mut self) {
+        let few = self.taken.len() <= FEW;
+        let tau = tau(self.taken);
         for factor in self.focal_lengths(tau) {
-            let bundle = self.settings.bundle(self.photos, factor);
-            posed = pairs::posed(self.features, &bundle.cameras, self.matched, tau);
+            let bundle = self.settings.bundle(self.taken, factor);
+            let posed = pairs::posed(self.features, &bundle.cameras, &self.pairs.matched, tau);
             // Among many photos, pairs that are chance do more harm than those that are doubtful do good.
             let certain: &[f64] = if few { &[0.0] } else { &CERTAIN };
-            // A photo that is only located links nothing: what it shows would otherwise join points of the others.
-            let between: Vec<Pair> = posed.iter().filter(|pair| !self.locates(&pair.photos)).cloned().collect();
-            certain.iter().for_each(|share| self.grow(&bundle, &between, *share));
+            certain.iter().for_each(|share| self.grow(&bundle, &posed, *share));
+            self.pairs.posed = posed;
         }
-        posed
-    }
-
-    /// Whether one of two photos is only located.
-    fn locates(&self, pair: &[usize; 2]) -> bool {
-        pair.iter().any(|p| self.photos[*p].located)
     }
 
     /// Grows scenes by pairs of which at least this share of the matches agrees.
     fn grow(&mut self, bundle: &Bundle, posed: &[Pair], share: f64) {
-        let few = self.photos.len() <= FEW;
-        let absent: Vec<bool> = self.photos.iter().map(|p| p.located).collect();
+        let few = self.taken.len() <= FEW;
+        let absent = vec![false; self.taken.len()];
         let certain: Vec<Pair> = posed.iter().filter(|pair| few || pair.certain(share)).cloned().collect();
-        let (all_tracks, tracks) = (self.linked(posed), self.linked(&certain));
+        let (all_tracks, tracks) = (linked(self.features, posed), linked(self.features, &certain));
         let evidence = Evidence {
             features: self.features,
             pairs: &certain,
@@ -92,7 +103,8 @@ impl<'a> Search<'a> {
         for from in beginnings(&evidence).into_iter().map(|i| &certain[i]) {
             // Of many photos, the next beginning is in what the others did not reach.
             let reached = |grown: &Grown| from.photos.iter().all(|p| grown.placed[*p]);
-            if tried == BEGINNINGS || self.photos.len() > SEVERAL && self.found[first..].iter().any(reached) {
+            let grown = &self.found[first..];
+            if tried == BEGINNINGS || confirmed(grown) || self.taken.len() > SEVERAL && grown.iter().any(reached) {
                 continue;
             }
             tried += 1;
@@ -108,91 +120,49 @@ impl<'a> Search<'a> {
     }
 
     /// Matches and adjusts by turns, until all that photos share is found.
-    pub fn refine(&self, bundle: &mut Bundle, placed: &[bool]) {
-        let several = placed.iter().filter(|placed| **placed).count() >= SEVERAL;
+    fn refine(&self, bundle: &mut Bundle, placed: &[bool]) {
         let free: Vec<bool> = bundle.lenses.iter().map(|lens| lens.free_focal).collect();
         bundle.free_focal(&free, placed);
-        for lens in &mut bundle.lenses {
-            (lens.free_k1, lens.free_shift) = (self.settings.distortion, several);
-            lens.shift_weight = (PIXEL / OFF_CENTER).powi(2);
-        }
         let missing: Vec<bool> = placed.iter().map(|placed| !placed).collect();
-        let near = self.near(bundle, placed);
-        for pass in Pass::FINE {
-            bundle.pass(self.features, &near, &missing, &pass);
-        }
+        let near = near(bundle, placed, self.settings.candidates);
+        let [first, last] = Pass::FINE;
+        bundle.pass(self.features, &near, &missing, &first);
+        bundle.free_distortion(self.settings.distortion, placed);
+        bundle.pass(self.features, &near, &missing, &last);
         bundle.finish();
     }
 
-    /// Places the photos that are only located, by the points that the others found; these stay as they are.
-    pub fn locate(&self, posed: &[Pair], bundle: &mut Bundle, placed: &mut [bool]) {
-        let absent: Vec<bool> = self.photos.iter().map(|p| !p.located).collect();
-        if absent.iter().all(|absent| *absent) {
-            return;
-        }
-        let tracks = self.linked(posed);
-        let evidence =
-            Evidence { features: self.features, pairs: posed, tracks: &tracks, absent: &absent, trust: Trust::PAIRS };
-        let before = placed.to_vec();
-        let mut found = Grown { bundle: bundle.clone(), placed: before.clone(), support: 0.0 };
-        found.bundle.lenses.iter_mut().for_each(|lens| *lens = lens.held());
-        found.join(&evidence);
-        placed.copy_from_slice(&found.placed);
-        let near = self.near(&found.bundle, placed);
-        let located: Vec<bool> = before.iter().map(|placed| !placed).collect();
-        found.bundle.fixed = before;
-        // Pairs alone can put a photo a few degrees off: what is right is then far from epipolar lines.
-        let passes = std::iter::once(Pass::wide(ASTRAY)).chain(Pass::FINE);
-        passes.for_each(|pass| found.bundle.pass(self.features, &near, &located, &pass));
-        bundle.cameras = found.bundle.cameras;
-    }
-
-    /// Pairs of placed photos from nearby.
-    fn near(&self, bundle: &Bundle, placed: &[bool]) -> Vec<[usize; 2]> {
-        let mut near = neighbors(&bundle.cameras, self.settings.candidates);
-        near.retain(|pair| pair.iter().all(|p| placed[*p]));
-        near
-    }
-
-    /// What pairs say to be the same.
-    fn linked(&self, pairs: &[Pair]) -> Vec<Track> {
-        let links: Vec<([usize; 2], Vec<Match>)> = pairs.iter().map(|p| (p.photos, p.matches.clone())).collect();
-        let counts: Vec<usize> = self.features.iter().map(|f| f.keypoints.len()).collect();
-        tracks(&counts, &links)
-    }
-
-    /// The scene that explains most.
-    pub fn best(&self) -> Option<usize> {
-        let value = |i: usize| self.found[i].value();
-        (0..self.found.len()).reduce(|a, b| if value(b) > value(a) { b } else { a })
-    }
-
     /// How much is explained by the best explanation that is different, over that by the best.
-    pub fn rival(&self, best: usize) -> f64 {
+    fn rival(&self, best: usize) -> f64 {
         let best = &self.found[best];
         let others = self.found.iter().filter(|other| best.differs(other));
         others.map(|other| other.support / best.support).fold(0.0, f64::max)
     }
 
-    /// Focal lengths to begin with, over the longer side: what is known, every usual one, or the one that pairs like best.
+    /// Focal lengths to begin with, over the longer side: what is known, or those that pairs vote for.
     fn focal_lengths(&self, tau: f64) -> Vec<f64> {
-        if self.photos.iter().any(|p| p.focal.is_some()) {
+        if self.taken.iter().any(|t| t.focal.is_some()) {
             return vec![USUAL];
         }
-        if self.photos.len() <= FEW {
-            return FOCAL.to_vec();
-        }
-        let mut voters = self.matched.to_vec();
-        voters.retain(|(pair, _)| !self.locates(pair));
-        voters.sort_by_key(|(_, matches)| std::cmp::Reverse(matches.len()));
-        voters.truncate(VOTERS);
-        let score = |factor: &f64| -> f64 {
-            let cameras = self.settings.bundle(self.photos, *factor).cameras;
-            pairs::posed(self.features, &cameras, &voters, tau).iter().map(|p: &Pair| p.score).sum()
-        };
-        let ranked = FOCAL.iter().map(|f| (score(f), *f));
-        ranked.max_by(|a, b| a.0.total_cmp(&b.0)).map(|best| best.1).into_iter().collect()
+        let usual = self.settings.bundle(self.taken, USUAL).cameras;
+        let voted = focal::voted(self.features, &usual, &self.pairs.matched, tau);
+        let mut voted: Vec<f64> = voted.into_iter().map(|f| f * USUAL).collect();
+        voted.truncate(FOCAL_LENGTHS);
+        if voted.is_empty() { vec![USUAL] } else { voted }
     }
+}
+
+/// Whether two scenes from different beginnings, and no better one, say the same.
+fn confirmed(found: &[Grown]) -> bool {
+    let Some(best) = (0..found.len()).reduce(|a, b| if found[b].value() > found[a].value() { b } else { a }) else {
+        return false;
+    };
+    let alike = |other: &Grown| {
+        other.value().0 == found[best].value().0
+            && other.support > ALIKE * found[best].support
+            && !found[best].differs(other)
+    };
+    (0..found.len()).any(|i| i != best && alike(&found[i]))
 }
 
 impl Grown {

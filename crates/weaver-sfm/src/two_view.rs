@@ -1,7 +1,8 @@
-//! Relative pose by robust descent on Sampson's distance from many starts, rather than by random minimal samples: the
-//! same matches give the same pose, bit for bit.
+//! Relative pose by robust descent on Sampson's distance, from what samples of five matches suggest: the same matches give
+//! the same pose, bit for bit.
 
 mod normal;
+mod search;
 
 use normal::Normal;
 use std::f64::consts::PI;
@@ -11,10 +12,11 @@ use weaver_kernels::parallel;
 
 /// The fewest matches a pose is estimated from: its five unknowns, and some to tell wrong matches by.
 const FEWEST: usize = 8;
-/// Directions of translation to start from, over half a sphere: the opposite ones have the same epipolar lines.
-const DIRECTIONS: usize = 16;
-/// Gauss-Newton steps from each start.
-const STEPS: usize = 14;
+/// Gauss-Newton steps from each start, and of a descent to the rotation that explains most.
+const STEPS: usize = 6;
+const TURNING: usize = 14;
+/// Scales that a descent begins with: samples of five lead nearly there.
+const BRIDGED: f64 = 3.0;
 /// How many of the best descents are carried to their optimum.
 const FINALISTS: usize = 3;
 /// Rotations farther apart than this, radians, and translations three times as far, are different explanations; they are rivals
@@ -44,7 +46,7 @@ pub struct TwoView {
 }
 
 /// The homogeneous normalized coordinates (x, y, 1) of a match in views i and j.
-type Rays = [DVec3; 2];
+pub(crate) type Rays = [DVec3; 2];
 
 /// Estimates the relative pose of two views by minimizing Sampson's distance
 /// r = x_j . E x_i / sqrt((E x_i)_1^2 + (E x_i)_2^2 + (E^T x_j)_1^2 + (E^T x_j)_2^2), E = \[t\]x R, robustly.
@@ -77,13 +79,11 @@ pub fn two_view(matches: &[[DVec2; 2]], tau: f64) -> Option<TwoView> {
     if rays.len() < FEWEST {
         return None;
     }
-    let scales = annealing(tau);
-    let guesses = [DMat3::IDENTITY, robust_kabsch(&rays)];
-    let mut fits = descents(&guesses.map(starts).concat(), &rays, &scales, tau);
-    // The best so far is often wrong in its translation only: all directions again, from its rotation.
-    let best = fits.first()?.0;
-    fits.extend(descents(&starts(best.rotation), &rays, &scales, tau));
-    fits.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut suggested: Vec<Pose> = search::hypotheses(&rays, tau).into_iter().map(|(pose, _)| pose).collect();
+    // Of a mere turn, five matches leave too much open.
+    let turn = robust_kabsch(&rays);
+    suggested.extend([DVec3::X, DVec3::Y, DVec3::Z].map(|axis| Pose::new(turn, axis)));
+    let fits = descents(&suggested, &rays, &annealing::<STEPS>(BRIDGED, tau), tau);
     // Along shallow valleys, the damped steps above end short of the optimum.
     let finalists: Vec<Pose> = fits.iter().map(|fit| fit.0).take(FINALISTS).collect();
     let polished = descents(&finalists, &rays, &[tau; 20], tau);
@@ -92,6 +92,11 @@ pub fn two_view(matches: &[[DVec2; 2]], tau: f64) -> Option<TwoView> {
     let rival = other.map(|other| descents(&[other], &rays, &[tau; 20], tau)[0]);
     let rival = rival.filter(|(rival, s)| *s > RIVAL * score && differ(&pose, rival)).map(|rival| rival.0);
     judge(pose, matches, tau).map(|view| TwoView { rival, ..view })
+}
+
+/// A pose followed to where it explains rays best that differ a little from those it was found by, and its support there.
+pub(crate) fn followed(pose: &Pose, rays: &[Rays], tau: f64) -> (Pose, f64) {
+    facing(&descend(*pose, rays, &[2.0 * tau, tau, tau]), rays, tau)
 }
 
 /// Whether two relative poses are different explanations.
@@ -126,7 +131,7 @@ fn differ(a: &Pose, b: &Pose) -> bool {
 pub fn rotation_only(matches: &[[DVec2; 2]], tau: f64) -> (DMat3, usize) {
     let rays: Vec<Rays> = matches.iter().filter_map(homogeneous).collect();
     let mut rotation = robust_kabsch(&rays);
-    for scale in annealing(tau) {
+    for scale in annealing::<TURNING>(12.0, tau) {
         let mut normal = Normal::<3>::default();
         for [x, y] in &rays {
             let p = rotation * *x;
@@ -174,22 +179,8 @@ pub(crate) fn judge(pose: Pose, matches: &[[DVec2; 2]], tau: f64) -> Option<TwoV
 }
 
 /// A match in homogeneous coordinates; `None` if it is NaN or at the horizon, where squares would overflow.
-fn homogeneous(x: &[DVec2; 2]) -> Option<Rays> {
+pub(crate) fn homogeneous(x: &[DVec2; 2]) -> Option<Rays> {
     x.iter().all(|x| x.length_squared() < 1e12).then(|| x.map(|x| x.extend(1.0)))
-}
-
-/// The poses to descend from: a rotation with each direction of translation.
-fn starts(rotation: DMat3) -> Vec<Pose> {
-    (0..DIRECTIONS).map(|k| Pose::new(rotation, direction(k))).collect()
-}
-
-/// Point k of a Fibonacci lattice on the half sphere z > 0.
-fn direction(k: usize) -> DVec3 {
-    let k = k as f64 + 0.5;
-    let z = 1.0 - k / DIRECTIONS as f64;
-    let (sin, cos) = (k * PI * (1.0 + 5f64.sqrt())).sin_cos();
-    let radius = (1.0 - z * z).sqrt();
-    DVec3::new(radius * cos, radius * sin, z)
 }
 
 /// The rotation of the unit bearings of view i onto those of view j by iteratively reweighted least squares: bearings
@@ -211,9 +202,9 @@ fn robust_kabsch(rays: &[Rays]) -> DMat3 {
     rotation.unwrap_or(DMat3::IDENTITY)
 }
 
-/// The scale of residuals in each step of a descent: from 12 tau, which bridges local minima, geometrically to tau.
-fn annealing(tau: f64) -> [f64; STEPS] {
-    std::array::from_fn(|k| tau * 12f64.powf(1.0 - k as f64 / (STEPS - 1) as f64))
+/// The scale of residuals in each step of a descent: from so many tau, which bridges local minima, geometrically to tau.
+fn annealing<const N: usize>(from: f64, tau: f64) -> [f64; N] {
+    std::array::from_fn(|k| tau * from.powf(1.0 - k as f64 / (N - 1) as f64))
 }
 
 /// The weight 1 / (1 + e^2)^2 of a residual of e scales (Geman & McClure 1987).

@@ -1,6 +1,8 @@
 //! The binary as a process: exit codes, signals, pipes, and what it starts itself.
 
 mod align;
+#[cfg(unix)]
+mod clip;
 mod command;
 mod device;
 mod dynamic;

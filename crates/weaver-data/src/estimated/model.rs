@@ -10,8 +10,6 @@ use weaver_io::colmap::{Model, Point};
 use weaver_io::{Image, relative_path};
 use weaver_scene::Frame;
 
-/// The folder of photos that are written without distortion.
-pub(super) const STRAIGHT: &str = "undistorted";
 /// The folder of photos that are written because of their EXIF orientation alone.
 const UPRIGHT: &str = "upright";
 
@@ -22,8 +20,7 @@ impl EstimatedPhotos {
         let mut frames = Vec::new();
         for (number, camera) in self.estimate.cameras.iter().enumerate() {
             let Ok(camera) = *camera else { continue };
-            let (lens, (width, height)) = (self.lenses[number], self.sizes[number]);
-            let camera = lens.map_or(camera, |lens| lens.to);
+            let (width, height) = self.sizes[number];
             let (sx, sy) = (width as f64 / camera.width as f64, height as f64 / camera.height as f64);
             let camera = Camera { intrinsics: camera.intrinsics.resized(sx, sy), width, height, ..camera };
             let path = std::path::absolute(&self.paths[number]).unwrap_or_else(|_| self.paths[number].clone());
@@ -37,18 +34,16 @@ impl EstimatedPhotos {
                     (name.clone(), folder.join(name))
                 }
             };
-            frames.push((number, Frame { path, ..Frame::new(name, camera) }));
+            let distortion = self.estimate.distortion[number];
+            frames.push((number, Frame { path, distortion, ..Frame::new(name, camera) }));
         }
         Ok(frames)
     }
 
-    /// The folder in the capture's that a photo is written to, straight and upright; `None` if the file is that already, or every reader
-    /// can tell by its size that it has to be turned.
+    /// The folder in the capture's that a photo is written to, upright; `None` if every reader can tell by its size that it has to be
+    /// turned.
     pub(super) fn written_to(&self, number: usize) -> Option<&'static str> {
-        match self.lenses[number] {
-            Some(_) => Some(STRAIGHT),
-            None => self.ambiguous[number].then_some(UPRIGHT),
-        }
+        self.ambiguous[number].then_some(UPRIGHT)
     }
 
     /// The model of COLMAP, with points and tracks.
@@ -59,7 +54,8 @@ impl EstimatedPhotos {
         for (id, group) in e.observations.chunk_by(|a, b| a.point == b.point).enumerate() {
             let (mut track, mut errors, mut rgb) = (Vec::new(), 0.0, None);
             for o in group {
-                let (Some(at), Some((pixel, off))) = (place(o.camera), self.seen(o)) else { continue };
+                let (Some(at), Some(off)) = (place(o.camera), self.off(o)) else { continue };
+                let pixel = o.pixel;
                 let scale = self.sizes[o.camera].0 as f64 / self.images[o.camera].width as f64;
                 let image = &mut model.images[at];
                 track.push((image.id, image.points.len() as u32));

@@ -18,7 +18,7 @@ impl EstimatedPhotos {
             shown[number] = Some(image.resize(THUMBNAIL, height, [0.0, 0.0, image.width as f64, image.height as f64]));
         }
         for o in &e.observations {
-            let (Some(shown), Some((_, off))) = (&mut shown[o.camera], self.seen(o)) else { continue };
+            let (Some(shown), Some(off)) = (&mut shown[o.camera], self.off(o)) else { continue };
             let t = (off / 2.0).min(1.0) as f32;
             let at = o.pixel * (shown.width as f64 / self.images[o.camera].width as f64);
             dot(shown, at, std::array::from_fn(|c| good[c] * (1.0 - t) + bad[c] * t));

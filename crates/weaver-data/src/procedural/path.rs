@@ -115,7 +115,7 @@ fn jitter(draws: &mut Draws, size: f64) -> DVec3 {
 }
 
 /// The camera at `eye` that looks at `target`, turned about its axis from upright; the world's z axis is up.
-fn look_at(eye: DVec3, target: DVec3, roll: f64) -> Pose {
+pub(super) fn look_at(eye: DVec3, target: DVec3, roll: f64) -> Pose {
     let forward = (target - eye).normalize();
     let level = forward.cross(DVec3::Z).normalize();
     let plumb = forward.cross(level);

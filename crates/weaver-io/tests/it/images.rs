@@ -1,6 +1,6 @@
 use crate::shared;
 use proptest::prelude::*;
-use weaver_io::{Background, Image, false_color, label_color};
+use weaver_io::{Background, Bitmap, Image, PhotoFile, false_color, label_color};
 
 fn ramp(width: usize, height: usize) -> Image {
     let bytes: Vec<u8> = (0..width * height * 3).map(|i| (i * 37 % 256) as u8).collect();
@@ -16,6 +16,25 @@ fn png_round_trip_is_exact() {
     assert_eq!(Image::read(&path, Background::White).unwrap(), image);
     assert_eq!(Image::dimensions(&path).unwrap(), (7, 5));
     assert_eq!(image.to_png(), std::fs::read(&path).unwrap());
+}
+
+#[test]
+fn a_jpeg_is_nearly_what_was_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.jpg");
+    let value = |i: usize| (128.0 + 90.0 * ((i / 3) as f64 * 0.02 + (i % 3) as f64).sin()) as u8;
+    let image = Bitmap { width: 33, height: 21, pixels: (0..33 * 21 * 3).map(value).collect() };
+    image.write_jpeg(&path, 95).unwrap();
+    let read = PhotoFile::at(&path).unwrap().read().unwrap();
+    assert_eq!((read.width, read.height), (33, 21));
+    let off = read.pixels.iter().zip(&image.pixels).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+    assert!(off <= 12, "{off}");
+    let length = |quality: u8| {
+        image.write_jpeg(&path, quality).unwrap();
+        std::fs::metadata(&path).unwrap().len()
+    };
+    assert!(length(20) < length(95));
+    assert!(Bitmap { width: 0, height: 0, pixels: Vec::new() }.write_jpeg(&path, 95).is_err());
 }
 
 #[test]

@@ -141,3 +141,30 @@ fn runs_from_before_there_was_a_record_go_on() {
     out.file("scene.ply").unwrap();
     refused(out.file("notes.txt"), &["notes.txt"]);
 }
+
+#[test]
+fn only_what_the_command_wrote_is_removed() {
+    let parent = tempfile::tempdir().unwrap();
+    let folder = parent.path().join("out");
+    let out = OutputFolder::claim(&folder, "first", NOTHING).unwrap();
+    fs::write(out.file("frames/other.jpg").unwrap(), "first").unwrap();
+    drop(out);
+    let out = OutputFolder::claim(&folder, "second", NOTHING).unwrap();
+    for name in ["frames/1.jpg", "frames/2.jpg", "frames/deep/3.jpg", "frames.txt", "4.txt"] {
+        fs::write(out.file(name).unwrap(), "second").unwrap();
+    }
+    fs::write(folder.join("frames/mine.jpg"), "mine").unwrap();
+    out.file("frames/never-written.jpg").unwrap();
+    out.remove_others("frames", &["frames/2.jpg"]).unwrap();
+    for (name, there) in [
+        ("frames/1.jpg", false),
+        ("frames/deep/3.jpg", false),
+        ("frames/2.jpg", true),
+        ("frames/other.jpg", true),
+        ("frames/mine.jpg", true),
+        ("frames.txt", true),
+        ("4.txt", true),
+    ] {
+        assert_eq!(folder.join(name).exists(), there, "{name}");
+    }
+}

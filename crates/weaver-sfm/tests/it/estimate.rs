@@ -4,8 +4,8 @@ use rayon::ThreadPoolBuilder;
 use weaver_data::Scene;
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_geometry::glam::{DVec2, DVec3};
-use weaver_geometry::{Camera, Intrinsics, Pose, Similarity, so3};
-use weaver_sfm::{Estimate, EstimateSettings, LeftOut, Photo, estimate};
+use weaver_geometry::{Distortion, Intrinsics, Pose, Similarity, so3};
+use weaver_sfm::{Estimate, EstimateSettings, Find, LeftOut, Photo, estimate};
 
 fn built_in(seed: u64, views: usize) -> Scene {
     scene(seed, &ProceduralOptions { width: 256, height: 192, views })
@@ -20,15 +20,20 @@ fn photos(scene: &Scene, known: bool) -> Vec<Photo<'static>> {
     scene.views.iter().step_by(2).map(photo).collect()
 }
 
-/// The mean difference of rotations relative to the first camera, degrees.
+/// The mean difference of rotations after the best common one, degrees.
 fn off(found: &Estimate, scene: &Scene) -> f64 {
-    let cameras: Vec<&Camera> = found.cameras.iter().map(|c| c.as_ref().expect("a camera")).collect();
+    let found: Vec<Pose> = found.cameras.iter().map(|c| c.as_ref().expect("a camera").pose).collect();
     let truth: Vec<Pose> = scene.views.iter().step_by(2).map(|v| v.camera.pose).collect();
-    let angle = |i: usize| {
-        let turn = cameras[i].pose.relative_to(&cameras[0].pose);
-        turn.angle_to(&truth[i].relative_to(&truth[0])).to_degrees()
+    // Axes with their opposites, so that the best similarity is a rotation alone.
+    let axes = |poses: &[Pose]| -> Vec<DVec3> {
+        let of = |pose: &Pose| [0, 1, 2].map(|k| pose.rotation.row(k));
+        poses.iter().flat_map(of).flat_map(|axis| [axis, -axis]).collect()
     };
-    (1..cameras.len()).map(angle).sum::<f64>() / (cameras.len() - 1) as f64
+    let onto = Similarity::fit(&axes(&found), &axes(&truth)).expect("axes").rotation;
+    let angle = |(found, truth): (&Pose, &Pose)| {
+        Pose::new(found.rotation * onto.transpose(), DVec3::ZERO).angle_to(truth).to_degrees()
+    };
+    found.iter().zip(&truth).map(angle).sum::<f64>() / found.len() as f64
 }
 
 /// How far camera centers are off after the best similarity, the root of the mean square over that of their distances from their
@@ -51,13 +56,16 @@ fn cameras_of_a_few_photos() {
     for seed in [3, 4] {
         let scene = built_in(seed, 8);
         let found = estimate(&photos(&scene, true), &exact());
-        assert!(off(&found, &scene) < 1.5, "seed {seed}: {} degrees off", off(&found, &scene));
+        assert!(off(&found, &scene) < 1.0, "seed {seed}: {} degrees off", off(&found, &scene));
         assert!(found.seen.iter().all(|n| *n > 50) && found.error < 0.5, "{:?}, {} px", found.seen, found.error);
         // The first camera is the origin, and what it sees is a unit away.
         let first = found.cameras[0].as_ref().expect("a camera");
         assert!(first.pose.angle_to(&Pose::IDENTITY) < 1e-6 && first.pose.center().length() < 1e-9);
-        let mean = found.points.iter().map(|p| p.length()).sum::<f64>() / found.points.len() as f64;
-        assert!((mean - 1.0).abs() < 0.2, "points are {mean} away");
+        let mut distances: Vec<f64> = found.points.iter().map(|p| p.length()).collect();
+        distances.sort_by(f64::total_cmp);
+        distances.truncate(distances.len() - distances.len() / 50);
+        let mean = distances.iter().sum::<f64>() / distances.len() as f64;
+        assert!((mean - 1.0).abs() < 1e-3, "points are {mean} away");
     }
 }
 
@@ -66,7 +74,7 @@ fn a_focal_length_that_nobody_knows() {
     let scene = built_in(3, 8);
     let found = estimate(&photos(&scene, false), &EstimateSettings::default());
     let focal = found.cameras[0].as_ref().expect("a camera").intrinsics.fx / scene.views[0].camera.intrinsics.fx;
-    assert!(off(&found, &scene) < 2.0, "{} degrees off", off(&found, &scene));
+    assert!(off(&found, &scene) < 1.0, "{} degrees off", off(&found, &scene));
     // Four photos from a narrow arc hardly tell it.
     assert!((focal - 1.0).abs() < 0.2, "focal length off by a factor of {focal}");
 }
@@ -88,7 +96,7 @@ fn photos_that_do_not_tell_their_focal_length_have_that_of_the_others() {
     let mut photos = photos(&scene, true);
     photos.iter_mut().step_by(2).for_each(|p| p.focal = None);
     let found = estimate(&photos, &exact());
-    assert!(off(&found, &scene) < 1.5, "{} degrees off", off(&found, &scene));
+    assert!(off(&found, &scene) < 1.0, "{} degrees off", off(&found, &scene));
     let focal = |i: usize| found.cameras[i].expect("a camera").intrinsics.fx;
     assert_eq!(focal(0), focal(1));
     assert_eq!((found.focal_factor, found.focal_guessed), (1.0, false));
@@ -123,7 +131,7 @@ fn cropped(photos: &mut [Photo<'_>], size: [usize; 2]) {
 }
 
 #[test]
-fn a_distortion_that_is_asked_for() {
+fn a_distortion_that_photos_tell() {
     let k1 = -0.15;
     let scene = built_in(3, 24);
     let mut photos = photos(&scene, true);
@@ -133,10 +141,11 @@ fn a_distortion_that_is_asked_for() {
         let straight = (0..20).fold(bent, |at, _| bent / (1.0 + k1 * at.length_squared()));
         k.project(straight.extend(1.0))
     });
-    let found = estimate(&photos, &EstimateSettings { distortion: true, ..exact() });
-    assert!((found.k1[0] - k1).abs() < 0.03, "k1 {} instead of {k1}", found.k1[0]);
-    let ignored = estimate(&photos, &exact());
-    assert!(ignored.k1[0] == 0.0 && found.error < ignored.error, "{} and {}", found.error, ignored.error);
+    let found = estimate(&photos, &exact());
+    let Some(Distortion::Radial { k: [first, ..], .. }) = found.distortion[0] else { panic!("no distortion") };
+    assert!((first - k1).abs() < 0.03, "k1 {first} instead of {k1}");
+    let ignored = estimate(&photos, &EstimateSettings { distortion: Find::Off, ..exact() });
+    assert!(ignored.distortion[0].is_none() && found.error < ignored.error, "{} and {}", found.error, ignored.error);
     assert!(off(&found, &scene) < 0.8 * off(&ignored, &scene), "{} degrees off", off(&found, &scene));
 }
 
@@ -240,7 +249,7 @@ fn what_is_located_has_the_lens_of_the_others() {
     // What was told is a little off, and found out by the others.
     photos.iter_mut().for_each(|p| p.focal = p.focal.map(|f| 1.06 * f));
     let found = estimate(&photos, &EstimateSettings::default());
-    assert!(off(&found, &scene) < 1.5, "{} degrees off", off(&found, &scene));
+    assert!(off(&found, &scene) < 1.0, "{} degrees off", off(&found, &scene));
     let focal = |i: usize| found.cameras[i].expect("a camera").intrinsics.fx;
     assert_eq!(focal(2), focal(0));
     assert!(found.focal_factor < 1.0 && !found.focal_guessed, "{}", found.focal_factor);

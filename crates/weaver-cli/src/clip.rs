@@ -1,0 +1,246 @@
+//! Clips: frames that are worth matching become photos.
+
+mod choice;
+mod movement;
+mod pictures;
+
+use crate::Console;
+use crate::arguments::ClipFlags;
+use crate::failure::Failure;
+use crate::progress::{Progress, duration};
+use choice::{Measured, choose};
+use movement::{Follower, sharpness};
+use pictures::{Picture, Pictures, about_how_many};
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use weaver_data::OutputFolder;
+use weaver_io::Bitmap;
+
+/// Extensions of what ffmpeg is asked to read.
+const EXTENSIONS: [&str; 18] = [
+    "mp4", "m4v", "mov", "mkv", "webm", "avi", "mpg", "mpeg", "m2ts", "mts", "ts", "3gp", "ogv", "wmv", "flv", "mxf",
+    "y4m", "gif",
+];
+/// How lists of clips begin that ffmpeg would follow.
+const LISTS: [&[u8]; 2] = [b"#EXTM3U", b"ffconcat"];
+/// The folder that frames are written to.
+const FRAMES: &str = "frames";
+/// The longest side of the pictures that are measured: blur that is not seen there costs a match little.
+const MEASURED: usize = 640;
+/// How many frames are chosen when nothing is said, at most.
+const MOST: usize = 120;
+/// How far the picture has moved between two frames, at least, over its longer side: when nothing is said, and where a number is asked for.
+const APART: f32 = 0.04;
+const CLOSEST: f32 = 0.01;
+/// From this movement on two frames hardly have enough in common.
+const FAR: f32 = 0.25;
+/// Quality of the frames that are written, of 100: nothing of what a clip holds is lost.
+const QUALITY: u8 = 95;
+
+/// The photos that a command is given: files, those in folders, and frames of clips, which are written to the folder `frames` of a result.
+///
+/// # Errors
+/// When a folder has no photos; when a clip cannot be decoded, or its camera stands still; when `flags` ask for frames and there is no clip.
+pub fn photos(
+    paths: &[PathBuf],
+    flags: ClipFlags,
+    out: &OutputFolder,
+    console: &mut Console,
+) -> Result<Vec<PathBuf>, Failure> {
+    let clips = paths.iter().filter(|path| is_clip(path)).count();
+    if clips == 0 {
+        flags.check_unused("photos")?;
+    }
+    let mut photos = Vec::new();
+    let (mut number, mut kept) = (0, Vec::new());
+    for path in paths {
+        if !is_clip(path) {
+            photos.extend(in_folder(path)?);
+            continue;
+        }
+        number += 1;
+        // Two clips have frames of the same numbers.
+        let folder = if clips > 1 { format!("{FRAMES}/{number}") } else { FRAMES.into() };
+        let names = frames(path, flags, (&folder, out), console)?;
+        photos.extend(names.iter().map(|name| out.path().join(name)));
+        kept.extend(names);
+    }
+    if clips > 0 {
+        // Those of another choice.
+        out.remove_others(FRAMES, &kept)?;
+    }
+    Ok(photos)
+}
+
+/// A photo, or those in a folder.
+fn in_folder(path: &Path) -> Result<Vec<PathBuf>, Failure> {
+    if !path.is_dir() {
+        return Ok(vec![path.into()]);
+    }
+    let found = weaver_io::list_photos(path)?;
+    if found.is_empty() {
+        let expected = "expected photos (JPEG, PNG, TIFF or WebP), found none; clips are given by their own names";
+        return Err(Failure::message(format!("{}: {expected}", path.display())));
+    }
+    Ok(found)
+}
+
+/// Whether a path is that of a clip: by its extension, or by its first bytes where it has none that photos have.
+pub fn is_clip(path: &Path) -> bool {
+    if path.is_dir() {
+        return false;
+    }
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
+    extension.is_some_and(|extension| EXTENSIONS.contains(&extension.as_str()))
+        || beginning(path).is_ok_and(|start| begins_as_a_clip(&start))
+}
+
+/// The first bytes of a file.
+fn beginning(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut start = Vec::new();
+    File::open(path)?.take(12).read_to_end(&mut start)?;
+    Ok(start)
+}
+
+fn begins_as_a_clip(start: &[u8]) -> bool {
+    if start.len() < 12 {
+        return false;
+    }
+    const MATROSKA: &[u8] = &[0x1a, 0x45, 0xdf, 0xa3];
+    // The same container as that of clips, of photos that are refused elsewhere with a word on how to convert them.
+    let still = [&b"avi"[..], b"hei", b"hev", b"mif", b"msf"];
+    let mp4 = &start[4..8] == b"ftyp" && !still.contains(&&start[8..11]);
+    mp4 || start.starts_with(MATROSKA) || start.starts_with(b"RIFF") && &start[8..] == b"AVI "
+}
+
+/// Chooses frames of a clip and writes them to a folder; returns their names.
+fn frames(
+    clip: &Path,
+    flags: ClipFlags,
+    (folder, out): (&str, &OutputFolder),
+    console: &mut Console,
+) -> Result<Vec<String>, Failure> {
+    let start = Instant::now();
+    let refused = |found: &str| {
+        let clip = clip.display();
+        Failure::message(format!("{clip}: expected a clip of a camera that moves, found {found}"))
+    };
+    let start_of_file = beginning(clip).map_err(|error| Failure::message(format!("{}: {error}", clip.display())))?;
+    // Of the first ffmpeg would say less, and of the second wait for what the list names.
+    if start_of_file.is_empty() {
+        return Err(refused("an empty file"));
+    }
+    if LISTS.iter().any(|list| start_of_file.starts_with(list)) {
+        return Err(refused("a list of other files"));
+    }
+    let measured = measured(clip, console)?;
+    let (most, closest) = flags.frames.map_or((MOST, APART), |most| (most as usize, CLOSEST));
+    let chosen = choose(&measured, most, closest);
+    match (measured.len(), chosen.len()) {
+        (0, _) => return Err(refused("no pictures")),
+        (1, _) => return Err(refused("a single picture")),
+        (_, 1) => return Err(refused("one that stands still: nothing tells how far anything is away")),
+        _ => {}
+    }
+    let names: Vec<String> = chosen.iter().map(|number| format!("{folder}/{number:06}.jpg")).collect();
+    out.check(&names)?;
+    let written = write(clip, (&chosen, &names), out, console)?;
+    let steps = chosen.windows(2).map(|pair| measured[pair[1]].place - measured[pair[0]].place);
+    let step = steps.fold(0.0, f32::max);
+    let (all, seconds) = (measured.len(), duration(start.elapsed().as_secs_f64()));
+    console.note(&format!(
+        "clip: {written} of {all} frames of {}, at most {:.0} % of a picture apart, in {}; {seconds}",
+        clip.display(),
+        100.0 * step,
+        out.path().join(folder).display()
+    ));
+    if step > FAR && chosen.len() == most {
+        let enough = (chosen.len() as f32 * step / (0.5 * FAR)).ceil();
+        console.note(&format!(
+            "warning: frames so far apart have little in common; --frames {enough:.0} takes them closer together"
+        ));
+    }
+    Ok(names)
+}
+
+/// Measures every frame of a clip.
+fn measured(clip: &Path, console: &mut Console) -> Result<Vec<Measured>, Failure> {
+    let mut pictures = Pictures::small(clip, MEASURED)?;
+    let about = about_how_many(clip).unwrap_or(0);
+    let mut progress = Progress::new("clip", 0, about, console);
+    let (mut picture, mut follower, mut measured) = (Picture::default(), Follower::default(), Vec::new());
+    while pictures.next(&mut picture)? {
+        measured.push(Measured { sharpness: sharpness(&picture), place: follower.follow(&picture) });
+        progress.at(measured.len(), about.max(measured.len()), || "frames looked at".into(), console);
+    }
+    progress.finish();
+    if let Some(complaints) = pictures.finish()? {
+        console.note(&format!("warning: {}: ffmpeg: {complaints}", clip.display()));
+    }
+    Ok(measured)
+}
+
+/// Writes frames of a clip; returns how many.
+fn write(
+    clip: &Path,
+    (numbers, names): (&[usize], &[String]),
+    out: &OutputFolder,
+    console: &mut Console,
+) -> Result<usize, Failure> {
+    let mut pictures = Pictures::of(clip, numbers)?;
+    let mut progress = Progress::new("clip", 0, names.len(), console);
+    let mut picture = Picture::default();
+    for (done, name) in names.iter().enumerate() {
+        if !pictures.next(&mut picture)? {
+            pictures.finish()?;
+            let (clip, found) = (clip.display(), done);
+            let expected = format!("{} frames, as it had a moment ago", names.len());
+            return Err(Failure::message(format!("{clip}: expected {expected}, found {found}; did it change?")));
+        }
+        let Picture { width, height, pixels } = std::mem::take(&mut picture);
+        let bitmap = Bitmap { width, height, pixels };
+        bitmap.write_jpeg(out.file(name)?, QUALITY)?;
+        picture.pixels = bitmap.pixels;
+        progress.at(done + 1, names.len(), || "frames written".into(), console);
+    }
+    progress.finish();
+    // What it complains about was said when the clip was measured. Behind the last frame nothing is waited for.
+    Ok(names.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clips_are_told_by_their_names_or_their_first_bytes() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, bytes: &[u8]| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            is_clip(&path)
+        };
+        assert!(file("a.mp4", b"") && file("b.MOV", b"") && file("-c d.webm", b"x"));
+        assert!(
+            !file("a.jpg", b"")
+                && !file("b.png", b"\x89PNG\r\n\x1a\n0000")
+                && !file("c", b"")
+                && !file("d.txt", b"clip")
+        );
+        assert!(
+            file("e", b"\0\0\0\x20ftypisom0000")
+                && file("f", b"RIFF0000AVI LIST")
+                && file("g", b"\x1a\x45\xdf\xa30000000000")
+        );
+        assert!(
+            !file("h", b"\0\0\0\x20ftypheic0000")
+                && !file("i.jpg", b"\0\0\0\x20ftypavif0000")
+                && !file("j", b"RIFF0000WEBPVP8 ")
+        );
+        std::fs::create_dir(folder.path().join("k.mp4")).unwrap();
+        assert!(!is_clip(&folder.path().join("k.mp4")));
+        assert!(is_clip(&folder.path().join("missing.mp4")) && !is_clip(&folder.path().join("missing")));
+    }
+}

@@ -1,0 +1,53 @@
+//! Photos that are only located, in what the others found.
+
+use crate::bundle::Bundle;
+use crate::evidence::{Evidence, Trust};
+use crate::features::Features;
+use crate::grow::Grown;
+use crate::lenses::{Taken, tau};
+use crate::pairs::{self, Pairs, linked};
+use crate::passes::{Pass, near};
+use crate::photo::EstimateSettings;
+use crate::retrieval::candidates;
+
+/// How far off a photo may be that pairs put in its place, in deviations of keypoints.
+const ASTRAY: f64 = 32.0;
+
+/// The cameras of all photos, those of `numbers` with the cameras and points of `scene`, as they are; which have a place; and
+/// what pairs say, those of photos that are only located too.
+pub(crate) fn locate(
+    taken: &[Taken],
+    features: &[Features],
+    settings: &EstimateSettings,
+    (numbers, scene, in_scene): (&[usize], Bundle, &[bool]),
+    mut pairs: Pairs,
+) -> (Bundle, Vec<bool>, Pairs) {
+    let mut placed = vec![false; taken.len()];
+    numbers.iter().zip(in_scene).for_each(|(photo, in_scene)| placed[*photo] = *in_scene);
+    let mut bundle = scene.among(numbers, taken);
+    if numbers.len() == taken.len() {
+        return (bundle, placed, pairs);
+    }
+    let others: Vec<bool> = (0..taken.len()).map(|i| numbers.binary_search(&i).is_ok()).collect();
+    let mut with_located = candidates(features, &others, settings.candidates, settings.sequence);
+    with_located.retain(|pair| pair.iter().any(|photo| !others[*photo]));
+    let cameras: Vec<_> = (0..taken.len()).map(|i| bundle.camera(i)).collect();
+    let matched = pairs::matched(features, &with_located);
+    pairs.posed.extend(pairs::posed(features, &cameras, &matched, tau(taken)));
+    pairs.matched.extend(matched);
+    let tracks = linked(features, &pairs.posed);
+    // Of the others those without a place get none here.
+    let evidence = Evidence { features, pairs: &pairs.posed, tracks: &tracks, absent: &others, trust: Trust::PAIRS };
+    let before = placed.clone();
+    let mut found = Grown { bundle: bundle.clone(), placed: before.clone(), support: 0.0 };
+    found.bundle.lenses.iter_mut().for_each(|lens| *lens = lens.held());
+    found.join(&evidence);
+    let near = near(&found.bundle, &found.placed, settings.candidates);
+    let located: Vec<bool> = before.iter().map(|placed| !placed).collect();
+    found.bundle.fixed = before;
+    // Pairs alone can put a photo a few degrees off: what is right is then far from epipolar lines.
+    let passes = std::iter::once(Pass::wide(ASTRAY)).chain(Pass::FINE);
+    passes.for_each(|pass| found.bundle.pass(features, &near, &located, &pass));
+    bundle.cameras = found.bundle.cameras;
+    (bundle, found.placed, pairs)
+}

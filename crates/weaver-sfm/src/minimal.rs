@@ -1,0 +1,8 @@
+//! Minimal solvers: the poses that as few observations as possible leave.
+
+mod five_points;
+mod polynomial;
+mod three_points;
+
+pub(crate) use five_points::five_points;
+pub(crate) use three_points::three_points;
