@@ -127,7 +127,10 @@ impl<'a> Search<'a> {
         let near = near(bundle, placed, self.settings.candidates);
         let [first, last] = Pass::FINE;
         bundle.pass(self.features, &near, &missing, &first);
-        bundle.free_distortion(self.settings.distortion, placed);
+        if bundle.free_distortion(self.settings.distortion, placed) {
+            // What was thought wrong at the margins may be right.
+            bundle.pass(self.features, &near, &missing, &first);
+        }
         bundle.pass(self.features, &near, &missing, &last);
         bundle.finish();
     }

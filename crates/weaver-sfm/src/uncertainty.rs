@@ -163,12 +163,12 @@ impl Bundle {
         }
     }
 
-    /// Frees the distortion of lenses as far as it is asked for and told.
-    pub(crate) fn free_distortion(&mut self, find: Find, placed: &[bool]) {
+    /// Frees the distortion of lenses as far as it is asked for and told; returns whether any is.
+    pub(crate) fn free_distortion(&mut self, find: Find, placed: &[bool]) -> bool {
         let count = placed.iter().filter(|placed| **placed).count();
         let [first, second] = match find {
-            Find::Off => return,
-            Find::Told if count < SEVERAL => return,
+            Find::Off => return false,
+            Find::Told if count < SEVERAL => return false,
             Find::Told => [true, count >= MANY],
             Find::K1 => [true, false],
             Find::K1K2 => [true, true],
@@ -177,7 +177,7 @@ impl Bundle {
         self.lens_of.iter().zip(placed).for_each(|(lens, placed)| used[*lens] |= placed);
         if find != Find::Told {
             self.free([first, second], &used);
-            return;
+            return true;
         }
         for coefficients in [[true, true], [true, false]] {
             if coefficients[1] && !second {
@@ -205,9 +205,10 @@ impl Bundle {
             let told: Vec<bool> = (0..used.len()).map(|lens| used[lens] && told(lens)).collect();
             if told.contains(&true) {
                 self.free(coefficients, &told);
-                return;
+                return true;
             }
         }
+        false
     }
 
     fn free(&mut self, [first, second]: [bool; 2], which: &[bool]) {
