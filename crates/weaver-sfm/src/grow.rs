@@ -3,7 +3,7 @@
 use crate::bundle::{Bundle, Observation};
 use crate::evidence::{EXACT, Evidence, FITS, STEPS};
 use crate::pairs::Pair;
-use crate::place::{by_pixel, place, tally};
+use crate::place::{Place, agreement, by_pixel, place, tally};
 use weaver_geometry::Pose;
 use weaver_kernels::parallel;
 
@@ -12,12 +12,14 @@ const GROWING: [(f64, usize); 1] = [(4.0, 8)];
 const GROWN: [(f64, usize); 2] = [(4.0, STEPS), (2.0, STEPS)];
 /// Cameras join together that see at least this part of what the best one sees.
 const TOGETHER: f64 = 0.4;
+/// Where the matches of some photos agree with their places by this share, others wait.
+#[allow(non_snake_case)] fn CLEAR() -> f64 { crate::knob("CLEAR", 0.8) }
 /// A camera that sees fewer points is lost again.
 const LOST: usize = 6;
 /// How often photos are taken out again that most of their matches speak against.
 const RETRACTIONS: usize = 5;
 /// The share of its matches that must agree with a photo's pose in the end.
-const MOST: f64 = 0.5;
+#[allow(non_snake_case)] fn MOST() -> f64 { crate::knob("MOST", 0.5) }
 /// Angles between rays that are wide enough to begin with, radians.
 const WIDE: f64 = 0.1;
 
@@ -28,6 +30,8 @@ pub(crate) struct Grown {
     pub placed: Vec<bool>,
     /// How well what was seen is explained.
     pub support: f64,
+    /// Matches of pairs that agree with where their photos are, of how many.
+    pub agreeing: [usize; 2],
 }
 
 /// The pairs to begin with, the best first: many matches, seen from different places.
@@ -47,12 +51,12 @@ impl Grown {
         (placed[a], placed[b]) = (true, true);
         (bundle.cameras[a].pose, bundle.cameras[b].pose) = (Pose::IDENTITY, *pose);
         bundle.fixed[a] = true;
-        Self { bundle, placed, support: 0.0 }
+        Self { bundle, placed, support: 0.0, agreeing: [0, 0] }
     }
 
     /// Places photo after photo, as long as one sees enough of what there is.
     pub fn grow(&mut self, evidence: &Evidence<'_>) {
-        let Self { bundle, placed, support } = self;
+        let Self { bundle, placed, support, agreeing } = self;
         let mut refused = evidence.absent.to_vec();
         let mut retractions = RETRACTIONS;
         let free: Vec<bool> = bundle.lenses.iter().map(|lens| lens.free_focal).collect();
@@ -78,6 +82,7 @@ impl Grown {
         bundle.free_focal(&free, placed);
         adjusted(evidence, bundle, placed, &GROWN);
         *support = explained(bundle);
+        *agreeing = agreement(evidence, bundle, placed);
         bundle.lenses.iter_mut().zip(free).for_each(|(lens, free)| lens.free_focal = free);
     }
 }
@@ -122,7 +127,7 @@ fn lost(bundle: &Bundle, placed: &[bool]) -> Vec<usize> {
 fn contradicted(evidence: &Evidence<'_>, bundle: &Bundle, placed: &[bool]) -> Vec<usize> {
     let wrong = |photo: &usize| {
         let [agree, all] = tally(evidence, bundle, placed, &bundle.cameras[*photo].pose, *photo);
-        placed[*photo] && (agree as f64) < MOST * all as f64
+        placed[*photo] && (agree as f64) < MOST() * all as f64
     };
     (0..placed.len()).filter(wrong).collect()
 }
@@ -150,16 +155,19 @@ fn join(
     all.iter().filter(|o| agreed[o.point]).for_each(|o| seen[o.camera].push(*o));
     // By pixel, so that what a keypoint shows is found fast.
     seen.iter_mut().for_each(|seen| seen.sort_by(|a, b| by_pixel(a.pixel, b.pixel)));
-    let mut found: Vec<Option<(Pose, usize)>> = vec![None; placed.len()];
+    let mut found: Vec<Option<Place>> = vec![None; placed.len()];
     parallel::for_chunks(&mut found, 1, |photo, found| {
         if !placed[photo] && !refused[photo] {
             found[0] = place(evidence, bundle, placed, &seen, photo);
         }
     });
-    let most = found.iter().flatten().map(|f| f.1).max().unwrap_or(0);
+    // Those first of which nothing speaks against the place: what they add tells where the others belong.
+    let clear = found.iter().flatten().any(|f| f.share >= CLEAR());
+    found.iter_mut().for_each(|found| *found = found.filter(|f| !clear || f.share >= CLEAR()));
+    let most = found.iter().flatten().map(|f| f.count).max().unwrap_or(0);
     let mut joined = Vec::new();
     for (photo, found) in found.into_iter().enumerate() {
-        if let Some((pose, _)) = found.filter(|f| f.1 as f64 >= together * most as f64) {
+        if let Some(Place { pose, .. }) = found.filter(|f| f.count as f64 >= together * most as f64) {
             bundle.cameras[photo].pose = pose;
             joined.push(photo);
         }

@@ -17,11 +17,21 @@ const LOCATING: [f64; 4] = [16.0, 8.0, 4.0, 2.0];
 /// Poses that are tried for a camera, the best of those that points and pairs suggest.
 const TRIED: usize = 4;
 /// The share of its matches with placed photos that must agree with a pose.
-const ENOUGH: f64 = 0.35;
+#[allow(non_snake_case)] fn ENOUGH() -> f64 { crate::knob("ENOUGH", 0.35) }
 
 /// The order in which what a photo sees is looked up.
 pub(crate) fn by_pixel(a: DVec2, b: DVec2) -> Ordering {
     a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y))
+}
+
+/// A place for a photo.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    pub pose: Pose,
+    /// How much speaks for it.
+    pub count: usize,
+    /// The share of the photo's matches with placed ones that agree with it.
+    pub share: f64,
 }
 
 /// The pose of a photo and how much speaks for it: points that it sees where they are or, where it sees too few, matches
@@ -32,7 +42,7 @@ pub(crate) fn place(
     placed: &[bool],
     seen: &[Vec<Observation>],
     photo: usize,
-) -> Option<(Pose, usize)> {
+) -> Option<Place> {
     let (mut turned, mut apart) = (Vec::new(), Vec::new());
     for pair in evidence.pairs.iter().filter(|pair| pair.photos.contains(&photo)) {
         let other = pair.photos[usize::from(pair.photos[0] == photo)];
@@ -44,13 +54,15 @@ pub(crate) fn place(
     }
     let Trust { fewest, share, matches_alone } = evidence.trust;
     let enough = |count: usize| count >= fewest && count as f64 >= share * seen[photo].len() as f64;
-    let of_matches = || by_matches(evidence, bundle, placed, &apart, photo).filter(|_| matches_alone);
+    let with_share = |(pose, count): (Pose, usize)| {
+        let [agree, all] = tally(evidence, bundle, placed, &pose, photo);
+        Place { pose, count, share: agree as f64 / all.max(1) as f64 }
+    };
+    let of_matches = || by_matches(evidence, bundle, placed, &apart, photo).filter(|_| matches_alone).map(with_share);
     by_points(bundle, &seen[photo], &[&apart[..], &turned].concat(), photo)
         .filter(|(_, count)| enough(*count))
-        .filter(|(pose, _)| {
-            let [agree, all] = tally(evidence, bundle, placed, pose, photo);
-            agree as f64 >= ENOUGH * all as f64
-        })
+        .map(with_share)
+        .filter(|place| place.share >= ENOUGH())
         .or_else(of_matches)
 }
 
@@ -115,6 +127,14 @@ pub(crate) fn tally(
     let with = |pair: &&Pair| pair.photos.contains(&photo) && pair.photos.iter().any(|p| *p != photo && placed[*p]);
     evidence.pairs.iter().filter(with).fold([0, 0], |[agree, all], pair| {
         [agree + agreeing(evidence, pair, &pair.photos.map(camera)), all + pair.matches.len()]
+    })
+}
+
+/// How many matches of pairs with a place agree with it, of how many.
+pub(crate) fn agreement(evidence: &Evidence<'_>, bundle: &Bundle, placed: &[bool]) -> [usize; 2] {
+    let with = |pair: &&Pair| pair.photos.iter().all(|p| placed[*p]);
+    evidence.pairs.iter().filter(with).fold([0, 0], |[agree, all], pair| {
+        [agree + agreeing(evidence, pair, &pair.photos.map(|i| bundle.camera(i))), all + pair.matches.len()]
     })
 }
 

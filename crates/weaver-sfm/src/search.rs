@@ -61,6 +61,9 @@ impl<'a> Search<'a> {
         let value = |i: usize| self.found[i].value();
         let best = (0..self.found.len()).reduce(|a, b| if value(b) > value(a) { b } else { a });
         let Some(best) = best else { return Scene { found: None, pairs: self.pairs, rival: 0.0 } };
+        if std::env::var("DIAG").is_ok() {
+            for g in &self.found { println!("    {} placed, support {:.0}, agree {:?} {:.3} differs {}", g.value().0, g.support, g.agreeing, g.agreeing[0] as f64 / g.agreeing[1].max(1) as f64, self.found[best].differs(g)); }
+        }
         let rival = self.rival(best);
         let Grown { mut bundle, mut placed, .. } = self.found.swap_remove(best);
         self.refine(&mut bundle, &placed);
@@ -202,7 +205,7 @@ mod tests {
             Camera { pose: Pose::new(rotation, DVec3::ZERO), intrinsics, width: 1, height: 1 }
         };
         let bundle = Bundle { cameras: (0..16).map(camera).collect(), ..Bundle::default() };
-        Grown { bundle, placed: vec![true; 16], support: 1.0 }
+        Grown { bundle, placed: vec![true; 16], support: 1.0, agreeing: [1, 1] }
     }
 
     #[test]
