@@ -110,7 +110,6 @@ pub fn chosen(level: Level, query: &[u8], b: &[u8], chosen: &[u32], out: &mut [u
 
 #[cfg(target_arch = "x86_64")]
 #[allow(unsafe_code)]
-#[expect(clippy::needless_range_loop, reason = "registers are numbered, in several arrays at once")]
 mod x86 {
     use super::{Largest, PANEL, STEP};
     use std::arch::x86_64::*;
