@@ -15,6 +15,9 @@ use weaver_kernels::parallel;
 const GAUGE: usize = 7;
 /// What observations or priors say of such a movement, over the mean of the diagonal, below which they say nothing.
 const UNTOLD: f64 = 1e-10;
+/// The determinant of a point's matrix over the cube of its trace below which the distance is not told: rays that differ by
+/// 1e-4 radians or less.
+const FAR: f64 = 1e-9;
 /// Turns of Jacobi's method over all pairs.
 const SWEEPS: usize = 30;
 /// Lenses up to which conjugate gradients tell what each is known to.
@@ -74,10 +77,11 @@ impl Bundle {
                 return None;
             }
             descent.reduce(0.0);
-            // Points whose distance nothing tells say nothing of cameras either.
+            // Where next to nothing tells the distance of a point, its part of the equations is lost in rounding.
             let mut lost = false;
             for part in &descent.parts {
-                for o in part.seen.iter().filter(|o| part.inverse.get(o.point as usize) == Some(&[0.0; 6])) {
+                let far = |point: u32| part.matrix.get(point as usize).is_some_and(|m| !tells_distance(m));
+                for o in part.seen.iter().filter(|o| far(o.point)) {
                     held[part.numbers[o.point as usize] as usize] = false;
                     lost = true;
                 }
@@ -291,6 +295,12 @@ impl<'a> Inner<'a> {
         }
         Some(inverse)
     }
+}
+
+/// Whether the matrix of a point tells its distance: its determinant is that of three directions that are told.
+fn tells_distance([xx, xy, xz, yy, yz, zz]: &[f64; 6]) -> bool {
+    let determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
+    determinant > FAR * (xx + yy + zz).powi(3)
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
