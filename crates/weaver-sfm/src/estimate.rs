@@ -92,8 +92,9 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
     } else {
         Cow::Owned(numbers.iter().map(|i| features[*i].clone()).collect())
     };
+    let photos_of_those: Vec<&Photo<'_>> = numbers.iter().map(|i| &photos[*i]).collect();
     let taken_of_those: Vec<Taken> = numbers.iter().map(|i| taken[*i]).collect();
-    let Scene { found, pairs, rival } = Search::new(&taken_of_those, &of_those, settings).scene();
+    let Scene { found, pairs, rival } = Search::new(&taken_of_those, &photos_of_those, &of_those, settings).scene();
     let pairs = pairs.renumbered(&numbers);
     let Some((bundle, placed)) = found else {
         return without_cameras(features, &pairs, &vec![false; photos.len()]);

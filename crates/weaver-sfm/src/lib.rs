@@ -10,6 +10,7 @@
 //!
 //! The same bits at any number of threads.
 
+mod align;
 mod bundle;
 mod confidence;
 mod descriptor;

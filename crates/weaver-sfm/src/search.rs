@@ -8,7 +8,7 @@ use crate::grow::{Grown, beginnings};
 use crate::lenses::{Taken, USUAL, tau};
 use crate::pairs::{self, Pair, Pairs, linked};
 use crate::passes::{Pass, near};
-use crate::photo::EstimateSettings;
+use crate::photo::{EstimateSettings, Photo};
 use crate::retrieval::candidates;
 
 /// Points that a photo with a camera must see at least.
@@ -42,6 +42,7 @@ pub(crate) struct Scene {
 pub(crate) struct Search<'a> {
     taken: &'a [Taken],
     features: &'a [Features],
+    photos: &'a [&'a Photo<'a>],
     settings: &'a EstimateSettings,
     pairs: Pairs,
     /// The scenes that were grown.
@@ -49,10 +50,10 @@ pub(crate) struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    pub fn new(taken: &'a [Taken], features: &'a [Features], settings: &'a EstimateSettings) -> Self {
+    pub fn new(taken: &'a [Taken], photos: &'a [&'a Photo<'a>], features: &'a [Features], settings: &'a EstimateSettings) -> Self {
         let candidates = candidates(features, &vec![true; taken.len()], settings.candidates, settings.sequence);
         let matched = pairs::matched(features, &candidates);
-        Self { taken, features, settings, pairs: Pairs { matched, posed: Vec::new() }, found: Vec::new() }
+        Self { taken, features, photos, settings, pairs: Pairs { matched, posed: Vec::new() }, found: Vec::new() }
     }
 
     /// The scene that explains most.
@@ -127,15 +128,43 @@ impl<'a> Search<'a> {
         let free: Vec<bool> = bundle.lenses.iter().map(|lens| lens.free_focal).collect();
         bundle.free_focal(&free, placed);
         let missing: Vec<bool> = placed.iter().map(|placed| !placed).collect();
-        let near = near(bundle, placed, self.settings.candidates);
+        let mut near = near(bundle, placed, self.settings.candidates);
+        if crate::knob("UNION", 1.0) > 0.0 {
+        // What pairs say holds together what looks another way.
+        let posed = self.pairs.posed.iter().filter(|pair| pair.certain(0.5)).map(|pair| pair.photos);
+        near.extend(posed.filter(|pair| pair.iter().all(|photo| placed[*photo])));
+        near.sort_unstable();
+        near.dedup();
+        }
         let [first, last] = Pass::FINE;
         bundle.pass(self.features, &near, &missing, &first);
         if bundle.free_distortion(self.settings.distortion, placed) {
             // What was thought wrong at the margins may be right.
             bundle.pass(self.features, &near, &missing, &first);
         }
+        let shift = crate::knob("SHIFT", 0.0);
+        if shift > 0.0 && placed.iter().filter(|p| **p).count() >= 5 {
+            bundle.lenses.iter_mut().for_each(|l| (l.free_shift, l.shift_weight) = (true, (0.5 / shift).powi(2)));
+        }
+        let k1 = crate::knob("K1", 0.0);
+        if k1 > 0.0 && placed.iter().filter(|p| **p).count() >= 5 {
+            bundle.lenses.iter_mut().filter(|l| !l.free_k1).for_each(|l| (l.free_k1, l.distortion_weight) = (true, (0.5 / k1).powi(2)));
+        }
         bundle.pass(self.features, &near, &missing, &last);
         bundle.finish();
+        if crate::knob("ALIGN", 1.0) > 0.0 {
+            for _ in 0..crate::knob("ALIGN", 1.0) as usize {
+            if std::env::var("DIAG").is_ok() { println!("    before {}", bundle.median_error()); }
+            bundle.align(self.photos);
+            bundle.adjust(2.0, 40);
+            bundle.leave_out(6.0);
+            bundle.adjust(1.0, 40);
+            bundle.leave_out(3.0);
+            bundle.finish();
+            if std::env::var("DIAG").is_ok() { println!("    after {} refined {} of {}", bundle.median_error(), bundle.observations.iter().filter(|o| o.deviation < 1.0).count(), bundle.observations.len()); }
+            }
+        }
+        if std::env::var("DIAG").is_ok() { println!("    shift {:?} k1 {}", bundle.lenses[0].shift, bundle.lenses[0].k1); }
     }
 
     /// How much is explained by the best explanation that is different, over that by the best.
