@@ -88,6 +88,21 @@ impl Grown {
 }
 
 impl Grown {
+    /// Where a photo belongs that the others know nothing of.
+    pub fn replaced(&mut self, evidence: &Evidence<'_>, photo: usize, adjust: bool) -> Option<Pose> {
+        let Self { bundle, placed, .. } = self;
+        let scales: &[(f64, usize)] = if adjust { &[(4.0, 8), (2.0, 8)] } else { &[] };
+        let all = adjusted(evidence, bundle, placed, scales);
+        let refused: Vec<bool> = (0..placed.len()).map(|i| i != photo).collect();
+        let joined = join(evidence, bundle, placed, &refused, &all, 0.0);
+        joined.contains(&photo).then(|| bundle.cameras[photo].pose)
+    }
+    /// Adjusts what there is.
+    pub fn settle(&mut self, evidence: &Evidence<'_>) {
+        adjusted(evidence, &mut self.bundle, &self.placed, &GROWN);
+        self.support = explained(&self.bundle);
+    }
+
     /// Places, once, every photo that sees enough of what there is; nothing else moves.
     pub fn join(&mut self, evidence: &Evidence<'_>) {
         let missing: Vec<bool> = self.placed.iter().map(|placed| !placed).collect();
@@ -133,7 +148,7 @@ fn contradicted(evidence: &Evidence<'_>, bundle: &Bundle, placed: &[bool]) -> Ve
 }
 
 /// How much is explained exactly, less what an unexpected focal length costs.
-fn explained(bundle: &Bundle) -> f64 {
+pub(crate) fn explained(bundle: &Bundle) -> f64 {
     let agreed = bundle.agreed();
     let value = |(o, fit): (&Observation, f64)| if agreed[o.point] { fit } else { 0.0 };
     let prior: f64 =

@@ -184,3 +184,9 @@ fn agreeing(evidence: &Evidence<'_>, pair: &Pair, [first, second]: &[Camera; 2])
     let epipolar = Epipolar::new(first, second, FITS * sharpest(second));
     pair.matches.iter().filter(|m| epipolar.allows(a[m.first].pixel, b[m.second].pixel)).count()
 }
+
+pub(crate) fn agreeing_pub(features: &[crate::features::Features], pair: &Pair, [first, second]: &[Camera; 2]) -> usize {
+    let [a, b] = pair.photos.map(|photo| &features[photo].keypoints);
+    let epipolar = Epipolar::new(first, second, FITS * sharpest(second));
+    pair.matches.iter().filter(|m| epipolar.allows(a[m.first].pixel, b[m.second].pixel)).count()
+}

@@ -1,0 +1,221 @@
+//! Square patches of photos, and where another photo shows the same.
+
+use crate::photo::Photo;
+use weaver_geometry::glam::{DMat2, DVec2};
+
+/// Samples from the middle of a patch to its side, and of the whole patch.
+const REACH: usize = 5;
+const SIDE: usize = 2 * REACH + 1;
+const SAMPLES: usize = SIDE * SIDE;
+/// Sums are taken in so many parts, which is the same number of lanes everywhere.
+const LANES: usize = 8;
+const PADDED: usize = SAMPLES.next_multiple_of(LANES);
+/// Numbers of a movement: of the middle, then of the offsets.
+const NUMBERS: usize = 6;
+/// The least standard deviation of a patch that shows anything, and how much photos are expected to differ; white is 1.
+const FLAT: f32 = 0.02;
+const NOISE: f64 = 0.02;
+/// Steps of an alignment, and the movement below which it ends, samples.
+const STEPS: usize = 12;
+const STILL: f64 = 0.003;
+
+/// Gray values row by row; 0 beyond the last sample.
+type Patch = [f32; PADDED];
+
+/// The sum of products, in a fixed order.
+fn dot(a: &Patch, b: &Patch) -> f32 {
+    let mut lanes = [0.0; LANES];
+    for (a, b) in a.chunks_exact(LANES).zip(b.chunks_exact(LANES)) {
+        lanes.iter_mut().zip(a.iter().zip(b)).for_each(|(sum, (a, b))| *sum += a * b);
+    }
+    lanes.iter().sum()
+}
+
+/// What surrounds a pixel, by bilinear interpolation, less its mean; `None` where it reaches out of the photo.
+///
+/// `warp` takes offsets in samples to offsets in pixels.
+fn sampled(photo: &Photo<'_>, at: DVec2, warp: DMat2) -> Option<Patch> {
+    let [height, width] = photo.size;
+    let reach = warp.abs() * DVec2::splat(REACH as f64);
+    // Pixels have their centers at halves.
+    let middle = at - 0.5;
+    let (low, high) = (middle - reach, middle + reach);
+    if !(low.min_element() >= 0.0 && high.x < (width - 1) as f64 && high.y < (height - 1) as f64) {
+        return None;
+    }
+    let mut patch = [0.0; PADDED];
+    for (i, row) in patch[..SAMPLES].chunks_exact_mut(SIDE).enumerate() {
+        let row_start = middle + warp * DVec2::new(-(REACH as f64), i as f64 - REACH as f64);
+        for (j, value) in row.iter_mut().enumerate() {
+            let at = row_start + warp.x_axis * j as f64;
+            let (x, y) = (at.x as usize, at.y as usize);
+            let (across, down) = ((at.x - x as f64) as f32, (at.y - y as f64) as f32);
+            let [above, below] = [y, y + 1].map(|y| {
+                let pair = &photo.gray[y * width + x..][..2];
+                pair[0] + across * (pair[1] - pair[0])
+            });
+            *value = above + down * (below - above);
+        }
+    }
+    let mean = patch.iter().sum::<f32>() / SAMPLES as f32;
+    patch[..SAMPLES].iter_mut().for_each(|value| *value -= mean);
+    Some(patch)
+}
+
+/// A patch that others are aligned with.
+pub(super) struct Template {
+    /// Less its mean.
+    patch: Patch,
+    /// The root of the sum of its squares.
+    length: f32,
+    /// How the patch changes with each number of a movement, as far as that is neither brightness nor contrast.
+    slopes: [Patch; NUMBERS],
+    /// Takes differences along the slopes to a movement.
+    inverse: [[f64; NUMBERS]; NUMBERS],
+}
+
+impl Template {
+    /// What surrounds a pixel; `None` where it is flat or reaches out of the photo.
+    pub fn new(photo: &Photo<'_>, at: DVec2, warp: DMat2) -> Option<Self> {
+        const HALF: f64 = 0.5;
+        let patch = sampled(photo, at, warp)?;
+        let square = dot(&patch, &patch);
+        if square < FLAT * FLAT * SAMPLES as f32 {
+            return None;
+        }
+        let slope = |axis: DVec2| {
+            let [ahead, behind] = [HALF, -HALF].map(|by| sampled(photo, at + warp * axis * by, warp));
+            let (mut slope, behind) = (ahead?, behind?);
+            slope.iter_mut().zip(behind).for_each(|(ahead, behind)| *ahead -= behind);
+            Some(slope)
+        };
+        let (across, down) = (slope(DVec2::X)?, slope(DVec2::Y)?);
+        // Offsets over the reach, so that all numbers are of one size.
+        let offset = |i: usize| [i % SIDE, i / SIDE].map(|k| k as f32 / REACH as f32 - 1.0);
+        let times = |slope: &Patch, axis: usize| std::array::from_fn(|i| slope[i] * offset(i)[axis]);
+        let mut slopes =
+            [across, down, times(&across, 0), times(&across, 1), times(&down, 0), times(&down, 1)];
+        for slope in &mut slopes {
+            let mean = slope.iter().sum::<f32>() / SAMPLES as f32;
+            let along = dot(slope, &patch) / square;
+            for (slope, value) in slope[..SAMPLES].iter_mut().zip(&patch) {
+                *slope -= mean + along * value;
+            }
+        }
+        let mut matrix: [[f64; NUMBERS]; NUMBERS] =
+            std::array::from_fn(|a| std::array::from_fn(|b| f64::from(dot(&slopes[a], &slopes[b]))));
+        (0..NUMBERS).for_each(|k| matrix[k][k] += NOISE * NOISE);
+        Some(Self { patch, length: square.sqrt(), slopes, inverse: inverted(matrix)? })
+    }
+
+    /// Where a photo shows the same, beginning at `at` and `warp`, and how alike both are: the cosine of the angle between them, 1
+    /// where one is the other but for brightness and contrast.
+    pub fn aligned(&self, photo: &Photo<'_>, mut at: DVec2, mut warp: DMat2) -> Option<(DVec2, f32)> {
+        let mut alike = 0.0;
+        for _ in 0..STEPS {
+            let mut patch = sampled(photo, at, warp)?;
+            let length = dot(&patch, &patch).sqrt();
+            if length <= 0.0 {
+                return None;
+            }
+            alike = dot(&patch, &self.patch) / (length * self.length);
+            patch.iter_mut().zip(&self.patch).for_each(|(value, own)| *value = *value * self.length / length - own);
+            let along = self.slopes.each_ref().map(|slope| f64::from(dot(&patch, slope)));
+            let [x, y, xx, xy, yx, yy] = self.inverse.map(|row| row.iter().zip(along).map(|(a, b)| a * b).sum::<f64>());
+            // The template would have to move this way, so the photo's patch moves back.
+            let bend = DMat2::from_cols(DVec2::new(xx, yx), DVec2::new(xy, yy)) * (1.0 / REACH as f64);
+            warp *= (DMat2::IDENTITY + bend).inverse();
+            let by = DVec2::new(x, y);
+            at -= warp * by;
+            if by.length() < STILL {
+                break;
+            }
+        }
+        at.is_finite().then_some((at, alike))
+    }
+}
+
+/// The inverse of a symmetric matrix, by elimination; `None` unless it is positive definite.
+fn inverted(mut matrix: [[f64; NUMBERS]; NUMBERS]) -> Option<[[f64; NUMBERS]; NUMBERS]> {
+    let mut inverse: [[f64; NUMBERS]; NUMBERS] = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(i == j)));
+    for k in 0..NUMBERS {
+        let pivot = matrix[k][k];
+        if pivot <= f64::EPSILON {
+            return None;
+        }
+        for rows in [&mut matrix, &mut inverse] {
+            rows[k].iter_mut().for_each(|x| *x /= pivot);
+        }
+        for i in (0..NUMBERS).filter(|i| *i != k) {
+            let by = matrix[i][k];
+            for rows in [&mut matrix, &mut inverse] {
+                let from = rows[k];
+                rows[i].iter_mut().zip(from).for_each(|(x, from)| *x -= by * from);
+            }
+        }
+    }
+    Some(inverse)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use weaver_kernels::random::Stream;
+
+    /// Smooth waves without a period in sight.
+    fn waves(p: DVec2) -> f64 {
+        let wave = |k: f64, turn: f64| (k * (p.x * turn.cos() + p.y * turn.sin()) + 3.0 * turn).sin();
+        0.5 + 0.1 * (wave(0.45, 0.3) + wave(0.37, 1.4) + wave(0.61, 2.2) + wave(0.29, 2.9))
+    }
+
+    /// A photo of the waves, of which each pixel shows `map` of its center.
+    fn photo(map: impl Fn(DVec2) -> DVec2, brightness: impl Fn(f64) -> f64) -> Photo<'static> {
+        let (width, height) = (72, 64);
+        let center = |i: usize| DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+        let gray = (0..width * height).map(|i| brightness(waves(map(center(i)))) as f32).collect();
+        Photo { gray, ..Photo::new(&vec![0; 3 * width * height], [height, width]) }
+    }
+
+    #[test]
+    fn what_was_moved_bent_and_lit_another_way_is_found() {
+        let (first, at) = (photo(|p| p, |v| v), DVec2::new(34.3, 30.8));
+        let template = Template::new(&first, at, DMat2::IDENTITY).unwrap();
+        for seed in 0..20 {
+            let draw = |k: u64| Stream::new(1, seed, "align").uniform::<f64>(k) - 0.5;
+            let bend = DMat2::IDENTITY + DMat2::from_cols_array(&std::array::from_fn(|k| 0.3 * draw(k as u64)));
+            let to = DVec2::new(36.0 + draw(4), 31.0 + draw(5));
+            // The pixel `to` shows what `at` does in the first photo.
+            let second = photo(|p| at + bend * (p - to), |v| 0.1 + (0.8 + draw(6)) * v);
+            let start = to + 2.0 * DVec2::new(draw(7), draw(8));
+            let (found, alike) = template.aligned(&second, start, DMat2::IDENTITY).unwrap();
+            assert!(found.distance(to) < 0.03 && alike > 0.99, "{seed}: {found} for {to}, {alike}");
+        }
+    }
+
+    #[test]
+    fn alignment_is_where_patches_are_most_alike() {
+        let (first, second) = (photo(|p| p, |v| v), photo(|p| p + 0.4 * (p * 0.2).map(f64::sin), |v| v * v));
+        let at = DVec2::new(30.0, 33.0);
+        let template = Template::new(&first, at, DMat2::IDENTITY).unwrap();
+        let alike = |at: DVec2| {
+            let patch = sampled(&second, at, DMat2::IDENTITY).unwrap();
+            dot(&patch, &template.patch) / (dot(&patch, &patch).sqrt() * template.length)
+        };
+        let (found, most) = template.aligned(&second, at, DMat2::IDENTITY).unwrap();
+        let tried = (0..81 * 81).map(|i| at + 0.05 * (DVec2::new((i % 81) as f64, (i / 81) as f64) - 40.0));
+        let best = tried.max_by(|a, b| alike(*a).total_cmp(&alike(*b))).unwrap();
+        // The brute search does not bend.
+        assert!(found.distance(best) < 0.2 && most >= alike(best), "{found} for {best}");
+    }
+
+    #[test]
+    fn what_is_flat_or_reaches_out_is_no_template() {
+        let waves = photo(|p| p, |v| v);
+        for (photo, at) in [(photo(|p| p, |_| 0.5), DVec2::splat(32.0)), (waves.clone(), DVec2::new(5.4, 32.0))] {
+            assert!(Template::new(&photo, at, DMat2::IDENTITY).is_none(), "{at}");
+        }
+        let template = Template::new(&waves, DVec2::splat(32.0), DMat2::IDENTITY).unwrap();
+        assert!(template.aligned(&waves, DVec2::new(71.0, 32.0), DMat2::IDENTITY).is_none());
+        assert!(template.aligned(&photo(|p| p, |_| 0.5), DVec2::splat(32.0), DMat2::IDENTITY).is_none());
+    }
+}
