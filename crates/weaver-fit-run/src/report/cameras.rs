@@ -1,17 +1,17 @@
 //! What a report says of cameras that were estimated.
 
 use std::path::Path;
-use weaver_data::CamerasSummary;
+use weaver_data::{CameraSummary, CamerasSummary};
 use weaver_report::Page;
 
 /// The picture of what photos have in common, beside the cameras.
 const POINTS: &str = "points.png";
 
-/// What stands above everything else where cameras are doubtful, or photos have none.
+/// What stands above everything else where cameras are doubtful.
 pub fn warning(cameras: &CamerasSummary, page: &mut Page) {
     if let Some(doubt) = &cameras.doubt {
         let help = cameras.help.as_deref().unwrap_or_default();
-        page.warning(&format!("The cameras of this scene are doubtful: {doubt}. What helps: {help}."));
+        page.warning(&format!("The cameras of this scene are doubtful: {doubt}; {help}."));
     }
 }
 
@@ -20,7 +20,7 @@ pub fn section(cameras: &CamerasSummary, capture: &Path, page: &mut Page) {
     page.heading(2, "Estimated cameras");
     let number = |x: Option<f64>, digits: usize| x.map_or("unknown".into(), |x| format!("{x:.digits$}"));
     let placed = || cameras.photos.values().filter(|photo| photo.left_out.is_none());
-    let most = |of: &dyn Fn(&weaver_data::CameraSummary) -> Option<f64>| placed().filter_map(of).reduce(f64::max);
+    let most = |of: &dyn Fn(&CameraSummary) -> Option<f64>| placed().filter_map(of).reduce(f64::max);
     let part = |center: Option<f64>| Some(100.0 * center? / cameras.spread_of_centers?);
     page.paragraph(&format!(
         "{} of {} photos have a camera; {} points, off by {} pixels in the median. Focal length {} +- {} of the longer side. \
@@ -34,7 +34,7 @@ pub fn section(cameras: &CamerasSummary, capture: &Path, page: &mut Page) {
         number(most(&|photo| photo.rotation_deviation_degrees), 2),
         number(most(&|photo| part(photo.center_deviation)), 1),
     ));
-    let row = |(name, photo): (&String, &weaver_data::CameraSummary)| match &photo.left_out {
+    let row = |(name, photo): (&String, &CameraSummary)| match &photo.left_out {
         Some(reason) => [name.clone(), format!("left out: {reason}"), String::new(), String::new(), String::new()],
         None => [
             name.clone(),
