@@ -129,8 +129,8 @@ fn photos_of_two_zooms_upright_and_across_have_two_lenses() {
     for (i, view) in truth.views.iter().step_by(2).enumerate() {
         // Every third one is cropped to three quarters and enlarged, as a zoom does; the camera of every fourth one was held upright.
         let zoom = if i % 3 == 1 { 4.0 / 3.0 } else { 1.0 };
-        let (w, h) = (200.0 / zoom, 150.0 / zoom);
-        let part = view.image.resize(200, 150, [(200.0 - w) / 2.0, (150.0 - h) / 2.0, w, h]);
+        let [x, y] = [100.0, 75.0].map(|half| half - half / zoom);
+        let part = view.image.resize(200, 150, [x, y, 200.0 - x, 150.0 - y]);
         let path = temporary.path().join(format!("{i:02}.png"));
         part.write_png(&path).unwrap();
         if i % 4 == 2 {
