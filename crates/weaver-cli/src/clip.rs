@@ -12,7 +12,7 @@ use choice::{Measured, choose};
 use movement::{Follower, sharpness};
 use pictures::{Picture, Pictures, about_how_many};
 use std::fs::File;
-use std::io::Read;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weaver_data::OutputFolder;
@@ -39,6 +39,26 @@ const FAR: f32 = 0.25;
 /// Quality of the frames that are written, of 100: nothing of what a clip holds is lost.
 const QUALITY: u8 = 95;
 
+/// The photos that a command is given.
+#[derive(Debug)]
+pub struct Photos {
+    pub paths: Vec<PathBuf>,
+    /// Whether most of them are frames of clips, which follow one another.
+    pub sequence: bool,
+    /// The frames, relative to the folder of the result; `None` without a clip.
+    frames: Option<Vec<String>>,
+}
+
+impl Photos {
+    /// Removes the frames of an earlier choice. To be called once cameras are written: until then the earlier ones name them.
+    ///
+    /// # Errors
+    /// When a file cannot be removed.
+    pub fn settle(&self, out: &OutputFolder) -> Result<(), Failure> {
+        Ok(self.frames.as_ref().map_or(Ok(()), |frames| out.remove_others(FRAMES, frames))?)
+    }
+}
+
 /// The photos that a command is given: files, those in folders, and frames of clips, which are written to the folder `frames` of a result.
 ///
 /// # Errors
@@ -48,13 +68,13 @@ pub fn photos(
     flags: ClipFlags,
     out: &OutputFolder,
     console: &mut Console,
-) -> Result<Vec<PathBuf>, Failure> {
+) -> Result<Photos, Failure> {
     let clips = paths.iter().filter(|path| is_clip(path)).count();
     if clips == 0 {
         flags.check_unused("photos")?;
     }
     let mut photos = Vec::new();
-    let (mut number, mut kept) = (0, Vec::new());
+    let (mut number, mut written) = (0, Vec::new());
     for path in paths {
         if !is_clip(path) {
             photos.extend(in_folder(path)?);
@@ -65,13 +85,10 @@ pub fn photos(
         let folder = if clips > 1 { format!("{FRAMES}/{number}") } else { FRAMES.into() };
         let names = frames(path, flags, (&folder, out), console)?;
         photos.extend(names.iter().map(|name| out.path().join(name)));
-        kept.extend(names);
+        written.extend(names);
     }
-    if clips > 0 {
-        // Those of another choice.
-        out.remove_others(FRAMES, &kept)?;
-    }
-    Ok(photos)
+    let sequence = 2 * written.len() > photos.len();
+    Ok(Photos { paths: photos, sequence, frames: (clips > 0).then_some(written) })
 }
 
 /// A photo, or those in a folder.
@@ -146,10 +163,10 @@ fn frames(
     }
     let names: Vec<String> = chosen.iter().map(|number| format!("{folder}/{number:06}.jpg")).collect();
     out.check(&names)?;
-    let written = write(clip, (&chosen, &names), out, console)?;
+    let names = write(clip, (&chosen, names), out, console)?;
     let steps = chosen.windows(2).map(|pair| measured[pair[1]].place - measured[pair[0]].place);
     let step = steps.fold(0.0, f32::max);
-    let (all, seconds) = (measured.len(), duration(start.elapsed().as_secs_f64()));
+    let (all, written, seconds) = (measured.len(), names.len(), duration(start.elapsed().as_secs_f64()));
     console.note(&format!(
         "clip: {written} of {all} frames of {}, at most {:.0} % of a picture apart, in {}; {seconds}",
         clip.display(),
@@ -182,17 +199,17 @@ fn measured(clip: &Path, console: &mut Console) -> Result<Vec<Measured>, Failure
     Ok(measured)
 }
 
-/// Writes frames of a clip; returns how many.
+/// Writes frames of a clip; returns what they are called.
 fn write(
     clip: &Path,
-    (numbers, names): (&[usize], &[String]),
+    (numbers, mut names): (&[usize], Vec<String>),
     out: &OutputFolder,
     console: &mut Console,
-) -> Result<usize, Failure> {
+) -> Result<Vec<String>, Failure> {
     let mut pictures = Pictures::of(clip, numbers)?;
     let mut progress = Progress::new("clip", 0, names.len(), console);
     let mut picture = Picture::default();
-    for (done, name) in names.iter().enumerate() {
+    for done in 0..names.len() {
         if !pictures.next(&mut picture)? {
             pictures.finish()?;
             let (clip, found) = (clip.display(), done);
@@ -201,13 +218,31 @@ fn write(
         }
         let Picture { width, height, pixels } = std::mem::take(&mut picture);
         let bitmap = Bitmap { width, height, pixels };
-        bitmap.write_jpeg(out.file(name)?, QUALITY)?;
+        names[done] = write_frame(&bitmap, &names[done], out)?;
         picture.pixels = bitmap.pixels;
         progress.at(done + 1, names.len(), || "frames written".into(), console);
     }
     progress.finish();
     // What it complains about was said when the clip was measured. Behind the last frame nothing is waited for.
-    Ok(names.len())
+    Ok(names)
+}
+
+/// Writes a frame, and returns what it is called: another name where one of another clip has its own, which earlier cameras may be of.
+fn write_frame(bitmap: &Bitmap, name: &str, out: &OutputFolder) -> Result<String, Failure> {
+    let bytes = bitmap.to_jpeg(QUALITY).map_err(|error| Failure::message(format!("{name}: {error}")))?;
+    let stem = name.strip_suffix(".jpg").unwrap_or(name);
+    let names = std::iter::once(name.to_string()).chain((2..).map(|i| format!("{stem}-{i}.jpg")));
+    for name in names {
+        let path = out.path().join(&name);
+        if !path.exists() {
+            weaver_io::atomic_write(out.file(&name)?, |w| w.write_all(&bytes))?;
+            return Ok(name);
+        }
+        if weaver_io::read_bytes(&path)? == bytes {
+            return Ok(name);
+        }
+    }
+    unreachable!("one of infinitely many names is free")
 }
 
 #[cfg(test)]

@@ -1,21 +1,18 @@
 //! Cameras that are estimated: `splatweaver cameras`, and for the commands that need them.
 
-mod summary;
-
+use crate::Console;
 use crate::arguments::{Cameras, MatchingFlags};
+use crate::clip::{self, Photos};
 use crate::failure::Failure;
 use crate::progress::duration;
-use crate::{Console, clip};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-use weaver_data::{Confidence, EstimatedPhotos, LeftOut, OutputFolder, Uncertainty, estimate_photos};
+use weaver_data::{CamerasSummary, Doubt, EstimateOptions, EstimatedPhotos, LeftOut, OutputFolder, estimate_photos};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Distortion, Pose, Similarity};
 
 /// What the folder of estimated cameras says that it was written by.
 const COMMAND: &str = "cameras";
-/// What is known of the cameras, for programs.
-const SUMMARY: &str = "cameras.json";
 /// One photo in this many is held out.
 const HOLD_OUT: usize = 8;
 /// From this logarithm of a factor on a focal length is not what was told.
@@ -31,8 +28,9 @@ pub fn run(arguments: &Cameras, console: &mut Console) -> Result<(), Failure> {
     let compare = arguments.compare.as_slice();
     let claimed = OutputFolder::claim(&arguments.out, COMMAND, arguments.photos.iter().chain(compare))?;
     let photos = clip::photos(&arguments.photos, arguments.clip, &claimed, console)?;
-    let located = vec![false; photos.len()];
+    let located = vec![false; photos.paths.len()];
     let Estimated { found, .. } = estimated(&photos, &located, arguments.matching, &claimed, console)?;
+    photos.settle(&claimed)?;
     let out = |name: &str| arguments.out.join(name).display().to_string();
     if let Some(file) = &arguments.compare {
         console.print(&compared(&found, file)?)?;
@@ -53,26 +51,26 @@ pub struct Estimated {
 /// # Errors
 /// When fewer than two photos get a camera; the message says why.
 pub fn estimated(
-    photos: &[PathBuf],
+    photos: &Photos,
     located: &[bool],
     flags: MatchingFlags,
     out: &OutputFolder,
     console: &mut Console,
 ) -> Result<Estimated, Failure> {
     let start = Instant::now();
+    let Photos { paths: photos, sequence, .. } = photos;
     EstimatedPhotos::check(out, photos)?;
-    out.check([SUMMARY])?;
+    out.check([CamerasSummary::NAME])?;
     console.note(&format!("cameras: matching {} photos", photos.len()));
-    let found = estimate_photos(photos, located, &flags.into())?;
+    let options = EstimateOptions { sequence: *sequence, ..flags.into() };
+    let found = estimate_photos(photos, located, &options)?;
     found.remarks.iter().for_each(|remark| console.note(&format!("warning: {remark}")));
     let placed = found.placed().len();
     if placed < 2 {
         return Err(Failure::message(format!("cameras: {}", refusal(&found))));
     }
     let photos_written = found.write(out)?;
-    let summary =
-        serde_json::to_string_pretty(&summary::summary(&found)).map_err(|e| Failure::message(e.to_string()))?;
-    weaver_io::write_text(out.file(SUMMARY)?, &summary)?;
+    found.summary().write(out)?;
     let e = &found.estimate;
     console.note(&format!(
         "cameras: {placed} of {} photos placed, {} points, off by {:.2} pixels in the median; focal length {:.3}{} of the longer side; {}",
@@ -86,7 +84,7 @@ pub fn estimated(
     if found.lenses() > 1 && !flags.own_focal {
         let lenses = found.lenses();
         console.note(&format!(
-            "cameras: photos of {lenses} proportions, cropped or of several lenses: each has a focal length of its own; --own-focal finds one for every photo"
+            "cameras: photos of {lenses} proportions or focal lengths, cropped or of several lenses: each has a focal length of its own; --own-focal finds one for every photo"
         ));
     }
     console.note(&format!("cameras: {}", sureness(&found)));
@@ -114,15 +112,16 @@ pub fn estimated(
 /// # Errors
 /// As [`estimated`].
 pub fn estimated_capture(
-    photos: &[PathBuf],
+    photos: &Photos,
     hold_out: bool,
     flags: MatchingFlags,
     out: &OutputFolder,
     console: &mut Console,
 ) -> Result<PathBuf, Failure> {
-    let located: Vec<bool> = (0..photos.len()).map(|i| hold_out && i % HOLD_OUT == 0).collect();
-    let folder = cameras_folder(out, photos)?;
+    let located: Vec<bool> = (0..photos.paths.len()).map(|i| hold_out && i % HOLD_OUT == 0).collect();
+    let folder = cameras_folder(out, &photos.paths)?;
     estimated(photos, &located, flags, &folder, console)?;
+    photos.settle(out)?;
     Ok(folder.path().join("transforms.json"))
 }
 
@@ -132,39 +131,10 @@ pub fn cameras_folder(out: &OutputFolder, photos: &[PathBuf]) -> Result<OutputFo
 }
 
 fn sureness(found: &EstimatedPhotos) -> String {
-    match found.confidence() {
-        Confidence::Good => "good: nothing speaks against them".into(),
-        Confidence::Ambiguous => format!(
-            "doubtful: other cameras explain {:.0} % as much; more photos between these, or --focal, would tell",
-            100.0 * found.estimate.rival
-        ),
-        Confidence::Inexact => "doubtful: points are not where photos see them; something may have moved".into(),
-        Confidence::Guessed => {
-            "doubtful: two photos hardly tell their focal length; a third one, or --focal, would".into()
-        }
-        Confidence::LooseFocal => format!(
-            "doubtful: the focal length is told to {:.0} % only; photos from more different places, or --focal, would tell",
-            100.0 * found.estimate.uncertainty.as_ref().map_or(f64::INFINITY, |u| u.focal)
-        ),
-        Confidence::LooseRotation => format!(
-            "doubtful: {} may be turned by some degrees; photos between it and the others would tell",
-            least_told(found, |u| &u.rotations)
-        ),
-        Confidence::LooseCenter => format!(
-            "doubtful: where {} was taken is told badly; photos between it and the others would tell",
-            least_told(found, |u| &u.centers)
-        ),
-        Confidence::None => "none".into(),
+    match found.doubt() {
+        Some(Doubt { what, help }) => format!("doubtful: {what}; {help}"),
+        None => "good: nothing speaks against them".into(),
     }
-}
-
-/// The photo of which something is told least.
-fn least_told(found: &EstimatedPhotos, of: impl Fn(&Uncertainty) -> &Vec<f64>) -> String {
-    let most = found.estimate.uncertainty.as_ref().and_then(|u| {
-        let deviations = of(u).iter().enumerate();
-        deviations.max_by(|a, b| a.1.total_cmp(b.1)).map(|(photo, _)| found.paths[photo].display().to_string())
-    });
-    most.unwrap_or_else(|| "a photo".into())
 }
 
 fn explained(reason: LeftOut) -> &'static str {

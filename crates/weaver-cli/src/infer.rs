@@ -21,7 +21,8 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
     let read = arguments.images.iter().chain(&files).chain(&arguments.weights);
     let out = OutputFolder::claim(&arguments.out, "infer", read.chain(arguments.cameras.as_ref().filter(|_| !asked)))?;
     let rasterizer = device::rasterizer(&arguments.device)?;
-    let mut images = clip::photos(&arguments.images, ClipFlags::default(), &out, console)?;
+    let photos = clip::photos(&arguments.images, ClipFlags::default(), &out, console)?;
+    let mut images = photos.paths.clone();
     reconstruct::check(&out, &images)?;
     let mut cameras = arguments.cameras.clone();
     let built_in = arguments.run.is_none() && arguments.weights.is_none();
@@ -29,8 +30,11 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
     if estimating {
         let folder = cameras_folder(&out, &images)?;
         let located = vec![false; images.len()];
-        match estimated(&images, &located, arguments.matching, &folder, console) {
-            Ok(found) => (images, cameras) = (found.photos, Some(folder.path().join("transforms.json"))),
+        match estimated(&photos, &located, arguments.matching, &folder, console) {
+            Ok(found) => {
+                photos.settle(&out)?;
+                (images, cameras) = (found.photos, Some(folder.path().join("transforms.json")));
+            }
             Err(failure) if asked => return Err(failure),
             Err(failure) => {
                 let reason = failure.line().unwrap_or_default();
@@ -41,6 +45,10 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
         }
     }
     if !estimating {
+        // Cameras that an earlier run estimated here name its frames.
+        if !out.path().join("cameras").exists() {
+            photos.settle(&out)?;
+        }
         arguments.matching.check_unused("other ones")?;
     }
     let of_run = arguments.weights.as_deref().map(is_of_run).transpose()?.unwrap_or(false);

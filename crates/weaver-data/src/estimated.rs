@@ -1,22 +1,28 @@
 //! Photos without cameras: cameras by matching, as a capture on disk.
 
 mod context;
+mod doubt;
 mod loading;
 mod model;
+mod order;
 mod picture;
+mod summary;
 mod told;
 
 use crate::unreadable::{Fault, Needed, without_unreadable};
 use crate::{Error, remarks};
 pub use context::EstimatedContext;
+pub use doubt::Doubt;
 use loading::{Loaded, lenses_of, load};
+use order::is_sequence;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
+pub use summary::{CameraSummary, CamerasSummary};
 use weaver_geometry::glam::DVec2;
 use weaver_io::colmap::Model;
 use weaver_io::{Image, OutputFolder, PhotoFile, Transforms};
 use weaver_scene::Frame;
-use weaver_sfm::{Confidence, Estimate, EstimateSettings, Find, LeftOut, Observation, Photo, estimate};
+use weaver_sfm::{Confidence, Estimate, EstimateSettings, Find, LeftOut, Observation, Photo};
 
 /// The folder of COLMAP's model.
 const SPARSE: &str = "sparse/0";
@@ -35,16 +41,19 @@ pub struct EstimateOptions {
     pub focal: Option<f64>,
     /// Whether what files tell of their focal length is used.
     pub exif: bool,
-    /// Whether photos have one lens, and with it one focal length over their longer side: those of the same proportions, since
-    /// of a crop the longer side is another one. Otherwise each has its own.
+    /// Whether photos have one lens, and with it one factor on their focal lengths: those of the same proportions, since of a crop the
+    /// longer side is another one, that tell the same focal length. Otherwise each has its own.
     pub shared: bool,
     /// Which radial distortion is found.
     pub distortion: Find,
+    /// Whether photos are known to follow one another, as frames of a clip do; otherwise their names tell. Of many photos each is
+    /// then compared with those before and behind it, too.
+    pub sequence: bool,
 }
 
 impl Default for EstimateOptions {
     fn default() -> Self {
-        Self { long_side: 640, focal: None, exif: true, shared: true, distortion: Find::Told }
+        Self { long_side: 640, focal: None, exif: true, shared: true, distortion: Find::Told, sequence: false }
     }
 }
 
@@ -111,8 +120,7 @@ pub fn estimate_photos(
     let (told, outliers) = told::without_outliers(&names, &told);
     let transparent = loaded.iter().zip(&names).filter(|(loaded, _)| loaded.transparent);
     let transparent = remarks::transparent(&transparent.map(|(_, name)| name.clone()).collect::<Vec<_>>());
-    let remarks = [unreadable, outliers, transparent].into_iter().flatten().collect();
-    let lens_of = lenses_of(&loaded, options.shared);
+    let lens_of = lenses_of(&loaded, &told, options.shared);
     let photos: Vec<Photo<'_>> = (loaded.iter().zip(&told).zip(located.iter().zip(&lens_of)))
         .map(|((Loaded { image, .. }, told), (located, lens))| {
             let photo = Photo::new(&image.to_bytes(), [image.height, image.width]);
@@ -122,8 +130,11 @@ pub fn estimate_photos(
         })
         .collect();
     let focal_deviation = if options.focal.is_some() { 0.0 } else { TOLD };
-    let settings = EstimateSettings { focal_deviation, distortion: options.distortion, ..EstimateSettings::default() };
-    let estimate = estimate(&photos, &settings);
+    let sequence = options.sequence || is_sequence(&paths);
+    let settings =
+        EstimateSettings { focal_deviation, sequence, distortion: options.distortion, ..EstimateSettings::default() };
+    let (estimate, contradicted) = told::estimate(&photos, &settings);
+    let remarks = [unreadable, outliers, transparent, contradicted].into_iter().flatten().collect();
     let sizes = loaded.iter().map(|loaded| loaded.size).collect();
     let ambiguous = loaded.iter().map(|loaded| loaded.ambiguous).collect();
     let images = loaded.into_iter().map(|loaded| loaded.image).collect();
@@ -148,7 +159,7 @@ impl EstimatedPhotos {
         self.estimate.confidence()
     }
 
-    /// How many lenses the photos were taken to have: one if all have the same proportions and share it.
+    /// How many lenses the photos were taken to have: one if all have the same proportions, tell no two focal lengths, and share it.
     pub fn lenses(&self) -> usize {
         self.lens_of.iter().max().map_or(0, |last| last + 1)
     }

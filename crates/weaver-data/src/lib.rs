@@ -23,7 +23,9 @@ mod unreadable;
 
 pub use capture::posed;
 pub use error::Error;
-pub use estimated::{EstimateOptions, EstimatedContext, EstimatedPhotos, estimate_photos};
+pub use estimated::{
+    CameraSummary, CamerasSummary, Doubt, EstimateOptions, EstimatedContext, EstimatedPhotos, estimate_photos,
+};
 pub use layout::Layout;
 pub use sampler::{Sampler, bounded_gap, evaluation_tuples, training_tuple, uniform};
 pub use scene::{NormalizedPoses, Scene, View};

@@ -1,8 +1,11 @@
 //! report.html of a run.
 
+mod cameras;
+
 use crate::judged::Judged;
 use crate::outcome::{Outcome, Views};
 use crate::{Record, Run, RunError, maps};
+use weaver_data::CamerasSummary;
 use weaver_fit::Quality;
 use weaver_io::Image;
 use weaver_report::{Page, read_metrics};
@@ -22,6 +25,10 @@ pub fn pictured(views: usize) -> impl Iterator<Item = usize> {
 
 pub fn write(run: &Run, outcome: &Outcome, train: &[Judged], test: &[Judged]) -> Result<(), RunError> {
     let mut page = Page::new("SplatWeaver fit");
+    let cameras = CamerasSummary::of_capture(&run.settings.capture);
+    if let Some(cameras) = &cameras {
+        cameras::warning(cameras, &mut page);
+    }
     page.heading(1, &format!("Fit of {}", run.settings.capture.display()));
     let [width, height] = outcome.size;
     page.paragraph(&format!(
@@ -66,6 +73,9 @@ pub fn write(run: &Run, outcome: &Outcome, train: &[Judged], test: &[Judged]) ->
     };
     let all = test.iter().map(|j| ("held out", j)).chain(train.iter().map(|j| ("fitted", j)));
     page.table(&["photo", "", "PSNR, dB", "SSIM", "LPIPS"], &all.map(quality).collect::<Vec<_>>());
+    if let Some(cameras) = &cameras {
+        cameras::section(cameras, &run.settings.capture, &mut page);
+    }
     page.heading(2, "Curves");
     let records: Vec<Record> = read_metrics(run.out.path().join("metrics.jsonl"))?;
     let curves: [(&str, Value); 5] = [

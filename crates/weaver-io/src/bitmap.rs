@@ -36,10 +36,17 @@ impl Bitmap {
     /// # Errors
     /// When the file cannot be written, or the image has no pixels, or more than 65535 on a side.
     pub fn write_jpeg(&self, path: impl AsRef<Path>, quality: u8) -> Result<()> {
-        let (width, height) = (self.width as u32, self.height as u32);
-        atomic_write(path, |w| {
-            let encoder = &mut JpegEncoder::new_with_quality(w, quality);
-            encoder.encode(&self.pixels, width, height, ExtendedColorType::Rgb8).map_err(std::io::Error::other)
-        })
+        atomic_write(path, |w| w.write_all(&self.to_jpeg(quality)?))
+    }
+
+    /// A baseline JPEG file in memory, as [`write_jpeg`](Self::write_jpeg) writes it.
+    ///
+    /// # Errors
+    /// When the image has no pixels, or more than 65535 on a side.
+    pub fn to_jpeg(&self, quality: u8) -> std::io::Result<Vec<u8>> {
+        let (width, height, mut bytes) = (self.width as u32, self.height as u32, Vec::new());
+        let mut encoder = JpegEncoder::new_with_quality(&mut bytes, quality);
+        encoder.encode(&self.pixels, width, height, ExtendedColorType::Rgb8).map_err(std::io::Error::other)?;
+        Ok(bytes)
     }
 }

@@ -45,6 +45,8 @@ th,td{padding:.2rem .8rem;text-align:right;border-bottom:1px solid #ddd}
 th:first-child,td:first-child{text-align:left}
 ";
 
+const WARNING_STYLE: &str = "border-left:.4rem solid #c60;background:#fff3e0;padding:.6rem 1rem";
+
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
 
 impl Page {
@@ -72,6 +74,11 @@ impl Page {
         });
         let text: String = texts.collect();
         self.put(format_args!("<p>{text}</p>"))
+    }
+
+    /// Adds a paragraph that stands out: what the reader must know before the rest.
+    pub fn warning(&mut self, text: &str) -> &mut Self {
+        self.put(format_args!("<p style=\"{WARNING_STYLE}\"><b>Warning:</b> {}</p>", escape(text)))
     }
 
     /// Adds text whose line breaks and spaces stay, in letters of one width.

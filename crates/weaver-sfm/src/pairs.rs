@@ -3,8 +3,8 @@
 use crate::features::Features;
 use crate::matching::{Match, matches};
 use crate::tracks::{Track, tracks};
-use crate::two_view::{TwoView, judge, rotation_only, two_view};
-use weaver_geometry::glam::DVec2;
+use crate::two_view::{TwoView, judge, rotation_only, turns, two_view};
+use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Pose};
 use weaver_kernels::parallel;
 
@@ -111,22 +111,80 @@ fn pose(
     };
     let rays: Vec<[DVec2; 2]> = found.iter().map(|m| [ray(a, m.first), ray(b, m.second)]).collect();
     let tau = tau * 2.0 / (cameras[a].intrinsics.fx + cameras[b].intrinsics.fx);
-    let clearest = &rays[..rays.len().min(CLEAREST)];
-    let TwoView { pose, rival, .. } = two_view(clearest, tau)?;
-    let TwoView { pose, inliers, depths, score, parallax, .. } = judge(pose, &rays, tau)?;
-    let fits = |i: &usize| inliers[*i] && depths[*i] > 0.0;
-    let kept: Vec<usize> = (0..found.len()).filter(fits).collect();
-    let fitting: Vec<[DVec2; 2]> = kept.iter().map(|i| rays[*i]).collect();
-    let turned = rotation_only(&fitting, tau).1 as f64 / fitting.len().max(1) as f64;
-    (kept.len() >= FEWEST).then(|| Pair {
-        photos: *photos,
-        matches: kept.iter().map(|i| found[*i]).collect(),
-        pose,
-        rival,
-        inverse_depths: kept.iter().map(|i| depths[*i]).collect(),
-        parallax,
-        score,
-        turned,
-        share: kept.len() as f64 / found.len() as f64,
+    let apart = two_view(&rays[..rays.len().min(CLEAREST)], tau).and_then(|TwoView { pose, rival, .. }| {
+        let TwoView { pose, inliers, depths, score, parallax, .. } = judge(pose, &rays, tau)?;
+        let kept: Vec<usize> = (0..found.len()).filter(|i| inliers[*i] && depths[*i] > 0.0).collect();
+        let fitting: Vec<[DVec2; 2]> = kept.iter().map(|i| rays[*i]).collect();
+        (kept.len() >= FEWEST).then(|| Pair {
+            photos: *photos,
+            matches: kept.iter().map(|i| found[*i]).collect(),
+            pose,
+            rival,
+            inverse_depths: kept.iter().map(|i| depths[*i]).collect(),
+            parallax,
+            score,
+            turned: rotation_only(&fitting, tau).1 as f64 / fitting.len() as f64,
+            share: kept.len() as f64 / found.len() as f64,
+        })
+    });
+    apart.or_else(|| turned(*photos, found, &rays, tau))
+}
+
+/// Two photos of which a mere turn explains most. In copies of one nothing has a depth, so that no pose has anything in front.
+fn turned(photos: [usize; 2], found: &[Match], rays: &[[DVec2; 2]], tau: f64) -> Option<Pair> {
+    let (rotation, explained) = rotation_only(rays, tau);
+    if explained < FEWEST || 2 * explained < found.len() {
+        return None;
+    }
+    let agrees = |(_, rays): &(&Match, &[DVec2; 2])| turns(&rotation, rays, tau);
+    let matches: Vec<Match> = found.iter().zip(rays).filter(agrees).map(|(found, _)| *found).collect();
+    Some(Pair {
+        photos,
+        pose: Pose::new(rotation, DVec3::X),
+        rival: None,
+        inverse_depths: vec![0.0; matches.len()],
+        parallax: 0.0,
+        score: 0.0,
+        turned: 1.0,
+        share: matches.len() as f64 / found.len() as f64,
+        matches,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::features::Keypoint;
+    use weaver_geometry::{Intrinsics, so3};
+
+    /// Two photos, the second of which shows the keypoints of the first after a turn; one match in `wrong` is none.
+    fn pair(angle: f64, wrong: usize) -> Option<Pair> {
+        let intrinsics = Intrinsics { fx: 170.0, fy: 170.0, cx: 96.0, cy: 72.0 };
+        let camera = Camera { pose: Pose::IDENTITY, intrinsics, width: 192, height: 144 };
+        let turn = so3::exp(DVec3::Y * angle);
+        let keypoint = |pixel: DVec2| Keypoint { pixel, scale: 1.0, angle: 0.0, contrast: 1.0 };
+        let features = |of: &dyn Fn(usize, DVec2) -> DVec2| {
+            let at = |i: usize| DVec2::new(20.0 + (i * 37 % 150) as f64, 15.0 + (i * 53 % 113) as f64);
+            Features { keypoints: (0..80).map(|i| keypoint(of(i, at(i)))).collect(), descriptors: Vec::new() }
+        };
+        let first = features(&|_, at| at);
+        let second = features(&|i, at| match i % wrong {
+            0 => DVec2::new(20.0 + (i * 71 % 150) as f64, 15.0 + (i * 29 % 113) as f64),
+            _ => intrinsics.project(turn * intrinsics.unproject(at, 1.0)),
+        });
+        let found = (0..80).map(|i| Match { first: i, second: i, ratio: 0.5 }).collect();
+        posed(&[first, second], &[camera; 2], &[([0, 1], found)], 0.5).pop()
+    }
+
+    #[test]
+    fn copies_and_turns_are_pairs_of_one_place() {
+        for (angle, wrong) in [(0.0, 1000), (0.0, 5), (0.1, 1000), (0.1, 5)] {
+            let pair = pair(angle, wrong).unwrap_or_else(|| panic!("no pair of {angle} rad, 1 in {wrong} wrong"));
+            let forward = pair.pose.rotation * DVec3::Z;
+            assert!(pair.turned() && (forward.x - angle.sin()).abs() < 1e-3, "{angle}: {pair:?}");
+            assert!(pair.matches.len() >= 20 && pair.matches.len() == pair.inverse_depths.len());
+        }
+        // A pose that some agree with by chance, but no turn.
+        assert!(pair(0.1, 1).is_none_or(|pair| !pair.turned()));
+    }
 }

@@ -146,8 +146,12 @@ pub fn rotation_only(matches: &[[DVec2; 2]], tau: f64) -> (DMat3, usize) {
         let Some(turn) = normal.step() else { break };
         rotation = so3::exp(DVec3::from_array(turn)) * rotation;
     }
-    let explains = |[x, y]: &&Rays| transfer_error(rotation * *x, *y).length() < CUTOFF * tau;
-    (rotation, rays.iter().filter(explains).count())
+    (rotation, matches.iter().filter(|x| turns(&rotation, x, tau)).count())
+}
+
+/// Whether a mere turn explains a match.
+pub(crate) fn turns(rotation: &DMat3, x: &[DVec2; 2], tau: f64) -> bool {
+    homogeneous(x).is_some_and(|[x, y]| transfer_error(*rotation * x, y).length() < CUTOFF * tau)
 }
 
 /// Judges a pose by all matches; `None` when it has no inlier.

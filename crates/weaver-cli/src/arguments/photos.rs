@@ -170,6 +170,7 @@ impl From<MatchingFlags> for EstimateOptions {
             focal: flags.focal,
             exif: !flags.no_exif,
             shared: !flags.own_focal,
+            sequence: false,
             distortion: match flags.distortion {
                 None => Find::Told,
                 Some(Coefficients::Off) => Find::Off,

@@ -107,6 +107,46 @@ fn a_clip_becomes_a_capture() {
 }
 
 #[test]
+fn earlier_cameras_keep_their_frames_until_there_are_new_ones() {
+    if !has_ffmpeg("earlier_cameras_keep_their_frames_until_there_are_new_ones") {
+        return;
+    }
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    clip(folder, 12);
+    let output = run(folder, "cameras clip.mp4 -o found --frames 8");
+    assert!(output.status.success(), "{}", said(&output));
+    let frames = || -> Vec<(String, Vec<u8>)> {
+        let transforms = Transforms::read(folder.join("found/transforms.json")).unwrap();
+        let bytes = |name: &str| fs::read(folder.join("found").join(name)).unwrap();
+        transforms.frames.into_iter().map(|frame| (frame.name.clone(), bytes(&frame.name))).collect()
+    };
+    let before = frames();
+    // Another clip of that name, in which nothing is found again, and frames of the same numbers.
+    fs::rename(folder.join("clip.mp4"), folder.join("first.mp4")).unwrap();
+    let (width, height) = SIZE;
+    let mut state = 1_u32;
+    let mut noise = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 24) as u8
+    };
+    let pictures: Vec<u8> = (0..6 * 3 * width * height).map(|_| noise()).collect();
+    let raw = format!("-f rawvideo -pixel_format rgb24 -video_size {width}x{height} -i pipe:0");
+    ffmpeg(folder, &format!("{raw} -c:v mpeg4 -q:v 2 clip.mp4"), &pictures);
+    let failed = run(folder, "cameras clip.mp4 -o found --frames 6");
+    assert!(failed.status.code() == Some(1) && said(&failed).contains("matching "), "{}", said(&failed));
+    let left = names(folder.join("found/frames"));
+    assert!(left.iter().any(|name| name.ends_with("-2.jpg")), "{left:?}");
+    assert_eq!(frames(), before, "what is left of the first clip's cameras");
+    // What works takes their place.
+    let output = run(folder, "cameras first.mp4 -o found --frames 4");
+    assert!(output.status.success(), "{}", said(&output));
+    let left = names(folder.join("found/frames"));
+    assert_eq!(left.len(), 4, "{left:?}");
+    assert!(frames().iter().all(|(name, _)| name.starts_with("frames/")));
+}
+
+#[test]
 fn every_command_whose_cameras_are_estimated_takes_a_clip() {
     if !has_ffmpeg("every_command_whose_cameras_are_estimated_takes_a_clip") {
         return;

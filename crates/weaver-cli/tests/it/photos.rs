@@ -111,6 +111,15 @@ fn a_scene_from_photos_alone() {
         assert!(folder.join("scene").join(name).exists(), "{name}");
     }
     let before = std::fs::read(folder.join("scene/scene.ply")).unwrap();
+    // Doubt stands above all else, and only where there is any.
+    let doubts = |out: &str| {
+        let html = std::fs::read_to_string(folder.join(out).join("report.html")).unwrap();
+        assert!(html.contains("Estimated cameras") && html.contains("+-"), "{html}");
+        html.split("<h1>").next().unwrap().contains("Warning")
+    };
+    assert_eq!(doubts("scene"), text.contains("cameras: doubtful"), "{text}");
+    let two = run(folder, "reconstruct photos/00.png photos/01.png -o two --minutes 0.05 --gaussians 300");
+    assert!(two.status.success() && said(&two).contains("doubtful: two photos") && doubts("two"), "{}", said(&two));
     let again = run(folder, "reconstruct photos -o scene --minutes 0.1");
     assert_eq!(again.status.code(), Some(2));
     assert!(said(&again).contains("a finished scene is there already"), "{}", said(&again));

@@ -41,17 +41,50 @@ fn not_utf8(path: &Path) -> Fault {
 /// Proportions of photos that differ by less than this part are the same: sizes are rounded.
 const SAME_PROPORTIONS: f64 = 0.01;
 
-/// The number of each photo's lens: one for all photos of the same proportions if they share lenses, else one a photo.
-pub(super) fn lenses_of(photos: &[Loaded], shared: bool) -> Vec<usize> {
-    let mut lenses: Vec<f64> = Vec::new();
-    let lens = |photo: &Loaded| {
+/// Focal lengths that differ by less than this part are the same: files tell whole millimeters.
+const SAME_FOCAL: f64 = 0.05;
+
+/// The number of each photo's lens, without gaps. If photos share lenses, those of the same proportions, upright or not, have one, as
+/// long as they are told to have the same focal length; else each has its own.
+///
+/// Photos that tell nothing have the lens of the others of their proportions where these have one, else one of their own.
+pub(super) fn lenses_of(photos: &[Loaded], told: &[Option<f64>], shared: bool) -> Vec<usize> {
+    if !shared {
+        return (0..photos.len()).collect();
+    }
+    let mut found: Vec<f64> = Vec::new();
+    let proportions = photos.iter().map(|photo| {
         let (width, height) = photo.size;
         let proportions = width.max(height) as f64 / width.min(height) as f64;
-        let same = |lens: &f64| shared && (proportions / lens).ln().abs() < SAME_PROPORTIONS;
-        lenses.iter().position(same).unwrap_or_else(|| {
-            lenses.push(proportions);
+        let same = |other: &f64| (proportions / other).ln().abs() < SAME_PROPORTIONS;
+        found.iter().position(same).unwrap_or_else(|| {
+            found.push(proportions);
+            found.len() - 1
+        })
+    });
+    let proportions: Vec<usize> = proportions.collect();
+    // The shortest of each zoom.
+    let mut zooms: Vec<Vec<f64>> = vec![Vec::new(); found.len()];
+    let mut all: Vec<(f64, usize)> =
+        told.iter().zip(&proportions).filter_map(|(told, proportions)| Some(((*told)?, *proportions))).collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    for (focal, proportions) in all {
+        if zooms[proportions].last().is_none_or(|zoom| (focal / zoom).ln() > SAME_FOCAL) {
+            zooms[proportions].push(focal);
+        }
+    }
+    let mut lenses: Vec<[usize; 2]> = Vec::new();
+    let lens = |(told, proportions): (&Option<f64>, &usize)| {
+        let zooms = &zooms[*proportions];
+        let zoom = match told {
+            Some(focal) => zooms.partition_point(|zoom| zoom <= focal),
+            None => usize::from(zooms.len() == 1),
+        };
+        let lens = [*proportions, zoom];
+        lenses.iter().position(|other| *other == lens).unwrap_or_else(|| {
+            lenses.push(lens);
             lenses.len() - 1
         })
     };
-    photos.iter().map(lens).collect()
+    told.iter().zip(&proportions).map(lens).collect()
 }

@@ -1,6 +1,9 @@
 //! Focal lengths that files tell, and which of them cannot be right.
 
 use crate::remarks::some_of;
+use std::collections::BTreeSet;
+use weaver_geometry::Camera;
+use weaver_sfm::{Estimate, EstimateSettings, Features, LeftOut, Photo, estimate_from};
 
 /// A focal length that is more times off those of the other photos is not one of theirs.
 const OFF: f64 = 3.0;
@@ -29,6 +32,49 @@ pub(super) fn without_outliers(names: &[String], told: &[Option<f64>]) -> (Vec<O
     };
     let remark = (!ignored.is_empty()).then(|| format!("{remark}: {}", some_of(&ignored)));
     (kept, remark)
+}
+
+/// What photos show is so many deviations of what is told off it where they contradict each other.
+const CONTRADICTED: f64 = 2.0;
+
+/// Estimates cameras, without the focal lengths that files tell of lenses where photos show another one; and a remark on these.
+///
+/// A focal length is told as a measurement, whose deviation holds back what photos show. Where that is far off nevertheless, what is
+/// told is no measurement of this lens, and half way between both is wrong for certain.
+pub(super) fn estimate(photos: &[Photo<'_>], settings: &EstimateSettings) -> (Estimate, Option<String>) {
+    let features = |p: &Photo<'_>| Features::new(&p.gray, p.size, p.mask, settings.keypoints);
+    let features: Vec<Features> = photos.iter().map(features).collect();
+    let estimate = estimate_from(photos, &features, settings);
+    let most = CONTRADICTED * settings.focal_deviation;
+    let contradicted = |estimate: &Estimate| -> BTreeSet<usize> {
+        let off = |(photo, camera): (&Photo<'_>, &Result<Camera, LeftOut>)| {
+            let factor = camera.ok()?.intrinsics.fx / photo.focal?;
+            (most > 0.0 && factor.ln().abs() > most).then_some(photo.lens)
+        };
+        photos.iter().zip(&estimate.cameras).filter_map(off).collect()
+    };
+    let wrong = contradicted(&estimate);
+    if wrong.is_empty() {
+        return (estimate, None);
+    }
+    let mut freed = photos.to_vec();
+    freed.iter_mut().filter(|photo| wrong.contains(&photo.lens)).for_each(|photo| photo.focal = None);
+    let other = estimate_from(&freed, &features, settings);
+    let placed = |estimate: &Estimate| estimate.cameras.iter().flatten().count();
+    if placed(&other) < placed(&estimate) || !wrong.is_subset(&contradicted(&other)) {
+        return (estimate, None);
+    }
+    let remark = |(photo, camera): (&Photo<'_>, &Result<Camera, LeftOut>)| {
+        let factor = camera.ok()?.intrinsics.fx / photo.focal?;
+        wrong.contains(&photo.lens).then(|| {
+            let percent = 100.0 * (factor - 1.0);
+            format!(
+                "focal lengths in EXIF are not used: photos show one that is {percent:+.0} % off; were photos cropped?"
+            )
+        })
+    };
+    let remark = photos.iter().zip(&other.cameras).find_map(remark);
+    (other, remark)
 }
 
 #[cfg(test)]

@@ -96,6 +96,59 @@ fn an_absurd_focal_length_changes_no_camera_and_is_named() {
     assert_eq!(estimated(&two, &told()).remarks, [""; 0]);
 }
 
+/// The focal length of the drawn photos, millimeters on film.
+const TRUE_FOCAL: u16 = 30;
+
+#[test]
+fn a_focal_length_that_photos_contradict_is_not_used() {
+    let temporary = tempfile::tempdir().unwrap();
+    let truth = scene(3, &ProceduralOptions { width: 160, height: 120, views: 24 });
+    let path = |i: usize| temporary.path().join(format!("{i:02}.png"));
+    let paths: Vec<PathBuf> = (0..12).map(path).collect();
+    for (path, view) in paths.iter().zip(truth.views.iter().step_by(2)) {
+        view.image.write_png(path).unwrap();
+    }
+    let with = |told: u16| {
+        paths.iter().for_each(|path| store(path, NoTransforms, Some(told)));
+        let found = estimated(&paths, &EstimateOptions::default());
+        (found.focal() / (truth.views[0].camera.intrinsics.fx / 160.0), found.remarks)
+    };
+    let (right, remarks) = with(TRUE_FOCAL);
+    assert!((right - 1.0).abs() < 0.03 && remarks.is_empty(), "{right}: {remarks:?}");
+    // A third too long.
+    let (wrong, remarks) = with(4 * TRUE_FOCAL / 3);
+    assert!((wrong - 1.0).abs() < 0.05, "{wrong}");
+    assert!(remarks.len() == 1 && remarks[0].contains("photos show one that is -2"), "{remarks:?}");
+}
+
+#[test]
+fn photos_of_two_zooms_upright_and_across_have_two_lenses() {
+    let temporary = tempfile::tempdir().unwrap();
+    let truth = scene(3, &ProceduralOptions { width: 200, height: 150, views: 20 });
+    let (focal, mut paths) = (truth.views[0].camera.intrinsics.fx, Vec::new());
+    for (i, view) in truth.views.iter().step_by(2).enumerate() {
+        // Every third one is cropped to three quarters and enlarged, as a zoom does; the camera of every fourth one was held upright.
+        let zoom = if i % 3 == 1 { 4.0 / 3.0 } else { 1.0 };
+        let [x, y] = [100.0, 75.0].map(|half| half - half / zoom);
+        let part = view.image.resize(200, 150, [x, y, 200.0 - x, 150.0 - y]);
+        let path = temporary.path().join(format!("{i:02}.png"));
+        part.write_png(&path).unwrap();
+        if i % 4 == 2 {
+            image::open(&path).unwrap().rotate90().save(&path).unwrap();
+        }
+        store(&path, NoTransforms, Some((43.27 * zoom * focal / 250.0).round() as u16));
+        paths.push((path, zoom * focal));
+    }
+    let files: Vec<PathBuf> = paths.iter().map(|(path, _)| path.clone()).collect();
+    let found = estimated(&files, &EstimateOptions::default());
+    assert!(found.remarks.is_empty() && found.placed().len() == 10, "{:?} {:?}", found.remarks, found.left_out());
+    assert_eq!(found.lenses(), 2);
+    for ((path, focal), camera) in paths.iter().zip(&found.estimate.cameras) {
+        let factor = camera.unwrap().intrinsics.fx / focal;
+        assert!((factor - 1.0).abs() < 0.05, "{}: {factor}", path.display());
+    }
+}
+
 /// Estimates photos as they are and stored by these orientations, and checks that both give the same cameras, and what is written.
 fn stored_like_upright(size: [usize; 2], orientations: [Orientation; 4], options: &EstimateOptions) {
     let temporary = tempfile::tempdir().unwrap();

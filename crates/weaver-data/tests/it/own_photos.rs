@@ -429,4 +429,14 @@ fn photos_of_the_same_proportions_share_a_lens() {
         estimate_photos(&paths, &[false; 5], &options).unwrap().lenses()
     };
     assert_eq!([lenses(true), lenses(false)], [3, 5]);
+    // Two zooms of the same proportions, told to a millimeter; who tells nothing has that of the others where these have one.
+    let tell = |told: [u16; 5]| {
+        paths.iter().zip(told).for_each(|(path, told)| exif::store(path, Orientation::NoTransforms, Some(told)));
+        lenses(true)
+    };
+    assert_eq!(tell([26, 27, 26, 26, 26]), 3);
+    assert_eq!(tell([26, 52, 26, 26, 26]), 4);
+    assert_eq!(tell([26, 0, 26, 0, 0]), 3);
+    assert_eq!(tell([26, 0, 52, 26, 26]), 5);
+    assert_eq!(lenses(false), 5);
 }

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use weaver_data::posed::{self, PosedOptions};
 use weaver_data::procedural::{ProceduralOptions, scene};
+use weaver_data::{CameraSummary, CamerasSummary};
 use weaver_fit::{FitSettings, Judge};
 use weaver_fit_run::{Initial, Run, RunError, RunSettings, dry_run};
 use weaver_geometry::glam::{DVec2, DVec3};
@@ -28,6 +29,72 @@ fn capture(folder: &Path, views: usize) {
 
 fn settings(folder: &Path) -> RunSettings {
     RunSettings::new(folder, FitSettings { steps: 20, gaussians: 200, ..FitSettings::default() })
+}
+
+/// The report of a short fit of a capture.
+fn report(settings: RunSettings, out: &Path) -> String {
+    let mut run = Run::create(out, settings, None, Judge::new(None), AnyRasterizer::default()).unwrap();
+    run.advance(&AtomicBool::new(false), |_| {}).unwrap();
+    run.finish().unwrap();
+    std::fs::read_to_string(out.join("report.html")).unwrap()
+}
+
+#[test]
+fn a_report_begins_with_what_is_doubtful_about_its_cameras() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out) = (folder.path().join("data"), |name: &str| folder.path().join(name));
+    capture(&data, 4);
+    let settings = || {
+        let fit = FitSettings { steps: 2, gaussians: 50, ..FitSettings::default() };
+        RunSettings { all: true, ..RunSettings::new(data.join("transforms.json"), fit) }
+    };
+    // Cameras that nothing is known of.
+    let html = report(settings(), &out("given"));
+    assert!(!html.contains("Warning") && !html.contains("Estimated cameras"), "{html}");
+    let photo = |rotation: f64, center: f64| CameraSummary {
+        points: 321,
+        focal_length: Some(0.871),
+        rotation_deviation_degrees: Some(rotation),
+        center_deviation: Some(center),
+        ..CameraSummary::default()
+    };
+    let left_out = CameraSummary { left_out: Some("no texture".into()), ..CameraSummary::default() };
+    let photos = [("a.jpg", photo(0.125, 0.02)), ("b.jpg", photo(1.5, 0.005)), ("c.jpg", left_out)];
+    let mut cameras = CamerasSummary {
+        confidence: "good".into(),
+        points: 4321,
+        error_pixels: Some(0.25),
+        focal_length: Some(0.871),
+        focal_length_deviation: Some(0.013),
+        spread_of_centers: Some(0.5),
+        photos: photos.map(|(name, photo)| (name.to_string(), photo)).into(),
+        ..CamerasSummary::default()
+    };
+    let write = |cameras: &CamerasSummary| {
+        std::fs::write(data.join(CamerasSummary::NAME), serde_json::to_string(cameras).unwrap()).unwrap();
+    };
+    write(&cameras);
+    let html = report(settings(), &out("good"));
+    assert!(!html.contains("Warning"), "{html}");
+    for text in [
+        "2 of 3 photos have a camera",
+        "Focal length 0.871 +- 0.013 of the longer side",
+        "within +- 1.50 degrees, centers within +- 4.0 %",
+        "<td>a.jpg</td><td>321</td><td>0.871</td><td>0.125</td><td>4.00</td>",
+        "<td>c.jpg</td><td>left out: no texture</td>",
+    ] {
+        assert!(html.contains(text), "{text}: {html}");
+    }
+    cameras.doubt = Some("the focal length is told to 6 % only".into());
+    cameras.help = Some("photos from more different places, or --focal, would tell".into());
+    write(&cameras);
+    let html = report(settings(), &out("doubtful"));
+    let body = html.split("<body>").nth(1).unwrap();
+    assert!(body.starts_with("<p style") && body.find("Warning").unwrap() < body.find("<h1>").unwrap(), "{html}");
+    assert!(body.contains("told to 6 % only; photos from more different places, or --focal, would tell."), "{html}");
+    // Somebody's file of that name.
+    std::fs::write(data.join(CamerasSummary::NAME), "[1]").unwrap();
+    assert!(!report(settings(), &out("other")).contains("Estimated cameras"));
 }
 
 /// Takes a key out of a file.

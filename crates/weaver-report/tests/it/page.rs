@@ -7,13 +7,13 @@ use weaver_report::{Page, Span};
 fn everything_is_escaped() {
     let hostile = "<script>alert(\"1 & 2\")</script>";
     let mut page = Page::new(hostile);
-    page.heading(2, hostile).paragraph(hostile).spans(&[Span::Plain(hostile), Span::Bold(hostile)]);
+    page.heading(2, hostile).paragraph(hostile).spans(&[Span::Plain(hostile), Span::Bold(hostile)]).warning(hostile);
     page.preformatted(hostile).table(&[hostile], &[[hostile]]).curve(hostile, [(1, 2.0)]);
     page.picture(hostile, &Image::filled(1, 1, [0.5; 3]));
     let html = page.html();
     assert!(!html.contains("script>"), "{html}");
-    // Title, heading, paragraph, two spans, preformatted, two cells, curve, and a picture's text and caption.
-    assert_eq!(html.matches("&lt;script&gt;alert(&quot;1 &amp; 2&quot;)&lt;/script&gt;").count(), 11, "{html}");
+    // Title, heading, paragraph, two spans, warning, preformatted, two cells, curve, and a picture's text and caption.
+    assert_eq!(html.matches("&lt;script&gt;alert(&quot;1 &amp; 2&quot;)&lt;/script&gt;").count(), 12, "{html}");
 }
 
 #[test]

@@ -1,0 +1,59 @@
+//! What is doubtful about estimated cameras, in words, and what would help.
+
+use super::EstimatedPhotos;
+use weaver_sfm::{Confidence, Uncertainty};
+
+/// What is doubtful about cameras, and what would tell.
+#[derive(Clone, Debug, Eq, PartialEq)]
+pub struct Doubt {
+    /// What is doubtful.
+    pub what: String,
+    /// What would help.
+    pub help: String,
+}
+
+impl EstimatedPhotos {
+    /// What is doubtful about the cameras; `None` where nothing is, and without cameras.
+    pub fn doubt(&self) -> Option<Doubt> {
+        let between = "photos between it and the others would tell";
+        let (what, help) = match self.confidence() {
+            Confidence::Good | Confidence::None => return None,
+            Confidence::Ambiguous => (
+                format!("other cameras explain {:.0} % as much", 100.0 * self.estimate.rival),
+                "more photos between these, or --focal, would tell",
+            ),
+            Confidence::Inexact => (
+                "points are not where photos see them; something may have moved".into(),
+                "photos of which nothing moves, or masks, would help",
+            ),
+            Confidence::Guessed => (
+                "two photos hardly tell their focal length".into(),
+                "a third one from another place, or --focal, would",
+            ),
+            Confidence::LooseFocal => {
+                let told = self.estimate.uncertainty.as_ref().map(|u| u.focal).filter(|focal| focal.is_finite());
+                let what = match told {
+                    Some(focal) => format!("the focal length is told to {:.0} % only", 100.0 * focal),
+                    None => "nothing tells the focal length".into(),
+                };
+                (what, "photos from more different places, or --focal, would tell")
+            }
+            Confidence::LooseRotation => {
+                (format!("{} may be turned by some degrees", self.least_told(|u| &u.rotations)), between)
+            }
+            Confidence::LooseCenter => {
+                (format!("where {} was taken is told badly", self.least_told(|u| &u.centers)), between)
+            }
+        };
+        Some(Doubt { what, help: help.into() })
+    }
+
+    /// The photo of which something is told least.
+    fn least_told(&self, of: impl Fn(&Uncertainty) -> &Vec<f64>) -> String {
+        let most = self.estimate.uncertainty.as_ref().and_then(|u| {
+            let deviations = of(u).iter().enumerate();
+            deviations.max_by(|a, b| a.1.total_cmp(b.1)).map(|(photo, _)| self.paths[photo].display().to_string())
+        });
+        most.unwrap_or_else(|| "a photo".into())
+    }
+}
