@@ -59,7 +59,9 @@ fn align(photos: &[&Photo<'_>], cameras: &[Camera], point: DVec3, seen: &mut [Ob
     let Observation { camera, pixel, deviation, .. } = seen[middle];
     let onto_plane = looks(&cameras[camera], point, plane).inverse();
     let spacing = DMat2::IDENTITY * deviation.clamp(SPACING[0], SPACING[1]);
-    let Some(template) = Template::new(photos[camera], pixel, spacing).filter(|_| onto_plane.is_finite()) else { return };
+    let Some(template) = Template::new(photos[camera], pixel, spacing).filter(|_| onto_plane.is_finite()) else {
+        return;
+    };
     let mut any = false;
     for o in seen.iter_mut().filter(|o| o.camera != camera) {
         let warp = looks(&cameras[o.camera], point, plane) * onto_plane * spacing;
@@ -143,8 +145,7 @@ mod tests {
             let mean = by.iter().sum::<DVec2>() / by.len() as f64;
             (by.iter().map(|by| by.distance_squared(mean)).sum::<f64>() / by.len() as f64).sqrt()
         };
-        let mut each: Vec<f64> =
-            bundle.observations.chunks(4).zip(exact.observations.chunks(4)).map(apart).collect();
+        let mut each: Vec<f64> = bundle.observations.chunks(4).zip(exact.observations.chunks(4)).map(apart).collect();
         each.sort_by(f64::total_cmp);
         each[each.len() / 2]
     }

@@ -24,6 +24,8 @@ pub enum Confidence {
     Inexact,
     /// The focal length is not known, and two photos hardly tell it.
     Guessed,
+    /// Parts of the scene have too little in common to tell how they stand to each other.
+    Untied,
     /// The focal length may be more than 5 % off.
     LooseFocal,
     /// A photo's rotation may be more than 2 degrees off.
@@ -48,6 +50,8 @@ impl Estimate {
             Confidence::Inexact
         } else if self.focal_guessed {
             Confidence::Guessed
+        } else if !self.untied.is_empty() || [focal, turn, center].iter().any(|x| !x.is_finite()) {
+            Confidence::Untied
         } else if self.rival > RIVAL {
             Confidence::Ambiguous
         } else if SURE * focal > FOCAL {

@@ -50,6 +50,8 @@ pub struct Estimate {
     pub uncertainty: Option<Uncertainty>,
     /// How much the best explanation with other rotations explains, over the one that was taken: 0 if none was met.
     pub rival: f64,
+    /// Photos with a camera that only matches which may be chance tie to most of the others.
+    pub untied: Vec<usize>,
     /// How many times as long focal lengths are as they were told, by the lens of which that is farthest from 1; 1 where none was.
     pub focal_factor: f64,
     /// Whether focal lengths were not known, and there are too few photos to tell them.
@@ -94,7 +96,8 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
     };
     let photos_of_those: Vec<&Photo<'_>> = numbers.iter().map(|i| &photos[*i]).collect();
     let taken_of_those: Vec<Taken> = numbers.iter().map(|i| taken[*i]).collect();
-    let Scene { found, pairs, rival } = Search::new(&taken_of_those, &photos_of_those, &of_those, settings).scene();
+    let Scene { found, pairs, rival, untied } =
+        Search::new(&taken_of_those, &photos_of_those, &of_those, settings).scene();
     let pairs = pairs.renumbered(&numbers);
     let Some((bundle, placed)) = found else {
         return without_cameras(features, &pairs, &vec![false; photos.len()]);
@@ -107,7 +110,8 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
     let (error, seen) = (bundle.median_error(), bundle.seen());
     let reasons = without_cameras(features, &pairs, &placed);
     let uncertainty = uncertainty.map(|u| u.renumbered(&numbers, photos.len()));
-    let mut estimate = Estimate { error, seen, uncertainty, rival, focal_guessed, focal_factor, ..reasons };
+    let untied = untied.into_iter().map(|photo| numbers[photo]).collect();
+    let mut estimate = Estimate { error, seen, uncertainty, rival, untied, focal_guessed, focal_factor, ..reasons };
     for photo in (0..photos.len()).filter(|i| placed[*i]) {
         let lens = &bundle.lenses[bundle.lens_of[photo]];
         estimate.cameras[photo] = Ok(bundle.camera(photo));
@@ -150,6 +154,7 @@ fn without_cameras(features: &[Features], pairs: &Pairs, placed: &[bool]) -> Est
         observations: Vec::new(),
         uncertainty: None,
         rival: 0.0,
+        untied: Vec::new(),
         focal_factor: 1.0,
         focal_guessed: false,
     }

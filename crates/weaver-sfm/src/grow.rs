@@ -3,7 +3,7 @@
 use crate::bundle::{Bundle, Observation};
 use crate::evidence::{EXACT, Evidence, FITS, STEPS};
 use crate::pairs::Pair;
-use crate::place::{Place, agreement, by_pixel, place, tally};
+use crate::place::{Place, by_pixel, place, tally};
 use weaver_geometry::Pose;
 use weaver_kernels::parallel;
 
@@ -13,13 +13,13 @@ const GROWN: [(f64, usize); 2] = [(4.0, STEPS), (2.0, STEPS)];
 /// Cameras join together that see at least this part of what the best one sees.
 const TOGETHER: f64 = 0.4;
 /// Where the matches of some photos agree with their places by this share, others wait.
-#[allow(non_snake_case)] fn CLEAR() -> f64 { crate::knob("CLEAR", 0.8) }
+const CLEAR: f64 = 0.8;
 /// A camera that sees fewer points is lost again.
 const LOST: usize = 6;
 /// How often photos are taken out again that most of their matches speak against.
 const RETRACTIONS: usize = 5;
 /// The share of its matches that must agree with a photo's pose in the end.
-#[allow(non_snake_case)] fn MOST() -> f64 { crate::knob("MOST", 0.5) }
+const MOST: f64 = 0.5;
 /// Angles between rays that are wide enough to begin with, radians.
 const WIDE: f64 = 0.1;
 
@@ -30,8 +30,6 @@ pub(crate) struct Grown {
     pub placed: Vec<bool>,
     /// How well what was seen is explained.
     pub support: f64,
-    /// Matches of pairs that agree with where their photos are, of how many.
-    pub agreeing: [usize; 2],
 }
 
 /// The pairs to begin with, the best first: many matches, seen from different places.
@@ -51,12 +49,12 @@ impl Grown {
         (placed[a], placed[b]) = (true, true);
         (bundle.cameras[a].pose, bundle.cameras[b].pose) = (Pose::IDENTITY, *pose);
         bundle.fixed[a] = true;
-        Self { bundle, placed, support: 0.0, agreeing: [0, 0] }
+        Self { bundle, placed, support: 0.0 }
     }
 
     /// Places photo after photo, as long as one sees enough of what there is.
     pub fn grow(&mut self, evidence: &Evidence<'_>) {
-        let Self { bundle, placed, support, agreeing } = self;
+        let Self { bundle, placed, support } = self;
         let mut refused = evidence.absent.to_vec();
         let mut retractions = RETRACTIONS;
         let free: Vec<bool> = bundle.lenses.iter().map(|lens| lens.free_focal).collect();
@@ -82,25 +80,32 @@ impl Grown {
         bundle.free_focal(&free, placed);
         adjusted(evidence, bundle, placed, &GROWN);
         *support = explained(bundle);
-        *agreeing = agreement(evidence, bundle, placed);
         bundle.lenses.iter_mut().zip(free).for_each(|(lens, free)| lens.free_focal = free);
     }
 }
 
 impl Grown {
-    /// Where a photo belongs that the others know nothing of.
-    pub fn replaced(&mut self, evidence: &Evidence<'_>, photo: usize, adjust: bool) -> Option<Pose> {
-        let Self { bundle, placed, .. } = self;
-        let scales: &[(f64, usize)] = if adjust { &[(4.0, 8), (2.0, 8)] } else { &[] };
-        let all = adjusted(evidence, bundle, placed, scales);
-        let refused: Vec<bool> = (0..placed.len()).map(|i| i != photo).collect();
-        let joined = join(evidence, bundle, placed, &refused, &all, 0.0);
-        joined.contains(&photo).then(|| bundle.cameras[photo].pose)
-    }
-    /// Adjusts what there is.
-    pub fn settle(&mut self, evidence: &Evidence<'_>) {
+    /// Finds points for the cameras as they are, and adjusts both.
+    pub fn adjust(&mut self, evidence: &Evidence<'_>) {
         adjusted(evidence, &mut self.bundle, &self.placed, &GROWN);
         self.support = explained(&self.bundle);
+    }
+
+    /// The same without a photo that has a place; `None` where it has none, or too few are left.
+    pub fn without(&self, photo: usize) -> Option<Self> {
+        let mut rest = self.clone();
+        rest.placed[photo] = false;
+        let first = rest.placed.iter().position(|placed| *placed)?;
+        if std::mem::take(&mut rest.bundle.fixed[photo]) {
+            rest.bundle.fixed[first] = true;
+        }
+        (self.placed[photo] && rest.placed.iter().filter(|placed| **placed).count() > 1).then_some(rest)
+    }
+
+    /// Places a photo anew.
+    pub fn rejoin(&mut self, evidence: &Evidence<'_>, photo: usize) {
+        let absent: Vec<bool> = (0..self.placed.len()).map(|i| i != photo).collect();
+        self.join(&Evidence { absent: &absent, ..*evidence });
     }
 
     /// Places, once, every photo that sees enough of what there is; nothing else moves.
@@ -142,7 +147,7 @@ fn lost(bundle: &Bundle, placed: &[bool]) -> Vec<usize> {
 fn contradicted(evidence: &Evidence<'_>, bundle: &Bundle, placed: &[bool]) -> Vec<usize> {
     let wrong = |photo: &usize| {
         let [agree, all] = tally(evidence, bundle, placed, &bundle.cameras[*photo].pose, *photo);
-        placed[*photo] && (agree as f64) < MOST() * all as f64
+        placed[*photo] && (agree as f64) < MOST * all as f64
     };
     (0..placed.len()).filter(wrong).collect()
 }
@@ -177,8 +182,8 @@ fn join(
         }
     });
     // Those first of which nothing speaks against the place: what they add tells where the others belong.
-    let clear = found.iter().flatten().any(|f| f.share >= CLEAR());
-    found.iter_mut().for_each(|found| *found = found.filter(|f| !clear || f.share >= CLEAR()));
+    let clear = found.iter().flatten().any(|f| f.share >= CLEAR);
+    found.iter_mut().for_each(|found| *found = found.filter(|f| !clear || f.share >= CLEAR));
     let most = found.iter().flatten().map(|f| f.count).max().unwrap_or(0);
     let mut joined = Vec::new();
     for (photo, found) in found.into_iter().enumerate() {

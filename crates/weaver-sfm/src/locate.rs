@@ -39,7 +39,7 @@ pub(crate) fn locate(
     // Of the others those without a place get none here.
     let evidence = Evidence { features, pairs: &pairs.posed, tracks: &tracks, absent: &others, trust: Trust::PAIRS };
     let before = placed.clone();
-    let mut found = Grown { bundle: bundle.clone(), placed: before.clone(), support: 0.0, agreeing: [0, 0] };
+    let mut found = Grown { bundle: bundle.clone(), placed: before.clone(), support: 0.0 };
     found.bundle.lenses.iter_mut().for_each(|lens| *lens = lens.held());
     found.join(&evidence);
     let near = near(&found.bundle, &found.placed, settings.candidates);

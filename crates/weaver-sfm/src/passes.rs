@@ -53,7 +53,6 @@ impl Pass {
         Self { scales: &WIDE, farthest, find: |a, b, _| matches(a, b) }
     }
 
-    pub const MEDIUM: Self = Self { scales: &[8.0, 4.0, 2.0], farthest: 4.0 * CERTAIN, find: matches_along };
     /// For cameras that were adjusted.
     pub const FINE: [Self; 2] = [
         Self { scales: &NARROW, farthest: 2.0 * CERTAIN, find: matches_along },

@@ -17,7 +17,7 @@ const LOCATING: [f64; 4] = [16.0, 8.0, 4.0, 2.0];
 /// Poses that are tried for a camera, the best of those that points and pairs suggest.
 const TRIED: usize = 4;
 /// The share of its matches with placed photos that must agree with a pose.
-#[allow(non_snake_case)] fn ENOUGH() -> f64 { crate::knob("ENOUGH", 0.35) }
+const ENOUGH: f64 = 0.35;
 
 /// The order in which what a photo sees is looked up.
 pub(crate) fn by_pixel(a: DVec2, b: DVec2) -> Ordering {
@@ -62,7 +62,7 @@ pub(crate) fn place(
     by_points(bundle, &seen[photo], &[&apart[..], &turned].concat(), photo)
         .filter(|(_, count)| enough(*count))
         .map(with_share)
-        .filter(|place| place.share >= ENOUGH())
+        .filter(|place| place.share >= ENOUGH)
         .or_else(of_matches)
 }
 
@@ -130,14 +130,6 @@ pub(crate) fn tally(
     })
 }
 
-/// How many matches of pairs with a place agree with it, of how many.
-pub(crate) fn agreement(evidence: &Evidence<'_>, bundle: &Bundle, placed: &[bool]) -> [usize; 2] {
-    let with = |pair: &&Pair| pair.photos.iter().all(|p| placed[*p]);
-    evidence.pairs.iter().filter(with).fold([0, 0], |[agree, all], pair| {
-        [agree + agreeing(evidence, pair, &pair.photos.map(|i| bundle.camera(i))), all + pair.matches.len()]
-    })
-}
-
 /// How much fits, and how many observations.
 fn fitting(bundle: &Bundle, within: f64) -> (f64, usize) {
     bundle.fits(within).into_iter().fold((0.0, 0), |(sum, count), x| (sum + x, count + usize::from(x > 0.0)))
@@ -181,12 +173,6 @@ fn suggested(
 /// How many matches of a pair lie on the epipolar lines of two cameras.
 fn agreeing(evidence: &Evidence<'_>, pair: &Pair, [first, second]: &[Camera; 2]) -> usize {
     let [a, b] = pair.photos.map(|photo| &evidence.features[photo].keypoints);
-    let epipolar = Epipolar::new(first, second, FITS * sharpest(second));
-    pair.matches.iter().filter(|m| epipolar.allows(a[m.first].pixel, b[m.second].pixel)).count()
-}
-
-pub(crate) fn agreeing_pub(features: &[crate::features::Features], pair: &Pair, [first, second]: &[Camera; 2]) -> usize {
-    let [a, b] = pair.photos.map(|photo| &features[photo].keypoints);
     let epipolar = Epipolar::new(first, second, FITS * sharpest(second));
     pair.matches.iter().filter(|m| epipolar.allows(a[m.first].pixel, b[m.second].pixel)).count()
 }

@@ -49,8 +49,7 @@ impl Uncertainty {
         for lens in &mut freed.lenses {
             (lens.free_shift, lens.shift_weight) = (true, (noise / OFF_CENTER).powi(2));
             if !lens.free_k1 {
-                (lens.free_k1, lens.distortion_weight) = (true, (noise / crate::knob("UNSEEN", UNSEEN)).powi(2));
-                lens.free_k2 = crate::knob("UNSEEN2", 0.0) > 0.0;
+                (lens.free_k1, lens.distortion_weight) = (true, (noise / UNSEEN).powi(2));
             }
         }
         let Covariance { focal, rotation, center, .. } = freed.covariance(1.0)?;
@@ -58,21 +57,7 @@ impl Uncertainty {
         // What has no variance although it is adjusted is not known at all.
         let both = |of_all: f64, of_rest: f64| if of_all.is_nan() { f64::INFINITY } else { of_all.hypot(of_rest) };
         let focals =
-            bundle.lenses.iter().zip(focal.into_iter().zip(left_out.focal.clone())).filter(|(lens, _)| lens.free_focal);
-        if std::env::var("DIAG").is_ok() {
-            let spread = spread(&bundle.cameras);
-            let most = |v: &[f64]| v.iter().copied().fold(0.0, |a: f64, b| if b.is_nan() { f64::INFINITY } else { a.max(b) });
-            let mut line = format!("PARTS {} {} {}", 100.0 * most(&left_out.focal), most(&left_out.rotation).to_degrees(), 100.0 * most(&left_out.center) / spread);
-            for unseen in [0.0, 0.01, 0.03] {
-                let mut freed = bundle.clone();
-                if unseen > 0.0 { for lens in &mut freed.lenses {
-                    (lens.free_shift, lens.shift_weight) = (true, (noise / OFF_CENTER).powi(2));
-                    if !lens.free_k1 { (lens.free_k1, lens.distortion_weight) = (true, (noise / unseen).powi(2)); }
-                } }
-                if let Some(c) = freed.covariance(1.0) { line += &format!(" {} {} {}", 100.0 * most(&c.focal), most(&c.rotation).to_degrees(), 100.0 * most(&c.center) / spread); } else { line += " inf inf inf"; }
-            }
-            println!("{line} noise {noise}");
-        }
+            bundle.lenses.iter().zip(focal.into_iter().zip(left_out.focal)).filter(|(lens, _)| lens.free_focal);
         let focal = focals.map(|(_, (of_all, of_rest))| both(of_all, of_rest)).fold(0.0, f64::max);
         let of_photos = |of_all: Vec<f64>, of_rest: Vec<f64>| {
             let mut each = of_all.into_iter().zip(of_rest).map(|(of_all, of_rest)| both(of_all, of_rest));

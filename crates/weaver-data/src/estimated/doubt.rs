@@ -1,6 +1,7 @@
 //! What is doubtful about estimated cameras, in words, and what would help.
 
 use super::EstimatedPhotos;
+use crate::remarks::some_of;
 use weaver_sfm::{Confidence, Uncertainty};
 
 /// What is doubtful about cameras, and what would tell.
@@ -30,12 +31,18 @@ impl EstimatedPhotos {
                 "two photos hardly tell their focal length".into(),
                 "a third one from another place, or --focal, would",
             ),
-            Confidence::LooseFocal => {
-                let told = self.estimate.uncertainty.as_ref().map(|u| u.focal).filter(|focal| focal.is_finite());
-                let what = match told {
-                    Some(focal) => format!("the focal length is told to {:.0} % only", 100.0 * focal),
-                    None => "nothing tells the focal length".into(),
+            Confidence::Untied => {
+                let untied: Vec<String> =
+                    self.estimate.untied.iter().map(|photo| self.paths[*photo].display().to_string()).collect();
+                let what = match untied.is_empty() {
+                    true => "parts of the scene have no points in common".into(),
+                    false => format!("what ties these to the other photos may be chance: {}", some_of(&untied)),
                 };
+                (what, "photos between would tell")
+            }
+            Confidence::LooseFocal => {
+                let told = self.estimate.uncertainty.as_ref().map_or(f64::NAN, |u| u.focal);
+                let what = format!("the focal length is told to {:.0} % only", 100.0 * told);
                 (what, "photos from more different places, or --focal, would tell")
             }
             Confidence::LooseRotation => {

@@ -118,6 +118,7 @@ fn confidence(of: Confidence) -> &'static str {
         Confidence::Ambiguous => "doubtful: other cameras explain nearly as much",
         Confidence::Inexact => "doubtful: points are not where photos see them",
         Confidence::Guessed => "doubtful: focal length guessed",
+        Confidence::Untied => "doubtful: parts hardly tied to each other",
         Confidence::LooseFocal => "doubtful: focal length",
         Confidence::LooseRotation => "doubtful: rotations",
         Confidence::LooseCenter => "doubtful: centers",

@@ -93,8 +93,7 @@ impl Template {
         // Offsets over the reach, so that all numbers are of one size.
         let offset = |i: usize| [i % SIDE, i / SIDE].map(|k| k as f32 / REACH as f32 - 1.0);
         let times = |slope: &Patch, axis: usize| std::array::from_fn(|i| slope[i] * offset(i)[axis]);
-        let mut slopes =
-            [across, down, times(&across, 0), times(&across, 1), times(&down, 0), times(&down, 1)];
+        let mut slopes = [across, down, times(&across, 0), times(&across, 1), times(&down, 0), times(&down, 1)];
         for slope in &mut slopes {
             let mean = slope.iter().sum::<f32>() / SAMPLES as f32;
             let along = dot(slope, &patch) / square;

@@ -1,0 +1,194 @@
+//! Explanations that are brought to an end, so that they can be told apart.
+
+use super::{SEVERAL, Search};
+use crate::bundle::Bundle;
+use crate::evidence::{Evidence, Trust};
+use crate::grow::{Grown, explained};
+use crate::pairs::linked;
+use crate::passes::{Pass, near};
+use weaver_geometry::Pose;
+
+/// Explanations that are settled, of few photos and of more, and the part of what the best explains and places from which on one is.
+const SETTLED: [usize; 2] = [4, 2];
+const NEARLY: f64 = 0.6;
+const NEARLY_ALL: f64 = 0.9;
+/// Before they are settled, those are different in which photos are turned by more than this, radians.
+const APART: f64 = 0.05;
+/// The share of the matches of a pair that must agree for it to hold together what looks another way.
+const CERTAIN: f64 = 0.5;
+/// A photo that the others would turn by more than this is turned, if that explains more by such a part.
+const ASTRAY: f64 = 0.007;
+const BETTER: f64 = 1.005;
+/// Scales of adjustments after an alignment, and how far off observations are left out after each, pixels.
+const ALIGNING: [(f64, f64); 2] = [(2.0, 6.0), (1.0, 3.0)];
+const STEPS: usize = 40;
+/// Alignments in the end.
+const ALIGNMENTS: usize = 2;
+
+impl Search<'_> {
+    /// The scenes that explain nearly as much as the best and are different, the best first.
+    pub(super) fn different(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.found.len()).collect();
+        let value = |i: &usize| self.found[*i].value();
+        order.sort_by(|a, b| value(b).0.cmp(&value(a).0).then(value(b).1.total_cmp(&value(a).1)));
+        let most = SETTLED[usize::from(self.taken.len() > SEVERAL)];
+        let mut kept: Vec<usize> = Vec::new();
+        for i in order {
+            let (count, support) = kept.first().map_or(value(&i), value);
+            let near = value(&i).0 as f64 >= NEARLY_ALL * count as f64 && value(&i).1 >= NEARLY * support;
+            if near && kept.len() < most && kept.iter().all(|k| self.found[*k].differs(&self.found[i], APART)) {
+                kept.push(i);
+            }
+        }
+        kept
+    }
+
+    /// A scene of which all that its photos share is found, and what it then explains.
+    pub(super) fn settled(&self, grown: &Grown) -> Grown {
+        let mut grown = grown.clone();
+        if self.taken.len() <= SEVERAL {
+            self.reconsider(&mut grown);
+        }
+        let Grown { bundle, placed, support } = &mut grown;
+        let free: Vec<bool> = bundle.lenses.iter().map(|lens| lens.free_focal).collect();
+        bundle.free_focal(&free, placed);
+        self.pass(bundle, placed, &Pass::FINE[0]);
+        self.align(bundle);
+        *support = explained(bundle);
+        grown
+    }
+
+    /// Finds the distortion, and all that photos share once it is known.
+    pub(super) fn finish(&self, bundle: &mut Bundle, placed: &[bool]) {
+        if bundle.free_distortion(self.settings.distortion, placed) {
+            // What was thought wrong at the margins may be right.
+            self.pass(bundle, placed, &Pass::FINE[0]);
+        }
+        self.pass(bundle, placed, &Pass::FINE[1]);
+        bundle.finish();
+        (0..ALIGNMENTS).for_each(|_| self.align(bundle));
+    }
+
+    /// Matches and adjusts once: photos whose cameras stand near each other, and those that pairs hold together.
+    fn pass(&self, bundle: &mut Bundle, placed: &[bool], pass: &Pass) {
+        let missing: Vec<bool> = placed.iter().map(|placed| !placed).collect();
+        let mut pairs = near(bundle, placed, self.settings.candidates);
+        let certain = self.pairs.posed.iter().filter(|pair| pair.certain(CERTAIN)).map(|pair| pair.photos);
+        pairs.extend(certain.filter(|pair| pair.iter().all(|photo| placed[*photo])));
+        pairs.sort_unstable();
+        pairs.dedup();
+        bundle.pass(self.features, &pairs, &missing, pass);
+    }
+
+    /// Aligns what surrounds keypoints, and adjusts to where they are then.
+    fn align(&self, bundle: &mut Bundle) {
+        bundle.align(self.photos);
+        for (scale, farthest) in ALIGNING {
+            bundle.adjust(scale, STEPS);
+            bundle.leave_out(farthest);
+        }
+        bundle.finish();
+    }
+
+    /// Takes photo after photo out, and puts it where the others say that it belongs if more is explained by that.
+    ///
+    /// What a scene began with was never placed by the others, and one photo that is turned a little bends many points after it.
+    fn reconsider(&self, grown: &mut Grown) {
+        let absent = vec![false; self.taken.len()];
+        let (features, pairs) = (self.features, &self.pairs.posed[..]);
+        let tracks = linked(features, pairs);
+        let evidence = Evidence { features, pairs, tracks: &tracks, absent: &absent, trust: Trust::POINTS };
+        let free: Vec<bool> = grown.bundle.lenses.iter().map(|lens| lens.free_focal).collect();
+        grown.bundle.free_focal(&free, &grown.placed);
+        for photo in 0..self.taken.len() {
+            if let Some(mut other) = grown.without(photo) {
+                other.adjust(&evidence);
+                other.rejoin(&evidence, photo);
+                if other.placed[photo] && turned(&grown.bundle, &other.bundle, photo, &grown.placed) > ASTRAY {
+                    other.adjust(&evidence);
+                    if other.support > BETTER * grown.support {
+                        *grown = other;
+                    }
+                }
+            }
+        }
+        grown.bundle.lenses.iter_mut().zip(free).for_each(|(lens, free)| lens.free_focal = free);
+    }
+}
+
+/// By how much a photo is turned in one scene over another, relative to the first of the others, radians.
+fn turned(one: &Bundle, other: &Bundle, photo: usize, placed: &[bool]) -> f64 {
+    let first = (0..placed.len()).find(|i| placed[*i] && *i != photo).unwrap_or(photo);
+    let turn = |bundle: &Bundle| -> Pose { bundle.cameras[photo].pose.relative_to(&bundle.cameras[first].pose) };
+    turn(one).angle_to(&turn(other))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::features::Features;
+    use crate::lenses::Taken;
+    use crate::photo::{EstimateSettings, Photo};
+    use weaver_data::procedural::{ProceduralOptions, scene};
+    use weaver_geometry::glam::DMat3;
+
+    /// What a search of six drawn photos does.
+    fn with_search<T>(run: impl FnOnce(Search<'_>) -> T) -> T {
+        let drawn = scene(3, &ProceduralOptions { width: 192, height: 144, views: 12 });
+        let photo = |view: &weaver_data::View| Photo::new(&view.image.to_bytes(), [144, 192]);
+        let photos: Vec<Photo<'_>> = drawn.views.iter().step_by(2).map(photo).collect();
+        let features: Vec<Features> = photos.iter().map(|p| Features::new(&p.gray, p.size, None, 1000)).collect();
+        let (taken, settings) = (photos.iter().map(Taken::of).collect::<Vec<_>>(), EstimateSettings::default());
+        let photos: Vec<&Photo<'_>> = photos.iter().collect();
+        run(Search::new(&taken, &photos, &features, &settings))
+    }
+
+    /// The same scene with a photo that is turned, and explains so much.
+    fn but(grown: &Grown, photo: usize, angle: f64, support: f64) -> Grown {
+        let mut other = Grown { support, ..grown.clone() };
+        let pose = &mut other.bundle.cameras[photo].pose;
+        let center = pose.center();
+        let rotation = DMat3::from_rotation_y(angle) * pose.rotation;
+        *pose = Pose::new(rotation, -(rotation * center));
+        other
+    }
+
+    #[test]
+    fn a_photo_that_is_turned_is_turned_back() {
+        with_search(|mut search| {
+            search.run();
+            let right = search.found[search.different()[0]].clone();
+            assert_eq!(right.value().0, 6);
+            for photo in [0, 3] {
+                let mut grown = but(&right, photo, 0.15, 0.5 * right.support);
+                assert!(turned(&right.bundle, &grown.bundle, photo, &right.placed) > 0.1);
+                search.reconsider(&mut grown);
+                let left = turned(&right.bundle, &grown.bundle, photo, &right.placed);
+                assert!(left < 0.01 && grown.support > 0.9 * right.support, "{photo}: {left}, {}", grown.support);
+            }
+            let mut same = right.clone();
+            search.reconsider(&mut same);
+            assert!(same.support >= right.support);
+        });
+    }
+
+    #[test]
+    fn what_is_another_explanation_is_settled_and_what_is_the_same_is_not() {
+        with_search(|mut search| {
+            search.run();
+            let right = search.found[search.different()[0]].clone();
+            search.found = vec![
+                but(&right, 1, 0.3, 0.7 * right.support),
+                but(&right, 2, 0.01, 0.9 * right.support),
+                right.clone(),
+                but(&right, 4, 0.3, 0.5 * right.support),
+            ];
+            assert_eq!(search.different(), [2, 0]);
+            let settled = search.settled(&right);
+            let aligned = settled.bundle.observations.iter().filter(|o| o.deviation < 0.5).count();
+            assert!(2 * aligned > settled.bundle.observations.len(), "{aligned}");
+            // What was found wins over what was turned, though that is brought to an end as well.
+            assert!(settled.support >= search.settled(&search.found[0]).support);
+        });
+    }
+}
