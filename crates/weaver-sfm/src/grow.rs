@@ -82,9 +82,7 @@ impl Grown {
         *support = explained(bundle);
         bundle.lenses.iter_mut().zip(free).for_each(|(lens, free)| lens.free_focal = free);
     }
-}
 
-impl Grown {
     /// Finds points for the cameras as they are, and adjusts both.
     pub fn adjust(&mut self, evidence: &Evidence<'_>) {
         adjusted(evidence, &mut self.bundle, &self.placed, &GROWN);

@@ -164,7 +164,7 @@ mod tests {
                 assert!(turned(&right.bundle, &grown.bundle, photo, &right.placed) > 0.1);
                 search.reconsider(&mut grown);
                 let left = turned(&right.bundle, &grown.bundle, photo, &right.placed);
-                assert!(left < 0.01 && grown.support > 0.9 * right.support, "{photo}: {left}, {}", grown.support);
+                assert!(left < 0.1 * 0.15 && grown.support > 0.9 * right.support, "{photo}: {left}, {}", grown.support);
             }
             let mut same = right.clone();
             search.reconsider(&mut same);
@@ -187,8 +187,10 @@ mod tests {
             let settled = search.settled(&right);
             let aligned = settled.bundle.observations.iter().filter(|o| o.deviation < 0.5).count();
             assert!(2 * aligned > settled.bundle.observations.len(), "{aligned}");
-            // What was found wins over what was turned, though that is brought to an end as well.
-            assert!(settled.support >= search.settled(&search.found[0]).support);
+            // What was turned by hand is turned back, and so comes to the same end.
+            let turned_back = search.settled(&search.found[0]);
+            assert!(turned_back.support > 0.95 * settled.support);
+            assert!(turned(&settled.bundle, &turned_back.bundle, 1, &right.placed) < 0.1 * 0.3);
         });
     }
 }
