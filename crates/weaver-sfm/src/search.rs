@@ -1,10 +1,12 @@
 //! Scenes that explain photos, of which the best is taken.
 
+mod many;
+
 use crate::bundle::Bundle;
 use crate::evidence::{Evidence, Trust};
 use crate::features::Features;
 use crate::focal;
-use crate::grow::{Grown, beginnings};
+use crate::grow::{Grown, MANY, beginnings};
 use crate::lenses::{Taken, USUAL, tau};
 use crate::pairs::{self, Pair, Pairs, linked};
 use crate::passes::{Pass, near};
@@ -46,13 +48,22 @@ pub(crate) struct Search<'a> {
     pairs: Pairs,
     /// The scenes that were grown.
     found: Vec<Grown>,
+    /// How much the best of those explained that were given up while they were small, over what the one that was not did then.
+    given_up: f64,
 }
 
 impl<'a> Search<'a> {
     pub fn new(taken: &'a [Taken], features: &'a [Features], settings: &'a EstimateSettings) -> Self {
         let candidates = candidates(features, &vec![true; taken.len()], settings.candidates, settings.sequence);
         let matched = pairs::matched(features, &candidates);
-        Self { taken, features, settings, pairs: Pairs { matched, posed: Vec::new() }, found: Vec::new() }
+        Self {
+            taken,
+            features,
+            settings,
+            pairs: Pairs { matched, posed: Vec::new() },
+            found: Vec::new(),
+            given_up: 0.0,
+        }
     }
 
     /// The scene that explains most.
@@ -61,7 +72,7 @@ impl<'a> Search<'a> {
         let value = |i: usize| self.found[i].value();
         let best = (0..self.found.len()).reduce(|a, b| if value(b) > value(a) { b } else { a });
         let Some(best) = best else { return Scene { found: None, pairs: self.pairs, rival: 0.0 } };
-        let rival = self.rival(best);
+        let rival = self.rival(best).max(self.given_up);
         let Grown { mut bundle, mut placed, .. } = self.found.swap_remove(best);
         self.refine(&mut bundle, &placed);
         placed.iter_mut().zip(bundle.seen()).for_each(|(placed, seen)| *placed &= seen >= LEAST_SEEN);
@@ -72,6 +83,9 @@ impl<'a> Search<'a> {
 
     /// Grows scenes.
     fn run(&mut self) {
+        if self.taken.len() > MANY {
+            return self.run_many();
+        }
         let few = self.taken.len() <= FEW;
         let tau = tau(self.taken);
         for factor in self.focal_lengths(tau) {
