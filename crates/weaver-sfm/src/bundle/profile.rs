@@ -1,12 +1,13 @@
 //! Cholesky's factors of a sparse matrix, of which each row is stored from its first block on.
 
+mod inverse;
+
 use super::linear::fma;
 use super::reduced::Reduced;
-use super::sums::{BLOCK, PADDED};
+use super::sums::BLOCK;
 use super::system::Row;
 use std::cmp::Reverse;
 use std::collections::VecDeque;
-use weaver_kernels::parallel;
 use weaver_kernels::simd::{self, Level};
 
 /// Sums side by side.
@@ -187,46 +188,6 @@ impl Profile {
     fn rows(&self, at: usize) -> impl DoubleEndedIterator<Item = (&[f64], usize)> {
         let all = &self.values[self.start[at]..self.start[at + 1]];
         all.chunks_exact(self.width(at)).zip(0..BLOCK)
-    }
-
-    /// The diagonal of the inverse, from the factor: the squares of the columns of the inverse of the factor.
-    pub fn inverse_diagonal(&self) -> Vec<Row> {
-        let mut diagonal = vec![[0.0; PADDED]; self.place.len()];
-        parallel::for_chunks(&mut diagonal, 1, |row, diagonal| {
-            simd::dispatch(
-                #[inline(always)]
-                || diagonal[0] = self.column(self.place[row] as usize),
-            );
-        });
-        diagonal
-    }
-
-    /// The squares of the columns of one block.
-    #[inline(always)]
-    fn column(&self, from: usize) -> Row {
-        let mut x = vec![[0.0; PADDED]; BLOCK * (self.first.len() - from)];
-        let mut squares = [0.0; PADDED];
-        for at in from..self.first.len() {
-            let first = BLOCK * self.first[at] as usize;
-            let begin = first.max(BLOCK * from);
-            for (row, a) in self.rows(at) {
-                let end = BLOCK * at + a;
-                let mut sums = [0.0; PADDED];
-                if at == from {
-                    sums[a] = 1.0;
-                }
-                for (l, x) in row[begin - first..end - first].iter().zip(&x[begin - BLOCK * from..]) {
-                    (0..PADDED).for_each(|k| sums[k] -= l * x[k]);
-                }
-                let pivot = 1.0 / row[end - first];
-                for k in 0..PADDED {
-                    sums[k] *= pivot;
-                    squares[k] += sums[k] * sums[k];
-                }
-                x[end - BLOCK * from] = sums;
-            }
-        }
-        squares
     }
 }
 

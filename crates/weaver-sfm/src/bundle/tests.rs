@@ -293,3 +293,20 @@ fn lenses_among_many_cameras_are_as_exact_as_among_few() {
     // If all others are known, a camera is known better.
     assert!(dense.rotation.iter().zip(&sparse.rotation).all(|(a, b)| a > b));
 }
+
+/// The deviations of all cameras and lenses by a sparse factor, and by a dense one. Nothing tells where the world is; or one camera is
+/// fixed, and nothing tells its scale; or all is told.
+#[test]
+fn cameras_among_many_are_as_exact_as_among_few() {
+    for fixed in [&[][..], &[7], &[0, 29]] {
+        let mut bundle = chain(30, 400);
+        fixed.iter().for_each(|camera| bundle.fixed[*camera] = true);
+        let [dense, sparse] = [(200, 0), (0, 100_000)].map(|(dense, profile)| {
+            bundle.covariance_within(3.0, &Limits { dense, profile, ..Limits::USUAL }).expect("a covariance")
+        });
+        let of = |c: &Covariance| [&c.focal, &c.k1, &c.rotation, &c.center].map(Clone::clone).concat();
+        for (a, b) in of(&dense).into_iter().zip(of(&sparse)) {
+            assert!((a / b - 1.0).abs() < 1e-6 || a.is_nan() && b.is_nan(), "{fixed:?}: {a} and {b}");
+        }
+    }
+}
