@@ -65,8 +65,12 @@ impl Bundle {
     pub(crate) fn pass(&mut self, features: &[Features], near: &[[usize; 2]], located: &[bool], pass: &Pass) {
         let straight = self.straight(features);
         let pairs = paired(self, &straight, near, pass);
+        drop(straight);
         let counts: Vec<usize> = features.iter().map(|f| f.keypoints.len()).collect();
-        let all = self.observe(features, &tracks(&counts, &pairs), located, pass.farthest);
+        let tracks = tracks(&counts, &pairs);
+        drop(pairs);
+        let all = self.observe(features, &tracks, located, pass.farthest);
+        drop(tracks);
         self.observations = all.iter().filter(|o| !located[o.camera]).copied().collect();
         for scale in pass.scales {
             self.adjust(*scale, STEPS);
