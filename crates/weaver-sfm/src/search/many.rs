@@ -1,5 +1,8 @@
 //! Scenes of many photos: which explanation is right is told while they are small.
 
+#[cfg(test)]
+mod tests;
+
 use super::{BEGINNINGS, CERTAIN, Search};
 use crate::bundle::Bundle;
 use crate::evidence::{Evidence, Trust};
