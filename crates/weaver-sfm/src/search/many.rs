@@ -9,20 +9,27 @@ use crate::evidence::{Evidence, Trust};
 use crate::grow::{Grown, beginnings};
 use crate::lenses::tau;
 use crate::pairs::{self, Pair, linked};
+use crate::place::agreeing;
 use crate::retrieval::expansion;
+use crate::tracks::Track;
 
 /// Photos by which explanations are told apart.
 const TRIAL: usize = 32;
 /// Photos that each is compared with for what both have in common with a third one.
 const MORE: usize = 4;
-/// The part of the photos that a scene must reach for no stricter one to be tried.
+/// The part of the photos that a scene must reach, and of the matches that must agree with it, for no other to be grown.
 const NEARLY_ALL: f64 = 0.9;
+/// The part of the matches of either photo's best pair that pairs have in the first scene: where things repeat, photos of different
+/// ones have less in common than neighbors.
+const STRONG: f64 = 0.5;
+/// The share of its matches that must agree with the cameras of a pair, so that points are found by it.
+const FITTING: f64 = 0.5;
 
 impl Search<'_> {
     /// Grows scenes from what explains most of some photos.
     pub(super) fn run_many(&mut self) {
         let tau = tau(self.taken);
-        let mut best: Option<(Grown, Bundle, Vec<Pair>)> = None;
+        let mut best: Option<(Grown, Bundle, Ranked)> = None;
         let mut others: Vec<Grown> = Vec::new();
         let mut expanded = false;
         for factor in self.focal_lengths(tau) {
@@ -32,9 +39,8 @@ impl Search<'_> {
                 expanded = true;
                 posed.extend(self.expanded(&posed, &bundle, tau));
             }
-            // The most certain ones first.
-            posed.sort_by_key(|pair| CERTAIN.iter().filter(|share| !pair.certain(**share)).count());
-            let mut trials = self.trials(&bundle, &posed);
+            let posed = Ranked::new(posed, self.taken.len());
+            let mut trials = self.trials(&bundle, &posed.pairs[..posed.ends[0]]);
             trials.sort_by(|a, b| b.each().total_cmp(&a.each()));
             let mut trials = trials.into_iter();
             if let Some(first) = trials.next() {
@@ -52,15 +58,14 @@ impl Search<'_> {
         drop(others);
         // Nothing looks at what agrees with no pose any more.
         self.pairs.matched.iter_mut().for_each(|(_, matches)| *matches = Vec::new());
-        for (strict, share) in CERTAIN.into_iter().enumerate() {
-            let begun = (strict == 0).then(|| trial.clone());
-            self.grow_many(&bundle, &posed, share, begun);
-            let most = self.found.iter().map(|grown| grown.value().0).max().unwrap_or(0);
-            if most as f64 >= NEARLY_ALL * self.taken.len() as f64 {
+        let mut begun = Some(trial);
+        for end in [0, 2, 1].map(|level| posed.ends[level]) {
+            self.grow_many(&bundle, &posed.pairs, end, begun.take());
+            if self.found.iter().any(|grown| self.explains(grown, &posed.pairs[..posed.ends[2]])) {
                 break;
             }
         }
-        self.pairs.posed = posed;
+        self.pairs.posed = posed.pairs;
     }
 
     /// Matches pairs of photos that are certain to show what a third one does; returns those that have a pose.
@@ -76,12 +81,9 @@ impl Search<'_> {
     }
 
     /// Small scenes from the first beginning that leads somewhere, one for each of its poses.
-    fn trials(&self, bundle: &Bundle, posed: &[Pair]) -> Vec<Grown> {
-        let certain = certain(posed, CERTAIN[0]);
-        let tracks = linked(self.features, certain);
-        let absent = vec![false; self.taken.len()];
-        let evidence =
-            Evidence { features: self.features, pairs: certain, tracks: &tracks, absent: &absent, trust: Trust::PAIRS };
+    fn trials(&self, bundle: &Bundle, certain: &[Pair]) -> Vec<Grown> {
+        let (tracks, absent) = (linked(self.features, certain), vec![false; self.taken.len()]);
+        let evidence = self.evidence(certain, &tracks, &absent);
         let mut trials: Vec<Grown> = Vec::new();
         for from in beginnings(&evidence).into_iter().take(BEGINNINGS).map(|i| &certain[i]) {
             for pose in std::iter::once(&from.pose).chain(&from.rival) {
@@ -97,18 +99,38 @@ impl Search<'_> {
         trials
     }
 
-    /// Grows a scene that has begun by pairs of which at least this share of the matches agrees, and others where it does not
-    /// reach.
-    fn grow_many(&mut self, bundle: &Bundle, posed: &[Pair], share: f64, begun: Option<Grown>) {
-        let absent = vec![false; self.taken.len()];
-        let certain = certain(posed, share);
-        let (all_tracks, tracks) = (linked(self.features, posed), linked(self.features, certain));
-        let evidence =
-            Evidence { features: self.features, pairs: certain, tracks: &tracks, absent: &absent, trust: Trust::PAIRS };
-        let all = Evidence { pairs: posed, tracks: &all_tracks, trust: Trust::POINTS, ..evidence };
+    fn evidence<'b>(&'b self, pairs: &'b [Pair], tracks: &'b [Track], absent: &'b [bool]) -> Evidence<'b> {
+        Evidence { features: self.features, pairs, tracks, absent, trust: Trust::PAIRS }
+    }
+
+    /// Whether a scene has a place for nearly all photos, with which nearly all matches of these pairs agree.
+    fn explains(&self, grown: &Grown, certain: &[Pair]) -> bool {
+        let [mut agree, mut all] = [0, 0];
+        for pair in certain.iter().filter(|pair| pair.photos.iter().all(|photo| grown.placed[*photo])) {
+            agree += grown.agreeing(&self.evidence(certain, &[], &[]), pair);
+            all += pair.matches.len();
+        }
+        let part = |of: usize, all: usize| of as f64 >= NEARLY_ALL * all as f64;
+        part(grown.value().0, self.taken.len()) && part(agree, all)
+    }
+
+    /// Grows a scene that has begun by the first pairs, up to this number, and others where it does not reach.
+    fn grow_many(&mut self, bundle: &Bundle, posed: &[Pair], end: usize, begun: Option<Grown>) {
+        let certain = &posed[..end];
+        let (tracks, absent) = (linked(self.features, certain), vec![false; self.taken.len()]);
+        let features = self.features;
+        let evidence = Evidence { features, pairs: certain, tracks: &tracks, absent: &absent, trust: Trust::PAIRS };
         let first = self.found.len();
         let finish = |mut grown: Grown| {
             grown.grow_locally(&evidence, usize::MAX);
+            // What contradicts the scene is chance: it tells nothing of the rest.
+            let fits = |pair: &&Pair| {
+                pair.photos.iter().any(|photo| !grown.placed[*photo])
+                    || grown.agreeing(&evidence, pair) as f64 >= FITTING * pair.matches.len() as f64
+            };
+            let fitting: Vec<Pair> = posed.iter().filter(fits).cloned().collect();
+            let tracks = linked(features, &fitting);
+            let all = Evidence { pairs: &fitting, tracks: &tracks, trust: Trust::POINTS, ..evidence };
             grown.grow_locally(&all, usize::MAX);
             grown.settle(&all);
             grown
@@ -132,12 +154,41 @@ impl Search<'_> {
     }
 }
 
-/// Those that are certain, of pairs that begin with the most certain ones.
-fn certain(posed: &[Pair], share: f64) -> &[Pair] {
-    &posed[..posed.partition_point(|pair| pair.certain(share))]
+/// Pairs with a pose, those first of which most speaks against chance.
+struct Ranked {
+    pairs: Vec<Pair>,
+    /// How many have a large share of matches that agree, of so many as both photos could have; the large share; a share.
+    ends: [usize; 3],
+}
+
+impl Ranked {
+    fn new(mut pairs: Vec<Pair>, photos: usize) -> Self {
+        let mut most = vec![0; photos];
+        for pair in pairs.iter().filter(|pair| pair.certain(CERTAIN[0])) {
+            pair.photos.iter().for_each(|photo| most[*photo] = pair.matches.len().max(most[*photo]));
+        }
+        let strong = |pair: &Pair| {
+            let most = pair.photos.iter().map(|photo| most[*photo]).min().unwrap_or(0);
+            pair.matches.len() as f64 >= STRONG * most as f64
+        };
+        let rank = |pair: &Pair| match [pair.certain(CERTAIN[1]), pair.certain(CERTAIN[0])] {
+            [true, _] => usize::from(!strong(pair)),
+            [false, true] => 2,
+            [false, false] => 3,
+        };
+        let ranks: Vec<usize> = pairs.iter().map(rank).collect();
+        let ends = [1, 2, 3].map(|end| ranks.iter().filter(|rank| **rank < end).count());
+        pairs.sort_by_key(rank);
+        Self { pairs, ends }
+    }
 }
 
 impl Grown {
+    /// How many matches of a pair agree with its cameras.
+    fn agreeing(&self, evidence: &Evidence<'_>, pair: &Pair) -> usize {
+        agreeing(evidence, pair, &pair.photos.map(|photo| self.bundle.camera(photo)))
+    }
+
     /// What is explained of each photo, of as many as there should be.
     fn each(&self) -> f64 {
         self.support / self.value().0.max(TRIAL) as f64
