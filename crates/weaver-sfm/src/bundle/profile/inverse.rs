@@ -1,7 +1,5 @@
 //! The part of the inverse of a sparse matrix that is stored as its factor is.
 
-#![expect(clippy::needless_range_loop, reason = "numbers in registers go side by side through several arrays")]
-
 use super::Profile;
 use crate::bundle::sums::{BLOCK, PADDED};
 use crate::bundle::system::Row;

@@ -3,6 +3,7 @@
 use super::*;
 use crate::features::{Features, Keypoint};
 use crate::lenses::Taken;
+use crate::matching::Match;
 use crate::photo::EstimateSettings;
 use rayon::ThreadPoolBuilder;
 use weaver_geometry::glam::{DMat3, DVec3};
@@ -104,4 +105,20 @@ fn the_same_bits_at_any_number_of_threads() {
         grown.bundle.cameras.iter().map(|c| numbers(c.pose)).collect::<Vec<_>>()
     };
     assert_eq!(with(1), with(3));
+}
+
+#[test]
+fn pairs_that_have_less_in_common_than_neighbors_come_later() {
+    let pair = |photos, count: usize, share| {
+        let matches = vec![Match { first: 0, second: 0, ratio: 0.5 }; count];
+        let (pose, inverse_depths) = (Pose::IDENTITY, vec![1.0; count]);
+        Pair { photos, matches, pose, rival: None, inverse_depths, parallax: 0.1, score: 1.0, turned: 0.0, share }
+    };
+    // The best of the last photo is no better than what it has in common with the first.
+    let pairs = [([0, 3], 30, 0.4), ([0, 2], 25, 0.9), ([1, 3], 40, 0.55), ([0, 1], 100, 0.9), ([1, 2], 60, 0.7)];
+    let pairs = pairs.map(|(photos, count, share)| pair(photos, count, share)).to_vec();
+    let ranked = Ranked::new([pairs, vec![pair([0, 4], 25, 0.7)]].concat(), 5);
+    let order: Vec<[usize; 2]> = ranked.pairs.iter().map(|pair| pair.photos).collect();
+    assert_eq!(order, [[0, 1], [1, 2], [0, 4], [0, 2], [1, 3], [0, 3]]);
+    assert_eq!(ranked.ends, [3, 4, 5]);
 }
