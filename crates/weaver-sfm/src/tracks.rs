@@ -32,13 +32,17 @@ pub(crate) fn joined<'a>(counts: &[usize], pairs: impl Iterator<Item = ([usize; 
         (counts.iter().enumerate()).flat_map(|(photo, count)| std::iter::repeat_n(photo as u32, *count)).collect();
     let mut parent: Vec<u32> = (0..photos.len() as u32).collect();
     let mut next = parent.clone();
+    let mut of_first = Vec::new();
     for (_, a, b) in links {
         let (a, b) = (root(&mut parent, a), root(&mut parent, b));
-        let twice = || {
-            let photo = |keypoint: u32| photos[keypoint as usize];
-            ring(&next, b).any(|x| ring(&next, a).any(|y| photo(x) == photo(y)))
-        };
-        if a != b && !twice() {
+        if a == b {
+            continue;
+        }
+        let photo = |keypoint: u32| photos[keypoint as usize];
+        of_first.clear();
+        of_first.extend(ring(&next, a).map(photo));
+        let twice = ring(&next, b).any(|keypoint| of_first.contains(&photo(keypoint)));
+        if !twice {
             next.swap(a as usize, b as usize);
             parent[a.max(b) as usize] = a.min(b);
         }
