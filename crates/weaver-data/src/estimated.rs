@@ -13,14 +13,14 @@ use crate::unreadable::{Fault, Needed, without_unreadable};
 use crate::{Error, remarks};
 pub use context::EstimatedContext;
 pub use doubt::Doubt;
-use loading::{Loaded, lenses_of, load};
+use loading::{Loaded, Small, lenses_of, load};
 use order::is_sequence;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 pub use summary::{CameraSummary, CamerasSummary};
 use weaver_geometry::glam::DVec2;
 use weaver_io::colmap::Model;
-use weaver_io::{Image, OutputFolder, PhotoFile, Transforms};
+use weaver_io::{OutputFolder, PhotoFile, Transforms};
 use weaver_scene::Frame;
 use weaver_sfm::{Confidence, Estimate, EstimateSettings, Find, LeftOut, Observation, Photo};
 
@@ -65,7 +65,7 @@ pub struct EstimatedPhotos {
     /// What the user should know: which photos cannot be read, and what of the others was not taken as it is.
     pub remarks: Vec<String>,
     /// The photos as they were matched.
-    images: Vec<Image>,
+    images: Vec<Small>,
     /// Width and height of the files once they are upright.
     sizes: Vec<(usize, usize)>,
     /// Which have a size that does not tell that they have to be turned.
@@ -123,7 +123,7 @@ pub fn estimate_photos(
     let lens_of = lenses_of(&loaded, &told, options.shared);
     let photos: Vec<Photo<'_>> = (loaded.iter().zip(&told).zip(located.iter().zip(&lens_of)))
         .map(|((Loaded { image, .. }, told), (located, lens))| {
-            let photo = Photo::new(&image.to_bytes(), [image.height, image.width]);
+            let photo = Photo::new(&image.bytes, [image.height, image.width]);
             let (w, h) = (image.width as f64, image.height as f64);
             let focal = options.focal.map(|f| f * w.max(h)).or(told.map(|mm| mm / FILM * w.hypot(h)));
             Photo { focal, located: *located, lens: *lens, ..photo }

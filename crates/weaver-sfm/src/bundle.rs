@@ -5,6 +5,7 @@ mod dense;
 mod descent;
 mod lens;
 mod linear;
+mod profile;
 mod reduced;
 mod sparse;
 mod structure;
@@ -82,8 +83,8 @@ impl Bundle {
     ///
     /// Only cameras that are not fixed, and lenses that are free, take part: some cameras among many that are fixed cost as
     /// much as they would alone. Up to 200 of them, the matrix that is left is dense and its solution direct; beyond, only
-    /// cameras that see the same points meet in it, and it is solved by conjugate gradients. A fall of the cost by less than
-    /// 1e-7 ends it.
+    /// cameras that see the same points meet in it. Where these can be numbered so that all that meet are near each other, as along
+    /// a walk, its solution is direct, too; else it is solved by conjugate gradients. A fall of the cost by less than 1e-7 ends it.
     ///
     /// Sources: Triggs et al., Bundle adjustment, a modern synthesis, 1999, section 6; Agarwal et al., Bundle adjustment in the
     /// large, 2010; Nielsen, Damping parameter in Marquardt's method, 1999.

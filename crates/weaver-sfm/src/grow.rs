@@ -1,9 +1,12 @@
 //! A scene that grows photo by photo, from two.
 
+mod local;
+
 use crate::bundle::{Bundle, Observation};
 use crate::evidence::{EXACT, Evidence, FITS, STEPS};
 use crate::pairs::Pair;
 use crate::place::{Place, by_pixel, place, tally};
+pub(crate) use local::MANY;
 use weaver_geometry::Pose;
 use weaver_kernels::parallel;
 

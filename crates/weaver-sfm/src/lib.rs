@@ -24,6 +24,7 @@ mod lenses;
 mod locate;
 mod matching;
 mod minimal;
+mod observe;
 mod pairs;
 mod passes;
 mod photo;

@@ -2,7 +2,7 @@
 
 use crate::features::Features;
 use crate::matching::{Match, matches};
-use crate::tracks::{Track, tracks};
+use crate::tracks::{Track, joined};
 use crate::two_view::{TwoView, judge, rotation_only, turns, two_view};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Pose};
@@ -21,9 +21,8 @@ const FEWEST: usize = 12;
 
 /// What pairs say to be the same.
 pub(crate) fn linked(features: &[Features], pairs: &[Pair]) -> Vec<Track> {
-    let links: Vec<([usize; 2], Vec<Match>)> = pairs.iter().map(|p| (p.photos, p.matches.clone())).collect();
     let counts: Vec<usize> = features.iter().map(|f| f.keypoints.len()).collect();
-    tracks(&counts, &links)
+    joined(&counts, pairs.iter().map(|pair| (pair.photos, &pair.matches[..])))
 }
 
 /// What matches in each pair of photos, where enough does.

@@ -1,15 +1,14 @@
 //! Matching and adjusting by turns, with cameras that are nearly right.
 
-use crate::bundle::{Bundle, Lens, Observation};
+use crate::bundle::{Bundle, Observation};
 use crate::epipolar::Epipolar;
 use crate::evidence::EXACT;
-use crate::features::{Features, Keypoint};
+use crate::features::Features;
 use crate::matching::{Match, matches, matches_along};
-use crate::tracks::{Track, tracks};
-use crate::triangulation::{agreed, error};
+use crate::tracks::tracks;
 use std::borrow::Cow;
 use weaver_geometry::Camera;
-use weaver_geometry::glam::{DVec2, DVec3};
+use weaver_geometry::glam::DVec3;
 use weaver_kernels::parallel;
 
 /// Differences, in pixels, beyond which observations count for less and less, one adjustment after the other: while cameras
@@ -66,8 +65,12 @@ impl Bundle {
     pub(crate) fn pass(&mut self, features: &[Features], near: &[[usize; 2]], located: &[bool], pass: &Pass) {
         let straight = self.straight(features);
         let pairs = paired(self, &straight, near, pass);
+        drop(straight);
         let counts: Vec<usize> = features.iter().map(|f| f.keypoints.len()).collect();
-        let all = self.observe(features, &tracks(&counts, &pairs), located, pass.farthest);
+        let tracks = tracks(&counts, &pairs);
+        drop(pairs);
+        let all = self.observe(features, &tracks, located, pass.farthest);
+        drop(tracks);
         self.observations = all.iter().filter(|o| !located[o.camera]).copied().collect();
         for scale in pass.scales {
             self.adjust(*scale, STEPS);
@@ -92,54 +95,6 @@ impl Bundle {
     /// Leaves out what is not certain in the end.
     pub(crate) fn finish(&mut self) {
         self.prune(FARTHEST * LAST[1]);
-    }
-
-    /// Triangulates tracks from the photos that are not located, and returns what all photos see of the points.
-    pub(crate) fn observe(
-        &mut self,
-        features: &[Features],
-        tracks: &[Track],
-        located: &[bool],
-        farthest: f64,
-    ) -> Vec<Observation> {
-        const GRAIN: usize = 64;
-        let cameras_as_told = self.cameras.clone();
-        let cameras: Vec<Camera> = (0..self.cameras.len()).map(|i| self.camera(i)).collect();
-        let sharpest: Vec<f64> = cameras.iter().map(sharpest).collect();
-        let farthest = farthest * sharpest.iter().copied().fold(0.0, f64::max);
-        let lenses: Vec<Lens> = self.lens_of.iter().map(|lens| self.lenses[*lens]).collect();
-        let undistorted = |v: usize, pixel: DVec2| lenses[v].undistort(&cameras_as_told[v], pixel);
-        let seen = |track: &Track| -> Vec<(usize, Keypoint)> {
-            track.iter().map(|(v, k)| (*v, features[*v].keypoints[*k])).collect()
-        };
-        let mut positions: Vec<Option<DVec3>> = vec![None; tracks.len()];
-        parallel::for_chunks(&mut positions, GRAIN, |chunk, positions| {
-            for (position, track) in positions.iter_mut().zip(&tracks[chunk * GRAIN..]) {
-                let seen = seen(track);
-                let known = seen.iter().filter(|(v, _)| !located[*v]);
-                let known: Vec<(Camera, DVec2)> = known.map(|(v, k)| (cameras[*v], undistorted(*v, k.pixel))).collect();
-                *position = agreed(&known, farthest);
-            }
-        });
-        let mut all = Vec::new();
-        self.points.clear();
-        for (track, position) in tracks.iter().zip(positions) {
-            let Some(position) = position else { continue };
-            let point = self.points.len();
-            // Cameras that are located only now may still be far off.
-            let near = |(v, k): &(usize, Keypoint)| {
-                located[*v] || error(&cameras[*v], position, undistorted(*v, k.pixel)) < farthest
-            };
-            let observation = |(camera, k): (usize, Keypoint)| Observation {
-                camera,
-                point,
-                pixel: k.pixel,
-                deviation: k.scale.max(sharpest[camera]),
-            };
-            all.extend(seen(track).into_iter().filter(near).map(observation));
-            self.points.push(position);
-        }
-        all
     }
 
     /// Moves located cameras to where they see points that stay.

@@ -171,7 +171,7 @@ fn suggested(
 }
 
 /// How many matches of a pair lie on the epipolar lines of two cameras.
-fn agreeing(evidence: &Evidence<'_>, pair: &Pair, [first, second]: &[Camera; 2]) -> usize {
+pub(crate) fn agreeing(evidence: &Evidence<'_>, pair: &Pair, [first, second]: &[Camera; 2]) -> usize {
     let [a, b] = pair.photos.map(|photo| &evidence.features[photo].keypoints);
     let epipolar = Epipolar::new(first, second, FITS * sharpest(second));
     pair.matches.iter().filter(|m| epipolar.allows(a[m.first].pixel, b[m.second].pixel)).count()

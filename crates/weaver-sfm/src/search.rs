@@ -1,12 +1,13 @@
 //! Scenes that explain photos, of which the best is taken.
 
+mod many;
 mod settle;
 
 use crate::bundle::Bundle;
 use crate::evidence::{Evidence, Trust};
 use crate::features::Features;
 use crate::focal;
-use crate::grow::{Grown, beginnings};
+use crate::grow::{Grown, MANY, beginnings};
 use crate::lenses::{Taken, USUAL, tau};
 use crate::pairs::{self, Pair, Pairs, linked};
 use crate::photo::{EstimateSettings, Photo};
@@ -55,6 +56,8 @@ pub(crate) struct Search<'a> {
     pairs: Pairs,
     /// The scenes that were grown.
     found: Vec<Grown>,
+    /// How much the best of those explained that were given up while they were small, over what the one that was not did then.
+    given_up: f64,
 }
 
 impl<'a> Search<'a> {
@@ -66,7 +69,8 @@ impl<'a> Search<'a> {
     ) -> Self {
         let candidates = candidates(features, &vec![true; taken.len()], settings.candidates, settings.sequence);
         let matched = pairs::matched(features, &candidates);
-        Self { taken, features, photos, settings, pairs: Pairs { matched, posed: Vec::new() }, found: Vec::new() }
+        let pairs = Pairs { matched, posed: Vec::new() };
+        Self { taken, features, photos, settings, pairs, found: Vec::new(), given_up: 0.0 }
     }
 
     /// The scene that explains most.
@@ -77,7 +81,7 @@ impl<'a> Search<'a> {
             return Scene { found: None, pairs: self.pairs, rival: 0.0, untied: Vec::new() };
         };
         let others = settled.iter().filter(|other| settled[best].differs(other, DIFFERENT));
-        let rival = others.map(|other| other.support / settled[best].support).fold(0.0, f64::max);
+        let rival = others.map(|other| other.support / settled[best].support).fold(self.given_up, f64::max);
         let Grown { mut bundle, mut placed, .. } = settled.swap_remove(best);
         self.finish(&mut bundle, &placed);
         placed.iter_mut().zip(bundle.seen()).for_each(|(placed, seen)| *placed &= seen >= LEAST_SEEN);
@@ -89,6 +93,9 @@ impl<'a> Search<'a> {
 
     /// Grows scenes.
     fn run(&mut self) {
+        if self.taken.len() > MANY {
+            return self.run_many();
+        }
         let few = self.taken.len() <= FEW;
         let tau = tau(self.taken);
         let told = self.taken.iter().any(|t| t.focal.is_some());

@@ -15,36 +15,60 @@ pub type Track = Vec<(usize, usize)>;
 /// assert_eq!(tracks(&[5, 5, 5], &pairs), [vec![(0, 3), (1, 4), (2, 0)]]);
 /// ```
 pub fn tracks(counts: &[usize], pairs: &[([usize; 2], Vec<Match>)]) -> Vec<Track> {
-    let mut first = vec![0];
-    counts.iter().for_each(|n| first.push(first[first.len() - 1] + n));
-    let mut links: Vec<(f32, usize, usize)> = Vec::new();
-    for ([a, b], matches) in pairs {
-        links.extend(matches.iter().map(|m| (m.ratio, first[*a] + m.first, first[*b] + m.second)));
-    }
-    links.sort_by(|x, y| x.0.total_cmp(&y.0).then((x.1, x.2).cmp(&(y.1, y.2))));
-    let mut parent: Vec<usize> = (0..first[counts.len()]).collect();
-    let mut tracks: Vec<Track> = (counts.iter().enumerate())
-        .flat_map(|(photo, count)| (0..*count).map(move |keypoint| vec![(photo, keypoint)]))
-        .collect();
-    for (_, a, b) in links {
-        let (a, b) = (root(&mut parent, a), root(&mut parent, b));
-        let (a, b) = (a.min(b), a.max(b));
-        let twice = || tracks[b].iter().any(|(photo, _)| tracks[a].iter().any(|(other, _)| other == photo));
-        if a != b && !twice() {
-            let joined = std::mem::take(&mut tracks[b]);
-            tracks[a].extend(joined);
-            parent[b] = a;
-        }
-    }
-    tracks.retain(|track| track.len() > 1);
-    tracks.iter_mut().for_each(|track| track.sort_unstable());
-    tracks
+    joined(counts, pairs.iter().map(|(photos, matches)| (*photos, &matches[..])))
 }
 
-fn root(parent: &mut [usize], mut at: usize) -> usize {
-    while parent[at] != at {
-        parent[at] = parent[parent[at]];
-        at = parent[at];
+/// The same for matches that are elsewhere.
+pub(crate) fn joined<'a>(counts: &[usize], pairs: impl Iterator<Item = ([usize; 2], &'a [Match])>) -> Vec<Track> {
+    let mut first = vec![0];
+    counts.iter().for_each(|n| first.push(first[first.len() - 1] + n));
+    let mut links: Vec<(f32, u32, u32)> = Vec::new();
+    for ([a, b], matches) in pairs {
+        let link = |m: &Match| (m.ratio, (first[a] + m.first) as u32, (first[b] + m.second) as u32);
+        links.extend(matches.iter().map(link));
+    }
+    links.sort_unstable_by(|x, y| x.0.total_cmp(&y.0).then((x.1, x.2).cmp(&(y.1, y.2))));
+    let photos: Vec<u32> =
+        (counts.iter().enumerate()).flat_map(|(photo, count)| std::iter::repeat_n(photo as u32, *count)).collect();
+    let mut parent: Vec<u32> = (0..photos.len() as u32).collect();
+    let mut next = parent.clone();
+    let mut of_first = Vec::new();
+    for (_, a, b) in links {
+        let (a, b) = (root(&mut parent, a), root(&mut parent, b));
+        if a == b {
+            continue;
+        }
+        let photo = |keypoint: u32| photos[keypoint as usize];
+        of_first.clear();
+        of_first.extend(ring(&next, a).map(photo));
+        let twice = ring(&next, b).any(|keypoint| of_first.contains(&photo(keypoint)));
+        if !twice {
+            next.swap(a as usize, b as usize);
+            parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let begins = |keypoint: &u32| parent[*keypoint as usize] == *keypoint && next[*keypoint as usize] != *keypoint;
+    let track = |from: u32| {
+        let seen = |keypoint: u32| {
+            let photo = photos[keypoint as usize] as usize;
+            (photo, keypoint as usize - first[photo])
+        };
+        let mut track: Track = ring(&next, from).map(seen).collect();
+        track.sort_unstable();
+        track
+    };
+    (0..photos.len() as u32).filter(begins).map(track).collect()
+}
+
+fn root(parent: &mut [u32], mut at: u32) -> u32 {
+    while parent[at as usize] != at {
+        parent[at as usize] = parent[parent[at as usize] as usize];
+        at = parent[at as usize];
     }
     at
+}
+
+/// The keypoints that are joined with one, each followed by its next, which lead back to it.
+fn ring(next: &[u32], from: u32) -> impl Iterator<Item = u32> {
+    std::iter::successors(Some(from), move |at| Some(next[*at as usize]).filter(|at| *at != from))
 }

@@ -4,11 +4,37 @@ use super::EstimateOptions;
 use crate::Error;
 use crate::unreadable::Fault;
 use std::path::Path;
+use weaver_geometry::glam::DVec2;
 use weaver_io::{Image, PhotoFile, path_in_utf8};
+
+/// A photo as it is matched, in a quarter of the memory of an [`Image`].
+#[derive(Clone, Debug)]
+pub(super) struct Small {
+    pub width: usize,
+    pub height: usize,
+    /// `[height, width, 3]`.
+    pub bytes: Vec<u8>,
+}
+
+impl Small {
+    pub fn new(image: &Image) -> Self {
+        Self { width: image.width, height: image.height, bytes: image.to_bytes() }
+    }
+
+    pub fn to_image(&self) -> Image {
+        Image::from_bytes(self.width, self.height, &self.bytes)
+    }
+
+    /// The color at a pixel.
+    pub fn color(&self, pixel: DVec2) -> Option<[u8; 3]> {
+        let at = 3 * ((pixel.y as usize).min(self.height - 1) * self.width + (pixel.x as usize).min(self.width - 1));
+        self.bytes.get(at..at + 3)?.try_into().ok()
+    }
+}
 
 /// A photo for matching, upright.
 pub(super) struct Loaded {
-    pub image: Image,
+    pub image: Small,
     /// Width and height of the file once it is upright.
     pub size: (usize, usize),
     /// Whether its size does not tell that it has to be turned.
@@ -28,6 +54,7 @@ pub(super) fn load(path: &Path, options: &EstimateOptions) -> Result<Loaded, Fau
     let to = longest.min(options.long_side);
     let shrunk = |side: usize| ((side * to) as f64 / longest as f64).round().max(1.0) as usize;
     let image = file.resize_whole(shrunk(size.0), shrunk(size.1)).map_err(Fault::unreadable)?.to_image();
+    let image = Small::new(&image);
     let asked = options.exif && options.focal.is_none();
     let told = if asked { weaver_io::focal_35mm(path).map_err(Fault::unreadable)? } else { None };
     let (ambiguous, transparent) = (file.has_ambiguous_orientation(), file.was_transparent());

@@ -5,9 +5,8 @@ use crate::Error;
 use std::collections::BTreeSet;
 use std::path::Path;
 use weaver_geometry::Camera;
-use weaver_geometry::glam::DVec2;
 use weaver_io::colmap::{Model, Point};
-use weaver_io::{Image, relative_path};
+use weaver_io::relative_path;
 use weaver_scene::Frame;
 
 /// The folder of photos that are written because of their EXIF orientation alone.
@@ -61,7 +60,7 @@ impl EstimatedPhotos {
                 track.push((image.id, image.points.len() as u32));
                 image.points.push((pixel.x * scale, pixel.y * scale, Some(id as u64 + 1)));
                 errors += scale * off;
-                rgb = rgb.or_else(|| color(&self.images[o.camera], o.pixel));
+                rgb = rgb.or_else(|| self.images[o.camera].color(o.pixel));
             }
             let error = errors / track.len().max(1) as f64;
             let xyz = e.points[group[0].point].to_array();
@@ -74,9 +73,4 @@ impl EstimatedPhotos {
 /// What a photo is called in a folder of those that are written.
 pub(super) fn written(images: &str, path: &Path) -> String {
     format!("{images}/{}.png", path.file_stem().unwrap_or_default().to_string_lossy())
-}
-
-fn color(image: &Image, pixel: DVec2) -> Option<[u8; 3]> {
-    let at = 3 * ((pixel.y as usize).min(image.height - 1) * image.width + (pixel.x as usize).min(image.width - 1));
-    image.pixels.get(at..at + 3).map(|c| [0, 1, 2].map(|i| (c[i] * 255.0).round() as u8))
 }

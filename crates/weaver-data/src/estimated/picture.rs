@@ -15,7 +15,8 @@ impl EstimatedPhotos {
         let mut shown: Vec<Option<Image>> = vec![None; self.images.len()];
         for (number, image) in self.images.iter().enumerate().filter(|(number, _)| e.cameras[*number].is_ok()) {
             let height = (image.height * THUMBNAIL / image.width).max(1);
-            shown[number] = Some(image.resize(THUMBNAIL, height, [0.0, 0.0, image.width as f64, image.height as f64]));
+            shown[number] =
+                Some(image.to_image().resize(THUMBNAIL, height, [0.0, 0.0, image.width as f64, image.height as f64]));
         }
         for o in &e.observations {
             let (Some(shown), Some(off)) = (&mut shown[o.camera], self.off(o)) else { continue };

@@ -1,9 +1,10 @@
 //! How exactly cameras and lenses are known.
 
+mod sparse;
+
 use super::dense::Dense;
 use super::descent::{Descent, Limits};
 use super::lens::NUMBERS;
-use super::sparse::Sparse;
 use super::structure::NONE;
 use super::sums::{BLOCK, PADDED};
 use super::system::Row;
@@ -20,16 +21,15 @@ const UNTOLD: f64 = 1e-10;
 const FAR: f64 = 1e-9;
 /// Turns of Jacobi's method over all pairs.
 const SWEEPS: usize = 30;
-/// Lenses up to which conjugate gradients tell what each is known to.
-const LENSES: usize = 16;
-/// For numbers of lenses among many cameras.
-const LIMITS: Limits = Limits { tolerance: 1e-8, iterations: 5000, ..Limits::USUAL };
+/// For many cameras.
+const LIMITS: Limits = Limits { profile: 200_000_000, tolerance: 1e-8, iterations: 5000, ..Limits::USUAL };
 
 /// Standard deviations of cameras and lenses; not a number for what is not adjusted.
 ///
-/// Up to 200 cameras and lenses, all are those of the marginal distributions, everything else unknown. Beyond, so are those of the
-/// lenses, if they are at most 16; rotations and centers, and the numbers of more lenses, have the deviations that they would have
-/// if all other cameras and lenses were known, which are too small.
+/// All are those of the marginal distributions, everything else unknown, up to 1000 cameras and lenses, and beyond where those that
+/// see the same points can be numbered so that they are near each other, as along a walk. Elsewhere so are only those of the lenses,
+/// if they are at most 16; rotations and centers, and the numbers of more lenses, have the deviations that they would have if all
+/// other cameras and lenses were known, which are too small.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Covariance {
     /// Of the logarithm of the focal length, for each lens.
@@ -72,7 +72,8 @@ impl Bundle {
             if !bundle.fixed_points {
                 bundle.observations.retain(|o| held[o.point]);
             }
-            let mut descent = Descent::new(&bundle, scale, limits);
+            // Nothing is solved there.
+            let mut descent = Descent::new(&bundle, scale, &Limits { dense: 0, profile: 0, ..*limits });
             if !descent.linearize().is_finite() {
                 return None;
             }
@@ -135,7 +136,8 @@ impl<'a> Inner<'a> {
         let numbers = (0..blocks.count).map(|row| (0..BLOCK).filter(|k| unknown(row, *k)).count()).sum::<usize>();
         let points: usize = parts.iter().flat_map(|p| p.matrix.iter()).filter(|m| m[0] > 0.0).count();
         let [variance, factor] = self.bundle.noise(scale, numbers + 3 * points - gauge.len())?;
-        let mut of = if blocks.count <= limits.dense { self.marginal(&gauge)? } else { self.alone(limits)? };
+        let mut of =
+            if blocks.count <= limits.dense { self.marginal(&gauge)? } else { self.marginal_of_many(&gauge, limits)? };
         for (row, of) in of.iter_mut().enumerate() {
             (0..BLOCK).filter(|k| !unknown(row, *k)).for_each(|k| of[k] = f64::NAN);
         }
@@ -268,31 +270,6 @@ impl<'a> Inner<'a> {
                 *inverse = dense.inverse_diagonal(at, &mut x) - untold / weight;
             }
         });
-        Some(inverse)
-    }
-
-    /// The diagonals of the inverses of diagonal blocks, but for lenses of the inverse of all.
-    fn alone(&self, limits: &Limits) -> Option<Vec<Row>> {
-        let Descent { reduced, blocks, system, .. } = self.descent;
-        let mut sparse = Sparse::new(reduced, limits.tolerance, limits.iterations);
-        let mut inverse = sparse.inverse_diagonals(reduced)?;
-        for (row, of) in inverse.iter_mut().enumerate() {
-            (0..BLOCK).for_each(|k| of[k] /= self.unit(row, k).powi(2));
-        }
-        let lenses: Vec<usize> = blocks.of_lens.iter().filter(|b| **b != NONE).map(|b| *b as usize).collect();
-        if lenses.len() <= LENSES {
-            let mut step = vec![[0.0; PADDED]; reduced.rows];
-            for lens in lenses {
-                for k in (0..NUMBERS).filter(|k| system.matrix[lens].0[*k][*k] > 0.0) {
-                    let mut right = vec![[0.0; PADDED]; reduced.rows];
-                    right[lens][k] = 1.0;
-                    if !sparse.solve_for(reduced, &right, &mut step) {
-                        return None;
-                    }
-                    inverse[lens][k] = step[lens][k];
-                }
-            }
-        }
         Some(inverse)
     }
 }

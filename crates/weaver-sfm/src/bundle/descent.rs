@@ -3,6 +3,7 @@
 use super::dense::Dense;
 use super::lens::Lens;
 use super::linear::{Sights, View};
+use super::profile::Profile;
 use super::reduced::Reduced;
 use super::sparse::Sparse;
 use super::structure::{Blocks, NONE, Part};
@@ -29,13 +30,15 @@ const EXACT: f64 = 1e-11;
 pub(super) struct Limits {
     /// Blocks up to which the matrix is dense where enough of it is there.
     pub dense: usize,
+    /// Products of blocks up to which the factor of a sparse matrix is found.
+    pub profile: usize,
     /// Residual of conjugate gradients, and most iterations.
     pub tolerance: f64,
     pub iterations: usize,
 }
 
 impl Limits {
-    pub const USUAL: Self = Self { dense: 200, tolerance: 1e-8, iterations: 1000 };
+    pub const USUAL: Self = Self { dense: 200, profile: 40_000_000, tolerance: 1e-8, iterations: 1000 };
     /// The part of the matrix that is there, from which on a dense one pays off; and blocks up to which it always does.
     const FULL: f64 = 0.1;
     const FEW: usize = 16;
@@ -44,6 +47,7 @@ impl Limits {
 #[derive(Debug)]
 pub(super) enum Solver {
     Dense(Dense),
+    Profile(Profile),
     Sparse(Box<Sparse>),
 }
 
@@ -53,6 +57,8 @@ impl Solver {
         let full = 2.0 * reduced.stored() as f64 >= Limits::FULL * (n * n) as f64;
         if n <= limits.dense && (full || n <= Limits::FEW) {
             Self::Dense(Dense::new(BLOCK * n))
+        } else if let Some(profile) = Profile::new(reduced, limits.profile) {
+            Self::Profile(profile)
         } else {
             Self::Sparse(Box::new(Sparse::new(reduced, limits.tolerance, limits.iterations)))
         }
@@ -61,6 +67,7 @@ impl Solver {
     fn solve(&mut self, reduced: &Reduced, step: &mut [Row]) -> bool {
         match self {
             Self::Dense(dense) => dense.solve(reduced, step),
+            Self::Profile(profile) => profile.solve(reduced, step),
             Self::Sparse(sparse) => sparse.solve(reduced, step),
         }
     }

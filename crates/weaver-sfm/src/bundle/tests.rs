@@ -210,16 +210,19 @@ fn the_step_solves_the_damped_normal_equations() {
         (0..free.len()).for_each(|i| matrix[i][i] *= 1.0 + damping);
         let expected = solved(matrix, by.iter().map(|a| -dot(a, &off)).collect());
         let largest = expected.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-        for dense in [0, 200] {
-            // Without a dense matrix, even few blocks go to conjugate gradients.
-            let limits = Limits { dense, tolerance: 1e-14, iterations: 1000 };
+        for (dense, profile) in [(0, 0), (0, 1000), (200, 0)] {
+            // Without a dense matrix or a profile, even few blocks go to conjugate gradients.
+            let limits = Limits { dense, profile, tolerance: 1e-14, iterations: 1000 };
             let mut descent = Descent::new(&bundle, scale, &limits);
             descent.linearize();
             assert!(descent.solve(damping));
             for (at, expected) in free.iter().zip(&expected) {
                 let found = taken(&mut descent, &bundle, *at, Some(damping));
                 let error = (found - expected).abs();
-                assert!(error < 1e-9 * largest, "{seed}, {dense}, {at}: {found}, not {expected} of at most {largest}");
+                assert!(
+                    error < 1e-9 * largest,
+                    "{seed}, {limits:?}, {at}: {found}, not {expected} of at most {largest}"
+                );
             }
         }
     }
@@ -259,32 +262,51 @@ fn chain(cameras: usize, points: usize) -> Bundle {
 #[test]
 fn conjugate_gradients_end_where_the_factors_do() {
     let truth = chain(40, 600);
-    let [dense, sparse] = [200, 0].map(|dense| {
+    let [dense, sparse, profile] = [(200, 0), (0, 0), (0, 100_000)].map(|(dense, profile)| {
         let mut bundle = truth.clone();
         // Only one place is left to end at.
         (bundle.fixed[0], bundle.fixed[39]) = (true, true);
-        let solved = bundle.adjust_within(3.0, 100, &Limits { dense, ..Limits::USUAL });
+        let solved = bundle.adjust_within(3.0, 100, &Limits { dense, profile, ..Limits::USUAL });
         assert!(solved.converged, "{solved:?}");
         bundle
     });
-    for (a, b) in dense.cameras.iter().zip(&sparse.cameras) {
-        assert!(a.pose.angle_to(&b.pose) < 1e-6 && a.pose.center().distance(b.pose.center()) < 1e-6);
+    for other in [sparse, profile] {
+        for (a, b) in dense.cameras.iter().zip(&other.cameras) {
+            assert!(a.pose.angle_to(&b.pose) < 1e-6 && a.pose.center().distance(b.pose.center()) < 1e-6);
+        }
+        let farthest = dense.points.iter().zip(&other.points).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+        assert!(farthest < 1e-6, "{farthest}");
+        assert!((dense.lenses[1].log_focal - other.lenses[1].log_focal).abs() < 1e-6);
     }
-    let farthest = dense.points.iter().zip(&sparse.points).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
-    assert!(farthest < 1e-6, "{farthest}");
-    assert!((dense.lenses[1].log_focal - sparse.lenses[1].log_focal).abs() < 1e-6);
 }
 
 /// The deviations of lenses among more cameras than a dense matrix is for.
 #[test]
 fn lenses_among_many_cameras_are_as_exact_as_among_few() {
     let bundle = chain(30, 400);
-    let [dense, sparse] =
-        [200, 0].map(|dense| bundle.covariance_within(3.0, &Limits { dense, iterations: 5000, ..Limits::USUAL }));
+    let [dense, sparse] = [200, 0]
+        .map(|dense| bundle.covariance_within(3.0, &Limits { dense, profile: 0, iterations: 5000, ..Limits::USUAL }));
     let (dense, sparse) = (dense.expect("a covariance"), sparse.expect("a covariance"));
     for (a, b) in dense.focal.iter().chain(&dense.k1).zip(sparse.focal.iter().chain(&sparse.k1)) {
         assert!((a / b - 1.0).abs() < 1e-4, "{a} and {b}");
     }
     // If all others are known, a camera is known better.
     assert!(dense.rotation.iter().zip(&sparse.rotation).all(|(a, b)| a > b));
+}
+
+/// The deviations of all cameras and lenses by a sparse factor, and by a dense one. Nothing tells where the world is; or one camera is
+/// fixed, and nothing tells its scale; or all is told.
+#[test]
+fn cameras_among_many_are_as_exact_as_among_few() {
+    for fixed in [&[][..], &[7], &[0, 29]] {
+        let mut bundle = chain(30, 400);
+        fixed.iter().for_each(|camera| bundle.fixed[*camera] = true);
+        let [dense, sparse] = [(200, 0), (0, 100_000)].map(|(dense, profile)| {
+            bundle.covariance_within(3.0, &Limits { dense, profile, ..Limits::USUAL }).expect("a covariance")
+        });
+        let of = |c: &Covariance| [&c.focal, &c.k1, &c.rotation, &c.center].map(Clone::clone).concat();
+        for (a, b) in of(&dense).into_iter().zip(of(&sparse)) {
+            assert!((a / b - 1.0).abs() < 1e-6 || a.is_nan() && b.is_nan(), "{fixed:?}: {a} and {b}");
+        }
+    }
 }

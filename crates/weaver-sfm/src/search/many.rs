@@ -1,0 +1,196 @@
+//! Scenes of many photos: which explanation is right is told while they are small.
+
+#[cfg(test)]
+mod tests;
+
+use super::{BEGINNINGS, CERTAIN, GROWN_APART, Search};
+use crate::bundle::Bundle;
+use crate::evidence::{Evidence, Trust};
+use crate::grow::{Grown, beginnings};
+use crate::lenses::tau;
+use crate::pairs::{self, Pair, linked};
+use crate::place::agreeing;
+use crate::retrieval::expansion;
+use crate::tracks::Track;
+
+/// Photos by which explanations are told apart.
+const TRIAL: usize = 32;
+/// Photos that each is compared with for what both have in common with a third one.
+const MORE: usize = 4;
+/// The part of the photos that a scene must reach, and of the matches that must agree with it, for no other to be grown.
+const NEARLY_ALL: f64 = 0.9;
+/// The part of the matches of either photo's best pair that pairs have in the first scene: where things repeat, photos of different
+/// ones have less in common than neighbors.
+const STRONG: f64 = 0.5;
+/// The share of its matches that must agree with the cameras of a pair, so that points are found by it.
+const FITTING: f64 = 0.5;
+
+impl Search<'_> {
+    /// Grows scenes from what explains most of some photos.
+    pub(super) fn run_many(&mut self) {
+        let tau = tau(self.taken);
+        let mut best: Option<(Grown, Bundle, Ranked)> = None;
+        let mut others: Vec<Grown> = Vec::new();
+        let mut expanded = false;
+        for factor in self.focal_lengths(tau) {
+            let bundle = self.settings.bundle(self.taken, factor);
+            let mut posed = pairs::posed(self.features, &bundle.cameras, &self.pairs.matched, tau);
+            if !expanded {
+                expanded = true;
+                posed.extend(self.expanded(&posed, &bundle, tau));
+            }
+            let posed = Ranked::new(posed, self.taken.len());
+            let mut trials = self.trials(&bundle, &posed.pairs[..posed.ends[0]]);
+            trials.sort_by(|a, b| b.each().total_cmp(&a.each()));
+            let mut trials = trials.into_iter();
+            if let Some(first) = trials.next() {
+                others.extend(trials);
+                if best.as_ref().is_none_or(|(best, ..)| first.each() > best.each()) {
+                    others.extend(best.replace((first, bundle, posed)).map(|(before, ..)| before));
+                } else {
+                    others.push(first);
+                }
+            }
+        }
+        let Some((trial, bundle, posed)) = best else { return };
+        let rivals = others.iter().filter(|other| trial.differs(other, GROWN_APART));
+        self.given_up = rivals.map(|other| other.each() / trial.each()).fold(0.0, f64::max);
+        drop(others);
+        // Nothing looks at what agrees with no pose any more.
+        self.pairs.matched.iter_mut().for_each(|(_, matches)| *matches = Vec::new());
+        let mut begun = Some(trial);
+        for end in [0, 2, 1].map(|level| posed.ends[level]) {
+            self.grow_many(&bundle, &posed.pairs, end, begun.take());
+            if self.found.iter().any(|grown| self.explains(grown, &posed.pairs[..posed.ends[2]])) {
+                break;
+            }
+        }
+        self.pairs.posed = posed.pairs;
+    }
+
+    /// Matches pairs of photos that are certain to show what a third one does; returns those that have a pose.
+    fn expanded(&mut self, posed: &[Pair], bundle: &Bundle, tau: f64) -> Vec<Pair> {
+        let verified = posed.iter().filter(|pair| pair.certain(CERTAIN[0]));
+        let verified: Vec<([usize; 2], usize)> = verified.map(|pair| (pair.photos, pair.matches.len())).collect();
+        let tried: Vec<[usize; 2]> = self.pairs.matched.iter().map(|(photos, _)| *photos).collect();
+        let more = expansion(&vec![true; self.taken.len()], &verified, &tried, MORE);
+        let matched = pairs::matched(self.features, &more);
+        let posed = pairs::posed(self.features, &bundle.cameras, &matched, tau);
+        self.pairs.matched.extend(matched);
+        posed
+    }
+
+    /// Small scenes from the first beginning that leads somewhere, one for each of its poses.
+    fn trials(&self, bundle: &Bundle, certain: &[Pair]) -> Vec<Grown> {
+        let (tracks, absent) = (linked(self.features, certain), vec![false; self.taken.len()]);
+        let evidence = self.evidence(certain, &tracks, &absent);
+        let mut trials: Vec<Grown> = Vec::new();
+        for from in beginnings(&evidence).into_iter().take(BEGINNINGS).map(|i| &certain[i]) {
+            for pose in std::iter::once(&from.pose).chain(&from.rival) {
+                let mut grown = Grown::new(bundle.clone(), from.photos, pose);
+                grown.grow_locally(&evidence, TRIAL);
+                grown.settle(&evidence);
+                trials.push(grown);
+            }
+            if trials.iter().any(|grown| grown.value().0 >= TRIAL) {
+                break;
+            }
+        }
+        trials
+    }
+
+    fn evidence<'b>(&'b self, pairs: &'b [Pair], tracks: &'b [Track], absent: &'b [bool]) -> Evidence<'b> {
+        Evidence { features: self.features, pairs, tracks, absent, trust: Trust::PAIRS }
+    }
+
+    /// Whether a scene has a place for nearly all photos, with which nearly all matches of these pairs agree.
+    fn explains(&self, grown: &Grown, certain: &[Pair]) -> bool {
+        let [mut agree, mut all] = [0, 0];
+        for pair in certain.iter().filter(|pair| pair.photos.iter().all(|photo| grown.placed[*photo])) {
+            agree += grown.agreeing(&self.evidence(certain, &[], &[]), pair);
+            all += pair.matches.len();
+        }
+        let part = |of: usize, all: usize| of as f64 >= NEARLY_ALL * all as f64;
+        part(grown.value().0, self.taken.len()) && part(agree, all)
+    }
+
+    /// Grows a scene that has begun by the first pairs, up to this number, and others where it does not reach.
+    fn grow_many(&mut self, bundle: &Bundle, posed: &[Pair], end: usize, begun: Option<Grown>) {
+        let certain = &posed[..end];
+        let (tracks, absent) = (linked(self.features, certain), vec![false; self.taken.len()]);
+        let features = self.features;
+        let evidence = Evidence { features, pairs: certain, tracks: &tracks, absent: &absent, trust: Trust::PAIRS };
+        let first = self.found.len();
+        let finish = |mut grown: Grown| {
+            grown.grow_locally(&evidence, usize::MAX);
+            // What contradicts the scene is chance: it tells nothing of the rest.
+            let fits = |pair: &&Pair| {
+                pair.photos.iter().any(|photo| !grown.placed[*photo])
+                    || grown.agreeing(&evidence, pair) as f64 >= FITTING * pair.matches.len() as f64
+            };
+            let fitting: Vec<Pair> = posed.iter().filter(fits).cloned().collect();
+            let tracks = linked(features, &fitting);
+            let all = Evidence { pairs: &fitting, tracks: &tracks, trust: Trust::POINTS, ..evidence };
+            grown.grow_locally(&all, usize::MAX);
+            grown.settle(&all);
+            grown
+        };
+        self.found.extend(begun.map(finish));
+        for from in beginnings(&evidence).into_iter().map(|i| &certain[i]) {
+            let grown = &self.found[first..];
+            let reached = |photo: usize| grown.iter().any(|grown| grown.placed[photo]);
+            let most = grown.iter().map(|grown| grown.value().0).max().unwrap_or(0);
+            // What is left must be able to become the largest.
+            let left = (0..self.taken.len()).filter(|photo| !reached(*photo)).count();
+            if grown.len() == BEGINNINGS || left <= most {
+                break;
+            }
+            if from.photos.iter().all(|photo| reached(*photo)) {
+                continue;
+            }
+            let found = finish(Grown::new(bundle.clone(), from.photos, &from.pose));
+            self.found.push(found);
+        }
+    }
+}
+
+/// Pairs with a pose, those first of which most speaks against chance.
+struct Ranked {
+    pairs: Vec<Pair>,
+    /// How many have a large share of matches that agree, of so many as both photos could have; the large share; a share.
+    ends: [usize; 3],
+}
+
+impl Ranked {
+    fn new(mut pairs: Vec<Pair>, photos: usize) -> Self {
+        let mut most = vec![0; photos];
+        for pair in pairs.iter().filter(|pair| pair.certain(CERTAIN[0])) {
+            pair.photos.iter().for_each(|photo| most[*photo] = pair.matches.len().max(most[*photo]));
+        }
+        let strong = |pair: &Pair| {
+            let most = pair.photos.iter().map(|photo| most[*photo]).min().unwrap_or(0);
+            pair.matches.len() as f64 >= STRONG * most as f64
+        };
+        let rank = |pair: &Pair| match [pair.certain(CERTAIN[1]), pair.certain(CERTAIN[0])] {
+            [true, _] => usize::from(!strong(pair)),
+            [false, true] => 2,
+            [false, false] => 3,
+        };
+        let ranks: Vec<usize> = pairs.iter().map(rank).collect();
+        let ends = [1, 2, 3].map(|end| ranks.iter().filter(|rank| **rank < end).count());
+        pairs.sort_by_key(rank);
+        Self { pairs, ends }
+    }
+}
+
+impl Grown {
+    /// How many matches of a pair agree with its cameras.
+    fn agreeing(&self, evidence: &Evidence<'_>, pair: &Pair) -> usize {
+        agreeing(evidence, pair, &pair.photos.map(|photo| self.bundle.camera(photo)))
+    }
+
+    /// What is explained of each photo, of as many as there should be.
+    fn each(&self) -> f64 {
+        self.support / self.value().0.max(TRIAL) as f64
+    }
+}
