@@ -123,7 +123,7 @@ pub fn estimate_photos(
     let lens_of = lenses_of(&loaded, &told, options.shared);
     let photos: Vec<Photo<'_>> = (loaded.iter().zip(&told).zip(located.iter().zip(&lens_of)))
         .map(|((Loaded { image, .. }, told), (located, lens))| {
-            let photo = Photo::new(&image.bytes, [image.height, image.width]);
+            let photo = Photo::new(&image.bytes[..], [image.height, image.width]);
             let (w, h) = (image.width as f64, image.height as f64);
             let focal = options.focal.map(|f| f * w.max(h)).or(told.map(|mm| mm / FILM * w.hypot(h)));
             Photo { focal, located: *located, lens: *lens, ..photo }

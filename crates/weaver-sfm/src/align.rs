@@ -109,13 +109,13 @@ mod tests {
             0.5 + 0.1 * (wave(31.0, 0.2) + wave(24.0, 1.3) + wave(41.0, 2.1) + wave(19.0, 2.8))
         };
         let photo = |camera: &Camera| {
-            let gray = (0..width * height).map(|i| {
+            let byte = |i: usize| {
                 let pixel = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
                 let ray = camera.pose.rotation.transpose() * camera.intrinsics.unproject(pixel, 1.0);
                 let center = camera.pose.center();
-                value((center - ray * (center.z / ray.z)).truncate()) as f32
-            });
-            Photo { gray: gray.collect(), ..Photo::new(&vec![0; 3 * width * height], [height, width]) }
+                (255.0 * value((center - ray * (center.z / ray.z)).truncate())).round() as u8
+            };
+            Photo::new((0..width * height).flat_map(|i| [byte(i); 3]).collect::<Vec<u8>>(), [height, width])
         };
         let photos = cameras.iter().map(photo).collect();
         let mut bundle = Bundle {

@@ -70,13 +70,13 @@ pub struct Estimate {
 ///
 /// ```
 /// use weaver_sfm::{EstimateSettings, LeftOut, Photo, estimate};
-/// let blank = Photo::new(&[128; 64 * 48 * 3], [48, 64]);
+/// let blank = Photo::new(vec![128; 64 * 48 * 3], [48, 64]);
 /// let found = estimate(&[blank.clone(), blank], &EstimateSettings::default());
 /// assert_eq!(found.cameras, [Err(LeftOut::Textureless), Err(LeftOut::Textureless)]);
 /// ```
 pub fn estimate(photos: &[Photo<'_>], settings: &EstimateSettings) -> Estimate {
-    let of = |p: &Photo<'_>| Features::new(&p.gray, p.size, p.mask, settings.keypoints);
-    estimate_from(photos, &photos.iter().map(of).collect::<Vec<_>>(), settings)
+    let features: Vec<Features> = photos.iter().map(|photo| photo.features(settings.keypoints)).collect();
+    estimate_from(photos, &features, settings)
 }
 
 /// Estimates cameras as [`estimate`] does, from features that are there already: of each photo, at most as many as

@@ -1,12 +1,13 @@
 //! Photos whose cameras are estimated, and how.
 
-use crate::features::gray;
+use crate::features::{Features, gray};
+use std::borrow::Cow;
 
 /// A photo without a camera.
 #[derive(Clone, Debug)]
 pub struct Photo<'a> {
-    /// Gray, from 0 to 1, `[height, width]`.
-    pub gray: Vec<f32>,
+    /// sRGB, `[height, width, 3]`. The mean of its colors is what is looked at.
+    pub rgb: Cow<'a, [u8]>,
     /// Height and width.
     pub size: [usize; 2],
     /// What of it counts, `[height, width]`: 0 where masked.
@@ -22,10 +23,15 @@ pub struct Photo<'a> {
     pub located: bool,
 }
 
-impl Photo<'_> {
-    /// A photo in sRGB, `[height, width, 3]`, whose mean of colors is taken for gray.
-    pub fn new(rgb: &[u8], size: [usize; 2]) -> Self {
-        Self { gray: gray(rgb), size, mask: None, focal: None, lens: 0, located: false }
+impl<'a> Photo<'a> {
+    /// A photo in sRGB, `[height, width, 3]`, of which nothing else is told.
+    pub fn new(rgb: impl Into<Cow<'a, [u8]>>, size: [usize; 2]) -> Self {
+        Self { rgb: rgb.into(), size, mask: None, focal: None, lens: 0, located: false }
+    }
+
+    /// Its [`Features`], at most so many.
+    pub fn features(&self, most: usize) -> Features {
+        Features::new(&gray(&self.rgb), self.size, self.mask, most)
     }
 }
 

@@ -41,7 +41,7 @@ impl Scene {
     ) -> Option<EstimatedContext> {
         let photo = |view: &usize| {
             let view = &self.views[*view];
-            let photo = Photo::new(&view.image.to_bytes(), [view.image.height, view.image.width]);
+            let photo = Photo::new(view.image.to_bytes(), [view.image.height, view.image.width]);
             Photo { focal: focal_known.then_some(view.camera.intrinsics.fx), ..photo }
         };
         let photos: Vec<Photo<'_>> = views.iter().map(photo).collect();

@@ -42,8 +42,7 @@ const CONTRADICTED: f64 = 2.0;
 /// A focal length is told as a measurement, whose deviation holds back what photos show. Where that is far off nevertheless, what is
 /// told is no measurement of this lens, and half way between both is wrong for certain.
 pub(super) fn estimate(photos: &[Photo<'_>], settings: &EstimateSettings) -> (Estimate, Option<String>) {
-    let features = |p: &Photo<'_>| Features::new(&p.gray, p.size, p.mask, settings.keypoints);
-    let features: Vec<Features> = photos.iter().map(features).collect();
+    let features: Vec<Features> = photos.iter().map(|photo| photo.features(settings.keypoints)).collect();
     let estimate = estimate_from(photos, &features, settings);
     let most = CONTRADICTED * settings.focal_deviation;
     let contradicted = |estimate: &Estimate| -> BTreeSet<usize> {

@@ -31,6 +31,12 @@ fn dot(a: &Patch, b: &Patch) -> f32 {
     lanes.iter().sum()
 }
 
+/// The sum of the colors of a pixel, and what makes a gray value of it.
+fn sum(rgb: &[u8], pixel: usize) -> f32 {
+    f32::from(rgb[3 * pixel..3 * pixel + 3].iter().map(|color| u16::from(*color)).sum::<u16>())
+}
+const WHITE: f32 = 1.0 / 765.0;
+
 /// What surrounds a pixel, by bilinear interpolation, less its mean; `None` where it reaches out of the photo.
 ///
 /// `warp` takes offsets in samples to offsets in pixels.
@@ -51,10 +57,10 @@ fn sampled(photo: &Photo<'_>, at: DVec2, warp: DMat2) -> Option<Patch> {
             let (x, y) = (at.x as usize, at.y as usize);
             let (across, down) = ((at.x - x as f64) as f32, (at.y - y as f64) as f32);
             let [above, below] = [y, y + 1].map(|y| {
-                let pair = &photo.gray[y * width + x..][..2];
-                pair[0] + across * (pair[1] - pair[0])
+                let [left, right] = [x, x + 1].map(|x| sum(&photo.rgb, y * width + x));
+                left + across * (right - left)
             });
-            *value = above + down * (below - above);
+            *value = (above + down * (below - above)) * WHITE;
         }
     }
     let mean = patch.iter().sum::<f32>() / SAMPLES as f32;
@@ -164,15 +170,15 @@ mod tests {
     /// Smooth waves without a period in sight.
     fn waves(p: DVec2) -> f64 {
         let wave = |k: f64, turn: f64| (k * (p.x * turn.cos() + p.y * turn.sin()) + 3.0 * turn).sin();
-        0.5 + 0.1 * (wave(0.45, 0.3) + wave(0.37, 1.4) + wave(0.61, 2.2) + wave(0.29, 2.9))
+        0.5 + 0.12 * (wave(0.45, 0.3) + wave(0.37, 1.4) + wave(0.61, 2.2) + wave(0.29, 2.9))
     }
 
     /// A photo of the waves, of which each pixel shows `map` of its center.
     fn photo(map: impl Fn(DVec2) -> DVec2, brightness: impl Fn(f64) -> f64) -> Photo<'static> {
         let (width, height) = (72, 64);
         let center = |i: usize| DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-        let gray = (0..width * height).map(|i| brightness(waves(map(center(i)))) as f32).collect();
-        Photo { gray, ..Photo::new(&vec![0; 3 * width * height], [height, width]) }
+        let byte = |i: usize| (255.0 * brightness(waves(map(center(i))))).round() as u8;
+        Photo::new((0..width * height).flat_map(|i| [byte(i); 3]).collect::<Vec<u8>>(), [height, width])
     }
 
     #[test]
@@ -184,10 +190,10 @@ mod tests {
             let bend = DMat2::IDENTITY + DMat2::from_cols_array(&std::array::from_fn(|k| 0.3 * draw(k as u64)));
             let to = DVec2::new(36.0 + draw(4), 31.0 + draw(5));
             // The pixel `to` shows what `at` does in the first photo.
-            let second = photo(|p| at + bend * (p - to), |v| 0.1 + (0.8 + draw(6)) * v);
+            let second = photo(|p| at + bend * (p - to), |v| 0.05 + (0.7 + 0.5 * draw(6)) * v);
             let start = to + 2.0 * DVec2::new(draw(7), draw(8));
             let (found, alike) = template.aligned(&second, start, DMat2::IDENTITY).unwrap();
-            assert!(found.distance(to) < 0.03 && alike > 0.99, "{seed}: {found} for {to}, {alike}");
+            assert!(found.distance(to) < 0.04 && alike > 0.99, "{seed}: {found} for {to}, {alike}");
         }
     }
 

@@ -135,9 +135,9 @@ mod tests {
     /// What a search of six drawn photos does.
     fn with_search<T>(run: impl FnOnce(Search<'_>) -> T) -> T {
         let drawn = scene(3, &ProceduralOptions { width: 192, height: 144, views: 12 });
-        let photo = |view: &weaver_data::View| Photo::new(&view.image.to_bytes(), [144, 192]);
+        let photo = |view: &weaver_data::View| Photo::new(view.image.to_bytes(), [144, 192]);
         let photos: Vec<Photo<'_>> = drawn.views.iter().step_by(2).map(photo).collect();
-        let features: Vec<Features> = photos.iter().map(|p| Features::new(&p.gray, p.size, None, 1000)).collect();
+        let features: Vec<Features> = photos.iter().map(|photo| photo.features(1000)).collect();
         let (taken, settings) = (photos.iter().map(Taken::of).collect::<Vec<_>>(), EstimateSettings::default());
         let photos: Vec<&Photo<'_>> = photos.iter().collect();
         run(Search::new(&taken, &photos, &features, &settings))

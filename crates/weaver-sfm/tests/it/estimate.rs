@@ -14,7 +14,7 @@ fn built_in(seed: u64, views: usize) -> Scene {
 /// Photos of every second view, with or without their focal length.
 fn photos(scene: &Scene, known: bool) -> Vec<Photo<'static>> {
     let photo = |view: &weaver_data::View| {
-        let photo = Photo::new(&view.image.to_bytes(), [view.camera.height, view.camera.width]);
+        let photo = Photo::new(view.image.to_bytes(), [view.camera.height, view.camera.width]);
         Photo { focal: known.then_some(view.camera.intrinsics.fx), ..photo }
     };
     scene.views.iter().step_by(2).map(photo).collect()
@@ -102,11 +102,21 @@ fn photos_that_do_not_tell_their_focal_length_have_that_of_the_others() {
     assert_eq!((found.focal_factor, found.focal_guessed), (1.0, false));
 }
 
+/// A pixel in gray, from 0 to 1.
+fn gray(photo: &Photo<'_>, pixel: usize) -> f32 {
+    photo.rgb[3 * pixel..][..3].iter().map(|color| f32::from(*color)).sum::<f32>() / 765.0
+}
+
+/// Gray values as a photo.
+fn rgb(gray: impl Iterator<Item = f32>) -> Vec<u8> {
+    gray.flat_map(|gray| [(255.0 * gray).round() as u8; 3]).collect()
+}
+
 /// Photos seen through a place in other ones: `from` says where each pixel of `size` (height, width) comes from.
 fn warped(photos: &mut [Photo<'_>], size: [usize; 2], from: impl Fn(DVec2) -> DVec2) {
     for photo in photos {
         let [height, width] = photo.size;
-        let pixel = |x: usize, y: usize| f64::from(photo.gray[y.min(height - 1) * width + x.min(width - 1)]);
+        let pixel = |x: usize, y: usize| f64::from(gray(photo, y.min(height - 1) * width + x.min(width - 1)));
         let gray = (0..size[0] * size[1]).map(|i| {
             let at = from(DVec2::new((i % size[1]) as f64 + 0.5, (i / size[1]) as f64 + 0.5));
             let at = (at - 0.5).clamp(DVec2::ZERO, DVec2::new((width - 1) as f64, (height - 1) as f64));
@@ -115,8 +125,7 @@ fn warped(photos: &mut [Photo<'_>], size: [usize; 2], from: impl Fn(DVec2) -> DV
             let row = |y: usize| pixel(x, y) * (1.0 - t.x) + pixel(x + 1, y) * t.x;
             (row(y) * (1.0 - t.y) + row(y + 1) * t.y) as f32
         });
-        let gray = gray.collect();
-        (photo.gray, photo.size) = (gray, size);
+        (photo.rgb, photo.size) = (rgb(gray).into(), size);
     }
 }
 
@@ -230,7 +239,7 @@ fn what_is_located_finds_no_points() {
     // It shows what others show from another place, then what none shows.
     let [again, elsewhere] = [photos[6].clone(), self::photos(&built_in(40, 2), false).remove(0)];
     for other in [again, elsewhere] {
-        photos[2].gray = other.gray;
+        photos[2].rgb = other.rgb;
         let disturbed = estimate(&photos, &quick());
         assert!(disturbed.cameras[2] != found.cameras[2]);
         let others = |e: &Estimate| [&e.cameras[..2], &e.cameras[3..]].concat();
@@ -276,9 +285,9 @@ fn nothing_is_made_up() {
     assert_eq!(reasons(&[]), []);
     assert_eq!(reasons(std::slice::from_ref(&photo)), [LeftOut::Unmatched]);
     assert_eq!(reasons(&[photo.clone(), photo.clone(), photo.clone()]), [LeftOut::OnePlace; 3]);
-    let blank = Photo { gray: vec![0.5; photo.gray.len()], ..photo.clone() };
+    let blank = Photo { rgb: vec![128; photo.rgb.len()].into(), ..photo.clone() };
     assert_eq!(reasons(&[blank.clone(), blank]), [LeftOut::Textureless; 2]);
-    let masked = vec![0; photo.gray.len()];
+    let masked = vec![0; photo.rgb.len() / 3];
     let masked = Photo { mask: Some(&masked), ..photo.clone() };
     assert_eq!(reasons(&[masked.clone(), masked]), [LeftOut::Textureless; 2]);
     let turned: Vec<Photo<'_>> = [0.0, 0.1, 0.2].map(|angle| seen_after_turning(&photo, angle)).to_vec();
@@ -299,10 +308,10 @@ fn seen_after_turning(photo: &Photo<'_>, angle: f64) -> Photo<'static> {
             return 0.0;
         }
         let (u, v) = ((from.x - x) as f32, (from.y - y) as f32);
-        let gray = |dx: usize, dy: usize| photo.gray[(y as usize + dy) * width + x as usize + dx];
+        let gray = |dx: usize, dy: usize| self::gray(photo, (y as usize + dy) * width + x as usize + dx);
         (gray(0, 0) * (1.0 - u) + gray(1, 0) * u) * (1.0 - v) + (gray(0, 1) * (1.0 - u) + gray(1, 1) * u) * v
     });
-    Photo { gray: gray.collect(), mask: None, ..photo.clone() }
+    Photo { rgb: rgb(gray).into(), mask: None, ..photo.clone() }
 }
 
 #[test]

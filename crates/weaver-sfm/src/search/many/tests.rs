@@ -67,7 +67,7 @@ fn found(features: &[Features], run: impl Fn(&mut Search<'_>)) -> Grown {
     let taken = vec![Taken { size: SIZE, focal: Some(FOCAL), lens: 0 }; PHOTOS];
     let settings = EstimateSettings::default();
     // What is seen is drawn, so nothing is looked up in photos.
-    let blank = Photo::new(&vec![0; 3 * SIZE[0] * SIZE[1]], SIZE);
+    let blank = Photo::new(vec![0; 3 * SIZE[0] * SIZE[1]], SIZE);
     let photos = vec![&blank; PHOTOS];
     let mut search = Search::new(&taken, &photos, features, &settings);
     run(&mut search);
