@@ -1,12 +1,15 @@
 //! Features of a photo, matches of two, and adjustment.
 
-use criterion::{Criterion, Throughput};
+use criterion::{BatchSize, Criterion, Throughput};
 use std::hint::black_box;
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_kernels::random::Stream;
-use weaver_sfm::{Epipolar, Features, RefineSettings, View, matches, matches_along, refine, two_view};
+use weaver_sfm::{
+    Bundle, Epipolar, Features, Lens, Observation, Photo, RefineSettings, View, matches, matches_along, refine,
+    two_view,
+};
 
 const SIZE: [usize; 2] = [288, 384];
 
@@ -83,10 +86,48 @@ fn sfm(criterion: &mut Criterion) {
     group.finish();
 }
 
+/// Points on a wall that eight photos see, keypoints half a pixel off.
+fn align(criterion: &mut Criterion) {
+    const POINTS: usize = 2000;
+    let stream = Stream::new(1, 0, "bench.align");
+    let normal = |k: usize| stream.normal::<f64>(k as u64);
+    let [height, width] = SIZE;
+    let intrinsics = Intrinsics { fx: 384.0, fy: 384.0, cx: 192.0, cy: 144.0 };
+    let camera = |i: usize| {
+        let pose = Pose::new(Default::default(), DVec3::new(0.1 * i as f64 - 0.4, 0.0, 4.0));
+        Camera { pose, intrinsics, width, height }
+    };
+    let gray = texture(SIZE);
+    let rgb: Vec<u8> = gray.iter().flat_map(|gray| [(255.0 * gray) as u8; 3]).collect();
+    let photo = Photo::new(&rgb[..], SIZE);
+    let mut bundle = Bundle {
+        cameras: (0..8).map(camera).collect(),
+        lenses: vec![Lens::default()],
+        lens_of: vec![0; 8],
+        fixed: vec![false; 8],
+        ..Bundle::default()
+    };
+    for point in 0..POINTS {
+        bundle.points.push(DVec3::new(0.6 * normal(4 * point), 0.5 * normal(4 * point + 1), 0.0));
+        for camera in 0..8 {
+            let off = DVec2::new(normal(10_000 + 8 * point + camera), normal(90_000 + 8 * point + camera)) * 0.5;
+            let pixel = intrinsics.project(bundle.cameras[camera].pose.apply(bundle.points[point])) + off;
+            bundle.observations.push(Observation { camera, point, pixel, deviation: 1.0 });
+        }
+    }
+    let mut group = criterion.benchmark_group("align");
+    group.throughput(Throughput::Elements(bundle.observations.len() as u64));
+    group.bench_function(format!("{POINTS} points that 8 photos see"), |b| {
+        b.iter_batched(|| bundle.clone(), |mut bundle| bundle.align(&[&photo; 8]), BatchSize::LargeInput);
+    });
+    group.finish();
+}
+
 fn main() {
     let mut criterion = Criterion::default().configure_from_args();
     features(&mut criterion);
     pairs(&mut criterion);
     sfm(&mut criterion);
+    align(&mut criterion);
     criterion.final_summary();
 }

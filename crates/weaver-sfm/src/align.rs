@@ -29,9 +29,48 @@ impl Bundle {
     /// middle direction looks from there, and is aligned by affine steps, brightness and contrast aside. What is not alike in
     /// the end, or moved too far, stays as it was.
     ///
+    /// With the template's values `t`, its slopes `J` by the six numbers of an affine movement, and the photo's values `v` brought to the
+    /// brightness and contrast of the template, a step is `(J^T J)^-1 J^T (v - t)`, its inverse applied to where the photo is looked at.
+    /// Nothing is differentiable.
+    ///
     /// Sources: Baker and Matthews, Lucas-Kanade 20 years on, 2004 (inverse compositional steps); Furukawa and Ponce, Accurate
     /// camera calibration from multi-view stereo and bundle adjustment, 2009.
-    pub(crate) fn align(&mut self, photos: &[&Photo<'_>]) {
+    ///
+    /// # Panics
+    /// If there are not as many photos as cameras, or one is not as large as its camera says.
+    ///
+    /// ```
+    /// use weaver_geometry::glam::{DVec2, DVec3};
+    /// use weaver_geometry::{Camera, Intrinsics, Pose};
+    /// use weaver_sfm::{Bundle, Lens, Observation, Photo};
+    ///
+    /// // Two cameras side by side look at waves on a wall: what one sees at x, the other does at x - 10.
+    /// let (width, height) = (64, 48);
+    /// let wave = |x: f64, y: f64| 128.0 + 40.0 * ((0.5 * x + 0.2 * y).sin() + (0.3 * x - 0.4 * y).cos());
+    /// let photo = |shift: f64| {
+    ///     let gray = move |i: usize| wave((i % width) as f64 + shift, (i / width) as f64) as u8;
+    ///     Photo::new((0..width * height).flat_map(|i| [gray(i); 3]).collect::<Vec<u8>>(), [height, width])
+    /// };
+    /// let intrinsics = Intrinsics { fx: 50.0, fy: 50.0, cx: 32.0, cy: 24.0 };
+    /// let camera = |x: f64| Camera { pose: Pose::new(Default::default(), DVec3::new(x, 0.0, 0.0)), intrinsics, width, height };
+    /// // The second keypoint is off by most of a pixel.
+    /// let seen = |camera, x, y| Observation { camera, point: 0, pixel: DVec2::new(x, y), deviation: 1.0 };
+    /// let mut bundle = Bundle {
+    ///     cameras: vec![camera(0.0), camera(-1.0)],
+    ///     points: vec![DVec3::new(0.0, 0.0, 5.0)],
+    ///     observations: vec![seen(0, 32.0, 24.0), seen(1, 22.5, 23.6)],
+    ///     lenses: vec![Lens::default()],
+    ///     lens_of: vec![0, 0],
+    ///     fixed: vec![false; 2],
+    ///     ..Bundle::default()
+    /// };
+    /// bundle.align(&[&photo(0.0), &photo(10.0)]);
+    /// let apart = bundle.observations[0].pixel - bundle.observations[1].pixel;
+    /// assert!(apart.distance(DVec2::new(10.0, 0.0)) < 0.05, "{apart}");
+    /// ```
+    pub fn align(&mut self, photos: &[&Photo<'_>]) {
+        let sizes = photos.iter().map(|photo| photo.size);
+        assert!(sizes.eq(self.cameras.iter().map(|camera| [camera.height, camera.width])), "photos of the cameras");
         let cameras: Vec<Camera> = (0..self.cameras.len()).map(|i| self.camera(i)).collect();
         let points = &self.points;
         let mut seen: Vec<&mut [Observation]> =
