@@ -84,6 +84,22 @@ pub fn estimate(photos: &[Photo<'_>], settings: &EstimateSettings) -> Estimate {
 ///
 /// # Panics
 /// If there are not as many as photos.
+///
+/// ```
+/// use weaver_data::procedural::{ProceduralOptions, scene};
+/// use weaver_sfm::{EstimateSettings, Features, Photo, estimate_from};
+///
+/// let scene = scene(3, &ProceduralOptions { width: 96, height: 72, views: 4 });
+/// let photos: Vec<Photo<'_>> = scene.views.iter().map(|view| Photo::new(view.image.to_bytes(), [72, 96])).collect();
+/// let settings = EstimateSettings::default();
+/// // Features are found once; settings may then be tried one after the other.
+/// let features: Vec<Features> = photos.iter().map(|photo| photo.features(settings.keypoints)).collect();
+/// let free = estimate_from(&photos, &features, &settings);
+/// let told: Vec<Photo<'_>> = photos.into_iter().map(|photo| Photo { focal: Some(80.0), ..photo }).collect();
+/// let held = estimate_from(&told, &features, &EstimateSettings { focal_deviation: 0.0, ..settings });
+/// assert_eq!(free.cameras.len(), held.cameras.len());
+/// assert!(held.cameras.iter().flatten().all(|camera| camera.intrinsics.fx == 80.0));
+/// ```
 pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &EstimateSettings) -> Estimate {
     assert_eq!(photos.len(), features.len(), "features of each photo");
     let taken: Vec<Taken> = photos.iter().map(Taken::of).collect();

@@ -1,5 +1,8 @@
 //! How exact estimated cameras are expected to be.
 
+#[cfg(test)]
+mod tests;
+
 use crate::bundle::{Bundle, Covariance, Observation};
 use crate::lenses::PIXEL;
 use crate::photo::Find;

@@ -61,6 +61,43 @@ impl Bundle {
     /// centers, over the root of their mean square distance from their middle, and of rotations in radians.
     ///
     /// Sources: Huber, Robust Statistics, 1981, section 7.6; Triggs et al., Bundle adjustment, a modern synthesis, 1999, section 9.
+    ///
+    /// ```
+    /// use weaver_geometry::glam::{DMat3, DVec2, DVec3};
+    /// use weaver_geometry::{Camera, Intrinsics, Pose};
+    /// use weaver_sfm::{Bundle, Lens, Observation};
+    ///
+    /// // Four cameras around a block of 27 points, what they see off by half a pixel to and fro.
+    /// let intrinsics = Intrinsics { fx: 100.0, fy: 100.0, cx: 50.0, cy: 50.0 };
+    /// let camera = |i: usize| {
+    ///     let pose = Pose::new(DMat3::from_rotation_y(0.3 * i as f64), DVec3::new(0.0, 0.0, 5.0));
+    ///     Camera { pose, intrinsics, width: 100, height: 100 }
+    /// };
+    /// let points: Vec<DVec3> = (0..27).map(|i| [i % 3, i / 3 % 3, i / 9].map(|k| f64::from(k) - 1.0).into()).collect();
+    /// let lens = Lens { free_focal: true, ..Lens::default() };
+    /// let mut bundle = Bundle {
+    ///     cameras: (0..4).map(camera).collect(),
+    ///     points,
+    ///     lenses: vec![lens],
+    ///     lens_of: vec![0; 4],
+    ///     fixed: vec![false; 4],
+    ///     ..Bundle::default()
+    /// };
+    /// for (point, at) in bundle.points.iter().enumerate() {
+    ///     for (number, camera) in bundle.cameras.iter().enumerate() {
+    ///         let noise = 0.5 * DVec2::new((7 * point + 3 * number) as f64, (5 * point + number) as f64).map(f64::sin);
+    ///         let pixel = lens.project(camera, camera.pose.apply(*at)) + noise;
+    ///         bundle.observations.push(Observation { camera: number, point, pixel, deviation: 1.0 });
+    ///     }
+    /// }
+    /// assert!(bundle.adjust(4.0, 50).converged);
+    /// let known = bundle.covariance(4.0).expect("more is seen than is unknown");
+    /// // The noise shows in the differences, and what is adjusted is known only so far.
+    /// assert!((0.2..0.5).contains(&known.sigma) && known.focal[0] > 0.001, "{known:?}");
+    /// assert!(known.rotation.iter().all(|radians| (1e-4..0.1).contains(radians)), "{known:?}");
+    /// // Distortion was held.
+    /// assert!(known.k1[0].is_nan());
+    /// ```
     pub fn covariance(&self, scale: f64) -> Option<Covariance> {
         self.covariance_within(scale, &LIMITS)
     }

@@ -8,7 +8,7 @@ use std::cmp::Reverse;
 use weaver_geometry::glam::DVec3;
 
 /// The most photos among which all is found and adjusted each time.
-pub(crate) const MANY: usize = 64;
+pub(crate) const MANY: usize = 30;
 /// Photos with a place up to which all are adjusted each time, and by which part more there are when all are adjusted again.
 const FEW: usize = 24;
 const MORE: f64 = 0.25;

@@ -1,0 +1,74 @@
+//! Distortion that photos tell, of which they do not, and what is not asked for.
+
+use super::*;
+use crate::bundle::Lens;
+use weaver_geometry::glam::DVec2;
+use weaver_geometry::{Intrinsics, so3};
+use weaver_kernels::random::Stream;
+
+/// Cameras around a cloud of points, rolled, who see all of it through this lens, a third of a pixel off.
+fn seen_through(lens: Lens, cameras: usize) -> Bundle {
+    let stream = Stream::new(1, cameras as u64, "test.distortion");
+    let draw = |k: usize| 2.0 * stream.uniform::<f64>(k as u64) - 1.0;
+    let intrinsics = Intrinsics { fx: 300.0, fy: 300.0, cx: 200.0, cy: 150.0 };
+    let camera = |i: usize| {
+        let turn = DVec3::new(0.1 * draw(3 * i), 2.0 * draw(3 * i + 1), 0.0);
+        let rotation = so3::exp(DVec3::Z * draw(3 * i + 2)) * so3::exp(turn);
+        Camera { pose: Pose::new(rotation, DVec3::new(0.0, 0.0, 3.0)), intrinsics, width: 400, height: 300 }
+    };
+    let points = (0..400).map(|n| 1.2 * DVec3::new(draw(1000 + 3 * n), draw(1001 + 3 * n), draw(1002 + 3 * n)));
+    let mut bundle = Bundle {
+        cameras: (0..cameras).map(camera).collect(),
+        lenses: vec![Lens { free_focal: true, ..Lens::default() }],
+        lens_of: vec![0; cameras],
+        fixed: vec![false; cameras],
+        points: points.collect(),
+        ..Bundle::default()
+    };
+    for (point, position) in bundle.points.iter().enumerate() {
+        for (number, camera) in bundle.cameras.iter().enumerate() {
+            let noise = |k: usize| stream.normal::<f64>((10_000 + 2 * (cameras * point + number) + k) as u64) / 3.0;
+            let pixel = lens.project(camera, camera.pose.apply(*position));
+            if pixel.x > 0.0 && pixel.y > 0.0 && pixel.x < 400.0 && pixel.y < 300.0 {
+                let pixel = DVec2::new(pixel.x + noise(0), pixel.y + noise(1));
+                bundle.observations.push(Observation { camera: number, point, pixel, deviation: 1.0 });
+            }
+        }
+    }
+    bundle.adjust(4.0, 40);
+    bundle
+}
+
+/// Which coefficients are freed, and what they come to.
+fn freed(planted: [f64; 2], cameras: usize, find: Find) -> ([bool; 2], [f64; 2]) {
+    let lens = Lens { k1: planted[0], k2: planted[1], ..Lens::default() };
+    let mut bundle = seen_through(lens, cameras);
+    let any = bundle.free_distortion(find, &vec![true; cameras]);
+    bundle.adjust(1.0, 40);
+    let Lens { k1, k2, free_k1, free_k2, .. } = bundle.lenses[0];
+    assert_eq!(any, free_k1 || free_k2);
+    ([free_k1, free_k2], [k1, k2])
+}
+
+#[test]
+fn both_coefficients_are_told_by_many_photos() {
+    let planted = [-0.12, 0.08];
+    let (free, found) = freed(planted, MANY, Find::Told);
+    assert_eq!(free, [true, true]);
+    assert!(found.iter().zip(planted).all(|(found, planted)| (found - planted).abs() < 0.01), "{found:?}");
+    // As many as tell the first one; then too few to look.
+    assert_eq!(freed(planted, MANY - 1, Find::Told).0, [true, false]);
+    assert_eq!(freed(planted, SEVERAL - 1, Find::Told).0, [false, false]);
+}
+
+#[test]
+fn what_is_not_there_is_not_freed_unless_it_is_asked_for() {
+    let (free, found) = freed([-0.12, 0.0], MANY, Find::Told);
+    assert_eq!(free, [true, false]);
+    assert!((found[0] + 0.12).abs() < 0.01, "{found:?}");
+    assert_eq!(freed([0.0, 0.0], MANY, Find::Told), ([false, false], [0.0, 0.0]));
+    assert_eq!(freed([-0.12, 0.08], MANY, Find::Off).0, [false, false]);
+    let (free, found) = freed([0.0, 0.0], SEVERAL, Find::K1K2);
+    assert!(free == [true, true] && found.iter().all(|k| k.abs() < 0.05), "{found:?}");
+    assert_eq!(freed([0.0, 0.0], SEVERAL, Find::K1).0, [true, false]);
+}
