@@ -3,7 +3,7 @@
 use crate::estimate::Estimate;
 
 /// From this part of what the best explanation explains, another one is a rival.
-const RIVAL: f64 = 0.8;
+const RIVAL: f64 = 0.75;
 /// An estimate is doubtful whose points are this far off in the median, pixels.
 const OFF: f64 = 1.0;
 /// What cameras are good for: degrees, part of the spread of centers, part of the focal length.
@@ -11,7 +11,7 @@ const TURN: f64 = 2.0;
 const CENTER: f64 = 0.05;
 const FOCAL: f64 = 0.05;
 /// How many standard deviations must lie within that.
-const SURE: f64 = 3.0;
+const SURE: f64 = 2.5;
 
 /// How much an estimate is to be believed.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -40,7 +40,7 @@ impl Estimate {
     /// How much the cameras are to be believed.
     ///
     /// They are good where they are expected to be within 2 degrees, 5 % of the spread of their centers, and 5 % of the focal
-    /// length: three of their standard deviations are.
+    /// length: two and a half of their standard deviations are.
     pub fn confidence(&self) -> Confidence {
         let [turn, center] = self.uncertainty.as_ref().map_or([f64::INFINITY; 2], |u| u.most());
         let focal = self.uncertainty.as_ref().map_or(f64::INFINITY, |u| u.focal);
