@@ -142,12 +142,14 @@ impl<'a> Search<'a> {
         for from in beginnings(&evidence).into_iter().map(|i| &certain[i]) {
             // Of many photos, the next beginning is in what the others did not reach.
             let reached = |grown: &Grown| from.photos.iter().all(|p| grown.placed[*p]);
-            let grown = &self.found[first..];
-            if tried == BEGINNINGS || confirmed(grown) || self.taken.len() > SEVERAL && grown.iter().any(reached) {
+            if tried == BEGINNINGS || self.taken.len() > SEVERAL && self.found[first..].iter().any(reached) {
                 continue;
             }
             tried += 1;
             for pose in std::iter::once(&from.pose).chain(&from.rival) {
+                if confirmed(&self.found, first) {
+                    return;
+                }
                 let mut grown = Grown::new(bundle.clone(), from.photos, pose);
                 grown.grow(&evidence);
                 if !few {
@@ -173,15 +175,15 @@ fn best(scenes: &[Grown]) -> Option<usize> {
     (0..scenes.len()).reduce(|a, b| if scenes[b].value() > scenes[a].value() { b } else { a })
 }
 
-/// Whether two scenes from different beginnings, and no better one, say the same.
-fn confirmed(found: &[Grown]) -> bool {
+/// Whether two scenes, and no better one, say the same; one of them is among those from `first` on.
+fn confirmed(found: &[Grown], first: usize) -> bool {
     let Some(best) = best(found) else { return false };
     let alike = |other: &Grown| {
         other.value().0 == found[best].value().0
             && other.support > ALIKE * found[best].support
             && !found[best].differs(other, GROWN_APART)
     };
-    (0..found.len()).any(|i| i != best && alike(&found[i]))
+    (0..found.len()).any(|i| i != best && i.max(best) >= first && alike(&found[i]))
 }
 
 impl Grown {

@@ -1,6 +1,6 @@
 //! Explanations that are brought to an end, so that they can be told apart.
 
-use super::{SEVERAL, Search};
+use super::{FEW, SEVERAL, Search};
 use crate::bundle::Bundle;
 use crate::evidence::{Evidence, Trust};
 use crate::grow::{Grown, explained};
@@ -22,8 +22,6 @@ const BETTER: f64 = 1.005;
 /// Scales of adjustments after an alignment, and how far off observations are left out after each, pixels.
 const ALIGNING: [(f64, f64); 2] = [(2.0, 6.0), (1.0, 3.0)];
 const STEPS: usize = 40;
-/// Alignments in the end.
-const ALIGNMENTS: usize = 2;
 
 impl Search<'_> {
     /// The scenes that explain nearly as much as the best and are different, the best first.
@@ -46,7 +44,7 @@ impl Search<'_> {
     /// A scene of which all that its photos share is found, and what it then explains.
     pub(super) fn settled(&self, grown: &Grown) -> Grown {
         let mut grown = grown.clone();
-        if self.taken.len() <= SEVERAL {
+        if self.taken.len() <= FEW {
             self.reconsider(&mut grown);
         }
         let Grown { bundle, placed, support } = &mut grown;
@@ -66,7 +64,7 @@ impl Search<'_> {
         }
         self.pass(bundle, placed, &Pass::FINE[1]);
         bundle.finish();
-        (0..ALIGNMENTS).for_each(|_| self.align(bundle));
+        self.align(bundle);
     }
 
     /// Matches and adjusts once: photos whose cameras stand near each other, and those that pairs hold together.
