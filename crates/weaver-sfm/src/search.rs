@@ -56,7 +56,7 @@ pub(crate) struct Search<'a> {
     pairs: Pairs,
     /// The scenes that were grown.
     found: Vec<Grown>,
-    /// How much the best of those explained that were given up while they were small, over what the one that was not did then.
+    /// How much the best of those would explain that were given up while they were small, over what the one that was not does.
     given_up: f64,
 }
 

@@ -15,6 +15,8 @@ use crate::tracks::Track;
 
 /// Photos by which explanations are told apart.
 const TRIAL: usize = 32;
+/// What another small scene explains counts for this part of what it would once it were settled: there, what is wrong is soon left behind.
+const UNSETTLED: f64 = 0.85;
 /// Photos that each is compared with for what both have in common with a third one.
 const MORE: usize = 4;
 /// The part of the photos that a scene must reach, and of the matches that must agree with it, for no other to be grown.
@@ -54,7 +56,7 @@ impl Search<'_> {
         }
         let Some((trial, bundle, posed)) = best else { return };
         let rivals = others.iter().filter(|other| trial.differs(other, GROWN_APART));
-        self.given_up = rivals.map(|other| other.each() / trial.each()).fold(0.0, f64::max);
+        self.given_up = UNSETTLED * rivals.map(|other| other.each() / trial.each()).fold(0.0, f64::max);
         drop(others);
         // Nothing looks at what agrees with no pose any more.
         self.pairs.matched.iter_mut().for_each(|(_, matches)| *matches = Vec::new());
