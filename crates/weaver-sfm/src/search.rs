@@ -98,8 +98,7 @@ impl<'a> Search<'a> {
         }
         let few = self.taken.len() <= FEW;
         let tau = tau(self.taken);
-        let told = self.taken.iter().any(|t| t.focal.is_some());
-        let mut waiting = if told { vec![USUAL] } else { self.focal_lengths(tau) };
+        let mut waiting = self.focal_lengths(tau);
         let mut tried: Vec<f64> = Vec::new();
         // The focal length that each scene came of.
         let mut began: Vec<f64> = Vec::new();
@@ -117,7 +116,7 @@ impl<'a> Search<'a> {
             }
             began.resize(self.found.len(), factor);
             // Poses of pairs are as wrong as the focal length that they were found by: the one that came of it does better.
-            let again = !told && waiting.is_empty() && tried.len() < TRIED && self.taken.len() <= SEVERAL;
+            let again = !self.told() && waiting.is_empty() && tried.len() < TRIED && self.taken.len() <= SEVERAL;
             let found = best.filter(|_| again).map(|best| began[best] * self.found[best].focal_factor());
             waiting.extend(found.filter(|found| tried.iter().all(|tried| (found / tried).ln().abs() > ANOTHER)));
         }
@@ -160,8 +159,16 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Focal lengths to begin with, over the longer side, that pairs vote for.
+    /// Whether a focal length is told.
+    fn told(&self) -> bool {
+        self.taken.iter().any(|t| t.focal.is_some())
+    }
+
+    /// Focal lengths to begin with, over the longer side: what is told, or those that pairs vote for.
     fn focal_lengths(&self, tau: f64) -> Vec<f64> {
+        if self.told() {
+            return vec![USUAL];
+        }
         let usual = self.settings.bundle(self.taken, USUAL).cameras;
         let voted = focal::voted(self.features, &usual, &self.pairs.matched, tau);
         let mut voted: Vec<f64> = voted.into_iter().map(|f| f * USUAL).collect();
