@@ -4,10 +4,10 @@ mod patch;
 
 use crate::bundle::{Bundle, Observation};
 use crate::photo::Photo;
-use patch::Template;
+use patch::{Gray, Template};
 use weaver_geometry::Camera;
 use weaver_geometry::glam::{DMat2, DVec2, DVec3};
-use weaver_kernels::parallel;
+use weaver_kernels::{parallel, simd};
 
 /// How alike what surrounds two observations must be for them to be aligned: the cosine between both.
 const ALIKE: f32 = 0.8;
@@ -73,16 +73,23 @@ impl Bundle {
         assert!(sizes.eq(self.cameras.iter().map(|camera| [camera.height, camera.width])), "photos of the cameras");
         let cameras: Vec<Camera> = (0..self.cameras.len()).map(|i| self.camera(i)).collect();
         let points = &self.points;
+        let mut grays: Vec<Option<Gray>> = vec![None; photos.len()];
+        parallel::for_chunks(&mut grays, 1, |i, gray| gray[0] = Some(Gray::of(photos[i])));
+        let grays: Vec<Gray> = grays.into_iter().flatten().collect();
         let mut seen: Vec<&mut [Observation]> =
             self.observations.chunk_by_mut(|a, b| a.point == b.point).filter(|seen| seen.len() > 1).collect();
         parallel::for_chunks(&mut seen, GRAIN, |_, seen| {
-            seen.iter_mut().for_each(|seen| align(photos, &cameras, points[seen[0].point], seen));
+            simd::dispatch(
+                #[inline(always)]
+                || seen.iter_mut().for_each(|seen| align(&grays, &cameras, points[seen[0].point], seen)),
+            );
         });
     }
 }
 
 /// Aligns what was seen of one point.
-fn align(photos: &[&Photo<'_>], cameras: &[Camera], point: DVec3, seen: &mut [Observation]) {
+#[inline(always)]
+fn align(photos: &[Gray], cameras: &[Camera], point: DVec3, seen: &mut [Observation]) {
     let toward = |o: &Observation| (cameras[o.camera].pose.center() - point).normalize_or_zero();
     let normal = seen.iter().map(toward).sum::<DVec3>().normalize_or_zero();
     let Some(middle) = (0..seen.len()).max_by(|a, b| {
@@ -98,13 +105,13 @@ fn align(photos: &[&Photo<'_>], cameras: &[Camera], point: DVec3, seen: &mut [Ob
     let Observation { camera, pixel, deviation, .. } = seen[middle];
     let onto_plane = looks(&cameras[camera], point, plane).inverse();
     let spacing = DMat2::IDENTITY * deviation.clamp(SPACING[0], SPACING[1]);
-    let Some(template) = Template::new(photos[camera], pixel, spacing).filter(|_| onto_plane.is_finite()) else {
+    let Some(template) = Template::new(&photos[camera], pixel, spacing).filter(|_| onto_plane.is_finite()) else {
         return;
     };
     let mut any = false;
     for o in seen.iter_mut().filter(|o| o.camera != camera) {
         let warp = looks(&cameras[o.camera], point, plane) * onto_plane * spacing;
-        let Some((at, alike)) = template.aligned(photos[o.camera], o.pixel, warp) else { continue };
+        let Some((at, alike)) = template.aligned(&photos[o.camera], o.pixel, warp) else { continue };
         if alike > ALIKE && at.distance(o.pixel) < MOVES * o.deviation.max(LEAST) {
             (o.pixel, o.deviation, any) = (at, ALIGNED, true);
         }

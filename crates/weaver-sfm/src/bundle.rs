@@ -84,7 +84,9 @@ impl Bundle {
     /// Only cameras that are not fixed, and lenses that are free, take part: some cameras among many that are fixed cost as
     /// much as they would alone. Up to 200 of them, the matrix that is left is dense and its solution direct; beyond, only
     /// cameras that see the same points meet in it. Where these can be numbered so that all that meet are near each other, as along
-    /// a walk, its solution is direct, too; else it is solved by conjugate gradients. A fall of the cost by less than 1e-7 ends it.
+    /// a walk, its solution is direct, too; else it is solved by conjugate gradients. A fall of the cost by less than 1e-7 ends it, or a step
+    /// in which all cameras and lenses together move by less than a hundredth of their standard deviation: points without depth would
+    /// go on for long, and tell cameras nothing.
     ///
     /// Sources: Triggs et al., Bundle adjustment, a modern synthesis, 1999, section 6; Agarwal et al., Bundle adjustment in the
     /// large, 2010; Nielsen, Damping parameter in Marquardt's method, 1999.
@@ -93,6 +95,12 @@ impl Bundle {
     /// If numbers of cameras, lenses or points are out of range, or observations are not ascending by point.
     pub fn adjust(&mut self, scale: f64, most_steps: usize) -> Solved {
         self.adjust_within(scale, most_steps, &Limits::USUAL)
+    }
+
+    /// The same until a step moves cameras and lenses by less than a third of their standard deviation, which leaves them within one of
+    /// where they would end: for what is adjusted again.
+    pub(crate) fn adjust_roughly(&mut self, scale: f64, most_steps: usize) -> Solved {
+        self.adjust_within(scale, most_steps, &Limits::ROUGH)
     }
 
     fn adjust_within(&mut self, scale: f64, most_steps: usize, limits: &Limits) -> Solved {

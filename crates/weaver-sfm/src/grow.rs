@@ -130,7 +130,7 @@ fn adjusted(
     let all = bundle.observe(evidence.features, evidence.tracks, &missing, 2.0 * FITS);
     bundle.observations = all.iter().filter(|o| placed[o.camera]).copied().collect();
     for (scale, steps) in scales {
-        bundle.adjust(*scale, *steps);
+        bundle.adjust_roughly(*scale, *steps);
     }
     bundle.leave_out(FITS);
     all

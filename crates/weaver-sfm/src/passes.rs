@@ -73,7 +73,12 @@ impl Bundle {
         drop(tracks);
         self.observations = all.iter().filter(|o| !located[o.camera]).copied().collect();
         for scale in pass.scales {
-            self.adjust(*scale, STEPS);
+            // What is left out is left out of the next adjustment, too: only the last must be exact.
+            if *scale > LAST[1] {
+                self.adjust_roughly(*scale, STEPS)
+            } else {
+                self.adjust(*scale, STEPS)
+            };
             self.leave_out(FARTHEST * scale);
         }
         self.locate(located, all);

@@ -18,11 +18,28 @@ const NOISE: f64 = 0.02;
 /// Steps of an alignment, and the movement below which it ends, samples.
 const STEPS: usize = 12;
 const STILL: f64 = 0.003;
+/// What takes a gray value from 0 to 1.
+const WHITE: f32 = 1.0 / 255.0;
 
 /// Gray values row by row; 0 beyond the last sample.
 type Patch = [f32; PADDED];
 
+/// A photo in gray: the means of its colors, rounded.
+#[derive(Clone, Debug)]
+pub(super) struct Gray {
+    values: Vec<u8>,
+    size: [usize; 2],
+}
+
+impl Gray {
+    pub fn of(photo: &Photo<'_>) -> Self {
+        let mean = |rgb: &[u8]| ((rgb.iter().map(|color| u16::from(*color)).sum::<u16>() + 1) / 3) as u8;
+        Self { values: photo.rgb.chunks_exact(3).map(mean).collect(), size: photo.size }
+    }
+}
+
 /// The sum of products, in a fixed order.
+#[inline(always)]
 fn dot(a: &Patch, b: &Patch) -> f32 {
     let mut lanes = [0.0; LANES];
     for (a, b) in a.chunks_exact(LANES).zip(b.chunks_exact(LANES)) {
@@ -31,16 +48,11 @@ fn dot(a: &Patch, b: &Patch) -> f32 {
     lanes.iter().sum()
 }
 
-/// The sum of the colors of a pixel, and what makes a gray value of it.
-fn sum(rgb: &[u8], pixel: usize) -> f32 {
-    f32::from(rgb[3 * pixel..3 * pixel + 3].iter().map(|color| u16::from(*color)).sum::<u16>())
-}
-const WHITE: f32 = 1.0 / 765.0;
-
 /// What surrounds a pixel, by bilinear interpolation, less its mean; `None` where it reaches out of the photo.
 ///
 /// `warp` takes offsets in samples to offsets in pixels.
-fn sampled(photo: &Photo<'_>, at: DVec2, warp: DMat2) -> Option<Patch> {
+#[inline(always)]
+fn sampled(photo: &Gray, at: DVec2, warp: DMat2) -> Option<Patch> {
     let [height, width] = photo.size;
     let reach = warp.abs() * DVec2::splat(REACH as f64);
     // Pixels have their centers at halves.
@@ -56,8 +68,9 @@ fn sampled(photo: &Photo<'_>, at: DVec2, warp: DMat2) -> Option<Patch> {
             let at = row_start + warp.x_axis * j as f64;
             let (x, y) = (at.x as usize, at.y as usize);
             let (across, down) = ((at.x - x as f64) as f32, (at.y - y as f64) as f32);
-            let [above, below] = [y, y + 1].map(|y| {
-                let [left, right] = [x, x + 1].map(|x| sum(&photo.rgb, y * width + x));
+            let from = y * width + x;
+            let [above, below] = [from, from + width].map(|from| {
+                let [left, right] = [from, from + 1].map(|from| f32::from(photo.values[from]));
                 left + across * (right - left)
             });
             *value = (above + down * (below - above)) * WHITE;
@@ -82,7 +95,8 @@ pub(super) struct Template {
 
 impl Template {
     /// What surrounds a pixel; `None` where it is flat or reaches out of the photo.
-    pub fn new(photo: &Photo<'_>, at: DVec2, warp: DMat2) -> Option<Self> {
+    #[inline(always)]
+    pub fn new(photo: &Gray, at: DVec2, warp: DMat2) -> Option<Self> {
         const HALF: f64 = 0.5;
         let patch = sampled(photo, at, warp)?;
         let square = dot(&patch, &patch);
@@ -115,7 +129,8 @@ impl Template {
 
     /// Where a photo shows the same, beginning at `at` and `warp`, and how alike both are: the cosine of the angle between them, 1
     /// where one is the other but for brightness and contrast.
-    pub fn aligned(&self, photo: &Photo<'_>, mut at: DVec2, mut warp: DMat2) -> Option<(DVec2, f32)> {
+    #[inline(always)]
+    pub fn aligned(&self, photo: &Gray, mut at: DVec2, mut warp: DMat2) -> Option<(DVec2, f32)> {
         let mut alike = 0.0;
         for _ in 0..STEPS {
             let mut patch = sampled(photo, at, warp)?;
@@ -174,11 +189,11 @@ mod tests {
     }
 
     /// A photo of the waves, of which each pixel shows `map` of its center.
-    fn photo(map: impl Fn(DVec2) -> DVec2, brightness: impl Fn(f64) -> f64) -> Photo<'static> {
+    fn photo(map: impl Fn(DVec2) -> DVec2, brightness: impl Fn(f64) -> f64) -> Gray {
         let (width, height) = (72, 64);
         let center = |i: usize| DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
         let byte = |i: usize| (255.0 * brightness(waves(map(center(i))))).round() as u8;
-        Photo::new((0..width * height).flat_map(|i| [byte(i); 3]).collect::<Vec<u8>>(), [height, width])
+        Gray { values: (0..width * height).map(byte).collect(), size: [height, width] }
     }
 
     #[test]

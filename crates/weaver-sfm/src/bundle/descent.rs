@@ -16,7 +16,7 @@ use weaver_kernels::parallel;
 use weaver_kernels::simd::{self, Level};
 
 /// Damping of the first step over the diagonal, the least and the largest.
-const DAMPING: [f64; 3] = [1e-4, 1e-10, 1e9];
+const DAMPING: [f64; 3] = [1e-5, 1e-10, 1e9];
 /// Relative fall of the cost below which nothing more is expected of steps that are hardly damped.
 const CONVERGED: f64 = 1e-7;
 const HARDLY: f64 = 1e-2;
@@ -25,7 +25,7 @@ const ROUNDING: f64 = 1e-11;
 /// Root of the mean cost of an observation, in scales, that is as good as none.
 const EXACT: f64 = 1e-11;
 
-/// How the reduced equations are solved.
+/// How the reduced equations are solved, and how far.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     /// Blocks up to which the matrix is dense where enough of it is there.
@@ -35,10 +35,14 @@ pub(super) struct Limits {
     /// Residual of conjugate gradients, and most iterations.
     pub tolerance: f64,
     pub iterations: usize,
+    /// The squared movement of cameras and lenses in a step that is hardly damped, in standard deviations of what observations tell
+    /// of them, from which on they are settled.
+    pub settled: f64,
 }
 
 impl Limits {
-    pub const USUAL: Self = Self { dense: 200, profile: 40_000_000, tolerance: 1e-8, iterations: 1000 };
+    pub const USUAL: Self = Self { dense: 200, profile: 40_000_000, tolerance: 1e-8, iterations: 1000, settled: 1e-4 };
+    pub const ROUGH: Self = Self { settled: 0.1, ..Self::USUAL };
     /// The part of the matrix that is there, from which on a dense one pays off; and blocks up to which it always does.
     const FULL: f64 = 0.1;
     const FEW: usize = 16;
@@ -86,6 +90,7 @@ pub(super) struct State {
 pub(super) struct Descent<'a> {
     bundle: &'a Bundle,
     scale: f64,
+    settled: f64,
     pub blocks: Blocks,
     pub parts: Vec<Part>,
     pub state: State,
@@ -109,7 +114,8 @@ impl<'a> Descent<'a> {
         let state = State { poses, lenses: bundle.lenses.clone(), views };
         let tried = state.clone();
         let step = vec![[0.0; PADDED]; blocks.count];
-        Self { bundle, scale, blocks, parts, state, tried, system, reduced, solver, step }
+        let settled = limits.settled;
+        Self { bundle, scale, settled, blocks, parts, state, tried, system, reduced, solver, step }
     }
 
     /// Takes at most so many steps.
@@ -132,7 +138,8 @@ impl<'a> Descent<'a> {
             };
             steps += 1;
             let fall = cost - next;
-            converged = (fall <= CONVERGED * cost && damping <= HARDLY) || next <= nothing;
+            let still = fall <= CONVERGED * cost || self.movement() <= self.settled;
+            converged = (still && damping <= HARDLY) || next <= nothing;
             // Nielsen's update: the better the prediction was, the less damping.
             let gain = 2.0 * fall / predicted - 1.0;
             damping = (damping * (1.0 - gain.powi(3)).clamp(1.0 / 3.0, 2.0)).max(least);
@@ -176,6 +183,14 @@ impl<'a> Descent<'a> {
     pub fn solve(&mut self, damping: f64) -> bool {
         self.reduce(damping);
         self.solver.solve(&self.reduced, &mut self.step)
+    }
+
+    /// The squared movement of cameras and lenses with the step, in standard deviations: `x^T S x` with the reduced matrix `S`, which
+    /// is what the reduced right side makes of a step `x` that is hardly damped.
+    fn movement(&self) -> f64 {
+        let along =
+            |(row, x): (usize, &Row)| x.iter().zip(self.reduced.right(row)).map(|(x, right)| x * right).sum::<f64>();
+        self.step.iter().enumerate().map(along).sum()
     }
 
     /// The cost after the step, and the fall of the cost that was predicted; `None` if the step is not finite.

@@ -212,7 +212,7 @@ fn the_step_solves_the_damped_normal_equations() {
         let largest = expected.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         for (dense, profile) in [(0, 0), (0, 1000), (200, 0)] {
             // Without a dense matrix or a profile, even few blocks go to conjugate gradients.
-            let limits = Limits { dense, profile, tolerance: 1e-14, iterations: 1000 };
+            let limits = Limits { dense, profile, tolerance: 1e-14, iterations: 1000, ..Limits::USUAL };
             let mut descent = Descent::new(&bundle, scale, &limits);
             descent.linearize();
             assert!(descent.solve(damping));
@@ -266,7 +266,7 @@ fn conjugate_gradients_end_where_the_factors_do() {
         let mut bundle = truth.clone();
         // Only one place is left to end at.
         (bundle.fixed[0], bundle.fixed[39]) = (true, true);
-        let solved = bundle.adjust_within(3.0, 100, &Limits { dense, profile, ..Limits::USUAL });
+        let solved = bundle.adjust_within(3.0, 100, &Limits { dense, profile, settled: 0.0, ..Limits::USUAL });
         assert!(solved.converged, "{solved:?}");
         bundle
     });
@@ -277,6 +277,46 @@ fn conjugate_gradients_end_where_the_factors_do() {
         let farthest = dense.points.iter().zip(&other.points).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
         assert!(farthest < 1e-6, "{farthest}");
         assert!((dense.lenses[1].log_focal - other.lenses[1].log_focal).abs() < 1e-6);
+    }
+}
+
+/// What is left of the way when an adjustment ends.
+#[test]
+fn an_adjustment_ends_where_cameras_are_settled() {
+    let mut truth = chain(20, 300);
+    (truth.fixed[0], truth.fixed[19]) = (true, true);
+    // Every other point is so far away that nothing tells its distance: it would move on for long.
+    for o in truth.observations.iter_mut().filter(|o| o.point % 2 == 0) {
+        let middle = &truth.cameras[o.point % 15 + 3];
+        let spread = truth.points[o.point].truncate() * 0.1;
+        let far = middle.pose.inverse().apply(spread.extend(1.0) * 3000.0);
+        let camera = &truth.cameras[o.camera];
+        let noise = o.pixel - truth.lenses[0].project(camera, camera.pose.apply(truth.points[o.point]));
+        o.pixel = truth.lenses[0].project(camera, camera.pose.apply(far)) + noise;
+    }
+    for point in (0..truth.points.len()).step_by(2) {
+        let spread = truth.points[point].truncate() * 0.1;
+        truth.points[point] = truth.cameras[point % 15 + 3].pose.inverse().apply(spread.extend(1.0) * 300.0);
+    }
+    let adjusted = |settled: f64| {
+        let mut bundle = truth.clone();
+        let solved = bundle.adjust_within(3.0, 200, &Limits { settled, ..Limits::USUAL });
+        assert!(solved.converged, "{solved:?}");
+        (bundle, solved.steps)
+    };
+    let (end, all) = adjusted(0.0);
+    let deviations = end.covariance(3.0).expect("a covariance");
+    for (settled, left, part) in [(Limits::USUAL.settled, 0.02, 0.8), (Limits::ROUGH.settled, 1.0, 0.3)] {
+        let (bundle, steps) = adjusted(settled);
+        assert!(steps as f64 <= part * all as f64, "{steps} of {all}");
+        for i in 1..19 {
+            let [a, b] = [&bundle, &end].map(|bundle| &bundle.cameras[i].pose);
+            let turned = a.angle_to(b) / deviations.rotation[i];
+            let moved = a.center().distance(b.center()) / deviations.center[i];
+            assert!(turned < left && moved < left, "{settled}, {i}: {turned}, {moved}");
+        }
+        let longer = (bundle.lenses[1].log_focal - end.lenses[1].log_focal).abs() / deviations.focal[1];
+        assert!(longer < left, "{settled}: {longer}");
     }
 }
 

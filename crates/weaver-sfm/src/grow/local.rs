@@ -195,7 +195,7 @@ impl<'a> Growth<'a> {
     /// Adjusts a part of the scene that these tracks make, and takes its cameras and points over; returns its lenses.
     fn adjust(&mut self, mut part: Bundle, mut tracks: Vec<u32>) -> Vec<Lens> {
         for (scale, steps) in GROWING {
-            part.adjust(scale, steps);
+            part.adjust_roughly(scale, steps);
         }
         part.leave_out(FITS);
         let agreed = part.agreed();

@@ -65,6 +65,8 @@ impl Search<'_> {
         self.pass(bundle, placed, &Pass::FINE[1]);
         bundle.finish();
         self.align(bundle);
+        bundle.adjust(ALIGNING[1].0, STEPS);
+        bundle.finish();
     }
 
     /// Matches and adjusts once: photos whose cameras stand near each other, and those that pairs hold together.
@@ -82,7 +84,7 @@ impl Search<'_> {
     fn align(&self, bundle: &mut Bundle) {
         bundle.align(self.photos);
         for (scale, farthest) in ALIGNING {
-            bundle.adjust(scale, STEPS);
+            bundle.adjust_roughly(scale, STEPS);
             bundle.leave_out(farthest);
         }
         bundle.finish();
