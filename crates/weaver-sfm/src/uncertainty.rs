@@ -3,7 +3,7 @@
 #[cfg(test)]
 mod tests;
 
-use crate::bundle::{Bundle, Covariance, Observation};
+use crate::bundle::{Bundle, Covariance, Lens, Observation};
 use crate::lenses::PIXEL;
 use crate::photo::Find;
 use weaver_geometry::glam::DVec3;
@@ -93,6 +93,9 @@ impl Uncertainty {
     }
 }
 
+/// Where cameras and lenses end.
+type Ended = (Vec<Camera>, Vec<Lens>);
+
 /// What moves where groups of photos are left out.
 struct LeftOut {
     focal: Vec<f64>,
@@ -106,21 +109,23 @@ struct LeftOut {
 fn left_out(bundle: &Bundle) -> LeftOut {
     let n = bundle.cameras.len();
     let groups = n.min(GROUPS);
-    let mut without = vec![bundle.clone(); groups];
+    let mut without: Vec<Option<Ended>> = vec![None; groups];
     parallel::for_chunks(&mut without, 1, |group, without| {
-        let rest = &mut without[0];
+        let mut rest = bundle.clone();
         rest.observations.retain(|o| o.camera % groups != group);
         let agreed = rest.agreed();
         rest.observations.retain(|o| agreed[o.point]);
         rest.adjust(1.0, STEPS);
+        // Of hundreds of photos, all that eight times would not find room.
+        without[0] = Some((rest.cameras, rest.lenses));
     });
     let mut squares = LeftOut { focal: vec![0.0; bundle.lenses.len()], rotation: vec![0.0; n], center: vec![0.0; n] };
-    for (group, rest) in without.into_iter().enumerate() {
-        let lenses = rest.lenses.iter().zip(&bundle.lenses).map(|(a, b)| (a.log_focal - b.log_focal).powi(2));
+    for (group, (cameras, lenses)) in without.into_iter().flatten().enumerate() {
+        let lenses = lenses.iter().zip(&bundle.lenses).map(|(a, b)| (a.log_focal - b.log_focal).powi(2));
         squares.focal.iter_mut().zip(lenses).for_each(|(sum, square)| *sum += square);
         let kept: Vec<usize> = (0..n).filter(|i| i % groups != group).collect();
-        let poses = |of: &Bundle| -> Vec<Pose> { kept.iter().map(|i| of.cameras[*i].pose).collect() };
-        let (from, to) = (poses(&rest), poses(bundle));
+        let poses = |of: &[Camera]| -> Vec<Pose> { kept.iter().map(|i| of[*i].pose).collect() };
+        let (from, to) = (poses(&cameras), poses(&bundle.cameras));
         let Some(onto) = Similarity::fit_poses(&from, &to) else { continue };
         for ((i, from), to) in kept.iter().zip(&from).zip(&to) {
             let moved = onto.apply_to_pose(from);
