@@ -44,18 +44,20 @@ pub(crate) struct Pass {
     scales: &'static [f64],
     farthest: f64,
     find: Find,
+    /// Whether cameras were adjusted before: then only the last adjustment must be exact, as the others but choose what is left out.
+    adjusted: bool,
 }
 
 impl Pass {
     /// For cameras as wrong as this, in deviations of keypoints: what is clear in a whole photo is clearer than in a wide band.
     pub fn wide(farthest: f64) -> Self {
-        Self { scales: &WIDE, farthest, find: |a, b, _| matches(a, b) }
+        Self { scales: &WIDE, farthest, find: |a, b, _| matches(a, b), adjusted: false }
     }
 
     /// For cameras that were adjusted.
     pub const FINE: [Self; 2] = [
-        Self { scales: &NARROW, farthest: 2.0 * CERTAIN, find: matches_along },
-        Self { scales: &LAST, farthest: CERTAIN, find: matches_along },
+        Self { scales: &NARROW, farthest: 2.0 * CERTAIN, find: matches_along, adjusted: true },
+        Self { scales: &LAST, farthest: CERTAIN, find: matches_along, adjusted: true },
     ];
 }
 
@@ -73,8 +75,7 @@ impl Bundle {
         drop(tracks);
         self.observations = all.iter().filter(|o| !located[o.camera]).copied().collect();
         for scale in pass.scales {
-            // What is left out is left out of the next adjustment, too: only the last must be exact.
-            if *scale > LAST[1] {
+            if pass.adjusted && *scale > LAST[1] {
                 self.adjust_roughly(*scale, STEPS)
             } else {
                 self.adjust(*scale, STEPS)
