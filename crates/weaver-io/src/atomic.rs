@@ -20,6 +20,18 @@ pub fn atomic_write(path: impl AsRef<Path>, write: impl FnOnce(&mut dyn Write) -
     replace(path, write).map_err(Error::io(path))
 }
 
+/// The same for what fails in other ways, too, which it says as they are.
+pub(crate) fn atomic_write_checked(path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+    let mut failed = None;
+    let done = replace(path, |w| {
+        write(w).map_err(|error| {
+            failed = Some(error);
+            io::Error::other("not written")
+        })
+    });
+    failed.map_or(done.map_err(Error::io(path)), Err)
+}
+
 fn replace(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let folder = match path.parent() {
         Some(p) if !p.as_os_str().is_empty() => p,

@@ -6,7 +6,7 @@ use crate::colmap::{self, CameraModel, Model, Point};
 use crate::photo_file::EXTENSIONS;
 use crate::ply::Table;
 use crate::realestate::Clip;
-use crate::{Background, Error, Image, Result, Transforms, Weights, read_gaussians, read_ply};
+use crate::{Background, Error, Image, Result, SceneFormat, Transforms, Weights, file::read_bytes, read_gaussians};
 use std::fmt::Display;
 use std::path::Path;
 use weaver_geometry::glam::DVec3;
@@ -15,7 +15,7 @@ use weaver_scene::Gaussians;
 
 /// Describes a file, or a folder with a COLMAP model: its format, how much it holds, and ranges of values.
 ///
-/// Supports photos (JPEG, PNG, TIFF, WebP), PLY, `.splat` and `.spz` Gaussians and point clouds, safetensors, transforms.json, COLMAP
+/// Supports photos (JPEG, PNG, TIFF, WebP), Gaussians in every [format](crate::SCENE_FORMATS), PLY point clouds, safetensors, transforms.json, COLMAP
 /// models (a folder, a scene with `sparse/0`, or one of the files) and RealEstate10K camera files.
 pub fn info(path: impl AsRef<Path>) -> Result<String> {
     let path = path.as_ref();
@@ -29,8 +29,9 @@ pub fn info(path: impl AsRef<Path>) -> Result<String> {
     let (stem, extension) = name.rsplit_once('.').unwrap_or((&name, ""));
     match (stem, extension) {
         (_, extension) if EXTENSIONS.contains(&extension) => image(path),
+        // Of any other PLY file, its vertices are described.
         (_, "ply") => ply(path),
-        (_, "spz" | "splat") => Ok(gaussians(&read_gaussians(path)?)),
+        _ if SceneFormat::of(path).is_ok() => Ok(gaussians(&read_gaussians(path)?)),
         (_, "safetensors") => Ok(weights::weights(&Weights::open(path)?)),
         (_, "json") if name.ends_with(".index.json") => Ok(weights::weights(&Weights::open(path)?)),
         // The cameras are worth describing where the photos are not at hand.
@@ -57,9 +58,9 @@ fn image(path: &Path) -> Result<String> {
 }
 
 fn ply(path: &Path) -> Result<String> {
-    let table = Table::read(path)?;
+    let table = Table::read(path, &read_bytes(path)?)?;
     if table.names.iter().any(|n| n == "scale_0" || n == "packed_position") {
-        return Ok(gaussians(&read_ply(path)?));
+        return Ok(gaussians(&read_gaussians(path)?));
     }
     let mut lines = format!("PLY, {} vertices", table.rows);
     for (column, name) in table.names.iter().enumerate().take(20) {

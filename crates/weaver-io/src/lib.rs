@@ -1,4 +1,4 @@
-//! File formats: images, PLY, splat, SPZ, COLMAP, transforms.json, RealEstate10K, LLFF, Nerfies, safetensors,
+//! File formats: images, Gaussians (PLY, compressed PLY, splat, SPZ), COLMAP, transforms.json, RealEstate10K, LLFF, Nerfies, safetensors,
 //! NPY.
 //!
 //! [`read_gaussians`] and [`read_cameras`] read every supported format of scenes and of cameras into the types of
@@ -55,16 +55,15 @@ pub use error::{Error, Result};
 pub use exif::focal_35mm;
 pub use file::{file_length, read_bytes, read_text, write_text};
 pub use folder::{check_writable, create_folder, list_files, list_folders, path_in_utf8, relative_path};
-pub use gaussians::{read_gaussians, write_gaussians};
+pub use gaussians::{
+    SCENE_FORMATS, SceneFormat, read_gaussians, read_gaussians_from, write_gaussians, write_gaussians_to,
+};
 pub use image::{Background, Image};
 pub use info::info;
 pub use memory::available_memory;
 pub use npy::{Npy, write_npy};
 pub use output_folder::{OutputFolder, check_output_file};
 pub use photo_file::{PhotoFile, list_photos};
-pub use ply::{read_ply, write_ply};
-pub use splat::{read_splat, write_splat};
-pub use spz::{read_spz, write_spz};
 pub use tensor_file::TensorFile;
 pub use torch::TorchCheckpoint;
 pub use transforms::Transforms;

@@ -1,9 +1,11 @@
-//! PLY files: Gaussians in the form of the reference 3DGS implementation, and plain point clouds.
+//! PLY files: Gaussians in the form of the reference 3DGS implementation or compressed, and plain point clouds.
 
+mod compressed;
 mod gaussians;
 mod points;
 mod table;
 
-pub use gaussians::{read_ply, write_ply};
+pub(crate) use compressed::encode as encode_compressed;
+pub(crate) use gaussians::{decode, encode};
 pub use points::{read_points, write_points};
 pub(crate) use table::Table;

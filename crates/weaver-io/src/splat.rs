@@ -4,8 +4,9 @@
 //! four bytes each.
 
 use crate::bytes::Bytes;
-use crate::gaussian_fields::{byte, check_lengths, check_values, unit};
-use crate::{Error, Result, atomic_write};
+use crate::gaussian_fields::{byte, check_values, unit};
+use crate::{Error, Result};
+use std::io::{self, Write};
 use std::path::Path;
 use weaver_scene::{Gaussians, forms};
 
@@ -15,9 +16,8 @@ const RECORD: usize = 32;
 ///
 /// # Errors
 /// When the length is not a multiple of 32 bytes or a value is not finite.
-pub fn read_splat(path: impl AsRef<Path>) -> Result<Gaussians> {
-    let path = path.as_ref();
-    let mut bytes = Bytes::open(path)?;
+pub(crate) fn decode(path: &Path, data: &[u8]) -> Result<Gaussians> {
+    let mut bytes = Bytes::new(path, data.to_vec());
     let size = bytes.rest().len();
     if size % RECORD != 0 {
         return Err(Error::invalid(path, "length", "a multiple of 32 bytes", size));
@@ -41,22 +41,22 @@ pub fn read_splat(path: impl AsRef<Path>) -> Result<Gaussians> {
 /// Colors, opacities and rotations are rounded to 8 bits. The format has no harmonics beyond degree 0; they are left out.
 ///
 /// # Errors
-/// When the fields' lengths disagree, a value is not finite, or the file cannot be written.
-pub fn write_splat(path: impl AsRef<Path>, gaussians: &Gaussians) -> Result<()> {
-    let path = path.as_ref();
-    check_lengths(path, gaussians)?;
+/// When a value is not finite.
+pub(crate) fn encode(path: &Path, gaussians: &Gaussians, w: &mut dyn Write) -> Result<()> {
     check_values(path, gaussians)?;
+    written(gaussians, w).map_err(Error::io(path))
+}
+
+fn written(gaussians: &Gaussians, w: &mut dyn Write) -> io::Result<()> {
     let k = gaussians.coefficients();
-    atomic_write(path, |w| {
-        for i in 0..gaussians.len() {
-            for x in gaussians.means[i].into_iter().chain(gaussians.log_scales[i].map(f32::exp)) {
-                w.write_all(&x.to_le_bytes())?;
-            }
-            let color = |c: usize| byte(255.0 * forms::color(gaussians.sh[3 * k * i + c]));
-            let opacity = byte(255.0 * forms::opacity(gaussians.opacity_logits[i]));
-            w.write_all(&[color(0), color(1), color(2), opacity])?;
-            w.write_all(&unit(gaussians.quats[i]).map(|q| byte(128.0 * q + 128.0)))?;
+    for i in 0..gaussians.len() {
+        for x in gaussians.means[i].into_iter().chain(gaussians.log_scales[i].map(f32::exp)) {
+            w.write_all(&x.to_le_bytes())?;
         }
-        Ok(())
-    })
+        let color = |c: usize| byte(255.0 * forms::color(gaussians.sh[3 * k * i + c]));
+        let opacity = byte(255.0 * forms::opacity(gaussians.opacity_logits[i]));
+        w.write_all(&[color(0), color(1), color(2), opacity])?;
+        w.write_all(&unit(gaussians.quats[i]).map(|q| byte(128.0 * q + 128.0)))?;
+    }
+    Ok(())
 }

@@ -5,9 +5,8 @@
 //! in PLY files and here, so reading and writing turn everything by half a turn about x.
 
 use crate::bytes::Bytes;
-use crate::file::read_bytes;
-use crate::gaussian_fields::{byte, check_lengths, check_values, unit};
-use crate::{Error, Result, atomic_write};
+use crate::gaussian_fields::{byte, check_values, unit};
+use crate::{Error, Result};
 use flate2::Compression;
 use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
@@ -27,10 +26,8 @@ const COLOR_SCALE: f32 = 0.15;
 /// Reads a `.spz` file of version 2 or 3, which has 24 bits per coordinate of positions and 8 for most other numbers.
 ///
 /// # Errors
-/// When the file cannot be read, is of another version or is malformed.
-pub fn read_spz(path: impl AsRef<Path>) -> Result<Gaussians> {
-    let path = path.as_ref();
-    let packed = read_bytes(path)?;
+/// When the file is of another version or is malformed.
+pub(crate) fn decode(path: &Path, packed: &[u8]) -> Result<Gaussians> {
     // Version 4 is not compressed as a whole: its header comes first.
     if packed.starts_with(&MAGIC.to_le_bytes()) {
         return Err(Error::invalid(path, "byte 0", "gzip (version 2 or 3)", "a later version of SPZ"));
@@ -38,7 +35,7 @@ pub fn read_spz(path: impl AsRef<Path>) -> Result<Gaussians> {
     let limit = packed.len() as u64 * LARGEST_RATIO;
     let invalid = |e| Error::invalid(path, "compressed data", "gzip", e);
     let mut data = Vec::new();
-    let mut unpacked = GzDecoder::new(packed.as_slice()).take(HEADER);
+    let mut unpacked = GzDecoder::new(packed).take(HEADER);
     unpacked.read_to_end(&mut data).map_err(invalid)?;
     let header = Header::read(&mut Bytes::new(path, data.clone()))?;
     // What a file unpacks to is up to the file: no more is unpacked than its header speaks of, and a byte to see that there is more.
@@ -144,22 +141,17 @@ const FRACTION: u8 = 12;
 /// Positions are rounded to 24 bits per coordinate, rotations to 10 bits per component, all other numbers to 8 bits.
 ///
 /// # Errors
-/// When the fields' lengths disagree, a value is not finite, a position is beyond 2^23, or the file cannot be written.
-pub fn write_spz(path: impl AsRef<Path>, gaussians: &Gaussians) -> Result<()> {
-    let path = path.as_ref();
-    check_lengths(path, gaussians)?;
+/// When a value is not finite or a position is beyond 2^23.
+pub(crate) fn encode(path: &Path, gaussians: &Gaussians, w: &mut dyn Write) -> Result<()> {
     check_values(path, gaussians)?;
     let largest = gaussians.means.as_flattened().iter().fold(0.0, |m: f32, x| m.max(x.abs()));
     let fits = |fraction: &u8| f64::from(largest) * f64::from(1u32 << fraction) < f64::from(1 << 23) - 1.0;
     let Some(fraction) = (0..=FRACTION).rev().find(fits) else {
         return Err(Error::invalid(path, "positions to write", "coordinates below 2^23", largest));
     };
-    atomic_write(path, |w| {
-        let mut packed = GzEncoder::new(w, Compression::default());
-        pack(&mut packed, gaussians, fraction)?;
-        packed.finish()?;
-        Ok(())
-    })
+    let mut packed = GzEncoder::new(w, Compression::default());
+    pack(&mut packed, gaussians, fraction).and_then(|()| packed.finish()).map_err(Error::io(path))?;
+    Ok(())
 }
 
 fn pack(w: &mut impl Write, gaussians: &Gaussians, fraction: u8) -> io::Result<()> {

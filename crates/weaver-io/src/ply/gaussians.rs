@@ -1,29 +1,27 @@
 //! Gaussians as the reference 3DGS implementation stores them.
 
-use super::Table;
-use crate::gaussian_fields::{check_lengths, check_values};
-use crate::{Error, Result, atomic_write};
+use super::{Table, compressed};
+use crate::gaussian_fields::check_values;
+use crate::{Error, Result};
+use std::io::{self, Write};
 use std::path::Path;
 use weaver_geometry::sh;
 use weaver_scene::{Gaussians, forms};
 
-/// Reads a 3DGS PLY file, ASCII or binary little-endian.
+/// Reads a 3DGS PLY file, ASCII or binary little-endian, or a compressed one.
 ///
 /// The number of `f_rest_*` properties tells the degree of the spherical harmonics. Positions and scales are required: a
 /// file without scales is a point cloud, for [`read_points`](crate::ply::read_points). Other missing properties are filled
 /// as viewers do it: without a rotation it is the identity, without an opacity Gaussians are opaque, and without harmonics
-/// (`f_dc_*`) the color is that of `red`, `green`, `blue` (0 to 255), or else middle gray. Chunk-compressed files
-/// (`packed_position`) are not supported.
+/// (`f_dc_*`) the color is that of `red`, `green`, `blue` (0 to 255), or else middle gray.
 ///
 /// # Errors
 /// When a required property or a part of a property is missing, or a value is not finite (opacity logits may be infinite).
-pub fn read_ply(path: impl AsRef<Path>) -> Result<Gaussians> {
-    let path = path.as_ref();
-    let table = Table::read(path)?;
+pub(crate) fn decode(path: &Path, data: &[u8]) -> Result<Gaussians> {
+    let table = Table::read(path, data)?;
     let has = |name: &str| table.names.iter().any(|n| n == name);
     if has("packed_position") {
-        let found = "a chunk-compressed file (packed_position)";
-        return Err(Error::invalid(path, "element vertex", "plain 3DGS properties", found));
+        return compressed::decode(path, data);
     }
     if !has("scale_0") {
         let found = "a point cloud: no property scale_0";
@@ -75,40 +73,37 @@ pub fn read_ply(path: impl AsRef<Path>) -> Result<Gaussians> {
 
 /// Writes a 3DGS PLY file, binary little-endian, with the properties of the reference implementation in its order; normals
 /// are zero.
-///
-/// # Errors
-/// When the fields' lengths disagree or the file cannot be written.
-pub fn write_ply(path: impl AsRef<Path>, gaussians: &Gaussians) -> Result<()> {
-    let path = path.as_ref();
-    check_lengths(path, gaussians)?;
+pub(crate) fn encode(path: &Path, gaussians: &Gaussians, w: &mut dyn Write) -> Result<()> {
+    written(gaussians, w).map_err(Error::io(path))
+}
+
+fn written(gaussians: &Gaussians, w: &mut dyn Write) -> io::Result<()> {
     let (n, k) = (gaussians.len(), gaussians.coefficients());
-    atomic_write(path, |w| {
-        writeln!(w, "ply\nformat binary_little_endian 1.0\nelement vertex {n}")?;
-        for name in ["x", "y", "z", "nx", "ny", "nz"] {
-            writeln!(w, "property float {name}")?;
+    writeln!(w, "ply\nformat binary_little_endian 1.0\nelement vertex {n}")?;
+    for name in ["x", "y", "z", "nx", "ny", "nz"] {
+        writeln!(w, "property float {name}")?;
+    }
+    for (prefix, count) in [("f_dc_", 3), ("f_rest_", 3 * (k - 1))] {
+        (0..count).try_for_each(|i| writeln!(w, "property float {prefix}{i}"))?;
+    }
+    writeln!(w, "property float opacity")?;
+    for (prefix, count) in [("scale_", 3), ("rot_", 4)] {
+        (0..count).try_for_each(|i| writeln!(w, "property float {prefix}{i}"))?;
+    }
+    writeln!(w, "end_header")?;
+    for i in 0..n {
+        let sh = &gaussians.sh[i * k * 3..][..k * 3];
+        let rest = (0..3).flat_map(|channel| (1..k).map(move |c| sh[c * 3 + channel]));
+        let row = (gaussians.means[i].into_iter())
+            .chain([0.0; 3])
+            .chain(sh[..3].iter().copied())
+            .chain(rest)
+            .chain([gaussians.opacity_logits[i]])
+            .chain(gaussians.log_scales[i])
+            .chain(gaussians.quats[i]);
+        for value in row {
+            w.write_all(&value.to_le_bytes())?;
         }
-        for (prefix, count) in [("f_dc_", 3), ("f_rest_", 3 * (k - 1))] {
-            (0..count).try_for_each(|i| writeln!(w, "property float {prefix}{i}"))?;
-        }
-        writeln!(w, "property float opacity")?;
-        for (prefix, count) in [("scale_", 3), ("rot_", 4)] {
-            (0..count).try_for_each(|i| writeln!(w, "property float {prefix}{i}"))?;
-        }
-        writeln!(w, "end_header")?;
-        for i in 0..n {
-            let sh = &gaussians.sh[i * k * 3..][..k * 3];
-            let rest = (0..3).flat_map(|channel| (1..k).map(move |c| sh[c * 3 + channel]));
-            let row = (gaussians.means[i].into_iter())
-                .chain([0.0; 3])
-                .chain(sh[..3].iter().copied())
-                .chain(rest)
-                .chain([gaussians.opacity_logits[i]])
-                .chain(gaussians.log_scales[i])
-                .chain(gaussians.quats[i]);
-            for value in row {
-                w.write_all(&value.to_le_bytes())?;
-            }
-        }
-        Ok(())
-    })
+    }
+    Ok(())
 }

@@ -1,6 +1,7 @@
 //! Point clouds.
 
 use super::Table;
+use crate::file::read_bytes;
 use crate::gaussian_fields::byte;
 use crate::{Error, Result, atomic_write};
 use std::path::Path;
@@ -14,7 +15,7 @@ use weaver_scene::PointCloud;
 /// When a property is missing or a position is not finite.
 pub fn read_points(path: impl AsRef<Path>) -> Result<PointCloud> {
     let path = path.as_ref();
-    let table = Table::read(path)?;
+    let table = Table::read(path, &read_bytes(path)?)?;
     let columns = |names: [&str; 3]| -> Result<Vec<usize>> { names.iter().map(|name| table.column(name)).collect() };
     let xyz = columns(["x", "y", "z"])?;
     let rgb = table.names.iter().any(|n| n == "red").then(|| columns(["red", "green", "blue"])).transpose()?;

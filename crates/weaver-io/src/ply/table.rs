@@ -1,6 +1,5 @@
-//! The `vertex` element of a PLY file as a table of numbers.
+//! The `vertex` element of a PLY file as a table of numbers, and elements of binary files as they are.
 
-use crate::file::read_bytes;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -24,19 +23,15 @@ enum Format {
 /// A scalar type: how many bytes, and how to read them.
 #[derive(Clone, Copy)]
 struct Scalar {
+    name: &'static str,
     size: usize,
     read: fn(&[u8]) -> f32,
-    /// Whether nothing is converted.
-    float: bool,
 }
 
 macro_rules! scalar {
     ($t:ty) => {
-        scalar!($t, false)
-    };
-    ($t:ty, $float:literal) => {
         Scalar {
-            float: $float,
+            name: stringify!($t),
             size: size_of::<$t>(),
             read: |bytes| {
                 let chunk = bytes.first_chunk().expect("rows are cut to the sum of their sizes");
@@ -54,19 +49,43 @@ fn scalar(name: &str) -> Option<Scalar> {
         "ushort" | "uint16" => scalar!(u16),
         "int" | "int32" => scalar!(i32),
         "uint" | "uint32" => scalar!(u32),
-        "float" | "float32" => scalar!(f32, true),
+        "float" | "float32" => scalar!(f32),
         "double" | "float64" => scalar!(f64),
         _ => return None,
     })
 }
 
-struct Element {
+pub(crate) struct Element {
     name: String,
     count: usize,
     names: Vec<String>,
     types: Vec<Scalar>,
     /// Has a property whose length varies from row to row.
     lists: bool,
+}
+
+impl Element {
+    /// Bytes of a row of a binary file.
+    fn stride(&self) -> usize {
+        self.types.iter().map(|t| t.size).sum()
+    }
+
+    /// That rows have a size.
+    fn check(&self, path: &Path) -> Result<()> {
+        if !self.lists && !self.types.is_empty() {
+            return Ok(());
+        }
+        let expected = "scalar properties up to and in the element vertex";
+        let found = if self.lists { "a list" } else { "no properties" };
+        Err(Error::invalid(path, format!("element {}", self.name), expected, found))
+    }
+
+    fn position(&self, path: &Path, name: &str) -> Result<usize> {
+        self.names.iter().position(|n| n == name).ok_or_else(|| {
+            let found = format!("only {}", self.names.join(" "));
+            Error::invalid(path, format!("element {}", self.name), format!("a property {name}"), found)
+        })
+    }
 }
 
 struct Header {
@@ -79,20 +98,15 @@ struct Header {
 impl Table {
     /// Reads the vertices of an ASCII or binary little-endian file. Elements before them are skipped (those of
     /// fixed size only), elements after them are ignored.
-    pub(crate) fn read(path: &Path) -> Result<Self> {
-        let data = read_bytes(path)?;
-        let header = header(path, &data)?;
+    pub(crate) fn read(path: &Path, data: &[u8]) -> Result<Self> {
+        let header = header(path, data)?;
         let body = &data[header.end..];
         let index = header.elements.iter().position(|e| e.name == "vertex");
         let Some(index) = index else {
             return Err(Error::invalid(path, "header", "an element named vertex", "none"));
         };
         let (before, vertex) = (&header.elements[..index], &header.elements[index]);
-        if let Some(e) = header.elements[..=index].iter().find(|e| e.lists || e.types.is_empty()) {
-            let expected = "scalar properties up to and in the element vertex";
-            let found = if e.lists { "a list" } else { "no properties" };
-            return Err(Error::invalid(path, format!("element {}", e.name), expected, found));
-        }
+        header.elements[..=index].iter().try_for_each(|e| e.check(path))?;
         let values = match header.format {
             Format::Ascii => ascii(path, body, before, vertex)?,
             Format::LittleEndian => binary(path, body, before, vertex)?,
@@ -111,6 +125,49 @@ impl Table {
     /// One vertex.
     pub(crate) fn row(&self, row: usize) -> &[f32] {
         &self.values[row * self.names.len()..][..self.names.len()]
+    }
+}
+
+/// The elements of a binary file, their rows as they are in it.
+pub(crate) struct Elements<'a> {
+    path: &'a Path,
+    all: Vec<(Element, &'a [u8])>,
+}
+
+impl<'a> Elements<'a> {
+    /// Cuts a binary little-endian file of fixed-size rows into its elements.
+    pub(crate) fn read(path: &'a Path, data: &'a [u8]) -> Result<Self> {
+        let Header { format, elements, end } = header(path, data)?;
+        if format != Format::LittleEndian {
+            return Err(Error::invalid(path, "header", "format binary_little_endian 1.0", "ascii"));
+        }
+        let (mut body, mut all) = (&data[end..], Vec::new());
+        for element in elements.into_iter().filter(|element| element.count > 0) {
+            element.check(path)?;
+            let (rows, rest) = body.split_at(room(path, body.len(), &element, element.stride())?);
+            all.push((element, rows));
+            body = rest;
+        }
+        Ok(Self { path, all })
+    }
+
+    /// The names of an element's properties; none where there is no such element.
+    pub(crate) fn names(&self, element: &str) -> &[String] {
+        self.all.iter().find(|(e, _)| e.name == element).map_or(&[], |(e, _)| &e.names)
+    }
+
+    /// One property of all rows of an element, which has this type; none where there is no such element.
+    pub(crate) fn column<const N: usize>(&self, element: &str, name: &str, kind: &str) -> Result<Vec<[u8; N]>> {
+        let Some((element, rows)) = self.all.iter().find(|(e, _)| e.name == element) else { return Ok(Vec::new()) };
+        let position = element.position(self.path, name)?;
+        let found = element.types[position];
+        if found.name != kind || found.size != N {
+            let place = format!("element {}, property {name}", element.name);
+            return Err(Error::invalid(self.path, place, kind, found.name));
+        }
+        let offset: usize = element.types[..position].iter().map(|t| t.size).sum();
+        let value = |row: &[u8]| *row[offset..].first_chunk().expect("rows are as long as their types");
+        Ok(rows.chunks_exact(element.stride()).map(value).collect())
     }
 }
 
@@ -169,17 +226,16 @@ fn room(path: &Path, body: usize, element: &Element, row: usize) -> Result<usize
 }
 
 fn binary(path: &Path, mut body: &[u8], before: &[Element], vertex: &Element) -> Result<Vec<f32>> {
-    let stride = |e: &Element| e.types.iter().map(|t| t.size).sum();
     for element in before {
-        body = &body[room(path, body.len(), element, stride(element))?..];
+        body = &body[room(path, body.len(), element, element.stride())?..];
     }
-    let size = room(path, body.len(), vertex, stride(vertex))?;
-    if vertex.types.iter().all(|scalar| scalar.float) {
+    let size = room(path, body.len(), vertex, vertex.stride())?;
+    if vertex.types.iter().all(|scalar| scalar.name == "f32") {
         // As good as all files, and large ones: a million Gaussians are 62 million numbers.
         return Ok(body[..size].as_chunks().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect());
     }
     let mut values = Vec::with_capacity(vertex.count * vertex.types.len());
-    for mut row in body[..size].chunks_exact(stride(vertex)) {
+    for mut row in body[..size].chunks_exact(vertex.stride()) {
         for scalar in &vertex.types {
             values.push((scalar.read)(row));
             row = &row[scalar.size..];
