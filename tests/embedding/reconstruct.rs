@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use weaver_inference::{OutputFolder, SplatWeaverPredictor};
 use weaver_inference::reconstruct::{Options, reconstruct};
-use weaver_io::{Image, read_ply};
+use weaver_io::{Image, read_gaussians};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -15,7 +15,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut predictor = SplatWeaverPredictor::open(run)?;
     let report = reconstruct(&mut predictor, &photos, &Options::default(), &out)?;
 
-    let scene = read_ply(out.path().join("scene.ply"))?;
+    let scene = read_gaussians(out.path().join("scene.ply"))?;
     assert_eq!(scene.len(), report.gaussians);
     println!("{} Gaussians from {} photos", report.gaussians, photos.len());
     Ok(())

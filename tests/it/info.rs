@@ -14,7 +14,7 @@ fn every_kind_of_file_is_described() {
     let transforms = capture::transforms(folder, 2);
     let sparse = capture::colmap(folder, 2);
     let (ply, clip) = (folder.join("scene.ply"), folder.join("clip.txt"));
-    weaver_io::write_ply(&ply, &splats()).unwrap();
+    weaver_io::write_gaussians(&ply, &splats()).unwrap();
     let frame = ClipFrame { timestamp: 5, normalized: [1.0, 1.0, 0.5, 0.5], pose: Pose::IDENTITY };
     Clip { url: "http://example.org".into(), frames: vec![frame] }.write(&clip).unwrap();
     let kinds = [

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
 use weaver_io::realestate::{Clip, ClipFrame};
-use weaver_io::{Background, Image, write_ply};
+use weaver_io::{Background, Image, write_gaussians};
 use weaver_scene::Gaussians;
 
 /// A red Gaussian before a large blue one, on the z axis.
@@ -23,7 +23,7 @@ pub fn splats() -> Gaussians {
 
 fn scene(folder: &Path) -> PathBuf {
     let path = folder.join("scene.ply");
-    write_ply(&path, &splats()).unwrap();
+    write_gaussians(&path, &splats()).unwrap();
     path
 }
 
@@ -122,7 +122,7 @@ fn files_that_cannot_be_rendered_are_named() {
     let whole = std::fs::read(&path).unwrap();
     std::fs::write(&path, &whole[..whole.len() - 9]).unwrap();
     render().refused(1, &["scene.ply", "vertex"]);
-    write_ply(&path, &Gaussians::default()).unwrap();
+    write_gaussians(&path, &Gaussians::default()).unwrap();
     splatweaver(&[&"render", &path, &"--orbit", &"3", &"-o", &out]).refused(1, &["scene.ply", "found none"]);
     std::fs::write(&path, whole).unwrap();
     std::fs::write(&cameras, "http://example.org\n").unwrap();

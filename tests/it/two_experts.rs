@@ -53,7 +53,7 @@ fn two_models_are_told_apart_in_one_table() {
     names.sort();
     let out = folder.path().join("scene");
     splatweaver(&[&"infer", &"--run", &two, &names[0], &names[1], &"-o", &out]).fine();
-    assert_eq!(weaver_io::read_ply(out.join("scene.ply")).unwrap().means.len(), 2 * 32 * 32);
+    assert_eq!(weaver_io::read_gaussians(out.join("scene.ply")).unwrap().means.len(), 2 * 32 * 32);
     splatweaver(&[&"infer", &"--run", &two, &names[0], &names[1], &names[2], &"-o", &folder.path().join("other")])
         .refused(1, &["expected photos in multiples of 2, or one alone, found 3"]);
 }

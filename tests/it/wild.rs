@@ -60,8 +60,8 @@ fn a_place_is_shown_in_the_light_of_photos() {
     let said = splatweaver(&line).fine().stdout;
     assert!(said.contains("looks.png"), "{said}");
     let scenes: Vec<_> =
-        ["00", "01", "02"].map(|i| weaver_io::read_ply(out.join(format!("looks/{i}.ply"))).unwrap()).into();
-    let first = weaver_io::read_ply(out.join("scene.ply")).unwrap();
+        ["00", "01", "02"].map(|i| weaver_io::read_gaussians(out.join(format!("looks/{i}.ply"))).unwrap()).into();
+    let first = weaver_io::read_gaussians(out.join("scene.ply")).unwrap();
     assert_eq!(scenes[0], first);
     for scene in &scenes {
         assert_eq!((&scene.means, &scene.opacity_logits), (&first.means, &first.opacity_logits));

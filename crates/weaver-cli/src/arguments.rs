@@ -2,6 +2,7 @@
 
 mod align;
 mod bench;
+mod convert;
 mod drawing;
 mod dynamic;
 mod eval;
@@ -15,12 +16,13 @@ mod vad;
 
 pub use align::{Align, LossName, MethodName, Switch};
 pub use bench::{Bench, BenchEngine, BenchFit, BenchMixture, BenchRaster, Passes, Subject, Synthetic};
+pub use convert::Convert;
 pub use drawing::DrawingFlags;
 pub use dynamic::{
     Dynamic, DynamicCommand, DynamicDistil, DynamicEval, DynamicPrune, DynamicRender, DynamicTrain, PresetName,
 };
 pub use eval::{ContextCameras, Eval, Targets};
-pub use fit::{Fit, Format, Origin, PoseMode, SAVE_EVERY, StrategyName};
+pub use fit::{Fit, Origin, PoseMode, SAVE_EVERY, StrategyName};
 pub use lift::{DemoGaussians, Lift, Query, SolverName};
 pub use light::LightFlags;
 pub use photos::{Cameras, ClipFlags, MatchingFlags, Reconstruct};
@@ -82,6 +84,7 @@ pub enum Command {
     Dynamic(Dynamic),
     Vad(Vad),
     Info(Info),
+    Convert(Convert),
     ConvertWeights(ConvertWeights),
     Bench(Bench),
     Config(Config),
@@ -267,7 +270,7 @@ impl From<DensityFlags> for Density {
     }
 }
 
-/// Describes a file: images, PLY, splat, SPZ, safetensors, PyTorch checkpoints, transforms.json, COLMAP, RealEstate10K, TOML,
+/// Describes a file: images, files of Gaussians, safetensors, PyTorch checkpoints, transforms.json, COLMAP, RealEstate10K, TOML,
 /// summary.json, and folders of runs.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:

@@ -1,6 +1,6 @@
 //! `splatweaver fit`.
 
-use crate::arguments::{ClipFlags, Fit, Format, MatchingFlags, Origin, PoseMode, StrategyName};
+use crate::arguments::{ClipFlags, Fit, MatchingFlags, Origin, PoseMode, StrategyName};
 use crate::bench::memory::peak_mb;
 use crate::device;
 use crate::estimate::estimated_capture;
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weaver_data::capture::{self, CaptureOptions, HoldOut};
 use weaver_fit::{FitSettings, Judge, StrategyKind, init};
-use weaver_fit_run::{Initial, Outcome, OutputFolder, Plan, Run, RunSettings, SceneFormat, Views, dry_run};
+use weaver_fit_run::{Initial, Outcome, OutputFolder, Plan, Run, RunSettings, Views, dry_run};
 use weaver_inference::{RunFolder, predict_capture};
 use weaver_scene::Gaussians;
 use weaver_splat::AnyRasterizer;
@@ -86,7 +86,7 @@ fn planned(arguments: &Fit, capture: PathBuf, initial: &Begin) -> Result<(RunSet
         minutes: arguments.steps.is_none().then(|| arguments.minutes.unwrap_or(MINUTES)),
         least_steps: arguments.least_steps as usize,
         save_every: arguments.save_every,
-        formats: arguments.formats.iter().map(format).collect(),
+        formats: arguments.formats.clone(),
         fit: FitSettings::default(),
     };
     let plan = dry_run(&settings)?;
@@ -129,13 +129,6 @@ pub fn begin(
         }
     }
     finish(run, &folder, console, interrupt)
-}
-
-fn format(format: &Format) -> SceneFormat {
-    match format {
-        Format::Splat => SceneFormat::Splat,
-        Format::Spz => SceneFormat::Spz,
-    }
 }
 
 /// The defaults for these photos, then the file, then flags.

@@ -10,6 +10,7 @@ mod clip;
 mod completions;
 mod config;
 mod console;
+mod convert;
 mod convert_weights;
 mod device;
 mod drawing;
@@ -83,6 +84,7 @@ fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> R
         Command::Dynamic(arguments) => dynamic::run(&arguments.command, console, interrupt),
         Command::Vad(arguments) => vad::run(&arguments.command, console, interrupt),
         Command::Info(arguments) => info::run(&arguments, console),
+        Command::Convert(arguments) => convert::run(&arguments, console),
         Command::ConvertWeights(arguments) => convert_weights::run(&arguments, console, interrupt),
         Command::Config(arguments) => config::run(&arguments, console),
         Command::Bench(arguments) => bench::run(&arguments, console),

@@ -5,7 +5,7 @@
 //! | `run.json` | what was asked for, with the number of steps once it is known, and checksums of what was read |
 //! | `init.ply` | the Gaussians it began with, if they were given |
 //! | `checkpoint.safetensors` | everything needed to go on |
-//! | `scene.ply` | the Gaussians; also `scene.splat`, `scene.spz` if asked for |
+//! | `scene.ply` | the Gaussians; also in other formats if asked for, as `scene.spz` |
 //! | `transforms.json`, `sparse/0` | the cameras, refined ones too, of the photos as they are on disk; the points, moved with them |
 //! | `summary.json` | the outcome |
 //! | `metrics.jsonl`, `events/` | logged values, also for TensorBoard |
@@ -35,7 +35,7 @@ pub use plan::{Plan, dry_run};
 pub use record::Record;
 pub use run::Run;
 use settings::RunFile;
-pub use settings::{Initial, RunSettings, SceneFormat};
+pub use settings::{Initial, RunSettings};
 pub use weaver_io::OutputFolder;
 
 /// The example of the README, compiled and run.

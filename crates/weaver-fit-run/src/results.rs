@@ -3,7 +3,7 @@
 use crate::judged::Judged;
 use crate::loaded::{Loaded, Origin};
 use crate::outcome::{Outcome, PoseChange, Views};
-use crate::run::MODEL;
+use crate::run::{MODEL, file_of_scene};
 use crate::{Run, RunError, report};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -30,7 +30,7 @@ impl Run {
         let gaussians = self.fit().gaussians();
         write_gaussians(self.out.file("scene.ply")?, &gaussians)?;
         for format in &self.settings.formats {
-            write_gaussians(self.out.file(format.file_name())?, &gaussians)?;
+            write_gaussians(self.out.file(file_of_scene(format))?, &gaussians)?;
         }
         let test_cameras = self.held_out_cameras()?;
         self.write_cameras(&test_cameras)?;

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use weaver_fit::{Fit, Judge, Photo, StepReport, steps_in};
 use weaver_io::checkpoint::Tensors;
-use weaver_io::{OutputFolder, colmap};
+use weaver_io::{OutputFolder, SceneFormat, colmap};
 use weaver_report::{MetricsLog, TensorBoard};
 use weaver_scene::Gaussians;
 use weaver_splat::AnyRasterizer;
@@ -80,7 +80,7 @@ impl Run {
         rasterizer: AnyRasterizer<f32>,
     ) -> Result<Self, RunError> {
         let started = Instant::now();
-        out.check(settings.formats.iter().map(|format| format.file_name()))?;
+        out.check(settings.formats.iter().map(file_of_scene))?;
         settings.fit.check()?;
         settings.capture = std::path::absolute(&settings.capture).unwrap_or(settings.capture);
         let capture = load(&settings, given, rasterizer)?;
@@ -102,7 +102,7 @@ impl Run {
             run.settings.fit.steps = steps;
         }
         if let Some(given) = given {
-            weaver_io::write_ply(run.out.file(INIT)?, given)?;
+            weaver_io::write_gaussians(run.out.file(INIT)?, given)?;
         }
         let file = RunFile { settings: run.settings.clone(), sources: run.capture.sources.clone() };
         let text = file.text(run.out.path())?;
@@ -117,7 +117,7 @@ impl Run {
     pub fn resume(folder: &Path, judge: Judge, rasterizer: AnyRasterizer<f32>) -> Result<Self, RunError> {
         let started = Instant::now();
         let RunFile { settings, sources } = RunFile::read(folder)?;
-        let formats = settings.formats.iter().map(|format| format.file_name().to_string());
+        let formats = settings.formats.iter().map(file_of_scene);
         let out = OutputFolder::reopen(folder, COMMAND, files().chain([INIT.into()]).chain(formats))?;
         let given = folder.join(INIT);
         let given = given.exists().then(|| weaver_io::read_gaussians(&given)).transpose()?;
@@ -213,6 +213,11 @@ impl Run {
         state.metadata.insert("seconds".into(), format!("{:.3}", self.seconds()));
         Ok(state.write(self.out.file(CHECKPOINT)?)?)
     }
+}
+
+/// The file of the scene in this format.
+pub(crate) fn file_of_scene(format: &SceneFormat) -> String {
+    format!("scene.{}", format.extension)
 }
 
 /// The files of every run.

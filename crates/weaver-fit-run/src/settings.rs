@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use weaver_data::capture::HoldOut;
 use weaver_data::posed::PosedOptions;
 use weaver_fit::FitSettings;
+use weaver_io::SceneFormat;
 
 /// What is asked of a run.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -33,7 +34,7 @@ pub struct RunSettings {
     pub least_steps: usize,
     /// Seconds between checkpoints, at least.
     pub save_every: f64,
-    /// Further files of the scene.
+    /// Further files of the scene, beside `scene.ply`.
     pub formats: Vec<SceneFormat>,
     /// How the scene is fitted.
     pub fit: FitSettings,
@@ -52,25 +53,6 @@ pub enum Initial {
     Random,
     /// As given to [`Run::create`](crate::Run::create).
     Given,
-}
-
-/// File formats of a scene beside PLY.
-#[derive(Clone, Copy, Debug, Deserialize, Eq, PartialEq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum SceneFormat {
-    /// 32 bytes a Gaussian, no harmonics.
-    Splat,
-    /// Compressed, with harmonics.
-    Spz,
-}
-
-impl SceneFormat {
-    pub(crate) fn file_name(self) -> &'static str {
-        match self {
-            Self::Splat => "scene.splat",
-            Self::Spz => "scene.spz",
-        }
-    }
 }
 
 impl RunSettings {

@@ -71,7 +71,7 @@ impl Shown {
             columns.push(predictor.render(&prediction, cameras)?);
             if several {
                 let path = out.file(format!("looks/{i:02}.ply"))?;
-                weaver_io::write_ply(path, &prediction.gaussians.to_stored())?;
+                weaver_io::write_gaussians(path, &prediction.gaussians.to_stored())?;
             }
         }
         strip(&self.photos, &columns).write_png(out.file("looks.png")?)?;

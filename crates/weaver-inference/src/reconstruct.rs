@@ -170,7 +170,7 @@ pub(crate) fn write(
         rows.push(row(photo, render, prediction, v));
     }
     stack(&rows.iter().collect::<Vec<_>>()).write_png(out.file("overview.png")?)?;
-    weaver_io::write_ply(out.file("scene.ply")?, &prediction.gaussians.to_stored())?;
+    weaver_io::write_gaussians(out.file("scene.ply")?, &prediction.gaussians.to_stored())?;
     if let Some(opacity) = &prediction.view_opacity {
         opacity.write(&prediction.gaussians, &out.file("scene.safetensors")?)?;
     }

@@ -5,7 +5,7 @@
 
 use std::f32::consts::TAU;
 use weaver_geometry::sh;
-use weaver_io::{read_ply, write_ply};
+use weaver_io::{read_gaussians, write_gaussians};
 use weaver_scene::Gaussians;
 
 const COUNT: usize = 6000;
@@ -28,8 +28,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         splats.opacity_logits.push(2.0);
         splats.sh.extend([0.0, 1.0, 2.0].map(|c| 0.4 * (t + TAU * c / 3.0).cos() / sh::DC as f32));
     }
-    write_ply("knot.ply", &splats)?;
-    let read = read_ply("knot.ply")?;
+    write_gaussians("knot.ply", &splats)?;
+    let read = read_gaussians("knot.ply")?;
     println!("knot.ply: {} Gaussians, the same as written: {}", read.len(), read == splats);
     print!("{}", weaver_io::info("knot.ply")?);
     Ok(())

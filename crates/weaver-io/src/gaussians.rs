@@ -5,6 +5,7 @@ use crate::file::read_bytes;
 use crate::gaussian_fields::check_lengths;
 use crate::{Error, Result};
 use crate::{ply, splat, spz};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::io::Write;
 use std::path::Path;
@@ -114,6 +115,18 @@ impl FromStr for SceneFormat {
             let names: Vec<&str> = SCENE_FORMATS.iter().map(|format| format.name).collect();
             format!("expected one of {}, found {name:?}", names.join(", "))
         })
+    }
+}
+
+impl Serialize for SceneFormat {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name)
+    }
+}
+
+impl<'de> Deserialize<'de> for SceneFormat {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        String::deserialize(deserializer)?.parse().map_err(serde::de::Error::custom)
     }
 }
 

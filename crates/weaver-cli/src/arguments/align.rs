@@ -16,7 +16,7 @@ const DESCENT: &str = "Descent";
   splatweaver align fits/garden-1/scene.ply --photos later.jpg -o aligned
   splatweaver align scene.spz --photos new --cameras sparse/0 --size 800 --refine-intrinsics -o aligned")]
 pub struct Align {
-    /// The Gaussians: PLY as 3DGS stores them, .splat or .spz
+    /// The Gaussians: PLY as 3DGS stores them, or another format of `splatweaver convert`
     #[arg(value_name = "SCENE.ply")]
     pub scene: PathBuf,
     /// Photos, or folders of photos

@@ -61,7 +61,7 @@ pub struct Eval {
     /// A file of weights instead: a run's checkpoint.safetensors, small weights made of one, or a published checkpoint
     #[arg(long, value_name = "FILE", conflicts_with_all = ["run", "scene"], help_heading = WHAT)]
     pub weights: Option<PathBuf>,
-    /// A file of Gaussians (PLY, splat, SPZ), whose world is that of one --data
+    /// A file of Gaussians, whose world is that of one --data
     #[arg(long, value_name = "SCENE", requires = "data", conflicts_with_all = ["unseen", "views", "cameras", "targets", "unknown_focal", "match_size", "points", "allocation", "budget", "refine", "refine_steps", "refine_size", "refine_in_place"], help_heading = WHAT)]
     pub scene: Option<PathBuf>,
     /// Folder of a capture; may be repeated without --scene [default: the data of the run]

@@ -1,8 +1,10 @@
 //! The command line of `splatweaver fit`.
 
+use super::convert::scene_format;
 use super::{CONFIGURATION, DeviceFlag, RUN};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
+use weaver_io::SceneFormat;
 
 /// Fits Gaussians to the photos of a capture: a scene in minutes.
 ///
@@ -95,9 +97,9 @@ pub struct Fit {
     /// How Gaussians are added, removed and moved [default: split]
     #[arg(long, value_enum, help_heading = SCENE)]
     pub strategy: Option<StrategyName>,
-    /// Further files of the scene; may be repeated
-    #[arg(long = "also", value_enum, value_name = "FORMAT", help_heading = SCENE)]
-    pub formats: Vec<Format>,
+    /// Further files of the scene, in formats that `splatweaver convert --help` lists; may be repeated
+    #[arg(long = "also", value_parser = scene_format(), value_name = "FORMAT", help_heading = SCENE)]
+    pub formats: Vec<SceneFormat>,
     /// Also LPIPS, with the weights in this safetensors file
     #[arg(long, value_name = "WEIGHTS", help_heading = SCENE)]
     pub lpips: Option<PathBuf>,
@@ -145,13 +147,6 @@ pub enum StrategyName {
     Mcmc,
     /// The number stays as it is
     Keep,
-}
-
-/// A further file of the scene.
-#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
-pub enum Format {
-    Splat,
-    Spz,
 }
 
 pub fn background(text: &str) -> Result<Rgb, String> {

@@ -19,7 +19,7 @@ const AGGREGATING: &str = "Features of masks";
   splatweaver lift --demo 1000 -o pictures
   splatweaver lift --demo 1000 1001 1002 --gaussians predicted -o pictures")]
 pub struct Lift {
-    /// The Gaussians: PLY as 3DGS stores them, .splat or .spz
+    /// The Gaussians: PLY as 3DGS stores them, or another format of `splatweaver convert`
     #[arg(value_name = "SCENE.ply", required_unless_present = "demo")]
     pub scene: Option<PathBuf>,
     /// transforms.json, a folder with a COLMAP model, or a RealEstate10K camera file

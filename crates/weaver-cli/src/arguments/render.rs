@@ -17,7 +17,7 @@ use std::path::PathBuf;
   splatweaver render scene.ply --orbit 90 --background 0,0,0 -o turn
   splatweaver render scene.ply --orbit 120 --width 1280 --height 720 --video turn.mp4")]
 pub struct Render {
-    /// The Gaussians: PLY as 3DGS stores them, .splat or .spz
+    /// The Gaussians: PLY as 3DGS stores them, or another format of `splatweaver convert`
     #[arg(value_name = "SCENE.ply")]
     pub scene: PathBuf,
     /// transforms.json, a folder with a COLMAP model, or a RealEstate10K camera file

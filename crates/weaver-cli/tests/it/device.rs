@@ -44,7 +44,7 @@ mod with {
     use super::*;
     use serde_json::Value;
     use weaver_io::checkpoint::Tensors;
-    use weaver_io::{Background, Image, Transforms, write_ply};
+    use weaver_io::{Background, Image, Transforms, write_gaussians};
     use weaver_scene::Frame;
 
     /// Runs a line that must succeed.
@@ -115,7 +115,7 @@ mod with {
         }
         let temporary = tempfile::tempdir().unwrap();
         let folder = temporary.path();
-        write_ply(folder.join("scene.ply"), &crate::eval_scene::gaussians()).unwrap();
+        write_gaussians(folder.join("scene.ply"), &crate::eval_scene::gaussians()).unwrap();
         let picture = |device: &str| {
             fine(folder, &format!("render scene.ply --orbit 2 --width 96 -o {device} --device {device}"));
             Image::read(folder.join(device).join("0001.png"), Background::Black).unwrap().pixels

@@ -38,7 +38,7 @@ fn inputs(folder: &Path) {
         sh: vec![0.5; 3],
         degree: 0,
     };
-    weaver_io::write_ply(data.join("scene.ply"), &gaussians).unwrap();
+    weaver_io::write_gaussians(data.join("scene.ply"), &gaussians).unwrap();
     fs::create_dir(data.join("features")).unwrap();
     weaver_io::write_npy(data.join("features/00.npy"), &[2, 2], &[1.0, 0.0, 0.0, 1.0]).unwrap();
     fs::write(data.join("list.txt"), "00.npy\n").unwrap();
@@ -220,7 +220,7 @@ fn an_empty_scene_has_no_quality() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
     inputs(folder);
-    weaver_io::write_ply(folder.join("empty.ply"), &Gaussians::default()).unwrap();
+    weaver_io::write_gaussians(folder.join("empty.ply"), &Gaussians::default()).unwrap();
     let message = refused(folder, "eval --scene empty.ply --data capture", 1);
     assert!(message.contains("empty.ply: expected Gaussians to judge, found none"), "{message}");
 }

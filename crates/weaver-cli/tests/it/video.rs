@@ -17,7 +17,7 @@ fn render(folder: &Path, bin: &Path, more: &[&str]) -> Output {
         sh: vec![1.7, -1.7, -1.7],
         degree: 0,
     };
-    weaver_io::write_ply(folder.join("scene.ply"), &splats).unwrap();
+    weaver_io::write_gaussians(folder.join("scene.ply"), &splats).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_splatweaver"));
     command.current_dir(folder).env("PATH", bin).args(["render", "scene.ply", "--orbit", "3"]).args(more);
     command.output().unwrap()

@@ -142,8 +142,10 @@ impl<'a> Elements<'a> {
             return Err(Error::invalid(path, "header", "format binary_little_endian 1.0", "ascii"));
         }
         let (mut body, mut all) = (&data[end..], Vec::new());
-        for element in elements.into_iter().filter(|element| element.count > 0) {
-            element.check(path)?;
+        for element in elements {
+            if element.count > 0 {
+                element.check(path)?;
+            }
             let (rows, rest) = body.split_at(room(path, body.len(), &element, element.stride())?);
             all.push((element, rows));
             body = rest;

@@ -30,6 +30,19 @@ fn round_trip(name: &str, gaussians: &Gaussians) -> Gaussians {
     read_gaussians(&path).unwrap()
 }
 
+/// The Gaussians of these numbers.
+fn taken(from: &Gaussians, order: &[usize]) -> Gaussians {
+    let k = 3 * from.coefficients();
+    Gaussians {
+        means: order.iter().map(|i| from.means[*i]).collect(),
+        log_scales: order.iter().map(|i| from.log_scales[*i]).collect(),
+        quats: order.iter().map(|i| from.quats[*i]).collect(),
+        opacity_logits: order.iter().map(|i| from.opacity_logits[*i]).collect(),
+        sh: order.iter().flat_map(|i| &from.sh[i * k..][..k]).copied().collect(),
+        degree: from.degree,
+    }
+}
+
 /// How far each kind of number may be off.
 struct Tolerance {
     position: f32,
@@ -82,6 +95,16 @@ const SPZ: Tolerance = Tolerance {
     harmonics: 0.51 / 128.0,
 };
 
+/// Positions and scales in 10 or 11 bits between bounds that are at most 1000 and 14 apart; colors between bounds, too.
+const COMPRESSED: Tolerance = Tolerance {
+    position: 0.51 * 1000.0 / 1023.0,
+    scale: 0.51 * 14.0 / 1023.0,
+    rotation: 0.2,
+    opacity: 0.51 / 255.0,
+    color: 0.51 * 1.8 / 255.0,
+    harmonics: 0.51 * 8.0 / 256.0,
+};
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 5))]
 
@@ -95,6 +118,28 @@ proptest! {
         let back = round_trip("a.SPLAT", &gaussians);
         prop_assert_eq!(back.degree, 0);
         assert_near(&gaussians, &back, &SPLAT);
+    }
+
+    #[test]
+    fn compressed_ply_rounds_between_bounds_and_orders_anew(gaussians in gaussians()) {
+        let back = round_trip("a.compressed.ply", &gaussians);
+        prop_assert_eq!((back.len(), back.degree), (gaussians.len(), gaussians.degree));
+        // Where each came to is told by its opacity and position.
+        let opacity = |g: &Gaussians, i: usize| 1.0 / (1.0 + (-g.opacity_logits[i]).exp());
+        let apart = |i: usize, j: usize| {
+            let moved: f32 = gaussians.means[i].iter().zip(&back.means[j]).map(|(a, b)| (a - b).abs()).sum();
+            moved + 100.0 * (opacity(&gaussians, i) - opacity(&back, j)).abs()
+        };
+        let order: Vec<usize> = (0..back.len())
+            .map(|i| (0..back.len()).min_by(|a, b| apart(i, *a).total_cmp(&apart(i, *b))).unwrap())
+            .collect();
+        assert_near(&gaussians, &taken(&back, &order), &COMPRESSED);
+        // The files are the same whatever is read from them.
+        let folder = tempfile::tempdir().unwrap();
+        let [one, two] = ["1.compressed.ply", "1.ply"].map(|name| folder.path().join(name));
+        write_gaussians(&one, &gaussians).unwrap();
+        std::fs::copy(&one, &two).unwrap();
+        prop_assert_eq!(read_gaussians(&one).unwrap(), read_gaussians(&two).unwrap());
     }
 
     #[test]
@@ -128,12 +173,12 @@ fn positions_of_any_size_fit_into_spz() {
     let far = message("a.spz", &at(1e7));
     assert!(far.contains("positions to write: expected coordinates below 2^23"), "{far}");
     let unknown = message("a.obj", &at(0.0));
-    assert!(unknown.contains("file name: expected .ply, .splat or .spz, found .obj"), "{unknown}");
+    assert!(unknown.contains("file name: expected .ply, .compressed.ply, .splat or .spz, found .obj"), "{unknown}");
     let broken = Gaussians { quats: vec![], ..at(0.0) };
-    for name in ["a.ply", "a.splat", "a.spz"] {
+    for name in ["a.ply", "a.compressed.ply", "a.splat", "a.spz"] {
         assert!(message(name, &broken).contains("expected 1 Gaussians"), "{name}");
     }
-    for name in ["a.splat", "a.spz"] {
+    for name in ["a.compressed.ply", "a.splat", "a.spz"] {
         assert!(message(name, &at(f32::NAN)).contains("vertex 0, position: expected finite numbers"), "{name}");
     }
 }

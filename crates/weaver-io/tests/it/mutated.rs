@@ -79,15 +79,18 @@ fn readers() -> Vec<Reader> {
         {"file_path": "b.png", "w": 20, "transform_matrix": [[1,0,0,-1],[0,1,0,0],[0,0,1,2],[0,0,0,1]]}]}"#;
     let frames = "https://www.youtube.com/watch?v=x\n1000 0.5 0.9 0.5 0.5 0 0 1 0 0 0.5 0 1 0 0 0 0 1 2\n2000 0.5 0.9 0.5 0.5 0 0 1 0 0 0.25 0 1 0 0 0 0 1 2\n";
     let text = |text: &str| text.as_bytes().to_vec();
-    let spz: fn(&Path) -> bool = |path| weaver_io::read_spz(path).is_ok();
+    let spz: fn(&Path) -> bool = |path| weaver_io::read_gaussians(path).is_ok();
     let photo: fn(&Path) -> bool = |path| Image::read(path, Background::White).is_ok();
     let shrunk: fn(&Path) -> bool =
         |path| PhotoFile::at(path).and_then(|photo| photo.shrink_from(0).resize_whole(44, 1)).is_ok();
     let folder: fn(&Path) -> bool = |path| colmap::Model::read(path.parent().unwrap()).is_ok();
     vec![
-        one("ply", "a.ply", gaussians("a.ply"), |path| weaver_io::read_ply(path).is_ok()),
+        one("ply", "a.ply", gaussians("a.ply"), |path| weaver_io::read_gaussians(path).is_ok()),
         one("ply points", "a.ply", text(points), |path| ply::read_points(path).is_ok()),
-        one("splat", "a.splat", gaussians("a.splat"), |path| weaver_io::read_splat(path).is_ok()),
+        one("compressed ply", "a.compressed.ply", gaussians("a.compressed.ply"), |path| {
+            weaver_io::read_gaussians(path).is_ok()
+        }),
+        one("splat", "a.splat", gaussians("a.splat"), |path| weaver_io::read_gaussians(path).is_ok()),
         one("spz", "a.spz", gaussians("a.spz"), spz),
         Reader { seal: gzip, ..one("spz content", "a.spz", gunzip(&gaussians("a.spz")), spz) },
         several("colmap binary", colmap_files("bin"), folder),

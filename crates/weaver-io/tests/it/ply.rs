@@ -2,8 +2,8 @@ use crate::shared;
 use proptest::prelude::*;
 use std::path::Path;
 use weaver_io::ply::{read_points, write_points};
-use weaver_io::read_splat;
-use weaver_io::{read_ply, write_ply};
+
+use weaver_io::{read_gaussians, write_gaussians};
 use weaver_scene::{Gaussians, PointCloud};
 
 fn sample(n: usize, degree: usize) -> Gaussians {
@@ -25,8 +25,8 @@ fn round_trip_at_every_degree() {
     let path = folder.path().join("a.ply");
     for degree in 0..=4 {
         for n in [0, 5] {
-            write_ply(&path, &sample(n, degree)).unwrap();
-            assert_eq!(read_ply(&path).unwrap(), sample(n, degree));
+            write_gaussians(&path, &sample(n, degree)).unwrap();
+            assert_eq!(read_gaussians(&path).unwrap(), sample(n, degree));
         }
     }
 }
@@ -35,7 +35,7 @@ fn round_trip_at_every_degree() {
 fn the_rest_is_channel_major() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ply");
-    write_ply(&path, &sample(1, 1)).unwrap();
+    write_gaussians(&path, &sample(1, 1)).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     let head = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     let row: Vec<f32> = bytes[head..].chunks_exact(4).map(|c| f32::from_le_bytes(c.try_into().unwrap())).collect();
@@ -54,7 +54,7 @@ fn reads_text() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.ply");
     std::fs::write(&path, ASCII).unwrap();
-    let splats = read_ply(&path).unwrap();
+    let splats = read_gaussians(&path).unwrap();
     assert_eq!((splats.means[0], splats.quats[0]), ([1.0, 2.0, 3.0], [1.0, 0.0, 0.0, 0.5]));
     assert_eq!((splats.sh.as_slice(), splats.opacity_logits[0]), ([0.1, 0.2, 0.3].as_slice(), -1.0));
 }
@@ -65,7 +65,7 @@ fn missing_properties_are_filled_as_viewers_do() {
     let path = folder.path().join("a.ply");
     let read = |text: String| {
         std::fs::write(&path, text).unwrap();
-        read_ply(&path).unwrap()
+        read_gaussians(&path).unwrap()
     };
     let rename = |names: &[(&str, &str)]| {
         names
@@ -98,16 +98,16 @@ fn messages_say_where() {
         (ASCII.replace("0.3 -1", "0.3 x"), "vertex 0, property opacity: expected a number, found x"),
         (ASCII.replace("float f_dc_0", "float f_rest_0"), "expected 0, 9, 24, 45 or 72 properties f_rest_*, found 1"),
         (ASCII.replace("uchar id", "list uchar int id"), "element camera: expected scalar properties"),
-        (ASCII.replace("float f_dc_0", "uint packed_position"), "found a chunk-compressed file"),
+        (ASCII.replace("float f_dc_0", "uint packed_position"), "header: expected format binary_little_endian 1.0, found ascii"),
         (ASCII.replace("element vertex", "element point"), "header: expected an element named vertex"),
     ];
     for (text, expected) in cases {
         std::fs::write(&path, text).unwrap();
-        let message = read_ply(&path).unwrap_err().to_string();
+        let message = read_gaussians(&path).unwrap_err().to_string();
         assert!(message.contains("a.ply: ") && message.contains(expected), "{message}\n{expected}");
     }
     let broken = Gaussians { sh: vec![], ..sample(2, 1) };
-    let message = write_ply(&path, &broken).unwrap_err().to_string();
+    let message = write_gaussians(&path, &broken).unwrap_err().to_string();
     assert!(message.contains("expected 2 Gaussians"), "{message}");
 }
 
@@ -154,19 +154,37 @@ fn assert_row(splats: &Gaussians, i: usize, row: &[f32], tolerance: f32) {
 #[test]
 fn files_of_other_tools() {
     let Some(folder) = shared::data("splat-files") else { return };
-    let splats = read_ply(folder.join("playbot-sh2.ply")).unwrap();
+    let splats = read_gaussians(folder.join("playbot-sh2.ply")).unwrap();
     assert_eq!((splats.len(), splats.degree), (8406, 2));
     for (i, row) in csv(&folder.join("playbot-sh2.first64.csv")).iter().enumerate() {
         assert_row(&splats, i, row, 1e-5);
     }
-    let splats = read_splat(folder.join("minimal.splat")).unwrap();
+    let splats = read_gaussians(folder.join("minimal.splat")).unwrap();
     assert_eq!(splats.len(), 4);
     for (i, row) in csv(&folder.join("minimal.splat.decoded.csv")).iter().enumerate() {
         // The other tool takes 127.5 for the zero of rotations, half a step from ours.
         assert_row(&splats, i, row, 4e-3);
     }
-    let message = read_ply(folder.join("guitar.compressed.ply")).unwrap_err().to_string();
-    assert!(message.contains("chunk-compressed"), "{message}");
+    let compressed = read_gaussians(folder.join("playbot-sh2.compressed.ply")).unwrap();
+    assert_eq!((compressed.len(), compressed.degree), (8406, 2));
+    let plain = read_gaussians(folder.join("playbot-sh2.ply")).unwrap();
+    let distance = |a: &[f32; 3], b: &[f32; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f32>().sqrt();
+    let mut alike = 0;
+    for (i, mean) in compressed.means.iter().enumerate().step_by(10) {
+        let near = (0..plain.len())
+            .min_by(|a, b| distance(mean, &plain.means[*a]).total_cmp(&distance(mean, &plain.means[*b])))
+            .unwrap();
+        assert!(distance(mean, &plain.means[near]) < 6.1e-4, "Gaussian {i}");
+        // Another Gaussian may be as near.
+        let opacity = |g: &Gaussians, i: usize| 1.0 / (1.0 + (-g.opacity_logits[i]).exp());
+        alike += usize::from(
+            (opacity(&compressed, i) - opacity(&plain, near)).abs() < 0.51 / 255.0
+                && distance(&compressed.log_scales[i], &plain.log_scales[near]) < 0.02,
+        );
+    }
+    assert!(alike > 800, "{alike} of 841");
+    let guitar = read_gaussians(folder.join("guitar.compressed.ply")).unwrap();
+    assert_eq!((guitar.len(), guitar.degree), (90854, 0));
 }
 
 #[test]
@@ -179,13 +197,13 @@ fn splat_records() {
     }
     bytes.extend([255, 0, 0, 255, 255, 128, 128, 0]);
     std::fs::write(&path, &bytes).unwrap();
-    let splats = read_splat(&path).unwrap();
+    let splats = read_gaussians(&path).unwrap();
     assert_eq!((splats.means[0], splats.opacity_logits[0]), ([1.0, 2.0, 3.0], f32::INFINITY));
     assert_eq!(splats.quats[0], [127.0 / 128.0, 0.0, 0.0, -1.0]);
     assert!((splats.sh[0] * 0.2820948 - 0.5).abs() < 1e-6 && splats.log_scales[0][0] == 0.0);
     bytes.pop();
     std::fs::write(&path, &bytes).unwrap();
-    let message = read_splat(&path).unwrap_err().to_string();
+    let message = read_gaussians(&path).unwrap_err().to_string();
     assert!(message.contains("length: expected a multiple of 32 bytes, found 31"), "{message}");
 }
 
@@ -196,14 +214,14 @@ proptest! {
     fn hostile_files_never_panic(at in 0.0..1.0f64, byte in any::<u8>(), keep in 0.0..1.0f64) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.ply");
-        write_ply(&path, &sample(3, 1)).unwrap();
+        write_gaussians(&path, &sample(3, 1)).unwrap();
         for mut bytes in [std::fs::read(&path).unwrap(), ASCII.as_bytes().to_vec()] {
             let index = (at * bytes.len() as f64) as usize;
             bytes[index] = byte;
             bytes.truncate((keep * 2.0 * bytes.len() as f64) as usize);
             std::fs::write(&path, &bytes).unwrap();
-            let _ = read_ply(&path);
-            let _ = read_splat(&path);
+            let _ = read_gaussians(&path);
+            let _ = read_gaussians(&path);
         }
     }
 
@@ -213,6 +231,6 @@ proptest! {
         let path = folder.path().join("a.ply");
         let text = format!("ply\nformat ascii 1.0\n{}\nend_header\n", words.join(" "));
         std::fs::write(&path, text).unwrap();
-        prop_assert!(read_ply(&path).is_err());
+        prop_assert!(read_gaussians(&path).is_err());
     }
 }

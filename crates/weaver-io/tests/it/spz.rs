@@ -3,7 +3,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use proptest::prelude::*;
 use std::io::Write;
-use weaver_io::{read_ply, read_spz};
+use weaver_io::read_gaussians;
 use weaver_scene::Gaussians;
 
 /// One Gaussian of version 3, degree 1, before compression.
@@ -27,7 +27,7 @@ fn read(data: &[u8]) -> weaver_io::Result<Gaussians> {
     let mut gzip = GzEncoder::new(Vec::new(), Compression::fast());
     gzip.write_all(data).unwrap();
     std::fs::write(&path, gzip.finish().unwrap()).unwrap();
-    read_spz(&path)
+    read_gaussians(&path)
 }
 
 #[test]
@@ -81,8 +81,8 @@ fn median(mut values: Vec<f32>) -> f32 {
 #[test]
 fn agrees_with_the_ply_it_was_made_from() {
     let Some(folder) = shared::data("splat-files") else { return };
-    let ply = read_ply(folder.join("playbot-sh2.ply")).unwrap();
-    let spz = read_spz(folder.join("playbot-sh2.v3.spz")).unwrap();
+    let ply = read_gaussians(folder.join("playbot-sh2.ply")).unwrap();
+    let spz = read_gaussians(folder.join("playbot-sh2.v3.spz")).unwrap();
     assert_eq!((spz.len(), spz.degree), (ply.len(), ply.degree));
     for i in 0..ply.len() {
         for (a, b) in ply.means[i].iter().zip(spz.means[i]) {
@@ -108,14 +108,14 @@ fn agrees_with_the_ply_it_was_made_from() {
         let (same, opposite) = (median(differences(&a, &b)), median(differences(&a, &turned)));
         assert!(same < 1.0 / 16.0 && same < opposite, "coefficient {c}: {same} {opposite}");
     }
-    let message = read_spz(folder.join("playbot-sh2.v4.spz")).unwrap_err().to_string();
+    let message = read_gaussians(folder.join("playbot-sh2.v4.spz")).unwrap_err().to_string();
     assert!(message.contains("a later version of SPZ"), "{message}");
 }
 
 #[test]
 fn version_two() {
     let Some(folder) = shared::data("splat-files") else { return };
-    let splats = read_spz(folder.join("minimal-v2.spz")).unwrap();
+    let splats = read_gaussians(folder.join("minimal-v2.spz")).unwrap();
     assert_eq!(splats.means, [[-1.0, 0.0, 1.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]);
     assert!((splats.sh[0] + 1.111_111).abs() < 1e-5 && splats.log_scales[0][0] == -2.3125);
     let expected = [0.999_976_93, 0.003_921_628, -0.003_921_628, -0.003_921_628];
@@ -144,6 +144,6 @@ proptest! {
         packed[index] = byte;
         packed.truncate((keep * 2.0 * packed.len() as f64) as usize);
         std::fs::write(&path, &packed).unwrap();
-        let _ = read_spz(&path);
+        let _ = read_gaussians(&path);
     }
 }
