@@ -81,3 +81,33 @@ fn cameras_are_described_where_their_photos_are_missing() {
     let done = splatweaver(&[&"info", &transforms]).fine();
     assert!(done.stdout.contains("transforms.json, 2 frames"), "{}", done.stdout);
 }
+
+/// Formats are told by names, in whichever order a file passes through them.
+#[test]
+fn a_scene_is_written_in_every_format() {
+    let folder = tempfile::tempdir().unwrap();
+    let named = |name: &str| folder.path().join(name);
+    weaver_io::write_gaussians(named("scene.ply"), &splats()).unwrap();
+    let mut from = named("scene.ply");
+    for format in weaver_io::SCENE_FORMATS {
+        let to = named(&format!("other.{}", format.extension));
+        let done = splatweaver(&[&"convert", &from, &to]).fine();
+        assert!(done.stdout.starts_with("2 Gaussians, ") && done.stdout.contains(format.keeps), "{}", done.stdout);
+        let back = weaver_io::read_gaussians(&to).unwrap();
+        assert_eq!(back.len(), 2);
+        if format.name == "ply" {
+            assert_eq!(back, splats());
+        }
+        from = to;
+    }
+    let help = splatweaver(&[&"convert", &"--help"]).fine().stdout;
+    assert!(weaver_io::SCENE_FORMATS.iter().all(|format| help.contains(format.keeps)), "{help}");
+    let scene = named("scene.ply");
+    splatweaver(&[&"convert", &scene, &scene]).refused(2, &["scene.ply", "what is read"]);
+    splatweaver(&[&"convert", &scene, &named("scene.obj")])
+        .refused(1, &["scene.obj", "expected .ply, .compressed.ply, .splat or .spz, found .obj"]);
+    splatweaver(&[&"convert", &named("nothing.ply"), &named("a.spz")]).refused(1, &["nothing.ply"]);
+    std::fs::write(named("bad.spz"), "x").unwrap();
+    splatweaver(&[&"convert", &named("bad.spz"), &named("a.spz")]).refused(1, &["bad.spz"]);
+    assert!(!named("a.spz").exists());
+}

@@ -98,7 +98,10 @@ fn messages_say_where() {
         (ASCII.replace("0.3 -1", "0.3 x"), "vertex 0, property opacity: expected a number, found x"),
         (ASCII.replace("float f_dc_0", "float f_rest_0"), "expected 0, 9, 24, 45 or 72 properties f_rest_*, found 1"),
         (ASCII.replace("uchar id", "list uchar int id"), "element camera: expected scalar properties"),
-        (ASCII.replace("float f_dc_0", "uint packed_position"), "header: expected format binary_little_endian 1.0, found ascii"),
+        (
+            ASCII.replace("float f_dc_0", "uint packed_position"),
+            "header: expected format binary_little_endian 1.0, found ascii",
+        ),
         (ASCII.replace("element vertex", "element point"), "header: expected an element named vertex"),
     ];
     for (text, expected) in cases {
