@@ -19,7 +19,7 @@ const RECORD: usize = 32;
 pub(crate) fn decode(path: &Path, data: &[u8]) -> Result<Gaussians> {
     let mut bytes = Bytes::new(path, data.to_vec());
     let size = bytes.rest().len();
-    if size % RECORD != 0 {
+    if !size.is_multiple_of(RECORD) {
         return Err(Error::invalid(path, "length", "a multiple of 32 bytes", size));
     }
     let mut gaussians = Gaussians::default();
