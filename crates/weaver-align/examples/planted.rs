@@ -71,9 +71,8 @@ fn draw(scene: &Scene<'_, f64>, camera: &Camera) -> Result<(Vec<f64>, f64), Box<
         width: camera.width,
         height: camera.height,
     };
-    let mut workspace = Rasterizer::<f64>::workspace(&CpuRasterizer);
     let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None };
-    CpuRasterizer.forward(&scene.gaussians, &cameras, &scene.settings, &mut workspace, images)?;
+    CpuRasterizer.session().forward(&scene.gaussians, &cameras, &scene.settings, images)?;
     Ok((image, depth.iter().sum::<f64>() / alpha.iter().sum::<f64>()))
 }
 

@@ -88,8 +88,8 @@ const EASE: f64 = 1.2;
 /// # Errors
 ///
 /// Photos whose numbers do not fit, are not finite, or are masked altogether; what the rasterizer refuses.
-pub fn align<T: Real, R: Rasterizer<T>>(
-    rasterizer: &R,
+pub fn align<T: Real>(
+    rasterizer: &dyn Rasterizer<T>,
     scene: &Scene<'_, T>,
     photos: &[Photo<'_, T>],
     options: &Options,
@@ -103,8 +103,8 @@ pub fn align<T: Real, R: Rasterizer<T>>(
     photos.iter().map(|photo| one(&mut drawing, scene.unit, photo, options, &mut loss)).collect()
 }
 
-fn one<T: Real, R: Rasterizer<T>>(
-    drawing: &mut Drawing<'_, T, R>,
+fn one<T: Real>(
+    drawing: &mut Drawing<'_, T>,
     unit: f64,
     photo: &Photo<'_, T>,
     options: &Options,
@@ -157,8 +157,8 @@ fn one<T: Real, R: Rasterizer<T>>(
 }
 
 /// The way of one camera.
-struct Path<'p, 'a, T: Real, R: Rasterizer<T>> {
-    drawing: &'p mut Drawing<'a, T, R>,
+struct Path<'p, 'a, T: Real> {
+    drawing: &'p mut Drawing<'a, T>,
     loss: &'p mut Loss<'p, T>,
     options: &'p Options,
     descent: Descent,
@@ -166,7 +166,7 @@ struct Path<'p, 'a, T: Real, R: Rasterizer<T>> {
     losses: Vec<f64>,
 }
 
-impl<T: Real, R: Rasterizer<T>> Path<'_, '_, T, R> {
+impl<T: Real> Path<'_, '_, T> {
     /// Our method: small and blurred, then as it is.
     fn halves(&mut self, level: &Level<T>) -> Result<(), AlignError> {
         let Camera { width, height, .. } = *self.descent.camera();

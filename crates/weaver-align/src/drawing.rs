@@ -4,7 +4,7 @@ use crate::AlignError;
 use weaver_geometry::{Camera, Pose};
 use weaver_kernels::Real;
 use weaver_scene::{CameraSlices, GaussianSlices};
-use weaver_splat::{Cotangents, Gradients, Images, RasterError, RasterSettings, Rasterizer, Target};
+use weaver_splat::{Cotangents, Gradients, Images, RasterError, RasterSettings, Rasterizer, Session, Target};
 
 /// A scene, which stays as it is.
 #[derive(Clone, Copy, Debug)]
@@ -94,10 +94,9 @@ impl<T: Real> Level<T> {
 }
 
 /// Draws a scene from cameras.
-pub(crate) struct Drawing<'a, T: Real, R: Rasterizer<T>> {
+pub(crate) struct Drawing<'a, T> {
     scene: &'a Scene<'a, T>,
-    rasterizer: &'a R,
-    workspace: R::Workspace,
+    session: Box<dyn Session<T>>,
     settings: RasterSettings,
     viewmat: [T; 12],
     intrinsics: [T; 4],
@@ -107,13 +106,12 @@ pub(crate) struct Drawing<'a, T: Real, R: Rasterizer<T>> {
     slopes: Vec<T>,
 }
 
-impl<'a, T: Real, R: Rasterizer<T>> Drawing<'a, T, R> {
-    pub fn new(scene: &'a Scene<'a, T>, rasterizer: &'a R) -> Self {
+impl<'a, T: Real> Drawing<'a, T> {
+    pub fn new(scene: &'a Scene<'a, T>, rasterizer: &dyn Rasterizer<T>) -> Self {
         let (viewmat, intrinsics) = ([T::ZERO; 12], [T::ZERO; 4]);
         let [image, alpha, depth, slopes] = std::array::from_fn(|_| Vec::new());
-        let workspace = rasterizer.workspace();
-        let settings = scene.settings;
-        Self { scene, rasterizer, workspace, settings, viewmat, intrinsics, image, alpha, depth, slopes }
+        let (session, settings) = (rasterizer.session(), scene.settings);
+        Self { scene, session, settings, viewmat, intrinsics, image, alpha, depth, slopes }
     }
 
     /// Image, alpha and depth of a view that is so many times smaller than its photo. What makes Gaussians as wide as pixels there is what
@@ -133,7 +131,7 @@ impl<'a, T: Real, R: Rasterizer<T>> Drawing<'a, T, R> {
         let Self { scene, image, alpha, depth, .. } = self;
         let cameras = cameras(&self.viewmat, &self.intrinsics, &scene.background, [height, width]);
         let images = Images { image, alpha, depth: Some(depth), features: None };
-        self.rasterizer.forward(&scene.gaussians, &cameras, &self.settings, &mut self.workspace, images)?;
+        self.session.forward(&scene.gaussians, &cameras, &self.settings, images)?;
         Ok(())
     }
 
@@ -170,7 +168,7 @@ impl<'a, T: Real, R: Rasterizer<T>> Drawing<'a, T, R> {
             ..Gradients::default()
         };
         let (gaussians, settings) = (&scene.gaussians, &self.settings);
-        self.rasterizer.backward(gaussians, &cameras, settings, &mut self.workspace, &cotangents, gradients)?;
+        self.session.backward(gaussians, &cameras, settings, &cotangents, gradients)?;
         let focal = [0, 1].map(|i| (intrinsics[i] * self.intrinsics[i]).to_f64());
         Ok((viewmat.map(T::to_f64), focal))
     }

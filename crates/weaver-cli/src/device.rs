@@ -10,13 +10,15 @@ pub use gpu::{Device, list};
 
 use crate::arguments::DeviceFlag;
 use crate::failure::Failure;
-use weaver_splat::AnyRasterizer;
+use std::sync::Arc;
+use weaver_fit::FitRasterizer;
+use weaver_splat::CpuRasterizer;
 
 /// The rasterizer that is asked for.
-pub fn rasterizer(flag: &DeviceFlag) -> Result<AnyRasterizer<f32>, Failure> {
+pub fn rasterizer(flag: &DeviceFlag) -> Result<Arc<dyn FitRasterizer>, Failure> {
     Ok(match name(flag) {
         Some(name) => Device::open(name)?.into_rasterizer(),
-        None => AnyRasterizer::default(),
+        None => Arc::new(CpuRasterizer),
     })
 }
 

@@ -11,7 +11,9 @@ use crate::refine::refined;
 use clap::ValueEnum;
 use serde_json::json;
 use std::path::PathBuf;
+use std::sync::Arc;
 use weaver_inference::RunFolder;
+use weaver_splat::CpuRasterizer;
 use weaver_trainer::{Alignment, CameraMode, MatchingOverride, OpenRun, Overrides, Source, comparison};
 
 /// Longest side of photos while they are matched, when nothing is said.
@@ -77,7 +79,7 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
                 "warning: {name} is at step {done} of {planned}; to go on: splatweaver train --resume {name}"
             ));
         }
-        run.predictor = refined(run.predictor, &arguments.refine, &[])?;
+        run.predictor = refined(run.predictor, &arguments.refine, &[], Arc::new(CpuRasterizer))?;
         if arguments.points && (estimated || cameras.unwrap_or(run.cameras) != CameraMode::Given) {
             return Err(Failure::Usage("--points: expected --cameras given, found other ones".into()));
         }

@@ -9,13 +9,13 @@ use crate::memory;
 use crate::progress::{Progress, duration};
 use crate::{Console, Interrupt, clip};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 use weaver_data::capture::{self, CaptureOptions, HoldOut};
-use weaver_fit::{FitSettings, Judge, StrategyKind, init};
+use weaver_fit::{FitRasterizer, FitSettings, Judge, StrategyKind, init};
 use weaver_fit_run::{Initial, Outcome, OutputFolder, Plan, Run, RunSettings, Views, dry_run};
 use weaver_inference::{RunFolder, predict_capture};
 use weaver_scene::Gaussians;
-use weaver_splat::AnyRasterizer;
 use weaver_trainer::evaluate::load_lpips;
 
 /// Time for a run when nothing is said about it, minutes.
@@ -61,7 +61,7 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
 /// What a fit works with, opened before photos are matched: what is not there is then found at once.
 pub struct Means {
     judge: Judge,
-    rasterizer: AnyRasterizer<f32>,
+    rasterizer: Arc<dyn FitRasterizer>,
     initial: Begin,
 }
 

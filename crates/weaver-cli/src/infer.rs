@@ -9,11 +9,12 @@ use crate::refine::refined;
 use crate::{Console, Interrupt, clip};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
+use weaver_fit::FitRasterizer;
 use weaver_inference::published::{self, Fit};
 use weaver_inference::reconstruct::{self, Options, Report, reconstruct};
 use weaver_inference::{Density, Looks, OutputFolder, Predictor, RunFolder, SplatWeaverPredictor, is_of_run};
-use weaver_splat::{AnyRasterizer, Renderer};
+use weaver_splat::Renderer;
 
 pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let asked = arguments.cameras.as_deref() == Some(Path::new("estimated"));
@@ -90,7 +91,7 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
 /// Runs the network of a run, of a file of a run's weights, or the one that comes with the program.
 fn own(
     images: &[PathBuf],
-    (cameras, rasterizer): (Option<PathBuf>, AnyRasterizer<f32>),
+    (cameras, rasterizer): (Option<PathBuf>, Arc<dyn FitRasterizer>),
     (arguments, out): (&Infer, &OutputFolder),
     console: &mut Console,
 ) -> Result<Report, Failure> {
@@ -111,12 +112,12 @@ fn own(
         }
         (None, None) => (Box::new(SplatWeaverPredictor::built_in()?), 0),
     };
-    *predictor.renderer() = Renderer::new(rasterizer);
+    *predictor.renderer() = Renderer::new(rasterizer.clone());
     let density: Density = arguments.density.into();
     if let Some(remark) = predictor.remark(density) {
         console.note(&format!("warning: {remark}"));
     }
-    let mut predictor = refined(predictor, &arguments.refine, images)?;
+    let mut predictor = refined(predictor, &arguments.refine, images, rasterizer)?;
     if arguments.light.look.is_some() && (density != Density::default() || arguments.refine.is_asked()) {
         let message = "--look: expected neither --allocation nor --budget nor --refine with it, found one of them";
         return Err(Failure::Usage(message.into()));
@@ -134,7 +135,7 @@ fn own(
 fn published(
     weights: &Path,
     images: &[PathBuf],
-    (cameras, rasterizer): (Option<PathBuf>, AnyRasterizer<f32>),
+    (cameras, rasterizer): (Option<PathBuf>, Arc<dyn FitRasterizer>),
     (arguments, out): (&Infer, &OutputFolder),
     console: &mut Console,
     interrupt: &Interrupt,

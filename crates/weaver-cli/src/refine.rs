@@ -3,14 +3,17 @@
 use crate::arguments::RefineFlags;
 use crate::failure::Failure;
 use std::path::PathBuf;
+use std::sync::Arc;
+use weaver_fit::FitRasterizer;
 use weaver_inference::{Effort, Predictor, Refined};
 use weaver_io::Image;
 
-/// The predictor, refined if that is asked for. `photos` say how large the photos are, where there are any to ask.
+/// The predictor, refined by `rasterizer` if that is asked for. `photos` say how large the photos are, where there are any to ask.
 pub fn refined(
     predictor: Box<dyn Predictor>,
     flags: &RefineFlags,
     photos: &[PathBuf],
+    rasterizer: Arc<dyn FitRasterizer>,
 ) -> Result<Box<dyn Predictor>, Failure> {
     let effort = match (flags.refine, flags.refine_steps) {
         (Some(seconds), _) => Effort::Seconds(seconds),
@@ -27,7 +30,7 @@ pub fn refined(
         None => own_scale(photos, [height, width])?,
     };
     let size = [height, width].map(|side| (side as f64 * scale).round().max(1.0) as usize);
-    let refined = Refined::new(predictor, size, effort);
+    let refined = Refined::new(predictor, size, effort).fitted_by(rasterizer);
     Ok(Box::new(if flags.refine_in_place { refined.in_place() } else { refined }))
 }
 

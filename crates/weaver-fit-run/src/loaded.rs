@@ -4,11 +4,11 @@ use crate::matching::Matching;
 use crate::sources::Sources;
 use crate::{Initial, RunError, RunSettings};
 use std::path::PathBuf;
+use std::sync::Arc;
 use weaver_data::posed::{self, PosedPhoto};
-use weaver_fit::{Fit, Photo, init};
+use weaver_fit::{Fit, FitRasterizer, Photo, init};
 use weaver_geometry::{Camera, Distortion};
 use weaver_scene::{Gaussians, PointCloud};
-use weaver_splat::AnyRasterizer;
 
 /// A photo's place on disk.
 #[derive(Clone, Debug)]
@@ -48,7 +48,7 @@ pub(crate) struct Loaded {
 pub(crate) fn load(
     settings: &RunSettings,
     given: Option<&Gaussians>,
-    rasterizer: AnyRasterizer<f32>,
+    rasterizer: Arc<dyn FitRasterizer>,
 ) -> Result<Loaded, RunError> {
     let mut capture = posed::load(&settings.capture, &settings.posed_options())?;
     let sources = Sources::of(&capture);

@@ -3,14 +3,14 @@
 use crate::loaded::{Loaded, load};
 use crate::{Matching, Record, RunError, RunFile, RunSettings};
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use weaver_fit::{Fit, Judge, Photo, StepReport, steps_in};
+use weaver_fit::{Fit, FitRasterizer, Judge, Photo, StepReport, steps_in};
 use weaver_io::checkpoint::Tensors;
 use weaver_io::{OutputFolder, SceneFormat, colmap};
 use weaver_report::{MetricsLog, TensorBoard};
 use weaver_scene::Gaussians;
-use weaver_splat::AnyRasterizer;
 
 /// A run under way. Its folder is its own until this value is dropped.
 #[derive(Debug)]
@@ -59,7 +59,7 @@ impl Run {
         settings: RunSettings,
         given: Option<&Gaussians>,
         judge: Judge,
-        rasterizer: AnyRasterizer<f32>,
+        rasterizer: Arc<dyn FitRasterizer>,
     ) -> Result<Self, RunError> {
         Self::begin(Self::claim(folder, [&settings.capture])?, settings, given, judge, rasterizer)
     }
@@ -77,7 +77,7 @@ impl Run {
         mut settings: RunSettings,
         given: Option<&Gaussians>,
         judge: Judge,
-        rasterizer: AnyRasterizer<f32>,
+        rasterizer: Arc<dyn FitRasterizer>,
     ) -> Result<Self, RunError> {
         let started = Instant::now();
         out.check(settings.formats.iter().map(file_of_scene))?;
@@ -114,7 +114,7 @@ impl Run {
     ///
     /// # Errors
     /// When there is no run or it is under way elsewhere, its files or its capture cannot be read, or they no longer belong together.
-    pub fn resume(folder: &Path, judge: Judge, rasterizer: AnyRasterizer<f32>) -> Result<Self, RunError> {
+    pub fn resume(folder: &Path, judge: Judge, rasterizer: Arc<dyn FitRasterizer>) -> Result<Self, RunError> {
         let started = Instant::now();
         let RunFile { settings, sources } = RunFile::read(folder)?;
         let formats = settings.formats.iter().map(file_of_scene);
@@ -137,7 +137,7 @@ impl Run {
     ///
     /// # Errors
     /// When the capture cannot be read or gives nothing to fit, or a setting is out of range.
-    pub fn optimization(settings: &RunSettings, rasterizer: AnyRasterizer<f32>) -> Result<Fit, RunError> {
+    pub fn optimization(settings: &RunSettings, rasterizer: Arc<dyn FitRasterizer>) -> Result<Fit, RunError> {
         Ok(load(settings, None, rasterizer)?.fit)
     }
 

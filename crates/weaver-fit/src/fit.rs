@@ -3,6 +3,7 @@
 use crate::FitError;
 use crate::cameras::{Alignment, Views, moved};
 use crate::comparison::Buffers;
+use crate::device_fit::FitRasterizer;
 use crate::exposure::Exposure;
 use crate::gradients::{Activated, Gradients};
 use crate::init::{first_depth, looked_at};
@@ -12,14 +13,15 @@ use crate::population::Population;
 use crate::resident::Resident;
 use crate::settings::FitSettings;
 use crate::strategy::{Moment, Strategy};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
 use weaver_kernels::random::Stream;
 use weaver_scene::{CameraSlices, Gaussians, intrinsics_row, viewmat};
 use weaver_splat::{
-    AnyRasterizer, AnyWorkspace, Cotangents, GaussianStatistics, Gradients as RasterGradients, Images, RasterSettings,
-    Rasterizer, Target,
+    Cotangents, CpuRasterizer, GaussianStatistics, Gradients as RasterGradients, Images, RasterSettings, Session,
+    Target,
 };
 
 /// What happened in a step.
@@ -62,9 +64,8 @@ pub struct StepTimings {
 #[derive(Debug)]
 pub struct Fit {
     pub(crate) settings: FitSettings,
-    pub(crate) rasterizer: AnyRasterizer<f32>,
-    pub(crate) workspace: AnyWorkspace<f32>,
-    /// Where the rasterizer keeps the Gaussians itself.
+    pub(crate) session: Box<dyn Session<f32>>,
+    /// The copy of the Gaussians on the rasterizer's device, if it has one.
     pub(crate) resident: Option<Resident>,
     pub(crate) photos: Vec<Pyramid>,
     /// The photos in the order of this round.
@@ -91,7 +92,7 @@ impl Fit {
     /// See [`Fit::with`].
     pub fn new(photos: Vec<Photo>, initial: &Gaussians, settings: FitSettings) -> Result<Self, FitError> {
         let strategy = settings.density.strategy();
-        Self::with(AnyRasterizer::default(), strategy, photos, initial, settings)
+        Self::with(Arc::new(CpuRasterizer), strategy, photos, initial, settings)
     }
 
     /// A fit with this rasterizer and this way to control density.
@@ -100,7 +101,7 @@ impl Fit {
     /// When a setting is out of range, there are no photos, photos do not fit their cameras or are masked altogether, or
     /// `initial` holds no Gaussians or more than the budget.
     pub fn with(
-        rasterizer: AnyRasterizer<f32>,
+        rasterizer: Arc<dyn FitRasterizer>,
         strategy: Box<dyn Strategy>,
         photos: Vec<Photo>,
         initial: &Gaussians,
@@ -125,9 +126,8 @@ impl Fit {
             ..RasterSettings::default()
         };
         Ok(Self {
-            workspace: rasterizer.workspace(),
-            resident: rasterizer.resident().map(Resident::new),
-            rasterizer,
+            session: rasterizer.session(),
+            resident: rasterizer.device_fit().map(Resident::new),
             poses: photos.iter().map(|photo| photo.camera.pose).collect(),
             exposures: if settings.exposure { vec![Exposure::default(); photos.len()] } else { Vec::new() },
             photos: photos.into_iter().map(|photo| Pyramid::new(photo, settings.halvings)).collect(),
@@ -244,7 +244,7 @@ impl Fit {
         let photo = self.photo_of(step);
         let level = self.settings.level(fraction);
         let (loss, mse, pairs) = if self.is_resident() {
-            self.step_there(photo, level, &moment)?
+            self.step_on_device(photo, level, &moment)?
         } else {
             let found = self.gradients_of(photo, level, &moment)?;
             let start = Instant::now();
@@ -323,7 +323,7 @@ impl Fit {
         let rate = self.settings.poses.rate_at(moment.fraction());
         let depth = (rate > 0.0).then_some(&mut buffers.depth[..]);
         let images = Images { image: &mut buffers.image, alpha: &mut buffers.alpha, depth, features: None };
-        let stats = self.rasterizer.forward(&gaussians, &cameras, &raster, &mut self.workspace, images)?;
+        let stats = self.session.forward(&gaussians, &cameras, &raster, images)?;
         self.timings.forward = start.elapsed();
 
         let start = Instant::now();
@@ -349,7 +349,7 @@ impl Fit {
             ..RasterGradients::default()
         };
         let cotangents = Cotangents { image: Some(&buffers.gradient), ..Cotangents::default() };
-        self.rasterizer.backward(&gaussians, &cameras, &raster, &mut self.workspace, &cotangents, targets)?;
+        self.session.backward(&gaussians, &cameras, &raster, &cotangents, targets)?;
         self.strategy.regularizer(moment, self.population.len()).add(&mut self.gradients);
         if rate > 0.0 {
             let Buffers { target, image, corrected, alpha, depth, .. } = &self.buffers;

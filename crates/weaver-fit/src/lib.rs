@@ -4,6 +4,7 @@
 //! - [`FitSettings`] says how; all times in it are fractions of the run.
 //! - [`Strategy`] is density control: [`Split`](strategy::Split), [`Mcmc`](strategy::Mcmc), [`Keep`](strategy::Keep), or one's own.
 //! - [`Objective`] is what views are compared with photos by: [`L1Ssim`], or a loss of one's own.
+//! - [`FitRasterizer`] is what draws; one on a device may keep the Gaussians there ([`DeviceFit`]).
 //! - Cameras go toward where their photos fit the scene, if asked: [`Poses`].
 //! - [`init`] makes the Gaussians to start from.
 //!
@@ -11,6 +12,8 @@
 
 mod cameras;
 mod comparison;
+mod device_fit;
+mod device_step;
 mod error;
 mod evaluate;
 mod exposure;
@@ -24,11 +27,11 @@ mod resident;
 mod settings;
 mod state;
 pub mod strategy;
-mod there;
 mod timing;
 mod view;
 
 pub use cameras::{Alignment, Views, motion};
+pub use device_fit::{DeviceFit, FitRasterizer, Fitted, FittedRates, PhotoLoss, PhotoStep};
 pub use error::FitError;
 pub use evaluate::{Judge, Quality};
 pub use exposure::Exposure;

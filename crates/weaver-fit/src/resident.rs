@@ -1,30 +1,31 @@
-//! Gaussians that lie where the rasterizer works.
+//! The two copies of the Gaussians of a fit on a device.
 
+use crate::device_fit::{DeviceFit, Fitted};
 use crate::population::Population;
-use weaver_splat::{Fitted, RasterError, ResidentFit};
+use weaver_splat::RasterError;
 
-/// Gaussians that are fitted elsewhere, and which of the two copies is newer.
+/// Gaussians that are fitted on a device, and which of the two copies is newer.
 #[derive(Debug)]
 pub(crate) struct Resident {
-    pub there: Box<dyn ResidentFit>,
+    pub device: Box<dyn DeviceFit>,
     pub newer: Newer,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Newer {
-    Here,
+    Host,
     Neither,
-    There,
+    Device,
 }
 
 impl Resident {
-    pub fn new(there: Box<dyn ResidentFit>) -> Self {
-        Self { there, newer: Newer::Here }
+    pub fn new(device: Box<dyn DeviceFit>) -> Self {
+        Self { device, newer: Newer::Host }
     }
 
-    /// Brings a population there.
+    /// Copies a population to the device.
     pub fn load(&mut self, population: &Population) -> Result<(), RasterError> {
         let [means, log_scales, quats, logits, sh] = population.fields().map(|(_, field)| field.slices());
-        self.there.load(&Fitted { means, quats, log_scales, logits, sh, degree: population.degree() })
+        self.device.load(&Fitted { means, quats, log_scales, logits, sh, degree: population.degree() })
     }
 }

@@ -6,7 +6,7 @@ use crate::fit::Fit;
 use crate::photos::{Photo, Pyramid, at_level};
 use weaver_geometry::Camera;
 use weaver_scene::CameraRows;
-use weaver_splat::{Images, Rasterizer};
+use weaver_splat::Images;
 
 /// Halvings of the photo at the beginning.
 const HALVINGS: usize = 2;
@@ -52,7 +52,7 @@ impl Fit {
         let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None };
         let cameras = rows.as_slices(&self.settings.background);
         let gaussians = self.activated.slices(&self.population);
-        self.rasterizer.forward(&gaussians, &cameras, &raster, &mut self.workspace, images)?;
+        self.session.forward(&gaussians, &cameras, &raster, images)?;
         Ok([image, alpha, depth])
     }
 }

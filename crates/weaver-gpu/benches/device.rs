@@ -9,7 +9,7 @@ mod scene;
 use criterion::{Criterion, criterion_group, criterion_main};
 use scene::Scene;
 use weaver_gpu::{Choice, Context, GpuRasterizer, sort_pairs};
-use weaver_splat::{Cotangents, Gradients, Images, Rasterizer, Target};
+use weaver_splat::{Cotangents, Gradients, Images, Target};
 
 fn benches(c: &mut Criterion) {
     let Ok(context) = Context::open(&Choice::Number(0)) else { return };

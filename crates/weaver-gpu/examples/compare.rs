@@ -6,10 +6,10 @@
 
 use safetensors::SafeTensors;
 use std::time::Instant;
-use weaver_gpu::{Choice, Context, GpuRasterizer};
+use weaver_gpu::{Choice, Context, GpuRasterizer, GpuSession};
 use weaver_kernels::random::Stream;
 use weaver_scene::{CameraSlices, Color, GaussianSlices};
-use weaver_splat::{Cotangents, CpuRasterizer, Gradients, Images, RasterSettings, Rasterizer, Target};
+use weaver_splat::{Cotangents, Gradients, Images, RasterSettings, Session, Target, Workspace};
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
@@ -26,8 +26,9 @@ fn main() -> Result<()> {
     let device = GpuRasterizer::new(Context::open(&adapter.parse::<Choice>()?)?).measured();
     println!("{}", device.context().adapter());
     println!("{} Gaussians, {} x {} pixels", scene.opacities.len(), scene.width, scene.height);
-    let (on_device, mut workspace) = scene.timed(&device)?;
-    let (on_cpu, _) = scene.timed(&CpuRasterizer)?;
+    let mut session = GpuSession::new(&device);
+    let on_device = scene.timed(&mut session)?;
+    let on_cpu = scene.timed(&mut Workspace::new())?;
     for (name, drawn) in [("device", &on_device), ("CPU", &on_cpu)] {
         let [wall, both, processor, processor_both] = drawn.seconds.map(|seconds| 1e3 * seconds);
         println!(
@@ -40,7 +41,7 @@ fn main() -> Result<()> {
         println!("gradient of {name}: {:.1e} of its norm apart", apart(ours, theirs));
     }
     println!("pass: runs a draw, milliseconds of all of them");
-    for pass in workspace.pass_times() {
+    for pass in session.workspace.pass_times() {
         // One draw more than those that are timed.
         let draws = (RUNS + 1) as f64;
         println!("{:<14}{:>4}{:>10.2}", pass.name, pass.runs / (RUNS + 1), 1e3 * pass.time.as_secs_f64() / draws);
@@ -135,14 +136,13 @@ impl Scene {
         })
     }
 
-    fn timed<R: Rasterizer<f32>>(&self, rasterizer: &R) -> Result<(Drawn, R::Workspace)> {
+    fn timed(&self, session: &mut dyn Session<f32>) -> Result<Drawn> {
         let pixels = self.width * self.height;
         let like = |values: &[f32]| vec![0.0; values.len()];
         let inputs = [&self.means, &self.quats, &self.scales, &self.opacities, &self.colors, &self.viewmat];
         let gradients = inputs.map(|values| like(values));
         let mut drawn = Drawn { image: vec![0.0; 3 * pixels], gradients, seconds: [f64::INFINITY; 4] };
         let mut alpha = vec![0.0; pixels];
-        let mut workspace = rasterizer.workspace();
         let gaussians = GaussianSlices {
             means: &self.means,
             quats: &self.quats,
@@ -167,19 +167,19 @@ impl Scene {
         for run in 0..=RUNS {
             let (start, processor) = (Instant::now(), processor_seconds());
             let images = Images { image: &mut drawn.image, alpha: &mut alpha, depth: None, features: None };
-            rasterizer.forward(&gaussians, &cameras, &settings, &mut workspace, images)?;
+            session.forward(&gaussians, &cameras, &settings, images)?;
             let (forward, processor_forward) = (start.elapsed().as_secs_f64(), processor_seconds() - processor);
             let [means, quats, scales, opacities, colors, viewmats] =
                 drawn.gradients.each_mut().map(|values| Some(Target::write(&mut values[..])));
             let targets = Gradients { means, quats, scales, opacities, colors, viewmats, ..Gradients::default() };
-            rasterizer.backward(&gaussians, &cameras, &settings, &mut workspace, &cotangents, targets)?;
+            session.backward(&gaussians, &cameras, &settings, &cotangents, targets)?;
             let both = [forward, start.elapsed().as_secs_f64(), processor_forward, processor_seconds() - processor];
             // The first run makes room, and a software device compiles.
             if run > 0 {
                 drawn.seconds.iter_mut().zip(both).for_each(|(least, seconds)| *least = least.min(seconds));
             }
         }
-        Ok((drawn, workspace))
+        Ok(drawn)
     }
 }
 

@@ -35,7 +35,7 @@ impl GpuRasterizer {
     /// Records the drawing of one view into an embedder's commands, of buffers that stay on the device; nothing is read back and nothing waited
     /// for. There is room for `capacity` entries, splats over tiles: about three for each Gaussian is usual. All of it is sorted, used or not.
     ///
-    /// The workspace keeps what is drawn until its next use. Backward needs a [`forward`](weaver_splat::Rasterizer::forward).
+    /// The workspace keeps what is drawn until its next use. Backward needs a [`forward`](GpuRasterizer::forward).
     ///
     /// # Errors
     /// Other than one camera, settings out of range, buffers that are too small, more than a binding of the device holds.
@@ -68,7 +68,7 @@ impl GpuRasterizer {
         let mut extent = Extent::of(&nothing, camera, settings, true)?;
         extent.gaussians = count;
         if extent.views != 1 {
-            return Err(RasterError::new(format!("{} cameras, expected one", extent.views)));
+            return Err(RasterError::Unsupported(format!("{} cameras, expected one", extent.views)));
         }
         workspace.drawn = None;
         workspace.params = theirs("parameters", params, PARAMS * count as u64)?;

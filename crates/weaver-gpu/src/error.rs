@@ -80,6 +80,11 @@ fn offered(found: &[Adapter]) -> String {
 
 impl From<GpuError> for RasterError {
     fn from(error: GpuError) -> Self {
-        RasterError::new(error.to_string())
+        let message = error.to_string();
+        match error {
+            GpuError::Limit { .. } => RasterError::TooMany(message),
+            GpuError::Buffer { .. } => RasterError::Arguments(message),
+            _ => RasterError::Device(message),
+        }
     }
 }

@@ -10,10 +10,9 @@ use crate::room::{Room, uniform};
 use crate::shader::Kernel;
 use crate::workspace::GpuWorkspace;
 use std::time::Duration;
+use weaver_fit::{DeviceFit, Fitted, PhotoLoss, PhotoStep};
 use weaver_scene::{CameraSlices, Color, GaussianSlices};
-use weaver_splat::{
-    Extent, Fitted, GaussianStatistics, PhotoLoss, PhotoStep, RasterError, RasterSettings, RasterStats, ResidentFit,
-};
+use weaver_splat::{Extent, GaussianStatistics, RasterError, RasterSettings, RasterStats};
 
 /// Numbers of a Gaussian's row of parameters.
 const ROW: usize = 12;
@@ -193,7 +192,7 @@ fn nothing(degree: usize) -> GaussianSlices<'static, f32> {
     GaussianSlices { means: &[], quats: &[], scales: &[], opacities: &[], color, features: None, groups: None }
 }
 
-impl ResidentFit for GpuFit {
+impl DeviceFit for GpuFit {
     fn load(&mut self, gaussians: &Fitted<[&[f32]; 3]>) -> Result<(), RasterError> {
         Ok(self.load_all(gaussians)?)
     }
@@ -203,7 +202,9 @@ impl ResidentFit for GpuFit {
         let (CameraSlices { width, height, .. }, pixels) = (step.camera, extent.region.pixels());
         let fits = extent.views == 1 && step.settings.region.is_none();
         if !fits || step.rgb.len() != 3 * pixels || step.mask.is_some_and(|mask| mask.len() != pixels) {
-            return Err(RasterError::new(format!("a step of a fit needs one photo of {width} x {height} pixels")));
+            return Err(RasterError::Arguments(format!(
+                "a step of a fit needs one photo of {width} x {height} pixels"
+            )));
         }
         let (stats, [absolute, dissimilarity, squares]) = self.draw(step, &extent)?;
         let numbers = 3.0 * pixels as f64;

@@ -32,7 +32,7 @@ pub use context::Context;
 pub use encode::{DeviceGaussians, Recorded};
 pub use error::GpuError;
 pub use profile::PassTime;
-pub use rasterizer::GpuRasterizer;
+pub use rasterizer::{GpuRasterizer, GpuSession};
 pub use shader::{File, Kernel, SHADERS, Shader};
 pub use sort::sort_pairs;
 pub use staging::Transfers;

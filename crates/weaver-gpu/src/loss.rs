@@ -7,7 +7,7 @@ use crate::passes::Passes;
 use crate::room::{Room, uniform};
 use crate::shader::Kernel;
 use crate::workspace::GpuWorkspace;
-use weaver_splat::PhotoStep;
+use weaver_fit::PhotoStep;
 
 /// Width of the Gaussian window of SSIM, and its standard deviation, pixels.
 const WINDOW: usize = 11;

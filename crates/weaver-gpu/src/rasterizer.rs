@@ -6,9 +6,10 @@ use crate::fit::GpuFit;
 use crate::forward::Forward;
 use crate::profile::Profile;
 use crate::workspace::GpuWorkspace;
+use weaver_fit::{DeviceFit, FitRasterizer};
 use weaver_scene::{CameraSlices, GaussianSlices};
 use weaver_splat::{
-    Cotangents, Extent, Gradients, Images, RasterError, RasterSettings, RasterStats, Rasterizer, ResidentFit,
+    Cotangents, Extent, Gradients, Images, RasterError, RasterSettings, RasterStats, Rasterizer, Session,
 };
 
 /// Draws and differentiates on an open device by the rules of [`weaver_splat::rasterize`]. Cloning shares the device.
@@ -20,9 +21,10 @@ use weaver_splat::{
 ///
 /// ```no_run
 /// use weaver_gpu::{Choice, Context, GpuRasterizer};
-/// use weaver_splat::{AnyRasterizer, WorkspacePool};
+/// use std::sync::Arc;
+/// use weaver_splat::WorkspacePool;
 /// let rasterizer = GpuRasterizer::new(Context::open(&Choice::Fastest)?);
-/// let on_the_tape = WorkspacePool::<f32>::of(AnyRasterizer::new(rasterizer)); // for weaver_splat::Rasterize
+/// let on_the_tape = WorkspacePool::<f32>::of(Arc::new(rasterizer)); // for weaver_splat::Rasterize
 /// # Ok::<(), weaver_gpu::GpuError>(())
 /// ```
 #[derive(Clone, Debug)]
@@ -49,19 +51,19 @@ impl GpuRasterizer {
     }
 }
 
-impl Rasterizer<f32> for GpuRasterizer {
-    type Workspace = GpuWorkspace;
-
-    fn workspace(&self) -> GpuWorkspace {
+impl GpuRasterizer {
+    /// An empty workspace, for [`forward`](Self::forward) and [`backward`](Self::backward).
+    pub fn workspace(&self) -> GpuWorkspace {
         let profile = if self.measured { Profile::new(&self.context) } else { None };
         GpuWorkspace { profile, ..GpuWorkspace::default() }
     }
 
-    fn resident(&self) -> Option<Box<dyn ResidentFit>> {
-        Some(Box::new(GpuFit::new(self.context.clone(), self.workspace())))
-    }
-
-    fn forward(
+    /// Draws as [`Session::forward`] does, in a workspace whose measurements can be read.
+    ///
+    /// # Errors
+    ///
+    /// Arguments that do not fit together, more than the device can draw, or a device that fails.
+    pub fn forward(
         &self,
         gaussians: &GaussianSlices<'_, f32>,
         cameras: &CameraSlices<'_, f32>,
@@ -72,10 +74,10 @@ impl Rasterizer<f32> for GpuRasterizer {
         let extent = Extent::of(gaussians, cameras, settings, images.depth.is_some())?;
         extent.check_images(&images)?;
         if gaussians.features.is_some_and(|features| features.channels > 0) {
-            return Err(RasterError::new("features are drawn on the CPU only"));
+            return Err(RasterError::Unsupported("features are drawn on the CPU only".into()));
         }
         if gaussians.groups.is_some() {
-            return Err(RasterError::new("groups are drawn on the CPU only"));
+            return Err(RasterError::Unsupported("groups are drawn on the CPU only".into()));
         }
         workspace.drawn = None;
         let forward = Forward::new(&self.context, (gaussians, cameras, settings, &extent), workspace);
@@ -84,7 +86,12 @@ impl Rasterizer<f32> for GpuRasterizer {
         Ok(stats)
     }
 
-    fn backward(
+    /// Differentiates as [`Session::backward`] does, in the workspace of the last forward.
+    ///
+    /// # Errors
+    ///
+    /// Arguments that do not fit together, a workspace whose last forward had other sizes or settings, or a device that fails.
+    pub fn backward(
         &self,
         gaussians: &GaussianSlices<'_, f32>,
         cameras: &CameraSlices<'_, f32>,
@@ -96,10 +103,62 @@ impl Rasterizer<f32> for GpuRasterizer {
         let depth = workspace.drawn.is_some_and(|(extent, _)| extent.depth);
         let extent = Extent::of(gaussians, cameras, settings, depth)?;
         if workspace.drawn != Some((extent, *settings)) {
-            return Err(RasterError::new("backward needs the workspace of a forward with the same sizes and settings"));
+            return Err(RasterError::Arguments(
+                "backward needs the workspace of a forward with the same sizes and settings".into(),
+            ));
         }
         extent.check_backward(cameras, cotangents, &gradients)?;
         let backward = Backward::new(&self.context, (gaussians, cameras, settings, &extent), workspace);
         Ok(backward.run(cotangents, gradients)?)
+    }
+}
+
+impl Rasterizer<f32> for GpuRasterizer {
+    fn session(&self) -> Box<dyn Session<f32>> {
+        Box::new(GpuSession::new(self))
+    }
+}
+
+impl FitRasterizer for GpuRasterizer {
+    fn device_fit(&self) -> Option<Box<dyn DeviceFit>> {
+        Some(Box::new(GpuFit::new(self.context.clone(), self.workspace())))
+    }
+}
+
+/// A session on the device: a workspace, and the rasterizer that it belongs to.
+#[derive(Debug)]
+pub struct GpuSession {
+    rasterizer: GpuRasterizer,
+    /// The memory of the session, with its measurements.
+    pub workspace: GpuWorkspace,
+}
+
+impl GpuSession {
+    /// A session of this rasterizer.
+    pub fn new(rasterizer: &GpuRasterizer) -> Self {
+        Self { workspace: rasterizer.workspace(), rasterizer: rasterizer.clone() }
+    }
+}
+
+impl Session<f32> for GpuSession {
+    fn forward(
+        &mut self,
+        gaussians: &GaussianSlices<'_, f32>,
+        cameras: &CameraSlices<'_, f32>,
+        settings: &RasterSettings,
+        images: Images<'_, f32>,
+    ) -> Result<RasterStats, RasterError> {
+        self.rasterizer.forward(gaussians, cameras, settings, &mut self.workspace, images)
+    }
+
+    fn backward(
+        &mut self,
+        gaussians: &GaussianSlices<'_, f32>,
+        cameras: &CameraSlices<'_, f32>,
+        settings: &RasterSettings,
+        cotangents: &Cotangents<'_, f32>,
+        gradients: Gradients<'_, f32>,
+    ) -> Result<(), RasterError> {
+        self.rasterizer.backward(gaussians, cameras, settings, &mut self.workspace, cotangents, gradients)
     }
 }

@@ -38,7 +38,7 @@ pub use refined::{Effort, Refined};
 pub use run_folder::RunFolder;
 pub use splatweaver::SplatWeaverPredictor;
 pub use two_experts::TwoExpertsPredictor;
-pub use view_opacity::{ViewOpacity, ViewOpacityRasterizer, ViewOpacityWorkspace};
+pub use view_opacity::{ViewOpacity, ViewOpacityRasterizer};
 pub use weaver_io::OutputFolder;
 pub use weights::is_of_run;
 pub use wild::WildPredictor;

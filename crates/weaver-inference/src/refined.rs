@@ -1,12 +1,13 @@
 //! A model's predictions, refined on the photos that they were made from.
 
 use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, planar};
-use weaver_fit::{Fit, FitSettings, Photo, StrategyKind, steps_in};
+use std::sync::Arc;
+use weaver_fit::{Fit, FitRasterizer, FitSettings, Photo, StrategyKind, steps_in};
 use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
 use weaver_scene::Gaussians;
-use weaver_splat::{RasterSettings, Renderer};
+use weaver_splat::{CpuRasterizer, RasterSettings, Renderer};
 
 /// For how long a prediction is refined.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,6 +27,7 @@ pub struct Refined {
     inner: Box<dyn Predictor>,
     size: [usize; 2],
     effort: Effort,
+    rasterizer: Arc<dyn FitRasterizer>,
     adapts: bool,
     steps: usize,
 }
@@ -33,13 +35,19 @@ pub struct Refined {
 impl Refined {
     /// Refines the predictions of `inner` on photos of `size` (height, width), which has the shape of the network's.
     pub fn new(inner: Box<dyn Predictor>, size: [usize; 2], effort: Effort) -> Self {
-        Self { inner, size, effort, adapts: true, steps: 0 }
+        Self { inner, size, effort, rasterizer: Arc::new(CpuRasterizer), adapts: true, steps: 0 }
     }
 
     /// The same, but that no Gaussian is given up for another elsewhere: what was predicted is only adjusted.
     #[must_use]
     pub fn in_place(self) -> Self {
         Self { adapts: false, ..self }
+    }
+
+    /// The same, but with this rasterizer for the optimization in place of the one for CPUs.
+    #[must_use]
+    pub fn fitted_by(self, rasterizer: Arc<dyn FitRasterizer>) -> Self {
+        Self { rasterizer, ..self }
     }
 
     /// Steps of the last refinement.
@@ -69,8 +77,7 @@ impl Refined {
             // A short run has fewer rounds: what was split is to be optimized before the next.
             settings.density.rounds = settings.density.rounds.min(steps.div_ceil(STEPS_OF_A_ROUND));
         }
-        let rasterizer = self.inner.renderer().rasterizer().clone();
-        let mut fit = Fit::with(rasterizer, settings.density.strategy(), photos, &initial, settings)?;
+        let mut fit = Fit::with(self.rasterizer.clone(), settings.density.strategy(), photos, &initial, settings)?;
         fit.set_raster_settings(self.inner.raster_settings());
         if let Effort::Seconds(seconds) = effort {
             let steps = steps_in(&mut fit, seconds)?;

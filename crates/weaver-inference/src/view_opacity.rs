@@ -2,7 +2,7 @@
 
 mod rasterizer;
 
-pub use rasterizer::{ViewOpacityRasterizer, ViewOpacityWorkspace};
+pub use rasterizer::ViewOpacityRasterizer;
 
 use crate::Error;
 use std::borrow::Cow;

@@ -1,6 +1,6 @@
 //! The weights that pictures are made of, kept, so that other features are blended without drawing anew.
 
-use crate::settings::RasterError;
+use crate::error::RasterError;
 use crate::workspace::Workspace;
 use std::ops::Range;
 use std::sync::Arc;
@@ -74,7 +74,7 @@ impl<T: Real> BlendWeights<T> {
         })?;
         let count: u64 = cursors.iter().map(|count| u64::from(count.load(Relaxed))).sum();
         if count > u64::from(u32::MAX) {
-            return Err(RasterError::new(format!("{count} hits are too many to be kept")));
+            return Err(RasterError::TooMany(format!("{count} hits are too many to be kept")));
         }
         let mut starts = vec![0];
         for (pixel, cursor) in cursors.iter().enumerate() {

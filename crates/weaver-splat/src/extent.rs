@@ -1,8 +1,9 @@
 //! The sizes of a call, and whether its arguments fit together.
 
+use crate::error::RasterError;
 use crate::gradients::{Cotangents, Gradients};
 use crate::rasterizer::Images;
-use crate::settings::{RasterError, RasterSettings};
+use crate::settings::RasterSettings;
 use crate::tiles::Region;
 use weaver_geometry::sh;
 use weaver_kernels::Real;
@@ -52,7 +53,7 @@ pub(crate) fn expect_len(name: &str, length: usize, expected: usize) -> Result<(
     if length == expected {
         return Ok(());
     }
-    Err(RasterError::new(format!("{name} has {length} numbers, expected {expected}")))
+    Err(RasterError::Arguments(format!("{name} has {length} numbers, expected {expected}")))
 }
 
 /// How many groups there are.
@@ -60,10 +61,10 @@ fn checked(groups: Groups<'_>, n: usize) -> Result<usize, RasterError> {
     let Groups { of, count } = groups;
     expect_len("groups", of.len(), n)?;
     if count == 0 {
-        return Err(RasterError::new("Gaussians in 0 groups, expected at least 1"));
+        return Err(RasterError::Arguments("Gaussians in 0 groups, expected at least 1".into()));
     }
     if let Some((row, group)) = of.iter().enumerate().find(|(_, group)| **group as usize >= count) {
-        return Err(RasterError::new(format!(
+        return Err(RasterError::Arguments(format!(
             "Gaussian {row} is in group {group}, the last of {count} is {}",
             count - 1
         )));
@@ -88,7 +89,7 @@ impl Extent {
         if let Color::Sh { degree, .. } = gaussians.color
             && degree > sh::MAX_DEGREE
         {
-            return Err(RasterError::new(format!(
+            return Err(RasterError::Arguments(format!(
                 "spherical harmonics of degree {degree}, the largest is {}",
                 sh::MAX_DEGREE
             )));
@@ -110,21 +111,21 @@ impl Extent {
             expect_len("background", cameras.background.len(), 3 * v)?;
         }
         if !cameras.background.iter().all(|x| x.is_finite()) {
-            return Err(RasterError::new("the background holds a number that is not finite"));
+            return Err(RasterError::Arguments("the background holds a number that is not finite".into()));
         }
         let (width, height) = (cameras.width, cameras.height);
         if width == 0 || height == 0 || width > 1 << 20 || height > 1 << 20 {
-            return Err(RasterError::new(format!("an image of {width} x {height} pixels")));
+            return Err(RasterError::Arguments(format!("an image of {width} x {height} pixels")));
         }
         let region = settings.region.unwrap_or(Region::whole(width, height));
         if !region.is_within(width, height) {
             let Region { x, y, width: w, height: h } = region;
-            return Err(RasterError::new(format!(
+            return Err(RasterError::Arguments(format!(
                 "a region of {w} x {h} pixels at ({x}, {y}) is empty or reaches beyond the image of {width} x {height} pixels"
             )));
         }
         if v.checked_mul(n).is_none_or(|all| all >= u32::MAX as usize) {
-            return Err(RasterError::new(format!("{v} views of {n} Gaussians are too many for one call")));
+            return Err(RasterError::TooMany(format!("{v} views of {n} Gaussians are too many for one call")));
         }
         Ok(Self { gaussians: n, views: v, color_len, groups, channels, depth, region })
     }
@@ -183,7 +184,7 @@ impl Extent {
         ];
         gradients.statistics.as_ref().map_or(Ok(()), |all| match all.len() == n {
             true => Ok(()),
-            false => Err(RasterError::new(format!("statistics of {} Gaussians, expected {n}", all.len()))),
+            false => Err(RasterError::Arguments(format!("statistics of {} Gaussians, expected {n}", all.len()))),
         })?;
         for (name, target, expected) in outputs {
             target.as_ref().map_or(Ok(()), |target| expect_len(name, target.values.len(), expected))?;

@@ -1,7 +1,7 @@
 //! A differentiable rasterizer of 3-D Gaussians on the CPU, with gradients with respect to every parameter and the camera.
 //!
 //! - [`rasterize`] and [`rasterize_backward`] are plain functions on slices; a [`Workspace`] is all the memory they use.
-//! - [`Rasterize`] is an operation on the tape, for this rasterizer and, by [`AnyRasterizer`], for any other [`Rasterizer`].
+//! - [`Rasterize`] is an operation on the tape, for any [`Rasterizer`], this one unless another is given.
 //! - [`RasterSettings`] holds the rules of drawing, and the [`Region`] of the image to draw.
 //! - [`BlendWeights`] are the weights of an image, kept: other features are then blended by a sparse product.
 //! - [`GaussianStatistics`] are by-products of a backward pass that density control decides by.
@@ -11,13 +11,13 @@
 //! Conventions: world-to-camera matrices, OpenCV axes (x right, y down, z forward), pixel centers at +0.5, quaternions
 //! wxyz, spherical harmonics as in the reference 3DGS implementation.
 
-mod any_rasterizer;
 mod blend_weights;
 mod columns;
 mod covariance;
 mod cpu_rasterizer;
 mod depth;
 mod each;
+mod error;
 mod ewa;
 mod extent;
 mod gaussian_pass;
@@ -32,7 +32,6 @@ mod rasterize_backward;
 mod rasterizer;
 pub mod reference;
 mod render;
-mod resident;
 mod rotation;
 mod settings;
 mod sh;
@@ -42,20 +41,19 @@ pub mod tiles;
 mod view;
 mod workspace;
 
-pub use any_rasterizer::{AnyRasterizer, AnyWorkspace};
 pub use blend_weights::BlendWeights;
 pub use covariance::covariance;
 pub use cpu_rasterizer::CpuRasterizer;
 pub use depth::{expected_depth, expected_depth_backward};
+pub use error::RasterError;
 pub use extent::Extent;
 pub use gradients::{Cotangents, Gradients, Target};
 pub use op::{GaussianVars, Rasterize, RenderedVars, WorkspacePool};
 pub use rasterize::rasterize;
 pub use rasterize_backward::rasterize_backward;
-pub use rasterizer::{Images, RasterStats, Rasterizer};
+pub use rasterizer::{AnyRasterizer, Images, RasterStats, Rasterizer, Session};
 pub use render::{Renderer, render};
-pub use resident::{Fitted, FittedRates, PhotoLoss, PhotoStep, ResidentFit};
-pub use settings::{RasterError, RasterSettings};
+pub use settings::RasterSettings;
 pub use statistics::{GaussianStatistics, SharedStatistics};
 pub use tiles::{Region, TileSide};
 pub use view::{CAMERA_SUMS, View};

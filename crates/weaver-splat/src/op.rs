@@ -1,10 +1,11 @@
 //! The rasterizer as an operation on the tape.
 
-use crate::any_rasterizer::{AnyRasterizer, AnyWorkspace};
+use crate::cpu_rasterizer::CpuRasterizer;
 use crate::depth::LEAST_ALPHA;
+use crate::error::RasterError;
 use crate::gradients::{Cotangents, Gradients, Target};
-use crate::rasterizer::{Images, Rasterizer};
-use crate::settings::{RasterError, RasterSettings};
+use crate::rasterizer::{AnyRasterizer, Images, Session};
+use crate::settings::RasterSettings;
 use crate::statistics::SharedStatistics;
 use crate::tiles::Region;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -14,25 +15,25 @@ use weaver_kernels::Real;
 use weaver_pose::CameraVars;
 use weaver_scene::{CameraSlices, Color, Features, GaussianSlices, Groups};
 
-/// A rasterizer, and its workspaces that are kept from step to step. Cloning shares them.
+/// A rasterizer, and its sessions that are kept from step to step. Cloning shares them.
 ///
-/// A [`Rasterize`] on the tape holds a workspace until the tape is reset.
-#[derive(Clone, Debug, Default)]
+/// A [`Rasterize`] on the tape holds a session until the tape is reset.
+#[derive(Clone, Debug)]
 pub struct WorkspacePool<T: Real> {
     rasterizer: AnyRasterizer<T>,
-    free: Arc<Mutex<Vec<AnyWorkspace<T>>>>,
+    free: Arc<Mutex<Vec<Box<dyn Session<T>>>>>,
     failure: Arc<Mutex<Option<RasterError>>>,
 }
 
 impl<T: Real> WorkspacePool<T> {
     /// An empty pool of the rasterizer of this crate.
     pub fn new() -> Self {
-        Self::default()
+        Self::of(Arc::new(CpuRasterizer))
     }
 
     /// An empty pool of any rasterizer.
     pub fn of(rasterizer: AnyRasterizer<T>) -> Self {
-        Self { rasterizer, ..Self::default() }
+        Self { rasterizer, free: Arc::default(), failure: Arc::default() }
     }
 
     /// The rasterizer.
@@ -51,9 +52,15 @@ impl<T: Real> WorkspacePool<T> {
         self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
     }
 
-    fn take(&self) -> AnyWorkspace<T> {
+    fn take(&self) -> Box<dyn Session<T>> {
         let free = self.free.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        free.unwrap_or_else(|| self.rasterizer.workspace())
+        free.unwrap_or_else(|| self.rasterizer.session())
+    }
+}
+
+impl<T: Real> Default for WorkspacePool<T> {
+    fn default() -> Self {
+        Self::new()
     }
 }
 
@@ -99,7 +106,7 @@ pub struct Rasterize<T: Real> {
     statistics: Option<SharedStatistics<T>>,
     pool: WorkspacePool<T>,
     /// Set by forward; backward works in it too.
-    workspace: Mutex<Option<AnyWorkspace<T>>>,
+    session: Mutex<Option<Box<dyn Session<T>>>>,
 }
 
 /// The Gaussians as tensors; shapes are with [`Rasterize`].
@@ -176,8 +183,8 @@ impl<T: Real> Rasterize<T> {
     /// For views of `width` x `height` pixels. The rasterizer is that of `workspaces`, where memory comes from and returns
     /// to.
     pub fn new(width: usize, height: usize, settings: RasterSettings, workspaces: &WorkspacePool<T>) -> Self {
-        let (pool, workspace) = (workspaces.clone(), Mutex::new(None));
-        Self { width, height, settings, depth: true, groups: None, statistics: None, pool, workspace }
+        let (pool, session) = (workspaces.clone(), Mutex::new(None));
+        Self { width, height, settings, depth: true, groups: None, statistics: None, pool, session }
     }
 
     /// Adds the by-products of the backward pass to `statistics`.
@@ -283,9 +290,9 @@ fn degree_of(terms: usize) -> Option<usize> {
 
 impl<T: Real> Drop for Rasterize<T> {
     fn drop(&mut self) {
-        let held = self.workspace.get_mut().unwrap_or_else(PoisonError::into_inner).take();
-        if let Some(workspace) = held {
-            self.pool.free.lock().unwrap_or_else(PoisonError::into_inner).push(workspace);
+        let held = self.session.get_mut().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(session) = held {
+            self.pool.free.lock().unwrap_or_else(PoisonError::into_inner).push(session);
         }
     }
 }
@@ -329,12 +336,10 @@ impl<T: Real> Op<T> for Rasterize<T> {
         let [image, alpha, depth, features @ .., counts] = outs else {
             unreachable!("four outputs or five, by shapes()")
         };
-        let mut workspace = self.pool.take();
+        let mut session = self.pool.take();
         let depth = self.depth.then_some(&mut **depth);
         let images = Images { image, alpha, depth, features: features.first_mut().map(|features| &mut **features) };
-        let rasterizer = &self.pool.rasterizer;
-        let drawn = rasterizer.forward(&gaussians, &cameras, &self.settings, &mut workspace, images);
-        let stats = match drawn {
+        let stats = match session.forward(&gaussians, &cameras, &self.settings, images) {
             Ok(stats) => stats,
             Err(error) => {
                 self.pool.fail(error);
@@ -344,7 +349,7 @@ impl<T: Real> Op<T> for Rasterize<T> {
         for (out, count) in counts.iter_mut().zip([stats.splats, stats.entries, stats.rejected]) {
             *out = T::from_usize(count);
         }
-        self.workspace = Mutex::new(Some(workspace));
+        self.session = Mutex::new(Some(session));
     }
 
     fn backward(
@@ -356,7 +361,7 @@ impl<T: Real> Op<T> for Rasterize<T> {
         _pool: &Pool,
     ) {
         let (gaussians, cameras) = self.scene(ins);
-        let mut held = self.workspace.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut held = self.session.lock().unwrap_or_else(PoisonError::into_inner);
         let cotangents = Cotangents {
             image: Some(&douts[0]),
             alpha: Some(&douts[1]),
@@ -383,11 +388,9 @@ impl<T: Real> Op<T> for Rasterize<T> {
             features: next(),
             statistics: statistics.as_deref_mut().map(Vec::as_mut_slice),
         };
-        let rasterizer = &self.pool.rasterizer;
-        // There is no workspace where forward failed.
-        if let Some(workspace) = held.as_mut()
-            && let Err(error) =
-                rasterizer.backward(&gaussians, &cameras, &self.settings, workspace, &cotangents, gradients)
+        // There is no session where forward failed.
+        if let Some(session) = held.as_mut()
+            && let Err(error) = session.backward(&gaussians, &cameras, &self.settings, &cotangents, gradients)
         {
             self.pool.fail(error);
         }

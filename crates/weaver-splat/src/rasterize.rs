@@ -1,10 +1,11 @@
 //! Forward of the CPU rasterizer.
 
+use crate::error::RasterError;
 use crate::ewa::EwaGaussian;
 use crate::extent::Extent;
 use crate::project::EwaProjection;
 use crate::rasterizer::{Images, RasterStats};
-use crate::settings::{RasterError, RasterSettings};
+use crate::settings::RasterSettings;
 use crate::tiles::{Blending, Grid};
 use crate::workspace::{Timings, Workspace};
 use std::time::Instant;

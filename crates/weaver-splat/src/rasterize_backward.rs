@@ -1,12 +1,13 @@
 //! Backward of the CPU rasterizer: blend backward tile by tile, then the projection Gaussian by Gaussian.
 
+use crate::error::RasterError;
 use crate::ewa::EwaGaussian;
 use crate::extent::Extent;
 use crate::gaussian_pass::GaussianPass;
 use crate::gradients::{Cotangents, Gradients};
 use crate::memory::grown;
 use crate::rasterize::blending;
-use crate::settings::{RasterError, RasterSettings};
+use crate::settings::RasterSettings;
 use crate::statistics_pass;
 use crate::tiles::{BackwardPass, CHUNK, Tiles};
 use crate::view::{CAMERA_SUMS, View};
@@ -42,7 +43,9 @@ pub fn rasterize_backward<T: Real>(
     let depth = workspace.drawn.is_some_and(|(extent, _)| extent.depth);
     let extent = Extent::of(gaussians, cameras, settings, depth)?;
     if workspace.drawn != Some((extent, *settings)) {
-        return Err(RasterError::new("backward needs the workspace of a forward with the same sizes and settings"));
+        return Err(RasterError::Arguments(
+            "backward needs the workspace of a forward with the same sizes and settings".into(),
+        ));
     }
     extent.check_backward(cameras, cotangents, &gradients)?;
     let start = Instant::now();

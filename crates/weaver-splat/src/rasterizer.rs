@@ -1,59 +1,64 @@
-//! What every rasterizer offers, whatever it runs on.
+//! The seam between what draws and what is drawn for: any rasterizer, chosen while the program runs.
 
+use crate::error::RasterError;
 use crate::gradients::{Cotangents, Gradients};
-use crate::resident::ResidentFit;
-use crate::settings::{RasterError, RasterSettings};
+use crate::settings::RasterSettings;
 use std::fmt::Debug;
+use std::sync::Arc;
 use weaver_kernels::Real;
 use weaver_scene::{CameraSlices, GaussianSlices};
 
-/// Something that draws Gaussians and differentiates the images: on a processor or a graphics card, through a pinhole or a
-/// spherical camera, as ellipsoids or surfels.
+/// Something that draws Gaussians and differentiates the images, on a processor or a graphics card.
 ///
-/// [`Rasterize`](crate::Rasterize) is an operation on the tape for any of them. Shapes are with the fields of
-/// [`GaussianSlices`], [`CameraSlices`], [`Images`] and [`Gradients`]. [`CpuRasterizer`](crate::CpuRasterizer) is the implementation of this crate.
-pub trait Rasterizer<T: Real>: Debug + Send + Sync + 'static {
-    /// What forward leaves for backward, and memory that is kept between calls.
-    type Workspace: Debug + Send + 'static;
+/// [`Rasterize`](crate::Rasterize) is an operation on the tape for any of them. [`CpuRasterizer`](crate::CpuRasterizer) is the implementation
+/// of this crate. All drawing happens in a [`Session`].
+pub trait Rasterizer<T: Real>: Debug + Send + Sync {
+    /// Starts a session: memory for one drawing at a time.
+    fn session(&self) -> Box<dyn Session<T>>;
+}
 
-    /// An empty workspace.
-    fn workspace(&self) -> Self::Workspace;
+/// A rasterizer of any kind, shared.
+///
+/// ```
+/// use std::sync::Arc;
+/// use weaver_splat::{AnyRasterizer, CpuRasterizer, WorkspacePool};
+/// let chosen: AnyRasterizer<f32> = Arc::new(CpuRasterizer);
+/// let on_the_tape = WorkspacePool::of(chosen);
+/// ```
+pub type AnyRasterizer<T> = Arc<dyn Rasterizer<T>>;
 
+/// Memory of a [`Rasterizer`] that is kept between calls: a forward pass leaves in it what the backward pass needs.
+///
+/// Shapes are with the fields of [`GaussianSlices`], [`CameraSlices`], [`Images`] and [`Gradients`].
+pub trait Session<T: Real>: Debug + Send {
     /// Draws: image, alpha, and, where there is room for them, depth and features.
     ///
     /// # Errors
     ///
     /// Arguments that do not fit together, or more than the implementation can draw.
     fn forward(
-        &self,
+        &mut self,
         gaussians: &GaussianSlices<'_, T>,
         cameras: &CameraSlices<'_, T>,
         settings: &RasterSettings,
-        workspace: &mut Self::Workspace,
         images: Images<'_, T>,
     ) -> Result<RasterStats, RasterError>;
 
     /// Gradients with respect to everything that [`forward`](Self::forward) was given, and by-products of finding them.
     ///
-    /// All other arguments are those of the last forward with this workspace.
+    /// All other arguments are those of the last forward of this session.
     ///
     /// # Errors
     ///
-    /// Arguments that do not fit together, or a workspace whose last forward had other sizes or settings.
+    /// Arguments that do not fit together, or a last forward with other sizes or settings.
     fn backward(
-        &self,
+        &mut self,
         gaussians: &GaussianSlices<'_, T>,
         cameras: &CameraSlices<'_, T>,
         settings: &RasterSettings,
-        workspace: &mut Self::Workspace,
         cotangents: &Cotangents<'_, T>,
         gradients: Gradients<'_, T>,
     ) -> Result<(), RasterError>;
-
-    /// A fit that lies where this rasterizer works; `None` where copies cost nothing.
-    fn resident(&self) -> Option<Box<dyn ResidentFit>> {
-        None
-    }
 }
 
 /// Where the images go. `H` and `W` are those of the region that is drawn. Of Gaussians in K groups each is `[V, K, ..]`.

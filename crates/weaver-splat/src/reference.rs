@@ -4,9 +4,10 @@
 
 mod projection;
 
+use crate::error::RasterError;
 use crate::extent::Extent;
 use crate::gradients::Cotangents;
-use crate::settings::{RasterError, RasterSettings};
+use crate::settings::RasterSettings;
 use crate::statistics::GaussianStatistics;
 use crate::tiles::{ALPHA_MIN, Region, TRANSMITTANCE_END};
 use projection::{Seen, VARIABLES, features_of, see_all};

@@ -1,10 +1,11 @@
 //! Pictures of a scene, for those who want no gradients.
 
-use crate::any_rasterizer::{AnyRasterizer, AnyWorkspace};
 use crate::cpu_rasterizer::CpuRasterizer;
-use crate::rasterizer::{Images, Rasterizer};
-use crate::settings::{RasterError, RasterSettings};
+use crate::error::RasterError;
+use crate::rasterizer::{AnyRasterizer, Images, Session};
+use crate::settings::RasterSettings;
 use crate::workspace::Workspace;
+use std::sync::Arc;
 use weaver_geometry::Camera;
 use weaver_scene::{ActivatedGaussians, CameraRows};
 
@@ -42,26 +43,26 @@ pub fn render(
     settings: &RasterSettings,
     workspace: &mut Workspace<f32>,
 ) -> Result<Vec<Vec<f32>>, RasterError> {
-    render_by(&CpuRasterizer, workspace, (gaussians, cameras, background), settings)
+    render_by(workspace, (gaussians, cameras, background), settings)
 }
 
 /// Draws one scene after the other by any rasterizer, whose memory it keeps.
 #[derive(Debug)]
 pub struct Renderer {
     rasterizer: AnyRasterizer<f32>,
-    workspace: AnyWorkspace<f32>,
+    session: Box<dyn Session<f32>>,
 }
 
 impl Default for Renderer {
     fn default() -> Self {
-        Self::new(AnyRasterizer::default())
+        Self::new(Arc::new(CpuRasterizer))
     }
 }
 
 impl Renderer {
     /// Draws by this rasterizer.
     pub fn new(rasterizer: AnyRasterizer<f32>) -> Self {
-        Self { workspace: rasterizer.workspace(), rasterizer }
+        Self { session: rasterizer.session(), rasterizer }
     }
 
     /// The rasterizer.
@@ -80,13 +81,12 @@ impl Renderer {
         background: [f32; 3],
         settings: &RasterSettings,
     ) -> Result<Vec<Vec<f32>>, RasterError> {
-        render_by(&self.rasterizer, &mut self.workspace, (gaussians, cameras, background), settings)
+        render_by(self.session.as_mut(), (gaussians, cameras, background), settings)
     }
 }
 
-fn render_by<R: Rasterizer<f32>>(
-    rasterizer: &R,
-    workspace: &mut R::Workspace,
+fn render_by(
+    session: &mut dyn Session<f32>,
     (gaussians, cameras, background): (&ActivatedGaussians, &[Camera], [f32; 3]),
     settings: &RasterSettings,
 ) -> Result<Vec<Vec<f32>>, RasterError> {
@@ -99,7 +99,7 @@ fn render_by<R: Rasterizer<f32>>(
         let mut alpha = vec![0.0; pixels * group.len()];
         let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
         let rows = CameraRows::new(group);
-        rasterizer.forward(&gaussians.as_slices(), &rows.as_slices(&background), settings, workspace, images)?;
+        session.forward(&gaussians.as_slices(), &rows.as_slices(&background), settings, images)?;
         if group.len() == 1 {
             rendered.push(image);
         } else {

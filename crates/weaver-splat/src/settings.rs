@@ -1,7 +1,6 @@
-//! The rules of drawing that can be chosen, and what can be wrong with a call.
+//! The rules of drawing that can be chosen.
 
 use crate::tiles::{Region, TileSide};
-use std::fmt;
 
 /// The rules of drawing that can be chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,24 +44,3 @@ impl Default for RasterSettings {
 
 /// Smallest antialiasing ratio of determinants; no gradient flows through it where it holds.
 pub(crate) const RATIO_FLOOR: f64 = 0.005 * 0.005;
-
-/// Arguments that do not fit together, or more than a rasterizer can draw.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct RasterError {
-    message: String,
-}
-
-impl RasterError {
-    /// An error with this explanation.
-    pub fn new(message: impl Into<String>) -> Self {
-        Self { message: message.into() }
-    }
-}
-
-impl fmt::Display for RasterError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "rasterize: {}", self.message)
-    }
-}
-
-impl std::error::Error for RasterError {}

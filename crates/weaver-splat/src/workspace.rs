@@ -1,9 +1,10 @@
 //! Memory of the CPU rasterizer, kept between calls.
 
+use crate::error::RasterError;
 use crate::ewa::EwaGaussian;
 use crate::extent::{Extent, expect_len};
 use crate::gradients::Target;
-use crate::settings::{RasterError, RasterSettings};
+use crate::settings::RasterSettings;
 use crate::tiles::Tiles;
 use std::time::Duration;
 use weaver_kernels::Real;
@@ -41,7 +42,7 @@ impl<T: Real> Workspace<T> {
 
     /// The sizes and settings of the last forward.
     pub(crate) fn last(&self) -> Result<(Extent, RasterSettings), RasterError> {
-        self.drawn.ok_or_else(|| RasterError::new("nothing was drawn with this workspace"))
+        self.drawn.ok_or_else(|| RasterError::Arguments("nothing was drawn with this workspace".into()))
     }
 
     /// How long the last forward and the last backward took.

@@ -60,8 +60,7 @@ impl Cloud {
             height: camera.height,
         };
         let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
-        let mut workspace = Rasterizer::<f64>::workspace(&CpuRasterizer);
-        CpuRasterizer.forward(&scene.gaussians, &cameras, &scene.settings, &mut workspace, images).unwrap();
+        CpuRasterizer.session().forward(&scene.gaussians, &cameras, &scene.settings, images).unwrap();
         image
     }
 }

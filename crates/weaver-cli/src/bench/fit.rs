@@ -9,13 +9,14 @@ use crate::failure::Failure;
 use crate::progress::Progress;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::Duration;
-use weaver_fit::{Fit, FitSettings, Photo, StepTimings};
+use weaver_fit::{Fit, FitRasterizer, FitSettings, Photo, StepTimings};
 use weaver_fit_run::{Run, RunSettings};
 use weaver_geometry::sh::coefficients;
 use weaver_kernels::peak;
 use weaver_kernels::random::Stream;
-use weaver_splat::{AnyRasterizer, Images, RasterSettings, Workspace, rasterize};
+use weaver_splat::{CpuRasterizer, Images, RasterSettings, Workspace, rasterize};
 
 /// Vector operations per lane that a part needs about: of a Gaussian at a pixel forward (the exponent, its exponential, the
 /// comparisons, the blending of three colors) and backward, of a pixel for the loss (seven maps under eleven taps in two
@@ -32,7 +33,7 @@ pub fn run(arguments: &BenchFit, console: &mut Console) -> Result<(), Failure> {
     let runs = arguments.runs as usize;
     let rasterizer = match device::name(&arguments.device) {
         Some(name) => Device::open(name)?.measured().into_rasterizer(),
-        None => AnyRasterizer::default(),
+        None => Arc::new(CpuRasterizer),
     };
     let (mut fit, warm, name) = match &arguments.capture {
         Some(capture) => {
@@ -104,7 +105,7 @@ fn settings(gaussians: usize, steps: usize, runs: usize) -> FitSettings {
 }
 
 /// A fit of a synthetic scene to its own picture with noise.
-fn synthetic(scene: Synthetic, mut settings: FitSettings, rasterizer: AnyRasterizer<f32>) -> Result<Fit, Failure> {
+fn synthetic(scene: Synthetic, mut settings: FitSettings, rasterizer: Arc<dyn FitRasterizer>) -> Result<Fit, Failure> {
     settings.background = [0.0; 3];
     let workload = Workload::synthetic(scene, false);
     let pixels = workload.camera.width * workload.camera.height;

@@ -4,11 +4,11 @@ use crate::Console;
 use crate::failure::Failure;
 use serde_json::{Value, json};
 use std::convert::Infallible;
+use std::sync::Arc;
+use weaver_fit::FitRasterizer;
 use weaver_gpu::{Adapter, Choice, Context, GpuRasterizer, GpuWorkspace, PassTime, Transfers, adapters};
 use weaver_scene::{CameraSlices, GaussianSlices};
-use weaver_splat::{
-    AnyRasterizer, Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats, Rasterizer,
-};
+use weaver_splat::{Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats};
 
 /// A device, and the memory of what is drawn on it.
 #[derive(Debug)]
@@ -25,8 +25,8 @@ impl Device {
         Ok(Self { workspace: rasterizer.workspace(), rasterizer })
     }
 
-    pub fn into_rasterizer(self) -> AnyRasterizer<f32> {
-        AnyRasterizer::new(self.rasterizer)
+    pub fn into_rasterizer(self) -> Arc<dyn FitRasterizer> {
+        Arc::new(self.rasterizer)
     }
 
     /// The same, with every pass measured.

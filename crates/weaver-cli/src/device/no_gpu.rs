@@ -4,8 +4,10 @@ use crate::Console;
 use crate::failure::Failure;
 use serde_json::Value;
 use std::convert::Infallible;
+use std::sync::Arc;
+use weaver_fit::FitRasterizer;
 use weaver_scene::{CameraSlices, GaussianSlices};
-use weaver_splat::{AnyRasterizer, Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats};
+use weaver_splat::{Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats};
 
 /// A device, of which there is none.
 #[derive(Debug)]
@@ -16,7 +18,7 @@ impl Device {
         Err(not_built(&format!("--device {name}")))
     }
 
-    pub fn into_rasterizer(self) -> AnyRasterizer<f32> {
+    pub fn into_rasterizer(self) -> Arc<dyn FitRasterizer> {
         match self.0 {}
     }
 

@@ -3,6 +3,7 @@
 mod promises;
 
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use weaver_data::posed::{self, PosedOptions};
 use weaver_data::procedural::{ProceduralOptions, scene};
@@ -13,7 +14,7 @@ use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Distortion, Pose, Similarity, so3};
 use weaver_io::Transforms;
 use weaver_scene::Frame;
-use weaver_splat::AnyRasterizer;
+use weaver_splat::CpuRasterizer;
 
 fn capture(folder: &Path, views: usize) {
     let scene = scene(2, &ProceduralOptions { width: 40, height: 32, views });
@@ -33,7 +34,7 @@ fn settings(folder: &Path) -> RunSettings {
 
 /// The report of a short fit of a capture.
 fn report(settings: RunSettings, out: &Path) -> String {
-    let mut run = Run::create(out, settings, None, Judge::new(None), AnyRasterizer::default()).unwrap();
+    let mut run = Run::create(out, settings, None, Judge::new(None), Arc::new(CpuRasterizer)).unwrap();
     run.advance(&AtomicBool::new(false), |_| {}).unwrap();
     run.finish().unwrap();
     std::fs::read_to_string(out.join("report.html")).unwrap()
@@ -125,23 +126,23 @@ fn a_run_of_another_capture_is_not_gone_on_with() {
     let folder = tempfile::tempdir().unwrap();
     let (data, out) = (folder.path().join("data"), folder.path().join("out"));
     capture(&data, 10);
-    let mut run = Run::create(&out, settings(&data), None, Judge::default(), AnyRasterizer::default()).unwrap();
+    let mut run = Run::create(&out, settings(&data), None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
     run.advance(&AtomicBool::new(false), |_| {}).unwrap();
     drop(run);
-    assert!(Run::resume(&out, Judge::default(), AnyRasterizer::default()).is_ok());
+    assert!(Run::resume(&out, Judge::default(), Arc::new(CpuRasterizer)).is_ok());
     assert!(matches!(
-        Run::create(&out, settings(&data), None, Judge::default(), AnyRasterizer::default()),
+        Run::create(&out, settings(&data), None, Judge::default(), Arc::new(CpuRasterizer)),
         Err(RunError::RunExists { .. })
     ));
     // A photo less; the folder of a run from before there were checksums says so by its checkpoint.
     capture(&data, 9);
-    let error = Run::resume(&out, Judge::default(), AnyRasterizer::default()).unwrap_err().to_string();
+    let error = Run::resume(&out, Judge::default(), Arc::new(CpuRasterizer)).unwrap_err().to_string();
     assert!(error.contains("expected what the fit began with"), "{error}");
     without(&out.join("run.json"), "sources");
-    let error = Run::resume(&out, Judge::default(), AnyRasterizer::default()).unwrap_err().to_string();
+    let error = Run::resume(&out, Judge::default(), Arc::new(CpuRasterizer)).unwrap_err().to_string();
     assert!(error.contains("checkpoint.safetensors") && error.contains("poses"), "{error}");
     std::fs::write(out.join("run.json"), "{}").unwrap();
-    let error = Run::resume(&out, Judge::default(), AnyRasterizer::default()).unwrap_err().to_string();
+    let error = Run::resume(&out, Judge::default(), Arc::new(CpuRasterizer)).unwrap_err().to_string();
     assert!(error.contains("run.json") && error.contains("capture"), "{error}");
 }
 
@@ -151,7 +152,7 @@ fn a_time_that_is_too_short_is_spoken_of() {
     capture(&folder.path().join("data"), 10);
     let in_time = |out: &str, minutes: f64, least_steps: usize| {
         let settings = RunSettings { minutes: Some(minutes), least_steps, ..settings(&folder.path().join("data")) };
-        Run::create(&folder.path().join(out), settings, None, Judge::default(), AnyRasterizer::default()).unwrap()
+        Run::create(&folder.path().join(out), settings, None, Judge::default(), Arc::new(CpuRasterizer)).unwrap()
     };
     let spoken =
         |run: &Run| run.remarks().iter().filter(|remark| !remark.contains("no points")).cloned().collect::<String>();
@@ -170,9 +171,9 @@ fn runs_from_before_there_was_a_least_number_of_steps_go_on() {
     let folder = tempfile::tempdir().unwrap();
     let (data, out) = (folder.path().join("data"), folder.path().join("out"));
     capture(&data, 10);
-    Run::create(&out, settings(&data), None, Judge::default(), AnyRasterizer::default()).unwrap();
+    Run::create(&out, settings(&data), None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
     without(&out.join("run.json"), "least_steps");
-    Run::resume(&out, Judge::default(), AnyRasterizer::default()).unwrap();
+    Run::resume(&out, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
 }
 
 #[test]
@@ -181,18 +182,18 @@ fn gaussians_that_were_given_are_there_again() {
     let (data, out) = (folder.path().join("data"), folder.path().join("out"));
     capture(&data, 10);
     let given = {
-        let mut run = Run::create(&out, settings(&data), None, Judge::default(), AnyRasterizer::default()).unwrap();
+        let mut run = Run::create(&out, settings(&data), None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
         run.advance(&AtomicBool::new(false), |_| {}).unwrap();
         run.fit().gaussians()
     };
     let again = RunSettings { init: Initial::Given, ..settings(&data) };
     let other = folder.path().join("other");
     let error =
-        Run::create(&other, again.clone(), None, Judge::default(), AnyRasterizer::default()).unwrap_err().to_string();
+        Run::create(&other, again.clone(), None, Judge::default(), Arc::new(CpuRasterizer)).unwrap_err().to_string();
     assert!(error.contains("init"), "{error}");
     assert!(!other.exists());
-    Run::create(&other, again, Some(&given), Judge::default(), AnyRasterizer::default()).unwrap();
-    let resumed = Run::resume(&other, Judge::default(), AnyRasterizer::default()).unwrap();
+    Run::create(&other, again, Some(&given), Judge::default(), Arc::new(CpuRasterizer)).unwrap();
+    let resumed = Run::resume(&other, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
     assert_eq!(resumed.fit().gaussians().means, given.means);
 }
 
@@ -225,7 +226,7 @@ fn cameras_are_refined_and_written() {
     Transforms { frames, ..Transforms::default() }.write(data.join("transforms.json")).unwrap();
     let mut settings = settings(&data);
     settings.fit.poses.refine = true;
-    let mut run = Run::create(&out, settings.clone(), None, Judge::default(), AnyRasterizer::default()).unwrap();
+    let mut run = Run::create(&out, settings.clone(), None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
     run.advance(&AtomicBool::new(false), |_| {}).unwrap();
     let outcome = run.finish().unwrap();
     assert!(outcome.poses.refined && outcome.poses.points > 50 && outcome.poses.degrees > 0.3, "{:?}", outcome.poses);
@@ -239,8 +240,8 @@ fn cameras_are_refined_and_written() {
     let (before, after) = (error(&data.join("given.json"), &truth), error(&out.join("transforms.json"), &truth));
     assert!(after < 0.6 * before, "from {before} to {after} degrees");
 
-    Run::create(&other, settings, None, Judge::default(), AnyRasterizer::default()).unwrap();
-    let mut resumed = Run::resume(&other, Judge::default(), AnyRasterizer::default()).unwrap();
+    Run::create(&other, settings, None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
+    let mut resumed = Run::resume(&other, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
     resumed.advance(&AtomicBool::new(false), |_| {}).unwrap();
     resumed.finish().unwrap();
     let bytes = |folder: &Path| std::fs::read(folder.join("scene.ply")).unwrap();
@@ -276,7 +277,7 @@ fn a_fit_of_distorted_photos_is_a_capture_of_them_again() {
         let mut settings = RunSettings { masks: true, focal: true, ..settings(&data) };
         settings.fit.steps = 2;
         settings.fit.poses.refine = true;
-        let mut run = Run::create(&out, settings, None, Judge::default(), AnyRasterizer::default()).unwrap();
+        let mut run = Run::create(&out, settings, None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
         run.advance(&AtomicBool::new(false), |_| {}).unwrap();
         let outcome = run.finish().unwrap();
         assert_eq!((outcome.poses.focal - 1.0).abs() > 1e-3, focal, "{:?}", outcome.poses);
@@ -323,7 +324,7 @@ fn a_fit_is_a_capture_that_holds_out_the_same_photos_wherever_it_is_moved() {
         let mut settings = RunSettings { all, ..settings(&before.join("data")) };
         settings.fit.steps = 1;
         let mut run =
-            Run::create(&before.join("out"), settings, None, Judge::default(), AnyRasterizer::default()).unwrap();
+            Run::create(&before.join("out"), settings, None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
         run.advance(&AtomicBool::new(false), |_| {}).unwrap();
         run.finish().unwrap();
         let after = folder.path().join(format!("after-{all}"));

@@ -2,6 +2,7 @@
 
 use crate::{capture, settings, without};
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use weaver_data::posed::{self, PosedOptions};
 use weaver_data::procedural::{ProceduralOptions, scene};
@@ -9,16 +10,16 @@ use weaver_fit::{Judge, Quality};
 use weaver_fit_run::{Outcome, Run, RunError, RunSettings};
 use weaver_io::{Image, Transforms};
 use weaver_scene::PointCloud;
-use weaver_splat::{AnyRasterizer, RasterSettings, Workspace, render};
+use weaver_splat::{CpuRasterizer, RasterSettings, Workspace, render};
 
 fn fitted(folder: &Path, settings: RunSettings) -> Outcome {
-    let mut run = Run::create(folder, settings, None, Judge::default(), AnyRasterizer::default()).unwrap();
+    let mut run = Run::create(folder, settings, None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
     run.advance(&AtomicBool::new(false), |_| {}).unwrap();
     run.finish().unwrap()
 }
 
 fn resumed(folder: &Path) -> Result<Run, RunError> {
-    Run::resume(folder, Judge::default(), AnyRasterizer::default())
+    Run::resume(folder, Judge::default(), Arc::new(CpuRasterizer))
 }
 
 #[test]
@@ -97,7 +98,7 @@ fn a_capture_without_points_is_told_at_the_start() {
     let (data, out, other) = (folder.path().join("data"), folder.path().join("out"), folder.path().join("other"));
     capture(&data, 10);
     let begun =
-        |out: &Path| Run::create(out, settings(&data), None, Judge::default(), AnyRasterizer::default()).unwrap();
+        |out: &Path| Run::create(out, settings(&data), None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
     let remarks = begun(&out).remarks().to_vec();
     assert!(remarks.iter().any(|remark| remark.contains("no points")), "{remarks:?}");
     with_points(&data);
@@ -110,7 +111,7 @@ fn a_capture_that_changed_is_not_gone_on_with() {
     let (data, out) = (folder.path().join("data"), folder.path().join("out"));
     capture(&data, 10);
     with_points(&data);
-    drop(Run::create(&out, settings(&data), None, Judge::default(), AnyRasterizer::default()).unwrap());
+    drop(Run::create(&out, settings(&data), None, Judge::default(), Arc::new(CpuRasterizer)).unwrap());
     drop(resumed(&out).unwrap());
     let refused = |key: &str| {
         let error = resumed(&out).unwrap_err().to_string();
@@ -154,7 +155,7 @@ fn a_folder_is_one_runs_alone_and_other_files_stay() {
     let folder = tempfile::tempdir().unwrap();
     let (data, out) = (folder.path().join("data"), folder.path().join("out"));
     capture(&data, 10);
-    let create = |out: &Path| Run::create(out, settings(&data), None, Judge::default(), AnyRasterizer::default());
+    let create = |out: &Path| Run::create(out, settings(&data), None, Judge::default(), Arc::new(CpuRasterizer));
     let before = std::fs::read(data.join("transforms.json")).unwrap();
     for into in [data.clone(), data.join("fit")] {
         let error = create(&into).unwrap_err().to_string();

@@ -2,11 +2,12 @@
 
 use crate::scenes::{camera, cloud, finish, photos, plain, render};
 use proptest::prelude::*;
+use std::sync::Arc;
 use weaver_fit::strategy::{Split, relocated};
 use weaver_fit::{Density, Fit, FitSettings, Moment, Population, Strategy as Control, StrategyKind};
 use weaver_kernels::random::Stream;
 use weaver_scene::Gaussians;
-use weaver_splat::{AnyRasterizer, GaussianStatistics};
+use weaver_splat::{CpuRasterizer, GaussianStatistics};
 
 const ALL: [StrategyKind; 3] = [StrategyKind::Split, StrategyKind::Mcmc, StrategyKind::Keep];
 
@@ -157,7 +158,7 @@ fn a_strategy_of_ones_own() {
     let scene = cloud(20, 2);
     let settings: FitSettings = plain(StrategyKind::Keep, 45, 23);
     let mut fit =
-        Fit::with(AnyRasterizer::default(), Box::new(EveryTenth), photos(2, &scene), &scene, settings).expect("a fit");
+        Fit::with(Arc::new(CpuRasterizer), Box::new(EveryTenth), photos(2, &scene), &scene, settings).expect("a fit");
     finish(&mut fit);
     assert_eq!(fit.population().len(), 23);
 }

@@ -5,7 +5,7 @@ use crate::scene::{NAMES, Scene, relative};
 use proptest::prelude::*;
 use weaver_gpu::{GpuRasterizer, GpuWorkspace};
 use weaver_kernels::Real;
-use weaver_splat::{Cotangents, Gradients, RasterSettings, Rasterizer, Target};
+use weaver_splat::{Cotangents, Gradients, RasterSettings, Target};
 
 /// All gradients within 1e-4 of their norm, with cotangents where rounding decides nothing.
 fn check(rasterizer: &GpuRasterizer, scene: &Scene<f64>, seed: u64) -> Result<(), TestCaseError> {

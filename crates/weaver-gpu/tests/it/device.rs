@@ -4,7 +4,7 @@ use crate::scene::{Planes, Scene, flatten};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use weaver_gpu::{Choice, Context, GpuRasterizer, GpuWorkspace, wgpu};
-use weaver_splat::{GaussianStatistics, Gradients, Images, RasterStats, Rasterizer, Target, Workspace};
+use weaver_splat::{GaussianStatistics, Gradients, Images, RasterStats, Target, Workspace};
 
 /// The first adapter with no more than WebGPU promises; `None`, and a line that says so, where there is none.
 pub fn rasterizer() -> Option<GpuRasterizer> {

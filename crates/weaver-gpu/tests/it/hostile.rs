@@ -3,7 +3,7 @@
 use crate::device::{gradients, rasterizer, render, with_limits};
 use crate::scene::{Planes, Scene};
 use weaver_gpu::{Choice, Context, GpuError, GpuRasterizer, GpuWorkspace, adapters, wgpu};
-use weaver_splat::{Cotangents, Gradients, Images, Rasterizer, Workspace};
+use weaver_splat::{Cotangents, Gradients, Images, Workspace};
 
 /// Whatever is not finite is left out and counted, as on the CPU, and spoils nothing else.
 #[test]

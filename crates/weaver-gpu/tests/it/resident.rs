@@ -3,13 +3,12 @@
 use crate::device::{decided, rasterizer, rounded};
 use crate::scene::{Planes, Scene, relative};
 use proptest::prelude::*;
+use weaver_fit::{DeviceFit, FitRasterizer, Fitted, FittedRates, PhotoLoss, PhotoStep};
 use weaver_kernels::Real;
 use weaver_kernels::optim::AdamW;
 use weaver_kernels::random::Stream;
 use weaver_losses::Photometric;
-use weaver_splat::{
-    Fitted, FittedRates, GaussianStatistics, PhotoLoss, PhotoStep, RasterSettings, Rasterizer, ResidentFit, Workspace,
-};
+use weaver_splat::{GaussianStatistics, RasterSettings, Workspace};
 
 /// Rates that move every parameter visibly.
 const RATES: FittedRates =
@@ -107,15 +106,15 @@ impl Example {
 }
 
 /// The fit on the device, with what is stored loaded.
-fn loaded(stored: &Stored<f32>, degree: usize) -> Option<Box<dyn ResidentFit>> {
-    let mut fit = rasterizer()?.resident().expect("a device has one");
+fn loaded(stored: &Stored<f32>, degree: usize) -> Option<Box<dyn DeviceFit>> {
+    let mut fit = rasterizer()?.device_fit().expect("a device has one");
     let [means, quats, log_scales, logits, sh] = stored.0.each_ref().map(|field| field.each_ref().map(|x| &x[..]));
     fit.load(&Fitted { means, quats, log_scales, logits, sh, degree }).unwrap_or_else(|error| panic!("{error}"));
     Some(fit)
 }
 
 /// What is on the device.
-fn fetched(fit: &mut dyn ResidentFit, like: &Stored<f32>, degree: usize) -> (Stored<f32>, Vec<f32>) {
+fn fetched(fit: &mut dyn DeviceFit, like: &Stored<f32>, degree: usize) -> (Stored<f32>, Vec<f32>) {
     let mut stored = like.clone();
     let mut statistics = vec![GaussianStatistics::default(); like.0[3][0].len()];
     let [means, quats, log_scales, logits, sh] = stored.0.each_mut().map(|field| field.each_mut().map(|x| &mut x[..]));

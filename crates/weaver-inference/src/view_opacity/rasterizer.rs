@@ -1,11 +1,14 @@
 //! Drawing of Gaussians whose opacities depend on the view.
 
 use super::{DEGREE, ViewOpacity, direction, gaussians};
+use std::sync::Arc;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::sh;
 use weaver_kernels::Real;
 use weaver_scene::{CameraSlices, GaussianSlices};
-use weaver_splat::{Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats, Rasterizer, Target};
+use weaver_splat::{
+    AnyRasterizer, Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats, Rasterizer, Session, Target,
+};
 
 /// Draws Gaussians by another rasterizer, with the opacities that the camera sees in place of those that they are given with, and
 /// differentiates through them: by the view matrix `[A | t]`, whose center is `-A^T t`, and by the means.
@@ -13,66 +16,61 @@ use weaver_splat::{Cotangents, Gradients, Images, RasterError, RasterSettings, R
 /// One view in a call. Gradients by opacities are refused, since those given take no part. Without a [`ViewOpacity`] it is the other
 /// rasterizer.
 #[derive(Clone, Debug)]
-pub struct ViewOpacityRasterizer<R> {
+pub struct ViewOpacityRasterizer<T: Real> {
     /// What draws.
-    pub rasterizer: R,
+    pub rasterizer: AnyRasterizer<T>,
     /// What a camera sees.
-    pub opacity: Option<ViewOpacity>,
+    pub opacity: Option<Arc<ViewOpacity>>,
 }
 
-/// What forward leaves for backward.
+/// A session of the other rasterizer, and what forward leaves for backward.
 #[derive(Debug)]
-pub struct ViewOpacityWorkspace<W, T> {
-    workspace: W,
+struct ViewOpacitySession<T: Real> {
+    session: Box<dyn Session<T>>,
+    opacity: Arc<ViewOpacity>,
     /// As seen, `[N]`.
     opacities: Vec<T>,
     /// The loss's gradient by them.
     slopes: Vec<T>,
 }
 
-impl<T: Real, R: Rasterizer<T>> Rasterizer<T> for ViewOpacityRasterizer<R> {
-    type Workspace = ViewOpacityWorkspace<R::Workspace, T>;
-
-    fn workspace(&self) -> Self::Workspace {
-        ViewOpacityWorkspace { workspace: self.rasterizer.workspace(), opacities: Vec::new(), slopes: Vec::new() }
+impl<T: Real> Rasterizer<T> for ViewOpacityRasterizer<T> {
+    fn session(&self) -> Box<dyn Session<T>> {
+        let session = self.rasterizer.session();
+        let Some(opacity) = self.opacity.clone() else { return session };
+        Box::new(ViewOpacitySession { session, opacity, opacities: Vec::new(), slopes: Vec::new() })
     }
+}
 
+impl<T: Real> Session<T> for ViewOpacitySession<T> {
     fn forward(
-        &self,
+        &mut self,
         gaussians: &GaussianSlices<'_, T>,
         cameras: &CameraSlices<'_, T>,
         settings: &RasterSettings,
-        workspace: &mut Self::Workspace,
         images: Images<'_, T>,
     ) -> Result<RasterStats, RasterError> {
-        let ViewOpacityWorkspace { workspace, opacities, .. } = workspace;
-        let Some(opacity) = &self.opacity else {
-            return self.rasterizer.forward(gaussians, cameras, settings, workspace, images);
-        };
+        let Self { session, opacity, opacities, .. } = self;
         if cameras.views() != 1 {
             let views = cameras.views();
-            return Err(RasterError::new(format!("expected one view, found {views}: opacities depend on it")));
+            return Err(RasterError::Unsupported(format!("expected one view, found {views}: opacities depend on it")));
         }
         *opacities = opacity.seen_from(gaussians.means, center(cameras.viewmats));
         let seen = GaussianSlices { opacities, ..*gaussians };
-        self.rasterizer.forward(&seen, cameras, settings, workspace, images)
+        session.forward(&seen, cameras, settings, images)
     }
 
     fn backward(
-        &self,
+        &mut self,
         gaussians: &GaussianSlices<'_, T>,
         cameras: &CameraSlices<'_, T>,
         settings: &RasterSettings,
-        workspace: &mut Self::Workspace,
         cotangents: &Cotangents<'_, T>,
         mut gradients: Gradients<'_, T>,
     ) -> Result<(), RasterError> {
-        let ViewOpacityWorkspace { workspace, opacities, slopes } = workspace;
-        let Some(opacity) = &self.opacity else {
-            return self.rasterizer.backward(gaussians, cameras, settings, workspace, cotangents, gradients);
-        };
+        let Self { session, opacity, opacities, slopes } = self;
         if gradients.opacities.is_some() {
-            return Err(RasterError::new("expected no gradient by opacities: those given take no part"));
+            return Err(RasterError::Unsupported("expected no gradient by opacities: those given take no part".into()));
         }
         slopes.resize(opacities.len(), T::ZERO);
         let (mut means, mut viewmats) = (gradients.means.take(), gradients.viewmats.take());
@@ -83,7 +81,7 @@ impl<T: Real, R: Rasterizer<T>> Rasterizer<T> for ViewOpacityRasterizer<R> {
             ..gradients
         };
         let seen = GaussianSlices { opacities, ..*gaussians };
-        self.rasterizer.backward(&seen, cameras, settings, workspace, cotangents, inner)?;
+        session.backward(&seen, cameras, settings, cotangents, inner)?;
         let by_center = opacity.add_gradient(gaussians.means, cameras.viewmats, (opacities, slopes), means);
         if let Some(viewmats) = viewmats {
             // The center is -A^T t.

@@ -1,6 +1,7 @@
 //! Gaussians whose opacities depend on the view, drawn and differentiated.
 
 use proptest::prelude::*;
+use std::sync::Arc;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::trajectory::look_at;
@@ -13,7 +14,7 @@ const SIZE: [usize; 2] = [18, 24];
 const PIXELS: usize = SIZE[0] * SIZE[1];
 
 struct Case {
-    rasterizer: ViewOpacityRasterizer<CpuRasterizer>,
+    rasterizer: ViewOpacityRasterizer<f64>,
     means: Vec<f64>,
     colors: Vec<f64>,
     /// The loss is the sum of these times the image.
@@ -28,7 +29,10 @@ impl Case {
         let number = |i: usize| if i.is_multiple_of(9) { 3.5 } else { 1.2 * draw(0, i) as f32 - 0.6 };
         let harmonics = (0..9 * n).map(number).collect();
         Self {
-            rasterizer: ViewOpacityRasterizer { rasterizer: CpuRasterizer, opacity: Some(ViewOpacity { harmonics }) },
+            rasterizer: ViewOpacityRasterizer {
+                rasterizer: Arc::new(CpuRasterizer),
+                opacity: Some(Arc::new(ViewOpacity { harmonics })),
+            },
             means: (0..3 * n).map(|i| 1.6 * draw(1, i) - 0.8).collect(),
             colors: (0..3 * n).map(|i| draw(2, i)).collect(),
             weights: (0..3 * PIXELS).map(|i| draw(3, i) - 0.5).collect(),
@@ -62,9 +66,9 @@ impl Case {
         };
         let settings = RasterSettings::default();
         let (mut image, mut alpha) = (vec![0.0; 3 * PIXELS], vec![0.0; PIXELS]);
-        let mut workspace = Rasterizer::<f64>::workspace(&self.rasterizer);
+        let mut session = self.rasterizer.session();
         let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
-        self.rasterizer.forward(&gaussians, &cameras, &settings, &mut workspace, images).unwrap();
+        session.forward(&gaussians, &cameras, &settings, images).unwrap();
         let (mut by_viewmat, mut by_means) = (vec![0.0; 12], vec![0.0; 3 * n]);
         let gradients = Gradients {
             viewmats: Some(Target::write(&mut by_viewmat)),
@@ -72,7 +76,7 @@ impl Case {
             ..Gradients::default()
         };
         let cotangents = Cotangents { image: Some(&self.weights), ..Cotangents::default() };
-        self.rasterizer.backward(&gaussians, &cameras, &settings, &mut workspace, &cotangents, gradients).unwrap();
+        session.backward(&gaussians, &cameras, &settings, &cotangents, gradients).unwrap();
         let value = image.iter().zip(&self.weights).map(|(a, b)| a * b).sum();
         by_viewmat.extend(by_means);
         (value, by_viewmat)
@@ -110,8 +114,10 @@ fn a_view_is_drawn_with_the_opacities_that_it_sees() {
     let (rows, opacity) = (pose(0.4).rows().concat(), case.rasterizer.opacity.clone().unwrap());
     let seen = opacity.seen_from(&case.means, pose(0.4).center());
     assert_ne!(seen, opacity.seen_from(&case.means, pose(-0.4).center()));
-    let plain =
-        Case { rasterizer: ViewOpacityRasterizer { rasterizer: CpuRasterizer, opacity: None }, ..Case::new(5, 1) };
+    let plain = Case {
+        rasterizer: ViewOpacityRasterizer { rasterizer: Arc::new(CpuRasterizer), opacity: None },
+        ..Case::new(5, 1)
+    };
     // Without, they are those that are given: zeros.
     let background: f64 = case.weights.chunks(3).map(|w| 0.1 * w[0] + 0.2 * w[1] + 0.3 * w[2]).sum();
     assert!((plain.loss(&rows, &plain.means).0 - background).abs() < 1e-9);
@@ -142,20 +148,17 @@ fn several_views_and_slopes_by_what_takes_no_part_are_refused() {
         width: SIZE[1],
         height: SIZE[0],
     };
-    let mut workspace = Rasterizer::<f64>::workspace(&case.rasterizer);
+    let mut session = case.rasterizer.session();
     let settings = RasterSettings::default();
     let mut forward = |views: usize| {
         let (mut image, mut alpha) = (vec![0.0; 3 * views * PIXELS], vec![0.0; views * PIXELS]);
         let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
-        case.rasterizer.forward(&gaussians, &cameras(views), &settings, &mut workspace, images)
+        session.forward(&gaussians, &cameras(views), &settings, images)
     };
     assert!(forward(2).unwrap_err().to_string().contains("expected one view, found 2"));
     forward(1).unwrap();
     let gradients = Gradients { opacities: Some(Target::write(&mut opacities)), ..Gradients::default() };
     let cotangents = Cotangents { image: Some(&case.weights), ..Cotangents::default() };
-    let refused = case
-        .rasterizer
-        .backward(&gaussians, &cameras(1), &settings, &mut workspace, &cotangents, gradients)
-        .unwrap_err();
+    let refused = session.backward(&gaussians, &cameras(1), &settings, &cotangents, gradients).unwrap_err();
     assert!(refused.to_string().contains("expected no gradient by opacities"), "{refused}");
 }

@@ -7,8 +7,8 @@ use super::sort::{sort, split};
 use super::traverse::{Work, traverse};
 use super::window::{Plane, windows_of, windows_per_tile};
 use super::{Grid, Record, Tiles};
+use crate::error::RasterError;
 use crate::memory::grown;
-use crate::settings::RasterError;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 use weaver_kernels::lanes::{self, LaneKernel, Lanes};
@@ -85,7 +85,7 @@ impl<T: Real> Tiles<T> {
             rejected: count(|chunk| chunk.rejected),
         };
         if stats.entries > u32::MAX as usize {
-            return Err(RasterError::new(format!("{} list entries are too many for one call", stats.entries)));
+            return Err(RasterError::TooMany(format!("{} list entries are too many for one call", stats.entries)));
         }
         Ok(stats)
     }

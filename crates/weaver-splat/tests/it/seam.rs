@@ -3,35 +3,38 @@
 use crate::op::{inputs, named};
 use crate::scene::{NAMES, Planes, Scene, flatten, relative};
 use proptest::prelude::*;
+use std::sync::Arc;
 use weaver_autograd::gradcheck::{Options, gradcheck_with};
 use weaver_autograd::{Tape, Var};
 use weaver_scene::{CameraSlices, GaussianSlices};
 use weaver_splat::{
-    AnyRasterizer, Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats, Rasterize, Rasterizer,
-    Region, SharedStatistics, Target, TileSide, WorkspacePool, reference,
+    Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats, Rasterize, Rasterizer, Region, Session,
+    SharedStatistics, Target, TileSide, WorkspacePool, reference,
 };
 
 /// The slow reference as a rasterizer.
 #[derive(Debug)]
 struct Slow;
 
+/// Whether anything was drawn.
+#[derive(Debug, Default)]
+struct SlowSession(bool);
+
 impl Rasterizer<f64> for Slow {
-    /// Counts the calls of forward.
-    type Workspace = usize;
-
-    fn workspace(&self) -> usize {
-        0
+    fn session(&self) -> Box<dyn Session<f64>> {
+        Box::new(SlowSession::default())
     }
+}
 
+impl Session<f64> for SlowSession {
     fn forward(
-        &self,
+        &mut self,
         gaussians: &GaussianSlices<'_, f64>,
         cameras: &CameraSlices<'_, f64>,
         settings: &RasterSettings,
-        workspace: &mut usize,
         images: Images<'_, f64>,
     ) -> Result<RasterStats, RasterError> {
-        *workspace += 1;
+        self.0 = true;
         let drawn = reference::rasterize(gaussians, cameras, settings)?;
         images.image.copy_from_slice(&drawn.image);
         images.alpha.copy_from_slice(&drawn.alpha);
@@ -41,16 +44,15 @@ impl Rasterizer<f64> for Slow {
     }
 
     fn backward(
-        &self,
+        &mut self,
         gaussians: &GaussianSlices<'_, f64>,
         cameras: &CameraSlices<'_, f64>,
         settings: &RasterSettings,
-        workspace: &mut usize,
         cotangents: &Cotangents<'_, f64>,
         gradients: Gradients<'_, f64>,
     ) -> Result<(), RasterError> {
-        if *workspace == 0 {
-            return Err(RasterError::new("nothing was drawn"));
+        if !self.0 {
+            return Err(RasterError::Arguments("nothing was drawn".into()));
         }
         let d = reference::rasterize_backward(gaussians, cameras, settings, cotangents)?;
         let put = |target: Option<Target<'_, f64>>, from: &[f64]| {
@@ -191,7 +193,7 @@ proptest! {
         let cotangents = scene.cotangents(seed);
         let (planes, gradients) = on_the_tape(&scene, &cotangents, &WorkspacePool::new());
         prop_assert_eq!(&planes, &scene.render());
-        let (slow, expected) = on_the_tape(&scene, &cotangents, &WorkspacePool::of(AnyRasterizer::new(Slow)));
+        let (slow, expected) = on_the_tape(&scene, &cotangents, &WorkspacePool::of(Arc::new(Slow)));
         prop_assert!(relative(&planes.flat(), &slow.flat(), 1e-3) < 1e-11);
         for ((name, own), expected) in TAPE_NAMES.iter().zip(&gradients).zip(&expected) {
             let error = relative(own, expected, 1e-3);

@@ -8,6 +8,7 @@ use super::LEAST_SIDE;
 use super::drawn::{Drawing, Drawn};
 use crate::evaluation::CameraFigures;
 use crate::{CameraMode, Error};
+use std::sync::Arc;
 use weaver_align::{Aligned, Method, Options, Outcome, Photo, Scene as AlignScene, align, mean_square};
 use weaver_data::{Scene, Tuple, View};
 use weaver_geometry::glam::DVec3;
@@ -83,7 +84,8 @@ pub(super) fn aligned(
     alignment: &Alignment,
 ) -> Result<AlignedView, Error> {
     let prediction = &drawn.prediction;
-    let rasterizer = ViewOpacityRasterizer { rasterizer: CpuRasterizer, opacity: prediction.view_opacity.clone() };
+    let opacity = prediction.view_opacity.clone().map(Arc::new);
+    let rasterizer = ViewOpacityRasterizer { rasterizer: Arc::new(CpuRasterizer), opacity };
     let scene = AlignScene {
         gaussians: prediction.gaussians.as_slices(),
         background: predictor.background(),

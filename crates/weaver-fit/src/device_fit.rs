@@ -1,17 +1,28 @@
-//! Gaussians that are fitted where a rasterizer keeps them.
+//! The seam between a fit and a device that keeps the Gaussians.
 
-use crate::settings::{RasterError, RasterSettings};
-use crate::statistics::GaussianStatistics;
 use std::fmt::Debug;
 use std::time::Duration;
 use weaver_scene::CameraSlices;
+use weaver_splat::{CpuRasterizer, GaussianStatistics, RasterError, RasterSettings, Rasterizer};
 
-/// A fit of Gaussians to photos that lies where a rasterizer works, such as in the memory of a graphics card: a step brings a photo
-/// there, and nothing back but the loss.
+/// A rasterizer that a [`Fit`](crate::Fit) draws by.
+///
+/// `Arc<dyn FitRasterizer>` coerces to [`AnyRasterizer<f32>`](weaver_splat::AnyRasterizer) where only drawing is needed.
+pub trait FitRasterizer: Rasterizer<f32> {
+    /// Starts a fit on the rasterizer's device; `None` where the host's memory is also the rasterizer's.
+    fn device_fit(&self) -> Option<Box<dyn DeviceFit>> {
+        None
+    }
+}
+
+impl FitRasterizer for CpuRasterizer {}
+
+/// A fit of Gaussians to photos in the memory of a device, such as a graphics card: a step copies a photo to it, and only the loss
+/// back.
 ///
 /// The loss is `(1 - w) mean |image - photo| + w (1 - SSIM)` and regularizers that are linear in opacities and scales, the step one of
 /// Adam with beta 0.9 and 0.999 and an eps of 1e-15 (Kerbl et al., 3D Gaussian splatting, 2023, section 5).
-pub trait ResidentFit: Debug + Send {
+pub trait DeviceFit: Debug + Send {
     /// Takes Gaussians over, in place of those before; statistics begin anew.
     ///
     /// # Errors

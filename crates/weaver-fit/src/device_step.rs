@@ -1,6 +1,7 @@
-//! Steps where the rasterizer keeps the Gaussians.
+//! Steps on the device that keeps the Gaussians.
 
 use crate::FitError;
+use crate::device_fit::{Fitted, FittedRates, PhotoLoss, PhotoStep};
 use crate::fit::Fit;
 use crate::photos::at_level;
 use crate::population::Field;
@@ -8,50 +9,49 @@ use crate::resident::Newer;
 use crate::strategy::Moment;
 use std::time::{Duration, Instant};
 use weaver_scene::{CameraSlices, intrinsics_row, viewmat};
-use weaver_splat::{Fitted, FittedRates, PhotoLoss, PhotoStep};
 
 impl Fit {
-    /// Brings the Gaussians and their statistics from where the rasterizer keeps them.
+    /// Copies the Gaussians and their statistics from the device that keeps them.
     ///
-    /// A rasterizer on a device keeps them there from step to step; before [`population`](Self::population),
+    /// A device keeps them from step to step; before [`population`](Self::population),
     /// [`gaussians`](Self::gaussians) and [`state`](Self::state) are asked for, they have to be fetched. With the rasterizer for CPUs
     /// there is nothing to fetch.
     ///
     /// # Errors
     /// When the device fails.
     pub fn fetch(&mut self) -> Result<(), FitError> {
-        let Some(resident) = self.resident.as_mut().filter(|resident| resident.newer == Newer::There) else {
+        let Some(resident) = self.resident.as_mut().filter(|resident| resident.newer == Newer::Device) else {
             return Ok(());
         };
         let degree = self.population.degree();
         let [means, log_scales, quats, logits, sh] = self.population.fields_mut().map(Field::slices_mut);
-        resident.there.store(Fitted { means, quats, log_scales, logits, sh, degree }, &mut self.statistics)?;
+        resident.device.store(Fitted { means, quats, log_scales, logits, sh, degree }, &mut self.statistics)?;
         resident.newer = Newer::Neither;
         Ok(())
     }
 
-    /// Says that the Gaussians were changed here.
+    /// Records that the Gaussians on the host were changed.
     pub(crate) fn changed(&mut self) {
-        self.resident.iter_mut().for_each(|resident| resident.newer = Newer::Here);
+        self.resident.iter_mut().for_each(|resident| resident.newer = Newer::Host);
     }
 
-    /// Whether what is here is as new as what there is.
+    /// Whether the Gaussians on the host are the newest.
     pub(crate) fn is_fetched(&self) -> bool {
-        self.resident.as_ref().is_none_or(|resident| resident.newer != Newer::There)
+        self.resident.as_ref().is_none_or(|resident| resident.newer != Newer::Device)
     }
 
-    /// Whether steps are taken where the rasterizer keeps the Gaussians: what else they need is here.
+    /// Whether steps are taken on the device: it has no color corrections and refines no cameras.
     pub(crate) fn is_resident(&self) -> bool {
         self.resident.is_some() && self.exposures.is_empty() && !self.settings.poses.refine
     }
 
     /// How long each pass on the device took since this was last asked; nothing where that is not measured.
     pub fn pass_times(&mut self) -> Vec<(&'static str, Duration)> {
-        self.resident.as_mut().map(|resident| resident.there.pass_times()).unwrap_or_default()
+        self.resident.as_mut().map(|resident| resident.device.pass_times()).unwrap_or_default()
     }
 
-    /// One step toward a photo. Returns the loss, the mean squared difference and the pairs.
-    pub(crate) fn step_there(
+    /// One step toward a photo, on the device. Returns the loss, the mean squared difference and the pairs.
+    pub(crate) fn step_on_device(
         &mut self,
         index: usize,
         level: usize,
@@ -67,10 +67,10 @@ impl Fit {
         let rates = self.settings.rates.in_run_of(self.settings.steps);
         let regularizer = self.strategy.regularizer(moment, self.population.len());
         let Some(resident) = &mut self.resident else { return Ok((f64::NAN, f64::NAN, 0)) };
-        if resident.newer == Newer::Here {
+        if resident.newer == Newer::Host {
             resident.load(&self.population)?;
         }
-        let PhotoLoss { loss, mse, pairs } = resident.there.step(&PhotoStep {
+        let PhotoLoss { loss, mse, pairs } = resident.device.step(&PhotoStep {
             camera: CameraSlices { viewmats: &viewmats, intrinsics: &intrinsics, background, width, height },
             settings: &self.raster,
             rgb: &photo.rgb,
@@ -88,7 +88,7 @@ impl Fit {
             },
             statistics: self.strategy.wants_statistics(moment),
         })?;
-        resident.newer = Newer::There;
+        resident.newer = Newer::Device;
         if !loss.is_finite() {
             return Err(self.diverged(loss, index, moment));
         }
