@@ -5,7 +5,7 @@
 //! are stored times [`BITS`], so that the Gaussian is opacity times 2^-(u^2 + v^2).
 
 use crate::each::each;
-use crate::tiles::{Footprint, Response, SHAPE_SUMS};
+use crate::tiles::{Footprint, Response};
 use weaver_kernels::lanes::{LANES, Lanes};
 
 /// sqrt(log2(e) / 2): exp(-x^2 / 2) = 2^-(BITS x)^2.
@@ -36,6 +36,9 @@ pub(crate) mod slot {
     /// q / p
     pub const TILT: usize = 15;
 }
+
+/// Number of sums over pixels.
+pub(crate) const SUMS: usize = 6;
 
 /// Where the sums over pixels of [`Response::backward`] are; g = alpha dL/dalpha where alpha is not capped.
 pub(crate) mod moment {
@@ -86,6 +89,7 @@ pub(crate) struct Loaded<V> {
 }
 
 impl Response for EwaGaussian {
+    const SUMS: usize = SUMS;
     type Loaded<V: Lanes> = Loaded<V>;
     /// u and v.
     type Sample<V: Lanes> = [V; 2];
@@ -108,7 +112,7 @@ impl Response for EwaGaussian {
     }
 
     #[inline(always)]
-    fn backward<V: Lanes>(&self, &[u, v]: &[V; 2], g: V, sums: &mut [V; SHAPE_SUMS]) {
+    fn backward<V: Lanes>(&self, &[u, v]: &[V; 2], g: V, sums: &mut [V]) {
         let (gu, gv) = (g * u, g * v);
         sums[moment::G] = sums[moment::G] + g;
         sums[moment::FIRST] = sums[moment::FIRST] + gu;

@@ -2,6 +2,7 @@
 
 use crate::columns::{prefetch_rows, put_columns, put_wide_columns, wide_columns};
 use crate::each::each;
+use crate::ewa::SUMS;
 use crate::extent::Extent;
 use crate::gradients::{Gradients, Target};
 use crate::project::{Coefficients, Group, projection};
@@ -172,7 +173,7 @@ impl<T: Real> LaneKernel<T> for ChunkPass<'_, T> {
                 let view = View::of(cameras, v).in_lanes::<V>();
                 let shape = projection(&view, settings, &group);
                 let mut dsight = [V::zero(); 3];
-                let dcolor = each!(3, |i| moments[moment::COLOR + i]);
+                let dcolor = each!(3, |i| moments[SUMS + moment::COLOR + i]);
                 match gaussians.color {
                     Color::None => {}
                     Color::Plain(_) => {

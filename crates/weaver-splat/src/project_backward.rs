@@ -3,7 +3,7 @@
 
 use crate::columns::finite;
 use crate::each::each;
-use crate::ewa::{BITS, moment as shape_sum};
+use crate::ewa::{BITS, SUMS, moment as shape_sum};
 use crate::matrix::{Mat23, Mat33, Vec3, apply_transposed, cross, dot, product_transposed, transposed_product};
 use crate::project::{Group, Projection};
 use crate::rotation::rotation_backward;
@@ -65,7 +65,7 @@ pub(crate) fn splat_backward<V: Lanes>(
     }
     let (inverse, inverse_square) = (V::constant(1.0 / BITS), V::constant(1.0 / (BITS * BITS)));
     let [p, q, r] = shape.factor;
-    let mut dpoint = [V::zero(), V::zero(), moments[moment::DEPTH]];
+    let mut dpoint = [V::zero(), V::zero(), moments[SUMS + moment::DEPTH]];
 
     // Opacity, and the compensation that depends on the shape. g = opacity dL/dopacity, compensated.
     let dopacity = moments[shape_sum::G] / (group.opacity * shape.compensation);

@@ -1,6 +1,6 @@
 //! The statistics of Gaussians from what a backward pass over the tiles has summed.
 
-use crate::ewa::{self, BITS, slot};
+use crate::ewa::{self, BITS, SUMS, slot};
 use crate::statistics::GaussianStatistics;
 use crate::tiles::{CHUNK, Record, Tiles, moment};
 use weaver_kernels::lanes::LANES;
@@ -24,11 +24,11 @@ impl<T: Real> GaussianStatistics<T> {
         let zero = T::ZERO;
         let ([mut gu, mut gv], mut absolute, mut weight, mut largest) = ([zero; 2], [zero; 2], zero, zero);
         for sums in entries {
-            gu += sums[moment::SHAPE + ewa::moment::FIRST];
-            gv += sums[moment::SHAPE + ewa::moment::FIRST + 1];
-            (0..2).for_each(|axis| absolute[axis] += sums[moment::ABSOLUTE + axis]);
-            weight += sums[moment::WEIGHT];
-            largest = largest.max(sums[moment::LARGEST_WEIGHT]);
+            gu += sums[ewa::moment::FIRST];
+            gv += sums[ewa::moment::FIRST + 1];
+            (0..2).for_each(|axis| absolute[axis] += sums[SUMS + moment::ABSOLUTE + axis]);
+            weight += sums[SUMS + moment::WEIGHT];
+            largest = largest.max(sums[SUMS + moment::LARGEST_WEIGHT]);
         }
         if weight <= zero {
             return;

@@ -26,7 +26,7 @@ mod window;
 pub use backward::BackwardPass;
 pub use forward::{Blending, TileStats};
 pub use grid::{Grid, Region, TileSide};
-pub use primitive::{Footprint, Projected, Projection, Response, SHAPE_SUMS};
+pub use primitive::{Footprint, MAX_SUMS, MAX_SUMS_WITH_STATISTICS, Projected, Projection, Response};
 
 pub(crate) use blend_backward::moment;
 pub(crate) use coverage::{CHUNK, Chunk};

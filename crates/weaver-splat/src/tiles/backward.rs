@@ -21,7 +21,8 @@ pub struct BackwardPass<'a, T> {
     pub blending: Blending<'a, T>,
     /// Gradients that arrive at the images.
     pub cotangents: Cotangents<'a, T>,
-    /// Whether to sum what [`GaussianStatistics`](crate::GaussianStatistics) are made of, too.
+    /// Whether to sum what [`GaussianStatistics`](crate::GaussianStatistics) are made of, too; only where there is room for it
+    /// ([`MAX_SUMS_WITH_STATISTICS`](super::MAX_SUMS_WITH_STATISTICS)).
     pub statistics: bool,
 }
 
@@ -91,15 +92,15 @@ impl<T: Real> Tiles<T> {
         });
     }
 
-    /// What primitive `n` of view `v` receives from the pixels, after [`backward`](Self::backward): the sums of its shape
-    /// ([`Response::backward`]), the gradients with respect to its color, and to its depth.
-    pub fn sums(&self, v: usize, n: usize) -> ([T; super::SHAPE_SUMS], [T; 3], T) {
+    /// Gradients of primitive `n` of view `v`, after [`backward`](Self::backward): the sums of its shape ([`Response::backward`]), of which
+    /// it has `N` ([`Response::SUMS`]), the gradients with respect to its color, and to the depth of its record.
+    pub fn sums<const N: usize>(&self, v: usize, n: usize) -> ([T; N], [T; 3], T) {
         let mut sums = [T::ZERO; LANES];
         for row in self.entries(v, n) {
             sums.iter_mut().zip(row).for_each(|(sum, x)| *sum += *x);
         }
-        let shape = std::array::from_fn(|i| sums[moment::SHAPE + i]);
-        (shape, std::array::from_fn(|i| sums[moment::COLOR + i]), sums[moment::DEPTH])
+        let shape = std::array::from_fn(|i| sums[i]);
+        (shape, std::array::from_fn(|i| sums[N + moment::COLOR + i]), sums[N + moment::DEPTH])
     }
 }
 

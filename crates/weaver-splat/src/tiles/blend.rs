@@ -13,14 +13,24 @@ pub(crate) fn planes(depth: bool, channels: usize) -> usize {
     4 + usize::from(depth) + channels
 }
 
+/// Place of the depth among the planes behind the transmittance.
+pub(crate) const DEPTH_PLANE: usize = 3;
+
 /// A primitive's numbers for the first `C` planes behind the transmittance: red, green, blue, depth.
 #[inline(always)]
 pub(crate) fn values<V: Lanes, const C: usize>(numbers: &[V::Scalar; LANES]) -> [V; C] {
-    each!(C, |i| V::splat(numbers[if i < 3 { record::COLOR + i } else { record::DEPTH }]))
+    each!(C, |i| V::splat(numbers[if i < DEPTH_PLANE { record::COLOR + i } else { record::DEPTH }]))
+}
+
+/// The value of plane `i` behind the transmittance at the pixels of a sample: only depth varies from pixel to pixel.
+#[inline(always)]
+pub(crate) fn at_pixels<V: Lanes, R: Response>(response: &R, i: usize, value: V, sample: &R::Sample<V>) -> V {
+    if i == DEPTH_PLANE { response.depth(sample, value) } else { value }
 }
 
 /// Adds primitives to the planes of a window, of which `C` are colors and depth. `MORE` says that there are features.
-pub(crate) struct Blend<'a, V: Lanes, const C: usize, const MORE: bool> {
+pub(crate) struct Blend<'a, V: Lanes, R, const C: usize, const MORE: bool> {
+    response: &'a R,
     features: Features<'a, V::Scalar>,
     /// Primitives per view.
     per_view: usize,
@@ -42,15 +52,20 @@ struct Met<'a, V: Lanes> {
     count: usize,
 }
 
-impl<'a, V: Lanes, const C: usize, const MORE: bool> Blend<'a, V, C, MORE> {
+impl<'a, V: Lanes, R, const C: usize, const MORE: bool> Blend<'a, V, R, C, MORE> {
     /// `planes` are those after the transmittance.
     #[inline(always)]
-    pub fn new(features: Option<Features<'a, V::Scalar>>, per_view: usize, planes: &'a mut [Plane<V::Scalar>]) -> Self {
+    pub fn new(
+        response: &'a R,
+        features: Option<Features<'a, V::Scalar>>,
+        per_view: usize,
+        planes: &'a mut [Plane<V::Scalar>],
+    ) -> Self {
         planes.as_flattened_mut().fill(Row::default());
         let (sums, more) = planes.split_first_chunk_mut().expect("planes of colors and depth");
         let features = features.unwrap_or(Features { values: &[], channels: 0 });
         let met = [Met { hits: [(V::zero(), &[][..]); LANES], count: 0 }; LANES];
-        Self { features, per_view, sums, more, met, values: [V::zero(); C], row: &[] }
+        Self { response, features, per_view, sums, more, met, values: [V::zero(); C], row: &[] }
     }
 
     /// Adds the features that are not added yet.
@@ -95,7 +110,7 @@ impl<'a, V: Lanes, const C: usize, const MORE: bool> Blend<'a, V, C, MORE> {
     }
 }
 
-impl<V: Lanes, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for Blend<'_, V, C, MORE> {
+impl<V: Lanes, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for Blend<'_, V, R, C, MORE> {
     #[inline(always)]
     fn begin(&mut self, primitive: usize, record: &[V::Scalar; LANES]) {
         self.values = values(record);
@@ -108,7 +123,8 @@ impl<V: Lanes, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for 
     fn hit(&mut self, hit: &Hit<V, R::Sample<V>>) {
         for i in 0..C {
             let sum = &mut self.sums[i][hit.block].0;
-            hit.weight.mul_add(self.values[i], V::load(sum)).store(sum);
+            let value = at_pixels(self.response, i, self.values[i], &hit.sample);
+            hit.weight.mul_add(value, V::load(sum)).store(sum);
         }
         if MORE {
             let Met { hits, count } = &mut self.met[hit.block];

@@ -3,8 +3,8 @@
 //! The walk is front to back again, with exactly the arithmetic of the forward pass. What lies behind a primitive at a pixel is
 //! what the whole list gave there, known from the forward pass, less what came up to it.
 
-use super::blend::values;
-use super::primitive::{Response, SHAPE_SUMS};
+use super::blend::{DEPTH_PLANE, at_pixels, values};
+use super::primitive::{MAX_SUMS, MAX_SUMS_WITH_STATISTICS, Response};
 use super::traverse::{Hit, Visitor};
 use super::window::{Plane, Window};
 use crate::each::each;
@@ -13,13 +13,10 @@ use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, Lanes, Row};
 use weaver_scene::Features;
 
-/// Where the row of a list entry keeps which sum over pixels; w = alpha T.
+/// Places in the row of a list entry behind the [`Response::SUMS`] sums of the primitive's shape; w = alpha T.
 pub(crate) mod moment {
-    use super::SHAPE_SUMS;
-    /// The sums of the primitive's shape, [`Response::backward`](super::Response::backward).
-    pub const SHAPE: usize = 0;
     /// sum w dimage
-    pub const COLOR: usize = SHAPE + SHAPE_SUMS;
+    pub const COLOR: usize = 0;
     /// sum w ddepth
     pub const DEPTH: usize = COLOR + 3;
     /// sum |dL/dx|, sum |dL/dy| for a position (x, y) on the image; with statistics only, as all that follow.
@@ -132,8 +129,9 @@ pub(crate) struct BlendBackward<'a, V: Lanes, R: Response, const C: usize, const
     /// The primitive's numbers for the planes.
     values: [V; C],
     loaded: R::Loaded<V>,
-    shape: [V; SHAPE_SUMS],
-    blended: [V; moment::SUMS - SHAPE_SUMS],
+    /// The first [`Response::SUMS`] are used.
+    shape: [V; MAX_SUMS],
+    blended: [V; moment::SUMS],
     largest: V,
     /// Its features, and their sums.
     row: &'a [V::Scalar],
@@ -168,6 +166,7 @@ impl<'a, V: Lanes, R: Response, const C: usize, const MORE: bool> BlendBackward<
         sums: EntrySums<'a, V::Scalar>,
         row_sums: &'a mut [Row<V::Scalar>],
     ) -> Self {
+        const { assert!(R::SUMS <= MAX_SUMS, "a primitive with more sums than a row has places for") };
         let zero = V::zero();
         let (rest, planes) = planes.split_first_mut().expect("a plane of the rest");
         let (cotangents, more) = planes.split_first_chunk().expect("planes of colors and depth");
@@ -176,7 +175,7 @@ impl<'a, V: Lanes, R: Response, const C: usize, const MORE: bool> BlendBackward<
             alpha_max: V::constant(alpha_max),
             features: attributes.features.unwrap_or(Features { values: &[], channels: 0 }),
             per_view: attributes.per_view,
-            statistics: attributes.statistics,
+            statistics: attributes.statistics && R::SUMS <= MAX_SUMS_WITH_STATISTICS,
             rest,
             cotangents,
             more,
@@ -192,17 +191,13 @@ impl<'a, V: Lanes, R: Response, const C: usize, const MORE: bool> BlendBackward<
     }
 }
 
-/// Where `blended` keeps what.
-const fn after_shape(moment: usize) -> usize {
-    moment - SHAPE_SUMS
-}
-
 impl<V: Lanes, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for BlendBackward<'_, V, R, C, MORE> {
     #[inline(always)]
     fn begin(&mut self, primitive: usize, record: &[V::Scalar; LANES]) {
         let zero = V::zero();
         self.values = values(record);
-        (self.shape, self.blended) = ([zero; _], [zero; _]);
+        self.shape[..R::SUMS].fill(zero);
+        self.blended = [zero; _];
         if MORE {
             self.largest = zero;
             self.loaded = self.response.load(record);
@@ -218,9 +213,13 @@ impl<V: Lanes, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for 
         let mut value = V::zero();
         for i in 0..C {
             let d = V::load(&self.cotangents[i][block].0);
-            value = if i == 0 { d * self.values[i] } else { d.mul_add(self.values[i], value) };
-            let sum = &mut self.blended[after_shape(moment::COLOR) + i];
+            let own = at_pixels(self.response, i, self.values[i], sample);
+            value = if i == 0 { d * own } else { d.mul_add(own, value) };
+            let sum = &mut self.blended[moment::COLOR + i];
             *sum = weight.mul_add(d, *sum);
+            if i == DEPTH_PLANE {
+                self.response.depth_backward(sample, weight * d, &mut self.shape[..R::SUMS]);
+            }
         }
         if MORE {
             for ((d, &feature), sum) in self.more.iter().zip(self.row).zip(self.row_sums.iter_mut()) {
@@ -235,7 +234,7 @@ impl<V: Lanes, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for 
         // alpha dL/dalpha = w value - alpha / (1 - alpha) rest
         let odds = *alpha * (V::constant(1.0) - *alpha).recip();
         let g = odds.neg_mul_add(rest, value).only(self.alpha_max.ge_among(*raw, *seen));
-        self.response.backward(sample, g, &mut self.shape);
+        self.response.backward(sample, g, &mut self.shape[..R::SUMS]);
         if MORE && self.statistics {
             let [dx, dy] = self.response.screen_gradient(&self.loaded, sample, g);
             let [.., x, y, total] = &mut self.blended;
@@ -249,13 +248,16 @@ impl<V: Lanes, R: Response, const C: usize, const MORE: bool> Visitor<V, R> for 
     #[inline(always)]
     fn end(&mut self, place: usize) {
         let zero = V::zero();
-        let ([a, b, c, d, e, f], [g, h, i, j, k, l, m]) = (self.shape, self.blended);
-        let sums = V::sums(&[a, b, c, d, e, f, g, h, i, j, k, l, m, zero, zero, zero]);
+        let blended = if R::SUMS <= MAX_SUMS_WITH_STATISTICS { moment::SUMS } else { moment::ABSOLUTE };
+        let mut sums = [zero; LANES];
+        sums[..R::SUMS].copy_from_slice(&self.shape[..R::SUMS]);
+        sums[R::SUMS..][..blended].copy_from_slice(&self.blended[..blended]);
+        let sums = V::sums(&sums);
         let row = &mut self.sums.moments[place].0;
         (V::load(row) + sums).store(row);
         if MORE {
             if self.statistics {
-                let largest = &mut row[moment::LARGEST_WEIGHT];
+                let largest = &mut row[R::SUMS + moment::LARGEST_WEIGHT];
                 *largest = self.largest.to_array().into_iter().fold(*largest, V::Scalar::max);
             }
             let channels = self.row.len();

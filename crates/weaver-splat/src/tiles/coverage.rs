@@ -26,6 +26,8 @@ pub(crate) struct Chunk {
     places: Vec<AtomicU32>,
     /// Columns touched in each row of tiles, for the sixteen primitives at hand.
     spans: Vec<[Range<u32>; LANES]>,
+    /// Columns of the second intervals, where outlines have two.
+    second_spans: Vec<[Range<u32>; LANES]>,
     /// Primitives that cover a tile.
     pub covered: usize,
     /// Primitives with numbers that are not finite.
@@ -95,7 +97,7 @@ impl<T: Real, P: Projection<T>, F: Footprint> LaneKernel<T> for Coverage<'_, P, 
             let projected = projection.project(&mut state, first, out.len());
             let seen = projected.seen.bits();
             chunk.rejected += projected.rejected.bits().count_ones() as usize;
-            let rows = rows_of(footprint, &projected.columns, seen, grid, &mut chunk.spans);
+            let rows = rows_of(footprint, &projected.columns, seen, grid, [&mut chunk.spans, &mut chunk.second_spans]);
             let z = projected.depth().to_array();
             let mut records = projected.columns;
             V::transpose(&mut records);
@@ -105,6 +107,9 @@ impl<T: Real, P: Projection<T>, F: Footprint> LaneKernel<T> for Coverage<'_, P, 
                 for (row, span) in rows[lane].clone().zip(&chunk.spans) {
                     let tiles = span[lane].clone().map(|column| AtomicU32::new(grid.tile(column, row)));
                     chunk.places.extend(tiles);
+                }
+                for (row, span) in rows[lane].clone().zip(&chunk.second_spans) {
+                    chunk.places.extend(span[lane].clone().map(|column| AtomicU32::new(grid.tile(column, row))));
                 }
                 let after = chunk.places.len();
                 chunk.starts.push(after as u32);
@@ -116,14 +121,15 @@ impl<T: Real, P: Projection<T>, F: Footprint> LaneKernel<T> for Coverage<'_, P, 
     }
 }
 
-/// The rows of tiles that each outline touches, and in `spans[k]` the columns in the k-th of them.
+/// The rows of tiles that each outline touches, and in `spans[k]` the columns in the k-th of them. Second intervals share no column with
+/// the first.
 #[inline(always)]
 fn rows_of<V: Lanes>(
     footprint: &impl Footprint,
     columns: &[V; LANES],
     seen: u16,
     grid: &Grid,
-    spans: &mut Vec<[Range<u32>; LANES]>,
+    [spans, second_spans]: [&mut Vec<[Range<u32>; LANES]>; 2],
 ) -> [Range<u32>; LANES] {
     let (top, bottom) = footprint.rows(columns);
     let (top, bottom) = (top.to_array(), bottom.to_array());
@@ -137,16 +143,37 @@ fn rows_of<V: Lanes>(
     let first = V::from_fn(|lane| V::Scalar::from_f64(f64::from(rows[lane].start) * grid.side as f64 + 0.5));
     let most = rows.iter().map(|rows| rows.len()).max().unwrap_or(0);
     spans.clear();
+    second_spans.clear();
     for k in 0..most {
         let top = V::constant(k as f64).mul_add(side, first);
-        let (left, right, touched) = footprint.span(columns, top, top + side - V::constant(1.0));
-        let (left, right, touched) = (left.to_array(), right.to_array(), touched.bits());
-        spans.push(std::array::from_fn(|lane| {
-            if touched >> lane & 1 == 0 {
-                return 0..0;
-            }
-            grid.touched(0, left[lane].to_f64(), right[lane].to_f64())
-        }));
+        let bottom = top + side - V::constant(1.0);
+        spans.push(columns_of(footprint.span(columns, top, bottom), grid));
+        if let Some(second) = footprint.second_span(columns, top, bottom) {
+            let mut second = columns_of::<V>(second, grid);
+            let first = spans.last_mut().into_iter().flatten();
+            first.zip(&mut second).for_each(|(first, second)| part(first, second));
+            second_spans.push(second);
+        }
     }
     rows
+}
+
+/// The columns of tiles that intervals of x touch.
+#[inline(always)]
+fn columns_of<V: Lanes>((left, right, touched): (V, V, V::Mask), grid: &Grid) -> [Range<u32>; LANES] {
+    let (left, right, touched) = (left.to_array(), right.to_array(), touched.bits());
+    std::array::from_fn(|lane| {
+        if touched >> lane & 1 == 0 {
+            return 0..0;
+        }
+        grid.touched(0, left[lane].to_f64(), right[lane].to_f64())
+    })
+}
+
+/// Merges two ranges into the first where they share a column: a tile has a primitive once.
+fn part(first: &mut Range<u32>, second: &mut Range<u32>) {
+    if first.start.max(second.start) < first.end.min(second.end) {
+        *first = first.start.min(second.start)..first.end.max(second.end);
+        *second = 0..0;
+    }
 }

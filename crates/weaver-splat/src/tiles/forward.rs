@@ -190,7 +190,7 @@ impl<T: Real, P: Footprint + Response, const C: usize, const MORE: bool> LaneKer
         let mut total = Work::default();
         for (i, window) in windows_of(self.grid, self.tile) {
             let [transmittance, planes @ ..] = &mut self.planes[i * per_window..][..per_window] else { continue };
-            let mut blend = Blend::<V, C, MORE>::new(features, self.per_view, planes);
+            let mut blend = Blend::<V, P, C, MORE>::new(self.primitive, features, self.per_view, planes);
             let work = traverse(self.primitive, alpha_max, &window, self.list, self.records, transmittance, &mut blend);
             blend.finish();
             total.pairs += work.pairs;

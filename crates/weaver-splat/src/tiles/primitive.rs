@@ -57,6 +57,12 @@ pub trait Footprint: Sync {
     /// The smallest and the largest x of the outlines between two rows of pixel centers at y = `top` and y = `bottom`, and
     /// which outlines reach these rows at all.
     fn span<V: Lanes>(&self, columns: &[V; LANES], top: V, bottom: V) -> (V, V, V::Mask);
+
+    /// The second interval of x, as [`span`](Self::span), of outlines that the seam of a panorama cuts in two; by default there is none.
+    #[inline(always)]
+    fn second_span<V: Lanes>(&self, _columns: &[V; LANES], _top: V, _bottom: V) -> Option<(V, V, V::Mask)> {
+        None
+    }
 }
 
 /// What a primitive returns at a pixel, and what it receives back.
@@ -64,6 +70,10 @@ pub trait Footprint: Sync {
 /// The inner loop of blending is monomorphized over this trait; implementations should mark every method
 /// `#[inline(always)]`.
 pub trait Response: Sync {
+    /// Number of sums over pixels for the gradient of the primitive's shape, at most [`MAX_SUMS`]. With more than
+    /// [`MAX_SUMS_WITH_STATISTICS`] there is no room for statistics.
+    const SUMS: usize;
+
     /// A primitive's numbers, each in all lanes.
     type Loaded<V: Lanes>: Copy;
     /// What [`backward`](Self::backward) needs to know of a primitive at sixteen pixels.
@@ -75,14 +85,33 @@ pub trait Response: Sync {
     /// The alpha of a primitive at the pixel centers (x, y), before it is capped.
     fn at<V: Lanes>(&self, primitive: &Self::Loaded<V>, x: V, y: V) -> (V, Self::Sample<V>);
 
-    /// Adds what the pixels pass back to the numbers that alpha depends on. `g` is alpha dL/dalpha, the gradient with
-    /// respect to the logarithm of alpha. What the six sums over pixels mean is up to the primitive.
-    fn backward<V: Lanes>(&self, sample: &Self::Sample<V>, g: V, sums: &mut [V; SHAPE_SUMS]);
+    /// The depth at the pixels of a sample, finite also where alpha is zero. `center` is the depth of the record, which all
+    /// pixels have by default.
+    #[inline(always)]
+    fn depth<V: Lanes>(&self, _sample: &Self::Sample<V>, center: V) -> V {
+        center
+    }
 
-    /// The gradient with respect to the primitive's position on the image, in pixels, that each pixel contributes. Asked
-    /// for by statistics only.
-    fn screen_gradient<V: Lanes>(&self, primitive: &Self::Loaded<V>, sample: &Self::Sample<V>, g: V) -> [V; 2];
+    /// Adds what the pixels pass back to the numbers that alpha depends on. `g` is alpha dL/dalpha, the gradient with
+    /// respect to the logarithm of alpha. What the [`SUMS`](Self::SUMS) sums over pixels mean is up to the primitive.
+    fn backward<V: Lanes>(&self, sample: &Self::Sample<V>, g: V, sums: &mut [V]);
+
+    /// Adds what the pixels pass back to the numbers that [`depth`](Self::depth) depends on; `g` is the gradient with respect to
+    /// the depth at each pixel. By default none: the gradient with respect to a record's depth is summed anyway.
+    #[inline(always)]
+    fn depth_backward<V: Lanes>(&self, _sample: &Self::Sample<V>, _g: V, _sums: &mut [V]) {}
+
+    /// The gradient with respect to the primitive's position on the image, in pixels, that each pixel contributes; zero by
+    /// default. Asked for by statistics only.
+    #[inline(always)]
+    fn screen_gradient<V: Lanes>(&self, _primitive: &Self::Loaded<V>, _sample: &Self::Sample<V>, _g: V) -> [V; 2] {
+        [V::zero(); 2]
+    }
 }
 
-/// Number of sums over pixels that a primitive has for the gradient of its shape.
-pub const SHAPE_SUMS: usize = 6;
+/// Largest number of sums over pixels that a primitive may have for the gradient of its shape: a row has sixteen places, of which
+/// color and depth take four.
+pub const MAX_SUMS: usize = LANES - 4;
+
+/// Largest number of such sums of primitives with statistics, which take four places more.
+pub const MAX_SUMS_WITH_STATISTICS: usize = MAX_SUMS - 4;

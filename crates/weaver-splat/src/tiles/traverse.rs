@@ -66,9 +66,14 @@ fn blocks_of<V: Lanes>(
     for row in 0..BLOCK {
         let top = corner_y + V::constant((row * BLOCK) as f64);
         let (left, right, touched) = footprint.span(&columns, top, top + far);
+        let second = footprint.second_span(&columns, top, top + far);
         for column in 0..BLOCK {
             let x = corner_x + V::constant((column * BLOCK) as f64);
-            seen[row * BLOCK + column] = (x + far).ge_among(left, right.ge_among(x, touched)).bits();
+            let seen = &mut seen[row * BLOCK + column];
+            *seen = (x + far).ge_among(left, right.ge_among(x, touched)).bits();
+            if let Some((left, right, touched)) = second {
+                *seen |= (x + far).ge_among(left, right.ge_among(x, touched)).bits();
+            }
         }
     }
     transpose_bits(seen)

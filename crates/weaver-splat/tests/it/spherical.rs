@@ -9,8 +9,8 @@ use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
 use weaver_kernels::random::Stream;
 use weaver_splat::tiles::{
-    ALPHA_MIN, BackwardPass, Blending, Footprint, Grid, Projected, Projection, Response, SHAPE_SUMS, TRANSMITTANCE_END,
-    Tiles, record,
+    ALPHA_MIN, BackwardPass, Blending, Footprint, Grid, Projected, Projection, Response, TRANSMITTANCE_END, Tiles,
+    record,
 };
 use weaver_splat::{Cotangents, Images, Region, TileSide};
 
@@ -101,6 +101,7 @@ impl Footprint for Sphere {
 }
 
 impl Response for Sphere {
+    const SUMS: usize = 5;
     type Loaded<V: Lanes> = [V; 5];
     /// w, and 1 - d . w.
     type Sample<V: Lanes> = ([V; 3], V);
@@ -120,14 +121,10 @@ impl Response for Sphere {
     }
 
     #[inline(always)]
-    fn backward<V: Lanes>(&self, &(w, away): &([V; 3], V), g: V, sums: &mut [V; SHAPE_SUMS]) {
+    fn backward<V: Lanes>(&self, &(w, away): &([V; 3], V), g: V, sums: &mut [V]) {
         for (sum, x) in sums.iter_mut().zip([g * w[0], g * w[1], g * w[2], g * away, g]) {
             *sum = *sum + x;
         }
-    }
-
-    fn screen_gradient<V: Lanes>(&self, _spot: &[V; 5], _sample: &([V; 3], V), _g: V) -> [V; 2] {
-        unreachable!("no statistics are asked for")
     }
 }
 
@@ -234,7 +231,7 @@ proptest! {
             sum
         };
         for (n, spot) in spots.into_iter().enumerate().take(6) {
-            let ([x, y, z, away, g, _], color, depth) = tiles.sums(0, n);
+            let ([x, y, z, away, g], color, depth) = tiles.sums(0, n);
             let along = LN_2 * spot[3];
             let [red, green, blue] = color;
             let own = [along * x, along * y, along * z, -LN_2 * away, g / spot[4], red, green, blue, depth];
