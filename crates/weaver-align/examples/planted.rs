@@ -9,7 +9,7 @@ use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::{Camera, Intrinsics, Pose, so3, trajectory::look_at};
 use weaver_kernels::random::Stream;
 use weaver_losses::Photometric;
-use weaver_scene::{ActivatedGaussians, CameraSlices, Color, GaussianSlices};
+use weaver_scene::{ActivatedGaussians, CameraSlices, Color, GaussianSlices, Model};
 use weaver_splat::{CpuRasterizer, Images, RasterSettings, Rasterizer};
 
 /// Width of the photos.
@@ -70,6 +70,7 @@ fn draw(scene: &Scene<'_, f64>, camera: &Camera) -> Result<(Vec<f64>, f64), Box<
         background: &scene.background,
         width: camera.width,
         height: camera.height,
+        model: Model::Pinhole,
     };
     let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None };
     CpuRasterizer.session().forward(&scene.gaussians, &cameras, &scene.settings, images)?;

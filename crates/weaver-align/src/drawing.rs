@@ -3,7 +3,7 @@
 use crate::AlignError;
 use weaver_geometry::{Camera, Pose};
 use weaver_kernels::Real;
-use weaver_scene::{CameraSlices, GaussianSlices};
+use weaver_scene::{CameraSlices, GaussianSlices, Model};
 use weaver_splat::{Cotangents, Gradients, Images, RasterError, RasterSettings, Rasterizer, Session, Target};
 
 /// A scene, which stays as it is.
@@ -183,7 +183,7 @@ fn cameras<'a, T>(
     background: &'a [T],
     [height, width]: [usize; 2],
 ) -> CameraSlices<'a, T> {
-    CameraSlices { viewmats, intrinsics, background, width, height }
+    CameraSlices { viewmats, intrinsics, background, width, height, model: Model::Pinhole }
 }
 
 /// Convolves rows, then columns, with a Gaussian cut at three deviations; zeros outside.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use weaver_autograd::{Real, Var};
 use weaver_pose::CameraVars;
-use weaver_scene::{CameraSlices, Color, GaussianSlices, Groups};
+use weaver_scene::{CameraSlices, Color, GaussianSlices, Groups, Model};
 use weaver_splat::{
     BlendWeights, GaussianVars, Images, RasterError, RasterSettings, Workspace, WorkspacePool, rasterize,
 };
@@ -60,8 +60,14 @@ impl<T: Real> Seen<T> {
             features: None,
             groups: Some(groups),
         };
-        let cameras =
-            CameraSlices { viewmats: &viewmats, intrinsics: &intrinsics, background: &background, width, height };
+        let cameras = CameraSlices {
+            viewmats: &viewmats,
+            intrinsics: &intrinsics,
+            background: &background,
+            width,
+            height,
+            model: Model::Pinhole,
+        };
         let (mut images, mut alphas) = (vec![T::ZERO; 3 * pictures], vec![T::ZERO; pictures]);
         let drawn = Images { image: &mut images, alpha: &mut alphas, depth: None, features: None };
         rasterize(&gaussians, &cameras, &shot.settings, workspace, drawn)?;

@@ -8,7 +8,7 @@ use crate::population::Field;
 use crate::resident::Newer;
 use crate::strategy::Moment;
 use std::time::{Duration, Instant};
-use weaver_scene::{CameraSlices, intrinsics_row, viewmat};
+use weaver_scene::{CameraSlices, Model, intrinsics_row, viewmat};
 
 impl Fit {
     /// Copies the Gaussians and their statistics from the device that keeps them.
@@ -71,7 +71,14 @@ impl Fit {
             resident.load(&self.population)?;
         }
         let PhotoLoss { loss, mse, pairs } = resident.device.step(&PhotoStep {
-            camera: CameraSlices { viewmats: &viewmats, intrinsics: &intrinsics, background, width, height },
+            camera: CameraSlices {
+                viewmats: &viewmats,
+                intrinsics: &intrinsics,
+                background,
+                width,
+                height,
+                model: Model::Pinhole,
+            },
             settings: &self.raster,
             rgb: &photo.rgb,
             mask: photo.mask.as_deref(),

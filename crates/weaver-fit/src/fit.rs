@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
 use weaver_kernels::random::Stream;
-use weaver_scene::{CameraSlices, Gaussians, intrinsics_row, viewmat};
+use weaver_scene::{CameraSlices, Gaussians, Model, intrinsics_row, viewmat};
 use weaver_splat::{
     Cotangents, CpuRasterizer, GaussianStatistics, Gradients as RasterGradients, Images, RasterSettings, Session,
     Target,
@@ -314,7 +314,14 @@ impl Fit {
         let (height, width) = (camera.height, camera.width);
         let (viewmats, intrinsics) = (viewmat(&camera.pose), intrinsics_row(&camera));
         let background = &self.settings.background;
-        let cameras = CameraSlices { viewmats: &viewmats, intrinsics: &intrinsics, background, width, height };
+        let cameras = CameraSlices {
+            viewmats: &viewmats,
+            intrinsics: &intrinsics,
+            background,
+            width,
+            height,
+            model: Model::Pinhole,
+        };
         let raster = self.raster;
         let buffers = &mut self.buffers;
         buffers.resize(height * width);

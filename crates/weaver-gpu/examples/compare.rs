@@ -8,7 +8,7 @@ use safetensors::SafeTensors;
 use std::time::Instant;
 use weaver_gpu::{Choice, Context, GpuRasterizer, GpuSession};
 use weaver_kernels::random::Stream;
-use weaver_scene::{CameraSlices, Color, GaussianSlices};
+use weaver_scene::{CameraSlices, Color, GaussianSlices, Model};
 use weaver_splat::{Cotangents, Gradients, Images, RasterSettings, Session, Target, Workspace};
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
@@ -161,6 +161,7 @@ impl Scene {
             background: &self.background,
             width: self.width,
             height: self.height,
+            model: Model::Pinhole,
         };
         let settings = RasterSettings::default();
         let cotangents = Cotangents { image: Some(&self.dimage), ..Cotangents::default() };

@@ -13,7 +13,7 @@ use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
 use weaver_router::{AllocationKind, Masked};
-use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices};
+use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices, Model};
 use weaver_splat::{RasterSettings, Renderer};
 
 /// SplatWeaver with its weights, ready to run without gradients.
@@ -141,7 +141,8 @@ impl SplatWeaverPredictor {
             let encoded = model.encode(cx, all.reshape([1, views, 3, height, width]));
             let read = |cameras: &CameraVars<'_, f32>| {
                 let (viewmats, intrinsics) = (&cameras.viewmats.value(), &cameras.intrinsics.value());
-                CameraSlices { viewmats, intrinsics, background: &[], width, height }.to_cameras()
+                CameraSlices { viewmats, intrinsics, background: &[], width, height, model: Model::Pinhole }
+                    .to_cameras()
             };
             let mut predicted = read(&encoded.cameras);
             let targets = predicted.split_off(context);

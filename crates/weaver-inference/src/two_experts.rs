@@ -12,7 +12,7 @@ use weaver_kernels::random::Stream;
 use weaver_model::{TwoExperts, TwoExpertsConfig};
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
-use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices};
+use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices, Model};
 use weaver_splat::{RasterSettings, Renderer};
 
 /// 2Xplat with its weights, ready to run without gradients.
@@ -75,7 +75,7 @@ impl TwoExpertsPredictor {
         let CameraVars { viewmats, intrinsics } =
             self.model.cameras(Context::new(&self.tape, &self.params), all).cameras;
         let (viewmats, intrinsics) = (&viewmats.value(), &intrinsics.value());
-        CameraSlices { viewmats, intrinsics, background: &[], width, height }.to_cameras()
+        CameraSlices { viewmats, intrinsics, background: &[], width, height, model: Model::Pinhole }.to_cameras()
     }
 
     /// What the appearance expert makes of photos with these cameras, of the pixels that count.

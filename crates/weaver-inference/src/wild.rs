@@ -13,7 +13,7 @@ use weaver_kernels::random::Stream;
 use weaver_model::{Wild, WildConfig};
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
-use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices};
+use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices, Model};
 use weaver_splat::{RasterSettings, Renderer};
 
 /// WildSplatter with its weights, ready to run without gradients.
@@ -115,7 +115,8 @@ impl WildPredictor {
             let encoded = model.encode(cx, all.reshape([1, views, 3, height, width]));
             let mut predicted = {
                 let (viewmats, intrinsics) = (&encoded.cameras.viewmats.value(), &encoded.cameras.intrinsics.value());
-                CameraSlices { viewmats, intrinsics, background: &[], width, height }.to_cameras()
+                CameraSlices { viewmats, intrinsics, background: &[], width, height, model: Model::Pinhole }
+                    .to_cameras()
             };
             let targets = predicted.split_off(context);
             let given = GivenCameras::of(source, &predicted);

@@ -4,7 +4,7 @@ use crate::error::{LiftError, expect_len};
 use crate::operator::Operator;
 use weaver_geometry::Camera;
 use weaver_kernels::Real;
-use weaver_scene::{CameraSlices, Color, Features, GaussianSlices};
+use weaver_scene::{CameraSlices, Color, Features, GaussianSlices, Model};
 use weaver_splat::{Images, RasterSettings, Target, Workspace, rasterize};
 
 /// The weights with which Gaussians are drawn: [`forward`](Operator::forward) is [`rasterize`] with features,
@@ -115,6 +115,13 @@ impl<T: Real> Numbers<T> {
 
     fn as_slices(&self) -> CameraSlices<'_, T> {
         let Self { viewmat, intrinsics, background, size: [width, height] } = self;
-        CameraSlices { viewmats: viewmat, intrinsics, background, width: *width, height: *height }
+        CameraSlices {
+            viewmats: viewmat,
+            intrinsics,
+            background,
+            width: *width,
+            height: *height,
+            model: Model::Pinhole,
+        }
     }
 }

@@ -3,7 +3,18 @@
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::{Camera, Intrinsics, Pose};
 
-/// `V` pinhole cameras with images of one size, borrowed as rows of numbers.
+/// Model of a camera: the direction that each pixel looks in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Model {
+    /// A plane image: pixel (u, v) looks along ((u - cx) / fx, (v - cy) / fy, 1).
+    #[default]
+    Pinhole,
+    /// An equirectangular image of all directions: with the longitude 2 pi ((u / width) - 1/2) and the latitude
+    /// pi ((v / height) - 1/2), downward, pixel (u, v) looks along (cos lat sin lon, sin lat, cos lat cos lon). Intrinsics are not read.
+    Spherical,
+}
+
+/// `V` cameras with images of one size, borrowed as rows of numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraSlices<'a, T> {
     /// World to camera, OpenCV axes, `[V, 3, 4]` or `[V, 4, 4]` (the last row is not read): p = A m + t. A and t are
@@ -17,6 +28,8 @@ pub struct CameraSlices<'a, T> {
     pub width: usize,
     /// Image height in pixels.
     pub height: usize,
+    /// Model of all of them.
+    pub model: Model,
 }
 
 impl<T: Copy> CameraSlices<'_, T> {
@@ -36,7 +49,7 @@ impl<T: Copy> CameraSlices<'_, T> {
         [self.background[at], self.background[at + 1], self.background[at + 2]]
     }
 
-    /// Converts to cameras. The background is not used and may be empty.
+    /// Converts to pinhole cameras, whatever the model. The background is not used and may be empty.
     pub fn to_cameras(&self) -> Vec<Camera>
     where
         T: Into<f64>,
@@ -86,7 +99,7 @@ impl CameraRows {
     /// The cameras with a background, `[3]` or `[V, 3]`, in the form that a rasterizer takes.
     pub fn as_slices<'a>(&'a self, background: &'a [f32]) -> CameraSlices<'a, f32> {
         let Self { viewmats, intrinsics, width, height } = self;
-        CameraSlices { viewmats, intrinsics, background, width: *width, height: *height }
+        CameraSlices { viewmats, intrinsics, background, width: *width, height: *height, model: Model::Pinhole }
     }
 }
 

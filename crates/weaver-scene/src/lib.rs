@@ -22,7 +22,7 @@ mod slices;
 mod transform;
 
 pub use activated::ActivatedGaussians;
-pub use cameras::{CameraRows, CameraSlices, intrinsics_row, viewmat};
+pub use cameras::{CameraRows, CameraSlices, Model, intrinsics_row, viewmat};
 pub use frame::Frame;
 pub use gaussians::Gaussians;
 pub use points::PointCloud;

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use weaver_autograd::Tape;
 use weaver_kernels::random::Stream;
-use weaver_scene::{CameraSlices, Color, GaussianSlices};
+use weaver_scene::{CameraSlices, Color, GaussianSlices, Model};
 use weaver_splat::{
     BlendWeights, Cotangents, GaussianStatistics, Gradients, Images, RasterSettings, Region, Target, Timings,
     Workspace, rasterize, rasterize_backward,
@@ -88,6 +88,7 @@ impl Load {
             background: &[0.0; 3],
             width: self.size.0,
             height: self.size.1,
+            model: Model::Pinhole,
         };
         let settings = self.settings;
         let pixels = settings.region.map_or(self.planes[1].len(), |region| self.intrinsics.len() / 4 * region.pixels());

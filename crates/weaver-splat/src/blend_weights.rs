@@ -21,7 +21,7 @@ const PARTS: usize = 16;
 /// ```
 /// # use std::sync::Arc;
 /// # use weaver_autograd::Tape;
-/// # use weaver_scene::{CameraSlices, Color, GaussianSlices};
+/// # use weaver_scene::{CameraSlices, Color, GaussianSlices, Model};
 /// # use weaver_splat::{BlendWeights, Images, RasterSettings, Workspace, rasterize};
 /// # let gaussians = GaussianSlices {
 /// #     means: &[0.0_f32, 0.0, 2.0, 0.0, 0.0, 3.0],
@@ -38,6 +38,7 @@ const PARTS: usize = 16;
 /// #     background: &[0.0; 3],
 /// #     width: 1,
 /// #     height: 1,
+/// #     model: Model::Pinhole,
 /// # };
 /// # let mut alpha = [0.0];
 /// # let images = Images { image: &mut [], alpha: &mut alpha, depth: None, features: None };

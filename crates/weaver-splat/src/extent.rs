@@ -7,12 +7,12 @@ use crate::settings::RasterSettings;
 use crate::tiles::Region;
 use weaver_geometry::sh;
 use weaver_kernels::Real;
-use weaver_scene::{CameraSlices, Color, GaussianSlices, Groups};
+use weaver_scene::{CameraSlices, Color, GaussianSlices, Groups, Model};
 
 /// The sizes of a call, for those who implement a [`Rasterizer`](crate::Rasterizer): checked once, then relied on.
 ///
 /// ```
-/// use weaver_scene::{CameraSlices, Color, GaussianSlices};
+/// use weaver_scene::{CameraSlices, Color, GaussianSlices, Model};
 /// use weaver_splat::{Extent, RasterSettings};
 /// let gaussians = GaussianSlices {
 ///     means: &[0.0_f32; 6],
@@ -24,7 +24,7 @@ use weaver_scene::{CameraSlices, Color, GaussianSlices, Groups};
 ///     groups: None,
 /// };
 /// let intrinsics = [10.0, 10.0, 1.5, 1.5];
-/// let cameras = CameraSlices { viewmats: &[0.0; 12], intrinsics: &intrinsics, background: &[0.0; 3], width: 3, height: 2 };
+/// let cameras = CameraSlices { viewmats: &[0.0; 12], intrinsics: &intrinsics, background: &[0.0; 3], width: 3, height: 2, model: Model::Pinhole };
 /// let extent = Extent::of(&gaussians, &cameras, &RasterSettings::default(), false)?;
 /// assert_eq!((extent.gaussians, extent.views, extent.pixels()), (2, 1, 6));
 /// # Ok::<(), weaver_splat::RasterError>(())
@@ -77,7 +77,7 @@ impl Extent {
     ///
     /// # Errors
     ///
-    /// Lengths that do not fit, a degree above 4, an image without pixels, a background that is not finite, a region beyond
+    /// Cameras that are not pinholes, lengths that do not fit, a degree above 4, an image without pixels, a background that is not finite, a region beyond
     /// the image, more Gaussians than a call may have.
     pub fn of<T: Real>(
         gaussians: &GaussianSlices<'_, T>,
@@ -86,6 +86,11 @@ impl Extent {
         depth: bool,
     ) -> Result<Self, RasterError> {
         let (n, v) = (gaussians.opacities.len(), cameras.views());
+        if cameras.model != Model::Pinhole {
+            return Err(RasterError::Unsupported(
+                "Gaussians are drawn by pinhole cameras only, found spherical ones".into(),
+            ));
+        }
         if let Color::Sh { degree, .. } = gaussians.color
             && degree > sh::MAX_DEGREE
         {

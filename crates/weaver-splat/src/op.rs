@@ -13,7 +13,7 @@ use weaver_autograd::{Grad, Op, Outputs, Pool, Shape, ShapeError, Shapes, Var, V
 use weaver_geometry::sh::MAX_DEGREE;
 use weaver_kernels::Real;
 use weaver_pose::CameraVars;
-use weaver_scene::{CameraSlices, Color, Features, GaussianSlices, Groups};
+use weaver_scene::{CameraSlices, Color, Features, GaussianSlices, Groups, Model};
 
 /// A rasterizer, and its sessions that are kept from step to step. Cloning shares them.
 ///
@@ -267,6 +267,7 @@ impl<T: Real> Rasterize<T> {
             background: ins[7].data(),
             width: self.width,
             height: self.height,
+            model: Model::Pinhole,
         };
         (gaussians, cameras)
     }

@@ -42,7 +42,7 @@ use weaver_scene::{CameraSlices, GaussianSlices};
 /// gsplat 1.4.0 but for its bounding boxes: a splat is seen wherever its alpha reaches 1/255.
 ///
 /// ```
-/// use weaver_scene::{CameraSlices, Color, GaussianSlices};
+/// use weaver_scene::{CameraSlices, Color, GaussianSlices, Model};
 /// use weaver_splat::{Images, RasterSettings, Workspace, rasterize};
 /// let gaussians = GaussianSlices {
 ///     means: &[0.0_f32, 0.0, 2.0],
@@ -59,6 +59,7 @@ use weaver_scene::{CameraSlices, GaussianSlices};
 ///     background: &[0.0; 3],
 ///     width: 3,
 ///     height: 3,
+///     model: Model::Pinhole,
 /// };
 /// let (mut image, mut alpha, mut depth) = ([0.0; 27], [0.0; 9], [0.0; 9]);
 /// let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None };

@@ -62,7 +62,7 @@ impl<T: Real> Workspace<T> {
     /// A workspace that nothing was drawn with, or whose last drawing failed.
     ///
     /// ```
-    /// # use weaver_scene::{CameraSlices, Color, GaussianSlices};
+    /// # use weaver_scene::{CameraSlices, Color, GaussianSlices, Model};
     /// # use weaver_splat::{Images, RasterSettings, Workspace, rasterize};
     /// # let gaussians = GaussianSlices {
     /// #     means: &[0.0_f32, 0.0, 2.0],
@@ -79,6 +79,7 @@ impl<T: Real> Workspace<T> {
     /// #     background: &[0.0; 3],
     /// #     width: 1,
     /// #     height: 1,
+    /// #     model: Model::Pinhole,
     /// # };
     /// # let mut alpha = [0.0];
     /// # let images = Images { image: &mut [], alpha: &mut alpha, depth: None, features: None };

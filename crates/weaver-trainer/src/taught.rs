@@ -8,7 +8,7 @@ use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_inference::published::{Geometry, Teacher};
 use weaver_io::checkpoint::Tensors;
 use weaver_io::{Checksum, Image};
-use weaver_scene::{CameraRows, CameraSlices};
+use weaver_scene::{CameraRows, CameraSlices, Model};
 
 /// The file beside the photos that keeps what the teacher said.
 const CACHE: &str = "teacher.safetensors";
@@ -86,7 +86,8 @@ fn stored(tensors: &Tensors, photos: &[capture::MaskedImage]) -> Result<Geometry
     let map = |key: &str| Ok::<_, Error>(tensors.values::<f32>(key, &[views, height, width])?.to_vec());
     let viewmats = tensors.values::<f32>("viewmats", &[views, 3, 4])?;
     let intrinsics = tensors.values::<f32>("intrinsics", &[views, 4])?;
-    let cameras = CameraSlices { viewmats, intrinsics, background: &[], width, height }.to_cameras();
+    let cameras =
+        CameraSlices { viewmats, intrinsics, background: &[], width, height, model: Model::Pinhole }.to_cameras();
     Ok(Geometry { cameras, depth: map("depth")?, confidence: map("confidence")? })
 }
 

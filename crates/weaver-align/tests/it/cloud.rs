@@ -58,6 +58,7 @@ impl Cloud {
             background: &BACKGROUND,
             width: camera.width,
             height: camera.height,
+            model: weaver_scene::Model::Pinhole,
         };
         let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };
         CpuRasterizer.session().forward(&scene.gaussians, &cameras, &scene.settings, images).unwrap();

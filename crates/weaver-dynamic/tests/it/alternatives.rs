@@ -10,7 +10,7 @@ use weaver_dynamic::{
     uniform,
 };
 use weaver_nn::{Builder, Context};
-use weaver_scene::{CameraSlices, Color, GaussianSlices};
+use weaver_scene::{CameraSlices, Color, GaussianSlices, Model};
 use weaver_splat::{GaussianVars, Images, Rasterize, Workspace, WorkspacePool, rasterize};
 
 const AT: Moment = Moment { angle: 15.0, time: 0.4 };
@@ -179,6 +179,7 @@ fn the_gradient_by_weights_is_a_sparse_product() {
             background: &[0.0; 3],
             width: SIZE[1],
             height: SIZE[0],
+            model: Model::Pinhole,
         };
         let (mut workspace, mut alpha) = (Workspace::new(), [0.0; PIXELS]);
         let drawn = Images { image: &mut [], alpha: &mut alpha, depth: None, features: None };

@@ -7,7 +7,7 @@ use weaver_autograd::{Params, Tape};
 use weaver_geometry::Camera;
 use weaver_io::Image;
 use weaver_nn::Context;
-use weaver_scene::CameraSlices;
+use weaver_scene::{CameraSlices, Model};
 use weaver_vggt::Vggt;
 
 /// Cameras and depth of some photos, as a network sees them.
@@ -47,7 +47,7 @@ impl Geometry {
             });
             let cameras = encoded.scene_cameras(0);
             let (viewmats, intrinsics) = (&cameras.viewmats.value(), &cameras.intrinsics.value());
-            CameraSlices { viewmats, intrinsics, background: &[], width, height }.to_cameras()
+            CameraSlices { viewmats, intrinsics, background: &[], width, height, model: Model::Pinhole }.to_cameras()
         });
         if depth.iter().chain(&confidence).any(|x| !x.is_finite()) {
             return Err(Error::Numeric { what: "the depth".into() });

@@ -7,7 +7,7 @@ use weaver_geometry::glam::DVec3;
 use weaver_geometry::trajectory::look_at;
 use weaver_inference::{ViewOpacity, ViewOpacityRasterizer};
 use weaver_kernels::random::Stream;
-use weaver_scene::{CameraSlices, Color, GaussianSlices};
+use weaver_scene::{CameraSlices, Color, GaussianSlices, Model};
 use weaver_splat::{Cotangents, CpuRasterizer, Gradients, Images, RasterSettings, Rasterizer, Target};
 
 const SIZE: [usize; 2] = [18, 24];
@@ -63,6 +63,7 @@ impl Case {
             background: &[0.1, 0.2, 0.3],
             width: SIZE[1],
             height: SIZE[0],
+            model: Model::Pinhole,
         };
         let settings = RasterSettings::default();
         let (mut image, mut alpha) = (vec![0.0; 3 * PIXELS], vec![0.0; PIXELS]);
@@ -147,6 +148,7 @@ fn several_views_and_slopes_by_what_takes_no_part_are_refused() {
         background: &[0.0; 3],
         width: SIZE[1],
         height: SIZE[0],
+        model: Model::Pinhole,
     };
     let mut session = case.rasterizer.session();
     let settings = RasterSettings::default();

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use std::sync::Mutex;
 use weaver_kernels::random::Stream;
 use weaver_lift::{Descent, LiftOptions, Maps, Operator, Raster, Solver, Stop, guide, lift};
-use weaver_scene::CameraSlices;
+use weaver_scene::{CameraSlices, Model};
 use weaver_splat::{Images, RasterSettings, Workspace, rasterize};
 
 const SOLVERS: [Solver; 5] = [
@@ -62,6 +62,7 @@ proptest! {
             let slices = CameraSlices {
                 viewmats: &viewmat, intrinsics: &[k.fx, k.fy, k.cx, k.cy], background: &[0.0; 3],
                 width: camera.width, height: camera.height,
+                model: Model::Pinhole,
             };
             let (mut workspace, mut alpha) = (Workspace::new(), vec![0.0; rays]);
             let images = Images { image: &mut [], alpha: &mut alpha, depth: None, features: None };

@@ -4,7 +4,7 @@ use crate::scene::{NAMES, Planes, Scene, relative};
 use crate::twin::reference_planes;
 use proptest::prelude::*;
 use weaver_kernels::Real;
-use weaver_scene::{CameraSlices, Color, GaussianSlices};
+use weaver_scene::{CameraSlices, Color, GaussianSlices, Model};
 use weaver_splat::{Cotangents, Gradients, Images, RasterSettings, Target, Workspace, rasterize, rasterize_backward};
 
 /// In `f32` the last four are infinities.
@@ -297,6 +297,7 @@ fn a_million_on_one_pixel() {
             background: &[0.0; 3],
             width: 1,
             height: 1,
+            model: Model::Pinhole,
         };
         let (mut image, mut alpha) = ([0.0; 3], [0.0]);
         let images = Images { image: &mut image, alpha: &mut alpha, depth: None, features: None };

@@ -1,7 +1,7 @@
 //! Random scenes, and one call that renders and differentiates them.
 
 use weaver_kernels::{Real, random::Stream};
-use weaver_scene::{CameraSlices, Color, Features, GaussianSlices, Groups};
+use weaver_scene::{CameraSlices, Color, Features, GaussianSlices, Groups, Model};
 use weaver_splat::{
     Cotangents, GaussianStatistics, Gradients, Images, RasterSettings, RasterStats, Region, Target, Workspace,
     rasterize, rasterize_backward,
@@ -231,6 +231,7 @@ impl<T: Real> Scene<T> {
             background: &self.background,
             width: self.width,
             height: self.height,
+            model: Model::Pinhole,
         }
     }
 

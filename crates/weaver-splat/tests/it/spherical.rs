@@ -55,17 +55,16 @@ impl Sphere {
         let (longitude, latitude) = (x.atan2(z), y.clamp(-1.0, 1.0).asin());
         let row = |latitude: f64| (latitude / PI + 0.5) * self.height;
         let column = |longitude: f64| (longitude / (2.0 * PI) + 0.5) * self.width;
-        // Around a pole, and across the seam of the image, all columns.
+        // Around a pole, all columns.
         let half = if latitude.abs() + angle < PI / 2.0 { (angle.sin() / latitude.cos()).asin() + 1e-9 } else { PI };
-        let whole = longitude.abs() + half >= PI;
         let mut numbers = [0.0; LANES];
         numbers[slot::DIRECTION..][..5].copy_from_slice(&[x, y, z, concentration, opacity]);
         numbers[record::DEPTH] = depth;
         numbers[record::COLOR..][..3].copy_from_slice(&[red, green, blue]);
         numbers[slot::TOP] = row(latitude - angle);
         numbers[slot::BOTTOM] = row(latitude + angle);
-        numbers[slot::LEFT] = if whole { 0.0 } else { column(longitude - half) };
-        numbers[slot::RIGHT] = if whole { self.width } else { column(longitude + half) };
+        numbers[slot::LEFT] = column(longitude - half);
+        numbers[slot::RIGHT] = column(longitude + half);
         Some(numbers)
     }
 }
@@ -97,6 +96,14 @@ impl Footprint for Sphere {
     fn span<V: Lanes>(&self, columns: &[V; LANES], top: V, bottom: V) -> (V, V, V::Mask) {
         let touched = bottom.ge(columns[slot::TOP]).and(columns[slot::BOTTOM].ge(top));
         (columns[slot::LEFT], columns[slot::RIGHT], touched)
+    }
+
+    #[inline(always)]
+    fn second_span<V: Lanes>(&self, columns: &[V; LANES], top: V, bottom: V) -> Option<(V, V, V::Mask)> {
+        let (left, right, touched) = self.span(columns, top, bottom);
+        // What is beyond one end of a row is at the other.
+        let around = V::constant(self.width).or(V::zero().ge(left), V::constant(-self.width));
+        Some((left + around, right + around, touched))
     }
 }
 
