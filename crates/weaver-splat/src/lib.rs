@@ -6,6 +6,7 @@
 //! - [`BlendWeights`] are the weights of an image, kept: other features are then blended by a sparse product.
 //! - [`GaussianStatistics`] are by-products of a backward pass that density control decides by.
 //! - [`tiles`] sorts, bins and blends primitives of any shape, seen by any camera.
+//! - [`RasterizePrimitives`] is an operation on the tape for such primitives: one says how it is projected and differentiated ([`Primitive`]).
 //! - [`mod@reference`] computes images and gradients again, slowly and in another way, to test against.
 //!
 //! Conventions: world-to-camera matrices, OpenCV axes (x right, y down, z forward), pixel centers at +0.5, quaternions
@@ -25,6 +26,7 @@ mod gradients;
 mod matrix;
 mod memory;
 mod op;
+mod primitive_op;
 mod project;
 mod project_backward;
 mod rasterize;
@@ -35,6 +37,7 @@ mod render;
 mod rotation;
 mod settings;
 mod sh;
+mod shelf;
 mod statistics;
 mod statistics_pass;
 pub mod tiles;
@@ -49,6 +52,7 @@ pub use error::RasterError;
 pub use extent::Extent;
 pub use gradients::{Cotangents, Gradients, Target};
 pub use op::{GaussianVars, Rasterize, RenderedVars, WorkspacePool};
+pub use primitive_op::{PixelSums, Primitive, RasterizePrimitives, TilesPool};
 pub use rasterize::rasterize;
 pub use rasterize_backward::rasterize_backward;
 pub use rasterizer::{AnyRasterizer, Images, RasterStats, Rasterizer, Session};

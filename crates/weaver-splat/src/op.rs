@@ -6,6 +6,7 @@ use crate::error::RasterError;
 use crate::gradients::{Cotangents, Gradients, Target};
 use crate::rasterizer::{AnyRasterizer, Images, Session};
 use crate::settings::RasterSettings;
+use crate::shelf::Shelf;
 use crate::statistics::SharedStatistics;
 use crate::tiles::Region;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -21,8 +22,7 @@ use weaver_scene::{CameraSlices, Color, Features, GaussianSlices, Groups, Model}
 #[derive(Clone, Debug)]
 pub struct WorkspacePool<T: Real> {
     rasterizer: AnyRasterizer<T>,
-    free: Arc<Mutex<Vec<Box<dyn Session<T>>>>>,
-    failure: Arc<Mutex<Option<RasterError>>>,
+    shelf: Shelf<Box<dyn Session<T>>>,
 }
 
 impl<T: Real> WorkspacePool<T> {
@@ -33,7 +33,7 @@ impl<T: Real> WorkspacePool<T> {
 
     /// An empty pool of any rasterizer.
     pub fn of(rasterizer: AnyRasterizer<T>) -> Self {
-        Self { rasterizer, free: Arc::default(), failure: Arc::default() }
+        Self { rasterizer, shelf: Shelf::default() }
     }
 
     /// The rasterizer.
@@ -44,17 +44,7 @@ impl<T: Real> WorkspacePool<T> {
     /// What went wrong since this was last asked: arguments that the rasterizer refused, or a device that failed. Whatever was
     /// drawn since then is NaN.
     pub fn failure(&self) -> Option<RasterError> {
-        self.failure.lock().unwrap_or_else(PoisonError::into_inner).take()
-    }
-
-    fn fail(&self, error: RasterError) {
-        // The first is the cause, the rest follow from it.
-        self.failure.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
-    }
-
-    fn take(&self) -> Box<dyn Session<T>> {
-        let free = self.free.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        free.unwrap_or_else(|| self.rasterizer.session())
+        self.shelf.failure()
     }
 }
 
@@ -291,10 +281,7 @@ fn degree_of(terms: usize) -> Option<usize> {
 
 impl<T: Real> Drop for Rasterize<T> {
     fn drop(&mut self) {
-        let held = self.session.get_mut().unwrap_or_else(PoisonError::into_inner).take();
-        if let Some(session) = held {
-            self.pool.free.lock().unwrap_or_else(PoisonError::into_inner).push(session);
-        }
+        self.pool.shelf.put_back(&mut self.session);
     }
 }
 
@@ -337,13 +324,13 @@ impl<T: Real> Op<T> for Rasterize<T> {
         let [image, alpha, depth, features @ .., counts] = outs else {
             unreachable!("four outputs or five, by shapes()")
         };
-        let mut session = self.pool.take();
+        let mut session = self.pool.shelf.take(|| self.pool.rasterizer.session());
         let depth = self.depth.then_some(&mut **depth);
         let images = Images { image, alpha, depth, features: features.first_mut().map(|features| &mut **features) };
         let stats = match session.forward(&gaussians, &cameras, &self.settings, images) {
             Ok(stats) => stats,
             Err(error) => {
-                self.pool.fail(error);
+                self.pool.shelf.fail(error);
                 return outs.iter_mut().for_each(|out| out.fill(T::from_f64(f64::NAN)));
             }
         };
@@ -393,7 +380,7 @@ impl<T: Real> Op<T> for Rasterize<T> {
         if let Some(session) = held.as_mut()
             && let Err(error) = session.backward(&gaussians, &cameras, &self.settings, &cotangents, gradients)
         {
-            self.pool.fail(error);
+            self.pool.shelf.fail(error);
         }
     }
 }

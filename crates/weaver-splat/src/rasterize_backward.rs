@@ -4,7 +4,7 @@ use crate::error::RasterError;
 use crate::ewa::EwaGaussian;
 use crate::extent::Extent;
 use crate::gaussian_pass::GaussianPass;
-use crate::gradients::{Cotangents, Gradients};
+use crate::gradients::{Cotangents, Gradients, Target};
 use crate::memory::grown;
 use crate::rasterize::blending;
 use crate::settings::RasterSettings;
@@ -56,7 +56,9 @@ pub fn rasterize_backward<T: Real>(
         statistics: gradients.statistics.is_some(),
     };
     tiles.backward(&EwaGaussian, &pass, |v| cameras.background_of(v));
-    background_gradient(cameras, tiles, &mut gradients);
+    if let Some(target) = &mut gradients.background {
+        background_gradient(tiles, cameras.background.len() == 3, target);
+    }
     if let Some(statistics) = gradients.statistics.take() {
         statistics_pass::accumulate(tiles, extent.views, statistics);
     }
@@ -69,11 +71,9 @@ pub fn rasterize_backward<T: Real>(
     Ok(())
 }
 
-/// Sums the tiles' parts, in order.
-fn background_gradient<T: Real>(cameras: &CameraSlices<'_, T>, tiles: &Tiles<T>, gradients: &mut Gradients<'_, T>) {
-    let Some(target) = &mut gradients.background else { return };
+/// Sums the tiles' parts of the gradient of the background, in order; `shared` by all views or not.
+pub(crate) fn background_gradient<T: Real>(tiles: &Tiles<T>, shared: bool, target: &mut Target<'_, T>) {
     let sums = tiles.background_sums();
-    let shared = cameras.background.len() == 3;
     let per_color = if shared { sums.len() } else { tiles.tiles_per_view() };
     for (v, tiles) in sums.chunks(per_color.max(1)).enumerate() {
         for channel in 0..3 {

@@ -39,6 +39,18 @@ impl<V: Lanes> fmt::Debug for Projected<V> {
 }
 
 impl<V: Lanes> Projected<V> {
+    /// Primitives that were projected one by one: `None` for those that are not seen.
+    pub fn from_records(records: [Option<[V::Scalar; LANES]>; LANES]) -> Self {
+        let number = |lane: usize, k: usize| records[lane].map_or(V::Scalar::ZERO, |numbers| numbers[k]);
+        let seen =
+            records.iter().enumerate().fold(0, |bits, (lane, record)| bits | u16::from(record.is_some()) << lane);
+        Self {
+            columns: std::array::from_fn(|k| V::from_fn(|lane| number(lane, k))),
+            seen: V::Mask::from_bits(seen),
+            rejected: V::Mask::from_bits(0),
+        }
+    }
+
     /// The camera depth that orders the primitives of a pixel.
     #[inline(always)]
     pub(crate) fn depth(&self) -> V {

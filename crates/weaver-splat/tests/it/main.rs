@@ -14,5 +14,6 @@ mod rules;
 mod scene;
 mod seam;
 mod spherical;
+mod surfels;
 mod twin;
 mod visit;

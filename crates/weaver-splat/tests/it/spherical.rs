@@ -5,14 +5,12 @@
 
 use proptest::prelude::*;
 use std::f64::consts::{LN_2, PI};
+use weaver_autograd::Tape;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
 use weaver_kernels::random::Stream;
-use weaver_splat::tiles::{
-    ALPHA_MIN, BackwardPass, Blending, Footprint, Grid, Projected, Projection, Response, TRANSMITTANCE_END, Tiles,
-    record,
-};
-use weaver_splat::{Cotangents, Images, Region, TileSide};
+use weaver_splat::tiles::{ALPHA_MIN, Footprint, Projected, Projection, Response, TRANSMITTANCE_END, record};
+use weaver_splat::{PixelSums, Primitive, RasterSettings, RasterizePrimitives, TileSide, TilesPool};
 
 /// Numbers of a spot: direction 3, concentration, opacity, color 3, depth.
 const NUMBERS: usize = 9;
@@ -69,20 +67,41 @@ impl Sphere {
     }
 }
 
+/// Spots on the tape: one tensor `[N, 9]`.
+#[derive(Debug)]
+struct Spots;
+
+impl Primitive<f64> for Spots {
+    const NAME: &'static str = "rasterize_spots";
+    const TENSORS: &'static [usize] = &[NUMBERS];
+    type Seen<'a> = Sphere;
+
+    fn views(&self) -> usize {
+        1
+    }
+
+    fn seen(&self, tensors: &[&[f64]], size: [usize; 2]) -> Sphere {
+        let [width, height] = size.map(|side| side as f64);
+        Sphere { width, height, spots: tensors[0].as_chunks().0.to_vec() }
+    }
+
+    fn backward(sphere: &Sphere, _view: usize, n: usize, sums: &PixelSums<f64>, gradient: &mut [f64]) {
+        let (spot, [x, y, z, away, g, ..]) = (&sphere.spots[n], sums.shape);
+        let along = LN_2 * spot[3];
+        let [red, green, blue] = sums.color;
+        let own = [along * x, along * y, along * z, -LN_2 * away, g / spot[4], red, green, blue, sums.depth];
+        gradient.iter_mut().zip(own).for_each(|(sum, x)| *sum += x);
+    }
+}
+
 impl<T: Real> Projection<T> for Sphere {
     type State<V: Lanes<Scalar = T>> = ();
 
     fn begin<V: Lanes<Scalar = T>>(&self, _view: usize) {}
 
     fn project<V: Lanes<Scalar = T>>(&self, (): &mut (), first: usize, count: usize) -> Projected<V> {
-        let records: Vec<_> = self.spots[first..first + count].iter().map(|spot| self.record(spot)).collect();
-        let number = |lane: usize, k: usize| records.get(lane).copied().flatten().map_or(0.0, |record| record[k]);
-        let seen = records.iter().enumerate().fold(0, |bits, (i, record)| bits | u16::from(record.is_some()) << i);
-        Projected {
-            columns: std::array::from_fn(|k| V::from_fn(|lane| T::from_f64(number(lane, k)))),
-            seen: V::Mask::from_bits(seen),
-            rejected: V::Mask::from_bits(0),
-        }
+        let record = |i: usize| self.spots[first..first + count].get(i).and_then(|spot| self.record(spot));
+        Projected::from_records(std::array::from_fn(|i| record(i).map(|numbers| numbers.map(T::from_f64))))
     }
 }
 
@@ -205,15 +224,12 @@ proptest! {
     ) {
         let mut sphere = random(seed, n, size);
         let pixels = size.0 * size.1;
-        let mut tiles = Tiles::<f64>::new();
-        let stats = tiles.project(Grid::new(Region::whole(size.0, size.1), side), (1, n), &sphere, &sphere).unwrap();
-        prop_assert!(stats.covered <= n && stats.rejected == 0);
-        tiles.bin(None);
-        let blending = Blending { alpha_max: 0.99, depth: true, features: None };
-        tiles.blend(&sphere, &blending);
-        let [mut image, mut alpha, mut depth] = [3, 1, 1].map(|channels| vec![f64::NAN; channels * pixels]);
-        let images = Images { image: &mut image, alpha: &mut alpha, depth: Some(&mut depth), features: None };
-        tiles.images(&blending, |_| [0.0; 3], images);
+        let tape = Tape::<f64>::new();
+        let spots = tape.leaf(sphere.spots.as_flattened(), [n, NUMBERS]);
+        let settings = RasterSettings { tile: side, ..RasterSettings::default() };
+        let op = RasterizePrimitives::new(Spots, [size.0, size.1], settings, &TilesPool::new());
+        let drawn = op.apply(&[spots], tape.constant(&[0.0; 3], [3]));
+        let [image, alpha, depth] = [drawn.image, drawn.alpha, drawn.depth].map(|image| image.to_vec());
         let visible = visible(&sphere, size);
         for (i, expected) in blend(&sphere, size, &visible).chunks(5).enumerate() {
             let own = [image[3 * i], image[3 * i + 1], image[3 * i + 2], alpha[i], depth[i]];
@@ -222,13 +238,12 @@ proptest! {
 
         let stream = Stream::new(seed, 1, "splat.sphere");
         let weights: Vec<f64> = (0..5 * pixels as u64).map(|i| stream.normal(i)).collect();
-        let part = |range: std::ops::Range<usize>| -> Vec<f64> {
-            weights.chunks(5).flat_map(|pixel| pixel[range.clone()].to_vec()).collect()
-        };
-        let [dimage, dalpha, ddepth] = [0..3, 3..4, 4..5].map(part);
-        let cotangents =
-            Cotangents { image: Some(&dimage), alpha: Some(&dalpha), depth: Some(&ddepth), features: None };
-        tiles.backward(&sphere, &BackwardPass { blending, cotangents, statistics: false }, |_| [0.0; 3]);
+        let parts = [(drawn.image, 0..3), (drawn.alpha, 3..4), (drawn.depth, 4..5)].map(|(image, range)| {
+            let weights: Vec<f64> = weights.chunks(5).flat_map(|pixel| pixel[range.clone()].to_vec()).collect();
+            (image * tape.constant(&weights, image.shape())).sum()
+        });
+        parts.into_iter().reduce(|sum, part| sum + part).unwrap().backward();
+        let gradients = spots.grad().unwrap().to_vec();
         let spots = sphere.spots.clone();
         let mut loss = |n: usize, k: usize, by: f64| -> f64 {
             let before = sphere.spots[n][k];
@@ -238,11 +253,7 @@ proptest! {
             sum
         };
         for (n, spot) in spots.into_iter().enumerate().take(6) {
-            let ([x, y, z, away, g], color, depth) = tiles.sums(0, n);
-            let along = LN_2 * spot[3];
-            let [red, green, blue] = color;
-            let own = [along * x, along * y, along * z, -LN_2 * away, g / spot[4], red, green, blue, depth];
-            for (k, own) in own.into_iter().enumerate() {
+            for (k, own) in gradients[NUMBERS * n..][..NUMBERS].iter().copied().enumerate() {
                 // Alpha changes over directions as far apart as the concentration is large.
                 let step = if k < 3 { 1e-4 / spot[3] } else { 1e-5 * spot[k].abs().max(0.1) };
                 let slope = (loss(n, k, step) - loss(n, k, -step)) / (2.0 * step);
