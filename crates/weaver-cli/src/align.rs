@@ -3,14 +3,12 @@
 mod guess;
 mod results;
 
-use crate::Console;
 use crate::arguments::{Align, LossName, MethodName, Switch};
 use crate::drawing::Asked;
-use crate::failure::Failure;
-use crate::progress::Progress;
 use results::{Results, Row};
 use std::path::PathBuf;
 use weaver_align::{AlignError, Method, Options, Photo, Scene, align, mean_square};
+use weaver_command::{Console, Failure, Progress};
 use weaver_data::posed::{PosedOptions, PosedPhoto, load_frames, load_named};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};

@@ -1,7 +1,6 @@
 //! The command line and its help texts.
 
 mod align;
-mod bench;
 mod convert;
 mod drawing;
 mod dynamic;
@@ -15,7 +14,6 @@ mod render;
 mod vad;
 
 pub use align::{Align, LossName, MethodName, Switch};
-pub use bench::{Bench, BenchEngine, BenchFit, BenchMixture, BenchRaster, Passes, Subject, Synthetic};
 pub use convert::Convert;
 pub use drawing::DrawingFlags;
 pub use dynamic::{
@@ -32,11 +30,10 @@ pub use vad::{EncoderName, Vad, VadCommand, VadEval, VadMetrics, VadPlan, VadSco
 
 use clap::{ArgGroup, Args, Parser, Subcommand};
 use std::path::PathBuf;
+use weaver_bench::Bench;
+use weaver_command::{DeviceFlag, MOST_THREADS, Threads};
 use weaver_inference::Density;
 use weaver_router::AllocationKind;
-
-/// Upper limit on threads, each of which costs memory.
-const MOST_THREADS: i64 = 1024;
 
 /// Upper limit on seeds, which TOML must be able to hold.
 const MOST_SEED: u64 = i64::MAX as u64;
@@ -315,30 +312,6 @@ pub struct ConvertWeights {
 pub struct Completions {
     /// The shell
     pub shell: clap_complete::Shell,
-}
-
-/// Where Gaussians are drawn.
-#[derive(Args, Clone, Debug, Default)]
-pub struct DeviceFlag {
-    /// Where Gaussians are drawn and differentiated: on the processor, on the fastest GPU, or on one that `splatweaver info
-    /// --devices` lists, by its number or a part of its name [default: cpu]
-    #[arg(long, value_name = "cpu|gpu|gpu:N|NAME")]
-    pub device: Option<String>,
-}
-
-/// How many threads work.
-#[derive(Args, Clone, Copy, Debug)]
-pub struct Threads {
-    /// Threads. Does not change results [default: one per core]
-    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
-    pub threads: Option<u16>,
-}
-
-impl Threads {
-    /// So many; one per core where nothing was said.
-    pub fn count(self) -> Option<usize> {
-        self.threads.map(usize::from)
-    }
 }
 
 /// Height and width from `N` or `WxH`.

@@ -1,8 +1,8 @@
 //! Cameras from any of the supported files.
 
-use crate::failure::Failure;
 use std::collections::BTreeSet;
 use std::path::Path;
+use weaver_command::Failure;
 use weaver_geometry::{Camera, Undistortion};
 use weaver_scene::Frame;
 

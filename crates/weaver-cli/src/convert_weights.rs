@@ -1,11 +1,10 @@
 //! `splatweaver convert-weights`.
 
 use crate::arguments::ConvertWeights;
-use crate::failure::Failure;
-use crate::progress::Progress;
 use crate::{Console, Interrupt};
 use std::io;
 use std::sync::atomic::Ordering;
+use weaver_command::{Failure, Progress};
 use weaver_inference::Checkpoint;
 use weaver_io::{TorchCheckpoint, write_weights};
 

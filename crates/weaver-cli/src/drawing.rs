@@ -1,8 +1,8 @@
 //! How a file of Gaussians is drawn: by flags, else as the summary beside it says that it was made.
 
-use crate::failure::Failure;
 use serde_json::Value;
 use std::path::Path;
+use weaver_command::Failure;
 use weaver_splat::RasterSettings;
 
 /// What somebody says about drawing a scene, on the command line or in a summary.

@@ -1,13 +1,11 @@
 //! `splatweaver query`.
 
-use crate::Console;
 use crate::arguments::Query;
 use crate::cameras::{self, Size};
-use crate::failure::Failure;
 use crate::lift::{Drawn, refused};
 use crate::memory;
-use crate::progress::Progress;
 use std::path::Path;
+use weaver_command::{Console, Failure, Progress};
 use weaver_geometry::Camera;
 use weaver_io::checkpoint::{TensorData, Tensors};
 use weaver_io::{OutputFolder, Storage, false_color, open_array};

@@ -1,8 +1,8 @@
 //! Refinement of what a network predicts.
 
 use crate::arguments::RefineFlags;
-use crate::failure::Failure;
 use std::path::PathBuf;
+use weaver_command::Failure;
 use weaver_inference::{Effort, Predictor, Refined};
 use weaver_io::Image;
 

@@ -1,17 +1,14 @@
 //! `splatweaver render`.
 
-use crate::Console;
 use crate::arguments::Render;
 use crate::cameras::{self, Size};
-use crate::device;
 use crate::drawing::Asked;
-use crate::failure::Failure;
 use crate::memory;
-use crate::progress::Progress;
 use crate::video::Video;
 use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_3;
 use std::path::{Path, PathBuf};
+use weaver_command::{Console, Failure, Progress, device};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
 use weaver_io::{Image, OutputFolder, check_output_file, read_gaussians};

@@ -60,7 +60,7 @@ pub use gaussians::{
 };
 pub use image::{Background, Image};
 pub use info::info;
-pub use memory::available_memory;
+pub use memory::{available_memory, peak_mb};
 pub use npy::{Npy, write_npy};
 pub use output_folder::{OutputFolder, check_output_file};
 pub use photo_file::{PhotoFile, list_photos};

@@ -24,6 +24,8 @@ const ABOVE: &[&str] = &[
     "weaver-inference",
     "weaver-trainer",
     "weaver-recipes",
+    "weaver-command",
+    "weaver-bench",
     "weaver-cli",
 ];
 

@@ -1,8 +1,8 @@
 //! First guesses where there are none: the scene's own cameras.
 
 use crate::cameras;
-use crate::failure::Failure;
 use std::path::{Path, PathBuf};
+use weaver_command::Failure;
 use weaver_geometry::Camera;
 use weaver_io::PhotoFile;
 use weaver_scene::{ActivatedGaussians, Frame};

@@ -1,13 +1,11 @@
 //! `splatweaver dynamic render`.
 
-use crate::Console;
 use crate::arguments::DynamicRender;
 use crate::cameras::{self, Size};
-use crate::failure::Failure;
 use crate::memory;
-use crate::progress::Progress;
 use crate::video::Video;
 use std::path::PathBuf;
+use weaver_command::{Console, Failure, Progress};
 use weaver_dynamic_run::Run;
 use weaver_geometry::Camera;
 use weaver_io::OutputFolder;

@@ -6,14 +6,12 @@ mod noise;
 mod pictures;
 mod stage;
 
-use crate::Console;
 use crate::arguments::{DemoGaussians, Lift};
-use crate::failure::Failure;
-use crate::progress::Progress;
 use figures::{COLUMNS, Figures, LAMBDA};
 use noise::{BOUNDS, Noise};
 use stage::{Size, Source, Stage};
 use std::fmt::Write;
+use weaver_command::{Console, Failure, Progress};
 use weaver_inference::{OutputFolder, Predictor, RunFolder, SplatWeaverPredictor};
 
 /// What one scene gives.

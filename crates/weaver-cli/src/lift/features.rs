@@ -1,11 +1,11 @@
 //! Features of photos, one file per camera.
 
 use super::sampling::{Lens, Sampling};
-use crate::failure::Failure;
 use half::{bf16, f16};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use weaver_command::Failure;
 use weaver_io::{Storage, Weight, open_array};
 use weaver_lift::{LiftError, Observations};
 

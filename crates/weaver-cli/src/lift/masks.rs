@@ -2,8 +2,8 @@
 
 use super::features::{by_stem, refused, unmatched};
 use super::sampling::Lens;
-use crate::failure::Failure;
 use std::path::Path;
+use weaver_command::Failure;
 use weaver_io::checkpoint::{TensorData, Tensors};
 use weaver_lift::Mask;
 

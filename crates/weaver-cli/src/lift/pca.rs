@@ -1,6 +1,6 @@
 //! Features as colors: their three principal components.
 
-use crate::failure::Failure;
+use weaver_command::Failure;
 use weaver_geometry::Camera;
 use weaver_io::Image;
 use weaver_lift::{Operator, Pca, Raster};

@@ -1,7 +1,7 @@
 //! What lifting takes, said beforehand.
 
 use super::Drawn;
-use crate::failure::Failure;
+use weaver_command::Failure;
 use weaver_geometry::Camera;
 use weaver_lift::{Descent, LiftOptions, Solver};
 use weaver_scene::{CameraRows, Color, GaussianSlices};

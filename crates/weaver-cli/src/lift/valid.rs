@@ -2,8 +2,8 @@
 
 use super::features::{by_stem, refused, unmatched};
 use super::sampling::Lens;
-use crate::failure::Failure;
 use std::path::Path;
+use weaver_command::Failure;
 use weaver_io::{Background, Image};
 
 /// Pictures that may be masks.

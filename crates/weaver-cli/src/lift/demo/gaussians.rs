@@ -1,6 +1,6 @@
 //! Gaussians of a built-in scene, and the thing that each belongs to.
 
-use crate::failure::Failure;
+use weaver_command::Failure;
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_data::{Scene, View};
 use weaver_fit::{Fit, FitSettings, Photo, init};

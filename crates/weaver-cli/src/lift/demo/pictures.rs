@@ -3,8 +3,8 @@
 use super::figures::drawn_labels;
 use super::noise::Noise;
 use super::stage::Stage;
-use crate::failure::Failure;
 use crate::lift::pca::PcaColors;
+use weaver_command::Failure;
 use weaver_geometry::Camera;
 use weaver_io::{Image, OutputFolder, label_color};
 use weaver_lift::{LiftOptions, Raster, Solver, lift};

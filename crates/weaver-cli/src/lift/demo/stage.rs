@@ -1,7 +1,7 @@
 //! A built-in scene as Gaussians, with everything known about it.
 
 use super::gaussians::{Labeled, fitted, id, predicted, surface};
-use crate::failure::Failure;
+use weaver_command::Failure;
 use weaver_data::Scene;
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_geometry::Camera;

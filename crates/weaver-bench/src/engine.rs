@@ -4,13 +4,11 @@ mod meter;
 mod rows;
 mod vit;
 
-use crate::Console;
 use crate::arguments::BenchEngine;
-use crate::failure::Failure;
-use crate::progress::Progress;
 use meter::{Meter, Work};
 use rows::ROWS;
 use serde_json::{Value, json};
+use weaver_command::{Console, Failure, Progress};
 use weaver_kernels::peak;
 
 pub fn run(arguments: &BenchEngine, console: &mut Console) -> Result<(), Failure> {

@@ -1,8 +1,8 @@
 //! The command lines of `splatweaver bench`.
 
-use super::{DeviceFlag, Threads};
 use clap::{ArgGroup, Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
+use weaver_command::{DeviceFlag, Threads};
 
 /// Measures how fast parts of this program are on this machine, beside the machine's own peak.
 #[derive(Args, Debug)]
@@ -14,7 +14,7 @@ use std::path::PathBuf;
   splatweaver bench engine")]
 pub struct Bench {
     #[command(subcommand)]
-    pub subject: Subject,
+    pub(crate) subject: Subject,
 }
 
 /// What to measure.

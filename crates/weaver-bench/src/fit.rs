@@ -1,15 +1,13 @@
 //! `splatweaver bench fit`.
 
+use super::median;
 use super::workload::Workload;
-use super::{median, memory};
-use crate::Console;
 use crate::arguments::{BenchFit, Synthetic};
-use crate::device::{self, Device};
-use crate::failure::Failure;
-use crate::progress::Progress;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::time::Duration;
+use weaver_command::device::{self, Device};
+use weaver_command::{Console, Failure, Progress};
 use weaver_fit::{Fit, FitSettings, Photo, StepTimings};
 use weaver_fit_run::{Run, RunSettings};
 use weaver_geometry::sh::coefficients;
@@ -83,7 +81,7 @@ pub fn run(arguments: &BenchFit, console: &mut Console) -> Result<(), Failure> {
         name,
         degree: fit.population().degree(),
         // Before the machine is measured, which takes memory, too.
-        peak_rss_mb: memory::peak_mb(),
+        peak_rss_mb: weaver_io::peak_mb(),
         samples,
         passes,
         threads,

@@ -8,8 +8,8 @@ mod gpu;
 
 pub use gpu::{Device, list};
 
-use crate::arguments::DeviceFlag;
 use crate::failure::Failure;
+use crate::flags::DeviceFlag;
 use weaver_splat::AnyRasterizer;
 
 /// The rasterizer that is asked for.

@@ -21,7 +21,7 @@ impl Interrupt {
     }
 
     /// The flag that a job promises to check from now on.
-    pub(crate) fn watch(&self) -> &AtomicBool {
+    pub fn watch(&self) -> &AtomicBool {
         self.watched.store(true, Ordering::Relaxed);
         &self.requested
     }

@@ -1,14 +1,12 @@
 //! `splatweaver bench mixture`.
 
+use super::median;
 use super::workload::Workload;
-use super::{median, memory};
-use crate::Console;
 use crate::arguments::{BenchMixture, Passes};
-use crate::failure::Failure;
-use crate::progress::Progress;
 use serde_json::json;
 use std::ops::Range;
 use std::time::Instant;
+use weaver_command::{Console, Failure, Progress};
 use weaver_geometry::sh;
 use weaver_kernels::random::Stream;
 use weaver_scene::{CameraRows, Color, Features, GaussianSlices, Groups};
@@ -287,7 +285,7 @@ fn figures(scene: &Scene, found: &[(Passes, f64)], pairs: u64, backward: bool) -
         "backward": backward,
         "ways": ways.collect::<Vec<_>>(),
         "threads": rayon::current_num_threads(),
-        "peak_rss_mb": memory::peak_mb(),
+        "peak_rss_mb": weaver_io::peak_mb(),
     })
 }
 
@@ -305,7 +303,7 @@ fn table(scene: &Scene, found: &[(Passes, f64)], pairs: u64, backward: bool) -> 
         text += &format!("{:<28}{ms:>10.2}{:>12.2}{:>10.2}\n", name(*passes), 1e3 / ms, ms / first);
     }
     text += &format!("\nthe same pictures, to the bit; pairs composited {:.2} M", pairs as f64 / 1e6);
-    if let Some(mb) = memory::peak_mb() {
+    if let Some(mb) = weaver_io::peak_mb() {
         text += &format!("\npeak memory {mb:.0} MB, inputs and all ways included");
     }
     text

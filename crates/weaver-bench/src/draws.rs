@@ -1,6 +1,6 @@
 //! What draws a workload: the processor or a device, with its memory, and how long its parts took.
 
-use crate::device::Device;
+use weaver_command::device::Device;
 use weaver_scene::{CameraSlices, GaussianSlices};
 use weaver_splat::{
     Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats, Workspace, rasterize, rasterize_backward,

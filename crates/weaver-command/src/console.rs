@@ -15,13 +15,13 @@ pub struct Console<'a> {
 
 impl Console<'_> {
     /// Prints a line of the result on standard output.
-    pub(crate) fn print(&mut self, text: &str) -> Result<(), Failure> {
+    pub fn print(&mut self, text: &str) -> Result<(), Failure> {
         let written = writeln!(self.stdout, "{}", text.trim_end()).and_then(|()| self.stdout.flush());
         written.map_err(Failure::output)
     }
 
     /// Prints a line on standard error. A failure to write it is ignored: the work goes on.
-    pub(crate) fn note(&mut self, text: &str) {
+    pub fn note(&mut self, text: &str) {
         let _ = writeln!(self.stderr, "{text}");
     }
 }

@@ -18,23 +18,25 @@ pub struct Device {
 }
 
 impl Device {
-    /// `gpu`, `gpu:N` or a part of a name.
+    /// A device by its name: `gpu`, `gpu:N` or a part of a name.
     pub fn open(name: &str) -> Result<Self, Failure> {
         let choice = name.parse::<Choice>().unwrap_or_else(|never: Infallible| match never {});
         let rasterizer = GpuRasterizer::new(Context::open(&choice)?);
         Ok(Self { workspace: rasterizer.workspace(), rasterizer })
     }
 
+    /// The rasterizer of this device.
     pub fn into_rasterizer(self) -> AnyRasterizer<f32> {
         AnyRasterizer::new(self.rasterizer)
     }
 
-    /// The same, with every pass measured.
+    /// The same device, with every pass measured.
     pub fn measured(self) -> Self {
         let rasterizer = self.rasterizer.measured();
         Self { workspace: rasterizer.workspace(), rasterizer }
     }
 
+    /// Images of the cameras, as the rasterizer draws them.
     pub fn forward(
         &mut self,
         (gaussians, cameras): (&GaussianSlices<'_, f32>, &CameraSlices<'_, f32>),
@@ -44,6 +46,7 @@ impl Device {
         self.rasterizer.forward(gaussians, cameras, settings, &mut self.workspace, images)
     }
 
+    /// Gradients of the inputs, after [`forward`](Self::forward) of the same scene.
     pub fn backward(
         &mut self,
         (gaussians, cameras): (&GaussianSlices<'_, f32>, &CameraSlices<'_, f32>),
@@ -66,18 +69,18 @@ impl Device {
         [to_device, from_device]
     }
 
-    /// What it is, for people.
+    /// Its name, for people.
     pub fn title(&self) -> String {
         self.rasterizer.context().adapter().to_string()
     }
 
-    /// What it is.
+    /// Its name, kind, driver and limits, as JSON.
     pub fn json(&self) -> Value {
         described(self.rasterizer.context().adapter())
     }
 }
 
-/// Prints what there is to draw on.
+/// Prints the devices that there are.
 pub fn list(json: bool, console: &mut Console) -> Result<(), Failure> {
     let found = adapters();
     if json {

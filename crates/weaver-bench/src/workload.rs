@@ -1,8 +1,8 @@
 //! A scene to measure the rasterizer with: read from a file, or synthetic.
 
 use crate::arguments::Synthetic;
-use crate::failure::Failure;
 use std::path::Path;
+use weaver_command::Failure;
 use weaver_geometry::sh::MAX_DEGREE;
 use weaver_io::TensorFile;
 use weaver_kernels::parallel;

@@ -1,20 +1,23 @@
 //! `splatweaver bench`: speed of the main parts on this machine, beside the machine's own peak.
 
+mod arguments;
 mod draws;
 mod dump;
 mod engine;
 mod fit;
-pub(crate) mod memory;
 mod mixture;
 mod processor;
 mod raster;
 mod workload;
 
-use crate::Console;
-use crate::arguments::{Bench, Subject};
-use crate::failure::Failure;
-use crate::in_pool;
+pub use arguments::Bench;
 
+use arguments::Subject;
+use weaver_command::{Console, Failure, in_pool};
+
+/// Runs a benchmark and prints its figures, as a table or as JSON.
+///
+/// Fails where a workload or a capture cannot be read, where there is no such device, and where figures cannot be written.
 pub fn run(arguments: &Bench, console: &mut Console) -> Result<(), Failure> {
     match &arguments.subject {
         Subject::Engine(engine) => in_pool(engine.threads.count(), || engine::run(engine, console)),
@@ -34,6 +37,11 @@ fn median(values: impl IntoIterator<Item = f64>) -> f64 {
         None => f64::NAN,
     }
 }
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
 
 #[cfg(test)]
 mod tests {

@@ -2,14 +2,12 @@
 
 use super::draws::Draws;
 use super::workload::Workload;
-use super::{dump, median, memory, processor};
-use crate::Console;
+use super::{dump, median, processor};
 use crate::arguments::BenchRaster;
-use crate::device::{self, Device};
-use crate::failure::Failure;
-use crate::progress::Progress;
 use serde_json::json;
 use std::time::Instant;
+use weaver_command::device::{self, Device};
+use weaver_command::{Console, Failure, Progress};
 use weaver_kernels::peak;
 use weaver_splat::{Cotangents, Gradients, Images, RasterSettings, RasterStats, Target, Workspace};
 
@@ -42,7 +40,7 @@ pub fn run(arguments: &BenchRaster, console: &mut Console) -> Result<(), Failure
         progress.at(done, runs, String::new, console);
     }
     progress.finish();
-    let report = Report { frame: &frame, samples: &samples, threads, peak_gflops, peak_rss_mb: memory::peak_mb() };
+    let report = Report { frame: &frame, samples: &samples, threads, peak_gflops, peak_rss_mb: weaver_io::peak_mb() };
     let text = if arguments.json { serde_json::to_string_pretty(&report.json())? } else { report.table() };
     if let Some(path) = &arguments.dump {
         dump::write(path, frame)?;

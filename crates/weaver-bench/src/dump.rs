@@ -1,8 +1,8 @@
 //! Writes images and gradients to a file, for comparison with other implementations.
 
 use super::raster::Frame;
-use crate::failure::Failure;
 use std::path::Path;
+use weaver_command::Failure;
 use weaver_io::checkpoint::Tensors;
 
 /// Writes `out.image`, `out.alpha`, `out.depth` and the gradient `grad.<input>` of every input of a workload file, in

@@ -1,6 +1,6 @@
 //! Timing of a piece of work.
 
-use crate::bench::median;
+use crate::median;
 use std::time::{Duration, Instant};
 use weaver_autograd::{List, Params, Tape, Var};
 use weaver_kernels::random::Stream;
