@@ -2,11 +2,9 @@
 
 mod align;
 mod convert;
-mod drawing;
 mod dynamic;
 mod eval;
 mod fit;
-mod lift;
 mod light;
 mod photos;
 mod refine;
@@ -15,13 +13,11 @@ mod vad;
 
 pub use align::{Align, LossName, MethodName, Switch};
 pub use convert::Convert;
-pub use drawing::DrawingFlags;
 pub use dynamic::{
     Dynamic, DynamicCommand, DynamicDistil, DynamicEval, DynamicPrune, DynamicRender, DynamicTrain, PresetName,
 };
 pub use eval::{ContextCameras, Eval, Targets};
 pub use fit::{Fit, Origin, PoseMode, SAVE_EVERY, StrategyName};
-pub use lift::{DemoGaussians, Lift, Query, SolverName};
 pub use light::LightFlags;
 pub use photos::{Cameras, ClipFlags, MatchingFlags, Reconstruct};
 pub use refine::RefineFlags;
@@ -31,12 +27,10 @@ pub use vad::{EncoderName, Vad, VadCommand, VadEval, VadMetrics, VadPlan, VadSco
 use clap::{ArgGroup, Args, Parser, Subcommand};
 use std::path::PathBuf;
 use weaver_bench::Bench;
-use weaver_command::{DeviceFlag, MOST_THREADS, Threads};
+use weaver_command::{DeviceFlag, MOST_SEED, MOST_THREADS, Threads};
 use weaver_inference::Density;
+use weaver_lift_run::{Lift, Query};
 use weaver_router::AllocationKind;
-
-/// Upper limit on seeds, which TOML must be able to hold.
-const MOST_SEED: u64 = i64::MAX as u64;
 
 /// The whole command line.
 #[derive(Debug, Parser)]

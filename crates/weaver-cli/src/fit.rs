@@ -2,10 +2,10 @@
 
 use crate::arguments::{ClipFlags, Fit, MatchingFlags, Origin, PoseMode, StrategyName};
 use crate::estimate::estimated_capture;
-use crate::memory;
 use crate::{Console, Interrupt, clip};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use weaver_command::memory;
 use weaver_command::{Failure, Progress, device, duration};
 use weaver_data::capture::{self, CaptureOptions, HoldOut};
 use weaver_fit::{FitSettings, Judge, StrategyKind, init};

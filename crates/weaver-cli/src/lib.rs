@@ -5,13 +5,11 @@
 mod advice;
 mod align;
 mod arguments;
-mod cameras;
 mod clip;
 mod completions;
 mod config;
 mod convert;
 mod convert_weights;
-mod drawing;
 mod dynamic;
 mod estimate;
 mod eval;
@@ -19,9 +17,6 @@ mod ffmpeg;
 mod fit;
 mod infer;
 mod info;
-mod lift;
-mod memory;
-mod query;
 mod reconstruct;
 mod refine;
 mod render;
@@ -74,9 +69,9 @@ fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> R
             in_pool(arguments.threads.map(usize::from), || fit::run(&arguments, console, interrupt))
         }
         Command::Render(arguments) => in_pool(arguments.threads.count(), || render::run(&arguments, console)),
-        Command::Lift(arguments) => in_pool(arguments.threads.count(), || lift::run(&arguments, console)),
+        Command::Lift(arguments) => weaver_lift_run::lift(&arguments, console),
         Command::Align(arguments) => in_pool(arguments.threads.count(), || align::run(&arguments, console)),
-        Command::Query(arguments) => in_pool(arguments.threads.count(), || query::run(&arguments, console)),
+        Command::Query(arguments) => weaver_lift_run::query(&arguments, console),
         Command::Dynamic(arguments) => dynamic::run(&arguments.command, console, interrupt),
         Command::Vad(arguments) => vad::run(&arguments.command, console, interrupt),
         Command::Info(arguments) => info::run(&arguments, console),

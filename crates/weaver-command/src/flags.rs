@@ -5,6 +5,9 @@ use clap::Args;
 /// Upper limit on threads, each of which costs memory.
 pub const MOST_THREADS: i64 = 1024;
 
+/// Upper limit on seeds, which TOML must be able to hold.
+pub const MOST_SEED: u64 = i64::MAX as u64;
+
 /// Where Gaussians are drawn.
 #[derive(Args, Clone, Debug, Default)]
 pub struct DeviceFlag {

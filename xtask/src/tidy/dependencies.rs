@@ -26,6 +26,7 @@ const ABOVE: &[&str] = &[
     "weaver-recipes",
     "weaver-command",
     "weaver-bench",
+    "weaver-lift-run",
     "weaver-cli",
 ];
 

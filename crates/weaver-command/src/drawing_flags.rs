@@ -1,7 +1,6 @@
 //! How a file of Gaussians is drawn.
 
-use super::fit::{Rgb, background};
-use crate::drawing::Asked;
+use crate::drawing::DrawingOptions;
 use clap::Args;
 
 /// How a scene is drawn. A fit says that in summary.json beside its scene.
@@ -22,15 +21,36 @@ pub struct DrawingFlags {
     pub alpha_max: Option<f64>,
 }
 
-impl From<DrawingFlags> for Asked {
+impl From<DrawingFlags> for DrawingOptions {
     fn from(flags: DrawingFlags) -> Self {
         let DrawingFlags { background, antialiased, near, alpha_max } = flags;
         Self { background: background.map(|color| color.0), antialiased, near, alpha_max }
     }
 }
 
+/// A color; a type of its own, for the command line takes lists apart.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rgb(pub [f32; 3]);
+
+/// A color by its name or by three numbers.
+pub fn background(text: &str) -> Result<Rgb, String> {
+    match text {
+        "white" => Ok(Rgb([1.0; 3])),
+        "black" => Ok(Rgb([0.0; 3])),
+        numbers => color(numbers).map(Rgb).map_err(|e| format!("{e}, or white or black")),
+    }
+}
+
+fn color(text: &str) -> Result<[f32; 3], String> {
+    let numbers: Result<Vec<f32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    let color = numbers.ok().and_then(|n| <[f32; 3]>::try_from(n).ok());
+    color
+        .filter(|c| c.iter().all(|x| (0.0..=1.0).contains(x)))
+        .ok_or_else(|| "expected three numbers from 0 to 1, as in 1,1,1".into())
+}
+
 /// A distance before a camera.
-pub(super) fn distance(text: &str) -> Result<f64, String> {
+pub fn distance(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(distance) if distance > 0.0 && f64::is_finite(distance) => Ok(distance),
         _ => Err("expected a positive number".into()),
@@ -38,9 +58,29 @@ pub(super) fn distance(text: &str) -> Result<f64, String> {
 }
 
 /// A number between 0 and 1.
-pub(super) fn fraction(text: &str) -> Result<f64, String> {
+pub fn fraction(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(number) if number > 0.0 && number < 1.0 => Ok(number),
         _ => Err("expected a number above 0 and below 1".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn backgrounds_have_names_or_numbers() {
+        assert_eq!(background("black"), Ok(Rgb([0.0; 3])));
+        assert_eq!(background("0,0.5,1"), Ok(Rgb([0.0, 0.5, 1.0])));
+        assert!(background("gray").is_err() && background("2,0,0").is_err());
+    }
+
+    #[test]
+    fn colors_are_three_numbers_from_0_to_1() {
+        assert_eq!(color("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
+        for wrong in ["1,1", "1,1,1,1", "a,b,c", "0,0,256", "NaN,0,0", ""] {
+            assert!(color(wrong).is_err(), "{wrong}");
+        }
     }
 }

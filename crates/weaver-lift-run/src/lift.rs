@@ -9,14 +9,14 @@ mod sampling;
 mod valid;
 
 use crate::arguments::{Lift, SolverName};
-use crate::cameras::{self, Size};
-use crate::drawing::Asked;
 use features::FeatureFiles;
 pub use features::refused;
 use pca::PcaColors;
 use plan::Plan;
 use sampling::Lens;
 use std::path::{Path, PathBuf};
+use weaver_command::DrawingOptions;
+use weaver_command::camera_files::{self, Size};
 use weaver_command::{Console, Failure, Progress};
 use weaver_geometry::Camera;
 use weaver_io::checkpoint::Tensors;
@@ -37,8 +37,8 @@ pub fn run(arguments: &Lift, console: &mut Console) -> Result<(), Failure> {
         [scene, cameras, folder].into_iter().chain(&arguments.masks).chain(&arguments.aggregate).collect();
     let pictures = if arguments.dry_run { None } else { Some(pictures(out, &read)?) };
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
-    let (frames, distortions): (Vec<_>, Vec<_>) = cameras::read_with_lenses(cameras, size)?.into_iter().unzip();
-    let stems = cameras::stems(&frames);
+    let (frames, distortions): (Vec<_>, Vec<_>) = camera_files::read_with_lenses(cameras, size)?.into_iter().unzip();
+    let stems = camera_files::stems(&frames);
     let cameras: Vec<Camera> = frames.iter().map(|frame| frame.camera).collect();
     let lens = |(camera, distortion): (&Camera, _)| Lens { camera: *camera, distortion };
     let lenses: Vec<Lens> = cameras.iter().zip(distortions).map(lens).collect();
@@ -130,7 +130,7 @@ pub struct Drawn {
 impl Drawn {
     /// Reads a scene; colors, which nobody looks at, are dropped.
     pub fn read(path: &Path) -> Result<Self, Failure> {
-        let (_, settings) = Asked::default().beside(path)?;
+        let (_, settings) = DrawingOptions::default().beside(path)?;
         let mut gaussians = read_gaussians(path)?.to_activated();
         if gaussians.is_empty() {
             return Err(Failure::message(format!("{}: expected Gaussians, found none", path.display())));

@@ -1,20 +1,24 @@
 //! How a file of Gaussians is drawn: by flags, else as the summary beside it says that it was made.
 
+use crate::Failure;
 use serde_json::Value;
 use std::path::Path;
-use weaver_command::Failure;
 use weaver_splat::RasterSettings;
 
 /// What somebody says about drawing a scene, on the command line or in a summary.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Asked {
+pub struct DrawingOptions {
+    /// The color behind the scene, each part from 0 to 1.
     pub background: Option<[f32; 3]>,
+    /// Whether opacities are lowered where a Gaussian is widened to a pixel.
     pub antialiased: Option<bool>,
+    /// The near plane, world units.
     pub near: Option<f64>,
+    /// The largest opacity of a Gaussian at a pixel.
     pub alpha_max: Option<f64>,
 }
 
-impl Asked {
+impl DrawingOptions {
     /// The color behind the scene, and how it is drawn: as asked, else as the summary of what made it says.
     pub fn beside(self, scene: &Path) -> Result<([f32; 3], RasterSettings), Failure> {
         let summary = Self::of_summary(scene)?;
@@ -73,9 +77,9 @@ mod tests {
     fn a_summary_says_what_it_says() {
         let whole = r#"{"steps": 7, "antialiased": true, "near": 0.5, "alpha_max": 0.9, "background": [0, 0.5, 1.0]}"#;
         let (near, alpha_max) = (Some(0.5), Some(0.9));
-        let expected = Asked { antialiased: Some(true), near, alpha_max, background: Some([0.0, 0.5, 1.0]) };
-        assert_eq!(Asked::parse(whole), Ok(expected));
-        assert_eq!(Asked::parse(r#"{"preset": "micro"}"#), Ok(Asked::default()));
+        let expected = DrawingOptions { antialiased: Some(true), near, alpha_max, background: Some([0.0, 0.5, 1.0]) };
+        assert_eq!(DrawingOptions::parse(whole), Ok(expected));
+        assert_eq!(DrawingOptions::parse(r#"{"preset": "micro"}"#), Ok(DrawingOptions::default()));
         for (text, part) in [
             ("{", "EOF"),
             (r#"{"near": 0}"#, "near: expected a positive number, found 0"),
@@ -84,7 +88,7 @@ mod tests {
             (r#"{"background": [0, 1]}"#, "background: expected three numbers from 0 to 1, found [0,1]"),
             (r#"{"background": [0, 1, "x"]}"#, "background"),
         ] {
-            let message = Asked::parse(text).unwrap_err();
+            let message = DrawingOptions::parse(text).unwrap_err();
             assert!(message.contains(part) && message.lines().count() == 1, "{message}");
         }
     }

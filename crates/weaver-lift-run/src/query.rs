@@ -1,10 +1,10 @@
 //! `splatweaver query`.
 
 use crate::arguments::Query;
-use crate::cameras::{self, Size};
 use crate::lift::{Drawn, refused};
-use crate::memory;
 use std::path::Path;
+use weaver_command::camera_files::{self, Size};
+use weaver_command::memory;
 use weaver_command::{Console, Failure, Progress};
 use weaver_geometry::Camera;
 use weaver_io::checkpoint::{TensorData, Tensors};
@@ -15,8 +15,8 @@ pub fn run(arguments: &Query, console: &mut Console) -> Result<(), Failure> {
     let read = [&arguments.scene, &arguments.cameras, &arguments.features, &arguments.prompts];
     let out = OutputFolder::claim(&arguments.out, "query", read)?;
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
-    let frames = cameras::read(&arguments.cameras, size)?;
-    let stems = cameras::stems(&frames);
+    let frames = camera_files::read(&arguments.cameras, size)?;
+    let stems = camera_files::stems(&frames);
     let cameras: Vec<Camera> = frames.iter().map(|frame| frame.camera).collect();
     let mut drawn = Drawn::read(&arguments.scene)?;
     let splats = drawn.gaussians.len();

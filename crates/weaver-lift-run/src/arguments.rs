@@ -1,8 +1,8 @@
 //! The command lines of `splatweaver lift` and `splatweaver query`.
 
-use super::{MOST_SEED, Threads};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
+use weaver_command::{MOST_SEED, Threads};
 
 const SOLVING: &str = "Solving";
 const AGGREGATING: &str = "Features of masks";
@@ -88,7 +88,7 @@ pub struct Lift {
     #[arg(long)]
     pub dry_run: bool,
     #[command(flatten)]
-    pub threads: Threads,
+    pub(crate) threads: Threads,
 }
 
 /// Where the Gaussians of a demonstration come from.
@@ -156,7 +156,7 @@ pub struct Query {
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub height: Option<u32>,
     #[command(flatten)]
-    pub threads: Threads,
+    pub(crate) threads: Threads,
 }
 
 fn part(text: &str) -> Result<f64, String> {

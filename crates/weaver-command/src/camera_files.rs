@@ -1,15 +1,17 @@
 //! Cameras from any of the supported files.
 
+use crate::Failure;
 use std::collections::BTreeSet;
 use std::path::Path;
-use weaver_command::Failure;
 use weaver_geometry::{Camera, Undistortion};
 use weaver_scene::Frame;
 
 /// The size that was asked for; what is missing follows from the file.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Size {
+    /// Pixels from left to right.
     pub width: Option<usize>,
+    /// Pixels from top to bottom.
     pub height: Option<usize>,
 }
 

@@ -1,6 +1,6 @@
 //! Whether there is enough memory, asked before it is taken: an allocation that fails ends the process.
 
-use weaver_command::Failure;
+use crate::Failure;
 use weaver_geometry::Camera;
 use weaver_scene::Frame;
 
