@@ -3,7 +3,7 @@
 use super::raster::Frame;
 use std::path::Path;
 use weaver_command::Failure;
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 
 /// Writes `out.image`, `out.alpha`, `out.depth` and the gradient `grad.<input>` of every input of a workload file, in
 /// the input's shape; zeros stand where a matrix has a constant.

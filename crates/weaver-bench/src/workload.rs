@@ -4,7 +4,7 @@ use crate::arguments::Synthetic;
 use std::path::Path;
 use weaver_command::Failure;
 use weaver_geometry::sh::MAX_DEGREE;
-use weaver_io::TensorFile;
+use weaver_io::safetensors::Mapped;
 use weaver_kernels::parallel;
 use weaver_kernels::random::Stream;
 use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices, Color, GaussianSlices};
@@ -46,16 +46,16 @@ pub struct Cotangents {
 impl Workload {
     /// Reads a file; the cotangents, by far the largest part of some, only with `backward`.
     pub fn read(path: &Path, backward: bool) -> Result<Self, Failure> {
-        let mut file = TensorFile::open(path)?;
+        let file = Mapped::open(path)?;
         let (width, height) = (pixels(&file, "width")?, pixels(&file, "height")?);
-        let antialiased = match file.metadata("mode") {
+        let antialiased = match file.metadata().get("mode").map(String::as_str) {
             None | Some("classic") => false,
             Some("antialiased") => true,
             Some(other) => {
                 return Err(file.invalid("metadata mode", "classic or antialiased", format!("`{other}`")).into());
             }
         };
-        let n = match *file.shape("means")? {
+        let n = match *file.array("means")?.shape() {
             [n, 3] => n,
             ref found => return Err(file.invalid("tensor means", "[N, 3]", format!("{found:?}")).into()),
         };
@@ -77,42 +77,42 @@ impl Workload {
             ("v_image", vec![height, width, 3]),
             ("v_alpha", vec![height, width]),
         ];
-        let depth = file.contains("v_depth");
+        let depth = file.get("v_depth").is_some();
         if depth {
             expected.push(("v_depth", vec![height, width]));
         }
         for (key, shape) in &expected {
-            if file.shape(key)? != shape {
-                let found = format!("{:?}", file.shape(key)?);
+            if file.array(key)?.shape() != shape {
+                let found = format!("{:?}", file.array(key)?.shape());
                 return Err(file.invalid(format!("tensor {key}"), format!("{shape:?}"), found).into());
             }
         }
         let cotangents = match backward {
             true => Some(Cotangents {
-                image: file.f32s("v_image")?,
-                alpha: file.f32s("v_alpha")?,
-                depth: if depth { Some(file.f32s("v_depth")?) } else { None },
+                image: file.array("v_image")?.f32s()?,
+                alpha: file.array("v_alpha")?.f32s()?,
+                depth: if depth { Some(file.array("v_depth")?.f32s()?) } else { None },
             }),
             false => None,
         };
-        let colors = file.f32s(key)?;
+        let colors = file.array(key)?.f32s()?;
         let (sh, plain) = if degree.is_some() { (colors, None) } else { (Vec::new(), Some(colors)) };
         let gaussians = ActivatedGaussians {
-            means: file.f32s("means")?,
-            quats: file.f32s("quats")?,
-            scales: file.f32s("scales")?,
-            opacities: file.f32s("opacities")?,
+            means: file.array("means")?.f32s()?,
+            quats: file.array("quats")?.f32s()?,
+            scales: file.array("scales")?.f32s()?,
+            opacities: file.array("opacities")?.f32s()?,
             sh,
             degree: degree.unwrap_or(0),
         };
-        let (viewmats, intrinsics) = (viewmat(&mut file)?, intrinsics(&mut file)?.to_vec());
+        let (viewmats, intrinsics) = (viewmat(&file)?, intrinsics(&file)?.to_vec());
         Ok(Self {
             name: path.display().to_string(),
             antialiased,
             gaussians,
             plain,
             camera: CameraRows { viewmats, intrinsics, width, height },
-            background: file.f32s("background")?,
+            background: file.array("background")?.f32s()?,
             cotangents,
         })
     }
@@ -204,8 +204,8 @@ impl Workload {
 }
 
 /// A number of pixels among the header's strings.
-fn pixels(file: &TensorFile, key: &str) -> Result<usize, Failure> {
-    let found = file.metadata(key);
+fn pixels(file: &Mapped, key: &str) -> Result<usize, Failure> {
+    let found = file.metadata().get(key);
     let number = found.and_then(|text| text.parse().ok()).filter(|n| (1..=LARGEST).contains(n));
     number.ok_or_else(|| {
         let found = found.map_or("none".into(), |text| format!("`{text}`"));
@@ -214,11 +214,11 @@ fn pixels(file: &TensorFile, key: &str) -> Result<usize, Failure> {
 }
 
 /// Which tensor has the colors, and the degree of its spherical harmonics if they are that.
-fn colors(file: &TensorFile, n: usize) -> Result<(&'static str, Option<usize>), Failure> {
-    match (file.contains("colors"), file.contains("sh")) {
+fn colors(file: &Mapped, n: usize) -> Result<(&'static str, Option<usize>), Failure> {
+    match (file.get("colors").is_some(), file.get("sh").is_some()) {
         (true, false) => Ok(("colors", None)),
         (false, true) => {
-            let shape = file.shape("sh")?;
+            let shape = file.array("sh")?.shape();
             let degree = match *shape {
                 [_, terms, 3] => (0..=MAX_DEGREE).find(|degree| (degree + 1) * (degree + 1) == terms),
                 _ => None,
@@ -237,8 +237,8 @@ fn colors(file: &TensorFile, n: usize) -> Result<(&'static str, Option<usize>), 
 }
 
 /// The rows of the matrix that are not constant, `[3, 4]`.
-fn viewmat(file: &mut TensorFile) -> Result<Vec<f32>, Failure> {
-    let mut values = file.f32s("viewmat")?;
+fn viewmat(file: &Mapped) -> Result<Vec<f32>, Failure> {
+    let mut values = file.array("viewmat")?.f32s()?;
     let last = &values[12..];
     if !near(last, &[0.0, 0.0, 0.0, 1.0]) {
         return Err(file.invalid("tensor viewmat", "0 0 0 1 as the last row", format!("{last:?}")).into());
@@ -247,8 +247,8 @@ fn viewmat(file: &mut TensorFile) -> Result<Vec<f32>, Failure> {
     Ok(values)
 }
 
-fn intrinsics(file: &mut TensorFile) -> Result<[f32; 4], Failure> {
-    let values = file.f32s("K")?;
+fn intrinsics(file: &Mapped) -> Result<[f32; 4], Failure> {
+    let values = file.array("K")?.f32s()?;
     let [fx, skew, cx, zero, fy, cy, ref last @ ..] = values[..] else { unreachable!("3 x 3, as was checked") };
     if !near(&[skew, zero], &[0.0; 2]) || !near(last, &[0.0, 0.0, 1.0]) {
         let expected = "[fx, 0, cx, 0, fy, cy, 0, 0, 1]";

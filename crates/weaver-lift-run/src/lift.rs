@@ -19,7 +19,7 @@ use weaver_command::DrawingOptions;
 use weaver_command::camera_files::{self, Size};
 use weaver_command::{Console, Failure, Progress};
 use weaver_geometry::Camera;
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 use weaver_io::{Checksum, OutputFolder, read_gaussians};
 use weaver_lift::{
     AggregateOptions, Aggregation, ClusterOptions, Descent, HdbscanOptions, LiftOptions, Lifted, Observations, Raster,

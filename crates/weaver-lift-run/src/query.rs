@@ -7,8 +7,8 @@ use weaver_command::camera_files::{self, Size};
 use weaver_command::memory;
 use weaver_command::{Console, Failure, Progress};
 use weaver_geometry::Camera;
-use weaver_io::checkpoint::{TensorData, Tensors};
-use weaver_io::{OutputFolder, Storage, false_color, open_array};
+use weaver_io::safetensors::{Storage, TensorData, Tensors};
+use weaver_io::{OutputFolder, false_color, open_array};
 use weaver_lift::{Operator, Raster, guide, scores, to_unit_length};
 
 pub fn run(arguments: &Query, console: &mut Console) -> Result<(), Failure> {

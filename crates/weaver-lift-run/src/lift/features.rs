@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use weaver_command::Failure;
-use weaver_io::{Storage, Weight, open_array};
+use weaver_io::open_array;
+use weaver_io::safetensors::{Array, Storage};
 use weaver_lift::{LiftError, Observations};
 
 /// Channels that are looked at together to find the lengths of pixels.
@@ -23,7 +24,7 @@ pub struct FeatureFiles {
 
 #[derive(Debug)]
 struct View {
-    array: Weight,
+    array: Array,
     sampling: Sampling,
     /// Which pixels of the camera's image count, if not all.
     counts: Option<Vec<bool>>,

@@ -4,7 +4,7 @@ use super::features::{by_stem, refused, unmatched};
 use super::sampling::Lens;
 use std::path::Path;
 use weaver_command::Failure;
-use weaver_io::checkpoint::{TensorData, Tensors};
+use weaver_io::safetensors::{TensorData, Tensors};
 use weaver_lift::Mask;
 
 /// Reads the masks of a folder: per camera `masks` `[M, height, width]` (U8, not 0 inside), at any size, and `features`
