@@ -74,7 +74,7 @@ struct Rule {
 }
 
 /// Where files are mapped into memory, which no safe function of the standard library does.
-const MAPPED_FILE: &str = "crates/weaver-io/src/mapped_file.rs";
+const MAPPED_FILE: &str = "crates/weaver-io/src/files/mapped_file.rs";
 
 const RULES: &[Rule] = &[
     Rule {
