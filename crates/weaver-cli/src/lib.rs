@@ -56,6 +56,16 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
     code
 }
 
+/// Checks the words of one command line, whose first is the program's name, without running it.
+///
+/// Returns the message of wrong usage otherwise. `--help` and `--version` are accepted.
+pub fn parses(arguments: impl IntoIterator<Item = OsString>) -> Result<(), String> {
+    match CommandLine::try_parse_from(arguments) {
+        Err(error) if error.use_stderr() => Err(error.render().to_string()),
+        _ => Ok(()),
+    }
+}
+
 fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     match command {
         Command::Reconstruct(arguments) => {
