@@ -24,11 +24,15 @@ fn every_command_of_the_documents_parses() {
 
 #[test]
 fn commands_are_found_in_blocks_of_sh() {
-    let page = "```sh\n$ splatweaver a \\\n    b   # c\ncargo d\n```\n\n```text\nsplatweaver e\n```\n    splatweaver f\n";
+    let page =
+        "```sh\n$ splatweaver a \\\n    b   # c\ncargo d\n```\n\n```text\nsplatweaver e\n```\n    splatweaver f\n";
     let found = commands(page);
     assert_eq!(found, ["splatweaver a     b   # c"]);
     assert_eq!(words(&found[0]), ["splatweaver", "a", "b"]);
-    assert_eq!(words("splatweaver --set 'a=[\"b\", \"c\"]' d#e > f"), ["splatweaver", "--set", "a=[\"b\", \"c\"]", "d#e"]);
+    assert_eq!(
+        words("splatweaver --set 'a=[\"b\", \"c\"]' d#e > f"),
+        ["splatweaver", "--set", "a=[\"b\", \"c\"]", "d#e"]
+    );
 }
 
 /// The Markdown files of a folder and of those in it.

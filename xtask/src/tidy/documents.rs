@@ -33,7 +33,7 @@ fn check_index(workspace: &Workspace, page: &str, faults: &mut Vec<String>) {
         return;
     };
     let inside = page.strip_prefix(index.parent().unwrap_or(Path::new(""))).unwrap_or(page).display();
-    if !text.contains(&format!("({inside})")) {
+    if ![')', '#'].iter().any(|end| text.contains(&format!("({inside}{end}"))) {
         faults.push(format!("{}: no link to {inside}", index.display()));
     }
 }
