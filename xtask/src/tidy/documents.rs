@@ -38,7 +38,7 @@ fn check_index(workspace: &Workspace, page: &str, faults: &mut Vec<String>) {
     }
 }
 
-/// Pages can be read in one sitting: those of the guide more so, and the notebook is for looking up.
+/// Limits of pages: they can be read in one sitting, those of the guide sooner; the notebook is for looking up.
 fn check_length(source: &Source, faults: &mut Vec<String>) {
     let longest = LONGEST_PAGES.iter().find(|(folder, _)| source.place.starts_with(folder)).map_or(400, |rule| rule.1);
     let lines = source.text.lines().count();
