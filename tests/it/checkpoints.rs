@@ -4,7 +4,7 @@ use crate::capture::{edit, halve};
 use crate::command::splatweaver;
 use crate::run::Run;
 use std::path::Path;
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 
 /// Evaluating, inferring and resuming all refuse a run with this checkpoint and leave it as it is.
 #[track_caller]

@@ -4,7 +4,7 @@ use crate::command::splatweaver;
 use crate::run::Run;
 use std::ffi::OsStr;
 use std::path::Path;
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 use weaver_kernels::random::Stream;
 use weaver_report::read_metrics;
 use weaver_trainer::observe::StepReport;

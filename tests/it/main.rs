@@ -6,6 +6,7 @@ mod checkpoints;
 mod command;
 mod configuration;
 mod divergence;
+mod documents;
 mod fit;
 mod given_cameras;
 mod help;

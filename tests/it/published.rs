@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 use weaver_autograd::Params;
 use weaver_inference::published::CONFIG;
 use weaver_inference::{CameraSource, Density, Photos, Predictor, SplatWeaverPredictor};
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 use weaver_io::{Background, Image};
 use weaver_model::{ModelConfig, SplatWeaver};
 

@@ -4,7 +4,7 @@ use crate::command::splatweaver;
 use crate::published::{Scene, checkpoint};
 use crate::run::Run;
 use std::path::{Path, PathBuf};
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 use weaver_io::{Background, Image};
 
 /// Photos and nothing else.

@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-const TABLE: &str = "docs/results.md";
-const SECTION: &str = "### Density where the error is";
+const TABLE: &str = "docs/results/density.md";
+const SECTION: &str = "## Density where the error is";
 const PICTURE: &str = "docs/images/dial.svg";
 
 /// A curve: the label of its row in the table, its name in the picture, and how it is drawn.

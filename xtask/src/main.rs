@@ -26,7 +26,7 @@ const USAGE: &str = "usage: cargo xtask <command>
   study density   DIR CAPTURE ... [--lpips WEIGHTS] [-- FLAGS]: what adaptive density is worth, trained (with more flags) in DIR, where it goes on
                   after an interruption
   study own-photos  DIR CAPTURE ... [--lpips WEIGHTS] [-- FLAGS]: what lens distortion, orientation and masks cost, trained in the same way
-  dial            the picture of the README's dial, drawn anew from its table in docs/results.md
+  dial            the picture of the README's dial, drawn anew from its table in docs/results/density.md
   embed           the examples of tests/embedding, in a package outside of the workspace
   valgrind        the tests of kernels and tape under memcheck, by portable code and by AVX2
   walk            --out DIR [--photos N] [--size PIXELS] [--seed N] [--facade]: photos along a generated street that comes back past its

@@ -1,4 +1,4 @@
-//! Studies: trainings and evaluations too long for a test, which write the tables of docs/results.md.
+//! Studies: trainings and evaluations too long for a test, which write the tables of docs/results.
 
 mod density;
 mod own_photos;

@@ -3,14 +3,12 @@
 mod guess;
 mod results;
 
-use crate::Console;
 use crate::arguments::{Align, LossName, MethodName, Switch};
-use crate::drawing::Asked;
-use crate::failure::Failure;
-use crate::progress::Progress;
 use results::{Results, Row};
 use std::path::PathBuf;
 use weaver_align::{AlignError, Method, Options, Photo, Scene, align, mean_square};
+use weaver_command::DrawingOptions;
+use weaver_command::{Console, Failure, Progress};
 use weaver_data::posed::{PosedOptions, PosedPhoto, load_frames, load_named};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
@@ -21,7 +19,7 @@ use weaver_trainer::AlignLoss;
 pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
     let read = arguments.photos.iter().chain([&arguments.scene]).chain(&arguments.cameras);
     let mut results = Results::claim(&arguments.out, read)?;
-    let (background, settings) = Asked::from(arguments.drawing).beside(&arguments.scene)?;
+    let (background, settings) = DrawingOptions::from(arguments.drawing).beside(&arguments.scene)?;
     let gaussians = read_gaussians(&arguments.scene)?.to_activated();
     let paths = paths(&arguments.photos)?;
     let loading = PosedOptions {

@@ -1,13 +1,10 @@
 //! The command line and its help texts.
 
 mod align;
-mod bench;
 mod convert;
-mod drawing;
 mod dynamic;
 mod eval;
 mod fit;
-mod lift;
 mod light;
 mod photos;
 mod refine;
@@ -15,15 +12,12 @@ mod render;
 mod vad;
 
 pub use align::{Align, LossName, MethodName, Switch};
-pub use bench::{Bench, BenchEngine, BenchFit, BenchMixture, BenchRaster, Passes, Subject, Synthetic};
 pub use convert::Convert;
-pub use drawing::DrawingFlags;
 pub use dynamic::{
     Dynamic, DynamicCommand, DynamicDistil, DynamicEval, DynamicPrune, DynamicRender, DynamicTrain, PresetName,
 };
 pub use eval::{ContextCameras, Eval, Targets};
 pub use fit::{Fit, Origin, PoseMode, SAVE_EVERY, StrategyName};
-pub use lift::{DemoGaussians, Lift, Query, SolverName};
 pub use light::LightFlags;
 pub use photos::{Cameras, ClipFlags, MatchingFlags, Reconstruct};
 pub use refine::RefineFlags;
@@ -32,14 +26,11 @@ pub use vad::{EncoderName, Vad, VadCommand, VadEval, VadMetrics, VadPlan, VadSco
 
 use clap::{ArgGroup, Args, Parser, Subcommand};
 use std::path::PathBuf;
+use weaver_bench::Bench;
+use weaver_command::{DeviceFlag, MOST_SEED, MOST_THREADS, Threads};
 use weaver_inference::Density;
+use weaver_lift_run::{Lift, Query};
 use weaver_router::AllocationKind;
-
-/// Upper limit on threads, each of which costs memory.
-const MOST_THREADS: i64 = 1024;
-
-/// Upper limit on seeds, which TOML must be able to hold.
-const MOST_SEED: u64 = i64::MAX as u64;
 
 /// The whole command line.
 #[derive(Debug, Parser)]
@@ -315,30 +306,6 @@ pub struct ConvertWeights {
 pub struct Completions {
     /// The shell
     pub shell: clap_complete::Shell,
-}
-
-/// Where Gaussians are drawn.
-#[derive(Args, Clone, Debug, Default)]
-pub struct DeviceFlag {
-    /// Where Gaussians are drawn and differentiated: on the processor, on the fastest GPU, or on one that `splatweaver info
-    /// --devices` lists, by its number or a part of its name [default: cpu]
-    #[arg(long, value_name = "cpu|gpu|gpu:N|NAME")]
-    pub device: Option<String>,
-}
-
-/// How many threads work.
-#[derive(Args, Clone, Copy, Debug)]
-pub struct Threads {
-    /// Threads. Does not change results [default: one per core]
-    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
-    pub threads: Option<u16>,
-}
-
-impl Threads {
-    /// So many; one per core where nothing was said.
-    pub fn count(self) -> Option<usize> {
-        self.threads.map(usize::from)
-    }
 }
 
 /// Height and width from `N` or `WxH`.

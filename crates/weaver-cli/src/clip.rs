@@ -4,10 +4,7 @@ mod choice;
 mod movement;
 mod pictures;
 
-use crate::Console;
 use crate::arguments::ClipFlags;
-use crate::failure::Failure;
-use crate::progress::{Progress, duration};
 use choice::{Measured, choose};
 use movement::{Follower, sharpness};
 use pictures::{Picture, Pictures, about_how_many};
@@ -15,6 +12,7 @@ use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use weaver_command::{Console, Failure, Progress, duration};
 use weaver_data::OutputFolder;
 use weaver_io::Bitmap;
 

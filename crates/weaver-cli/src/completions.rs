@@ -1,9 +1,8 @@
 //! `splatweaver completions`.
 
-use crate::Console;
 use crate::arguments::{CommandLine, Completions};
-use crate::failure::Failure;
 use clap::CommandFactory;
+use weaver_command::{Console, Failure};
 
 pub fn run(arguments: &Completions, console: &mut Console) -> Result<(), Failure> {
     // Written to memory first: the generator panics when writing fails.

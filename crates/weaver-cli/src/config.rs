@@ -1,8 +1,7 @@
 //! `splatweaver config`.
 
-use crate::Console;
 use crate::arguments::Config;
-use crate::failure::Failure;
+use weaver_command::{Console, Failure};
 
 pub fn run(arguments: &Config, console: &mut Console) -> Result<(), Failure> {
     if arguments.fit {

@@ -1,8 +1,7 @@
 //! `splatweaver convert`.
 
-use crate::Console;
 use crate::arguments::Convert;
-use crate::failure::Failure;
+use weaver_command::{Console, Failure};
 use weaver_io::{SceneFormat, check_output_file, file_length, read_gaussians, write_gaussians};
 
 pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {

@@ -1,13 +1,13 @@
 //! `splatweaver convert-weights`.
 
 use crate::arguments::ConvertWeights;
-use crate::failure::Failure;
-use crate::progress::Progress;
 use crate::{Console, Interrupt};
 use std::io;
 use std::sync::atomic::Ordering;
+use weaver_command::{Failure, Progress};
 use weaver_inference::Checkpoint;
-use weaver_io::{TorchCheckpoint, write_weights};
+use weaver_io::TorchCheckpoint;
+use weaver_io::safetensors::write_weights;
 
 pub fn run(arguments: &ConvertWeights, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     weaver_io::check_output_file(&arguments.out, [&arguments.file])?;

@@ -5,8 +5,8 @@ mod render;
 mod train;
 
 use crate::arguments::DynamicCommand;
-use crate::failure::Failure;
 use crate::{Console, Interrupt, in_pool};
+use weaver_command::Failure;
 
 pub fn run(command: &DynamicCommand, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     match command {

@@ -1,12 +1,10 @@
 //! Cameras that are estimated: `splatweaver cameras`, and for the commands that need them.
 
-use crate::Console;
 use crate::arguments::{Cameras, MatchingFlags};
 use crate::clip::{self, Photos};
-use crate::failure::Failure;
-use crate::progress::duration;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use weaver_command::{Console, Failure, duration};
 use weaver_data::{CamerasSummary, Doubt, EstimateOptions, EstimatedPhotos, LeftOut, OutputFolder, estimate_photos};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Distortion, Pose, Similarity};

@@ -2,16 +2,14 @@
 
 mod scene;
 
-use crate::Console;
 use crate::align;
 use crate::arguments::{ContextCameras, Eval, Targets};
-use crate::failure::Failure;
-use crate::progress::Progress;
 use crate::refine::refined;
 use clap::ValueEnum;
 use serde_json::json;
 use std::path::PathBuf;
 use std::sync::Arc;
+use weaver_command::{Console, Failure, Progress};
 use weaver_inference::RunFolder;
 use weaver_splat::CpuRasterizer;
 use weaver_trainer::{Alignment, CameraMode, MatchingOverride, OpenRun, Overrides, Source, comparison};

@@ -1,11 +1,11 @@
 //! The installed ffmpeg, as a process of its own that ends no later than this one.
 
-use crate::failure::Failure;
 use std::io::{ErrorKind, Read};
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread::JoinHandle;
 use std::time::Duration;
+use weaver_command::Failure;
 
 /// How ffmpeg is installed.
 pub const INSTALL: &str = if cfg!(target_os = "macos") {

@@ -1,16 +1,13 @@
 //! `splatweaver fit`.
 
 use crate::arguments::{ClipFlags, Fit, MatchingFlags, Origin, PoseMode, StrategyName};
-use crate::bench::memory::peak_mb;
-use crate::device;
 use crate::estimate::estimated_capture;
-use crate::failure::Failure;
-use crate::memory;
-use crate::progress::{Progress, duration};
 use crate::{Console, Interrupt, clip};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
+use weaver_command::memory;
+use weaver_command::{Failure, Progress, device, duration};
 use weaver_data::capture::{self, CaptureOptions, HoldOut};
 use weaver_fit::{FitRasterizer, FitSettings, Judge, StrategyKind, init};
 use weaver_fit_run::{Initial, Outcome, OutputFolder, Plan, Run, RunSettings, Views, dry_run};
@@ -284,7 +281,7 @@ fn print(outcome: &Outcome, folder: &Path, console: &mut Console) -> Result<(), 
         Some(test) => views("held out", test),
         None => "held out   none\n".into(),
     };
-    let memory = peak_mb().map_or(String::new(), |peak| format!(", at most {peak:.0} MB of memory"));
+    let memory = weaver_io::peak_mb().map_or(String::new(), |peak| format!(", at most {peak:.0} MB of memory"));
     console.note(&format!("{} steps, {}{memory}", outcome.steps, duration(outcome.seconds)));
     for name in &outcome.strangers {
         console.note(&format!("warning: {name} is met far worse than the other photos; it may show something else"));

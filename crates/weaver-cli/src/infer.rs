@@ -1,15 +1,13 @@
 //! `splatweaver infer`.
 
 use crate::arguments::{ClipFlags, Infer};
-use crate::device;
 use crate::estimate::{cameras_folder, estimated};
-use crate::failure::Failure;
-use crate::progress::Progress;
 use crate::refine::refined;
 use crate::{Console, Interrupt, clip};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, mpsc};
+use weaver_command::{Failure, Progress, device};
 use weaver_fit::FitRasterizer;
 use weaver_inference::published::{self, Fit};
 use weaver_inference::reconstruct::{self, Options, Report, reconstruct};

@@ -1,12 +1,10 @@
 //! `splatweaver info`.
 
-use crate::Console;
 use crate::arguments::Info;
-use crate::device;
-use crate::failure::Failure;
 use serde_json::Value;
 use std::fmt::Write;
 use std::path::Path;
+use weaver_command::{Console, Failure, device};
 use weaver_inference::{Checkpoint, RunFolder};
 use weaver_io::TorchCheckpoint;
 use weaver_trainer::Summary;

@@ -2,31 +2,21 @@
 //!
 //! [`run`] is the whole program except for signals and panics, so that tests can call it.
 
+mod advice;
 mod align;
 mod arguments;
-mod bench;
-mod cameras;
 mod clip;
 mod completions;
 mod config;
-mod console;
 mod convert;
 mod convert_weights;
-mod device;
-mod drawing;
 mod dynamic;
 mod estimate;
 mod eval;
-mod failure;
 mod ffmpeg;
 mod fit;
 mod infer;
 mod info;
-mod interrupt;
-mod lift;
-mod memory;
-mod progress;
-mod query;
 mod reconstruct;
 mod refine;
 mod render;
@@ -34,14 +24,13 @@ mod train;
 mod vad;
 mod video;
 
-pub use console::Console;
 pub use ffmpeg::end_all as end_programs;
-pub use interrupt::Interrupt;
+pub use weaver_command::{Console, Interrupt};
 
 use arguments::{Command, CommandLine};
 use clap::Parser;
-use failure::Failure;
 use std::ffi::OsString;
+use weaver_command::{Failure, in_pool};
 use weaver_kernels::simd;
 
 /// Runs one command line, whose first argument is the program's name, and returns the exit code: 0 for success, 1 for an
@@ -59,10 +48,22 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
         Err(error) => console.print(&error.render().to_string()),
     };
     let Err(failure) = result else { return 0 };
-    if let Some(line) = failure.line() {
+    let explained = advice::explained(&failure);
+    let code = explained.as_ref().map_or(failure.exit_code(), |(code, _)| *code);
+    if let Some(line) = explained.map(|(_, line)| line).or_else(|| failure.line()) {
         console.note(&format!("error: {line}"));
     }
-    failure.exit_code()
+    code
+}
+
+/// Checks the words of one command line, whose first is the program's name, without running it.
+///
+/// Returns the message of wrong usage otherwise. `--help` and `--version` are accepted.
+pub fn parses(arguments: impl IntoIterator<Item = OsString>) -> Result<(), String> {
+    match CommandLine::try_parse_from(arguments) {
+        Err(error) if error.use_stderr() => Err(error.render().to_string()),
+        _ => Ok(()),
+    }
 }
 
 fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
@@ -78,21 +79,16 @@ fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> R
             in_pool(arguments.threads.map(usize::from), || fit::run(&arguments, console, interrupt))
         }
         Command::Render(arguments) => in_pool(arguments.threads.count(), || render::run(&arguments, console)),
-        Command::Lift(arguments) => in_pool(arguments.threads.count(), || lift::run(&arguments, console)),
+        Command::Lift(arguments) => weaver_lift_run::lift(&arguments, console),
         Command::Align(arguments) => in_pool(arguments.threads.count(), || align::run(&arguments, console)),
-        Command::Query(arguments) => in_pool(arguments.threads.count(), || query::run(&arguments, console)),
+        Command::Query(arguments) => weaver_lift_run::query(&arguments, console),
         Command::Dynamic(arguments) => dynamic::run(&arguments.command, console, interrupt),
         Command::Vad(arguments) => vad::run(&arguments.command, console, interrupt),
         Command::Info(arguments) => info::run(&arguments, console),
         Command::Convert(arguments) => convert::run(&arguments, console),
         Command::ConvertWeights(arguments) => convert_weights::run(&arguments, console, interrupt),
         Command::Config(arguments) => config::run(&arguments, console),
-        Command::Bench(arguments) => bench::run(&arguments, console),
+        Command::Bench(arguments) => weaver_bench::run(&arguments, console),
         Command::Completions(arguments) => completions::run(&arguments, console),
     }
-}
-
-/// Runs `job` where parallel loops use `threads` threads, or one per core.
-fn in_pool<R: Send>(threads: Option<usize>, job: impl FnOnce() -> Result<R, Failure> + Send) -> Result<R, Failure> {
-    rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build()?.install(job)
 }

@@ -2,10 +2,10 @@
 
 use crate::arguments::{Fit, Reconstruct, SAVE_EVERY};
 use crate::estimate::estimated_capture;
-use crate::failure::Failure;
 use crate::{Console, Interrupt, clip, fit};
 use std::path::Path;
 use std::time::Instant;
+use weaver_command::Failure;
 use weaver_fit_run::{Outcome, Run, RunError};
 
 /// The shortest time that `fit` takes, minutes.

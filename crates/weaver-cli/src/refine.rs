@@ -1,9 +1,9 @@
 //! Refinement of what a network predicts.
 
 use crate::arguments::RefineFlags;
-use crate::failure::Failure;
 use std::path::PathBuf;
 use std::sync::Arc;
+use weaver_command::Failure;
 use weaver_fit::FitRasterizer;
 use weaver_inference::{Effort, Predictor, Refined};
 use weaver_io::Image;

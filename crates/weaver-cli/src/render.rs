@@ -1,17 +1,14 @@
 //! `splatweaver render`.
 
-use crate::Console;
 use crate::arguments::Render;
-use crate::cameras::{self, Size};
-use crate::device;
-use crate::drawing::Asked;
-use crate::failure::Failure;
-use crate::memory;
-use crate::progress::Progress;
 use crate::video::Video;
 use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_3;
 use std::path::{Path, PathBuf};
+use weaver_command::DrawingOptions;
+use weaver_command::camera_files::{self, Size};
+use weaver_command::memory;
+use weaver_command::{Console, Failure, Progress, device};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
 use weaver_io::{Image, OutputFolder, check_output_file, read_gaussians};
@@ -28,14 +25,14 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
     let gaussians = read_gaussians(&arguments.scene)?;
     let cameras = match (&arguments.cameras, arguments.orbit) {
-        (Some(file), _) => cameras::read(file, size)?,
+        (Some(file), _) => camera_files::read(file, size)?,
         (None, count) => orbit(&gaussians, count.unwrap_or(1) as usize, size).ok_or_else(|| {
             Failure::message(format!("{}: expected Gaussians to turn around, found none", arguments.scene.display()))
         })?,
     };
-    let (background, settings) = Asked::from(arguments.drawing).beside(&arguments.scene)?;
+    let (background, settings) = DrawingOptions::from(arguments.drawing).beside(&arguments.scene)?;
     let mut renderer = Renderer::new(device::rasterizer(&arguments.device)?);
-    let stems = cameras::stems(&cameras);
+    let stems = camera_files::stems(&cameras);
     out.as_ref().map_or(Ok(()), |out| out.check(stems.iter().map(|stem| format!("{stem}.png"))))?;
     let at_once = rayon::current_num_threads().min(MOST_WAITING).min(cameras.len());
     memory::check(

@@ -1,12 +1,9 @@
 //! `splatweaver train`.
 
 use crate::arguments::Train;
-use crate::bench::memory::peak_mb;
-use crate::device;
-use crate::failure::Failure;
-use crate::progress::{Progress, duration};
 use crate::{Console, Interrupt};
 use std::path::{Path, PathBuf};
+use weaver_command::{Failure, Progress, device, duration};
 use weaver_inference::RunFolder;
 use weaver_trainer::{
     Error, Observer, Resolved, Setup, StepReport, Summary, Training, claim_run, create_run, reclaim_run,
@@ -71,7 +68,7 @@ fn dry_run(session: Box<dyn Training>, config: &Resolved, console: &mut Console)
     drop(out);
     std::fs::remove_dir_all(&path)?;
     console.print(&measured?.to_string())?;
-    if let Some(peak) = peak_mb() {
+    if let Some(peak) = weaver_io::peak_mb() {
         console.print(&format!("{:<28}{peak:>9.1} MB, photos and program included", "peak"))?;
     }
     Ok(())
@@ -119,7 +116,7 @@ fn report(summary: &Summary, folder: &RunFolder, console: &mut Console) -> Resul
         console.note(&format!("saved at step {steps} of {planned}; to go on: splatweaver train --resume {path}"));
         return Ok(());
     }
-    let memory = peak_mb().map_or(String::new(), |peak| format!(", at most {peak:.1} MB of memory"));
+    let memory = weaver_io::peak_mb().map_or(String::new(), |peak| format!(", at most {peak:.1} MB of memory"));
     console.note(&format!("{steps} steps done, {} in this session{memory}", duration(summary.seconds)));
     if let Some(evaluation) = &summary.evaluation {
         console.print(&evaluation.table())?;

@@ -8,9 +8,9 @@ mod score;
 mod train;
 
 use crate::arguments::VadCommand;
-use crate::failure::Failure;
 use crate::{Console, Interrupt, in_pool};
 use std::path::{Path, PathBuf};
+use weaver_command::Failure;
 use weaver_vad::Detector;
 
 pub fn run(command: &VadCommand, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {

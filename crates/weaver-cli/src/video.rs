@@ -1,10 +1,10 @@
 //! Encodes pictures into a video with the installed ffmpeg.
 
-use crate::failure::Failure;
 use crate::ffmpeg::{Ffmpeg, INSTALL};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::{ChildStdin, Command, Stdio};
+use weaver_command::Failure;
 use weaver_io::Image;
 
 /// A video that is being written: renamed into place when it is complete, removed otherwise.

@@ -3,7 +3,7 @@
 use crate::{ExpertKind, Preset};
 use std::collections::BTreeMap;
 use weaver_autograd::{ParamId, Params, Tape};
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 use weaver_nn::{AdamW, Group, Moments, RAdam, StateError};
 
 /// Positions slow down to this part over a stage.

@@ -6,7 +6,7 @@ use std::fmt;
 use std::str::FromStr;
 use weaver_autograd::ParamId;
 use weaver_dynamic::{Score, best, scores};
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 use weaver_kernels::random::Stream;
 
 /// By what Gaussians are kept.

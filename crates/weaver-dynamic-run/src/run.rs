@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use weaver_autograd::{Params, Tape};
 use weaver_data::film::Film;
 use weaver_io::OutputFolder;
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 use weaver_kernels::random::Stream;
 use weaver_splat::Workspace;
 

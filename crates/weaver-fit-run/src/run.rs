@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use weaver_fit::{Fit, FitRasterizer, Judge, Photo, StepReport, steps_in};
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 use weaver_io::{OutputFolder, SceneFormat, colmap};
 use weaver_report::{MetricsLog, TensorBoard};
 use weaver_scene::Gaussians;

@@ -6,7 +6,7 @@ use crate::population::{Field, Population};
 use weaver_geometry::Pose;
 use weaver_geometry::glam::{DMat3, DVec3};
 use weaver_geometry::sh::{MAX_DEGREE, coefficients};
-use weaver_io::checkpoint::{Element, Tensors};
+use weaver_io::safetensors::{Element, Tensors};
 use weaver_io::{Error, Result};
 use weaver_splat::GaussianStatistics;
 

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use weaver_autograd::{Param, ParamId, ParamValues, Params, Shape};
-use weaver_io::checkpoint::{TensorData, Tensors};
+use weaver_io::safetensors::{TensorData, Tensors};
 
 /// The format's name and version, in the file's metadata.
 pub const FORMAT: &str = "splatweaver-checkpoint-2";

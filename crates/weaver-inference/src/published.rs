@@ -16,8 +16,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use weaver_autograd::Params;
 use weaver_data::capture::{self, PhotoCameras};
 use weaver_geometry::glam::DVec2;
-use weaver_io::checkpoint::Tensors;
-use weaver_io::{Image, OutputFolder, Weights};
+use weaver_io::safetensors::Mapped;
+use weaver_io::safetensors::Tensors;
+use weaver_io::{Image, OutputFolder};
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_router::AllocationKind;
@@ -67,7 +68,7 @@ fn watcher(
     config: &ModelConfig,
     views: usize,
     gaussians: bool,
-    weights: Weights,
+    weights: Mapped,
     observer: impl Fn(Progress) + Send + 'static,
 ) -> impl Fn(&str) + Send + 'static {
     let blocks = config.backbone.encoder_depth + 2 * config.backbone.rounds;

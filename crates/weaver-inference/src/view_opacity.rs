@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, sh};
-use weaver_io::Planned;
+use weaver_io::safetensors::Planned;
 use weaver_kernels::Real;
 use weaver_scene::ActivatedGaussians;
 
@@ -76,7 +76,7 @@ impl ViewOpacity {
             width: 4,
             shape: shape.to_vec(),
         });
-        weaver_io::write_weights(path, &BTreeMap::new(), &planned, |tensor, to| {
+        weaver_io::safetensors::write_weights(path, &BTreeMap::new(), &planned, |tensor, to| {
             let numbers = tensors.iter().filter(|(name, ..)| *name == tensor.name).flat_map(|(_, numbers, _)| *numbers);
             numbers.into_iter().try_for_each(|x| to.write_all(&x.to_le_bytes()))
         })?;

@@ -3,7 +3,7 @@
 use crate::published::{Network, Opened};
 use crate::{Error, SplatWeaverPredictor};
 use std::path::Path;
-use weaver_io::Weights;
+use weaver_io::safetensors::Mapped;
 use weaver_router::AllocationKind;
 
 /// Whether a file holds the checkpoint of a training run, or small weights made of one.
@@ -11,7 +11,7 @@ use weaver_router::AllocationKind;
 /// # Errors
 /// When it cannot be read, or is no file of weights.
 pub fn is_of_run(path: &Path) -> Result<bool, Error> {
-    Ok(Weights::open(path)?.metadata().get("format").is_some_and(|format| format.starts_with("splatweaver-checkpoint")))
+    Ok(Mapped::open(path)?.metadata().get("format").is_some_and(|format| format.starts_with("splatweaver-checkpoint")))
 }
 
 impl SplatWeaverPredictor {

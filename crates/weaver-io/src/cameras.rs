@@ -1,8 +1,14 @@
 //! One reader for every format of camera files.
 
-use crate::colmap::Model;
-use crate::realestate::Clip;
-use crate::{Result, Transforms, colmap};
+pub mod colmap;
+pub mod llff;
+pub mod nerfies;
+pub mod realestate;
+pub(crate) mod transforms;
+
+use crate::{Result, Transforms};
+use colmap::Model;
+use realestate::Clip;
 use std::path::Path;
 use weaver_scene::Frame;
 

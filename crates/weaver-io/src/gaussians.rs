@@ -1,10 +1,14 @@
 //! Files of Gaussians: the formats as a table, and reading and writing by it.
 
-use crate::atomic::atomic_write_checked;
-use crate::file::read_bytes;
-use crate::gaussian_fields::check_lengths;
+pub(crate) mod fields;
+pub mod ply;
+mod splat;
+mod spz;
+
+use crate::files::atomic::atomic_write_checked;
+use crate::files::file::read_bytes;
 use crate::{Error, Result};
-use crate::{ply, splat, spz};
+use fields::check_lengths;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use std::io::Write;

@@ -2,11 +2,13 @@
 
 mod weights;
 
-use crate::colmap::{self, CameraModel, Model, Point};
-use crate::photo_file::EXTENSIONS;
-use crate::ply::Table;
-use crate::realestate::Clip;
-use crate::{Background, Error, Image, Result, SceneFormat, Transforms, Weights, file::read_bytes, read_gaussians};
+use crate::cameras::colmap::{self, CameraModel, Model, Point};
+use crate::cameras::realestate::Clip;
+use crate::files::file::read_bytes;
+use crate::gaussians::ply::Table;
+use crate::pictures::photo_file::EXTENSIONS;
+use crate::safetensors::Mapped;
+use crate::{Background, Error, Image, Result, SceneFormat, Transforms, read_gaussians};
 use std::fmt::Display;
 use std::path::Path;
 use weaver_geometry::glam::DVec3;
@@ -21,7 +23,7 @@ pub fn info(path: impl AsRef<Path>) -> Result<String> {
     let path = path.as_ref();
     if std::fs::metadata(path).map_err(Error::io(path))?.is_dir() {
         if ["model.safetensors", "model.safetensors.index.json"].iter().any(|name| path.join(name).is_file()) {
-            return Ok(weights::weights(&Weights::open(path)?));
+            return Ok(weights::weights(&Mapped::open(path)?));
         }
         return Ok(model(&Model::read(colmap::model_folder(path))?));
     }
@@ -32,8 +34,8 @@ pub fn info(path: impl AsRef<Path>) -> Result<String> {
         // Of any other PLY file, its vertices are described.
         (_, "ply") => ply(path),
         _ if SceneFormat::of(path).is_ok() => Ok(gaussians(&read_gaussians(path)?)),
-        (_, "safetensors") => Ok(weights::weights(&Weights::open(path)?)),
-        (_, "json") if name.ends_with(".index.json") => Ok(weights::weights(&Weights::open(path)?)),
+        (_, "safetensors") => Ok(weights::weights(&Mapped::open(path)?)),
+        (_, "json") if name.ends_with(".index.json") => Ok(weights::weights(&Mapped::open(path)?)),
         // The cameras are worth describing where the photos are not at hand.
         (_, "json") => {
             let scene = Transforms::read(path);

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use weaver_autograd::{Params, Shape};
 use weaver_inference::{Checkpoint, FORMAT, WeightSet};
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 use weaver_nn::{AdamW, Ema, Moments};
 
 /// What changes while a run trains: parameters, moments and averages.

@@ -115,7 +115,7 @@ fn wrong(path: &Path, message: String) -> Error {
 }
 
 fn tensors_of(path: &Path) -> Result<Tensors, Error> {
-    let tensors = weaver_io::checkpoint::Tensors::read(path)?.tensors;
+    let tensors = weaver_io::safetensors::Tensors::read(path)?.tensors;
     let widened = tensors.iter().map(|(name, tensor)| {
         let values = tensor.data.widened().ok_or_else(|| {
             wrong(path, format!("tensor {name}: expected F16, BF16 or F32, found {}", tensor.data.dtype()))

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use weaver_data::Scene;
 use weaver_inference::Checkpoint;
 use weaver_io::Checksum;
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 
 /// The entry of a checkpoint's metadata.
 pub(crate) const ENTRY: &str = "sources";

@@ -6,7 +6,7 @@ use weaver_data::{Scene, View, capture};
 use weaver_geometry::Camera;
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_inference::published::{Geometry, Teacher};
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 use weaver_io::{Checksum, Image};
 use weaver_scene::{CameraRows, CameraSlices, Model};
 

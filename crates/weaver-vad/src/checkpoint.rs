@@ -5,7 +5,7 @@ use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use weaver_autograd::Params;
-use weaver_io::checkpoint::{Tensor, Tensors};
+use weaver_io::safetensors::{Tensor, Tensors};
 use weaver_nn::{AdamW, Moments};
 
 /// Names of the optimizer's tensors and of the place in the file.

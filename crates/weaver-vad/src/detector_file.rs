@@ -6,7 +6,7 @@ use crate::temporal_transformer::UrDmuSizes;
 use crate::{Error, Result};
 use std::path::Path;
 use weaver_autograd::ParamValues;
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 
 /// Numbers of an attention head of the published network, which its weights do not tell.
 const PUBLISHED_HEAD: usize = 128;

@@ -3,7 +3,7 @@
 use super::raster::{raster, small};
 use crate::capture::halve;
 use std::path::Path;
-use weaver_io::checkpoint::{TensorData, Tensors};
+use weaver_io::safetensors::{TensorData, Tensors};
 
 /// A workload spoilt by `spoil` is refused, in words that name the file and `parts`.
 #[track_caller]

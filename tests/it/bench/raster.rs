@@ -5,7 +5,7 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
-use weaver_io::checkpoint::{Tensor, TensorData, Tensors};
+use weaver_io::safetensors::{Tensor, TensorData, Tensors};
 
 /// Runs `bench raster` once with these arguments besides.
 pub fn raster(arguments: &[&dyn AsRef<OsStr>]) -> Outcome {

@@ -3,7 +3,7 @@
 use super::reference::Reference;
 use std::path::Path;
 use weaver_autograd::{Real, Tape};
-use weaver_io::checkpoint::Tensors as File;
+use weaver_io::safetensors::Tensors as File;
 use weaver_losses::lpips::{Network, Tensors};
 use weaver_losses::{Covariance, Lpips, metrics, mse, ssim_with};
 
@@ -12,7 +12,7 @@ pub fn lpips<T: Real>(name: &str, network: Network, folder: Option<&Path>) -> Re
     let folder = folder.ok_or("no folder of LPIPS weights; give --weights")?;
     let path = folder.join(format!("lpips_{name}_f16.safetensors"));
     let file = File::read(&path).map_err(|e| e.to_string())?;
-    let widened = |(key, tensor): (&String, &weaver_io::checkpoint::Tensor)| {
+    let widened = |(key, tensor): (&String, &weaver_io::safetensors::Tensor)| {
         tensor.data.widened().map(|data| (key.clone(), (tensor.shape.clone(), data.into_owned())))
     };
     let tensors: Tensors = file.tensors.iter().filter_map(widened).collect();

@@ -9,7 +9,7 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::path::Path;
 use weaver_autograd::{Params, Real, Shape, Tape, Var};
-use weaver_io::checkpoint::{TensorData, Tensors};
+use weaver_io::safetensors::{TensorData, Tensors};
 
 /// The least error allowed, relative L2.
 const FLOOR: f64 = 1e-5;

@@ -2,7 +2,7 @@
 
 use super::*;
 use weaver_autograd::{Params, Tape};
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 use weaver_kernels::random::Stream;
 use weaver_nn::{Builder, Context};
 use weaver_vggt::ResidualConvUnit;

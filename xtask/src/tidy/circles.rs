@@ -27,11 +27,11 @@ const STATED: &[(&[&str], &str)] = &[
         "`Real` names the routines of each type, which are written in terms of `Real`",
     ),
     (
-        &["crates/weaver-cli/src/bench/dump.rs", "crates/weaver-cli/src/bench/raster.rs"],
+        &["crates/weaver-bench/src/dump.rs", "crates/weaver-bench/src/raster.rs"],
         "the dump is the frame that the bench has drawn, written by the bench",
     ),
     (
-        &["crates/weaver-cli/src/bench/engine/rows.rs", "crates/weaver-cli/src/bench/engine/vit.rs"],
+        &["crates/weaver-bench/src/engine/rows.rs", "crates/weaver-bench/src/engine/vit.rs"],
         "the table has rows of the network, and the network is made of the blocks in the table",
     ),
     (

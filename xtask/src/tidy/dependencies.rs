@@ -24,6 +24,9 @@ const ABOVE: &[&str] = &[
     "weaver-inference",
     "weaver-trainer",
     "weaver-recipes",
+    "weaver-command",
+    "weaver-bench",
+    "weaver-lift-run",
     "weaver-cli",
 ];
 

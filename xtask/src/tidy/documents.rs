@@ -2,25 +2,48 @@
 
 use super::sources::Source;
 use super::{Workspace, required, text};
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 
 /// The page of what is promised, with the tests that hold it to that.
 const PROMISES: &str = "docs/tests.md";
 
+/// The most lines of a page by the beginning of its path, where that is not 400.
+const LONGEST_PAGES: &[(&str, usize)] =
+    &[("docs/guide/", 200), ("docs/results/notebook/", usize::MAX), ("docs/changelog.md", usize::MAX)];
+
 pub fn check(workspace: &Workspace, faults: &mut Vec<String>) {
     check_versions(workspace, faults);
     check_promises(workspace, faults);
-    let index = required(&workspace.root, "docs/README.md", faults);
     for source in &workspace.others {
-        if let Some(page) =
-            source.place.strip_prefix("docs/").filter(|page| page.ends_with(".md") && *page != "README.md")
-            && !index.contains(&format!("({page})"))
-        {
-            faults.push(format!("docs/README.md: no link to {page}"));
-        }
         if source.place.ends_with(".md") {
-            check_links(&workspace.root, source, faults);
+            check_links(workspace, source, faults);
         }
+        if source.place.starts_with("docs/") && source.place.ends_with(".md") {
+            check_index(workspace, &source.place, faults);
+            check_length(source, faults);
+        }
+    }
+}
+
+/// Each page is linked from the nearest README.md above it.
+fn check_index(workspace: &Workspace, page: &str, faults: &mut Vec<String>) {
+    let page = Path::new(page);
+    let mut indices = page.ancestors().skip(1).map(|folder| folder.join("README.md")).filter(|index| index != page);
+    let Some((text, index)) = indices.find_map(|index| text_of(workspace, &index).zip(Some(index))) else {
+        return;
+    };
+    let inside = page.strip_prefix(index.parent().unwrap_or(Path::new(""))).unwrap_or(page).display();
+    if ![')', '#'].iter().any(|end| text.contains(&format!("({inside}{end}"))) {
+        faults.push(format!("{}: no link to {inside}", index.display()));
+    }
+}
+
+/// Limits of pages: they can be read in one sitting, those of the guide sooner; the notebook is for looking up.
+fn check_length(source: &Source, faults: &mut Vec<String>) {
+    let longest = LONGEST_PAGES.iter().find(|(folder, _)| source.place.starts_with(folder)).map_or(400, |rule| rule.1);
+    let lines = source.text.lines().count();
+    if lines > longest {
+        faults.push(format!("{}: {lines} lines, at most {longest}", source.place));
     }
 }
 
@@ -87,16 +110,46 @@ fn tests(row: &str) -> Vec<(&str, &str)> {
     row.split('`').skip(1).step_by(2).filter_map(|code| code.split_once("::")).collect()
 }
 
-/// Links to files of the repository lead to files.
-fn check_links(root: &Path, source: &Source, faults: &mut Vec<String>) {
-    let folder = root.join(&source.place);
-    let folder = folder.parent().unwrap_or(root);
-    for link in links(&source.text) {
-        let path = link.split('#').next().unwrap_or_default();
-        if !path.is_empty() && !path.contains("://") && !folder.join(path).exists() {
+/// Links to files of the repository lead to files, and to headings where they name one.
+fn check_links(workspace: &Workspace, source: &Source, faults: &mut Vec<String>) {
+    let folder = Path::new(&source.place).parent().unwrap_or(Path::new(""));
+    for link in links(&source.text).into_iter().filter(|link| !link.contains("://")) {
+        let (path, anchor) = link.split_once('#').unwrap_or((link, ""));
+        let target = if path.is_empty() { source.place.clone().into() } else { plain(&folder.join(path)) };
+        if !workspace.root.join(&target).exists() {
             faults.push(format!("{}: a link to {path}, which does not exist", source.place));
+        } else if let Some(page) = text_of(workspace, &target).filter(|_| !anchor.is_empty())
+            && !page.lines().any(|line| line.starts_with('#') && slug(line) == anchor)
+        {
+            faults.push(format!("{}: a link to {link}, which has no such heading", source.place));
         }
     }
+}
+
+/// The text of a document of the workspace by its path.
+fn text_of<'a>(workspace: &'a Workspace, path: &Path) -> Option<&'a str> {
+    let place = path.to_string_lossy();
+    workspace.others.iter().find(|source| source.place == place).map(|source| source.text.as_str())
+}
+
+/// A path without `..`.
+fn plain(path: &Path) -> PathBuf {
+    let mut plain = PathBuf::new();
+    for part in path.components() {
+        if part == Component::ParentDir {
+            plain.pop();
+        } else {
+            plain.push(part);
+        }
+    }
+    plain
+}
+
+/// The anchor of a heading: lower case, hyphens for spaces, no punctuation.
+fn slug(heading: &str) -> String {
+    let text = heading.trim_start_matches('#').trim().to_lowercase();
+    let kept = text.chars().filter(|letter| letter.is_alphanumeric() || " -_".contains(*letter));
+    kept.map(|letter| if letter == ' ' { '-' } else { letter }).collect()
 }
 
 /// The targets of `[text](target)`, those in indented code and in fences left out.
@@ -127,6 +180,12 @@ mod tests {
             "`a.rs::b`\n\n| promise | test |\n|---|---|\n| `--flag` does | `a.rs::b`, `c/d.rs::e` |\n| none | |\n";
         let found: Vec<_> = rows(text).map(tests).collect();
         assert_eq!(found, [vec![("a.rs", "b"), ("c/d.rs", "e")], vec![]]);
+    }
+
+    #[test]
+    fn headings_have_anchors() {
+        assert_eq!(slug("### One, two, `five` and fifteen-minutes"), "one-two-five-and-fifteen-minutes");
+        assert_eq!(plain(Path::new("docs/guide/../results/a.md")), Path::new("docs/results/a.md"));
     }
 
     #[test]

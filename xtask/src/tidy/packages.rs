@@ -1,6 +1,7 @@
-//! A crate can be published: it says what it is, and its README begins with an example that is compiled.
+//! A crate can be published: it says what it is, its license is beside it, and its README begins with an example that is compiled.
 
 use super::{Package, text};
+use std::path::Path;
 
 pub fn check(package: &Package, faults: &mut Vec<String>) {
     if package.exempt() {
@@ -16,6 +17,10 @@ pub fn check(package: &Package, faults: &mut Vec<String>) {
         if metadata[key].as_array().is_none_or(Vec::is_empty) {
             faults.push(format!("{name}: no {key} in Cargo.toml"));
         }
+    }
+    // What `cargo package` takes in: a link to the workspace's becomes a copy.
+    if !Path::new(text(metadata, "manifest_path")).with_file_name("LICENSE").is_file() {
+        faults.push(format!("{name}: no LICENSE beside Cargo.toml; expected a link to the workspace's"));
     }
     let targets = || metadata["targets"].as_array().into_iter().flatten();
     let any = |kind: &str| targets().any(|t| t["kind"].as_array().is_some_and(|k| k.iter().any(|k| k == kind)));
@@ -74,10 +79,10 @@ mod tests {
         };
         let mut faults = Vec::new();
         check(&package, &mut faults);
-        assert_eq!(faults.len(), 5, "{faults:?}");
+        assert_eq!(faults.len(), 6, "{faults:?}");
         package.sources = vec![lib("#[doc = include_str!(\"../README.md\")]")];
         package.readme += "```rust\nassert!(true);\n```\n";
         check_readme(&package, &mut faults);
-        assert_eq!(faults.len(), 5, "{faults:?}");
+        assert_eq!(faults.len(), 6, "{faults:?}");
     }
 }

@@ -1,8 +1,8 @@
 //! First guesses where there are none: the scene's own cameras.
 
-use crate::cameras;
-use crate::failure::Failure;
 use std::path::{Path, PathBuf};
+use weaver_command::Failure;
+use weaver_command::camera_files;
 use weaver_geometry::Camera;
 use weaver_io::PhotoFile;
 use weaver_scene::{ActivatedGaussians, Frame};
@@ -24,7 +24,7 @@ pub fn nearest(
         let message = format!("--cameras: expected first guesses, or the scene's own cameras in {}", file.display());
         return Err(Failure::Usage(message));
     }
-    let frames = cameras::read(&file, cameras::Size::default())?;
+    let frames = camera_files::read(&file, camera_files::Size::default())?;
     let mut workspace = Workspace::new();
     let mut views = Vec::with_capacity(frames.len());
     for frame in &frames {

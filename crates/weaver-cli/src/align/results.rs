@@ -1,11 +1,11 @@
 //! What an alignment leaves on disk, and prints.
 
-use crate::cameras::stems;
-use crate::failure::Failure;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use weaver_align::{Aligned, Outcome};
+use weaver_command::Failure;
+use weaver_command::camera_files::stems;
 use weaver_data::posed::PosedPhoto;
 use weaver_geometry::{Camera, Intrinsics};
 use weaver_io::colmap::Model;

@@ -1,8 +1,9 @@
 //! The command line of `splatweaver align`.
 
-use super::{DrawingFlags, Threads};
+use super::Threads;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
+use weaver_command::DrawingFlags;
 
 const DESCENT: &str = "Descent";
 

@@ -1,10 +1,9 @@
 //! The command line of `splatweaver eval`.
 
-use super::drawing::{distance, fraction};
-use super::fit::{Rgb, background};
 use super::{DensityFlags, LossName, MethodName, RefineFlags, Threads};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
+use weaver_command::{Rgb, background, distance, fraction};
 use weaver_trainer::LookOf;
 
 /// What is judged, by which views, and the figures.

@@ -4,6 +4,7 @@ use super::convert::scene_format;
 use super::{CONFIGURATION, DeviceFlag, RUN};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
+use weaver_command::{Rgb, background};
 use weaver_io::SceneFormat;
 
 /// Fits Gaussians to the photos of a capture: a scene in minutes.
@@ -127,10 +128,6 @@ pub const SAVE_EVERY: f64 = 20.0;
 const PHOTOS: &str = "Photos and cameras";
 const SCENE: &str = "Scene";
 
-/// A color; a type of its own, for the command line takes lists apart.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rgb(pub [f32; 3]);
-
 /// What becomes of cameras.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
 pub enum PoseMode {
@@ -147,22 +144,6 @@ pub enum StrategyName {
     Mcmc,
     /// The number stays as it is
     Keep,
-}
-
-pub fn background(text: &str) -> Result<Rgb, String> {
-    match text {
-        "white" => Ok(Rgb([1.0; 3])),
-        "black" => Ok(Rgb([0.0; 3])),
-        numbers => color(numbers).map(Rgb).map_err(|e| format!("{e}, or white or black")),
-    }
-}
-
-fn color(text: &str) -> Result<[f32; 3], String> {
-    let numbers: Result<Vec<f32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
-    let color = numbers.ok().and_then(|n| <[f32; 3]>::try_from(n).ok());
-    color
-        .filter(|c| c.iter().all(|x| (0.0..=1.0).contains(x)))
-        .ok_or_else(|| "expected three numbers from 0 to 1, as in 1,1,1".into())
 }
 
 fn pause(text: &str) -> Result<f64, String> {
@@ -182,21 +163,6 @@ pub(super) fn minutes(text: &str) -> Result<f64, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn backgrounds_have_names_or_numbers() {
-        assert_eq!(background("black"), Ok(Rgb([0.0; 3])));
-        assert_eq!(background("0,0.5,1"), Ok(Rgb([0.0, 0.5, 1.0])));
-        assert!(background("gray").is_err() && background("2,0,0").is_err());
-    }
-
-    #[test]
-    fn colors_are_three_numbers_from_0_to_1() {
-        assert_eq!(color("0, 0.5,1"), Ok([0.0, 0.5, 1.0]));
-        for wrong in ["1,1", "1,1,1,1", "a,b,c", "0,0,256", "NaN,0,0", ""] {
-            assert!(color(wrong).is_err(), "{wrong}");
-        }
-    }
 
     #[test]
     fn minutes_are_positive_and_finite() {

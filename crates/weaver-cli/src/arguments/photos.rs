@@ -1,9 +1,9 @@
 //! The command lines of `splatweaver cameras` and `splatweaver reconstruct`.
 
 use super::Threads;
-use crate::failure::Failure;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
+use weaver_command::Failure;
 use weaver_data::{EstimateOptions, Find};
 
 /// How cameras are estimated, and how Gaussians are fitted.

@@ -1,8 +1,9 @@
 //! The command line of `splatweaver render`.
 
-use super::{DeviceFlag, DrawingFlags, Threads};
+use super::{DeviceFlag, Threads};
 use clap::{ArgGroup, Args};
 use std::path::PathBuf;
+use weaver_command::DrawingFlags;
 
 /// Draws a file of Gaussians from given cameras or along an orbit.
 ///

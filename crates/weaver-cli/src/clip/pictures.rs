@@ -1,11 +1,11 @@
 //! The pictures of a clip, one after the other, as an ffmpeg beside this process decodes them.
 
-use crate::failure::Failure;
 use crate::ffmpeg::{Ended, Ffmpeg, INSTALL};
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{ChildStdout, Command, Stdio};
+use weaver_command::Failure;
 
 /// The longest side of a picture, pixels: a header may claim anything.
 const LONGEST: usize = 1 << 16;

@@ -1,9 +1,7 @@
 //! `splatweaver dynamic eval`.
 
-use crate::Console;
 use crate::arguments::DynamicEval;
-use crate::failure::Failure;
-use crate::progress::Progress;
+use weaver_command::{Console, Failure, Progress};
 use weaver_dynamic_run::{Evaluation, Run};
 
 pub fn run(arguments: &DynamicEval, console: &mut Console) -> Result<(), Failure> {

@@ -1,13 +1,11 @@
 //! `splatweaver dynamic render`.
 
-use crate::Console;
 use crate::arguments::DynamicRender;
-use crate::cameras::{self, Size};
-use crate::failure::Failure;
-use crate::memory;
-use crate::progress::Progress;
 use crate::video::Video;
 use std::path::PathBuf;
+use weaver_command::camera_files::{self, Size};
+use weaver_command::memory;
+use weaver_command::{Console, Failure, Progress};
 use weaver_dynamic_run::Run;
 use weaver_geometry::Camera;
 use weaver_io::OutputFolder;
@@ -65,7 +63,7 @@ pub fn run(arguments: &DynamicRender, console: &mut Console) -> Result<(), Failu
 /// The cameras that are followed.
 fn path(arguments: &DynamicRender, run: &Run) -> Result<Vec<Camera>, Failure> {
     if let Some(file) = &arguments.cameras {
-        return Ok(cameras::read(file, Size::default())?.into_iter().map(|frame| frame.camera).collect());
+        return Ok(camera_files::read(file, Size::default())?.into_iter().map(|frame| frame.camera).collect());
     }
     let shots = &run.film().shots;
     let found = match arguments.camera {

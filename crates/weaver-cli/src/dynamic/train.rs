@@ -2,12 +2,11 @@
 
 use super::eval;
 use crate::arguments::{DynamicDistil, DynamicPrune, DynamicTrain, PresetName};
-use crate::failure::Failure;
-use crate::progress::{Progress, duration};
 use crate::{Console, Interrupt};
 use std::path::Path;
+use weaver_command::{Failure, Progress, duration};
 use weaver_dynamic_run::{FilmSource, Made, Preset, Run, RunSettings, Stage};
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 
 /// Seconds between checkpoints.
 const SAVE_EVERY: f64 = 60.0;

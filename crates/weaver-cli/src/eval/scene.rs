@@ -1,13 +1,11 @@
 //! One file of Gaussians against the photos of a capture.
 
-use crate::Console;
 use crate::arguments::Eval;
-use crate::drawing::Asked;
-use crate::failure::Failure;
-use crate::progress::Progress;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::Path;
+use weaver_command::DrawingOptions;
+use weaver_command::{Console, Failure, Progress};
 use weaver_data::capture::posed::{self, PosedOptions};
 use weaver_fit::{Judge, Quality};
 use weaver_io::read_gaussians;
@@ -20,7 +18,7 @@ pub fn run(arguments: &Eval, scene: &Path, console: &mut Console) -> Result<(), 
         return Err(Failure::Usage(format!("--data: expected exactly one with --scene, found {found}")));
     };
     let flags = &arguments.drawing;
-    let asked = Asked {
+    let asked = DrawingOptions {
         background: flags.background.map(|color| color.0),
         antialiased: flags.antialiased,
         near: flags.near,

@@ -3,10 +3,8 @@
 use super::judged::{Judged, planted};
 use super::train::{REPORT, reopened};
 use super::{check_width, metrics, open, report};
-use crate::Console;
 use crate::arguments::VadEval;
-use crate::failure::Failure;
-use crate::progress::Progress;
+use weaver_command::{Console, Failure, Progress};
 use weaver_vad::{Annotation, Planted, read_list};
 
 pub fn run(arguments: &VadEval, console: &mut Console) -> Result<(), Failure> {

@@ -1,6 +1,6 @@
 //! Test videos that a detector has judged.
 
-use crate::failure::Failure;
+use weaver_command::Failure;
 use weaver_vad::metrics::{FrameMetrics, SNIPPET, ScoredVideo, frame_metrics};
 use weaver_vad::{Curves, Detector, Planted};
 

@@ -1,9 +1,8 @@
 //! `splatweaver vad metrics`.
 
-use crate::Console;
 use crate::arguments::VadMetrics;
-use crate::failure::Failure;
 use serde_json::json;
+use weaver_command::{Console, Failure};
 use weaver_io::{Npy, list_files};
 use weaver_vad::metrics::{AveragePrecision, FrameMetrics, frame_metrics};
 use weaver_vad::{Annotation, FileName};

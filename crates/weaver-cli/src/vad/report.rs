@@ -3,8 +3,8 @@
 use super::judged::Judged;
 use super::metrics::text;
 use super::score::{others, shares};
-use crate::failure::Failure;
 use std::path::Path;
+use weaver_command::Failure;
 use weaver_report::Page;
 use weaver_vad::{Chart, Curves};
 

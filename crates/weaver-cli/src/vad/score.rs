@@ -1,12 +1,10 @@
 //! `splatweaver vad score`.
 
 use super::{check_width, open};
-use crate::Console;
 use crate::arguments::VadScore;
-use crate::failure::Failure;
-use crate::progress::Progress;
 use std::fmt::Write;
 use std::path::PathBuf;
+use weaver_command::{Console, Failure, Progress};
 use weaver_io::{OutputFolder, write_npy, write_text};
 use weaver_vad::metrics::SNIPPET;
 use weaver_vad::{Annotation, Chart, Curves, Features, FileName, Length};

@@ -2,14 +2,13 @@
 
 use super::{MODEL, report};
 use crate::arguments::{EncoderName, VadPlan, VadTrain};
-use crate::failure::Failure;
-use crate::progress::Progress;
 use crate::{Console, Interrupt};
 use serde::{Deserialize, Serialize};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+use weaver_command::{Failure, Progress};
 use weaver_io::{Appender, OutputFolder};
 use weaver_vad::{
     Checkpoint, ConvolutionSizes, DeepMilSizes, Detector, EncoderKind, Error, Experts, Labels, Observe, Planted,

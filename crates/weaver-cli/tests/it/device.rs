@@ -43,7 +43,7 @@ fn a_program_without_gpus_says_how_to_build_one() {
 mod with {
     use super::*;
     use serde_json::Value;
-    use weaver_io::checkpoint::Tensors;
+    use weaver_io::safetensors::Tensors;
     use weaver_io::{Background, Image, Transforms, write_gaussians};
     use weaver_scene::Frame;
 

@@ -106,7 +106,7 @@ fn a_training_that_is_interrupted_goes_on() {
     }
     // The numbers; times of the stages differ.
     let numbers = |run: &str| {
-        let file = weaver_io::checkpoint::Tensors::read(folder.join(run).join("model.safetensors")).unwrap();
+        let file = weaver_io::safetensors::Tensors::read(folder.join(run).join("model.safetensors")).unwrap();
         file.tensors.into_iter().filter(|(name, _)| name != "seconds").collect::<Vec<_>>()
     };
     assert!(numbers("whole") == numbers("parts"));

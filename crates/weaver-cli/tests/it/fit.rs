@@ -4,7 +4,7 @@ use crate::command::capture;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::Duration;
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 
 const BINARY: &str = env!("CARGO_BIN_EXE_splatweaver");
 const STEPS: u64 = 1500;

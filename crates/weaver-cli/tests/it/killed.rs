@@ -60,7 +60,7 @@ fn the_same(steps: u64, end: impl Fn(&Path, u64)) {
     for time in 0..times() {
         end(folder, time);
         // Whatever happened, the checkpoint is whole.
-        weaver_io::checkpoint::Tensors::read(folder.join("parts/checkpoint.safetensors")).unwrap();
+        weaver_io::safetensors::Tensors::read(folder.join("parts/checkpoint.safetensors")).unwrap();
     }
     assert!(start(folder, "train --resume parts --threads 1", None).wait().unwrap().success());
     assert!(checkpoint(folder, "parts") == checkpoint(folder, "whole"));

@@ -3,7 +3,7 @@
 use crate::command::{printed, refused, splatweaver, text};
 use std::path::Path;
 use weaver_geometry::{Camera, Intrinsics, Pose};
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 use weaver_io::{Image, Transforms, write_gaussians};
 use weaver_scene::{Frame, Gaussians};
 

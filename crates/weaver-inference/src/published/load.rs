@@ -4,7 +4,7 @@ use crate::{Error, Partly};
 use std::path::Path;
 use std::sync::Arc;
 use weaver_autograd::{HalfValues, ParamId, ParamValues, Params};
-use weaver_io::{Storage, Weight, Weights};
+use weaver_io::safetensors::{Array, Mapped, Storage};
 use weaver_kernels::parallel;
 use weaver_model::{ModelConfig, SplatWeaver};
 use weaver_nn::Builder;
@@ -41,7 +41,7 @@ impl Network {
 /// A recognized checkpoint whose weights are not loaded yet.
 #[derive(Debug)]
 pub struct Opened {
-    weights: Weights,
+    weights: Mapped,
     prefix: &'static str,
     /// The network's configuration.
     pub config: ModelConfig,
@@ -61,10 +61,10 @@ impl Opened {
     /// # Errors
     /// When it cannot be read or is a checkpoint of another model.
     pub fn new(path: &Path, gaussians: bool) -> Result<Self, Error> {
-        let weights = Weights::open(path)?;
+        let weights = Mapped::open(path)?;
         let known = |prefix: &&&str| weights.get(&format!("{prefix}{KNOWN_BY}")).is_some();
         let Some(prefix) = PREFIXES.iter().find(known) else {
-            let first: Vec<&str> = weights.iter().take(3).map(Weight::name).collect();
+            let first: Vec<&str> = weights.iter().take(3).map(Array::name).collect();
             let run = weights.metadata().get("format").is_some_and(|f| f.starts_with("splatweaver-checkpoint"));
             let hint = if run { "; this is the checkpoint of a training run" } else { "" };
             let expected = format!("expected the tensors of SplatWeaver or VGGT, such as encoder.{KNOWN_BY}");
@@ -106,7 +106,7 @@ impl Opened {
     }
 
     /// The weights in their files.
-    pub fn weights(&self) -> &Weights {
+    pub fn weights(&self) -> &Mapped {
         &self.weights
     }
 
@@ -148,7 +148,7 @@ impl Opened {
                 Err(Fault::NotFinite) => faults[2].push(name),
             }
         }
-        let ours = |weight: &&Weight| {
+        let ours = |weight: &&Array| {
             let name = weight.name().strip_prefix(self.prefix);
             self.is_unused(weight.name()) || name.is_some_and(|name| params.find(name).is_some())
         };

@@ -1,13 +1,13 @@
 //! Descriptions of files of tensors: each tensor if there are few, else the modules found in their names.
 
-use crate::{Weight, Weights};
+use crate::safetensors::{Array, Mapped};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Tensors, or modules, that are listed one by one.
 const SHOWN: usize = 30;
 
-pub fn weights(weights: &Weights) -> String {
-    let values: usize = weights.iter().map(Weight::len).sum();
+pub fn weights(weights: &Mapped) -> String {
+    let values: usize = weights.iter().map(Array::len).sum();
     let size = size(weights.bytes());
     let mut lines = format!("safetensors, {} tensors, {} values, {size}", weights.iter().len(), grouped(values));
     for (key, value) in weights.metadata() {
@@ -49,7 +49,7 @@ struct Modules(BTreeMap<String, Module>);
 
 impl Modules {
     /// At the first depth of names that tells modules apart, and one below, if that is not too long a list.
-    fn of(weights: &Weights) -> Self {
+    fn of(weights: &Mapped) -> Self {
         let cut = |name: &str, depth: usize| -> String {
             let parts: Vec<&str> = name.split('.').collect();
             // The last part names a tensor, not a module.
@@ -59,7 +59,7 @@ impl Modules {
         let first = (1..8).find(|depth| count(*depth) > 1).unwrap_or(1);
         let parts = count(first) + count(first + 1) <= SHOWN + count(first) && count(first + 1) > count(first);
         let mut modules: BTreeMap<String, Module> = BTreeMap::new();
-        let mut add = |name: String, weight: &Weight| {
+        let mut add = |name: String, weight: &Array| {
             let module = modules.entry(name).or_default();
             module.tensors += 1;
             module.values += weight.len();

@@ -1,8 +1,9 @@
 //! Arrays as Python writes them.
 
 use std::path::{Path, PathBuf};
-use weaver_io::checkpoint::Tensors;
-use weaver_io::{Storage, open_array};
+use weaver_io::open_array;
+use weaver_io::safetensors::Storage;
+use weaver_io::safetensors::Tensors;
 
 /// The bytes of an NPY file with this header, padded as NumPy pads it.
 pub fn npy(version: u8, header: &str, data: &[u8]) -> Vec<u8> {

@@ -1,5 +1,5 @@
 use crate::shared;
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 use weaver_io::{Image, info};
 
 #[test]

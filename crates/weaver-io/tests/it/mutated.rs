@@ -12,9 +12,10 @@ use std::io::Read;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::time::{Duration, Instant};
-use weaver_io::checkpoint::Tensors;
 use weaver_io::realestate::Clip;
-use weaver_io::{Background, Image, PhotoFile, TensorFile, TorchCheckpoint, Transforms, Weights, colmap, ply};
+use weaver_io::safetensors::Mapped;
+use weaver_io::safetensors::Tensors;
+use weaver_io::{Background, Image, PhotoFile, TorchCheckpoint, Transforms, colmap, ply};
 use weaver_kernels::random::Stream;
 use weaver_scene::Gaussians;
 
@@ -102,11 +103,10 @@ fn readers() -> Vec<Reader> {
         several("nerfies", nerfies_files(), |path| weaver_io::nerfies::Capture::read(path.parent().unwrap()).is_ok()),
         one("realestate", "a.txt", text(frames), |path| Clip::read(path).is_ok()),
         one("tensors", "a.safetensors", safetensors.clone(), |path| Tensors::read(path).is_ok()),
-        one("tensor file", "a.safetensors", safetensors.clone(), |path| TensorFile::open(path).is_ok()),
         several(
             "index",
             vec![("model.safetensors.index.json".into(), text(index)), ("a.safetensors".into(), safetensors)],
-            |path| Weights::open(path).is_ok(),
+            |path| Mapped::open(path).is_ok(),
         ),
         one("npy", "a.npy", npy(1, HEADER, &[7; 24]), |path| weaver_io::open_array(path).is_ok()),
         one("torch", "a.ckpt", torch.unwrap(), |path| TorchCheckpoint::open(path).is_ok()),

@@ -3,7 +3,7 @@
 use image::metadata::Orientation;
 use image::{DynamicImage, ImageEncoder, codecs::png::PngEncoder};
 use std::path::{Path, PathBuf};
-use weaver_io::{Bitmap, Image, PhotoFile, list_photos};
+use weaver_io::{Background, Bitmap, Image, PhotoFile, list_photos};
 
 /// The ramp of the fixtures: red grows to the right, green downward.
 fn ramp() -> Bitmap {
@@ -55,6 +55,8 @@ fn photos_are_read_upright_unless_a_camera_says_otherwise() {
         assert_eq!((photo.size(), photo.stored_size()), (size, (24, 16)), "{orientation:?}");
         assert_eq!(Image::dimensions(&path).unwrap(), size);
         assert_eq!(photo.read().unwrap(), upright, "{orientation:?}");
+        let bytes = std::fs::read(&path).unwrap();
+        assert_eq!(Image::decode(&bytes, "bytes", Background::White).unwrap(), upright.to_image(), "{orientation:?}");
         // Resizing sees the same photo.
         let part = [0.5, 1.0, 14.5, 15.0];
         assert_eq!(photo.resize(5, 4, part).unwrap().to_image(), upright.to_image().resize(5, 4, part));

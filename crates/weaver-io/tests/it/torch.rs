@@ -3,7 +3,8 @@
 use proptest::prelude::*;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use weaver_io::{TorchCheckpoint, write_weights};
+use weaver_io::TorchCheckpoint;
+use weaver_io::safetensors::write_weights;
 
 fn sample() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures/torch_checkpoint.ckpt")
@@ -17,7 +18,7 @@ fn every_tensor_and_nothing_else() {
     let mut checkpoint = TorchCheckpoint::open(sample()).unwrap();
     let planned = checkpoint.tensors().unwrap();
     write_weights(&path, &Default::default(), &planned, |tensor, out| checkpoint.write(&tensor.name, out)).unwrap();
-    let tensors = weaver_io::checkpoint::Tensors::read(&path).unwrap();
+    let tensors = weaver_io::safetensors::Tensors::read(&path).unwrap();
     let names: Vec<&str> = tensors.tensors.keys().map(String::as_str).collect();
     let expected = ["a.part", "a.turned", "a.wide", "b.count", "b.half", "b.narrow", "c.empty", "c.parameter"];
     assert_eq!(names, expected);

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use weaver_autograd::{ParamId, Params, Tape};
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 use weaver_kernels::random::Stream;
 use weaver_nn::{AdamW, Ema, Group, Moments, RowError, RowMap, RowSet, RowSource, StateError};
 

@@ -1,7 +1,7 @@
 //! The published perceptual loss through the trainer, with drawn weights of VGG-19 from a file.
 
 use std::path::Path;
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 use weaver_recipes::TwoExpertsRecipe;
 use weaver_trainer::Session;
 

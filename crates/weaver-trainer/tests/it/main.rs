@@ -70,7 +70,7 @@ fn without_an_average_the_weights_themselves_are_stored_for_evaluation() {
         let mut session = Session::<PixelCnnRecipe>::new(Config { model: self::config(1).model, ..config }).unwrap();
         (0..2).for_each(|_| _ = session.advance().unwrap().unwrap());
         session.save(&path).unwrap();
-        let tensors = weaver_io::checkpoint::Tensors::read(&path).unwrap().tensors;
+        let tensors = weaver_io::safetensors::Tensors::read(&path).unwrap().tensors;
         let values = |set: &str| tensors[&format!("{set}.layers.0.weight")].data.clone();
         values("ema") == values("param")
     };

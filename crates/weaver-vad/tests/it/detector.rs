@@ -1,6 +1,6 @@
 //! Detectors in files.
 
-use weaver_io::checkpoint::Tensors;
+use weaver_io::safetensors::Tensors;
 use weaver_vad::{Detector, EncoderKind, Features, UrDmuSizes};
 
 /// The public weights: names and shapes of UR-DMU at width 128, one head, and nothing else in the file.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use weaver_autograd::{Params, Shape, Tape, Var};
-use weaver_io::checkpoint::{TensorData, Tensors};
+use weaver_io::safetensors::{TensorData, Tensors};
 
 pub struct Fixture {
     tensors: Tensors,

@@ -6,7 +6,8 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use weaver_autograd::Params;
-use weaver_io::{Planned, write_weights};
+use weaver_io::safetensors::{Planned, write_weights};
+
 use weaver_kernels::parallel;
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};

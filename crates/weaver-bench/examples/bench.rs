@@ -1,0 +1,24 @@
+//! The benchmarks alone, without the rest of the command line.
+
+use clap::Parser;
+use std::process::ExitCode;
+use weaver_bench::{Bench, run};
+use weaver_command::Console;
+
+#[derive(Parser)]
+struct Line {
+    #[command(flatten)]
+    bench: Bench,
+}
+
+fn main() -> ExitCode {
+    let (mut stdout, mut stderr) = (std::io::stdout(), std::io::stderr());
+    let mut console = Console { stdout: &mut stdout, stderr: &mut stderr, terminal: false };
+    match run(&Line::parse().bench, &mut console) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            failure.line().into_iter().for_each(|line| eprintln!("error: {line}"));
+            failure.exit_code().into()
+        }
+    }
+}

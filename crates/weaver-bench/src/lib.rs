@@ -1,0 +1,57 @@
+//! `splatweaver bench`: speed of the main parts on this machine, beside the machine's own peak.
+
+mod arguments;
+mod draws;
+mod dump;
+mod engine;
+mod fit;
+mod mixture;
+mod processor;
+mod raster;
+mod workload;
+
+pub use arguments::Bench;
+
+use arguments::Subject;
+use weaver_command::{Console, Failure, in_pool};
+
+/// Runs a benchmark and prints its figures, as a table or as JSON.
+///
+/// Fails where a workload or a capture cannot be read, where there is no such device, and where figures cannot be written.
+pub fn run(arguments: &Bench, console: &mut Console) -> Result<(), Failure> {
+    match &arguments.subject {
+        Subject::Engine(engine) => in_pool(engine.threads.count(), || engine::run(engine, console)),
+        Subject::Fit(fit) => in_pool(fit.threads.count(), || fit::run(fit, console)),
+        Subject::Mixture(mixture) => in_pool(mixture.threads.count(), || mixture::run(mixture, console)),
+        Subject::Raster(raster) => in_pool(raster.threads.count(), || raster::run(raster, console)),
+    }
+}
+
+/// The median of some numbers; NaN for an empty list.
+fn median(values: impl IntoIterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    values.sort_by(f64::total_cmp);
+    let (low, high) = (values.len().saturating_sub(1) / 2, values.len() / 2);
+    match values.get(low..=high) {
+        Some(middle) => middle.iter().sum::<f64>() / middle.len() as f64,
+        None => f64::NAN,
+    }
+}
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
+#[cfg(test)]
+mod tests {
+    use super::median;
+
+    #[test]
+    fn the_middle_is_not_moved_by_one_slow_run() {
+        assert_eq!(median([3.0, 1.0, 1000.0]), 3.0);
+        assert_eq!(median([4.0, 1.0, 2.0, 1000.0]), 3.0);
+        assert_eq!(median([2.0]), 2.0);
+        assert!(median([]).is_nan());
+    }
+}

@@ -1,0 +1,33 @@
+//! The output streams of a command.
+
+use crate::failure::Failure;
+use std::io::Write;
+
+/// The two streams of a command.
+pub struct Console<'a> {
+    /// For results.
+    pub stdout: &'a mut (dyn Write + Send),
+    /// For progress, notes and errors.
+    pub stderr: &'a mut (dyn Write + Send),
+    /// Whether the standard error of the process is a terminal, on which a progress bar can be drawn.
+    pub terminal: bool,
+}
+
+impl Console<'_> {
+    /// Prints a line of the result on standard output.
+    pub fn print(&mut self, text: &str) -> Result<(), Failure> {
+        let written = writeln!(self.stdout, "{}", text.trim_end()).and_then(|()| self.stdout.flush());
+        written.map_err(Failure::output)
+    }
+
+    /// Prints a line on standard error. A failure to write it is ignored: the work goes on.
+    pub fn note(&mut self, text: &str) {
+        let _ = writeln!(self.stderr, "{text}");
+    }
+}
+
+impl std::fmt::Debug for Console<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Console").field("terminal", &self.terminal).finish_non_exhaustive()
+    }
+}

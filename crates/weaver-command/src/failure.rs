@@ -1,0 +1,99 @@
+//! Failures of a command: a one-line message and an exit code.
+
+use std::error::Error;
+use std::io;
+
+/// Why a command stopped.
+#[derive(Debug)]
+pub enum Failure {
+    /// Wrong usage: exit code 2.
+    Usage(String),
+    /// Something went wrong: exit code 1.
+    Error(Box<dyn Error + Send + Sync>),
+    /// Standard output was closed, as by `head`: exit code 0.
+    OutputClosed,
+}
+
+impl<E: Error + Send + Sync + 'static> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self::Error(Box::new(error))
+    }
+}
+
+impl Failure {
+    /// For errors of writing to standard output.
+    pub fn output(error: io::Error) -> Self {
+        if error.kind() == io::ErrorKind::BrokenPipe {
+            return Self::OutputClosed;
+        }
+        Self::Error(format!("standard output: {error}").into())
+    }
+
+    /// A failure with this message and exit code 1.
+    pub fn message(text: impl Into<String>) -> Self {
+        Self::Error(text.into().into())
+    }
+
+    /// The process's exit code.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::OutputClosed => 0,
+            Self::Error(_) => 1,
+            Self::Usage(_) => 2,
+        }
+    }
+
+    /// The message, in one line, causes included.
+    pub fn line(&self) -> Option<String> {
+        match self {
+            Self::OutputClosed => None,
+            Self::Usage(message) => Some(message.clone()),
+            Self::Error(error) => Some(joined(error.as_ref())),
+        }
+    }
+}
+
+/// The error and its causes in one line, without causes that its text already contains and without decoration.
+fn joined(error: &dyn Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        let more = error.to_string();
+        if !text.contains(&more) {
+            text = format!("{text}: {more}");
+        }
+        cause = error.source();
+    }
+    let lines = text.lines().map(str::trim).filter(|line| line.chars().any(char::is_alphanumeric));
+    lines.collect::<Vec<_>>().join("; ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, thiserror::Error)]
+    #[error("{text}")]
+    struct Layer {
+        text: &'static str,
+        source: Option<Box<Layer>>,
+    }
+
+    #[test]
+    fn causes_follow_once_and_in_one_line() {
+        let inner = Layer { text: "disk full", source: None };
+        let middle = Layer { text: "a.ply: disk full", source: Some(Box::new(inner)) };
+        let outer = Layer { text: "line 1\n  |\n  ^\nkey", source: Some(Box::new(middle)) };
+        let failure = Failure::from(outer);
+        assert_eq!(failure.line().unwrap(), "line 1; key: a.ply: disk full");
+        assert_eq!(failure.exit_code(), 1);
+    }
+
+    #[test]
+    fn a_closed_pipe_is_no_error() {
+        let failure = Failure::output(io::ErrorKind::BrokenPipe.into());
+        assert_eq!((failure.exit_code(), failure.line()), (0, None));
+        let failure = Failure::output(io::ErrorKind::StorageFull.into());
+        assert_eq!(failure.exit_code(), 1);
+    }
+}

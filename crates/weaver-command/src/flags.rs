@@ -1,0 +1,33 @@
+//! Flags that several commands have.
+
+use clap::Args;
+
+/// Upper limit on threads, each of which costs memory.
+pub const MOST_THREADS: i64 = 1024;
+
+/// Upper limit on seeds, which TOML must be able to hold.
+pub const MOST_SEED: u64 = i64::MAX as u64;
+
+/// Where Gaussians are drawn.
+#[derive(Args, Clone, Debug, Default)]
+pub struct DeviceFlag {
+    /// Where Gaussians are drawn and differentiated: on the processor, on the fastest GPU, or on one that `splatweaver info
+    /// --devices` lists, by its number or a part of its name [default: cpu]
+    #[arg(long, value_name = "cpu|gpu|gpu:N|NAME")]
+    pub device: Option<String>,
+}
+
+/// How many threads work.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct Threads {
+    /// Threads. Does not change results [default: one per core]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
+    pub threads: Option<u16>,
+}
+
+impl Threads {
+    /// So many; one per core where nothing was said.
+    pub fn count(self) -> Option<usize> {
+        self.threads.map(usize::from)
+    }
+}

@@ -1,0 +1,29 @@
+//! What the commands of `splatweaver` share: the console, progress, Ctrl-C, failures and exit codes, threads, and the device that draws.
+//!
+//! A command is a struct of clap's and a function `run(&Arguments, &mut Console) -> Result<(), Failure>`.
+
+pub mod camera_files;
+mod console;
+pub mod device;
+mod drawing;
+mod drawing_flags;
+mod failure;
+mod flags;
+mod interrupt;
+pub mod memory;
+mod progress;
+mod threads;
+
+pub use console::Console;
+pub use drawing::DrawingOptions;
+pub use drawing_flags::{DrawingFlags, Rgb, background, distance, fraction};
+pub use failure::Failure;
+pub use flags::{DeviceFlag, MOST_SEED, MOST_THREADS, Threads};
+pub use interrupt::Interrupt;
+pub use progress::{Progress, duration};
+pub use threads::in_pool;
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,0 +1,12 @@
+//! Files and folders as such: read whole, written atomically, appended to, mapped, claimed.
+
+pub(crate) mod append;
+pub(crate) mod atomic;
+pub(crate) mod bytes;
+pub(crate) mod checksum;
+pub(crate) mod file;
+pub(crate) mod folder;
+pub(crate) mod json;
+pub(crate) mod mapped_file;
+pub(crate) mod memory;
+pub(crate) mod output_folder;

@@ -1,0 +1,59 @@
+//! Whole files.
+
+use crate::{Error, Result, atomic_write};
+use std::path::Path;
+use std::str::Utf8Error;
+
+/// Reads a whole file.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn read_bytes(path: impl AsRef<Path>) -> Result<Vec<u8>> {
+    let path = path.as_ref();
+    std::fs::read(path).map_err(Error::io(path))
+}
+
+/// How many bytes a file has.
+///
+/// # Errors
+/// When it is not there.
+pub fn file_length(path: impl AsRef<Path>) -> Result<u64> {
+    let path = path.as_ref();
+    Ok(std::fs::metadata(path).map_err(Error::io(path))?.len())
+}
+
+/// What some editors put before UTF-8 text. It is no part of the text.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
+/// Text as bytes, without a byte order mark.
+pub(crate) fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(BYTE_ORDER_MARK).unwrap_or(bytes)
+}
+
+/// Reads a text file, without the byte order mark that it may begin with.
+///
+/// # Errors
+/// When it cannot be read or is not UTF-8.
+pub fn read_text(path: impl AsRef<Path>) -> Result<String> {
+    let path = path.as_ref();
+    let mut text = String::from_utf8(read_bytes(path)?).map_err(|e| not_utf8(path, e.utf8_error()))?;
+    text.drain(..text.len() - without_mark(text.as_bytes()).len());
+    Ok(text)
+}
+
+/// The text of a file in memory, without a byte order mark.
+pub(crate) fn utf8<'a>(path: &Path, bytes: &'a [u8]) -> Result<&'a str> {
+    str::from_utf8(without_mark(bytes)).map_err(|e| not_utf8(path, e))
+}
+
+fn not_utf8(path: &Path, error: Utf8Error) -> Error {
+    Error::invalid(path, format!("byte {}", error.valid_up_to()), "UTF-8 text", "other bytes")
+}
+
+/// Writes a text file atomically.
+///
+/// # Errors
+/// When it cannot be written; an existing file is then left unchanged.
+pub fn write_text(path: impl AsRef<Path>, text: &str) -> Result<()> {
+    atomic_write(path, |w| w.write_all(text.as_bytes()))
+}

@@ -1,0 +1,296 @@
+//! Folders of results, in which nothing is replaced but what the same command wrote.
+
+use crate::files::folder::followed;
+use crate::{Error, Result, check_writable, list_photos};
+use serde_json::{Value, json};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// The file in a folder of results that lists what this program wrote there, a line of JSON for each file.
+const RECORD: &str = "written.jsonl";
+
+/// A folder that a command writes its results into. It is the command's alone for as long as this value lives.
+///
+/// A file is replaced only if the record in the folder, `written.jsonl`, says that the same command wrote it. So results can be made
+/// anew in their place, and whatever else lies there is safe: photos, somebody's cameras, the results of other commands. A folder
+/// that did not exist is removed again if nothing was written into it.
+///
+/// ```
+/// use weaver_io::{OutputFolder, write_text};
+///
+/// let parent = tempfile::tempdir().unwrap();
+/// let folder = parent.path().join("result");
+/// let inputs: [&str; 0] = [];
+/// let out = OutputFolder::claim(&folder, "example", inputs)?;
+/// assert!(OutputFolder::claim(&folder, "example", inputs).is_err(), "it is in use");
+/// write_text(out.file("figures/psnr.txt")?, "31.4")?;
+/// drop(out);
+///
+/// std::fs::write(folder.join("notes.txt"), "mine").unwrap();
+/// let again = OutputFolder::claim(&folder, "example", inputs)?;
+/// again.check(["figures/psnr.txt"])?;
+/// assert!(again.check(["notes.txt"]).is_err());
+/// # Ok::<(), weaver_io::Error>(())
+/// ```
+#[derive(Debug)]
+pub struct OutputFolder {
+    path: PathBuf,
+    command: String,
+    /// What the command reads, without links.
+    inputs: Vec<PathBuf>,
+    record: Mutex<Record>,
+    /// The folders that were made, the deepest first.
+    made: Vec<PathBuf>,
+}
+
+/// What is known of the files in a folder.
+#[derive(Debug)]
+struct Record {
+    /// Locked as long as it is open.
+    file: File,
+    /// Names of files, and the command that wrote each.
+    written: BTreeMap<String, String>,
+    /// Whether nothing was listed before.
+    is_new: bool,
+}
+
+impl OutputFolder {
+    /// Makes a folder, if it does not exist, and claims it for a command with these inputs: files and folders that it reads.
+    ///
+    /// # Errors
+    /// When it is one of the inputs or lies in one; when it holds photos that this program did not write; when another
+    /// command is writing into it; and when it cannot be written.
+    pub fn claim<P: AsRef<Path>>(
+        path: impl Into<PathBuf>,
+        command: &str,
+        inputs: impl IntoIterator<Item = P>,
+    ) -> Result<Self> {
+        let path = path.into();
+        let inputs: Vec<PathBuf> = inputs.into_iter().filter_map(|input| input.as_ref().canonicalize().ok()).collect();
+        refuse_inputs(&path, &inputs)?;
+        check_writable(&path)?;
+        let made: Vec<PathBuf> =
+            path.ancestors().take_while(|p| !p.as_os_str().is_empty() && !p.exists()).map(Into::into).collect();
+        let mut claimed = Self::open(path, command, inputs, made)?;
+        let written = &claimed.record.get_mut().unwrap_or_else(PoisonError::into_inner).written;
+        let is_photo = |photo: &PathBuf| {
+            let name = photo.file_name().unwrap_or_default().to_string_lossy();
+            !written.contains_key(name.as_ref())
+        };
+        if let Some(photo) = list_photos(&claimed.path)?.into_iter().find(is_photo) {
+            return Err(refused(&photo, "a folder for results, apart from photos", "a photo"));
+        }
+        Ok(claimed)
+    }
+
+    /// Claims the folder of a run that goes on. `own` are the files of such a run, for folders from before there was a record.
+    ///
+    /// # Errors
+    /// When another command is writing into it, and when it cannot be written.
+    pub fn reopen<S: AsRef<str>>(
+        path: impl Into<PathBuf>,
+        command: &str,
+        own: impl IntoIterator<Item = S>,
+    ) -> Result<Self> {
+        let path = path.into();
+        check_writable(&path)?;
+        let mut claimed = Self::open(path, command, Vec::new(), Vec::new())?;
+        let (folder, command) = (claimed.path.clone(), claimed.command.clone());
+        let record = claimed.record.get_mut().unwrap_or_else(PoisonError::into_inner);
+        if record.written.is_empty() {
+            own.into_iter().try_for_each(|name| record.add(&folder, name.as_ref(), &command))?;
+        }
+        Ok(claimed)
+    }
+
+    fn open(path: PathBuf, command: &str, inputs: Vec<PathBuf>, made: Vec<PathBuf>) -> Result<Self> {
+        std::fs::create_dir_all(&path).map_err(Error::io(&path))?;
+        // From here on, what was made is removed when something goes wrong.
+        let record = Record::open(&path.join(RECORD)).inspect_err(|_| remove(&made))?;
+        let claimed = Self { path, command: command.into(), inputs, record: Mutex::new(record), made };
+        Ok(claimed)
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Checks that files of these names, relative to the folder, can be written: to be called before long work.
+    ///
+    /// # Errors
+    /// Names the first file that is there and was not written by the same command.
+    pub fn check<S: AsRef<str>>(&self, names: impl IntoIterator<Item = S>) -> Result<()> {
+        let record = self.record();
+        names.into_iter().try_for_each(|name| self.allow(&record, name.as_ref()))
+    }
+
+    /// The path of a file that is about to be written, which goes into the record. Folders in its name are made. A name that ends with a
+    /// slash is a folder, all of whose files are the command's.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check); when the record cannot be written.
+    pub fn file(&self, name: impl AsRef<str>) -> Result<PathBuf> {
+        let name = name.as_ref();
+        let mut record = self.record();
+        self.allow(&record, name)?;
+        record.add(&self.path, name, &self.command)?;
+        let path = self.path.join(name);
+        let folder = if name.ends_with('/') { Some(path.as_path()) } else { path.parent() };
+        folder.map_or(Ok(()), crate::create_folder)?;
+        Ok(path)
+    }
+
+    /// The path of a folder in it, into which files of these names are about to be written, as [`file`](Self::file) does.
+    ///
+    /// # Errors
+    /// As [`file`](Self::file).
+    pub fn files<const N: usize>(&self, folder: &str, names: [&str; N]) -> Result<PathBuf> {
+        names.iter().try_for_each(|name| self.file(format!("{folder}/{name}")).map(drop))?;
+        Ok(self.path.join(folder))
+    }
+
+    /// Removes what the same command wrote into a folder in it, now or before, but for files of these names, relative to this folder.
+    ///
+    /// # Errors
+    /// When a file cannot be removed.
+    pub fn remove_others<S: AsRef<str>>(&self, folder: &str, kept: &[S]) -> Result<()> {
+        let kept: BTreeSet<&str> = kept.iter().map(AsRef::as_ref).collect();
+        let record = self.record();
+        let own = record.written.iter().filter(|(_, command)| **command == self.command).map(|(name, _)| name);
+        let within = |name: &&String| name.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/'));
+        for path in own.filter(within).filter(|name| !kept.contains(name.as_str())).map(|name| self.path.join(name)) {
+            if path.is_file() {
+                refuse_inputs(&path, &self.inputs)?;
+                std::fs::remove_file(&path).map_err(Error::io(&path))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn record(&self) -> MutexGuard<'_, Record> {
+        self.record.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn allow(&self, record: &Record, name: &str) -> Result<()> {
+        let path = self.path.join(name);
+        refuse_inputs(&path, &self.inputs)?;
+        // A link that leads nowhere is somebody's, too.
+        if path.symlink_metadata().is_err() {
+            return Ok(());
+        }
+        match record.written.get(name) {
+            Some(command) if *command == self.command => Ok(()),
+            Some(command) => Err(refused(
+                &path,
+                format!("no file, or one that `{}` wrote", self.command),
+                format!("one that `{command}` wrote"),
+            )),
+            None => {
+                let expected =
+                    format!("no file, or one that {RECORD} beside the results lists as written by this program");
+                Err(refused(&path, expected, "another one"))
+            }
+        }
+    }
+}
+
+impl Drop for OutputFolder {
+    fn drop(&mut self) {
+        let record = self.record.get_mut().unwrap_or_else(PoisonError::into_inner);
+        if record.is_new && record.written.is_empty() {
+            // Nothing was written. Should this fail, an empty record stays, which does no harm.
+            let _ = std::fs::remove_file(self.path.join(RECORD));
+            remove(&self.made);
+        }
+    }
+}
+
+/// Removes folders that are empty, the deepest first.
+fn remove(folders: &[PathBuf]) {
+    for folder in folders {
+        let _ = std::fs::remove_dir(folder);
+    }
+}
+
+impl Record {
+    fn open(path: &Path) -> Result<Self> {
+        let mut file = loop {
+            let file = OpenOptions::new().read(true).append(true).create(true).open(path).map_err(Error::io(path))?;
+            match file.try_lock() {
+                // Whoever had the lock before may have removed the file.
+                Ok(()) if path.exists() => break file,
+                Ok(()) => {}
+                Err(TryLockError::WouldBlock) => {
+                    let folder = path.parent().unwrap_or(path);
+                    return Err(refused(
+                        folder,
+                        "a folder that nothing else writes into now",
+                        "one in use by another run",
+                    ));
+                }
+                // A file system without locks.
+                Err(TryLockError::Error(_)) => break file,
+            }
+        };
+        let mut text = String::new();
+        file.read_to_string(&mut text).map_err(Error::io(path))?;
+        // Without the line that a kill cut short.
+        let whole = text.rfind('\n').map_or(0, |end| end + 1);
+        if whole < text.len() {
+            file.set_len(whole as u64).map_err(Error::io(path))?;
+        }
+        let entry = |line: &str| -> Option<(String, String)> {
+            let value: Value = serde_json::from_str(line).ok()?;
+            Some((value["file"].as_str()?.to_string(), value["by"].as_str()?.to_string()))
+        };
+        let written: Option<BTreeMap<_, _>> = text[..whole].lines().map(entry).collect();
+        let written = written.ok_or_else(|| refused(path, "the record of what this program wrote", "another file"))?;
+        Ok(Self { file, is_new: written.is_empty(), written })
+    }
+
+    fn add(&mut self, folder: &Path, name: &str, command: &str) -> Result<()> {
+        if self.written.get(name).is_some_and(|by| by == command) {
+            return Ok(());
+        }
+        let line = format!("{}\n", json!({ "file": name, "by": command }));
+        self.file.write_all(line.as_bytes()).map_err(Error::io(&folder.join(RECORD)))?;
+        self.written.insert(name.into(), command.into());
+        Ok(())
+    }
+}
+
+/// Checks before long work that a file can be written where it is asked for, and is none that a command reads.
+///
+/// A file that is there will be replaced, unless it is one of the inputs or lies in one of those that are folders.
+///
+/// # Errors
+/// When it is a folder or an input, and when its folder cannot be written.
+pub fn check_output_file<P: AsRef<Path>>(path: impl AsRef<Path>, inputs: impl IntoIterator<Item = P>) -> Result<()> {
+    let path = path.as_ref();
+    if path.is_dir() {
+        return Err(refused(path, "the name of a file", "a folder"));
+    }
+    if path.symlink_metadata().is_ok() {
+        let inputs: Vec<PathBuf> = inputs.into_iter().filter_map(|input| input.as_ref().canonicalize().ok()).collect();
+        refuse_inputs(path, &inputs)?;
+    }
+    check_writable(path.parent().unwrap_or(Path::new("")))
+}
+
+/// Refuses what is an input, or lies in one that is a folder.
+fn refuse_inputs(path: &Path, inputs: &[PathBuf]) -> Result<()> {
+    let output = std::path::absolute(path).map_or_else(|_| path.into(), |path| followed(&path));
+    let Some(input) = inputs.iter().find(|input| output.starts_with(input)) else { return Ok(()) };
+    let found = match output == *input {
+        true => "what is read".into(),
+        false => format!("a place in {}, which is read", input.display()),
+    };
+    Err(refused(path, "a place apart from what is read", found))
+}
+fn refused(path: &Path, expected: impl Into<String>, found: impl Into<String>) -> Error {
+    Error::Output { path: path.into(), expected: expected.into(), found: found.into() }
+}

@@ -1,0 +1,62 @@
+//! The `.splat` format of web viewers: 32 bytes per Gaussian, no header, no view-dependent color.
+//!
+//! A record is position and standard deviations as three floats each, then RGBA and the rotation (wxyz, 128 is zero) as
+//! four bytes each.
+
+use crate::files::bytes::Bytes;
+use crate::gaussians::fields::{byte, check_values, unit};
+use crate::{Error, Result};
+use std::io::{self, Write};
+use std::path::Path;
+use weaver_scene::{Gaussians, forms};
+
+const RECORD: usize = 32;
+
+/// Reads a `.splat` file: Gaussians of degree 0.
+///
+/// # Errors
+/// When the length is not a multiple of 32 bytes or a value is not finite.
+pub(crate) fn decode(path: &Path, data: &[u8]) -> Result<Gaussians> {
+    let mut bytes = Bytes::new(path, data.to_vec());
+    let size = bytes.rest().len();
+    if !size.is_multiple_of(RECORD) {
+        return Err(Error::invalid(path, "length", "a multiple of 32 bytes", size));
+    }
+    let mut gaussians = Gaussians::default();
+    for _ in 0..size / RECORD {
+        gaussians.means.push(bytes.f32s("a position")?);
+        gaussians.log_scales.push(bytes.f32s("a scale")?.map(|s: f32| s.max(f32::MIN_POSITIVE).ln()));
+        let [r, g, b, a] = bytes.take("a color")?;
+        gaussians.sh.extend([r, g, b].map(|c| forms::harmonic(f32::from(c) / 255.0)));
+        let opacity = f32::from(a) / 255.0;
+        gaussians.opacity_logits.push(forms::opacity_logit(opacity));
+        gaussians.quats.push(bytes.take("a rotation")?.map(|q: u8| (f32::from(q) - 128.0) / 128.0));
+    }
+    check_values(path, &gaussians)?;
+    Ok(gaussians)
+}
+
+/// Writes a `.splat` file.
+///
+/// Colors, opacities and rotations are rounded to 8 bits. The format has no harmonics beyond degree 0; they are left out.
+///
+/// # Errors
+/// When a value is not finite.
+pub(crate) fn encode(path: &Path, gaussians: &Gaussians, w: &mut dyn Write) -> Result<()> {
+    check_values(path, gaussians)?;
+    written(gaussians, w).map_err(Error::io(path))
+}
+
+fn written(gaussians: &Gaussians, w: &mut dyn Write) -> io::Result<()> {
+    let k = gaussians.coefficients();
+    for i in 0..gaussians.len() {
+        for x in gaussians.means[i].into_iter().chain(gaussians.log_scales[i].map(f32::exp)) {
+            w.write_all(&x.to_le_bytes())?;
+        }
+        let color = |c: usize| byte(255.0 * forms::color(gaussians.sh[3 * k * i + c]));
+        let opacity = byte(255.0 * forms::opacity(gaussians.opacity_logits[i]));
+        w.write_all(&[color(0), color(1), color(2), opacity])?;
+        w.write_all(&unit(gaussians.quats[i]).map(|q| byte(128.0 * q + 128.0)))?;
+    }
+    Ok(())
+}

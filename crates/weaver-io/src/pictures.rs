@@ -1,0 +1,8 @@
+//! Photos and pictures: decoding, orientation, sizes, colors.
+
+pub(crate) mod bitmap;
+pub(crate) mod color;
+pub(crate) mod exif;
+pub(crate) mod image;
+pub(crate) mod photo_file;
+pub(crate) mod resize;
