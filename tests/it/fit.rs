@@ -92,7 +92,8 @@ fn masked_photos_a_size_and_few_views_are_respected() {
     for i in 0..capture::VIEWS {
         Image::filled(40, 32, [1.0; 3]).write_png(capture.join(format!("masks/{i:02}.png"))).unwrap();
     }
-    small(&capture, &out, &[&"--masks", &"--size", &"20", &"--views", &"3", &"--background", &"black"]).fine();
+    small(&capture, &out, &[&"--masks", &"--long-side", &"20", &"--max-photos", &"3", &"--background", &"black"])
+        .fine();
     let summary = json(&out.join("summary.json"));
     assert_eq!((&summary["size"], &summary["train"]["views"]), (&serde_json::json!([20, 16]), &3.into()));
     for i in 0..capture::VIEWS {
@@ -123,7 +124,7 @@ fn what_cannot_be_fitted_is_refused_in_one_line() {
     fit(&capture, &out, &[&"--minutes", &"1", &"--steps", &"5"]).refused(2, &["--minutes", "--steps"]);
     fit(&capture, &out, &[&"--set", &"density.untill=0.5"]).refused(1, &["density.untill", "until"]);
     fit(&capture, &out, &[&"--set", &"density.until=7"]).refused(1, &["density.until", "0 to 1", "7"]);
-    fit(&capture, &out, &[&"--focal"]).refused(2, &["--focal", "--poses refine"]);
+    fit(&capture, &out, &[&"--refine-focal"]).refused(2, &["--refine-focal", "--refine-cameras"]);
     fit(&capture, &out, &[&"--init", &"nowhere.ply"]).refused(1, &["--init nowhere.ply", "found none"]);
     let other = folder.path().join("points.ply");
     std::fs::write(&other, "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n").unwrap();
@@ -135,16 +136,16 @@ fn what_cannot_be_fitted_is_refused_in_one_line() {
     capture::transforms(&single, 1);
     small(&single, &out, &[]).refused(1, &["photos", "1 held out"]);
     // No points: they can be asked for in vain.
-    small(&single, &out, &[&"--all", &"--init", &"points"]).refused(1, &["points", "none"]);
+    small(&single, &out, &[&"--hold-out", &"none", &"--init", &"points"]).refused(1, &["points", "none"]);
     // A pose that is no number.
     let transforms = single.join("transforms.json");
     let text = std::fs::read_to_string(&transforms).unwrap();
     let broken = folder.path().join("broken");
     std::fs::create_dir(&broken).unwrap();
     std::fs::write(broken.join("transforms.json"), text.replacen("1.0", "null", 1)).unwrap();
-    small(&broken, &out, &[&"--all"]).refused(1, &["transforms.json"]);
+    small(&broken, &out, &[&"--hold-out", &"none"]).refused(1, &["transforms.json"]);
     assert!(!out.exists(), "nothing is left behind");
-    let done = small(&single, &out, &[&"--all"]).fine();
+    let done = small(&single, &out, &[&"--hold-out", &"none"]).fine();
     assert!(done.stderr.contains("warning: one photo"), "{}", done.stderr);
 }
 
@@ -182,7 +183,7 @@ fn more_memory_than_there_is_is_refused_before_anything_is_written() {
 fn refined_cameras_are_told_of() {
     let folder = tempfile::tempdir().unwrap();
     let (capture, out) = (captured(folder.path()), folder.path().join("out"));
-    let done = small(&capture, &out, &[&"--poses", &"refine"]).fine();
+    let done = small(&capture, &out, &[&"--refine-cameras"]).fine();
     assert!(
         done.stderr.contains("matching 10 photos") && done.stderr.contains("cameras adjusted to"),
         "{}",

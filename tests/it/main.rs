@@ -8,6 +8,7 @@ mod configuration;
 mod divergence;
 mod documents;
 mod fit;
+mod flags;
 mod given_cameras;
 mod help;
 mod info;

@@ -53,7 +53,7 @@ fn infer_and_eval_see_nothing_of_what_masks_leave_out() {
             let text = splatweaver(&line).fine().stdout;
             text.lines().last().unwrap().to_string()
         };
-        let scene = splatweaver(&[&"eval", &"--scene", &posed.join("scene.ply"), &"--data", &capture, &"--masks"]);
+        let scene = splatweaver(&[&"compare", &posed.join("scene.ply"), &"--data", &capture, &"--masks"]);
         let scenes = [alone, posed].map(|out| {
             // The left half of the map of Gaussians per pixel is black.
             let counts = Image::read(out.join("experts/00.png"), Background::White).unwrap();

@@ -20,13 +20,13 @@ fn a_place_is_shown_in_the_light_of_photos() {
         let text = splatweaver(&line).fine().stdout;
         serde_json::from_str::<serde_json::Value>(&text).unwrap()
     };
-    let (half, own) = (judged(&["--look", "half"]), judged(&["--look", "own"]));
+    let (half, own) = (judged(&["--light-of", "half"]), judged(&["--light-of", "own"]));
     assert_eq!((half["look"].as_str(), own["look"].as_str()), (Some("half"), Some("own")));
     assert!(half["mean"]["look"]["psnr_fitted"].as_f64().unwrap() >= half["mean"]["psnr"].as_f64().unwrap() - 1e-9);
     assert_ne!(half["mean"]["psnr"], own["mean"]["psnr"]);
     assert_eq!(half["mean"]["psnr_nearest"], own["mean"]["psnr_nearest"]);
     // Photos as they were taken are others.
-    assert_ne!(judged(&["--plain"])["mean"]["psnr_nearest"], judged(&[])["mean"]["psnr_nearest"]);
+    assert_ne!(judged(&["--as-taken"])["mean"]["psnr_nearest"], judged(&[])["mean"]["psnr_nearest"]);
 
     // In one table with a model that knows no light they are what both are judged by.
     let other = one.path();
@@ -35,7 +35,7 @@ fn a_place_is_shown_in_the_light_of_photos() {
     let said = splatweaver(&both).fine();
     assert!(said.stderr.contains("photos as they were taken"), "{}", said.stderr);
     let rows: serde_json::Value = serde_json::from_str(&said.stdout).unwrap();
-    let alone = judged(&["--plain", "--data", data.to_str().unwrap()]);
+    let alone = judged(&["--as-taken", "--data", data.to_str().unwrap()]);
     assert_eq!(rows[1]["evaluation"]["mean"], alone["mean"]);
     assert_eq!(rows[0]["evaluation"]["mean"]["psnr_nearest"], alone["mean"]["psnr_nearest"]);
 
@@ -48,11 +48,11 @@ fn a_place_is_shown_in_the_light_of_photos() {
         &run,
         &names[0],
         &names[1],
-        &"--look",
+        &"--light",
         &names[2],
         &"--to",
         &names[3],
-        &"--frames",
+        &"--light-steps",
         &"3",
         &"-o",
         &out,
@@ -79,16 +79,29 @@ fn what_does_not_know_about_light_says_so() {
     let mut names: Vec<_> = std::fs::read_dir(data.join("images")).unwrap().map(|e| e.unwrap().path()).collect();
     names.sort();
     let photo = &names[0];
-    splatweaver(&[&"eval", &"--run", &run, &"--look", &"half"]).refused(1, &["does not know about light"]);
-    splatweaver(&[&"eval", &"--run", &run, &"--look", &"left"]).refused(2, &["expected half, own, none or wrong"]);
-    splatweaver(&[&"infer", &"--run", &run, photo, &"--look", photo, &"-o", &out])
+    splatweaver(&[&"eval", &"--run", &run, &"--light-of", &"half"]).refused(1, &["does not know about light"]);
+    splatweaver(&[&"eval", &"--run", &run, &"--light-of", &"left"]).refused(2, &["expected half, own, none or wrong"]);
+    splatweaver(&[&"infer", &"--run", &run, photo, &"--light", photo, &"-o", &out])
         .refused(1, &["does not know about light"]);
     splatweaver(&[&"infer", &"--run", &run, photo, &"--to", photo, &"-o", &out])
         .refused(2, &["required arguments were not provided"]);
-    splatweaver(&[&"infer", &"--run", &run, photo, &"--look", photo, &"--to", photo, &"--frames", &"1", &"-o", &out])
-        .refused(2, &["--frames"]);
-    splatweaver(&[&"infer", &"--run", &run, photo, &"--look", photo, &"--budget", &"0.4", &"-o", &out])
-        .refused(2, &["--look: expected neither"]);
+    splatweaver(&[
+        &"infer",
+        &"--run",
+        &run,
+        photo,
+        &"--light",
+        photo,
+        &"--to",
+        photo,
+        &"--light-steps",
+        &"1",
+        &"-o",
+        &out,
+    ])
+    .refused(2, &["--light-steps"]);
+    splatweaver(&[&"infer", &"--run", &run, photo, &"--light", photo, &"--budget", &"0.4", &"-o", &out])
+        .refused(2, &["--light: expected neither"]);
     let missing = folder.path().join("missing.jpg");
-    splatweaver(&[&"infer", &"--run", &run, photo, &"--look", &missing, &"-o", &out]).refused(1, &["missing.jpg"]);
+    splatweaver(&[&"infer", &"--run", &run, photo, &"--light", &missing, &"-o", &out]).refused(1, &["missing.jpg"]);
 }

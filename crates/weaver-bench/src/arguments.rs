@@ -98,14 +98,14 @@ pub struct BenchFit {
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver bench mixture --synthetic 400000,1280,720 --threads 2
-  splatweaver bench mixture --experts 4 --keep 0.45 --json")]
+  splatweaver bench mixture --parts 4 --keep 0.45 --json")]
 pub struct BenchMixture {
     /// A synthetic scene: N Gaussians in all, in W x H pixels, the same every time
     #[arg(long, value_name = "N,W,H", default_value = "100000,640,480", value_parser = synthetic)]
     pub synthetic: Synthetic,
     /// Experts, of equally many Gaussians
     #[arg(long, value_name = "K", default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=64))]
-    pub experts: u16,
+    pub parts: u16,
     /// Draws only so large a share of the Gaussians, those that the picture has most of
     #[arg(long, value_name = "SHARE", default_value_t = 1.0)]
     pub keep: f64,

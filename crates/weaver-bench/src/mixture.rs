@@ -19,7 +19,7 @@ pub fn run(arguments: &BenchMixture, console: &mut Console) -> Result<(), Failur
     if !(arguments.keep > 0.0 && arguments.keep <= 1.0) {
         return Err(Failure::Usage(format!("--keep: expected above 0, at most 1, found {}", arguments.keep)));
     }
-    let experts = usize::from(arguments.experts);
+    let experts = usize::from(arguments.parts);
     let mut scene = Scene::new(Workload::synthetic(arguments.synthetic, false), experts);
     if arguments.keep < 1.0 {
         scene = scene.kept(arguments.keep)?;

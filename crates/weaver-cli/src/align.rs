@@ -23,7 +23,7 @@ pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
     let gaussians = read_gaussians(&arguments.scene)?.to_activated();
     let paths = paths(&arguments.photos)?;
     let loading = PosedOptions {
-        long_side: arguments.size.map(|size| size as usize),
+        long_side: arguments.long_side.map(|size| size as usize),
         masks: arguments.masks,
         background,
         ..PosedOptions::default()
@@ -37,7 +37,7 @@ pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
     };
     let options = Options {
         blur: arguments.blur == Switch::On,
-        intrinsics: arguments.refine_intrinsics,
+        intrinsics: arguments.refine_focal,
         ..options(arguments.method, arguments.steps)
     };
     let loss = loss(arguments.loss, arguments.method);

@@ -1,30 +1,38 @@
 //! The command line and its help texts.
 
 mod align;
+mod cameras;
+mod compare;
 mod convert;
 mod dynamic;
 mod eval;
 mod fit;
+mod hold_out;
 mod light;
+mod matching;
 mod photos;
 mod refine;
 mod render;
 mod vad;
 
 pub use align::{Align, LossName, MethodName, Switch};
+pub use cameras::CameraChoice;
+pub use compare::Compare;
 pub use convert::Convert;
 pub use dynamic::{
     Dynamic, DynamicCommand, DynamicDistil, DynamicEval, DynamicPrune, DynamicRender, DynamicTrain, PresetName,
 };
-pub use eval::{ContextCameras, Eval, Targets};
-pub use fit::{Fit, Origin, PoseMode, SAVE_EVERY, StrategyName};
+pub use eval::{Eval, Targets};
+pub use fit::{Fit, SAVE_EVERY, StrategyName};
 pub use light::LightFlags;
-pub use photos::{Cameras, ClipFlags, MatchingFlags, Reconstruct};
+pub use matching::{ClipFlags, MatchingFlags};
+pub use photos::{Cameras, Reconstruct};
 pub use refine::RefineFlags;
 pub use render::Render;
 pub use vad::{EncoderName, Vad, VadCommand, VadEval, VadMetrics, VadPlan, VadScore, VadTrain};
 
-use clap::{ArgGroup, Args, Parser, Subcommand};
+use clap::{ArgGroup, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use std::ffi::OsString;
 use std::path::PathBuf;
 use weaver_bench::Bench;
 use weaver_command::{DeviceFlag, MOST_SEED, MOST_THREADS, Threads};
@@ -49,6 +57,7 @@ use weaver_router::AllocationKind;
   splatweaver render result/scene.ply --orbit 60 -o turn
   splatweaver align scene.ply --photos later --cameras guess.json -o aligned
   splatweaver lift scene.ply --cameras transforms.json --features dino -o lifted.safetensors
+  splatweaver compare scene/scene.ply --data photos
   splatweaver info result/scene.ply
   splatweaver bench raster --synthetic 100000,640,480
 
@@ -57,6 +66,82 @@ use weaver_router::AllocationKind;
 pub struct CommandLine {
     #[command(subcommand)]
     pub command: Command,
+}
+
+/// The commands, as the help lists them.
+const GROUPS: [(&str, &[&str]); 4] = [
+    ("Reconstruct", &["reconstruct", "cameras", "fit", "infer"]),
+    ("Look", &["render", "compare", "info", "convert"]),
+    ("Learn", &["train", "eval", "config", "convert-weights"]),
+    ("More", &["align", "lift", "query", "dynamic", "vad", "bench", "completions"]),
+];
+
+impl CommandLine {
+    /// Parses the words of a command line, whose first is the program's name.
+    pub fn of(words: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Self, clap::Error> {
+        Self::from_arg_matches(&Self::grouped().try_get_matches_from(words)?)
+    }
+
+    /// The program, whose help lists the commands in groups.
+    fn grouped() -> clap::Command {
+        let program = Self::command();
+        let about = |name: &str| {
+            let about = program.find_subcommand(name).and_then(clap::Command::get_about);
+            about.map_or(String::new(), ToString::to_string)
+        };
+        let width = GROUPS.iter().flat_map(|(_, names)| *names).map(|name| name.len()).max().unwrap_or(0);
+        let group = |(title, names): &(&str, &[&str])| {
+            let lines = names.iter().map(|name| format!("  {name:<width$}  {}\n", about(name)));
+            format!("{title}:\n{}\n", lines.collect::<String>())
+        };
+        let groups: String = GROUPS.iter().map(group).collect();
+        let template = format!(
+            "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{groups}Options:\n{{options}}{{after-help}}"
+        );
+        program.help_template(template)
+    }
+}
+
+/// A flag of a command.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Flag {
+    /// The command, with a space before a second word.
+    pub command: String,
+    /// The long name, without dashes.
+    pub name: String,
+    /// What stands for its value, alternatives with `|` between; `None` for a switch.
+    pub value: Option<String>,
+}
+
+/// The flags of all commands, from the definition that the program parses by.
+pub fn flags() -> Vec<Flag> {
+    let mut found = Vec::new();
+    for command in CommandLine::command().get_subcommands() {
+        let inner: Vec<_> = command.get_subcommands().collect();
+        if inner.is_empty() {
+            add_flags(command.get_name().to_string(), command, &mut found);
+        }
+        for second in inner {
+            add_flags(format!("{} {}", command.get_name(), second.get_name()), second, &mut found);
+        }
+    }
+    found
+}
+
+fn add_flags(name: String, command: &clap::Command, found: &mut Vec<Flag>) {
+    for argument in command.get_arguments() {
+        let Some(long) = argument.get_long() else { continue };
+        let values = argument.get_possible_values();
+        let named = argument.get_value_names().map(|names| names.join(" "));
+        let listed = values.iter().map(|value| value.get_name()).collect::<Vec<_>>().join("|");
+        let value = match (argument.get_action().takes_values(), named) {
+            (false, _) => None,
+            (true, Some(named)) if values.is_empty() => Some(named),
+            (true, None) if values.is_empty() => Some("N".into()),
+            (true, _) => Some(listed),
+        };
+        found.push(Flag { command: name.clone(), name: long.to_string(), value });
+    }
 }
 
 /// One command.
@@ -69,6 +154,7 @@ pub enum Command {
     Infer(Infer),
     Fit(Fit),
     Render(Render),
+    Compare(Compare),
     Align(Align),
     Lift(Lift),
     Query(Query),
@@ -126,11 +212,11 @@ pub struct Train {
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u64).range(..=MOST_SEED), help_heading = CONFIGURATION)]
     pub seed: Option<u64>,
     /// Folder of the run [default: the first free runs/PRESET-N]
-    #[arg(long, value_name = "RUN", help_heading = RUN)]
+    #[arg(short, long, value_name = "DIR", help_heading = RUN)]
     pub out: Option<PathBuf>,
     /// Starts from the averaged weights of this run or checkpoint, of whichever model, from a published checkpoint, or with `built-in` from
     /// those that come with the program, as far as they fit; what was taken is said
-    #[arg(long, value_name = "RUN|FILE|built-in", help_heading = RUN)]
+    #[arg(long, value_name = "built-in|RUN|FILE", help_heading = RUN)]
     pub init: Option<PathBuf>,
     /// Goes on with this run, with its own configuration
     #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["model", "preset", "data", "teacher", "out", "init", "seed", "settings", "config"])]
@@ -187,7 +273,7 @@ pub struct Config {
   splatweaver infer --run runs/mine photos --budget 0.2 -o compact
   splatweaver infer --run runs/mine photos --refine 30 -o better
   splatweaver infer --run runs/mine photos/*.jpg --cameras transforms.json -o posed
-  splatweaver infer --run runs/wild photos --look sunset.jpg --to noon.jpg -o lights
+  splatweaver infer --run runs/wild photos --light sunset.jpg --to noon.jpg -o lights
   splatweaver infer --weights model.safetensors photos -o scene
   splatweaver infer --weights model.safetensors photos --cameras transforms.json -o posed
   splatweaver infer --weights model.safetensors photos --keep-aspect --size 448 -o wide")]
@@ -220,9 +306,9 @@ pub struct Infer {
     pub images: Vec<PathBuf>,
     /// Cameras of the photos, matched by the ends of their paths: transforms.json or a folder with a COLMAP model, whose points
     /// repair depth; or `estimated`: by matching, as `splatweaver cameras` does, whose results go to the folder `cameras`
-    /// [default: what the network predicts]
-    #[arg(long, value_name = "FILE|estimated")]
-    pub cameras: Option<PathBuf>,
+    /// [default: with --run and --weights predicted, else estimated]
+    #[arg(long, value_name = "estimated|predicted|FILE")]
+    pub cameras: Option<CameraChoice>,
     /// Gives no Gaussians to what is black in masks: mask_path of --cameras, a file in a folder masks beside the photo, or beside its
     /// folder, named as the photo, or its alpha
     #[arg(long)]
@@ -321,11 +407,20 @@ fn size(text: &str) -> Result<[usize; 2], String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
     fn the_command_line_is_consistent() {
         CommandLine::command().debug_assert();
+    }
+
+    #[test]
+    fn every_command_is_in_one_group() {
+        let program = CommandLine::command();
+        let mut all: Vec<&str> = program.get_subcommands().map(clap::Command::get_name).collect();
+        let mut grouped: Vec<&str> = GROUPS.iter().flat_map(|(_, names)| *names).copied().collect();
+        all.sort_unstable();
+        grouped.sort_unstable();
+        assert_eq!(all, grouped);
     }
 
     #[test]

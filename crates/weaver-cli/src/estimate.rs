@@ -5,6 +5,7 @@ use crate::clip::{self, Photos};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weaver_command::{Console, Failure, duration};
+use weaver_data::capture::HoldOut;
 use weaver_data::{CamerasSummary, Doubt, EstimateOptions, EstimatedPhotos, LeftOut, OutputFolder, estimate_photos};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Distortion, Pose, Similarity};
@@ -105,18 +106,23 @@ pub fn estimated(
     Ok(Estimated { found, photos: photos_written })
 }
 
-/// Estimates cameras into the folder `cameras` of a result, where every eighth photo may be held out, and returns the capture.
+/// Estimates cameras into the folder `cameras` of a result, where photos may be held out, and returns the capture.
 ///
 /// # Errors
 /// As [`estimated`].
 pub fn estimated_capture(
     photos: &Photos,
-    hold_out: bool,
+    hold_out: HoldOut,
     flags: MatchingFlags,
     out: &OutputFolder,
     console: &mut Console,
 ) -> Result<PathBuf, Failure> {
-    let located: Vec<bool> = (0..photos.paths.len()).map(|i| hold_out && i % HOLD_OUT == 0).collect();
+    let step = match hold_out {
+        HoldOut::Nothing => usize::MAX,
+        HoldOut::Listed => HOLD_OUT,
+        HoldOut::Every(step) => step,
+    };
+    let located: Vec<bool> = (0..photos.paths.len()).map(|i| step < usize::MAX && i % step == 0).collect();
     let folder = cameras_folder(out, &photos.paths)?;
     estimated(photos, &located, flags, &folder, console)?;
     photos.settle(out)?;

@@ -1,9 +1,7 @@
 //! `splatweaver eval`.
 
-mod scene;
-
 use crate::align;
-use crate::arguments::{ContextCameras, Eval, Targets};
+use crate::arguments::{CameraChoice, Eval, Targets};
 use crate::refine::refined;
 use clap::ValueEnum;
 use serde_json::json;
@@ -18,17 +16,9 @@ use weaver_trainer::{Alignment, CameraMode, MatchingOverride, OpenRun, Overrides
 const MATCHED: usize = 384;
 
 pub fn run(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
-    match &arguments.scene {
-        Some(scene) => scene::run(arguments, scene, console),
-        None => of_network(arguments, console),
-    }
-}
-
-/// Evaluates the network of a run, or the one that comes with the program.
-fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
     let several = arguments.run.len() > 1;
     if arguments.data.is_empty() && !arguments.unseen && (several || arguments.run.is_empty()) {
-        let runs = if several { "one --run" } else { "--run, --scene" };
+        let runs = if several { "one --run" } else { "--run" };
         return Err(Failure::Usage(format!("expected {runs}, or what to evaluate on: --data or --unseen")));
     }
     let source = match (arguments.unseen, arguments.data.is_empty()) {
@@ -36,21 +26,22 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
         (false, true) => Source::Run,
         (false, false) => Source::Folders(arguments.data.clone()),
     };
-    let estimated = arguments.cameras == Some(ContextCameras::Estimated);
+    let estimated = arguments.cameras == Some(CameraChoice::Estimated);
     if !estimated && (arguments.unknown_focal || arguments.match_size.is_some()) {
         return Err(Failure::Usage("--unknown-focal, --match-size: expected --cameras estimated with them".into()));
     }
-    let cameras = arguments.cameras.and_then(|cameras| match cameras {
-        ContextCameras::Predicted => Some(CameraMode::Predicted),
-        ContextCameras::Given => Some(CameraMode::Given),
-        ContextCameras::Estimated => None,
-    });
+    let cameras = match &arguments.cameras {
+        None | Some(CameraChoice::Estimated) => None,
+        Some(CameraChoice::Predicted) => Some(CameraMode::Predicted),
+        Some(CameraChoice::Given) => Some(CameraMode::Given),
+        Some(other) => return Err(other.refused("predicted, given or estimated")),
+    };
     let long_side = arguments.match_size.map_or(MATCHED, |side| side as usize);
     let flags = &arguments.align;
     let runs = opened(arguments)?;
     // One table is of the same photos: in drawn light only if all runs draw it alike.
     let alike = runs.iter().all(|(_, run)| run.data.looks == runs[0].1.data.looks);
-    if !alike && !arguments.plain {
+    if !alike && !arguments.as_taken {
         console.note("photos as they were taken: these runs do not know the same light");
     }
     let overrides = Overrides {
@@ -64,8 +55,8 @@ fn of_network(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
             options: align::options(flags.align_as, flags.align_steps),
             loss: align::loss(flags.align_loss, flags.align_as),
         }),
-        look: arguments.look,
-        plain: arguments.plain || !alike,
+        look: arguments.light_of,
+        plain: arguments.as_taken || !alike,
         masks: arguments.masks,
         lpips: arguments.lpips.clone(),
     };

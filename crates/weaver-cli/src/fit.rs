@@ -1,6 +1,6 @@
 //! `splatweaver fit`.
 
-use crate::arguments::{ClipFlags, Fit, MatchingFlags, Origin, PoseMode, StrategyName};
+use crate::arguments::{CameraChoice, ClipFlags, Fit, StrategyName};
 use crate::estimate::estimated_capture;
 use crate::{Console, Interrupt, clip};
 use std::path::{Path, PathBuf};
@@ -30,29 +30,48 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
         return finish(Run::resume(folder, judge, rasterizer)?, folder, console, interrupt);
     }
     let capture = arguments.capture.clone().ok_or_else(|| Failure::Usage("expected a capture".into()))?;
+    let estimating = match &arguments.cameras {
+        None | Some(CameraChoice::Given) => false,
+        Some(CameraChoice::Estimated) => true,
+        Some(other) => return Err(other.refused("given or estimated")),
+    };
+    if !estimating {
+        arguments.matching.check_unused("given ones")?;
+    }
     if arguments.dry_run {
-        if arguments.cameras == Origin::Estimated {
+        if estimating {
             return Err(Failure::Usage(
                 "--dry-run: expected cameras that are there; `splatweaver cameras` estimates them".into(),
             ));
         }
-        let (settings, plan) = planned(arguments, capture, &initial(arguments.init.as_deref())?)?;
+        let (settings, plan) = planned(
+            arguments,
+            (capture, arguments.hold_out.unwrap_or_default()),
+            &initial(arguments.init.as_deref())?,
+        )?;
         return tell(&plan, &settings, console);
     }
     let folder = arguments.out.clone().unwrap_or_else(|| free_folder(&capture));
     let init = arguments.init.as_deref().map(PathBuf::from).filter(|path| path.is_file());
     let means = Means::of(arguments)?;
     let out = Run::claim(&folder, std::iter::once(&capture).chain(&init).chain(&arguments.lpips))?;
-    let capture = match arguments.cameras {
-        Origin::Given => capture,
-        Origin::Estimated => {
-            let images = capture.join("images");
-            let images = [if images.is_dir() { images } else { capture }];
-            let photos = clip::photos(&images, ClipFlags::default(), &out, console)?;
-            estimated_capture(&photos, !arguments.all, MatchingFlags::default(), &out, console)?
-        }
-    };
-    begin(arguments, means, (capture, out), console, interrupt)
+    let hold_out = arguments.hold_out.unwrap_or_default();
+    if !estimating {
+        return begin(arguments, means, (capture, hold_out, out), console, interrupt);
+    }
+    let images = capture.join("images");
+    let images = [if images.is_dir() { images } else { capture }];
+    let photos = clip::photos(&images, ClipFlags::default(), &out, console)?;
+    let capture = estimated_capture(&photos, hold_out, arguments.matching, &out, console)?;
+    begin(arguments, means, (capture, listed(hold_out), out), console, interrupt)
+}
+
+/// What is held out of a capture that was estimated: it lists its photos for testing.
+pub fn listed(hold_out: HoldOut) -> HoldOut {
+    match hold_out {
+        HoldOut::Nothing => HoldOut::Nothing,
+        HoldOut::Listed | HoldOut::Every(_) => HoldOut::Listed,
+    }
 }
 
 /// What a fit works with, opened before photos are matched: what is not there is then found at once.
@@ -71,14 +90,18 @@ impl Means {
 }
 
 /// What is asked for, and what it would take.
-fn planned(arguments: &Fit, capture: PathBuf, initial: &Begin) -> Result<(RunSettings, Plan), Failure> {
+fn planned(
+    arguments: &Fit,
+    (capture, hold_out): (PathBuf, HoldOut),
+    initial: &Begin,
+) -> Result<(RunSettings, Plan), Failure> {
     let mut settings = RunSettings {
         capture,
-        long_side: arguments.size.map(|size| size as usize),
-        all: arguments.all,
-        views: arguments.views.map(|views| views as usize),
+        long_side: arguments.long_side.map(|side| side as usize),
+        hold_out,
+        views: arguments.max_photos.map(|views| views as usize),
         masks: arguments.masks,
-        focal: arguments.focal,
+        focal: arguments.refine_focal,
         init: initial.kind(),
         minutes: arguments.steps.is_none().then(|| arguments.minutes.unwrap_or(MINUTES)),
         least_steps: arguments.least_steps as usize,
@@ -96,12 +119,12 @@ fn planned(arguments: &Fit, capture: PathBuf, initial: &Begin) -> Result<(RunSet
 pub fn begin(
     arguments: &Fit,
     Means { judge, rasterizer, initial }: Means,
-    (capture, out): (PathBuf, OutputFolder),
+    (capture, hold_out, out): (PathBuf, HoldOut, OutputFolder),
     console: &mut Console,
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
-    let (settings, plan) = planned(arguments, capture, &initial)?;
-    memory::check(plan.total(), "a smaller --size or fewer --gaussians reduce it")?;
+    let (settings, plan) = planned(arguments, (capture, hold_out), &initial)?;
+    memory::check(plan.total(), "a smaller --long-side or fewer --gaussians reduce it")?;
     let pixels = (plan.size[0] * plan.size[1]) as f64;
     if (settings.fit.gaussians as f64) < FEW * pixels {
         console
@@ -139,12 +162,12 @@ fn fit_settings(arguments: &Fit, plan: &Plan) -> Result<FitSettings, Failure> {
     set(&mut fit.steps, arguments.steps);
     fit.seed = arguments.seed.unwrap_or(fit.seed);
     fit.sh_degree = arguments.sh.map_or(fit.sh_degree, usize::from);
-    fit.antialiased |= arguments.antialiased;
+    fit.antialiased = arguments.antialiased.unwrap_or(fit.antialiased);
     fit.exposure |= arguments.exposure;
     fit.background = arguments.background.map_or(fit.background, |color| color.0);
-    fit.poses.refine = arguments.poses.map_or(fit.poses.refine, |mode| mode == PoseMode::Refine);
-    if arguments.focal && !fit.poses.refine {
-        return Err(Failure::Usage("--focal: expected --poses refine with it".into()));
+    fit.poses.refine |= arguments.refine_cameras;
+    if arguments.refine_focal && !fit.poses.refine {
+        return Err(Failure::Usage("--refine-focal: expected --refine-cameras with it".into()));
     }
     fit.density.strategy = match arguments.strategy {
         None => fit.density.strategy,
@@ -169,11 +192,11 @@ fn initial(text: Option<&str>) -> Result<Begin, Failure> {
         None => Ok(Begin::Here(Initial::Auto)),
         Some("points") => Ok(Begin::Here(Initial::Points)),
         Some("random") => Ok(Begin::Here(Initial::Random)),
-        Some("network") => Ok(Begin::Network(None)),
+        Some("built-in") => Ok(Begin::Network(None)),
         Some(path) if Path::new(path).is_file() => Ok(Begin::File(path.into())),
         Some(path) if RunFolder::at(path).checkpoint_path().exists() => Ok(Begin::Network(Some(RunFolder::at(path)))),
         Some(path) => Err(Failure::message(format!(
-            "--init {path}: expected points, random, network, a file of Gaussians or the folder of a trained network, found none of them"
+            "--init {path}: expected points, random, built-in, a file of Gaussians or the folder of a trained network, found none of them"
         ))),
     }
 }
@@ -203,7 +226,7 @@ fn predicted(folder: Option<&RunFolder>, settings: &RunSettings) -> Result<Gauss
         None => weaver_recipes::built_in()?,
     };
     let [height, width] = run.predictor.image_size();
-    let hold_out = if settings.all { HoldOut::Nothing } else { HoldOut::Listed };
+    let hold_out = settings.hold_out;
     let options = CaptureOptions { width, height, hold_out, masks: settings.masks, ..CaptureOptions::default() };
     let scene = capture::load(&settings.capture, &options)?;
     let mut views = scene.training_views();

@@ -1,6 +1,6 @@
 //! `splatweaver infer`.
 
-use crate::arguments::{ClipFlags, Infer};
+use crate::arguments::{CameraChoice, ClipFlags, Infer};
 use crate::estimate::{cameras_folder, estimated};
 use crate::refine::refined;
 use crate::{Console, Interrupt, clip};
@@ -15,17 +15,21 @@ use weaver_inference::{Density, Looks, OutputFolder, Predictor, RunFolder, Splat
 use weaver_splat::Renderer;
 
 pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
-    let asked = arguments.cameras.as_deref() == Some(Path::new("estimated"));
+    let asked = arguments.cameras == Some(CameraChoice::Estimated);
+    let mut cameras = match &arguments.cameras {
+        None | Some(CameraChoice::Estimated | CameraChoice::Predicted) => None,
+        Some(CameraChoice::File(path)) => Some(path.clone()),
+        Some(other) => return Err(other.refused("estimated, predicted or a file")),
+    };
     let files = arguments.run.as_deref().map(|run| RunFolder::at(run).checkpoint_path());
     let read = arguments.images.iter().chain(&files).chain(&arguments.weights);
-    let out = OutputFolder::claim(&arguments.out, "infer", read.chain(arguments.cameras.as_ref().filter(|_| !asked)))?;
+    let out = OutputFolder::claim(&arguments.out, "infer", read.chain(&cameras))?;
     let rasterizer = device::rasterizer(&arguments.device)?;
     let photos = clip::photos(&arguments.images, ClipFlags::default(), &out, console)?;
     let mut images = photos.paths.clone();
     reconstruct::check(&out, &images)?;
-    let mut cameras = arguments.cameras.clone();
     let built_in = arguments.run.is_none() && arguments.weights.is_none();
-    let estimating = asked || built_in && cameras.is_none();
+    let estimating = asked || built_in && arguments.cameras.is_none();
     if estimating {
         let folder = cameras_folder(&out, &images)?;
         let located = vec![false; images.len()];
@@ -56,9 +60,9 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
             if arguments.masks {
                 return Err(Failure::Usage("--masks: expected weights of a run, found a published checkpoint".into()));
             }
-            if arguments.light.look.is_some() {
+            if arguments.light.light.is_some() {
                 return Err(Failure::Usage(
-                    "--look: expected a run that knows about light, found a published checkpoint".into(),
+                    "--light: expected a run that knows about light, found a published checkpoint".into(),
                 ));
             }
             if arguments.refine.is_asked() {
@@ -82,7 +86,7 @@ pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> R
         ),
         None => format!("points: {}\ncameras: {}", file("points.ply"), file("transforms.json")),
     };
-    let looks = arguments.light.look.as_ref().map_or(String::new(), |_| format!("\nlooks: {}", file("looks.png")));
+    let looks = arguments.light.light.as_ref().map_or(String::new(), |_| format!("\nlooks: {}", file("looks.png")));
     console.print(&format!("{result}\noverview: {}{looks}", report.overview.display()))
 }
 
@@ -116,15 +120,14 @@ fn own(
         console.note(&format!("warning: {remark}"));
     }
     let mut predictor = refined(predictor, &arguments.refine, images, rasterizer)?;
-    if arguments.light.look.is_some() && (density != Density::default() || arguments.refine.is_asked()) {
-        let message = "--look: expected neither --allocation nor --budget nor --refine with it, found one of them";
+    if arguments.light.light.is_some() && (density != Density::default() || arguments.refine.is_asked()) {
+        let message = "--light: expected neither --allocation nor --budget nor --refine with it, found one of them";
         return Err(Failure::Usage(message.into()));
     }
-    let looks = arguments
-        .light
-        .look
-        .clone()
-        .map(|from| Looks { from, to: arguments.light.to.clone().map(|to| (to, arguments.light.frames as usize)) });
+    let looks = arguments.light.light.clone().map(|from| Looks {
+        from,
+        to: arguments.light.to.clone().map(|to| (to, arguments.light.light_steps as usize)),
+    });
     let options = Options { cameras, masks: arguments.masks, density, looks, seed };
     Ok(reconstruct(&mut *predictor, images, &options, out)?)
 }

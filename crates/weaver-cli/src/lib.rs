@@ -6,6 +6,7 @@ mod advice;
 mod align;
 mod arguments;
 mod clip;
+mod compare;
 mod completions;
 mod config;
 mod convert;
@@ -17,6 +18,7 @@ mod ffmpeg;
 mod fit;
 mod infer;
 mod info;
+mod old_names;
 mod reconstruct;
 mod refine;
 mod render;
@@ -27,8 +29,9 @@ mod video;
 pub use ffmpeg::end_all as end_programs;
 pub use weaver_command::{Console, Interrupt};
 
+pub use arguments::{Flag, flags};
+
 use arguments::{Command, CommandLine};
-use clap::Parser;
 use std::ffi::OsString;
 use weaver_command::{Failure, in_pool};
 use weaver_kernels::simd;
@@ -36,7 +39,9 @@ use weaver_kernels::simd;
 /// Runs one command line, whose first argument is the program's name, and returns the exit code: 0 for success, 1 for an
 /// error, 2 for wrong usage.
 pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console, interrupt: &Interrupt) -> u8 {
-    let result = match CommandLine::try_parse_from(arguments) {
+    let (arguments, notes) = old_names::current(arguments.into_iter().collect());
+    notes.iter().for_each(|note| console.note(note));
+    let result = match CommandLine::of(arguments) {
         Ok(line) => {
             simd::requested_level().map_err(Failure::Usage).and_then(|_| dispatch(line.command, console, interrupt))
         }
@@ -60,7 +65,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, console: &mut Console,
 ///
 /// Returns the message of wrong usage otherwise. `--help` and `--version` are accepted.
 pub fn parses(arguments: impl IntoIterator<Item = OsString>) -> Result<(), String> {
-    match CommandLine::try_parse_from(arguments) {
+    match CommandLine::of(arguments) {
         Err(error) if error.use_stderr() => Err(error.render().to_string()),
         _ => Ok(()),
     }
@@ -78,6 +83,7 @@ fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> R
         Command::Fit(arguments) => {
             in_pool(arguments.threads.map(usize::from), || fit::run(&arguments, console, interrupt))
         }
+        Command::Compare(arguments) => in_pool(arguments.threads.count(), || compare::run(&arguments, console)),
         Command::Render(arguments) => in_pool(arguments.threads.count(), || render::run(&arguments, console)),
         Command::Lift(arguments) => weaver_lift_run::lift(&arguments, console),
         Command::Align(arguments) => in_pool(arguments.threads.count(), || align::run(&arguments, console)),

@@ -21,16 +21,17 @@ pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt
         Err(RunError::RunExists { folder }) => return Err(exists(&folder)),
         claimed => claimed?,
     };
-    let capture = match arguments.photos.as_slice() {
+    let (capture, hold_out) = match arguments.photos.as_slice() {
         [one] if is_capture(one) => {
             arguments.matching.check_unused("a capture with cameras of its own")?;
             arguments.clip.check_unused("a capture with cameras of its own")?;
             console.note(&format!("cameras: those of {}", one.display()));
-            one.clone()
+            (one.clone(), arguments.hold_out)
         }
         paths => {
             let photos = clip::photos(paths, arguments.clip, &out, console)?;
-            estimated_capture(&photos, arguments.hold_out, arguments.matching, &out, console)?
+            let capture = estimated_capture(&photos, arguments.hold_out, arguments.matching, &out, console)?;
+            (capture, fit::listed(arguments.hold_out))
         }
     };
     let (minutes, size) = arguments.quality.effort();
@@ -45,15 +46,14 @@ pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt
     let fitting = Fit {
         minutes: Some(minutes),
         least_steps: LEAST_STEPS,
-        size: Some(size),
+        long_side: Some(size),
         seed: Some(arguments.seed),
         gaussians: arguments.gaussians,
-        all: !arguments.hold_out,
         save_every: SAVE_EVERY,
         ..Fit::default()
     };
     console.note(&format!("fit: {}, {minutes:.2} minutes, photos of at most {size} pixels", capture.display()));
-    fit::begin(&fitting, fit::Means::of(&fitting)?, (capture, out), console, interrupt)
+    fit::begin(&fitting, fit::Means::of(&fitting)?, (capture, hold_out, out), console, interrupt)
 }
 
 /// Why nothing is made in a folder with a run, and how to go on with one that did not come to its end.

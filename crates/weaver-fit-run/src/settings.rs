@@ -16,8 +16,9 @@ pub struct RunSettings {
     pub capture: PathBuf,
     /// Longest side of the photos, pixels; `None` takes them as they are.
     pub long_side: Option<usize>,
-    /// Whether no photo is held out.
-    pub all: bool,
+    /// Which photos are held out.
+    #[serde(flatten, with = "held")]
+    pub hold_out: HoldOut,
     /// At most so many photos to fit to, evenly spread in the capture's order.
     pub views: Option<usize>,
     /// Whether masks are read.
@@ -61,7 +62,7 @@ impl RunSettings {
         Self {
             capture: capture.into(),
             long_side: None,
-            all: false,
+            hold_out: HoldOut::Listed,
             views: None,
             masks: false,
             focal: false,
@@ -78,11 +79,37 @@ impl RunSettings {
     pub(crate) fn posed_options(&self) -> PosedOptions {
         PosedOptions {
             long_side: self.long_side,
-            hold_out: if self.all { HoldOut::Nothing } else { HoldOut::Listed },
+            hold_out: self.hold_out,
             masks: self.masks,
             background: self.fit.background,
             ..PosedOptions::default()
         }
+    }
+}
+
+/// Which photos are held out, in run.json: none where `all` of them are fitted to, or `every` so many.
+mod held {
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+    use weaver_data::capture::HoldOut;
+
+    #[derive(Deserialize, Serialize)]
+    struct Held {
+        all: bool,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        every: Option<usize>,
+    }
+
+    pub fn serialize<S: Serializer>(hold_out: &HoldOut, to: S) -> Result<S::Ok, S::Error> {
+        let every = if let HoldOut::Every(step) = hold_out { Some(*step) } else { None };
+        Held { all: *hold_out == HoldOut::Nothing, every }.serialize(to)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<HoldOut, D::Error> {
+        Held::deserialize(from).map(|held| match held {
+            Held { all: true, .. } => HoldOut::Nothing,
+            Held { every: Some(step), .. } => HoldOut::Every(step),
+            Held { every: None, .. } => HoldOut::Listed,
+        })
     }
 }
 

@@ -17,7 +17,7 @@ const AGGREGATING: &str = "Features of masks";
   splatweaver lift scene.spz --cameras sparse/0 --width 640 --features clip --dry-run -o lifted.safetensors
   splatweaver lift scene.ply --cameras transforms.json --features clip --solver row-sum --aggregate masks -o lifted.safetensors
   splatweaver lift --demo 1000 -o pictures
-  splatweaver lift --demo 1000 1001 1002 --gaussians predicted -o pictures")]
+  splatweaver lift --demo 1000 1001 1002 --demo-gaussians predicted -o pictures")]
 pub struct Lift {
     /// The Gaussians: PLY as 3DGS stores them, or another format of `splatweaver convert`
     #[arg(value_name = "SCENE.ply", required_unless_present = "demo")]
@@ -30,18 +30,18 @@ pub struct Lift {
     pub features: Option<PathBuf>,
     /// Folder of pictures, one for each photo that has one: what is dark in them does not count
     #[arg(long, value_name = "DIR")]
-    pub masks: Option<PathBuf>,
+    pub mask_dir: Option<PathBuf>,
     /// File for the lifted features; pictures of them go into a folder beside it. With --demo: folder for pictures
     #[arg(short, long, value_name = "FILE", required_unless_present = "demo")]
     pub out: Option<PathBuf>,
     /// Shows what the solvers do on built-in scenes of these seeds, where the truth is known
     #[arg(long, value_name = "SEED", num_args = 1.., value_parser = clap::value_parser!(u64).range(..=MOST_SEED),
-        conflicts_with_all = ["scene", "cameras", "features", "masks", "aggregate", "dry_run"])]
+        conflicts_with_all = ["scene", "cameras", "features", "mask_dir", "aggregate", "dry_run"])]
     pub demo: Vec<u64>,
     /// Whose Gaussians the demonstration lifts to
     #[arg(long, value_enum, default_value = "surface", requires = "demo")]
-    pub gaussians: DemoGaussians,
-    /// With --gaussians predicted: the folder of a run of `train` [default: the weights that come with the program]
+    pub demo_gaussians: DemoGaussians,
+    /// With --demo-gaussians predicted: the folder of a run of `train` [default: the weights that come with the program]
     #[arg(long, value_name = "RUN", requires = "demo")]
     pub run: Option<PathBuf>,
     /// How features of Gaussians are found
@@ -132,14 +132,14 @@ impl SolverName {
 /// For each camera a file of scores, [height, width, prompts], and a picture per prompt.
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
-  splatweaver query scene.ply --features lifted.safetensors --prompts words.npy --cameras transforms.json -o maps")]
+  splatweaver query scene.ply --lifted lifted.safetensors --prompts words.npy --cameras transforms.json -o maps")]
 pub struct Query {
     /// The Gaussians that the features were lifted to
     #[arg(value_name = "SCENE.ply")]
     pub scene: PathBuf,
-    /// What `splatweaver lift` wrote
+    /// The features that `splatweaver lift` wrote
     #[arg(long, value_name = "FILE")]
-    pub features: PathBuf,
+    pub lifted: PathBuf,
     /// Prompts as features, [prompts, channels] in .npy or .safetensors; each is divided by its length
     #[arg(long, value_name = "FILE")]
     pub prompts: PathBuf,

@@ -34,7 +34,7 @@ pub fn run(arguments: &Lift, console: &mut Console) -> Result<(), Failure> {
     }
     let [scene, cameras, folder, out] = required(arguments)?;
     let read: Vec<&PathBuf> =
-        [scene, cameras, folder].into_iter().chain(&arguments.masks).chain(&arguments.aggregate).collect();
+        [scene, cameras, folder].into_iter().chain(&arguments.mask_dir).chain(&arguments.aggregate).collect();
     let pictures = if arguments.dry_run { None } else { Some(pictures(out, &read)?) };
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
     let (frames, distortions): (Vec<_>, Vec<_>) = camera_files::read_with_lenses(cameras, size)?.into_iter().unzip();
@@ -42,7 +42,7 @@ pub fn run(arguments: &Lift, console: &mut Console) -> Result<(), Failure> {
     let cameras: Vec<Camera> = frames.iter().map(|frame| frame.camera).collect();
     let lens = |(camera, distortion): (&Camera, _)| Lens { camera: *camera, distortion };
     let lenses: Vec<Lens> = cameras.iter().zip(distortions).map(lens).collect();
-    let counts = match &arguments.masks {
+    let counts = match &arguments.mask_dir {
         Some(folder) => valid::read(folder, &stems, &lenses)?,
         None => vec![None; stems.len()],
     };

@@ -12,7 +12,7 @@ use weaver_io::{OutputFolder, false_color, open_array};
 use weaver_lift::{Operator, Raster, guide, scores, to_unit_length};
 
 pub fn run(arguments: &Query, console: &mut Console) -> Result<(), Failure> {
-    let read = [&arguments.scene, &arguments.cameras, &arguments.features, &arguments.prompts];
+    let read = [&arguments.scene, &arguments.cameras, &arguments.lifted, &arguments.prompts];
     let out = OutputFolder::claim(&arguments.out, "query", read)?;
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
     let frames = camera_files::read(&arguments.cameras, size)?;
@@ -21,7 +21,7 @@ pub fn run(arguments: &Query, console: &mut Console) -> Result<(), Failure> {
     let mut drawn = Drawn::read(&arguments.scene)?;
     let splats = drawn.gaussians.len();
 
-    let path = &arguments.features;
+    let path = &arguments.lifted;
     let lifted = Tensors::read(path)?;
     let tensor = lifted.get("features")?;
     let (TensorData::F32(features), &[rows, channels]) = (&tensor.data, &tensor.shape[..]) else {

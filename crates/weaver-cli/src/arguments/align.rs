@@ -15,7 +15,7 @@ const DESCENT: &str = "Descent";
 #[command(after_help = "Examples:
   splatweaver align scene.ply --photos new --cameras guess.json -o aligned
   splatweaver align fits/garden-1/scene.ply --photos later.jpg -o aligned
-  splatweaver align scene.spz --photos new --cameras sparse/0 --size 800 --refine-intrinsics -o aligned")]
+  splatweaver align scene.spz --photos new --cameras sparse/0 --long-side 800 --refine-focal -o aligned")]
 pub struct Align {
     /// The Gaussians: PLY as 3DGS stores them, or another format of `splatweaver convert`
     #[arg(value_name = "SCENE.ply")]
@@ -44,13 +44,13 @@ pub struct Align {
     pub loss: Option<LossName>,
     /// Focal lengths descend as well
     #[arg(long, help_heading = DESCENT)]
-    pub refine_intrinsics: bool,
+    pub refine_focal: bool,
     /// Does not count what is black in masks: mask_path of the cameras, a file in masks/ named as the photo, or its alpha
     #[arg(long, help_heading = DESCENT)]
     pub masks: bool,
     /// Longest side of the photos in pixels; larger ones are shrunk [default: as they are]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=65_536), help_heading = DESCENT)]
-    pub size: Option<u32>,
+    pub long_side: Option<u32>,
     #[command(flatten)]
     pub threads: Threads,
     // Last: its heading would be that of what follows.

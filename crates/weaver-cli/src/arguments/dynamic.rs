@@ -38,15 +38,15 @@ pub enum DynamicCommand {
 #[command(after_help = "Examples:
   splatweaver dynamic train --out runs/film
   splatweaver dynamic train --experts keys,poly --steps 500 --router-steps 300 --out runs/try
-  splatweaver dynamic train --data lego --experts field,code --size 400 --out runs/lego
+  splatweaver dynamic train --data lego --experts field,code --long-side 400 --out runs/lego
   splatweaver dynamic train --resume runs/film")]
 pub struct DynamicTrain {
     /// Folder of a film: transforms_train.json (D-NeRF), poses_bounds.npy (Neural 3D Video) or scene.json (HyperNeRF)
     #[arg(long, value_name = "DIR")]
     pub data: Option<PathBuf>,
     /// Longest side of the photos, pixels [default: 96 of generated films, else what the layout's benchmarks take]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=8192))]
-    pub size: Option<u32>,
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..=8192))]
+    pub long_side: Option<u32>,
     /// Cameras and frames of a generated film
     #[arg(long, value_name = "CxF", default_value = "9x32", value_parser = shots, conflicts_with = "data")]
     pub shots: [usize; 2],
@@ -65,9 +65,9 @@ pub struct DynamicTrain {
     /// Steps of the router
     #[arg(long, value_name = "N", default_value = "2000", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     pub router_steps: u32,
-    /// Trains on the photos that are held out, too: nothing is left to judge by
-    #[arg(long)]
-    pub all: bool,
+    /// With `none`, trains on the photos that are held out, too: nothing is left to judge by
+    #[arg(long, value_name = "listed|none", default_value = "listed", value_parser = ["listed", "none"])]
+    pub hold_out: String,
     /// What the gate's logits are divided by, in training and in use
     #[arg(long, value_name = "T", default_value = "1")]
     pub temperature: f64,
@@ -78,11 +78,11 @@ pub struct DynamicTrain {
     #[arg(long, value_name = "S", default_value = "0", value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
     pub seed: u64,
     /// Folder of the run
-    #[arg(short, long, value_name = "RUN", default_value = "runs/dynamic")]
+    #[arg(short, long, value_name = "DIR", default_value = "runs/dynamic")]
     pub out: PathBuf,
     /// Goes on from the checkpoint of a run that was stopped, with what it was started with
     #[arg(long, value_name = "RUN", conflicts_with_all = [
-        "data", "size", "shots", "experts", "preset", "gaussians", "steps", "router_steps", "all",
+        "data", "long_side", "shots", "experts", "preset", "gaussians", "steps", "router_steps", "hold_out",
         "temperature", "background_weight", "seed", "out",
     ])]
     pub resume: Option<PathBuf>,
@@ -163,7 +163,7 @@ pub struct DynamicPrune {
     #[arg(long, value_name = "N", default_value = "500", value_parser = clap::value_parser!(u32).range(0..=10_000_000))]
     pub steps: u32,
     /// Folder of the new run
-    #[arg(short, long, value_name = "RUN")]
+    #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
     #[command(flatten)]
     pub threads: Threads,
@@ -173,7 +173,7 @@ pub struct DynamicPrune {
 #[derive(Args, Debug)]
 #[command(after_help = "Examples:
   splatweaver dynamic distil --run runs/film --expert keys --out runs/keys
-  splatweaver dynamic distil --run runs/film --expert keys --plain --out runs/keys-plain")]
+  splatweaver dynamic distil --run runs/film --expert keys --photos-alone --out runs/keys-plain")]
 pub struct DynamicDistil {
     /// Folder of the run
     #[arg(long, value_name = "RUN")]
@@ -182,16 +182,16 @@ pub struct DynamicDistil {
     #[arg(long, value_name = "NAME")]
     pub expert: String,
     /// The share of photos in the loss, 0 to 1; the rest is the mixture's
-    #[arg(long, value_name = "L", default_value = "0.5", conflicts_with = "plain")]
+    #[arg(long, value_name = "L", default_value = "0.5", conflicts_with = "photos_alone")]
     pub lambda: f64,
     /// Learns from photos alone: what distillation is compared with
     #[arg(long)]
-    pub plain: bool,
+    pub photos_alone: bool,
     /// Steps
     #[arg(long, value_name = "N", default_value = "1500", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     pub steps: u32,
     /// Folder of the new run
-    #[arg(short, long, value_name = "RUN")]
+    #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
     #[command(flatten)]
     pub threads: Threads,

@@ -1,10 +1,13 @@
 //! The command line of `splatweaver fit`.
 
 use super::convert::scene_format;
-use super::{CONFIGURATION, DeviceFlag, RUN};
+use super::hold_out::hold_out;
+use super::matching::MatchingFlags;
+use super::{CONFIGURATION, CameraChoice, DeviceFlag, RUN};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 use weaver_command::{Rgb, background};
+use weaver_data::capture::HoldOut;
 use weaver_io::SceneFormat;
 
 /// Fits Gaussians to the photos of a capture: a scene in minutes.
@@ -17,8 +20,8 @@ use weaver_io::SceneFormat;
 #[command(after_help = "Examples:
   splatweaver fit capture
   splatweaver fit capture --minutes 5 --gaussians 100000 -o scene
-  splatweaver fit capture/transforms.json --size 640 --steps 3000 --seed 7
-  splatweaver fit capture --poses refine --exposure --all
+  splatweaver fit capture/transforms.json --long-side 640 --steps 3000 --seed 7
+  splatweaver fit capture --refine-cameras --exposure --hold-out none
   splatweaver fit capture --init scene.ply --set density.until=0.6
   splatweaver fit --resume fits/capture-1
   splatweaver fit capture --dry-run")]
@@ -27,7 +30,7 @@ pub struct Fit {
     #[arg(value_name = "CAPTURE", required_unless_present = "resume")]
     pub capture: Option<PathBuf>,
     /// Folder for the results [default: the first free fits/NAME-N]
-    #[arg(short, long, value_name = "OUT", help_heading = RUN)]
+    #[arg(short, long, value_name = "DIR", help_heading = RUN)]
     pub out: Option<PathBuf>,
     /// The most Gaussians there may be [default: 0.4 for each pixel of a photo, 5000 to 1000000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000), help_heading = RUN)]
@@ -41,15 +44,15 @@ pub struct Fit {
     /// Steps, instead of a time; each looks at one photo
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "minutes", help_heading = RUN)]
     pub steps: Option<u32>,
-    /// Where the Gaussians begin: points (the capture's), random, network (what the one that comes with the program
+    /// Where the Gaussians begin: points (the capture's), random, built-in (what the network that comes with the program
     /// predicts), a run folder (what its network predicts), or a file of Gaussians [default: points if there are any, else random]
-    #[arg(long, value_name = "points|random|network|RUN|FILE", help_heading = RUN)]
+    #[arg(long, value_name = "points|random|built-in|RUN|FILE", help_heading = RUN)]
     pub init: Option<String>,
     /// Seed of everything that is drawn at random [default: 0]
     #[arg(long, value_name = "S", help_heading = RUN)]
     pub seed: Option<u64>,
     /// Goes on with this run, with its own settings
-    #[arg(long, value_name = "OUT", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "size", "sh", "poses", "focal", "cameras", "antialiased", "exposure", "masks", "background", "strategy", "all", "views", "formats", "settings", "config", "dry_run"])]
+    #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "long_side", "sh", "refine_cameras", "refine_focal", "cameras", "antialiased", "exposure", "masks", "background", "strategy", "hold_out", "max_photos", "formats", "settings", "config", "dry_run"])]
     pub resume: Option<PathBuf>,
     /// Says what the run would take, and writes nothing
     #[arg(long, help_heading = RUN)]
@@ -64,13 +67,14 @@ pub struct Fit {
     pub threads: Option<u16>,
     /// Longest side of the photos in pixels; larger ones are shrunk [default: as they are]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..=65_536), help_heading = PHOTOS)]
-    pub size: Option<u32>,
-    /// Holds no photo out
-    #[arg(long, help_heading = PHOTOS)]
-    pub all: bool,
+    pub long_side: Option<u32>,
+    /// Which photos are held out: those that the capture lists, or every eighth where it lists none; no photo; or every so many
+    /// [default: listed]
+    #[arg(long, value_name = "listed|none|N", value_parser = hold_out, help_heading = PHOTOS)]
+    pub hold_out: Option<HoldOut>,
     /// At most so many photos to fit to, evenly spread
-    #[arg(long, value_name = "V", value_parser = clap::value_parser!(u32).range(1..), help_heading = PHOTOS)]
-    pub views: Option<u32>,
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = PHOTOS)]
+    pub max_photos: Option<u32>,
     /// Leaves out what is black in masks: mask_path of transforms.json, a file in masks/ named as the photo, or its alpha
     #[arg(long, help_heading = PHOTOS)]
     pub masks: bool,
@@ -81,20 +85,21 @@ pub struct Fit {
     #[arg(long, help_heading = PHOTOS)]
     pub exposure: bool,
     /// The capture's cameras, or cameras estimated from its photos, as `splatweaver cameras` does; these go to OUT/cameras
-    #[arg(long, value_enum, default_value_t = Origin::Given, help_heading = PHOTOS)]
-    pub cameras: Origin,
-    /// Cameras as they are, or refined with the scene [default: fixed]
-    #[arg(long, value_enum, help_heading = PHOTOS)]
-    pub poses: Option<PoseMode>,
+    /// [default: given]
+    #[arg(long, value_name = "given|estimated", help_heading = PHOTOS)]
+    pub cameras: Option<CameraChoice>,
+    /// Refines the cameras with the scene
+    #[arg(long, help_heading = PHOTOS)]
+    pub refine_cameras: bool,
     /// Refines the focal length too, one factor for all photos
     #[arg(long, help_heading = PHOTOS)]
-    pub focal: bool,
+    pub refine_focal: bool,
     /// Degree of the spherical harmonics [default: 3]
     #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..=3), help_heading = SCENE)]
     pub sh: Option<u8>,
-    /// Draws antialiased: opacities are lowered where a Gaussian is widened to a pixel
-    #[arg(long, help_heading = SCENE)]
-    pub antialiased: bool,
+    /// Draws antialiased: opacities are lowered where a Gaussian is widened to a pixel; =false if not [default: false]
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", help_heading = SCENE)]
+    pub antialiased: Option<bool>,
     /// How Gaussians are added, removed and moved [default: split]
     #[arg(long, value_enum, help_heading = SCENE)]
     pub strategy: Option<StrategyName>,
@@ -110,16 +115,8 @@ pub struct Fit {
     /// Sets one setting by its path; may be repeated
     #[arg(long = "set", value_name = "KEY=VALUE", help_heading = CONFIGURATION)]
     pub settings: Vec<String>,
-}
-
-/// Where cameras come from.
-#[derive(Clone, Copy, Debug, Default, Eq, PartialEq, ValueEnum)]
-pub enum Origin {
-    /// From the capture's files
-    #[default]
-    Given,
-    /// By matching the photos
-    Estimated,
+    #[command(flatten)]
+    pub matching: MatchingFlags,
 }
 
 /// Seconds between checkpoints when nothing is said.
@@ -127,13 +124,6 @@ pub const SAVE_EVERY: f64 = 20.0;
 
 const PHOTOS: &str = "Photos and cameras";
 const SCENE: &str = "Scene";
-
-/// What becomes of cameras.
-#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
-pub enum PoseMode {
-    Fixed,
-    Refine,
-}
 
 /// Density control.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]

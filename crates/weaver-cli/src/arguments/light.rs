@@ -10,11 +10,11 @@ pub struct LightFlags {
     /// Shows the place in the light of this photo, which need not be one of it; looks.png is a strip of renders [default: that of the
     /// first photo]
     #[arg(long, value_name = "PHOTO")]
-    pub look: Option<PathBuf>,
-    /// Changes the light from --look to that of this photo: a PLY for each step in the folder looks
-    #[arg(long, value_name = "PHOTO", requires = "look")]
+    pub light: Option<PathBuf>,
+    /// Changes the light from --light to that of this photo: a PLY for each step in the folder looks
+    #[arg(long, value_name = "PHOTO", requires = "light")]
     pub to: Option<PathBuf>,
-    /// Steps from --look to --to, both included
+    /// Steps from --light to --to, both included
     #[arg(long, value_name = "N", requires = "to", default_value_t = 9, value_parser = clap::value_parser!(u32).range(2..=1000))]
-    pub frames: u32,
+    pub light_steps: u32,
 }

@@ -1,13 +1,13 @@
 //! The command lines of `splatweaver cameras` and `splatweaver reconstruct`.
 
-use super::Threads;
+use super::hold_out::hold_out;
+use super::matching::{ClipFlags, MatchingFlags};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
-use weaver_command::Failure;
-use weaver_data::{EstimateOptions, Find};
+use weaver_command::Threads;
+use weaver_data::capture::HoldOut;
 
-/// How cameras are estimated, and how Gaussians are fitted.
-const MATCHING: &str = "Estimated cameras";
+/// Heading of the flags of a fit.
 const FIT: &str = "Fit";
 
 /// A scene from a folder of photos, or a video, and nothing else.
@@ -22,13 +22,13 @@ const FIT: &str = "Fit";
   splatweaver reconstruct photos -o sketch --quality draft
   splatweaver reconstruct clip.mp4 -o scene
   splatweaver reconstruct a.jpg b.jpg c.jpg d.jpg -o scene --minutes 1
-  splatweaver reconstruct photos -o scene --hold-out           how good it is from elsewhere")]
+  splatweaver reconstruct photos -o scene --hold-out 8         how good it is from elsewhere")]
 pub struct Reconstruct {
     /// Photos (JPEG, PNG, TIFF, WebP), folders of photos, clips, or one capture
     #[arg(required = true)]
     pub photos: Vec<PathBuf>,
     /// Folder for the results
-    #[arg(short, long, value_name = "OUT")]
+    #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
     /// How long it takes and how large photos are
     #[arg(long, value_enum, default_value_t = Quality::Normal, help_heading = FIT)]
@@ -39,9 +39,10 @@ pub struct Reconstruct {
     /// The most Gaussians there may be [default: 0.4 for each pixel of a photo, 5000 to 1000000]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000), help_heading = FIT)]
     pub gaussians: Option<u32>,
-    /// Every eighth photo is not shown to the fit, which is judged by them
-    #[arg(long, help_heading = FIT)]
-    pub hold_out: bool,
+    /// Which photos are not shown to the fit, which is judged by them: none; those that a capture lists, or every eighth where none are
+    /// listed; or every so many
+    #[arg(long, value_name = "listed|none|N", value_parser = hold_out, default_value = "none", help_heading = FIT)]
+    pub hold_out: HoldOut,
     /// Seed of everything that is drawn at random
     #[arg(long, value_name = "S", default_value_t = 0, help_heading = FIT)]
     pub seed: u64,
@@ -91,7 +92,7 @@ pub struct Cameras {
     #[arg(required = true)]
     pub photos: Vec<PathBuf>,
     /// Folder for the results
-    #[arg(short, long, value_name = "OUT")]
+    #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
     /// Other cameras of the same photos: says how far the estimated ones are off, once moved, turned and scaled to fit best
     #[arg(long, value_name = "FILE")]
@@ -102,102 +103,4 @@ pub struct Cameras {
     pub matching: MatchingFlags,
     #[command(flatten)]
     pub threads: Threads,
-}
-
-/// What becomes of clips.
-#[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
-pub struct ClipFlags {
-    /// At most so many frames of each clip, spread over the way of its camera [default: as many as show something new, at most 120]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=2000), help_heading = MATCHING)]
-    pub frames: Option<u32>,
-}
-
-impl ClipFlags {
-    /// That these say nothing, where there is no clip.
-    ///
-    /// # Errors
-    /// When they do; `found` says what there is.
-    pub fn check_unused(&self, found: &str) -> Result<(), Failure> {
-        match self.frames {
-            None => Ok(()),
-            Some(_) => Err(Failure::Usage(format!("--frames: expected a clip, found {found}"))),
-        }
-    }
-}
-
-/// Coefficients of a radial distortion.
-#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
-pub enum Coefficients {
-    /// None: lines stay straight
-    Off,
-    /// The first
-    K1,
-    /// Two
-    K1k2,
-}
-
-/// How cameras are estimated.
-#[derive(Args, Clone, Copy, Debug, PartialEq)]
-pub struct MatchingFlags {
-    /// The focal length of all photos, over their longer side: 0.75 for most phones [default: what the files tell, else estimated]
-    #[arg(long, value_name = "F", value_parser = focal, help_heading = MATCHING)]
-    pub focal: Option<f64>,
-    /// Ignores the focal lengths that files tell
-    #[arg(long, help_heading = MATCHING)]
-    pub no_exif: bool,
-    /// Each photo has a focal length of its own [default: photos of the same proportions share one]
-    #[arg(long, help_heading = MATCHING)]
-    pub own_focal: bool,
-    /// The radial distortion that is found [default: k1, and of many photos k2, where photos tell them]
-    #[arg(long, value_name = "WHICH", value_enum, help_heading = MATCHING)]
-    pub distortion: Option<Coefficients>,
-    /// Longest side of the photos while they are matched
-    #[arg(long, value_name = "PIXELS", default_value_t = 640, value_parser = clap::value_parser!(u32).range(64..=8192), help_heading = MATCHING)]
-    pub match_size: u32,
-}
-
-impl Default for MatchingFlags {
-    fn default() -> Self {
-        let EstimateOptions { long_side, focal, exif, shared, .. } = EstimateOptions::default();
-        Self { focal, no_exif: !exif, own_focal: !shared, distortion: None, match_size: long_side as u32 }
-    }
-}
-
-impl From<MatchingFlags> for EstimateOptions {
-    fn from(flags: MatchingFlags) -> Self {
-        Self {
-            long_side: flags.match_size as usize,
-            focal: flags.focal,
-            exif: !flags.no_exif,
-            shared: !flags.own_focal,
-            sequence: false,
-            distortion: match flags.distortion {
-                None => Find::Told,
-                Some(Coefficients::Off) => Find::Off,
-                Some(Coefficients::K1) => Find::K1,
-                Some(Coefficients::K1k2) => Find::K1K2,
-            },
-        }
-    }
-}
-
-impl MatchingFlags {
-    /// That these say nothing, where cameras are not estimated.
-    ///
-    /// # Errors
-    /// When they do; `found` says where cameras come from.
-    pub fn check_unused(&self, found: &str) -> Result<(), Failure> {
-        if *self == Self::default() {
-            return Ok(());
-        }
-        let flags = "--focal, --no-exif, --own-focal, --distortion, --match-size";
-        Err(Failure::Usage(format!("{flags}: expected estimated cameras, found {found}")))
-    }
-}
-
-fn focal(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(focal) if (0.2..=20.0).contains(&focal) => Ok(focal),
-        _ => Err("expected a number from 0.2 to 20, as in 1.2".into()),
-    }
 }

@@ -43,7 +43,7 @@ pub struct VadTrain {
     #[command(flatten)]
     pub plan: VadPlan,
     /// Folder of the run
-    #[arg(short, long, value_name = "RUN", default_value = "runs/vad")]
+    #[arg(short, long, value_name = "DIR", default_value = "runs/vad")]
     pub out: PathBuf,
     /// Goes on from the checkpoint of a run that was stopped, with what it was started with
     #[arg(long, value_name = "RUN", conflicts_with_all = ["VadPlan", "out"])]
@@ -74,7 +74,7 @@ pub struct VadPlan {
     #[arg(long, value_name = "K", conflicts_with = "plain", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub clusters: Option<u16>,
     /// No experts
-    #[arg(long)]
+    #[arg(long = "no-experts")]
     pub plain: bool,
     /// What peaks of the score curve become: labels by Gaussians over time (T), over the score (S), over the video (H), spikes (L), or nothing
     #[arg(long, value_enum, default_value = "T", ignore_case = true)]

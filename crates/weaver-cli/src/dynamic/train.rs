@@ -17,7 +17,7 @@ pub fn run(arguments: &DynamicTrain, console: &mut Console, interrupt: &Interrup
     if let Some(folder) = &arguments.resume {
         return finish(Run::resume(folder)?, folder, console, interrupt);
     }
-    let size = arguments.size.map(|size| size as usize);
+    let size = arguments.long_side.map(|size| size as usize);
     let film = match &arguments.data {
         Some(path) => FilmSource::Folder { path: path.clone(), long_side: size },
         None => {
@@ -38,7 +38,7 @@ pub fn run(arguments: &DynamicTrain, console: &mut Console, interrupt: &Interrup
             PresetName::Published => Preset::Published,
         },
         gaussians: arguments.gaussians as usize,
-        all: arguments.all,
+        all: arguments.hold_out == "none",
         stages: experts.chain([Stage::Router { steps: arguments.router_steps as usize }]).collect(),
         temperature: arguments.temperature,
         background_weight: arguments.background_weight,
@@ -64,7 +64,7 @@ pub fn distil(arguments: &DynamicDistil, console: &mut Console, interrupt: &Inte
     let run = Run::open(&arguments.run)?;
     let index = run.settings().expert(&arguments.expert)?;
     let steps = arguments.steps as usize;
-    let (stage, how) = match arguments.plain {
+    let (stage, how) = match arguments.photos_alone {
         true => (Stage::Expert { index, steps }, "photos alone".to_string()),
         false => (Stage::Distil { index, steps, lambda: arguments.lambda }, format!("lambda {}", arguments.lambda)),
     };

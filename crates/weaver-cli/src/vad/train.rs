@@ -239,7 +239,7 @@ fn experts(plan: &VadPlan, set: &TrainingSet) -> Result<Experts, Failure> {
         None if !set.classes.is_empty() => Ok(Experts::Classes),
         None => {
             let list = plan.list.as_deref().unwrap_or(Path::new("the list")).display();
-            Err(Failure::Usage(format!("{list}: names tell no classes; give --clusters K or --plain")))
+            Err(Failure::Usage(format!("{list}: names tell no classes; give --clusters K or --no-experts")))
         }
     }
 }

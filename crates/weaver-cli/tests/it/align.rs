@@ -101,7 +101,7 @@ fn photos_may_be_compared_by_their_structure() {
     assert!(table.contains("dB before"), "{table}");
     let error = error(&folder.path().join("aligned/transforms.json"));
     assert!(error < 0.1, "{error}");
-    let message = refused(folder.path(), &format!("{ALIGN} --loss ssim --size 12"), 1);
+    let message = refused(folder.path(), &format!("{ALIGN} --loss ssim --long-side 12"), 1);
     assert!(message.contains("expected photos of at least 11 x 11 pixels, found 12 x 9"), "{message}");
 }
 

@@ -155,7 +155,7 @@ fn every_command_whose_cameras_are_estimated_takes_a_clip() {
     let folder = temporary.path();
     clip(folder, 7);
     for line in [
-        "reconstruct clip.mp4 -o scene --minutes 0.05 --gaussians 300 --hold-out --frames 6",
+        "reconstruct clip.mp4 -o scene --minutes 0.05 --gaussians 300 --hold-out listed --frames 6",
         "fit clip.mp4 --cameras estimated --steps 5 --gaussians 300 -o fitted",
         "infer clip.mp4 -o inferred",
     ] {

@@ -115,7 +115,7 @@ mod with {
         }
         let temporary = tempfile::tempdir().unwrap();
         let folder = temporary.path();
-        write_gaussians(folder.join("scene.ply"), &crate::eval_scene::gaussians()).unwrap();
+        write_gaussians(folder.join("scene.ply"), &crate::compare::gaussians()).unwrap();
         let picture = |device: &str| {
             fine(folder, &format!("render scene.ply --orbit 2 --width 96 -o {device} --device {device}"));
             Image::read(folder.join(device).join("0001.png"), Background::Black).unwrap().pixels

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use weaver_io::{Background, Image};
 
-const TRAIN: &str = "dynamic train --size 32 --shots 3x8 --gaussians 60 --steps 6 --router-steps 4 --threads 1";
+const TRAIN: &str = "dynamic train --long-side 32 --shots 3x8 --gaussians 60 --steps 6 --router-steps 4 --threads 1";
 
 fn json(folder: &Path, line: &str) -> serde_json::Value {
     serde_json::from_str(&printed(folder, line)).unwrap()
@@ -43,7 +43,7 @@ fn a_film_is_learned_judged_drawn_pruned_and_distilled() {
     let report = fs::read_to_string(folder.join("smaller/report.html")).unwrap();
     assert!(report.contains("Made from run by keeping 0.5 of the Gaussians by contribution."));
     printed(folder, "dynamic distil --run run --expert keys --steps 2 --out keys");
-    printed(folder, "dynamic distil --run run --expert keys --steps 2 --plain --out plain");
+    printed(folder, "dynamic distil --run run --expert keys --steps 2 --photos-alone --out plain");
     assert!(bytes("keys/model.safetensors") != bytes("plain/model.safetensors"));
 
     let error = refused(folder, &format!("{TRAIN} --out run"), 2);
@@ -84,7 +84,8 @@ fn what_makes_no_mixture_is_refused() {
 fn a_training_that_is_interrupted_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let line = "dynamic train --size 32 --shots 3x8 --gaussians 60 --steps 40 --router-steps 20 --experts keys,poly";
+    let line =
+        "dynamic train --long-side 32 --shots 3x8 --gaussians 60 --steps 40 --router-steps 20 --experts keys,poly";
     printed(folder, &format!("{line} --threads 2 --out whole"));
     let mut child = Command::new(BINARY)
         .args(format!("{line} --threads 1 --out parts").split_whitespace())

@@ -41,10 +41,10 @@ fn a_fit_says_of_held_out_photos_what_eval_says() {
     for (run, (flags, judged)) in [
         ("", "--data capture"),
         ("--masks", "--data capture --masks"),
-        ("--size 24", "--data capture --size 24"),
+        ("--long-side 24", "--data capture --long-side 24"),
         ("--antialiased --background black --exposure", "--data capture"),
         // Held-out photos are judged from where they were found: the cameras that the fit wrote.
-        ("--poses refine --masks", "--data OUT --masks"),
+        ("--refine-cameras --masks", "--data OUT --masks"),
     ]
     .into_iter()
     .enumerate()
@@ -52,7 +52,7 @@ fn a_fit_says_of_held_out_photos_what_eval_says() {
         let out = format!("out{run}");
         printed(folder, &format!("fit capture -o {out} --steps 120 --gaussians 400 {flags}"));
         let said = &summary(&folder.join(&out))["test"];
-        let line = format!("eval --scene {out}/scene.ply {} --json", judged.replace("OUT", &out));
+        let line = format!("compare {out}/scene.ply {} --json", judged.replace("OUT", &out));
         let found = json(&printed(folder, &line));
         assert_eq!(found["held_out"], true, "{found}");
         for (key, same) in [("psnr", SAME), ("ssim", 1e-3)] {
@@ -61,8 +61,7 @@ fn a_fit_says_of_held_out_photos_what_eval_says() {
         }
     }
     // Without masks the same scene is another matter.
-    let of =
-        |flags: &str| json(&printed(folder, &format!("eval --scene out1/scene.ply --data capture --json {flags}")));
+    let of = |flags: &str| json(&printed(folder, &format!("compare out1/scene.ply --data capture --json {flags}")));
     let [with, without] = ["--masks", ""].map(|flags| of(flags)["mean"]["psnr"].as_f64().unwrap());
     assert!(with > without + 1.0, "{with} dB with masks, {without} without");
 }
@@ -87,7 +86,7 @@ fn photos_that_a_network_saw_are_not_called_held_out() {
     let stdout = text(&done.stdout);
     assert!(done.status.success(), "{}", text(&done.stderr));
     let said: f64 = stdout.split("come back at ").nth(1).and_then(|t| t.split(' ').next()).unwrap().parse().unwrap();
-    let found = json(&printed(folder, "eval --scene result/scene.ply --data result --json"));
+    let found = json(&printed(folder, "compare result/scene.ply --data result --json"));
     assert_eq!((&found["held_out"], found["views"].as_array().unwrap().len()), (&Value::Bool(false), 2));
     let judged = found["mean"]["psnr"].as_f64().unwrap();
     // The photos were written with 8 bits.

@@ -203,7 +203,7 @@ fn masked_pixels_do_not_count() {
     let folder = folder();
     let masks = folder.path().join("valid");
     std::fs::create_dir(&masks).unwrap();
-    let flags = format!("{LIFT} --masks valid");
+    let flags = format!("{LIFT} --mask-dir valid");
     let refused = |part: &str| {
         let message = refused(folder.path(), &flags, 1);
         assert!(message.contains(part) && message.lines().count() == 1, "{message}");

@@ -4,9 +4,9 @@ mod align;
 #[cfg(unix)]
 mod clip;
 mod command;
+mod compare;
 mod device;
 mod dynamic;
-mod eval_scene;
 mod figures;
 #[cfg(unix)]
 mod fit;

@@ -221,7 +221,7 @@ fn an_empty_scene_has_no_quality() {
     let folder = temporary.path();
     inputs(folder);
     weaver_io::write_gaussians(folder.join("empty.ply"), &Gaussians::default()).unwrap();
-    let message = refused(folder, "eval --scene empty.ply --data capture", 1);
+    let message = refused(folder, "compare empty.ply --data capture", 1);
     assert!(message.contains("empty.ply: expected Gaussians to judge, found none"), "{message}");
 }
 
@@ -276,7 +276,7 @@ fn folders_of_any_bytes_can_be_worked_in() {
     printed(&folder, "fit --resume fit");
     printed(&folder, "reconstruct capture/images --minutes 0.05 --gaussians 200 -o scene");
     printed(&folder, "fit --resume scene");
-    printed(&folder, "eval --scene fit/scene.ply --data fit");
+    printed(&folder, "compare fit/scene.ply --data fit");
     // What would be named by its whole path is refused.
     for line in ["train --preset micro --data capture --out run", "dynamic train --data capture --out mix"] {
         let message = refused(&folder, line, 1);

@@ -104,7 +104,7 @@ fn a_scene_from_photos_alone() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
     photos(folder, 12);
-    let output = run(folder, "reconstruct photos -o scene --minutes 0.1 --gaussians 1000 --hold-out");
+    let output = run(folder, "reconstruct photos -o scene --minutes 0.1 --gaussians 1000 --hold-out listed");
     let text = said(&output);
     assert!(output.status.success() && text.contains("held out"), "{text}");
     for name in ["scene.ply", "report.html", "summary.json", "cameras/transforms.json", "cameras/points.png"] {
@@ -195,11 +195,11 @@ fn what_is_not_used_is_said() {
     std::fs::create_dir_all(folder.join("capture/sparse/0")).unwrap();
     std::fs::rename(folder.join("photos"), folder.join("capture/images")).unwrap();
     weaver_io::colmap::Model::from_frames(&frames).write_binary(folder.join("capture/sparse/0")).unwrap();
-    let output = run(folder, "fit capture -o out --steps 2 --gaussians 100 --size 48");
+    let output = run(folder, "fit capture -o out --steps 2 --gaussians 100 --long-side 48");
     let text = said(&output);
     assert!(output.status.success() && text.contains("capture/sparse/0: photos that are not"), "{text}");
     assert!(text.contains("capture/images/05.png"), "{text}");
-    let text = said(&run(folder, "eval --scene out/scene.ply --data capture --size 48"));
+    let text = said(&run(folder, "compare out/scene.ply --data capture --long-side 48"));
     assert!(text.contains("capture/sparse/0: photos that are not") && text.contains("05.png"), "{text}");
 
     // A photo that cannot be read is left out, with a word.
@@ -244,14 +244,14 @@ fn photos_held_out_in_vain_are_not_replaced_by_others() {
     for name in ["00", "08"] {
         Image::filled(192, 144, [0.4; 3]).write_png(folder.join(format!("photos/{name}.png"))).unwrap();
     }
-    let output = run(folder, "reconstruct photos -o scene --minutes 0.05 --gaussians 500 --hold-out");
+    let output = run(folder, "reconstruct photos -o scene --minutes 0.05 --gaussians 500 --hold-out listed");
     let text = said(&output);
     assert!(output.status.success() && text.contains("held out   none"), "{text}");
     let summary = std::fs::read_to_string(folder.join("scene/summary.json")).unwrap();
     let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
     assert!(summary["test"].is_null() && summary["train"]["views"] == 7, "{summary}");
     // What was written says so, too.
-    let text = said(&run(folder, "eval --scene scene/scene.ply --data scene"));
+    let text = said(&run(folder, "compare scene/scene.ply --data scene"));
     assert!(text.contains("no photo is held out") && text.contains("all, none held out"), "{text}");
 }
 

@@ -43,7 +43,7 @@ fn planted_anomalies_are_learned_and_judged() {
 fn videos_are_scored() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    printed(folder, &format!("{TRAIN} --plain --splat none --out run"));
+    printed(folder, &format!("{TRAIN} --no-experts --splat none --out run"));
     let snippets = 20;
     let numbers: Vec<f32> = (0..snippets * 32).map(|i| ((i * 37) % 101) as f32 / 50.0 - 1.0).collect();
     for name in ["Abuse001_x264", "Normal_Videos_002_x264"] {
@@ -127,7 +127,7 @@ fn a_training_on_other_features_does_not_go_on() {
         list += &format!("{name}\n");
     }
     fs::write(folder.join("list.txt"), list).unwrap();
-    let line = "vad train --features features --list list.txt --encoder deepmil --plain --steps 1000000 --out run";
+    let line = "vad train --features features --list list.txt --encoder deepmil --no-experts --steps 1000000 --out run";
     let done = interrupted(folder, line, "run");
     assert!(done.status.success(), "{}", text(&done.stderr));
     // As many videos of the same names and lengths.

@@ -5,6 +5,7 @@ mod promises;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use weaver_data::capture::HoldOut;
 use weaver_data::posed::{self, PosedOptions};
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_data::{CameraSummary, CamerasSummary};
@@ -47,7 +48,7 @@ fn a_report_begins_with_what_is_doubtful_about_its_cameras() {
     capture(&data, 4);
     let settings = || {
         let fit = FitSettings { steps: 2, gaussians: 50, ..FitSettings::default() };
-        RunSettings { all: true, ..RunSettings::new(data.join("transforms.json"), fit) }
+        RunSettings { hold_out: HoldOut::Nothing, ..RunSettings::new(data.join("transforms.json"), fit) }
     };
     // Cameras that nothing is known of.
     let html = report(settings(), &out("given"));
@@ -321,7 +322,10 @@ fn a_fit_is_a_capture_that_holds_out_the_same_photos_wherever_it_is_moved() {
     for all in [false, true] {
         let before = folder.path().join(format!("before-{all}"));
         capture(&before.join("data"), 9);
-        let mut settings = RunSettings { all, ..settings(&before.join("data")) };
+        let mut settings = RunSettings {
+            hold_out: if all { HoldOut::Nothing } else { HoldOut::Listed },
+            ..settings(&before.join("data"))
+        };
         settings.fit.steps = 1;
         let mut run =
             Run::create(&before.join("out"), settings, None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();

@@ -52,7 +52,7 @@ pub fn run(arguments: &Lift, console: &mut Console) -> Result<(), Failure> {
 }
 
 fn source(arguments: &Lift) -> Result<Source, Failure> {
-    match (arguments.gaussians, &arguments.run) {
+    match (arguments.demo_gaussians, &arguments.run) {
         (DemoGaussians::Predicted, Some(run)) => {
             let folder = RunFolder::at(run);
             Ok(Source::Predicted(weaver_recipes::registry().of_run(&folder)?.open(&folder)?.predictor))
@@ -61,7 +61,7 @@ fn source(arguments: &Lift) -> Result<Source, Failure> {
             let predictor: Box<dyn Predictor> = Box::new(SplatWeaverPredictor::built_in()?);
             Ok(Source::Predicted(predictor))
         }
-        (_, Some(_)) => Err(Failure::Usage("--run: expected --gaussians predicted with it".into())),
+        (_, Some(_)) => Err(Failure::Usage("--run: expected --demo-gaussians predicted with it".into())),
         (DemoGaussians::Surface, None) => Ok(Source::Surface),
         (DemoGaussians::Fitted, None) => Ok(Source::Fitted),
     }

@@ -1,36 +1,24 @@
-//! One file of Gaussians against the photos of a capture.
+//! `splatweaver compare`: one file of Gaussians against the photos of a capture.
 
-use crate::arguments::Eval;
+use crate::arguments::Compare;
 use serde_json::{Value, json};
 use std::fmt::Write;
-use std::path::Path;
-use weaver_command::DrawingOptions;
-use weaver_command::{Console, Failure, Progress};
+use weaver_command::{Console, DrawingOptions, Failure, Progress};
 use weaver_data::capture::posed::{self, PosedOptions};
 use weaver_fit::{Judge, Quality};
 use weaver_io::read_gaussians;
 use weaver_splat::{Workspace, render};
 use weaver_trainer::evaluate::load_lpips;
 
-pub fn run(arguments: &Eval, scene: &Path, console: &mut Console) -> Result<(), Failure> {
-    let [data] = arguments.data.as_slice() else {
-        let found = arguments.data.len();
-        return Err(Failure::Usage(format!("--data: expected exactly one with --scene, found {found}")));
-    };
-    let flags = &arguments.drawing;
-    let asked = DrawingOptions {
-        background: flags.background.map(|color| color.0),
-        antialiased: flags.antialiased,
-        near: flags.near,
-        alpha_max: flags.alpha_max,
-    };
-    let (background, settings) = asked.beside(scene)?;
+pub fn run(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
+    let Compare { scene, data, .. } = arguments;
+    let (background, settings) = DrawingOptions::from(arguments.drawing).beside(scene)?;
     let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);
     let gaussians = read_gaussians(scene)?;
     if gaussians.is_empty() {
         return Err(Failure::message(format!("{}: expected Gaussians to judge, found none", scene.display())));
     }
-    let long_side = arguments.drawing.size.map(|size| size as usize);
+    let long_side = arguments.long_side.map(|side| side as usize);
     let masks = arguments.masks;
     let options = PosedOptions { long_side, background, masks, held_out_only: true, ..PosedOptions::default() };
     let capture = posed::load(data, &options)?;
@@ -43,7 +31,7 @@ pub fn run(arguments: &Eval, scene: &Path, console: &mut Console) -> Result<(), 
         console.note(&format!("{}: no photo is held out; these are all of them", data.display()));
     }
     let (activated, mut workspace) = (gaussians.to_activated(), Workspace::new());
-    let mut progress = Progress::new("eval", 0, photos.len(), console);
+    let mut progress = Progress::new("compare", 0, photos.len(), console);
     let mut views = Vec::new();
     for photo in &photos {
         let images = render(&activated, &[photo.camera], background, &settings, &mut workspace)

@@ -21,9 +21,9 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// The figures of an evaluation with these flags behind `eval`.
+/// The figures of a comparison with these flags.
 fn evaluate(folder: &Path, flags: &[&str]) -> Value {
-    let done = splatweaver(folder, &[&["eval", "--json"], flags].concat());
+    let done = splatweaver(folder, &[&["compare", "--json"], flags].concat());
     assert!(done.status.success(), "{flags:?}: {}", text(&done.stderr));
     serde_json::from_slice(&done.stdout).unwrap()
 }
@@ -74,7 +74,7 @@ fn folder(settings: &RasterSettings, held_out: &[&str]) -> tempfile::TempDir {
     folder
 }
 
-const SCENE: &[&str] = &["--scene", "scene.ply", "--data", "capture"];
+const SCENE: &[&str] = &["scene.ply", "--data", "capture"];
 
 #[test]
 fn a_scene_meets_its_own_pictures() {
@@ -95,7 +95,7 @@ fn a_scene_meets_its_own_pictures() {
     let mean = views.iter().map(|view| view["psnr"].as_f64().unwrap()).sum::<f64>() / 2.0;
     assert!((mean - psnr(&report)).abs() < 1e-12);
 
-    let table = text(&splatweaver(folder.path(), &[&["eval"], &flags[..]].concat()).stdout);
+    let table = text(&splatweaver(folder.path(), &[&["compare"], &flags[..]].concat()).stdout);
     let rows: Vec<&str> = table.lines().collect();
     assert_eq!(rows.len(), 5, "{table}");
     assert!(rows[0].starts_with("view") && rows[1].starts_with("03.png") && rows[3].starts_with("mean"), "{table}");
@@ -147,17 +147,17 @@ fn a_summary_beside_the_scene_says_it_unless_flags_do() {
 fn photos_are_shrunk_and_every_format_is_read() {
     let folder = folder(&RasterSettings::default(), &["03.png"]);
     let flags = ["--data", "capture", "--background", "0.4,0.4,0.4"];
-    let small = evaluate(folder.path(), &[&["--scene", "scene.ply", "--size", "20"], &flags[..]].concat());
-    let whole = evaluate(folder.path(), &[&["--scene", "scene.ply", "--size", "40"], &flags[..]].concat());
+    let small = evaluate(folder.path(), &[&["scene.ply", "--long-side", "20"], &flags[..]].concat());
+    let whole = evaluate(folder.path(), &[&["scene.ply", "--long-side", "40"], &flags[..]].concat());
     // A shrunk photo and a small drawing differ in their blur.
     assert!((15.0..45.0).contains(&psnr(&small)) && psnr(&whole) > 58.0, "{small} {whole}");
     for name in ["scene.splat", "scene.spz"] {
         write_gaussians(folder.path().join(name), &gaussians()).unwrap();
-        let report = evaluate(folder.path(), &[&["--scene", name], &flags[..]].concat());
+        let report = evaluate(folder.path(), &[&[name], &flags[..]].concat());
         assert!(psnr(&report) > 30.0 && report["gaussians"] == 24, "{name}: {report}");
     }
     // Too small for SSIM's window.
-    let tiny = evaluate(folder.path(), &[&["--scene", "scene.ply", "--size", "8"], &flags[..]].concat());
+    let tiny = evaluate(folder.path(), &[&["scene.ply", "--long-side", "8"], &flags[..]].concat());
     assert_eq!(tiny["mean"]["ssim"], Value::Null);
 }
 
@@ -186,7 +186,7 @@ fn every_view_counts_where_none_is_held_out() {
     std::fs::write(split.join("transforms_train.json"), &transforms).unwrap();
     let none = Transforms { frames: Vec::new(), ..Transforms::default() };
     none.write(split.join("transforms_test.json")).unwrap();
-    let done = splatweaver(folder.path(), &["eval", "--scene", "scene.ply", "--data", "split", "--json"]);
+    let done = splatweaver(folder.path(), &["compare", "scene.ply", "--data", "split", "--json"]);
     let stderr = text(&done.stderr);
     assert!(stderr.contains("split: no photo is held out"), "{stderr}");
     let report: Value = serde_json::from_slice(&done.stdout).unwrap();
@@ -197,25 +197,17 @@ fn every_view_counts_where_none_is_held_out() {
 fn wrong_usage_is_code_2() {
     let folder = folder(&RasterSettings::default(), &[]);
     for (flags, part) in [
-        (&[][..], "expected --run, --scene, or what to evaluate on"),
-        (&["--scene", "scene.ply"], "--data"),
-        (&["--run", "a", "--scene", "scene.ply", "--data", "capture"], "cannot be used with"),
-        (
-            &["--scene", "scene.ply", "--data", "capture", "--data", "capture"],
-            "expected exactly one with --scene, found 2",
-        ),
-        (&["--run", "a", "--near", "1"], "--scene"),
-        (&["--run", "a", "--background", "black"], "--scene"),
-        (&["--scene", "scene.ply", "--data", "capture", "--near", "0"], "expected a positive number"),
-        (&["--scene", "scene.ply", "--data", "capture", "--background", "gray"], "white or black"),
-        (&["--scene", "scene.ply", "--data", "capture", "--views", "3"], "--views"),
-        (&["--scene", "scene.ply", "--data", "capture", "--cameras", "given"], "--cameras"),
-        (&["--scene", "scene.ply", "--data", "capture", "--allocation", "grid"], "--allocation"),
-        (&["--scene", "scene.ply", "--data", "capture", "--budget", "0.5"], "--budget"),
-        (&["--scene", "scene.ply", "--data", "capture", "--unseen"], "--unseen"),
-        (&["--scene", "scene.ply", "--data", "capture", "--refine"], "--refine"),
+        (&["--data", "capture"][..], "SCENE"),
+        (&["scene.ply"], "--data"),
+        (&["scene.ply", "--data", "capture", "--data", "capture"], "cannot be used multiple times"),
+        (&["scene.ply", "--data", "capture", "--near", "0"], "expected a positive number"),
+        (&["scene.ply", "--data", "capture", "--background", "gray"], "white or black"),
+        (&["scene.ply", "--data", "capture", "--long-side", "0"], "--long-side"),
+        // Flags of networks.
+        (&["scene.ply", "--data", "capture", "--run", "a"], "--run"),
+        (&["scene.ply", "--data", "capture", "--views", "3"], "--views"),
     ] {
-        let done = splatweaver(folder.path(), &[&["eval"], flags].concat());
+        let done = splatweaver(folder.path(), &[&["compare"], flags].concat());
         let stderr = text(&done.stderr);
         assert_eq!(done.status.code(), Some(2), "{flags:?}: {stderr}");
         assert!(stderr.contains(part), "{flags:?}: {stderr}");
@@ -229,14 +221,14 @@ fn bad_files_are_named_in_one_line() {
     write("broken.ply", "ply\nformat ascii 1.0\nelement vertex many\nend_header\n");
     write("weights.safetensors", "nothing");
     let fails = |flags: &[&str], parts: &[&str]| {
-        let done = splatweaver(folder.path(), &[&["eval"], flags].concat());
+        let done = splatweaver(folder.path(), &[&["compare"], flags].concat());
         let stderr = text(&done.stderr);
         assert_eq!((done.status.code(), stderr.lines().count(), done.stdout.len()), (Some(1), 1, 0), "{stderr}");
         assert!(parts.iter().all(|part| stderr.contains(part)), "{stderr}");
     };
-    fails(&["--scene", "missing.ply", "--data", "capture"], &["missing.ply"]);
-    fails(&["--scene", "broken.ply", "--data", "capture"], &["broken.ply"]);
-    fails(&["--scene", "scene.ply", "--data", "nowhere"], &["nowhere"]);
+    fails(&["missing.ply", "--data", "capture"], &["missing.ply"]);
+    fails(&["broken.ply", "--data", "capture"], &["broken.ply"]);
+    fails(&["scene.ply", "--data", "nowhere"], &["nowhere"]);
     fails(&[SCENE, &["--lpips", "weights.safetensors"]].concat(), &["weights.safetensors"]);
     write("summary.json", "{\"near\": \"far\"}");
     fails(SCENE, &["summary.json: near: expected a positive number, found \"far\""]);

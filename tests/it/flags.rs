@@ -1,0 +1,41 @@
+//! Every flag has one meaning: docs/conventions.md lists those that several commands have, with what their values are.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+/// The rows of the table of flags: the alternatives of a flag's value, none for a switch.
+fn table() -> BTreeMap<String, BTreeSet<String>> {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().join("docs/conventions.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    let rows = page.lines().filter_map(|line| line.strip_prefix("| `--"));
+    let row = |row: &str| {
+        let (flag, _) = row.split_once('`').unwrap();
+        let (name, values) = flag.split_once(' ').unwrap_or((flag, ""));
+        let values = values.split("\\|").filter(|value| !value.is_empty()).map(String::from).collect();
+        (name.to_string(), values)
+    };
+    rows.map(row).collect()
+}
+
+#[test]
+fn a_flag_of_several_commands_has_one_meaning() {
+    let (table, mut commands) = (table(), BTreeMap::<String, usize>::new());
+    let mut faults = Vec::new();
+    for flag in weaver_cli::flags() {
+        *commands.entry(flag.name.clone()).or_default() += 1;
+        let Some(known) = table.get(&flag.name) else { continue };
+        let own: BTreeSet<String> = flag.value.iter().flat_map(|value| value.split('|')).map(String::from).collect();
+        if own.is_empty() != known.is_empty() || !own.is_subset(known) {
+            faults.push(format!("{} --{}: {own:?}, and docs/conventions.md says {known:?}", flag.command, flag.name));
+        }
+    }
+    for (name, count) in &commands {
+        if *count > 1 && !table.contains_key(name) {
+            faults.push(format!("--{name}: {count} commands have it, and docs/conventions.md does not explain it"));
+        }
+    }
+    for name in table.keys().filter(|name| commands.get(*name).copied().unwrap_or(0) < 2) {
+        faults.push(format!("--{name}: docs/conventions.md explains it, and fewer than two commands have it"));
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
