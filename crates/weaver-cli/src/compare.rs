@@ -63,7 +63,8 @@ pub fn run(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
 }
 
 fn figures(name: Option<&str>, quality: &Quality) -> Value {
-    let mut figures = json!({ "psnr": quality.psnr, "ssim": quality.ssim, "lpips": quality.lpips });
+    let Quality { psnr, psnr_aligned, ssim, lpips } = quality;
+    let mut figures = json!({ "psnr": psnr, "psnr_aligned": psnr_aligned, "ssim": ssim, "lpips": lpips });
     if let Some(name) = name {
         figures["name"] = name.into();
     }
@@ -72,11 +73,12 @@ fn figures(name: Option<&str>, quality: &Quality) -> Value {
 
 fn table(views: &[(&str, Quality)], mean: &Quality) -> String {
     let width = views.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0).max("mean".len());
-    let number = |value: Option<f64>| value.map_or("-".into(), |value| format!("{value:.4}"));
-    let mut text = format!("{:<width$}     PSNR    SSIM   LPIPS\n", "view");
+    let number = |value: Option<f64>, digits| value.map_or("-".into(), |value| format!("{value:.digits$}"));
+    let mut text = format!("{:<width$}     PSNR  aligned    SSIM   LPIPS\n", "view");
     for (name, quality) in views.iter().copied().chain([("mean", *mean)]) {
-        let (ssim, lpips) = (number(quality.ssim), number(quality.lpips));
-        let _ = writeln!(text, "{name:<width$}  {:>7.2}  {ssim:>6}  {lpips:>6}", quality.psnr);
+        let Quality { psnr, psnr_aligned, ssim, lpips } = quality;
+        let (aligned, ssim, lpips) = (number(psnr_aligned, 2), number(ssim, 4), number(lpips, 4));
+        let _ = writeln!(text, "{name:<width$}  {psnr:>7.2}  {aligned:>7}  {ssim:>6}  {lpips:>6}");
     }
     text
 }

@@ -9,7 +9,7 @@ use std::time::Instant;
 use weaver_command::memory;
 use weaver_command::{Failure, Progress, device, duration};
 use weaver_data::capture::{self, CaptureOptions, HoldOut};
-use weaver_fit::{FitRasterizer, FitSettings, Judge, StrategyKind, init};
+use weaver_fit::{FitRasterizer, FitSettings, Judge, Quality, StrategyKind, init};
 use weaver_fit_run::{Initial, Outcome, OutputFolder, Plan, Run, RunSettings, Views, dry_run};
 use weaver_inference::{RunFolder, predict_capture};
 use weaver_scene::Gaussians;
@@ -140,6 +140,10 @@ pub fn begin(
     let folder = out.path().to_path_buf();
     let run = Run::begin(out, settings, given.as_ref(), judge, rasterizer)?;
     run.remarks().iter().for_each(|remark| console.note(&format!("warning: {remark}")));
+    if run.colors().differ() {
+        let percent = 100.0 * run.colors().spread();
+        console.note(&format!("photos differ in exposure or white balance, by {percent:.0} % in the median"));
+    }
     if let Some(found) = run.matching() {
         let (points, pixels) = (found.points, found.pixels);
         console
@@ -296,9 +300,10 @@ fn finish(mut run: Run, folder: &Path, console: &mut Console, interrupt: &Interr
 fn print(outcome: &Outcome, folder: &Path, console: &mut Console) -> Result<(), Failure> {
     let path = |name: &str| folder.join(name).display().to_string();
     let views = |name: &str, views: &Views| {
-        let number = |x: Option<f64>| x.map_or("     -".into(), |x| format!("{x:.4}"));
-        let q = &views.quality;
-        format!("{name:<10}{:>5}  {:>7.2}  {}  {}\n", views.views, q.psnr, number(q.ssim), number(q.lpips))
+        let number = |x: Option<f64>, digits| x.map_or("-".into(), |x| format!("{x:.digits$}"));
+        let Quality { psnr, psnr_aligned, ssim, lpips } = views.quality;
+        let (aligned, ssim, lpips) = (number(psnr_aligned, 2), number(ssim, 4), number(lpips, 4));
+        format!("{name:<10}{:>5}  {psnr:>7.2}  {aligned:>7}  {ssim:>6}  {lpips:>6}\n", views.views)
     };
     let test = match &outcome.test {
         Some(test) => views("held out", test),
@@ -310,7 +315,7 @@ fn print(outcome: &Outcome, folder: &Path, console: &mut Console) -> Result<(), 
         console.note(&format!("warning: {name} is met far worse than the other photos; it may show something else"));
     }
     console.print(&format!(
-        "photos   views     PSNR    SSIM   LPIPS\n{test}{}{} Gaussians: {}\nreport: {}",
+        "photos   views     PSNR  aligned    SSIM   LPIPS\n{test}{}{} Gaussians: {}\nreport: {}",
         views("fitted", &outcome.train),
         outcome.gaussians,
         path("scene.ply"),

@@ -6,7 +6,7 @@ use crate::{Initial, RunError, RunSettings};
 use std::path::PathBuf;
 use std::sync::Arc;
 use weaver_data::posed::{self, PosedPhoto};
-use weaver_fit::{Fit, FitRasterizer, Photo, init};
+use weaver_fit::{ColorAgreement, Fit, FitRasterizer, Photo, init};
 use weaver_geometry::{Camera, Distortion};
 use weaver_scene::{Gaussians, PointCloud};
 
@@ -38,6 +38,8 @@ pub(crate) struct Loaded {
     /// The capture's points, where its cameras are as they are before the fit.
     pub points: PointCloud,
     pub matching: Option<Matching>,
+    /// Whether photos agree about colors.
+    pub colors: ColorAgreement,
     /// What was read.
     pub sources: Sources,
     /// What the user should know.
@@ -52,7 +54,7 @@ pub(crate) fn load(
 ) -> Result<Loaded, RunError> {
     let mut capture = posed::load(&settings.capture, &settings.posed_options())?;
     let sources = Sources::of(&capture);
-    let (mut training, mut held_out) = (Vec::new(), Vec::new());
+    let (mut training, mut held_out, mut visible) = (Vec::new(), Vec::new(), Vec::new());
     let (mut origins, mut held_out_origins) = (Vec::new(), Vec::new());
     for photo in capture.photos {
         let PosedPhoto {
@@ -67,6 +69,7 @@ pub(crate) fn load(
             time,
             number,
             held_out: out,
+            visible: sees,
             ..
         } = photo;
         let photo = Photo { name, camera, rgb, mask };
@@ -76,11 +79,15 @@ pub(crate) fn load(
         }
         let (photos, places) = if out { (&mut held_out, &mut held_out_origins) } else { (&mut training, &mut origins) };
         photos.push(photo);
+        if !out {
+            visible.push(sees);
+        }
         places.push(Origin { path, file_camera, distortion, mask_file, time, number, given: camera });
     }
     if let Some(views) = settings.views {
         let chosen = weaver_data::uniform(training.len(), views.clamp(1, training.len().max(1)));
         training = chosen.iter().map(|i| training[*i].clone()).collect();
+        visible = chosen.iter().map(|i| visible[*i].clone()).collect();
         origins = chosen.iter().map(|i| origins[*i].clone()).collect();
     }
     origins.append(&mut held_out_origins);
@@ -94,6 +101,7 @@ pub(crate) fn load(
             found,
         });
     }
+    let colors = ColorAgreement::of(&training, &capture.points, &visible);
     // The file of a fisheye's photo with another focal length would have no distortion that can be written.
     let refocusable = |origin: &Origin| origin.distortion.is_none_or(|d| d.refocused(1.0).is_some());
     let refocus = settings.focal && origins.iter().all(refocusable);
@@ -120,5 +128,5 @@ pub(crate) fn load(
     }
     let strategy = settings.fit.density.strategy();
     let fit = Fit::with(rasterizer, strategy, training, &initial, settings.fit.clone())?;
-    Ok(Loaded { fit, held_out, origins, points: capture.points, matching, sources, remarks })
+    Ok(Loaded { fit, held_out, origins, points: capture.points, matching, colors, sources, remarks })
 }

@@ -41,14 +41,14 @@ pub fn write(run: &Run, outcome: &Outcome, train: &[Judged], test: &[Judged]) ->
         run.settings.fit.seed
     ));
     let row = |name: &str, views: &Views| {
-        let [psnr, ssim, lpips] = numbers(&views.quality);
-        [name.to_string(), views.views.to_string(), psnr, ssim, lpips]
+        let [psnr, aligned, ssim, lpips] = numbers(&views.quality);
+        [name.to_string(), views.views.to_string(), psnr, aligned, ssim, lpips]
     };
     let rows: Vec<_> = [Some(row("fitted", &outcome.train)), outcome.test.as_ref().map(|t| row("held out", t))]
         .into_iter()
         .flatten()
         .collect();
-    page.table(&["photos", "number", "PSNR, dB", "SSIM", "LPIPS"], &rows);
+    page.table(&["photos", "number", "PSNR, dB", "colors aligned", "SSIM", "LPIPS"], &rows);
     if outcome.poses.refined {
         let p = &outcome.poses;
         page.paragraph(&format!(
@@ -68,11 +68,11 @@ pub fn write(run: &Run, outcome: &Outcome, train: &[Judged], test: &[Judged]) ->
     pictures(run, shown, test.is_empty(), &mut page)?;
     page.heading(2, "Every photo");
     let quality = |(kind, j): (&str, &Judged)| {
-        let [psnr, ssim, lpips] = numbers(&j.quality);
-        [j.name.clone(), kind.to_string(), psnr, ssim, lpips]
+        let [psnr, aligned, ssim, lpips] = numbers(&j.quality);
+        [j.name.clone(), kind.to_string(), psnr, aligned, ssim, lpips]
     };
     let all = test.iter().map(|j| ("held out", j)).chain(train.iter().map(|j| ("fitted", j)));
-    page.table(&["photo", "", "PSNR, dB", "SSIM", "LPIPS"], &all.map(quality).collect::<Vec<_>>());
+    page.table(&["photo", "", "PSNR, dB", "colors aligned", "SSIM", "LPIPS"], &all.map(quality).collect::<Vec<_>>());
     if let Some(cameras) = &cameras {
         cameras::section(cameras, &run.settings.capture, &mut page);
     }
@@ -108,7 +108,8 @@ fn pictures(run: &Run, shown: &[Judged], training: bool, page: &mut Page) -> Res
     Ok(())
 }
 
-fn numbers(quality: &Quality) -> [String; 3] {
-    let optional = |x: Option<f64>| x.map_or("-".into(), |x| format!("{x:.4}"));
-    [format!("{:.2}", quality.psnr), optional(quality.ssim), optional(quality.lpips)]
+fn numbers(quality: &Quality) -> [String; 4] {
+    let optional = |x: Option<f64>, digits| x.map_or("-".into(), |x| format!("{x:.digits$}"));
+    let Quality { psnr, psnr_aligned, ssim, lpips } = *quality;
+    [format!("{psnr:.2}"), optional(psnr_aligned, 2), optional(ssim, 4), optional(lpips, 4)]
 }

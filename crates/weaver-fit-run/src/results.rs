@@ -49,7 +49,7 @@ impl Run {
             let all: Vec<Quality> = judged.iter().map(|j| j.quality).collect();
             Quality::mean(&all).map(|quality| Views { views: all.len(), quality })
         };
-        let nothing = Views { views: 0, quality: Quality { psnr: f64::NAN, ssim: None, lpips: None } };
+        let nothing = Views { views: 0, quality: Quality { psnr: f64::NAN, ..Quality::default() } };
         let raster = self.fit().raster_settings();
         let camera = &self.fit().photo(0).camera;
         Outcome {

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-use weaver_fit::{Fit, FitRasterizer, Judge, Photo, StepReport, steps_in};
+use weaver_fit::{ColorAgreement, Fit, FitRasterizer, Judge, Photo, StepReport, steps_in};
 use weaver_io::safetensors::Tensors;
 use weaver_io::{OutputFolder, SceneFormat, colmap};
 use weaver_report::{MetricsLog, TensorBoard};
@@ -154,6 +154,11 @@ impl Run {
     /// What photos were found to agree about, if cameras are refined.
     pub fn matching(&self) -> Option<Matching> {
         self.capture.matching
+    }
+
+    /// Whether photos agree about the colors of points that they share.
+    pub fn colors(&self) -> &ColorAgreement {
+        &self.capture.colors
     }
 
     /// What the user should know about how the capture was loaded.

@@ -1,4 +1,4 @@
-//! Compares settings over captures, budgets and seeds, and prints a table of the PSNR of held-out photos:
+//! Compares settings over captures, budgets and seeds, and prints a table of the PSNR of held-out photos, in the mean also with their colors aligned:
 //! `study STEPS BUDGETS SEEDS CAPTURES NAME=SETTINGS...`, lists divided by commas, settings as JSON.
 //!
 //! `study 3000 5000,15000 0,1,2 DATA/fox,DATA/bonsai 'split={}' 'even={"even":true}'`
@@ -38,8 +38,12 @@ fn main() -> Result<(), Failure> {
 
     let names: Vec<_> =
         captures.iter().map(|c| Path::new(c).file_name().map_or((*c).into(), |n| n.to_string_lossy())).collect();
-    println!("| {steps} steps, {} seeds | Gaussians | {} | mean | SSIM | M pairs |", seeds.len(), names.join(" | "));
-    println!("|---|---|{}", "---|".repeat(names.len() + 3));
+    println!(
+        "| {steps} steps, {} seeds | Gaussians | {} | mean | aligned | SSIM | M pairs |",
+        seeds.len(),
+        names.join(" | ")
+    );
+    println!("|---|---|{}", "---|".repeat(names.len() + 4));
     for &budget in &budgets {
         for variant in &variants {
             let jobs: Vec<(usize, u64)> = (0..data.len()).flat_map(|c| seeds.iter().map(move |s| (c, *s))).collect();
@@ -54,9 +58,10 @@ fn main() -> Result<(), Failure> {
             let mean = Quality::mean(&each).ok_or("no capture")?;
             let pairs = results.iter().map(|r| r.2).sum::<f64>() / results.len() as f64;
             let columns: Vec<String> = each.iter().map(|q| format!("{:.2}", q.psnr)).collect();
-            let ssim = mean.ssim.unwrap_or(f64::NAN);
+            let [ssim, aligned] = [mean.ssim, mean.psnr_aligned].map(|x| x.unwrap_or(f64::NAN));
             let Variant { name, .. } = variant;
-            println!("| {name} | {budget} | {} | {:.2} | {ssim:.4} | {pairs:.2} |", columns.join(" | "), mean.psnr);
+            let columns = columns.join(" | ");
+            println!("| {name} | {budget} | {columns} | {:.2} | {aligned:.2} | {ssim:.4} | {pairs:.2} |", mean.psnr);
         }
     }
     Ok(())

@@ -11,6 +11,10 @@ const LEAST_SIDE: usize = 11;
 pub struct Quality {
     /// Peak signal-to-noise ratio, dB, of values clamped to [0, 1] and not rounded.
     pub psnr: f64,
+    /// The same after the affine map of colors that brings the image nearest to the photo, so that the photo's exposure and white
+    /// balance are not held against the scene; `None` in figures of versions before this one.
+    #[serde(default)]
+    pub psnr_aligned: Option<f64>,
     /// Structural similarity; `None` for images smaller than its window.
     pub ssim: Option<f64>,
     /// Perceptual distance; `None` without weights, and for images too small for the network.
@@ -25,6 +29,7 @@ impl Quality {
         };
         (!all.is_empty()).then(|| Self {
             psnr: all.iter().map(|q| q.psnr).sum::<f64>() / all.len() as f64,
+            psnr_aligned: mean(&|q| q.psnr_aligned),
             ssim: mean(&|q| q.ssim),
             lpips: mean(&|q| q.lpips),
         })
@@ -56,23 +61,23 @@ impl Judge {
             (0..3).flat_map(|c| pixels.iter().skip(c).step_by(3).map(|x| x.clamp(0.0, 1.0))).collect()
         };
         let network = self.lpips.as_ref().filter(|network| height.min(width) >= network.least_side());
-        if let Some(mask) = mask {
-            let inside: Vec<bool> = mask.iter().map(|m| *m != 0).collect();
-            let large = height.min(width) >= LEAST_SIDE;
-            let (image, target) = (planes(image), planes(&target));
-            return Quality {
-                psnr: metrics::psnr_masked(&image, &target, &inside).unwrap_or(f64::NAN),
-                ssim: large.then(|| metrics::ssim_masked(&image, &target, [3, height, width], &inside)).flatten(),
-                lpips: network.and_then(|network| metrics::lpips_masked(network, &image, &target, size, &inside)),
-            };
+        let large = height.min(width) >= LEAST_SIDE;
+        let inside = mask.map(|mask| mask.iter().map(|m| *m != 0).collect::<Vec<bool>>());
+        let (drawn, wanted) = (planes(image), planes(&target));
+        let psnr_aligned = metrics::psnr_aligned(&drawn, &wanted, inside.as_deref());
+        match inside {
+            Some(inside) => Quality {
+                psnr: metrics::psnr_masked(&drawn, &wanted, &inside).unwrap_or(f64::NAN),
+                psnr_aligned,
+                ssim: large.then(|| metrics::ssim_masked(&drawn, &wanted, [3, height, width], &inside)).flatten(),
+                lpips: network.and_then(|network| metrics::lpips_masked(network, &drawn, &wanted, size, &inside)),
+            },
+            None => Quality {
+                psnr: metrics::psnr(image, &target),
+                psnr_aligned,
+                ssim: large.then(|| metrics::ssim(&drawn, &wanted, [3, height, width])),
+                lpips: network.map(|network| metrics::lpips(network, &drawn, &wanted, size)),
+            },
         }
-        let psnr = metrics::psnr(image, &target);
-        if height.min(width) < LEAST_SIDE {
-            return Quality { psnr, ssim: None, lpips: None };
-        }
-        let (image, target) = (planes(image), planes(&target));
-        let ssim = Some(metrics::ssim(&image, &target, [3, height, width]));
-        let lpips = network.map(|network| metrics::lpips(network, &image, &target, [height, width]));
-        Quality { psnr, ssim, lpips }
     }
 }

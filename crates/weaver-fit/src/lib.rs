@@ -11,6 +11,7 @@
 //! Everything is on slices, without a tape and without files. The same seed gives the same bits at any number of threads.
 
 mod cameras;
+mod color_agreement;
 mod comparison;
 mod device_fit;
 mod device_step;
@@ -31,6 +32,7 @@ mod timing;
 mod view;
 
 pub use cameras::{Alignment, Views, motion};
+pub use color_agreement::ColorAgreement;
 pub use device_fit::{DeviceFit, FitRasterizer, Fitted, FittedRates, PhotoLoss, PhotoStep};
 pub use error::FitError;
 pub use evaluate::{Judge, Quality};

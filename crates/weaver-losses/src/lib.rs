@@ -5,6 +5,7 @@
 //! plain function of slices; so is the [photometric loss](Photometric) that Gaussians are fitted by, with its gradient.
 
 mod budget;
+mod color_map;
 mod depth;
 mod error_regression;
 mod feature_distance;
@@ -23,6 +24,7 @@ mod ssim;
 mod ssim_window;
 
 pub use budget::{global_budget, share_budget};
+pub use color_map::ColorMap;
 pub use depth::{masked_depth_mse, sparse_log_depth_l1};
 pub use error_regression::{error_regression, error_target};
 pub use lpips::Lpips;

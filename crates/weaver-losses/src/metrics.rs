@@ -1,7 +1,7 @@
 //! Image metrics without a tape: plain functions of slices, computed in `f64` unless stated otherwise.
 
 use crate::ssim_window::{Covariance, WINDOW, Windows};
-use crate::{Lpips, quantile};
+use crate::{ColorMap, Lpips, quantile};
 use weaver_autograd::{Real, Tape};
 
 /// The peak signal-to-noise ratio of two images in dB.
@@ -37,6 +37,27 @@ pub fn psnr_masked<T: Real>(a: &[T], b: &[T], mask: &[bool]) -> Option<f64> {
         }
     }
     (count > 0).then(|| decibels(sum / f64::from(count)))
+}
+
+/// The [`psnr`] after the affine map of colors that brings the first image nearest to the second, over the pixels of a mask or
+/// over all; `None` if the mask is empty.
+///
+/// Exposure and white balance of the second, a photo, are then not held against the first. Images are `[3, H, W]`, the mask is
+/// `[H, W]`. The map is fitted to the first image as it is drawn, clamped to [0, 1]; what it makes is clamped as by [`psnr`].
+pub fn psnr_aligned<T: Real>(a: &[T], b: &[T], mask: Option<&[bool]>) -> Option<f64> {
+    let pixels = a.len() / 3;
+    let clamped: Vec<f64> = a.iter().map(|x| x.to_f64().clamp(0.0, 1.0)).collect();
+    let target: Vec<f64> = b.iter().map(|x| x.to_f64()).collect();
+    let map = ColorMap::between(&clamped, &target, mask);
+    let mut aligned = clamped;
+    for i in 0..pixels {
+        let color = map.apply([0, 1, 2].map(|c| aligned[c * pixels + i]));
+        (0..3).for_each(|c| aligned[c * pixels + i] = color[c]);
+    }
+    match mask {
+        Some(mask) => psnr_masked(&aligned, &target, mask),
+        None => Some(psnr(&aligned, &target)),
+    }
 }
 
 /// The structural similarity (SSIM) of two images `[C, H, W]` in [0, 1], as scikit-image computes it.

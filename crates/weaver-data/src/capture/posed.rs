@@ -2,6 +2,7 @@
 
 use super::masks::{self, Mask};
 use super::photo::{Photo, Photos, straight, straight_camera};
+use super::visible::visible_points;
 use super::{HoldOut, folder, name, photo_cameras, read_split_photos};
 use crate::unreadable::{Fault, Needed, without_unreadable};
 use crate::{Error, remarks};
@@ -61,6 +62,9 @@ pub struct PosedPhoto {
     pub extras: BTreeMap<String, String>,
     /// Kept from training, for evaluation.
     pub held_out: bool,
+    /// Indices of the capture's [points](PosedPhotos::points) that it sees, ascending: those that the capture says, else those that
+    /// no nearer one hides.
+    pub visible: Vec<u32>,
 }
 
 /// The photos of a capture, and its points.
@@ -90,7 +94,7 @@ pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhoto
     }
     let folder = folder(path);
     let masks = options.masks.then(|| masks::of_capture(&capture.photos, folder)).transpose()?;
-    let loaded = load_photos(&capture.photos, masks.as_deref(), options);
+    let loaded = load_photos(&capture, masks.as_deref(), options);
     let (loaded, unreadable) = without_unreadable(capture.paths(), loaded, needed)?;
     let loaded: Vec<Loaded> = loaded.into_iter().flatten().collect();
     let Photos { points, colors, synthetic, mut remarks, .. } = capture;
@@ -124,12 +128,12 @@ pub fn load_named(file: &Path, photos: &[PathBuf], options: &PosedOptions) -> Re
 /// # Errors
 /// As [`load_named`].
 pub fn load_frames(frames: Vec<Frame>, file: &Path, options: &PosedOptions) -> Result<Vec<PosedPhoto>, Error> {
-    let Photos { mut photos, .. } = Photos::without_points(frames);
-    for photo in &mut photos {
+    let mut capture = Photos::without_points(frames);
+    for photo in &mut capture.photos {
         take_size(photo)?;
     }
-    let masks = options.masks.then(|| masks::of_known(&photos, file)).transpose()?;
-    load_photos(&photos, masks.as_deref(), options).into_iter().map(|loaded| Ok(loaded?.photo)).collect()
+    let masks = options.masks.then(|| masks::of_known(&capture.photos, file)).transpose()?;
+    load_photos(&capture, masks.as_deref(), options).into_iter().map(|loaded| Ok(loaded?.photo)).collect()
 }
 
 /// How far a camera's proportions may be from its photo's.
@@ -157,9 +161,13 @@ struct Loaded {
     transparent: bool,
 }
 
-fn load_photos(photos: &[Photo], masks: Option<&[Mask]>, options: &PosedOptions) -> Vec<Result<Loaded, Fault>> {
-    let load = |(i, photo)| load_photo(photo, masks.map(|masks| &masks[i]), options);
-    photos.par_iter().enumerate().map(load).collect()
+fn load_photos(capture: &Photos, masks: Option<&[Mask]>, options: &PosedOptions) -> Vec<Result<Loaded, Fault>> {
+    let load = |(i, photo)| {
+        let mut loaded = load_photo(photo, masks.map(|masks| &masks[i]), options)?;
+        loaded.photo.visible = visible_points(&loaded.photo.camera, capture, photo).0;
+        Ok(loaded)
+    };
+    capture.photos.par_iter().enumerate().map(load).collect()
 }
 
 /// The cameras that [`load`] would give the photos, and which of those are held out, without reading a photo: also those of photos that
@@ -213,6 +221,7 @@ fn load_photo(photo: &Photo, mask: Option<&Mask>, options: &PosedOptions) -> Res
         number: frame.number,
         extras: frame.extras.clone(),
         held_out: photo.held_out,
+        visible: Vec::new(),
     };
     Ok(Loaded { photo, transparent })
 }

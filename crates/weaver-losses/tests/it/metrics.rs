@@ -2,7 +2,7 @@
 
 use crate::fixture::Fixture;
 use weaver_autograd::Tape;
-use weaver_losses::metrics::{energetic_mask, psnr, psnr_masked, ssim, ssim_masked};
+use weaver_losses::metrics::{energetic_mask, psnr, psnr_aligned, psnr_masked, ssim, ssim_masked};
 use weaver_losses::{Covariance, mse, ssim_with};
 
 #[test]
@@ -46,6 +46,31 @@ fn psnr_clamps_and_masks() {
     assert!((masked - 10.0 * 200.0f64.log10()).abs() < 1e-9);
     assert_eq!(psnr_masked(&a, &b, &[true, true]), Some(psnr(&a, &b)));
     assert_eq!(psnr_masked(&a, &b, &[false, false]), None);
+}
+
+#[test]
+fn an_affine_map_of_colors_is_taken_out() {
+    let image: Vec<f64> = (0..3 * 64).map(|i| f64::from(i * 37 % 101) / 202.0 + 0.2).collect();
+    let photo: Vec<f64> = (0..3 * 64)
+        .map(|i| {
+            let [r, g, b] = [0, 1, 2].map(|c| image[c * 64 + i % 64]);
+            [0.9 * r + 0.05 * g + 0.01, 0.8 * g + 0.1 * b, 0.7 * b - 0.02][i / 64]
+        })
+        .collect();
+    assert!(psnr(&image, &photo) < 30.0);
+    assert!(psnr_aligned(&image, &photo, None).unwrap() > 80.0);
+    // What is not in the mask does not count, in the map nor in the figure.
+    let (mask, mut other): (Vec<bool>, _) = ((0..64).map(|i| i % 3 > 0).collect(), photo.clone());
+    (0..64).filter(|i| i % 3 == 0).for_each(|i| other[i] = 0.0);
+    assert!(psnr_aligned(&image, &other, Some(&mask)).unwrap() > 80.0);
+    assert_eq!(psnr_aligned(&image, &other, Some(&[false; 64])), None);
+    // Never worse than as it is, where nothing is clamped; and a broken render is no number.
+    let noisy: Vec<f64> = photo.iter().enumerate().map(|(i, x)| x + f64::from((i * 7 % 5) as u8) / 50.0).collect();
+    assert!(psnr_aligned(&image, &noisy, None).unwrap() >= psnr(&image, &noisy));
+    let broken = [&[f64::NAN][..], &image[1..]].concat();
+    assert!(psnr_aligned(&broken, &photo, None).unwrap().is_nan());
+    // One color: nothing to solve for, and still a number.
+    assert!(psnr_aligned(&[0.5; 48], &[0.25; 48], None).unwrap() > 60.0);
 }
 
 #[test]
