@@ -9,12 +9,11 @@ use weaver_data::evaluation_tuples;
 use weaver_inference::{CameraSource, Density, Photos, Predictor, SplatWeaverPredictor, planar};
 use weaver_io::{Background, Image};
 use weaver_kernels::random::Stream;
-use weaver_report::read_metrics;
-use weaver_trainer::StepReport;
+use weaver_run::{Record, read_records};
 
 const STEPS: usize = 4;
 
-fn trained(out: &Path) -> Vec<StepReport> {
+fn trained(out: &Path) -> Vec<Record> {
     let (data, steps) = (Run::shared().data(), STEPS.to_string());
     let settings = ["output.log_every=1", "output.sample_every=3"];
     let [logged, sampled] = &settings;
@@ -34,7 +33,7 @@ fn trained(out: &Path) -> Vec<StepReport> {
         sampled,
     ])
     .fine();
-    read_metrics(out.join("metrics.jsonl")).unwrap()
+    read_records(out.join("metrics.jsonl")).unwrap()
 }
 
 /// The scalars of a TensorBoard file: values by tag and step.
@@ -100,15 +99,8 @@ fn logs_and_report_say_what_happened() {
     let found = scalars(file);
     let mut expected = BTreeMap::new();
     for step in &steps {
-        let named = [
-            ("loss", step.loss),
-            ("rate", step.rate),
-            ("gradient_norm", step.gradient_norm),
-            ("gaussians_per_pixel", step.gaussians_per_pixel),
-        ];
-        let terms = step.terms.iter().map(|(name, value)| (format!("loss/{name}"), *value));
-        for (name, value) in named.map(|(name, value)| (name.to_string(), value)).into_iter().chain(terms) {
-            expected.insert((name, step.step as u64), value);
+        for (name, value) in &step.values {
+            expected.insert((name.clone(), step.step as u64), *value as f32);
         }
     }
     assert_eq!(found, expected);
@@ -119,10 +111,14 @@ fn logs_and_report_say_what_happened() {
     let last = steps.last().unwrap();
     let psnr = format!("{:.2}", summary["evaluation"]["scenes"][0]["psnr"].as_f64().unwrap());
     assert!(report.lines().any(|line| line.contains("capture ") && line.contains(&psnr)), "{psnr}");
-    let mut curves = vec![("loss", last.loss), ("learning rate", last.rate), ("gradient norm", last.gradient_norm)];
-    curves.extend(last.terms.iter().map(|(name, value)| (name.as_str(), *value)));
-    for (name, value) in curves {
-        assert!(report.contains(&format!("<figcaption>{name} (last {value:.4}")), "{name} {value}");
+    for (name, value) in &last.values {
+        let title = match name.as_str() {
+            "rate" => "learning rate".into(),
+            "gaussians_per_pixel" => "Gaussians per pixel".into(),
+            "loss" => format!("loss, {}", last.stage),
+            name => name.replace('_', " "),
+        };
+        assert!(report.contains(&format!("<figcaption>{title} (last {value:.4}")), "{title} {value}");
     }
     for sample in ["step-000003", "step-000004"] {
         assert!(report.contains(&format!("<figcaption>{sample}</figcaption>")), "{sample}");

@@ -6,8 +6,7 @@ use std::ffi::OsStr;
 use std::path::Path;
 use weaver_io::safetensors::Tensors;
 use weaver_kernels::random::Stream;
-use weaver_report::read_metrics;
-use weaver_trainer::observe::StepReport;
+use weaver_run::{Record, read_records};
 
 /// The shapes of AlexNet's convolutions, by their place in the file.
 const ALEX: [(&str, [usize; 4]); 5] = [
@@ -32,8 +31,8 @@ pub fn random_weights(path: &Path) {
     file.write(path).unwrap();
 }
 
-fn term(step: &StepReport, name: &str) -> Option<f32> {
-    step.terms.iter().find(|(n, _)| n == name).map(|(_, value)| *value)
+fn term(step: &Record, name: &str) -> Option<f64> {
+    step.value(&format!("loss/{name}"))
 }
 
 #[test]
@@ -62,15 +61,15 @@ fn lpips_is_a_loss_and_a_figure() {
     ];
     splatweaver(&train).fine();
     // The second stage, whose loss it is.
-    let steps: Vec<StepReport> = read_metrics(run.join("metrics.jsonl")).unwrap();
-    let found: Vec<f32> = steps.iter().filter_map(|step| term(step, "lpips")).collect();
+    let steps = read_records(run.join("metrics.jsonl")).unwrap();
+    let found: Vec<f64> = steps.iter().filter_map(|step| term(step, "lpips")).collect();
     let last = steps.last().unwrap();
     assert!(found.len() == 3 && found.iter().all(|lpips| *lpips > 0.0) && found[0] != found[1], "{found:?}");
     // The losses of that stage with their weights; the others are 0.
     let weighted = [("mse", 1.0), ("ssim", 0.15), ("pose", 2.0), ("pose_absolute", 1.0), ("depth", 0.2)];
     let all = weighted.into_iter().chain([("error_regression", 0.02), ("lpips", 0.1)]);
-    let sum: f32 = all.map(|(name, weight)| weight * term(last, name).unwrap()).sum();
-    assert!((sum - last.loss).abs() < 1e-4 * sum, "{sum}, {last:?}");
+    let sum: f64 = all.map(|(name, weight)| weight * term(last, name).unwrap()).sum();
+    assert!((sum - last.value("loss").unwrap()).abs() < 1e-4 * sum, "{sum}, {last:?}");
 
     let eval = |more: &[&dyn AsRef<OsStr>]| {
         let mut line: Vec<&dyn AsRef<OsStr>> = vec![&"eval", &"--run", &run];

@@ -13,16 +13,15 @@ pub fn explained(failure: &Failure) -> Option<(u8, String)> {
 
 fn in_flags(error: &(dyn Error + 'static)) -> Option<(u8, String)> {
     use weaver_inference::Error as Inference;
+    use weaver_run::Error as Run;
     use weaver_trainer::Error as Training;
     let training = error.downcast_ref::<Training>();
-    if let Some(Training::RunExists { .. }) = training {
-        return Some((2, format!("{error}; give another --out, or continue it with --resume")));
-    }
-    if let Some(weaver_fit_run::RunError::RunExists { .. }) = error.downcast_ref() {
-        return Some((2, format!("{error}; give another --out, or continue it with --resume")));
-    }
-    if let Some(weaver_dynamic_run::RunError::RunExists { .. }) = error.downcast_ref() {
-        return Some((2, format!("{error}; give another --out, or continue it with --resume")));
+    match run_error(error) {
+        Some(Run::RunExists { .. }) => {
+            return Some((2, format!("{error}; give another --out, or go on with it by --resume")));
+        }
+        Some(Run::Complete { .. }) => return Some((2, error.to_string())),
+        _ => {}
     }
     if let Some(output) = refused_output(error) {
         return Some((2, format!("{output}; give another --out")));
@@ -48,6 +47,22 @@ fn in_flags(error: &(dyn Error + 'static)) -> Option<(u8, String)> {
     }
 }
 
+/// The error of a run's folder, if an error is one.
+fn run_error<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a weaver_run::Error> {
+    use weaver_dynamic_run::RunError as Dynamic;
+    use weaver_fit_run::RunError as Fit;
+    use weaver_trainer::Error as Training;
+    if let Some(Training::Run(error)) = error.downcast_ref() {
+        Some(error)
+    } else if let Some(Fit::Run(error)) = error.downcast_ref() {
+        Some(error)
+    } else if let Some(Dynamic::Run(error)) = error.downcast_ref() {
+        Some(error)
+    } else {
+        error.downcast_ref()
+    }
+}
+
 /// The refusal to write where something would be lost, if an error is one.
 fn refused_output<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a weaver_io::Error> {
     use weaver_data::Error as Data;
@@ -56,6 +71,8 @@ fn refused_output<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a weaver_io:
     use weaver_inference::Error as Inference;
     use weaver_trainer::Error as Training;
     let file = if let Some(error) = error.downcast_ref() {
+        error
+    } else if let Some(weaver_run::Error::File(error)) = run_error(error) {
         error
     } else if let Some(Fit::File(error)) = error.downcast_ref() {
         error

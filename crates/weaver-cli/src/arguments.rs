@@ -13,7 +13,6 @@ mod matching;
 mod photos;
 mod refine;
 mod render;
-mod vad;
 
 pub use align::{Align, LossName, MethodName, Switch};
 pub use cameras::CameraChoice;
@@ -23,13 +22,13 @@ pub use dynamic::{
     Dynamic, DynamicCommand, DynamicDistil, DynamicEval, DynamicPrune, DynamicRender, DynamicTrain, PresetName,
 };
 pub use eval::{Eval, Targets};
-pub use fit::{Fit, SAVE_EVERY, StrategyName};
+pub use fit::{Fit, StrategyName};
 pub use light::LightFlags;
 pub use matching::{ClipFlags, MatchingFlags};
 pub use photos::{Cameras, Reconstruct};
 pub use refine::RefineFlags;
 pub use render::Render;
-pub use vad::{EncoderName, Vad, VadCommand, VadEval, VadMetrics, VadPlan, VadScore, VadTrain};
+pub use weaver_vad_run::Vad;
 
 use clap::{ArgGroup, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;

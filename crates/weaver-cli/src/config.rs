@@ -5,7 +5,7 @@ use weaver_command::{Console, Failure};
 
 pub fn run(arguments: &Config, console: &mut Console) -> Result<(), Failure> {
     if arguments.fit {
-        return console.print(&weaver_settings::annotate(&weaver_fit::FitSettings::default())?);
+        return console.print(&weaver_run::settings::annotate(&weaver_fit::FitSettings::default())?);
     }
     let registry = weaver_recipes::registry();
     let architecture = registry.find(arguments.model.as_deref())?;

@@ -6,19 +6,16 @@ use crate::{Console, Interrupt, clip};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
-use weaver_command::memory;
-use weaver_command::{Failure, Progress, device, duration};
+use weaver_command::{DeviceFlag, Failure, Progress, device, duration, memory};
 use weaver_data::capture::{self, CaptureOptions, HoldOut};
 use weaver_fit::{FitRasterizer, FitSettings, Judge, Quality, StrategyKind, init};
-use weaver_fit_run::{Initial, Outcome, OutputFolder, Plan, Run, RunSettings, Views, dry_run};
+use weaver_fit_run::{Folder, Initial, Outcome, Plan, Run, RunSettings, Views, plan};
 use weaver_inference::{RunFolder, predict_capture};
 use weaver_scene::Gaussians;
 use weaver_trainer::evaluate::load_lpips;
 
 /// Time for a run when nothing is said about it, minutes.
 const MINUTES: f64 = 2.0;
-/// Gaussians for each pixel of a photo when nothing is said about them, and the limits of that.
-const GAUSSIANS: (f64, usize, usize) = (0.4, 5_000, 1_000_000);
 /// Fewer points than this say little about cameras.
 const FEW_POINTS: usize = 50;
 /// Fewer Gaussians than this for each pixel of a photo cannot show much.
@@ -44,12 +41,9 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
                 "--dry-run: expected cameras that are there; `splatweaver cameras` estimates them".into(),
             ));
         }
-        let (settings, plan) = planned(
-            arguments,
-            (capture, arguments.hold_out.unwrap_or_default()),
-            &initial(arguments.init.as_deref())?,
-        )?;
-        return tell(&plan, &settings, console);
+        let initial = initial(arguments.init.as_deref())?;
+        let settings = settings(arguments, (capture, arguments.hold_out.unwrap_or_default()), &initial)?;
+        return tell(&plan(&settings)?, &settings, console);
     }
     let folder = arguments.out.clone().unwrap_or_else(|| free_folder(&capture));
     let init = arguments.init.as_deref().map(PathBuf::from).filter(|path| path.is_file());
@@ -57,13 +51,15 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
     let out = Run::claim(&folder, std::iter::once(&capture).chain(&init).chain(&arguments.lpips))?;
     let hold_out = arguments.hold_out.unwrap_or_default();
     if !estimating {
-        return begin(arguments, means, (capture, hold_out, out), console, interrupt);
+        let settings = settings(arguments, (capture, hold_out), &means.initial)?;
+        return begin(settings, means, out, console, interrupt);
     }
     let images = capture.join("images");
     let images = [if images.is_dir() { images } else { capture }];
-    let photos = clip::photos(&images, ClipFlags::default(), &out, console)?;
-    let capture = estimated_capture(&photos, hold_out, arguments.matching, &out, console)?;
-    begin(arguments, means, (capture, listed(hold_out), out), console, interrupt)
+    let photos = clip::photos(&images, ClipFlags::default(), out.out(), console)?;
+    let capture = estimated_capture(&photos, hold_out, arguments.matching, out.out(), console)?;
+    let settings = settings(arguments, (capture, listed(hold_out)), &means.initial)?;
+    begin(settings, means, out, console, interrupt)
 }
 
 /// What is held out of a capture that was estimated: it lists its photos for testing.
@@ -82,21 +78,22 @@ pub struct Means {
 }
 
 impl Means {
-    pub fn of(arguments: &Fit) -> Result<Self, Failure> {
+    fn of(arguments: &Fit) -> Result<Self, Failure> {
         let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);
         let rasterizer = device::rasterizer(&arguments.device)?;
         Ok(Self { judge, rasterizer, initial: initial(arguments.init.as_deref())? })
     }
+
+    /// Those of a fit about which nothing is said.
+    pub fn usual() -> Result<Self, Failure> {
+        let rasterizer = device::rasterizer(&DeviceFlag::default())?;
+        Ok(Self { judge: Judge::default(), rasterizer, initial: Begin::Here(Initial::Auto) })
+    }
 }
 
-/// What is asked for, and what it would take.
-fn planned(
-    arguments: &Fit,
-    (capture, hold_out): (PathBuf, HoldOut),
-    initial: &Begin,
-) -> Result<(RunSettings, Plan), Failure> {
-    let mut settings = RunSettings {
-        capture,
+/// What is asked for.
+fn settings(arguments: &Fit, (capture, hold_out): (PathBuf, HoldOut), initial: &Begin) -> Result<RunSettings, Failure> {
+    let settings = RunSettings {
         long_side: arguments.long_side.map(|side| side as usize),
         hold_out,
         views: arguments.max_photos.map(|views| views as usize),
@@ -104,26 +101,23 @@ fn planned(
         focal: arguments.refine_focal,
         init: initial.kind(),
         minutes: arguments.steps.is_none().then(|| arguments.minutes.unwrap_or(MINUTES)),
-        least_steps: arguments.least_steps as usize,
         save_every: arguments.save_every,
         formats: arguments.formats.clone(),
-        fit: FitSettings::default(),
+        ..RunSettings::new(capture, FitSettings::default())
     };
-    let plan = dry_run(&settings)?;
-    settings.fit = fit_settings(arguments, &plan)?;
-    let plan = dry_run(&settings)?;
-    Ok((settings, plan))
+    let fit = fit_settings(arguments, &plan(&settings)?.usual())?;
+    Ok(RunSettings { fit, ..settings })
 }
 
-/// Fits a capture with what is asked for otherwise, into a folder that was claimed.
+/// Fits a capture, into a folder that was claimed.
 pub fn begin(
-    arguments: &Fit,
+    settings: RunSettings,
     Means { judge, rasterizer, initial }: Means,
-    (capture, hold_out, out): (PathBuf, HoldOut, OutputFolder),
+    out: Folder,
     console: &mut Console,
     interrupt: &Interrupt,
 ) -> Result<(), Failure> {
-    let (settings, plan) = planned(arguments, (capture, hold_out), &initial)?;
+    let plan = plan(&settings)?;
     memory::check(plan.total(), "a smaller --long-side or fewer --gaussians reduce it")?;
     let pixels = (plan.size[0] * plan.size[1]) as f64;
     if (settings.fit.gaussians as f64) < FEW * pixels {
@@ -155,12 +149,9 @@ pub fn begin(
     finish(run, &folder, console, interrupt)
 }
 
-/// The defaults for these photos, then the file, then flags.
-fn fit_settings(arguments: &Fit, plan: &Plan) -> Result<FitSettings, Failure> {
-    let (per_pixel, least, most) = GAUSSIANS;
-    let gaussians = ((per_pixel * (plan.size[0] * plan.size[1]) as f64) as usize).clamp(least, most);
-    let defaults = FitSettings { gaussians, ..FitSettings::default() };
-    let mut fit: FitSettings = weaver_settings::resolve(&defaults, arguments.config.as_deref(), &arguments.settings)?;
+/// The usual settings, then the file, then flags.
+fn fit_settings(arguments: &Fit, usual: &FitSettings) -> Result<FitSettings, Failure> {
+    let mut fit: FitSettings = weaver_run::settings::resolve(usual, arguments.config.as_deref(), &arguments.settings)?;
     let set = |to: &mut usize, value: Option<u32>| *to = value.map_or(*to, |value| value as usize);
     set(&mut fit.gaussians, arguments.gaussians);
     set(&mut fit.steps, arguments.steps);
@@ -244,13 +235,12 @@ fn predicted(folder: Option<&RunFolder>, settings: &RunSettings) -> Result<Gauss
 /// Photos that a network sees at once.
 const NETWORK_VIEWS: usize = 4;
 
-/// The first of `fits/<name>-1`, `-2`, ... that does not exist.
+/// The folder of a capture's fit that is given none.
 fn free_folder(capture: &Path) -> PathBuf {
     let absolute = std::path::absolute(capture).unwrap_or(capture.into());
     let folder = if absolute.is_file() { absolute.parent().unwrap_or(&absolute).to_path_buf() } else { absolute };
     let name = folder.file_name().map_or("capture".into(), |name| name.to_string_lossy().into_owned());
-    let numbered = |i: usize| Path::new("fits").join(format!("{name}-{i}"));
-    (1..).map(numbered).find(|path| !path.exists()).expect("one of infinitely many names is free")
+    Folder::free(Path::new("fits"), &name)
 }
 
 fn tell(plan: &Plan, settings: &RunSettings, console: &mut Console) -> Result<(), Failure> {
@@ -284,10 +274,10 @@ fn finish(mut run: Run, folder: &Path, console: &mut Console, interrupt: &Interr
     let stop = interrupt.watch();
     let advanced = run.advance(stop, |report| {
         // Smoothed over about fifty photos.
-        let smooth = psnr.map_or(report.psnr, |p: f64| p + 0.02 * (report.psnr - p));
+        let [last, gaussians] = ["psnr", "gaussians"].map(|name| report.scalar(name).unwrap_or(f64::NAN));
+        let smooth = psnr.map_or(last, |p: f64| p + 0.02 * (last - p));
         psnr = Some(smooth);
-        let note = || format!("{smooth:.2} dB, {} Gaussians", report.gaussians);
-        progress.at(report.step, steps, note, console);
+        progress.at(report.step, steps, || format!("{smooth:.2} dB, {gaussians} Gaussians"), console);
     });
     progress.finish();
     advanced?;

@@ -49,12 +49,12 @@ fn of_run(run: &RunFolder) -> Result<String, Failure> {
 
 /// A configuration, checked where it is one of a run, else the tables and keys of the file.
 fn of_toml(path: &Path) -> Result<String, Failure> {
-    let table = weaver_settings::read_table(path)?;
+    let table = weaver_run::settings::read_table(path)?;
     let mut text = format!("TOML, {} keys\n", table.len());
     for (key, value) in &table {
         let value = match value {
-            weaver_settings::Value::Table(inner) => format!("{} keys", inner.len()),
-            weaver_settings::Value::Array(list) if list.iter().any(|entry| entry.is_table()) => {
+            weaver_run::settings::Value::Table(inner) => format!("{} keys", inner.len()),
+            weaver_run::settings::Value::Array(list) if list.iter().any(|entry| entry.is_table()) => {
                 format!("{} tables", list.len())
             }
             value => value.to_string(),

@@ -23,7 +23,6 @@ mod reconstruct;
 mod refine;
 mod render;
 mod train;
-mod vad;
 mod video;
 
 pub use ffmpeg::end_all as end_programs;
@@ -89,7 +88,7 @@ fn dispatch(command: Command, console: &mut Console, interrupt: &Interrupt) -> R
         Command::Align(arguments) => in_pool(arguments.threads.count(), || align::run(&arguments, console)),
         Command::Query(arguments) => weaver_lift_run::query(&arguments, console),
         Command::Dynamic(arguments) => dynamic::run(&arguments.command, console, interrupt),
-        Command::Vad(arguments) => vad::run(&arguments.command, console, interrupt),
+        Command::Vad(arguments) => weaver_vad_run::run(&arguments, console, interrupt),
         Command::Info(arguments) => info::run(&arguments, console),
         Command::Convert(arguments) => convert::run(&arguments, console),
         Command::ConvertWeights(arguments) => convert_weights::run(&arguments, console, interrupt),

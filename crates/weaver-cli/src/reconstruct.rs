@@ -1,24 +1,25 @@
 //! `splatweaver reconstruct`.
 
-use crate::arguments::{Fit, Reconstruct, SAVE_EVERY};
+use crate::arguments::Reconstruct;
 use crate::estimate::estimated_capture;
 use crate::{Console, Interrupt, clip, fit};
 use std::path::Path;
 use std::time::Instant;
 use weaver_command::Failure;
-use weaver_fit_run::{Outcome, Run, RunError};
+use weaver_fit::FitSettings;
+use weaver_fit_run::{Outcome, Run, RunError, RunSettings, plan};
 
 /// The shortest time that `fit` takes, minutes.
 const SHORTEST: f64 = 0.05;
 /// The least share of the time that is the fit's, whatever matching took.
 const SHARE: f64 = 0.5;
 /// The least steps of a fit, whatever the time: fewer make nothing worth seeing.
-const LEAST_STEPS: u32 = 200;
+const LEAST_STEPS: usize = 200;
 
 pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let start = Instant::now();
     let out = match Run::claim(&arguments.out, &arguments.photos) {
-        Err(RunError::RunExists { folder }) => return Err(exists(&folder)),
+        Err(RunError::Run(weaver_run::Error::RunExists { folder })) => return Err(exists(&folder)),
         claimed => claimed?,
     };
     let (capture, hold_out) = match arguments.photos.as_slice() {
@@ -29,8 +30,8 @@ pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt
             (one.clone(), arguments.hold_out)
         }
         paths => {
-            let photos = clip::photos(paths, arguments.clip, &out, console)?;
-            let capture = estimated_capture(&photos, arguments.hold_out, arguments.matching, &out, console)?;
+            let photos = clip::photos(paths, arguments.clip, out.out(), console)?;
+            let capture = estimated_capture(&photos, arguments.hold_out, arguments.matching, out.out(), console)?;
             (capture, fit::listed(arguments.hold_out))
         }
     };
@@ -43,17 +44,20 @@ pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt
         console.note(&format!("cameras took {spent:.0} s; the fit gets {more:.0} s all the same"));
     }
     let minutes = left.max(least);
-    let fitting = Fit {
+    let mut settings = RunSettings {
         minutes: Some(minutes),
         least_steps: LEAST_STEPS,
-        long_side: Some(size),
-        seed: Some(arguments.seed),
-        gaussians: arguments.gaussians,
-        save_every: SAVE_EVERY,
-        ..Fit::default()
+        long_side: Some(size as usize),
+        hold_out,
+        ..RunSettings::new(capture, FitSettings::default())
     };
-    console.note(&format!("fit: {}, {minutes:.2} minutes, photos of at most {size} pixels", capture.display()));
-    fit::begin(&fitting, fit::Means::of(&fitting)?, (capture, hold_out, out), console, interrupt)
+    let usual = plan(&settings)?.usual();
+    let gaussians = arguments.gaussians.map_or(usual.gaussians, |gaussians| gaussians as usize);
+    settings.fit = FitSettings { gaussians, seed: arguments.seed, ..usual };
+    settings.fit.check()?;
+    let capture = settings.capture.display();
+    console.note(&format!("fit: {capture}, {minutes:.2} minutes, photos of at most {size} pixels"));
+    fit::begin(settings, fit::Means::usual()?, out, console, interrupt)
 }
 
 /// Why nothing is made in a folder with a run, and how to go on with one that did not come to its end.

@@ -2,12 +2,10 @@
 
 use crate::arguments::Train;
 use crate::{Console, Interrupt};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use weaver_command::{Failure, Progress, device, duration};
 use weaver_inference::RunFolder;
-use weaver_trainer::{
-    Error, Observer, Resolved, Setup, StepReport, Summary, Training, claim_run, create_run, reclaim_run,
-};
+use weaver_trainer::{Error, Folder, Observer, Resolved, Setup, StepReport, Summary, Training, claim_run, reclaim_run};
 
 pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     let registry = weaver_recipes::registry();
@@ -17,14 +15,14 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
         let architecture = registry.of_run(&folder)?;
         let config = architecture.read(&folder)?;
         check_trace(arguments, &config)?;
-        let _out = if arguments.dry_run { None } else { Some(reclaim_run(path)?) };
+        let claimed = if arguments.dry_run { None } else { Some(reclaim_run(path)?) };
         return crate::in_pool(arguments.threads.map(usize::from).or(config.threads), || {
             let mut session = architecture.resume(&folder, arguments.steps.map(|steps| steps as usize))?;
             session.draw_by(rasterizer);
-            if arguments.dry_run {
+            let Some(claimed) = &claimed else {
                 return dry_run(session, &config, console);
-            }
-            train(session, &folder, arguments, console, interrupt)
+            };
+            train(session, claimed, arguments, console, interrupt)
         });
     }
     let architecture = registry.find(arguments.model.as_deref())?;
@@ -39,18 +37,18 @@ pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> R
         threads: arguments.threads.map(usize::from),
         steps: arguments.steps.map(|steps| steps as usize),
     })?;
-    let path = arguments.out.clone().unwrap_or_else(|| free_folder(Path::new("runs"), &config.preset));
+    let path = arguments.out.clone().unwrap_or_else(|| Folder::free(Path::new("runs"), &config.preset));
     check_trace(arguments, &config)?;
     // Claimed before anything is read; nothing is left behind when the data cannot be.
-    let out = if arguments.dry_run { None } else { Some(claim_run(&path, &config)?) };
+    let claimed = if arguments.dry_run { None } else { Some(claim_run(&path, &config)?) };
     crate::in_pool(config.threads, || {
         let mut session = architecture.start(&config)?;
         session.draw_by(rasterizer);
-        let Some(out) = &out else {
+        let Some(claimed) = &claimed else {
             return dry_run(session, &config, console);
         };
-        let folder = create_run(out, &config)?;
-        train(session, &folder, arguments, console, interrupt)
+        claimed.store_text(&config.toml)?;
+        train(session, claimed, arguments, console, interrupt)
     })
 }
 
@@ -63,9 +61,9 @@ fn check_trace(arguments: &Train, config: &Resolved) -> Result<(), Failure> {
 fn dry_run(session: Box<dyn Training>, config: &Resolved, console: &mut Console) -> Result<(), Failure> {
     console.print(session.plan().trim_end())?;
     let path = std::env::temp_dir().join(format!("splatweaver-dry-run-{}", std::process::id()));
-    let out = claim_run(&path, config)?;
-    let measured = session.dry_run(&create_run(&out, config)?);
-    drop(out);
+    let folder = claim_run(&path, config)?;
+    let measured = session.dry_run(&folder);
+    drop(folder);
     std::fs::remove_dir_all(&path)?;
     console.print(&measured?.to_string())?;
     if let Some(peak) = weaver_io::peak_mb() {
@@ -74,21 +72,9 @@ fn dry_run(session: Box<dyn Training>, config: &Resolved, console: &mut Console)
     Ok(())
 }
 
-/// The first of `<parent>/<preset>-1`, `-2`, ... that does not exist.
-fn free_folder(parent: &Path, preset: &str) -> PathBuf {
-    let mut number = 1;
-    loop {
-        let path = parent.join(format!("{preset}-{number}"));
-        if !path.exists() {
-            return path;
-        }
-        number += 1;
-    }
-}
-
 fn train(
     mut session: Box<dyn Training>,
-    folder: &RunFolder,
+    folder: &Folder,
     arguments: &Train,
     console: &mut Console,
     interrupt: &Interrupt,
@@ -109,7 +95,7 @@ fn train(
     report(&summary, folder, console)
 }
 
-fn report(summary: &Summary, folder: &RunFolder, console: &mut Console) -> Result<(), Failure> {
+fn report(summary: &Summary, folder: &Folder, console: &mut Console) -> Result<(), Failure> {
     let Summary { steps, planned, .. } = summary;
     if steps < planned {
         let path = folder.path().display();
@@ -121,7 +107,7 @@ fn report(summary: &Summary, folder: &RunFolder, console: &mut Console) -> Resul
     if let Some(evaluation) = &summary.evaluation {
         console.print(&evaluation.table())?;
     }
-    console.print(&format!("report: {}", folder.report_path().display()))
+    console.print(&format!("report: {}", folder.path().join(Folder::REPORT).display()))
 }
 
 /// Shows each step.
@@ -137,18 +123,5 @@ impl Observer for Shown<'_, '_> {
         let label = self.label;
         self.progress.at(report.step, self.total, || label(report), self.console);
         Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_first_free_folder_is_taken() {
-        let folder = tempfile::tempdir().unwrap();
-        assert_eq!(free_folder(folder.path(), "micro"), folder.path().join("micro-1"));
-        std::fs::create_dir(folder.path().join("micro-1")).unwrap();
-        assert_eq!(free_folder(folder.path(), "micro"), folder.path().join("micro-2"));
     }
 }

@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let mut run = Run::create(&out, settings, None)?;
     run.advance(&AtomicBool::new(false), |step| {
-        if step.steps[0].is_multiple_of(100) {
+        if step.step.is_multiple_of(100) {
             println!("{}: {:.4}", step.stage, step.loss);
         }
     })?;

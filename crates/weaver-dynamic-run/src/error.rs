@@ -25,12 +25,9 @@ pub enum RunError {
         /// What it was.
         found: String,
     },
-    /// The folder of a run is in use.
-    #[error("{}: a run exists there already", folder.display())]
-    RunExists {
-        /// The folder.
-        folder: PathBuf,
-    },
+    /// The folder holds a run already, the run is complete, or a file of it could not be read or written.
+    #[error(transparent)]
+    Run(#[from] weaver_run::Error),
     /// There is no trained router, so that nothing can be mixed.
     #[error("{}: expected a complete run, found one in stage {stage}, step {step}; go on with --resume", folder.display())]
     Incomplete {
@@ -40,12 +37,6 @@ pub enum RunError {
         stage: usize,
         /// The step of it.
         step: usize,
-    },
-    /// The run has nothing left to train.
-    #[error("{}: the run is complete", folder.display())]
-    Complete {
-        /// The folder.
-        folder: PathBuf,
     },
     /// The film is not the one that the run began with.
     #[error("{film}: photos, cameras and times: expected those that the run in {} began with, found others", folder.display())]

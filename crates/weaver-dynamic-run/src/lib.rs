@@ -15,7 +15,6 @@
 mod beginning;
 mod error;
 mod evaluate;
-mod log;
 mod mixture;
 mod objective;
 mod optimizer;
@@ -30,9 +29,10 @@ pub use error::RunError;
 pub use evaluate::{Evaluation, MotionScores, Quality, Scores};
 pub use mixture::{Mixture, Pictures};
 pub use prune::KeepBy;
-pub use run::{Place, Run, StepReport};
+pub use run::{Place, Run};
 pub use settings::{ExpertKind, FilmSource, Made, Preset, RunSettings, Stage};
 pub use show::{COLOR_NAMES, COLORS, Strip};
+pub use weaver_run::StepReport;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -1,10 +1,10 @@
 //! What moves the parameters of a stage.
 
 use crate::{ExpertKind, Preset};
-use std::collections::BTreeMap;
 use weaver_autograd::{ParamId, Params, Tape};
 use weaver_io::safetensors::Tensors;
-use weaver_nn::{AdamW, Group, Moments, RAdam, StateError};
+use weaver_nn::{AdamW, Group, RAdam};
+use weaver_run::state::{put_optimizer, take_optimizer};
 
 /// Positions slow down to this part over a stage.
 const SLOWER: f64 = 0.01;
@@ -83,47 +83,20 @@ impl Optimizer {
 
     /// Puts the state into a checkpoint.
     pub fn write(&self, params: &Params<f32>, into: &mut Tensors) {
-        let state: Vec<(&str, u64, &Moments<f32>)> = match self {
-            Self::Expert(adam, _) => adam.state(params).collect(),
-            Self::Router(radam, _) => radam.state(params).collect(),
-        };
-        for (name, steps, moments) in state {
-            into.insert(format!("{FIRST}{name}"), &[moments.first.len()], moments.first.clone());
-            into.insert(format!("{SECOND}{name}"), &[moments.second.len()], moments.second.clone());
-            into.insert(format!("{STEPS}{name}"), &[1], vec![steps]);
+        match self {
+            Self::Expert(adam, _) => put_optimizer(into, params, adam),
+            Self::Router(radam, _) => put_optimizer(into, params, radam),
         }
     }
 
     /// Takes the state from a checkpoint.
     pub fn read(&mut self, params: &Params<f32>, from: &Tensors) -> Result<(), weaver_io::Error> {
-        let mut state = BTreeMap::new();
-        for name in from.tensors.keys().filter_map(|key| key.strip_prefix(STEPS)) {
-            let moments = |prefix: &str| {
-                let key = format!("{prefix}{name}");
-                let shape = from.get(&key)?.shape.clone();
-                Ok::<_, weaver_io::Error>(from.values::<f32>(&key, &shape)?.to_vec())
-            };
-            let (first, second) = (moments(FIRST)?, moments(SECOND)?);
-            let steps = from.values::<u64>(&format!("{STEPS}{name}"), &[1])?[0];
-            state.insert(name.to_string(), (steps, Moments { first, second, row_steps: Vec::new() }));
+        match self {
+            Self::Expert(adam, _) => take_optimizer(from, params, adam),
+            Self::Router(radam, _) => take_optimizer(from, params, radam),
         }
-        let set: Result<(), StateError> = match self {
-            Self::Expert(adam, _) => adam.set_state(params, state),
-            Self::Router(radam, _) => radam.set_state(params, state),
-        };
-        let misfit = |error: StateError| weaver_io::Error::Invalid {
-            path: from.origin().into(),
-            place: "optimizer".into(),
-            expected: "the state of this stage".into(),
-            found: error.to_string(),
-        };
-        set.map_err(misfit)
     }
 }
-
-const FIRST: &str = "optimizer.first.";
-const SECOND: &str = "optimizer.second.";
-const STEPS: &str = "optimizer.steps.";
 
 /// The rate of an expert's parameter.
 fn rate(kind: ExpertKind, name: &str, preset: Preset, extent: f64) -> Rate {

@@ -1,9 +1,8 @@
 //! The page that a run leaves for its reader.
 
-use crate::log::{Log, Record};
 use crate::show::COLOR_NAMES;
 use crate::{Evaluation, Run, RunError, Scores};
-use weaver_report::{Page, read_metrics};
+use weaver_run::Page;
 
 /// Pictures in a strip.
 const SHOWN: usize = 8;
@@ -14,8 +13,7 @@ impl Run {
     /// # Errors
     /// When a file cannot be written, or the rasterizer refuses.
     pub fn report(&self, evaluation: &Evaluation) -> Result<(), RunError> {
-        let text = serde_json::to_string_pretty(evaluation).expect("figures are plain data");
-        self.writing(|out| Ok(weaver_io::write_text(out.file("summary.json")?, &(text + "\n"))?))?;
+        self.writing(|folder| Ok(folder.summarize(evaluation)?))?;
         let mut page = Page::new(&format!("{}: a mixture of moving Gaussians", self.film.name));
         page.heading(1, &self.film.name);
         let [height, width] = self.film.size;
@@ -43,17 +41,12 @@ impl Run {
         for strip in self.strips(SHOWN)? {
             page.picture(&strip.name, &strip.image);
         }
-        page.heading(2, "Curves");
-        let records: Vec<Record> = read_metrics(self.folder.join(Log::FILE))?;
-        let labels = self.settings.labels();
-        for stage in &self.settings.stages {
-            let name = stage.name(&labels);
-            let own = records.iter().filter(|record| record.stage == name);
-            page.curve(&format!("loss, {name}"), own.map(|record| (record.step, record.loss)));
-        }
-        page.heading(2, "Settings");
-        page.preformatted(&serde_json::to_string_pretty(&self.settings).expect("settings are plain data"));
-        self.writing(|out| Ok(page.write(out.file("report.html")?)?))
+        self.writing(|folder| {
+            page.curves(&folder.records()?, &[]);
+            page.heading(2, "Settings");
+            page.preformatted(&serde_json::to_string_pretty(&self.settings).expect("settings are plain data"));
+            Ok(folder.report(&page)?)
+        })
     }
 }
 

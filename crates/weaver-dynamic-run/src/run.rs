@@ -1,20 +1,20 @@
 //! A run, under way.
 
 use crate::beginning::Beginning;
-use crate::log::Log;
 use crate::mixture::{Mixture, bounds};
 use crate::objective::objective;
 use crate::optimizer::Optimizer;
 use crate::views::Views;
 use crate::{FilmSource, RunError, RunSettings, Stage};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
 use weaver_autograd::{Params, Tape};
 use weaver_data::film::Film;
-use weaver_io::OutputFolder;
 use weaver_io::safetensors::Tensors;
 use weaver_kernels::random::Stream;
+use weaver_run::state::{put_params, take_params};
+use weaver_run::{Folder, Job, Kind, Rhythm, Save, StepReport, advance};
 use weaver_splat::Workspace;
 
 /// A mixture in a folder, trained or under way.
@@ -22,7 +22,7 @@ use weaver_splat::Workspace;
 pub struct Run {
     pub(crate) folder: PathBuf,
     /// The folder while it is the run's alone; a complete one that is looked at may be others', too.
-    out: Option<OutputFolder>,
+    claimed: Option<Folder>,
     pub(crate) settings: RunSettings,
     pub(crate) film: Film,
     pub(crate) params: Params<f32>,
@@ -30,6 +30,8 @@ pub struct Run {
     /// What a distilled expert learns from: the numbers that the run began with.
     teacher: Option<Params<f32>>,
     place: Place,
+    /// What the stage at hand works with.
+    under_way: Option<UnderWay>,
     /// What a checkpoint says of the optimizer of the stage at hand.
     pending: Option<Tensors>,
     /// Seconds of each stage so far.
@@ -45,25 +47,18 @@ pub struct Place {
     pub step: usize,
 }
 
-/// What an observer is told of a step.
-#[derive(Clone, Debug)]
-pub struct StepReport<'a> {
-    /// Steps done, and of all stages together.
-    pub steps: [usize; 2],
-    /// The stage's name.
-    pub stage: &'a str,
-    /// The loss.
-    pub loss: f32,
+/// What a stage works with.
+#[derive(Debug)]
+struct UnderWay {
+    optimizer: Optimizer,
+    tape: Tape<f32>,
+    views: Views,
+    workspace: Workspace<f32>,
 }
 
-/// What a run's folder says that its files were written by.
-const COMMAND: &str = "dynamic";
-const SETTINGS: &str = "run.json";
 const INIT: &str = "init.safetensors";
-const CHECKPOINT: &str = "checkpoint.safetensors";
 const MODEL: &str = "model.safetensors";
-/// The files of a run.
-const FILES: [&str; 7] = [SETTINGS, INIT, CHECKPOINT, MODEL, Log::FILE, "summary.json", "report.html"];
+const KIND: Kind = Kind { command: "dynamic", settings: "run.json", results: &[INIT, MODEL] };
 /// The entry of a checkpoint's metadata that tells the film.
 const FILM: &str = "film";
 
@@ -75,24 +70,19 @@ impl Run {
     /// written; nothing is then left behind.
     pub fn create(folder: &Path, mut settings: RunSettings, init: Option<Tensors>) -> Result<Self, RunError> {
         settings.check()?;
-        if folder.join(SETTINGS).exists() {
-            return Err(RunError::RunExists { folder: folder.into() });
-        }
         if let FilmSource::Folder { path, .. } = &mut settings.film {
             *path = std::path::absolute(&path).unwrap_or_else(|_| path.clone());
         }
         let inputs = settings.film.path().into_iter().chain(settings.made.as_ref().map(|made| made.from.as_path()));
         inputs.clone().try_for_each(|path| weaver_io::path_in_utf8(path).map(drop))?;
-        let out = OutputFolder::claim(folder, COMMAND, inputs)?;
-        out.check(FILES)?;
+        let claimed = Folder::claim(folder, KIND, inputs)?;
         let film = settings.film.open()?;
         let run = Self::of(folder, settings, film, init.as_ref())?;
         if let Some(init) = init {
-            init.write(out.file(INIT)?)?;
+            init.write(claimed.out().file(INIT)?)?;
         }
-        let text = serde_json::to_string_pretty(&run.settings).expect("settings are plain data");
-        weaver_io::write_text(out.file(SETTINGS)?, &(text + "\n"))?;
-        Ok(Self { out: Some(out), ..run })
+        claimed.store(&run.settings)?;
+        Ok(Self { claimed: Some(claimed), ..run })
     }
 
     /// Goes on with a run from its last checkpoint, or from the start if there is none.
@@ -102,24 +92,17 @@ impl Run {
     pub fn resume(folder: &Path) -> Result<Self, RunError> {
         let settings = Self::read_settings(folder)?;
         if folder.join(MODEL).exists() {
-            return Err(RunError::Complete { folder: folder.into() });
+            return Err(weaver_run::Error::Complete { folder: folder.into() }.into());
         }
-        let out = OutputFolder::reopen(folder, COMMAND, FILES)?;
+        let claimed = Folder::reopen(folder, KIND)?;
         let film = settings.film.open()?;
         let init = folder.join(INIT);
         let init = init.exists().then(|| Tensors::read(init)).transpose()?;
         let mut run = Self::of(folder, settings, film, init.as_ref())?;
-        let checkpoint = folder.join(CHECKPOINT);
-        if checkpoint.exists() {
-            let tensors = Tensors::read(checkpoint)?;
-            run.check_film(&tensors)?;
-            load(&mut run.params, &tensors)?;
-            let place = tensors.values::<u64>("place", &[2])?;
-            run.place = Place { stage: place[0] as usize, step: place[1] as usize };
-            run.seconds = tensors.values::<f64>("seconds", &[run.settings.stages.len()])?.to_vec();
-            run.pending = Some(tensors);
+        if let Some(state) = claimed.checkpoint()? {
+            run.restore(&state)?;
         }
-        Ok(Self { out: Some(out), ..run })
+        Ok(Self { claimed: Some(claimed), ..run })
     }
 
     /// Checks that a checkpoint is of the film at hand. One of an earlier version does not say of which it is, and passes.
@@ -138,10 +121,10 @@ impl Run {
     }
 
     /// Does something with the folder, which is the run's alone meanwhile.
-    pub(crate) fn writing<R>(&self, write: impl FnOnce(&OutputFolder) -> Result<R, RunError>) -> Result<R, RunError> {
-        match &self.out {
-            Some(out) => write(out),
-            None => write(&OutputFolder::reopen(&self.folder, COMMAND, FILES)?),
+    pub(crate) fn writing<R>(&self, write: impl FnOnce(&Folder) -> Result<R, RunError>) -> Result<R, RunError> {
+        match &self.claimed {
+            Some(folder) => write(folder),
+            None => write(&Folder::reopen(&self.folder, KIND)?),
         }
     }
 
@@ -151,7 +134,7 @@ impl Run {
     /// When there is no run, it is not complete, or its files cannot be read.
     pub fn open(folder: &Path) -> Result<Self, RunError> {
         let settings = Self::read_settings(folder)?;
-        let (model, checkpoint) = (folder.join(MODEL), folder.join(CHECKPOINT));
+        let (model, checkpoint) = (folder.join(MODEL), folder.join(Folder::CHECKPOINT));
         if !model.exists() {
             let place = match checkpoint.exists() {
                 true => Tensors::read(checkpoint)?.values::<u64>("place", &[2])?.to_vec(),
@@ -173,14 +156,7 @@ impl Run {
     /// # Errors
     /// When there is none, or it cannot be read.
     pub fn read_settings(folder: &Path) -> Result<RunSettings, RunError> {
-        let path = folder.join(SETTINGS);
-        let invalid = |error: serde_json::Error| weaver_io::Error::Invalid {
-            path: path.clone(),
-            place: "settings".into(),
-            expected: "those of a mixture of moving Gaussians".into(),
-            found: error.to_string(),
-        };
-        let settings: RunSettings = serde_json::from_str(&weaver_io::read_text(&path)?).map_err(invalid)?;
+        let settings: RunSettings = Folder::settings(folder, KIND, "a mixture of moving Gaussians")?;
         settings.check()?;
         Ok(settings)
     }
@@ -205,7 +181,7 @@ impl Run {
         let mut params = Params::new();
         let mixture = Mixture::new(&mut params, &settings, &film, &beginnings, bounds);
         if let Some(tensors) = init {
-            load(&mut params, tensors)?;
+            take_params(tensors, "", &mut params)?;
         }
         if settings.all {
             film.remarks.push("trained on all photos: the figures of those that are held out judge nothing".into());
@@ -216,13 +192,14 @@ impl Run {
         let place = Place::default();
         Ok(Self {
             folder: folder.into(),
-            out: None,
+            claimed: None,
             settings,
             film,
             params,
             mixture,
             teacher,
             place,
+            under_way: None,
             pending: None,
             seconds,
         })
@@ -253,11 +230,6 @@ impl Run {
         &self.params
     }
 
-    /// The file to go on from, of which a complete run has no more need.
-    pub fn checkpoint_path(&self) -> PathBuf {
-        self.folder.join(CHECKPOINT)
-    }
-
     /// Where the run is.
     pub fn place(&self) -> Place {
         self.place
@@ -275,40 +247,27 @@ impl Run {
     ///
     /// # Errors
     /// When the rasterizer refuses, a loss is no number, or a file cannot be written; the last checkpoint then stays as it was.
-    pub fn advance(&mut self, stop: &AtomicBool, mut observe: impl FnMut(&StepReport<'_>)) -> Result<bool, RunError> {
-        let mut log = self.writing(|out| Log::open(&out.file(Log::FILE)?, self.steps()))?;
-        let labels = self.settings.labels();
-        let (least, mut saved) = (Duration::from_secs_f64(self.settings.save_every), Instant::now());
-        while self.place.stage < self.settings.stages.len() {
-            let stage = self.settings.stages[self.place.stage];
-            let name = stage.name(&labels);
-            let mut optimizer = self.optimizer(stage)?;
-            self.freeze_all_but(&optimizer);
-            let mut tape = Tape::new();
-            let (mut views, mut workspace) = (Views::default(), Workspace::new());
-            while self.place.step < stage.steps() {
-                if stop.load(Ordering::Relaxed) {
-                    self.save(&optimizer)?;
-                    return Ok(false);
-                }
-                let start = Instant::now();
-                let loss = self.step(&mut tape, &mut optimizer, stage, (&mut views, &mut workspace))?;
-                self.place.step += 1;
-                self.seconds[self.place.stage] += start.elapsed().as_secs_f64();
-                log.add(self.steps(), &name, loss)?;
-                observe(&StepReport { steps: self.steps(), stage: &name, loss });
-                if saved.elapsed() >= least {
-                    self.save(&optimizer)?;
-                    saved = Instant::now();
-                }
+    pub fn advance(&mut self, stop: &AtomicBool, mut observe: impl FnMut(&StepReport)) -> Result<bool, RunError> {
+        let Some(folder) = self.claimed.take() else {
+            return Err(weaver_run::Error::Complete { folder: self.folder.clone() }.into());
+        };
+        let complete = advance(self, &folder, stop, |report| {
+            observe(report);
+            Ok(())
+        });
+        let complete = complete.and_then(|complete| {
+            if complete {
+                self.tensors().write(folder.out().file(MODEL)?)?;
+                folder.forget_checkpoint();
             }
-            self.place = Place { stage: self.place.stage + 1, step: 0 };
-        }
-        self.writing(|out| Ok(self.tensors().write(out.file(MODEL)?)?))?;
-        Ok(true)
+            Ok(complete)
+        });
+        self.claimed = Some(folder);
+        complete
     }
 
-    fn optimizer(&mut self, stage: Stage) -> Result<Optimizer, RunError> {
+    /// Goes into the stage at hand.
+    fn enter(&mut self, stage: Stage) -> Result<UnderWay, RunError> {
         let mut optimizer = match stage {
             Stage::Expert { index, .. } | Stage::Distil { index, .. } => {
                 let (label, kind) = (&self.settings.labels()[index], self.settings.experts[index]);
@@ -319,7 +278,8 @@ impl Run {
         if let Some(tensors) = self.pending.take() {
             optimizer.read(&self.params, &tensors)?;
         }
-        Ok(optimizer)
+        self.freeze_all_but(&optimizer);
+        Ok(UnderWay { optimizer, tape: Tape::new(), views: Views::default(), workspace: Workspace::new() })
     }
 
     fn freeze_all_but(&mut self, optimizer: &Optimizer) {
@@ -330,13 +290,8 @@ impl Run {
     }
 
     /// One step on one photo.
-    fn step(
-        &mut self,
-        tape: &mut Tape<f32>,
-        optimizer: &mut Optimizer,
-        stage: Stage,
-        (views, workspace): (&mut Views, &mut Workspace<f32>),
-    ) -> Result<f32, RunError> {
+    fn learn(&mut self, under_way: &mut UnderWay, stage: Stage) -> Result<f32, RunError> {
+        let UnderWay { optimizer, tape, views, workspace } = under_way;
         let shots = self.training();
         let Place { stage: at, step } = self.place;
         let stream = Stream::new(self.settings.seed, step as u64, "dynamic.shot").fork(at as u64);
@@ -361,32 +316,70 @@ impl Run {
         Ok(loss)
     }
 
-    fn save(&self, optimizer: &Optimizer) -> Result<(), RunError> {
-        let mut tensors = self.tensors();
-        tensors.insert("place", &[2], vec![self.place.stage as u64, self.place.step as u64]);
-        tensors.metadata.insert(FILM.into(), self.film.checksum()?.to_string());
-        optimizer.write(&self.params, &mut tensors);
-        self.writing(|out| Ok(tensors.write(out.file(CHECKPOINT)?)?))
-    }
-
     /// All numbers, for a file or for another run to begin with.
     pub fn tensors(&self) -> Tensors {
         let mut tensors = Tensors::default();
-        for (_, param) in self.params.iter() {
-            let shape: Vec<usize> = param.shape().dims().to_vec();
-            tensors.insert(param.name(), &shape, param.value().to_vec());
-        }
+        put_params(&mut tensors, "", &self.params);
         tensors.insert("bounds", &[2, 3], self.mixture.bounds().concat());
         tensors.insert("seconds", &[self.seconds.len()], self.seconds.clone());
         tensors
     }
 }
 
-/// Gives parameters the values of a file.
-fn load(params: &mut Params<f32>, tensors: &Tensors) -> Result<(), weaver_io::Error> {
-    for id in params.ids().collect::<Vec<_>>() {
-        let (name, shape) = (params.get(id).name().to_string(), params.get(id).shape());
-        params.value_mut(id).copy_from_slice(tensors.values::<f32>(&name, shape.dims())?);
+impl Job for Run {
+    type Error = RunError;
+
+    fn steps(&self) -> [usize; 2] {
+        self.steps()
     }
-    Ok(())
+
+    fn step(&mut self) -> Result<StepReport, RunError> {
+        let stages = &self.settings.stages;
+        while self.place.step == stages[self.place.stage].steps() {
+            self.place = Place { stage: self.place.stage + 1, step: 0 };
+            // Of the stage that is over.
+            self.pending = None;
+        }
+        let stage = stages[self.place.stage];
+        let mut under_way = match self.under_way.take() {
+            Some(under_way) => under_way,
+            None => self.enter(stage)?,
+        };
+        let start = Instant::now();
+        let loss = self.learn(&mut under_way, stage)?;
+        self.place.step += 1;
+        self.seconds[self.place.stage] += start.elapsed().as_secs_f64();
+        let [step, of] = self.steps();
+        if self.place.step < stage.steps() {
+            self.under_way = Some(under_way);
+        } else {
+            self.place = Place { stage: self.place.stage + 1, step: 0 };
+        }
+        let stage = stage.name(&self.settings.labels());
+        Ok(StepReport { step, of, stage, loss: loss.into(), scalars: Vec::new() })
+    }
+
+    fn state(&mut self) -> Result<Tensors, RunError> {
+        let mut tensors = self.tensors();
+        tensors.insert("place", &[2], vec![self.place.stage as u64, self.place.step as u64]);
+        tensors.metadata.insert(FILM.into(), self.film.checksum()?.to_string());
+        if let Some(UnderWay { optimizer, .. }) = &self.under_way {
+            optimizer.write(&self.params, &mut tensors);
+        }
+        Ok(tensors)
+    }
+
+    fn restore(&mut self, state: &Tensors) -> Result<(), RunError> {
+        self.check_film(state)?;
+        take_params(state, "", &mut self.params)?;
+        let place = state.values::<u64>("place", &[2])?;
+        self.place = Place { stage: place[0] as usize, step: place[1] as usize };
+        self.seconds = state.values::<f64>("seconds", &[self.settings.stages.len()])?.to_vec();
+        self.pending = Some(state.clone());
+        Ok(())
+    }
+
+    fn rhythm(&self) -> Rhythm {
+        Rhythm { save: Save::Seconds(self.settings.save_every), ..Rhythm::default() }
+    }
 }

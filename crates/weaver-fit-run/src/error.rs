@@ -13,6 +13,9 @@ pub enum RunError {
     /// A file could not be read or written.
     #[error(transparent)]
     File(#[from] weaver_io::Error),
+    /// The folder holds a run already, or a file of it could not be read or written.
+    #[error(transparent)]
+    Run(#[from] weaver_run::Error),
     /// The capture could not be read.
     #[error(transparent)]
     Capture(#[from] weaver_data::Error),
@@ -42,11 +45,5 @@ pub enum RunError {
         expected: String,
         /// What was there.
         found: String,
-    },
-    /// The folder of a run is in use.
-    #[error("{}: a run exists there already", folder.display())]
-    RunExists {
-        /// The folder.
-        folder: PathBuf,
     },
 }

@@ -12,16 +12,16 @@
 //! | `report.html` | held-out photos beside renders, maps, curves |
 //! | `written.jsonl` | which of these files the fit wrote, and may replace |
 //!
-//! [`Run`] is such a fit, [`RunSettings`] what is asked of it, [`dry_run`] what it would take.
+//! [`Run`] is such a fit, [`RunSettings`] what is asked of it, [`plan`](fn@plan) what it would take.
 
 mod error;
+mod fitting;
 mod judged;
 mod loaded;
 mod maps;
 mod matching;
 mod outcome;
 mod plan;
-mod record;
 mod report;
 mod results;
 mod run;
@@ -31,12 +31,11 @@ mod sources;
 pub use error::RunError;
 pub use matching::Matching;
 pub use outcome::{Outcome, PoseChange, Views};
-pub use plan::{Plan, dry_run};
-pub use record::Record;
+pub use plan::{Plan, plan};
 pub use run::Run;
 use settings::RunFile;
 pub use settings::{Initial, RunSettings};
-pub use weaver_io::OutputFolder;
+pub use weaver_run::{Folder, StepReport};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

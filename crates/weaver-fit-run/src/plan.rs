@@ -2,6 +2,7 @@
 
 use crate::{RunError, RunSettings};
 use weaver_data::posed;
+use weaver_fit::FitSettings;
 use weaver_geometry::sh::coefficients;
 
 /// What a run will take.
@@ -25,7 +26,17 @@ pub struct Plan {
 /// measured, see docs/benchmarks.md.
 const RASTERIZER: (u64, u64, u64) = (360, 360, 22_000_000);
 
+/// Gaussians for each pixel of a photo when nothing is said about them, and the limits of that.
+const GAUSSIANS: (f64, usize, usize) = (0.4, 5_000, 1_000_000);
+
 impl Plan {
+    /// How the scene is fitted when nothing is said: with a budget of Gaussians by the photos' size.
+    pub fn usual(&self) -> FitSettings {
+        let (per_pixel, least, most) = GAUSSIANS;
+        let pixels = (self.size[0] * self.size[1]) as f64;
+        FitSettings { gaussians: ((per_pixel * pixels) as usize).clamp(least, most), ..FitSettings::default() }
+    }
+
     /// Bytes of all of it.
     pub fn total(&self) -> u64 {
         self.photos + self.gaussians + self.rasterizer
@@ -36,7 +47,7 @@ impl Plan {
 ///
 /// # Errors
 /// When they cannot be read.
-pub fn dry_run(settings: &RunSettings) -> Result<Plan, RunError> {
+pub fn plan(settings: &RunSettings) -> Result<Plan, RunError> {
     let cameras = posed::cameras(&settings.capture, &settings.posed_options())?;
     let pixels = |camera: &weaver_geometry::Camera| (camera.width * camera.height) as u64;
     let held_out = cameras.iter().filter(|(_, held_out)| *held_out).count();

@@ -2,20 +2,25 @@
 
 mod cameras;
 
+use crate::fitting::Fitting;
 use crate::judged::Judged;
 use crate::outcome::{Outcome, Views};
-use crate::{Record, Run, RunError, maps};
+use crate::{RunError, maps};
 use weaver_data::CamerasSummary;
 use weaver_fit::Quality;
 use weaver_io::Image;
-use weaver_report::{Page, read_metrics};
+use weaver_run::Page;
 use weaver_splat::Workspace;
-
-/// A number of a record.
-type Value = fn(&Record) -> f64;
 
 /// Views with pictures.
 const PICTURES: usize = 6;
+
+/// Better names of curves than those of the log.
+pub const CURVES: [(&str, &str); 3] = [
+    ("psnr", "PSNR of the photos looked at, dB"),
+    ("gaussians", "Gaussians"),
+    ("pairs", "million pairs of Gaussian and pixel"),
+];
 
 /// Which of so many views have pictures.
 pub fn pictured(views: usize) -> impl Iterator<Item = usize> {
@@ -23,7 +28,8 @@ pub fn pictured(views: usize) -> impl Iterator<Item = usize> {
     (0..chosen).map(move |i| i * views / chosen)
 }
 
-pub fn write(run: &Run, outcome: &Outcome, train: &[Judged], test: &[Judged]) -> Result<(), RunError> {
+/// The page, but for its curves.
+pub fn page(run: &Fitting, outcome: &Outcome, train: &[Judged], test: &[Judged]) -> Result<Page, RunError> {
     let mut page = Page::new("SplatWeaver fit");
     let cameras = CamerasSummary::of_capture(&run.settings.capture);
     if let Some(cameras) = &cameras {
@@ -76,27 +82,15 @@ pub fn write(run: &Run, outcome: &Outcome, train: &[Judged], test: &[Judged]) ->
     if let Some(cameras) = &cameras {
         cameras::section(cameras, &run.settings.capture, &mut page);
     }
-    page.heading(2, "Curves");
-    let records: Vec<Record> = read_metrics(run.out.path().join("metrics.jsonl"))?;
-    let curves: [(&str, Value); 5] = [
-        ("loss", |r| r.loss),
-        ("PSNR of the photos looked at, dB", |r| r.psnr),
-        ("Gaussians", |r| r.gaussians as f64),
-        ("million pairs of Gaussian and pixel", |r| r.pairs),
-        ("seconds", |r| r.seconds),
-    ];
-    for (name, of) in curves {
-        page.curve(name, records.iter().map(|r| (r.step, of(r))));
-    }
-    Ok(page.write(run.out.file("report.html")?)?)
+    Ok(page)
 }
 
-fn pictures(run: &Run, shown: &[Judged], training: bool, page: &mut Page) -> Result<(), RunError> {
+fn pictures(run: &Fitting, shown: &[Judged], training: bool, page: &mut Page) -> Result<(), RunError> {
     let gaussians = run.fit().gaussians().to_activated();
     let (settings, mut workspace) = (run.fit().raster_settings(), Workspace::new());
     for i in pictured(shown.len()) {
         let Judged { name, camera, image: Some(image), quality } = &shown[i] else { continue };
-        let photo = if training { run.fit().photo(i) } else { &run.held_out()[i] };
+        let photo = if training { run.fit().photo(i) } else { &run.capture.held_out[i] };
         let (count, most) = maps::count(&gaussians, camera, &settings, &mut workspace)?;
         let (density, densest) = maps::density(&gaussians, camera, settings.near);
         let given = Image::from_bytes(camera.width, camera.height, &photo.rgb);

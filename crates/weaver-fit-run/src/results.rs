@@ -1,5 +1,6 @@
 //! The end of a run: scene, cameras, judgment, report.
 
+use crate::fitting::Fitting;
 use crate::judged::Judged;
 use crate::loaded::{Loaded, Origin};
 use crate::outcome::{Outcome, PoseChange, Views};
@@ -11,7 +12,7 @@ use weaver_fit::{Judge, Photo, Quality};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_io::colmap::{Model, Point};
-use weaver_io::{Transforms, write_gaussians};
+use weaver_io::{OutputFolder, Transforms, write_gaussians};
 use weaver_scene::Frame;
 use weaver_sfm::carried;
 
@@ -26,24 +27,28 @@ impl Run {
     /// # Errors
     /// When a file cannot be written, or the rasterizer refuses.
     pub fn finish(&mut self) -> Result<Outcome, RunError> {
-        self.capture.fit.fetch()?;
-        let gaussians = self.fit().gaussians();
-        write_gaussians(self.out.file("scene.ply")?, &gaussians)?;
-        for format in &self.settings.formats {
-            write_gaussians(self.out.file(file_of_scene(format))?, &gaussians)?;
+        let weaver_run::Run { folder, job } = &mut self.0;
+        let out = folder.out();
+        job.capture.fit.fetch()?;
+        let gaussians = job.fit().gaussians();
+        write_gaussians(out.file("scene.ply")?, &gaussians)?;
+        for format in &job.settings.formats {
+            write_gaussians(out.file(file_of_scene(format))?, &gaussians)?;
         }
-        let test_cameras = self.held_out_cameras()?;
-        self.write_cameras(&test_cameras)?;
-        let seconds = self.seconds();
-        let train = self.judge_training()?;
-        let test = self.judge_held_out(&test_cameras)?;
-        let outcome = self.outcome(seconds, &train, &test);
-        let text = serde_json::to_string_pretty(&outcome).expect("an outcome is plain data");
-        weaver_io::write_text(self.out.file("summary.json")?, &(text + "\n"))?;
-        report::write(self, &outcome, &train, &test)?;
+        let test_cameras = job.held_out_cameras()?;
+        job.write_cameras(&test_cameras, out)?;
+        let seconds = job.seconds();
+        let train = job.judge_training()?;
+        let test = job.judge_held_out(&test_cameras)?;
+        let outcome = job.outcome(seconds, &train, &test);
+        folder.summarize(&outcome)?;
+        let mut page = report::page(job, &outcome, &train, &test)?;
+        folder.report(page.curves(&folder.records()?, &report::CURVES))?;
         Ok(outcome)
     }
+}
 
+impl Fitting {
     fn outcome(&self, seconds: f64, train: &[Judged], test: &[Judged]) -> Outcome {
         let views = |judged: &[Judged]| {
             let all: Vec<Quality> = judged.iter().map(|j| j.quality).collect();
@@ -108,7 +113,7 @@ impl Run {
     }
 
     /// Writes transforms.json and a COLMAP model, with intrinsics and distortion of the photos as they are on disk.
-    fn write_cameras(&self, test: &[Camera]) -> Result<(), RunError> {
+    fn write_cameras(&self, test: &[Camera], out: &OutputFolder) -> Result<(), RunError> {
         let fitted = (0..self.fit().photos()).map(|i| self.fit().camera(i)).chain(test.iter().copied());
         let cameras: Vec<Camera> = fitted
             .zip(&self.capture.origins)
@@ -117,7 +122,7 @@ impl Run {
         let absolute = |path: &PathBuf| std::path::absolute(path).unwrap_or(path.clone());
         // A name that no file of cameras can hold is no reason to lose a fit.
         let name = |path: &PathBuf| {
-            weaver_io::relative_path(self.out.path(), path).unwrap_or_else(|_| absolute(path).display().to_string())
+            weaver_io::relative_path(out.path(), path).unwrap_or_else(|_| absolute(path).display().to_string())
         };
         let frame = |(origin, camera): (&Origin, &Camera)| {
             let (distortion, mask) = (origin.distortion, origin.mask_file.as_ref().map(|file| name(file).into()));
@@ -126,10 +131,10 @@ impl Run {
         };
         let frames: Vec<Frame> = self.capture.origins.iter().zip(&cameras).map(frame).collect();
         let model = Model { points: self.points(), ..Model::from_frames(&frames) };
-        model.write_binary(self.out.files(MODEL, Model::FILES)?)?;
+        model.write_binary(out.files(MODEL, Model::FILES)?)?;
         // A fit knows which photos are held out, also if none is.
         let test_filenames = Some(frames[self.fit().photos()..].iter().map(|frame| frame.name.clone()).collect());
-        Transforms { frames, test_filenames, ..Transforms::default() }.write(self.out.file("transforms.json")?)?;
+        Transforms { frames, test_filenames, ..Transforms::default() }.write(out.file("transforms.json")?)?;
         Ok(())
     }
 

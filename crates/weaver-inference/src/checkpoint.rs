@@ -114,6 +114,15 @@ impl Checkpoint {
         Self::new(Tensors::from_bytes(bytes, origin)?, origin)
     }
 
+    /// A checkpoint of tensors that were read already.
+    ///
+    /// # Errors
+    /// As [`Checkpoint::read`].
+    pub fn of(tensors: Tensors) -> Result<Self, Error> {
+        let path = tensors.origin().to_path_buf();
+        Self::new(tensors, &path)
+    }
+
     fn new(tensors: Tensors, path: &Path) -> Result<Self, Error> {
         let wrong = |message: String| Error::Checkpoint { path: path.to_path_buf(), message };
         let note = |key: &str| {

@@ -27,12 +27,15 @@ fn mix(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
+/// The hash FNV-1a of bytes, 64 bits.
+pub fn fnv1a(bytes: impl IntoIterator<Item = u8>) -> u64 {
+    bytes.into_iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01b3))
+}
+
 impl Stream {
     /// The stream for `purpose` at a step of a run with this seed. Different purposes give independent streams.
     pub fn new(seed: u64, step: u64, purpose: &str) -> Self {
-        let name = purpose
-            .bytes()
-            .fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0000_0100_0000_01b3));
+        let name = fnv1a(purpose.bytes());
         let key = mix(mix(seed.wrapping_add(0x9e37_79b9_7f4a_7c15)) ^ mix(step.wrapping_add(0x7f4a_7c15)) ^ name);
         Self { key }
     }

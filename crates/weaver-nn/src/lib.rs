@@ -13,6 +13,7 @@ mod gradients;
 mod layer_norm;
 mod linear;
 mod mlp;
+mod optimizer;
 mod projective;
 mod radam;
 mod rms_norm;
@@ -30,6 +31,7 @@ pub use gradients::{add_l2_gradient, clip_factor, clip_global_norm, global_norm,
 pub use layer_norm::LayerNorm;
 pub use linear::Linear;
 pub use mlp::Mlp;
+pub use optimizer::Optimizer;
 pub use projective::{Projections, projective_attention, turned_attention};
 pub use radam::RAdam;
 pub use rms_norm::RmsNorm;

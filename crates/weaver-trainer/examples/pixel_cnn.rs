@@ -9,14 +9,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use weaver_autograd::{Params, Var};
 use weaver_geometry::sh;
-use weaver_inference::{PixelAligned, PixelAlignedNetwork, PixelAlignedPredictor, Predictor};
+use weaver_inference::{PixelAligned, PixelAlignedNetwork, PixelAlignedPredictor, Predictor, RunFolder};
 use weaver_nn::{Builder, Context, Conv2d, WeightInit};
 use weaver_pose::CameraVars;
 use weaver_splat::GaussianVars;
 use weaver_trainer::losses::{ImageLosses, camera_constants, photo_constant};
 use weaver_trainer::{
     Config, Error, Example, NoSettings, Overrides, Recipe, Registry, Setup, Source, StageConfig, Step, StepReport,
-    Terms, claim_run, create_run,
+    Terms, create_run,
 };
 
 /// The section `model`.
@@ -140,8 +140,8 @@ fn main() -> Result<(), Error> {
     let recipe = registry.find(Some("pixel-cnn"))?;
     let steps = std::env::args().nth(1).and_then(|n| n.parse().ok());
     let config = recipe.resolve(&Setup { steps, ..Setup::default() })?;
-    let out = claim_run(&std::env::temp_dir().join(format!("pixel-cnn-{}", std::process::id())), &config)?;
-    let folder = create_run(&out, &config)?;
+    let folder = create_run(&std::env::temp_dir().join(format!("pixel-cnn-{}", std::process::id())), &config)?;
+    let written = RunFolder::at(folder.path());
     let (mut session, stop) = (recipe.start(&config)?, AtomicBool::new(false));
     print!("{}", session.plan());
     let half = session.steps().1 / 2;
@@ -152,11 +152,11 @@ fn main() -> Result<(), Error> {
     session.train(&folder, &mut stop_halfway, &stop)?;
     // As after Ctrl-C: the name in the folder finds the recipe, and the run goes on to the same bits.
     stop.store(false, Ordering::Relaxed);
-    let mut session = registry.of_run(&folder)?.resume(&folder, None)?;
+    let mut session = registry.of_run(&written)?.resume(&written, None)?;
     println!("resumed at step {} of {}", session.steps().0, session.steps().1);
     session.train(&folder, &mut stop_halfway, &stop)?;
-    let mut run = registry.of_run(&folder)?.open(&folder)?;
+    let mut run = registry.of_run(&written)?.open(&written)?;
     let evaluation = run.evaluate(&Source::Unseen, &Overrides::default(), &mut |_, _| {})?;
-    println!("{}report: {}", evaluation.table(), folder.report_path().display());
+    println!("{}report: {}", evaluation.table(), written.report_path().display());
     Ok(())
 }

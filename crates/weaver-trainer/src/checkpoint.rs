@@ -2,12 +2,11 @@
 
 use crate::sources::{self, Sources};
 use crate::{Config, Error, Recipe};
-use std::collections::BTreeMap;
-use std::path::Path;
-use weaver_autograd::{Params, Shape};
+use weaver_autograd::Params;
 use weaver_inference::{Checkpoint, FORMAT, WeightSet};
 use weaver_io::safetensors::Tensors;
-use weaver_nn::{AdamW, Ema, Moments};
+use weaver_nn::{AdamW, Ema};
+use weaver_run::state;
 
 /// What changes while a run trains: parameters, moments and averages.
 ///
@@ -25,17 +24,8 @@ pub struct TrainingState<'a> {
 }
 
 impl TrainingState<'_> {
-    /// Writes the state after `step` steps, and all that inference needs to know, atomically.
-    ///
-    /// # Errors
-    /// When the file cannot be written; an earlier one is then left as it was.
-    pub(crate) fn write<R: Recipe>(
-        &self,
-        path: &Path,
-        config: &Config<R>,
-        step: usize,
-        sources: &Sources,
-    ) -> Result<(), Error> {
+    /// The state after `step` steps, and all that inference needs to know.
+    pub(crate) fn tensors<R: Recipe>(&self, config: &Config<R>, step: usize, sources: &Sources) -> Tensors {
         let Self { params, optimizer, ema } = *self;
         let json = |value: serde_json::Result<String>| value.expect("a configuration is plain data");
         let mut tensors = Tensors::default();
@@ -49,23 +39,10 @@ impl TrainingState<'_> {
         note("ema_step", ema.steps().to_string());
         note("config", config.to_toml());
         note(sources::ENTRY, sources.to_json());
-        let shape_of = |name: &str| params.find(name).map_or(Shape::SCALAR, |id| params.get(id).shape());
-        for (_, param) in params.iter() {
-            tensors.insert(format!("param.{}", param.name()), param.shape().dims(), param.value().to_vec());
-        }
-        for (name, average) in ema.state(params) {
-            tensors.insert(format!("ema.{name}"), shape_of(name).dims(), average.to_vec());
-        }
-        for (name, steps, moments) in optimizer.state(params) {
-            tensors.insert(format!("moment1.{name}"), shape_of(name).dims(), moments.first.clone());
-            tensors.insert(format!("moment2.{name}"), shape_of(name).dims(), moments.second.clone());
-            tensors.insert(format!("moment_steps.{name}"), &[1], vec![steps]);
-            if !moments.row_steps.is_empty() {
-                let rows = moments.row_steps.len();
-                tensors.insert(format!("moment_row_steps.{name}"), &[rows], moments.row_steps.clone());
-            }
-        }
-        Ok(tensors.write(path)?)
+        state::put_params(&mut tensors, "param.", params);
+        state::put_average(&mut tensors, "ema.", params, ema);
+        state::put_optimizer(&mut tensors, params, optimizer);
+        tensors
     }
 
     /// Checks that a run with this configuration goes on from a checkpoint as it began.
@@ -123,25 +100,7 @@ impl TrainingState<'_> {
         let text = tensors.metadata.get("ema_step").map_or("", String::as_str);
         let number = |_| checkpoint.wrong(format!("metadata ema_step: expected a number, found `{text}`"));
         let steps = text.parse().map_err(number)?;
-        let (mut averages, mut state) = (BTreeMap::new(), BTreeMap::new());
-        for (_, param) in params.iter() {
-            let name = param.name();
-            let read = |prefix: &str| tensors.values::<f32>(&format!("{prefix}.{name}"), param.shape().dims());
-            averages.insert(name.to_string(), read("ema")?.to_vec());
-            if tensors.tensors.contains_key(&format!("moment1.{name}")) {
-                let (shape, row_steps) = (param.shape(), format!("moment_row_steps.{name}"));
-                let row_steps = match shape.dims().first().filter(|_| tensors.tensors.contains_key(&row_steps)) {
-                    Some(rows) => tensors.values::<u64>(&row_steps, &[*rows])?.to_vec(),
-                    None => Vec::new(),
-                };
-                let (first, second) = (read("moment1")?.to_vec(), read("moment2")?.to_vec());
-                let moments = Moments { first, second, row_steps };
-                let steps = tensors.values::<u64>(&format!("moment_steps.{name}"), &[1])?[0];
-                state.insert(name.to_string(), (steps, moments));
-            }
-        }
-        ema.set_state(params, steps, averages).map_err(|e| checkpoint.wrong(e.to_string()))?;
-        optimizer.set_state(params, state).map_err(|e| checkpoint.wrong(e.to_string()))?;
-        Ok(())
+        state::take_average(tensors, "ema.", params, steps, ema)?;
+        Ok(state::take_optimizer(tensors, params, optimizer)?)
     }
 }

@@ -9,7 +9,7 @@ pub use data::{DataConfig, SamplerKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
-use weaver_settings::{Error as Wrong, Layers, Value};
+use weaver_run::settings::{Error as Wrong, Layers, Value};
 
 /// Steps and counts of steps are at most so many, which no run comes near; sums and products of them do not overflow.
 const MOST: u64 = 1_000_000_000;
@@ -213,7 +213,7 @@ impl<R: Recipe> Config<R> {
     /// When there is no such preset; the message lists those there are.
     pub fn preset(name: &str) -> Result<Self, Error> {
         R::preset(name).ok_or_else(|| {
-            let hint = weaver_settings::nearest(name, R::PRESETS.iter().copied())
+            let hint = weaver_run::settings::nearest(name, R::PRESETS.iter().copied())
                 .map_or(String::new(), |n| format!("; did you mean `{n}`?"));
             let known = R::PRESETS.join(", ");
             Error::Config(Wrong::invalid("preset", format!("expected one of {known}, found `{name}`{hint}")))
@@ -227,8 +227,8 @@ impl<R: Recipe> Config<R> {
     /// # Errors
     /// When the file cannot be read, or a key or value is wrong.
     pub fn resolve(preset: Option<&str>, file: Option<&Path>, settings: &[String]) -> Result<Self, Error> {
-        let mut table = file.map(weaver_settings::read_table).transpose()?.unwrap_or_default();
-        let source = weaver_settings::source(file, settings);
+        let mut table = file.map(weaver_run::settings::read_table).transpose()?.unwrap_or_default();
+        let source = weaver_run::settings::source(file, settings);
         if let Some(setting) = settings.iter().find(|s| s.split('=').next().is_some_and(|key| key.trim() == "preset")) {
             let message = "expected a preset to be chosen by --preset or in a file: all other values start from it";
             return Err(Wrong::invalid(setting, format!("preset: {message}")).into());
@@ -264,17 +264,17 @@ impl<R: Recipe> Config<R> {
     /// # Errors
     /// When the text is not TOML, or a key or value is wrong.
     pub fn from_toml(text: &str, source: &str) -> Result<Self, Error> {
-        Self::settled(weaver_settings::parse(text, source)?, source)
+        Self::settled(weaver_run::settings::parse(text, source)?, source)
     }
 
     /// As TOML text.
     pub fn to_toml(&self) -> String {
-        weaver_settings::to_toml(self).expect("a configuration is plain data")
+        weaver_run::settings::to_toml(self).expect("a configuration is plain data")
     }
 
     /// As TOML text in which every key is preceded by its documentation; optional keys without a value are commented out.
     pub fn to_annotated_toml(&self) -> String {
-        weaver_settings::annotate(self).expect("a configuration is plain data")
+        weaver_run::settings::annotate(self).expect("a configuration is plain data")
     }
 
     fn settled(mut config: Self, source: &str) -> Result<Self, Error> {

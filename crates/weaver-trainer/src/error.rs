@@ -8,16 +8,13 @@ use std::path::PathBuf;
 pub enum Error {
     /// The configuration is wrong.
     #[error(transparent)]
-    Config(#[from] weaver_settings::Error),
+    Config(#[from] weaver_run::settings::Error),
     /// Options that do not fit together.
     #[error("{0}")]
     Input(String),
-    /// A folder holds a run already.
-    #[error("{}: there is a run in this folder already", path.display())]
-    RunExists {
-        /// The folder.
-        path: PathBuf,
-    },
+    /// The folder holds a run already, or a file of it could not be read or written.
+    #[error(transparent)]
+    Run(#[from] weaver_run::Error),
     /// A prediction could not be made.
     #[error(transparent)]
     Inference(#[from] weaver_inference::Error),

@@ -35,7 +35,7 @@ pub use evaluation::{AlignedFigures, CameraFigures, Evaluation, LookFigures, Sce
 pub use example::Example;
 pub use looks::LooksConfig;
 pub use losses::Terms;
-pub use observe::{Observer, StepReport};
+pub use observe::Observer;
 pub use recipe::{LossSection, NoSettings, Recipe, Section, Step};
 pub use registry::{
     Architecture, MatchingOverride, OpenRun, Overrides, Registry, Resolved, Setup, Source, Training, claim_run,
@@ -43,6 +43,7 @@ pub use registry::{
 };
 pub use rows::TrainedRows;
 pub use session::{PendingStep, Session};
+pub use weaver_run::{Folder, StepReport};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

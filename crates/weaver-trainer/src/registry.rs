@@ -1,9 +1,10 @@
 //! Recipes by name, without their types: what a command line needs.
 
 use crate::evaluate::{Matching, Options};
+use crate::session::SAMPLES;
 use crate::{
-    CameraMode, Config, DataConfig, DryRun, Error, Evaluation, LookOf, Observer, Recipe, Session, StepReport, Summary,
-    Targets, TrainingState, evaluate, initial, scenes,
+    CameraMode, Config, DataConfig, DryRun, Error, Evaluation, LookOf, Observer, Recipe, Session, Summary, Targets,
+    TrainingState, evaluate, initial, scenes,
 };
 use std::fmt::Debug;
 use std::marker::PhantomData;
@@ -12,7 +13,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use weaver_autograd::Params;
 use weaver_data::{Scene, procedural};
-use weaver_inference::{Checkpoint, Density, OutputFolder, Predictor, RunFolder, WeightSet};
+use weaver_inference::{Checkpoint, Density, Predictor, RunFolder, WeightSet};
+use weaver_run::{Folder, Kind, StepReport};
 use weaver_splat::AnyRasterizer;
 
 /// Where a configuration comes from; later fields win over earlier ones.
@@ -119,13 +121,13 @@ pub trait Training: Send {
     ///
     /// # Errors
     /// As [`Training::train`].
-    fn dry_run(self: Box<Self>, folder: &RunFolder) -> Result<DryRun, Error>;
+    fn dry_run(self: Box<Self>, folder: &Folder) -> Result<DryRun, Error>;
 
     /// See [`Session::train`].
     ///
     /// # Errors
     /// When a loss diverges or something cannot be written.
-    fn train(&mut self, folder: &RunFolder, observer: &mut dyn Observer, stop: &AtomicBool) -> Result<Summary, Error>;
+    fn train(&mut self, folder: &Folder, observer: &mut dyn Observer, stop: &AtomicBool) -> Result<Summary, Error>;
 
     /// What a progress bar says beside a step.
     fn labeler(&self) -> fn(&StepReport) -> String;
@@ -148,11 +150,11 @@ impl<R: Recipe> Training for Session<R> {
         self.trace_to(path);
     }
 
-    fn dry_run(self: Box<Self>, folder: &RunFolder) -> Result<DryRun, Error> {
+    fn dry_run(self: Box<Self>, folder: &Folder) -> Result<DryRun, Error> {
         Session::dry_run(*self, folder)
     }
 
-    fn train(&mut self, folder: &RunFolder, observer: &mut dyn Observer, stop: &AtomicBool) -> Result<Summary, Error> {
+    fn train(&mut self, folder: &Folder, observer: &mut dyn Observer, stop: &AtomicBool) -> Result<Summary, Error> {
         self.train(folder, observer, stop)
     }
 
@@ -426,49 +428,40 @@ impl Registry {
     /// When the folder holds no run, or one of an unknown model.
     pub fn of_run(&self, folder: &RunFolder) -> Result<&dyn Architecture, Error> {
         let path = folder.config_path();
-        let table = weaver_settings::read_table(&path)?;
+        let table = weaver_run::settings::read_table(&path)?;
         let source = path.display().to_string();
-        let wrong = |message: String| weaver_settings::Error::invalid(&source, message);
-        let name = table.get("architecture").and_then(weaver_settings::Value::as_str);
+        let wrong = |message: String| weaver_run::settings::Error::invalid(&source, message);
+        let name = table.get("architecture").and_then(weaver_run::settings::Value::as_str);
         let name = name.ok_or_else(|| wrong("architecture: expected the name of a model, found nothing".into()))?;
         Ok(self.find(Some(name)).map_err(|e| wrong(e.to_string()))?)
     }
 }
 
-/// What a run's folder says that its files were written by.
-const COMMAND: &str = "train";
+/// The folders of training runs.
+const KIND: Kind = Kind { command: "train", settings: "config.toml", results: &[SAMPLES] };
 
 /// Claims the folder of a new run, in which nothing is written yet, and which is the run's alone as long as what is returned lives.
 ///
 /// # Errors
-/// [`Error::RunExists`] when there is a run in it already; as [`OutputFolder::claim`] and [`OutputFolder::check`].
-pub fn claim_run(path: &Path, config: &Resolved) -> Result<OutputFolder, Error> {
-    let folder = RunFolder::at(path);
-    if folder.config_path().exists() || folder.checkpoint_path().exists() {
-        return Err(Error::RunExists { path: path.to_path_buf() });
-    }
-    let out = OutputFolder::claim(path, COMMAND, &config.inputs)?;
-    out.check(RunFolder::FILES)?;
-    Ok(out)
+/// When there is a run in it already; as [`Folder::claim`].
+pub fn claim_run(path: &Path, config: &Resolved) -> Result<Folder, Error> {
+    Ok(Folder::claim(path, KIND, &config.inputs)?)
+}
+
+/// Claims a folder and begins a run in it: [`claim_run`], and the configuration is saved.
+///
+/// # Errors
+/// As [`claim_run`], and when the configuration cannot be written.
+pub fn create_run(path: &Path, config: &Resolved) -> Result<Folder, Error> {
+    let folder = claim_run(path, config)?;
+    folder.store_text(&config.toml)?;
+    Ok(folder)
 }
 
 /// Claims the folder of a run that goes on.
 ///
 /// # Errors
 /// When it is under way elsewhere, or the folder cannot be written.
-pub fn reclaim_run(path: &Path) -> Result<OutputFolder, Error> {
-    let out = OutputFolder::reopen(path, COMMAND, RunFolder::FILES)?;
-    RunFolder::FILES.iter().try_for_each(|name| out.file(name).map(drop))?;
-    Ok(out)
-}
-
-/// Makes the folder of a new run out of one that was claimed, and saves its configuration.
-///
-/// # Errors
-/// When it cannot be written.
-pub fn create_run(out: &OutputFolder, config: &Resolved) -> Result<RunFolder, Error> {
-    let folder = RunFolder::at(out.path());
-    RunFolder::FILES.iter().try_for_each(|name| out.file(name).map(drop))?;
-    weaver_io::write_text(folder.config_path(), &config.toml)?;
-    Ok(folder)
+pub fn reclaim_run(path: &Path) -> Result<Folder, Error> {
+    Ok(Folder::reopen(path, KIND)?)
 }

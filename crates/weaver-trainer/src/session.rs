@@ -3,23 +3,23 @@
 mod examples;
 mod frozen;
 mod plan;
+mod train;
+
+pub(crate) use train::SAMPLES;
 
 use crate::dry_run::{DryRun, Probe};
 use crate::evaluate::{self, Options};
-use crate::evaluation::Summary;
 use crate::losses::ImageNetworks;
-use crate::observe::{Logs, Observer, StepReport, write_report};
 use crate::sources::Sources;
-use crate::{Config, Error, Recipe, StageConfig, Step, TrainedRows, TrainingState, initial, samples, scenes};
+use crate::{Config, Error, Recipe, StageConfig, Step, TrainedRows, TrainingState, initial, scenes};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
 use weaver_autograd::{OpTime, Params, Tape};
 use weaver_data::{Layout, Scene};
-use weaver_inference::{Checkpoint, Predictor, RunFolder};
-use weaver_kernels::random::Stream;
+use weaver_inference::{Checkpoint, Predictor};
+use weaver_kernels::random::{Stream, fnv1a};
 use weaver_nn::{AdamW, Context, Ema, Group, WarmupCosine, clip_factor, global_norm, missing_gradients};
+use weaver_run::{Folder, Scalar, StepReport};
 use weaver_splat::{AnyRasterizer, Renderer, WorkspacePool};
 
 /// A training run: the model, its data, and how far it is.
@@ -124,11 +124,10 @@ impl<R: Recipe> Session<R> {
     /// When the run began with another configuration ([`Config::difference`]) or other data, or the data cannot be read.
     pub fn resume(config: Config<R>, checkpoint: &Path) -> Result<Self, Error> {
         let checkpoint = Checkpoint::read(checkpoint)?;
+        // Before anything is loaded.
         TrainingState::check_resumed(&checkpoint, &config)?;
         let mut session = Self::prepare(config)?;
-        session.sources.check(&checkpoint, &session.config)?;
-        TrainingState::restore(&checkpoint, &mut session.params, &mut session.optimizer, &mut session.ema)?;
-        session.step = checkpoint.step;
+        session.go_to(&checkpoint)?;
         Ok(session)
     }
 
@@ -178,7 +177,7 @@ impl<R: Recipe> Session<R> {
     ///
     /// # Errors
     /// As [`Session::train`].
-    pub fn dry_run(mut self, folder: &RunFolder) -> Result<DryRun, Error> {
+    pub fn dry_run(mut self, folder: &Folder) -> Result<DryRun, Error> {
         let mut start = self.step;
         let (mut stages, mut first) = (Vec::new(), 0);
         for (index, stage) in self.config.stages.clone().into_iter().enumerate() {
@@ -198,7 +197,7 @@ impl<R: Recipe> Session<R> {
             stages.extend(self.probe.take().and_then(Probe::into_stage));
             start = first;
         }
-        self.save(&folder.checkpoint_path())?;
+        folder.save(&self.tensors())?;
         self.sample(folder)?;
         self.evaluate_some(1)?;
         let [parameters, optimizer, average] = [1, 2, 1].map(|copies| copies * 4 * self.params.count());
@@ -332,15 +331,16 @@ impl<R: Recipe> Session<R> {
         self.step += 1;
         let Self { params, optimizer, ema, tape, .. } = self;
         R::resize(&self.network, &self.config, self.step, &mut TrainedRows { params, optimizer, ema, tape })?;
+        let numbers =
+            [("rate", rate as f32), ("gradient_norm", norm as f32), ("gaussians_per_pixel", gaussians_per_pixel)];
+        let numbers = numbers.map(|(name, value)| Scalar::last(name, value.into()));
+        let terms = terms.into_iter().map(|(name, value)| Scalar::last(format!("loss/{name}"), value.into()));
         Ok(StepReport {
             step: self.step,
+            of: self.config.steps(),
             stage: stage.name.clone(),
-            loss,
-            terms,
-            rate: rate as f32,
-            gradient_norm: norm as f32,
-            gaussians_per_pixel,
-            seconds: 0.0,
+            loss: loss.into(),
+            scalars: terms.chain(numbers).collect(),
         })
     }
 
@@ -361,91 +361,6 @@ impl<R: Recipe> Session<R> {
             .filter(|name| !untrained.iter().any(|module| name.starts_with(module)))
             .collect();
         if names.is_empty() { Ok(()) } else { Err(Error::MissingGradients { stage: stage.name.clone(), names }) }
-    }
-
-    /// Trains to the end, or until `stop` is set, and writes the files of the run folder.
-    ///
-    /// # Errors
-    /// When a loss diverges or something cannot be written. A checkpoint of an earlier step is never lost.
-    pub fn train(
-        &mut self,
-        folder: &RunFolder,
-        observer: &mut dyn Observer,
-        stop: &AtomicBool,
-    ) -> Result<Summary, Error> {
-        let started = Instant::now();
-        let o = self.config.output.clone();
-        weaver_io::create_folder(folder.path().join("samples"))?;
-        let mut logs = Logs::open(folder, self.step, o.log_every)?;
-        let checkpoint = folder.checkpoint_path();
-        if !checkpoint.exists() {
-            self.save(&checkpoint)?;
-        }
-        let mut saved = self.step;
-        while !stop.load(Ordering::Relaxed) {
-            let report = match self.advance() {
-                Ok(Some(report)) => report,
-                Ok(None) => break,
-                Err(Error::Numeric { step, term, value, .. }) => {
-                    return Err(Error::Numeric { step, term, value, last_good: Some(checkpoint) });
-                }
-                Err(error) => return Err(error),
-            };
-            let report = StepReport { seconds: started.elapsed().as_secs_f64(), ..report };
-            logs.step(&report)?;
-            observer.step(&report)?;
-            if self.step.is_multiple_of(o.checkpoint_every) {
-                self.save(&checkpoint)?;
-                saved = self.step;
-            }
-            if self.step.is_multiple_of(o.sample_every) {
-                self.sample(folder)?;
-            }
-        }
-        if saved != self.step {
-            self.save(&checkpoint)?;
-        }
-        let finished = self.position().is_none();
-        if finished {
-            self.sample(folder)?;
-        }
-        let evaluation = if finished { Some(self.evaluate_some(usize::MAX)?) } else { None };
-        let summary = Summary {
-            preset: self.config.preset.clone(),
-            seed: self.config.seed,
-            steps: self.step,
-            planned: self.config.steps(),
-            parameters: self.params.count(),
-            seconds: started.elapsed().as_secs_f64(),
-            checksum: self.checksum(),
-            evaluation,
-        };
-        let json = serde_json::to_string_pretty(&summary).expect("a summary is plain data");
-        weaver_io::write_text(folder.summary_path(), &json)?;
-        write_report::<R>(folder, &summary)?;
-        Ok(summary)
-    }
-
-    /// Writes a checkpoint.
-    ///
-    /// # Errors
-    /// When it cannot be written; an earlier one is then left as it was.
-    pub fn save(&self, path: &Path) -> Result<(), Error> {
-        let state = TrainingState { params: &self.params, optimizer: &self.optimizer, ema: &self.ema };
-        state.write(path, &self.config, self.step, &self.sources)
-    }
-
-    fn sample(&self, folder: &RunFolder) -> Result<(), Error> {
-        let mut predictor = self.predictor()?;
-        samples::write(&mut *predictor, &self.options(), &self.scenes, &folder.sample_path(self.step))
-    }
-
-    /// Evaluates at most so many scenes.
-    fn evaluate_some(&self, most: usize) -> Result<crate::Evaluation, Error> {
-        let mut predictor = self.predictor()?;
-        let with_held_out = self.scenes.iter().filter(|s| !s.held_out_views().is_empty());
-        let held_out: Vec<&Scene> = with_held_out.take(most).collect();
-        evaluate::evaluate(&mut *predictor, &held_out, &self.options(), None, &mut |_, _| {})
     }
 
     fn options(&self) -> Options {
@@ -474,12 +389,8 @@ impl<R: Recipe> Session<R> {
 
     /// FNV-1a over the bits of all parameters: equal runs have equal checksums.
     pub fn checksum(&self) -> String {
-        let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-        for (_, param) in self.params.iter() {
-            for byte in param.value().iter().flat_map(|x| x.to_le_bytes()) {
-                hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
-            }
-        }
+        let values = self.params.iter().flat_map(|(_, param)| param.value().iter().copied());
+        let hash = fnv1a(values.flat_map(f32::to_le_bytes));
         format!("{hash:016x}")
     }
 }

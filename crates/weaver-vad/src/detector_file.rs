@@ -26,8 +26,8 @@ impl Detector {
         Ok(self.tensors(told).write(path)?)
     }
 
-    /// What is written.
-    pub(crate) fn tensors(&self, told: &str) -> Tensors {
+    /// The weights as tensors of a file; `told` is kept with them.
+    pub fn tensors(&self, told: &str) -> Tensors {
         let mut tensors = Tensors::default();
         for (_, param) in self.params.iter() {
             tensors.insert(param.name(), param.shape().dims(), param.value().to_vec());
@@ -53,11 +53,15 @@ impl Detector {
     /// # Errors
     /// When the file cannot be read, lacks a weight or has one of another shape, or a weight is not finite.
     pub fn read(path: &Path) -> Result<(Self, String)> {
-        Self::of_tensors(&Tensors::read(path)?, path)
+        Self::of_tensors(&Tensors::read(path)?)
     }
 
-    /// The detector, and what was kept with it.
-    pub(crate) fn of_tensors(tensors: &Tensors, path: &Path) -> Result<(Self, String)> {
+    /// The detector in tensors that were read, and what was kept with it.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn of_tensors(tensors: &Tensors) -> Result<(Self, String)> {
+        let path = tensors.origin();
         let mut detector = Self::new(kind(tensors, path)?, 0);
         let told = |key: &str| tensors.metadata.get(key).map_or("", String::as_str);
         let names: Vec<String> = told(EXPERTS).split(',').filter(|name| !name.is_empty()).map(str::to_string).collect();

@@ -33,6 +33,15 @@ pub enum Error {
         /// The step, from 1.
         step: usize,
     },
+    /// A checkpoint is of another training.
+    #[error("stage: expected one of this training, found {found}")]
+    Stage {
+        /// The stage that it was in.
+        found: String,
+    },
+    /// The optimizer's state of a checkpoint is that of other parameters.
+    #[error("optimizer: {0}")]
+    State(#[from] weaver_nn::StateError),
     /// Whoever looked on ended the training.
     #[error("{stage}: stopped after step {step}")]
     Stopped {

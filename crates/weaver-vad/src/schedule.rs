@@ -123,6 +123,6 @@ impl Schedule {
             trainer.experts(&mut detector, &groups, &self.expert, labels)?;
             trainer.gate(&mut detector, &self.gate, labels)?;
         }
-        trainer.resume.map_or(Ok(detector), |checkpoint| Err(checkpoint.strange()))
+        trainer.resume.map_or(Ok(detector), |checkpoint| Err(checkpoint.wrong_stage()))
     }
 }

@@ -160,7 +160,7 @@ impl Trainer<'_> {
         let names: Vec<String> = groups.iter().map(|(name, _)| name.clone()).collect();
         match &self.resume {
             // Of a checkpoint they are there.
-            Some(checkpoint) if detector.names != names => return Err(checkpoint.strange()),
+            Some(checkpoint) if detector.names != names => return Err(checkpoint.wrong_stage()),
             Some(_) => {}
             None => detector.add_experts(names, self.seed),
         }
@@ -192,7 +192,7 @@ impl Trainer<'_> {
             detector.add_gate(self.seed);
         }
         if detector.gate.is_none() {
-            return self.resume.as_ref().map_or(Ok(()), |checkpoint| Err(checkpoint.strange()));
+            return self.resume.as_ref().map_or(Ok(()), |checkpoint| Err(checkpoint.wrong_stage()));
         }
         let all = detector.clone();
         let everyone = self.set.abnormal();

@@ -14,11 +14,10 @@ const OUTSIDE: &[&str] = &["rayon", "smallvec", "thiserror", "glam", "half", "li
 /// The crates above that line: formats, configuration and what is made of them.
 const ABOVE: &[&str] = &[
     "weaver-io",
-    "weaver-report",
+    "weaver-run",
     "weaver-fit",
     "weaver-fit-run",
     "weaver-dynamic-run",
-    "weaver-settings",
     "weaver-data",
     "weaver-model",
     "weaver-inference",
@@ -27,6 +26,7 @@ const ABOVE: &[&str] = &[
     "weaver-command",
     "weaver-bench",
     "weaver-lift-run",
+    "weaver-vad-run",
     "weaver-cli",
 ];
 

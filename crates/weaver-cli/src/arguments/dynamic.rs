@@ -77,9 +77,9 @@ pub struct DynamicTrain {
     /// Seed of the generated film, of numbers and of order
     #[arg(long, value_name = "S", default_value = "0", value_parser = clap::value_parser!(u64).range(..=MOST_SEED))]
     pub seed: u64,
-    /// Folder of the run
-    #[arg(short, long, value_name = "DIR", default_value = "runs/dynamic")]
-    pub out: PathBuf,
+    /// Folder of the run [default: the first free one of runs/dynamic-1, runs/dynamic-2, ...]
+    #[arg(short, long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
     /// Goes on from the checkpoint of a run that was stopped, with what it was started with
     #[arg(long, value_name = "RUN", conflicts_with_all = [
         "data", "long_side", "shots", "experts", "preset", "gaussians", "steps", "router_steps", "hold_out",

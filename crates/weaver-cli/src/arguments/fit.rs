@@ -120,7 +120,7 @@ pub struct Fit {
 }
 
 /// Seconds between checkpoints when nothing is said.
-pub const SAVE_EVERY: f64 = 20.0;
+const SAVE_EVERY: f64 = 20.0;
 
 const PHOTOS: &str = "Photos and cameras";
 const SCENE: &str = "Scene";

@@ -7,6 +7,7 @@ use std::path::Path;
 use weaver_command::{Failure, Progress, duration};
 use weaver_dynamic_run::{FilmSource, Made, Preset, Run, RunSettings, Stage};
 use weaver_io::safetensors::Tensors;
+use weaver_run::Folder;
 
 /// Seconds between checkpoints.
 const SAVE_EVERY: f64 = 60.0;
@@ -46,7 +47,8 @@ pub fn run(arguments: &DynamicTrain, console: &mut Console, interrupt: &Interrup
         save_every: SAVE_EVERY,
         made: None,
     };
-    begin(&arguments.out, settings, None, console, interrupt)
+    let out = arguments.out.clone().unwrap_or_else(|| Folder::free(Path::new("runs"), "dynamic"));
+    begin(&out, settings, None, console, interrupt)
 }
 
 pub fn prune(arguments: &DynamicPrune, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
@@ -112,7 +114,7 @@ fn finish(mut run: Run, folder: &Path, console: &mut Console, interrupt: &Interr
     let mut progress = Progress::new("train", done, steps, console);
     let complete = run.advance(interrupt.watch(), |report| {
         let shown = || format!("{}, loss {:.4}", report.stage, report.loss);
-        progress.at(report.steps[0], report.steps[1], shown, console);
+        progress.at(report.step, report.of, shown, console);
     })?;
     progress.finish();
     let folder = folder.display();
@@ -122,8 +124,6 @@ fn finish(mut run: Run, folder: &Path, console: &mut Console, interrupt: &Interr
             .note(&format!("saved at step {done} of {steps}; to go on: splatweaver dynamic train --resume {folder}"));
         return Ok(());
     }
-    // A complete run has no more need of it; should it stay, nothing reads it.
-    let _ = std::fs::remove_file(run.checkpoint_path());
     let evaluation = eval::judge(&run, console)?;
     let seconds: f64 = evaluation.seconds.iter().sum();
     console.note(&format!("{steps} steps done in {}: {folder}", duration(seconds)));

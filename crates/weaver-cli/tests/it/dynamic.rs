@@ -48,7 +48,7 @@ fn a_film_is_learned_judged_drawn_pruned_and_distilled() {
 
     let error = refused(folder, &format!("{TRAIN} --out run"), 2);
     assert!(error.contains("run: a run exists there already; give another --out"), "{error}");
-    let error = refused(folder, "dynamic train --resume run", 1);
+    let error = refused(folder, "dynamic train --resume run", 2);
     assert!(error.contains("run: the run is complete"), "{error}");
     let error = refused(folder, "dynamic render --run run --expert field -o x", 2);
     assert!(error.contains("--expert: expected one of keys, poly, found field"), "{error}");

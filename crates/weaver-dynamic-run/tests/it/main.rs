@@ -63,7 +63,7 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bits() {
         }
     });
     assert!(stops >= 6 && bits(&whole) == bits(&resumed));
-    assert!(matches!(Run::resume(&parts), Err(RunError::Complete { .. })));
+    assert!(matches!(Run::resume(&parts), Err(RunError::Run(weaver_run::Error::Complete { .. }))));
     assert_eq!(bits(&Run::open(&parts).unwrap()), bits(&whole));
 }
 
@@ -74,11 +74,11 @@ fn each_stage_trains_what_it_names() {
     let path = folder.path().join("run");
     let settings = settings(&[ExpertKind::Keys, ExpertKind::Poly], 60);
     let mut run = Run::create(&path, settings, None).unwrap();
-    let mut losses: Vec<(String, f32)> = Vec::new();
-    run.advance(&AtomicBool::new(false), |step| losses.push((step.stage.into(), step.loss))).unwrap();
+    let mut losses: Vec<(String, f64)> = Vec::new();
+    run.advance(&AtomicBool::new(false), |step| losses.push((step.stage.clone(), step.loss))).unwrap();
     for (name, most) in [("keys", 0.8), ("poly", 0.8), ("router", 1.02)] {
-        let own: Vec<f32> = losses.iter().filter(|(stage, _)| stage == name).map(|(_, loss)| *loss).collect();
-        let mean = |part: &[f32]| part.iter().sum::<f32>() / part.len() as f32;
+        let own: Vec<f64> = losses.iter().filter(|(stage, _)| stage == name).map(|(_, loss)| *loss).collect();
+        let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
         let [first, last] = [mean(&own[..12]), mean(&own[48..])];
         assert!(own.len() == 60 && last < most * first, "{name}: {first} {last}");
     }
@@ -90,7 +90,7 @@ fn each_stage_trains_what_it_names() {
     let mut student = Run::create(&folder.path().join("student"), settings, Some(green.tensors())).unwrap();
     let mut losses = Vec::new();
     student.advance(&AtomicBool::new(false), |step| losses.push(step.loss)).unwrap();
-    let mean = |part: &[f32]| part.iter().sum::<f32>() / part.len() as f32;
+    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
     // Drawn with the teacher's numbers, it would not fall.
     assert!(mean(&losses[48..]) < 0.9 * mean(&losses[..12]), "{losses:?}");
 
@@ -198,7 +198,7 @@ fn what_cannot_be_is_refused() {
     assert_eq!(good.expert("field").unwrap_err().to_string(), "expert: expected one of keys, poly, found field");
 
     let mut run = Run::create(&path, good.clone(), None).unwrap();
-    assert!(matches!(Run::create(&path, good, None), Err(RunError::RunExists { .. })));
+    assert!(matches!(Run::create(&path, good, None), Err(RunError::Run(weaver_run::Error::RunExists { .. }))));
     run.advance(&AtomicBool::new(true), |_| {}).unwrap();
     let error = Run::open(&path).unwrap_err().to_string();
     assert!(error.contains("expected a complete run, found one in stage 1, step 0"), "{error}");

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use weaver_data::{CameraSummary, CamerasSummary};
-use weaver_report::Page;
+use weaver_run::Page;
 
 /// The picture of what photos have in common, beside the cameras.
 const POINTS: &str = "points.png";

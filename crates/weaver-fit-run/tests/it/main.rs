@@ -10,7 +10,7 @@ use weaver_data::posed::{self, PosedOptions};
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_data::{CameraSummary, CamerasSummary};
 use weaver_fit::{FitSettings, Judge};
-use weaver_fit_run::{Initial, Run, RunError, RunSettings, dry_run};
+use weaver_fit_run::{Initial, Run, RunError, RunSettings, plan};
 use weaver_geometry::glam::{DVec2, DVec3};
 use weaver_geometry::{Camera, Distortion, Pose, Similarity, so3};
 use weaver_io::Transforms;
@@ -110,14 +110,14 @@ fn without(path: &Path, key: &str) {
 fn a_plan_grows_with_what_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     capture(folder.path(), 10);
-    let small = dry_run(&settings(folder.path())).unwrap();
+    let small = plan(&settings(folder.path())).unwrap();
     assert_eq!((small.training, small.held_out, small.size), (8, 2, [40, 32]));
     assert!(small.photos >= 10 * 40 * 32 * 3 && small.total() > small.photos + small.gaussians);
     let mut more = settings(folder.path());
     more.fit.gaussians = 2000;
-    assert!(dry_run(&more).unwrap().gaussians == 10 * small.gaussians);
+    assert!(plan(&more).unwrap().gaussians == 10 * small.gaussians);
     let fewer = RunSettings { views: Some(3), long_side: Some(20), ..settings(folder.path()) };
-    let fewer = dry_run(&fewer).unwrap();
+    let fewer = plan(&fewer).unwrap();
     assert_eq!((fewer.training, fewer.size), (3, [20, 16]));
     assert!(fewer.photos < small.photos);
 }
@@ -133,7 +133,7 @@ fn a_run_of_another_capture_is_not_gone_on_with() {
     assert!(Run::resume(&out, Judge::default(), Arc::new(CpuRasterizer)).is_ok());
     assert!(matches!(
         Run::create(&out, settings(&data), None, Judge::default(), Arc::new(CpuRasterizer)),
-        Err(RunError::RunExists { .. })
+        Err(RunError::Run(weaver_run::Error::RunExists { .. }))
     ));
     // A photo less; the folder of a run from before there were checksums says so by its checkpoint.
     capture(&data, 9);

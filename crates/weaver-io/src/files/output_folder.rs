@@ -153,6 +153,16 @@ impl OutputFolder {
         Ok(self.path.join(folder))
     }
 
+    /// Removes a file that the same command wrote, if it is there.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check), and when it cannot be removed.
+    pub fn remove(&self, name: impl AsRef<str>) -> Result<()> {
+        self.allow(&self.record(), name.as_ref())?;
+        let path = self.path.join(name.as_ref());
+        if path.exists() { std::fs::remove_file(&path).map_err(Error::io(&path)) } else { Ok(()) }
+    }
+
     /// Removes what the same command wrote into a folder in it, now or before, but for files of these names, relative to this folder.
     ///
     /// # Errors

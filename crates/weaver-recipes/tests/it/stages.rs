@@ -97,8 +97,8 @@ fn recomputing_takes_less_memory_and_gives_the_same_bits() {
 
 #[test]
 fn samplers_and_numbers_of_views_change_what_is_trained() {
-    let losses = |settings: &[&str]| -> Vec<f32> {
-        let found: Vec<f32> = reports(config(8, settings)).iter().map(|report| report.loss).collect();
+    let losses = |settings: &[&str]| -> Vec<f64> {
+        let found: Vec<f64> = reports(config(8, settings)).iter().map(|report| report.loss).collect();
         assert!(found.len() == 8 && found.iter().all(|loss| loss.is_finite()), "{settings:?}: {found:?}");
         found
     };

@@ -37,7 +37,7 @@ pub fn reports(config: Config) -> Vec<StepReport> {
 }
 
 pub fn term(report: &StepReport, name: &str) -> Option<f32> {
-    report.terms.iter().find(|(n, _)| n == name).map(|(_, value)| *value)
+    report.scalar(&format!("loss/{name}")).map(|value| value as f32)
 }
 
 #[test]
@@ -52,7 +52,7 @@ fn the_ranking_ends_at_half_time() {
     }
     // Without any allowance the hinge is the square of the number of Gaussians per pixel.
     for report in &reports(with_ranking(4, 0.0))[2..] {
-        let (budget, count) = (term(report, "budget").unwrap(), report.gaussians_per_pixel);
+        let (budget, count) = (term(report, "budget").unwrap(), report.scalar("gaussians_per_pixel").unwrap() as f32);
         assert!(count > 0.1 && (budget - count * count).abs() < 1e-5, "budget {budget}, {count} Gaussians per pixel");
     }
 }

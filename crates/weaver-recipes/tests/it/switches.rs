@@ -94,10 +94,13 @@ fn trains(settings: &[&str]) -> (f32, f32) {
     let found = reports(everything(3, settings));
     assert_eq!(found.len(), 3);
     for report in &found {
-        let finite = report.terms.iter().all(|(_, value)| value.is_finite());
-        assert!(finite && report.loss.is_finite() && report.gradient_norm > 0.0, "{settings:?}: {report:?}");
+        let finite = report.scalars.iter().all(|scalar| scalar.value.is_finite());
+        assert!(
+            finite && report.loss.is_finite() && report.scalar("gradient_norm") > Some(0.0),
+            "{settings:?}: {report:?}"
+        );
     }
-    (found[2].loss, found[2].gaussians_per_pixel)
+    (found[2].loss as f32, found[2].scalar("gaussians_per_pixel").unwrap() as f32)
 }
 
 #[test]
@@ -243,7 +246,8 @@ fn allocations_with_a_budget_keep_it_each_in_its_way() {
 #[test]
 fn the_mix_draws_of_the_budgets_that_it_is_given() {
     let config = everything(12, &["stages.1.model.dense=0", "stages.1.model.budgets=[0.125, 0.5]"]);
-    let counts: Vec<f32> = reports(config).iter().map(|report| report.gaussians_per_pixel).collect();
+    let counts: Vec<f32> =
+        reports(config).iter().map(|report| report.scalar("gaussians_per_pixel").unwrap() as f32).collect();
     let near = |budget: f32| counts.iter().filter(|count| (*count - budget).abs() < 0.01).count();
     assert!(near(0.125) > 0 && near(0.5) > 0 && near(0.125) + near(0.5) == 12, "{counts:?}");
 }
@@ -254,7 +258,7 @@ fn terms_are_there_where_they_have_a_weight() {
     let found = |settings: &[&str]| -> Vec<String> {
         let config = everything(1, settings);
         assert_eq!(config.stages[0].model.allocation, StageAllocation::Kind(AllocationKind::Sampled));
-        reports(config)[0].terms.iter().map(|(name, _)| name.clone()).collect()
+        reports(config)[0].group("loss").map(|(name, _)| name.to_string()).collect()
     };
     let plain = found(&[sampled]);
     let with = found(&[

@@ -46,7 +46,7 @@ fn stages_train_what_they_name() {
             let mut pairs = before.iter().zip(session.params().iter());
             pairs.any(|((_, a), (_, b))| a.name().starts_with("appearance.") == appearance && a.value() != b.value())
         };
-        let names: Vec<&str> = report.terms.iter().map(|(name, _)| name.as_str()).collect();
+        let names: Vec<&str> = report.group("loss").map(|(name, _)| name).collect();
         let expected: &[&str] = match report.stage.as_str() {
             "poses" => &["pose", "pose_rotation", "pose_translation", "pose_focal", "pose_absolute"],
             "appearance" => &["mse", "ssim", "opacity"],

@@ -58,7 +58,7 @@ fn stages_train_what_they_name() {
                 pairs.any(|((_, a), (_, b))| a.name().split('.').next() == Some(part) && a.value() != b.value())
             })
             .collect();
-        let names: Vec<String> = report.terms.iter().map(|(name, _)| name.clone()).collect();
+        let names: Vec<String> = report.group("loss").map(|(name, _)| name.to_string()).collect();
         moved.push((report.stage, changed.join(" "), names.join(" ")));
     }
     moved.dedup();

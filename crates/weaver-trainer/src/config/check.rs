@@ -7,7 +7,7 @@ use crate::losses::ImageLosses;
 use crate::scenes::FRESH_VIEWS;
 use crate::{Error, LossSection, Recipe, SamplerKind};
 use std::path::Path;
-use weaver_settings::Error as Wrong;
+use weaver_run::settings::Error as Wrong;
 
 impl<R: Recipe> Config<R> {
     /// Checks every number and what must fit together, for configurations that were made in code.
@@ -15,7 +15,7 @@ impl<R: Recipe> Config<R> {
     /// # Errors
     /// The first key that is wrong: its range or what was expected, and what was found.
     pub fn check(&self) -> Result<(), Error> {
-        weaver_settings::check(self, "configuration")?;
+        weaver_run::settings::check(self, "configuration")?;
         let checked = self.check_combinations().and_then(|()| self.check_folders());
         Ok(checked.map_err(|message| Wrong::invalid("configuration", message))?)
     }

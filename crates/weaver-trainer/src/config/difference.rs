@@ -3,7 +3,7 @@
 use super::Config;
 use crate::Recipe;
 use std::collections::BTreeMap;
-use weaver_settings::{Table, Value};
+use weaver_run::settings::{Table, Value};
 
 /// Keys that change no weight of a run that has begun: how many threads, what is written, how the result is used, and what the
 /// first weights were.

@@ -118,13 +118,13 @@ fn a_name_finds_the_model_from_training_to_evaluation() {
     let settings = ["model.size=[16, 16]", "model.channels=4"].map(String::from).to_vec();
     let recipe = registry.find(Some("pixel-cnn")).unwrap();
     let config = recipe.resolve(&Setup { settings, steps: Some(3), ..Setup::default() }).unwrap();
-    let out = claim_run(&parent.path().join("run"), &config).unwrap();
-    let folder = create_run(&out, &config).unwrap();
+    let folder = create_run(&parent.path().join("run"), &config).unwrap();
+    let written = weaver_inference::RunFolder::at(folder.path());
     let summary = recipe.start(&config).unwrap().train(&folder, &mut Silent, &AtomicBool::new(false)).unwrap();
     assert_eq!((summary.steps, summary.evaluation.unwrap().allocation), (3, None));
-    assert!(folder.report_path().is_file());
+    assert!(written.report_path().is_file());
 
-    let mut run = registry.of_run(&folder).unwrap().open(&folder).unwrap();
+    let mut run = registry.of_run(&written).unwrap().open(&written).unwrap();
     let found = run.evaluate(&Source::Unseen, &Overrides::default(), &mut |_, _| {}).unwrap();
     let masks = Overrides { masks: true, ..Overrides::default() };
     for source in [Source::Unseen, Source::Run] {
@@ -133,7 +133,7 @@ fn a_name_finds_the_model_from_training_to_evaluation() {
     }
     assert_eq!((found.mean.gaussians_per_pixel, &found.mean.expert_share[..]), (1.0, &[0.0, 1.0][..]));
     let refused = claim_run(folder.path(), &config).unwrap_err();
-    assert!(matches!(refused, Error::RunExists { .. }), "{refused}");
+    assert!(matches!(refused, Error::Run(weaver_run::Error::RunExists { .. })), "{refused}");
 }
 
 #[test]

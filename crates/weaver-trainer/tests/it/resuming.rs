@@ -3,7 +3,8 @@
 use crate::scale::captured;
 use crate::{PixelCnnRecipe, Silent, config};
 use std::sync::atomic::AtomicBool;
-use weaver_trainer::{Config, Registry, Session, Setup, claim_run, create_run};
+use weaver_inference::RunFolder;
+use weaver_trainer::{Config, Registry, Session, Setup, create_run};
 
 type Pixel = Config<PixelCnnRecipe>;
 
@@ -88,21 +89,21 @@ fn more_steps_prolong_the_last_stage_and_are_recorded() {
     let settings = ["model.size=[16, 16]", "model.channels=4"].map(String::from).to_vec();
     let config = recipe.resolve(&Setup { settings, steps: Some(3), ..Setup::default() }).unwrap();
     let finished = || {
-        let folder =
-            create_run(&claim_run(&tempfile::tempdir_in(&parent).unwrap().keep(), &config).unwrap(), &config).unwrap();
+        let folder = create_run(&tempfile::tempdir_in(&parent).unwrap().keep(), &config).unwrap();
         recipe.start(&config).unwrap().train(&folder, &mut Silent, &AtomicBool::new(false)).unwrap();
         folder
     };
     let [whole, parts] = [finished(), finished()];
-    let mut on = recipe.resume(&whole, Some(7)).unwrap();
+    let [whole_path, parts_path] = [&whole, &parts].map(|folder| RunFolder::at(folder.path()));
+    let mut on = recipe.resume(&whole_path, Some(7)).unwrap();
     assert_eq!(on.steps(), (3, 7));
     let summary = on.train(&whole, &mut Silent, &AtomicBool::new(false)).unwrap();
     assert_eq!((summary.steps, summary.planned), (7, 7));
-    assert!(std::fs::read_to_string(whole.config_path()).unwrap().contains("steps = 7"));
+    assert!(std::fs::read_to_string(whole_path.config_path()).unwrap().contains("steps = 7"));
     // Stopped at once, then resumed without a word about steps.
-    recipe.resume(&parts, Some(7)).unwrap().train(&parts, &mut Silent, &AtomicBool::new(true)).unwrap();
-    let other = recipe.resume(&parts, None).unwrap().train(&parts, &mut Silent, &AtomicBool::new(false)).unwrap();
+    recipe.resume(&parts_path, Some(7)).unwrap().train(&parts, &mut Silent, &AtomicBool::new(true)).unwrap();
+    let other = recipe.resume(&parts_path, None).unwrap().train(&parts, &mut Silent, &AtomicBool::new(false)).unwrap();
     assert_eq!(other.checksum, summary.checksum);
-    let message = recipe.resume(&parts, Some(5)).err().unwrap().to_string();
+    let message = recipe.resume(&parts_path, Some(5)).err().unwrap().to_string();
     assert!(message.contains("steps: expected at least the 7 that are planned, found 5"), "{message}");
 }

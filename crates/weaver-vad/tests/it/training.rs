@@ -1,7 +1,6 @@
 //! Training: it learns, the same seed gives the same bits, and files keep what was learned.
 
 use std::ops::ControlFlow;
-use std::path::PathBuf;
 use weaver_kernels::random::Stream;
 use weaver_vad::metrics::{SNIPPET, ScoredVideo, frame_metrics};
 use weaver_vad::{
@@ -100,10 +99,10 @@ fn equal_crops_give_the_curve_of_one() {
     assert!(all.scores().iter().zip(single.scores()).all(|(a, b)| (a - b).abs() < 1e-6));
 }
 
-/// Ends training after so many steps, having written a checkpoint.
+/// Ends training after so many steps, having kept what was learned.
 struct Stop {
     left: usize,
-    path: PathBuf,
+    kept: Option<(Detector, Checkpoint)>,
 }
 
 impl Observe for Stop {
@@ -112,7 +111,7 @@ impl Observe for Stop {
         if self.left > 0 {
             return Ok(ControlFlow::Continue(()));
         }
-        snapshot.write(&self.path, "kept")?;
+        self.kept = Some((snapshot.detector.clone(), snapshot.checkpoint()));
         Ok(ControlFlow::Break(()))
     }
 }
@@ -125,31 +124,32 @@ fn a_stopped_training_goes_on_to_the_same_bits() {
     let (schedule, kind) = (schedule(Experts::Clusters(2), 4), convolutions(0));
     let whole = schedule.train(&set, kind, &mut |_: &StepReport| ()).unwrap();
     let features = &planted.test()[1].features;
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("checkpoint.safetensors");
     let total = schedule.steps(&set);
+    let mut last = None;
     // In the encoder, between stages, in the second expert, in the gate, at the very end.
     for at in [2, 4, 6, total - 4, total - 1, total] {
-        let stopped = schedule.train(&set, kind, &mut Stop { left: at, path: path.clone() }).unwrap_err();
+        let mut stop = Stop { left: at, kept: None };
+        let stopped = schedule.train(&set, kind, &mut stop).unwrap_err();
         assert!(matches!(stopped, Error::Stopped { .. }), "{stopped}");
-        let (detector, checkpoint, told) = Checkpoint::read(&path).unwrap();
-        assert_eq!(told, "kept");
+        let from = stop.kept.unwrap();
+        last = Some(from.clone());
         let mut rest = 0;
-        let resumed = schedule.resume(&set, (detector, checkpoint), &mut |_: &StepReport| rest += 1).unwrap();
+        let resumed = schedule.resume(&set, from, &mut |_: &StepReport| rest += 1).unwrap();
         assert_eq!(rest, total - at);
         assert_eq!(resumed.curves(features).unwrap(), whole.curves(features).unwrap(), "stopped after {at}");
     }
-    // Weights are no checkpoint, and a schedule without the stage is another training.
-    let (detector, checkpoint, _) = Checkpoint::read(&path).unwrap();
-    assert_eq!(checkpoint.place().0, "gate");
+    // A schedule without the stage is another training, and so is one with other parameters.
+    let (detector, checkpoint) = last.unwrap();
+    assert_eq!(checkpoint.stage, "gate");
     let plain = Schedule { experts: Experts::None, ..schedule.clone() };
-    let others = Schedule { experts: Experts::Classes, ..schedule };
+    let others = Schedule { experts: Experts::Classes, ..schedule.clone() };
     for other in [plain, others] {
         let from = (detector.clone(), checkpoint.clone());
         let error = other.resume(&set, from, &mut |_: &StepReport| ()).unwrap_err();
         assert!(error.to_string().contains("stage: expected one of this training, found gate"), "{error}");
     }
-    detector.write(&path, "").unwrap();
-    let error = Checkpoint::read(&path).unwrap_err().to_string();
-    assert!(error.contains("checkpoint.safetensors") && error.contains("vad."), "{error}");
+    let mut strange = checkpoint.clone();
+    strange.state.insert("no such parameter".into(), strange.state.values().next().unwrap().clone());
+    let error = schedule.resume(&set, (detector, strange), &mut |_: &StepReport| ()).unwrap_err();
+    assert!(error.to_string().contains("optimizer: ") && error.to_string().contains("no such parameter"), "{error}");
 }

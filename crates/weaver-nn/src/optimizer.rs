@@ -1,0 +1,41 @@
+//! What optimizers have in common: a state that checkpoints hold.
+
+use crate::{AdamW, Moments, RAdam, StateError};
+use std::collections::BTreeMap;
+use weaver_autograd::{Params, Real};
+
+/// An optimizer whose state can be taken and given back, so that training goes on to the same bits.
+pub trait Optimizer<T: Real> {
+    /// The state of every parameter that has taken a step, by name: the number of its steps and its moments.
+    fn state<'a>(&'a self, params: &'a Params<T>) -> Box<dyn Iterator<Item = (&'a str, u64, &'a Moments<T>)> + 'a>;
+
+    /// Replaces the state by one read back; parameters that are not in it begin anew.
+    ///
+    /// # Errors
+    /// The name of a parameter that is unknown or of another size.
+    fn set_state(&mut self, params: &Params<T>, state: BTreeMap<String, (u64, Moments<T>)>) -> Result<(), StateError>;
+}
+
+macro_rules! optimizer {
+    ($kind:ident) => {
+        impl<T: Real> Optimizer<T> for $kind<T> {
+            fn state<'a>(
+                &'a self,
+                params: &'a Params<T>,
+            ) -> Box<dyn Iterator<Item = (&'a str, u64, &'a Moments<T>)> + 'a> {
+                Box::new(self.state(params))
+            }
+
+            fn set_state(
+                &mut self,
+                params: &Params<T>,
+                state: BTreeMap<String, (u64, Moments<T>)>,
+            ) -> Result<(), StateError> {
+                self.set_state(params, state)
+            }
+        }
+    };
+}
+
+optimizer!(AdamW);
+optimizer!(RAdam);

@@ -1,0 +1,192 @@
+//! The folder of a run.
+
+use crate::{Error, Page, Record, read_records};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use std::path::{Path, PathBuf};
+use weaver_io::OutputFolder;
+use weaver_io::safetensors::Tensors;
+
+/// A kind of run: what its folder holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Kind {
+    /// The command that the record of written files names.
+    pub command: &'static str,
+    /// The file of settings. A folder that has it holds a run.
+    pub settings: &'static str,
+    /// Files beside those that every run has.
+    pub results: &'static [&'static str],
+}
+
+/// The folder of a run, which is the run's alone for as long as this value lives.
+///
+/// | file | content |
+/// |---|---|
+/// | [`Kind::settings`] | what was asked for |
+/// | [`CHECKPOINT`](Self::CHECKPOINT) | everything needed to go on |
+/// | [`LOG`](Self::LOG), [`EVENTS`](Self::EVENTS) | logged values, also for TensorBoard |
+/// | [`SUMMARY`](Self::SUMMARY), [`REPORT`](Self::REPORT) | the outcome, for programs and for people |
+#[derive(Debug)]
+pub struct Folder {
+    out: OutputFolder,
+    kind: Kind,
+}
+
+impl Folder {
+    /// The file to go on from.
+    pub const CHECKPOINT: &str = "checkpoint.safetensors";
+    /// A line of JSON for each logged step.
+    pub const LOG: &str = "metrics.jsonl";
+    /// The folder of TensorBoard's event files.
+    pub const EVENTS: &str = "events";
+    /// The outcome.
+    pub const SUMMARY: &str = "summary.json";
+    /// The outcome with curves and pictures, in one file.
+    pub const REPORT: &str = "report.html";
+
+    /// The first of `PARENT/NAME-1`, `PARENT/NAME-2`, ... that does not exist: where a run goes that is given no folder.
+    pub fn free(parent: &Path, name: &str) -> PathBuf {
+        let numbered = |number: usize| parent.join(format!("{name}-{number}"));
+        (1..).map(numbered).find(|path| !path.exists()).expect("one of infinitely many names is free")
+    }
+
+    /// Claims a folder for a new run that reads these files and folders. Meant to be called before any other work: a folder that did
+    /// not exist is removed again if nothing is written into it.
+    ///
+    /// # Errors
+    /// When the folder holds a run, or as [`OutputFolder::claim`] and [`OutputFolder::check`].
+    pub fn claim<P: AsRef<Path>>(path: &Path, kind: Kind, inputs: impl IntoIterator<Item = P>) -> Result<Self, Error> {
+        if path.join(kind.settings).exists() || path.join(Self::CHECKPOINT).exists() {
+            return Err(Error::RunExists { folder: path.into() });
+        }
+        let out = OutputFolder::claim(path, kind.command, inputs)?;
+        out.check(kind.files())?;
+        Ok(Self { out, kind })
+    }
+
+    /// Claims the folder of a run that goes on.
+    ///
+    /// # Errors
+    /// As [`OutputFolder::reopen`].
+    pub fn reopen(path: &Path, kind: Kind) -> Result<Self, Error> {
+        Self::reopen_with(path, kind, [])
+    }
+
+    /// Claims the folder of a run that goes on and may have further files beside those of its kind.
+    ///
+    /// # Errors
+    /// As [`OutputFolder::reopen`].
+    pub fn reopen_with(path: &Path, kind: Kind, further: impl IntoIterator<Item = String>) -> Result<Self, Error> {
+        let own = kind.files().map(String::from).chain(further);
+        Ok(Self { out: OutputFolder::reopen(path, kind.command, own)?, kind })
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        self.out.path()
+    }
+
+    /// The folder as one of results, for files beside those that every run has.
+    pub fn out(&self) -> &OutputFolder {
+        &self.out
+    }
+
+    /// Writes the settings as JSON. From here on the folder holds a run.
+    ///
+    /// # Errors
+    /// When they cannot be written.
+    ///
+    /// # Panics
+    /// When they are no plain data.
+    pub fn store(&self, settings: &impl Serialize) -> Result<(), Error> {
+        let text = serde_json::to_string_pretty(settings).expect("settings are plain data") + "\n";
+        self.store_text(&text)
+    }
+
+    /// Writes the settings as they are to be in their file.
+    ///
+    /// # Errors
+    /// When they cannot be written.
+    pub fn store_text(&self, text: &str) -> Result<(), Error> {
+        Ok(weaver_io::write_text(self.out.file(self.kind.settings)?, text)?)
+    }
+
+    /// Reads the settings of the run in a folder; `of` says whose they are.
+    ///
+    /// # Errors
+    /// When there is no run, or its settings are others.
+    pub fn settings<S: DeserializeOwned>(path: &Path, kind: Kind, of: &str) -> Result<S, Error> {
+        let path = path.join(kind.settings);
+        let invalid = |error: serde_json::Error| weaver_io::Error::Invalid {
+            path: path.clone(),
+            place: "settings".into(),
+            expected: format!("those of {of}"),
+            found: error.to_string(),
+        };
+        Ok(serde_json::from_str(&weaver_io::read_text(&path)?).map_err(invalid)?)
+    }
+
+    /// The file to go on from.
+    pub fn checkpoint_path(&self) -> PathBuf {
+        self.path().join(Self::CHECKPOINT)
+    }
+
+    /// The last checkpoint, if there is one.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn checkpoint(&self) -> Result<Option<Tensors>, Error> {
+        let path = self.checkpoint_path();
+        Ok(path.exists().then(|| Tensors::read(&path)).transpose()?)
+    }
+
+    /// Writes a checkpoint, atomically.
+    ///
+    /// # Errors
+    /// When it cannot be written; the last one then stays as it was.
+    pub fn save(&self, state: &Tensors) -> Result<(), Error> {
+        Ok(state.write(self.out.file(Self::CHECKPOINT)?)?)
+    }
+
+    /// Removes the checkpoint of a complete run that has no more need of it. Should it stay, nothing reads it.
+    pub fn forget_checkpoint(&self) {
+        let _ = self.out.remove(Self::CHECKPOINT);
+    }
+
+    /// The records of the log; none where there is no log yet.
+    ///
+    /// # Errors
+    /// When it cannot be read.
+    pub fn records(&self) -> Result<Vec<Record>, Error> {
+        let path = self.path().join(Self::LOG);
+        Ok(if path.exists() { read_records(path)? } else { Vec::new() })
+    }
+
+    /// Writes the outcome for programs.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    ///
+    /// # Panics
+    /// When it is no plain data.
+    pub fn summarize(&self, summary: &impl Serialize) -> Result<(), Error> {
+        let text = serde_json::to_string_pretty(summary).expect("a summary is plain data") + "\n";
+        Ok(weaver_io::write_text(self.out.file(Self::SUMMARY)?, &text)?)
+    }
+
+    /// Writes the page.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn report(&self, page: &Page) -> Result<(), Error> {
+        Ok(page.write(self.out.file(Self::REPORT)?)?)
+    }
+}
+
+impl Kind {
+    /// The files of every run of the kind.
+    fn files(self) -> impl Iterator<Item = &'static str> {
+        let common = [self.settings, Folder::CHECKPOINT, Folder::LOG, Folder::SUMMARY, Folder::REPORT];
+        common.into_iter().chain(self.results.iter().copied())
+    }
+}

@@ -1,0 +1,34 @@
+//! Long work in a folder: a [`Job`] in steps, and a [`Run`] of it that is logged, saved, stopped, and gone on with to the same bits.
+//!
+//! A job knows nothing of files. It does a step, gives its [state](Job::state) as tensors and takes it back; [`state`](mod@state) has parameters,
+//! averages and optimizers ready for that. The [`Folder`] holds settings, checkpoint, log, summary and report under the same names for
+//! every command; nothing in it is replaced but what the same command wrote. [`settings`] resolves settings from layers; a [`Page`] is
+//! built from headings, tables, pictures and curves.
+
+mod curve;
+mod error;
+mod folder;
+mod job;
+mod metrics_log;
+mod page;
+mod record;
+mod recorder;
+pub mod settings;
+pub mod state;
+mod step_report;
+mod tensorboard;
+
+pub use error::Error;
+pub use folder::{Folder, Kind};
+pub use job::{Job, Run, advance};
+pub use metrics_log::{MetricsLog, read_metrics};
+pub use page::{Page, Span};
+pub use record::{Record, read_records};
+pub use recorder::{Log, Recorder, Rhythm, Save};
+pub use step_report::{Scalar, StepReport};
+pub use tensorboard::TensorBoard;
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,0 +1,55 @@
+//! What is known of a step.
+
+use std::borrow::Cow;
+
+/// What happened in one step.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StepReport {
+    /// Steps done, this one included, over all stages.
+    pub step: usize,
+    /// Steps of the whole run.
+    pub of: usize,
+    /// Name of the stage; empty where there is only one.
+    pub stage: String,
+    /// The loss.
+    pub loss: f64,
+    /// Further numbers.
+    pub scalars: Vec<Scalar>,
+}
+
+/// A number of a step, by the name that logs, TensorBoard and curves have it by.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scalar {
+    /// The name; what stands before a slash groups charts.
+    pub name: Cow<'static, str>,
+    /// The number.
+    pub value: f64,
+    /// Whether a record of several steps has its mean, as of a loss, or its last value, as of a rate or a count.
+    pub averaged: bool,
+}
+
+impl StepReport {
+    /// The number of this name.
+    pub fn scalar(&self, name: &str) -> Option<f64> {
+        self.scalars.iter().find(|scalar| scalar.name == name).map(|scalar| scalar.value)
+    }
+
+    /// The numbers whose names begin with this and a slash, by what follows it.
+    pub fn group<'a>(&'a self, name: &'a str) -> impl Iterator<Item = (&'a str, f64)> {
+        let within =
+            move |scalar: &'a Scalar| scalar.name.strip_prefix(name)?.strip_prefix('/').map(|n| (n, scalar.value));
+        self.scalars.iter().filter_map(within)
+    }
+}
+
+impl Scalar {
+    /// A number of which a record of several steps has the mean.
+    pub fn mean(name: impl Into<Cow<'static, str>>, value: f64) -> Self {
+        Self { name: name.into(), value, averaged: true }
+    }
+
+    /// A number of which a record of several steps has the last.
+    pub fn last(name: impl Into<Cow<'static, str>>, value: f64) -> Self {
+        Self { name: name.into(), value, averaged: false }
+    }
+}

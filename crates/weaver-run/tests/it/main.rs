@@ -1,0 +1,8 @@
+//! Tests of runs, of what they leave for their reader, and of settings.
+
+mod metrics_log;
+mod page;
+mod run;
+mod settings;
+mod state;
+mod tensorboard;

@@ -1,0 +1,50 @@
+//! Checkpoints of a training: detector, optimizer, and where it was.
+
+use crate::arguments::VadPlan;
+use serde::{Deserialize, Serialize};
+use weaver_command::Failure;
+use weaver_io::safetensors::Tensors;
+use weaver_run::state::{is_of_optimizer, optimizer_state, put_optimizer};
+use weaver_vad::{Checkpoint, Detector, Snapshot};
+
+const STAGE: &str = "vad.stage";
+const STEP: &str = "vad.step";
+
+/// What a checkpoint keeps beside the weights.
+#[derive(Serialize, Deserialize)]
+pub struct Kept {
+    pub plan: VadPlan,
+    /// Normal and abnormal videos.
+    pub videos: [usize; 2],
+    /// A checksum of features and labels; runs of earlier versions have none.
+    #[serde(default)]
+    pub features: Option<String>,
+    /// Steps of all stages.
+    pub done: usize,
+}
+
+/// Everything needed to go on.
+pub fn write(snapshot: &Snapshot<'_>, kept: &Kept) -> Tensors {
+    let Snapshot { detector, optimizer, stage, step } = *snapshot;
+    let mut tensors = detector.tensors(&serde_json::to_string(kept).expect("a plan is plain data"));
+    put_optimizer(&mut tensors, detector.params(), optimizer);
+    tensors.metadata.insert(STAGE.into(), stage.into());
+    tensors.metadata.insert(STEP.into(), step.to_string());
+    tensors
+}
+
+/// What was written.
+pub fn read(mut tensors: Tensors) -> Result<(Detector, Checkpoint, Kept), Failure> {
+    let path = tensors.origin().display().to_string();
+    let state = optimizer_state(&tensors)?;
+    tensors.tensors.retain(|key, _| !is_of_optimizer(key));
+    let (detector, kept) = Detector::of_tensors(&tensors)?;
+    let kept: Kept = serde_json::from_str(&kept)
+        .map_err(|error| Failure::message(format!("{path}: expected what was trained, found {error}")))?;
+    let told = |key: &str| tensors.metadata.get(key);
+    let step = told(STEP).and_then(|step| step.parse().ok());
+    let (Some(stage), Some(step)) = (told(STAGE).cloned(), step) else {
+        return Err(Failure::message(format!("{path}: metadata: expected `{STAGE}` and `{STEP}`, found none")));
+    };
+    Ok((detector, Checkpoint { stage, step, state }, kept))
+}
