@@ -18,6 +18,8 @@ pub mod forms;
 mod frame;
 mod gaussians;
 mod points;
+mod prune;
+mod select;
 mod slices;
 mod transform;
 
@@ -26,6 +28,7 @@ pub use cameras::{CameraRows, CameraSlices, Model, intrinsics_row, viewmat};
 pub use frame::Frame;
 pub use gaussians::Gaussians;
 pub use points::PointCloud;
+pub use prune::Region;
 pub use slices::{Color, Features, GaussianSlices, Groups};
 
 /// The example of the README, compiled and run.
