@@ -147,6 +147,8 @@ proptest! {
         let back = round_trip("a.spz", &gaussians);
         prop_assert_eq!(back.degree, gaussians.degree);
         assert_near(&gaussians, &back, &SPZ);
+        // Version 4 holds the same numbers.
+        prop_assert_eq!(&round_trip("a.v4.spz", &gaussians), &back);
         // What was rounded once stays.
         let again = round_trip("a.spz", &back);
         prop_assert_eq!((&again.means, &again.log_scales, &again.sh), (&back.means, &back.log_scales, &back.sh));
@@ -173,12 +175,15 @@ fn positions_of_any_size_fit_into_spz() {
     let far = message("a.spz", &at(1e7));
     assert!(far.contains("positions to write: expected coordinates below 2^23"), "{far}");
     let unknown = message("a.obj", &at(0.0));
-    assert!(unknown.contains("file name: expected .ply, .compressed.ply, .splat or .spz, found .obj"), "{unknown}");
+    assert!(
+        unknown.contains("file name: expected .ply, .compressed.ply, .splat, .spz or .v4.spz, found .obj"),
+        "{unknown}"
+    );
     let broken = Gaussians { quats: vec![], ..at(0.0) };
-    for name in ["a.ply", "a.compressed.ply", "a.splat", "a.spz"] {
+    for name in ["a.ply", "a.compressed.ply", "a.splat", "a.spz", "a.v4.spz"] {
         assert!(message(name, &broken).contains("expected 1 Gaussians"), "{name}");
     }
-    for name in ["a.compressed.ply", "a.splat", "a.spz"] {
+    for name in ["a.compressed.ply", "a.splat", "a.spz", "a.v4.spz"] {
         assert!(message(name, &at(f32::NAN)).contains("vertex 0, position: expected finite numbers"), "{name}");
     }
 }
@@ -188,7 +193,7 @@ fn files_of_other_tools_survive_writing() {
     let Some(folder) = shared::data("splat-files") else { return };
     let splat = read_gaussians(folder.join("minimal.splat")).unwrap();
     assert_near(&splat, &round_trip("a.splat", &splat), &SPLAT);
-    for name in ["minimal-v2.spz", "minimal-v3.spz", "playbot-sh2.v3.spz"] {
+    for name in ["minimal-v2.spz", "minimal-v3.spz", "playbot-sh2.v3.spz", "playbot-sh2.v4.spz"] {
         let spz = read_gaussians(folder.join(name)).unwrap();
         assert_near(&spz, &round_trip("a.spz", &spz), &SPZ);
     }

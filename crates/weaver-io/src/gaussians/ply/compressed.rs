@@ -4,8 +4,9 @@
 //! position and scale in 11, 10 and 11 bits between these bounds, its rotation without the largest component in 2 and three times 10, its
 //! color and opacity in four bytes; `sh`, if there are harmonics, a byte for each of them from -4 to 4, one color after the other.
 
-use super::table::Elements;
+use super::table::{Elements, first_lines};
 use crate::gaussians::fields::{byte, check_values, unit};
+use crate::gaussians::scene_file::Drawing;
 use crate::{Error, Result};
 use std::f32::consts::SQRT_2;
 use std::io::{self, Write};
@@ -82,16 +83,16 @@ pub(super) fn decode(path: &Path, data: &[u8]) -> Result<Gaussians> {
     Ok(gaussians)
 }
 
-pub(crate) fn encode(path: &Path, gaussians: &Gaussians, w: &mut dyn Write) -> Result<()> {
+pub(crate) fn encode(path: &Path, gaussians: &Gaussians, drawing: Drawing, w: &mut dyn Write) -> Result<()> {
     check_values(path, gaussians)?;
-    packed(gaussians, w).map_err(Error::io(path))
+    packed(gaussians, drawing, w).map_err(Error::io(path))
 }
 
-fn packed(gaussians: &Gaussians, w: &mut dyn Write) -> io::Result<()> {
+fn packed(gaussians: &Gaussians, drawing: Drawing, w: &mut dyn Write) -> io::Result<()> {
     let (n, k) = (gaussians.len(), gaussians.coefficients());
     let order = nearby(&gaussians.means);
     let blocks: Vec<Block> = order.chunks(BLOCK).map(|numbers| Block::new(gaussians, numbers)).collect();
-    writeln!(w, "ply\nformat binary_little_endian 1.0\nelement chunk {}", blocks.len())?;
+    writeln!(w, "{}element chunk {}", first_lines(drawing), blocks.len())?;
     for names in BOUNDED {
         for side in ["min", "max"] {
             names.iter().try_for_each(|name| writeln!(w, "property float {side}_{name}"))?;

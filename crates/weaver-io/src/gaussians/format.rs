@@ -1,0 +1,158 @@
+//! The formats of files of Gaussians as a table.
+
+use super::scene_file::{Drawing, SceneFile};
+use super::{ply, splat, spz};
+use crate::{Error, Result};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::fmt;
+use std::io::Write;
+use std::path::Path;
+use std::str::FromStr;
+use weaver_geometry::sh::MAX_DEGREE;
+use weaver_scene::Gaussians;
+
+/// A format of files of Gaussians.
+#[derive(Clone, Copy)]
+pub struct SceneFormat {
+    /// What it is called.
+    pub name: &'static str,
+    /// How the names of its files end, after a point, or the whole name.
+    pub extension: &'static str,
+    /// What it keeps of Gaussians.
+    pub keeps: &'static str,
+    /// The largest degree of harmonics that it holds; those beyond are left out.
+    pub degree: usize,
+    /// Decodes a file, whose path is for messages and for the files beside it that it names.
+    pub(super) read: fn(&Path, &[u8]) -> Result<SceneFile>,
+    pub(super) write: Writer,
+}
+
+/// How Gaussians, of which all fields have the same length, are encoded.
+#[derive(Clone, Copy)]
+pub(super) enum Writer {
+    /// To a stream; the path is for messages.
+    Stream(fn(&Path, &Gaussians, Drawing, &mut dyn Write) -> Result<()>),
+}
+
+/// The formats that are read and written. A further one is a file beside these and a row here.
+pub const SCENE_FORMATS: [SceneFormat; 5] = [
+    SceneFormat {
+        name: "ply",
+        extension: "ply",
+        keeps: "every bit",
+        degree: MAX_DEGREE,
+        read: ply::decode,
+        write: Writer::Stream(ply::encode),
+    },
+    SceneFormat {
+        name: "compressed",
+        extension: "compressed.ply",
+        keeps: "11 bits of a coordinate in blocks of 256, 8 of colors; in another order",
+        degree: MAX_DEGREE,
+        read: ply::decode,
+        write: Writer::Stream(ply::encode_compressed),
+    },
+    SceneFormat {
+        name: "splat",
+        extension: "splat",
+        keeps: "positions and scales, 8 bits of the rest; no harmonics",
+        degree: 0,
+        read: splat::decode,
+        write: Writer::Stream(splat::encode),
+    },
+    SceneFormat {
+        name: "spz",
+        extension: "spz",
+        keeps: "24 bits of a coordinate, 8 of the rest",
+        degree: MAX_DEGREE,
+        read: spz::decode,
+        write: Writer::Stream(spz::encode),
+    },
+    SceneFormat {
+        name: "spz4",
+        extension: "v4.spz",
+        keeps: "as spz, in version 4",
+        degree: MAX_DEGREE,
+        read: spz::decode,
+        write: Writer::Stream(spz::encode_zstd),
+    },
+];
+
+impl SceneFormat {
+    /// The format of a file by its name: the longest extension that it ends with.
+    ///
+    /// # Errors
+    /// On any other extension.
+    ///
+    /// ```
+    /// use weaver_io::SceneFormat;
+    ///
+    /// assert_eq!(SceneFormat::of("a.ply".as_ref())?.name, "ply");
+    /// assert_eq!(SceneFormat::of("A.COMPRESSED.PLY".as_ref())?.name, "compressed");
+    /// # Ok::<(), weaver_io::Error>(())
+    /// ```
+    pub fn of(path: &Path) -> Result<Self> {
+        let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().to_lowercase());
+        let ends = |format: &&Self| {
+            name.strip_suffix(format.extension).is_some_and(|stem| stem.is_empty() || stem.ends_with('.'))
+        };
+        let found = SCENE_FORMATS.iter().filter(ends).max_by_key(|format| format.extension.len());
+        found.copied().ok_or_else(|| {
+            let found =
+                path.extension().map_or("no extension".into(), |e| format!(".{}", e.to_string_lossy().to_lowercase()));
+            Error::invalid(path, "file name", Self::extensions(), found)
+        })
+    }
+
+    /// The extensions, for messages and help: `.ply, .splat or .spz`.
+    pub fn extensions() -> String {
+        let all: Vec<String> = SCENE_FORMATS.iter().map(|format| format!(".{}", format.extension)).collect();
+        let (last, others) = all.split_last().expect("there are formats");
+        format!("{} or {last}", others.join(", "))
+    }
+}
+
+impl fmt::Debug for SceneFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("SceneFormat").field(&self.name).finish()
+    }
+}
+
+impl fmt::Display for SceneFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+impl PartialEq for SceneFormat {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Eq for SceneFormat {}
+
+impl FromStr for SceneFormat {
+    type Err = String;
+
+    /// The format of this name.
+    fn from_str(name: &str) -> std::result::Result<Self, String> {
+        let found = SCENE_FORMATS.iter().find(|format| format.name == name).copied();
+        found.ok_or_else(|| {
+            let names: Vec<&str> = SCENE_FORMATS.iter().map(|format| format.name).collect();
+            format!("expected one of {}, found {name:?}", names.join(", "))
+        })
+    }
+}
+
+impl Serialize for SceneFormat {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name)
+    }
+}
+
+impl<'de> Deserialize<'de> for SceneFormat {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        String::deserialize(deserializer)?.parse().map_err(serde::de::Error::custom)
+    }
+}
