@@ -2,17 +2,19 @@
 
 pub(crate) mod fields;
 mod format;
+mod order;
 pub mod ply;
 mod scene_file;
+pub(crate) mod sog;
 mod splat;
 mod spz;
 
 pub use format::{SCENE_FORMATS, SceneFormat};
 pub use scene_file::{Drawing, SceneFile};
 
-use crate::Result;
 use crate::files::atomic::atomic_write_checked;
 use crate::files::file::read_bytes;
+use crate::{Error, Result};
 use fields::check_lengths;
 use format::Writer;
 use std::borrow::Cow;
@@ -27,6 +29,9 @@ use weaver_scene::Gaussians;
 /// On any other extension; when the file cannot be read, is malformed, or holds a value that a renderer cannot use.
 pub fn read_scene(path: impl AsRef<Path>) -> Result<SceneFile> {
     let path = path.as_ref();
+    // A folder stands for the file in it that names the others.
+    let within = path.join(sog::META);
+    let path = if path.is_dir() && within.is_file() { &within } else { path };
     (SceneFormat::of(path)?.read)(path, &read_bytes(path)?)
 }
 
@@ -59,6 +64,7 @@ pub fn write_scene(path: impl AsRef<Path>, gaussians: &Gaussians, drawing: Drawi
     let gaussians = fitting(path, gaussians, format)?;
     match format.write {
         Writer::Stream(write) => atomic_write_checked(path, |w| write(path, &gaussians, drawing, w)),
+        Writer::Files(write) => write(path, &gaussians, drawing),
     }
 }
 
@@ -90,6 +96,7 @@ pub fn write_gaussians_to(w: &mut dyn Write, format: SceneFormat, gaussians: &Ga
     let gaussians = fitting(path, gaussians, format)?;
     match format.write {
         Writer::Stream(write) => write(path, &gaussians, Drawing::default(), w),
+        Writer::Files(_) => Err(Error::invalid(path, "format", "one that is a single file", format)),
     }
 }
 

@@ -6,6 +6,7 @@ use crate::cameras::colmap::{self, CameraModel, Model, Point};
 use crate::cameras::realestate::Clip;
 use crate::files::file::read_bytes;
 use crate::gaussians::ply::Table;
+use crate::gaussians::sog::META;
 use crate::pictures::photo_file::EXTENSIONS;
 use crate::safetensors::Mapped;
 use crate::{Background, Error, Image, Result, SceneFormat, Transforms, read_gaussians};
@@ -24,6 +25,9 @@ pub fn info(path: impl AsRef<Path>) -> Result<String> {
     if std::fs::metadata(path).map_err(Error::io(path))?.is_dir() {
         if ["model.safetensors", "model.safetensors.index.json"].iter().any(|name| path.join(name).is_file()) {
             return Ok(weights::weights(&Mapped::open(path)?));
+        }
+        if path.join(META).is_file() {
+            return Ok(gaussians(&read_gaussians(path)?));
         }
         return Ok(model(&Model::read(colmap::model_folder(path))?));
     }

@@ -1,6 +1,7 @@
 //! The formats of files of Gaussians as a table.
 
 use super::scene_file::{Drawing, SceneFile};
+use super::sog::{self, META};
 use super::{ply, splat, spz};
 use crate::{Error, Result};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -32,10 +33,12 @@ pub struct SceneFormat {
 pub(super) enum Writer {
     /// To a stream; the path is for messages.
     Stream(fn(&Path, &Gaussians, Drawing, &mut dyn Write) -> Result<()>),
+    /// To this file and others beside it.
+    Files(fn(&Path, &Gaussians, Drawing) -> Result<()>),
 }
 
 /// The formats that are read and written. A further one is a file beside these and a row here.
-pub const SCENE_FORMATS: [SceneFormat; 5] = [
+pub const SCENE_FORMATS: [SceneFormat; 7] = [
     SceneFormat {
         name: "ply",
         extension: "ply",
@@ -76,6 +79,22 @@ pub const SCENE_FORMATS: [SceneFormat; 5] = [
         read: spz::decode,
         write: Writer::Stream(spz::encode_zstd),
     },
+    SceneFormat {
+        name: "sog",
+        extension: "sog",
+        keeps: "16 bits of a coordinate, 8 of the rest by tables, a palette of harmonics; in another order",
+        degree: 3,
+        read: sog::decode,
+        write: Writer::Stream(sog::encode),
+    },
+    SceneFormat {
+        name: "sog-folder",
+        extension: META,
+        keeps: "as sog, a folder of pictures beside this file",
+        degree: 3,
+        read: sog::decode_folder,
+        write: Writer::Files(sog::encode_folder),
+    },
 ];
 
 impl SceneFormat {
@@ -104,9 +123,18 @@ impl SceneFormat {
         })
     }
 
+    /// Whether a scene is written to one file, and so to a stream.
+    pub fn writes_one_file(&self) -> bool {
+        matches!(self.write, Writer::Stream(_))
+    }
+
     /// The extensions, for messages and help: `.ply, .splat or .spz`.
     pub fn extensions() -> String {
-        let all: Vec<String> = SCENE_FORMATS.iter().map(|format| format!(".{}", format.extension)).collect();
+        let named = |format: &Self| match format.extension {
+            META => META.to_string(),
+            extension => format!(".{extension}"),
+        };
+        let all: Vec<String> = SCENE_FORMATS.iter().map(named).collect();
         let (last, others) = all.split_last().expect("there are formats");
         format!("{} or {last}", others.join(", "))
     }

@@ -7,7 +7,7 @@ use weaver_io::{read_gaussians, write_gaussians};
 use weaver_scene::Gaussians;
 
 /// Gaussians that every format can hold: scales, opacities and colors within its range.
-fn gaussians() -> impl Strategy<Value = Gaussians> {
+pub fn gaussians() -> impl Strategy<Value = Gaussians> {
     (0usize..6, 0usize..=3).prop_flat_map(|(n, degree)| {
         (
             prop::collection::vec(prop::array::uniform3(-500.0f32..500.0), n),
@@ -23,38 +23,37 @@ fn gaussians() -> impl Strategy<Value = Gaussians> {
     })
 }
 
-fn round_trip(name: &str, gaussians: &Gaussians) -> Gaussians {
+pub fn round_trip(name: &str, gaussians: &Gaussians) -> Gaussians {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     write_gaussians(&path, gaussians).unwrap();
     read_gaussians(&path).unwrap()
 }
 
-/// The Gaussians of these numbers.
-fn taken(from: &Gaussians, order: &[usize]) -> Gaussians {
-    let k = 3 * from.coefficients();
-    Gaussians {
-        means: order.iter().map(|i| from.means[*i]).collect(),
-        log_scales: order.iter().map(|i| from.log_scales[*i]).collect(),
-        quats: order.iter().map(|i| from.quats[*i]).collect(),
-        opacity_logits: order.iter().map(|i| from.opacity_logits[*i]).collect(),
-        sh: order.iter().flat_map(|i| &from.sh[i * k..][..k]).copied().collect(),
-        degree: from.degree,
-    }
+/// What came back, in the order of what was written: where each came to is told by its position, and its opacity where several are
+/// near each other.
+pub fn matched(written: &Gaussians, back: &Gaussians) -> Gaussians {
+    let opacity = |g: &Gaussians, i: usize| 1.0 / (1.0 + (-g.opacity_logits[i]).exp());
+    let apart = |i: usize, j: usize| {
+        let moved: f32 = written.means[i].iter().zip(&back.means[j]).map(|(a, b)| (a - b).abs()).sum();
+        moved + 100.0 * (opacity(written, i) - opacity(back, j)).abs()
+    };
+    let nearest = |i| (0..back.len()).min_by(|a, b| apart(i, *a).total_cmp(&apart(i, *b))).unwrap();
+    back.select(&(0..written.len()).map(nearest).collect::<Vec<_>>())
 }
 
 /// How far each kind of number may be off.
-struct Tolerance {
-    position: f32,
-    scale: f32,
+pub struct Tolerance {
+    pub position: f32,
+    pub scale: f32,
     /// Degrees.
-    rotation: f32,
-    opacity: f32,
-    color: f32,
-    harmonics: f32,
+    pub rotation: f32,
+    pub opacity: f32,
+    pub color: f32,
+    pub harmonics: f32,
 }
 
-fn assert_near(a: &Gaussians, b: &Gaussians, tolerance: &Tolerance) {
+pub fn assert_near(a: &Gaussians, b: &Gaussians, tolerance: &Tolerance) {
     assert_eq!((a.len(), a.opacity_logits.len()), (b.len(), b.opacity_logits.len()));
     let near = |what: &str, a: &[f32], b: &[f32], tolerance: f32| {
         for (i, (a, b)) in a.iter().zip(b).enumerate() {
@@ -124,16 +123,7 @@ proptest! {
     fn compressed_ply_rounds_between_bounds_and_orders_anew(gaussians in gaussians()) {
         let back = round_trip("a.compressed.ply", &gaussians);
         prop_assert_eq!((back.len(), back.degree), (gaussians.len(), gaussians.degree));
-        // Where each came to is told by its opacity and position.
-        let opacity = |g: &Gaussians, i: usize| 1.0 / (1.0 + (-g.opacity_logits[i]).exp());
-        let apart = |i: usize, j: usize| {
-            let moved: f32 = gaussians.means[i].iter().zip(&back.means[j]).map(|(a, b)| (a - b).abs()).sum();
-            moved + 100.0 * (opacity(&gaussians, i) - opacity(&back, j)).abs()
-        };
-        let order: Vec<usize> = (0..back.len())
-            .map(|i| (0..back.len()).min_by(|a, b| apart(i, *a).total_cmp(&apart(i, *b))).unwrap())
-            .collect();
-        assert_near(&gaussians, &taken(&back, &order), &COMPRESSED);
+        assert_near(&gaussians, &matched(&gaussians, &back), &COMPRESSED);
         // The files are the same whatever is read from them.
         let folder = tempfile::tempdir().unwrap();
         let [one, two] = ["1.compressed.ply", "1.ply"].map(|name| folder.path().join(name));
@@ -176,14 +166,16 @@ fn positions_of_any_size_fit_into_spz() {
     assert!(far.contains("positions to write: expected coordinates below 2^23"), "{far}");
     let unknown = message("a.obj", &at(0.0));
     assert!(
-        unknown.contains("file name: expected .ply, .compressed.ply, .splat, .spz or .v4.spz, found .obj"),
+        unknown.contains(
+            "file name: expected .ply, .compressed.ply, .splat, .spz, .v4.spz, .sog or meta.json, found .obj"
+        ),
         "{unknown}"
     );
     let broken = Gaussians { quats: vec![], ..at(0.0) };
-    for name in ["a.ply", "a.compressed.ply", "a.splat", "a.spz", "a.v4.spz"] {
+    for name in ["a.ply", "a.compressed.ply", "a.splat", "a.spz", "a.v4.spz", "a.sog", "meta.json"] {
         assert!(message(name, &broken).contains("expected 1 Gaussians"), "{name}");
     }
-    for name in ["a.compressed.ply", "a.splat", "a.spz", "a.v4.spz"] {
+    for name in ["a.compressed.ply", "a.splat", "a.spz", "a.v4.spz", "a.sog", "meta.json"] {
         assert!(message(name, &at(f32::NAN)).contains("vertex 0, position: expected finite numbers"), "{name}");
     }
 }

@@ -24,6 +24,7 @@ mod ply;
 mod realestate;
 mod shared;
 mod shrunk;
+mod sog;
 mod spz;
 mod spz_versions;
 mod torch;

@@ -96,6 +96,8 @@ fn readers() -> Vec<Reader> {
         Reader { seal: gzip, ..one("spz content", "a.spz", gunzip(&gaussians("a.spz")), spz) },
         // A stream names its window, which is reserved.
         Reader { more: MORE + (9 << 20), ..one("spz 4", "a.spz", gaussians("a.v4.spz"), spz) },
+        one("sog", "a.sog", gaussians("a.sog"), |path| weaver_io::read_gaussians(path).is_ok()),
+        several("sog folder", sog_files(), |path| weaver_io::read_gaussians(path).is_ok()),
         several("colmap binary", colmap_files("bin"), folder),
         several("colmap text", colmap_files("txt"), folder),
         one("transforms", "a.json", text(transforms), |path| Transforms::read_cameras(path).is_ok()),
@@ -141,6 +143,14 @@ fn splats() -> Gaussians {
         sh: (0..12 * 12).map(number).collect(),
         degree: 1,
     }
+}
+
+fn sog_files() -> Vec<(String, Vec<u8>)> {
+    let folder = tempfile::tempdir().unwrap();
+    weaver_io::write_gaussians(folder.path().join("meta.json"), &splats()).unwrap();
+    let others = ["means_l", "means_u", "scales", "quats", "sh0", "shN_centroids", "shN_labels"];
+    let names = ["meta.json".to_string()].into_iter().chain(others.map(|name| format!("{name}.webp")));
+    names.map(|name| (name.clone(), std::fs::read(folder.path().join(name)).unwrap())).collect()
 }
 
 fn colmap_files(extension: &str) -> Vec<(String, Vec<u8>)> {
