@@ -2,6 +2,7 @@
 
 pub(crate) mod fields;
 mod format;
+mod gltf;
 mod order;
 pub mod ply;
 mod scene_file;

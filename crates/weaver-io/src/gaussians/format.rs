@@ -2,7 +2,7 @@
 
 use super::scene_file::{Drawing, SceneFile};
 use super::sog::{self, META};
-use super::{ply, splat, spz};
+use super::{gltf, ply, splat, spz};
 use crate::{Error, Result};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
@@ -38,7 +38,7 @@ pub(super) enum Writer {
 }
 
 /// The formats that are read and written. A further one is a file beside these and a row here.
-pub const SCENE_FORMATS: [SceneFormat; 7] = [
+pub const SCENE_FORMATS: [SceneFormat; 9] = [
     SceneFormat {
         name: "ply",
         extension: "ply",
@@ -94,6 +94,22 @@ pub const SCENE_FORMATS: [SceneFormat; 7] = [
         degree: 3,
         read: sog::decode_folder,
         write: Writer::Files(sog::encode_folder),
+    },
+    SceneFormat {
+        name: "glb",
+        extension: "glb",
+        keeps: "32-bit floats of everything; up is +y",
+        degree: 3,
+        read: gltf::decode,
+        write: Writer::Stream(gltf::encode_glb),
+    },
+    SceneFormat {
+        name: "gltf",
+        extension: "gltf",
+        keeps: "as glb, in one text file a third larger",
+        degree: 3,
+        read: gltf::decode,
+        write: Writer::Stream(gltf::encode_gltf),
     },
 ];
 

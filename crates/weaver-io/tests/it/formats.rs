@@ -167,15 +167,15 @@ fn positions_of_any_size_fit_into_spz() {
     let unknown = message("a.obj", &at(0.0));
     assert!(
         unknown.contains(
-            "file name: expected .ply, .compressed.ply, .splat, .spz, .v4.spz, .sog or meta.json, found .obj"
+            "file name: expected .ply, .compressed.ply, .splat, .spz, .v4.spz, .sog, meta.json, .glb or .gltf, found .obj"
         ),
         "{unknown}"
     );
     let broken = Gaussians { quats: vec![], ..at(0.0) };
-    for name in ["a.ply", "a.compressed.ply", "a.splat", "a.spz", "a.v4.spz", "a.sog", "meta.json"] {
+    for name in ["a.ply", "a.compressed.ply", "a.splat", "a.spz", "a.v4.spz", "a.sog", "meta.json", "a.glb", "a.gltf"] {
         assert!(message(name, &broken).contains("expected 1 Gaussians"), "{name}");
     }
-    for name in ["a.compressed.ply", "a.splat", "a.spz", "a.v4.spz", "a.sog", "meta.json"] {
+    for name in ["a.compressed.ply", "a.splat", "a.spz", "a.v4.spz", "a.sog", "meta.json", "a.glb", "a.gltf"] {
         assert!(message(name, &at(f32::NAN)).contains("vertex 0, position: expected finite numbers"), "{name}");
     }
 }

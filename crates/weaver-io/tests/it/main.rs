@@ -8,6 +8,7 @@ mod exif;
 mod files;
 mod fixtures;
 mod formats;
+mod gltf;
 mod images;
 mod info;
 mod llff;

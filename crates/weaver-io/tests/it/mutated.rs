@@ -98,6 +98,11 @@ fn readers() -> Vec<Reader> {
         Reader { more: MORE + (9 << 20), ..one("spz 4", "a.spz", gaussians("a.v4.spz"), spz) },
         one("sog", "a.sog", gaussians("a.sog"), |path| weaver_io::read_gaussians(path).is_ok()),
         several("sog folder", sog_files(), |path| weaver_io::read_gaussians(path).is_ok()),
+        one("glb", "a.glb", gaussians("a.glb"), |path| weaver_io::read_gaussians(path).is_ok()),
+        one("gltf", "a.gltf", gaussians("a.gltf"), |path| weaver_io::read_gaussians(path).is_ok()),
+        one("gltf accessors", "a.gltf", crate::gltf::hard().to_string().into_bytes(), |path| {
+            weaver_io::read_gaussians(path).is_ok()
+        }),
         several("colmap binary", colmap_files("bin"), folder),
         several("colmap text", colmap_files("txt"), folder),
         one("transforms", "a.json", text(transforms), |path| Transforms::read_cameras(path).is_ok()),
