@@ -3,6 +3,7 @@
 pub(crate) mod fields;
 mod format;
 mod gltf;
+mod ksplat;
 mod order;
 pub mod ply;
 mod scene_file;
@@ -66,6 +67,7 @@ pub fn write_scene(path: impl AsRef<Path>, gaussians: &Gaussians, drawing: Drawi
     match format.write {
         Writer::Stream(write) => atomic_write_checked(path, |w| write(path, &gaussians, drawing, w)),
         Writer::Files(write) => write(path, &gaussians, drawing),
+        Writer::None => Err(not_written(path, format)),
     }
 }
 
@@ -98,7 +100,14 @@ pub fn write_gaussians_to(w: &mut dyn Write, format: SceneFormat, gaussians: &Ga
     match format.write {
         Writer::Stream(write) => write(path, &gaussians, Drawing::default(), w),
         Writer::Files(_) => Err(Error::invalid(path, "format", "one that is a single file", format)),
+        Writer::None => Err(not_written(path, format)),
     }
+}
+
+fn not_written(path: &Path, format: SceneFormat) -> Error {
+    let written: Vec<&str> = SCENE_FORMATS.iter().filter(|f| f.is_written()).map(|f| f.name).collect();
+    let expected = format!("one that is written: {}", written.join(", "));
+    Error::invalid(path, "format", expected, format_args!("{format}, which is read only"))
 }
 
 /// Checked Gaussians, without the harmonics that the format has no place for.

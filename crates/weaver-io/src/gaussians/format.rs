@@ -2,7 +2,7 @@
 
 use super::scene_file::{Drawing, SceneFile};
 use super::sog::{self, META};
-use super::{gltf, ply, splat, spz};
+use super::{gltf, ksplat, ply, splat, spz};
 use crate::{Error, Result};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
@@ -35,10 +35,12 @@ pub(super) enum Writer {
     Stream(fn(&Path, &Gaussians, Drawing, &mut dyn Write) -> Result<()>),
     /// To this file and others beside it.
     Files(fn(&Path, &Gaussians, Drawing) -> Result<()>),
+    /// Not at all.
+    None,
 }
 
 /// The formats that are read and written. A further one is a file beside these and a row here.
-pub const SCENE_FORMATS: [SceneFormat; 9] = [
+pub const SCENE_FORMATS: [SceneFormat; 10] = [
     SceneFormat {
         name: "ply",
         extension: "ply",
@@ -111,6 +113,14 @@ pub const SCENE_FORMATS: [SceneFormat; 9] = [
         read: gltf::decode,
         write: Writer::Stream(gltf::encode_gltf),
     },
+    SceneFormat {
+        name: "ksplat",
+        extension: "ksplat",
+        keeps: "read only",
+        degree: 2,
+        read: ksplat::decode,
+        write: Writer::None,
+    },
 ];
 
 impl SceneFormat {
@@ -142,6 +152,11 @@ impl SceneFormat {
     /// Whether a scene is written to one file, and so to a stream.
     pub fn writes_one_file(&self) -> bool {
         matches!(self.write, Writer::Stream(_))
+    }
+
+    /// Whether the format is written at all.
+    pub fn is_written(&self) -> bool {
+        !matches!(self.write, Writer::None)
     }
 
     /// The extensions, for messages and help: `.ply, .splat or .spz`.

@@ -167,9 +167,15 @@ fn positions_of_any_size_fit_into_spz() {
     let unknown = message("a.obj", &at(0.0));
     assert!(
         unknown.contains(
-            "file name: expected .ply, .compressed.ply, .splat, .spz, .v4.spz, .sog, meta.json, .glb or .gltf, found .obj"
+            "file name: expected .ply, .compressed.ply, .splat, .spz, .v4.spz, .sog, meta.json, .glb, .gltf or .ksplat, found .obj"
         ),
         "{unknown}"
+    );
+    let read_only = message("a.ksplat", &at(0.0));
+    assert!(
+        read_only.contains("format: expected one that is written: ply, compressed")
+            && read_only.ends_with("found ksplat, which is read only"),
+        "{read_only}"
     );
     let broken = Gaussians { quats: vec![], ..at(0.0) };
     for name in ["a.ply", "a.compressed.ply", "a.splat", "a.spz", "a.v4.spz", "a.sog", "meta.json", "a.glb", "a.gltf"] {

@@ -11,6 +11,7 @@ mod formats;
 mod gltf;
 mod images;
 mod info;
+mod ksplat;
 mod llff;
 mod mapped;
 mod mutated;

@@ -103,6 +103,8 @@ fn readers() -> Vec<Reader> {
         one("gltf accessors", "a.gltf", crate::gltf::hard().to_string().into_bytes(), |path| {
             weaver_io::read_gaussians(path).is_ok()
         }),
+        one("ksplat", "a.ksplat", fixture("splats/minimal.ksplat"), |path| weaver_io::read_gaussians(path).is_ok()),
+        one("ksplat 2", "a.ksplat", crate::ksplat::file(2, 2), |path| weaver_io::read_gaussians(path).is_ok()),
         several("colmap binary", colmap_files("bin"), folder),
         several("colmap text", colmap_files("txt"), folder),
         one("transforms", "a.json", text(transforms), |path| Transforms::read_cameras(path).is_ok()),
