@@ -15,7 +15,7 @@ pub use format::{SCENE_FORMATS, SceneFormat};
 pub use scene_file::{Drawing, SceneFile};
 
 use crate::files::atomic::atomic_write_checked;
-use crate::files::file::read_bytes;
+use crate::files::file::{file_length, read_bytes};
 use crate::{Error, Result};
 use fields::check_lengths;
 use format::Writer;
@@ -69,6 +69,18 @@ pub fn write_scene(path: impl AsRef<Path>, gaussians: &Gaussians, drawing: Drawi
         Writer::Files(write) => write(path, &gaussians, drawing),
         Writer::None => Err(not_written(path, format)),
     }
+}
+
+/// Bytes of a written scene: of its file, or of all files that a format of several writes beside it.
+///
+/// # Errors
+/// When one is not there.
+pub fn scene_bytes(path: impl AsRef<Path>) -> Result<u64> {
+    let path = path.as_ref();
+    if SceneFormat::of(path)?.writes_one_file() {
+        return file_length(path);
+    }
+    sog::names(path)?.iter().map(|name| file_length(path.with_file_name(name))).sum::<Result<u64>>()
 }
 
 /// Reads Gaussians from the bytes of a file in this format.

@@ -27,8 +27,8 @@ pub use files::memory::{available_memory, peak_mb};
 pub use files::output_folder::{OutputFolder, check_output_file};
 pub use gaussians::ply;
 pub use gaussians::{
-    Drawing, SCENE_FORMATS, SceneFile, SceneFormat, read_gaussians, read_gaussians_from, read_scene, write_gaussians,
-    write_gaussians_to, write_scene,
+    Drawing, SCENE_FORMATS, SceneFile, SceneFormat, read_gaussians, read_gaussians_from, read_scene, scene_bytes,
+    write_gaussians, write_gaussians_to, write_scene,
 };
 pub use info::info;
 pub use pictures::bitmap::Bitmap;

@@ -14,6 +14,7 @@
 
 mod activated;
 mod cameras;
+mod difference;
 pub mod forms;
 mod frame;
 mod gaussians;
@@ -25,6 +26,7 @@ mod transform;
 
 pub use activated::ActivatedGaussians;
 pub use cameras::{CameraRows, CameraSlices, Model, intrinsics_row, viewmat};
+pub use difference::{Difference, Errors};
 pub use frame::Frame;
 pub use gaussians::Gaussians;
 pub use points::PointCloud;

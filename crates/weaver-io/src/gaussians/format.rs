@@ -1,5 +1,6 @@
 //! The formats of files of Gaussians as a table.
 
+use super::order::nearby;
 use super::scene_file::{Drawing, SceneFile};
 use super::sog::{self, META};
 use super::{gltf, ksplat, ply, splat, spz};
@@ -21,6 +22,8 @@ pub struct SceneFormat {
     pub extension: &'static str,
     /// What it keeps of Gaussians.
     pub keeps: &'static str,
+    /// Whether Gaussians are written in another order, that of a curve through space.
+    pub(super) reorders: bool,
     /// The largest degree of harmonics that it holds; those beyond are left out.
     pub degree: usize,
     /// Decodes a file, whose path is for messages and for the files beside it that it names.
@@ -45,6 +48,7 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "ply",
         extension: "ply",
         keeps: "every bit",
+        reorders: false,
         degree: MAX_DEGREE,
         read: ply::decode,
         write: Writer::Stream(ply::encode),
@@ -53,6 +57,7 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "compressed",
         extension: "compressed.ply",
         keeps: "11 bits of a coordinate in blocks of 256, 8 of colors; in another order",
+        reorders: true,
         degree: MAX_DEGREE,
         read: ply::decode,
         write: Writer::Stream(ply::encode_compressed),
@@ -61,6 +66,7 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "splat",
         extension: "splat",
         keeps: "positions and scales, 8 bits of the rest; no harmonics",
+        reorders: false,
         degree: 0,
         read: splat::decode,
         write: Writer::Stream(splat::encode),
@@ -69,6 +75,7 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "spz",
         extension: "spz",
         keeps: "24 bits of a coordinate, 8 of the rest",
+        reorders: false,
         degree: MAX_DEGREE,
         read: spz::decode,
         write: Writer::Stream(spz::encode),
@@ -77,6 +84,7 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "spz4",
         extension: "v4.spz",
         keeps: "as spz, in version 4",
+        reorders: false,
         degree: MAX_DEGREE,
         read: spz::decode,
         write: Writer::Stream(spz::encode_zstd),
@@ -85,6 +93,7 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "sog",
         extension: "sog",
         keeps: "16 bits of a coordinate, 8 of the rest by tables, a palette of harmonics; in another order",
+        reorders: true,
         degree: 3,
         read: sog::decode,
         write: Writer::Stream(sog::encode),
@@ -93,6 +102,7 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "sog-folder",
         extension: META,
         keeps: "as sog, a folder of pictures beside this file",
+        reorders: true,
         degree: 3,
         read: sog::decode_folder,
         write: Writer::Files(sog::encode_folder),
@@ -101,6 +111,7 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "glb",
         extension: "glb",
         keeps: "32-bit floats of everything; up is +y",
+        reorders: false,
         degree: 3,
         read: gltf::decode,
         write: Writer::Stream(gltf::encode_glb),
@@ -109,6 +120,7 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "gltf",
         extension: "gltf",
         keeps: "as glb, in one text file a third larger",
+        reorders: false,
         degree: 3,
         read: gltf::decode,
         write: Writer::Stream(gltf::encode_gltf),
@@ -117,6 +129,7 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "ksplat",
         extension: "ksplat",
         keeps: "read only",
+        reorders: false,
         degree: 2,
         read: ksplat::decode,
         write: Writer::None,
@@ -147,6 +160,11 @@ impl SceneFormat {
                 path.extension().map_or("no extension".into(), |e| format!(".{}", e.to_string_lossy().to_lowercase()));
             Error::invalid(path, "file name", Self::extensions(), found)
         })
+    }
+
+    /// The numbers of Gaussians in the order in which they are written.
+    pub fn order(&self, gaussians: &Gaussians) -> Vec<usize> {
+        if self.reorders { nearby(&gaussians.means) } else { (0..gaussians.len()).collect() }
     }
 
     /// Whether a scene is written to one file, and so to a stream.

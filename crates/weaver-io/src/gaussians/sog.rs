@@ -15,10 +15,12 @@ mod palette;
 mod plane;
 
 use super::scene_file::{Drawing, SceneFile};
+use crate::files::file::read_bytes;
 use crate::{Error, Result, atomic_write, create_folder};
 use decode::decoded;
 use encode::{File, encoded};
 use files::{Archive, Folder};
+use meta::Meta;
 use std::io::{Cursor, Write};
 use std::path::Path;
 use weaver_scene::Gaussians;
@@ -45,6 +47,14 @@ pub(crate) fn decode(path: &Path, data: &[u8]) -> Result<SceneFile> {
 pub(crate) fn decode_folder(path: &Path, data: &[u8]) -> Result<SceneFile> {
     let folder = Folder::beside(path);
     decoded(path, data, &mut |name| folder.file(name))
+}
+
+/// Names of the files of a scene in a folder, `meta.json` among them.
+///
+/// # Errors
+/// When `meta.json` cannot be read or is malformed.
+pub(crate) fn names(path: &Path) -> Result<Vec<String>> {
+    Ok(Meta::read(path, &read_bytes(path)?)?.files().chain([META.to_string()]).collect())
 }
 
 /// Writes a `.sog` archive.

@@ -74,3 +74,29 @@ fn a_planted_floater_is_found() {
     assert!(kept.len() >= 190, "{}", kept.len());
     assert_eq!(row(8, 0).without_floaters().len(), 8);
 }
+
+/// The color of harmonics over all directions, sampled, beside the sum of squares that it is by Parseval's theorem.
+#[test]
+fn a_difference_of_colors_is_a_mean_over_directions() {
+    let a = row(1, 0);
+    let b = Gaussians { sh: (0..27).map(|i| (i as f32 * 1.3).sin() * 0.2).collect(), degree: 2, ..row(1, 2) };
+    let found = a.difference(&b).color;
+    let n = 4000;
+    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let mean: f64 = (0..n)
+        .map(|i| {
+            let z = 1.0 - (2 * i + 1) as f64 / n as f64;
+            let (sin, cos) = (golden * i as f64).sin_cos();
+            let r = (1.0 - z * z).sqrt();
+            let basis = weaver_geometry::sh::basis(2, [r * cos, r * sin, z], |x: f64| x);
+            let color = |g: &Gaussians, c: usize| {
+                (0..g.coefficients()).map(|k| basis[k] * f64::from(g.sh[3 * k + c])).sum::<f64>()
+            };
+            (0..3).map(|c| (color(&a, c) - color(&b, c)).powi(2)).sum::<f64>() / 3.0
+        })
+        .sum::<f64>()
+        / n as f64;
+    assert!((found.mean - mean.sqrt()).abs() < 1e-4, "{} {}", found.mean, mean.sqrt());
+    assert_eq!((found.mean, b.difference(&a).color), (found.largest, found));
+    assert_eq!(Gaussians::default().difference(&Gaussians::default()), Default::default());
+}

@@ -56,6 +56,12 @@ pub(super) struct Palette {
 }
 
 impl Meta {
+    /// Names of the pictures.
+    pub(super) fn files(self) -> impl Iterator<Item = String> {
+        let rest = self.rest.into_iter().flat_map(|rest| rest.files);
+        self.means.files.into_iter().chain(self.scales.files).chain(self.quats.files).chain(self.sh0.files).chain(rest)
+    }
+
     pub(super) fn read(path: &Path, data: &[u8]) -> Result<Self> {
         let place = |e: &serde_json::Error| format!("{META} line {} column {}", e.line(), e.column());
         let value: Value =
