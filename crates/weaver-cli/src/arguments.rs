@@ -18,7 +18,7 @@ mod vad;
 pub use align::{Align, LossName, MethodName, Switch};
 pub use cameras::CameraChoice;
 pub use compare::Compare;
-pub use convert::Convert;
+pub use convert::{Convert, Keep, Score, Triple};
 pub use dynamic::{
     Dynamic, DynamicCommand, DynamicDistil, DynamicEval, DynamicPrune, DynamicRender, DynamicTrain, PresetName,
 };

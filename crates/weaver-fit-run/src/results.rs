@@ -11,7 +11,7 @@ use weaver_fit::{Judge, Photo, Quality};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_io::colmap::{Model, Point};
-use weaver_io::{Transforms, write_gaussians};
+use weaver_io::{Drawing, Transforms, write_scene};
 use weaver_scene::Frame;
 use weaver_sfm::carried;
 
@@ -28,9 +28,10 @@ impl Run {
     pub fn finish(&mut self) -> Result<Outcome, RunError> {
         self.capture.fit.fetch()?;
         let gaussians = self.fit().gaussians();
-        write_gaussians(self.out.file("scene.ply")?, &gaussians)?;
+        let drawing = Drawing::antialiased(self.fit().raster_settings().antialiased);
+        write_scene(self.out.file("scene.ply")?, &gaussians, drawing)?;
         for format in &self.settings.formats {
-            write_gaussians(self.out.file(file_of_scene(format))?, &gaussians)?;
+            write_scene(self.out.file(file_of_scene(format))?, &gaussians, drawing)?;
         }
         let test_cameras = self.held_out_cameras()?;
         self.write_cameras(&test_cameras)?;

@@ -1,4 +1,4 @@
-//! File formats: images, Gaussians (PLY, compressed PLY, splat, SPZ), COLMAP, transforms.json, RealEstate10K, LLFF, Nerfies, safetensors,
+//! File formats: images, Gaussians (PLY, compressed PLY, splat, SPZ, SOG, glTF, ksplat), COLMAP, transforms.json, RealEstate10K, LLFF, Nerfies, safetensors,
 //! NPY.
 //!
 //! [`read_gaussians`] and [`read_cameras`] read every supported format of scenes and of cameras into the types of

@@ -151,8 +151,9 @@ impl SceneFormat {
     /// ```
     pub fn of(path: &Path) -> Result<Self> {
         let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().to_lowercase());
-        let ends = |format: &&Self| {
-            name.strip_suffix(format.extension).is_some_and(|stem| stem.is_empty() || stem.ends_with('.'))
+        let ends = |format: &&Self| match format.extension {
+            META => name == META,
+            extension => name.strip_suffix(extension).is_some_and(|stem| stem.ends_with('.')),
         };
         let found = SCENE_FORMATS.iter().filter(ends).max_by_key(|format| format.extension.len());
         found.copied().ok_or_else(|| {
@@ -177,13 +178,14 @@ impl SceneFormat {
         !matches!(self.write, Writer::None)
     }
 
+    /// How the names of its files end: `.ply`, or the whole name `meta.json`.
+    pub fn file_name_end(&self) -> String {
+        if self.extension == META { META.into() } else { format!(".{}", self.extension) }
+    }
+
     /// The extensions, for messages and help: `.ply, .splat or .spz`.
     pub fn extensions() -> String {
-        let named = |format: &Self| match format.extension {
-            META => META.to_string(),
-            extension => format!(".{extension}"),
-        };
-        let all: Vec<String> = SCENE_FORMATS.iter().map(named).collect();
+        let all: Vec<String> = SCENE_FORMATS.iter().map(Self::file_name_end).collect();
         let (last, others) = all.split_last().expect("there are formats");
         format!("{} or {last}", others.join(", "))
     }
