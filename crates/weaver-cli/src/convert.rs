@@ -10,7 +10,7 @@ use weaver_io::{Drawing, SceneFormat, check_output_file, read_gaussians, read_sc
 use weaver_scene::{Difference, Gaussians, forms};
 
 pub fn run(arguments: &Convert, console: &mut Console) -> Result<(), Failure> {
-    let (from, to) = arguments.from_to();
+    let (from, to) = arguments.inputs_and_output();
     let format = SceneFormat::of(to)?;
     check_output_file(to, from)?;
     let (read, drawing) = joined(from, console)?;

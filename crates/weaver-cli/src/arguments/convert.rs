@@ -47,7 +47,7 @@ pub struct Convert {
 
 impl Convert {
     /// The files that are read, and the one that is written.
-    pub fn from_to(&self) -> (&[PathBuf], &PathBuf) {
+    pub fn inputs_and_output(&self) -> (&[PathBuf], &PathBuf) {
         let (to, from) = self.files.split_last().expect("the command line has at least two");
         (from, to)
     }
