@@ -1,10 +1,9 @@
 //! Bytes that a document refers to: in the binary chunk, in the document itself, or in files beside it.
 
+use super::base64;
 use super::document::{Buffer, BufferView};
 use crate::files::file::read_bytes;
 use crate::{Error, Result};
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use std::borrow::Cow;
 use std::path::{Component, Path, PathBuf};
 
@@ -64,7 +63,7 @@ fn read<'a>(path: &Path, index: usize, buffer: &Buffer, binary: Option<&'a [u8]>
         Some(uri) => match uri.strip_prefix("data:") {
             Some(data) => {
                 let coded = data.split_once(";base64,").ok_or_else(|| invalid("base64", "another data URI".into()))?.1;
-                STANDARD.decode(coded).map_err(|e| invalid("base64", e.to_string()))?.into()
+                base64::decode(coded).ok_or_else(|| invalid("base64", "other text".into()))?.into()
             }
             None => read_bytes(beside(path, uri).ok_or_else(|| {
                 let expected = "data, or the name of a file in the document's folder";

@@ -1,11 +1,9 @@
 //! Documents of Gaussians.
 
-use super::{BINARY, EXTENSION, JSON, MAGIC, harmonics, signs};
+use super::{BINARY, EXTENSION, JSON, MAGIC, base64, harmonics, signs};
 use crate::gaussians::fields::{byte, check_values, unit};
 use crate::gaussians::order::bounds;
 use crate::{Error, Result};
-use base64::engine::general_purpose::STANDARD;
-use base64::write::EncoderWriter;
 use serde_json::{Value, json};
 use std::io::{self, Write};
 use std::path::Path;
@@ -46,9 +44,10 @@ pub(super) fn gltf(path: &Path, gaussians: &Gaussians, w: &mut dyn Write) -> Res
     check_values(path, gaussians)?;
     let attributes = attributes(gaussians);
     let write = |w: &mut dyn Write| -> io::Result<()> {
-        let mut coded = EncoderWriter::new(b"data:application/octet-stream;base64,".to_vec(), &STANDARD);
-        binary(gaussians, &attributes, &mut coded)?;
-        let uri = String::from_utf8(coded.finish()?).expect("base64 is ASCII");
+        let mut bytes = Vec::new();
+        binary(gaussians, &attributes, &mut bytes)?;
+        let mut uri = "data:application/octet-stream;base64,".to_string();
+        base64::encode(&bytes, &mut uri);
         serde_json::to_writer(w, &document(gaussians, &attributes, Some(uri))).map_err(io::Error::from)
     };
     write(w).map_err(Error::io(path))
