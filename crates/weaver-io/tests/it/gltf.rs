@@ -168,7 +168,15 @@ fn messages_say_what() {
     };
     let attributes = |d: &mut Value| std::mem::take(&mut d["meshes"][0]["primitives"][0]["attributes"]);
     let set = |pointer: &'static str, to: Value| changed(&move |d| *d.pointer_mut(pointer).unwrap() = to.clone());
+    let not_a_number = changed(&|d| {
+        let uri = d["buffers"][0]["uri"].as_str().unwrap().to_string();
+        let (start, coded) = uri.split_once(',').unwrap();
+        let mut buffer = STANDARD.decode(coded).unwrap();
+        buffer[36..40].copy_from_slice(&f32::NAN.to_le_bytes());
+        d["buffers"][0]["uri"] = json!(format!("{start},{}", STANDARD.encode(buffer)));
+    });
     let cases = [
+        (not_a_number, "accessors[2]: expected finite numbers, found [NaN, 1.0, 0.5] at 1"),
         (set("/extensionsUsed", json!([])), "extensionsUsed: expected KHR_gaussian_splatting"),
         (changed(&|d| d["extensionsRequired"] = json!(["KHR_draco"])), "or KHR_mesh_quantization, found KHR_draco"),
         (set("/meshes/0/primitives/0/mode", json!(4)), "expected mode 0 (points), found Some(4)"),

@@ -34,11 +34,12 @@ impl Palette {
         let mut members = vec![Vec::new(); first];
         of.iter().enumerate().for_each(|(i, cluster)| members[*cluster as usize].push(i));
         let mut palette = Self { centers: Vec::new(), labels: vec![0; n] };
-        // Each cluster gets centers by its share of the rows, at least one.
-        let mut before = 0;
-        for members in members.iter().filter(|members| !members.is_empty()) {
-            let share = |rows: usize| (rows as u128 * count as u128 / n as u128) as usize;
-            let centers = (share(before + members.len()) - share(before)).max(1);
+        members.retain(|members| !members.is_empty());
+        // Each cluster gets one center, and of those that are left its share by rows: no more than `count` in all.
+        let (left, mut before) = (count - members.len(), 0);
+        for members in &members {
+            let share = |rows: usize| (rows as u128 * left as u128 / n as u128) as usize;
+            let centers = share(before + members.len()) - share(before) + 1;
             before += members.len();
             let own: Vec<f32> = members.iter().flat_map(|i| &rows[i * width..][..width]).copied().collect();
             let fine = clustered(&own, width, centers);
@@ -94,4 +95,21 @@ fn nearest(rows: &[f32], width: usize, centers: &[f32]) -> Vec<u32> {
         }
     });
     labels
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Palette;
+
+    /// Most rows are in one place, so that shares of the other clusters are less than one center.
+    #[test]
+    fn there_are_no_more_centers_than_asked_for() {
+        let rows: Vec<f32> = (0..400).map(|i| if i < 340 { 1e-4 * i as f32 } else { 10.0 * i as f32 }).collect();
+        for count in [1, 2, 3, 5, 16, 17, 50, 64, 100, 399, 400, 1000] {
+            let Palette { centers, labels } = Palette::of(&rows, 1, count);
+            assert!(!centers.is_empty() && centers.len() <= count, "{} of {count}", centers.len());
+            assert!(labels.iter().all(|label| (*label as usize) < centers.len()));
+        }
+        assert!(Palette::of(&[], 3, 8).labels.is_empty());
+    }
 }
