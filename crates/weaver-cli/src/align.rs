@@ -12,15 +12,16 @@ use weaver_command::{Console, Failure, Progress};
 use weaver_data::posed::{PosedOptions, PosedPhoto, load_frames, load_named};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
-use weaver_io::read_gaussians;
+use weaver_io::{SceneFile, read_scene};
 use weaver_splat::CpuRasterizer;
 use weaver_trainer::AlignLoss;
 
 pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
     let read = arguments.photos.iter().chain([&arguments.scene]).chain(&arguments.cameras);
     let mut results = Results::claim(&arguments.out, read)?;
-    let (background, settings) = DrawingOptions::from(arguments.drawing).beside(&arguments.scene)?;
-    let gaussians = read_gaussians(&arguments.scene)?.to_activated();
+    let SceneFile { gaussians, drawing } = read_scene(&arguments.scene)?;
+    let (background, settings) = DrawingOptions::from(arguments.drawing).beside(&arguments.scene, drawing)?;
+    let gaussians = gaussians.to_activated();
     let paths = paths(&arguments.photos)?;
     let loading = PosedOptions {
         long_side: arguments.long_side.map(|size| size as usize),

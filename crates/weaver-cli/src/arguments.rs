@@ -17,7 +17,7 @@ mod render;
 pub use align::{Align, LossName, MethodName, Switch};
 pub use cameras::CameraChoice;
 pub use compare::Compare;
-pub use convert::Convert;
+pub use convert::{Convert, Keep, Score, Triple};
 pub use dynamic::{
     Dynamic, DynamicCommand, DynamicDistil, DynamicEval, DynamicPrune, DynamicRender, DynamicTrain, PresetName,
 };

@@ -6,15 +6,15 @@ use std::fmt::Write;
 use weaver_command::{Console, DrawingOptions, Failure, Progress};
 use weaver_data::capture::posed::{self, PosedOptions};
 use weaver_fit::{Judge, Quality};
-use weaver_io::read_gaussians;
+use weaver_io::{SceneFile, read_scene};
 use weaver_splat::{Workspace, render};
 use weaver_trainer::evaluate::load_lpips;
 
 pub fn run(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
     let Compare { scene, data, .. } = arguments;
-    let (background, settings) = DrawingOptions::from(arguments.drawing).beside(scene)?;
     let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);
-    let gaussians = read_gaussians(scene)?;
+    let SceneFile { gaussians, drawing } = read_scene(scene)?;
+    let (background, settings) = DrawingOptions::from(arguments.drawing).beside(scene, drawing)?;
     if gaussians.is_empty() {
         return Err(Failure::message(format!("{}: expected Gaussians to judge, found none", scene.display())));
     }

@@ -11,7 +11,7 @@ use weaver_command::memory;
 use weaver_command::{Console, Failure, Progress, device};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
-use weaver_io::{Image, OutputFolder, check_output_file, read_gaussians};
+use weaver_io::{Image, OutputFolder, SceneFile, check_output_file, read_scene};
 use weaver_scene::{Frame, Gaussians};
 use weaver_splat::Renderer;
 
@@ -23,14 +23,14 @@ pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
     let out = arguments.out.as_ref().map(|folder| OutputFolder::claim(folder, "render", &read)).transpose()?;
     arguments.video.as_ref().map_or(Ok(()), |path| check_output_file(path, &read))?;
     let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
-    let gaussians = read_gaussians(&arguments.scene)?;
+    let SceneFile { gaussians, drawing } = read_scene(&arguments.scene)?;
     let cameras = match (&arguments.cameras, arguments.orbit) {
         (Some(file), _) => camera_files::read(file, size)?,
         (None, count) => orbit(&gaussians, count.unwrap_or(1) as usize, size).ok_or_else(|| {
             Failure::message(format!("{}: expected Gaussians to turn around, found none", arguments.scene.display()))
         })?,
     };
-    let (background, settings) = DrawingOptions::from(arguments.drawing).beside(&arguments.scene)?;
+    let (background, settings) = DrawingOptions::from(arguments.drawing).beside(&arguments.scene, drawing)?;
     let mut renderer = Renderer::new(device::rasterizer(&arguments.device)?);
     let stems = camera_files::stems(&cameras);
     out.as_ref().map_or(Ok(()), |out| out.check(stems.iter().map(|stem| format!("{stem}.png"))))?;

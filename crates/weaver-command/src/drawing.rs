@@ -3,6 +3,7 @@
 use crate::Failure;
 use serde_json::Value;
 use std::path::Path;
+use weaver_io::Drawing;
 use weaver_splat::RasterSettings;
 
 /// What somebody says about drawing a scene, on the command line or in a summary.
@@ -19,12 +20,12 @@ pub struct DrawingOptions {
 }
 
 impl DrawingOptions {
-    /// The color behind the scene, and how it is drawn: as asked, else as the summary of what made it says.
-    pub fn beside(self, scene: &Path) -> Result<([f32; 3], RasterSettings), Failure> {
+    /// The color behind the scene, and how it is drawn: as asked, else as the summary of what made it says, else as its file does.
+    pub fn beside(self, scene: &Path, file: Drawing) -> Result<([f32; 3], RasterSettings), Failure> {
         let summary = Self::of_summary(scene)?;
         let default = RasterSettings::default();
         let settings = RasterSettings {
-            antialiased: self.antialiased.or(summary.antialiased).unwrap_or(default.antialiased),
+            antialiased: self.antialiased.or(summary.antialiased).unwrap_or(file.antialiased),
             near: self.near.or(summary.near).unwrap_or(default.near),
             alpha_max: self.alpha_max.or(summary.alpha_max).unwrap_or(default.alpha_max),
             ..default

@@ -12,7 +12,7 @@ use weaver_fit::{Judge, Photo, Quality};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_io::colmap::{Model, Point};
-use weaver_io::{OutputFolder, Transforms, write_gaussians};
+use weaver_io::{Drawing, OutputFolder, Transforms, write_scene};
 use weaver_scene::Frame;
 use weaver_sfm::carried;
 
@@ -31,9 +31,10 @@ impl Run {
         let out = folder.out();
         job.capture.fit.fetch()?;
         let gaussians = job.fit().gaussians();
-        write_gaussians(out.file("scene.ply")?, &gaussians)?;
+        let drawing = Drawing::antialiased(job.fit().raster_settings().antialiased);
+        write_scene(out.file("scene.ply")?, &gaussians, drawing)?;
         for format in &job.settings.formats {
-            write_gaussians(out.file(file_of_scene(format))?, &gaussians)?;
+            write_scene(out.file(file_of_scene(format))?, &gaussians, drawing)?;
         }
         let test_cameras = job.held_out_cameras()?;
         job.write_cameras(&test_cameras, out)?;

@@ -101,6 +101,26 @@ pub fn gradient(direction: [f64; 3]) -> [[f64; 3]; MAX_COEFFICIENTS] {
     })
 }
 
+/// The sign by which each coefficient is multiplied when the world turns half about a coordinate axis, 0 to 2: [`rotation`] by 180
+/// degrees, which is diagonal.
+///
+/// # Panics
+/// When `axis` is above 2.
+///
+/// ```
+/// use weaver_geometry::sh;
+/// assert_eq!(sh::half_turn_signs(2)[..4], [1.0, -1.0, 1.0, -1.0]);
+/// ```
+pub fn half_turn_signs(axis: usize) -> [f32; MAX_COEFFICIENTS] {
+    // A direction at which no function vanishes.
+    let direction = [0.675, 0.337, 0.656];
+    let mut turned = direction.map(|x: f64| -x);
+    turned[axis] = direction[axis];
+    let basis = |direction| basis(MAX_DEGREE, direction, |x| x);
+    let (before, after) = (basis(direction), basis(turned));
+    std::array::from_fn(|i| if before[i] * after[i] < 0.0 { -1.0 } else { 1.0 })
+}
+
 /// What a rotation of the world does to coefficients, degree by degree: matrices `[2 l + 1, 2 l + 1]` row by row for l from 1
 /// to `degree`, such that the rotated scene has, along a rotated direction, the color that the scene had along the direction.
 ///

@@ -6,9 +6,10 @@ use crate::cameras::colmap::{self, CameraModel, Model, Point};
 use crate::cameras::realestate::Clip;
 use crate::files::file::read_bytes;
 use crate::gaussians::ply::Table;
+use crate::gaussians::sog::META;
 use crate::pictures::photo_file::EXTENSIONS;
 use crate::safetensors::Mapped;
-use crate::{Background, Error, Image, Result, SceneFormat, Transforms, read_gaussians};
+use crate::{Background, Error, Image, Result, SceneFile, SceneFormat, Transforms, read_scene};
 use std::fmt::Display;
 use std::path::Path;
 use weaver_geometry::glam::DVec3;
@@ -25,6 +26,9 @@ pub fn info(path: impl AsRef<Path>) -> Result<String> {
         if ["model.safetensors", "model.safetensors.index.json"].iter().any(|name| path.join(name).is_file()) {
             return Ok(weights::weights(&Mapped::open(path)?));
         }
+        if path.join(META).is_file() {
+            return scene(path);
+        }
         return Ok(model(&Model::read(colmap::model_folder(path))?));
     }
     let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("").to_lowercase();
@@ -33,7 +37,7 @@ pub fn info(path: impl AsRef<Path>) -> Result<String> {
         (_, extension) if EXTENSIONS.contains(&extension) => image(path),
         // Of any other PLY file, its vertices are described.
         (_, "ply") => ply(path),
-        _ if SceneFormat::of(path).is_ok() => Ok(gaussians(&read_gaussians(path)?)),
+        _ if SceneFormat::of(path).is_ok() => scene(path),
         (_, "safetensors") => Ok(weights::weights(&Mapped::open(path)?)),
         (_, "json") if name.ends_with(".index.json") => Ok(weights::weights(&Mapped::open(path)?)),
         // The cameras are worth describing where the photos are not at hand.
@@ -62,7 +66,7 @@ fn image(path: &Path) -> Result<String> {
 fn ply(path: &Path) -> Result<String> {
     let table = Table::read(path, &read_bytes(path)?)?;
     if table.names.iter().any(|n| n == "scale_0" || n == "packed_position") {
-        return Ok(gaussians(&read_gaussians(path)?));
+        return scene(path);
     }
     let mut lines = format!("PLY, {} vertices", table.rows);
     for (column, name) in table.names.iter().enumerate().take(20) {
@@ -70,6 +74,14 @@ fn ply(path: &Path) -> Result<String> {
         lines += &format!("\n{name:<12} {}", Range::of(values));
     }
     Ok(lines)
+}
+
+fn scene(path: &Path) -> Result<String> {
+    let SceneFile { gaussians: scene, drawing } = read_scene(path)?;
+    let trained = if drawing.antialiased { ", trained antialiased" } else { "" };
+    let text = gaussians(&scene);
+    let (first, others) = text.split_once('\n').unwrap_or((&text, ""));
+    Ok(format!("{first}{trained}\n{others}"))
 }
 
 fn gaussians(gaussians: &Gaussians) -> String {

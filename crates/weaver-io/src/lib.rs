@@ -1,4 +1,4 @@
-//! File formats: images, Gaussians (PLY, compressed PLY, splat, SPZ), COLMAP, transforms.json, RealEstate10K, LLFF, Nerfies, safetensors,
+//! File formats: images, Gaussians (PLY, compressed PLY, splat, SPZ, SOG, glTF, ksplat), COLMAP, transforms.json, RealEstate10K, LLFF, Nerfies, safetensors,
 //! NPY.
 //!
 //! [`read_gaussians`] and [`read_cameras`] read every supported format of scenes and of cameras into the types of
@@ -27,7 +27,8 @@ pub use files::memory::{available_memory, peak_mb};
 pub use files::output_folder::{OutputFolder, check_output_file};
 pub use gaussians::ply;
 pub use gaussians::{
-    SCENE_FORMATS, SceneFormat, read_gaussians, read_gaussians_from, write_gaussians, write_gaussians_to,
+    Drawing, SCENE_FORMATS, SceneFile, SceneFormat, read_gaussians, read_gaussians_from, read_scene, scene_bytes,
+    write_gaussians, write_gaussians_to, write_scene,
 };
 pub use info::info;
 pub use pictures::bitmap::Bitmap;

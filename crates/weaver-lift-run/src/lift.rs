@@ -20,7 +20,7 @@ use weaver_command::camera_files::{self, Size};
 use weaver_command::{Console, Failure, Progress};
 use weaver_geometry::Camera;
 use weaver_io::safetensors::Tensors;
-use weaver_io::{Checksum, OutputFolder, read_gaussians};
+use weaver_io::{Checksum, OutputFolder, SceneFile, read_scene};
 use weaver_lift::{
     AggregateOptions, Aggregation, ClusterOptions, Descent, HdbscanOptions, LiftOptions, Lifted, Observations, Raster,
     Solver, Stop, aggregate, cluster, guide, lift,
@@ -130,8 +130,9 @@ pub struct Drawn {
 impl Drawn {
     /// Reads a scene; colors, which nobody looks at, are dropped.
     pub fn read(path: &Path) -> Result<Self, Failure> {
-        let (_, settings) = DrawingOptions::default().beside(path)?;
-        let mut gaussians = read_gaussians(path)?.to_activated();
+        let SceneFile { gaussians, drawing } = read_scene(path)?;
+        let (_, settings) = DrawingOptions::default().beside(path, drawing)?;
+        let mut gaussians = gaussians.to_activated();
         if gaussians.is_empty() {
             return Err(Failure::message(format!("{}: expected Gaussians, found none", path.display())));
         }

@@ -14,18 +14,23 @@
 
 mod activated;
 mod cameras;
+mod difference;
 pub mod forms;
 mod frame;
 mod gaussians;
 mod points;
+mod prune;
+mod select;
 mod slices;
 mod transform;
 
 pub use activated::ActivatedGaussians;
 pub use cameras::{CameraRows, CameraSlices, Model, intrinsics_row, viewmat};
+pub use difference::{Difference, Errors};
 pub use frame::Frame;
 pub use gaussians::Gaussians;
 pub use points::PointCloud;
+pub use prune::Region;
 pub use slices::{Color, Features, GaussianSlices, Groups};
 
 /// The example of the README, compiled and run.

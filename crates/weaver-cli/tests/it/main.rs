@@ -5,6 +5,7 @@ mod align;
 mod clip;
 mod command;
 mod compare;
+mod convert;
 mod device;
 mod dynamic;
 mod figures;

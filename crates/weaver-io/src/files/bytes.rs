@@ -33,6 +33,16 @@ impl<'a> Bytes<'a> {
         }
     }
 
+    /// Leaves out bytes, which are (part of) `what`.
+    pub(crate) fn skip(&mut self, length: usize, what: &str) -> Result<()> {
+        if length > self.rest().len() {
+            let found = format!("{} until the end", self.rest().len());
+            return Err(self.invalid(format!("{length} bytes of {what}"), found));
+        }
+        self.at += length;
+        Ok(())
+    }
+
     pub(crate) fn u32(&mut self, what: &str) -> Result<u32> {
         Ok(u32::from_le_bytes(self.take(what)?))
     }

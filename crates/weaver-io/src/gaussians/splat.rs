@@ -5,6 +5,7 @@
 
 use crate::files::bytes::Bytes;
 use crate::gaussians::fields::{byte, check_values, unit};
+use crate::gaussians::scene_file::{Drawing, SceneFile};
 use crate::{Error, Result};
 use std::io::{self, Write};
 use std::path::Path;
@@ -16,7 +17,7 @@ const RECORD: usize = 32;
 ///
 /// # Errors
 /// When the length is not a multiple of 32 bytes or a value is not finite.
-pub(crate) fn decode(path: &Path, data: &[u8]) -> Result<Gaussians> {
+pub(crate) fn decode(path: &Path, data: &[u8]) -> Result<SceneFile> {
     let mut bytes = Bytes::new(path, data.to_vec());
     let size = bytes.rest().len();
     if !size.is_multiple_of(RECORD) {
@@ -33,7 +34,7 @@ pub(crate) fn decode(path: &Path, data: &[u8]) -> Result<Gaussians> {
         gaussians.quats.push(bytes.take("a rotation")?.map(|q: u8| (f32::from(q) - 128.0) / 128.0));
     }
     check_values(path, &gaussians)?;
-    Ok(gaussians)
+    Ok(gaussians.into())
 }
 
 /// Writes a `.splat` file.
@@ -42,7 +43,7 @@ pub(crate) fn decode(path: &Path, data: &[u8]) -> Result<Gaussians> {
 ///
 /// # Errors
 /// When a value is not finite.
-pub(crate) fn encode(path: &Path, gaussians: &Gaussians, w: &mut dyn Write) -> Result<()> {
+pub(crate) fn encode(path: &Path, gaussians: &Gaussians, _drawing: Drawing, w: &mut dyn Write) -> Result<()> {
     check_values(path, gaussians)?;
     written(gaussians, w).map_err(Error::io(path))
 }

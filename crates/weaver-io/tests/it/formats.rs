@@ -3,11 +3,11 @@
 use crate::shared;
 use proptest::prelude::*;
 use weaver_geometry::sh;
-use weaver_io::{read_gaussians, write_gaussians};
+use weaver_io::{SceneFormat, read_gaussians, write_gaussians};
 use weaver_scene::Gaussians;
 
 /// Gaussians that every format can hold: scales, opacities and colors within its range.
-fn gaussians() -> impl Strategy<Value = Gaussians> {
+pub fn gaussians() -> impl Strategy<Value = Gaussians> {
     (0usize..6, 0usize..=3).prop_flat_map(|(n, degree)| {
         (
             prop::collection::vec(prop::array::uniform3(-500.0f32..500.0), n),
@@ -23,38 +23,30 @@ fn gaussians() -> impl Strategy<Value = Gaussians> {
     })
 }
 
-fn round_trip(name: &str, gaussians: &Gaussians) -> Gaussians {
+pub fn round_trip(name: &str, gaussians: &Gaussians) -> Gaussians {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     write_gaussians(&path, gaussians).unwrap();
     read_gaussians(&path).unwrap()
 }
 
-/// The Gaussians of these numbers.
-fn taken(from: &Gaussians, order: &[usize]) -> Gaussians {
-    let k = 3 * from.coefficients();
-    Gaussians {
-        means: order.iter().map(|i| from.means[*i]).collect(),
-        log_scales: order.iter().map(|i| from.log_scales[*i]).collect(),
-        quats: order.iter().map(|i| from.quats[*i]).collect(),
-        opacity_logits: order.iter().map(|i| from.opacity_logits[*i]).collect(),
-        sh: order.iter().flat_map(|i| &from.sh[i * k..][..k]).copied().collect(),
-        degree: from.degree,
-    }
+/// Gaussians in the order in which a format writes them.
+pub fn ordered(name: &str, gaussians: &Gaussians) -> Gaussians {
+    gaussians.select(&SceneFormat::of(name.as_ref()).unwrap().order(gaussians))
 }
 
 /// How far each kind of number may be off.
-struct Tolerance {
-    position: f32,
-    scale: f32,
+pub struct Tolerance {
+    pub position: f32,
+    pub scale: f32,
     /// Degrees.
-    rotation: f32,
-    opacity: f32,
-    color: f32,
-    harmonics: f32,
+    pub rotation: f32,
+    pub opacity: f32,
+    pub color: f32,
+    pub harmonics: f32,
 }
 
-fn assert_near(a: &Gaussians, b: &Gaussians, tolerance: &Tolerance) {
+pub fn assert_near(a: &Gaussians, b: &Gaussians, tolerance: &Tolerance) {
     assert_eq!((a.len(), a.opacity_logits.len()), (b.len(), b.opacity_logits.len()));
     let near = |what: &str, a: &[f32], b: &[f32], tolerance: f32| {
         for (i, (a, b)) in a.iter().zip(b).enumerate() {
@@ -124,16 +116,7 @@ proptest! {
     fn compressed_ply_rounds_between_bounds_and_orders_anew(gaussians in gaussians()) {
         let back = round_trip("a.compressed.ply", &gaussians);
         prop_assert_eq!((back.len(), back.degree), (gaussians.len(), gaussians.degree));
-        // Where each came to is told by its opacity and position.
-        let opacity = |g: &Gaussians, i: usize| 1.0 / (1.0 + (-g.opacity_logits[i]).exp());
-        let apart = |i: usize, j: usize| {
-            let moved: f32 = gaussians.means[i].iter().zip(&back.means[j]).map(|(a, b)| (a - b).abs()).sum();
-            moved + 100.0 * (opacity(&gaussians, i) - opacity(&back, j)).abs()
-        };
-        let order: Vec<usize> = (0..back.len())
-            .map(|i| (0..back.len()).min_by(|a, b| apart(i, *a).total_cmp(&apart(i, *b))).unwrap())
-            .collect();
-        assert_near(&gaussians, &taken(&back, &order), &COMPRESSED);
+        assert_near(&ordered("a.compressed.ply", &gaussians), &back, &COMPRESSED);
         // The files are the same whatever is read from them.
         let folder = tempfile::tempdir().unwrap();
         let [one, two] = ["1.compressed.ply", "1.ply"].map(|name| folder.path().join(name));
@@ -147,6 +130,8 @@ proptest! {
         let back = round_trip("a.spz", &gaussians);
         prop_assert_eq!(back.degree, gaussians.degree);
         assert_near(&gaussians, &back, &SPZ);
+        // Version 4 holds the same numbers.
+        prop_assert_eq!(&round_trip("a.v4.spz", &gaussians), &back);
         // What was rounded once stays.
         let again = round_trip("a.spz", &back);
         prop_assert_eq!((&again.means, &again.log_scales, &again.sh), (&back.means, &back.log_scales, &back.sh));
@@ -173,12 +158,23 @@ fn positions_of_any_size_fit_into_spz() {
     let far = message("a.spz", &at(1e7));
     assert!(far.contains("positions to write: expected coordinates below 2^23"), "{far}");
     let unknown = message("a.obj", &at(0.0));
-    assert!(unknown.contains("file name: expected .ply, .compressed.ply, .splat or .spz, found .obj"), "{unknown}");
+    assert!(
+        unknown.contains(
+            "file name: expected .ply, .compressed.ply, .splat, .spz, .v4.spz, .sog, meta.json, .glb, .gltf or .ksplat, found .obj"
+        ),
+        "{unknown}"
+    );
+    let read_only = message("a.ksplat", &at(0.0));
+    assert!(
+        read_only.contains("format: expected one that is written: ply, compressed")
+            && read_only.ends_with("found ksplat, which is read only"),
+        "{read_only}"
+    );
     let broken = Gaussians { quats: vec![], ..at(0.0) };
-    for name in ["a.ply", "a.compressed.ply", "a.splat", "a.spz"] {
+    for name in ["a.ply", "a.compressed.ply", "a.splat", "a.spz", "a.v4.spz", "a.sog", "meta.json", "a.glb", "a.gltf"] {
         assert!(message(name, &broken).contains("expected 1 Gaussians"), "{name}");
     }
-    for name in ["a.compressed.ply", "a.splat", "a.spz"] {
+    for name in ["a.compressed.ply", "a.splat", "a.spz", "a.v4.spz", "a.sog", "meta.json", "a.glb", "a.gltf"] {
         assert!(message(name, &at(f32::NAN)).contains("vertex 0, position: expected finite numbers"), "{name}");
     }
 }
@@ -188,7 +184,7 @@ fn files_of_other_tools_survive_writing() {
     let Some(folder) = shared::data("splat-files") else { return };
     let splat = read_gaussians(folder.join("minimal.splat")).unwrap();
     assert_near(&splat, &round_trip("a.splat", &splat), &SPLAT);
-    for name in ["minimal-v2.spz", "minimal-v3.spz", "playbot-sh2.v3.spz"] {
+    for name in ["minimal-v2.spz", "minimal-v3.spz", "playbot-sh2.v3.spz", "playbot-sh2.v4.spz"] {
         let spz = read_gaussians(folder.join(name)).unwrap();
         assert_near(&spz, &round_trip("a.spz", &spz), &SPZ);
     }

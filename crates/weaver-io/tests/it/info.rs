@@ -1,6 +1,7 @@
 use crate::shared;
 use weaver_io::safetensors::Tensors;
-use weaver_io::{Image, info};
+use weaver_io::{Drawing, Image, info, write_scene};
+use weaver_scene::Gaussians;
 
 #[test]
 fn describes_what_it_reads() {
@@ -15,6 +16,22 @@ fn describes_what_it_reads() {
     tensors.write(path("a.safetensors")).unwrap();
     let text = info(path("a.safetensors")).unwrap();
     assert_eq!(text, "safetensors, 1 tensors, 4 values, 112 B\nstep: 7\nw F32 [2, 2]");
+
+    let one = Gaussians {
+        means: vec![[0.0; 3]],
+        log_scales: vec![[0.0; 3]],
+        quats: vec![[1.0, 0.0, 0.0, 0.0]],
+        opacity_logits: vec![0.0],
+        sh: vec![0.0; 12],
+        degree: 1,
+    };
+    for name in ["a.ply", "a.compressed.ply", "a.splat", "a.spz", "a.v4.spz", "a.sog", "meta.json", "a.glb", "a.gltf"] {
+        write_scene(path(name), &one, Drawing::antialiased(true)).unwrap();
+        let text = info(path(name)).unwrap();
+        assert!(text.starts_with("Gaussians, 1 of SH degree ") && text.contains("\nopacity  0.5"), "{name}: {text}");
+        let says = !["a.splat", "a.glb", "a.gltf"].contains(&name);
+        assert_eq!(text.contains(", trained antialiased\n"), says, "{name}");
+    }
 
     std::fs::write(path("a.xyz"), "").unwrap();
     for name in ["a.xyz", "missing.ply"] {
@@ -33,6 +50,8 @@ fn describes_real_files() {
         ("fox/images/0001.jpg", "image, 216x384 pixels"),
         ("splat-files/playbot-sh2.ply", "Gaussians, 8406 of SH degree 2"),
         ("splat-files/playbot-sh2.v3.spz", "Gaussians, 8406 of SH degree 2"),
+        ("splat-files/playbot-sh2.v4.spz", "Gaussians, 8406 of SH degree 2"),
+        ("splat-files/minimal.ksplat", "Gaussians, 4 of SH degree 0"),
         ("splat-files/minimal.splat", "Gaussians, 4 of SH degree 0"),
     ];
     for (name, expected) in expectations {

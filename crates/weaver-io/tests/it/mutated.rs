@@ -94,6 +94,17 @@ fn readers() -> Vec<Reader> {
         one("splat", "a.splat", gaussians("a.splat"), |path| weaver_io::read_gaussians(path).is_ok()),
         one("spz", "a.spz", gaussians("a.spz"), spz),
         Reader { seal: gzip, ..one("spz content", "a.spz", gunzip(&gaussians("a.spz")), spz) },
+        // A stream names its window, which is reserved.
+        Reader { more: MORE + (9 << 20), ..one("spz 4", "a.spz", gaussians("a.v4.spz"), spz) },
+        one("sog", "a.sog", gaussians("a.sog"), |path| weaver_io::read_gaussians(path).is_ok()),
+        several("sog folder", sog_files(), |path| weaver_io::read_gaussians(path).is_ok()),
+        one("glb", "a.glb", gaussians("a.glb"), |path| weaver_io::read_gaussians(path).is_ok()),
+        one("gltf", "a.gltf", gaussians("a.gltf"), |path| weaver_io::read_gaussians(path).is_ok()),
+        one("gltf accessors", "a.gltf", crate::gltf::hard().to_string().into_bytes(), |path| {
+            weaver_io::read_gaussians(path).is_ok()
+        }),
+        one("ksplat", "a.ksplat", fixture("splats/minimal.ksplat"), |path| weaver_io::read_gaussians(path).is_ok()),
+        one("ksplat 2", "a.ksplat", crate::ksplat::file(2, 2), |path| weaver_io::read_gaussians(path).is_ok()),
         several("colmap binary", colmap_files("bin"), folder),
         several("colmap text", colmap_files("txt"), folder),
         one("transforms", "a.json", text(transforms), |path| Transforms::read_cameras(path).is_ok()),
@@ -139,6 +150,14 @@ fn splats() -> Gaussians {
         sh: (0..12 * 12).map(number).collect(),
         degree: 1,
     }
+}
+
+fn sog_files() -> Vec<(String, Vec<u8>)> {
+    let folder = tempfile::tempdir().unwrap();
+    weaver_io::write_gaussians(folder.path().join("meta.json"), &splats()).unwrap();
+    let others = ["means_l", "means_u", "scales", "quats", "sh0", "shN_centroids", "shN_labels"];
+    let names = ["meta.json".to_string()].into_iter().chain(others.map(|name| format!("{name}.webp")));
+    names.map(|name| (name.clone(), std::fs::read(folder.path().join(name)).unwrap())).collect()
 }
 
 fn colmap_files(extension: &str) -> Vec<(String, Vec<u8>)> {

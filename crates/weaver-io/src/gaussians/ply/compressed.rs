@@ -4,8 +4,10 @@
 //! position and scale in 11, 10 and 11 bits between these bounds, its rotation without the largest component in 2 and three times 10, its
 //! color and opacity in four bytes; `sh`, if there are harmonics, a byte for each of them from -4 to 4, one color after the other.
 
-use super::table::Elements;
+use super::table::{Elements, first_lines};
 use crate::gaussians::fields::{byte, check_values, unit};
+use crate::gaussians::order::{Bounds, nearby, within};
+use crate::gaussians::scene_file::Drawing;
 use crate::{Error, Result};
 use std::f32::consts::SQRT_2;
 use std::io::{self, Write};
@@ -23,11 +25,6 @@ const STEPS: [f32; 3] = [2047.0, 1023.0, 2047.0];
 const TURNS: f32 = 1023.0;
 /// The largest harmonic.
 const LARGEST: f32 = 4.0;
-/// Bits of a coordinate by which Gaussians are ordered, so that those of a block are near each other.
-const MORTON: u32 = 21;
-
-/// The least and the largest value of three numbers of a block.
-type Bounds = [[f32; 2]; 3];
 
 pub(super) fn decode(path: &Path, data: &[u8]) -> Result<Gaussians> {
     let elements = Elements::read(path, data)?;
@@ -82,16 +79,17 @@ pub(super) fn decode(path: &Path, data: &[u8]) -> Result<Gaussians> {
     Ok(gaussians)
 }
 
-pub(crate) fn encode(path: &Path, gaussians: &Gaussians, w: &mut dyn Write) -> Result<()> {
+pub(crate) fn encode(path: &Path, gaussians: &Gaussians, drawing: Drawing, w: &mut dyn Write) -> Result<()> {
     check_values(path, gaussians)?;
-    packed(gaussians, w).map_err(Error::io(path))
+    packed(gaussians, drawing, w).map_err(Error::io(path))
 }
 
-fn packed(gaussians: &Gaussians, w: &mut dyn Write) -> io::Result<()> {
+fn packed(gaussians: &Gaussians, drawing: Drawing, w: &mut dyn Write) -> io::Result<()> {
     let (n, k) = (gaussians.len(), gaussians.coefficients());
+    // Gaussians of a block are to be near each other.
     let order = nearby(&gaussians.means);
     let blocks: Vec<Block> = order.chunks(BLOCK).map(|numbers| Block::new(gaussians, numbers)).collect();
-    writeln!(w, "ply\nformat binary_little_endian 1.0\nelement chunk {}", blocks.len())?;
+    writeln!(w, "{}element chunk {}", first_lines(drawing), blocks.len())?;
     for names in BOUNDED {
         for side in ["min", "max"] {
             names.iter().try_for_each(|name| writeln!(w, "property float {side}_{name}"))?;
@@ -155,31 +153,6 @@ impl Block {
 
 fn rgb(gaussians: &Gaussians, i: usize) -> [f32; 3] {
     std::array::from_fn(|c| forms::color(gaussians.sh[3 * gaussians.coefficients() * i + c]))
-}
-
-/// Numbers of Gaussians along a Z-order curve through the box of all.
-fn nearby(means: &[[f32; 3]]) -> Vec<usize> {
-    let mut bounds = [[f32::INFINITY, f32::NEG_INFINITY]; 3];
-    for mean in means {
-        bounds.iter_mut().zip(mean).for_each(|(bound, x)| *bound = [bound[0].min(*x), bound[1].max(*x)]);
-    }
-    let code = |i: &usize| {
-        let at = within(&bounds, means[*i]).map(|x| (x * ((1 << MORTON) - 1) as f32) as u64);
-        (0..MORTON).fold(0_u64, |code, bit| {
-            (0..3).fold(code, |code, axis| code | (at[axis] >> bit & 1) << (3 * bit + axis as u32))
-        })
-    };
-    let mut order: Vec<usize> = (0..means.len()).collect();
-    order.sort_by_cached_key(code);
-    order
-}
-
-/// From 0 at the lower bound to 1 at the upper one.
-fn within(bounds: &Bounds, at: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|i| {
-        let [least, most] = bounds[i];
-        if most > least { ((at[i] - least) / (most - least)).clamp(0.0, 1.0) } else { 0.0 }
-    })
 }
 
 fn between(bounds: &Bounds, at: [f32; 3]) -> [f32; 3] {

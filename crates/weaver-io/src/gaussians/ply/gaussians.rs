@@ -1,7 +1,9 @@
 //! Gaussians as the reference 3DGS implementation stores them.
 
+use super::table::first_lines;
 use super::{Table, compressed};
 use crate::gaussians::fields::check_values;
+use crate::gaussians::scene_file::{Drawing, SceneFile};
 use crate::{Error, Result};
 use std::io::{self, Write};
 use std::path::Path;
@@ -17,11 +19,12 @@ use weaver_scene::{Gaussians, forms};
 ///
 /// # Errors
 /// When a required property or a part of a property is missing, or a value is not finite (opacity logits may be infinite).
-pub(crate) fn decode(path: &Path, data: &[u8]) -> Result<Gaussians> {
+pub(crate) fn decode(path: &Path, data: &[u8]) -> Result<SceneFile> {
     let table = Table::read(path, data)?;
     let has = |name: &str| table.names.iter().any(|n| n == name);
     if has("packed_position") {
-        return compressed::decode(path, data);
+        let gaussians = compressed::decode(path, data)?;
+        return Ok(SceneFile { gaussians, drawing: Drawing::antialiased(table.antialiased) });
     }
     if !has("scale_0") {
         let found = "a point cloud: no property scale_0";
@@ -68,18 +71,18 @@ pub(crate) fn decode(path: &Path, data: &[u8]) -> Result<Gaussians> {
         }
     }
     check_values(path, &gaussians)?;
-    Ok(gaussians)
+    Ok(SceneFile { gaussians, drawing: Drawing::antialiased(table.antialiased) })
 }
 
 /// Writes a 3DGS PLY file, binary little-endian, with the properties of the reference implementation in its order; normals
 /// are zero.
-pub(crate) fn encode(path: &Path, gaussians: &Gaussians, w: &mut dyn Write) -> Result<()> {
-    written(gaussians, w).map_err(Error::io(path))
+pub(crate) fn encode(path: &Path, gaussians: &Gaussians, drawing: Drawing, w: &mut dyn Write) -> Result<()> {
+    written(gaussians, drawing, w).map_err(Error::io(path))
 }
 
-fn written(gaussians: &Gaussians, w: &mut dyn Write) -> io::Result<()> {
+fn written(gaussians: &Gaussians, drawing: Drawing, w: &mut dyn Write) -> io::Result<()> {
     let (n, k) = (gaussians.len(), gaussians.coefficients());
-    writeln!(w, "ply\nformat binary_little_endian 1.0\nelement vertex {n}")?;
+    writeln!(w, "{}element vertex {n}", first_lines(drawing))?;
     for name in ["x", "y", "z", "nx", "ny", "nz"] {
         writeln!(w, "property float {name}")?;
     }

@@ -1,5 +1,6 @@
 //! The `vertex` element of a PLY file as a table of numbers, and elements of binary files as they are.
 
+use crate::gaussians::scene_file::Drawing;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -10,6 +11,8 @@ pub(crate) struct Table {
     pub(crate) names: Vec<String>,
     /// Number of vertices.
     pub(crate) rows: usize,
+    /// Whether a comment says that Gaussians were trained antialiased.
+    pub(crate) antialiased: bool,
     /// `[rows, names.len()]`.
     values: Vec<f32>,
 }
@@ -91,6 +94,8 @@ impl Element {
 struct Header {
     format: Format,
     elements: Vec<Element>,
+    /// What a comment of Brush or Postshot says about training.
+    antialiased: bool,
     /// Where the body begins.
     end: usize,
 }
@@ -111,7 +116,8 @@ impl Table {
             Format::Ascii => ascii(path, body, before, vertex)?,
             Format::LittleEndian => binary(path, body, before, vertex)?,
         };
-        Ok(Self { path: path.to_path_buf(), names: vertex.names.clone(), rows: vertex.count, values })
+        let (path, names) = (path.to_path_buf(), vertex.names.clone());
+        Ok(Self { path, names, rows: vertex.count, antialiased: header.antialiased, values })
     }
 
     /// The position of a property.
@@ -137,7 +143,7 @@ pub(crate) struct Elements<'a> {
 impl<'a> Elements<'a> {
     /// Cuts a binary little-endian file of fixed-size rows into its elements.
     pub(crate) fn read(path: &'a Path, data: &'a [u8]) -> Result<Self> {
-        let Header { format, elements, end } = header(path, data)?;
+        let Header { format, elements, end, .. } = header(path, data)?;
         if format != Format::LittleEndian {
             return Err(Error::invalid(path, "header", "format binary_little_endian 1.0", "ascii"));
         }
@@ -173,10 +179,16 @@ impl<'a> Elements<'a> {
     }
 }
 
+/// The first lines of a binary file, with the comment of Brush that says how Gaussians were trained.
+pub(super) fn first_lines(drawing: Drawing) -> String {
+    let comment = if drawing.antialiased { "comment SplatRenderMode: mip\n" } else { "" };
+    format!("ply\nformat binary_little_endian 1.0\n{comment}")
+}
+
 fn header(path: &Path, data: &[u8]) -> Result<Header> {
     let mut format = None;
     let mut elements: Vec<Element> = Vec::new();
-    let mut end = 0;
+    let (mut antialiased, mut end) = (false, 0);
     for number in 1.. {
         let invalid = |expected: &str, found: &str| {
             Error::invalid(path, format!("header line {number}"), expected, format!("{found:?}"))
@@ -193,6 +205,8 @@ fn header(path: &Path, data: &[u8]) -> Result<Header> {
             (1, _) => return Err(invalid("ply", line.get(..20).unwrap_or(line))),
             (_, ["format", "ascii", "1.0"]) => format = Some(Format::Ascii),
             (_, ["format", "binary_little_endian", "1.0"]) => format = Some(Format::LittleEndian),
+            (_, ["comment", "SplatRenderMode:", mode]) => antialiased = *mode == "mip",
+            (_, ["comment", "antialiased", flag]) => antialiased = *flag == "1",
             (_, ["comment" | "obj_info", ..] | []) => {}
             (_, ["element", name, count]) => {
                 let count = count.parse().map_err(|_| invalid("a number of elements", line))?;
@@ -212,7 +226,7 @@ fn header(path: &Path, data: &[u8]) -> Result<Header> {
         }
     }
     let format = format.ok_or_else(|| Error::invalid(path, "header", "a line beginning with format", "none"))?;
-    Ok(Header { format, elements, end })
+    Ok(Header { format, elements, antialiased, end })
 }
 
 /// `count` rows of at least `row` bytes each, when the body has room for them.

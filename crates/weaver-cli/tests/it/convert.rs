@@ -1,0 +1,114 @@
+//! `convert`: every pair of formats, what it costs, and what it does to Gaussians on the way.
+
+use crate::compare::gaussians;
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Output};
+use weaver_io::{SCENE_FORMATS, read_gaussians, write_gaussians};
+
+fn splatweaver(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_splatweaver")).current_dir(folder).args(arguments).output().unwrap()
+}
+
+fn convert(folder: &Path, arguments: &[&str]) -> Value {
+    let done = splatweaver(folder, &[&["convert", "--json"], arguments].concat());
+    assert!(done.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&done.stderr));
+    serde_json::from_slice(&done.stdout).unwrap()
+}
+
+/// A folder with the scene of [`gaussians`] as scene.ply.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    write_gaussians(folder.path().join("scene.ply"), &gaussians()).unwrap();
+    folder
+}
+
+#[test]
+fn every_pair_of_formats() {
+    let folder = folder();
+    let file = |name: &str, extension: &str| match extension {
+        "meta.json" => format!("{name}/meta.json"),
+        extension => format!("{name}.{extension}"),
+    };
+    let written: Vec<_> = SCENE_FORMATS.iter().filter(|format| format.is_written()).collect();
+    for from in &written {
+        let first = file("first", from.extension);
+        let report = convert(folder.path(), &["scene.ply", &first]);
+        assert_eq!((&report["gaussians"], &report["format"]), (&24.into(), &from.name.into()));
+        for to in &written {
+            let report = convert(folder.path(), &[&first, &file("second", to.extension)]);
+            let largest = |what: &str| report[what]["largest"].as_f64().unwrap_or(0.0);
+            assert!(largest("position") < 2e-3 && largest("color") < 0.02, "{from} to {to}: {report}");
+            // Where both keep floats, the way back gives what was there.
+            if from.name == "glb" && to.name == "ply" {
+                let back = read_gaussians(folder.path().join("second.ply")).unwrap();
+                assert_eq!((&back.means, &back.sh), (&gaussians().means, &gaussians().sh));
+            }
+        }
+    }
+}
+
+#[test]
+fn edits_happen_in_their_order() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name);
+    let report = convert(folder.path(), &["scene.ply", "scene.ply", "both.ply"]);
+    assert_eq!((&report["read"], &report["gaussians"]), (&48.into(), &48.into()));
+    // Half a turn about z, twice as large, moved by 10 along x: then a box around what came from x > 0.
+    let flags = ["--rotate", "0,0,180", "--scale", "2", "--translate", "10,0,0", "--crop", "-100,-100,-100,10,100,100"];
+    convert(folder.path(), &[&["scene.ply", "moved.ply"], &flags[..]].concat());
+    let (scene, moved) = (gaussians(), read_gaussians(path("moved.ply")).unwrap());
+    let right: Vec<usize> = (0..24).filter(|&i| scene.means[i][0] >= 0.0).collect();
+    assert_eq!(moved.len(), right.len());
+    for (found, &i) in moved.means.iter().zip(&right) {
+        let [x, y, z] = scene.means[i];
+        for (a, b) in found.iter().zip([10.0 - 2.0 * x, -2.0 * y, 2.0 * z]) {
+            assert!((a - b).abs() < 1e-5, "{found:?}");
+        }
+    }
+    convert(folder.path(), &["scene.ply", "some.ply", "--keep", "0.5", "--by", "importance"]);
+    let some = read_gaussians(path("some.ply")).unwrap();
+    assert!(some.len() == 12 && some.log_scales.iter().all(|s| s[0] == -1.8), "the large ones");
+    assert_eq!(convert(folder.path(), &["scene.ply", "few.ply", "--keep", "7", "--drop-floaters"])["gaussians"], 7);
+}
+
+#[test]
+fn harmonics_that_are_left_out_are_counted() {
+    let folder = folder();
+    let mut scene = gaussians().with_degree(2);
+    scene.sh.chunks_exact_mut(27).for_each(|row| row[3] = 0.5);
+    write_gaussians(folder.path().join("scene.ply"), &scene).unwrap();
+    let report = convert(folder.path(), &["scene.ply", "scene.splat"]);
+    assert_eq!(report["degree"], 0);
+    assert!(report["color"]["mean"].as_f64().unwrap() > 0.5 / (12.0 * std::f64::consts::PI).sqrt() - 0.01, "{report}");
+    assert_eq!(convert(folder.path(), &["scene.ply", "scene.spz", "--degree", "1"])["degree"], Value::Null);
+    assert_eq!(read_gaussians(folder.path().join("scene.spz")).unwrap().degree, 1);
+    let done = splatweaver(folder.path(), &["convert", "scene.ply", "scene.splat"]);
+    let text = String::from_utf8_lossy(&done.stdout).into_owned();
+    assert!(
+        text.contains("off by (mean, largest): positions 0.00e0") && text.contains("no harmonics beyond degree 0"),
+        "{text}"
+    );
+}
+
+#[test]
+fn failures_are_one_line() {
+    let folder = folder();
+    for (arguments, expected) in [
+        (&["convert", "scene.ply", "scene.ksplat"][..], "ksplat, which is read only"),
+        (&["convert", "scene.ply", "scene.obj"], "file name: expected .ply"),
+        (&["convert", "scene.ply", "scene.ply"], "scene.ply"),
+        (&["convert", "gone.spz", "scene.splat"], "gone.spz"),
+    ] {
+        let done = splatweaver(folder.path(), arguments);
+        let text = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert!(done.status.code() == Some(1) && text.contains(expected) && text.lines().count() == 1, "{text}");
+    }
+    for wrong in [
+        &["convert", "scene.ply"][..],
+        &["convert", "scene.ply", "a.spz", "--crop", "1,2"],
+        &["convert", "scene.ply", "a.spz", "--by", "opacity"],
+    ] {
+        assert_eq!(splatweaver(folder.path(), wrong).status.code(), Some(2), "{wrong:?}");
+    }
+}

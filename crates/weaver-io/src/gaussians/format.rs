@@ -1,0 +1,237 @@
+//! The formats of files of Gaussians as a table.
+
+use super::order::nearby;
+use super::scene_file::{Drawing, SceneFile};
+use super::sog::{self, META};
+use super::{gltf, ksplat, ply, splat, spz};
+use crate::{Error, Result};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::fmt;
+use std::io::Write;
+use std::path::Path;
+use std::str::FromStr;
+use weaver_geometry::sh::MAX_DEGREE;
+use weaver_scene::Gaussians;
+
+/// A format of files of Gaussians.
+#[derive(Clone, Copy)]
+pub struct SceneFormat {
+    /// What it is called.
+    pub name: &'static str,
+    /// How the names of its files end, after a point, or the whole name.
+    pub extension: &'static str,
+    /// What it keeps of Gaussians.
+    pub keeps: &'static str,
+    /// Whether Gaussians are written in another order, that of a curve through space.
+    pub(super) reorders: bool,
+    /// The largest degree of harmonics that it holds; those beyond are left out.
+    pub degree: usize,
+    /// Decodes a file, whose path is for messages and for the files beside it that it names.
+    pub(super) read: fn(&Path, &[u8]) -> Result<SceneFile>,
+    pub(super) write: Writer,
+}
+
+/// How Gaussians, of which all fields have the same length, are encoded.
+#[derive(Clone, Copy)]
+pub(super) enum Writer {
+    /// To a stream; the path is for messages.
+    Stream(fn(&Path, &Gaussians, Drawing, &mut dyn Write) -> Result<()>),
+    /// To this file and others beside it.
+    Files(fn(&Path, &Gaussians, Drawing) -> Result<()>),
+    /// Not at all.
+    None,
+}
+
+/// The formats that are read and written. A further one is a file beside these and a row here.
+pub const SCENE_FORMATS: [SceneFormat; 10] = [
+    SceneFormat {
+        name: "ply",
+        extension: "ply",
+        keeps: "every bit",
+        reorders: false,
+        degree: MAX_DEGREE,
+        read: ply::decode,
+        write: Writer::Stream(ply::encode),
+    },
+    SceneFormat {
+        name: "compressed",
+        extension: "compressed.ply",
+        keeps: "11 bits of a coordinate in blocks of 256, 8 of colors; in another order",
+        reorders: true,
+        degree: MAX_DEGREE,
+        read: ply::decode,
+        write: Writer::Stream(ply::encode_compressed),
+    },
+    SceneFormat {
+        name: "splat",
+        extension: "splat",
+        keeps: "positions and scales, 8 bits of the rest; no harmonics",
+        reorders: false,
+        degree: 0,
+        read: splat::decode,
+        write: Writer::Stream(splat::encode),
+    },
+    SceneFormat {
+        name: "spz",
+        extension: "spz",
+        keeps: "24 bits of a coordinate, 8 of the rest",
+        reorders: false,
+        degree: MAX_DEGREE,
+        read: spz::decode,
+        write: Writer::Stream(spz::encode),
+    },
+    SceneFormat {
+        name: "spz4",
+        extension: "v4.spz",
+        keeps: "as spz, in version 4",
+        reorders: false,
+        degree: MAX_DEGREE,
+        read: spz::decode,
+        write: Writer::Stream(spz::encode_zstd),
+    },
+    SceneFormat {
+        name: "sog",
+        extension: "sog",
+        keeps: "16 bits of a coordinate, 8 of the rest by tables, a palette of harmonics; in another order",
+        reorders: true,
+        degree: 3,
+        read: sog::decode,
+        write: Writer::Stream(sog::encode),
+    },
+    SceneFormat {
+        name: "sog-folder",
+        extension: META,
+        keeps: "as sog, a folder of pictures beside this file",
+        reorders: true,
+        degree: 3,
+        read: sog::decode_folder,
+        write: Writer::Files(sog::encode_folder),
+    },
+    SceneFormat {
+        name: "glb",
+        extension: "glb",
+        keeps: "32-bit floats of everything; up is +y",
+        reorders: false,
+        degree: 3,
+        read: gltf::decode,
+        write: Writer::Stream(gltf::encode_glb),
+    },
+    SceneFormat {
+        name: "gltf",
+        extension: "gltf",
+        keeps: "as glb, in one text file a third larger",
+        reorders: false,
+        degree: 3,
+        read: gltf::decode,
+        write: Writer::Stream(gltf::encode_gltf),
+    },
+    SceneFormat {
+        name: "ksplat",
+        extension: "ksplat",
+        keeps: "read only",
+        reorders: false,
+        degree: 2,
+        read: ksplat::decode,
+        write: Writer::None,
+    },
+];
+
+impl SceneFormat {
+    /// The format of a file by its name: the longest extension that it ends with.
+    ///
+    /// # Errors
+    /// On any other extension.
+    ///
+    /// ```
+    /// use weaver_io::SceneFormat;
+    ///
+    /// assert_eq!(SceneFormat::of("a.ply".as_ref())?.name, "ply");
+    /// assert_eq!(SceneFormat::of("A.COMPRESSED.PLY".as_ref())?.name, "compressed");
+    /// # Ok::<(), weaver_io::Error>(())
+    /// ```
+    pub fn of(path: &Path) -> Result<Self> {
+        let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().to_lowercase());
+        let ends = |format: &&Self| match format.extension {
+            META => name == META,
+            extension => name.strip_suffix(extension).is_some_and(|stem| stem.ends_with('.')),
+        };
+        let found = SCENE_FORMATS.iter().filter(ends).max_by_key(|format| format.extension.len());
+        found.copied().ok_or_else(|| {
+            let found =
+                path.extension().map_or("no extension".into(), |e| format!(".{}", e.to_string_lossy().to_lowercase()));
+            Error::invalid(path, "file name", Self::extensions(), found)
+        })
+    }
+
+    /// The numbers of Gaussians in the order in which they are written.
+    pub fn order(&self, gaussians: &Gaussians) -> Vec<usize> {
+        if self.reorders { nearby(&gaussians.means) } else { (0..gaussians.len()).collect() }
+    }
+
+    /// Whether a scene is written to one file, and so to a stream.
+    pub fn writes_one_file(&self) -> bool {
+        matches!(self.write, Writer::Stream(_))
+    }
+
+    /// Whether the format is written at all.
+    pub fn is_written(&self) -> bool {
+        !matches!(self.write, Writer::None)
+    }
+
+    /// How the names of its files end: `.ply`, or the whole name `meta.json`.
+    pub fn file_name_end(&self) -> String {
+        if self.extension == META { META.into() } else { format!(".{}", self.extension) }
+    }
+
+    /// The extensions, for messages and help: `.ply, .splat or .spz`.
+    pub fn extensions() -> String {
+        let all: Vec<String> = SCENE_FORMATS.iter().map(Self::file_name_end).collect();
+        let (last, others) = all.split_last().expect("there are formats");
+        format!("{} or {last}", others.join(", "))
+    }
+}
+
+impl fmt::Debug for SceneFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("SceneFormat").field(&self.name).finish()
+    }
+}
+
+impl fmt::Display for SceneFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+impl PartialEq for SceneFormat {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Eq for SceneFormat {}
+
+impl FromStr for SceneFormat {
+    type Err = String;
+
+    /// The format of this name.
+    fn from_str(name: &str) -> std::result::Result<Self, String> {
+        let found = SCENE_FORMATS.iter().find(|format| format.name == name).copied();
+        found.ok_or_else(|| {
+            let names: Vec<&str> = SCENE_FORMATS.iter().map(|format| format.name).collect();
+            format!("expected one of {}, found {name:?}", names.join(", "))
+        })
+    }
+}
+
+impl Serialize for SceneFormat {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.name)
+    }
+}
+
+impl<'de> Deserialize<'de> for SceneFormat {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        String::deserialize(deserializer)?.parse().map_err(serde::de::Error::custom)
+    }
+}

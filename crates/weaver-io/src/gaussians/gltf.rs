@@ -1,0 +1,70 @@
+//! glTF 2.0 with the extension KHR_gaussian_splatting: `.glb`, and `.gltf` with buffers inside or beside it.
+//!
+//! A primitive of points has positions, rotations (xyzw), standard deviations, opacities and coefficients of harmonics as attributes. glTF's
+//! up is +y and that of captures is -y, so that reading and writing turn everything by half a turn about z: x and y are negated, and with them
+//! coefficients whose order m is odd.
+//!
+//! Source: github.com/KhronosGroup/glTF, extensions/2.0/Khronos/KHR_gaussian_splatting.
+
+mod accessors;
+mod base64;
+mod buffers;
+mod decode;
+mod document;
+mod encode;
+mod nodes;
+
+use super::scene_file::{Drawing, SceneFile};
+use crate::{Error, Result};
+use std::io::Write;
+use std::path::Path;
+use weaver_geometry::sh;
+use weaver_scene::Gaussians;
+
+/// The extension.
+const EXTENSION: &str = "KHR_gaussian_splatting";
+const MAGIC: &[u8; 4] = b"glTF";
+const JSON: u32 = u32::from_le_bytes(*b"JSON");
+const BINARY: u32 = u32::from_le_bytes(*b"BIN\0");
+
+/// Reads a `.glb` or `.gltf` file: the Gaussians of all nodes of its scene, with the nodes' transforms applied.
+///
+/// # Errors
+/// When it is malformed, has no Gaussians, an accessor leads out of its buffer, a transform is no similarity, or the file requires an
+/// extension that is unknown here.
+pub(crate) fn decode(path: &Path, data: &[u8]) -> Result<SceneFile> {
+    Ok(decode::decoded(path, data)?.into())
+}
+
+/// Writes a `.glb` file; every number is a 32-bit float.
+///
+/// Viewers without the extension show points in the colors of `COLOR_0`.
+///
+/// # Errors
+/// When a value is not finite, or the file would have more than 4 GB.
+pub(crate) fn encode_glb(path: &Path, gaussians: &Gaussians, _drawing: Drawing, w: &mut dyn Write) -> Result<()> {
+    encode::glb(path, gaussians, w)
+}
+
+/// Writes a `.gltf` file with its buffer inside, in base64.
+///
+/// # Errors
+/// As [`encode_glb`].
+pub(crate) fn encode_gltf(path: &Path, gaussians: &Gaussians, _drawing: Drawing, w: &mut dyn Write) -> Result<()> {
+    encode::gltf(path, gaussians, w)
+}
+
+/// Attributes of a degree of harmonics.
+fn harmonics(degree: usize) -> impl Iterator<Item = String> {
+    (0..=2 * degree).map(move |n| format!("{EXTENSION}:SH_DEGREE_{degree}_COEF_{n}"))
+}
+
+/// Signs of coefficients after half a turn about z.
+fn signs() -> [f32; sh::MAX_COEFFICIENTS] {
+    sh::half_turn_signs(2)
+}
+
+/// Content of this file that is not as it should be.
+fn invalid<'a>(path: &'a Path, place: &'a str, expected: &'a str) -> impl Fn(String) -> Error + 'a {
+    move |found| Error::invalid(path, place, expected, found)
+}

@@ -1,0 +1,145 @@
+//! Numbers of accessors: of several types, normalized, interleaved, sparse.
+
+use super::buffers::{Buffers, View};
+use super::document::{Accessor, Sparse};
+use crate::{Error, Result};
+use std::path::Path;
+
+/// A type of numbers.
+#[derive(Clone, Copy)]
+struct Component {
+    size: usize,
+    /// The integer that stands for 1 where numbers are normalized; none of floats.
+    one: Option<f32>,
+    read: fn(&[u8]) -> f32,
+}
+
+macro_rules! component {
+    ($t:ty, $one:expr) => {
+        Component {
+            size: size_of::<$t>(),
+            one: $one,
+            read: |bytes| <$t>::from_le_bytes(*bytes.first_chunk().expect("as long as its type")) as f32,
+        }
+    };
+}
+
+fn component(code: u64) -> Option<Component> {
+    Some(match code {
+        5120 => component!(i8, Some(127.0)),
+        5121 => component!(u8, Some(255.0)),
+        5122 => component!(i16, Some(32767.0)),
+        5123 => component!(u16, Some(65535.0)),
+        5126 => component!(f32, None),
+        _ => return None,
+    })
+}
+
+/// The accessors of a document.
+pub(super) struct Accessors<'a> {
+    pub path: &'a Path,
+    pub accessors: &'a [Accessor],
+    pub buffers: Buffers<'a>,
+}
+
+impl Accessors<'_> {
+    /// How many elements an accessor has.
+    pub(super) fn count(&self, index: usize) -> Result<usize> {
+        Ok(self.accessor(index)?.count)
+    }
+
+    /// The elements of an accessor of `count` elements of `N` numbers.
+    pub(super) fn read<const N: usize>(&self, index: usize, count: usize) -> Result<Vec<[f32; N]>> {
+        let accessor = self.accessor(index)?;
+        let invalid = |expected: &str, found: String| Error::invalid(self.path, place(index), expected, found);
+        let kind = ["SCALAR", "VEC2", "VEC3", "VEC4"][N - 1];
+        if (accessor.kind.as_str(), accessor.count) != (kind, count) {
+            let found = format!("{} of {}", accessor.count, accessor.kind);
+            return Err(invalid(&format!("{count} elements of {kind}"), found));
+        }
+        let component = component(accessor.component_type).ok_or_else(|| {
+            let expected = "a componentType of 5126 (float), 5120, 5121 (bytes), 5122 or 5123 (shorts)";
+            invalid(expected, accessor.component_type.to_string())
+        })?;
+        let number = |bytes: &[u8]| match (accessor.normalized, component.one) {
+            (true, Some(one)) => ((component.read)(bytes) / one).max(-1.0),
+            _ => (component.read)(bytes),
+        };
+        let element = |bytes: &[u8]| -> [f32; N] { std::array::from_fn(|i| number(&bytes[i * component.size..])) };
+        let size = N * component.size;
+        let mut elements = match accessor.buffer_view {
+            None => vec![[0.0; N]; count],
+            Some(view) => {
+                let rows = self.rows(index, self.buffers.view(view)?, accessor.byte_offset, [count, size])?;
+                rows.map(element).collect()
+            }
+        };
+        if let Some(sparse) = &accessor.sparse {
+            let values = self.buffers.view(sparse.values.buffer_view)?;
+            let values = self.rows(index, values, sparse.values.byte_offset, [sparse.count, size])?;
+            for (at, bytes) in self.replaced(index, sparse, count)?.into_iter().zip(values) {
+                elements[at] = element(bytes);
+            }
+        }
+        match elements.iter().position(|element| element.iter().any(|x| !x.is_finite())) {
+            Some(i) => Err(invalid("finite numbers", format!("{:?} at {i}", elements[i]))),
+            None => Ok(elements),
+        }
+    }
+
+    fn accessor(&self, index: usize) -> Result<&Accessor> {
+        self.accessors.get(index).ok_or_else(|| {
+            let expected = format!("fewer than {} accessors", self.accessors.len());
+            Error::invalid(self.path, place(index), expected, "an index beyond")
+        })
+    }
+
+    /// Numbers of the elements that are replaced.
+    fn replaced(&self, index: usize, sparse: &Sparse, count: usize) -> Result<Vec<usize>> {
+        let kind = sparse.indices.component_type;
+        let read: fn(&[u8]) -> usize = match kind {
+            Some(5121) => |bytes| bytes[0].into(),
+            Some(5123) => |bytes| u16::from_le_bytes([bytes[0], bytes[1]]).into(),
+            Some(5125) => |bytes| u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]) as usize,
+            other => {
+                let expected = "indices of componentType 5121, 5123 or 5125";
+                return Err(Error::invalid(self.path, place(index), expected, format!("{other:?}")));
+            }
+        };
+        let size = match kind {
+            Some(5121) => 1,
+            Some(5123) => 2,
+            _ => 4,
+        };
+        let view = self.buffers.view(sparse.indices.buffer_view)?;
+        let rows = self.rows(index, view, sparse.indices.byte_offset, [sparse.count, size])?;
+        let indices: Vec<usize> = rows.map(read).collect();
+        match indices.iter().find(|at| **at >= count) {
+            Some(at) => Err(Error::invalid(self.path, place(index), format!("sparse indices below {count}"), at)),
+            None => Ok(indices),
+        }
+    }
+
+    /// `count` elements of `size` bytes, all of which lie within the view.
+    fn rows<'v>(
+        &self,
+        index: usize,
+        view: View<'v>,
+        offset: usize,
+        [count, size]: [usize; 2],
+    ) -> Result<impl Iterator<Item = &'v [u8]> + use<'v>> {
+        let stride = view.stride.unwrap_or(size);
+        let end = (count.saturating_sub(1).checked_mul(stride))
+            .and_then(|last| last.checked_add(offset)?.checked_add(if count == 0 { 0 } else { size }));
+        if stride < size || end.is_none_or(|end| end > view.bytes.len()) {
+            let expected = format!("{count} elements of {size} bytes within the {} of its view", view.bytes.len());
+            let found = format!("steps of {stride} from {offset}");
+            return Err(Error::invalid(self.path, place(index), expected, found));
+        }
+        Ok((0..count).map(move |i| &view.bytes[offset + i * stride..][..size]))
+    }
+}
+
+fn place(index: usize) -> String {
+    format!("accessors[{index}]")
+}

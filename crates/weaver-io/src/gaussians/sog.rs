@@ -1,0 +1,93 @@
+//! SOG, version 2: Gaussians as pixels of lossless WebP pictures, beside a `meta.json` or in one ZIP archive with it.
+//!
+//! Pixel i of each picture belongs to Gaussian i. A position has 16 bits per coordinate between bounds of `sign(x) ln(1 + |x|)`, a
+//! rotation three components of 8 bits, scales and colors are entries of tables of 256 numbers, and the harmonics of a Gaussian are one row
+//! of a palette.
+//!
+//! Source: developer.playcanvas.com/user-manual/gaussian-splatting/formats/sog.
+
+mod codebook;
+mod decode;
+mod encode;
+mod files;
+mod meta;
+mod palette;
+mod plane;
+
+use super::scene_file::{Drawing, SceneFile};
+use crate::files::file::read_bytes;
+use crate::{Error, Result, atomic_write, create_folder};
+use decode::decoded;
+use encode::{File, encoded};
+use files::{Archive, Folder};
+use meta::Meta;
+use std::io::{Cursor, Write};
+use std::path::Path;
+use weaver_scene::Gaussians;
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+/// The file that names the others.
+pub(crate) const META: &str = "meta.json";
+
+/// Reads a `.sog` archive.
+///
+/// # Errors
+/// When it is no such archive, a file in it is missing or malformed, or a number leads beyond a table.
+pub(crate) fn decode(path: &Path, data: &[u8]) -> Result<SceneFile> {
+    let mut archive = Archive::open(path, data)?;
+    let meta = archive.meta()?;
+    decoded(path, &meta, &mut |name| archive.file(name))
+}
+
+/// Reads a `meta.json` and the pictures beside it.
+///
+/// # Errors
+/// As [`decode`].
+pub(crate) fn decode_folder(path: &Path, data: &[u8]) -> Result<SceneFile> {
+    let folder = Folder::beside(path);
+    decoded(path, data, &mut |name| folder.file(name))
+}
+
+/// Names of the files of a scene in a folder, `meta.json` among them.
+///
+/// # Errors
+/// When `meta.json` cannot be read or is malformed.
+pub(crate) fn names(path: &Path) -> Result<Vec<String>> {
+    Ok(Meta::read(path, &read_bytes(path)?)?.files().chain([META.to_string()]).collect())
+}
+
+/// Writes a `.sog` archive.
+///
+/// Gaussians are written in another order, that of a curve through space, which makes smaller pictures. The tables and the palette
+/// come from clustering: equal Gaussians give equal files.
+///
+/// # Errors
+/// When a value is not finite.
+pub(crate) fn encode(path: &Path, gaussians: &Gaussians, drawing: Drawing, w: &mut dyn Write) -> Result<()> {
+    let invalid = |e: zip::result::ZipError| Error::io(path)(e.into());
+    let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+    // Pictures are compressed already.
+    let stored = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+    for File { name, content } in encoded(path, gaussians, drawing)? {
+        zip.start_file(name, stored).map_err(invalid)?;
+        zip.write_all(&content).map_err(Error::io(path))?;
+    }
+    let archive = zip.finish().map_err(invalid)?;
+    w.write_all(archive.get_ref()).map_err(Error::io(path))
+}
+
+/// Writes a `meta.json` and the pictures beside it; the folder is made where there is none.
+///
+/// # Errors
+/// As [`encode`].
+pub(crate) fn encode_folder(path: &Path, gaussians: &Gaussians, drawing: Drawing) -> Result<()> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    if !folder.as_os_str().is_empty() {
+        create_folder(folder)?;
+    }
+    for File { name, content } in encoded(path, gaussians, drawing)? {
+        atomic_write(folder.join(name), |w| w.write_all(&content))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,112 @@
+//! Gaussians worth keeping: by where they are, by what they cover, and by their neighbors.
+
+use crate::{Gaussians, forms};
+use weaver_kernels::nearest_neighbors::nearest_neighbors;
+
+/// A part of space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Region {
+    /// The points between two corners, world units.
+    Box {
+        /// The least coordinates.
+        min: [f32; 3],
+        /// The largest coordinates.
+        max: [f32; 3],
+    },
+    /// The points at most a radius away from a center, world units.
+    Sphere {
+        /// The center.
+        center: [f32; 3],
+        /// The radius, not negative.
+        radius: f32,
+    },
+}
+
+impl Region {
+    /// Whether a point lies within, or on the border.
+    ///
+    /// ```
+    /// use weaver_scene::Region;
+    /// let ball = Region::Sphere { center: [0.0; 3], radius: 1.0 };
+    /// assert!(ball.contains([0.0, 1.0, 0.0]) && !ball.contains([1.0, 1.0, 0.0]));
+    /// ```
+    pub fn contains(&self, point: [f32; 3]) -> bool {
+        match self {
+            Self::Box { min, max } => (0..3).all(|i| (min[i]..=max[i]).contains(&point[i])),
+            Self::Sphere { center, radius } => squared_distance(point, *center) <= radius * radius,
+        }
+    }
+}
+
+fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}
+
+/// Neighbors by which a floater is told.
+const NEIGHBORS: usize = 8;
+/// Standard deviations of the logarithm of a distance beyond which a Gaussian is a floater.
+const DEVIATIONS: f32 = 3.0;
+/// A distance that many times the median is none of a floater, however even the others are.
+const EVEN: f32 = 4.0;
+/// The standard deviation of normally distributed numbers in units of their median absolute deviation.
+const NORMAL: f32 = 1.4826;
+
+impl Gaussians {
+    /// Numbers of the Gaussians whose centers lie in a region, in their order.
+    pub fn inside(&self, region: &Region) -> Vec<usize> {
+        (0..self.len()).filter(|&i| region.contains(self.means[i])).collect()
+    }
+
+    /// The opacity of each Gaussian times the area that it covers from its broadest side, `opacity * s_1 * s_2` of the two
+    /// largest standard deviations; world units squared, `[N]`.
+    pub fn importance(&self) -> Vec<f32> {
+        let area = |log_scales: &[f32; 3]| {
+            let least = log_scales.iter().copied().fold(f32::INFINITY, f32::min);
+            (log_scales.iter().sum::<f32>() - least).exp()
+        };
+        self.log_scales.iter().zip(&self.opacity_logits).map(|(s, o)| forms::opacity(*o) * area(s)).collect()
+    }
+
+    /// Numbers of the `count` Gaussians with the largest of some `values` `[N]`, in their order; of equal ones the first.
+    ///
+    /// # Panics
+    /// When there is not a value for each Gaussian.
+    pub fn largest(&self, values: &[f32], count: usize) -> Vec<usize> {
+        assert_eq!(values.len(), self.len(), "largest: a value for each Gaussian");
+        let mut order: Vec<usize> = (0..self.len()).collect();
+        order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
+        order.truncate(count);
+        order.sort_unstable();
+        order
+    }
+
+    /// Numbers of the Gaussians that are no floaters, in their order.
+    ///
+    /// A floater is unusually far from others: the logarithm of the distance to its eighth neighbor is more than three robust
+    /// standard deviations (1.4826 times the median absolute deviation) above the median of all, and the distance more than four
+    /// times the median. At most eight Gaussians have none.
+    pub fn without_floaters(&self) -> Vec<usize> {
+        let all = (0..self.len()).collect();
+        if self.len() <= NEIGHBORS {
+            return all;
+        }
+        let mut neighbors = vec![0; self.len() * (1 + NEIGHBORS)];
+        nearest_neighbors(self.means.as_flattened(), NEIGHBORS, &mut neighbors);
+        let distance = |row: &[u32]| {
+            let to = |i: usize| self.means[row[i] as usize];
+            // Several at one place have a distance of zero, whose logarithm is to stay a number.
+            0.5 * squared_distance(to(0), to(NEIGHBORS)).max(f32::MIN_POSITIVE).ln()
+        };
+        let distances: Vec<f32> = neighbors.chunks_exact(1 + NEIGHBORS).map(distance).collect();
+        let middle = median(distances.clone());
+        let spread = median(distances.iter().map(|d| (d - middle).abs()).collect());
+        let most = middle + (DEVIATIONS * NORMAL * spread).max(EVEN.ln());
+        (0..self.len()).filter(|&i| distances[i] <= most).collect()
+    }
+}
+
+/// The median, of an even number the upper one of both in the middle.
+fn median(mut values: Vec<f32>) -> f32 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+}
