@@ -112,6 +112,11 @@ impl<const K: usize> MixedModel<K> {
         if negative { -(found as i32) } else { found as i32 }
     }
 
+    /// Codes a single decision in its contexts, each within its values.
+    pub fn code_bit(&mut self, coder: &mut impl Coder, contexts: [usize; K], bit: bool) -> bool {
+        self.decide(coder, &contexts, 0, bit)
+    }
+
     #[inline(always)]
     fn decide(&mut self, coder: &mut impl Coder, at: &[usize; K], node: usize, bit: bool) -> bool {
         let mut logits = [0.0; K];

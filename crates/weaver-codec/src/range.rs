@@ -52,7 +52,8 @@ pub trait Coder {
     /// Codes the lowest bits of a number, all values equally probable; at most 32.
     fn raw(&mut self, bits: u32, value: u32) -> u32 {
         let low = bits.min(PRECISION);
-        let high = if bits > low { self.symbol(&Uniform { bits: bits - low }, (value >> low) as usize) as u32 } else { 0 };
+        let high =
+            if bits > low { self.symbol(&Uniform { bits: bits - low }, (value >> low) as usize) as u32 } else { 0 };
         let mask = (1 << low) - 1;
         (high << low) | self.symbol(&Uniform { bits: low }, (value & mask) as usize) as u32
     }
@@ -137,7 +138,11 @@ impl RangeEncoder {
 impl Coder for RangeEncoder {
     fn bit(&mut self, probability: u16, bit: bool) -> bool {
         let size = u32::from(probability);
-        if bit { self.narrow(0, size) } else { self.narrow(size, WHOLE - size) }
+        if bit {
+            self.narrow(0, size)
+        } else {
+            self.narrow(size, WHOLE - size)
+        }
         bit
     }
 
@@ -197,7 +202,11 @@ impl Coder for RangeDecoder<'_> {
     fn bit(&mut self, probability: u16, _: bool) -> bool {
         let (part, size) = (self.range >> PRECISION, u32::from(probability));
         let bit = self.code < part * size;
-        if bit { self.narrow(part, 0, size) } else { self.narrow(part, size, WHOLE - size) }
+        if bit {
+            self.narrow(part, 0, size)
+        } else {
+            self.narrow(part, size, WHOLE - size)
+        }
         bit
     }
 
