@@ -1,8 +1,8 @@
 //! The logistic function and its inverse as tables, the same bits on every machine.
 //!
-//! A decoder must find the probabilities of the encoder to the bit. Libraries differ in the last bits of `exp` and `ln`; sums,
-//! products and quotients do not.
+//! A decoder must find the probabilities of the encoder to the bit.
 
+use crate::exact::exp;
 use std::sync::LazyLock;
 
 /// Steps of the tables' argument in a unit, and the largest argument: 1 / (1 + e^11) is about 2^-16.
@@ -18,12 +18,6 @@ static SQUASH: LazyLock<Vec<f32>> = LazyLock::new(|| {
 });
 
 static STRETCH: LazyLock<Vec<f32>> = LazyLock::new(|| (0..LEVELS).map(|i| logit(i) as f32).collect());
-
-fn exp(x: f64) -> f64 {
-    let small = x / 1024.0;
-    let series = (1..12).rev().fold(1.0, |sum, n| 1.0 + sum * small / f64::from(n));
-    (0..10).fold(series, |power, _| power * power)
-}
 
 fn logistic(x: f64) -> f64 {
     1.0 / (1.0 + exp(-x))
