@@ -1,8 +1,8 @@
 //! Streams of symbols, each described once for both directions.
 
-use super::head::Head;
+use super::head::{Head, LARGEST};
 use super::neighbors::{NEIGHBORS, known, neighbors};
-use super::symbols::{LARGEST, Symbols, ln_opacities};
+use super::symbols::{Symbols, ln_opacities};
 use crate::error::CodecError;
 use crate::mixed::MixedModel;
 use crate::octree::code_octree;
@@ -10,7 +10,7 @@ use crate::range::Coder;
 
 /// Symbols that are coded, and what both directions know of them.
 pub(super) struct Fields {
-    pub(super) head: Head,
+    head: Head,
     pub(super) symbols: Symbols,
     near: Vec<[u32; NEIGHBORS]>,
     logs: Vec<i64>,
@@ -97,7 +97,7 @@ impl Fields {
     }
 
     /// Opacities from the largest one downwards.
-    pub(super) fn opacities(&mut self, coder: &mut impl Coder, _: u32) -> Result<(), CodecError> {
+    pub(super) fn opacities(&mut self, coder: &mut impl Coder) -> Result<(), CodecError> {
         let levels = self.head.opacity_levels as i32;
         let mut model = MixedModel::new([1, 16, 16]);
         for i in 0..self.count() {
@@ -111,7 +111,7 @@ impl Fields {
         Ok(())
     }
 
-    pub(super) fn rotations(&mut self, coder: &mut impl Coder, _: u32) -> Result<(), CodecError> {
+    pub(super) fn rotations(&mut self, coder: &mut impl Coder) -> Result<(), CodecError> {
         let mut model = MixedModel::new([16 * 3, 16 * 3, 24 * 3]);
         for i in 0..self.count() {
             let scales = self.symbols.scales[i];
@@ -135,13 +135,15 @@ impl Fields {
     pub(super) fn colors(&mut self, coder: &mut impl Coder, blend: u32) -> Result<(), CodecError> {
         let mut green = MixedModel::new([1, 16, 10]);
         let mut others = MixedModel::new([2, 16 * 2, 10 * 2, 12 * 2]);
-        let dc: Vec<f64> = (0..self.count()).map(|i| self.head.steps(self.symbols.scales[i], self.shows(i)).dc).collect();
+        let dc: Vec<f64> =
+            (0..self.count()).map(|i| self.head.steps(self.symbols.scales[i], self.shows(i)).dc).collect();
         for i in 0..self.count() {
             let shows = self.shows_context(i);
             let colors = &self.symbols.colors;
             let near = known(&self.near[i], i);
             // Neighbors in steps of this Gaussian.
-            let like = |j: usize, channel: usize| (f64::from(colors[j][channel]) * dc[j] / dc[i]).clamp(-1e6, 1e6) as i32;
+            let like =
+                |j: usize, channel: usize| (f64::from(colors[j][channel]) * dc[j] / dc[i]).clamp(-1e6, 1e6) as i32;
             let (mean, spread) = mean_of(near.clone().map(|j| like(j, 0)), 0);
             let predicted = blended(0, mean, blend);
             let own = colors[i];
@@ -161,7 +163,7 @@ impl Fields {
         Ok(())
     }
 
-    pub(super) fn harmonics(&mut self, coder: &mut impl Coder, _: u32) -> Result<(), CodecError> {
+    pub(super) fn harmonics(&mut self, coder: &mut impl Coder) -> Result<(), CodecError> {
         let rest = self.symbols.harmonics.len() / self.count().max(1);
         let kinds = 3 * rest;
         let mut model = MixedModel::new([kinds * 10, kinds * 12, 36 * 12, kinds * 9, kinds * 9]);
@@ -180,7 +182,8 @@ impl Fields {
                         *near = self.symbols.harmonics[rest * j + k][channel].signum() + 1;
                     }
                     let sides = (near[0] * 3 + near[1]) as usize;
-                    let brothers = bucket(green, 2) * 3 + if channel == 2 { bucket(self.symbols.harmonics[at][1], 2) } else { 0 };
+                    let brothers =
+                        bucket(green, 2) * 3 + if channel == 2 { bucket(self.symbols.harmonics[at][1], 2) } else { 0 };
                     let contexts = [
                         kind * 10 + shows,
                         kind * 12 + energy,
@@ -203,6 +206,11 @@ impl Fields {
     }
 }
 
+/// Depth at which most voxels of a surface hold one of so many points: beyond it a child says as much as three bits.
+fn octree_depth(count: usize) -> u8 {
+    (usize::BITS - count.leading_zeros()).div_ceil(2) as u8 + 2
+}
+
 /// Codes positions: an octree, then the bits below it.
 pub(super) fn positions(
     coder: &mut impl Coder,
@@ -210,18 +218,15 @@ pub(super) fn positions(
     count: usize,
     voxels: &[u64],
 ) -> Result<Vec<u64>, CodecError> {
-    let below = 3 * u32::from(head.depth - head.octree);
+    let octree = head.depth.min(octree_depth(count));
+    let below = 3 * u32::from(head.depth - octree);
     let cells: Vec<u64> = voxels.iter().map(|voxel| voxel >> below).collect();
-    let mut found = code_octree(coder, head.octree.into(), count, &cells)?;
+    let mut found = code_octree(coder, octree.into(), count, &cells)?;
     for (i, cell) in found.iter_mut().enumerate() {
         let voxel = voxels.get(i).copied().unwrap_or(0);
-        let (mut bits, mut left) = (0, below);
-        while left > 0 {
-            let part = left.min(30);
-            left -= part;
-            bits = bits << part | u64::from(coder.raw(part, (voxel >> left) as u32 & ((1 << part) - 1)));
+        for level in (0..below / 3).rev() {
+            *cell = *cell << 3 | u64::from(coder.raw(3, (voxel >> (3 * level)) as u32 & 7));
         }
-        *cell = *cell << below | bits;
         check(coder, "posi", i)?;
     }
     Ok(found)
