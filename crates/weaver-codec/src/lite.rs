@@ -6,6 +6,7 @@
 //! at the same time; the first ones hold the Gaussians that show most, so that the beginning of a stream is a picture of the scene.
 
 mod blocks;
+mod control;
 mod fields;
 mod head;
 mod neighbors;
@@ -22,6 +23,7 @@ use symbols::{Symbols, quantize, restore};
 use weaver_geometry::sh;
 use weaver_scene::Gaussians;
 
+pub use control::order_zero_bits;
 pub use quality::Quality;
 
 /// Name of the stream of what a decoder has to be told first.

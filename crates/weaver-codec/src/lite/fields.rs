@@ -207,7 +207,7 @@ impl Fields {
 }
 
 /// Depth at which most voxels of a surface hold one of so many points: beyond it a child says as much as three bits.
-fn octree_depth(count: usize) -> u8 {
+pub(super) fn octree_depth(count: usize) -> u8 {
     (usize::BITS - count.leading_zeros()).div_ceil(2) as u8 + 2
 }
 
