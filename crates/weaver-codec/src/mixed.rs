@@ -49,7 +49,7 @@ impl Estimate {
     fn learn(&mut self, bit: bool) {
         let (probability, count) = (i64::from(self.0 >> COUNT), self.0 & ((1 << COUNT) - 1));
         let target = if bit { (1 << FINE) - 1 } else { 0 };
-        let moved = probability + ((target - probability) * SHARES[count as usize] >> 16);
+        let moved = probability + (((target - probability) * SHARES[count as usize]) >> 16);
         self.0 = (moved as u32) << COUNT | (count + 1).min(MEMORY);
     }
 }
@@ -151,22 +151,15 @@ impl<const K: usize> MixedModel<K> {
 
     #[inline(always)]
     fn decide(&mut self, coder: &mut impl Coder, at: &[usize; K], node: usize, bit: bool) -> bool {
-        let mut logits = [0.0; K];
-        for k in 0..K {
-            logits[k] = self.logistic.stretch(self.estimates[k][at[k] + node].probability());
-        }
+        let logit = |k: usize| self.logistic.stretch(self.estimates[k][at[k] + node].probability());
+        let logits: [f32; K] = std::array::from_fn(logit);
         let mixer = &mut self.weights[node];
-        let mut sum = 0.0;
-        for k in 0..K {
-            sum += mixer.weights[k] * logits[k];
-        }
+        let sum = mixer.weights.iter().zip(&logits).fold(0.0, |sum, (weight, logit)| sum + weight * logit);
         let p = self.logistic.squash(sum);
         let bit = coder.bit(((p * 65_536.0) as i32).clamp(1, 65_535) as u16, bit);
         let step = (if bit { 1.0 - p } else { -p }) * mixer.rate;
-        for k in 0..K {
-            mixer.weights[k] += step * logits[k];
-            self.estimates[k][at[k] + node].learn(bit);
-        }
+        mixer.weights.iter_mut().zip(&logits).for_each(|(weight, logit)| *weight += step * logit);
+        self.estimates.iter_mut().zip(at).for_each(|(estimates, at)| estimates[at + node].learn(bit));
         mixer.rate += (RATE - mixer.rate) * (1.0 / 128.0);
         bit
     }

@@ -66,7 +66,7 @@ impl Fields {
         self.head.shows(self.symbols.scales[i], self.symbols.opacities[i], &self.logs)
     }
 
-    /// Context of what a Gaussian can show: octaves about the reference.
+    /// Context of what a Gaussian can show: halves of a natural logarithm about the reference.
     fn shows_context(&self, i: usize) -> usize {
         ((self.shows(i) >> 15) + 6).clamp(0, 9) as usize
     }

@@ -3,8 +3,10 @@
 use proptest::prelude::*;
 use weaver_codec::lite::{Quality, decode, decode_start, encode};
 use weaver_codec::{CodecError, Container, Stream};
+use weaver_geometry::{Camera, Intrinsics, Pose};
 use weaver_kernels::random::Stream as Random;
 use weaver_scene::{Gaussians, forms};
+use weaver_splat::{RasterSettings, Workspace, render};
 
 /// A cloud on a sphere.
 fn cloud(count: usize, degree: usize) -> Gaussians {
@@ -74,6 +76,26 @@ fn coarser_settings_take_fewer_bytes() {
 }
 
 #[test]
+fn pictures_do_not_get_better_with_larger_steps() {
+    let gaussians = cloud(800, 1);
+    let intrinsics = Intrinsics { fx: 70.0, fy: 70.0, cx: 32.0, cy: 32.0 };
+    let pose = Pose::new(Pose::IDENTITY.rotation, [-7.0, -7.0, -2.0].into());
+    let camera = Camera { pose, intrinsics, width: 64, height: 64 };
+    let draw = |gaussians: &Gaussians| {
+        let settings = RasterSettings::default();
+        render(&gaussians.to_activated(), &[camera], [1.0; 3], &settings, &mut Workspace::new()).unwrap().remove(0)
+    };
+    let exact = draw(&gaussians);
+    let psnr = |quality: Quality| {
+        let drawn = draw(&decode(&encode(&gaussians, &quality).unwrap()).unwrap());
+        let squares: f64 = drawn.iter().zip(&exact).map(|(a, b)| f64::from(a - b).powi(2)).sum();
+        -10.0 * (squares / exact.len() as f64).log10()
+    };
+    let quality = Quality::SETTINGS.map(psnr);
+    assert!(quality.is_sorted_by(|a, b| *b <= a + 0.05) && quality[3] > 20.0, "{quality:?}");
+}
+
+#[test]
 fn all_degrees_and_no_or_one_gaussian() {
     for degree in 0..=4 {
         for count in [0, 1, 2, 50] {
@@ -122,7 +144,8 @@ fn equal_points_take_one_voxel() {
 
 #[test]
 fn values_that_cannot_be_stored_are_named() {
-    let spoil: [(fn(&mut Gaussians), &str); 6] = [
+    type Spoil = fn(&mut Gaussians);
+    let spoil: [(Spoil, &str); 6] = [
         (|g| g.means[7][1] = f32::NAN, "Gaussian 7, position"),
         (|g| g.log_scales[7][0] = f32::INFINITY, "Gaussian 7, scale"),
         (|g| g.quats[7][3] = f32::NAN, "Gaussian 7, rotation"),
