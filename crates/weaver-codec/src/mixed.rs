@@ -6,10 +6,10 @@ use crate::range::Coder;
 /// Largest number of bits of a magnitude.
 const BITS: usize = 24;
 
-/// Nodes of the tree of decisions: is the magnitude longer than k bits, is the number negative, and for each length the three bits
-/// behind the highest one.
-const SIGN: usize = BITS;
-const NODES: usize = BITS + 1 + 8 * BITS;
+/// Nodes of the tree of decisions: is the number negative; is its magnitude longer than b bits, beside the two bits behind the highest one of
+/// those that are not. Those of small numbers lie next to each other, in one line of the cache.
+const SIGN: usize = 0;
+const NODES: usize = 1 + 4 * BITS;
 
 /// Observations after which an estimate forgets.
 const MEMORY: u32 = 60;
@@ -63,7 +63,7 @@ struct Weights<const K: usize> {
 
 /// A model of whole numbers below 2^24 in magnitude, by `K` contexts that are mixed.
 ///
-/// A number is a path of decisions: its length in bits, one at a time, its sign, the bits behind the highest one, of which the fourth and
+/// A number is a path of decisions: its length in bits, one at a time, its sign, the bits behind the highest one, of which the third and
 /// further ones are equally probable. Every decision has an estimate in each context. Their logits are added with weights that descend
 /// on the code length (Mahoney's logistic mixing), so that a context that predicts well is soon the one that counts.
 ///
@@ -117,7 +117,7 @@ impl<const K: usize> MixedModel<K> {
         let magnitude = value.unsigned_abs();
         let length = (u32::BITS - magnitude.leading_zeros()) as usize;
         let mut bits = 0;
-        while bits < BITS && self.decide(coder, &at, bits, bits < length) {
+        while bits < BITS && self.decide(coder, &at, 1 + 4 * bits, bits < length) {
             bits += 1;
         }
         if bits == 0 {
@@ -127,9 +127,9 @@ impl<const K: usize> MixedModel<K> {
         let mut found = 1_u32;
         for place in (0..bits - 1).rev() {
             let bit = magnitude >> place & 1;
-            // Behind the highest bit three are modeled, by those before them.
-            let bit = if found < 8 {
-                u32::from(self.decide(coder, &at, SIGN + 8 * (bits - 1) + found as usize, bit == 1))
+            // Behind the highest bit two are modeled, by those before them.
+            let bit = if found < 4 {
+                u32::from(self.decide(coder, &at, 1 + 4 * (bits - 1) + found as usize, bit == 1))
             } else {
                 coder.raw(1, bit)
             };

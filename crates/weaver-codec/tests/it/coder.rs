@@ -86,6 +86,21 @@ fn mixed_length_comes_near_the_better_context() {
 }
 
 #[test]
+fn bytes_of_mixed_models_are_their_bits() {
+    let random = Stream::new(7, 0, "codec.length");
+    for deviation in [0.05, 1.0, 400.0] {
+        let numbers: Vec<i32> = (0..40_000).map(|i| (deviation * random.normal::<f64>(i)).round() as i32).collect();
+        let (mut encoder, mut model) = (RangeEncoder::default(), MixedModel::new([1, 3]));
+        let (mut length, mut twin) = (CodeLength::default(), MixedModel::new([1, 3]));
+        for (i, &number) in numbers.iter().enumerate() {
+            model.code(&mut encoder, [0, i % 3], number);
+            twin.code(&mut length, [0, i % 3], number);
+        }
+        assert_short(encoder.finish().len(), length.bits);
+    }
+}
+
+#[test]
 fn streams_that_end_early_or_late_are_noticed() {
     let mut encoder = RangeEncoder::default();
     let values: Vec<u32> = (0..100).map(|i: u32| i.wrapping_mul(0x9e37_79b9) >> 7 | 1).collect();
