@@ -40,11 +40,14 @@ fn cloud() -> Gaussians {
     }
 }
 
+type Write = fn(&mut RangeEncoder, &[i32]);
+type Read = fn(&mut RangeDecoder, &[i32]);
+
 fn coders(criterion: &mut Criterion) {
     let numbers = numbers();
     let mut group = criterion.benchmark_group("100,000 numbers");
     group.throughput(Throughput::Elements(NUMBERS as u64));
-    let models: [(&str, fn(&mut RangeEncoder, &[i32]), fn(&mut RangeDecoder, &[i32])); 2] = [
+    let models: [(&str, Write, Read); 2] = [
         ("adaptive", |c, n| adaptive(c, n), |c, n| adaptive(c, n)),
         ("mixed, 3 contexts", |c, n| mixed(c, n), |c, n| mixed(c, n)),
     ];
