@@ -59,7 +59,7 @@ pub const SCENE_FORMATS: [SceneFormat; 5] = [
     SceneFormat {
         name: "wsz",
         extension: "wsz",
-        keeps: "what is seen, in a third of the bits of spz with harmonics; in another order",
+        keeps: "more of what shows more, in a tenth of the bits of ply with harmonics; in another order",
         read: wsz::decode,
         write: wsz::encode,
     },
