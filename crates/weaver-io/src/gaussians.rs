@@ -10,6 +10,7 @@ mod scene_file;
 pub(crate) mod sog;
 mod splat;
 mod spz;
+mod wsz;
 
 pub use format::{SCENE_FORMATS, SceneFormat};
 pub use scene_file::{Drawing, SceneFile};

@@ -3,7 +3,7 @@
 use super::order::nearby;
 use super::scene_file::{Drawing, SceneFile};
 use super::sog::{self, META};
-use super::{gltf, ksplat, ply, splat, spz};
+use super::{gltf, ksplat, ply, splat, spz, wsz};
 use crate::{Error, Result};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
@@ -22,8 +22,8 @@ pub struct SceneFormat {
     pub extension: &'static str,
     /// What it keeps of Gaussians.
     pub keeps: &'static str,
-    /// Whether Gaussians are written in another order, that of a curve through space.
-    pub(super) reorders: bool,
+    /// The numbers of Gaussians in the order in which they are written, if that is another.
+    pub(super) order: Option<fn(&Gaussians) -> Vec<usize>>,
     /// The largest degree of harmonics that it holds; those beyond are left out.
     pub degree: usize,
     /// Decodes a file, whose path is for messages and for the files beside it that it names.
@@ -43,12 +43,12 @@ pub(super) enum Writer {
 }
 
 /// The formats that are read and written. A further one is a file beside these and a row here.
-pub const SCENE_FORMATS: [SceneFormat; 10] = [
+pub const SCENE_FORMATS: [SceneFormat; 11] = [
     SceneFormat {
         name: "ply",
         extension: "ply",
         keeps: "every bit",
-        reorders: false,
+        order: None,
         degree: MAX_DEGREE,
         read: ply::decode,
         write: Writer::Stream(ply::encode),
@@ -57,7 +57,7 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "compressed",
         extension: "compressed.ply",
         keeps: "11 bits of a coordinate in blocks of 256, 8 of colors; in another order",
-        reorders: true,
+        order: Some(by_place),
         degree: MAX_DEGREE,
         read: ply::decode,
         write: Writer::Stream(ply::encode_compressed),
@@ -66,7 +66,7 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "splat",
         extension: "splat",
         keeps: "positions and scales, 8 bits of the rest; no harmonics",
-        reorders: false,
+        order: None,
         degree: 0,
         read: splat::decode,
         write: Writer::Stream(splat::encode),
@@ -75,7 +75,7 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "spz",
         extension: "spz",
         keeps: "24 bits of a coordinate, 8 of the rest",
-        reorders: false,
+        order: None,
         degree: MAX_DEGREE,
         read: spz::decode,
         write: Writer::Stream(spz::encode),
@@ -84,7 +84,7 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "spz4",
         extension: "v4.spz",
         keeps: "as spz, in version 4",
-        reorders: false,
+        order: None,
         degree: MAX_DEGREE,
         read: spz::decode,
         write: Writer::Stream(spz::encode_zstd),
@@ -93,7 +93,7 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "sog",
         extension: "sog",
         keeps: "16 bits of a coordinate, 8 of the rest by tables, a palette of harmonics; in another order",
-        reorders: true,
+        order: Some(by_place),
         degree: 3,
         read: sog::decode,
         write: Writer::Stream(sog::encode),
@@ -102,7 +102,7 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "sog-folder",
         extension: META,
         keeps: "as sog, a folder of pictures beside this file",
-        reorders: true,
+        order: Some(by_place),
         degree: 3,
         read: sog::decode_folder,
         write: Writer::Files(sog::encode_folder),
@@ -111,7 +111,7 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "glb",
         extension: "glb",
         keeps: "32-bit floats of everything; up is +y",
-        reorders: false,
+        order: None,
         degree: 3,
         read: gltf::decode,
         write: Writer::Stream(gltf::encode_glb),
@@ -120,7 +120,7 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "gltf",
         extension: "gltf",
         keeps: "as glb, in one text file a third larger",
-        reorders: false,
+        order: None,
         degree: 3,
         read: gltf::decode,
         write: Writer::Stream(gltf::encode_gltf),
@@ -129,12 +129,26 @@ pub const SCENE_FORMATS: [SceneFormat; 10] = [
         name: "ksplat",
         extension: "ksplat",
         keeps: "read only",
-        reorders: false,
+        order: None,
         degree: 2,
         read: ksplat::decode,
         write: Writer::None,
     },
+    SceneFormat {
+        name: "wsz",
+        extension: "wsz",
+        keeps: "more of what shows more, in a tenth of the bits of ply with harmonics; in another order",
+        order: Some(wsz::order),
+        degree: MAX_DEGREE,
+        read: wsz::decode,
+        write: Writer::Stream(wsz::encode),
+    },
 ];
+
+/// Gaussians along a curve through space.
+fn by_place(gaussians: &Gaussians) -> Vec<usize> {
+    nearby(&gaussians.means)
+}
 
 impl SceneFormat {
     /// The format of a file by its name: the longest extension that it ends with.
@@ -165,7 +179,7 @@ impl SceneFormat {
 
     /// The numbers of Gaussians in the order in which they are written.
     pub fn order(&self, gaussians: &Gaussians) -> Vec<usize> {
-        if self.reorders { nearby(&gaussians.means) } else { (0..gaussians.len()).collect() }
+        self.order.map_or_else(|| (0..gaussians.len()).collect(), |order| order(gaussians))
     }
 
     /// Whether a scene is written to one file, and so to a stream.
