@@ -3,6 +3,9 @@
 use crate::error::{ImageError, expect_len, range};
 use weaver_kernels::Real;
 
+/// The least standard deviation that fits give, in pixels.
+pub(crate) const LEAST_SCALE: f32 = 0.3;
+
 /// A picture as a sum of N Gaussians.
 ///
 /// The color of a point p is `C(p) = sum_i c_i exp(-d^T S_i^-1 d / 2)`, where `d = p - center_i` and `S_i = R diag(s^2) R^T` with

@@ -1,6 +1,6 @@
 //! Random Gaussians, and numbers to compare.
 
-use weaver_image::Gaussians;
+use weaver_image::{CUT, Canvas, Gaussians, Picture, Window, reference};
 use weaver_kernels::Real;
 use weaver_kernels::random::Stream;
 
@@ -38,4 +38,27 @@ pub fn dot<T: Real>(a: &[T], b: &[T]) -> f64 {
 /// Runs on so many threads.
 pub fn on_threads<R: Send>(threads: usize, body: impl FnOnce() -> R + Send) -> R {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(body)
+}
+
+/// A picture of soft spots on a slope, with some noise.
+pub fn picture(seed: u64, width: usize, height: usize) -> Picture {
+    let spots = gaussians::<f64>(seed, 12, [width, height], [1.0, 8.0]);
+    let noise = noise::<f32>(!seed, 3 * width * height);
+    let drawn = reference::draw(&spots, &Window::whole(width, height), 6.0);
+    let colors = drawn.iter().zip(noise).enumerate();
+    let color = |(i, (x, noise)): (usize, (&f64, f32))| {
+        let slope = (i / 3 % width) as f32 / width as f32;
+        (0.3 + 0.3 * slope + 0.4 * *x as f32 + 0.01 * noise).clamp(0.0, 1.0)
+    };
+    Picture::new(width, height, colors.map(color).collect()).unwrap()
+}
+
+/// Mean squared error of a drawing, not clamped.
+pub fn error(picture: &Picture, gaussians: &Gaussians<f32>) -> f64 {
+    let mut canvas = Canvas::new();
+    canvas.place(gaussians, Window::whole(picture.width(), picture.height()), CUT).unwrap();
+    let mut image = vec![0.0; picture.colors().len()];
+    canvas.draw(&gaussians.colors, &mut image).unwrap();
+    let squares = image.iter().zip(picture.colors()).map(|(a, b)| f64::from((a - b) * (a - b)));
+    squares.sum::<f64>() / image.len() as f64
 }
