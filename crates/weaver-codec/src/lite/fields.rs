@@ -1,0 +1,228 @@
+//! Streams of symbols, each described once for both directions.
+
+use super::head::Head;
+use super::neighbors::{NEIGHBORS, known, neighbors};
+use super::symbols::{LARGEST, Symbols, ln_opacities};
+use crate::error::CodecError;
+use crate::mixed::MixedModel;
+use crate::octree::code_octree;
+use crate::range::Coder;
+
+/// Symbols that are coded, and what both directions know of them.
+pub(super) struct Fields {
+    pub(super) head: Head,
+    pub(super) symbols: Symbols,
+    near: Vec<[u32; NEIGHBORS]>,
+    logs: Vec<i64>,
+}
+
+/// Quarters that predictions take from neighbors, of four.
+pub(super) const BLENDS: u32 = 4;
+
+/// Length of a magnitude in bits, up to a largest one.
+fn bucket(x: i32, largest: usize) -> usize {
+    ((u32::BITS - x.unsigned_abs().leading_zeros()) as usize).min(largest)
+}
+
+/// A value plus what neighbors have more of it, by `blend` quarters.
+fn blended(base: i32, mean: i32, blend: u32) -> i32 {
+    base + (mean - base) * blend as i32 / BLENDS as i32
+}
+
+/// Mean and spread of the neighbors' values, or the base and none.
+fn mean_of(values: impl Iterator<Item = i32>, base: i32) -> (i32, i32) {
+    let (mut sum, mut count, mut low, mut high) = (0, 0, i32::MAX, i32::MIN);
+    for value in values {
+        (sum, count, low, high) = (sum + i64::from(value), count + 1, low.min(value), high.max(value));
+    }
+    if count == 0 { (base, 0) } else { ((sum / count) as i32, high - low) }
+}
+
+fn bounded(symbol: i32) -> i32 {
+    symbol.clamp(-LARGEST, LARGEST)
+}
+
+/// An error once a decoder has come to the end of its bytes.
+fn check(coder: &impl Coder, place: &str, i: usize) -> Result<(), CodecError> {
+    if !coder.exhausted() {
+        return Ok(());
+    }
+    Err(CodecError::invalid(format!("stream {place}"), "symbols of all Gaussians", format!("those of {i}")))
+}
+
+impl Fields {
+    /// Fields whose positions are known.
+    pub(super) fn new(head: Head, symbols: Symbols) -> Self {
+        let near = neighbors(&symbols.voxels);
+        Self { head, near, logs: ln_opacities(head.opacity_levels), symbols }
+    }
+
+    fn count(&self) -> usize {
+        self.symbols.voxels.len()
+    }
+
+    /// What each Gaussian can show, of scales and opacities.
+    fn shows(&self, i: usize) -> i64 {
+        self.head.shows(self.symbols.scales[i], self.symbols.opacities[i], &self.logs)
+    }
+
+    /// Context of what a Gaussian can show: octaves about the reference.
+    fn shows_context(&self, i: usize) -> usize {
+        ((self.shows(i) >> 15) + 6).clamp(0, 9) as usize
+    }
+
+    pub(super) fn scales(&mut self, coder: &mut impl Coder, blend: u32) -> Result<(), CodecError> {
+        let mut largest = MixedModel::new([1, 8, 16]);
+        let mut second = MixedModel::new([1, 16, 16]);
+        let mut third = MixedModel::new([1, 64, 16]);
+        for i in 0..self.count() {
+            let scales = &self.symbols.scales;
+            let near = known(&self.near[i], i);
+            let (mean, spread) = mean_of(near.clone().map(|j| scales[j][0]), self.head.scale_mean);
+            let predicted = blended(self.head.scale_mean, mean, blend);
+            let [a, b, c] = scales[i];
+            let off = ((mean - self.head.scale_mean) / 4 + 8).clamp(0, 15) as usize;
+            let a = bounded(predicted + largest.code(coder, [0, bucket(spread, 7), off], a - predicted));
+            let (drop, _) = mean_of(near.clone().map(|j| scales[j][0] - scales[j][1]), 0);
+            let large = ((a - self.head.scale_mean) / 4 + 8).clamp(0, 15) as usize;
+            let b = bounded(a - second.code(coder, [0, drop.clamp(0, 15) as usize, large], a - b));
+            let (fall, _) = mean_of(near.map(|j| scales[j][1] - scales[j][2]), 0);
+            let first_drop = ((a - b) / 2).clamp(0, 15) as usize;
+            let contexts = [0, (fall / 2).clamp(0, 15) as usize + 16 * (large / 4), first_drop];
+            let c = bounded(b - third.code(coder, contexts, b - c));
+            self.symbols.scales[i] = [a, b, c];
+            check(coder, "scal", i)?;
+        }
+        Ok(())
+    }
+
+    /// Opacities from the largest one downwards.
+    pub(super) fn opacities(&mut self, coder: &mut impl Coder, _: u32) -> Result<(), CodecError> {
+        let levels = self.head.opacity_levels as i32;
+        let mut model = MixedModel::new([1, 16, 16]);
+        for i in 0..self.count() {
+            let (mean, _) = mean_of(known(&self.near[i], i).map(|j| self.symbols.opacities[j]), self.head.opacity_mean);
+            let size = ((self.symbols.scales[i][0] - self.head.scale_mean) / 4 + 8).clamp(0, 15) as usize;
+            let contexts = [0, (mean * 16 / (levels + 1)) as usize, size];
+            let drop = model.code(coder, contexts, levels - self.symbols.opacities[i]);
+            self.symbols.opacities[i] = (levels - drop).clamp(0, levels);
+            check(coder, "opac", i)?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn rotations(&mut self, coder: &mut impl Coder, _: u32) -> Result<(), CodecError> {
+        let mut model = MixedModel::new([16 * 3, 16 * 3, 24 * 3]);
+        for i in 0..self.count() {
+            let scales = self.symbols.scales[i];
+            let steps = self.head.steps(scales, self.shows(i));
+            // Numbers of the range: up to √¾ of the step.
+            let range = ((0.87 / steps.rotation).min(1e6) as i32).max(1);
+            let fine = 2 * bucket(range, 11) - usize::from(range < 3 << (bucket(range, 11).max(2) - 2));
+            let thin = ((scales[0] - scales[2]).saturating_mul(2) / 3).clamp(0, 15) as usize;
+            let mut before = 0;
+            for axis in 0..3 {
+                let contexts = [thin * 3 + axis, bucket(before, 15) * 3 + axis, fine.min(23) * 3 + axis];
+                let symbol = bounded(model.code(coder, contexts, self.symbols.rotations[i][axis]));
+                self.symbols.rotations[i][axis] = symbol;
+                before = before.max(symbol.abs());
+            }
+            check(coder, "rota", i)?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn colors(&mut self, coder: &mut impl Coder, blend: u32) -> Result<(), CodecError> {
+        let mut green = MixedModel::new([1, 16, 10]);
+        let mut others = MixedModel::new([2, 16 * 2, 10 * 2, 12 * 2]);
+        let dc: Vec<f64> = (0..self.count()).map(|i| self.head.steps(self.symbols.scales[i], self.shows(i)).dc).collect();
+        for i in 0..self.count() {
+            let shows = self.shows_context(i);
+            let colors = &self.symbols.colors;
+            let near = known(&self.near[i], i);
+            // Neighbors in steps of this Gaussian.
+            let like = |j: usize, channel: usize| (f64::from(colors[j][channel]) * dc[j] / dc[i]).clamp(-1e6, 1e6) as i32;
+            let (mean, spread) = mean_of(near.clone().map(|j| like(j, 0)), 0);
+            let predicted = blended(0, mean, blend);
+            let own = colors[i];
+            let off = green.code(coder, [0, bucket(spread, 15), shows], own[0] - predicted);
+            let mut found = [bounded(predicted + off), 0, 0];
+            for channel in 1..3 {
+                let (mean, spread) = mean_of(near.clone().map(|j| like(j, channel)), 0);
+                let red = if channel == 2 { bucket(found[1], 11) } else { bucket(off, 11) };
+                let half = channel - 1;
+                let contexts = [half, bucket(spread, 15) * 2 + half, shows * 2 + half, red * 2 + half];
+                let predicted = blended(0, mean, blend);
+                found[channel] = bounded(predicted + others.code(coder, contexts, own[channel] - predicted));
+            }
+            self.symbols.colors[i] = found;
+            check(coder, "colo", i)?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn harmonics(&mut self, coder: &mut impl Coder, _: u32) -> Result<(), CodecError> {
+        let rest = self.symbols.harmonics.len() / self.count().max(1);
+        let kinds = 3 * rest;
+        let mut model = MixedModel::new([kinds * 10, kinds * 12, 36 * 12, kinds * 9, kinds * 9]);
+        for i in 0..self.count() {
+            let shows = self.shows_context(i);
+            let (mut sums, mut counts) = ([0; 3], 0);
+            for k in 0..rest {
+                let at = rest * i + k;
+                let mut green = 0;
+                for channel in 0..3 {
+                    let kind = 3 * k + channel;
+                    let energy = bucket(2 * sums[channel] / (counts + 1) + sums[channel].min(2), 11);
+                    let all = bucket(sums[0] + sums[1] + sums[2], 11);
+                    let mut near = [0; 2];
+                    for (j, near) in known(&self.near[i], i).zip(&mut near) {
+                        *near = self.symbols.harmonics[rest * j + k][channel].signum() + 1;
+                    }
+                    let sides = (near[0] * 3 + near[1]) as usize;
+                    let brothers = bucket(green, 2) * 3 + if channel == 2 { bucket(self.symbols.harmonics[at][1], 2) } else { 0 };
+                    let contexts = [
+                        kind * 10 + shows,
+                        kind * 12 + energy,
+                        (channel * 12 + all) * 12 + shows,
+                        kind * 9 + brothers,
+                        kind * 9 + sides,
+                    ];
+                    let symbol = bounded(model.code(coder, contexts, self.symbols.harmonics[at][channel]));
+                    self.symbols.harmonics[at][channel] = symbol;
+                    sums[channel] = (sums[channel] + symbol.abs()).min(LARGEST);
+                    if channel == 0 {
+                        green = symbol;
+                    }
+                }
+                counts += 1;
+            }
+            check(coder, "harm", i)?;
+        }
+        Ok(())
+    }
+}
+
+/// Codes positions: an octree, then the bits below it.
+pub(super) fn positions(
+    coder: &mut impl Coder,
+    head: &Head,
+    count: usize,
+    voxels: &[u64],
+) -> Result<Vec<u64>, CodecError> {
+    let below = 3 * u32::from(head.depth - head.octree);
+    let cells: Vec<u64> = voxels.iter().map(|voxel| voxel >> below).collect();
+    let mut found = code_octree(coder, head.octree.into(), count, &cells)?;
+    for (i, cell) in found.iter_mut().enumerate() {
+        let voxel = voxels.get(i).copied().unwrap_or(0);
+        let (mut bits, mut left) = (0, below);
+        while left > 0 {
+            let part = left.min(30);
+            left -= part;
+            bits = bits << part | u64::from(coder.raw(part, (voxel >> left) as u32 & ((1 << part) - 1)));
+        }
+        *cell = *cell << below | bits;
+        check(coder, "posi", i)?;
+    }
+    Ok(found)
+}

@@ -1,0 +1,131 @@
+//! What a decoder has to be told before the symbols.
+
+use super::quality::Quality;
+use crate::error::CodecError;
+use crate::exact::exp;
+
+/// Parts of a unit in which steps and logarithms are stored.
+pub(super) const UNIT: f64 = 65_536.0;
+
+/// Bytes of a head.
+const BYTES: usize = 12 + 4 + 2 + 10 * 4;
+
+/// Grid, steps, and how steps follow what a Gaussian can show.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Head {
+    /// Corner of the grid, and side of a voxel.
+    pub(super) origin: [f32; 3],
+    pub(super) cell: f32,
+    /// Depth of the grid, and up to where it is an octree.
+    pub(super) depth: u8,
+    pub(super) octree: u8,
+    /// Steps, in parts of 2^16.
+    pub(super) scale_step: u32,
+    pub(super) opacity_levels: u32,
+    pub(super) rotation_step: u32,
+    pub(super) dc_step: u32,
+    pub(super) sh_step: u32,
+    /// Powers, in parts of 2^16.
+    pub(super) adaptation: u32,
+    pub(super) rotation_adaptation: u32,
+    /// Logarithm of what a Gaussian shows whose steps are those above, in parts of 2^16.
+    pub(super) reference: i32,
+    /// Means of the largest log scales and of opacities, as symbols.
+    pub(super) scale_mean: i32,
+    pub(super) opacity_mean: i32,
+}
+
+impl Head {
+    pub(super) fn new(quality: &Quality) -> Self {
+        let parts = |x: f64| ((x * UNIT).round() as u32).max(1);
+        Self {
+            origin: [0.0; 3],
+            cell: 1.0,
+            depth: 0,
+            octree: 0,
+            scale_step: parts(quality.scale_step),
+            opacity_levels: quality.opacity_levels,
+            rotation_step: parts(quality.rotation_step),
+            dc_step: parts(quality.dc_step),
+            sh_step: parts(quality.sh_step),
+            adaptation: (quality.adaptation * UNIT).round() as u32,
+            rotation_adaptation: (quality.rotation_adaptation * UNIT).round() as u32,
+            reference: 0,
+            scale_mean: 0,
+            opacity_mean: 0,
+        }
+    }
+
+    /// Logarithm of what a Gaussian can show against the reference, opacity times the root of its largest area, in parts of 2^16.
+    pub(super) fn shows(&self, scales: [i32; 3], opacity: i32, ln_opacity: &[i64]) -> i64 {
+        let area = i64::from(scales[0]) + i64::from(scales[1]);
+        area * i64::from(self.scale_step) / 2 + ln_opacity[opacity as usize] - i64::from(self.reference)
+    }
+
+    /// Factor of steps: smaller where more is to be seen, by at most `LEAST` and `MOST`.
+    pub(super) fn factor(&self, shows: i64, power: u32) -> f64 {
+        let exponent = -(shows as f64 / UNIT) * (f64::from(power) / UNIT);
+        exp(exponent.clamp(-FINEST, COARSEST))
+    }
+
+    pub(super) fn write(&self) -> Vec<u8> {
+        let floats = [self.origin[0], self.origin[1], self.origin[2], self.cell];
+        let mut out: Vec<u8> = floats.iter().flat_map(|x| x.to_le_bytes()).collect();
+        out.extend([self.depth, self.octree]);
+        let steps = [self.scale_step, self.opacity_levels, self.rotation_step, self.dc_step, self.sh_step];
+        out.extend(steps.iter().chain(&[self.adaptation, self.rotation_adaptation]).flat_map(|x| x.to_le_bytes()));
+        out.extend([self.reference, self.scale_mean, self.opacity_mean].iter().flat_map(|x| x.to_le_bytes()));
+        out
+    }
+
+    pub(super) fn read(bytes: &[u8]) -> Result<Self, CodecError> {
+        if bytes.len() != BYTES {
+            return Err(CodecError::invalid("stream head", format!("{BYTES} bytes"), bytes.len()));
+        }
+        let word = |at: usize| [bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]];
+        let float = |i: usize| f32::from_le_bytes(word(4 * i));
+        let number = |i: usize| u32::from_le_bytes(word(18 + 4 * i));
+        let signed = |i: usize| i32::from_le_bytes(word(18 + 4 * i));
+        let head = Self {
+            origin: [float(0), float(1), float(2)],
+            cell: float(3),
+            depth: bytes[16],
+            octree: bytes[17],
+            scale_step: number(0),
+            opacity_levels: number(1),
+            rotation_step: number(2),
+            dc_step: number(3),
+            sh_step: number(4),
+            adaptation: number(5),
+            rotation_adaptation: number(6),
+            reference: signed(7),
+            scale_mean: signed(8),
+            opacity_mean: signed(9),
+        };
+        head.check()?;
+        Ok(head)
+    }
+
+    fn check(&self) -> Result<(), CodecError> {
+        let grid = self.origin.iter().chain([&self.cell]).all(|x| x.is_finite()) && self.cell >= 0.0;
+        if !grid {
+            let found = format!("{:?} and {}", self.origin, self.cell);
+            return Err(CodecError::invalid("stream head, grid", "a finite corner and side", found));
+        }
+        if u32::from(self.depth) > crate::octree::DEEPEST || self.octree > self.depth {
+            let found = format!("{} of {}", self.octree, self.depth);
+            return Err(CodecError::invalid("stream head, depth", "an octree within a grid of up to 21 levels", found));
+        }
+        if !(1..=MOST_LEVELS).contains(&self.opacity_levels) {
+            return Err(CodecError::invalid("stream head, opacities", "1 to 4095 steps", self.opacity_levels));
+        }
+        Ok(())
+    }
+}
+
+/// Logarithms of the least and the largest factor of steps.
+const FINEST: f64 = 1.5;
+const COARSEST: f64 = 2.5;
+
+/// Steps of opacities at most.
+pub(super) const MOST_LEVELS: u32 = 4095;

@@ -1,0 +1,225 @@
+//! Gaussians as symbols, and back.
+
+use super::head::{Head, MOST_LEVELS, UNIT};
+use super::quality::Quality;
+use super::rotation::{imaginary_part, sort_axes, with_real_part};
+use crate::error::CodecError;
+use crate::exact::ln;
+use crate::morton::{from_morton3, morton3};
+use crate::octree::DEEPEST;
+use crate::quantizer::Quantizer;
+use weaver_scene::Gaussians;
+
+/// Largest magnitude of a symbol, which leaves room for differences.
+pub(super) const LARGEST: i32 = 1 << 22;
+
+/// Symbols of a scene, Gaussians in Morton order.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Symbols {
+    /// Morton codes of voxels, ascending.
+    pub(super) voxels: Vec<u64>,
+    /// Log scales, descending.
+    pub(super) scales: Vec<[i32; 3]>,
+    pub(super) opacities: Vec<i32>,
+    pub(super) rotations: Vec<[i32; 3]>,
+    /// Green, red less green, blue less green.
+    pub(super) colors: Vec<[i32; 3]>,
+    /// The same of further harmonics, `[N, K - 1]`.
+    pub(super) harmonics: Vec<[i32; 3]>,
+}
+
+/// Logarithms of the opacities of all symbols, in parts of 2^16.
+pub(super) fn ln_opacities(levels: u32) -> Vec<i64> {
+    (0..=levels).map(|symbol| (ln(opacity(symbol as i32, levels)) * UNIT).floor() as i64).collect()
+}
+
+/// The opacity of a symbol: those at the ends are a quarter of a step from 0 and 1, so that logits are finite.
+fn opacity(symbol: i32, levels: u32) -> f64 {
+    let quarter = 0.25 / f64::from(levels);
+    (f64::from(symbol) / f64::from(levels)).clamp(quarter, 1.0 - quarter)
+}
+
+/// Steps of one Gaussian.
+pub(super) struct Steps {
+    pub(super) rotation: f64,
+    pub(super) dc: f64,
+    pub(super) sh: f64,
+}
+
+impl Head {
+    /// Steps by the symbols that come first.
+    pub(super) fn steps(&self, scales: [i32; 3], shows: i64) -> Steps {
+        let factor = self.factor(shows, self.adaptation);
+        // What turns is the difference of two scales: thin Gaussians show it more.
+        let thin = i64::from(scales[0]).saturating_sub(i64::from(scales[2])) * i64::from(self.scale_step);
+        let thin = thin.min((2.0 * UNIT) as i64) - UNIT as i64;
+        let step = |parts: u32| f64::from(parts) / UNIT;
+        Steps {
+            rotation: step(self.rotation_step) * self.factor(shows + thin, self.rotation_adaptation),
+            dc: step(self.dc_step) * factor,
+            sh: step(self.sh_step) * factor,
+        }
+    }
+}
+
+/// Checks that every number can be stored.
+fn check(gaussians: &Gaussians) -> Result<(), CodecError> {
+    if !gaussians.lengths_agree() {
+        return Err(CodecError::invalid("Gaussians", "fields of one length, a degree up to 4", "others"));
+    }
+    let per_row = 3 * gaussians.coefficients();
+    for i in 0..gaussians.len() {
+        let fields: [(&str, &[f32]); 4] = [
+            ("position", &gaussians.means[i]),
+            ("scale", &gaussians.log_scales[i]),
+            ("rotation", &gaussians.quats[i]),
+            ("color", &gaussians.sh[i * per_row..][..per_row]),
+        ];
+        if let Some((name, values)) = fields.iter().find(|(_, values)| !values.iter().all(|x| x.is_finite())) {
+            return Err(CodecError::invalid(format!("Gaussian {i}, {name}"), "finite numbers", format!("{values:?}")));
+        }
+        if gaussians.opacity_logits[i].is_nan() {
+            return Err(CodecError::invalid(format!("Gaussian {i}, opacity"), "a number", "NaN"));
+        }
+    }
+    Ok(())
+}
+
+/// Quantizes Gaussians.
+pub(super) fn quantize(gaussians: &Gaussians, quality: &Quality) -> Result<(Head, Symbols), CodecError> {
+    check(gaussians)?;
+    if !(1..=MOST_LEVELS).contains(&quality.opacity_levels) {
+        return Err(CodecError::invalid("opacity levels", "1 to 4095", quality.opacity_levels));
+    }
+    let mut head = Head::new(quality);
+    place(&mut head, gaussians, quality);
+    let mut order: Vec<(u64, usize)> =
+        gaussians.means.iter().enumerate().map(|(i, mean)| (head.voxel(*mean), i)).collect();
+    order.sort_unstable();
+    let mut symbols = Symbols { voxels: order.iter().map(|(voxel, _)| *voxel).collect(), ..Symbols::default() };
+    let scale = Quantizer { step: f64::from(head.scale_step) / UNIT, dead_zone: 0.0 };
+    let mut turned = Vec::with_capacity(order.len());
+    for &(_, i) in &order {
+        let (log_scales, quat) = sort_axes(gaussians.log_scales[i], gaussians.quats[i]);
+        turned.push(imaginary_part(quat));
+        symbols.scales.push(log_scales.map(|s| bounded(scale.symbol(f64::from(s)))));
+        let share = 1.0 / (1.0 + (-f64::from(gaussians.opacity_logits[i])).exp());
+        symbols.opacities.push((share * f64::from(head.opacity_levels)).round() as i32);
+    }
+    let logs = ln_opacities(head.opacity_levels);
+    refer(&mut head, &symbols, &logs);
+    let rest = gaussians.coefficients() - 1;
+    for (at, &(_, i)) in order.iter().enumerate() {
+        let scales = symbols.scales[at];
+        let steps = head.steps(scales, head.shows(scales, symbols.opacities[at], &logs));
+        let rounded = |step| Quantizer { step, dead_zone: 0.0 };
+        symbols.rotations.push(turned[at].map(|part| bounded(rounded(steps.rotation).symbol(part))));
+        let row = &gaussians.sh[3 * (rest + 1) * i..][..3 * (rest + 1)];
+        let difference = |quantizer: Quantizer, rgb: &[f32]| {
+            let [r, g, b] = [0, 1, 2].map(|c| f64::from(rgb[c]));
+            let green = bounded(quantizer.symbol(g));
+            // Differences to what green is after rounding: its error is not added to theirs.
+            let decoded = quantizer.value(green);
+            [green, bounded(quantizer.symbol(r - decoded)), bounded(quantizer.symbol(b - decoded))]
+        };
+        symbols.colors.push(difference(rounded(steps.dc), &row[..3]));
+        let coarse = Quantizer { step: steps.sh, dead_zone: quality.dead_zone };
+        symbols.harmonics.extend(row[3..].chunks_exact(3).map(|rgb| difference(coarse, rgb)));
+    }
+    Ok((head, symbols))
+}
+
+/// Places the grid about all positions.
+fn place(head: &mut Head, gaussians: &Gaussians, quality: &Quality) {
+    if gaussians.is_empty() {
+        return;
+    }
+    let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    for mean in &gaussians.means {
+        for axis in 0..3 {
+            low[axis] = low[axis].min(mean[axis]);
+            high[axis] = high[axis].max(mean[axis]);
+        }
+    }
+    let extent = (0..3).map(|axis| f64::from(high[axis]) - f64::from(low[axis])).fold(0.0, f64::max);
+    let logs = gaussians.log_scales.as_flattened();
+    let mean_log = logs.iter().map(|s| f64::from(*s)).sum::<f64>() / logs.len() as f64;
+    let wanted = quality.position * mean_log.exp();
+    let finest = extent / f64::from((1_u32 << DEEPEST) - 1);
+    let cell = wanted.clamp(finest, f64::from(f32::MAX)).max(f64::from(f32::MIN_POSITIVE));
+    head.origin = low;
+    head.cell = cell as f32;
+    // Rounding to f32 may have made the cell smaller, by less than one of 2^21 steps.
+    let steps = (extent / f64::from(head.cell)).round().min(f64::from((1_u32 << DEEPEST) - 1)) as u32;
+    head.depth = (u32::BITS - steps.leading_zeros()) as u8;
+    head.octree = head.depth.min(octree_depth(gaussians.len()));
+}
+
+/// Depth at which most voxels of a surface hold one of so many points: beyond it a child says as much as three bits.
+fn octree_depth(count: usize) -> u8 {
+    (usize::BITS - count.leading_zeros()).div_ceil(2) as u8 + 2
+}
+
+/// Sets the reference of adaptive steps, and the means that predictions begin with.
+fn refer(head: &mut Head, symbols: &Symbols, logs: &[i64]) {
+    let count = symbols.scales.len().max(1) as f64;
+    let mut squares = 0.0;
+    for (&scales, &opacity) in symbols.scales.iter().zip(&symbols.opacities) {
+        let log = head.shows(scales, opacity, logs) as f64 / UNIT;
+        squares += (2.0 * log.clamp(-150.0, 150.0)).exp();
+    }
+    let root_mean = 0.5 * (squares / count).max(f64::MIN_POSITIVE).ln();
+    head.reference = (root_mean * UNIT).round() as i32;
+    let mean = |sum: f64| (sum / count).round() as i32;
+    head.scale_mean = mean(symbols.scales.iter().map(|s| f64::from(s[0])).sum());
+    head.opacity_mean = mean(symbols.opacities.iter().map(|s| f64::from(*s)).sum());
+}
+
+fn bounded(symbol: i32) -> i32 {
+    symbol.clamp(-LARGEST, LARGEST)
+}
+
+impl Head {
+    fn voxel(&self, mean: [f32; 3]) -> u64 {
+        let end = (1_u64 << self.depth) - 1;
+        let place = |axis: usize| {
+            let distance = f64::from(mean[axis]) - f64::from(self.origin[axis]);
+            ((distance / f64::from(self.cell)).round() as u64).min(end) as u32
+        };
+        morton3([place(0), place(1), place(2)])
+    }
+
+    fn mean(&self, voxel: u64) -> [f32; 3] {
+        let place = from_morton3(voxel);
+        std::array::from_fn(|axis| {
+            let position = f64::from(self.origin[axis]) + f64::from(self.cell) * f64::from(place[axis]);
+            position.clamp(-f64::from(f32::MAX), f64::from(f32::MAX)) as f32
+        })
+    }
+}
+
+/// Gaussians of symbols that are complete.
+pub(super) fn restore(head: &Head, symbols: &Symbols, degree: usize) -> Gaussians {
+    let mut gaussians = Gaussians { degree, ..Gaussians::default() };
+    let rest = gaussians.coefficients() - 1;
+    let logs = ln_opacities(head.opacity_levels);
+    let step = f64::from(head.scale_step) / UNIT;
+    gaussians.sh.reserve_exact(3 * (rest + 1) * symbols.voxels.len());
+    for (i, &voxel) in symbols.voxels.iter().enumerate() {
+        let (scales, opacity_symbol) = (symbols.scales[i], symbols.opacities[i]);
+        let steps = head.steps(scales, head.shows(scales, opacity_symbol, &logs));
+        gaussians.means.push(head.mean(voxel));
+        gaussians.log_scales.push(scales.map(|s| (f64::from(s) * step) as f32));
+        let share = opacity(opacity_symbol, head.opacity_levels);
+        gaussians.opacity_logits.push(ln(share / (1.0 - share)) as f32);
+        let part = symbols.rotations[i].map(|s| f64::from(s) * steps.rotation);
+        gaussians.quats.push(with_real_part(part).map(|x| x as f32));
+        let mut color = |[g, r, b]: [i32; 3], step: f64| {
+            let green = f64::from(g) * step;
+            gaussians.sh.extend([green + f64::from(r) * step, green, green + f64::from(b) * step].map(|x| x as f32));
+        };
+        color(symbols.colors[i], steps.dc);
+        symbols.harmonics[rest * i..][..rest].iter().for_each(|&rgb| color(rgb, steps.sh));
+    }
+    gaussians
+}

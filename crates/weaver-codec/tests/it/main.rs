@@ -1,0 +1,7 @@
+//! Tests of the codec.
+
+mod codebook;
+mod coder;
+mod container;
+mod rates;
+mod space;
