@@ -3,8 +3,8 @@
 use std::error::Error;
 use std::f64::consts::FRAC_PI_3;
 use std::time::Instant;
-use weaver_codec::lite::{Quality, decode, encode};
 use weaver_codec::Container;
+use weaver_codec::lite::{Quality, decode, encode};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
 use weaver_scene::Gaussians;
@@ -66,7 +66,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         let took = started.elapsed();
         let bits = |bytes: usize| 8.0 * bytes as f64 / gaussians.len() as f64;
         let quality = psnr(&expected, &draw(&decoded, &cameras)?);
-        print!("{row}  {}  {:.2}  {quality:.2}  {:.0} {:.0} ", bytes.len(), bits(bytes.len()), encoded.as_secs_f64() * 1e3, took.as_secs_f64() * 1e3);
+        print!(
+            "{row}  {}  {:.2}  {quality:.2}  {:.0} {:.0} ",
+            bytes.len(),
+            bits(bytes.len()),
+            encoded.as_secs_f64() * 1e3,
+            took.as_secs_f64() * 1e3
+        );
         for stream in Container::read(&bytes)?.streams {
             print!("  {} {:.2}", stream.name.escape_ascii(), bits(stream.bytes.len()));
         }

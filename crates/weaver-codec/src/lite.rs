@@ -73,8 +73,8 @@ fn code(
 pub fn decode(bytes: &[u8]) -> Result<Gaussians, CodecError> {
     let container = Container::read(bytes)?;
     let degree = (0..=sh::MAX_DEGREE).find(|&degree| sh::coefficients(degree) == usize::from(container.coefficients));
-    let degree = degree
-        .ok_or_else(|| CodecError::invalid("coefficients", "1, 4, 9, 16 or 25", container.coefficients))?;
+    let degree =
+        degree.ok_or_else(|| CodecError::invalid("coefficients", "1, 4, 9, 16 or 25", container.coefficients))?;
     let count = usize::try_from(container.gaussians).unwrap_or(usize::MAX);
     let mut streams = container.streams.iter();
     let mut next = |name: [u8; 4]| {

@@ -1,13 +1,14 @@
 //! What fits of pictures reach: `RAYON_NUM_THREADS=1 cargo run --release -p weaver-image --example claims -- TABLE PHOTO..`.
 //!
 //! Tables, each over the middle 512 x 512 pixels of the photos and three seeds: `fits` (ours, published and controls), `starts` (what
-//! each part of a start adds, by the published descent), `variants` (what each part of ours adds), `colors` (closed colors alone),
+//! each part of a start adds, by the published descent), `files` (decibels and bytes of files), `variants` (what each part of ours adds), `colors` (closed colors alone),
 //! `planted` (Gaussians that are found again; needs no photo). Seconds are those of the processor.
 
 use std::error::Error;
 use std::ops::ControlFlow;
 use weaver_image::{
-    CUT, Canvas, FitSettings, Gaussians, Picture, Start, Window, fit, metrics, refine, solve_colors, start,
+    CUT, Canvas, FitSettings, Gaussians, Picture, Start, Window, decode, encode, fit, metrics, refine, solve_colors,
+    start,
 };
 use weaver_io::{Background, Image};
 use weaver_kernels::random::Stream;
@@ -116,6 +117,32 @@ fn variants(pictures: &[Picture]) -> Result<()> {
     Ok(())
 }
 
+fn files(pictures: &[Picture]) -> Result<()> {
+    for ratio in [200.0, 100.0, 50.0, 25.0] {
+        for steps in [300, 1000] {
+            for coded in [true, false] {
+                let mut line = format!("ratio {ratio:3}, {steps:4} steps, {}", if coded { "staged" } else { "plain " });
+                let (mut sum, before) = (0.0, processor_seconds()?);
+                for picture in pictures {
+                    let mut settings = FitSettings::new(picture.gaussians_for(ratio), steps);
+                    settings.coded = coded;
+                    let fitted = fit(picture, &settings, &mut |_| ControlFlow::Continue(()))?;
+                    let bytes = encode(&fitted, picture.width(), picture.height())?;
+                    let back = decode(&bytes)?.fitted;
+                    let drawn = back.draw(picture.width(), picture.height())?;
+                    let decibels = metrics::psnr(&drawn, picture.colors());
+                    sum += decibels;
+                    let bits = 8.0 * bytes.len() as f64 / back.gaussians.len() as f64;
+                    line += &format!("   {:6} B {bits:.1} bits {decibels:.2} dB", bytes.len());
+                }
+                let seconds = (processor_seconds()? - before) / pictures.len() as f64;
+                println!("{line}   mean {:.2} dB, {seconds:.2} s", sum / pictures.len() as f64);
+            }
+        }
+    }
+    Ok(())
+}
+
 fn decibels(gaussians: &Gaussians<f32>, picture: &Picture) -> Result<f64> {
     let mut canvas = Canvas::new();
     canvas.place(gaussians, Window::whole(picture.width(), picture.height()), CUT)?;
@@ -165,7 +192,11 @@ fn planted() -> Result<()> {
         settings.growth = false;
         let near = refine(&picture, &settings, near, &mut |_| ControlFlow::Continue(()))?;
         let near = decibels(&near.gaussians, &picture)?;
-        println!("seed {seed}: N = 50 {:.2} dB, N = 100 {:.2} dB, from near the truth {near:.2} dB", run(50)?, run(100)?);
+        println!(
+            "seed {seed}: N = 50 {:.2} dB, N = 100 {:.2} dB, from near the truth {near:.2} dB",
+            run(50)?,
+            run(100)?
+        );
     }
     Ok(())
 }
@@ -173,7 +204,7 @@ fn planted() -> Result<()> {
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let Some((table, photos)) = arguments.split_first() else {
-        return Err("expected fits, starts, variants, colors or planted, and photos".into());
+        return Err("expected fits, starts, files, variants, colors or planted, and photos".into());
     };
     let read = |path: &String| -> Result<Picture> {
         let photo = Image::read(path, Background::Black)?;
@@ -186,8 +217,9 @@ fn main() -> Result<()> {
         "fits" => fits(&pictures),
         "starts" => starts(&pictures),
         "variants" => variants(&pictures),
+        "files" => files(&pictures),
         "colors" => colors(&pictures),
         "planted" => planted(),
-        other => Err(format!("expected fits, starts, variants, colors or planted, found {other}").into()),
+        other => Err(format!("expected fits, starts, files, variants, colors or planted, found {other}").into()),
     }
 }

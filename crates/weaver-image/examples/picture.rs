@@ -41,7 +41,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let decibels = metrics::psnr(&drawn, &photo.pixels);
     let similar = metrics::ms_ssim(&drawn, &photo.pixels, [height, width]);
     let similar = similar.map_or("none".to_string(), |x| format!("{x:.3}"));
-    println!("{} Gaussians, {steps} steps: {decibels:.2} dB, MS-SSIM {similar}, {seconds:.1} s", fitted.gaussians.len());
+    println!(
+        "{} Gaussians, {steps} steps: {decibels:.2} dB, MS-SSIM {similar}, {seconds:.1} s",
+        fitted.gaussians.len()
+    );
     let drawn = Image { width, height, pixels: drawn };
     Image::mosaic(&[&photo, &drawn]).write_png(out)?;
     Ok(())

@@ -55,14 +55,8 @@ impl Adam {
             let mut update = |of: fn(&mut Gaussians<f32>) -> &mut Vec<f32>, slopes: &[f32], columns: &[f32]| {
                 let width = columns.len();
                 let range = width * first..width * end;
-                let settings = AdamW {
-                    rate: 1.0,
-                    beta1: 0.9,
-                    beta2: 0.999,
-                    eps: 1e-15,
-                    weight_decay: 0.0,
-                    gradient_scale: scale,
-                };
+                let settings =
+                    AdamW { rate: 1.0, beta1: 0.9, beta2: 0.999, eps: 1e-15, weight_decay: 0.0, gradient_scale: scale };
                 let (mean, square) = (&mut of(&mut self.mean)[range.clone()], &mut of(&mut self.square)[range.clone()]);
                 let numbers = &mut of(gaussians)[range.clone()];
                 settings.step_columns(step, numbers, &slopes[range], mean, square, columns);

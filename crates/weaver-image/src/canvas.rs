@@ -232,10 +232,8 @@ fn chain<T: Real>(gaussians: &Gaussians<T>, i: usize, sums: &Sums<T>, factor: f6
     let (along, across) = (p1 * (cos * x + sin * y), p2 * (cos * y - sin * x));
     let center = [cos * along - sin * across, sin * along + cos * across];
     let twice = 2.0 * sin * cos * xy;
-    let scale = [
-        (cos * cos * xx + twice + sin * sin * yy) * p1 / s1,
-        (sin * sin * xx - twice + cos * cos * yy) * p2 / s2,
-    ];
+    let scale =
+        [(cos * cos * xx + twice + sin * sin * yy) * p1 / s1, (sin * sin * xx - twice + cos * cos * yy) * p2 / s2];
     let angle = (sin * cos * (yy - xx) + (cos * cos - sin * sin) * xy) * (p2 - p1);
     [r, g, b, center[0], center[1], scale[0], scale[1], angle].map(T::from_f64)
 }

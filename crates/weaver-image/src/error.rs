@@ -32,6 +32,9 @@ pub enum ImageError {
         /// The count.
         found: usize,
     },
+    /// A file that is no picture, or not one that is whole.
+    #[error(transparent)]
+    File(#[from] weaver_codec::CodecError),
     /// A refusal of the solver of colors.
     #[error(transparent)]
     Colors(#[from] weaver_lift::LiftError),

@@ -2,10 +2,11 @@
 
 use crate::adam::{Adam, Rates};
 use crate::canvas::Canvas;
-use crate::colors::solve_colors;
+use crate::colors::{round_colors, solve_colors};
 use crate::error::ImageError;
 use crate::gaussians::{Gaussians, LEAST_SCALE};
 use crate::picture::Picture;
+use crate::rounding::{Grid, Parts};
 use crate::sampling::weighted_sample;
 use crate::settings::{Descent, FitSettings};
 use crate::start::start;
@@ -21,6 +22,9 @@ const SIMILARITY: f64 = 0.2;
 /// Times that Gaussians are added, one every twelfth of the steps.
 const ADDITIONS: usize = 5;
 const PERIODS: usize = 12;
+/// Parts of the steps after which shapes and positions are rounded, for a file.
+const SHAPES_AT: f64 = 0.6;
+const POSITIONS_AT: f64 = 0.8;
 
 /// A step that was made.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,13 +114,16 @@ pub fn refine(
     let mut step = Step::new(picture, settings)?;
     let (mut adam, mut reset) = (Adam::default(), 0);
     let rates = settings.descent.rates(picture);
+    let grid = Grid { size: [picture.width, picture.height] };
+    let mut frozen = Frozen::default();
     let first = state.len();
     // Of derivatives of a mean, the squares would be below the least number.
     let scale = picture.pixels() as f32;
     for number in 1..=settings.steps {
         if settings.growth {
             let missing = settings.gaussians.saturating_sub(first);
-            let wanted = |number: usize| first + missing * (number * PERIODS / settings.steps).min(ADDITIONS) / ADDITIONS;
+            let wanted =
+                |number: usize| first + missing * (number * PERIODS / settings.steps).min(ADDITIONS) / ADDITIONS;
             let more = wanted(number) - wanted(number - 1);
             if more > 0 {
                 step.grow(picture, settings, &mut state, more, number)?;
@@ -127,14 +134,59 @@ pub fn refine(
             Descent::Squared => LAST_RATE.powf(number as f32 / settings.steps as f32),
             Descent::Published => 1.0,
         };
-        step.move_by(&mut adam, &mut state, &rates.times(left), scale);
+        step.move_by(&mut adam, &mut state, &frozen.rates(rates.times(left)), scale);
         reset += bounds.restore(&mut state, &mut adam);
-        bounds.apply(&mut state);
+        // A rounded scale may lie a little beyond the bounds.
+        if !frozen.shape {
+            bounds.apply(&mut state);
+        }
+        if settings.coded {
+            frozen.advance(number, settings.steps, &grid, &mut state);
+        }
         if observe(Progress { step: number, gaussians: state.len(), loss }).is_break() {
             break;
         }
     }
-    Ok(Fitted { gaussians: state, cut: settings.descent.cut(), reset })
+    let cut = settings.descent.cut();
+    if settings.coded {
+        frozen.advance(settings.steps, settings.steps, &grid, &mut state);
+        round_colors(picture, &mut state, &grid, cut, settings.seed)?;
+    }
+    Ok(Fitted { gaussians: state, cut, reset })
+}
+
+/// What is rounded already, and does not move any more.
+#[derive(Default)]
+struct Frozen {
+    shape: bool,
+    position: bool,
+}
+
+impl Frozen {
+    fn rates(&self, mut rates: Rates) -> Rates {
+        if self.shape {
+            (rates.scale, rates.angle) = (0.0, 0.0);
+        }
+        if self.position {
+            rates.center = [0.0; 2];
+        }
+        rates
+    }
+
+    /// Rounds what is due after a step.
+    fn advance(&mut self, number: usize, steps: usize, grid: &Grid, state: &mut Gaussians<f32>) {
+        let mut parts = Parts::default();
+        for (due, done, part) in
+            [(SHAPES_AT, &mut self.shape, &mut parts.shape), (POSITIONS_AT, &mut self.position, &mut parts.position)]
+        {
+            if !*done && number as f64 >= due * steps as f64 {
+                (*done, *part) = (true, true);
+            }
+        }
+        if parts != Parts::default() {
+            (0..state.len()).for_each(|i| grid.round(state, i, parts));
+        }
+    }
 }
 
 /// The range of scales, and what a lost Gaussian is set to.
@@ -238,7 +290,8 @@ impl<'a> Step<'a> {
         self.canvas.draw(&state.colors, &mut self.image)?;
         let clamped: Vec<f32> = self.image.iter().map(|x| x.clamp(0.0, 1.0)).collect();
         let size = [self.picture.height, self.picture.width];
-        let loss = self.published.value_and_gradient(&clamped, &self.picture.colors, size, SIMILARITY, &mut self.slopes);
+        let loss =
+            self.published.value_and_gradient(&clamped, &self.picture.colors, size, SIMILARITY, &mut self.slopes);
         for (slope, x) in self.slopes.iter_mut().zip(&self.image) {
             if !(0.0..=1.0).contains(x) {
                 *slope = 0.0;

@@ -56,6 +56,17 @@ impl<T: Real> Gaussians<T> {
         self.colors.extend(&others.colors);
     }
 
+    /// Some of them, in the order asked for.
+    pub(crate) fn some(&self, which: &[usize]) -> Self {
+        let mut out = Self::default();
+        for i in which.iter().copied() {
+            let pair = |of: &[T]| [of[2 * i], of[2 * i + 1]];
+            let color = [0, 1, 2].map(|c| self.colors[3 * i + c]);
+            out.push(pair(&self.centers), pair(&self.scales), self.angles[i], color);
+        }
+        out
+    }
+
     /// Checks lengths and values.
     ///
     /// # Errors

@@ -3,6 +3,7 @@
 //! - [`fit`] fits [`Gaussians`] to a [`Picture`]: from a [`quadtree()`] or as published, by [`FitSettings`]; [`solve_colors`] is the
 //!   part that is linear algebra.
 //! - [`Canvas`] draws a window of Gaussians and passes gradients back; [`Gaussians::at_scale`] is the same picture at another size.
+//! - [`encode`] and [`decode`] are the bytes of a file.
 //! - [`Values`] is the drawing as a linear map from colors to pixels, for the solvers of weaver-lift.
 //! - [`reference`] is the model written as a plain loop, [`metrics`] says how near two pictures are.
 //!
@@ -12,6 +13,7 @@ mod adam;
 mod canvas;
 mod colors;
 mod error;
+mod file;
 mod fit;
 mod gaussians;
 mod lists;
@@ -22,6 +24,7 @@ mod picture;
 mod quadtree;
 mod record;
 pub mod reference;
+mod rounding;
 mod sampling;
 mod settings;
 mod start;
@@ -31,6 +34,7 @@ mod window;
 pub use canvas::{CUT, Canvas};
 pub use colors::solve_colors;
 pub use error::ImageError;
+pub use file::{Coded, decode, encode};
 pub use fit::{Fitted, Progress, fit, refine};
 pub use gaussians::Gaussians;
 pub use operator::Values;

@@ -81,7 +81,12 @@ impl<T: Real, const C: usize, const MOVE: bool> LaneKernel<T> for Transposed<'_,
         let mut kept = Values::default();
         for (column, tile) in rays.tiles(band).enumerate() {
             let mut planes = zeros();
-            to_planes(&slopes[band * TILE * stride + C * column * TILE..], stride, rays.window.inside(tile), &mut planes);
+            to_planes(
+                &slopes[band * TILE * stride + C * column * TILE..],
+                stride,
+                rays.window.inside(tile),
+                &mut planes,
+            );
             let own = rays.own(band, tile);
             let here = rays.tile(tile);
             here.draw::<V, 0, true>(&[], &mut [], &mut kept);

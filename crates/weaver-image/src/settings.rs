@@ -56,6 +56,9 @@ pub struct FitSettings {
     pub growth: bool,
     /// Whether the first half of the steps is at half the size.
     pub coarse: bool,
+    /// Whether the result is rounded to what a file holds ([`encode`](crate::encode)): shapes after 60 % of the steps, positions after
+    /// 80 %, colors at the end, each while the rest still moves.
+    pub coded: bool,
     /// Loss and rates.
     pub descent: Descent,
 }
@@ -71,6 +74,7 @@ impl FitSettings {
             color_steps: 10,
             growth: true,
             coarse: false,
+            coded: false,
             descent: Descent::Squared,
         }
     }

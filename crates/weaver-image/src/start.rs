@@ -93,9 +93,7 @@ fn part(picture: &Picture, window: Window, count: usize, stream: Stream) -> (Vec
     let base = (window.pixels() as f32 / (PI * count.max(1) as f32)).sqrt() / 3.0;
     let weights = weights(picture, window);
     let drawn = weighted_sample(&weights, (BY_WEIGHT * count as f64) as usize, stream.fork(0));
-    let middle = |p: usize| {
-        [(window.x + p % window.width) as f32 + 0.5, (window.y + p / window.width) as f32 + 0.5]
-    };
+    let middle = |p: usize| [(window.x + p % window.width) as f32 + 0.5, (window.y + p / window.width) as f32 + 0.5];
     let mut positions: Vec<[f32; 2]> = drawn.iter().map(|p| middle(*p)).collect();
     let mut scales: Vec<f32> = drawn.iter().map(|p| base * (-0.5 * weights[*p] as f32).exp()).collect();
     let mut sorted = scales.clone();

@@ -150,11 +150,7 @@ impl<T: Real> Tile<'_, T> {
 
 /// Subtracts a target from what is drawn, zeros outside of the picture; returns the sum of squares.
 #[inline(always)]
-pub fn residual<V: Lanes>(
-    drawn: &mut Planes<V::Scalar, 3>,
-    target: &Planes<V::Scalar, 3>,
-    inside: [usize; 2],
-) -> f64 {
+pub fn residual<V: Lanes>(drawn: &mut Planes<V::Scalar, 3>, target: &Planes<V::Scalar, 3>, inside: [usize; 2]) -> f64 {
     let mut sum = V::zero();
     for block in 0..LANES {
         let mask = V::Mask::from_bits(lanes_inside(block, inside));

@@ -135,13 +135,15 @@ impl Fields {
     pub(super) fn colors(&mut self, coder: &mut impl Coder, blend: u32) -> Result<(), CodecError> {
         let mut green = MixedModel::new([1, 16, 10]);
         let mut others = MixedModel::new([2, 16 * 2, 10 * 2, 12 * 2]);
-        let dc: Vec<f64> = (0..self.count()).map(|i| self.head.steps(self.symbols.scales[i], self.shows(i)).dc).collect();
+        let dc: Vec<f64> =
+            (0..self.count()).map(|i| self.head.steps(self.symbols.scales[i], self.shows(i)).dc).collect();
         for i in 0..self.count() {
             let shows = self.shows_context(i);
             let colors = &self.symbols.colors;
             let near = known(&self.near[i], i);
             // Neighbors in steps of this Gaussian.
-            let like = |j: usize, channel: usize| (f64::from(colors[j][channel]) * dc[j] / dc[i]).clamp(-1e6, 1e6) as i32;
+            let like =
+                |j: usize, channel: usize| (f64::from(colors[j][channel]) * dc[j] / dc[i]).clamp(-1e6, 1e6) as i32;
             let (mean, spread) = mean_of(near.clone().map(|j| like(j, 0)), 0);
             let predicted = blended(0, mean, blend);
             let own = colors[i];
@@ -180,7 +182,8 @@ impl Fields {
                         *near = self.symbols.harmonics[rest * j + k][channel].signum() + 1;
                     }
                     let sides = (near[0] * 3 + near[1]) as usize;
-                    let brothers = bucket(green, 2) * 3 + if channel == 2 { bucket(self.symbols.harmonics[at][1], 2) } else { 0 };
+                    let brothers =
+                        bucket(green, 2) * 3 + if channel == 2 { bucket(self.symbols.harmonics[at][1], 2) } else { 0 };
                     let contexts = [
                         kind * 10 + shows,
                         kind * 12 + energy,

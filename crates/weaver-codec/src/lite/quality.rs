@@ -38,7 +38,25 @@ impl Quality {
         Self::row(0.32, 1.0 / 4.0, 31, 1.4 / 63.0, 0.15, 1.0 / 5.0, 0.2),
     ];
 
-    const fn row(position: f64, scale_step: f64, opacity_levels: u32, rotation_step: f64, dc_step: f64, sh_step: f64, dead_zone: f64) -> Self {
-        Self { position, scale_step, opacity_levels, rotation_step, dc_step, sh_step, dead_zone, adaptation: 0.0, rotation_adaptation: 0.0 }
+    const fn row(
+        position: f64,
+        scale_step: f64,
+        opacity_levels: u32,
+        rotation_step: f64,
+        dc_step: f64,
+        sh_step: f64,
+        dead_zone: f64,
+    ) -> Self {
+        Self {
+            position,
+            scale_step,
+            opacity_levels,
+            rotation_step,
+            dc_step,
+            sh_step,
+            dead_zone,
+            adaptation: 0.0,
+            rotation_adaptation: 0.0,
+        }
     }
 }

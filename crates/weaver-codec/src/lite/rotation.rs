@@ -50,21 +50,13 @@ fn determinant([a, b, c]: [[f64; 3]; 3]) -> f64 {
 
 /// The quaternion of a rotation by its columns, from the largest of four expressions for its parts (Shepperd).
 fn to_quaternion([a, b, c]: [[f64; 3]; 3]) -> [f64; 4] {
-    let squares = [
-        1.0 + a[0] + b[1] + c[2],
-        1.0 + a[0] - b[1] - c[2],
-        1.0 - a[0] + b[1] - c[2],
-        1.0 - a[0] - b[1] + c[2],
-    ];
+    let squares =
+        [1.0 + a[0] + b[1] + c[2], 1.0 + a[0] - b[1] - c[2], 1.0 - a[0] + b[1] - c[2], 1.0 - a[0] - b[1] + c[2]];
     let largest = (1..4).fold(0, |best, i| if squares[i] > squares[best] { i } else { best });
     let double = [[b[2] - c[1], c[0] - a[2], a[1] - b[0]], [a[1] + b[0], c[0] + a[2], b[2] + c[1]]];
     let ([wx, wy, wz], [xy, xz, yz]) = (double[0], double[1]);
-    let row = [
-        [squares[0], wx, wy, wz],
-        [wx, squares[1], xy, xz],
-        [wy, xy, squares[2], yz],
-        [wz, xz, yz, squares[3]],
-    ][largest];
+    let row = [[squares[0], wx, wy, wz], [wx, squares[1], xy, xz], [wy, xy, squares[2], yz], [wz, xz, yz, squares[3]]]
+        [largest];
     let length = row.iter().map(|x| x * x).sum::<f64>().sqrt();
     row.map(|x| x / length)
 }

@@ -1,6 +1,7 @@
 //! Tests of pictures as Gaussians.
 
 mod drawing;
+mod files;
 mod fits;
 mod gradients;
 mod judging;

@@ -35,10 +35,7 @@ fn windows_that_cannot_be_drawn() {
     let far = Window { x: usize::MAX, y: 0, width: 1, height: 1 };
     assert!(refusal(&one(), far, CUT).starts_with("pixels of a drawing"));
     assert!(refusal(&one(), Window::whole(4, 4), f64::NAN).starts_with("cut: expected above 0"));
-    assert_eq!(
-        Tiled::new(&[0.0_f32; 11], 2, 2).unwrap_err().to_string(),
-        "picture: expected 12 numbers, found 11"
-    );
+    assert_eq!(Tiled::new(&[0.0_f32; 11], 2, 2).unwrap_err().to_string(), "picture: expected 12 numbers, found 11");
 }
 
 #[test]
