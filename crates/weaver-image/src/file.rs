@@ -169,7 +169,8 @@ impl Number {
         while left > 0 {
             let bits = left.min(32);
             left -= bits;
-            found = found << bits | u64::from(coder.raw(bits, (value >> left) as u32));
+            let part = value >> left & ((1 << bits) - 1);
+            found = found << bits | u64::from(coder.raw(bits, part as u32));
         }
         found
     }
