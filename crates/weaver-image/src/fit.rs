@@ -54,9 +54,17 @@ impl Fitted {
     /// # Errors
     /// As [`Canvas::place`].
     pub fn draw(&self, width: usize, height: usize) -> Result<Vec<f32>, ImageError> {
+        self.draw_window(Window::whole(width, height))
+    }
+
+    /// Draws a window of the picture, `[h, w, 3]`, clamped to [0, 1].
+    ///
+    /// # Errors
+    /// As [`Canvas::place`].
+    pub fn draw_window(&self, window: Window) -> Result<Vec<f32>, ImageError> {
         let mut canvas = Canvas::new();
-        canvas.place(&self.gaussians, Window::whole(width, height), self.cut)?;
-        let mut image = vec![0.0; 3 * width * height];
+        canvas.place(&self.gaussians, window, self.cut)?;
+        let mut image = vec![0.0; 3 * window.pixels()];
         canvas.draw(&self.gaussians.colors, &mut image)?;
         image.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0));
         Ok(image)
