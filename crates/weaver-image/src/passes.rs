@@ -52,9 +52,10 @@ impl<T: Real, const C: usize> LaneKernel<T> for Draw<'_, T, C> {
     #[inline(always)]
     fn run<V: Lanes<Scalar = T>>(self) {
         let Self { rays, band, colors, lines } = self;
+        let mut kept = Values::default();
         for (column, tile) in rays.tiles(band).enumerate() {
             let mut planes = zeros();
-            rays.tile(tile).draw::<V, C, false>(colors, &mut planes, &mut Values::default());
+            rays.tile(tile).draw::<V, C, false>(colors, &mut planes, &mut kept);
             let first = &mut lines[C * column * TILE..];
             from_planes(&planes, first, C * rays.window.width, rays.window.inside(tile));
         }

@@ -76,7 +76,7 @@ impl<V: Lanes> Loaded<V> {
     fn log2(&self, [dx, dy]: [V; 2]) -> V {
         let u = self.b.mul_add(dy, self.a * dx);
         let v = self.c * dy;
-        v.neg_mul_add(v, -(u * u))
+        v.neg_mul_add(v, u.neg_mul_add(u, V::zero()))
     }
 
     /// Value so far from the center, 0 beyond the cut at the exponent `cut`.

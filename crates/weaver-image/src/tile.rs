@@ -34,9 +34,11 @@ pub struct Values<T> {
 
 impl<T: Real> Values<T> {
     /// Makes room for a tile with so many Gaussians.
-    fn reserve(&mut self, gaussians: usize) {
+    fn reserve(&mut self, gaussians: usize, keep: bool) {
         if self.blocks.len() < gaussians {
             self.blocks.resize(gaussians, 0);
+        }
+        if keep && self.values.len() < gaussians * LANES {
             self.values.resize(gaussians * LANES, Row([T::ZERO; LANES]));
         }
     }
@@ -53,17 +55,16 @@ impl<T: Real> Tile<'_, T> {
     ) {
         let grid = Grid::<V>::new(self.corner);
         let cut = V::splat(self.cut);
-        if KEEP {
-            kept.reserve(self.ids.len());
+        kept.reserve(self.ids.len(), KEEP);
+        // Before anything depends on them: how many blocks a Gaussian meets cannot be predicted.
+        for (blocks, id) in kept.blocks.iter_mut().zip(self.ids) {
+            *blocks = Loaded::<V>::new(&self.records[*id as usize]).blocks(grid.first, cut);
         }
         let mut next = 0;
         for (entry, id) in self.ids.iter().enumerate() {
             let id = *id as usize;
             let gaussian = Loaded::<V>::new(&self.records[id]);
-            let mut todo = gaussian.blocks(grid.first, cut);
-            if KEEP {
-                kept.blocks[entry] = todo;
-            }
+            let mut todo = kept.blocks[entry];
             let mut color = [V::zero(); C];
             for (to, color) in color.iter_mut().zip(&colors[id * C..]) {
                 *to = V::splat(*color);

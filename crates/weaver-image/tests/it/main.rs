@@ -6,6 +6,7 @@ mod fits;
 mod gradients;
 mod judging;
 mod random;
+mod reader;
 mod refusals;
 mod scales;
 mod starts;
