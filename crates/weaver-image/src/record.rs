@@ -67,7 +67,7 @@ impl<V: Lanes> Loaded<V> {
 
     /// Distances from the center.
     #[inline(always)]
-    pub fn from_center(&self, x: V, y: V) -> [V; 2] {
+    pub fn offset(&self, x: V, y: V) -> [V; 2] {
         [x - self.x, y - self.y]
     }
 
@@ -93,7 +93,7 @@ impl<V: Lanes> Loaded<V> {
     pub fn blocks(&self, first: [V; 2], cut: V) -> u16 {
         let zero = V::zero();
         let far = V::constant((BLOCK - 1) as f64);
-        let [x0, y0] = self.from_center(first[0], first[1]);
+        let [x0, y0] = self.offset(first[0], first[1]);
         let [x1, y1] = [x0 + far, y0 + far];
         let (x, y) = (zero.max(x0).min(x1), zero.max(y0).min(y1));
         let beside = self.log2([x, (self.y_by_x * x).max(y0).min(y1)]);

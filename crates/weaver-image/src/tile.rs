@@ -73,7 +73,7 @@ impl<T: Real> Tile<'_, T> {
                 let block = todo.trailing_zeros() as usize % LANES;
                 todo &= todo - 1;
                 let [x, y] = grid.block(block);
-                let value = gaussian.value(gaussian.from_center(x, y), cut);
+                let value = gaussian.value(gaussian.offset(x, y), cut);
                 for c in 0..C {
                     let sum = &mut planes[c][block].0;
                     value.mul_add(color[c], V::load(sum)).store(sum);
@@ -126,7 +126,7 @@ impl<T: Real> Tile<'_, T> {
                 }
                 if MOVE {
                     let [x, y] = grid.block(block);
-                    let [dx, dy] = gaussian.from_center(x, y);
+                    let [dx, dy] = gaussian.offset(x, y);
                     let t = value * slope;
                     let (tx, ty) = (t * dx, t * dy);
                     sums[SHAPE] = sums[SHAPE] + tx;
