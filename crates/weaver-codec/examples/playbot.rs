@@ -1,10 +1,13 @@
 //! Bits a Gaussian, and quality of pictures, of a scene at the four settings: `playbot FILE.ply`.
+//!
+//! Pictures are six views of an orbit, 256 pixels square, over white, against those of the scene as it was read. `without contexts` is the
+//! code length of the same symbols by adaptive models of order 0, `equal steps` is the setting without adaptation.
 
 use std::error::Error;
 use std::f64::consts::FRAC_PI_3;
 use std::time::Instant;
 use weaver_codec::Container;
-use weaver_codec::lite::{Quality, decode, encode};
+use weaver_codec::lite::{Quality, decode, encode, order_zero_bits};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
 use weaver_scene::Gaussians;
@@ -57,26 +60,31 @@ fn main() -> Result<(), Box<dyn Error>> {
     let gaussians = weaver_io::read_gaussians(&path)?;
     let cameras = orbit(&gaussians);
     let expected = draw(&gaussians, &cameras)?;
-    println!("setting  bytes  bits a Gaussian  PSNR  encode, decode ms  bits of each stream");
-    for (row, quality) in Quality::SETTINGS.iter().enumerate() {
+    let bits = |bytes: usize| 8.0 * bytes as f64 / gaussians.len() as f64;
+    println!("{} Gaussians of degree {}", gaussians.len(), gaussians.degree);
+    println!("setting     bytes  bits a Gaussian  PSNR dB  without contexts  encode ms  decode ms");
+    let equal = Quality::SETTINGS.map(|q| Quality { adaptation: 0.0, rotation_adaptation: 0.0, ..q });
+    let rows = Quality::SETTINGS.iter().zip(["0", "1", "2", "3"]);
+    for (quality, name) in rows.chain(equal.iter().zip(["0, equal", "1, equal", "2, equal", "3, equal"])) {
         let started = Instant::now();
         let bytes = encode(&gaussians, quality)?;
-        let (encoded, started) = (started.elapsed(), Instant::now());
+        let (encoding, started) = (started.elapsed().as_secs_f64() * 1e3, Instant::now());
         let decoded = decode(&bytes)?;
-        let took = started.elapsed();
-        let bits = |bytes: usize| 8.0 * bytes as f64 / gaussians.len() as f64;
-        let quality = psnr(&expected, &draw(&decoded, &cameras)?);
-        print!(
-            "{row}  {}  {:.2}  {quality:.2}  {:.0} {:.0} ",
-            bytes.len(),
-            bits(bytes.len()),
-            encoded.as_secs_f64() * 1e3,
-            took.as_secs_f64() * 1e3
-        );
+        let decoding = started.elapsed().as_secs_f64() * 1e3;
+        let psnr = psnr(&expected, &draw(&decoded, &cameras)?);
+        let control = order_zero_bits(&gaussians, quality)?;
+        let order_zero: f64 = control.iter().map(|(_, bits)| bits).sum::<f64>() / gaussians.len() as f64;
+        let (count, own) = (bytes.len(), bits(bytes.len()));
+        println!("{name:<8} {count:>8} {own:>16.2} {psnr:>8.2} {order_zero:>17.2} {encoding:>10.0} {decoding:>10.0}");
+        let mut lengths = [0; 6];
         for stream in Container::read(&bytes)?.streams {
-            print!("  {} {:.2}", stream.name.escape_ascii(), bits(stream.bytes.len()));
+            let at = control.iter().position(|(name, _)| *name == stream.name);
+            lengths[at.unwrap_or(0)] += stream.bytes.len();
         }
-        println!();
+        for ((name, order_zero), bytes) in control.iter().zip(lengths) {
+            let order_zero = order_zero / gaussians.len() as f64;
+            println!("  {} {:>22.2} {:>26.2}", name.escape_ascii(), bits(bytes), order_zero);
+        }
     }
     Ok(())
 }

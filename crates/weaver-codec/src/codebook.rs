@@ -66,15 +66,13 @@ impl Codebook {
             masses.iter_mut().zip(mass).for_each(|(old, new)| average(old, new));
             sums.iter_mut().zip(sum).for_each(|(old, new)| average(old, new));
             let mut missed = order.iter().copied().filter(|&i| nearest[i].1 > 0.0);
-            for code in 0..codes {
-                let place = code * dimensions..(code + 1) * dimensions;
-                if masses[code] > DEAD {
-                    let means = sums[place.clone()].iter().map(|sum| sum / masses[code]);
-                    book.codes[place].iter_mut().zip(means).for_each(|(code, mean)| *code = mean);
+            let rows = book.codes.chunks_exact_mut(dimensions).zip(sums.chunks_exact_mut(dimensions));
+            for ((code, sum), mass) in rows.zip(&masses) {
+                if *mass > DEAD {
+                    code.iter_mut().zip(sum).for_each(|(code, sum)| *code = *sum / mass);
                 } else if let Some(i) = missed.next() {
-                    masses[code] = 0.0;
-                    sums[place.clone()].fill(0.0);
-                    book.codes[place].copy_from_slice(row(i));
+                    sum.fill(0.0);
+                    code.copy_from_slice(row(i));
                 }
             }
         }

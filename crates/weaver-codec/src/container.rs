@@ -12,9 +12,6 @@ pub const VERSION: u8 = 1;
 /// Gaussians that a byte may stand for: what bounds the memory that a small file can ask for.
 pub const GAUSSIANS_PER_BYTE: u64 = 8;
 
-/// Streams of a container at most.
-const STREAMS: usize = 255;
-
 /// A part of a container: symbols of one kind, coded together.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stream<'a> {
@@ -33,7 +30,7 @@ pub struct Stream<'a> {
 ///
 /// let stream = Stream { name: *b"opac", symbols: 3, bytes: vec![1, 2].into() };
 /// let container = Container { gaussians: 3, coefficients: 1, streams: vec![stream] };
-/// let bytes = container.write()?;
+/// let bytes = container.write();
 /// assert_eq!(Container::read(&bytes)?, container);
 /// assert!(Container::read(&bytes[..bytes.len() - 1]).is_err());
 /// // The header and the streams that are there already.
@@ -52,16 +49,11 @@ pub struct Container<'a> {
 
 impl<'a> Container<'a> {
     /// The bytes: at least one for eight Gaussians, which zeros behind the streams see to.
-    ///
-    /// # Errors
-    /// For more than 255 streams.
-    pub fn write(&self) -> Result<Vec<u8>, CodecError> {
-        if self.streams.len() > STREAMS {
-            return Err(CodecError::invalid("container", format!("up to {STREAMS} streams"), self.streams.len()));
-        }
+    pub fn write(&self) -> Vec<u8> {
         let mut out = MAGIC.to_vec();
-        out.extend([VERSION, self.coefficients, self.streams.len() as u8]);
+        out.extend([VERSION, self.coefficients]);
         put(&mut out, self.gaussians);
+        put(&mut out, self.streams.len() as u64);
         for stream in &self.streams {
             out.extend(stream.name);
             put(&mut out, stream.symbols);
@@ -73,7 +65,7 @@ impl<'a> Container<'a> {
         self.streams.iter().for_each(|stream| out.extend(&*stream.bytes));
         let least = usize::try_from(self.gaussians.div_ceil(GAUSSIANS_PER_BYTE)).unwrap_or(usize::MAX);
         out.resize(out.len().max(least), 0);
-        Ok(out)
+        out
     }
 
     /// Reads a whole container.
@@ -106,11 +98,11 @@ impl<'a> Container<'a> {
             return Err(CodecError::Foreign { expected: MAGIC, found });
         }
         header.take::<4>()?;
-        let [version, coefficients, streams] = header.take()?;
+        let [version, coefficients] = header.take()?;
         if version != VERSION {
             return Err(CodecError::Version { expected: VERSION, found: version });
         }
-        let gaussians = header.number()?;
+        let (gaussians, streams) = (header.number()?, header.number()?);
         let mut table = Vec::new();
         for _ in 0..streams {
             table.push((header.take::<4>()?, header.number()?, header.number()?, header.word()?));

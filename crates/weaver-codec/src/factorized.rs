@@ -62,7 +62,7 @@ impl FactorizedPrior {
         let mut parameters = [0.0; PRIOR_PARAMETERS];
         let scale = width.powf(1.0 / LAYERS as f64);
         for layer in 0..LAYERS {
-            let [matrix, bias, gate] = places(layer);
+            let [matrix, bias, _] = places(layer);
             // softplus(H) · outputs = 1 / scale
             parameters[matrix..bias].fill((1.0 / (scale * WIDTHS[layer + 1] as f64)).exp_m1().ln());
             // Different biases, that the rows may become different; their mean is zero.
@@ -70,7 +70,6 @@ impl FactorizedPrior {
             for (row, b) in parameters[bias..bias + rows].iter_mut().enumerate() {
                 *b = (row as f64 + 0.5) / rows as f64 - 0.5;
             }
-            debug_assert!(gate <= PRIOR_PARAMETERS);
         }
         Self { parameters }
     }
@@ -100,13 +99,12 @@ impl FactorizedPrior {
             let [matrix, bias, gate] = places(layer);
             let (inputs, outputs) = (WIDTHS[layer], WIDTHS[layer + 1]);
             trace.inputs[layer] = values;
-            for row in 0..outputs {
+            for (row, value) in values.iter_mut().enumerate().take(outputs) {
                 let factors = &self.parameters[matrix + row * inputs..][..inputs];
                 let products = factors.iter().zip(&trace.inputs[layer]).map(|(h, v)| softplus(*h) * v);
                 let sum = products.sum::<f64>() + self.parameters[bias + row];
                 trace.sums[layer][row] = sum;
-                values[row] =
-                    sum + if layer + 1 < LAYERS { self.parameters[gate + row].tanh() * sum.tanh() } else { 0.0 };
+                *value = sum + if layer + 1 < LAYERS { self.parameters[gate + row].tanh() * sum.tanh() } else { 0.0 };
             }
         }
         (values[0], trace)
@@ -119,12 +117,12 @@ impl FactorizedPrior {
             let [matrix, bias, gate] = places(layer);
             let (inputs, outputs) = (WIDTHS[layer], WIDTHS[layer + 1]);
             let mut before = [0.0; WIDEST];
-            for row in 0..outputs {
-                let mut by_sum = slopes[row];
+            for (row, &slope) in slopes.iter().enumerate().take(outputs) {
+                let mut by_sum = slope;
                 if layer + 1 < LAYERS {
                     let (a, t) = (self.parameters[gate + row].tanh(), trace.sums[layer][row].tanh());
-                    rate.by_parameters[gate + row] += slopes[row] * t * (1.0 - a * a);
-                    by_sum += slopes[row] * a * (1.0 - t * t);
+                    rate.by_parameters[gate + row] += slope * t * (1.0 - a * a);
+                    by_sum += slope * a * (1.0 - t * t);
                 }
                 rate.by_parameters[bias + row] += by_sum;
                 for (column, before) in before.iter_mut().enumerate().take(inputs) {

@@ -1,5 +1,12 @@
-//! `lite`: scenes of Gaussians in a hundred bits each.
+//! `lite`: scenes of Gaussians in some hundred bits each.
+//!
+//! Positions lie on a grid and are coded as an octree. Everything else is rounded, in larger steps where a Gaussian shows less, and coded
+//! by [mixed models](crate::MixedModel) with contexts of neighbors and of what is known of the same Gaussian. Axes are exchanged and
+//! turned so that of the 24 rotations of one ellipsoid a single one remains. Large scenes are cut into blocks, which are coded and decoded
+//! at the same time; the first ones hold the Gaussians that show most, so that the beginning of a stream is a picture of the scene.
 
+mod blocks;
+mod control;
 mod fields;
 mod head;
 mod neighbors;
@@ -9,107 +16,103 @@ mod symbols;
 
 use crate::container::{Container, Stream};
 use crate::error::CodecError;
-use crate::range::{CodeLength, RangeDecoder, RangeEncoder};
-use fields::{BLENDS, Fields, positions};
+use blocks::{block_streams, decode_block, split};
 use head::Head;
+use rayon::prelude::*;
 use symbols::{Symbols, quantize, restore};
 use weaver_geometry::sh;
 use weaver_scene::Gaussians;
 
+pub use control::order_zero_bits;
 pub use quality::Quality;
 
-/// Streams behind the head and the positions: name, and whether predictions are blended.
-const STREAMS: [([u8; 4], bool); 5] =
-    [(*b"scal", true), (*b"opac", false), (*b"rota", false), (*b"colo", true), (*b"harm", false)];
+/// Name of the stream of what a decoder has to be told first.
+const HEAD: [u8; 4] = *b"head";
 
 /// Encodes Gaussians.
 ///
+/// The same bytes at any number of threads.
+///
 /// # Errors
 /// When fields have different lengths, or a number is not finite; logits may be infinite.
+///
+/// ```
+/// use weaver_codec::lite::{Quality, decode, encode};
+/// use weaver_scene::Gaussians;
+///
+/// let gaussians = Gaussians {
+///     means: vec![[0.0, 0.0, 2.0]],
+///     log_scales: vec![[-1.0, -2.0, -3.0]],
+///     quats: vec![[1.0, 0.0, 0.0, 0.0]],
+///     opacity_logits: vec![0.5],
+///     sh: vec![0.1, 0.2, 0.3],
+///     degree: 0,
+/// };
+/// let bytes = encode(&gaussians, &Quality::default())?;
+/// let decoded = decode(&bytes)?;
+/// assert!((decoded.sh[1] - 0.2).abs() < 0.04);
+/// # Ok::<(), weaver_codec::CodecError>(())
+/// ```
 pub fn encode(gaussians: &Gaussians, quality: &Quality) -> Result<Vec<u8>, CodecError> {
     let (head, symbols) = quantize(gaussians, quality)?;
-    let count = gaussians.len();
-    let mut encoder = RangeEncoder::default();
-    positions(&mut encoder, &head, count, &symbols.voxels)?;
-    let stream = |name, bytes: Vec<u8>| Stream { name, symbols: count as u64, bytes: bytes.into() };
-    let mut streams = vec![stream(*b"head", head.write()), stream(*b"posi", encoder.finish())];
-    let mut fields = Fields::new(head, symbols);
-    for (name, blends) in STREAMS {
-        let mut best = (0, f64::INFINITY);
-        for blend in 0..=if blends { BLENDS } else { 0 } {
-            let mut length = CodeLength::default();
-            code(&mut fields, name, &mut length, blend)?;
-            if length.bits < best.1 {
-                best = (blend, length.bits);
-            }
-        }
-        let mut encoder = RangeEncoder::default();
-        crate::range::Coder::raw(&mut encoder, 3, best.0);
-        code(&mut fields, name, &mut encoder, best.0)?;
-        streams.push(stream(name, encoder.finish()));
-    }
-    Container { gaussians: count as u64, coefficients: gaussians.coefficients() as u8, streams }.write()
+    let code = |indices: &Vec<usize>| block_streams(&head, symbols.select(indices));
+    let blocks: Vec<Vec<Stream>> = split(&head, &symbols).par_iter().map(code).collect::<Result<_, _>>()?;
+    let mut streams = vec![Stream { name: HEAD, symbols: 1, bytes: head.write().into() }];
+    streams.extend(blocks.into_iter().flatten());
+    let coefficients = gaussians.coefficients() as u8;
+    Ok(Container { gaussians: gaussians.len() as u64, coefficients, streams }.write())
 }
 
-fn code(
-    fields: &mut Fields,
-    name: [u8; 4],
-    coder: &mut impl crate::range::Coder,
-    blend: u32,
-) -> Result<(), CodecError> {
-    match &name {
-        b"scal" => fields.scales(coder, blend),
-        b"opac" => fields.opacities(coder, blend),
-        b"rota" => fields.rotations(coder, blend),
-        b"colo" => fields.colors(coder, blend),
-        _ => fields.harmonics(coder, blend),
-    }
-}
-
-/// Decodes Gaussians; they are in Morton order.
+/// Decodes Gaussians. Their order is that of the blocks, within one Morton order.
 ///
 /// # Errors
 /// When bytes are of something else, are missing or changed, or decode to other than the Gaussians that are announced.
 pub fn decode(bytes: &[u8]) -> Result<Gaussians, CodecError> {
     let container = Container::read(bytes)?;
-    let degree = (0..=sh::MAX_DEGREE).find(|&degree| sh::coefficients(degree) == usize::from(container.coefficients));
-    let degree =
-        degree.ok_or_else(|| CodecError::invalid("coefficients", "1, 4, 9, 16 or 25", container.coefficients))?;
-    let count = usize::try_from(container.gaussians).unwrap_or(usize::MAX);
-    let mut streams = container.streams.iter();
-    let mut next = |name: [u8; 4]| {
-        let found = streams.next();
-        found.filter(|stream| stream.name == name && stream.symbols == container.gaussians).ok_or_else(|| {
-            let found = found.map_or("none".into(), |s| format!("{} of {}", s.name.escape_ascii(), s.symbols));
-            CodecError::invalid("streams", format!("{} of {count}", name.escape_ascii()), found)
-        })
-    };
-    let head = Head::read(&next(*b"head")?.bytes)?;
-    let mut decoder = RangeDecoder::new(&next(*b"posi")?.bytes);
-    let voxels = positions(&mut decoder, &head, count, &[])?;
-    whole(&decoder, *b"posi")?;
-    let symbols = Symbols {
-        voxels,
-        scales: vec![[0; 3]; count],
-        opacities: vec![0; count],
-        rotations: vec![[0; 3]; count],
-        colors: vec![[0; 3]; count],
-        harmonics: vec![[0; 3]; count * (usize::from(container.coefficients) - 1)],
-    };
-    let mut fields = Fields::new(head, symbols);
-    for (name, _) in STREAMS {
-        let stream = next(name)?;
-        let mut decoder = RangeDecoder::new(&stream.bytes);
-        let blend = crate::range::Coder::raw(&mut decoder, 3, 0).min(BLENDS);
-        code(&mut fields, name, &mut decoder, blend)?;
-        whole(&decoder, name)?;
+    let gaussians = decode_streams(&container)?;
+    if gaussians.len() as u64 != container.gaussians {
+        return Err(CodecError::invalid("blocks", format!("{} Gaussians", container.gaussians), gaussians.len()));
     }
-    Ok(restore(&fields.head, &fields.symbols, degree))
+    Ok(gaussians)
 }
 
-fn whole(decoder: &RangeDecoder, name: [u8; 4]) -> Result<(), CodecError> {
-    if decoder.is_whole() {
-        return Ok(());
+/// Decodes the blocks that are complete in the beginning of a stream: those that show most come first.
+///
+/// # Errors
+/// As [`decode`], but for what is missing at the end.
+pub fn decode_start(bytes: &[u8]) -> Result<Gaussians, CodecError> {
+    let mut container = Container::read_start(bytes)?;
+    let complete = 1 + container.streams.len().saturating_sub(1) / blocks::STREAMS.len() * blocks::STREAMS.len();
+    container.streams.truncate(complete);
+    if container.streams.is_empty() {
+        return Ok(Gaussians { degree: degree(&container)?, ..Gaussians::default() });
     }
-    Err(CodecError::invalid(format!("stream {}", name.escape_ascii()), "no byte behind the last symbol", "more"))
+    decode_streams(&container)
+}
+
+fn degree(container: &Container) -> Result<usize, CodecError> {
+    let coefficients = container.coefficients;
+    (0..=sh::MAX_DEGREE)
+        .find(|&degree| sh::coefficients(degree) == usize::from(coefficients))
+        .ok_or_else(|| CodecError::invalid("coefficients", "1, 4, 9, 16 or 25", coefficients))
+}
+
+fn decode_streams(container: &Container) -> Result<Gaussians, CodecError> {
+    let degree = degree(container)?;
+    let Some((first, streams)) = container.streams.split_first().filter(|(first, _)| first.name == HEAD) else {
+        return Err(CodecError::invalid("streams", "head as the first one", "another or none"));
+    };
+    let head = Head::read(&first.bytes)?;
+    let blocks: Vec<&[Stream]> = streams.chunks(blocks::STREAMS.len()).collect();
+    // What all blocks announce, before any of it is allocated.
+    let announced = blocks.iter().fold(0_u64, |sum, block| sum.saturating_add(block[0].symbols));
+    if announced > container.gaussians {
+        return Err(CodecError::invalid("blocks", format!("{} Gaussians", container.gaussians), announced));
+    }
+    let rest = usize::from(container.coefficients) - 1;
+    let decoded: Vec<Symbols> =
+        blocks.par_iter().map(|block| decode_block(&head, rest, block)).collect::<Result<_, _>>()?;
+    let mut symbols = Symbols::default();
+    decoded.into_iter().for_each(|block| symbols.extend(block));
+    Ok(restore(&head, &symbols, degree))
 }

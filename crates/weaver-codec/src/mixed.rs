@@ -12,28 +12,45 @@ const SIGN: usize = BITS;
 const NODES: usize = BITS + 1 + 8 * BITS;
 
 /// Observations after which an estimate forgets.
-const MEMORY: u8 = 250;
+const MEMORY: u32 = 60;
+
+/// Bits of an estimate's probability, above those of its count.
+const FINE: u32 = 22;
+const COUNT: u32 = 32 - FINE;
 
 /// Step of the mixer's descent: large at first, then this.
-const RATE: f32 = 0.004;
+const RATE: f32 = 0.01;
 const FIRST_RATE: f32 = 0.03;
 
-/// An estimate of a decision's probability: frequencies with ½ added, which forgets after 250 observations.
+/// `2^16 / (n + 2)`: what the n-th observation moves an estimate by.
+const SHARES: [i64; 1 << COUNT] = {
+    let (mut shares, mut n) = ([0; 1 << COUNT], 0);
+    while n < shares.len() {
+        shares[n] = (1 << 16) / (n as i64 + 2);
+        n += 1;
+    }
+    shares
+};
+
+/// An estimate of a decision's probability: frequencies with ½ added, which forgets after 60 observations.
 #[derive(Clone, Copy, Debug)]
-struct Estimate {
-    probability: u16,
-    seen: u8,
-}
+struct Estimate(u32);
 
 impl Estimate {
-    const UNKNOWN: Self = Self { probability: 1 << 15, seen: 0 };
+    const UNKNOWN: Self = Self(1 << 31);
+
+    /// The probability in parts of 2^16.
+    #[inline(always)]
+    fn probability(self) -> u16 {
+        (self.0 >> 16) as u16
+    }
 
     #[inline(always)]
     fn learn(&mut self, bit: bool) {
-        let divisor = i32::from(self.seen) + 2;
-        let target = if bit { 65_535 } else { 0 };
-        self.probability = (i32::from(self.probability) + (target - i32::from(self.probability)) / divisor) as u16;
-        self.seen = (self.seen + 1).min(MEMORY);
+        let (probability, count) = (i64::from(self.0 >> COUNT), self.0 & ((1 << COUNT) - 1));
+        let target = if bit { (1 << FINE) - 1 } else { 0 };
+        let moved = probability + (((target - probability) * SHARES[count as usize]) >> 16);
+        self.0 = (moved as u32) << COUNT | (count + 1).min(MEMORY);
     }
 }
 
@@ -62,7 +79,9 @@ struct Weights<const K: usize> {
 /// ```
 #[derive(Clone, Debug)]
 pub struct MixedModel<const K: usize> {
-    estimates: [Vec<[Estimate; NODES]>; K],
+    /// Of each context, estimates at all nodes for one value after the other.
+    estimates: [Vec<Estimate>; K],
+    nodes: usize,
     weights: Vec<Weights<K>>,
     logistic: Logistic,
 }
@@ -70,10 +89,20 @@ pub struct MixedModel<const K: usize> {
 impl<const K: usize> MixedModel<K> {
     /// A model before the first number; `contexts` are the values that each context may have.
     pub fn new(contexts: [usize; K]) -> Self {
-        let first = Weights { weights: [1.0 / (K as f32).sqrt(); K], rate: FIRST_RATE };
+        Self::with_nodes(contexts, NODES)
+    }
+
+    /// A model for [`MixedModel::code_bit`] alone, which takes less memory.
+    pub fn of_bits(contexts: [usize; K]) -> Self {
+        Self::with_nodes(contexts, 1)
+    }
+
+    fn with_nodes(contexts: [usize; K], nodes: usize) -> Self {
+        let first = Weights { weights: [0.7 / (K as f32).sqrt(); K], rate: FIRST_RATE };
         Self {
-            estimates: contexts.map(|n| vec![[Estimate::UNKNOWN; NODES]; n]),
-            weights: vec![first; NODES],
+            estimates: contexts.map(|n| vec![Estimate::UNKNOWN; n * nodes]),
+            nodes,
+            weights: vec![first; nodes],
             logistic: Logistic::default(),
         }
     }
@@ -81,13 +110,10 @@ impl<const K: usize> MixedModel<K> {
     /// Codes a number in its contexts. A context beyond the last value counts as that one.
     ///
     /// # Panics
-    /// For numbers of 2^24 and above in magnitude, which no decoder returns.
+    /// In a model [of bits](MixedModel::of_bits); for numbers of 2^24 and above in magnitude, which no decoder returns.
     pub fn code(&mut self, coder: &mut impl Coder, contexts: [usize; K], value: i32) -> i32 {
         assert!(value.unsigned_abs() < 1 << BITS, "expected a magnitude below 2^24, found {value}");
-        let mut at = contexts;
-        for (at, estimates) in at.iter_mut().zip(&self.estimates) {
-            *at = (*at).min(estimates.len() - 1);
-        }
+        let at = self.places(contexts);
         let magnitude = value.unsigned_abs();
         let length = (u32::BITS - magnitude.leading_zeros()) as usize;
         let mut bits = 0;
@@ -112,29 +138,28 @@ impl<const K: usize> MixedModel<K> {
         if negative { -(found as i32) } else { found as i32 }
     }
 
-    /// Codes a single decision in its contexts, each within its values.
+    /// Codes a single decision in its contexts.
     pub fn code_bit(&mut self, coder: &mut impl Coder, contexts: [usize; K], bit: bool) -> bool {
-        self.decide(coder, &contexts, 0, bit)
+        let at = self.places(contexts);
+        self.decide(coder, &at, 0, bit)
+    }
+
+    /// Where the estimates of each context begin.
+    fn places(&self, contexts: [usize; K]) -> [usize; K] {
+        std::array::from_fn(|k| (contexts[k] * self.nodes).min(self.estimates[k].len() - self.nodes))
     }
 
     #[inline(always)]
     fn decide(&mut self, coder: &mut impl Coder, at: &[usize; K], node: usize, bit: bool) -> bool {
-        let mut logits = [0.0; K];
-        for k in 0..K {
-            logits[k] = self.logistic.stretch(self.estimates[k][at[k]][node].probability);
-        }
+        let logit = |k: usize| self.logistic.stretch(self.estimates[k][at[k] + node].probability());
+        let logits: [f32; K] = std::array::from_fn(logit);
         let mixer = &mut self.weights[node];
-        let mut sum = 0.0;
-        for k in 0..K {
-            sum += mixer.weights[k] * logits[k];
-        }
+        let sum = mixer.weights.iter().zip(&logits).fold(0.0, |sum, (weight, logit)| sum + weight * logit);
         let p = self.logistic.squash(sum);
         let bit = coder.bit(((p * 65_536.0) as i32).clamp(1, 65_535) as u16, bit);
         let step = (if bit { 1.0 - p } else { -p }) * mixer.rate;
-        for k in 0..K {
-            mixer.weights[k] += step * logits[k];
-            self.estimates[k][at[k]][node].learn(bit);
-        }
+        mixer.weights.iter_mut().zip(&logits).for_each(|(weight, logit)| *weight += step * logit);
+        self.estimates.iter_mut().zip(at).for_each(|(estimates, at)| estimates[at + node].learn(bit));
         mixer.rate += (RATE - mixer.rate) * (1.0 / 128.0);
         bit
     }

@@ -37,7 +37,7 @@ pub fn code_octree(coder: &mut impl Coder, depth: u32, count: usize, points: &[u
     if count == 0 {
         return Ok(Vec::new());
     }
-    let mut model = MixedModel::new([256 * 3, 64 * 8, 256 * 8]);
+    let mut model = MixedModel::of_bits([256 * 3, 64 * 8, 256 * 8]);
     let mut cells = Cells { codes: vec![0], occupancies: Vec::new() };
     let mut parents = Cells { codes: Vec::new(), occupancies: Vec::new() };
     for level in 0..depth {

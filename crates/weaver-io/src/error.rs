@@ -31,6 +31,14 @@ pub enum Error {
         /// What was there.
         found: String,
     },
+    /// A compressed scene is not what its format asks for.
+    #[error("{}: {source}", path.display())]
+    Codec {
+        /// The file.
+        path: PathBuf,
+        /// The place in it, what was expected and what was found.
+        source: weaver_codec::CodecError,
+    },
     /// Results cannot be written where they are asked for: something would be lost.
     #[error("{}: output: expected {expected}, found {found}", path.display())]
     Output {

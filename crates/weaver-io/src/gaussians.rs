@@ -4,6 +4,7 @@ pub(crate) mod fields;
 pub mod ply;
 mod splat;
 mod spz;
+mod wsz;
 
 use crate::files::atomic::atomic_write_checked;
 use crate::files::file::read_bytes;
@@ -32,7 +33,7 @@ pub struct SceneFormat {
 }
 
 /// The formats that are read and written. A further one is a file beside these and a row here.
-pub const SCENE_FORMATS: [SceneFormat; 4] = [
+pub const SCENE_FORMATS: [SceneFormat; 5] = [
     SceneFormat { name: "ply", extension: "ply", keeps: "every bit", read: ply::decode, write: ply::encode },
     SceneFormat {
         name: "compressed",
@@ -54,6 +55,13 @@ pub const SCENE_FORMATS: [SceneFormat; 4] = [
         keeps: "24 bits of a coordinate, 8 of the rest",
         read: spz::decode,
         write: spz::encode,
+    },
+    SceneFormat {
+        name: "wsz",
+        extension: "wsz",
+        keeps: "what is seen, in a third of the bits of spz with harmonics; in another order",
+        read: wsz::decode,
+        write: wsz::encode,
     },
 ];
 
@@ -81,7 +89,7 @@ impl SceneFormat {
         })
     }
 
-    /// The extensions, for messages and help: `.ply, .splat or .spz`.
+    /// The extensions, for messages and help: `.ply, .splat, .spz or .wsz`.
     pub fn extensions() -> String {
         let all: Vec<String> = SCENE_FORMATS.iter().map(|format| format!(".{}", format.extension)).collect();
         let (last, others) = all.split_last().expect("there are formats");

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 const DOCUMENT: &str = "docs/dependencies.md";
 
 /// What the crates below the formats may use from outside: embedding one of them brings in nothing else.
-const OUTSIDE: &[&str] = &["rayon", "smallvec", "thiserror", "glam", "half", "libc"];
+const OUTSIDE: &[&str] = &["rayon", "smallvec", "thiserror", "glam", "half", "libc", "crc32c"];
 
 /// The crates above that line: formats, configuration and what is made of them.
 const ABOVE: &[&str] = &[

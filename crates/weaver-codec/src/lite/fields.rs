@@ -1,8 +1,8 @@
 //! Streams of symbols, each described once for both directions.
 
-use super::head::Head;
+use super::head::{Head, LARGEST};
 use super::neighbors::{NEIGHBORS, known, neighbors};
-use super::symbols::{LARGEST, Symbols, ln_opacities};
+use super::symbols::{Symbols, ln_opacities};
 use crate::error::CodecError;
 use crate::mixed::MixedModel;
 use crate::octree::code_octree;
@@ -10,7 +10,7 @@ use crate::range::Coder;
 
 /// Symbols that are coded, and what both directions know of them.
 pub(super) struct Fields {
-    pub(super) head: Head,
+    head: Head,
     pub(super) symbols: Symbols,
     near: Vec<[u32; NEIGHBORS]>,
     logs: Vec<i64>,
@@ -66,7 +66,7 @@ impl Fields {
         self.head.shows(self.symbols.scales[i], self.symbols.opacities[i], &self.logs)
     }
 
-    /// Context of what a Gaussian can show: octaves about the reference.
+    /// Context of what a Gaussian can show: halves of a natural logarithm about the reference.
     fn shows_context(&self, i: usize) -> usize {
         ((self.shows(i) >> 15) + 6).clamp(0, 9) as usize
     }
@@ -97,7 +97,7 @@ impl Fields {
     }
 
     /// Opacities from the largest one downwards.
-    pub(super) fn opacities(&mut self, coder: &mut impl Coder, _: u32) -> Result<(), CodecError> {
+    pub(super) fn opacities(&mut self, coder: &mut impl Coder) -> Result<(), CodecError> {
         let levels = self.head.opacity_levels as i32;
         let mut model = MixedModel::new([1, 16, 16]);
         for i in 0..self.count() {
@@ -111,7 +111,7 @@ impl Fields {
         Ok(())
     }
 
-    pub(super) fn rotations(&mut self, coder: &mut impl Coder, _: u32) -> Result<(), CodecError> {
+    pub(super) fn rotations(&mut self, coder: &mut impl Coder) -> Result<(), CodecError> {
         let mut model = MixedModel::new([16 * 3, 16 * 3, 24 * 3]);
         for i in 0..self.count() {
             let scales = self.symbols.scales[i];
@@ -163,7 +163,7 @@ impl Fields {
         Ok(())
     }
 
-    pub(super) fn harmonics(&mut self, coder: &mut impl Coder, _: u32) -> Result<(), CodecError> {
+    pub(super) fn harmonics(&mut self, coder: &mut impl Coder) -> Result<(), CodecError> {
         let rest = self.symbols.harmonics.len() / self.count().max(1);
         let kinds = 3 * rest;
         let mut model = MixedModel::new([kinds * 10, kinds * 12, 36 * 12, kinds * 9, kinds * 9]);
@@ -206,6 +206,11 @@ impl Fields {
     }
 }
 
+/// Depth at which most voxels of a surface hold one of so many points: beyond it a child says as much as three bits.
+pub(super) fn octree_depth(count: usize) -> u8 {
+    (usize::BITS - count.leading_zeros()).div_ceil(2) as u8 + 2
+}
+
 /// Codes positions: an octree, then the bits below it.
 pub(super) fn positions(
     coder: &mut impl Coder,
@@ -213,18 +218,15 @@ pub(super) fn positions(
     count: usize,
     voxels: &[u64],
 ) -> Result<Vec<u64>, CodecError> {
-    let below = 3 * u32::from(head.depth - head.octree);
+    let octree = head.depth.min(octree_depth(count));
+    let below = 3 * u32::from(head.depth - octree);
     let cells: Vec<u64> = voxels.iter().map(|voxel| voxel >> below).collect();
-    let mut found = code_octree(coder, head.octree.into(), count, &cells)?;
+    let mut found = code_octree(coder, octree.into(), count, &cells)?;
     for (i, cell) in found.iter_mut().enumerate() {
         let voxel = voxels.get(i).copied().unwrap_or(0);
-        let (mut bits, mut left) = (0, below);
-        while left > 0 {
-            let part = left.min(30);
-            left -= part;
-            bits = bits << part | u64::from(coder.raw(part, (voxel >> left) as u32 & ((1 << part) - 1)));
+        for level in (0..below / 3).rev() {
+            *cell = *cell << 3 | u64::from(coder.raw(3, (voxel >> (3 * level)) as u32 & 7));
         }
-        *cell = *cell << below | bits;
         check(coder, "posi", i)?;
     }
     Ok(found)

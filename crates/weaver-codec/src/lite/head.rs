@@ -3,12 +3,16 @@
 use super::quality::Quality;
 use crate::error::CodecError;
 use crate::exact::exp;
+use crate::octree::DEEPEST;
+
+/// Largest magnitude of a symbol, which leaves room for differences.
+pub(super) const LARGEST: i32 = 1 << 22;
 
 /// Parts of a unit in which steps and logarithms are stored.
 pub(super) const UNIT: f64 = 65_536.0;
 
 /// Bytes of a head.
-const BYTES: usize = 12 + 4 + 2 + 10 * 4;
+const BYTES: usize = 12 + 4 + 1 + 10 * 4;
 
 /// Grid, steps, and how steps follow what a Gaussian can show.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,9 +20,8 @@ pub(super) struct Head {
     /// Corner of the grid, and side of a voxel.
     pub(super) origin: [f32; 3],
     pub(super) cell: f32,
-    /// Depth of the grid, and up to where it is an octree.
+    /// Bits of a coordinate.
     pub(super) depth: u8,
-    pub(super) octree: u8,
     /// Steps, in parts of 2^16.
     pub(super) scale_step: u32,
     pub(super) opacity_levels: u32,
@@ -42,7 +45,6 @@ impl Head {
             origin: [0.0; 3],
             cell: 1.0,
             depth: 0,
-            octree: 0,
             scale_step: parts(quality.scale_step),
             opacity_levels: quality.opacity_levels,
             rotation_step: parts(quality.rotation_step),
@@ -62,7 +64,7 @@ impl Head {
         area * i64::from(self.scale_step) / 2 + ln_opacity[opacity as usize] - i64::from(self.reference)
     }
 
-    /// Factor of steps: smaller where more is to be seen, by at most `LEAST` and `MOST`.
+    /// Factor of steps: smaller where more is to be seen.
     pub(super) fn factor(&self, shows: i64, power: u32) -> f64 {
         let exponent = -(shows as f64 / UNIT) * (f64::from(power) / UNIT);
         exp(exponent.clamp(-FINEST, COARSEST))
@@ -71,7 +73,7 @@ impl Head {
     pub(super) fn write(&self) -> Vec<u8> {
         let floats = [self.origin[0], self.origin[1], self.origin[2], self.cell];
         let mut out: Vec<u8> = floats.iter().flat_map(|x| x.to_le_bytes()).collect();
-        out.extend([self.depth, self.octree]);
+        out.push(self.depth);
         let steps = [self.scale_step, self.opacity_levels, self.rotation_step, self.dc_step, self.sh_step];
         out.extend(steps.iter().chain(&[self.adaptation, self.rotation_adaptation]).flat_map(|x| x.to_le_bytes()));
         out.extend([self.reference, self.scale_mean, self.opacity_mean].iter().flat_map(|x| x.to_le_bytes()));
@@ -84,13 +86,12 @@ impl Head {
         }
         let word = |at: usize| [bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]];
         let float = |i: usize| f32::from_le_bytes(word(4 * i));
-        let number = |i: usize| u32::from_le_bytes(word(18 + 4 * i));
-        let signed = |i: usize| i32::from_le_bytes(word(18 + 4 * i));
+        let number = |i: usize| u32::from_le_bytes(word(17 + 4 * i));
+        let signed = |i: usize| i32::from_le_bytes(word(17 + 4 * i));
         let head = Self {
             origin: [float(0), float(1), float(2)],
             cell: float(3),
             depth: bytes[16],
-            octree: bytes[17],
             scale_step: number(0),
             opacity_levels: number(1),
             rotation_step: number(2),
@@ -112,12 +113,17 @@ impl Head {
             let found = format!("{:?} and {}", self.origin, self.cell);
             return Err(CodecError::invalid("stream head, grid", "a finite corner and side", found));
         }
-        if u32::from(self.depth) > crate::octree::DEEPEST || self.octree > self.depth {
-            let found = format!("{} of {}", self.octree, self.depth);
-            return Err(CodecError::invalid("stream head, depth", "an octree within a grid of up to 21 levels", found));
+        if u32::from(self.depth) > DEEPEST {
+            return Err(CodecError::invalid("stream head, bits of a coordinate", "up to 21", self.depth));
         }
         if !(1..=MOST_LEVELS).contains(&self.opacity_levels) {
             return Err(CodecError::invalid("stream head, opacities", "1 to 4095 steps", self.opacity_levels));
+        }
+        let means = self.scale_mean.unsigned_abs() <= LARGEST as u32
+            && (0..=self.opacity_levels as i32).contains(&self.opacity_mean);
+        if !means {
+            let found = format!("{} and {}", self.scale_mean, self.opacity_mean);
+            return Err(CodecError::invalid("stream head, means", "symbols of a scale and an opacity", found));
         }
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! Gaussians as symbols, and back.
 
-use super::head::{Head, MOST_LEVELS, UNIT};
+use super::head::{Head, LARGEST, MOST_LEVELS, UNIT};
 use super::quality::Quality;
 use super::rotation::{imaginary_part, sort_axes, with_real_part};
 use crate::error::CodecError;
@@ -9,9 +9,6 @@ use crate::morton::{from_morton3, morton3};
 use crate::octree::DEEPEST;
 use crate::quantizer::Quantizer;
 use weaver_scene::Gaussians;
-
-/// Largest magnitude of a symbol, which leaves room for differences.
-pub(super) const LARGEST: i32 = 1 << 22;
 
 /// Symbols of a scene, Gaussians in Morton order.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,6 +23,44 @@ pub(super) struct Symbols {
     pub(super) colors: Vec<[i32; 3]>,
     /// The same of further harmonics, `[N, K - 1]`.
     pub(super) harmonics: Vec<[i32; 3]>,
+}
+
+impl Symbols {
+    /// Symbols of zero for Gaussians at these voxels.
+    pub(super) fn at(voxels: Vec<u64>, rest: usize) -> Self {
+        let count = voxels.len();
+        Self {
+            voxels,
+            scales: vec![[0; 3]; count],
+            opacities: vec![0; count],
+            rotations: vec![[0; 3]; count],
+            colors: vec![[0; 3]; count],
+            harmonics: vec![[0; 3]; count * rest],
+        }
+    }
+
+    /// Symbols of some of the Gaussians, by ascending index.
+    pub(super) fn select(&self, indices: &[usize]) -> Self {
+        let rest = self.harmonics.len() / self.voxels.len().max(1);
+        Self {
+            voxels: indices.iter().map(|&i| self.voxels[i]).collect(),
+            scales: indices.iter().map(|&i| self.scales[i]).collect(),
+            opacities: indices.iter().map(|&i| self.opacities[i]).collect(),
+            rotations: indices.iter().map(|&i| self.rotations[i]).collect(),
+            colors: indices.iter().map(|&i| self.colors[i]).collect(),
+            harmonics: indices.iter().flat_map(|&i| self.harmonics[rest * i..][..rest].iter().copied()).collect(),
+        }
+    }
+
+    /// Appends Gaussians.
+    pub(super) fn extend(&mut self, other: Self) {
+        self.voxels.extend(other.voxels);
+        self.scales.extend(other.scales);
+        self.opacities.extend(other.opacities);
+        self.rotations.extend(other.rotations);
+        self.colors.extend(other.colors);
+        self.harmonics.extend(other.harmonics);
+    }
 }
 
 /// Logarithms of the opacities of all symbols, in parts of 2^16.
@@ -152,12 +187,6 @@ fn place(head: &mut Head, gaussians: &Gaussians, quality: &Quality) {
     // Rounding to f32 may have made the cell smaller, by less than one of 2^21 steps.
     let steps = (extent / f64::from(head.cell)).round().min(f64::from((1_u32 << DEEPEST) - 1)) as u32;
     head.depth = (u32::BITS - steps.leading_zeros()) as u8;
-    head.octree = head.depth.min(octree_depth(gaussians.len()));
-}
-
-/// Depth at which most voxels of a surface hold one of so many points: beyond it a child says as much as three bits.
-fn octree_depth(count: usize) -> u8 {
-    (usize::BITS - count.leading_zeros()).div_ceil(2) as u8 + 2
 }
 
 /// Sets the reference of adaptive steps, and the means that predictions begin with.

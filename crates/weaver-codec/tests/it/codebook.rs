@@ -6,7 +6,7 @@ use weaver_kernels::random::Stream;
 /// Three dimensions, eight clusters, a tenth of their distance wide.
 fn planted(count: usize) -> (Vec<f64>, Vec<f64>) {
     let random = Stream::new(4, 0, "codec.planted");
-    let centers: Vec<f64> = (0..24).map(|i| f64::from(i as u8 / 3 >> (i % 3) & 1)).collect();
+    let centers: Vec<f64> = (0..24).map(|i| f64::from(((i as u8 / 3) >> (i % 3)) & 1)).collect();
     let draw = |i: usize| centers[(i / 3 % 8) * 3 + i % 3] + 0.05 * random.normal::<f64>(i as u64);
     ((0..3 * count).map(draw).collect(), centers)
 }

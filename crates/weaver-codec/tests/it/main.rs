@@ -3,5 +3,6 @@
 mod codebook;
 mod coder;
 mod container;
+mod lite;
 mod rates;
 mod space;

@@ -154,6 +154,22 @@ proptest! {
 }
 
 #[test]
+fn wsz_is_a_tenth_of_ply_and_keeps_what_is_seen() {
+    let Some(folder) = shared::data("splat-files") else { return };
+    let playbot = read_gaussians(folder.join("playbot-sh2.ply")).unwrap();
+    let back = round_trip("a.wsz", &playbot);
+    assert_eq!((back.len(), back.degree), (playbot.len(), 2));
+    let mut bytes = Vec::new();
+    weaver_io::write_gaussians_to(&mut bytes, "wsz".parse().unwrap(), &playbot).unwrap();
+    assert!(8 * bytes.len() <= 130 * playbot.len(), "{} bytes", bytes.len());
+    let mean = |g: &Gaussians, axis: usize| g.means.iter().map(|m| f64::from(m[axis])).sum::<f64>() / g.len() as f64;
+    assert!((0..3).all(|axis| (mean(&playbot, axis) - mean(&back, axis)).abs() < 1e-4));
+    bytes.truncate(bytes.len() / 2);
+    let cut = weaver_io::read_gaussians_from(&bytes, "wsz".parse().unwrap()).unwrap_err().to_string();
+    assert!(cut.contains("bytes, found"), "{cut}");
+}
+
+#[test]
 fn positions_of_any_size_fit_into_spz() {
     let at = |x: f32| Gaussians {
         means: vec![[x, 1.0, -x]],
@@ -173,12 +189,15 @@ fn positions_of_any_size_fit_into_spz() {
     let far = message("a.spz", &at(1e7));
     assert!(far.contains("positions to write: expected coordinates below 2^23"), "{far}");
     let unknown = message("a.obj", &at(0.0));
-    assert!(unknown.contains("file name: expected .ply, .compressed.ply, .splat or .spz, found .obj"), "{unknown}");
+    assert!(
+        unknown.contains("file name: expected .ply, .compressed.ply, .splat, .spz or .wsz, found .obj"),
+        "{unknown}"
+    );
     let broken = Gaussians { quats: vec![], ..at(0.0) };
-    for name in ["a.ply", "a.compressed.ply", "a.splat", "a.spz"] {
+    for name in ["a.ply", "a.compressed.ply", "a.splat", "a.spz", "a.wsz"] {
         assert!(message(name, &broken).contains("expected 1 Gaussians"), "{name}");
     }
-    for name in ["a.compressed.ply", "a.splat", "a.spz"] {
+    for name in ["a.compressed.ply", "a.splat", "a.spz", "a.wsz"] {
         assert!(message(name, &at(f32::NAN)).contains("vertex 0, position: expected finite numbers"), "{name}");
     }
 }

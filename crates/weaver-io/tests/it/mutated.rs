@@ -93,6 +93,7 @@ fn readers() -> Vec<Reader> {
         }),
         one("splat", "a.splat", gaussians("a.splat"), |path| weaver_io::read_gaussians(path).is_ok()),
         one("spz", "a.spz", gaussians("a.spz"), spz),
+        one("wsz", "a.wsz", gaussians("a.wsz"), |path| weaver_io::read_gaussians(path).is_ok()),
         Reader { seal: gzip, ..one("spz content", "a.spz", gunzip(&gaussians("a.spz")), spz) },
         several("colmap binary", colmap_files("bin"), folder),
         several("colmap text", colmap_files("txt"), folder),
