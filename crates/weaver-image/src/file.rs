@@ -84,7 +84,7 @@ pub fn encode(fitted: &Fitted, width: usize, height: usize) -> Result<Vec<u8>, I
     head.push((weights[0] | weights[1] << 2 | weights[2] << 4) as u8);
     let streams = [(HEAD, 1, head), (SYMBOLS, symbols.len() as u64, encoder.finish())];
     let streams = streams.map(|(name, symbols, bytes)| Stream { name, symbols, bytes: bytes.into() });
-    Ok(Container { gaussians: symbols.len() as u64, coefficients: 0, streams: streams.into() }.write()?)
+    Ok(Container { gaussians: symbols.len() as u64, coefficients: 0, streams: streams.into() }.write())
 }
 
 /// Reads what [`encode`] wrote.

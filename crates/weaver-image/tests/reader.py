@@ -94,8 +94,9 @@ class Number:
         return -number if number and self.sign.read(decoder) else number
 
 
-assert take(4) == b"WVSZ" and take(3) == bytes([1, 0, 2])
-count = varint()
+assert take(4) == b"WVSZ" and take(2) == bytes([1, 0])
+count, streams = varint(), varint()
+assert streams == 2
 table = [(take(4), varint(), varint(), take(4)) for _ in range(2)]
 take(4)
 head, symbols = [take(length) for _, _, length, _ in table]

@@ -15,7 +15,7 @@ fn drawn<T: Real>(picture: &Gaussians<T>, window: Window, cut: f64) -> Vec<T> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 8))]
 
     #[test]
     fn tiles_are_the_plain_loop(seed: u64, width in 1_usize..50, height in 1_usize..50, x in 0_usize..9) {

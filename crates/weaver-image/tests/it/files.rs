@@ -10,7 +10,7 @@ fn random(seed: u64, count: usize, size: [usize; 2]) -> Fitted {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(32))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 8))]
 
     #[test]
     fn what_was_read_is_written_to_the_same_bytes(seed: u64, count in 0_usize..60, width in 8_usize..6000) {

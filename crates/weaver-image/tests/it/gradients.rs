@@ -47,7 +47,7 @@ fn weighted(picture: &Gaussians<f64>, slopes: &[f64]) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(8))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 32))]
 
     #[test]
     fn of_any_loss(seed: u64) {

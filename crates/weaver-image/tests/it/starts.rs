@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use weaver_image::{CUT, Picture, Start, Window, quadtree, solve_colors, start};
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(16))]
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 16))]
 
     #[test]
     fn leaves_tile_the_picture(seed: u64, width in 1_usize..40, height in 1_usize..40, count in 1_usize..200) {
