@@ -10,7 +10,7 @@ use weaver_image::{
     CUT, Canvas, FitSettings, Gaussians, Picture, Start, Window, decode, encode, fit, metrics, refine, solve_colors,
     start,
 };
-use weaver_io::{Background, Image};
+use weaver_io::{Background, Bitmap, Image};
 use weaver_kernels::random::Stream;
 
 const SIDE: usize = 512;
@@ -117,6 +117,23 @@ fn variants(pictures: &[Picture]) -> Result<()> {
     Ok(())
 }
 
+/// Decibels of the best baseline JPEG, by weaver-io's encoder, of at most so many bytes.
+fn jpeg(picture: &Picture, most: usize) -> Result<String> {
+    let image = Image { width: picture.width(), height: picture.height(), pixels: picture.colors().to_vec() };
+    let bitmap = Bitmap { width: image.width, height: image.height, pixels: image.to_bytes() };
+    let mut best = None;
+    for quality in 1..=95 {
+        let bytes = bitmap.to_jpeg(quality)?;
+        if bytes.len() > most {
+            break;
+        }
+        best = Some(bytes);
+    }
+    let Some(bytes) = best else { return Ok(" (JPEG -)".into()) };
+    let back = Image::decode(&bytes, "a JPEG in memory", Background::Black)?;
+    Ok(format!(" (JPEG {:.2})", metrics::psnr(&back.pixels, picture.colors())))
+}
+
 fn files(pictures: &[Picture]) -> Result<()> {
     for ratio in [200.0, 100.0, 50.0, 25.0] {
         for steps in [300, 1000] {
@@ -133,7 +150,8 @@ fn files(pictures: &[Picture]) -> Result<()> {
                     let decibels = metrics::psnr(&drawn, picture.colors());
                     sum += decibels;
                     let bits = 8.0 * bytes.len() as f64 / back.gaussians.len() as f64;
-                    line += &format!("   {:6} B {bits:.1} bits {decibels:.2} dB", bytes.len());
+                    let jpeg = if coded { jpeg(picture, bytes.len())? } else { String::new() };
+                    line += &format!("   {:6} B {bits:.1} bits {decibels:.2} dB{jpeg}", bytes.len());
                 }
                 let seconds = (processor_seconds()? - before) / pictures.len() as f64;
                 println!("{line}   mean {:.2} dB, {seconds:.2} s", sum / pictures.len() as f64);

@@ -33,24 +33,26 @@ impl<T: Real> Values<T> {
     }
 }
 
-/// Runs `body(channels, x, y)` on columns of `x` `[P, channels]` and `y` `[R, channels]` that a canvas takes, and adds what it leaves
-/// in them.
+/// One channel of `[N, channels]`.
+fn channel<T: Real>(of: &[T], channel: usize, channels: usize) -> Vec<T> {
+    of.iter().skip(channel).step_by(channels).copied().collect()
+}
+
+/// Runs `body(from, to)` on numbers that a canvas takes: one channel at a time, unless there are three of them or one.
 fn by_channel<T: Real>(
-    x: &mut [T],
-    y: &mut [T],
+    from: &[T],
+    to: &mut [T],
     channels: usize,
-    mut body: impl FnMut(&mut [T], &mut [T]) -> Result<(), ImageError>,
+    mut body: impl FnMut(&[T], &mut [T]) -> Result<(), ImageError>,
 ) -> Result<(), LiftError> {
     let source = |error: ImageError| LiftError::Source(Box::new(error));
     if channels == 3 || channels == 1 {
-        return body(x, y).map_err(source);
+        return body(from, to).map_err(source);
     }
     for c in 0..channels {
-        let column = |of: &[T]| of.iter().skip(c).step_by(channels).copied().collect::<Vec<T>>();
-        let (mut a, mut b) = (column(x), column(y));
-        body(&mut a, &mut b).map_err(source)?;
-        x.iter_mut().skip(c).step_by(channels).zip(a).for_each(|(to, x)| *to = x);
-        y.iter_mut().skip(c).step_by(channels).zip(b).for_each(|(to, y)| *to = y);
+        let mut out = channel(to, c, channels);
+        body(&channel(from, c, channels), &mut out).map_err(source)?;
+        to.iter_mut().skip(c).step_by(channels).zip(out).for_each(|(to, x)| *to = x);
     }
     Ok(())
 }
@@ -69,14 +71,14 @@ impl<T: Real> Operator<T> for Values<T> {
     }
 
     fn forward(&mut self, _view: usize, x: &[T], channels: usize, y: &mut [T]) -> Result<(), LiftError> {
-        by_channel(&mut x.to_vec(), y, channels, |x, y| self.canvas.draw(x, y))
+        by_channel(x, y, channels, |x, y| self.canvas.draw(x, y))
     }
 
     fn adjoint(&mut self, _view: usize, y: &[T], channels: usize, x: &mut [T]) -> Result<(), LiftError> {
-        by_channel(x, &mut y.to_vec(), channels, |x, y| self.canvas.transposed(y, x))
+        by_channel(y, x, channels, |y, x| self.canvas.transposed(y, x))
     }
 
     fn adjoint_squared(&mut self, _view: usize, y: &[T], channels: usize, x: &mut [T]) -> Result<(), LiftError> {
-        by_channel(x, &mut y.to_vec(), channels, |x, y| self.squares.transposed(y, x))
+        by_channel(y, x, channels, |y, x| self.squares.transposed(y, x))
     }
 }
