@@ -5,7 +5,7 @@
 //! - [`Canvas`] draws a window of Gaussians and passes gradients back; [`Gaussians::at_scale`] is the same picture at another size.
 //! - [`encode`] and [`decode`] are the bytes of a file.
 //! - [`Values`] is the drawing as a linear map from colors to pixels, for the solvers of weaver-lift.
-//! - [`reference`] is the model written as a plain loop, [`metrics`] says how near two pictures are.
+//! - [`mod@reference`] is the model written as a plain loop, [`metrics`] says how near two pictures are.
 //!
 //! Same bits at any number of threads.
 
