@@ -3,6 +3,7 @@
 use crate::random::{error, gaussians, picture};
 use proptest::prelude::*;
 use std::ops::ControlFlow;
+use weaver_codec::{Container, Stream};
 use weaver_image::{CUT, FitSettings, Fitted, decode, encode, fit};
 
 fn random(seed: u64, count: usize, size: [usize; 2]) -> Fitted {
@@ -65,4 +66,23 @@ fn a_coded_fit_is_what_its_file_holds() {
     let told = error(&picture, &coded.gaussians);
     assert!((staged - told).abs() < 0.02 * told, "{staged} {told}");
     assert!(staged < rounded, "{staged} {rounded}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases / 4))]
+
+    #[test]
+    fn any_symbols_behind_right_checksums_are_a_picture_or_refused(
+        symbols in proptest::collection::vec(any::<u8>(), 0..400),
+        gaussians in 0_u64..3000,
+        [width, height] in proptest::array::uniform2(0_u32..5000),
+        end in any::<[u8; 2]>(),
+    ) {
+        let head: Vec<u8> = [&width.to_le_bytes()[..], &height.to_le_bytes(), &end].concat();
+        let stream = |name, symbols, bytes: Vec<u8>| Stream { name, symbols, bytes: bytes.into() };
+        let streams = vec![stream(*b"pict", 1, head), stream(*b"gaus", gaussians, symbols)];
+        if let Ok(coded) = decode(&Container { gaussians, coefficients: 0, streams }.write()) {
+            coded.fitted.gaussians.check().unwrap();
+        }
+    }
 }
