@@ -5,7 +5,8 @@ use crate::command::splatweaver;
 #[test]
 fn every_command_explains_itself_with_an_example() {
     let photos = ["train", "eval", "infer", "fit", "cameras", "reconstruct", "compare"];
-    let scenes = ["render", "align", "lift", "query", "vad", "info", "convert", "bench", "config", "completions"];
+    let scenes =
+        ["render", "align", "lift", "query", "vad", "image", "info", "convert", "bench", "config", "completions"];
     for command in photos.into_iter().chain(scenes) {
         let done = splatweaver(&[&command, &"--help"]).fine();
         assert!(done.stdout.contains(&format!("Usage: splatweaver {command}")), "{}", done.stdout);

@@ -8,6 +8,7 @@ mod dynamic;
 mod eval;
 mod fit;
 mod hold_out;
+mod image;
 mod light;
 mod matching;
 mod photos;
@@ -23,6 +24,7 @@ pub use dynamic::{
 };
 pub use eval::{Eval, Targets};
 pub use fit::{Fit, StrategyName};
+pub use image::{ImageBench, ImageCommand, ImageDraw, ImageFit, Pictures};
 pub use light::LightFlags;
 pub use matching::{ClipFlags, MatchingFlags};
 pub use photos::{Cameras, Reconstruct};
@@ -72,7 +74,7 @@ const GROUPS: [(&str, &[&str]); 4] = [
     ("Reconstruct", &["reconstruct", "cameras", "fit", "infer"]),
     ("Look", &["render", "compare", "info", "convert"]),
     ("Learn", &["train", "eval", "config", "convert-weights"]),
-    ("More", &["align", "lift", "query", "dynamic", "vad", "bench", "completions"]),
+    ("More", &["align", "lift", "query", "dynamic", "vad", "image", "bench", "completions"]),
 ];
 
 impl CommandLine {
@@ -159,6 +161,7 @@ pub enum Command {
     Query(Query),
     Dynamic(Dynamic),
     Vad(Vad),
+    Image(Pictures),
     Info(Info),
     Convert(Convert),
     ConvertWeights(ConvertWeights),

@@ -12,6 +12,7 @@ mod figures;
 #[cfg(unix)]
 mod fit;
 #[cfg(unix)]
+mod image;
 mod killed;
 mod lift;
 mod outputs;

@@ -1,0 +1,243 @@
+//! What fits of pictures reach: `RAYON_NUM_THREADS=1 cargo run --release -p weaver-image --example claims -- TABLE PHOTO..`.
+//!
+//! Tables, each over the middle 512 x 512 pixels of the photos and three seeds: `fits` (ours, published and controls), `starts` (what
+//! each part of a start adds, by the published descent), `files` (decibels and bytes of files), `variants` (what each part of ours adds), `colors` (closed colors alone),
+//! `planted` (Gaussians that are found again; needs no photo). Seconds are those of the processor.
+
+use std::error::Error;
+use std::ops::ControlFlow;
+use weaver_image::{
+    CUT, Canvas, FitSettings, Gaussians, Picture, Start, Window, decode, encode, fit, metrics, refine, solve_colors,
+    start,
+};
+use weaver_io::{Background, Bitmap, Image};
+use weaver_kernels::random::Stream;
+
+const SIDE: usize = 512;
+const SEEDS: u64 = 3;
+
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+/// Decibels and processor seconds of each seed for each photo.
+fn measure(name: &str, pictures: &[Picture], settings: &dyn Fn(usize) -> FitSettings) -> Result<()> {
+    let (mut means, mut spread, mut seconds) = (Vec::new(), 0.0_f64, 0.0);
+    let mut similar = 0.0;
+    for picture in pictures {
+        let mut found = Vec::new();
+        for seed in 0..SEEDS {
+            let mut settings = settings(picture.gaussians_for(50.0));
+            settings.seed = seed;
+            let before = processor_seconds()?;
+            let fitted = fit(picture, &settings, &mut |_| ControlFlow::Continue(()))?;
+            seconds += processor_seconds()? - before;
+            let drawn = fitted.draw(picture.width(), picture.height())?;
+            found.push(metrics::psnr(&drawn, picture.colors()));
+            similar += metrics::ms_ssim(&drawn, picture.colors(), [picture.height(), picture.width()]).unwrap_or(0.0);
+        }
+        let [low, high] = [f64::min, f64::max].map(|pick| found.iter().copied().reduce(pick).unwrap_or(0.0));
+        spread = spread.max(high - low);
+        means.push(found.iter().sum::<f64>() / found.len() as f64);
+    }
+    let runs = (pictures.len() as u64 * SEEDS) as f64;
+    let each: Vec<String> = means.iter().map(|x| format!("{x:.2}")).collect();
+    println!(
+        "{name:42} {:6.2}  ({}; seeds within {spread:.2})  MS-SSIM {:.3}  {:.2} s",
+        means.iter().sum::<f64>() / means.len() as f64,
+        each.join(" "),
+        similar / runs,
+        seconds / runs
+    );
+    Ok(())
+}
+
+/// User and system time of this process.
+fn processor_seconds() -> Result<f64> {
+    let stat = std::fs::read_to_string("/proc/self/stat")?;
+    let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or("").split_whitespace().collect();
+    let ticks = |i: usize| fields.get(i).ok_or("a line of /proc/self/stat").map(|x| x.parse::<f64>());
+    Ok((ticks(11)?? + ticks(12)??) / 100.0)
+}
+
+fn fits(pictures: &[Picture]) -> Result<()> {
+    for steps in [300, 1000] {
+        measure(&format!("ours, {steps} steps"), pictures, &|n| FitSettings::new(n, steps))?;
+    }
+    measure("control: random start at our rates, 300", pictures, &|n| {
+        let mut settings = FitSettings::new(n, 300);
+        (settings.start, settings.color_steps, settings.growth) = (Start::Random, 0, false);
+        settings
+    })?;
+    for steps in [300, 1000] {
+        measure(&format!("published, {steps} steps"), pictures, &|n| FitSettings::published(n, steps))?;
+    }
+    Ok(())
+}
+
+fn starts(pictures: &[Picture]) -> Result<()> {
+    let kinds = [
+        ("random", Start::Random, 0),
+        ("and published positions", Start::Positions, 0),
+        ("and published scales", Start::Scales, 0),
+        ("and published colors", Start::Published, 0),
+        ("published, closed colors", Start::Published, 10),
+        ("quadtree, mean colors", Start::Quadtree, 0),
+        ("quadtree, closed colors", Start::Quadtree, 10),
+    ];
+    for (name, kind, color_steps) in kinds {
+        measure(&format!("{name}, 300 published steps"), pictures, &|n| {
+            let mut settings = FitSettings::published(n, 300);
+            (settings.start, settings.color_steps) = (kind, color_steps);
+            settings
+        })?;
+    }
+    Ok(())
+}
+
+fn variants(pictures: &[Picture]) -> Result<()> {
+    let kinds = [
+        ("squared error, our rates, published start", Start::Published, 0, false, false),
+        ("and closed colors", Start::Published, 10, false, false),
+        ("and quadtree", Start::Quadtree, 10, false, false),
+        ("and coarse to fine", Start::Quadtree, 10, false, true),
+        ("and growth", Start::Quadtree, 10, true, false),
+        ("and both", Start::Quadtree, 10, true, true),
+    ];
+    for (name, kind, color_steps, growth, coarse) in kinds {
+        for steps in [300, 1000] {
+            measure(&format!("{name}, {steps}"), pictures, &|n| {
+                let mut settings = FitSettings::new(n, steps);
+                settings.start = kind;
+                settings.color_steps = color_steps;
+                settings.growth = growth;
+                settings.coarse = coarse;
+                settings
+            })?;
+        }
+    }
+    Ok(())
+}
+
+/// Decibels of the best baseline JPEG, by weaver-io's encoder, of at most so many bytes.
+fn jpeg(picture: &Picture, most: usize) -> Result<String> {
+    let image = Image { width: picture.width(), height: picture.height(), pixels: picture.colors().to_vec() };
+    let bitmap = Bitmap { width: image.width, height: image.height, pixels: image.to_bytes() };
+    let mut best = None;
+    for quality in 1..=95 {
+        let bytes = bitmap.to_jpeg(quality)?;
+        if bytes.len() > most {
+            break;
+        }
+        best = Some(bytes);
+    }
+    let Some(bytes) = best else { return Ok(" (JPEG -)".into()) };
+    let back = Image::decode(&bytes, "a JPEG in memory", Background::Black)?;
+    Ok(format!(" (JPEG {:.2})", metrics::psnr(&back.pixels, picture.colors())))
+}
+
+fn files(pictures: &[Picture]) -> Result<()> {
+    for ratio in [200.0, 100.0, 50.0, 25.0] {
+        for steps in [300, 1000] {
+            for coded in [true, false] {
+                let mut line = format!("ratio {ratio:3}, {steps:4} steps, {}", if coded { "staged" } else { "plain " });
+                let (mut sum, before) = (0.0, processor_seconds()?);
+                for picture in pictures {
+                    let mut settings = FitSettings::new(picture.gaussians_for(ratio), steps);
+                    settings.coded = coded;
+                    let fitted = fit(picture, &settings, &mut |_| ControlFlow::Continue(()))?;
+                    let bytes = encode(&fitted, picture.width(), picture.height())?;
+                    let back = decode(&bytes)?.fitted;
+                    let drawn = back.draw(picture.width(), picture.height())?;
+                    let decibels = metrics::psnr(&drawn, picture.colors());
+                    sum += decibels;
+                    let bits = 8.0 * bytes.len() as f64 / back.gaussians.len() as f64;
+                    let jpeg = if coded { jpeg(picture, bytes.len())? } else { String::new() };
+                    line += &format!("   {:6} B {bits:.1} bits {decibels:.2} dB{jpeg}", bytes.len());
+                }
+                let seconds = (processor_seconds()? - before) / pictures.len() as f64;
+                println!("{line}   mean {:.2} dB, {seconds:.2} s", sum / pictures.len() as f64);
+            }
+        }
+    }
+    Ok(())
+}
+
+fn decibels(gaussians: &Gaussians<f32>, picture: &Picture) -> Result<f64> {
+    let mut canvas = Canvas::new();
+    canvas.place(gaussians, Window::whole(picture.width(), picture.height()), CUT)?;
+    let mut image = vec![0.0; picture.colors().len()];
+    canvas.draw(&gaussians.colors, &mut image)?;
+    Ok(metrics::psnr(&image, picture.colors()))
+}
+
+fn colors(pictures: &[Picture]) -> Result<()> {
+    for picture in pictures {
+        let count = picture.gaussians_for(50.0);
+        for kind in [Start::Published, Start::Quadtree] {
+            let mut gaussians = start(picture, count, kind, 0);
+            let before = decibels(&gaussians, picture)?;
+            solve_colors(picture, &mut gaussians, CUT, 10)?;
+            println!("{kind:?}: {before:.2} dB, closed colors {:.2} dB", decibels(&gaussians, picture)?);
+        }
+    }
+    Ok(())
+}
+
+fn planted() -> Result<()> {
+    const SIDE: usize = 256;
+    for seed in 0..SEEDS {
+        let stream = Stream::new(seed, 0, "image.planted");
+        let mut truth = Gaussians::default();
+        for i in 0..50 {
+            let u = |k: u64| stream.uniform::<f32>(8 * i + k);
+            let scale = [0, 1].map(|k| 4.0 + 14.0 * u(k));
+            truth.push([2, 3].map(|k| SIDE as f32 * u(k)), scale, 3.0 * u(4), [5, 6, 7].map(|k| 0.1 + 0.3 * u(k)));
+        }
+        let mut canvas = Canvas::new();
+        canvas.place(&truth, Window::whole(SIDE, SIDE), CUT)?;
+        let mut image = vec![0.0; 3 * SIDE * SIDE];
+        canvas.draw(&truth.colors, &mut image)?;
+        let largest = image.iter().fold(1.0_f32, |most, x| most.max(*x));
+        image.iter_mut().for_each(|x| *x = (*x / largest).max(0.0));
+        truth.colors.iter_mut().for_each(|c| *c /= largest);
+        let picture = Picture::new(SIDE, SIDE, image)?;
+        let run = |count| -> Result<f64> {
+            let fitted = fit(&picture, &FitSettings::new(count, 3000), &mut |_| ControlFlow::Continue(()))?;
+            decibels(&fitted.gaussians, &picture)
+        };
+        let mut near = truth.clone();
+        near.centers.iter_mut().enumerate().for_each(|(i, x)| *x += 0.5 * stream.normal::<f32>(4096 + i as u64));
+        let mut settings = FitSettings::new(50, 3000);
+        settings.growth = false;
+        let near = refine(&picture, &settings, near, &mut |_| ControlFlow::Continue(()))?;
+        let near = decibels(&near.gaussians, &picture)?;
+        println!(
+            "seed {seed}: N = 50 {:.2} dB, N = 100 {:.2} dB, from near the truth {near:.2} dB",
+            run(50)?,
+            run(100)?
+        );
+    }
+    Ok(())
+}
+
+fn main() -> Result<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let Some((table, photos)) = arguments.split_first() else {
+        return Err("expected fits, starts, files, variants, colors or planted, and photos".into());
+    };
+    let read = |path: &String| -> Result<Picture> {
+        let photo = Image::read(path, Background::Black)?;
+        let [width, height] = [photo.width, photo.height].map(|side| side.min(SIDE));
+        let photo = photo.crop((photo.width - width) / 2, (photo.height - height) / 2, width, height);
+        Ok(Picture::new(width, height, photo.pixels)?)
+    };
+    let pictures = photos.iter().map(read).collect::<Result<Vec<_>>>()?;
+    match table.as_str() {
+        "fits" => fits(&pictures),
+        "starts" => starts(&pictures),
+        "variants" => variants(&pictures),
+        "files" => files(&pictures),
+        "colors" => colors(&pictures),
+        "planted" => planted(),
+        other => Err(format!("expected fits, starts, files, variants, colors or planted, found {other}").into()),
+    }
+}

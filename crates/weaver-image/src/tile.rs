@@ -1,0 +1,177 @@
+//! One tile: Gaussians to pixels, and pixels back to sums for each Gaussian.
+
+use crate::record::{BLOCK, BLOCKS, Grid, Loaded, TILE};
+use crate::window::Planes;
+use weaver_kernels::Real;
+use weaver_kernels::lanes::{LANES, LaneMask, Lanes, Row};
+
+/// Sums over pixels for a Gaussian in a tile: three of colors, then t dx, t dy, t dx dx, t dx dy, t dy dy.
+pub type Sums<T> = [T; SUMS];
+/// Number of sums.
+pub const SUMS: usize = 8;
+/// Place of the first sum of the shape.
+pub const SHAPE: usize = 3;
+
+/// The Gaussians over a tile.
+#[derive(Clone, Copy)]
+pub struct Tile<'a, T> {
+    /// First pixel, in the picture.
+    pub corner: [usize; 2],
+    pub ids: &'a [u32],
+    pub records: &'a [Row<T>],
+    /// Exponent of two beyond which a value is 0.
+    pub cut: T,
+}
+
+/// Values of the Gaussians of a tile at its pixels.
+#[derive(Clone, Debug, Default)]
+pub struct Values<T> {
+    /// Blocks that each Gaussian meets.
+    blocks: Vec<u16>,
+    /// Values in these blocks, one after another.
+    values: Vec<Row<T>>,
+}
+
+impl<T: Real> Values<T> {
+    /// Makes room for a tile with so many Gaussians.
+    fn reserve(&mut self, gaussians: usize, keep: bool) {
+        if self.blocks.len() < gaussians {
+            self.blocks.resize(gaussians, 0);
+        }
+        if keep && self.values.len() < gaussians * LANES {
+            self.values.resize(gaussians * LANES, Row([T::ZERO; LANES]));
+        }
+    }
+}
+
+impl<T: Real> Tile<'_, T> {
+    /// Adds the Gaussians' colors `[N, C]` to planes. With `KEEP`, their values are kept, for [`sums`](Self::sums).
+    #[inline(always)]
+    pub fn draw<V: Lanes<Scalar = T>, const C: usize, const KEEP: bool>(
+        &self,
+        colors: &[T],
+        planes: &mut Planes<T, C>,
+        kept: &mut Values<T>,
+    ) {
+        let grid = Grid::<V>::new(self.corner);
+        let cut = V::splat(self.cut);
+        kept.reserve(self.ids.len(), KEEP);
+        // Before anything depends on them: how many blocks a Gaussian meets cannot be predicted.
+        for (blocks, id) in kept.blocks.iter_mut().zip(self.ids) {
+            *blocks = Loaded::<V>::new(&self.records[*id as usize]).blocks(grid.first, cut);
+        }
+        let mut next = 0;
+        for (entry, id) in self.ids.iter().enumerate() {
+            let id = *id as usize;
+            let gaussian = Loaded::<V>::new(&self.records[id]);
+            let mut todo = kept.blocks[entry];
+            let mut color = [V::zero(); C];
+            for (to, color) in color.iter_mut().zip(&colors[id * C..]) {
+                *to = V::splat(*color);
+            }
+            while todo != 0 {
+                let block = todo.trailing_zeros() as usize % LANES;
+                todo &= todo - 1;
+                let [x, y] = grid.block(block);
+                let value = gaussian.value(gaussian.offset(x, y), cut);
+                for c in 0..C {
+                    let sum = &mut planes[c][block].0;
+                    value.mul_add(color[c], V::load(sum)).store(sum);
+                }
+                if KEEP {
+                    value.store(&mut kept.values[next].0);
+                    next += 1;
+                }
+            }
+        }
+    }
+
+    /// Sums over pixels for each Gaussian, from gradients with respect to planes and kept values: of colors, and with `MOVE` of
+    /// the shape, too.
+    #[inline(always)]
+    pub fn sums<V: Lanes<Scalar = T>, const C: usize, const MOVE: bool>(
+        &self,
+        colors: &[T],
+        slopes: &Planes<T, C>,
+        kept: &Values<T>,
+        out: &mut [Sums<T>],
+    ) {
+        let grid = Grid::<V>::new(self.corner);
+        let mut next = 0;
+        // Two Gaussians share the sums across lanes.
+        let mut both = [V::zero(); LANES];
+        for (entry, id) in self.ids.iter().enumerate() {
+            let id = *id as usize;
+            let gaussian = Loaded::<V>::new(&self.records[id]);
+            let mut sums = [V::zero(); SUMS];
+            let mut color = [V::zero(); C];
+            if MOVE {
+                for (to, color) in color.iter_mut().zip(&colors[id * C..]) {
+                    *to = V::splat(*color);
+                }
+            }
+            let mut todo = kept.blocks[entry];
+            while todo != 0 {
+                let block = todo.trailing_zeros() as usize % LANES;
+                todo &= todo - 1;
+                let value = V::load(&kept.values[next].0);
+                next += 1;
+                let mut slope = V::zero();
+                for c in 0..C {
+                    let plane = V::load(&slopes[c][block].0);
+                    sums[c] = value.mul_add(plane, sums[c]);
+                    if MOVE {
+                        slope = if c == 0 { plane * color[c] } else { plane.mul_add(color[c], slope) };
+                    }
+                }
+                if MOVE {
+                    let [x, y] = grid.block(block);
+                    let [dx, dy] = gaussian.offset(x, y);
+                    let t = value * slope;
+                    let (tx, ty) = (t * dx, t * dy);
+                    sums[SHAPE] = sums[SHAPE] + tx;
+                    sums[SHAPE + 1] = sums[SHAPE + 1] + ty;
+                    sums[SHAPE + 2] = tx.mul_add(dx, sums[SHAPE + 2]);
+                    sums[SHAPE + 3] = tx.mul_add(dy, sums[SHAPE + 3]);
+                    sums[SHAPE + 4] = ty.mul_add(dy, sums[SHAPE + 4]);
+                }
+            }
+            let half = entry % 2 * SUMS;
+            both[half..half + SUMS].copy_from_slice(&sums);
+            if half > 0 || entry + 1 == self.ids.len() {
+                let totals = V::sums(&both).to_array();
+                let first = entry - entry % 2;
+                for (out, totals) in out[first..=entry].iter_mut().zip(totals.as_chunks::<SUMS>().0) {
+                    *out = *totals;
+                }
+            }
+        }
+    }
+}
+
+/// Subtracts a target from what is drawn, zeros outside of the picture; returns the sum of squares.
+#[inline(always)]
+pub fn residual<V: Lanes>(drawn: &mut Planes<V::Scalar, 3>, target: &Planes<V::Scalar, 3>, inside: [usize; 2]) -> f64 {
+    let mut sum = V::zero();
+    for block in 0..LANES {
+        let mask = V::Mask::from_bits(lanes_inside(block, inside));
+        for c in 0..3 {
+            let difference = (V::load(&drawn[c][block].0) - V::load(&target[c][block].0)).only(mask);
+            difference.store(&mut drawn[c][block].0);
+            sum = difference.mul_add(difference, sum);
+        }
+    }
+    sum.to_array().into_iter().map(|x| x.to_f64()).sum()
+}
+
+/// The lanes of a block that lie in the picture.
+#[inline(always)]
+fn lanes_inside(block: usize, [width, height]: [usize; 2]) -> u16 {
+    if width == TILE && height == TILE {
+        return u16::MAX;
+    }
+    let left = |size: usize, before: usize| size.saturating_sub(before * BLOCK).min(BLOCK);
+    let columns = (1_u32 << left(width, block % BLOCKS)) - 1;
+    let rows = left(height, block / BLOCKS);
+    (0..rows).fold(0, |bits, row| bits | (columns << (row * BLOCK)) as u16)
+}

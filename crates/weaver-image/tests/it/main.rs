@@ -1,0 +1,12 @@
+//! Tests of pictures as Gaussians.
+
+mod drawing;
+mod files;
+mod fits;
+mod gradients;
+mod judging;
+mod random;
+mod reader;
+mod refusals;
+mod scales;
+mod starts;
