@@ -2,10 +2,13 @@
 
 use crate::arguments::Compare;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::path::Path;
 use weaver_command::{Console, DrawingOptions, Failure, Progress};
 use weaver_data::capture::posed::{self, PosedOptions};
 use weaver_fit::{Judge, Quality};
+use weaver_fit_run::Outcome;
 use weaver_io::{SceneFile, read_scene};
 use weaver_splat::{Workspace, render};
 use weaver_trainer::evaluate::load_lpips;
@@ -30,17 +33,20 @@ pub fn run(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
     if !held_out {
         console.note(&format!("{}: no photo is held out; these are all of them", data.display()));
     }
+    let exposures = exposures_beside(scene);
     let (activated, mut workspace) = (gaussians.to_activated(), Workspace::new());
     let mut progress = Progress::new("compare", 0, photos.len(), console);
     let mut views = Vec::new();
     for photo in &photos {
-        let images = render(&activated, &[photo.camera], background, &settings, &mut workspace)
-            .map_err(|e| Failure::message(format!("{}: {e}", scene.display())))?;
+        let mut image = render(&activated, &[photo.camera], background, &settings, &mut workspace)
+            .map_err(|e| Failure::message(format!("{}: {e}", scene.display())))?
+            .concat();
+        if let Some(exposure) = Outcome::exposure(&exposures, &photo.name) {
+            let drawn = image.clone();
+            exposure.apply(&drawn, &mut image);
+        }
         let size = [photo.camera.height, photo.camera.width];
-        views.push((
-            photo.name.as_str(),
-            judge.compare_inside(&images.concat(), &photo.rgb, size, photo.mask.as_deref()),
-        ));
+        views.push((photo.name.as_str(), judge.compare_inside(&image, &photo.rgb, size, photo.mask.as_deref())));
         progress.at(views.len(), photos.len(), String::new, console);
     }
     progress.finish();
@@ -60,6 +66,13 @@ pub fn run(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
     }
     let kind = if held_out { "held out" } else { "all, none held out" };
     console.print(&format!("{}views: {} ({kind}), Gaussians: {}", table(&views, &mean), views.len(), gaussians.len()))
+}
+
+/// The color corrections of photos that the fit beside a scene found; none where there is no such fit.
+fn exposures_beside(scene: &Path) -> BTreeMap<String, [f32; 12]> {
+    let summary = weaver_io::read_text(scene.with_file_name("summary.json")).ok();
+    let outcome = summary.and_then(|text| serde_json::from_str::<Outcome>(&text).ok());
+    outcome.map(|outcome| outcome.exposures).unwrap_or_default()
 }
 
 fn figures(name: Option<&str>, quality: &Quality) -> Value {

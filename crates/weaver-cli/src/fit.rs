@@ -106,7 +106,7 @@ fn settings(arguments: &Fit, (capture, hold_out): (PathBuf, HoldOut), initial: &
         ..RunSettings::new(capture, FitSettings::default())
     };
     let fit = fit_settings(arguments, &plan(&settings)?.usual())?;
-    Ok(RunSettings { fit, ..settings })
+    Ok(RunSettings { measure_exposure: arguments.exposure.is_none(), fit, ..settings })
 }
 
 /// Fits a capture, into a folder that was claimed.
@@ -136,7 +136,9 @@ pub fn begin(
     run.remarks().iter().for_each(|remark| console.note(&format!("warning: {remark}")));
     if run.colors().differ() {
         let percent = 100.0 * run.colors().spread();
-        console.note(&format!("photos differ in exposure or white balance, by {percent:.0} % in the median"));
+        let corrected = if run.settings().fit.exposure { "their colors are corrected" } else { "nothing is corrected" };
+        console
+            .note(&format!("photos differ in exposure or white balance, by {percent:.0} % in the median; {corrected}"));
     }
     if let Some(found) = run.matching() {
         let (points, pixels) = (found.points, found.pixels);
@@ -158,7 +160,7 @@ fn fit_settings(arguments: &Fit, usual: &FitSettings) -> Result<FitSettings, Fai
     fit.seed = arguments.seed.unwrap_or(fit.seed);
     fit.sh_degree = arguments.sh.map_or(fit.sh_degree, usize::from);
     fit.antialiased = arguments.antialiased.unwrap_or(fit.antialiased);
-    fit.exposure |= arguments.exposure;
+    fit.exposure = arguments.exposure.unwrap_or(fit.exposure);
     fit.background = arguments.background.map_or(fit.background, |color| color.0);
     fit.poses.refine |= arguments.refine_cameras;
     if arguments.refine_focal && !fit.poses.refine {

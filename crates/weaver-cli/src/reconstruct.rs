@@ -49,6 +49,7 @@ pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt
         least_steps: LEAST_STEPS,
         long_side: Some(size as usize),
         hold_out,
+        measure_exposure: true,
         ..RunSettings::new(capture, FitSettings::default())
     };
     let usual = plan(&settings)?.usual();

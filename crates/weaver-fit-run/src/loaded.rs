@@ -46,9 +46,9 @@ pub(crate) struct Loaded {
     pub remarks: Vec<String>,
 }
 
-/// Loads what a run fits. `given` are the Gaussians of [`Initial::Given`].
+/// Loads what a run fits, and decides whether photos' colors are corrected if that is to be measured. `given` are the Gaussians of [`Initial::Given`].
 pub(crate) fn load(
-    settings: &RunSettings,
+    settings: &mut RunSettings,
     given: Option<&Gaussians>,
     rasterizer: Arc<dyn FitRasterizer>,
 ) -> Result<Loaded, RunError> {
@@ -102,6 +102,8 @@ pub(crate) fn load(
         });
     }
     let colors = ColorAgreement::of(&training, &capture.points, &visible);
+    // What was decided goes into run.json, so that a run goes on as it began.
+    settings.fit.exposure |= std::mem::take(&mut settings.measure_exposure) && colors.differ();
     // The file of a fisheye's photo with another focal length would have no distortion that can be written.
     let refocusable = |origin: &Origin| origin.distortion.is_none_or(|d| d.refocused(1.0).is_some());
     let refocus = settings.focal && origins.iter().all(refocusable);
@@ -127,6 +129,7 @@ pub(crate) fn load(
         ));
     }
     let strategy = settings.fit.density.strategy();
-    let fit = Fit::with(rasterizer, strategy, training, &initial, settings.fit.clone())?;
+    let mut fit = Fit::with(rasterizer, strategy, training, &initial, settings.fit.clone())?;
+    fit.begin_exposures(&colors.gains);
     Ok(Loaded { fit, held_out, origins, points: capture.points, matching, colors, sources, remarks })
 }

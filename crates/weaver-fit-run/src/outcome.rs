@@ -1,7 +1,9 @@
 //! What came of a run.
 
 use serde::{Deserialize, Serialize};
-use weaver_fit::Quality;
+use std::collections::BTreeMap;
+use std::path::Path;
+use weaver_fit::{Exposure, Quality};
 
 /// The outcome of a run, `summary.json`.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
@@ -31,8 +33,25 @@ pub struct Outcome {
     pub alpha_max: f64,
     /// The color behind everything.
     pub background: [f32; 3],
+    /// Color correction of each photo, `[A | b]` row by row, if photos have them; of held-out ones that of their neighbors
+    /// ([`Fit::exposure_at`](weaver_fit::Fit::exposure_at)), with which they are judged.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub exposures: BTreeMap<String, [f32; 12]>,
     /// Training photos that are met far worse than the others: they may not belong to the scene.
     pub strangers: Vec<String>,
+}
+
+impl Outcome {
+    /// The color correction that a photo of this name is judged with: of the same name, or of the only one whose file is called so.
+    pub fn exposure(exposures: &BTreeMap<String, [f32; 12]>, photo: &str) -> Option<Exposure> {
+        let file = |name: &str| Path::new(name).file_name().map(ToOwned::to_owned);
+        let mut alike = exposures.iter().filter(|(name, _)| file(name) == file(photo)).map(|(_, matrix)| matrix);
+        let only = match (alike.next(), alike.next()) {
+            (only, None) => only,
+            _ => None,
+        };
+        exposures.get(photo).or(only).map(|matrix| Exposure::of(*matrix))
+    }
 }
 
 /// What summaries mean that are older than the key.

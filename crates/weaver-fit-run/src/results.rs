@@ -6,9 +6,10 @@ use crate::loaded::{Loaded, Origin};
 use crate::outcome::{Outcome, PoseChange, Views};
 use crate::run::{MODEL, file_of_scene};
 use crate::{Run, RunError, report};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
-use weaver_fit::{Judge, Photo, Quality};
+use weaver_fit::{Exposure, Judge, Photo, Quality};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_io::colmap::{Model, Point};
@@ -71,8 +72,15 @@ impl Fitting {
             near: raster.near,
             alpha_max: raster.alpha_max,
             background: self.settings.fit.background,
+            exposures: self.exposures(test),
             strangers: strangers(train),
         }
+    }
+
+    fn exposures(&self, test: &[Judged]) -> BTreeMap<String, [f32; 12]> {
+        let own = (0..self.fit().photos()).map(|i| (self.fit().photo(i).name.clone(), self.fit().exposure(i).copied()));
+        let near = test.iter().map(|judged| (judged.name.clone(), self.fit().exposure_at(&judged.camera)));
+        own.chain(near).filter_map(|(name, exposure)| Some((name, exposure?.matrix))).collect()
     }
 
     fn pose_change(&self) -> PoseChange {
@@ -158,11 +166,7 @@ impl Fitting {
             if self.capture.held_out.is_empty() { report::pictured(photos).collect() } else { Vec::new() };
         let judge = |i: usize| {
             let camera = self.fit().camera(i);
-            let mut image = self.capture.fit.render(&camera)?;
-            if let Some(exposure) = self.fit().exposure(i) {
-                let drawn = image.clone();
-                exposure.apply(&drawn, &mut image);
-            }
+            let image = corrected(self.capture.fit.render(&camera)?, self.fit().exposure(i).copied());
             let photo = self.fit().photo(i);
             let quality = quality(&self.judge, &image, photo, &camera);
             Ok(Judged { name: photo.name.clone(), camera, image: shown.contains(&i).then_some(image), quality })
@@ -174,7 +178,7 @@ impl Fitting {
         let shown: Vec<usize> = report::pictured(cameras.len()).collect();
         let Self { capture: Loaded { fit, held_out, .. }, judge, .. } = self;
         let judged = |(i, (photo, camera)): (usize, (&Photo, &Camera))| {
-            let image = fit.render(camera)?;
+            let image = corrected(fit.render(camera)?, fit.exposure_at(camera));
             let quality = quality(judge, &image, photo, camera);
             let image = shown.contains(&i).then_some(image);
             Ok(Judged { name: photo.name.clone(), camera: *camera, image, quality })
@@ -197,6 +201,14 @@ impl Fitting {
         let views = self.fit().photos() + self.capture.held_out.len();
         Ok(0.3 + 1.3 * seconds * views as f64)
     }
+}
+
+/// A drawing in the light of a photo.
+fn corrected(image: Vec<f32>, exposure: Option<Exposure>) -> Vec<f32> {
+    let Some(exposure) = exposure else { return image };
+    let mut corrected = vec![0.0; image.len()];
+    exposure.apply(&image, &mut corrected);
+    corrected
 }
 
 /// How well an image meets what counts of a photo.

@@ -68,7 +68,7 @@ impl Run {
         folder.out().check(settings.formats.iter().map(file_of_scene))?;
         settings.fit.check()?;
         settings.capture = std::path::absolute(&settings.capture).unwrap_or(settings.capture);
-        let capture = load(&settings, given, rasterizer)?;
+        let capture = load(&mut settings, given, rasterizer)?;
         let mut job = Fitting::new(settings, capture, judge, started);
         if let Some(minutes) = job.settings.minutes {
             let reserve = job.seconds_of_results()?;
@@ -100,12 +100,12 @@ impl Run {
     /// When there is no run or it is under way elsewhere, its files or its capture cannot be read, or they no longer belong together.
     pub fn resume(folder: &Path, judge: Judge, rasterizer: Arc<dyn FitRasterizer>) -> Result<Self, RunError> {
         let started = Instant::now();
-        let RunFile { settings, sources } = RunFile::read(folder)?;
+        let RunFile { mut settings, sources } = RunFile::read(folder)?;
         let given = folder.join(INIT);
         let further = settings.formats.iter().map(file_of_scene).chain([INIT.into()]);
         let folder = Folder::reopen_with(folder, KIND, further)?;
         let given = given.exists().then(|| weaver_io::read_gaussians(&given)).transpose()?;
-        let capture = load(&settings, given.as_ref(), rasterizer)?;
+        let capture = load(&mut settings, given.as_ref(), rasterizer)?;
         capture.sources.check(&sources, &settings.capture, &folder.path().join(RunFile::NAME))?;
         Ok(Self(weaver_run::Run::resume(folder, Fitting::new(settings, capture, judge, started))?))
     }
@@ -115,7 +115,7 @@ impl Run {
     /// # Errors
     /// When the capture cannot be read or gives nothing to fit, or a setting is out of range.
     pub fn optimization(settings: &RunSettings, rasterizer: Arc<dyn FitRasterizer>) -> Result<Fit, RunError> {
-        Ok(load(settings, None, rasterizer)?.fit)
+        Ok(load(&mut settings.clone(), None, rasterizer)?.fit)
     }
 
     /// What was asked for, with the number of steps.

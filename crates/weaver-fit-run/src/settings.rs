@@ -26,6 +26,10 @@ pub struct RunSettings {
     /// Whether the focal length is refined with the cameras ([`Poses::refine`](weaver_fit::Poses::refine)), one factor for
     /// all photos; it stays as given where a lens is a fisheye.
     pub focal: bool,
+    /// Whether the colors of photos are corrected ([`FitSettings::exposure`]) where the photos differ in exposure or white
+    /// balance ([`ColorAgreement::differ`](weaver_fit::ColorAgreement::differ)), which is found out before the fit.
+    #[serde(default)]
+    pub measure_exposure: bool,
     /// Where the Gaussians begin.
     pub init: Initial,
     /// Time for all of it, minutes; the number of steps follows from the speed. `None` takes [`FitSettings::steps`].
@@ -66,6 +70,7 @@ impl RunSettings {
             views: None,
             masks: false,
             focal: false,
+            measure_exposure: false,
             init: Initial::Auto,
             minutes: None,
             least_steps: 1,

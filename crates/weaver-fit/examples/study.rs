@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use std::error::Error;
 use std::path::Path;
 use weaver_data::posed::{self, PosedOptions, PosedPhoto, PosedPhotos};
-use weaver_fit::{Fit, FitSettings, Judge, Photo, Quality, init};
+use weaver_fit::{ColorAgreement, Fit, FitSettings, Judge, Photo, Quality, init};
 
 type Failure = Box<dyn Error + Send + Sync>;
 
@@ -101,7 +101,12 @@ fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality
     if variant.even {
         initial = init::divided(&initial, settings.gaussians, settings.seed);
     }
+    let visible: Vec<_> = capture.photos.iter().filter(|p| !p.held_out).map(|p| p.visible.clone()).collect();
+    let agreement = (visible.len() == training.len()).then(|| ColorAgreement::of(&training, &capture.points, &visible));
     let mut fit = Fit::new(training, &initial, settings)?;
+    if let Some(agreement) = agreement {
+        fit.begin_exposures(&agreement.gains);
+    }
     let mut pairs = 0;
     while fit.steps_done() < fit.settings().steps {
         pairs = fit.step()?.pairs;
@@ -109,7 +114,12 @@ fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality
     let judge = Judge::default();
     let mut compare = |photo: &Photo| -> Result<Quality, Failure> {
         let size = [photo.camera.height, photo.camera.width];
-        Ok(judge.compare(&fit.render(&photo.camera)?, &photo.rgb, size))
+        let mut image = fit.render(&photo.camera)?;
+        if let Some(exposure) = fit.exposure_at(&photo.camera) {
+            let drawn = image.clone();
+            exposure.apply(&drawn, &mut image);
+        }
+        Ok(judge.compare(&image, &photo.rgb, size))
     };
     let quality: Vec<Quality> = test.iter().map(&mut compare).collect::<Result<_, _>>()?;
     Ok((Quality::mean(&quality).ok_or("no held-out photos")?, pairs as f64 / 1e6))

@@ -30,7 +30,7 @@ const LEAST_POINTS: usize = 50;
 /// Gains are those of photos if colors of other points agree so much better with them ...
 const BETTER: f64 = 0.9;
 /// ... and if half of the photos differ by as much from the mean.
-const DIFFERENT: f64 = 0.01;
+const DIFFERENT: f64 = 0.02;
 
 /// A color that a photo shows of a point.
 struct Sample {

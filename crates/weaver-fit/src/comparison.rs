@@ -64,7 +64,8 @@ impl Buffers {
             pixels.filter(|(_, m)| **m == 0).for_each(|(g, _)| g.fill(0.0));
         }
         if let Some(exposure) = exposure {
-            exposure.descend(&self.image, &mut self.gradient, settings.rates.exposure as f32);
+            let rates = [settings.rates.exposure, settings.rates.exposure_rest].map(|rate| rate as f32);
+            exposure.descend(&self.image, &mut self.gradient, rates);
         }
         (loss, mse)
     }

@@ -25,6 +25,27 @@ impl Default for Exposure {
 }
 
 impl Exposure {
+    /// Gains of red, green and blue.
+    pub fn of_gains(gains: [f32; 3]) -> Self {
+        let mut exposure = Self::default();
+        gains.iter().enumerate().for_each(|(channel, gain)| exposure.matrix[5 * channel] = *gain);
+        exposure
+    }
+
+    /// The map of this matrix `[A | b]`, row by row.
+    pub fn of(matrix: [f32; 12]) -> Self {
+        Self { matrix, ..Self::default() }
+    }
+
+    /// The mean of maps with these weights, whose sum is 1.
+    pub(crate) fn mean<'e>(weighted: impl IntoIterator<Item = (f32, &'e Self)>) -> Self {
+        let mut matrix = [0.0; 12];
+        for (weight, exposure) in weighted {
+            matrix.iter_mut().zip(&exposure.matrix).for_each(|(sum, x)| *sum += weight * x);
+        }
+        Self::of(matrix)
+    }
+
     /// Corrects an image `[H, W, 3]`.
     pub fn apply(&self, image: &[f32], corrected: &mut [f32]) {
         let e = &self.matrix;
@@ -35,8 +56,9 @@ impl Exposure {
         }
     }
 
-    /// Takes the gradient with respect to the corrected image back to the image, and one step of the correction.
-    pub(crate) fn descend(&mut self, image: &[f32], gradient: &mut [f32], rate: f32) {
+    /// Takes the gradient with respect to the corrected image back to the image, and one step of the correction; `rates` are those of
+    /// the gains and of the rest.
+    pub(crate) fn descend(&mut self, image: &[f32], gradient: &mut [f32], rates: [f32; 2]) {
         let mut sums = [0.0_f64; 12];
         let e = self.matrix;
         for (from, g) in image.chunks_exact(3).zip(gradient.chunks_exact_mut(3)) {
@@ -51,6 +73,10 @@ impl Exposure {
         let toward = |i: usize| 2.0 * TO_IDENTITY * (e[i] - IDENTITY[i]);
         let gradient: [f32; 12] = std::array::from_fn(|i| sums[i] as f32 + toward(i));
         self.steps += 1;
-        adam(rate).step(self.steps, &mut self.matrix, &gradient, &mut self.first, &mut self.second);
+        let (steps, Self { matrix, first, second, .. }) = (self.steps, self);
+        for i in 0..12 {
+            let adam = adam(rates[usize::from(IDENTITY[i] == 0.0)]);
+            adam.step(steps, &mut matrix[i..=i], &gradient[i..=i], &mut first[i..=i], &mut second[i..=i]);
+        }
     }
 }

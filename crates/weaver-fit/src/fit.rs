@@ -199,6 +199,16 @@ impl Fit {
         self.exposures.get(photo)
     }
 
+    /// Begins the color corrections of photos with these gains, as [`ColorAgreement`](crate::ColorAgreement) finds them. Nothing
+    /// happens where colors are not corrected.
+    ///
+    /// # Panics
+    /// Unless there are as many as photos.
+    pub fn begin_exposures(&mut self, gains: &[[f32; 3]]) {
+        assert_eq!(gains.len(), self.photos.len(), "gains for each photo");
+        self.exposures.iter_mut().zip(gains).for_each(|(exposure, gains)| *exposure = Exposure::of_gains(*gains));
+    }
+
     /// The size of the scene: how far the cameras are apart, world units.
     pub fn extent(&self) -> f64 {
         self.extent

@@ -41,7 +41,7 @@ pub struct FitSettings {
     pub density: Density,
     /// Refinement of cameras.
     pub poses: Poses,
-    /// Whether each photo gets an affine correction of its colors.
+    /// Whether the colors of each photo are corrected: by gains, or by an affine map ([`Rates::exposure_rest`]).
     pub exposure: bool,
 }
 
@@ -91,8 +91,11 @@ pub struct Rates {
     pub sh: f64,
     /// Rate of the harmonics of higher degrees, over that of degree 0.
     pub sh_rest: f64,
-    /// Rate of the color corrections of photos.
+    /// Rate of the gains of photos, where their colors are corrected.
     pub exposure: f64,
+    /// Rate of what a correction has beside gains, mixing of channels and an offset; at 0 gains alone are corrected.
+    #[serde(default)]
+    pub exposure_rest: f64,
     /// How strongly rates of shorter runs depend on their length; 0 for the same rates in all.
     pub power: f64,
 }
@@ -108,6 +111,7 @@ impl Default for Rates {
             sh: 5e-3,
             sh_rest: 1.0 / 20.0,
             exposure: 2e-3,
+            exposure_rest: 0.0,
             power: 0.5,
         }
     }
@@ -259,6 +263,7 @@ impl FitSettings {
             ("rates.sh", self.rates.sh),
             ("rates.sh_rest", self.rates.sh_rest),
             ("rates.exposure", self.rates.exposure),
+            ("rates.exposure_rest", self.rates.exposure_rest),
             ("rates.power", self.rates.power),
             ("poses.rate", self.poses.rate),
             ("near", self.near),

@@ -1,15 +1,18 @@
 //! The scene as it is: drawn from a camera, and where a photo of it was taken.
 
-use crate::FitError;
 use crate::cameras::{Alignment, Views, moved};
 use crate::fit::Fit;
 use crate::photos::{Photo, Pyramid, at_level};
+use crate::{Exposure, FitError};
 use weaver_geometry::Camera;
 use weaver_scene::CameraRows;
 use weaver_splat::Images;
 
 /// Halvings of the photo at the beginning.
 const HALVINGS: usize = 2;
+
+/// Photos whose corrections make that of a camera.
+const NEIGHBORS: usize = 2;
 
 impl Fit {
     /// The camera near `start` from which the scene looks most like the photo, after this many Gauss-Newton steps; they begin
@@ -31,6 +34,25 @@ impl Fit {
             camera.pose = moved(&camera.pose, twist, 1.0);
         }
         Ok(camera)
+    }
+
+    /// The color correction of a photo that is taken from this camera, if photos have them: that of the two nearest photos, in
+    /// inverse proportion to their distance. A camera meters what it sees, so that neighbors have similar exposures.
+    ///
+    /// The distance is that of the centers over the size of the scene and the angle between the cameras, in radians, together.
+    pub fn exposure_at(&self, camera: &Camera) -> Option<Exposure> {
+        let distance = |photo: usize| {
+            let other = self.camera(photo).pose;
+            other.center().distance(camera.pose.center()) / self.extent() + other.angle_to(&camera.pose)
+        };
+        let mut near: Vec<(f64, &Exposure)> =
+            self.exposures.iter().enumerate().map(|(photo, exposure)| (distance(photo), exposure)).collect();
+        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        near.truncate(NEIGHBORS);
+        let weight = |distance: f64| 1.0 / (distance + 1e-6);
+        let all: f64 = near.iter().map(|(distance, _)| weight(*distance)).sum();
+        (!near.is_empty())
+            .then(|| Exposure::mean(near.iter().map(|(d, exposure)| ((weight(*d) / all) as f32, *exposure))))
     }
 
     /// Draws the Gaussians from a camera: an image `[H, W, 3]`, values not clamped.

@@ -92,6 +92,45 @@ fn what_a_fit_writes_is_a_capture_with_points() {
     assert!((a - b).abs() < 0.1, "{a} dB, then {b} dB");
 }
 
+/// Photos that differ in exposure are corrected without being asked for, and held-out ones are judged in the light of their neighbors;
+/// nothing is corrected where photos agree.
+#[test]
+fn exposures_are_corrected_where_photos_differ() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    capture(&data, 10);
+    with_points(&data);
+    let measured = |name: &str| {
+        let settings = RunSettings { measure_exposure: true, ..settings(&data) };
+        let out = folder.path().join(name);
+        let run = Run::create(&out, settings, None, Judge::default(), Arc::new(CpuRasterizer)).unwrap();
+        let corrected = run.settings().fit.exposure;
+        drop(run);
+        let mut run = resumed(&out).unwrap();
+        assert_eq!(run.settings().fit.exposure, corrected, "as it was decided when the run began");
+        run.advance(&AtomicBool::new(false), |_| {}).unwrap();
+        (corrected, run.finish().unwrap())
+    };
+    let (corrected, outcome) = measured("same");
+    assert!(!corrected && outcome.exposures.is_empty(), "{outcome:?}");
+    for i in (0..10).filter(|i| i % 4 < 2) {
+        let path = data.join(format!("images/{i:02}.png"));
+        let mut photo = Image::read(&path, Default::default()).unwrap();
+        photo.pixels.iter_mut().for_each(|x| *x *= 0.6);
+        photo.write_png(&path).unwrap();
+    }
+    let (corrected, outcome) = measured("differ");
+    assert!(corrected && outcome.exposures.len() == 10, "{outcome:?}");
+    let written = std::fs::read_to_string(folder.path().join("differ/summary.json")).unwrap();
+    let read: Outcome = serde_json::from_str(&written).unwrap();
+    assert_eq!(read.exposures, outcome.exposures);
+    let light = |name: &str| Outcome::exposure(&read.exposures, name).unwrap();
+    let name = read.exposures.keys().next().unwrap();
+    let file = Path::new(name).file_name().unwrap().to_str().unwrap();
+    assert_eq!(light(&format!("elsewhere/{file}")), light(name));
+    assert!(Outcome::exposure(&read.exposures, "another.png").is_none());
+}
+
 #[test]
 fn a_capture_without_points_is_told_at_the_start() {
     let folder = tempfile::tempdir().unwrap();

@@ -2,6 +2,7 @@
 
 use crate::scenes::{SIZE, camera, cloud, finish, photos, plain};
 use weaver_fit::{Fit, FitSettings, Judge, Objective, Photo, StrategyKind, init};
+use weaver_geometry::{Camera, Pose};
 use weaver_scene::Gaussians;
 
 #[test]
@@ -27,7 +28,8 @@ fn exposures() {
     let mut photos = photos(3, &scene);
     let changed = |x: u8| (0.8 * f32::from(x) + 15.0).round() as u8;
     photos[1].rgb.iter_mut().for_each(|x| *x = changed(*x));
-    let settings = FitSettings { exposure: true, ..plain(StrategyKind::Keep, 400, 60) };
+    let mut settings = FitSettings { exposure: true, ..plain(StrategyKind::Keep, 400, 60) };
+    settings.rates.exposure_rest = settings.rates.exposure;
     let mut fit = Fit::new(photos, &scene, settings).expect("a fit");
     finish(&mut fit);
     let apply = |photo: usize, x: f32| {
@@ -42,6 +44,17 @@ fn exposures() {
         let (found, expected) = (apply(1, x), 0.8 * gray + 15.0 / 255.0);
         assert!((found - expected).abs() < 0.02, "{gray}: {found}, not {expected}");
     }
+    // A camera is in the light of the photos beside it: of the one where it stands, of two between them.
+    let of = |photo: usize| fit.exposure(photo).expect("an exposure").matrix;
+    let at = |camera: &Camera| fit.exposure_at(camera).expect("an exposure").matrix;
+    let far = |a: [f32; 12], b: [f32; 12]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(far(at(&fit.camera(1)), of(1)) < 1e-4);
+    let [first, second] = [0, 1].map(|photo| fit.camera(photo));
+    let middle = first.pose.center().lerp(second.pose.center(), 0.5);
+    let between = Camera { pose: Pose::new(first.pose.rotation, -(first.pose.rotation * middle)), ..first };
+    let mean: [f32; 12] = std::array::from_fn(|i| 0.5 * (of(0)[i] + of(1)[i]));
+    let weight = far(at(&between), of(0)) / far(of(1), of(0));
+    assert!((0.2..0.8).contains(&weight), "{weight}: {:?}, not near {mean:?}", at(&between));
 }
 
 /// A loss of one's own steers the fit: of a picture whose right half it does not look at, the left one is found.
