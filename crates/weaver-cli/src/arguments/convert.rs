@@ -11,7 +11,7 @@ use weaver_scene::Region;
 /// Several inputs are joined. What is asked for happens in this order: --rotate, --scale, --translate, --crop, --drop-floaters, --keep,
 /// --degree.
 #[derive(Args, Debug)]
-#[command(after_help = after_help())]
+#[command(after_help = after_help(), override_usage = "splatweaver convert [OPTIONS] <IN>... <OUT>")]
 pub struct Convert {
     /// The files to read, and last the file to write
     #[arg(value_name = "IN.. OUT", num_args = 2.., required = true)]

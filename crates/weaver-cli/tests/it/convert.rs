@@ -94,15 +94,15 @@ fn harmonics_that_are_left_out_are_counted() {
 #[test]
 fn failures_are_one_line() {
     let folder = folder();
-    for (arguments, expected) in [
-        (&["convert", "scene.ply", "scene.ksplat"][..], "ksplat, which is read only"),
-        (&["convert", "scene.ply", "scene.obj"], "file name: expected .ply"),
-        (&["convert", "scene.ply", "scene.ply"], "scene.ply"),
-        (&["convert", "gone.spz", "scene.splat"], "gone.spz"),
+    for (arguments, code, expected) in [
+        (&["convert", "scene.ply", "scene.ksplat"][..], 1, "ksplat, which is read only"),
+        (&["convert", "scene.ply", "scene.obj"], 1, "file name: expected .ply"),
+        (&["convert", "scene.ply", "scene.ply"], 2, "expected a place apart from what is read"),
+        (&["convert", "gone.spz", "scene.splat"], 1, "gone.spz"),
     ] {
         let done = splatweaver(folder.path(), arguments);
         let text = String::from_utf8_lossy(&done.stderr).into_owned();
-        assert!(done.status.code() == Some(1) && text.contains(expected) && text.lines().count() == 1, "{text}");
+        assert!(done.status.code() == Some(code) && text.contains(expected) && text.lines().count() == 1, "{text}");
     }
     for wrong in [
         &["convert", "scene.ply"][..],
