@@ -269,6 +269,9 @@ impl Fit {
             found
         };
         self.step += 1;
+        if self.step.is_multiple_of(self.photos.len()) {
+            self.center_exposures();
+        }
         let start = Instant::now();
         let moment = self.moment();
         if self.strategy.is_due(&moment) {
@@ -284,6 +287,16 @@ impl Fit {
         let gaussians = self.population.len();
         let psnr = -10.0 * mse.log10();
         Ok(StepReport { step: self.step, photo, loss, psnr, gaussians, pairs })
+    }
+
+    /// Moves what the corrections of all photos have in common to the colors of the scene, which are then those of the mean photo. What
+    /// photos are compared with stays as it is, but for colors that are drawn as black.
+    fn center_exposures(&mut self) {
+        if let Some((mean, inverse)) = (!self.exposures.is_empty()).then(|| Exposure::common(&self.exposures)).flatten()
+        {
+            self.exposures.iter_mut().for_each(|exposure| exposure.follow(&inverse));
+            self.population.map_colors(&mean.matrix);
+        }
     }
 
     fn moment(&self) -> Moment {

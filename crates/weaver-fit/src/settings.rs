@@ -94,10 +94,15 @@ pub struct Rates {
     /// Rate of the gains of photos, where their colors are corrected.
     pub exposure: f64,
     /// Rate of what a correction has beside gains, mixing of channels and an offset; at 0 gains alone are corrected.
-    #[serde(default)]
+    #[serde(default = "exposure_rest")]
     pub exposure_rest: f64,
     /// How strongly rates of shorter runs depend on their length; 0 for the same rates in all.
     pub power: f64,
+}
+
+/// What settings mean that are older than the key.
+fn exposure_rest() -> f64 {
+    2e-3
 }
 
 impl Default for Rates {
@@ -111,7 +116,7 @@ impl Default for Rates {
             sh: 5e-3,
             sh_rest: 1.0 / 20.0,
             exposure: 2e-3,
-            exposure_rest: 0.0,
+            exposure_rest: exposure_rest(),
             power: 0.5,
         }
     }

@@ -81,7 +81,7 @@ pub struct Fit {
     /// The color behind everything, and behind transparent pixels: white, black or R,G,B from 0 to 1 [default: white]
     #[arg(long, value_name = "COLOR", value_parser = background, help_heading = PHOTOS)]
     pub background: Option<Rgb>,
-    /// Corrects the colors of each photo by gains; =false if not [default: where photos differ in exposure or white
+    /// Corrects the colors of each photo by an affine map; =false if not [default: where photos differ in exposure or white
     /// balance]
     #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", help_heading = PHOTOS)]
     pub exposure: Option<bool>,

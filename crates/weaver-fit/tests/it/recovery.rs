@@ -28,8 +28,7 @@ fn exposures() {
     let mut photos = photos(3, &scene);
     let changed = |x: u8| (0.8 * f32::from(x) + 15.0).round() as u8;
     photos[1].rgb.iter_mut().for_each(|x| *x = changed(*x));
-    let mut settings = FitSettings { exposure: true, ..plain(StrategyKind::Keep, 400, 60) };
-    settings.rates.exposure_rest = settings.rates.exposure;
+    let settings = FitSettings { exposure: true, ..plain(StrategyKind::Keep, 400, 60) };
     let mut fit = Fit::new(photos, &scene, settings).expect("a fit");
     finish(&mut fit);
     let apply = |photo: usize, x: f32| {
