@@ -4,13 +4,14 @@
 mod circles;
 mod dependencies;
 mod documents;
-mod drawing;
+mod floors;
 mod packages;
 mod sources;
 mod spelling;
 
 use serde_json::Value;
 use sources::Source;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -57,7 +58,7 @@ fn short(name: &str) -> &str {
 pub fn run() -> Result<(), String> {
     let workspace = read()?;
     let mut faults = Vec::new();
-    drawing::check(&workspace, &mut faults);
+    floors::check(&workspace, &mut faults);
     dependencies::check(&workspace, &mut faults);
     for package in &workspace.packages {
         packages::check(package, &mut faults);
@@ -75,6 +76,17 @@ pub fn run() -> Result<(), String> {
         spelling::check(source, &mut faults);
     }
     if faults.is_empty() { Ok(()) } else { Err(format!("tidy:\n  {}", faults.join("\n  "))) }
+}
+
+/// The folders of the workspace's packages, by their names.
+pub fn folders() -> Result<BTreeMap<String, PathBuf>, String> {
+    let metadata = metadata()?;
+    let packages = metadata["packages"].as_array().ok_or("cargo metadata lists no packages")?;
+    let folder = |package: &Value| {
+        let manifest = PathBuf::from(text(package, "manifest_path"));
+        Some((text(package, "name").to_string(), manifest.parent()?.to_path_buf()))
+    };
+    Ok(packages.iter().filter_map(folder).collect())
 }
 
 /// The folder of the workspace.

@@ -10,36 +10,36 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Circles that stay: the files, and why they belong together.
 const STATED: &[(&[&str], &str)] = &[
     (
-        &["crates/weaver-autograd/src/tape.rs", "crates/weaver-autograd/src/var.rs"],
+        &["crates/engine/autograd/src/tape.rs", "crates/engine/autograd/src/var.rs"],
         "a variable is an index into its tape, and the tape hands out variables",
     ),
     (
         &[
-            "crates/weaver-kernels/src/erf.rs",
-            "crates/weaver-kernels/src/exp.rs",
-            "crates/weaver-kernels/src/gemm/half_precision.rs",
-            "crates/weaver-kernels/src/gemm/matrix.rs",
-            "crates/weaver-kernels/src/gemm/pack.rs",
-            "crates/weaver-kernels/src/gemm/tile.rs",
-            "crates/weaver-kernels/src/lanes.rs",
-            "crates/weaver-kernels/src/real.rs",
+            "crates/engine/kernels/src/erf.rs",
+            "crates/engine/kernels/src/exp.rs",
+            "crates/engine/kernels/src/gemm/half_precision.rs",
+            "crates/engine/kernels/src/gemm/matrix.rs",
+            "crates/engine/kernels/src/gemm/pack.rs",
+            "crates/engine/kernels/src/gemm/tile.rs",
+            "crates/engine/kernels/src/lanes.rs",
+            "crates/engine/kernels/src/real.rs",
         ],
         "`Real` names the routines of each type, which are written in terms of `Real`",
     ),
     (
-        &["crates/weaver-bench/src/dump.rs", "crates/weaver-bench/src/raster.rs"],
+        &["crates/app/bench/src/dump.rs", "crates/app/bench/src/raster.rs"],
         "the dump is the frame that the bench has drawn, written by the bench",
     ),
     (
-        &["crates/weaver-bench/src/engine/rows.rs", "crates/weaver-bench/src/engine/vit.rs"],
+        &["crates/app/bench/src/engine/rows.rs", "crates/app/bench/src/engine/vit.rs"],
         "the table has rows of the network, and the network is made of the blocks in the table",
     ),
     (
         &[
-            "crates/weaver-trainer/src/config.rs",
-            "crates/weaver-trainer/src/example.rs",
-            "crates/weaver-trainer/src/losses.rs",
-            "crates/weaver-trainer/src/recipe.rs",
+            "crates/app/trainer/src/config.rs",
+            "crates/app/trainer/src/example.rs",
+            "crates/app/trainer/src/losses.rs",
+            "crates/app/trainer/src/recipe.rs",
         ],
         "the traits that a model implements name configuration, example and losses, which are read through those traits",
     ),

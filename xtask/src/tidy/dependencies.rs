@@ -2,7 +2,7 @@
 //! docs/dependencies.md.
 
 use super::sources::{Source, product};
-use super::{Package, Workspace, required, short, text};
+use super::{Package, Workspace, floors, required, short, text};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,25 +10,6 @@ const DOCUMENT: &str = "docs/dependencies.md";
 
 /// What the crates below the formats may use from outside: embedding one of them brings in nothing else.
 const OUTSIDE: &[&str] = &["rayon", "smallvec", "thiserror", "glam", "half", "libc", "crc32c"];
-
-/// The crates above that line: formats, configuration and what is made of them.
-const ABOVE: &[&str] = &[
-    "weaver-io",
-    "weaver-run",
-    "weaver-fit",
-    "weaver-fit-run",
-    "weaver-dynamic-run",
-    "weaver-data",
-    "weaver-model",
-    "weaver-inference",
-    "weaver-trainer",
-    "weaver-recipes",
-    "weaver-command",
-    "weaver-bench",
-    "weaver-lift-run",
-    "weaver-vad-run",
-    "weaver-cli",
-];
 
 /// What weaver-gpu reaches a device with; nothing below it does, so that nobody gets it who does not ask for it.
 const DEVICE: &[&str] = &["wgpu", "pollster", "bytemuck"];
@@ -38,9 +19,13 @@ pub fn check(workspace: &Workspace, faults: &mut Vec<String>) {
     for line in lock.lines().filter(|l| l.contains("\"git+")) {
         faults.push(format!("Cargo.lock: a dependency on a git revision: {line}"));
     }
+    let edges = floors::declared(workspace);
     for package in &workspace.packages {
         check_unused(package, &workspace.others, faults);
-        if !package.exempt() && !ABOVE.contains(&package.name.as_str()) {
+        // Configurations and files are formats: of the upper floors, and of what has weaver-io below it.
+        let upper = ["models", "app"].contains(&floors::of(package));
+        let formats = upper || package.short() == "io" || floors::below(&edges, package.short()).contains("io");
+        if !package.exempt() && !formats {
             let device = |name: &str| package.name == "weaver-gpu" && DEVICE.contains(&name);
             for name in outside(package).filter(|name| !OUTSIDE.contains(name) && !device(name)) {
                 let rule = format!("below the formats there are only {OUTSIDE:?}");

@@ -74,7 +74,7 @@ struct Rule {
 }
 
 /// Where files are mapped into memory, which no safe function of the standard library does.
-const MAPPED_FILE: &str = "crates/weaver-io/src/files/mapped_file.rs";
+const MAPPED_FILE: &str = "crates/scene/io/src/files/mapped_file.rs";
 
 const RULES: &[Rule] = &[
     Rule {
@@ -157,7 +157,7 @@ mod tests {
             faults
         };
         let text = "fn f() { println!(\"x\"); }\n// println! in a comment\n";
-        assert_eq!(faults_in("crates/weaver-nn/src/utils.rs", text, "weaver-nn").len(), 2);
+        assert_eq!(faults_in("crates/engine/nn/src/utils.rs", text, "weaver-nn").len(), 2);
         let fixed =
             "#![proptest_config(ProptestConfig::with_cases(24))]\n#![proptest_config(ProptestConfig::with_cases(n))]";
         let mut faults = Vec::new();
@@ -166,8 +166,8 @@ mod tests {
         // Free in one file of the crate, not in the others.
         assert!(faults_in(MAPPED_FILE, "unsafe { f() }", "weaver-io").is_empty());
         assert_eq!(
-            faults_in("crates/weaver-io/src/info.rs", "unsafe { f() }", "weaver-io"),
-            ["crates/weaver-io/src/info.rs:1: unsafe code does not belong into weaver-io"]
+            faults_in("crates/scene/io/src/info.rs", "unsafe { f() }", "weaver-io"),
+            ["crates/scene/io/src/info.rs:1: unsafe code does not belong into weaver-io"]
         );
     }
 }
