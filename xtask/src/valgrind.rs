@@ -83,7 +83,7 @@ mod tests {
     fn test_executables_are_found_in_cargos_messages() {
         let line = |test: bool, path: &str| {
             let message = serde_json::json!({
-                "reason": "compiler-artifact", "package_id": "path+file:///x/crates/engine/kernels#0.1.0",
+                "reason": "compiler-artifact", "package_id": "path+file:///x/crates/engine/kernels#weaver-kernels@0.1.0",
                 "target": {"name": "it"}, "profile": {"test": test}, "executable": path,
             });
             message.to_string()

@@ -37,22 +37,37 @@ impl Fit {
     }
 
     /// The color correction of a photo that is taken from this camera, if photos have them: that of the two nearest photos, in
-    /// inverse proportion to their distance. A camera meters what it sees, so that neighbors have similar exposures.
+    /// inverse proportion to their distance, drawn to the identity by as much as such a prediction is worth among the photos themselves.
     ///
-    /// The distance is that of the centers over the size of the scene and the angle between the cameras, in radians, together.
+    /// A camera meters what it sees, so that neighbors have similar exposures. The distance is that of the centers over the size of the
+    /// scene and the angle between the cameras, in radians, together. With `p_i` what the neighbors of photo i predict of it and `e_i` its
+    /// own correction, both less the identity, the prediction is multiplied by `sum(p_i e_i) / sum(p_i p_i)`, within 0 and 1.
     pub fn exposure_at(&self, camera: &Camera) -> Option<Exposure> {
+        let (mut products, mut squares) = (0.0, 0.0);
+        for (photo, own) in self.exposures.iter().enumerate() {
+            let predicted = self.neighbors_exposure(&self.camera(photo), Some(photo))?.beyond_identity();
+            products += predicted.iter().zip(own.beyond_identity()).map(|(p, e)| p * e).sum::<f32>();
+            squares += predicted.iter().map(|p| p * p).sum::<f32>();
+        }
+        let worth = if squares > 0.0 { (products / squares).clamp(0.0, 1.0) } else { 0.0 };
+        let near = self.neighbors_exposure(camera, None)?;
+        Some(Exposure::mean([(worth, &near), (1.0 - worth, &Exposure::default())]))
+    }
+
+    /// The mean correction of the photos nearest to a camera, but for one; `None` without any.
+    fn neighbors_exposure(&self, camera: &Camera, without: Option<usize>) -> Option<Exposure> {
         let distance = |photo: usize| {
             let other = self.camera(photo).pose;
             other.center().distance(camera.pose.center()) / self.extent() + other.angle_to(&camera.pose)
         };
-        let mut near: Vec<(f64, &Exposure)> =
-            self.exposures.iter().enumerate().map(|(photo, exposure)| (distance(photo), exposure)).collect();
+        let others = self.exposures.iter().enumerate().filter(|(photo, _)| Some(*photo) != without);
+        let mut near: Vec<(f64, &Exposure)> = others.map(|(photo, exposure)| (distance(photo), exposure)).collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
         near.truncate(NEIGHBORS);
         let weight = |distance: f64| 1.0 / (distance + 1e-6);
         let all: f64 = near.iter().map(|(distance, _)| weight(*distance)).sum();
-        (!near.is_empty())
-            .then(|| Exposure::mean(near.iter().map(|(d, exposure)| ((weight(*d) / all) as f32, *exposure))))
+        let weighted = near.iter().map(|(d, exposure)| ((weight(*d) / all) as f32, *exposure));
+        (!near.is_empty()).then(|| Exposure::mean(weighted))
     }
 
     /// Draws the Gaussians from a camera: an image `[H, W, 3]`, values not clamped.

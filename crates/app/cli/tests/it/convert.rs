@@ -38,7 +38,10 @@ fn every_pair_of_formats() {
         for to in &written {
             let report = convert(folder.path(), &[&first, &file("second", to.extension)]);
             let largest = |what: &str| report[what]["largest"].as_f64().unwrap_or(0.0);
-            assert!(largest("position") < 2e-3 && largest("color") < 0.02, "{from} to {to}: {report}");
+            // Its steps follow what a Gaussian shows.
+            let coarse = [from.name, to.name].contains(&"wsz");
+            let (position, color) = if coarse { (5e-3, 0.08) } else { (2e-3, 0.02) };
+            assert!(largest("position") < position && largest("color") < color, "{from} to {to}: {report}");
             // Where both keep floats, the way back gives what was there.
             if from.name == "glb" && to.name == "ply" {
                 let back = read_gaussians(folder.path().join("second.ply")).unwrap();

@@ -19,6 +19,7 @@ impl<R: Recipe> Session<R> {
     /// When a loss diverges or something cannot be written. A checkpoint of an earlier step is never lost.
     pub fn train(&mut self, folder: &Folder, observer: &mut dyn Observer, stop: &AtomicBool) -> Result<Summary, Error> {
         let started = Instant::now();
+        folder.out().file(SAMPLES)?;
         if !folder.checkpoint_path().exists() {
             folder.save(&self.tensors())?;
         }

@@ -1,8 +1,7 @@
 //! What a fit finds again.
 
 use crate::scenes::{SIZE, camera, cloud, finish, photos, plain};
-use weaver_fit::{Fit, FitSettings, Judge, Objective, Photo, StrategyKind, init};
-use weaver_geometry::{Camera, Pose};
+use weaver_fit::{Exposure, Fit, FitSettings, Judge, Objective, Photo, StrategyKind, init};
 use weaver_scene::Gaussians;
 
 #[test]
@@ -43,17 +42,34 @@ fn exposures() {
         let (found, expected) = (apply(1, x), 0.8 * gray + 15.0 / 255.0);
         assert!((found - expected).abs() < 0.02, "{gray}: {found}, not {expected}");
     }
-    // A camera is in the light of the photos beside it: of the one where it stands, of two between them.
-    let of = |photo: usize| fit.exposure(photo).expect("an exposure").matrix;
-    let at = |camera: &Camera| fit.exposure_at(camera).expect("an exposure").matrix;
-    let far = |a: [f32; 12], b: [f32; 12]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-    assert!(far(at(&fit.camera(1)), of(1)) < 1e-4);
-    let [first, second] = [0, 1].map(|photo| fit.camera(photo));
-    let middle = first.pose.center().lerp(second.pose.center(), 0.5);
-    let between = Camera { pose: Pose::new(first.pose.rotation, -(first.pose.rotation * middle)), ..first };
-    let mean: [f32; 12] = std::array::from_fn(|i| 0.5 * (of(0)[i] + of(1)[i]));
-    let weight = far(at(&between), of(0)) / far(of(1), of(0));
-    assert!((0.2..0.8).contains(&weight), "{weight}: {:?}, not near {mean:?}", at(&between));
+}
+
+/// Photos along a path, of which the later ones are the darker: a camera is in the light of the photos beside it. In an order that has
+/// nothing to do with places, neighbors say nothing, and a camera is in the mean light.
+#[test]
+fn exposures_of_neighbors() {
+    let scene = cloud(60, 1);
+    let light = |gains: [f32; 6]| {
+        let mut photos = photos(6, &scene);
+        for (photo, gain) in photos.iter_mut().zip(gains) {
+            photo.rgb.iter_mut().for_each(|x| *x = (gain * f32::from(*x)).round() as u8);
+        }
+        let settings = FitSettings { exposure: true, ..plain(StrategyKind::Keep, 120, 60) };
+        let mut fit = Fit::new(photos, &scene, settings).expect("a fit");
+        let mean = gains.iter().sum::<f32>() / 6.0;
+        fit.begin_exposures(&gains.map(|gain| [gain / mean; 3]));
+        finish(&mut fit);
+        let gain = |exposure: &Exposure| (0..3).map(|c| exposure.matrix[5 * c]).sum::<f32>() / 3.0;
+        let of = |i: usize| gain(fit.exposure(i).expect("an exposure"));
+        let at = |i: usize| gain(&fit.exposure_at(&fit.camera(i)).expect("an exposure"));
+        (std::array::from_fn::<f32, 6, _>(of), std::array::from_fn::<f32, 6, _>(at))
+    };
+    let (own, predicted) = light([1.0, 0.92, 0.84, 0.76, 0.68, 0.6]);
+    assert!(own[0] > own[5] + 0.2, "{own:?}");
+    assert!(own.iter().zip(predicted).all(|(a, b)| (a - b).abs() < 0.05), "{own:?}, where they stand {predicted:?}");
+    let (own, predicted) = light([1.0, 0.6, 1.0, 0.6, 1.0, 0.6]);
+    assert!(own[0] > own[1] + 0.2, "{own:?}");
+    assert!(predicted.iter().all(|x| (x - 1.0).abs() < 0.1), "{own:?}, where they stand {predicted:?}");
 }
 
 /// A loss of one's own steers the fit: of a picture whose right half it does not look at, the left one is found.
