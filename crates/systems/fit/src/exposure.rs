@@ -66,11 +66,6 @@ impl Exposure {
         });
     }
 
-    /// The matrix less that of the identity.
-    pub(crate) fn beyond_identity(&self) -> [f32; 12] {
-        std::array::from_fn(|i| self.matrix[i] - IDENTITY[i])
-    }
-
     /// The mean of maps with these weights, whose sum is 1.
     pub(crate) fn mean<'e>(weighted: impl IntoIterator<Item = (f32, &'e Self)>) -> Self {
         let mut matrix = [0.0; 12];

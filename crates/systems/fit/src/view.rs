@@ -37,31 +37,16 @@ impl Fit {
     }
 
     /// The color correction of a photo that is taken from this camera, if photos have them: that of the two nearest photos, in
-    /// inverse proportion to their distance, drawn to the identity by as much as such a prediction is worth among the photos themselves.
+    /// inverse proportion to their distance. A camera meters what it sees, so that neighbors have similar exposures.
     ///
-    /// A camera meters what it sees, so that neighbors have similar exposures. The distance is that of the centers over the size of the
-    /// scene and the angle between the cameras, in radians, together. With `p_i` what the neighbors of photo i predict of it and `e_i` its
-    /// own correction, both less the identity, the prediction is multiplied by `sum(p_i e_i) / sum(p_i p_i)`, within 0 and 1.
+    /// The distance is that of the centers over the size of the scene and the angle between the cameras, in radians, together.
     pub fn exposure_at(&self, camera: &Camera) -> Option<Exposure> {
-        let (mut products, mut squares) = (0.0, 0.0);
-        for (photo, own) in self.exposures.iter().enumerate() {
-            let predicted = self.neighbors_exposure(&self.camera(photo), Some(photo))?.beyond_identity();
-            products += predicted.iter().zip(own.beyond_identity()).map(|(p, e)| p * e).sum::<f32>();
-            squares += predicted.iter().map(|p| p * p).sum::<f32>();
-        }
-        let worth = if squares > 0.0 { (products / squares).clamp(0.0, 1.0) } else { 0.0 };
-        let near = self.neighbors_exposure(camera, None)?;
-        Some(Exposure::mean([(worth, &near), (1.0 - worth, &Exposure::default())]))
-    }
-
-    /// The mean correction of the photos nearest to a camera, but for one; `None` without any.
-    fn neighbors_exposure(&self, camera: &Camera, without: Option<usize>) -> Option<Exposure> {
         let distance = |photo: usize| {
             let other = self.camera(photo).pose;
             other.center().distance(camera.pose.center()) / self.extent() + other.angle_to(&camera.pose)
         };
-        let others = self.exposures.iter().enumerate().filter(|(photo, _)| Some(*photo) != without);
-        let mut near: Vec<(f64, &Exposure)> = others.map(|(photo, exposure)| (distance(photo), exposure)).collect();
+        let mut near: Vec<(f64, &Exposure)> =
+            self.exposures.iter().enumerate().map(|(photo, exposure)| (distance(photo), exposure)).collect();
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
         near.truncate(NEIGHBORS);
         let weight = |distance: f64| 1.0 / (distance + 1e-6);
