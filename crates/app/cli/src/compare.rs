@@ -2,7 +2,6 @@
 
 use crate::arguments::Compare;
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 use weaver_command::{Console, DrawingOptions, Failure, Progress};
@@ -33,7 +32,7 @@ pub fn run(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
     if !held_out {
         console.note(&format!("{}: no photo is held out; these are all of them", data.display()));
     }
-    let exposures = exposures_beside(scene);
+    let fit = outcome_beside(scene);
     let (activated, mut workspace) = (gaussians.to_activated(), Workspace::new());
     let mut progress = Progress::new("compare", 0, photos.len(), console);
     let mut views = Vec::new();
@@ -41,7 +40,7 @@ pub fn run(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
         let mut image = render(&activated, &[photo.camera], background, &settings, &mut workspace)
             .map_err(|e| Failure::message(format!("{}: {e}", scene.display())))?
             .concat();
-        if let Some(exposure) = Outcome::exposure(&exposures, &photo.name) {
+        if let Some(exposure) = fit.as_ref().and_then(|fit| fit.exposure_of(&photo.name)) {
             let drawn = image.clone();
             exposure.apply(&drawn, &mut image);
         }
@@ -68,11 +67,10 @@ pub fn run(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
     console.print(&format!("{}views: {} ({kind}), Gaussians: {}", table(&views, &mean), views.len(), gaussians.len()))
 }
 
-/// The color corrections of photos that the fit beside a scene found; none where there is no such fit.
-fn exposures_beside(scene: &Path) -> BTreeMap<String, [f32; 12]> {
-    let summary = weaver_io::read_text(scene.with_file_name("summary.json")).ok();
-    let outcome = summary.and_then(|text| serde_json::from_str::<Outcome>(&text).ok());
-    outcome.map(|outcome| outcome.exposures).unwrap_or_default()
+/// What the fit beside a scene says of itself; nothing where there is no such fit.
+fn outcome_beside(scene: &Path) -> Option<Outcome> {
+    let summary = weaver_io::read_text(scene.with_file_name("summary.json")).ok()?;
+    serde_json::from_str(&summary).ok()
 }
 
 fn figures(name: Option<&str>, quality: &Quality) -> Value {

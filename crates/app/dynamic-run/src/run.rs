@@ -346,14 +346,14 @@ impl Job for Run {
             None => self.enter(stage)?,
         };
         let start = Instant::now();
-        let loss = self.learn(&mut under_way, stage)?;
+        let loss = self.learn(&mut under_way, stage);
+        self.under_way = Some(under_way);
+        let loss = loss?;
         self.place.step += 1;
         self.seconds[self.place.stage] += start.elapsed().as_secs_f64();
         let [step, of] = self.steps();
-        if self.place.step < stage.steps() {
-            self.under_way = Some(under_way);
-        } else {
-            self.place = Place { stage: self.place.stage + 1, step: 0 };
+        if self.place.step == stage.steps() {
+            (self.place, self.under_way) = (Place { stage: self.place.stage + 1, step: 0 }, None);
         }
         let stage = stage.name(&self.settings.labels());
         Ok(StepReport { step, of, stage, loss: loss.into(), scalars: Vec::new() })

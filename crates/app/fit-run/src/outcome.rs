@@ -43,14 +43,14 @@ pub struct Outcome {
 
 impl Outcome {
     /// The color correction that a photo of this name is judged with: of the same name, or of the only one whose file is called so.
-    pub fn exposure(exposures: &BTreeMap<String, [f32; 12]>, photo: &str) -> Option<Exposure> {
+    pub fn exposure_of(&self, photo: &str) -> Option<Exposure> {
         let file = |name: &str| Path::new(name).file_name().map(ToOwned::to_owned);
-        let mut alike = exposures.iter().filter(|(name, _)| file(name) == file(photo)).map(|(_, matrix)| matrix);
+        let mut alike = self.exposures.iter().filter(|(name, _)| file(name) == file(photo)).map(|(_, matrix)| matrix);
         let only = match (alike.next(), alike.next()) {
             (only, None) => only,
             _ => None,
         };
-        exposures.get(photo).or(only).map(|matrix| Exposure::of(*matrix))
+        self.exposures.get(photo).or(only).map(|matrix| Exposure::of(*matrix))
     }
 }
 

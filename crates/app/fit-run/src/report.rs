@@ -55,6 +55,17 @@ pub fn page(run: &Fitting, outcome: &Outcome, train: &[Judged], test: &[Judged])
         .flatten()
         .collect();
     page.table(&["photos", "number", "PSNR, dB", "colors aligned", "SSIM", "LPIPS"], &rows);
+    if run.capture.colors.differ() {
+        let corrected = if outcome.exposures.is_empty() {
+            "Nothing is corrected."
+        } else {
+            "Each is compared in a light of its own; held-out ones in that of the nearest fitted ones."
+        };
+        let percent = 100.0 * run.capture.colors.spread();
+        page.paragraph(&format!(
+            "Photos differ in exposure or white balance, by {percent:.0} % in the median. {corrected}"
+        ));
+    }
     if outcome.poses.refined {
         let p = &outcome.poses;
         page.paragraph(&format!(

@@ -6,6 +6,7 @@ use crate::{MODEL, report};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use weaver_command::{Console, Failure, Interrupt, Progress};
+use weaver_io::safetensors::Tensors;
 use weaver_run::{Folder, Kind, Log, Recorder, Rhythm, Save};
 use weaver_vad::{
     Checkpoint, ConvolutionSizes, DeepMilSizes, Detector, EncoderKind, Error, Experts, Labels, Observe, Planted,
@@ -31,11 +32,12 @@ pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -
     if path.join(MODEL).exists() && !path.join(Folder::CHECKPOINT).exists() {
         return Err(weaver_run::Error::Complete { folder: path.clone() }.into());
     }
-    let folder = Folder::reopen(path, KIND)?;
-    let Some(state) = folder.checkpoint()? else {
+    if !path.join(Folder::CHECKPOINT).exists() {
         let plan = Folder::settings(path, KIND, "a detector of anomalies")?;
-        return Job::new(plan)?.train(&folder, None, console, interrupt);
-    };
+        return Job::new(plan)?.train(&Folder::reopen(path, KIND)?, None, console, interrupt);
+    }
+    let folder = Folder::reopen(path, KIND)?;
+    let state = Tensors::read(folder.checkpoint_path())?;
     let file = folder.checkpoint_path();
     let (detector, from, kept) = checkpoint::read(state)?;
     let job = Job::new(kept.plan)?;

@@ -11,7 +11,7 @@ use weaver_scene::PointCloud;
 /// own exposure and white balance; their mean is 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColorAgreement {
-    /// Gain of each photo, red, green and blue.
+    /// Gain of each photo, red, green and blue; 1 where too few points are shared.
     pub gains: Vec<[f32; 3]>,
     /// Median of `|l_ip - c_p|` without gains, of points that gains were not fitted to.
     pub without: f64,
@@ -59,7 +59,8 @@ impl ColorAgreement {
         let half = |odd: usize| shared.iter().skip(odd).step_by(2).copied().collect::<Vec<_>>();
         let none = vec![[0.0; 3]; photos.len()];
         let fitted = gains(&half(0), photos.len());
-        let all = gains(&shared, photos.len());
+        // A few points are as likely to be wrong.
+        let all = if shared.len() < LEAST_POINTS { none.clone() } else { gains(&shared, photos.len()) };
         Self {
             gains: all.iter().map(|gain| gain.map(|g| g.exp() as f32)).collect(),
             without: disagreement(&half(1), &none),

@@ -36,7 +36,7 @@ fn planted_anomalies_are_learned_and_judged() {
     let error = refused(folder, "vad train --resume run --steps 5", 2);
     assert!(error.contains("cannot be used with"), "{error}");
     let error = refused(folder, "vad train --resume nowhere", 1);
-    assert!(error.contains("nowhere/run.json"), "{error}");
+    assert!(error.contains("nowhere/run.json") && !folder.join("nowhere").exists(), "{error}");
 }
 
 /// The scores of a video, its curve and picture; scores that are judged again.

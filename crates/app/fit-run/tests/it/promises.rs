@@ -121,14 +121,16 @@ fn exposures_are_corrected_where_photos_differ() {
     }
     let (corrected, outcome) = measured("differ");
     assert!(corrected && outcome.exposures.len() == 10, "{outcome:?}");
+    let page = |name: &str| std::fs::read_to_string(folder.path().join(name).join("report.html")).unwrap();
+    assert!(page("differ").contains("Photos differ in exposure") && !page("same").contains("Photos differ"));
     let written = std::fs::read_to_string(folder.path().join("differ/summary.json")).unwrap();
     let read: Outcome = serde_json::from_str(&written).unwrap();
     assert_eq!(read.exposures, outcome.exposures);
-    let light = |name: &str| Outcome::exposure(&read.exposures, name).unwrap();
+    let light = |name: &str| read.exposure_of(name).unwrap();
     let name = read.exposures.keys().next().unwrap();
     let file = Path::new(name).file_name().unwrap().to_str().unwrap();
     assert_eq!(light(&format!("elsewhere/{file}")), light(name));
-    assert!(Outcome::exposure(&read.exposures, "another.png").is_none());
+    assert!(read.exposure_of("another.png").is_none());
 }
 
 #[test]

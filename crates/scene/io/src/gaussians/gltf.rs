@@ -7,7 +7,6 @@
 //! Source: github.com/KhronosGroup/glTF, extensions/2.0/Khronos/KHR_gaussian_splatting.
 
 mod accessors;
-mod base64;
 mod buffers;
 mod decode;
 mod document;

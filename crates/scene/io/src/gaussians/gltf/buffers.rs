@@ -1,9 +1,10 @@
 //! Bytes that a document refers to: in the binary chunk, in the document itself, or in files beside it.
 
-use super::base64;
 use super::document::{Buffer, BufferView};
 use crate::files::file::read_bytes;
 use crate::{Error, Result};
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use base64::{Engine, alphabet};
 use std::borrow::Cow;
 use std::path::{Component, Path, PathBuf};
 
@@ -55,6 +56,12 @@ impl<'a> Buffers<'a> {
     }
 }
 
+/// Padded or not, as writers of glTF differ.
+const BASE64: GeneralPurpose = GeneralPurpose::new(
+    &alphabet::STANDARD,
+    GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
+);
+
 fn read<'a>(path: &Path, index: usize, buffer: &Buffer, binary: Option<&'a [u8]>) -> Result<Cow<'a, [u8]>> {
     let place = format!("buffers[{index}]");
     let invalid = |expected: &str, found: String| Error::invalid(path, &place, expected, found);
@@ -63,7 +70,7 @@ fn read<'a>(path: &Path, index: usize, buffer: &Buffer, binary: Option<&'a [u8]>
         Some(uri) => match uri.strip_prefix("data:") {
             Some(data) => {
                 let coded = data.split_once(";base64,").ok_or_else(|| invalid("base64", "another data URI".into()))?.1;
-                base64::decode(coded).ok_or_else(|| invalid("base64", "other text".into()))?.into()
+                BASE64.decode(coded).map_err(|e| invalid("base64", e.to_string()))?.into()
             }
             None => read_bytes(beside(path, uri).ok_or_else(|| {
                 let expected = "data, or the name of a file in the document's folder";

@@ -1,9 +1,11 @@
 //! Documents of Gaussians.
 
-use super::{BINARY, EXTENSION, JSON, MAGIC, base64, harmonics, signs};
+use super::{BINARY, EXTENSION, JSON, MAGIC, harmonics, signs};
 use crate::gaussians::fields::{byte, check_values, unit};
 use crate::gaussians::order::bounds;
 use crate::{Error, Result};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 use std::io::{self, Write};
 use std::path::Path;
@@ -47,7 +49,7 @@ pub(super) fn gltf(path: &Path, gaussians: &Gaussians, w: &mut dyn Write) -> Res
         let mut bytes = Vec::new();
         binary(gaussians, &attributes, &mut bytes)?;
         let mut uri = "data:application/octet-stream;base64,".to_string();
-        base64::encode(&bytes, &mut uri);
+        STANDARD.encode_string(&bytes, &mut uri);
         serde_json::to_writer(w, &document(gaussians, &attributes, Some(uri))).map_err(io::Error::from)
     };
     write(w).map_err(Error::io(path))
