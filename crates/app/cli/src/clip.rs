@@ -4,7 +4,7 @@ mod choice;
 mod movement;
 mod pictures;
 
-use crate::arguments::ClipFlags;
+use crate::flags::ClipFlags;
 use choice::{Measured, choose};
 use movement::{Follower, sharpness};
 use pictures::{Picture, Pictures, about_how_many};

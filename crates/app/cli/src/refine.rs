@@ -1,6 +1,6 @@
 //! Refinement of what a network predicts.
 
-use crate::arguments::RefineFlags;
+use crate::flags::RefineFlags;
 use std::path::PathBuf;
 use std::sync::Arc;
 use weaver_command::Failure;

@@ -3,7 +3,7 @@
 use clap::{Args, Subcommand, ValueEnum};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-use weaver_command::{MOST_SEED, Threads};
+use weaver_command::{MOST_SEED, Threads, choice};
 use weaver_vad::{Length, Rule};
 
 /// Finds anomalies in videos of which only is known whether there are any (UR-DMU, temporal Gaussian splatting, GS-MoE).
@@ -106,8 +106,8 @@ pub(crate) struct VadEval {
     #[arg(long, value_name = "FILE", requires = "features")]
     pub(crate) annotation: Option<PathBuf>,
     /// Frames of a video: 16 for each snippet of its features, or all whole (floor) or begun (ceil) snippets of the annotated length
-    #[arg(long, value_enum, default_value = "features")]
-    pub(crate) length: LengthName,
+    #[arg(long, value_parser = choice(&LENGTHS), default_value = "features")]
+    pub(crate) length: Length,
     /// Writes the report here [default: the run folder]
     #[arg(long, value_name = "FILE")]
     pub(crate) report: Option<PathBuf>,
@@ -152,12 +152,16 @@ pub(crate) struct VadMetrics {
     #[arg(long, value_name = "FILE")]
     pub(crate) annotation: PathBuf,
     /// Frames of a video: 16 for each score, or all whole (floor) or begun (ceil) snippets of the annotated length
-    #[arg(long, value_enum, default_value = "features")]
-    pub(crate) length: LengthName,
+    #[arg(long, value_parser = choice(&LENGTHS), default_value = "features")]
+    pub(crate) length: Length,
     /// Prints one line of JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
+
+/// Which frames count.
+const LENGTHS: [(&str, Length, &str); 3] =
+    [("features", Length::Features, ""), ("floor", Length::Floor, ""), ("ceil", Length::Ceil, "")];
 
 /// The networks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
@@ -195,25 +199,6 @@ impl SplatName {
             Self::Video => Some(Rule::Video),
             Self::Literal => Some(Rule::Literal),
             Self::None => None,
-        }
-    }
-}
-
-/// Which frames count.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum LengthName {
-    Features,
-    Floor,
-    Ceil,
-}
-
-impl LengthName {
-    /// As weaver-vad calls it.
-    pub(crate) fn length(self) -> Length {
-        match self {
-            Self::Features => Length::Features,
-            Self::Floor => Length::Floor,
-            Self::Ceil => Length::Ceil,
         }
     }
 }
