@@ -1,6 +1,6 @@
 //! Everything about the network that can be set.
 
-pub(crate) mod check;
+pub mod check;
 mod presets;
 
 pub use presets::PRESETS;

@@ -4,12 +4,13 @@ use std::sync::Arc;
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_data::{Layout, Scene};
 use weaver_inference::reconstruct::{Options as ReconstructOptions, reconstruct};
-use weaver_inference::{CameraSource, Density, OutputFolder, Predictor, SplatWeaverPredictor, TwoExpertsPredictor};
+use weaver_inference::{CameraSource, Density, Joint, OutputFolder, Predictor, SplatWeaverPredictor};
 use weaver_kernels::random::Stream;
 use weaver_recipes::{SplatWeaverRecipe, TwoExpertsRecipe, registry};
 use weaver_trainer::evaluate::{Options, evaluate};
 use weaver_trainer::losses::{camera_constants, photo_constant};
 use weaver_trainer::{AlignLoss, Alignment, CameraMode, Example, Recipe, Session, StepReport, Targets};
+use weaver_two_experts::TwoExpertsPredictor;
 
 type Config = weaver_trainer::Config<TwoExpertsRecipe>;
 

@@ -106,7 +106,7 @@ impl Drawing<'_> {
         let (example, _) = self.example(scene, tuple.clone())?;
         let (stream, context) = (self.stream(&example), example.context().len());
         let JointPrediction { prediction, targets } =
-            self.predictor.predict_jointly(example.photos(), context, self.density, stream)?;
+            self.predictor.as_joint()?.predict_jointly(example.photos(), context, self.density, stream)?;
         let camera = targets[0];
         let render = self.render(&prediction, camera)?;
         let errors = errors(&prediction.predicted, &example);
@@ -135,7 +135,7 @@ impl Drawing<'_> {
         let photo = photo_of(asked, scene, &example.tuple);
         let size = [photos.width, photos.height];
         let look = photo.as_ref().map_or(Look::Unknown, |photo| Look::Of(as_photos(photo, size)));
-        Ok(self.predictor.predict_looks(photos, cameras, &[look], stream)?.prediction)
+        Ok(self.predictor.as_lights()?.predict_looks(photos, cameras, &[look], stream)?.prediction)
     }
 
     /// The photo of a tuple's target in the light that it was given and in another one, and renders in these lights.
@@ -161,7 +161,7 @@ impl Drawing<'_> {
         let source = example.camera_source(self.options.cameras, measured, None);
         let stream = self.stream(&example);
         let LookPrediction { mut prediction, colors } =
-            self.predictor.predict_looks(example.context_photos(), source, &looks, stream)?;
+            self.predictor.as_lights()?.predict_looks(example.context_photos(), source, &looks, stream)?;
         let factor = if measured { 1.0 } else { prediction.scale_to_predicted(example.context()) };
         let camera = example.targets()[0];
         let camera = Camera { pose: camera.pose.scaled(factor), ..camera };
