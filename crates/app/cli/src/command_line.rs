@@ -67,7 +67,7 @@ pub struct Flag {
     pub command: String,
     /// The long name, without dashes.
     pub name: String,
-    /// What stands for its value, alternatives with `|` between; `None` for a switch.
+    /// Name of its value, alternatives with `|` between; `None` for a switch.
     pub value: Option<String>,
 }
 

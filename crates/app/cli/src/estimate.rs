@@ -10,7 +10,7 @@ use weaver_data::{CamerasSummary, Doubt, EstimateOptions, EstimatedPhotos, LeftO
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Distortion, Pose, Similarity};
 
-/// What the folder of estimated cameras says that it was written by.
+/// Name of the command in the record of a folder of estimated cameras.
 pub const COMMAND: &str = "cameras";
 /// One photo in this many is held out.
 const HOLD_OUT: usize = 8;
@@ -160,7 +160,7 @@ fn listed(names: &[String]) -> String {
     if names.len() > NAMED { format!("{shown} and {} more", names.len() - NAMED) } else { shown }
 }
 
-/// How far estimated cameras are from others.
+/// Compares estimated cameras with others.
 pub fn compared(found: &EstimatedPhotos, file: &Path) -> Result<String, Failure> {
     let placed = found.placed();
     let truth = weaver_data::capture::load_camera_files(file, &placed)?;

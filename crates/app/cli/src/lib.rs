@@ -10,6 +10,7 @@ mod estimate;
 mod ffmpeg;
 mod flags;
 mod old_names;
+mod reference;
 mod refine;
 mod video;
 
@@ -17,6 +18,7 @@ pub use ffmpeg::end_all as end_programs;
 pub use weaver_command::{Console, Interrupt};
 
 pub use command_line::{Flag, flags};
+pub use reference::reference;
 
 use command_line::CommandLine;
 use std::ffi::OsString;

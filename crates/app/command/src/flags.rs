@@ -18,7 +18,7 @@ pub struct DeviceFlag {
     pub device: Option<String>,
 }
 
-/// How many threads work.
+/// Number of threads.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct Threads {
     /// Threads. Does not change results [default: one per core]

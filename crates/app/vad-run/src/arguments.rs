@@ -22,7 +22,7 @@ pub struct Vad {
     pub(crate) command: VadCommand,
 }
 
-/// What is to be done.
+/// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum VadCommand {
     Train(VadTrain),
@@ -52,7 +52,7 @@ pub(crate) struct VadTrain {
     pub(crate) threads: Threads,
 }
 
-/// What is trained on what: kept beside a checkpoint.
+/// Plan of a training, kept beside a checkpoint.
 #[derive(Args, Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct VadPlan {
     /// Folder of .npy features; without it, planted videos
@@ -61,7 +61,7 @@ pub(crate) struct VadPlan {
     /// List of feature files, one to a line, as UR-DMU, RTFM and XD-Violence have it
     #[arg(long, value_name = "FILE", requires = "features")]
     pub(crate) list: Option<PathBuf>,
-    /// How many videos, the first of the list, are abnormal, where their names do not say
+    /// Number of videos, the first of the list, that are abnormal, where their names do not say
     #[arg(long, value_name = "N", requires = "list", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) abnormal: Option<u32>,
     /// The network
@@ -76,7 +76,7 @@ pub(crate) struct VadPlan {
     /// No experts
     #[arg(long = "no-experts")]
     pub(crate) plain: bool,
-    /// What peaks of the score curve become: labels by Gaussians over time (T), over the score (S), over the video (H), spikes (L), or nothing
+    /// Use of peaks of the score curve: labels by Gaussians over time (T), over the score (S), over the video (H), spikes (L), or nothing
     #[arg(long, value_enum, default_value = "T", ignore_case = true)]
     pub(crate) splat: SplatName,
     /// Steps of the encoder; the other stages follow in proportion [default: 3000, planted 300]

@@ -11,7 +11,7 @@ use weaver_geometry::Camera;
 pub struct GivenCameras {
     /// The cameras in training units.
     pub cameras: Vec<Camera>,
-    /// What their own units were multiplied by.
+    /// Factor on their own units.
     pub scaled_by: Option<f64>,
     /// For each view the points that it shows, in training units; no lists where cameras came without points.
     pub seen: Vec<Vec<SeenPoint>>,

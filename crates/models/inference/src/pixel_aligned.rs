@@ -10,7 +10,7 @@ use weaver_pose::CameraVars;
 use weaver_scene::ActivatedGaussians;
 use weaver_splat::{GaussianVars, Renderer};
 
-/// What such a network makes of V photos.
+/// Output of such a network for V photos.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelAligned<'t> {
     /// Depth along the optical axis `[V, H, W]`.
@@ -88,7 +88,7 @@ impl<N: PixelAlignedNetwork> Predictor for PixelAlignedPredictor<N> {
     }
 }
 
-/// What there is to say of one Gaussian for each pixel, of those pixels that count; its cameras are still missing.
+/// The prediction of one Gaussian for each pixel, of those pixels that count; its cameras are still missing.
 pub fn one_for_each(mut gaussians: ActivatedGaussians, depth: Vec<f32>, inside: Option<&[bool]>) -> Prediction {
     let mut counts = vec![1; depth.len()];
     if let Some(inside) = inside {

@@ -38,7 +38,7 @@ impl Photos<'_> {
     }
 }
 
-/// Whose cameras the Gaussians are built with.
+/// Source of the cameras that the Gaussians are built with.
 #[derive(Clone, Copy, Debug)]
 pub enum CameraSource<'a> {
     /// The network's own.
@@ -91,7 +91,7 @@ pub struct Density {
     pub budget: Option<f64>,
 }
 
-/// What a model makes of some photos.
+/// The prediction of a model from some photos.
 #[derive(Clone, Debug, Default)]
 pub struct Prediction {
     /// The Gaussians, in the frame of camera 0.
@@ -136,13 +136,13 @@ impl Prediction {
 /// A prediction from some photos, and where further ones were taken.
 #[derive(Clone, Debug)]
 pub struct JointPrediction {
-    /// What the model makes of the first photos.
+    /// The prediction from the first photos.
     pub prediction: Prediction,
     /// The cameras of the others, in the same frame.
     pub targets: Vec<Camera>,
 }
 
-/// Whose light a place is shown in, for models that know about light.
+/// The light that a place is shown in, for models that know about light.
 #[derive(Clone, Copy, Debug)]
 pub enum Look<'a> {
     /// Nobody's: of the light nothing is said.
@@ -201,7 +201,7 @@ pub trait Predictor: fmt::Debug + Send {
         }
     }
 
-    /// What a user should know before predictions with this density, such as that its weights were never trained for it.
+    /// A warning before predictions with this density, such as that its weights were never trained for it.
     fn remark(&self, _density: Density) -> Option<String> {
         None
     }
@@ -214,7 +214,7 @@ pub trait Predictor: fmt::Debug + Send {
         1
     }
 
-    /// How the model's Gaussians are drawn.
+    /// Settings of drawing the model's Gaussians.
     fn raster_settings(&self) -> RasterSettings {
         RasterSettings::default()
     }
@@ -224,7 +224,7 @@ pub trait Predictor: fmt::Debug + Send {
         [1.0; 3]
     }
 
-    /// What draws Gaussians; another one may be put in its place.
+    /// The renderer of Gaussians; another one may be put in its place.
     fn renderer(&mut self) -> &mut Renderer;
 
     /// Renders what was predicted with the model's settings: one image per camera, values clamped to [0, 1].

@@ -37,7 +37,7 @@ pub struct Pretrained<N> {
     pub params: Params<f32>,
     /// The tape of its passes.
     pub tape: Tape<f32>,
-    /// What draws its Gaussians.
+    /// The renderer of its Gaussians.
     pub renderer: Renderer,
 }
 
@@ -47,7 +47,7 @@ impl<N> Pretrained<N> {
         Self { network: network.into(), params, tape: Tape::new(), renderer: Renderer::default() }
     }
 
-    /// What layers need to run.
+    /// The context in which layers run.
     pub fn context(&self) -> Context<'_, '_, f32> {
         Context::new(&self.tape, &self.params)
     }

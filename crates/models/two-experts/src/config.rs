@@ -55,9 +55,9 @@ pub struct AppearanceConfig {
     pub group: usize,
     /// Channels in which the levels are added up: a positive multiple of 4.
     pub features: usize,
-    /// Whether attention across views knows the cameras; `false` is for ablations.
+    /// True if attention across views knows the cameras; `false` is for ablations.
     pub camera_attention: bool,
-    /// Whether rays are given in the world; `false`, in the frame of their own camera, is for ablations.
+    /// True if rays are given in the world; `false`, in the frame of their own camera, is for ablations.
     pub world_rays: bool,
     /// Degree of the harmonics by which opacity depends on where a Gaussian is seen from: 0, where it does not, or 2 as published.
     #[serde(default)]

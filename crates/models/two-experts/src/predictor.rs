@@ -67,7 +67,7 @@ impl TwoExpertsPredictor {
         Ok(())
     }
 
-    /// What the appearance expert makes of photos with these cameras, of the pixels that count.
+    /// The appearance expert's prediction from photos with these cameras, of the pixels that count.
     fn gaussians(&self, photos: Photos<'_>, cameras: &[Camera]) -> Prediction {
         let Photos { planes, height, width, .. } = photos;
         let all = self.0.tape.constant(planes, [photos.views(), 3, height, width]);

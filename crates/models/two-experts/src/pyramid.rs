@@ -40,11 +40,11 @@ pub struct PyramidConfig {
     pub group: usize,
     /// Channels in which levels are added up: a multiple of 4.
     pub features: usize,
-    /// Whether attention across views knows the cameras.
+    /// True if attention across views knows the cameras.
     pub cameras: bool,
-    /// Whether rays are given in the world, or, in their camera's own frame, for ablations.
+    /// True if rays are given in the world, or, in their camera's own frame, for ablations.
     pub world_rays: bool,
-    /// How opacity depends on the direction.
+    /// Dependence of opacity on the direction.
     pub opacity: OpacityDegree,
     /// Factor on the initial weights of the last layer.
     pub gain: f64,
@@ -62,7 +62,7 @@ impl PyramidConfig {
     }
 }
 
-/// What the network computes on its way, for tests and for parity with the published one.
+/// Intermediate values of the network, for tests and for parity with the published one.
 #[derive(Clone, Debug)]
 pub struct Features<'t, T: Real = f32> {
     /// Tokens `[V, registers + patches, D]` after the last block of each level.

@@ -50,7 +50,7 @@ pub struct WildDenseConfig {
     pub log_depth_limit: f64,
 }
 
-/// How the numbers of a pixel become a Gaussian.
+/// Decoding of a pixel's numbers to a Gaussian.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum WildParametrization {
@@ -68,7 +68,7 @@ pub enum WildParametrization {
 pub struct WildGaussianConfig {
     /// Degree of the spherical harmonics of color, 0 to 4: 2 as published.
     pub sh_degree: usize,
-    /// How the numbers of a pixel become a Gaussian.
+    /// Decoding of a pixel's numbers to a Gaussian.
     #[serde(default)]
     pub parametrization: WildParametrization,
     /// Largest offset of a Gaussian from its pixel's depth along the ray, in footprints (a pixel's width at its depth): not negative. Not
@@ -78,7 +78,7 @@ pub struct WildGaussianConfig {
     pub scale: f64,
     /// Factor on the initial weights of the last layer: not negative.
     pub gain: f64,
-    /// Whether the feature head sees each photo standardized, and colors begin with it under the contrast and the middle of a look;
+    /// True if the feature head sees each photo standardized, and colors begin with it under the contrast and the middle of a look;
     /// `false` as published, where tokens carry the texture.
     pub recolor: bool,
     /// Hidden channels of the path by which the feature head sees the standardized photo: at least 1.

@@ -59,7 +59,7 @@ pub struct Surface<'t, T: Real = f32> {
     features: Var<'t, T>,
     /// The photos [standardized] `[V, 3, H, W]`.
     plain: Var<'t, T>,
-    /// What turns coefficients of colors from the axes of each camera to the world's, `[V, K, K]`.
+    /// Matrices that rotate coefficients of colors from the axes of each camera to the world's, `[V, K, K]`.
     turns: Var<'t, T>,
 }
 
@@ -228,7 +228,7 @@ impl Wild {
         cx.tape.constant_with([1, self.config.looks.embedding], |_| ())
     }
 
-    /// What turns coefficients of colors from the axes of cameras `[V, 3, 4]` to the world's.
+    /// Matrices that rotate coefficients of colors from the axes of cameras `[V, 3, 4]` to the world's.
     fn turns<'t, T: Real>(&self, cx: Context<'t, '_, T>, viewmats: &[T]) -> Var<'t, T> {
         let degree = self.config.gaussians.sh_degree;
         let k = (degree + 1).pow(2);

@@ -33,7 +33,7 @@ impl Network for Wild {
     }
 }
 
-/// What a pass makes: the prediction, colors under each look, and the cameras of photos beyond the context.
+/// Result of a pass: the prediction, colors under each look, and the cameras of photos beyond the context.
 struct Made {
     prediction: Prediction,
     colors: Vec<Vec<f32>>,

@@ -17,14 +17,14 @@ use weaver_trainer::AlignLoss;
 
 const DESCENT: &str = "Descent";
 
-/// How a camera descends.
+/// Methods by which a camera descends.
 pub const METHODS: [(&str, Method, &str); 3] = [
     ("own", Method::Own, "Small and blurred photos first, steps in units of the depth, the best camera seen"),
     ("2xplat", Method::TwoXplat, "As in 2Xplat: quaternion and center"),
     ("noposplat", Method::NoPoSplat, "As in NoPoSplat: rigid increments"),
 ];
 
-/// What photo and render are compared by.
+/// Losses between photo and render.
 pub const LOSSES: [(&str, AlignLoss, &str); 3] = [
     ("mse", AlignLoss::MeanSquare, "The mean square of differences"),
     ("photometric", AlignLoss::Photometric, "Absolute differences and structure, as scenes are fitted"),
@@ -62,10 +62,10 @@ pub struct Align {
     /// Steps at most [default: 200, or 100 as published]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = DESCENT)]
     pub steps: Option<u32>,
-    /// Whether photo and render are blurred in the first half of the steps
+    /// True if photo and render are blurred in the first half of the steps
     #[arg(long, value_parser = choice(&SWITCH), default_value = "on", help_heading = DESCENT)]
     pub blur: bool,
-    /// What photo and render are compared by [default: photometric, or mse as published]
+    /// Loss between photo and render [default: photometric, or mse as published]
     #[arg(long, value_parser = choice(&LOSSES), help_heading = DESCENT)]
     pub loss: Option<AlignLoss>,
     /// Focal lengths descend as well
@@ -77,6 +77,9 @@ pub struct Align {
     /// Longest side of the photos in pixels; larger ones are shrunk [default: as they are]
     #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=65_536), help_heading = DESCENT)]
     pub long_side: Option<u32>,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
     #[command(flatten)]
     pub threads: Threads,
     // Last: its heading would be that of what follows.
@@ -116,8 +119,8 @@ fn align_photos(arguments: &Align, console: &mut Console) -> Result<(), Failure>
     let loss = arguments.loss.unwrap_or(AlignLoss::of(arguments.method));
     let mut compare = loss.function();
     let least = loss.least_side();
-    if let Some(photo) = photos.iter().find(|photo| photo.camera.width.min(photo.camera.height) < least) {
-        let (name, Camera { width, height, .. }) = (photo.path.display(), photo.camera);
+    if let Some(photo) = photos.iter().find(|found| found.photo.size().into_iter().min() < Some(least)) {
+        let (name, [height, width]) = (photo.frame.path.display(), photo.photo.size());
         let expected = format!("--loss ssim: expected photos of at least {least} x {least} pixels");
         return Err(Failure::message(format!("{name}: {expected}, found {width} x {height}")));
     }
@@ -125,9 +128,9 @@ fn align_photos(arguments: &Align, console: &mut Console) -> Result<(), Failure>
     let scene = Scene { gaussians: gaussians.as_slices(), background, settings, unit: unit(&photos) };
     let mut progress = Progress::new("align", 0, photos.len(), console);
     for (done, photo) in photos.iter().enumerate() {
-        let pixels: Vec<f32> = photo.rgb.iter().map(|b| f32::from(*b) / 255.0).collect();
-        let asked = [Photo { pixels: &pixels, mask: photo.mask.as_deref(), camera: photo.camera }];
-        let named = |error: AlignError| Failure::message(format!("{}: {error}", photo.path.display()));
+        let pixels: Vec<f32> = photo.photo.rgb.iter().map(|b| f32::from(*b) / 255.0).collect();
+        let asked = [Photo { pixels: &pixels, mask: photo.photo.mask.as_deref(), camera: photo.photo.camera }];
+        let named = |error: AlignError| Failure::message(format!("{}: {error}", photo.frame.path.display()));
         let aligned = align(&CpuRasterizer, &scene, &asked, &options, &mut compare).map_err(named)?;
         // Whatever was compared: decibels of all that masks leave, which users know.
         let decibels = |camera: Camera| -> Result<f64, Failure> {
@@ -137,13 +140,13 @@ fn align_photos(arguments: &Align, console: &mut Console) -> Result<(), Failure>
             Ok(-10.0 * drawn[0].loss[0].max(1e-10).log10())
         };
         for aligned in aligned {
-            let psnr = [decibels(photo.camera)?, decibels(aligned.camera)?];
+            let psnr = [decibels(photo.photo.camera)?, decibels(aligned.camera)?];
             results.push(Row { photo, aligned, psnr })?;
         }
-        progress.at(done + 1, photos.len(), || photo.name.clone(), console);
+        progress.at(done + 1, photos.len(), || photo.photo.name.clone(), console);
     }
     progress.finish();
-    console.print(&results.finish()?)
+    console.print(&results.finish(arguments.json)?)
 }
 
 /// The photos; of a folder those in it. None is no mistake: then there is nothing to do.
@@ -158,7 +161,7 @@ fn paths(asked: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     Ok(paths)
 }
 
-/// How cameras descend by a method, in so many steps or as many as it usually has.
+/// Options of a method, in so many steps or as many as it usually has.
 pub fn options(method: Method, steps: Option<u32>) -> Options {
     let options = Options::of(method);
     Options { steps: steps.map_or(options.steps, |steps| steps as usize), ..options }
@@ -166,7 +169,7 @@ pub fn options(method: Method, steps: Option<u32>) -> Options {
 
 /// The length that 2Xplat divides by: the largest coordinate of a camera, from the middle of all; 1 for one camera.
 fn unit(photos: &[PosedPhoto]) -> f64 {
-    let centers = || photos.iter().map(|photo| Pose::center(&photo.camera.pose));
+    let centers = || photos.iter().map(|photo| Pose::center(&photo.photo.camera.pose));
     let middle = centers().sum::<DVec3>() / photos.len().max(1) as f64;
     let largest = centers().map(|center| (center - middle).abs().max_element()).fold(0.0, f64::max);
     if largest > 0.0 { largest } else { 1.0 }

@@ -27,8 +27,11 @@ pub struct Cameras {
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
     /// Other cameras of the same photos: says how far the estimated ones are off, once moved, turned and scaled to fit best
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "json")]
     pub compare: Option<PathBuf>,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
     #[command(flatten)]
     pub clip: ClipFlags,
     #[command(flatten)]
@@ -49,6 +52,9 @@ fn cameras(arguments: &Cameras, console: &mut Console) -> Result<(), Failure> {
     let Estimated { found, .. } = estimated(&photos, &located, arguments.matching, &claimed, console)?;
     photos.settle(&claimed)?;
     let out = |name: &str| arguments.out.join(name).display().to_string();
+    if arguments.json {
+        return console.print(&serde_json::to_string_pretty(&found.summary())?);
+    }
     if let Some(file) = &arguments.compare {
         console.print(&compared(&found, file)?)?;
     }

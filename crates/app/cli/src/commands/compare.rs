@@ -9,6 +9,7 @@ use weaver_data::capture::posed::{self, PosedOptions};
 use weaver_fit::{Judge, Quality};
 use weaver_fit_run::Outcome;
 use weaver_io::{SceneFile, read_scene};
+use weaver_scene::Photo;
 use weaver_splat::{Workspace, render};
 use weaver_trainer::evaluate::load_lpips;
 
@@ -63,10 +64,10 @@ fn compare(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
     let options = PosedOptions { long_side, background, masks, held_out_only: true, ..PosedOptions::default() };
     let capture = posed::load(data, &options)?;
     capture.remarks.iter().for_each(|remark| console.note(&format!("warning: {remark}")));
-    let mut photos = capture.photos;
-    let held_out = photos.iter().any(|photo| photo.held_out);
+    let held_out = capture.photos.iter().any(|photo| photo.held_out);
     // Of a photo that is masked altogether, nothing can be judged.
-    photos.retain(|photo| photo.mask.as_ref().is_none_or(|mask| mask.iter().any(|m| *m != 0)));
+    let photos = capture.photos.into_iter().map(|posed| posed.photo).filter(|photo| !photo.is_masked());
+    let photos: Vec<Photo> = photos.collect();
     if !held_out {
         console.note(&format!("{}: no photo is held out; these are all of them", data.display()));
     }
@@ -82,8 +83,8 @@ fn compare(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
             let drawn = image.clone();
             exposure.apply(&drawn, &mut image);
         }
-        let size = [photo.camera.height, photo.camera.width];
-        views.push((photo.name.as_str(), judge.compare_inside(&image, &photo.rgb, size, photo.mask.as_deref())));
+        let quality = judge.compare_inside(&image, &photo.rgb, photo.size(), photo.mask.as_deref());
+        views.push((photo.name.as_str(), quality));
         progress.at(views.len(), photos.len(), String::new, console);
     }
     progress.finish();
@@ -105,7 +106,7 @@ fn compare(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
     console.print(&format!("{}views: {} ({kind}), Gaussians: {}", table(&views, &mean), views.len(), gaussians.len()))
 }
 
-/// What the fit beside a scene says of itself; nothing where there is no such fit.
+/// The outcome of the fit beside a scene; `None` where there is no such fit.
 fn outcome_beside(scene: &Path) -> Option<Outcome> {
     let summary = weaver_io::read_text(scene.with_file_name("summary.json")).ok()?;
     serde_json::from_str(&summary).ok()

@@ -37,10 +37,10 @@ pub struct Convert {
     /// Leaves out Gaussians that are unusually far from all others
     #[arg(long)]
     pub drop_floaters: bool,
-    /// How many Gaussians stay, or which share of them below 1
+    /// Number of Gaussians that stay, or their share below 1
     #[arg(long, value_name = "N|SHARE", value_parser = keep)]
     pub keep: Option<Keep>,
-    /// What they are judged by
+    /// The score that they are judged by
     #[arg(long, value_enum, value_name = "SCORE", default_value_t, requires = "keep")]
     pub by: Score,
     /// Largest degree of spherical harmonics that stays
@@ -59,7 +59,7 @@ impl Convert {
     }
 }
 
-/// What Gaussians are judged by.
+/// A score that Gaussians are judged by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Score {
     /// Opacity times the area seen from the broadest side
@@ -69,7 +69,7 @@ pub enum Score {
     Opacity,
 }
 
-/// How many Gaussians stay.
+/// Number of Gaussians that stay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Keep {
     /// So many, or all if there are fewer.
@@ -173,7 +173,7 @@ fn joined(files: &[impl AsRef<Path>], console: &mut Console) -> Result<(Gaussian
     Ok((Gaussians::joined(&parts), drawing))
 }
 
-/// What the flags ask for, in the order that the help promises.
+/// Applies the flags, in the order that the help promises.
 fn edited(mut gaussians: Gaussians, arguments: &Convert) -> Gaussians {
     let Convert { rotate, scale, translate, crop, drop_floaters, keep, by, degree, .. } = arguments;
     if rotate.is_some() || scale.is_some() || translate.is_some() {
@@ -224,7 +224,7 @@ struct Loss {
     left_out: Option<usize>,
 }
 
-/// What was written.
+/// A file that was written.
 struct Written {
     format: SceneFormat,
     gaussians: usize,

@@ -30,7 +30,7 @@ pub struct Dynamic {
     pub command: DynamicCommand,
 }
 
-/// What is to be done.
+/// The commands.
 #[derive(Debug, Subcommand)]
 pub enum DynamicCommand {
     Train(DynamicTrain),

@@ -15,7 +15,7 @@ use weaver_trainer::{
     AlignLoss, Alignment, CameraMode, LookOf, MatchingOverride, OpenRun, Overrides, Source, Targets, comparison,
 };
 
-/// What is judged, by which views, and the figures.
+/// Heading of the flags that choose views and figures.
 const WHAT: &str = "What is judged";
 const VIEWS: &str = "Views";
 const FIGURES: &str = "Figures";
@@ -123,7 +123,7 @@ pub struct AlignFlags {
     /// Which numbers of the camera move, and at what rate
     #[arg(long, value_parser = choice(&METHODS), default_value = "own", requires = "align")]
     pub align_as: Method,
-    /// What photo and render are compared by [default: photometric, or mse as published]
+    /// Loss between photo and render [default: photometric, or mse as published]
     #[arg(long, value_parser = choice(&LOSSES), requires = "align")]
     pub align_loss: Option<AlignLoss>,
     /// Steps at most [default: 200, or 100 as published]
@@ -222,7 +222,7 @@ fn evaluate(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
     }
 }
 
-/// What is judged, with its name.
+/// Opens the networks that are judged, with their names.
 fn opened(arguments: &Eval) -> Result<Vec<(String, OpenRun)>, Failure> {
     if let Some(weights) = &arguments.weights {
         return Ok(vec![(weights.display().to_string(), weaver_recipes::open_weights(weights)?)]);

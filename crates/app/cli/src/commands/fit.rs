@@ -3,7 +3,7 @@
 mod course;
 mod initial;
 
-pub use course::{Means, begin};
+pub use course::{Means, begin, print};
 
 use super::convert::scene_format;
 use crate::clip;
@@ -66,6 +66,9 @@ pub struct Fit {
     /// Says what the run would take, and writes nothing
     #[arg(long, help_heading = RUN)]
     pub dry_run: bool,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long, help_heading = RUN)]
+    pub json: bool,
     /// Time between checkpoints, at least
     #[arg(long, value_name = "SECONDS", default_value_t = SAVE_EVERY, value_parser = pause, help_heading = RUN)]
     pub save_every: f64,
@@ -110,7 +113,7 @@ pub struct Fit {
     /// Draws antialiased: opacities are lowered where a Gaussian is widened to a pixel; =false if not [default: false]
     #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", help_heading = SCENE)]
     pub antialiased: Option<bool>,
-    /// How Gaussians are added, removed and moved [default: split]
+    /// Strategy by which Gaussians are added, removed and moved [default: split]
     #[arg(long, value_parser = choice(&STRATEGIES), help_heading = SCENE)]
     pub strategy: Option<StrategyKind>,
     /// Further files of the scene, in formats that `splatweaver convert --help` lists; may be repeated
@@ -160,7 +163,8 @@ pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Res
 fn fit(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
     if let Some(folder) = &arguments.resume {
         let Means { judge, rasterizer, .. } = Means::of(arguments)?;
-        return finish(Run::resume(folder, judge, rasterizer)?, folder, console, interrupt);
+        let outcome = finish(Run::resume(folder, judge, rasterizer)?, folder, console, interrupt)?;
+        return print(&outcome, folder, arguments.json, console);
     }
     let capture = arguments.capture.clone().ok_or_else(|| Failure::Usage("expected a capture".into()))?;
     let estimating = match &arguments.cameras {
@@ -188,17 +192,19 @@ fn fit(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Result<
     let hold_out = arguments.hold_out.unwrap_or_default();
     if !estimating {
         let settings = settings(arguments, (capture, hold_out), &means.initial)?;
-        return begin(settings, means, out, console, interrupt);
+        let outcome = begin(settings, means, out, console, interrupt)?;
+        return print(&outcome, &folder, arguments.json, console);
     }
     let images = capture.join("images");
     let images = [if images.is_dir() { images } else { capture }];
     let photos = clip::photos(&images, ClipFlags::default(), out.out(), console)?;
     let capture = estimated_capture(&photos, hold_out, arguments.matching, out.out(), console)?;
     let settings = settings(arguments, (capture, listed(hold_out)), &means.initial)?;
-    begin(settings, means, out, console, interrupt)
+    let outcome = begin(settings, means, out, console, interrupt)?;
+    print(&outcome, &folder, arguments.json, console)
 }
 
-/// What is held out of a capture that was estimated: it lists its photos for testing.
+/// The photos that are held out of an estimated capture, which lists its photos for testing.
 pub fn listed(hold_out: HoldOut) -> HoldOut {
     match hold_out {
         HoldOut::Nothing => HoldOut::Nothing,
@@ -206,7 +212,7 @@ pub fn listed(hold_out: HoldOut) -> HoldOut {
     }
 }
 
-/// What is asked for.
+/// Settings of the run, from the arguments.
 fn settings(arguments: &Fit, (capture, hold_out): (PathBuf, HoldOut), initial: &Start) -> Result<RunSettings, Failure> {
     let settings = RunSettings {
         long_side: arguments.long_side.map(|side| side as usize),

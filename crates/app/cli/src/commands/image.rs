@@ -25,7 +25,7 @@ pub struct Pictures {
     pub command: ImageCommand,
 }
 
-/// What is to be done.
+/// The commands.
 #[derive(Debug, Subcommand)]
 pub enum ImageCommand {
     Fit(ImageFit),

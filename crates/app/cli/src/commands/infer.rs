@@ -5,6 +5,7 @@ use crate::estimate::{cameras_folder, estimated};
 use crate::flags::{CameraChoice, ClipFlags, DensityFlags, LightFlags, MatchingFlags, RefineFlags};
 use crate::refine::refined;
 use clap::{ArgGroup, Args};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, mpsc};
@@ -84,6 +85,9 @@ pub struct Infer {
     /// Folder for the results
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
     #[command(flatten)]
     pub threads: Threads,
 }
@@ -163,6 +167,11 @@ fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Res
     };
     for remark in &report.remarks {
         console.note(remark);
+    }
+    if arguments.json {
+        let Report { gaussians, gaussians_per_pixel, psnr, remarks, .. } = &report;
+        let result = json!({"gaussians": gaussians, "gaussians_per_pixel": gaussians_per_pixel, "psnr": psnr, "remarks": remarks});
+        return console.print(&serde_json::to_string_pretty(&result)?);
     }
     let file = |name: &str| arguments.out.join(name).display().to_string();
     let result = match report.psnr {

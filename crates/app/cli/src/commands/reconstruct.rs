@@ -35,7 +35,7 @@ pub struct Reconstruct {
     /// Folder for the results
     #[arg(short, long, value_name = "DIR")]
     pub out: PathBuf,
-    /// How long it takes and how large photos are
+    /// Time of all of it and size of the photos
     #[arg(long, value_enum, default_value_t = Quality::Normal, help_heading = FIT)]
     pub quality: Quality,
     /// Time for all of it, matching included; the fit gets at least half of it, whatever matching took [default: the quality's]
@@ -51,6 +51,9 @@ pub struct Reconstruct {
     /// Seed of everything that is drawn at random
     #[arg(long, value_name = "S", default_value_t = 0, help_heading = FIT)]
     pub seed: u64,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
     #[command(flatten)]
     pub clip: ClipFlags,
     #[command(flatten)]
@@ -59,7 +62,7 @@ pub struct Reconstruct {
     pub threads: Threads,
 }
 
-/// What a reconstruction is for.
+/// The purpose of a reconstruction.
 #[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
 pub enum Quality {
     /// A look: half a minute, at most 384 pixels
@@ -134,7 +137,8 @@ fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Inter
     settings.fit.check()?;
     let capture = settings.capture.display();
     console.note(&format!("fit: {capture}, {minutes:.2} minutes, photos of at most {size} pixels"));
-    fit::begin(settings, fit::Means::usual()?, out, console, interrupt)
+    let outcome = fit::begin(settings, fit::Means::usual()?, out, console, interrupt)?;
+    fit::print(&outcome, &arguments.out, arguments.json, console)
 }
 
 /// Why nothing is made in a folder with a run, and how to go on with one that did not come to its end.
@@ -149,7 +153,7 @@ fn exists(folder: &Path) -> Failure {
     })
 }
 
-/// Whether a folder or file tells its cameras.
+/// True if a folder or file tells its cameras.
 fn is_capture(path: &Path) -> bool {
     let files = ["transforms.json", "transforms_train.json", "sparse", "cameras.txt"];
     path.is_file() && path.extension().is_some_and(|e| e == "json") || files.iter().any(|name| path.join(name).exists())

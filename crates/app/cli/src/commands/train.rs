@@ -76,6 +76,9 @@ pub struct Train {
     /// Writes every op of one step of each stage into this file, in Chrome's trace format (chrome://tracing, Perfetto)
     #[arg(long, value_name = "FILE", help_heading = MEASURING)]
     pub trace: Option<PathBuf>,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long, help_heading = RUN)]
+    pub json: bool,
     #[command(flatten)]
     pub device: DeviceFlag,
 }
@@ -165,10 +168,10 @@ fn train(
     let Shown { progress, console, .. } = shown;
     progress.finish();
     let summary = result?;
-    report(&summary, folder, console)
+    report(&summary, folder, arguments.json, console)
 }
 
-fn report(summary: &Summary, folder: &Folder, console: &mut Console) -> Result<(), Failure> {
+fn report(summary: &Summary, folder: &Folder, json: bool, console: &mut Console) -> Result<(), Failure> {
     let Summary { steps, planned, .. } = summary;
     if steps < planned {
         let path = folder.path().display();
@@ -177,6 +180,9 @@ fn report(summary: &Summary, folder: &Folder, console: &mut Console) -> Result<(
     }
     let memory = weaver_io::peak_mb().map_or(String::new(), |peak| format!(", at most {peak:.1} MB of memory"));
     console.note(&format!("{steps} steps done, {} in this session{memory}", duration(summary.seconds)));
+    if json {
+        return console.print(&serde_json::to_string_pretty(summary)?);
+    }
     if let Some(evaluation) = &summary.evaluation {
         console.print(&evaluation.table())?;
     }

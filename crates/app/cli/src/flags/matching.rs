@@ -14,7 +14,7 @@ const DISTORTIONS: [(&str, Find, &str); 3] = [
     ("k1k2", Find::K1K2, "Two"),
 ];
 
-/// What becomes of clips.
+/// Flags of clips.
 #[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
 pub struct ClipFlags {
     /// At most so many frames of each clip, spread over the way of its camera [default: as many as show something new, at most 120]
@@ -35,7 +35,7 @@ impl ClipFlags {
     }
 }
 
-/// How cameras are estimated.
+/// Options of estimated cameras.
 #[derive(Args, Clone, Copy, Debug, PartialEq)]
 pub struct MatchingFlags {
     /// The focal length of all photos, over their longer side: 0.75 for most phones [default: what the files tell, else estimated]

@@ -19,13 +19,13 @@ pub(super) struct Drawn {
     pub camera: Camera,
     /// With estimated cameras: the same in the capture's own scale and through its own lens.
     pub strict: Option<Image>,
-    /// How far the context's cameras are off, unless they were given.
+    /// Errors of the context's cameras, unless they were given.
     pub errors: Option<PoseErrors>,
-    /// What the reader should know.
+    /// Remark for the reader.
     pub remark: Option<Remark>,
 }
 
-/// What happened to a view.
+/// Remarks on a view.
 #[derive(Clone, Copy, Debug, Eq, Ord, PartialEq, PartialOrd)]
 pub(super) enum Remark {
     Rescaled,
@@ -185,7 +185,7 @@ fn between(predicted: &[Camera], context: &[Camera]) -> Option<Similarity> {
     (predicted.len() == context.len()).then(|| Similarity::fit(&centers(context), &centers(predicted)))?
 }
 
-/// How far cameras are from the context's own; `None` for a single one.
+/// Errors of cameras against the context's own; `None` for a single one.
 fn errors(cameras: &[Camera], example: &Example) -> Option<PoseErrors> {
     let poses = |c: &[Camera]| -> Vec<Pose> { c.iter().map(|c| c.pose).collect() };
     let several = cameras.len() > 1 && cameras.len() == example.context().len();

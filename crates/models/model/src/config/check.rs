@@ -7,24 +7,42 @@ use weaver_kernels::nearest_neighbors::MAX_NEIGHBORS;
 /// No size of a network is larger: products of two of them do not overflow.
 pub const MAX_SIZE: usize = 1_000_000;
 
-/// The key that is wrong, what was expected and what was found.
+/// Checks a setting.
+///
+/// # Errors
+/// The key that is wrong, what was expected and what was found, where it does not hold.
 pub fn ensure(holds: bool, key: &str, expected: impl Display, found: impl Display) -> Result<(), String> {
     if holds { Ok(()) } else { Err(format!("model.{key}: expected {expected}, found {found}")) }
 }
 
+/// Checks that a number is above 0 and finite.
+///
+/// # Errors
+/// As [`ensure`].
 pub fn positive(key: &str, value: f64) -> Result<(), String> {
     ensure(value > 0.0 && value.is_finite(), key, "a positive number", value)
 }
 
+/// Checks that a number is at least 0 and finite.
+///
+/// # Errors
+/// As [`ensure`].
 pub fn not_negative(key: &str, value: f64) -> Result<(), String> {
     ensure(value >= 0.0 && value.is_finite(), key, "a number that is not negative", value)
 }
 
+/// Checks that a number is a positive multiple of another.
+///
+/// # Errors
+/// As [`ensure`].
 pub fn multiple(key: &str, value: usize, of: usize) -> Result<(), String> {
     ensure(value > 0 && value.is_multiple_of(of), key, format_args!("a positive multiple of {of}"), value)
 }
 
 /// Checks backbone and camera head, whose keys begin with `at`, for images in patches.
+///
+/// # Errors
+/// As [`ensure`].
 pub fn cameras(at: &str, (b, c): (&BackboneConfig, &CameraConfig), patch: [(&str, usize); 3]) -> Result<(), String> {
     let key = |name: &str| format!("{at}{name}");
     let [rows, columns] = b.position_table.unwrap_or([1; 2]);
@@ -68,6 +86,10 @@ pub fn cameras(at: &str, (b, c): (&BackboneConfig, &CameraConfig), patch: [(&str
 }
 
 impl RasterConfig {
+    /// Checks all numbers.
+    ///
+    /// # Errors
+    /// As [`ensure`].
     pub fn check(&self) -> Result<(), String> {
         positive("raster.near", self.near)?;
         let alpha = self.alpha_max;

@@ -11,7 +11,7 @@ use weaver_nn::{
 const EPSILON: f64 = 1e-5;
 const INIT: WeightInit = WeightInit::FanIn;
 
-/// What attention knows of its tokens.
+/// Geometry of the tokens that attention knows.
 #[derive(Clone, Copy, Debug)]
 pub enum Known<'a, 't, T: Real> {
     /// Nothing.

@@ -13,7 +13,7 @@ const QUATERNION: usize = 18;
 const OPACITY: usize = 22;
 /// Degree-1 harmonics of a color.
 const COLOR_HARMONICS: usize = 4;
-/// How raw numbers become Gaussians.
+/// Decoding of raw numbers to Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Parametrization {
     /// As published, for worlds whose cameras are within 1: distance 500 sigmoid(mean of three), scales exp(min(raw - 6.9, -1.2)), 2
@@ -27,14 +27,14 @@ pub enum Parametrization {
     },
 }
 
-/// What the network says of each pixel.
+/// Output of the network for each pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct RawGaussians<'t, T: Real = f32> {
     /// `[V H W, numbers]`
     pub raw: Var<'t, T>,
     /// The pixels' rays.
     pub rays: Rays<'t, T>,
-    /// What the last numbers are.
+    /// Meaning of the last numbers.
     pub opacity: OpacityDegree,
 }
 

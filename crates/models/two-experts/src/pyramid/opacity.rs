@@ -7,7 +7,7 @@ use weaver_pose::harmonics;
 /// Harmonics up to degree 2.
 const HARMONICS: usize = 9;
 
-/// How the opacity of a Gaussian depends on the direction from which it is seen.
+/// Dependence of a Gaussian's opacity on the direction from which it is seen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OpacityDegree {
     /// It does not.
@@ -51,7 +51,7 @@ impl<'t, T: Real> Opacities<'t, T> {
         Self { numbers }
     }
 
-    /// Whether they depend on where Gaussians are seen from.
+    /// True if they depend on where Gaussians are seen from.
     pub fn depend_on_view(&self) -> bool {
         self.numbers.shape()[1] == HARMONICS
     }

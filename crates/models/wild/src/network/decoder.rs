@@ -22,7 +22,7 @@ pub struct LookDecoderConfig {
     pub hidden: usize,
     /// Degree of the harmonics of a color: 2 as published.
     pub sh_degree: usize,
-    /// Whether each photo's own pixels, standardized and then given the look's contrast and middle, are added to the colors. Not
+    /// True if each photo's own pixels, standardized and then given the look's contrast and middle, are added to the colors. Not
     /// published: tokens of small networks carry no texture.
     pub recolor: bool,
 }
@@ -121,7 +121,7 @@ impl LookDecoder {
     }
 }
 
-/// What coefficients of a degree are multiplied by.
+/// Factor on coefficients of a degree.
 fn factor_of(degree: usize) -> f64 {
     if degree == 0 { 1.0 } else { 0.1 * 0.25_f64.powi(degree as i32) }
 }

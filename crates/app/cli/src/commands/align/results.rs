@@ -28,7 +28,7 @@ pub struct Row<'a> {
     pub psnr: [f64; 2],
 }
 
-/// What is said of a photo.
+/// A line of the table: one photo.
 struct Line {
     name: String,
     psnr: [f64; 2],
@@ -56,7 +56,7 @@ impl Results {
 
     /// Checks that there is a place for the pictures of these photos.
     pub fn check(&self, photos: &[PosedPhoto]) -> Result<(), Failure> {
-        let frame = |photo: &PosedPhoto| Frame::new(photo.path.display().to_string(), photo.camera);
+        let frame = |photo: &PosedPhoto| Frame::new(photo.frame.path.display().to_string(), photo.photo.camera);
         let frames: Vec<Frame> = photos.iter().map(frame).collect();
         Ok(self.out.check(stems(&frames).iter().map(|stem| picture(stem)))?)
     }
@@ -64,35 +64,39 @@ impl Results {
     pub fn push(&mut self, Row { photo, aligned, psnr }: Row<'_>) -> Result<(), Failure> {
         let Camera { width, height, intrinsics, pose } = aligned.camera;
         // The photo on disk has a size and distortion of its own; its focal lengths change as those of the photo without.
-        let (file, before) = (photo.file_camera, photo.camera.intrinsics);
+        let (file, before) = (photo.frame.camera, photo.photo.camera.intrinsics);
         let Intrinsics { fx, fy, .. } = file.intrinsics;
         let (fx, fy) = (fx * intrinsics.fx / before.fx, fy * intrinsics.fy / before.fy);
         let camera = Camera { pose, intrinsics: Intrinsics { fx, fy, ..file.intrinsics }, ..file };
         // Relative, so that results and photos can be moved together.
         let name = |path: &PathBuf| weaver_io::relative_path(self.out.path(), path);
         self.frames.push(Frame {
-            distortion: photo.distortion,
-            mask: photo.mask_file.as_ref().map(name).transpose()?.map(PathBuf::from),
-            time: photo.time,
-            number: photo.number,
-            ..Frame::new(name(&photo.path)?, camera)
+            distortion: photo.frame.distortion,
+            mask: photo.frame.mask.as_ref().map(name).transpose()?.map(PathBuf::from),
+            time: photo.frame.time,
+            number: photo.frame.number,
+            ..Frame::new(name(&photo.frame.path)?, camera)
         });
         let pixels = aligned.image.iter().map(|x| x.clamp(0.0, 1.0)).collect();
         self.images.push(Image { width, height, pixels });
         let Aligned { loss, moved, outcome, .. } = aligned;
-        self.rows.push(Line { name: photo.name.clone(), psnr, loss, moved, outcome: kept(outcome) });
+        self.rows.push(Line { name: photo.photo.name.clone(), psnr, loss, moved, outcome: kept(outcome) });
         Ok(())
     }
 
-    /// Writes everything, and returns the table.
-    pub fn finish(self) -> Result<String, Failure> {
+    /// Writes everything, and returns the table, or the same as JSON.
+    pub fn finish(self, json: bool) -> Result<String, Failure> {
         for (image, stem) in self.images.iter().zip(stems(&self.frames)) {
             image.write_png(self.out.file(picture(&stem))?)?;
         }
         Model::from_frames(&self.frames).write_binary(self.out.files(MODEL, Model::FILES)?)?;
         let rows: Vec<Value> = self.rows.iter().map(report).collect();
-        weaver_io::write_text(self.out.file(REPORT)?, &serde_json::to_string_pretty(&rows)?)?;
+        let rows = serde_json::to_string_pretty(&rows)?;
+        weaver_io::write_text(self.out.file(REPORT)?, &rows)?;
         Transforms { frames: self.frames, ..Transforms::default() }.write(self.out.file(CAMERAS)?)?;
+        if json {
+            return Ok(rows);
+        }
         let width = self.rows.iter().map(|row| row.name.chars().count()).max().unwrap_or(0).max("photo".len());
         let mut text = format!("{:<width$}  dB before   after  degrees  of the depth\n", "photo");
         for Line { name, psnr: [before, after], moved: [degrees, distance], outcome, .. } in &self.rows {

@@ -41,7 +41,7 @@ pub fn judge(run: &Run, console: &mut Console) -> Result<Evaluation, Failure> {
     Ok(evaluation)
 }
 
-/// What was found, in columns.
+/// A table of an evaluation.
 pub fn table(evaluation: &Evaluation) -> String {
     let groups = evaluation.groups();
     let titles = groups.iter().map(|(name, scores)| format!("{name} ({})", scores.shots));

@@ -45,10 +45,10 @@ pub struct DynamicTrain {
     /// With `none`, trains on the photos that are held out, too: nothing is left to judge by
     #[arg(long, value_name = "listed|none", default_value = "listed", value_parser = ["listed", "none"])]
     pub hold_out: String,
-    /// What the gate's logits are divided by, in training and in use
+    /// Divisor of the gate's logits, in training and in use
     #[arg(long, value_name = "T", default_value = "1")]
     pub temperature: f64,
-    /// What the router sees where an expert has nothing
+    /// Values that the router sees where an expert has nothing
     #[arg(long, value_name = "B", default_value = "1", allow_negative_numbers = true)]
     pub background_weight: f64,
     /// Seed of the generated film, of numbers and of order

@@ -15,7 +15,7 @@ const FEW_POINTS: usize = 50;
 /// Fewer Gaussians than this for each pixel of a photo cannot show much.
 const FEW: f64 = 0.005;
 
-/// What a fit works with, opened before photos are matched: what is not there is then found at once.
+/// Rasterizer, judge and start of a fit, opened before photos are matched: a missing file is then found at once.
 pub struct Means {
     pub judge: Judge,
     pub rasterizer: Arc<dyn FitRasterizer>,
@@ -43,7 +43,7 @@ pub fn begin(
     out: Folder,
     console: &mut Console,
     interrupt: &Interrupt,
-) -> Result<(), Failure> {
+) -> Result<Outcome, Failure> {
     let plan = plan(&settings)?;
     memory::check(plan.total(), "a smaller --long-side or fewer --gaussians reduce it")?;
     let pixels = (plan.size[0] * plan.size[1]) as f64;
@@ -78,8 +78,8 @@ pub fn begin(
     finish(run, &folder, console, interrupt)
 }
 
-/// Goes on to the end, and prints how good the scene is.
-pub fn finish(mut run: Run, folder: &Path, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+/// Goes on to the end.
+pub fn finish(mut run: Run, folder: &Path, console: &mut Console, interrupt: &Interrupt) -> Result<Outcome, Failure> {
     let settings = run.settings();
     let (steps, budget) = (settings.fit.steps, settings.fit.gaussians);
     console.note(&format!(
@@ -102,11 +102,11 @@ pub fn finish(mut run: Run, folder: &Path, console: &mut Console, interrupt: &In
     advanced?;
     console
         .note(&format!("{} for the steps; drawing and judging every photo", duration(start.elapsed().as_secs_f64())));
-    let outcome = run.finish()?;
-    print(&outcome, folder, console)
+    Ok(run.finish()?)
 }
 
-fn print(outcome: &Outcome, folder: &Path, console: &mut Console) -> Result<(), Failure> {
+/// Prints the quality of a scene, for people or as JSON.
+pub fn print(outcome: &Outcome, folder: &Path, json: bool, console: &mut Console) -> Result<(), Failure> {
     let path = |name: &str| folder.join(name).display().to_string();
     let views = |name: &str, views: &Views| {
         let number = |x: Option<f64>, digits| x.map_or("-".into(), |x| format!("{x:.digits$}"));
@@ -123,17 +123,19 @@ fn print(outcome: &Outcome, folder: &Path, console: &mut Console) -> Result<(), 
     for name in &outcome.strangers {
         console.note(&format!("warning: {name} is met far worse than the other photos; it may show something else"));
     }
+    if outcome.steps < outcome.planned {
+        let (done, planned) = (outcome.steps, outcome.planned);
+        let folder = folder.display();
+        console.note(&format!("ended at step {done} of {planned}; to go on: splatweaver fit --resume {folder}"));
+    }
+    if json {
+        return console.print(&serde_json::to_string_pretty(outcome)?);
+    }
     console.print(&format!(
         "photos   views     PSNR  aligned    SSIM   LPIPS\n{test}{}{} Gaussians: {}\nreport: {}",
         views("fitted", &outcome.train),
         outcome.gaussians,
         path("scene.ply"),
         path("report.html")
-    ))?;
-    if outcome.steps < outcome.planned {
-        let (done, planned) = (outcome.steps, outcome.planned);
-        let folder = folder.display();
-        console.note(&format!("ended at step {done} of {planned}; to go on: splatweaver fit --resume {folder}"));
-    }
-    Ok(())
+    ))
 }

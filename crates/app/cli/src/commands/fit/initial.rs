@@ -12,7 +12,7 @@ use weaver_scene::Gaussians;
 pub enum Start {
     Here(Initial),
     File(PathBuf),
-    /// What a run's network predicts, or that of the weights that come with the program.
+    /// The prediction of a run's network, or of the weights that come with the program.
     Network(Option<RunFolder>),
 }
 
@@ -23,7 +23,7 @@ impl Default for Start {
 }
 
 impl Start {
-    /// What `--init` says.
+    /// Reads `--init`.
     pub fn of(text: Option<&str>) -> Result<Self, Failure> {
         match text {
             None => Ok(Self::Here(Initial::Auto)),
@@ -40,7 +40,7 @@ impl Start {
         }
     }
 
-    /// What the run is told of it.
+    /// The start as the run's settings name it.
     pub fn kind(&self) -> Initial {
         match self {
             Self::Here(initial) => *initial,
@@ -58,7 +58,7 @@ impl Start {
     }
 }
 
-/// What a network makes of the photos to fit to, thinned so that there is room to work in.
+/// Predicts Gaussians of the photos to fit to, thinned so that there is room to work in.
 fn predicted(folder: Option<&RunFolder>, settings: &RunSettings) -> Result<Gaussians, Failure> {
     let mut run = match folder {
         Some(folder) => weaver_recipes::registry().of_run(folder)?.open(folder)?,
