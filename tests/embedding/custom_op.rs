@@ -1,7 +1,7 @@
 //! An op of one's own, y = x s with a number s for each row, and the check of its gradient.
 
 use weaver_autograd::gradcheck::{Input, gradcheck};
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Tape, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Tape, Var, View, ViewMut, ensure_shape};
 
 #[derive(Debug)]
 struct ScaleRows;
@@ -21,7 +21,8 @@ impl<T: Real> Op<T> for ScaleRows {
         outs[0].iter_mut().enumerate().for_each(|(i, y)| *y = s[i / width] * x[i]);
     }
 
-    fn backward(&self, ins: &[View<T>], _: &[View<T>], douts: &[View<T>], dins: &mut [Option<Grad<T>>], _: &Pool) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         let (x, s, dy, width) = (&ins[0], &ins[1], &douts[0], ins[0].shape().last());
         if let Some(dx) = &mut dins[0] {
             dx.add_each(|i| s[i / width] * dy[i]);

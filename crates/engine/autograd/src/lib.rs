@@ -16,7 +16,7 @@ mod tape;
 mod var;
 
 pub use dual::Dual;
-pub use op::{Grad, Op, View, ViewMut};
+pub use op::{Backward, Grad, Op, View, ViewMut};
 pub use ops::pointwise_ops::apply_pointwise;
 pub use params::{HalfValues, Param, ParamId, ParamValues, Params, ReplaceError};
 pub use pointwise::{Pointwise, PointwiseOp};

@@ -23,17 +23,7 @@ pub trait Op<T: Real>: Debug + Send + 'static {
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], pool: &Pool);
 
     /// Adds the gradient with respect to every input that needs one: the sum over outputs of `dout * d out / d in`.
-    ///
-    /// `douts[i]`, the gradient with respect to output i, has the shape of the output (zeros if no gradient arrived) and is
-    /// empty for auxiliary outputs. `dins[i]` is `None` if input i needs no gradient; otherwise it must be written.
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        pool: &Pool,
-    );
+    fn backward(&self, at: Backward<'_, '_, T>);
 
     /// The number of auxiliary outputs, which come last: values to read, such as statistics, counts or saved state,
     /// that have no gradient. The tape panics with the name of the op if a gradient reaches one.
@@ -54,6 +44,21 @@ pub trait Op<T: Real>: Debug + Send + 'static {
         let _ = index;
         true
     }
+}
+
+/// Everything that [`Op::backward`] gets.
+#[derive(Debug)]
+pub struct Backward<'a, 'g, T: Real> {
+    /// The inputs.
+    pub ins: &'a [View<'a, T>],
+    /// The outputs.
+    pub outs: &'a [View<'a, T>],
+    /// Gradients with respect to the outputs, in their shapes: zeros if none arrived, empty for auxiliary outputs.
+    pub douts: &'a [View<'a, T>],
+    /// Gradients with respect to the inputs: `None` if an input needs none; otherwise it must be written.
+    pub dins: &'a mut [Option<Grad<'g, T>>],
+    /// Memory for large buffers.
+    pub pool: &'a Pool,
 }
 
 /// A contiguous row-major tensor to read.

@@ -1,7 +1,7 @@
 //! Elementwise ops that are defined by one expression; dual numbers give the derivative.
 
 use crate::op::GRAIN;
-use crate::{Dual, Grad, Op, Pool, Shape, ShapeError, Shapes, View, ViewMut, ensure_shape};
+use crate::{Backward, Dual, Op, Pool, Shape, ShapeError, Shapes, View, ViewMut, ensure_shape};
 use std::fmt::Debug;
 use weaver_kernels::{Real, parallel, simd};
 
@@ -89,14 +89,8 @@ impl<T: Real, F: Pointwise<N>, const N: usize> Op<T> for PointwiseOp<F, N> {
         });
     }
 
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, outs, douts, dins, .. } = at;
         let total = outs[0].len();
         for (k, din) in dins.iter_mut().enumerate() {
             let Some(din) = din else { continue };

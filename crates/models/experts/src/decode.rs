@@ -1,7 +1,7 @@
 //! Decoding of raw parameters to Gaussians.
 
 use crate::parametrization::{BEFORE_HARMONICS, Parametrization, harmonics};
-use weaver_autograd::{Grad, Op, Outputs, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Outputs, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_geometry::sh::DC;
 use weaver_kernels::parallel;
 use weaver_splat::GaussianVars;
@@ -168,14 +168,8 @@ impl<T: Real> Op<T> for Decode {
         });
     }
 
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, outs, douts, dins, .. } = at;
         let theta = ins[0];
         let (width, k) = (theta.shape().last(), harmonics(self.sh_degree));
         let (dscale, dquat, dopacity, dsh) = (douts[0], douts[1], douts[2], douts[3]);

@@ -1,7 +1,7 @@
 //! The softmax-weighted average over a Gaussian's neighbors, with separate weights per channel.
 
 use crate::neighbors::{GRAIN, Neighbors};
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{parallel, simd};
 
 #[derive(Debug)]
@@ -82,14 +82,8 @@ impl<T: Real> Op<T> for NeighborAverage {
         });
     }
 
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, outs, douts, dins, .. } = at;
         let (value, displacement) = (ins[1], ins[2]);
         let (average, weight, daverage) = (outs[0], outs[1], douts[0]);
         let (m, c) = (self.neighbors.per_gaussian(), value.shape().last());

@@ -1,7 +1,7 @@
 //! Offsets from each Gaussian to its neighbors.
 
 use crate::neighbors::{GRAIN, Neighbors};
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 
 #[derive(Debug)]
@@ -36,14 +36,8 @@ impl<T: Real> Op<T> for NeighborOffset {
         });
     }
 
-    fn backward(
-        &self,
-        _ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { douts, dins, .. } = at;
         let Some(dmeans) = &mut dins[0] else { return };
         let doffset = douts[0];
         let m = self.neighbors.per_gaussian();

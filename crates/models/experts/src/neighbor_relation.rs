@@ -1,7 +1,7 @@
 //! Differences of queries and keys of neighbors, from which the attention's scores are computed.
 
 use crate::neighbors::{GRAIN, Neighbors};
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 
 #[derive(Debug)]
@@ -44,14 +44,8 @@ impl<T: Real> Op<T> for NeighborRelation {
         });
     }
 
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         let drelation = douts[0];
         let (m, c) = (self.neighbors.per_gaussian(), ins[0].shape().last());
         let [dquery, dkey, ddisplacement] = dins else { unreachable!("three inputs") };

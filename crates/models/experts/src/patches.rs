@@ -1,7 +1,7 @@
 //! The pixels that each Gaussian stands for, and averages over them.
 
 use crate::Routes;
-use weaver_autograd::{Buffer, Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Buffer, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_router::{Cell, Cells};
 
 /// Lists of pixels, end to end.
@@ -134,14 +134,8 @@ impl<T: Real> Op<T> for PatchMean {
         }
     }
 
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         let width = ins[0].shape().last();
         if let Some(dx) = &mut dins[0] {
             let dx = dx.accumulator();

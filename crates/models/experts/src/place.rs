@@ -1,7 +1,7 @@
 //! Means of Gaussians: points of their pixels plus bounded offsets.
 
 use crate::{Origin, Parametrization};
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 
 #[derive(Debug)]
 struct Place {
@@ -37,14 +37,8 @@ impl<T: Real> Op<T> for Place {
         }
     }
 
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         let (raw, dmean) = (ins[1], douts[0]);
         let slot = raw.shape().last();
         if let Some(dpoint) = &mut dins[0] {
@@ -120,14 +114,8 @@ impl<T: Real> Op<T> for PlaceOnPatch {
         }
     }
 
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         let (raw, dmean) = (ins[1], douts[0]);
         let slot = raw.shape().last();
         if let Some(dpoint) = &mut dins[0] {

@@ -1,6 +1,6 @@
 //! Multiplies an expert's output by the router's choice of that expert.
 
-use weaver_autograd::{Buffer, Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Buffer, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 
 #[derive(Debug)]
 struct Gate {
@@ -36,14 +36,8 @@ impl<T: Real> Op<T> for Gate {
         }
     }
 
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         let (raw, choice, dout) = (ins[0], ins[1], douts[0]);
         let (width, experts) = (raw.shape().last(), choice.shape().last());
         let at = |p: u32| p as usize * experts + self.expert;

@@ -1,6 +1,6 @@
 //! The straight-through Gumbel softmax: a hard choice forward, a soft one backward.
 
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 
 /// The position of the largest sum of logit and noise in a row, the first one if several are equal.
 pub(crate) fn argmax<T: Real>(logits: &[T], noise: Option<&[T]>) -> usize {
@@ -55,14 +55,8 @@ impl<T: Real> Op<T> for GumbelSoftmax {
         }
     }
 
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, outs, douts, dins, .. } = at;
         let Some(dlogits) = &mut dins[0] else { return };
         let experts = ins[0].shape().last();
         let cool = T::from_f64(1.0 / self.temperature);

@@ -1,6 +1,6 @@
 //! Normalization of images by ImageNet's statistics, which the backbone expects.
 
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 
 /// Mean of ImageNet's red, green and blue in `[0, 1]`; single precision, as the published code has it.
@@ -35,14 +35,8 @@ impl<T: Real> Op<T> for NormalizeImage {
         });
     }
 
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         let shape = ins[0].shape();
         let plane = shape.last() * shape[shape.rank() - 2];
         if let Some(dx) = &mut dins[0] {

@@ -1,6 +1,6 @@
 //! The sinusoidal position signal that the dense heads add to their maps.
 
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 
 /// Weight of the signal in the dense heads.
@@ -66,14 +66,8 @@ impl<T: Real> Op<T> for AddPosition {
         });
     }
 
-    fn backward(
-        &self,
-        _ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { douts, dins, .. } = at;
         if let Some(dx) = &mut dins[0] {
             dx.add(&douts[0]);
         }

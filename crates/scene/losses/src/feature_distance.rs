@@ -1,6 +1,6 @@
 //! Distance of two feature maps whose vectors are normalized: one layer's term of LPIPS.
 
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 
 /// Added to the norm before dividing by it.
@@ -60,14 +60,8 @@ impl<T: Real> Op<T> for FeatureDistance {
         });
         outs[0].iter_mut().zip(scratch.chunks(2 * pixels)).for_each(|(out, s)| *out = s[0]);
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, pool, .. } = at;
         let shape = ins[0].shape();
         let (pixels, image) = (shape[2] * shape[3], shape[1] * shape[2] * shape[3]);
         let epsilon = T::from_f64(EPSILON);

@@ -1,7 +1,7 @@
 //! Images of which some pixels do not count.
 
 use crate::mse;
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 
 #[derive(Debug)]
 struct InsideOf {
@@ -40,14 +40,8 @@ impl<T: Real> Op<T> for InsideOf {
             }
         }
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         let Some(dx) = &mut dins[0] else { return };
         let shape = ins[0].shape();
         let pixels = (shape[2] * shape[3]).max(1);

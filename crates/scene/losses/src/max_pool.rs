@@ -1,6 +1,6 @@
 //! Max pooling, which the networks of LPIPS use.
 
-use weaver_autograd::{Buffer, Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Buffer, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 
 #[derive(Debug)]
@@ -55,14 +55,8 @@ impl<T: Real> Op<T> for MaxPool2d {
         });
         self.winners = Some(winners);
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, outs, douts, dins, .. } = at;
         let Some(dx) = &mut dins[0] else { return };
         let winners = self.winners.as_ref().expect("the forward pass came first");
         let pixels = ins[0].shape()[2] * ins[0].shape()[3];

@@ -1,7 +1,7 @@
 //! Quantiles with linear interpolation.
 
 use std::cmp::Ordering;
-use weaver_autograd::{Buffer, Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Buffer, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 
 fn order<T: Real>(a: T, b: T) -> Ordering {
     a.to_f64().total_cmp(&b.to_f64())
@@ -72,14 +72,8 @@ impl<T: Real> Op<T> for Quantiles {
         }
         self.found = Some(found);
     }
-    fn backward(
-        &self,
-        _ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { douts, dins, .. } = at;
         let Some(dx) = &mut dins[0] else { return };
         let dx = dx.accumulator();
         let found = self.found.as_ref().expect("the forward pass came first");

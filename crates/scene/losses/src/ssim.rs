@@ -2,7 +2,7 @@
 
 use crate::masked::inside_of;
 use crate::ssim_window::{Covariance, Kept, WINDOW, Windows};
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape, ops};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape, ops};
 use weaver_kernels::parallel;
 
 /// Planes worked on together, which bounds the scratch memory for any batch and number of threads.
@@ -74,14 +74,8 @@ impl<T: Real> Op<T> for Ssim<T> {
             |i, result| outs[0][i / channels] += result[0],
         );
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, pool, .. } = at;
         let shape = ins[0].shape();
         let (windows, pixels, channels) = (self.windows(shape), shape[2] * shape[3], shape[1]);
         let plane = |of: usize, i: usize| &ins[of][i * pixels..(i + 1) * pixels];

@@ -1,6 +1,6 @@
 //! Agreement of views about depths: features of a pixel against those where other views see it, for several depths.
 
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{parallel, simd};
 
 /// Smallest depth in another view at which a point is seen, as a fraction of the depth in its own.
@@ -200,14 +200,8 @@ impl<T: Real> Op<T> for PlaneSweep {
         });
     }
 
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, pool, .. } = at;
         let Some(dfeatures) = &mut dins[0] else { return };
         let Size { views, height, channels, .. } = Self::size(ins);
         let (depths, all) = (self.factors.len(), ins[0].len());

@@ -1,7 +1,9 @@
 //! Small functions of a few numbers, applied to every row of a tensor.
 
 use std::fmt::Debug;
-use weaver_autograd::{Dual, Grad, MAX_RANK, Op, Pool, Real, Shape, ShapeError, Shapes, View, ViewMut, ensure_shape};
+use weaver_autograd::{
+    Backward, Dual, MAX_RANK, Op, Pool, Real, Shape, ShapeError, Shapes, View, ViewMut, ensure_shape,
+};
 
 /// A function from `N` numbers to `M`, written once in dual numbers, so that value and derivative agree by construction.
 ///
@@ -87,14 +89,8 @@ impl<T: Real, F: RowMap<N, M>, const N: usize, const M: usize> Op<T> for RowMapO
         }
     }
 
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         for din in dins.iter_mut().flatten() {
             din.accumulator();
         }

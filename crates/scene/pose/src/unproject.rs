@@ -1,7 +1,9 @@
 //! Depth maps to world points.
 
 use crate::row_map::joined;
-use weaver_autograd::{Buffer, Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{
+    Backward, Buffer, Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape,
+};
 use weaver_kernels::parallel;
 
 /// Image rows per parallel chunk.
@@ -133,14 +135,8 @@ impl<T: Real> Op<T> for Unproject {
         });
     }
 
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, pool, .. } = at;
         let shape = ins[0].shape();
         let (height, width) = (shape[shape.rank() - 2], shape.last());
         let dpoints = &douts[0];

@@ -5,7 +5,7 @@ use crate::workspace::Workspace;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
-use weaver_autograd::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, parallel};
 
 /// Pixels that are worked on together.
@@ -203,14 +203,8 @@ impl<T: Real> Op<T> for Blend<T> {
         });
     }
 
-    fn backward(
-        &self,
-        _ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { douts, dins, pool, .. } = at;
         let [Some(gradient)] = dins else { return };
         let (slopes, channels) = (&*douts[0], douts[0].shape()[1]);
         let len = self.0.gaussians * channels;

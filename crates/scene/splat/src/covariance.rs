@@ -2,7 +2,7 @@
 
 use crate::matrix::{Mat33, Vec3, dot};
 use crate::rotation::{rotation, rotation_backward};
-use weaver_autograd::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, parallel};
 
 /// Gaussians per parallel chunk.
@@ -77,14 +77,8 @@ impl<T: Real> Op<T> for Covariance {
         });
     }
 
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         let d = |n: usize| &douts[0].data()[9 * n..9 * n + 9];
         if let Some(dscales) = &mut dins[0] {
             for_gaussians(dscales.accumulator(), 3, |n, dscale| {

@@ -10,7 +10,7 @@ use crate::shelf::Shelf;
 use crate::statistics::SharedStatistics;
 use crate::tiles::Region;
 use std::sync::{Arc, Mutex, PoisonError};
-use weaver_autograd::{Grad, Op, Outputs, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Outputs, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_geometry::sh::MAX_DEGREE;
 use weaver_kernels::Real;
 use weaver_pose::CameraVars;
@@ -340,14 +340,8 @@ impl<T: Real> Op<T> for Rasterize<T> {
         self.session = Mutex::new(Some(session));
     }
 
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         let (gaussians, cameras) = self.scene(ins);
         let mut held = self.session.lock().unwrap_or_else(PoisonError::into_inner);
         let cotangents = Cotangents {

@@ -12,7 +12,7 @@ use crate::tiles::{
 };
 use std::fmt::Debug;
 use std::sync::{Mutex, PoisonError};
-use weaver_autograd::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, parallel};
 
 /// A kind of primitive, with its cameras: how tensors become records, and the chain rule back to the tensors.
@@ -177,14 +177,8 @@ impl<T: Real, P: Primitive<T>> Op<T> for RasterizePrimitives<T, P> {
         }
     }
 
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, pool, .. } = at;
         let mut held = self.tiles.lock().unwrap_or_else(PoisonError::into_inner);
         // There are no tiles where forward failed.
         let Some(tiles) = held.as_mut() else { return };

@@ -2,7 +2,7 @@
 
 use crate::filter::Wavelet;
 use crate::transform::{Border, add_transposed, analyze};
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 
 #[derive(Debug)]
 struct Analysis {
@@ -32,14 +32,8 @@ impl<T: Real> Op<T> for Analysis {
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
         analyze(self.wavelet, Border::Symmetric, &ins[0], image_size(ins[0].shape()), &mut outs[0]);
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         if let Some(dx) = &mut dins[0] {
             add_transposed(self.wavelet, Border::Symmetric, &douts[0], image_size(ins[0].shape()), dx.accumulator());
         }

@@ -1,6 +1,6 @@
 //! Energy of the detail sub-bands at each coefficient.
 
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 
 /// Added under the square root, which keeps the derivative finite in flat regions.
@@ -35,14 +35,8 @@ impl<T: Real> Op<T> for DetailEnergy {
         let shape = ins[0].shape();
         detail_energy_into(&ins[0], shape[2] * shape[3], &mut outs[0]);
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, outs, douts, dins, .. } = at;
         let Some(dx) = &mut dins[0] else { return };
         let band = ins[0].shape()[2] * ins[0].shape()[3];
         dx.add_each(|i| {

@@ -1,6 +1,6 @@
 //! Brightness of an RGB image.
 
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 
 /// Weights of red, green and blue (ITU-R BT.601).
@@ -34,14 +34,8 @@ impl<T: Real> Op<T> for Luma {
         let shape = ins[0].shape();
         luma_into(&ins[0], shape[2] * shape[3], &mut outs[0]);
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         let Some(dx) = &mut dins[0] else { return };
         let pixels = ins[0].shape()[2] * ins[0].shape()[3];
         let (dx, beta) = dx.target();

@@ -2,7 +2,7 @@
 
 use crate::filter::Wavelet;
 use crate::transform::{Border, add_transposed, analyze};
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 
 #[derive(Debug)]
 struct Synthesis {
@@ -34,14 +34,8 @@ impl<T: Real> Op<T> for Synthesis {
         outs[0].fill(T::ZERO);
         add_transposed(self.wavelet, Border::Zero, &ins[0], self.size, &mut outs[0]);
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, pool, .. } = at;
         if let Some(dbands) = &mut dins[0] {
             let mut bands = pool.buffer(ins[0].len());
             analyze(self.wavelet, Border::Zero, &douts[0], self.size, &mut bands);

@@ -1,6 +1,6 @@
 //! Bilinear samples of a plane of features.
 
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 
 /// Points that are worked on together.
@@ -73,14 +73,8 @@ impl<T: Real> Op<T> for PlaneSample {
             }
         });
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         let (channels, size) = sizes(ins[0].shape());
         let (plane, places, cells) = (&*ins[0], &*ins[1], size[0] * size[1]);
         let slopes = &*douts[0];

@@ -1,6 +1,6 @@
 //! Binary cross entropy of probabilities.
 
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 
 /// The logarithm of a probability is at least this, as in PyTorch.
 const LEAST_LOG: f64 = -100.0;
@@ -28,14 +28,8 @@ impl<T: Real> Op<T> for BinaryCrossEntropy {
         let sum: f64 = ins[0].iter().zip(ins[1].iter()).map(term).sum();
         outs[0][0] = T::from_f64(-sum / ins[0].len().max(1) as f64);
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         let Some(dp) = &mut dins[0] else { return };
         let (p, y) = (&ins[0], &ins[1]);
         let scale = douts[0][0] / T::from_usize(p.len().max(1));

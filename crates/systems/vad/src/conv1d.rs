@@ -1,7 +1,7 @@
 //! Convolution along time.
 
 use weaver_autograd::ops::{self, Activation};
-use weaver_autograd::{Grad, Op, ParamId, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, ParamId, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 use weaver_nn::{Builder, Context, WeightInit};
 
@@ -45,14 +45,8 @@ impl<T: Real> Op<T> for GatherTaps {
             }
         });
     }
-    fn backward(
-        &self,
-        _ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { douts, dins, .. } = at;
         let Some(dx) = &mut dins[0] else { return };
         let (time, width) = (douts[0].shape()[1], douts[0].shape()[2]);
         parallel::for_chunks(dx.accumulator(), TAPS * time * width, |b, dx| {

@@ -1,6 +1,6 @@
 //! Attention by distance in time.
 
-use weaver_autograd::{Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::parallel;
 
 /// e^(-1/e), the weight of the next snippet.
@@ -54,14 +54,8 @@ impl<T: Real> Op<T> for DecayAttention {
             filter(&ins[0][b * time * width..][..out.len()], width, |t| shares[t], |_| T::ONE, out);
         });
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, pool, .. } = at;
         let Some(dx) = &mut dins[0] else { return };
         let [_, time, width] = [0, 1, 2].map(|axis| ins[0].shape()[axis]);
         let shares = shares(time);

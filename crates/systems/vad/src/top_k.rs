@@ -1,6 +1,6 @@
 //! The largest values of rows: their indices, and their mean as an op.
 
-use weaver_autograd::{Buffer, Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use weaver_autograd::{Backward, Buffer, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 
 /// Number of `snippets` that a bag is judged by: a sixteenth, and one. Zhou et al., arXiv 2302.05160, code.
 pub fn top_k(snippets: usize) -> usize {
@@ -54,14 +54,8 @@ impl<T: Real> Op<T> for TopKMean {
         }
         self.chosen = Some(chosen);
     }
-    fn backward(
-        &self,
-        _ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { douts, dins, .. } = at;
         let Some(dx) = &mut dins[0] else { return };
         let chosen = self.chosen.as_ref().expect("the forward pass came first");
         let dx = dx.accumulator();

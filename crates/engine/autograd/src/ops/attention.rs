@@ -1,6 +1,6 @@
 //! Scaled dot-product attention.
 
-use crate::{Buffer, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Buffer, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{
     Real,
     attention::{AttentionInputs, AttentionOutput, AttentionShape, Strides, attention_backward, attention_forward},
@@ -46,14 +46,8 @@ impl<T: Real> Op<T> for Attention<T> {
         attention_forward(&inputs, (&mut outs[0], inputs.q.1), &mut log_sums);
         self.log_sums = Some(log_sums);
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, outs, douts, dins, .. } = at;
         let inputs = self.inputs(ins);
         let lse = self.log_sums.as_ref().expect("the forward pass came first");
         let output = AttentionOutput { out: (&outs[0], inputs.q.1), lse };

@@ -1,7 +1,7 @@
 //! Gradient checkpointing: recomputation trades time for memory.
 
 use crate::tape::{List, Surroundings};
-use crate::{Buffer, Grad, Op, ParamId, Params, Pool, Shape, ShapeError, Shapes, Tape, Var, View, ViewMut};
+use crate::{Backward, Buffer, Grad, Op, ParamId, Params, Pool, Shape, ShapeError, Shapes, Tape, Var, View, ViewMut};
 use smallvec::SmallVec;
 use std::fmt;
 use weaver_kernels::{Real, parallel};
@@ -36,14 +36,8 @@ where
     fn forward(&mut self, _ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
         parallel::copy(&self.result.take().expect("forward runs once"), &mut outs[0]);
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, pool, .. } = at;
         let tape = Tape::nested(&self.around, pool.clone(), true);
         let own = ins.len() - self.used.len();
         let source = |(i, x): (usize, &View<'_, T>)| match dins[i] {

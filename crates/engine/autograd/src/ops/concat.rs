@@ -1,6 +1,6 @@
 //! Concatenation along an axis.
 
-use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, rows::copy_blocks};
 
 #[derive(Debug)]
@@ -42,14 +42,8 @@ impl<T: Real> Op<T> for Concat {
             copy_blocks(outer, width, &ins[i], width, (&mut outs[0][start..], T::ZERO), len * inner);
         });
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, outs, douts, dins, .. } = at;
         let [outer, len, inner] = outs[0].shape().around(self.axis);
         self.parts(ins, |i, start, width| {
             if let Some(dx) = &mut dins[i] {

@@ -1,6 +1,6 @@
 //! Two-dimensional convolution.
 
-use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, conv};
 
 #[derive(Debug)]
@@ -33,14 +33,8 @@ impl<T: Real> Op<T> for Conv2d {
         let size = self.size(ins[0].shape(), ins[1].shape());
         conv::conv2d_forward(&size, &ins[0], &ins[1], ins.get(2).map(View::data), &mut outs[0]);
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, pool, .. } = at;
         let (x, w, dy) = (&ins[0], &ins[1], &douts[0]);
         let size = self.size(x.shape(), w.shape());
         if let Some(dx) = &mut dins[0] {

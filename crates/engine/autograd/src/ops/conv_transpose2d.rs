@@ -1,6 +1,6 @@
 //! Transposed convolution.
 
-use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, conv};
 
 #[derive(Debug)]
@@ -36,14 +36,8 @@ impl<T: Real> Op<T> for ConvTranspose2d {
         let b = ins.get(2).map(View::data);
         conv::conv_transpose2d_forward(&size, &ins[0], &ins[1], b, &mut outs[0], &mut scratch);
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, pool, .. } = at;
         let (x, w, dy) = (&ins[0], &ins[1], &douts[0]);
         let size = self.size(x.shape(), w.shape());
         if let Some(dx) = &mut dins[0] {

@@ -1,6 +1,6 @@
 //! Cross entropy with label smoothing.
 
-use crate::{Buffer, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Buffer, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, softmax::softmax_forward};
 
 #[derive(Debug)]
@@ -43,14 +43,8 @@ impl<T: Real> Op<T> for CrossEntropy<T> {
         outs[0][0] = T::from_f64(total / self.labels.len().max(1) as f64);
         self.probabilities = Some(probabilities);
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         let Some(dx) = &mut dins[0] else { return };
         let p = self.probabilities.as_ref().expect("the forward pass came first");
         let classes = ins[0].shape().last();

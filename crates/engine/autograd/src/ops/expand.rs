@@ -1,7 +1,7 @@
 //! Broadcasting to a larger shape.
 
 use super::strided::{Strided, contiguous};
-use crate::{Grad, MAX_RANK, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, MAX_RANK, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::Real;
 
 #[derive(Debug)]
@@ -38,14 +38,8 @@ impl<T: Real> Op<T> for Expand {
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
         self.strided(ins[0].shape()).gather(&ins[0], &mut outs[0]);
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         if let Some(dx) = &mut dins[0] {
             self.strided(ins[0].shape()).scatter_add(&douts[0], dx.accumulator());
         }

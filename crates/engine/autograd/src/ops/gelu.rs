@@ -1,6 +1,6 @@
 //! The Gaussian error linear unit.
 
-use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::Real;
 use weaver_kernels::gelu::{gelu_backward, gelu_forward};
 
@@ -18,14 +18,8 @@ impl<T: Real> Op<T> for Gelu {
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
         gelu_forward(&ins[0], &mut outs[0]);
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         if let Some(dx) = &mut dins[0] {
             gelu_backward(&ins[0], &douts[0], dx.target());
         }

@@ -1,6 +1,6 @@
 //! Layer normalization over the last axis.
 
-use crate::{Buffer, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Buffer, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, layer_norm};
 
 #[derive(Debug)]
@@ -27,14 +27,8 @@ impl<T: Real> Op<T> for LayerNorm<T> {
         layer_norm::layer_norm_forward(width, eps, &ins[0], affine, &mut outs[0], &mut statistics);
         self.statistics = Some(statistics);
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, pool, .. } = at;
         let (x, dy, width) = (&ins[0], &douts[0], ins[0].shape().last());
         let statistics = self.statistics.as_ref().expect("the forward pass came first");
         let mut scratch = pool.buffer(layer_norm::layer_norm_scratch_len(ins[0].shape().rows(), width));

@@ -1,7 +1,7 @@
 //! A fully connected layer, fused with its activation.
 
 use crate::op::GRAIN;
-use crate::{Buffer, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Buffer, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::gelu::{gelu_backward, gelu_forward};
 use weaver_kernels::gemm::{Mat, MatMut, gemm, gemm_half, gemm_half_scratch_len};
 use weaver_kernels::{Real, parallel, reduce::column_sums};
@@ -83,14 +83,8 @@ impl<T: Real> Op<T> for Linear<T> {
             }
         }
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, outs, douts, dins, pool } = at;
         let (x, w) = (&ins[0], &ins[1]);
         let (rows, n, k) = (x.shape().rows(), w.shape()[0], w.shape()[1]);
         let chained = match (self.activation, &self.sums) {

@@ -1,6 +1,6 @@
 //! The logarithm of softmax along an axis.
 
-use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, parallel};
 
 #[derive(Debug)]
@@ -29,14 +29,8 @@ impl<T: Real> Op<T> for LogSoftmax {
             }
         });
     }
-    fn backward(
-        &self,
-        _ins: &[View<'_, T>],
-        outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { outs, douts, dins, .. } = at;
         let Some(dx) = &mut dins[0] else { return };
         let [_, len, inner] = outs[0].shape().around(self.axis);
         let (dx, beta) = dx.target();

@@ -1,6 +1,6 @@
 //! Matrix products, batched or with a shared right factor.
 
-use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::Real;
 use weaver_kernels::gemm::{Batch, Mat, MatMut, gemm_batched};
 
@@ -69,14 +69,8 @@ impl<T: Real> Op<T> for Matmul {
         let Sizes { batch, m, n, .. } = sizes;
         gemm_batched(batch, T::ONE, a, b, T::ZERO, MatMut::new(&mut outs[0], m, n).batch(m * n));
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         let sizes = self.sizes(ins[0].shape(), ins[1].shape());
         let Sizes { batch, m, n, k, shared } = sizes;
         let (mk, kn, mn) = (m * k, k * n, m * n);

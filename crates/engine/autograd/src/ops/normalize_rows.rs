@@ -1,7 +1,7 @@
 //! Normalization of rows to unit length.
 
 use crate::op::GRAIN;
-use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, parallel};
 
 #[derive(Debug)]
@@ -39,14 +39,8 @@ impl<T: Real> Op<T> for NormalizeRows {
             }
         });
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, outs, douts, dins, .. } = at;
         let Some(dx) = &mut dins[0] else { return };
         let (x, y, dy, width) = (&ins[0], &outs[0], &douts[0], ins[0].shape().last().max(1));
         let rows = GRAIN.div_ceil(width);

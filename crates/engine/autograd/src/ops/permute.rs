@@ -1,6 +1,6 @@
 //! Reordering of axes.
 
-use crate::{Grad, MAX_RANK, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, MAX_RANK, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, permute};
 
 #[derive(Debug)]
@@ -35,14 +35,8 @@ impl<T: Real> Op<T> for Permute {
         let (dims, axes) = padded(ins[0].shape(), self.axes.dims());
         permute::permute(dims, axes, &ins[0], (&mut outs[0], T::ZERO));
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         if let Some(dx) = &mut dins[0] {
             let (dims, axes) = padded(ins[0].shape(), self.axes.dims());
             let permuted = axes.map(|axis| dims[axis]);

@@ -1,6 +1,6 @@
 //! Resizing and box filtering of maps.
 
-use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, resample};
 
 /// The kind of resampling.
@@ -52,14 +52,8 @@ impl<T: Real> Op<T> for Resample {
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], pool: &Pool) {
         self.plan(pool, ins[0].shape(), outs[0].shape()).forward(&ins[0], &mut outs[0]);
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, outs, douts, dins, pool } = at;
         if let Some(dx) = &mut dins[0] {
             self.plan(pool, ins[0].shape(), outs[0].shape()).backward(&douts[0], dx.target());
         }

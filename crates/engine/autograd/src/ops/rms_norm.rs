@@ -1,6 +1,6 @@
 //! Root-mean-square normalization over the last axis.
 
-use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, rms_norm};
 
 #[derive(Debug)]
@@ -22,14 +22,8 @@ impl<T: Real> Op<T> for RmsNorm {
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
         rms_norm::rms_norm_forward(T::from_f64(self.eps), &ins[0], &ins[1], &mut outs[0]);
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, pool, .. } = at;
         let (x, w) = (&ins[0], &ins[1]);
         let mut scratch = pool.buffer(rms_norm::rms_norm_scratch_len(x.shape().rows(), w.len()));
         let mut targets = dins.iter_mut().map(|grad| grad.as_mut().map(Grad::target));

@@ -1,6 +1,6 @@
 //! Rotary position embedding in two dimensions.
 
-use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use std::sync::Arc;
 use weaver_kernels::{Real, rope::Rope2d};
 
@@ -61,14 +61,8 @@ impl<T: Real> Op<T> for Rope<T> {
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
         self.table.rope.forward(ins[0].shape()[2], &ins[0], &mut outs[0]);
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         if let Some(dx) = &mut dins[0] {
             self.table.rope.backward(ins[0].shape()[2], &douts[0], dx.target());
         }

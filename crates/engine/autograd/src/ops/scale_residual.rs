@@ -1,7 +1,7 @@
 //! A residual branch with a scale per channel.
 
 use crate::op::GRAIN;
-use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, parallel, reduce::column_sums};
 
 #[derive(Debug)]
@@ -36,14 +36,8 @@ impl<T: Real> Op<T> for ScaleResidual {
             }
         });
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, pool, .. } = at;
         let (gamma, y, dout) = (&ins[1], &ins[2], &douts[0]);
         if let Some(dx) = &mut dins[0] {
             dx.add(dout);

@@ -1,6 +1,6 @@
 //! Sums of rows by index.
 
-use crate::{Buffer, Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Buffer, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, rows};
 
 #[derive(Debug)]
@@ -28,14 +28,8 @@ impl<T: Real> Op<T> for ScatterAddRows {
         let width = outs[0].shape().without_axis(0).len();
         rows::scatter_add_rows(width, &ins[0], &self.indices, (&mut outs[0], T::ZERO));
     }
-    fn backward(
-        &self,
-        _ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { douts, dins, .. } = at;
         if let Some(dx) = &mut dins[0] {
             let width = douts[0].shape().without_axis(0).len();
             rows::gather_rows(width, &douts[0], &self.indices, dx.target());

@@ -1,6 +1,6 @@
 //! A range of indices along an axis.
 
-use crate::{Grad, List, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, List, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, rows::copy_blocks};
 
 #[derive(Debug)]
@@ -35,14 +35,8 @@ impl<T: Real> Op<T> for Slice {
             width,
         );
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { ins, douts, dins, .. } = at;
         if let Some(dx) = &mut dins[0] {
             let [outer, len, inner] = ins[0].shape().around(self.axis);
             let (width, start) = (self.len * inner, self.start * inner);

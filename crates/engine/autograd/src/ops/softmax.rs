@@ -1,6 +1,6 @@
 //! Softmax along an axis.
 
-use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::{Real, softmax};
 
 #[derive(Debug)]
@@ -20,14 +20,8 @@ impl<T: Real> Op<T> for Softmax {
         let [_, len, inner] = ins[0].shape().around(self.axis);
         softmax::softmax_forward(len, inner, &ins[0], &mut outs[0]);
     }
-    fn backward(
-        &self,
-        _ins: &[View<'_, T>],
-        outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { outs, douts, dins, .. } = at;
         if let Some(dx) = &mut dins[0] {
             let [_, len, inner] = outs[0].shape().around(self.axis);
             softmax::softmax_backward(len, inner, &outs[0], &douts[0], dx.target());

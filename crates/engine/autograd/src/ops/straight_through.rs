@@ -1,6 +1,6 @@
 //! The value of one tensor with the gradient of another.
 
-use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::Real;
 
 #[derive(Debug)]
@@ -17,14 +17,8 @@ impl<T: Real> Op<T> for StraightThrough {
     fn forward(&mut self, ins: &[View<'_, T>], outs: &mut [ViewMut<'_, T>], _pool: &Pool) {
         outs[0].copy_from_slice(&ins[1]);
     }
-    fn backward(
-        &self,
-        _ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { douts, dins, .. } = at;
         if let Some(dsoft) = &mut dins[0] {
             dsoft.add(&douts[0]);
         }

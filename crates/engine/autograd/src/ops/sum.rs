@@ -1,6 +1,6 @@
 //! The sum of all elements.
 
-use crate::{Grad, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
+use crate::{Backward, Op, Pool, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 use weaver_kernels::Real;
 
 #[derive(Debug)]
@@ -18,14 +18,8 @@ impl<T: Real> Op<T> for Sum {
         // In f64 and in order: losses are compared across runs to the last bit.
         outs[0][0] = T::from_f64(ins[0].iter().map(|x| x.to_f64()).sum());
     }
-    fn backward(
-        &self,
-        _ins: &[View<'_, T>],
-        _outs: &[View<'_, T>],
-        douts: &[View<'_, T>],
-        dins: &mut [Option<Grad<'_, T>>],
-        _pool: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, T>) {
+        let Backward { douts, dins, .. } = at;
         if let Some(dx) = &mut dins[0] {
             dx.add_each(|_| douts[0][0]);
         }

@@ -1,7 +1,7 @@
 //! The backward pass over the tape.
 
 use super::{List, Record, Tape, ValueId};
-use crate::op::{Grad, View};
+use crate::op::{Backward, Grad, View};
 use crate::profile::Phase;
 use crate::{Buffer, Shape};
 use std::ops::Deref;
@@ -102,7 +102,7 @@ impl<T: Real> Tape<T> {
                     slots.iter_mut().map(|s| s.as_mut().map(|(grad, first)| Grad::new(grad, *first))).collect();
                 if outs.iter().any(|out| !out.is_empty()) {
                     let began = self.began();
-                    op.backward(&ins, &outs, &douts, &mut dins, &self.pool);
+                    op.backward(Backward { ins: &ins, outs: &outs, douts: &douts, dins: &mut dins, pool: &self.pool });
                     self.ended(began, name, Phase::Backward, path);
                 } else {
                     dins.iter_mut().flatten().for_each(Grad::add_zero);

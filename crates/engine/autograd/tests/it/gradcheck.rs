@@ -2,7 +2,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use weaver_autograd::gradcheck::{Input, gradcheck};
-use weaver_autograd::{Grad, Op, Pool, Shape, ShapeError, Shapes, View, ViewMut};
+use weaver_autograd::{Backward, Op, Pool, Shape, ShapeError, Shapes, View, ViewMut};
 
 /// y = `offset` + `factor` x^2, whose gradient is `claimed` times what it should be, in the first element alone.
 #[derive(Clone, Copy, Debug)]
@@ -24,14 +24,8 @@ impl Op<f64> for Square {
             *y = self.offset + self.factor * x * x;
         }
     }
-    fn backward(
-        &self,
-        ins: &[View<'_, f64>],
-        _: &[View<'_, f64>],
-        douts: &[View<'_, f64>],
-        dins: &mut [Option<Grad<'_, f64>>],
-        _: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, f64>) {
+        let Backward { ins, douts, dins, .. } = at;
         let mut dx: Vec<f64> = ins[0].iter().zip(douts[0].iter()).map(|(x, dy)| 2.0 * self.factor * x * dy).collect();
         dx[0] *= self.claimed;
         if let Some(grad) = &mut dins[0] {

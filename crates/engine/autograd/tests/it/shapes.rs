@@ -3,7 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use weaver_autograd::ops::{self, Activation, RopeTable};
 use weaver_autograd::{
-    Grad, Op, Pool, Shape, ShapeError, Shapes, Tape, Var, View, ViewMut, apply_pointwise, pointwise,
+    Backward, Op, Pool, Shape, ShapeError, Shapes, Tape, Var, View, ViewMut, apply_pointwise, pointwise,
 };
 
 pointwise!(Product, 2, |a, b| a * b);
@@ -101,13 +101,5 @@ impl Op<f64> for Never {
         Err(ShapeError::expected("nothing"))
     }
     fn forward(&mut self, _: &[View<'_, f64>], _: &mut [ViewMut<'_, f64>], _: &Pool) {}
-    fn backward(
-        &self,
-        _: &[View<'_, f64>],
-        _: &[View<'_, f64>],
-        _: &[View<'_, f64>],
-        _: &mut [Option<Grad<'_, f64>>],
-        _: &Pool,
-    ) {
-    }
+    fn backward(&self, _at: Backward<'_, '_, f64>) {}
 }

@@ -2,7 +2,7 @@
 
 use weaver_autograd::gradcheck::{Input, gradcheck};
 use weaver_autograd::{
-    Grad, Op, Params, Phase, Pool, Shape, ShapeError, Shapes, Tape, Var, View, ViewMut, ops, pointwise,
+    Backward, Op, Params, Phase, Pool, Shape, ShapeError, Shapes, Tape, Var, View, ViewMut, ops, pointwise,
 };
 
 pointwise!(Silu, 1, |x| x / (1 + (-x).exp()));
@@ -39,14 +39,8 @@ impl Op<f64> for Identity {
         outs[0].copy_from_slice(&ins[0]);
         outs[1].copy_from_slice(&ins[0]);
     }
-    fn backward(
-        &self,
-        _: &[View<'_, f64>],
-        _: &[View<'_, f64>],
-        douts: &[View<'_, f64>],
-        dins: &mut [Option<Grad<'_, f64>>],
-        _: &Pool,
-    ) {
+    fn backward(&self, at: Backward<'_, '_, f64>) {
+        let Backward { douts, dins, .. } = at;
         if let (Some(dx), false) = (&mut dins[0], self.broken) {
             dx.add(&douts[0]);
         }
