@@ -20,6 +20,7 @@ mod photos;
 mod published;
 mod render;
 mod run;
+mod serde;
 mod teacher;
 mod two_experts;
 mod walkthrough;

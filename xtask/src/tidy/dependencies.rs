@@ -41,8 +41,9 @@ fn dependencies(package: &Package) -> impl Iterator<Item = &Value> {
     package.metadata["dependencies"].as_array().into_iter().flatten()
 }
 
+/// Crates from outside that come with a crate, without being asked for by a feature.
 fn outside(package: &Package) -> impl Iterator<Item = &str> {
-    let normal = dependencies(package).filter(|d| d["kind"].is_null());
+    let normal = dependencies(package).filter(|d| d["kind"].is_null() && d["optional"] != true);
     normal.map(|d| text(d, "name")).filter(|name| !name.starts_with("weaver-"))
 }
 

@@ -5,6 +5,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 /// A similarity transform: `x -> scale * rotation * x + translation`.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Similarity {
     /// Factor by which lengths grow, positive.
     pub scale: f64,

@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3};
 
 /// Pinhole intrinsics in pixels; pixel centers lie at half-integers.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Intrinsics {
     /// Horizontal focal length, pixels.
     pub fx: f64,
@@ -47,6 +48,7 @@ impl Intrinsics {
 
 /// A pinhole camera: pose, intrinsics and image size.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Camera {
     /// World-to-camera pose.
     pub pose: Pose,

@@ -17,6 +17,7 @@ use std::f64::consts::FRAC_PI_2;
 /// assert!(lens.undistort(seen).unwrap().distance(DVec2::new(0.5, 0.0)) < 1e-12);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Distortion {
     /// OpenCV's default model. With `r^2 = x^2 + y^2` and `s = (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)`,
     /// a point goes to `(x s + 2 p1 x y + p2 (r^2 + 2 x^2), y s + p1 (r^2 + 2 y^2) + 2 p2 x y)`.

@@ -7,6 +7,7 @@ use std::fmt;
 ///
 /// OpenCV axes: x right, y down, z forward.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Pose {
     /// Rotation from world to camera axes.
     pub rotation: DMat3,

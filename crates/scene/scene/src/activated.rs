@@ -9,6 +9,7 @@ use crate::{Color, GaussianSlices, Gaussians};
 /// Networks predict this form and rasterizers draw it. Files hold the stored form, [`Gaussians`]. Conversion to it and back
 /// rounds, so predictions are drawn without that detour.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ActivatedGaussians {
     /// Centers in world units, `[N, 3]`.
     pub means: Vec<f32>,

@@ -6,6 +6,7 @@ use weaver_geometry::{Camera, Distortion};
 
 /// One photo and its camera, as a camera file (transforms.json, COLMAP, RealEstate10K) describes them.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Frame {
     /// Name of the photo in the file: a path relative to the file, a name, or a timestamp.
     pub name: String,

@@ -7,6 +7,7 @@ use weaver_geometry::sh;
 /// The fields are those of a 3DGS PLY file. The type does not enforce that their lengths agree; see
 /// [`Gaussians::lengths_agree`].
 #[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Gaussians {
     /// Centers in world units, `[N, 3]`.
     pub means: Vec<[f32; 3]>,

@@ -4,6 +4,7 @@ use weaver_geometry::Camera;
 
 /// A photo and its camera.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Photo {
     /// Its name in messages and results.
     pub name: String,

@@ -2,6 +2,7 @@
 
 /// A colored point cloud. `N` is the number of points.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PointCloud {
     /// Positions in world units, `[N, 3]`.
     pub positions: Vec<[f32; 3]>,

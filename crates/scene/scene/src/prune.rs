@@ -5,6 +5,7 @@ use weaver_kernels::nearest_neighbors::nearest_neighbors;
 
 /// A part of space.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Region {
     /// The points between two corners, world units.
     Box {

@@ -7,12 +7,13 @@ use clap::Args;
 use results::{Results, Row};
 use std::path::PathBuf;
 use weaver_align::{AlignError, Method, Options, Photo, Scene, align, mean_square};
-use weaver_command::{Console, DrawingFlags, DrawingOptions, Failure, Progress, Threads, choice, in_pool};
+use weaver_command::{
+    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Progress, Threads, choice, device, in_pool,
+};
 use weaver_data::posed::{PosedOptions, PosedPhoto, load_frames, load_named};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
 use weaver_io::{SceneFile, read_scene};
-use weaver_splat::CpuRasterizer;
 use weaver_trainer::AlignLoss;
 
 const DESCENT: &str = "Descent";
@@ -81,6 +82,8 @@ pub struct Align {
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
+    pub device: DeviceFlag,
+    #[command(flatten)]
     pub threads: Threads,
     // Last: its heading would be that of what follows.
     #[command(flatten)]
@@ -94,6 +97,7 @@ pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
 fn align_photos(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
     let read = arguments.photos.iter().chain([&arguments.scene]).chain(&arguments.cameras);
     let mut results = Results::claim(&arguments.out, read)?;
+    let rasterizer = device::rasterizer(&arguments.device)?;
     let SceneFile { gaussians, drawing } = read_scene(&arguments.scene)?;
     let (background, settings) = DrawingOptions::from(arguments.drawing).beside(&arguments.scene, drawing)?;
     let gaussians = gaussians.to_activated();
@@ -131,12 +135,12 @@ fn align_photos(arguments: &Align, console: &mut Console) -> Result<(), Failure>
         let pixels: Vec<f32> = photo.photo.rgb.iter().map(|b| f32::from(*b) / 255.0).collect();
         let asked = [Photo { pixels: &pixels, mask: photo.photo.mask.as_deref(), camera: photo.photo.camera }];
         let named = |error: AlignError| Failure::message(format!("{}: {error}", photo.frame.path.display()));
-        let aligned = align(&CpuRasterizer, &scene, &asked, &options, &mut compare).map_err(named)?;
+        let aligned = align(&*rasterizer, &scene, &asked, &options, &mut compare).map_err(named)?;
         // Whatever was compared: decibels of all that masks leave, which users know.
         let decibels = |camera: Camera| -> Result<f64, Failure> {
             let still = Options { steps: 0, ..Options::of(Method::NoPoSplat) };
             let there = [Photo { camera, ..asked[0] }];
-            let drawn = align(&CpuRasterizer, &scene, &there, &still, mean_square).map_err(named)?;
+            let drawn = align(&*rasterizer, &scene, &there, &still, mean_square).map_err(named)?;
             Ok(-10.0 * drawn[0].loss[0].max(1e-10).log10())
         };
         for aligned in aligned {

@@ -4,13 +4,13 @@ use clap::Args;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use weaver_command::{Console, DrawingFlags, DrawingOptions, Failure, Progress, Threads, in_pool};
+use weaver_command::{Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Progress, Threads, device, in_pool};
 use weaver_data::capture::posed::{self, PosedOptions};
 use weaver_fit::{Judge, Quality};
 use weaver_fit_run::Outcome;
 use weaver_io::{SceneFile, read_scene};
 use weaver_scene::Photo;
-use weaver_splat::{Workspace, render};
+use weaver_splat::Renderer;
 use weaver_trainer::evaluate::load_lpips;
 
 /// Compares what a file of Gaussians shows with the photos of a capture.
@@ -41,6 +41,8 @@ pub struct Compare {
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
+    pub device: DeviceFlag,
+    #[command(flatten)]
     pub threads: Threads,
     // Last: its heading would be that of what follows.
     #[command(flatten)]
@@ -53,6 +55,7 @@ pub fn run(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
 
 fn compare(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
     let Compare { scene, data, .. } = arguments;
+    let mut renderer = Renderer::new(device::rasterizer(&arguments.device)?);
     let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);
     let SceneFile { gaussians, drawing } = read_scene(scene)?;
     let (background, settings) = DrawingOptions::from(arguments.drawing).beside(scene, drawing)?;
@@ -72,11 +75,12 @@ fn compare(arguments: &Compare, console: &mut Console) -> Result<(), Failure> {
         console.note(&format!("{}: no photo is held out; these are all of them", data.display()));
     }
     let fit = outcome_beside(scene);
-    let (activated, mut workspace) = (gaussians.to_activated(), Workspace::new());
+    let activated = gaussians.to_activated();
     let mut progress = Progress::new("compare", 0, photos.len(), console);
     let mut views = Vec::new();
     for photo in &photos {
-        let mut image = render(&activated, &[photo.camera], background, &settings, &mut workspace)
+        let mut image = renderer
+            .render(&activated, &[photo.camera], background, &settings)
             .map_err(|e| Failure::message(format!("{}: {e}", scene.display())))?
             .concat();
         if let Some(exposure) = fit.as_ref().and_then(|fit| fit.exposure_of(&photo.name)) {

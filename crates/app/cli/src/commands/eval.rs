@@ -6,11 +6,10 @@ use crate::refine::refined;
 use clap::Args;
 use serde_json::json;
 use std::path::PathBuf;
-use std::sync::Arc;
 use weaver_align::Method;
-use weaver_command::{Console, Failure, Progress, Threads, choice, in_pool};
+use weaver_command::{Console, DeviceFlag, Failure, Progress, Threads, choice, device, in_pool};
 use weaver_inference::RunFolder;
-use weaver_splat::CpuRasterizer;
+use weaver_splat::Renderer;
 use weaver_trainer::{
     AlignLoss, Alignment, CameraMode, LookOf, MatchingOverride, OpenRun, Overrides, Source, Targets, comparison,
 };
@@ -109,6 +108,8 @@ pub struct Eval {
     #[arg(long, help_heading = FIGURES)]
     pub json: bool,
     #[command(flatten)]
+    pub device: DeviceFlag,
+    #[command(flatten)]
     pub threads: Threads,
 }
 
@@ -161,6 +162,7 @@ fn evaluate(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
     };
     let long_side = arguments.match_size.map_or(MATCHED, |side| side as usize);
     let flags = &arguments.align;
+    let rasterizer = device::rasterizer(&arguments.device)?;
     let runs = opened(arguments)?;
     // One table is of the same photos: in drawn light only if all runs draw it alike.
     let alike = runs.iter().all(|(_, run)| run.data.looks == runs[0].1.data.looks);
@@ -191,7 +193,8 @@ fn evaluate(arguments: &Eval, console: &mut Console) -> Result<(), Failure> {
                 "warning: {name} is at step {done} of {planned}; to go on: splatweaver train --resume {name}"
             ));
         }
-        run.predictor = refined(run.predictor, &arguments.refine, &[], Arc::new(CpuRasterizer))?;
+        *run.predictor.renderer() = Renderer::new(rasterizer.clone());
+        run.predictor = refined(run.predictor, &arguments.refine, &[], rasterizer.clone())?;
         if arguments.points && (estimated || cameras.unwrap_or(run.cameras) != CameraMode::Given) {
             return Err(Failure::Usage("--points: expected --cameras given, found other ones".into()));
         }

@@ -17,7 +17,6 @@ use weaver_inference::{Predictor, ViewOpacityRasterizer};
 use weaver_io::Image;
 use weaver_losses::Photometric;
 use weaver_pose::PoseErrors;
-use weaver_splat::CpuRasterizer;
 
 /// Alignment of held-out cameras.
 #[derive(Clone, Copy, Debug)]
@@ -78,14 +77,14 @@ pub(super) struct AlignedView {
 
 /// Aligns a view that was drawn with its photo.
 pub(super) fn aligned(
-    predictor: &dyn Predictor,
+    predictor: &mut dyn Predictor,
     drawn: &Drawn,
     view: &View,
     alignment: &Alignment,
 ) -> Result<AlignedView, Error> {
     let prediction = &drawn.prediction;
     let opacity = prediction.view_opacity.clone().map(Arc::new);
-    let rasterizer = ViewOpacityRasterizer { rasterizer: Arc::new(CpuRasterizer), opacity };
+    let rasterizer = ViewOpacityRasterizer { rasterizer: predictor.renderer().rasterizer().clone(), opacity };
     let scene = AlignScene {
         gaussians: prediction.gaussians.as_slices(),
         background: predictor.background(),
@@ -118,7 +117,7 @@ pub(super) fn off(drawn: &Drawn, camera: &Camera, scene: &Scene, tuple: &Tuple) 
 
 /// A view aligned with a photo of another scene, which nothing in it shows.
 pub(super) fn with_another_scenes_photo(
-    predictor: &dyn Predictor,
+    predictor: &mut dyn Predictor,
     drawn: &Drawn,
     other: &View,
     alignment: &Alignment,
