@@ -11,6 +11,7 @@ use weaver_command::{DeviceFlag, Threads};
   splatweaver bench raster --workload scene.safetensors --threads 2 --json
   splatweaver bench fit
   splatweaver bench mixture
+  splatweaver bench compress scene.ply
   splatweaver bench engine")]
 pub struct Bench {
     #[command(subcommand)]
@@ -20,6 +21,7 @@ pub struct Bench {
 /// Subject of a benchmark.
 #[derive(Debug, Subcommand)]
 pub enum Subject {
+    Compress(BenchCompress),
     Raster(BenchRaster),
     Fit(BenchFit),
     Mixture(BenchMixture),
@@ -134,6 +136,34 @@ pub enum Passes {
     Each,
     /// Two passes for each expert, one of colors and one of the router's numbers
     Apart,
+}
+
+/// Compares formats of scenes: bytes, bits of a Gaussian, decibels of pictures beside the scene's, and seconds.
+///
+/// `lite` is `splatweaver compress` at several qualities. Controls: `zstd` packs the PLY, `half` keeps the more important half of the Gaussians,
+/// `half-random` half of them at random. Pictures are six of an orbit over white, 256 pixels square, unless cameras are given.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver bench compress scene.ply
+  splatweaver bench compress scene.ply --methods lite,spz4,sog --cameras transforms.json --html table.html")]
+pub struct BenchCompress {
+    /// Files of Gaussians
+    #[arg(value_name = "SCENE", required = true)]
+    pub scenes: Vec<PathBuf>,
+    /// Formats, lite, zstd, half, half-random [default: all]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub methods: Vec<String>,
+    /// Cameras of the pictures: transforms.json, a folder with a COLMAP model, or a RealEstate10K file
+    #[arg(long, value_name = "FILE")]
+    pub cameras: Option<PathBuf>,
+    /// Writes the table and curves as one page
+    #[arg(long, value_name = "FILE")]
+    pub html: Option<PathBuf>,
+    /// Prints the figures as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub threads: Threads,
 }
 
 /// Times the engine's work: matrix products, attention, a transformer block, a training step, convolution, and more.

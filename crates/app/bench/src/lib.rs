@@ -1,6 +1,7 @@
 //! `splatweaver bench`: speed of the main parts on this machine, beside the machine's own peak.
 
 mod arguments;
+mod compress;
 mod draws;
 mod dump;
 mod engine;
@@ -20,6 +21,7 @@ use weaver_command::{Console, Failure, in_pool};
 /// Fails where a workload or a capture cannot be read, where there is no such device, and where figures cannot be written.
 pub fn run(arguments: &Bench, console: &mut Console) -> Result<(), Failure> {
     match &arguments.subject {
+        Subject::Compress(scenes) => in_pool(scenes.threads.count(), || compress::run(scenes, console)),
         Subject::Engine(engine) => in_pool(engine.threads.count(), || engine::run(engine, console)),
         Subject::Fit(fit) => in_pool(fit.threads.count(), || fit::run(fit, console)),
         Subject::Mixture(mixture) => in_pool(mixture.threads.count(), || mixture::run(mixture, console)),

@@ -4,6 +4,7 @@ mod align;
 mod cameras;
 mod compare;
 mod completions;
+mod compress;
 mod config;
 mod convert;
 mod convert_weights;
@@ -64,6 +65,7 @@ table! {
         Render(render::Render) => |it, console, _| render::run(it, console),
         Compare(compare::Compare) => |it, console, _| compare::run(it, console),
         Info(info::Info) => |it, console, _| info::run(it, console),
+        Compress(compress::Compress) => |it, console, _| compress::run(it, console),
         Convert(convert::Convert) => |it, console, _| convert::run(it, console),
     }
     "Learn": {

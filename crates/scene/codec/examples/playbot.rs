@@ -4,40 +4,15 @@
 //! code length of the same symbols by adaptive models of order 0, `equal steps` is the setting without adaptation.
 
 use std::error::Error;
-use std::f64::consts::FRAC_PI_3;
 use std::time::Instant;
 use weaver_codec::Container;
 use weaver_codec::lite::{Quality, decode, encode, order_zero_bits};
-use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Camera, Intrinsics, trajectory};
-use weaver_scene::Gaussians;
+use weaver_geometry::Camera;
+use weaver_scene::{Gaussians, orbit};
 use weaver_splat::{RasterSettings, Workspace, render};
 
 const SIDE: usize = 256;
 const VIEWS: usize = 6;
-
-fn quantile(q: f64, mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[(q * values.len() as f64) as usize]
-}
-
-/// Cameras on a circle about the middle of a scene, -y up, with a field of view of 60 degrees.
-fn orbit(gaussians: &Gaussians) -> Vec<Camera> {
-    let means: Vec<DVec3> = gaussians.means.iter().map(|m| DVec3::from(m.map(f64::from))).collect();
-    let axis = |of: fn(&DVec3) -> f64| {
-        let at = |q| quantile(q, means.iter().map(of).collect());
-        (at(0.1) + at(0.9)) / 2.0
-    };
-    let middle = DVec3::new(axis(|m| m.x), axis(|m| m.y), axis(|m| m.z));
-    let spread = quantile(0.8, means.iter().map(|m| m.distance(middle)).collect());
-    let scale = quantile(0.5, gaussians.log_scales.as_flattened().iter().map(|s| f64::from(*s).exp()).collect());
-    let half = SIDE as f64 / 2.0;
-    let focal = half / (FRAC_PI_3 / 2.0).tan();
-    let intrinsics = Intrinsics { fx: focal, fy: focal, cx: half, cy: half };
-    let eye = middle - DVec3::Z * (2.0 * spread + 4.0 * scale);
-    let poses = trajectory::orbit(eye, middle, -DVec3::Y, VIEWS);
-    poses.into_iter().map(|pose| Camera { pose, intrinsics, width: SIDE, height: SIDE }).collect()
-}
 
 fn draw(gaussians: &Gaussians, cameras: &[Camera]) -> Result<Vec<Vec<f32>>, Box<dyn Error>> {
     let mut views =
@@ -58,7 +33,7 @@ fn psnr(a: &[Vec<f32>], b: &[Vec<f32>]) -> f64 {
 fn main() -> Result<(), Box<dyn Error>> {
     let path = std::env::args().nth(1).ok_or("expected a file of Gaussians, found no argument")?;
     let gaussians = weaver_io::read_gaussians(&path)?;
-    let cameras = orbit(&gaussians);
+    let cameras = orbit(&gaussians, VIEWS, [SIDE; 2]).ok_or("expected Gaussians, found none")?;
     let expected = draw(&gaussians, &cameras)?;
     let bits = |bytes: usize| 8.0 * bytes as f64 / gaussians.len() as f64;
     println!("{} Gaussians of degree {}", gaussians.len(), gaussians.degree);

@@ -72,6 +72,15 @@ pub fn order(gaussians: &Gaussians, quality: &Quality) -> Result<Vec<usize>, Cod
     Ok(split(&head, &symbols).iter().flatten().map(|&i| order[i]).collect())
 }
 
+/// Gaussians as they come back from [`encode`] and [`decode`], without coding them; in Morton order.
+///
+/// # Errors
+/// As [`encode`].
+pub fn rounded(gaussians: &Gaussians, quality: &Quality) -> Result<Gaussians, CodecError> {
+    let (head, symbols, _) = quantize(gaussians, quality)?;
+    Ok(restore(&head, &symbols, gaussians.degree))
+}
+
 /// Decodes Gaussians. Their order is that of the blocks, within one Morton order.
 ///
 /// # Errors

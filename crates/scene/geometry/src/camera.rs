@@ -61,6 +61,28 @@ pub struct Camera {
 }
 
 impl Camera {
+    /// The camera of the photo shrunk to a longest side, pixels; of one that is no larger, the same.
+    ///
+    /// ```
+    /// use weaver_geometry::{Camera, Intrinsics, Pose};
+    /// let intrinsics = Intrinsics { fx: 100.0, fy: 100.0, cx: 80.0, cy: 60.0 };
+    /// let camera = Camera { pose: Pose::IDENTITY, intrinsics, width: 160, height: 120 };
+    /// let small = camera.shrunk(40);
+    /// assert_eq!((small.width, small.height, small.intrinsics.fx), (40, 30, 25.0));
+    /// assert_eq!(camera.shrunk(640), camera);
+    /// ```
+    #[must_use]
+    pub fn shrunk(&self, long_side: usize) -> Self {
+        let longest = self.width.max(self.height);
+        if longest <= long_side {
+            return *self;
+        }
+        let side = |length: usize| ((length * long_side) as f64 / longest as f64).round().max(1.0) as usize;
+        let (width, height) = (side(self.width), side(self.height));
+        let (sx, sy) = (width as f64 / self.width as f64, height as f64 / self.height as f64);
+        Self { intrinsics: self.intrinsics.resized(sx, sy), width, height, ..*self }
+    }
+
     /// The camera that takes the mirror image of what this one takes, if the world is mirrored at its plane x = 0.
     ///
     /// ```

@@ -4,14 +4,12 @@ use crate::flags::rate;
 use crate::video::Video;
 use clap::{ArgGroup, Args};
 use rayon::prelude::*;
-use std::f64::consts::FRAC_PI_3;
 use std::path::{Path, PathBuf};
 use weaver_command::camera_files::{self, Size};
 use weaver_command::{
     Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Progress, Threads, device, in_pool, memory,
 };
-use weaver_geometry::glam::DVec3;
-use weaver_geometry::{Camera, Intrinsics, trajectory};
+use weaver_geometry::Camera;
 use weaver_io::{Image, OutputFolder, SceneFile, check_output_file, read_scene};
 use weaver_scene::{Frame, Gaussians};
 use weaver_splat::Renderer;
@@ -163,64 +161,11 @@ impl<'a> Output<'a> {
     }
 }
 
-/// `count` cameras on a circle around the middle of the scene, starting before it (toward -z of the world, where the
-/// first camera of our own scenes stands), -y up, with a field of view of 60 degrees. `None` when there is no scene.
+/// Cameras on a circle around the scene; `None` of a scene without Gaussians.
 fn orbit(gaussians: &Gaussians, count: usize, size: Size) -> Option<Vec<Frame>> {
-    let means: Vec<DVec3> = gaussians.means.iter().map(|m| DVec3::from(m.map(f64::from))).collect();
-    // Halfway between the 10 % and 90 % quantiles, so that neither a dense floor nor outliers shift it.
-    let axis = |of: fn(&DVec3) -> f64| {
-        let tenth = |q| quantile(q, means.iter().map(of).collect());
-        Some((tenth(0.1)? + tenth(0.9)?) / 2.0)
-    };
-    let middle = DVec3::new(axis(|m| m.x)?, axis(|m| m.y)?, axis(|m| m.z)?);
-    let spread = quantile(0.8, means.iter().map(|m| m.distance(middle)).collect())?;
-    let scale = quantile(0.5, gaussians.log_scales.as_flattened().iter().map(|s| f64::from(*s).exp()).collect())?;
-    // Far enough to have most of the Gaussians inside the image, and never inside a single one.
-    let eye = middle - DVec3::Z * (2.0 * spread + 4.0 * scale);
     let width = size.width.or(size.height.map(|h| (h * 4).div_ceil(3))).unwrap_or(WIDTH);
     let height = size.height.unwrap_or((width * 3).div_ceil(4));
-    let focal = width as f64 / 2.0 / (FRAC_PI_3 / 2.0).tan();
-    let intrinsics = Intrinsics { fx: focal, fy: focal, cx: width as f64 / 2.0, cy: height as f64 / 2.0 };
-    let named = |(i, pose)| Frame::new(format!("{i:04}"), Camera { pose, intrinsics, width, height });
-    Some(trajectory::orbit(eye, middle, -DVec3::Y, count).into_iter().enumerate().map(named).collect())
-}
-
-/// The value below which a part `q` of the values lie.
-fn quantile(q: f64, mut values: Vec<f64>) -> Option<f64> {
-    let rank = (q * values.len() as f64) as usize;
-    if values.is_empty() {
-        return None;
-    }
-    Some(*values.select_nth_unstable_by(rank, f64::total_cmp).1)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_orbit_looks_at_the_middle_from_all_sides() {
-        let gaussians = Gaussians {
-            means: vec![[0.0, -0.5, 1.0], [1.0, 0.0, 2.0], [-1.0, 0.5, 3.0]],
-            log_scales: vec![[-2.0; 3]; 3],
-            ..Gaussians::default()
-        };
-        let cameras = orbit(&gaussians, 4, Size::default()).unwrap();
-        let middle = DVec3::new(0.0, 0.0, 2.0);
-        for view in &cameras {
-            let seen = view.camera.pose.apply(middle);
-            assert!(seen.x.abs() < 1e-9 && seen.y.abs() < 1e-9 && seen.z > 1.0, "{seen}");
-        }
-        assert!(cameras[0].camera.pose.center().z < 0.0);
-        assert_eq!((cameras[0].camera.width, cameras[0].camera.height), (640, 480));
-        assert!(orbit(&Gaussians::default(), 4, Size::default()).is_none());
-    }
-
-    #[test]
-    fn a_single_gaussian_has_an_orbit_too() {
-        let gaussians = Gaussians { means: vec![[0.0; 3]], log_scales: vec![[-1.0; 3]], ..Gaussians::default() };
-        let cameras = orbit(&gaussians, 2, Size { width: None, height: Some(30) }).unwrap();
-        assert!(cameras.iter().all(|c| c.camera.pose.translation.is_finite()));
-        assert_eq!((cameras[0].camera.width, cameras[0].camera.height), (40, 30));
-    }
+    let cameras = weaver_scene::orbit(gaussians, count, [width, height])?;
+    let named = |(i, camera)| Frame::new(format!("{i:04}"), camera);
+    Some(cameras.into_iter().enumerate().map(named).collect())
 }

@@ -28,6 +28,13 @@ pub struct PosedOptions {
     pub background: [f32; 3],
 }
 
+impl PosedOptions {
+    /// The camera of a photo of the size that it is loaded at.
+    fn shrunk(&self, camera: &Camera) -> Camera {
+        self.long_side.map_or(*camera, |side| camera.shrunk(side))
+    }
+}
+
 impl Default for PosedOptions {
     fn default() -> Self {
         Self { long_side: None, hold_out: HoldOut::Listed, held_out_only: false, masks: false, background: [1.0; 3] }
@@ -162,26 +169,16 @@ fn load_photos(capture: &Photos, masks: Option<&[Mask]>, options: &PosedOptions)
 pub fn cameras(path: impl AsRef<Path>, options: &PosedOptions) -> Result<Vec<(Camera, bool)>, Error> {
     let photos = read_split_photos(path.as_ref(), options.hold_out)?.photos;
     let camera = |photo: &photo::Photo| {
-        let camera = resized(&photo.frame.camera, options.long_side);
+        let camera = options.shrunk(&photo.frame.camera);
         Ok((straight_camera(camera, photo.lens(camera)?.as_ref()), photo.held_out))
     };
     photos.iter().map(camera).collect()
 }
 
-/// The camera of the photo shrunk to a longest side.
-fn resized(camera: &Camera, long_side: Option<usize>) -> Camera {
-    let longest = camera.width.max(camera.height);
-    let Some(side) = long_side.filter(|side| *side < longest) else { return *camera };
-    let shrunk = |length: usize| ((length * side) as f64 / longest as f64).round().max(1.0) as usize;
-    let (width, height) = (shrunk(camera.width), shrunk(camera.height));
-    let (sx, sy) = (width as f64 / camera.width as f64, height as f64 / camera.height as f64);
-    Camera { intrinsics: camera.intrinsics.resized(sx, sy), width, height, ..*camera }
-}
-
 fn load_photo(photo: &photo::Photo, mask: Option<&Mask>, options: &PosedOptions) -> Result<Loaded, Fault> {
     let frame = &photo.frame;
     let file = photo.open()?.over(options.background);
-    let camera = resized(&frame.camera, options.long_side);
+    let camera = options.shrunk(&frame.camera);
     let lens = photo.lens(camera)?;
     let shrink = frame.camera.width as f64 / camera.width as f64;
     let read = |file: &PhotoFile| -> Result<Vec<u8>, weaver_io::Error> {

@@ -2,13 +2,12 @@
 
 use std::path::{Path, PathBuf};
 use weaver_command::{Failure, camera_files};
-use weaver_geometry::Camera;
 use weaver_io::PhotoFile;
 use weaver_scene::{ActivatedGaussians, Frame};
 use weaver_splat::{RasterSettings, Workspace, render};
 
 /// Longest side of the pictures that are compared.
-const SIDE: f64 = 64.0;
+const SIDE: usize = 64;
 
 /// For each photo the camera of the transforms.json beside the scene from which it looks most like the photo, and that file.
 pub fn nearest(
@@ -27,7 +26,7 @@ pub fn nearest(
     let mut workspace = Workspace::new();
     let mut views = Vec::with_capacity(frames.len());
     for frame in &frames {
-        let small = shrunk(&frame.camera);
+        let small = frame.camera.shrunk(SIDE);
         let image = render(gaussians, &[small], background, settings, &mut workspace)?.concat();
         views.push((small, image));
     }
@@ -48,12 +47,4 @@ pub fn nearest(
         guesses.push(Frame { path: path.clone(), ..Frame::new(name, frames[at].camera) });
     }
     Ok((guesses, file))
-}
-
-fn shrunk(camera: &Camera) -> Camera {
-    let factor = (SIDE / camera.width.max(camera.height) as f64).min(1.0);
-    let side = |side: usize| ((side as f64 * factor).round() as usize).max(1);
-    let (width, height) = (side(camera.width), side(camera.height));
-    let (sx, sy) = (width as f64 / camera.width as f64, height as f64 / camera.height as f64);
-    Camera { intrinsics: camera.intrinsics.resized(sx, sy), width, height, ..*camera }
 }

@@ -1,0 +1,117 @@
+//! `splatweaver compress`.
+
+use clap::Args;
+use serde_json::json;
+use std::path::PathBuf;
+use weaver_command::camera_files::{self, Size};
+use weaver_command::{Console, DrawingFlags, DrawingOptions, Failure, Progress, Threads, in_pool};
+use weaver_compress::{Compressed, Judge, MOST_DECIBELS, Pictures, compress};
+use weaver_geometry::Camera;
+use weaver_io::{SceneFile, atomic_write, check_output_file, read_scene, scene_bytes};
+
+/// Longest side of the pictures that the scene is judged by, pixels.
+const LONG_SIDE: usize = 384;
+/// Pictures at most.
+const MOST: usize = 12;
+
+/// Compresses a file of Gaussians to a wanted quality of its pictures, as .wsz.
+///
+/// Positions, scales, opacities, rotations, colors and harmonics are rounded so that one more bit would gain as much in any of them; what a bit
+/// gains is measured in pictures of the scene. `splatweaver convert scene.ply scene.wsz` takes fixed steps, and no time.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver compress scene.ply -o scene.wsz
+  splatweaver compress scene.ply -o small.wsz --psnr 40
+  splatweaver compress fits/garden-1/scene.ply -o garden.wsz --cameras garden/transforms.json --json")]
+pub struct Compress {
+    /// The Gaussians: PLY as 3DGS stores them, or another format of `splatweaver convert`
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// The file to write
+    #[arg(short, long, value_name = "FILE.wsz")]
+    pub out: PathBuf,
+    /// Quality of pictures of the compressed scene beside those of the scene, decibels; 46 is hard to tell apart, 40 shows on a closer look
+    #[arg(long, value_name = "DECIBELS", default_value = "46", value_parser = decibels)]
+    pub psnr: f64,
+    /// Cameras of the pictures: transforms.json, a folder with a COLMAP model, or a RealEstate10K file [default: the transforms.json beside
+    /// the scene, else an orbit]
+    #[arg(long, value_name = "FILE")]
+    pub cameras: Option<PathBuf>,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub threads: Threads,
+    // Last: its heading would be that of what follows.
+    #[command(flatten)]
+    pub drawing: DrawingFlags,
+}
+
+fn decibels(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(decibels) if decibels > 0.0 && decibels <= MOST_DECIBELS => Ok(decibels),
+        _ => Err(format!("expected decibels above 0 and up to {MOST_DECIBELS}, as in 46")),
+    }
+}
+
+pub fn run(arguments: &Compress, console: &mut Console) -> Result<(), Failure> {
+    in_pool(arguments.threads.count(), || compress_scene(arguments, console))
+}
+
+fn compress_scene(arguments: &Compress, console: &mut Console) -> Result<(), Failure> {
+    let Compress { scene, out, .. } = arguments;
+    check_output_file(out, std::iter::once(scene).chain(&arguments.cameras))?;
+    if out.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("wsz")) {
+        return Err(Failure::Usage(format!("--out {}: expected a name that ends with .wsz", out.display())));
+    }
+    let SceneFile { gaussians, drawing } = read_scene(scene)?;
+    let named = |error: &dyn std::fmt::Display| Failure::message(format!("{}: {error}", scene.display()));
+    let (background, settings) = DrawingOptions::from(arguments.drawing).beside(scene, drawing)?;
+    let cameras = match &arguments.cameras {
+        Some(file) => of_file(file)?,
+        None => {
+            let beside = scene.with_file_name("transforms.json");
+            let orbit = || weaver_scene::orbit(&gaussians, 6, [LONG_SIDE, LONG_SIDE * 3 / 4]);
+            if beside.is_file() {
+                of_file(&beside)?
+            } else {
+                orbit().ok_or_else(|| named(&"expected Gaussians, found none"))?
+            }
+        }
+    };
+    console.note(&format!("{} Gaussians, judged by {} pictures", gaussians.len(), cameras.len()));
+    let pictures = Pictures { cameras: &cameras, background, settings };
+    let mut judge = Judge::new(&gaussians, &pictures).map_err(|error| named(&error))?;
+    let mut progress = Progress::new("compress", 0, 0, console);
+    let compressed = compress(&gaussians, arguments.psnr, &mut judge, |round| {
+        let said = || round.psnr.map_or("measuring steps".into(), |psnr| format!("{psnr:.2} dB"));
+        progress.at(round.done, round.of, said, console);
+    });
+    progress.finish();
+    let Compressed { bytes, psnr, .. } = compressed.map_err(|error| named(&error))?;
+    atomic_write(out, |file| std::io::Write::write_all(file, &bytes))?;
+    let (before, after) = (scene_bytes(scene)?, bytes.len());
+    let bits = 8.0 * after as f64 / gaussians.len().max(1) as f64;
+    if arguments.json {
+        let result = json!({
+            "gaussians": gaussians.len(), "bytes": after, "bytes_before": before, "bits_per_gaussian": bits, "psnr": psnr,
+            "pictures": cameras.len(),
+        });
+        return console.print(&serde_json::to_string_pretty(&result)?);
+    }
+    console.print(&format!(
+        "{psnr:.2} dB beside the scene at {bits:.1} bits a Gaussian: {after} bytes, {:.1} times fewer\nscene: {}",
+        before as f64 / after.max(1) as f64,
+        out.display()
+    ))
+}
+
+/// Some of the cameras of a file, evenly spread, for pictures of a size that is drawn fast.
+fn of_file(file: &std::path::Path) -> Result<Vec<Camera>, Failure> {
+    let frames = camera_files::read(file, Size::default())?;
+    if frames.is_empty() {
+        return Err(Failure::message(format!("{}: expected cameras, found none", file.display())));
+    }
+    let chosen = weaver_data::uniform(frames.len(), MOST.min(frames.len()));
+    Ok(chosen.into_iter().map(|i| frames[i].camera.shrunk(LONG_SIDE)).collect())
+}

@@ -1,0 +1,16 @@
+//! Compression of scenes of Gaussians to a wanted quality of their pictures; no files.
+//!
+//! [`Judge`] draws a scene and compares what is left of it. [`compress`] chooses the steps of [`lite`](weaver_codec::lite).
+
+mod error;
+mod judge;
+mod steps;
+
+pub use error::CompressError;
+pub use judge::{Judge, Pictures};
+pub use steps::{Compressed, MOST_DECIBELS, Round, compress};
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
