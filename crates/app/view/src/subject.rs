@@ -1,0 +1,65 @@
+//! Scenes and cameras to look at.
+
+use serde_json::{Value, json};
+use weaver_geometry::Camera;
+use weaver_scene::Gaussians;
+use weaver_splat::RasterSettings;
+
+/// A scene, its name and how it is drawn.
+#[derive(Clone, Copy, Debug)]
+pub struct Subject<'a> {
+    /// Title of the page; any text.
+    pub title: &'a str,
+    /// The scene.
+    pub gaussians: &'a Gaussians,
+    /// How it is drawn.
+    pub look: Look,
+}
+
+/// Rules of drawing that a page follows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Look {
+    /// The color behind everything, sRGB from 0 to 1.
+    pub background: [f32; 3],
+    /// The rules of the rasterizer; a page follows `near`, `far`, `alpha_max` and `antialiased`.
+    pub settings: RasterSettings,
+}
+
+impl Default for Look {
+    /// White behind the usual settings.
+    fn default() -> Self {
+        Self { background: [1.0; 3], settings: RasterSettings::default() }
+    }
+}
+
+/// A camera to jump to, and the photo that it took.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shot {
+    /// Name of the photo; any text.
+    pub name: String,
+    /// Pose, intrinsics and size.
+    pub camera: Camera,
+    /// The photo was not fitted to.
+    pub held_out: bool,
+    /// Bytes of a JPEG or PNG file of any size, with the aspect ratio of the camera.
+    pub photo: Option<Vec<u8>>,
+}
+
+impl Look {
+    pub(crate) fn json(&self) -> Value {
+        let RasterSettings { near, far, alpha_max, antialiased, .. } = self.settings;
+        json!({ "background": self.background, "near": near, "far": far, "alphaMax": alpha_max, "antialiased": antialiased })
+    }
+}
+
+/// A camera as scripts take it: rows of the rotation, center and lens.
+pub(crate) fn camera_json(camera: &Camera) -> Value {
+    let rows = camera.pose.rotation.transpose().to_cols_array();
+    json!({ "A": rows, "eye": camera.pose.center().to_array(), "lens": lens_json(camera) })
+}
+
+/// Intrinsics and size in pixels.
+pub(crate) fn lens_json(camera: &Camera) -> Value {
+    let k = camera.intrinsics;
+    json!({ "fx": k.fx, "fy": k.fy, "cx": k.cx, "cy": k.cy, "width": camera.width, "height": camera.height })
+}
