@@ -10,7 +10,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let file = weaver_io::read_scene(&scene)?;
     let mut look = Look::default();
     look.settings.antialiased = file.drawing.antialiased;
-    let subject = Subject { title: &scene, gaussians: &file.gaussians, look };
+    let title = std::path::Path::new(&scene).file_name().map_or(scene.clone(), |name| name.to_string_lossy().into());
+    let subject = Subject { title: &title, gaussians: &file.gaussians, look };
     let page = html(&subject, &[], HtmlOptions::default())?;
     weaver_io::write_text(&out, &page)?;
     println!("{out}: {:.1} MB", page.len() as f64 / 1e6);

@@ -16,7 +16,9 @@ const QUALITY: u8 = 82;
 /// The part of the picture's sides around its middle whose depth is the target's.
 const MIDDLE: f64 = 0.2;
 /// Distance from a scene without cameras, in radii.
-const AWAY: f64 = 2.2;
+const AWAY: f64 = 1.8;
+/// The part of the Gaussians at either end of each axis that does not count for the size of a scene.
+const OUTSIDE: f64 = 0.03;
 
 /// The first view, and a picture of it.
 pub(crate) struct Home {
@@ -61,16 +63,15 @@ impl Home {
 
 /// A camera before the scene, toward -z of the world, and the distance of the scene's middle.
 fn before(subject: &Subject<'_>) -> (Camera, Option<f64>) {
-    let means = &subject.gaussians.means;
-    let median = |mut values: Vec<f64>, share: f64| {
+    let range = |axis: usize| {
+        let mut values: Vec<f64> = subject.gaussians.means.iter().map(|mean| f64::from(mean[axis])).collect();
         values.sort_unstable_by(f64::total_cmp);
-        let last = values.len().saturating_sub(1);
-        values.get((share * last as f64) as usize).copied().unwrap_or(0.0)
+        let last = values.len().saturating_sub(1) as f64;
+        [OUTSIDE, 1.0 - OUTSIDE].map(|share| values.get((share * last) as usize).copied().unwrap_or(0.0))
     };
-    let axis = |axis: usize| median(means.iter().map(|mean| f64::from(mean[axis])).collect(), 0.5);
-    let middle = DVec3::new(axis(0), axis(1), axis(2));
-    let from_middle = |mean: &[f32; 3]| DVec3::from(mean.map(f64::from)).distance(middle);
-    let radius = median(means.iter().map(from_middle).collect(), 0.9).max(1e-3);
+    let ranges = [0, 1, 2].map(range);
+    let middle = DVec3::from(ranges.map(|[low, high]| 0.5 * (low + high)));
+    let radius = (0.5 * DVec3::from(ranges.map(|[low, high]| high - low)).length()).max(1e-3);
     let distance = AWAY * radius;
     let pose = trajectory::look_at(middle - distance * DVec3::Z, middle, DVec3::NEG_Y);
     let (width, height) = (640, 480);

@@ -95,8 +95,18 @@ export class Controls {
       this.page.viewpoint.zoom(event.key === "-" ? 1.1 : 1 / 1.1);
       return this.page.moved();
     }
+    if (event.repeat) return;
+    // A tap moves by a little, also one that is shorter than a frame.
+    this.step(event.code, 0.05);
+    this.page.moved();
     this.held.add(event.code);
     if (!this.flying) this.fly();
+  }
+
+  step(code, seconds) {
+    const { viewpoint } = this.page;
+    if (FLY[code]) viewpoint.fly(...FLY[code].map((part) => part * SPEED * seconds));
+    else viewpoint.orbit(...ORBIT[code].map((part) => part * 1.2 * seconds));
   }
 
   /** Moves by the keys that are held, a frame after the other. */
@@ -105,11 +115,7 @@ export class Controls {
     if (!this.flying) return;
     requestAnimationFrame((now) => {
       const seconds = Math.min(0.1, Math.max(0.008, (now - last) / 1000));
-      const { viewpoint } = this.page;
-      for (const code of this.held) {
-        if (FLY[code]) viewpoint.fly(...FLY[code].map((part) => part * SPEED * seconds));
-        else viewpoint.orbit(...ORBIT[code].map((part) => part * 1.2 * seconds));
-      }
+      for (const code of this.held) this.step(code, seconds);
       this.page.moved();
       this.fly(now);
     });

@@ -60,8 +60,8 @@ vec3 radiance(int i, vec3 d) {
   return max(sum + 0.5, 0.0);
 }
 
-// Center, covariance (xx, xy, yy), color and opacity of Gaussian i in the image; false where it is not drawn.
-bool project(int i, out vec2 center, out vec3 cov, out vec4 color) {
+// Center, covariance (xx, xy, yy) and its determinant, color and opacity of Gaussian i in the image; false where it is not drawn.
+bool project(int i, out vec2 center, out vec4 cov, out vec4 color) {
   uint flag = texelFetch(flags, at(i), 0).x;
   if ((flag & 6u) != 0u) return false;
   vec4 mean = texelFetch(splats, at(3 * i), 0), q = texelFetch(splats, at(3 * i + 1), 0);
@@ -76,12 +76,10 @@ bool project(int i, out vec2 center, out vec3 cov, out vec4 color) {
   mat3 R = mat3(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y),
                 2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x),
                 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y));
-  mat3 G = A * R;
-  G[0] *= scale.x; G[1] *= scale.y; G[2] *= scale.z;
+  mat3 rows = transpose(A);
   vec2 k = K.xy / p.z;
-  vec3 deep = vec3(G[0].z, G[1].z, G[2].z);
-  vec3 m1 = k.x * (vec3(G[0].x, G[1].x, G[2].x) - bent.x * deep);
-  vec3 m2 = k.y * (vec3(G[0].y, G[1].y, G[2].y) - bent.y * deep);
+  vec3 m1 = (k.x * (rows[0] - bent.x * rows[2])) * R * scale;
+  vec3 m2 = (k.y * (rows[1] - bent.y * rows[2])) * R * scale;
   float n1 = dot(m1, m1), n2 = dot(m2, m2);
   vec3 normal = cross(m1, m2);
   float sharp = dot(normal, normal), blurred = sharp + BLUR * (n1 + n2) + BLUR * BLUR;
@@ -89,9 +87,10 @@ bool project(int i, out vec2 center, out vec3 cov, out vec4 color) {
   float opacity = mean.w;
   if (antialiased) opacity *= sqrt(max(sharp / blurred, 0.005 * 0.005));
   if (!(opacity >= 1.0 / 255.0)) return false;
-  cov = vec3(n1 + BLUR, dot(m1, m2), n2 + BLUR);
+  // The determinant from a cross product: as a difference it would lose its digits where a Gaussian is thin.
+  cov = vec4(n1 + BLUR, dot(m1, m2), n2 + BLUR, blurred);
   vec3 rgb = mode == 1 ? vec3(p.z) : radiance(i, normalize(mean.xyz - eye));
-  if (mode == 3) { cov = vec3(0.6, 0.0, 0.6); opacity = 1.0; }
+  if (mode == 3) { cov = vec4(0.6, 0.0, 0.6, 0.36); opacity = 1.0; }
   if ((flag & 1u) != 0u && mode != 1) rgb = mix(rgb, vec3(1.0, 0.45, 0.0), 0.7);
   color = vec4(rgb, opacity);
   return true;
@@ -101,11 +100,10 @@ bool project(int i, out vec2 center, out vec3 cov, out vec4 color) {
 // A quad along the axes of the outline at which alpha is 1/255.
 const QUAD = `
   float reach = 2.0 * log(255.0 * color.w), middle = 0.5 * (cov.x + cov.z);
-  float apart = length(vec2(0.5 * (cov.x - cov.z), cov.y)), large = middle + apart, small = max(middle - apart, 0.0);
+  float apart = length(vec2(0.5 * (cov.x - cov.z), cov.y)), large = middle + apart, small = cov.w / large;
   vec2 along = abs(cov.y) > 1e-12 * middle ? normalize(vec2(cov.y, large - cov.x)) : (cov.x >= cov.z ? vec2(1, 0) : vec2(0, 1));
-  offset = corner.x * sqrt(reach * large) * along + corner.y * sqrt(reach * max(small, 1e-6)) * vec2(-along.y, along.x);
-  float det = cov.x * cov.z - cov.y * cov.y;
-  factor = vec3(sqrt(cov.z / det), -cov.y / sqrt(cov.z * det), inversesqrt(cov.z));
+  offset = corner.x * sqrt(reach * large) * along + corner.y * sqrt(reach * small) * vec2(-along.y, along.x);
+  factor = vec3(sqrt(cov.z / cov.w), -cov.y / sqrt(cov.z * cov.w), inversesqrt(cov.z));
   vec2 place = (center + offset) / size * 2.0 - 1.0;
   gl_Position = vec4(place.x, -place.y, 0, 1);
 `;
@@ -122,7 +120,7 @@ void main() {
   gl_Position = vec4(0, 0, 2, 1); offset = vec2(0); factor = vec3(0); color = vec4(0);
   if (k >= total) return;
   int i = int(texelFetch(order, ivec2(k % orderWide, k / orderWide), 0).x);
-  vec2 center; vec3 cov;
+  vec2 center; vec4 cov;
   ${fetch}
   ${QUAD}
 }`;
@@ -136,9 +134,9 @@ layout(location = 0) out vec4 center_; layout(location = 1) out vec4 cov_; layou
 void main() {
   int i = int(gl_FragCoord.y) * wide + int(gl_FragCoord.x);
   center_ = cov_ = color_ = vec4(0);
-  vec2 center; vec3 cov; vec4 color;
+  vec2 center; vec4 cov, color;
   if (i >= count || !project(i, center, cov, color)) return;
-  center_ = vec4(center, 0, 0); cov_ = vec4(cov, 0); color_ = color;
+  center_ = vec4(center, 0, 0); cov_ = cov; color_ = color;
 }`];
 
 const BLEND = `${HEAD}
@@ -152,7 +150,7 @@ void main() {
 
 /** Quads of Gaussians that were projected. */
 export const splatting = [quads(
-  "ivec2 at = ivec2(i % wide, i / wide); color = texelFetch(colors, at, 0); if (color.w == 0.0) return; center = texelFetch(centers, at, 0).xy; cov = texelFetch(covs, at, 0).xyz;",
+  "ivec2 at = ivec2(i % wide, i / wide); color = texelFetch(colors, at, 0); if (color.w == 0.0) return; center = texelFetch(centers, at, 0).xy; cov = texelFetch(covs, at, 0);",
   "uniform sampler2D centers, covs, colors; uniform int wide; uniform vec2 size;",
 ), BLEND];
 

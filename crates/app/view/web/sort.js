@@ -18,10 +18,13 @@ export class Sorter {
    */
   order({ row, near, far, exact }) {
     const { means, n, keys } = this;
+    const { fround } = Math;
+    const [a, b, c, d] = row.map(fround);
     let [low, high] = [Infinity, -Infinity];
     for (let i = 0; i < n; i++) {
       const [x, y, z] = [means[3 * i], means[3 * i + 1], means[3 * i + 2]];
-      const depth = (keys[i] = row[0] * x + row[1] * y + row[2] * z + row[3]);
+      // Rounded as the rasterizer rounds, so that nearly equal depths have the same order.
+      const depth = (keys[i] = fround(fround(fround(fround(a * x) + fround(b * y)) + fround(c * z)) + d));
       if (depth >= near && depth <= far) {
         if (depth < low) low = depth;
         if (depth > high) high = depth;
