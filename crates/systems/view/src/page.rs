@@ -49,17 +49,57 @@ pub struct HtmlOptions {
 /// ```
 pub fn html(subject: &Subject<'_>, shots: &[Shot], options: HtmlOptions) -> Result<String, ViewError> {
     let scene = STANDARD.encode(encoded(subject, options.lossless)?);
-    let photo = |shot: &Shot, _| shot.photo.as_deref().map(data_address);
     let mut sum = Checksum::default();
     sum.bytes(scene.as_bytes());
     sum.bytes(subject.title.as_bytes());
     let further = json!({ "length": scene.len() });
     let scene = format!("<script type=\"application/octet-stream\" id=\"scene\">{scene}</script>");
+    let photo = |i: usize| shots[i].photo.as_deref().map(data_address);
     Parts { subject, shots, photo: &photo, further, scene: &scene, nonce: &sum.to_string(), connect: "'none'" }.page()
 }
 
+/// A page that a server sends, which asks the server for the rest.
+#[derive(Clone, Copy)]
+pub struct ServedPage<'a> {
+    /// A word that nobody can guess, in this page and in its content security policy.
+    pub nonce: &'a str,
+    /// The address of the scene, a PLY or SPZ file.
+    pub scene: &'a str,
+    /// The address of the photo of the shot with this number, if there is one.
+    pub photo: &'a dyn Fn(usize) -> Option<String>,
+    /// Names of the formats that the server saves in, at `POST save?format=NAME`.
+    pub formats: &'a [&'a str],
+    /// The address of a report.
+    pub report: Option<&'a str>,
+    /// The page follows a run: `progress?since=STEP`, `scene` and `POST stop`.
+    pub live: bool,
+}
+
+impl std::fmt::Debug for ServedPage<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ServedPage").field("scene", &self.scene).field("live", &self.live).finish_non_exhaustive()
+    }
+}
+
+impl ServedPage<'_> {
+    /// The page as HTML. Photos that shots hold are not in it.
+    ///
+    /// # Errors
+    /// When the picture of the scene cannot be drawn.
+    pub fn html(&self, subject: &Subject<'_>, shots: &[Shot]) -> Result<String, ViewError> {
+        let Self { nonce, scene, photo, formats, report, live } = *self;
+        let further = json!({ "source": scene, "formats": formats, "report": report, "live": live });
+        Parts { subject, shots, photo, further, scene: "", nonce, connect: "'self'" }.page()
+    }
+
+    /// The content security policy of the page, for the header of the answer.
+    pub fn policy(&self) -> String {
+        policy(self.nonce, "'self'") + "; frame-ancestors 'none'"
+    }
+}
+
 /// The bytes of a scene as pages take them: gzip of PLY, or SPZ.
-pub(crate) fn encoded(subject: &Subject<'_>, lossless: bool) -> Result<Vec<u8>, ViewError> {
+fn encoded(subject: &Subject<'_>, lossless: bool) -> Result<Vec<u8>, ViewError> {
     let format = |name: &str| name.parse::<SceneFormat>().expect("the format is in the table");
     let mut bytes = Vec::new();
     if !lossless {
@@ -73,29 +113,28 @@ pub(crate) fn encoded(subject: &Subject<'_>, lossless: bool) -> Result<Vec<u8>, 
 }
 
 /// What a page is made of.
-pub(crate) struct Parts<'a> {
-    pub subject: &'a Subject<'a>,
-    pub shots: &'a [Shot],
-    /// The address of the photo of a shot with this number.
-    pub photo: &'a dyn Fn(&Shot, usize) -> Option<String>,
+struct Parts<'a> {
+    subject: &'a Subject<'a>,
+    shots: &'a [Shot],
+    photo: &'a dyn Fn(usize) -> Option<String>,
     /// Further keys of what scripts are told.
-    pub further: Value,
+    further: Value,
     /// The element that holds the scene, if it is inside.
-    pub scene: &'a str,
-    pub nonce: &'a str,
+    scene: &'a str,
+    nonce: &'a str,
     /// The places that scripts may ask.
-    pub connect: &'a str,
+    connect: &'a str,
 }
 
 impl Parts<'_> {
-    pub fn page(&self) -> Result<String, ViewError> {
+    fn page(&self) -> Result<String, ViewError> {
         let Self { subject, shots, nonce, .. } = self;
         let home = Home::of(subject, shots)?;
         let cameras = shots.iter().enumerate().map(|(i, shot)| {
             let mut camera = camera_json(&shot.camera);
             camera["name"] = json!(shot.name);
             camera["held_out"] = json!(shot.held_out);
-            camera["photo"] = json!((self.photo)(shot, i));
+            camera["photo"] = json!((self.photo)(i));
             camera
         });
         let mut about = json!({
@@ -129,7 +168,7 @@ impl Parts<'_> {
 }
 
 /// The content security policy: scripts and styles of the page itself, nothing from elsewhere.
-pub(crate) fn policy(nonce: &str, connect: &str) -> String {
+fn policy(nonce: &str, connect: &str) -> String {
     format!(
         "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'nonce-{nonce}'; img-src 'self' data: blob:; \
          worker-src blob:; connect-src {connect}; base-uri 'none'; form-action 'none'"

@@ -10,7 +10,7 @@ mod subject;
 mod template;
 
 pub use error::ViewError;
-pub use page::{HtmlOptions, html};
+pub use page::{HtmlOptions, ServedPage, html};
 pub use subject::{Look, Shot, Subject};
 
 /// The example of the README, compiled and run.
