@@ -3,7 +3,7 @@
 use std::ffi::{OsStr, OsString};
 use weaver_cli::{Console, Interrupt};
 
-/// What a command left behind.
+/// Result of a command.
 #[derive(Debug)]
 pub struct Outcome {
     pub code: u8,

@@ -43,7 +43,7 @@ fn text_that_is_no_toml() {
     refused(&["--config", "/nonexistent.toml"], &["/nonexistent.toml"]);
 }
 
-/// What `config` prints is a configuration: every key documented, and equal to the preset that it was printed from.
+/// The output of `config` is a configuration: every key documented, and equal to the preset that it was printed from.
 #[test]
 fn a_printed_configuration_is_read_back() {
     let printed = splatweaver(&[&"config", &"--preset", &"micro"]).fine().stdout;

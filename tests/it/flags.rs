@@ -39,3 +39,18 @@ fn a_flag_of_several_commands_has_one_meaning() {
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
+
+/// The page of flags says what the program takes. `UPDATE_PAGES=1` writes it.
+#[test]
+fn the_page_of_flags_is_the_programs() {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().join("docs/reference/flags.md");
+    let expected = weaver_cli::reference();
+    if std::env::var_os("UPDATE_PAGES").is_some() {
+        std::fs::write(&page, &expected).unwrap();
+    }
+    let found = std::fs::read_to_string(&page).unwrap_or_default();
+    assert!(
+        found == expected,
+        "docs/reference/flags.md is not what the program says: UPDATE_PAGES=1 cargo test -p weaver-tests flags"
+    );
+}

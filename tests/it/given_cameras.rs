@@ -20,7 +20,7 @@ fn loaded(run: &Path, capture: &Path) -> Scene {
     weaver_data::capture::load(capture, &options).unwrap()
 }
 
-/// What an evaluation with points makes of the first held-out view's context, and the names of its photos.
+/// Result of an evaluation with points for the first held-out view's context, and the names of its photos.
 fn evaluated(run: &Path, capture: &Path) -> (Vec<PathBuf>, Prediction, Vec<Image>) {
     let mut predictor = SplatWeaverPredictor::open(run).unwrap();
     let scene = loaded(run, capture);

@@ -155,7 +155,7 @@ fn a_scene_is_drawn_as_its_summary_says_unless_flags_do() {
     assert_eq!(picture("back", &back), plain);
 }
 
-/// What a network makes is drawn from its file as the network drew it.
+/// A network's result is drawn from its file as the network drew it.
 #[test]
 fn a_result_says_how_it_is_drawn() {
     let run = crate::run::Run::shared();

@@ -13,7 +13,7 @@ const CURVES: [(&str, &str, &str); 4] = [
     ("the network alone: adaptive cells, PSNR", "adaptive, network alone", "stroke='#b45309'"),
     ("even cells", "even grid, network alone", "stroke='#b45309' stroke-dasharray='6 4'"),
 ];
-/// What has one Gaussian for every pixel, likewise.
+/// Settings with one Gaussian for every pixel, likewise.
 const ONE: [(&str, &str); 2] = [
     ("*the same, refined in place*", "one for every pixel, refined"),
     ("*trained with one for every pixel: the network alone*", "one for every pixel, network alone"),

@@ -6,7 +6,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Random cases per property; proptest draws 256 of itself. A test that takes long draws a part of them.
 const CASES: &str = "8192";
-/// How often training is killed, and how many files each reader is given, unless the command says another number.
+/// Number of kills of a training, and of files for each reader, unless the command says another.
 const KILLS: &str = "100";
 const FILES: &str = "1000000";
 /// A folder that Linux keeps in memory.

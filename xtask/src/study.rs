@@ -61,7 +61,7 @@ impl Study {
         Ok(run)
     }
 
-    /// What an evaluation says as JSON, which is kept in a file.
+    /// An evaluation as JSON, which is kept in a file.
     fn evaluate(&self, file: &Path, arguments: &[String]) -> Result<Value, String> {
         if !file.exists() {
             let lpips = self.lpips.iter().flat_map(|weights| ["--lpips".to_string(), weights.clone()]);

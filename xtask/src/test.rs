@@ -3,7 +3,7 @@
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
-/// What a test prints that lacks something; why follows.
+/// Prefix of what a test prints that lacks something; why follows.
 const SKIPPED: &str = "skipped: ";
 
 pub fn run(arguments: &[String]) -> Result<(), String> {
@@ -29,10 +29,10 @@ pub fn run(arguments: &[String]) -> Result<(), String> {
     if passed { Ok(()) } else { Err("tests failed".into()) }
 }
 
-/// What has been read of the tests' output.
+/// Summary of the tests' output so far.
 #[derive(Debug, Default)]
 struct Summary {
-    /// Whether these are lines that tests which passed have printed.
+    /// True if these are lines that tests which passed have printed.
     of_passed: bool,
     /// Why tests were skipped, and how many for that.
     skipped: std::collections::BTreeMap<String, usize>,

@@ -29,7 +29,7 @@ struct Workspace {
 
 struct Package {
     name: String,
-    /// What `cargo metadata` says of it.
+    /// Its entry in `cargo metadata`.
     metadata: Value,
     /// The files below `src`.
     sources: Vec<Source>,
@@ -67,6 +67,9 @@ pub fn run() -> Result<(), String> {
         }
         for source in package.sources.iter().chain(&package.tests).filter(|_| package.name != "xtask") {
             sources::check_test(source, &mut faults);
+        }
+        for source in package.sources.iter().chain(&package.tests) {
+            sources::check_comments(source, &mut faults);
         }
     }
     circles::check(&workspace, &mut faults);

@@ -15,7 +15,7 @@ const INSTRUCTION_SETS: &[&str] = &["portable", "avx2"];
 /// that measure the machine, which is another one here.
 const SKIPPED: &[&str] = &["every_size", "whole_range", "f32_is_accurate", "instruction_sets", "peak::"];
 
-/// What memcheck ends with when it has found something.
+/// Exit code of memcheck when it has found something.
 const FOUND: i32 = 99;
 
 pub fn run() -> Result<(), String> {

@@ -14,7 +14,7 @@ fn rows<T: Real>(x: Var<'_, T>) -> Var<'_, T> {
     x.reshape([x.shape().len() / experts, experts])
 }
 
-/// What the losses are made with.
+/// Inputs of the losses.
 struct Setting<'f> {
     file: &'f Reference,
     quantiles: Vec<f64>,

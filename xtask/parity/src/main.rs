@@ -32,7 +32,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use weaver_autograd::Real;
 
-/// What can be asked.
+/// The options.
 #[derive(Debug, Default)]
 struct Options {
     folder: PathBuf,
@@ -180,7 +180,7 @@ fn files_below(folder: &Path) -> Result<Vec<PathBuf>, String> {
 /// Largest error in f32 that flipped rectifiers explain.
 const FLIPPED: f64 = 1e-2;
 
-/// Whether a comparison is of LPIPS, whose rectifiers and maxima are so many that some sum is always close to another.
+/// True if a comparison is of LPIPS, whose rectifiers and maxima are so many that some sum is always close to another.
 fn of_lpips(key: &str) -> bool {
     key.contains("lpips")
 }

@@ -9,7 +9,7 @@ use weaver_splat::{GaussianVars, RasterSettings, Rasterize, WorkspacePool};
 /// The bar of these files, whose fragile pixels are marked.
 const BAR: f64 = 1e-4;
 
-/// Whether the file is about one drawing: a camera, and Gaussians with colors. (Others have cameras too.)
+/// True if the file is about one drawing: a camera, and Gaussians with colors. (Others have cameras too.)
 pub fn describes(file: &Reference) -> bool {
     file.has("in.viewmat") && (file.has("in.colors") || file.has("in.sh"))
 }

@@ -11,7 +11,7 @@ const ROUNDING: f64 = 1e-5;
 /// Ops that may end in a rectifier.
 const OPS: [&str; 4] = ["Relu", "Clamp", "linear", "conv2d"];
 
-/// What one op that may end in a rectifier made.
+/// Output of one op that may end in a rectifier.
 #[derive(Clone, Debug)]
 pub struct Rectified {
     /// The op, and where in the model.
@@ -19,7 +19,7 @@ pub struct Rectified {
     outputs: Vec<f64>,
 }
 
-/// What the rectifiers on a tape made, in order.
+/// Outputs of the rectifiers on a tape, in order.
 pub fn on<T: Real>(tape: &Tape<T>) -> Vec<Rectified> {
     let mut list = Vec::new();
     tape.for_each_node(|node| {
@@ -37,14 +37,14 @@ pub fn on<T: Real>(tape: &Tape<T>) -> Vec<Rectified> {
 pub struct Flip {
     at: String,
     unit: usize,
-    /// What it is where it is not 0.
+    /// The value where it is not 0.
     value: f64,
     /// The largest output of its op there.
     largest: f64,
 }
 
 impl Flip {
-    /// Whether rounding can have done it.
+    /// True if rounding can have done it.
     fn is_rounding(&self) -> bool {
         self.value < ROUNDING * self.largest
     }
@@ -84,7 +84,7 @@ pub fn flips(a: &[Rectified], b: &[Rectified]) -> Option<Vec<Flip>> {
     Some(flips)
 }
 
-/// Whether there are flips, and rounding can have done all of them.
+/// True if there are flips, and rounding can have done all of them.
 pub fn are_rounding(flips: &[Flip]) -> bool {
     !flips.is_empty() && flips.iter().all(Flip::is_rounding)
 }

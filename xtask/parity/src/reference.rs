@@ -13,14 +13,14 @@ use weaver_io::safetensors::{TensorData, Tensors};
 
 /// The least error allowed, relative L2.
 const FLOOR: f64 = 1e-5;
-/// How many times the f32 error of the file is allowed.
+/// Factor on the f32 error of the file that is allowed.
 const FACTOR: f64 = 20.0;
 /// Allowed for gradients that vanish in exact arithmetic, absolutely.
 const ZERO: f64 = 1e-4;
 /// Allowed for gradients of LPIPS, in which a branch of max-pooling or a rectifier may flip.
 const FLIPPED: f64 = 1e-2;
 
-/// What a comparison comes to.
+/// Verdict of a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     Pass,
@@ -42,7 +42,7 @@ impl Verdict {
     }
 }
 
-/// What a comparison found.
+/// Result of a comparison.
 #[derive(Clone, Debug)]
 pub struct Line {
     pub key: String,
@@ -50,7 +50,7 @@ pub struct Line {
     pub error: f64,
     /// Largest error.
     pub largest: f64,
-    /// What f32 costs the file's own code, where it says so.
+    /// Error by f32 of the file's own code, where it says so.
     pub f32_error: Option<f64>,
     pub allowed: f64,
     pub verdict: Verdict,
@@ -375,7 +375,7 @@ impl Reference {
     }
 }
 
-/// Whether a key is something to reproduce, by its name.
+/// True if a key is something to reproduce, by its name.
 fn is_result(key: &str) -> bool {
     const RESULTS: [&str; 7] = ["out", "grad", "gradstat", "grad_lpips", "loss", "edge", "filter"];
     let mut parts = key.split('.');

@@ -6,7 +6,7 @@ use weaver_autograd::{Params, Real, Tape, Var};
 use weaver_losses::{focal_error, rotation_angles};
 use weaver_nn::{Builder, Context, Projections, projective_attention, turned_attention};
 use weaver_pose::{CameraVars, Rays, average_frame, projections, relative_poses};
-use weaver_pyramid::{OpacityDegree, Parametrization, Pyramid, PyramidConfig};
+use weaver_two_experts::{OpacityDegree, Parametrization, Pyramid, PyramidConfig};
 
 /// Base of the frequencies by which positions turn.
 const BASE: f64 = 100.0;

@@ -1,12 +1,12 @@
 //! WildSplatter: embeddings, standardized photos, colors, masked losses, scale and shift.
 
 use super::reference::Reference;
-use weaver_appearance::{AppearanceEncoder, AppearanceEncoderConfig, LookDecoder, LookDecoderConfig, standardized};
 use weaver_autograd::{Params, Real, Tape};
 use weaver_geometry::Similarity;
 use weaver_geometry::glam::DVec3;
 use weaver_losses::{masked_mse, masked_ssim};
 use weaver_nn::{Builder, Context, WeightInit};
+use weaver_wild::{AppearanceEncoder, AppearanceEncoderConfig, LookDecoder, LookDecoderConfig, standardized};
 
 pub fn run<T: Real>(file: Reference) -> Reference {
     // The file spells it otherwise.

@@ -21,7 +21,7 @@ const ADAPTIVE: &str = "adaptive";
 /// One way to train, and how that is evaluated.
 struct Arm {
     name: &'static str,
-    /// What it sets in the configuration.
+    /// Its settings in the configuration.
     settings: &'static [&'static str],
     /// Allocations that it is evaluated with.
     allocations: &'static [&'static str],
@@ -83,12 +83,12 @@ const ARMS: [Arm; 10] = [
 ];
 
 impl Arm {
-    /// Whether predictions are judged refined, too.
+    /// True if predictions are judged refined, too.
     fn refined(&self) -> bool {
         self.seeds > 1
     }
 
-    /// Whether refinement may give up Gaussians for others where the error is; controls stay where they are.
+    /// True if refinement may give up Gaussians for others where the error is; controls stay where they are.
     fn adapts(&self) -> bool {
         self.name == ADAPTIVE
     }
@@ -143,7 +143,7 @@ pub fn run(out: &Path, captures: &[&str], lpips: Option<&str>, more: &[String]) 
     Ok(())
 }
 
-/// What each expert makes of every pixel, judged by held-out photos and by those that it was made of.
+/// Quality of each expert on every pixel, by held-out photos and by those that it was made of.
 fn experts(study: &Study, runs: &[PathBuf]) -> Result<Vec<String>, String> {
     let head = ["", "| Gaussians for every pixel | held-out photos, PSNR | context photos |", "|---|---|---|"];
     let mut rows = head.map(String::from).to_vec();

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// Steps of each training, from the weights that come with the program.
 const STEPS: &str = "300";
 const SEEDS: u64 = 3;
-/// What a copy may differ by, dB.
+/// Largest difference of a copy, dB.
 const WITHIN: f64 = 0.1;
 
 /// A copy that the example makes, the one that it is compared with, and whether their masks are used.

@@ -62,7 +62,7 @@ type Module = Vec<String>;
 #[derive(Default)]
 struct Crate {
     places: BTreeMap<Module, String>,
-    /// What a name that a module imports stands for.
+    /// Names that a module imports.
     imports: BTreeMap<Module, BTreeMap<String, Module>>,
 }
 

@@ -8,10 +8,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 const DOCUMENT: &str = "docs/dependencies.md";
 
-/// What the crates below the formats may use from outside: embedding one of them brings in nothing else.
+/// Outside crates that the crates below the formats may use: embedding one of them brings in nothing else.
 const OUTSIDE: &[&str] = &["rayon", "smallvec", "thiserror", "glam", "half", "libc", "crc32c"];
 
-/// What weaver-gpu reaches a device with; nothing below it does, so that nobody gets it who does not ask for it.
+/// Crates that weaver-gpu reaches a device with; nothing below it does, so that nobody gets them who does not ask.
 const DEVICE: &[&str] = &["wgpu", "pollster", "bytemuck"];
 
 pub fn check(workspace: &Workspace, faults: &mut Vec<String>) {
@@ -74,7 +74,7 @@ fn code(source: &str) -> String {
     source.lines().filter(|line| !line.trim_start().starts_with("//")).flat_map(|line| [line, "\n"]).collect()
 }
 
-/// Whether a source names a crate: in a path or alone in a `use`.
+/// True if a source names a crate: in a path or alone in a `use`.
 fn uses(source: &str, name: &str) -> bool {
     source.match_indices(name).any(|(at, _)| {
         let before = source[..at].chars().next_back();

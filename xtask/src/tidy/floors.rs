@@ -9,7 +9,7 @@ const DOCUMENT: &str = "docs/architecture.md";
 /// The folders, from the lowest.
 const FLOORS: &[&str] = &["engine", "scene", "systems", "models", "app"];
 
-/// What crates with these parts below them may not bring to who embeds them.
+/// Outside crates that may not come with crates above these parts.
 const CLOSED: &[(&str, &[&str])] = &[("inference", &["toml", "clap", "indicatif"])];
 
 /// Crates that know no tape.

@@ -145,9 +145,39 @@ pub fn check_test(source: &Source, faults: &mut Vec<String>) {
     }
 }
 
+/// Words that begin a question and not the name of a thing.
+const QUESTIONS: [&str; 4] = ["What ", "How ", "Whether ", "Whose "];
+
+/// Doc comments begin with a noun or a verb.
+pub fn check_comments(source: &Source, faults: &mut Vec<String>) {
+    let mut inside = false;
+    for (number, line) in source.text.lines().enumerate() {
+        let comment = line.trim_start().strip_prefix("///").map(str::trim_start);
+        if let Some(word) = comment.filter(|_| !inside).and_then(|text| QUESTIONS.iter().find(|q| text.starts_with(*q)))
+        {
+            let place = &source.place;
+            faults.push(format!(
+                "{place}:{}: a doc comment begins with a noun or a verb, not {}",
+                number + 1,
+                word.trim()
+            ));
+        }
+        inside = comment.is_some();
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn comments_begin_with_a_noun_or_a_verb() {
+        let text =
+            "/// The number.\n/// How many is another sentence.\nfn f() {}\n    /// Whether it is.\n    fn g() {}";
+        let mut faults = Vec::new();
+        check_comments(&Source { place: "t.rs".into(), inside: String::new(), text: text.into() }, &mut faults);
+        assert_eq!(faults, ["t.rs:4: a doc comment begins with a noun or a verb, not Whether"]);
+    }
 
     #[test]
     fn faults_are_found() {

@@ -133,7 +133,7 @@ const VERBS: &[&str] = &[
 
 const ENDINGS: &[&str] = &["ise", "ised", "iser", "isers", "ising", "isation", "isations", "isable", "ises"];
 
-/// What is not ours to spell: names of tensors in files of reference numbers.
+/// Foreign spellings that stay: names of tensors in files of reference numbers.
 const FOREIGN: &[&str] = &["intrinsics_normalised"];
 
 /// Files that have to name what is forbidden: this one, and the one that says what was renamed.
@@ -175,7 +175,7 @@ fn words(text: &str) -> Vec<String> {
     words
 }
 
-/// How a word is spelled in American English, if otherwise.
+/// American spelling of a word, if it is spelled otherwise.
 fn american(word: &str) -> Option<String> {
     if let Some((foreign, ours)) = PARTS.iter().find(|(foreign, _)| word.contains(foreign)) {
         return Some(word.replace(foreign, ours));

@@ -17,7 +17,7 @@ pub struct Bench {
     pub(crate) subject: Subject,
 }
 
-/// What to measure.
+/// Subject of a benchmark.
 #[derive(Debug, Subcommand)]
 pub enum Subject {
     Raster(BenchRaster),
@@ -46,7 +46,7 @@ pub struct BenchRaster {
     /// A synthetic scene instead: N Gaussians with SH of degree 3 in W x H pixels, the same every time
     #[arg(long, value_name = "N,W,H", value_parser = synthetic)]
     pub synthetic: Option<Synthetic>,
-    /// How often it is drawn; medians are over these
+    /// Drawings; medians are over these
     #[arg(long, value_name = "R", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub runs: u32,
     /// Writes image, alpha, depth and the gradient of every input to this safetensors file
@@ -80,7 +80,7 @@ pub struct BenchFit {
     /// A capture instead: a folder with photos and their cameras, or a transforms.json
     #[arg(long, value_name = "DIR")]
     pub capture: Option<PathBuf>,
-    /// How many steps count
+    /// Steps that count
     #[arg(long, value_name = "R", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub runs: u32,
     /// Prints the figures as JSON, and nothing else on standard output
@@ -115,7 +115,7 @@ pub struct BenchMixture {
     /// Adds the backward pass, with the gradients of everything that the Gaussians have
     #[arg(long)]
     pub backward: bool,
-    /// How often it is drawn in each way; medians are over these
+    /// Drawings in each way; medians are over these
     #[arg(long, value_name = "R", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub runs: u32,
     /// Prints the figures as JSON, and nothing else on standard output
@@ -125,7 +125,7 @@ pub struct BenchMixture {
     pub threads: Threads,
 }
 
-/// How a mixture is drawn.
+/// Ways to draw a mixture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Passes {
     /// All experts in one pass
@@ -142,7 +142,7 @@ pub enum Passes {
   splatweaver bench engine
   splatweaver bench engine --threads 2 --json")]
 pub struct BenchEngine {
-    /// How often each piece of work is timed; medians are over these
+    /// Timings of each piece of work; medians are over these
     #[arg(long, value_name = "R", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub runs: u32,
     /// Prints the figures as JSON, and nothing else on standard output

@@ -6,7 +6,7 @@ use weaver_splat::{
     Cotangents, Gradients, Images, RasterError, RasterSettings, RasterStats, Workspace, rasterize, rasterize_backward,
 };
 
-/// What draws, with its memory.
+/// A rasterizer with its memory.
 pub enum Draws {
     Processor(Box<Workspace<f32>>),
     Device(Box<Device>),

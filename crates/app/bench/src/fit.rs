@@ -126,7 +126,7 @@ fn synthetic(scene: Synthetic, mut settings: FitSettings, rasterizer: Arc<dyn Fi
 /// A step that counts.
 struct Sample {
     timings: StepTimings,
-    /// Whether density control had a round after it.
+    /// True if density control had a round after it.
     round: bool,
     gaussians: f64,
     pixels: f64,

@@ -257,7 +257,7 @@ impl Frame {
         Ok(())
     }
 
-    /// Whether both hold the same pictures, to the bit, and the same gradients unless one sums those of two drawings.
+    /// True if both hold the same pictures, to the bit, and the same gradients unless one sums those of two drawings.
     fn same_as(&self, other: &Self) -> bool {
         let bits = |values: &Vec<f32>| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
         let sums = [self, other].iter().any(|frame| frame.way == Passes::Apart);

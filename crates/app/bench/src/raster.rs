@@ -87,7 +87,7 @@ struct Sample {
     stats: RasterStats,
 }
 
-/// What went by, milliseconds.
+/// Times of a frame, milliseconds.
 #[derive(Clone, Copy)]
 struct Times {
     wall: f64,

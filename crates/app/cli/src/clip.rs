@@ -4,7 +4,7 @@ mod choice;
 mod movement;
 mod pictures;
 
-use crate::arguments::ClipFlags;
+use crate::flags::ClipFlags;
 use choice::{Measured, choose};
 use movement::{Follower, sharpness};
 use pictures::{Picture, Pictures, about_how_many};
@@ -21,15 +21,15 @@ const EXTENSIONS: [&str; 18] = [
     "mp4", "m4v", "mov", "mkv", "webm", "avi", "mpg", "mpeg", "m2ts", "mts", "ts", "3gp", "ogv", "wmv", "flv", "mxf",
     "y4m", "gif",
 ];
-/// How lists of clips begin that ffmpeg would follow.
+/// First bytes of lists of clips that ffmpeg would follow.
 const LISTS: [&[u8]; 2] = [b"#EXTM3U", b"ffconcat"];
 /// The folder that frames are written to.
 const FRAMES: &str = "frames";
 /// The longest side of the pictures that are measured: blur that is not seen there costs a match little.
 const MEASURED: usize = 640;
-/// How many frames are chosen when nothing is said, at most.
+/// Largest number of frames when none is given.
 const MOST: usize = 120;
-/// How far the picture has moved between two frames, at least, over its longer side: when nothing is said, and where a number is asked for.
+/// Least movement of the picture between two frames, over its longer side: when nothing is said, and where a number is asked for.
 const APART: f32 = 0.04;
 const CLOSEST: f32 = 0.01;
 /// From this movement on two frames hardly have enough in common.
@@ -41,7 +41,7 @@ const QUALITY: u8 = 95;
 #[derive(Debug)]
 pub struct Photos {
     pub paths: Vec<PathBuf>,
-    /// Whether most of them are frames of clips, which follow one another.
+    /// True if most of them are frames of clips, which follow one another.
     pub sequence: bool,
     /// The frames, relative to the folder of the result; `None` without a clip.
     frames: Option<Vec<String>>,
@@ -102,7 +102,7 @@ fn in_folder(path: &Path) -> Result<Vec<PathBuf>, Failure> {
     Ok(found)
 }
 
-/// Whether a path is that of a clip: by its extension, or by its first bytes where it has none that photos have.
+/// True if a path is that of a clip: by its extension, or by its first bytes where it has none that photos have.
 pub fn is_clip(path: &Path) -> bool {
     if path.is_dir() {
         return false;

@@ -1,7 +1,7 @@
 //! Cameras that are estimated: `splatweaver cameras`, and for the commands that need them.
 
-use crate::arguments::{Cameras, MatchingFlags};
-use crate::clip::{self, Photos};
+use crate::clip::Photos;
+use crate::flags::MatchingFlags;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use weaver_command::{Console, Failure, duration};
@@ -10,8 +10,8 @@ use weaver_data::{CamerasSummary, Doubt, EstimateOptions, EstimatedPhotos, LeftO
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Distortion, Pose, Similarity};
 
-/// What the folder of estimated cameras says that it was written by.
-const COMMAND: &str = "cameras";
+/// Name of the command in the record of a folder of estimated cameras.
+pub const COMMAND: &str = "cameras";
 /// One photo in this many is held out.
 const HOLD_OUT: usize = 8;
 /// From this logarithm of a factor on a focal length is not what was told.
@@ -22,20 +22,6 @@ const ELSEWHERE: f64 = 5.0;
 const ROUNDS: usize = 5;
 /// Names of photos in a message, at most.
 const NAMED: usize = 8;
-
-pub fn run(arguments: &Cameras, console: &mut Console) -> Result<(), Failure> {
-    let compare = arguments.compare.as_slice();
-    let claimed = OutputFolder::claim(&arguments.out, COMMAND, arguments.photos.iter().chain(compare))?;
-    let photos = clip::photos(&arguments.photos, arguments.clip, &claimed, console)?;
-    let located = vec![false; photos.paths.len()];
-    let Estimated { found, .. } = estimated(&photos, &located, arguments.matching, &claimed, console)?;
-    photos.settle(&claimed)?;
-    let out = |name: &str| arguments.out.join(name).display().to_string();
-    if let Some(file) = &arguments.compare {
-        console.print(&compared(&found, file)?)?;
-    }
-    console.print(&format!("cameras: {}\npoints: {}", out("transforms.json"), out("points.png")))
-}
 
 /// Photos with estimated cameras.
 pub struct Estimated {
@@ -174,8 +160,8 @@ fn listed(names: &[String]) -> String {
     if names.len() > NAMED { format!("{shown} and {} more", names.len() - NAMED) } else { shown }
 }
 
-/// How far estimated cameras are from others.
-fn compared(found: &EstimatedPhotos, file: &Path) -> Result<String, Failure> {
+/// Compares estimated cameras with others.
+pub fn compared(found: &EstimatedPhotos, file: &Path) -> Result<String, Failure> {
     let placed = found.placed();
     let truth = weaver_data::capture::load_camera_files(file, &placed)?;
     let estimated: Vec<Camera> = found.estimate.cameras.iter().flatten().copied().collect();

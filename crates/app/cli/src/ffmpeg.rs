@@ -7,7 +7,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use weaver_command::Failure;
 
-/// How ffmpeg is installed.
+/// Installation of ffmpeg.
 pub const INSTALL: &str = if cfg!(target_os = "macos") {
     "to install it: brew install ffmpeg"
 } else if cfg!(windows) {
@@ -35,7 +35,7 @@ pub struct Ffmpeg {
     complaints: Option<JoinHandle<String>>,
 }
 
-/// How an ffmpeg has ended.
+/// End of an ffmpeg.
 #[derive(Debug)]
 pub struct Ended {
     status: ExitStatus,
@@ -108,7 +108,7 @@ impl Ended {
         (!lines.is_empty()).then(|| format!("{}{more}", lines[..lines.len().min(QUOTED)].join("; ")))
     }
 
-    /// What went wrong, if anything did.
+    /// The error, if there was one.
     pub fn fault(&self) -> Option<String> {
         let said = || self.complaints().map_or(String::new(), |said| format!("; {said}"));
         (!self.status.success()).then(|| format!("ffmpeg: {}{}", self.status, said()))

@@ -2,7 +2,7 @@
 
 use std::ffi::OsString;
 
-/// How a word of before is read.
+/// An old word and its reading.
 struct Old {
     /// The command, and its second word where it has one.
     command: &'static str,
@@ -106,7 +106,7 @@ pub fn current(mut words: Vec<OsString>) -> (Vec<OsString>, Vec<String>) {
     (out, notes)
 }
 
-/// Whether a word is a value of `--focal` or of `--hold-out`.
+/// True if a word is a value of `--focal` or of `--hold-out`.
 fn is_value(word: &str) -> bool {
     ["listed", "none"].contains(&word) || word.parse::<f64>().is_ok()
 }

@@ -1,6 +1,6 @@
 //! Refinement of what a network predicts.
 
-use crate::arguments::RefineFlags;
+use crate::flags::RefineFlags;
 use std::path::PathBuf;
 use std::sync::Arc;
 use weaver_command::Failure;
@@ -34,7 +34,7 @@ pub fn refined(
     Ok(Box::new(if flags.refine_in_place { refined.in_place() } else { refined }))
 }
 
-/// How much larger than the network's size the smallest photo is; at least 1, and 1 of no photos.
+/// Ratio of the smallest photo to the network's size; at least 1, and 1 of no photos.
 fn own_scale(photos: &[PathBuf], [height, width]: [usize; 2]) -> Result<f64, Failure> {
     let mut least = f64::INFINITY;
     for photo in photos {

@@ -7,7 +7,7 @@ use weaver_command::{Console, Failure, Progress, Threads, in_pool};
 /// Counts.
 #[derive(Parser)]
 struct Count {
-    /// How far.
+    /// Length of the range.
     #[arg(default_value_t = 20)]
     to: usize,
     #[command(flatten)]

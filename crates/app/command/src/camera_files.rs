@@ -59,7 +59,7 @@ pub fn read_with_lenses(path: &Path, size: Size) -> Result<Vec<(Frame, Option<Un
     frames.into_iter().map(sized).collect()
 }
 
-/// How the distortion of a frame's photo is undone.
+/// Lens that undoes the distortion of a frame's photo.
 fn lens(frame: &Frame, path: &Path) -> Result<Option<Undistortion>, Failure> {
     let Some(distortion) = frame.distortion else { return Ok(None) };
     let undone = Undistortion::new(frame.camera, distortion).ok_or_else(|| {

@@ -9,7 +9,7 @@ pub struct Console<'a> {
     pub stdout: &'a mut (dyn Write + Send),
     /// For progress, notes and errors.
     pub stderr: &'a mut (dyn Write + Send),
-    /// Whether the standard error of the process is a terminal, on which a progress bar can be drawn.
+    /// True if the standard error of the process is a terminal, on which a progress bar can be drawn.
     pub terminal: bool,
 }
 

@@ -6,12 +6,12 @@ use std::path::Path;
 use weaver_io::Drawing;
 use weaver_splat::RasterSettings;
 
-/// What somebody says about drawing a scene, on the command line or in a summary.
+/// Options of drawing a scene, from the command line or from a summary.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DrawingOptions {
     /// The color behind the scene, each part from 0 to 1.
     pub background: Option<[f32; 3]>,
-    /// Whether opacities are lowered where a Gaussian is widened to a pixel.
+    /// True if opacities are lowered where a Gaussian is widened to a pixel.
     pub antialiased: Option<bool>,
     /// The near plane, world units.
     pub near: Option<f64>,
@@ -33,7 +33,7 @@ impl DrawingOptions {
         Ok((self.background.or(summary.background).unwrap_or([1.0; 3]), settings))
     }
 
-    /// What the summary.json in the scene's folder says. There need not be one, and it need not say anything: a run of training
+    /// Reads the summary.json in the scene's folder. There need not be one, and it need not say anything: a run of training
     /// has a file of that name as well.
     fn of_summary(scene: &Path) -> Result<Self, Failure> {
         let path = scene.with_file_name("summary.json");

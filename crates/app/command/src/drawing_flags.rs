@@ -3,7 +3,7 @@
 use crate::drawing::DrawingOptions;
 use clap::Args;
 
-/// How a scene is drawn. A fit says that in summary.json beside its scene.
+/// Options of drawing a scene. A fit writes them to summary.json beside its scene.
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Drawing")]
 pub struct DrawingFlags {

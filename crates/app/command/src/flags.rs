@@ -1,6 +1,7 @@
 //! Flags that several commands have.
 
 use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 /// Upper limit on threads, each of which costs memory.
 pub const MOST_THREADS: i64 = 1024;
@@ -17,7 +18,7 @@ pub struct DeviceFlag {
     pub device: Option<String>,
 }
 
-/// How many threads work.
+/// Number of threads.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct Threads {
     /// Threads. Does not change results [default: one per core]
@@ -30,4 +31,15 @@ impl Threads {
     pub fn count(self) -> Option<usize> {
         self.threads.map(usize::from)
     }
+}
+
+/// A parser of one of some names, each with its value and its line of help.
+pub fn choice<T: Clone + Send + Sync + 'static>(
+    choices: &'static [(&'static str, T, &'static str)],
+) -> impl TypedValueParser<Value = T> {
+    let names = choices.iter().map(|(name, _, help)| PossibleValue::new(name).help(*help));
+    PossibleValuesParser::new(names).map(|given| {
+        let found = choices.iter().find(|(name, ..)| *name == given);
+        found.map(|(_, value, _)| value.clone()).expect("clap accepts these names alone")
+    })
 }

@@ -18,7 +18,7 @@ pub use console::Console;
 pub use drawing::DrawingOptions;
 pub use drawing_flags::{DrawingFlags, Rgb, background, distance, fraction};
 pub use failure::Failure;
-pub use flags::{DeviceFlag, MOST_SEED, MOST_THREADS, Threads};
+pub use flags::{DeviceFlag, MOST_SEED, MOST_THREADS, Threads, choice};
 pub use interrupt::Interrupt;
 pub use progress::{Progress, duration};
 pub use threads::in_pool;

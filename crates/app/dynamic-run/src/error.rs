@@ -20,9 +20,9 @@ pub enum RunError {
     Setting {
         /// The setting.
         key: &'static str,
-        /// What it may be.
+        /// The expected value.
         expected: String,
-        /// What it was.
+        /// The value found.
         found: String,
     },
     /// The folder holds a run already, the run is complete, or a file of it could not be read or written.
@@ -55,7 +55,7 @@ pub enum RunError {
         stage: usize,
         /// The step of it.
         step: usize,
-        /// What was found.
+        /// The loss found.
         loss: f32,
     },
 }

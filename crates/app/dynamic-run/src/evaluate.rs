@@ -23,7 +23,7 @@ pub struct Quality {
     pub ssim: Option<f64>,
 }
 
-/// How photos of one kind are met.
+/// Quality of photos of one kind.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 pub struct Scores {
     /// Number of photos.
@@ -42,10 +42,10 @@ pub struct Scores {
     pub right: f64,
 }
 
-/// How pixels that show one kind of motion are met.
+/// Quality of pixels that show one kind of motion.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 pub struct MotionScores {
-    /// What moves, and how.
+    /// The moving part, and its motion.
     pub motion: String,
     /// Number of pixels.
     pub pixels: usize,
@@ -55,7 +55,7 @@ pub struct MotionScores {
     pub shares: Vec<f64>,
 }
 
-/// How a run meets its film.
+/// Quality of a run on its film.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Evaluation {
     /// The experts' names.

@@ -27,13 +27,13 @@ pub struct Mixture {
     experts: Vec<Expert<f32>>,
     counts: Vec<usize>,
     router: PixelRouter,
-    /// What fields cover.
+    /// The box that fields cover.
     bounds: [[f64; 3]; 2],
     background: [f32; 3],
     workspaces: WorkspacePool<f32>,
 }
 
-/// What a mixture shows from a camera at a time, P pixels.
+/// Pictures of a mixture from a camera at a time, P pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pictures {
     /// Each expert's picture `[K, P, 3]`.
@@ -144,7 +144,7 @@ impl Mixture {
         Ok(seen?)
     }
 
-    /// What is seen from a camera at a time.
+    /// Draws the view of a camera at a time.
     ///
     /// # Errors
     /// When the rasterizer refuses.

@@ -28,7 +28,7 @@ pub(crate) enum Optimizer {
     Router(RAdam<f32>, [ParamId; 2]),
 }
 
-/// How fast a group of parameters learns.
+/// Learning rate of a group of parameters.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rate {
     first: f64,
@@ -127,7 +127,7 @@ mod tests {
     use super::*;
     use weaver_nn::Context;
 
-    /// How far a parameter goes in a step, under a gradient that is the same in all steps: its rate.
+    /// Step of a parameter under a gradient that is the same in all steps: its rate.
     fn moved(kind: ExpertKind, name: &str, step: usize) -> f64 {
         const STEPS: usize = 1000;
         let mut params = Params::new();

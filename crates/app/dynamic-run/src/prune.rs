@@ -12,17 +12,17 @@ use weaver_kernels::random::Stream;
 /// By what Gaussians are kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum KeepBy {
-    /// What of the pictures they make, times the gate ([`Score::Contribution`]).
+    /// The share of the pictures that they make, times the gate ([`Score::Contribution`]).
     #[default]
     Contribution,
-    /// How much the gate depends on them, as published ([`Score::Sensitivity`]).
+    /// The gate's dependence on them, as published ([`Score::Sensitivity`]).
     Sensitivity,
     /// Chance: what the others are compared with.
     Chance,
 }
 
 impl KeepBy {
-    /// What the command line calls it.
+    /// Its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Contribution => "contribution",

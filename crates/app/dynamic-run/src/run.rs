@@ -27,12 +27,12 @@ pub struct Run {
     pub(crate) film: Film,
     pub(crate) params: Params<f32>,
     pub(crate) mixture: Mixture,
-    /// What a distilled expert learns from: the numbers that the run began with.
+    /// The teacher of a distilled expert: the numbers that the run began with.
     teacher: Option<Params<f32>>,
     place: Place,
-    /// What the stage at hand works with.
+    /// State of the current stage.
     under_way: Option<UnderWay>,
-    /// What a checkpoint says of the optimizer of the stage at hand.
+    /// The state of the current stage's optimizer that a checkpoint holds.
     pending: Option<Tensors>,
     /// Seconds of each stage so far.
     pub(crate) seconds: Vec<f64>,
@@ -47,7 +47,7 @@ pub struct Place {
     pub step: usize,
 }
 
-/// What a stage works with.
+/// State of a stage.
 #[derive(Debug)]
 struct UnderWay {
     optimizer: Optimizer,
@@ -151,7 +151,7 @@ impl Run {
         Ok(run)
     }
 
-    /// What was asked of the run in a folder.
+    /// Reads the settings of the run in a folder.
     ///
     /// # Errors
     /// When there is none, or it cannot be read.
@@ -205,12 +205,12 @@ impl Run {
         })
     }
 
-    /// What was asked for.
+    /// The settings of the run.
     pub fn settings(&self) -> &RunSettings {
         &self.settings
     }
 
-    /// What is trained on.
+    /// The film that is trained on.
     pub fn film(&self) -> &Film {
         &self.film
     }

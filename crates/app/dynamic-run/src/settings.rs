@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use weaver_data::film::{self, Film, FilmOptions};
 
-/// What is asked of a run.
+/// Settings of a run.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunSettings {
-    /// What is trained on.
+    /// The film that is trained on.
     pub film: FilmSource,
     /// The experts, at least two. One that is named twice begins with other Gaussians and other numbers the second time.
     pub experts: Vec<ExpertKind>,
@@ -22,17 +22,17 @@ pub struct RunSettings {
     /// Trains on the photos that are held out, too. Their figures then judge nothing.
     #[serde(default)]
     pub all: bool,
-    /// What is trained, in order.
+    /// The stages, in order.
     pub stages: Vec<Stage>,
-    /// What the gate's logits are divided by, in training and in use.
+    /// Divisor of the gate's logits, in training and in use.
     pub temperature: f64,
-    /// What the router's drawn numbers are where an expert has nothing.
+    /// Values of the router's drawn numbers where an expert has nothing.
     pub background_weight: f64,
     /// Seed of numbers and order.
     pub seed: u64,
     /// Seconds between checkpoints, at least.
     pub save_every: f64,
-    /// How the run came out of another.
+    /// Origin of the run in another.
     pub made: Option<Made>,
 }
 
@@ -110,12 +110,12 @@ pub enum Stage {
     },
 }
 
-/// How a run came out of another.
+/// Origin of a run in another.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct Made {
     /// The folder of the other run.
     pub from: PathBuf,
-    /// What was done.
+    /// The command and its arguments.
     pub by: String,
 }
 
@@ -208,7 +208,7 @@ impl ExpertKind {
     /// All of them, in the order of the publication's code.
     pub const ALL: [Self; 4] = [Self::Field, Self::Code, Self::Keys, Self::Poly];
 
-    /// What the command line calls it.
+    /// Its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Field => "field",
@@ -242,7 +242,7 @@ impl Stage {
         }
     }
 
-    /// What it is called, given the experts' names.
+    /// Its name, given the experts' names.
     pub fn name(&self, labels: &[String]) -> String {
         match *self {
             Self::Expert { index, .. } => labels[index].clone(),

@@ -7,7 +7,7 @@ use weaver_io::{Image, false_color};
 
 /// The color of each expert in maps of the gate; from the fifth on they repeat.
 pub const COLORS: [[f32; 3]; 4] = [[0.90, 0.36, 0.18], [0.20, 0.55, 0.86], [0.98, 0.78, 0.22], [0.30, 0.68, 0.36]];
-/// What the colors are called.
+/// Names of the colors.
 pub const COLOR_NAMES: [&str; 4] = ["orange", "blue", "yellow", "green"];
 /// An error of this much is as bright as can be.
 const BRIGHTEST: f32 = 0.25;
@@ -51,7 +51,7 @@ fn picture(values: &[f32], [height, width]: [usize; 2]) -> Image {
 /// A strip of pictures over time, with what they show.
 #[derive(Clone, Debug)]
 pub struct Strip {
-    /// What is shown.
+    /// Name of the picture.
     pub name: String,
     /// Side by side.
     pub image: Image,

@@ -8,7 +8,7 @@ use weaver_dynamic::Seen;
 /// Bytes that are kept; what does not fit is drawn whenever it is asked for, with the same bits.
 const MOST: usize = 1 << 30;
 
-/// What was seen of photos, by their number in the film.
+/// Views of photos by the frozen experts, by the photos' number in the film.
 #[derive(Debug, Default)]
 pub(crate) struct Views {
     kept: BTreeMap<usize, Arc<Seen<f32>>>,
@@ -16,7 +16,7 @@ pub(crate) struct Views {
 }
 
 impl Views {
-    /// What is seen of a photo, drawn by `see` unless it was kept.
+    /// The view of a photo, drawn by `see` unless it was kept.
     pub fn of(
         &mut self,
         shot: usize,

@@ -27,11 +27,11 @@ pub enum RunError {
     Photos {
         /// The capture.
         capture: PathBuf,
-        /// What is missing.
+        /// The missing key.
         key: &'static str,
-        /// What should have been there.
+        /// The expected value.
         expected: String,
-        /// What was there.
+        /// The value found.
         found: String,
     },
     /// The capture is no longer what the run began with.
@@ -39,11 +39,11 @@ pub enum RunError {
     Changed {
         /// The capture.
         capture: PathBuf,
-        /// What has changed.
+        /// The changed item.
         key: String,
-        /// What should have been there.
+        /// The expected value.
         expected: String,
-        /// What was there.
+        /// The value found.
         found: String,
     },
 }

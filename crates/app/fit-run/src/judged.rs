@@ -7,7 +7,7 @@ use weaver_geometry::Camera;
 pub(crate) struct Judged {
     pub name: String,
     pub camera: Camera,
-    /// What was drawn, where the report shows it: of all views it would be more than the scene.
+    /// The render, where the report shows it: all views would take more memory than the scene.
     pub image: Option<Vec<f32>>,
     pub quality: Quality,
 }

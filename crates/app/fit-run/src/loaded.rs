@@ -3,27 +3,17 @@
 use crate::matching::Matching;
 use crate::sources::Sources;
 use crate::{Initial, RunError, RunSettings};
-use std::path::PathBuf;
 use std::sync::Arc;
 use weaver_data::posed::{self, PosedPhoto};
-use weaver_fit::{ColorAgreement, Fit, FitRasterizer, Photo, init};
-use weaver_geometry::{Camera, Distortion};
-use weaver_scene::{Gaussians, PointCloud};
+use weaver_fit::{ColorAgreement, Fit, FitRasterizer, init};
+use weaver_geometry::Camera;
+use weaver_scene::{Frame, Gaussians, Photo, PointCloud};
 
-/// A photo's place on disk.
+/// A photo on disk.
 #[derive(Clone, Debug)]
 pub(crate) struct Origin {
-    pub path: PathBuf,
-    /// The camera of the photo as it is on disk.
-    pub file_camera: Camera,
-    /// The distortion of the photo as it is on disk.
-    pub distortion: Option<Distortion>,
-    /// The file of the photo's mask.
-    pub mask_file: Option<PathBuf>,
-    /// When the photo was taken, where the capture says so.
-    pub time: Option<f64>,
-    /// The number that the capture gives to the photo.
-    pub number: Option<u64>,
+    /// The file, and what the capture says of it.
+    pub frame: Frame,
     /// The camera of the photo as it is fitted, before refinement.
     pub given: Camera,
 }
@@ -38,11 +28,11 @@ pub(crate) struct Loaded {
     /// The capture's points, where its cameras are as they are before the fit.
     pub points: PointCloud,
     pub matching: Option<Matching>,
-    /// Whether photos agree about colors.
+    /// True if photos agree about colors.
     pub colors: ColorAgreement,
-    /// What was read.
+    /// Checksums of the inputs.
     pub sources: Sources,
-    /// What the user should know.
+    /// Remarks for the user.
     pub remarks: Vec<String>,
 }
 
@@ -56,33 +46,17 @@ pub(crate) fn load(
     let sources = Sources::of(&capture);
     let (mut training, mut held_out, mut visible) = (Vec::new(), Vec::new(), Vec::new());
     let (mut origins, mut held_out_origins) = (Vec::new(), Vec::new());
-    for photo in capture.photos {
-        let PosedPhoto {
-            name,
-            path,
-            camera,
-            file_camera,
-            distortion,
-            mask_file,
-            rgb,
-            mask,
-            time,
-            number,
-            held_out: out,
-            visible: sees,
-            ..
-        } = photo;
-        let photo = Photo { name, camera, rgb, mask };
+    for PosedPhoto { photo, frame, held_out: out, visible: sees } in capture.photos {
         // The optimization leaves out photos without a pixel that counts.
         if photo.is_masked() {
             continue;
         }
         let (photos, places) = if out { (&mut held_out, &mut held_out_origins) } else { (&mut training, &mut origins) };
+        places.push(Origin { frame, given: photo.camera });
         photos.push(photo);
         if !out {
             visible.push(sees);
         }
-        places.push(Origin { path, file_camera, distortion, mask_file, time, number, given: camera });
     }
     if let Some(views) = settings.views {
         let chosen = weaver_data::uniform(training.len(), views.clamp(1, training.len().max(1)));
@@ -105,15 +79,16 @@ pub(crate) fn load(
     // What was decided goes into run.json, so that a run goes on as it began.
     settings.fit.exposure |= std::mem::take(&mut settings.measure_exposure) && colors.differ();
     // The file of a fisheye's photo with another focal length would have no distortion that can be written.
-    let refocusable = |origin: &Origin| origin.distortion.is_none_or(|d| d.refocused(1.0).is_some());
+    let refocusable = |origin: &Origin| origin.frame.distortion.is_none_or(|d| d.refocused(1.0).is_some());
     let refocus = settings.focal && origins.iter().all(refocusable);
     let matching =
         settings.fit.poses.refine.then(|| Matching::refine(&mut training, &mut held_out, &mut capture.points, refocus));
     if let Some(Matching { focal, .. }) = matching.filter(|_| refocus) {
         for origin in &mut origins {
-            origin.file_camera.intrinsics.fx *= focal;
-            origin.file_camera.intrinsics.fy *= focal;
-            origin.distortion = origin.distortion.and_then(|distortion| distortion.refocused(focal));
+            let Frame { camera, distortion, .. } = &mut origin.frame;
+            camera.intrinsics.fx *= focal;
+            camera.intrinsics.fy *= focal;
+            *distortion = distortion.and_then(|distortion| distortion.refocused(focal));
         }
     }
     let initial = match (settings.init, capture.points.is_empty()) {

@@ -23,7 +23,7 @@ pub fn error(image: &[f32], photo: &[u8], camera: &Camera) -> Image {
     false_color(&values, camera.width, camera.height, 0.0, 0.25)
 }
 
-/// How many Gaussians each pixel blends, and the largest of those numbers.
+/// Number of Gaussians that each pixel blends, and the largest of those numbers.
 pub fn count(
     gaussians: &ActivatedGaussians,
     camera: &Camera,
@@ -47,7 +47,7 @@ pub fn count(
 /// Pixels of a cell of [`density`].
 const CELL: usize = 8;
 
-/// How many Gaussians have their middle in each cell of 8 x 8 pixels, and the largest of those numbers.
+/// Number of Gaussians that have their middle in each cell of 8 x 8 pixels, and the largest of those numbers.
 pub fn density(gaussians: &ActivatedGaussians, camera: &Camera, near: f64) -> (Image, u32) {
     let (columns, rows) = (camera.width.div_ceil(CELL), camera.height.div_ceil(CELL));
     let mut counts = vec![0.0_f32; columns * rows];

@@ -1,19 +1,18 @@
 //! Cameras that are refined by matching photos, before anything is fitted.
 
-use weaver_fit::Photo;
 use weaver_geometry::Camera;
 use weaver_geometry::glam::DVec3;
-use weaver_scene::PointCloud;
+use weaver_scene::{Photo, PointCloud};
 use weaver_sfm::{RefineSettings, Refined, View, carried, refine};
 
-/// What photos were found to agree about.
+/// Agreement of photos about points.
 #[derive(Clone, Copy, Debug)]
 pub struct Matching {
     /// Points.
     pub points: usize,
     /// Median difference of where points are and were seen, pixels; not a number if there are none.
     pub pixels: f64,
-    /// What focal lengths were multiplied by.
+    /// Factor on focal lengths.
     pub focal: f64,
 }
 

@@ -18,13 +18,13 @@ pub struct Outcome {
     pub gaussians: usize,
     /// Width and height of the photos; of the first, if there are several.
     pub size: [usize; 2],
-    /// How the photos that were fitted are met.
+    /// Quality of the photos that were fitted.
     pub train: Views,
-    /// How photos are met that were held out, if any were.
+    /// Quality of the held-out photos, if there are any.
     pub test: Option<Views>,
-    /// What became of the cameras.
+    /// Changes of the cameras by refinement.
     pub poses: PoseChange,
-    /// Whether the scene is to be drawn antialiased.
+    /// True if the scene is to be drawn antialiased.
     pub antialiased: bool,
     /// Distance before which nothing is drawn, world units.
     pub near: f64,
@@ -54,7 +54,7 @@ impl Outcome {
     }
 }
 
-/// What summaries mean that are older than the key.
+/// Value in summaries that are older than the key.
 fn alpha_max() -> f64 {
     0.99
 }
@@ -69,10 +69,10 @@ pub struct Views {
     pub quality: Quality,
 }
 
-/// What refinement did to cameras.
+/// Changes of the cameras by refinement.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Serialize)]
 pub struct PoseChange {
-    /// Whether cameras were refined.
+    /// True if cameras were refined.
     pub refined: bool,
     /// Median angle that cameras turned by, degrees.
     pub degrees: f64,

@@ -5,7 +5,7 @@ use weaver_data::posed;
 use weaver_fit::FitSettings;
 use weaver_geometry::sh::coefficients;
 
-/// What a run will take.
+/// Memory and size of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
     /// Photos to fit to.
@@ -30,7 +30,7 @@ const RASTERIZER: (u64, u64, u64) = (360, 360, 22_000_000);
 const GAUSSIANS: (f64, usize, usize) = (0.4, 5_000, 1_000_000);
 
 impl Plan {
-    /// How the scene is fitted when nothing is said: with a budget of Gaussians by the photos' size.
+    /// Settings of a fit when none are given: with a budget of Gaussians by the photos' size.
     pub fn usual(&self) -> FitSettings {
         let (per_pixel, least, most) = GAUSSIANS;
         let pixels = (self.size[0] * self.size[1]) as f64;
@@ -43,7 +43,7 @@ impl Plan {
     }
 }
 
-/// What a run will take, from the capture's camera files alone.
+/// Plans a run: its memory, from the capture's camera files alone.
 ///
 /// # Errors
 /// When they cannot be read.

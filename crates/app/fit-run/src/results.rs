@@ -9,12 +9,12 @@ use crate::{Run, RunError, report};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Instant;
-use weaver_fit::{Exposure, Judge, Photo, Quality};
+use weaver_fit::{Exposure, Judge, Quality};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_io::colmap::{Model, Point};
 use weaver_io::{Drawing, OutputFolder, Transforms, write_scene};
-use weaver_scene::Frame;
+use weaver_scene::{Frame, Photo};
 use weaver_sfm::carried;
 
 /// Decibels below the median from which a photo is called a stranger.
@@ -126,7 +126,7 @@ impl Fitting {
         let fitted = (0..self.fit().photos()).map(|i| self.fit().camera(i)).chain(test.iter().copied());
         let cameras: Vec<Camera> = fitted
             .zip(&self.capture.origins)
-            .map(|(camera, origin)| Camera { pose: camera.pose, ..origin.file_camera })
+            .map(|(camera, origin)| Camera { pose: camera.pose, ..origin.frame.camera })
             .collect();
         let absolute = |path: &PathBuf| std::path::absolute(path).unwrap_or(path.clone());
         // A name that no file of cameras can hold is no reason to lose a fit.
@@ -134,9 +134,9 @@ impl Fitting {
             weaver_io::relative_path(out.path(), path).unwrap_or_else(|_| absolute(path).display().to_string())
         };
         let frame = |(origin, camera): (&Origin, &Camera)| {
-            let (distortion, mask) = (origin.distortion, origin.mask_file.as_ref().map(|file| name(file).into()));
-            let (time, number) = (origin.time, origin.number);
-            Frame { distortion, mask, time, number, ..Frame::new(name(&origin.path), *camera) }
+            let Frame { path, mask, distortion, time, number, .. } = &origin.frame;
+            let mask = mask.as_ref().map(|file| name(file).into());
+            Frame { distortion: *distortion, mask, time: *time, number: *number, ..Frame::new(name(path), *camera) }
         };
         let frames: Vec<Frame> = self.capture.origins.iter().zip(&cameras).map(frame).collect();
         let model = Model { points: self.points(), ..Model::from_frames(&frames) };
@@ -211,7 +211,7 @@ fn corrected(image: Vec<f32>, exposure: Option<Exposure>) -> Vec<f32> {
     corrected
 }
 
-/// How well an image meets what counts of a photo.
+/// Quality of an image beside a photo, where pixels count.
 fn quality(judge: &Judge, image: &[f32], photo: &Photo, camera: &Camera) -> Quality {
     judge.compare_inside(image, &photo.rgb, [camera.height, camera.width], photo.mask.as_deref())
 }

@@ -7,10 +7,10 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
-use weaver_fit::{ColorAgreement, Fit, FitRasterizer, Judge, Photo, steps_in};
+use weaver_fit::{ColorAgreement, Fit, FitRasterizer, Judge, steps_in};
 use weaver_io::SceneFormat;
 use weaver_run::{Folder, Kind, StepReport};
-use weaver_scene::Gaussians;
+use weaver_scene::{Gaussians, Photo};
 
 /// A run under way. Its folder is its own until this value is dropped.
 #[derive(Debug)]
@@ -118,7 +118,7 @@ impl Run {
         Ok(load(&mut settings.clone(), None, rasterizer)?.fit)
     }
 
-    /// What was asked for, with the number of steps.
+    /// The settings, with the number of steps.
     pub fn settings(&self) -> &RunSettings {
         &self.0.job.settings
     }
@@ -128,17 +128,17 @@ impl Run {
         self.0.job.fit()
     }
 
-    /// What photos were found to agree about, if cameras are refined.
+    /// Agreement of photos about points, if cameras are refined.
     pub fn matching(&self) -> Option<Matching> {
         self.0.job.capture.matching
     }
 
-    /// Whether photos agree about the colors of points that they share.
+    /// True if photos agree about the colors of points that they share.
     pub fn colors(&self) -> &ColorAgreement {
         &self.0.job.capture.colors
     }
 
-    /// What the user should know about how the capture was loaded.
+    /// Remarks for the user about how the capture was loaded.
     pub fn remarks(&self) -> &[String] {
         &self.0.job.capture.remarks
     }

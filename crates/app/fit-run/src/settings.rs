@@ -9,7 +9,7 @@ use weaver_data::posed::PosedOptions;
 use weaver_fit::FitSettings;
 use weaver_io::SceneFormat;
 
-/// What is asked of a run.
+/// Settings of a run.
 #[derive(Clone, Debug, Deserialize, PartialEq, Serialize)]
 pub struct RunSettings {
     /// The capture: a folder, or a transforms.json.
@@ -21,12 +21,12 @@ pub struct RunSettings {
     pub hold_out: HoldOut,
     /// At most so many photos to fit to, evenly spread in the capture's order.
     pub views: Option<usize>,
-    /// Whether masks are read.
+    /// True if masks are read.
     pub masks: bool,
-    /// Whether the focal length is refined with the cameras ([`Poses::refine`](weaver_fit::Poses::refine)), one factor for
+    /// True if the focal length is refined with the cameras ([`Poses::refine`](weaver_fit::Poses::refine)), one factor for
     /// all photos; it stays as given where a lens is a fisheye.
     pub focal: bool,
-    /// Whether the colors of photos are corrected ([`FitSettings::exposure`]) where the photos differ in exposure or white
+    /// True if the colors of photos are corrected ([`FitSettings::exposure`]) where the photos differ in exposure or white
     /// balance ([`ColorAgreement::differ`](weaver_fit::ColorAgreement::differ)), which is found out before the fit.
     #[serde(default)]
     pub measure_exposure: bool,
@@ -41,7 +41,7 @@ pub struct RunSettings {
     pub save_every: f64,
     /// Further files of the scene, beside `scene.ply`.
     pub formats: Vec<SceneFormat>,
-    /// How the scene is fitted.
+    /// Settings of the fit.
     pub fit: FitSettings,
 }
 
@@ -80,7 +80,7 @@ impl RunSettings {
         }
     }
 
-    /// How to load the photos.
+    /// Options of loading the photos.
     pub(crate) fn posed_options(&self) -> PosedOptions {
         PosedOptions {
             long_side: self.long_side,
@@ -128,7 +128,7 @@ pub(crate) struct RunFile {
 }
 
 impl RunFile {
-    /// What the file is called.
+    /// Name of the file.
     pub const NAME: &str = "run.json";
 
     pub fn read(folder: &Path) -> Result<Self, RunError> {

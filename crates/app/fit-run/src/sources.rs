@@ -9,7 +9,7 @@ use weaver_io::Checksum;
 
 /// Checksums of photos with their masks, of their cameras, and of the points, as they were loaded.
 ///
-/// What was read decides the bits, and not where it lay: a capture may have been moved, but not changed.
+/// The inputs' content decides the bits, and not where it lay: a capture may have been moved, but not changed.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 #[serde(transparent)]
 pub(crate) struct Sources(BTreeMap<String, String>);
@@ -19,7 +19,7 @@ impl Sources {
         let mut all = BTreeMap::new();
         for (number, photo) in capture.photos.iter().enumerate() {
             // Two photos may have one name.
-            let name = format!("{number:04} {}", photo.path.file_name().unwrap_or_default().to_string_lossy());
+            let name = format!("{number:04} {}", photo.frame.path.file_name().unwrap_or_default().to_string_lossy());
             all.insert(format!("photo {name}"), pixels(photo).to_string());
             all.insert(format!("camera of {name}"), camera(photo).to_string());
         }
@@ -57,14 +57,16 @@ impl Sources {
 
 fn pixels(photo: &PosedPhoto) -> Checksum {
     let mut sum = Checksum::default();
-    sum.bytes(&photo.rgb);
-    sum.bytes(photo.mask.as_deref().unwrap_or_default());
+    sum.bytes(&photo.photo.rgb);
+    // As bytes that are 255 where a pixel counts.
+    let mask = photo.photo.mask.iter().flatten().map(|counts| if *counts { 255 } else { 0 });
+    sum.bytes(&mask.collect::<Vec<u8>>());
     sum
 }
 
 fn camera(photo: &PosedPhoto) -> Checksum {
     let mut sum = Checksum::default();
-    let camera = &photo.camera;
+    let camera = &photo.photo.camera;
     let pose = camera.pose.rotation.to_cols_array().into_iter().chain(camera.pose.translation.to_array());
     let k = &camera.intrinsics;
     pose.chain([k.fx, k.fy, k.cx, k.cy]).for_each(|x| sum.word(x.to_bits()));

@@ -38,13 +38,13 @@ pub struct Lift {
     #[arg(long, value_name = "SEED", num_args = 1.., value_parser = clap::value_parser!(u64).range(..=MOST_SEED),
         conflicts_with_all = ["scene", "cameras", "features", "mask_dir", "aggregate", "dry_run"])]
     pub demo: Vec<u64>,
-    /// Whose Gaussians the demonstration lifts to
+    /// Gaussians that the demonstration lifts to
     #[arg(long, value_enum, default_value = "surface", requires = "demo")]
     pub demo_gaussians: DemoGaussians,
     /// With --demo-gaussians predicted: the folder of a run of `train` [default: the weights that come with the program]
     #[arg(long, value_name = "RUN", requires = "demo")]
     pub run: Option<PathBuf>,
-    /// How features of Gaussians are found
+    /// Solver of Gaussians' features
     #[arg(long, value_enum, default_value = "exact", help_heading = SOLVING)]
     pub solver: SolverName,
     /// Passes over the photos of exact and damped, at most; more of them fit borders of objects at the cost of the Gaussians
@@ -53,7 +53,7 @@ pub struct Lift {
     /// Conjugate gradients for exact: the least squares in fewer passes
     #[arg(long, help_heading = SOLVING)]
     pub conjugate: bool,
-    /// How strongly damped holds on to row-sum
+    /// Weight by which damped holds on to row-sum
     #[arg(long, value_name = "MU", default_value = "0.1", value_parser = positive, help_heading = SOLVING)]
     pub mu: f64,
     /// Tikhonov guidance: opacities become sigmoid(LAMBDA logit) while lifting, and in queries; 1 is none

@@ -98,7 +98,7 @@ fn pictures(out: &Path, read: &[&PathBuf]) -> Result<OutputFolder, Failure> {
     Ok(OutputFolder::claim(out.with_file_name(format!("{stem}-pictures")), "lift", read)?)
 }
 
-/// What is needed where there is no demonstration; the command line has seen to it.
+/// The paths that are needed where there is no demonstration; the command line has checked them.
 fn required(arguments: &Lift) -> Result<[&PathBuf; 4], Failure> {
     let Lift { scene, cameras, features, out, .. } = arguments;
     match (scene, cameras, features, out) {

@@ -10,10 +10,10 @@ pub use sections::{TwoExpertsEvaluation, TwoExpertsLosses, TwoExpertsStage};
 use sections::Runs;
 use std::sync::Arc;
 use weaver_autograd::{ParamId, Params};
-use weaver_inference::{Predictor, TwoExpertsPredictor};
-use weaver_model::{TwoExperts, TwoExpertsConfig};
+use weaver_inference::Predictor;
 use weaver_nn::Context;
 use weaver_trainer::{CameraMode, Config, Error, Example, Recipe, StageConfig, Step, Terms};
+use weaver_two_experts::{TwoExperts, TwoExpertsConfig, TwoExpertsPredictor};
 
 /// Trains 2Xplat: its geometry expert, its appearance expert with given cameras, then both through each other.
 ///

@@ -10,10 +10,10 @@ pub use sections::{WildEvaluation, WildLosses, WildStage};
 use sections::Runs;
 use std::sync::Arc;
 use weaver_autograd::Params;
-use weaver_inference::{Predictor, WildPredictor};
-use weaver_model::{Wild, WildConfig};
+use weaver_inference::Predictor;
 use weaver_nn::Context;
 use weaver_trainer::{CameraMode, Config, Error, Example, Recipe, StageConfig, Step, Terms};
+use weaver_wild::{Wild, WildConfig, WildPredictor};
 
 /// Trains WildSplatter: cameras and depth on photos in different light, then surfaces and looks with both frozen.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

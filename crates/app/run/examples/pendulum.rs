@@ -17,13 +17,13 @@ struct Settings {
     stiffness: f64,
     /// Seconds between steps.
     step: f64,
-    /// How long it swings, in seconds.
+    /// Duration of the swing, in seconds.
     duration: f64,
-    /// How a step is taken.
+    /// Method of a step.
     method: Method,
 }
 
-/// How a step is taken.
+/// Method of a step.
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 enum Method {

@@ -32,7 +32,7 @@ pub trait Job {
     /// When the state is of other work.
     fn restore(&mut self, state: &Tensors) -> Result<(), Self::Error>;
 
-    /// How often the run logs and saves.
+    /// Intervals of logging and saving.
     fn rhythm(&self) -> Rhythm {
         Rhythm::default()
     }

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use weaver_io::safetensors::Tensors;
 
-/// How often a run logs and saves.
+/// Intervals of logging and saving.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rhythm {
     /// Which steps have a record.
@@ -104,12 +104,12 @@ impl<'a> Recorder<'a> {
         Ok(())
     }
 
-    /// Whether the run is to end before its last step.
+    /// True if the run is to end before its last step.
     pub fn stopped(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
 
-    /// Whether a checkpoint is to be written after `step` steps.
+    /// True if a checkpoint is to be written after `step` steps.
     pub fn is_due(&self, step: usize) -> bool {
         match self.rhythm.save {
             Save::Steps(steps) => step.is_multiple_of(steps.max(1)),

@@ -24,7 +24,7 @@ pub use toml::{Table, Value};
 use schemars::JsonSchema;
 use serde::{Serialize, de::DeserializeOwned};
 
-/// What can be resolved from layers, and explained. Every type that serde and schemars derive for is one.
+/// Settings that can be resolved from layers, and explained. Every type that serde and schemars derive for is one.
 pub trait Settings: Serialize + DeserializeOwned + JsonSchema + 'static {}
 
 impl<S: Serialize + DeserializeOwned + JsonSchema + 'static> Settings for S {}

@@ -101,7 +101,7 @@ pub fn optimizer_state(from: &Tensors) -> Result<BTreeMap<String, (u64, Moments<
     Ok(state)
 }
 
-/// Whether a tensor is part of an optimizer's state, by this version's names or earlier ones.
+/// True if a tensor is part of an optimizer's state, by this version's names or earlier ones.
 pub fn is_of_optimizer(key: &str) -> bool {
     [FIRST, SECOND, STEPS, ROW_STEPS, "optimizer."].iter().any(|prefix| key.starts_with(prefix))
 }

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-/// What happened in one step.
+/// Report of one step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepReport {
     /// Steps done, this one included, over all stages.
@@ -24,7 +24,7 @@ pub struct Scalar {
     pub name: Cow<'static, str>,
     /// The number.
     pub value: f64,
-    /// Whether a record of several steps has its mean, as of a loss, or its last value, as of a rate or a count.
+    /// True if a record of several steps has its mean, as of a loss, or its last value, as of a rate or a count.
     pub averaged: bool,
 }
 

@@ -78,7 +78,7 @@ impl PixelAlignedNetwork for PixelCnn {
     }
 }
 
-/// How it is trained.
+/// Recipe of its training.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PixelCnnRecipe;
 

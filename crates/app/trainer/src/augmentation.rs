@@ -7,7 +7,7 @@ use weaver_data::Tuple;
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
 
-/// How training tuples vary from what was photographed; not at all by default. Evaluation never does.
+/// Variation of training tuples from the photos; none by default. Evaluation never has any.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Augmentation {
@@ -18,10 +18,10 @@ pub struct Augmentation {
     /// Fraction of the tuples that are mirrored, photos and cameras alike.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub flip: f64,
-    /// How far brightness, contrast and saturation are from 1 at most: each tuple draws three factors, for all of its photos.
+    /// Largest distance of brightness, contrast and saturation from 1: each tuple draws three factors, for all of its photos.
     #[schemars(range(min = 0.0), extend("exclusiveMaximum" = 1))]
     pub color: f64,
-    /// Whether the context's order is random, so that any view may be the first: for samplers that keep an order.
+    /// True if the context's order is random, so that any view may be the first: for samplers that keep an order.
     pub order: bool,
 }
 

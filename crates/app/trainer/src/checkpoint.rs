@@ -8,7 +8,7 @@ use weaver_io::safetensors::Tensors;
 use weaver_nn::{AdamW, Ema};
 use weaver_run::state;
 
-/// What changes while a run trains: parameters, moments and averages.
+/// State that changes while a run trains: parameters, moments and averages.
 ///
 /// A checkpoint holds it as tensors `param.NAME`, `ema.NAME`, and, of parameters that the optimizer has moved,
 /// `moment1.NAME`, `moment2.NAME`, `moment_steps.NAME` and, after steps of some rows only, `moment_row_steps.NAME`.

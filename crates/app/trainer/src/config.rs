@@ -43,9 +43,9 @@ pub struct Config<R: Recipe> {
     pub optimizer: OptimizerConfig,
     /// The stages of training, one after the other.
     pub stages: Vec<StageConfig<R>>,
-    /// What is written while training.
+    /// Output while training.
     pub output: OutputConfig,
-    /// How the model is evaluated, and used unless a call says otherwise.
+    /// Evaluation of the model, and its use unless a call says otherwise.
     pub evaluation: R::Evaluation,
 }
 
@@ -80,7 +80,7 @@ impl Default for OptimizerConfig {
     }
 }
 
-/// Whose cameras a pass uses.
+/// Source of the cameras of a pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum CameraMode {
@@ -136,17 +136,17 @@ pub struct StageConfig<R: Recipe> {
     /// aggregator.patch_embed.
     #[serde(default)]
     pub frozen: Vec<String>,
-    /// Whether transformer blocks are computed again on the way back, in place of keeping what they computed: the same result with
+    /// True if transformer blocks are computed again on the way back, in place of keeping what they computed: the same result with
     /// less memory and more time.
     #[serde(default)]
     pub recompute: bool,
-    /// What the model does in this stage.
+    /// The model's settings in this stage.
     pub model: R::Stage,
     /// Weights of the losses; 0 leaves a loss out.
     pub losses: R::Losses,
 }
 
-/// What is written while training. None of it changes the result.
+/// Output while training. None of it changes the result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct OutputConfig {

@@ -10,7 +10,7 @@ use weaver_autograd::{OpMemory, Phase, Tape};
 /// The step of a stage that is traced, counted from 0: not the first ones, which allocate.
 const TRACED: usize = 2;
 
-/// What a run takes, measured on a few steps of each stage.
+/// Resources of a run, measured on a few steps of each stage.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DryRun {
     /// Bytes of the parameters.

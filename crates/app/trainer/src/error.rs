@@ -39,7 +39,7 @@ pub enum Error {
         step: usize,
         /// The loss term, or `gradient norm`.
         term: String,
-        /// What it was.
+        /// The value found.
         value: f32,
         /// The last good checkpoint, if one was written.
         last_good: Option<PathBuf>,

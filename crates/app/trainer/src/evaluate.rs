@@ -43,23 +43,23 @@ pub enum Targets {
     Context,
 }
 
-/// How to evaluate.
+/// Options of an evaluation.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Context views for each held-out view.
     pub context_views: usize,
-    /// Whose cameras.
+    /// Source of the cameras.
     pub cameras: CameraMode,
     /// Which photos judge.
     pub targets: Targets,
-    /// Whether depth is brought to the points that the context views see; with given cameras only.
+    /// True if depth is brought to the points that the context views see; with given cameras only.
     pub points: bool,
     /// Estimates the cameras of context views, in place of others, from these photos; depth is brought to the points that come
     /// with them.
     pub matching: Option<Matching>,
     /// Which pixels get Gaussians, and how many; the predictor fills what is left open.
     pub density: Density,
-    /// How the cameras of held-out views are aligned with their photos, for figures beside the others.
+    /// Alignment of held-out views' cameras with their photos, for figures beside the others.
     pub align: Option<Alignment>,
     /// Light and passers-by that photos are given, as the run's were.
     pub planted: Option<LooksConfig>,
@@ -90,12 +90,12 @@ impl Default for Options {
     }
 }
 
-/// What cameras are estimated from.
+/// Inputs that cameras are estimated from.
 #[derive(Clone, Debug)]
 pub struct Matching {
     /// The same scenes with the same views in the same order, as large as they are matched.
     pub scenes: Vec<Scene>,
-    /// Whether focal lengths are told, as EXIF would.
+    /// True if focal lengths are told, as EXIF would.
     pub focal_known: bool,
 }
 
@@ -293,7 +293,7 @@ fn of_context(tuples: &[Tuple]) -> Vec<Tuple> {
     tuples.iter().flat_map(of).collect()
 }
 
-/// What is measured of a rendered view.
+/// Measurement of a rendered view.
 struct Measure<'a> {
     /// Counts of Gaussians that a pixel can have, 0 included.
     experts: usize,

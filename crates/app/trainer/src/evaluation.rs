@@ -45,12 +45,12 @@ pub struct SceneFigures {
     /// The same views from cameras that were aligned with the held-out photos, if asked for.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub aligned: Option<AlignedFigures>,
-    /// What there is to say of the light that views were drawn in, if one was asked for.
+    /// Figures of the light that views were drawn in, if one was asked for.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub look: Option<LookFigures>,
 }
 
-/// How well the light of held-out views is met, or the mean of that.
+/// Quality of the light of held-out views, or the mean of that.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LookFigures {
     /// PSNR after the best gain and offset of each channel: what structure alone is worth, dB.
@@ -81,9 +81,9 @@ impl LookFigures {
 /// An evaluation on the held-out views of some scenes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    /// Whose cameras: predicted, given or estimated.
+    /// Source of the cameras: predicted, given or estimated.
     pub cameras: String,
-    /// Whether depth was brought to the scenes' points.
+    /// True if depth was brought to the scenes' points.
     #[serde(skip_serializing_if = "std::ops::Not::not", default)]
     pub points: bool,
     /// Which pixels got Gaussians, for models with a choice.

@@ -15,7 +15,7 @@ pub struct LooksConfig {
     /// Rectangles of one color in a photo: from none to so many.
     #[schemars(range(max = 100))]
     pub occluders: usize,
-    /// Whether the model is told which pixels they cover, so that no loss counts these and they get no Gaussians; `false` is for
+    /// True if the model is told which pixels they cover, so that no loss counts these and they get no Gaussians; `false` is for
     /// ablations.
     pub masks: bool,
     /// Built-in scenes only: the sun itself is elsewhere in every photo, so that shadows move, beside what is drawn. One embedding of a photo
@@ -64,7 +64,7 @@ impl LooksConfig {
         example.inside = Some(inside);
     }
 
-    /// What a view of an evaluation's scene looks like: the same in every evaluation. `which` 0 is its own, others are further draws.
+    /// The appearance of a view of an evaluation's scene: the same in every evaluation. `which` 0 is its own, others are further draws.
     pub(crate) fn of_view(&self, scene: usize, view: usize, which: u64, size: [usize; 2]) -> Appearance {
         let stream = Stream::new(0, scene as u64, "evaluated looks").fork(view as u64).fork(which);
         Appearance::drawn(stream, size, self.occluders)

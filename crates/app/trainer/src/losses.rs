@@ -13,7 +13,7 @@ use weaver_nn::Context;
 use weaver_pose::CameraVars;
 use weaver_scene::{intrinsics_row, viewmat};
 
-/// How many terms are kept without allocating.
+/// Number of terms that are kept without allocating.
 const MOST_TERMS: usize = 12;
 
 /// One loss: a sum over tuples, of which each counts `share`.
@@ -174,7 +174,7 @@ pub struct PoseLosses {
     pub absolute: f64,
 }
 
-/// What a camera head emits: for each refinement, pose codes `[B, V, 9]`, and the cameras of the last one.
+/// Output of a camera head: for each refinement, pose codes `[B, V, 9]`, and the cameras of the last one.
 #[derive(Clone, Copy, Debug)]
 pub struct PoseCodes<'a, 't> {
     /// The cameras of the last refinement: viewmats `[B, V, 3, 4]`, intrinsics `[B, V, 4]`.

@@ -49,7 +49,7 @@ impl LossSection for NoSettings {
     }
 }
 
-/// How a model is configured, built, trained and used.
+/// Configuration, network, training and use of a model.
 ///
 /// A recipe is a unit type; everything that varies is in its configuration sections. The trainer calls
 /// [`Recipe::objective`] once a step, walks back from the terms' sum, and updates the parameters.
@@ -105,12 +105,12 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
         Vec::new()
     }
 
-    /// Whose cameras the model is evaluated with; the data's, unless a model says otherwise.
+    /// Source of the cameras that the model is evaluated with; the data's, unless a model says otherwise.
     fn cameras(_evaluation: &Self::Evaluation) -> CameraMode {
         CameraMode::Given
     }
 
-    /// What a checkpoint says of how the model is used unless a call says otherwise.
+    /// Defaults in a checkpoint for the use of the model.
     fn defaults(config: &Config<Self>) -> Defaults {
         Defaults { seed: config.seed, ..Defaults::default() }
     }
@@ -123,12 +123,12 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     /// Makes the steps of a stage that draws their size as large as they get, for a dry run to measure one.
     fn enlarge(_stage: &mut StageConfig<Self>, _model: &Self::Model) {}
 
-    /// What a step of the stage does, in a few words for people.
+    /// Description of a stage's step, in a few words.
     fn describe(stage: &StageConfig<Self>) -> String {
         format!("{} tuples", Self::tuples(stage))
     }
 
-    /// What a progress bar says beside the step.
+    /// Label of a progress bar beside the step.
     fn label(report: &crate::StepReport) -> String {
         format!("{}, loss {:.4}", report.stage, report.loss)
     }
@@ -169,7 +169,7 @@ pub trait Recipe: Copy + Debug + Default + PartialEq + Send + Sync + 'static {
     ) -> Result<Box<dyn Predictor>, Error>;
 }
 
-/// What the objective of a step may use beside the network and the examples.
+/// Inputs of a step's objective beside the network and the examples.
 #[derive(Debug)]
 pub struct Step<'a, R: Recipe> {
     /// The whole configuration.

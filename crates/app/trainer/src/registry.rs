@@ -129,7 +129,7 @@ pub trait Training: Send {
     /// When a loss diverges or something cannot be written.
     fn train(&mut self, folder: &Folder, observer: &mut dyn Observer, stop: &AtomicBool) -> Result<Summary, Error>;
 
-    /// What a progress bar says beside a step.
+    /// Label of a progress bar beside the step.
     fn labeler(&self) -> fn(&StepReport) -> String;
 }
 
@@ -176,7 +176,7 @@ pub struct OpenRun {
     pub seed: u64,
     /// The run's data.
     pub data: DataConfig,
-    /// Whose cameras are used, unless a call says otherwise.
+    /// Source of the cameras, unless a call says otherwise.
     pub cameras: CameraMode,
 }
 
@@ -191,39 +191,39 @@ pub enum Source {
     Unseen,
 }
 
-/// What an evaluation does otherwise than the run's configuration says.
+/// Options of an evaluation that differ from the run's configuration.
 #[derive(Clone, Debug, Default)]
 pub struct Overrides {
     /// Context views for each held-out view.
     pub context_views: Option<usize>,
-    /// Whose cameras.
+    /// Source of the cameras.
     pub cameras: Option<crate::CameraMode>,
     /// Which photos judge.
     pub targets: Targets,
-    /// Whether depth is brought to the points that the context views see; with given cameras only.
+    /// True if depth is brought to the points that the context views see; with given cameras only.
     pub points: bool,
     /// Estimates the cameras of context views from photos of this longest side, pixels, in place of others.
     pub matching: Option<MatchingOverride>,
     /// Which pixels get Gaussians, and how many.
     pub density: Density,
-    /// How the cameras of held-out views are aligned with their photos, for figures beside the others.
+    /// Alignment of held-out views' cameras with their photos, for figures beside the others.
     pub align: Option<crate::Alignment>,
     /// In whose light held-out views are drawn; without it, in that of the first context photo by models that know about light.
     pub look: Option<LookOf>,
-    /// Whether photos are left as they were taken, where the run's were given light and passers-by.
+    /// True if photos are left as they were taken, where the run's were given light and passers-by.
     pub plain: bool,
-    /// Whether photos have masks, as [`DataConfig::masks`] says; so they are where the run's do.
+    /// True if photos have masks, as [`DataConfig::masks`] says; so they are where the run's do.
     pub masks: bool,
     /// File with the weights of LPIPS, to measure that, too.
     pub lpips: Option<PathBuf>,
 }
 
-/// How cameras are estimated for an evaluation.
+/// Options of estimating cameras for an evaluation.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub struct MatchingOverride {
     /// Longest side of the photos while they are matched, pixels; at least the network's.
     pub long_side: usize,
-    /// Whether focal lengths are told, as EXIF would.
+    /// True if focal lengths are told, as EXIF would.
     pub focal_known: bool,
 }
 

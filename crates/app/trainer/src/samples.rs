@@ -38,7 +38,7 @@ pub fn write(predictor: &mut dyn Predictor, options: &Options, scenes: &[Scene],
             true => with_cameras(first, render, &prediction, &example),
             false => row(first, render, &prediction, 0),
         }));
-        if predictor.has_looks() {
+        if predictor.lights().is_some() {
             rows.push(in_two_lights(predictor, scene, &example, source, stream)?);
         }
     }
@@ -66,7 +66,7 @@ fn in_two_lights(
     let pixels = 3 * own.width * own.height;
     let of = |first: usize| Photos { planes: &example.images[first..first + pixels], ..example.photos().first(1) };
     let looks = [Look::Of(of(0)), Look::Of(of(example.tuple.context.len() * pixels))];
-    let made = predictor.predict_looks(example.context_photos(), cameras, &looks, stream)?;
+    let made = predictor.as_lights()?.predict_looks(example.context_photos(), cameras, &looks, stream)?;
     let mut prediction = made.prediction;
     let mut renders = Vec::new();
     for sh in made.colors {

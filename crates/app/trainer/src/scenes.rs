@@ -102,7 +102,7 @@ impl Endless {
         }
     }
 
-    /// Whether there are any.
+    /// True if there are any.
     pub fn is_some(&self) -> bool {
         self.every.is_some()
     }

@@ -33,18 +33,18 @@ pub struct Session<R: Recipe> {
     scenes: Vec<Scene>,
     layouts: Vec<Layout>,
     fresh: scenes::Endless,
-    /// What a reader of the plan should know.
+    /// Remarks on the plan.
     remarks: Vec<String>,
     tape: Tape<f32>,
     /// The most that the tape took in stages before this one.
     earlier_tape_bytes: usize,
     workspaces: WorkspacePool<f32>,
-    /// What was read.
+    /// Checksums of the inputs.
     sources: Sources,
     networks: ImageNetworks,
     /// Steps done.
     step: usize,
-    /// What is being measured, if anything.
+    /// Measurement under way, if there is one.
     probe: Option<Probe>,
 }
 
@@ -344,7 +344,7 @@ impl<R: Recipe> Session<R> {
         })
     }
 
-    /// What the rasterizer failed with.
+    /// The rasterizer's failure.
     fn check_drawing(&self) -> Result<(), Error> {
         self.workspaces.failure().map_or(Ok(()), |error| Err(weaver_inference::Error::from(error).into()))
     }

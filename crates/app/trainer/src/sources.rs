@@ -12,7 +12,7 @@ pub(crate) const ENTRY: &str = "sources";
 
 /// Checksums of what a run has read, by the configuration's key for it.
 ///
-/// What was read decides the bits, and not where it lay: captures as they were loaded (photos at the network's size, cameras, depth,
+/// The inputs' content decides the bits, and not where it lay: captures as they were loaded (photos at the network's size, cameras, depth,
 /// points), and the tensors of networks that images are compared by. Folders may have been moved and renamed; their content may not have changed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Sources(BTreeMap<String, String>);

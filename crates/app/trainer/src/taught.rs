@@ -12,7 +12,7 @@ use weaver_scene::{CameraRows, CameraSlices, Model};
 
 /// The file beside the photos that keeps what the teacher said.
 const CACHE: &str = "teacher.safetensors";
-/// What the file says that it is.
+/// Format name in the file.
 const FORMAT: &str = "splatweaver-teacher-1";
 /// Depth whose confidence is at most this quantile of its photo's is unknown, as in the published distillation.
 const DOUBTFUL: f64 = 0.3;
@@ -45,7 +45,7 @@ fn read(photos: &[PathBuf], masks: bool, [height, width]: [usize; 2]) -> Result<
     Ok(capture::load_images(photos, width, height)?.into_iter().map(|image| (image, None)).collect())
 }
 
-/// What the teacher says of the photos, from the folder's cache if that is of these weights and photos.
+/// The teacher's predictions for the photos, from the folder's cache if that is of these weights and photos.
 fn cached(folder: &Path, teacher: &Teacher, photos: &[capture::MaskedImage]) -> Result<Geometry, Error> {
     let path = folder.join(CACHE);
     let (weights, seen) = (teacher.checksum(), checksum(photos));

@@ -3,7 +3,7 @@
 use clap::{Args, Subcommand, ValueEnum};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-use weaver_command::{MOST_SEED, Threads};
+use weaver_command::{MOST_SEED, Threads, choice};
 use weaver_vad::{Length, Rule};
 
 /// Finds anomalies in videos of which only is known whether there are any (UR-DMU, temporal Gaussian splatting, GS-MoE).
@@ -22,7 +22,7 @@ pub struct Vad {
     pub(crate) command: VadCommand,
 }
 
-/// What is to be done.
+/// The commands.
 #[derive(Debug, Subcommand)]
 pub(crate) enum VadCommand {
     Train(VadTrain),
@@ -52,7 +52,7 @@ pub(crate) struct VadTrain {
     pub(crate) threads: Threads,
 }
 
-/// What is trained on what: kept beside a checkpoint.
+/// Plan of a training, kept beside a checkpoint.
 #[derive(Args, Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct VadPlan {
     /// Folder of .npy features; without it, planted videos
@@ -61,7 +61,7 @@ pub(crate) struct VadPlan {
     /// List of feature files, one to a line, as UR-DMU, RTFM and XD-Violence have it
     #[arg(long, value_name = "FILE", requires = "features")]
     pub(crate) list: Option<PathBuf>,
-    /// How many videos, the first of the list, are abnormal, where their names do not say
+    /// Number of videos, the first of the list, that are abnormal, where their names do not say
     #[arg(long, value_name = "N", requires = "list", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) abnormal: Option<u32>,
     /// The network
@@ -76,7 +76,7 @@ pub(crate) struct VadPlan {
     /// No experts
     #[arg(long = "no-experts")]
     pub(crate) plain: bool,
-    /// What peaks of the score curve become: labels by Gaussians over time (T), over the score (S), over the video (H), spikes (L), or nothing
+    /// Use of peaks of the score curve: labels by Gaussians over time (T), over the score (S), over the video (H), spikes (L), or nothing
     #[arg(long, value_enum, default_value = "T", ignore_case = true)]
     pub(crate) splat: SplatName,
     /// Steps of the encoder; the other stages follow in proportion [default: 3000, planted 300]
@@ -106,8 +106,8 @@ pub(crate) struct VadEval {
     #[arg(long, value_name = "FILE", requires = "features")]
     pub(crate) annotation: Option<PathBuf>,
     /// Frames of a video: 16 for each snippet of its features, or all whole (floor) or begun (ceil) snippets of the annotated length
-    #[arg(long, value_enum, default_value = "features")]
-    pub(crate) length: LengthName,
+    #[arg(long, value_parser = choice(&LENGTHS), default_value = "features")]
+    pub(crate) length: Length,
     /// Writes the report here [default: the run folder]
     #[arg(long, value_name = "FILE")]
     pub(crate) report: Option<PathBuf>,
@@ -152,12 +152,16 @@ pub(crate) struct VadMetrics {
     #[arg(long, value_name = "FILE")]
     pub(crate) annotation: PathBuf,
     /// Frames of a video: 16 for each score, or all whole (floor) or begun (ceil) snippets of the annotated length
-    #[arg(long, value_enum, default_value = "features")]
-    pub(crate) length: LengthName,
+    #[arg(long, value_parser = choice(&LENGTHS), default_value = "features")]
+    pub(crate) length: Length,
     /// Prints one line of JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
+
+/// Which frames count.
+const LENGTHS: [(&str, Length, &str); 3] =
+    [("features", Length::Features, ""), ("floor", Length::Floor, ""), ("ceil", Length::Ceil, "")];
 
 /// The networks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
@@ -195,25 +199,6 @@ impl SplatName {
             Self::Video => Some(Rule::Video),
             Self::Literal => Some(Rule::Literal),
             Self::None => None,
-        }
-    }
-}
-
-/// Which frames count.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum LengthName {
-    Features,
-    Floor,
-    Ceil,
-}
-
-impl LengthName {
-    /// As weaver-vad calls it.
-    pub(crate) fn length(self) -> Length {
-        match self {
-            Self::Features => Length::Features,
-            Self::Floor => Length::Floor,
-            Self::Ceil => Length::Ceil,
         }
     }
 }

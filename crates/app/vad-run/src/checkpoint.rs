@@ -10,7 +10,7 @@ use weaver_vad::{Checkpoint, Detector, Snapshot};
 const STAGE: &str = "vad.stage";
 const STEP: &str = "vad.step";
 
-/// What a checkpoint keeps beside the weights.
+/// Contents of a checkpoint beside the weights.
 #[derive(Serialize, Deserialize)]
 pub struct Kept {
     pub plan: VadPlan,
@@ -33,7 +33,7 @@ pub fn write(snapshot: &Snapshot<'_>, kept: &Kept) -> Tensors {
     tensors
 }
 
-/// What was written.
+/// Reads a checkpoint.
 pub fn read(mut tensors: Tensors) -> Result<(Detector, Checkpoint, Kept), Failure> {
     let path = tensors.origin().display().to_string();
     let state = optimizer_state(&tensors)?;

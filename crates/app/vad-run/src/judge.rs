@@ -27,7 +27,7 @@ pub fn run(arguments: &VadEval, console: &mut Console) -> Result<(), Failure> {
             }
             progress.finish();
             let scores = names.iter().cloned().zip(curves.iter().map(|curves| curves.scores().to_vec())).collect();
-            let scored = annotation.join(scores, arguments.length.length())?;
+            let scored = annotation.join(scores, arguments.length)?;
             Judged { names, curves, scored }
         }
         _ => {

@@ -30,7 +30,7 @@ pub fn run(arguments: &VadMetrics, console: &mut Console) -> Result<(), Failure>
         let folder = arguments.scores.display();
         return Err(Failure::message(format!("{folder}: expected scores of {name}, which is annotated, found none")));
     }
-    let found = frame_metrics(&annotation.join(scores, arguments.length.length())?);
+    let found = frame_metrics(&annotation.join(scores, arguments.length)?);
     console.print(&if arguments.json { json(&found) } else { text(&found) })
 }
 

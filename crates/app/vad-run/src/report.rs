@@ -59,7 +59,7 @@ fn shown(judged: &Judged) -> Vec<usize> {
     abnormal.into_iter().chain(normal).collect()
 }
 
-/// How often each expert leads, in percent.
+/// Share of videos that each expert leads, in percent.
 fn leading(curves: &[Curves], experts: usize) -> Vec<String> {
     let mut leads = vec![0_usize; experts];
     for of in curves {

@@ -15,7 +15,7 @@ use weaver_vad::{
 
 /// The folders of these runs.
 pub const KIND: Kind = Kind { command: "vad", settings: "run.json", results: &[MODEL] };
-/// How often a run logs and saves.
+/// Intervals of logging and saving.
 const RHYTHM: Rhythm = Rhythm { log: Log::Every(1), save: Save::Seconds(20.0) };
 
 pub fn run(arguments: &VadTrain, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
@@ -168,7 +168,7 @@ struct Watch<'a, 'c> {
     console: &'a mut Console<'c>,
     done: usize,
     total: usize,
-    /// What the recorder failed with, which ends the training.
+    /// The recorder's failure, which ends the training.
     failure: Option<weaver_run::Error>,
 }
 
@@ -201,7 +201,7 @@ impl Observe for Watch<'_, '_> {
     }
 }
 
-/// What experts are for.
+/// The experts' categories.
 fn experts(plan: &VadPlan, set: &TrainingSet) -> Result<Experts, Failure> {
     let plain = plan.plain || matches!(plan.encoder, EncoderName::Deepmil | EncoderName::Rtfm);
     match plan.clusters {

@@ -11,7 +11,7 @@
 use crate::{Shape, Tape, Var};
 use weaver_kernels::random::Stream;
 
-/// How many times the precision of `f64` the sums of a loss and of a gradient may be off, relative to their terms' magnitudes.
+/// Largest error of the sums of a loss and of a gradient, in units of the precision of `f64` and relative to their terms' magnitudes.
 const ROUNDING: f64 = 4.0;
 
 /// An input of the function under test.
@@ -21,7 +21,7 @@ pub struct Input {
     pub data: Vec<f64>,
     /// The shape.
     pub shape: Shape,
-    /// Whether the function is differentiable with respect to it. Constants such as targets and masks are not.
+    /// True if the function is differentiable with respect to it. Constants such as targets and masks are not.
     pub differentiable: bool,
 }
 
@@ -66,7 +66,7 @@ pub struct Options {
     pub directions: usize,
     /// Seed of the cotangents, coordinates and directions.
     pub seed: u64,
-    /// Whether to check also with one tensor in place of two inputs of equal shape.
+    /// Checks also with one tensor in place of two inputs of equal shape.
     pub duplicates: bool,
 }
 
@@ -155,7 +155,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// How the gradient is computed: plainly, or with a complication that must not change it.
+/// Computation of the gradient: plain, or with a complication that must not change it.
 #[derive(Default)]
 struct Mode {
     /// Also add <seed, x_i> to the loss, recorded after `f`, so that the backward pass of `f` finds an existing gradient.

@@ -41,14 +41,14 @@ pub trait Op<T: Real>: Debug + Send + 'static {
         0
     }
 
-    /// Whether input `index` may be stored in half precision, to be read by [`View::half`]. The tape panics with the
+    /// True if input `index` may be stored in half precision, to be read by [`View::half`]. The tape panics with the
     /// name of the op if such an input is given to an op that does not accept it.
     fn reads_half(&self, index: usize) -> bool {
         let _ = index;
         false
     }
 
-    /// Whether the op is differentiable with respect to input `index`. If it is not, and the input depends on a leaf,
+    /// True if the op is differentiable with respect to input `index`. If it is not, and the input depends on a leaf,
     /// the tape panics with the name of the op; [`Var::detach`](crate::Var::detach) states that no gradient is needed.
     fn differentiable(&self, index: usize) -> bool {
         let _ = index;
@@ -174,12 +174,12 @@ impl<'a, T: Real> Grad<'a, T> {
         self.data.len()
     }
 
-    /// Whether there are no elements.
+    /// True if there are no elements.
     pub fn is_empty(&self) -> bool {
         self.data.is_empty()
     }
 
-    /// Whether the gradient has been written, or has no elements.
+    /// True if the gradient has been written, or has no elements.
     pub fn is_written(&self) -> bool {
         self.written || self.data.is_empty()
     }

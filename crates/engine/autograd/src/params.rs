@@ -140,12 +140,12 @@ impl<T: Real> Param<T> {
         &self.values
     }
 
-    /// Whether the parameter is frozen, that is, a constant on the tape.
+    /// True if the parameter is frozen, that is, a constant on the tape.
     pub fn is_frozen(&self) -> bool {
         self.frozen
     }
 
-    /// Whether the parameter may have other rows than it was added with; see [`Params::set_rows_vary`].
+    /// True if the parameter may have other rows than it was added with; see [`Params::set_rows_vary`].
     pub fn rows_vary(&self) -> bool {
         self.rows_vary
     }
@@ -285,7 +285,7 @@ impl<T: Real> Params<T> {
         self.list.len()
     }
 
-    /// Whether there are no parameters.
+    /// True if there are no parameters.
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
     }

@@ -49,7 +49,7 @@ impl Shape {
         self.dims().iter().product()
     }
 
-    /// Whether there are no elements.
+    /// True if there are no elements.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -67,13 +67,13 @@ impl<T: Real> Storage<T> {
 
 struct Value<T: Real> {
     storage: Storage<T>,
-    /// Whether a gradient may flow to or through this value.
+    /// True if a gradient may flow to or through this value.
     tracked: bool,
     /// Leaves keep their gradient after the backward pass.
     leaf: bool,
-    /// Whether gradients that pass through are added to `kept`.
+    /// True if gradients that pass through are added to `kept`.
     retained: bool,
-    /// Whether this is an auxiliary output; a gradient that reaches it is an error that names the op.
+    /// True if this is an auxiliary output; a gradient that reaches it is an error that names the op.
     auxiliary: bool,
     /// The gradient so far: passed on by the backward pass, or the result for a leaf.
     grad: Option<Buffer<T>>,
@@ -132,11 +132,11 @@ type Watcher = Box<dyn Fn(&str) + Send>;
 pub struct Tape<T: Real = f32> {
     record: RefCell<Record<T>>,
     pool: Pool,
-    /// Whether applied ops are kept for a backward pass.
+    /// True if applied ops are kept for a backward pass.
     recording: Cell<bool>,
     profile: RefCell<Option<Profile>>,
     tracer: Tracer,
-    /// Whether this tape recomputes an earlier forward pass.
+    /// True if this tape recomputes an earlier forward pass.
     again: bool,
 }
 

@@ -41,7 +41,7 @@ impl<'t, T: Real> Var<'t, T> {
         self.shape
     }
 
-    /// Whether the tensor depends on a leaf, so that gradients flow back through this handle.
+    /// True if the tensor depends on a leaf, so that gradients flow back through this handle.
     pub fn is_tracked(&self) -> bool {
         self.tracked
     }

@@ -282,7 +282,7 @@ fn neighbors(c: &mut Criterion) {
     group.finish();
 }
 
-/// What an optimizer does after every step; throughput in parameters.
+/// An optimizer's update after every step; throughput in parameters.
 fn optimizers(c: &mut Criterion) {
     let mut group = c.benchmark_group("optim");
     let (mut p, g) = (numbers(1 << 18), numbers(1 << 18));

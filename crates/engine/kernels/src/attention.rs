@@ -83,7 +83,7 @@ impl Strides {
     }
 }
 
-/// What attention reads: `q` holds `queries`, `k` and `v` hold `keys` vectors of length `dim` for every batch entry and
+/// Inputs of attention: `q` holds `queries`, `k` and `v` hold `keys` vectors of length `dim` for every batch entry and
 /// head.
 #[derive(Clone, Copy, Debug)]
 pub struct AttentionInputs<'a, T> {

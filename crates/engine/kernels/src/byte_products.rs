@@ -125,7 +125,7 @@ pub fn chosen_products(query: &[u8], b: &[u8], chosen: &[u32], out: &mut [u32]) 
     tiles::chosen(level(), query, b, chosen, out);
 }
 
-/// Whether all vectors are as short as the module says.
+/// True if all vectors are as short as the module says.
 fn fit(depth: usize, x: &[u8]) -> bool {
     crate::simd::dispatch(
         #[inline(always)]

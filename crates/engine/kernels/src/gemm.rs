@@ -106,7 +106,7 @@ pub(crate) struct Product<'a, T, B> {
     pub a: Batch<Mat<'a, T>>,
     pub b: &'a B,
     pub beta: T,
-    /// Whether every number of A and B is a pair of bf16.
+    /// True if every number of A and B is a pair of bf16.
     pub pairs: bool,
 }
 

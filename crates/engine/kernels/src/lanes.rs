@@ -105,16 +105,16 @@ pub trait Lanes:
     /// The standard normal distribution function and density at `self`. In `f32`, their relative error is within 4e-7 +
     /// 1e-7 x^2 where they are normal numbers; the portable distribution function has an absolute error within 6e-8.
     fn normal(self) -> (Self, Self);
-    /// Whether self >= other; false where one is NaN.
+    /// True if self >= other; false where one is NaN.
     fn ge(self, other: Self) -> Self::Mask;
-    /// Whether self > other; false where one is NaN.
+    /// True if self > other; false where one is NaN.
     fn gt(self, other: Self) -> Self::Mask;
-    /// Whether self >= other, for the lanes of `mask`; false elsewhere.
+    /// True if self >= other, for the lanes of `mask`; false elsewhere.
     #[inline(always)]
     fn ge_among(self, other: Self, mask: Self::Mask) -> Self::Mask {
         self.ge(other).and(mask)
     }
-    /// Whether self > other, for the lanes of `mask`; false elsewhere.
+    /// True if self > other, for the lanes of `mask`; false elsewhere.
     #[inline(always)]
     fn gt_among(self, other: Self, mask: Self::Mask) -> Self::Mask {
         self.gt(other).and(mask)

@@ -137,7 +137,7 @@ pub struct SparseRows<'a> {
     pub row_steps: &'a mut [u64],
 }
 
-/// What a step does to every number.
+/// The update of every number in a step.
 struct Update<'a, T> {
     settings: &'a AdamW<T>,
     step: u64,
@@ -145,7 +145,7 @@ struct Update<'a, T> {
     rate: T,
     /// One over the root of the bias correction of the second moment.
     root: T,
-    /// What weight decay leaves.
+    /// Factor that weight decay leaves.
     keep: T,
 }
 
@@ -244,7 +244,7 @@ struct Part<'a, T> {
 }
 
 impl<T> Part<'_, T> {
-    /// What lies before a row, and it with what lies behind.
+    /// Splits before a row.
     fn split_at(&mut self, row: usize) -> (Part<'_, T>, Part<'_, T>) {
         let &mut Self { first_row, width, .. } = self;
         let rows = row - first_row;

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 /// Runs of each measurement.
 const RUNS: usize = 10;
-/// How long one run of arithmetic should take.
+/// Time that one run of arithmetic should take.
 const RUN: Duration = Duration::from_millis(20);
 /// Values in each of the two arrays that are copied: 128 MiB, far beyond the caches.
 const COPIED: usize = 32 << 20;

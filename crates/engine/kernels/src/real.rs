@@ -88,7 +88,7 @@ pub trait Real:
     fn max(self, other: Self) -> Self;
     /// The smaller of two numbers; if one is NaN, the other.
     fn min(self, other: Self) -> Self;
-    /// Whether the number is neither infinite nor NaN.
+    /// True if the number is neither infinite nor NaN.
     fn is_finite(self) -> bool;
 }
 

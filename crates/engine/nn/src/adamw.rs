@@ -158,7 +158,7 @@ impl<T: Real> AdamW<T> {
         Ok(())
     }
 
-    /// Whether everything that belongs to a parameter that is to be updated has as many rows as it.
+    /// True if everything that belongs to a parameter that is to be updated has as many rows as it.
     fn check_rows(
         &self,
         params: &Params<T>,

@@ -18,7 +18,7 @@ pub struct BlockConfig {
     pub eps: f64,
     /// Initial factor of both residual branches; without one the branches are added as they are.
     pub layer_scale: Option<f64>,
-    /// Whether queries and keys are normalized per head.
+    /// True if queries and keys are normalized per head.
     pub qk_norm: bool,
     /// Initial weights.
     pub init: WeightInit,

@@ -3,7 +3,7 @@
 use weaver_autograd::{ParamId, Params, Real, Shape};
 use weaver_kernels::random::Stream;
 
-/// How the initial values of a parameter are drawn.
+/// Distribution of the initial values of a parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Init {
     /// All equal.

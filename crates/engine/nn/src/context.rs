@@ -20,7 +20,7 @@ pub struct Context<'t, 'p, T: Real = f32> {
     pub tape: &'t Tape<T>,
     /// The model's parameters.
     pub params: &'p Params<T>,
-    /// Whether transformer blocks keep nothing but their input, and are computed again on the way back.
+    /// True if transformer blocks keep nothing but their input, and are computed again on the way back.
     pub recompute: bool,
 }
 

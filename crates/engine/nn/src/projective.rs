@@ -3,7 +3,7 @@
 use weaver_autograd::ops::{self, RopeTable};
 use weaver_autograd::{Real, Var};
 
-/// What the cameras of V views are to [`projective_attention`]: world to normalized image, as 4 x 4 matrices, and back.
+/// Projections of V views for [`projective_attention`]: world to normalized image, as 4 x 4 matrices, and back.
 #[derive(Clone, Copy, Debug)]
 pub struct Projections<'t, T: Real = f32> {
     /// P, `[B, V, 4, 4]`.

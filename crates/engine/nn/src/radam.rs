@@ -120,9 +120,9 @@ impl<T: Real> RAdam<T> {
     }
 }
 
-/// What a step multiplies the mean of the gradients with.
+/// Factors of a step on the mean of the gradients.
 struct Factors {
-    /// Whether the squares are known well enough.
+    /// True if the squares are known well enough.
     rectified: bool,
     /// Rate and bias of the mean.
     plain: f64,

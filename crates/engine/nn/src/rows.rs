@@ -49,7 +49,7 @@ impl RowSet {
         &self.rows
     }
 
-    /// How many rows there are to choose from.
+    /// Number of rows to choose from.
     pub fn total(&self) -> usize {
         self.total
     }
@@ -66,7 +66,7 @@ pub enum RowSource {
     New,
 }
 
-/// What becomes of the rows of a parameter that grows or shrinks: for each new row, where it comes from.
+/// Mapping of the rows of a parameter that grows or shrinks: for each new row, where it comes from.
 ///
 /// Three things change together, in this order: the parameter ([`apply`](Self::apply)), the optimizer's moments
 /// ([`AdamW::remap_rows`](crate::AdamW::remap_rows)) and its average ([`Ema::remap_rows`](crate::Ema::remap_rows)). The values of
@@ -115,7 +115,7 @@ impl RowMap {
         &self.sources
     }
 
-    /// How many rows the parameter had.
+    /// Number of rows that the parameter had.
     pub fn old_rows(&self) -> usize {
         self.old_rows
     }
@@ -172,7 +172,7 @@ pub enum RowError {
     OutOfRange {
         /// The row.
         row: u32,
-        /// How many rows there are.
+        /// Number of rows.
         total: usize,
     },
     /// Something that belongs to a parameter has another number of rows.
@@ -180,7 +180,7 @@ pub enum RowError {
     Length {
         /// The parameter's name.
         name: String,
-        /// What it is: `row map`, `row set`, `moments`, `gradient`, `average`.
+        /// Its kind: `row map`, `row set`, `moments`, `gradient`, `average`.
         what: &'static str,
         /// The rows it must have.
         expected: usize,

@@ -15,7 +15,7 @@ pub struct WarmupCosine {
     pub warmup: u64,
     /// Step at which the floor is reached.
     pub total: u64,
-    /// What remains at the end, as a fraction of the base rate.
+    /// Rate at the end, as a fraction of the base rate.
     pub floor: f64,
 }
 

@@ -21,7 +21,7 @@ const PIXELS: usize = WIDTH * HEIGHT;
 const FEATURES: usize = 6;
 const STEPS: u64 = 300;
 
-/// What is known of the photo: features, depth, color, and the camera, whose frame is the world's.
+/// A photo: features, depth, color, and the camera, whose frame is the world's.
 struct Photo {
     colors: Vec<f32>,
     features: Vec<f32>,

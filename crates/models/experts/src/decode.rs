@@ -245,7 +245,7 @@ pub struct PatchOf<'t, T: Real = f32> {
     pub color: Var<'t, T>,
 }
 
-/// What a Gaussian's raw numbers are relative to.
+/// Reference of a Gaussian's raw numbers.
 #[derive(Clone, Copy, Debug)]
 pub enum Origin<'t, T: Real = f32> {
     /// Its pixel.

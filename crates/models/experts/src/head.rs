@@ -26,7 +26,7 @@ pub struct HeadConfig {
     pub neighbors: Option<NeighborConfig>,
     /// Factor on the initial output layers of the experts.
     pub expert_output_gain: f64,
-    /// What the raw parameters mean.
+    /// Meaning of the raw parameters.
     pub parametrization: Parametrization,
 }
 
@@ -39,7 +39,7 @@ pub struct NeighborConfig {
     pub projector: usize,
     /// Channels C of the attention.
     pub width: usize,
-    /// Whether the attention starts as the identity, with its last layer zero.
+    /// True if the attention starts as the identity, with its last layer zero.
     pub zero_head: bool,
 }
 
@@ -122,7 +122,7 @@ pub struct Proposed<'t, T: Real = f32> {
     pub theta: Var<'t, T>,
     /// Projected features of the Gaussians' pixels `[N, c]`, where there is attention over neighbors.
     pub feature: Option<Var<'t, T>>,
-    /// What the raw parameters are relative to, but under the published parametrization.
+    /// Reference of the raw parameters, but under the published parametrization.
     pub origin: Option<Origin<'t, T>>,
     /// The pixel that each Gaussian comes from `[N]`.
     pub pixel: Buffer<u32>,

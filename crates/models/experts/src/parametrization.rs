@@ -1,6 +1,6 @@
 //! What the raw numbers of a Gaussian mean: its offset from the pixel's point, its size and its color.
 
-/// How raw parameters become a Gaussian.
+/// Decoding of raw parameters to a Gaussian.
 ///
 /// In both parametrizations, opacity = sigmoid(raw), rotation = raw quaternion / (its norm + 1e-8), and spherical harmonics of degree
 /// l > 0 are raw times 0.1 / 4^l, in world axes.
@@ -59,7 +59,7 @@ impl Parametrization {
         Self::Patch { offset_reach: 2.0, scale: 0.7 }
     }
 
-    /// Whether this parametrization needs the pixels' footprints and colors.
+    /// True if this parametrization needs the pixels' footprints and colors.
     pub fn is_relative(self) -> bool {
         !matches!(self, Self::Published { .. })
     }

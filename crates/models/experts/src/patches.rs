@@ -40,7 +40,7 @@ impl PixelLists {
         self.start.len() - 1
     }
 
-    /// Whether there are none.
+    /// True if there are none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -66,7 +66,7 @@ impl Routes {
         self.counts.iter().zip(1..).flat_map(|(&count, expert)| std::iter::repeat_n(expert, count))
     }
 
-    /// Whether no pixel has more than one Gaussian, so that Gaussians and routed pixels are the same list.
+    /// True if no pixel has more than one Gaussian, so that Gaussians and routed pixels are the same list.
     pub fn is_single(&self) -> bool {
         self.routed.len() == self.pixel.len()
     }

@@ -20,7 +20,7 @@ const THICKNESS: f64 = 0.5;
 /// Cells per parallel chunk.
 const GRAIN: usize = 64;
 
-/// What is known of every pixel of a scene.
+/// Maps of every pixel of a scene.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surface<'a, T> {
     /// Points `[P, 3]`, in world units.
@@ -45,7 +45,7 @@ pub(crate) struct Frames<T> {
     pub rotations: Vec<T>,
     /// From the mean of each Gaussian's points to where it starts `[N, 3]`, in world units.
     pub shifts: Vec<T>,
-    /// What describes each routed cell `[R, 12]`.
+    /// Descriptors of each routed cell `[R, 12]`.
     pub descriptors: Vec<T>,
 }
 

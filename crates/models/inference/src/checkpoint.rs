@@ -30,7 +30,7 @@ impl WeightSet {
     }
 }
 
-/// How a run's model is used unless a call says otherwise.
+/// Use of a run's model unless a call says otherwise.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Defaults {
     /// Seed of allocations that draw random numbers.
@@ -46,7 +46,7 @@ pub struct Defaults {
     pub trained_experts: Vec<u8>,
 }
 
-/// What a model took of another's weights, parameters by name.
+/// Parameters that a model took of another's weights, by name.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Partly {
     /// Those that were taken.
@@ -143,7 +143,7 @@ impl Checkpoint {
         &self.architecture
     }
 
-    /// How the model is used unless a call says otherwise.
+    /// Use of the model unless a call says otherwise.
     pub fn defaults(&self) -> &Defaults {
         &self.defaults
     }
@@ -221,7 +221,7 @@ impl Checkpoint {
         partly.some(&self.path)
     }
 
-    /// What is needed to run the network and nothing else: the averaged weights, rounded to 16 bits. An eighth of a checkpoint.
+    /// The tensors that are needed to run the network and nothing else: the averaged weights, rounded to 16 bits. An eighth of a checkpoint.
     ///
     /// # Errors
     /// When a weight is beyond the range of 16 bits.
@@ -242,7 +242,7 @@ impl Checkpoint {
         Ok(compact)
     }
 
-    /// Whether these are weights that training cannot go on with.
+    /// True if these are weights that training cannot go on with.
     fn is_compact(&self) -> bool {
         let trained = WeightSet::Trained.prefix();
         !self.tensors.tensors.keys().any(|key| key.split('.').next() == Some(trained))

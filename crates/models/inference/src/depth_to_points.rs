@@ -18,7 +18,7 @@ const ROUNDS: usize = 5;
 const LINE_SCALE: f64 = 0.1;
 /// The line ends this many (widened) standard deviations of the points' ln d from their mean.
 const LINE_REACH: f64 = 3.0;
-/// What a point says about its surroundings, at most.
+/// Limit on the influence of a point on its surroundings.
 const REST_LIMIT: f64 = 0.5;
 /// Standard deviation of the surroundings of a point across the image, pixels; tried at 64 x 48.
 const REST_PIXELS: f64 = 5.0;
@@ -36,17 +36,17 @@ pub struct SeenPoint {
     pub depth: f64,
 }
 
-/// What brings depth to the points that the views show.
+/// Correction of depth to the points that the views show.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DepthCorrection {
     /// L `[V, H, W]`: depth is to be multiplied by exp(L).
     pub log_factors: Vec<f32>,
-    /// How many points each view's correction rests on.
+    /// Number of points that each view's correction rests on.
     pub points: Vec<usize>,
 }
 
 impl DepthCorrection {
-    /// What depth is to be multiplied by, exp(L) `[V, H, W]`.
+    /// Factors on depth, exp(L) `[V, H, W]`.
     pub fn factors(&self) -> Vec<f32> {
         self.log_factors.iter().map(|l| l.exp()).collect()
     }

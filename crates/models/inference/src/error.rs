@@ -56,7 +56,7 @@ pub enum Error {
         needed: u64,
         /// Bytes free.
         available: u64,
-        /// Whether leaving the Gaussians out would reduce it.
+        /// True if leaving the Gaussians out would reduce it.
         gaussians: bool,
     },
     /// The Gaussians could not be drawn.

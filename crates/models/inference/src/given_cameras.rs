@@ -8,16 +8,40 @@ use weaver_geometry::Camera;
 
 /// Given cameras as a network takes them.
 #[derive(Clone, Debug)]
-pub(crate) struct GivenCameras {
+pub struct GivenCameras {
     /// The cameras in training units.
     pub cameras: Vec<Camera>,
-    /// What their own units were multiplied by.
+    /// Factor on their own units.
     pub scaled_by: Option<f64>,
     /// For each view the points that it shows, in training units; no lists where cameras came without points.
     pub seen: Vec<Vec<SeenPoint>>,
 }
 
 impl GivenCameras {
+    /// Checks that a source has as many cameras as there are photos, and lists of points that exist for each.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with what was expected and what was found.
+    pub fn check(source: CameraSource<'_>, views: usize) -> Result<(), Error> {
+        let wrong = |what: &str, expected: usize, found: usize| {
+            Err(Error::Input(format!("{what}: expected {expected}, as many as photos, found {found}")))
+        };
+        match source.given() {
+            Some(cameras) if cameras.len() != views => return wrong("given cameras", views, cameras.len()),
+            _ => {}
+        }
+        if let CameraSource::GivenWithPoints { points, .. } = source {
+            if points.visible.len() != views {
+                return wrong("lists of visible points", views, points.visible.len());
+            }
+            let count = points.positions.len();
+            if let Some(index) = points.visible.iter().flatten().find(|index| **index as usize >= count) {
+                return Err(Error::Input(format!("visible points: expected indices below {count}, found {index}")));
+            }
+        }
+        Ok(())
+    }
+
     /// The cameras of a source, beside those that the network predicts; `None` if it is to use its own.
     pub fn of(source: CameraSource<'_>, predicted: &[Camera]) -> Option<Self> {
         let cameras = source.given()?;
@@ -40,30 +64,6 @@ impl GivenCameras {
         });
         Some(Self { cameras, scaled_by, seen })
     }
-}
-
-/// Checks that there are as many given cameras as photos, and lists of points that exist for each.
-///
-/// # Errors
-/// [`Error::Input`] with what was expected and what was found.
-pub(crate) fn check(source: CameraSource<'_>, views: usize) -> Result<(), Error> {
-    let wrong = |what: &str, expected: usize, found: usize| {
-        Err(Error::Input(format!("{what}: expected {expected}, as many as photos, found {found}")))
-    };
-    match source.given() {
-        Some(cameras) if cameras.len() != views => return wrong("given cameras", views, cameras.len()),
-        _ => {}
-    }
-    if let CameraSource::GivenWithPoints { points, .. } = source {
-        if points.visible.len() != views {
-            return wrong("lists of visible points", views, points.visible.len());
-        }
-        let count = points.positions.len();
-        if let Some(index) = points.visible.iter().flatten().find(|index| **index as usize >= count) {
-            return Err(Error::Input(format!("visible points: expected indices below {count}, found {index}")));
-        }
-    }
-    Ok(())
 }
 
 /// The factor that makes the mean distance from camera 0 to the points that the photos show 1; `None` where they show none.

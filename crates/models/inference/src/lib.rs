@@ -1,8 +1,8 @@
 //! Photos to cameras and 3-D Gaussians with trained weights, on a CPU.
 //!
 //! [`Predictor`] is what every model can do; [`SplatWeaverPredictor`] is SplatWeaver with its weights, opened from the
-//! folder of a training run, [`TwoExpertsPredictor`] is 2Xplat, [`WildPredictor`] WildSplatter. [`Refined`] optimizes what it
-//! predicts; [`reconstruct`](mod@reconstruct) runs a predictor on photo files and writes a scene;
+//! folder of a training run. Other models are crates of their own, built on [`Pretrained`]. [`Refined`] optimizes what a
+//! predictor predicts; [`reconstruct`](mod@reconstruct) runs a predictor on photo files and writes a scene;
 //! [`published`] runs the published checkpoints of SplatWeaver and VGGT-1B. Nothing here needs a training run's
 //! configuration file, and nothing here trains.
 
@@ -15,33 +15,32 @@ mod looks;
 pub mod pictures;
 mod pixel_aligned;
 mod predictor;
+mod pretrained;
 pub mod published;
 pub mod reconstruct;
 mod refined;
 mod run_folder;
 mod splatweaver;
-mod two_experts;
 mod view_opacity;
 mod weights;
-mod wild;
 
 pub use capture::{predict_capture, predict_group};
 pub use checkpoint::{Checkpoint, Defaults, FORMAT, Partly, WeightSet};
 pub use depth_to_points::{DepthCorrection, SeenPoint, depth_to_points};
 pub use error::Error;
+pub use given_cameras::GivenCameras;
 pub use looks::Looks;
-pub use pixel_aligned::{PixelAligned, PixelAlignedNetwork, PixelAlignedPredictor};
+pub use pixel_aligned::{PixelAligned, PixelAlignedNetwork, PixelAlignedPredictor, of_pixels, one_for_each};
 pub use predictor::{
-    CameraSource, Density, JointPrediction, Look, LookPrediction, Photos, Prediction, Predictor, planar,
+    CameraSource, Density, Joint, JointPrediction, Lights, Look, LookPrediction, Photos, Prediction, Predictor, planar,
 };
+pub use pretrained::{Network, Pretrained, cameras_of};
 pub use refined::{Effort, Refined};
 pub use run_folder::RunFolder;
 pub use splatweaver::SplatWeaverPredictor;
-pub use two_experts::TwoExpertsPredictor;
 pub use view_opacity::{ViewOpacity, ViewOpacityRasterizer};
 pub use weaver_io::OutputFolder;
 pub use weights::is_of_run;
-pub use wild::WildPredictor;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -53,7 +53,7 @@ impl Looks {
             }
             (all, None) => vec![Look::Of(one(&all[0]))],
         };
-        let prediction = predictor.predict_looks(photos, cameras, &looks, stream)?;
+        let prediction = predictor.as_lights()?.predict_looks(photos, cameras, &looks, stream)?;
         Ok(Shown { prediction, photos: told })
     }
 }

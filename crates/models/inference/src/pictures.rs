@@ -80,7 +80,7 @@ pub fn depth_picture(prediction: &Prediction, v: usize, like: &Image) -> Image {
     false_color(&nearness, like.width, like.height, low, high)
 }
 
-/// How dense the Gaussians of view `v` are: black is none, the brighter the more. Brightness follows the root of the number per pixel, which is
+/// Density of the Gaussians of view `v` as a picture: black is none, the brighter the more. Brightness follows the root of the number per pixel, which is
 /// the number along a line, so that cells of very different sizes can be told apart.
 pub fn density_picture(prediction: &Prediction, v: usize, like: &Image) -> Image {
     let pixels = like.width * like.height;

@@ -1,17 +1,16 @@
 //! The predictor of any network that makes one Gaussian of every pixel, with cameras that are given.
 
-use crate::given_cameras::{self, GivenCameras};
-use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor};
+use crate::{CameraSource, Density, Error, GivenCameras, Photos, Prediction, Predictor, Pretrained};
 use std::fmt::Debug;
 use std::sync::Arc;
-use weaver_autograd::{Params, Tape, Var};
+use weaver_autograd::{Params, Var};
 use weaver_kernels::random::Stream;
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
-use weaver_scene::{ActivatedGaussians, CameraRows};
+use weaver_scene::ActivatedGaussians;
 use weaver_splat::{GaussianVars, Renderer};
 
-/// What such a network makes of V photos.
+/// Output of such a network for V photos.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelAligned<'t> {
     /// Depth along the optical axis `[V, H, W]`.
@@ -37,17 +36,12 @@ pub trait PixelAlignedNetwork: Debug + Send + Sync {
 /// A [`PixelAlignedNetwork`] with its weights, ready to run without gradients. It needs given cameras; where these come with
 /// points, the points set their scale, and depth stays the network's own.
 #[derive(Debug)]
-pub struct PixelAlignedPredictor<N> {
-    network: Arc<N>,
-    params: Params<f32>,
-    tape: Tape<f32>,
-    renderer: Renderer,
-}
+pub struct PixelAlignedPredictor<N>(Pretrained<N>);
 
 impl<N: PixelAlignedNetwork> PixelAlignedPredictor<N> {
     /// Pairs a network with weights.
     pub fn new(network: Arc<N>, params: Params<f32>) -> Self {
-        Self { network, params, tape: Tape::new(), renderer: Renderer::default() }
+        Self(Pretrained::new(network, params))
     }
 }
 
@@ -61,26 +55,22 @@ impl<N: PixelAlignedNetwork> Predictor for PixelAlignedPredictor<N> {
     ) -> Result<Prediction, Error> {
         self.density(density)?;
         let (views, size) = (photos.views(), [photos.height, photos.width]);
-        let [height, width] = self.network.image_size();
+        let [height, width] = self.0.network.image_size();
         if views == 0 || size != [height, width] {
             let found = format!("{views} of {}x{}", photos.width, photos.height);
             return Err(Error::Input(format!("expected photos of {width}x{height} pixels, found {found}")));
         }
-        given_cameras::check(source, views)?;
+        GivenCameras::check(source, views)?;
         let Some(GivenCameras { cameras, scaled_by, .. }) = GivenCameras::of(source, &[]) else {
             return Err(Error::Input("expected given cameras, for this model predicts none, found none".into()));
         };
         let inside = photos.inside;
-        self.tape.reset();
-        let cx = Context::new(&self.tape, &self.params);
-        Ok(self.tape.without_gradient(|| {
-            let rows = CameraRows::new(&cameras);
-            let vars = CameraVars {
-                viewmats: self.tape.constant(&rows.viewmats, [views, 3, 4]),
-                intrinsics: self.tape.constant(&rows.intrinsics, [views, 4]),
-            };
-            let photos = self.tape.constant(photos.planes, [views, 3, height, width]);
-            let PixelAligned { depth, gaussians: g } = self.network.forward(cx, photos, &vars);
+        self.0.tape.reset();
+        let tape = &self.0.tape;
+        Ok(tape.without_gradient(|| {
+            let photos = tape.constant(photos.planes, [views, 3, height, width]);
+            let vars = self.0.camera_vars(&cameras);
+            let PixelAligned { depth, gaussians: g } = self.0.network.forward(self.0.context(), photos, &vars);
             let [means, scales, quats, opacities, sh] =
                 [g.means, g.scales, g.quats, g.opacities, g.colors].map(|x| x.to_vec());
             let degree = g.colors.shape()[1].isqrt() - 1;
@@ -90,16 +80,16 @@ impl<N: PixelAlignedNetwork> Predictor for PixelAlignedPredictor<N> {
     }
 
     fn image_size(&self) -> [usize; 2] {
-        self.network.image_size()
+        self.0.network.image_size()
     }
 
     fn renderer(&mut self) -> &mut Renderer {
-        &mut self.renderer
+        &mut self.0.renderer
     }
 }
 
-/// What there is to say of one Gaussian for each pixel, of those pixels that count; its cameras are still missing.
-pub(crate) fn one_for_each(mut gaussians: ActivatedGaussians, depth: Vec<f32>, inside: Option<&[bool]>) -> Prediction {
+/// The prediction of one Gaussian for each pixel, of those pixels that count; its cameras are still missing.
+pub fn one_for_each(mut gaussians: ActivatedGaussians, depth: Vec<f32>, inside: Option<&[bool]>) -> Prediction {
     let mut counts = vec![1; depth.len()];
     if let Some(inside) = inside {
         counts.iter_mut().zip(inside).for_each(|(count, inside)| *count = u8::from(*inside));
@@ -113,7 +103,7 @@ pub(crate) fn one_for_each(mut gaussians: ActivatedGaussians, depth: Vec<f32>, i
 }
 
 /// The rows of pixels that count.
-pub(crate) fn of_pixels(rows: &[f32], inside: &[bool]) -> Vec<f32> {
+pub fn of_pixels(rows: &[f32], inside: &[bool]) -> Vec<f32> {
     let width = rows.len() / inside.len().max(1);
     let kept = rows.chunks(width.max(1)).zip(inside).filter(|(_, inside)| **inside);
     kept.flat_map(|(row, _)| row.iter().copied()).collect()

@@ -38,7 +38,7 @@ impl Photos<'_> {
     }
 }
 
-/// Whose cameras the Gaussians are built with.
+/// Source of the cameras that the Gaussians are built with.
 #[derive(Clone, Copy, Debug)]
 pub enum CameraSource<'a> {
     /// The network's own.
@@ -91,7 +91,7 @@ pub struct Density {
     pub budget: Option<f64>,
 }
 
-/// What a model makes of some photos.
+/// The prediction of a model from some photos.
 #[derive(Clone, Debug, Default)]
 pub struct Prediction {
     /// The Gaussians, in the frame of camera 0.
@@ -136,13 +136,13 @@ impl Prediction {
 /// A prediction from some photos, and where further ones were taken.
 #[derive(Clone, Debug)]
 pub struct JointPrediction {
-    /// What the model makes of the first photos.
+    /// The prediction from the first photos.
     pub prediction: Prediction,
     /// The cameras of the others, in the same frame.
     pub targets: Vec<Camera>,
 }
 
-/// Whose light a place is shown in, for models that know about light.
+/// The light that a place is shown in, for models that know about light.
 #[derive(Clone, Copy, Debug)]
 pub enum Look<'a> {
     /// Nobody's: of the light nothing is said.
@@ -179,39 +179,14 @@ pub trait Predictor: fmt::Debug + Send {
         stream: Stream,
     ) -> Result<Prediction, Error>;
 
-    /// Predicts the Gaussians of a scene from the first `context` photos, and the cameras of all of them at once: the model has then seen
-    /// the photos that its pictures are compared with, though nothing of them is in the Gaussians but what they say about cameras.
-    ///
-    /// # Errors
-    /// As [`Predictor::predict`], and for models that predict no cameras.
-    fn predict_jointly(
-        &mut self,
-        _photos: Photos<'_>,
-        _context: usize,
-        _density: Density,
-        _stream: Stream,
-    ) -> Result<JointPrediction, Error> {
-        Err(Error::Input("this model does not say where further photos were taken".into()))
+    /// The same model as one that says where further photos were taken, if it can.
+    fn joint(&mut self) -> Option<&mut dyn Joint> {
+        None
     }
 
-    /// Predicts the Gaussians of a scene once, and their colors under each of some looks, at least one. Without being asked,
-    /// [`Predictor::predict`] shows a place in the light of the first photo.
-    ///
-    /// # Errors
-    /// As [`Predictor::predict`], for photos of a look that do not suit the model, and for models that know nothing of light.
-    fn predict_looks(
-        &mut self,
-        _photos: Photos<'_>,
-        _cameras: CameraSource<'_>,
-        _looks: &[Look<'_>],
-        _stream: Stream,
-    ) -> Result<LookPrediction, Error> {
-        Err(Error::Input("this model does not know about light: it has no looks".into()))
-    }
-
-    /// Whether the model knows about light: whether [`Predictor::predict_looks`] is of use.
-    fn has_looks(&self) -> bool {
-        false
+    /// The same model as one that knows about light, if it does.
+    fn lights(&mut self) -> Option<&mut dyn Lights> {
+        None
     }
 
     /// The density that [`Predictor::predict`] would use when asked for this one: gaps filled, the whole checked. Both
@@ -226,7 +201,7 @@ pub trait Predictor: fmt::Debug + Send {
         }
     }
 
-    /// What a user should know before predictions with this density, such as that its weights were never trained for it.
+    /// A warning before predictions with this density, such as that its weights were never trained for it.
     fn remark(&self, _density: Density) -> Option<String> {
         None
     }
@@ -239,7 +214,7 @@ pub trait Predictor: fmt::Debug + Send {
         1
     }
 
-    /// How the model's Gaussians are drawn.
+    /// Settings of drawing the model's Gaussians.
     fn raster_settings(&self) -> RasterSettings {
         RasterSettings::default()
     }
@@ -249,7 +224,7 @@ pub trait Predictor: fmt::Debug + Send {
         [1.0; 3]
     }
 
-    /// What draws Gaussians; another one may be put in its place.
+    /// The renderer of Gaussians; another one may be put in its place.
     fn renderer(&mut self) -> &mut Renderer;
 
     /// Renders what was predicted with the model's settings: one image per camera, values clamped to [0, 1].
@@ -270,6 +245,55 @@ pub trait Predictor: fmt::Debug + Send {
             Image { width: camera.width, height: camera.height, pixels }
         };
         Ok(rendered.into_iter().zip(cameras).map(image).collect())
+    }
+}
+
+/// A model that says where further photos were taken, beside those that its Gaussians are made of.
+pub trait Joint {
+    /// Predicts the Gaussians of a scene from the first `context` photos, and the cameras of all of them at once: the model has then seen
+    /// the photos that its pictures are compared with, though nothing of them is in the Gaussians but what they say about cameras.
+    ///
+    /// # Errors
+    /// As [`Predictor::predict`].
+    fn predict_jointly(
+        &mut self,
+        photos: Photos<'_>,
+        context: usize,
+        density: Density,
+        stream: Stream,
+    ) -> Result<JointPrediction, Error>;
+}
+
+/// A model that knows about light. Without being asked, [`Predictor::predict`] shows a place in the light of the first photo.
+pub trait Lights {
+    /// Predicts the Gaussians of a scene once, and their colors under each of some looks, at least one.
+    ///
+    /// # Errors
+    /// As [`Predictor::predict`], and for photos of a look that do not suit the model.
+    fn predict_looks(
+        &mut self,
+        photos: Photos<'_>,
+        cameras: CameraSource<'_>,
+        looks: &[Look<'_>],
+        stream: Stream,
+    ) -> Result<LookPrediction, Error>;
+}
+
+impl dyn Predictor + '_ {
+    /// The model as one that says where further photos were taken.
+    ///
+    /// # Errors
+    /// For models that do not.
+    pub fn as_joint(&mut self) -> Result<&mut dyn Joint, Error> {
+        self.joint().ok_or_else(|| Error::Input("this model does not say where further photos were taken".into()))
+    }
+
+    /// The model as one that knows about light.
+    ///
+    /// # Errors
+    /// For models that do not.
+    pub fn as_lights(&mut self) -> Result<&mut dyn Lights, Error> {
+        self.lights().ok_or_else(|| Error::Input("this model does not know about light: it has no looks".into()))
     }
 }
 

@@ -26,12 +26,12 @@ use weaver_scene::PointCloud;
 use weaver_splat::{AnyRasterizer, Renderer};
 use weaver_vggt::Vggt;
 
-/// How to run a published checkpoint.
+/// Options of a published checkpoint.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Height and width of the network's images; those of its configuration otherwise.
     pub size: Option<[usize; 2]>,
-    /// How photos are brought to that size.
+    /// Fit of photos to that size.
     pub fit: Fit,
     /// Cameras, depth and points only, though there may be a Gaussian head.
     pub geometry: bool,
@@ -42,9 +42,9 @@ pub struct Options {
     pub density: Density,
     /// Seed of the router's noise.
     pub seed: u64,
-    /// What draws the Gaussians.
+    /// The rasterizer.
     pub rasterizer: AnyRasterizer<f32>,
-    /// Whether products with bf16 matrices round the other factor to bf16, too, where the processor is faster at that.
+    /// True if products with bf16 matrices round the other factor to bf16, too, where the processor is faster at that.
     pub bf16_products: bool,
 }
 

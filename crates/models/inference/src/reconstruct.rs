@@ -12,13 +12,13 @@ use weaver_kernels::random::Stream;
 use weaver_losses::metrics;
 use weaver_scene::Frame;
 
-/// How to reconstruct.
+/// Options of a reconstruction.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// Cameras of the photos: a transforms.json, or a folder with a COLMAP model. Photos are matched by the ends of their paths; points
     /// of the model scale the cameras and repair depth ([`load_cameras`](weaver_data::capture::load_cameras)).
     pub cameras: Option<PathBuf>,
-    /// Whether photos have masks ([`load_readable_images`](weaver_data::capture::load_readable_images)): pixels outside get no
+    /// True if photos have masks ([`load_readable_images`](weaver_data::capture::load_readable_images)): pixels outside get no
     /// Gaussians, and do not count in the PSNR.
     pub masks: bool,
     /// Which pixels get Gaussians, and how many.
@@ -29,7 +29,7 @@ pub struct Options {
     pub seed: u64,
 }
 
-/// What was written.
+/// Summary of the written files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
     /// Gaussians of the scene.
@@ -38,7 +38,7 @@ pub struct Report {
     pub gaussians_per_pixel: f64,
     /// Mean PSNR of the renders of the input views against the photos, dB, if there are Gaussians to render.
     pub psnr: Option<f64>,
-    /// What the reader should know.
+    /// Remarks for the user.
     pub remarks: Vec<String>,
     /// The overview picture: a row of input, render, depth and Gaussians per pixel for each photo.
     pub overview: PathBuf,
@@ -102,7 +102,7 @@ pub fn reconstruct(
     Ok(report([&photos, &renders], inside.as_deref(), &prediction, remarks, out.path()))
 }
 
-/// What was done to given cameras and to depth.
+/// Remarks on the scaling of given cameras and of depth.
 pub(crate) fn how_scaled(prediction: &Prediction) -> Vec<String> {
     let Some(factor) = prediction.scaled_by else { return Vec::new() };
     let used = &prediction.points_used;

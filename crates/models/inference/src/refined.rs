@@ -2,11 +2,11 @@
 
 use crate::{CameraSource, Density, Error, Photos, Prediction, Predictor, planar};
 use std::sync::Arc;
-use weaver_fit::{Fit, FitRasterizer, FitSettings, Photo, StrategyKind, steps_in};
+use weaver_fit::{Fit, FitRasterizer, FitSettings, StrategyKind, steps_in};
 use weaver_geometry::{Camera, Pose, Similarity};
 use weaver_io::Image;
 use weaver_kernels::random::Stream;
-use weaver_scene::Gaussians;
+use weaver_scene::{Gaussians, Photo};
 use weaver_splat::{CpuRasterizer, RasterSettings, Renderer};
 
 /// For how long a prediction is refined.
@@ -104,9 +104,9 @@ impl Refined {
 /// Steps between rounds of density control, at least.
 const STEPS_OF_A_ROUND: usize = 10;
 
-/// How predictions for so many pixels are refined: so that few photos are not met by whatever looks right from them alone.
+/// Settings of a refinement for so many pixels: so that few photos are not met by whatever looks right from them alone.
 ///
-/// What counts is that Gaussians which the photos do not need become transparent, and that others are split in their place where the
+/// The aim is that Gaussians which the photos do not need become transparent, and that others are split in their place where the
 /// error is. How strongly opacities are pulled down is the same for each Gaussian, whatever their number: where they are scarce, all
 /// are needed.
 fn settings(gaussians: &Gaussians, pixels: usize) -> FitSettings {
@@ -141,10 +141,7 @@ fn first_as_origin(pose: &Pose) -> Similarity {
 fn views(photos: Photos<'_>, cameras: &[Camera]) -> Vec<Photo> {
     let Photos { planes, inside, height, width } = photos;
     let pixels = height * width;
-    let mask = |i: usize| {
-        let inside = &inside?[i * pixels..][..pixels];
-        Some(inside.iter().map(|inside| if *inside { 255 } else { 0 }).collect())
-    };
+    let mask = |i: usize| Some(inside?[i * pixels..][..pixels].to_vec());
     let rgb = |planes: &[f32]| -> Vec<u8> {
         (0..3 * pixels).map(|i| (planes[i % 3 * pixels + i / 3] * 255.0).round() as u8).collect()
     };

@@ -19,7 +19,7 @@ pub struct RunFolder {
 }
 
 impl RunFolder {
-    /// What a run writes; names that end with a slash are folders.
+    /// Files that a run writes; names that end with a slash are folders.
     pub const FILES: [&str; 6] =
         ["config.toml", "checkpoint.safetensors", "metrics.jsonl", "samples/", "summary.json", "report.html"];
 

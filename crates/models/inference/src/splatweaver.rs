@@ -1,32 +1,40 @@
 //! SplatWeaver with its weights.
 
-use crate::given_cameras::{self, GivenCameras};
 use crate::{
-    CameraSource, Checkpoint, Density, Error, JointPrediction, Photos, Prediction, Predictor, RunFolder, WeightSet,
-    depth_to_points,
+    CameraSource, Checkpoint, Density, Error, GivenCameras, Joint, JointPrediction, Network, Photos, Prediction,
+    Predictor, Pretrained, RunFolder, cameras_of, depth_to_points,
 };
 use std::path::Path;
 use std::sync::Arc;
-use weaver_autograd::{Params, Tape, Var};
+use weaver_autograd::{Params, Var};
 use weaver_kernels::random::Stream;
 use weaver_model::{ModelConfig, SplatWeaver};
-use weaver_nn::Context;
 use weaver_pose::CameraVars;
 use weaver_router::{AllocationKind, Masked};
-use weaver_scene::{ActivatedGaussians, CameraRows, CameraSlices, Model};
+use weaver_scene::ActivatedGaussians;
 use weaver_splat::{RasterSettings, Renderer};
 
 /// SplatWeaver with its weights, ready to run without gradients.
 #[derive(Debug)]
 pub struct SplatWeaverPredictor {
-    model: Arc<SplatWeaver>,
-    params: Params<f32>,
+    loaded: Pretrained<SplatWeaver>,
     allocation: AllocationKind,
     budget: f64,
     /// Experts that training used; empty where that is not known.
     trained: Vec<u8>,
-    tape: Tape<f32>,
-    renderer: Renderer,
+}
+
+impl Network for SplatWeaver {
+    const NAME: &'static str = SplatWeaverPredictor::ARCHITECTURE;
+    type Config = ModelConfig;
+
+    fn check(config: &ModelConfig) -> Result<(), String> {
+        config.check()
+    }
+
+    fn declare(config: ModelConfig, params: &mut Params<f32>) -> Self {
+        Self::declare(config, params)
+    }
 }
 
 impl SplatWeaverPredictor {
@@ -40,8 +48,7 @@ impl SplatWeaverPredictor {
         allocation: AllocationKind,
         budget: f64,
     ) -> Self {
-        let (trained, tape, renderer) = (Vec::new(), Tape::new(), Renderer::default());
-        Self { model: model.into(), params, allocation, budget, trained, tape, renderer }
+        Self { loaded: Pretrained::new(model, params), allocation, budget, trained: Vec::new() }
     }
 
     /// Says which experts the weights' training gave pixels to, so that [`Predictor::remark`] can tell which it did not.
@@ -79,32 +86,28 @@ impl SplatWeaverPredictor {
     /// # Errors
     /// When the checkpoint is of another model, or a tensor is missing, of another shape, or unknown.
     pub fn from_checkpoint(checkpoint: &Checkpoint) -> Result<Self, Error> {
-        let config: ModelConfig = checkpoint.model_config(Self::ARCHITECTURE)?;
-        config.check().map_err(|message| checkpoint.wrong(message))?;
-        let mut params = Params::new();
-        let model = SplatWeaver::declare(config, &mut params);
-        checkpoint.fill(&mut params, WeightSet::Averaged)?;
+        let loaded = Pretrained::from_checkpoint(checkpoint)?;
         let defaults = checkpoint.defaults();
         let name = defaults.allocation.as_deref().unwrap_or("dithered");
         let allocation = name.parse::<AllocationKind>().map_err(|e| checkpoint.wrong(e.to_string()))?;
-        let predictor = Self::new(model, params, allocation, defaults.budget.unwrap_or(1.0));
-        Ok(predictor.with_trained_experts(defaults.trained_experts.clone()))
+        let (budget, trained) = (defaults.budget.unwrap_or(1.0), defaults.trained_experts.clone());
+        Ok(Self { loaded, allocation, budget, trained })
     }
 
     /// The network.
     pub fn model(&self) -> &SplatWeaver {
-        &self.model
+        &self.loaded.network
     }
 
     /// Calls `watcher` with the path of each part of the model that is done.
     pub fn watch(&self, watcher: impl Fn(&str) + Send + 'static) {
-        self.tape.watch(watcher);
+        self.loaded.tape.watch(watcher);
     }
 
     /// Gives back the memory that the last prediction was made in.
     pub fn release(&mut self) {
-        self.tape.reset();
-        self.tape.pool().trim::<f32>();
+        self.loaded.tape.reset();
+        self.loaded.tape.pool().trim::<f32>();
     }
 }
 
@@ -124,7 +127,7 @@ impl SplatWeaverPredictor {
         let allocation = kind.allocation::<f32>(density.budget.unwrap_or(self.budget), experts)?;
         let Photos { planes, height, width, .. } = photos;
         let inside = photos.first(context).inside;
-        let patch = self.model.config().patch;
+        let patch = self.model().config().patch;
         if planes.is_empty() || !height.is_multiple_of(patch) || !width.is_multiple_of(patch) {
             return Err(Error::Input(format!(
                 "expected photos whose sides are multiples of {patch}, found {} of {width}x{height}",
@@ -132,30 +135,18 @@ impl SplatWeaverPredictor {
             )));
         }
         let views = photos.views();
-        given_cameras::check(source, context)?;
-        self.tape.reset();
-        let (model, tape) = (&self.model, &self.tape);
-        let cx = Context::new(tape, &self.params);
+        GivenCameras::check(source, context)?;
+        self.loaded.tape.reset();
+        let (model, tape, cx) = (&*self.loaded.network, &self.loaded.tape, self.loaded.context());
         Ok(tape.without_gradient(|| {
             let all = tape.constant(planes, [views, 3, height, width]);
             let encoded = model.encode(cx, all.reshape([1, views, 3, height, width]));
-            let read = |cameras: &CameraVars<'_, f32>| {
-                let (viewmats, intrinsics) = (&cameras.viewmats.value(), &cameras.intrinsics.value());
-                CameraSlices { viewmats, intrinsics, background: &[], width, height, model: Model::Pinhole }
-                    .to_cameras()
-            };
-            let mut predicted = read(&encoded.cameras);
+            let mut predicted = cameras_of(&encoded.cameras, photos);
             let targets = predicted.split_off(context);
             let photos = first_of(all, context);
             let given = GivenCameras::of(source, &predicted);
             let vars = match &given {
-                Some(given) => {
-                    let rows = CameraRows::new(&given.cameras);
-                    CameraVars {
-                        viewmats: tape.constant(&rows.viewmats, [context, 3, 4]),
-                        intrinsics: tape.constant(&rows.intrinsics, [context, 4]),
-                    }
-                }
+                Some(given) => self.loaded.camera_vars(&given.cameras),
                 None => {
                     let CameraVars { viewmats, intrinsics } = encoded.scene_cameras(0);
                     CameraVars { viewmats: first_of(viewmats, context), intrinsics: first_of(intrinsics, context) }
@@ -205,14 +196,8 @@ impl Predictor for SplatWeaverPredictor {
         Ok(self.run(photos, photos.views(), source, density, stream)?.prediction)
     }
 
-    fn predict_jointly(
-        &mut self,
-        photos: Photos<'_>,
-        context: usize,
-        density: Density,
-        stream: Stream,
-    ) -> Result<JointPrediction, Error> {
-        self.run(photos, context, CameraSource::Predicted, density, stream)
+    fn joint(&mut self) -> Option<&mut dyn Joint> {
+        Some(self)
     }
 
     fn density(&self, asked: Density) -> Result<Density, Error> {
@@ -245,24 +230,36 @@ impl Predictor for SplatWeaverPredictor {
     }
 
     fn image_size(&self) -> [usize; 2] {
-        let config = self.model.config();
+        let config = self.model().config();
         [config.height, config.width]
     }
 
     fn max_per_pixel(&self) -> usize {
-        self.model.config().gaussians.max_per_pixel
+        self.model().config().gaussians.max_per_pixel
     }
 
     fn raster_settings(&self) -> RasterSettings {
-        self.model.config().raster.settings()
+        self.model().config().raster.settings()
     }
 
     fn background(&self) -> [f32; 3] {
-        self.model.config().raster.background.map(|c| c as f32)
+        self.model().config().raster.background.map(|c| c as f32)
     }
 
     fn renderer(&mut self) -> &mut Renderer {
-        &mut self.renderer
+        &mut self.loaded.renderer
+    }
+}
+
+impl Joint for SplatWeaverPredictor {
+    fn predict_jointly(
+        &mut self,
+        photos: Photos<'_>,
+        context: usize,
+        density: Density,
+        stream: Stream,
+    ) -> Result<JointPrediction, Error> {
+        self.run(photos, context, CameraSource::Predicted, density, stream)
     }
 }
 

@@ -6,7 +6,7 @@ use std::path::Path;
 use weaver_io::safetensors::Mapped;
 use weaver_router::AllocationKind;
 
-/// Whether a file holds the checkpoint of a training run, or small weights made of one.
+/// True if a file holds the checkpoint of a training run, or small weights made of one.
 ///
 /// # Errors
 /// When it cannot be read, or is no file of weights.

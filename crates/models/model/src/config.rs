@@ -1,6 +1,6 @@
 //! Everything about the network that can be set.
 
-pub(crate) mod check;
+pub mod check;
 mod presets;
 
 pub use presets::PRESETS;
@@ -95,7 +95,7 @@ pub struct CameraConfig {
     pub tangent_offset: f64,
 }
 
-/// What configurations mean that are older than the key.
+/// Value in configurations that are older than the key.
 fn tangent_offset() -> f64 {
     1e-3
 }
@@ -173,7 +173,7 @@ pub enum WaveletKind {
     Db2,
 }
 
-/// How the experts' raw numbers become Gaussians, with the constants in each parametrization's own units.
+/// Decoding of the experts' raw numbers to Gaussians, with the constants in each parametrization's own units.
 ///
 /// In a file this is a table whose key `kind` names the parametrization. [`weaver_experts::Parametrization`] has the formulas.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -223,17 +223,17 @@ pub struct GaussianConfig {
     pub neighbors: usize,
     /// Width of the neighbor attention: at least 1.
     pub predictor: usize,
-    /// Whether Gaussians attend to their nearest neighbors before they are decoded; `false` is for ablations.
+    /// True if Gaussians attend to their nearest neighbors before they are decoded; `false` is for ablations.
     pub neighbor_attention: bool,
-    /// Whether the router sees the wavelet prior; `false` is for ablations.
+    /// True if the router sees the wavelet prior; `false` is for ablations.
     pub frequency_prior: bool,
     /// Wavelet of the prior.
     pub wavelet: WaveletKind,
-    /// How raw numbers become Gaussians.
+    /// Decoding of raw numbers to Gaussians.
     pub parametrization: ParametrizationConfig,
     /// Factor on the initial output layers of the experts, 1 as published: not negative.
     pub expert_gain: f64,
-    /// Whether the neighbor attention starts as the identity, with its last layer zero.
+    /// True if the neighbor attention starts as the identity, with its last layer zero.
     pub zero_predictor: bool,
 }
 

@@ -1,21 +1,19 @@
-//! The networks from photos to cameras and Gaussians, SplatWeaver, 2Xplat and WildSplatter: configurations, presets, forward passes.
+//! SplatWeaver, the network from photos to cameras and Gaussians: configuration, presets, forward pass; and the parts of a
+//! configuration that other models share with it.
 
 mod config;
 mod guidance;
 mod parts;
 mod splatweaver;
 mod stereo;
-mod two_experts;
-mod wild;
 
+pub use config::check;
 pub use config::{
     BackboneConfig, CameraConfig, DenseConfig, GaussianConfig, ModelConfig, PRESETS, ParametrizationConfig, PixelPoint,
     PoseFrame, RasterConfig, StereoConfig, WaveletKind,
 };
 pub use guidance::Guidance;
 pub use splatweaver::{Dense, PredictedGaussians, SplatWeaver};
-pub use two_experts::{AppearanceConfig, GeometryConfig, PixelGaussians, TwoExperts, TwoExpertsConfig};
-pub use wild::{LookConfig, Surface, Wild, WildConfig, WildDenseConfig, WildGaussianConfig, WildParametrization};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

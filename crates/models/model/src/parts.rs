@@ -46,7 +46,7 @@ impl BackboneConfig {
 
 impl CameraConfig {
     /// Backbone and camera head for images of `size` (H, W) in patches; `layers` are the rounds that dense heads read.
-    pub(crate) fn network(
+    pub fn network(
         &self,
         backbone: &BackboneConfig,
         patch: usize,

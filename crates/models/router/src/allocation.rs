@@ -87,11 +87,11 @@ pub struct Assignment<T: Real = f32> {
     pub expert: Buffer<u8>,
     /// The cells whose first pixels these are; `None` where each pixel stands for itself.
     pub cells: Option<Cells>,
-    /// What the gradient of the choice needs, where the router itself made it; `None` where it had no part in it.
+    /// Inputs of the choice's gradient, where the router itself made it; `None` where it had no part in it.
     pub gate: Option<GumbelGate<T>>,
 }
 
-/// What the straight-through gradient of a choice needs.
+/// Inputs of the straight-through gradient of a choice.
 #[derive(Debug)]
 pub struct GumbelGate<T: Real = f32> {
     /// The Gumbel noise `[P, E]` that was added to the logits; `None` if none was.

@@ -52,7 +52,7 @@ impl<T: Real> Outputs<T> for Aggregated<'_, T> {
     }
 }
 
-/// What is handed from round to round: the tokens `[B V, P, D]`, the layers so far, and at the end the camera tokens.
+/// State handed from round to round: the tokens `[B V, P, D]`, the layers so far, and at the end the camera tokens.
 type State<'t, T> = (Var<'t, T>, SmallVec<[Option<Var<'t, T>>; 4]>, Option<Var<'t, T>>);
 
 /// The alternating-attention transformer of VGGT (Wang et al. 2025, arXiv 2503.11651).

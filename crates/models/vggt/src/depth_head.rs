@@ -18,7 +18,7 @@ pub struct DepthHeadConfig {
     pub last: WeightInit,
 }
 
-/// What a [`DepthHead`] predicts.
+/// Prediction of a [`DepthHead`].
 #[derive(Clone, Copy, Debug)]
 pub struct DepthMaps<'t, T: Real = f32> {
     /// Depth along the optical axis `[N, H, W]`.

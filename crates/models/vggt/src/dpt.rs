@@ -32,7 +32,7 @@ pub struct DenseTokens<'a, 't, T: Real = f32> {
     pub image: [usize; 2],
 }
 
-/// How a level changes its size after projection.
+/// Change of a level's size after projection.
 #[derive(Clone, Debug)]
 enum Resize {
     Up(ConvTranspose2d),

@@ -3,7 +3,7 @@
 use crate::error::CodecError;
 use rayon::prelude::*;
 
-/// What a moving average keeps of itself in a round.
+/// Share that a moving average keeps of itself in a round.
 const DECAY: f64 = 0.8;
 
 /// Mass below which a code counts as dead.

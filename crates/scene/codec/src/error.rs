@@ -45,9 +45,9 @@ pub enum CodecError {
     Invalid {
         /// The key, stream or Gaussian.
         place: String,
-        /// What should have been there.
+        /// The expected value.
         expected: String,
-        /// What was there.
+        /// The value found.
         found: String,
     },
 }

@@ -58,7 +58,7 @@ pub trait Coder {
         (high << low) | self.symbol(&Uniform { bits: low }, (value & mask) as usize) as u32
     }
 
-    /// Whether symbols come from a stream that has ended before them.
+    /// True if symbols come from a stream that has ended before them.
     fn exhausted(&self) -> bool {
         false
     }
@@ -175,7 +175,7 @@ impl<'a> RangeDecoder<'a> {
         decoder
     }
 
-    /// Whether the symbols read so far are all of the stream: no byte is left, and none was missing.
+    /// True if the symbols read so far are all of the stream: no byte is left, and none was missing.
     pub fn is_whole(&self) -> bool {
         self.next >= self.bytes.len() && !self.exhausted()
     }

@@ -28,9 +28,9 @@ use weaver_kernels::random::Stream;
 /// The size at which cameras are to be the same.
 const SIZE: [usize; 2] = [64, 48];
 const LENS: Distortion = Distortion::Radial { k: [-0.28, 0.09, 0.0, 0.0, 0.0, 0.0], p: [0.003, -0.002] };
-/// How many times as large distorted photos are.
+/// Factor on the size of distorted photos.
 const LARGER: usize = 2;
-/// How many times a photo is enlarged, from which a lens takes them.
+/// Factor on the size of photos that a lens takes.
 const ENLARGED: usize = 4;
 /// The part of each side that a mask covers.
 const COVERED: usize = 3;
@@ -183,7 +183,7 @@ fn distorted(pinhole: CameraModel) -> Result<CameraModel, String> {
     Ok(CameraModel { width: LARGER * width, height: LARGER * height, intrinsics, distortion: Some(LENS) })
 }
 
-/// What a camera with the lens takes of what is in a photo; beyond its borders, these go on.
+/// The photo as a camera with the lens takes it; beyond its borders, its colors go on.
 fn taken(file: &PhotoFile, pinhole: &CameraModel, camera: &CameraModel) -> Result<Bitmap, Box<dyn Error>> {
     let enlarged = file.resize_whole(ENLARGED * pinhole.width, ENLARGED * pinhole.height)?;
     let mut taken = white(camera.width, camera.height);
@@ -196,7 +196,7 @@ fn taken(file: &PhotoFile, pinhole: &CameraModel, camera: &CameraModel) -> Resul
     Ok(taken)
 }
 
-/// What the lens sees there: a fixed point, which is found much faster than `Distortion::undistort` looks for it in any lens.
+/// The direction that the lens sees there: a fixed point, which is found much faster than `Distortion::undistort` looks for it in any lens.
 fn straight(seen: DVec2) -> DVec2 {
     (0..40).fold(seen, |at, _| at + seen - LENS.distort(at))
 }

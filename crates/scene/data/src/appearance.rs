@@ -26,16 +26,16 @@ pub struct Occluder {
     pub color: [f32; 3],
 }
 
-/// What a photo's moment does to it.
+/// The effect of a photo's moment on it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Appearance {
     /// Its light.
     pub look: Look,
-    /// What stands in front.
+    /// Occluders in front.
     pub occluders: Vec<Occluder>,
 }
 
-/// How far a point's depth in a context view may be from what that view sees there, of the latter.
+/// Largest difference of a point's depth in a context view from what that view sees there, over the latter.
 const SAME_DEPTH: f64 = 0.02;
 
 impl Look {
@@ -59,7 +59,7 @@ impl Look {
 
 /// Fills the columns of an image's plane `[H, W]` beside those that are `kept` with the mean of these.
 ///
-/// What is left tells its light and, of what was beside, nothing. Panics unless `width` divides the plane.
+/// The rest tells its light and nothing of the place. Panics unless `width` divides the plane.
 ///
 /// ```
 /// let mut plane = [1.0, 3.0, 9.0, 9.0];
@@ -111,7 +111,7 @@ impl Appearance {
             .find(|o| (o.at[0]..o.at[0] + o.size[0]).contains(&x) && (o.at[1]..o.at[1] + o.size[1]).contains(&y))
     }
 
-    /// What is shown in channel `channel` of a pixel whose plain value is `value`.
+    /// The value of channel `channel` of a pixel whose plain value is `value`.
     pub fn of(&self, value: f32, channel: usize, [x, y]: [usize; 2]) -> f32 {
         self.occluder(x, y).map_or_else(|| self.look.of(value, channel), |occluder| occluder.color[channel])
     }

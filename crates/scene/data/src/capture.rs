@@ -52,7 +52,7 @@ pub enum HoldOut {
     Nothing,
 }
 
-/// How to load a capture.
+/// Options of loading a capture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CaptureOptions {
     /// Image width for the network, pixels.
@@ -64,7 +64,7 @@ pub struct CaptureOptions {
     pub scene_scale: Option<f64>,
     /// Which views are kept from training.
     pub hold_out: HoldOut,
-    /// Whether photos have masks ([`PosedOptions::masks`](posed::PosedOptions::masks)), outside of which they are white and do not
+    /// True if photos have masks ([`PosedOptions::masks`](posed::PosedOptions::masks)), outside of which they are white and do not
     /// count.
     pub masks: bool,
 }
@@ -135,7 +135,7 @@ pub fn load_masked_images(paths: &[PathBuf], width: usize, height: usize) -> Res
 pub struct ReadableImages {
     /// Those that could.
     pub paths: Vec<PathBuf>,
-    /// What they show, and what of it counts.
+    /// The pictures, and which of their pixels count.
     pub images: Vec<MaskedImage>,
     /// Which could not be read and why, if any.
     pub remark: Option<String>,
@@ -210,7 +210,7 @@ fn folder(path: &Path) -> &Path {
     if path.is_file() { path.parent().unwrap_or(Path::new(".")) } else { path }
 }
 
-/// What a capture is called: its folder's name.
+/// Name of a capture: its folder's.
 fn name(folder: &Path) -> String {
     folder.file_name().unwrap_or(folder.as_os_str()).to_string_lossy().into_owned()
 }
@@ -236,7 +236,7 @@ fn read_split_photos(path: &Path, hold_out: HoldOut) -> Result<Photos, Error> {
     Ok(capture)
 }
 
-/// Whether a folder holds cameras of a kind that [`load`] reads, or is a file of them.
+/// True if a folder holds cameras of a kind that [`load`] reads, or is a file of them.
 ///
 /// # Errors
 /// When the folder is missing or cannot be read.

@@ -16,9 +16,9 @@ pub enum Error {
         file: PathBuf,
         /// The entry at fault.
         key: String,
-        /// What should have been there.
+        /// The expected value.
         expected: String,
-        /// What was there.
+        /// The value found.
         found: String,
     },
     /// Too many photos cannot be read.
@@ -27,11 +27,11 @@ pub enum Error {
          that cannot: {reasons}"
     )]
     Unreadable {
-        /// How many must be readable.
+        /// Number that must be readable.
         least: usize,
-        /// How many are not.
+        /// Number that is not.
         bad: usize,
-        /// How many there are.
+        /// Number of all.
         all: usize,
         /// Which these are, and why.
         reasons: String,
@@ -43,9 +43,9 @@ pub enum Error {
         scene: String,
         /// Which views.
         key: &'static str,
-        /// What should have been there.
+        /// The expected value.
         expected: String,
-        /// What was there.
+        /// The value found.
         found: usize,
     },
     /// The size of the scene is not determined.

@@ -31,7 +31,7 @@ const FILM: f64 = 43.266_615;
 /// Standard deviation of focal lengths that are told, as a part of them: cameras round them, and crop.
 const TOLD: f64 = 0.05;
 
-/// How cameras of photo files are estimated.
+/// Options of estimating the cameras of photo files.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EstimateOptions {
     /// Photos are shrunk to this longest side for matching, pixels.
@@ -39,14 +39,14 @@ pub struct EstimateOptions {
     /// The focal length of all photos, in pixels of a photo whose longer side is 1; `None` asks the files, and estimates it where
     /// these do not tell.
     pub focal: Option<f64>,
-    /// Whether what files tell of their focal length is used.
+    /// True if what files tell of their focal length is used.
     pub exif: bool,
-    /// Whether photos have one lens, and with it one factor on their focal lengths: those of the same proportions, since of a crop the
+    /// True if photos have one lens, and with it one factor on their focal lengths: those of the same proportions, since of a crop the
     /// longer side is another one, that tell the same focal length. Otherwise each has its own.
     pub shared: bool,
     /// Which radial distortion is found.
     pub distortion: Find,
-    /// Whether photos are known to follow one another, as frames of a clip do; otherwise their names tell. Of many photos each is
+    /// True if photos are known to follow one another, as frames of a clip do; otherwise their names tell. Of many photos each is
     /// then compared with those before and behind it, too.
     pub sequence: bool,
 }
@@ -62,7 +62,7 @@ impl Default for EstimateOptions {
 pub struct EstimatedPhotos {
     /// The photos that can be read.
     pub paths: Vec<PathBuf>,
-    /// What the user should know: which photos cannot be read, and what of the others was not taken as it is.
+    /// Remarks for the user: which photos cannot be read, and what of the others was not taken as it is.
     pub remarks: Vec<String>,
     /// The photos as they were matched.
     images: Vec<Small>,
@@ -72,7 +72,7 @@ pub struct EstimatedPhotos {
     ambiguous: Vec<bool>,
     /// Which are only located.
     located: Vec<bool>,
-    /// Whether any was to be only located, also one that cannot be read.
+    /// True if any was to be only located, also one that cannot be read.
     holds_out: bool,
     /// The lens of each: a number, without gaps.
     lens_of: Vec<usize>,
@@ -154,12 +154,12 @@ impl EstimatedPhotos {
         all.filter_map(|(path, camera)| Some((path.as_path(), camera.err()?))).collect()
     }
 
-    /// How much the cameras are to be believed.
+    /// Confidence in the cameras.
     pub fn confidence(&self) -> Confidence {
         self.estimate.confidence()
     }
 
-    /// How many lenses the photos were taken to have: one if all have the same proportions, tell no two focal lengths, and share it.
+    /// Number of lenses that the photos were taken to have: one if all have the same proportions, tell no two focal lengths, and share it.
     pub fn lenses(&self) -> usize {
         self.lens_of.iter().max().map_or(0, |last| last + 1)
     }
@@ -209,7 +209,7 @@ impl EstimatedPhotos {
         Ok(paths)
     }
 
-    /// How far off an observation is, pixels; `None` in photos without a camera.
+    /// Error of an observation, pixels; `None` in photos without a camera.
     fn off(&self, o: &Observation) -> Option<f64> {
         let camera = self.estimate.cameras[o.camera].ok()?;
         let p = camera.pose.apply(self.estimate.points[o.point]);

@@ -29,7 +29,7 @@ pub use pixels::Pixels;
 pub use shots::{Film, FilmPoint, HeldOut, Shot};
 use std::path::Path;
 
-/// How a film lies in its folder.
+/// Layout of a film in its folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FilmLayout {
     /// That of D-NeRF.
@@ -59,7 +59,7 @@ impl FilmLayout {
         })
     }
 
-    /// What the layout is called.
+    /// Name of the layout.
     pub fn name(self) -> &'static str {
         match self {
             Self::DNerf => "D-NeRF",

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use weaver_geometry::Pose;
 use weaver_geometry::glam::DVec3;
 
-/// How the cameras of a scene lie to each other: measured over all pairs once, so that each tuple costs little.
+/// Layout of a scene's cameras: measured over all pairs once, so that each tuple costs little.
 ///
 /// ```
 /// use weaver_data::{Layout, procedural};
@@ -50,7 +50,7 @@ impl Layout {
         &self.training
     }
 
-    /// How far apart two views are: the distance between their cameras over the scene's median pairwise distance, plus the
+    /// Separation of two views: the distance between their cameras over the scene's median pairwise distance, plus the
     /// angle between them in radians.
     pub fn separation(&self, a: usize, b: usize) -> f64 {
         // Views that only turn on the spot differ by their angle alone.
@@ -90,7 +90,7 @@ impl Layout {
 
 /// One question at a time: all pairs of views are measured for each, which [`Layout`] does once.
 impl Scene {
-    /// How far apart two views are: the distance between their cameras over the scene's median pairwise distance, plus the
+    /// Separation of two views: the distance between their cameras over the scene's median pairwise distance, plus the
     /// angle between them in radians.
     pub fn separation(&self, a: usize, b: usize) -> f64 {
         Layout::of(self).separation(a, b)

@@ -115,7 +115,7 @@ struct Plan {
     world: World,
     cameras: Vec<Camera>,
     film: Film,
-    /// Whether the sun is elsewhere in every photo.
+    /// True if the sun is elsewhere in every photo.
     moving_sun: bool,
 }
 
@@ -207,7 +207,7 @@ fn surface_points(view: &View, stream: Stream) -> Vec<DVec3> {
         .collect()
 }
 
-/// Whether a surface point lies inside the image, in front of the camera, with nothing before it.
+/// True if a surface point lies inside the image, in front of the camera, with nothing before it.
 fn sees(world: &World, camera: &Camera, point: DVec3) -> bool {
     let local = camera.pose.apply(point);
     let pixel = camera.intrinsics.project(local);

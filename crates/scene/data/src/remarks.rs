@@ -3,7 +3,7 @@
 /// Names of photos in a remark, at most.
 const NAMED: usize = 8;
 
-/// What to say, where masks are not read, about the photos that have transparent parts; `None` if none has.
+/// Remark, where masks are not read, about the photos that have transparent parts; `None` if none has.
 pub(crate) fn transparent(names: &[String]) -> Option<String> {
     let have = if names.len() == 1 { "has" } else { "have" };
     let rest = "transparent parts, which are laid over the background; --masks leaves these out";

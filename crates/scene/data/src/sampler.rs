@@ -3,12 +3,12 @@
 use crate::{Layout, Scene, Tuple};
 use weaver_kernels::random::Stream;
 
-/// How training tuples are drawn.
+/// Sampler of training tuples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampler {
     /// [`training_tuple`].
     Nearest {
-        /// How many of its nearest training views a view's context is drawn from.
+        /// Number of its nearest training views that a view's context is drawn from.
         pool: usize,
     },
     /// Two training views with a bounded number of others between them in the order of paths, and random ones of these

@@ -46,7 +46,7 @@ pub struct Scene {
     pub visible: Vec<Vec<u32>>,
     /// The length that becomes 1 in training where no points determine it (the `scene_scale` option).
     pub scale: Option<f64>,
-    /// What the user should know about how it was loaded.
+    /// Remarks for the user about how it was loaded.
     pub remarks: Vec<String>,
 }
 
@@ -60,7 +60,7 @@ pub struct NormalizedPoses {
 }
 
 impl View {
-    /// Whether no pixel counts.
+    /// True if no pixel counts.
     pub fn is_masked(&self) -> bool {
         self.inside.as_ref().is_some_and(|inside| !inside.contains(&true))
     }

@@ -11,7 +11,7 @@ const ONE_IN: usize = 4;
 pub(crate) enum Fault {
     /// The file is missing, no photo, or not a whole one: the other photos may do without it.
     Unreadable(Error),
-    /// What is said about the photo is wrong, which leaving it out would not mend.
+    /// An error of the photo that leaving it out would not mend.
     Other(Error),
 }
 
@@ -36,7 +36,7 @@ impl From<Fault> for Error {
     }
 }
 
-/// How many photos must be readable, out of how many.
+/// Number of photos that must be readable, out of how many.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Needed {
     pub least: usize,
@@ -44,7 +44,7 @@ pub(crate) struct Needed {
     pub all: usize,
 }
 
-/// What was loaded of each photo, `None` in the place of those that cannot be read, and a remark that names these with reasons.
+/// Loaded photos, `None` in the place of those that cannot be read, and a remark that names these with reasons.
 ///
 /// # Errors
 /// The first other fault. Where fewer than `least` photos can be read, or more than a quarter of all cannot, an error that names them.

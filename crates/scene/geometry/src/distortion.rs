@@ -3,7 +3,7 @@
 use glam::{DMat2, DVec2};
 use std::f64::consts::FRAC_PI_2;
 
-/// How a lens bends the rays of a pinhole camera: where it sees what a pinhole camera of the same intrinsics sees at (x, y), both in
+/// Distortion of a pinhole camera's rays by a lens: where it sees what a pinhole camera of the same intrinsics sees at (x, y), both in
 /// coordinates over depth, `(u - cx) / fx` and `(v - cy) / fy`.
 ///
 /// Cropping or resizing a photo changes its intrinsics and leaves its distortion as it is.
@@ -40,7 +40,7 @@ const ANGLES: usize = 512;
 const HALVINGS: usize = 20;
 /// Newton's steps; each doubles the number of exact digits.
 const STEPS: usize = 10;
-/// How far off a point may end, over its distance from the axis plus 1.
+/// Largest error of a point, over its distance from the axis plus 1.
 const TOLERANCE: f64 = 1e-10;
 
 impl Distortion {
@@ -54,7 +54,7 @@ impl Distortion {
         (self != Self::Radial { k: [0.0; 6], p: [0.0; 2] }).then_some(self)
     }
 
-    /// Whether every coefficient is finite.
+    /// True if every coefficient is finite.
     pub fn is_finite(&self) -> bool {
         match self {
             Self::Radial { k, p } => k.iter().chain(p).all(|x| x.is_finite()),
@@ -134,7 +134,7 @@ impl Distortion {
         }
     }
 
-    /// How far from the axis a point at an angle to it is seen, but for the tangential part.
+    /// Distance from the axis of a point at an angle to it, but for the tangential part.
     fn bent(&self, angle: f64) -> f64 {
         let r = angle.tan();
         r * self.scale(r * r).0

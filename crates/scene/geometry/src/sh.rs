@@ -121,7 +121,7 @@ pub fn half_turn_signs(axis: usize) -> [f32; MAX_COEFFICIENTS] {
     std::array::from_fn(|i| if before[i] * after[i] < 0.0 { -1.0 } else { 1.0 })
 }
 
-/// What a rotation of the world does to coefficients, degree by degree: matrices `[2 l + 1, 2 l + 1]` row by row for l from 1
+/// Matrices that rotate coefficients with the world, degree by degree: `[2 l + 1, 2 l + 1]` row by row for l from 1
 /// to `degree`, such that the rotated scene has, along a rotated direction, the color that the scene had along the direction.
 ///
 /// `basis(R d) . (M c) = basis(d) . c` for every direction d. Found from the basis at directions all over the sphere by least

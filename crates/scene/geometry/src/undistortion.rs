@@ -12,7 +12,7 @@ const HALVINGS: usize = 40;
 /// Places of each side of a photo that must come from within it.
 const PLACES: usize = 64;
 
-/// How a photo becomes one of a lens without distortion: as large, from the same place, with the same principal point, and with the
+/// Conversion of a photo to one of a lens without distortion: as large, from the same place, with the same principal point, and with the
 /// smallest focal length, at least half of the distorted one, at which nothing of it is blank.
 ///
 /// The factor on the focal length does not depend on the photo's size: it is the same for a photo that was shrunk before.
@@ -24,7 +24,7 @@ pub struct Undistortion {
     pub distortion: Distortion,
     /// The camera without.
     pub to: Camera,
-    /// How far from the axis the distortion is known.
+    /// Distance from the axis up to which the distortion is known.
     reach: f64,
 }
 
@@ -48,7 +48,7 @@ impl Undistortion {
         Some(with(long)).filter(Self::is_full)
     }
 
-    /// Whether all of the second photo's border comes from within the first.
+    /// True if all of the second photo's border comes from within the first.
     fn is_full(&self) -> bool {
         let size = DVec2::new(self.from.width as f64, self.from.height as f64);
         let along = (0..=PLACES).map(|i| i as f64 / PLACES as f64);

@@ -26,9 +26,9 @@ pub enum Error {
         path: PathBuf,
         /// The key, byte offset, line or record.
         place: String,
-        /// What should have been there.
+        /// The expected value.
         expected: String,
-        /// What was there.
+        /// The value found.
         found: String,
     },
     /// A compressed scene is not what its format asks for.
@@ -44,9 +44,9 @@ pub enum Error {
     Output {
         /// The file or folder.
         path: PathBuf,
-        /// What should have been there.
+        /// The expected value.
         expected: String,
-        /// What was there.
+        /// The value found.
         found: String,
     },
 }

@@ -44,7 +44,7 @@ pub struct Photometric<T> {
     sums: Vec<BandSums>,
 }
 
-/// What a band of an image adds to the loss.
+/// Contribution of an image's band to the loss.
 #[derive(Clone, Copy, Debug, Default)]
 struct BandSums {
     /// The sum of |image - target|.

@@ -2,7 +2,7 @@
 
 use weaver_autograd::{Real, Shape, Var, apply_pointwise, pointwise};
 
-/// How far cosines stay from 1 and -1, where the slope of the arc cosine is infinite.
+/// Distance of cosines from 1 and -1, where the slope of the arc cosine is infinite.
 const MARGIN: f64 = 1e-6;
 
 pointwise!(

@@ -14,7 +14,7 @@ pub(crate) const C2: f64 = 9e-4;
 /// Subtracted from the images before squaring, which leaves variances unchanged and reduces their rounding errors.
 pub(crate) const CENTER: f64 = 0.5;
 
-/// How variances and covariances in a window are normalized.
+/// Normalization of variances and covariances in a window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Covariance {
     /// By the number of pixels: `E[ab] - E[a] E[b]`.
@@ -36,7 +36,7 @@ pub(crate) struct Windows<T> {
 pub(crate) struct Kept<T> {
     /// 1 for each window that does, `[h, w]`, and 0 for each that does not.
     weights: Vec<T>,
-    /// How many do.
+    /// Number of those that do.
     count: usize,
 }
 

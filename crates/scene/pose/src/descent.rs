@@ -21,7 +21,7 @@ pub enum Method {
 }
 
 impl Method {
-    /// How far a number goes in a step, about.
+    /// Movement of a number in a step, about.
     pub fn rate(self) -> f64 {
         match self {
             Self::Own | Self::NoPoSplat => 5e-3,
@@ -30,7 +30,7 @@ impl Method {
     }
 }
 
-/// How far the logarithms of focal lengths go in a step, about.
+/// Movement of the logarithms of focal lengths in a step, about.
 const FOCAL_RATE: f64 = 1e-3;
 /// Length of a gradient below which it is rounding: Adam would take full steps by it.
 const NOISE: f64 = 1e-10;

@@ -244,7 +244,7 @@ impl<T: Real> Op<T> for PlaneSweep {
     }
 }
 
-/// How well the other views agree with each pixel's features at multiples of its depth.
+/// Agreement of the other views with each pixel's features at multiples of its depth.
 ///
 /// For pixel p of view v at depth `factors[k]` times its own: the mean over all other views that see this point of the scalar product of
 /// the features of p with theirs where they see it, bilinearly interpolated, over the square root of C; 0 where none does.

@@ -58,7 +58,7 @@ impl<'t, T: Real> Rays<'t, T> {
         (self.cosines * distance).reshape([distance.shape()[0], height, width])
     }
 
-    /// What a network sees of rays and photos `[V, 3, H, W]`: o, d, o x d and 2 I - 1 for each pixel, `[V, H W, 12]`.
+    /// Map of rays and photos `[V, 3, H, W]` for a network: o, d, o x d and 2 I - 1 for each pixel, `[V, H W, 12]`.
     ///
     /// o x d is the same wherever on the ray o lies. Differentiable in the rays and the photos.
     ///

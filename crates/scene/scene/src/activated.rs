@@ -30,7 +30,7 @@ impl ActivatedGaussians {
         self.opacities.len()
     }
 
-    /// Whether there are no Gaussians.
+    /// True if there are no Gaussians.
     pub fn is_empty(&self) -> bool {
         self.opacities.is_empty()
     }

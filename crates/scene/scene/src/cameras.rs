@@ -38,7 +38,7 @@ impl<T: Copy> CameraSlices<'_, T> {
         self.intrinsics.len() / 4
     }
 
-    /// How many numbers one view matrix has, 12 or 16.
+    /// Number of numbers of one view matrix, 12 or 16.
     pub fn matrix_len(&self) -> usize {
         self.viewmats.len() / self.views().max(1)
     }

@@ -7,13 +7,13 @@ use weaver_geometry::{Camera, Distortion};
 /// One photo and its camera, as a camera file (transforms.json, COLMAP, RealEstate10K) describes them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// What the file calls the photo: a path relative to the file, a name, or a timestamp.
+    /// Name of the photo in the file: a path relative to the file, a name, or a timestamp.
     pub name: String,
     /// Path of the image file, if the reader located it; else [`Frame::name`].
     pub path: PathBuf,
     /// Pose, intrinsics and image size.
     pub camera: Camera,
-    /// How the lens departs from the pinhole camera, if it does.
+    /// Distortion of the lens, if there is one.
     pub distortion: Option<Distortion>,
     /// The photo's mask, as the file names it.
     pub mask: Option<PathBuf>,

@@ -28,7 +28,7 @@ impl Gaussians {
         self.means.len()
     }
 
-    /// Whether there are no Gaussians.
+    /// True if there are no Gaussians.
     pub fn is_empty(&self) -> bool {
         self.means.is_empty()
     }
@@ -38,7 +38,7 @@ impl Gaussians {
         sh::coefficients(self.degree)
     }
 
-    /// Whether all fields describe the same number of Gaussians, and the degree is at most 4.
+    /// True if all fields describe the same number of Gaussians, and the degree is at most 4.
     pub fn lengths_agree(&self) -> bool {
         let n = self.len();
         let lengths = [self.log_scales.len(), self.quats.len(), self.opacity_logits.len(), self.sh.len()];

@@ -6,6 +6,7 @@
 //! | [`ActivatedGaussians`] | activated: standard deviations, opacities | what a network predicts, what is drawn |
 //! | [`GaussianSlices`] | activated, borrowed | rasterizers |
 //! | [`Frame`] | a camera with the name of its photo | camera files |
+//! | [`Photo`] | a camera with the pixels of its photo | what fits scenes, and judges them |
 //! | [`CameraSlices`] | matrices and intrinsics, borrowed | rasterizers |
 //! | [`PointCloud`] | positions with colors | point files |
 //!
@@ -18,6 +19,7 @@ mod difference;
 pub mod forms;
 mod frame;
 mod gaussians;
+mod photo;
 mod points;
 mod prune;
 mod select;
@@ -29,6 +31,7 @@ pub use cameras::{CameraRows, CameraSlices, Model, intrinsics_row, viewmat};
 pub use difference::{Difference, Errors};
 pub use frame::Frame;
 pub use gaussians::Gaussians;
+pub use photo::Photo;
 pub use points::PointCloud;
 pub use prune::Region;
 pub use slices::{Color, Features, GaussianSlices, Groups};

@@ -15,7 +15,7 @@ impl PointCloud {
         self.positions.len()
     }
 
-    /// Whether there are no points.
+    /// True if there are no points.
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
     }

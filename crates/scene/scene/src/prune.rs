@@ -23,7 +23,7 @@ pub enum Region {
 }
 
 impl Region {
-    /// Whether a point lies within, or on the border.
+    /// True if a point lies within, or on the border.
     ///
     /// ```
     /// use weaver_scene::Region;

@@ -9,9 +9,9 @@ use weaver_geometry::Camera;
 use weaver_geometry::glam::{DMat2, DVec2, DVec3};
 use weaver_kernels::{parallel, simd};
 
-/// How alike what surrounds two observations must be for them to be aligned: the cosine between both.
+/// Least likeness of the surroundings of two observations to be aligned: the cosine between both.
 const ALIKE: f32 = 0.8;
-/// How far an observation may move, over its deviation, and the least deviation for that, pixels.
+/// Largest movement of an observation, over its deviation, and the least deviation for that, pixels.
 const MOVES: f64 = 1.5;
 const LEAST: f64 = 0.3;
 /// The deviation of what was aligned, pixels.
@@ -121,7 +121,7 @@ fn align(photos: &[Gray], cameras: &[Camera], point: DVec3, seen: &mut [Observat
     }
 }
 
-/// How offsets from a point along two directions look to a camera, pixels.
+/// Projection of offsets from a point along two directions, pixels.
 fn looks(camera: &Camera, point: DVec3, (u, v): (DVec3, DVec3)) -> DMat2 {
     let at = camera.pose.apply(point);
     let k = &camera.intrinsics;
@@ -182,7 +182,7 @@ mod tests {
         (Bundle { cameras, ..bundle }, photos)
     }
 
-    /// How far observations are apart from those of the template, over the photos, in the median.
+    /// Distance of observations from those of the template, over the photos, in the median.
     fn off(bundle: &Bundle) -> f64 {
         let exact = scene(0.0).0;
         let apart = |seen: (&[Observation], &[Observation])| -> f64 {

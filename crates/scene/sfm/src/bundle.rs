@@ -37,7 +37,7 @@ pub struct Observation {
     pub point: usize,
     /// Where, pixels.
     pub pixel: DVec2,
-    /// How exact that is over the others: differences are divided by it.
+    /// Deviation relative to the others: differences are divided by it.
     pub deviation: f64,
 }
 
@@ -60,20 +60,20 @@ pub struct Bundle {
     pub expected: Vec<(Pose, [f64; TWIST])>,
     /// The points, world units.
     pub points: Vec<DVec3>,
-    /// Whether points stay where they are.
+    /// True if points stay where they are.
     pub fixed_points: bool,
     /// Where they were seen, ascending by point.
     pub observations: Vec<Observation>,
 }
 
-/// How an adjustment ended.
+/// End of an adjustment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solved {
     /// The cost.
     pub cost: f64,
     /// Steps that lowered it.
     pub steps: usize,
-    /// Whether no further step would have lowered it by much; `false` if there were not enough steps, or none was possible.
+    /// True if no further step would have lowered it by much; `false` if there were not enough steps, or none was possible.
     pub converged: bool,
 }
 
@@ -129,7 +129,7 @@ impl Bundle {
         self.observations.iter().map(error).collect()
     }
 
-    /// How well every observation fits: 1 where it is exact, 0 from so many of its deviations on.
+    /// Weight of every observation: 1 where it is exact, 0 from so many of its deviations on.
     pub(crate) fn fits(&self, within: f64) -> Vec<f64> {
         let each = self.errors().into_iter().zip(&self.observations);
         each.map(|(error, o)| (1.0 - (error / (within * o.deviation)).powi(2)).max(0.0)).collect()
@@ -167,7 +167,7 @@ impl Bundle {
         seen.into_iter().map(|n| n > 1).collect()
     }
 
-    /// How many points each camera sees.
+    /// Number of points that each camera sees.
     pub(crate) fn seen(&self) -> Vec<usize> {
         let mut seen = vec![0; self.cameras.len()];
         self.observations.iter().for_each(|o| seen[o.camera] += 1);

@@ -6,14 +6,14 @@ use crate::estimate::Estimate;
 const RIVAL: f64 = 0.75;
 /// An estimate is doubtful whose points are this far off in the median, pixels.
 const OFF: f64 = 1.0;
-/// What cameras are good for: degrees, part of the spread of centers, part of the focal length.
+/// Accuracy that cameras need: degrees, part of the spread of centers, part of the focal length.
 const TURN: f64 = 2.0;
 const CENTER: f64 = 0.05;
 const FOCAL: f64 = 0.05;
-/// How many standard deviations must lie within that.
+/// Number of standard deviations that must lie within that.
 const SURE: f64 = 2.5;
 
-/// How much an estimate is to be believed.
+/// Confidence in an estimate.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Confidence {
     /// Nothing speaks against it.
@@ -37,7 +37,7 @@ pub enum Confidence {
 }
 
 impl Estimate {
-    /// How much the cameras are to be believed.
+    /// Confidence in the cameras.
     ///
     /// They are good where they are expected to be within 2 degrees, 5 % of the spread of their centers, and 5 % of the focal
     /// length: two and a half of their standard deviations are.

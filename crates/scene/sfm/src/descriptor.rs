@@ -213,7 +213,7 @@ impl LaneKernel<f32> for Cells<'_> {
     }
 }
 
-/// How much of a gradient's size each direction has: all where it points, none at the next ones.
+/// Share of each direction in a gradient's size: all where it points, none at the next ones.
 #[inline(always)]
 fn shares<V: Lanes<Scalar = f32>>(size: V, turned: V) -> [V; DIRECTIONS] {
     let mut parts = [V::zero(); DIRECTIONS];

@@ -27,7 +27,7 @@ impl Epipolar {
         if length > 0.0 { line / length } else { DVec3::ZERO }
     }
 
-    /// Whether two pixels may show the same point.
+    /// True if two pixels may show the same point.
     pub fn allows(&self, first: DVec2, second: DVec2) -> bool {
         self.line(first).dot(second.extend(1.0)).abs() <= self.farthest
     }

@@ -46,15 +46,15 @@ pub struct Estimate {
     pub error: f64,
     /// Points that each photo sees.
     pub seen: Vec<usize>,
-    /// How exact focal lengths, rotations and centers are expected to be; `None` without cameras, or where nothing holds them.
+    /// Expected errors of focal lengths, rotations and centers; `None` without cameras, or where nothing holds them.
     pub uncertainty: Option<Uncertainty>,
-    /// How much the best explanation with other rotations explains, over the one that was taken: 0 if none was met.
+    /// Explained part of the best explanation with other rotations, over that of the one that was taken: 0 if none was met.
     pub rival: f64,
     /// Photos with a camera that only matches which may be chance tie to most of the others.
     pub untied: Vec<usize>,
-    /// How many times as long focal lengths are as they were told, by the lens of which that is farthest from 1; 1 where none was.
+    /// Ratio of focal lengths to what they were told, by the lens of which that is farthest from 1; 1 where none was.
     pub focal_factor: f64,
-    /// Whether focal lengths were not known, and there are too few photos to tell them.
+    /// True if focal lengths were not known, and there are too few photos to tell them.
     pub focal_guessed: bool,
 }
 
@@ -139,7 +139,7 @@ pub fn estimate_from(photos: &[Photo<'_>], features: &[Features], settings: &Est
     estimate
 }
 
-/// How many times as long as they were told focal lengths are, by the lens of which that is farthest from 1.
+/// Ratio of focal lengths to what they were told, by the lens of which that is farthest from 1.
 fn focal_factor(bundle: &Bundle, placed: &[bool], taken: &[Taken]) -> f64 {
     let tells = (0..placed.len()).filter(|i| placed[*i] && taken[*i].focal.is_some());
     let off = tells.map(|photo| bundle.lenses[bundle.lens_of[photo]].log_focal);

@@ -11,7 +11,7 @@ pub(crate) const EXACT: f64 = 0.5;
 /// Steps of an adjustment while a scene grows.
 pub(crate) const STEPS: usize = 12;
 
-/// What is known before the first camera stands.
+/// Evidence before the first camera is placed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Evidence<'a> {
     pub features: &'a [Features],
@@ -22,14 +22,14 @@ pub(crate) struct Evidence<'a> {
     pub trust: Trust,
 }
 
-/// How much must speak for a photo's place.
+/// Evidence that a photo's place needs.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Trust {
     /// The fewest points that a photo must see where they are.
     pub fewest: usize,
     /// The least share of the points in its view that it must see where they are.
     pub share: f64,
-    /// Whether matches with placed photos are enough, where they have no points in common.
+    /// True if matches with placed photos are enough, where they have no points in common.
     pub matches_alone: bool,
 }
 

@@ -12,7 +12,7 @@ const CONTRAST: f32 = 0.01;
 const EDGE: f32 = 12.0;
 /// Pixels at the border in which there are no keypoints.
 const BORDER: usize = 5;
-/// How far from its pixel, in pixels and scales, a keypoint may be: more than half, so that one in the middle of two is not sent
+/// Largest distance of a keypoint from its pixel, in pixels and scales: more than half, so that one in the middle of two is not sent
 /// to and fro.
 const NEAR: f32 = 0.6;
 /// Moves of a keypoint to the neighboring pixel while it is refined.
@@ -31,7 +31,7 @@ pub struct Keypoint {
     pub scale: f64,
     /// Its direction, radians from x to y.
     pub angle: f32,
-    /// How much it stands out.
+    /// Contrast against its surroundings.
     pub contrast: f32,
 }
 
@@ -61,7 +61,7 @@ struct Extremum {
     pixel: DVec2,
     scale: f64,
     contrast: f32,
-    /// How many have more contrast.
+    /// Number of those with more contrast.
     rank: usize,
 }
 
@@ -69,7 +69,7 @@ impl Features {
     /// SIFT features of a gray photo `[height, width]` from 0 to 1, at most `most` of them: extrema of differences of
     /// Gaussians with histograms of gradients, whose square roots are compared.
     ///
-    /// Small photos are enlarged first. Where `mask` `[height, width]` is 0 there are none. The same at any number of threads.
+    /// Small photos are enlarged first. Where `mask` `[height, width]` is false there are none. The same at any number of threads.
     ///
     /// Sources: Lowe, Distinctive image features from scale-invariant keypoints, 2004; Arandjelovic and Zisserman, Three
     /// things everyone should know to improve object retrieval, 2012, for the square roots.
@@ -85,7 +85,7 @@ impl Features {
     ///
     /// # Panics
     /// If `gray` (or `mask`) is not as large as `size` says.
-    pub fn new(gray: &[f32], size: [usize; 2], mask: Option<&[u8]>, most: usize) -> Self {
+    pub fn new(gray: &[f32], size: [usize; 2], mask: Option<&[bool]>, most: usize) -> Self {
         let [height, width] = size;
         assert_eq!(gray.len(), width * height, "features: a photo of {width}x{height}");
         assert!(mask.is_none_or(|m| m.len() == gray.len()), "features: a mask of {width}x{height}");
@@ -95,9 +95,7 @@ impl Features {
         let octaves = octaves(Image { width, height, values: gray });
         let all = octaves.iter().enumerate().flat_map(|(number, octave)| extrema(octave, number * SCALES));
         let mut extrema: Vec<Extremum> = match mask {
-            Some(mask) => {
-                all.filter(|e| mask[pixel(e.pixel.y, height) * width + pixel(e.pixel.x, width)] != 0).collect()
-            }
+            Some(mask) => all.filter(|e| mask[pixel(e.pixel.y, height) * width + pixel(e.pixel.x, width)]).collect(),
             None => all.collect(),
         };
         let mut order: Vec<usize> = (0..extrema.len()).collect();

@@ -24,7 +24,7 @@ const CLEAREST: usize = 200;
 const WIDE: f64 = 0.04;
 /// Another focal length is tried that this part of the support speaks for.
 const RIVAL: f64 = 0.985;
-/// What an unusual focal length costs: matches for the square of its logarithm.
+/// Cost of an unusual focal length: matches for the square of its logarithm.
 const UNUSUAL: f64 = 2.0;
 
 /// Focal lengths over what is usual that pairs of photos have their greatest support with, the best first; `cameras` have the
@@ -71,7 +71,7 @@ struct Pixels {
     matches: Vec<[DVec2; 2]>,
     /// Pixels of a usual focal length.
     focal: f64,
-    /// How much displacements differ, over the longer side.
+    /// Spread of displacements, over the longer side.
     spread: f64,
 }
 

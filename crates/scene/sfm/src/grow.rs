@@ -19,7 +19,7 @@ const TOGETHER: f64 = 0.4;
 const CLEAR: f64 = 0.8;
 /// A camera that sees fewer points is lost again.
 const LOST: usize = 6;
-/// How often photos are taken out again that most of their matches speak against.
+/// Number of times that photos are taken out again that most of their matches speak against.
 const RETRACTIONS: usize = 5;
 /// The share of its matches that must agree with a photo's pose in the end.
 const MOST: f64 = 0.5;
@@ -31,7 +31,7 @@ const WIDE: f64 = 0.1;
 pub(crate) struct Grown {
     pub bundle: Bundle,
     pub placed: Vec<bool>,
-    /// How well what was seen is explained.
+    /// Explained part of the observations.
     pub support: f64,
 }
 
@@ -153,7 +153,7 @@ fn contradicted(evidence: &Evidence<'_>, bundle: &Bundle, placed: &[bool]) -> Ve
     (0..placed.len()).filter(wrong).collect()
 }
 
-/// How much is explained exactly, less what an unexpected focal length costs.
+/// Exactly explained part, less the cost of an unexpected focal length.
 pub(crate) fn explained(bundle: &Bundle) -> f64 {
     let agreed = bundle.agreed();
     let value = |(o, fit): (&Observation, f64)| if agreed[o.point] { fit } else { 0.0 };

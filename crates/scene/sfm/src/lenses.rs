@@ -4,7 +4,7 @@ use crate::bundle::{Bundle, Lens};
 use crate::photo::{EstimateSettings, Photo};
 use weaver_geometry::{Camera, Intrinsics, Pose};
 
-/// What is known of how a photo was taken.
+/// Facts about how a photo was taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Taken {
     /// Height and width, pixels.
@@ -33,15 +33,15 @@ impl Taken {
     }
 }
 
-/// What is expected where nothing is known, over the longer side, and the standard deviation of its logarithm.
+/// Expected focal length where nothing is known, over the longer side, and the standard deviation of its logarithm.
 pub(crate) const USUAL: f64 = 0.9;
 const UNKNOWN: f64 = 0.4;
 /// Standard deviation of where a keypoint is found, pixels.
 pub(crate) const PIXEL: f64 = 0.5;
-/// How long sensors are over their other side: from those of phones to those of cameras. Other proportions are crops.
+/// Ratios of sensors' sides: from those of phones to those of cameras. Other proportions are crops.
 const SENSOR: [f64; 2] = [4.0 / 3.0, 1.5];
 
-/// How exact keypoints are, pixels of the photo that has most.
+/// Exactness of keypoints, pixels of the photo that has most.
 pub(crate) fn tau(photos: &[Taken]) -> f64 {
     photos.iter().map(|p| p.size[1] as f64 / 384.0).fold(0.5, f64::max)
 }
@@ -75,7 +75,7 @@ impl Lenses {
         Self { of, shown, common }
     }
 
-    /// How many times as long one lens's focal length is as another's, over the longer sides of their photos.
+    /// Ratio of one lens's focal length to another's, over the longer sides of their photos.
     fn ratio(&self, of: usize, to: usize) -> f64 {
         self.shown[to] / self.shown[of]
     }

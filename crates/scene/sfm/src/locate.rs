@@ -10,7 +10,7 @@ use crate::passes::{Pass, near};
 use crate::photo::EstimateSettings;
 use crate::retrieval::candidates;
 
-/// How far off a photo may be that pairs put in its place, in deviations of keypoints.
+/// Largest error of a photo that pairs put in its place, in deviations of keypoints.
 const ASTRAY: f64 = 32.0;
 
 /// The cameras of all photos, those of `numbers` with the cameras and points of `scene`, as they are; which have a place; and

@@ -22,7 +22,7 @@ pub(crate) struct Observers<'a> {
     sharpest: Vec<f64>,
     /// Which find no points.
     located: &'a [bool],
-    /// What an observation of a point is off at most, pixels.
+    /// Largest error of a point's observation, pixels.
     farthest: f64,
 }
 

@@ -19,13 +19,13 @@ const TIED: f64 = 0.35;
 /// Fewer matches than this may be chance.
 const FEWEST: usize = 12;
 
-/// What pairs say to be the same.
+/// Links keypoints that pairs match.
 pub(crate) fn linked(features: &[Features], pairs: &[Pair]) -> Vec<Track> {
     let counts: Vec<usize> = features.iter().map(|f| f.keypoints.len()).collect();
     joined(&counts, pairs.iter().map(|pair| (pair.photos, &pair.matches[..])))
 }
 
-/// What matches in each pair of photos, where enough does.
+/// Matches of each pair of photos that has enough.
 pub(crate) fn matched(features: &[Features], candidates: &[[usize; 2]]) -> Vec<([usize; 2], Vec<Match>)> {
     let mut found: Vec<([usize; 2], Vec<Match>)> = candidates.iter().map(|pair| (*pair, Vec::new())).collect();
     parallel::for_chunks(&mut found, 1, |_, found| {
@@ -37,12 +37,12 @@ pub(crate) fn matched(features: &[Features], candidates: &[[usize; 2]]) -> Vec<(
     found
 }
 
-/// What pairs of photos say.
+/// Evidence of pairs of photos.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pairs {
-    /// What looks alike in them.
+    /// Matched pairs of photos, with their matches.
     pub matched: Vec<([usize; 2], Vec<Match>)>,
-    /// How they stand to each other.
+    /// Relative poses of pairs.
     pub posed: Vec<Pair>,
 }
 
@@ -95,12 +95,12 @@ pub(crate) struct Pair {
 }
 
 impl Pair {
-    /// Whether a mere turn explains nearly all: how far anything is away is then unknown.
+    /// True if a mere turn explains nearly all: how far anything is away is then unknown.
     pub fn turned(&self) -> bool {
         self.turned > TURNED
     }
 
-    /// Whether enough matches, and such a share of them, agree with the pose that it is not chance: repeated patterns and many photos make some pairs that are.
+    /// True if enough matches, and such a share of them, agree with the pose that it is not chance: repeated patterns and many photos make some pairs that are.
     pub fn certain(&self, share: f64) -> bool {
         self.matches.len() >= CERTAIN && self.share >= share
     }

@@ -44,7 +44,7 @@ pub(crate) struct Pass {
     scales: &'static [f64],
     farthest: f64,
     find: Find,
-    /// Whether cameras were adjusted before: then only the last adjustment must be exact, as the others but choose what is left out.
+    /// True if cameras were adjusted before: then only the last adjustment must be exact, as the others but choose what is left out.
     adjusted: bool,
 }
 

@@ -10,8 +10,8 @@ pub struct Photo<'a> {
     pub rgb: Cow<'a, [u8]>,
     /// Height and width.
     pub size: [usize; 2],
-    /// What of it counts, `[height, width]`: 0 where masked.
-    pub mask: Option<&'a [u8]>,
+    /// Which pixels count, `[height, width]`; `None` if all do.
+    pub mask: Option<&'a [bool]>,
     /// The focal length, pixels, as far as it is told. Where others tell theirs, it is taken to be as theirs: those of the same
     /// lens or, where these do not, all.
     pub focal: Option<f64>,
@@ -19,7 +19,7 @@ pub struct Photo<'a> {
     /// distortion and principal point. Those of one lens that were cropped to other proportions count as of another lens: of a
     /// crop, the longer side is another part of the sensor.
     pub lens: usize,
-    /// Whether the other cameras and the points are found without it: it is located in what they found.
+    /// True if the other cameras and the points are found without it: it is located in what they found.
     pub located: bool,
 }
 
@@ -49,16 +49,16 @@ pub enum Find {
     K1K2,
 }
 
-/// How cameras are estimated.
+/// Settings of an estimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EstimateSettings {
     /// Keypoints of a photo, at most.
     pub keypoints: usize,
     /// Photos that each is compared with, at most: those that look most alike.
     pub candidates: usize,
-    /// Whether photos were taken one after the other: each is then compared with its neighbors too.
+    /// True if photos were taken one after the other: each is then compared with its neighbors too.
     pub sequence: bool,
-    /// How wrong known focal lengths may be, as a part of them; 0 keeps them.
+    /// Expected error of known focal lengths, as a part of them; 0 keeps them.
     pub focal_deviation: f64,
     /// Which radial distortion is found.
     pub distortion: Find,

@@ -28,7 +28,7 @@ pub(crate) fn by_pixel(a: DVec2, b: DVec2) -> Ordering {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     pub pose: Pose,
-    /// How much speaks for it.
+    /// Evidence for it.
     pub count: usize,
     /// The share of the photo's matches with placed ones that agree with it.
     pub share: f64,
@@ -114,7 +114,7 @@ fn by_matches(
     (best.1 >= evidence.trust.fewest).then_some(best)
 }
 
-/// How many of a photo's matches with placed ones agree with a pose, of how many.
+/// Number of a photo's matches with placed ones that agree with a pose, out of how many.
 pub(crate) fn tally(
     evidence: &Evidence<'_>,
     bundle: &Bundle,
@@ -130,7 +130,7 @@ pub(crate) fn tally(
     })
 }
 
-/// How much fits, and how many observations.
+/// Weight of the observations that fit, and number of observations.
 fn fitting(bundle: &Bundle, within: f64) -> (f64, usize) {
     bundle.fits(within).into_iter().fold((0.0, 0), |(sum, count), x| (sum + x, count + usize::from(x > 0.0)))
 }
@@ -170,7 +170,7 @@ fn suggested(
     (with(0.0), ratios.get(ratios.len() / 2).map(|scale| with(*scale)))
 }
 
-/// How many matches of a pair lie on the epipolar lines of two cameras.
+/// Number of matches of a pair that lie on the epipolar lines of two cameras.
 pub(crate) fn agreeing(evidence: &Evidence<'_>, pair: &Pair, [first, second]: &[Camera; 2]) -> usize {
     let [a, b] = pair.photos.map(|photo| &evidence.features[photo].keypoints);
     let epipolar = Epipolar::new(first, second, FITS * sharpest(second));

@@ -6,7 +6,7 @@ use crate::passes::{Pass, neighbors, sharpest};
 use weaver_geometry::Camera;
 use weaver_geometry::glam::{DMat3, DVec3};
 
-/// How often as wrong as expected cameras may be for a match to be believed.
+/// Factor on cameras' expected errors up to which a match is believed.
 const BELIEVED: f64 = 3.0;
 /// Standard deviation of where a keypoint is found, pixels, beside that of cameras: twice that of one alone, as neighbors err alike.
 const PIXEL: f64 = 1.0;
@@ -18,31 +18,31 @@ pub struct View<'a> {
     pub camera: Camera,
     /// The photo, gray from 0 to 1, `[height, width]`.
     pub gray: Vec<f32>,
-    /// What of it counts, `[height, width]`: 0 where masked.
-    pub mask: Option<&'a [u8]>,
-    /// Whether the other cameras and the points are found without it: it is located in what they found.
+    /// Which pixels count, `[height, width]`; `None` if all do.
+    pub mask: Option<&'a [bool]>,
+    /// True if the other cameras and the points are found without it: it is located in what they found.
     pub located: bool,
 }
 
 impl<'a> View<'a> {
     /// A view of a photo in sRGB, `[height, width, 3]`, whose mean of colors is taken for gray.
-    pub fn new(camera: Camera, rgb: &[u8], mask: Option<&'a [u8]>) -> Self {
+    pub fn new(camera: Camera, rgb: &[u8], mask: Option<&'a [bool]>) -> Self {
         Self { camera, gray: gray(rgb), mask, located: false }
     }
 }
 
-/// How cameras are refined.
+/// Settings of refining cameras.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefineSettings {
-    /// Whether the focal length is refined, one factor for all.
+    /// True if the focal length is refined, one factor for all.
     pub focal: bool,
-    /// Whether a radial distortion is found, one for all.
+    /// True if a radial distortion is found, one for all.
     pub distortion: bool,
     /// Keypoints of a photo, at most.
     pub keypoints: usize,
     /// Photos that each is compared with, at most: those from nearby.
     pub neighbors: usize,
-    /// How wrong cameras are taken to be, independently of one another: degrees, and part of the distance.
+    /// Expected errors of cameras, independent of one another: degrees, and part of the distance.
     pub expected: [f64; 2],
 }
 
@@ -99,7 +99,7 @@ pub fn refine(views: &[View<'_>], settings: &RefineSettings) -> Refined {
 
 /// A point moved with the cameras that see it: the mean of where each takes it, at the same pixel and depth.
 ///
-/// What was found with cameras that were wrong is thereby nearly right for those that were refined.
+/// A point that was found with wrong cameras is thereby nearly right for those that were refined.
 ///
 /// # Panics
 /// When the numbers of cameras differ.
@@ -119,7 +119,7 @@ pub fn carried(point: DVec3, before: &[Camera], after: &[Camera]) -> DVec3 {
 }
 
 impl RefineSettings {
-    /// How far a camera as wrong as expected moves the picture, pixels.
+    /// Movement of the picture by the expected error of a camera, pixels.
     fn pixels(&self, camera: &Camera) -> f64 {
         let [degrees, part] = self.expected;
         camera.intrinsics.fx * (degrees.to_radians() + part) + 1.0
@@ -145,7 +145,7 @@ impl RefineSettings {
     }
 }
 
-/// How far what each camera looks at is away: the point nearest to all axes or, where they are nearly parallel, some times
+/// Distance of what each camera looks at: the point nearest to all axes or, where they are nearly parallel, some times
 /// the distance between cameras.
 fn distances(views: &[View<'_>]) -> Vec<f64> {
     let (mut matrix, mut sum) = (DMat3::ZERO, DVec3::ZERO);

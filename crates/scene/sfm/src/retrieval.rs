@@ -123,7 +123,7 @@ impl Order<'_> {
         [self.inside.partition_point(|i| *i <= photo), self.inside.partition_point(|i| *i < photo)]
     }
 
-    /// What a photo is compared with for its place in the sequence, the nearest first.
+    /// Photos that a photo is compared with for its place in the sequence, the nearest first.
     fn near(&self, photo: usize) -> impl Iterator<Item = usize> {
         let [behind, before] = self.around(photo);
         let steps = STEPS.iter().filter(|_| self.sequence);
@@ -132,7 +132,7 @@ impl Order<'_> {
             .filter_map(|rank| self.inside.get(rank?).copied())
     }
 
-    /// Whether a photo of a rank is chosen for what it looks like: not the photo itself nor, in a sequence, one that is near.
+    /// True if a photo of a rank is chosen for what it looks like: not the photo itself nor, in a sequence, one that is near.
     fn may_choose(&self, photo: usize, rank: usize) -> bool {
         let [behind, before] = self.around(photo);
         let reach = if self.sequence { STEPS[STEPS.len() - 1] } else { 0 };

@@ -36,18 +36,18 @@ const GROWN_APART: f64 = 0.1;
 const DIFFERENT: f64 = 0.035;
 const ONE_IN: usize = 8;
 
-/// What was found.
+/// The scene that was found.
 pub(crate) struct Scene {
     /// Cameras and points, and which photos have a place.
     pub found: Option<(Bundle, Vec<bool>)>,
     pub pairs: Pairs,
-    /// How much the best explanation explains that is different, over the one that was taken.
+    /// Explained part of the best explanation that is different, over that of the one that was taken.
     pub rival: f64,
     /// Photos that only what may be chance ties to the rest.
     pub untied: Vec<usize>,
 }
 
-/// What is tried.
+/// A search for it.
 pub(crate) struct Search<'a> {
     taken: &'a [Taken],
     features: &'a [Features],
@@ -56,7 +56,7 @@ pub(crate) struct Search<'a> {
     pairs: Pairs,
     /// The scenes that were grown.
     found: Vec<Grown>,
-    /// How much the best of those would explain that were given up while they were small, over what the one that was not does.
+    /// Explained part of the best of those that were given up while they were small, over that of the one that was not.
     given_up: f64,
 }
 
@@ -159,7 +159,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Whether a focal length is told.
+    /// True if a focal length is told.
     fn told(&self) -> bool {
         self.taken.iter().any(|t| t.focal.is_some())
     }
@@ -182,7 +182,7 @@ fn best(scenes: &[Grown]) -> Option<usize> {
     (0..scenes.len()).reduce(|a, b| if scenes[b].value() > scenes[a].value() { b } else { a })
 }
 
-/// Whether two scenes, and no better one, say the same; one of them is among those from `first` on.
+/// True if two scenes, and no better one, say the same; one of them is among those from `first` on.
 fn confirmed(found: &[Grown], first: usize) -> bool {
     let Some(best) = best(found) else { return false };
     let alike = |other: &Grown| {
@@ -199,13 +199,13 @@ impl Grown {
         (self.placed.iter().filter(|placed| **placed).count(), self.support)
     }
 
-    /// How many times as long the focal length of the first photo with a place became.
+    /// Factor on the focal length of the first photo with a place.
     fn focal_factor(&self) -> f64 {
         let first = self.placed.iter().position(|placed| *placed);
         first.map_or(1.0, |first| self.bundle.lenses[self.bundle.lens_of[first]].log_focal.exp())
     }
 
-    /// Whether enough photos are turned another way relative to the rest, by more than this, radians.
+    /// True if enough photos are turned another way relative to the rest, by more than this, radians.
     fn differs(&self, other: &Self, least: f64) -> bool {
         let both: Vec<usize> = (0..self.placed.len()).filter(|i| self.placed[*i] && other.placed[*i]).collect();
         let turn =

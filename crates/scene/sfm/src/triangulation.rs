@@ -19,7 +19,7 @@ pub(crate) fn agreed(seen: &[(Camera, DVec2)], farthest: f64) -> Option<DVec3> {
     triangulated(&best)
 }
 
-/// How far from a pixel a camera sees a point.
+/// Distance from a pixel to where a camera sees a point.
 pub(crate) fn error(camera: &Camera, point: DVec3, pixel: DVec2) -> f64 {
     let p = camera.pose.apply(point);
     if p.z > 0.0 { camera.intrinsics.project(p).distance(pixel) } else { f64::INFINITY }

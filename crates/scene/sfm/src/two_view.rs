@@ -17,7 +17,7 @@ const STEPS: usize = 6;
 const TURNING: usize = 14;
 /// Scales that a descent begins with: samples of five lead nearly there.
 const BRIDGED: f64 = 3.0;
-/// How many of the best descents are carried to their optimum.
+/// Number of the best descents that are carried to their optimum.
 const FINALISTS: usize = 3;
 /// Rotations farther apart than this, radians, and translations three times as far, are different explanations; they are rivals
 /// from this part of the best score.
@@ -26,12 +26,12 @@ const RIVAL: f64 = 0.7;
 /// Residuals are inliers up to this many times their scale.
 const CUTOFF: f64 = 2.0;
 
-/// What two views say about each other.
+/// Evidence of two views about each other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TwoView {
     /// From camera i to camera j: x_j = R x_i + t with |t| = 1.
     pub pose: Pose,
-    /// Whether Sampson's distance of each match is below 2 tau.
+    /// True if Sampson's distance of each match is below 2 tau.
     pub inliers: Vec<bool>,
     /// The inverse depth of each match in view i, in units of 1 / |t|: positive if and only if in front of both views.
     pub depths: Vec<f64>,
@@ -99,7 +99,7 @@ pub(crate) fn followed(pose: &Pose, rays: &[Rays], tau: f64) -> (Pose, f64) {
     facing(&descend(*pose, rays, &[2.0 * tau, tau, tau]), rays, tau)
 }
 
-/// Whether two relative poses are different explanations.
+/// True if two relative poses are different explanations.
 fn differ(a: &Pose, b: &Pose) -> bool {
     a.angle_to(b) > DIFFERENT || a.translation.angle_between(b.translation) > 3.0 * DIFFERENT
 }
@@ -149,7 +149,7 @@ pub fn rotation_only(matches: &[[DVec2; 2]], tau: f64) -> (DMat3, usize) {
     (rotation, matches.iter().filter(|x| turns(&rotation, x, tau)).count())
 }
 
-/// Whether a mere turn explains a match.
+/// True if a mere turn explains a match.
 pub(crate) fn turns(rotation: &DMat3, x: &[DVec2; 2], tau: f64) -> bool {
     homogeneous(x).is_some_and(|[x, y]| transfer_error(*rotation * x, y).length() < CUTOFF * tau)
 }
@@ -216,7 +216,7 @@ fn robust_weight(e: f64) -> f64 {
     (1.0 + e * e).powi(-2)
 }
 
-/// What a residual of e scales adds to the score of a pose: 1 at 0, nothing from 2 on.
+/// Contribution of a residual of e scales to the score of a pose: 1 at 0, nothing from 2 on.
 fn support(e: f64) -> f64 {
     (1.0 - (e / CUTOFF).powi(2)).max(0.0)
 }

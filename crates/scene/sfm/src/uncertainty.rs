@@ -26,7 +26,7 @@ const GROUPS: usize = 8;
 /// Steps of an adjustment.
 const STEPS: usize = 20;
 
-/// How exact cameras are expected to be: standard deviations, up to the world's place, turn and scale.
+/// Expected errors of cameras: standard deviations, up to the world's place, turn and scale.
 ///
 /// Two parts are added by squares: that of the normal equations of the adjustment, with the noise that its residuals show; and how
 /// much the rest moves where photos are left out, which also shows errors that many observations have in common.
@@ -96,7 +96,7 @@ impl Uncertainty {
 /// Where cameras and lenses end.
 type Ended = (Vec<Camera>, Vec<Lens>);
 
-/// What moves where groups of photos are left out.
+/// Movement where groups of photos are left out.
 struct LeftOut {
     focal: Vec<f64>,
     rotation: Vec<f64>,

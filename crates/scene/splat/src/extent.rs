@@ -42,9 +42,9 @@ pub struct Extent {
     pub groups: usize,
     /// C.
     pub channels: usize,
-    /// Whether depth was asked for.
+    /// True if depth was asked for.
     pub depth: bool,
-    /// What is drawn of each view.
+    /// Region of each view that is drawn.
     pub region: Region,
 }
 
@@ -56,7 +56,7 @@ pub(crate) fn expect_len(name: &str, length: usize, expected: usize) -> Result<(
     Err(RasterError::Arguments(format!("{name} has {length} numbers, expected {expected}")))
 }
 
-/// How many groups there are.
+/// Number of groups.
 fn checked(groups: Groups<'_>, n: usize) -> Result<usize, RasterError> {
     let Groups { of, count } = groups;
     expect_len("groups", of.len(), n)?;
@@ -140,7 +140,7 @@ impl Extent {
         self.views * self.groups * self.region.pixels()
     }
 
-    /// Whether the images have these sizes.
+    /// True if the images have these sizes.
     ///
     /// # Errors
     ///
@@ -154,7 +154,7 @@ impl Extent {
         expect_len("image of the features", features, pixels * self.channels)
     }
 
-    /// Whether what a backward pass is given, and what it fills, has these sizes.
+    /// True if what a backward pass is given, and what it fills, has these sizes.
     ///
     /// # Errors
     ///

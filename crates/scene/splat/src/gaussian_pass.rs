@@ -18,7 +18,7 @@ use weaver_kernels::lanes::{self, LANES, LaneKernel, LaneMask, Lanes, Row};
 use weaver_kernels::simd::prefetch;
 use weaver_scene::{CameraSlices, Color, GaussianSlices};
 
-/// What the pass works on.
+/// Inputs of the pass.
 #[derive(Clone, Copy)]
 pub(crate) struct GaussianPass<'a, T> {
     pub gaussians: &'a GaussianSlices<'a, T>,

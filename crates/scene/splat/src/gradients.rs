@@ -27,7 +27,7 @@ impl<T> Default for Cotangents<'_, T> {
 pub struct Target<'a, T> {
     /// The memory.
     pub values: &'a mut [T],
-    /// Whether the gradient is added to what is there; else it replaces it.
+    /// True if the gradient is added to what is there; else it replaces it.
     pub add: bool,
 }
 

@@ -4,7 +4,7 @@ use crate::each::each;
 use std::ops::{Add, Mul, Sub};
 use weaver_kernels::Real;
 
-/// What can be added, subtracted and multiplied.
+/// Numbers that can be added, subtracted and multiplied.
 pub(crate) trait Ring: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {}
 impl<X: Copy + Add<Output = X> + Sub<Output = X> + Mul<Output = X>> Ring for X {}
 

@@ -41,7 +41,7 @@ impl<T: Real> WorkspacePool<T> {
         &self.rasterizer
     }
 
-    /// What went wrong since this was last asked: arguments that the rasterizer refused, or a device that failed. Whatever was
+    /// The failure since this was last asked: arguments that the rasterizer refused, or a device that failed. Whatever was
     /// drawn since then is NaN.
     pub fn failure(&self) -> Option<RasterError> {
         self.shelf.failure()
@@ -143,7 +143,7 @@ impl<T: Real> Outputs<T> for GaussianVars<'_, T> {
     }
 }
 
-/// What was drawn.
+/// A drawing.
 #[derive(Clone, Copy, Debug)]
 pub struct RenderedVars<'t, T: Real> {
     /// `[V, H, W, 3]`; `[V, H, W, 0]` of Gaussians without colors.
@@ -190,7 +190,7 @@ impl<T: Real> Rasterize<T> {
         self
     }
 
-    /// What is drawn of each view.
+    /// Region of each view that is drawn.
     fn region(&self) -> Region {
         self.settings.region.unwrap_or(Region::whole(self.width, self.height))
     }

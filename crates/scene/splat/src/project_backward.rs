@@ -35,7 +35,7 @@ fn add<V: Lanes>(sum: &mut V, x: V) {
     *sum = *sum + x;
 }
 
-/// What sixteen splats receive from the pixels.
+/// Gradients that sixteen splats receive from the pixels.
 pub(crate) struct Upstream<'a, V: Lanes> {
     /// Columns of [`moment`]s, zero where a Gaussian was not drawn.
     pub moments: &'a [V; LANES],

@@ -96,7 +96,7 @@ pub fn rasterize<T: Real>(
     Ok(RasterStats { splats, entries, rejected, pairs, evaluated })
 }
 
-/// How the Gaussians of a call are blended.
+/// Settings of blending the Gaussians of a call.
 pub(crate) fn blending<'a, T: Real>(
     gaussians: &GaussianSlices<'a, T>,
     settings: &RasterSettings,

@@ -75,7 +75,7 @@ pub struct Images<'a, T> {
     pub features: Option<&'a mut [T]>,
 }
 
-/// What was drawn, summed over the views.
+/// Statistics of a drawing, summed over the views.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RasterStats {
     /// Gaussians that some tile looks at; their outlines touch the image, or come near its edge.

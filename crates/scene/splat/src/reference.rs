@@ -95,7 +95,7 @@ fn pictures(extent: &Extent) -> impl Iterator<Item = (usize, usize)> {
     (0..extent.views).flat_map(move |v| (0..groups).map(move |group| (v, group)))
 }
 
-/// What a view sees of a group.
+/// Projects a group into a view.
 fn see_group(
     gaussians: &GaussianSlices<'_, f64>,
     cameras: &CameraSlices<'_, f64>,
@@ -112,7 +112,7 @@ fn center(region: &Region, pixel: usize) -> (f64, f64) {
     ((region.x + pixel % region.width) as f64 + 0.5, (region.y + pixel / region.width) as f64 + 0.5)
 }
 
-/// What the pixels of a view say of a splat beside its gradient.
+/// Sums over the pixels of a view for a splat beside its gradient.
 #[derive(Clone, Default)]
 struct Tally {
     absolute: [f64; 2],

@@ -13,7 +13,7 @@ pub struct RasterSettings {
     pub eps2d: f64,
     /// Largest alpha of one Gaussian at one pixel.
     pub alpha_max: f64,
-    /// Whether the opacity is lowered by `sqrt(det S / det(S + eps2d I))`, which undoes the gain in size by the blur.
+    /// True if the opacity is lowered by `sqrt(det S / det(S + eps2d I))`, which undoes the gain in size by the blur.
     pub antialiased: bool,
     /// Gaussians with three standard deviations of their longest image axis below this many pixels are not drawn; `None`
     /// draws all.

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use weaver_kernels::Real;
 
-/// What a backward pass learns about one Gaussian beside its gradient, summed over the views and over as many passes as it
+/// Statistics of one Gaussian from a backward pass beside its gradient, summed over the views and over as many passes as it
 /// is given to.
 ///
 /// A Gaussian is seen by a view if it adds to at least one pixel of what is drawn of it.
@@ -41,7 +41,7 @@ impl<T: Real> SharedStatistics<T> {
         Self { gaussians: Arc::default() }
     }
 
-    /// What the passes since the last call found, `[N]`; empty if there were none. The next pass starts from zero, with as
+    /// Statistics of the passes since the last call, `[N]`; empty if there were none. The next pass starts from zero, with as
     /// many Gaussians as it has.
     pub fn take(&self) -> Vec<GaussianStatistics<T>> {
         std::mem::take(&mut self.gaussians.lock().unwrap_or_else(PoisonError::into_inner))

@@ -76,7 +76,7 @@ pub struct Tiles<T> {
     /// Where the sorted groups of a view end, `[K]`.
     ends: Vec<u32>,
     lists: Lists,
-    /// What blending left in each window, `[V * K * tiles * windows, planes]`.
+    /// State after blending in each window, `[V * K * tiles * windows, planes]`.
     planes: Vec<Plane<T>>,
     /// Sums over pixels of each list entry.
     moments: Vec<Row<T>>,

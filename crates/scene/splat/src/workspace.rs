@@ -10,7 +10,7 @@ use std::time::Duration;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::Row;
 
-/// What forward leaves for backward, and room to work in. It only grows: calls of sizes seen before allocate nothing.
+/// State from forward for backward, and room to work in. It only grows: calls of sizes seen before allocate nothing.
 #[derive(Debug)]
 pub struct Workspace<T> {
     /// The sizes and settings of the last forward.
@@ -21,7 +21,7 @@ pub struct Workspace<T> {
     pub(crate) timings: Timings,
 }
 
-/// How long the stages of the last calls took.
+/// Times of the stages of the last calls.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timings {
     /// From Gaussians to splats, and which tiles they cover.
@@ -45,7 +45,7 @@ impl<T: Real> Workspace<T> {
         self.drawn.ok_or_else(|| RasterError::Arguments("nothing was drawn with this workspace".into()))
     }
 
-    /// How long the last forward and the last backward took.
+    /// Times of the last forward and the last backward.
     pub fn timings(&self) -> Timings {
         self.timings
     }
@@ -96,7 +96,7 @@ impl<T: Real> Workspace<T> {
         Ok(())
     }
 
-    /// What each Gaussian adds to the last image drawn with this workspace: the sum and the largest of its weights
+    /// Contribution of each Gaussian to the last image drawn with this workspace: the sum and the largest of its weights
     /// alpha T over the pixels, `[V, N]` each; 0 where it is not seen.
     ///
     /// # Errors
@@ -131,7 +131,7 @@ impl<T: Real> Workspace<T> {
         Ok(())
     }
 
-    /// What each Gaussian gathers from the pixels of the last image drawn with this workspace by the squares of its weights: the
+    /// Sums over the pixels of the last image drawn with this workspace, for each Gaussian, by the squares of its weights: the
     /// sums of w^2 times `values` `[V, H, W, C]`, w = alpha T, over pixels and views, `[N, C]`.
     ///
     /// Linear in `values`. By the weights themselves, [`feature_gradients`](Self::feature_gradients) gathers. Same bits at any number of

@@ -15,7 +15,7 @@ use weaver_splat::{CpuRasterizer, Images, RasterSettings, Rasterizer};
 /// Width of the photos.
 const WIDTH: usize = 64;
 
-/// What photos are compared by.
+/// Loss between photos.
 type Loss<'a> = dyn FnMut(&[f64], &[f64], [usize; 2], &mut [f64]) -> f64 + 'a;
 
 /// Gaussians in f64.

@@ -8,7 +8,7 @@ use weaver_geometry::{Camera, so3};
 use weaver_kernels::Real;
 use weaver_splat::Rasterizer;
 
-/// How cameras descend.
+/// Options of the descent of cameras.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// Which numbers, at what rate.
@@ -17,7 +17,7 @@ pub struct Options {
     pub steps: usize,
     /// [`Method::Own`] alone: whether photo and render are blurred for the first half, by 2 pixels of 64.
     pub blur: bool,
-    /// Whether focal lengths descend as well.
+    /// True if focal lengths descend as well.
     pub intrinsics: bool,
 }
 
@@ -29,7 +29,7 @@ impl Options {
     }
 }
 
-/// What became of a photo.
+/// Outcome of a photo.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
     /// Its camera was found, as far as the loss tells.
@@ -47,15 +47,15 @@ pub enum Outcome {
 pub struct Aligned<T> {
     /// The camera.
     pub camera: Camera,
-    /// What it sees, `[height, width, 3]`, values not clamped.
+    /// Its view, `[height, width, 3]`, values not clamped.
     pub image: Vec<T>,
     /// The loss before each step and at the end: at half the size and blurred in our method's first half.
     pub losses: Vec<f64>,
     /// The loss from the guess and from the camera, at the photo's size.
     pub loss: [f64; 2],
-    /// How far the camera turned, degrees, and its center moved, in parts of the mean depth that the guess sees.
+    /// Movement of the camera, degrees, and of its center, in parts of the mean depth that the guess sees.
     pub moved: [f64; 2],
-    /// Whether it was found.
+    /// True if it was found.
     pub outcome: Outcome,
 }
 
@@ -73,7 +73,7 @@ const PATIENCE: usize = 20;
 const LEAST_GAIN: f64 = 1e-3;
 const SLOWEST: f64 = 1.0 / 32.0;
 const WORSE: f64 = 1.5;
-/// How much of a rate that was halved comes back with each step that does not have to be undone.
+/// Growth of a rate that was halved with each step that does not have to be undone.
 const EASE: f64 = 1.2;
 
 /// Finds the camera of each photo by descending from its guess, with Adam, on a loss between what it sees and the photo:
@@ -117,7 +117,7 @@ fn one<T: Real>(
     let [alpha, depth] = [&drawing.alpha, &drawing.depth].map(|plane| plane.iter().map(|x| x.to_f64()).sum::<f64>());
     let mean_depth = depth / alpha.max(f64::MIN_POSITIVE);
     let share = covered.iter().filter(|covered| **covered).count() as f64 / covered.len() as f64;
-    let counts = |at: usize| photo.mask.is_none_or(|mask| mask[at] != 0) && (covered[at] || !own);
+    let counts = |at: usize| photo.mask.is_none_or(|mask| mask[at]) && (covered[at] || !own);
     let level = Level {
         pixels: photo.pixels.to_vec(),
         counts: (0..covered.len()).map(counts).collect(),
@@ -242,7 +242,7 @@ impl<T: Real> Path<'_, '_, T> {
     }
 }
 
-/// Whether the last steps have not brought the least loss down by more than a thousandth.
+/// True if the last steps have not brought the least loss down by more than a thousandth.
 fn hardly_gains(losses: &[f64]) -> bool {
     let least = |losses: &[f64]| losses.iter().copied().fold(f64::INFINITY, f64::min);
     let before = losses.len().saturating_sub(PATIENCE);

@@ -13,7 +13,7 @@ pub struct Scene<'a, T> {
     pub gaussians: GaussianSlices<'a, T>,
     /// The color behind them.
     pub background: [T; 3],
-    /// How they are drawn.
+    /// Settings of drawing them.
     pub settings: RasterSettings,
     /// The length that [`Method::TwoXplat`](crate::Method::TwoXplat) measures centers in, world units: there the largest coordinate of a
     /// scene is 1.
@@ -25,8 +25,8 @@ pub struct Scene<'a, T> {
 pub struct Photo<'a, T> {
     /// sRGB, `[height, width, 3]`.
     pub pixels: &'a [T],
-    /// What of it counts, `[height, width]`: 0 where masked; `None` if all does.
-    pub mask: Option<&'a [u8]>,
+    /// Which pixels count, `[height, width]`; `None` if all do.
+    pub mask: Option<&'a [bool]>,
     /// The first guess, and the photo's size.
     pub camera: Camera,
 }
@@ -34,7 +34,7 @@ pub struct Photo<'a, T> {
 impl<T: Real> Photo<'_, T> {
     pub(crate) fn check(&self, photo: usize) -> Result<(), AlignError> {
         let Camera { width, height, .. } = self.camera;
-        let mask = self.mask.map_or(width * height, <[u8]>::len);
+        let mask = self.mask.map_or(width * height, <[bool]>::len);
         for (what, expected, found) in
             [("pixels", 3 * width * height, self.pixels.len()), ("mask", width * height, mask)]
         {
@@ -47,7 +47,7 @@ impl<T: Real> Photo<'_, T> {
             return Err(AlignError::NotFinite { photo, row, column, value: self.pixels[at].to_f64() });
         }
         match self.mask {
-            Some(mask) if mask.iter().all(|m| *m == 0) => Err(AlignError::Masked { photo }),
+            Some(mask) if !mask.contains(&true) => Err(AlignError::Masked { photo }),
             _ => Ok(()),
         }
     }

@@ -34,7 +34,7 @@ pub enum AlignError {
         value: f64,
     },
     /// Nothing of a photo counts.
-    #[error("photo {photo}: expected a mask that leaves something, found zeros everywhere")]
+    #[error("photo {photo}: expected a mask that leaves something, found none")]
     Masked {
         /// Which photo.
         photo: usize,

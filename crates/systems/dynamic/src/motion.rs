@@ -21,7 +21,7 @@ pub trait Motion<T: Real>: Debug + Send + Sync {
     /// The parameters that have a row for each Gaussian, so that one can be left out.
     fn rows(&self) -> Vec<ParamId>;
 
-    /// What is added to the loss of pictures, with its published weights; `None` for models without.
+    /// Regularizer added to the loss of pictures, with its published weights; `None` for models without.
     fn regularizer<'t>(&self, _cx: Context<'t, '_, T>) -> Option<Var<'t, T>> {
         None
     }

@@ -62,7 +62,7 @@ pub fn convex_oracle<T: Real>(images: &[T], photo: &[T]) -> Vec<f64> {
     shares
 }
 
-/// What shares `[K, P]` make of pictures `[K, P, 3]`: `[P, 3]`.
+/// Blend of pictures `[K, P, 3]` by shares `[K, P]`: `[P, 3]`.
 ///
 /// # Panics
 /// Unless there are three numbers for each share.

@@ -5,13 +5,13 @@ use weaver_autograd::{Params, Real, Tape};
 use weaver_nn::Context;
 use weaver_splat::GaussianVars;
 
-/// How a Gaussian of a mixture is judged.
+/// Score of a mixture's Gaussian.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Score {
-    /// What of the picture it makes: sum_u G_k T_i alpha_i over the pixels, k its expert. Ours.
+    /// Contribution to the picture it makes: sum_u G_k T_i alpha_i over the pixels, k its expert. Ours.
     #[default]
     Contribution,
-    /// How much the gate depends on it: |d sum_u G_k / d(w, w_dir, w_time)|, as published (equation 10). It vanishes where the gate is certain, and
+    /// Dependence of the gate on it: |d sum_u G_k / d(w, w_dir, w_time)|, as published (equation 10). It vanishes where the gate is certain, and
     /// drops what alone carries a region.
     Sensitivity,
 }

@@ -13,15 +13,15 @@ use weaver_splat::{GaussianVars, RasterError, Rasterize, Workspace};
 const CARRIED: usize = 3;
 /// Widths of the perceptron on two drawn numbers, the camera's center and the pixel's ray.
 const WIDTHS: [usize; 4] = [8, 6, 3, 1];
-/// What weights and directions begin with.
+/// Initial value of weights and directions.
 const START: f64 = 0.9;
 
-/// How experts are drawn and gated.
+/// Settings of drawing and gating experts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RouterConfig {
-    /// What the gate's logits are divided by, positive: one value in training and in use. (The released code trains with 0.01 and shows with 1.)
+    /// Divisor of the gate's logits, positive: one value in training and in use. (The released code trains with 0.01 and shows with 1.)
     pub temperature: f64,
-    /// What the drawn numbers are where an expert has nothing: 1 as published.
+    /// Values of the drawn numbers where an expert has nothing: 1 as published.
     pub background_weight: f64,
 }
 
@@ -42,18 +42,18 @@ pub struct PixelRouter {
     base: ParamId,
     time: ParamId,
     phi: [ParamId; 3],
-    /// Whose each Gaussian is.
+    /// Owner of each Gaussian.
     owners: Arc<[u32]>,
     /// The rows of each expert's Gaussians.
     rows: Vec<Vec<u32>>,
 }
 
-/// What a router draws for one view and one time, P = H W pixels.
+/// Maps drawn by a router for one view and one time, P = H W pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Gated<'t, T: Real = f32> {
     /// Each expert's picture `[K, P, 3]`.
     pub images: Var<'t, T>,
-    /// What each expert covers `[K, P]`.
+    /// Alpha of each expert `[K, P]`.
     pub alphas: Var<'t, T>,
     /// The drawn numbers W `[K, P, 3]`.
     pub maps: Var<'t, T>,
@@ -137,7 +137,7 @@ impl PixelRouter {
         self.gate(cx, [images, alphas, seen.weights.blend(self.carried(cx, shot.time))], shot)
     }
 
-    /// What the Gaussians carry at a time `[N, 3]`.
+    /// Features that the Gaussians carry at a time `[N, 3]`.
     fn carried<'t, T: Real>(&self, cx: Context<'t, '_, T>, time: f64) -> Var<'t, T> {
         ops::concat(&[cx.param(self.base), cx.param(self.time).reshape([self.owners.len(), 1]) * time], 1)
     }

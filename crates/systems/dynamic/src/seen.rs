@@ -25,14 +25,14 @@ pub struct Shot<'a, 't, T: Real> {
     pub workspaces: &'a WorkspacePool<T>,
 }
 
-/// What K frozen experts show of one view at one time, P pixels: all that a router's step needs of them, made by [`PixelRouter::see`](crate::PixelRouter::see).
+/// Renders of K frozen experts for one view at one time, P pixels: all that a router's step needs of them, made by [`PixelRouter::see`](crate::PixelRouter::see).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Seen<T> {
     /// Each expert's picture `[K, P, 3]`.
     pub images: Vec<T>,
-    /// What each expert covers `[K, P]`.
+    /// Alpha of each expert `[K, P]`.
     pub alphas: Vec<T>,
-    /// How much of which Gaussian each of the K P pixels shows.
+    /// Weight of each Gaussian in each of the K P pixels.
     pub weights: Arc<BlendWeights<T>>,
 }
 

@@ -116,8 +116,7 @@ impl Capture {
         let capture = posed::load(folder, &PosedOptions::default())?;
         let (mut training, mut held_out) = (Vec::new(), Vec::new());
         for p in capture.photos {
-            let photo = Photo { name: p.name, camera: p.camera, rgb: p.rgb, mask: p.mask };
-            if p.held_out { held_out.push(photo) } else { training.push(photo) }
+            if p.held_out { held_out.push(p.photo) } else { training.push(p.photo) }
         }
         Ok(Self { training, held_out, points: capture.points })
     }

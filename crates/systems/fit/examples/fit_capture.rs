@@ -4,7 +4,7 @@
 use std::error::Error;
 use std::time::Instant;
 use weaver_data::posed::{self, PosedOptions};
-use weaver_fit::{Fit, FitSettings, Judge, Photo, init};
+use weaver_fit::{Fit, FitSettings, Judge, init};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -18,12 +18,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let settings: FitSettings = serde_json::from_value(settings)?;
 
     let capture = posed::load(folder, &PosedOptions::default())?;
-    let photo = |p: &posed::PosedPhoto| Photo {
-        name: p.name.clone(),
-        camera: p.camera,
-        rgb: p.rgb.clone(),
-        mask: p.mask.clone(),
-    };
+    let photo = |p: &posed::PosedPhoto| p.photo.clone();
     let of = |held_out| capture.photos.iter().filter(move |p| p.held_out == held_out).map(photo).collect::<Vec<_>>();
     let (training, test) = (of(false), of(true));
     let initial = match capture.points.is_empty() {

@@ -126,7 +126,7 @@ fn fit(capture: &PosedPhotos, variant: &Variant, base: Value) -> Result<(Quality
 }
 
 fn photo(p: &PosedPhoto) -> Photo {
-    Photo { name: p.name.clone(), camera: p.camera, rgb: p.rgb.clone(), mask: p.mask.clone() }
+    p.photo.clone()
 }
 
 /// Lays one JSON tree over another.

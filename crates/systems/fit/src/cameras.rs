@@ -18,7 +18,7 @@ const LONGEST: f64 = 2.0;
 
 type Matrix = [[f64; TWIST]; TWIST];
 
-/// What a camera sees of a scene, and what it should see.
+/// A camera's view of a scene, and its photo.
 #[derive(Clone, Copy, Debug)]
 pub struct Views<'a> {
     /// The drawn image `[H, W, 3]`.
@@ -29,8 +29,8 @@ pub struct Views<'a> {
     pub depth: &'a [f32],
     /// The photo `[H, W, 3]`.
     pub photo: &'a [f32],
-    /// What of the photo counts, `[H, W]`: 0 where masked.
-    pub mask: Option<&'a [u8]>,
+    /// Which pixels of the photo count, `[H, W]`; `None` if all do.
+    pub mask: Option<&'a [bool]>,
 }
 
 /// The equations of a Gauss-Newton step of a camera toward its photo, the scene as it is.
@@ -72,7 +72,7 @@ impl Alignment {
     fn add_pixel(&mut self, camera: &Camera, views: &Views<'_>, x: usize, y: usize) {
         let at = y * camera.width + x;
         let alpha = f64::from(views.alpha[at]);
-        if alpha < 0.5 || views.mask.is_some_and(|mask| mask[at] == 0) {
+        if alpha < 0.5 || views.mask.is_some_and(|mask| !mask[at]) {
             return;
         }
         let (mut slopes, mut right) = ([0.0; 3], DVec2::ZERO);
@@ -124,7 +124,7 @@ impl Alignment {
     }
 }
 
-/// How a pixel's point at a depth moves in the picture with the camera's twist: derivatives of its x, and of its y.
+/// Movement of a pixel's point at a depth in the picture with the camera's twist: derivatives of its x, and of its y.
 pub fn motion(camera: &Camera, pixel: DVec2, depth: f64) -> [[f64; TWIST]; 2] {
     let k = &camera.intrinsics;
     let p = k.unproject(pixel, depth);

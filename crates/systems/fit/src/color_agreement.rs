@@ -1,10 +1,10 @@
 //! Whether photos agree about the colors of points that they share.
 
-use crate::photos::Photo;
 use weaver_geometry::glam::DVec3;
+use weaver_scene::Photo;
 use weaver_scene::PointCloud;
 
-/// What photos say about the colors of the points that they share: the gain of each photo, and how well it explains them.
+/// Agreement of photos about the colors of the points that they share: the gain of each photo, and how well it explains them.
 ///
 /// The logarithm of the color that photo i shows of point p is `l_ip = g_i + c_p`, a channel at a time; `g` and `c` minimize the
 /// sum of `|l_ip - g_i - c_p|`, by medians in turns, so that highlights and hidden points do not count. Gains are those of the photos'
@@ -41,7 +41,7 @@ struct Sample {
 }
 
 impl ColorAgreement {
-    /// What photos say, of which each sees the points of these indices.
+    /// The agreement of photos, of which each sees the points of these indices.
     ///
     /// Panics unless there are as many lists as photos.
     pub fn of(photos: &[Photo], points: &PointCloud, visible: &[Vec<u32>]) -> Self {
@@ -75,7 +75,7 @@ impl ColorAgreement {
         median(&mut self.gains.iter().map(far).collect::<Vec<_>>())
     }
 
-    /// Whether photos differ in exposure or white balance: gains, fitted to half of the points, bring the colors of the others
+    /// True if photos differ in exposure or white balance: gains, fitted to half of the points, bring the colors of the others
     /// together.
     pub fn differ(&self) -> bool {
         self.points >= LEAST_POINTS && self.with < BETTER * self.without && self.spread() > DIFFERENT
@@ -93,7 +93,7 @@ fn color(photo: &Photo, point: DVec3) -> Option<[f64; 3]> {
     }
     let (x, y) = (at.x as usize, at.y as usize);
     let pixels = || (y - 1..=y + 1).flat_map(|y| (x - 1..=x + 1).map(move |x| y * width + x));
-    if photo.mask.as_ref().is_some_and(|mask| pixels().any(|i| mask[i] == 0)) {
+    if photo.mask.as_ref().is_some_and(|mask| pixels().any(|i| !mask[i])) {
         return None;
     }
     let mean = [0, 1, 2].map(|c| pixels().map(|i| f32::from(photo.rgb[3 * i + c])).sum::<f32>() / 9.0);

@@ -2,9 +2,9 @@
 
 use crate::exposure::Exposure;
 use crate::objective::Objective;
-use crate::photos::Photo;
 use crate::settings::FitSettings;
 use weaver_kernels::{parallel, simd};
+use weaver_scene::Photo;
 
 /// Images of a step.
 #[derive(Debug, Default)]
@@ -51,7 +51,7 @@ impl Buffers {
         if let Some(mask) = &photo.mask {
             // What is masked is taken to be as drawn: no difference, and windows of SSIM see nothing of the photo there.
             let pixels = corrected.chunks_exact_mut(3).zip(self.target.chunks_exact_mut(3));
-            let masked = pixels.zip(mask).filter(|(_, m)| **m == 0);
+            let masked = pixels.zip(mask).filter(|(_, m)| !**m);
             for ((drawn, target), _) in masked {
                 drawn.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0));
                 target.copy_from_slice(drawn);
@@ -61,7 +61,7 @@ impl Buffers {
         let mse = mean_square(corrected, &self.target, &mut self.squares);
         if let Some(mask) = &photo.mask {
             let pixels = self.gradient.chunks_exact_mut(3).zip(mask);
-            pixels.filter(|(_, m)| **m == 0).for_each(|(g, _)| g.fill(0.0));
+            pixels.filter(|(_, m)| !**m).for_each(|(g, _)| g.fill(0.0));
         }
         if let Some(exposure) = exposure {
             let rates = [settings.rates.exposure, settings.rates.exposure_rest].map(|rate| rate as f32);

@@ -34,10 +34,10 @@ pub trait DeviceFit: Debug + Send {
     ///
     /// # Errors
     ///
-    /// What does not fit together, more than can be drawn, or a device that fails.
+    /// Arguments that do not fit together, more than can be drawn, or a device that fails.
     fn step(&mut self, step: &PhotoStep<'_>) -> Result<PhotoLoss, RasterError>;
 
-    /// How long each pass took since this was last asked, by the device's clock; nothing where that is not measured.
+    /// Time of each pass since this was last asked, by the device's clock; nothing where that is not measured.
     fn pass_times(&mut self) -> Vec<(&'static str, Duration)> {
         Vec::new()
     }
@@ -76,21 +76,21 @@ pub struct Fitted<S> {
 pub struct PhotoStep<'a> {
     /// The photo's camera, one view, and the background.
     pub camera: CameraSlices<'a, f32>,
-    /// How it is drawn.
+    /// Settings of drawing.
     pub settings: &'a RasterSettings,
     /// sRGB, `[H, W, 3]`.
     pub rgb: &'a [u8],
-    /// What of it counts, `[H, W]`: 0 where masked; `None` if all does.
-    pub mask: Option<&'a [u8]>,
+    /// Which pixels count, `[H, W]`; `None` if all do.
+    pub mask: Option<&'a [bool]>,
     /// The weight w of 1 - SSIM.
     pub ssim_weight: f64,
-    /// What regularizers add to the gradients of each opacity and of each scale.
+    /// Gradients that regularizers add for each opacity and for each scale.
     pub regularizer: [f32; 2],
     /// Steps done with these moments, this one included.
     pub step: u64,
     /// Learning rates.
     pub rates: FittedRates,
-    /// Whether by-products of the backward pass are summed.
+    /// True if by-products of the backward pass are summed.
     pub statistics: bool,
 }
 
@@ -111,7 +111,7 @@ pub struct FittedRates {
     pub sh_rest: f32,
 }
 
-/// What a step found before it moved anything.
+/// Losses of a step before it moved anything.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhotoLoss {
     /// The loss, without regularizers.

@@ -35,17 +35,17 @@ impl Fit {
         self.resident.iter_mut().for_each(|resident| resident.newer = Newer::Host);
     }
 
-    /// Whether the Gaussians on the host are the newest.
+    /// True if the Gaussians on the host are the newest.
     pub(crate) fn is_fetched(&self) -> bool {
         self.resident.as_ref().is_none_or(|resident| resident.newer != Newer::Device)
     }
 
-    /// Whether steps are taken on the device: it has no color corrections and refines no cameras.
+    /// True if steps are taken on the device: it has no color corrections and refines no cameras.
     pub(crate) fn is_resident(&self) -> bool {
         self.resident.is_some() && self.exposures.is_empty() && !self.settings.poses.refine
     }
 
-    /// How long each pass on the device took since this was last asked; nothing where that is not measured.
+    /// Time of each pass on the device since this was last asked; nothing where that is not measured.
     pub fn pass_times(&mut self) -> Vec<(&'static str, Duration)> {
         self.resident.as_mut().map(|resident| resident.device.pass_times()).unwrap_or_default()
     }

@@ -9,9 +9,9 @@ pub enum FitError {
     Photo {
         /// The photo.
         name: String,
-        /// What should have been there.
+        /// The expected value.
         expected: String,
-        /// What was there.
+        /// The value found.
         found: String,
     },
     /// A setting, or what a setting needs, is out of range.
@@ -19,9 +19,9 @@ pub enum FitError {
     Setting {
         /// The setting.
         key: &'static str,
-        /// What it should be.
+        /// The expected form.
         expected: String,
-        /// What it is.
+        /// The form found.
         found: String,
     },
     /// Numbers grew beyond all bounds.

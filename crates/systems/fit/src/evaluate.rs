@@ -6,7 +6,7 @@ use weaver_losses::{Lpips, metrics};
 /// Smallest side of an image that SSIM is computed for.
 const LEAST_SIDE: usize = 11;
 
-/// How well an image matches a photo, or images match photos in the mean.
+/// Quality of an image beside a photo, or the mean of images beside photos.
 #[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Serialize)]
 pub struct Quality {
     /// Peak signal-to-noise ratio, dB, of values clamped to [0, 1] and not rounded.
@@ -53,8 +53,8 @@ impl Judge {
         self.compare_inside(image, photo, size, None)
     }
 
-    /// Judges an image as [`compare`](Self::compare) does, by what a mask `[H, W]` is not 0 of; NaN where that is nothing.
-    pub fn compare_inside(&self, image: &[f32], photo: &[u8], size: [usize; 2], mask: Option<&[u8]>) -> Quality {
+    /// Judges an image as [`compare`](Self::compare) does, by the pixels that count by a mask `[H, W]`; NaN where none does.
+    pub fn compare_inside(&self, image: &[f32], photo: &[u8], size: [usize; 2], mask: Option<&[bool]>) -> Quality {
         let [height, width] = size;
         let target: Vec<f32> = photo.iter().map(|b| f32::from(*b) / 255.0).collect();
         let planes = |pixels: &[f32]| -> Vec<f32> {
@@ -62,15 +62,14 @@ impl Judge {
         };
         let network = self.lpips.as_ref().filter(|network| height.min(width) >= network.least_side());
         let large = height.min(width) >= LEAST_SIDE;
-        let inside = mask.map(|mask| mask.iter().map(|m| *m != 0).collect::<Vec<bool>>());
         let (drawn, wanted) = (planes(image), planes(&target));
-        let psnr_aligned = metrics::psnr_aligned(&drawn, &wanted, inside.as_deref());
-        match inside {
+        let psnr_aligned = metrics::psnr_aligned(&drawn, &wanted, mask);
+        match mask {
             Some(inside) => Quality {
-                psnr: metrics::psnr_masked(&drawn, &wanted, &inside).unwrap_or(f64::NAN),
+                psnr: metrics::psnr_masked(&drawn, &wanted, inside).unwrap_or(f64::NAN),
                 psnr_aligned,
-                ssim: large.then(|| metrics::ssim_masked(&drawn, &wanted, [3, height, width], &inside)).flatten(),
-                lpips: network.and_then(|network| metrics::lpips_masked(network, &drawn, &wanted, size, &inside)),
+                ssim: large.then(|| metrics::ssim_masked(&drawn, &wanted, [3, height, width], inside)).flatten(),
+                lpips: network.and_then(|network| metrics::lpips_masked(network, &drawn, &wanted, size, inside)),
             },
             None => Quality {
                 psnr: metrics::psnr(image, &target),

@@ -8,7 +8,7 @@ use crate::exposure::Exposure;
 use crate::gradients::{Activated, Gradients};
 use crate::init::{first_depth, looked_at};
 use crate::objective::{L1Ssim, Objective};
-use crate::photos::{Photo, Pyramid, at_level};
+use crate::photos::{self, Pyramid, at_level};
 use crate::population::Population;
 use crate::resident::Resident;
 use crate::settings::FitSettings;
@@ -18,13 +18,14 @@ use std::time::{Duration, Instant};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Pose};
 use weaver_kernels::random::Stream;
+use weaver_scene::Photo;
 use weaver_scene::{CameraSlices, Gaussians, Model, intrinsics_row, viewmat};
 use weaver_splat::{
     Cotangents, CpuRasterizer, GaussianStatistics, Gradients as RasterGradients, Images, RasterSettings, Session,
     Target,
 };
 
-/// What happened in a step.
+/// Report of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepReport {
     /// Steps done, this one included.
@@ -41,7 +42,7 @@ pub struct StepReport {
     pub pairs: u64,
 }
 
-/// How long the parts of the last step took.
+/// Times of the parts of the last step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepTimings {
     /// Drawing.
@@ -112,7 +113,7 @@ impl Fit {
             let expected = format!("1 to {} initial ones with fields of equal length", settings.gaussians);
             return Err(FitError::setting("gaussians", expected, initial.len()));
         }
-        photos.iter().try_for_each(Photo::check)?;
+        photos.iter().try_for_each(photos::check)?;
         if photos.iter().all(Photo::is_masked) {
             let found = if photos.is_empty() { "none" } else { "photos that are masked altogether" };
             return Err(FitError::setting("photos", "at least one with pixels that count", found));
@@ -147,7 +148,7 @@ impl Fit {
         })
     }
 
-    /// How the scene is fitted.
+    /// Settings of the fit.
     pub fn settings(&self) -> &FitSettings {
         &self.settings
     }
@@ -214,7 +215,7 @@ impl Fit {
         self.extent
     }
 
-    /// How the scene is drawn.
+    /// Settings of drawing the scene.
     pub fn raster_settings(&self) -> RasterSettings {
         self.raster
     }
@@ -231,7 +232,7 @@ impl Fit {
         self.objective = objective;
     }
 
-    /// How long the parts of the last step took.
+    /// Times of the parts of the last step.
     pub fn timings(&self) -> StepTimings {
         self.timings
     }
@@ -395,7 +396,7 @@ impl Fit {
     }
 }
 
-/// How far the cameras are from their middle, at most, times 1.1 as in 3DGS; where they stand together, a tenth of the
+/// Largest distance of the cameras from their middle, times 1.1 as in 3DGS; where they stand together, a tenth of the
 /// distance to what they look at.
 fn extent(photos: &[Photo]) -> f64 {
     let centers: Vec<DVec3> = photos.iter().map(|photo| photo.camera.pose.center()).collect();

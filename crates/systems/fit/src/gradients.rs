@@ -26,7 +26,7 @@ pub struct Gradients {
     pub sh: Vec<f32>,
 }
 
-/// What of a population is not stored as it is drawn.
+/// The numbers of a population that are not stored as they are drawn.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Activated {
     scales: Vec<f32>,

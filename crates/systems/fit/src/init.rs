@@ -1,7 +1,6 @@
 //! Gaussians to start from: on points, at random, or of another scene.
 
 use crate::FitError;
-use crate::photos::Photo;
 use crate::population::{Population, logit};
 use crate::settings::FitSettings;
 use crate::strategy::split;
@@ -9,6 +8,7 @@ use weaver_geometry::Camera;
 use weaver_geometry::glam::{DMat3, DVec2, DVec3};
 use weaver_kernels::nearest_neighbors::nearest_neighbors;
 use weaver_kernels::random::Stream;
+use weaver_scene::Photo;
 use weaver_scene::{Gaussians, PointCloud, forms};
 
 /// Isotropic Gaussians on points, in their colors, as large as the mean distance of their three nearest neighbors times
@@ -96,7 +96,7 @@ pub fn part_of(gaussians: &Gaussians, count: usize, seed: u64) -> Gaussians {
 /// A random pixel that counts; where few of them do, the one that follows a random pixel.
 fn drawn_pixel(photo: &Photo, stream: Stream, index: u64) -> usize {
     let pixels = photo.camera.width * photo.camera.height;
-    let counts = |i: &usize| photo.mask.as_ref().is_none_or(|mask| mask[*i] != 0);
+    let counts = |i: &usize| photo.mask.as_ref().is_none_or(|mask| mask[*i]);
     let any = |k: u64| stream.fork(k).below(index, pixels);
     let first = any(0);
     let next = || (first..pixels).chain(0..first).find(counts).unwrap_or(first);
@@ -162,7 +162,7 @@ pub fn divided(gaussians: &Gaussians, count: usize, seed: u64) -> Gaussians {
     population.to_gaussians(gaussians.degree)
 }
 
-/// How many Gaussians there may be at the beginning, so that density control has room to work in.
+/// Largest number of Gaussians at the beginning, so that density control has room to work in.
 pub fn room(settings: &FitSettings) -> usize {
     let part = match settings.density.strategy {
         crate::StrategyKind::Keep => 1.0,

@@ -40,11 +40,11 @@ pub use exposure::Exposure;
 pub use fit::{Fit, StepReport, StepTimings};
 pub use gradients::Gradients;
 pub use objective::{L1Ssim, Objective};
-pub use photos::Photo;
 pub use population::{Field, Population};
 pub use settings::{Density, FitSettings, Poses, Rates, StrategyKind};
 pub use strategy::{Moment, Regularizer, Strategy};
 pub use timing::steps_in;
+pub use weaver_scene::Photo;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

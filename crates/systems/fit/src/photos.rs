@@ -2,68 +2,46 @@
 
 use crate::FitError;
 use weaver_geometry::{Camera, Intrinsics};
+use weaver_scene::Photo;
 
-/// A photo to fit, and its camera.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Photo {
-    /// Its name in messages and results.
-    pub name: String,
-    /// Pose, and intrinsics in pixels of `rgb`.
-    pub camera: Camera,
-    /// sRGB, `[height, width, 3]`.
-    pub rgb: Vec<u8>,
-    /// What of it counts, `[height, width]`: 0 where masked; `None` if all does.
-    pub mask: Option<Vec<u8>>,
+/// Checks that sizes agree, the camera is finite and something is not masked.
+pub(crate) fn check(photo: &Photo) -> Result<(), FitError> {
+    let Camera { pose, intrinsics: Intrinsics { fx, fy, cx, cy }, width, height } = photo.camera;
+    let pixels = width * height;
+    let wrong = |expected: String, found: String| Err(FitError::Photo { name: photo.name.clone(), expected, found });
+    if pixels == 0 || photo.rgb.len() != 3 * pixels || photo.mask.as_ref().is_some_and(|m| m.len() != pixels) {
+        let mask = photo.mask.as_ref().map_or(String::new(), |m| format!(" and a mask of {}", m.len()));
+        return wrong(format!("{width}x{height} pixels"), format!("{} numbers{mask}", photo.rgb.len()));
+    }
+    if !(pose.rotation.is_finite() && pose.translation.is_finite()) {
+        return wrong("a finite pose".into(), format!("{pose:?}"));
+    }
+    if !(fx > 0.0 && fy > 0.0 && [fx, fy, cx, cy].iter().all(|x| x.is_finite())) {
+        return wrong("finite intrinsics with focal lengths above 0".into(), format!("{:?}", photo.camera.intrinsics));
+    }
+    Ok(())
 }
 
-impl Photo {
-    /// Checks that sizes agree, the camera is finite and something is not masked.
-    pub(crate) fn check(&self) -> Result<(), FitError> {
-        let Camera { pose, intrinsics: Intrinsics { fx, fy, cx, cy }, width, height } = self.camera;
-        let pixels = width * height;
-        let wrong = |expected: String, found: String| Err(FitError::Photo { name: self.name.clone(), expected, found });
-        if pixels == 0 || self.rgb.len() != 3 * pixels || self.mask.as_ref().is_some_and(|m| m.len() != pixels) {
-            let mask = self.mask.as_ref().map_or(String::new(), |m| format!(" and a mask of {}", m.len()));
-            return wrong(format!("{width}x{height} pixels"), format!("{} numbers{mask}", self.rgb.len()));
-        }
-        if !(pose.rotation.is_finite() && pose.translation.is_finite()) {
-            return wrong("a finite pose".into(), format!("{pose:?}"));
-        }
-        if !(fx > 0.0 && fy > 0.0 && [fx, fy, cx, cy].iter().all(|x| x.is_finite())) {
-            return wrong(
-                "finite intrinsics with focal lengths above 0".into(),
-                format!("{:?}", self.camera.intrinsics),
-            );
-        }
-        Ok(())
-    }
-
-    /// Whether no pixel counts.
-    pub fn is_masked(&self) -> bool {
-        self.mask.as_ref().is_some_and(|mask| mask.iter().all(|m| *m == 0))
-    }
-
-    /// The photo at half its size: means of 2 x 2 pixels; an odd last row or column is left out. What any of the four
-    /// masks is masked.
-    fn halved(&self) -> Self {
-        let Camera { width, height, .. } = self.camera;
-        let (w, h) = (width / 2, height / 2);
-        let mut rgb = Vec::with_capacity(3 * w * h);
-        for y in 0..h {
-            for x in 0..w {
-                for c in 0..3 {
-                    let at = |dy: usize, dx: usize| u32::from(self.rgb[3 * ((2 * y + dy) * width + 2 * x + dx) + c]);
-                    rgb.push(((at(0, 0) + at(0, 1) + at(1, 0) + at(1, 1) + 2) / 4) as u8);
-                }
+/// The photo at half its size: means of 2 x 2 pixels; an odd last row or column is left out. What any of the four
+/// masks is masked.
+fn halved_photo(photo: &Photo) -> Photo {
+    let Camera { width, height, .. } = photo.camera;
+    let (w, h) = (width / 2, height / 2);
+    let mut rgb = Vec::with_capacity(3 * w * h);
+    for y in 0..h {
+        for x in 0..w {
+            for c in 0..3 {
+                let at = |dy: usize, dx: usize| u32::from(photo.rgb[3 * ((2 * y + dy) * width + 2 * x + dx) + c]);
+                rgb.push(((at(0, 0) + at(0, 1) + at(1, 0) + at(1, 1) + 2) / 4) as u8);
             }
         }
-        let mask = self.mask.as_ref().map(|mask| {
-            let at = |y: usize, x: usize| mask[y * width + x];
-            let least = |y: usize, x: usize| at(y, x).min(at(y, x + 1)).min(at(y + 1, x)).min(at(y + 1, x + 1));
-            (0..h).flat_map(|y| (0..w).map(move |x| (2 * y, 2 * x))).map(|(y, x)| least(y, x)).collect()
-        });
-        Self { name: String::new(), camera: halved(&self.camera), rgb, mask }
     }
+    let mask = photo.mask.as_ref().map(|mask| {
+        let at = |y: usize, x: usize| mask[y * width + x];
+        let all = |y: usize, x: usize| at(y, x) && at(y, x + 1) && at(y + 1, x) && at(y + 1, x + 1);
+        (0..h).flat_map(|y| (0..w).map(move |x| (2 * y, 2 * x))).map(|(y, x)| all(y, x)).collect()
+    });
+    Photo { name: String::new(), camera: halved(&photo.camera), rgb, mask }
 }
 
 /// The camera of a photo at half its size.
@@ -94,7 +72,7 @@ impl Pyramid {
             if last.camera.width.min(last.camera.height) < 2 * LEAST_SIDE {
                 break;
             }
-            levels.push(last.halved());
+            levels.push(halved_photo(last));
         }
         Self { levels }
     }

@@ -170,7 +170,7 @@ impl Population {
         self.logits.values.len()
     }
 
-    /// Whether there are no Gaussians.
+    /// True if there are no Gaussians.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

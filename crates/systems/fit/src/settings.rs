@@ -4,7 +4,7 @@ use crate::FitError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How a scene is fitted. All times are fractions of the run, so that a short run is a whole one.
+/// Settings of a fit. All times are fractions of the run, so that a short run is a whole one.
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct FitSettings {
@@ -18,7 +18,7 @@ pub struct FitSettings {
     pub sh_degree: usize,
     /// Part of the run between the degrees of the harmonics, which come into use one after the other.
     pub sh_interval: f64,
-    /// Whether opacities are lowered where the low-pass filter widens a Gaussian (Mip-Splatting).
+    /// True if opacities are lowered where the low-pass filter widens a Gaussian (Mip-Splatting).
     pub antialiased: bool,
     /// The color behind everything, three numbers from 0 to 1.
     pub background: [f32; 3],
@@ -29,7 +29,7 @@ pub struct FitSettings {
     pub ssim_weight: f64,
     /// Part of the run in which photos are seen at half their resolution.
     pub coarse_until: f64,
-    /// How often photos are halved at the beginning; the coarse part is divided among the sizes.
+    /// Number of halvings of photos at the beginning; the coarse part is divided among the sizes.
     pub halvings: usize,
     /// Opacity of initial Gaussians, from points or random.
     pub initial_opacity: f32,
@@ -41,7 +41,7 @@ pub struct FitSettings {
     pub density: Density,
     /// Refinement of cameras.
     pub poses: Poses,
-    /// Whether the colors of each photo are corrected: by gains, or by an affine map ([`Rates::exposure_rest`]).
+    /// True if the colors of each photo are corrected: by gains, or by an affine map ([`Rates::exposure_rest`]).
     pub exposure: bool,
 }
 
@@ -96,11 +96,11 @@ pub struct Rates {
     /// Rate of what a correction has beside gains, mixing of channels and an offset; at 0 gains alone are corrected.
     #[serde(default = "exposure_rest")]
     pub exposure_rest: f64,
-    /// How strongly rates of shorter runs depend on their length; 0 for the same rates in all.
+    /// Dependence of the rates of shorter runs on their length; 0 for the same rates in all.
     pub power: f64,
 }
 
-/// What settings mean that are older than the key.
+/// Value in settings that are older than the key.
 fn exposure_rest() -> f64 {
     2e-3
 }
@@ -141,7 +141,7 @@ impl Rates {
     }
 }
 
-/// How Gaussians are added, removed and moved.
+/// Settings of adding, removing and moving Gaussians.
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Density {
@@ -155,7 +155,7 @@ pub struct Density {
     pub until: f64,
     /// Gaussians with a lower opacity are given up.
     pub least_opacity: f32,
-    /// What every round takes off all opacities (`split`), so that what is not needed fades.
+    /// Amount that every round takes off all opacities (`split`), so that unneeded Gaussians fade.
     pub opacity_decay: f32,
     /// Part of the budget that initial Gaussians may fill.
     pub initial_part: f64,
@@ -206,11 +206,11 @@ pub enum StrategyKind {
 #[derive(Clone, Debug, Deserialize, JsonSchema, PartialEq, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Poses {
-    /// Whether cameras are refined.
+    /// True if cameras are refined.
     pub refine: bool,
     /// Part of the way to where its photo fits the scene that a camera goes in a step, at the beginning.
     pub rate: f64,
-    /// What that has become at the end, as a factor; in between its logarithm is linear.
+    /// Rate at the end, as a factor; in between its logarithm is linear.
     pub rate_end: f64,
     /// Part of the run before cameras begin to go toward the scene.
     pub from: f64,
@@ -225,7 +225,7 @@ impl Default for Poses {
 }
 
 impl FitSettings {
-    /// How often photos are halved at this part of the run.
+    /// Number of halvings of photos at this part of the run.
     pub(crate) fn level(&self, fraction: f64) -> usize {
         if fraction >= self.coarse_until || self.halvings == 0 {
             return 0;

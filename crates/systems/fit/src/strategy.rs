@@ -43,9 +43,9 @@ impl Moment {
 /// Regularizers: a sum over the Gaussians of these multiples of the opacity, and of each of the three scales.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Regularizer {
-    /// What the opacity counts by.
+    /// Weight of the opacity.
     pub opacity: f32,
-    /// What a standard deviation counts by.
+    /// Weight of a standard deviation.
     pub scale: f32,
 }
 
@@ -62,15 +62,15 @@ impl Regularizer {
 /// A strategy never makes more Gaussians than [`Moment::budget`]. It is a function of what it is given: a run that is resumed
 /// goes on with a new strategy of the same settings.
 pub trait Strategy: Debug + Send {
-    /// What is added to the loss of a step with so many Gaussians.
+    /// Regularizer added to the loss of a step with so many Gaussians.
     fn regularizer(&self, _moment: &Moment, _gaussians: usize) -> Regularizer {
         Regularizer::default()
     }
 
-    /// Whether the statistics of backward passes are wanted at this moment; they cost a little.
+    /// True if the statistics of backward passes are wanted at this moment; they cost a little.
     fn wants_statistics(&self, moment: &Moment) -> bool;
 
-    /// Whether [`adapt`](Self::adapt) may change anything at this moment; where it says no, it is not called, and a device keeps the
+    /// True if [`adapt`](Self::adapt) may change anything at this moment; where it says no, it is not called, and a device keeps the
     /// Gaussians.
     fn is_due(&self, _moment: &Moment) -> bool {
         true
@@ -102,7 +102,7 @@ impl Density {
         (steps / self.rounds.max(1)).max(1)
     }
 
-    /// Whether a round is due at this moment.
+    /// True if a round is due at this moment.
     pub(crate) fn due(&self, moment: &Moment) -> bool {
         let done = moment.fraction();
         let due = moment.step > 0 && moment.step.is_multiple_of(self.interval(moment.steps));

@@ -10,7 +10,7 @@ const PART: f64 = 0.05;
 /// Part of the time that is left over, for no machine is equally fast all the time.
 const RESERVE: f64 = 0.04;
 
-/// How many steps a fit can do in this many seconds, the timed run included, which leaves no trace in it. At least 1.
+/// Number of steps that a fit can do in so many seconds, the timed run included, which leaves no trace in it. At least 1.
 ///
 /// A short run with the same schedules is timed: photos are as small, and Gaussians as many, in the same parts of it as in a
 /// long one.

@@ -2,10 +2,11 @@
 
 use crate::cameras::{Alignment, Views, moved};
 use crate::fit::Fit;
-use crate::photos::{Photo, Pyramid, at_level};
+use crate::photos::{Pyramid, at_level};
 use crate::{Exposure, FitError};
 use weaver_geometry::Camera;
 use weaver_scene::CameraRows;
+use weaver_scene::Photo;
 use weaver_splat::Images;
 
 /// Halvings of the photo at the beginning.

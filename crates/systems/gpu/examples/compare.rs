@@ -68,7 +68,7 @@ struct Scene {
 
 const NAMES: [&str; 6] = ["means", "quats", "scales", "opacities", "colors", "viewmat"];
 
-/// What came out, and the fastest times: wall-clock of forward and of both, processor time of forward and of both.
+/// Result and fastest times: wall-clock of forward and of both, processor time of forward and of both.
 struct Drawn {
     image: Vec<f32>,
     gradients: [Vec<f32>; 6],

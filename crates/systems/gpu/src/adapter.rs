@@ -11,7 +11,7 @@ pub struct Adapter {
     pub number: usize,
     /// Its name.
     pub name: String,
-    /// What it is.
+    /// Its kind.
     pub kind: Kind,
     /// The interface that it is used through: `vulkan`, `metal`.
     pub backend: String,
@@ -23,7 +23,7 @@ pub struct Adapter {
     pub subgroups: [u32; 2],
 }
 
-/// What an adapter is.
+/// Kind of an adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Kind {
@@ -104,7 +104,7 @@ pub fn adapters() -> Vec<Adapter> {
     all().iter().enumerate().map(|(number, adapter)| described(number, adapter)).collect()
 }
 
-/// What wgpu knows of each.
+/// All adapters of wgpu.
 pub(crate) fn all() -> Vec<wgpu::Adapter> {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     // Checks of the driver's own are for those who write drivers.
@@ -113,7 +113,7 @@ pub(crate) fn all() -> Vec<wgpu::Adapter> {
     pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY))
 }
 
-/// What a user is told of it.
+/// Description of it for the user.
 pub(crate) fn described(number: usize, adapter: &wgpu::Adapter) -> Adapter {
     let info = adapter.get_info();
     Adapter {

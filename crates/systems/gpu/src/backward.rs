@@ -20,7 +20,7 @@ pub(crate) struct Backward<'a> {
     context: &'a Context,
     call: Call<'a>,
     workspace: &'a mut GpuWorkspace,
-    /// Whether gradients stay on the device, and statistics of earlier calls with them.
+    /// True if gradients stay on the device, and statistics of earlier calls with them.
     stays: bool,
     kept_statistics: bool,
 }

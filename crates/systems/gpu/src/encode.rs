@@ -11,7 +11,7 @@ use weaver_splat::{Extent, RasterError, RasterSettings};
 /// Gaussians in an embedder's storage buffers.
 #[derive(Clone, Copy, Debug)]
 pub struct DeviceGaussians<'a> {
-    /// How many.
+    /// The number.
     pub count: usize,
     /// `[N, 12]`, `f32`: mean 3, quaternion wxyz 4, standard deviations 3, opacity, unused.
     pub params: &'a wgpu::Buffer,

@@ -4,14 +4,14 @@ use crate::adapter::Adapter;
 use thiserror::Error;
 use weaver_splat::RasterError;
 
-/// What can go wrong with a device.
+/// Errors of a device.
 #[derive(Clone, Debug, Error)]
 #[non_exhaustive]
 pub enum GpuError {
     /// The machine has no adapter that was asked for.
     #[error("device {asked}: {}", offered(.found))]
     NoAdapter {
-        /// What was asked for.
+        /// The device asked for.
         asked: String,
         /// All that there are.
         found: Vec<Adapter>,
@@ -23,11 +23,11 @@ pub enum GpuError {
         adapter: String,
         /// WebGPU's name of the limit.
         limit: &'static str,
-        /// What the adapter allows.
+        /// The adapter's limit.
         found: u64,
-        /// What is needed.
+        /// The amount needed.
         needed: u64,
-        /// What for.
+        /// The purpose.
         what: String,
     },
     /// An adapter refuses to be opened.
@@ -51,7 +51,7 @@ pub enum GpuError {
     /// A buffer of an embedder's is too small.
     #[error("a buffer of {found} bytes, {needed} are needed: {what}")]
     Buffer {
-        /// What is in it.
+        /// Its contents.
         what: String,
         /// Bytes that are needed.
         needed: u64,
@@ -63,12 +63,12 @@ pub enum GpuError {
     Failed {
         /// The adapter.
         adapter: String,
-        /// What happened.
+        /// The message.
         message: String,
     },
 }
 
-/// What there is instead, and how to name it.
+/// The adapters there are, and how to name them.
 fn offered(found: &[Adapter]) -> String {
     if found.is_empty() {
         return "no adapter, neither a GPU nor a software one; is a Vulkan driver installed?".into();

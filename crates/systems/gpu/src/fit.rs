@@ -32,7 +32,7 @@ pub(crate) struct GpuFit {
     losses: PhotoLosses,
     gaussians: usize,
     degree: usize,
-    /// Whether statistics were summed since they were last brought back.
+    /// True if statistics were summed since they were last brought back.
     counted: bool,
 }
 

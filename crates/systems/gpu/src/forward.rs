@@ -21,7 +21,7 @@ const SUM_GROUP: usize = 2048;
 /// Entries that shaders can count to; their sums stop there.
 const MOST_ENTRIES: u64 = 0x7fff_ffff;
 
-/// What a call is about.
+/// Arguments of a call.
 pub(crate) type Call<'a> = (&'a GaussianSlices<'a, f32>, &'a CameraSlices<'a, f32>, &'a RasterSettings, &'a Extent);
 
 /// A forward pass under way.

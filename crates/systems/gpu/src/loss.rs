@@ -13,7 +13,7 @@ use weaver_fit::PhotoStep;
 const WINDOW: usize = 11;
 const SIGMA: f64 = 1.5;
 
-/// What the loss works in, and its three sums.
+/// Buffers of the loss, and its three sums.
 #[derive(Debug, Default)]
 pub(crate) struct PhotoLosses {
     /// Bytes red, green, blue, and whether the pixel counts.
@@ -55,7 +55,7 @@ impl PhotoLosses {
         self.sums.storage(context, "the loss", 3, 4)?;
         self.packed.clear();
         let pixel = |(i, rgb): (usize, &[u8; 3])| {
-            let counts = step.mask.is_none_or(|mask| mask[i] != 0);
+            let counts = step.mask.is_none_or(|mask| mask[i]);
             u32::from_le_bytes([rgb[0], rgb[1], rgb[2], if counts { 255 } else { 0 }])
         };
         self.packed.extend(step.rgb.as_chunks::<3>().0.iter().enumerate().map(pixel));

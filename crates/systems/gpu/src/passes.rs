@@ -14,7 +14,7 @@ pub(crate) struct Passes<'a> {
     profile: Option<&'a mut Profile>,
 }
 
-/// What passes are recorded into.
+/// The encoder of passes.
 enum Encoder<'a> {
     Own(wgpu::CommandEncoder),
     /// An embedder's, who submits it.

@@ -5,14 +5,14 @@ use crate::error::GpuError;
 use crate::room::mapped;
 use std::time::Duration;
 
-/// How long the passes of one name took.
+/// Time of the passes of one name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PassTime {
     /// The pass, by the function in its shader.
     pub name: &'static str,
-    /// How often it ran.
+    /// Number of its runs.
     pub runs: usize,
-    /// How long that took, all runs together.
+    /// Time of all runs together.
     pub time: Duration,
 }
 

@@ -10,10 +10,10 @@ pub(crate) struct Room {
     bytes: u64,
 }
 
-/// What storage buffers are used for.
+/// Usages of storage buffers.
 const STORAGE: wgpu::BufferUsages =
     wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_SRC).union(wgpu::BufferUsages::COPY_DST);
-/// What buffers that the host reads are used for.
+/// Usages of buffers that the host reads.
 const READ: wgpu::BufferUsages = wgpu::BufferUsages::MAP_READ.union(wgpu::BufferUsages::COPY_DST);
 
 impl Room {
@@ -64,7 +64,7 @@ impl Room {
         self.bytes
     }
 
-    /// What was asked for last, as a shader sees it.
+    /// The numbers last asked for, as a shader sees them.
     pub fn all(&self) -> wgpu::BindingResource<'_> {
         self.part(0, self.bytes)
     }

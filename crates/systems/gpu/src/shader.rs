@@ -8,7 +8,7 @@
 pub struct File {
     /// Its name in `shaders/`.
     pub name: &'static str,
-    /// What is in it.
+    /// Its text.
     pub text: &'static str,
 }
 

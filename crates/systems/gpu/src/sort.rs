@@ -82,7 +82,7 @@ impl RadixSort {
 
 /// Sorts pairs of the host on the device, by the lowest `bits` of their keys.
 ///
-/// What the rasterizer sorts by depth and by tile with, on slices: to use it alone, and to test it.
+/// Sorts pairs as the rasterizer does by depth and by tile, on slices: to use it alone, and to test it.
 ///
 /// # Errors
 ///

@@ -32,7 +32,7 @@ impl Grid {
 pub(crate) struct Share {
     pub first: usize,
     pub count: usize,
-    /// Whether gradients are added to those of the views before.
+    /// True if gradients are added to those of the views before.
     pub add: bool,
     pub statistics: Option<Band>,
 }

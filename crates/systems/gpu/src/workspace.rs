@@ -9,7 +9,7 @@ use crate::sort::RadixSort;
 use crate::staging::{Staging, Transfers};
 use weaver_splat::{Extent, RasterSettings, Region};
 
-/// What forward leaves on the device for backward, and room to work in. It only grows.
+/// State on the device from forward for backward, and room to work in. It only grows.
 #[derive(Debug, Default)]
 pub struct GpuWorkspace {
     /// The sizes and settings of the last forward.
@@ -52,7 +52,7 @@ pub(crate) struct Drawing {
     pub drawn: Vec<f32>,
 }
 
-/// What a drawing needs while it is drawn.
+/// Buffers of a drawing while it is drawn.
 #[derive(Debug, Default)]
 pub(crate) struct Scratch {
     /// Depth keys and Gaussians, and room to sort them.
@@ -69,7 +69,7 @@ pub(crate) struct Scratch {
     pub sort: RadixSort,
 }
 
-/// What backward works in.
+/// Buffers of backward.
 #[derive(Debug, Default)]
 pub(crate) struct GradientRooms {
     /// `[H, W, 5]`: of image, alpha, depth.
@@ -100,18 +100,18 @@ pub struct Lists {
 }
 
 impl GpuWorkspace {
-    /// How long each pass took since this was last asked, by the device's clock; nothing where it has none, or where the
+    /// Time of each pass since this was last asked, by the device's clock; nothing where it has none, or where the
     /// rasterizer does not [measure](crate::GpuRasterizer::measured).
     pub fn pass_times(&mut self) -> Vec<PassTime> {
         self.profile.as_mut().map(Profile::take).unwrap_or_default()
     }
 
-    /// What was copied since this was last asked, but for the few numbers of a view.
+    /// Copies since this was last asked, but for the few numbers of a view.
     pub fn transfers(&mut self) -> Transfers {
         std::mem::take(&mut self.staging.transfers)
     }
 
-    /// What the first drawing has left on the device: what a test compares.
+    /// Lists that the first drawing has left on the device, for tests.
     ///
     /// # Errors
     ///

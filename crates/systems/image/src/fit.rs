@@ -163,7 +163,7 @@ pub fn refine(
     Ok(Fitted { gaussians: state, cut, reset })
 }
 
-/// What is rounded already, and does not move any more.
+/// Numbers that are rounded already, and do not move any more.
 #[derive(Default)]
 struct Frozen {
     shape: bool,

@@ -35,7 +35,7 @@ impl<T: Real> Gaussians<T> {
         self.angles.len()
     }
 
-    /// Whether there are none.
+    /// True if there are none.
     pub fn is_empty(&self) -> bool {
         self.angles.is_empty()
     }

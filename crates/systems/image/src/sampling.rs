@@ -122,7 +122,7 @@ impl Near {
         self.cells[y * self.columns + x].push(point);
     }
 
-    /// Whether a point lies within the distance.
+    /// True if a point lies within the distance.
     fn holds(&self, point: [f32; 2]) -> bool {
         let [x, y] = self.cell(point);
         let rows = self.cells.len() / self.columns;

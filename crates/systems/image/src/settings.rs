@@ -5,7 +5,7 @@ use crate::error::{ImageError, range};
 use crate::picture::Picture;
 use crate::start::Start;
 
-/// What a fit minimizes, and how fast.
+/// Loss of a fit, and its rates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Descent {
@@ -38,7 +38,7 @@ impl Descent {
     }
 }
 
-/// How a picture is fitted. Begin with [`new`](Self::new) or [`published`](Self::published), and change fields.
+/// Settings of a picture's fit. Begin with [`new`](Self::new) or [`published`](Self::published), and change fields.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct FitSettings {
@@ -48,15 +48,15 @@ pub struct FitSettings {
     pub steps: usize,
     /// Seed of what is drawn at random.
     pub seed: u64,
-    /// What the fit starts from.
+    /// Start of the fit.
     pub start: Start,
     /// Steps of conjugate gradients for the colors of the start; 0 keeps them.
     pub color_steps: usize,
-    /// Whether half of the Gaussians are placed at the start and the others where the error is, in the first half of the steps.
+    /// True if half of the Gaussians are placed at the start and the others where the error is, in the first half of the steps.
     pub growth: bool,
-    /// Whether the first half of the steps is at half the size.
+    /// True if the first half of the steps is at half the size.
     pub coarse: bool,
-    /// Whether the result is rounded to what a file holds ([`encode`](crate::encode)): shapes after 60 % of the steps, positions after
+    /// True if the result is rounded to what a file holds ([`encode`](crate::encode)): shapes after 60 % of the steps, positions after
     /// 80 %, colors at the end, each while the rest still moves.
     pub coded: bool,
     /// Loss and rates.

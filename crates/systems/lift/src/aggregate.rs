@@ -33,7 +33,7 @@ impl Default for AggregateOptions {
     }
 }
 
-/// What became of masks and clusters.
+/// Fate of masks and clusters.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Aggregation {

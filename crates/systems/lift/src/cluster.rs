@@ -5,12 +5,12 @@ use crate::hdbscan::{HdbscanOptions, hdbscan};
 use crate::pca::Pca;
 use weaver_kernels::Real;
 
-/// How Gaussians are clustered.
+/// Options of clustering Gaussians.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClusterOptions {
     /// Principal components of the features that are looked at, or all where there are fewer.
     pub components: usize,
-    /// What counts as a cluster.
+    /// Definition of a cluster.
     pub hdbscan: HdbscanOptions,
 }
 

@@ -9,11 +9,11 @@ pub enum LiftError {
     /// A length that does not fit.
     #[error("{what}: expected {expected} numbers, found {found}")]
     Length {
-        /// What has that length.
+        /// The array that has that length.
         what: &'static str,
-        /// How many numbers it should have.
+        /// Expected number of numbers.
         expected: usize,
-        /// How many it has.
+        /// Number of numbers found.
         found: usize,
     },
     /// Features without a channel.
@@ -38,7 +38,7 @@ pub enum LiftError {
         key: &'static str,
         /// Its range.
         expected: &'static str,
-        /// What it was.
+        /// The value found.
         found: f64,
     },
     /// The rasterizer refused.

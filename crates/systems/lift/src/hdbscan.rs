@@ -6,12 +6,12 @@ mod tree;
 use condensed::condensed;
 use tree::{Points, core_distances, merges, spanning_tree};
 
-/// What counts as a cluster.
+/// Definition of a cluster.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HdbscanOptions {
     /// Fewest points of a cluster, at least 2.
     pub smallest: usize,
-    /// How many neighbors say how dense it is around a point.
+    /// Number of neighbors that tell the density around a point.
     pub samples: usize,
     /// Points that are nearer to each other than this count as this far apart, so that no cluster falls into clusters of points that
     /// only rounding tells apart; 0 for none of it.

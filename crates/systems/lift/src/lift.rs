@@ -9,19 +9,19 @@ use crate::solver::{Descent, Solver};
 use crate::statistics::Coverage;
 use weaver_kernels::Real;
 
-/// How to lift.
+/// Options of lifting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LiftOptions {
-    /// How features of Gaussians are found.
+    /// Solver of Gaussians' features.
     pub solver: Solver,
     /// For solvers that draw ([`Solver::draws`]): pixels that Gaussians cover less than this do not count, and features of the
     /// others are multiplied by their alpha. `None` for features that are composited over zeros already, as drawn ones are.
     pub least_alpha: Option<f64>,
     /// Channels at a time: a choice of memory, of which results do not depend.
     pub block: usize,
-    /// Whether features are divided by their length; zeros stay.
+    /// True if features are divided by their length; zeros stay.
     pub unit: bool,
-    /// Whether to find the loss as well, which is one more pass.
+    /// Finds the loss as well, which is one more pass.
     pub loss: bool,
 }
 

@@ -10,7 +10,7 @@ use weaver_kernels::{Real, parallel};
 /// Gaussians, or pixels, of a parallel task.
 const GRAIN: usize = 1024;
 
-/// What passes work on.
+/// Inputs of passes.
 pub(crate) struct Passes<'a, T: Real, O, B> {
     pub operator: &'a mut O,
     pub observations: &'a mut B,
@@ -90,7 +90,7 @@ impl<T: Real, O: Operator<T>, B: Observations<T>> Passes<'_, T, O, B> {
         Ok(())
     }
 
-    /// How far `x` is from the features of the pixels that count.
+    /// Distance of `x` from the features of the pixels that count.
     pub fn loss(&mut self, x: &[T]) -> Result<Loss, LiftError> {
         let mut loss = Loss::default();
         for view in 0..self.operator.views() {

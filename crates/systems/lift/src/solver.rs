@@ -6,7 +6,7 @@ use crate::operator::Operator;
 use crate::passes::{Passes, dots, for_rows};
 use weaver_kernels::Real;
 
-/// How features of Gaussians are found from features of pixels. `A` is the [`Operator`], `B` the features of the pixels,
+/// Solvers of Gaussians' features from features of pixels. `A` is the [`Operator`], `B` the features of the pixels,
 /// `D_j = sum_i A_ij`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -17,7 +17,7 @@ pub enum Solver {
     Squared,
     /// Least squares: minimizes `|A X - B|^2`, from zeros.
     Exact {
-        /// How the minimum is approached.
+        /// Descent to the minimum.
         descent: Descent,
         /// When it is close enough.
         stop: Stop,
@@ -74,7 +74,7 @@ impl Solver {
         }
     }
 
-    /// Whether features of photos have to be multiplied by alpha first: what is drawn is composited over zeros.
+    /// True if features of photos have to be multiplied by alpha first: what is drawn is composited over zeros.
     pub fn draws(&self) -> bool {
         matches!(self, Self::Exact { .. } | Self::Damped { .. })
     }

@@ -1,6 +1,6 @@
 //! What lifting says about scene and views.
 
-/// How well Gaussians cover the pixels that count.
+/// Coverage of the pixels that count by Gaussians.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Coverage {
     /// Pixels of all views.

@@ -159,7 +159,7 @@ impl Ladder {
         Ok(detector)
     }
 
-    /// How well experts find anomalies of their own class and of others, and what the gate loses without one.
+    /// Success of experts on anomalies of their own class and of others, and the gate's loss without one.
     fn specialists(&mut self, detector: &Detector) -> Result<()> {
         let (mut own, mut other, mut lost) = (Vec::new(), Vec::new(), Vec::new());
         let whole = self.judged(detector, |curves| curves.scores().to_vec())?.auc_abnormal.unwrap_or(f64::NAN);
@@ -193,7 +193,7 @@ impl Ladder {
         Ok(())
     }
 
-    /// What the truth about videos, and about all but the places of events, would give.
+    /// Scores that the truth about videos, and about all but the places of events, would give.
     fn oracles(&mut self) {
         let all: Vec<&PlantedVideo> = self.test.iter().collect();
         let planted = self.planted;

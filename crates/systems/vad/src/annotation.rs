@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use weaver_io::Npy;
 
-/// How many frames a video of UCF-Crime counts: published evaluators differ.
+/// Number of frames that a video of UCF-Crime counts: published evaluators differ.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Length {
     /// Sixteen for each snippet of the feature file.

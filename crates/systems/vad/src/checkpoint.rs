@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use weaver_autograd::Params;
 use weaver_nn::{AdamW, Moments};
 
-/// What has been learned up to a step.
+/// State of the training at a step.
 #[derive(Clone, Copy, Debug)]
 pub struct Snapshot<'a> {
     /// The detector.

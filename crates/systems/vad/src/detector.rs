@@ -19,10 +19,10 @@ pub struct Detector {
     pub(crate) kind: EncoderKind,
     pub(crate) encoder: Encoder,
     pub(crate) experts: Vec<Expert>,
-    /// What each expert is for.
+    /// Category of each expert.
     pub(crate) names: Vec<String>,
     pub(crate) gate: Option<Gate>,
-    /// Whether experts and gate are as published.
+    /// True if experts and gate are as published.
     pub(crate) published: bool,
 }
 
@@ -106,7 +106,7 @@ impl Detector {
         &self.kind
     }
 
-    /// What its experts are for.
+    /// Categories of its experts.
     pub fn experts(&self) -> &[String] {
         &self.names
     }
@@ -170,7 +170,7 @@ impl Detector {
         Ok(sum)
     }
 
-    /// What it makes of x `[B, T, features]`.
+    /// Scores of x `[B, T, features]`.
     pub(crate) fn judge<'t>(&self, cx: Context<'t, '_>, x: Var<'t, f32>, masked: Option<usize>) -> Judged<'t, f32> {
         let encoded = cx.tape.steps(|| self.encoder.encode(cx, x)).end();
         let experts = self.expert_scores(cx, encoded.features, masked);

@@ -10,7 +10,7 @@ use weaver_io::safetensors::Tensors;
 
 /// Numbers of an attention head of the published network, which its weights do not tell.
 const PUBLISHED_HEAD: usize = 128;
-/// What files are marked with.
+/// Prefix of the detector's tensors in files.
 const ENCODER: &str = "vad.encoder";
 const HEADS: &str = "vad.heads";
 const EXPERTS: &str = "vad.experts";

@@ -20,15 +20,15 @@ pub enum Error {
         path: PathBuf,
         /// The line, key or video.
         place: String,
-        /// What should have been there.
+        /// The expected value.
         expected: String,
-        /// What was there.
+        /// The value found.
         found: String,
     },
     /// The loss is no longer a finite number.
     #[error("{stage}: the loss of step {step} is not finite; a smaller rate may help")]
     Diverged {
-        /// What was being trained.
+        /// The stage of training.
         stage: String,
         /// The step, from 1.
         step: usize,
@@ -45,7 +45,7 @@ pub enum Error {
     /// Whoever looked on ended the training.
     #[error("{stage}: stopped after step {step}")]
     Stopped {
-        /// What was being trained.
+        /// The stage of training.
         stage: String,
         /// Steps of it done.
         step: usize,

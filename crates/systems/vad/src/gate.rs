@@ -17,7 +17,7 @@ pub struct GateSizes {
     pub heads: Option<usize>,
     /// Hidden numbers of the layers that end in the score.
     pub tower: Vec<usize>,
-    /// Whether both attentions, which then begin at zero, are added to what they attend from.
+    /// True if both attentions, which then begin at zero, are added to what they attend from.
     pub residual: bool,
 }
 

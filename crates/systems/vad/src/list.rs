@@ -15,7 +15,7 @@ pub struct Listed {
     pub features: Features,
 }
 
-/// What a feature file's name says.
+/// Parts of a feature file's name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileName {
     /// The video.

@@ -66,7 +66,7 @@ pub fn snippet_loss<'t, T: Real>(scores: Var<'t, T>, labels: &[T]) -> Var<'t, T>
 /// Weight of smoothness and sparsity in the splatting loss.
 pub const CURVE_WEIGHT: f64 = 8e-5;
 
-/// What the splatting loss adds to [`bag_loss`]: [`snippet_loss`] with the labels where there are any, and [`smoothness`] and
+/// Loss that splatting adds to [`bag_loss`]: [`snippet_loss`] with the labels where there are any, and [`smoothness`] and
 /// [`sparsity`], both times [`CURVE_WEIGHT`], of the abnormal half of `scores` `[2 b, T]`.
 ///
 /// D'Amicantonio et al., arXiv 2508.06318, equation 6.

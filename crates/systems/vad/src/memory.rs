@@ -10,12 +10,12 @@ pub(crate) struct Memory {
     block: ParamId,
 }
 
-/// What a memory says of snippets.
+/// Answer of a memory to snippets.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Recalled<'t, T: Real> {
-    /// How much the snippets are like what is remembered, `[B, T]`, in (0, 1).
+    /// Likeness of the snippets to what is remembered, `[B, T]`, in (0, 1).
     pub attention: Var<'t, T>,
-    /// What is remembered of them, `[B, T, width]`.
+    /// Their remembered part, `[B, T, width]`.
     pub augmented: Var<'t, T>,
 }
 

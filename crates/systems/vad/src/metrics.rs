@@ -13,7 +13,7 @@ pub struct ScoredVideo {
 }
 
 impl ScoredVideo {
-    /// Whether it has an anomalous frame.
+    /// True if it has an anomalous frame.
     pub fn is_abnormal(&self) -> bool {
         self.labels.contains(&true)
     }

@@ -9,7 +9,7 @@ const SNIPPETS: usize = 64;
 const WIDTH: usize = 32;
 /// Classes of anomalies.
 const CLASSES: usize = 4;
-/// How much of the noise of a snippet stays in the next.
+/// Share of a snippet's noise that stays in the next.
 const CORRELATION: f64 = 0.5;
 /// Deviation of what all snippets of a video have in common.
 const BACKGROUND: f64 = 0.5;
@@ -18,7 +18,7 @@ const CORE_SD: f64 = 1.2;
 const DISTRACTOR_SD: f64 = 1.5;
 const DISTRACTOR: f64 = 3.0;
 
-/// What is planted.
+/// Planted events.
 ///
 /// Features are noise in which each class has a direction for the core of an event and one for its flank. An event is a short core, by which
 /// an abnormal video can be told from a normal one, within a flank of the class's length; all of it is anomalous. Half of the normal videos
@@ -203,7 +203,7 @@ impl Directions {
     }
 }
 
-/// What all snippets have in common, which says nothing of any direction, and noise that lingers.
+/// The common part of all snippets, independent of any direction, and noise that lingers.
 fn noise(stream: Stream, directions: &Directions) -> Vec<f64> {
     let mut common: [f64; WIDTH] = std::array::from_fn(|d| BACKGROUND * stream.normal::<f64>(d as u64));
     directions.all.iter().for_each(|direction| remove(&mut common, direction));

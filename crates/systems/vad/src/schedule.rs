@@ -7,7 +7,7 @@ use crate::encoder::EncoderKind;
 use crate::training::{Labels, Observe, Stage, Trainer};
 use crate::training_set::TrainingSet;
 
-/// What experts are for.
+/// Categories of its experts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Experts {
     /// There are none: the encoder alone.
@@ -35,7 +35,7 @@ pub struct Schedule {
     pub gate: Stage,
     /// Labels of snippets.
     pub labels: Labels,
-    /// What experts are for.
+    /// Categories of its experts.
     pub experts: Experts,
     /// Of everything random.
     pub seed: u64,

@@ -3,7 +3,7 @@
 //! D'Amicantonio et al., arXiv 2508.06318, section 3.2. The text leaves open how a peak's width comes from the rise and the fall around it
 //! and whether its Gaussian is over time or over score; [`Rule`] has each reading.
 
-/// How a peak becomes a label.
+/// Rule by which a peak becomes a label.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rule {
     /// Over time, in the width at half prominence: `exp(-(t - P)^2 / 2 sd^2)` with `sd = max(1, length / 2.355)`.
@@ -34,7 +34,7 @@ impl Rule {
 /// Which peaks count, and what they become.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Splatting {
-    /// How a peak becomes a label.
+    /// Rule by which a peak becomes a label.
     pub rule: Rule,
     /// Least prominence of a peak (theta).
     pub prominence: f64,
@@ -119,7 +119,7 @@ fn deviation(x: &[f64]) -> f64 {
 pub struct Peak {
     /// Where it is; the first of a plateau.
     pub at: usize,
-    /// How far it rises above its surroundings.
+    /// Height above its surroundings.
     pub prominence: f64,
 }
 
@@ -153,7 +153,7 @@ pub fn topographic_peaks(s: &[f64], prominence: f64, least: f64) -> Vec<Peak> {
     (0..s.len()).filter_map(peak).collect()
 }
 
-/// How many snippets the curve rises strictly before a peak, and falls after it.
+/// Number of snippets over which the curve rises strictly before a peak, and falls after it.
 fn rise_and_fall(s: &[f64], at: usize) -> [usize; 2] {
     let rise = (1..=at).rev().take_while(|t| s[t - 1] < s[*t]).count();
     let fall = (at + 1..s.len()).take_while(|t| s[*t] < s[t - 1]).count();

@@ -2,7 +2,7 @@
 
 use weaver_autograd::{Buffer, Grad, Op, Pool, Real, Shape, ShapeError, Shapes, Var, View, ViewMut, ensure_shape};
 
-/// How many of `snippets` a bag is judged by: a sixteenth, and one. Zhou et al., arXiv 2302.05160, code.
+/// Number of `snippets` that a bag is judged by: a sixteenth, and one. Zhou et al., arXiv 2302.05160, code.
 pub fn top_k(snippets: usize) -> usize {
     snippets / 16 + 1
 }

@@ -14,7 +14,7 @@ use weaver_autograd::{ParamId, Tape, Var};
 use weaver_kernels::random::Stream;
 use weaver_nn::{AdamW, Context, Group, add_l2_gradient};
 
-/// What the snippets of abnormal videos are labeled with, from the curve that is being trained; constant.
+/// Labels of the snippets of abnormal videos, from the curve that is being trained; constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Labels {
     /// Nothing: only the bags' labels count.
@@ -47,7 +47,7 @@ impl Labels {
     }
 }
 
-/// How one part of a detector is trained.
+/// Training of one part of a detector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stage {
     /// Steps.
@@ -62,10 +62,10 @@ pub struct Stage {
     pub dropout: f64,
 }
 
-/// What is done at each step.
+/// Report of one step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepReport {
-    /// What is trained.
+    /// The stage.
     pub stage: String,
     /// Steps of the stage done.
     pub step: usize,
@@ -80,7 +80,7 @@ pub trait Observe {
     /// Is told of a step; the snapshot is what has been learned up to it. Training ends with [`Error::Stopped`] where this breaks.
     ///
     /// # Errors
-    /// What ends training as well, such as a file that cannot be written.
+    /// Errors that end training as well, such as a file that cannot be written.
     fn step(&mut self, report: &StepReport, snapshot: &Snapshot<'_>) -> Result<ControlFlow<()>>;
 }
 

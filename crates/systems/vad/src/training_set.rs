@@ -10,7 +10,7 @@ use weaver_io::Checksum;
 /// A video to train on.
 #[derive(Clone, Debug)]
 pub struct TrainingVideo {
-    /// Whether there is an anomaly in it.
+    /// True if there is an anomaly in it.
     pub abnormal: bool,
     /// The classes of its anomalies, as far as they are known.
     pub classes: Vec<usize>,

@@ -80,7 +80,7 @@ fn command(arguments: &[String]) -> Result<(), String> {
     Ok(())
 }
 
-/// How the numbers of a tensor are drawn.
+/// Distribution of a tensor's numbers.
 enum Draw {
     Constant(f32),
     /// Between minus and plus this.

@@ -1,15 +1,15 @@
 //! Which frames of a clip become photos: as many steps of the camera apart, and sharp.
 
-/// What was measured of a frame.
+/// Measurements of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measured {
     /// Energy of the second derivatives; only compared with that of neighbors, which show the same.
     pub sharpness: f32,
-    /// How far the picture has moved since the first frame, along its way, over its longer side.
+    /// Movement of the picture since the first frame, along its way, over its longer side.
     pub place: f32,
 }
 
-/// How far from its place a frame may be taken, over the distance of two.
+/// Largest distance of a frame from its place, over the distance of two.
 const REACH: f32 = 0.45;
 
 /// Chooses at most `most` frames that are evenly spread over the way of the camera, at least `closest` apart, and the sharp ones among

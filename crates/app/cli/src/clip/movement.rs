@@ -25,7 +25,7 @@ const DIFFERENT: f32 = 0.5;
 const NOISE: f32 = 4.0;
 /// Once points have moved so far in the median, over the longer side, others are followed. A camera that is held still moves less.
 const STEP: f32 = 0.02;
-/// What a movement counts that is too fast to be followed, and a cut.
+/// Movement that stands for one too fast to be followed, and for a cut.
 const JUMP: f32 = 0.08;
 
 /// The mean square of the Laplacian of a gray picture.
@@ -58,7 +58,7 @@ pub fn sharpness(picture: &Picture) -> f32 {
 pub struct Follower {
     anchor: Option<Anchor>,
     previous: Option<Vec<Picture>>,
-    /// How far the picture had moved when the points were chosen, and how far it has now.
+    /// Movement of the picture when the points were chosen, and now.
     begun: f32,
     place: f32,
 }
@@ -74,12 +74,12 @@ struct Anchor {
 #[derive(Clone, Copy, Debug)]
 struct Point {
     at: [i32; 2],
-    /// How far it has moved; `None` once it is lost.
+    /// Its movement; `None` once it is lost.
     moved: Option<[i32; 2]>,
 }
 
 impl Follower {
-    /// How far the picture has moved in all with this one, in gray: the median over its points, over its longer side.
+    /// Movement of the picture in all with this one, in gray: the median over its points, over its longer side.
     pub fn follow(&mut self, picture: &Picture) -> f32 {
         let now = versions(picture);
         let Some(anchor) = &mut self.anchor else {
@@ -229,7 +229,7 @@ fn corner(picture: &Picture, [x, y]: [i32; 2]) -> f32 {
     0.5 * (xx + yy - ((xx - yy).powi(2) + 4.0 * xy * xy).sqrt())
 }
 
-/// How far a point has moved from one picture to another, by about so much in their smallest versions; `None` if it is not there.
+/// Movement of a point from one picture to another, near so much in their smallest versions; `None` if it is not there.
 fn found(from: &[Picture], to: &[Picture], at: [i32; 2], mut about: [i32; 2]) -> Option<[i32; 2]> {
     let smallest = from.len() - 1;
     for level in (0..=smallest).rev() {

@@ -9,7 +9,7 @@ use weaver_command::Failure;
 
 /// The longest side of a picture, pixels: a header may claim anything.
 const LONGEST: usize = 1 << 16;
-/// What ffmpeg is told of time: each picture comes out once, whatever its own time is.
+/// Filter of time for ffmpeg: each picture comes out once, whatever its own time is.
 const ONE_EACH: &str = "settb=1/25,setpts=N";
 
 /// The pictures of a clip, upright and with square pixels.

@@ -50,7 +50,7 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-/// How far the cameras of a file are from the photos' own, degrees at most.
+/// Error of a file's cameras against the photos' own, degrees at most.
 fn error(file: &Path) -> f64 {
     let frames = read_cameras(file).unwrap();
     assert_eq!(frames.len(), 2);

@@ -18,7 +18,7 @@ const SIZE: (usize, usize) = (192, 144);
 /// Flags with which matching takes hardly any time.
 const QUICK: &str = "--focal 0.87 --match-size 64";
 
-/// Whether an ffmpeg is installed; says so where there is none.
+/// True if an ffmpeg is installed; says so where there is none.
 fn has_ffmpeg(test: &str) -> bool {
     let found = Command::new("ffmpeg").arg("-version").output().is_ok();
     if !found {

@@ -16,7 +16,7 @@ pub fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// What a command prints that succeeds.
+/// Runs a command that succeeds and returns its output.
 pub fn printed(folder: &Path, line: &str) -> String {
     let done = splatweaver(folder, line);
     assert!(done.status.success(), "{line}: {}", text(&done.stderr));

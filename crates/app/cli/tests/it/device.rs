@@ -54,7 +54,7 @@ mod with {
         done
     }
 
-    /// Whether there is anything to draw on.
+    /// True if there is anything to draw on.
     fn any() -> bool {
         let listed = fine(&std::env::temp_dir(), "info --devices --json");
         let found: Value = serde_json::from_slice(&listed.stdout).unwrap();

@@ -11,7 +11,7 @@ use weaver_kernels::random::Stream;
 
 const BINARY: &str = env!("CARGO_BIN_EXE_splatweaver");
 
-/// How often, in an ordinary run; `WEAVER_KILLS` sets another number.
+/// Kills of an ordinary run; `WEAVER_KILLS` sets another number.
 const TIMES: u64 = 3;
 
 fn times() -> u64 {

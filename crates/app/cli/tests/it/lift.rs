@@ -197,7 +197,7 @@ fn pixels_without_numbers_do_not_count() {
     assert!(lifted(folder.path()).values::<f32>("features", &[SPLATS, 2]).unwrap().iter().all(|x| *x == 0.0));
 }
 
-/// What is dark in a picture beside the features does not count, at whatever size the picture has.
+/// A dark part of a picture beside the features does not count, at whatever size the picture has.
 #[test]
 fn masked_pixels_do_not_count() {
     let folder = folder();

@@ -34,7 +34,7 @@ fn ffmpeg(script: &str) -> tempfile::TempDir {
     bin
 }
 
-/// What is in the folder.
+/// Names of the files in the folder.
 fn names(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> =
         std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();

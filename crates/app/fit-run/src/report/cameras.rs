@@ -7,7 +7,7 @@ use weaver_run::Page;
 /// The picture of what photos have in common, beside the cameras.
 const POINTS: &str = "points.png";
 
-/// What stands above everything else where cameras are doubtful.
+/// Puts a warning on top of the page where cameras are doubtful.
 pub fn warning(cameras: &CamerasSummary, page: &mut Page) {
     if let Some(doubt) = &cameras.doubt {
         let help = cameras.help.as_deref().unwrap_or_default();
@@ -15,7 +15,7 @@ pub fn warning(cameras: &CamerasSummary, page: &mut Page) {
     }
 }
 
-/// How exact the cameras are, as a section.
+/// Section about the exactness of the cameras.
 pub fn section(cameras: &CamerasSummary, capture: &Path, page: &mut Page) {
     page.heading(2, "Estimated cameras");
     let number = |x: Option<f64>, digits: usize| x.map_or("unknown".into(), |x| format!("{x:.digits$}"));

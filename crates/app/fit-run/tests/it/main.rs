@@ -249,7 +249,7 @@ fn cameras_are_refined_and_written() {
     assert_eq!(bytes(&out), bytes(&other));
 }
 
-/// What a fit of distorted photos writes is a capture of the same photos, masks and cameras, those that it refined.
+/// The result of a fit to distorted photos is a capture of the same photos, masks and cameras, those that it refined.
 #[test]
 fn a_fit_of_distorted_photos_is_a_capture_of_them_again() {
     let folder = tempfile::tempdir().unwrap();
@@ -288,7 +288,7 @@ fn a_fit_of_distorted_photos_is_a_capture_of_them_again() {
         let (given, held_out): (Vec<_>, Vec<_>) = again.photos.into_iter().partition(|photo| !photo.held_out);
         assert_eq!((given.len(), held_out.len()), (run.fit().photos(), run.held_out().len()));
         let close = |a: f64, b: f64| (a - b).abs() < 1e-6 * b.abs();
-        for (i, loaded) in given.iter().enumerate() {
+        for (i, loaded) in given.iter().map(|posed| &posed.photo).enumerate() {
             let (photo, camera) = (run.fit().photo(i), run.fit().camera(i));
             let apart = loaded.rgb.iter().zip(&photo.rgb).map(|(a, b)| a.abs_diff(*b)).max();
             assert!(apart.is_some_and(|apart| apart <= 1) && loaded.mask == photo.mask, "{}", photo.name);
@@ -336,7 +336,7 @@ fn a_fit_is_a_capture_that_holds_out_the_same_photos_wherever_it_is_moved() {
         let held_out = |name: &str| {
             let photos = posed::load(after.join(name), &PosedOptions::default()).unwrap().photos;
             assert_eq!(photos.len(), 9);
-            photos.into_iter().filter(|photo| photo.held_out).map(|photo| photo.rgb).collect::<Vec<_>>()
+            photos.into_iter().filter(|photo| photo.held_out).map(|photo| photo.photo.rgb).collect::<Vec<_>>()
         };
         // All of them, where every eighth would be held out if the file did not say.
         assert_eq!(held_out("out"), if all { vec![] } else { held_out("data") }, "all: {all}");

@@ -52,9 +52,9 @@ fn what_is_masked_is_not_judged() {
     let photos = posed::load(&data, &options).unwrap().photos;
     let judged = |held_out: bool, masked: bool| {
         let quality = |photo: &posed::PosedPhoto| {
-            let image = render(&gaussians, &[photo.camera], [1.0; 3], &raster, &mut Workspace::new()).unwrap();
-            let mask = photo.mask.as_deref().filter(|_| masked);
-            Judge::default().compare_inside(&image.concat(), &photo.rgb, [32, 40], mask)
+            let image = render(&gaussians, &[photo.photo.camera], [1.0; 3], &raster, &mut Workspace::new()).unwrap();
+            let mask = photo.photo.mask.as_deref().filter(|_| masked);
+            Judge::default().compare_inside(&image.concat(), &photo.photo.rgb, [32, 40], mask)
         };
         let all: Vec<Quality> = photos.iter().filter(|photo| photo.held_out == held_out).map(quality).collect();
         Quality::mean(&all).unwrap().psnr

@@ -14,7 +14,7 @@ use std::fmt::Write;
 use weaver_command::{Console, Failure, Progress};
 use weaver_inference::{OutputFolder, Predictor, RunFolder, SplatWeaverPredictor};
 
-/// What one scene gives.
+/// Figures of one scene.
 struct Outcome {
     figures: Figures,
     noise: Noise,
@@ -101,7 +101,7 @@ fn coverage(all: &[&Figures]) -> String {
     )
 }
 
-/// How far each claim holds.
+/// Figures of each claim.
 fn claims(all: &[&Figures]) -> String {
     let scenes = all.len();
     let count = |holds: &dyn Fn(&Figures) -> bool| all.iter().filter(|figures| holds(figures)).count();
@@ -141,7 +141,7 @@ fn paired(differences: &[f64]) -> String {
     format!("{mean:+.4}{error}, up in {above} of {}", differences.len())
 }
 
-/// What aggregation does with wrong masks, for each bound on their overlap with a cluster.
+/// Effect of aggregation on wrong masks, for each bound on their overlap with a cluster.
 fn rejection(noises: &[&Noise]) -> String {
     let scenes = noises.len();
     let mean = |of: &dyn Fn(&Noise) -> f64| noises.iter().map(|noise| of(noise)).sum::<f64>() / scenes.max(1) as f64;

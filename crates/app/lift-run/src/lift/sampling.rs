@@ -99,7 +99,7 @@ mod tests {
         }
     }
 
-    /// What a distorted photo shows at a place is found where the straight camera sees it.
+    /// A place in a distorted photo is found where the straight camera sees it.
     #[test]
     fn distortion_is_undone() {
         let from = camera(64, 48);

@@ -13,12 +13,12 @@ use weaver_trainer::losses::{ImageNetworks, PoseCodes, camera_constants, photo_c
 use weaver_trainer::{CameraMode, Example, StageConfig, Terms};
 use weaver_vggt::Encoded;
 
-/// What a step needs beside its tuples.
+/// Inputs of a step beside its tuples.
 #[derive(Debug)]
 pub struct Objective<'a> {
     /// The stage.
     pub stage: &'a StageConfig<SplatWeaverRecipe>,
-    /// Whether the ranking loss is still on.
+    /// True if the ranking loss is still on.
     pub ranking: bool,
     /// The stage's allocation.
     pub allocation: &'a dyn Allocation<f32>,

@@ -132,7 +132,7 @@ fn with_pairs(stage: StageConfig<SplatWeaverRecipe>) -> StageConfig<SplatWeaverR
     StageConfig { losses: Losses { pose: pairs, ..stage.losses }, ..stage }
 }
 
-/// What a single expert leaves of the router's lists.
+/// The router's losses for a single expert.
 fn one_expert(router: &RouterLosses) -> RouterLosses {
     RouterLosses {
         rank_quantiles: router.rank_quantiles[..1].to_vec(),

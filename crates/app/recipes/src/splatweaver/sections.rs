@@ -9,7 +9,7 @@ use weaver_router::{AllocationKind, TrainingMix};
 use weaver_trainer::losses::{DepthLosses, ImageLosses, PoseLosses};
 use weaver_trainer::{CameraMode, LossSection};
 
-/// What SplatWeaver does in a stage.
+/// Settings of a stage of SplatWeaver.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StageSettings {
@@ -38,11 +38,11 @@ pub struct StageSettings {
     pub budgets: Vec<f64>,
     /// Cameras of the context views, for unprojection and rendering.
     pub cameras: CameraMode,
-    /// Whether held-out target views are rendered too, with the data's cameras.
+    /// True if held-out target views are rendered too, with the data's cameras.
     pub render_targets: bool,
 }
 
-/// What runs drew from before it was a setting.
+/// Budgets that runs drew from before they were a setting.
 fn budgets() -> Vec<f64> {
     TrainingMix::default().budgets
 }
@@ -73,7 +73,7 @@ pub enum StageAllocation {
 }
 
 impl StageAllocation {
-    /// Whether the router itself chooses each pixel's expert, so that losses on its choice reach it.
+    /// True if the router itself chooses each pixel's expert, so that losses on its choice reach it.
     pub fn is_routed(self) -> bool {
         matches!(self, Self::Kind(AllocationKind::Sampled | AllocationKind::Argmax))
     }
@@ -117,11 +117,11 @@ impl fmt::Display for StageAllocation {
     }
 }
 
-/// How SplatWeaver is evaluated, and used unless a call says otherwise.
+/// Evaluation of SplatWeaver, and its use unless a call says otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EvaluationSettings {
-    /// Whose cameras.
+    /// Source of the cameras.
     pub cameras: CameraMode,
     /// Which pixels get Gaussians: sampled, argmax, dithered, quadtree, quadtree-grid, grid, random or fixed:K. Without it dithered.
     #[serde(default, skip_serializing_if = "Option::is_none", with = "allocation_name")]
@@ -171,7 +171,7 @@ impl LossSection for Losses {
     }
 }
 
-/// What the budget loss asks for.
+/// Target of the budget loss.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BudgetForm {
@@ -203,7 +203,7 @@ pub struct RouterLosses {
     /// Weight of the budget of the router's own allocations, sampled and argmax, in the form of `budget_form`.
     #[schemars(range(min = 0.0))]
     pub budget: f64,
-    /// What the budget asks for.
+    /// Target of the budget.
     pub budget_form: BudgetForm,
     /// Shares of pixels of E_1, E_2, ... E_M.
     #[schemars(inner(range(min = 0.0, max = 1.0)))]

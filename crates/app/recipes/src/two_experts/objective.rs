@@ -4,12 +4,12 @@ use super::TwoExpertsRecipe;
 use super::sections::Runs;
 use weaver_autograd::{List, Var, ops};
 use weaver_kernels::random::Stream;
-use weaver_model::TwoExperts;
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
 use weaver_splat::{GaussianVars, Rasterize};
 use weaver_trainer::losses::{PoseCodes, camera_constants, photo_constant};
 use weaver_trainer::{CameraMode, Example, StageConfig, Step, Terms};
+use weaver_two_experts::TwoExperts;
 
 /// That every loss with a weight is one that the stage has, and that there is one.
 pub(super) fn check(stage: &StageConfig<TwoExpertsRecipe>, key: &str) -> Result<(), String> {

@@ -1,9 +1,9 @@
 //! The presets: what is trained, for how long, with which losses.
 
 use super::{TwoExpertsEvaluation, TwoExpertsLosses, TwoExpertsRecipe, TwoExpertsStage};
-use weaver_model::TwoExpertsConfig;
 use weaver_trainer::losses::{ImageLosses, PoseLosses};
 use weaver_trainer::{CameraMode, Config, OutputConfig, StageConfig};
+use weaver_two_experts::TwoExpertsConfig;
 
 type Stage = StageConfig<TwoExpertsRecipe>;
 

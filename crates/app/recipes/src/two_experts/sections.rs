@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use weaver_trainer::losses::{ImageLosses, PoseLosses};
 use weaver_trainer::{CameraMode, LossSection, StageConfig};
 
-/// What 2Xplat does in a stage.
+/// Settings of a stage of 2Xplat.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TwoExpertsStage {
@@ -16,16 +16,16 @@ pub struct TwoExpertsStage {
     /// The learning rate of the geometry expert, as a fraction of the stage's rate.
     #[schemars(range(min = 0.0))]
     pub geometry_rate: f64,
-    /// Whose cameras the appearance expert is told, and pictures are drawn from: given, or predicted by the geometry expert, which
+    /// Source of the cameras that the appearance expert is told, and pictures are drawn from: given, or predicted by the geometry expert, which
     /// then sees the target photos as well.
     pub cameras: CameraMode,
 }
 
-/// How 2Xplat is evaluated, and used unless a call says otherwise.
+/// Evaluation of 2Xplat, and its use unless a call says otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TwoExpertsEvaluation {
-    /// Whose cameras.
+    /// Source of the cameras.
     pub cameras: CameraMode,
 }
 
@@ -48,9 +48,9 @@ impl LossSection for TwoExpertsLosses {
     }
 }
 
-/// What follows from a stage's settings.
+/// Facts that follow from a stage's settings.
 pub(super) trait Runs {
-    /// Whether the geometry expert has a part in it.
+    /// True if the geometry expert has a part in it.
     fn runs_geometry(&self) -> bool;
 }
 

@@ -5,7 +5,7 @@ use weaver_geometry::{Camera, Similarity};
 
 /// Keeps the fit determined.
 const RIDGE: f64 = 1e-6;
-/// What a difference of log depth costs a point's weight.
+/// Weight lost by a point for a difference of log depth.
 const SHARPNESS: f64 = 10.0;
 /// Mean weighted square of the error, training units, from which a tuple does not count.
 const LARGEST: f64 = 0.5;
@@ -51,7 +51,7 @@ impl KnownDepth<'_> {
         camera.unproject(center, z.into())
     }
 
-    /// How well a point that view `own` sees agrees with what the others know.
+    /// Weight of a point that view `own` sees, by its agreement with the others.
     fn weight(&self, point: DVec3, own: usize) -> f64 {
         let (mut sum, mut views) = (0.0, 0.0);
         for (v, camera) in self.cameras.iter().enumerate().filter(|(v, _)| *v != own) {

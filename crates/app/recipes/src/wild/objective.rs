@@ -6,12 +6,12 @@ use super::sections::Runs;
 use weaver_autograd::Var;
 use weaver_data::appearance::keep_columns;
 use weaver_losses as losses;
-use weaver_model::Wild;
 use weaver_nn::Context;
 use weaver_pose::CameraVars;
 use weaver_splat::Rasterize;
 use weaver_trainer::losses::{PoseCodes, camera_constants, photo_constant, photo_constants};
 use weaver_trainer::{CameraMode, Example, StageConfig, Step, Terms};
+use weaver_wild::Wild;
 
 /// That there is a loss with a weight.
 pub(super) fn check(stage: &StageConfig<WildRecipe>, key: &str) -> Result<(), String> {

@@ -1,9 +1,9 @@
 //! The presets: what is trained, for how long, with which losses.
 
 use super::{WildEvaluation, WildLosses, WildRecipe, WildStage};
-use weaver_model::WildConfig;
 use weaver_trainer::losses::{ImageLosses, PoseLosses};
 use weaver_trainer::{CameraMode, Config, LooksConfig, OutputConfig, StageConfig};
+use weaver_wild::WildConfig;
 
 type Stage = StageConfig<WildRecipe>;
 

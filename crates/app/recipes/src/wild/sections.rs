@@ -6,17 +6,17 @@ use serde::{Deserialize, Serialize};
 use weaver_trainer::losses::{ImageLosses, PoseLosses};
 use weaver_trainer::{CameraMode, LossSection, StageConfig};
 
-/// What WildSplatter does in a stage.
+/// Settings of a stage of WildSplatter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WildStage {
-    /// Whose cameras Gaussians are made with: given, or predicted. Targets are drawn from given ones.
+    /// Source of the cameras that Gaussians are made with: given, or predicted. Targets are drawn from given ones.
     pub cameras: CameraMode,
     /// With predicted cameras: whether Gaussians are laid over the data's points by a scale and a shift of each tuple, without gradient,
     /// before they are drawn, as published. Tuples on which that fails teach nothing by their pictures.
     #[serde(default)]
     pub aligned: bool,
-    /// Whether colors follow the embedding of the target's photo; `false`, with an embedding of zeros, is for ablations.
+    /// True if colors follow the embedding of the target's photo; `false`, with an embedding of zeros, is for ablations.
     pub embed: bool,
     /// Fraction of the targets whose photos tell their light with one half, the left or the right one: the other is filled with its mean, so
     /// that no embedding can rest on the whole picture.
@@ -25,11 +25,11 @@ pub struct WildStage {
     pub halves: f64,
 }
 
-/// How WildSplatter is evaluated, and used unless a call says otherwise.
+/// Evaluation of WildSplatter, and its use unless a call says otherwise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WildEvaluation {
-    /// Whose cameras.
+    /// Source of the cameras.
     pub cameras: CameraMode,
 }
 
@@ -53,9 +53,9 @@ impl LossSection for WildLosses {
     }
 }
 
-/// What follows from a stage's settings.
+/// Facts that follow from a stage's settings.
 pub(super) trait Runs {
-    /// Whether pictures are drawn in it.
+    /// True if pictures are drawn in it.
     fn renders(&self) -> bool;
 }
 

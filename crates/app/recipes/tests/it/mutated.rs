@@ -6,7 +6,7 @@ use weaver_kernels::random::Stream;
 use weaver_recipes::SplatWeaverRecipe;
 use weaver_trainer::Config;
 
-/// What a reader may hold at once: so many times its input, and some more.
+/// Memory that a reader may hold: so many times its input, and some more.
 const TIMES: u64 = 64;
 const MORE: u64 = 4 << 20;
 

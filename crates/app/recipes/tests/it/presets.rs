@@ -7,7 +7,7 @@ use weaver_trainer::{Recipe, Session, StepReport};
 
 type Config = weaver_trainer::Config<SplatWeaverRecipe>;
 
-/// What makes a preset quick; its choices stay.
+/// Settings that make a preset quick; its choices stay.
 const SMALL: [&str; 17] = [
     "model.width=32",
     "model.height=32",

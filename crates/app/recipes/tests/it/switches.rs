@@ -13,7 +13,7 @@ use weaver_router::AllocationKind;
 use weaver_trainer::{Example, Recipe, scenes};
 use weaver_wavelet::{Wavelet, energy};
 
-/// What an untrained model makes of one tuple, with a choice of Gaussians per pixel.
+/// Result of an untrained model on one tuple, with a choice of Gaussians per pixel.
 #[derive(Debug)]
 struct Seen {
     /// Names of the parameters.
@@ -24,7 +24,7 @@ struct Seen {
     db2: Vec<f32>,
     logits: Vec<f32>,
     expert: Vec<u8>,
-    /// Whether the router's choice has a gradient, and noise.
+    /// True if the router's choice has a gradient, and noise.
     gate: Option<bool>,
     /// The first camera's emitted code.
     first: Vec<f32>,

@@ -4,12 +4,13 @@ use std::sync::Arc;
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_data::{Layout, Scene};
 use weaver_inference::reconstruct::{Options as ReconstructOptions, reconstruct};
-use weaver_inference::{CameraSource, Density, OutputFolder, Predictor, SplatWeaverPredictor, TwoExpertsPredictor};
+use weaver_inference::{CameraSource, Density, OutputFolder, Predictor, SplatWeaverPredictor};
 use weaver_kernels::random::Stream;
 use weaver_recipes::{SplatWeaverRecipe, TwoExpertsRecipe, registry};
 use weaver_trainer::evaluate::{Options, evaluate};
 use weaver_trainer::losses::{camera_constants, photo_constant};
 use weaver_trainer::{AlignLoss, Alignment, CameraMode, Example, Recipe, Session, StepReport, Targets};
+use weaver_two_experts::TwoExpertsPredictor;
 
 type Config = weaver_trainer::Config<TwoExpertsRecipe>;
 
@@ -126,7 +127,8 @@ fn cameras_of_further_photos_are_predicted_along() {
     let mut one = SplatWeaverPredictor::new(network, params, "fixed:1".parse().unwrap(), 1.0);
     let stream = Stream::new(0, 0, "test");
     for predictor in [&mut two as &mut dyn Predictor, &mut one] {
-        let joint = predictor.predict_jointly(example.photos(), 2, Density::default(), stream).unwrap();
+        let joint =
+            predictor.as_joint().unwrap().predict_jointly(example.photos(), 2, Density::default(), stream).unwrap();
         assert_eq!((joint.prediction.cameras.len(), joint.targets.len()), (2, 1));
         assert_eq!(joint.prediction.counts.len(), 2 * height * width);
         assert_eq!(joint.prediction.gaussians.opacities.len(), 2 * height * width);

@@ -4,11 +4,12 @@ use std::sync::Arc;
 use weaver_autograd::Params;
 use weaver_data::procedural::{ProceduralOptions, scene};
 use weaver_data::{Layout, Scene, Tuple};
-use weaver_inference::{CameraSource, Density, Look, Photos, Predictor, WildPredictor};
+use weaver_inference::{CameraSource, Density, Lights, Look, Photos, Predictor};
 use weaver_kernels::random::Stream;
 use weaver_recipes::WildRecipe;
 use weaver_trainer::evaluate::{Options, evaluate};
 use weaver_trainer::{CameraMode, Evaluation, Example, LookOf, LooksConfig, Recipe, Session, StageConfig, Targets};
+use weaver_wild::WildPredictor;
 
 type Config = weaver_trainer::Config<WildRecipe>;
 

@@ -23,7 +23,7 @@ pub fn resolve<S: Settings>(defaults: &S, file: Option<&Path>, sets: &[String]) 
     layers.finish(&source(file, sets))
 }
 
-/// What a file and settings are called together in errors.
+/// Name of a file and settings together in errors.
 pub fn source(file: Option<&Path>, sets: &[String]) -> String {
     let file = file.map(|file| file.display().to_string());
     file.into_iter().chain(sets.iter().cloned()).collect::<Vec<_>>().join(", ")

@@ -28,14 +28,14 @@ pub(crate) fn property<'s>(schema: &'s Schema, key: &str) -> Option<&'s Schema> 
     schema["properties"].get(key).or_else(|| variants().find_map(|variant| property(variant, key)))
 }
 
-/// Whether a key may be left out.
+/// True if a key may be left out.
 pub(crate) fn is_optional(schema: &Schema) -> bool {
     let null = |s: &Schema| s["type"] == "null";
     schema["type"].as_array().is_some_and(|types| types.iter().any(|t| t == "null"))
         || schema["anyOf"].as_array().is_some_and(|any| any.iter().any(null))
 }
 
-/// Whether a value may have a fraction.
+/// True if a value may have a fraction.
 pub(crate) fn is_number(schema: &Schema) -> bool {
     schema["type"] == "number" || schema["type"].as_array().is_some_and(|types| types.iter().any(|t| t == "number"))
 }

@@ -28,13 +28,13 @@ struct Settings {
     limit: Option<f64>,
     /// Which cameras are used.
     cameras: Cameras,
-    /// How Gaussians are added.
+    /// Strategy of adding Gaussians.
     strategy: Strategy,
-    /// What is done, one after the other.
+    /// The stages, one after the other.
     stages: Vec<Stage>,
 }
 
-/// Whose cameras.
+/// Source of the cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 enum Cameras {
@@ -44,7 +44,7 @@ enum Cameras {
     Found,
 }
 
-/// How Gaussians are added.
+/// Strategy of adding Gaussians.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 enum Strategy {

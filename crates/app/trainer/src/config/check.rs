@@ -20,7 +20,7 @@ impl<R: Recipe> Config<R> {
         Ok(checked.map_err(|message| Wrong::invalid("configuration", message))?)
     }
 
-    /// What is of use with captures alone. They may be named after all else was set.
+    /// Checks settings that are of use with captures alone. They may be named after all else was set.
     fn check_folders(&self) -> Result<(), String> {
         let d = &self.data;
         if d.teacher.is_some() && d.folders.is_empty() {

@@ -25,7 +25,7 @@ pub struct DataConfig {
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub scene_scale: Option<f64>,
     /// For folders of photos without cameras: a published checkpoint, VGGT's or SplatWeaver's, from which they get cameras and depth.
-    /// What it says is kept beside the photos, in teacher.safetensors.
+    /// Its predictions are kept beside the photos, in teacher.safetensors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub teacher: Option<PathBuf>,
     /// Captures only: leaves out what is black in masks (`mask_path` of transforms.json, a file in `masks/` named as the photo, or its
@@ -45,10 +45,10 @@ pub struct DataConfig {
     /// Which training views make a tuple.
     #[serde(default)]
     pub sampler: SamplerKind,
-    /// How many of its nearest training views a view's context is drawn from, by the sampler `nearest`.
+    /// Number of its nearest training views that a view's context is drawn from, by the sampler `nearest`.
     #[schemars(range(min = 2, max = MOST))]
     pub pool: usize,
-    /// How tuples vary from what was photographed.
+    /// Variation of tuples from the photos.
     #[serde(default)]
     pub augmentation: Augmentation,
     /// Light and passers-by that photos are given; none leaves photos as they were taken.
@@ -70,7 +70,7 @@ pub enum SamplerKind {
 }
 
 impl DataConfig {
-    /// How tuples are drawn.
+    /// Sampler of tuples.
     pub fn sampler(&self) -> Sampler {
         match self.sampler {
             SamplerKind::Nearest => Sampler::Nearest { pool: self.pool },
@@ -84,7 +84,7 @@ impl DataConfig {
         self.most_context_views.unwrap_or(self.context_views)
     }
 
-    /// How many context views the tuples of a step have.
+    /// Number of context views in the tuples of a step.
     pub(crate) fn context_of(&self, seed: u64, step: usize) -> usize {
         let more = self.most_context() - self.context_views;
         self.context_views + Stream::new(seed, step as u64, "views").below(0, more + 1)

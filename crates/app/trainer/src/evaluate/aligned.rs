@@ -19,16 +19,16 @@ use weaver_losses::Photometric;
 use weaver_pose::PoseErrors;
 use weaver_splat::CpuRasterizer;
 
-/// How held-out cameras are aligned.
+/// Alignment of held-out cameras.
 #[derive(Clone, Copy, Debug)]
 pub struct Alignment {
-    /// How cameras descend.
+    /// Options of the descent.
     pub options: Options,
     /// On what.
     pub loss: AlignLoss,
 }
 
-/// What a render and a photo are compared by while a camera is aligned.
+/// Loss between render and photo while a camera is aligned.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum AlignLoss {
     /// The mean square of differences, by which the published methods align.
@@ -40,7 +40,7 @@ pub enum AlignLoss {
 }
 
 impl AlignLoss {
-    /// What a method aligns by when nothing is said: the published ones as published, ours by what finds most cameras.
+    /// The loss of a method when none is given: the published ones as published, ours by what finds most cameras.
     pub fn of(method: Method) -> Self {
         if method == Method::Own { Self::Photometric } else { Self::MeanSquare }
     }
@@ -70,9 +70,9 @@ pub(super) struct AlignedView {
     pub camera: Camera,
     /// Steps of the descent.
     pub steps: usize,
-    /// How far its camera turned, degrees, and moved, in parts of the mean depth.
+    /// Movement of its camera, degrees, and in parts of the mean depth.
     pub moved: [f64; 2],
-    /// Whether anything better than the guess was found.
+    /// True if anything better than the guess was found.
     pub found: bool,
 }
 
@@ -92,8 +92,7 @@ pub(super) fn aligned(
         settings: predictor.raster_settings(),
         unit: unit(prediction.cameras.iter().map(|camera| camera.pose.center())),
     };
-    let mask: Option<Vec<u8>> = view.inside.as_ref().map(|inside| inside.iter().map(|i| u8::from(*i)).collect());
-    let photo = Photo { pixels: &view.image.pixels, mask: mask.as_deref(), camera: drawn.camera };
+    let photo = Photo { pixels: &view.image.pixels, mask: view.inside.as_deref(), camera: drawn.camera };
     let found = align(&rasterizer, &scene, &[photo], &alignment.options, alignment.loss.function());
     let found = found.map_err(|e| Error::Input(format!("{}: {e}", view.name)))?.remove(0);
     let steps = found.losses.len().saturating_sub(1);
@@ -103,7 +102,7 @@ pub(super) fn aligned(
     Ok(AlignedView { render, camera, steps, moved, found: outcome == Outcome::Found })
 }
 
-/// How far a held-out camera is off, seen from each camera that the Gaussians were made with as the data has both.
+/// Error of a held-out camera, seen from each camera that the Gaussians were made with as the data has both.
 pub(super) fn off(drawn: &Drawn, camera: &Camera, scene: &Scene, tuple: &Tuple) -> CameraFigures {
     let truth = |view: usize| scene.views[view].camera.pose;
     let target = truth(tuple.targets[0]);

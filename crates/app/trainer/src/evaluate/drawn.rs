@@ -19,13 +19,13 @@ pub(super) struct Drawn {
     pub camera: Camera,
     /// With estimated cameras: the same in the capture's own scale and through its own lens.
     pub strict: Option<Image>,
-    /// How far the context's cameras are off, unless they were given.
+    /// Errors of the context's cameras, unless they were given.
     pub errors: Option<PoseErrors>,
-    /// What the reader should know.
+    /// Remark for the reader.
     pub remark: Option<Remark>,
 }
 
-/// What happened to a view.
+/// Remarks on a view.
 #[derive(Clone, Copy, Debug, Eq, Ord, PartialEq, PartialOrd)]
 pub(super) enum Remark {
     Rescaled,
@@ -106,7 +106,7 @@ impl Drawing<'_> {
         let (example, _) = self.example(scene, tuple.clone())?;
         let (stream, context) = (self.stream(&example), example.context().len());
         let JointPrediction { prediction, targets } =
-            self.predictor.predict_jointly(example.photos(), context, self.density, stream)?;
+            self.predictor.as_joint()?.predict_jointly(example.photos(), context, self.density, stream)?;
         let camera = targets[0];
         let render = self.render(&prediction, camera)?;
         let errors = errors(&prediction.predicted, &example);
@@ -135,7 +135,7 @@ impl Drawing<'_> {
         let photo = photo_of(asked, scene, &example.tuple);
         let size = [photos.width, photos.height];
         let look = photo.as_ref().map_or(Look::Unknown, |photo| Look::Of(as_photos(photo, size)));
-        Ok(self.predictor.predict_looks(photos, cameras, &[look], stream)?.prediction)
+        Ok(self.predictor.as_lights()?.predict_looks(photos, cameras, &[look], stream)?.prediction)
     }
 
     /// The photo of a tuple's target in the light that it was given and in another one, and renders in these lights.
@@ -161,7 +161,7 @@ impl Drawing<'_> {
         let source = example.camera_source(self.options.cameras, measured, None);
         let stream = self.stream(&example);
         let LookPrediction { mut prediction, colors } =
-            self.predictor.predict_looks(example.context_photos(), source, &looks, stream)?;
+            self.predictor.as_lights()?.predict_looks(example.context_photos(), source, &looks, stream)?;
         let factor = if measured { 1.0 } else { prediction.scale_to_predicted(example.context()) };
         let camera = example.targets()[0];
         let camera = Camera { pose: camera.pose.scaled(factor), ..camera };
@@ -185,7 +185,7 @@ fn between(predicted: &[Camera], context: &[Camera]) -> Option<Similarity> {
     (predicted.len() == context.len()).then(|| Similarity::fit(&centers(context), &centers(predicted)))?
 }
 
-/// How far cameras are from the context's own; `None` for a single one.
+/// Errors of cameras against the context's own; `None` for a single one.
 fn errors(cameras: &[Camera], example: &Example) -> Option<PoseErrors> {
     let poses = |c: &[Camera]| -> Vec<Pose> { c.iter().map(|c| c.pose).collect() };
     let several = cameras.len() > 1 && cameras.len() == example.context().len();

@@ -100,7 +100,7 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     sum / count
 }
 
-/// How well a render meets the light of a photo.
+/// Figures of a render's light beside a photo's.
 pub(super) fn figures(render: &Image, view: &View) -> LookFigures {
     let (mut squares, mut color_error) = (0.0, 0.0);
     for channel in 0..3 {
@@ -116,7 +116,7 @@ pub(super) fn figures(render: &Image, view: &View) -> LookFigures {
     LookFigures { psnr_fitted: -10.0 * squares.log10(), color_error, slope: None, correlation: None }
 }
 
-/// How changes of the renders' mean color follow those of the photos', over the views of a scene.
+/// Agreement of changes of the renders' mean color with those of the photos', over the views of a scene.
 #[derive(Debug, Default)]
 pub(super) struct Recovery {
     /// For each channel, log ratios of photo and of render.

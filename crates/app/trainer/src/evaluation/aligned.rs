@@ -17,15 +17,15 @@ pub struct AlignedFigures {
     pub ssim: f64,
     /// LPIPS, when its weights are given.
     pub lpips: Option<f64>,
-    /// What alignment gains with given cameras, dB, where the camera is right: six numbers fitted to the photo.
+    /// Gain by alignment with given cameras, dB, where the camera is right: six numbers fitted to the photo.
     pub gain_given: f64,
     /// PSNR after alignment with a photo of another scene, one view of each scene, and that of this photo's mean color, dB: what the scene has
     /// nothing to do with must not be met.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub elsewhere: Option<[f64; 2]>,
-    /// How far cameras turned, degrees.
+    /// Turn of the cameras, degrees.
     pub degrees: f64,
-    /// How far cameras moved, in parts of the mean depth that they see.
+    /// Movement of the cameras, in parts of the mean depth that they see.
     pub distance: f64,
     /// Steps of the descent.
     pub steps: f64,
@@ -33,11 +33,11 @@ pub struct AlignedFigures {
     pub found: f64,
     /// Share of views whose PSNR rose.
     pub better: f64,
-    /// How far the held-out cameras are off before and after.
+    /// Errors of the held-out cameras before and after.
     pub cameras: [CameraFigures; 2],
 }
 
-/// How far held-out cameras are off, seen from each camera of their context as the data has both: only where this falls as well has anything
+/// Errors of held-out cameras, seen from each camera of their context as the data has both: only where this falls as well has anything
 /// been aligned.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CameraFigures {

@@ -3,7 +3,7 @@
 use crate::{Error, Recipe, StageConfig};
 use weaver_autograd::Params;
 
-/// Whether a parameter belongs to a part: the part's name is the beginning of its own, up to a dot.
+/// True if a parameter belongs to a part: the part's name is the beginning of its own, up to a dot.
 fn belongs(name: &str, part: &str) -> bool {
     let rest = name.strip_prefix(part.trim_end_matches('.'));
     rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))

@@ -15,7 +15,7 @@ const WIDTH: usize = 3;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 struct CloudConfig {
-    /// Whether the rows of the points vary.
+    /// True if the rows of the points vary.
     rows_vary: bool,
 }
 

@@ -179,7 +179,7 @@ fn optional_keys_are_set_unset_and_documented() {
     assert!(above("# lpips_weights =").starts_with("# File with"), "{text}");
 }
 
-/// What a capture says of its photos is there for a loss to use, context first, then targets.
+/// Times and numbers of a capture's photos reach the losses, context first, then targets.
 #[test]
 fn times_and_numbers_reach_the_examples() {
     let mut scene = weaver_data::procedural::default_unseen_set(16, 16).swap_remove(0);

@@ -9,7 +9,7 @@ use weaver_kernels::Real;
 
 /// The gradient of the loss with respect to an output.
 enum Cotangent<'a, T: Real> {
-    /// What the walk began with, where nothing is to be added to it: no copy.
+    /// The initial values of the walk, where nothing is to be added to them: no copy.
     Given(&'a [T]),
     Summed(Buffer<T>),
 }

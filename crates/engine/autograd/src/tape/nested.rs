@@ -5,7 +5,7 @@ use crate::Pool;
 use crate::profile::Tracer;
 use weaver_kernels::Real;
 
-/// What a tape inside an op takes over from the outer tape.
+/// Settings that a tape inside an op takes over from the outer tape.
 #[derive(Debug)]
 pub(crate) struct Surroundings {
     tracer: Tracer,

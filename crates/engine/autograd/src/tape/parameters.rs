@@ -78,7 +78,7 @@ impl<T: Real> Tape<T> {
         }
     }
 
-    /// Whether the parameter occurs on this tape.
+    /// True if the parameter occurs on this tape.
     pub(crate) fn uses(&self, id: ParamId) -> bool {
         self.record.borrow().params.get(id.index()).is_some_and(Option::is_some)
     }

@@ -7,7 +7,7 @@ use smallvec::{Array, SmallVec};
 use std::fmt::Display;
 use weaver_kernels::Real;
 
-/// What a part of a model returns: anything whose tensors can be listed.
+/// The result of a part of a model: anything whose tensors can be listed.
 ///
 /// Implemented for tensors, buffers of the pool (which hold none), and tuples, arrays, lists and options of such. A
 /// struct of tensors implements it with one line:
@@ -92,7 +92,7 @@ tuples!(()(A 0)(A 0, B 1)(A 0, B 1, C 2)(A 0, B 1, C 2, D 3)(A 0, B 1, C 2, D 3,
 #[must_use = "`end` returns what the last step did"]
 pub struct Steps<'t, T: Real, R> {
     tape: &'t Tape<T>,
-    /// How many values the tape had before the first step.
+    /// Number of values that the tape had before the first step.
     start: usize,
     latest: R,
 }
@@ -107,7 +107,7 @@ impl<'t, T: Real, R> Steps<'t, T, R> {
         Steps { tape, start, latest }
     }
 
-    /// What the last step returned.
+    /// The result of the last step.
     pub fn end(self) -> R {
         self.latest
     }
@@ -195,7 +195,7 @@ impl<T: Real> Tape<T> {
         }
     }
 
-    /// Whether applied ops are recorded.
+    /// True if applied ops are recorded.
     pub fn is_recording(&self) -> bool {
         self.recording.get()
     }

@@ -38,7 +38,7 @@ impl<'a, T: Real> Gradient<'a, T> {
     }
 }
 
-/// What [`attention_forward`](super::attention_forward) wrote.
+/// The output of [`attention_forward`](super::attention_forward).
 #[derive(Clone, Copy, Debug)]
 pub struct AttentionOutput<'a, T> {
     /// The output vectors.

@@ -19,7 +19,7 @@ const CHAIN: usize = 512;
 /// Tasks per thread.
 const TASKS: usize = 4;
 
-/// Whether windows of neighboring pixels are shifted by one element, and have more than one element.
+/// True if windows of neighboring pixels are shifted by one element, and have more than one element.
 pub(super) fn suits<T>(x: &Windows<'_, T>) -> bool {
     x.stride == 1 && x.kh * x.kw > 1 && x.c > 0 && x.out_w > 0
 }

@@ -33,7 +33,7 @@ impl<T: Real> Panels<T> for Batch<Mat<'_, T>> {
     }
 }
 
-/// How many rows ahead of the one being packed are prefetched.
+/// Number of rows ahead of the one being packed that are prefetched.
 pub(super) const AHEAD: usize = 32;
 
 /// `out[p * padded + q] = data[p * strides[0] + q * strides[1]]`, zeros from `q = width` on.

@@ -21,7 +21,7 @@ use weaver_kernels::Real;
 use weaver_kernels::gemm::Mat;
 use weaver_kernels::random::Stream;
 
-/// Whether sweeps run in full, as `cargo xtask stress` wants them, and not on a sample.
+/// True if sweeps run in full, as `cargo xtask stress` wants them, and not on a sample.
 fn stressed() -> bool {
     std::env::var_os("WEAVER_STRESS").is_some()
 }

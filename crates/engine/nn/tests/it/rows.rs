@@ -11,7 +11,7 @@ const WIDTH: usize = 3;
 const BETAS: [f64; 2] = [0.9, 0.99];
 const DECAY: f64 = 0.98;
 
-/// What may happen to a parameter, with a seed for the details.
+/// An event of a parameter, with a seed for the details.
 #[derive(Clone, Copy, Debug)]
 enum Event {
     StepOfAll,

@@ -8,7 +8,7 @@ use std::path::Path;
 pub struct Fixture {
     bytes: Vec<u8>,
     errors: serde_json::Value,
-    /// What single precision costs the sums of a gradient, relative to its norm.
+    /// Error by single precision of the sums of a gradient, relative to its norm.
     pub gradstat_error: f64,
     exact_zeros: serde_json::Value,
 }
@@ -25,7 +25,7 @@ impl Fixture {
         Self { errors: json("f32_error"), gradstat_error, exact_zeros: json("exact_zeros"), bytes }
     }
 
-    /// What single precision leaves of a gradient that vanishes in exact arithmetic; `None` for any other.
+    /// Remainder in single precision of a gradient that vanishes in exact arithmetic; `None` for any other.
     pub fn exact_zero(&self, key: &str) -> Option<f64> {
         self.exact_zeros.get(key).map(|left| left.as_f64().unwrap())
     }
@@ -55,7 +55,7 @@ impl Fixture {
         data.chunks_exact(4).map(|b| i32::from_le_bytes(b.try_into().unwrap()) as u32).collect()
     }
 
-    /// Whether the file holds a tensor.
+    /// True if the file holds a tensor.
     pub fn has(&self, key: &str) -> bool {
         SafeTensors::deserialize(&self.bytes).unwrap().tensor(key).is_ok()
     }

@@ -45,11 +45,11 @@ pub struct Opened {
     prefix: &'static str,
     /// The network's configuration.
     pub config: ModelConfig,
-    /// Whether there are Gaussians.
+    /// True if there are Gaussians.
     pub has_gaussians: bool,
 }
 
-/// What is wrong with a checkpoint.
+/// An error of a checkpoint.
 fn wrong(path: &Path, message: impl Into<String>) -> Error {
     Error::Checkpoint { path: path.to_path_buf(), message: message.into() }
 }
@@ -110,7 +110,7 @@ impl Opened {
         &self.weights
     }
 
-    /// Whether the network ignores the tensor with this name.
+    /// True if the network ignores the tensor with this name.
     fn is_unused(&self, name: &str) -> bool {
         let Some(name) = name.strip_prefix(self.prefix) else { return false };
         UNUSED.iter().any(|unused| name.starts_with(unused))

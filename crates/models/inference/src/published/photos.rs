@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use std::path::PathBuf;
 use weaver_io::{Image, PhotoFile};
 
-/// How photos are brought to the network's size.
+/// Fit of photos to the network's size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fit {
     /// As the official evaluation does: resized until they cover the size, and cut to it about the middle.

@@ -17,9 +17,9 @@ use weaver_splat::{
 /// rasterizer.
 #[derive(Clone, Debug)]
 pub struct ViewOpacityRasterizer<T: Real> {
-    /// What draws.
+    /// The rasterizer.
     pub rasterizer: AnyRasterizer<T>,
-    /// What a camera sees.
+    /// Opacity as a camera sees it.
     pub opacity: Option<Arc<ViewOpacity>>,
 }
 

@@ -1,35 +1,49 @@
-//! The valid range of every setting.
+//! Checks of settings: the key that is wrong, what was expected and what was found.
 
 use super::{BackboneConfig, CameraConfig, ModelConfig, ParametrizationConfig, RasterConfig};
 use std::fmt::Display;
 use weaver_kernels::nearest_neighbors::MAX_NEIGHBORS;
 
 /// No size of a network is larger: products of two of them do not overflow.
-pub(crate) const MAX_SIZE: usize = 1_000_000;
+pub const MAX_SIZE: usize = 1_000_000;
 
-/// The key that is wrong, what was expected and what was found.
-pub(crate) fn ensure(holds: bool, key: &str, expected: impl Display, found: impl Display) -> Result<(), String> {
+/// Checks a setting.
+///
+/// # Errors
+/// The key that is wrong, what was expected and what was found, where it does not hold.
+pub fn ensure(holds: bool, key: &str, expected: impl Display, found: impl Display) -> Result<(), String> {
     if holds { Ok(()) } else { Err(format!("model.{key}: expected {expected}, found {found}")) }
 }
 
-pub(crate) fn positive(key: &str, value: f64) -> Result<(), String> {
+/// Checks that a number is above 0 and finite.
+///
+/// # Errors
+/// As [`ensure`].
+pub fn positive(key: &str, value: f64) -> Result<(), String> {
     ensure(value > 0.0 && value.is_finite(), key, "a positive number", value)
 }
 
-pub(crate) fn not_negative(key: &str, value: f64) -> Result<(), String> {
+/// Checks that a number is at least 0 and finite.
+///
+/// # Errors
+/// As [`ensure`].
+pub fn not_negative(key: &str, value: f64) -> Result<(), String> {
     ensure(value >= 0.0 && value.is_finite(), key, "a number that is not negative", value)
 }
 
-pub(crate) fn multiple(key: &str, value: usize, of: usize) -> Result<(), String> {
+/// Checks that a number is a positive multiple of another.
+///
+/// # Errors
+/// As [`ensure`].
+pub fn multiple(key: &str, value: usize, of: usize) -> Result<(), String> {
     ensure(value > 0 && value.is_multiple_of(of), key, format_args!("a positive multiple of {of}"), value)
 }
 
 /// Checks backbone and camera head, whose keys begin with `at`, for images in patches.
-pub(crate) fn cameras(
-    at: &str,
-    (b, c): (&BackboneConfig, &CameraConfig),
-    patch: [(&str, usize); 3],
-) -> Result<(), String> {
+///
+/// # Errors
+/// As [`ensure`].
+pub fn cameras(at: &str, (b, c): (&BackboneConfig, &CameraConfig), patch: [(&str, usize); 3]) -> Result<(), String> {
     let key = |name: &str| format!("{at}{name}");
     let [rows, columns] = b.position_table.unwrap_or([1; 2]);
     let at_least_one = [
@@ -72,7 +86,11 @@ pub(crate) fn cameras(
 }
 
 impl RasterConfig {
-    pub(crate) fn check(&self) -> Result<(), String> {
+    /// Checks all numbers.
+    ///
+    /// # Errors
+    /// As [`ensure`].
+    pub fn check(&self) -> Result<(), String> {
         positive("raster.near", self.near)?;
         let alpha = self.alpha_max;
         ensure(alpha > 0.0 && alpha < 1.0, "raster.alpha_max", "a number between 0 and 1", alpha)?;

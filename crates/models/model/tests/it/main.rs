@@ -6,7 +6,6 @@
 mod fixture;
 mod guidance;
 mod memory;
-mod wild;
 
 use half as _;
 use safetensors as _;

@@ -66,7 +66,7 @@ pub enum AllocationError {
 }
 
 impl AllocationKind {
-    /// Whether the number of Gaussians is set by a budget, not by the router or the kind itself.
+    /// True if the number of Gaussians is set by a budget, not by the router or the kind itself.
     pub fn has_budget(self) -> bool {
         matches!(self, Self::Quadtree | Self::QuadtreeGrid | Self::Dithered | Self::Grid | Self::Random)
     }

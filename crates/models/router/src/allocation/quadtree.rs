@@ -18,7 +18,7 @@ const MOST: usize = 8;
 /// Divides the views into square cells of 1 to 16 pixels and gives each at least one Gaussian, so that the photos would lose least
 /// at the given count.
 ///
-/// What a cell loses with e Gaussians is the squared deviation of colors and log depths from the means of e bands, over the cell and
+/// The loss of a cell with e Gaussians is the squared deviation of colors and log depths from the means of e bands, over the cell and
 /// a quarter of its side around, which is where its Gaussians show. Of all divisions with floor(budget P) Gaussians in all views together (P counts what is inside the masks),
 /// that of the least sum is taken, up to the last few (see the module on pruning). No pixel is left without a cell; a budget
 /// below one Gaussian per coarsest cell is raised to that.
@@ -43,7 +43,7 @@ pub struct QuadtreeGrid {
 pub struct QuadtreeMix {
     /// Smallest and largest budget in Gaussians per pixel; the logarithm is drawn evenly.
     pub budgets: [f64; 2],
-    /// Whether cells are those of [`QuadtreeGrid`].
+    /// True if cells are those of [`QuadtreeGrid`].
     pub grid: bool,
     /// Share of the steps in which every pixel is a cell of its own and all have as many Gaussians, 1 to M.
     pub dense: f64,

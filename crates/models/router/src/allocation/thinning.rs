@@ -60,7 +60,7 @@ pub(super) struct Place {
 pub struct Dithered {
     /// Gaussians per pixel, 0 to 1.
     pub budget: f64,
-    /// How strongly the density follows the router: 0 not at all, 1 in proportion to its odds.
+    /// Weight of the router in the density: 0 is none, 1 is in proportion to its odds.
     pub gamma: f64,
 }
 

@@ -250,7 +250,7 @@ fn some_steps_of_training_give_every_pixel_as_many() {
     assert!(never.iter().zip(&some).all(|(never, some)| never == some || some % 12 == 0));
 }
 
-/// What each step draws, and the pixels with the highest ln(energy + 0.02)^gamma / threshold, written out pixel by pixel.
+/// Draws of each step, and the pixels with the highest ln(energy + 0.02)^gamma / threshold, written out pixel by pixel.
 #[test]
 fn training_is_the_recipe() {
     let [views, height, width] = [2, 11, 13];

@@ -46,7 +46,7 @@ impl Scene {
         })
     }
 
-    /// How many cells each pixel belongs to.
+    /// Number of cells that each pixel belongs to.
     fn owners(&self, assignment: &Assignment<f64>) -> Vec<u32> {
         let [_, height, width] = self.size;
         let cells = assignment.cells.as_ref().unwrap();

@@ -7,7 +7,7 @@ use weaver_vggt::{
     Aggregator, AggregatorConfig, BackboneInit, DenseTokens, DptConfig, DptHead, VisionTransformerConfig,
 };
 
-/// What is said of inputs of these shapes in a part of a model called `backbone`.
+/// The message for inputs of these shapes in a part of a model called `backbone`.
 fn message<const N: usize>(
     params: &Params<f64>,
     shapes: [&[usize]; N],

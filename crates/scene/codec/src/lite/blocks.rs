@@ -62,7 +62,7 @@ fn best_blend(fields: &mut Fields, name: [u8; 4]) -> Result<u32, CodecError> {
     Ok(best.1)
 }
 
-/// Whether a stream has a prediction from neighbors, and says by how much.
+/// True if a stream has a prediction from neighbors, and says by how much.
 fn blends(name: [u8; 4]) -> bool {
     matches!(&name, b"scal" | b"colo")
 }

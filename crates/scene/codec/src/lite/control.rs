@@ -15,7 +15,7 @@ const ALPHABET: i32 = 1 << 14;
 /// Bits that adaptive models of order 0 take for the symbols of [`encode`](super::encode), stream by stream: one model for each number of a
 /// Gaussian, of values or of differences along the Morton order, whichever is shorter; bytes of occupancy for the octree.
 ///
-/// What [`encode`](super::encode) takes less is what contexts and mixing are worth.
+/// Bits without contexts and mixing; the difference to [`encode`](super::encode) is what these are worth.
 ///
 /// # Errors
 /// As [`encode`](super::encode).

@@ -61,7 +61,7 @@ impl Fields {
         self.symbols.voxels.len()
     }
 
-    /// What each Gaussian can show, of scales and opacities.
+    /// Visibility of each Gaussian, by scales and opacities.
     fn shows(&self, i: usize) -> i64 {
         self.head.shows(self.symbols.scales[i], self.symbols.opacities[i], &self.logs)
     }

@@ -1,8 +1,8 @@
 //! Settings: how finely each kind of number is stored.
 
-/// How finely each kind of number is stored, and how that follows what a Gaussian can show.
+/// Precision of each kind of number, and its dependence on what a Gaussian can show.
 ///
-/// What a Gaussian can show is its opacity times the root of the product of its two largest scales. Colors and rotations of those that show
+/// The visibility of a Gaussian is its opacity times the root of the product of its two largest scales. Colors and rotations of those that show
 /// little are stored in larger steps, by up to twelve times, of those that show much in smaller ones.
 ///
 /// ```

@@ -72,7 +72,7 @@ pub(super) fn parts(path: &Path) -> Vec<&OsStr> {
     names
 }
 
-/// How many parts, from the last one on, a photo's path and a camera's name have in common.
+/// Number of parts, from the last one on, that a photo's path and a camera's name have in common.
 fn common_end(photo: &[&OsStr], name: &[&OsStr]) -> usize {
     let (Some(file), Some(named)) = (photo.first(), name.first()) else { return 0 };
     let same = file == named || Path::new(named).extension().is_none() && Path::new(file).file_stem() == Some(named);

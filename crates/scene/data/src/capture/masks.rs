@@ -102,9 +102,9 @@ impl Mask {
 /// A photo whose mask takes more than so much of a pixel has no color of its own there.
 const LEAST_INSIDE: f32 = 0.5;
 
-/// What counts of a photo that was read over white, by its mask that was read in the same way; `None` if all of it does.
+/// Cuts a photo that was read over white by its mask that was read in the same way, and returns which pixels count; `None` if all do.
 ///
-/// What is masked becomes white. Pixels on the border, which are part white, get the color of what is inside.
+/// Masked pixels become white. Pixels on the border, which are part white, get the color of what is inside.
 pub(super) fn cut(photo: &mut Image, mask: &Image) -> Option<Vec<bool>> {
     let mut inside = Vec::with_capacity(photo.width * photo.height);
     for (color, part) in photo.pixels.chunks_exact_mut(3).zip(mask.pixels.chunks_exact(3)) {

@@ -11,7 +11,7 @@ use weaver_io::Transforms;
 use weaver_io::colmap::{ImageRecord, Model};
 use weaver_scene::Frame;
 
-/// How far a camera may turn (radians) or move (of the cameras' extent) between `transforms.json` and the sparse
+/// Largest turn (radians) or movement (of the cameras' extent) of a camera between `transforms.json` and the sparse
 /// model before they are taken for two different worlds.
 const SAME_WORLD: f64 = 0.02;
 

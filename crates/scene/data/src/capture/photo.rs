@@ -27,11 +27,11 @@ pub(super) struct Photos {
     pub points: Vec<DVec3>,
     /// sRGB colors of the points, as many.
     pub colors: Vec<[u8; 3]>,
-    /// Whether the capture itself says which photos are held out, if any.
+    /// True if the capture itself says which photos are held out, if any.
     pub split: bool,
-    /// Whether its photos are drawn, so that by convention white lies behind what is transparent.
+    /// True if its photos are drawn, so that by convention white lies behind what is transparent.
     pub synthetic: bool,
-    /// What the user should know.
+    /// Remarks for the user.
     pub remarks: Vec<String>,
 }
 
@@ -45,7 +45,7 @@ impl Photo {
         Ok(file)
     }
 
-    /// How its distortion is undone where it has the size of `camera`; `None` if it has none.
+    /// Lens that undoes its distortion where it has the size of `camera`; `None` if it has none.
     pub fn lens(&self, camera: Camera) -> Result<Option<Undistortion>, Error> {
         let Some(distortion) = self.frame.distortion else { return Ok(None) };
         let lens = Undistortion::new(camera, distortion).ok_or_else(|| {
@@ -70,7 +70,7 @@ impl Photo {
     }
 }
 
-/// How many times larger than it will be a photo is at most while its distortion is undone: between pixels of the final size,
+/// Largest factor on a photo's final size while its distortion is undone: between pixels of the final size,
 /// interpolation would cost detail.
 const FINER: f64 = 3.0;
 
@@ -113,7 +113,7 @@ impl Photos {
         self.photos.iter().map(|photo| photo.frame.path.as_path())
     }
 
-    /// Whether it is known which photos observe which points.
+    /// True if it is known which photos observe which points.
     pub fn tracked(&self) -> bool {
         self.photos.iter().any(|photo| !photo.track.is_empty())
     }

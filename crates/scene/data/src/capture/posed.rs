@@ -1,28 +1,27 @@
 //! Photos at their own size with their cameras: what fitting a scene, or judging one, needs of a capture.
 
 use super::masks::{self, Mask};
-use super::photo::{Photo, Photos, straight, straight_camera};
+use super::photo::{self, Photos, straight, straight_camera};
 use super::visible::visible_points;
 use super::{HoldOut, folder, name, photo_cameras, read_split_photos};
 use crate::unreadable::{Fault, Needed, without_unreadable};
 use crate::{Error, remarks};
 use rayon::prelude::*;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use weaver_geometry::{Camera, Distortion};
+use weaver_geometry::Camera;
 use weaver_io::PhotoFile;
-use weaver_scene::{Frame, PointCloud};
+use weaver_scene::{Frame, Photo, PointCloud};
 
-/// How to load photos with their cameras.
+/// Options of loading photos with their cameras.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PosedOptions {
     /// Longest side after shrinking, pixels; photos that are no larger, and all if `None`, keep their size.
     pub long_side: Option<usize>,
     /// Which photos are held out.
     pub hold_out: HoldOut,
-    /// Whether to leave out the photos that are not held out; where none is held out, all are loaded.
+    /// Leaves out the photos that are not held out; where none is held out, all are loaded.
     pub held_out_only: bool,
-    /// Whether to read masks: `mask_path` of a frame, or a file in `masks/` beside the camera file with the photo's path or the end of
+    /// Reads masks: `mask_path` of a frame, or a file in `masks/` beside the camera file with the photo's path or the end of
     /// it, with its own extension, `.png` in its place, or `.png` behind it; else the photo's alpha. Black is masked, and transparent.
     pub masks: bool,
     /// The color behind transparent pixels.
@@ -35,31 +34,14 @@ impl Default for PosedOptions {
     }
 }
 
-/// A photo and its camera.
+/// A photo of a capture, as it is fitted and as it is on disk.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PosedPhoto {
-    /// What the capture calls it.
-    pub name: String,
-    /// The image file.
-    pub path: PathBuf,
-    /// Pose, and intrinsics for [`rgb`](Self::rgb).
-    pub camera: Camera,
-    /// The same camera, with intrinsics for the image file: with distortion, if there is one.
-    pub file_camera: Camera,
-    /// The distortion of the image file, which [`rgb`](Self::rgb) is without.
-    pub distortion: Option<Distortion>,
-    /// The file of its mask, if masks were asked for and it has one.
-    pub mask_file: Option<PathBuf>,
-    /// sRGB, `[height, width, 3]`.
-    pub rgb: Vec<u8>,
-    /// What of the photo counts, `[height, width]`: 0 where masked; `None` if all does.
-    pub mask: Option<Vec<u8>>,
-    /// When the photo was taken, where the capture says so, in its own unit.
-    pub time: Option<f64>,
-    /// A number that the capture gives to the photo, such as its exposure group.
-    pub number: Option<u64>,
-    /// Further entries of the camera file about the photo: JSON text by key.
-    pub extras: BTreeMap<String, String>,
+    /// Its pixels, without distortion, with their camera.
+    pub photo: Photo,
+    /// The image file: its path, its camera with the distortion that [`photo`](Self::photo) is without, and what the capture says of it.
+    /// The mask is the file that was read, if masks were asked for.
+    pub frame: Frame,
     /// Kept from training, for evaluation.
     pub held_out: bool,
     /// Indices of the capture's [points](PosedPhotos::points) that it sees, ascending: those that the capture says, else those that
@@ -76,7 +58,7 @@ pub struct PosedPhotos {
     pub photos: Vec<PosedPhoto>,
     /// Points on surfaces; empty if the capture has none.
     pub points: PointCloud,
-    /// What the user should know about how they were loaded.
+    /// Remarks for the user about how they were loaded.
     pub remarks: Vec<String>,
 }
 
@@ -101,7 +83,9 @@ pub fn load(path: impl AsRef<Path>, options: &PosedOptions) -> Result<PosedPhoto
     remarks.extend(unreadable);
     if !options.masks && !synthetic {
         let transparent = loaded.iter().filter(|loaded| loaded.transparent);
-        remarks.extend(remarks::transparent(&transparent.map(|loaded| loaded.photo.name.clone()).collect::<Vec<_>>()));
+        remarks.extend(remarks::transparent(
+            &transparent.map(|loaded| loaded.photo.frame.name.clone()).collect::<Vec<_>>(),
+        ));
     }
     let canonical = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     Ok(PosedPhotos {
@@ -136,11 +120,11 @@ pub fn load_frames(frames: Vec<Frame>, file: &Path, options: &PosedOptions) -> R
     load_photos(&capture, masks.as_deref(), options).into_iter().map(|loaded| Ok(loaded?.photo)).collect()
 }
 
-/// How far a camera's proportions may be from its photo's.
+/// Largest difference of a camera's proportions from its photo's.
 const SAME_PROPORTIONS: f64 = 0.01;
 
 /// Gives a photo's camera the size of the file.
-fn take_size(photo: &mut Photo) -> Result<(), Error> {
+fn take_size(photo: &mut photo::Photo) -> Result<(), Error> {
     let Frame { path, camera, .. } = &mut photo.frame;
     let (width, height) = PhotoFile::at(&*path)?.for_camera(camera.width, camera.height).size();
     let (sx, sy) = (width as f64 / camera.width as f64, height as f64 / camera.height as f64);
@@ -157,14 +141,14 @@ fn take_size(photo: &mut Photo) -> Result<(), Error> {
 /// A photo that was read.
 struct Loaded {
     photo: PosedPhoto,
-    /// Whether some of it is transparent.
+    /// True if some of it is transparent.
     transparent: bool,
 }
 
 fn load_photos(capture: &Photos, masks: Option<&[Mask]>, options: &PosedOptions) -> Vec<Result<Loaded, Fault>> {
     let load = |(i, photo)| {
         let mut loaded = load_photo(photo, masks.map(|masks| &masks[i]), options)?;
-        loaded.photo.visible = visible_points(&loaded.photo.camera, capture, photo).0;
+        loaded.photo.visible = visible_points(&loaded.photo.photo.camera, capture, photo).0;
         Ok(loaded)
     };
     capture.photos.par_iter().enumerate().map(load).collect()
@@ -177,7 +161,7 @@ fn load_photos(capture: &Photos, masks: Option<&[Mask]>, options: &PosedOptions)
 /// When the capture's camera files are missing or malformed, or a distortion leaves no photo.
 pub fn cameras(path: impl AsRef<Path>, options: &PosedOptions) -> Result<Vec<(Camera, bool)>, Error> {
     let photos = read_split_photos(path.as_ref(), options.hold_out)?.photos;
-    let camera = |photo: &Photo| {
+    let camera = |photo: &photo::Photo| {
         let camera = resized(&photo.frame.camera, options.long_side);
         Ok((straight_camera(camera, photo.lens(camera)?.as_ref()), photo.held_out))
     };
@@ -194,7 +178,7 @@ fn resized(camera: &Camera, long_side: Option<usize>) -> Camera {
     Camera { intrinsics: camera.intrinsics.resized(sx, sy), width, height, ..*camera }
 }
 
-fn load_photo(photo: &Photo, mask: Option<&Mask>, options: &PosedOptions) -> Result<Loaded, Fault> {
+fn load_photo(photo: &photo::Photo, mask: Option<&Mask>, options: &PosedOptions) -> Result<Loaded, Fault> {
     let frame = &photo.frame;
     let file = photo.open()?.over(options.background);
     let camera = resized(&frame.camera, options.long_side);
@@ -207,21 +191,17 @@ fn load_photo(photo: &Photo, mask: Option<&Mask>, options: &PosedOptions) -> Res
     let rgb = read(&file).map_err(Fault::unreadable)?;
     let transparent = file.was_transparent();
     let inside = mask.map(|mask| Ok::<_, Error>(read(&mask.open(&frame.path, file)?)?)).transpose()?;
-    let threshold = |mask: Vec<u8>| mask.chunks_exact(3).map(|p| if p[0] >= 128 { 255 } else { 0 }).collect();
-    let photo = PosedPhoto {
-        name: frame.name.clone(),
-        path: frame.path.clone(),
-        camera: straight_camera(camera, lens.as_ref()),
-        file_camera: frame.camera,
-        distortion: frame.distortion,
-        mask_file: mask.and_then(|mask| mask.file.clone()),
-        rgb,
-        mask: inside.map(threshold),
-        time: frame.time,
-        number: frame.number,
-        extras: frame.extras.clone(),
+    let counts = |mask: Vec<u8>| mask.chunks_exact(3).map(|p| p[0] >= 128).collect();
+    let posed = PosedPhoto {
+        photo: Photo {
+            name: frame.name.clone(),
+            camera: straight_camera(camera, lens.as_ref()),
+            rgb,
+            mask: inside.map(counts),
+        },
+        frame: Frame { mask: mask.and_then(|mask| mask.file.clone()), ..frame.clone() },
         held_out: photo.held_out,
         visible: Vec::new(),
     };
-    Ok(Loaded { photo, transparent })
+    Ok(Loaded { photo: posed, transparent })
 }

@@ -13,7 +13,7 @@ pub struct EstimatedContext {
     pub cameras: Vec<Camera>,
     /// The points, in the frame and in the units of the cameras.
     pub points: SparsePoints,
-    /// How much the cameras are to be believed.
+    /// Confidence in the cameras.
     pub confidence: Confidence,
 }
 

@@ -4,17 +4,17 @@ use super::EstimatedPhotos;
 use crate::remarks::some_of;
 use weaver_sfm::{Confidence, Uncertainty};
 
-/// What is doubtful about cameras, and what would tell.
+/// A doubt about cameras, and its remedy.
 #[derive(Clone, Debug, Eq, PartialEq)]
 pub struct Doubt {
-    /// What is doubtful.
+    /// The doubt, in a few words.
     pub what: String,
-    /// What would help.
+    /// The remedy.
     pub help: String,
 }
 
 impl EstimatedPhotos {
-    /// What is doubtful about the cameras; `None` where nothing is, and without cameras.
+    /// Doubt about the cameras; `None` where there is none, and without cameras.
     pub fn doubt(&self) -> Option<Doubt> {
         let between = "photos between it and the others would tell";
         let (what, help) = match self.confidence() {

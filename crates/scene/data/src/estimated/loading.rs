@@ -37,9 +37,9 @@ pub(super) struct Loaded {
     pub image: Small,
     /// Width and height of the file once it is upright.
     pub size: (usize, usize),
-    /// Whether its size does not tell that it has to be turned.
+    /// True if its size does not tell that it has to be turned.
     pub ambiguous: bool,
-    /// Whether some of it is transparent.
+    /// True if some of it is transparent.
     pub transparent: bool,
     /// The focal length that the file tells, if that is asked for, in millimeters on 35 mm film.
     pub told: Option<f64>,

@@ -70,7 +70,7 @@ impl EstimatedPhotos {
     }
 }
 
-/// What a photo is called in a folder of those that are written.
+/// Name of a photo in a folder of those that are written.
 pub(super) fn written(images: &str, path: &Path) -> String {
     format!("{images}/{}.png", path.file_stem().unwrap_or_default().to_string_lossy())
 }

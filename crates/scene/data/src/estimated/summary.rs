@@ -8,17 +8,17 @@ use std::path::Path;
 use weaver_io::OutputFolder;
 use weaver_sfm::{Confidence, LeftOut};
 
-/// How good estimated cameras are and how exact: the file `cameras.json` beside the transforms.json that has the cameras.
+/// Quality and exactness of estimated cameras: the file `cameras.json` beside the transforms.json that has the cameras.
 ///
 /// Deviations are standard deviations, up to the world's place, turn and scale; `None` where they are not known.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 pub struct CamerasSummary {
     /// `good`, `none`, or `doubtful` with the reason.
     pub confidence: String,
-    /// What is doubtful, in a sentence; `None` where nothing is.
+    /// The doubt, in a sentence; `None` where there is none.
     #[serde(default)]
     pub doubt: Option<String>,
-    /// What would help against that.
+    /// The remedy.
     #[serde(default)]
     pub help: Option<String>,
     /// Points that photos agree about.
@@ -31,13 +31,13 @@ pub struct CamerasSummary {
     pub focal_length_deviation: Option<f64>,
     /// The root of the mean square distance of centers from their middle, in units of transforms.json.
     pub spread_of_centers: Option<f64>,
-    /// How much the best explanation with other rotations explains, over the one that was taken.
+    /// Explained part of the best explanation with other rotations, over that of the one that was taken.
     pub rival: f64,
     /// Each photo, by its path as it was given.
     pub photos: BTreeMap<String, CameraSummary>,
 }
 
-/// What is known of the camera of one photo.
+/// Summary of the camera of one photo.
 #[derive(Clone, Debug, Default, Deserialize, PartialEq, Serialize)]
 pub struct CameraSummary {
     /// Why it has no camera; `None` where it has one.
@@ -58,7 +58,7 @@ pub struct CameraSummary {
 }
 
 impl CamerasSummary {
-    /// What the file is called.
+    /// Name of the file.
     pub const NAME: &str = "cameras.json";
 
     /// That of a capture's cameras, a folder or its transforms.json; `None` where nothing of it is there, or something else.
@@ -78,7 +78,7 @@ impl CamerasSummary {
 }
 
 impl EstimatedPhotos {
-    /// How good the cameras are and how exact.
+    /// Summary of the cameras' quality and exactness.
     pub fn summary(&self) -> CamerasSummary {
         let e = &self.estimate;
         let finite = |x: f64| x.is_finite().then_some(x);

@@ -34,7 +34,7 @@ pub(super) fn without_outliers(names: &[String], told: &[Option<f64>]) -> (Vec<O
     (kept, remark)
 }
 
-/// What photos show is so many deviations of what is told off it where they contradict each other.
+/// A given focal length is contradicted by photos when it is so many deviations off what they show.
 const CONTRADICTED: f64 = 2.0;
 
 /// Estimates cameras, without the focal lengths that files tell of lenses where photos show another one; and a remark on these.

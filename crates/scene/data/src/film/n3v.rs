@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use weaver_io::{list_files, list_folders, list_photos, llff};
 
 pub(super) const CAMERAS: &str = "poses_bounds.npy";
-/// What the names of cameras begin with.
+/// Prefix of the names of cameras.
 const PREFIX: &str = "cam";
 
 /// The first camera by name is held out; frame f of F has the time f / F; photos have half the size of the calibration.

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use weaver_geometry::Camera;
 use weaver_io::PhotoFile;
 
-/// How far a photo's aspect may be from its camera's, which is of another size: what rounding sizes to whole pixels makes.
+/// Largest difference of a photo's aspect from its camera's, which is of another size: what rounding sizes to whole pixels makes.
 const SAME_ASPECT: f64 = 0.02;
 
 /// A photo before it is read.
@@ -32,7 +32,7 @@ pub(super) struct Roll {
     pub remarks: Vec<String>,
     /// The file or folder that says when photos were taken.
     pub clock: PathBuf,
-    /// What moments are divided by.
+    /// Divisor of moments.
     pub duration: f64,
     /// The longer side of its photos where nothing else is said.
     pub usual_size: Option<usize>,
@@ -166,7 +166,7 @@ impl Roll {
     }
 }
 
-/// Whether one of some ascending times is this one.
+/// True if one of some ascending times is this one.
 fn near(times: &[f64], time: f64) -> bool {
     let next = times.partition_point(|&other| other < time - SAME_TIME);
     times.get(next).is_some_and(|other| *other <= time + SAME_TIME)

@@ -20,16 +20,16 @@ pub struct Film {
     pub shots: Vec<Shot>,
     /// Points on surfaces, where known, scene units.
     pub points: Vec<FilmPoint>,
-    /// What is behind everything, sRGB in [0, 1].
+    /// Color of the background, sRGB in [0, 1].
     pub background: [f32; 3],
-    /// What the user should know about how it was loaded.
+    /// Remarks for the user about how it was loaded.
     pub remarks: Vec<String>,
 }
 
 /// One photo of a film.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shot {
-    /// What errors and reports call it.
+    /// Name in errors and reports.
     pub name: String,
     /// Its camera, with intrinsics for the film's size.
     pub camera: Camera,
@@ -42,11 +42,11 @@ pub struct Shot {
     /// Which kind of motion each pixel's center shows, `[H, W]`, of a procedural film: 0 is nothing that moves, others are numbers into
     /// [`MOTIONS`](super::MOTIONS).
     pub motion: Option<Vec<u8>>,
-    /// What it is kept from training for.
+    /// Its part in evaluation.
     pub held_out: HeldOut,
 }
 
-/// What a photo is kept from training for: of those that are trained on, nothing.
+/// The part of a photo in evaluation: of those that are trained on, none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HeldOut {
     /// Nothing is trained on from where it was taken.
@@ -67,7 +67,7 @@ pub struct FilmPoint {
 }
 
 impl HeldOut {
-    /// Whether the photo is trained on.
+    /// True if the photo is trained on.
     ///
     /// ```
     /// use weaver_data::film::HeldOut;

@@ -22,7 +22,7 @@ const HELD_OUT: usize = 2;
 /// Times at which points are marked.
 const POINT_TIMES: usize = 4;
 
-/// What the kinds of motion are called, by the numbers in [`Shot::motion`].
+/// Names of the kinds of motion, by the numbers in [`Shot::motion`].
 pub const MOTIONS: [&str; 6] =
     ["nothing that moves", "cubic path", "random keys", "opposite shaking", "traveling pulse", "comes and goes"];
 

@@ -25,15 +25,15 @@ pub(super) struct Path {
     pub radius: f64,
     /// Height of the cameras.
     pub rise: f64,
-    /// How far radius and height swing about these values.
+    /// Swing of radius and height about these values.
     pub sway: f64,
     /// Where the swing begins.
     pub phase: f64,
-    /// How far the swing goes on from one camera to the next.
+    /// Phase of the swing from one camera to the next.
     pub wave: f64,
-    /// What the cameras look at.
+    /// Point that the cameras look at.
     pub focus: DVec3,
-    /// How far the aim moves along with the camera: 0 always looks at the focus, 1 always in the same direction.
+    /// Movement of the aim along with the camera: 0 always looks at the focus, 1 always in the same direction.
     pub drift: f64,
     /// Jitter of the camera's place, of its aim, and of its roll.
     pub jitter: [f64; 3],

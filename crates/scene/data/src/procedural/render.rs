@@ -23,7 +23,7 @@ pub(super) struct Exposure {
     pub instances: Vec<u16>,
 }
 
-/// How photos come out.
+/// Exposure and tone of photos.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Film {
     /// Rays per pixel along each axis.
@@ -163,13 +163,13 @@ impl Ray {
     }
 }
 
-/// What the colors of a tile depend on.
+/// Inputs of the colors of a tile.
 struct Shading<'a> {
     world: &'a World,
     /// The solids that can stand between the light and what the tile shows.
     casters: Vec<&'a Solid>,
     gain: DVec3,
-    /// How much wider a ray grows per unit of depth.
+    /// Growth of a ray's width per unit of depth.
     width: f64,
 }
 

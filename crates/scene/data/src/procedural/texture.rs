@@ -126,7 +126,7 @@ impl Texture {
         a + (b - a) * f.y
     }
 
-    /// Whether a dot of a letter covers `p`: one letter of 5 x 7 dots per cell of 6 x 8.
+    /// True if a dot of a letter covers `p`: one letter of 5 x 7 dots per cell of 6 x 8.
     fn glyph(&self, p: DVec2) -> bool {
         let cell = p.floor();
         let dot = (p - cell) * DVec2::new(6.0, 8.0);

@@ -201,7 +201,7 @@ mod tests {
         assert!(last.distance(way.at(0.0).0) < 1e-9 && (length - 80.0).abs() < 1e-3, "{length}");
     }
 
-    /// What a photo shows at a place, the next ones show as well, and so does the end of the walk what the beginning does.
+    /// A place in a photo is seen by the next ones as well, and the end of the walk sees what the beginning does.
     #[test]
     fn photos_agree_about_what_they_show() {
         let walk = Walk::street(3, &ProceduralOptions { width: 96, height: 72, views: 40 });

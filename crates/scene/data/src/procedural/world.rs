@@ -152,7 +152,7 @@ impl World {
         self.solids.iter().filter(near).collect()
     }
 
-    /// Whether any solid lies on the ray before `t = end`.
+    /// True if any solid lies on the ray before `t = end`.
     pub fn blocked(&self, origin: DVec3, direction: DVec3, end: f64) -> bool {
         blocked(&self.solids, origin, direction, end)
     }
@@ -171,7 +171,7 @@ pub(super) fn trace<'a>(solids: &[&'a Solid], origin: DVec3, direction: DVec3) -
     first
 }
 
-/// Whether any of some solids lies on the ray before `t = end`.
+/// True if any of some solids lies on the ray before `t = end`.
 pub(super) fn blocked(solids: &[impl Borrow<Solid>], origin: DVec3, direction: DVec3, end: f64) -> bool {
     solids.iter().any(|solid| solid.borrow().shape.hit(origin, direction).is_some_and(|t| t < end))
 }

@@ -295,7 +295,7 @@ fn times_numbers_and_further_entries_reach_views_and_photos() {
         assert_eq!(view.extras["sharpness"], format!("{i}.5"));
     }
     for (photo, view) in posed::load(folder.path(), &Default::default()).unwrap().photos.iter().zip(&scene.views) {
-        assert_eq!((photo.time, photo.number, &photo.extras), (view.time, view.number, &view.extras));
+        assert_eq!((photo.frame.time, photo.frame.number, &photo.frame.extras), (view.time, view.number, &view.extras));
     }
 }
 
@@ -317,7 +317,7 @@ fn ids_of_a_colmap_model_reach_views_and_photos() {
     let photos = posed::load(folder.path(), &Default::default()).unwrap().photos;
     let found = |i: usize| {
         let (view, photo) = (&scene.views[i], &photos[i]);
-        assert_eq!((view.number, &view.extras), (photo.number, &photo.extras));
+        assert_eq!((view.number, &view.extras), (photo.frame.number, &photo.frame.extras));
         (view.number.unwrap(), view.extras[CAMERA_ID].as_str())
     };
     assert_eq!([found(0), found(1), found(2)], [(31, "1"), (70, "1"), (3, "3")]);

@@ -165,19 +165,24 @@ fn stored_like_upright(size: [usize; 2], orientations: [Orientation; 4], options
     let loaded = |name: &str| posed::load(temporary.path().join(name), &PosedOptions::default()).unwrap();
     let (expected, mut loaded) = (loaded("expected"), loaded("found"));
     // Folders decide about the order.
-    loaded.photos.sort_by(|a, b| a.path.file_stem().cmp(&b.path.file_stem()));
+    loaded.photos.sort_by(|a, b| a.frame.path.file_stem().cmp(&b.frame.path.file_stem()));
     assert_eq!(loaded.photos.len(), upright.placed().len());
     for (a, b) in loaded.photos.iter().zip(&expected.photos) {
-        assert!(a.rgb == b.rgb && a.camera == b.camera, "{} and {}", a.name, b.name);
+        assert!(
+            a.photo.rgb == b.photo.rgb && a.photo.camera == b.photo.camera,
+            "{} and {}",
+            a.photo.name,
+            b.photo.name
+        );
     }
     for photo in &loaded.photos {
-        let stem = photo.path.file_stem().unwrap().to_str().unwrap();
+        let stem = photo.frame.path.file_stem().unwrap().to_str().unwrap();
         let orientation = orientations[stem.parse::<usize>().unwrap()];
         let stays = orientation == NoTransforms;
         let name = if stays { format!("../stored/{stem}.png") } else { format!("upright/{stem}.png") };
-        assert_eq!(photo.name, name);
+        assert_eq!(photo.photo.name, name);
         // Readers that know nothing of EXIF see the same.
-        assert_eq!(image::open(&photo.path).unwrap().into_rgb8().into_raw(), photo.rgb);
+        assert_eq!(image::open(&photo.frame.path).unwrap().into_rgb8().into_raw(), photo.photo.rgb);
     }
     assert!(capture.join("upright").exists());
 }
@@ -238,7 +243,8 @@ fn a_capture_and_its_photos_can_be_moved_together() {
         assert_eq!((capture.photos.len(), &capture.remarks[..]), (names.len(), &[][..]));
         let scene = load(&folder, &CaptureOptions { width: 64, height: 48, ..CaptureOptions::default() }).unwrap();
         assert!(scene.remarks.is_empty() && scene.visible.iter().all(|visible| visible.len() > 10));
-        let photos = capture.photos.into_iter().map(|p| (p.name, p.rgb, p.camera)).collect::<Vec<_>>();
+        let photos =
+            capture.photos.into_iter().map(|p| (p.photo.name, p.photo.rgb, p.photo.camera)).collect::<Vec<_>>();
         (photos, scene.visible)
     };
     let expected = everything(&before);

@@ -34,7 +34,7 @@ fn the_middle_camera_and_every_fourth_frame_are_held_out() {
     assert!((0.5..2.0).contains(&film.extent()), "{}", film.extent());
 }
 
-/// How many pixels of a film's photo show each kind of motion.
+/// Number of pixels of a film's photo that show each kind of motion.
 fn shown(film: &Film, shot: usize) -> [usize; MOTIONS.len()] {
     let motion = film.shots[shot].motion.as_ref().unwrap();
     std::array::from_fn(|kind| motion.iter().filter(|pixel| usize::from(**pixel) == kind).count())

@@ -25,7 +25,7 @@ fn near(found: DVec2, expected: [f64; 2]) {
     assert!(found.distance(DVec2::from(expected)) < 1e-5, "{found}, not {expected:?}");
 }
 
-/// What is said when a film is opened after a change.
+/// The error when a film is opened after a change.
 fn refused(written: fn(&Path), change: impl FnOnce(&Path)) -> String {
     let folder = tempfile::tempdir().unwrap();
     written(folder.path());
@@ -92,7 +92,7 @@ fn a_dnerf_film_is_read() {
     assert_eq!(open(folder.path(), Some(100)).unwrap(), film);
 }
 
-/// What memory has no room for is read from its file: the same pixels, and an error that names a file that went away.
+/// Photos that memory has no room for are read from their files: the same pixels, and an error that names a file that went away.
 #[test]
 fn photos_that_are_not_kept_are_read_when_needed() {
     let folder = tempfile::tempdir().unwrap();

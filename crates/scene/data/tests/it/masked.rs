@@ -11,7 +11,7 @@ use weaver_scene::{Frame, PointCloud};
 const OPTIONS: CaptureOptions =
     CaptureOptions { width: 20, height: 20, scene_scale: None, hold_out: HoldOut::Nothing, masks: true };
 
-/// Whether a pixel of photo `view` counts: all of photo 0, half of the others with a slanted border.
+/// True if a pixel of photo `view` counts: all of photo 0, half of the others with a slanted border.
 fn counts(view: usize, x: usize, y: usize) -> bool {
     view == 0 || 2 * x + y < 60
 }

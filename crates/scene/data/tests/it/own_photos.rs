@@ -43,7 +43,7 @@ fn color(at: DVec2) -> [u8; 3] {
     [wave(0.0), wave(1.0), wave(2.5)].map(|c| c.round() as u8)
 }
 
-/// What a lens takes of these directions, exactly: one ray for each pixel.
+/// A photo of these directions through a lens, exactly: one ray for each pixel.
 fn photo(camera: &Camera, lens: Option<Distortion>, color: impl Fn(DVec2) -> [u8; 3]) -> Bitmap {
     let pixel = |i: usize| {
         let at = DVec2::new((i % camera.width) as f64 + 0.5, (i / camera.width) as f64 + 0.5);
@@ -92,12 +92,15 @@ fn distorted_photos_are_loaded_as_those_of_a_lens_without_distortion() {
             let capture = posed::load(folder, &options).unwrap();
             assert_eq!(capture.photos.len(), lenses().len());
             for (loaded, lens) in capture.photos.iter().zip(lenses()) {
-                let apart = most_apart(&loaded.rgb, &photo(&loaded.camera, None, color).pixels);
+                let apart = most_apart(&loaded.photo.rgb, &photo(&loaded.photo.camera, None, color).pixels);
                 assert!(apart <= most, "{kind}, {lens:?} at {long_side:?}: {apart} of 255 apart");
-                assert_eq!((loaded.file_camera.intrinsics, loaded.distortion), (camera(0).intrinsics, Some(lens)));
+                assert_eq!(
+                    (loaded.frame.camera.intrinsics, loaded.frame.distortion),
+                    (camera(0).intrinsics, Some(lens))
+                );
             }
             let planned = posed::cameras(folder, &options).unwrap();
-            let cameras: Vec<_> = capture.photos.iter().map(|photo| (photo.camera, photo.held_out)).collect();
+            let cameras: Vec<_> = capture.photos.iter().map(|photo| (photo.photo.camera, photo.held_out)).collect();
             assert_eq!(planned, cameras, "what is said beforehand is what is loaded");
         }
         // For networks, cropped to another shape; and for given cameras.
@@ -134,8 +137,8 @@ fn undoing_a_distortion_costs_no_detail() {
     Transforms { frames, ..Transforms::default() }.write(folder.path().join("transforms.json")).unwrap();
     let options = PosedOptions { long_side: Some(SIZE.0), ..PosedOptions::default() };
     let loaded = &posed::load(folder.path(), &options).unwrap().photos[0];
-    let truth = photo(&larger(loaded.camera), None, fine).resize(SIZE.0, SIZE.1);
-    let apart = loaded.rgb.iter().zip(&truth.pixels).map(|(a, b)| f64::from(a.abs_diff(*b)));
+    let truth = photo(&larger(loaded.photo.camera), None, fine).resize(SIZE.0, SIZE.1);
+    let apart = loaded.photo.rgb.iter().zip(&truth.pixels).map(|(a, b)| f64::from(a.abs_diff(*b)));
     let mean = apart.sum::<f64>() / truth.pixels.len() as f64;
     assert!(mean < 1.0, "{mean} of 255 apart");
 }
@@ -170,10 +173,11 @@ fn masks_are_undistorted_with_their_photos() {
     for loaded in &capture.photos {
         // Pixels on the border may fall to either side.
         let clear = |at: DVec2| [u8::from((at.length() - 0.3).abs() > 0.012); 3];
-        let (expected, clear) = (photo(&loaded.camera, None, inside), photo(&loaded.camera, None, clear));
-        let pixels = loaded.mask.as_ref().unwrap().iter().zip(expected.pixels.chunks(3)).zip(clear.pixels.chunks(3));
-        let wrong = pixels.filter(|((mask, expected), clear)| **mask != expected[0] && clear[0] == 1).count();
-        assert_eq!(wrong, 0, "{}", loaded.name);
+        let (expected, clear) = (photo(&loaded.photo.camera, None, inside), photo(&loaded.photo.camera, None, clear));
+        let pixels =
+            loaded.photo.mask.as_ref().unwrap().iter().zip(expected.pixels.chunks(3)).zip(clear.pixels.chunks(3));
+        let wrong = pixels.filter(|((mask, expected), clear)| **mask != (expected[0] >= 128) && clear[0] == 1).count();
+        assert_eq!(wrong, 0, "{}", loaded.photo.name);
     }
 }
 
@@ -207,7 +211,12 @@ fn photos_turned_by_exif_are_loaded_like_upright_ones() {
     for long_side in [None, Some(20)] {
         let load = |folder: &Path| {
             let options = PosedOptions { long_side, ..PosedOptions::default() };
-            posed::load(folder, &options).unwrap().photos.into_iter().map(|p| (p.camera, p.rgb)).collect::<Vec<_>>()
+            posed::load(folder, &options)
+                .unwrap()
+                .photos
+                .into_iter()
+                .map(|p| (p.photo.camera, p.photo.rgb))
+                .collect::<Vec<_>>()
         };
         assert_eq!(load(clean.path()), load(turned.path()));
     }
@@ -251,10 +260,12 @@ fn cameras_are_estimated_of_turned_photos_as_of_upright_ones() {
     let capture = posed::load(folder.path().join("found"), &PosedOptions::default()).unwrap();
     assert_eq!(capture.photos.len(), turned.placed().len());
     for photo in capture.photos {
-        assert_eq!((photo.camera.width, photo.camera.height), (128, 96));
-        let clean =
-            photo.path.with_file_name(photo.path.file_name().unwrap().to_str().unwrap().replace("true", "false"));
-        assert_eq!(photo.rgb, image::open(clean).unwrap().into_rgb8().into_raw());
+        assert_eq!((photo.photo.camera.width, photo.photo.camera.height), (128, 96));
+        let clean = photo
+            .frame
+            .path
+            .with_file_name(photo.frame.path.file_name().unwrap().to_str().unwrap().replace("true", "false"));
+        assert_eq!(photo.photo.rgb, image::open(clean).unwrap().into_rgb8().into_raw());
     }
 }
 
@@ -306,10 +317,11 @@ fn a_masked_capture_is_the_clean_one_with_masks() {
     let plain = posed::load(clean.path(), &PosedOptions::default()).unwrap();
     let loaded = posed::load(folder, &options).unwrap();
     for (i, (photo, expected)) in loaded.photos.iter().zip(&plain.photos).enumerate() {
-        let mask = photo.mask.as_ref().unwrap();
-        assert!(mask.iter().zip(half(i).pixels.chunks(3)).all(|(a, b)| *a == b[0]), "{i}");
-        let same = photo.rgb.chunks(3).zip(expected.rgb.chunks(3)).zip(mask).all(|((a, b), m)| a == b || *m == 0);
-        assert!(same && photo.camera.intrinsics == expected.camera.intrinsics, "{i}");
+        let mask = photo.photo.mask.as_ref().unwrap();
+        assert!(mask.iter().zip(half(i).pixels.chunks(3)).all(|(a, b)| *a == (b[0] >= 128)), "{i}");
+        let same =
+            photo.photo.rgb.chunks(3).zip(expected.photo.rgb.chunks(3)).zip(mask).all(|((a, b), m)| a == b || !m);
+        assert!(same && photo.photo.camera.intrinsics == expected.photo.camera.intrinsics, "{i}");
     }
 
     let message = |folder: &Path| posed::load(folder, &options).unwrap_err().to_string();
@@ -337,9 +349,9 @@ fn masks_of_photos_of_one_name_in_two_folders_are_told_apart() {
     }
     transforms.write(folder.join("transforms.json")).unwrap();
     let options = PosedOptions { masks: true, hold_out: HoldOut::Nothing, ..PosedOptions::default() };
-    let masks: Vec<u8> =
-        posed::load(folder, &options).unwrap().photos.iter().map(|p| p.mask.as_ref().unwrap()[0]).collect();
-    assert_eq!(masks, [255, 0]);
+    let masks: Vec<bool> =
+        posed::load(folder, &options).unwrap().photos.iter().map(|p| p.photo.mask.as_ref().unwrap()[0]).collect();
+    assert_eq!(masks, [true, false]);
     fs::rename(folder.join("masks/a/1.png"), folder.join("masks/1.png")).unwrap();
     fs::remove_dir_all(folder.join("masks/b")).unwrap();
     let message = posed::load(folder, &options).unwrap_err().to_string();

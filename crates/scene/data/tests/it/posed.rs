@@ -40,21 +40,21 @@ fn photos_keep_their_size_or_shrink_to_a_longest_side() {
         [true, false, false, false, false, false]
     );
     for (photo, camera) in capture.photos.iter().zip(&written) {
-        assert_eq!((photo.camera.width, photo.rgb.len()), (camera.width, 3 * camera.width * camera.height));
-        assert!((photo.camera.intrinsics.fx - camera.intrinsics.fx).abs() < 1e-9);
-        let image = Image::read(&photo.path, weaver_io::Background::White).unwrap();
-        assert_eq!(photo.rgb, image.to_bytes());
+        assert_eq!((photo.photo.camera.width, photo.photo.rgb.len()), (camera.width, 3 * camera.width * camera.height));
+        assert!((photo.photo.camera.intrinsics.fx - camera.intrinsics.fx).abs() < 1e-9);
+        let image = Image::read(&photo.frame.path, weaver_io::Background::White).unwrap();
+        assert_eq!(photo.photo.rgb, image.to_bytes());
     }
     let options = PosedOptions { long_side: Some(20), hold_out: HoldOut::Nothing, ..PosedOptions::default() };
     let capture = load(folder.path().join("transforms.json"), &options).unwrap();
     assert!(capture.photos.iter().all(|p| !p.held_out));
-    let sizes: Vec<_> = capture.photos.iter().map(|p| (p.camera.width, p.camera.height)).collect();
+    let sizes: Vec<_> = capture.photos.iter().map(|p| (p.photo.camera.width, p.photo.camera.height)).collect();
     assert_eq!(sizes[4..], [(20, 15), (13, 20)]);
     let photo = &capture.photos[4];
-    assert!((photo.camera.intrinsics.fx - written[4].intrinsics.fx / 2.0).abs() < 1e-9);
-    assert_eq!(photo.file_camera.width, 40);
+    assert!((photo.photo.camera.intrinsics.fx - written[4].intrinsics.fx / 2.0).abs() < 1e-9);
+    assert_eq!(photo.frame.camera.width, 40);
     let planned = cameras(folder.path(), &options).unwrap();
-    let loaded: Vec<_> = capture.photos.iter().map(|p| (p.camera, p.held_out)).collect();
+    let loaded: Vec<_> = capture.photos.iter().map(|p| (p.photo.camera, p.held_out)).collect();
     assert_eq!(planned, loaded, "what is said beforehand is what is loaded");
 }
 
@@ -77,8 +77,8 @@ fn masks_are_found_by_name_or_by_the_frame_and_their_lack_is_named() {
     }
     let capture = load(folder, &options).unwrap();
     for photo in &capture.photos {
-        let mask = photo.mask.as_ref().unwrap();
-        assert_eq!((mask[0], mask.iter().filter(|m| **m == 255).count()), (0, mask.len() - 1), "{}", photo.name);
+        let mask = photo.photo.mask.as_ref().unwrap();
+        assert_eq!((mask[0], mask.iter().filter(|m| **m).count()), (false, mask.len() - 1), "{}", photo.photo.name);
     }
     Image::filled(7, 7, [1.0; 3]).write_png(folder.join("masks/2.png")).unwrap();
     let error = load(folder, &options).unwrap_err().to_string();
@@ -92,7 +92,7 @@ fn masks_are_found_by_name_or_by_the_frame_and_their_lack_is_named() {
     transforms.write(&path).unwrap();
     Image::filled(40, 30, [0.0; 3]).write_png(folder.join("other.png")).unwrap();
     let capture = load(folder, &PosedOptions { hold_out: HoldOut::Nothing, ..options }).unwrap();
-    assert!(capture.photos[0].mask.as_ref().unwrap().iter().all(|m| *m == 0));
+    assert!(capture.photos[0].photo.is_masked());
 }
 
 #[test]

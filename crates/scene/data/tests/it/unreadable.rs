@@ -36,7 +36,7 @@ fn cut_short(path: &Path) {
 fn loaded(folder: &Path) -> Result<(Vec<usize>, Vec<String>), String> {
     let number = |name: &str| name.trim_start_matches("images/").trim_end_matches(".png").parse().unwrap();
     let photos = posed::load(folder, &PosedOptions::default()).map_err(|error| error.to_string());
-    let photos = photos.map(|found| (found.photos.iter().map(|p| number(&p.name)).collect(), found.remarks));
+    let photos = photos.map(|found| (found.photos.iter().map(|p| number(&p.photo.name)).collect(), found.remarks));
     let views = load(folder, &CaptureOptions::default()).map_err(|error| error.to_string());
     let views = views.map(|found| (found.views.iter().map(|v| number(&v.name)).collect(), found.remarks));
     assert_eq!(photos, views);
@@ -95,7 +95,7 @@ fn held_out_photos_stay_the_same_where_others_are_unreadable() {
     write(folder.path(), 9, false);
     cut_short(&folder.path().join("images/1.png"));
     let photos = posed::load(folder.path(), &PosedOptions::default()).unwrap().photos;
-    let held_out: Vec<&str> = photos.iter().filter(|p| p.held_out).map(|p| p.name.as_str()).collect();
+    let held_out: Vec<&str> = photos.iter().filter(|p| p.held_out).map(|p| p.photo.name.as_str()).collect();
     assert_eq!(held_out, ["images/0.png", "images/8.png"]);
 }
 

@@ -34,7 +34,7 @@ pub struct CameraModel {
     pub height: usize,
     /// Intrinsics in pixels, pixel centers at half-integers.
     pub intrinsics: Intrinsics,
-    /// How the lens departs from the pinhole camera, if it does.
+    /// Distortion of the lens, if there is one.
     pub distortion: Option<Distortion>,
 }
 
@@ -205,7 +205,7 @@ fn pose(wxyz: [f64; 4], t: [f64; 3]) -> std::result::Result<Pose, String> {
     }
 }
 
-/// What a pose must be, for messages.
+/// Expected pose, for messages.
 const POSE: &str = "a unit quaternion and a finite translation";
 
 /// The points of a model.

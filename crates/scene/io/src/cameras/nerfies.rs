@@ -17,22 +17,22 @@ pub struct Capture {
     pub frames: Vec<CaptureFrame>,
     /// Photos that dataset.json lists but uses for nothing.
     pub unused: usize,
-    /// What was subtracted from positions.
+    /// Offset that was subtracted from positions.
     pub center: DVec3,
-    /// What they were multiplied by then.
+    /// Factor on them after that.
     pub scale: f64,
 }
 
 /// A photo's camera and time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CaptureFrame {
-    /// What its files are called.
+    /// Name of its files.
     pub id: String,
     /// Its camera, for the photo of full size.
     pub camera: Camera,
     /// When it was taken: its `warp_id`, or `time_id` where it has none.
     pub moment: f64,
-    /// Whether it is kept from training.
+    /// True if it is kept from training.
     pub validation: bool,
 }
 

@@ -45,7 +45,7 @@ const KNOWN: [&str; 15] = [
     "number",
 ];
 
-/// Whether [`Frame`] has a field for a key.
+/// True if [`Frame`] has a field for a key.
 fn is_known(key: &str) -> bool {
     KNOWN.contains(&key) || lens::KEYS.contains(&key)
 }
@@ -179,7 +179,7 @@ struct FrameReader<'a> {
     place: String,
     own: &'a Map<String, Value>,
     top: &'a Map<String, Value>,
-    /// Whether images that are not there are an error.
+    /// True if images that are not there are an error.
     with_images: bool,
 }
 

@@ -17,7 +17,7 @@ impl<'a> Bytes<'a> {
         Self { path: path.to_path_buf(), data: data.into(), at: 0 }
     }
 
-    /// What is left to read.
+    /// The unread bytes.
     pub(crate) fn rest(&self) -> &[u8] {
         &self.data[self.at..]
     }

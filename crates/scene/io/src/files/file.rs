@@ -13,7 +13,7 @@ pub fn read_bytes(path: impl AsRef<Path>) -> Result<Vec<u8>> {
     std::fs::read(path).map_err(Error::io(path))
 }
 
-/// How many bytes a file has.
+/// Length of a file, bytes.
 ///
 /// # Errors
 /// When it is not there.
@@ -22,7 +22,7 @@ pub fn file_length(path: impl AsRef<Path>) -> Result<u64> {
     Ok(std::fs::metadata(path).map_err(Error::io(path))?.len())
 }
 
-/// What some editors put before UTF-8 text. It is no part of the text.
+/// Mark that some editors put before UTF-8 text. It is no part of the text.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Text as bytes, without a byte order mark.

@@ -14,12 +14,12 @@ pub(crate) fn read(path: &Path) -> Result<Value> {
         .map_err(|e| Error::invalid(path, format!("line {} column {}", e.line(), e.column()), "JSON", not_json(&e)))
 }
 
-/// What text that is not JSON is called in errors.
+/// Name in errors of text that is not JSON.
 pub(crate) fn not_json(error: &serde_json::Error) -> String {
     format!("what is not ({error})")
 }
 
-/// What a value is called in errors.
+/// Name of a value's kind in errors.
 pub(crate) fn kind(value: &Value) -> &'static str {
     match value {
         Value::Null => "null",

@@ -39,21 +39,21 @@ const RECORD: &str = "written.jsonl";
 pub struct OutputFolder {
     path: PathBuf,
     command: String,
-    /// What the command reads, without links.
+    /// Inputs of the command, without links.
     inputs: Vec<PathBuf>,
     record: Mutex<Record>,
     /// The folders that were made, the deepest first.
     made: Vec<PathBuf>,
 }
 
-/// What is known of the files in a folder.
+/// A record of the files in a folder.
 #[derive(Debug)]
 struct Record {
     /// Locked as long as it is open.
     file: File,
     /// Names of files, and the command that wrote each.
     written: BTreeMap<String, String>,
-    /// Whether nothing was listed before.
+    /// True if nothing was listed before.
     is_new: bool,
 }
 

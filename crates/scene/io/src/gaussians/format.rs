@@ -16,11 +16,11 @@ use weaver_scene::Gaussians;
 /// A format of files of Gaussians.
 #[derive(Clone, Copy)]
 pub struct SceneFormat {
-    /// What it is called.
+    /// Its name.
     pub name: &'static str,
-    /// How the names of its files end, after a point, or the whole name.
+    /// End of its files' names, after a point, or the whole name.
     pub extension: &'static str,
-    /// What it keeps of Gaussians.
+    /// The properties of Gaussians that it keeps.
     pub keeps: &'static str,
     /// The numbers of Gaussians in the order in which they are written, if that is another.
     pub(super) order: Option<fn(&Gaussians) -> Vec<usize>>,
@@ -31,7 +31,7 @@ pub struct SceneFormat {
     pub(super) write: Writer,
 }
 
-/// How Gaussians, of which all fields have the same length, are encoded.
+/// Encoder of Gaussians, of which all fields have the same length.
 #[derive(Clone, Copy)]
 pub(super) enum Writer {
     /// To a stream; the path is for messages.
@@ -182,17 +182,17 @@ impl SceneFormat {
         self.order.map_or_else(|| (0..gaussians.len()).collect(), |order| order(gaussians))
     }
 
-    /// Whether a scene is written to one file, and so to a stream.
+    /// True if a scene is written to one file, and so to a stream.
     pub fn writes_one_file(&self) -> bool {
         matches!(self.write, Writer::Stream(_))
     }
 
-    /// Whether the format is written at all.
+    /// True if the format is written at all.
     pub fn is_written(&self) -> bool {
         !matches!(self.write, Writer::None)
     }
 
-    /// How the names of its files end: `.ply`, or the whole name `meta.json`.
+    /// End of its files' names: `.ply`, or the whole name `meta.json`.
     pub fn file_name_end(&self) -> String {
         if self.extension == META { META.into() } else { format!(".{}", self.extension) }
     }

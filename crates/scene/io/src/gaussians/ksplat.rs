@@ -60,7 +60,7 @@ pub(crate) fn decode(path: &Path, data: &[u8]) -> Result<SceneFile> {
     Ok(gaussians.into())
 }
 
-/// What all sections share.
+/// Header of all sections.
 struct Header {
     level: u16,
     /// The least and the largest harmonic of level 2.

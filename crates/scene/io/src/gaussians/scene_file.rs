@@ -7,11 +7,11 @@ use weaver_scene::Gaussians;
 pub struct SceneFile {
     /// The Gaussians.
     pub gaussians: Gaussians,
-    /// How they are to be drawn.
+    /// Settings of drawing them.
     pub drawing: Drawing,
 }
 
-/// How Gaussians of a file are to be drawn.
+/// Settings of drawing the Gaussians of a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Drawing {

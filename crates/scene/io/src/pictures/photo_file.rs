@@ -41,20 +41,20 @@ pub struct PhotoFile {
     has_alpha: bool,
     /// A gray photo of the same size that is its alpha.
     mask: Option<Box<PhotoFile>>,
-    /// What it says before its pixels if it is a JPEG.
+    /// Segments before its pixels if it is a JPEG.
     jpeg: Option<jpeg::Segments>,
     shrink_from: usize,
-    /// Whether a pixel was met that is not opaque, by this or by a clone.
+    /// True if a pixel was met that is not opaque, by this or by a clone.
     transparent: Arc<AtomicBool>,
 }
 
 /// Pixels of a photo from which it is decoded at a reduced scale. Below, it takes less memory than a network, and its pixels are those
 /// that it always had.
 const SHRINK_FROM: usize = 16_000_000;
-/// How many times what is asked for a reduced scale must have: less would cost colors of half the resolution some of theirs.
+/// Least size of a reduced scale over the one that is wanted: less would cost colors of half the resolution some of theirs.
 const ENOUGH: f64 = 3.0;
 
-/// What is read of a photo.
+/// Layer of a photo that is read.
 #[derive(Clone, Copy, Debug)]
 enum Layer {
     /// Its colors over a background.
@@ -101,13 +101,13 @@ impl PhotoFile {
         self
     }
 
-    /// Whether EXIF turns or mirrors the photo without changing its size, so that [`for_camera`](Self::for_camera) cannot tell whether a
+    /// True if EXIF turns or mirrors the photo without changing its size, so that [`for_camera`](Self::for_camera) cannot tell whether a
     /// camera is for the upright photo: one that is mirrored or turned by 180 degrees, or a square one.
     pub fn has_ambiguous_orientation(&self) -> bool {
         self.orientation != Orientation::NoTransforms && self.size() == self.stored
     }
 
-    /// Whether reading the photo, by this or by what was made of it, has met pixels that are not opaque. Always false before it is read.
+    /// True if reading the photo, by this or by what was made of it, has met pixels that are not opaque. Always false before it is read.
     pub fn was_transparent(&self) -> bool {
         self.transparent.load(Ordering::Relaxed)
     }
@@ -186,7 +186,7 @@ impl PhotoFile {
         Ok(Bitmap { width, height, pixels: self.decoded(shrink, resampled)? })
     }
 
-    /// How many pixels each way become one while the photo is decoded, of which so many will become one in the end.
+    /// Number of pixels each way that become one while the photo is decoded, of which so many will become one in the end.
     fn shrink(&self, in_the_end: f64) -> usize {
         let large = self.stored.0 * self.stored.1 >= self.shrink_from;
         if !large || self.mask.is_some() || !self.jpeg.is_some_and(|jpeg| jpeg.can_shrink()) {

@@ -9,7 +9,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-/// What every such file begins with, before two bytes of the version.
+/// First bytes of every such file, before two bytes of the version.
 const MAGIC: &[u8] = b"\x93NUMPY";
 
 /// An `.npy` file of numbers in C order, mapped into memory: its shape is known at once, its numbers are read when asked for.
@@ -101,12 +101,12 @@ impl Npy {
         &self.shape
     }
 
-    /// How many numbers it has.
+    /// Number of its numbers.
     pub fn len(&self) -> usize {
         self.shape.iter().product()
     }
 
-    /// Whether it has none.
+    /// True if it has none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

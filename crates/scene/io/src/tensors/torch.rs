@@ -116,7 +116,7 @@ impl TorchCheckpoint {
         self.tensors.iter().map(plan).collect()
     }
 
-    /// What was left out, because it is not a tensor.
+    /// Remarks on entries that are no tensors and were left out.
     pub fn remarks(&self) -> &[String] {
         &self.remarks
     }

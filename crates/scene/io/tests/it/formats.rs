@@ -35,7 +35,7 @@ pub fn ordered(name: &str, gaussians: &Gaussians) -> Gaussians {
     gaussians.select(&SceneFormat::of(name.as_ref()).unwrap().order(gaussians))
 }
 
-/// How far each kind of number may be off.
+/// Largest error of each kind of number.
 pub struct Tolerance {
     pub position: f32,
     pub scale: f32,

@@ -19,7 +19,7 @@ use weaver_io::{Background, Image, PhotoFile, TorchCheckpoint, Transforms, colma
 use weaver_kernels::random::Stream;
 use weaver_scene::Gaussians;
 
-/// What a reader may hold at once: so many times its input, and some more for its tables and windows.
+/// Memory that a reader may hold: so many times its input, and some more for its tables and windows.
 const TIMES: u64 = 64;
 const MORE: u64 = 4 << 20;
 /// A decoded photo, beside a copy of it in another form.
@@ -31,7 +31,7 @@ const LONG: Duration = Duration::from_secs(10);
 struct Reader {
     name: &'static str,
     files: Vec<(String, Vec<u8>)>,
-    /// What makes a file of mutated content, such as compression.
+    /// Function that makes a file of mutated content, such as compression.
     seal: fn(&[u8]) -> Vec<u8>,
     /// Reads the file of this path; false if it was refused.
     read: fn(&Path) -> bool,
@@ -210,7 +210,7 @@ fn checksummed(bytes: &[u8]) -> Vec<u8> {
     out
 }
 
-/// What is wrong with reading a file, if anything.
+/// The fault of reading a file, if there is one.
 fn fault(reader: &Reader, path: &Path, input: u64, refused: &mut u64) -> Option<String> {
     let (started, mut done) = (Instant::now(), None);
     let used = allocation_counter::measure(|| {

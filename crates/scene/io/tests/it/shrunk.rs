@@ -69,7 +69,7 @@ fn a_reduced_scale_gives_the_photo_of_the_whole() {
     }
 }
 
-/// What is not shrunk much, what is small, and what only the other decoder knows keeps the values that it had.
+/// Photos that are shrunk little, small ones, and those that only the other decoder knows keep the values that they had.
 #[test]
 fn other_photos_keep_their_values() {
     let folder = tempfile::tempdir().unwrap();

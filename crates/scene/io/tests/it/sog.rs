@@ -130,7 +130,7 @@ fn files(gaussians: &Gaussians) -> Vec<(String, Vec<u8>)> {
     names.iter().map(|name| (name.clone(), content(name))).collect()
 }
 
-/// What reading these files says.
+/// The message of reading these files.
 fn message(files: &[(String, Vec<u8>)]) -> String {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.sog");

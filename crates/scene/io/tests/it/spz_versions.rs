@@ -130,7 +130,7 @@ fn version_one_has_half_floats() {
     assert_eq!((gaussians.means[0], gaussians.log_scales[0]), ([1.5, 0.25, -100.0], [0.0, -1.0, -10.0]));
 }
 
-/// What splat-transform reads from its fixtures.
+/// Values that splat-transform reads from its fixtures.
 #[test]
 fn fixtures_of_splat_transform() {
     for name in ["minimal-v2.spz", "minimal-v3.spz", "minimal-v4.spz"] {

@@ -112,7 +112,7 @@ fn messages_name_file_and_key() {
     }
 }
 
-/// What is read of a scene whose JSON was changed.
+/// The scene read after a change of its JSON.
 fn changed(change: impl FnOnce(&mut serde_json::Value)) -> Transforms {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("transforms.json");

@@ -27,7 +27,7 @@ const SPAN: usize = REACH + LANES;
 const PIXEL: usize = 2;
 /// E[d], E[b], E[d^2] and E[ab].
 const MOMENTS: usize = 4;
-/// What a pixel's derivative is made of: a part of its own, a multiple of the difference, a multiple of the target.
+/// Parts of a pixel's derivative: one of its own, a multiple of the difference, a multiple of the target.
 const MAPS: usize = 3;
 
 /// A vector's numbers in memory, K kinds side by side.

@@ -111,7 +111,7 @@ proptest! {
     }
 }
 
-/// What lies nearer to the other camera than a thousandth of the depth is not seen; depth and cameras get no gradient.
+/// Points nearer to the other camera than a thousandth of the depth are not seen; depth and cameras get no gradient.
 #[test]
 fn what_is_too_near_is_not_seen() {
     for (in_front, seen) in [(0.001, 0.0), (0.003, 1.0)] {

@@ -18,7 +18,7 @@ const NOISE: f64 = 0.02;
 /// Steps of an alignment, and the movement below which it ends, samples.
 const STEPS: usize = 12;
 const STILL: f64 = 0.003;
-/// What takes a gray value from 0 to 1.
+/// Factor from a gray value to 0 to 1.
 const WHITE: f32 = 1.0 / 255.0;
 
 /// Gray values row by row; 0 beyond the last sample.
@@ -48,7 +48,7 @@ fn dot(a: &Patch, b: &Patch) -> f32 {
     lanes.iter().sum()
 }
 
-/// What surrounds a pixel, by bilinear interpolation, less its mean; `None` where it reaches out of the photo.
+/// Surroundings of a pixel, by bilinear interpolation, less their mean; `None` where they reach out of the photo.
 ///
 /// `warp` takes offsets in samples to offsets in pixels.
 #[inline(always)]
@@ -87,14 +87,14 @@ pub(super) struct Template {
     patch: Patch,
     /// The root of the sum of its squares.
     length: f32,
-    /// How the patch changes with each number of a movement, as far as that is neither brightness nor contrast.
+    /// Slopes of the patch by each number of a movement, as far as they are neither brightness nor contrast.
     slopes: [Patch; NUMBERS],
     /// Takes differences along the slopes to a movement.
     inverse: [[f64; NUMBERS]; NUMBERS],
 }
 
 impl Template {
-    /// What surrounds a pixel; `None` where it is flat or reaches out of the photo.
+    /// Surroundings of a pixel; `None` where they are flat or reach out of the photo.
     #[inline(always)]
     pub fn new(photo: &Gray, at: DVec2, warp: DMat2) -> Option<Self> {
         const HALF: f64 = 0.5;

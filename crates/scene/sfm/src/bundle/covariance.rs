@@ -14,7 +14,7 @@ use weaver_kernels::parallel;
 
 /// Movements of the world that no observation tells: turns, shifts and a scale.
 const GAUGE: usize = 7;
-/// What observations or priors say of such a movement, over the mean of the diagonal, below which they say nothing.
+/// Information of observations or priors about such a movement, over the mean of the diagonal, below which there is none.
 const UNTOLD: f64 = 1e-10;
 /// The determinant of a point's matrix over the cube of its trace below which the distance is not told: rays that differ by
 /// 1e-4 radians or less.
@@ -49,7 +49,7 @@ pub struct Covariance {
 }
 
 impl Bundle {
-    /// How exactly cameras and lenses are known that an adjustment ended with; `None` if observations do not determine them, or are not
+    /// Covariance of cameras and lenses at the end of an adjustment; `None` if observations do not determine them, or are not
     /// more than what is unknown.
     ///
     /// With J the derivatives of the differences r, all over deviations, and w their weights `1 / (1 + |r|^2 / scale^2)`, the covariance
@@ -194,7 +194,7 @@ impl<'a> Inner<'a> {
         })
     }
 
-    /// What a number of a block is measured in.
+    /// Unit of a number of a block.
     fn unit(&self, block: usize, k: usize) -> f64 {
         if k < TWIST / 2 && self.descent.blocks.is_camera(block) { self.size } else { 1.0 }
     }
@@ -311,7 +311,7 @@ impl<'a> Inner<'a> {
     }
 }
 
-/// Whether the matrix of a point tells its distance: its determinant is that of three directions that are told.
+/// True if the matrix of a point tells its distance: its determinant is that of three directions that are told.
 fn tells_distance([xx, xy, xz, yy, yz, zz]: &[f64; 6]) -> bool {
     let determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz);
     determinant > FAR * (xx + yy + zz).powi(3)

@@ -25,7 +25,7 @@ const ROUNDING: f64 = 1e-11;
 /// Root of the mean cost of an observation, in scales, that is as good as none.
 const EXACT: f64 = 1e-11;
 
-/// How the reduced equations are solved, and how far.
+/// Solver of the reduced equations, and its limits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     /// Blocks up to which the matrix is dense where enough of it is there.
@@ -263,7 +263,7 @@ impl Sights<'_> {
 }
 
 impl Part {
-    /// How far a point moves with a step of cameras and lenses. Adds what it is predicted to take off the cost.
+    /// Movement of a point with a step of cameras and lenses. Adds what it is predicted to take off the cost.
     #[inline(always)]
     pub fn movement(&mut self, point: usize, step: &[Row], damping: f64) -> DVec3 {
         let right = self.right[point];

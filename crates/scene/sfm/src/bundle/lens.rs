@@ -7,7 +7,7 @@ use weaver_geometry::glam::{DVec2, DVec3};
 /// Newton's steps of [`Lens::undistort`]; each doubles the number of exact digits.
 const STEPS: usize = 20;
 
-/// What several cameras share.
+/// Lens that several cameras share.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lens {
     /// Logarithm of a factor of the focal lengths.
@@ -16,9 +16,9 @@ pub struct Lens {
     pub k1: f64,
     /// The second coefficient of that.
     pub k2: f64,
-    /// How far the principal point is from the cameras' own, over the longer sides of their photos.
+    /// Shift of the principal point from the cameras' own, over the longer sides of their photos.
     pub shift: DVec2,
-    /// What [`log_focal`](Self::log_focal) is expected to be.
+    /// Expected value of [`log_focal`](Self::log_focal).
     pub expected: f64,
     /// Weight of the square of the difference from that, squared pixels.
     pub weight: f64,
@@ -26,13 +26,13 @@ pub struct Lens {
     pub distortion_weight: f64,
     /// Weight of the square of the [`shift`](Self::shift), squared pixels.
     pub shift_weight: f64,
-    /// Whether the factor is adjusted.
+    /// True if the factor is adjusted.
     pub free_focal: bool,
-    /// Whether the first coefficient of the distortion is adjusted.
+    /// True if the first coefficient of the distortion is adjusted.
     pub free_k1: bool,
-    /// Whether the second one is.
+    /// True if the second one is.
     pub free_k2: bool,
-    /// Whether the principal point is adjusted.
+    /// True if the principal point is adjusted.
     pub free_shift: bool,
 }
 
@@ -118,7 +118,7 @@ impl Lens {
         [self.free_focal, self.free_k1, self.free_k2, self.free_shift, self.free_shift]
     }
 
-    /// What can be adjusted.
+    /// The adjustable numbers.
     pub(super) fn numbers(&self) -> [f64; NUMBERS] {
         [self.log_focal, self.k1, self.k2, self.shift.x, self.shift.y]
     }

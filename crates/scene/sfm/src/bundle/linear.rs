@@ -28,7 +28,7 @@ pub(super) struct View {
     /// Rows of the rotation.
     rows: [[f64; FOUR]; 3],
     optics: [f64; OPTICS],
-    /// Whether the lens is adjusted.
+    /// True if the lens is adjusted.
     wide: bool,
 }
 
@@ -86,7 +86,7 @@ pub(super) fn fma<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
     if FUSED { a.mul_add(b, c) } else { a * b + c }
 }
 
-/// What squared differences, in scales, cost: the sum of `ln(1 + x)`, as the logarithms of products, less one so that small
+/// Cost of squared differences, in scales: the sum of `ln(1 + x)`, as the logarithms of products, less one so that small
 /// ones keep their digits.
 #[derive(Default)]
 struct Logs {

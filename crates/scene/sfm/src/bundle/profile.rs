@@ -218,7 +218,7 @@ fn places(reduced: &Reduced) -> Vec<u32> {
     place
 }
 
-/// What is connected with a row, the nearest first, and of what is connected with the same one that with the fewest others.
+/// Rows connected with a row, the nearest first, and of those connected with the same one that with the fewest others.
 fn walk(beside: &[Vec<u32>], from: usize, reached: &mut [bool]) -> Vec<usize> {
     let (mut order, mut waiting) = (Vec::new(), VecDeque::from([from]));
     reached[from] = true;

@@ -65,7 +65,7 @@ impl Reduced {
         Self { groups, of_row, rows: blocks.count }
     }
 
-    /// How many blocks are stored.
+    /// Number of stored blocks.
     pub fn stored(&self) -> usize {
         self.groups.iter().map(|g| g.columns.len()).sum()
     }

@@ -10,7 +10,7 @@ use weaver_kernels::{parallel, simd};
 /// Rows of a task.
 const ROWS: usize = 32;
 
-/// What conjugate gradients need beside the matrix.
+/// State of conjugate gradients beside the matrix.
 #[derive(Clone, Debug)]
 pub(super) struct Sparse {
     /// Where the blocks below the diagonal of each column begin in `below`, and where the last end.

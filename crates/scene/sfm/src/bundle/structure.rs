@@ -6,7 +6,7 @@ use std::ops::Range;
 use weaver_geometry::glam::DVec3;
 use weaver_kernels::parallel;
 
-/// What has no number.
+/// Mark of an item without a number.
 pub(super) const NONE: u32 = u32::MAX;
 /// Observations below which no further part of the points pays off, and most parts. Neither depends on the number of threads,
 /// so that sums never do.
@@ -21,7 +21,7 @@ pub(super) struct Blocks {
     pub of_camera: Vec<u32>,
     /// The block of each lens, or [`NONE`].
     pub of_lens: Vec<u32>,
-    /// How many blocks there are, and how many of them are of lenses.
+    /// Number of blocks, and how many of them are of lenses.
     pub count: usize,
     lenses: usize,
 }
@@ -48,7 +48,7 @@ impl Blocks {
         Self { of_camera, of_lens, count: count as usize, lenses }
     }
 
-    /// Whether a block is of a camera: lenses come first.
+    /// True if a block is of a camera: lenses come first.
     pub fn is_camera(&self, block: usize) -> bool {
         block >= self.lenses
     }
@@ -96,11 +96,11 @@ pub(super) struct Part {
     pub right: Vec<[f64; 3]>,
     /// Inverse of the damped matrix; zero for a point that nothing holds.
     pub inverse: Vec<[f64; 6]>,
-    /// What each entry has in common with its point.
+    /// Coupling of each entry with its point.
     pub coupling: Vec<Coupling>,
     /// The cameras of its observations that move or whose lens is adjusted, ascending.
     pub summed: Vec<u32>,
-    /// What its observations say of each of these and its lens.
+    /// Sums of the observations of each of these and its lens.
     pub sums: Vec<Sums>,
     /// The cost of its observations, of the last pass, and the fall that was predicted.
     pub cost: f64,

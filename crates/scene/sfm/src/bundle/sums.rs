@@ -9,7 +9,7 @@ pub(super) const NARROW: usize = 8;
 /// Numbers that the compiler keeps in a register.
 pub(super) const FOUR: usize = 4;
 
-/// What a block has in common with a point, one row for each coordinate of the point.
+/// Coupling of a block with a point, one row for each coordinate of the point.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(64))]
 pub(super) struct Coupling(pub [[f64; PADDED]; 3]);

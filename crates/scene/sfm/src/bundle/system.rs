@@ -121,7 +121,7 @@ impl System {
     }
 }
 
-/// What priors cost.
+/// Cost of priors.
 pub(super) fn expectations(bundle: &Bundle, blocks: &Blocks, poses: &[Pose], lenses: &[Lens]) -> f64 {
     let lenses = lenses.iter().zip(&blocks.of_lens).filter(|(_, block)| **block != NONE);
     let of_lenses: f64 = lenses.flat_map(|(lens, _)| lens.priors()).map(|(weight, off)| weight * off * off).sum();

@@ -50,7 +50,7 @@ fn bundle(seed: u64) -> Bundle {
     }
 }
 
-/// What can be moved: cameras, lenses and points, whether free or not.
+/// Number of everything that moves: cameras, lenses and points, whether free or not.
 fn numbers(bundle: &Bundle) -> usize {
     TWIST * bundle.cameras.len() + NUMBERS * bundle.lenses.len() + 3 * bundle.points.len()
 }
@@ -157,7 +157,7 @@ fn solved(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>) -> Vec<f64> {
     right
 }
 
-/// What the adjustment has for a number: of its right side, or of its step.
+/// A number of the adjustment: of its right side, or of its step.
 fn taken(descent: &mut Descent<'_>, bundle: &Bundle, at: usize, damping: Option<f64>) -> f64 {
     let lenses = TWIST * bundle.cameras.len();
     let points = lenses + NUMBERS * bundle.lenses.len();
@@ -258,7 +258,7 @@ fn chain(cameras: usize, points: usize) -> Bundle {
     bundle
 }
 
-/// What both solutions of the reduced equations come to.
+/// Both solutions of the reduced equations agree.
 #[test]
 fn conjugate_gradients_end_where_the_factors_do() {
     let truth = chain(40, 600);
@@ -280,7 +280,7 @@ fn conjugate_gradients_end_where_the_factors_do() {
     }
 }
 
-/// What is left of the way when an adjustment ends.
+/// The rest of the way when an adjustment ends is small.
 #[test]
 fn an_adjustment_ends_where_cameras_are_settled() {
     let mut truth = chain(20, 300);

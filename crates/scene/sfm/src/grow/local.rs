@@ -33,7 +33,7 @@ struct Growth<'a> {
     tracks_of: Vec<Vec<u32>>,
     /// The point of each track, where photos agree about one.
     points: Vec<Option<DVec3>>,
-    /// What each photo saw when it was tried.
+    /// Number of points that each photo saw when it was tried.
     tried: Vec<Option<usize>>,
     /// Photos with a place when all were adjusted.
     at_last: usize,
@@ -163,7 +163,7 @@ impl<'a> Growth<'a> {
         tracks.iter().zip(found).for_each(|(track, point)| self.points[*track as usize] = point);
     }
 
-    /// What photos with a place see of tracks, and where else photos that are `looking` may see them.
+    /// Adds observations of tracks by photos with a place, and those that photos that are `looking` may have elsewhere.
     fn see(&self, tracks: &[u32], looking: impl Fn(usize) -> bool) -> (Vec<DVec3>, Vec<Observation>) {
         let missing: Vec<bool> = self.placed.iter().map(|placed| !placed).collect();
         let observers = Observers::new(self.bundle, self.evidence.features, &missing, 2.0 * FITS);

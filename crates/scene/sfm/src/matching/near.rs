@@ -102,7 +102,7 @@ impl Near {
         (top.max(0.0) as usize).min(self.rows)..((bottom + 1.0).max(0.0) as usize).min(self.rows)
     }
 
-    /// What tells the columns of cells that a band passes through in a row.
+    /// Columns of cells that a band passes through in a row.
     fn across(&self, line: DVec3, farthest: f64) -> Across {
         let offset = line.dot(self.corner.extend(1.0)) / self.side;
         if line.x.abs() < LEVEL {

@@ -156,7 +156,7 @@ fn null_space(matches: &[[DVec3; 2]; 5]) -> Option<[[f64; 9]; 4]> {
     Some(basis)
 }
 
-/// What makes a matrix essential: 2 E E^T E - tr(E E^T) E = 0, and that its determinant is 0.
+/// Conditions of an essential matrix: 2 E E^T E - tr(E E^T) E = 0, and that its determinant is 0.
 fn constraints(entry: &[[Linear; 3]; 3]) -> [Cubic; 10] {
     // E E^T less half its trace on the diagonal.
     let mut square = [[[0.0; 10]; 3]; 3];

@@ -4,7 +4,7 @@
 #[derive(Clone, Debug)]
 pub(super) struct Index {
     photos: usize,
-    /// How much each word tells: the logarithm of one over the share of photos that have it.
+    /// Weight of each word: the logarithm of one over the share of photos that have it.
     rarity: Vec<f32>,
     /// For each word the ranks of the photos that have it, ascending, and its weights there.
     places: Vec<Vec<(u32, f32)>>,

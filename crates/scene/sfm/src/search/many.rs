@@ -15,7 +15,7 @@ use crate::tracks::Track;
 
 /// Photos by which explanations are told apart.
 const TRIAL: usize = 32;
-/// What another small scene explains counts for this part of what it would once it were settled: there, what is wrong is soon left behind.
+/// Weight of points that another small scene explains, against their weight once it were settled: there, wrong ones are soon left behind.
 const UNSETTLED: f64 = 0.85;
 /// Photos that each is compared with for what both have in common with a third one.
 const MORE: usize = 4;
@@ -105,7 +105,7 @@ impl Search<'_> {
         Evidence { features: self.features, pairs, tracks, absent, trust: Trust::PAIRS }
     }
 
-    /// Whether a scene has a place for nearly all photos, with which nearly all matches of these pairs agree.
+    /// True if a scene has a place for nearly all photos, with which nearly all matches of these pairs agree.
     fn explains(&self, grown: &Grown, certain: &[Pair]) -> bool {
         let [mut agree, mut all] = [0, 0];
         for pair in certain.iter().filter(|pair| pair.photos.iter().all(|photo| grown.placed[*photo])) {
@@ -159,7 +159,7 @@ impl Search<'_> {
 /// Pairs with a pose, those first of which most speaks against chance.
 struct Ranked {
     pairs: Vec<Pair>,
-    /// How many have a large share of matches that agree, of so many as both photos could have; the large share; a share.
+    /// Number of matches that agree, of as many as both photos could have, for a large share; the large share; a share.
     ends: [usize; 3],
 }
 
@@ -186,12 +186,12 @@ impl Ranked {
 }
 
 impl Grown {
-    /// How many matches of a pair agree with its cameras.
+    /// Number of matches of a pair that agree with its cameras.
     fn agreeing(&self, evidence: &Evidence<'_>, pair: &Pair) -> usize {
         agreeing(evidence, pair, &pair.photos.map(|photo| self.bundle.camera(photo)))
     }
 
-    /// What is explained of each photo, of as many as there should be.
+    /// Explained part of each photo, of as many points as there should be.
     fn each(&self) -> f64 {
         self.support / self.value().0.max(TRIAL) as f64
     }

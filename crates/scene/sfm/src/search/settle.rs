@@ -92,7 +92,7 @@ impl Search<'_> {
 
     /// Takes photo after photo out, and puts it where the others say that it belongs if more is explained by that.
     ///
-    /// What a scene began with was never placed by the others, and one photo that is turned a little bends many points after it.
+    /// The first photos of a scene were never placed by the others, and one photo that is turned a little bends many points after it.
     fn reconsider(&self, grown: &mut Grown) {
         let absent = vec![false; self.taken.len()];
         let (features, pairs) = (self.features, &self.pairs.posed[..]);
@@ -132,7 +132,7 @@ mod tests {
     use weaver_data::procedural::{ProceduralOptions, scene};
     use weaver_geometry::glam::DMat3;
 
-    /// What a search of six drawn photos does.
+    /// Runs a search of six drawn photos.
     fn with_search<T>(run: impl FnOnce(Search<'_>) -> T) -> T {
         let drawn = scene(3, &ProceduralOptions { width: 192, height: 144, views: 12 });
         let photo = |view: &weaver_data::View| Photo::new(view.image.to_bytes(), [144, 192]);

@@ -233,7 +233,7 @@ proptest! {
     }
 }
 
-/// How far cameras are off after the best movement of the world, to first order: rotations in radians, and centers.
+/// Errors of cameras after the best movement of the world, to first order: rotations in radians, and centers.
 fn after_alignment(found: &Bundle, truth: &Bundle) -> Vec<[DVec3; 2]> {
     let n = truth.cameras.len();
     let centers: Vec<DVec3> = truth.cameras.iter().map(|c| c.pose.center()).collect();
@@ -271,7 +271,7 @@ fn after_alignment(found: &Bundle, truth: &Bundle) -> Vec<[DVec3; 2]> {
     off.into_iter().map(|[turn, shift]| [turn, shift * size]).collect()
 }
 
-/// What is found from noisy keypoints is spread as its covariance says, and about the truth.
+/// Points found from noisy keypoints are spread as their covariance says, and about the truth.
 #[test]
 fn the_covariance_is_that_of_what_is_found() {
     const DRAWS: usize = 200;
@@ -312,7 +312,7 @@ fn the_covariance_is_that_of_what_is_found() {
     }
 }
 
-/// What holds the world beside observations, or is not adjusted.
+/// Fixed numbers and priors hold the world beside observations.
 #[test]
 fn covariance_respects_what_is_fixed_and_expected() {
     let stream = Stream::new(11, 0, "test.held");

@@ -36,7 +36,7 @@ fn off(found: &Estimate, scene: &Scene) -> f64 {
     found.iter().zip(&truth).map(angle).sum::<f64>() / found.len() as f64
 }
 
-/// How far camera centers are off after the best similarity, the root of the mean square over that of their distances from their
+/// Errors of camera centers after the best similarity, the root of the mean square over that of their distances from their
 /// middle.
 fn centers(found: &Estimate, scene: &Scene) -> f64 {
     let from: Vec<DVec3> = found.cameras.iter().map(|c| c.as_ref().expect("a camera").pose.center()).collect();
@@ -180,7 +180,7 @@ fn photos_of_another_place_are_left_out_in_any_order() {
     assert!(off(&reversed, &scene) < 1.5, "reversed: {} degrees off", off(&reversed, &scene));
 }
 
-/// What finds cameras fast.
+/// Settings that find cameras fast.
 fn quick() -> EstimateSettings {
     EstimateSettings { keypoints: 300, ..EstimateSettings::default() }
 }
@@ -287,14 +287,14 @@ fn nothing_is_made_up() {
     assert_eq!(reasons(&[photo.clone(), photo.clone(), photo.clone()]), [LeftOut::OnePlace; 3]);
     let blank = Photo { rgb: vec![128; photo.rgb.len()].into(), ..photo.clone() };
     assert_eq!(reasons(&[blank.clone(), blank]), [LeftOut::Textureless; 2]);
-    let masked = vec![0; photo.rgb.len() / 3];
+    let masked = vec![false; photo.rgb.len() / 3];
     let masked = Photo { mask: Some(&masked), ..photo.clone() };
     assert_eq!(reasons(&[masked.clone(), masked]), [LeftOut::Textureless; 2]);
     let turned: Vec<Photo<'_>> = [0.0, 0.1, 0.2].map(|angle| seen_after_turning(&photo, angle)).to_vec();
     assert_eq!(reasons(&turned), [LeftOut::OnePlace; 3]);
 }
 
-/// What the camera of a photo would see after turning on the spot; black where it looks beyond.
+/// The view of a photo's camera after turning on the spot; black where it looks beyond.
 fn seen_after_turning(photo: &Photo<'_>, angle: f64) -> Photo<'static> {
     let [height, width] = photo.size;
     let focal = photo.focal.expect("a focal length");

@@ -63,7 +63,7 @@ fn keypoints_are_found_again_in_a_turned_photo() {
 fn masked_and_empty_photos_have_no_keypoints() {
     let size = [48, 64];
     let photo = spot(DVec2::new(20.0, 20.0), 3.0, size);
-    let mask = vec![0; photo.len()];
+    let mask = vec![false; photo.len()];
     assert!(Features::new(&photo, size, Some(&mask), 100).keypoints.is_empty());
     assert!(Features::new(&[0.5; 64 * 48], size, None, 100).keypoints.is_empty());
     assert!(Features::new(&[0.5; 12], [3, 4], None, 100).keypoints.is_empty());
@@ -128,7 +128,7 @@ fn places_are_unbiased_in_every_octave() {
     }
 }
 
-/// What is seen twice as near, or half as much again, is found where it then is.
+/// A place seen twice as near, or half as much again, is found where it then is.
 #[test]
 fn places_do_not_move_with_magnification() {
     let texture = |p: DVec2| {
@@ -182,7 +182,7 @@ fn alike(count: usize, seed: u64) -> [Features; 2] {
     })
 }
 
-/// What [`matches()`] and [`matches_along`] promise, one keypoint after the other.
+/// Slow twin of [`matches()`] and [`matches_along`], one keypoint after the other.
 fn slow(first: &Features, second: &Features, allows: impl Fn(DVec2, DVec2) -> bool) -> Vec<Match> {
     let similarity = |i: usize, j: usize| -> Option<f32> {
         let [a, b] = [&first.descriptors[DESCRIPTOR * i..], &second.descriptors[DESCRIPTOR * j..]];

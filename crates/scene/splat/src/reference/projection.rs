@@ -31,7 +31,7 @@ impl<'a> Gaussian<'a> {
     }
 }
 
-/// What a pixel looks at, with derivatives: center x y, inverse covariance a b c, opacity, z, color.
+/// A splat as a pixel sees it, with derivatives: center x y, inverse covariance a b c, opacity, z, color.
 pub(super) struct Seen {
     pub(super) index: usize,
     pub(super) center: [Number; 2],

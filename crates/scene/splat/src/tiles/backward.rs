@@ -14,14 +14,14 @@ use std::sync::atomic::AtomicU32;
 use weaver_kernels::Real;
 use weaver_kernels::lanes::{self, LANES, LaneKernel, Lanes, Row};
 
-/// What a backward pass over the tiles needs to know.
+/// Inputs of a backward pass over the tiles.
 #[derive(Clone, Copy, Debug)]
 pub struct BackwardPass<'a, T> {
     /// As in the forward pass.
     pub blending: Blending<'a, T>,
     /// Gradients that arrive at the images.
     pub cotangents: Cotangents<'a, T>,
-    /// Whether to sum what [`GaussianStatistics`](crate::GaussianStatistics) are made of, too; only where there is room for it
+    /// Sums what [`GaussianStatistics`](crate::GaussianStatistics) are made of, too; only where there is room for it
     /// ([`MAX_SUMS_WITH_STATISTICS`](super::MAX_SUMS_WITH_STATISTICS)).
     pub statistics: bool,
 }
@@ -115,7 +115,7 @@ struct BackwardTile<'a, T, P, const C: usize, const MORE: bool> {
     attributes: Attributes<'a, T>,
     background: [T; 3],
     cotangents: PictureCotangents<'a, T>,
-    /// What the forward pass left, of all windows.
+    /// State after the forward pass, of all windows.
     blended: &'a [Plane<T>],
     sums: EntrySums<'a, T>,
 }
@@ -166,7 +166,7 @@ impl<T: Send> TileParts for &mut [Row<T>] {
     }
 }
 
-/// What backward sums for each entry and each tile.
+/// Sums of the backward pass for each entry and each tile.
 struct Sums<'a, T> {
     moments: &'a mut [Row<T>],
     features: &'a mut [T],

@@ -37,7 +37,7 @@ pub(crate) struct Blend<'a, V: Lanes, R, const C: usize, const MORE: bool> {
     sums: &'a mut [Plane<V::Scalar>; C],
     /// Sums of features.
     more: &'a mut [Plane<V::Scalar>],
-    /// What each block met whose features are not added yet.
+    /// Meeting of each block whose features are not added yet.
     met: [Met<'a, V>; LANES],
     /// The primitive's numbers for the planes.
     values: [V; C],

@@ -54,7 +54,7 @@ impl<T> Cotangents<'_, T> {
     }
 }
 
-/// What begins at `start`; nothing where there are no numbers.
+/// The slice that begins at `start`; nothing where there are no numbers.
 fn part<T>(values: Option<&[T]>, start: usize) -> Option<&[T]> {
     values.filter(|values| !values.is_empty()).map(|values| &values[start..])
 }
@@ -117,9 +117,9 @@ pub(crate) struct BlendBackward<'a, V: Lanes, R: Response, const C: usize, const
     features: Features<'a, V::Scalar>,
     /// Primitives per view.
     per_view: usize,
-    /// Whether statistics are summed, too.
+    /// True if statistics are summed, too.
     statistics: bool,
-    /// What lies behind the primitives that came, contracted with the cotangents.
+    /// Everything behind the primitives that came, contracted with the cotangents.
     rest: &'a mut Plane<V::Scalar>,
     /// Cotangents.
     cotangents: &'a [Plane<V::Scalar>; C],
@@ -147,7 +147,7 @@ pub(crate) struct EntrySums<'a, T> {
     pub features: &'a mut [T],
 }
 
-/// What a backward walk knows of the primitives beside their records.
+/// Attributes of the primitives for a backward walk, beside their records.
 #[derive(Clone, Copy)]
 pub(crate) struct Attributes<'a, T> {
     pub features: Option<Features<'a, T>>,

@@ -15,12 +15,12 @@ use weaver_kernels::lanes::{self, LaneKernel, Lanes};
 use weaver_kernels::{Real, parallel};
 use weaver_scene::{Features, Groups};
 
-/// How primitives are blended.
+/// Settings of blending primitives.
 #[derive(Clone, Copy, Debug)]
 pub struct Blending<'a, T> {
     /// Largest alpha of one primitive at one pixel.
     pub alpha_max: f64,
-    /// Whether depth is blended.
+    /// True if depth is blended.
     pub depth: bool,
     /// Features of the primitives to blend, the same in all views.
     pub features: Option<Features<'a, T>>,
@@ -38,7 +38,7 @@ impl<T> Blending<'_, T> {
     }
 }
 
-/// What projecting found, summed over the views.
+/// Statistics of projecting, summed over the views.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TileStats {
     /// Primitives that cover a tile.

@@ -79,7 +79,7 @@ impl<T: Real> Tiles<T> {
     /// If the length does not fit.
     pub(crate) fn sum_features(&self, target: Target<'_, T>, channels: usize) {
         assert_eq!(target.values.len(), self.per_view * channels, "sums of features of each primitive");
-        /// How many primitives ahead rows are fetched, which are anywhere in memory.
+        /// Number of primitives ahead whose rows are fetched, which are anywhere in memory.
         const AHEAD: usize = 4;
         let (add, channels) = (target.add, channels.max(1));
         let rows = |n: usize| (0..self.views).flat_map(move |v| self.feature_entries(v, n, channels));
@@ -137,7 +137,7 @@ struct Gatherer<'a, V: Lanes, const SQUARED: bool> {
     /// Of the window, `[blocks, channels]`.
     values: &'a [Row<V::Scalar>],
     channels: usize,
-    /// What a primitive met: blocks and its weights there.
+    /// Blocks that a primitive met, and its weights there.
     met: [(usize, V); LANES],
     count: usize,
     sums: &'a mut [V::Scalar],

@@ -26,7 +26,7 @@ impl Region {
         self.width * self.height
     }
 
-    /// Whether it has pixels, all of them in an image of this size.
+    /// True if it has pixels, all of them in an image of this size.
     pub fn is_within(&self, width: usize, height: usize) -> bool {
         let fits =
             |start: usize, len: usize, limit: usize| len > 0 && start.checked_add(len).is_some_and(|end| end <= limit);

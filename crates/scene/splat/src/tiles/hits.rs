@@ -36,7 +36,7 @@ impl<T: Real> Tiles<T> {
         });
     }
 
-    /// What each primitive adds to the images: the sum and the largest of its weights alpha T over the pixels, `[V, N]`
+    /// Contribution of each primitive to the images: the sum and the largest of its weights alpha T over the pixels, `[V, N]`
     /// each; 0 where it is not seen.
     ///
     /// # Panics

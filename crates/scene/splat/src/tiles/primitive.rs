@@ -10,7 +10,7 @@ use weaver_kernels::lanes::{LANES, LaneMask, Lanes};
 /// A record is what a view needs to know of a primitive: sixteen numbers, one cache line in `f32`. The tile layer reads the
 /// depth and the color in it ([`record`]); the other numbers belong to the primitive.
 pub trait Projection<T: Real>: Sync {
-    /// What is computed once for many primitives of one view, such as the camera in vector registers.
+    /// Values computed once for many primitives of one view, such as the camera in vector registers.
     type State<V: Lanes<Scalar = T>>;
 
     /// Prepares the projection of primitives into view `view`.
@@ -77,7 +77,7 @@ pub trait Footprint: Sync {
     }
 }
 
-/// What a primitive returns at a pixel, and what it receives back.
+/// Response of a primitive at a pixel, and its gradient.
 ///
 /// The inner loop of blending is monomorphized over this trait; implementations should mark every method
 /// `#[inline(always)]`.
@@ -88,7 +88,7 @@ pub trait Response: Sync {
 
     /// A primitive's numbers, each in all lanes.
     type Loaded<V: Lanes>: Copy;
-    /// What [`backward`](Self::backward) needs to know of a primitive at sixteen pixels.
+    /// Values of a primitive at sixteen pixels that [`backward`](Self::backward) needs.
     type Sample<V: Lanes>: Copy;
 
     /// Loads a primitive from its record.

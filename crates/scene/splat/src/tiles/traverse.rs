@@ -29,7 +29,7 @@ pub(crate) struct Hit<V: Lanes, S> {
     pub weight: V,
 }
 
-/// What is done with the primitives of a window.
+/// Visitor of the primitives of a window.
 pub(crate) trait Visitor<V: Lanes, R: Response> {
     /// A primitive that may meet blocks.
     fn begin(&mut self, primitive: usize, record: &[V::Scalar; LANES]);
@@ -39,7 +39,7 @@ pub(crate) trait Visitor<V: Lanes, R: Response> {
     fn end(&mut self, place: usize);
 }
 
-/// How much work a traversal was.
+/// Work of a traversal.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Work {
     /// Primitives over pixels that they add to.

@@ -37,7 +37,7 @@ impl Window {
         (x < width && y < height).then(|| y * width + x)
     }
 
-    /// Whether it is wholly inside the region.
+    /// True if it is wholly inside the region.
     fn inside(&self) -> bool {
         let last = (self.corner.0 + SIDE - 1, self.corner.1 + SIDE - 1);
         self.index(self.corner).is_some() && self.index(last).is_some()

@@ -173,7 +173,7 @@ fn each_number_in_each_place() {
     }
 }
 
-/// What lies at the camera, behind it, or at the near plane is not drawn or drawn by the rule, and never an accident.
+/// Gaussians at the camera, behind it, or at the near plane are not drawn or drawn by the rule, and never an accident.
 #[test]
 fn at_and_behind_the_camera() {
     for near in [0.01, 1e-10, 0.0] {

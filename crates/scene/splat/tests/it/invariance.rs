@@ -20,7 +20,7 @@ fn quaternion_product(a: [f64; 4], b: &[f64]) -> [f64; 4] {
     ]
 }
 
-/// What forward and backward give.
+/// Results of forward and backward.
 type Outcome<T> = (Planes<T>, RasterStats, [Vec<T>; 10]);
 
 fn outcome<T: Real>(scene: &Scene<T>, cotangents: &Planes<T>) -> Outcome<T> {

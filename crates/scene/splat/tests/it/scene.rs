@@ -16,7 +16,7 @@ pub struct Scene<T> {
     pub opacities: Vec<T>,
     pub colors: Vec<T>,
     pub degree: Option<usize>,
-    /// Whether there are no colors, and no image.
+    /// True if there are no colors, and no image.
     pub colorless: bool,
     /// `[N, channels]`
     pub features: Vec<T>,
@@ -195,7 +195,7 @@ impl<T: Real> Scene<T> {
         self.intrinsics.len() / 4
     }
 
-    /// What is drawn of each view.
+    /// Region of each view that is drawn.
     pub fn region(&self) -> Region {
         self.settings.region.unwrap_or(Region::whole(self.width, self.height))
     }

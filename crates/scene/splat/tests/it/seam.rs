@@ -16,7 +16,7 @@ use weaver_splat::{
 #[derive(Debug)]
 struct Slow;
 
-/// Whether anything was drawn.
+/// True if anything was drawn.
 #[derive(Debug, Default)]
 struct SlowSession(bool);
 

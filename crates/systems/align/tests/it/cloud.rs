@@ -90,7 +90,7 @@ pub fn photo(pixels: &[f64], camera: Camera) -> Photo<'_, f64> {
     Photo { pixels, mask: None, camera }
 }
 
-/// How far a camera is from another: degrees, and parts of a distance of three.
+/// Distance of a camera from another: degrees, and parts of a distance of three.
 pub fn apart(a: &Camera, b: &Camera) -> [f64; 2] {
     let turn = a.pose.relative_to(&b.pose).rotation;
     let degrees = weaver_geometry::so3::log(&turn).length().to_degrees();

@@ -138,14 +138,14 @@ fn what_is_masked_does_not_matter() {
     let cloud = Cloud::new(60, 0, 5);
     let mut pixels = cloud.draw(&camera());
     let guess = disturbed(&camera(), 2.0, 3);
-    let mask: Vec<u8> = (0..64 * 48).map(|at| u8::from(at % 64 >= 20)).collect();
+    let mask: Vec<bool> = (0..64 * 48).map(|at| at % 64 >= 20).collect();
     let options = Options { steps: 20, ..Options::of(Method::Own) };
     let masked = |pixels: &[f64]| {
         let photo = Photo { mask: Some(&mask), ..photo(pixels, guess) };
         run(&cloud.scene(), &[photo], &options).remove(0)
     };
     let before = masked(&pixels);
-    for at in (0..64 * 48).filter(|at| mask[*at] == 0) {
+    for at in (0..64 * 48).filter(|at| !mask[*at]) {
         pixels[3 * at..3 * at + 3].fill(0.9);
     }
     let after = masked(&pixels);

@@ -18,10 +18,10 @@ fn photos_that_do_not_fit_are_refused() {
     let refusal = |photo: Photo<'_, f64>| run(&cloud.scene(), &[photo]).unwrap_err().to_string();
     let short = refusal(photo(&pixels[3..], camera()));
     assert_eq!(short, "photo 0: expected 9216 numbers in its pixels of 64x48, found 9213");
-    let mask = refusal(Photo { mask: Some(&[1; 7]), ..photo(&pixels, camera()) });
+    let mask = refusal(Photo { mask: Some(&[true; 7]), ..photo(&pixels, camera()) });
     assert_eq!(mask, "photo 0: expected 3072 numbers in its mask of 64x48, found 7");
-    let masked = refusal(Photo { mask: Some(&[0; 64 * 48]), ..photo(&pixels, camera()) });
-    assert_eq!(masked, "photo 0: expected a mask that leaves something, found zeros everywhere");
+    let masked = refusal(Photo { mask: Some(&[false; 64 * 48]), ..photo(&pixels, camera()) });
+    assert_eq!(masked, "photo 0: expected a mask that leaves something, found none");
     let mut broken = pixels.clone();
     broken[3 * (5 * 64 + 9) + 1] = f64::NAN;
     assert_eq!(refusal(photo(&broken, camera())), "photo 0: expected finite colors, found NaN at row 5, column 9");

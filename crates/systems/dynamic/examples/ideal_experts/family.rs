@@ -25,7 +25,7 @@ impl Family {
         }
     }
 
-    /// What the numbers of a path are multiplied with at a time.
+    /// Factors on the numbers of a path at a time.
     pub fn basis(self, t: f64) -> Vec<f64> {
         match self {
             Self::Cubic => {

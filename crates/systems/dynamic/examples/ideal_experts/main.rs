@@ -46,7 +46,7 @@ impl Table {
     }
 }
 
-/// What needs no training.
+/// Rows that need no training.
 fn bounds(table: &mut Table, views: &[View]) {
     let hard = |choice: &dyn Fn(usize, usize) -> usize, frame: usize| {
         let mut gate = vec![0.0; EXPERTS.len() * PIXELS];
@@ -92,7 +92,7 @@ fn routers(table: &mut Table, world: &World, views: &[Vec<View>], seed: u64) -> 
     ours
 }
 
-/// What remains when the lowest share of the Gaussians is dropped, at once and after more steps.
+/// Quality when the lowest share of the Gaussians is dropped, at once and after more steps.
 fn pruned(table: &mut Table, world: &World, views: &[Vec<View>], (routed, seed): (&Routed, u64)) {
     let count = routed.rows.len();
     let random = Stream::new(seed, 0, "dropped");
@@ -110,7 +110,7 @@ fn pruned(table: &mut Table, world: &World, views: &[Vec<View>], (routed, seed):
     }
 }
 
-/// How far the experts' Gaussians are from the truth.
+/// Distances of the experts' Gaussians from the truth.
 fn distances(world: &World) {
     println!("| |{}|\n|---|---|---|---|---|", EXPERTS.join("|"));
     for (k, name) in EXPERTS.iter().enumerate() {

@@ -201,7 +201,7 @@ fn wide(x: Var<'_, f32>) -> Vec<f64> {
     x.to_vec().into_iter().map(f64::from).collect()
 }
 
-/// What the held-out camera says: dB on frames seen and unseen, and the share of pixels where the gate's first is right, if there is a gate.
+/// Figures of the held-out camera: dB on frames seen and unseen, and the share of pixels where the gate's first is right, if there is a gate.
 #[derive(Clone, Copy, Default)]
 pub struct Held {
     pub seen: f64,

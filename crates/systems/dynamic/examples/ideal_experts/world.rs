@@ -20,7 +20,7 @@ const RADIUS: f64 = 0.05;
 const AMPLITUDE: f64 = 0.07;
 /// In front of the wall, which is at depth 0; cameras are at negative depths.
 const DEPTH: f64 = -0.5;
-/// How far a field reaches.
+/// Reach of a field.
 const REACH: f64 = 0.1;
 /// The pulse: its width, and how far it goes over the clip, along the first axis.
 const PULSE: [f64; 2] = [0.2, 2.5];
@@ -34,7 +34,7 @@ pub enum Layout {
     Patches,
 }
 
-/// What is drawn, by frames.
+/// The drawn world, by frames.
 pub struct World {
     /// True centers `[F][N, 3]`.
     truth: Vec<Vec<f64>>,
@@ -50,7 +50,7 @@ pub fn time(frame: usize) -> f64 {
     frame as f64 / FRAMES as f64
 }
 
-/// Whether routers and experts are trained on it.
+/// True if routers and experts are trained on it.
 pub fn seen(frame: usize) -> bool {
     frame.is_multiple_of(2)
 }
@@ -89,12 +89,12 @@ impl World {
         self.radii.len()
     }
 
-    /// Whose each Gaussian of the list is.
+    /// Owner of each Gaussian of the list.
     pub fn owners(&self) -> Vec<usize> {
         (0..EXPERTS.len() * self.count()).map(|i| i / self.count()).collect()
     }
 
-    /// How far an expert's Gaussians of a group are from the truth: root of the mean square over all frames.
+    /// Distance of an expert's Gaussians of a group from the truth: root of the mean square over all frames.
     pub fn distance(&self, expert: usize, group: usize) -> f64 {
         let n = self.count();
         let from = n - (EXPERTS.len() - group) * GROUP;
@@ -187,7 +187,7 @@ fn path(group: usize, (base, middle): ([f64; 3], [f64; 3]), own: Stream, t: f64)
     [0, 1, 2].map(|axis| base[axis] + shift(axis))
 }
 
-/// What the experts make of true paths `[F][N, 3]`.
+/// Experts made of true paths `[F][N, 3]`.
 fn experts(truth: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let mut all = vec![Vec::new(); truth.len()];
     for name in EXPERTS {

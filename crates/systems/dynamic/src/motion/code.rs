@@ -10,7 +10,7 @@ use weaver_nn::{Builder, Context, Init};
 const MOMENTS: f64 = 0.01 / 16.0;
 /// Weight of the mean opacity.
 const OPAQUE: f64 = 1e-4;
-/// How fast the weight of a neighbor falls off with the squared distance.
+/// Decay of a neighbor's weight with the squared distance.
 const FALL_OFF: f64 = 2000.0;
 /// Keeps the root of 0 away from its pole.
 const TINY: f64 = 1e-20;

@@ -8,7 +8,7 @@ use weaver_nn::{Builder, Context, Init};
 const WIDTH: f64 = 1.0;
 /// The largest cosine between neighboring rotations that the angle is taken of.
 const NEAREST: f64 = 1.0 - 1e-4;
-/// How many deviations a flank's width is at half its height: 2 sqrt(2 ln 2).
+/// Width of a flank at half its height, in deviations: 2 sqrt(2 ln 2).
 const HALF: f64 = 2.36;
 /// Weights of the regularizer of static Gaussians and of moving ones, and what is added to a length before its logarithm.
 const STILL: f64 = 1e-4;

@@ -81,7 +81,7 @@ fn a_merged_scene_can_be_one_expert() {
     assert_eq!(found, op.apply(&own, &shot.camera, shot.background).image.to_vec());
 }
 
-/// What a perceptron sees at each pixel is that pixel's: pictures that agree in one row of pixels are gated alike there.
+/// A perceptron's input at each pixel is that pixel's: pictures that agree in one row of pixels are gated alike there.
 #[test]
 fn a_perceptron_on_pixels_sees_each_pixel_alone() {
     let mut params = Params::<f64>::new();
@@ -194,7 +194,7 @@ fn the_gradient_by_weights_is_a_sparse_product() {
     assert!(found.iter().step_by(2).filter(|g| g.abs() > 1e-7).count() > COUNT, "most of them are seen");
 }
 
-/// What was drawn once and kept is gated as what is drawn: pictures, and gradients by all that the router has.
+/// Renders that were kept are gated as new ones: pictures, and gradients by all that the router has.
 #[test]
 fn what_was_seen_is_gated_as_what_is_drawn() {
     let mut params = Params::<f64>::new();

@@ -239,7 +239,7 @@ fn a_window_is_full_inside_and_falls_off_on_both_sides() {
     assert!((at(11.0) - expected(1.5, 0.5)).abs() < 1e-12);
 }
 
-/// What a model learns of two Gaussians in one place that move against each other: root of the mean squared error.
+/// Error of a model of two Gaussians in one place that move against each other: root of the mean squared error.
 fn against<M: Motion<f32>>(build: impl FnOnce(Builder<'_, f32>, &Start<'_>) -> M) -> f64 {
     let positions = [0.1, 0.2, 0.0, 0.1, 0.2001, 0.0];
     let start = Start { positions: &positions, sizes: &[0.1; 2], opacity: 0.5 };

@@ -18,7 +18,7 @@ pub struct Moment {
     pub time: f64,
 }
 
-/// Whether an expert is right about a Gaussian at x.
+/// True if an expert is right about a Gaussian at x.
 pub type Right = fn(usize, f64, Moment) -> bool;
 
 pub fn owners() -> Vec<usize> {

@@ -32,7 +32,7 @@ impl Split {
         Self { settings }
     }
 
-    /// How many Gaussians there should be after the round at this moment: as many more as in each that is left to grow in.
+    /// Number of Gaussians after the round at this moment: as many more as in each that is left to grow in.
     fn wanted(&self, moment: &Moment, now: usize) -> usize {
         let Density { from, until, .. } = self.settings;
         let left = (from + GROWING * (until - from) - moment.fraction()) * moment.steps as f64;

@@ -88,7 +88,7 @@ fn cameras(fit: &Fit) -> Vec<Pose> {
     (0..fit.photos()).map(|i| fit.camera(i).pose).collect()
 }
 
-/// What is left after matching: tenths of a degree.
+/// The error after matching is tenths of a degree.
 #[test]
 fn slightly_disturbed_cameras_come_back() {
     let (truth, points) = world();

@@ -8,7 +8,7 @@ fn half_masked() -> Vec<Photo> {
     for photo in &mut photos {
         let width = photo.camera.width;
         let pixels = width * photo.camera.height;
-        photo.mask = Some((0..pixels).map(|i| u8::from(i % width > 12) * 255).collect());
+        photo.mask = Some((0..pixels).map(|i| i % width > 12).collect());
     }
     photos
 }
@@ -17,7 +17,7 @@ fn half_masked() -> Vec<Photo> {
 fn painted(mut photos: Vec<Photo>, byte: u8) -> Vec<Photo> {
     for photo in &mut photos {
         let mask = photo.mask.as_ref().expect("a mask");
-        let masked = photo.rgb.chunks_exact_mut(3).zip(mask).filter(|(_, m)| **m == 0);
+        let masked = photo.rgb.chunks_exact_mut(3).zip(mask).filter(|(_, m)| !**m);
         masked.for_each(|(pixel, _)| pixel.fill(byte));
     }
     photos
@@ -50,7 +50,7 @@ fn masked_photos() {
         fit.gaussians()
     };
     let mut more = half_masked();
-    more[1].mask.as_mut().expect("a mask").fill(0);
+    more[1].mask.as_mut().expect("a mask").fill(false);
     let mut fewer = more.clone();
     fewer.remove(1);
     assert!(run(more) == run(fewer));

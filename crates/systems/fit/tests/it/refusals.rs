@@ -31,7 +31,7 @@ fn poses_that_are_no_numbers() {
 fn photos_that_show_nothing() {
     assert!(refusal(Vec::new(), good()).contains("found none"));
     let mut masked = two();
-    masked.iter_mut().for_each(|p| p.mask = Some(vec![0; p.camera.width * p.camera.height]));
+    masked.iter_mut().for_each(|p| p.mask = Some(vec![false; p.camera.width * p.camera.height]));
     assert!(refusal(masked.clone(), good()).contains("masked altogether"));
     assert!(matches!(init::random(&masked, &good()), Err(FitError::Setting { .. })));
     assert!(matches!(init::random(&[], &good()), Err(FitError::Setting { .. })));

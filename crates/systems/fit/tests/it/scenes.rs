@@ -39,7 +39,7 @@ pub fn plain(strategy: StrategyKind, steps: usize, gaussians: usize) -> FitSetti
     settings
 }
 
-/// What cameras see of Gaussians.
+/// Renders of Gaussians.
 pub fn render(gaussians: &Gaussians, cameras: &[Camera]) -> Vec<Vec<f32>> {
     let [width, height] = SIZE;
     let black = Photo { name: "black".into(), camera: cameras[0], rgb: vec![0; 3 * width * height], mask: None };

@@ -122,7 +122,7 @@ fn an_adapter_that_is_not_there_is_named_with_those_that_are() {
     }
 }
 
-/// What a machine without a driver gets: an empty list, and an error that says what may be missing. The process is another one, for
+/// A machine without a driver gets an empty list, and an error that says what may be missing. The process is another one, for
 /// drivers are looked for once.
 #[test]
 fn a_machine_without_a_driver_has_no_adapters() {

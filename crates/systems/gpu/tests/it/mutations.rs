@@ -23,7 +23,7 @@ fn mutated(entry: &str, from: &str, to: &str) -> Option<Result<GpuRasterizer, Gp
     Some(context.map(GpuRasterizer::new))
 }
 
-/// Whether images or gradients are further from those of the CPU than rounding explains.
+/// True if images or gradients are further from those of the CPU than rounding explains.
 fn is_noticed(rasterizer: &GpuRasterizer) -> bool {
     let exact = Scene::random(31, 400, 1, (70, 50), Some(1)).with_channels(0);
     let (single, cotangents) = (exact.to_f32(), exact.cotangents(31));

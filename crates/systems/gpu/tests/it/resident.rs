@@ -23,7 +23,7 @@ struct Stored<T>([[Vec<T>; 3]; 5]);
 struct Example {
     scene: Scene<f64>,
     rgb: Vec<u8>,
-    mask: Option<Vec<u8>>,
+    mask: Option<Vec<bool>>,
     weight: f64,
     regularizer: [f32; 2],
 }
@@ -59,8 +59,7 @@ impl Example {
         let stream = Stream::new(seed, 1, "gpu.photo");
         other.colors.iter_mut().enumerate().for_each(|(i, x)| *x += 0.3 * stream.normal::<f64>(i as u64));
         let rgb = other.render().image.iter().map(|x| (255.0 * x).round().clamp(0.0, 255.0) as u8).collect();
-        let mask =
-            masked.then(|| (0..size.0 * size.1).map(|i| if stream.below(i as u64, 5) == 0 { 0 } else { 9 }).collect());
+        let mask = masked.then(|| (0..size.0 * size.1).map(|i| stream.below(i as u64, 5) != 0).collect());
         Self { scene, rgb, mask, weight: 0.2, regularizer: [1e-4, 2e-4] }
     }
 
@@ -83,7 +82,7 @@ impl Example {
         let mut workspace = Workspace::new();
         let (mut drawn, _) = scene.render_in(&mut workspace);
         let mut target: Vec<T> = self.rgb.iter().map(|x| T::from_f64(f64::from(*x) / 255.0)).collect();
-        let masked = |i: usize| self.mask.as_ref().is_some_and(|mask| mask[i / 3] == 0);
+        let masked = |i: usize| self.mask.as_ref().is_some_and(|mask| !mask[i / 3]);
         for i in (0..target.len()).filter(|i| masked(*i)) {
             drawn.image[i] = T::from_f64(drawn.image[i].to_f64().clamp(0.0, 1.0));
             target[i] = drawn.image[i];
@@ -113,7 +112,7 @@ fn loaded(stored: &Stored<f32>, degree: usize) -> Option<Box<dyn DeviceFit>> {
     Some(fit)
 }
 
-/// What is on the device.
+/// The numbers on the device.
 fn fetched(fit: &mut dyn DeviceFit, like: &Stored<f32>, degree: usize) -> (Stored<f32>, Vec<f32>) {
     let mut stored = like.clone();
     let mut statistics = vec![GaussianStatistics::default(); like.0[3][0].len()];
@@ -154,8 +153,8 @@ proptest! {
         // Where rounding decides, the photo does not count.
         let decided = decided(&example.scene);
         if decided.contains(&false) {
-            let mask = example.mask.get_or_insert_with(|| vec![255; decided.len()]);
-            mask.iter_mut().zip(decided).filter(|(_, decided)| !decided).for_each(|(mask, _)| *mask = 0);
+            let mask = example.mask.get_or_insert_with(|| vec![true; decided.len()]);
+            mask.iter_mut().zip(decided).filter(|(_, decided)| !decided).for_each(|(mask, _)| *mask = false);
         }
         let mut single = example.scene.to_f32();
         stored.activate(&mut single);
@@ -252,7 +251,7 @@ fn a_fit_ends_where_that_of_the_cpu_does() {
     assert!((on_device - on_cpu).abs() < 0.1, "{on_device}, on the CPU {on_cpu}");
 }
 
-/// What a fit cannot do is said, and leaves it usable.
+/// A photo that a fit cannot take is refused, and the fit stays usable.
 #[test]
 fn photos_that_do_not_fit_are_refused() {
     let example = Example::new(7, 10, (20, 15), 0, false);

@@ -10,7 +10,7 @@ use naga::{
 };
 use std::collections::HashSet;
 
-/// What is wrong with a module's barriers, one line each.
+/// Faults of a module's barriers, one line each.
 pub fn faults(module: &Module) -> Vec<String> {
     let waiting: HashSet<Handle<Function>> = module
         .functions
@@ -23,7 +23,7 @@ pub fn faults(module: &Module) -> Vec<String> {
     all.flat_map(|function| Walk::of(module, &waiting, function)).collect()
 }
 
-/// Whether a block has a barrier, in functions that it calls, too.
+/// True if a block has a barrier, in functions that it calls, too.
 fn waits(module: &Module, block: &Block) -> bool {
     block.iter().any(|statement| match statement {
         Statement::ControlBarrier(_) | Statement::WorkGroupUniformLoad { .. } => true,
@@ -46,7 +46,7 @@ struct Walk<'a> {
     faults: Vec<String>,
 }
 
-/// Whether threads that come to a place leave it together.
+/// True if threads that come to a place leave it together.
 #[derive(Clone, Copy, Default)]
 struct Leaves {
     /// Some may leave the innermost loop.
@@ -159,7 +159,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Whether all threads point to the same place of their variable.
+    /// True if all threads point to the same place of their variable.
     fn uniform_place(&self, pointer: Handle<Expression>) -> bool {
         match self.function.expressions[pointer] {
             Expression::Access { base, index } => self.uniform(index) && self.uniform_place(base),
@@ -168,7 +168,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Whether all threads agree on a value, or on where a pointer leads.
+    /// True if all threads agree on a value, or on where a pointer leads.
     fn uniform(&self, expression: Handle<Expression>) -> bool {
         match &self.function.expressions[expression] {
             Expression::Literal(_) | Expression::Constant(_) | Expression::Override(_) | Expression::ZeroValue(_) => {
@@ -205,7 +205,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Whether the call that gave this result had uniform arguments and looks at nothing else.
+    /// True if the call that gave this result had uniform arguments and looks at nothing else.
     fn called(&self, result: Handle<Expression>) -> bool {
         fn find(block: &Block, result: Handle<Expression>) -> Option<(Handle<Function>, &[Handle<Expression>])> {
             block.iter().find_map(|statement| match statement {

@@ -48,7 +48,7 @@ pub(super) fn condensed(merges: &[Merge], count: usize, smallest: usize) -> Cond
     clusters
 }
 
-/// What a part falls into, if those that `falls` fall as well.
+/// Parts that a whole falls into, if those that `falls` fall as well.
 fn parts_of(whole: usize, falls: impl Fn(usize) -> bool, merges: &[Merge], count: usize) -> Vec<usize> {
     let (mut open, mut parts) = (vec![whole], Vec::new());
     while let Some(part) = open.pop() {

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use weaver_kernels::random::Stream;
 use weaver_lift::{ClusterOptions, HdbscanOptions, Pca, cluster, hdbscan};
 
-/// Whether two labelings say the same in other words.
+/// True if two labelings say the same in other words.
 fn same(a: &[Option<u32>], b: &[Option<u32>]) -> bool {
     let pairs = |a: &[Option<u32>], b: &[Option<u32>]| {
         let mut names = BTreeMap::new();
@@ -128,7 +128,7 @@ fn resolution_keeps_rounding_from_making_clusters() {
     assert_eq!((found(0.0), found(1e-3)), (4, 2));
 }
 
-/// What nobody sees is no cluster, however much of it there is.
+/// Gaussians that no camera sees are no cluster, however many there are.
 #[test]
 fn unseen_gaussians_are_noise() {
     let stream = Stream::new(2, 0, "unseen");

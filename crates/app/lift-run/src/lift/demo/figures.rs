@@ -7,7 +7,7 @@ use weaver_geometry::glam::DVec3;
 use weaver_lift::metrics::{accuracy, argmax, mean_iou};
 use weaver_lift::{Descent, LiftError, LiftOptions, Maps, Operator, Raster, Solver, Stop, guide, lift};
 
-/// What the columns of the table are; the first is a control that knows nothing of visibility.
+/// Titles of the table's columns; the first is a control that knows nothing of visibility.
 pub const COLUMNS: [&str; 5] = ["center mean", "row-sum", "squared", "exact, 5", "exact, 30"];
 /// As published.
 pub const LAMBDA: f64 = 1.2;

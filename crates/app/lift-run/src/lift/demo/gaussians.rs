@@ -58,7 +58,7 @@ pub fn surface(scene: &Scene, seed: u64, step: usize) -> Labeled {
     made
 }
 
-/// What a network makes of the training photos, one Gaussian for each pixel; the thing is what this pixel shows.
+/// Gaussians that a network predicts of the training photos, one for each pixel, with the instance of this pixel.
 pub fn predicted(predictor: &mut dyn Predictor, seed: u64, views: usize) -> Result<Labeled, Failure> {
     let [height, width] = predictor.image_size();
     let scene = scene(seed, &ProceduralOptions { width, height, views });
@@ -107,7 +107,7 @@ pub fn fitted(scene: &Scene, seed: u64) -> Result<Labeled, Failure> {
     Ok(made)
 }
 
-/// What is shown where a point would be, by the view whose surface there is nearest to it, as a part of its depth.
+/// The instance visible where a point would be, by the view whose surface there is nearest to it, as a part of its depth.
 fn shown_nearest(scene: &Scene, point: DVec3) -> u32 {
     let mut best = (f64::INFINITY, 0);
     for view in &scene.views {

@@ -18,7 +18,7 @@ pub const BOUNDS: [f64; 2] = [0.8, 0.7];
 #[derive(Clone, Debug)]
 pub struct Noise {
     pub masks: Vec<Mask<f32>>,
-    /// Whether each mask is of two things.
+    /// True if each mask is of two things.
     pub wrong: Vec<bool>,
     /// Features of the splats before aggregation.
     pub features: Vec<f32>,
@@ -28,7 +28,7 @@ pub struct Noise {
     pub cleaned: Vec<Cleaned>,
 }
 
-/// What aggregation does with one bound.
+/// Effect of aggregation with one bound.
 #[derive(Clone, Debug)]
 pub struct Cleaned {
     pub kept: Vec<bool>,
@@ -89,7 +89,7 @@ impl Noise {
     }
 }
 
-/// What pixels show by the masks; zeros where there is none.
+/// Feature maps of the masks; zeros where there is none.
 fn maps(stage: &Stage, masks: &[Mask<f32>]) -> Maps<f32> {
     let mut views: Vec<Vec<f32>> = stage.training.ids.iter().map(|ids| vec![0.0; ids.len() * CHANNELS]).collect();
     for mask in masks {

@@ -10,7 +10,7 @@ use weaver_lift::Maps;
 use weaver_scene::ActivatedGaussians;
 use weaver_splat::RasterSettings;
 
-/// How large the scene is.
+/// Size of the scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Size {
     pub photos: ProceduralOptions,

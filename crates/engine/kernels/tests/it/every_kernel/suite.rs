@@ -22,7 +22,7 @@ use weaver_kernels::softmax::*;
 pub struct Kernel<T> {
     pub name: String,
     pub inputs: Vec<Vec<T>>,
-    /// Whether it is linear in every input.
+    /// True if it is linear in every input.
     pub linear: bool,
     pub run: Run<T>,
 }

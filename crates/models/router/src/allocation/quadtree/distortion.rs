@@ -10,7 +10,7 @@ use weaver_kernels::parallel;
 
 /// Color, and log depth as a fourth.
 const CHANNELS: usize = 4;
-/// How much a difference of log depth counts beside one of color.
+/// Weight of a difference of log depth beside one of color.
 const DEPTH_WEIGHT: f32 = 1.0;
 /// Variance within a pixel of a slope of 1 per pixel.
 const WITHIN_PIXEL: f32 = 1.0 / 12.0;

@@ -18,12 +18,12 @@ pub(super) type Leaf = (usize, u8);
 /// Divides a forest.
 pub(super) struct Pruning<'a> {
     forest: &'a Forest,
-    /// What each node loses with 0 to `most` Gaussians `[nodes, 1 + most]`; infinite if it must not have so many.
+    /// Loss of each node with 0 to `most` Gaussians `[nodes, 1 + most]`; infinite if it must not have so many.
     losses: &'a [f32],
     most: usize,
 }
 
-/// What is done with each node at one price.
+/// Division of each node at one price.
 struct Division {
     choice: Vec<u8>,
     /// Gaussians below each node.
@@ -122,7 +122,7 @@ impl<'a> Pruning<'a> {
         }
     }
 
-    /// What a leaf gains by one Gaussian more.
+    /// Gain of a leaf by one Gaussian more.
     fn gain(&self, (node, e): Leaf) -> f32 {
         let (now, then) = (self.loss(node, e.into()), self.loss(node, usize::from(e) + 1));
         if then.is_finite() { now - then } else { f32::MIN }

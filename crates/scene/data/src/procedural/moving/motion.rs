@@ -40,7 +40,7 @@ impl Mover {
 }
 
 impl Motion {
-    /// How far a solid is from its rest, and how far it is turned.
+    /// Displacement of a solid from its rest, and its rotation.
     fn at(&self, time: f64) -> Option<(DVec3, f64)> {
         match self {
             Self::Cubic { path: [a, b, c], turn } => {

@@ -18,7 +18,7 @@ const SLATS: usize = 11;
 /// A world of which a part moves.
 #[derive(Clone, Debug)]
 pub(super) struct Stage {
-    /// What stays, under a sky of one color.
+    /// The still part, under a sky of one color.
     still: World,
     movers: Vec<Mover>,
 }
@@ -26,7 +26,7 @@ pub(super) struct Stage {
 impl Stage {
     /// The stage of a procedural film; its cameras stand on the -y side.
     ///
-    /// What is near the cameras stays low, what is behind it hovers, so that each group is seen from everywhere.
+    /// Things near the cameras stay low, things behind hover, so that each group is seen from everywhere.
     pub fn compose(draws: &mut Draws) -> Self {
         let mut still = World::outdoors(World::surroundings(draws), draws);
         // A rasterizer has one color behind everything, and photos have 255 steps.
@@ -39,7 +39,7 @@ impl Stage {
         Self { still, movers }
     }
 
-    /// What is behind everything, as displayed.
+    /// Color of the background, as displayed.
     pub fn sky(&self) -> DVec3 {
         self.still.sky[0]
     }

@@ -9,7 +9,7 @@ const LAYERS: u32 = 13;
 const FINER: f32 = 0.55;
 const FAINTER: f32 = 0.8;
 
-/// What a surface looks like: noise of many scales between two colors.
+/// Texture of a surface: noise of many scales between two colors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Paint {
     pub seed: u32,
@@ -42,7 +42,7 @@ impl Paint {
         Self::any(draws, 0.3, [0.05, 0.5], 0.8, 0.4)
     }
 
-    /// What nothing else looks like: two colors, much contrast.
+    /// A texture unlike any other: two colors, much contrast.
     pub fn poster(draws: &mut Draws) -> Self {
         let mut any = |low, high| color(draws.within(0.0, 1.0), draws.within(0.2, 0.8), draws.within(low, high));
         let colors = [any(0.0, 0.4).as_vec3(), any(0.7, 1.0).as_vec3()];

@@ -67,7 +67,7 @@ pub(super) fn photograph(blocks: &[Block], camera: &Camera, seed: u32) -> (Image
     (image, hits.iter().map(|hit| hit.z as f32).collect())
 }
 
-/// What a ray meets first; nothing, where `z` is 0.
+/// First hit of a ray; none where `z` is 0.
 #[derive(Clone, Copy, Debug)]
 struct Hit {
     z: f64,

@@ -13,7 +13,7 @@ const RADIAL: [&str; 5] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL
 const FULL: &str = "FULL_OPENCV";
 const FISHEYE: [&str; 3] = ["OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE"];
 
-/// What a lens is called.
+/// Name of a lens.
 pub(super) fn model(distortion: Option<Distortion>) -> &'static str {
     match distortion {
         None => "PINHOLE",

@@ -43,7 +43,7 @@ pub(super) struct Accessors<'a> {
 }
 
 impl Accessors<'_> {
-    /// How many elements an accessor has.
+    /// Number of an accessor's elements.
     pub(super) fn count(&self, index: usize) -> Result<usize> {
         Ok(self.accessor(index)?.count)
     }

@@ -17,7 +17,7 @@ use weaver_scene::{Gaussians, forms};
 
 /// Gaussians of a block.
 const BLOCK: usize = 256;
-/// What has bounds, in the order of the header.
+/// Groups of properties with bounds, in the order of the header.
 const BOUNDED: [[&str; 3]; 3] = [["x", "y", "z"], ["scale_x", "scale_y", "scale_z"], ["r", "g", "b"]];
 const WORDS: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
 /// Values of a word of positions or scales, and of a component of a rotation.

@@ -11,7 +11,7 @@ pub(crate) struct Table {
     pub(crate) names: Vec<String>,
     /// Number of vertices.
     pub(crate) rows: usize,
-    /// Whether a comment says that Gaussians were trained antialiased.
+    /// True if a comment says that Gaussians were trained antialiased.
     pub(crate) antialiased: bool,
     /// `[rows, names.len()]`.
     values: Vec<f32>,
@@ -94,7 +94,7 @@ impl Element {
 struct Header {
     format: Format,
     elements: Vec<Element>,
-    /// What a comment of Brush or Postshot says about training.
+    /// Antialiasing as a comment of Brush or Postshot states it.
     antialiased: bool,
     /// Where the body begins.
     end: usize,

@@ -9,7 +9,7 @@ use std::path::Path;
 
 /// The version that is read and written.
 pub(super) const VERSION: u64 = 2;
-/// How `model` is named where Gaussians were trained antialiased.
+/// Name of `model` where Gaussians were trained antialiased.
 pub(super) const ANTIALIASED: &str = "antialiased";
 
 #[derive(Debug, Deserialize, Serialize)]

@@ -12,7 +12,7 @@ pub(super) struct Plane {
     pub pixels: Vec<[u8; 4]>,
 }
 
-/// What the number of pixels of a picture has to be.
+/// Expected number of pixels of a picture.
 pub(super) enum Size {
     /// A pixel for each Gaussian, in a picture that is not mostly empty.
     Holds(usize),

@@ -76,7 +76,7 @@ pub(super) fn pack(header: &Header, gaussians: &Gaussians) -> Streams {
     ]
 }
 
-/// How each spherical harmonic changes its sign between the file's world and ours.
+/// Sign of each spherical harmonic between the file's world and ours.
 fn signs(header: &Header) -> [f32; sh::MAX_COEFFICIENTS] {
     if header.turned { sh::half_turn_signs(0) } else { [1.0; sh::MAX_COEFFICIENTS] }
 }

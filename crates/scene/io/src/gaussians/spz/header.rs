@@ -14,7 +14,7 @@ pub(super) const BYTES: usize = 16;
 /// The bit of `flags` that says how Gaussians were trained.
 const ANTIALIASED: u8 = 1;
 
-/// What the arrays are.
+/// Header of the arrays.
 pub(super) struct Header {
     pub version: u32,
     pub gaussians: u32,

@@ -70,7 +70,7 @@ pub(super) fn read(path: &Path, data: &[u8]) -> Result<(Header, Streams)> {
     Ok((header, found))
 }
 
-/// Whether the axes are those of OpenGL, which they are unless an extension says otherwise.
+/// True if the axes are those of OpenGL, which they are unless an extension says otherwise.
 fn turned(records: &mut Bytes) -> Result<bool> {
     let mut turned = true;
     while !records.rest().is_empty() {

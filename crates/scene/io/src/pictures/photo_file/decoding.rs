@@ -24,7 +24,7 @@ const DENSER: u64 = 2600;
 const MARGIN: u64 = 1 << 20;
 const EXPECTED: &str = "a JPEG, PNG, TIFF or WebP image";
 
-/// What a photo says before its pixels.
+/// Header of a photo, before its pixels.
 pub(super) struct Header {
     /// Width and height.
     pub stored: (usize, usize),
@@ -86,7 +86,7 @@ fn decoder<'a>(path: &Path, place: &str, from: impl BufRead + Seek + 'a) -> Resu
     reader.into_decoder().map_err(|e| Error::invalid(path, place, EXPECTED, e))
 }
 
-/// Whether a JPEG may hold the pixels that its header claims.
+/// True if a JPEG may hold the pixels that its header claims.
 pub(super) fn may_hold(path: &Path, (width, height): (usize, usize)) -> bool {
     let size = (width as u32, height as u32);
     let total = 3 * width as u64 * height as u64;
@@ -134,7 +134,7 @@ fn check_kind(path: &Path, bytes: &[u8]) -> Result<()> {
     Err(Error::invalid(path, "image", EXPECTED, found))
 }
 
-/// Whether these are the bytes of a JPEG whose picture has a beginning and no end. Decoders fill the rest with gray.
+/// True if these are the bytes of a JPEG whose picture has a beginning and no end. Decoders fill the rest with gray.
 fn is_cut_jpeg(bytes: &[u8]) -> bool {
     const START: [u8; 2] = [0xff, 0xd8];
     const SCAN: u8 = 0xda;
@@ -202,7 +202,7 @@ impl Decoded {
         &values[(y * size.0 + x) * channels..][..*channels]
     }
 
-    /// Whether what is read is what is stored.
+    /// True if what is read is what is stored.
     fn is_plain(&self) -> bool {
         self.mask.is_none()
             && self.orientation == Orientation::NoTransforms

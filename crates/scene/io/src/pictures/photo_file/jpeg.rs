@@ -6,14 +6,14 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Seek, SeekFrom};
 use std::path::Path;
 
-/// What a JPEG says before its first scan.
+/// Segments of a JPEG before its first scan.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Segments {
-    /// Whether all coefficients have to be held at once.
+    /// True if all coefficients have to be held at once.
     pub progressive: bool,
     /// Where the first scan begins, behind its header, in bytes.
     pub end: u64,
-    /// How its channels become colors, where that is gray or what nearly all photos have.
+    /// Conversion of its channels to colors, where that is gray or what nearly all photos have.
     colors: Option<ColorTransform>,
 }
 
@@ -60,7 +60,7 @@ impl Segments {
         }
     }
 
-    /// Whether [`decode`] can decode it.
+    /// True if [`decode`] can decode it.
     pub fn can_shrink(&self) -> bool {
         self.colors.is_some()
     }

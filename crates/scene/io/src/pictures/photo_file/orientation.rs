@@ -28,7 +28,7 @@ pub(super) fn stored(
     }
 }
 
-/// How far the upright photo begins inside of what is decoded, at the left and at the top, where that reaches so far beyond what is stored
+/// Distance from the border of the decoded picture to the upright photo, at the left and at the top, where that reaches so far beyond what is stored
 /// at its right and its bottom.
 pub(super) fn margin(orientation: Orientation, [right, bottom]: [f64; 2]) -> [f64; 2] {
     match orientation {

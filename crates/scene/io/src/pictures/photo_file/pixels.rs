@@ -1,10 +1,10 @@
 //! The pixels of a file, all of them or fewer.
 
-/// What a file holds, of 8 bits.
+/// Contents of a file, of 8 bits.
 pub(super) struct Pixels {
     /// Width and height of the file.
     pub whole: (usize, usize),
-    /// How many of its pixels each way became one.
+    /// Factor by which its pixels became one, each way.
     pub shrink: usize,
     /// Width and height after that, rounded up.
     pub size: (usize, usize),
@@ -15,7 +15,7 @@ pub(super) struct Pixels {
 }
 
 impl Pixels {
-    /// Whether a pixel is not opaque.
+    /// True if a pixel is not opaque.
     pub fn is_transparent(&self) -> bool {
         self.channels == 4 && self.values.as_chunks::<4>().0.iter().any(|pixel| pixel[3] < 255)
     }

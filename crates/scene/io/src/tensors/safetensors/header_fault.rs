@@ -2,7 +2,7 @@
 
 use ::safetensors::SafeTensorError;
 
-/// What was found instead of a complete file.
+/// The fault of an incomplete file.
 pub fn header_fault(error: SafeTensorError) -> String {
     use SafeTensorError as E;
     let found = match error {

@@ -241,12 +241,12 @@ impl Array {
         &self.shape
     }
 
-    /// How many numbers it has.
+    /// Number of its numbers.
     pub fn len(&self) -> usize {
         self.shape.iter().product()
     }
 
-    /// Whether it has none.
+    /// True if it has none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -312,7 +312,7 @@ impl Array {
 }
 
 impl Storage {
-    /// Whether every number is finite: neither NaN nor infinite.
+    /// True if every number is finite: neither NaN nor infinite.
     pub fn is_finite(&self) -> bool {
         // A comparison of bits, which compilers do many at a time.
         let wide = |x: &f32| u32::from(x.to_bits() & 0x7f80_0000 == 0x7f80_0000);

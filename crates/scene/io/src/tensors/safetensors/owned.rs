@@ -116,7 +116,7 @@ macro_rules! elements {
 elements!(F32 f32, F64 f64, F16 f16, BF16 bf16, U64 u64, I64 i64, U32 u32, I32 i32, U8 u8);
 
 impl TensorData {
-    /// Whether there are no values.
+    /// True if there are no values.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

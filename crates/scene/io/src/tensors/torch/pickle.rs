@@ -20,7 +20,7 @@ pub enum Node {
     Global(String),
     Storage(Storage),
     Tensor(Tensor),
-    /// What is of no concern here.
+    /// An entry of no concern here.
     Other,
 }
 
@@ -31,7 +31,7 @@ pub struct Storage {
     pub kind: String,
     /// The file's name.
     pub key: String,
-    /// How many numbers.
+    /// Number of numbers.
     pub len: u64,
 }
 
@@ -64,7 +64,7 @@ pub struct Tensor {
 }
 
 impl Tensor {
-    /// Whether its numbers follow one another, row-major.
+    /// True if its numbers follow one another, row-major.
     pub fn is_contiguous(&self) -> bool {
         let mut expected = 1;
         self.shape.iter().zip(&self.strides).rev().all(|(n, stride)| {
@@ -115,7 +115,7 @@ impl<'p> Machine<'p> {
         Ok(machine)
     }
 
-    /// What the program left.
+    /// The result of the program.
     pub fn result(&self) -> Id {
         self.stack.last().copied().unwrap_or(0)
     }
@@ -385,7 +385,7 @@ impl<'p> Machine<'p> {
         Ok(())
     }
 
-    /// What a call would make, where that is known; it is not made by calling.
+    /// The result of a call, where it is known; nothing is called.
     fn call(&mut self, callee: Id, arguments: Id) {
         let node = match self.node(callee) {
             Node::Global(name) => match name.as_str() {

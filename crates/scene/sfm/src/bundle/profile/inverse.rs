@@ -88,7 +88,7 @@ impl Profile {
         block.iter().enumerate().for_each(|(a, x)| self.values[from + width * a..][..BLOCK].copy_from_slice(x));
     }
 
-    /// How long the rows of a place are, and where a block begins.
+    /// Index of an entry by the length of the rows of its place.
     #[inline(always)]
     fn within(&self, row: usize, column: usize) -> (usize, usize) {
         (self.width(row), self.start[row] + BLOCK * (column - self.first[row] as usize))

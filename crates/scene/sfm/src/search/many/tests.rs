@@ -14,7 +14,7 @@ const PHOTOS: usize = 48;
 const POINTS: usize = 700;
 const SIZE: [usize; 2] = [288, 384];
 const FOCAL: f64 = 400.0;
-/// How far cameras are from the middle of the ball, whose radius is 1.
+/// Distance of cameras from the middle of the ball, whose radius is 1.
 const AWAY: f64 = 3.5;
 
 /// A way around the ball, up and down.
@@ -30,7 +30,7 @@ fn truth() -> Vec<Pose> {
     (0..PHOTOS).map(pose).collect()
 }
 
-/// What each photo sees of the points that face it, a third of a pixel off.
+/// Features of each photo, those of the points that face it, a third of a pixel off.
 fn features() -> Vec<Features> {
     let stream = Stream::new(5, 0, "test.ball");
     let normal = |k: usize| stream.normal(k as u64);

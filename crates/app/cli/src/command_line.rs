@@ -1,0 +1,113 @@
+//! The command line and its help texts.
+
+use crate::commands::{Command, GROUPS};
+use clap::{CommandFactory, FromArgMatches, Parser};
+use std::ffi::OsString;
+
+/// The whole command line.
+#[derive(Debug, Parser)]
+#[command(
+    name = "splatweaver",
+    version,
+    about = "A few photos in, camera poses and compact 3-D Gaussians out; trained and run on a CPU.",
+    after_help = "Examples:
+  splatweaver reconstruct photos -o scene              a scene from photos and nothing else
+  splatweaver reconstruct clip.mp4 -o scene            the same from a video
+  splatweaver train --preset tiny                      train on the built-in scenes
+  splatweaver train --data fox --data fern --out runs/mine
+  splatweaver eval --run runs/mine --json
+  splatweaver infer --run runs/mine a.jpg b.jpg c.jpg d.jpg -o result
+  splatweaver fit capture --minutes 2 -o scene
+  splatweaver render result/scene.ply --orbit 60 -o turn
+  splatweaver align scene.ply --photos later --cameras guess.json -o aligned
+  splatweaver lift scene.ply --cameras transforms.json --features dino -o lifted.safetensors
+  splatweaver compare scene/scene.ply --data photos
+  splatweaver info result/scene.ply
+  splatweaver bench raster --synthetic 100000,640,480
+
+`splatweaver <command> --help` tells more."
+)]
+pub struct CommandLine {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+impl CommandLine {
+    /// Parses the words of a command line, whose first is the program's name.
+    pub fn of(words: impl IntoIterator<Item = impl Into<OsString> + Clone>) -> Result<Self, clap::Error> {
+        Self::from_arg_matches(&Self::grouped().try_get_matches_from(words)?)
+    }
+
+    /// The program, whose help lists the commands in groups.
+    fn grouped() -> clap::Command {
+        let program = Self::command();
+        let commands: Vec<_> = program.get_subcommands().collect();
+        let width = commands.iter().map(|command| command.get_name().len()).max().unwrap_or(0);
+        let line = |command: &&clap::Command| {
+            let about = command.get_about().map_or(String::new(), ToString::to_string);
+            format!("  {:<width$}  {about}\n", command.get_name())
+        };
+        let mut left = commands.iter();
+        let group = |(title, count): &(&str, usize)| {
+            let lines: String = left.by_ref().take(*count).map(line).collect();
+            format!("{title}:\n{lines}\n")
+        };
+        let groups: String = GROUPS.iter().map(group).collect();
+        let template = format!(
+            "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{groups}Options:\n{{options}}{{after-help}}"
+        );
+        program.help_template(template)
+    }
+}
+
+/// A flag of a command.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Flag {
+    /// The command, with a space before a second word.
+    pub command: String,
+    /// The long name, without dashes.
+    pub name: String,
+    /// Name of its value, alternatives with `|` between; `None` for a switch.
+    pub value: Option<String>,
+}
+
+/// The flags of all commands, from the definition that the program parses by.
+pub fn flags() -> Vec<Flag> {
+    let mut found = Vec::new();
+    for command in CommandLine::command().get_subcommands() {
+        let inner: Vec<_> = command.get_subcommands().collect();
+        if inner.is_empty() {
+            add_flags(command.get_name().to_string(), command, &mut found);
+        }
+        for second in inner {
+            add_flags(format!("{} {}", command.get_name(), second.get_name()), second, &mut found);
+        }
+    }
+    found
+}
+
+fn add_flags(name: String, command: &clap::Command, found: &mut Vec<Flag>) {
+    for argument in command.get_arguments() {
+        let Some(long) = argument.get_long() else { continue };
+        let values = argument.get_possible_values();
+        let named = argument.get_value_names().map(|names| names.join(" "));
+        let listed = values.iter().map(|value| value.get_name()).collect::<Vec<_>>().join("|");
+        let value = match (argument.get_action().takes_values(), named) {
+            (false, _) => None,
+            (true, Some(named)) if values.is_empty() => Some(named),
+            (true, None) if values.is_empty() => Some("N".into()),
+            (true, _) => Some(listed),
+        };
+        found.push(Flag { command: name.clone(), name: long.to_string(), value });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        CommandLine::command().debug_assert();
+    }
+}

@@ -1,0 +1,85 @@
+//! The commands: a file each, with the words that it takes and what it does, and a row of the table.
+
+mod align;
+mod cameras;
+mod compare;
+mod completions;
+mod config;
+mod convert;
+mod convert_weights;
+mod dynamic;
+mod eval;
+mod fit;
+mod image;
+mod infer;
+mod info;
+mod reconstruct;
+mod render;
+mod train;
+
+use clap::Subcommand;
+use weaver_command::{Console, Failure, Interrupt};
+
+/// Makes the commands of their table: the enum that clap parses into, the groups of the help, and the call.
+macro_rules! table {
+    ($($title:literal: { $($name:ident($arguments:ty) => $run:expr,)+ })+) => {
+        /// One command.
+        #[derive(Debug, Subcommand)]
+        pub enum Command {
+            $($($name($arguments),)+)+
+        }
+
+        /// Titles of the groups in the help, and how many commands are in each, in the commands' order.
+        pub const GROUPS: &[(&str, usize)] = &[$(($title, [$(stringify!($name)),+].len())),+];
+
+        impl Command {
+            /// Does what the command says.
+            pub fn run(&self, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+                match self {
+                    $($(Self::$name(arguments) => call($run, arguments, console, interrupt),)+)+
+                }
+            }
+        }
+    };
+}
+
+/// Calls what a row names; this signature tells its types.
+fn call<A>(
+    run: impl FnOnce(&A, &mut Console, &Interrupt) -> Result<(), Failure>,
+    arguments: &A,
+    console: &mut Console,
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
+    run(arguments, console, interrupt)
+}
+
+table! {
+    "Reconstruct": {
+        Reconstruct(reconstruct::Reconstruct) => reconstruct::run,
+        Cameras(cameras::Cameras) => |it, console, _| cameras::run(it, console),
+        Fit(fit::Fit) => fit::run,
+        Infer(infer::Infer) => infer::run,
+    }
+    "Look": {
+        Render(render::Render) => |it, console, _| render::run(it, console),
+        Compare(compare::Compare) => |it, console, _| compare::run(it, console),
+        Info(info::Info) => |it, console, _| info::run(it, console),
+        Convert(convert::Convert) => |it, console, _| convert::run(it, console),
+    }
+    "Learn": {
+        Train(train::Train) => train::run,
+        Eval(eval::Eval) => |it, console, _| eval::run(it, console),
+        Config(config::Config) => |it, console, _| config::run(it, console),
+        ConvertWeights(convert_weights::ConvertWeights) => convert_weights::run,
+    }
+    "More": {
+        Align(align::Align) => |it, console, _| align::run(it, console),
+        Lift(weaver_lift_run::Lift) => |it, console, _| weaver_lift_run::lift(it, console),
+        Query(weaver_lift_run::Query) => |it, console, _| weaver_lift_run::query(it, console),
+        Dynamic(dynamic::Dynamic) => dynamic::run,
+        Vad(weaver_vad_run::Vad) => weaver_vad_run::run,
+        Image(image::Pictures) => image::run,
+        Bench(weaver_bench::Bench) => |it, console, _| weaver_bench::run(it, console),
+        Completions(completions::Completions) => |it, console, _| completions::run(it, console),
+    }
+}

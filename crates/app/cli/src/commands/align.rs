@@ -1,0 +1,176 @@
+//! `splatweaver align`.
+
+mod guess;
+mod results;
+
+use clap::Args;
+use results::{Results, Row};
+use std::path::PathBuf;
+use weaver_align::{AlignError, Method, Options, Photo, Scene, align, mean_square};
+use weaver_command::{Console, DrawingFlags, DrawingOptions, Failure, Progress, Threads, choice, in_pool};
+use weaver_data::posed::{PosedOptions, PosedPhoto, load_frames, load_named};
+use weaver_geometry::glam::DVec3;
+use weaver_geometry::{Camera, Pose};
+use weaver_io::{SceneFile, read_scene};
+use weaver_splat::CpuRasterizer;
+use weaver_trainer::AlignLoss;
+
+const DESCENT: &str = "Descent";
+
+/// Methods by which a camera descends.
+pub const METHODS: [(&str, Method, &str); 3] = [
+    ("own", Method::Own, "Small and blurred photos first, steps in units of the depth, the best camera seen"),
+    ("2xplat", Method::TwoXplat, "As in 2Xplat: quaternion and center"),
+    ("noposplat", Method::NoPoSplat, "As in NoPoSplat: rigid increments"),
+];
+
+/// Losses between photo and render.
+pub const LOSSES: [(&str, AlignLoss, &str); 3] = [
+    ("mse", AlignLoss::MeanSquare, "The mean square of differences"),
+    ("photometric", AlignLoss::Photometric, "Absolute differences and structure, as scenes are fitted"),
+    ("ssim", AlignLoss::Similarity, "Structural similarity alone"),
+];
+
+const SWITCH: [(&str, bool, &str); 2] = [("on", true, ""), ("off", false, "")];
+
+/// Finds where photos of a finished scene were taken: their cameras move until what the scene shows is the photo.
+///
+/// Writes transforms.json, a COLMAP model in sparse/0, the folder renders and align.json. A photo's first guess should be within a few
+/// degrees; a photo for which nothing better is found keeps its guess, and the table says why.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver align scene.ply --photos new --cameras guess.json -o aligned
+  splatweaver align fits/garden-1/scene.ply --photos later.jpg -o aligned
+  splatweaver align scene.spz --photos new --cameras sparse/0 --long-side 800 --refine-focal -o aligned")]
+pub struct Align {
+    /// The Gaussians: PLY as 3DGS stores them, or another format of `splatweaver convert`
+    #[arg(value_name = "SCENE.ply")]
+    pub scene: PathBuf,
+    /// Photos, or folders of photos
+    #[arg(long, value_name = "DIR|FILE", required = true, num_args = 1..)]
+    pub photos: Vec<PathBuf>,
+    /// First guesses, matched with photos by name: transforms.json, a folder with a COLMAP model, or a RealEstate10K file
+    /// [default: for each photo that camera of the transforms.json beside the scene from which the scene looks most like it]
+    #[arg(long, value_name = "FILE")]
+    pub cameras: Option<PathBuf>,
+    /// Folder for the results
+    #[arg(short, long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Which numbers descend, and at what rate
+    #[arg(long = "as", value_parser = choice(&METHODS), default_value = "own", help_heading = DESCENT)]
+    pub method: Method,
+    /// Steps at most [default: 200, or 100 as published]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000), help_heading = DESCENT)]
+    pub steps: Option<u32>,
+    /// True if photo and render are blurred in the first half of the steps
+    #[arg(long, value_parser = choice(&SWITCH), default_value = "on", help_heading = DESCENT)]
+    pub blur: bool,
+    /// Loss between photo and render [default: photometric, or mse as published]
+    #[arg(long, value_parser = choice(&LOSSES), help_heading = DESCENT)]
+    pub loss: Option<AlignLoss>,
+    /// Focal lengths descend as well
+    #[arg(long, help_heading = DESCENT)]
+    pub refine_focal: bool,
+    /// Does not count what is black in masks: mask_path of the cameras, a file in masks/ named as the photo, or its alpha
+    #[arg(long, help_heading = DESCENT)]
+    pub masks: bool,
+    /// Longest side of the photos in pixels; larger ones are shrunk [default: as they are]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(1..=65_536), help_heading = DESCENT)]
+    pub long_side: Option<u32>,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub threads: Threads,
+    // Last: its heading would be that of what follows.
+    #[command(flatten)]
+    pub drawing: DrawingFlags,
+}
+
+pub fn run(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
+    in_pool(arguments.threads.count(), || align_photos(arguments, console))
+}
+
+fn align_photos(arguments: &Align, console: &mut Console) -> Result<(), Failure> {
+    let read = arguments.photos.iter().chain([&arguments.scene]).chain(&arguments.cameras);
+    let mut results = Results::claim(&arguments.out, read)?;
+    let SceneFile { gaussians, drawing } = read_scene(&arguments.scene)?;
+    let (background, settings) = DrawingOptions::from(arguments.drawing).beside(&arguments.scene, drawing)?;
+    let gaussians = gaussians.to_activated();
+    let paths = paths(&arguments.photos)?;
+    let loading = PosedOptions {
+        long_side: arguments.long_side.map(|size| size as usize),
+        masks: arguments.masks,
+        background,
+        ..PosedOptions::default()
+    };
+    let photos = match &arguments.cameras {
+        Some(file) => load_named(file, &paths, &loading)?,
+        None => {
+            let (frames, file) = guess::nearest(&arguments.scene, &gaussians, &paths, background, &settings)?;
+            load_frames(frames, &file, &loading)?
+        }
+    };
+    let options = Options {
+        blur: arguments.blur,
+        intrinsics: arguments.refine_focal,
+        ..options(arguments.method, arguments.steps)
+    };
+    let loss = arguments.loss.unwrap_or(AlignLoss::of(arguments.method));
+    let mut compare = loss.function();
+    let least = loss.least_side();
+    if let Some(photo) = photos.iter().find(|found| found.photo.size().into_iter().min() < Some(least)) {
+        let (name, [height, width]) = (photo.frame.path.display(), photo.photo.size());
+        let expected = format!("--loss ssim: expected photos of at least {least} x {least} pixels");
+        return Err(Failure::message(format!("{name}: {expected}, found {width} x {height}")));
+    }
+    results.check(&photos)?;
+    let scene = Scene { gaussians: gaussians.as_slices(), background, settings, unit: unit(&photos) };
+    let mut progress = Progress::new("align", 0, photos.len(), console);
+    for (done, photo) in photos.iter().enumerate() {
+        let pixels: Vec<f32> = photo.photo.rgb.iter().map(|b| f32::from(*b) / 255.0).collect();
+        let asked = [Photo { pixels: &pixels, mask: photo.photo.mask.as_deref(), camera: photo.photo.camera }];
+        let named = |error: AlignError| Failure::message(format!("{}: {error}", photo.frame.path.display()));
+        let aligned = align(&CpuRasterizer, &scene, &asked, &options, &mut compare).map_err(named)?;
+        // Whatever was compared: decibels of all that masks leave, which users know.
+        let decibels = |camera: Camera| -> Result<f64, Failure> {
+            let still = Options { steps: 0, ..Options::of(Method::NoPoSplat) };
+            let there = [Photo { camera, ..asked[0] }];
+            let drawn = align(&CpuRasterizer, &scene, &there, &still, mean_square).map_err(named)?;
+            Ok(-10.0 * drawn[0].loss[0].max(1e-10).log10())
+        };
+        for aligned in aligned {
+            let psnr = [decibels(photo.photo.camera)?, decibels(aligned.camera)?];
+            results.push(Row { photo, aligned, psnr })?;
+        }
+        progress.at(done + 1, photos.len(), || photo.photo.name.clone(), console);
+    }
+    progress.finish();
+    console.print(&results.finish(arguments.json)?)
+}
+
+/// The photos; of a folder those in it. None is no mistake: then there is nothing to do.
+fn paths(asked: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+    let mut paths = Vec::new();
+    for path in asked {
+        match path.is_dir() {
+            true => paths.extend(weaver_io::list_photos(path)?),
+            false => paths.push(path.clone()),
+        }
+    }
+    Ok(paths)
+}
+
+/// Options of a method, in so many steps or as many as it usually has.
+pub fn options(method: Method, steps: Option<u32>) -> Options {
+    let options = Options::of(method);
+    Options { steps: steps.map_or(options.steps, |steps| steps as usize), ..options }
+}
+
+/// The length that 2Xplat divides by: the largest coordinate of a camera, from the middle of all; 1 for one camera.
+fn unit(photos: &[PosedPhoto]) -> f64 {
+    let centers = || photos.iter().map(|photo| Pose::center(&photo.photo.camera.pose));
+    let middle = centers().sum::<DVec3>() / photos.len().max(1) as f64;
+    let largest = centers().map(|center| (center - middle).abs().max_element()).fold(0.0, f64::max);
+    if largest > 0.0 { largest } else { 1.0 }
+}

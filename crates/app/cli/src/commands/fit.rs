@@ -1,0 +1,290 @@
+//! `splatweaver fit`.
+
+mod course;
+mod initial;
+
+pub use course::{Means, begin, print};
+
+use super::convert::scene_format;
+use crate::clip;
+use crate::estimate::estimated_capture;
+use crate::flags::{CameraChoice, ClipFlags, MatchingFlags, hold_out, minutes};
+use clap::Args;
+use course::finish;
+use initial::Start;
+use std::path::{Path, PathBuf};
+use weaver_command::{Console, DeviceFlag, Failure, Interrupt, MOST_THREADS, Rgb, background, choice, in_pool};
+use weaver_data::capture::HoldOut;
+use weaver_fit::{FitSettings, StrategyKind};
+use weaver_fit_run::{Folder, Plan, Run, RunSettings, plan};
+use weaver_io::SceneFormat;
+
+/// Fits Gaussians to the photos of a capture: a scene in minutes.
+///
+/// The capture is a folder (COLMAP, transforms.json, NeRF-synthetic, RealEstate10K) or a transforms.json. Every eighth photo, or
+/// those that the capture lists, are held out and say how good the scene is from elsewhere. Writes scene.ply,
+/// cameras, summary.json and report.html. Ctrl-C ends early, with results; --resume goes on to the same bits as an
+/// uninterrupted run.
+#[derive(Args, Debug, Default)]
+#[command(after_help = "Examples:
+  splatweaver fit capture
+  splatweaver fit capture --minutes 5 --gaussians 100000 -o scene
+  splatweaver fit capture/transforms.json --long-side 640 --steps 3000 --seed 7
+  splatweaver fit capture --refine-cameras --exposure --hold-out none
+  splatweaver fit capture --init scene.ply --set density.until=0.6
+  splatweaver fit --resume fits/capture-1
+  splatweaver fit capture --dry-run")]
+pub struct Fit {
+    /// The capture
+    #[arg(value_name = "CAPTURE", required_unless_present = "resume")]
+    pub capture: Option<PathBuf>,
+    /// Folder for the results [default: the first free fits/NAME-N]
+    #[arg(short, long, value_name = "DIR", help_heading = RUN)]
+    pub out: Option<PathBuf>,
+    /// The most Gaussians there may be [default: 0.4 for each pixel of a photo, 5000 to 1000000]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000), help_heading = RUN)]
+    pub gaussians: Option<u32>,
+    /// Time for all of it; the number of steps follows from the measured speed [default: 2]
+    #[arg(long, value_name = "M", value_parser = minutes, help_heading = RUN)]
+    pub minutes: Option<f64>,
+    /// At least so many steps, whatever the time: they may take longer
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..), conflicts_with_all = ["steps", "resume"], help_heading = RUN)]
+    pub least_steps: u32,
+    /// Steps, instead of a time; each looks at one photo
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "minutes", help_heading = RUN)]
+    pub steps: Option<u32>,
+    /// Where the Gaussians begin: points (the capture's), random, built-in (what the network that comes with the program
+    /// predicts), a run folder (what its network predicts), or a file of Gaussians [default: points if there are any, else random]
+    #[arg(long, value_name = "points|random|built-in|RUN|FILE", help_heading = RUN)]
+    pub init: Option<String>,
+    /// Seed of everything that is drawn at random [default: 0]
+    #[arg(long, value_name = "S", help_heading = RUN)]
+    pub seed: Option<u64>,
+    /// Goes on with this run, with its own settings
+    #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["capture", "out", "gaussians", "minutes", "steps", "init", "seed", "long_side", "sh", "refine_cameras", "refine_focal", "cameras", "antialiased", "exposure", "masks", "background", "strategy", "hold_out", "max_photos", "formats", "settings", "config", "dry_run"])]
+    pub resume: Option<PathBuf>,
+    /// Says what the run would take, and writes nothing
+    #[arg(long, help_heading = RUN)]
+    pub dry_run: bool,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long, help_heading = RUN)]
+    pub json: bool,
+    /// Time between checkpoints, at least
+    #[arg(long, value_name = "SECONDS", default_value_t = SAVE_EVERY, value_parser = pause, help_heading = RUN)]
+    pub save_every: f64,
+    #[command(flatten)]
+    pub device: DeviceFlag,
+    /// Threads. Does not change results [default: one per core]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS), help_heading = RUN)]
+    pub threads: Option<u16>,
+    /// Longest side of the photos in pixels; larger ones are shrunk [default: as they are]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(16..=65_536), help_heading = PHOTOS)]
+    pub long_side: Option<u32>,
+    /// Which photos are held out: those that the capture lists, or every eighth where it lists none; no photo; or every so many
+    /// [default: listed]
+    #[arg(long, value_name = "listed|none|N", value_parser = hold_out, help_heading = PHOTOS)]
+    pub hold_out: Option<HoldOut>,
+    /// At most so many photos to fit to, evenly spread
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = PHOTOS)]
+    pub max_photos: Option<u32>,
+    /// Leaves out what is black in masks: mask_path of transforms.json, a file in masks/ named as the photo, or its alpha
+    #[arg(long, help_heading = PHOTOS)]
+    pub masks: bool,
+    /// The color behind everything, and behind transparent pixels: white, black or R,G,B from 0 to 1 [default: white]
+    #[arg(long, value_name = "COLOR", value_parser = background, help_heading = PHOTOS)]
+    pub background: Option<Rgb>,
+    /// Corrects the colors of each photo by an affine map; =false if not [default: where photos differ in exposure or white
+    /// balance]
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", help_heading = PHOTOS)]
+    pub exposure: Option<bool>,
+    /// The capture's cameras, or cameras estimated from its photos, as `splatweaver cameras` does; these go to OUT/cameras
+    /// [default: given]
+    #[arg(long, value_name = "given|estimated", help_heading = PHOTOS)]
+    pub cameras: Option<CameraChoice>,
+    /// Refines the cameras with the scene
+    #[arg(long, help_heading = PHOTOS)]
+    pub refine_cameras: bool,
+    /// Refines the focal length too, one factor for all photos
+    #[arg(long, help_heading = PHOTOS)]
+    pub refine_focal: bool,
+    /// Degree of the spherical harmonics [default: 3]
+    #[arg(long, value_name = "0..3", value_parser = clap::value_parser!(u8).range(0..=3), help_heading = SCENE)]
+    pub sh: Option<u8>,
+    /// Draws antialiased: opacities are lowered where a Gaussian is widened to a pixel; =false if not [default: false]
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true", help_heading = SCENE)]
+    pub antialiased: Option<bool>,
+    /// Strategy by which Gaussians are added, removed and moved [default: split]
+    #[arg(long, value_parser = choice(&STRATEGIES), help_heading = SCENE)]
+    pub strategy: Option<StrategyKind>,
+    /// Further files of the scene, in formats that `splatweaver convert --help` lists; may be repeated
+    #[arg(long = "also", value_parser = scene_format(), value_name = "FORMAT", help_heading = SCENE)]
+    pub formats: Vec<SceneFormat>,
+    /// Also LPIPS, with the weights in this safetensors file
+    #[arg(long, value_name = "WEIGHTS", help_heading = SCENE)]
+    pub lpips: Option<PathBuf>,
+    /// Settings file (TOML) below the flags; `splatweaver config --fit` prints one to start from
+    #[arg(long, value_name = "FILE", help_heading = CONFIGURATION)]
+    pub config: Option<PathBuf>,
+    /// Sets one setting by its path; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE", help_heading = CONFIGURATION)]
+    pub settings: Vec<String>,
+    #[command(flatten)]
+    pub matching: MatchingFlags,
+}
+
+/// Seconds between checkpoints when nothing is said.
+const SAVE_EVERY: f64 = 20.0;
+
+const PHOTOS: &str = "Photos and cameras";
+const SCENE: &str = "Scene";
+const CONFIGURATION: &str = "Configuration";
+const RUN: &str = "Run";
+
+const STRATEGIES: [(&str, StrategyKind, &str); 3] = [
+    ("split", StrategyKind::Split, "Splits what pulls hardest on the screen; the rest fades"),
+    ("mcmc", StrategyKind::Mcmc, "3DGS-MCMC: relocation and noise"),
+    ("keep", StrategyKind::Keep, "The number stays as it is"),
+];
+
+fn pause(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if (0.0..=1e6).contains(&seconds) => Ok(seconds),
+        _ => Err("expected seconds, from 0 to 1000000".into()),
+    }
+}
+
+/// Time for a run when nothing is said about it, minutes.
+const MINUTES: f64 = 2.0;
+
+pub fn run(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    in_pool(arguments.threads.map(usize::from), || fit(arguments, console, interrupt))
+}
+
+fn fit(arguments: &Fit, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    if let Some(folder) = &arguments.resume {
+        let Means { judge, rasterizer, .. } = Means::of(arguments)?;
+        let outcome = finish(Run::resume(folder, judge, rasterizer)?, folder, console, interrupt)?;
+        return print(&outcome, folder, arguments.json, console);
+    }
+    let capture = arguments.capture.clone().ok_or_else(|| Failure::Usage("expected a capture".into()))?;
+    let estimating = match &arguments.cameras {
+        None | Some(CameraChoice::Given) => false,
+        Some(CameraChoice::Estimated) => true,
+        Some(other) => return Err(other.refused("given or estimated")),
+    };
+    if !estimating {
+        arguments.matching.check_unused("given ones")?;
+    }
+    if arguments.dry_run {
+        if estimating {
+            return Err(Failure::Usage(
+                "--dry-run: expected cameras that are there; `splatweaver cameras` estimates them".into(),
+            ));
+        }
+        let initial = Start::of(arguments.init.as_deref())?;
+        let settings = settings(arguments, (capture, arguments.hold_out.unwrap_or_default()), &initial)?;
+        return tell(&plan(&settings)?, &settings, console);
+    }
+    let folder = arguments.out.clone().unwrap_or_else(|| free_folder(&capture));
+    let init = arguments.init.as_deref().map(PathBuf::from).filter(|path| path.is_file());
+    let means = Means::of(arguments)?;
+    let out = Run::claim(&folder, std::iter::once(&capture).chain(&init).chain(&arguments.lpips))?;
+    let hold_out = arguments.hold_out.unwrap_or_default();
+    if !estimating {
+        let settings = settings(arguments, (capture, hold_out), &means.initial)?;
+        let outcome = begin(settings, means, out, console, interrupt)?;
+        return print(&outcome, &folder, arguments.json, console);
+    }
+    let images = capture.join("images");
+    let images = [if images.is_dir() { images } else { capture }];
+    let photos = clip::photos(&images, ClipFlags::default(), out.out(), console)?;
+    let capture = estimated_capture(&photos, hold_out, arguments.matching, out.out(), console)?;
+    let settings = settings(arguments, (capture, listed(hold_out)), &means.initial)?;
+    let outcome = begin(settings, means, out, console, interrupt)?;
+    print(&outcome, &folder, arguments.json, console)
+}
+
+/// The photos that are held out of an estimated capture, which lists its photos for testing.
+pub fn listed(hold_out: HoldOut) -> HoldOut {
+    match hold_out {
+        HoldOut::Nothing => HoldOut::Nothing,
+        HoldOut::Listed | HoldOut::Every(_) => HoldOut::Listed,
+    }
+}
+
+/// Settings of the run, from the arguments.
+fn settings(arguments: &Fit, (capture, hold_out): (PathBuf, HoldOut), initial: &Start) -> Result<RunSettings, Failure> {
+    let settings = RunSettings {
+        long_side: arguments.long_side.map(|side| side as usize),
+        hold_out,
+        views: arguments.max_photos.map(|views| views as usize),
+        masks: arguments.masks,
+        focal: arguments.refine_focal,
+        init: initial.kind(),
+        minutes: arguments.steps.is_none().then(|| arguments.minutes.unwrap_or(MINUTES)),
+        least_steps: arguments.least_steps as usize,
+        save_every: arguments.save_every,
+        formats: arguments.formats.clone(),
+        ..RunSettings::new(capture, FitSettings::default())
+    };
+    let fit = fit_settings(arguments, &plan(&settings)?.usual())?;
+    Ok(RunSettings { measure_exposure: arguments.exposure.is_none(), fit, ..settings })
+}
+
+/// The usual settings, then the file, then flags.
+fn fit_settings(arguments: &Fit, usual: &FitSettings) -> Result<FitSettings, Failure> {
+    let mut fit: FitSettings = weaver_run::settings::resolve(usual, arguments.config.as_deref(), &arguments.settings)?;
+    let set = |to: &mut usize, value: Option<u32>| *to = value.map_or(*to, |value| value as usize);
+    set(&mut fit.gaussians, arguments.gaussians);
+    set(&mut fit.steps, arguments.steps);
+    fit.seed = arguments.seed.unwrap_or(fit.seed);
+    fit.sh_degree = arguments.sh.map_or(fit.sh_degree, usize::from);
+    fit.antialiased = arguments.antialiased.unwrap_or(fit.antialiased);
+    fit.exposure = arguments.exposure.unwrap_or(fit.exposure);
+    fit.background = arguments.background.map_or(fit.background, |color| color.0);
+    fit.poses.refine |= arguments.refine_cameras;
+    if arguments.refine_focal && !fit.poses.refine {
+        return Err(Failure::Usage("--refine-focal: expected --refine-cameras with it".into()));
+    }
+    fit.density.strategy = arguments.strategy.unwrap_or(fit.density.strategy);
+    fit.check()?;
+    Ok(fit)
+}
+
+/// The folder of a capture's fit that is given none.
+fn free_folder(capture: &Path) -> PathBuf {
+    let absolute = std::path::absolute(capture).unwrap_or(capture.into());
+    let folder = if absolute.is_file() { absolute.parent().unwrap_or(&absolute).to_path_buf() } else { absolute };
+    let name = folder.file_name().map_or("capture".into(), |name| name.to_string_lossy().into_owned());
+    Folder::free(Path::new("fits"), &name)
+}
+
+fn tell(plan: &Plan, settings: &RunSettings, console: &mut Console) -> Result<(), Failure> {
+    let mb = |bytes: u64| format!("{:>9.1} MB", bytes as f64 / 1e6);
+    let time = settings.minutes.map_or(format!("{} steps", settings.fit.steps), |m| format!("{m} minutes"));
+    let [width, height] = plan.size;
+    console.print(&format!(
+        "{} photos of at most {width}x{height}, {} held out; at most {} Gaussians, {time}\n\
+         photos      {}\nGaussians   {}\nrasterizer  {}\ntogether    {}",
+        plan.training,
+        plan.held_out,
+        settings.fit.gaussians,
+        mb(plan.photos),
+        mb(plan.gaussians),
+        mb(plan.rasterizer),
+        mb(plan.total())
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn minutes_are_positive_and_finite() {
+        assert_eq!(minutes("0.5"), Ok(0.5));
+        for wrong in ["0", "-1", "NaN", "inf", "two"] {
+            assert!(minutes(wrong).is_err(), "{wrong}");
+        }
+    }
+}

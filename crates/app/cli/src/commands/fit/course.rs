@@ -1,0 +1,141 @@
+//! The course of a fit, from what it begins with to what is printed at its end.
+
+use super::Fit;
+use super::initial::Start;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+use weaver_command::{Console, DeviceFlag, Failure, Interrupt, Progress, device, duration, memory};
+use weaver_fit::{FitRasterizer, Judge, Quality};
+use weaver_fit_run::{Folder, Outcome, Run, RunSettings, Views, plan};
+use weaver_trainer::evaluate::load_lpips;
+
+/// Fewer points than this say little about cameras.
+const FEW_POINTS: usize = 50;
+/// Fewer Gaussians than this for each pixel of a photo cannot show much.
+const FEW: f64 = 0.005;
+
+/// Rasterizer, judge and start of a fit, opened before photos are matched: a missing file is then found at once.
+pub struct Means {
+    pub judge: Judge,
+    pub rasterizer: Arc<dyn FitRasterizer>,
+    pub initial: Start,
+}
+
+impl Means {
+    pub fn of(arguments: &Fit) -> Result<Self, Failure> {
+        let judge = Judge::new(arguments.lpips.as_deref().map(load_lpips).transpose()?);
+        let rasterizer = device::rasterizer(&arguments.device)?;
+        Ok(Self { judge, rasterizer, initial: Start::of(arguments.init.as_deref())? })
+    }
+
+    /// Those of a fit about which nothing is said.
+    pub fn usual() -> Result<Self, Failure> {
+        let rasterizer = device::rasterizer(&DeviceFlag::default())?;
+        Ok(Self { judge: Judge::default(), rasterizer, initial: Start::default() })
+    }
+}
+
+/// Fits a capture, into a folder that was claimed.
+pub fn begin(
+    settings: RunSettings,
+    Means { judge, rasterizer, initial }: Means,
+    out: Folder,
+    console: &mut Console,
+    interrupt: &Interrupt,
+) -> Result<Outcome, Failure> {
+    let plan = plan(&settings)?;
+    memory::check(plan.total(), "a smaller --long-side or fewer --gaussians reduce it")?;
+    let pixels = (plan.size[0] * plan.size[1]) as f64;
+    if (settings.fit.gaussians as f64) < FEW * pixels {
+        console
+            .note(&format!("warning: {} Gaussians for photos of {pixels} pixels: expect blur", settings.fit.gaussians));
+    }
+    if plan.training == 1 {
+        console.note("warning: one photo only: nothing says how far anything is away");
+    }
+    let given = initial.gaussians(&settings)?;
+    if settings.fit.poses.refine {
+        console.note(&format!("matching {} photos", plan.training + plan.held_out));
+    }
+    let folder = out.path().to_path_buf();
+    let run = Run::begin(out, settings, given.as_ref(), judge, rasterizer)?;
+    run.remarks().iter().for_each(|remark| console.note(&format!("warning: {remark}")));
+    if run.colors().differ() {
+        let percent = 100.0 * run.colors().spread();
+        let corrected = if run.settings().fit.exposure { "their colors are corrected" } else { "nothing is corrected" };
+        console
+            .note(&format!("photos differ in exposure or white balance, by {percent:.0} % in the median; {corrected}"));
+    }
+    if let Some(found) = run.matching() {
+        let (points, pixels) = (found.points, found.pixels);
+        console
+            .note(&format!("cameras adjusted to {points} points, which are off by {pixels:.2} pixels in the median"));
+        if points < FEW_POINTS {
+            console.note("warning: photos agree about few points: cameras stay nearly as given");
+        }
+    }
+    finish(run, &folder, console, interrupt)
+}
+
+/// Goes on to the end.
+pub fn finish(mut run: Run, folder: &Path, console: &mut Console, interrupt: &Interrupt) -> Result<Outcome, Failure> {
+    let settings = run.settings();
+    let (steps, budget) = (settings.fit.steps, settings.fit.gaussians);
+    console.note(&format!(
+        "{} photos, {} held out; {steps} steps, at most {budget} Gaussians; results in {}",
+        run.fit().photos(),
+        run.held_out().len(),
+        folder.display()
+    ));
+    let mut progress = Progress::new("fit", run.fit().steps_done(), steps, console);
+    let (mut psnr, start) = (None, Instant::now());
+    let stop = interrupt.watch();
+    let advanced = run.advance(stop, |report| {
+        // Smoothed over about fifty photos.
+        let [last, gaussians] = ["psnr", "gaussians"].map(|name| report.scalar(name).unwrap_or(f64::NAN));
+        let smooth = psnr.map_or(last, |p: f64| p + 0.02 * (last - p));
+        psnr = Some(smooth);
+        progress.at(report.step, steps, || format!("{smooth:.2} dB, {gaussians} Gaussians"), console);
+    });
+    progress.finish();
+    advanced?;
+    console
+        .note(&format!("{} for the steps; drawing and judging every photo", duration(start.elapsed().as_secs_f64())));
+    Ok(run.finish()?)
+}
+
+/// Prints the quality of a scene, for people or as JSON.
+pub fn print(outcome: &Outcome, folder: &Path, json: bool, console: &mut Console) -> Result<(), Failure> {
+    let path = |name: &str| folder.join(name).display().to_string();
+    let views = |name: &str, views: &Views| {
+        let number = |x: Option<f64>, digits| x.map_or("-".into(), |x| format!("{x:.digits$}"));
+        let Quality { psnr, psnr_aligned, ssim, lpips } = views.quality;
+        let (aligned, ssim, lpips) = (number(psnr_aligned, 2), number(ssim, 4), number(lpips, 4));
+        format!("{name:<10}{:>5}  {psnr:>7.2}  {aligned:>7}  {ssim:>6}  {lpips:>6}\n", views.views)
+    };
+    let test = match &outcome.test {
+        Some(test) => views("held out", test),
+        None => "held out   none\n".into(),
+    };
+    let memory = weaver_io::peak_mb().map_or(String::new(), |peak| format!(", at most {peak:.0} MB of memory"));
+    console.note(&format!("{} steps, {}{memory}", outcome.steps, duration(outcome.seconds)));
+    for name in &outcome.strangers {
+        console.note(&format!("warning: {name} is met far worse than the other photos; it may show something else"));
+    }
+    if outcome.steps < outcome.planned {
+        let (done, planned) = (outcome.steps, outcome.planned);
+        let folder = folder.display();
+        console.note(&format!("ended at step {done} of {planned}; to go on: splatweaver fit --resume {folder}"));
+    }
+    if json {
+        return console.print(&serde_json::to_string_pretty(outcome)?);
+    }
+    console.print(&format!(
+        "photos   views     PSNR  aligned    SSIM   LPIPS\n{test}{}{} Gaussians: {}\nreport: {}",
+        views("fitted", &outcome.train),
+        outcome.gaussians,
+        path("scene.ply"),
+        path("report.html")
+    ))
+}

@@ -1,0 +1,80 @@
+//! Where the Gaussians of a fit begin.
+
+use std::path::{Path, PathBuf};
+use weaver_command::Failure;
+use weaver_data::capture::{self, CaptureOptions};
+use weaver_fit::init;
+use weaver_fit_run::{Initial, RunSettings};
+use weaver_inference::{RunFolder, predict_capture};
+use weaver_scene::Gaussians;
+
+/// Where Gaussians begin.
+pub enum Start {
+    Here(Initial),
+    File(PathBuf),
+    /// The prediction of a run's network, or of the weights that come with the program.
+    Network(Option<RunFolder>),
+}
+
+impl Default for Start {
+    fn default() -> Self {
+        Self::Here(Initial::Auto)
+    }
+}
+
+impl Start {
+    /// Reads `--init`.
+    pub fn of(text: Option<&str>) -> Result<Self, Failure> {
+        match text {
+            None => Ok(Self::Here(Initial::Auto)),
+            Some("points") => Ok(Self::Here(Initial::Points)),
+            Some("random") => Ok(Self::Here(Initial::Random)),
+            Some("built-in") => Ok(Self::Network(None)),
+            Some(path) if Path::new(path).is_file() => Ok(Self::File(path.into())),
+            Some(path) if RunFolder::at(path).checkpoint_path().exists() => {
+                Ok(Self::Network(Some(RunFolder::at(path))))
+            }
+            Some(path) => Err(Failure::message(format!(
+                "--init {path}: expected points, random, built-in, a file of Gaussians or the folder of a trained network, found none of them"
+            ))),
+        }
+    }
+
+    /// The start as the run's settings name it.
+    pub fn kind(&self) -> Initial {
+        match self {
+            Self::Here(initial) => *initial,
+            _ => Initial::Given,
+        }
+    }
+
+    /// The Gaussians that are given.
+    pub fn gaussians(&self, settings: &RunSettings) -> Result<Option<Gaussians>, Failure> {
+        match self {
+            Self::Here(_) => Ok(None),
+            Self::File(path) => Ok(Some(weaver_io::read_gaussians(path)?)),
+            Self::Network(folder) => predicted(folder.as_ref(), settings).map(Some),
+        }
+    }
+}
+
+/// Predicts Gaussians of the photos to fit to, thinned so that there is room to work in.
+fn predicted(folder: Option<&RunFolder>, settings: &RunSettings) -> Result<Gaussians, Failure> {
+    let mut run = match folder {
+        Some(folder) => weaver_recipes::registry().of_run(folder)?.open(folder)?,
+        None => weaver_recipes::built_in()?,
+    };
+    let [height, width] = run.predictor.image_size();
+    let hold_out = settings.hold_out;
+    let options = CaptureOptions { width, height, hold_out, masks: settings.masks, ..CaptureOptions::default() };
+    let scene = capture::load(&settings.capture, &options)?;
+    let mut views = scene.training_views();
+    if let Some(most) = settings.views {
+        views = weaver_data::uniform(views.len(), most.min(views.len())).into_iter().map(|i| views[i]).collect();
+    }
+    let gaussians = predict_capture(&mut *run.predictor, &scene, &views, NETWORK_VIEWS, settings.fit.seed)?;
+    Ok(init::part_of(&gaussians, init::room(&settings.fit), settings.fit.seed))
+}
+
+/// Photos that a network sees at once.
+const NETWORK_VIEWS: usize = 4;

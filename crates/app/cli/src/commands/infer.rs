@@ -1,0 +1,289 @@
+//! `splatweaver infer`.
+
+use crate::clip;
+use crate::estimate::{cameras_folder, estimated};
+use crate::flags::{CameraChoice, ClipFlags, DensityFlags, LightFlags, MatchingFlags, RefineFlags};
+use crate::refine::refined;
+use clap::{ArgGroup, Args};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, mpsc};
+use weaver_command::{Console, DeviceFlag, Failure, Interrupt, Progress, Threads, device, in_pool};
+use weaver_fit::FitRasterizer;
+use weaver_inference::published::{self, Fit};
+use weaver_inference::reconstruct::{self, Options, Report, reconstruct};
+use weaver_inference::{Density, Looks, OutputFolder, Predictor, RunFolder, SplatWeaverPredictor, is_of_run};
+use weaver_splat::Renderer;
+
+/// Heading of flags.
+const PUBLISHED: &str = "With --weights";
+
+/// Turns photos into Gaussians, cameras, renders, depth and expert maps.
+///
+/// Writes scene.ply, transforms.json, a COLMAP model in sparse/0, the folders input, render, depth and experts, and
+/// overview.png. From a checkpoint without a Gaussian head (VGGT), or with --geometry: points.ply, depth.safetensors and the
+/// cameras.
+#[derive(Args, Debug)]
+#[command(group(ArgGroup::new("network").args(["run", "weights"])))]
+#[command(after_help = "Examples:
+  splatweaver infer a.jpg b.jpg c.jpg d.jpg -o result
+  splatweaver infer --run runs/mine a.jpg b.jpg c.jpg d.jpg -o result
+  splatweaver infer --run runs/mine photos --budget 0.2 -o compact
+  splatweaver infer --run runs/mine photos --refine 30 -o better
+  splatweaver infer --run runs/mine photos/*.jpg --cameras transforms.json -o posed
+  splatweaver infer --run runs/wild photos --light sunset.jpg --to noon.jpg -o lights
+  splatweaver infer --weights model.safetensors photos -o scene
+  splatweaver infer --weights model.safetensors photos --cameras transforms.json -o posed
+  splatweaver infer --weights model.safetensors photos --keep-aspect --size 448 -o wide")]
+pub struct Infer {
+    /// The run folder [default: the weights that come with the program, and estimated cameras]
+    #[arg(long)]
+    pub run: Option<PathBuf>,
+    /// A published checkpoint: safetensors file, index of several, or the folder; SplatWeaver's names or VGGT's. Or the
+    /// checkpoint.safetensors of a run, or small weights made of one
+    #[arg(long, value_name = "FILE")]
+    pub weights: Option<PathBuf>,
+    /// Side of the square that photos are cut to, or WxH; multiples of the patch [default: the model's, 448]
+    #[arg(long, value_name = "N|WxH", requires = "weights", help_heading = PUBLISHED, value_parser = size)]
+    pub size: Option<[usize; 2]>,
+    /// Photos keep their proportions; the long side takes the size, the other whole patches
+    #[arg(long, requires = "weights", help_heading = PUBLISHED)]
+    pub keep_aspect: bool,
+    /// Cameras, depth and points only
+    #[arg(long, requires = "weights", help_heading = PUBLISHED, conflicts_with_all = ["allocation", "budget"])]
+    pub geometry: bool,
+    /// Seed of the router's noise [default: 0]
+    #[arg(long, value_name = "S", requires = "weights", help_heading = PUBLISHED)]
+    pub seed: Option<u64>,
+    /// Round to bf16 (8 bits) what bf16 matrices are multiplied with; faster on processors with AVX-512 BF16,
+    /// the same on others
+    #[arg(long, requires = "weights", help_heading = PUBLISHED)]
+    pub bf16_products: bool,
+    /// Photos (JPEG, PNG, TIFF, WebP), folders of photos, or clips; the first one's camera becomes the origin
+    #[arg(required = true)]
+    pub images: Vec<PathBuf>,
+    /// Cameras of the photos, matched by the ends of their paths: transforms.json or a folder with a COLMAP model, whose points
+    /// repair depth; or `estimated`: by matching, as `splatweaver cameras` does, whose results go to the folder `cameras`
+    /// [default: with --run and --weights predicted, else estimated]
+    #[arg(long, value_name = "estimated|predicted|FILE")]
+    pub cameras: Option<CameraChoice>,
+    /// Gives no Gaussians to what is black in masks: mask_path of --cameras, a file in a folder masks beside the photo, or beside its
+    /// folder, named as the photo, or its alpha
+    #[arg(long)]
+    pub masks: bool,
+    #[command(flatten)]
+    pub matching: MatchingFlags,
+    #[command(flatten)]
+    pub density: DensityFlags,
+    #[command(flatten)]
+    pub refine: RefineFlags,
+    #[command(flatten)]
+    pub light: LightFlags,
+    #[command(flatten)]
+    pub device: DeviceFlag,
+    /// Folder for the results
+    #[arg(short, long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+/// Height and width from `N` or `WxH`.
+fn size(text: &str) -> Result<[usize; 2], String> {
+    let (width, height) = text.split_once('x').unwrap_or((text, text));
+    let side = |text: &str| text.parse().ok().filter(|n| (1..=16_384).contains(n));
+    match (side(height), side(width)) {
+        (Some(height), Some(width)) => Ok([height, width]),
+        _ => Err("expected a number of pixels or WxH, as in 448 or 448x252".into()),
+    }
+}
+
+pub fn run(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    in_pool(arguments.threads.count(), || infer(arguments, console, interrupt))
+}
+
+fn infer(arguments: &Infer, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let asked = arguments.cameras == Some(CameraChoice::Estimated);
+    let mut cameras = match &arguments.cameras {
+        None | Some(CameraChoice::Estimated | CameraChoice::Predicted) => None,
+        Some(CameraChoice::File(path)) => Some(path.clone()),
+        Some(other) => return Err(other.refused("estimated, predicted or a file")),
+    };
+    let files = arguments.run.as_deref().map(|run| RunFolder::at(run).checkpoint_path());
+    let read = arguments.images.iter().chain(&files).chain(&arguments.weights);
+    let out = OutputFolder::claim(&arguments.out, "infer", read.chain(&cameras))?;
+    let rasterizer = device::rasterizer(&arguments.device)?;
+    let photos = clip::photos(&arguments.images, ClipFlags::default(), &out, console)?;
+    let mut images = photos.paths.clone();
+    reconstruct::check(&out, &images)?;
+    let built_in = arguments.run.is_none() && arguments.weights.is_none();
+    let estimating = asked || built_in && arguments.cameras.is_none();
+    if estimating {
+        let folder = cameras_folder(&out, &images)?;
+        let located = vec![false; images.len()];
+        match estimated(&photos, &located, arguments.matching, &folder, console) {
+            Ok(found) => {
+                photos.settle(&out)?;
+                (images, cameras) = (found.photos, Some(folder.path().join("transforms.json")));
+            }
+            Err(failure) if asked => return Err(failure),
+            Err(failure) => {
+                let reason = failure.line().unwrap_or_default();
+                console.note(&format!(
+                    "warning: {reason}; the network's own cameras are taken, which are hardly right on new places"
+                ));
+            }
+        }
+    }
+    if !estimating {
+        // Cameras that an earlier run estimated here name its frames.
+        if !out.path().join("cameras").exists() {
+            photos.settle(&out)?;
+        }
+        arguments.matching.check_unused("other ones")?;
+    }
+    let of_run = arguments.weights.as_deref().map(is_of_run).transpose()?.unwrap_or(false);
+    let report = match &arguments.weights {
+        Some(weights) if !of_run => {
+            if arguments.masks {
+                return Err(Failure::Usage("--masks: expected weights of a run, found a published checkpoint".into()));
+            }
+            if arguments.light.light.is_some() {
+                return Err(Failure::Usage(
+                    "--light: expected a run that knows about light, found a published checkpoint".into(),
+                ));
+            }
+            if arguments.refine.is_asked() {
+                let message = "--refine: expected weights of a run; published checkpoints are not refined yet";
+                return Err(Failure::Usage(message.into()));
+            }
+            published(weights, &images, (cameras, rasterizer), (arguments, &out), console, interrupt)?
+        }
+        _ => own(&images, (cameras, rasterizer), (arguments, &out), console)?,
+    };
+    for remark in &report.remarks {
+        console.note(remark);
+    }
+    if arguments.json {
+        let Report { gaussians, gaussians_per_pixel, psnr, remarks, .. } = &report;
+        let result = json!({"gaussians": gaussians, "gaussians_per_pixel": gaussians_per_pixel, "psnr": psnr, "remarks": remarks});
+        return console.print(&serde_json::to_string_pretty(&result)?);
+    }
+    let file = |name: &str| arguments.out.join(name).display().to_string();
+    let result = match report.psnr {
+        Some(psnr) => format!(
+            "{} Gaussians, {:.3} per pixel; the input views come back at {psnr:.2} dB\nscene: {}",
+            report.gaussians,
+            report.gaussians_per_pixel,
+            file("scene.ply")
+        ),
+        None => format!("points: {}\ncameras: {}", file("points.ply"), file("transforms.json")),
+    };
+    let looks = arguments.light.light.as_ref().map_or(String::new(), |_| format!("\nlooks: {}", file("looks.png")));
+    console.print(&format!("{result}\noverview: {}{looks}", report.overview.display()))
+}
+
+/// Runs the network of a run, of a file of a run's weights, or the one that comes with the program.
+fn own(
+    images: &[PathBuf],
+    (cameras, rasterizer): (Option<PathBuf>, Arc<dyn FitRasterizer>),
+    (arguments, out): (&Infer, &OutputFolder),
+    console: &mut Console,
+) -> Result<Report, Failure> {
+    let published = arguments.size.is_some() || arguments.keep_aspect || arguments.geometry || arguments.bf16_products;
+    if published {
+        let message = "--size, --keep-aspect, --geometry, --bf16-products: expected a published checkpoint, found weights of a run";
+        return Err(Failure::Usage(message.into()));
+    }
+    let (mut predictor, seed): (Box<dyn Predictor>, u64) = match (&arguments.run, &arguments.weights) {
+        (Some(run), _) => {
+            let folder = RunFolder::at(run);
+            let run = weaver_recipes::registry().of_run(&folder)?.open(&folder)?;
+            (run.predictor, run.seed)
+        }
+        (None, Some(weights)) => {
+            let run = weaver_recipes::open_weights(weights)?;
+            (run.predictor, arguments.seed.unwrap_or(run.seed))
+        }
+        (None, None) => (Box::new(SplatWeaverPredictor::built_in()?), 0),
+    };
+    *predictor.renderer() = Renderer::new(rasterizer.clone());
+    let density: Density = arguments.density.into();
+    if let Some(remark) = predictor.remark(density) {
+        console.note(&format!("warning: {remark}"));
+    }
+    let mut predictor = refined(predictor, &arguments.refine, images, rasterizer)?;
+    if arguments.light.light.is_some() && (density != Density::default() || arguments.refine.is_asked()) {
+        let message = "--light: expected neither --allocation nor --budget nor --refine with it, found one of them";
+        return Err(Failure::Usage(message.into()));
+    }
+    let looks = arguments.light.light.clone().map(|from| Looks {
+        from,
+        to: arguments.light.to.clone().map(|to| (to, arguments.light.light_steps as usize)),
+    });
+    let options = Options { cameras, masks: arguments.masks, density, looks, seed };
+    Ok(reconstruct(&mut *predictor, images, &options, out)?)
+}
+
+/// Runs a published checkpoint while another thread shows the progress.
+fn published(
+    weights: &Path,
+    images: &[PathBuf],
+    (cameras, rasterizer): (Option<PathBuf>, Arc<dyn FitRasterizer>),
+    (arguments, out): (&Infer, &OutputFolder),
+    console: &mut Console,
+    interrupt: &Interrupt,
+) -> Result<Report, Failure> {
+    let options = published::Options {
+        cameras,
+        size: arguments.size,
+        fit: if arguments.keep_aspect { Fit::KeepAspect } else { Fit::Crop },
+        geometry: arguments.geometry,
+        density: arguments.density.into(),
+        seed: arguments.seed.unwrap_or(0),
+        rasterizer,
+        bf16_products: arguments.bf16_products,
+    };
+    let (sender, receiver) = mpsc::channel::<published::Progress>();
+    let report = std::thread::scope(|scope| {
+        scope.spawn(move || {
+            let mut progress: Option<Progress> = None;
+            for heard in receiver {
+                let shown = progress.get_or_insert_with(|| Progress::new("infer", 0, heard.total, console));
+                shown.at(heard.done, heard.total, || heard.stage.to_string(), console);
+            }
+            if let Some(progress) = progress {
+                progress.finish();
+            }
+        });
+        let tell = move |progress| {
+            // Sending fails only when the receiving thread is gone, and then there is nothing to show.
+            let _ = sender.send(progress);
+        };
+        // Before the first file is written, Ctrl-C ends the process at once; afterward, once all files are written.
+        published::run(weights, images, &options, out, tell, || {
+            interrupt.watch();
+        })
+    })?;
+    if interrupt.watch().load(Ordering::Relaxed) {
+        return Err(Failure::message("interrupted; the results were complete and are written"));
+    }
+    Ok(report)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_one_number_or_two() {
+        assert_eq!((size("448"), size("448x252")), (Ok([448, 448]), Ok([252, 448])));
+        for wrong in ["", "x", "448x", "0", "-1", "4.5", "448x252x3", "99999"] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
+    }
+}

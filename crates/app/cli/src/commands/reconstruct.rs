@@ -1,0 +1,160 @@
+//! `splatweaver reconstruct`.
+
+use super::fit;
+use crate::clip;
+use crate::estimate::estimated_capture;
+use crate::flags::{ClipFlags, MatchingFlags, hold_out, minutes};
+use clap::{Args, ValueEnum};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use weaver_command::{Console, Failure, Interrupt, Threads, in_pool};
+use weaver_data::capture::HoldOut;
+use weaver_fit::FitSettings;
+use weaver_fit_run::{Outcome, Run, RunError, RunSettings, plan};
+
+/// Heading of the flags of a fit.
+const FIT: &str = "Fit";
+
+/// A scene from a folder of photos, or a video, and nothing else.
+///
+/// A capture's own cameras are taken where there are any; else they are estimated. Then Gaussians are fitted to the photos. Writes
+/// scene.ply, cameras, summary.json and report.html, and with estimated cameras the folder `cameras` as `splatweaver cameras` does.
+/// Photos overlap best when each place is seen in three of them or more, from places that are apart. Of a clip (MP4, MOV, MKV, WebM, AVI
+/// and what else ffmpeg reads) sharp frames become photos, as many steps of the camera apart; they are written to the folder `frames`.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver reconstruct photos -o scene
+  splatweaver reconstruct photos -o sketch --quality draft
+  splatweaver reconstruct clip.mp4 -o scene
+  splatweaver reconstruct a.jpg b.jpg c.jpg d.jpg -o scene --minutes 1
+  splatweaver reconstruct photos -o scene --hold-out 8         how good it is from elsewhere")]
+pub struct Reconstruct {
+    /// Photos (JPEG, PNG, TIFF, WebP), folders of photos, clips, or one capture
+    #[arg(required = true)]
+    pub photos: Vec<PathBuf>,
+    /// Folder for the results
+    #[arg(short, long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Time of all of it and size of the photos
+    #[arg(long, value_enum, default_value_t = Quality::Normal, help_heading = FIT)]
+    pub quality: Quality,
+    /// Time for all of it, matching included; the fit gets at least half of it, whatever matching took [default: the quality's]
+    #[arg(long, value_name = "M", value_parser = minutes, help_heading = FIT)]
+    pub minutes: Option<f64>,
+    /// The most Gaussians there may be [default: 0.4 for each pixel of a photo, 5000 to 1000000]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000_000), help_heading = FIT)]
+    pub gaussians: Option<u32>,
+    /// Which photos are not shown to the fit, which is judged by them: none; those that a capture lists, or every eighth where none are
+    /// listed; or every so many
+    #[arg(long, value_name = "listed|none|N", value_parser = hold_out, default_value = "none", help_heading = FIT)]
+    pub hold_out: HoldOut,
+    /// Seed of everything that is drawn at random
+    #[arg(long, value_name = "S", default_value_t = 0, help_heading = FIT)]
+    pub seed: u64,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub clip: ClipFlags,
+    #[command(flatten)]
+    pub matching: MatchingFlags,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+/// The purpose of a reconstruction.
+#[derive(Clone, Copy, Debug, Eq, PartialEq, ValueEnum)]
+pub enum Quality {
+    /// A look: half a minute, at most 384 pixels
+    Draft,
+    /// Five minutes, at most 800 pixels
+    Normal,
+    /// Twenty minutes, at most 1600 pixels
+    Fine,
+}
+
+impl Quality {
+    /// Minutes, and the longest side of a photo.
+    pub fn effort(self) -> (f64, u32) {
+        match self {
+            Self::Draft => (0.5, 384),
+            Self::Normal => (5.0, 800),
+            Self::Fine => (20.0, 1600),
+        }
+    }
+}
+
+/// The shortest time that `fit` takes, minutes.
+const SHORTEST: f64 = 0.05;
+/// The least share of the time that is the fit's, whatever matching took.
+const SHARE: f64 = 0.5;
+/// The least steps of a fit, whatever the time: fewer make nothing worth seeing.
+const LEAST_STEPS: usize = 200;
+
+pub fn run(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    in_pool(arguments.threads.count(), || reconstruct(arguments, console, interrupt))
+}
+
+fn reconstruct(arguments: &Reconstruct, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let start = Instant::now();
+    let out = match Run::claim(&arguments.out, &arguments.photos) {
+        Err(RunError::Run(weaver_run::Error::RunExists { folder })) => return Err(exists(&folder)),
+        claimed => claimed?,
+    };
+    let (capture, hold_out) = match arguments.photos.as_slice() {
+        [one] if is_capture(one) => {
+            arguments.matching.check_unused("a capture with cameras of its own")?;
+            arguments.clip.check_unused("a capture with cameras of its own")?;
+            console.note(&format!("cameras: those of {}", one.display()));
+            (one.clone(), arguments.hold_out)
+        }
+        paths => {
+            let photos = clip::photos(paths, arguments.clip, out.out(), console)?;
+            let capture = estimated_capture(&photos, arguments.hold_out, arguments.matching, out.out(), console)?;
+            (capture, fit::listed(arguments.hold_out))
+        }
+    };
+    let (minutes, size) = arguments.quality.effort();
+    let spent = start.elapsed().as_secs_f64() / 60.0;
+    let minutes = arguments.minutes.unwrap_or(minutes);
+    let (left, least) = (minutes - spent, (SHARE * minutes).max(SHORTEST));
+    if left < least {
+        let [spent, more] = [spent, least].map(|minutes| 60.0 * minutes);
+        console.note(&format!("cameras took {spent:.0} s; the fit gets {more:.0} s all the same"));
+    }
+    let minutes = left.max(least);
+    let mut settings = RunSettings {
+        minutes: Some(minutes),
+        least_steps: LEAST_STEPS,
+        long_side: Some(size as usize),
+        hold_out,
+        measure_exposure: true,
+        ..RunSettings::new(capture, FitSettings::default())
+    };
+    let usual = plan(&settings)?.usual();
+    let gaussians = arguments.gaussians.map_or(usual.gaussians, |gaussians| gaussians as usize);
+    settings.fit = FitSettings { gaussians, seed: arguments.seed, ..usual };
+    settings.fit.check()?;
+    let capture = settings.capture.display();
+    console.note(&format!("fit: {capture}, {minutes:.2} minutes, photos of at most {size} pixels"));
+    let outcome = fit::begin(settings, fit::Means::usual()?, out, console, interrupt)?;
+    fit::print(&outcome, &arguments.out, arguments.json, console)
+}
+
+/// Why nothing is made in a folder with a run, and how to go on with one that did not come to its end.
+fn exists(folder: &Path) -> Failure {
+    let path = folder.display();
+    let outcome = weaver_io::read_text(folder.join("summary.json")).ok();
+    let outcome = outcome.and_then(|text| serde_json::from_str::<Outcome>(&text).ok());
+    Failure::Usage(if outcome.is_some_and(|outcome| outcome.steps >= outcome.planned) {
+        format!("{path}: a finished scene is there already; give another --out")
+    } else {
+        format!("{path}: a fit was begun there and did not come to its end; to go on: splatweaver fit --resume {path}")
+    })
+}
+
+/// True if a folder or file tells its cameras.
+fn is_capture(path: &Path) -> bool {
+    let files = ["transforms.json", "transforms_train.json", "sparse", "cameras.txt"];
+    path.is_file() && path.extension().is_some_and(|e| e == "json") || files.iter().any(|name| path.join(name).exists())
+}

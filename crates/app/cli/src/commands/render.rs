@@ -1,0 +1,226 @@
+//! `splatweaver render`.
+
+use crate::flags::rate;
+use crate::video::Video;
+use clap::{ArgGroup, Args};
+use rayon::prelude::*;
+use std::f64::consts::FRAC_PI_3;
+use std::path::{Path, PathBuf};
+use weaver_command::camera_files::{self, Size};
+use weaver_command::{
+    Console, DeviceFlag, DrawingFlags, DrawingOptions, Failure, Progress, Threads, device, in_pool, memory,
+};
+use weaver_geometry::glam::DVec3;
+use weaver_geometry::{Camera, Intrinsics, trajectory};
+use weaver_io::{Image, OutputFolder, SceneFile, check_output_file, read_scene};
+use weaver_scene::{Frame, Gaussians};
+use weaver_splat::Renderer;
+
+/// Draws a file of Gaussians from given cameras or along an orbit.
+///
+/// One PNG per camera, named after its photo where the names are distinct, else numbered; or a video, with an ffmpeg on
+/// the PATH; or both.
+#[derive(Args, Debug)]
+#[command(group(ArgGroup::new("viewpoints").required(true).args(["cameras", "orbit"])))]
+#[command(after_help = "Examples:
+  splatweaver render scene.ply --cameras transforms.json -o renders
+  splatweaver render scene.ply --cameras capture/sparse/0 --width 640 -o renders
+  splatweaver render scene.ply --cameras clip.txt --width 640 --height 360 -o renders
+  splatweaver render scene.ply --orbit 90 --background 0,0,0 -o turn
+  splatweaver render scene.ply --orbit 120 --width 1280 --height 720 --video turn.mp4")]
+pub struct Render {
+    /// The Gaussians: PLY as 3DGS stores them, or another format of `splatweaver convert`
+    #[arg(value_name = "SCENE.ply")]
+    pub scene: PathBuf,
+    /// transforms.json, a folder with a COLMAP model, or a RealEstate10K camera file
+    #[arg(long, value_name = "FILE")]
+    pub cameras: Option<PathBuf>,
+    /// Cameras on a circle around the scene instead, this many
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub orbit: Option<u32>,
+    /// Folder for the pictures
+    #[arg(short, long, value_name = "DIR", required_unless_present = "video")]
+    pub out: Option<PathBuf>,
+    /// Makes a video of the pictures, in the cameras' order
+    #[arg(long, value_name = "FILE.mp4")]
+    pub video: Option<PathBuf>,
+    /// Pictures of the video per second
+    #[arg(long, value_name = "F", default_value = "30", value_parser = rate, requires = "video")]
+    pub fps: f64,
+    /// Width in pixels; intrinsics follow [default: the cameras', or 640 for an orbit]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    pub width: Option<u32>,
+    /// Height in pixels; intrinsics follow [default: the cameras' aspect ratio, or 3/4 of the width]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    pub height: Option<u32>,
+    #[command(flatten)]
+    pub device: DeviceFlag,
+    #[command(flatten)]
+    pub threads: Threads,
+    // Last: its heading would be that of what follows.
+    #[command(flatten)]
+    pub drawing: DrawingFlags,
+}
+
+/// Width of an orbit's pictures.
+const WIDTH: usize = 640;
+
+pub fn run(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
+    in_pool(arguments.threads.count(), || draw(arguments, console))
+}
+
+fn draw(arguments: &Render, console: &mut Console) -> Result<(), Failure> {
+    let read: Vec<&Path> = std::iter::once(&arguments.scene).chain(&arguments.cameras).map(PathBuf::as_path).collect();
+    let out = arguments.out.as_ref().map(|folder| OutputFolder::claim(folder, "render", &read)).transpose()?;
+    arguments.video.as_ref().map_or(Ok(()), |path| check_output_file(path, &read))?;
+    let size = Size { width: arguments.width.map(|w| w as usize), height: arguments.height.map(|h| h as usize) };
+    let SceneFile { gaussians, drawing } = read_scene(&arguments.scene)?;
+    let cameras = match (&arguments.cameras, arguments.orbit) {
+        (Some(file), _) => camera_files::read(file, size)?,
+        (None, count) => orbit(&gaussians, count.unwrap_or(1) as usize, size).ok_or_else(|| {
+            Failure::message(format!("{}: expected Gaussians to turn around, found none", arguments.scene.display()))
+        })?,
+    };
+    let (background, settings) = DrawingOptions::from(arguments.drawing).beside(&arguments.scene, drawing)?;
+    let mut renderer = Renderer::new(device::rasterizer(&arguments.device)?);
+    let stems = camera_files::stems(&cameras);
+    out.as_ref().map_or(Ok(()), |out| out.check(stems.iter().map(|stem| format!("{stem}.png"))))?;
+    let at_once = rayon::current_num_threads().min(MOST_WAITING).min(cameras.len());
+    memory::check(
+        memory::of_pictures(&cameras, at_once),
+        "a smaller --width and --height, or fewer --threads, reduce it",
+    )?;
+    let mut output = Output::create(arguments, out.as_ref(), &cameras)?;
+    let activated = gaussians.to_activated();
+    let mut progress = Progress::new("render", 0, cameras.len(), console);
+    let jobs: Vec<_> = cameras.iter().zip(&stems).collect();
+    let (mut done, mut waiting) = (0, Vec::new());
+    // All threads draw one picture after the other, while earlier pictures are written, one per thread.
+    for group in jobs.chunks(at_once.max(1)) {
+        let draw = || -> Result<Vec<_>, Failure> {
+            let mut drawn = Vec::new();
+            for (view, stem) in group {
+                let camera = std::slice::from_ref(&view.camera);
+                let pixels = renderer.render(&activated, camera, background, &settings)?;
+                let Camera { width, height, .. } = view.camera;
+                drawn.push((stem.as_str(), Image { width, height, pixels: pixels.concat() }));
+                done += 1;
+                progress.at(done, cameras.len(), String::new, console);
+            }
+            Ok(drawn)
+        };
+        let (drawn, written) = rayon::join(draw, || output.write(&waiting));
+        written?;
+        waiting = drawn?;
+    }
+    output.write(&waiting)?;
+    progress.finish();
+    console.print(&format!("pictures: {} of {} Gaussians, in {}", cameras.len(), gaussians.len(), output.finish()?))
+}
+
+/// Pictures that wait to be written.
+const MOST_WAITING: usize = 8;
+
+/// Where the pictures go.
+struct Output<'a> {
+    folder: Option<&'a OutputFolder>,
+    video: Option<Video>,
+}
+
+impl<'a> Output<'a> {
+    fn create(arguments: &Render, folder: Option<&'a OutputFolder>, cameras: &[Frame]) -> Result<Self, Failure> {
+        let size = |view: &Frame| (view.camera.width, view.camera.height);
+        let video = match &arguments.video {
+            None => None,
+            Some(path) => {
+                let first = cameras.first().map(size).unwrap_or_default();
+                if let Some(other) = cameras.iter().map(size).find(|other| *other != first) {
+                    let sizes = format!("{}x{} and {}x{}", first.0, first.1, other.0, other.1);
+                    return Err(Failure::Usage(format!(
+                        "--video: pictures of {sizes}; --width and --height make them equal"
+                    )));
+                }
+                Some(Video::create(path, first, arguments.fps)?)
+            }
+        };
+        Ok(Self { folder, video })
+    }
+
+    /// Writes pictures with these names.
+    fn write(&mut self, pictures: &[(&str, Image)]) -> Result<(), Failure> {
+        if let Some(folder) = self.folder {
+            let write = |(stem, image): &(&str, Image)| image.write_png(folder.file(format!("{stem}.png"))?);
+            pictures.par_iter().try_for_each(write)?;
+        }
+        self.video.as_mut().map_or(Ok(()), |video| pictures.iter().try_for_each(|(_, image)| video.push(image)))
+    }
+
+    /// Prints where the results are.
+    fn finish(self) -> Result<String, Failure> {
+        let folder = self.folder.map(|folder| folder.path().display().to_string());
+        let video = self.video.map(Video::finish).transpose()?.map(|path| path.display().to_string());
+        Ok(folder.into_iter().chain(video).collect::<Vec<_>>().join(" and "))
+    }
+}
+
+/// `count` cameras on a circle around the middle of the scene, starting before it (toward -z of the world, where the
+/// first camera of our own scenes stands), -y up, with a field of view of 60 degrees. `None` when there is no scene.
+fn orbit(gaussians: &Gaussians, count: usize, size: Size) -> Option<Vec<Frame>> {
+    let means: Vec<DVec3> = gaussians.means.iter().map(|m| DVec3::from(m.map(f64::from))).collect();
+    // Halfway between the 10 % and 90 % quantiles, so that neither a dense floor nor outliers shift it.
+    let axis = |of: fn(&DVec3) -> f64| {
+        let tenth = |q| quantile(q, means.iter().map(of).collect());
+        Some((tenth(0.1)? + tenth(0.9)?) / 2.0)
+    };
+    let middle = DVec3::new(axis(|m| m.x)?, axis(|m| m.y)?, axis(|m| m.z)?);
+    let spread = quantile(0.8, means.iter().map(|m| m.distance(middle)).collect())?;
+    let scale = quantile(0.5, gaussians.log_scales.as_flattened().iter().map(|s| f64::from(*s).exp()).collect())?;
+    // Far enough to have most of the Gaussians inside the image, and never inside a single one.
+    let eye = middle - DVec3::Z * (2.0 * spread + 4.0 * scale);
+    let width = size.width.or(size.height.map(|h| (h * 4).div_ceil(3))).unwrap_or(WIDTH);
+    let height = size.height.unwrap_or((width * 3).div_ceil(4));
+    let focal = width as f64 / 2.0 / (FRAC_PI_3 / 2.0).tan();
+    let intrinsics = Intrinsics { fx: focal, fy: focal, cx: width as f64 / 2.0, cy: height as f64 / 2.0 };
+    let named = |(i, pose)| Frame::new(format!("{i:04}"), Camera { pose, intrinsics, width, height });
+    Some(trajectory::orbit(eye, middle, -DVec3::Y, count).into_iter().enumerate().map(named).collect())
+}
+
+/// The value below which a part `q` of the values lie.
+fn quantile(q: f64, mut values: Vec<f64>) -> Option<f64> {
+    let rank = (q * values.len() as f64) as usize;
+    if values.is_empty() {
+        return None;
+    }
+    Some(*values.select_nth_unstable_by(rank, f64::total_cmp).1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_orbit_looks_at_the_middle_from_all_sides() {
+        let gaussians = Gaussians {
+            means: vec![[0.0, -0.5, 1.0], [1.0, 0.0, 2.0], [-1.0, 0.5, 3.0]],
+            log_scales: vec![[-2.0; 3]; 3],
+            ..Gaussians::default()
+        };
+        let cameras = orbit(&gaussians, 4, Size::default()).unwrap();
+        let middle = DVec3::new(0.0, 0.0, 2.0);
+        for view in &cameras {
+            let seen = view.camera.pose.apply(middle);
+            assert!(seen.x.abs() < 1e-9 && seen.y.abs() < 1e-9 && seen.z > 1.0, "{seen}");
+        }
+        assert!(cameras[0].camera.pose.center().z < 0.0);
+        assert_eq!((cameras[0].camera.width, cameras[0].camera.height), (640, 480));
+        assert!(orbit(&Gaussians::default(), 4, Size::default()).is_none());
+    }
+
+    #[test]
+    fn a_single_gaussian_has_an_orbit_too() {
+        let gaussians = Gaussians { means: vec![[0.0; 3]], log_scales: vec![[-1.0; 3]], ..Gaussians::default() };
+        let cameras = orbit(&gaussians, 2, Size { width: None, height: Some(30) }).unwrap();
+        assert!(cameras.iter().all(|c| c.camera.pose.translation.is_finite()));
+        assert_eq!((cameras[0].camera.width, cameras[0].camera.height), (40, 30));
+    }
+}

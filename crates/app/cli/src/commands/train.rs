@@ -1,0 +1,206 @@
+//! `splatweaver train`.
+
+use clap::Args;
+use std::path::{Path, PathBuf};
+use weaver_command::{
+    Console, DeviceFlag, Failure, Interrupt, MOST_SEED, MOST_THREADS, Progress, device, duration, in_pool,
+};
+use weaver_inference::RunFolder;
+use weaver_trainer::{Error, Folder, Observer, Resolved, Setup, StepReport, Summary, Training, claim_run, reclaim_run};
+
+/// Headings of groups of flags.
+const CONFIGURATION: &str = "Configuration";
+const RUN: &str = "Run";
+const MEASURING: &str = "Measuring";
+
+/// Trains a model and writes a run folder: checkpoint, logs, sample pictures, report.html.
+///
+/// Without --data it trains on built-in procedural scenes. Ctrl-C saves a checkpoint and ends; --resume goes on to the
+/// same bits as an uninterrupted run.
+#[derive(Args, Debug)]
+#[command(after_help = "Examples:
+  splatweaver train
+  splatweaver train --preset micro --steps 20 --out /tmp/try
+  splatweaver train --data fox --data fern --set stages.1.rate=5e-4 --set data.pool=8
+  splatweaver train --resume runs/tiny-1
+  splatweaver train --resume runs/tiny-1 --steps 8000
+  splatweaver train --init runs/tiny-1 --data fox --steps 1000
+  splatweaver train --preset tiny-endless --set data.endless=none --init built-in --data fox --steps 1500
+  splatweaver train --data photos --teacher model.safetensors --preset tiny-published
+  splatweaver train --preset small --dry-run
+  splatweaver train --steps 20 --trace step.json")]
+pub struct Train {
+    /// Folder of a capture (COLMAP, transforms.json, NeRF-synthetic, RealEstate10K); may be repeated
+    #[arg(long, value_name = "DIR", help_heading = "Data")]
+    pub data: Vec<PathBuf>,
+    /// For --data of photos without cameras: a published checkpoint, VGGT's or SplatWeaver's, from which they get cameras and depth;
+    /// what it says is kept beside the photos, in teacher.safetensors
+    #[arg(long, value_name = "FILE", requires = "data", help_heading = "Data")]
+    pub teacher: Option<PathBuf>,
+    /// The model to train [default: splatweaver]
+    #[arg(long, value_name = "NAME", help_heading = CONFIGURATION)]
+    pub model: Option<String>,
+    /// Where the configuration starts from: micro, tiny, tiny-endless, tiny-published, tiny-dagger, small or medium [default: the file's, or tiny]
+    #[arg(long, help_heading = CONFIGURATION)]
+    pub preset: Option<String>,
+    /// Configuration file (TOML) between the preset and the flags; `splatweaver config` prints one to start from
+    #[arg(long, value_name = "FILE", help_heading = CONFIGURATION)]
+    pub config: Option<PathBuf>,
+    /// Sets a configuration value by its path, list entries by number; may be repeated
+    #[arg(long = "set", value_name = "KEY=VALUE", help_heading = CONFIGURATION)]
+    pub settings: Vec<String>,
+    /// Steps in all; the stages are rescaled in proportion. With --resume: the last stage becomes longer, and its rate follows the
+    /// longer cosine from then on
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = CONFIGURATION)]
+    pub steps: Option<u32>,
+    /// Seed of weights, data order and noise
+    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u64).range(..=MOST_SEED), help_heading = CONFIGURATION)]
+    pub seed: Option<u64>,
+    /// Folder of the run [default: the first free runs/PRESET-N]
+    #[arg(short, long, value_name = "DIR", help_heading = RUN)]
+    pub out: Option<PathBuf>,
+    /// Starts from the averaged weights of this run or checkpoint, of whichever model, from a published checkpoint, or with `built-in` from
+    /// those that come with the program, as far as they fit; what was taken is said
+    #[arg(long, value_name = "built-in|RUN|FILE", help_heading = RUN)]
+    pub init: Option<PathBuf>,
+    /// Goes on with this run, with its own configuration
+    #[arg(long, value_name = "RUN", help_heading = RUN, conflicts_with_all = ["model", "preset", "data", "teacher", "out", "init", "seed", "settings", "config"])]
+    pub resume: Option<PathBuf>,
+    /// Threads. Does not change results [default: the configuration's, or one per core]
+    #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS), help_heading = RUN)]
+    pub threads: Option<u16>,
+    /// Measures what the run would take (parameters, activations, optimizer, peak) on a few steps of each stage, and writes
+    /// nothing
+    #[arg(long, conflicts_with_all = ["out", "trace"], help_heading = MEASURING)]
+    pub dry_run: bool,
+    /// Writes every op of one step of each stage into this file, in Chrome's trace format (chrome://tracing, Perfetto)
+    #[arg(long, value_name = "FILE", help_heading = MEASURING)]
+    pub trace: Option<PathBuf>,
+    /// Prints the result as JSON, and nothing else on standard output
+    #[arg(long, help_heading = RUN)]
+    pub json: bool,
+    #[command(flatten)]
+    pub device: DeviceFlag,
+}
+
+pub fn run(arguments: &Train, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
+    let registry = weaver_recipes::registry();
+    let rasterizer = device::rasterizer(&arguments.device)?;
+    if let Some(path) = &arguments.resume {
+        let folder = RunFolder::at(path);
+        let architecture = registry.of_run(&folder)?;
+        let config = architecture.read(&folder)?;
+        check_trace(arguments, &config)?;
+        let claimed = if arguments.dry_run { None } else { Some(reclaim_run(path)?) };
+        return in_pool(arguments.threads.map(usize::from).or(config.threads), || {
+            let mut session = architecture.resume(&folder, arguments.steps.map(|steps| steps as usize))?;
+            session.draw_by(rasterizer);
+            let Some(claimed) = &claimed else {
+                return dry_run(session, &config, console);
+            };
+            train(session, claimed, arguments, console, interrupt)
+        });
+    }
+    let architecture = registry.find(arguments.model.as_deref())?;
+    let config = architecture.resolve(&Setup {
+        preset: arguments.preset.clone(),
+        file: arguments.config.clone(),
+        settings: arguments.settings.clone(),
+        data: arguments.data.clone(),
+        init: arguments.init.clone(),
+        teacher: arguments.teacher.clone(),
+        seed: arguments.seed,
+        threads: arguments.threads.map(usize::from),
+        steps: arguments.steps.map(|steps| steps as usize),
+    })?;
+    let path = arguments.out.clone().unwrap_or_else(|| Folder::free(Path::new("runs"), &config.preset));
+    check_trace(arguments, &config)?;
+    // Claimed before anything is read; nothing is left behind when the data cannot be.
+    let claimed = if arguments.dry_run { None } else { Some(claim_run(&path, &config)?) };
+    in_pool(config.threads, || {
+        let mut session = architecture.start(&config)?;
+        session.draw_by(rasterizer);
+        let Some(claimed) = &claimed else {
+            return dry_run(session, &config, console);
+        };
+        claimed.store_text(&config.toml)?;
+        train(session, claimed, arguments, console, interrupt)
+    })
+}
+
+/// Checks that the file of a trace can be written.
+fn check_trace(arguments: &Train, config: &Resolved) -> Result<(), Failure> {
+    Ok(arguments.trace.as_ref().map_or(Ok(()), |path| weaver_io::check_output_file(path, &config.inputs))?)
+}
+
+/// Measures what the run would take. Nothing is left behind.
+fn dry_run(session: Box<dyn Training>, config: &Resolved, console: &mut Console) -> Result<(), Failure> {
+    console.print(session.plan().trim_end())?;
+    let path = std::env::temp_dir().join(format!("splatweaver-dry-run-{}", std::process::id()));
+    let folder = claim_run(&path, config)?;
+    let measured = session.dry_run(&folder);
+    drop(folder);
+    std::fs::remove_dir_all(&path)?;
+    console.print(&measured?.to_string())?;
+    if let Some(peak) = weaver_io::peak_mb() {
+        console.print(&format!("{:<28}{peak:>9.1} MB, photos and program included", "peak"))?;
+    }
+    Ok(())
+}
+
+fn train(
+    mut session: Box<dyn Training>,
+    folder: &Folder,
+    arguments: &Train,
+    console: &mut Console,
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
+    if let Some(path) = &arguments.trace {
+        session.trace_to(&std::path::absolute(path)?);
+    }
+    let path = folder.path().display();
+    console.note(session.plan().trim_end());
+    console.note(&format!("run folder {path}"));
+    let (done, total) = session.steps();
+    let label = session.labeler();
+    let mut shown = Shown { progress: Progress::new("train", done, total, console), label, total, console };
+    let result = session.train(folder, &mut shown, interrupt.watch());
+    let Shown { progress, console, .. } = shown;
+    progress.finish();
+    let summary = result?;
+    report(&summary, folder, arguments.json, console)
+}
+
+fn report(summary: &Summary, folder: &Folder, json: bool, console: &mut Console) -> Result<(), Failure> {
+    let Summary { steps, planned, .. } = summary;
+    if steps < planned {
+        let path = folder.path().display();
+        console.note(&format!("saved at step {steps} of {planned}; to go on: splatweaver train --resume {path}"));
+        return Ok(());
+    }
+    let memory = weaver_io::peak_mb().map_or(String::new(), |peak| format!(", at most {peak:.1} MB of memory"));
+    console.note(&format!("{steps} steps done, {} in this session{memory}", duration(summary.seconds)));
+    if json {
+        return console.print(&serde_json::to_string_pretty(summary)?);
+    }
+    if let Some(evaluation) = &summary.evaluation {
+        console.print(&evaluation.table())?;
+    }
+    console.print(&format!("report: {}", folder.path().join(Folder::REPORT).display()))
+}
+
+/// Shows each step.
+struct Shown<'a, 'c> {
+    progress: Progress,
+    label: fn(&StepReport) -> String,
+    total: usize,
+    console: &'a mut Console<'c>,
+}
+
+impl Observer for Shown<'_, '_> {
+    fn step(&mut self, report: &StepReport) -> Result<(), Error> {
+        let label = self.label;
+        self.progress.at(report.step, self.total, || label(report), self.console);
+        Ok(())
+    }
+}

@@ -1,0 +1,19 @@
+//! Flags that several commands have.
+
+mod cameras;
+mod density;
+mod hold_out;
+mod light;
+mod matching;
+mod minutes;
+mod rate;
+mod refine;
+
+pub use cameras::CameraChoice;
+pub use density::DensityFlags;
+pub use hold_out::hold_out;
+pub use light::LightFlags;
+pub use matching::{ClipFlags, MatchingFlags};
+pub use minutes::minutes;
+pub use rate::rate;
+pub use refine::RefineFlags;

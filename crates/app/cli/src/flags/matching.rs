@@ -1,0 +1,97 @@
+//! Flags of everything that estimates cameras from photos or clips.
+
+use clap::Args;
+use weaver_command::{Failure, choice};
+use weaver_data::{EstimateOptions, Find};
+
+/// Heading of these flags.
+const MATCHING: &str = "Estimated cameras";
+
+/// Radial distortions that may be found.
+const DISTORTIONS: [(&str, Find, &str); 3] = [
+    ("off", Find::Off, "None: lines stay straight"),
+    ("k1", Find::K1, "The first coefficient"),
+    ("k1k2", Find::K1K2, "Two"),
+];
+
+/// Flags of clips.
+#[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
+pub struct ClipFlags {
+    /// At most so many frames of each clip, spread over the way of its camera [default: as many as show something new, at most 120]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=2000), help_heading = MATCHING)]
+    pub frames: Option<u32>,
+}
+
+impl ClipFlags {
+    /// That these say nothing, where there is no clip.
+    ///
+    /// # Errors
+    /// When they do; `found` says what there is.
+    pub fn check_unused(&self, found: &str) -> Result<(), Failure> {
+        match self.frames {
+            None => Ok(()),
+            Some(_) => Err(Failure::Usage(format!("--frames: expected a clip, found {found}"))),
+        }
+    }
+}
+
+/// Options of estimated cameras.
+#[derive(Args, Clone, Copy, Debug, PartialEq)]
+pub struct MatchingFlags {
+    /// The focal length of all photos, over their longer side: 0.75 for most phones [default: what the files tell, else estimated]
+    #[arg(long, value_name = "F", value_parser = focal, help_heading = MATCHING)]
+    pub focal: Option<f64>,
+    /// Ignores the focal lengths that files tell
+    #[arg(long, help_heading = MATCHING)]
+    pub no_exif: bool,
+    /// Each photo has a focal length of its own [default: photos of the same proportions share one]
+    #[arg(long, help_heading = MATCHING)]
+    pub own_focal: bool,
+    /// The radial distortion that is found [default: k1, and of many photos k2, where photos tell them]
+    #[arg(long, value_parser = choice(&DISTORTIONS), help_heading = MATCHING)]
+    pub distortion: Option<Find>,
+    /// Longest side of the photos while they are matched
+    #[arg(long, value_name = "PIXELS", default_value_t = 640, value_parser = clap::value_parser!(u32).range(64..=8192), help_heading = MATCHING)]
+    pub match_size: u32,
+}
+
+impl Default for MatchingFlags {
+    fn default() -> Self {
+        let EstimateOptions { long_side, focal, exif, shared, .. } = EstimateOptions::default();
+        Self { focal, no_exif: !exif, own_focal: !shared, distortion: None, match_size: long_side as u32 }
+    }
+}
+
+impl From<MatchingFlags> for EstimateOptions {
+    fn from(flags: MatchingFlags) -> Self {
+        Self {
+            long_side: flags.match_size as usize,
+            focal: flags.focal,
+            exif: !flags.no_exif,
+            shared: !flags.own_focal,
+            sequence: false,
+            distortion: flags.distortion.unwrap_or_default(),
+        }
+    }
+}
+
+impl MatchingFlags {
+    /// That these say nothing, where cameras are not estimated.
+    ///
+    /// # Errors
+    /// When they do; `found` says where cameras come from.
+    pub fn check_unused(&self, found: &str) -> Result<(), Failure> {
+        if *self == Self::default() {
+            return Ok(());
+        }
+        let flags = "--focal, --no-exif, --own-focal, --distortion, --match-size";
+        Err(Failure::Usage(format!("{flags}: expected estimated cameras, found {found}")))
+    }
+}
+
+fn focal(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(focal) if (0.2..=20.0).contains(&focal) => Ok(focal),
+        _ => Err("expected a number from 0.2 to 20, as in 1.2".into()),
+    }
+}

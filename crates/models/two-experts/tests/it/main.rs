@@ -1,0 +1,3 @@
+//! 2Xplat's networks.
+
+mod pyramid;

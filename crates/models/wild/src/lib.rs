@@ -1,0 +1,12 @@
+#![doc = include_str!("../README.md")]
+
+mod config;
+mod network;
+mod predictor;
+
+pub use config::{LookConfig, WildConfig, WildDenseConfig, WildGaussianConfig, WildParametrization};
+pub use network::{
+    AppearanceEncoder, AppearanceEncoderConfig, LEAST_DEVIATION, LookDecoder, LookDecoderConfig, Surface, Wild,
+    standardized,
+};
+pub use predictor::WildPredictor;

@@ -1,0 +1,4 @@
+//! WildSplatter's network and its parts.
+
+mod light;
+mod network;

@@ -1,0 +1,39 @@
+//! Photos in memory.
+
+use weaver_geometry::Camera;
+
+/// A photo and its camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Photo {
+    /// Its name in messages and results.
+    pub name: String,
+    /// Pose, and intrinsics in pixels of [`rgb`](Self::rgb).
+    pub camera: Camera,
+    /// sRGB, `[height, width, 3]`.
+    pub rgb: Vec<u8>,
+    /// Which pixels count, `[height, width]`; `None` if all do.
+    pub mask: Option<Vec<bool>>,
+}
+
+impl Photo {
+    /// Height and width, pixels.
+    pub fn size(&self) -> [usize; 2] {
+        [self.camera.height, self.camera.width]
+    }
+
+    /// True if no pixel counts.
+    ///
+    /// ```
+    /// use weaver_geometry::{Camera, Intrinsics, Pose};
+    /// use weaver_scene::Photo;
+    /// let intrinsics = Intrinsics { fx: 2.0, fy: 2.0, cx: 1.0, cy: 0.5 };
+    /// let camera = Camera { pose: Pose::IDENTITY, intrinsics, width: 2, height: 1 };
+    /// let mut photo = Photo { name: "a.jpg".into(), camera, rgb: vec![0; 6], mask: None };
+    /// assert!(!photo.is_masked());
+    /// photo.mask = Some(vec![false; 2]);
+    /// assert!(photo.is_masked());
+    /// ```
+    pub fn is_masked(&self) -> bool {
+        self.mask.as_ref().is_some_and(|mask| !mask.contains(&true))
+    }
+}
