@@ -4,17 +4,13 @@ use crate::Error;
 use std::path::{Path, PathBuf};
 use weaver_data::posed::{self, PosedOptions};
 use weaver_data::capture::HoldOut;
-use weaver_geometry::{Camera, Undistortion};
+use weaver_geometry::Undistortion;
 use weaver_io::{Bitmap, SceneFormat, Transforms, read_cameras, write_scene, Drawing};
 use weaver_scene::{Frame, Gaussians};
-use weaver_view::{HtmlOptions, Look, Shot, Subject, html};
+use weaver_view::{HtmlOptions, Look, Shot, Subject, html, photo_file, pictured};
 
-/// Quality of photos in pages as libjpeg counts it.
+/// Quality of photos that are served as libjpeg counts it.
 const QUALITY: u8 = 82;
-/// Photos within one file.
-const PHOTOS: usize = 32;
-/// Longest side of photos within one file, pixels.
-const SMALL: usize = 640;
 /// Longest side of photos that are served, pixels.
 const LARGE: usize = 1600;
 
@@ -74,13 +70,22 @@ impl Exhibit {
         Subject { title: &self.title, gaussians: &self.gaussians, look: self.look }
     }
 
-    /// The photo of a shot as a JPEG file, if it has one that can be read; `large` as it is served, else as it is in a file.
-    pub fn photo(&self, i: usize, large: bool) -> Option<Vec<u8>> {
+    /// The photo of a shot as a JPEG or PNG file, if it has one that can be read.
+    pub fn photo(&self, i: usize) -> Option<Vec<u8>> {
         let shot = self.shots.get(i)?;
         if shot.photo.is_some() {
             return shot.photo.clone();
         }
-        self.gallery.as_ref()?.photo(i, if large { LARGE } else { SMALL })
+        self.gallery.as_ref()?.photo(i)?.to_jpeg(QUALITY).ok()
+    }
+
+    /// The photo of a shot as it is in one file.
+    fn small_photo(&self, i: usize) -> Option<Vec<u8>> {
+        let shot = self.shots.get(i)?;
+        if shot.photo.is_some() {
+            return shot.photo.clone();
+        }
+        photo_file(&self.gallery.as_ref()?.photo(i)?).ok()
     }
 
     /// Whether a shot has a photo.
@@ -95,12 +100,11 @@ impl Exhibit {
     /// As [`weaver_view::html`].
     pub fn html(&self, options: HtmlOptions) -> Result<String, Error> {
         let with_photo: Vec<usize> = (0..self.shots.len()).filter(|i| self.has_photo(*i)).collect();
-        let (held_out, others): (Vec<usize>, Vec<usize>) = with_photo.into_iter().partition(|i| self.shots[*i].held_out);
-        let mut chosen = evenly(&held_out, PHOTOS);
-        chosen.extend(evenly(&others, PHOTOS - chosen.len()));
+        let held_out: Vec<bool> = with_photo.iter().map(|i| self.shots[*i].held_out).collect();
+        let chosen: Vec<usize> = pictured(&held_out).into_iter().map(|at| with_photo[at]).collect();
         let mut shots = self.shots.clone();
         for (i, shot) in shots.iter_mut().enumerate() {
-            shot.photo = if chosen.contains(&i) { self.photo(i, false) } else { None };
+            shot.photo = if chosen.contains(&i) { self.small_photo(i) } else { None };
         }
         Ok(html(&self.subject(), &shots, options)?)
     }
@@ -126,20 +130,13 @@ impl Exhibit {
 }
 
 impl Gallery {
-    /// A photo as a JPEG file, without distortion.
-    fn photo(&self, i: usize, long_side: usize) -> Option<Vec<u8>> {
+    /// A photo without distortion.
+    fn photo(&self, i: usize) -> Option<Bitmap> {
         let frame = self.frames.get(i)?.clone();
-        let options = PosedOptions { long_side: Some(long_side), hold_out: HoldOut::Nothing, ..PosedOptions::default() };
+        let options = PosedOptions { long_side: Some(LARGE), hold_out: HoldOut::Nothing, ..PosedOptions::default() };
         let photo = posed::load_frames(vec![frame], &self.file, &options).ok()?.pop()?;
-        let Camera { width, height, .. } = photo.camera;
-        Bitmap { width, height, pixels: photo.rgb }.to_jpeg(QUALITY).ok()
+        Some(Bitmap { width: photo.camera.width, height: photo.camera.height, pixels: photo.rgb })
     }
-}
-
-/// At most `most` of a list, evenly spread.
-fn evenly(all: &[usize], most: usize) -> Vec<usize> {
-    let count = all.len().min(most);
-    (0..count).map(|i| all[i * all.len() / count]).collect()
 }
 
 /// Names of photos that a transforms.json holds out.

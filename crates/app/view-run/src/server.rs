@@ -149,7 +149,7 @@ impl<'a> Server<'a> {
     }
 
     fn photo(&self, number: &str) -> Answer {
-        let photo = number.parse().ok().and_then(|i| self.exhibit.photo(i, true));
+        let photo = number.parse().ok().and_then(|i| self.exhibit.photo(i));
         photo.map_or_else(Answer::nothing, |bytes| {
             Answer::new(if bytes.starts_with(b"\x89PNG") { "image/png" } else { "image/jpeg" }, bytes)
         })

@@ -11,7 +11,7 @@ mod template;
 
 pub use error::ViewError;
 pub use page::{HtmlOptions, ServedPage, html};
-pub use subject::{Look, Shot, Subject};
+pub use subject::{Look, Shot, Subject, photo_file, pictured};
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

@@ -130,7 +130,9 @@ class Page {
     this.pace = this.pace === undefined ? scaled : 0.7 * this.pace + 0.3 * scaled;
     this.canvas.classList.add("shown");
     element("poster").hidden = true;
-    element("pace").textContent = `· ${took.toFixed(0)} ms${took > 0 ? `, ${Math.min(999, 1000 / took).toFixed(0)} per second` : ""}`;
+    const pace = 1000 / Math.max(took, 1);
+    element("pace").textContent = `· ${pace < 10 ? pace.toFixed(1) : pace.toFixed(0)} per second`;
+    element("pace").title = `${took.toFixed(1)} ms for a picture of ${camera.width} x ${camera.height}`;
     if (this.ratio < full) setTimeout(() => this.changed(), 220);
   }
 

@@ -94,8 +94,10 @@ export class Panel {
     for (const name of page.about.formats ?? []) {
       const button = document.createElement("button");
       button.type = "button";
-      button.textContent = `Save ${name}`;
+      button.textContent = name;
+      button.setAttribute("aria-label", `Save as ${name}`);
       button.addEventListener("click", () => page.save(name));
+      element("save").hidden = false;
       element("save").append(button);
     }
     this.selected();

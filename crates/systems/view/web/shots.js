@@ -95,7 +95,7 @@ export class Shots {
     for (const element of [this.photo, this.wipe, document.getElementById("sides")]) {
       Object.assign(element.style, { left: `${left}px`, top: `${top}px`, width: `${width}px`, height: `${height}px` });
     }
-    this.wipe.style.setProperty("--at", `${share}%`);
+    for (const element of [this.wipe, document.getElementById("sides")]) element.style.setProperty("--at", `${share}%`);
     this.photo.style.clipPath = `inset(0 ${100 - share}% 0 0)`;
   }
 

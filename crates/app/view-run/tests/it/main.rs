@@ -3,5 +3,6 @@
 #[allow(dead_code, reason = "one driver for two crates, which do not make the same calls")]
 #[path = "../../../../systems/view/tests/it/browser.rs"]
 mod browser;
+mod report;
 mod server;
 mod visit;

@@ -20,7 +20,7 @@ fn what_is_deleted_and_saved_is_read_back() {
         browser.open_page(&server.address());
         browser.value("splatweaver.selection.change((flag, i) => (i < 5 ? 1 : 0))");
         browser.press(&["\u{e017}"]);
-        browser.value("[...document.querySelectorAll('#save button')].find((b) => b.textContent === 'Save ply').click()");
+        browser.value("[...document.querySelectorAll('#save button')].find((b) => b.textContent === 'ply').click()");
         browser.wait("document.getElementById('status').textContent.startsWith('Saved 30 Gaussians')");
     });
     let kept: Vec<usize> = (5..35).collect();
