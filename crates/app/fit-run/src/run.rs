@@ -11,6 +11,7 @@ use weaver_fit::{ColorAgreement, Fit, FitRasterizer, Judge, steps_in};
 use weaver_io::SceneFormat;
 use weaver_run::{Folder, Kind, StepReport};
 use weaver_scene::{Gaussians, Photo};
+use weaver_view::Shot;
 
 /// A run under way. Its folder is its own until this value is dropped.
 #[derive(Debug)]

@@ -134,7 +134,7 @@ impl Gallery {
     fn photo(&self, i: usize) -> Option<Bitmap> {
         let frame = self.frames.get(i)?.clone();
         let options = PosedOptions { long_side: Some(LARGE), hold_out: HoldOut::Nothing, ..PosedOptions::default() };
-        let photo = posed::load_frames(vec![frame], &self.file, &options).ok()?.pop()?;
+        let photo = posed::load_frames(vec![frame], &self.file, &options).ok()?.pop()?.photo;
         Some(Bitmap { width: photo.camera.width, height: photo.camera.height, pixels: photo.rgb })
     }
 }

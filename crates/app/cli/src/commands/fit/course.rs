@@ -113,7 +113,7 @@ pub fn finish(
     }
     let mut progress = Progress::new("fit", run.fit().steps_done(), steps, console);
     let (mut psnr, start) = (None, Instant::now());
-    let advance = || run.advance(stop, |report| {
+    let mut advance = || run.advance(stop, |report| {
         // Smoothed over about fifty photos.
         let [last, gaussians] = ["psnr", "gaussians"].map(|name| report.scalar(name).unwrap_or(f64::NAN));
         let smooth = psnr.map_or(last, |p: f64| p + 0.02 * (last - p));
