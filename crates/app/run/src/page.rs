@@ -156,10 +156,10 @@ impl Page {
             images.push((escape(name), STANDARD.encode(file)));
         }
         let [(left, left_data), (right, right_data)] = &images[..] else { unreachable!("two pictures") };
-        let caption = escape(caption);
+        let (caption, aspect) = (escape(caption), pictures[0].1.width as f64 / pictures[0].1.height as f64);
         self.scripted = true;
         Ok(self.put(format_args!(
-            "<figure class=\"compare\"><div><img alt=\"{right}\" src=\"data:image/jpeg;base64,{right_data}\">\
+            "<figure class=\"compare\" style=\"--aspect:{aspect:.4}\"><div><img alt=\"{right}\" src=\"data:image/jpeg;base64,{right_data}\">\
              <img alt=\"{left}\" src=\"data:image/jpeg;base64,{left_data}\"><i></i><span>{left}</span><span>{right}</span>\
              <input type=\"range\" min=\"0\" max=\"100\" step=\"0.5\" value=\"50\" aria-label=\"{left} or {right}: {caption}\"></div>\
              <figcaption>{caption}</figcaption></figure>"

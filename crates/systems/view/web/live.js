@@ -6,13 +6,16 @@ const PAUSE = 1000;
 
 const element = (id) => document.getElementById(id);
 
+/** A number in few characters. */
+const short = (value) => (Number.isInteger(value) ? value.toLocaleString("en") : value.toPrecision(4));
+
 /** A line of numbers as a chart. */
 function chart(name, values) {
   const figure = document.createElement("figure");
   const caption = document.createElement("figcaption");
   const [title, last] = [document.createElement("span"), document.createElement("span")];
   title.textContent = name;
-  last.textContent = values.at(-1)[1].toPrecision(4);
+  last.textContent = short(values.at(-1)[1]);
   caption.append(title, last);
   const svg = document.createElementNS(NAMESPACE, "svg");
   svg.setAttribute("viewBox", "0 0 200 56");
@@ -63,7 +66,10 @@ export class Live {
         this.curves.get(name).push([at, value]);
       }
     }
-    if (records.length > 0) element("curves").replaceChildren(...[...this.curves].filter(([name]) => name !== "seconds").map(([name, values]) => chart(name, values)));
+    if (records.length > 0) {
+      const shown = [...this.curves].filter(([name]) => name !== "seconds");
+      element("curves").replaceChildren(...shown.map(([name, values]) => chart(name.replaceAll("_", " "), values)));
+    }
     if (version !== this.version) {
       const scene = await fetch("scene", { headers: { "X-Token": this.token } });
       if (scene.ok) {

@@ -35,6 +35,8 @@ export class Shots {
         image.alt = "";
         image.src = shot.thumbnail ?? shot.photo;
         button.append(image);
+      } else {
+        button.append(document.createElement("i"));
       }
       const label = document.createElement("span");
       label.textContent = shot.name.split("/").at(-1);

@@ -76,7 +76,7 @@ fn curve(points: &[(usize, f64)]) -> (Vec<[f64; 2]>, String) {
     let html = page.html();
     let between =
         |start: &str, end: &str| html.split(start).nth(1).and_then(|s| s.split(end).next()).unwrap_or("").to_string();
-    let corners = between("points=\"", "\"");
+    let corners = between(" points=\"", "\"");
     let corners = corners.split_whitespace().map(|pair| {
         let (x, y) = pair.split_once(',').unwrap();
         [x, y].map(|number| number.parse().unwrap())
@@ -126,7 +126,7 @@ fn warnings_and_contents_stand_at_the_top() {
     page.heading(2, "e").warning("mind this");
     let html = page.html();
     let at = |text: &str| html.find(text).unwrap_or_else(|| panic!("{text} in {html}"));
-    let places = ["<p class=\"warning\"", "<h1>a", "<nav", "<a href=\"#section-4\">e</a>", "<h2 id=\"section-1\">b", "text"].map(at);
+    let places = ["<p class=\"warning\"", "<h1>a", "<nav", "<a href=\"#section-4\">e</a>", "<h2 id=\"section-1\">b", "<p>text"].map(at);
     assert!(places.is_sorted(), "{places:?}");
 }
 
