@@ -19,7 +19,9 @@ pub struct Gif {
 impl Gif {
     /// A GIF of pictures of this size, about `rate` of them a second: the format counts hundredths of a second.
     pub fn create(path: &Path, (width, height): (usize, usize), rate: f64) -> Result<Self, Failure> {
-        let side = |pixels: usize| u16::try_from(pixels).map_err(|_| Failure::Usage("--gif: expected sides up to 65535 pixels".into()));
+        let side = |pixels: usize| {
+            u16::try_from(pixels).map_err(|_| Failure::Usage("--gif: expected sides up to 65535 pixels".into()))
+        };
         let mut encoder = Encoder::new(Vec::new(), side(width)?, side(height)?, &[])?;
         encoder.set_repeat(Repeat::Infinite)?;
         // Browsers show pictures of less than two hundredths slowly.

@@ -120,7 +120,10 @@ fn pictures(run: &Fitting, shown: &[Judged], training: bool, page: &mut Page) ->
         page.comparison(&format!("{name}: {:.2} dB", quality.psnr), [("photo", &given), ("render", &render)])
             .map_err(weaver_view::ViewError::from)?;
         let row = [&maps::error(image, &photo.rgb, camera), &count, &density];
-        page.picture(&format!("{name}: at most {most} Gaussians in a pixel, {densest} in a cell"), &Image::mosaic(&row));
+        page.picture(
+            &format!("{name}: at most {most} Gaussians in a pixel, {densest} in a cell"),
+            &Image::mosaic(&row),
+        );
     }
     Ok(())
 }

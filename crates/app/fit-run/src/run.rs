@@ -24,7 +24,14 @@ pub(crate) const MODEL: &str = "sparse/0";
 const KIND: Kind = Kind {
     command: "fit",
     settings: RunFile::NAME,
-    results: &["scene.ply", crate::view::FILE, "transforms.json", "sparse/0/cameras.bin", "sparse/0/images.bin", "sparse/0/points3D.bin"],
+    results: &[
+        "scene.ply",
+        crate::view::FILE,
+        "transforms.json",
+        "sparse/0/cameras.bin",
+        "sparse/0/images.bin",
+        "sparse/0/points3D.bin",
+    ],
 };
 
 impl Run {

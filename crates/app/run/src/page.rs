@@ -194,7 +194,8 @@ impl Page {
         let script = if *scripted { format!("<script type=\"module\">{SCRIPT}</script>") } else { String::new() };
         let entry = |(i, title): (usize, &String)| format!("<a href=\"#section-{}\">{title}</a>", i + 1);
         let entries: String = sections.iter().enumerate().map(entry).collect();
-        let contents = if sections.len() < LONG { String::new() } else { format!("<nav aria-label=\"Contents\">{entries}</nav>") };
+        let contents =
+            if sections.len() < LONG { String::new() } else { format!("<nav aria-label=\"Contents\">{entries}</nav>") };
         // Contents stand behind the title of the page.
         let (head, rest) = body.split_at(body.find("</h1>").map_or(0, |at| at + "</h1>".len()));
         format!(

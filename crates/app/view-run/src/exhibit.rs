@@ -2,10 +2,10 @@
 
 use crate::Error;
 use std::path::{Path, PathBuf};
-use weaver_data::posed::{self, PosedOptions};
 use weaver_data::capture::HoldOut;
+use weaver_data::posed::{self, PosedOptions};
 use weaver_geometry::Undistortion;
-use weaver_io::{Bitmap, SceneFormat, Transforms, read_cameras, write_scene, Drawing};
+use weaver_io::{Bitmap, Drawing, SceneFormat, Transforms, read_cameras, write_scene};
 use weaver_scene::{Frame, Gaussians};
 use weaver_view::{HtmlOptions, Look, Shot, Subject, html, photo_file, pictured};
 
@@ -60,7 +60,8 @@ impl Exhibit {
                 frame.path = folder.join(name);
             }
         }
-        self.shots = frames.iter().map(|frame| shot(frame, file, held_out.contains(&frame.name))).collect::<Result<_, _>>()?;
+        self.shots =
+            frames.iter().map(|frame| shot(frame, file, held_out.contains(&frame.name))).collect::<Result<_, _>>()?;
         self.gallery = Some(Gallery { frames, file: file.into() });
         Ok(self)
     }
@@ -122,7 +123,8 @@ impl Exhibit {
             file.with_file_name(format!("{stem}-edited{number}{}", format.file_name_end()))
         };
         let path = (1..).map(numbered).find(|path| !path.exists()).expect("one of infinitely many names is free");
-        let kept: Vec<usize> = (0..self.gaussians.len()).filter(|i| dropped.get(*i).is_none_or(|byte| *byte == 0)).collect();
+        let kept: Vec<usize> =
+            (0..self.gaussians.len()).filter(|i| dropped.get(*i).is_none_or(|byte| *byte == 0)).collect();
         let drawing = Drawing::antialiased(self.look.settings.antialiased);
         write_scene(&path, &self.gaussians.select(&kept), drawing)?;
         Ok(path)

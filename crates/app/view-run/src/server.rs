@@ -176,7 +176,9 @@ impl<'a> Server<'a> {
     fn save(&self, request: &mut Request, query: &str) -> Result<Answer, Error> {
         let count = self.exhibit.gaussians.len();
         let name = guard::value(query, "format").unwrap_or_default();
-        let Some(format) = FORMATS.iter().find(|format| **format == name).and_then(|name| name.parse::<SceneFormat>().ok()) else {
+        let Some(format) =
+            FORMATS.iter().find(|format| **format == name).and_then(|name| name.parse::<SceneFormat>().ok())
+        else {
             return Ok(Answer::text(400, format!("expected a format of {}", FORMATS.join(", "))));
         };
         if self.exhibit.file.is_none() {

@@ -1,7 +1,7 @@
 //! Where a page begins to look from, and the picture that it shows until it can draw.
 
-use crate::subject::{Shot, Subject, lens_json};
 use crate::ViewError;
+use crate::subject::{Shot, Subject, lens_json};
 use serde_json::{Value, json};
 use weaver_geometry::glam::DVec3;
 use weaver_geometry::{Camera, Intrinsics, trajectory};
@@ -99,7 +99,8 @@ fn drawn(subject: &Subject<'_>, camera: &Camera) -> Result<(Vec<u8>, Option<f64>
     let gaussians = subject.gaussians.to_activated();
     let cameras = rows.as_slices(&subject.look.background);
     CpuRasterizer.session().forward(&gaussians.as_slices(), &cameras, &subject.look.settings, images)?;
-    let within = |at: usize, size: usize| (at as f64 + 0.5 - 0.5 * size as f64).abs() < 0.5 * MIDDLE * size as f64 + 1.0;
+    let within =
+        |at: usize, size: usize| (at as f64 + 0.5 - 0.5 * size as f64).abs() < 0.5 * MIDDLE * size as f64 + 1.0;
     let middle = (0..width * height).filter(|p| within(p % width, width) && within(p / width, height));
     let mut depths: Vec<f32> = middle.filter(|p| alpha[*p] > 0.3).map(|p| depth[p] / alpha[p]).collect();
     depths.sort_unstable_by(f32::total_cmp);

@@ -82,7 +82,8 @@ mod tests {
                     let (names, from) = line.strip_prefix("import { ").unwrap().split_once(" } from \"./").unwrap();
                     let from = from.trim_end_matches(".js\";");
                     let (_, other) = modules[..i].iter().find(|(other, _)| *other == from).expect(name);
-                    let exports: Vec<&str> = other.lines().filter_map(|l| l.strip_prefix("export ")).map(declared).collect();
+                    let exports: Vec<&str> =
+                        other.lines().filter_map(|l| l.strip_prefix("export ")).map(declared).collect();
                     names.split(", ").for_each(|name| assert!(exports.contains(&name), "{name} of {from}"));
                 }
             }

@@ -106,20 +106,39 @@ fn write(exhibit: &Exhibit, file: &Path, arguments: &View, console: &mut Console
     check_output_file(file, &read.into_iter().flatten().collect::<Vec<_>>())?;
     let page = exhibit.html(HtmlOptions { lossless: arguments.lossless })?;
     let megabytes = page.len() as f64 / 1e6;
-    if megabytes > TOO_LARGE && !arguments.yes {
-        return Err(Failure::message(format!(
-            "{}: the page has {megabytes:.0} MB, which many browsers do not open; --yes writes it all the same, `splatweaver view` without --html needs no file",
-            file.display()
-        )));
-    }
-    if megabytes > LARGE {
-        console.note(&format!("warning: the page has {megabytes:.0} MB, more than phones may open"));
+    match weighed(megabytes, arguments.yes) {
+        Weight::Small => {}
+        Weight::Large => console.note(&format!("warning: the page has {megabytes:.0} MB, more than phones may open")),
+        Weight::TooLarge => {
+            let file = file.display();
+            return Err(Failure::message(format!(
+                "{file}: the page has {megabytes:.0} MB, which many browsers do not open; --yes writes it all the same, `splatweaver view` without --html needs no file"
+            )));
+        }
     }
     write_text(file, &page)?;
     if arguments.open {
         open(&file.display().to_string(), console);
     }
     console.print(&format!("page: {} Gaussians, {megabytes:.1} MB, in {}", exhibit.gaussians.len(), file.display()))
+}
+
+/// What is done about the size of a page.
+#[derive(Debug, PartialEq, Eq)]
+enum Weight {
+    Small,
+    Large,
+    TooLarge,
+}
+
+fn weighed(megabytes: f64, yes: bool) -> Weight {
+    if megabytes > TOO_LARGE && !yes {
+        Weight::TooLarge
+    } else if megabytes > LARGE {
+        Weight::Large
+    } else {
+        Weight::Small
+    }
 }
 
 fn serve(exhibit: &Exhibit, arguments: &View, console: &mut Console, interrupt: &Interrupt) -> Result<(), Failure> {
@@ -150,5 +169,17 @@ pub fn open(address: &str, console: &mut Console) {
     let quiet = command.arg(address).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     if quiet.spawn().is_err() {
         console.note(&format!("note: found no {program}, which would open the page"));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn large_pages_are_warned_of_and_larger_ones_need_a_word() {
+        let weights = [(59.0, false), (61.0, false), (199.0, false), (201.0, false), (201.0, true)]
+            .map(|(mb, yes)| weighed(mb, yes));
+        assert_eq!(weights, [Weight::Small, Weight::Large, Weight::Large, Weight::TooLarge, Weight::Large]);
     }
 }

@@ -126,7 +126,9 @@ fn warnings_and_contents_stand_at_the_top() {
     page.heading(2, "e").warning("mind this");
     let html = page.html();
     let at = |text: &str| html.find(text).unwrap_or_else(|| panic!("{text} in {html}"));
-    let places = ["<p class=\"warning\"", "<h1>a", "<nav", "<a href=\"#section-4\">e</a>", "<h2 id=\"section-1\">b", "<p>text"].map(at);
+    let places =
+        ["<p class=\"warning\"", "<h1>a", "<nav", "<a href=\"#section-4\">e</a>", "<h2 id=\"section-1\">b", "<p>text"]
+            .map(at);
     assert!(places.is_sorted(), "{places:?}");
 }
 

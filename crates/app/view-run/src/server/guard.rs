@@ -17,7 +17,8 @@ impl Guard {
     /// is needed.
     pub fn check(&self, request: &Request, query: &str, writes: bool) -> Result<(), Answer> {
         let header = |name: &str| {
-            let found = request.headers().iter().find(|header| header.field.as_str().as_str().eq_ignore_ascii_case(name));
+            let found =
+                request.headers().iter().find(|header| header.field.as_str().as_str().eq_ignore_ascii_case(name));
             found.map(|header| header.value.as_str())
         };
         let host = header("host").unwrap_or_default();

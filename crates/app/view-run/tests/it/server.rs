@@ -70,7 +70,17 @@ fn listed_addresses_are_answered_and_no_others() {
         let (status, _, scene) = get(&server, "/scene");
         assert_eq!(status, 200);
         assert!(weaver_io::read_gaussians_from(&scene, "ply".parse().unwrap()).unwrap() == exhibit.gaussians);
-        for path in ["/index.html", "/../Cargo.toml", "/photo/0", "/photo/99999999999999999999", "/photo/../x", "/report", "/progress", "//", "/%2e%2e/"] {
+        for path in [
+            "/index.html",
+            "/../Cargo.toml",
+            "/photo/0",
+            "/photo/99999999999999999999",
+            "/photo/../x",
+            "/report",
+            "/progress",
+            "//",
+            "/%2e%2e/",
+        ] {
             assert_eq!(get(&server, path).0, 404, "{path}");
         }
         let delete = "DELETE / HTTP/1.1\r\nHost: PLACE\r\nConnection: close\r\n\r\n";
@@ -123,7 +133,12 @@ fn saving_takes_the_token_and_replaces_nothing() {
         assert_eq!(post(&server, "/save?format=../x", &token, &dropped).0, 400);
         assert_eq!(post(&server, "/save?format=ply", &token, &dropped[1..]).0, 413);
         assert_eq!(post(&server, "/stop", &token, b"").0, 404);
-        for (format, name) in [("ply", "scene-edited.ply"), ("ply", "scene-edited-2.ply"), ("spz", "scene-edited.spz"), ("compressed", "scene-edited.compressed.ply")] {
+        for (format, name) in [
+            ("ply", "scene-edited.ply"),
+            ("ply", "scene-edited-2.ply"),
+            ("spz", "scene-edited.spz"),
+            ("compressed", "scene-edited.compressed.ply"),
+        ] {
             let (status, text) = post(&server, &format!("/save?format={format}"), &token, &dropped);
             assert_eq!((status, text.contains(name)), (200, true), "{text}");
             assert_eq!(weaver_io::read_gaussians(folder.path().join(name)).unwrap().len(), 33);

@@ -42,12 +42,20 @@ impl Browser {
         };
         let profile = tempfile::tempdir().unwrap();
         let own = format!("--user-data-dir={}", profile.path().display());
-        let usual = ["--headless=new", "--no-sandbox", "--disable-background-networking", "--disable-dev-shm-usage", "--window-size=1000,700"];
+        let usual = [
+            "--headless=new",
+            "--no-sandbox",
+            "--disable-background-networking",
+            "--disable-dev-shm-usage",
+            "--window-size=1000,700",
+        ];
         let all: Vec<&str> = usual.iter().chain(flags).copied().chain([own.as_str()]).collect();
         let wanted = json!({ "browserName": "chrome", "goog:chromeOptions": { "args": all }, "goog:loggingPrefs": { "browser": "ALL" } });
         let begin = json!({ "capabilities": { "alwaysMatch": wanted } });
         let root = format!("http://127.0.0.1:{port}/session");
-        let session = match call(minreq::post(&root), &begin).and_then(|made| Ok(made["sessionId"].as_str().ok_or("no session")?.to_string())) {
+        let session = match call(minreq::post(&root), &begin)
+            .and_then(|made| Ok(made["sessionId"].as_str().ok_or("no session")?.to_string()))
+        {
             Ok(id) => format!("{root}/{id}"),
             Err(error) => {
                 let _ = driver.kill();
@@ -91,7 +99,9 @@ impl Browser {
 
     /// The value of a promise.
     pub fn awaited(&self, expression: &str) -> Value {
-        let script = format!("const done = arguments[0]; Promise.resolve({expression}).then(done, (error) => done('failed: ' + error.message))");
+        let script = format!(
+            "const done = arguments[0]; Promise.resolve({expression}).then(done, (error) => done('failed: ' + error.message))"
+        );
         self.post("timeouts", &json!({ "script": LONG * 1000 }));
         self.post("execute/async", &json!({ "script": script, "args": [] }))
     }
@@ -118,14 +128,17 @@ impl Browser {
 
     /// Presses keys, one after the other.
     pub fn press(&self, keys: &[&str]) {
-        let actions: Vec<Value> =
-            keys.iter().flat_map(|key| ["keyDown", "keyUp"].map(|kind| json!({ "type": kind, "value": key }))).collect();
+        let actions: Vec<Value> = keys
+            .iter()
+            .flat_map(|key| ["keyDown", "keyUp"].map(|kind| json!({ "type": kind, "value": key })))
+            .collect();
         self.post("actions", &json!({ "actions": [{ "type": "key", "id": "keys", "actions": actions }] }));
     }
 
     /// Drags from one place to another.
     pub fn drag(&self, from: [i32; 2], to: [i32; 2]) {
-        let go = |[x, y]: [i32; 2], duration: u32| json!({ "type": "pointerMove", "duration": duration, "x": x, "y": y });
+        let go =
+            |[x, y]: [i32; 2], duration: u32| json!({ "type": "pointerMove", "duration": duration, "x": x, "y": y });
         let press = |kind: &str| json!({ "type": kind, "button": 0 });
         let actions = [go(from, 0), press("pointerDown"), go(to, 120), press("pointerUp")];
         self.post("actions", &json!({ "actions": [{ "type": "pointer", "id": "mouse", "actions": actions }] }));
@@ -160,5 +173,9 @@ fn call(request: minreq::Request, body: &Value) -> Result<Value, String> {
     let answer = request.with_body(body.to_string()).send().map_err(|error| error.to_string())?;
     let mut answer_value: Value = serde_json::from_slice(answer.as_bytes()).map_err(|error| error.to_string())?;
     let value = answer_value["value"].take();
-    if answer.status_code == 200 { Ok(value) } else { Err(value["message"].as_str().unwrap_or("refused").lines().next().unwrap_or_default().into()) }
+    if answer.status_code == 200 {
+        Ok(value)
+    } else {
+        Err(value["message"].as_str().unwrap_or("refused").lines().next().unwrap_or_default().into())
+    }
 }

@@ -21,7 +21,8 @@ const MOST: u8 = 6;
 fn shot(camera: &Camera) -> serde_json::Value {
     let k = camera.intrinsics;
     let rows = camera.pose.rotation.transpose().to_cols_array();
-    let lens = json!({ "fx": k.fx, "fy": k.fy, "cx": k.cx, "cy": k.cy, "width": camera.width, "height": camera.height });
+    let lens =
+        json!({ "fx": k.fx, "fy": k.fy, "cx": k.cx, "cy": k.cy, "width": camera.width, "height": camera.height });
     json!({ "A": rows, "eye": camera.pose.center().to_array(), "lens": lens })
 }
 
@@ -35,7 +36,8 @@ fn difference(page: &[u8], ours: &[u8]) -> (u8, f64) {
 
 fn compare(name: &str, gaussians: &Gaussians, camera: Camera, look: Look, browser: &Browser) {
     let activated = gaussians.to_activated();
-    let pixels = render(&activated, &[camera], look.background, &look.settings, &mut Workspace::new()).unwrap().concat();
+    let pixels =
+        render(&activated, &[camera], look.background, &look.settings, &mut Workspace::new()).unwrap().concat();
     let Camera { width, height, .. } = camera;
     let ours = Image { width, height, pixels }.to_bytes();
     let written = Written::page(gaussians, look, &[], true);
@@ -62,7 +64,13 @@ fn pictures_of_generated_scenes_are_those_of_the_rasterizer() {
     let eye = [0.4, -0.5, -2.6];
     for degree in 0..=4 {
         let scene = cloud(2000, degree, degree as u64);
-        compare(&format!("2,000 of degree {degree}"), &scene, camera(eye, 320, 240), look(false, 0.99, [1.0; 3]), &browser);
+        compare(
+            &format!("2,000 of degree {degree}"),
+            &scene,
+            camera(eye, 320, 240),
+            look(false, 0.99, [1.0; 3]),
+            &browser,
+        );
     }
     let scene = cloud(2000, 1, 7);
     compare("2,000 antialiased", &scene, camera([0.0, 0.0, -9.0], 320, 240), look(true, 0.99, [0.0; 3]), &browser);
@@ -84,7 +92,13 @@ fn pictures_of_real_scenes_are_those_of_the_rasterizer() {
     }
     if std::env::var_os("WEAVER_STRESS").is_some() {
         let scene = cloud(100_000, 3, 9);
-        compare("100,000 of degree 3", &scene, camera([0.4, -0.5, -2.6], 640, 480), look(false, 0.99, [1.0; 3]), &browser);
+        compare(
+            "100,000 of degree 3",
+            &scene,
+            camera([0.4, -0.5, -2.6], 640, 480),
+            look(false, 0.99, [1.0; 3]),
+            &browser,
+        );
     }
 }
 
@@ -97,7 +111,9 @@ fn a_rounded_scene_is_what_its_file_is() {
     weaver_io::write_gaussians_to(&mut bytes, spz, &scene).unwrap();
     let rounded = weaver_io::read_gaussians_from(&bytes, spz).unwrap();
     let (camera, look) = (camera([0.4, -0.5, -2.6], 320, 240), look(false, 0.99, [1.0; 3]));
-    let pixels = render(&rounded.to_activated(), &[camera], look.background, &look.settings, &mut Workspace::new()).unwrap().concat();
+    let pixels = render(&rounded.to_activated(), &[camera], look.background, &look.settings, &mut Workspace::new())
+        .unwrap()
+        .concat();
     let ours = Image { width: 320, height: 240, pixels }.to_bytes();
     browser.open_page(&Written::page(&scene, look, &[], false).address());
     let found = browser.awaited(&format!("splatweaver.exactly({})", shot(&camera)));

@@ -6,7 +6,8 @@ use crate::scenes::{camera, cloud};
 use proptest::prelude::*;
 use weaver_view::{HtmlOptions, Look, Shot, Subject, html};
 
-const ODD: &str = "</script><script>document.title='taken'</script><img src=x onerror=\"document.title='taken'\">{{scene}}&amp;'\"";
+const ODD: &str =
+    "</script><script>document.title='taken'</script><img src=x onerror=\"document.title='taken'\">{{scene}}&amp;'\"";
 
 fn shots(names: &[&str]) -> Vec<Shot> {
     let shot = |(i, name): (usize, &&str)| Shot {
@@ -59,7 +60,10 @@ fn a_browser_without_webgl_shows_a_picture_and_a_sentence() {
     let written = Written::page(&scene, Look::default(), &[], false);
     browser.open(&written.address());
     browser.wait("document.getElementById('status').textContent.includes('WebGL2')");
-    assert!(browser.is("document.getElementById('poster').naturalWidth === 640 && !document.getElementById('poster').hidden"));
+    assert!(
+        browser
+            .is("document.getElementById('poster').naturalWidth === 640 && !document.getElementById('poster').hidden")
+    );
 }
 
 #[test]

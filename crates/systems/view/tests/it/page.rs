@@ -47,7 +47,9 @@ fn the_view_moves_by_mouse_and_keys_and_stays_in_the_address() {
         browser.value("(() => { const f = document.getElementById('fov'); f.value = 90; f.dispatchEvent(new Event('input')); })()");
     });
     moves(&browser, "up", || {
-        browser.value("(() => { const u = document.getElementById('up'); u.value = 3; u.dispatchEvent(new Event('change')); })()");
+        browser.value(
+            "(() => { const u = document.getElementById('up'); u.value = 3; u.dispatchEvent(new Event('change')); })()",
+        );
     });
     let kept = browser.text("splatweaver.viewpoint.toText()");
     browser.wait(&format!("location.hash === '#view={kept}'"));
@@ -72,12 +74,21 @@ fn cameras_show_their_photos_beside_the_render() {
     assert_eq!(browser.number("document.querySelectorAll('#strip button').length"), 3.0);
     browser.press(&["n"]);
     browser.wait(QUIET);
-    assert!(browser.is("!document.getElementById('photo').hidden && document.getElementById('photo').naturalWidth === 64"));
+    assert!(
+        browser.is("!document.getElementById('photo').hidden && document.getElementById('photo').naturalWidth === 64")
+    );
     // The photo lies where the render of its camera does: 4:3 in a page of 3:2.
-    assert_eq!(browser.text("['left', 'top', 'width', 'height'].map((name) => document.getElementById('photo').style[name]).join()"), "50px,0px,800px,600px");
+    assert_eq!(
+        browser.text(
+            "['left', 'top', 'width', 'height'].map((name) => document.getElementById('photo').style[name]).join()"
+        ),
+        "50px,0px,800px,600px"
+    );
     let eye = "splatweaver.viewpoint.eye.every((x, i) => Math.abs(x - splatweaver.shots.all[0].eye[i]) < 1e-6)";
     assert!(browser.is(eye));
-    browser.value("(() => { const w = document.getElementById('wipe'); w.value = 20; w.dispatchEvent(new Event('input')); })()");
+    browser.value(
+        "(() => { const w = document.getElementById('wipe'); w.value = 20; w.dispatchEvent(new Event('input')); })()",
+    );
     assert!(browser.text("document.getElementById('photo').style.clipPath").contains("80%"));
     browser.press(&["v"]);
     browser.wait(QUIET);
@@ -107,7 +118,8 @@ fn every_mode_draws_something_else() {
     }
     browser.press(&["1"]);
     for id in ["degree", "exposure", "background"] {
-        let value = ["0", "1.5", "#204060"][["degree", "exposure", "background"].iter().position(|other| *other == id).unwrap()];
+        let value = ["0", "1.5", "#204060"]
+            [["degree", "exposure", "background"].iter().position(|other| *other == id).unwrap()];
         browser.value(&format!("(() => {{ const e = document.getElementById('{id}'); e.value = '{value}'; e.dispatchEvent(new Event('input')); }})()"));
         browser.wait(QUIET);
         seen.push(browser.number(sum));
@@ -140,7 +152,9 @@ fn what_is_deleted_is_not_in_the_file_and_comes_back_by_undo() {
     assert_eq!(shown, format!("{brushed} deleted"));
     let file = |browser: &Browser| {
         let blob = "splatweaver.background.call('ply', { dropped: splatweaver.selection.deleted() })";
-        let text = browser.awaited(&format!("{blob}.then(async ({{ blob }}) => btoa(String.fromCharCode(...new Uint8Array(await blob.arrayBuffer()))))"));
+        let text = browser.awaited(&format!(
+            "{blob}.then(async ({{ blob }}) => btoa(String.fromCharCode(...new Uint8Array(await blob.arrayBuffer()))))"
+        ));
         read_gaussians_from(&STANDARD.decode(text.as_str().unwrap()).unwrap(), "ply".parse().unwrap()).unwrap()
     };
     let kept = file(&browser);

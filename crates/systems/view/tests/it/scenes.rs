@@ -41,7 +41,12 @@ pub fn cloud(n: usize, degree: usize, seed: u64) -> Gaussians {
 
 /// A camera that looks at the origin.
 pub fn camera(eye: [f64; 3], width: usize, height: usize) -> Camera {
-    let intrinsics = Intrinsics { fx: 0.9 * width as f64, fy: 0.92 * width as f64, cx: 0.48 * width as f64, cy: 0.53 * height as f64 };
+    let intrinsics = Intrinsics {
+        fx: 0.9 * width as f64,
+        fy: 0.92 * width as f64,
+        cx: 0.48 * width as f64,
+        cy: 0.53 * height as f64,
+    };
     Camera { pose: trajectory::look_at(DVec3::from(eye), DVec3::ZERO, DVec3::NEG_Y), intrinsics, width, height }
 }
 
@@ -49,7 +54,9 @@ pub fn camera(eye: [f64; 3], width: usize, height: usize) -> Camera {
 pub fn shared(test: &str, name: &str) -> Option<PathBuf> {
     let roots = match std::env::var_os("WEAVER_SHARED") {
         Some(root) => vec![PathBuf::from(root)],
-        None => std::path::Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().map(|folder| folder.join("shared")).collect(),
+        None => {
+            std::path::Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().map(|folder| folder.join("shared")).collect()
+        }
     };
     let found = roots.iter().map(|root| root.join("data").join(name)).find(|path| path.exists());
     if found.is_none() {

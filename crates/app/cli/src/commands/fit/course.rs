@@ -113,13 +113,15 @@ pub fn finish(
     }
     let mut progress = Progress::new("fit", run.fit().steps_done(), steps, console);
     let (mut psnr, start) = (None, Instant::now());
-    let mut advance = || run.advance(stop, |report| {
-        // Smoothed over about fifty photos.
-        let [last, gaussians] = ["psnr", "gaussians"].map(|name| report.scalar(name).unwrap_or(f64::NAN));
-        let smooth = psnr.map_or(last, |p: f64| p + 0.02 * (last - p));
-        psnr = Some(smooth);
-        progress.at(report.step, steps, || format!("{smooth:.2} dB, {gaussians} Gaussians"), console);
-    });
+    let mut advance = || {
+        run.advance(stop, |report| {
+            // Smoothed over about fifty photos.
+            let [last, gaussians] = ["psnr", "gaussians"].map(|name| report.scalar(name).unwrap_or(f64::NAN));
+            let smooth = psnr.map_or(last, |p: f64| p + 0.02 * (last - p));
+            psnr = Some(smooth);
+            progress.at(report.step, steps, || format!("{smooth:.2} dB, {gaussians} Gaussians"), console);
+        })
+    };
     let advanced = match &server {
         Some(server) => server.during(advance),
         None => advance(),
