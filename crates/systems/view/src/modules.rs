@@ -91,6 +91,15 @@ mod tests {
     }
 
     #[test]
+    fn text_never_becomes_markup_or_code() {
+        for (name, source) in PAGE.iter().chain(WORKER) {
+            for word in ["innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval(", "new Function"] {
+                assert!(!source.contains(word), "{word} in {name}.js");
+            }
+        }
+    }
+
+    #[test]
     fn nothing_ends_the_script_element_early() {
         for script in [page(), worker()] {
             assert!(!script.contains("</script") && !script.contains("<!--"));

@@ -39,7 +39,7 @@ export class Shots {
         button.append(document.createElement("i"));
       }
       const label = document.createElement("span");
-      label.textContent = shot.name.split("/").at(-1);
+      label.textContent = shot.name.split("/").at(-1).replace(/\.[a-z0-9]{1,5}$/i, "");
       button.append(label);
       item.append(button);
       return item;
